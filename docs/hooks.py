@@ -60,7 +60,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     """Fill in the flight's table, and point links out of `docs` into the site."""
-    return site_links(markdown.replace("<!-- the flight's table -->", failures()), page.file.src_uri)
+    return site_links(
+        markdown.replace("<!-- the flight's table -->", failures()), page.file.src_uri
+    )
 
 
 def site_links(markdown: str, uri: str) -> str:
@@ -72,7 +74,9 @@ def site_links(markdown: str, uri: str) -> str:
         path = os.path.relpath(target, ROOT)
         if path.startswith("docs/"):
             return link[0]
-        path = f"pictures/{Path(path).name}" if path.startswith(".readme/") else SOURCES.get(path, "")
+        path = (
+            f"pictures/{Path(path).name}" if path.startswith(".readme/") else SOURCES.get(path, "")
+        )
         return f"[{link[1]}]({os.path.relpath(ROOT / 'docs' / path, here)})" if path else link[1]
 
     return re.sub(r"\[([^\]]*)\]\((?!\w+:)([^)#]+)\)", led, markdown)
@@ -94,9 +98,16 @@ def _subcommands(path: str, group: Any) -> Iterator[str]:  # noqa: ANN401 - clic
             continue
         yield f"### {path} {name}\n"
         yield f"{_help(command)}\n"
-        rows = [_option(parameter) for parameter in command.params if not getattr(parameter, "hidden", False)]
+        rows = [
+            _option(parameter)
+            for parameter in command.params
+            if not getattr(parameter, "hidden", False)
+        ]
         if rows:
-            yield table(("argument or option", "default", "meaning"), [row for row in rows if row[0] != "`--help`"])
+            yield table(
+                ("argument or option", "default", "meaning"),
+                [row for row in rows if row[0] != "`--help`"],
+            )
         if hasattr(command, "commands"):
             yield from _subcommands(f"{path} {name}", command)
 
@@ -131,7 +142,9 @@ def file_page(kind: str, words: str) -> Callable[[], str]:
             f"{words} Unknown keys are refused. `guidance schema {kind}` prints the JSON Schema, for editors that "
             "complete and check TOML by it.\n",
         ]
-        roots = [schema] if "properties" in schema else [_met(one, schema) for one in schema["anyOf"]]
+        roots = (
+            [schema] if "properties" in schema else [_met(one, schema) for one in schema["anyOf"]]
+        )
         for root in roots:
             parts.append(f"## {root.get('title', kind)}\n")
             parts += _section("", root, schema, set())
@@ -140,14 +153,20 @@ def file_page(kind: str, words: str) -> Callable[[], str]:
     return page
 
 
-def _section(path: str, section: Mapping[str, Any], schema: Mapping[str, Any], told: set[str]) -> Iterator[str]:
+def _section(
+    path: str, section: Mapping[str, Any], schema: Mapping[str, Any], told: set[str]
+) -> Iterator[str]:
     """Yield a table of a section's keys, then its subsections."""
     if path:
         yield f"### `{path}`\n"
     yield inspect.cleandoc(section.get("description", "")) + "\n"
     required = set(section.get("required", ()))
     tables = {key: (_met(spec, schema), spec) for key, spec in section["properties"].items()}
-    keys = [_key(key, spec, required) for key, spec in section["properties"].items() if not _is_table(tables[key][0])]
+    keys = [
+        _key(key, spec, required)
+        for key, spec in section["properties"].items()
+        if not _is_table(tables[key][0])
+    ]
     if keys:
         yield table(("key", "unit", "allowed", "default", "meaning"), keys)
     for key, (inside, spec) in tables.items():
@@ -191,7 +210,9 @@ def _allowed(spec: Mapping[str, Any]) -> str:
     if named:
         return ", ".join(f"`{value}`" for value in named)
     if "anyOf" in spec:
-        return " or ".join(dict.fromkeys(_allowed(one) for one in spec["anyOf"] if one.get("type") != "null"))
+        return " or ".join(
+            dict.fromkeys(_allowed(one) for one in spec["anyOf"] if one.get("type") != "null")
+        )
     if spec.get("type") == "array":
         inner = spec.get("items") or next(iter(spec.get("prefixItems", [])), {})
         count = f"{spec['maxItems']} × " if "maxItems" in spec else "list of "
@@ -215,7 +236,9 @@ def _figures(number: float) -> str:
 def _toml(value: object) -> str:
     if value is None or isinstance(value, dict):
         return ""
-    return f"`{str(value).lower()}`" if isinstance(value, bool) else f"`{value!r}`".replace("'", '"')
+    return (
+        f"`{str(value).lower()}`" if isinstance(value, bool) else f"`{value!r}`".replace("'", '"')
+    )
 
 
 def states_events() -> str:
@@ -243,10 +266,21 @@ def states_events() -> str:
 
 def failures() -> str:
     """List the transitions that end the game or the flight without an order."""
-    ended = {State.PAUSED, State.HOLDING, State.RETURNING, State.LANDING, State.YIELDED, State.FAILED}
+    ended = {
+        State.PAUSED,
+        State.HOLDING,
+        State.RETURNING,
+        State.LANDING,
+        State.YIELDED,
+        State.FAILED,
+    }
     return table(
         ("what happens", "where the flight stands", "where it leads"),
-        [row for row in ways(one for one in Event if not _ordered(one)) if row[2] in map(str, ended)],
+        [
+            row
+            for row in ways(one for one in Event if not _ordered(one))
+            if row[2] in map(str, ended)
+        ],
     )
 
 
@@ -293,15 +327,31 @@ def metrics() -> str:
 
 def zenoh_keys() -> str:
     """List every Zenoh key that is published, queried or subscribed to."""
-    orders = [(f"`{control_key('NAME', word)}`", "asked", "an order; its answer is JSON") for word in WORDS]
-    live = [(f"`{broadcast_key('NAME', what)}`", "published", "JSON, as in a record") for what in ("cycle", "event")]
+    orders = [
+        (f"`{control_key('NAME', word)}`", "asked", "an order; its answer is JSON")
+        for word in WORDS
+    ]
+    live = [
+        (f"`{broadcast_key('NAME', what)}`", "published", "JSON, as in a record")
+        for what in ("cycle", "event")
+    ]
     mavlink = [
-        ("`NAMESPACE/mavlink_raw/in`", "published", "MAVLink frames to the vehicle of a zenoh:// URL"),
+        (
+            "`NAMESPACE/mavlink_raw/in`",
+            "published",
+            "MAVLink frames to the vehicle of a zenoh:// URL",
+        ),
         ("`NAMESPACE/mavlink_raw/out`", "listened to", "MAVLink frames from it"),
-        ("the key of `evader.url`", "listened to", f"reports: JSON (config/zenoh), `{POSE_TYPE}` or `{ODOMETRY_TYPE}`"),
+        (
+            "the key of `evader.url`",
+            "listened to",
+            f"reports: JSON (config/zenoh), `{POSE_TYPE}` or `{ODOMETRY_TYPE}`",
+        ),
     ]
     words = "The session for orders is on loopback and requires the token (`control.token_file`).\n"
-    return "\n".join(("# Zenoh keys\n", words, table(("key", "how", "what"), [*orders, *live, *mavlink])))
+    return "\n".join(
+        ("# Zenoh keys\n", words, table(("key", "how", "what"), [*orders, *live, *mavlink]))
+    )
 
 
 def record() -> str:
@@ -313,7 +363,11 @@ def record() -> str:
     ]
     for codec in (CYCLE, EVENT, REPORT):
         rows = [(f"`{name}`", str(spec.get("type", ""))) for name, spec in _fields(codec.schema)]
-        parts += [f"## `{codec.topic}`\n", f"Type `{codec.title}`.\n", table(("field", "type"), rows)]
+        parts += [
+            f"## `{codec.topic}`\n",
+            f"Type `{codec.title}`.\n",
+            table(("field", "type"), rows),
+        ]
     return "\n".join(parts)
 
 
@@ -333,7 +387,11 @@ def api() -> str:
 
 def _summary(name: str) -> str:
     """Return the first sentence of a module's docstring."""
-    return (inspect.getdoc(importlib.import_module(name)) or "").partition("\n\n")[0].replace("\n", " ")
+    return (
+        (inspect.getdoc(importlib.import_module(name)) or "")
+        .partition("\n\n")[0]
+        .replace("\n", " ")
+    )
 
 
 def module_page(name: str) -> Callable[[], str]:
@@ -351,8 +409,12 @@ def table(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 PAGES: Mapping[str, Callable[[], str]] = {
     "reference/commands.md": commands,
-    "reference/vehicle-file.md": file_page("vehicle", "Links, evader, game and limits of a vehicle."),
-    "reference/scenario-file.md": file_page("scenario", "Two players or two teams, a game, and the expected result."),
+    "reference/vehicle-file.md": file_page(
+        "vehicle", "Links, evader, game and limits of a vehicle."
+    ),
+    "reference/scenario-file.md": file_page(
+        "scenario", "Two players or two teams, a game, and the expected result."
+    ),
     "reference/sweep-file.md": file_page("sweep", "A scenario, and what is varied in it."),
     "reference/states-events.md": states_events,
     "reference/alarms.md": alarms,

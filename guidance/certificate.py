@@ -36,7 +36,9 @@ from guidance.game.extent import nearest
 from guidance.game.pe import escape, take_apart
 
 _NOWHERE: Final[Vector] = (math.nan, math.nan, math.nan)
-_NO_SOLUTION: Final = StateSolution(0, math.nan, math.nan, _NOWHERE, math.nan, _NOWHERE, _NOWHERE, 0)
+_NO_SOLUTION: Final = StateSolution(
+    0, math.nan, math.nan, _NOWHERE, math.nan, _NOWHERE, _NOWHERE, 0
+)
 _TAKEN_FOR_GRANTED: Final = 0.8
 """Share of the speed that the verdict uses before the vehicle has flown its full speed."""
 
@@ -171,11 +173,16 @@ def certify(
         The solution from here, the velocity of a vehicle that waits for its height or guards the target, None if it
         plays the solution, and the certificate without a command.
     """
-    P, E, T, seen = players.pursuer_m, players.evader_m, players.target_m, players.evader_m_s
-    here, u = solve_state(game, P, E, T, evader_velocity_m_s=seen), game.pursuer.horizontal_m_s
+    P = players.pursuer_m
+    E = players.evader_m
+    T = players.target_m
+    seen = players.evader_m_s
+    here = solve_state(game, P, E, T, evader_velocity_m_s=seen)
+    u = game.pursuer.horizontal_m_s
     optimal = here.pursuer_velocity_m_s
     late = late_start(P, before_m_s or optimal, players.pursuer_m_s, vehicle.acceleration)
-    (ground_m, height_m, *_), tolerance_m = players.gaps, vehicle.tolerance_m
+    (ground_m, height_m, *_) = players.gaps
+    tolerance_m = vehicle.tolerance_m
     farthest_m = max(ground_m, abs(height_m))
     certificate = without_game(players, here)._replace(
         speed_ratio=u / game.evader_speed_m_s,
@@ -189,7 +196,9 @@ def certify(
         time_s, _, _ = escape(FLOATS, game, take_apart(FLOATS, game, late, E, None))
         return here, None, certificate._replace(time_needed_s=time_s, allowance=time_s - here.value)
     # The speed over the ground that the vehicle has shown, or is trusted with before.
-    trusted_m_s = min(u, max(vehicle.shown_m_s, _TAKEN_FOR_GRANTED * u, _FASTER * game.evader_speed_m_s))
+    trusted_m_s = min(
+        u, max(vehicle.shown_m_s, _TAKEN_FOR_GRANTED * u, _FASTER * game.evader_speed_m_s)
+    )
     shown = game.against(game.evader_speed_m_s, game.information_age_s, trusted_m_s)
     there = solve_state(shown, late, E, T, evader_velocity_m_s=seen)
     assured_m = -there.value if there.winner == Winner.EVADER else there.value
@@ -206,7 +215,8 @@ def certify(
     won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
     verdict = Winner.EVADER if here.winner == Winner.EVADER else won
     certificate = certificate._replace(
-        evader_arrived=not certificate.captured and game.target_extent.distance_m(T, E) <= tolerance_m,
+        evader_arrived=not certificate.captured
+        and game.target_extent.distance_m(T, E) <= tolerance_m,
         time_needed_s=there.meeting_time_s,
         assured_distance_m=assured_m,
         allowance=here.value - assured_m,
@@ -236,7 +246,9 @@ def without_game(players: Players, here: StateSolution = _NO_SOLUTION) -> Certif
     )
 
 
-def late_start(position_m: Vector, desired_m_s: Vector, flown_m_s: Vector, acceleration: Acceleration) -> Vector:
+def late_start(
+    position_m: Vector, desired_m_s: Vector, flown_m_s: Vector, acceleration: Acceleration
+) -> Vector:
     """Return where a pursuer of the game would have to start to do as well as this vehicle, m.
 
     Args:
@@ -245,18 +257,24 @@ def late_start(position_m: Vector, desired_m_s: Vector, flown_m_s: Vector, accel
         flown_m_s: Velocity of the vehicle.
         acceleration: Of the vehicle.
     """
-    east, north, up = (desired - flown for desired, flown in zip(desired_m_s, flown_m_s, strict=True))
+    east, north, up = (
+        desired - flown for desired, flown in zip(desired_m_s, flown_m_s, strict=True)
+    )
     over_ground_s = math.hypot(east, north) / (2.0 * acceleration.ground_m_s2)
     vertical_s = abs(up) / (2.0 * acceleration.vertical_m_s2)
     x, y, z = position_m
     return (x - east * over_ground_s, y - north * over_ground_s, z - up * vertical_s)
 
 
-def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle, trusted_m_s: float) -> Vector | None:
+def _waiting(
+    game: Game, here: StateSolution, players: Players, vehicle: Vehicle, trusted_m_s: float
+) -> Vector | None:
     """Return the velocity of a vehicle that waits at the meeting point for its height; None if the ground decides."""
     if here.winner != Winner.PURSUER or isinstance(game.pursuer, Ball):
         return None
-    P, X, envelope = players.pursuer_m, here.meeting_point_m, vehicle.envelope
+    P = players.pursuer_m
+    X = here.meeting_point_m
+    envelope = vehicle.envelope
     away_m = math.dist(P[:2], X[:2])
     allowed_m_s = approach_speed(away_m, envelope.braking_m_s2, envelope.reaction_s)
     pace = min(game.pursuer.horizontal_m_s, allowed_m_s) / away_m if away_m > 0.0 else 0.0
@@ -267,29 +285,51 @@ def _waiting(game: Game, here: StateSolution, players: Players, vehicle: Vehicle
 
 
 def _guard(
-    game: Game, shown: Game, here: StateSolution, players: Players, vehicle: Vehicle, flies_on_s: float
+    game: Game,
+    shown: Game,
+    here: StateSolution,
+    players: Players,
+    vehicle: Vehicle,
+    flies_on_s: float,
 ) -> tuple[Vector, float]:
     """Return the velocity to the target of a vehicle that flies on before, and its margin there, s. It stops there."""
-    P, E, T, envelope = players.pursuer_m, players.evader_m, players.target_m or _NOWHERE, vehicle.envelope
-    u, braking_m_s2, flown = game.pursuer.horizontal_m_s, envelope.braking_m_s2, players.pursuer_m_s
+    P = players.pursuer_m
+    E = players.evader_m
+    T = players.target_m or _NOWHERE
+    envelope = vehicle.envelope
+    u = game.pursuer.horizontal_m_s
+    braking_m_s2 = envelope.braking_m_s2
+    flown = players.pursuer_m_s
     near, _ = nearest(FLOATS, game.target_extent, (E[0] - T[0], E[1] - T[1]))
     from_m = (P[0] + flies_on_s * flown[0], P[1] + flies_on_s * flown[1], P[2])
-    x, y = T[0] + near[0] - from_m[0], T[1] + near[1] - from_m[1]
-    away_m, up = math.hypot(x, y), here.pursuer_velocity_m_s[2]
-    pace = min(u, approach_speed(away_m, braking_m_s2, GUARD_LAG_S)) / away_m if away_m > 0.0 else 0.0
+    x = T[0] + near[0] - from_m[0]
+    y = T[1] + near[1] - from_m[1]
+    away_m = math.hypot(x, y)
+    up = here.pursuer_velocity_m_s[2]
+    pace = (
+        min(u, approach_speed(away_m, braking_m_s2, GUARD_LAG_S)) / away_m if away_m > 0.0 else 0.0
+    )
     guarding_m_s = (pace * x, pace * y, up)
     late = late_start(from_m, guarding_m_s, flown, vehicle.acceleration)
     rim_m_s = min(u, max(0.1, approach_speed(game.standoff.radius_m, braking_m_s2, GUARD_LAG_S)))
-    missing_m = math.hypot(T[0] + near[0] - late[0], T[1] + near[1] - late[1]) - game.standoff.radius_m
+    missing_m = (
+        math.hypot(T[0] + near[0] - late[0], T[1] + near[1] - late[1]) - game.standoff.radius_m
+    )
     braking_s = (u - rim_m_s) ** 2 / (2.0 * braking_m_s2 * u)
     braking_s += GUARD_LAG_S * (math.log(u / rim_m_s) - 1.0 + rim_m_s / u)
     braking_s = braking_s if missing_m > 0.0 else 0.0
     levelling_s = 0.0
     if up:
         # Braking to the height of the disc costs time, until the vehicle is within tolerance.
-        excess_m_s = max(0.0, abs(up) - math.sqrt(2.0 * envelope.vertical_braking_m_s2 * vehicle.tolerance_m))
+        excess_m_s = max(
+            0.0, abs(up) - math.sqrt(2.0 * envelope.vertical_braking_m_s2 * vehicle.tolerance_m)
+        )
         levelling_s = excess_m_s**2 / (2.0 * envelope.vertical_braking_m_s2 * abs(up))
-        levelling_s += (1.0 - vehicle.acceleration.descent_share) * abs(P[2] - E[2] - game.standoff.height_m) / abs(up)
+        levelling_s += (
+            (1.0 - vehicle.acceleration.descent_share)
+            * abs(P[2] - E[2] - game.standoff.height_m)
+            / abs(up)
+        )
     margin_s = solve_state(shown, late, E, T, evader_velocity_m_s=players.evader_m_s).margin_s
     needed_s = flies_on_s + max(braking_s, levelling_s) + UNSURE_S + UNSURE * here.meeting_time_s
     return guarding_m_s, min(margin_s, here.margin_s) - needed_s

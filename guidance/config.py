@@ -9,7 +9,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Final, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    ValidationError,
+    model_validator,
+)
 from pydantic_core import CoreSchema, ErrorDetails
 
 from guidance.errors import ConfigError
@@ -80,7 +87,11 @@ def _written(value: Any) -> str:  # noqa: ANN401
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_written(part)}" for key, part in value.items()) + " }" if value else "{}"
+        return (
+            "{ " + ", ".join(f"{key} = {_written(part)}" for key, part in value.items()) + " }"
+            if value
+            else "{}"
+        )
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(_written, value)) + "]"
     return repr(value)
@@ -102,7 +113,9 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     @classmethod
-    def __get_pydantic_core_schema__(cls, source: type[BaseModel], handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(
+        cls, source: type[BaseModel], handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
         """Make all numbers and booleans strict; pydantic's own strict mode would refuse arrays and paths too."""
         schema = handler(source)
         _make_strict(schema)
@@ -154,8 +167,12 @@ def read(path: Path) -> tuple[str, dict[str, Any]]:
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
     except RecursionError:
-        raise ConfigError(f"{path}: not valid TOML here: arrays or tables are nested too deeply") from None
-    except ValueError as error:  # it is not UTF-8, not TOML, or has an integer with thousands of digits
+        raise ConfigError(
+            f"{path}: not valid TOML here: arrays or tables are nested too deeply"
+        ) from None
+    except (
+        ValueError
+    ) as error:  # it is not UTF-8, not TOML, or has an integer with thousands of digits
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
     return text, document
 
@@ -183,7 +200,9 @@ def parse(model: type[Model], document: dict[str, Any], *, source: str, text: st
     try:
         return model.model_validate(document)
     except ValidationError as error:
-        faults = "\n".join(f"  {_line(text, fault)}{explain(model, fault)}" for fault in error.errors())
+        faults = "\n".join(
+            f"  {_line(text, fault)}{explain(model, fault)}" for fault in error.errors()
+        )
         raise ConfigError(f"{source}:\n{faults}") from error
 
 
@@ -207,7 +226,8 @@ def explain(model: type[BaseModel], fault: ErrorDetails) -> str:
         return f"{key}: unknown key; {hint}"
     if fault["type"] == "missing":
         if isinstance(fault["loc"][-1], int):
-            array, least = ".".join(location[:-1]), fault["loc"][-1] + 1
+            array = ".".join(location[:-1])
+            least = fault["loc"][-1] + 1
             return f"{array} = {as_toml(fault['input'])}: must have {least} values or more"
         return f"{key}: missing; it has no default"
     message = fault["msg"].removeprefix("Value error, ")
@@ -229,7 +249,9 @@ def _section_at(model: type[BaseModel], location: list[str]) -> set[str]:
     for part in location:
         field = section.model_fields.get(part) if section else None
         section = _model_in(field.annotation) if field else section
-    return {field.alias or name for name, field in section.model_fields.items()} if section else set()
+    return (
+        {field.alias or name for name, field in section.model_fields.items()} if section else set()
+    )
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:  # noqa: ANN401 - a type annotation can be any object
@@ -252,9 +274,17 @@ def find(name: str | Path, folder: str) -> Path:
         ConfigError: If there is none; the message lists the bundled names.
     """
     shipped = config_folder()
-    bundled = shipped / str(name).removeprefix("config/")  # the checkout's spelling works in an installed wheel too
-    for candidate in (Path(name), bundled, shipped / folder / name, shipped / folder / f"{name}.toml"):
+    # The checkout's spelling works in an installed wheel too
+    bundled = shipped / str(name).removeprefix("config/")
+    for candidate in (
+        Path(name),
+        bundled,
+        shipped / folder / name,
+        shipped / folder / f"{name}.toml",
+    ):
         if candidate.is_file():
             return candidate
     known = sorted(path.stem for path in (shipped / folder).glob("*.toml"))
-    raise ConfigError(f"no {folder.removesuffix('s')} {str(name)!r}: give a path, or one of: {', '.join(known)}")
+    raise ConfigError(
+        f"no {folder.removesuffix('s')} {str(name)!r}: give a path, or one of: {', '.join(known)}"
+    )

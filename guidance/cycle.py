@@ -14,11 +14,25 @@ from guidance.control import Envelope, Handling, Situation
 from guidance.control.braking_law import Wall, held_back
 from guidance.control.follow import FollowMemory, Pace, follow, gaps_to_disc, observe_drift
 from guidance.control.polygon import Point
-from guidance.control.servo import AltitudeHold, SpeedMemory, hold_altitude, keep_station, observe_speed
+from guidance.control.servo import (
+    AltitudeHold,
+    SpeedMemory,
+    hold_altitude,
+    keep_station,
+    observe_speed,
+)
 from guidance.control.setpoint_limiter import LimitMemory, limit
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
-from guidance.frames import GameFrame, Place, Vector, difference, game_from_ned, ned_from_game, total
+from guidance.frames import (
+    GameFrame,
+    Place,
+    Vector,
+    difference,
+    game_from_ned,
+    ned_from_game,
+    total,
+)
 from guidance.game import Ball, Game, Reason, guaranteed_age_s
 from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
@@ -93,55 +107,80 @@ class CycleOutput(NamedTuple):
     memory: CycleMemory
 
 
-def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:
+def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:  # noqa: PLR0915 - five steps in one
     """Play the game for one cycle.
 
     Raises:
         ValueError: If there is no evader or no game frame; the flight hovers then instead.
     """
-    (dt_s, here, walls, evader, frame, guided), envelope = inputs, settings.envelope
+    (dt_s, here, walls, evader, frame, guided) = inputs
+    envelope = settings.envelope
     if evader is None or frame is None:
         raise ValueError("play needs an evader and a game frame; hover without them")
-    P, flown_m_s = frame.position_from_ned(here.position_ned_m), game_from_ned(here.velocity_ned_m_s)
-    E, seen_m_s = frame.position_from_ned(evader.position_ned_m), game_from_ned(evader.velocity_ned_m_s)
-    T, (x_m_s, y_m_s), played_s = settings.target_game_m, settings.game.target_velocity_m_s, memory.strategy.played_s
+    P = frame.position_from_ned(here.position_ned_m)
+    flown_m_s = game_from_ned(here.velocity_ned_m_s)
+    E = frame.position_from_ned(evader.position_ned_m)
+    seen_m_s = game_from_ned(evader.velocity_ned_m_s)
+    T = settings.target_game_m
+    (x_m_s, y_m_s) = settings.game.target_velocity_m_s
+    played_s = memory.strategy.played_s
     T = None if T is None else (T[0] + x_m_s * played_s, T[1] + y_m_s * played_s, T[2])
     gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.game.standoff)
     players = Players(P, flown_m_s, E, seen_m_s, T, gaps, evader.age_s)
     try:
-        game, too_old = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
-    except ConfigError:  # the evader is too fast for this vehicle: no game, and no extrapolation of one
+        game, too_old = game_played(
+            settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share
+        )
+    except ConfigError:
+        # The evader is too fast for this vehicle: no game, and no extrapolation of one
         output = hover(inputs, settings, memory)
         refused = without_game(players)._replace(command_ned_m_s=output.setpoint.velocity_ned_m_s)
         return output._replace(certificate=refused)
-    vehicle = Vehicle(settings.handling.acceleration, envelope, memory.speed.shown_m_s, settings.tolerance_m)
+    vehicle = Vehicle(
+        settings.handling.acceleration, envelope, memory.speed.shown_m_s, settings.tolerance_m
+    )
     solution, waiting, certificate = certify(game, players, vehicle, memory.optimal_game_m_s)
     optimal = solution.pursuer_velocity_m_s
     asked = waiting or optimal
     if settings.strategy.name != OPTIMAL:
-        seen, at = np.array(seen_m_s), None if T is None else np.array(T)
-        flies = pursue(settings.strategy, game, np.array(P), np.array(E), at, seen, memory.strategy, dt_s=dt_s)
+        seen = np.array(seen_m_s)
+        at = None if T is None else np.array(T)
+        flies = pursue(
+            settings.strategy, game, np.array(P), np.array(E), at, seen, memory.strategy, dt_s=dt_s
+        )
         asked = (float(flies[0]), float(flies[1]), float(flies[2]))
-    hurried, played = asked is not waiting, StrategyMemory(np.array(asked), played_s + dt_s)
-    (x, y, z), ball, reached_m_s = asked, isinstance(game.pursuer, Ball), game.pursuer.horizontal_m_s
+    hurried = asked is not waiting
+    played = StrategyMemory(np.array(asked), played_s + dt_s)
+    (x, y, z) = asked
+    ball = isinstance(game.pursuer, Ball)
+    reached_m_s = game.pursuer.horizontal_m_s
     full_m_s = settings.game.pursuer.horizontal_m_s
     if math.hypot(x, y, z if ball else 0.0) >= reached_m_s * (1.0 - 1e-6):
         # It is flown at the configured speed, which shows whether the vehicle can fly faster. A vehicle that waits for
         # its height, or keeps up with the evader, asks for less than the game's speed.
         scale = full_m_s / reached_m_s
-        x, y, z = scale * x, scale * y, scale * z if ball else z
+        x = scale * x
+        y = scale * y
+        z = scale * z if ball else z
     nominal_ned_m_s = ned_from_game((x, y, z))
     asked_ned_m_s = held_back(nominal_ned_m_s, walls, envelope)
-    at_wall, most_m_s = memory.limits is not None and memory.limits.held_back, envelope.speed_m_s
+    at_wall = memory.limits is not None and memory.limits.held_back
+    most_m_s = envelope.speed_m_s
     pace = Pace(dt_s, most_m_s / full_m_s, most_m_s + evader.speed_bound_m_s, hurried, at_wall)
     followed = follow(asked_ned_m_s, here, gaps, settings.handling, memory.follow, pace)
-    unslowed = followed.unslowed and hurried and not at_wall and asked_ned_m_s[:2] == nominal_ned_m_s[:2]
+    unslowed = (
+        followed.unslowed and hurried and not at_wall and asked_ned_m_s[:2] == nominal_ned_m_s[:2]
+    )
     flown = followed.flown_ned_m_s
-    speed = observe_speed(memory.speed, asked_ned_m_s, flown, unslowed=unslowed, confirmed=guided, dt_s=dt_s)
+    speed = observe_speed(
+        memory.speed, asked_ned_m_s, flown, unslowed=unslowed, confirmed=guided, dt_s=dt_s
+    )
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
     already_shaped = settings.handling.servo is not None
-    limited = limit(command, here, envelope, memory.limits, dt_s, walls=walls, already_shaped=already_shaped)
+    limited = limit(
+        command, here, envelope, memory.limits, dt_s, walls=walls, already_shaped=already_shaped
+    )
     certificate = certificate._replace(
         desired_ned_m_s=followed.desired_ned_m_s,
         command_ned_m_s=limited.setpoint.velocity_ned_m_s,
@@ -181,16 +220,29 @@ def game_played(
 
 def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:
     """Stop and keep the place, the height and the heading, within the limits."""
-    dt_s, here, envelope = inputs.dt_s, inputs.situation, settings.envelope
+    dt_s = inputs.dt_s
+    here = inputs.situation
+    envelope = settings.envelope
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
-    down_m_s, height = hold_altitude(memory.height, down_m=here.position_ned_m[2], envelope=envelope, dt_s=dt_s)
-    drift = observe_drift(memory.follow.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s)
+    down_m_s, height = hold_altitude(
+        memory.height, down_m=here.position_ned_m[2], envelope=envelope, dt_s=dt_s
+    )
+    drift = observe_drift(
+        memory.follow.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s
+    )
     flown_ned_m_s = difference(here.velocity_ned_m_s, drift.velocity_ned_m_s)
     (north, east), place = keep_station(memory.place, here.position_ned_m, flown_ned_m_s)
     still = total((north, east, down_m_s), drift.velocity_ned_m_s)
-    limited = limit(Setpoint(still, yaw_rad=yaw_rad), here, envelope, memory.limits, dt_s, walls=inputs.walls)
+    limited = limit(
+        Setpoint(still, yaw_rad=yaw_rad), here, envelope, memory.limits, dt_s, walls=inputs.walls
+    )
     begun = memory.strategy.velocity_m_s is not None
-    paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s) if begun else StrategyMemory()
-    speed = SpeedMemory(memory.speed.shown_m_s, memory.speed.share)  # without the present comparison
-    kept = CycleMemory(FollowMemory(drift=drift), limited.memory, height, yaw_rad, place, paused, speed=speed)
+    paused = (
+        StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s) if begun else StrategyMemory()
+    )
+    # Without the present comparison
+    speed = SpeedMemory(memory.speed.shown_m_s, memory.speed.share)
+    kept = CycleMemory(
+        FollowMemory(drift=drift), limited.memory, height, yaw_rad, place, paused, speed=speed
+    )
     return CycleOutput(limited.setpoint, None, kept)

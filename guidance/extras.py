@@ -36,5 +36,6 @@ def how_to_add(*extras: str) -> str | None:
     missing = {name: extra for extra in extras for name in EXTRAS[extra] if find_spec(name) is None}
     if not missing:
         return None
-    lacking, are = ",".join(dict.fromkeys(missing.values())), "are" if len(missing) > 1 else "is"
+    lacking = ",".join(dict.fromkeys(missing.values()))
+    are = "are" if len(missing) > 1 else "is"
     return f"needs {', '.join(missing)}, which {are} not installed: pip install 'pursuit-guidance[{lacking}]'"

@@ -39,7 +39,9 @@ def private_file(path: Path) -> Path:
     Raises:
         OSError: If it cannot be written, belongs to another user or is a symbolic link, whose target stays as it is.
     """
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, _FILE), "wb") as file:
+    with os.fdopen(
+        os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, _FILE), "wb"
+    ) as file:
         found = os.fstat(file.fileno())
         if stat.S_ISREG(found.st_mode):  # not /dev/null
             if found.st_uid != os.geteuid():
@@ -56,7 +58,8 @@ def text_of(path: Path, said: str, *, secret: bool) -> str:
         ConfigError: If it cannot be read or is not text, or it is secret and others may read it.
     """
     try:
-        mode, text = path.stat().st_mode, path.read_text(encoding="utf-8")
+        mode = path.stat().st_mode
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not a text file"
         raise ConfigError(f"{said}: cannot be read ({reason})") from error

@@ -71,7 +71,8 @@ def _to_plane(zero: "LocalFrame", latitude_deg: float, longitude_deg: float) -> 
 
 def _from_plane(zero: "LocalFrame", north_m: float, east_m: float) -> tuple[float, float]:
     """Find the place below a point of the plane. The plane rises above the ellipsoid by s²/2R: a fixed point."""
-    height, down_m = zero.altitude.metres, 0.0
+    height = zero.altitude.metres
+    down_m = 0.0
     for _ in range(4):
         latitude, longitude, reached = pymap3d.ned2geodetic(
             north_m, east_m, down_m, zero.latitude_deg, zero.longitude_deg, height
@@ -104,12 +105,16 @@ class LocalFrame:
 
     def __post_init__(self) -> None:
         if not abs(self.latitude_deg) < 90.0:  # at a pole north has no direction
-            raise ConfigError(f"latitude_deg = {self.latitude_deg}: allowed is between -90 and 90, both excluded")
+            raise ConfigError(
+                f"latitude_deg = {self.latitude_deg}: allowed is between -90 and 90, both excluded"
+            )
         if not abs(self.longitude_deg) <= 180.0:
             raise ConfigError(f"longitude_deg = {self.longitude_deg}: allowed is -180 to 180")
         for name, value in (("altitude", self.altitude), ("home", self.home)):
             if value is not None and not (isinstance(value, Amsl) and math.isfinite(value.metres)):
-                raise ConfigError(f"{name} = {value}: allowed is a finite altitude above mean sea level (Amsl)")
+                raise ConfigError(
+                    f"{name} = {value}: allowed is a finite altitude above mean sea level (Amsl)"
+                )
 
     def amsl(self, altitude: Altitude) -> Amsl:
         """Turn any altitude into one above mean sea level.
@@ -122,14 +127,20 @@ class LocalFrame:
                 return altitude
             case Relative(metres):
                 if self.home is None:
-                    raise ConfigError(f"altitude = {altitude}: home's altitude is not known; wait for HOME_POSITION")
+                    raise ConfigError(
+                        f"altitude = {altitude}: home's altitude is not known; wait for HOME_POSITION"
+                    )
                 return Amsl(self.home.metres + metres)
             case Ellipsoid(metres):
                 if self.undulation_m is None:
-                    raise ConfigError(f"altitude = {altitude}: undulation_m is not set; give the geoid's height here")
+                    raise ConfigError(
+                        f"altitude = {altitude}: undulation_m is not set; give the geoid's height here"
+                    )
                 return Amsl(metres - self.undulation_m)
 
-    def ned_from_wgs84(self, latitude_deg: float, longitude_deg: float, altitude: Altitude) -> Vector:
+    def ned_from_wgs84(
+        self, latitude_deg: float, longitude_deg: float, altitude: Altitude
+    ) -> Vector:
         """Position in metres, north-east-down about the origin; NaN in gives NaN out."""
         down_m = self.altitude.metres - self.amsl(altitude).metres
         north_m, east_m = self.projection.to_metres(self, latitude_deg, longitude_deg)
@@ -154,7 +165,8 @@ class GameFrame:
 
     def position_from_ned(self, position_ned_m: Vector) -> Vector:
         """Position (x, y, z) in the game frame, metres."""
-        (north, east, down), (north0, east0, down0) = position_ned_m, self.origin_ned_m
+        (north, east, down) = position_ned_m
+        (north0, east0, down0) = self.origin_ned_m
         return (east - east0, north - north0, down0 - down)
 
     def position_to_ned(self, position_game_m: Vector) -> Vector:
@@ -164,13 +176,15 @@ class GameFrame:
 
 def difference(one: Vector, other: Vector) -> Vector:
     """Return `one` - `other`, in whichever axes both are."""
-    (x, y, z), (other_x, other_y, other_z) = one, other
+    (x, y, z) = one
+    (other_x, other_y, other_z) = other
     return (x - other_x, y - other_y, z - other_z)
 
 
 def total(one: Vector, other: Vector) -> Vector:
     """Return `one` + `other`, in whichever axes both are."""
-    (x, y, z), (other_x, other_y, other_z) = one, other
+    (x, y, z) = one
+    (other_x, other_y, other_z) = other
     return (x + other_x, y + other_y, z + other_z)
 
 

@@ -105,7 +105,13 @@ class MonitorMemory(NamedTuple):
 
 
 def watch(
-    memory: MonitorMemory, now_s: float, latest: Certificate, *, with_target: bool, speed_m_s: float, slack_s: float
+    memory: MonitorMemory,
+    now_s: float,
+    latest: Certificate,
+    *,
+    with_target: bool,
+    speed_m_s: float,
+    slack_s: float,
 ) -> tuple[MonitorMemory, Alarm | None]:
     """Compare this cycle's certificate with the best promise before it.
 
@@ -127,8 +133,10 @@ def watch(
     if age_s > max(STALE_S, STALER * memory.oldest_s):
         return memory._replace(oldest_s=age_s), Alarm(Violation.STALE, age_s)
     if latest.reason == Reason.TOO_OLD:  # no promise now; it starts anew with the next report
-        memory, latest = memory.restarted()._replace(lost=None), latest._replace(meeting_time_s=0.0)
-    alarm, reachable_m_s = None, latest.reachable_speed_m_s
+        memory = memory.restarted()._replace(lost=None)
+        latest = latest._replace(meeting_time_s=0.0)
+    alarm = None
+    reachable_m_s = latest.reachable_speed_m_s
     if reachable_m_s < (1.0 - SLOWER) * (memory.reachable_m_s or speed_m_s):
         alarm = None if memory.told_slow else Alarm(Violation.TOO_SLOW, reachable_m_s, speed_m_s)
         memory = memory.restarted()._replace(reachable_m_s=reachable_m_s, told_slow=True)
@@ -142,7 +150,12 @@ def watch(
 
 
 def _watch_promise(
-    memory: MonitorMemory, now_s: float, certificate: Certificate, slack_s: float, *, with_target: bool
+    memory: MonitorMemory,
+    now_s: float,
+    certificate: Certificate,
+    slack_s: float,
+    *,
+    with_target: bool,
 ) -> tuple[MonitorMemory, Alarm | None]:
     """Watch the cost that must not rise, PE: the time of capture, s; TAD: L with its sign changed, m."""
     if certificate.meeting_time_s < ARRIVAL_S:
@@ -150,20 +163,30 @@ def _watch_promise(
     evader_m_s = certificate.reachable_speed_m_s / certificate.speed_ratio
     scatter_m = SCATTER_M + SCATTER_M_S * certificate.meeting_time_s
     slack = slack_s + scatter_m / (certificate.reachable_speed_m_s - evader_m_s)
-    cost, violation = certificate.time_needed_s + certificate.allowance + now_s, Violation.CAPTURE_LATER
+    cost = certificate.time_needed_s + certificate.allowance + now_s
+    violation = Violation.CAPTURE_LATER
     if with_target:  # a second of slack is the evader's way in it
-        cost, violation = certificate.allowance - certificate.assured_distance_m, Violation.EVADER_CLOSER
+        cost = certificate.allowance - certificate.assured_distance_m
+        violation = Violation.EVADER_CLOSER
         slack *= evader_m_s
     lost = cost - memory.best
     if 0.0 <= lost <= slack and memory.since_s is None:
         return memory, None
     if not lost > slack:
-        return memory._replace(best=cost if math.isnan(lost) else min(cost, memory.best), since_s=None), None
+        return memory._replace(
+            best=cost if math.isnan(lost) else min(cost, memory.best), since_s=None
+        ), None
     memory, lasts = _lasting(memory, now_s)
-    return (memory._replace(best=cost, since_s=None), Alarm(violation, lost)) if lasts else (memory, None)
+    return (
+        (memory._replace(best=cost, since_s=None), Alarm(violation, lost))
+        if lasts
+        else (memory, None)
+    )
 
 
-def _cross(memory: MonitorMemory, now_s: float, certificate: Certificate) -> tuple[MonitorMemory, Alarm | None]:
+def _cross(
+    memory: MonitorMemory, now_s: float, certificate: Certificate
+) -> tuple[MonitorMemory, Alarm | None]:
     """Report the barrier: lost by the ideal game's verdict, won by this vehicle's."""
     losing = certificate.winner == Winner.EVADER
     if memory.lost is None:
@@ -178,7 +201,9 @@ def _cross(memory: MonitorMemory, now_s: float, certificate: Certificate) -> tup
     return memory.restarted()._replace(lost=not memory.lost), Alarm(violation, 0.0)
 
 
-def _lasting(memory: MonitorMemory, now_s: float, for_s: float = LASTING_S) -> tuple[MonitorMemory, bool]:
+def _lasting(
+    memory: MonitorMemory, now_s: float, for_s: float = LASTING_S
+) -> tuple[MonitorMemory, bool]:
     """Note since when a promise is worse than allowed or a barrier is crossed, and return whether that lasts."""
     since_s = now_s if memory.since_s is None else memory.since_s
     return memory._replace(since_s=since_s), now_s - since_s >= for_s

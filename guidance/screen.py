@@ -31,7 +31,11 @@ def redraws(target: Console) -> bool:
 
 
 def sheet(
-    headings: Sequence[str], rows: Iterable[Sequence[Cell]], *, left: Collection[int] = (0,), title: str | None = None
+    headings: Sequence[str],
+    rows: Iterable[Sequence[Cell]],
+    *,
+    left: Collection[int] = (0,),
+    title: str | None = None,
 ) -> Table:
     """Return a table. In a narrow terminal, text columns with several words wrap; if there are none, names do.
 
@@ -41,8 +45,11 @@ def sheet(
         left: Indices of the text columns; the others are right-aligned numbers, which do not wrap.
         title: Title above the table.
     """
-    table, lines = Table(title=title, title_justify="left", box=None, pad_edge=False), list(rows)
-    wrapping = {place for place in left if any(" " in str(row[place]) for row in lines)} or set(left)
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    lines = list(rows)
+    wrapping = {place for place in left if any(" " in str(row[place]) for row in lines)} or set(
+        left
+    )
     for place, heading in enumerate(headings):
         justify: JustifyMethod = "left" if place in left else "right"
         table.add_column(heading, justify=justify, no_wrap=place not in wrapping, overflow="fold")
@@ -51,7 +58,9 @@ def sheet(
     return table
 
 
-def pairs(rows: Iterable[tuple[str, Cell]], *, title: str | None = None, right: bool = False) -> Table:
+def pairs(
+    rows: Iterable[tuple[str, Cell]], *, title: str | None = None, right: bool = False
+) -> Table:
     """Return a table of names and values. Long values wrap beside their name."""
     table = Table(title=title, title_justify="left", show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold", overflow="fold")
@@ -66,7 +75,9 @@ def aged(words: str, age_s: float, stalled_s: float) -> str:
     return f"NO NEWS for {age_s:.0f} s; last {words}" if words and age_s > stalled_s else words
 
 
-def live(target: Console, draw: Callable[[], str], *, every_s: float = 0.25) -> AbstractContextManager[object]:
+def live(
+    target: Console, draw: Callable[[], str], *, every_s: float = 0.25
+) -> AbstractContextManager[object]:
     """Redraw a line repeatedly, below the printed lines; show none if the console cannot redraw it.
 
     Args:
@@ -78,7 +89,9 @@ def live(target: Console, draw: Callable[[], str], *, every_s: float = 0.25) -> 
     def line() -> Text:
         return Text(draw(), no_wrap=True, overflow="ellipsis")
 
-    shown = Live(get_renderable=line, console=target, refresh_per_second=1.0 / every_s, transient=True)
+    shown = Live(
+        get_renderable=line, console=target, refresh_per_second=1.0 / every_s, transient=True
+    )
     return shown if redraws(target) else nullcontext()
 
 

@@ -12,7 +12,15 @@ from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from guidance import messages
 from guidance.frames import Amsl, LocalFrame, Projection, Vector, total
-from guidance.messages import GlobalPosition, Heartbeat, Home, LocalPosition, Message, Odometry, Origin
+from guidance.messages import (
+    GlobalPosition,
+    Heartbeat,
+    Home,
+    LocalPosition,
+    Message,
+    Odometry,
+    Origin,
+)
 
 LANDED_ON_GROUND = 1
 
@@ -113,7 +121,8 @@ def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:
         change = _CHANGES.get(type(message))
         changed = seen if change is None else change(message, seen)
         if changed is not None:
-            seen, latest[type(message)] = changed, message
+            seen = changed
+            latest[type(message)] = message
     return seen
 
 
@@ -126,7 +135,9 @@ def _changed_by_odometry(now: Odometry, state: VehicleState) -> VehicleState:
 
 def _changed_by_heartbeat(now: Heartbeat, state: VehicleState) -> VehicleState:
     """Take the known home of a vehicle that has just armed there, or that was armed before we connected."""
-    home, local, taken = state.latest.get(Home), state.latest.get(LocalPosition), now.armed and state.home_taken
+    home = state.latest.get(Home)
+    local = state.latest.get(LocalPosition)
+    taken = now.armed and state.home_taken
     if now.armed and not taken and home is not None:
         connected_in_flight = state.latest.get(Heartbeat) is None  # the first home is the best one
         near = local is not None and math.dist(home.position_ned_m, local.position_ned_m) <= _HERE_M
@@ -143,7 +154,8 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
     if step_s <= 0.0:
         return None if step_s >= -_REBOOT_S else state._replace(reboots=state.reboots + 1)
     speeds = tuple(zip(held.velocity_ned_m_s, now.velocity_ned_m_s, strict=True))
-    gained, share = (0.0, 0.0, 0.0), min(1.0, step_s / _SMOOTHED_S)
+    gained = (0.0, 0.0, 0.0)
+    share = min(1.0, step_s / _SMOOTHED_S)
     if step_s <= _GAP_S:
         rows = zip(state.acceleration_ned_m_s2, speeds, strict=True)
         a_north, a_east, a_down = (a + share * ((v - was) / step_s - a) for a, (was, v) in rows)
@@ -155,13 +167,18 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
     if not math.hypot(north, east, down) > _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s:
         return state
     jumped = total(state.jumped_ned_m, (north, east, down))
-    resets, moment_s = state.resets + 1, now.time_boot_s
-    return state._replace(resets=resets, reset_s=now.received_s, jumped_ned_m=jumped, jumped_boot_s=moment_s)
+    resets = state.resets + 1
+    moment_s = now.time_boot_s
+    return state._replace(
+        resets=resets, reset_s=now.received_s, jumped_ned_m=jumped, jumped_boot_s=moment_s
+    )
 
 
 _CHANGES: Final[Mapping[type, Callable[[Any, VehicleState], VehicleState | None]]] = {
     LocalPosition: _changed_by_position,
-    Home: lambda _, state: None if state.home_taken and state.armed else state._replace(home_taken=state.armed),
+    Home: lambda _, state: (
+        None if state.home_taken and state.armed else state._replace(home_taken=state.armed)
+    ),
     Odometry: _changed_by_odometry,
     Heartbeat: _changed_by_heartbeat,
     messages.CommandAck: lambda _message, _state: None,
@@ -176,7 +193,8 @@ def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | Non
     The origin is GPS_GLOBAL_ORIGIN, or else computed from home. An origin far from home (two vehicles with one system
     id, for example) is not accepted: None.
     """
-    home, origin = state.latest.get(Home), state.latest.get(Origin)
+    home = state.latest.get(Home)
+    origin = state.latest.get(Origin)
     if home is None:
         return None
     home_amsl = Amsl(home.altitude_amsl_m)
@@ -206,7 +224,8 @@ def _within(limit: float, *numbers: float) -> bool:
 
 
 def _on_earth(place: GlobalPosition | Home | Origin | messages.EvaderReport) -> bool:
-    here = abs(place.latitude_deg) < 90.0 and abs(place.longitude_deg) <= 180.0  # north has no direction at a pole
+    # North has no direction at a pole
+    here = abs(place.latitude_deg) < 90.0 and abs(place.longitude_deg) <= 180.0
     return here and abs(place.altitude_amsl_m) <= HIGHEST_M
 
 
@@ -216,33 +235,45 @@ def _home(home: Home) -> bool:
 
 
 def _local(local: LocalPosition) -> bool:
-    (north, east, down), (v_north, v_east, v_down) = local.position_ned_m, local.velocity_ned_m_s
+    (north, east, down) = local.position_ned_m
+    (v_north, v_east, v_down) = local.velocity_ned_m_s
     place = abs(north) <= FARTHEST_M and abs(east) <= FARTHEST_M and abs(down) <= FARTHEST_M
     rate = abs(v_north) <= FASTEST_M_S and abs(v_east) <= FASTEST_M_S and abs(v_down) <= FASTEST_M_S
     return place and rate and 0.0 <= local.time_boot_s <= _LATEST_S
 
 
 def _global(place: GlobalPosition) -> bool:
-    height, rate = abs(place.altitude_above_home_m) <= HIGHEST_M, _within(FASTEST_M_S, *place.velocity_ned_m_s)
+    height = abs(place.altitude_above_home_m) <= HIGHEST_M
+    rate = _within(FASTEST_M_S, *place.velocity_ned_m_s)
     return _on_earth(place) and height and rate and 0.0 <= place.time_boot_s <= _LATEST_S
 
 
 def _aircraft(one: messages.Aircraft) -> bool:
     here = abs(one.latitude_deg) < 90.0 and abs(one.longitude_deg) <= 180.0
-    return here and not abs(one.altitude_amsl_m) > HIGHEST_M and not math.hypot(*one.velocity_ned_m_s) > FASTEST_M_S
+    return (
+        here
+        and not abs(one.altitude_amsl_m) > HIGHEST_M
+        and not math.hypot(*one.velocity_ned_m_s) > FASTEST_M_S
+    )
 
 
 _JUDGES: Final[Mapping[type, Callable[[Any], bool]]] = {
     messages.Aircraft: _aircraft,
     messages.Attitude: lambda attitude: abs(attitude.yaw_rad) <= _TURNED_RAD,
-    messages.EstimatorStatus: lambda status: math.isnan(status.height_sd_m) or 0.0 <= status.height_sd_m <= HIGHEST_M,
+    messages.EstimatorStatus: lambda status: (
+        math.isnan(status.height_sd_m) or 0.0 <= status.height_sd_m <= HIGHEST_M
+    ),
     messages.FenceItem: lambda item: abs(item.size) <= FARTHEST_M and abs(item.latitude_deg) < 90.0,
     GlobalPosition: _global,
     Home: _home,
     LocalPosition: _local,
     Origin: _on_earth,
     messages.Parameter: lambda parameter: math.isfinite(parameter.value),
-    messages.PositionTarget: lambda echo: not any(abs(part) > FASTEST_M_S for part in echo.velocity_ned_m_s),
-    messages.SystemStatus: lambda status: not (status.battery_remaining < 0.0 or status.battery_remaining > 1.0),
+    messages.PositionTarget: lambda echo: (
+        not any(abs(part) > FASTEST_M_S for part in echo.velocity_ned_m_s)
+    ),
+    messages.SystemStatus: lambda status: (
+        not (status.battery_remaining < 0.0 or status.battery_remaining > 1.0)
+    ),
     messages.EvaderReport: _on_earth,
 }

@@ -7,7 +7,17 @@ from random import Random
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sitl_mock.conditions import Conditions
-from sitl_mock.dynamics import ZERO, Euler, Kind, Motion, Setpoint, Surroundings, Vehicle, attitude_of, gust_after
+from sitl_mock.dynamics import (
+    ZERO,
+    Euler,
+    Kind,
+    Motion,
+    Setpoint,
+    Surroundings,
+    Vehicle,
+    attitude_of,
+    gust_after,
+)
 from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.dynamics.values import maker_of
 from sitl_mock.errors import ConfigError
@@ -71,7 +81,8 @@ class Announcements(NamedTuple):
     texts: Sequence[Reply]
 
 
-_euler, _surroundings = maker_of(Euler), maker_of(Surroundings)
+_euler = maker_of(Euler)
+_surroundings = maker_of(Surroundings)
 
 
 class Autopilot:
@@ -122,7 +133,9 @@ class Autopilot:
             self.parameters.reset()
         for name in _OWN_NUMBER & self.parameters.keys():
             self.parameters.set(name, self.system_id)
-        ready_after_s = self.flavour.ready_s if settings.ready_after_s is None else settings.ready_after_s
+        ready_after_s = (
+            self.flavour.ready_s if settings.ready_after_s is None else settings.ready_after_s
+        )
         self._random = Random(settings.seed * 1_000_003 + self.boots)
         self.boots += 1
         self.time_jump_s = 0.0
@@ -141,7 +154,8 @@ class Autopilot:
                 dead_reckoning_s=float(self.parameters.get("EKF2_NOAID_TOUT", 5e6)) * 1e-6,
             ),
             sensors=Sensors(
-                self.flavour.sensors if settings.noise else EXACT, Random(f"sensors {settings.seed} {self.boots}")
+                self.flavour.sensors if settings.noise else EXACT,
+                Random(f"sensors {settings.seed} {self.boots}"),
             ),
             conditions=self.conditions,
             attitude=attitude_of(body),
@@ -194,18 +208,25 @@ class Autopilot:
 
     def announcements(self) -> Announcements | None:
         """Return the unsolicited messages since the last call."""
-        state, reached = self.state, self.commander.mission.reached
-        texts, news, changed = state.texts, state.news, state.parameter_news
+        state = self.state
+        reached = self.commander.mission.reached
+        texts = state.texts
+        news = state.news
+        changed = state.parameter_news
         if not (texts or reached or news or changed):
             return None
         said: list[Reply] = []
         everywhere: list[Reply] = [("MISSION_ITEM_REACHED", seq) for seq in reached]
         for severity, text in texts:
             said += self._status_texts.replies(severity, text)
-            event = self.flavour.event_of(severity, text) if self.flavour.event_of is not None else None
+            event = (
+                self.flavour.event_of(severity, text) if self.flavour.event_of is not None else None
+            )
             if event is not None:
                 everywhere.append(self.events.add(self.report.boot_ms, *event))
-        everywhere += [named(self.parameters, self.flavour.parameter_rules, name) for name in changed]
+        everywhere += [
+            named(self.parameters, self.flavour.parameter_rules, name) for name in changed
+        ]
         for name in dict.fromkeys(news):
             fields = BUILDERS[name](self.report)
             if fields is not None:
@@ -222,7 +243,11 @@ class Autopilot:
     def home_place(self) -> Place:
         """Return home, or zeros if there is none."""
         home_m = self.state.home_m
-        return Place(0.0, 0.0, 0.0) if home_m is None else Place(*self.state.frame.to_geodetic(*home_m))
+        return (
+            Place(0.0, 0.0, 0.0)
+            if home_m is None
+            else Place(*self.state.frame.to_geodetic(*home_m))
+        )
 
     def guide(self, now_s: float, item: PlanItem) -> bool:
         """Fly to a single mission item, if the flavour does."""
@@ -232,7 +257,9 @@ class Autopilot:
         """SET_GPS_GLOBAL_ORIGIN: moves the local frame while disarmed; refused while armed."""
         if self.state.armed:
             return False
-        body, state, old = self.motion.body, self.state, self.frame
+        body = self.motion.body
+        state = self.state
+        old = self.frame
         self.frame = state.frame = LocalFrame(Home(*place))
         here = self.frame.to_local(*old.to_geodetic(*body.position_ned_m))
         self.ground_m = state.ground_m = here[2]
@@ -251,11 +278,14 @@ class Autopilot:
 
     def _slowly(self, now_s: float) -> None:
         """Update the slow parts: estimator, gusts, battery, parameters of the dynamics."""
-        state, conditions = self.state, self.conditions
+        state = self.state
+        conditions = self.conditions
         state.estimator.advance(now_s, conditions, flying=not state.body.on_ground)
         state.battery.advance(ESTIMATOR_S, state.body.thrust_m_s2 / 9.80665)
         self._gust = (
-            gust_after(self._gust, conditions.gust_m_s, self._random, ESTIMATOR_S) if conditions.gust_m_s else ZERO
+            gust_after(self._gust, conditions.gust_m_s, self._random, ESTIMATOR_S)
+            if conditions.gust_m_s
+            else ZERO
         )
         if self.parameters.revision != self._plant_revision:
             self._plant_revision = self.parameters.revision
@@ -263,14 +293,20 @@ class Autopilot:
 
     def _move(self) -> None:
         """Advance the body under the last setpoint, and update the estimate."""
-        state, conditions = self.state, self.conditions
-        estimator, (n, e, d), gust = state.estimator, conditions.wind_m_s, self._gust
+        state = self.state
+        conditions = self.conditions
+        estimator = state.estimator
+        (n, e, d) = conditions.wind_m_s
+        gust = self._gust
         if gust is not ZERO:
-            n, e, d = n + gust[0], e + gust[1], d + gust[2]
+            n = n + gust[0]
+            e = e + gust[1]
+            d = d + gust[2]
         errors = (estimator.position_error_m, estimator.velocity_error_m_s)
         around = _surroundings(((n, e, d), *errors, self.ground_m, conditions.thrust_share))
         self.motion = self.plant.step(self.motion, self.report.setpoint, around, _MOVE_S)
-        was, body = state.body, self.motion.body
+        was = state.body
+        body = self.motion.body
         state.body = body
         state.sensors.advance(state.now_s, body)
         state.position_m, state.velocity_m_s = self.plant.estimate(body, around)
@@ -279,7 +315,9 @@ class Autopilot:
             yaw_rad = wrap_pi(yaw_rad + estimator.yaw_error_rad)
         if body is not was or state.attitude.yaw_rad != yaw_rad:
             attitude = attitude_of(body)
-            state.attitude = attitude._replace(yaw_rad=yaw_rad) if estimator.yaw_error_rad else attitude
+            state.attitude = (
+                attitude._replace(yaw_rad=yaw_rad) if estimator.yaw_error_rad else attitude
+            )
         state.track_landing()
 
     def _reference(self) -> Reference | None:
@@ -291,7 +329,8 @@ class Autopilot:
         state = self.state
         if state.body.on_ground and not self.flavour.ground_vehicle:
             return
-        (n, e, d), (v_n, v_e, v_d) = state.position_m, state.velocity_m_s
+        (n, e, d) = state.position_m
+        (v_n, v_e, v_d) = state.velocity_m_s
         state.position_m = (n + v_n * TICK_S, e + v_e * TICK_S, d + v_d * TICK_S)
         roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = state.attitude
         state.attitude = _euler(
@@ -316,7 +355,8 @@ class Autopilot:
         report.boot_ms = boot_us // 1000 & 0xFFFFFFFF
 
     def _hear_radio(self, now_s: float) -> None:
-        conditions, pilot = self.conditions, self.state.pilot
+        conditions = self.conditions
+        pilot = self.state.pilot
         if conditions.rc is False:
             return
         pilot.radio_s = now_s

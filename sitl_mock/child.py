@@ -27,9 +27,11 @@ from sitl_mock.serving import udp_ports
 
 Over = Literal["udp", "zenoh"]
 
-_FIRST_PORT, _LAST_PORT = 21_000, 31_000
+_FIRST_PORT = 21_000
+_LAST_PORT = 31_000
 _ATTEMPTS: Final = 5
-_START_S, _STOP_S = 20.0, 5.0
+_START_S = 20.0
+_STOP_S = 5.0
 _PORT_TAKEN: Final = 3
 _ERRORS: Final = "errors.txt"
 
@@ -140,7 +142,9 @@ def running(
             stack.callback(end, process)
             line = _first_line(process)
             if line:
-                yield RunningFleet(_addresses(json.loads(line), _targets(udp, flavours)), process, folder / _ERRORS)
+                yield RunningFleet(
+                    _addresses(json.loads(line), _targets(udp, flavours)), process, folder / _ERRORS
+                )
                 return
             end(process)
             if process.returncode != _PORT_TAKEN:
@@ -195,16 +199,25 @@ def _first_line(process: subprocess.Popen[str]) -> str:
 
 def _targets(port: int | None, flavours: Mapping[str, str]) -> dict[str, int]:
     """Return each vehicle's target port."""
-    return {} if port is None else {name: target for name, (_, target) in udp_ports(port, flavours).items()}
+    return (
+        {}
+        if port is None
+        else {name: target for name, (_, target) in udp_ports(port, flavours).items()}
+    )
 
 
 def _addresses(ready: Mapping[str, Any], targets: Mapping[str, int]) -> dict[str, RunningVehicle]:
     vehicles = {}
     for each in ready["vehicles"]:
-        name, places = each["name"], each["endpoints"]
+        name = each["name"]
+        places = each["endpoints"]
         zenoh = next((place.split()[0] for place in places if "mavlink_raw" in place), None)
-        listens = next((int(place.rsplit(":", 1)[1]) for place in places if place.startswith("udp:")), None)
-        vehicles[name] = RunningVehicle(name, each["flavour"], each["system_id"], targets.get(name), listens, zenoh)
+        listens = next(
+            (int(place.rsplit(":", 1)[1]) for place in places if place.startswith("udp:")), None
+        )
+        vehicles[name] = RunningVehicle(
+            name, each["flavour"], each["system_id"], targets.get(name), listens, zenoh
+        )
     return vehicles
 
 
@@ -226,10 +239,14 @@ def _free_ports(flavours: Mapping[str, str], stack: contextlib.ExitStack) -> int
     """
     spread = max(max(pair) for pair in udp_ports(0, flavours).values()) + 1
     first = _FIRST_PORT + _any_free_port() % (_LAST_PORT - _FIRST_PORT)
-    for start in itertools.chain(range(first, _LAST_PORT, spread), range(_FIRST_PORT, first, spread)):
+    for start in itertools.chain(
+        range(first, _LAST_PORT, spread), range(_FIRST_PORT, first, spread)
+    ):
         wanted = [port for pair in udp_ports(start, flavours).values() for port in pair if port]
         if len(set(wanted)) < len(wanted):
-            raise TransportError(f"{', '.join(flavours)}: their UDP ports would clash; start them as two fleets")
+            raise TransportError(
+                f"{', '.join(flavours)}: their UDP ports would clash; start them as two fleets"
+            )
         with contextlib.ExitStack() as held:
             if all(_is_free(port) and _held(port, held) for port in wanted):
                 stack.push(held.pop_all())

@@ -54,35 +54,57 @@ def _text(value: Any) -> str:  # noqa: ANN401 - anything may come from a file
 
 CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
     {
-        "pilot_mode": ConditionKind("the pilot switches to this mode (its name)", "", _text, event=True),
-        "sticks": ConditionKind(
-            "a radio is present with sticks at roll, pitch, throttle, yaw in [-1, 1]", (0.0, 0.0, 0.0, 0.0), _vector(4)
+        "pilot_mode": ConditionKind(
+            "the pilot switches to this mode (its name)", "", _text, event=True
         ),
-        "rc": ConditionKind("a radio is present with centred sticks; false: it is lost", None, _flag),
+        "sticks": ConditionKind(
+            "a radio is present with sticks at roll, pitch, throttle, yaw in [-1, 1]",
+            (0.0, 0.0, 0.0, 0.0),
+            _vector(4),
+        ),
+        "rc": ConditionKind(
+            "a radio is present with centred sticks; false: it is lost", None, _flag
+        ),
         "gcs_lost": ConditionKind("heartbeats of ground stations are not heard", False, _flag),
         "arm_refused": ConditionKind("arming is refused with this reason", "", _text),
         "offboard_refused": ConditionKind("OFFBOARD or GUIDED is refused", False, _flag),
         "ekf_jump_m": ConditionKind(
-            "the position estimate jumps by north, east, down", (0.0, 0.0, 0.0), _vector(3), event=True
+            "the position estimate jumps by north, east, down",
+            (0.0, 0.0, 0.0),
+            _vector(3),
+            event=True,
         ),
-        "ekf_yaw_jump_deg": ConditionKind("the heading estimate jumps", 0.0, _number(-180.0, 180.0), event=True),
+        "ekf_yaw_jump_deg": ConditionKind(
+            "the heading estimate jumps", 0.0, _number(-180.0, 180.0), event=True
+        ),
         "gps_lost": ConditionKind("the receiver has no fix", False, _flag),
-        "eph_m": ConditionKind("horizontal uncertainty grows to at least this", 0.0, _number(0.0, 1e4)),
+        "eph_m": ConditionKind(
+            "horizontal uncertainty grows to at least this", 0.0, _number(0.0, 1e4)
+        ),
         "drift_m_s": ConditionKind(
-            "the position estimate drifts by north, east, down per second", (0.0, 0.0, 0.0), _vector(3)
+            "the position estimate drifts by north, east, down per second",
+            (0.0, 0.0, 0.0),
+            _vector(3),
         ),
         "thrust_share": ConditionKind("produced over demanded thrust", 1.0, _number(0.0, 1.0)),
-        "estimator_invalid": ConditionKind("position and velocity estimates are invalid", False, _flag),
+        "estimator_invalid": ConditionKind(
+            "position and velocity estimates are invalid", False, _flag
+        ),
         "fence_breach": ConditionKind("the fence counts as breached", False, _flag),
         "battery": ConditionKind("charge left, a fraction", 1.0, _number(0.0, 1.0), event=True),
         "wind_m_s": ConditionKind("wind towards north, east, down", (0.0, 0.0, 0.0), _vector(3)),
         "gust_m_s": ConditionKind("gusts of this standard deviation", 0.0, _number(0.0, 30.0)),
         "push_m_s": ConditionKind(
-            "the vehicle's velocity jumps by north, east, down", (0.0, 0.0, 0.0), _vector(3), event=True
+            "the vehicle's velocity jumps by north, east, down",
+            (0.0, 0.0, 0.0),
+            _vector(3),
+            event=True,
         ),
         "telemetry_frozen": ConditionKind("only HEARTBEAT is sent", False, _flag),
         "silent": ConditionKind("nothing is sent", False, _flag),
-        "reboot": ConditionKind("the autopilot restarts, also in flight; its clock restarts", True, _flag, event=True),
+        "reboot": ConditionKind(
+            "the autopilot restarts, also in flight; its clock restarts", True, _flag, event=True
+        ),
         "time_jump_s": ConditionKind("time since boot jumps", 0.0, _number(-1e7, 1e7), event=True),
     }
 )
@@ -100,7 +122,9 @@ def parse(name: str, value: Any) -> Any:  # noqa: ANN401 - anything may come fro
     try:
         return kind.parse(value)
     except (TypeError, ValueError) as error:
-        raise ConfigError(f"condition {name} = {value!r}: allowed is {error} ({kind.meaning})") from None
+        raise ConfigError(
+            f"condition {name} = {value!r}: allowed is {error} ({kind.meaning})"
+        ) from None
 
 
 @dataclass(slots=True)
@@ -138,5 +162,6 @@ class Conditions:
 
     def take(self) -> list[tuple[str, Any]]:
         """Return the events that came since the last call."""
-        events, self.events = self.events, []
+        events = self.events
+        self.events = []
         return events

@@ -68,7 +68,9 @@ def client_lines(udp_port: int) -> dict[str, str]:
     }
 
 
-def welcome(vehicles: Mapping[str, Faulted], udp: Mapping[str, int], gcs: int | None, zenoh: str | None) -> list[str]:
+def welcome(
+    vehicles: Mapping[str, Faulted], udp: Mapping[str, int], gcs: int | None, zenoh: str | None
+) -> list[str]:
     """Return lines that tell how to connect to each vehicle.
 
     Args:
@@ -77,11 +79,22 @@ def welcome(vehicles: Mapping[str, Faulted], udp: Mapping[str, int], gcs: int | 
         gcs: The ground station's port.
         zenoh: Endpoint for Zenoh clients.
     """
-    lines = list(_each_client(vehicles, udp) if len(vehicles) <= SHORT_FLEET else _each_vehicle(vehicles, udp))
+    lines = list(
+        _each_client(vehicles, udp)
+        if len(vehicles) <= SHORT_FLEET
+        else _each_vehicle(vehicles, udp)
+    )
     if gcs is not None:
-        lines.append(f"QGroundControl: opens all vehicles by itself (UDP port {gcs})" if gcs == 14550 else _ground(gcs))
+        lines.append(
+            f"QGroundControl: opens all vehicles by itself (UDP port {gcs})"
+            if gcs == 14550
+            else _ground(gcs)
+        )
     if zenoh is not None:
-        lines += [f"Zenoh: {zenoh}", "  a vehicle's name is its namespace, mavlink_raw/in and mavlink_raw/out its keys"]
+        lines += [
+            f"Zenoh: {zenoh}",
+            "  a vehicle's name is its namespace, mavlink_raw/in and mavlink_raw/out its keys",
+        ]
     return lines
 
 
@@ -102,7 +115,9 @@ def _each_client(vehicles: Mapping[str, Faulted], udp: Mapping[str, int]) -> Ite
 
 def _each_vehicle(vehicles: Mapping[str, Faulted], udp: Mapping[str, int]) -> Iterator[str]:
     for name, vehicle in vehicles.items():
-        yield f"{_title(vehicle)}, udpin://127.0.0.1:{udp[name]}" if name in udp else _title(vehicle)
+        yield (
+            f"{_title(vehicle)}, udpin://127.0.0.1:{udp[name]}" if name in udp else _title(vehicle)
+        )
     if udp:
         yield "These are MAVSDK's URLs; pymavlink and MAVProxy write udpin:127.0.0.1:PORT."
 
@@ -113,7 +128,8 @@ def write(out: TextIO, text: str) -> bool:
         out.write(text + "\n")
         out.flush()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())  # so that Python's flush at exit does not fail
+        # So that Python's flush at exit does not fail
+        os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())
         return False
     return True
 
@@ -123,7 +139,9 @@ def status_of(vehicle: Faulted) -> Status:
     mock = vehicle.vehicle
     now_s = mock.autopilot.state.now_s
     heard = dict.fromkeys(client for link in mock.links.values() for client in link.clients(now_s))
-    acting = dict.fromkeys(str(fault["kind"]) for fault in vehicle.faults() if fault["state"] == "acting")
+    acting = dict.fromkeys(
+        str(fault["kind"]) for fault in vehicle.faults() if fault["state"] == "acting"
+    )
     return Status(
         vehicle.name,
         mock.flavour,
@@ -172,7 +190,9 @@ def table_of(fleet: Sequence[Status]) -> Table:
     from rich import box  # noqa: PLC0415 - as above
     from rich.table import Table  # noqa: PLC0415 - as above
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, caption="Ctrl-C ends", caption_justify="left")
+    table = Table(
+        box=box.SIMPLE_HEAD, pad_edge=False, caption="Ctrl-C ends", caption_justify="left"
+    )
     table.add_column("vehicle", no_wrap=True)
     table.add_column("flavour", no_wrap=True)
     table.add_column("mode", no_wrap=True, min_width=9)

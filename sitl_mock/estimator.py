@@ -77,7 +77,8 @@ class Estimator:
         if flying and self.lost_gps_s < math.inf:
             self._drift(now_s)
         if conditions.drift_m_s != _STILL:
-            (north, east, down), (by_n, by_e, by_d) = self.offset_m, conditions.drift_m_s
+            (north, east, down) = self.offset_m
+            (by_n, by_e, by_d) = conditions.drift_m_s
             self.offset_m = (north + by_n * STEP_S, east + by_e * STEP_S, down + by_d * STEP_S)
         self._sum()
 
@@ -98,10 +99,15 @@ class Estimator:
         step_m = _DRIFT_M_S2 * (now_s - self.lost_gps_s) * STEP_S
         bearing = self.random.gauss(0.0, 0.2)
         north, east, down = self.offset_m
-        self.offset_m = (north + step_m * math.cos(bearing), east + step_m * math.sin(bearing), down)
+        self.offset_m = (
+            north + step_m * math.cos(bearing),
+            east + step_m * math.sin(bearing),
+            down,
+        )
 
     def _sum(self) -> None:
-        (n, e, d), (o_n, o_e, o_d) = self.errors.position_ned_m, self.offset_m
+        (n, e, d) = self.errors.position_ned_m
+        (o_n, o_e, o_d) = self.offset_m
         self.position_error_m = (n + o_n, e + o_e, d + o_d)
         self.velocity_error_m_s = self.errors.velocity_ned_m_s
 

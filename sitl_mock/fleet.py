@@ -9,7 +9,19 @@ from typing import Any, Final
 from sitl_mock.errors import ConfigError
 from sitl_mock.flavours import NAMES
 from sitl_mock.mavlink import Signing
-from sitl_mock.tables import REQUIRED, Option, choice, flag, integer, matching, number, numbers, place, read_toml, table
+from sitl_mock.tables import (
+    REQUIRED,
+    Option,
+    choice,
+    flag,
+    integer,
+    matching,
+    number,
+    numbers,
+    place,
+    read_toml,
+    table,
+)
 from sitl_mock.tables import checked as checked_value
 from sitl_mock.vehicle import DEFAULT_LINKS, MockVehicle
 from sitl_mock.world import DEFAULT_HOME, Home
@@ -71,7 +83,9 @@ _SIGNING: Final = {
     "required": Option("whether unsigned frames are refused", True, flag),
 }
 _VEHICLE: Final = {
-    "name": Option("its name", REQUIRED, matching("[A-Za-z0-9_-]{1,32}", "1 to 32 letters, digits, - and _")),
+    "name": Option(
+        "its name", REQUIRED, matching("[A-Za-z0-9_-]{1,32}", "1 to 32 letters, digits, - and _")
+    ),
     "flavour": Option("its kind", "px4", choice(*NAMES)),
     "system_id": Option("MAVLink system id", None, _given(integer(1, _MOST))),
     "start_ned_m": Option("metres north, east, down of home", (0.0, 0.0, 0.0), place),
@@ -108,21 +122,34 @@ def checked(values: object, source: str) -> FleetConfig:
     given = table(values, _FLEET, source)
     entries = given["vehicle"]
     if not isinstance(entries, (list, tuple)) or not 1 <= len(entries) <= _MOST:
-        raise ConfigError(f"{source}: vehicle = {entries!r}: allowed are 1 to {_MOST} tables, written as [[vehicle]]")
-    vehicles = tuple(_vehicle_of(entry, f"{source}: vehicle.{index}") for index, entry in enumerate(entries))
+        raise ConfigError(
+            f"{source}: vehicle = {entries!r}: allowed are 1 to {_MOST} tables, written as [[vehicle]]"
+        )
+    vehicles = tuple(
+        _vehicle_of(entry, f"{source}: vehicle.{index}") for index, entry in enumerate(entries)
+    )
     names = [each.name for each in vehicles]
     doubled = sorted({name for name in names if names.count(name) > 1})
     if doubled:
-        raise ConfigError(f"{source}: vehicle.name = {doubled[0]!r} is given twice; every vehicle needs its own")
-    home = DEFAULT_HOME if given["home"] is None else Home(**table(given["home"], _HOME, f"{source}: home"))
+        raise ConfigError(
+            f"{source}: vehicle.name = {doubled[0]!r} is given twice; every vehicle needs its own"
+        )
+    home = (
+        DEFAULT_HOME
+        if given["home"] is None
+        else Home(**table(given["home"], _HOME, f"{source}: home"))
+    )
     return FleetConfig(vehicles, given["seed"], home)
 
 
 def _vehicle_of(values: object, where: str) -> VehicleConfig:
     given = table(values, _VEHICLE, where)
-    origin, signing = given["origin"], given["signing"]
+    origin = given["origin"]
+    signing = given["signing"]
     given["origin"] = None if origin is None else Home(**table(origin, _HOME, f"{where}.origin"))
-    given["signing"] = None if signing is None else SigningConfig(**table(signing, _SIGNING, f"{where}.signing"))
+    given["signing"] = (
+        None if signing is None else SigningConfig(**table(signing, _SIGNING, f"{where}.signing"))
+    )
     return VehicleConfig(**given)
 
 
@@ -133,7 +160,9 @@ def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
         ConfigError: A value has neither form.
     """
     if len(specs) == 1 and specs[0].isdigit():
-        return [{"name": f"uav{number}", "flavour": flavour} for number in range(1, int(specs[0]) + 1)]
+        return [
+            {"name": f"uav{number}", "flavour": flavour} for number in range(1, int(specs[0]) + 1)
+        ]
     vehicles: list[dict[str, object]] = []
     for spec in specs:
         kind, _, rest = spec.partition(":")
@@ -157,10 +186,13 @@ def _numeral(text: str) -> float | str:
         return text
 
 
-def with_settings(config: FleetConfig, settings: Mapping[str, object], seed: int | None = None) -> FleetConfig:
+def with_settings(
+    config: FleetConfig, settings: Mapping[str, object], seed: int | None = None
+) -> FleetConfig:
     """Return the fleet with keys of every vehicle and the seed replaced by command-line options."""
     values = {
-        name: checked_value(f"--{name.replace('_', '-')}", value, _VEHICLE[name]) for name, value in settings.items()
+        name: checked_value(f"--{name.replace('_', '-')}", value, _VEHICLE[name])
+        for name, value in settings.items()
     }
     vehicles = tuple(replace(each, **values) for each in config.vehicle)
     return replace(config, vehicle=vehicles, seed=config.seed if seed is None else seed)
@@ -176,7 +208,9 @@ def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetCon
     for text in assignments:
         where, name, value = _assignment(text)
         if where and where not in vehicles:
-            raise ConfigError(f"--param {text}: there is no vehicle {where!r}; allowed are {', '.join(vehicles)}")
+            raise ConfigError(
+                f"--param {text}: there is no vehicle {where!r}; allowed are {', '.join(vehicles)}"
+            )
         for each in [where] if where else list(vehicles):
             parameters = {**vehicles[each].parameters, name: value}
             vehicles[each] = replace(vehicles[each], parameters=parameters)
@@ -192,7 +226,9 @@ def _assignment(text: str) -> tuple[str, str, float]:
     except ValueError:
         number = math.nan
     if not (sign and name and math.isfinite(number)):
-        raise ConfigError(f"--param {text}: allowed is NAME=VALUE or vehicle:NAME=VALUE, as MPC_XY_VEL_MAX=8")
+        raise ConfigError(
+            f"--param {text}: allowed is NAME=VALUE or vehicle:NAME=VALUE, as MPC_XY_VEL_MAX=8"
+        )
     return vehicle.strip(), name.strip(), number
 
 
@@ -246,6 +282,8 @@ def _vehicle(
         texts=each.texts,
         origin=each.origin,
         links=links,
-        signing=Signing(bytes.fromhex(each.signing.key_hex), require=each.signing.required) if each.signing else None,
+        signing=Signing(bytes.fromhex(each.signing.key_hex), require=each.signing.required)
+        if each.signing
+        else None,
         unix_us=unix_us,
     )

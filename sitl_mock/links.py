@@ -43,8 +43,12 @@ _CLIENTS_MOST: Final = 16
 PROTOCOL_TICKS: Final = 2
 """Delayed answers are checked every 20 ms."""
 _ONCE: Final = frozenset({"PING", "TIMESYNC"})
-_SET_INTERVAL, _GET_INTERVAL, _REQUEST_MESSAGE, _CAPABILITIES = 511, 510, 512, 520
-_AVAILABLE_MODES, _AUTOPILOT_VERSION = 435, 148
+_SET_INTERVAL = 511
+_GET_INTERVAL = 510
+_REQUEST_MESSAGE = 512
+_CAPABILITIES = 520
+_AVAILABLE_MODES = 435
+_AUTOPILOT_VERSION = 148
 
 
 class Link:
@@ -59,11 +63,14 @@ class Link:
     def __init__(self, autopilot: Autopilot, kind: str, link_id: int) -> None:
         self.autopilot = autopilot
         flavour: Flavour = autopilot.flavour
-        system_id, signing = autopilot.system_id, autopilot.signing
+        system_id = autopilot.system_id
+        signing = autopilot.signing
         self.decoder = Decoder(signing=signing)
         self.encoder = Encoder(system_id, COMPONENT, signing=signing, link_id=link_id)
         self._prepared = prepared(flavour.name)
-        self.streams = Streams(frozenset(self._prepared), flavour.rates_hz[kind], flavour.stream_rules)
+        self.streams = Streams(
+            frozenset(self._prepared), flavour.rates_hz[kind], flavour.stream_rules
+        )
         self.unsendable = 0
         self._requested: list[Reply] = []
         self._ground_s = -math.inf
@@ -72,7 +79,9 @@ class Link:
             system_id,
             COMPONENT,
             own_id_only=flavour.own_id_only,
-            command=CommandProtocol(system_id, COMPONENT, self._execute, broadcast=flavour.broadcast),
+            command=CommandProtocol(
+                system_id, COMPONENT, self._execute, broadcast=flavour.broadcast
+            ),
             parameters=ParameterProtocol(autopilot.parameters, flavour.parameter_rules),
             missions=MissionProtocol(
                 autopilot.plans,
@@ -125,10 +134,12 @@ class Link:
 
     def send(self, now_s: float, tick: int) -> list[bytes]:
         """Return the frames that are due by now."""
-        autopilot, frames = self.autopilot, list[bytes]()
+        autopilot = self.autopilot
+        frames = list[bytes]()
         names = self.streams.due(now_s)
         if names:
-            report, frame_of = autopilot.report, self.encoder.frame
+            report = autopilot.report
+            frame_of = self.encoder.frame
             if autopilot.conditions.telemetry_frozen:
                 names = [name for name in names if name == "HEARTBEAT"]
             for name in names:
@@ -153,7 +164,9 @@ class Link:
     def _execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
         asked = self.streams.rules.old_requests.get(command.number)
         if asked is not None:
-            command = command._replace(number=_REQUEST_MESSAGE, params=(float(asked), *command.params[1:]))
+            command = command._replace(
+                number=_REQUEST_MESSAGE, params=(float(asked), *command.params[1:])
+            )
         handler = _REQUESTS.get(command.number)
         if handler is None:
             return self.autopilot.commander.execute(now_s, command)
@@ -169,7 +182,9 @@ class Link:
         message_id = command.params[0]
         if not 0.0 <= message_id < 65536.0:
             return Result.DENIED
-        self._requested.append(("MESSAGE_INTERVAL", int(message_id), self.streams.interval_us(int(message_id))))
+        self._requested.append(
+            ("MESSAGE_INTERVAL", int(message_id), self.streams.interval_us(int(message_id)))
+        )
         return Result.ACCEPTED
 
     def _request(self, _now_s: float, command: Command) -> Result:
@@ -188,7 +203,9 @@ class Link:
             return [autopilot.identity.autopilot_version()]
         if message_id == _AVAILABLE_MODES:
             modes = autopilot.flavour.modes.modes
-            return available_modes([(mode.name.capitalize(), mode.number) for mode in modes], argument)
+            return available_modes(
+                [(mode.name.capitalize(), mode.number) for mode in modes], argument
+            )
         spec = SPEC_BY_ID.get(message_id)
         if spec is None or spec.name not in self._prepared or spec.name in _ONCE:
             return []
@@ -203,7 +220,9 @@ class Link:
 
 
 @lru_cache
-def prepared(flavour: str) -> dict[str, tuple[Callable[[Report], tuple[Any, ...] | None], MessageSpec]]:
+def prepared(
+    flavour: str,
+) -> dict[str, tuple[Callable[[Report], tuple[Any, ...] | None], MessageSpec]]:
     """Return builder and packing of each message that a flavour can send."""
     return {name: (build, SPEC_BY_NAME[name]) for name, build in builders_of(flavour).items()}
 

@@ -89,7 +89,10 @@ class MissionFlight:
     def takes_off(self) -> bool:
         """True if the first moving item is a take-off."""
         items = self.plans.mission.items[1:] if self.skip_home else self.plans.mission.items
-        first = next((item.command for item in items if item.command in _PLACES or item.command == RETURN), None)
+        first = next(
+            (item.command for item in items if item.command in _PLACES or item.command == RETURN),
+            None,
+        )
         return first == TAKEOFF
 
     def set_current(self, seq: int) -> bool:
@@ -129,8 +132,14 @@ class MissionFlight:
 
     def following(self, state: VehicleState) -> Leg | None:
         """Return the next leg if the vehicle does not stop at the present position."""
-        items, item = self.plans.mission.items, self._item()
-        if item is None or item.command != WAYPOINT or item.param1 > 0.0 or self.current + 1 >= len(items):
+        items = self.plans.mission.items
+        item = self._item()
+        if (
+            item is None
+            or item.command != WAYPOINT
+            or item.param1 > 0.0
+            or self.current + 1 >= len(items)
+        ):
             return None
         ahead = items[self.current + 1]
         return self._leg_to(state, ahead) if ahead.command == WAYPOINT else None
@@ -163,13 +172,26 @@ class MissionFlight:
         """True if the first position's height has not been reached yet."""
         if not self._climb_judged:
             self._climb_judged = True
-            first = next((item for item in self.plans.mission.items[self.current :] if item.command in _PLACES), None)
+            first = next(
+                (
+                    item
+                    for item in self.plans.mission.items[self.current :]
+                    if item.command in _PLACES
+                ),
+                None,
+            )
             down_m = self._leg_to(state, first).position_m[2] if first is not None else math.inf
             if down_m < state.position_m[2] - _HEIGHT_REACHED_M:
                 north, east, _ = state.position_m
-                self._climb = Leg((north, east, down_m), speed_m_s=self.speed_m_s, taking_off=state.on_ground)
+                self._climb = Leg(
+                    (north, east, down_m), speed_m_s=self.speed_m_s, taking_off=state.on_ground
+                )
         climb = self._climb
-        if climb is not None and state.flew and state.position_m[2] - climb.position_m[2] < _HEIGHT_REACHED_M:
+        if (
+            climb is not None
+            and state.flew
+            and state.position_m[2] - climb.position_m[2] < _HEIGHT_REACHED_M
+        ):
             self._climb = None
         return self._climb is not None
 
@@ -207,7 +229,8 @@ class MissionFlight:
         self.current += 1
 
     def _leg_to(self, state: VehicleState, item: PlanItem) -> Leg:
-        here, origin = state.position_m, state.frame.origin
+        here = state.position_m
+        origin = state.frame.origin
         altitude = item.z
         if item.frame in _RELATIVE_FRAMES:
             altitude += origin.alt_amsl_m - (state.home_m[2] if state.home_m else 0.0)
@@ -216,14 +239,28 @@ class MissionFlight:
             place = (here[0], here[1], place[2])
         if item.command == TAKEOFF and state.on_ground:
             place = (here[0], here[1], place[2])
-        yaw = math.radians(item.param4) if math.isfinite(item.param4) and item.param4 != 0.0 else math.nan
-        return Leg(place, yaw, self.speed_m_s, landing=item.command == LAND, taking_off=item.command == TAKEOFF)
+        yaw = (
+            math.radians(item.param4)
+            if math.isfinite(item.param4) and item.param4 != 0.0
+            else math.nan
+        )
+        return Leg(
+            place,
+            yaw,
+            self.speed_m_s,
+            landing=item.command == LAND,
+            taking_off=item.command == TAKEOFF,
+        )
 
     def _reached(self, state: VehicleState, item: PlanItem, leg: Leg) -> bool:
         if item.command == LOITER_UNLIMITED:
             return False
         if item.command == LAND:
-            if state.flew and state.on_ground and state.standing_s > (_LANDED_S if self.climbs_first else 1.0):
+            if (
+                state.flew
+                and state.on_ground
+                and state.standing_s > (_LANDED_S if self.climbs_first else 1.0)
+            ):
                 self.over = "landed"
                 return True
             return False
@@ -232,20 +269,26 @@ class MissionFlight:
         radius_m = item.param2 if item.command == WAYPOINT and item.param2 > 0.0 else default_m
         off_m = max(_HEIGHT_REACHED_M, min(radius_m, 2.0))
         if item.command == TAKEOFF and not self.climbs_first:
-            radius_m, off_m = math.inf, _TAKEN_OFF_M
+            radius_m = math.inf
+            off_m = _TAKEN_OFF_M
         if self.clocked and item.command != TAKEOFF:
             near = state.now_s >= self.due_s
         else:
             near = state.flew and math.hypot(north, east) < radius_m and abs(down) < off_m
         if not near:
             return False
-        hold_s = item.param1 if item.command in {WAYPOINT, LOITER_TIME} and item.param1 > 0.0 else 0.0
+        hold_s = (
+            item.param1 if item.command in {WAYPOINT, LOITER_TIME} and item.param1 > 0.0 else 0.0
+        )
         if self._hold_until_s == math.inf:
             self._hold_until_s = state.now_s + hold_s
         return state.now_s >= self._hold_until_s
 
 
-_INSIDE_POLYGON, _OUTSIDE_POLYGON, _INSIDE_CIRCLE, _OUTSIDE_CIRCLE = 5001, 5002, 5003, 5004  # MAV_CMD_NAV_FENCE_*
+_INSIDE_POLYGON = 5001
+_OUTSIDE_POLYGON = 5002
+_INSIDE_CIRCLE = 5003
+_OUTSIDE_CIRCLE = 5004  # MAV_CMD_NAV_FENCE_*
 
 
 def violated(items: Sequence[PlanItem], frame: LocalFrame, position_m: Vector) -> bool:
@@ -271,7 +314,9 @@ def inclusion_polygons(
             yield points
 
 
-def _areas(items: Sequence[PlanItem], frame: LocalFrame) -> Iterator[tuple[int, list[tuple[float, float]], float]]:
+def _areas(
+    items: Sequence[PlanItem], frame: LocalFrame
+) -> Iterator[tuple[int, list[tuple[float, float]], float]]:
     """Yield each area: its command, its corners or centre in local metres, and its radius."""
     polygon: list[tuple[float, float]] = []
     for item in items:
@@ -291,7 +336,10 @@ def _within(corners: Sequence[tuple[float, float]], north: float, east: float) -
     before_n, before_e = corners[-1]
     for corner_n, corner_e in corners:
         if (corner_n > north) != (before_n > north):
-            crossing_e = corner_e + (north - corner_n) * (before_e - corner_e) / (before_n - corner_n)
+            crossing_e = corner_e + (north - corner_n) * (before_e - corner_e) / (
+                before_n - corner_n
+            )
             inside = inside != (east < crossing_e)
-        before_n, before_e = corner_n, corner_e
+        before_n = corner_n
+        before_e = corner_e
     return inside

@@ -10,7 +10,8 @@ OVERRIDE_S: Final = 3.0
 """RC_CHANNELS_OVERRIDE stays in force for this long (RC_OVERRIDE_TIME)."""
 THROTTLE: Final = 3
 SWITCH_STEPS_US: Final = (1231, 1361, 1491, 1621, 1750)
-SWITCHED_LEAST_US, SWITCHED_MOST_US = 800, 2200
+SWITCHED_LEAST_US = 800
+SWITCHED_MOST_US = 2200
 
 
 class Sticks(NamedTuple):
@@ -46,7 +47,9 @@ class Pilot:
     def hear(self, now_s: float, sticks: Sticks) -> None:
         """Take new stick positions."""
         if self.heard_s > _NEVER_S:
-            self.moved = max(self.moved, *(abs(a - b) for a, b in zip(sticks, self.sticks, strict=True)))
+            self.moved = max(
+                self.moved, *(abs(a - b) for a, b in zip(sticks, self.sticks, strict=True))
+            )
         self.sticks = sticks
         self.heard_s = now_s
 
@@ -56,7 +59,10 @@ class Pilot:
 
     def throttle_below(self, now_s: float, least_us: float) -> bool:
         """True if a client overrides the throttle with less than a pulse width."""
-        return self.fresh(now_s, OVERRIDE_S) and self.channels.get(THROTTLE, SWITCHED_MOST_US) < least_us
+        return (
+            self.fresh(now_s, OVERRIDE_S)
+            and self.channels.get(THROTTLE, SWITCHED_MOST_US) < least_us
+        )
 
     def switch_position(self, channel: int) -> int | None:
         """Position (1 to 6) of the mode switch on an overridden channel; None if unknown."""

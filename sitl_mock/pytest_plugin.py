@@ -68,7 +68,9 @@ class MockVehicles:
         from sitl_mock.child import running  # noqa: PLC0415 - only on use
 
         table = {"name": name, "flavour": flavour, **settings}
-        return self._stack.enter_context(running([table], over=over, faults=faults, seed=seed))[name]
+        return self._stack.enter_context(running([table], over=over, faults=faults, seed=seed))[
+            name
+        ]
 
     def stepped(
         self,
@@ -130,7 +132,9 @@ def mock_fleet() -> Iterator[Callable[..., RunningFleet]]:
         yield start
 
 
-def _tables(vehicles: int | dict[str, str] | Sequence[Mapping[str, Any]]) -> Sequence[Mapping[str, Any]]:
+def _tables(
+    vehicles: int | dict[str, str] | Sequence[Mapping[str, Any]],
+) -> Sequence[Mapping[str, Any]]:
     if isinstance(vehicles, int):
         return [{"name": f"uav{number}", "flavour": "px4"} for number in range(1, vehicles + 1)]
     if isinstance(vehicles, dict):

@@ -19,9 +19,13 @@ COMPONENT: Final = 1
 STICK_SOURCE: Final = "COM_RC_IN_MODE"
 GROUND_ID: Final = "SYSID_MYGCS"
 _GROUND_STATION: Final = 6  # MAV_TYPE_GCS
-RADIO_ONLY, BOTH, NO_STICKS = 0, 3, 4
-_PWM_LEAST, _PWM_MOST = 800, 2200
-_RELEASED, _UNCHANGED = 0, 0xFFFF
+RADIO_ONLY = 0
+BOTH = 3
+NO_STICKS = 4
+_PWM_LEAST = 800
+_PWM_MOST = 2200
+_RELEASED = 0
+_UNCHANGED = 0xFFFF
 _STICKS_AT_REST: Final = {1: 1500, 2: 1500, 3: 1000, 4: 1500}
 """Pulse widths of channels that are not overridden in ArduPilot's simulator; PX4 needs all four from the client."""
 _FASTEST_M_S: Final = 1000.0
@@ -66,14 +70,22 @@ def _set_mode(_state: VehicleState, commander: Commander, now_s: float, message:
     commander.set_mode(now_s, message.base_mode, message.custom_mode)
 
 
-def _manual_control(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
+def _manual_control(
+    state: VehicleState, _commander: Commander, now_s: float, message: Message
+) -> None:
     """MANUAL_CONTROL: pitch x, roll y, yaw r in [-1000, 1000], throttle z in [0, 1000]."""
     source = state.parameters.get(STICK_SOURCE, BOTH)
-    if message.target != state.system_id or state.conditions.rc is False or source in {RADIO_ONLY, NO_STICKS}:
+    if (
+        message.target != state.system_id
+        or state.conditions.rc is False
+        or source in {RADIO_ONLY, NO_STICKS}
+    ):
         return
     if not _from_ground(state, message):
         return
-    pitch, roll, throttle, yaw = (value / 1000.0 for value in (message.x, message.y, message.z, message.r))
+    pitch, roll, throttle, yaw = (
+        value / 1000.0 for value in (message.x, message.y, message.z, message.r)
+    )
     if max(abs(pitch), abs(roll), abs(throttle), abs(yaw)) <= 1.0:
         state.pilot.hear(now_s, Sticks(roll, pitch, 2.0 * throttle - 1.0, yaw))
 
@@ -84,7 +96,10 @@ def _override(state: VehicleState, _commander: Commander, now_s: float, message:
     if source == NO_STICKS or state.conditions.rc is False or not _from_ground(state, message):
         return
     raw = {number: getattr(message, f"chan{number}_raw") for number in range(1, 9)}
-    if any(value not in {_RELEASED, _UNCHANGED} and not _PWM_LEAST <= value <= _PWM_MOST for value in raw.values()):
+    if any(
+        value not in {_RELEASED, _UNCHANGED} and not _PWM_LEAST <= value <= _PWM_MOST
+        for value in raw.values()
+    ):
         return
     channels = state.pilot.channels
     channels.update((number, value) for number, value in raw.items() if value != _UNCHANGED)
@@ -97,12 +112,16 @@ def _override(state: VehicleState, _commander: Commander, now_s: float, message:
     state.pilot.hear(now_s, Sticks(roll, -pitch, throttle, yaw))
 
 
-def _follow_target(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
+def _follow_target(
+    state: VehicleState, _commander: Commander, now_s: float, message: Message
+) -> None:
     """FOLLOW_TARGET: position and velocity, regardless of est_capabilities; implausible values are dropped."""
     place = Place(message.lat * 1e-7, message.lon * 1e-7, message.alt)
     velocity = tuple(message.vel)
     if on_earth(place) and all(abs(value) < _FASTEST_M_S for value in velocity):
-        state.target = Reported(now_s, state.frame.to_local(*place), (velocity[0], velocity[1], velocity[2]))
+        state.target = Reported(
+            now_s, state.frame.to_local(*place), (velocity[0], velocity[1], velocity[2])
+        )
 
 
 _HANDLERS: Final[dict[str, Callable[[VehicleState, Commander, float, Message], None]]] = {

@@ -94,7 +94,9 @@ class Sensors:
         if now_s < self._next_s - 1e-9:
             return
         noise = self.noise
-        self._next_s = now_s + noise.fix_s if self._next_s == -math.inf else self._next_s + noise.fix_s
+        self._next_s = (
+            now_s + noise.fix_s if self._next_s == -math.inf else self._next_s + noise.fix_s
+        )
         self.fix = Fix(
             now_s,
             self._scattered(body.position_ned_m, noise.position_sd_m),
@@ -112,5 +114,7 @@ class Sensors:
 _SCATTERS: Final = 257
 EXACT: Final = SensorNoise()
 """Readings without noise."""
-PX4_SENSORS: Final = SensorNoise((0.2, 0.2, 0.5), (0.06, 0.077, 0.158), 0.125, 0.063, 0.0003, 0.0066, 0.07, 0.015)
+PX4_SENSORS: Final = SensorNoise(
+    (0.2, 0.2, 0.5), (0.06, 0.077, 0.158), 0.125, 0.063, 0.0003, 0.0066, 0.07, 0.015
+)
 """PX4 v1.17's simulated receiver and barometer; the recorded chase shows the same scatter (0.21 and 0.54 m at 8 Hz)."""

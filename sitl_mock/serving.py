@@ -98,7 +98,9 @@ def serve(
         faults.check_vehicles(list(vehicles))
         faulted = {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}
         ports = (
-            {} if wires.udp is None else udp_ports(wires.udp, {name: each.flavour for name, each in vehicles.items()})
+            {}
+            if wires.udp is None
+            else udp_ports(wires.udp, {name: each.flavour for name, each in vehicles.items()})
         )
         endpoints = _opened(wires, ports, faulted, stack)
         disturbances = Disturbances(faulted, endpoints)
@@ -117,7 +119,9 @@ def serve(
             disturbances.carry_out(now_s)
             if screen is not None:
                 screen.update(now_s)
-            return stop.asked or (parent_pipe and sys.stdin.fileno() in ready and _at_end(sys.stdin.fileno()))
+            return stop.asked or (
+                parent_pipe and sys.stdin.fileno() in ready and _at_end(sys.stdin.fileno())
+            )
 
         run(faulted, endpoints, time.monotonic, ended, watched)
 
@@ -132,7 +136,9 @@ def _opened(
     names = list(vehicles)
     endpoints: list[Endpoint] = []
     if udp:
-        endpoints.append(stack.enter_context(contextlib.closing(UdpEndpoint("onboard", udp, time.monotonic))))
+        endpoints.append(
+            stack.enter_context(contextlib.closing(UdpEndpoint("onboard", udp, time.monotonic)))
+        )
     if wires.gcs is not None:
         ports = {name: (GCS_LOCAL_PORT + index, wires.gcs) for index, name in enumerate(names)}
         ground = UdpEndpoint("gcs", ports, time.monotonic, any_if_taken=True)
@@ -199,7 +205,12 @@ def _say_ready(
     else:
         first = next(iter(vehicles))
         zenoh = next(
-            (place.split()[0] for each in endpoints if "mavlink_raw" in (place := each.describe()[first])), None
+            (
+                place.split()[0]
+                for each in endpoints
+                if "mavlink_raw" in (place := each.describe()[first])
+            ),
+            None,
         )
         lines = [*console.welcome(vehicles, targets, wires.gcs, zenoh), "ready"]
     read = console.write(sys.stdout, "\n".join(lines))

@@ -89,7 +89,8 @@ def _read(message: Any, position_m: Vector) -> Target:  # noqa: ANN401 - as abov
 def turned(vector: Vector, yaw_rad: float) -> Vector:
     """Rotate forward, right, down into north, east, down by the heading."""
     forward, right, down = vector
-    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    cosine = math.cos(yaw_rad)
+    sine = math.sin(yaw_rad)
     return (forward * cosine - right * sine, forward * sine + right * cosine, down)
 
 

@@ -47,7 +47,9 @@ def read_toml(path: Path, name: str) -> dict[str, Any]:
     except OSError as error:
         raise ConfigError(f"{name} {path}: cannot be read ({error.strerror})") from None
     except RecursionError:
-        raise ConfigError(f"{name} {path}: not valid TOML here: arrays or tables are nested too deeply") from None
+        raise ConfigError(
+            f"{name} {path}: not valid TOML here: arrays or tables are nested too deeply"
+        ) from None
     except ValueError as error:  # not TOML, not UTF-8, or an integer with thousands of digits
         raise ConfigError(f"{name} {path}: not valid TOML: {error}") from None
 
@@ -112,7 +114,11 @@ def number(low: float, high: float) -> Callable[[Any], float]:
     """Accept a number within limits."""
 
     def check(value: Any) -> float:  # noqa: ANN401 - anything may stand in a file
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, (int, float))
+            or not low <= value <= high
+        ):
             raise ValueError(f"a number from {low:g} to {high:g}")
         return float(value)
 
@@ -154,7 +160,9 @@ def text(value: Any) -> str:  # noqa: ANN401 - anything may stand in a file
 def words(value: Any) -> tuple[str, ...]:  # noqa: ANN401 - anything may stand in a file
     """Accept a word or a list of them."""
     items = [value] if isinstance(value, str) else value
-    if not isinstance(items, (list, tuple)) or not all(isinstance(item, str) and item for item in items):
+    if not isinstance(items, (list, tuple)) or not all(
+        isinstance(item, str) and item for item in items
+    ):
         raise ValueError("a word or a list of words")
     return tuple(items)
 

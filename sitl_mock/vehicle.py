@@ -80,13 +80,17 @@ class MockVehicle:
         self._kinds = dict(links or DEFAULT_LINKS)
         for name, kind in self._kinds.items():
             if kind not in settings.flavour.rates_hz:
-                raise ConfigError(f"links.{name} = {kind!r}: allowed are {', '.join(settings.flavour.rates_hz)}")
+                raise ConfigError(
+                    f"links.{name} = {kind!r}: allowed are {', '.join(settings.flavour.rates_hz)}"
+                )
         self.links = self._fresh_links()
         self._boots = self.autopilot.boots
         self._first_s = math.nan
         self._ticks = 0
 
-    def step(self, now_s: float, frames_in: Sequence[bytes] = (), link: str | None = None) -> list[bytes]:
+    def step(
+        self, now_s: float, frames_in: Sequence[bytes] = (), link: str | None = None
+    ) -> list[bytes]:
         """Advance to now_s, then take the frames received on one link; return the frames to send on it.
 
         Args:
@@ -97,7 +101,9 @@ class MockVehicle:
         name = next(iter(self.links)) if link is None else link
         return self.step_links(now_s, {name: frames_in})[name]
 
-    def step_links(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]) -> dict[str, list[bytes]]:
+    def step_links(
+        self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]
+    ) -> dict[str, list[bytes]]:
         """Do `step` for all links."""
         out: dict[str, list[bytes]] = {name: [] for name in self.links}
         if math.isnan(self._first_s):
@@ -125,7 +131,9 @@ class MockVehicle:
             ConfigError: The name is unknown, or the value is not allowed.
         """
         if name == "pilot_mode" and value not in self.modes:
-            raise ConfigError(f"condition pilot_mode = {value!r}: allowed are {', '.join(self.modes)}")
+            raise ConfigError(
+                f"condition pilot_mode = {value!r}: allowed are {', '.join(self.modes)}"
+            )
         self.autopilot.conditions.put(name, value)
 
     @property
@@ -163,7 +171,10 @@ class MockVehicle:
         return {name: link.decoder.counts.as_dict() for name, link in self.links.items()}
 
     def _fresh_links(self) -> dict[str, Link]:
-        return {name: Link(self.autopilot, kind, index) for index, (name, kind) in enumerate(self._kinds.items())}
+        return {
+            name: Link(self.autopilot, kind, index)
+            for index, (name, kind) in enumerate(self._kinds.items())
+        }
 
     def _is_idle(self, now_s: float) -> bool:
         if self.autopilot.boots != self._boots or not self.autopilot.is_idle(self._ticks):
@@ -171,7 +182,8 @@ class MockVehicle:
         return not any(link.streams.is_due(now_s) for link in self.links.values())
 
     def _tick(self, now_s: float, out: dict[str, list[bytes]]) -> None:
-        autopilot, ticks = self.autopilot, self._ticks
+        autopilot = self.autopilot
+        ticks = self._ticks
         autopilot.tick(now_s, ticks)
         if autopilot.boots != self._boots:
             self._boots = autopilot.boots

@@ -16,7 +16,8 @@ from sitl_mock.protocols.parameter import ParameterStore
 from sitl_mock.sensors import Sensors
 from sitl_mock.world import LocalFrame, Vector
 
-_FULL_V, _EMPTY_V = 4.05, 3.6
+_FULL_V = 4.05
+_EMPTY_V = 3.6
 _CELLS = 4
 LEAST = 0.5
 """Flying does not drain the battery below this (SIM_BAT_MIN_PCT), so that long tests do not end in failsafes."""
@@ -163,7 +164,9 @@ class VehicleState:
         """Queue a STATUSTEXT."""
         self.texts.append((int(severity), text))
 
-    def set_home(self, position_m: Vector, *, attitude: Euler | None = None, given: bool = False) -> None:
+    def set_home(
+        self, position_m: Vector, *, attitude: Euler | None = None, given: bool = False
+    ) -> None:
         """Set home; the attitude defaults to the present one."""
         self.home_m = position_m
         self.home_s = self.now_s

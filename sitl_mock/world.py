@@ -46,7 +46,9 @@ class LocalFrame:
         normal_m = _SEMI_MAJOR_M / root
         degree = math.radians(1.0)
         self._north_m_per_deg = (meridian_m + origin.alt_amsl_m) * degree
-        self._east_m_per_deg = (normal_m + origin.alt_amsl_m) * math.cos(math.radians(origin.lat_deg)) * degree
+        self._east_m_per_deg = (
+            (normal_m + origin.alt_amsl_m) * math.cos(math.radians(origin.lat_deg)) * degree
+        )
 
     def to_geodetic(self, north_m: float, east_m: float, down_m: float) -> Home:
         """Turn local metres into latitude, longitude (degrees) and height above mean sea level (metres)."""

@@ -46,12 +46,16 @@ class Step:
 STEPS = {
     "format": Step("ruff's format", (BIN / "ruff", "format", "--check", ".")),
     "lint": Step("ruff's rules", (BIN / "ruff", "check", ".")),
-    "types": Step("mypy: the packages strictly, the tests by the names they use", (BIN / "mypy",), nice=2),
+    "types": Step(
+        "mypy: the packages strictly, the tests by the names they use", (BIN / "mypy",), nice=2
+    ),
     "layers": Step("imports point down only", (BIN / "lint-imports",)),
     "docs": Step(
         "the documentation as a site, where any warning is an error",
         (BIN / "mkdocs", "build", "--strict", "--config-file", ".mkdocs.yml", "--site-dir", "site"),
-        environment=(("NO_MKDOCS_2_WARNING", "1"),),  # suppresses a notice that the theme prints at every start
+        environment=(
+            ("NO_MKDOCS_2_WARNING", "1"),
+        ),  # suppresses a notice that the theme prints at every start
         nice=2,
     ),
     "arrays": Step(
@@ -60,7 +64,9 @@ STEPS = {
         nice=2,
     ),
     # Some wait for sockets and processes, but each has seconds.
-    "tests": Step("the quick tests", (*PYTEST, "-n", "2", "--dist", "worksteal", "-m", QUICK), nice=5),
+    "tests": Step(
+        "the quick tests", (*PYTEST, "-n", "2", "--dist", "worksteal", "-m", QUICK), nice=5
+    ),
     "flights": Step(
         "whole flights in virtual time, and other long computations",
         (*PYTEST, "-n", "2", "--dist", "worksteal", "-m", "flight and not slow and not long"),
@@ -93,7 +99,9 @@ LANES = (
 )
 """The steps of a lane run one after another; the lanes run at the same time, once the first steps have passed."""
 
-_ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+_ENVIRONMENT = {
+    name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"
+}
 """The environment with bytecode caches, because hundreds of processes import the same modules."""
 
 ASKED_FOR = {
@@ -112,7 +120,17 @@ ASKED_FOR = {
     ),
     "coverage": Step(
         "line and branch coverage of the tests in virtual time; takes three times as long",
-        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "not slow and not arrays", "--cov", "--cov-report=term"),
+        (
+            *PYTEST,
+            "-n",
+            "2",
+            "--dist",
+            "loadfile",
+            "-m",
+            "not slow and not arrays",
+            "--cov",
+            "--cov-report=term",
+        ),
     ),
 }
 """Steps that run by name only."""
@@ -134,7 +152,9 @@ def main(arguments: Sequence[str]) -> int:
     with ThreadPoolExecutor(len(LANES)) as executor:
         codes = list(executor.map(lambda names: _one_by_one(names, alone=len(lanes) == 1), lanes))
     codes.append(_again([name for lane in lanes for name in lane]))
-    return next(filter(None, codes), 0) or _one_by_one([name for name in chosen if name in ASKED_FOR], alone=True)
+    return next(filter(None, codes), 0) or _one_by_one(
+        [name for name in chosen if name in ASKED_FOR], alone=True
+    )
 
 
 def _one_by_one(names: Sequence[str], *, alone: bool) -> int:
@@ -144,10 +164,13 @@ def _one_by_one(names: Sequence[str], *, alone: bool) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     listed, more = (
-        "\n".join(f"  {name:12}{step.what}" for name, step in steps.items()) for steps in (STEPS, ASKED_FOR)
+        "\n".join(f"  {name:12}{step.what}" for name, step in steps.items())
+        for steps in (STEPS, ASKED_FOR)
     )
     told = "\n".join(
-        f"  python -m tests {name} {step.arguments}" for name, step in (STEPS | ASKED_FOR).items() if step.arguments
+        f"  python -m tests {name} {step.arguments}"
+        for name, step in (STEPS | ASKED_FOR).items()
+        if step.arguments
     )
     parser = argparse.ArgumentParser(
         prog="python -m tests",
@@ -182,7 +205,10 @@ def _run(name: str, *, beside_another: bool) -> int:
     )
     passed_s = time.perf_counter() - started
     verdict = "ok" if done.returncode == 0 else f"failed ({done.returncode})"
-    print((done.stdout or b"").decode(errors="replace") + f"── {name}: {verdict} in {passed_s:.1f} s", flush=True)
+    print(
+        (done.stdout or b"").decode(errors="replace") + f"── {name}: {verdict} in {passed_s:.1f} s",
+        flush=True,
+    )
     return done.returncode
 
 
@@ -194,16 +220,27 @@ def _cache(name: str) -> str:
 def _again(names: Sequence[str]) -> int:
     """Run the inconclusive tests of these steps once more; what stays inconclusive is counted and is no failure."""
     listed = [ROOT / _cache(name) / "v/inconclusive" for name in names]
-    found = [test for path in listed if path.is_file() for test in json.loads(path.read_text(encoding="utf-8"))]
+    found = [
+        test
+        for path in listed
+        if path.is_file()
+        for test in json.loads(path.read_text(encoding="utf-8"))
+    ]
     if not found:
         return 0
     print(f"── inconclusive, run again alone: {', '.join(found)}", flush=True)
-    return subprocess.run([*map(str, PYTEST), *found], cwd=ROOT, check=False, env=_ENVIRONMENT).returncode
+    return subprocess.run(
+        [*map(str, PYTEST), *found], cwd=ROOT, check=False, env=_ENVIRONMENT
+    ).returncode
 
 
 def _files_with(mark: str) -> list[str]:
     files = sorted((ROOT / "tests").rglob("test_*.py"))
-    return [str(file.relative_to(ROOT)) for file in files if f"mark.{mark}" in file.read_text(encoding="utf-8")]
+    return [
+        str(file.relative_to(ROOT))
+        for file in files
+        if f"mark.{mark}" in file.read_text(encoding="utf-8")
+    ]
 
 
 if __name__ == "__main__":

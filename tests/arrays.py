@@ -33,7 +33,9 @@ def python(within_s: float | None) -> str:
     folder = Path(sys.prefix) / "arrays"
     found = folder / "bin" / "python"
     if not (folder / "complete").exists():
-        extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+        extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
+            "optional-dependencies"
+        ]
         subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
         (parent,) = {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}
         (inner,) = folder.glob("lib/python*/site-packages")
@@ -47,14 +49,19 @@ def python(within_s: float | None) -> str:
 def main() -> int:
     """Run the tests. With a time limit, a failed installation only prints a notice."""
     parser = argparse.ArgumentParser(prog="python -m tests.arrays", description=__doc__)
-    parser.add_argument("--within", type=float, metavar="SECONDS", help="skip the tests if installing takes longer")
+    parser.add_argument(
+        "--within", type=float, metavar="SECONDS", help="skip the tests if installing takes longer"
+    )
     given = parser.parse_args()
     try:
         found = python(given.within)
     except subprocess.SubprocessError:
         if given.within is None:
             raise
-        print(f"PyTorch and JAX not installed within {given.within:g} s: NO game was run on them", flush=True)
+        print(
+            f"PyTorch and JAX not installed within {given.within:g} s: NO game was run on them",
+            flush=True,
+        )
         return 0
     return subprocess.run([found, *MARKED], cwd=ROOT, check=False).returncode
 

@@ -49,7 +49,8 @@ def pytest_runtest_makereport(item):
     report = yield
     if report.failed and (waited := WAITING in item.stash and item.stash[WAITING].starved()):
         report.sections.append((f"inconclusive: {waited}", str(report.longrepr)))
-        report.outcome, report.inconclusive = "skipped", waited
+        report.outcome = "skipped"
+        report.inconclusive = waited
         report.longrepr = (str(item.path), item.location[1], f"Skipped: {waited}")
     return report
 

@@ -58,7 +58,9 @@ def pythons() -> list[str]:
         installed = (Path.home() / ".pyenv" / "versions").glob(f"3.{minor}.*/bin/python3")
         candidates = ([path] if path else []) + [str(one) for one in sorted(installed)]
         for candidate in candidates:
-            told = subprocess.run([candidate, "-c", "import venv, ensurepip"], capture_output=True, check=False)
+            told = subprocess.run(
+                [candidate, "-c", "import venv, ensurepip"], capture_output=True, check=False
+            )
             if told.returncode == 0:
                 found.setdefault((3, minor), candidate)
     return [found[version] for version in sorted(found)]
@@ -85,12 +87,21 @@ class Installed:
         pip = (sys.executable, "-m", "pip", "--python", str(self.bin / "python"))
         if linked:
             self._link()
-        quiet("pip", *pip, "install", "-q", "--no-compile", *(["--no-deps"] if linked else []), str(built))
+        quiet(
+            "pip",
+            *pip,
+            "install",
+            "-q",
+            "--no-compile",
+            *(["--no-deps"] if linked else []),
+            str(built),
+        )
 
     def _link(self) -> None:
         """Link the packages that the base installation needs, and no other."""
         (packages,) = self.folder.glob("env/lib/python*/site-packages")
-        held, wanted = set[str](), [Requirement(one) for one in PROJECT["dependencies"]]
+        held = set[str]()
+        wanted = [Requirement(one) for one in PROJECT["dependencies"]]
         while wanted:
             name = canonicalize_name(wanted.pop().name)
             if name in held:
@@ -100,7 +111,9 @@ class Installed:
             for top in {file.parts[0] for file in found.files or ()} - {"..", "__pycache__"}:
                 (packages / top).symlink_to(Path(str(found.locate_file(top))))
             needs = (Requirement(one) for one in found.requires or ())
-            wanted += [one for one in needs if one.marker is None or one.marker.evaluate({"extra": ""})]
+            wanted += [
+                one for one in needs if one.marker is None or one.marker.evaluate({"extra": ""})
+            ]
 
     def trim(self) -> None:
         """Remove unused files with the commands of the page."""
@@ -110,11 +123,21 @@ class Installed:
 
     def run(self, program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run a command without the Python variables of the checkout's environment."""
-        plain = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
+        plain = {
+            name: value
+            for name, value in os.environ.items()
+            if not name.startswith(("PYTHON", "VIRTUAL_ENV"))
+        }
         command = [str(self.bin / program), *arguments]
         environment = plain | {"PYTHONDONTWRITEBYTECODE": "1"}
         return subprocess.run(
-            command, cwd=self.folder, env=environment, capture_output=True, text=True, timeout=120, check=False
+            command,
+            cwd=self.folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
         )
 
     def present(self) -> list[str]:
@@ -124,13 +147,22 @@ class Installed:
 
     def weights(self) -> dict[str, tuple[float, list[str]]]:
         """Return the size in MB and the dependencies of every package, by name."""
-        weighed: dict[str, tuple[float, list[str]]] = json.loads(self.run("python", "-c", _WEIGHED).stdout)
+        weighed: dict[str, tuple[float, list[str]]] = json.loads(
+            self.run("python", "-c", _WEIGHED).stdout
+        )
         return weighed
 
     @property
     def megabytes(self) -> float:
         """Size of the environment."""
-        return sum(path.lstat().st_size for path in (self.folder / "env").rglob("*") if not path.is_symlink()) / 1e6
+        return (
+            sum(
+                path.lstat().st_size
+                for path in (self.folder / "env").rglob("*")
+                if not path.is_symlink()
+            )
+            / 1e6
+        )
 
 
 def trimming() -> list[str]:
@@ -148,7 +180,8 @@ def quiet(what: str, *command: str, folder: Path = ROOT) -> None:
 
 def foundations_mb(weights: Mapping[str, tuple[float, list[str]]]) -> float:
     """Return the size of the foundations with all their dependencies."""
-    held, wanted = set[str](), list(FOUNDATIONS)
+    held = set[str]()
+    wanted = list(FOUNDATIONS)
     while wanted:
         name = wanted.pop().lower().replace("_", "-")
         if name in weights and name not in held:
@@ -163,12 +196,16 @@ def show(weights: Mapping[str, tuple[float, list[str]]]) -> None:
     light = [mb for mb, _ in weights.values() if mb < 1.0]
     for mb, name in (*heavy, (sum(light), f"{len(light)} more")):
         print(f"  {mb:6.1f} MB  {name}")
-    print(f"  {foundations_mb(weights):6.1f} MB of it are {', '.join(FOUNDATIONS)} with what they need", flush=True)
+    print(
+        f"  {foundations_mb(weights):6.1f} MB of it are {', '.join(FOUNDATIONS)} with what they need",
+        flush=True,
+    )
 
 
 def flies(base: Installed, most_mb: float) -> bool:
     """Fly a mocked flight; print the installed size and the flight's result in one line."""
-    started, megabytes = time.perf_counter(), base.megabytes
+    started = time.perf_counter()
+    megabytes = base.megabytes
     version = base.run("python", "--version").stdout.strip()
     flown = base.run("guidance", "fly", "--fast")
     ended = re.search(r"flight ended\s+(.*)", flown.stdout)

@@ -93,7 +93,9 @@ def _licence(package: Distribution) -> dict[str, Any]:
 
 def constraints(packages: Packages) -> str:
     """Return one line `name==version` for each package but the project."""
-    return "".join(f"{name}=={one.version}\n" for name, (one, _) in packages.items() if name != PROJECT)
+    return "".join(
+        f"{name}=={one.version}\n" for name, (one, _) in packages.items() if name != PROJECT
+    )
 
 
 def audit(packages: Packages, command: Sequence[str] = (sys.executable, "-m", "pip_audit")) -> int:
@@ -101,7 +103,15 @@ def audit(packages: Packages, command: Sequence[str] = (sys.executable, "-m", "p
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as file:
         file.write(constraints(packages))
         file.flush()
-        arguments = [*command, "--requirement", file.name, "--no-deps", "--disable-pip", "--format", "json"]
+        arguments = [
+            *command,
+            "--requirement",
+            file.name,
+            "--no-deps",
+            "--disable-pip",
+            "--format",
+            "json",
+        ]
         done = subprocess.run(arguments, capture_output=True, text=True, check=False)
     try:
         rows = json.loads(done.stdout)["dependencies"]
@@ -113,11 +123,14 @@ def audit(packages: Packages, command: Sequence[str] = (sys.executable, "-m", "p
     audited = [row for row in rows if "skip_reason" not in row]
     for row in rows:
         for one in row.get("vulns", ()):
-            print(f"{row['name']} {row['version']}: {one['id']}, fixed in {', '.join(one['fix_versions']) or 'none'}")
+            print(
+                f"{row['name']} {row['version']}: {one['id']}, fixed in {', '.join(one['fix_versions']) or 'none'}"
+            )
     print(f"{len(audited)} of {len(rows)} packages audited")
     if not audited:
         print(
-            "not audited: the database knows none of them; is it a mirror? Repeat with network access", file=sys.stderr
+            "not audited: the database knows none of them; is it a mirror? Repeat with network access",
+            file=sys.stderr,
         )
         return UNREACHABLE
     return int(any(row.get("vulns") for row in rows))
@@ -125,17 +138,23 @@ def audit(packages: Packages, command: Sequence[str] = (sys.executable, "-m", "p
 
 def main(arguments: Sequence[str]) -> int:
     """Run the command line; return the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m tests.supply", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.supply", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--extras", default="all", help="separated by commas; default: all")
     parser.add_argument("--out", type=Path, help="a file; default: standard output")
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--constraints", action="store_true", help="pip constraints instead of the bill")
+    what.add_argument(
+        "--constraints", action="store_true", help="pip constraints instead of the bill"
+    )
     what.add_argument("--audit", action="store_true", help="ask for known vulnerabilities")
     given = parser.parse_args(arguments)
     packages = installed(given.extras.split(","), BUILT_WITH if given.constraints else ())
     if given.audit:
         return audit(packages)
-    text = constraints(packages) if given.constraints else json.dumps(bill(packages), indent=2) + "\n"
+    text = (
+        constraints(packages) if given.constraints else json.dumps(bill(packages), indent=2) + "\n"
+    )
     if given.out is None:
         print(text, end="")
     else:

@@ -24,12 +24,29 @@ speeds = st.floats(-4.0, 4.0)
 
 
 def certified(
-    pursuer_m, pursuer_m_s, evader_m, evader_m_s=(0.0, 0.0, 0.0), *, vehicle=FULL, target_m=TARGET, age_s=0.0
+    pursuer_m,
+    pursuer_m_s,
+    evader_m,
+    evader_m_s=(0.0, 0.0, 0.0),
+    *,
+    vehicle=FULL,
+    target_m=TARGET,
+    age_s=0.0,
 ):
-    return played(pursuer_m, pursuer_m_s, evader_m, evader_m_s, vehicle=vehicle, target_m=target_m, age_s=age_s)[2]
+    return played(
+        pursuer_m,
+        pursuer_m_s,
+        evader_m,
+        evader_m_s,
+        vehicle=vehicle,
+        target_m=target_m,
+        age_s=age_s,
+    )[2]
 
 
-def played(pursuer_m, pursuer_m_s, evader_m, evader_m_s, *, vehicle=FULL, target_m=TARGET, age_s=0.0):
+def played(
+    pursuer_m, pursuer_m_s, evader_m, evader_m_s, *, vehicle=FULL, target_m=TARGET, age_s=0.0
+):
     gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
     players = Players(pursuer_m, pursuer_m_s, evader_m, evader_m_s, target_m, gaps, age_s)
     return certify(GAME, players, vehicle, None)
@@ -47,7 +64,9 @@ def test_the_vehicle_never_does_better_than_the_ideal_pursuer(x, y, z, e_x, e_y,
 def test_at_full_speed_only_reacting_braking_and_doubt_are_subtracted():
     # Both run along x, the evader to the target at 0. At the rim the vehicle can still stop above the target.
     says = certified((-60.0, 0.0, 5.0), (6.0, 0.0, 0.0), (-50.0, 0.0, 0.0), (3.0, 0.0, 0.0))
-    place_m, time_s, step_s = -60.0, 0.0, 1e-3
+    place_m = -60.0
+    time_s = 0.0
+    step_s = 1e-3
     while place_m < -3.0:
         place_m += step_s * min(6.0, approach_speed(-place_m, ENVELOPE.braking_m_s2, GUARD_LAG_S))
         time_s += step_s
@@ -57,11 +76,18 @@ def test_at_full_speed_only_reacting_braking_and_doubt_are_subtracted():
 
 def test_a_speed_that_was_not_flown_yet_is_counted_on_in_part_only():
     shown, new = (
-        certified((-60.0, 0.0, 5.0), (6.0, 0.0, 0.0), (-50.0, 0.0, 0.0), vehicle=FULL._replace(shown_m_s=speed_m_s))
+        certified(
+            (-60.0, 0.0, 5.0),
+            (6.0, 0.0, 0.0),
+            (-50.0, 0.0, 0.0),
+            vehicle=FULL._replace(shown_m_s=speed_m_s),
+        )
         for speed_m_s in (6.0, 0.0)
     )
     left_m = 57.0 - 6.0 * ENVELOPE.reaction_s  # it flies on at its present speed for so long
-    assert shown.vehicle_margin_s - new.vehicle_margin_s == pytest.approx(left_m / (0.8 * 6.0) - 57.0 / 6.0, abs=0.3)
+    assert shown.vehicle_margin_s - new.vehicle_margin_s == pytest.approx(
+        left_m / (0.8 * 6.0) - 57.0 / 6.0, abs=0.3
+    )
 
 
 def test_a_vehicle_in_hover_may_lose_what_the_ideal_pursuer_wins():
@@ -70,7 +96,9 @@ def test_a_vehicle_in_hover_may_lose_what_the_ideal_pursuer_wins():
 
 
 @given(lengths, lengths, st.floats(5.0, 40.0), lengths, lengths, speeds, speeds, speeds)
-def test_a_vehicle_waits_only_if_it_wins_and_descends_at_full_speed(x, y, z, e_x, e_y, v_x, v_y, v_z):
+def test_a_vehicle_waits_only_if_it_wins_and_descends_at_full_speed(
+    x, y, z, e_x, e_y, v_x, v_y, v_z
+):
     here, waiting, says = played((x, y, z), (v_x, v_y, v_z), (e_x, e_y, 0.0), (0.0, 0.0, 0.0))
     if waiting is None:
         return
@@ -82,7 +110,9 @@ def test_a_vehicle_waits_only_if_it_wins_and_descends_at_full_speed(x, y, z, e_x
 
 def test_a_vehicle_that_is_too_high_stays_between_the_evader_and_the_target():
     # It needs 8/1.5 s for its height. An evader that turns can be at 60 - 3 * 8/1.5 = 44 m then.
-    here, waiting, _ = played((50.0, 0.0, 13.0), (6.0, 0.0, -1.5), (60.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+    here, waiting, _ = played(
+        (50.0, 0.0, 13.0), (6.0, 0.0, -1.5), (60.0, 0.0, 0.0), (3.0, 0.0, 0.0)
+    )
     assert here.pursuer_velocity_m_s == pytest.approx((6.0, 0.0, -1.5))
     stops_m_s = approach_speed(50.0 - 44.0, ENVELOPE.braking_m_s2, ENVELOPE.reaction_s)
     assert waiting == pytest.approx((-stops_m_s, 0.0, -1.5))
@@ -100,17 +130,24 @@ def test_a_vehicle_at_the_height_of_the_disc_does_not_wait():
 )
 @settings(max_examples=25)
 def test_waiting_costs_nothing_in_the_ideal_game_however_the_evader_turns(x, y, z, headings):
-    at_once, step_s = Vehicle(Acceleration(1e9, 1e9), ENVELOPE, 6.0, 0.5), 0.05
-    pursuer_m, evader_m, assured_m = (x, y, z), (35.0, 0.0, 0.0), None
+    at_once = Vehicle(Acceleration(1e9, 1e9), ENVELOPE, 6.0, 0.5)
+    step_s = 0.05
+    pursuer_m = (x, y, z)
+    evader_m = (35.0, 0.0, 0.0)
+    assured_m = None
     for cycle in range(120):
-        here, waiting, says = played(pursuer_m, (0.0, 0.0, 0.0), evader_m, (0.0, 0.0, 0.0), vehicle=at_once)
+        here, waiting, says = played(
+            pursuer_m, (0.0, 0.0, 0.0), evader_m, (0.0, 0.0, 0.0), vehicle=at_once
+        )
         if says.winner != Winner.PURSUER or says.captured:
             return
         assured_m = says.value if assured_m is None else max(assured_m, says.value)
         assert says.value >= assured_m - 0.2
         heading = headings[cycle // 20]
         velocity = waiting or here.pursuer_velocity_m_s
-        pursuer_m = tuple(place + speed * step_s for place, speed in zip(pursuer_m, velocity, strict=True))
+        pursuer_m = tuple(
+            place + speed * step_s for place, speed in zip(pursuer_m, velocity, strict=True)
+        )
         evader_m = (
             evader_m[0] + 3.0 * math.cos(heading) * step_s,
             evader_m[1] + 3.0 * math.sin(heading) * step_s,
@@ -121,14 +158,20 @@ def test_waiting_costs_nothing_in_the_ideal_game_however_the_evader_turns(x, y, 
 def test_a_vehicle_that_flies_away_from_the_target_promises_less_and_turns_back():
     # The evader, on the other side, needs 4 s to the target.
     for away_m_s, wins in ((0.0, True), (6.0, False)):
-        here, guarding, says = played((6.0, 0.0, 5.0), (away_m_s, 0.0, 0.0), (-12.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+        here, guarding, says = played(
+            (6.0, 0.0, 5.0), (away_m_s, 0.0, 0.0), (-12.0, 0.0, 0.0), (3.0, 0.0, 0.0)
+        )
         assert (here.winner, says.vehicle_winner == Winner.PURSUER) == (Winner.PURSUER, wins)
     assert guarding[0] < 0.0
 
 
 def test_a_captured_evader_has_lost_and_has_not_arrived():
     says = certified((3.0, 0.0, 5.0), (0.0, 0.0, 0.0), (0.2, 0.0, 0.0))
-    assert (says.captured, says.evader_arrived, says.vehicle_winner) == (True, False, Winner.PURSUER)
+    assert (says.captured, says.evader_arrived, says.vehicle_winner) == (
+        True,
+        False,
+        Winner.PURSUER,
+    )
 
 
 def test_without_a_target_the_pursuer_wins_and_no_distance_is_assured():

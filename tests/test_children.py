@@ -14,14 +14,18 @@ MODULES = ("tomllib", "numpy", "typer", "zenoh", "rich", "json")
 def hostile_folder(tmp_path, monkeypatch):
     """The current folder, with modules of common names that leave a trace when they are imported."""
     for name in MODULES:
-        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'imported')!r}, 'a').write('{name} ')\n")
+        (tmp_path / f"{name}.py").write_text(
+            f"open({str(tmp_path / 'imported')!r}, 'a').write('{name} ')\n"
+        )
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.mark.parametrize("arguments", [("panel", "--help"), ("view", "--help")])
 def test_commands_beside_a_flight_import_nothing_from_the_folder(hostile_folder, arguments):
-    with subprocess.Popen(command(arguments), stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
+    with subprocess.Popen(
+        command(arguments), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as child:
         assert b"Usage" in child.stdout.read()
     assert not (hostile_folder / "imported").exists()
 

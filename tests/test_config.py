@@ -31,7 +31,9 @@ def test_a_good_document_becomes_the_model():
 
 
 def test_a_misspelt_key_is_named_with_the_nearest_known_one():
-    with pytest.raises(ConfigError, match=r"inner\.sped_m_s: unknown key; did you mean 'speed_m_s'\?"):
+    with pytest.raises(
+        ConfigError, match=r"inner\.sped_m_s: unknown key; did you mean 'speed_m_s'\?"
+    ):
         parse(Outer, {"title": "a", "inner": {"speed_m_s": 1.0, "sped_m_s": 1.0}}, source="x")
 
 
@@ -60,19 +62,27 @@ def test_a_value_out_of_range_is_shown_with_its_key(value):
 def test_text_and_booleans_are_no_numbers(value):
     with pytest.raises(ConfigError, match=r"inner\.speed_m_s = .*: must be a valid number"):
         parse(Outer, {"title": "a", "inner": {"speed_m_s": value}}, source="x")
-    assert parse(Outer, {"title": "a", "inner": {"speed_m_s": 3}}, source="x").inner.speed_m_s == 3.0
+    assert (
+        parse(Outer, {"title": "a", "inner": {"speed_m_s": 3}}, source="x").inner.speed_m_s == 3.0
+    )
 
 
-@pytest.mark.parametrize(("section", "key", "value"), [("pursuer", "speed_m_s", "6"), ("", "seed", "1")])
+@pytest.mark.parametrize(
+    ("section", "key", "value"), [("pursuer", "speed_m_s", "6"), ("", "seed", "1")]
+)
 def test_a_scenario_takes_no_text_for_a_number(section, key, value):
-    document = load_scenario("pe")[1].model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    document = load_scenario("pe")[1].model_dump(
+        mode="json", exclude_none=True, exclude_defaults=True
+    )
     (document[section] if section else document)[key] = value
     with pytest.raises(ConfigError, match=rf"{key} = '{value}': must be a valid"):
         parse(Scenario, document, source="x")
 
 
 def test_a_vehicle_file_takes_no_text_for_a_number_in_an_array():
-    with pytest.raises(ConfigError, match=r"fence_polygon_ne_m\.0\.1 = '5': must be a valid number"):
+    with pytest.raises(
+        ConfigError, match=r"fence_polygon_ne_m\.0\.1 = '5': must be a valid number"
+    ):
         parse(Limits, {"fence_polygon_ne_m": [[0.0, "5"], [9.0, 0.0], [9.0, 9.0]]}, source="x")
 
 
@@ -87,7 +97,10 @@ def test_every_fault_of_a_file_is_listed():
     ("text", "said"),
     [
         ("x = " + "[" * 100_000 + "]" * 100_000, "arrays or tables are nested too deeply"),
-        ("x = " + "{a = " * 100_000 + "1" + "}" * 100_000, "arrays or tables are nested too deeply"),
+        (
+            "x = " + "{a = " * 100_000 + "1" + "}" * 100_000,
+            "arrays or tables are nested too deeply",
+        ),
         ("x = " + "9" * 100_000, "has 100000 digits"),
         ("x = [{ a = 0x" + "f" * 17 + " }]", "an integer has more than 64 bits"),
     ],
@@ -161,7 +174,9 @@ def test_a_key_is_found_on_its_line_or_on_that_of_what_holds_it(location, line):
     assert line_of(TEXT, location) == line
 
 
-@pytest.mark.parametrize("value", [{"a": [1, 2.5, "b"], "c": {"d": True}}, [1, [2]], {}, "text", False])
+@pytest.mark.parametrize(
+    "value", [{"a": [1, 2.5, "b"], "c": {"d": True}}, [1, [2]], {}, "text", False]
+)
 def test_a_value_is_written_as_toml(value):
     assert tomllib.loads(f"x = {as_toml(value)}")["x"] == value
 
@@ -198,11 +213,16 @@ def test_a_wrong_file_is_told_line_key_and_what_is_allowed(tmp_path):
             'random."evader.speed_m_s" = { gauss = [1, 2] }',
             "random.evader.speed_m_s.gauss: unknown key; allowed here: about_m, annulus",
         ),
-        ('random."evader.position" = { disc = 3 }', "random.evader.position: a disc or an annulus is a"),
+        (
+            'random."evader.position" = { disc = 3 }',
+            "random.evader.position: a disc or an annulus is a",
+        ),
     ],
 )
 def test_a_wrong_sweep_is_told_as_it_was_written(line, words, tmp_path):
-    assert words in told(lambda path: planned(str(path)), tmp_path, f'scenario = "pe"\nseeds = 2\n{line}\n')
+    assert words in told(
+        lambda path: planned(str(path)), tmp_path, f'scenario = "pe"\nseeds = 2\n{line}\n'
+    )
 
 
 def test_a_file_that_is_no_toml_is_told_its_line(tmp_path):

@@ -20,11 +20,15 @@ EVADER = EvaderEstimate((60.0, 30.0, 0.0), (0.0, 3.0, 0.0), 3.0, 0.1)
 
 def drags_per_s(settings, place, velocity, *, cycles):
     """Return, for each cycle at one place, the learned drag and whether the limits held the vehicle back."""
-    memory, held, learned = CycleMemory(), [], []
+    memory = CycleMemory()
+    held = []
+    learned = []
     here = Situation(place, velocity, evader_position_ned_m=EVADER.position_ned_m)
     walls = measure_walls(here, settings.envelope)
     for _ in range(cycles):
-        memory = play(CycleInputs(DT_S, here, walls, EVADER, GameFrame((0.0, 0.0, 0.0))), settings, memory).memory
+        memory = play(
+            CycleInputs(DT_S, here, walls, EVADER, GameFrame((0.0, 0.0, 0.0))), settings, memory
+        ).memory
         held.append(memory.limits.held_back)
         learned.append(memory.follow.servo.drag_per_s)
     return learned, held
@@ -32,7 +36,8 @@ def drags_per_s(settings, place, velocity, *, cycles):
 
 def test_a_vehicle_that_a_fence_holds_back_learns_no_drag_of_it():
     fenced = replace(FOLLOWED, envelope=replace(ENVELOPE, fence_polygon=BEHIND, fence_margin_m=1.0))
-    place, velocity = (4.0, 0.0, -20.0), (4.0, 2.0, 0.0)
+    place = (4.0, 0.0, -20.0)
+    velocity = (4.0, 2.0, 0.0)
     free, never = drags_per_s(FOLLOWED, place, velocity, cycles=100)
     assert not any(never)
     assert free[-1] > free[0] + 0.1

@@ -32,10 +32,16 @@ from tests.bench.bench_walk import lines_of, named_walks
 DOCS = Path(__file__).parents[1] / "docs"
 EXAMPLES = DOCS / "examples"
 PAGES = sorted(DOCS.rglob("*.md"))
-RUN_ELSEWHERE = {"mock.md": "tests/sitl_mock/test_mock_page.py", "zenoh.md": "tests/links/test_zenoh_docs.py"}
+RUN_ELSEWHERE = {
+    "mock.md": "tests/sitl_mock/test_mock_page.py",
+    "zenoh.md": "tests/links/test_zenoh_docs.py",
+}
 """Pages whose examples need more than an empty folder, and the tests that run them."""
 
-PROGRAMS = {"guidance": typer.main.get_command(guidance_app), "sitl-mock": typer.main.get_command(mock_app)}
+PROGRAMS = {
+    "guidance": typer.main.get_command(guidance_app),
+    "sitl-mock": typer.main.get_command(mock_app),
+}
 
 
 def test_the_walks_name_functions_that_exist():
@@ -46,16 +52,24 @@ def test_the_walks_name_functions_that_exist():
 
 def blocks(page, *kinds):
     """The blocks of a page: each one's kind and its text."""
-    found = re.findall(r"^( *)```(\w+)[^\n]*\n(.*?)^ *```$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    found = re.findall(
+        r"^( *)```(\w+)[^\n]*\n(.*?)^ *```$",
+        page.read_text(encoding="utf-8"),
+        re.DOTALL | re.MULTILINE,
+    )
     return [
-        (kind, re.sub(rf"^{indent}", "", text, flags=re.MULTILINE)) for indent, kind, text in found if kind in kinds
+        (kind, re.sub(rf"^{indent}", "", text, flags=re.MULTILINE))
+        for indent, kind, text in found
+        if kind in kinds
     ]
 
 
 def with_blocks(*kinds):
     elsewhere = RUN_ELSEWHERE if set(kinds) & {"console", "python"} else {}
     pages = [page for page in PAGES if page.name not in elsewhere and blocks(page, *kinds)]
-    return pytest.mark.parametrize("page", pages, ids=lambda page: page.relative_to(DOCS).as_posix())
+    return pytest.mark.parametrize(
+        "page", pages, ids=lambda page: page.relative_to(DOCS).as_posix()
+    )
 
 
 def run_console(text):
@@ -115,7 +129,9 @@ def parse(command, words):
         context = command.make_context(words[0], list(words[1:]), resilient_parsing=False)
         if not hasattr(command, "commands"):
             return
-        name, command, rest = command.resolve_command(context, context._protected_args + context.args)
+        name, command, rest = command.resolve_command(
+            context, context._protected_args + context.args
+        )
         words = [name, *rest]
 
 
@@ -152,7 +168,9 @@ def test_the_mavsdk_example_is_tested_as_its_page_says(tmp_path):
         shutil.copy(EXAMPLES / name, tmp_path)
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = slow\n", encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)]
-    done = subprocess.run(command, cwd=tmp_path, env=dict(os.environ), capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=tmp_path, env=dict(os.environ), capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stdout
 
 
@@ -200,7 +218,9 @@ def test_every_link_works_in_the_repository(page):
     for file, section in links(page.read_text(encoding="utf-8")):
         target = page.parent / file if file else page
         assert target.exists(), file
-        assert not section or section in sections(target.read_text(encoding="utf-8")), f"{file}#{section}"
+        assert not section or section in sections(target.read_text(encoding="utf-8")), (
+            f"{file}#{section}"
+        )
 
 
 def test_every_link_works_on_the_site():
@@ -210,8 +230,12 @@ def test_every_link_works_on_the_site():
         uri = page.relative_to(DOCS).as_posix()
         for file, _ in links(hooks["site_links"](page.read_text(encoding="utf-8"), uri)):
             target = os.path.relpath(page.parent / file, DOCS)
-            assert (DOCS / target).is_file() or target in {*hooks["PAGES"], *pictures}, f"{uri}: {file}"
-    led = hooks["site_links"]("[a](../../guidance/monitor.py) [b](../../.readme/p.png) [c](../../x.py)", "how-to/a.md")
+            assert (DOCS / target).is_file() or target in {*hooks["PAGES"], *pictures}, (
+                f"{uri}: {file}"
+            )
+    led = hooks["site_links"](
+        "[a](../../guidance/monitor.py) [b](../../.readme/p.png) [c](../../x.py)", "how-to/a.md"
+    )
     assert led == "[a](../reference/alarms.md) [b](../pictures/p.png) c"
 
 
@@ -231,11 +255,16 @@ def test_the_pages_made_of_the_code_name_every_key_and_every_option():
 def test_the_unit_file_is_right(tmp_path):
     unit = tmp_path / "guidance.service"
     text = (DOCS.parent / "config" / "systemd" / "guidance.service").read_text(encoding="utf-8")
-    sections = configparser.ConfigParser(strict=False, interpolation=None)  # lists have one line per value
+    # Lists have one line per value
+    sections = configparser.ConfigParser(strict=False, interpolation=None)
     sections.optionxform = str
     sections.read_string(text)
     service = sections["Service"]
-    assert (service["Type"], service["KillSignal"], service["CPUSchedulingPolicy"]) == ("notify", "SIGTERM", "rr")
+    assert (service["Type"], service["KillSignal"], service["CPUSchedulingPolicy"]) == (
+        "notify",
+        "SIGTERM",
+        "rr",
+    )
     assert 0 < float(service["WatchdogSec"]) < float(service["TimeoutStopSec"])
     if shutil.which("systemd-analyze") is None:  # its own judge is where systemd is
         return
@@ -244,6 +273,13 @@ def test_the_unit_file_is_right(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     said = [line for line in done.stderr.splitlines() if "guidance.service" in line]
     assert (done.returncode, said) == (0, [])
-    command = ["systemd-analyze", "security", "--offline=true", "--threshold=30", "--no-pager", str(unit)]
+    command = [
+        "systemd-analyze",
+        "security",
+        "--offline=true",
+        "--threshold=30",
+        "--no-pager",
+        str(unit),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout.splitlines()[-1]  # exposure of at most 3.0 of 10

@@ -15,7 +15,9 @@ from guidance.sweeps.folder import alone, write_whole
 from guidance.viz import report as page
 
 NEAR = Path(__file__).parent / "data" / "near_chase.toml"
-CAREFREE, STRICT, ABSURD = 0, 0o077, 0o777
+CAREFREE = 0
+STRICT = 0o077
+ABSURD = 0o777
 
 
 @pytest.fixture(params=[CAREFREE, STRICT, ABSURD])
@@ -107,7 +109,9 @@ def test_whatever_a_flight_and_its_report_leave_is_their_owners(tmp_path, monkey
     run = ["scenario", "run", str(NEAR), "--as", "maths", "--json", str(tmp_path / "row.json")]
     assert CliRunner().invoke(app, run, catch_exceptions=False).exit_code == 0
     left = [tmp_path / "row.json", tmp_path / "flights", flown, *flown.rglob("*")]
-    assert {"record.mcap", "outcome.json", "flight.png", "report.html", "row.json"} <= {path.name for path in left}
+    assert {"record.mcap", "outcome.json", "flight.png", "report.html", "row.json"} <= {
+        path.name for path in left
+    }
     assert not told_apart(left)
 
 
@@ -120,4 +124,8 @@ def test_so_is_a_sweeps_folder(tmp_path):
 
 def told_apart(paths):
     """Name those that others could read or write, or we could not."""
-    return {str(path): oct(mode(path)) for path in paths if mode(path) != (0o700 if path.is_dir() else 0o600)}
+    return {
+        str(path): oct(mode(path))
+        for path in paths
+        if mode(path) != (0o700 if path.is_dir() else 0o600)
+    }

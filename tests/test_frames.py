@@ -29,12 +29,23 @@ ZURICH = LocalFrame(47.397742, 8.545594, Amsl(488.0), home=Amsl(490.0), undulati
 
 
 @settings(deadline=None)
-@given(LATITUDES, LONGITUDES, METRES, METRES, st.floats(-100, 3000), st.sampled_from(list(PROJECTIONS.values())))
-def test_the_way_to_wgs84_and_back_is_the_identity_within_a_millimetre(lat, lon, north, east, down, projection):
+@given(
+    LATITUDES,
+    LONGITUDES,
+    METRES,
+    METRES,
+    st.floats(-100, 3000),
+    st.sampled_from(list(PROJECTIONS.values())),
+)
+def test_the_way_to_wgs84_and_back_is_the_identity_within_a_millimetre(
+    lat, lon, north, east, down, projection
+):
     frame = LocalFrame(lat, lon, Amsl(400.0), projection=projection)
     latitude, longitude, altitude = frame.wgs84_from_ned((north, east, down))
     assert altitude.metres == pytest.approx(400.0 - down)
-    assert frame.ned_from_wgs84(latitude, longitude, altitude) == pytest.approx((north, east, down), abs=1e-3)
+    assert frame.ned_from_wgs84(latitude, longitude, altitude) == pytest.approx(
+        (north, east, down), abs=1e-3
+    )
 
 
 @settings(deadline=None)
@@ -44,13 +55,16 @@ def test_wgs84_metres_are_the_geodesic_s_metres(lat, lon, bearing, distance):
     frame = LocalFrame(lat, lon, Amsl(0.0))
     latitude, longitude = vreckon(lat, lon, distance, math.degrees(bearing) % 360.0)
     north, east, down = frame.ned_from_wgs84(float(latitude), float(longitude), Amsl(0.0))
-    assert (north, east) == pytest.approx((distance * math.cos(bearing), distance * math.sin(bearing)), abs=2e-3)
+    assert (north, east) == pytest.approx(
+        (distance * math.cos(bearing), distance * math.sin(bearing)), abs=2e-3
+    )
     assert down == 0.0
 
 
 @pytest.mark.parametrize("projection", PROJECTIONS.values(), ids=PROJECTIONS)
 @pytest.mark.parametrize(
-    ("step", "axis", "sign"), [((1e-3, 0.0, 0.0), 0, 1), ((0.0, 1e-3, 0.0), 1, 1), ((0.0, 0.0, 10.0), 2, -1)]
+    ("step", "axis", "sign"),
+    [((1e-3, 0.0, 0.0), 0, 1), ((0.0, 1e-3, 0.0), 1, 1), ((0.0, 0.0, 10.0), 2, -1)],
 )
 def test_north_east_and_down_have_their_signs(projection, step, axis, sign):
     frame = LocalFrame(47.0, 8.0, Amsl(400.0), projection=projection)
@@ -59,18 +73,24 @@ def test_north_east_and_down_have_their_signs(projection, step, axis, sign):
     assert all(abs(value) < 1e-3 for index, value in enumerate(ned) if index != axis)
 
 
-@pytest.mark.parametrize(("projection", "radius_m"), [(PX4.projection, 6371000.0), (ARDUCOPTER.projection, 6378100.0)])
+@pytest.mark.parametrize(
+    ("projection", "radius_m"), [(PX4.projection, 6371000.0), (ARDUCOPTER.projection, 6378100.0)]
+)
 def test_the_autopilots_maps_are_spheres_of_their_own_radius(projection, radius_m):
     frame = LocalFrame(47.0, 8.0, Amsl(400.0), projection=projection)
     north, _, _ = frame.ned_from_wgs84(47.001, 8.0, Amsl(400.0))
     _, east, _ = frame.ned_from_wgs84(47.0, 8.001, Amsl(400.0))
     assert north == pytest.approx(radius_m * math.radians(0.001), rel=1e-7)
-    assert east == pytest.approx(radius_m * math.cos(math.radians(47.0)) * math.radians(0.001), rel=1e-7)
+    assert east == pytest.approx(
+        radius_m * math.cos(math.radians(47.0)) * math.radians(0.001), rel=1e-7
+    )
 
 
 def test_a_sphere_s_east_differs_from_wgs84_by_a_foot_in_a_hundred_metres():
     east = {
-        p: LocalFrame(47.0, 8.0, Amsl(0.0), projection=p).ned_from_wgs84(47.0, 8.00132, Amsl(0.0))[1]
+        p: LocalFrame(47.0, 8.0, Amsl(0.0), projection=p).ned_from_wgs84(47.0, 8.00132, Amsl(0.0))[
+            1
+        ]
         for p in PROJECTIONS.values()
     }
     assert 0.2 < east[WGS84] - east[PX4.projection] < 0.4
@@ -88,8 +108,14 @@ def test_the_date_line_is_no_wall(projection):
 def test_the_origin_is_its_own_image():
     for projection in PROJECTIONS.values():
         frame = LocalFrame(47.0, 8.0, Amsl(400.0), projection=projection)
-        assert frame.ned_from_wgs84(47.0, 8.0, Amsl(400.0)) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
-        assert frame.wgs84_from_ned((0.0, 0.0, 0.0)) == (pytest.approx(47.0), pytest.approx(8.0), Amsl(400.0))
+        assert frame.ned_from_wgs84(47.0, 8.0, Amsl(400.0)) == pytest.approx(
+            (0.0, 0.0, 0.0), abs=1e-6
+        )
+        assert frame.wgs84_from_ned((0.0, 0.0, 0.0)) == (
+            pytest.approx(47.0),
+            pytest.approx(8.0),
+            Amsl(400.0),
+        )
 
 
 def test_altitudes_of_different_datum_are_never_equal():
@@ -106,7 +132,9 @@ def test_one_height_said_in_three_datums_is_one_place():
     assert height == {-22.0}
 
 
-@pytest.mark.parametrize(("altitude", "word"), [(Relative(20.0), "HOME_POSITION"), (Ellipsoid(20.0), "undulation_m")])
+@pytest.mark.parametrize(
+    ("altitude", "word"), [(Relative(20.0), "HOME_POSITION"), (Ellipsoid(20.0), "undulation_m")]
+)
 def test_a_datum_that_cannot_be_converted_is_refused_by_name(altitude, word):
     with pytest.raises(ConfigError, match=word):
         LocalFrame(47.0, 8.0, Amsl(400.0)).amsl(altitude)
@@ -139,7 +167,9 @@ def test_the_game_s_axes_are_east_north_up_above_the_plane():
 @given(st.tuples(METRES, METRES, METRES), st.tuples(METRES, METRES, METRES))
 def test_the_way_to_the_game_and_back_is_the_identity(position, origin):
     game = GameFrame(origin)
-    assert game.position_to_ned(game.position_from_ned(position)) == pytest.approx(position, abs=1e-9)
+    assert game.position_to_ned(game.position_from_ned(position)) == pytest.approx(
+        position, abs=1e-9
+    )
     assert ned_from_game(game_from_ned(position)) == position
 
 
@@ -156,4 +186,6 @@ def test_distances_survive_the_turn_into_the_game(one, other):
 def test_a_wrapped_angle_is_the_same_direction_within_half_a_turn(angle):
     wrapped = math.radians(wrap_deg(math.degrees(angle)))
     assert abs(wrapped) <= math.pi
-    assert (math.cos(wrapped), math.sin(wrapped)) == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-9)
+    assert (math.cos(wrapped), math.sin(wrapped)) == pytest.approx(
+        (math.cos(angle), math.sin(angle)), abs=1e-9
+    )

@@ -26,7 +26,12 @@ sys.argv = ["guidance", *{arguments!r}]
 main()
 """
     return subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", code],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
 
 
@@ -56,12 +61,16 @@ def test_games_and_records_need_no_extra(arguments, tmp_path):
         (("scenario", "show", "pe", "--out", "pe.png"), "plot"),
     ],
 )
-def test_a_command_whose_extra_is_missing_says_which_and_how_to_add_it(arguments, extra, tmp_path, monkeypatch):
+def test_a_command_whose_extra_is_missing_says_which_and_how_to_add_it(
+    arguments, extra, tmp_path, monkeypatch
+):
     from guidance.cli.program import app
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("guidance.extras.find_spec", lambda _: None)
-    with pytest.raises(ConfigError, match=rf"not installed: pip install 'pursuit-guidance\[{extra}\]'"):
+    with pytest.raises(
+        ConfigError, match=rf"not installed: pip install 'pursuit-guidance\[{extra}\]'"
+    ):
         app(list(arguments), standalone_mode=False)
 
 
@@ -69,7 +78,8 @@ def test_teams_without_scipy_name_the_extra(tmp_path):
     done = without_extras("scenario", "run", "teams_tad", folder=tmp_path)
     assert done.returncode == 2
     assert (
-        "match_teams: needs pyarrow, scipy, which are not installed: pip install 'pursuit-guidance[sim]'" in done.stderr
+        "match_teams: needs pyarrow, scipy, which are not installed: pip install 'pursuit-guidance[sim]'"
+        in done.stderr
     )
 
 
@@ -96,7 +106,10 @@ def test_the_wheel_in_an_empty_environment_is_small_and_flies(tmp_path):
     assert base.present() == []
     flown = base.run("guidance", "fly", "--fast", str(ROOT / "tests" / "data" / "short_chase.toml"))
     assert flown.returncode == 0, flown.stderr
-    assert "picture  needs matplotlib, which is not installed: pip install 'pursuit-guidance[plot]'" in flown.stdout
+    assert (
+        "picture  needs matplotlib, which is not installed: pip install 'pursuit-guidance[plot]'"
+        in flown.stdout
+    )
     assert base.run("sitl-mock", "list").returncode == 0
     refused = base.run("guidance", "sweep", "policies")
     assert (refused.returncode, "pursuit-guidance[sim]" in refused.stderr) == (2, True)

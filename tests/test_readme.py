@@ -33,7 +33,9 @@ def test_its_first_two_commands_are_one_line_each_and_the_second_is_what_ci_runs
     assert blocks[0].strip().endswith("guidance fly")
     line = re.compile(r"^python3 -m venv .*-m tests$", re.MULTILINE)
     assert line.findall(README) == [blocks[1].strip()]
-    assert "'^python3 -m venv .*-m tests$' README.md" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert "'^python3 -m venv .*-m tests$' README.md" in (ROOT / ".ci" / "run").read_text(
+        encoding="utf-8"
+    )
 
 
 @pytest.mark.parametrize(("program", "command"), COMMANDS)
@@ -60,7 +62,9 @@ def test_every_file_and_picture_it_names_is_there():
 
 
 def test_every_section_it_points_to_is_there():
-    sections = {title.lower().replace(" ", "-") for title in re.findall(r"^## (.+)$", README, re.MULTILINE)}
+    sections = {
+        title.lower().replace(" ", "-") for title in re.findall(r"^## (.+)$", README, re.MULTILINE)
+    }
     pointed = set(re.findall(r"\]\(#([^)]+)\)", README))
     assert pointed
     assert pointed <= sections
@@ -71,7 +75,9 @@ def test_every_file_and_module_that_a_page_of_the_docs_names_is_there(page):
     text = page.read_text(encoding="utf-8")
     text = re.sub(r"guidance/(?:\w+/(?:ctl|live)|team/[A-Z]+)/", "", text)  # keys on Zenoh
     paths = re.findall(r"`(?:python )?((?:guidance|sitl_mock|config|tests|docs)/[\w./-]+)", text)
-    modules = [name.replace(".", "/") + ".py" for name in re.findall(r"`python -m (tests\.[\w.]+)", text)]
+    modules = [
+        name.replace(".", "/") + ".py" for name in re.findall(r"`python -m (tests\.[\w.]+)", text)
+    ]
     assert [name for name in (*paths, *modules) if not (ROOT / name).exists()] == []
 
 

@@ -54,13 +54,21 @@ def test_the_containers_constraints_pin_every_declared_package_to_an_allowed_ver
 @pytest.mark.parametrize(
     ("found", "code", "words"),
     [
-        ('{"dependencies": [{"name": "a", "version": "1", "vulns": []}]}', 0, "1 of 1 packages audited"),
+        (
+            '{"dependencies": [{"name": "a", "version": "1", "vulns": []}]}',
+            0,
+            "1 of 1 packages audited",
+        ),
         (
             '{"dependencies": [{"name": "a", "version": "1", "vulns": [{"id": "CVE-1", "fix_versions": ["2"]}]}]}',
             1,
             "a 1: CVE-1, fixed in 2",
         ),
-        ('{"dependencies": [{"name": "a", "skip_reason": "not found"}]}', 3, "the database knows none of them"),
+        (
+            '{"dependencies": [{"name": "a", "skip_reason": "not found"}]}',
+            3,
+            "the database knows none of them",
+        ),
         ("", 3, "pip-audit gave no result (no output)"),
     ],
 )

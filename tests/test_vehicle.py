@@ -3,7 +3,16 @@ import math
 import pytest
 
 from guidance.autopilots import PX4
-from guidance.messages import Attitude, CommandAck, Heartbeat, Home, LandedState, LocalPosition, Odometry, Origin
+from guidance.messages import (
+    Attitude,
+    CommandAck,
+    Heartbeat,
+    Home,
+    LandedState,
+    LocalPosition,
+    Odometry,
+    Origin,
+)
 from guidance.vehicle import VehicleState, local_frame, observe
 
 
@@ -21,7 +30,10 @@ def test_nothing_heard_has_infinite_age_and_is_neither_armed_nor_on_the_ground()
 
 
 def test_the_latest_message_of_each_kind_is_kept_with_its_age():
-    state = observe(VehicleState(), [Heartbeat(1.0, 0, True, 4, 12), Attitude(1.5, 0.1, 0.3), LandedState(2.0, 1)])
+    state = observe(
+        VehicleState(),
+        [Heartbeat(1.0, 0, True, 4, 12), Attitude(1.5, 0.1, 0.3), LandedState(2.0, 1)],
+    )
     assert state.armed
     assert state.on_ground
     assert state.yaw_rad == 0.3
@@ -29,7 +41,9 @@ def test_the_latest_message_of_each_kind_is_kept_with_its_age():
 
 
 def test_repeated_and_older_local_positions_are_passed_over():
-    state = observe(VehicleState(), [local(1.0, 1.0), local(1.1, 1.0, (9.0, 9.0, 9.0)), local(1.2, 0.9)])
+    state = observe(
+        VehicleState(), [local(1.0, 1.0), local(1.1, 1.0, (9.0, 9.0, 9.0)), local(1.2, 0.9)]
+    )
     assert state.latest.get(LocalPosition) == local(1.0, 1.0)
     assert state.reboots == 0
 
@@ -69,4 +83,7 @@ def test_the_local_frame_is_the_estimators_origin_not_home():
 
 
 def test_no_frame_before_home_is_known():
-    assert local_frame(observe(VehicleState(), [Origin(1.0, 47.3, 8.4, 400.0)]), PX4.projection) is None
+    assert (
+        local_frame(observe(VehicleState(), [Origin(1.0, 47.3, 8.4, 400.0)]), PX4.projection)
+        is None
+    )

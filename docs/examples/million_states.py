@@ -32,13 +32,21 @@ def draw(evaders: NDArray[np.float64], margin_s: NDArray[np.float64], picture: P
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     axes = figure.add_subplot()
     shades = axes.contourf(
-        evaders[..., 0], evaders[..., 1], margin_s, levels=np.arange(-12.0, 13.0, 2.0), cmap="RdBu", extend="both"
+        evaders[..., 0],
+        evaders[..., 1],
+        margin_s,
+        levels=np.arange(-12.0, 13.0, 2.0),
+        cmap="RdBu",
+        extend="both",
     )
     axes.contour(evaders[..., 0], evaders[..., 1], margin_s, levels=[0.0], colors="black")
     axes.plot(25.0, 10.0, "k^", label="pursuer, 20 m up")
     axes.plot(0.0, 0.0, "kX", label="target")
     axes.set(
-        xlabel="x of the evader, m", ylabel="y of the evader, m", aspect="equal", title="Who wins: the barrier in black"
+        xlabel="x of the evader, m",
+        ylabel="y of the evader, m",
+        aspect="equal",
+        title="Who wins: the barrier in black",
     )
     axes.legend()
     figure.colorbar(shades, label="margin of the pursuer, s")
@@ -51,10 +59,15 @@ def main(states: int = 1_000_000, picture: Path = Path("barrier.png")) -> None:
     evaders, margin_s = margins(states)
     took_s = time.perf_counter() - begun_s
     share = float(np.mean(margin_s > 0.0))
-    print(f"{margin_s.size} states in {took_s:.2f} s: the pursuer wins {100.0 * share:.1f} % of them")
+    print(
+        f"{margin_s.size} states in {took_s:.2f} s: the pursuer wins {100.0 * share:.1f} % of them"
+    )
     draw(evaders, margin_s, picture)
     print(f"picture  {picture}")
 
 
 if __name__ == "__main__":
-    main(*([int(sys.argv[1])] if sys.argv[1:] else []), *([Path(sys.argv[2])] if sys.argv[2:] else []))
+    main(
+        *([int(sys.argv[1])] if sys.argv[1:] else []),
+        *([Path(sys.argv[2])] if sys.argv[2:] else []),
+    )

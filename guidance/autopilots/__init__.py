@@ -36,7 +36,9 @@ def register(autopilot: Autopilot) -> None:
         ConfigError: If another autopilot has this name.
     """
     if AUTOPILOTS.setdefault(autopilot.name, autopilot) is not autopilot:
-        raise ConfigError(f"autopilot {autopilot.name!r}: another one has this name; choose a new name")
+        raise ConfigError(
+            f"autopilot {autopilot.name!r}: another one has this name; choose a new name"
+        )
 
 
 def autopilot_named(name: str) -> Autopilot:

@@ -10,11 +10,22 @@ from typing import Final
 
 from guidance.autopilots import description, rules
 from guidance.autopilots.description import Autopilot, Bound, Mode
-from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
+from guidance.autopilots.rules import (
+    UPLOADED,
+    Judgement,
+    Parameters,
+    Rule,
+    Verdict,
+    Wants,
+    bits,
+    named,
+    passes,
+)
 from guidance.control import Acceleration, Approach, Dynamics, Handling, ServoGains
 from guidance.frames import LocalFrame, Projection, wrap_deg
 
-_RADIUS_M: Final = 0.011131884502145034e7 * 180.0 / math.pi  # LOCATION_SCALING_FACTOR, metres per 1e-7 degree
+# LOCATION_SCALING_FACTOR, metres per 1e-7 degree
+_RADIUS_M: Final = 0.011131884502145034e7 * 180.0 / math.pi
 
 
 def _to_metres(zero: LocalFrame, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
@@ -54,16 +65,29 @@ HANDLING: Final = Handling(
     ),
 )
 
-_FENCE_ACTIONS: Final = dict(enumerate(("report only", "RTL or Land", "Land", "SmartRTL", "Brake", "SmartRTL or Land")))
+_FENCE_ACTIONS: Final = dict(
+    enumerate(("report only", "RTL or Land", "Land", "SmartRTL", "Brake", "SmartRTL or Land"))
+)
 _FENCE_TYPES: Final = {0: "height", 1: "circle", 2: "polygon", 3: "floor"}
 _HEIGHT: Final = 1
 _CIRCLE: Final = 2
 _POLYGON: Final = 4
 """Bits of FENCE_TYPE; with the last one an uploaded fence is in use."""
 
-_RADIO_LOSS_ACTIONS: Final = {0: "none", 1: "RTL", 3: "Land", 4: "SmartRTL or RTL", 5: "SmartRTL or Land"}
+_RADIO_LOSS_ACTIONS: Final = {
+    0: "none",
+    1: "RTL",
+    3: "Land",
+    4: "SmartRTL or RTL",
+    5: "SmartRTL or Land",
+}
 _ESTIMATOR_ACTIONS: Final = {0: "none", 1: "Land", 2: "AltHold", 3: "Land always"}
-_OPTION_NAMES: Final = {0: "arming from the transmitter", 2: "pilot's yaw ignored", 3: "thrust", 4: "position not held"}
+_OPTION_NAMES: Final = {
+    0: "arming from the transmitter",
+    2: "pilot's yaw ignored",
+    3: "thrust",
+    4: "position not held",
+}
 _CENTI: Final = 0.01
 
 
@@ -72,7 +96,13 @@ def _fence_type(value: float, wants: Wants, parameters: Parameters) -> Judgement
     mask = round(value)
     polygon = bool(mask & _POLYGON) and parameters.get(UPLOADED) == 1.0
     held = bool(mask & _HEIGHT) and (bool(mask & _CIRCLE) or polygon)
-    return passes(held, "with height and circle", mask | _HEIGHT | _CIRCLE, why, otherwise=rules.fence_verdict(wants))
+    return passes(
+        held,
+        "with height and circle",
+        mask | _HEIGHT | _CIRCLE,
+        why,
+        otherwise=rules.fence_verdict(wants),
+    )
 
 
 def _fence_radius(value: float, wants: Wants, parameters: Parameters) -> Judgement:
@@ -83,8 +113,12 @@ def _fence_radius(value: float, wants: Wants, parameters: Parameters) -> Judgeme
 
 def _not_enforced(quantity: str) -> rules.Judge:
     # Measured: WPNAV_SPEED 500 still gave 15.2 m/s, and D ±10 gave ±9.7 despite 250/150.
-    wanted = "any; the game asks {:g} m/s (not enforced on GUIDED velocities: only our own limits are)"
-    return lambda _, wants, __: Judgement(Verdict.PASS, wanted.format(getattr(wants.game_speeds, quantity)))
+    wanted = (
+        "any; the game asks {:g} m/s (not enforced on GUIDED velocities: only our own limits are)"
+    )
+    return lambda _, wants, __: Judgement(
+        Verdict.PASS, wanted.format(getattr(wants.game_speeds, quantity))
+    )
 
 
 def _lean(value: float, wants: Wants, _: Parameters) -> Judgement:
@@ -98,8 +132,12 @@ _OPTIONS: Final = rules.mask(
     clear_bits=48,
     otherwise=Verdict.REFUSE,
 )
-_FENCE_ACTION: Final = rules.one_of(range(1, 10), "1 (RTL or Land), 2 or 4 (Brake)", 1, "the fence would only report")
-_RADIO_LOSS: Final = rules.one_of(range(1, 10), "1 (RTL)", 1, "nothing happens on radio loss", otherwise=Verdict.WARN)
+_FENCE_ACTION: Final = rules.one_of(
+    range(1, 10), "1 (RTL or Land), 2 or 4 (Brake)", 1, "the fence would only report"
+)
+_RADIO_LOSS: Final = rules.one_of(
+    range(1, 10), "1 (RTL)", 1, "nothing happens on radio loss", otherwise=Verdict.WARN
+)
 _ESTIMATOR: Final = rules.one_of(
     range(1, 10), "1 (Land)", 1, "nothing happens when the estimator fails", otherwise=Verdict.WARN
 )
@@ -107,12 +145,21 @@ _ESTIMATOR: Final = rules.one_of(
 RULES: Final = (
     Rule("GUID_TIMEOUT", rules.loss_time(" (3 s by default)"), "{:g} s".format),
     Rule("GUID_OPTIONS", _OPTIONS, bits(_OPTION_NAMES), needed=False),
-    Rule("FENCE_ENABLE", rules.one_of({1}, "1 (on)", 1, "the autopilot's fence is off"), named({0: "off", 1: "on"})),
+    Rule(
+        "FENCE_ENABLE",
+        rules.one_of({1}, "1 (on)", 1, "the autopilot's fence is off"),
+        named({0: "off", 1: "on"}),
+    ),
     Rule("FENCE_ACTION", _FENCE_ACTION, named(_FENCE_ACTIONS)),
     Rule("FENCE_TYPE", _fence_type, bits(_FENCE_TYPES)),
     Rule("FENCE_RADIUS", _fence_radius, "{:g} m".format),
     Rule("FENCE_ALT_MAX", rules.fence_size("ceiling_m"), "{:g} m".format),
-    Rule("RTL_ALT", rules.return_height("FENCE_ALT_MAX", "RTL", _CENTI), "{:g} cm".format, needed=False),
+    Rule(
+        "RTL_ALT",
+        rules.return_height("FENCE_ALT_MAX", "RTL", _CENTI),
+        "{:g} cm".format,
+        needed=False,
+    ),
     Rule("FS_THR_ENABLE", _RADIO_LOSS, named(_RADIO_LOSS_ACTIONS), needed=False),
     Rule("FS_EKF_ACTION", _ESTIMATOR, named(_ESTIMATOR_ACTIONS), needed=False),
     Rule("WPNAV_SPEED", _not_enforced("speed_m_s"), "{:g} cm/s".format, needed=False),
@@ -144,7 +191,9 @@ ARDUCOPTER: Final = Autopilot(
         Bound("limits", "fence_radius_m", "FENCE_RADIUS"),
         Bound("limits", "ceiling_m", "FENCE_ALT_MAX"),
     ),
-    uploaded_fence_counts=lambda parameters: bool(round(parameters.get("FENCE_TYPE", _POLYGON)) & _POLYGON),
+    uploaded_fence_counts=lambda parameters: bool(
+        round(parameters.get("FENCE_TYPE", _POLYGON)) & _POLYGON
+    ),
     one_inclusion_is_enough=False,
     tells_setpoint_always=False,
     mock="arducopter",

@@ -11,9 +11,15 @@ from guidance.control import Handling, Speeds
 from guidance.frames import Projection
 from guidance.messages import Command
 
-MAV_CMD_NAV_LAND, MAV_CMD_NAV_TAKEOFF, MAV_CMD_DO_SET_MODE, MAV_CMD_DO_REPOSITION = 21, 22, 176, 192
-MAV_CMD_COMPONENT_ARM_DISARM, MAV_CMD_SET_MESSAGE_INTERVAL, MAV_CMD_REQUEST_MESSAGE = 400, 511, 512
-MAV_FRAME_GLOBAL, MAV_FRAME_GLOBAL_RELATIVE_ALT = 0, 3
+MAV_CMD_NAV_LAND = 21
+MAV_CMD_NAV_TAKEOFF = 22
+MAV_CMD_DO_SET_MODE = 176
+MAV_CMD_DO_REPOSITION = 192
+MAV_CMD_COMPONENT_ARM_DISARM = 400
+MAV_CMD_SET_MESSAGE_INTERVAL = 511
+MAV_CMD_REQUEST_MESSAGE = 512
+MAV_FRAME_GLOBAL = 0
+MAV_FRAME_GLOBAL_RELATIVE_ALT = 3
 
 MULTICOPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 """MAV_TYPEs of vehicles that hover and move in any direction."""
@@ -98,7 +104,10 @@ class Autopilot:
 
     def mode_of(self, custom_mode: int) -> Mode:
         """Return the mode of HEARTBEAT.custom_mode."""
-        return next((mode for mode, number in self.custom_modes.items() if number == custom_mode), Mode.OTHER)
+        return next(
+            (mode for mode, number in self.custom_modes.items() if number == custom_mode),
+            Mode.OTHER,
+        )
 
     def set_mode(self, mode: Mode) -> Command:
         """DO_SET_MODE with the custom flag (base mode 1)."""
@@ -116,21 +125,30 @@ class Autopilot:
 
     def takeoff(self, *, height_m: float, home_amsl_m: float) -> Command:
         """NAV_TAKEOFF to a height above home. PX4 expects it above mean sea level, ArduCopter above home."""
-        altitude = height_m if self.takeoff_frame == MAV_FRAME_GLOBAL_RELATIVE_ALT else height_m + home_amsl_m
+        altitude = (
+            height_m
+            if self.takeoff_frame == MAV_FRAME_GLOBAL_RELATIVE_ALT
+            else height_m + home_amsl_m
+        )
         return _command(self.unused, MAV_CMD_NAV_TAKEOFF, *[self.unused] * 6, altitude)
 
     def land(self) -> Command:
         """NAV_LAND here."""
         return _command(self.unused, MAV_CMD_NAV_LAND)
 
-    def reposition(self, *, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Command:
+    def reposition(
+        self, *, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float
+    ) -> Command:
         """DO_REPOSITION at the autopilot's own speed, with a change to the mode that flies it (Hold, GUIDED)."""
         params = (-1.0, 1.0, 0.0, math.nan, latitude_deg, longitude_deg, altitude_amsl_m)
         return Command(MAV_CMD_DO_REPOSITION, params, frame=MAV_FRAME_GLOBAL)
 
     def stream_requests(self) -> tuple[Command, ...]:
         """SET_MESSAGE_INTERVAL for every stream in `streams_hz`."""
-        return tuple(_command(0.0, MAV_CMD_SET_MESSAGE_INTERVAL, one, 1e6 / hz) for one, hz in self.streams_hz.items())
+        return tuple(
+            _command(0.0, MAV_CMD_SET_MESSAGE_INTERVAL, one, 1e6 / hz)
+            for one, hz in self.streams_hz.items()
+        )
 
     def request_message(self, message_id: int) -> Command:
         """REQUEST_MESSAGE, once."""
@@ -143,9 +161,17 @@ def _command(unused: float, number: int, *params: float) -> Command:
     return Command(number, (p1, p2, p3, p4, p5, p6, p7))
 
 
-HEARTBEAT, ATTITUDE, LOCAL_POSITION_NED, GLOBAL_POSITION_INT, SYS_STATUS = 0, 30, 32, 33, 1
-GPS_GLOBAL_ORIGIN, HOME_POSITION, EXTENDED_SYS_STATE, ODOMETRY = 49, 242, 245, 331
-POSITION_TARGET_LOCAL_NED, GPS_RAW_INT = 85, 24
+HEARTBEAT = 0
+ATTITUDE = 30
+LOCAL_POSITION_NED = 32
+GLOBAL_POSITION_INT = 33
+SYS_STATUS = 1
+GPS_GLOBAL_ORIGIN = 49
+HOME_POSITION = 242
+EXTENDED_SYS_STATE = 245
+ODOMETRY = 331
+POSITION_TARGET_LOCAL_NED = 85
+GPS_RAW_INT = 24
 
 STREAMS_HZ = {
     ATTITUDE: 20.0,

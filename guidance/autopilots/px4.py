@@ -8,8 +8,25 @@ import math
 from typing import Final
 
 from guidance.autopilots import rules
-from guidance.autopilots.description import MAV_FRAME_GLOBAL, ODOMETRY, STREAMS_HZ, Autopilot, Bound, Mode
-from guidance.autopilots.rules import UPLOADED, Judgement, Parameters, Rule, Verdict, Wants, bits, named, passes
+from guidance.autopilots.description import (
+    MAV_FRAME_GLOBAL,
+    ODOMETRY,
+    STREAMS_HZ,
+    Autopilot,
+    Bound,
+    Mode,
+)
+from guidance.autopilots.rules import (
+    UPLOADED,
+    Judgement,
+    Parameters,
+    Rule,
+    Verdict,
+    Wants,
+    bits,
+    named,
+    passes,
+)
 from guidance.control import Acceleration, Approach, Dynamics, Handling, ServoGains
 from guidance.frames import LocalFrame, Projection
 
@@ -18,7 +35,8 @@ _RADIUS_M: Final = 6371000.0  # CONSTANTS_RADIUS_OF_EARTH
 
 def _to_metres(zero: LocalFrame, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
     """See `guidance.frames.Projection`."""
-    lat0, lat = math.radians(zero.latitude_deg), math.radians(latitude_deg)
+    lat0 = math.radians(zero.latitude_deg)
+    lat = math.radians(latitude_deg)
     east = math.radians(longitude_deg - zero.longitude_deg)
     cosine = math.sin(lat0) * math.sin(lat) + math.cos(lat0) * math.cos(lat) * math.cos(east)
     arc = math.acos(min(1.0, max(-1.0, cosine)))
@@ -29,13 +47,17 @@ def _to_metres(zero: LocalFrame, latitude_deg: float, longitude_deg: float) -> t
 
 def _to_degrees(zero: LocalFrame, north_m: float, east_m: float) -> tuple[float, float]:
     """See `guidance.frames.Projection`."""
-    lat0, distance_m = math.radians(zero.latitude_deg), math.hypot(north_m, east_m)
+    lat0 = math.radians(zero.latitude_deg)
+    distance_m = math.hypot(north_m, east_m)
     if distance_m == 0.0:
         return zero.latitude_deg, zero.longitude_deg
     arc = distance_m / _RADIUS_M
-    sine, cosine = math.sin(arc), math.cos(arc)
+    sine = math.sin(arc)
+    cosine = math.cos(arc)
     lat = math.asin(cosine * math.sin(lat0) + north_m * sine * math.cos(lat0) / distance_m)
-    turn = math.atan2(east_m * sine, distance_m * math.cos(lat0) * cosine - north_m * math.sin(lat0) * sine)
+    turn = math.atan2(
+        east_m * sine, distance_m * math.cos(lat0) * cosine - north_m * math.sin(lat0) * sine
+    )
     return math.degrees(lat), zero.longitude_deg + math.degrees(turn)
 
 
@@ -57,7 +79,9 @@ HANDLING: Final = Handling(
         trim_learning_per_s2=0.3,
     ),
     # It brakes before the stand-off does: a limit that acts takes the fed acceleration away, drag's share too.
-    approach=Approach(braking_m_s2=2.5, vertical_braking_m_s2=2.0, lag_s=0.25, vertical_settle_s=0.4, margin_m=0.1),
+    approach=Approach(
+        braking_m_s2=2.5, vertical_braking_m_s2=2.0, lag_s=0.25, vertical_settle_s=0.4, margin_m=0.1
+    ),
     # Near its tilt limit it descends at 1.4 m/s instead of 1.5 m/s.
     acceleration=Acceleration(ground_m_s2=3.0, vertical_m_s2=3.0, descent_share=0.92),
     dynamics=Dynamics(
@@ -71,17 +95,35 @@ HANDLING: Final = Handling(
     ),
 )
 
-_LOSS_NAMES: Final = ("disabled", "Position", "Altitude", "Stabilized", "Return", "Land", "Hold", "Terminate", "Disarm")
+_LOSS_NAMES: Final = (
+    "disabled",
+    "Position",
+    "Altitude",
+    "Stabilized",
+    "Return",
+    "Land",
+    "Hold",
+    "Terminate",
+    "Disarm",
+)
 _LOSS_ACTIONS: Final = dict(enumerate(_LOSS_NAMES, start=-1))
 _FENCE_ACTIONS: Final = {0: "none", 1: "warning", 2: "Hold", 3: "Return", 4: "Terminate", 5: "Land"}
-_RADIO_LOSS_ACTIONS: Final = {0: "disabled", 1: "Hold", 2: "Return", 3: "Land", 5: "Terminate", 6: "Disarm"}
+_RADIO_LOSS_ACTIONS: Final = {
+    0: "disabled",
+    1: "Hold",
+    2: "Return",
+    3: "Land",
+    5: "Terminate",
+    6: "Disarm",
+}
 _BATTERY_ACTIONS: Final = {0: "warning", 2: "Land", 3: "Return, then Land"}
 _EXCEPTIONS: Final = {0: "Mission", 1: "Hold and other auto modes", 2: "Offboard"}
 _OVERRIDES: Final = {0: "auto modes", 1: "Offboard"}
 
 
 def _loss_action(value: float, _: Wants, __: Parameters) -> Judgement:
-    wanted, action = "5 (Hold), 3 (Return) or 4 (Land)", round(value)
+    wanted = "5 (Hold), 3 (Return) or 4 (Land)"
+    action = round(value)
     reason = {
         # Measured: with a radio the pilot has it in Position; without one PX4 falls through to Return.
         0: "Position is safe with a pilot's radio; without one PX4 returns",
@@ -90,47 +132,74 @@ def _loss_action(value: float, _: Wants, __: Parameters) -> Judgement:
         6: "Terminate lets the vehicle fall",
         7: "Disarm lets the vehicle fall",
     }.get(action, "nothing would be done when setpoints stop")
-    return passes(action in {3, 4, 5}, wanted, 5, reason, otherwise=Verdict.REFUSE if action else Verdict.WARN)
+    return passes(
+        action in {3, 4, 5}, wanted, 5, reason, otherwise=Verdict.REFUSE if action else Verdict.WARN
+    )
 
 
 def _fence_action(value: float, wants: Wants, parameters: Parameters) -> Judgement:
-    why = "Terminate lets the vehicle fall" if round(value) == 4 else "the autopilot's fence would not act"
-    return rules.one_of({2, 3, 5}, "2 (Hold), 3 (Return) or 5 (Land)", 2, why)(value, wants, parameters)
+    why = (
+        "Terminate lets the vehicle fall"
+        if round(value) == 4
+        else "the autopilot's fence would not act"
+    )
+    return rules.one_of({2, 3, 5}, "2 (Hold), 3 (Return) or 5 (Land)", 2, why)(
+        value, wants, parameters
+    )
 
 
 def _fence_distance(value: float, wants: Wants, parameters: Parameters) -> Judgement:
     uploaded = parameters.get(UPLOADED)
     if value == 0.0 and uploaded == 1.0:
         return Judgement(Verdict.PASS, "0, since the uploaded fence stands behind ours")
-    read = "no inclusion fence is uploaded" if uploaded == 0.0 else "whether a fence is uploaded is not known"
+    read = (
+        "no inclusion fence is uploaded"
+        if uploaded == 0.0
+        else "whether a fence is uploaded is not known"
+    )
     return rules.fence_size("reach_m", f"0 disables it, and {read}")(value, wants, parameters)
 
 
 def _speed(value: float, wants: Wants, _: Parameters) -> Judgement:
     enough = _at_least(value, wants.limit_speeds.speed_m_s)
     if enough.verdict is Verdict.REFUSE and value >= wants.game_speeds.speed_m_s:
-        return enough._replace(verdict=Verdict.WARN, why="enough for the game; catching up is cut to it")
+        return enough._replace(
+            verdict=Verdict.WARN, why="enough for the game; catching up is cut to it"
+        )
     return enough
 
 
 def _at_least(value: float, wanted_m_s: float) -> Judgement:
     # A parameter is single precision on the wire.
     enough = value >= wanted_m_s - 1e-4
-    return passes(enough, f"at least {wanted_m_s:g} m/s", wanted_m_s, "or play with less: PX4 cuts setpoints to it")
+    return passes(
+        enough,
+        f"at least {wanted_m_s:g} m/s",
+        wanted_m_s,
+        "or play with less: PX4 cuts setpoints to it",
+    )
 
 
-_FENCE_HEIGHT: Final = rules.fence_size("ceiling_m", "0 disables it, and an uploaded fence has no height")
+_FENCE_HEIGHT: Final = rules.fence_size(
+    "ceiling_m", "0 disables it, and an uploaded fence has no height"
+)
 _RADIO_EXCEPTIONS: Final = rules.mask(
     "without Offboard, where a pilot has a radio",
     "radio loss is ignored in OFFBOARD: nothing happens when the pilot's link is lost",
     clear_bits=4,
 )
 _OVERRIDE: Final = rules.mask(
-    "with Offboard", "the sticks do not end OFFBOARD: a pilot takes over by the mode switch", set_bits=2
+    "with Offboard",
+    "the sticks do not end OFFBOARD: a pilot takes over by the mode switch",
+    set_bits=2,
 )
-_RADIO_LOSS: Final = rules.one_of({1, 2, 3}, "1 (Hold), 2 (Return) or 3 (Land)", 2, otherwise=Verdict.WARN)
+_RADIO_LOSS: Final = rules.one_of(
+    {1, 2, 3}, "1 (Hold), 2 (Return) or 3 (Land)", 2, otherwise=Verdict.WARN
+)
 _SILENT: Final = "only our own limit returns; it does not when we are silent"
-_BATTERY: Final = rules.one_of(range(1, 10), "3 (Return, then Land)", 3, _SILENT, otherwise=Verdict.WARN)
+_BATTERY: Final = rules.one_of(
+    range(1, 10), "3 (Return, then Land)", 3, _SILENT, otherwise=Verdict.WARN
+)
 
 _M_S: Final = "{:g} m/s".format
 
@@ -144,10 +213,23 @@ RULES: Final = (
     Rule("GF_ACTION", _fence_action, named(_FENCE_ACTIONS)),
     Rule("GF_MAX_HOR_DIST", _fence_distance, "{:g} m".format),
     Rule("GF_MAX_VER_DIST", _FENCE_HEIGHT, "{:g} m".format),
-    Rule("RTL_RETURN_ALT", rules.return_height("GF_MAX_VER_DIST", "Return"), "{:g} m".format, needed=False),
+    Rule(
+        "RTL_RETURN_ALT",
+        rules.return_height("GF_MAX_VER_DIST", "Return"),
+        "{:g} m".format,
+        needed=False,
+    ),
     Rule("MPC_XY_VEL_MAX", _speed, _M_S),
-    Rule("MPC_Z_VEL_MAX_UP", lambda value, wants, _: _at_least(value, wants.game_speeds.climb_m_s), _M_S),
-    Rule("MPC_Z_VEL_MAX_DN", lambda value, wants, _: _at_least(value, wants.game_speeds.descent_m_s), _M_S),
+    Rule(
+        "MPC_Z_VEL_MAX_UP",
+        lambda value, wants, _: _at_least(value, wants.game_speeds.climb_m_s),
+        _M_S,
+    ),
+    Rule(
+        "MPC_Z_VEL_MAX_DN",
+        lambda value, wants, _: _at_least(value, wants.game_speeds.descent_m_s),
+        _M_S,
+    ),
 )
 
 
@@ -188,5 +270,8 @@ PX4: Final = Autopilot(
     one_inclusion_is_enough=True,
     tells_setpoint_always=True,
     mock="px4",
-    mock_speeds=lambda speeds: {"MPC_Z_VEL_MAX_UP": speeds.climb_m_s, "MPC_Z_VEL_MAX_DN": speeds.descent_m_s},
+    mock_speeds=lambda speeds: {
+        "MPC_Z_VEL_MAX_UP": speeds.climb_m_s,
+        "MPC_Z_VEL_MAX_DN": speeds.descent_m_s,
+    },
 )

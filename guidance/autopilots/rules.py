@@ -30,16 +30,26 @@ class Finding(NamedTuple):
 
     @classmethod
     def of(
-        cls, passed: bool, name: str, value: str, wanted: str, advice: str, otherwise: Verdict = Verdict.REFUSE
+        cls,
+        passed: bool,
+        name: str,
+        value: str,
+        wanted: str,
+        advice: str,
+        otherwise: Verdict = Verdict.REFUSE,
     ) -> "Finding":
         """Return a condition that passes without advice, or else has the verdict `otherwise`."""
-        return cls(name, value, wanted, Verdict.PASS if passed else otherwise, "" if passed else advice)
+        return cls(
+            name, value, wanted, Verdict.PASS if passed else otherwise, "" if passed else advice
+        )
 
 
 class Preflight(Section):
     """The `[preflight]` section of a vehicle file: what preflight demands of the autopilot."""
 
-    fence_required: bool = Field(True, description="whether the autopilot's own fence must enclose ours")
+    fence_required: bool = Field(
+        True, description="whether the autopilot's own fence must enclose ours"
+    )
     loss_time_limit_s: float = Field(
         1.5, gt=0.2, le=5.0, description="longest time that the autopilot may fly an old setpoint"
     )
@@ -102,17 +112,28 @@ def row_of(rule: Rule, parameters: Parameters, wants: Wants) -> Finding:
     """Apply a rule."""
     value = parameters.get(rule.name)
     if value is None:
-        verdict, advice = Verdict.WARN, "this autopilot may not have it"
+        verdict = Verdict.WARN
+        advice = "this autopilot may not have it"
         if rule.needed:
-            verdict, advice = Verdict.REFUSE, "requested again every few seconds"
+            verdict = Verdict.REFUSE
+            advice = "requested again every few seconds"
         return Finding(rule.name, "not read", "a value", verdict, advice)
     verdict, wanted, set_to, why = rule.judge(value, wants, parameters)
-    command = "" if verdict is Verdict.PASS or set_to is None else f"param set {rule.name} {set_to:.9g}"
-    return Finding(rule.name, rule.read(value), wanted, verdict, "; ".join(filter(None, (command, why))))
+    command = (
+        "" if verdict is Verdict.PASS or set_to is None else f"param set {rule.name} {set_to:.9g}"
+    )
+    return Finding(
+        rule.name, rule.read(value), wanted, verdict, "; ".join(filter(None, (command, why)))
+    )
 
 
 def passes(
-    condition: bool, wanted: str, set_to: float | None = None, why: str = "", *, otherwise: Verdict = Verdict.REFUSE
+    condition: bool,
+    wanted: str,
+    set_to: float | None = None,
+    why: str = "",
+    *,
+    otherwise: Verdict = Verdict.REFUSE,
 ) -> Judgement:
     """Pass if the condition holds.
 
@@ -123,10 +144,19 @@ def passes(
         why: The consequence of failing.
         otherwise: The verdict of failing.
     """
-    return Judgement(Verdict.PASS, wanted) if condition else Judgement(otherwise, wanted, set_to, why)
+    return (
+        Judgement(Verdict.PASS, wanted) if condition else Judgement(otherwise, wanted, set_to, why)
+    )
 
 
-def one_of(good: Container[int], wanted: str, set_to: int, why: str = "", *, otherwise: Verdict | None = None) -> Judge:
+def one_of(
+    good: Container[int],
+    wanted: str,
+    set_to: int,
+    why: str = "",
+    *,
+    otherwise: Verdict | None = None,
+) -> Judge:
     """Judge an enumeration.
 
     Args:
@@ -141,7 +171,14 @@ def one_of(good: Container[int], wanted: str, set_to: int, why: str = "", *, oth
     )
 
 
-def mask(wanted: str, why: str, *, set_bits: int = 0, clear_bits: int = 0, otherwise: Verdict = Verdict.WARN) -> Judge:
+def mask(
+    wanted: str,
+    why: str,
+    *,
+    set_bits: int = 0,
+    clear_bits: int = 0,
+    otherwise: Verdict = Verdict.WARN,
+) -> Judge:
     """Judge a bit mask: some bits must be set, others cleared."""
 
     def judged(value: float, _: Wants, __: Parameters) -> Judgement:
@@ -176,7 +213,8 @@ def return_height(fence: str, action: str, unit_m: float = 1.0) -> Judge:
         fence_m = parameters.get(fence, 0.0)
         if fence_m <= 0.0:
             return Judgement(Verdict.PASS, "below the fence, where there is one")
-        wanted, set_to = f"below {fence} = {fence_m:g} m", (fence_m - 5.0) / unit_m
+        wanted = f"below {fence} = {fence_m:g} m"
+        set_to = (fence_m - 5.0) / unit_m
         why = f"{action} would climb through the fence"
         return passes(value * unit_m < fence_m, wanted, set_to, why, otherwise=Verdict.WARN)
 
@@ -197,8 +235,10 @@ def fence_size(ours: str, off: str = "") -> Judge:
     """
 
     def judged(size_m: float, wants: Wants, _: Parameters) -> Judgement:
-        least_m, why = getattr(wants.limits, ours), off if off and size_m == 0.0 else "it would act inside ours"
-        wanted, set_to = f"at least {least_m:g} m, ours", math.ceil(least_m + 5.0)
+        least_m = getattr(wants.limits, ours)
+        why = off if off and size_m == 0.0 else "it would act inside ours"
+        wanted = f"at least {least_m:g} m, ours"
+        set_to = math.ceil(least_m + 5.0)
         return passes(size_m >= least_m, wanted, set_to, why, otherwise=fence_verdict(wants))
 
     return judged

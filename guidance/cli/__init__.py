@@ -13,7 +13,13 @@ FAULT = 70
 """Exit code of an internal error (EX_SOFTWARE of sysexits.h)."""
 
 _ORDERS: Final = frozenset({"start", "engage", "hold", "return", "land", "abort", "reset"})
-_OPTIONS: Final = {"--endpoint": str, "--name": str, "--team": str, "--token-file": Path, "--zenoh": Path}
+_OPTIONS: Final = {
+    "--endpoint": str,
+    "--name": str,
+    "--team": str,
+    "--token-file": Path,
+    "--zenoh": Path,
+}
 
 
 def main() -> None:
@@ -56,7 +62,9 @@ def _short_order(arguments: Sequence[str]) -> int | None:
     given = dict(zip(arguments[2::2], arguments[3::2], strict=True))
     if not given.keys() <= _OPTIONS.keys():
         return None
-    options: dict[str, Any] = {name[2:].replace("-", "_"): _OPTIONS[name](word) for name, word in given.items()}
+    options: dict[str, Any] = {
+        name[2:].replace("-", "_"): _OPTIONS[name](word) for name, word in given.items()
+    }
     return max(map(show, ask(arguments[1], **options)))
 
 
@@ -100,12 +108,15 @@ def ask(
     with control_bus.join_session(**given) as session:
         if team is None:
             return [control_bus.ask(session, order, name, endpoint=given["endpoint"], by=by)]
-        return control_bus.order_team(session, order, team, [] if name is None else name.split(","), by=by)
+        return control_bus.order_team(
+            session, order, team, [] if name is None else name.split(","), by=by
+        )
 
 
 def show(answer: Mapping[str, Any]) -> int:
     """Say in a line what became of an order, in red where it was refused; return the exit code."""
-    name, state = answer.get("name", "the daemon"), answer.get("state", "")
+    name = answer.get("name", "the daemon")
+    state = answer.get("state", "")
     if answer["accepted"]:
         print(f"{name}: {answer['order']} accepted, {state}")  # noqa: T201 - the command's answer
         return 0

@@ -15,15 +15,29 @@ from guidance.errors import ConfigError, FlightError
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before arming or setting.")]
 AllRows = Annotated[bool, typer.Option("--all", help="Show the passed rows, too.")]
-Scenario = Annotated[str, typer.Argument(help="A scenario file, or a name of `guidance scenario list`.")]
+Scenario = Annotated[
+    str, typer.Argument(help="A scenario file, or a name of `guidance scenario list`.")
+]
 Seed = Annotated[int | None, typer.Option(min=0, help="Seed; default: the scenario's.")]
 Expected = Annotated[str | None, typer.Option(help="px4 or arducopter; default: from HEARTBEAT.")]
 Link = Annotated[str, typer.Option(help="Client in real time: mavsdk or pymavlink.")]
-Port = Annotated[int, typer.Option(min=0, max=65535, help="Zenoh port of the mock, or its first UDP port; 0 is any.")]
-FlightFolder = Annotated[Path | None, typer.Option(help="Its new folder.", show_default="flights/SCENARIO-NUMBER")]
-TokenFile = Annotated[Path | None, typer.Option(help="The control.token_file; not needed for your own daemon.")]
-ZenohFile = Annotated[Path | None, typer.Option(help="For a router (tls/…): our file from `guidance zenoh keys`.")]
-Panel = Annotated[bool, typer.Option("--panel", help="Serve the operator's page (extra panel; map: GUIDANCE_TILES).")]
+Port = Annotated[
+    int,
+    typer.Option(min=0, max=65535, help="Zenoh port of the mock, or its first UDP port; 0 is any."),
+]
+FlightFolder = Annotated[
+    Path | None, typer.Option(help="Its new folder.", show_default="flights/SCENARIO-NUMBER")
+]
+TokenFile = Annotated[
+    Path | None, typer.Option(help="The control.token_file; not needed for your own daemon.")
+]
+ZenohFile = Annotated[
+    Path | None, typer.Option(help="For a router (tls/…): our file from `guidance zenoh keys`.")
+]
+Panel = Annotated[
+    bool,
+    typer.Option("--panel", help="Serve the operator's page (extra panel; map: GUIDANCE_TILES)."),
+]
 
 
 class CommandGroup(TyperGroup):
@@ -71,7 +85,9 @@ def agree(question: str) -> None:
         agreed = typer.confirm(question, err=True)
     except typer.Abort:
         typer.echo("", err=True)
-        raise ConfigError("no answer to the question: nothing was done; --yes answers it in advance") from None
+        raise ConfigError(
+            "no answer to the question: nothing was done; --yes answers it in advance"
+        ) from None
     if not agreed:
         typer.echo("nothing was done", err=True)
         raise typer.Exit(FlightError.exit_code)

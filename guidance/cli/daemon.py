@@ -21,7 +21,9 @@ from guidance.session.control_socket import ENDPOINT
 
 
 def run(
-    config: Annotated[str, typer.Argument(help="A vehicle file, or one of the package: px4, arducopter.")],
+    config: Annotated[
+        str, typer.Argument(help="A vehicle file, or one of the package: px4, arducopter.")
+    ],
     panel: Panel = False,
 ) -> None:
     """Run the offboard guidance daemon of one vehicle, on its companion computer.
@@ -46,14 +48,23 @@ def run(
                 refused = f"--panel with control.endpoint = {endpoint!r}: that router judges who may order"
                 mend = f"leave it out, and run guidance panel --endpoint {endpoint} --zenoh FILE (an operator's)"
                 raise ConfigError(f"{refused}; {mend}")
-            closing.callback(panel_beside(endpoint, own.record.folder, own.control.token_file).close)
+            closing.callback(
+                panel_beside(endpoint, own.record.folder, own.control.token_file).close
+            )
         run_vehicle(path, own)
 
 
 def ctl(
-    order: Annotated[str, typer.Argument(help="start, engage, hold, land, return, abort, reset, status or alive.")],
-    name: Annotated[str | None, typer.Option(help="Of one of several vehicles; with --team uav1,uav2.")] = None,
-    team: Annotated[str | None, typer.Option(help="To all vehicles of a team, or to those of --name.")] = None,
+    order: Annotated[
+        str,
+        typer.Argument(help="start, engage, hold, land, return, abort, reset, status or alive."),
+    ],
+    name: Annotated[
+        str | None, typer.Option(help="Of one of several vehicles; with --team uav1,uav2.")
+    ] = None,
+    team: Annotated[
+        str | None, typer.Option(help="To all vehicles of a team, or to those of --name.")
+    ] = None,
     endpoint: Annotated[str, typer.Option(help="The daemon's control endpoint.")] = ENDPOINT,
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
@@ -79,7 +90,9 @@ def ctl(
     - `guidance ctl hold --team north`: to all vehicles of a team
     - `guidance ctl hold --endpoint tls/192.168.1.10:7447 --zenoh keys/operator.toml`: by a router
     """
-    answers = ask(order, endpoint=endpoint, name=name, team=team, token_file=token_file, zenoh=zenoh)
+    answers = ask(
+        order, endpoint=endpoint, name=name, team=team, token_file=token_file, zenoh=zenoh
+    )
     if as_json:
         typer.echo(json.dumps(answers[0] if team is None else answers, indent=2))
     else:
@@ -105,7 +118,10 @@ def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
     yield "state", Text(str(status.get("state", "-")), "bold")
     if "waiting_for" in status:
         limit = status["connect_timeout_s"]
-        yield "waiting", f"for {status['waiting_for']}, {status['waited_s']:.0f} s so far, {limit:.0f} s at most"
+        yield (
+            "waiting",
+            f"for {status['waiting_for']}, {status['waited_s']:.0f} s so far, {limit:.0f} s at most",
+        )
         return
     if status.get("next"):
         yield "next", Text(str(status["next"]), "yellow")
@@ -116,7 +132,8 @@ def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
     beat, position, evader = (_said(status, key, "{:.1f} s ago", "never") for key in ages)
     yield "heard", f"HEARTBEAT {beat}, position {position}"
     if "height_m" in status:
-        (n, e, _), (north, east, down) = status["position_ned_m"], status["velocity_ned_m_s"]
+        (n, e, _) = status["position_ned_m"]
+        (north, east, down) = status["velocity_ned_m_s"]
         yield "height", f"{status['height_m']:z.1f} m above home"
         yield "position", f"{n:z.1f} m north, {e:z.1f} m east of the origin"
         yield "speed", f"{math.hypot(north, east):.1f} m/s level, {-down:z.1f} m/s up"
@@ -128,10 +145,18 @@ def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
 
 
 def _game(status: Status, game: Status) -> Iterator[tuple[str, Cell]]:
-    yield "range", f"{status['range_m']:.1f} m to the evader, {_said(game, 'gap_m')} m to the stand-off disc's rim"
+    yield (
+        "range",
+        f"{status['range_m']:.1f} m to the evader, {_said(game, 'gap_m')} m to the stand-off disc's rim",
+    )
     promised = "value to go" if status["value_unit"] == "s" else "evader's distance from its target"
-    yield "ideal game", f"winner {game['winner']}; {promised} {_said(game, 'value')} {status['value_unit']}"
-    needs = f"needs {_said(game, 'time_needed_s')} s, reaches {_said(game, 'reachable_speed_m_s')} m/s"
+    yield (
+        "ideal game",
+        f"winner {game['winner']}; {promised} {_said(game, 'value')} {status['value_unit']}",
+    )
+    needs = (
+        f"needs {_said(game, 'time_needed_s')} s, reaches {_said(game, 'reachable_speed_m_s')} m/s"
+    )
     yield "this vehicle", f"winner {game.get('vehicle_winner', 'undecided')}; {needs}"
     if game.get("active_limits"):
         yield "limited by", ", ".join(game["active_limits"])

@@ -25,9 +25,24 @@ from guidance.flight import State
 from guidance.screen import aged, console, live, pairs, redraws
 from guidance.session.control_socket import ENDPOINT
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, TEAM, flight_folder
-from guidance.session.fly import Asked, ByFile, MockOptions, Onlooker, Played, Way, fly_recorded, left_out
+from guidance.session.fly import (
+    Asked,
+    ByFile,
+    MockOptions,
+    Onlooker,
+    Played,
+    Way,
+    fly_recorded,
+    left_out,
+)
 from guidance.session.mission import Progress
-from guidance.session.result import FlightResult, MissionResult, ending_words, outcome_of_flight, team_rows
+from guidance.session.result import (
+    FlightResult,
+    MissionResult,
+    ending_words,
+    outcome_of_flight,
+    team_rows,
+)
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import TeamScenario
@@ -38,23 +53,38 @@ STALLED_S: Final = 1.0
 _PLAIN_S: Final = 3.0
 """Shortest interval of plain lines about waiting."""
 
-_WITH_CAUSE: Final = {State.PAUSED, State.HOLDING, State.RETURNING, State.OUT_OF_CONTACT, State.YIELDED, State.FAILED}
+_WITH_CAUSE: Final = {
+    State.PAUSED,
+    State.HOLDING,
+    State.RETURNING,
+    State.OUT_OF_CONTACT,
+    State.YIELDED,
+    State.FAILED,
+}
 """States that are shown with what led to them."""
 
 
 def fly(
     ctx: typer.Context,
     scenario: arguments.Scenario = "pe",
-    vehicle: Annotated[list[str] | None, typer.Option(help="URL of an autopilot. IT IS ARMED.", metavar="URL")] = None,
+    vehicle: Annotated[
+        list[str] | None, typer.Option(help="URL of an autopilot. IT IS ARMED.", metavar="URL")
+    ] = None,
     autopilot: arguments.Expected = None,
     yes: arguments.Yes = False,
-    end: Annotated[str, typer.Option(help="End of a flight with --vehicle: return home, or land.")] = "return",
-    fast: Annotated[bool, typer.Option("--fast", help="Fly in virtual time, as fast as the processor goes.")] = False,
+    end: Annotated[
+        str, typer.Option(help="End of a flight with --vehicle: return home, or land.")
+    ] = "return",
+    fast: Annotated[
+        bool, typer.Option("--fast", help="Fly in virtual time, as fast as the processor goes.")
+    ] = False,
     link: arguments.Link = "mavsdk",
     port: arguments.Port = 0,
     out: arguments.FlightFolder = None,
     seed: arguments.Seed = None,
-    view: Annotated[bool, typer.Option("--view", help="Show the flight in Rerun (needs the extra viz).")] = False,
+    view: Annotated[
+        bool, typer.Option("--view", help="Show the flight in Rerun (needs the extra viz).")
+    ] = False,
     panel: arguments.Panel = False,
     as_json: arguments.Json = False,
 ) -> None:
@@ -85,14 +115,18 @@ def fly(
     if not vehicle:
         arguments.refuse(ctx, "the mock", "with --vehicle", "--yes", "--autopilot", "--end")
     else:
-        arguments.refuse(ctx, f"--vehicle {' '.join(vehicle)}", "without it, with the mock", "--fast", "--port")
+        arguments.refuse(
+            ctx, f"--vehicle {' '.join(vehicle)}", "without it, with the mock", "--fast", "--port"
+        )
         arguments.may_fly(vehicle, yes=yes)
     if fast:
         arguments.refuse(ctx, "--fast", "in real time", "--link", "--port", "--panel")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     team = isinstance(load_any(scenario)[1], TeamScenario)
     page = panel or (team and not (fast or as_json) and how_to_add("panel") is None)
-    with _Beside(view=view, panel=page, folder=Path("flights") if out is None else out.parent) as beside:
+    with _Beside(
+        view=view, panel=page, folder=Path("flights") if out is None else out.parent
+    ) as beside:
         try:
             mock = MockOptions(fast=fast, link=link, port=port)
             how = Asked(tuple(vehicle), autopilot, link, end) if vehicle else mock
@@ -119,7 +153,9 @@ class _Beside(contextlib.ExitStack):
         for asked, what, extra in ((view, "the view", "viz"), (panel, "--panel", "panel")):
             if asked:
                 require(what, extra)
-        self._view, self._panel, self._folder = view, panel, folder
+        self._view = view
+        self._panel = panel
+        self._folder = folder
         self.running = list[CommandBeside]()
         self.recorded: Path | None = None
 
@@ -127,7 +163,9 @@ class _Beside(contextlib.ExitStack):
         """Show a record that is being written."""
         self.recorded = self.recorded or path
         if self._view:
-            self._add(CommandBeside("view", str(path), "--follow", "--port", "0", "--web-port", "0"))
+            self._add(
+                CommandBeside("view", str(path), "--follow", "--port", "0", "--web-port", "0")
+            )
 
     def control(self, endpoint: str) -> None:
         """Serve the page of a flight that takes orders here."""
@@ -139,7 +177,13 @@ class _Beside(contextlib.ExitStack):
 
 
 def fly_scenario(
-    name: str, how: MockOptions | Asked, out: Path | None, seed: int | None, onlooker: Onlooker, *, as_json: bool
+    name: str,
+    how: MockOptions | Asked,
+    out: Path | None,
+    seed: int | None,
+    onlooker: Onlooker,
+    *,
+    as_json: bool,
 ) -> int:
     """Fly a scenario; return the exit code: 0 when the game ended as it should have, or a team kept its guarantee.
 
@@ -155,7 +199,8 @@ def fly_scenario(
         GuidanceError: For everything that the user can mend.
     """
     path, scenario = load_any(name, seed)
-    urls, there = () if isinstance(how, MockOptions) else how.urls, console(stderr=as_json)
+    urls = () if isinstance(how, MockOptions) else how.urls
+    there = console(stderr=as_json)
     words = "virtual time" if how.way == "fast" else ", ".join((how.link, *urls))
     there.print(f"[bold]{scenario.title}[/bold]  ({path.name}, {words})")
     try:
@@ -188,7 +233,8 @@ def fly_rows(
     Returns:
         The result, its rows and the folder.
     """
-    whom, on_control = f" --team {TEAM}" if isinstance(scenario, TeamScenario) else "", onlooker.on_control
+    whom = f" --team {TEAM}" if isinstance(scenario, TeamScenario) else ""
+    on_control = onlooker.on_control
 
     def tell_endpoint(endpoint: str) -> None:
         where = "" if endpoint == ENDPOINT else f" --endpoint {endpoint}"
@@ -201,14 +247,21 @@ def fly_rows(
             there.print(f"{what}: only a mock can have that; the vehicle flies without")
         with contextlib.ExitStack() as stack:
             if not isinstance(how, ByFile):
-                line, control = LiveLine(there), None if how.way == "fast" else ENDPOINT
+                line = LiveLine(there)
+                control = None if how.way == "fast" else ENDPOINT
                 stack.enter_context(live(there, line.line, every_s=0.1))
                 if isinstance(how, MockOptions):
-                    stack.callback(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, line.interrupt))
-                onlooker = onlooker._replace(show=line.show, control=control, on_control=tell_endpoint)
+                    stack.callback(
+                        signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, line.interrupt)
+                    )
+                onlooker = onlooker._replace(
+                    show=line.show, control=control, on_control=tell_endpoint
+                )
             result = fly_recorded(scenario, folder, how, onlooker)
         if dropped := sum(one.record_dropped for one in result.vehicles.values()):
-            there.print(f"[yellow]the disk was too slow: {dropped} messages are not in the record[/yellow]")
+            there.print(
+                f"[yellow]the disk was too slow: {dropped} messages are not in the record[/yellow]"
+            )
         if isinstance(scenario, TeamScenario):
             return result, _tell_team(there, scenario, how.way, result, folder), folder
         return result, [outcome_of_flight(one, how.way) for one in result.vehicles.values()], folder
@@ -217,7 +270,9 @@ def fly_rows(
 def _advised(refusal: str, name: str, urls: Sequence[str]) -> str:
     """Return a refusal with the URLs, if there are any, and the commands that set the vehicles up."""
     scenario = f"{name} " if len(urls) == 1 else ""  # `check` plays no teams
-    mend = "".join(f"\nto have it set up: guidance check {scenario}--vehicle {url} --apply" for url in urls)
+    mend = "".join(
+        f"\nto have it set up: guidance check {scenario}--vehicle {url} --apply" for url in urls
+    )
     advice = mend if refusal.startswith("preflight refuses") else ""
     return f"{' '.join(urls)}: {refusal}{advice}" if urls else refusal
 
@@ -244,13 +299,17 @@ class LiveLine:
         """Update from one cycle of a vehicle."""
         if self._interrupted:
             raise KeyboardInterrupt
-        self._last[progress.vehicle], self._told_s = progress, time.perf_counter()
+        self._last[progress.vehicle] = progress
+        self._told_s = time.perf_counter()
         if progress.record_stopped and not self._record_told:
             self._record_told = True
-            self._there.print(f"[yellow]{progress.now_s:7.1f} s  {progress.record_stopped}[/yellow]")
+            self._there.print(
+                f"[yellow]{progress.now_s:7.1f} s  {progress.record_stopped}[/yellow]"
+            )
         if redraws(self._there):
             return
-        news, (printed, printed_s) = plain(progress), self._printed.get(progress.vehicle, ("", 0.0))
+        news = plain(progress)
+        (printed, printed_s) = self._printed.get(progress.vehicle, ("", 0.0))
         if news != printed and not (progress.waiting and self._told_s - printed_s < _PLAIN_S):
             self._printed[progress.vehicle] = news, self._told_s
             self._there.print(f"{progress.now_s:7.1f} s  {_named(progress, news)}", soft_wrap=True)
@@ -270,9 +329,12 @@ def words(progress: Progress) -> str:
     words = f"{begin}{progress.state:<11} in {progress.mode:<8}"
     if reason := _reason(progress):
         return f"{words} {reason}"
-    game, unit = progress.certificate, progress.unit
+    game = progress.certificate
+    unit = progress.unit
     if progress.evader:
-        to_go = "" if game is None else f", {game.gap_m:5.1f} m to go, value {game.value:5.1f} {unit}"
+        to_go = (
+            "" if game is None else f", {game.gap_m:5.1f} m to go, value {game.value:5.1f} {unit}"
+        )
         return f"{words} {progress.evader}{to_go}{progress.promise and f'; {progress.promise}'}"
     if game is None:
         return words
@@ -288,14 +350,20 @@ def _named(progress: Progress, words: str) -> str:
 def plain(progress: Progress) -> str:
     """Return a line for output that cannot be redrawn. It changes only when the state, its cause or the evader does."""
     if not progress.waiting:
-        against = f"{progress.state} against {progress.evader}" if progress.evader else str(progress.state)
+        against = (
+            f"{progress.state} against {progress.evader}"
+            if progress.evader
+            else str(progress.state)
+        )
         return ": ".join(filter(None, (against, _reason(progress))))
     return f"waiting: {re.sub(r'-?[0-9.]+ s old', 'old', progress.waiting)}"
 
 
 def _reason(progress: Progress) -> str:
     """Say what led to a state, if that is worth it, and what a person can do now."""
-    why = progress.why if progress.state in _WITH_CAUSE and "by operator" not in progress.next else ""
+    why = (
+        progress.why if progress.state in _WITH_CAUSE and "by operator" not in progress.next else ""
+    )
     return "; ".join(filter(None, (why, progress.next)))
 
 
@@ -303,11 +371,16 @@ def report(there: Console, result: FlightResult, outcome: Outcome, folder: Path)
     """Print the outcome of a flight and draw its picture."""
     there.print(_table(result, outcome))
     if outcome.run == "fast":
-        flown_s, wall_s = result.duration_s, result.wall_s
-        there.print(f"{flown_s:.1f} s of flight in {wall_s:.2f} s: {flown_s / wall_s:.0f} times faster than real time")
+        flown_s = result.duration_s
+        wall_s = result.wall_s
+        there.print(
+            f"{flown_s:.1f} s of flight in {wall_s:.2f} s: {flown_s / wall_s:.0f} times faster than real time"
+        )
     there.print(f"record   {folder / RECORD}", soft_wrap=True)
     with contextlib.suppress(OSError):  # the picture reports a full disk
-        private_file(folder / OUTCOME).write_text(rows_json(result.scenario, [outcome]), encoding="utf-8")
+        private_file(folder / OUTCOME).write_text(
+            rows_json(result.scenario, [outcome]), encoding="utf-8"
+        )
     title = f"{outcome.scenario}: {ending_words(outcome)}, {score(outcome)}"
     advice = how_to_add("plot")
     if advice is None:
@@ -317,14 +390,20 @@ def report(there: Console, result: FlightResult, outcome: Outcome, folder: Path)
             draw_flight(folder / RECORD, folder / PICTURE, title)
         except (ConfigError, OutputError) as error:
             advice = str(error)
-    there.print(Text(f"picture  {advice or folder / PICTURE}", "yellow" if advice else ""), soft_wrap=True)
+    there.print(
+        Text(f"picture  {advice or folder / PICTURE}", "yellow" if advice else ""), soft_wrap=True
+    )
 
 
 def score(outcome: Outcome) -> str:
     """Say what was flown and predicted."""
     unit = "s" if outcome.game == "pe" else "m from T"
     if math.isnan(outcome.achieved):
-        return "no game was played" if math.isnan(outcome.predicted) else f"{outcome.predicted:.2f} {unit} predicted"
+        return (
+            "no game was played"
+            if math.isnan(outcome.predicted)
+            else f"{outcome.predicted:.2f} {unit} predicted"
+        )
     return f"{outcome.achieved:.2f} {unit} flown, {outcome.predicted:.2f} {unit} predicted"
 
 
@@ -333,7 +412,11 @@ def _number(value: float, digits: int, unit: str = "") -> str:
 
 
 def _table(result: FlightResult, outcome: Outcome) -> Table:
-    unit, what = ("s", "time to capture") if outcome.game == "pe" else ("m", "evader's distance from its target")
+    unit, what = (
+        ("s", "time to capture")
+        if outcome.game == "pe"
+        else ("m", "evader's distance from its target")
+    )
     rows = {
         "value predicted at engagement": _number(outcome.predicted, 2, unit),
         "time this vehicle needs, at engagement": _number(outcome.time_needed_s, 2, "s"),
@@ -349,16 +432,22 @@ def _table(result: FlightResult, outcome: Outcome) -> Table:
     return pairs(rows.items(), title=f"{ending_words(outcome)}; value is the {what}", right=True)
 
 
-def _tell_team(there: Console, scenario: TeamScenario, way: str, result: MissionResult, folder: Path) -> Sequence[Any]:
+def _tell_team(
+    there: Console, scenario: TeamScenario, way: str, result: MissionResult, folder: Path
+) -> Sequence[Any]:
     """Print the outcome of a flight and where its records are; return its rows, one for each evader."""
-    rows, wanted = team_rows(scenario, way, result), scenario.flight
+    rows = team_rows(scenario, way, result)
+    wanted = scenario.flight
     tell_players(rows, there, result)
     least_m = result.least_distance_m(wanted.separation_height_m)
     kept = "never at one height" if math.isinf(least_m) else f"{least_m:.2f} m"
     level = f"less than {wanted.separation_height_m:g} m apart in height"
-    there.print(f"least distance of two vehicles {level}: {kept} ({wanted.separation_m:g} m wanted)")
+    there.print(
+        f"least distance of two vehicles {level}: {kept} ({wanted.separation_m:g} m wanted)"
+    )
     flights = result.vehicles.values()
-    duration_s, wall_s = max(one.duration_s for one in flights), max(one.wall_s for one in flights)
+    duration_s = max(one.duration_s for one in flights)
+    wall_s = max(one.wall_s for one in flights)
     there.print(f"{duration_s:.1f} s of flight in {wall_s:.2f} s")
     there.print(f"records  {folder}/VEHICLE/{RECORD}", soft_wrap=True)
     with writing(folder):

@@ -25,7 +25,9 @@ def rows_json(scenario: Scenario | TeamScenario, rows: Sequence[Any]) -> str:
     return json.dumps(plain if isinstance(scenario, TeamScenario) else plain[0], indent=2) + "\n"
 
 
-def tell_players(rows: Sequence[TeamOutcome], console: Console, result: "MissionResult | None" = None) -> None:
+def tell_players(
+    rows: Sequence[TeamOutcome], console: Console, result: "MissionResult | None" = None
+) -> None:
     """Print a line for each vehicle and each evader, and the row of the team.
 
     Args:
@@ -33,16 +35,34 @@ def tell_players(rows: Sequence[TeamOutcome], console: Console, result: "Mission
         console: Where to.
         result: Of a flight; None in mathematics.
     """
-    vehicles = [f"uav{number + 1}" for number in range(rows[0].pursuers)] if result is None else list(result.vehicles)
+    vehicles = (
+        [f"uav{number + 1}" for number in range(rows[0].pursuers)]
+        if result is None
+        else list(result.vehicles)
+    )
     evaders = [f"rover{row.evader + 1}" for row in rows]
     cells = list[Sequence[Cell]]()
     for number, name in enumerate(vehicles):
-        roles = [f"{evaders[row.evader]}, {role}" for role in _ROLES for row in rows if getattr(row, role) == number]
+        roles = [
+            f"{evaders[row.evader]}, {role}"
+            for role in _ROLES
+            for row in rows
+            if getattr(row, role) == number
+        ]
         captured = [evaders[row.evader] for row in rows if row.captor == number]
         one = None if result is None else result.vehicles[name]
-        flown = [] if one is None else [str(one.ended), str(len(one.alarms)), ", ".join(one.limits) or "-"]
+        flown = (
+            []
+            if one is None
+            else [str(one.ended), str(len(one.alarms)), ", ".join(one.limits) or "-"]
+        )
         cells.append([name, "; ".join(roles) or "-", ", ".join(captured) or "-", *flown])
-    headings = ("vehicle", "assigned", "captured", *(() if result is None else ("ended", "alarms", "limits")))
+    headings = (
+        "vehicle",
+        "assigned",
+        "captured",
+        *(() if result is None else ("ended", "alarms", "limits")),
+    )
     console.print(sheet(headings, cells, left=range(len(headings))))
     if not rows:
         return
@@ -51,8 +71,17 @@ def tell_players(rows: Sequence[TeamOutcome], console: Console, result: "Mission
     for row, evader in zip(rows, evaders, strict=True):
         who = (names[number] for number in (row.first, row.second, row.captor))
         promise = [] if result is None else [_promise(result, row, evader)]
-        cells.append([evader, row.end, *who, *(as_text(getattr(row, name)) for name in _NUMBERS), *promise])
-    headings = ("evader", "end", *_ROLES, "captor", *_NUMBERS, *(() if result is None else ("promise",)))
+        cells.append(
+            [evader, row.end, *who, *(as_text(getattr(row, name)) for name in _NUMBERS), *promise]
+        )
+    headings = (
+        "evader",
+        "end",
+        *_ROLES,
+        "captor",
+        *_NUMBERS,
+        *(() if result is None else ("promise",)),
+    )
     left = [place for place, heading in enumerate(headings) if heading not in _NUMBERS]
     console.print(sheet(headings, cells, left=left))
     summary = summary_of(rows)
@@ -63,8 +92,13 @@ def _promise(result: "MissionResult", row: TeamOutcome, evader: str) -> str:
     """Say whether the last promise about an evader was kept."""
     roles = [one.board.roles for one in result.members.values() if one.board.roles is not None]
     promises = [promise for each in roles for promise in each.promises if promise.evader == evader]
-    unit, captured = "s" if row.game == "pe" else "m", row.end == "captured"
-    return promises[0].verdict(row.predicted, row.achieved, unit, captured=captured) if promises else "-"
+    unit = "s" if row.game == "pe" else "m"
+    captured = row.end == "captured"
+    return (
+        promises[0].verdict(row.predicted, row.achieved, unit, captured=captured)
+        if promises
+        else "-"
+    )
 
 
 def as_text(value: Any, unit: str = "") -> str:  # noqa: ANN401 - any column

@@ -18,7 +18,10 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
     "sweep": ("sweep", "Play a scenario with many values of its keys, and report the results."),
     "compare": ("sweep", "Compare two outcomes or two sweeps."),
     "init": ("vehicle_setup", "Write a vehicle file for the autopilot at a URL."),
-    "doctor": ("vehicle_setup", "Check this computer: clocks, timing, ports, folders, disk, extras."),
+    "doctor": (
+        "vehicle_setup",
+        "Check this computer: clocks, timing, ports, folders, disk, extras.",
+    ),
     "check": ("vehicle_setup", "Check the autopilot's parameters, frames and stream rates."),
     "schema": ("vehicle_setup", "Print the JSON Schema of a file, for editors."),
     "run": ("daemon", "Run the guidance daemon of one vehicle."),
@@ -81,6 +84,9 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _root(
-    _: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Version and commit.")] = False,
+    _: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Version and commit."),
+    ] = False,
 ) -> None:
     """Closed-form pursuit guidance: fly it, solve it, check it against the paper."""

@@ -13,7 +13,15 @@ from rich.text import Text
 from guidance.cli.arguments import CommandGroup, Json
 from guidance.cli.streams import printable
 from guidance.extras import require
-from guidance.log import ReplayedCycle, Survey, compare, events_of, record_errors, reports_of, title_of
+from guidance.log import (
+    ReplayedCycle,
+    Survey,
+    compare,
+    events_of,
+    record_errors,
+    reports_of,
+    title_of,
+)
 from guidance.log import export as exports
 from guidance.log.entries import CYCLE, cycle_entry
 from guidance.log.replay import Difference
@@ -32,25 +40,42 @@ def info(file: File, as_json: Json = False) -> None:
     survey = Survey()
     with record_errors(file):
         reports = Counter(map(_source, reports_of(file, survey)))
-        title, topics = title_of(survey.metadata), sorted(survey.messages)
+        title = title_of(survey.metadata)
+        topics = sorted(survey.messages)
     if as_json:
-        counts = {topic: {"messages": survey.messages[topic], "bytes": survey.data_bytes[topic]} for topic in topics}
+        counts = {
+            topic: {"messages": survey.messages[topic], "bytes": survey.data_bytes[topic]}
+            for topic in topics
+        }
         summary = {"title": title, "duration_s": round(survey.duration_s, 3), "channels": counts}
         summary |= {"evader_reports": dict(reports), "metadata": dict(survey.metadata)}
-        typer.echo(json.dumps({**summary, "missing_messages": survey.missing, "torn": survey.torn}, indent=2))
+        typer.echo(
+            json.dumps(
+                {**summary, "missing_messages": survey.missing, "torn": survey.torn}, indent=2
+            )
+        )
         return
     there = console()
     there.print(Text(printable(f"{title}: {survey.duration_s:.2f} s")))
-    sizes = [(str(survey.messages[topic]), f"{survey.data_bytes[topic] / 1024:.1f}") for topic in topics]
+    sizes = [
+        (str(survey.messages[topic]), f"{survey.data_bytes[topic] / 1024:.1f}") for topic in topics
+    ]
     channels = [(*size, Text(printable(topic))) for size, topic in zip(sizes, topics, strict=True)]
     there.print(sheet(("messages", "KiB", "channel"), channels, left=(2,)))
     for source, count in reports.items():
         there.print(Text(f"{count} reports of the evader by {printable(source)}"))
-    shortened = {name: text if len(text) < 100 else text[:97] + "..." for name, text in survey.metadata.items()}
+    shortened = {
+        name: text if len(text) < 100 else text[:97] + "..."
+        for name, text in survey.metadata.items()
+    }
     there.print(pairs((printable(name), Text(printable(text))) for name, text in shortened.items()))
     if survey.missing:
         there.print(f"{survey.missing} messages are missing: the file is damaged")
-    there.print("whole" if survey.torn is None else Text(f"torn ({printable(survey.torn)}): counted up to there"))
+    there.print(
+        "whole"
+        if survey.torn is None
+        else Text(f"torn ({printable(survey.torn)}): counted up to there")
+    )
 
 
 def _source(report: EvaderReport) -> str:
@@ -67,12 +92,17 @@ def events(file: File, as_json: Json = False) -> None:
     if as_json:
         typer.echo(json.dumps([event._asdict() for event in events], indent=2))
         return
-    rows = [(f"{event.now_s:.3f}", Text(printable(event.event)), Text(printable(event.words))) for event in events]
+    rows = [
+        (f"{event.now_s:.3f}", Text(printable(event.event)), Text(printable(event.words)))
+        for event in events
+    ]
     console().print(sheet(("time, s", "event", "detail"), rows, left=(1, 2)))
 
 
 @log.command()
-def export(file: File, out: Annotated[Path, typer.Argument(help="Name with one of the endings below.")]) -> None:
+def export(
+    file: File, out: Annotated[Path, typer.Argument(help="Name with one of the endings below.")]
+) -> None:
     """Write a record in another format, chosen by the ending of OUT.
 
     - `.tlog`: the raw frames, for QGroundControl, Mission Planner and mavlogdump
@@ -86,7 +116,9 @@ def export(file: File, out: Annotated[Path, typer.Argument(help="Name with one o
 
 def replay(
     file: File,
-    changes: Annotated[list[str] | None, typer.Option("--with", help="KEY=VALUE; may be repeated.")] = None,
+    changes: Annotated[
+        list[str] | None, typer.Option("--with", help="KEY=VALUE; may be repeated.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Run the present code on the recorded inputs and compare the setpoints bit for bit.
@@ -100,13 +132,21 @@ def replay(
     """
     changed = changes_of(changes or [])
     with record_errors(file):
-        comparison, survey = compare(file, partial(recorded_settings, changes=changed), what_if=bool(changed))
+        comparison, survey = compare(
+            file, partial(recorded_settings, changes=changed), what_if=bool(changed)
+        )
     if survey.torn is not None:
-        typer.echo(f"the record is torn ({survey.torn}): read up to {survey.last_s or 0.0:.2f} s", err=True)
+        typer.echo(
+            f"the record is torn ({survey.torn}): read up to {survey.last_s or 0.0:.2f} s", err=True
+        )
     if survey.missing:
         typer.echo(f"{survey.missing} messages are missing: the file is damaged", err=True)
     counts = {name: getattr(comparison, name) for name in ("cycles", "setpoints", "differing")}
-    differences = {name: getattr(comparison, name)._asdict() for name in ("wanted", "commanded")} if changed else {}
+    differences = (
+        {name: getattr(comparison, name)._asdict() for name in ("wanted", "commanded")}
+        if changed
+        else {}
+    )
     first = None if changed else comparison.first
     if as_json:
         typer.echo(json.dumps(counts | differences, indent=2))
@@ -132,21 +172,31 @@ def _difference(what: str, difference: Difference) -> str:
 
 
 def _first(step: ReplayedCycle) -> str:
-    recorded, present = CYCLE.plain(step.row), CYCLE.plain(cycle_entry(step.row.now_s, step.row.inputs, step.outputs))
+    recorded = CYCLE.plain(step.row)
+    present = CYCLE.plain(cycle_entry(step.row.now_s, step.row.inputs, step.outputs))
     lines = [f"at {step.row.now_s:.6f} s, in state {step.row.state}:"]
     for name in step.differing:
         lines += [f"  {name}", f"    recorded  {json.dumps(recorded.get(name))}"]
         lines.append(f"    now       {json.dumps(present.get(name))}")
     lines.append("  inputs")
     for name, value in recorded["inputs"].items():
-        lines += [f"    {name}  {json.dumps(one)}" for one in (value if isinstance(value, list) else [value])]
+        lines += [
+            f"    {name}  {json.dumps(one)}"
+            for one in (value if isinstance(value, list) else [value])
+        ]
     return "\n".join(lines)
 
 
 def report(
-    files: Annotated[list[Path], typer.Argument(help="One or more record.mcap of flights, or a flight's folder.")],
-    out: Annotated[Path | None, typer.Option(help="Folder; of several records, each has one in it.")] = None,
-    animate: Annotated[bool, typer.Option("--animate", help="Write flight.webp, too: plan and height.")] = False,
+    files: Annotated[
+        list[Path], typer.Argument(help="One or more record.mcap of flights, or a flight's folder.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder; of several records, each has one in it.")
+    ] = None,
+    animate: Annotated[
+        bool, typer.Option("--animate", help="Write flight.webp, too: plan and height.")
+    ] = False,
 ) -> None:
     """Draw records: one self-contained HTML page for each, and its pictures as PNG. A team flight has one for all.
 
@@ -167,5 +217,9 @@ def report(
         own = file.parent if file.name == RECORD else file.with_suffix("")
         folder = own if out is None else out if len(files) == 1 else out / own.name
         with record_errors(file):
-            paths = write_team_report(team, folder) if team else write_report(file, folder, animate=animate)
+            paths = (
+                write_team_report(team, folder)
+                if team
+                else write_report(file, folder, animate=animate)
+            )
         typer.echo("\n".join(map(str, paths)))

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from guidance.session.fly import Way
 
 scenario = typer.Typer(
-    cls=arguments.CommandGroup, help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot."
+    cls=arguments.CommandGroup,
+    help="Run a scenario file: as mathematics, as a mocked flight, or on a real autopilot.",
 )
 
 _GAMES: Final = {"pe": "pursuit-evasion", "tad": "target-attacker-defender"}
@@ -51,17 +52,25 @@ _STANDARD_OUTPUT: Final = Path("-")
 def run(
     ctx: typer.Context,
     name: arguments.Scenario,
-    way: Annotated[str, typer.Option("--as", help="maths, fast (virtual time), live or vehicle.")] = "maths",
+    way: Annotated[
+        str, typer.Option("--as", help="maths, fast (virtual time), live or vehicle.")
+    ] = "maths",
     config: Annotated[str | None, typer.Option(help="With --as vehicle: the vehicle file.")] = None,
-    vehicle: Annotated[list[str] | None, typer.Option(help="URLs of a team. THEY ARE ARMED.", metavar="URL")] = None,
-    engage: Annotated[bool, typer.Option("--engage", help="THE VEHICLE IS ARMED, takes off, engages at once.")] = False,
+    vehicle: Annotated[
+        list[str] | None, typer.Option(help="URLs of a team. THEY ARE ARMED.", metavar="URL")
+    ] = None,
+    engage: Annotated[
+        bool, typer.Option("--engage", help="THE VEHICLE IS ARMED, takes off, engages at once.")
+    ] = False,
     yes: arguments.Yes = False,
     link: arguments.Link = "mavsdk",
     over: Annotated[str, typer.Option(help="With --as live: zenoh or udp.")] = "zenoh",
     port: arguments.Port = 0,
     out: arguments.FlightFolder = None,
     seed: arguments.Seed = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="File for the outcome row; - is the output.")] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="File for the outcome row; - is the output.")
+    ] = None,
 ) -> None:
     """Run one scenario and show the outcome beside the game's value.
 
@@ -91,7 +100,9 @@ def run(
             how = ByFile(load_vehicle(find(config, "vehicles")), engage)
             if engage and not yes:  # also on loopback: a real vehicle may be behind a router
                 where = f"{config}: {how.config.vehicle.url}"
-                arguments.agree(f"{where} may be a real vehicle. Arm it, take off and engage? Propellers will turn")
+                arguments.agree(
+                    f"{where} may be a real vehicle. Arm it, take off and engage? Propellers will turn"
+                )
         rows = _fly(played, path.stem, how, out, there)
     elif isinstance(played, TeamScenario):
         rows = play_teams([played])[0]
@@ -100,7 +111,8 @@ def run(
         if played.fault:
             there.print("the mathematics ignores faults")
         rows = play([played])
-    verdicts, text = _verdicts(played, rows, there), rows_json(played, rows)
+    verdicts = _verdicts(played, rows, there)
+    text = rows_json(played, rows)
     if json_file == _STANDARD_OUTPUT:
         sys.stdout.write(text)
     elif json_file is not None:
@@ -113,7 +125,9 @@ def _check_options(ctx: typer.Context, way: str, *, known: bool, armed: bool) ->
     if way not in _WAYS:
         raise ConfigError(f"--as {way}: allowed are {', '.join(_WAYS)}")
     if way == "vehicle" and not known:
-        raise ConfigError("--config: missing; --as vehicle needs a vehicle file, and a team --vehicle URL for each")
+        raise ConfigError(
+            "--config: missing; --as vehicle needs a vehicle file, and a team --vehicle URL for each"
+        )
     for ways, options in _BELONGING.items():
         if way not in ways:
             arguments.refuse(ctx, f"--as {way}", f"with --as {' or '.join(ways)}", *options)
@@ -121,7 +135,9 @@ def _check_options(ctx: typer.Context, way: str, *, known: bool, armed: bool) ->
         arguments.refuse(ctx, "orders by hand", "with --engage, which arms", "--yes")
 
 
-def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | None, there: Console) -> Sequence[Any]:
+def _fly(
+    scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | None, there: Console
+) -> Sequence[Any]:
     """Fly a scenario; return its rows."""
     from guidance.cli.fly import fly_rows  # noqa: PLC0415 - slow imports
     from guidance.session.fly import ByFile, Onlooker  # noqa: PLC0415
@@ -129,34 +145,61 @@ def _fly(scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | N
     def on_record(path: Path) -> None:
         there.print(f"record   {path}", soft_wrap=True)
         if isinstance(how, ByFile) and not how.engage:
-            there.print("waiting for a person: `guidance ctl start`, then `guidance ctl engage`", soft_wrap=True)
+            there.print(
+                "waiting for a person: `guidance ctl start`, then `guidance ctl engage`",
+                soft_wrap=True,
+            )
 
     stem = how.config.name if isinstance(how, ByFile) else stem
     _, rows, _ = fly_rows(there, scenario, stem, how, out, Onlooker(on_record=on_record))
     if not rows:
         raise FlightError("no game: not all vehicles engaged")
     # The evader of a vehicle file is out there, and no policy of the scenario's is its.
-    return [row._replace(evader_policy="reported") for row in rows] if isinstance(how, ByFile) else rows
+    return (
+        [row._replace(evader_policy="reported") for row in rows]
+        if isinstance(how, ByFile)
+        else rows
+    )
 
 
-def _verdicts(scenario: Scenario | TeamScenario, rows: Sequence[Any], there: Console) -> Sequence[CheckedExpectation]:
+def _verdicts(
+    scenario: Scenario | TeamScenario, rows: Sequence[Any], there: Console
+) -> Sequence[CheckedExpectation]:
     """Show the row of one vehicle, and which expectations hold."""
     if isinstance(scenario, TeamScenario):
         values: Mapping[str, Any] = summary_of(rows)
     else:
         values = rows[0]._asdict()
-        units = {name: _unit(name) for name in values} | {"regret": "s" if scenario.game == "pe" else "m"}
-        there.print(pairs((name, as_text(values[name], units[name])) for name in values if name != "scenario"))
+        units = {name: _unit(name) for name in values} | {
+            "regret": "s" if scenario.game == "pe" else "m"
+        }
+        there.print(
+            pairs(
+                (name, as_text(values[name], units[name])) for name in values if name != "scenario"
+            )
+        )
     verdicts = list(scenario.expect.verdicts(values))
     judged = {True: Text("holds", "green"), False: Text("FAILS", "red")}
-    if cells := [(one.column, one.expected, as_text(one.value), judged[one.held]) for one in verdicts]:
-        there.print(sheet(("column", "expected", "came out", "verdict"), cells, left=range(4), title="expected"))
+    if cells := [
+        (one.column, one.expected, as_text(one.value), judged[one.held]) for one in verdicts
+    ]:
+        there.print(
+            sheet(
+                ("column", "expected", "came out", "verdict"),
+                cells,
+                left=range(4),
+                title="expected",
+            )
+        )
     return verdicts
 
 
 def _unit(column: str) -> str:
     """Return the unit that ends the name of a column."""
-    return next((unit for end, unit in (("_m_s", "m/s"), ("_m", "m"), ("_s", "s")) if column.endswith(end)), "")
+    return next(
+        (unit for end, unit in (("_m_s", "m/s"), ("_m", "m"), ("_s", "s")) if column.endswith(end)),
+        "",
+    )
 
 
 @scenario.command(name="list")
@@ -185,11 +228,17 @@ def show(
 
         figures.check_picture(out)
     path, shown = load_any(name)
-    title, about, facts = shown.title, " ".join(shown.description.split()), list(facts_of(shown))
+    title = shown.title
+    about = " ".join(shown.description.split())
+    facts = list(facts_of(shown))
     there = console(stderr=as_json)
     if as_json:
         said = {fact: [words for name, words in facts if name == fact] for fact, _ in facts}
-        typer.echo(json.dumps({"file": path.name, "title": title, "description": about, "facts": said}, indent=2))
+        typer.echo(
+            json.dumps(
+                {"file": path.name, "title": title, "description": about, "facts": said}, indent=2
+            )
+        )
     else:  # the file may be a stranger's
         there.print(printable(title), style="bold", markup=False, end="")
         there.print(f"  ({printable(path.name)})\n{printable(about)}\n", markup=False)
@@ -222,13 +271,20 @@ def listing(width: int) -> Table:
 
 def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
     """Yield the facts of a scenario by name."""
-    yield "game", _GAMES[scenario.game] + (", of teams" if isinstance(scenario, TeamScenario) else "")
+    yield (
+        "game",
+        _GAMES[scenario.game] + (", of teams" if isinstance(scenario, TeamScenario) else ""),
+    )
     yield from _groups(scenario) if isinstance(scenario, TeamScenario) else _players(scenario)
     if scenario.target is not None:
         yield "target", f"at {_place(scenario.target.position_m)} m"
     if isinstance(scenario, TeamScenario):
-        first, unit = opening_of(scenario), "m from the target" if scenario.game == "tad" else "s until the captures"
-        yield "value", f"{int(first.guaranteed)} captures guaranteed, {float(first.total):.2f} {unit} in all"
+        first = opening_of(scenario)
+        unit = "m from the target" if scenario.game == "tad" else "s until the captures"
+        yield (
+            "value",
+            f"{int(first.guaranteed)} captures guaranteed, {float(first.total):.2f} {unit} in all",
+        )
     else:
         yield from _conditions(scenario)
     yield "expected", expected(scenario) or "nothing"
@@ -239,26 +295,49 @@ def _groups(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
         for group in groups:
             about = f", scattered over {group.scatter_m:g} m" if group.scatter_m else ""
             place = _place(group.position_m)
-            yield player, f"{group.count} at {place} m{about}, {group.speed_m_s:g} m/s, plays {group.policy}"
+            yield (
+                player,
+                f"{group.count} at {place} m{about}, {group.speed_m_s:g} m/s, plays {group.policy}",
+            )
 
 
 def _players(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    pursuer, evader = scenario.pursuer, scenario.evader
+    pursuer = scenario.pursuer
+    evader = scenario.evader
     speeds = f"{pursuer.speed_m_s:g} m/s"
     if pursuer.speed_set == "cylinder":
         speeds += f" level, {pursuer.climb_m_s:g} up, {pursuer.descent_m_s:g} down"
-    yield "pursuer", f"at {_place(pursuer.position_m)} m, {speeds} ({pursuer.speed_set}), plays {pursuer.policy}"
-    declared = "" if evader.declared_speed_m_s is None else f" (declares {evader.declared_speed_m_s:g})"
-    yield "evader", f"at {_place(evader.position_m)} m, {evader.speed_m_s:g} m/s{declared}, plays {evader.policy}"
+    yield (
+        "pursuer",
+        f"at {_place(pursuer.position_m)} m, {speeds} ({pursuer.speed_set}), plays {pursuer.policy}",
+    )
+    declared = (
+        "" if evader.declared_speed_m_s is None else f" (declares {evader.declared_speed_m_s:g})"
+    )
+    yield (
+        "evader",
+        f"at {_place(evader.position_m)} m, {evader.speed_m_s:g} m/s{declared}, plays {evader.policy}",
+    )
 
 
 def _conditions(scenario: Scenario) -> Iterator[tuple[str, str]]:
     disc = scenario.standoff
-    yield "captured", f"within {disc.tolerance_m:g} m of the disc of {disc.radius_m:g} m, {disc.height_m:g} m up"
+    yield (
+        "captured",
+        f"within {disc.tolerance_m:g} m of the disc of {disc.radius_m:g} m, {disc.height_m:g} m up",
+    )
     first = opening(stack([scenario]))
-    value, winner = float(first.value[0]), winner_name(int(first.winner[0]))
-    won = f"{value:.2f} s to capture" if scenario.game == "pe" else f"{value:.2f} m from the target, {winner} wins"
-    yield "value", f"the evader wins: the pursuer misses by {value:.2f} m" if winner == "evader" else won
+    value = float(first.value[0])
+    winner = winner_name(int(first.winner[0]))
+    won = (
+        f"{value:.2f} s to capture"
+        if scenario.game == "pe"
+        else f"{value:.2f} m from the target, {winner} wins"
+    )
+    yield (
+        "value",
+        f"the evader wins: the pursuer misses by {value:.2f} m" if winner == "evader" else won,
+    )
     if set(scenario.sensor.model_fields_set):
         yield "sensor", ", ".join(f"{key} = {value}" for key, value in scenario.sensor if value)
     if any(scenario.wind.velocity_m_s):

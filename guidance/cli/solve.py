@@ -26,14 +26,26 @@ def solve(
     ctx: typer.Context,
     pursuer: Annotated[str | None, typer.Option(help="Position x,y,z of the pursuer, m.")] = None,
     evader: Annotated[str | None, typer.Option(help="Position x,y of the evader, m.")] = None,
-    target: Annotated[str | None, typer.Option(help="Position x,y of the evader's target, m: the TAD game.")] = None,
-    speed_ratio: Annotated[float | None, typer.Option(help="δ = u/v, more than 1: the paper's speed set.")] = None,
+    target: Annotated[
+        str | None, typer.Option(help="Position x,y of the evader's target, m: the TAD game.")
+    ] = None,
+    speed_ratio: Annotated[
+        float | None, typer.Option(help="δ = u/v, more than 1: the paper's speed set.")
+    ] = None,
     evader_speed: Annotated[float, typer.Option(help="Speed bound v of the evader, m/s.")] = 1.0,
-    cylinder: Annotated[str | None, typer.Option(help="Not the ratio: speeds level,climb,descent, m/s.")] = None,
-    standoff: Annotated[str, typer.Option(help="Radius and height R,h of the stand-off disc, m.")] = "0,0",
+    cylinder: Annotated[
+        str | None, typer.Option(help="Not the ratio: speeds level,climb,descent, m/s.")
+    ] = None,
+    standoff: Annotated[
+        str, typer.Option(help="Radius and height R,h of the stand-off disc, m.")
+    ] = "0,0",
     as_json: Json = False,
-    states: Annotated[Path | None, typer.Option(help="CSV or Parquet file with a state in each row.")] = None,
-    out: Annotated[Path | None, typer.Option(help="CSV or Parquet file for the answers to --states.")] = None,
+    states: Annotated[
+        Path | None, typer.Option(help="CSV or Parquet file with a state in each row.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="CSV or Parquet file for the answers to --states.")
+    ] = None,
 ) -> None:
     """Solve one state, or every row of a file.
 
@@ -69,8 +81,11 @@ def solve(
     refuse(ctx, "one state", "with --states", "--out")
     if pursuer is None or evader is None:
         raise ConfigError("--pursuer, --evader: both must be given, or --states")
-    P, E = _numbers("--pursuer", pursuer, 3), (*_numbers("--evader", evader, 2), 0.0)
-    answer = solve_game(game, P, E, None if target is None else (*_numbers("--target", target, 2), 0.0))
+    P = _numbers("--pursuer", pursuer, 3)
+    E = (*_numbers("--evader", evader, 2), 0.0)
+    answer = solve_game(
+        game, P, E, None if target is None else (*_numbers("--target", target, 2), 0.0)
+    )
     if as_json:
         sys.stdout.write(json.dumps(_as_record(answer)) + "\n")
     else:
@@ -84,23 +99,40 @@ def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
     except ValueError:
         numbers = ()
     if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
-        raise ConfigError(f"{option} = {text!r}: must be {count} finite numbers separated by commas")
+        raise ConfigError(
+            f"{option} = {text!r}: must be {count} finite numbers separated by commas"
+        )
     return numbers
 
 
 def _as_record(answer: Solution) -> dict[str, Any]:
     """Return a single answer as plain values; infinity and NaN become null for JSON."""
-    numbers = {name: np.where(np.isfinite(field), field, np.array(None)) for name, field in answer._asdict().items()}
+    numbers = {
+        name: np.where(np.isfinite(field), field, np.array(None))
+        for name, field in answer._asdict().items()
+    }
     record = {name: field.tolist() for name, field in numbers.items()}
-    return record | {"winner": Winner(int(answer.winner)).word, "reason": Reason(int(answer.reason)).word}
+    return record | {
+        "winner": Winner(int(answer.winner)).word,
+        "reason": Reason(int(answer.reason)).word,
+    }
 
 
 def _rows(answer: Solution, *, with_target: bool) -> Iterator[tuple[str, str]]:
     """Yield the names and values of an answer for people."""
-    meaning = "final distance to the target, m" if int(answer.winner) >= 0 else "pursuer short of a capture by, m"
+    meaning = (
+        "final distance to the target, m"
+        if int(answer.winner) >= 0
+        else "pursuer short of a capture by, m"
+    )
     yield "winner", Winner(int(answer.winner)).word
     yield meaning if with_target else "time to capture, s", f"{float(answer.value):.4f}"
-    yield "margin, s", f"{float(answer.margin_s):.4f}" if with_target else "none: without a target it always captures"
+    yield (
+        "margin, s",
+        f"{float(answer.margin_s):.4f}"
+        if with_target
+        else "none: without a target it always captures",
+    )
     yield "meeting point, m", _vector(answer.meeting_point_m)
     yield "meeting time, s", f"{float(answer.meeting_time_s):.4f}"
     yield "pursuer's velocity, m/s", _vector(answer.pursuer_velocity_m_s)
@@ -113,7 +145,9 @@ def _vector(vector: Any) -> str:  # noqa: ANN401 - an array of any library
 
 
 def paper(
-    out: Annotated[Path, typer.Option(help="Folder for the figures (PNG and PDF).")] = Path("paper"),
+    out: Annotated[Path, typer.Option(help="Folder for the figures (PNG and PDF).")] = Path(
+        "paper"
+    ),
     figures: Annotated[bool, typer.Option(help="Draw the figures.")] = True,
     as_json: Json = False,
 ) -> None:
@@ -124,20 +158,32 @@ def paper(
         require("the figures (--no-figures leaves them out)", "plot")
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
-    there, computed = console(stderr=as_json), tables()
+    there = console(stderr=as_json)
+    computed = tables()
     cases = [(table, case) for table in computed for case in table.cases]
     wrong = sum(not case.matches for _, case in cases)
     if as_json:
-        rows = [{"title": table.title, "quantity": table.quantity, **case.plain} for table, case in cases]
+        rows = [
+            {"title": table.title, "quantity": table.quantity, **case.plain}
+            for table, case in cases
+        ]
         typer.echo(json.dumps(rows, indent=2))
     else:
         headings = ("pursuer", "evader", "published", "paper's stepping", "exact", "match")
         for table in computed:
             cells = [
-                (*case.strategies, case.published, case.stepped, case.exact, "✓" if case.matches else "✗")
+                (
+                    *case.strategies,
+                    case.published,
+                    case.stepped,
+                    case.exact,
+                    "✓" if case.matches else "✗",
+                )
                 for case in table.cases
             ]
-            there.print(sheet(headings, cells, left=(0, 1), title=f"{table.title}; {table.quantity}"))
+            there.print(
+                sheet(headings, cells, left=(0, 1), title=f"{table.title}; {table.quantity}")
+            )
         there.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
     for path in draw_figures(*computed, out) if figures else ():
         there.print(f"drawn: {path}", soft_wrap=True)

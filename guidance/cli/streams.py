@@ -28,7 +28,9 @@ _PLAIN: Final = {
 
 def printable(text: str) -> str:
     """Escape control characters of untrusted text, which could command the terminal."""
-    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+    return "".join(
+        one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
+    )
 
 
 def _in_plain_letters(error: UnicodeError) -> tuple[str, int]:
@@ -62,7 +64,9 @@ class _Outlet(io.FileIO):
             os.close(nothing)
             if error.errno == errno.EPIPE:
                 raise SystemExit(PIPE_CLOSED) from None
-            raise OutputError(f"stdout: cannot be written ({error.strerror}); redirect it elsewhere") from None
+            raise OutputError(
+                f"stdout: cannot be written ({error.strerror}); redirect it elsewhere"
+            ) from None
 
 
 def open_outlets() -> None:
@@ -71,6 +75,10 @@ def open_outlets() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="plain-letters")
     out = sys.stdout
-    if isinstance(out, io.TextIOWrapper) and isinstance(getattr(out.buffer, "raw", out.buffer), io.FileIO):
+    if isinstance(out, io.TextIOWrapper) and isinstance(
+        getattr(out.buffer, "raw", out.buffer), io.FileIO
+    ):
         buffer = io.BufferedWriter(_Outlet(out.fileno(), "w", closefd=False))
-        sys.stdout = io.TextIOWrapper(buffer, out.encoding, out.errors, line_buffering=out.line_buffering)
+        sys.stdout = io.TextIOWrapper(
+            buffer, out.encoding, out.errors, line_buffering=out.line_buffering
+        )

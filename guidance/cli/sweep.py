@@ -17,7 +17,9 @@ class _FileFirst(CommandGroup):
     def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - click's
         """Print the help of `guidance sweep FILE`, then that of the other commands."""
         command = self.commands["run"]
-        command.format_help(command.context_class(command, info_name=ctx.info_name, parent=ctx.parent), formatter)
+        command.format_help(
+            command.context_class(command, info_name=ctx.info_name, parent=ctx.parent), formatter
+        )
         super().format_help(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - click's context
@@ -35,12 +37,27 @@ sweep = typer.Typer(
 
 @sweep.command()
 def run(
-    file: Annotated[str, typer.Argument(help="A sweep file, or one of the package: policies, barrier, flown, teams.")],
-    way: Annotated[str | None, typer.Option("--as", help="maths (point masses) or fast (mocked flights).")] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one per processor")] = None,
-    scheduler: Annotated[str | None, typer.Option(help="A Dask scheduler: tcp://HOST:PORT or tls://HOST:PORT.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the rows.", show_default="sweeps/FILE-WAY")] = None,
-    chunk: Annotated[int | None, typer.Option(min=1, help="Rows in one file.", show_default="4,096 or fewer")] = None,
+    file: Annotated[
+        str,
+        typer.Argument(
+            help="A sweep file, or one of the package: policies, barrier, flown, teams."
+        ),
+    ],
+    way: Annotated[
+        str | None, typer.Option("--as", help="maths (point masses) or fast (mocked flights).")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes.", show_default="one per processor")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="A Dask scheduler: tcp://HOST:PORT or tls://HOST:PORT.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the rows.", show_default="sweeps/FILE-WAY")
+    ] = None,
+    chunk: Annotated[
+        int | None, typer.Option(min=1, help="Rows in one file.", show_default="4,096 or fewer")
+    ] = None,
 ) -> None:
     """Play every row of a sweep and write the rows as Parquet, chunk by chunk.
 
@@ -81,7 +98,11 @@ def run(
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
-        typer.echo(str(run_sweep(file, way=way, workers=workers, scheduler=scheduler, out=out, chunk=chunk)))
+        typer.echo(
+            str(
+                run_sweep(file, way=way, workers=workers, scheduler=scheduler, out=out, chunk=chunk)
+            )
+        )
     except KeyboardInterrupt as interruption:
         typer.echo(str(interruption) or "interrupted before anything was computed", err=True)
         raise typer.Exit(128 + signal.SIGINT) from None
@@ -90,8 +111,12 @@ def run(
 @sweep.command()
 def report(
     folder: Annotated[Path, typer.Argument(help="The folder of a sweep; it may be incomplete.")],
-    out: Annotated[Path | None, typer.Option(help="Folder for the report.", show_default="FOLDER/report")] = None,
-    worst: Annotated[int, typer.Option(min=0, help="Worst games of each pair of policies, as scenario files.")] = 3,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the report.", show_default="FOLDER/report")
+    ] = None,
+    worst: Annotated[
+        int, typer.Option(min=0, help="Worst games of each pair of policies, as scenario files.")
+    ] = 3,
     as_json: Json = False,
 ) -> None:
     """Report captures and regret for each pair of policies and each swept value.
@@ -105,14 +130,18 @@ def report(
     require("guidance sweep report", "sim", "plot")
     from guidance.sweeps.report import write_report  # noqa: PLC0415 - matplotlib takes a second
 
-    for path in write_report(folder, folder / "report" if out is None else out, worst=worst, as_json=as_json):
+    for path in write_report(
+        folder, folder / "report" if out is None else out, worst=worst, as_json=as_json
+    ):
         typer.echo(str(path), err=as_json)
 
 
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="An outcome (JSON), or a sweep's folder.")],
     b: Annotated[Path, typer.Argument(metavar="B", help="Another of the same kind.")],
-    column: Annotated[str, typer.Option("--by", help="Sweeps: the column whose rows are listed.")] = "game_time_s",
+    column: Annotated[
+        str, typer.Option("--by", help="Sweeps: the column whose rows are listed.")
+    ] = "game_time_s",
     rows: Annotated[int, typer.Option(min=0, help="Sweeps: number of rows to list.")] = 10,
     as_json: Json = False,
 ) -> None:

@@ -37,8 +37,12 @@ _NEXT: Final = """next
 
 
 def init(
-    url: Annotated[str | None, typer.Argument(help="URL of the autopilot, which is only read.")] = None,
-    out: Annotated[Path, typer.Option(help="The new file; none is overwritten.")] = Path("vehicle.toml"),
+    url: Annotated[
+        str | None, typer.Argument(help="URL of the autopilot, which is only read.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="The new file; none is overwritten.")] = Path(
+        "vehicle.toml"
+    ),
     autopilot: arguments.Expected = None,
 ) -> None:
     """Write a commented vehicle file for the autopilot at a URL, and print the next steps.
@@ -63,12 +67,16 @@ def init(
         autopilot = surveyed.autopilot
         read = f"{len(surveyed.parameters)} of {len(autopilot_named(autopilot).bounds)} limits read"
         typer.echo(f"found    {autopilot}, system {surveyed.found.system_id}: {read}")
-    discovery.write_new(out, discovery.vehicle_file(str(autopilot), name=out.stem, url=url, surveyed=surveyed))
+    discovery.write_new(
+        out, discovery.vehicle_file(str(autopilot), name=out.stem, url=url, surveyed=surveyed)
+    )
     typer.echo(f"written  {out}\n{_NEXT.format(out=out)}")
 
 
 def doctor(
-    config: Annotated[str | None, typer.Argument(help="A vehicle file; default: the usual ports and folders.")] = None,
+    config: Annotated[
+        str | None, typer.Argument(help="A vehicle file; default: the usual ports and folders.")
+    ] = None,
     all_rows: arguments.AllRows = False,
     as_json: arguments.Json = False,
 ) -> None:
@@ -86,12 +94,20 @@ def doctor(
 
 def check(
     ctx: typer.Context,
-    name: Annotated[str | None, typer.Argument(help="A vehicle file; with --vehicle a scenario (default: pe).")] = None,
-    vehicle: Annotated[str | None, typer.Option(help="URL of an autopilot that runs already.", metavar="URL")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="A vehicle file; with --vehicle a scenario (default: pe).")
+    ] = None,
+    vehicle: Annotated[
+        str | None, typer.Option(help="URL of an autopilot that runs already.", metavar="URL")
+    ] = None,
     autopilot: arguments.Expected = None,
     link: arguments.Link = "mavsdk",
-    apply: Annotated[bool, typer.Option("--apply", help="Set refused parameters, and check again.")] = False,
-    advised: Annotated[bool, typer.Option("--advised", help="With --apply: also those with a warning.")] = False,
+    apply: Annotated[
+        bool, typer.Option("--apply", help="Set refused parameters, and check again.")
+    ] = False,
+    advised: Annotated[
+        bool, typer.Option("--advised", help="With --apply: also those with a warning.")
+    ] = False,
     yes: arguments.Yes = False,
     all_rows: arguments.AllRows = False,
     as_json: arguments.Json = False,
@@ -115,14 +131,19 @@ def check(
     from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
 
     if vehicle is not None:
-        awaited, limit_s = f"a HEARTBEAT at {vehicle}", discovery.FOUND_WITHIN_S
+        awaited = f"a HEARTBEAT at {vehicle}"
+        limit_s = discovery.FOUND_WITHIN_S
         opening = checkup_at(load_scenario(name or "pe")[1], Asked((vehicle,), autopilot, link))
     else:
-        arguments.refuse(ctx, "a vehicle file, which has this key", "with --vehicle", "--autopilot", "--link")
+        arguments.refuse(
+            ctx, "a vehicle file, which has this key", "with --vehicle", "--autopilot", "--link"
+        )
         if name is None:
             raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")
         own = load_vehicle(find(name, "vehicles"))
-        awaited, limit_s, opening = own.vehicle.awaited, own.vehicle.connect_timeout_s, checkup_of(own)
+        awaited = own.vehicle.awaited
+        limit_s = own.vehicle.connect_timeout_s
+        opening = checkup_of(own)
     with contextlib.ExitStack() as closing:
         with waiting(console(stderr=True), awaited, limit_s):
             checkup = closing.enter_context(opening)
@@ -140,9 +161,13 @@ def _judged(checkup: Checkup) -> Sequence[Finding]:
 
 def _apply(checkup: Checkup, *, advised: bool, yes: bool, quiet: bool) -> bool:
     """Set parameters, after asking; return whether any were to be set."""
-    there, wanted = console(), checkup.changes(advised=advised)
+    there = console()
+    wanted = checkup.changes(advised=advised)
     there.quiet = quiet
-    _print_table(there, ((one.verdict, one.name, f"{one.now} becomes {one.then}: {one.why}") for one in wanted))
+    _print_table(
+        there,
+        ((one.verdict, one.name, f"{one.now} becomes {one.then}: {one.why}") for one in wanted),
+    )
     if wanted and not yes:
         arguments.agree(f"Set these {len(wanted)} parameters?")
     for name, value, done in checkup.apply(wanted):
@@ -159,11 +184,14 @@ def _show(rows: Sequence[Finding], *, as_json: bool, all_rows: bool) -> int:
     if as_json:
         typer.echo(json.dumps([row._asdict() for row in rows], indent=2))
     else:
-        there, order = console(), list(_STYLE)[: 3 if all_rows else 2]
+        there = console()
+        order = list(_STYLE)[: 3 if all_rows else 2]
         shown = [row for verdict in order for row in rows if row.verdict == verdict]
         _print_table(there, ((row.verdict, row.name, _explained(row)) for row in shown))
         if len(shown) < len(rows):
-            there.print(f"{len(rows) - len(shown)} more rows pass; --all shows them", soft_wrap=True)
+            there.print(
+                f"{len(rows) - len(shown)} more rows pass; --all shows them", soft_wrap=True
+            )
         words = f"refused: {', '.join(refused)}" if refused else "nothing is refused"
         there.print(words, style=_STYLE["refuse" if refused else "pass"])
     return FlightError.exit_code if refused else 0
@@ -176,7 +204,9 @@ def _explained(row: Finding) -> str:
 
 def _print_table(there: Console, lines: Iterable[tuple[str, str, str]]) -> None:
     """Print verdicts, names and explanations, which wrap in their column."""
-    if rows := [(Text(verdict, style=_STYLE[verdict]), name, Text(words)) for verdict, name, words in lines]:
+    if rows := [
+        (Text(verdict, style=_STYLE[verdict]), name, Text(words)) for verdict, name, words in lines
+    ]:
         there.print(sheet(("verdict", "name", "value"), rows, left=range(3)))
 
 
@@ -205,15 +235,24 @@ def schema_of(kind: str) -> dict[str, Any]:
     if kind == "sweep":
         require("schema sweep", "sim")
     content = resolve_name(KINDS[kind])()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **content, "title": kind.capitalize()}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **content,
+        "title": kind.capitalize(),
+    }
 
 
-zenoh = typer.Typer(cls=arguments.CommandGroup, help="Certificates and a router for Zenoh between machines.")
+zenoh = typer.Typer(
+    cls=arguments.CommandGroup, help="Certificates and a router for Zenoh between machines."
+)
 
 
 @zenoh.command()
 def keys(
-    names: Annotated[list[str], typer.Argument(help="Names of the parties: uav1, uav1-guidance, evader1, operator.")],
+    names: Annotated[
+        list[str],
+        typer.Argument(help="Names of the parties: uav1, uav1-guidance, evader1, operator."),
+    ],
     out: Annotated[Path, typer.Option(help="Folder of the certificates.")] = Path("keys"),
     host: Annotated[list[str] | None, typer.Option(help="A name or address of the router.")] = None,
 ) -> None:
@@ -241,7 +280,9 @@ def keys(
 def router(
     config: Annotated[str, typer.Argument(help="zenohd's configuration.")] = "zenoh/router.json5",
     keys: Annotated[Path | None, typer.Option(help="Folder of `guidance zenoh keys`.")] = None,
-    listen: Annotated[str | None, typer.Option(help="Endpoint that replaces the file's: tls/0.0.0.0:7447.")] = None,
+    listen: Annotated[
+        str | None, typer.Option(help="Endpoint that replaces the file's: tls/0.0.0.0:7447.")
+    ] = None,
 ) -> None:
     """Run a Zenoh router until Ctrl-C, for computers without zenohd.
 

@@ -28,16 +28,32 @@ TILES: Final = "GUIDANCE_TILES"
 
 def view(
     ctx: typer.Context,
-    file: Annotated[Path | None, typer.Argument(help="A record.mcap, or the folder of a team flight.")] = None,
-    live: Annotated[bool, typer.Option("--live", help="Show a daemon (`guidance run`) instead of a record.")] = False,
-    follow: Annotated[bool, typer.Option("--follow", help="Follow a record that is still being written.")] = False,
-    save: Annotated[Path | None, typer.Option(help="Write an .rrd file for Rerun's viewer instead of serving.")] = None,
-    endpoint: Annotated[str, typer.Option(help="With --live: the daemon's control.endpoint.")] = ENDPOINT,
-    name: Annotated[str | None, typer.Option(help="The vehicle's name; not needed if there is only one.")] = None,
+    file: Annotated[
+        Path | None, typer.Argument(help="A record.mcap, or the folder of a team flight.")
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show a daemon (`guidance run`) instead of a record.")
+    ] = False,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Follow a record that is still being written.")
+    ] = False,
+    save: Annotated[
+        Path | None, typer.Option(help="Write an .rrd file for Rerun's viewer instead of serving.")
+    ] = None,
+    endpoint: Annotated[
+        str, typer.Option(help="With --live: the daemon's control.endpoint.")
+    ] = ENDPOINT,
+    name: Annotated[
+        str | None, typer.Option(help="The vehicle's name; not needed if there is only one.")
+    ] = None,
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
-    port: Annotated[int, Port(help="TCP port of the recording on loopback; 0 picks a free one.")] = 9876,
-    web_port: Annotated[int, Port(help="TCP port of the page on loopback; 0 picks a free one.")] = 9090,
+    port: Annotated[
+        int, Port(help="TCP port of the recording on loopback; 0 picks a free one.")
+    ] = 9876,
+    web_port: Annotated[
+        int, Port(help="TCP port of the page on loopback; 0 picks a free one.")
+    ] = 9090,
 ) -> None:
     """Show a flight in Rerun: both vehicles, stand-off disc, isochron, meeting point, fence, plots and events.
 
@@ -68,7 +84,9 @@ def view(
 
     with contextlib.ExitStack() as closing:
         if file is None:
-            session = closing.enter_context(join_session(endpoint, token_file, read_credentials(zenoh)))
+            session = closing.enter_context(
+                join_session(endpoint, token_file, read_credentials(zenoh))
+            )
             sources: dict[str, viewer.Source] = {"": LiveFlight(session, name)}
         else:
             records = sorted(file.glob(f"*/{RECORD}")) or [file]
@@ -78,17 +96,27 @@ def view(
 
 
 def panel(
-    endpoint: Annotated[list[str] | None, typer.Option(help="Of daemons; repeatable.", show_default=ENDPOINT)] = None,
+    endpoint: Annotated[
+        list[str] | None, typer.Option(help="Of daemons; repeatable.", show_default=ENDPOINT)
+    ] = None,
     port: Annotated[int, Port(help="TCP port of the page; 0 picks a free one.")] = 8088,
-    host: Annotated[str, typer.Option(help="Its address; others than loopback need TLS and a password.")] = "127.0.0.1",
+    host: Annotated[
+        str, typer.Option(help="Its address; others than loopback need TLS and a password.")
+    ] = "127.0.0.1",
     look: Annotated[bool, typer.Option("--look", help="Show only; no orders.")] = False,
-    records: Annotated[Path, typer.Option(help="Folder of finished flights, for replay.")] = Path("flights"),
+    records: Annotated[Path, typer.Option(help="Folder of finished flights, for replay.")] = Path(
+        "flights"
+    ),
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
     certificate: Annotated[Path | None, typer.Option(help="TLS certificate chain, PEM.")] = None,
     key: Annotated[Path | None, typer.Option(help="Its private key, PEM.")] = None,
-    password_file: Annotated[Path | None, typer.Option(help="The password in one line, readable only by you.")] = None,
-    tiles: Annotated[str, typer.Option(envvar=TILES, help="Map: a folder with Z/X/Y.png, or a URL.")] = "tiles",
+    password_file: Annotated[
+        Path | None, typer.Option(help="The password in one line, readable only by you.")
+    ] = None,
+    tiles: Annotated[
+        str, typer.Option(envvar=TILES, help="Map: a folder with Z/X/Y.png, or a URL.")
+    ] = "tiles",
 ) -> None:
     """Serve the operator's page: map, state, checks, reasons and orders.
 
@@ -108,14 +136,17 @@ def panel(
     from guidance.viz.panel.server import NICE, PanelServer  # noqa: PLC0415
 
     map_of(tiles)
-    credentials, security = read_credentials(zenoh), remote_access(host, certificate, key, password_file)
+    credentials = read_credentials(zenoh)
+    security = remote_access(host, certificate, key, password_file)
     with listen(host, port) as listening:
         os.nice(NICE)
         clock = MonotonicClock()
         access = Access(host, listening.getsockname()[1], security, clock, typer.echo)
         buses = [DaemonBus(one, token_file, clock, credentials) for one in endpoint or [ENDPOINT]]
         with contextlib.closing(Hub(buses, clock)) as hub:
-            asyncio.run(PanelServer(hub, access, look=look, records=records, tiles=tiles).serve(listening))
+            asyncio.run(
+                PanelServer(hub, access, look=look, records=records, tiles=tiles).serve(listening)
+            )
 
 
 class CommandBeside:
@@ -130,9 +161,16 @@ class CommandBeside:
 
     def __init__(self, *arguments: str, say: Callable[[str], None] = typer.echo) -> None:
         # A separate session, so that Ctrl-C reaches only the parent.
-        piped: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "errors": "replace"}
+        piped: dict[str, Any] = {
+            "stdin": subprocess.PIPE,
+            "stdout": subprocess.PIPE,
+            "text": True,
+            "errors": "replace",
+        }
         self.child: Final = subprocess.Popen(command(arguments), start_new_session=True, **piped)
-        self._relaying = threading.Thread(target=self._relay, args=(say,), name=arguments[0], daemon=True)
+        self._relaying = threading.Thread(
+            target=self._relay, args=(say,), name=arguments[0], daemon=True
+        )
         self._relaying.start()
 
     def _relay(self, say: Callable[[str], None]) -> None:
@@ -159,10 +197,19 @@ def command(arguments: Sequence[str]) -> list[str]:
     return [sys.executable, "-P", "-c", code, *arguments]
 
 
-def panel_beside(endpoint: str, records: Path | None, token_file: Path | None = None) -> CommandBeside:
+def panel_beside(
+    endpoint: str, records: Path | None, token_file: Path | None = None
+) -> CommandBeside:
     """Start the page of the daemon at an endpoint on a free port; it prints its address."""
-    options = {"--endpoint": endpoint, "--port": "0", "--token-file": token_file, "--records": records}
-    given = [word for name, value in options.items() if value is not None for word in (name, str(value))]
+    options = {
+        "--endpoint": endpoint,
+        "--port": "0",
+        "--token-file": token_file,
+        "--records": records,
+    }
+    given = [
+        word for name, value in options.items() if value is not None for word in (name, str(value))
+    ]
     return CommandBeside("panel", *given)
 
 

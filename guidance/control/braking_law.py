@@ -83,21 +83,31 @@ class Separation(NamedTuple):
     height_m: float
 
 
-def measure_walls(here: Situation, envelope: Envelope, mates: Sequence[Separation] = ()) -> tuple[Wall, ...]:
+def measure_walls(
+    here: Situation, envelope: Envelope, mates: Sequence[Separation] = ()
+) -> tuple[Wall, ...]:
     """Return all walls as seen from a position. The circle comes last; see `constraints_of`."""
-    (north, east, down), home = here.position_ned_m, envelope.home_ned_m
-    point, margin_m = (north - home[0], east - home[1]), envelope.fence_margin_m
-    height_m, spare_m = home[2] - down, min(envelope.floor_margin_m, max(0.0, here.height_sd_m))
-    walls, above_floor_m = _stand_off(here, envelope), height_m - envelope.floor_m - spare_m
+    (north, east, down) = here.position_ned_m
+    home = envelope.home_ned_m
+    point = (north - home[0], east - home[1])
+    margin_m = envelope.fence_margin_m
+    height_m = home[2] - down
+    spare_m = min(envelope.floor_margin_m, max(0.0, here.height_sd_m))
+    walls = _stand_off(here, envelope)
+    above_floor_m = height_m - envelope.floor_m - spare_m
     for mate in mates:
         walls += _separation(here, mate, climbs_back=above_floor_m < 0.0)
     if envelope.fence_polygon is not None:
         edges = _edges(envelope.fence_polygon, point)
-        walls += [Wall(Limiter.FENCE_POLYGON, (*normal, 0.0), gap_m - margin_m, margin_m) for normal, gap_m in edges]
+        walls += [
+            Wall(Limiter.FENCE_POLYGON, (*normal, 0.0), gap_m - margin_m, margin_m)
+            for normal, gap_m in edges
+        ]
     walls.append(Wall(Limiter.FLOOR, (0.0, 0.0, 1.0), above_floor_m, spare_m))
     walls.append(Wall(Limiter.CEILING, (0.0, 0.0, -1.0), envelope.ceiling_m - height_m))
     if envelope.fence_radius_m is not None:
-        radius_m, away_m = envelope.fence_radius_m - margin_m, math.hypot(*point)
+        radius_m = envelope.fence_radius_m - margin_m
+        away_m = math.hypot(*point)
         outward = (point[0] / away_m, point[1] / away_m, 0.0) if away_m > 0.0 else STILL
         walls.append(Wall(Limiter.FENCE_RADIUS, outward, radius_m - away_m, margin_m, radius_m))
     return tuple(walls)
@@ -110,7 +120,8 @@ def _stand_off(here: Situation, envelope: Envelope) -> list[Wall]:
     it. Beside the cylinder, the evader counts as standing still, because it may stop at any time. The law changes
     gradually over the first `COVER_M` above the top. An evader that comes nearer counts as standing still.
     """
-    zone, evader = envelope.stand_off, here.evader_position_ned_m
+    zone = envelope.stand_off
+    evader = here.evader_position_ned_m
     if zone is None or evader is None:
         return []
     offset_m = difference(evader, here.position_ned_m)
@@ -120,7 +131,10 @@ def _stand_off(here: Situation, envelope: Envelope) -> list[Wall]:
     fleeing = max(0.0, flight[0] * to_north + flight[1] * to_east) if usable(*flight) else 0.0
     fleeing *= min(1.0, max(0.0, above_m) / COVER_M)
     moving = (fleeing * to_north, fleeing * to_east, 0.0)
-    return [Wall(Limiter.STAND_OFF, normal, gap_m, velocity_ned_m_s=moving, approached=True) for normal in normals]
+    return [
+        Wall(Limiter.STAND_OFF, normal, gap_m, velocity_ned_m_s=moving, approached=True)
+        for normal in normals
+    ]
 
 
 def _separation(here: Situation, mate: Separation, *, climbs_back: bool) -> list[Wall]:
@@ -132,11 +146,15 @@ def _separation(here: Situation, mate: Separation, *, climbs_back: bool) -> list
     """
     offset_m = difference(mate.position_ned_m, here.position_ned_m)
     towards = 0.0 if climbs_back and offset_m[2] < 0.0 else math.copysign(1.0, offset_m[2])
-    gap_m, _, normals = _cylinder(offset_m, mate.radius_m, abs(offset_m[2]) - mate.height_m, towards)
+    gap_m, _, normals = _cylinder(
+        offset_m, mate.radius_m, abs(offset_m[2]) - mate.height_m, towards
+    )
     return [Wall(Limiter.SEPARATION, normal, 0.5 * gap_m) for normal in normals]
 
 
-def _cylinder(offset_m: Vector, radius_m: float, above_m: float, downward: float) -> tuple[float, Point, list[Vector]]:
+def _cylinder(
+    offset_m: Vector, radius_m: float, above_m: float, downward: float
+) -> tuple[float, Point, list[Vector]]:
     """Return the distance to an upright cylinder, the direction to its axis, and the normals to it; inside, two.
 
     Args:
@@ -148,7 +166,8 @@ def _cylinder(offset_m: Vector, radius_m: float, above_m: float, downward: float
     away_m = math.hypot(*offset_m[:2])
     to_north, to_east = (offset_m[0] / away_m, offset_m[1] / away_m) if away_m > 0.0 else (0.0, 0.0)
     beside_m = away_m - radius_m
-    gap_m, parts = max(beside_m, above_m), [(1.0, 0.0), (0.0, 1.0)]
+    gap_m = max(beside_m, above_m)
+    parts = [(1.0, 0.0), (0.0, 1.0)]
     if gap_m > 0.0:
         gap_m = math.hypot(max(0.0, beside_m), max(0.0, above_m))
         parts = [(max(0.0, beside_m) / gap_m, max(0.0, above_m) / gap_m)]
@@ -205,7 +224,8 @@ def held_back(velocity_ned_m_s: Vector, walls: tuple[Wall, ...], envelope: Envel
     """
     north, east, down = velocity_ned_m_s
     for wall in walls:
-        (normal_north, normal_east, normal_down), gap_m = wall.normal_ned, wall.gap_m
+        (normal_north, normal_east, normal_down) = wall.normal_ned
+        gap_m = wall.gap_m
         braking_m_s2 = envelope.vertical_braking_m_s2 if normal_down else envelope.braking_m_s2
         closing = north * normal_north + east * normal_east + down * normal_down
         stop_m = closing * (envelope.reaction_s + max(0.0, closing) / (2.0 * braking_m_s2))
@@ -215,7 +235,9 @@ def held_back(velocity_ned_m_s: Vector, walls: tuple[Wall, ...], envelope: Envel
         if gap_m > 0.0:
             allowed = approach_speed(gap_m, braking_m_s2, envelope.reaction_s)
         excess = max(0.0, closing - allowed)
-        north, east, down = north - excess * normal_north, east - excess * normal_east, down - excess * normal_down
+        north = north - excess * normal_north
+        east = east - excess * normal_east
+        down = down - excess * normal_down
     return (north, east, down)
 
 
@@ -236,14 +258,17 @@ def surge(velocity_ned_m_s: Vector, acceleration_ned_m_s2: Vector, envelope: Env
     if speed > 0.0:
         along = (velocity_ned_m_s[0] / speed, velocity_ned_m_s[1] / speed)
         braking = min(0.0, north * along[0] + east * along[1])
-        north, east = north - braking * along[0], east - braking * along[1]
+        north = north - braking * along[0]
+        east = east - braking * along[1]
     size = math.hypot(north, east)
     if size <= _STEADY_M_S2:
         return STILL
     gaining_m_s2 = size - _STEADY_M_S2
     lasts_s = gaining_m_s2 / envelope.easing_m_s3
     gained = 0.5 * gaining_m_s2 * lasts_s
-    stopped_m = gained * envelope.reaction_s + gained * (2.0 * speed + gained) / (2.0 * envelope.braking_m_s2)
+    stopped_m = gained * envelope.reaction_s + gained * (2.0 * speed + gained) / (
+        2.0 * envelope.braking_m_s2
+    )
     far_m = speed * lasts_s + gaining_m_s2 * lasts_s * lasts_s / 3.0 + stopped_m
     return (far_m * north / size, far_m * east / size, 0.0)
 
@@ -266,7 +291,10 @@ class Constraint(NamedTuple):
     def tangent(self, velocity_ned_m_s: Vector) -> "Constraint":
         """Return the half-space that touches the circle on the way to the stop point."""
         north, east = self.about_m or (0.0, 0.0)
-        stop_m = (north + velocity_ned_m_s[0] * self.ground_s, east + velocity_ned_m_s[1] * self.ground_s)
+        stop_m = (
+            north + velocity_ned_m_s[0] * self.ground_s,
+            east + velocity_ned_m_s[1] * self.ground_s,
+        )
         away_m = math.hypot(*stop_m)
         normal = (stop_m[0] / away_m, stop_m[1] / away_m, 0.0) if away_m > 0.0 else STILL
         distance_m = self.distance_m - north * normal[0] - east * normal[1]
@@ -285,19 +313,26 @@ def constraints_of(
         envelope: Braking and reaction of the vehicle.
     """
     surge_ned_m = surge(here.velocity_ned_m_s, here.acceleration_ned_m_s2, envelope)
-    speed, braking_m_s2 = math.hypot(*asked_ned_m_s), min(envelope.braking_m_s2, envelope.vertical_braking_m_s2)
+    speed = math.hypot(*asked_ned_m_s)
+    braking_m_s2 = min(envelope.braking_m_s2, envelope.vertical_braking_m_s2)
     drift_m = math.hypot(*here.velocity_ned_m_s) * envelope.reaction_s + math.hypot(*surge_ned_m)
     reach_m = drift_m + speed * (envelope.reaction_s + speed / (2.0 * braking_m_s2))
-    near, flown = (wall for wall in walls if wall.gap_m <= reach_m), here.velocity_ned_m_s
+    near = (wall for wall in walls if wall.gap_m <= reach_m)
+    flown = here.velocity_ned_m_s
     return tuple(_constraint(wall, asked_ned_m_s, flown, surge_ned_m, envelope) for wall in near)
 
 
-def _constraint(wall: Wall, asked: Vector, flown: Vector, surge_ned_m: Vector, envelope: Envelope) -> Constraint:
+def _constraint(
+    wall: Wall, asked: Vector, flown: Vector, surge_ned_m: Vector, envelope: Envelope
+) -> Constraint:
     """Make the constraint of a wall, from the velocities relative to it.
 
     Braking is computed from the speed asked for. The speed sent is never larger, so the true stop is shorter.
     """
-    moving, normal, reaction_s, about_m = wall.velocity_ned_m_s, wall.normal_ned, envelope.reaction_s, None
+    moving = wall.velocity_ned_m_s
+    normal = wall.normal_ned
+    reaction_s = envelope.reaction_s
+    about_m = None
     speed = math.hypot(asked[0] - moving[0], asked[1] - moving[1])
     ground_s = reaction_s + speed / (2.0 * envelope.braking_m_s2)
     vertical_s = reaction_s + abs(asked[2] - moving[2]) / (2.0 * envelope.vertical_braking_m_s2)
@@ -316,7 +351,9 @@ def _constraint(wall: Wall, asked: Vector, flown: Vector, surge_ned_m: Vector, e
     return Constraint(wall.limiter, normal, distance_m, ground_s, vertical_s, about_m)
 
 
-def obey(vector_ned: Vector, constraints: tuple[Constraint, ...]) -> tuple[Vector, tuple[Constraint, ...]]:
+def obey(
+    vector_ned: Vector, constraints: tuple[Constraint, ...]
+) -> tuple[Vector, tuple[Constraint, ...]]:
     """Reduce a vector until all constraints hold; return it with the constraints that reduced it.
 
     First it slides along every constraint in turn, which keeps the part along the wall. A later one may turn it back
@@ -327,7 +364,8 @@ def obey(vector_ned: Vector, constraints: tuple[Constraint, ...]) -> tuple[Vecto
         vector_ned: A velocity or an acceleration.
         constraints: In the same unit.
     """
-    result, active = vector_ned, []
+    result = vector_ned
+    active = []
     for one in constraints:
         slid = reduced(result, one, along=True)
         if slid is not result:
@@ -342,7 +380,8 @@ def reduced(vector_ned: Vector, one: Constraint, *, along: bool) -> Vector:
     """Take away what exceeds a constraint and keep the part along the wall, or scale the closing parts down."""
     if one.about_m is not None:
         one = one.tangent(vector_ned)
-    (north, east, down), (normal_north, normal_east, normal_down) = vector_ned, one.normal_ned
+    (north, east, down) = vector_ned
+    (normal_north, normal_east, normal_down) = one.normal_ned
     ground = max(0.0, north * normal_north + east * normal_east)
     vertical = max(0.0, down * normal_down)
     used_m = ground * one.ground_s + vertical * one.vertical_s
@@ -352,13 +391,17 @@ def reduced(vector_ned: Vector, one: Constraint, *, along: bool) -> Vector:
     if ground > 0.0 and along:
         size = math.hypot(normal_north, normal_east)
         part = (1.0 - share) * ground / size
-        north, east = north - part * (normal_north / size), east - part * (normal_east / size)
+        north = north - part * (normal_north / size)
+        east = east - part * (normal_east / size)
     elif ground > 0.0:
-        north, east = share * north, share * east
+        north = share * north
+        east = share * east
     return (north, east, share * down if vertical > 0.0 else down)
 
 
-def braked(fed_ned_m_s2: Vector | None, here: Situation, walls: tuple[Wall, ...], envelope: Envelope) -> Vector | None:
+def braked(
+    fed_ned_m_s2: Vector | None, here: Situation, walls: tuple[Wall, ...], envelope: Envelope
+) -> Vector | None:
     """Return a feed-forward that decelerates at least as every wall requires; unchanged if none does.
 
     Args:
@@ -367,7 +410,9 @@ def braked(fed_ned_m_s2: Vector | None, here: Situation, walls: tuple[Wall, ...]
         walls: Of this cycle; the evader's are left to the approach.
         envelope: Braking and reaction of the vehicle.
     """
-    flown, fed, drift_s = here.velocity_ned_m_s, fed_ned_m_s2, 2.0 * envelope.reaction_s
+    flown = here.velocity_ned_m_s
+    fed = fed_ned_m_s2
+    drift_s = 2.0 * envelope.reaction_s
     for wall in walls:
         north, east, down = wall.normal_ned
         closing = flown[0] * north + flown[1] * east + flown[2] * down
@@ -377,7 +422,9 @@ def braked(fed_ned_m_s2: Vector | None, here: Situation, walls: tuple[Wall, ...]
             continue
         a_north, a_east, a_down = fed or STILL
         # The excess over the allowed closing speed has to be gone within half the reaction time.
-        allowed = approach_speed(wall.gap_m - closing * envelope.reaction_s, braking_m_s2, envelope.reaction_s)
+        allowed = approach_speed(
+            wall.gap_m - closing * envelope.reaction_s, braking_m_s2, envelope.reaction_s
+        )
         wanted = 2.0 * (closing - allowed) / envelope.reaction_s
         missing = max(0.0, a_north * north + a_east * east + a_down * down + wanted)
         fed = (a_north - missing * north, a_east - missing * east, a_down - missing * down)

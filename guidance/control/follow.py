@@ -46,7 +46,8 @@ from guidance.game import StandOff
 
 RETREAT_M = 2.0
 """Gap below which the vehicle retreats from an evader that comes towards it; at the rim it retreats at its speed."""
-BELOW_M, ABOVE_M = 0.5, 1.0
+BELOW_M = 0.5
+ABOVE_M = 1.0
 """Further below or above the disc, the vehicle retreats from any distance: below, the evader must not pass under it;
 above, it could not capture an evader that passes."""
 
@@ -72,7 +73,9 @@ class Drift(NamedTuple):
     position_ned_m: Vector | None = None
 
 
-def observe_drift(drift: Drift, position_ned_m: Vector, velocity_ned_m_s: Vector, *, dt_s: float) -> Drift:
+def observe_drift(
+    drift: Drift, position_ned_m: Vector, velocity_ned_m_s: Vector, *, dt_s: float
+) -> Drift:
     """Update the drift with a report of position and velocity.
 
     After a jump of more than `JUMP_M` (the estimator was reset), the new position is taken over and nothing is learned.
@@ -86,7 +89,8 @@ def observe_drift(drift: Drift, position_ned_m: Vector, velocity_ned_m_s: Vector
     if drift.position_ned_m is None:
         return Drift(drift.velocity_ned_m_s, position_ned_m)
     dt_s = min(max(dt_s, 0.0), LONGEST_STEP_S)
-    places, drifts = [], []
+    places = []
+    drifts = []
     for place_m, drift_m_s, reported_m, velocity_m_s in zip(
         drift.position_ned_m, drift.velocity_ned_m_s, position_ned_m, velocity_ned_m_s, strict=True
     ):
@@ -97,7 +101,8 @@ def observe_drift(drift: Drift, position_ned_m: Vector, velocity_ned_m_s: Vector
         drifts.append(max(-LARGEST_M_S, min(LARGEST_M_S, learned_m_s)))
     if math.dist(position_ned_m, places) > JUMP_M:
         return Drift(drift.velocity_ned_m_s, position_ned_m)
-    (north, east, down), (drift_north, drift_east, drift_down) = places, drifts
+    (north, east, down) = places
+    (drift_north, drift_east, drift_down) = drifts
     return Drift((drift_north, drift_east, drift_down), (north, east, down))
 
 
@@ -149,8 +154,12 @@ def catch_up(
         along = (north * flown_ned_m_s[0] + east * flown_ned_m_s[1]) / speed
         deficit_m = min(LARGEST_DEFICIT_M, max(0.0, deficit_m + (speed - along) * pace.dt_s))
         over = max(0.0, along / speed - pace.max_speed_ratio)
-        scale = max(0.0, min(pace.max_speed_ratio, 1.0 + RECOVERY_PER_S * deficit_m / speed) - EASE * over)
-        north, east, down = scale * north, scale * east, scale * down
+        scale = max(
+            0.0, min(pace.max_speed_ratio, 1.0 + RECOVERY_PER_S * deficit_m / speed) - EASE * over
+        )
+        north = scale * north
+        east = scale * east
+        down = scale * down
     enough_m_s = abs(gaps.height_m) * pace.meeting_m_s / max(gaps.ground_m, _TOUCH_M)
     spare_m_s = min(1.0, deficit_m / UNHURRIED_M) * max(0.0, abs(down) - enough_m_s)
     return (north, east, down - math.copysign(spare_m_s, down)), deficit_m
@@ -181,7 +190,8 @@ class Approach:
 
 def gaps_to_disc(position_ned_m: Vector, evader_ned_m: Vector, standoff: StandOff) -> Gaps:
     """Return the distances from a position to the stand-off disc of an evader."""
-    north, east = evader_ned_m[0] - position_ned_m[0], evader_ned_m[1] - position_ned_m[1]
+    north = evader_ned_m[0] - position_ned_m[0]
+    east = evader_ned_m[1] - position_ned_m[1]
     distance_m = math.hypot(north, east)
     scale = 1.0 / distance_m if distance_m > 0.0 else 0.0
     height_m = evader_ned_m[2] - position_ned_m[2] - standoff.height_m
@@ -189,7 +199,11 @@ def gaps_to_disc(position_ned_m: Vector, evader_ned_m: Vector, standoff: StandOf
 
 
 def approach(
-    desired_ned_m_s: Vector, flown_ned_m_s: Vector, evader_ned_m_s: Vector, gaps: Gaps, settings: Approach
+    desired_ned_m_s: Vector,
+    flown_ned_m_s: Vector,
+    evader_ned_m_s: Vector,
+    gaps: Gaps,
+    settings: Approach,
 ) -> tuple[Vector, bool]:
     """Slow a velocity down near the disc; return it, and whether the closing speed is reduced.
 
@@ -200,17 +214,29 @@ def approach(
         gaps: To the disc.
         settings: Of the vehicle.
     """
-    (north, east, down), (evader_north, evader_east, _) = desired_ned_m_s, evader_ned_m_s
-    left_m = abs(gaps.height_m) - settings.lag_s * math.copysign(flown_ned_m_s[2], gaps.height_m * flown_ned_m_s[2])
+    (north, east, down) = desired_ned_m_s
+    (evader_north, evader_east, _) = evader_ned_m_s
+    left_m = abs(gaps.height_m) - settings.lag_s * math.copysign(
+        flown_ned_m_s[2], gaps.height_m * flown_ned_m_s[2]
+    )
     allowed = approach_speed(left_m, settings.vertical_braking_m_s2, settings.vertical_settle_s)
     down = max(-allowed, min(allowed, down))
-    to_north, to_east = gaps.towards_north, gaps.towards_east
+    to_north = gaps.towards_north
+    to_east = gaps.towards_east
     coming = max(0.0, -evader_north * to_north - evader_east * to_east)
-    wait = coming * min(1.0, max(0.0, gaps.ground_m / RETREAT_M)) if -BELOW_M < gaps.height_m < ABOVE_M else 0.0
-    evader_north, evader_east = evader_north + wait * to_north, evader_east + wait * to_east
-    relative_north, relative_east = north - evader_north, east - evader_east
+    wait = (
+        coming * min(1.0, max(0.0, gaps.ground_m / RETREAT_M))
+        if -BELOW_M < gaps.height_m < ABOVE_M
+        else 0.0
+    )
+    evader_north = evader_north + wait * to_north
+    evader_east = evader_east + wait * to_east
+    relative_north = north - evader_north
+    relative_east = east - evader_east
     closing = relative_north * to_north + relative_east * to_east
-    closing_now = (flown_ned_m_s[0] - evader_north) * to_north + (flown_ned_m_s[1] - evader_east) * to_east
+    closing_now = (flown_ned_m_s[0] - evader_north) * to_north + (
+        flown_ned_m_s[1] - evader_east
+    ) * to_east
     left_m = gaps.ground_m - settings.margin_m - settings.lag_s * (closing_now + wait)
     settle_s = settings.settle_s + wait / settings.braking_m_s2
     allowed = max(-settings.backing_m_s, 0.5 * left_m / settle_s)  # inside, it backs off
@@ -265,7 +291,12 @@ class Followed(NamedTuple):
 
 
 def follow(
-    desired_ned_m_s: Vector, here: Situation, gaps: Gaps, handling: Handling, memory: FollowMemory, pace: Pace
+    desired_ned_m_s: Vector,
+    here: Situation,
+    gaps: Gaps,
+    handling: Handling,
+    memory: FollowMemory,
+    pace: Pace,
 ) -> Followed:
     """Follow the game's velocity for one cycle.
 
@@ -283,12 +314,18 @@ def follow(
     drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=pace.dt_s)
     flown = difference(here.velocity_ned_m_s, drift.velocity_ned_m_s)
     north, east, down = desired_ned_m_s
-    wanted, deficit_m = (north, east, down * pace.max_speed_ratio), 0.0
+    wanted = (north, east, down * pace.max_speed_ratio)
+    deficit_m = 0.0
     if pace.hurried:
         wanted, deficit_m = catch_up(desired_ned_m_s, flown, memory.deficit_m, gaps, pace)
-    desired, braking = approach(wanted, flown, here.evader_velocity_ned_m_s or STILL, gaps, handling.approach)
+    desired, braking = approach(
+        wanted, flown, here.evader_velocity_ned_m_s or STILL, gaps, handling.approach
+    )
     if braking:
         deficit_m = memory.deficit_m  # braking at the disc adds nothing to it
-    fed, servo = serve(desired, flown, memory.servo, handling.servo, dt_s=pace.dt_s, held_back=pace.held_back)
-    sent, kept = total(servo.reference_ned_m_s, drift.velocity_ned_m_s), FollowMemory(servo, deficit_m, drift)
+    fed, servo = serve(
+        desired, flown, memory.servo, handling.servo, dt_s=pace.dt_s, held_back=pace.held_back
+    )
+    sent = total(servo.reference_ned_m_s, drift.velocity_ned_m_s)
+    kept = FollowMemory(servo, deficit_m, drift)
     return Followed(sent, fed, desired, kept, flown, not braking)

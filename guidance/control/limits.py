@@ -29,7 +29,8 @@ _FLOOR_MARGIN_M: Final = 1.0
 """Largest margin above the floor. It is smaller where the game's disc is nearer to the floor."""
 
 _DEFAULT = f"; default: {CATCH_UP_RATIO - 1.0:.0%} above the game's speed"
-_SMALLEST, _LARGEST = 1e-3, 1e6
+_SMALLEST = 1e-3
+_LARGEST = 1e6
 
 
 class Limiter(StrEnum):
@@ -126,14 +127,23 @@ class Envelope(Dynamics):
     stand_off: StandOff | None = None
 
     def __post_init__(self) -> None:
-        for name in (*(one.name for one in fields(Dynamics)), *Speeds._fields, "yaw_rate_rad_s", "fence_radius_m"):
+        for name in (
+            *(one.name for one in fields(Dynamics)),
+            *Speeds._fields,
+            "yaw_rate_rad_s",
+            "fence_radius_m",
+        ):
             value = getattr(self, name)
             if value is not None and not _SMALLEST <= value <= _LARGEST:
                 raise ConfigError(f"{name} = {value}: allowed is {_SMALLEST} to {_LARGEST}")
         if not -_LARGEST <= self.floor_m < self.ceiling_m <= _LARGEST:
-            raise ConfigError(f"floor_m = {self.floor_m}: must be below ceiling_m = {self.ceiling_m}, both finite")
+            raise ConfigError(
+                f"floor_m = {self.floor_m}: must be below ceiling_m = {self.ceiling_m}, both finite"
+            )
         if not 0.0 <= self.fence_margin_m < (self.fence_radius_m or math.inf):
-            raise ConfigError(f"fence_margin_m = {self.fence_margin_m}: allowed is 0 to less than fence_radius_m")
+            raise ConfigError(
+                f"fence_margin_m = {self.fence_margin_m}: allowed is 0 to less than fence_radius_m"
+            )
 
 
 AtLeast = Annotated[float, max]
@@ -147,19 +157,32 @@ class Limits(Section):
 
     floor_m: AtLeast = Field(5.0, ge=1.0, description="lowest height")
     ceiling_m: AtMost = Field(60.0, gt=5.0, le=500.0, description="greatest height")
-    fence_radius_m: AtMostIfAny = Field(200.0, gt=10.0, le=10_000.0, description="greatest distance from home")
-    fence_polygon_ne_m: tuple[tuple[float, float], ...] | None = Field(None, description="corners north, east of home")
+    fence_radius_m: AtMostIfAny = Field(
+        200.0, gt=10.0, le=10_000.0, description="greatest distance from home"
+    )
+    fence_polygon_ne_m: tuple[tuple[float, float], ...] | None = Field(
+        None, description="corners north, east of home"
+    )
     fence_polygon_deg: tuple[tuple[Latitude, Longitude], ...] | None = Field(
         None, description="corners by latitude, longitude"
     )
     fence_plan_file: Path | None = Field(
-        None, description="a QGroundControl plan (.plan) with one inclusion polygon, which becomes the fence"
+        None,
+        description="a QGroundControl plan (.plan) with one inclusion polygon, which becomes the fence",
     )
-    fence_margin_m: AtLeast = Field(2.0, ge=0.0, description="how far inside the fence commands stay")
+    fence_margin_m: AtLeast = Field(
+        2.0, ge=0.0, description="how far inside the fence commands stay"
+    )
     yaw_rate_deg_s: AtMost = Field(45.0, gt=0.0, le=180.0, description="fastest turn of the nose")
-    speed_m_s: AtMostIfAny = Field(None, gt=0.0, le=33.0, description=f"horizontal speed of every command{_DEFAULT}")
-    climb_m_s: AtMostIfAny = Field(None, gt=0.0, le=11.0, description=f"climb rate of every command{_DEFAULT}")
-    descent_m_s: AtMostIfAny = Field(None, gt=0.0, le=11.0, description=f"descent rate of every command{_DEFAULT}")
+    speed_m_s: AtMostIfAny = Field(
+        None, gt=0.0, le=33.0, description=f"horizontal speed of every command{_DEFAULT}"
+    )
+    climb_m_s: AtMostIfAny = Field(
+        None, gt=0.0, le=11.0, description=f"climb rate of every command{_DEFAULT}"
+    )
+    descent_m_s: AtMostIfAny = Field(
+        None, gt=0.0, le=11.0, description=f"descent rate of every command{_DEFAULT}"
+    )
 
     def _faults(self) -> Iterator[str]:
         if self.floor_m >= self.ceiling_m:
@@ -178,7 +201,9 @@ class Limits(Section):
     @property
     def reach_m(self) -> float:
         """Greatest distance from home inside the fence; infinite for corners in degrees, until home is known."""
-        farthest_m = max((math.hypot(*corner) for corner in self.fence_polygon_ne_m or ()), default=math.inf)
+        farthest_m = max(
+            (math.hypot(*corner) for corner in self.fence_polygon_ne_m or ()), default=math.inf
+        )
         return min(farthest_m, math.inf if self.fence_radius_m is None else self.fence_radius_m)
 
     def speeds(self, game: Speeds, *, section: str) -> Speeds:
@@ -197,7 +222,9 @@ class Limits(Section):
             if limit_m_s is not None and limit_m_s < played_m_s:
                 played = f"{section}.{name} = {played_m_s:g}, the game's own speed"
                 mend = f"raise limits.{name} or lower {section}.{name}"
-                raise ValueError(f"limits.{name} = {limit_m_s:g}: must be at least {played}; {mend}")
+                raise ValueError(
+                    f"limits.{name} = {limit_m_s:g}: must be at least {played}; {mend}"
+                )
             limits.append(CATCH_UP_RATIO * played_m_s if limit_m_s is None else limit_m_s)
         return Speeds(*limits)
 
@@ -205,7 +232,9 @@ class Limits(Section):
         """Return these limits, each replaced by the other's value where that one is tighter. Polygons stay."""
         changed = {}
         for name, declared in type(self).model_fields.items():
-            values = [value for value in (getattr(self, name), getattr(other, name)) if value is not None]
+            values = [
+                value for value in (getattr(self, name), getattr(other, name)) if value is not None
+            ]
             for tightest in declared.metadata:
                 if tightest in (min, max) and values:
                     changed[name] = tightest(values)
@@ -222,14 +251,22 @@ class Limits(Section):
         Raises:
             ConfigError: If the limits contradict each other.
         """
-        zone_m = (max(0.5, float(size) - _STANDOFF_MARGIN_M) for size in (standoff.radius_m, standoff.height_m))
+        zone_m = (
+            max(0.5, float(size) - _STANDOFF_MARGIN_M)
+            for size in (standoff.radius_m, standoff.height_m)
+        )
         return Envelope(
             **asdict(dynamics),
             **speeds._asdict(),
-            **{name: getattr(self, name) for name in ("floor_m", "ceiling_m", "fence_radius_m", "fence_margin_m")},
+            **{
+                name: getattr(self, name)
+                for name in ("floor_m", "ceiling_m", "fence_radius_m", "fence_margin_m")
+            },
             yaw_rate_rad_s=math.radians(self.yaw_rate_deg_s),
             floor_margin_m=min(_FLOOR_MARGIN_M, max(0.0, float(standoff.height_m) - self.floor_m)),
-            fence_polygon=None if self.fence_polygon_ne_m is None else Polygon(self.fence_polygon_ne_m),
+            fence_polygon=None
+            if self.fence_polygon_ne_m is None
+            else Polygon(self.fence_polygon_ne_m),
             stand_off=StandOff(*zone_m),
         )
 
@@ -237,15 +274,22 @@ class Limits(Section):
         """Return an envelope with the polygon fence in metres, if it is given in degrees."""
         if self.fence_polygon_deg is None:
             return envelope
-        return replace(envelope, fence_polygon=Polygon(corners_about_home(self.fence_polygon_deg, home_ned_m, frame)))
+        return replace(
+            envelope,
+            fence_polygon=Polygon(corners_about_home(self.fence_polygon_deg, home_ned_m, frame)),
+        )
 
 
 def _corner_faults(corners_deg: tuple[tuple[float, float], ...]) -> Iterator[str]:
     """Check the polygon in metres about its first corner; about home it has the same shape."""
     if not corners_deg:
         yield "limits.fence_polygon_deg has 0 corners: needs at least 3"
-    corners_m = corners_about_home(corners_deg, (0.0, 0.0, 0.0), LocalFrame(*corners_deg[0], Amsl(0.0)))
-    yield from faults_of("limits.fence_polygon_deg, in metres about its first corner", lambda: Polygon(corners_m))
+    corners_m = corners_about_home(
+        corners_deg, (0.0, 0.0, 0.0), LocalFrame(*corners_deg[0], Amsl(0.0))
+    )
+    yield from faults_of(
+        "limits.fence_polygon_deg, in metres about its first corner", lambda: Polygon(corners_m)
+    )
     widest_m = max(math.hypot(*corner) for corner in corners_m)
     if widest_m > FARTHEST_FENCE_M:
         reach = f"limits.fence_polygon_deg reaches {widest_m:.0f} m from its first corner"

@@ -37,10 +37,14 @@ class Polygon:
                 raise ConfigError(f"fence_polygon corner {corner}: must be two finite numbers")
         for index, edge in enumerate(self.edges()):
             if math.dist(*edge) < _SHORTEST_EDGE_M:
-                raise ConfigError(f"fence_polygon edge {index} {edge} is shorter than {_SHORTEST_EDGE_M} m: omit it")
+                raise ConfigError(
+                    f"fence_polygon edge {index} {edge} is shorter than {_SHORTEST_EDGE_M} m: omit it"
+                )
         for (i, one), (j, other) in combinations(enumerate(self.edges()), 2):
             if _meet(one, other, neighbours=j - i in (1, len(corners) - 1)):
-                raise ConfigError(f"fence_polygon: edges {i} and {j} cross or touch; give the corners in order")
+                raise ConfigError(
+                    f"fence_polygon: edges {i} and {j} cross or touch; give the corners in order"
+                )
 
     def edges(self) -> tuple[Edge, ...]:
         """The edges as pairs of corners."""
@@ -67,14 +71,17 @@ class Polygon:
         """The nearest point of every edge."""
         found = []
         for (north1, east1), (north2, east2) in self.edges():
-            along_north, along_east = north2 - north1, east2 - east1
+            along_north = north2 - north1
+            along_east = east2 - east1
             way = (point[0] - north1) * along_north + (point[1] - east1) * along_east
             share = min(1.0, max(0.0, way / (along_north**2 + along_east**2)))
             found.append((north1 + share * along_north, east1 + share * along_east))
         return tuple(found)
 
 
-def corners_about_home(corners_deg: Iterable[Point], home_ned_m: Vector, frame: LocalFrame) -> tuple[Point, ...]:
+def corners_about_home(
+    corners_deg: Iterable[Point], home_ned_m: Vector, frame: LocalFrame
+) -> tuple[Point, ...]:
     """Return places in metres north and east of home, with the map projection of the frame.
 
     Args:
@@ -83,7 +90,10 @@ def corners_about_home(corners_deg: Iterable[Point], home_ned_m: Vector, frame: 
         frame: The vehicle's local frame.
     """
     north_m, east_m, _ = home_ned_m
-    places = [frame.ned_from_wgs84(latitude, longitude, frame.altitude) for latitude, longitude in corners_deg]
+    places = [
+        frame.ned_from_wgs84(latitude, longitude, frame.altitude)
+        for latitude, longitude in corners_deg
+    ]
     return tuple((north - north_m, east - east_m) for north, east, _ in places)
 
 
@@ -93,14 +103,22 @@ def _turn(a: Point, b: Point, c: Point) -> float:
 
 def _on(edge: Edge, point: Point) -> bool:
     a, b = edge
-    within = min(a[0], b[0]) <= point[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= point[1] <= max(a[1], b[1])
+    within = min(a[0], b[0]) <= point[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= point[1] <= max(
+        a[1], b[1]
+    )
     return within and _turn(a, b, point) == 0.0
 
 
 def _meet(one: Edge, other: Edge, *, neighbours: bool) -> bool:
     """Return whether two edges cross or touch; neighbours, with a common corner, whether they fold back."""
-    (a, b), (c, d) = one, other
+    (a, b) = one
+    (c, d) = other
     shared = {*one} & {*other} if neighbours else set()
-    sides = ((_turn(a, b, c) > 0.0) != (_turn(a, b, d) > 0.0), (_turn(c, d, a) > 0.0) != (_turn(c, d, b) > 0.0))
+    sides = (
+        (_turn(a, b, c) > 0.0) != (_turn(a, b, d) > 0.0),
+        (_turn(c, d, a) > 0.0) != (_turn(c, d, b) > 0.0),
+    )
     ends = ((one, c), (one, d), (other, a), (other, b))
-    return (not neighbours and all(sides)) or any(_on(edge, end) for edge, end in ends if end not in shared)
+    return (not neighbours and all(sides)) or any(
+        _on(edge, end) for edge, end in ends if end not in shared
+    )

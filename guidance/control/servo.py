@@ -42,15 +42,23 @@ _SLOW_M_S: Final = 1.0
 
 def slew(vector_ned: Vector, previous_ned: Vector, largest_change: float) -> Vector:
     """Move from the previous vector towards a new one by at most a change, over the ground and vertically."""
-    (north, east, down), (was_north, was_east, was_down) = vector_ned, previous_ned
-    north, east, down = north - was_north, east - was_east, min(largest_change, max(-largest_change, down - was_down))
+    (north, east, down) = vector_ned
+    (was_north, was_east, was_down) = previous_ned
+    north = north - was_north
+    east = east - was_east
+    down = min(largest_change, max(-largest_change, down - was_down))
     size = math.hypot(north, east)
     share = largest_change / size if size > largest_change else 1.0
     return (was_north + share * north, was_east + share * east, was_down + down)
 
 
 def shape(
-    desired_m_s: Vector, velocity_m_s: Vector, acceleration_m_s2: Vector, most: Agility, dt_s: float, gain_per_s: float
+    desired_m_s: Vector,
+    velocity_m_s: Vector,
+    acceleration_m_s2: Vector,
+    most: Agility,
+    dt_s: float,
+    gain_per_s: float,
 ) -> tuple[Vector, Vector]:
     """Move a velocity towards the desired one for one step; return it and the acceleration of that step.
 
@@ -65,13 +73,18 @@ def shape(
         dt_s: Duration of the step.
         gain_per_s: Largest gain from the missing velocity to the acceleration; infinite for none.
     """
-    (north, east, down), (now_north, now_east, now_down) = desired_m_s, velocity_m_s
-    north, east, down = north - now_north, east - now_east, down - now_down
-    size, height = math.hypot(north, east), abs(down)
+    (north, east, down) = desired_m_s
+    (now_north, now_east, now_down) = velocity_m_s
+    north = north - now_north
+    east = east - now_east
+    down = down - now_down
+    size = math.hypot(north, east)
+    height = abs(down)
     level = min(approach_speed(size, most.jerk_m_s3, dt_s), most.acceleration_m_s2)
     steep = min(approach_speed(height, most.jerk_m_s3, dt_s), most.vertical_acceleration_m_s2)
     if gain_per_s < math.inf:
-        level, steep = min(level, gain_per_s * size), min(steep, gain_per_s * height)
+        level = min(level, gain_per_s * size)
+        steep = min(steep, gain_per_s * height)
     share = level / size if size > 0.0 else 0.0
     wanted = (north * share, east * share, math.copysign(steep, down))
     a_north, a_east, a_down = slewed = slew(wanted, acceleration_m_s2, most.jerk_m_s3 * dt_s)
@@ -144,26 +157,41 @@ def serve(
     dt_s = min(max(dt_s, 0.0), LONGEST_STEP_S)
     memory = memory or ServoMemory(flown_ned_m_s, STILL, flown_ned_m_s, gains.drag_per_s, STILL)
     before, gained_m_s2, delayed, drag_per_s, trim = memory
-    reference, acceleration = shape(desired_ned_m_s, before, gained_m_s2, gains, dt_s, gains.settle_per_s)
+    reference, acceleration = shape(
+        desired_ned_m_s, before, gained_m_s2, gains, dt_s, gains.settle_per_s
+    )
     share = 1.0 - math.exp(-dt_s / gains.lag_s)
-    north, east, down = (now + (new - now) * share for now, new in zip(delayed, reference, strict=True))
+    north, east, down = (
+        now + (new - now) * share for now, new in zip(delayed, reference, strict=True)
+    )
     expected = (north, east, down)
     if not held_back:
         drag_per_s, trim = _learned(drag_per_s, trim, expected, flown_ned_m_s, gains, dt_s)
     a_north, a_east, a_down = acceleration
-    a_north, a_east = a_north + drag_per_s * reference[0] + trim[0], a_east + drag_per_s * reference[1] + trim[1]
-    return (a_north, a_east, a_down), ServoMemory(reference, acceleration, expected, drag_per_s, trim)
+    a_north = a_north + drag_per_s * reference[0] + trim[0]
+    a_east = a_east + drag_per_s * reference[1] + trim[1]
+    return (a_north, a_east, a_down), ServoMemory(
+        reference, acceleration, expected, drag_per_s, trim
+    )
 
 
 def _learned(
-    drag_per_s: float, trim_ned_m_s2: Vector, expected: Vector, flown: Vector, gains: ServoGains, dt_s: float
+    drag_per_s: float,
+    trim_ned_m_s2: Vector,
+    expected: Vector,
+    flown: Vector,
+    gains: ServoGains,
+    dt_s: float,
 ) -> tuple[float, Vector]:
     """Return drag and trim after one velocity error, within their bounds.
 
     A large error usually means that the vehicle is at its limits, so it counts less.
     """
-    error_north, error_east = expected[0] - flown[0], expected[1] - flown[1]
-    off_m_s, within_m_s, lesson_s = math.hypot(error_north, error_east), gains.learning_within_m_s, dt_s
+    error_north = expected[0] - flown[0]
+    error_east = expected[1] - flown[1]
+    off_m_s = math.hypot(error_north, error_east)
+    within_m_s = gains.learning_within_m_s
+    lesson_s = dt_s
     if off_m_s > within_m_s:
         lesson_s = 0.0 if off_m_s > 3.0 * within_m_s else dt_s * (within_m_s / off_m_s) ** 2
     speed = math.hypot(expected[0], expected[1])
@@ -172,7 +200,8 @@ def _learned(
         drag_per_s += gains.drag_learning_per_s2 * missing * lesson_s / speed
         drag_per_s = min(gains.drag_limit_per_s, max(0.0, drag_per_s))
     gain = gains.trim_learning_per_s2 * lesson_s
-    north, east = trim_ned_m_s2[0] + gain * error_north, trim_ned_m_s2[1] + gain * error_east
+    north = trim_ned_m_s2[0] + gain * error_north
+    east = trim_ned_m_s2[1] + gain * error_east
     size = math.hypot(north, east)
     share = gains.trim_limit_m_s2 / size if size > gains.trim_limit_m_s2 else 1.0
     return drag_per_s, (share * north, share * east, 0.0)
@@ -209,7 +238,9 @@ def hold_altitude(
     """
     if not usable(down_m):
         return 0.0, memory
-    held_m, trim_m_s = memory if memory is not None and usable(*memory) else AltitudeHold(down_m, 0.0)
+    held_m, trim_m_s = (
+        memory if memory is not None and usable(*memory) else AltitudeHold(down_m, 0.0)
+    )
     home_down_m = envelope.home_ned_m[2]
     held_m = min(home_down_m - envelope.floor_m, max(home_down_m - envelope.ceiling_m, held_m))
     error_m = held_m - down_m
@@ -218,10 +249,14 @@ def hold_altitude(
         trim_m_s = min(LARGEST_M_S, max(-LARGEST_M_S, trim_m_s))
     reach_m_s = approach_speed(abs(error_m), envelope.vertical_braking_m_s2, 1.0 / GAIN_PER_S)
     wanted_m_s = math.copysign(reach_m_s, error_m) + trim_m_s
-    return min(envelope.descent_m_s, max(-envelope.climb_m_s, wanted_m_s)), AltitudeHold(held_m, trim_m_s)
+    return min(envelope.descent_m_s, max(-envelope.climb_m_s, wanted_m_s)), AltitudeHold(
+        held_m, trim_m_s
+    )
 
 
-def keep_station(place: Point | None, position_ned_m: Vector, flown_ned_m_s: Vector) -> tuple[Point, Point | None]:
+def keep_station(
+    place: Point | None, position_ned_m: Vector, flown_ned_m_s: Vector
+) -> tuple[Point, Point | None]:
     """Return the velocity over the ground that stops and stays, (north, east) in m/s, and the place for the next call.
 
     Args:
@@ -233,7 +268,10 @@ def keep_station(place: Point | None, position_ned_m: Vector, flown_ned_m_s: Vec
     if place is None and math.hypot(*flown_ned_m_s[:2]) > AT_REST_M_S:
         return (0.0, 0.0), None
     if place is None or math.dist(place, here) > AWAY_M:
-        return (0.0, 0.0), here  # blown away, or the estimate was reset: do not return to the old place
+        return (
+            0.0,
+            0.0,
+        ), here  # blown away, or the estimate was reset: do not return to the old place
     north, east = (GAIN_PER_S * (held - now) for held, now in zip(place, here, strict=True))
     speed = math.hypot(north, east)
     share = LARGEST_M_S / speed if speed > LARGEST_M_S else 1.0
@@ -277,7 +315,13 @@ class SpeedMemory(NamedTuple):
 
 
 def observe_speed(
-    memory: SpeedMemory, asked_ned_m_s: Vector, flown_ned_m_s: Vector, *, unslowed: bool, confirmed: bool, dt_s: float
+    memory: SpeedMemory,
+    asked_ned_m_s: Vector,
+    flown_ned_m_s: Vector,
+    *,
+    unslowed: bool,
+    confirmed: bool,
+    dt_s: float,
 ) -> SpeedMemory:
     """Compare the velocity that the game asks for with the one flown, for one cycle.
 
@@ -291,7 +335,8 @@ def observe_speed(
     """
     weight = min(1.0, dt_s / _SMOOTHED_S)
     north, east, down = (
-        before + weight * (now - before) for before, now in zip(memory.flown_ned_m_s, flown_ned_m_s, strict=True)
+        before + weight * (now - before)
+        for before, now in zip(memory.flown_ned_m_s, flown_ned_m_s, strict=True)
     )
     mean = (north, east, down)
     speed = math.hypot(north, east)
@@ -301,9 +346,11 @@ def observe_speed(
     if not (unslowed and asked >= _LEAST_ASKED_M_S and along >= _ALIGNED * speed):
         return SpeedMemory(shown_m_s, memory.share, mean)
     began_m_s = memory.began_m_s if memory.compared_s > 0.0 else along
-    compared_s, covered_s = memory.compared_s + dt_s, memory.covered_s + dt_s * along / asked
+    compared_s = memory.compared_s + dt_s
+    covered_s = memory.covered_s + dt_s * along / asked
     if not (confirmed and compared_s >= RESPONSE_S):
         return SpeedMemory(shown_m_s, memory.share, mean, compared_s, covered_s, began_m_s)
-    steady, reached = abs(along - began_m_s) < _STEADY_M_S2 * compared_s, covered_s / compared_s
+    steady = abs(along - began_m_s) < _STEADY_M_S2 * compared_s
+    reached = covered_s / compared_s
     share = reached if steady else max(memory.share, reached)
     return SpeedMemory(shown_m_s, 1.0 if share > 1.0 - SHORT else share, mean)

@@ -21,7 +21,16 @@ The limiter keeps no state. Its memory holds the setpoint sent, not the command,
 import math
 from typing import Final, NamedTuple
 
-from guidance.control.braking_law import STILL, Constraint, Situation, Wall, braked, constraints_of, measure_walls, obey
+from guidance.control.braking_law import (
+    STILL,
+    Constraint,
+    Situation,
+    Wall,
+    braked,
+    constraints_of,
+    measure_walls,
+    obey,
+)
 from guidance.control.limits import Agility, Envelope, Limiter
 from guidance.control.servo import LONGEST_STEP_S, shape, slew
 from guidance.frames import Vector, clamp, difference, total, usable
@@ -98,12 +107,19 @@ def limit(
     active: list[Limiter] = []
     memory = memory or start(situation, envelope)
     place, flown, yaw_rad, evader, _, gaining, _ = situation
-    known, last = (*place, *flown, yaw_rad, *(evader or ())), (*memory[0], *memory[1], *memory[2], memory.yaw_rad)
-    asked = (*command.velocity_ned_m_s, *(command.acceleration_ned_m_s2 or ()), command.yaw_rad or 0.0)
+    known = (*place, *flown, yaw_rad, *(evader or ()))
+    last = (*memory[0], *memory[1], *memory[2], memory.yaw_rad)
+    asked = (
+        *command.velocity_ned_m_s,
+        *(command.acceleration_ned_m_s2 or ()),
+        command.yaw_rad or 0.0,
+    )
     if not usable(*known, *gaining, *asked, *last):
         memory = memory if usable(*last) else start(situation, envelope)
         if not usable(*known):
-            return Limited(Setpoint(STILL), (Limiter.SITUATION,), LimitMemory(STILL, yaw_rad=memory.yaw_rad))
+            return Limited(
+                Setpoint(STILL), (Limiter.SITUATION,), LimitMemory(STILL, yaw_rad=memory.yaw_rad)
+            )
         situation = situation._replace(acceleration_ned_m_s2=gaining if usable(*gaining) else STILL)
         if not usable(*asked):
             active.append(Limiter.COMMAND)
@@ -133,51 +149,76 @@ def limit(
 
     wanted = command.acceleration_ned_m_s2
     if wanted is not None:
-        wanted = slew(clamp(wanted, *accelerations), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s)
+        wanted = slew(
+            clamp(wanted, *accelerations), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s
+        )
     feed_forward = braked(wanted, situation, walls, envelope)
     if feed_forward is not None:
         # Before the stand-off the approach is about to brake. Until then the feed-forward is still needed against drag,
         # so it goes as the wall takes speed away: all of it at `EASED_M_S`.
-        eased_m_s2 = envelope.acceleration_m_s2 * max(0.0, 1.0 - math.dist(velocity, shaped) / EASED_M_S)
+        eased_m_s2 = envelope.acceleration_m_s2 * max(
+            0.0, 1.0 - math.dist(velocity, shaped) / EASED_M_S
+        )
         at_walls = (
-            Constraint(one.limiter, one.normal_ned, eased_m_s2) if one.limiter is Limiter.STAND_OFF else one
+            Constraint(one.limiter, one.normal_ned, eased_m_s2)
+            if one.limiter is Limiter.STAND_OFF
+            else one
             for one in closed[: len(holding)]
         )
         feed_forward, _ = obey(clamp(feed_forward, *accelerations), (*at_walls, *at_speed))
-        _note(active, Limiter.FEED_FORWARD, Limiter.FEED_FORWARD, feed_forward, command.acceleration_ned_m_s2 or STILL)
-    turned_rad = None if command.yaw_rad is None else _turn(command.yaw_rad, memory.yaw_rad, envelope, dt_s, active)
+        _note(
+            active,
+            Limiter.FEED_FORWARD,
+            Limiter.FEED_FORWARD,
+            feed_forward,
+            command.acceleration_ned_m_s2 or STILL,
+        )
+    turned_rad = (
+        None
+        if command.yaw_rad is None
+        else _turn(command.yaw_rad, memory.yaw_rad, envelope, dt_s, active)
+    )
     gained, _ = obey(acceleration, closed)
     heading_rad = yaw_rad if turned_rad is None else turned_rad
     sent = LimitMemory(velocity, gained, feed_forward or STILL, heading_rad, bool(holding))
     return Limited(Setpoint(velocity, feed_forward, turned_rad), tuple(active), sent)
 
 
-def _accelerated(allowed: Vector, before: Vector, most: Agility, dt_s: float) -> tuple[Vector, Vector]:
+def _accelerated(
+    allowed: Vector, before: Vector, most: Agility, dt_s: float
+) -> tuple[Vector, Vector]:
     """Approach the allowed velocity within the acceleration alone; return the velocity and the acceleration."""
     if dt_s <= 0.0:
         return before, STILL
-    change, vertical = difference(allowed, before), most.vertical_acceleration_m_s2 * dt_s
+    change = difference(allowed, before)
+    vertical = most.vertical_acceleration_m_s2 * dt_s
     north, east, down = step = clamp(change, most.acceleration_m_s2 * dt_s, vertical, vertical)
     reached = allowed if step == change else total(before, step)
     return reached, (north / dt_s, east / dt_s, down / dt_s)
 
 
-def _turn(wanted_rad: float, before_rad: float, envelope: Envelope, dt_s: float, active: list[Limiter]) -> float:
+def _turn(
+    wanted_rad: float, before_rad: float, envelope: Envelope, dt_s: float, active: list[Limiter]
+) -> float:
     """Turn towards the wanted heading, the shorter way, within the turn rate."""
-    largest, turn = envelope.yaw_rate_rad_s * dt_s, math.remainder(wanted_rad - before_rad, math.tau)
+    largest = envelope.yaw_rate_rad_s * dt_s
+    turn = math.remainder(wanted_rad - before_rad, math.tau)
     allowed = min(largest, max(-largest, turn))
     if abs(allowed - turn) > NOTED:
         active.append(Limiter.YAW)
     return math.remainder(before_rad + allowed, math.tau)
 
 
-def _at_speed_limit(velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: Envelope) -> tuple[Constraint, ...]:
+def _at_speed_limit(
+    velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: Envelope
+) -> tuple[Constraint, ...]:
     """Return constraints on the feed-forward along every speed limit that is commanded.
 
     The feed-forward compensates drag, which takes several m/s² at full speed. So it may push along the limit until the
     vehicle flies faster than the limit, and less and less up to `OVER_SPEED` above.
     """
-    (north, east, down), vertical_m_s2 = velocity_ned_m_s, envelope.vertical_acceleration_m_s2
+    (north, east, down) = velocity_ned_m_s
+    vertical_m_s2 = envelope.vertical_acceleration_m_s2
     size = math.hypot(north, east)
     along = (north / size, east / size, 0.0) if size > 0.0 else STILL
     rows = (
@@ -194,7 +235,9 @@ def _at_speed_limit(velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: E
     return tuple(found)
 
 
-def _note(active: list[Limiter], ground: Limiter, vertical: Limiter, got: Vector, wanted: Vector) -> None:
+def _note(
+    active: list[Limiter], ground: Limiter, vertical: Limiter, got: Vector, wanted: Vector
+) -> None:
     if abs(got[0] - wanted[0]) > NOTED or abs(got[1] - wanted[1]) > NOTED:
         active.append(ground)
     if abs(got[2] - wanted[2]) > NOTED and vertical not in active:

@@ -36,7 +36,9 @@ _FITS: Final[Mapping[ReportOutcome | None, bool]] = {
 }
 
 
-def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, settings: TrackSettings) -> Observer:
+def observe(
+    observer: Observer, report: EvaderReport, frame: LocalFrame, settings: TrackSettings
+) -> Observer:
     """Add one report, and the answer to our TIMESYNC if the report carries one.
 
     Args:
@@ -45,7 +47,8 @@ def observe(observer: Observer, report: EvaderReport, frame: LocalFrame, setting
         frame: The vehicle's local frame, also the frame of the track.
         settings: Noise and limits of the track.
     """
-    clock, answer = observer.clock, report.timesync
+    clock = observer.clock
+    answer = report.timesync
     if answer is not None:
         clock = synchronise(clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s)
     clock = hear(clock, report.sent_s, report.received_s)

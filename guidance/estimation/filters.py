@@ -29,7 +29,10 @@ _SMALL_TURN_RAD = 1e-3
 _CELLS = tuple((row, column) for row in range(5) for column in range(row + 1))
 """Row and column of each number of a covariance; the steady model has the first ten."""
 
-_ROWS = tuple(tuple(_CELLS.index((max(row, column), min(row, column))) for column in range(5)) for row in range(5))
+_ROWS = tuple(
+    tuple(_CELLS.index((max(row, column), min(row, column))) for column in range(5))
+    for row in range(5)
+)
 """Places of the numbers of each whole row of a covariance."""
 
 
@@ -51,7 +54,11 @@ class Modes(NamedTuple):
 def begin(measured: Numbers, variances: Numbers, settings: TrackSettings) -> Modes:
     """Begin both models with a report of position (2,), or position and velocity (4,), and its variances."""
     unknown = 4 - len(measured)
-    spreads = (*variances, *[settings.prior_speed_sd_m_s**2] * unknown, settings.turn_rate_sd_rad_s**2)
+    spreads = (
+        *variances,
+        *[settings.prior_speed_sd_m_s**2] * unknown,
+        settings.turn_rate_sd_rad_s**2,
+    )
     covariance = [spreads[row] if row == column else 0.0 for row, column in _CELLS]
     mean = [*measured, *[0.0] * (unknown + 1)]
     turning = settings.turning_time_s / (settings.turning_time_s + settings.steady_time_s)
@@ -64,7 +71,9 @@ def steady_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
     # Covariances of n, e (north, east) and x, y (their rates).
     nn, en, ee, xn, xe, xx, yn, ye, yx, yy = state.covariance
     noise = settings.steady_noise_m2_s3
-    place, shared, rate = noise * dt_s**3 / 3.0, noise * dt_s**2 / 2.0, noise * dt_s
+    place = noise * dt_s**3 / 3.0
+    shared = noise * dt_s**2 / 2.0
+    rate = noise * dt_s
     return Normal(
         (north + dt_s * north_rate, east + dt_s * east_rate, north_rate, east_rate),
         (
@@ -86,14 +95,19 @@ def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal
     """Advance the turning model by dt."""
     north, east, was_north_rate, was_east_rate, turn_rate = state.mean
     angle = turn_rate * dt_s
-    sine, cosine = math.sin(angle), math.cos(angle)
+    sine = math.sin(angle)
+    cosine = math.cos(angle)
     # sin(ωt)/ω, (1 − cos ωt)/ω and their derivatives by ω, with their limits where the turn is small.
     if abs(angle) < _SMALL_TURN_RAD:
-        along, across = dt_s * (1.0 - angle**2 / 6.0), dt_s * angle * (0.5 - angle**2 / 24.0)
-        along_slope, across_slope = -(dt_s**2) * angle / 3.0, dt_s**2 * (0.5 - angle**2 / 8.0)
+        along = dt_s * (1.0 - angle**2 / 6.0)
+        across = dt_s * angle * (0.5 - angle**2 / 24.0)
+        along_slope = -(dt_s**2) * angle / 3.0
+        across_slope = dt_s**2 * (0.5 - angle**2 / 8.0)
     else:
-        along, across = sine / turn_rate, (1.0 - cosine) / turn_rate
-        along_slope, across_slope = (dt_s * cosine - along) / turn_rate, (dt_s * sine - across) / turn_rate
+        along = sine / turn_rate
+        across = (1.0 - cosine) / turn_rate
+        along_slope = (dt_s * cosine - along) / turn_rate
+        across_slope = (dt_s * sine - across) / turn_rate
     fade = math.exp(-dt_s / settings.turn_time_s)
     north_rate = cosine * was_north_rate - sine * was_east_rate
     east_rate = sine * was_north_rate + cosine * was_east_rate
@@ -101,7 +115,8 @@ def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal
     # `steady_after`; w is the turn rate.
     north_slope = along_slope * was_north_rate - across_slope * was_east_rate
     east_slope = across_slope * was_north_rate + along_slope * was_east_rate
-    north_rate_slope, east_rate_slope = -dt_s * east_rate, dt_s * north_rate
+    north_rate_slope = -dt_s * east_rate
+    east_rate_slope = dt_s * north_rate
     rows: Iterable[Numbers] = [[state.covariance[place] for place in row] for row in _ROWS]
     for _ in range(2):  # the columns of R Jᵀ: first J P, as P is symmetric, then J P Jᵀ
         carried = [
@@ -117,7 +132,9 @@ def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal
         rows = zip(*carried, strict=True)
     (nn, en, xn, yn, wn), (_, ee, xe, ye, we), (_, _, xx, yx, wx), (*_, yy, wy), (*_, ww) = rows
     noise = settings.turning_noise_m2_s3
-    place, shared, rate = noise * dt_s**3 / 3.0, noise * dt_s**2 / 2.0, noise * dt_s
+    place = noise * dt_s**3 / 3.0
+    shared = noise * dt_s**2 / 2.0
+    rate = noise * dt_s
     return Normal(
         (
             north + along * was_north_rate - across * was_east_rate,
@@ -125,7 +142,18 @@ def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal
             *(north_rate, east_rate, fade * turn_rate),
         ),
         (
-            *(nn + place, en, ee + place, xn + shared, xe, xx + rate, yn, ye + shared, yx, yy + rate),
+            *(
+                nn + place,
+                en,
+                ee + place,
+                xn + shared,
+                xe,
+                xx + rate,
+                yn,
+                ye + shared,
+                yx,
+                yy + rate,
+            ),
             *(wn, we, wx, wy, ww + settings.turn_rate_sd_rad_s**2 * (1.0 - fade**2)),
         ),
     )
@@ -140,7 +168,9 @@ def correct(modes: Modes, measured: Numbers, variances: Numbers) -> Modes:
     """Correct both models with a report of position (2,), or position and velocity (4,), and its variances."""
     steady, steady_distance, steady_spread = _corrected(modes.steady, measured, variances)
     turning, turning_distance, turning_spread = _corrected(modes.turning, measured, variances)
-    log_ratio = 0.5 * (steady_distance - turning_distance + math.log(steady_spread / turning_spread))
+    log_ratio = 0.5 * (
+        steady_distance - turning_distance + math.log(steady_spread / turning_spread)
+    )
     # Bayes' rule for two hypotheses, kept off 0 and 1, so that both models remain possible.
     odds = math.log(modes.turning_share / (1.0 - modes.turning_share)) + log_ratio
     probability = 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
@@ -149,17 +179,22 @@ def correct(modes: Modes, measured: Numbers, variances: Numbers) -> Modes:
 
 def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[Normal, float, float]:
     """Correct by one number after the other, as their errors are independent; also return νᵀS⁻¹ν and det S."""
-    (mean, covariance), distance, spread = state, 0.0, 1.0
+    (mean, covariance) = state
+    distance = 0.0
+    spread = 1.0
     for index, (value, variance) in enumerate(zip(measured, variances, strict=True)):
         shared = [covariance[place] for place in _ROWS[index][: len(mean)]]
-        expected, off = shared[index] + variance, value - mean[index]
+        expected = shared[index] + variance
+        off = value - mean[index]
         share = 1.0 / expected
         gain = off * share
         distance += off * off * share
         spread *= expected
         mean = [number + gain * by for number, by in zip(mean, shared, strict=True)]
         cells = zip(covariance, _CELLS, strict=False)
-        covariance = [number - share * (shared[row] * shared[column]) for number, (row, column) in cells]
+        covariance = [
+            number - share * (shared[row] * shared[column]) for number, (row, column) in cells
+        ]
     return Normal(mean, covariance), distance, spread
 
 
@@ -172,7 +207,10 @@ def blended(one: Normal, other: Normal, share: float) -> Normal:
     cells = zip(one.covariance, other.covariance, _CELLS, strict=False)
     return Normal(
         [rest * first + share * second for first, second in means],
-        [rest * a + share * b + spread * (apart[row] * apart[column]) for a, b, (row, column) in cells],
+        [
+            rest * a + share * b + spread * (apart[row] * apart[column])
+            for a, b, (row, column) in cells
+        ],
     )
 
 
@@ -189,7 +227,8 @@ class Height(NamedTuple):
 def correct_down(height: Height, measured_m: float, variance_m2: float) -> Height:
     """Correct with a measured height."""
     down, rate, variance, shared, rate_variance = height
-    total, difference = variance + variance_m2, measured_m - down
+    total = variance + variance_m2
+    difference = measured_m - down
     return Height(
         down + variance / total * difference,
         rate + shared / total * difference,
@@ -201,7 +240,9 @@ def correct_down(height: Height, measured_m: float, variance_m2: float) -> Heigh
 
 def correct_rate(height: Height, measured_m_s: float, variance_m2_s2: float) -> Height:
     """Correct with a measured vertical speed."""
-    turned = Height(height.rate_m_s, height.down_m, height.rate_variance, height.shared, height.down_variance)
+    turned = Height(
+        height.rate_m_s, height.down_m, height.rate_variance, height.shared, height.down_variance
+    )
     rate, down, rate_variance, shared, variance = correct_down(turned, measured_m_s, variance_m2_s2)
     return Height(down, rate, variance, shared, rate_variance)
 
@@ -223,13 +264,15 @@ def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estim
     dt_s = time_s - estimate.time_s
     if dt_s <= 0.0:
         return estimate
-    begins, ends = 1.0 / settings.steady_time_s, 1.0 / settings.turning_time_s
+    begins = 1.0 / settings.steady_time_s
+    ends = 1.0 / settings.turning_time_s
     gone = -math.expm1(-(begins + ends) * dt_s) / (begins + ends)
     steady, turning, was_turning = estimate.modes
     share = (1.0 - was_turning) * begins * gone + was_turning * (1.0 - ends * gone)
     into_steady = blended(steady, turning, was_turning * ends * gone / (1.0 - share))
     kept = was_turning * (1.0 - ends * gone) / share
-    turn_rate, its_variance = turning.mean[-1], turning.covariance[-1]
+    turn_rate = turning.mean[-1]
+    its_variance = turning.covariance[-1]
     as_turning = Normal((*steady.mean, turn_rate), (*steady.covariance, *[0.0] * 4, its_variance))
     into_turning = blended(as_turning, turning, kept)
     down, rate, variance, shared, rate_variance = estimate.height
@@ -237,7 +280,11 @@ def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estim
     return Estimate(
         time_s,
         estimate.received_s,
-        Modes(steady_after(into_steady, dt_s, settings), turning_after(into_turning, dt_s, settings), share),
+        Modes(
+            steady_after(into_steady, dt_s, settings),
+            turning_after(into_turning, dt_s, settings),
+            share,
+        ),
         Height(
             down + rate * dt_s,
             rate,
@@ -264,7 +311,9 @@ class EvaderEstimate(NamedTuple):
     age_s: float
 
 
-def predict(last: Estimate, shift_ned_m: Vector, now_s: float, settings: TrackSettings) -> EvaderEstimate:
+def predict(
+    last: Estimate, shift_ned_m: Vector, now_s: float, settings: TrackSettings
+) -> EvaderEstimate:
     """Return the evader at a time of our clock, not before its last report.
 
     Args:
@@ -275,14 +324,17 @@ def predict(last: Estimate, shift_ned_m: Vector, now_s: float, settings: TrackSe
     """
     moved = advance(last, now_s, settings)
     both = blended(*moved.modes)
-    (north, east, north_rate, east_rate), (by_north, by_east, by_down) = both.mean, shift_ned_m
+    (north, east, north_rate, east_rate) = both.mean
+    (by_north, by_east, by_down) = shift_ned_m
     *_, one, _, _, shared, other = both.covariance
     # σ of the speed in the worst direction (the root of the larger eigenvalue), and along the velocity if that is
     # larger.
     worst_sd = math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
-    sd, speed_m_s = worst_sd, math.hypot(north_rate, east_rate)
+    sd = worst_sd
+    speed_m_s = math.hypot(north_rate, east_rate)
     if speed_m_s > worst_sd:
-        n, e = north_rate / speed_m_s, east_rate / speed_m_s
+        n = north_rate / speed_m_s
+        e = east_rate / speed_m_s
         sd = math.sqrt(max(0.0, n * n * one + 2.0 * n * e * shared + e * e * other))
     known = worst_sd <= settings.known_velocity_sd_m_s
     return EvaderEstimate(

@@ -73,7 +73,8 @@ class TrackSettings:
 
 
 _LARGEST = 1e8
-_LEAST_SD, _LARGEST_SD = 0.01, 1e4
+_LEAST_SD = 0.01
+_LARGEST_SD = 1e4
 
 _DRIFT = 2e-4  # two quartz clocks, 100 ppm each
 _STEP_S = 1.0
@@ -96,12 +97,16 @@ class Measurement(NamedTuple):
     def is_usable(self) -> bool:
         """Return whether all numbers, including the spreads, are finite and of a possible size."""
         size = math.hypot(*self[:2], *self.position_ned_m, *(self.velocity_ned_m_s or ()))
-        fits = _LEAST_SD <= self.position_sd_m <= _LARGEST_SD and _LEAST_SD <= self.velocity_sd_m_s <= _LARGEST_SD
+        fits = (
+            _LEAST_SD <= self.position_sd_m <= _LARGEST_SD
+            and _LEAST_SD <= self.velocity_sd_m_s <= _LARGEST_SD
+        )
         return fits and size < _LARGEST
 
     def plane(self) -> tuple[Sequence[float], Sequence[float]]:
         """Return the measured values in the plane, (2,) or with velocity (4,), and their variances."""
-        values, variances = [*self.position_ned_m[:2]], [self.position_sd_m**2] * 2
+        values = [*self.position_ned_m[:2]]
+        variances = [self.position_sd_m**2] * 2
         if self.velocity_ned_m_s is not None:
             values += self.velocity_ned_m_s[:2]
             variances += [self.velocity_sd_m_s**2] * 2
@@ -109,7 +114,11 @@ class Measurement(NamedTuple):
 
 
 def measure(
-    report: EvaderReport, frame: LocalFrame, shift_ned_m: Vector, clock: "ClockOffset | None", settings: TrackSettings
+    report: EvaderReport,
+    frame: LocalFrame,
+    shift_ned_m: Vector,
+    clock: "ClockOffset | None",
+    settings: TrackSettings,
 ) -> Measurement:
     """Convert a plausible report to the frame of the track.
 
@@ -123,14 +132,22 @@ def measure(
         clock: The sender's; None before the first report with a time.
         settings: For missing spreads.
     """
-    place_ned_m = frame.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m))
+    place_ned_m = frame.ned_from_wgs84(
+        report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)
+    )
     return Measurement(
-        report.received_s if clock is None or math.isnan(report.sent_s) else clock.ours(report.sent_s),
+        report.received_s
+        if clock is None or math.isnan(report.sent_s)
+        else clock.ours(report.sent_s),
         report.received_s,
         difference(place_ned_m, shift_ned_m),
         None if any(map(math.isnan, report.velocity_ned_m_s)) else report.velocity_ned_m_s,
-        max(_LEAST_SD, report.position_sd_m) if report.position_sd_m > 0.0 else settings.position_sd_m,
-        max(_LEAST_SD, report.velocity_sd_m_s) if report.velocity_sd_m_s > 0.0 else settings.velocity_sd_m_s,
+        max(_LEAST_SD, report.position_sd_m)
+        if report.position_sd_m > 0.0
+        else settings.position_sd_m,
+        max(_LEAST_SD, report.velocity_sd_m_s)
+        if report.velocity_sd_m_s > 0.0
+        else settings.velocity_sd_m_s,
     )
 
 
@@ -176,11 +193,14 @@ def hear(clock: ClockOffset | None, sent_s: float, received_s: float) -> ClockOf
     grown_s = clock.offset_s + (0.0 if believed else _DRIFT * max(0.0, received_s - clock.at_s))
     if abs(sample_s - grown_s) > _STEP_S:
         return _suspect(clock, sample_s, received_s)
-    offset_s, at_s = min(grown_s, sample_s), max(clock.at_s, received_s)
+    offset_s = min(grown_s, sample_s)
+    at_s = max(clock.at_s, received_s)
     return ClockOffset(offset_s, at_s, clock.round_trip_s, clock.synced_s)
 
 
-def synchronise(clock: ClockOffset | None, remote_s: float, asked_s: float, answered_s: float) -> ClockOffset | None:
+def synchronise(
+    clock: ClockOffset | None, remote_s: float, asked_s: float, answered_s: float
+) -> ClockOffset | None:
     """Add a TIMESYNC exchange: we asked, the sender read its clock, the answer arrived.
 
     The shortest round trip is the best; a longer one replaces it only when it has become old.
@@ -191,7 +211,8 @@ def synchronise(clock: ClockOffset | None, remote_s: float, asked_s: float, answ
         asked_s: When we asked, on our clock.
         answered_s: When the answer arrived, on our clock.
     """
-    round_trip_s, offset_s = answered_s - asked_s, 0.5 * (asked_s + answered_s) - remote_s
+    round_trip_s = answered_s - asked_s
+    offset_s = 0.5 * (asked_s + answered_s) - remote_s
     if not (0.0 <= round_trip_s <= _STEP_S and math.isfinite(offset_s)):
         return clock
     fresh = ClockOffset(offset_s, answered_s, round_trip_s, answered_s)
@@ -204,7 +225,14 @@ def synchronise(clock: ClockOffset | None, remote_s: float, asked_s: float, answ
 
 def _suspect(clock: ClockOffset, sample_s: float, received_s: float) -> ClockOffset:
     if not abs(sample_s - clock.candidate_s) <= _ALIKE_S:
-        return clock._replace(candidate_s=sample_s, candidate_since_s=received_s, candidate_reports=1)
-    agreed = clock._replace(candidate_s=min(sample_s, clock.candidate_s), candidate_reports=clock.candidate_reports + 1)
-    lasting = received_s - clock.candidate_since_s >= _LASTING_S and agreed.candidate_reports >= _LASTING_REPORTS
+        return clock._replace(
+            candidate_s=sample_s, candidate_since_s=received_s, candidate_reports=1
+        )
+    agreed = clock._replace(
+        candidate_s=min(sample_s, clock.candidate_s), candidate_reports=clock.candidate_reports + 1
+    )
+    lasting = (
+        received_s - clock.candidate_since_s >= _LASTING_S
+        and agreed.candidate_reports >= _LASTING_REPORTS
+    )
     return ClockOffset(agreed.candidate_s, received_s) if lasting else agreed

@@ -86,7 +86,8 @@ class Rivals(NamedTuple):
 
 def listen(rivals: Rivals, one: Report, settings: TrackSettings) -> Rivals:
     """Add one report and judge. Two reports agree if one evader of twice the declared speed can reach both places."""
-    now_s, recent = one.told.received_s, (*rivals.recent[-_MAX_REPORTS + 1 :], one)
+    now_s = one.told.received_s
+    recent = (*rivals.recent[-_MAX_REPORTS + 1 :], one)
     odd_s = now_s if _is_odd(recent[-2:][0], one) else rivals.odd_s
     since_s = now_s if math.isnan(rivals.since_s) else rivals.since_s
     if now_s - rivals.judged_s < _JUDGE_EVERY_S:
@@ -103,25 +104,36 @@ def listen(rivals: Rivals, one: Report, settings: TrackSettings) -> Rivals:
 
 def _is_odd(before: Report, one: Report) -> bool:
     """Return whether a report, after the one before it, can count as a sign of a second source."""
-    told, last = one.told, before.told
-    strange = one.fits is False or abs(told.received_s - one.measured.time_s) > _CLOCKS_APART_S or bool(told.impostors)
+    told = one.told
+    last = before.told
+    strange = (
+        one.fits is False
+        or abs(told.received_s - one.measured.time_s) > _CLOCKS_APART_S
+        or bool(told.impostors)
+    )
     return strange or math.isnan(told.sent_s) or told.peer != last.peer or _contradict(last, told)
 
 
 def _in_place(recent: Sequence[Report], settings: TrackSettings) -> bool:
     if sum(one.fits is False for one in recent) <= _TURNS:
         return False
-    ordered = sorted((one for one in recent if one.fits is not None), key=lambda one: one.measured.time_s)
-    speed_m_s, margin_m = 2.0 * settings.declared_speed_m_s, settings.reach_m
+    ordered = sorted(
+        (one for one in recent if one.fits is not None), key=lambda one: one.measured.time_s
+    )
+    speed_m_s = 2.0 * settings.declared_speed_m_s
+    margin_m = settings.reach_m
     noise_m = _NOISE_SIGMAS * math.hypot(settings.position_sd_m, settings.position_sd_m)
     strangers = [one for one in ordered if not one.fits]
-    agreeing = sum(_can_follow(one, other, speed_m_s, margin_m) for one, other in itertools.pairwise(strangers))
+    agreeing = sum(
+        _can_follow(one, other, speed_m_s, margin_m) for one, other in itertools.pairwise(strangers)
+    )
     return agreeing >= _TURNS and _leaps(ordered, speed_m_s, noise_m) >= _TURNS
 
 
 def _leaps(ordered: Sequence[Report], speed_m_s: float, noise_m: float) -> int:
     """Count changes to reports that do not fit and back, with an impossible step in at least one direction."""
-    leaps, out = 0, None
+    leaps = 0
+    out = None
     for one, other in itertools.pairwise(ordered):
         if one.fits and not other.fits:
             out = not _can_follow(one, other, speed_m_s, noise_m)
@@ -137,14 +149,19 @@ def _can_follow(one: Report, other: Report, speed_m_s: float, margin_m: float) -
 
 def _in_clock(recent: Sequence[Report]) -> bool:
     ages_s = (one.told.received_s - one.measured.time_s for one in recent)
-    runs = [apart for apart, _ in itertools.groupby(abs(age_s) > _CLOCKS_APART_S for age_s in ages_s)]
+    runs = [
+        apart for apart, _ in itertools.groupby(abs(age_s) > _CLOCKS_APART_S for age_s in ages_s)
+    ]
     return sum(runs[1:-1]) >= _TURNS
 
 
 def _in_sequence(recent: Sequence[Report]) -> bool:
     if len({one.told.sequence for one in recent}) < 2:
         return False  # the sender does not count
-    return sum(_contradict(one.told, other.told) for one, other in itertools.pairwise(recent)) >= _CONTRADICTIONS
+    return (
+        sum(_contradict(one.told, other.told) for one, other in itertools.pairwise(recent))
+        >= _CONTRADICTIONS
+    )
 
 
 def _contradict(one: EvaderReport, other: EvaderReport) -> bool:
@@ -156,28 +173,37 @@ def _contradict(one: EvaderReport, other: EvaderReport) -> bool:
         return False
     on = (other.sequence - one.sequence) % 256
     if abs(later_s) < _SAME_S:
-        return on == 0 and (other.latitude_deg, other.longitude_deg) != (one.latitude_deg, one.longitude_deg)
+        return on == 0 and (other.latitude_deg, other.longitude_deg) != (
+            one.latitude_deg,
+            one.longitude_deg,
+        )
     return on == 0 or (on < 128) is not (later_s > 0.0)
 
 
 def _in_sender(recent: Sequence[Report], now_s: float) -> bool:
     """Return whether the sender changes to and fro; a sender that restarts changes once."""
     lately = [one.told for one in recent if now_s - one.told.received_s <= _SENDER_WINDOW_S]
-    changes = sum(bool(one.peer and other.peer and one.peer != other.peer) for one, other in itertools.pairwise(lately))
+    changes = sum(
+        bool(one.peer and other.peer and one.peer != other.peer)
+        for one, other in itertools.pairwise(lately)
+    )
     return changes >= _SENDER_CHANGES or sum(bool(one.impostors) for one in lately) >= _TURNS
 
 
 def _untimed(recent: Sequence[Report], now_s: float) -> list[float]:
     """Return the arrivals of the latest reports without a time of their own."""
     arrivals = ((one.told.received_s, one.told.sent_s) for one in recent)
-    return [at_s for at_s, sent_s in arrivals if now_s - at_s < _RATE_WINDOW_S and math.isnan(sent_s)]
+    return [
+        at_s for at_s, sent_s in arrivals if now_s - at_s < _RATE_WINDOW_S and math.isnan(sent_s)
+    ]
 
 
 def _in_rate(rivals: Rivals, now_s: float) -> bool:
     if now_s - rivals.since_s <= _RATE_LEARNED_S or rivals.usual == 0:
         return False
     arrivals_s = _untimed(rivals.recent, now_s)
-    spread = 2 * len(set(arrivals_s)) >= min(rivals.usual, _RATE_SPREAD)  # a queue delivers everything at once
+    # A queue delivers everything at once
+    spread = 2 * len(set(arrivals_s)) >= min(rivals.usual, _RATE_SPREAD)
     return spread and len(arrivals_s) > _RATE_FACTOR * rivals.usual + _RATE_SPARE
 
 

@@ -100,7 +100,8 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
 
 def _anchored(track: Track, settings: TrackSettings) -> Track:
     """Add an anchor from time to time."""
-    estimate, anchors = track.estimate, track.anchors
+    estimate = track.estimate
+    anchors = track.anchors
     if estimate is None or (anchors and estimate.time_s - anchors[-1].time_s < _ANCHOR_EVERY_S):
         return track
     kept = tuple(one for one in anchors if estimate.time_s - one.time_s <= settings.history_s)
@@ -112,7 +113,9 @@ def _is_within(way_m: float, estimate: Estimate, measurement: Measurement) -> bo
     return math.dist(blended(*estimate.modes).mean[:2], measurement.position_ned_m[:2]) <= way_m
 
 
-def _refusal(track: Track, measurement: Measurement, settings: TrackSettings) -> ReportOutcome | None:
+def _refusal(
+    track: Track, measurement: Measurement, settings: TrackSettings
+) -> ReportOutcome | None:
     velocity = measurement.velocity_ned_m_s
     if not measurement.is_usable():
         return ReportOutcome.UNUSABLE
@@ -143,12 +146,18 @@ def _repetition(track: Track, measurement: Measurement) -> ReportOutcome | None:
 
 def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
     velocity = measurement.velocity_ned_m_s
-    down_m_s, sd_m_s = 0.0, settings.prior_speed_sd_m_s
+    down_m_s = 0.0
+    sd_m_s = settings.prior_speed_sd_m_s
     if velocity is not None:
-        down_m_s, sd_m_s = velocity[2], measurement.velocity_sd_m_s
-    height = Height(measurement.position_ned_m[2], down_m_s, measurement.position_sd_m**2, 0.0, sd_m_s**2)
+        down_m_s = velocity[2]
+        sd_m_s = measurement.velocity_sd_m_s
+    height = Height(
+        measurement.position_ned_m[2], down_m_s, measurement.position_sd_m**2, 0.0, sd_m_s**2
+    )
     modes = filters.begin(*measurement.plane(), settings)
-    first = Accepted(measurement, Estimate(measurement.time_s, measurement.received_s, modes, height))
+    first = Accepted(
+        measurement, Estimate(measurement.time_s, measurement.received_s, modes, height)
+    )
     return replace(track, history=(first,), rival=None, outcome=ReportOutcome.STARTED)
 
 
@@ -158,11 +167,17 @@ def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -
     measured, variances = measurement.plane()
     if not filters.distance(moved.modes, measured, variances) <= _GATE[len(measured)]:
         return None
-    height = filters.correct_down(moved.height, measurement.position_ned_m[2], measurement.position_sd_m**2)
+    height = filters.correct_down(
+        moved.height, measurement.position_ned_m[2], measurement.position_sd_m**2
+    )
     if measurement.velocity_ned_m_s is not None:
-        height = filters.correct_rate(height, measurement.velocity_ned_m_s[2], measurement.velocity_sd_m_s**2)
+        height = filters.correct_rate(
+            height, measurement.velocity_ned_m_s[2], measurement.velocity_sd_m_s**2
+        )
     received_s = max(before.received_s, measurement.received_s)
-    return Estimate(moved.time_s, received_s, filters.correct(moved.modes, measured, variances), height)
+    return Estimate(
+        moved.time_s, received_s, filters.correct(moved.modes, measured, variances), height
+    )
 
 
 def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
@@ -184,11 +199,14 @@ def _begun_anew(track: Track, anew: Track, settings: TrackSettings) -> Track:
 
     Else keep the old one.
     """
-    estimate, measurement = track.estimate, anew.history[-1].measurement
+    estimate = track.estimate
+    measurement = anew.history[-1].measurement
     if estimate is not None:
         moved = advance(estimate, measurement.time_s, settings)
         spread_m = _JUMP_SIGMAS * math.hypot(settings.position_sd_m, measurement.position_sd_m)
-        way_m = settings.jump_m_s * max(0.0, measurement.time_s - estimate.time_s) + max(settings.reach_m, spread_m)
+        way_m = settings.jump_m_s * max(0.0, measurement.time_s - estimate.time_s) + max(
+            settings.reach_m, spread_m
+        )
         if not _is_within(way_m, moved, measurement):
             return replace(track, outcome=ReportOutcome.TOO_FAR)
     return _anchored(anew, settings)

@@ -14,7 +14,14 @@ from guidance.certificate import Certificate
 from guidance.control import Limiter
 from guidance.flight.heard import HOLD_S, Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
-from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS, Event, State
+from guidance.flight.table import (
+    HANDING_OVER,
+    OUR_MODES,
+    SETPOINT_STATES,
+    TRANSITIONS,
+    Event,
+    State,
+)
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState
 
@@ -26,7 +33,10 @@ TELEMETRY_LIMIT_S = 1.0
 
 _NEEDED: Final[Mapping[type, tuple[float, str]]] = {
     Heartbeat: (HEARTBEAT_LIMIT_S, "check the vehicle's power and the link"),
-    LocalPosition: (TELEMETRY_LIMIT_S, "wait for the estimator's position; check that LOCAL_POSITION_NED is streamed"),
+    LocalPosition: (
+        TELEMETRY_LIMIT_S,
+        "wait for the estimator's position; check that LOCAL_POSITION_NED is streamed",
+    ),
     Attitude: (TELEMETRY_LIMIT_S, "check that ATTITUDE is streamed"),
     LandedState: (2.0 * TELEMETRY_LIMIT_S, "check that EXTENDED_SYS_STATE is streamed"),
     Home: (math.inf, "wait for a position fix: home is set with it"),
@@ -42,7 +52,9 @@ _TO_DO: Final[Mapping[str, str]] = {
 """Advice for each failed readiness check, by its name."""
 
 
-def checks(vehicle: VehicleState, profile: Autopilot, now_s: float, battery_minimum: float) -> tuple[Finding, ...]:
+def checks(
+    vehicle: VehicleState, profile: Autopilot, now_s: float, battery_minimum: float
+) -> tuple[Finding, ...]:
     """Evaluate every condition for arming and engaging.
 
     Args:
@@ -51,8 +63,13 @@ def checks(vehicle: VehicleState, profile: Autopilot, now_s: float, battery_mini
         now_s: The present, on the clock that stamped the messages.
         battery_minimum: Least battery remaining, 0 to 1; unknown (NaN) passes, since not every vehicle measures it.
     """
-    beat, status = vehicle.latest.get(Heartbeat), vehicle.latest.get(SystemStatus)
-    found = "not heard" if beat is None else f"MAV_AUTOPILOT {beat.autopilot}, want {profile.autopilot_id}"
+    beat = vehicle.latest.get(Heartbeat)
+    status = vehicle.latest.get(SystemStatus)
+    found = (
+        "not heard"
+        if beat is None
+        else f"MAV_AUTOPILOT {beat.autopilot}, want {profile.autopilot_id}"
+    )
     rows = [("autopilot", beat is not None and beat.autopilot == profile.autopilot_id, found)]
     for kind, (limit_s, _) in _NEEDED.items():
         age_s = vehicle.age_s(kind, now_s)
@@ -64,24 +81,35 @@ def checks(vehicle: VehicleState, profile: Autopilot, now_s: float, battery_mini
         reported = profile.prearm_always_told or bool(status.sensors_present & _PREARM_CHECK)
         healthy = bool(status.sensors_health & _PREARM_CHECK)
         found = "healthy" if healthy else "the autopilot's own checks fail"
-        guided = beat is not None and not beat.armed and profile.mode_of(beat.custom_mode) is Mode.GUIDED
+        guided = (
+            beat is not None and not beat.armed and profile.mode_of(beat.custom_mode) is Mode.GUIDED
+        )
         if reported and not healthy and guided and profile.stream_before_guided:
             # PX4 keeps OFFBOARD after a landing, and its checks then miss our setpoints. We arm in its hold, where it
             # refuses by itself what really is wrong.
-            reported, found = False, "of a mode that misses setpoints; asked again as it arms"
+            reported = False
+            found = "of a mode that misses setpoints; asked again as it arms"
         battery = status.battery_remaining
         left = "unknown" if math.isnan(battery) else f"{battery:.0%} left"
-        rows += [("prearm", healthy or not reported, found), ("battery", not battery < battery_minimum, left)]
+        rows += [
+            ("prearm", healthy or not reported, found),
+            ("battery", not battery < battery_minimum, left),
+        ]
     return tuple(Finding.of(passed, name, found, "", _TO_DO[name]) for name, passed, found in rows)
 
 
 def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
     """Return the missing messages of the vehicle, and for how long."""
-    beat_s, local_s = vehicle.age_s(Heartbeat, now_s), vehicle.age_s(LocalPosition, now_s)
+    beat_s = vehicle.age_s(Heartbeat, now_s)
+    local_s = vehicle.age_s(LocalPosition, now_s)
     everything_s = min(beat_s, local_s, vehicle.age_s(Attitude, now_s))
-    if everything_s > 0.5 * TELEMETRY_LIMIT_S:  # a message that still came would be younger than that
+    # A message that still came would be younger than that
+    if everything_s > 0.5 * TELEMETRY_LIMIT_S:
         return f"no telemetry for {everything_s:.1f} s"
-    rows = (("HEARTBEAT", beat_s, HEARTBEAT_LIMIT_S), ("LOCAL_POSITION_NED", local_s, TELEMETRY_LIMIT_S))
+    rows = (
+        ("HEARTBEAT", beat_s, HEARTBEAT_LIMIT_S),
+        ("LOCAL_POSITION_NED", local_s, TELEMETRY_LIMIT_S),
+    )
     late = (f"no {name} for {age_s:.1f} s" for name, age_s, limit_s in rows if age_s > limit_s)
     return "; ".join(late) or "telemetry is back"
 
@@ -143,13 +171,22 @@ class Moment(NamedTuple):
 
 def events(now: Moment) -> Iterator[Event]:
     """Yield the events of this cycle, the most severe first; only those that are in the table for this state."""
-    return (event for event, happens in _conditions(now) if happens and (now.stage.state, event) in TRANSITIONS)
+    return (
+        event
+        for event, happens in _conditions(now)
+        if happens and (now.stage.state, event) in TRANSITIONS
+    )
 
 
 def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     """Yield every event and whether its condition holds, the most severe first. Each is computed in its turn."""
-    settings, heard, stage, certificate = now.settings, now.heard, now.stage, now.certificate
-    vehicle, tracking, playing = heard.vehicle, heard.tracking, stage.state in SETPOINT_STATES
+    settings = now.settings
+    heard = now.heard
+    stage = now.stage
+    certificate = now.certificate
+    vehicle = heard.vehicle
+    tracking = heard.tracking
+    playing = stage.state in SETPOINT_STATES
     # Who commands the vehicle, and whether it is in contact.
     yield Event.PILOT, _external_mode_change(now)
     yield Event.REBOOTED, vehicle.reboots != stage.reboots_seen
@@ -160,19 +197,32 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     yield Event.FOREIGN, heard.foreign
     # Its position.
     view = (heard.seen or heard.view(now.now_s)) if playing else None
-    beyond = () if view is None else [wall for wall in view.walls if wall.gap_m + wall.margin_m < 0.0]
+    beyond = (
+        () if view is None else [wall for wall in view.walls if wall.gap_m + wall.margin_m < 0.0]
+    )
     for event, (limiters, allowed_m) in _BREACHES.items():
-        yield event, any(wall.gap_m + wall.margin_m < -allowed_m for wall in beyond if wall.limiter in limiters)
+        yield (
+            event,
+            any(
+                wall.gap_m + wall.margin_m < -allowed_m
+                for wall in beyond
+                if wall.limiter in limiters
+            ),
+        )
     # Rival sources, the operator and the battery.
     yield Event.RIVAL, playing and settings.hold_on_rival and tracking.rival(now.now_s) != ""
-    silent_s, allowed_s = now.now_s - stage.operator_s, settings.operator_timeout_s or math.inf
+    silent_s = now.now_s - stage.operator_s
+    allowed_s = settings.operator_timeout_s or math.inf
     yield Event.OPERATOR_LOST, silent_s > allowed_s
     yield Event.OPERATOR_GONE, silent_s > allowed_s + settings.operator_return_s
     yield Event.BATTERY_LOW, not stage.battery_was_low and is_low(heard)
     # The inputs of the game.
     yield Event.ESTIMATOR_RESET, vehicle.resets != stage.resets_seen
     yield Event.LOOP_LATE, heard.dt_s > LATE_LOOP_S
-    yield Event.EVADER_LOST, playing and tracking.silence_s(now.now_s) > settings.cycle.evader_timeout_s
+    yield (
+        Event.EVADER_LOST,
+        playing and tracking.silence_s(now.now_s) > settings.cycle.evader_timeout_s,
+    )
     # The team.
     yield Event.MATE_SILENT, playing and bool(heard.mates and heard.silent_mate(now.now_s))
     yield Event.ASSIGNED, heard.switched
@@ -188,7 +238,10 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
         progress, reached = _PROGRESS[stage.state]
         yield progress, reached(now)
     yield Event.TIMED_OUT, now.now_s - stage.since_s > settings.limits_s.get(stage.state, math.inf)
-    yield Event.CHASE_TIMED_OUT, now.now_s - stage.chase_began_s > (settings.longest_chase_s or math.inf)
+    yield (
+        Event.CHASE_TIMED_OUT,
+        now.now_s - stage.chase_began_s > (settings.longest_chase_s or math.inf),
+    )
 
 
 def detail_of(event: Event, now: Moment) -> str:
@@ -227,7 +280,8 @@ def _telemetry_lost(now: Moment) -> bool:
     latest = now.heard.vehicle.latest
     if now.stage.state in HANDING_OVER and now.in_state_s < TELEMETRY_LIMIT_S:
         return False  # ordered without contact: send the request first
-    beat, local = latest.get(Heartbeat), latest.get(LocalPosition)
+    beat = latest.get(Heartbeat)
+    local = latest.get(LocalPosition)
     if beat is None or now.now_s - beat.received_s > HEARTBEAT_LIMIT_S:
         return True
     # Before the checks pass, the streams have just been requested.
@@ -244,15 +298,20 @@ def _invited(now: Moment) -> bool:
 
 
 def _at_height(now: Moment) -> bool:
-    local, home_ned_m = now.heard.vehicle.latest.get(LocalPosition), now.heard.tracking.home_ned_m
+    local = now.heard.vehicle.latest.get(LocalPosition)
+    home_ned_m = now.heard.tracking.home_ned_m
     if local is None or home_ned_m is None:
         return False
     height_m = home_ned_m[2] - local.position_ned_m[2]
-    return height_m > now.settings.takeoff_height_m - _AT_HEIGHT_M and now.heard.mode is not Mode.TAKEOFF
+    return (
+        height_m > now.settings.takeoff_height_m - _AT_HEIGHT_M
+        and now.heard.mode is not Mode.TAKEOFF
+    )
 
 
 def _at_start(now: Moment) -> bool:
-    start_ned_m, local = now.heard.start_ned_m, now.heard.vehicle.latest.get(LocalPosition)
+    start_ned_m = now.heard.start_ned_m
+    local = now.heard.vehicle.latest.get(LocalPosition)
     if start_ned_m is None or local is None:
         return start_ned_m is None
     near = math.dist(local.position_ned_m, start_ned_m) < _AT_START_M
@@ -261,7 +320,9 @@ def _at_start(now: Moment) -> bool:
 
 def _guided(now: Moment) -> bool:
     beat = now.heard.vehicle.latest.get(Heartbeat)  # one that is newer than the order
-    return beat is not None and beat.received_s > now.stage.since_s and now.heard.mode is Mode.GUIDED
+    return (
+        beat is not None and beat.received_s > now.stage.since_s and now.heard.mode is Mode.GUIDED
+    )
 
 
 def _in_contact(now: Moment) -> bool:
@@ -298,17 +359,25 @@ _DETAILS: Final[Mapping[Event, Callable[[Moment], str]]] = {
     Event.LOOP_STOPPED: lambda now: (
         f"guidance stood still for {now.heard.dt_s:.1f} s, and the autopilot stopped waiting for setpoints"
     ),
-    Event.MATE_SILENT: lambda now: f"{now.heard.silent_mate(now.now_s)} is near and was not heard for {HOLD_S:g} s",
+    Event.MATE_SILENT: lambda now: (
+        f"{now.heard.silent_mate(now.now_s)} is near and was not heard for {HOLD_S:g} s"
+    ),
     Event.ASSIGNED: lambda now: f"plays against {now.heard.tracking.playing} now",
 }
 """The measurement behind an event whose name is not enough."""
 
 _PROGRESS: Final[Mapping[State, tuple[Event, Callable[[Moment], bool]]]] = {
-    State.CONNECTING: (Event.HEARD, lambda now: now.heard.vehicle.age_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S),
+    State.CONNECTING: (
+        Event.HEARD,
+        lambda now: now.heard.vehicle.age_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S,
+    ),
     State.CHECKING: (Event.FIT, fit),
     State.READY: (Event.UNFIT, lambda now: not fit(now)),
     # One HEARTBEAT must show both, so that the climb is not taken for a pilot's mode change.
-    State.ARMING: (Event.ARMED, lambda now: now.heard.vehicle.armed and now.heard.mode in OUR_MODES[State.CLIMBING]),
+    State.ARMING: (
+        Event.ARMED,
+        lambda now: now.heard.vehicle.armed and now.heard.mode in OUR_MODES[State.CLIMBING],
+    ),
     State.CLIMBING: (Event.AT_HEIGHT, _at_height),
     State.POSITIONING: (Event.AT_START, _at_start),
     State.STANDING_BY: (Event.INVITED, _invited),

@@ -17,7 +17,15 @@ from guidance.flight.settings import FlightSettings, Inputs, TeamSection
 from guidance.flight.tracking import NOWHERE, Tracking
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference
 from guidance.game import StandOff
-from guidance.messages import Heartbeat, LocalPosition, MateState, Message, PositionTarget, Role, Setpoint
+from guidance.messages import (
+    Heartbeat,
+    LocalPosition,
+    MateState,
+    Message,
+    PositionTarget,
+    Role,
+    Setpoint,
+)
 from guidance.vehicle import VehicleState, observe
 
 REMEMBERED_S: Final = 1.5
@@ -106,7 +114,9 @@ class Heard:
         self.switched = False
         self.battery_needed = settings.battery_minimum
         if settings.reserve is not None:
-            self.battery_needed = settings.reserve.needed(settings.farthest_m, settings.takeoff_height_m)
+            self.battery_needed = settings.reserve.needed(
+                settings.farthest_m, settings.takeoff_height_m
+            )
 
     def vehicle_says(self, messages: Sequence[Message]) -> None:
         """Update only the vehicle."""
@@ -124,15 +134,22 @@ class Heard:
             dt_s: Time since the last one.
             in_flight: Whether jumps of the evader are bounded by the distance it can have covered.
         """
-        self.seen, self.dt_s = None, dt_s
+        self.seen = None
+        self.dt_s = dt_s
         if inputs.mates:
             self.mates.update((mate.name, mate) for mate in inputs.mates)
         self.switched = inputs.role is not None and inputs.role.evader != self.tracking.playing
-        if (role := inputs.role) is not None:  # another evader, or another height above the game's disc
-            self.role, self.tracking.playing, game = role, role.evader, self._settings.cycle.game
+        if (
+            role := inputs.role
+        ) is not None:  # another evader, or another height above the game's disc
+            self.role = role
+            self.tracking.playing = role.evader
+            game = self._settings.cycle.game
             speed_m_s = self._settings.evaders.get(role.evader, game.evader_speed_m_s)
             disc = StandOff(game.standoff.radius_m, game.standoff.height_m + role.above_m)
-            self.cycle = replace(self.cycle, game=replace(game, evader_speed_m_s=speed_m_s, standoff=disc))
+            self.cycle = replace(
+                self.cycle, game=replace(game, evader_speed_m_s=speed_m_s, standoff=disc)
+            )
         self.vehicle_says(inputs.messages)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         strange = bool(self.beats) and self.echo.foreign
@@ -140,7 +157,9 @@ class Heard:
         # A pilot's takeover shows as foreign setpoints before HEARTBEAT shows it, so wait for the next HEARTBEAT.
         self.foreign = strange and self.echo.foreign
         self._place()
-        reserve, here, home = self._settings.reserve, self.position_ned_m, self.tracking.home_ned_m
+        reserve = self._settings.reserve
+        here = self.position_ned_m
+        home = self.tracking.home_ned_m
         if in_flight and reserve is not None and here is not None and home is not None:
             self.battery_needed = reserve.needed(math.dist(here[:2], home[:2]), home[2] - here[2])
         if self._settings.team is not None:
@@ -150,7 +169,9 @@ class Heard:
 
     def _take_aircraft(self, one: messages.Aircraft) -> None:
         """Keep another aircraft like a mate. What is where a mate or an evader is, is that player, and known better."""
-        frame, here, at_s = self.tracking.local_frame, self.position_ned_m, one.received_s - one.age_s
+        frame = self.tracking.local_frame
+        here = self.position_ned_m
+        at_s = one.received_s - one.age_s
         if frame is None or here is None:
             return
         moves = not any(map(math.isnan, one.velocity_ned_m_s))
@@ -164,7 +185,9 @@ class Heard:
         known = [evader.position_ned_m for evader in evaders if evader is not None]
         known += [self._around(mate, at_s, frame).position_ned_m for mate in self.mates.values()]
         reported_ned_m = self._around(state, at_s, frame).position_ned_m
-        self.aircraft = {name: was for name, was in self.aircraft.items() if at_s - was.at_s <= FORGOTTEN_S}
+        self.aircraft = {
+            name: was for name, was in self.aircraft.items() if at_s - was.at_s <= FORGOTTEN_S
+        }
         self.aircraft.pop(one.name, None)
         unknown = all(math.dist(reported_ned_m, at) > SAME_M + one.error_m for at in known)
         if unknown and len(self.aircraft) < MOST_AIRCRAFT:
@@ -172,56 +195,85 @@ class Heard:
 
     def _place(self) -> None:
         """Compute the positions of vehicle, fences and start in the present local frame."""
-        tracking, held_back_ned_m = self.tracking, self.tracking.held_back_ned_m
+        tracking = self.tracking
+        held_back_ned_m = self.tracking.held_back_ned_m
         self.moved_ned_m = NOWHERE
         jumps = self.vehicle.jumped_ned_m, held_back_ned_m
         if jumps != self._jumps:
-            self.moved_ned_m, self._jumps = difference(difference(*jumps), difference(*self._jumps)), jumps
-        home_ned_m, frame = tracking.home_ned_m, tracking.local_frame
+            self.moved_ned_m = difference(difference(*jumps), difference(*self._jumps))
+            self._jumps = jumps
+        home_ned_m = tracking.home_ned_m
+        frame = tracking.local_frame
         if home_ned_m is not None and frame is not None and (home_ned_m, frame) != self._home_in:
             self._home_in = home_ned_m, frame
             envelope = replace(self.cycle.envelope, home_ned_m=home_ned_m)
-            self.cycle = replace(self.cycle, envelope=self._settings.limits.about_home(envelope, home_ned_m, frame))
-        game_frame, start_game_m = tracking.game_frame, self._settings.start_game_m
-        if game_frame is not None and game_frame is not self._game_frame and start_game_m is not None:
-            self._game_frame, self.start_ned_m = game_frame, game_frame.position_to_ned(start_game_m)
+            self.cycle = replace(
+                self.cycle, envelope=self._settings.limits.about_home(envelope, home_ned_m, frame)
+            )
+        game_frame = tracking.game_frame
+        start_game_m = self._settings.start_game_m
+        if (
+            game_frame is not None
+            and game_frame is not self._game_frame
+            and start_game_m is not None
+        ):
+            self._game_frame = game_frame
+            self.start_ned_m = game_frame.position_to_ned(start_game_m)
         if (local := self.vehicle.latest.get(LocalPosition)) is not None:
-            here, back = local.position_ned_m, held_back_ned_m
+            here = local.position_ned_m
+            back = held_back_ned_m
             self.position_ned_m = here if back == NOWHERE else difference(here, back)
 
     def view(self, now_s: float) -> CycleInputs | None:
         """Return the inputs of the guidance in this cycle, computed once; None before the first position."""
-        vehicle, local = self.vehicle, self.vehicle.latest.get(LocalPosition)
+        vehicle = self.vehicle
+        local = self.vehicle.latest.get(LocalPosition)
         if self.seen is None and local is not None and self.position_ned_m is not None:
             evader = self.tracking.evader(now_s)
             estimator = vehicle.latest.get(messages.EstimatorStatus)
-            flown, yaw_rad, gained = local.velocity_ned_m_s, vehicle.yaw_rad, vehicle.acceleration_ned_m_s2
-            its: tuple[Vector | None, Vector | None] = (None, None) if evader is None else evader[:2]
+            flown = local.velocity_ned_m_s
+            yaw_rad = vehicle.yaw_rad
+            gained = vehicle.acceleration_ned_m_s2
+            its: tuple[Vector | None, Vector | None] = (
+                (None, None) if evader is None else evader[:2]
+            )
             height_sd_m = 0.0 if estimator is None else estimator.height_sd_m
             here = Situation(self.position_ned_m, flown, yaw_rad, *its, gained, height_sd_m)
             others = self.mates | self.aircraft if self.aircraft else self.mates
             mates = [around for _, around in self._near(now_s, others)] if others else ()
             walls = measure_walls(here, self.cycle.envelope, mates)
-            guided, frame = bool(self.beats) and self.mode is Mode.GUIDED, self.tracking.game_frame
+            guided = bool(self.beats) and self.mode is Mode.GUIDED
+            frame = self.tracking.game_frame
             self.seen = CycleInputs(self.dt_s, here, walls, evader, frame, guided)
         return self.seen
 
     def silent_mate(self, now_s: float) -> str:
         """Return the name of a mate nearby that is silent for longer than `HOLD_S`; empty if there is none."""
-        envelope, here = self.cycle.envelope, self.position_ned_m
-        stop_m = envelope.speed_m_s * (envelope.reaction_s + envelope.speed_m_s / (2.0 * envelope.braking_m_s2))
+        envelope = self.cycle.envelope
+        here = self.position_ned_m
+        stop_m = envelope.speed_m_s * (
+            envelope.reaction_s + envelope.speed_m_s / (2.0 * envelope.braking_m_s2)
+        )
         for mate, around in self._near(now_s, self.mates):
-            beside_m = math.inf if here is None else math.dist(here[:2], around.position_ned_m[:2]) - around.radius_m
+            beside_m = (
+                math.inf
+                if here is None
+                else math.dist(here[:2], around.position_ned_m[:2]) - around.radius_m
+            )
             if now_s - mate.at_s > HOLD_S and beside_m < 2.0 * stop_m:
                 return mate.name
         return ""
 
-    def _near(self, now_s: float, others: Mapping[str, MateState]) -> list[tuple[MateState, Separation]]:
+    def _near(
+        self, now_s: float, others: Mapping[str, MateState]
+    ) -> list[tuple[MateState, Separation]]:
         """Return which of the others to stay away from, and the cylinders around them."""
         frame = self.tracking.local_frame
         if frame is None:
             return []
-        flying = (mate for mate in others.values() if mate.airborne and now_s - mate.at_s <= FORGOTTEN_S)
+        flying = (
+            mate for mate in others.values() if mate.airborne and now_s - mate.at_s <= FORGOTTEN_S
+        )
         return [(mate, self._around(mate, now_s, frame)) for mate in flying]
 
     def _around(self, mate: MateState, now_s: float, frame: LocalFrame) -> Separation:
@@ -229,10 +281,20 @@ class Heard:
         team = self._settings.team or TeamSection()
         age_s = max(0.0, now_s - mate.at_s)
         known_s = min(age_s, SILENT_S)
-        place = frame.ned_from_wgs84(mate.latitude_deg, mate.longitude_deg, Amsl(mate.altitude_amsl_m))
-        north, east, down = (at + known_s * rate for at, rate in zip(place, mate.velocity_ned_m_s, strict=True))
-        spread_m = mate.doubt_m + 0.5 * _SWERVE_M_S2 * known_s * known_s + mate.top_speed_m_s * (age_s - known_s)
-        return Separation((north, east, down), team.separation_m + spread_m, team.separation_height_m + spread_m)
+        place = frame.ned_from_wgs84(
+            mate.latitude_deg, mate.longitude_deg, Amsl(mate.altitude_amsl_m)
+        )
+        north, east, down = (
+            at + known_s * rate for at, rate in zip(place, mate.velocity_ned_m_s, strict=True)
+        )
+        spread_m = (
+            mate.doubt_m
+            + 0.5 * _SWERVE_M_S2 * known_s * known_s
+            + mate.top_speed_m_s * (age_s - known_s)
+        )
+        return Separation(
+            (north, east, down), team.separation_m + spread_m, team.separation_height_m + spread_m
+        )
 
 
 class Echo:
@@ -294,6 +356,8 @@ class Echo:
 def _distance(reported: Vector, sent: Vector) -> float:
     """Distance of a reported velocity from a sent one, or from the nearest shorter one in its direction."""
     square = sum(part * part for part in sent)
-    along = sum(a * b for a, b in zip(reported, sent, strict=True)) / square if square > 0.0 else 1.0
+    along = (
+        sum(a * b for a, b in zip(reported, sent, strict=True)) / square if square > 0.0 else 1.0
+    )
     share = min(1.0, max(_LEAST_SHARE, along))
     return math.dist(reported, [share * part for part in sent])

@@ -15,7 +15,14 @@ from guidance.flight.detection import TELEMETRY_LIMIT_S, Moment, Stage
 from guidance.flight.heard import Heard
 from guidance.flight.sending import Asking, Playing
 from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
-from guidance.flight.table import BEFORE_FLIGHT, HANDING_OVER, OUR_MODES, SETPOINT_STATES, Event, State
+from guidance.flight.table import (
+    BEFORE_FLIGHT,
+    HANDING_OVER,
+    OUR_MODES,
+    SETPOINT_STATES,
+    Event,
+    State,
+)
 from guidance.flight.tracking import NOWHERE, Tracking
 from guidance.messages import LocalPosition, Setpoint
 from guidance.vehicle import VehicleState
@@ -91,13 +98,20 @@ class Flight:
 
     def checks(self, now_s: float) -> tuple[Finding, ...]:
         """Return the readiness checks."""
-        return detection.checks(self.vehicle, self.settings.autopilot, now_s, self.heard.battery_needed)
+        return detection.checks(
+            self.vehicle, self.settings.autopilot, now_s, self.heard.battery_needed
+        )
 
     def evader_refusal(self, now_s: float) -> str:
         """Return why this evader may not be engaged now; empty if it may."""
-        silence_s, limit_s = self.tracking.silence_s(now_s), self.settings.cycle.evader_timeout_s
+        silence_s = self.tracking.silence_s(now_s)
+        limit_s = self.settings.cycle.evader_timeout_s
         if silence_s > limit_s:
-            heard = "was never heard" if math.isinf(silence_s) else f"was last heard {silence_s:.1f} s ago"
+            heard = (
+                "was never heard"
+                if math.isinf(silence_s)
+                else f"was last heard {silence_s:.1f} s ago"
+            )
             return f"the evader {heard}; at most {limit_s:g} s is allowed"
         rival = self.tracking.rival(now_s)
         if rival and self.settings.hold_on_rival:
@@ -119,7 +133,9 @@ class Flight:
         """
         for order in (*inputs.orders, *inputs.mission):
             if order not in table.ORDERS:
-                raise ValueError(f"order = {order!r}: allowed are {', '.join(sorted(table.ORDERS))}")
+                raise ValueError(
+                    f"order = {order!r}: allowed are {', '.join(sorted(table.ORDERS))}"
+                )
         try:
             if self.fault is not None:
                 self.heard.vehicle_says(inputs.messages)  # for display
@@ -130,8 +146,11 @@ class Flight:
             setpoint = self._setpoint(now_s)
         except Exception as error:  # guidance must not leave the vehicle without a command
             return self.give_up(now_s, inputs, error)
-        certificate, alarm = self._playing.certificate, self._playing.alarm
-        return Outputs(self._stage.state, setpoint, requests, happenings, certificate, alarm, cause=self.cause)
+        certificate = self._playing.certificate
+        alarm = self._playing.alarm
+        return Outputs(
+            self._stage.state, setpoint, requests, happenings, certificate, alarm, cause=self.cause
+        )
 
     def give_up(self, now_s: float, inputs: Inputs, error: Exception) -> Outputs:
         """End the flight after an internal error: request the hold if the vehicle follows our setpoints, and yield.
@@ -146,26 +165,34 @@ class Flight:
         frames = traceback.extract_tb(error.__traceback__)
         where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
         self.fault = f"{type(error).__name__}: {error}{where}"
-        before, after = self._stage.state, table.next_state(self._stage.state, Event.FAULT)
+        before = self._stage.state
+        after = table.next_state(self._stage.state, Event.FAULT)
         ours = before in SETPOINT_STATES or (before is not after and self.heard.mode is Mode.GUIDED)
         self._stage.state = after
         self._asking.hand_over(flown=ours and after is State.YIELDED, at_once=True)
         outputs = self._hand_over(now_s, inputs)
         self.cause = Happening(now_s, Event.FAULT, before, after, detail=self.fault)
-        return outputs._replace(happenings=(*outputs.happenings, self.cause), fault=self.fault, cause=self.cause)
+        return outputs._replace(
+            happenings=(*outputs.happenings, self.cause), fault=self.fault, cause=self.cause
+        )
 
     def _hand_over(self, now_s: float, inputs: Inputs) -> Outputs:
-        state, given = self._stage.state, ((Authority.OPERATOR, inputs.orders), (Authority.MISSION, inputs.mission))
-        unheeded = tuple(Happening(now_s, order, state, state, by) for by, orders in given for order in orders)
+        state = self._stage.state
+        given = ((Authority.OPERATOR, inputs.orders), (Authority.MISSION, inputs.mission))
+        unheeded = tuple(
+            Happening(now_s, order, state, state, by) for by, orders in given for order in orders
+        )
         requests = self._asking.hold_requests(now_s, inputs.messages)
         return Outputs(state, None, requests, unheeded, None, cause=self.cause)
 
     def _take_in(self, now_s: float, inputs: Inputs) -> None:
         """Update with the inputs."""
-        heard, stage = self.heard, self._stage
+        heard = self.heard
+        stage = self._stage
         if self._last_s is None:
             self._last_s = stage.since_s = now_s
-        dt_s, self._last_s = now_s - self._last_s, now_s
+        dt_s = now_s - self._last_s
+        self._last_s = now_s
         if inputs.alive or inputs.orders or stage.operator_s == math.inf:
             stage.operator_s = now_s
         heard.take_in(inputs, dt_s, in_flight=stage.state not in BEFORE_FLIGHT)
@@ -180,19 +207,26 @@ class Flight:
                 stage.mode_left = stage.mode_left if mode is stage.mode_left else None
 
     def _follow(self, now_s: float, inputs: Inputs) -> Iterator[Happening]:
-        stage, refusals = self._stage, inputs.refusals
-        for by, orders in ((Authority.OPERATOR, inputs.orders), (Authority.MISSION, inputs.mission)):
+        stage = self._stage
+        refusals = inputs.refusals
+        for by, orders in (
+            (Authority.OPERATOR, inputs.orders),
+            (Authority.MISSION, inputs.mission),
+        ):
             for order in orders:
                 stands = by is Authority.MISSION and self.ordered_by_operator
                 event = None if stands else self._meant(order, now_s, refusals)
                 refused = Happening(now_s, order, stage.state, stage.state, by)
                 yield refused if event is None else self._change(now_s, event, by)
         if not self.settings.hold_on_rival:
-            before, self._rival = self._rival, self.tracking.rival(now_s)
+            before = self._rival
+            self._rival = self.tracking.rival(now_s)
             if self._rival and not before:
                 yield Happening(now_s, Event.RIVAL, stage.state, stage.state)
         now = Moment(now_s, self.settings, self.heard, stage, self._playing.certificate, refusals)
-        if (event := next(detection.events(now), None)) is not None:  # the next cycle judges the new state
+        if (
+            event := next(detection.events(now), None)
+        ) is not None:  # the next cycle judges the new state
             yield self._change(now_s, event, detail=detection.detail_of(event, now))
 
     def _meant(self, order: Event, now_s: float, refusals: Sequence[str]) -> Event | None:
@@ -201,26 +235,39 @@ class Flight:
         if order is Event.START and vehicle.armed and not vehicle.on_ground:
             # An airborne vehicle is taken over in its hold, without arming or climbing.
             piloted = self.settings.engage_on is EngageOn.PILOT_MODE
-            return Event.ALOFT if piloted or self.heard.mode in OUR_MODES[State.STANDING_BY] else None
+            return (
+                Event.ALOFT if piloted or self.heard.mode in OUR_MODES[State.STANDING_BY] else None
+            )
         if order is Event.ENGAGE:
             barred = self.leaving_mode or refusals or self.evader_refusal(now_s)
-            if barred or not (self.checked or all(one.verdict is Verdict.PASS for one in self.checks(now_s))):
+            if barred or not (
+                self.checked or all(one.verdict is Verdict.PASS for one in self.checks(now_s))
+            ):
                 return None
         if self._stage.state in BEFORE_FLIGHT and vehicle.armed:
             return _FOUND_ARMED.get(order, order)
         return order
 
-    def _change(self, now_s: float, event: Event, by: Authority = Authority.FLIGHT, detail: str = "") -> Happening:
-        stage, before, after = self._stage, self._stage.state, table.next_state(self._stage.state, event)
+    def _change(
+        self, now_s: float, event: Event, by: Authority = Authority.FLIGHT, detail: str = ""
+    ) -> Happening:
+        stage = self._stage
+        before = self._stage.state
+        after = table.next_state(self._stage.state, event)
         happening = Happening(now_s, event, before, after, by, detail)
         ordered = by is Authority.OPERATOR and table.is_done(event, after)
         if after is not before or ordered:
             self.cause = happening
             # A hold ordered while the battery is already low stands.
-            stage.battery_was_low = ordered and after is State.HOLDING and detection.is_low(self.heard)
+            stage.battery_was_low = (
+                ordered and after is State.HOLDING and detection.is_low(self.heard)
+            )
         if after is not before:
-            stage.state, stage.since_s, stage.other_mode_seen = after, now_s, False
-            stage.resets_seen, stage.reboots_seen = self.heard.vehicle.resets, self.heard.vehicle.reboots
+            stage.state = after
+            stage.since_s = now_s
+            stage.other_mode_seen = False
+            stage.resets_seen = self.heard.vehicle.resets
+            stage.reboots_seen = self.heard.vehicle.reboots
             if after is State.ENGAGED and before is not State.PAUSED:
                 stage.chase_began_s = now_s
             self.checked |= before is State.READY and after is not State.CHECKING
@@ -238,12 +285,19 @@ class Flight:
 
         Never from an old position: an order given without contact does not end the flight at once.
         """
-        state, heard = self._stage.state, self.heard
+        state = self._stage.state
+        heard = self.heard
         inviting = state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
         leaving = state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed
-        due = state in SETPOINT_STATES or leaving or (inviting and now_s - self._stage.since_s > INVITE_AFTER_S)
-        setpoint, self._playing.alarm = None, None
-        seen, local = (heard.seen or heard.view(now_s)) if due else None, heard.vehicle.latest.get(LocalPosition)
+        due = (
+            state in SETPOINT_STATES
+            or leaving
+            or (inviting and now_s - self._stage.since_s > INVITE_AFTER_S)
+        )
+        setpoint = None
+        self._playing.alarm = None
+        seen = (heard.seen or heard.view(now_s)) if due else None
+        local = heard.vehicle.latest.get(LocalPosition)
         if seen is not None and local is not None and now_s - local.received_s <= TELEMETRY_LIMIT_S:
             setpoint = self._playing.setpoint(seen, heard, state, now_s)
         if setpoint is None or inviting:

@@ -51,7 +51,9 @@ _MODE_OF_STATE = {
 
 def requests_in(state: State, settings: FlightSettings, heard: Heard) -> tuple[Request, ...]:
     """Return the requests of a state; none if their effect is already there."""
-    autopilot, home, frame = settings.autopilot, heard.vehicle.latest.get(Home), heard.tracking.local_frame
+    autopilot = settings.autopilot
+    home = heard.vehicle.latest.get(Home)
+    frame = heard.tracking.local_frame
     match state:
         case State.CHECKING:
             asked = (autopilot.request_message(one) for one in (HOME_POSITION, GPS_GLOBAL_ORIGIN))
@@ -59,11 +61,21 @@ def requests_in(state: State, settings: FlightSettings, heard: Heard) -> tuple[R
         case State.ARMING:
             return (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
         case State.CLIMBING if home is not None and heard.vehicle.on_ground:
-            return (autopilot.takeoff(height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m),)
+            return (
+                autopilot.takeoff(
+                    height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m
+                ),
+            )
         case State.POSITIONING if heard.start_ned_m is not None and frame is not None:
             latitude, longitude, amsl = frame.wgs84_from_ned(heard.start_ned_m)
-            return (autopilot.reposition(latitude_deg=latitude, longitude_deg=longitude, altitude_amsl_m=amsl.metres),)
-        case State.STANDING_BY if settings.engage_on is EngageOn.PILOT_MODE and heard.mode is Mode.HOLD:
+            return (
+                autopilot.reposition(
+                    latitude_deg=latitude, longitude_deg=longitude, altitude_amsl_m=amsl.metres
+                ),
+            )
+        case State.STANDING_BY if (
+            settings.engage_on is EngageOn.PILOT_MODE and heard.mode is Mode.HOLD
+        ):
             # PX4 returns to OFFBOARD by itself when setpoints return after a loss, unless Hold was requested.
             return (autopilot.set_mode(Mode.HOLD),)
     wanted = _MODE_OF_STATE.get(state)
@@ -86,7 +98,8 @@ class Asking:
             at_once: Whether the first request goes immediately; if not, when a HEARTBEAT shows that the vehicle still
                 waits for setpoints in the guided mode.
         """
-        self._handing_over, self._at_once = flown, at_once
+        self._handing_over = flown
+        self._at_once = at_once
 
     def requests(self, stage: Stage, heard: Heard, now_s: float) -> tuple[Request, ...]:
         """Return the requests of one cycle.
@@ -99,10 +112,16 @@ class Asking:
         asked: tuple[Request, ...] = ()
         # A request is repeated only in a cycle with a HEARTBEAT.
         due = heard.beats or self._asked_s < stage.since_s
-        if due and stage.state not in FINAL and self._is_due(stage, now_s, fresh_heartbeat=bool(heard.beats)):
+        if (
+            due
+            and stage.state not in FINAL
+            and self._is_due(stage, now_s, fresh_heartbeat=bool(heard.beats))
+        ):
             self._asked_s = now_s
             asked = requests_in(stage.state, self._settings, heard)
-        uncertain = stage.state is State.ENTERING or (stage.state in SETPOINT_STATES and heard.echo.strange_s)
+        uncertain = stage.state is State.ENTERING or (
+            stage.state in SETPOINT_STATES and heard.echo.strange_s
+        )
         if uncertain and now_s - self._beat_asked_s >= BEAT_EVERY_S - _SAME_S:
             self._beat_asked_s = now_s
             asked = (*asked, self._settings.autopilot.request_message(HEARTBEAT))
@@ -113,13 +132,18 @@ class Asking:
 
     def hold_requests(self, now_s: float, messages: Sequence[Message]) -> tuple[Request, ...]:
         """Return the requests of a handover in one cycle."""
-        modes = [self._settings.autopilot.mode_of(one.custom_mode) for one in messages if isinstance(one, Heartbeat)]
+        modes = [
+            self._settings.autopilot.mode_of(one.custom_mode)
+            for one in messages
+            if isinstance(one, Heartbeat)
+        ]
         if not self._at_once and any(mode is not Mode.GUIDED for mode in modes):
             self._handing_over = False
         due = self._at_once or (modes and now_s - self._hold_asked_s >= REPEAT_S)
         if not (self._handing_over and due):
             return ()
-        self._at_once, self._hold_asked_s = False, now_s
+        self._at_once = False
+        self._hold_asked_s = now_s
         return (self._settings.autopilot.set_mode(Mode.HOLD),)
 
     def _is_due(self, stage: Stage, now_s: float, *, fresh_heartbeat: bool) -> bool:
@@ -134,7 +158,9 @@ class Asking:
         # The HEARTBEAT of the order's own cycle may be older than the order.
         streamed_s = STREAM_FIRST_S if self._settings.autopilot.stream_before_guided else 0.0
         in_state_s = now_s - stage.since_s
-        return in_state_s > streamed_s + _SAME_S and (fresh_heartbeat or in_state_s >= UNHEARD_S - _SAME_S)
+        return in_state_s > streamed_s + _SAME_S and (
+            fresh_heartbeat or in_state_s >= UNHEARD_S - _SAME_S
+        )
 
 
 class Playing:
@@ -156,15 +182,18 @@ class Playing:
         """Enter a state and drop the certificate of the last one."""
         self.certificate = None
         if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
-            self._memory, self._monitor = CycleMemory(), self._monitor.anew()
+            self._memory = CycleMemory()
+            self._monitor = self._monitor.anew()
         if after is State.ON_STATION:
-            self._monitor = self._monitor.anew()  # the promise is kept: an evader that gets away begins a new one
+            # The promise is kept: an evader that gets away begins a new one
+            self._monitor = self._monitor.anew()
         if after is State.PAUSED:
             self._monitor = self._monitor.restarted()  # nothing was promised about a pause
 
     def switch(self) -> None:
         """Play against another evader: nothing was promised about that one."""
-        self.certificate, self._monitor = None, self._monitor.anew()
+        self.certificate = None
+        self._monitor = self._monitor.anew()
         self._memory = self._memory._replace(optimal_game_m_s=None)
 
     def move(self, by_ned_m: Vector) -> None:
@@ -172,13 +201,18 @@ class Playing:
 
         The vehicle is then held where it is, not sent to where it now believes that it was.
         """
-        (north_m, east_m, down_m), memory = by_ned_m, self._memory
-        drift, place, height = memory.follow.drift, memory.place, memory.height
+        (north_m, east_m, down_m) = by_ned_m
+        memory = self._memory
+        drift = memory.follow.drift
+        place = memory.place
+        height = memory.height
         if drift.position_ned_m is not None:
             drift = drift._replace(position_ned_m=total(drift.position_ned_m, by_ned_m))
         place = None if place is None else (place[0] + north_m, place[1] + east_m)
         height = None if height is None else height._replace(down_m=height.down_m + down_m)
-        self._memory = memory._replace(follow=memory.follow._replace(drift=drift), place=place, height=height)
+        self._memory = memory._replace(
+            follow=memory.follow._replace(drift=drift), place=place, height=height
+        )
 
     def setpoint(self, inputs: CycleInputs, heard: Heard, state: State, now_s: float) -> Setpoint:
         """Make this cycle's setpoint.
@@ -194,7 +228,9 @@ class Playing:
             # Neutral stream: do not remember a height while the pilot flies.
             self._memory = CycleMemory(limits=self._memory.limits)
         shadowing = state is State.ON_STATION and settings.after_capture is AfterCapture.SHADOW
-        played = play if (state is State.ENGAGED or shadowing) and inputs.evader is not None else hover
+        played = (
+            play if (state is State.ENGAGED or shadowing) and inputs.evader is not None else hover
+        )
         output = played(inputs, heard.cycle, self._memory)
         self._memory = output.memory
         if (certificate := output.certificate) is not None:
@@ -202,9 +238,15 @@ class Playing:
                 certificate = certificate._replace(battery_needed=heard.battery_needed)
             self.certificate = certificate
             if state is State.ENGAGED:
-                aimed, speed_m_s = settings.cycle.target_game_m is not None, settings.cycle.game.pursuer.horizontal_m_s
+                aimed = settings.cycle.target_game_m is not None
+                speed_m_s = settings.cycle.game.pursuer.horizontal_m_s
                 slack_s = settings.guarantee_slack_s
                 self._monitor, self.alarm = watch(
-                    self._monitor, now_s, certificate, with_target=aimed, speed_m_s=speed_m_s, slack_s=slack_s
+                    self._monitor,
+                    now_s,
+                    certificate,
+                    with_target=aimed,
+                    speed_m_s=speed_m_s,
+                    slack_s=slack_s,
                 )
         return output.setpoint

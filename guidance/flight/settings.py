@@ -49,9 +49,15 @@ class Reserve(Section):
     """Computes the battery needed to fly home from distance, height, wind and speed."""
 
     endurance_s: float = Field(gt=0.0, le=1e5, description="flight time of a full charge")
-    left: float = Field(0.1, ge=0.0, lt=1.0, description="share of the charge that must be left on the ground")
-    return_speed_m_s: float = Field(5.0, gt=0.0, le=30.0, description="airspeed of the autopilot's return")
-    landing_speed_m_s: float = Field(0.7, gt=0.0, le=5.0, description="descent rate of the autopilot's landing")
+    left: float = Field(
+        0.1, ge=0.0, lt=1.0, description="share of the charge that must be left on the ground"
+    )
+    return_speed_m_s: float = Field(
+        5.0, gt=0.0, le=30.0, description="airspeed of the autopilot's return"
+    )
+    landing_speed_m_s: float = Field(
+        0.7, gt=0.0, le=5.0, description="descent rate of the autopilot's landing"
+    )
     wind_m_s: float = Field(0.0, ge=0.0, lt=30.0, description="strongest headwind")
 
     def _faults(self) -> Iterator[str]:
@@ -81,12 +87,18 @@ class FlightSection(Section):
         AfterCapture.HOLD, description="hover there, follow the moving evader, or fly home"
     )
     engage_on: EngageOn = Field(
-        EngageOn.COMMAND, description="what engages: an order, or the pilot's switch to the guided mode"
+        EngageOn.COMMAND,
+        description="what engages: an order, or the pilot's switch to the guided mode",
     )
-    on_terminate: Literal["hold", "land", "return"] = Field("hold", description="order given to the vehicle on SIGTERM")
-    battery_minimum: float = Field(0.25, ge=0.0, le=1.0, description="share of the charge below which it returns")
+    on_terminate: Literal["hold", "land", "return"] = Field(
+        "hold", description="order given to the vehicle on SIGTERM"
+    )
+    battery_minimum: float = Field(
+        0.25, ge=0.0, le=1.0, description="share of the charge below which it returns"
+    )
     reserve: Reserve | None = Field(
-        None, description="return when the charge just suffices to fly home; replaces battery_minimum"
+        None,
+        description="return when the charge just suffices to fly home; replaces battery_minimum",
     )
     operator_timeout_s: float | None = Field(
         None,
@@ -95,17 +107,26 @@ class FlightSection(Section):
         description="hold after this long without an order, `guidance ctl alive` or an open operator's page; "
         "default: never",
     )
-    operator_return_s: float = Field(30.0, gt=0.0, le=3600.0, description="return after this much longer")
+    operator_return_s: float = Field(
+        30.0, gt=0.0, le=3600.0, description="return after this much longer"
+    )
     longest_chase_s: float | None = Field(
-        None, gt=0.0, le=7200.0, description="hold when a chase, pauses included, lasts longer; default: never"
+        None,
+        gt=0.0,
+        le=7200.0,
+        description="hold when a chase, pauses included, lasts longer; default: never",
     )
 
 
 class TeamSection(Section):
     """Separation from the mates of a team: it holds horizontally or vertically."""
 
-    separation_m: float = Field(8.0, ge=2.0, le=1000.0, description="least horizontal distance between vehicles")
-    separation_height_m: float = Field(3.0, ge=1.0, le=100.0, description="or least difference of their heights")
+    separation_m: float = Field(
+        8.0, ge=2.0, le=1000.0, description="least horizontal distance between vehicles"
+    )
+    separation_height_m: float = Field(
+        3.0, ge=1.0, le=100.0, description="or least difference of their heights"
+    )
 
 
 class FlightSettings(FlightSection):

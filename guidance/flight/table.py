@@ -140,12 +140,20 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
     # Interruptions.
     (_COMMANDING, (Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF), State.HOLDING),
     (_COMMANDING, (Event.FOREIGN, Event.RIVAL, Event.OPERATOR_LOST), State.HOLDING),
-    ((*_COMMANDING, State.STANDING_BY, State.POSITIONING, State.HOLDING), (Event.BATTERY_LOW,), State.RETURNING),
+    (
+        (*_COMMANDING, State.STANDING_BY, State.POSITIONING, State.HOLDING),
+        (Event.BATTERY_LOW,),
+        State.RETURNING,
+    ),
     ((State.STANDING_BY, State.HOLDING), (Event.OPERATOR_GONE,), State.RETURNING),
     # The autopilot has acted by then, and PX4 would return to OFFBOARD by itself with the first setpoint.
     (_COMMANDING, (Event.LOOP_STOPPED,), State.YIELDED),
     ({State.ARMING, *_FLOWN}, (Event.PILOT, Event.REBOOTED, Event.FAULT), State.YIELDED),
-    ({State.ARMING, *_FLOWN} - {State.STANDING_BY, State.OUT_OF_CONTACT}, (Event.TELEMETRY_LOST,), State.YIELDED),
+    (
+        {State.ARMING, *_FLOWN} - {State.STANDING_BY, State.OUT_OF_CONTACT},
+        (Event.TELEMETRY_LOST,),
+        State.YIELDED,
+    ),
     # Nothing was commanded, so the flight may continue, but only an order begins the game.
     ((State.STANDING_BY,), (Event.TELEMETRY_LOST,), State.OUT_OF_CONTACT),
     ((State.OUT_OF_CONTACT,), (Event.CONTACT,), State.STANDING_BY),
@@ -173,7 +181,10 @@ OUR_MODES: Mapping[State, frozenset[Mode]] = {
     **dict.fromkeys((*_AIRBORNE, State.OUT_OF_CONTACT, State.ENTERING), _TAKING_OFF),
     **dict.fromkeys((State.ENGAGED, State.PAUSED, State.ON_STATION), frozenset({Mode.GUIDED})),
     State.HOLDING: frozenset({Mode.HOLD, Mode.GUIDED}),
-    **dict.fromkeys((State.RETURNING, State.LANDING), frozenset({Mode.RETURN, Mode.LAND, Mode.HOLD, Mode.GUIDED})),
+    **dict.fromkeys(
+        (State.RETURNING, State.LANDING),
+        frozenset({Mode.RETURN, Mode.LAND, Mode.HOLD, Mode.GUIDED}),
+    ),
 }
 """Modes that guidance itself may cause. Any other mode in HEARTBEAT is an external mode change, and final."""
 

@@ -40,12 +40,19 @@ class Tracking:
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
         self.playing = ""
-        declared_m_s, sigmas = settings.cycle.game.evader_speed_m_s, settings.cycle.speed_sigmas
+        declared_m_s = settings.cycle.game.evader_speed_m_s
+        sigmas = settings.cycle.speed_sigmas
         speeds = {"": declared_m_s, **settings.evaders}
-        self._free = {name: TrackSettings(declared_speed_m_s=own, sigmas=sigmas) for name, own in speeds.items()}
+        self._free = {
+            name: TrackSettings(declared_speed_m_s=own, sigmas=sigmas)
+            for name, own in speeds.items()
+        }
         # A wrong declaration is tolerated up to the pursuer's speed; a faster evader is no game.
         way_m_s = max(declared_m_s, settings.cycle.game.pursuer.horizontal_m_s)
-        self._bounded = {name: replace(one, jump_m_s=declared_m_s, way_m_s=way_m_s) for name, one in self._free.items()}
+        self._bounded = {
+            name: replace(one, jump_m_s=declared_m_s, way_m_s=way_m_s)
+            for name, one in self._free.items()
+        }
         self._observers: dict[str, Observer] = {}
         self._told: tuple[Message | None, Message | None, LocalFrame | None] = (None, None, None)
         self._jumped_ned_m = NOWHERE
@@ -55,7 +62,9 @@ class Tracking:
         self.local_frame: LocalFrame | None = None
         self.game_frame: GameFrame | None = None
 
-    def observe(self, vehicle: VehicleState, reports: Sequence[EvaderReport], *, in_flight: bool = True) -> None:
+    def observe(
+        self, vehicle: VehicleState, reports: Sequence[EvaderReport], *, in_flight: bool = True
+    ) -> None:
         """Update with the inputs of one cycle.
 
         Args:
@@ -70,19 +79,26 @@ class Tracking:
             self._move_into(frame)
         home = vehicle.latest.get(Home)
         if home is not None and home != self._home:
-            self._home, self.home_ned_m = home, home.position_ned_m
+            self._home = home
+            self.home_ned_m = home.position_ned_m
             if not all(map(math.isfinite, home.position_ned_m)):
                 altitude = Amsl(home.altitude_amsl_m)
-                self.home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, altitude)
+                self.home_ned_m = frame.ned_from_wgs84(
+                    home.latitude_deg, home.longitude_deg, altitude
+                )
         settings = self._bounded if in_flight else self._free
         for report in reports:
             name = report.evader or ""
             track = settings.get(name, settings[""])
-            self._observers[name] = observe(self._observers.get(name, _UNHEARD), report, frame, track)
+            self._observers[name] = observe(
+                self._observers.get(name, _UNHEARD), report, frame, track
+            )
 
     def _accepted(self, vehicle: VehicleState) -> LocalFrame | None:
         """Return the frame about the accepted origin; None until the vehicle has reported one."""
-        home, origin, told = vehicle.latest.get(Home), vehicle.latest.get(Origin), self._told[2]
+        home = vehicle.latest.get(Home)
+        origin = vehicle.latest.get(Origin)
+        told = self._told[2]
         if (home, origin) != self._told[:2]:  # only a new report is computed
             told = local_frame(vehicle, self._settings.autopilot.projection)
             # Heights above home may change; the frame is the same.
@@ -93,8 +109,11 @@ class Tracking:
             return held
         if vehicle.jumped_ned_m != self._jumped_ned_m:
             jump = difference(total(self.held_back_ned_m, vehicle.jumped_ned_m), self._jumped_ned_m)
-            self._jumped_ned_m, self.held_back_ned_m = vehicle.jumped_ned_m, jump
-        if held is None or (told is not held and told != held and math.hypot(*told.ned_in(held, NOWHERE)) <= _SAME_M):
+            self._jumped_ned_m = vehicle.jumped_ned_m
+            self.held_back_ned_m = jump
+        if held is None or (
+            told is not held and told != held and math.hypot(*told.ned_in(held, NOWHERE)) <= _SAME_M
+        ):
             held = told
         if told != held or self.held_back_ned_m != NOWHERE:
             return self._judged(held, told, vehicle)
@@ -102,7 +121,8 @@ class Tracking:
 
     def _judged(self, held: LocalFrame, told: LocalFrame, vehicle: VehicleState) -> LocalFrame:
         """Choose between the old origin, the reported one, and the one that explains the jump."""
-        place, local = vehicle.latest.get(GlobalPosition), vehicle.latest.get(LocalPosition)
+        place = vehicle.latest.get(GlobalPosition)
+        local = vehicle.latest.get(LocalPosition)
         if place is None or local is None or local.received_s - place.received_s > _JUDGE_AGE_S:
             self.held_back_ned_m = NOWHERE
             return told
@@ -110,8 +130,11 @@ class Tracking:
             return held  # older than the jump
         north, east, down = self.held_back_ned_m
         latitude_deg, longitude_deg, altitude = held.wgs84_from_ned((-north, -east, -down))
-        jumped = replace(held, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude)
-        possible, self.held_back_ned_m = (held, told, jumped), NOWHERE
+        jumped = replace(
+            held, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude
+        )
+        possible = (held, told, jumped)
+        self.held_back_ned_m = NOWHERE
         return min(possible, key=lambda frame: _apart_m(frame, place, local))
 
     def rival(self, now_s: float) -> str:
@@ -121,7 +144,9 @@ class Tracking:
 
     def silence_s(self, now_s: float, evader: str | None = None) -> float:
         """Seconds since the last usable report of an evader, by default the game's; infinite before the first one."""
-        last = self._observers.get(self.playing if evader is None else evader, _UNHEARD).track.estimate
+        last = self._observers.get(
+            self.playing if evader is None else evader, _UNHEARD
+        ).track.estimate
         return math.inf if last is None else max(0.0, now_s - last.received_s)
 
     def evader(self, now_s: float, evader: str | None = None) -> EvaderEstimate | None:
@@ -130,10 +155,13 @@ class Tracking:
         observer = self._observers.get(name, _UNHEARD)
         if (last := observer.track.estimate) is None:
             return None
-        return predict(last, observer.shift_ned_m, now_s, self._bounded.get(name, self._bounded[""]))
+        return predict(
+            last, observer.shift_ned_m, now_s, self._bounded.get(name, self._bounded[""])
+        )
 
     def _move_into(self, frame: LocalFrame) -> None:
-        before, self.local_frame = self.local_frame, frame
+        before = self.local_frame
+        self.local_frame = frame
         if before is not None:
             for name, observer in self._observers.items():
                 self._observers[name] = moved(observer, lambda place: before.ned_in(frame, place))
@@ -150,5 +178,11 @@ class Tracking:
 def _apart_m(frame: LocalFrame, place: GlobalPosition, local: LocalPosition) -> float:
     """Distance between the vehicle's local and global positions in this frame."""
     step_s = place.time_boot_s - local.time_boot_s
-    then = [at + step_s * rate for at, rate in zip(local.position_ned_m, local.velocity_ned_m_s, strict=True)]
-    return math.dist(then, frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, Amsl(place.altitude_amsl_m)))
+    then = [
+        at + step_s * rate
+        for at, rate in zip(local.position_ned_m, local.velocity_ned_m_s, strict=True)
+    ]
+    return math.dist(
+        then,
+        frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, Amsl(place.altitude_amsl_m)),
+    )

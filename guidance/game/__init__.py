@@ -34,7 +34,16 @@ Examples:
 from guidance.game.apollonius import Apollonius, apollonius_circle, apollonius_sphere, barrier
 from guidance.game.arrays import Array
 from guidance.game.extent import Extent
-from guidance.game.game import Ball, Cylinder, Game, Reason, SpeedSet, StandOff, Winner, guaranteed_age_s
+from guidance.game.game import (
+    Ball,
+    Cylinder,
+    Game,
+    Reason,
+    SpeedSet,
+    StandOff,
+    Winner,
+    guaranteed_age_s,
+)
 from guidance.game.pe import StateSolution
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.rollout import End, Exact, Paper, Rollout, rollout

@@ -89,12 +89,18 @@ def solve_accelerating(
         return AcceleratingSolution(0.0, math.atan2(away[1], away[0]), evader_m, (0.0, 0.0))
     step = 2.0 * math.pi / _HEADINGS
     tried = [(number * step, chase.escape(number * step)) for number in range(_HEADINGS)]
-    best, last = tried[0][0], _Escape()
-    while later := [(heading, one) for heading, one in tried if one.begin_s <= last.end_s < one.end_s]:
+    best = tried[0][0]
+    last = _Escape()
+    while later := [
+        (heading, one) for heading, one in tried if one.begin_s <= last.end_s < one.end_s
+    ]:
         best, last = max(later, key=lambda one: one[1].end_s)
-    low, high, golden = best - step, best + step, 0.5 * (math.sqrt(5.0) - 1.0)
+    low = best - step
+    high = best + step
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
     while high - low > _HEADING_RAD:
-        inner, outer = high - golden * (high - low), low + golden * (high - low)
+        inner = high - golden * (high - low)
+        outer = low + golden * (high - low)
         if chase.escape(inner).end_s > chase.escape(outer).end_s:
             high = outer
         else:
@@ -144,7 +150,8 @@ class _Chase(NamedTuple):
         square = behind * behind + 2.0 * self.a * gap_m
         if gap_m <= 0.0 and (behind <= 0.0 or square <= 0.0):
             return _Escape()
-        begin_s, end_s = (behind - math.sqrt(square)) / self.a, (behind + math.sqrt(square)) / self.a
+        begin_s = (behind - math.sqrt(square)) / self.a
+        end_s = (behind + math.sqrt(square)) / self.a
         if math.hypot(across, along + self.a * end_s) <= self.u:
             return _Escape(begin_s, end_s, (self.a, 0.0))
 
@@ -163,13 +170,15 @@ class _Chase(NamedTuple):
 
     def turn(self, along: float, across: float, end: float) -> _Turn:
         """Turn the velocity (along, across ≥ 0) until it is at top speed, at the angle `end` from the direction."""
-        top, a = self.u * math.cos(end), self.a
+        top = self.u * math.cos(end)
+        a = self.a
         longest = (top - along) / a
 
         def arc(touch: float) -> tuple[float, float, float, float]:
             """Constants of the catenary that touches the circle at this angle, and by how much it misses `across`."""
             size = self.u * (math.cos(end) - math.cos(touch)) / a
-            side, before = size * math.cos(touch), size * math.sin(touch)
+            side = size * math.cos(touch)
+            before = size * math.sin(touch)
             begin = math.sqrt(max(before * before, longest * longest - side * side))
             bent = side * (_asinh(begin, side) - _asinh(before, side))
             return side, before, begin, self.u * math.sin(touch) + a * bent - across
@@ -196,7 +205,8 @@ def _area(value: float, scale: float) -> float:
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
     """Return where a function changes its sign: false position, where the end that stays counts half (Illinois)."""
-    below, above = function(low), function(high)
+    below = function(low)
+    above = function(high)
     if (below > 0.0) is (above > 0.0):  # rounding at an end that is the root
         return low if abs(below) < abs(above) else high
     for _ in range(_STEPS):
@@ -207,7 +217,11 @@ def _root(function: Callable[[float], float], low: float, high: float) -> float:
         if abs(value) <= _ROUNDING:
             return middle
         if (value > 0.0) is (above > 0.0):
-            high, above, below = middle, value, 0.5 * below
+            high = middle
+            above = value
+            below = 0.5 * below
         else:
-            low, below, above = middle, value, 0.5 * above
+            low = middle
+            below = value
+            above = 0.5 * above
     return 0.5 * (low + high)

@@ -14,7 +14,18 @@ from typing import NamedTuple
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, Real, Space, components, dot3, is_array, plus3, times3, vectors
+from guidance.game.arrays import (
+    Array,
+    Library,
+    Real,
+    Space,
+    components,
+    dot3,
+    is_array,
+    plus3,
+    times3,
+    vectors,
+)
 from guidance.game.game import Game
 from guidance.game.pe import Geometry, StateSolution, pursuit
 from guidance.game.records import is_finite
@@ -84,10 +95,13 @@ def barrier(pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike, speed_rati
     return speed_ratio * speed_ratio * dot3(near, near) - dot3(far, far)
 
 
-def _sphere(pursuer: ArrayLike, evader: ArrayLike, ratio: Array) -> tuple[Library, Array, Space, Array, Array, Array]:
+def _sphere(
+    pursuer: ArrayLike, evader: ArrayLike, ratio: Array
+) -> tuple[Library, Array, Space, Array, Array, Array]:
     """Return the library, E, the components of P − E, δ, δ² − 1 and the centre of the sphere."""
     xp, taken = vectors({"pursuer": pursuer, "evader": evader})
-    P, E = taken["pursuer"], taken["evader"]
+    P = taken["pursuer"]
+    E = taken["evader"]
     if not is_array(ratio):
         if not (is_finite(ratio) and ratio > 1):
             raise ConfigError(f"speed_ratio = {ratio!r}: must be a finite number above 1")
@@ -97,7 +111,9 @@ def _sphere(pursuer: ArrayLike, evader: ArrayLike, ratio: Array) -> tuple[Librar
     return xp, E, components(P - E), ratio, hand, (factor * factor * E - P) / divisor
 
 
-def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> StateSolution:
+def play_in_space(
+    xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None
+) -> StateSolution:
     """Solve the game of an evader in space; see `solve` for the meaning of the answer.
 
     Args:
@@ -112,7 +128,8 @@ def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, 
     first, far = _unit(xp, to_evader if T is None else plus3(T, -1.0, E))
     along = dot3(to_evader, first)
     second, across = _unit(xp, plus3(to_evader, -along, first))
-    second, zero = plus3(second, -dot3(second, first), first), 0.0 * along
+    second = plus3(second, -dot3(second, first), first)
+    zero = 0.0 * along
     state = Geometry((zero, zero), zero, (along, zero if T is None else across), zero, (0.0, 0.0))
     play = pursuit(xp, game, state) if T is None else defence(xp, game, state, (far, zero))
 
@@ -126,7 +143,9 @@ def play_in_space(xp: Library, game: Game, P: Space, E: Space, T: Space | None, 
         pace = xp.select(length > game.evader_speed_m_s, game.evader_speed_m_s, length)
         flown = xp.select_all(play.meeting_time_s <= 0, times3(pace, direction), flown)
     evading = unfold(play.evader_velocity_m_s)
-    return play._replace(meeting_point_m=meeting, pursuer_velocity_m_s=flown, evader_velocity_m_s=evading)
+    return play._replace(
+        meeting_point_m=meeting, pursuer_velocity_m_s=flown, evader_velocity_m_s=evading
+    )
 
 
 def _unit(xp: Library, v: Space) -> tuple[Space, Real]:

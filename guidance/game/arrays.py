@@ -90,7 +90,9 @@ class Library:
         place = {} if is_jax_array(like) else {"device": device_of(like)}
         return value if hasattr(value, "dtype") else self.asarray(value, dtype=like.dtype, **place)
 
-    def pack(self, shape: tuple[int, ...], like: Array, value: Real | tuple[Real, ...], plus: Real = 0.0) -> Array:
+    def pack(
+        self, shape: tuple[int, ...], like: Array, value: Real | tuple[Real, ...], plus: Real = 0.0
+    ) -> Array:
         """Spread a number over the leading shape, or put n components together into (*shape, n).
 
         Args:
@@ -124,7 +126,8 @@ class Differentiating(Library):
 class NumPy(Library):
     """NumPy, which fills arrays in place."""
 
-    sqrt, maximum = staticmethod(np.sqrt), staticmethod(np.maximum)
+    sqrt = staticmethod(np.sqrt)
+    maximum = staticmethod(np.maximum)
 
     def select(self, condition: Truth, yes: Real, no: Real) -> Real:
         """Choose as every library does. Most conditions are about rare states, so this saves copies."""
@@ -135,9 +138,13 @@ class NumPy(Library):
             return no
         return yes if count == condition.size else np.where(condition, yes, no)
 
-    def pack(self, shape: tuple[int, ...], like: Array, value: Real | tuple[Real, ...], plus: Real = 0.0) -> Array:
+    def pack(
+        self, shape: tuple[int, ...], like: Array, value: Real | tuple[Real, ...], plus: Real = 0.0
+    ) -> Array:
         """Make an array and fill it."""
-        packed = np.empty((*shape, len(value)) if isinstance(value, tuple) else shape, dtype=like.dtype)
+        packed = np.empty(
+            (*shape, len(value)) if isinstance(value, tuple) else shape, dtype=like.dtype
+        )
         self.fill(packed, value, plus)
         return packed
 
@@ -155,7 +162,8 @@ class NumPy(Library):
 class Floats(Library):
     """Python's floats, for single states."""
 
-    sqrt, maximum = staticmethod(math.sqrt), staticmethod(max)
+    sqrt = staticmethod(math.sqrt)
+    maximum = staticmethod(max)
 
     def select(self, condition: Truth, yes: Real, no: Real) -> Real:
         """Choose one of two numbers."""
@@ -175,12 +183,15 @@ class Floats(Library):
         return (value > 0) - (value < 0)
 
 
-NUMPY, FLOATS = NumPy(np), Floats(math)
+NUMPY = NumPy(np)
+FLOATS = Floats(math)
 
 DOUBLE = np.dtype(np.float64)
 
 
-def vectors(given: dict[str, Any], parameters: Sequence[Array] = ()) -> tuple[Library, dict[str, Array]]:
+def vectors(
+    given: dict[str, Any], parameters: Sequence[Array] = ()
+) -> tuple[Library, dict[str, Array]]:
     """Convert named vectors to real arrays of the widest precision among them and some arrays of parameters.
 
     Returns:
@@ -189,7 +200,10 @@ def vectors(given: dict[str, Any], parameters: Sequence[Array] = ()) -> tuple[Li
     Raises:
         ConfigError: one is no array of numbers, or they belong to different libraries.
     """
-    if all(type(value) is np.ndarray and value.dtype is DOUBLE for value in (*given.values(), *parameters)):
+    if all(
+        type(value) is np.ndarray and value.dtype is DOUBLE
+        for value in (*given.values(), *parameters)
+    ):
         return NUMPY, given
     known = [value for value in given.values() if is_array_api_obj(value)]
     try:
@@ -200,16 +214,23 @@ def vectors(given: dict[str, Any], parameters: Sequence[Array] = ()) -> tuple[Li
     xp = NUMPY if is_numpy_namespace(module) else Differentiating(module)
     taken = {name: _as_array(xp, name, value) for name, value in given.items()}
     wide = xp.result_type(*(array.dtype for array in (*taken.values(), *parameters)))
-    return xp, {name: array if array.dtype == wide else xp.astype(array, wide) for name, array in taken.items()}
+    return xp, {
+        name: array if array.dtype == wide else xp.astype(array, wide)
+        for name, array in taken.items()
+    }
 
 
 def _as_array(xp: Library, name: str, value: object) -> Array:
     if isinstance(value, np.ma.MaskedArray):
-        raise ConfigError(f"{name} = {value!r}: must not be a masked array; fill it, or leave those rows out")
+        raise ConfigError(
+            f"{name} = {value!r}: must not be a masked array; fill it, or leave those rows out"
+        )
     try:
         return as_reals(value if is_array_api_obj(value) else xp.asarray(value))
     except (TypeError, ValueError, RuntimeError):
-        raise ConfigError(f"{name} = {value!r}: must be an array of shape (..., 3) of real numbers") from None
+        raise ConfigError(
+            f"{name} = {value!r}: must be an array of shape (..., 3) of real numbers"
+        ) from None
 
 
 def as_reals(array: Array) -> Array:
@@ -239,7 +260,9 @@ def mapped(function: Callable[..., Any], first: Record, *more: Record) -> Record
         return cast("Record", type(first)(*parts) if hasattr(first, "_fields") else parts)
     if hasattr(first, "__dataclass_fields__"):
         names = [part.name for part in fields(first) if part.init]
-        parts = mapped(function, *(tuple(getattr(record, name) for name in names) for record in (first, *more)))
+        parts = mapped(
+            function, *(tuple(getattr(record, name) for name in names) for record in (first, *more))
+        )
         return replace(first, **dict(zip(names, parts, strict=True)))
     return cast("Record", function(first, *more))
 
@@ -282,7 +305,8 @@ def less_length(u: Real, v: Real, w: Plane) -> Real:
 
 def _square(value: Real) -> tuple[Real, Real]:
     """Return the rounded square and its rounding error (Dekker, for double precision)."""
-    square, scaled = value * value, 134217729.0 * value
+    square = value * value
+    scaled = 134217729.0 * value
     high = scaled - (scaled - value)
     low = value - high
     return square, ((high * high - square) + 2.0 * high * low) + low * low

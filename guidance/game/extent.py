@@ -48,17 +48,28 @@ class Extent:
     def __post_init__(self) -> None:
         require("radius_m", self.radius_m, zero_allowed=True)
         given = [tuple(corner) for corner in self.corners_m]
-        if not given or any(len(corner) != 2 or not all(map(is_finite, corner)) for corner in given):
-            raise ConfigError(f"corners_m = {self.corners_m!r}: must be one or more pairs of finite numbers (x, y), m")
+        if not given or any(
+            len(corner) != 2 or not all(map(is_finite, corner)) for corner in given
+        ):
+            raise ConfigError(
+                f"corners_m = {self.corners_m!r}: must be one or more pairs of finite numbers (x, y), m"
+            )
         # Counterclockwise, as seen from the first, beyond which there is none.
         first, *others = sorted((float(x), float(y)) for x, y in given)
-        others.sort(key=lambda one: (math.atan2(one[1] - first[1], one[0] - first[0]), math.dist(one, first)))
+        others.sort(
+            key=lambda one: (
+                math.atan2(one[1] - first[1], one[0] - first[0]),
+                math.dist(one, first),
+            )
+        )
         corners = (first, *others)
         for before, (x, y), after in zip(corners, others, (*others[1:], first), strict=False):
             turn = cross2((x - before[0], y - before[1]), (after[0] - x, after[1] - y))
             if corners.count((x, y)) > 1 or (len(corners) > 2 and turn <= 0.0):
                 mend = "leave it out, or use a convex polygon around all of them"
-                raise ConfigError(f"corners_m: ({x:g}, {y:g}) is no corner of a convex polygon with the others; {mend}")
+                raise ConfigError(
+                    f"corners_m: ({x:g}, {y:g}) is no corner of a convex polygon with the others; {mend}"
+                )
         object.__setattr__(self, "corners_m", corners)
         object.__setattr__(self, "radius_m", float(self.radius_m))
 
@@ -69,7 +80,9 @@ class Extent:
 
     def distance_m(self, target: Sequence[float], place: Sequence[float]) -> float:
         """Return the horizontal distance of a place from the set about a target's position, m; zero inside."""
-        return float(FLOATS.norm2(to_set(FLOATS, self, (place[0] - target[0], place[1] - target[1]))))
+        return float(
+            FLOATS.norm2(to_set(FLOATS, self, (place[0] - target[0], place[1] - target[1])))
+        )
 
     def outline_m(self) -> list[tuple[float, float]]:
         """Return points around the set's edge, for pictures: x and y from the target's position; of a point none."""
@@ -77,7 +90,8 @@ class Extent:
         if self.is_point:
             return found
         for number in range(OUTLINE):
-            x, y = math.cos(math.tau * number / OUTLINE), math.sin(math.tau * number / OUTLINE)
+            x = math.cos(math.tau * number / OUTLINE)
+            y = math.sin(math.tau * number / OUTLINE)
             corner = max(self.corners_m, key=lambda corner: corner[0] * x + corner[1] * y)
             found.append((corner[0] + self.radius_m * x, corner[1] + self.radius_m * y))
         return list(dict.fromkeys(found))
@@ -102,15 +116,20 @@ def nearest(xp: Library, extent: Extent, place: Plane) -> tuple[Plane, Truth]:
     inside: Truth = len(corners) > 2
     ends = corners[1:] + (corners[:1] if inside else ())
     for (a_x, a_y), (b_x, b_y) in zip(corners, ends, strict=False):
-        way_x, way_y = b_x - a_x, b_y - a_y
-        x, y = place[0] - a_x, place[1] - a_y
+        way_x = b_x - a_x
+        way_y = b_y - a_y
+        x = place[0] - a_x
+        y = place[1] - a_y
         share = (x * way_x + y * way_y) / (way_x * way_x + way_y * way_y)
         held = xp.select(share < 0.0, 0.0 * share, xp.select(share > 1.0, 0.0 * share + 1.0, share))
         foot = (a_x + held * way_x, a_y + held * way_y)
-        apart = (place[0] - foot[0]) * (place[0] - foot[0]) + (place[1] - foot[1]) * (place[1] - foot[1])
+        apart = (place[0] - foot[0]) * (place[0] - foot[0]) + (place[1] - foot[1]) * (
+            place[1] - foot[1]
+        )
         closer = apart < least
         flat = xp.select(closer, (share > 0.0) & (share < 1.0), flat)
-        found, least = xp.select2(closer, foot, found), xp.select(closer, apart, least)
+        found = xp.select2(closer, foot, found)
+        least = xp.select(closer, apart, least)
         inside = inside & (way_x * y - way_y * x >= 0.0)
     return xp.select2(inside, place, found), flat
 
@@ -128,7 +147,9 @@ def to_set(xp: Library, extent: Extent, place: Plane) -> Plane:
     way = (x - place[0], y - place[1])
     length = xp.norm2(way)
     outside = length > extent.radius_m
-    share = xp.select(outside, 1.0 - extent.radius_m / xp.select(outside, length, 1.0), 0.0 * length)
+    share = xp.select(
+        outside, 1.0 - extent.radius_m / xp.select(outside, length, 1.0), 0.0 * length
+    )
     return times2(share, way)
 
 
@@ -156,22 +177,30 @@ def least_at(xp: Library, extent: Extent, place: Plane, value: Callable[[Plane],
         return place[0] + x, place[1] + y
 
     best: Plane = (place[0] + way[0], place[1] + way[1])
-    least, tried = value(best), []
+    least = value(best)
+    tried = []
     if extent.radius_m == 0.0:
         tried = [(x + 0.0 * least, y + 0.0 * least) for x, y in extent.corners_m]
-    step, middle = (high - low) / RAYS, low
+    step = (high - low) / RAYS
+    middle = low
     lowest = value(entered(low))
     for number in range(1, RAYS + 1):
         reached = value(entered(low + number * step))
         closer = reached < lowest
-        middle, lowest = xp.select(closer, low + number * step, middle), xp.select(closer, reached, lowest)
-    before, after = middle - step, middle + step
-    low, high = xp.select(before > low, before, low), xp.select(after < high, after, high)
-    left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-    at_left, at_right = value(entered(left)), value(entered(right))
+        middle = xp.select(closer, low + number * step, middle)
+        lowest = xp.select(closer, reached, lowest)
+    before = middle - step
+    after = middle + step
+    low = xp.select(before > low, before, low)
+    high = xp.select(after < high, after, high)
+    left = high - GOLDEN * (high - low)
+    right = low + GOLDEN * (high - low)
+    at_left = value(entered(left))
+    at_right = value(entered(right))
     for _ in range(SEARCHED):
         falls = at_right < at_left
-        low, high = xp.select(falls, left, low), xp.select(falls, high, right)
+        low = xp.select(falls, left, low)
+        high = xp.select(falls, high, right)
         new = xp.select(falls, low + GOLDEN * (high - low), high - GOLDEN * (high - low))
         at_new = value(entered(new))
         left, right = xp.select(falls, right, new), xp.select(falls, new, left)
@@ -179,18 +208,23 @@ def least_at(xp: Library, extent: Extent, place: Plane, value: Callable[[Plane],
     for point in (entered(left), *tried):
         reached = value(point)
         closer = reached < least
-        best, least = xp.select2(closer, point, best), xp.select(closer, reached, least)
+        best = xp.select2(closer, point, best)
+        least = xp.select(closer, reached, least)
     return best
 
 
 def _slopes(xp: Library, radius: float, corners: list[Plane]) -> tuple[Real, Real]:
     """Return the least and the largest slope of a ray that meets a set, whose corners are given along and across."""
-    low, high = math.inf, -math.inf
+    low = math.inf
+    high = -math.inf
     for x, y in corners:
-        spread, square = radius * xp.sqrt(xp.maximum(x * x + y * y - radius * radius, 0.0)), x * x - radius * radius
+        spread = radius * xp.sqrt(xp.maximum(x * x + y * y - radius * radius, 0.0))
+        square = x * x - radius * radius
         square = xp.select(square > 0.0, square, 1.0)
-        right, left = (x * y - spread) / square, (x * y + spread) / square
-        low, high = xp.select(right < low, right, low), xp.select(left > high, left, high)
+        right = (x * y - spread) / square
+        left = (x * y + spread) / square
+        low = xp.select(right < low, right, low)
+        high = xp.select(left > high, left, high)
     return low, high
 
 
@@ -207,12 +241,15 @@ def _entry(xp: Library, radius: float, corners: list[Plane], slope: Real) -> Rea
             met = foot - xp.sqrt(xp.maximum(rest, 0.0))
             found = xp.select((rest >= 0.0) & (met < found), met, found)
         if len(corners) > 1:
-            way_x, way_y = end_x - x, end_y - y
+            way_x = end_x - x
+            way_y = end_y - y
             out = radius / xp.sqrt(way_x * way_x + way_y * way_y)
-            begin_x, begin_y = x + out * way_y, y - out * way_x
+            begin_x = x + out * way_y
+            begin_y = y - out * way_x
             turn = way_y - slope * way_x
             some = turn != 0.0
             turn = xp.select(some, turn, 1.0)
-            met, share = (begin_x * way_y - begin_y * way_x) / turn, (begin_x * slope - begin_y) / turn
+            met = (begin_x * way_y - begin_y * way_x) / turn
+            share = (begin_x * slope - begin_y) / turn
             found = xp.select(some & (share >= 0.0) & (share <= 1.0) & (met < found), met, found)
     return found

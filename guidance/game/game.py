@@ -158,21 +158,29 @@ class Game(Numbers):
     """True without wind."""
 
     def __post_init__(self) -> None:
-        speed_sets = "a speed set, Ball(speed_m_s) or Cylinder(horizontal_m_s, climb_m_s, descent_m_s)"
+        speed_sets = (
+            "a speed set, Ball(speed_m_s) or Cylinder(horizontal_m_s, climb_m_s, descent_m_s)"
+        )
         require_kind("pursuer", self.pursuer, (Ball, Cylinder), speed_sets)
         require_kind("standoff", self.standoff, (StandOff,), "a disc, StandOff(radius_m, height_m)")
-        require_kind("target_extent", self.target_extent, (Extent,), "a shape, Extent(corners_m, radius_m)")
+        require_kind(
+            "target_extent", self.target_extent, (Extent,), "a shape, Extent(corners_m, radius_m)"
+        )
         take(self, "evader_speed_m_s")
         take(self, "capture_radius_m", zero_allowed=True)
         take(self, "information_age_s", zero_allowed=True)
         take_pair(self, "wind_m_s", rows_allowed=True)
         take_pair(self, "target_velocity_m_s")
-        object.__setattr__(self, "varies", any(is_array(value) for value in parameters(self).values()))
+        object.__setattr__(
+            self, "varies", any(is_array(value) for value in parameters(self).values())
+        )
         object.__setattr__(self, "calm", all(map(is_zero, self.wind_m_s)))
         self._require_speeds()
         self._require_space()
 
-    def against(self, evader_speed_m_s: float, information_age_s: float, horizontal_m_s: float | None = None) -> "Game":
+    def against(
+        self, evader_speed_m_s: float, information_age_s: float, horizontal_m_s: float | None = None
+    ) -> "Game":
         """Return the same game against an evader of this speed, seen this long ago; only these numbers are checked.
 
         A flight uses it every cycle: only these numbers and `within_spread` change. `horizontal_m_s` is another
@@ -188,8 +196,11 @@ class Game(Numbers):
         if horizontal_m_s not in (None, pursuer.horizontal_m_s):
             name = "speed_m_s" if isinstance(pursuer, Ball) else "horizontal_m_s"
             pursuer = _exchanged(pursuer, **{name: horizontal_m_s})
-        speed_m_s, age_s = float(evader_speed_m_s), float(information_age_s)
-        other = _exchanged(self, pursuer=pursuer, evader_speed_m_s=speed_m_s, information_age_s=age_s)
+        speed_m_s = float(evader_speed_m_s)
+        age_s = float(information_age_s)
+        other = _exchanged(
+            self, pursuer=pursuer, evader_speed_m_s=speed_m_s, information_age_s=age_s
+        )
         Game._require_speeds(other)
         return other
 
@@ -220,10 +231,21 @@ class Game(Numbers):
             return
         if self.evader_space != "space":
             raise ConfigError(f"evader_space = {self.evader_space!r}: must be 'plane' or 'space'")
-        plain = is_zero(self.standoff.radius_m) and is_zero(self.standoff.height_m) and self.target_extent == POINT
-        if not (plain and isinstance(self.pursuer, Ball) and self.calm and self.target_velocity_m_s == STILL):
+        plain = (
+            is_zero(self.standoff.radius_m)
+            and is_zero(self.standoff.height_m)
+            and self.target_extent == POINT
+        )
+        if not (
+            plain
+            and isinstance(self.pursuer, Ball)
+            and self.calm
+            and self.target_velocity_m_s == STILL
+        ):
             allowed = "the speed set Ball, without stand-off, wind, or a target that moves or has an extent"
-            raise ConfigError(f"evader_space = 'space': an evader that flies is defined for {allowed}")
+            raise ConfigError(
+                f"evader_space = 'space': an evader that flies is defined for {allowed}"
+            )
 
 
 def _exchanged(record: Record, **values: object) -> Record:
@@ -255,7 +277,8 @@ def guaranteed_age_s(game: Game) -> Real:
     but the evader may be elsewhere within vτ of it. A guarantee up to this age is the value of `Game.within_spread`,
     played against the last known position, less vτ (for l = 0).
     """
-    capture, v = game.capture_radius_m, game.evader_speed_m_s
+    capture = game.capture_radius_m
+    v = game.evader_speed_m_s
     if isinstance(game.pursuer, Ball) and game.evader_space == "plane":
         return game.standoff.radius_m / v + capture / game.pursuer.speed_m_s
     return (game.standoff.radius_m + capture) / v
@@ -268,7 +291,8 @@ def head_wind(wind: Plane, n: Plane) -> Real:
     """
     strength = pair_length(wind)
     inverse = 1.0 / (strength + (strength == 0))
-    x, y = n[0] + wind[0] * inverse, n[1] + wind[1] * inverse
+    x = n[0] + wind[0] * inverse
+    y = n[1] + wind[1] * inverse
     return 0.5 * strength * (x * x + y * y)
 
 
@@ -277,7 +301,8 @@ def least_square_in_hand(game: Game) -> Real:
 
     For an evader that runs along n it is u² − ‖v n − w‖², 2 v (‖w‖ + n·w) more; see `head_wind`.
     """
-    u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
+    u = game.pursuer.horizontal_m_s
+    v = game.evader_speed_m_s
     return speed_in_hand(game) * (u + v + pair_length(game.wind_m_s))
 
 
@@ -285,6 +310,11 @@ def parameters(game: Game) -> dict[str, Real]:
     """Return every number of a game that may be an array, by name."""
     names = ("evader_speed_m_s", "capture_radius_m", "information_age_s")
     wind_x, wind_y = game.wind_m_s
-    own = {name: getattr(game, name) for name in names} | {"wind_x_m_s": wind_x, "wind_y_m_s": wind_y}
+    own = {name: getattr(game, name) for name in names} | {
+        "wind_x_m_s": wind_x,
+        "wind_y_m_s": wind_y,
+    }
     others = (game.standoff, game.pursuer)
-    return own | {name: getattr(record, name) for record in others for name in record.__dataclass_fields__}
+    return own | {
+        name: getattr(record, name) for record in others for name in record.__dataclass_fields__
+    }

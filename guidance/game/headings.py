@@ -14,7 +14,18 @@ lies less than 90° off that direction (‖X − E‖ ≤ 2 n·(T − E)), so |s
 
 from typing import NamedTuple
 
-from guidance.game.arrays import Library, Plane, Real, Truth, along2, cross2, dot2, in_plane, plus2, times2
+from guidance.game.arrays import (
+    Library,
+    Plane,
+    Real,
+    Truth,
+    along2,
+    cross2,
+    dot2,
+    in_plane,
+    plus2,
+    times2,
+)
 from guidance.game.extent import ORIGIN, Extent, from_set, nearest
 from guidance.game.game import STILL, Cylinder, Game, head_wind, least_square_in_hand
 from guidance.game.pe import Geometry, ball_time
@@ -94,16 +105,26 @@ def hunt_for(xp: Library, game: Game, state: Geometry, target: Plane, goal: Plan
         target: vector from the evader to the target's position now, m.
         goal: vector from the evader to where it could meet its target, m.
     """
-    u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
-    radius, capture = game.standoff.radius_m, game.capture_radius_m
+    u = game.pursuer.horizontal_m_s
+    v = game.evader_speed_m_s
+    radius = game.standoff.radius_m
+    capture = game.capture_radius_m
     if isinstance(game.pursuer, Cylinder):
         radius, capture = 0.0, radius + capture
-        z2, met_s, met_m = 0.0, 0.0, capture
+        z2 = 0.0
+        met_s = 0.0
+        met_m = capture
     else:
         z2 = state.z * state.z
         met_s = xp.maximum(abs(state.z) - capture, 0.0) / u
-        met_m = radius if is_zero(capture) else radius + xp.sqrt(xp.maximum(capture * capture - z2, 0.0))
-    lag, hand, ahead = v * game.information_age_s, least_square_in_hand(game), xp.unit2(goal, xp.norm2(goal))
+        met_m = (
+            radius
+            if is_zero(capture)
+            else radius + xp.sqrt(xp.maximum(capture * capture - z2, 0.0))
+        )
+    lag = v * game.information_age_s
+    hand = least_square_in_hand(game)
+    ahead = xp.unit2(goal, xp.norm2(goal))
     wind = None if game.calm else game.wind_m_s
     drift = None if game.target_velocity_m_s == STILL else game.target_velocity_m_s
     places = (state.to_evader, target, game.target_extent, wind, drift, ahead)
@@ -119,15 +140,20 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
         aim: the heading.
         held: also if the pursuer's height alone decides the time of the capture.
     """
-    v, wind, s = hunt.v, hunt.wind, aim.s
+    v = hunt.v
+    wind = hunt.wind
+    s = aim.s
     square = s * s
     scale = 1.0 / (1.0 + square)
-    cosine, sine = (1.0 - square) * scale, (s + s) * scale
+    cosine = (1.0 - square) * scale
+    sine = (s + s) * scale
     n = in_plane(hunt.ahead, (cosine, sine))
     whole = (dot2(hunt.to_evader, n) + hunt.lag, cross2(n, hunt.to_evader))
-    air, hand = (v, 0.0), hunt.hand
+    air = (v, 0.0)
+    hand = hunt.hand
     if wind is not None:
-        air, hand = (v - dot2(wind, n), cross2(wind, n)), hand + 2.0 * v * head_wind(wind, n)
+        air = (v - dot2(wind, n), cross2(wind, n))
+        hand = hand + 2.0 * v * head_wind(wind, n)
     flat = is_zero(hunt.radius)
     disc = STILL if flat else along2(n, aim.disc)
     y = whole if flat else plus2(whole, -hunt.radius, disc)
@@ -136,16 +162,21 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
     if held:
         at = _after(hunt, air, hunt.met_s, whole)
         inside = dot2(at, at) <= hunt.met_m * hunt.met_m
-        t, delta = xp.select(inside, hunt.met_s, t), xp.select(inside, float("inf"), delta)
+        t = xp.select(inside, hunt.met_s, t)
+        delta = xp.select(inside, float("inf"), delta)
     if flat:
-        flown, bent, to = _after(hunt, air, t, y), 0.0, aim.disc
+        flown = _after(hunt, air, t, y)
+        bent = 0.0
+        to = aim.disc
     else:
         whole = _after(hunt, air, t, whole)
         far = xp.norm2(whole)
         some = far > 0
         inverse = 1.0 / xp.select(some, far, 1.0)
-        disc, bent = (xp.select(some, whole[0] * inverse, 1.0), whole[1] * inverse), hunt.radius * inverse
-        flown, to = times2(far - hunt.radius, disc), in_plane(n, disc)
+        disc = (xp.select(some, whole[0] * inverse, 1.0), whole[1] * inverse)
+        bent = hunt.radius * inverse
+        flown = times2(far - hunt.radius, disc)
+        to = in_plane(n, disc)
         slower = hunt.u * (hunt.u * t + hunt.capture) - _along(hunt, air, flown)
         delta = xp.select(delta < float("inf"), slower, delta) if held else slower
     rho = v * t + hunt.lag
@@ -188,7 +219,10 @@ def judge(hunt: Hunt, way: Way) -> tuple[Real, Real, Truth]:
     which ∂H/∂t = −delta. The turn is Newton's for the angle between the edge and the way to the target, whose own
     derivative is positive if the edge is convex and the target lies beyond its tangent.
     """
-    v, rho, (along, aside), left = hunt.v, way.rho, way.flown, way.left
+    v = hunt.v
+    rho = way.rho
+    (along, aside) = way.flown
+    left = way.left
     first = rho * aside / way.delta
     calm = hunt.wind is None
     pushed = v * aside if calm else v * aside + rho * way.air[1]
@@ -197,13 +231,17 @@ def judge(hunt: Hunt, way: Way) -> tuple[Real, Real, Truth]:
         swing = rho * way.disc[0] - (v * way.disc[1] if calm else cross2(way.air, way.disc)) * first
         second = second - way.bent * swing * swing
     second = second / way.delta
-    edge, bend = (v * first, rho), (v * second - rho, 2.0 * v * first)
+    edge = (v * first, rho)
+    bend = (v * second - rho, 2.0 * v * first)
     if hunt.drift is not None:
         pulled = along2(way.n, hunt.drift)
-        edge, bend = plus2(edge, -first, pulled), plus2(bend, -second, pulled)
-    slope, square = dot2(left, edge), dot2(edge, edge)
+        edge = plus2(edge, -first, pulled)
+        bend = plus2(bend, -second, pulled)
+    slope = dot2(left, edge)
+    square = dot2(edge, edge)
     before = cross2(left, edge)
-    turns = square if way.flat is False else square * (1.0 - 1.0 * way.flat)  # seen from a line it keeps its direction
+    # Seen from a line it keeps its direction
+    turns = square if way.flat is False else square * (1.0 - 1.0 * way.flat)
     rate = turns + before * cross2(bend, edge) / square
     return -slope / rate, slope, (rate > 0) & (before <= 0)
 

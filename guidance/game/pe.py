@@ -82,19 +82,22 @@ def take_apart(xp: Library, game: Game, P: Space, E: Space, seen: Space | None) 
         E: position of the evader, m.
         seen: the evader's observed velocity, m/s, or None.
     """
-    (x, y, height), (east, north, ground) = P, E
+    (x, y, height) = P
+    (east, north, ground) = E
     to_evader = (east - x, north - y)
     z = height - ground - game.standoff.height_m
     if seen is None:
         return Geometry((east, north), ground, to_evader, z, (0.0, 0.0))
-    (seen_x, seen_y, _), bound = seen, game.evader_speed_m_s
+    (seen_x, seen_y, _) = seen
+    bound = game.evader_speed_m_s
     share = bound / xp.maximum(xp.sqrt(seen_x * seen_x + seen_y * seen_y), bound)
     return Geometry((east, north), ground, to_evader, z, (share * seen_x, share * seen_y))
 
 
 def to_target(xp: Library, game: Game, E: Space, T: Space) -> Space:
     """Return the vector from the evader to the nearest point of its target; in the plane unless the evader flies."""
-    extent, rise = game.target_extent, T[2] - E[2] if game.evader_space == "space" else 0.0 * T[2]
+    extent = game.target_extent
+    rise = T[2] - E[2] if game.evader_space == "space" else 0.0 * T[2]
     if extent.is_point:
         return T[0] + extent.corners_m[0][0] - E[0], T[1] + extent.corners_m[0][1] - E[1], rise
     return *to_set(xp, extent, (E[0] - T[0], E[1] - T[1])), rise
@@ -110,18 +113,25 @@ def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Real
         spare: the pursuer's horizontal speed less `run`, the rate at which that distance grows, m/s.
         z: height of the pursuer above the stand-off disc, m, of either sign.
     """
-    pursuer, capture = game.pursuer, game.capture_radius_m
+    pursuer = game.pursuer
+    capture = game.capture_radius_m
     if isinstance(pursuer, Cylinder):
-        return xp.maximum(xp.maximum((gap - capture) / spare, level_time(xp, game, pursuer, z)), 0.0)
+        return xp.maximum(
+            xp.maximum((gap - capture) / spare, level_time(xp, game, pursuer, z)), 0.0
+        )
     u = pursuer.speed_m_s
     run = u - spare
     hand = spare * (u + run)
     if is_zero(capture) and is_zero(game.standoff.radius_m):
         cross = u * gap
-        return (run * gap + xp.sqrt(hand * (z * z) + cross * cross)) / hand  # V, eq. (19), of both speeds
+        return (
+            run * gap + xp.sqrt(hand * (z * z) + cross * cross)
+        ) / hand  # V, eq. (19), of both speeds
     above = (abs(z) - capture) / u
-    half, cross = run * gap - u * capture, u * gap - run * capture
-    delta, beyond = xp.sqrt(hand * (z * z) + cross * cross), gap * gap + z * z - capture * capture
+    half = run * gap - u * capture
+    cross = u * gap - run * capture
+    delta = xp.sqrt(hand * (z * z) + cross * cross)
+    beyond = gap * gap + z * z - capture * capture
     # The positive root of hand·t² − 2 half·t − beyond = 0, by the form that does not cancel.
     kept = half >= 0
     t = xp.select(kept, (half + delta) / hand, beyond / xp.select(kept, 1.0, delta - half))
@@ -146,7 +156,9 @@ def vertical_speed(xp: Library, pursuer: Cylinder, z: Real) -> Real:
     return xp.select(z > 0, pursuer.descent_m_s, pursuer.climb_m_s)
 
 
-def climb(xp: Library, y: Plane, m: Plane, cover: Callable[[Plane], Real]) -> tuple[Real, Plane, Real]:
+def climb(
+    xp: Library, y: Plane, m: Plane, cover: Callable[[Plane], Real]
+) -> tuple[Real, Plane, Real]:
     """Find the largest t = cover(n) over all directions n, that of y + m t; return t, n and ‖y + m t‖.
 
     With NumPy a row stops once it has converged, so that its result does not depend on the other rows.
@@ -188,7 +200,12 @@ def catch_in_ball(xp: Library, u: Real, capture: Real, y: Plane, m: Plane, z: Re
         z: height of the pursuer above the disc, m, of either sign.
     """
     pace = xp.norm2(m)
-    return ball_time(xp, (u - pace) * (u + pace), dot2(y, m) - u * capture, dot2(y, y) + z * z - capture * capture)[0]
+    return ball_time(
+        xp,
+        (u - pace) * (u + pace),
+        dot2(y, m) - u * capture,
+        dot2(y, y) + z * z - capture * capture,
+    )[0]
 
 
 def ball_time(xp: Library, hand: Real, half: Real, beyond: Real) -> tuple[Real, Real]:
@@ -202,7 +219,8 @@ def ball_time(xp: Library, hand: Real, half: Real, beyond: Real) -> tuple[Real, 
         half: half of the linear coefficient, m²/s.
         beyond: squared distance less squared reach now, m².
     """
-    inside, kept = beyond <= 0, half >= 0
+    inside = beyond <= 0
+    kept = half >= 0
     out = xp.select(inside, 0.0, beyond)
     delta = xp.sqrt(half * half + hand * out)
     # Libraries that differentiate take the derivative of |half| at zero for zero.
@@ -227,7 +245,8 @@ def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold:
     wind = game.wind_m_s
     y = to if game.calm else (to[0] - wind[0] * t, to[1] - wind[1] * t)
     if isinstance(game.pursuer, Cylinder):
-        ahead, pace = xp.unit2(y, xp.sqrt(y[0] * y[0] + y[1] * y[1])), game.pursuer.horizontal_m_s
+        ahead = xp.unit2(y, xp.sqrt(y[0] * y[0] + y[1] * y[1]))
+        pace = game.pursuer.horizontal_m_s
         air = (pace * ahead[0], pace * ahead[1])
         vertical = xp.select(z > 0, -game.pursuer.descent_m_s, game.pursuer.climb_m_s)
     else:
@@ -242,17 +261,23 @@ def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold:
 
 def fly_to(xp: Library, game: Game, state: Geometry, to: Plane, t: Real) -> Space:
     """Return the pursuer's velocity, m/s, that captures an evader in time `t` that is at `to` from the pursuer then."""
-    gap = 0.0 if isinstance(game.pursuer, Ball) else xp.norm2(to) - game.standoff.radius_m - game.capture_radius_m
+    gap = (
+        0.0
+        if isinstance(game.pursuer, Ball)
+        else xp.norm2(to) - game.standoff.radius_m - game.capture_radius_m
+    )
     return steer(xp, game, to, gap, t, state.z, state.hold)
 
 
 def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Plane, Real]:
     """Point a Ball at the disc around y: horizontal and vertical velocity through the air."""
-    square, share = dot2(y, y), 1.0
+    square = dot2(y, y)
+    share = 1.0
     if not is_zero(game.standoff.radius_m):
         length = xp.norm2(y)
         reach = xp.maximum(length - game.standoff.radius_m, 0.0)
-        square, share = reach * reach, reach / xp.select(length > 0, length, 1.0)
+        square = reach * reach
+        share = reach / xp.select(length > 0, length, 1.0)
     distance = xp.sqrt(square + z * z)
     rate = pursuer.speed_m_s / xp.select(distance > 0, distance, 1.0)
     return times2(rate * share, y), -z * rate
@@ -260,9 +285,12 @@ def _aim(xp: Library, game: Game, pursuer: Ball, y: Plane, z: Real) -> tuple[Pla
 
 def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
     """Solve PE; see `solve` for the meaning of the answer."""
-    v, age = game.evader_speed_m_s, game.information_age_s
+    v = game.evader_speed_m_s
+    age = game.information_age_s
     t, direction, distance = escape(xp, game, state)
-    gap = (distance if game.calm else xp.norm2(state.to_evader)) + (v * age - game.standoff.radius_m)
+    gap = (distance if game.calm else xp.norm2(state.to_evader)) + (
+        v * age - game.standoff.radius_m
+    )
     free = distance <= 0
     if free is not False:
         direction = xp.select2(free, xp.unit2(state.hold, xp.norm2(state.hold)), direction)
@@ -278,7 +306,10 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
         reason = xp.select(above, int(Reason.OVERHEAD), int(Reason.SOLVED))
         if isinstance(game.pursuer, Ball):
             copied, vertical = _overhead(xp, game, game.pursuer, state)
-            flown = *xp.select2(above, copied, (flown[0], flown[1])), xp.select(above, vertical, flown[2])
+            flown = (
+                *xp.select2(above, copied, (flown[0], flown[1])),
+                xp.select(above, vertical, flown[2]),
+            )
     return StateSolution(
         winner=int(Winner.PURSUER),
         value=t,
@@ -300,10 +331,13 @@ def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]
         distance = xp.sqrt(x * x + y * y)
         t = cover_time(xp, game, distance + lead, game.pursuer.horizontal_m_s - v, state.z)
         return t, xp.unit2(state.to_evader, distance), distance
-    wind, least = game.wind_m_s, speed_in_hand(game)
+    wind = game.wind_m_s
+    least = speed_in_hand(game)
 
     def cover(n: Plane) -> Real:
-        return cover_time(xp, game, dot2(n, state.to_evader) + lead, least + head_wind(wind, n), state.z)
+        return cover_time(
+            xp, game, dot2(n, state.to_evader) + lead, least + head_wind(wind, n), state.z
+        )
 
     return climb(xp, state.to_evader, (-wind[0], -wind[1]), cover)
 

@@ -27,7 +27,12 @@ class Policy(Protocol):
     """A feedback strategy of one player."""
 
     def __call__(
-        self, game: Game, pursuer: ArrayLike, evader: ArrayLike, target: Known = None, evader_velocity_m_s: Known = None
+        self,
+        game: Game,
+        pursuer: ArrayLike,
+        evader: ArrayLike,
+        target: Known = None,
+        evader_velocity_m_s: Known = None,
     ) -> Array:
         """Return the player's velocity over the ground, (..., 3), m/s.
 
@@ -44,15 +49,26 @@ def _policy(move: Callable[[Game, dict[str, Any]], Array]) -> Policy:
     """Return a policy of a function of a game and of the other arguments by name."""
 
     def play(
-        game: Game, pursuer: ArrayLike, evader: ArrayLike, target: Known = None, evader_velocity_m_s: Known = None
+        game: Game,
+        pursuer: ArrayLike,
+        evader: ArrayLike,
+        target: Known = None,
+        evader_velocity_m_s: Known = None,
     ) -> Array:
-        state = {"pursuer": pursuer, "evader": evader, "target": target, "evader_velocity_m_s": evader_velocity_m_s}
+        state = {
+            "pursuer": pursuer,
+            "evader": evader,
+            "target": target,
+            "evader_velocity_m_s": evader_velocity_m_s,
+        }
         return move(game, state)
 
     return play
 
 
-def _moving(kernel: Callable[[Library, Game, Space, Space, Space | None, Space | None], Space]) -> Policy:
+def _moving(
+    kernel: Callable[[Library, Game, Space, Space, Space | None, Space | None], Space],
+) -> Policy:
     """Return the policy of a kernel: a function of the components of P, E, T and the evader's velocity."""
     return _policy(lambda game, state: vector_of(kernel, game, state))
 
@@ -71,7 +87,9 @@ def _fly(xp: Library, game: Game, P: Space, E: Space, aim: Plane, seen: Space | 
     """Fly the pursuer straight to the disc around `aim`; there hold, or follow `seen`."""
     state = take_apart(xp, game, P, E, seen)
     goal = plus2(aim, -1.0, state.evader)
-    return fly_to(xp, game, state, plus2(state.to_evader, 1.0, goal), guard_time(xp, game, state, goal))
+    return fly_to(
+        xp, game, state, plus2(state.to_evader, 1.0, goal), guard_time(xp, game, state, goal)
+    )
 
 
 def _run(xp: Library, game: Game, E: Space, point: Plane, *, away: bool) -> Space:
@@ -79,18 +97,24 @@ def _run(xp: Library, game: Game, E: Space, point: Plane, *, away: bool) -> Spac
     way = (point[0] - E[0], point[1] - E[1])
     length = xp.norm2(way)
     direction = xp.unit2(way, length)
-    pace: Real = -game.evader_speed_m_s if away else xp.select(length > 0, game.evader_speed_m_s, 0.0)
+    pace: Real = (
+        -game.evader_speed_m_s if away else xp.select(length > 0, game.evader_speed_m_s, 0.0)
+    )
     return pace * direction[0], pace * direction[1], 0.0
 
 
-def _lead(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> Space:
+def _lead(
+    xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None
+) -> Space:
     """Fly the pursuer to the point of capture of an evader that keeps its velocity."""
     state = take_apart(xp, game, P, E, seen or (0.0 * E[0], 0.0 * E[1], 0.0))
     t = catch_time(xp, game, state.to_evader, plus2(state.hold, -1.0, game.wind_m_s), state.z)
     return fly_to(xp, game, state, plus2(state.to_evader, t, state.hold), t)
 
 
-def _stay(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> Space:
+def _stay(
+    xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None
+) -> Space:
     return 0.0 * (P[0] + E[0]), 0.0 * (P[1] + E[1]), 0.0 * (P[2] + E[2])
 
 
@@ -101,7 +125,9 @@ PURSUER_POLICIES: Mapping[str, Policy] = MappingProxyType(
         # Straight at the evader, to the stand-off disc around it.
         "pure_pursuit": _moving(lambda xp, game, P, E, T, seen: _fly(xp, game, P, E, E[:2], seen)),
         # Straight to the target, to the stand-off disc around it.
-        "task_oriented": _moving(lambda xp, game, P, E, T, seen: _fly(xp, game, P, E, _goal(xp, game, E, T), None)),
+        "task_oriented": _moving(
+            lambda xp, game, P, E, T, seen: _fly(xp, game, P, E, _goal(xp, game, E, T), None)
+        ),
         "hold": _moving(_stay),
         # To where an evader that keeps its velocity is captured; pure pursuit if its velocity is unknown.
         "lead_pursuit": _moving(_lead),
@@ -116,7 +142,9 @@ EVADER_POLICIES: Mapping[str, Policy] = MappingProxyType(
         # Straight away from the pursuer, in the plane.
         "pure_evade": _moving(lambda xp, game, P, E, T, seen: _run(xp, game, E, P[:2], away=True)),
         # Straight to the target, and stay there.
-        "task_oriented": _moving(lambda xp, game, P, E, T, seen: _run(xp, game, E, _goal(xp, game, E, T), away=False)),
+        "task_oriented": _moving(
+            lambda xp, game, P, E, T, seen: _run(xp, game, E, _goal(xp, game, E, T), away=False)
+        ),
         "hold": _moving(_stay),
     }
 )

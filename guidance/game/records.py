@@ -56,7 +56,8 @@ def in_rows(wanted: Truth, whole: Record, function: Callable[..., Record], *reco
         return function(*records)
     if not wanted.any():
         return whole
-    shape, rows = wanted.shape, np.nonzero(wanted)
+    shape = wanted.shape
+    rows = np.nonzero(wanted)
 
     def few(array: Array) -> Array:
         return (array if array.shape == shape else np.broadcast_to(array, shape))[rows]
@@ -88,7 +89,9 @@ def take_pair(record: Numbers, name: str, *, rows_allowed: bool = False) -> None
         parts = ()
     if [(rows_allowed and is_array(part)) or is_finite(part) for part in parts] != [True, True]:
         raise ConfigError(f"{name} = {pair!r}: must be two finite numbers (x, y), m/s")
-    object.__setattr__(record, name, tuple(as_reals(part) if is_array(part) else float(part) for part in parts))
+    object.__setattr__(
+        record, name, tuple(as_reals(part) if is_array(part) else float(part) for part in parts)
+    )
 
 
 def require_kind(name: str, value: object, kinds: tuple[type, ...], allowed: str) -> None:
@@ -123,4 +126,8 @@ def is_zero(value: Real) -> bool:
     """Return whether a parameter is zero, a NumPy array in every row."""
     if type(value) is float:
         return value == 0.0
-    return not value.any() if isinstance(value, np.ndarray) else not is_array(value) and bool(value == 0)
+    return (
+        not value.any()
+        if isinstance(value, np.ndarray)
+        else not is_array(value) and bool(value == 0)
+    )

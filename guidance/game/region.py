@@ -56,7 +56,9 @@ def is_circle(game: Game) -> Truth:
     return (lengths[0] == 0) & (lengths[1] == 0) & (lengths[2] == 0)
 
 
-def closest_point(xp: Library, game: Game, state: Geometry, target: Plane, goal: Plane, wanted: Truth) -> Closest:
+def closest_point(
+    xp: Library, game: Game, state: Geometry, target: Plane, goal: Plane, wanted: Truth
+) -> Closest:
     """Return the closest point of the evader's region (for a Cylinder its planar part) to its target.
 
     Args:
@@ -102,10 +104,14 @@ def _search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
         return _bracket(xp, hunt, start, TRACED_STEPS)
     aim, there = _newton(xp, hunt, start, within, 1 if _is_bare(hunt) else STEPS, NEWTON_STEPS)
     there = within | (there & (abs(aim.s - start.s) <= 2.0))
-    return in_rows(there == 0, aim, lambda hunt, aim: _bracket(xp, hunt, aim, MORE_STEPS), hunt, start)
+    return in_rows(
+        there == 0, aim, lambda hunt, aim: _bracket(xp, hunt, aim, MORE_STEPS), hunt, start
+    )
 
 
-def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: int) -> tuple[Aim, Truth]:
+def _newton(
+    xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: int
+) -> tuple[Aim, Truth]:
     """Take some steps, then single steps, up to `most`, in rows that have not converged; return which have."""
     for _ in range(steps):
         way = follow(xp, hunt, aim)
@@ -115,7 +121,13 @@ def _newton(xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: i
     if steps == most:
         return aim, there
     again = (aim, there)
-    return in_rows(there == 0, again, lambda hunt, aim: _newton(xp, hunt, aim, False, 1, most - steps), hunt, aim)
+    return in_rows(
+        there == 0,
+        again,
+        lambda hunt, aim: _newton(xp, hunt, aim, False, 1, most - steps),
+        hunt,
+        aim,
+    )
 
 
 def _is_bare(hunt: Hunt) -> bool:
@@ -136,7 +148,9 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
     end = plus2(hunt.to_evader, 1.0, to_target)
     disc = xp.unit2(end, xp.norm2(end))
     if _is_bare(hunt):
-        away, goal, height = times2(hand, hunt.to_evader), times2(hand, to_target), hand * hunt.z2
+        away = times2(hand, hunt.to_evader)
+        goal = times2(hand, to_target)
+        height = hand * hunt.z2
         for _ in range(ROUNDS):
             run = _circle(xp, hunt, plus2(hunt.to_evader, -hunt.radius, disc), height, goal)
             end = plus2(run, 1.0, away)
@@ -163,7 +177,8 @@ def _circle(xp: Library, hunt: Hunt, to_evader: Plane, height: Real, goal: Plane
 
     `height`, the square of the pursuer's height, and the vector `goal` from E are given times that, too.
     """
-    u, v = hunt.u, hunt.v
+    u = hunt.u
+    v = hunt.v
     centre = times2(v * v, to_evader)
     back = plus2(centre, -1.0, goal)
     span = v * xp.sqrt(height + (u * u) * dot2(to_evader, to_evader))
@@ -179,27 +194,34 @@ def _half_angle(xp: Library, hunt: Hunt, run: Plane) -> Real:
 
 def _virtual(xp: Library, hunt: Hunt, way: Way) -> tuple[Plane, Real]:
     """Return the vector from the virtual pursuer without lead to the evader, and its height squared."""
-    e0, z2 = hunt.to_evader, hunt.z2
+    e0 = hunt.to_evader
+    z2 = hunt.z2
     if not is_zero(hunt.radius):
         e0 = plus2(e0, -hunt.radius, way.to)
     if not is_zero(hunt.capture):
         near = xp.norm2(way.flown)
         distance = xp.sqrt(near * near + z2)
         share = hunt.capture / xp.select(distance > 0, distance, 1.0)
-        e0, z2 = plus2(e0, -share, in_plane(way.n, way.flown)), ((1.0 - share) * (1.0 - share)) * z2
+        e0 = plus2(e0, -share, in_plane(way.n, way.flown))
+        z2 = ((1.0 - share) * (1.0 - share)) * z2
     return e0 if hunt.wind is None else plus2(e0, -way.t, hunt.wind), z2
 
 
 def _bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
     """Find the heading by Newton's method in a bracket, with bisection if a step would leave it."""
-    aim, before, done, ends = start, 2.0, start.s != start.s, not xp.differentiates
-    low, high = 0.0 * start.s - 1.0, 0.0 * start.s + 1.0
+    aim = start
+    before = 2.0
+    done = start.s != start.s
+    ends = not xp.differentiates
+    low = 0.0 * start.s - 1.0
+    high = 0.0 * start.s + 1.0
     for _ in range(steps):
         _, way = _settled(xp, hunt, aim, DISC_STEPS if ends else 2)
         turn, slope, sound = judge(hunt, way)
         done = done | (sound & (slope == 0))
         falls = slope < 0
-        low, high = xp.select(falls, aim.s, low), xp.select(falls, high, aim.s)
+        low = xp.select(falls, aim.s, low)
+        high = xp.select(falls, high, aim.s)
         new = aim.s + 0.5 * turn * (1.0 + aim.s * aim.s)
         near = sound & (abs(turn) <= xp.half_of_digits(turn))
         taken = near | (sound & (new > low) & (new < high) & (abs(new - aim.s) <= 0.5 * before))

@@ -153,8 +153,12 @@ def rollout(
     if not is_zero(game.information_age_s):
         allowed = "must be 0, because a rollout keeps no past positions"
         raise ConfigError(f"information_age_s = {game.information_age_s!r}: {allowed}")
-    xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
-    P, E, T = given["pursuer"], given["evader"], given.get("target")
+    xp, given = vectors(
+        {"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target})
+    )
+    P = given["pursuer"]
+    E = given["evader"]
+    T = given.get("target")
     shape = leading_shape(game, given)
     chase = policy_of("pursuer_policy", pursuer_policy, PURSUER_POLICIES)
     flee = policy_of("evader_policy", evader_policy, EVADER_POLICIES)
@@ -176,18 +180,26 @@ def rollout(
 
 
 def _samples(
-    xp: Library, game: Game, sample: Sample, policies: Policies, stepping: Exact | Paper, duration_s: float
+    xp: Library,
+    game: Game,
+    sample: Sample,
+    policies: Policies,
+    stepping: Exact | Paper,
+    duration_s: float,
 ) -> Iterator[Sample]:
     """Yield every sample until all games have ended: `Exact` steps up to the end, `Paper` steps and then checks."""
-    seen, last = 0.0 * sample.evader_m, math.ceil(duration_s / stepping.step_s)
+    seen = 0.0 * sample.evader_m
+    last = math.ceil(duration_s / stepping.step_s)
     if isinstance(stepping, Exact):
         last += SPARE_STEPS + 1
     for index in range(1, last + 1):
         running = sample.end == End.RUNNING
         if isinstance(stepping, Exact):
-            order, (now, h) = stepping.order, _located(xp, game, sample, stepping, duration_s)
+            order = stepping.order
+            (now, h) = _located(xp, game, sample, stepping, duration_s)
         else:
-            order, h = 1, stepping.step_s
+            order = 1
+            h = stepping.step_s
             sample = sample._replace(time_s=xp.where(running, index * h, sample.time_s))
             near = xp.norm3(components(sample.pursuer_m - sample.evader_m)) < stepping.capture_m
             now = xp.where(near, int(End.CAPTURED), int(End.RUNNING))
@@ -201,14 +213,17 @@ def _samples(
         sample, seen = _advance(xp, game, sample, policies, xp.where(running, h, 0.0), seen, order)
 
 
-def _located(xp: Library, game: Game, sample: Sample, stepping: Exact, duration_s: float) -> tuple[Array, Array]:
+def _located(
+    xp: Library, game: Game, sample: Sample, stepping: Exact, duration_s: float
+) -> tuple[Array, Array]:
     """Return the end of each game and its next step, s; capture counts before arrival at the same instant."""
     ahead = look_ahead(xp, game, sample.pursuer_m, sample.evader_m, sample.target_m)
     now = xp.where(sample.time_s >= duration_s, int(End.TIME_UP), int(End.RUNNING))
     now = xp.where(ahead.arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
     now = xp.where(ahead.capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
     now = xp.where(ahead.capture_s - ahead.capture_s == 0, now, int(End.NO_ANSWER))
-    h, share = duration_s - sample.time_s, SHARE[stepping.order]
+    h = duration_s - sample.time_s
+    share = SHARE[stepping.order]
     for limit in (share * ahead.capture_s, share * ahead.arrival_s, ahead.turn_s, stepping.step_s):
         h = xp.where(limit < h, limit, h)
     return now, h
@@ -219,19 +234,26 @@ def _advance(
 ) -> tuple[Sample, Array]:
     """Advance every game by its own h; return also the evader's velocity."""
     time, P, E, T, end = sample
-    drift, step = xp.constant(P, (*game.target_velocity_m_s, 0.0)), h[..., None]
+    drift = xp.constant(P, (*game.target_velocity_m_s, 0.0))
+    step = h[..., None]
     slopes = [_velocities(game, policies, P, E, T, seen)]
     for share in STAGES[: order - 1]:
         v, w = slopes[-1]
         then = None if T is None else T + share * step * drift
-        slopes.append(_velocities(game, policies, P + share * step * v, E + share * step * w, then, seen))
+        slopes.append(
+            _velocities(game, policies, P + share * step * v, E + share * step * w, then, seen)
+        )
     v, w = slopes[0]
     if order != 1:
         v, w = ((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(*slopes, strict=True))
-    return Sample(time + h, P + step * v, E + step * w, None if T is None else T + step * drift, end), slopes[0][1]
+    return Sample(
+        time + h, P + step * v, E + step * w, None if T is None else T + step * drift, end
+    ), slopes[0][1]
 
 
-def _velocities(game: Game, played: Policies, P: Array, E: Array, T: Array | None, seen: Array) -> tuple[Array, Array]:
+def _velocities(
+    game: Game, played: Policies, P: Array, E: Array, T: Array | None, seen: Array
+) -> tuple[Array, Array]:
     """Return both players' velocities; two optimal players are solved once."""
     if played == OPTIMAL:
         both = solve(game, P, E, T, evader_velocity_m_s=seen)
@@ -254,7 +276,9 @@ class Ahead(NamedTuple):
     turn_s: Array
 
 
-def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: Array | None) -> Ahead:
+def look_ahead(
+    xp: Library, game: Game, pursuer: Array, evader: Array, target: Array | None
+) -> Ahead:
     """Return the least times to the ends of a game, from positions (..., 3).
 
     A Cylinder is captured slightly outside the distance at which it holds, so that it gets there.
@@ -268,7 +292,8 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
     """
     state = take_apart(xp, game, components(pursuer), components(evader), None)
     closing = game.pursuer.horizontal_m_s + game.evader_speed_m_s + pair_length(game.wind_m_s)
-    capture, turn = game.capture_radius_m, math.inf
+    capture = game.capture_radius_m
+    turn = math.inf
     beside = xp.norm2(state.to_evader) - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):
         ahead = xp.maximum(xp.norm2((xp.maximum(beside, 0.0), state.z)) - capture, 0.0) / closing
@@ -277,8 +302,14 @@ def look_ahead(xp: Library, game: Game, pursuer: Array, evader: Array, target: A
         above = (abs(state.z) - met) / vertical_speed(xp, game.pursuer, state.z)
         ahead = xp.maximum(xp.maximum((beside - met) / closing, above), 0.0)
         over = abs(state.z) - capture
-        turn = xp.select(over > TOUCH_M, (over - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z), math.inf)
+        turn = xp.select(
+            over > TOUCH_M,
+            (over - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z),
+            math.inf,
+        )
     if target is None:
         return Ahead(ahead, math.inf, turn)
     speed = game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s)
-    return Ahead(ahead, xp.norm3(to_target(xp, game, components(evader), components(target))) / speed, turn)
+    return Ahead(
+        ahead, xp.norm3(to_target(xp, game, components(evader), components(target))) / speed, turn
+    )

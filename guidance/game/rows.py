@@ -24,10 +24,14 @@ def leading_shape(game: Game, given: dict[str, Array]) -> tuple[int, ...]:
     for name, array in given.items():
         shape = array.shape
         if not shape or shape[-1] != 3:
-            raise ConfigError(f"{name} = {array!r}: must be an array of shape (..., 3), not {tuple(shape)}")
+            raise ConfigError(
+                f"{name} = {array!r}: must be an array of shape (..., 3), not {tuple(shape)}"
+            )
         shapes[name] = tuple(shape[:-1])
     if game.varies:
-        shapes |= {name: tuple(getattr(value, "shape", ())) for name, value in parameters(game).items()}
+        shapes |= {
+            name: tuple(getattr(value, "shape", ())) for name, value in parameters(game).items()
+        }
     different = set(shapes.values())
     return different.pop() if len(different) == 1 else fitting(shapes)
 
@@ -44,7 +48,9 @@ def fitting(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
         raise ConfigError(f"the leading shapes do not fit each other: {shapes}") from None
 
 
-def vector_of(kernel: Callable[..., Space], game: Game, given: Mapping[str, ArrayLike | None]) -> Array:
+def vector_of(
+    kernel: Callable[..., Space], game: Game, given: Mapping[str, ArrayLike | None]
+) -> Array:
     """Return the vector, (..., 3), that a kernel computes from the components of named vectors; None stays None.
 
     Raises:

@@ -14,11 +14,29 @@ from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game.apollonius import play_in_space
-from guidance.game.arrays import FLOATS, NUMPY, Array, Library, Real, Space, Truth, components, is_array, vectors
+from guidance.game.arrays import (
+    FLOATS,
+    NUMPY,
+    Array,
+    Library,
+    Real,
+    Space,
+    Truth,
+    components,
+    is_array,
+    vectors,
+)
 from guidance.game.game import Game, Reason, Winner, guaranteed_age_s, parameters
 from guidance.game.pe import StateSolution, pursuit, take_apart
 from guidance.game.records import is_finite
-from guidance.game.rows import for_rows, leading_shape, most_squares, refused_rows, simplified, squares
+from guidance.game.rows import (
+    for_rows,
+    leading_shape,
+    most_squares,
+    refused_rows,
+    simplified,
+    squares,
+)
 from guidance.game.tad import defence
 
 NAMES = ("pursuer", "evader", "target", "evader_velocity_m_s")
@@ -26,7 +44,8 @@ NAMES = ("pursuer", "evader", "target", "evader_velocity_m_s")
 ROWS = 12288
 """Rows of a chunk: about forty intermediate arrays of 96 KiB stay in the processor's cache."""
 
-np.empty(64 * ROWS)  # glibc keeps freed memory for the next chunk only after it has seen a block of this size freed
+# Glibc keeps freed memory for the next chunk only after it has seen a block of this size freed
+np.empty(64 * ROWS)
 
 
 class Solution(NamedTuple):
@@ -88,17 +107,24 @@ def solve(
             not finite. In a batch (and for a single JAX state, which may be traced) such a row is NaN instead.
     """
     state = (pursuer, evader, target, evader_velocity_m_s)
-    given: dict[str, Any] = {name: value for name, value in zip(NAMES, state, strict=True) if value is not None}
-    varying = [value for value in parameters(game).values() if is_array(value)] if game.varies else []
+    given: dict[str, Any] = {
+        name: value for name, value in zip(NAMES, state, strict=True) if value is not None
+    }
+    varying = (
+        [value for value in parameters(game).values() if is_array(value)] if game.varies else []
+    )
     xp, given = vectors(given, varying)
     shape = leading_shape(game, given)
     if out is not None and out.value.shape != shape:
-        raise ConfigError(f"out: its leading shape is {tuple(out.value.shape)}; must be that of the states, {shape}")
+        raise ConfigError(
+            f"out: its leading shape is {tuple(out.value.shape)}; must be that of the states, {shape}"
+        )
     if xp is NUMPY and shape:
         return _solve_rows(simplified(game), shape, given, out)
     if xp is not NUMPY or given["pursuer"].dtype != np.float64:
         return _solve(xp, game, shape, given, out)
-    answer = solve_state(game, **{name: tuple(value.tolist()) for name, value in given.items()})  # ten times faster
+    # Ten times faster
+    answer = solve_state(game, **{name: tuple(value.tolist()) for name, value in given.items()})
     _refuse(answer.reason, given)
     out = out or _empty((), given["pursuer"])
     for field, value in zip(out, answer, strict=True):
@@ -106,7 +132,9 @@ def solve(
     return out
 
 
-def _solve(xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None) -> Solution:
+def _solve(
+    xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None
+) -> Solution:
     """Solve in one piece, with NaN in rows without an answer."""
     like = given["pursuer"]
     with np.errstate(all="ignore"):
@@ -119,8 +147,12 @@ def _solve(xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Arr
         spoil = xp.select(answered, 0.0, math.nan)
         winner = xp.select(answered, play.winner, int(Winner.UNDECIDED))
         if xp is not NUMPY:
-            winner, reason = (xp.astype(xp.pack(shape, like, code), xp.int8) for code in (winner, reason))
-            return Solution(*[winner, *(xp.pack(shape, like, part, spoil) for part in play[1:-1]), reason])
+            winner, reason = (
+                xp.astype(xp.pack(shape, like, code), xp.int8) for code in (winner, reason)
+            )
+            return Solution(
+                *[winner, *(xp.pack(shape, like, part, spoil) for part in play[1:-1]), reason]
+            )
         out = out or _empty(shape, like)
         for field, part in zip(out, (winner, *play[1:-1], reason), strict=True):
             NUMPY.fill(field, part, 0 if field.dtype == np.int8 else spoil)
@@ -128,7 +160,12 @@ def _solve(xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Arr
 
 
 def solve_state(
-    game: Game, pursuer: Space, evader: Space, target: Space | None = None, *, evader_velocity_m_s: Space | None = None
+    game: Game,
+    pursuer: Space,
+    evader: Space,
+    target: Space | None = None,
+    *,
+    evader_velocity_m_s: Space | None = None,
 ) -> StateSolution:
     """Solve one state of plain numbers, with the same bits as `solve` and without arrays; a flight does it every cycle.
 
@@ -146,7 +183,9 @@ def solve_state(
         ConfigError: a parameter of the game is an array.
     """
     if game.varies:
-        raise ConfigError(f"game = {game!r}: solve_state takes single numbers; use solve for arrays")
+        raise ConfigError(
+            f"game = {game!r}: solve_state takes single numbers; use solve for arrays"
+        )
     known = (pursuer, evader, target, evader_velocity_m_s)
     squares = sum(x * x + y * y + z * z for x, y, z in filter(None, known))
     try:
@@ -157,40 +196,58 @@ def solve_state(
     if reason == Reason.NO_REGION or not _is_sound(game, play, squares, in_pe=target is None):
         return _row_of_one(game, known)
     # Zero is added because a batch has no negative zeros.
-    plain: list[Any] = [tuple([v + 0.0 for v in one]) if isinstance(one, tuple) else one + 0.0 for one in play[1:-1]]
+    plain: list[Any] = [
+        tuple([v + 0.0 for v in one]) if isinstance(one, tuple) else one + 0.0 for one in play[1:-1]
+    ]
     return StateSolution._make((int(play.winner), *plain, int(reason)))
 
 
 def _row_of_one(game: Game, known: tuple[Space | None, ...]) -> StateSolution:
     """Solve a single state as a batch of one."""
-    given = {name: np.array([place], float) for name, place in zip(NAMES, known, strict=True) if place is not None}
+    given = {
+        name: np.array([place], float)
+        for name, place in zip(NAMES, known, strict=True)
+        if place is not None
+    }
     row = (column[0].tolist() for column in _solve(NUMPY, game, (1,), given, None))
     plain: list[Any] = [tuple(value) if isinstance(value, list) else value for value in row]
     return StateSolution(*plain)
 
 
-def _solve_rows(game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None) -> Solution:
+def _solve_rows(
+    game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None
+) -> Solution:
     """Solve a batch, a long one chunk by chunk."""
     count = math.prod(shape)
     if count <= ROWS:
         return _solve(NUMPY, game, shape, given, out)
     like = given["pursuer"]
     out = out or _empty(shape, like)
-    rows = {name: np.broadcast_to(value, (*shape, 3)).reshape(count, 3) for name, value in given.items()}
+    rows = {
+        name: np.broadcast_to(value, (*shape, 3)).reshape(count, 3) for name, value in given.items()
+    }
     game = for_rows(game, lambda value: np.broadcast_to(value, shape).reshape(count))
     whole = out if len(shape) == 1 else _empty((count,), like)
     for start in range(0, count, ROWS):
         part = slice(start, start + ROWS)
         chunk = {name: value[part] for name, value in rows.items()}
         few = for_rows(game, itemgetter(part))
-        _solve(NUMPY, few, chunk["pursuer"].shape[:1], chunk, Solution(*(field[part] for field in whole)))
+        _solve(
+            NUMPY,
+            few,
+            chunk["pursuer"].shape[:1],
+            chunk,
+            Solution(*(field[part] for field in whole)),
+        )
     if whole is not out:
         for field, flat in zip(out, whole, strict=True):
             field[...] = flat.reshape(field.shape)
     return out
 
 
-def _play(xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None) -> StateSolution:
+def _play(
+    xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None
+) -> StateSolution:
     if game.evader_space == "space":
         return play_in_space(xp, game, P, E, T, seen)
     state = take_apart(xp, game, P, E, seen)
@@ -204,7 +261,9 @@ def _reason(xp: Library, game: Game, given: dict[str, Array], play: StateSolutio
     if xp is not NUMPY or not np.all(_is_sound(game, play, most_squares(given), in_pe=in_pe)):
         sound = _is_sound(game, play, squares(given), in_pe=in_pe)
         zero = sum(0.0 * part for array in given.values() for part in components(array))
-        reason = xp.select(sound, reason, xp.select(zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE)))
+        reason = xp.select(
+            sound, reason, xp.select(zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE))
+        )
     return refused_rows(xp, game, reason) if game.varies else reason
 
 
@@ -219,8 +278,11 @@ def _is_sound(game: Game, play: StateSolution, squares: Real, *, in_pe: bool) ->
     """
     x, y, _ = play.meeting_point_m
     answered = play.value + play.meeting_time_s + x + y + (0.0 if in_pe else play.margin_s)
-    standoff, u = game.standoff, game.pursuer.horizontal_m_s
-    length = standoff.radius_m + standoff.height_m + game.capture_radius_m + u * game.information_age_s
+    standoff = game.standoff
+    u = game.pursuer.horizontal_m_s
+    length = (
+        standoff.radius_m + standoff.height_m + game.capture_radius_m + u * game.information_age_s
+    )
     square = u * u
     total = answered + (squares + length * length) * square * square
     return total - total == 0
@@ -229,7 +291,11 @@ def _is_sound(game: Game, play: StateSolution, squares: Real, *, in_pe: bool) ->
 def _refuse(fault: Real, given: dict[str, Array]) -> None:
     """Refuse a single state that is not finite, with the argument's name."""
     if fault == Reason.NOT_FINITE:
-        wrong = [f"{name} = {array!r}" for name, array in given.items() if not all(map(is_finite, array.tolist()))]
+        wrong = [
+            f"{name} = {array!r}"
+            for name, array in given.items()
+            if not all(map(is_finite, array.tolist()))
+        ]
         raise ConfigError(f"{', '.join(wrong)}: must be finite numbers")
 
 
@@ -238,19 +304,26 @@ def _aged(xp: Library, game: Game, play: StateSolution, *, in_pe: bool) -> Real:
 
     There is no region where the evader of TAD was seen too long ago for a convex one, and the pursuer would win.
     """
-    age, guaranteed, fact = game.information_age_s, guaranteed_age_s(game), play.reason
-    old, reason = age > (guaranteed if in_pe else 0.0), fact
+    age = game.information_age_s
+    guaranteed = guaranteed_age_s(game)
+    fact = play.reason
+    old = age > (guaranteed if in_pe else 0.0)
+    reason = fact
     if old is not False:
         promise = (fact == Reason.SOLVED) | (fact == Reason.OVERHEAD) | (fact == Reason.ON_BARRIER)
         reason = xp.select(promise & old, int(Reason.TOO_OLD), fact)
     dented = not in_pe and age > guaranteed
     if dented is False:
         return reason
-    return xp.select(dented & (play.winner > 0) & (fact != int(Reason.CAPTURED)), int(Reason.NO_REGION), reason)
+    return xp.select(
+        dented & (play.winner > 0) & (fact != int(Reason.CAPTURED)), int(Reason.NO_REGION), reason
+    )
 
 
 def _empty(shape: tuple[int, ...], like: Array) -> Solution:
     """Make the arrays of an answer."""
-    number, vector, code = (shape, like.dtype), ((*shape, 3), like.dtype), (shape, np.int8)
+    number = (shape, like.dtype)
+    vector = ((*shape, 3), like.dtype)
+    code = (shape, np.int8)
     kinds = (code, number, number, vector, number, vector, vector, code)
     return Solution(*(np.empty(size, dtype=dtype) for size, dtype in kinds))

@@ -61,21 +61,34 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     """
     to_target = (target[0] - state.evader[0], target[1] - state.evader[1])
     contest = _compare(xp, game, state, to_target, _most_in_danger(xp, game, state, to_target))
-    goal, margin, lead = contest.goal, contest.margin, contest.edge
-    edge = _widened(xp, game, game.pursuer, state, to_target, lead) if isinstance(game.pursuer, Cylinder) else lead
-    won, arrived = margin > 0, contest.arrival <= 0
+    goal = contest.goal
+    margin = contest.margin
+    lead = contest.edge
+    edge = (
+        _widened(xp, game, game.pursuer, state, to_target, lead)
+        if isinstance(game.pursuer, Cylinder)
+        else lead
+    )
+    won = margin > 0
+    arrived = contest.arrival <= 0
     run = leading = xp.select2(won, edge.run, goal)
     if edge is not lead:
         leading = xp.select2(won, lead.run, goal)
     to = (state.to_evader[0] + leading[0], state.to_evader[1] + leading[1])
     hold = xp.select2(won, state.hold, (0.0, 0.0))
-    v, age, time = game.evader_speed_m_s, game.information_age_s, xp.select(won, edge.time, contest.arrival)
+    v = game.evader_speed_m_s
+    age = game.information_age_s
+    time = xp.select(won, edge.time, contest.arrival)
     length = v * (time + age)
     moves = length > 0
-    heading = xp.unit2(xp.select2(moves, run, goal), xp.select(moves, length, v * (contest.arrival + age)))
+    heading = xp.unit2(
+        xp.select2(moves, run, goal), xp.select(moves, length, v * (contest.arrival + age))
+    )
     pace = xp.select(arrived, 0.0, v)
     caught = is_caught(xp, game, state)
-    flown = pe.fly_to(xp, game, state._replace(hold=hold), to, xp.select(won, lead.time, contest.guard))
+    flown = pe.fly_to(
+        xp, game, state._replace(hold=hold), to, xp.select(won, lead.time, contest.guard)
+    )
     if not is_zero(age):
         # With old information, a pursuer at the meeting point may find that the evader has not run there. One that
         # stayed would let it pass, so it plays PE.
@@ -127,8 +140,13 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
         centre: vector from the evader to the target's position, m.
         to_target: to the point of the target that is most in danger, m.
     """
-    circle, flat = is_circle(game), isinstance(game.pursuer, Cylinder)
-    paper = None if circle is False else _paper(xp, game, state, centre, to_target, 0.0 if flat else state.z)
+    circle = is_circle(game)
+    flat = isinstance(game.pursuer, Cylinder)
+    paper = (
+        None
+        if circle is False
+        else _paper(xp, game, state, centre, to_target, 0.0 if flat else state.z)
+    )
     if paper is not None and circle is True and not flat:
         return paper
     arrival, goal = _arrive(xp, game, to_target)
@@ -139,8 +157,11 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
         return Contest(goal, arrival, guard, margin, short, paper.edge)
     wanted = margin > 0 if paper is None else (margin > 0) & ~circle
     near = goal
-    if not game.target_extent.is_point:  # where it can meet the point of its target that is nearest now
-        near = _arrive(xp, game, from_set(centre, nearest(xp, game.target_extent, (-centre[0], -centre[1]))[0]))[1]
+    # Where it can meet the point of its target that is nearest now
+    if not game.target_extent.is_point:
+        near = _arrive(
+            xp, game, from_set(centre, nearest(xp, game.target_extent, (-centre[0], -centre[1]))[0])
+        )[1]
     edge = closest_point(xp, game, state, centre, near, wanted)
     found = Contest(goal, arrival, guard, margin, short, edge)
     if paper is None:
@@ -149,8 +170,11 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
     return found._replace(edge=both.edge) if flat else both
 
 
-def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane, z: Real) -> Contest:
-    u, v = game.pursuer.horizontal_m_s, game.evader_speed_m_s
+def _paper(
+    xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane, z: Real
+) -> Contest:
+    u = game.pursuer.horizontal_m_s
+    v = game.evader_speed_m_s
     ended = race(xp, (u, v), state.to_evader, z, to_target)
     if game.target_extent.is_point:
         return ended
@@ -161,7 +185,9 @@ def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: P
     return ended._replace(edge=race(xp, (u, v), state.to_evader, z, from_set(centre, near)).edge)
 
 
-def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_target: Plane) -> Contest:
+def race(
+    xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_target: Plane
+) -> Contest:
     """Return the result of the race to a target in the paper's game; its margin is the barrier B as a time.
 
     L = ‖c − T‖ − r = d_δ/(δ² − 1) − r, eq. (41), is the difference of two lengths that grow without bound as δ → 1.
@@ -180,26 +206,35 @@ def race(xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_t
     """
     u, v = speeds
     hand = (u - v) * (u + v)
-    from_target = (v * v * to_evader[0] - hand * to_target[0], v * v * to_evader[1] - hand * to_target[1])
+    from_target = (
+        v * v * to_evader[0] - hand * to_target[0],
+        v * v * to_evader[1] - hand * to_target[1],
+    )
     d_delta = xp.norm2(from_target)
     span = v * xp.sqrt(hand * (z * z) + (u * u) * dot2(to_evader, to_evader))
     way = (to_evader[0] + to_target[0], to_evader[1] + to_target[1])
-    near, far = dot2(to_target, to_target), dot2(way, way) + z * z
+    near = dot2(to_target, to_target)
+    far = dot2(way, way) + z * z
     b = (u * u) * near - (v * v) * far
-    left, drawn = xp.sqrt(near), b == 0
+    left = xp.sqrt(near)
+    drawn = b == 0
     both = u * left + v * xp.sqrt(far)
     final = b / xp.select(drawn, 1.0, d_delta + span)
     inverse = 1.0 / xp.select(d_delta > 0, d_delta, 1.0)
-    lead, share = (v * v) * (final * inverse), span * inverse
+    lead = (v * v) * (final * inverse)
+    share = span * inverse
     run = (lead * to_evader[0] + share * to_target[0], lead * to_evader[1] + share * to_target[1])
-    arrival, margin = left / v, b / (u * v * xp.select(drawn, 1.0, both))
+    arrival = left / v
+    margin = b / (u * v * xp.select(drawn, 1.0, both))
     edge = Closest(run, xp.norm2(run) / v, final)
     return Contest(to_target, arrival, arrival - margin, margin, -u * margin, edge)
 
 
 def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Real, Plane]:
     """Return the time until the evader can be at its target, and the target's position then, from the evader."""
-    v, age, adrift = game.evader_speed_m_s, game.information_age_s, game.target_velocity_m_s
+    v = game.evader_speed_m_s
+    age = game.information_age_s
+    adrift = game.target_velocity_m_s
     if adrift == STILL:
         return xp.maximum(xp.norm2(to_target) / v - age, 0.0), to_target
     arrival = pe.catch_in_ball(xp, v, v * age, to_target, adrift, 0.0)
@@ -216,14 +251,18 @@ def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Real:
         m: the evader's velocity less the wind, m/s.
         z: height of the pursuer above the stand-off disc, m, of either sign.
     """
-    pursuer, radius, capture = game.pursuer, game.standoff.radius_m, game.capture_radius_m
+    pursuer = game.pursuer
+    radius = game.standoff.radius_m
+    capture = game.capture_radius_m
     if isinstance(pursuer, Cylinder):
         level = pe.catch_in_ball(xp, pursuer.horizontal_m_s, radius + capture, y, m, 0.0)
         return xp.maximum(level, pe.level_time(xp, game, pursuer, z))
     u = pursuer.speed_m_s
     if is_zero(radius):
         return pe.catch_in_ball(xp, u, capture, y, m, z)
-    return pe.climb(xp, y, m, lambda n: pe.cover_time(xp, game, dot2(n, y) - radius, u - dot2(n, m), z))[0]
+    return pe.climb(
+        xp, y, m, lambda n: pe.cover_time(xp, game, dot2(n, y) - radius, u - dot2(n, m), z)
+    )[0]
 
 
 def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
@@ -237,7 +276,9 @@ def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
     """
     y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
     if game.calm:
-        return pe.cover_time(xp, game, xp.norm2(y) - game.standoff.radius_m, game.pursuer.horizontal_m_s, state.z)
+        return pe.cover_time(
+            xp, game, xp.norm2(y) - game.standoff.radius_m, game.pursuer.horizontal_m_s, state.z
+        )
     return catch_time(xp, game, y, (-game.wind_m_s[0], -game.wind_m_s[1]), state.z)
 
 
@@ -247,15 +288,20 @@ def is_caught(xp: Library, game: Game, state: Geometry) -> Truth:
     level = abs(state.z) <= capture
     if level is False or (xp is NUMPY and not level.any()):
         return False
-    beside = xp.norm2(state.to_evader) + (game.evader_speed_m_s * game.information_age_s - game.standoff.radius_m)
+    beside = xp.norm2(state.to_evader) + (
+        game.evader_speed_m_s * game.information_age_s - game.standoff.radius_m
+    )
     if isinstance(game.pursuer, Cylinder):
         return (beside <= capture) & level
     return xp.norm2((xp.maximum(beside, 0.0), state.z)) <= capture
 
 
-def _widened(xp: Library, game: Game, pursuer: Cylinder, state: Geometry, to_target: Plane, level: Closest) -> Closest:
+def _widened(
+    xp: Library, game: Game, pursuer: Cylinder, state: Geometry, to_target: Plane, level: Closest
+) -> Closest:
     """Add to the planar region the disc that the evader reaches before the pursuer reaches its height."""
-    falling, adrift = xp.maximum(pe.level_time(xp, game, pursuer, state.z), 0.0), game.target_velocity_m_s
+    falling = xp.maximum(pe.level_time(xp, game, pursuer, state.z), 0.0)
+    adrift = game.target_velocity_m_s
     radius = game.evader_speed_m_s * (falling + game.information_age_s)
     drifted = (to_target[0] + adrift[0] * falling, to_target[1] + adrift[1] * falling)
     near, _ = nearest(xp, game.target_extent, (-drifted[0], -drifted[1]))
@@ -266,7 +312,9 @@ def _widened(xp: Library, game: Game, pursuer: Cylinder, state: Geometry, to_tar
     return xp.select_all(far - radius < level.left, fallen, level)
 
 
-def _shortfall(xp: Library, game: Game, state: Geometry, goal: Plane, arrival: Real, lost: Truth) -> Real:
+def _shortfall(
+    xp: Library, game: Game, state: Geometry, goal: Plane, arrival: Real, lost: Truth
+) -> Real:
     """Return the distance, m, that the pursuer is short of a capture at `goal` when the evader arrives there.
 
     If the evader does not win, one metre is used instead: in libraries that differentiate, the derivative of a square
@@ -277,10 +325,16 @@ def _shortfall(xp: Library, game: Game, state: Geometry, goal: Plane, arrival: R
         y = (y[0] - game.wind_m_s[0] * arrival, y[1] - game.wind_m_s[1] * arrival)
     beside = xp.norm2(y) - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):
-        flown, above = game.pursuer.speed_m_s * arrival + game.capture_radius_m, state.z
+        flown = game.pursuer.speed_m_s * arrival + game.capture_radius_m
+        above = state.z
     else:
         beside = beside - game.capture_radius_m - game.pursuer.horizontal_m_s * arrival
-        above = abs(state.z) - game.capture_radius_m - pe.vertical_speed(xp, game.pursuer, state.z) * arrival
-        flown, above = 0.0, xp.maximum(above, 0.0)
+        above = (
+            abs(state.z)
+            - game.capture_radius_m
+            - pe.vertical_speed(xp, game.pursuer, state.z) * arrival
+        )
+        flown = 0.0
+        above = xp.maximum(above, 0.0)
     short = xp.norm2((xp.select(lost, xp.maximum(beside, 0.0), 1.0), above)) - flown
     return xp.select(lost, short, 0.0)

@@ -15,4 +15,13 @@ from guidance.links.frames import SigningKey
 from guidance.links.port import Clock, Endpoint, EvaderSource, VehicleLink, Wire, parse
 from guidance.links.wires import MemoryWire
 
-__all__ = ["Clock", "Endpoint", "EvaderSource", "MemoryWire", "SigningKey", "VehicleLink", "Wire", "parse"]
+__all__ = [
+    "Clock",
+    "Endpoint",
+    "EvaderSource",
+    "MemoryWire",
+    "SigningKey",
+    "VehicleLink",
+    "Wire",
+    "parse",
+]

@@ -40,7 +40,10 @@ class Refused(ValueError):  # noqa: N818 -- a verdict on a report, counted and n
 
 
 def accepted(
-    counts: Counter[str], read: Callable[[Any, float], EvaderReport], data: object, received_s: float
+    counts: Counter[str],
+    read: Callable[[Any, float], EvaderReport],
+    data: object,
+    received_s: float,
 ) -> EvaderReport | None:
     """Return what `read` makes of the data, None if it is refused or implausible; count either, by reason."""
     reason = "implausible"
@@ -81,11 +84,14 @@ def _follow_target(m: Fields, received_s: float) -> EvaderReport:
     * Accuracy: `position_cov` carries standard deviations (ground stations fill in "eph, epv"), zero for unknown.
     * Clock: milliseconds since the sender's boot, which wrap at 2^32 since many senders count in 32 bits.
     """
-    place, said = (*codec.degrees(m.lat, m.lon), m.alt), AltitudeSaid(m.alt, Datum.AMSL)
+    place = (*codec.degrees(m.lat, m.lon), m.alt)
+    said = AltitudeSaid(m.alt, Datum.AMSL)
     known = m.est_capabilities == 0 or m.est_capabilities & CAPABILITY_VELOCITY
     velocity = known_velocity(m.vel) if known and any(m.vel) else UNKNOWN_VELOCITY
     sd_m = standard_deviation(*(value * abs(value) for value in m.position_cov))
-    return EvaderReport(received_s, m.timestamp % 2**32 / 1e3, m.msgname, *place, velocity, sd_m, said=said)
+    return EvaderReport(
+        received_s, m.timestamp % 2**32 / 1e3, m.msgname, *place, velocity, sd_m, said=said
+    )
 
 
 def _global_position(m: Fields, received_s: float) -> EvaderReport:
@@ -96,8 +102,11 @@ def _global_position(m: Fields, received_s: float) -> EvaderReport:
     * Velocity: north, east, down, cm/s. Always known: zero means at rest.
     * Clock: `time_boot_ms`, which wraps at 2^32.
     """
-    place, said = (*codec.degrees(m.lat, m.lon), m.alt / 1e3), AltitudeSaid(m.alt / 1e3, Datum.AMSL)
-    return EvaderReport(received_s, m.time_boot_ms / 1e3, m.msgname, *place, codec.velocity_in_cm_s(m), said=said)
+    place = (*codec.degrees(m.lat, m.lon), m.alt / 1e3)
+    said = AltitudeSaid(m.alt / 1e3, Datum.AMSL)
+    return EvaderReport(
+        received_s, m.time_boot_ms / 1e3, m.msgname, *place, codec.velocity_in_cm_s(m), said=said
+    )
 
 
 def _odometry(frame: LocalFrame, m: Fields, received_s: float) -> EvaderReport:
@@ -111,16 +120,25 @@ def _odometry(frame: LocalFrame, m: Fields, received_s: float) -> EvaderReport:
     """
     if m.frame_id != mavlink.MAV_FRAME_LOCAL_NED:
         raise Refused("frame")
-    place, said = place_in(frame, (m.x, m.y, m.z)), AltitudeSaid(-m.z, Datum.ORIGIN)
+    place = place_in(frame, (m.x, m.y, m.z))
+    said = AltitudeSaid(-m.z, Datum.ORIGIN)
     velocity = known_velocity((m.vx, m.vy, m.vz))
     if m.child_frame_id != mavlink.MAV_FRAME_LOCAL_NED:
-        velocity = rotate(m.q, velocity) if m.child_frame_id == mavlink.MAV_FRAME_BODY_FRD else UNKNOWN_VELOCITY
+        velocity = (
+            rotate(m.q, velocity)
+            if m.child_frame_id == mavlink.MAV_FRAME_BODY_FRD
+            else UNKNOWN_VELOCITY
+        )
     sd_m = standard_deviation(*(m.pose_covariance[index] for index in _DIAGONAL))
     sd_m_s = standard_deviation(*(m.velocity_covariance[index] for index in _DIAGONAL))
-    return EvaderReport(received_s, m.time_usec / 1e6, m.msgname, *place, velocity, sd_m, sd_m_s, said=said)
+    return EvaderReport(
+        received_s, m.time_usec / 1e6, m.msgname, *place, velocity, sd_m, sd_m_s, said=said
+    )
 
 
-def _adsb(undulation_m: float, icao_address: int | None, m: Fields, received_s: float) -> EvaderReport:
+def _adsb(
+    undulation_m: float, icao_address: int | None, m: Fields, received_s: float
+) -> EvaderReport:
     """Convert ADSB_VEHICLE of one aircraft.
 
     * Position: WGS-84 degrees. Altitude in millimetres, by `altitude_type`: QNH pressure is taken as above mean sea
@@ -140,11 +158,17 @@ def _adsb(undulation_m: float, icao_address: int | None, m: Fields, received_s: 
     said = AltitudeSaid(m.altitude / 1e3, Datum.ELLIPSOID if geometric else Datum.AMSL)
     place = *codec.degrees(m.lat, m.lon), said.altitude_m - (undulation_m if geometric else 0.0)
     known = m.flags & codec.VALID_MOTION == codec.VALID_MOTION
-    velocity = codec.velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity) if known else UNKNOWN_VELOCITY
+    velocity = (
+        codec.velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity)
+        if known
+        else UNKNOWN_VELOCITY
+    )
     return EvaderReport(received_s, math.nan, m.msgname, *place, velocity, said=said)
 
 
-def _open_drone_id(undulation_m: float, id_or_mac: str | None, m: Fields, received_s: float) -> EvaderReport:
+def _open_drone_id(
+    undulation_m: float, id_or_mac: str | None, m: Fields, received_s: float
+) -> EvaderReport:
     """Convert OPEN_DRONE_ID_LOCATION: remote identification, about once a second (ASTM F3411).
 
     * Identity: `id_or_mac` (hexadecimal) selects one of the drones that are relayed.
@@ -164,7 +188,8 @@ def _open_drone_id(undulation_m: float, id_or_mac: str | None, m: Fields, receiv
     known = all(value < unknown for value, unknown in zip(motion, UNKNOWN_MOTION, strict=True))
     velocity = codec.velocity_over_ground(*motion) if known else UNKNOWN_VELOCITY
     sent_s = m.timestamp if 0.0 <= m.timestamp <= 3600.0 else math.nan
-    sd_m, sd_m_s = _half(HORIZONTAL_BOUNDS_M, m.horizontal_accuracy), _half(SPEED_BOUNDS_M_S, m.speed_accuracy)
+    sd_m = _half(HORIZONTAL_BOUNDS_M, m.horizontal_accuracy)
+    sd_m_s = _half(SPEED_BOUNDS_M_S, m.speed_accuracy)
     return EvaderReport(received_s, sent_s, m.msgname, *place, velocity, sd_m, sd_m_s, said=said)
 
 
@@ -172,7 +197,9 @@ FOLLOW_TARGET: Final = Carrier("FOLLOW_TARGET", _follow_target)
 GLOBAL_POSITION: Final = Carrier("GLOBAL_POSITION_INT", _global_position)
 
 
-def carrier_of(kind: str, frame: LocalFrame, icao_address: int | None = None, id_or_mac: str | None = None) -> Carrier:
+def carrier_of(
+    kind: str, frame: LocalFrame, icao_address: int | None = None, id_or_mac: str | None = None
+) -> Carrier:
     """Return the carrier of a kind that a vehicle file names.
 
     Args:
@@ -188,7 +215,11 @@ def carrier_of(kind: str, frame: LocalFrame, icao_address: int | None = None, id
         case "odometry":
             return Carrier("ODOMETRY", partial(_odometry, frame), 2.0**64 / 1e6)
         case "open_drone_id":
-            return Carrier("OPEN_DRONE_ID_LOCATION", partial(_open_drone_id, _undulation_m(frame), id_or_mac), 3600.0)
+            return Carrier(
+                "OPEN_DRONE_ID_LOCATION",
+                partial(_open_drone_id, _undulation_m(frame), id_or_mac),
+                3600.0,
+            )
         case "adsb":
             return Carrier("ADSB_VEHICLE", partial(_adsb, _undulation_m(frame), icao_address))
     return FOLLOW_TARGET if kind == "follow_target" else GLOBAL_POSITION
@@ -232,9 +263,14 @@ def rotate(quaternion_wxyz: Sequence[float], vector: Vector) -> Vector:
     length = math.sqrt(w * w + x * x + y * y + z * z)
     if not abs(length - 1.0) < 0.05:
         return UNKNOWN_VELOCITY
-    w, x, y, z = w / length, x / length, y / length, z / length
+    w = w / length
+    x = x / length
+    y = y / length
+    z = z / length
     vx, vy, vz = vector
-    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    tx = 2 * (y * vz - z * vy)
+    ty = 2 * (z * vx - x * vz)
+    tz = 2 * (x * vy - y * vx)
     return (
         vx + w * tx + y * tz - z * ty,
         vy + w * ty + z * tx - x * tz,

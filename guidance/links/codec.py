@@ -28,7 +28,8 @@ VALID_MOTION: Final = 4 | 8 | 128
 ADSB_ERROR_M: Final = 30.0
 """Largest error of an aircraft's reported place, and of its pressure altitude."""
 
-_UNKNOWN_U8, _UNKNOWN_U16 = 0xFF, 0xFFFF
+_UNKNOWN_U8 = 0xFF
+_UNKNOWN_U16 = 0xFFFF
 _ZERO: Final = (0.0, 0.0, 0.0)
 
 
@@ -38,7 +39,8 @@ def degrees(latitude_e7: int, longitude_e7: int) -> tuple[float, float]:
     Raises:
         ValueError: If the position is unknown (INT32_MAX, or 0/0 before the first fix) or not on Earth.
     """
-    latitude, longitude = latitude_e7 / 1e7, longitude_e7 / 1e7
+    latitude = latitude_e7 / 1e7
+    longitude = longitude_e7 / 1e7
     if latitude_e7 == 0 and longitude_e7 == 0:
         raise ValueError("latitude and longitude are both 0: no fix yet")
     if abs(latitude) > 90.0 or abs(longitude) > 180.0:
@@ -47,8 +49,10 @@ def degrees(latitude_e7: int, longitude_e7: int) -> tuple[float, float]:
 
 
 def _system_status(m: Fields, received_s: float) -> messages.Message:
-    remaining = m.battery_remaining / 100.0 if 0 <= m.battery_remaining <= 100 else math.nan  # -1: not sent
-    present, health = m.onboard_control_sensors_present, m.onboard_control_sensors_health
+    # -1: not sent
+    remaining = m.battery_remaining / 100.0 if 0 <= m.battery_remaining <= 100 else math.nan
+    present = m.onboard_control_sensors_present
+    health = m.onboard_control_sensors_health
     voltage_v = math.nan if m.voltage_battery in {0, _UNKNOWN_U16} else m.voltage_battery / 1e3
     return messages.SystemStatus(received_s, present, health, remaining, voltage_v)
 
@@ -75,14 +79,19 @@ def _adsb_vehicle(m: Fields, received_s: float) -> messages.Message:
     """An ellipsoidal altitude counts as unknown: the undulation is not known here."""
     if not m.flags & mavlink.ADSB_FLAGS_VALID_COORDS:
         raise ValueError("an aircraft without a place")
-    known = m.flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE and m.altitude_type != mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
+    known = (
+        m.flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE
+        and m.altitude_type != mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
+    )
     moves = m.flags & VALID_MOTION == VALID_MOTION
     return messages.Aircraft(
         received_s,
         f"ICAO {m.ICAO_address:06X}",
         *degrees(m.lat, m.lon),
         m.altitude / 1e3 if known else math.nan,
-        velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity) if moves else messages.UNKNOWN_VELOCITY,
+        velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity)
+        if moves
+        else messages.UNKNOWN_VELOCITY,
         float(m.tslc),
         ADSB_ERROR_M,
     )
@@ -96,7 +105,9 @@ def other_aircraft(frame: Frame, received_s: float) -> messages.Aircraft:
     """
     m = frame.fields
     place = *degrees(m.lat, m.lon), m.alt / 1e3
-    value = messages.Aircraft(received_s, f"system {frame.system_id}", *place, velocity_in_cm_s(m), 0.0, 0.0)
+    value = messages.Aircraft(
+        received_s, f"system {frame.system_id}", *place, velocity_in_cm_s(m), 0.0, 0.0
+    )
     if not is_plausible(value):
         raise ValueError(f"{value}: implausible")
     return value
@@ -104,7 +115,11 @@ def other_aircraft(frame: Frame, received_s: float) -> messages.Aircraft:
 
 DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
     "HEARTBEAT": lambda m, at_s: messages.Heartbeat(
-        at_s, m.custom_mode, bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED), m.system_status, m.autopilot
+        at_s,
+        m.custom_mode,
+        bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
+        m.system_status,
+        m.autopilot,
     ),
     "SYS_STATUS": _system_status,
     "GPS_RAW_INT": lambda m, at_s: messages.GpsFix(
@@ -115,9 +130,16 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
         at_s, m.time_boot_ms / 1e3, (m.x, m.y, m.z), (m.vx, m.vy, m.vz)
     ),
     "GLOBAL_POSITION_INT": lambda m, at_s: messages.GlobalPosition(
-        at_s, m.time_boot_ms / 1e3, *degrees(m.lat, m.lon), m.alt / 1e3, m.relative_alt / 1e3, velocity_in_cm_s(m)
+        at_s,
+        m.time_boot_ms / 1e3,
+        *degrees(m.lat, m.lon),
+        m.alt / 1e3,
+        m.relative_alt / 1e3,
+        velocity_in_cm_s(m),
     ),
-    "GPS_GLOBAL_ORIGIN": lambda m, at_s: messages.Origin(at_s, *degrees(m.latitude, m.longitude), m.altitude / 1e3),
+    "GPS_GLOBAL_ORIGIN": lambda m, at_s: messages.Origin(
+        at_s, *degrees(m.latitude, m.longitude), m.altitude / 1e3
+    ),
     "COMMAND_ACK": lambda m, at_s: messages.CommandAck(at_s, m.command, m.result),
     "POSITION_TARGET_LOCAL_NED": lambda m, at_s: messages.PositionTarget(
         at_s, m.time_boot_ms / 1e3, m.type_mask, (m.vx, m.vy, m.vz)
@@ -143,11 +165,16 @@ def decode(frame: Frame, received_s: float, autopilot: int = 0) -> messages.Mess
         KeyError: If the message is neither PARAM_VALUE nor in `DECODERS`.
         ValueError: If a value is unknown, or implausible by `guidance.vehicle.is_plausible`.
     """
-    name, fields = frame.name, frame.fields
+    name = frame.name
+    fields = frame.fields
     if name.startswith("MISSION_") and fields.mission_type != mavlink.MAV_MISSION_TYPE_FENCE:
         fence = mavlink.MAV_MISSION_TYPE_FENCE
         raise ValueError(f"mission_type {fields.mission_type}: only the fence ({fence}) is read")
-    value = _parameter(frame, received_s, autopilot) if name == "PARAM_VALUE" else DECODERS[name](fields, received_s)
+    value = (
+        _parameter(frame, received_s, autopilot)
+        if name == "PARAM_VALUE"
+        else DECODERS[name](fields, received_s)
+    )
     if not is_plausible(value):
         raise ValueError(f"{value}: implausible")
     return value
@@ -155,7 +182,9 @@ def decode(frame: Frame, received_s: float, autopilot: int = 0) -> messages.Mess
 
 def _parameter(frame: Frame, received_s: float, autopilot: int) -> messages.Message:
     """PX4 carries integers as bytes in the float, other autopilots as a number."""
-    name, value, kind = frame.fields.param_id, frame.fields.param_value, frame.fields.param_type
+    name = frame.fields.param_id
+    value = frame.fields.param_value
+    kind = frame.fields.param_type
     if is_bytewise(kind, autopilot=autopilot):
         # The float would not do: the bytes of a negative integer are a NaN, which loses bits.
         data = frame.data
@@ -187,12 +216,18 @@ def setpoint(setpoint: messages.Setpoint, *, now_s: float, to: tuple[int, int]) 
     numbers = (*velocity, *(acceleration or _ZERO), yaw_rad or 0.0)
     if not math.hypot(*numbers) <= FLOAT32_MAX:
         raise ValueError(f"{setpoint}: a setpoint must be finite; it was not sent")
-    mask = _VELOCITY_ALONE - (0 if acceleration is None else _ACCELERATION) - (0 if yaw_rad is None else _YAW)
+    mask = (
+        _VELOCITY_ALONE
+        - (0 if acceleration is None else _ACCELERATION)
+        - (0 if yaw_rad is None else _YAW)
+    )
     target = int(now_s * 1e3) % 2**32, *to, mavlink.MAV_FRAME_LOCAL_NED, mask
     return mavlink.MAVLink_set_position_target_local_ned_message(*target, *_ZERO, *numbers, 0.0)
 
 
-def request(request: messages.Request, *, attempt: int, to: tuple[int, int], autopilot: int = 0) -> Fields:
+def request(
+    request: messages.Request, *, attempt: int, to: tuple[int, int], autopilot: int = 0
+) -> Fields:
     """Return a COMMAND_LONG, COMMAND_INT, PARAM_* or MISSION_* message.
 
     Args:
@@ -206,14 +241,20 @@ def request(request: messages.Request, *, attempt: int, to: tuple[int, int], aut
     """
     match request:
         case messages.ParameterRequest():
-            return mavlink.MAVLink_param_request_read_message(*to, _parameter_name(request.name), -1)
+            return mavlink.MAVLink_param_request_read_message(
+                *to, _parameter_name(request.name), -1
+            )
         case messages.ParameterSet():
             value = _parameter_value(request, autopilot)
-            return mavlink.MAVLink_param_set_message(*to, _parameter_name(request.name), value, request.param_type)
+            return mavlink.MAVLink_param_set_message(
+                *to, _parameter_name(request.name), value, request.param_type
+            )
         case messages.FenceRequest(None):
             return mavlink.MAVLink_mission_request_list_message(*to, mavlink.MAV_MISSION_TYPE_FENCE)
         case messages.FenceRequest(int(sequence)):
-            return mavlink.MAVLink_mission_request_int_message(*to, sequence, mavlink.MAV_MISSION_TYPE_FENCE)
+            return mavlink.MAVLink_mission_request_int_message(
+                *to, sequence, mavlink.MAV_MISSION_TYPE_FENCE
+            )
         case messages.FenceReceived():
             return mavlink.MAVLink_mission_ack_message(*to, 0, mavlink.MAV_MISSION_TYPE_FENCE)
         case messages.Command():
@@ -222,12 +263,16 @@ def request(request: messages.Request, *, attempt: int, to: tuple[int, int], aut
 
 def _command(request: messages.Command, to: tuple[int, int], attempt: int) -> Fields:
     if any(math.isinf(value) for value in request.params):
-        raise ValueError(f"command {request.command}: params = {request.params}: infinite values are not allowed")
+        raise ValueError(
+            f"command {request.command}: params = {request.params}: infinite values are not allowed"
+        )
     if request.frame is None:
         return mavlink.MAVLink_command_long_message(*to, request.command, attempt, *request.params)
     *numbers, latitude_deg, longitude_deg, z = request.params
     place = _e7(latitude_deg), _e7(longitude_deg), z
-    return mavlink.MAVLink_command_int_message(*to, request.frame, request.command, 0, 0, *numbers, *place)
+    return mavlink.MAVLink_command_int_message(
+        *to, request.frame, request.command, 0, 0, *numbers, *place
+    )
 
 
 def _parameter_name(name: str) -> bytes:
@@ -238,13 +283,16 @@ def _parameter_name(name: str) -> bytes:
 
 
 def _parameter_value(wanted: messages.ParameterSet, autopilot: int) -> float:
-    name, value = wanted.name, wanted.value
+    name = wanted.name
+    value = wanted.value
     if not math.isfinite(value):
         raise ValueError(f"parameter {name} = {value}: only finite values can be set")
     if not is_bytewise(wanted.param_type, autopilot=autopilot):
         return value
     if not (value.is_integer() and 0 <= value <= _MAX_BYTEWISE):
-        raise ValueError(f"parameter {name} = {value:g}: it must be an integer from 0 to {_MAX_BYTEWISE}")
+        raise ValueError(
+            f"parameter {name} = {value:g}: it must be an integer from 0 to {_MAX_BYTEWISE}"
+        )
     return float(struct.unpack("<f", struct.pack("<i", int(value)))[0])
 
 

@@ -68,20 +68,29 @@ class FrameReader:
 
     def __init__(self, names: Collection[str] | None = None, dialect: ModuleType = common) -> None:
         self._known = dialect.mavlink_map
-        self._used = {message.msgname for message in self._known.values()} if names is None else names
+        self._used = (
+            {message.msgname for message in self._known.values()} if names is None else names
+        )
         self._buffer = bytearray()
         self._unknown_left = 0
         self.garbage_bytes = self.unknown = self.unused = 0
 
     def read(self, data: bytes, *, stream: bool = True) -> list[Frame]:
         """Return the frames that `data` completes. With `stream` False an incomplete frame is dropped."""
-        buffer, frames, position, broken = self._buffer, list[Frame](), 0, 0
+        buffer = self._buffer
+        frames = list[Frame]()
+        position = 0
+        broken = 0
         buffer += data
         while len(buffer) - position >= _SHORTEST:
             end = position + frame_length(buffer, position)
             if stream and end > len(buffer):
                 break
-            frame = self._decoded(bytes(buffer[position:end])) if position < end <= len(buffer) else None
+            frame = (
+                self._decoded(bytes(buffer[position:end]))
+                if position < end <= len(buffer)
+                else None
+            )
             if frame is None:
                 broken += end > position
                 start = _START.search(buffer, position + 1) if broken <= _MAX_BROKEN else None
@@ -105,27 +114,41 @@ class FrameReader:
 
     def _decoded(self, data: bytes) -> Frame | None:
         """Decode one whole frame; None if its message is unknown or it is damaged."""
-        begin, sender, number = 6, data[2:5], data[5]
+        begin = 6
+        sender = data[2:5]
+        number = data[5]
         if data[0] == MAGIC_V2:
-            begin, sender, number = 10, data[4:7], int.from_bytes(data[7:10], "little")
-        message, end = self._known.get(number), begin + data[1]
+            begin = 10
+            sender = data[4:7]
+            number = int.from_bytes(data[7:10], "little")
+        message = self._known.get(number)
+        end = begin + data[1]
         if message is None:
             if self._unknown_left == 0:
                 self.unknown += 1
                 self._unknown_left = len(data)
             return None
-        if crc16.mcrf4xx(data[1:end] + bytes((message.crc_extra,))) != int.from_bytes(data[end : end + 2], "little"):
+        if crc16.mcrf4xx(data[1:end] + bytes((message.crc_extra,))) != int.from_bytes(
+            data[end : end + 2], "little"
+        ):
             return None
         self._unknown_left = 0
-        name, fields, (sequence, system_id, component_id) = message.msgname, None, sender
+        name = message.msgname
+        fields = None
+        (sequence, system_id, component_id) = sender
         if name in self._used:
             # In half the time of pymavlink's `decode`, which checks everything again. Zeros at the end of a payload may
             # be left out, and extensions that we do not know may follow it.
             size = message.unpacker.size
-            values: Sequence[Any] = message.unpacker.unpack(data[begin:end].ljust(size, b"\0")[:size])
+            values: Sequence[Any] = message.unpacker.unpack(
+                data[begin:end].ljust(size, b"\0")[:size]
+            )
             if len(values) > len(message.lengths):  # the numbers of an array stand side by side
                 rest = iter(values)
-                values = [next(rest) if length == 1 else [*islice(rest, length)] for length in message.lengths]
+                values = [
+                    next(rest) if length == 1 else [*islice(rest, length)]
+                    for length in message.lengths
+                ]
             fields = message(*[values[index] for index in message.orders])
         return Frame(name, system_id, component_id, sequence, fields, data)
 
@@ -137,7 +160,8 @@ class FrameReader:
 
 def frame_length(data: bytes | bytearray, start: int = 0) -> int:
     """Return the length that the header at `start` announces; 0 if no frame starts there. Needs three bytes."""
-    magic, payload = data[start], data[start + 1]
+    magic = data[start]
+    payload = data[start + 1]
     if magic == MAGIC_V1:
         return 6 + payload + 2
     if magic != MAGIC_V2 or data[start + 2] & ~SIGNED:
@@ -149,7 +173,11 @@ def header_of(data: bytes) -> tuple[int, int] | None:
     """Return system id and message id from the header of a datagram, unchecked; None if no frame starts there."""
     if len(data) >= _SHORTEST and data[0] == MAGIC_V1:
         return data[3], data[5]
-    return (data[5], int.from_bytes(data[7:10], "little")) if len(data) >= 10 and data[0] == MAGIC_V2 else None
+    return (
+        (data[5], int.from_bytes(data[7:10], "little"))
+        if len(data) >= 10 and data[0] == MAGIC_V2
+        else None
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +210,9 @@ class SigningKey:
         """
         digits = text.strip()
         if re.fullmatch(r"[0-9a-fA-F]{64}", digits) is None:
-            raise ConfigError(f"signing key: {len(digits)} characters; it must be 64 hexadecimal digits")
+            raise ConfigError(
+                f"signing key: {len(digits)} characters; it must be 64 hexadecimal digits"
+            )
         return cls(bytes.fromhex(digits))
 
 
@@ -228,7 +258,12 @@ class Station:
     """One sender of frames. It numbers them and, with a key, signs them and checks the signatures of others."""
 
     def __init__(
-        self, system_id: int, component_id: int, *, signing_key: SigningKey | None = None, clock: Clock | None = None
+        self,
+        system_id: int,
+        component_id: int,
+        *,
+        signing_key: SigningKey | None = None,
+        clock: Clock | None = None,
     ) -> None:
         """Start at sequence number 0. The clock is used for signing only."""
         self._mavlink = common.MAVLink(None, system_id, component_id)
@@ -240,7 +275,8 @@ class Station:
             self.check = SignatureCheck(signing_key)
             self._begun_ticks = self.check.latest
             signing = self._mavlink.signing
-            signing.secret_key, signing.sign_outgoing = signing_key.secret, True
+            signing.secret_key = signing_key.secret
+            signing.sign_outgoing = True
 
     def pack(self, message: Fields) -> bytes:
         """Return a message as our next frame.

@@ -34,7 +34,9 @@ Validity = tuple[datetime.datetime, datetime.datetime]
 """Begin and end of a certificate's validity."""
 
 
-def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validity: Validity) -> list[Path]:
+def make_keys(
+    folder: Path, parties: Sequence[str], hosts: Sequence[str], validity: Validity
+) -> list[Path]:
     """Create the missing files in a folder: the authority, the router's certificate, and one for each party.
 
     Args:
@@ -52,18 +54,28 @@ def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validi
     """
     for name in parties:
         if name in {AUTHORITY, ROUTER} or (folder / f"{name}.pem").exists():
-            raise ConfigError(f"{folder / name}.pem: already exists; choose another name or remove it")
+            raise ConfigError(
+                f"{folder / name}.pem: already exists; choose another name or remove it"
+            )
     private_folder(folder)
     written: list[Path] = []
     if (folder / f"{AUTHORITY}.pem").exists():
         authority = _read(folder)
     else:
-        authority = _certified(None, "pursuit guidance test authority", validity, [(_SIGNING, True)])
+        authority = _certified(
+            None, "pursuit guidance test authority", validity, [(_SIGNING, True)]
+        )
         written += _write(folder, AUTHORITY, authority)
     if not (folder / f"{ROUTER}.pem").exists():
-        written += _write(folder, ROUTER, _signed(authority, ROUTER, hosts, ExtendedKeyUsageOID.SERVER_AUTH, validity))
+        written += _write(
+            folder,
+            ROUTER,
+            _signed(authority, ROUTER, hosts, ExtendedKeyUsageOID.SERVER_AUTH, validity),
+        )
     for name in parties:
-        written += _write(folder, name, _signed(authority, name, (), ExtendedKeyUsageOID.CLIENT_AUTH, validity))
+        written += _write(
+            folder, name, _signed(authority, name, (), ExtendedKeyUsageOID.CLIENT_AUTH, validity)
+        )
         keys = f'tls_ca_file = "{AUTHORITY}.pem"\ntls_certificate_file = "{name}.pem"\ntls_key_file = "{name}.key"\n'
         written.append(folder / f"{name}.toml")
         written[-1].write_text(keys, encoding="utf-8")
@@ -71,20 +83,34 @@ def make_keys(folder: Path, parties: Sequence[str], hosts: Sequence[str], validi
 
 
 def _signed(
-    authority: KeyPair, common_name: str, hosts: Sequence[str], use: x509.ObjectIdentifier, validity: Validity
+    authority: KeyPair,
+    common_name: str,
+    hosts: Sequence[str],
+    use: x509.ObjectIdentifier,
+    validity: Validity,
 ) -> KeyPair:
     called = x509.SubjectAlternativeName([_general(host) for host in hosts or (common_name,)])
-    return _certified(authority, common_name, validity, [(called, False), (x509.ExtendedKeyUsage([use]), False)])
+    return _certified(
+        authority, common_name, validity, [(called, False), (x509.ExtendedKeyUsage([use]), False)]
+    )
 
 
 def _certified(
-    authority: KeyPair | None, name: str, validity: Validity, extensions: Sequence[tuple[x509.ExtensionType, bool]]
+    authority: KeyPair | None,
+    name: str,
+    validity: Validity,
+    extensions: Sequence[tuple[x509.ExtensionType, bool]],
 ) -> KeyPair:
     """Return a new key and its certificate, self-signed without an authority. Extensions may be critical (True)."""
-    key, subject = ec.generate_private_key(ec.SECP256R1()), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     issuer = subject if authority is None else authority.certificate.subject
-    built = x509.CertificateBuilder(issuer, subject, key.public_key(), x509.random_serial_number(), *validity)
-    constraints = x509.BasicConstraints(ca=authority is None, path_length=0 if authority is None else None)
+    built = x509.CertificateBuilder(
+        issuer, subject, key.public_key(), x509.random_serial_number(), *validity
+    )
+    constraints = x509.BasicConstraints(
+        ca=authority is None, path_length=0 if authority is None else None
+    )
     for extension, critical in ((constraints, True), *extensions):
         built = built.add_extension(extension, critical=critical)
     return KeyPair(key, built.sign(key if authority is None else authority.key, hashes.SHA256()))
@@ -98,9 +124,13 @@ def _general(host: str) -> x509.GeneralName:
 
 
 def _write(folder: Path, name: str, pair: KeyPair) -> list[Path]:
-    certificate, key = folder / f"{name}.pem", folder / f"{name}.key"
-    pem, plain = serialization.Encoding.PEM, serialization.NoEncryption()
-    private_file(key).write_bytes(pair.key.private_bytes(pem, serialization.PrivateFormat.PKCS8, plain))
+    certificate = folder / f"{name}.pem"
+    key = folder / f"{name}.key"
+    pem = serialization.Encoding.PEM
+    plain = serialization.NoEncryption()
+    private_file(key).write_bytes(
+        pair.key.private_bytes(pem, serialization.PrivateFormat.PKCS8, plain)
+    )
     certificate.write_bytes(pair.certificate.public_bytes(pem))
     return [certificate, key]
 
@@ -114,7 +144,12 @@ def _read(folder: Path) -> KeyPair:
         need = "certificates need the authority's key"
         raise ConfigError(f"{path}: cannot be read ({error.strerror}); {need}") from error
     except (ValueError, TypeError) as error:
-        raise ConfigError(f"{path} and its .pem: not a key and certificate in PEM ({error})") from error
-    if not isinstance(key, ec.EllipticCurvePrivateKey) or certificate.public_key() != key.public_key():
+        raise ConfigError(
+            f"{path} and its .pem: not a key and certificate in PEM ({error})"
+        ) from error
+    if (
+        not isinstance(key, ec.EllipticCurvePrivateKey)
+        or certificate.public_key() != key.public_key()
+    ):
         raise ConfigError(f"{path}: is not the key of {AUTHORITY}.pem")
     return KeyPair(key, certificate)

@@ -59,9 +59,13 @@ class MavlinkEvader:
     def __post_init__(self) -> None:
         """Begin with nothing heard."""
         polled = self.request_rate_hz is not None
-        self._frames = FrameReader((self.carrier.message, "TIMESYNC", *(("COMMAND_ACK",) if polled else ())))
+        self._frames = FrameReader(
+            (self.carrier.message, "TIMESYNC", *(("COMMAND_ACK",) if polled else ()))
+        )
         own_id = GROUND_STATION_ID if polled else self.system_id
-        self._station = Station(own_id, OWN_COMPONENT_ID, signing_key=self.signing_key, clock=self.clock)
+        self._station = Station(
+            own_id, OWN_COMPONENT_ID, signing_key=self.signing_key, clock=self.clock
+        )
         self._timesync = TimesyncPeer()
         self._answer: Timesync | None = None
         self._sent_s: float | None = None
@@ -75,7 +79,9 @@ class MavlinkEvader:
         reports = []
         for data in self.wire.impostors():
             frame = self._frames.first(data)
-            self._impostors += frame is not None and frame.name == self.carrier.message and self._is_meant(frame)
+            self._impostors += (
+                frame is not None and frame.name == self.carrier.message and self._is_meant(frame)
+            )
         for received_s, data in self.wire.receive():
             for frame in self._frames.read(data, stream=self.wire.stream):
                 if self._is_meant(frame):
@@ -101,7 +107,9 @@ class MavlinkEvader:
             params = (message_id, 1e6 / self.request_rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0)
             self._requests.add(Command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, params))
         for request, attempt in self._requests.due(now_s):
-            self._send(codec.request(request, attempt=attempt, to=(self.system_id, self.component_id or 1)))
+            self._send(
+                codec.request(request, attempt=attempt, to=(self.system_id, self.component_id or 1))
+            )
             self._counts["requests_sent"] += 1
 
     def _send(self, message: Fields) -> None:
@@ -109,10 +117,14 @@ class MavlinkEvader:
 
     def _is_meant(self, frame: Frame) -> bool:
         """Return whether a frame is the evader's, validly signed if there is a key."""
-        foreign = frame.system_id != self.system_id or self.component_id not in (None, frame.component_id)
+        foreign = frame.system_id != self.system_id or self.component_id not in (
+            None,
+            frame.component_id,
+        )
         check = self._station.check
         problem = "foreign" if foreign else None if check is None else check.problem(frame)
-        if problem is not None and frame.name != "COMMAND_ACK":  # the vehicle's arrive on a shared wire
+        # The vehicle's arrive on a shared wire
+        if problem is not None and frame.name != "COMMAND_ACK":
             self._counts[problem] += 1
         return problem is None
 
@@ -125,24 +137,38 @@ class MavlinkEvader:
                 self._send(reply)
             return []
         if frame.name == "COMMAND_ACK":
-            ours = fields.target_system in (0, GROUND_STATION_ID) and fields.target_component in (0, OWN_COMPONENT_ID)
+            ours = fields.target_system in (0, GROUND_STATION_ID) and fields.target_component in (
+                0,
+                OWN_COMPONENT_ID,
+            )
             if ours and frame.component_id == (self.component_id or 1):
                 self._requests.hear(CommandAck(received_s, fields.command, fields.result))
             return []
         report = accepted(self._counts, self.carrier.report, fields, received_s)
         if report is None:
             return []
-        impostors, self._impostors = self._impostors, 0
-        sent_s, period_s = report.sent_s, self.carrier.period_s
-        if not math.isnan(sent_s):  # the reading nearest to the last one: a late report from before a wrap stays there
-            sent_s += 0.0 if self._sent_s is None else period_s * round((self._sent_s - sent_s) / period_s)
+        impostors = self._impostors
+        self._impostors = 0
+        sent_s = report.sent_s
+        period_s = self.carrier.period_s
+        # The reading nearest to the last one: a late report from before a wrap stays there
+        if not math.isnan(sent_s):
+            sent_s += (
+                0.0
+                if self._sent_s is None
+                else period_s * round((self._sent_s - sent_s) / period_s)
+            )
             self._sent_s = sent_s
-        report = report._replace(sent_s=sent_s, sequence=frame.sequence, impostors=impostors or None)
+        report = report._replace(
+            sent_s=sent_s, sequence=frame.sequence, impostors=impostors or None
+        )
         return [report if self._answer is None else self._with_answer(report, self._answer)]
 
     def _with_answer(self, report: EvaderReport, answer: Timesync) -> EvaderReport:
         self._answer = None
-        theirs_less_ours_s = answer.remote_ns / 1e9 - 0.5 * (answer.local_ns / 1e9 + answer.received_s)
+        theirs_less_ours_s = answer.remote_ns / 1e9 - 0.5 * (
+            answer.local_ns / 1e9 + answer.received_s
+        )
         delay_s = report.received_s - (report.sent_s - theirs_less_ours_s)
         if not -_CLOCKS_AGREE_S < delay_s < _MAX_DELAY_S:
             self._counts["clock_disagrees"] += 1
@@ -152,7 +178,12 @@ class MavlinkEvader:
 
     def counters(self) -> Mapping[str, int]:
         """Return the number of reports, of refused ones by reason, and the wire's counts."""
-        own = {"reports": 0, "foreign": 0, "garbage_bytes": self._frames.garbage_bytes, **self._counts}
+        own = {
+            "reports": 0,
+            "foreign": 0,
+            "garbage_bytes": self._frames.garbage_bytes,
+            **self._counts,
+        }
         return {**own, **self.wire.counters()}
 
     def close(self) -> None:

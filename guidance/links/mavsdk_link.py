@@ -29,7 +29,9 @@ from guidance.errors import LinkError
 from guidance.links.frames import Fields, Frame, FrameReader
 from guidance.links.pymavlink_link import USED, PymavlinkLink
 
-_ANSWERS: Final = frozenset({"COMMAND_ACK", "PARAM_VALUE", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"})
+_ANSWERS: Final = frozenset(
+    {"COMMAND_ACK", "PARAM_VALUE", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"}
+)
 _SHOWN: Final = _ANSWERS | {"HEARTBEAT", "AUTOPILOT_VERSION"}
 """Messages that are passed on to MAVSDK."""
 
@@ -37,10 +39,18 @@ _DIRECT: Final = frozenset({"SET_POSITION_TARGET_LOCAL_NED", "TIMESYNC"})
 """Messages that do not go through MAVSDK."""
 
 LOGGER: Final = logging.getLogger("guidance.links.mavsdk")
-_LEVELS: Final = (logging.DEBUG, logging.DEBUG, logging.INFO, logging.WARNING)  # one lower: MAVSDK's INFO is chatter
+# One lower: MAVSDK's INFO is chatter
+_LEVELS: Final = (
+    logging.DEBUG,
+    logging.DEBUG,
+    logging.INFO,
+    logging.WARNING,
+)
 
 
-def _log(level: int, message: bytes | None, _file: bytes | None, _line: int, _user: ctypes.c_void_p) -> bool:
+def _log(
+    level: int, message: bytes | None, _file: bytes | None, _line: int, _user: ctypes.c_void_p
+) -> bool:
     LOGGER.log(_LEVELS[min(max(level, 0), 3)], "%s", (message or b"").decode(errors="replace"))
     return True  # handled: MAVSDK prints nothing
 
@@ -74,7 +84,9 @@ class MavsdkLink(PymavlinkLink):
         self._mavsdk.subscribe_raw_bytes_to_be_sent(self._pass_on)
         if result != ConnectionResult.SUCCESS:
             self.close()
-            raise LinkError(f"raw://: MAVSDK {result.name}; is another program of this process using it?")
+            raise LinkError(
+                f"raw://: MAVSDK {result.name}; is another program of this process using it?"
+            )
 
     def _pass_on(self, data: bytes) -> None:
         """Send one frame of MAVSDK's, numbered as our next; called on MAVSDK's thread."""
@@ -113,7 +125,9 @@ class MavsdkLink(PymavlinkLink):
         if self._direct is None:
             return
         fields = {name: message.format_attr(name) for name in message.fieldnames}
-        plain = {key: None if isinstance(v, float) and math.isnan(v) else v for key, v in fields.items()}
+        plain = {
+            key: None if isinstance(v, float) and math.isnan(v) else v for key, v in fields.items()
+        }
         try:
             self._direct.send_message(MavlinkMessage(name, fields_json=json.dumps(plain)))
         except MavlinkDirectError:

@@ -58,9 +58,17 @@ def open_wire(
         return SerialWire(clock, device=endpoint.host, baud=endpoint.port)
     listen = endpoint.scheme.endswith("in")
     if endpoint.scheme.startswith("udp"):
-        checks = {system_id: SignatureCheck(signing_key) for system_id in systems or () if signing_key is not None}
-        return UdpWire(clock, endpoint.host, endpoint.port, AddressPins(systems, checks) if listen else None)
-    return TcpWire(clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s)
+        checks = {
+            system_id: SignatureCheck(signing_key)
+            for system_id in systems or ()
+            if signing_key is not None
+        }
+        return UdpWire(
+            clock, endpoint.host, endpoint.port, AddressPins(systems, checks) if listen else None
+        )
+    return TcpWire(
+        clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s
+    )
 
 
 def open_link(
@@ -93,14 +101,18 @@ def open_link(
     """
     with contextlib.ExitStack() as closing:
         closing.callback(wire.close)
-        link = _LINKS[kind](wire, clock, system_id=system_id, component_id=component_id, signing_key=signing_key)
+        link = _LINKS[kind](
+            wire, clock, system_id=system_id, component_id=component_id, signing_key=signing_key
+        )
         closing.callback(link.close)
         wait_until_heard(link, clock=clock, timeout_s=timeout_s, sleep=sleep, who=who)
         closing.pop_all()
     return link
 
 
-def wait_until_heard(link: PymavlinkLink, *, clock: Clock, timeout_s: float, sleep: Sleep, who: str) -> None:
+def wait_until_heard(
+    link: PymavlinkLink, *, clock: Clock, timeout_s: float, sleep: Sleep, who: str
+) -> None:
     """Wait for the vehicle's first HEARTBEAT, and send our own once a second. `receive` returns what arrives meanwhile.
 
     Args:
@@ -119,7 +131,9 @@ def wait_until_heard(link: PymavlinkLink, *, clock: Clock, timeout_s: float, sle
             return
     others = ", ".join(map(str, sorted(link.others))) or "none"
     ask = "Is it running, does it send here, and is its system id right?"
-    raise LinkError(f"{who}: no HEARTBEAT within {timeout_s:g} s; other systems heard: {others}. {ask}")
+    raise LinkError(
+        f"{who}: no HEARTBEAT within {timeout_s:g} s; other systems heard: {others}. {ask}"
+    )
 
 
 class Found(NamedTuple):
@@ -146,12 +160,20 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
     Raises:
         LinkError: If none arrived within `timeout_s`.
     """
-    reader, station, heard = FrameReader({"HEARTBEAT"}), Station(*_OWN), 0
+    reader = FrameReader({"HEARTBEAT"})
+    station = Station(*_OWN)
+    heard = 0
     for _ in _looks(lambda: wire.send(station.pack(own_heartbeat())), clock, timeout_s, sleep):
-        for frame in [frame for _, data in wire.receive() for frame in reader.read(data, stream=wire.stream)]:
+        for frame in [
+            frame for _, data in wire.receive() for frame in reader.read(data, stream=wire.stream)
+        ]:
             _, *ids, _, beat, _ = frame
             # INVALID: a ground station, companion computer or camera. No sender has the id 0, which means all.
-            if all(ids) and beat.type != mavlink.MAV_TYPE_GCS and beat.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
+            if (
+                all(ids)
+                and beat.type != mavlink.MAV_TYPE_GCS
+                and beat.autopilot != mavlink.MAV_AUTOPILOT_INVALID
+            ):
                 return Found(frame.system_id, frame.component_id, beat.autopilot, beat.type)
             heard += 1
     others = f"{heard + reader.unused} other frames heard"
@@ -159,7 +181,9 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
     raise LinkError(f"{who}: no autopilot's HEARTBEAT within {timeout_s:g} s ({others}); {ask}")
 
 
-def _looks(beat: Callable[[], None], clock: Clock, timeout_s: float, sleep: Sleep) -> Iterator[None]:
+def _looks(
+    beat: Callable[[], None], clock: Clock, timeout_s: float, sleep: Sleep
+) -> Iterator[None]:
     """Yield again and again until the time is up, with a HEARTBEAT every second."""
     beat_s = clock()
     deadline_s = beat_s + timeout_s

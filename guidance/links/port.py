@@ -155,10 +155,13 @@ def taken_apart(url: str) -> Endpoint:
     if scheme == "serial":
         device, _, baud = rest.rpartition(":")
         if not device or not baud.isdecimal() or int(baud) == 0:
-            raise ValueError("a device and a baud rate are needed, as in serial:///dev/ttyACM0:57600")
+            raise ValueError(
+                "a device and a baud rate are needed, as in serial:///dev/ttyACM0:57600"
+            )
         return Endpoint(scheme, device, int(baud))
     parts = urlsplit(url)
-    host, port = parts.hostname, parts.port
+    host = parts.hostname
+    port = parts.port
     namespace = parts.path.strip("/")
     if not host or not port or parts.query or parts.fragment or parts.username:
         raise ValueError(f"a host and a port are needed, as in {scheme}://127.0.0.1:14540")

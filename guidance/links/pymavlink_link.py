@@ -53,7 +53,8 @@ class TextJoiner:
         begun = self.open or messages.StatusText(received_s, message.severity, "")
         lost = message.id and message.chunk_seq != (self._next_sequence if self.open else 0)
         self.open = begun._replace(text=f"{begun.text}{'…' if lost else ''}{message.text}")
-        self._message_id, self._next_sequence = message.id, message.chunk_seq + 1
+        self._message_id = message.id
+        self._next_sequence = message.chunk_seq + 1
         is_last = message.id == 0 or len(message.text.encode()) < _TEXT_CHUNK_BYTES
         return done + self.close() if is_last or len(self.open.text) >= _LONGEST_TEXT else done
 
@@ -61,7 +62,8 @@ class TextJoiner:
         """Return the open text as it is, if it began before `before_s`; it is closed then."""
         if self.open is None or self.open.received_s >= before_s:
             return []
-        closed, self.open = self.open, None
+        closed = self.open
+        self.open = None
         return [closed]
 
 
@@ -145,7 +147,8 @@ class PymavlinkLink:
         if (overflowed := len(self._inbox) - QUEUE_LENGTH) > 0:
             del self._inbox[:overflowed]
             self.counts["overflowed"] += overflowed
-        received, self._inbox = self._inbox, []
+        received = self._inbox
+        self._inbox = []
         return received
 
     def _overhear(self, frame: Frame, received_s: float) -> None:
@@ -163,11 +166,13 @@ class PymavlinkLink:
         Raises:
             KeyError, TypeError, ValueError, ArithmeticError: If its values are implausible.
         """
-        name, fields = frame.name, frame.fields
+        name = frame.name
+        fields = frame.fields
         system_id, component_id = self._own
         if (
             getattr(fields, "target_system", 0) not in (0, system_id)
-            or getattr(fields, "target_component", 0) not in (0, component_id)  # 0: addressed to all
+            or getattr(fields, "target_component", 0)
+            not in (0, component_id)  # 0: addressed to all
         ):
             self.counts["for_others"] += 1
         elif name == "STATUSTEXT":
@@ -192,7 +197,9 @@ class PymavlinkLink:
         if self._texts.open:
             self._inbox.extend(self._texts.close(now_s - _TEXT_TIMEOUT_S))
         for request, attempt in self._requests.due(now_s) if self._requests.waiting else ():
-            self._send(codec.request(request, attempt=attempt, to=self._vehicle, autopilot=self.autopilot))
+            self._send(
+                codec.request(request, attempt=attempt, to=self._vehicle, autopilot=self.autopilot)
+            )
             self.counts["requests_sent"] += 1
         if self.heartbeats and now_s >= self._timesync.next_ask_s:
             self._send(self._timesync.ask(now_s))

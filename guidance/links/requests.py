@@ -18,7 +18,15 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance import messages
 from guidance.links.frames import Fields
-from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Request, Timesync
+from guidance.messages import (
+    Command,
+    FenceReceived,
+    FenceRequest,
+    ParameterRequest,
+    ParameterSet,
+    Request,
+    Timesync,
+)
 
 REPEAT_S: Final = 0.5
 MAX_SENDS: Final = 4
@@ -34,7 +42,11 @@ Key = tuple[type[Request], int | str | None]
 
 def is_repeatable(request: Request) -> bool:
     """Return whether a repeat is harmless: read or set parameters, the fence, streams and messages."""
-    return request.command in _REPEATABLE if isinstance(request, Command) else not isinstance(request, FenceReceived)
+    return (
+        request.command in _REPEATABLE
+        if isinstance(request, Command)
+        else not isinstance(request, FenceReceived)
+    )
 
 
 @dataclass(slots=True)
@@ -70,7 +82,8 @@ class RequestQueue:
         """Yield (request, attempt counted from 0) for all that must be sent now; drop those never answered."""
         for key, lane in list(self.waiting.items()):
             while lane and lane[0].sends >= lane[0].max_sends and now_s >= lane[0].next_send_s:
-                self.unanswered += not isinstance(lane.popleft().request, FenceReceived)  # has no answer
+                # Has no answer
+                self.unanswered += not isinstance(lane.popleft().request, FenceReceived)
             if not lane:
                 del self.waiting[key]
             elif now_s >= (pending := lane[0]).next_send_s:
@@ -83,7 +96,8 @@ class RequestQueue:
         match message:
             case messages.CommandAck(now_s, command, result):
                 lane = self.waiting.get((Command, command))
-                if lane and lane[0].sends > 0 and result == mavlink.MAV_RESULT_IN_PROGRESS:  # wait without repeats
+                # Wait without repeats
+                if lane and lane[0].sends > 0 and result == mavlink.MAV_RESULT_IN_PROGRESS:
                     lane[0].sends = lane[0].max_sends
                     lane[0].next_send_s = now_s + IN_PROGRESS_TIMEOUT_S
                 elif lane and lane[0].sends > 0:  # every other result is final
@@ -94,7 +108,9 @@ class RequestQueue:
             case messages.FenceRefused():
                 self.waiting.pop((FenceRequest, None), None)
             case messages.FenceCount() | messages.FenceItem():
-                answered = FenceRequest(message.sequence if isinstance(message, messages.FenceItem) else None)
+                answered = FenceRequest(
+                    message.sequence if isinstance(message, messages.FenceItem) else None
+                )
                 lane = self.waiting.get((FenceRequest, None))
                 if lane and lane[0].request == answered:
                     lane.clear()

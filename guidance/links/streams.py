@@ -40,7 +40,9 @@ class StreamWire(QueuedWire):
 
     stream = True
 
-    def __init__(self, clock: Clock, name: str, connect: Callable[[], Connection], first: Connection | None) -> None:
+    def __init__(
+        self, clock: Clock, name: str, connect: Callable[[], Connection], first: Connection | None
+    ) -> None:
         """Begin to read from the first connection. `connect` waits at most briefly: TimeoutError means try again."""
         super().__init__(clock)
         self._connect = connect
@@ -53,7 +55,9 @@ class StreamWire(QueuedWire):
     def take_up(self, peer: Connection | None) -> None:
         """Close the connection and talk to a new peer, beginning with a whole frame; with None to no peer."""
         with self._lock:
-            ended, self._peer, self._rest = self._peer, peer, b""
+            ended = self._peer
+            self._peer = peer
+            self._rest = b""
         if ended is not None:
             ended.close()
         if peer is not None:
@@ -100,7 +104,9 @@ class StreamWire(QueuedWire):
 class TcpWire(StreamWire):
     """One connection. When it breaks, we call again or accept the next caller."""
 
-    def __init__(self, clock: Clock, *, host: str, port: int, listen: bool, timeout_s: float = 5.0) -> None:
+    def __init__(
+        self, clock: Clock, *, host: str, port: int, listen: bool, timeout_s: float = 5.0
+    ) -> None:
         """Connect, or begin to listen.
 
         Raises:
@@ -114,13 +120,18 @@ class TcpWire(StreamWire):
                 self._server.settimeout(_WAIT_S)
             first = None if listen else self._called(host, port, timeout_s)
         except OSError as error:
-            busy, absent = "choose another port or end the program that uses it", "is the vehicle running there?"
+            busy = "choose another port or end the program that uses it"
+            absent = "is the vehicle running there?"
             raise LinkError(f"{name}: {error}; {busy if listen else absent}") from error
         super().__init__(clock, name, partial(self._called, host, port, _WAIT_S), first)
 
     def _called(self, host: str, port: int, timeout_s: float) -> socket.socket:
         server = self._server
-        peer = socket.create_connection((host, port), timeout_s) if server is None else server.accept()[0]
+        peer = (
+            socket.create_connection((host, port), timeout_s)
+            if server is None
+            else server.accept()[0]
+        )
         peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         peer.setblocking(False)
         return peer

@@ -56,7 +56,8 @@ class Reader(threading.Thread):
 
     def __init__(self, read: Callable[[], None], *, name: str) -> None:
         super().__init__(name=name, daemon=True)
-        self._read, self._ended = read, threading.Event()
+        self._read = read
+        self._ended = threading.Event()
         self.start()
 
     def run(self) -> None:
@@ -109,7 +110,11 @@ class QueuedWire(ABC):
 
     def counters(self) -> Mapping[str, int]:
         """Return how many frames were sent, not sent, and dropped because the queue was full."""
-        return {"wire_sent": self._sent, "wire_unsent": self._unsent, "wire_dropped": self._arrivals.dropped}
+        return {
+            "wire_sent": self._sent,
+            "wire_unsent": self._unsent,
+            "wire_dropped": self._arrivals.dropped,
+        }
 
     def close(self) -> None:
         """Close the wire; may be called twice."""
@@ -125,12 +130,14 @@ class MemoryWire(QueuedWire):
 
     def __init__(self, clock: Clock, inbox: Arrivals[Packet], outbox: Arrivals[Packet]) -> None:
         super().__init__(clock)
-        self._arrivals, self._outbox = inbox, outbox
+        self._arrivals = inbox
+        self._outbox = outbox
 
     @classmethod
     def pair(cls, clock: Clock) -> tuple["MemoryWire", "MemoryWire"]:
         """Return two connected ends."""
-        one, other = Arrivals[Packet](), Arrivals[Packet]()
+        one = Arrivals[Packet]()
+        other = Arrivals[Packet]()
         return cls(clock, one, other), cls(clock, other, one)
 
     def _write(self, frame: bytes) -> bool:
@@ -147,7 +154,8 @@ class WireShare:
         self._wire = wire
         self._shares = shares
         self.arrivals = Arrivals[Packet]()
-        self.stream, self.impostors = wire.stream, wire.impostors  # impostors: for the first reader that asks
+        self.stream = wire.stream
+        self.impostors = wire.impostors  # impostors: for the first reader that asks
         shares.append(self)
 
     def receive(self) -> Sequence[Packet]:
@@ -195,10 +203,13 @@ class TappedWire:
     def __init__(self, wire: Wire, clock: Clock, namespace: str) -> None:
         self._wire = wire
         self._clock = clock
-        self._to, self._from = f"{namespace}/{TO_VEHICLE}", f"{namespace}/{FROM_VEHICLE}"
+        self._to = f"{namespace}/{TO_VEHICLE}"
+        self._from = f"{namespace}/{FROM_VEHICLE}"
         self._captured: deque[CapturedFrame] = deque(maxlen=_MAX_CAPTURED)
         self.stream = wire.stream
-        self.impostors, self.counters, self.close = wire.impostors, wire.counters, wire.close
+        self.impostors = wire.impostors
+        self.counters = wire.counters
+        self.close = wire.close
 
     def drain(self) -> Sequence[CapturedFrame]:
         """Return everything captured since the last call, oldest first."""
@@ -207,7 +218,9 @@ class TappedWire:
     def receive(self) -> Sequence[Packet]:
         """Return and capture the arrivals of the wire."""
         arrived = self._wire.receive()
-        self._captured.extend(CapturedFrame(received_s, self._from, frame) for received_s, frame in arrived)
+        self._captured.extend(
+            CapturedFrame(received_s, self._from, frame) for received_s, frame in arrived
+        )
         return arrived
 
     def send(self, frame: bytes) -> None:

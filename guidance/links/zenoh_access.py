@@ -24,22 +24,38 @@ _PATHS: Final = ("tls_ca_file", "tls_certificate_file", "tls_key_file", "passwor
 class ZenohSection(Section):
     """Access to a Zenoh router on another computer. Without this section Zenoh uses plain TCP."""
 
-    tls_ca_file: Path | None = Field(None, description="PEM; use TLS, with routers whose certificate it has signed")
-    tls_certificate_file: Path | None = Field(None, description="PEM; mutual TLS: its common name is our identity")
-    tls_key_file: Path | None = Field(None, description="PEM, of the certificate; only you may read it")
-    user: str | None = Field(None, pattern=r"^[^\s:]{1,64}$", description="our name at a router that asks for one")
+    tls_ca_file: Path | None = Field(
+        None, description="PEM; use TLS, with routers whose certificate it has signed"
+    )
+    tls_certificate_file: Path | None = Field(
+        None, description="PEM; mutual TLS: its common name is our identity"
+    )
+    tls_key_file: Path | None = Field(
+        None, description="PEM, of the certificate; only you may read it"
+    )
+    user: str | None = Field(
+        None, pattern=r"^[^\s:]{1,64}$", description="our name at a router that asks for one"
+    )
     password_file: Path | None = Field(None, description="one line; only you may read it")
 
     def _faults(self) -> Iterator[str]:
         authority, certificate, key, password = _PATHS
-        pairs = (certificate, key), (key, certificate), (certificate, authority), ("user", password), (password, "user")
+        pairs = (
+            (certificate, key),
+            (key, certificate),
+            (certificate, authority),
+            ("user", password),
+            (password, "user"),
+        )
         for one, other in pairs:
             if getattr(self, one) is not None and getattr(self, other) is None:
                 yield f"zenoh.{other}: missing; zenoh.{one} = {str(getattr(self, one))!r} needs it"
 
     def beside(self, folder: Path) -> Self:
         """Return a copy whose relative paths are relative to a folder."""
-        given = {name: folder / path for name in _PATHS if (path := getattr(self, name)) is not None}
+        given = {
+            name: folder / path for name in _PATHS if (path := getattr(self, name)) is not None
+        }
         return self.model_copy(update=given)
 
 
@@ -69,7 +85,11 @@ def read_credentials(path: Path | None) -> Credentials:
     Raises:
         ConfigError: If it is wrong, or as `credentials_of`.
     """
-    return NO_CREDENTIALS if path is None else credentials_of(load(ZenohSection, path).beside(path.parent))
+    return (
+        NO_CREDENTIALS
+        if path is None
+        else credentials_of(load(ZenohSection, path).beside(path.parent))
+    )
 
 
 def _auth(section: ZenohSection) -> Mapping[str, Any] | None:
@@ -77,12 +97,16 @@ def _auth(section: ZenohSection) -> Mapping[str, Any] | None:
         return None
     password = _read("password_file", section.password_file, secret=True).rstrip("\n")
     if not password or "\n" in password:
-        raise ConfigError(f"zenoh.password_file = {str(section.password_file)!r}: it must have one line, the password")
+        raise ConfigError(
+            f"zenoh.password_file = {str(section.password_file)!r}: it must have one line, the password"
+        )
     return {"usrpwd": {"user": section.user, "password": password}}
 
 
 def _tls(section: ZenohSection) -> Mapping[str, Any] | None:
-    authority, certificate, key = section.tls_ca_file, section.tls_certificate_file, section.tls_key_file
+    authority = section.tls_ca_file
+    certificate = section.tls_certificate_file
+    key = section.tls_key_file
     if authority is None:
         return None
     _read("tls_ca_file", authority)
@@ -90,18 +114,34 @@ def _tls(section: ZenohSection) -> Mapping[str, Any] | None:
     try:
         context.load_verify_locations(authority)
     except ssl.SSLError as error:
-        raise ConfigError(f"zenoh.tls_ca_file = {str(authority)!r}: not a PEM certificate ({error.reason})") from error
-    tls = {"root_ca_certificate": str(authority), "verify_name_on_connect": True, "close_link_on_expiration": True}
+        raise ConfigError(
+            f"zenoh.tls_ca_file = {str(authority)!r}: not a PEM certificate ({error.reason})"
+        ) from error
+    tls = {
+        "root_ca_certificate": str(authority),
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
+    }
     if certificate is None or key is None:
         return tls
     _read("tls_certificate_file", certificate)
     _read("tls_key_file", key, secret=True)
     try:
-        context.load_cert_chain(certificate, key, password=str)  # Zenoh cannot ask for a password either
+        # Zenoh cannot ask for a password either
+        context.load_cert_chain(certificate, key, password=str)
     except ssl.SSLError as error:
-        files = f"zenoh.tls_certificate_file = {str(certificate)!r}, zenoh.tls_key_file = {str(key)!r}"
-        raise ConfigError(f"{files}: not a certificate and its key in PEM ({error.reason or error})") from error
-    return {**tls, "enable_mtls": True, "connect_certificate": str(certificate), "connect_private_key": str(key)}
+        files = (
+            f"zenoh.tls_certificate_file = {str(certificate)!r}, zenoh.tls_key_file = {str(key)!r}"
+        )
+        raise ConfigError(
+            f"{files}: not a certificate and its key in PEM ({error.reason or error})"
+        ) from error
+    return {
+        **tls,
+        "enable_mtls": True,
+        "connect_certificate": str(certificate),
+        "connect_private_key": str(key),
+    }
 
 
 def _read(name: str, path: Path, *, secret: bool = False) -> str:

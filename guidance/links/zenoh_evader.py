@@ -22,7 +22,14 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from guidance.errors import ConfigError
 from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative, ned_from_game
-from guidance.links.carriers import Refused, accepted, known_velocity, place_in, rotate, standard_deviation
+from guidance.links.carriers import (
+    Refused,
+    accepted,
+    known_velocity,
+    place_in,
+    rotate,
+    standard_deviation,
+)
 from guidance.links.port import Clock
 from guidance.links.zenoh_wire import Session, Subscription, close_all
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
@@ -33,14 +40,20 @@ POSE_TYPE: Final = "geometry_msgs::msg::dds_::PoseStamped_"
 ODOMETRY_TYPE: Final = "nav_msgs::msg::dds_::Odometry_"
 MAX_STRING: Final = 256
 _DIAGONAL: Final = (0, 7, 14)  # of a 6 x 6 matrix, row by row
-_POSE, _ODOMETRY = 7, 7 + 36 + 6 + 36
+_POSE = 7
+_ODOMETRY = 7 + 36 + 6 + 36
 """Numbers of each message: position and orientation, their covariance, twist, its covariance."""
 
 _ORDERS: Final = {b"\x00\x00": ">", b"\x00\x01": "<"}  # CDR_BE, CDR_LE
-_GID_BYTES, _RMW_BYTES = 16, 33
+_GID_BYTES = 16
+_RMW_BYTES = 33
 """rmw_zenoh attaches a number, a time, and the publisher's identity after its length."""
 
-_DATUMS: Final[Mapping[str, type[Altitude]]] = {"amsl": Amsl, "ellipsoid": Ellipsoid, "relative": Relative}
+_DATUMS: Final[Mapping[str, type[Altitude]]] = {
+    "amsl": Amsl,
+    "ellipsoid": Ellipsoid,
+    "relative": Relative,
+}
 
 
 class ZenohEvader:
@@ -52,10 +65,14 @@ class ZenohEvader:
         Raises:
             ConfigError: If the key is not a Zenoh key expression.
         """
-        self._read, self._counts = read, Counter[str]()
+        self._read = read
+        self._counts = Counter[str]()
         try:
             self._arrivals = Subscription(
-                session, key, lambda sample: (clock(), sample.payload.to_bytes(), sender(sample)), session.close
+                session,
+                key,
+                lambda sample: (clock(), sample.payload.to_bytes(), sender(sample)),
+                session.close,
             )
         except zenoh.ZError as error:
             close_all(session.close)
@@ -77,7 +94,8 @@ class ZenohEvader:
 
 def sender(sample: "zenoh.Sample") -> str:
     """Return the publisher of a sample as far as known: the key, and its identity in Zenoh or ROS 2."""
-    source, attachment = sample.source_info, sample.attachment
+    source = sample.source_info
+    attachment = sample.attachment
     if source is not None:
         return f"{sample.key_expr} {source.source_id}"
     attached = b"" if attachment is None else attachment.to_bytes()
@@ -91,10 +109,13 @@ Spread = Annotated[float, Field(gt=0.0, lt=1e6)]
 class JsonReport(BaseModel):
     """One report of an evader's position, and of its velocity where that is known."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, title="guidance.EvaderReport", strict=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, title="guidance.EvaderReport", strict=True
+    )
 
     sent_s: FiniteFloat | None = Field(
-        default=None, description="When it was measured, seconds of the sender's own steady clock; null if it has none"
+        default=None,
+        description="When it was measured, seconds of the sender's own steady clock; null if it has none",
     )
     latitude_deg: float = Field(ge=-90.0, le=90.0, description="WGS-84 latitude, degrees")
     longitude_deg: float = Field(ge=-180.0, le=180.0, description="WGS-84 longitude, degrees")
@@ -103,10 +124,16 @@ class JsonReport(BaseModel):
         description="Mean sea level, the WGS-84 ellipsoid, or the pursuer's home"
     )
     velocity_ned_m_s: tuple[FiniteFloat, FiniteFloat, FiniteFloat] | None = Field(
-        default=None, description="North, east, down, m/s; null if unknown (never zero for unknown)", strict=False
+        default=None,
+        description="North, east, down, m/s; null if unknown (never zero for unknown)",
+        strict=False,
     )
-    position_sd_m: Spread | None = Field(None, description="Standard deviation of the position, largest axis, metres")
-    velocity_sd_m_s: Spread | None = Field(None, description="Standard deviation of the velocity, largest axis, m/s")
+    position_sd_m: Spread | None = Field(
+        None, description="Standard deviation of the position, largest axis, metres"
+    )
+    velocity_sd_m_s: Spread | None = Field(
+        None, description="Standard deviation of the velocity, largest axis, m/s"
+    )
 
 
 def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: str) -> EvaderReport:
@@ -144,7 +171,9 @@ def rmw_key(topic: str, dds_type: str) -> str:
     return f"*/{topic.strip('/')}/{dds_type}/*"
 
 
-def read_ros(data: bytes, received_s: float, *, frame: LocalFrame, moves: bool, frame_id: str = "map") -> EvaderReport:
+def read_ros(
+    data: bytes, received_s: float, *, frame: LocalFrame, moves: bool, frame_id: str = "map"
+) -> EvaderReport:
     """Convert a geometry_msgs/PoseStamped, or a nav_msgs/Odometry.
 
     Args:
@@ -158,7 +187,9 @@ def read_ros(data: bytes, received_s: float, *, frame: LocalFrame, moves: bool, 
     Raises:
         Refused: If the bytes end early or are not one, or it is in another frame.
     """
-    order, body, strings = _ORDERS.get(data[:2]), data[4:], 2 if moves else 1
+    order = _ORDERS.get(data[:2])
+    body = data[4:]
+    strings = 2 if moves else 1
     if order is None:
         raise Refused("encoding")
     layout = f"{order}iI"
@@ -173,23 +204,37 @@ def read_ros(data: bytes, received_s: float, *, frame: LocalFrame, moves: bool, 
         seconds, nanoseconds, *values = struct.unpack_from(layout, body)
     except struct.error as error:
         raise Refused("length") from error
-    texts, numbers = values[1 : 2 * strings : 2], values[2 * strings :]
+    texts = values[1 : 2 * strings : 2]
+    numbers = values[2 * strings :]
     if not all(text.endswith(b"\0") for text in texts):
         raise Refused("encoding")
     if texts[0][:-1] != frame_id.encode():
         raise Refused("frame")
-    numbers += [math.nan] * (_ODOMETRY - len(numbers))  # a pose is an odometry whose other numbers are unknown
+    # A pose is an odometry whose other numbers are unknown
+    numbers += [math.nan] * (_ODOMETRY - len(numbers))
     east, north, up, q_x, q_y, q_z, q_w, *more = numbers
-    velocity = ned_from_game(known_velocity(rotate((q_w, q_x, q_y, q_z), (more[36], more[37], more[38]))))
-    sd_m, sd_m_s = (standard_deviation(*(given[index] for index in _DIAGONAL)) for given in (more[:36], more[42:]))
-    place, said = place_in(frame, ned_from_game((east, north, up))), AltitudeSaid(up, Datum.ORIGIN)
+    velocity = ned_from_game(
+        known_velocity(rotate((q_w, q_x, q_y, q_z), (more[36], more[37], more[38])))
+    )
+    sd_m, sd_m_s = (
+        standard_deviation(*(given[index] for index in _DIAGONAL))
+        for given in (more[:36], more[42:])
+    )
+    place = place_in(frame, ned_from_game((east, north, up)))
+    said = AltitudeSaid(up, Datum.ORIGIN)
     sent_s = seconds + nanoseconds / 1e9 or math.nan
     return EvaderReport(received_s, sent_s, "ROS 2", *place, velocity, sd_m, sd_m_s, said=said)
 
 
 KEYS: Final[Mapping[str, Callable[[LocalFrame, str], tuple[str, PayloadReader]]]] = {
     "json": lambda frame, key: (key, partial(read_json, frame=frame, source=key)),
-    "ros_pose": lambda frame, topic: (rmw_key(topic, POSE_TYPE), partial(read_ros, frame=frame, moves=False)),
-    "ros_odometry": lambda frame, topic: (rmw_key(topic, ODOMETRY_TYPE), partial(read_ros, frame=frame, moves=True)),
+    "ros_pose": lambda frame, topic: (
+        rmw_key(topic, POSE_TYPE),
+        partial(read_ros, frame=frame, moves=False),
+    ),
+    "ros_odometry": lambda frame, topic: (
+        rmw_key(topic, ODOMETRY_TYPE),
+        partial(read_ros, frame=frame, moves=True),
+    ),
 }
 """Key and payload by their name in a configuration. The URL's path is the key, or the ROS topic."""

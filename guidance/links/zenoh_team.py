@@ -18,16 +18,27 @@ from guidance.links.zenoh_wire import Session, Subscription
 class ZenohTeam:
     """`Transport` of `guidance.team` on a session, which stays open when it is closed."""
 
-    def __init__(self, clock: Clock, session: Session, team: str, vehicle: str, mates: Collection[str]) -> None:
+    def __init__(
+        self, clock: Clock, session: Session, team: str, vehicle: str, mates: Collection[str]
+    ) -> None:
         """Declare the token, and subscribe to the messages and tokens of these mates."""
-        self._prefix, self._session, self._mates = f"guidance/team/{team}/", session, frozenset(mates)
-        self._alive = {**dict.fromkeys(mates, False), vehicle: True}  # its keys stay, as two threads use it
+        self._prefix = f"guidance/team/{team}/"
+        self._session = session
+        self._mates = frozenset(mates)
+        # Its keys stay, as two threads use it
+        self._alive = {
+            **dict.fromkeys(mates, False),
+            vehicle: True,
+        }
         liveliness: Any = session.liveliness()
         token = liveliness.declare_token(f"{self._prefix}alive/{vehicle}")
         tokens = liveliness.declare_subscriber(f"{self._prefix}alive/*", self._note, history=True)
         ends = tokens.undeclare, token.undeclare
-        self._arrivals = Subscription(session, f"{self._prefix}**", partial(self._read, clock), *ends)
-        self.receive, self.close = self._arrivals.take, self._arrivals.close
+        self._arrivals = Subscription(
+            session, f"{self._prefix}**", partial(self._read, clock), *ends
+        )
+        self.receive = self._arrivals.take
+        self.close = self._arrivals.close
 
     def _read(self, clock: Clock, sample: "zenoh.Sample") -> tuple[float, str, bytes]:
         return clock(), str(sample.key_expr).removeprefix(self._prefix), sample.payload.to_bytes()

@@ -42,7 +42,11 @@ def is_over(stop: threading.Event, wait_s: float = 0.0) -> bool:
     return stop.wait(wait_s) or not threading.main_thread().is_alive()
 
 
-def direct_session(mode: str, endpoints: Mapping[str, Mapping[str, Any]], **transport: Any) -> Session:  # noqa: ANN401 - JSON
+def direct_session(
+    mode: str,
+    endpoints: Mapping[str, Mapping[str, Any]],
+    **transport: Any,  # noqa: ANN401 - JSON
+) -> Session:
     """Open a session that neither searches the network nor shares memory.
 
     Args:
@@ -62,7 +66,9 @@ def direct_session(mode: str, endpoints: Mapping[str, Mapping[str, Any]], **tran
     return zenoh.open(zenoh.Config.from_json5(json.dumps(document)))
 
 
-def open_session(endpoint: str, *, timeout_s: float = 3.0, credentials: Credentials = NO_CREDENTIALS) -> Session:
+def open_session(
+    endpoint: str, *, timeout_s: float = 3.0, credentials: Credentials = NO_CREDENTIALS
+) -> Session:
     """Open a client session to one endpoint (`tcp/127.0.0.1:7447`). It neither listens nor searches the network.
 
     Raises:
@@ -75,7 +81,9 @@ def open_session(endpoint: str, *, timeout_s: float = 3.0, credentials: Credenti
         return direct_session("client", {"connect": there}, link=link, auth=credentials.auth or {})
     except zenoh.ZError as error:
         ask = "is the vehicle (or the mock) running?" if credentials == NO_CREDENTIALS else _REFUSED
-        raise LinkError(f"zenoh {endpoint}: no session within {timeout_s:g} s ({_short(error)}); {ask}") from error
+        raise LinkError(
+            f"zenoh {endpoint}: no session within {timeout_s:g} s ({_short(error)}); {ask}"
+        ) from error
 
 
 def session_to(endpoint: Endpoint, credentials: Credentials, timeout_s: float) -> Session:
@@ -109,11 +117,17 @@ class Subscription(Arrivals[T]):
     """
 
     def __init__(
-        self, session: Session, key: str, read: Callable[["zenoh.Sample"], T], *ends: Callable[[], object]
+        self,
+        session: Session,
+        key: str,
+        read: Callable[["zenoh.Sample"], T],
+        *ends: Callable[[], object],
     ) -> None:
         super().__init__()
         remote = zenoh.Locality.REMOTE
-        subscriber = session.declare_subscriber(key, lambda sample: self.put(read(sample)), allowed_origin=remote)
+        subscriber = session.declare_subscriber(
+            key, lambda sample: self.put(read(sample)), allowed_origin=remote
+        )
         self._ends = subscriber.undeclare, *ends
 
     def close(self) -> None:
@@ -139,8 +153,11 @@ class ZenohWire(QueuedWire):
             priority=zenoh.Priority.REAL_TIME,
             express=True,
         )
-        key, self._session = prefix + FROM_VEHICLE, session
-        self._arrivals = Subscription(session, key, lambda sample: (clock(), sample.payload.to_bytes()))
+        key = prefix + FROM_VEHICLE
+        self._session = session
+        self._arrivals = Subscription(
+            session, key, lambda sample: (clock(), sample.payload.to_bytes())
+        )
 
     def _write(self, frame: bytes) -> bool:
         try:
@@ -166,7 +183,9 @@ def open_router(path: Path, keys: Path | None = None, listen: str | None = None)
         LinkError: If it cannot listen at the endpoint.
     """
     if not path.is_file():
-        raise ConfigError(f"{path}: no such file; config/zenoh/router.json5 is included in the installation")
+        raise ConfigError(
+            f"{path}: no such file; config/zenoh/router.json5 is included in the installation"
+        )
     try:
         config = zenoh.Config.from_file(str(path))
         if listen is not None:
@@ -189,7 +208,9 @@ def _use_keys(config: "zenoh.Config", keys: Path) -> None:
         ("listen_private_key", f"{ROUTER}.key"),
     ):
         if not (keys / name).is_file():
-            raise ConfigError(f"--keys {keys}: {name} is missing; create it with guidance zenoh keys")
+            raise ConfigError(
+                f"--keys {keys}: {name} is missing; create it with guidance zenoh keys"
+            )
         config.insert_json5(f"transport/link/tls/{key}", json.dumps(str(keys / name)))
 
 

@@ -14,7 +14,16 @@ Replay:
 
 from guidance.log.aggregator import Aggregator, Cycle
 from guidance.log.entries import CycleEntry, EventEntry, Item, title_of
-from guidance.log.reader import Survey, cycles_of, events_of, metadata_of, record_errors, reports_of, scan, survey_of
+from guidance.log.reader import (
+    Survey,
+    cycles_of,
+    events_of,
+    metadata_of,
+    record_errors,
+    reports_of,
+    scan,
+    survey_of,
+)
 from guidance.log.replay import Comparison, ReplayedCycle, compare, replay
 
 __all__ = [

@@ -69,14 +69,18 @@ class Aggregator:
     """
 
     def __init__(self, settings_of: SettingsOf, metadata: Mapping[str, str], source: str) -> None:
-        self._settings_of, self._source = settings_of, Path(source)
+        self._settings_of = settings_of
+        self._source = Path(source)
         self.settings = settings_of(metadata)
         self._begin()
 
     def _begin(self) -> None:
         self._tracking = Tracking(self.settings)
-        self.vehicle, self.cycle, self.envelope = VehicleState(), Cycle(math.nan), self.settings.cycle.envelope
-        self._evader_m, self._report_s = _UNKNOWN, math.nan
+        self.vehicle = VehicleState()
+        self.cycle = Cycle(math.nan)
+        self.envelope = self.settings.cycle.envelope
+        self._evader_m = _UNKNOWN
+        self._report_s = math.nan
         self.playing: str | None = None
         self.evaders_m = dict[str, Vector]()
         self._home_ned_m: Vector | None = None
@@ -113,15 +117,29 @@ class Aggregator:
             self._add(report)
         frame = self._tracking.game_frame
         self._place_home()
-        local, setpoint, certificate = self.vehicle.latest.get(LocalPosition), row.setpoint, row.certificate
-        known: dict[str, Any] = {"evader_m": self._evader_m, "evader_age_s": row.now_s - self._report_s}
-        trips = [one.received_s - one.local_ns * 1e-9 for one in inputs.messages if isinstance(one, Timesync)]
+        local = self.vehicle.latest.get(LocalPosition)
+        setpoint = row.setpoint
+        certificate = row.certificate
+        known: dict[str, Any] = {
+            "evader_m": self._evader_m,
+            "evader_age_s": row.now_s - self._report_s,
+        }
+        trips = [
+            one.received_s - one.local_ns * 1e-9
+            for one in inputs.messages
+            if isinstance(one, Timesync)
+        ]
         known["round_trip_s"] = next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan)
         if row.timing is not None:
             known |= row.timing._asdict()
         if local is not None:
-            known |= {"flown_ned_m_s": local.velocity_ned_m_s, "telemetry_age_s": row.now_s - local.received_s}
-            known["pursuer_m"] = _UNKNOWN if frame is None else frame.position_from_ned(local.position_ned_m)
+            known |= {
+                "flown_ned_m_s": local.velocity_ned_m_s,
+                "telemetry_age_s": row.now_s - local.received_s,
+            }
+            known["pursuer_m"] = (
+                _UNKNOWN if frame is None else frame.position_from_ned(local.position_ned_m)
+            )
         if setpoint is not None:
             known["commanded_ned_m_s"] = setpoint.velocity_ned_m_s
         if certificate is not None:
@@ -131,19 +149,25 @@ class Aggregator:
 
     def _place_home(self) -> None:
         """Place home, and a fence in degrees about it."""
-        home_ned_m, game, local = self._tracking.home_ned_m, self._tracking.game_frame, self._tracking.local_frame
+        home_ned_m = self._tracking.home_ned_m
+        game = self._tracking.game_frame
+        local = self._tracking.local_frame
         if home_ned_m is None or game is None or local is None or home_ned_m == self._home_ned_m:
             return
-        self._home_ned_m, self.home_m = home_ned_m, game.position_from_ned(home_ned_m)
+        self._home_ned_m = home_ned_m
+        self.home_m = game.position_from_ned(home_ned_m)
         self.envelope = self.settings.limits.about_home(self.envelope, home_ned_m, local)
 
     def _add(self, report: EvaderReport) -> None:
         plays = self.playing in {None, report.evader}
         self._report_s = report.received_s if plays else self._report_s
-        local, game = self._tracking.local_frame, self._tracking.game_frame
+        local = self._tracking.local_frame
+        game = self._tracking.game_frame
         if local is None or game is None:
             return
         amsl = Amsl(report.altitude_amsl_m)
-        place = game.position_from_ned(local.ned_from_wgs84(report.latitude_deg, report.longitude_deg, amsl))
+        place = game.position_from_ned(
+            local.ned_from_wgs84(report.latitude_deg, report.longitude_deg, amsl)
+        )
         self._evader_m = place if plays else self._evader_m
         self.evaders_m[report.evader or ""] = place

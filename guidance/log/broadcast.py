@@ -50,17 +50,26 @@ class Broadcast(Record):
 
     def __init__(self, name: str, session: "zenoh.Session", metadata: Mapping[str, str]) -> None:
         super().__init__()
-        self._name, self._metadata = name, dict(metadata)
-        self._latest, self._waiting = dict[type, Any](), deque[CycleEntry | EventEntry]()
+        self._name = name
+        self._metadata = dict(metadata)
+        self._latest = dict[type, Any]()
+        self._waiting = deque[CycleEntry | EventEntry]()
         self._last: CycleEntry | None = None
         self._heard = Inputs()
         json_of = zenoh.Encoding.APPLICATION_JSON.with_schema
-        how: dict[str, Any] = {"congestion_control": zenoh.CongestionControl.DROP, "priority": zenoh.Priority.DATA_LOW}
+        how: dict[str, Any] = {
+            "congestion_control": zenoh.CongestionControl.DROP,
+            "priority": zenoh.Priority.DATA_LOW,
+        }
         self._publishers = {
-            what: session.declare_publisher(broadcast_key(name, what), encoding=json_of(codec.title), **how)
+            what: session.declare_publisher(
+                broadcast_key(name, what), encoding=json_of(codec.title), **how
+            )
             for what, codec in _CODECS.items()
         }
-        self._queries = session.declare_queryable(broadcast_key(name, FLIGHT), zenoh.handlers.RingChannel(16))
+        self._queries = session.declare_queryable(
+            broadcast_key(name, FLIGHT), zenoh.handlers.RingChannel(16)
+        )
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="broadcast")
         self._thread.start()
@@ -83,7 +92,8 @@ class Broadcast(Record):
         over = False
         while not over:
             over = is_over(self._stop, 0.05)  # the last entries are published after the end
-            with contextlib.suppress(zenoh.ZError, ValueError, TypeError):  # an entry that cannot be encoded is dropped
+            # An entry that cannot be encoded is dropped
+            with contextlib.suppress(zenoh.ZError, ValueError, TypeError):
                 self._publish()
                 self._answer()
 
@@ -93,7 +103,8 @@ class Broadcast(Record):
             entry = self._waiting.popleft()
             what = "cycle" if isinstance(entry, CycleEntry) else "event"
             if isinstance(entry, CycleEntry):  # viewers that join later need the latest
-                self._last, self._heard = entry, Inputs(role=entry.inputs.role or self._heard.role)
+                self._last = entry
+                self._heard = Inputs(role=entry.inputs.role or self._heard.role)
                 self._latest.update((type(message), message) for message in entry.inputs.messages)
             elif entry.event == RELOADED:
                 self._metadata[CONFIG] = entry.detail
@@ -105,9 +116,13 @@ class Broadcast(Record):
             answer: dict[str, Any] = {"name": self._name, "metadata": self._metadata}
             if self._last is not None:
                 inputs = self._heard._replace(messages=tuple(self._latest.values()))
-                answer["heard"] = CYCLE.plain(CycleEntry(self._last.now_s, self._last.state, inputs, ()))
+                answer["heard"] = CYCLE.plain(
+                    CycleEntry(self._last.now_s, self._last.state, inputs, ())
+                )
             data = json.dumps(answer, allow_nan=False).encode()
-            query.reply(broadcast_key(self._name, FLIGHT), data, encoding=zenoh.Encoding.APPLICATION_JSON)
+            query.reply(
+                broadcast_key(self._name, FLIGHT), data, encoding=zenoh.Encoding.APPLICATION_JSON
+            )
             query.drop()  # type: ignore[no-untyped-call]
 
 
@@ -128,10 +143,16 @@ class FoundFlight(NamedTuple):
 def find_flights(session: "zenoh.Session", name: str, timeout_s: float) -> Sequence[FoundFlight]:
     """Ask a daemon, or all of a bus ("*"), for the flight. One that waits for its vehicle does not answer yet."""
     found = []
-    for reply in session.get(broadcast_key(name, FLIGHT), timeout=timeout_s, target=zenoh.QueryTarget.ALL):
+    for reply in session.get(
+        broadcast_key(name, FLIGHT), timeout=timeout_s, target=zenoh.QueryTarget.ALL
+    ):
         if reply.ok is not None:
             answer = json.loads(reply.ok.payload.to_bytes())
-            heard = [Item(0.0, CYCLE.topic, "json", json.dumps(answer["heard"]).encode())] if "heard" in answer else []
+            heard = (
+                [Item(0.0, CYCLE.topic, "json", json.dumps(answer["heard"]).encode())]
+                if "heard" in answer
+                else []
+            )
             found.append(FoundFlight(str(answer["name"]), dict(answer["metadata"]), heard))
     return found
 
@@ -159,9 +180,13 @@ class LiveFlight:
     def __init__(self, session: "zenoh.Session", name: str | None = None) -> None:
         found = {one.name: one for one in find_flights(session, name or "*", TIMEOUT_S)}
         if len(found) > 1:
-            raise ConfigError(f"--name: which vehicle? daemons on this bus: {', '.join(sorted(found))}")
+            raise ConfigError(
+                f"--name: which vehicle? daemons on this bus: {', '.join(sorted(found))}"
+            )
         if not found:
-            raise LinkError(f"{name or 'any daemon'}: no answer within {TIMEOUT_S:g} s; is it running?")
+            raise LinkError(
+                f"{name or 'any daemon'}: no answer within {TIMEOUT_S:g} s; is it running?"
+            )
         ((self.name, self._flight),) = found.items()
         self._arriving = session.declare_subscriber(
             broadcast_key(self.name, "*"), zenoh.handlers.RingChannel(MAX_ARRIVED)

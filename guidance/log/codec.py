@@ -12,9 +12,25 @@ from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from functools import cache
 from math import isfinite, nan
-from typing import Any, Final, Generic, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Any,
+    Final,
+    Generic,
+    NamedTuple,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
-from pydantic_core import CoreSchema, PydanticSerializationError, SchemaValidator, ValidationError, to_json
+from pydantic_core import (
+    CoreSchema,
+    PydanticSerializationError,
+    SchemaValidator,
+    ValidationError,
+    to_json,
+)
 from pydantic_core import core_schema as cs
 
 from guidance.errors import ConfigError
@@ -26,7 +42,10 @@ T = TypeVar("T")
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
 _TAG: Final = "kind"
 _NUMBER: Final = cs.union_schema(
-    [cs.float_schema(strict=True), cs.no_info_after_validator_function(lambda _: nan, cs.none_schema())],
+    [
+        cs.float_schema(strict=True),
+        cs.no_info_after_validator_function(lambda _: nan, cs.none_schema()),
+    ],
     mode="left_to_right",
     custom_error_type="number",
     custom_error_message="must be a number",
@@ -66,7 +85,9 @@ class Codec(Generic[T]):
     """
 
     def __init__(self, title: str, kind: Callable[..., T], topic: str = "") -> None:
-        self.title, self.topic, self._name = title, topic, kind.__name__
+        self.title = title
+        self.topic = topic
+        self._name = kind.__name__
         core, schema, self._write = form_of(kind)
         self.schema: Schema = {"$schema": DIALECT, "title": title, **schema}
         self._validator = SchemaValidator(core)
@@ -94,8 +115,12 @@ class Codec(Generic[T]):
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             place = ".".join(map(str, (self._name, *first["loc"])))
-            given = "" if isinstance(first["input"], (dict, list, bytes)) else f" = {first['input']!r}"
-            raise ConfigError(f"{place}{given}: {_REASONS.get(first['type'], first['msg'])}") from error
+            given = (
+                "" if isinstance(first["input"], (dict, list, bytes)) else f" = {first['input']!r}"
+            )
+            raise ConfigError(
+                f"{place}{given}: {_REASONS.get(first['type'], first['msg'])}"
+            ) from error
         return value
 
 
@@ -110,12 +135,15 @@ def form_of(kind: Any) -> Form:  # noqa: ANN401 - a type annotation can be any o
         return _PLAIN[kind]
     if (one := inside(kind)) is not kind:
         return form_of(one)._replace(core=cs.nullable_schema(form_of(one).core))
-    origin, parts = get_origin(kind), get_args(kind)
+    origin = get_origin(kind)
+    parts = get_args(kind)
     if origin in {tuple, Sequence}:
         return _array(parts if origin is tuple else (*parts, ...))
     if isinstance(kind, type) and issubclass(kind, StrEnum):
         words = [str(one) for one in kind]
-        return Form(cs.enum_schema(kind, list(kind)), {"type": "string", "enum": words}, str.__str__)
+        return Form(
+            cs.enum_schema(kind, list(kind)), {"type": "string", "enum": words}, str.__str__
+        )
     kinds = parts or (kind,)
     if not all(hasattr(one, "_fields") for one in kinds):
         raise TypeError(f"{kind}: viewers cannot read this type")
@@ -134,9 +162,18 @@ def _array(kinds: tuple[Any, ...]) -> Form:
     core, items, write = form_of(kinds[0])
     if kinds[-1] is Ellipsis:
         writes = None if write is None else lambda values: [write(value) for value in values]
-        return Form(cs.tuple_schema([core], variadic_item_index=0), {"type": "array", "items": items}, writes)
+        return Form(
+            cs.tuple_schema([core], variadic_item_index=0),
+            {"type": "array", "items": items},
+            writes,
+        )
     each = {"type": [items["type"], "null"]} if kinds[0] is float else items
-    schema = {"type": "array", "items": items, "prefixItems": [each] * len(kinds), "maxItems": len(kinds)}
+    schema = {
+        "type": "array",
+        "items": items,
+        "prefixItems": [each] * len(kinds),
+        "maxItems": len(kinds),
+    }
     return Form(cs.tuple_schema([core] * len(kinds)), schema)
 
 
@@ -144,26 +181,42 @@ def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
     """One of several named tuples: messages name theirs in `kind`, others differ in their fields."""
     tag = {_TAG: cs.typed_dict_field(cs.any_schema(), required=True)} if tagged else {}
     fields = {kind: tag | {name: _field(kind, name) for name in kind._fields} for kind in kinds}
-    properties: dict[str, Schema] = {_TAG: {"enum": [kind.__name__ for kind in kinds], "type": "string"}} if tag else {}
+    properties: dict[str, Schema] = (
+        {_TAG: {"enum": [kind.__name__ for kind in kinds], "type": "string"}} if tag else {}
+    )
     for kind in kinds:
         properties |= {name: form_of(hint).schema for name, hint in get_type_hints(kind).items()}
-    required = set.intersection(*({name for name, one in each.items() if one["required"]} for each in fields.values()))
+    required = set.intersection(
+        *({name for name, one in each.items() if one["required"]} for each in fields.values())
+    )
     choices = {kind.__name__: _built(kind, fields[kind]) for kind in kinds}
     either: list[Any] = [*choices.values()]
-    core = cs.tagged_union_schema(choices, _TAG) if tagged else cs.union_schema(either, mode="left_to_right")
+    core = (
+        cs.tagged_union_schema(choices, _TAG)
+        if tagged
+        else cs.union_schema(either, mode="left_to_right")
+    )
     writers = {kind: _writer(kind, tagged=tagged) for kind in kinds}
-    schema = {"type": "object", "properties": properties, "required": sorted(required), "additionalProperties": False}
+    schema = {
+        "type": "object",
+        "properties": properties,
+        "required": sorted(required),
+        "additionalProperties": False,
+    }
     write = writers[kinds[0]] if len(kinds) == 1 else lambda value: writers[type(value)](value)
     return Form(core, schema, write)
 
 
 def _writer(kind: Any, *, tagged: bool) -> Callable[[Any], dict[str, Any]]:  # noqa: ANN401
     """Return what makes a dictionary of a named tuple, without unknown values."""
-    names, hints = kind._fields, get_type_hints(kind)
+    names = kind._fields
+    hints = get_type_hints(kind)
     keys, tag = ((_TAG, *names), (kind.__name__,)) if tagged else (names, ())
     optional = [name for name in names if inside(hints[name]) is not hints[name]]
     numbers = [name for name in names if inside(hints[name]) is float]
-    parts = [(name, form.write) for name in names if (form := form_of(hints[name])).write is not None]
+    parts = [
+        (name, form.write) for name in names if (form := form_of(hints[name])).write is not None
+    ]
 
     def write(value: Any) -> dict[str, Any]:  # noqa: ANN401
         fields: dict[str, Any] = dict(zip(keys, tag + value, strict=True))
@@ -198,7 +251,9 @@ def _built(kind: Any, fields: dict[str, cs.TypedDictField]) -> CoreSchema:  # no
         values.pop(_TAG, None)
         return kind._make(values.values())  # the fields are in their order
 
-    return cs.no_info_after_validator_function(build, cs.typed_dict_schema(fields, extra_behavior="forbid"))
+    return cs.no_info_after_validator_function(
+        build, cs.typed_dict_schema(fields, extra_behavior="forbid")
+    )
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - any value

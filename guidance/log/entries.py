@@ -97,7 +97,11 @@ REPORT: Final = Codec("guidance.EvaderReport", EvaderReport, "guidance/evader_re
 
 
 def cycle_entry(
-    now_s: float, inputs: Inputs, outputs: Outputs, timing: Timing | None = None, vehicle: str | None = None
+    now_s: float,
+    inputs: Inputs,
+    outputs: Outputs,
+    timing: Timing | None = None,
+    vehicle: str | None = None,
 ) -> CycleEntry:
     """Return the entry of a cycle of a vehicle."""
     made = outputs.requests, outputs.setpoint, outputs.certificate, outputs.alarm

@@ -44,10 +44,16 @@ _REORDER_S: Final = 1.0
 """Frames are recorded vehicle by vehicle each cycle, so times within this window may be out of order."""
 
 _AXES: Final = {"_ned": ("north", "east", "down"), "_game": ("east", "north", "up")}
-_EVADER: Final = "received_s sent_s source latitude_deg longitude_deg altitude_amsl_m velocity_ned_m_s"
+_EVADER: Final = (
+    "received_s sent_s source latitude_deg longitude_deg altitude_amsl_m velocity_ned_m_s"
+)
 _EXPORTED: Final[tuple[tuple[str, type, str], ...]] = (
     ("vehicle_", messages.LocalPosition, "position_ned_m velocity_ned_m_s"),
-    ("vehicle_", GlobalPosition, "latitude_deg longitude_deg altitude_amsl_m altitude_above_home_m"),
+    (
+        "vehicle_",
+        GlobalPosition,
+        "latitude_deg longitude_deg altitude_amsl_m altitude_above_home_m",
+    ),
     ("vehicle_", messages.Attitude, "yaw_rad"),
     ("vehicle_", messages.Heartbeat, "custom_mode armed"),
     ("vehicle_", messages.SystemStatus, "battery_remaining"),
@@ -58,7 +64,12 @@ _EXPORTED: Final[tuple[tuple[str, type, str], ...]] = (
 )
 """Column prefix, type of the message, and its exported fields."""
 
-_COLOURS: Final = {"pursuer": "ff2d27c1", "evader": "ffa55f0b", "fence": "ff404040"}  # KML: alpha, blue, green, red
+# KML: alpha, blue, green, red
+_COLOURS: Final = {
+    "pursuer": "ff2d27c1",
+    "evader": "ffa55f0b",
+    "fence": "ff404040",
+}
 
 Coordinates = tuple[float, float, float]
 """Longitude and latitude in degrees, altitude above mean sea level in metres."""
@@ -84,8 +95,11 @@ def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
         if out.suffix in {".csv", ".parquet"}:
             return f"{write_table(path, out)} cycles"
         metadata = metadata_of(path)
-        features, title = features_of(path, settings_of(metadata)), title_of(metadata)
-        out.write_text((kml if out.suffix == ".kml" else geojson)(features, title) + "\n", encoding="utf-8")
+        features = features_of(path, settings_of(metadata))
+        title = title_of(metadata)
+        out.write_text(
+            (kml if out.suffix == ".kml" else geojson)(features, title) + "\n", encoding="utf-8"
+        )
         return f"{len(features)} features"
 
 
@@ -96,10 +110,13 @@ def write_tlog(path: Path, out: Path) -> int:
         ConfigError: If the record cannot be read.
         OSError: If `out` cannot be written.
     """
-    survey, count = Survey(), 0
+    survey = Survey()
+    count = 0
     with out.open("wb") as stream:
         for now_s, frame in _ordered(_frames(path, survey)):
-            stream.write(struct.pack(">Q", max(0, round((now_s + started_unix_s(survey)) * 1e6))) + frame)
+            stream.write(
+                struct.pack(">Q", max(0, round((now_s + started_unix_s(survey)) * 1e6))) + frame
+            )
             count += 1
     return count
 
@@ -144,7 +161,9 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
     """
     tracks: dict[str, list[GlobalPosition | EvaderReport]] = {"pursuer": []}
     changes: list[Feature] = []
-    vehicle, home, state = VehicleState(), None, ""
+    vehicle = VehicleState()
+    home = None
+    state = ""
     for row in cycles_of(path):
         inputs = row.inputs
         tracks["pursuer"] += [one for one in inputs.messages if isinstance(one, GlobalPosition)]
@@ -155,7 +174,9 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
             tracks.setdefault(f"evader ({report.source})", []).append(report)
         if row.state != state and tracks["pursuer"]:
             state = row.state
-            changes.append(feature(state, "Point", [_place(tracks["pursuer"][-1])], time_s=row.now_s))
+            changes.append(
+                feature(state, "Point", [_place(tracks["pursuer"][-1])], time_s=row.now_s)
+            )
     drawn = []
     for name, track in ((name, track) for name, track in tracks.items() if len(track) > 1):
         times_s = [round(one.received_s, 3) for one in track]
@@ -177,7 +198,8 @@ def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
 
 
 def _goal(settings: FlightSettings) -> Iterator[Feature]:
-    target_m, site = settings.cycle.target_game_m, settings.cycle.site
+    target_m = settings.cycle.target_game_m
+    site = settings.cycle.site
     if target_m is not None and site is not None:
         frame = LocalFrame(*site, projection=settings.autopilot.projection)
         yield feature("target T", "Point", [_placed(frame, target_m[1], target_m[0])])
@@ -195,15 +217,23 @@ def _place(report: GlobalPosition | EvaderReport) -> Coordinates:
 def feature(name: str, shape: str, places: Sequence[Coordinates], **properties: Any) -> Feature:  # noqa: ANN401
     """Return a feature; a Polygon is given by its closed edge."""
     # To 1e-8 degrees and to millimetres; an unknown altitude is left out.
-    flat = [([round(longitude_deg, 8), round(latitude_deg, 8)], up_m) for longitude_deg, latitude_deg, up_m in places]
+    flat = [
+        ([round(longitude_deg, 8), round(latitude_deg, 8)], up_m)
+        for longitude_deg, latitude_deg, up_m in places
+    ]
     line = [[*place, round(up_m, 3)] if math.isfinite(up_m) else place for place, up_m in flat]
-    geometry = {"type": shape, "coordinates": {"LineString": line, "Point": line[0], "Polygon": [line]}[shape]}
+    geometry = {
+        "type": shape,
+        "coordinates": {"LineString": line, "Point": line[0], "Polygon": [line]}[shape],
+    }
     return {"type": "Feature", "properties": {"name": name, **properties}, "geometry": geometry}
 
 
 def geojson(features: Sequence[Feature], title: str) -> str:
     """Return a FeatureCollection."""
-    return json.dumps({"type": "FeatureCollection", "name": title, "features": features}, allow_nan=False)
+    return json.dumps(
+        {"type": "FeatureCollection", "name": title, "features": features}, allow_nan=False
+    )
 
 
 def kml(features: Sequence[Feature], title: str) -> str:
@@ -220,8 +250,10 @@ def kml(features: Sequence[Feature], title: str) -> str:
 
 
 def _placemark(feature: Feature) -> str:
-    kind, coordinates = feature["geometry"]["type"], feature["geometry"]["coordinates"]
-    name, time_s = feature["properties"]["name"], feature["properties"].get("time_s")
+    kind = feature["geometry"]["type"]
+    coordinates = feature["geometry"]["coordinates"]
+    name = feature["properties"]["name"]
+    time_s = feature["properties"].get("time_s")
     line = {"Point": [coordinates], "Polygon": coordinates[0]}.get(kind, coordinates)
     shape = f"<coordinates>{' '.join(','.join(map(str, place)) for place in line)}</coordinates>"
     if kind == "Polygon":
@@ -229,7 +261,9 @@ def _placemark(feature: Feature) -> str:
     else:
         shape = f"<altitudeMode>absolute</altitudeMode>{shape}"
     note = "" if time_s is None else f"<description>{time_s:.2f} s</description>"
-    style = "".join(f"<styleUrl>#{known}</styleUrl>" for known in _COLOURS if name.startswith(known))
+    style = "".join(
+        f"<styleUrl>#{known}</styleUrl>" for known in _COLOURS if name.startswith(known)
+    )
     return f"<Placemark><name>{_xml(name)}</name>{note}{style}<{kind}>{shape}</{kind}></Placemark>"
 
 
@@ -252,10 +286,17 @@ def write_table(path: Path, out: Path) -> int:
     from pyarrow import csv, parquet  # noqa: PLC0415
 
     types = {float: pa.float64(), int: pa.int64(), bool: pa.bool_()}
-    named = [(name, types.get(kind, pa.string())) for _, _, names, kind in _columns() for name in names]
-    schema = pa.schema([("now_s", pa.float64()), ("state", pa.string()), *named, ("alarm", pa.string())])
-    rows, count = _rows(path), 0
-    with (parquet.ParquetWriter if out.suffix == ".parquet" else csv.CSVWriter)(out, schema) as writer:
+    named = [
+        (name, types.get(kind, pa.string())) for _, _, names, kind in _columns() for name in names
+    ]
+    schema = pa.schema(
+        [("now_s", pa.float64()), ("state", pa.string()), *named, ("alarm", pa.string())]
+    )
+    rows = _rows(path)
+    count = 0
+    with (parquet.ParquetWriter if out.suffix == ".parquet" else csv.CSVWriter)(
+        out, schema
+    ) as writer:
         while some := list(islice(rows, 4096)):
             writer.write_batch(pa.RecordBatch.from_pylist(some, schema=schema))
             count += len(some)
@@ -270,7 +311,12 @@ def _columns() -> Iterator[tuple[type, str, Sequence[str], Any]]:
             if frame is None:
                 yield kind, field, [f"{prefix}{field}"], inside(get_type_hints(kind)[field])
             else:
-                yield kind, field, [f"{prefix}{field.replace(frame, f'_{axis}')}" for axis in _AXES[frame]], float
+                yield (
+                    kind,
+                    field,
+                    [f"{prefix}{field.replace(frame, f'_{axis}')}" for axis in _AXES[frame]],
+                    float,
+                )
 
 
 def _rows(path: Path) -> Iterator[dict[str, Any]]:
@@ -282,7 +328,11 @@ def _rows(path: Path) -> Iterator[dict[str, Any]]:
         for report in row.inputs.reports:
             latest |= {EvaderReport: report, AltitudeSaid: report.said}
         latest |= {Setpoint: row.setpoint, Certificate: row.certificate}
-        cells = {"now_s": row.now_s, "state": row.state, "alarm": None if row.alarm is None else row.alarm.words}
+        cells = {
+            "now_s": row.now_s,
+            "state": row.state,
+            "alarm": None if row.alarm is None else row.alarm.words,
+        }
         for kind, field, names, _ in columns:
             value = getattr(latest.get(kind), field, None)
             if len(names) > 1:

@@ -36,8 +36,24 @@ BYTES_PER_RECORD: Final = 8
 FREE_RECORDS: Final = 10_000
 """Chunks may hold 10,000 messages plus one per 8 bytes read. Ours take 16 bytes in the index alone."""
 
-_DAMAGE: Final = (McapError, ValueError, struct.error, zstandard.ZstdError, EOFError, MemoryError, OverflowError)
-_CONTENT: Final = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError, MemoryError)
+_DAMAGE: Final = (
+    McapError,
+    ValueError,
+    struct.error,
+    zstandard.ZstdError,
+    EOFError,
+    MemoryError,
+    OverflowError,
+)
+_CONTENT: Final = (
+    ValueError,
+    TypeError,
+    LookupError,
+    AttributeError,
+    ArithmeticError,
+    RecursionError,
+    MemoryError,
+)
 
 
 @dataclass(slots=True)
@@ -117,7 +133,9 @@ def scan(path: Path, survey: Survey | None = None, idle: Idle | None = None) -> 
         part += 1
 
 
-def _scan_file(path: Path, seen: Survey, metadata: dict[str, str], idle: Idle | None) -> Iterator[Item]:
+def _scan_file(
+    path: Path, seen: Survey, metadata: dict[str, str], idle: Idle | None
+) -> Iterator[Item]:
     channels: dict[int, Channel] = {}
     try:
         with path.open("rb") as file:
@@ -217,7 +235,9 @@ class _LimitedFile:
     """A file with bounded reads that counts its expanded bytes; with `idle`, it waits for more data at the end."""
 
     def __init__(self, path: Path, file: IO[bytes], idle: Idle | None) -> None:
-        self._path, self._file, self._idle = path, file, idle
+        self._path = path
+        self._file = file
+        self._idle = idle
         self._read_bytes = self._expanded_bytes = self._records = 0
 
     def read(self, length: int) -> bytes:
@@ -249,11 +269,15 @@ class _LimitedFile:
             raise ValueError(f"a chunk of {stated} bytes states {size}")
         self._expanded_bytes += size
         if self._expanded_bytes > FREE_BYTES + MAX_EXPANSION * self._read_bytes:
-            raise ConfigError(f"{self._path}: expands to more than {MAX_EXPANSION} times its size; no flight wrote it")
+            raise ConfigError(
+                f"{self._path}: expands to more than {MAX_EXPANSION} times its size; no flight wrote it"
+            )
         records = breakup_chunk(chunk, validate_crc=True)
         self._records += len(records)
         if self._records > FREE_RECORDS + self._read_bytes // BYTES_PER_RECORD:
-            raise ConfigError(f"{self._path}: {self._records} messages in {self._read_bytes} bytes; no flight wrote it")
+            raise ConfigError(
+                f"{self._path}: {self._records} messages in {self._read_bytes} bytes; no flight wrote it"
+            )
         return records
 
 
@@ -261,7 +285,9 @@ def _records(file: _LimitedFile, seen: Survey) -> Iterator[McapRecord]:
     """Yield the records of a file up to its end, or to where it is damaged."""
     finished = False
     stream: Any = file
-    reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=MAX_RECORD_BYTES)
+    reader = StreamReader(
+        stream, emit_chunks=True, validate_crcs=True, record_size_limit=MAX_RECORD_BYTES
+    )
     try:
         for record in reader.records:
             yield from file.inside(record) if isinstance(record, Chunk) else (record,)

@@ -16,7 +16,15 @@ from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs, Outputs
 from guidance.frames import Vector
 from guidance.log.aggregator import SettingsOf
-from guidance.log.entries import BEGINNINGS, CONFIG, CYCLE, RELOADED, CycleEntry, EventEntry, cycle_entry
+from guidance.log.entries import (
+    BEGINNINGS,
+    CONFIG,
+    CYCLE,
+    RELOADED,
+    CycleEntry,
+    EventEntry,
+    cycle_entry,
+)
 from guidance.log.reader import Survey, metadata_of, row_of, scan
 from guidance.messages import PositionTarget
 
@@ -94,15 +102,21 @@ def replay(
             continue
         inputs = row.inputs
         if what_if:
-            inputs = inputs._replace(messages=[one for one in inputs.messages if not isinstance(one, PositionTarget)])
+            inputs = inputs._replace(
+                messages=[one for one in inputs.messages if not isinstance(one, PositionTarget)]
+            )
         try:
             outputs = flight.step(row.now_s, inputs)
         except ConfigError as error:
-            raise ConfigError(f"{path}: another version wrote the cycle at {row.now_s:.3f} s: {error}") from error
+            raise ConfigError(
+                f"{path}: another version wrote the cycle at {row.now_s:.3f} s: {error}"
+            ) from error
         yield ReplayedCycle(row, outputs, tuple(_differing(row, outputs)))
 
 
-def compare(path: Path, settings_of: SettingsOf, *, what_if: bool = False) -> tuple[Comparison, Survey]:
+def compare(
+    path: Path, settings_of: SettingsOf, *, what_if: bool = False
+) -> tuple[Comparison, Survey]:
     """Replay a whole record and count the differences.
 
     Args:
@@ -113,38 +127,57 @@ def compare(path: Path, settings_of: SettingsOf, *, what_if: bool = False) -> tu
     Raises:
         ConfigError: As `replay`.
     """
-    survey, cycles, setpoints, differing = Survey(), 0, 0, 0
+    survey = Survey()
+    cycles = 0
+    setpoints = 0
+    differing = 0
     first: ReplayedCycle | None = None
-    wanted, commanded = list[Pair](), list[Pair]()
+    wanted = list[Pair]()
+    commanded = list[Pair]()
     for step in replay(path, settings_of, survey, what_if=what_if):
-        row, outputs = step.row, step.outputs
+        row = step.row
+        outputs = step.outputs
         cycles += 1
         setpoints += row.setpoint is not None
         if step.differing:
-            first, differing = first or step, differing + 1
+            first = first or step
+            differing = differing + 1
         if row.setpoint is not None and outputs.setpoint is not None:
             commanded.append((row.setpoint.velocity_ned_m_s, outputs.setpoint.velocity_ned_m_s))
         if row.certificate is not None and outputs.certificate is not None:
             wanted.append((row.certificate.desired_ned_m_s, outputs.certificate.desired_ned_m_s))
-    return Comparison(cycles, setpoints, differing, first, difference_of(wanted), difference_of(commanded)), survey
+    return Comparison(
+        cycles, setpoints, differing, first, difference_of(wanted), difference_of(commanded)
+    ), survey
 
 
 def difference_of(pairs: Sequence[Pair]) -> Difference:
     """Compare pairs of velocities, m/s. A NaN (no game in that cycle) is not counted; a zero vector has no angle."""
-    a, b = np.array([pair for pair in pairs if not np.isnan(pair).any()]).reshape(-1, 2, 3).swapaxes(0, 1)
+    a, b = (
+        np.array([pair for pair in pairs if not np.isnan(pair).any()])
+        .reshape(-1, 2, 3)
+        .swapaxes(0, 1)
+    )
     angles_rad = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.vecdot(a, b))
     speeds_m_s = np.linalg.norm(a - b, axis=-1)
-    sums = (float(one) for each in (angles_rad, speeds_m_s) for one in (each.sum(), each.max(initial=0.0)))
+    sums = (
+        float(one)
+        for each in (angles_rad, speeds_m_s)
+        for one in (each.sum(), each.max(initial=0.0))
+    )
     return Difference(len(a), *sums)
 
 
 def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
     """Name the outputs that differ: their JSON is equal only if every bit is, including the sign of zero."""
     present = cycle_entry(row.now_s, row.inputs, outputs)
-    same: dict[str, Any] = dict.fromkeys(("certificate", "alarm", "timing", "vehicle")) | {"inputs": Inputs()}
+    same: dict[str, Any] = dict.fromkeys(("certificate", "alarm", "timing", "vehicle")) | {
+        "inputs": Inputs()
+    }
     same |= {"by": None} if row.by is None else {}
     recorded_json, present_json = (CYCLE.encode(one._replace(**same)) for one in (row, present))
     if recorded_json == present_json:
         return []
-    before, now = json.loads(recorded_json), json.loads(present_json)
+    before = json.loads(recorded_json)
+    now = json.loads(present_json)
     return [name for name in COMPARED if json.dumps(before.get(name)) != json.dumps(now.get(name))]

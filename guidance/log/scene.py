@@ -29,7 +29,9 @@ SCENE_EVERY_S: Final = 0.2
 """Periods of the map and pose messages, and of the scene."""
 
 GAME_FRAME: Final = "game"
-_UNKNOWN, _DIAGONAL_KNOWN, _CLOSED_LINE = 0, 2, 1  # of Foxglove's enumerations
+_UNKNOWN = 0
+_DIAGONAL_KNOWN = 2
+_CLOSED_LINE = 1  # of Foxglove's enumerations
 _ZERO: Final[Vector] = (0.0, 0.0, 0.0)
 _UNUSED: Final = ("metadata", "arrows", "cubes", "cylinders", "triangles", "texts", "models")
 """Lists of a scene entity that viewers expect and that stay empty here."""
@@ -41,7 +43,9 @@ Array = NDArray[np.float64]
 def circle(centre: Sequence[float] | Array, radius_m: float, points: int = 181) -> Array:
     """A closed circle (points, 2), seen from above."""
     angle = np.linspace(0.0, 2.0 * np.pi, points)
-    return np.stack([centre[0] + radius_m * np.cos(angle), centre[1] + radius_m * np.sin(angle)], axis=-1)
+    return np.stack(
+        [centre[0] + radius_m * np.cos(angle), centre[1] + radius_m * np.sin(angle)], axis=-1
+    )
 
 
 def lifted(curve: Array, height_m: float) -> Array:
@@ -55,7 +59,9 @@ def target_edge(place_m: Vector, extent: Extent) -> Array:
     return np.concatenate([edge, edge[:1]])
 
 
-def isochron(game: Game, pursuer_m: Vector | Array, evader_m: Vector | Array, points: int = 181) -> Array:
+def isochron(
+    game: Game, pursuer_m: Vector | Array, evader_m: Vector | Array, points: int = 181
+) -> Array:
     """Capture points (points, 2) of an evader that runs straight at full speed, one for each heading, m.
 
     The paper's Apollonius circle for a Ball and point capture. Found from the game itself: TAD towards a far target in
@@ -76,7 +82,8 @@ def isochron_at(settings: CycleSettings, certificate: Certificate, points: int =
     """The isochron (points, 2) of the cycle's game. It contains the meeting point."""
     bound_m_s = settings.game.pursuer.horizontal_m_s / certificate.speed_ratio
     game, _ = game_played(settings, bound_m_s, certificate.evader_age_s)
-    game = replace(game, target_velocity_m_s=(0.0, 0.0))  # a straight run does not depend on the target
+    # A straight run does not depend on the target
+    game = replace(game, target_velocity_m_s=(0.0, 0.0))
     return isochron(game, certificate.pursuer_game_m, certificate.evader_game_m, points)
 
 
@@ -86,7 +93,8 @@ def fence_edges(envelope: Envelope, home_m: Vector) -> list[Array]:
     if envelope.fence_radius_m is not None:
         edges.append(circle(home_m, envelope.fence_radius_m))
     if envelope.fence_polygon is not None:
-        corners = np.array(envelope.fence_polygon.corners_ne_m)[:, ::-1] + np.array(home_m[:2])  # north, east of home
+        # North, east of home
+        corners = np.array(envelope.fence_polygon.corners_ne_m)[:, ::-1] + np.array(home_m[:2])
         edges.append(np.concatenate([corners, corners[:1]]))
     return [lifted(edge, home_m[2]) for edge in edges]
 
@@ -112,13 +120,22 @@ def _pose(place: Vector) -> Json:
 
 
 def _ball(place: Vector, diameter_m: float, color: Json) -> Json:
-    return {"pose": _pose(place), "size": _vector((diameter_m, diameter_m, diameter_m)), "color": color}
+    return {
+        "pose": _pose(place),
+        "size": _vector((diameter_m, diameter_m, diameter_m)),
+        "color": color,
+    }
 
 
 def _fix(now_s: float, name: str, place: Vector, sd_m: float) -> Json:
     """A place on the map: latitude and longitude in degrees, altitude above mean sea level, left out if unknown."""
     variance, kind = (0.0, _UNKNOWN) if math.isnan(sd_m) else (sd_m * sd_m, _DIAGONAL_KNOWN)
-    fix = {"timestamp": time_of(now_s), "frame_id": name, "latitude": place[0], "longitude": place[1]}
+    fix = {
+        "timestamp": time_of(now_s),
+        "frame_id": name,
+        "latitude": place[0],
+        "longitude": place[1],
+    }
     fix |= {"altitude": place[2]} if math.isfinite(place[2]) else {}
     covariance = [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]
     return fix | {"position_covariance": covariance, "position_covariance_type": kind}
@@ -129,10 +146,31 @@ def _pose_in_frame(now_s: float, place: Vector) -> Json:
 
 
 def _scene(now_s: float, balls: Sequence[Json], rim: Sequence[Vector]) -> Json:
-    line: Json = {"type": _CLOSED_LINE, "pose": _pose(_ZERO), "thickness": 2.0, "scale_invariant": True}  # 2 pixels
-    line |= {"points": [_vector(corner) for corner in rim], "color": _DISC, "colors": [], "indices": []}
-    entity: Json = {"timestamp": time_of(now_s), "frame_id": GAME_FRAME, "id": "game", "lifetime": time_of(0.0)}
-    entity |= {"frame_locked": False, "spheres": balls, "lines": [line], **dict.fromkeys(_UNUSED, ())}
+    # 2 pixels
+    line: Json = {
+        "type": _CLOSED_LINE,
+        "pose": _pose(_ZERO),
+        "thickness": 2.0,
+        "scale_invariant": True,
+    }
+    line |= {
+        "points": [_vector(corner) for corner in rim],
+        "color": _DISC,
+        "colors": [],
+        "indices": [],
+    }
+    entity: Json = {
+        "timestamp": time_of(now_s),
+        "frame_id": GAME_FRAME,
+        "id": "game",
+        "lifetime": time_of(0.0),
+    }
+    entity |= {
+        "frame_locked": False,
+        "spheres": balls,
+        "lines": [line],
+        **dict.fromkeys(_UNUSED, ()),
+    }
     return {"entities": [entity], "deletions": []}
 
 
@@ -141,10 +179,17 @@ def _schema_like(example: Any) -> Schema:  # noqa: ANN401 - any JSON
     if isinstance(example, dict):
         properties = {name: _schema_like(value) for name, value in example.items()}
         required = [name for name in properties if name != "altitude"]
-        return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+        return {
+            "type": "object",
+            "properties": properties,
+            "required": required,
+            "additionalProperties": False,
+        }
     if isinstance(example, (list, tuple)):
         return {"type": "array", "items": _schema_like(example[0] if example else {})}
-    return {"type": {bool: "boolean", int: "integer", float: "number", str: "string"}[type(example)]}
+    return {
+        "type": {bool: "boolean", int: "integer", float: "number", str: "string"}[type(example)]
+    }
 
 
 def _shape(title: str, example: Json) -> Schema:
@@ -170,14 +215,20 @@ class Scene:
         """Draw one cycle."""
         for seen in (*entry.inputs.messages, *entry.inputs.reports):
             if isinstance(seen, (GlobalPosition, EvaderReport)):
-                name, sd_m = ("evader", seen.position_sd_m) if isinstance(seen, EvaderReport) else ("pursuer", math.nan)
+                name, sd_m = (
+                    ("evader", seen.position_sd_m)
+                    if isinstance(seen, EvaderReport)
+                    else ("pursuer", math.nan)
+                )
                 if self._is_due(f"guidance/map/{name}", seen.received_s, EVERY_S):
                     place = (seen.latitude_deg, seen.longitude_deg, seen.altitude_amsl_m)
                     yield f"guidance/map/{name}", FIX, _fix(seen.received_s, name, place, sd_m)
-        now_s, certificate = entry.now_s, entry.certificate
+        now_s = entry.now_s
+        certificate = entry.certificate
         if certificate is None:
             return
-        pursuer, evader = certificate.pursuer_game_m, certificate.evader_game_m
+        pursuer = certificate.pursuer_game_m
+        evader = certificate.evader_game_m
         if self._is_due("guidance/pose", now_s, EVERY_S):
             yield "guidance/pose/pursuer", POSE, _pose_in_frame(now_s, pursuer)
             yield "guidance/pose/evader", POSE, _pose_in_frame(now_s, evader)
@@ -197,7 +248,8 @@ class Scene:
 
 def disc(certificate: Certificate) -> Sequence[Vector]:
     """Return corners of the rim of the stand-off disc, game frame, from the distances in the certificate."""
-    evader, above = certificate.evader_game_m, certificate.pursuer_game_m
+    evader = certificate.evader_game_m
+    above = certificate.pursuer_game_m
     radius_m = math.dist(above[:2], evader[:2]) - certificate.gap_m
     height_m = above[2] - certificate.height_gap_m
     return [(float(x), float(y), height_m) for x, y in circle(evader, radius_m, 37)[:-1]]

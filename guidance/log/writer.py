@@ -62,7 +62,8 @@ class Record:
     """
 
     def __init__(self, failed: str | None = None) -> None:
-        self.failed, self.dropped = failed, 0
+        self.failed = failed
+        self.dropped = 0
 
     def frames(self, passed: Sequence[Entry]) -> None:
         """Keep raw MAVLink frames, or other entries."""
@@ -106,15 +107,21 @@ class Recorder(Record):
         rotate_bytes: int = 256_000_000,
     ) -> None:
         super().__init__()
-        self.path, self._metadata = path, dict(metadata)
-        self._rotate_s, self._rotate_bytes = rotate_s, rotate_bytes
-        self._scene, self._part = Scene(), 1
+        self.path = path
+        self._metadata = dict(metadata)
+        self._rotate_s = rotate_s
+        self._rotate_bytes = rotate_bytes
+        self._scene = Scene()
+        self._part = 1
         private_folder(path.parent)
         self._file = McapFile(path, self._metadata)
-        self._file_ends_s, self._chunk_ends_s = math.inf, -math.inf
+        self._file_ends_s = math.inf
+        self._chunk_ends_s = -math.inf
         self._waiting: deque[Entry] = deque()
         self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True) if threaded else None
+        self._thread = (
+            threading.Thread(target=self._run, name="recorder", daemon=True) if threaded else None
+        )
         if self._thread is not None:
             self._thread.start()
 
@@ -169,7 +176,8 @@ class Recorder(Record):
             waiting.clear()
 
     def _add_cycle(self, entry: CycleEntry) -> None:
-        add, now_s = self._file.add, entry.now_s
+        add = self._file.add
+        now_s = entry.now_s
         for report in entry.inputs.reports:
             add(REPORT.topic, REPORT.schema, report.received_s, REPORT.encode(report))
         add(CYCLE.topic, CYCLE.schema, now_s, CYCLE.encode(entry))
@@ -180,7 +188,9 @@ class Recorder(Record):
         """Open the next file, then finish the previous one: a program that follows the record always finds a next."""
         before = self._file
         try:
-            self._file = McapFile(part_path(self.path, self._part + 1), {**self._metadata, PART: str(self._part + 1)})
+            self._file = McapFile(
+                part_path(self.path, self._part + 1), {**self._metadata, PART: str(self._part + 1)}
+            )
             self._file.sequence = before.sequence
         finally:
             before.close(finish=True)
@@ -195,7 +205,9 @@ def part_path(path: Path, part: int) -> Path:
 
 def started_utc(now_s: float) -> str:
     """Return the UTC time of a real-time clock's zero, ISO 8601 to the second; the clock now shows `now_s`."""
-    return time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime(calendar.timegm(time.gmtime()) - now_s))
+    return time.strftime(
+        "%Y-%m-%dT%H:%M:%S+00:00", time.gmtime(calendar.timegm(time.gmtime()) - now_s)
+    )
 
 
 def versions() -> dict[str, str]:
@@ -222,10 +234,20 @@ def commit_of_checkout(root: Path) -> str | None:
     if not (root / "pyproject.toml").is_file() or not (root / ".git").exists():
         return None  # installed inside another repository
     # git refuses a repository of another user, such as a service's, unless it is named safe. HEAD runs nothing of it.
-    words = ["git", "-c", "safe.directory=*", f"--git-dir={root / '.git'}", "rev-parse", "--verify", "HEAD"]
+    words = [
+        "git",
+        "-c",
+        "safe.directory=*",
+        f"--git-dir={root / '.git'}",
+        "rev-parse",
+        "--verify",
+        "HEAD",
+    ]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
     try:
-        done = subprocess.run(words, capture_output=True, text=True, timeout=5.0, check=True, env=environment)
+        done = subprocess.run(
+            words, capture_output=True, text=True, timeout=5.0, check=True, env=environment
+        )
     except (OSError, subprocess.SubprocessError):
         return None
     return done.stdout.strip()
@@ -234,7 +256,11 @@ def commit_of_checkout(root: Path) -> str | None:
 def commit_of_install() -> str | None:
     """Return the commit of the repository that pip installed, or None."""
     try:
-        found = str(json.loads(distribution(PACKAGE).read_text("direct_url.json") or "{}")["vcs_info"]["commit_id"])
+        found = str(
+            json.loads(distribution(PACKAGE).read_text("direct_url.json") or "{}")["vcs_info"][
+                "commit_id"
+            ]
+        )
     except (PackageNotFoundError, OSError, ValueError, KeyError, TypeError):
         return None
     return found if _HASH.fullmatch(found) else None
@@ -248,9 +274,11 @@ class McapFile:
     """
 
     def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
-        self._path, self._file = path, private_file(path).open("wb")
+        self._path = path
+        self._file = private_file(path).open("wb")
         self.size = self.sequence = 0
-        self._schemas, self._channels = dict[str, int](), dict[str, int]()
+        self._schemas = dict[str, int]()
+        self._channels = dict[str, int]()
         self._writer = Writer(self._file, chunk_size=sys.maxsize, use_summary_offsets=False)
         self._writer.start("", "guidance")
         self._writer.add_metadata("run", dict(metadata))
@@ -258,7 +286,8 @@ class McapFile:
 
     def add(self, topic: str, schema: Schema | None, now_s: float, data: bytes) -> None:
         """Add a message, JSON if it has a schema, else a MAVLink frame."""
-        channel, time_ns = self._channels.get(topic) or self._channel(topic, schema), round(now_s * 1e9)
+        channel = self._channels.get(topic) or self._channel(topic, schema)
+        time_ns = round(now_s * 1e9)
         self._writer.add_message(channel, time_ns, data, time_ns, self.sequence)
         self.sequence += 1
 
@@ -285,5 +314,7 @@ class McapFile:
             described = json.dumps(schema, separators=(",", ":")).encode()
             self._schemas[title] = self._writer.register_schema(title, "jsonschema", described)
         encoding = "json" if title else "mavlink"
-        self._channels[topic] = self._writer.register_channel(topic, encoding, self._schemas.get(title, 0))
+        self._channels[topic] = self._writer.register_channel(
+            topic, encoding, self._schemas.get(title, 0)
+        )
         return self._channels[topic]

@@ -18,7 +18,15 @@ from guidance.autopilots import Autopilot, Finding, Verdict, Wants, autopilots_o
 from guidance.autopilots.rules import UPLOADED, Judgement, row_of
 from guidance.control.polygon import Polygon
 from guidance.frames import Amsl, LocalFrame, Projection
-from guidance.messages import EvaderReport, Heartbeat, Message, Parameter, ParameterRequest, ParameterSet, Request
+from guidance.messages import (
+    EvaderReport,
+    Heartbeat,
+    Message,
+    Parameter,
+    ParameterRequest,
+    ParameterSet,
+    Request,
+)
 from guidance.preflight import fence
 from guidance.preflight.fence import Reading, Uploaded
 from guidance.vehicle import VehicleState
@@ -101,9 +109,16 @@ class PreflightMemory:
     def facts(self, vehicle: VehicleState, now_s: float) -> Facts:
         """Return the facts at `now_s`."""
         arrivals = self._arrivals.items()
-        rates_hz = {kind: sum(now_s - at_s <= COUNTED_S for at_s in times_s) / COUNTED_S for kind, times_s in arrivals}
+        rates_hz = {
+            kind: sum(now_s - at_s <= COUNTED_S for at_s in times_s) / COUNTED_S
+            for kind, times_s in arrivals
+        }
         values = {name: one.value for name, one in self._parameters.items()}
-        types = {name: one.param_type for name, one in self._parameters.items() if one.param_type is not None}
+        types = {
+            name: one.param_type
+            for name, one in self._parameters.items()
+            if one.param_type is not None
+        }
         return Facts(values, types, vehicle, rates_hz, self._evader_amsl_m, self._fence.found)
 
 
@@ -133,7 +148,8 @@ def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...
     """Judge everything. For a wrong autopilot, return that row only."""
     if (other := another_autopilot(facts, autopilot)) is not None:
         return (other,)
-    parameters, wants = _judged(facts), fence.about_home(wants, facts.vehicle, autopilot.projection)
+    parameters = _judged(facts)
+    wants = fence.about_home(wants, facts.vehicle, autopilot.projection)
     return (
         *(row_of(rule, parameters, wants) for rule in autopilot.rules),
         fence.uploaded_row(facts.uploaded, wants, facts.vehicle, autopilot, parameters),
@@ -148,51 +164,92 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
     An old estimator origin or a wrong height datum has flown vehicles into the ground. Comparing two messages about
     the same place reveals both.
     """
-    vehicle, corners = facts.vehicle, wants.limits.fence_polygon_ne_m
+    vehicle = facts.vehicle
+    corners = wants.limits.fence_polygon_ne_m
     if corners is not None:
         inside = Polygon(corners).contains((0.0, 0.0))
         found = "inside" if inside else "outside"
         yield Finding.of(inside, "home in our fence", found, "inside", "is this the right field?")
     if wants.battery_needed is not None:
         yield _battery(vehicle.latest.get(messages.SystemStatus), wants.battery_needed)
-    origin, home = vehicle.latest.get(messages.Origin), vehicle.latest.get(messages.Home)
+    origin = vehicle.latest.get(messages.Origin)
+    home = vehicle.latest.get(messages.Home)
     if origin is None or home is None:
         names = ("GPS_GLOBAL_ORIGIN", origin), ("HOME_POSITION", home)
         missing = " and ".join(name for name, message in names if message is None)
-        yield Finding("local frame", "unknown", f"{missing} heard", Verdict.REFUSE, "wait for a position fix")
+        yield Finding(
+            "local frame", "unknown", f"{missing} heard", Verdict.REFUSE, "wait for a position fix"
+        )
         return
     home_amsl_m = home.altitude_amsl_m
-    zero = origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), Amsl(home_amsl_m)
+    zero = (
+        origin.latitude_deg,
+        origin.longitude_deg,
+        Amsl(origin.altitude_amsl_m),
+        Amsl(home_amsl_m),
+    )
     frame = LocalFrame(*zero, projection=projection)
     home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home_amsl_m))
-    away_m, limit_m = math.hypot(*home_ned_m[:2]), wants.preflight.origin_distance_limit_m
-    yield _within("frame origin", away_m, limit_m, "m from home", "restart the autopilot here: its origin is old")
-    apart_m, advice = math.dist(home_ned_m, home.position_ned_m), "home was set in another frame: set it again"
+    away_m = math.hypot(*home_ned_m[:2])
+    limit_m = wants.preflight.origin_distance_limit_m
+    yield _within(
+        "frame origin",
+        away_m,
+        limit_m,
+        "m from home",
+        "restart the autopilot here: its origin is old",
+    )
+    apart_m = math.dist(home_ned_m, home.position_ned_m)
+    advice = "home was set in another frame: set it again"
     yield _within("home in the frame", apart_m, _AGREEMENT_M, "m apart", advice)
-    place, local = vehicle.latest.get(messages.GlobalPosition), vehicle.latest.get(messages.LocalPosition)
+    place = vehicle.latest.get(messages.GlobalPosition)
+    local = vehicle.latest.get(messages.LocalPosition)
     if place is None or local is None:
-        yield Finding("position", "unknown", "GLOBAL_POSITION_INT and LOCAL_POSITION_NED heard", Verdict.REFUSE)
+        yield Finding(
+            "position",
+            "unknown",
+            "GLOBAL_POSITION_INT and LOCAL_POSITION_NED heard",
+            Verdict.REFUSE,
+        )
         return
-    reckoned_m = frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, Amsl(place.altitude_amsl_m))
+    reckoned_m = frame.ned_from_wgs84(
+        place.latitude_deg, place.longitude_deg, Amsl(place.altitude_amsl_m)
+    )
     apart_m = math.dist(reckoned_m, local.position_ned_m)
     advice = "LOCAL_POSITION_NED and GLOBAL_POSITION_INT contradict each other: restart the autopilot here"
     yield _within("local = global", apart_m, _AGREEMENT_M, "m apart", advice)
     difference_m = abs(place.altitude_amsl_m - place.altitude_above_home_m - home_amsl_m)
     advice = "the altitudes have different datums (sea level, ellipsoid, home?)"
     yield _within("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
-    limit_m, evader_amsl_m = wants.preflight.evader_height_limit_m, facts.evader_amsl_m
+    limit_m = wants.preflight.evader_height_limit_m
+    evader_amsl_m = facts.evader_amsl_m
     if evader_amsl_m is None:
-        yield Finding("evader's altitude", "not heard", f"within {limit_m:g} m of home", Verdict.WARN, "is it sending?")
+        yield Finding(
+            "evader's altitude",
+            "not heard",
+            f"within {limit_m:g} m of home",
+            Verdict.WARN,
+            "is it sending?",
+        )
         return
     advice = "a different datum? The geoid is about 50 m above the ellipsoid: see evader.frame.undulation_m"
-    yield _within("evader's altitude", abs(evader_amsl_m - home_amsl_m), limit_m, "m from home's", advice)
+    yield _within(
+        "evader's altitude", abs(evader_amsl_m - home_amsl_m), limit_m, "m from home's", advice
+    )
 
 
 def _battery(status: messages.SystemStatus | None, needed: float) -> Finding:
     wanted = f"at least {needed:.0%}, to fly home from the edge of the fence"
     if status is None or math.isnan(status.battery_remaining):
-        return Finding("battery reserve", "unknown", wanted, Verdict.WARN, "the autopilot does not report the battery")
-    left, advice = status.battery_remaining, "charge the battery or make the fence smaller; see flight.reserve"
+        return Finding(
+            "battery reserve",
+            "unknown",
+            wanted,
+            Verdict.WARN,
+            "the autopilot does not report the battery",
+        )
+    left = status.battery_remaining
+    advice = "charge the battery or make the fence smaller; see flight.reserve"
     return Finding.of(left >= needed, "battery reserve", f"{left:.0%}", wanted, advice)
 
 
@@ -205,7 +262,13 @@ _STREAMS: Final = (
     ("ATTITUDE", messages.Attitude, 4.0, Verdict.REFUSE, "the heading"),
     ("GLOBAL_POSITION_INT", messages.GlobalPosition, 1.0, Verdict.WARN, "the frame check"),
     ("ODOMETRY", messages.Odometry, 5.0, Verdict.WARN, "the detection of estimator resets"),
-    ("POSITION_TARGET_LOCAL_NED", messages.PositionTarget, 1.0, Verdict.WARN, "the detection of foreign setpoints"),
+    (
+        "POSITION_TARGET_LOCAL_NED",
+        messages.PositionTarget,
+        1.0,
+        Verdict.WARN,
+        "the detection of foreign setpoints",
+    ),
 )
 """Name and type of each judged stream, its least rate, the verdict on a lower one, and what needs it."""
 
@@ -215,7 +278,9 @@ def _stream_rows(facts: Facts, autopilot: Autopilot) -> Iterator[Finding]:
     for name, kind, least_hz, otherwise, reader in _STREAMS:
         asked_hz = autopilot.streams_hz.get(getattr(description, name))
         # ArduCopter reports its setpoint in GUIDED only.
-        if asked_hz is None or (kind is messages.PositionTarget and not autopilot.tells_setpoint_always):
+        if asked_hz is None or (
+            kind is messages.PositionTarget and not autopilot.tells_setpoint_always
+        ):
             continue
         rate_hz = facts.rates_hz.get(kind, 0.0)
         wanted = f"at least {least_hz:g} Hz ({asked_hz:g} requested)"
@@ -225,9 +290,12 @@ def _stream_rows(facts: Facts, autopilot: Autopilot) -> Iterator[Finding]:
 
 def engage_rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
     """Judge the needed parameters; an unknown one has not been answered."""
-    parameters, wants = _judged(facts), fence.about_home(wants, facts.vehicle, autopilot.projection)
+    parameters = _judged(facts)
+    wants = fence.about_home(wants, facts.vehicle, autopilot.projection)
     return tuple(
-        row if row.name in parameters else row._replace(value="not answered", advice="check the link")
+        row
+        if row.name in parameters
+        else row._replace(value="not answered", advice="check the link")
         for row in (row_of(rule, parameters, wants) for rule in autopilot.rules if rule.needed)
     )
 
@@ -238,14 +306,20 @@ def another_autopilot(facts: Facts, autopilot: Autopilot) -> Finding | None:
     if heartbeat is None or heartbeat.autopilot == autopilot.autopilot_id:
         return None
     found = next((one.name for one in autopilots_of(heartbeat.autopilot)), None)
-    advice = "another system's HEARTBEAT? check vehicle.url, vehicle.system_id and vehicle.component_id"
+    advice = (
+        "another system's HEARTBEAT? check vehicle.url, vehicle.system_id and vehicle.component_id"
+    )
     if found is not None:
         advice = f'set vehicle.autopilot = "{found}", or check vehicle.url and vehicle.system_id'
     was = f"{found or 'unknown'} (MAV_AUTOPILOT {heartbeat.autopilot})"
-    return Finding("autopilot", was, f"{autopilot.name} ({autopilot.autopilot_id})", Verdict.REFUSE, advice)
+    return Finding(
+        "autopilot", was, f"{autopilot.name} ({autopilot.autopilot_id})", Verdict.REFUSE, advice
+    )
 
 
-def changes(facts: Facts, autopilot: Autopilot, wants: Wants, *, advised: bool = False) -> tuple[ParameterChange, ...]:
+def changes(
+    facts: Facts, autopilot: Autopilot, wants: Wants, *, advised: bool = False
+) -> tuple[ParameterChange, ...]:
     """Return the parameters to set so that none is refused any more, where a rule has a value to set.
 
     One change can require another (a return height below a fence that was off), so the rules are applied repeatedly.
@@ -256,22 +330,36 @@ def changes(facts: Facts, autopilot: Autopilot, wants: Wants, *, advised: bool =
         wants: What the configuration demands.
         advised: Whether to change parameters with a warning, too.
     """
-    before, wants = _judged(facts), fence.about_home(wants, facts.vehicle, autopilot.projection)
-    after, wrong = dict(before), dict[str, Judgement]()
+    before = _judged(facts)
+    wants = fence.about_home(wants, facts.vehicle, autopilot.projection)
+    after = dict(before)
+    wrong = dict[str, Judgement]()
     fit = {Verdict.PASS} if advised else {Verdict.PASS, Verdict.WARN}
     rules = [rule for rule in autopilot.rules if rule.name in before]
     for _ in range(_MOST_ROUNDS):
         found = {rule.name: rule.judge(after[rule.name], wants, after) for rule in rules}
-        mended = {name: one for name, one in found.items() if one.verdict not in fit and one.set_to is not None}
+        mended = {
+            name: one
+            for name, one in found.items()
+            if one.verdict not in fit and one.set_to is not None
+        }
         wrong = mended | wrong
-        after |= {name: single(one.set_to) for name, one in mended.items() if one.set_to is not None}
+        after |= {
+            name: single(one.set_to) for name, one in mended.items() if one.set_to is not None
+        }
     changed = []
     for rule in rules:
-        name, now, then = rule.name, before[rule.name], after[rule.name]
+        name = rule.name
+        now = before[rule.name]
+        then = after[rule.name]
         if then != now:
             why = "; ".join(filter(None, (wrong[name].wanted, wrong[name].why)))
             request = ParameterSet(name, then, facts.parameter_types.get(name, _REAL32))
-            changed.append(ParameterChange(name, rule.read(now), rule.read(then), why, wrong[name].verdict, request))
+            changed.append(
+                ParameterChange(
+                    name, rule.read(now), rule.read(then), why, wrong[name].verdict, request
+                )
+            )
     return tuple(changed)
 
 
@@ -289,7 +377,9 @@ def refusals(rows: Sequence[Finding]) -> tuple[str, ...]:
 def advice(rows: Sequence[Finding]) -> str:
     """Return one line with every refused row and its fix."""
     refused = (row for row in rows if row.verdict is Verdict.REFUSE)
-    return "; ".join(f"{row.name} is {row.value}, expected {row.wanted} ({row.advice})" for row in refused)
+    return "; ".join(
+        f"{row.name} is {row.value}, expected {row.wanted} ({row.advice})" for row in refused
+    )
 
 
 def single(value: float) -> float:

@@ -13,7 +13,15 @@ from guidance.autopilots.rules import Parameters, fence_verdict
 from guidance.control.polygon import Point, Polygon, corners_about_home
 from guidance.errors import ConfigError
 from guidance.frames import LocalFrame, Projection
-from guidance.messages import FenceCount, FenceItem, FenceReceived, FenceRefused, FenceRequest, Home, Message
+from guidance.messages import (
+    FenceCount,
+    FenceItem,
+    FenceReceived,
+    FenceRefused,
+    FenceRequest,
+    Home,
+    Message,
+)
 from guidance.vehicle import VehicleState, local_frame
 
 MOST_ITEMS: Final = 1000
@@ -40,7 +48,11 @@ class Area(NamedTuple):
     @property
     def words(self) -> str:
         """Short description."""
-        shape = f"circle of {self.radius_m:g} m" if self.radius_m > 0.0 else f"polygon of {len(self.corners_deg)}"
+        shape = (
+            f"circle of {self.radius_m:g} m"
+            if self.radius_m > 0.0
+            else f"polygon of {len(self.corners_deg)}"
+        )
         return shape if self.inclusion else f"excluded {shape}"
 
 
@@ -76,10 +88,17 @@ class Reading:
     def observe(self, message: Message) -> None:
         """Handle a message of any kind."""
         if isinstance(message, FenceRefused) and not self._over and self._asked is not None:
-            self.found, self._over = Uploaded(refused=message.result), True
-        elif isinstance(message, FenceCount) and self._count is None and message.items <= MOST_ITEMS:
+            self.found = Uploaded(refused=message.result)
+            self._over = True
+        elif (
+            isinstance(message, FenceCount) and self._count is None and message.items <= MOST_ITEMS
+        ):
             self._count = message.items
-        elif isinstance(message, FenceItem) and self._count is not None and message.sequence < self._count:
+        elif (
+            isinstance(message, FenceItem)
+            and self._count is not None
+            and message.sequence < self._count
+        ):
             self._items[message.sequence] = message
 
     def requests(self, now_s: float) -> tuple[FenceRequest | FenceReceived, ...]:
@@ -89,7 +108,8 @@ class Reading:
                 return ()
             self._begin()
         if self._count is not None and len(self._items) == self._count:
-            self.found, self._over = Uploaded(areas_of([self._items[n] for n in range(self._count)])), True
+            self.found = Uploaded(areas_of([self._items[n] for n in range(self._count)]))
+            self._over = True
             return (FenceReceived(),)
         missing = (number for number in range(self._count or 0) if number not in self._items)
         wanted = FenceRequest(next(missing, None))
@@ -97,7 +117,8 @@ class Reading:
             return ()
         if wanted.sequence is None:
             self._begun_s = now_s
-        self._asked, self._asked_s = wanted, now_s
+        self._asked = wanted
+        self._asked_s = now_s
         return (wanted,)
 
 
@@ -119,17 +140,24 @@ def areas_of(items: Sequence[FenceItem]) -> tuple[Area, ...]:
 
 def about_home(wants: Wants, vehicle: VehicleState, projection: Projection) -> Wants:
     """Replace a fence in degrees by the same one in metres about home, once home is known."""
-    corners_deg, home = wants.limits.fence_polygon_deg, vehicle.latest.get(Home)
+    corners_deg = wants.limits.fence_polygon_deg
+    home = vehicle.latest.get(Home)
     frame = local_frame(vehicle, projection)
     if corners_deg is None or home is None or frame is None:
         return wants
     corners = corners_about_home(corners_deg, home.position_ned_m, frame)
-    limits = wants.limits.model_copy(update={"fence_polygon_ne_m": corners, "fence_polygon_deg": None})
+    limits = wants.limits.model_copy(
+        update={"fence_polygon_ne_m": corners, "fence_polygon_deg": None}
+    )
     return wants._replace(limits=limits)
 
 
 def uploaded_row(
-    uploaded: Uploaded, wants: Wants, vehicle: VehicleState, autopilot: Autopilot, parameters: Parameters
+    uploaded: Uploaded,
+    wants: Wants,
+    vehicle: VehicleState,
+    autopilot: Autopilot,
+    parameters: Parameters,
 ) -> Finding:
     """Judge the uploaded fence. If it does not enclose ours, the autopilot would act inside ours.
 
@@ -145,8 +173,11 @@ def uploaded_row(
         return row._replace(advice="it may act inside our fence; requested again every few seconds")
     in_use = autopilot.uploaded_fence_counts(parameters)
     if not uploaded.areas or not in_use:
-        return row._replace(verdict=Verdict.PASS, value=row.value if in_use else f"{row.value}, not in use")
-    home, frame = vehicle.latest.get(Home), local_frame(vehicle, autopilot.projection)
+        return row._replace(
+            verdict=Verdict.PASS, value=row.value if in_use else f"{row.value}, not in use"
+        )
+    home = vehicle.latest.get(Home)
+    frame = local_frame(vehicle, autopilot.projection)
     if home is None or frame is None:
         return row._replace(advice="home is not known yet")
     try:
@@ -165,7 +196,8 @@ def uploaded_row(
 
 def outline(wants: Wants) -> list[Point]:
     """Return points on the outline of our fence, metres north and east of home."""
-    corners, radius_m = wants.limits.fence_polygon_ne_m, wants.limits.fence_radius_m
+    corners = wants.limits.fence_polygon_ne_m
+    radius_m = wants.limits.fence_radius_m
     points: list[Point] = []
     if radius_m is not None:
         turns = [math.tau * n / _ROUND for n in range(_ROUND)]
@@ -176,7 +208,10 @@ def outline(wants: Wants) -> list[Point]:
     points = [point for point in points if polygon.contains(point)]
     for (north, east), (to_north, to_east) in polygon.edges():
         shares = [n / _PER_EDGE for n in range(_PER_EDGE)]
-        points += [(north + share * (to_north - north), east + share * (to_east - east)) for share in shares]
+        points += [
+            (north + share * (to_north - north), east + share * (to_east - east))
+            for share in shares
+        ]
     return [point for point in points if radius_m is None or math.hypot(*point) <= radius_m + 1e-6]
 
 

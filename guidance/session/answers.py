@@ -55,7 +55,9 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
     """
     state = flight.state
     if flight.fault is not None:
-        return f"guidance failed ({flight.fault}), and is silent since: order reset to begin another"
+        return (
+            f"guidance failed ({flight.fault}), and is silent since: order reset to begin another"
+        )
     if state in _ENDED:
         cause = "unknown cause" if flight.cause is None else flight.cause.words
         return f"{_ENDED[state].format(cause)}: order reset to begin another"
@@ -93,7 +95,11 @@ def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
     if order in {Event.HOLD, Event.RETURN, Event.LAND}:
         return "there is no flight to end: the vehicle is not armed"
     if state is not State.READY:
-        return f"not ready: {lacking}" if state is State.CHECKING else f"under way already: {_WHY[state]}"
+        return (
+            f"not ready: {lacking}"
+            if state is State.CHECKING
+            else f"under way already: {_WHY[state]}"
+        )
     if not flight.vehicle.armed or flight.vehicle.on_ground:
         return "on the ground: order start first"
     if order is Event.START:
@@ -119,11 +125,15 @@ def missing(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
 def to_do(flight: Flight, now_s: float, rows: Sequence[Finding]) -> list[dict[str, str]]:
     """List every failed check and every preflight row that does not pass, each with advice."""
     keys = ("name", "found", "wanted", "verdict", "advice")
-    not_passed = (row for row in (*_failed(flight, now_s), *rows) if row.verdict is not Verdict.PASS)
+    not_passed = (
+        row for row in (*_failed(flight, now_s), *rows) if row.verdict is not Verdict.PASS
+    )
     return [dict(zip(keys, map(str, row), strict=True)) for row in not_passed]
 
 
-def foreseen(flight: Flight, now_s: float, rows: Sequence[Finding], barred: Sequence[str]) -> dict[str, str]:
+def foreseen(
+    flight: Flight, now_s: float, rows: Sequence[Finding], barred: Sequence[str]
+) -> dict[str, str]:
     """Return for every order why it would be refused now; empty if it would be accepted.
 
     Args:
@@ -132,8 +142,15 @@ def foreseen(flight: Flight, now_s: float, rows: Sequence[Finding], barred: Sequ
         rows: What preflight found.
         barred: Names of what bars the vehicle from flying.
     """
-    accepted = {order for order in ORDERS if is_done(order, flight.state) or flight.follows(order, now_s, barred)}
-    return {str(order): "" if order in accepted else refusal(order, flight, now_s, rows) for order in sorted(ORDERS)}
+    accepted = {
+        order
+        for order in ORDERS
+        if is_done(order, flight.state) or flight.follows(order, now_s, barred)
+    }
+    return {
+        str(order): "" if order in accepted else refusal(order, flight, now_s, rows)
+        for order in sorted(ORDERS)
+    }
 
 
 def status(
@@ -148,7 +165,10 @@ def status(
         barred: Names of what bars the vehicle from flying.
         now_s: The present.
     """
-    vehicle, settings, certificate, cause = flight.vehicle, flight.settings, outputs.certificate, flight.cause
+    vehicle = flight.vehicle
+    settings = flight.settings
+    certificate = outputs.certificate
+    cause = flight.cause
     shown = {
         "state": shown_state(flight),
         "mode": flight.mode_name,
@@ -175,11 +195,15 @@ def status(
         "certificate": certificate,
     }
     # Numbers get four decimals.
-    rounded: dict[str, Any] = json.loads(json.dumps(plain(shown)), parse_float=lambda text: round(float(text), 4))
+    rounded: dict[str, Any] = json.loads(
+        json.dumps(plain(shown)), parse_float=lambda text: round(float(text), 4)
+    )
     if certificate is not None:
         winners = {"winner": certificate.winner, "vehicle_winner": certificate.vehicle_winner or 0}
         reason = None if certificate.reason is None else Reason(certificate.reason).word
-        rounded["certificate"] |= {"reason": reason} | {key: Winner(winner).word for key, winner in winners.items()}
+        rounded["certificate"] |= {"reason": reason} | {
+            key: Winner(winner).word for key, winner in winners.items()
+        }
         range_m = math.dist(certificate.pursuer_game_m, certificate.evader_game_m)
         rounded |= {"range_m": round(range_m, 2), "value_unit": _unit(flight)}
     return rounded
@@ -191,7 +215,9 @@ def _unit(flight: Flight) -> str:
 
 def _flown(vehicle: VehicleState) -> dict[str, Any]:
     """Position and velocity (NED, m and m/s), height above home (m) and battery."""
-    local, home, status = vehicle.latest.get(LocalPosition), vehicle.latest.get(Home), vehicle.latest.get(SystemStatus)
+    local = vehicle.latest.get(LocalPosition)
+    home = vehicle.latest.get(Home)
+    status = vehicle.latest.get(SystemStatus)
     if local is None:
         return {}
     height_m = -local.position_ned_m[2] + (0.0 if home is None else home.position_ned_m[2])
@@ -211,16 +237,25 @@ def flight_line(flight: Flight, outputs: Outputs, now_s: float) -> str:
         outputs: Of the last cycle.
         now_s: The present.
     """
-    vehicle, certificate = flight.vehicle, outputs.certificate
-    parts = [f"{now_s:.0f} s", shown_state(flight), f"{flight.mode_title}, {'armed' if vehicle.armed else 'disarmed'}"]
+    vehicle = flight.vehicle
+    certificate = outputs.certificate
+    parts = [
+        f"{now_s:.0f} s",
+        shown_state(flight),
+        f"{flight.mode_title}, {'armed' if vehicle.armed else 'disarmed'}",
+    ]
     if flown := _flown(vehicle):
         north, east, _ = flown["velocity_ned_m_s"]
-        parts.append(f"{round(flown['height_m'], 1) + 0.0:.1f} m up, {math.hypot(north, east):.1f} m/s")
+        parts.append(
+            f"{round(flown['height_m'], 1) + 0.0:.1f} m up, {math.hypot(north, east):.1f} m/s"
+        )
         battery = flown["battery"]
         parts += [] if math.isnan(battery) else [f"battery {battery:.0%}"]
         parts.append(f"position {vehicle.age_s(LocalPosition, now_s):.1f} s old")
     if certificate is not None:
-        parts.append(f"rim {certificate.gap_m:.1f} m, value {certificate.value:.1f} {_unit(flight)}")
+        parts.append(
+            f"rim {certificate.gap_m:.1f} m, value {certificate.value:.1f} {_unit(flight)}"
+        )
     silence_s = flight.tracking.silence_s(now_s)
     parts.append("no evader" if math.isinf(silence_s) else f"evader {silence_s:.1f} s ago")
     return "  ".join(parts)

@@ -51,24 +51,32 @@ class Checkup:
     """Reads, judges and sets the parameters of one vehicle on the ground. It neither arms nor changes the mode."""
 
     def __init__(self, name: str, plan: FlightPlan, world: World, clock: Clock) -> None:
-        self._plan, self._link, self._clock, self._due_s = plan, world.links[name], clock, clock.now_s()
+        self._plan = plan
+        self._link = world.links[name]
+        self._clock = clock
+        self._due_s = clock.now_s()
         self._daemon = Daemon(name, plan, self._link, world.evaders[name], Equipment())
 
-    def rows(self, limit_s: float = SURVEY_LIMIT_S, told: Callable[[str], None] = lambda _: None) -> Sequence[Finding]:
+    def rows(
+        self, limit_s: float = SURVEY_LIMIT_S, told: Callable[[str], None] = lambda _: None
+    ) -> Sequence[Finding]:
         """Wait for all inputs, and return preflight's rows and the flight's own checks.
 
         Args:
             limit_s: For so long at most; a vehicle that is not the configured autopilot is refused at once.
             told: Called with the names of missing inputs.
         """
-        daemon, clock, flight = self._daemon, self._clock, self._plan.flight
+        daemon = self._daemon
+        clock = self._clock
+        flight = self._plan.flight
         begun_s = complete_s = clock.now_s()
         while clock.now_s() - begun_s < limit_s:
             self._step()
             facts = daemon.survey.facts(daemon.flight.vehicle, clock.now_s())
             if (other := another_autopilot(facts, flight.autopilot)) is not None:
                 return (other,)
-            vehicle, (read, wanted) = daemon.flight.vehicle, daemon.survey.read
+            vehicle = daemon.flight.vehicle
+            (read, wanted) = daemon.survey.read
             missing = [name for kind, name in _HEARD.items() if vehicle.latest.get(kind) is None]
             missing += [f"{wanted - read} of {wanted} parameters"] if read < wanted else []
             told(lacking := ", ".join(missing))
@@ -78,15 +86,22 @@ class Checkup:
                 break
         # The flight's own checks may still pass later, so none is a refusal here.
         readiness = (
-            Finding.of(verdict is Verdict.PASS, f"ready: {name}", found, "before start", "", Verdict.WARN)
+            Finding.of(
+                verdict is Verdict.PASS, f"ready: {name}", found, "before start", "", Verdict.WARN
+            )
             for name, found, _, verdict, _ in daemon.flight.checks(clock.now_s())
         )
         return (*daemon.rows, *readiness)
 
     def changes(self, *, advised: bool) -> Sequence[ParameterChange]:
         """Return the parameters to set, from the values read."""
-        wants, facts = self._plan.wants, self._daemon.survey.facts(self._daemon.flight.vehicle, self._clock.now_s())
-        return () if wants is None else changes(facts, self._plan.flight.autopilot, wants, advised=advised)
+        wants = self._plan.wants
+        facts = self._daemon.survey.facts(self._daemon.flight.vehicle, self._clock.now_s())
+        return (
+            ()
+            if wants is None
+            else changes(facts, self._plan.flight.autopilot, wants, advised=advised)
+        )
 
     def apply(self, wanted: Sequence[ParameterChange]) -> Iterator[tuple[str, float | None, bool]]:
         """Set parameters one after another, and read each back.
@@ -99,13 +114,23 @@ class Checkup:
                 stays set.
         """
         for change in wanted:
-            vehicle, now_s = self._daemon.flight.vehicle, self._clock.now_s()
+            vehicle = self._daemon.flight.vehicle
+            now_s = self._clock.now_s()
             if vehicle.armed:
-                raise FlightError("the vehicle is armed: parameters are set on the ground only, disarmed")
-            if vehicle.age_s(messages.Heartbeat, now_s) > _FRESH_S or vehicle.latest.get(messages.LandedState) is None:
-                raise FlightError("the vehicle does not say whether it is on the ground: no parameter is set")
+                raise FlightError(
+                    "the vehicle is armed: parameters are set on the ground only, disarmed"
+                )
+            if (
+                vehicle.age_s(messages.Heartbeat, now_s) > _FRESH_S
+                or vehicle.latest.get(messages.LandedState) is None
+            ):
+                raise FlightError(
+                    "the vehicle does not say whether it is on the ground: no parameter is set"
+                )
             if not vehicle.on_ground:
-                raise FlightError("the vehicle is in the air: parameters are set on the ground only")
+                raise FlightError(
+                    "the vehicle is in the air: parameters are set on the ground only"
+                )
             self._link.request(change.request)
             self._read(change.name)  # the announcement after setting is not proof: read the value
             self._link.request(messages.ParameterRequest(change.name))
@@ -135,7 +160,8 @@ def checkup_of(config: Config) -> Iterator[Checkup]:
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    plan, clock = plan_of(config), MonotonicClock()
+    plan = plan_of(config)
+    clock = MonotonicClock()
     with contextlib.closing(World()) as world:
         open_all(config, clock, world, tapped=False)
         yield Checkup(config.name, plan, world, clock)
@@ -167,7 +193,14 @@ def examine(config: Config | None = None) -> Sequence[Finding]:
     absent = ",".join(extra for extra in EXTRAS if extra not in there)
     lacking = f"pip install 'pursuit-guidance[{absent}]'" if absent else ""
     return (
-        Finding.of(sys.platform == "linux", "software", system, "Linux, Python 3.11 or later", "fly on Linux", WARN),
+        Finding.of(
+            sys.platform == "linux",
+            "software",
+            system,
+            "Linux, Python 3.11 or later",
+            "fly on Linux",
+            WARN,
+        ),
         _calendar(),
         _cadence(),
         _scheduling(),
@@ -184,42 +217,68 @@ def _calendar() -> Finding:
     try:
         kept = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(1024)) != _TIME_ERROR
     except (AttributeError, OSError):
-        return Finding("calendar", "not known", "synchronized", WARN, "see that a time service runs")
+        return Finding(
+            "calendar", "not known", "synchronized", WARN, "see that a time service runs"
+        )
     advice = "timedatectl set-ntp true, or the time from GPS"
-    return Finding.of(kept, "calendar", "synchronized" if kept else "not synchronized", "synchronized", advice, WARN)
+    return Finding.of(
+        kept,
+        "calendar",
+        "synchronized" if kept else "not synchronized",
+        "synchronized",
+        advice,
+        WARN,
+    )
 
 
 def _cadence() -> Finding:
     """Largest delay of a wake-up under the present load."""
-    worst_s, due_s = 0.0, time.monotonic()
+    worst_s = 0.0
+    due_s = time.monotonic()
     for _ in range(CYCLES):
         due_s += PERIOD_S
         time.sleep(max(0.0, due_s - time.monotonic()))
         worst_s = max(worst_s, time.monotonic() - due_s)
     found = f"{1e3 * worst_s:.1f} ms late at worst in {CYCLES} cycles"
     advice = "end what else runs, or allow real-time scheduling (the next row)"
-    return Finding.of(worst_s <= LATE_S, "cadence", found, f"at most {1e3 * LATE_S:g} ms", advice, WARN)
+    return Finding.of(
+        worst_s <= LATE_S, "cadence", found, f"at most {1e3 * LATE_S:g} ms", advice, WARN
+    )
 
 
 def _scheduling() -> Finding:
-    name, wanted = "scheduling", f"realtime {PRIORITY}"
+    name = "scheduling"
+    wanted = f"realtime {PRIORITY}"
     if not hasattr(os, "sched_setscheduler"):
         return Finding(name, "none on this system", wanted, WARN, "fly on Linux")
-    policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
+    policy = os.sched_getscheduler(0)
+    parameter = os.sched_getparam(0)
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
     except PermissionError:
-        return Finding(name, "not permitted", wanted, WARN, "CPUSchedulingPolicy=rr, or rtprio in limits.conf")
+        return Finding(
+            name, "not permitted", wanted, WARN, "CPUSchedulingPolicy=rr, or rtprio in limits.conf"
+        )
     os.sched_setscheduler(0, policy, parameter)
     return Finding(name, "permitted", wanted, Verdict.PASS)
 
 
 def _urls(config: Config | None) -> Iterator[Finding]:
-    own = () if config is None else (("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url))
+    own = (
+        ()
+        if config is None
+        else (("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url))
+    )
     for key, url in own or _USUAL_URLS:
         if url is not None and (endpoint := parse(url)).scheme in {"udpin", "tcpin"}:
             kind = socket.SOCK_DGRAM if endpoint.scheme == "udpin" else socket.SOCK_STREAM
-            yield _port(f"{key} {url}", endpoint.host, endpoint.port, kind, "end what listens there, or take another")
+            yield _port(
+                f"{key} {url}",
+                endpoint.host,
+                endpoint.port,
+                kind,
+                "end what listens there, or take another",
+            )
 
 
 def _control(control: Control) -> Finding:
@@ -227,17 +286,23 @@ def _control(control: Control) -> Finding:
     folder = next(part for part in (path, *path.parents) if part.exists())
     if not os.access(folder, os.W_OK):
         advice = f"the token goes to {path}: set control.token_file, or run as who owns {folder}"
-        return Finding("orders", f"{folder} is not writable", "a folder for the token", Verdict.REFUSE, advice)
+        return Finding(
+            "orders", f"{folder} is not writable", "a folder for the token", Verdict.REFUSE, advice
+        )
     host, _, port = control.endpoint.partition("/")[2].rpartition(":")
     if not (control.host and port.isdigit()):
         return Finding("orders", control.endpoint, "a folder for the token", Verdict.PASS)
     advice = "a daemon runs already? guidance ctl status says; else set control.endpoint"
-    return _port(f"orders {control.endpoint}", host.strip("[]"), int(port), socket.SOCK_STREAM, advice)
+    return _port(
+        f"orders {control.endpoint}", host.strip("[]"), int(port), socket.SOCK_STREAM, advice
+    )
 
 
 def _port(name: str, host: str, port: int, kind: socket.SocketKind, advice: str) -> Finding:
     found = "free"
-    with contextlib.closing(socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, kind)) as probe:
+    with contextlib.closing(
+        socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, kind)
+    ) as probe:
         if kind == socket.SOCK_STREAM:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -248,13 +313,21 @@ def _port(name: str, host: str, port: int, kind: socket.SocketKind, advice: str)
 
 
 def _serial_ports(config: Config | None) -> Iterator[Finding]:
-    wanted, advice = "readable and writable", "usermod -aG dialout USER, and log in again"
+    wanted = "readable and writable"
+    advice = "usermod -aG dialout USER, and log in again"
     own = parse(config.vehicle.url) if config is not None else None
     device = own.host if own is not None and own.scheme == "serial" else ""
     if device and not Path(device).exists():
-        yield Finding(device, "not there", wanted, Verdict.REFUSE, "plug it in; ls /dev/serial/by-id lists what is")
+        yield Finding(
+            device,
+            "not there",
+            wanted,
+            Verdict.REFUSE,
+            "plug it in; ls /dev/serial/by-id lists what is",
+        )
     for port in sorted(one.device for one in list_ports.comports()):
-        good, bad = os.access(port, os.R_OK | os.W_OK), Verdict.REFUSE if port == device else WARN
+        good = os.access(port, os.R_OK | os.W_OK)
+        bad = Verdict.REFUSE if port == device else WARN
         yield Finding.of(good, port, wanted if good else "no rights", wanted, advice, bad)
 
 
@@ -262,7 +335,12 @@ def _record_folder(folder: Path) -> Iterator[Finding]:
     there = next(part for part in (folder, *folder.absolute().parents) if part.exists())
     good = there.is_dir() and os.access(there, os.W_OK | os.X_OK)
     found = f"{folder.absolute()}: {'writable' if good else 'not writable'}"
-    yield Finding.of(good, "record folder", found, "writable", "set record.folder, or change the rights")
-    free, wanted = shutil.disk_usage(there).free, f"{FLIGHT_BYTES / 1e6:g} MB for an hour"
+    yield Finding.of(
+        good, "record folder", found, "writable", "set record.folder, or change the rights"
+    )
+    free = shutil.disk_usage(there).free
+    wanted = f"{FLIGHT_BYTES / 1e6:g} MB for an hour"
     advice = "make room: a full disk ends the record, never the flight"
-    yield Finding.of(free >= FLIGHT_BYTES, "disk", f"{free / 1e9:.1f} GB free", wanted, advice, WARN)
+    yield Finding.of(
+        free >= FLIGHT_BYTES, "disk", f"{free / 1e9:.1f} GB free", wanted, advice, WARN
+    )

@@ -34,7 +34,9 @@ def host_session(endpoint: str, token: local.ControlToken) -> Session:
     """
     there = {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True}
     try:
-        return direct_session("router", {"listen": there}, auth=token.auth(dictionary_file=str(token.path)))
+        return direct_session(
+            "router", {"listen": there}, auth=token.auth(dictionary_file=str(token.path))
+        )
     except zenoh.ZError as error:
         who = "another program has the port"
         with contextlib.suppress(GuidanceError):
@@ -64,7 +66,12 @@ def owner_token(session: Session, vehicle: str) -> zenoh.LivelinessToken:
 
 @contextlib.contextmanager
 def control_bus(
-    name: str, mailbox: Mailbox, control: Control, credentials: Credentials, team: str, mates: Collection[str]
+    name: str,
+    mailbox: Mailbox,
+    control: Control,
+    credentials: Credentials,
+    team: str,
+    mates: Collection[str],
 ) -> Iterator[Session]:
     """Take orders to the mailbox and answers back; on this computer by a socket too.
 
@@ -84,7 +91,8 @@ def control_bus(
         LinkError: If no session can be opened, or another daemon owns the vehicle.
     """
     shown = {"name": name} | ({"team": team, "vehicles": sorted({name, *mates})} if team else {})
-    orders, queries = threading.BoundedSemaphore(MOST_ORDERS), threading.BoundedSemaphore(MOST_QUERIES)
+    orders = threading.BoundedSemaphore(MOST_ORDERS)
+    queries = threading.BoundedSemaphore(MOST_QUERIES)
 
     def hear(query: "zenoh.Query") -> None:
         """On Zenoh's thread, which must not wait. Queries never keep an order out."""
@@ -111,18 +119,25 @@ def control_bus(
             closing.callback(close_all, session.close)
             # Put it where others look for it, now that the endpoint is ours and no other daemon's.
             token = token._replace(path=token.path.replace(path))
-            closing.enter_context(contextlib.closing(local.ControlSocket(name, mailbox.answer, token)))
+            closing.enter_context(
+                contextlib.closing(local.ControlSocket(name, mailbox.answer, token))
+            )
         else:
             session = join_session(control.endpoint, control.token_file, credentials)
             closing.callback(close_all, session.close)
         closing.callback(close_all, owner_token(session, f"guidance/{name}").undeclare)
-        closing.callback(close_all, session.declare_queryable(control_key(name, "*"), hear).undeclare)
+        closing.callback(
+            close_all, session.declare_queryable(control_key(name, "*"), hear).undeclare
+        )
         yield session
 
 
 @contextlib.contextmanager
 def opened(
-    mailboxes: Mapping[str, Mailbox], endpoint: str | None, on_open: Callable[[str], None], team: str
+    mailboxes: Mapping[str, Mailbox],
+    endpoint: str | None,
+    on_open: Callable[[str], None],
+    team: str,
 ) -> Iterator[Mapping[str, Session]]:
     """Take orders for vehicles at an endpoint, or at a free one if another process listens there; None takes none.
 
@@ -136,7 +151,9 @@ def opened(
     buses: dict[str, Session] = {}
     with contextlib.ExitStack() as closing:
         for name, mailbox in mailboxes.items() if endpoint is not None else ():
-            bus = partial(control_bus, name, mailbox, credentials=NO_CREDENTIALS, team=team, mates=mailboxes)
+            bus = partial(
+                control_bus, name, mailbox, credentials=NO_CREDENTIALS, team=team, mates=mailboxes
+            )
             try:
                 buses[name] = closing.enter_context(bus(Control(endpoint=endpoint, host=not buses)))
             except LinkError:
@@ -157,7 +174,11 @@ def free_endpoint() -> str:
 
 
 def join_session(
-    endpoint: str, token_file: Path | None = None, credentials: Credentials = NO_CREDENTIALS, *, timeout_s: float = 3.0
+    endpoint: str,
+    token_file: Path | None = None,
+    credentials: Credentials = NO_CREDENTIALS,
+    *,
+    timeout_s: float = 3.0,
 ) -> Session:
     """Join the control bus of a daemon, with its token where it has one, or by a router that knows our certificate.
 
@@ -180,7 +201,13 @@ def join_session(
 
 
 def ask(
-    session: Session, order: str, name: str | None, *, endpoint: str, by: str = "", timeout_s: float = local.TIMEOUT_S
+    session: Session,
+    order: str,
+    name: str | None,
+    *,
+    endpoint: str,
+    by: str = "",
+    timeout_s: float = local.TIMEOUT_S,
 ) -> Answer:
     """Give an order to the daemon called `name`; without a name, to the only one there is.
 
@@ -198,19 +225,29 @@ def ask(
     """
     if name is None:
         # Never an order to all: first find out who is there.
-        names = sorted(str(answer["name"]) for answer in answers(session, "*", local.STATUS, timeout_s))
+        names = sorted(
+            str(answer["name"]) for answer in answers(session, "*", local.STATUS, timeout_s)
+        )
         if not names:
             raise LinkError(f"{endpoint}: no daemon answers there; is `guidance run` running?")
         if len(names) > 1:
             raise ConfigError(f"--name: which vehicle? daemons at {endpoint}: {', '.join(names)}")
         name = names[0]
     if not (answered := answers(session, name, order, timeout_s, by)):
-        raise LinkError(f"{name} at {endpoint}: no answer within {timeout_s:g} s; is its daemon running?")
+        raise LinkError(
+            f"{name} at {endpoint}: no answer within {timeout_s:g} s; is its daemon running?"
+        )
     return answered[0]
 
 
 def order_team(
-    session: Session, order: str, team: str, names: Collection[str], *, by: str = "", timeout_s: float = local.TIMEOUT_S
+    session: Session,
+    order: str,
+    team: str,
+    names: Collection[str],
+    *,
+    by: str = "",
+    timeout_s: float = local.TIMEOUT_S,
 ) -> list[Answer]:
     """Give an order to a team on a session; return an answer for each vehicle.
 
@@ -229,25 +266,44 @@ def order_team(
     """
 
     def asked(word: str) -> dict[str, Answer]:
-        found = [one for name in names or "*" for one in answers(session, name, word, timeout_s, by, team)]
+        found = [
+            one
+            for name in names or "*"
+            for one in answers(session, name, word, timeout_s, by, team)
+        ]
         if not found:
             raise LinkError(f"--team {team}: no vehicle of it answers; is `guidance run` running?")
-        silent = {"accepted": False, "order": word, "state": "not heard", "reason": f"no answer in {timeout_s:g} s"}
+        silent = {
+            "accepted": False,
+            "order": word,
+            "state": "not heard",
+            "reason": f"no answer in {timeout_s:g} s",
+        }
         there = {str(one["name"]): one for one in found}
-        return {name: there.get(name, {"name": name, **silent}) for name in sorted(names or found[0]["vehicles"])}
+        return {
+            name: there.get(name, {"name": name, **silent})
+            for name in sorted(names or found[0]["vehicles"])
+        }
 
     if order in {Event.START, Event.ENGAGE}:
         found = asked(local.STATUS)
-        why = {name: one.get("reason") or one["refused_orders"][order] for name, one in found.items()}
+        why = {
+            name: one.get("reason") or one["refused_orders"][order] for name, one in found.items()
+        }
         if any(why.values()):
             others = f"waits for {', '.join(name for name, reason in why.items() if reason)}"
             refused = {"accepted": False, "order": order}
-            said = {name: {"state": found[name]["state"], "reason": reason or others} for name, reason in why.items()}
+            said = {
+                name: {"state": found[name]["state"], "reason": reason or others}
+                for name, reason in why.items()
+            }
             return [{"name": name, **refused, **answer} for name, answer in said.items()]
     return list(asked(order).values())
 
 
-def answers(session: Session, name: str, order: str, timeout_s: float, by: str = "", team: str = "") -> list[Answer]:
+def answers(
+    session: Session, name: str, order: str, timeout_s: float, by: str = "", team: str = ""
+) -> list[Answer]:
     """Ask a daemon, or all for the name "*", and return every answer.
 
     Args:
@@ -259,7 +315,9 @@ def answers(session: Session, name: str, order: str, timeout_s: float, by: str =
         team: Name of a team: only its vehicles answer.
     """
     key = control_key(name, order) + (f"?{_TEAM}={team}" if team else "")
-    replies = session.get(key, timeout=timeout_s, target=zenoh.QueryTarget.ALL, payload=by.encode() if by else None)
+    replies = session.get(
+        key, timeout=timeout_s, target=zenoh.QueryTarget.ALL, payload=by.encode() if by else None
+    )
     return [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
 
 

@@ -28,7 +28,9 @@ from typing import Any, Final, NamedTuple
 from guidance.errors import ConfigError, LinkError, OutputError
 from guidance.files import private_file, writing
 
-STATUS, RESET, ALIVE = "status", "reset", "alive"
+STATUS = "status"
+RESET = "reset"
+ALIVE = "alive"
 WORDS: Final = ("abort", "engage", "hold", "land", "return", "start", RESET, STATUS, ALIVE)
 """All orders and queries of a daemon."""
 
@@ -71,7 +73,8 @@ def token_path(endpoint: str) -> Path:
     Raises:
         ConfigError: If there is no runtime folder, and another user owns or may write to the fallback.
     """
-    given, user = os.environ.get("RUNTIME_DIRECTORY"), os.environ.get("XDG_RUNTIME_DIR")
+    given = os.environ.get("RUNTIME_DIRECTORY")
+    user = os.environ.get("XDG_RUNTIME_DIR")
     if given:
         folder = Path(given.split(":")[0])
     elif user:
@@ -122,9 +125,13 @@ def read_token(path: Path) -> ControlToken | None:
         return None
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not a text file"
-        raise ConfigError(f"control token {path}: cannot be read ({reason}); only who can read it may order") from error
+        raise ConfigError(
+            f"control token {path}: cannot be read ({reason}); only who can read it may order"
+        ) from error
     if found is None:
-        raise ConfigError(f"control token {path}: not a token file: expected one line, {USER}:<hexadecimal digits>")
+        raise ConfigError(
+            f"control token {path}: not a token file: expected one line, {USER}:<hexadecimal digits>"
+        )
     return ControlToken(path, found[1])
 
 
@@ -183,7 +190,10 @@ def ask_here(
     if (token := read_token(path)) is None:
         return None
     try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as there, _reachable(socket_path(path)) as address:
+        with (
+            socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as there,
+            _reachable(socket_path(path)) as address,
+        ):
             there.settimeout(TIMEOUT_S)
             there.connect(address)
             asked = {"token": token.secret, "order": order, "name": name, "by": by}
@@ -192,7 +202,9 @@ def ask_here(
     except (FileNotFoundError, NotADirectoryError, ConnectionRefusedError):
         return None
     except (OSError, ValueError) as error:
-        raise LinkError(f"control {socket_path(path)}: no answer ({error}); is the daemon running?") from error
+        raise LinkError(
+            f"control {socket_path(path)}: no answer ({error}); is the daemon running?"
+        ) from error
     if "error" in answer:
         raise LinkError(f"control {endpoint}: {answer['error']}")
     return dict(answer)
@@ -228,23 +240,32 @@ class ControlSocket:
         OutputError: If the socket cannot be made.
     """
 
-    def __init__(self, name: str, answer: Callable[[str, str], Mapping[str, Any]], token: ControlToken) -> None:
-        self._name, self._answer, self._token = name, answer, token
-        self._path, self._free = socket_path(token.path), threading.BoundedSemaphore(_MOST_AT_ONCE)
+    def __init__(
+        self, name: str, answer: Callable[[str, str], Mapping[str, Any]], token: ControlToken
+    ) -> None:
+        self._name = name
+        self._answer = answer
+        self._token = token
+        self._path = socket_path(token.path)
+        self._free = threading.BoundedSemaphore(_MOST_AT_ONCE)
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
-            self._path.unlink(missing_ok=True)  # of a daemon that was killed: the endpoint is ours by now
+            # Of a daemon that was killed: the endpoint is ours by now
+            self._path.unlink(missing_ok=True)
             with _reachable(self._path) as address:
                 self._listener.bind(address)
             rights = token.path.stat()
             with contextlib.suppress(PermissionError):
                 os.chown(self._path, -1, rights.st_gid)
             readable = stat.S_IMODE(rights.st_mode) & 0o444
-            self._path.chmod(readable | readable >> 1)  # who may read the token may write to the socket
+            # Who may read the token may write to the socket
+            self._path.chmod(readable | readable >> 1)
             self._listener.listen(_MOST_AT_ONCE)
         except OSError as error:
             self._listener.close()
-            raise OutputError(f"control socket {self._path}: cannot be made ({error.strerror})") from error
+            raise OutputError(
+                f"control socket {self._path}: cannot be made ({error.strerror})"
+            ) from error
         self._thread = threading.Thread(target=self._serve, name="control socket")
         self._thread.start()
 
@@ -264,7 +285,11 @@ class ControlSocket:
                     there.close()
 
     def _exchange(self, there: socket.socket) -> None:
-        with there, contextlib.suppress(OSError, ValueError, TypeError, AttributeError):  # the data may be anything
+        # The data may be anything
+        with (
+            there,
+            contextlib.suppress(OSError, ValueError, TypeError, AttributeError),
+        ):
             there.settimeout(_ASKED_WITHIN_S)
             asked = json.loads(there.makefile("rb", _BUFFER_BYTES).readline(_LONGEST_ORDER))
             there.sendall(json.dumps(self._answer_to(asked)).encode() + b"\n")

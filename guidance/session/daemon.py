@@ -61,11 +61,18 @@ Evaders = Mapping[str, EvaderSource]
 class Daemon:
     """One vehicle's guidance, in real or virtual time, against one evader or, in a team, several by name."""
 
-    def __init__(self, name: str, plan: FlightPlan, link: VehicleLink, evaders: Evaders, used: Equipment) -> None:
-        self.name, self._link, self._evaders = name, link, evaders
-        self.team, self.mailbox, self.metrics = used.team, used.mailbox, used.metrics or Metrics(name)
+    def __init__(
+        self, name: str, plan: FlightPlan, link: VehicleLink, evaders: Evaders, used: Equipment
+    ) -> None:
+        self.name = name
+        self._link = link
+        self._evaders = evaders
+        self.team = used.team
+        self.mailbox = used.mailbox
+        self.metrics = used.metrics or Metrics(name)
         self.mailbox.meanwhile = None  # orders wait for the loop from now on
-        self._log, self._notifier = used.log, used.notifier
+        self._log = used.log
+        self._notifier = used.notifier
         self.recording = Recording(name, used.record, used.broadcast, required=used.record_required)
         self._leaving: ShutdownHandover | None = None
         self._heartbeat_s = self._shown_s = float("-inf")
@@ -117,7 +124,9 @@ class Daemon:
     def _orders(self, asked: Sequence[Question], now_s: float) -> Sequence[Question]:
         """Return the orders for this cycle's flight, people's first; all others are answered here."""
         orders = [question for question in asked if self._is_for_the_flight(question, now_s)]
-        if (due := self._engaging.due(now_s)) is not None:  # its parameters were read again or did not answer
+        if (
+            due := self._engaging.due(now_s)
+        ) is not None:  # its parameters were read again or did not answer
             fresh = {row.name: row for row in self._engaging.rows}
             self.rows = tuple(fresh.get(row.name, row) for row in self.rows)
             if refusals(self._engaging.rows) and not due:
@@ -128,11 +137,16 @@ class Daemon:
         return sorted(orders, key=lambda question: question.authority is Authority.MISSION)
 
     def _is_for_the_flight(self, question: Question, now_s: float) -> bool:
-        word, may_read = question.order, self.judged and self.in_flight
+        word = question.order
+        may_read = self.judged and self.in_flight
         if word in WORDS and word != Event.ENGAGE:
             self._give_up_engaging(f"{word} was ordered meanwhile", now_s)
         if word == RESET:
-            refused = f"in flight ({self.flight.state}): order land or return first" if self.in_flight else ""
+            refused = (
+                f"in flight ({self.flight.state}): order land or return first"
+                if self.in_flight
+                else ""
+            )
             if not refused:
                 self._begin(self._plan)
             self._reply(question, now_s, refused)
@@ -140,7 +154,11 @@ class Daemon:
             self._reply(question, now_s, f"order = {word!r}: allowed are {', '.join(WORDS)}")
         elif self._is_leaving(question):
             self._reply(question, now_s, "the daemon is ending")
-        elif word == Event.ENGAGE and may_read and self.flight.follows(Event.ENGAGE, now_s, self._barred()):
+        elif (
+            word == Event.ENGAGE
+            and may_read
+            and self.flight.follows(Event.ENGAGE, now_s, self._barred())
+        ):
             self._engaging.wait(question, now_s)
         else:
             return True
@@ -152,13 +170,23 @@ class Daemon:
             self._leaving = None
         return self._leaving is not None
 
-    def _read(self, now_s: float, queries: Sequence[Question], orders: Sequence[Question]) -> Inputs:
+    def _read(
+        self, now_s: float, queries: Sequence[Question], orders: Sequence[Question]
+    ) -> Inputs:
         """Read everything that one cycle sees, and send our HEARTBEAT once a second."""
-        given = {by: [Event(one.order) for one in orders if one.authority is by] for by in Authority}
-        people, mission = given[Authority.OPERATOR], given[Authority.MISSION]
+        given = {
+            by: [Event(one.order) for one in orders if one.authority is by] for by in Authority
+        }
+        people = given[Authority.OPERATOR]
+        mission = given[Authority.MISSION]
         alive = any(query.order == ALIVE for query in queries) or None
-        bars = refusals(self._engaging.rows) if Event.ENGAGE in (*people, *mission) else self._engaging.bars_the_pilot
-        messages, sources = self._link.receive(), self._evaders.items()
+        bars = (
+            refusals(self._engaging.rows)
+            if Event.ENGAGE in (*people, *mission)
+            else self._engaging.bars_the_pilot
+        )
+        messages = self._link.receive()
+        sources = self._evaders.items()
         came = [(name, report) for name, source in sources for report in source.receive()]
         reports = [report for _, report in came]  # without a team an evader needs no name
         if now_s - self._heartbeat_s >= HEARTBEAT_EVERY_S:
@@ -239,12 +267,18 @@ class Daemon:
     def exchange(self, load: Callable[[], FlightPlan], now_s: float) -> None:
         """Take another plan, on the ground only; in flight it is refused, and said so."""
         if self.in_flight:
-            self._log.say(logging.WARNING, "configuration not read again: refused in flight", state=self.flight.state)
+            self._log.say(
+                logging.WARNING,
+                "configuration not read again: refused in flight",
+                state=self.flight.state,
+            )
             return
         try:
             self._begin(load())
         except ConfigError as error:
-            self._log.say(logging.ERROR, "configuration not read again: the old one stays", error=str(error))
+            self._log.say(
+                logging.ERROR, "configuration not read again: the old one stays", error=str(error)
+            )
         else:
             self._log.say(logging.INFO, RELOADED)
             self.metrics.happened(RELOADED)
@@ -254,12 +288,20 @@ class Daemon:
         for question in self._engaging.give_up():
             self._reply(question, now_s, reason)
 
-    def _answer(self, now_s: float, queries: Sequence[Question], orders: Sequence[Question], outputs: Outputs) -> None:
+    def _answer(
+        self,
+        now_s: float,
+        queries: Sequence[Question],
+        orders: Sequence[Question],
+        outputs: Outputs,
+    ) -> None:
         """Answer the orders, and all queries with one status. The first happenings are one for each order, in order."""
         for question, happening in zip(orders, outputs.happenings, strict=False):
             order = Event(question.order)
             done = happening.after is not happening.before or is_done(order, happening.after)
-            self._reply(question, now_s, "" if done else refusal(order, self.flight, now_s, self.rows))
+            self._reply(
+                question, now_s, "" if done else refusal(order, self.flight, now_s, self.rows)
+            )
         if queries:
             shown = status(self.flight, outputs, self.rows, self._barred(), now_s)
             shown |= {"name": self.name, "recording": self.recording.words}
@@ -272,19 +314,31 @@ class Daemon:
 
         A mission asks every second: a refusal for the same reason is logged once.
         """
-        order, accepted = question.order, not reason
-        known, words = order if order in WORDS else "unknown", re.sub(r"\d+(\.\d+)?", "", reason)
+        order = question.order
+        accepted = not reason
+        known = order if order in WORDS else "unknown"
+        words = re.sub(r"\d+(\.\d+)?", "", reason)
         self.metrics.order(known, accepted=accepted)
-        repeated = not accepted and question.authority is Authority.MISSION and words == self._refused_for.get(known)
+        repeated = (
+            not accepted
+            and question.authority is Authority.MISSION
+            and words == self._refused_for.get(known)
+        )
         self._refused_for[known] = words
-        answer: dict[str, Any] = {"accepted": accepted, "order": order, "state": shown_state(self.flight)}
+        answer: dict[str, Any] = {
+            "accepted": accepted,
+            "order": order,
+            "state": shown_state(self.flight),
+        }
         answer |= {} if accepted else {"reason": reason}
         if not repeated:
             by = {"by": question.by} if question.by else {}
             self._log.say(logging.INFO if accepted else logging.WARNING, "order", **answer, **by)
         question.set_result({"name": self.name, **answer})
         if question.by:
-            self.recording.event(now_s, ORDERED, f"{order} by {question.by}: {reason or 'accepted'}")
+            self.recording.event(
+                now_s, ORDERED, f"{order} by {question.by}: {reason or 'accepted'}"
+            )
 
     def _preflight(self, now_s: float) -> None:
         """Read and judge parameters on the ground, and read the failsafe parameters again before the game begins."""
@@ -304,7 +358,9 @@ class Daemon:
         if refused != self._refused and self.survey.complete:
             self._refused = refused
             if refused:
-                self._log.say(logging.WARNING, "not ready", missing=missing(self.flight, now_s, self.rows))
+                self._log.say(
+                    logging.WARNING, "not ready", missing=missing(self.flight, now_s, self.rows)
+                )
 
     def _report(self, now_s: float, outputs: Outputs, timing: Timing) -> None:
         """Log the cycle's events, count it, and show the flight once a second and when its state changes."""
@@ -315,7 +371,9 @@ class Daemon:
         if now_s - self._shown_s < SHOWN_EVERY_S and not changed:
             return
         self._shown_s = now_s
-        counters = {"vehicle": self._link.counters()} | {name: one.counters() for name, one in self._evaders.items()}
+        counters = {"vehicle": self._link.counters()} | {
+            name: one.counters() for name, one in self._evaders.items()
+        }
         if self.team is not None:
             counters["team"] = self.team.board.counts
         self.metrics.show(now_s, self.flight, outputs, counters)

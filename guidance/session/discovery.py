@@ -50,7 +50,9 @@ _NAMES: Final[dict[type[Message], str]] = {
 
 
 @contextmanager
-def autopilot_at(url: str, asked: str | None, clock: Clock, *, who: str) -> Iterator[tuple[Wire, Found, Autopilot]]:
+def autopilot_at(
+    url: str, asked: str | None, clock: Clock, *, who: str
+) -> Iterator[tuple[Wire, Found, Autopilot]]:
     """Find the autopilot at a URL; the wire is closed in the end.
 
     Args:
@@ -67,7 +69,9 @@ def autopilot_at(url: str, asked: str | None, clock: Clock, *, who: str) -> Iter
         LinkError: If nothing answers.
     """
     with closing(open_wire(url, clock=clock.now_s)) as wire:
-        found = find_autopilot(wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=who)
+        found = find_autopilot(
+            wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=who
+        )
         yield wire, found, identify(found, url, asked)
 
 
@@ -88,14 +92,22 @@ def identify(found: Found, url: str, asked: str | None) -> Autopilot:
         known = " and ".join(f"{one.name} ({one.autopilot_id})" for one in AUTOPILOTS.values())
         raise ConfigError(f"{who} is MAV_AUTOPILOT {found.autopilot}; supported are {known}")
     if not (flown := [one for one in matching if found.vehicle_type in one.vehicle_types]):
-        raise ConfigError(f"{who} is MAV_TYPE {found.vehicle_type}: {matching[0].name} is flown as a multicopter only")
+        raise ConfigError(
+            f"{who} is MAV_TYPE {found.vehicle_type}: {matching[0].name} is flown as a multicopter only"
+        )
     if expected is not None and expected not in flown:
-        raise ConfigError(f"{who} is {flown[0].name}, not --autopilot {asked}: omit it, or give another --vehicle")
+        raise ConfigError(
+            f"{who} is {flown[0].name}, not --autopilot {asked}: omit it, or give another --vehicle"
+        )
     return expected or flown[0]
 
 
 def wait_until_placed(
-    link: VehicleLink, profile: Autopilot, clock: Clock, show: Callable[[Progress], None], vehicle: str = ""
+    link: VehicleLink,
+    profile: Autopilot,
+    clock: Clock,
+    show: Callable[[Progress], None],
+    vehicle: str = "",
 ) -> tuple[Home, LocalFrame]:
     """Wait for the home and the local frame of a vehicle that is disarmed on the ground.
 
@@ -109,32 +121,52 @@ def wait_until_placed(
     Raises:
         FlightError: If it is in the air, armed, or has no position in time. No order was given then.
     """
-    state, said, words, asked_s, begun_s = VehicleState(), "", "", -math.inf, clock.now_s()
-    asked = (*profile.stream_requests(), *map(profile.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN)))
+    state = VehicleState()
+    said = ""
+    words = ""
+    asked_s = -math.inf
+    begun_s = clock.now_s()
+    asked = (
+        *profile.stream_requests(),
+        *map(profile.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN)),
+    )
     for now_s, messages in _heard(link, clock, PLACED_WITHIN_S):
         if now_s - asked_s >= _ASK_EVERY_S:
             asked_s = now_s
             link.send_heartbeat()
             for request in asked:
                 link.request(request)
-        state, waited_s = observe(state, messages), now_s - begun_s
-        said = next((each.text for each in reversed(messages) if isinstance(each, StatusText)), said)
+        state = observe(state, messages)
+        waited_s = now_s - begun_s
+        said = next(
+            (each.text for each in reversed(messages) if isinstance(each, StatusText)), said
+        )
         told = state.latest.get(LandedState) is not None
         if state.armed and told and not state.on_ground:
-            raise FlightError("the vehicle is in the air already: land and disarm it first; no order was given")
+            raise FlightError(
+                "the vehicle is in the air already: land and disarm it first; no order was given"
+            )
         if state.armed and (told or waited_s > _LANDED_STATE_WITHIN_S):
-            raise FlightError("the vehicle was armed by someone else: disarm it first; no order was given")
+            raise FlightError(
+                "the vehicle was armed by someone else: disarm it first; no order was given"
+            )
         missing = [name for kind, name in _NAMES.items() if state.age_s(kind, now_s) > waited_s]
-        home, frame, beat = state.latest.get(Home), local_frame(state, profile.projection), state.latest.get(Heartbeat)
+        home = state.latest.get(Home)
+        frame = local_frame(state, profile.projection)
+        beat = state.latest.get(Heartbeat)
         if not missing and home is not None and frame is not None:
             return home, frame
-        words = f"{', '.join(missing)} not received: no position fix yet?" + (f' It says "{said}"' if said else "")
+        words = f"{', '.join(missing)} not received: no position fix yet?" + (
+            f' It says "{said}"' if said else ""
+        )
         mode = "unknown" if beat is None else profile.mode_title(profile.mode_of(beat.custom_mode))
         show(Progress(now_s, State.CONNECTING, mode, None, "s", waiting=words, vehicle=vehicle))
     raise FlightError(f"not ready within {PLACED_WITHIN_S:g} s: {words} Nothing was armed")
 
 
-def _heard(link: VehicleLink, clock: Clock, within_s: float) -> Iterator[tuple[float, Sequence[Message]]]:
+def _heard(
+    link: VehicleLink, clock: Clock, within_s: float
+) -> Iterator[tuple[float, Sequence[Message]]]:
     """Yield the time and the vehicle's new messages, again and again until the time is over."""
     begun_s = clock.now_s()
     while (now_s := clock.now_s()) - begun_s <= within_s:
@@ -163,11 +195,13 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
     """
     clock = MonotonicClock()
     with autopilot_at(url, asked, clock, who=url) as (wire, found, profile):
-        memory, who = PreflightMemory([bound.parameter for bound in profile.bounds]), f"{url}: system {found.system_id}"
+        memory = PreflightMemory([bound.parameter for bound in profile.bounds])
+        who = f"{url}: system {found.system_id}"
         ids: dict[str, Any] = {"system_id": found.system_id, "component_id": found.component_id}
         with closing(open_link(wire, "pymavlink", clock=clock.now_s, who=who, **ids)) as link:
             link.send_heartbeat()
-            for now_s, messages in _heard(link, clock, READ_WITHIN_S):  # an old firmware may lack a parameter
+            # An old firmware may lack a parameter
+            for now_s, messages in _heard(link, clock, READ_WITHIN_S):
                 memory.observe(messages, ())
                 if memory.complete:
                     break
@@ -176,7 +210,9 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
     return Surveyed(profile.name, found, memory.facts(VehicleState(), clock.now_s()).parameters)
 
 
-def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed: Surveyed | None = None) -> str:
+def vehicle_file(
+    autopilot: str, *, name: str, url: str | None = None, surveyed: Surveyed | None = None
+) -> str:
     """Return the text of a commented vehicle file, checked as in `guidance run`.
 
     Args:
@@ -188,21 +224,33 @@ def vehicle_file(autopilot: str, *, name: str, url: str | None = None, surveyed:
     Raises:
         ConfigError: If the name, the URL or the autopilot is wrong.
     """
-    described, templates = autopilot_named(autopilot), config_folder() / "vehicles"
-    template = next(one for one in (templates / f"{autopilot}.toml", templates / "px4.toml") if one.is_file())
+    described = autopilot_named(autopilot)
+    templates = config_folder() / "vehicles"
+    template = next(
+        one for one in (templates / f"{autopilot}.toml", templates / "px4.toml") if one.is_file()
+    )
     text = template.read_text(encoding="utf-8")
     changes = [("", "name", _quoted(name), "in orders, metrics and records")]
     changes += [("vehicle", "autopilot", _quoted(autopilot), "")]
     changes += [] if url is None else [("vehicle", "url", _quoted(url), "")]
-    head = ["A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys."]
+    head = [
+        "A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys."
+    ]
     if surveyed is None:
         head.append(f"Written without a vehicle: the limits are the bundled ones for {autopilot}.")
     else:
-        changes.append(("vehicle", "system_id", str(surveyed.found.system_id), "from its HEARTBEAT"))
+        changes.append(
+            ("vehicle", "system_id", str(surveyed.found.system_id), "from its HEARTBEAT")
+        )
         changes += _bounded(tomllib.loads(text), surveyed)
         head.append(f"Read from system {surveyed.found.system_id}, {autopilot}:")
-        told = {bound.parameter: surveyed.parameters.get(bound.parameter) for bound in described.bounds}
-        head += [f"  {key:<18} {'not read' if value is None else f'{value:g}'}" for key, value in told.items()]
+        told = {
+            bound.parameter: surveyed.parameters.get(bound.parameter) for bound in described.bounds
+        }
+        head += [
+            f"  {key:<18} {'not read' if value is None else f'{value:g}'}"
+            for key, value in told.items()
+        ]
     text = "".join(f"# {line}\n" for line in head) + f"\n{text[text.index('name = ') :]}"
     for section, key, value, why in changes:
         before, header, keys = text.partition(f"\n[{section}]\n") if section else ("", "", text)
@@ -225,7 +273,9 @@ def write_new(path: Path, text: str) -> None:
         try:
             path.open("x").close()
         except FileExistsError as error:
-            raise ConfigError(f"--out {path}: exists and is not overwritten; choose another name") from error
+            raise ConfigError(
+                f"--out {path}: exists and is not overwritten; choose another name"
+            ) from error
         path.write_text(text, encoding="utf-8")
 
 
@@ -234,21 +284,34 @@ def _bounded(own: Mapping[str, Any], surveyed: Surveyed) -> Iterable[tuple[str, 
     for section, key, parameter, scale in autopilot_named(surveyed.autopilot).bounds:
         if (told := surveyed.parameters.get(parameter)) is None:
             continue
-        bound, value, said = told * scale, own[section][key], f"{parameter} is {told:g}"
+        bound = told * scale
+        value = own[section][key]
+        said = f"{parameter} is {told:g}"
         if section != "limits":
             value = min(value, math.floor(10.0 * bound / CATCH_UP_RATIO) / 10.0)
         elif bound > _BEHIND_M:
             value = min(value, math.floor(bound - _BEHIND_M))
-        said += ", which is off: guidance check refuses it" if section == "limits" and told == 0.0 else ""
+        said += (
+            ", which is off: guidance check refuses it"
+            if section == "limits" and told == 0.0
+            else ""
+        )
         yield section, key, f"{value:.1f}", said
         if key == "ceiling_m" and value < own["flight"]["takeoff_height_m"]:
             yield "flight", "takeoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"
             yield "game", "standoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"
         if key == "speed_m_s" and value <= own["game"]["evader_speed_m_s"]:
-            yield "game", "evader_speed_m_s", f"{value / 2.0:.2f}", "must be slower than the pursuer"
+            yield (
+                "game",
+                "evader_speed_m_s",
+                f"{value / 2.0:.2f}",
+                "must be slower than the pursuer",
+            )
 
 
 def _quoted(text: str) -> str:
     if re.search(r'["\\\x00-\x1f]', text):
-        raise ConfigError(f"{text!r}: quotation marks, backslashes and control characters are not allowed")
+        raise ConfigError(
+            f"{text!r}: quotation marks, backslashes and control characters are not allowed"
+        )
     return f'"{text}"'

@@ -34,13 +34,22 @@ _SHORT: Final = {SCENARIO: {"policy": "pursuer.policy"}, CONFIG: {"policy": "gam
 """Short forms of keys."""
 
 
-def flight_metadata(scenario: "Scenario | None", config: Config | None, clock: Clock | None) -> dict[str, str]:
+def flight_metadata(
+    scenario: "Scenario | None", config: Config | None, clock: Clock | None
+) -> dict[str, str]:
     """Return a record's metadata: files, seed, versions and, in real time, the start."""
     said = {}
     if scenario is not None:
-        said = {"scenario": scenario.model_dump_json(exclude_unset=config is not None), "seed": str(scenario.seed)}
+        said = {
+            "scenario": scenario.model_dump_json(exclude_unset=config is not None),
+            "seed": str(scenario.seed),
+        }
     said |= {} if config is None else {"config": config.model_dump_json()}
-    return {**said, **versions(), **({} if clock is None else {"started_utc": started_utc(clock.now_s())})}
+    return {
+        **said,
+        **versions(),
+        **({} if clock is None else {"started_utc": started_utc(clock.now_s())}),
+    }
 
 
 @contextlib.contextmanager
@@ -57,7 +66,8 @@ def flight_folder(out: Path | None, stem: str, parent: Path = Path("flights")) -
         private_folder(parent)
         for number in itertools.count(1):
             folder = parent / f"{stem}-{number:03d}"
-            with contextlib.suppress(FileExistsError):  # of two flights that begin together, each gets its own
+            # Of two flights that begin together, each gets its own
+            with contextlib.suppress(FileExistsError):
                 folder.mkdir(mode=0o700)
                 break
     try:
@@ -77,7 +87,9 @@ def recording(path: Path, metadata: Mapping[str, str], *, real_time: bool) -> It
     """
     for name in (RECORD, OUTCOME, PICTURE, "report.html"):
         if (path.parent / name).exists():
-            raise ConfigError(f"--out {path.parent}: contains another flight ({name}); give a new folder")
+            raise ConfigError(
+                f"--out {path.parent}: contains another flight ({name}); give a new folder"
+            )
     with writing(path.parent):
         recorder = Recorder(path, metadata, threaded=real_time)
     with contextlib.closing(recorder):
@@ -104,13 +116,23 @@ class Recording:
     """
 
     def __init__(
-        self, vehicle: str, record: Record | None, broadcast: Record | None, *, required: bool = False
+        self,
+        vehicle: str,
+        record: Record | None,
+        broadcast: Record | None,
+        *,
+        required: bool = False,
     ) -> None:
-        self._vehicle, self._record, self._required, self.begun = vehicle, record, required, False
+        self._vehicle = vehicle
+        self._record = record
+        self._required = required
+        self.begun = False
         self._each = [one for one in (record, broadcast) if one is not None]
         self.stopped = ""
 
-    def cycle(self, now_s: float, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> str | None:
+    def cycle(
+        self, now_s: float, inputs: Inputs, outputs: Outputs, timing: Timing | None
+    ) -> str | None:
         """Keep a cycle with its events; return the reason once, when the record stops."""
         if not self._each:
             return None
@@ -158,7 +180,9 @@ class Recording:
         return (Finding("record", self._record.failed, "written", Verdict.REFUSE, mend),)
 
 
-def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | None = None) -> FlightSettings:
+def recorded_settings(
+    metadata: Mapping[str, str], changes: Mapping[str, Any] | None = None
+) -> FlightSettings:
     """Return the settings of a recorded flight, with changes.
 
     Args:
@@ -171,22 +195,32 @@ def recorded_settings(metadata: Mapping[str, str], changes: Mapping[str, Any] | 
     """
     if (kind := next((kind for kind in (SCENARIO, CONFIG) if kind in metadata), None)) is None:
         known = ", ".join(sorted(metadata)) or "nothing"
-        raise ConfigError(f"the record's metadata has no scenario and no config, only {known}: it cannot be replayed")
-    document, changes = json.loads(metadata[kind]), changes or {}
+        raise ConfigError(
+            f"the record's metadata has no scenario and no config, only {known}: it cannot be replayed"
+        )
+    document = json.loads(metadata[kind])
+    changes = changes or {}
     for short, value in changes.items():
-        section, key = document, _SHORT[kind].get(short, short)
+        section = document
+        key = _SHORT[kind].get(short, short)
         *names, last = key.split(".")
         for name in names:
             if section.get(name) is None:
                 section[name] = {}
             section = section[name]
             if not isinstance(section, dict):
-                raise ConfigError(f"--with {key}={value}: {name} is not a section; its value is {section!r}")
+                raise ConfigError(
+                    f"--with {key}={value}: {name} is not a section; its value is {section!r}"
+                )
         section[last] = value
     source = f"the record's {kind}" + (f" with {', '.join(changes)} changed" if changes else "")
     if kind == CONFIG:
         return plan_of(parse(Config, document, source=source)).flight
-    config = parse(Config, json.loads(metadata[CONFIG]), source="the record's config") if CONFIG in metadata else None
+    config = (
+        parse(Config, json.loads(metadata[CONFIG]), source="the record's config")
+        if CONFIG in metadata
+        else None
+    )
     from guidance.sim.scenario import Scenario  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
 
     return plan_of(config, parse(Scenario, document, source=source), metadata.get(TEAM)).flight
@@ -202,7 +236,9 @@ def changes_of(words: Sequence[str]) -> dict[str, Any]:
     for word in words:
         key, equals, value = word.partition("=")
         if not equals or not key:
-            raise ConfigError(f"--with {word}: must be KEY=VALUE, as policy=pure_pursuit or pursuer.speed_m_s=4.0")
+            raise ConfigError(
+                f"--with {word}: must be KEY=VALUE, as policy=pure_pursuit or pursuer.speed_m_s=4.0"
+            )
         try:
             changes[key.strip()] = tomllib.loads(f"value = {value}")["value"]
         except tomllib.TOMLDecodeError:

@@ -114,11 +114,14 @@ class MockOptions:
 
     def open(self, scenario: Played, onlooker: Onlooker, stack: ExitStack) -> Opened:
         """Open the mocks, and take orders."""
-        (pursuits, team), clock = _players(scenario), VirtualClock() if self.fast else MonotonicClock()
+        (pursuits, team) = _players(scenario)
+        clock = VirtualClock() if self.fast else MonotonicClock()
         mock_files.faulted_fleet(pursuits)  # refuses faults that a vehicle cannot have
         mailboxes = {one.vehicle: Mailbox() for one in pursuits}
         used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
-        buses = stack.enter_context(control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team))
+        buses = stack.enter_context(
+            control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team)
+        )
         in_real_time = partial(live.LiveWorld, link=self.link, port=self.port, over=self.over)
         world = (stepped.SteppedWorld if self.fast else in_real_time)(pursuits, clock)
         return Opened(pursuits, stack.enter_context(closing(world)), clock, buses, used, {})
@@ -147,15 +150,28 @@ class ByFile:
             ConfigError: If file and scenario contradict each other, or a team plays.
             LinkError: If vehicle or evader cannot be reached.
         """
-        own, clock = self.config, MonotonicClock()
+        own = self.config
+        clock = MonotonicClock()
         if isinstance(scenario, TeamScenario):
-            raise ConfigError("--config: one vehicle; a team needs --vehicle URL for each of its vehicles")
+            raise ConfigError(
+                "--config: one vehicle; a team needs --vehicle URL for each of its vehicles"
+            )
         plan_of(own, scenario)  # refused before anything is opened
-        name, hand_over = own.name, ORDER_OF[own.flight.on_terminate]
+        name = own.name
+        hand_over = ORDER_OF[own.flight.on_terminate]
         signals = stack.enter_context(Signals(hand_over).installed())
         world, bus, used = open_vehicle(own, clock, stack, tapped=True)
         policy = MissionPolicy(self.engage, hand_over=hand_over)
-        return Opened((Pursuit(scenario, name),), world, clock, {name: bus}, {name: used}, {name: own}, policy, signals)
+        return Opened(
+            (Pursuit(scenario, name),),
+            world,
+            clock,
+            {name: bus},
+            {name: used},
+            {name: own},
+            policy,
+            signals,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,15 +204,22 @@ class Asked:
             LinkError: If there is no vehicle.
             FlightError: If one is in the air, armed or does not get ready.
         """
-        (pursuits, team), clock = _players(scenario), MonotonicClock()
+        (pursuits, team) = _players(scenario)
+        clock = MonotonicClock()
         if len(self.urls) != len(pursuits):
             words = f"the scenario has {len(pursuits)} vehicles: give one URL each"
             raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
         mailboxes = {one.vehicle: Mailbox() for one in pursuits}
-        buses = stack.enter_context(control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team))
+        buses = stack.enter_context(
+            control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team)
+        )
         for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
             for_whom = f"a HEARTBEAT at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
-            onlooker.show(Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name))
+            onlooker.show(
+                Progress(
+                    0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name
+                )
+            )
             mailbox.meanwhile = startup_answers(name, for_whom, discovery.FOUND_WITHIN_S, clock)
         world = stack.enter_context(closing(World()))
         configs, radios = self.reach(scenario, clock, world)
@@ -204,7 +227,9 @@ class Asked:
         for pursuit in pursuits:
             name = pursuit.vehicle
             autopilot = autopilot_named(configs[name].vehicle.autopilot)
-            home, frame = discovery.wait_until_placed(world.links[name], autopilot, clock, onlooker.show, name)
+            home, frame = discovery.wait_until_placed(
+                world.links[name], autopilot, clock, onlooker.show, name
+            )
             here = laid_about(pursuit.scenario, home, frame, autopilot.name)
             site = laid[0].scenario.site if laid else here.site
             laid.append(pursuit._replace(scenario=here.model_copy(update={"site": site})))
@@ -216,7 +241,9 @@ class Asked:
         used = {name: open_equipment(box, configs[name], stack) for name, box in mailboxes.items()}
         return Opened(laid, world, clock, buses, used, configs, policy, signals)
 
-    def reach(self, scenario: Played, clock: Clock, world: World) -> tuple[Mapping[str, Config], Mapping[str, Wire]]:
+    def reach(
+        self, scenario: Played, clock: Clock, world: World
+    ) -> tuple[Mapping[str, Config], Mapping[str, Wire]]:
         """Find the vehicles and open their links in a world, and a wire in memory for each evader's reports.
 
         Args:
@@ -231,9 +258,12 @@ class Asked:
             ConfigError: If another autopilot is there.
             LinkError: If there is no vehicle.
         """
-        (pursuits, _), separation = _players(scenario), _separation(scenario)
-        speeds_m_s, configs = _declared_m_s(pursuits), dict[str, Config]()
-        radios, heard = dict[str, Wire](), dict[str, Iterator[Wire]]()
+        (pursuits, _) = _players(scenario)
+        separation = _separation(scenario)
+        speeds_m_s = _declared_m_s(pursuits)
+        configs = dict[str, Config]()
+        radios = dict[str, Wire]()
+        heard = dict[str, Iterator[Wire]]()
         for name in speeds_m_s:
             radios[name], ears = MemoryWire.pair(clock.now_s)
             heard[name] = iter(share(ears, len(pursuits)))
@@ -241,12 +271,27 @@ class Asked:
             at_url = discovery.autopilot_at(url, self.autopilot, clock, who=f"--vehicle {url}")
             wire, found, autopilot = world.closing.enter_context(at_url)
             ids = {"system_id": found.system_id, "component_id": found.component_id}
-            there, team = Vehicle(autopilot=autopilot.name, link=self.link, url=url, **ids), None
+            there = Vehicle(autopilot=autopilot.name, link=self.link, url=url, **ids)
+            team = None
             if separation is not None:
-                simulated = {"kind": "global_position", "url": SIMULATED_URL, "system_id": EVADER_ID}
-                others = {name: {**simulated, "speed_m_s": m_s} for name, m_s in speeds_m_s.items() if name != evader}
+                simulated = {
+                    "kind": "global_position",
+                    "url": SIMULATED_URL,
+                    "system_id": EVADER_ID,
+                }
+                others = {
+                    name: {**simulated, "speed_m_s": m_s}
+                    for name, m_s in speeds_m_s.items()
+                    if name != evader
+                }
                 mates = [mate.vehicle for mate in pursuits if mate.vehicle != vehicle]
-                team = {"name": TEAM, "mates": mates, "evader": evader, "evaders": others, **separation}
+                team = {
+                    "name": TEAM,
+                    "mates": mates,
+                    "evader": evader,
+                    "evaders": others,
+                    **separation,
+                }
             config = configs[vehicle] = config_of(own, vehicle, there, team)
             wires = {vehicle: wire} | {name: next(shares) for name, shares in heard.items()}
             open_all(config, clock, world, tapped=True, wires=wires)
@@ -255,7 +300,11 @@ class Asked:
 
 def _players(scenario: Played) -> tuple[Sequence[Pursuit], str]:
     """Return who pursues whom, and the name of the team; empty without one."""
-    return ((Pursuit(scenario),), "") if isinstance(scenario, Scenario) else (pursuits_of_team(scenario), TEAM)
+    return (
+        ((Pursuit(scenario),), "")
+        if isinstance(scenario, Scenario)
+        else (pursuits_of_team(scenario), TEAM)
+    )
 
 
 def _check(option: str, value: str, allowed: Sequence[str]) -> None:
@@ -266,7 +315,9 @@ def _check(option: str, value: str, allowed: Sequence[str]) -> None:
 Way = MockOptions | ByFile | Asked
 
 
-def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlooker = NOBODY) -> MissionResult:
+def fly_recorded(
+    scenario: Played, folder: Path | None, how: Way, onlooker: Onlooker = NOBODY
+) -> MissionResult:
     """Fly a scenario of one vehicle or of a team, with records, and broadcasts where orders are taken.
 
     Args:
@@ -280,18 +331,30 @@ def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlo
     """
     with ExitStack() as stack:
         flight = how.open(scenario, onlooker, stack)
-        pursuits, clock, policy, show = flight.pursuits, flight.clock, flight.policy, onlooker.show
+        pursuits = flight.pursuits
+        clock = flight.clock
+        policy = flight.policy
+        show = onlooker.show
         team = team_document(scenario, pursuits) if isinstance(scenario, TeamScenario) else None
-        plans = {one.vehicle: plan_of(flight.configs.get(one.vehicle), one.scenario, team) for one in pursuits}
+        plans = {
+            one.vehicle: plan_of(flight.configs.get(one.vehicle), one.scenario, team)
+            for one in pursuits
+        }
         _equip(flight, scenario, folder, stack)
         if folder is not None:
             onlooker.on_record(folder if team else folder / RECORD)
         used = flight.equipment
-        mission = Mission(pursuits, flight.world, clock, plans=plans, equipment=used, policy=policy, show=show)
+        mission = Mission(
+            pursuits, flight.world, clock, plans=plans, equipment=used, policy=policy, show=show
+        )
         result = mission.fly(flight.signals)
         for name, flown in result.vehicles.items():
             if (told := used[name].broadcast) is not None:
-                told.event(clock.now_s(), FLIGHT_OVER, closing_detail(flown, how.way, used[name].record, folder))
+                told.event(
+                    clock.now_s(),
+                    FLIGHT_OVER,
+                    closing_detail(flown, how.way, used[name].record, folder),
+                )
     for name, flown in result.vehicles.items():  # the records are closed: note what is missing
         if (record := used[name].record) is not None:
             flown.record_dropped = record.dropped
@@ -302,7 +365,11 @@ def fly_recorded(scenario: Played, folder: Path | None, how: Way, onlooker: Onlo
 
 def _separation(scenario: Played) -> dict[str, float] | None:
     """Return how far the vehicles of a team stay from each other; None without a team."""
-    return None if isinstance(scenario, Scenario) else scenario.flight.model_dump(include={*TeamSection.model_fields})
+    return (
+        None
+        if isinstance(scenario, Scenario)
+        else scenario.flight.model_dump(include={*TeamSection.model_fields})
+    )
 
 
 def _declared_m_s(pursuits: Sequence[Pursuit]) -> dict[str, float]:
@@ -321,21 +388,33 @@ def _equip(flight: Opened, scenario: Played, folder: Path | None, stack: ExitSta
     Those of a team are connected until the stack is closed: over the control buses, or in virtual time by a network in
     this process.
     """
-    names, evaders = [one.vehicle for one in flight.pursuits], sorted({one.evader for one in flight.pursuits})
-    now_s, stamp = flight.clock.now_s, flight.clock if flight.world.real_time else None
+    names = [one.vehicle for one in flight.pursuits]
+    evaders = sorted({one.evader for one in flight.pursuits})
+    now_s = flight.clock.now_s
+    stamp = flight.clock if flight.world.real_time else None
     ends = dict[str, MemoryTransport]()
     for number, (own, name, first) in enumerate(flight.pursuits):
-        metadata, bus = flight_metadata(own, flight.configs.get(name), stamp), flight.buses.get(name)
+        metadata = flight_metadata(own, flight.configs.get(name), stamp)
+        bus = flight.buses.get(name)
         used = flight.equipment[name]
         if isinstance(scenario, TeamScenario):
             metadata |= {TEAM: team_document(scenario, flight.pursuits), "vehicle": name}
-            transport = ZenohTeam(now_s, bus, TEAM, name, names) if bus else MemoryTransport(name, ends, now_s)
+            transport = (
+                ZenohTeam(now_s, bus, TEAM, name, names)
+                if bus
+                else MemoryTransport(name, ends, now_s)
+            )
             stack.callback(transport.close)
-            epoch, above_m = random.Random(f"{own.seed} {number}").getrandbits(48), scenario.flight.separation_height_m
-            used.team = Member(name, names, [first, *evaders], transport, epoch=epoch, separation_height_m=above_m)
+            epoch = random.Random(f"{own.seed} {number}").getrandbits(48)
+            above_m = scenario.flight.separation_height_m
+            used.team = Member(
+                name, names, [first, *evaders], transport, epoch=epoch, separation_height_m=above_m
+            )
         if folder is not None:
             path = (folder if used.team is None else folder / name) / RECORD
-            used.record = stack.enter_context(recording(path, metadata, real_time=flight.world.real_time))
+            used.record = stack.enter_context(
+                recording(path, metadata, real_time=flight.world.real_time)
+            )
         if bus is not None:
             used.broadcast = stack.enter_context(closing(Broadcast(name, bus, metadata)))
 
@@ -352,7 +431,9 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
         configs, _ = asked.reach(scenario, clock, world)
         own = configs[PURSUER]
         pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
-        yield Checkup(own.name, plan_of(own, scenario.model_copy(update={"pursuer": pursuer})), world, clock)
+        yield Checkup(
+            own.name, plan_of(own, scenario.model_copy(update={"pursuer": pursuer})), world, clock
+        )
 
 
 def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str) -> Scenario:
@@ -367,11 +448,15 @@ def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str
         autopilot: The name of the one that is there.
     """
     x, y = scenario.home_m
-    home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m))
+    home_ned_m = frame.ned_from_wgs84(
+        home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m)
+    )
     site_ned_m = GameFrame(home_ned_m).position_to_ned((-x, -y, 0.0))
     latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(site_ned_m)
     update: dict[str, Any] = {
-        "site": Site(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres),
+        "site": Site(
+            latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres
+        ),
         "pursuer": scenario.pursuer.model_copy(update={"autopilot": autopilot}),
         "fault": tuple(fault for fault in scenario.fault if fault.vehicle == EVADER),
         "wind": Wind(),
@@ -384,4 +469,8 @@ def left_out(scenario: Played, how: Way) -> Sequence[str]:
     if isinstance(how, MockOptions) or isinstance(scenario, TeamScenario):
         return ()
     faults = any(fault.vehicle != EVADER or isinstance(how, ByFile) for fault in scenario.fault)
-    return [what for what, lost in (("faults", faults), ("wind", any(scenario.wind.velocity_m_s))) if lost]
+    return [
+        what
+        for what, lost in (("faults", faults), ("wind", any(scenario.wind.velocity_m_s)))
+        if lost
+    ]

@@ -67,8 +67,11 @@ class Signals:
     """
 
     def __init__(self, hand_over: Event, load: Callable[[], FlightPlan] = _kept) -> None:
-        self._hand_over, self._load = hand_over, load
-        self._ends, self._again, self.looping = 0, False, False
+        self._hand_over = hand_over
+        self._load = load
+        self._ends = 0
+        self._again = False
+        self.looping = False
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[Self]:
@@ -88,7 +91,10 @@ class Signals:
 
     def act(self, daemons: Sequence[Daemon], now_s: float) -> None:
         """Pass the signals since the last call to the daemons."""
-        ends, again, self._ends, self._again = self._ends, self._again, 0, False
+        ends = self._ends
+        again = self._again
+        self._ends = 0
+        self._again = False
         for daemon in daemons:
             for _ in range(ends):
                 daemon.leave(self._hand_over, now_s)
@@ -105,14 +111,18 @@ def claim() -> str:
         return f"realtime {os.sched_getparam(0).sched_priority}"
     threads = [int(path.name) for path in Path("/proc/self/task").iterdir()]
     claims: Sequence[tuple[str, Callable[[int], None]]] = (
-        (f"realtime {PRIORITY}", lambda thread: os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(PRIORITY))),
+        (
+            f"realtime {PRIORITY}",
+            lambda thread: os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(PRIORITY)),
+        ),
         (f"nice {NICE}", lambda thread: os.setpriority(os.PRIO_PROCESS, thread, NICE)),
     )
     for words, raise_one in claims:
         with contextlib.suppress(PermissionError):
             raise_one(0)
             for thread in threads:
-                with contextlib.suppress(ProcessLookupError, PermissionError):  # a thread may have just ended
+                # A thread may have just ended
+                with contextlib.suppress(ProcessLookupError, PermissionError):
                     raise_one(thread)
             return words
     return "as others"
@@ -166,7 +176,12 @@ IDLE: Final = CycleHooks()
 
 
 def run(
-    daemons: Sequence[Daemon], world: World, clock: Clock, *, mission: CycleHooks = IDLE, signals: Signals | None = None
+    daemons: Sequence[Daemon],
+    world: World,
+    clock: Clock,
+    *,
+    mission: CycleHooks = IDLE,
+    signals: Signals | None = None,
 ) -> None:
     """Run daemons in a world, in real or in virtual time, until they or their mission have finished.
 
@@ -184,7 +199,8 @@ def run(
         LinkError: If the world ends before the flight does.
     """
     daemons = sorted(daemons, key=lambda daemon: daemon.name)
-    worked_s, signals = 0.0, signals or Signals(Event.HOLD)
+    worked_s = 0.0
+    signals = signals or Signals(Event.HOLD)
     signals.looping = True
     due_s = clock.now_s()
     garbage = GcScheduler(due_s, collect=world.real_time)
@@ -205,7 +221,11 @@ def run(
             done_s = clock.now_s()
             worked_s = done_s - now_s
             due_s, missed = next_due(due_s, done_s)
-            due_s += nudge_s(flying[0].flight.vehicle.age_s(LocalPosition, now_s)) if world.real_time else 0.0
+            due_s += (
+                nudge_s(flying[0].flight.vehicle.age_s(LocalPosition, now_s))
+                if world.real_time
+                else 0.0
+            )
             for daemon in flying:
                 daemon.metrics.worked(worked_s, missed)
             garbage.between(done_s, due_s - done_s if world.real_time else 0.0)

@@ -86,7 +86,12 @@ LINGER_S: Final = 2.0
 CONTACT_PATIENCE_S: Final = 60.0
 """Wait of a mission for a person's engage order after a telemetry gap."""
 
-PATIENCE_S: Final = {State.READY: 60.0, State.RETURNING: 300.0, State.LANDING: 300.0, State.OUT_OF_CONTACT: 60.0}
+PATIENCE_S: Final = {
+    State.READY: 60.0,
+    State.RETURNING: 300.0,
+    State.LANDING: 300.0,
+    State.OUT_OF_CONTACT: 60.0,
+}
 """Longest stay in states without a limit of their own; then the run ends."""
 
 
@@ -173,11 +178,15 @@ class Mission(CycleHooks):
         for one in self._vehicles:
             one.locate()
         for name, player in self.world.players.items():
-            pursuers = [one for one in self._vehicles if self.result.members or one.pursuit.evader == name]
+            pursuers = [
+                one for one in self._vehicles if self.result.members or one.pursuit.evader == name
+            ]
             places = [one.position_game_m for one in pursuers if one.position_game_m is not None]
             over = any(name in member.board.over for member in self.result.members.values())
             player.step(now_s, places, playing=not over and any(one.playing for one in pursuers))
-        states = {one.daemon.flight.state for one in self._vehicles} if self.result.members else set()
+        states = (
+            {one.daemon.flight.state for one in self._vehicles} if self.result.members else set()
+        )
         for one in self._vehicles:
             if not states & _WAITS_FOR.get(one.daemon.flight.state, frozenset()):
                 one.before(now_s)
@@ -191,13 +200,16 @@ class Mission(CycleHooks):
         for one in self._vehicles:
             if one.over:
                 continue
-            evader_m, evader = one.evader_game_m(now_s), self.result.evaders[one.evader]
+            evader_m = one.evader_game_m(now_s)
+            evader = self.result.evaders[one.evader]
             one.after(now_s, late_s, evader_m)
-            if evader_m is not None and (not evader.track or evader.track[-1][0] < now_s):  # others may chase it too
+            # Others may chase it too
+            if evader_m is not None and (not evader.track or evader.track[-1][0] < now_s):
                 evader.track.append((now_s, evader_m))
             captures = any(each.event is Event.CAPTURED for each in one.daemon.outputs.happenings)
             if captures and evader.captured_by is None:
-                evader.captured_by, evader.captured_s = one.pursuit.vehicle, now_s
+                evader.captured_by = one.pursuit.vehicle
+                evader.captured_s = now_s
 
     def stop(self, wall_s: float) -> MissionResult:
         """Stop the evaders that this process plays, and return the result of the run, which took `wall_s`."""
@@ -205,7 +217,8 @@ class Mission(CycleHooks):
             player.stop()
         for one in self._vehicles:
             left = one.over or one.daemon.leaving is Authority.MISSION
-            one.result.interrupted, one.result.wall_s = not left, wall_s
+            one.result.interrupted = not left
+            one.result.wall_s = wall_s
         return self.result
 
 
@@ -231,9 +244,13 @@ class VehicleMission:
 
     def __init__(self, mission: Mission, pursuit: Pursuit) -> None:
         scenario, vehicle, evader = self.pursuit = pursuit
-        plan, used = mission.plans.get(vehicle), mission.equipment.get(vehicle, Equipment())
-        self._mission, self._policy, world = mission, mission.policy, mission.world
-        self.result, self.over = FlightResult(scenario, State.CONNECTING), False
+        plan = mission.plans.get(vehicle)
+        used = mission.equipment.get(vehicle, Equipment())
+        self._mission = mission
+        self._policy = mission.policy
+        world = mission.world
+        self.result = FlightResult(scenario, State.CONNECTING)
+        self.over = False
         self.engaged_s: float | None = None
         self.position_game_m: Vector | None = None
         self._heard = {
@@ -241,9 +258,14 @@ class VehicleMission:
             for name, source in world.evaders[vehicle].items()
             if used.team is not None or name == evader
         }
-        self.daemon = Daemon(vehicle, plan or plan_of(scenario=scenario), world.links[vehicle], self._heard, used)
+        self.daemon = Daemon(
+            vehicle, plan or plan_of(scenario=scenario), world.links[vehicle], self._heard, used
+        )
         self._begun_s = mission.clock.now_s()
-        self._limit_from_s, self._refused_s, self._asked_s, self._shown_s = 0.0, math.inf, -math.inf, -math.inf
+        self._limit_from_s = 0.0
+        self._refused_s = math.inf
+        self._asked_s = -math.inf
+        self._shown_s = -math.inf
 
     @property
     def playing(self) -> bool:
@@ -258,14 +280,21 @@ class VehicleMission:
 
     def locate(self) -> None:
         """Note the vehicle's position in the game frame from its own telemetry, None until heard."""
-        local, frame = self.daemon.flight.vehicle.latest.get(LocalPosition), self.daemon.flight.tracking.game_frame
-        self.position_game_m = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
+        local = self.daemon.flight.vehicle.latest.get(LocalPosition)
+        frame = self.daemon.flight.tracking.game_frame
+        self.position_game_m = (
+            None
+            if local is None or frame is None
+            else frame.position_from_ned(local.position_ned_m)
+        )
 
     def before(self, now_s: float) -> None:
         """Give the order that is due."""
         order = self._due(now_s)
         begins = order in {Event.START, Event.ENGAGE}
-        if order is not None and (self._policy.engage if begins else self._policy.end_with is not None):
+        if order is not None and (
+            self._policy.engage if begins else self._policy.end_with is not None
+        ):
             if now_s - self._asked_s >= ASK_EVERY_S:
                 self._asked_s = now_s
                 self.daemon.mailbox.ask(str(order), authority=Authority.MISSION)
@@ -274,18 +303,25 @@ class VehicleMission:
 
     def _due(self, now_s: float) -> Event | None:
         """Return the order that is due, if there is one."""
-        flight, player = self.daemon.flight, self._mission.world.players.get(self.evader)
+        flight = self.daemon.flight
+        player = self._mission.world.players.get(self.evader)
         if flight.ordered_by_operator:
             return None
-        first, back = self.engaged_s is None, flight.cause is not None and flight.cause.event is Event.CONTACT
+        first = self.engaged_s is None
+        back = flight.cause is not None and flight.cause.event is Event.CONTACT
         if player is None or player.ready:
             fresh = flight.tracking.silence_s(now_s) < flight.settings.cycle.evader_timeout_s
             if flight.state is State.READY:
                 return Event.START
             if flight.state is State.STANDING_BY and fresh and first and not back:
                 return Event.ENGAGE
-        scenario, patience_s = self.pursuit.scenario, CONTACT_PATIENCE_S if back else LINGER_S
-        stays_s = {State.ON_STATION: scenario.hold_s, State.HOLDING: LINGER_S, State.STANDING_BY: patience_s}
+        scenario = self.pursuit.scenario
+        patience_s = CONTACT_PATIENCE_S if back else LINGER_S
+        stays_s = {
+            State.ON_STATION: scenario.hold_s,
+            State.HOLDING: LINGER_S,
+            State.STANDING_BY: patience_s,
+        }
         over = self._in_state_s(now_s) >= stays_s.get(flight.state, math.inf)
         if self.engaged_s is not None and flight.state in PLAYING:
             over = now_s - self.engaged_s > scenario.time_limit_s
@@ -298,7 +334,8 @@ class VehicleMission:
 
     def _ended(self, now_s: float) -> bool:
         """Return whether the flight is over, or stays too long in a state."""
-        flight, lasts_s = self.daemon.flight, self._in_state_s(now_s)
+        flight = self.daemon.flight
+        lasts_s = self._in_state_s(now_s)
         if flight.state is State.YIELDED:
             return lasts_s >= LINGER_S  # the record then shows the silence
         limit_s = PATIENCE_S.get(flight.state, math.inf) if self._policy.engage else math.inf
@@ -311,7 +348,8 @@ class VehicleMission:
             FlightError: If preflight refuses, the vehicle does not get ready, it is armed already, or the start
                 is outside of its fence; on the ground, all of them.
         """
-        outputs, result = self.daemon.outputs, self.result
+        outputs = self.daemon.outputs
+        result = self.result
         if self.daemon.flight.ordered_by_operator or result.cycles == 0:
             self._limit_from_s = now_s
         if any(map(begins_game, outputs.happenings)):
@@ -327,7 +365,9 @@ class VehicleMission:
         given_up = self._policy.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
         if self._ended(now_s) or given_up:
             self._leave(now_s)
-        if self._mission.show is not None and (outputs.happenings or now_s - self._shown_s >= SHOWN_EVERY_S):
+        if self._mission.show is not None and (
+            outputs.happenings or now_s - self._shown_s >= SHOWN_EVERY_S
+        ):
             self._shown_s = now_s
             self._mission.show(self._progress(now_s, outputs))
 
@@ -340,12 +380,30 @@ class VehicleMission:
         self.engaged_s = now_s
 
     def _progress(self, now_s: float, outputs: Outputs) -> Progress:
-        flight, team, unit = self.daemon.flight, self.daemon.team, "s" if self.pursuit.scenario.target is None else "m"
+        flight = self.daemon.flight
+        team = self.daemon.team
+        unit = "s" if self.pursuit.scenario.target is None else "m"
         promises = () if team is None or team.board.roles is None else team.board.roles.promises
         promise = next((one.words(unit) for one in promises if one.evader == self.evader), "")
-        why, against = "" if outputs.cause is None else outputs.cause.words, "" if team is None else self.evader
-        seen = (now_s, outputs.state, flight.mode_title, outputs.certificate, unit, self.result.record_stopped)
-        return Progress(*seen, self._waiting(now_s), why, next_words(flight), self.pursuit.vehicle, against, promise)
+        why = "" if outputs.cause is None else outputs.cause.words
+        against = "" if team is None else self.evader
+        seen = (
+            now_s,
+            outputs.state,
+            flight.mode_title,
+            outputs.certificate,
+            unit,
+            self.result.record_stopped,
+        )
+        return Progress(
+            *seen,
+            self._waiting(now_s),
+            why,
+            next_words(flight),
+            self.pursuit.vehicle,
+            against,
+            promise,
+        )
 
     def _waiting(self, now_s: float) -> str:
         """Say briefly why a vehicle that preflight judges is not ready; empty if it is, and for any other."""
@@ -366,8 +424,13 @@ class VehicleMission:
         if (player := self._mission.world.players.get(self.evader)) is not None:
             return player.position_game_m
         tracking = self.daemon.flight.tracking
-        evader, frame = tracking.evader(now_s), tracking.game_frame
-        return None if evader is None or frame is None else frame.position_from_ned(evader.position_ned_m)
+        evader = tracking.evader(now_s)
+        frame = tracking.game_frame
+        return (
+            None
+            if evader is None or frame is None
+            else frame.position_from_ned(evader.position_ned_m)
+        )
 
     def _listen(self) -> None:
         """Keep the autopilot's last warning before the flight."""
@@ -376,8 +439,14 @@ class VehicleMission:
         for message in self.daemon.inputs.messages:
             if isinstance(message, StatusText) and message.severity <= _WARNING:
                 self.result.said = message.text
-            elif isinstance(message, CommandAck) and message.command == MAV_CMD_COMPONENT_ARM_DISARM and message.result:
-                self.result.said = self.result.said or f"arming refused (MAV_RESULT {message.result})"
+            elif (
+                isinstance(message, CommandAck)
+                and message.command == MAV_CMD_COMPONENT_ARM_DISARM
+                and message.result
+            ):
+                self.result.said = (
+                    self.result.said or f"arming refused (MAV_RESULT {message.result})"
+                )
 
     def _leave(self, now_s: float) -> None:
         if self._policy.hand_over is None:
@@ -386,21 +455,34 @@ class VehicleMission:
             self.daemon.leave(self._policy.hand_over, now_s, Authority.MISSION)
 
     def _judge(self, now_s: float) -> None:
-        daemon, flight = self.daemon, self.daemon.flight
+        daemon = self.daemon
+        flight = self.daemon.flight
         if self._policy.end_with is not None and flight.vehicle.armed:
-            raise FlightError("the vehicle is armed already; disarm it and start again: no order was given")
-        start, frame, home = flight.settings.start_game_m, flight.tracking.game_frame, flight.vehicle.latest.get(Home)
+            raise FlightError(
+                "the vehicle is armed already; disarm it and start again: no order was given"
+            )
+        start = flight.settings.start_game_m
+        frame = flight.tracking.game_frame
+        home = flight.vehicle.latest.get(Home)
         fence_m = flight.settings.cycle.envelope.fence_radius_m
         if start is not None and frame is not None and home is not None and fence_m is not None:
             # To the start the autopilot flies by itself, and our limits do not act.
             away_m = math.dist(frame.position_to_ned(start)[:2], home.position_ned_m[:2])
             if away_m > fence_m:
                 allowed = f"allowed is the fence's {fence_m:g} m. Does [site] of the scenario say where the vehicle is?"
-                raise FlightError(f"pursuer.position_m is {away_m:.0f} m from the vehicle's home; {allowed}")
-        refused = daemon.survey.complete and not failed_checks(flight, now_s) and bool(refusals(daemon.rows))
+                raise FlightError(
+                    f"pursuer.position_m is {away_m:.0f} m from the vehicle's home; {allowed}"
+                )
+        refused = (
+            daemon.survey.complete
+            and not failed_checks(flight, now_s)
+            and bool(refusals(daemon.rows))
+        )
         self._refused_s = min(self._refused_s, now_s) if refused else math.inf
         if now_s - self._refused_s >= JUDGED_FOR_S:
             raise FlightError(f"preflight refuses: {advice(daemon.rows)}; see `guidance check`")
         if flight.state is not State.READY and self.result.duration_s > READY_WITHIN_S:
             lacking = missing(flight, now_s, daemon.rows) + self._said("the autopilot says")
-            raise FlightError(f"not ready to fly within {READY_WITHIN_S:g} s: {lacking}; nothing was armed")
+            raise FlightError(
+                f"not ready to fly within {READY_WITHIN_S:g} s: {lacking}; nothing was armed"
+            )

@@ -19,7 +19,14 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Final, TextIO
 
-from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+from prometheus_client import (
+    CONTENT_TYPE_LATEST,
+    CollectorRegistry,
+    Counter,
+    Gauge,
+    Histogram,
+    generate_latest,
+)
 from rich.console import Console
 
 from guidance.errors import LinkError
@@ -67,10 +74,14 @@ class Log(Logger, logging.Handler):
 
     def __init__(self, form: str, level: str, stream: TextIO | None = None) -> None:
         super().__init__()
-        self._console = Console(file=stream or sys.stderr, markup=False, emoji=False, highlight=False, soft_wrap=True)
+        self._console = Console(
+            file=stream or sys.stderr, markup=False, emoji=False, highlight=False, soft_wrap=True
+        )
         self._live = form == "console"
         self._line_of = _console_line if self._live else _json_line
-        self._shown, self._shown_s, self.dropped = "", 0.0, 0
+        self._shown = ""
+        self._shown_s = 0.0
+        self.dropped = 0
         self._waiting: queue.SimpleQueue[logging.LogRecord | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._serve, name="log", daemon=True)
         self._thread.start()
@@ -85,7 +96,8 @@ class Log(Logger, logging.Handler):
 
     def show(self, words: str) -> None:
         """Show the live line below the log, on a terminal only."""
-        self._shown, self._shown_s = words, time.monotonic()
+        self._shown = words
+        self._shown_s = time.monotonic()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Keep a record for the writing thread."""
@@ -103,7 +115,11 @@ class Log(Logger, logging.Handler):
 
     def _serve(self) -> None:
         """Write on a thread of its own, which alone may wait for a terminal."""
-        with live(self._console, self._live_line, every_s=1.0) if self._live else contextlib.nullcontext():
+        with (
+            live(self._console, self._live_line, every_s=1.0)
+            if self._live
+            else contextlib.nullcontext()
+        ):
             while (record := self._waiting.get()) is not None:
                 with contextlib.suppress(OSError, ValueError):  # a terminal that was closed
                     self._console.print(self._line_of(record, getattr(record, "fields", {})))
@@ -114,7 +130,11 @@ class Log(Logger, logging.Handler):
 
 def _json_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:
     """Return one object: time (Unix seconds), level, message, and the fields that came with it."""
-    row = {"time": round(record.created, 3), "level": record.levelname.lower(), "message": record.getMessage()}
+    row = {
+        "time": round(record.created, 3),
+        "level": record.levelname.lower(),
+        "message": record.getMessage(),
+    }
     return json.dumps({**row, **plain(fields)}, default=str)
 
 
@@ -122,7 +142,9 @@ def _console_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:
     """Return a line for people: time of day, message, and the fields behind it."""
     clock = time.strftime("%H:%M:%S", time.localtime(record.created))
     mark = "" if record.levelno < logging.WARNING else f"{record.levelname} "
-    return f"{clock} {mark}{record.getMessage()}" + "".join(f"  {name}={value}" for name, value in fields.items())
+    return f"{clock} {mark}{record.getMessage()}" + "".join(
+        f"  {name}={value}" for name, value in fields.items()
+    )
 
 
 def say_outputs(log: Logger, outputs: Outputs) -> None:
@@ -132,8 +154,14 @@ def say_outputs(log: Logger, outputs: Outputs) -> None:
     if outputs.fault is not None:
         log.say(logging.ERROR, "an error of guidance itself", error=outputs.fault)
     for one in outputs.happenings:
-        level = logging.WARNING if one.event in _SEVERE and one.after is not one.before else logging.INFO
-        log.say(level, str(one.event), before=one.before, state=one.after, now_s=round(one.now_s, 3))
+        level = (
+            logging.WARNING
+            if one.event in _SEVERE and one.after is not one.before
+            else logging.INFO
+        )
+        log.say(
+            level, str(one.event), before=one.before, state=one.after, now_s=round(one.now_s, 3)
+        )
 
 
 _WATCHDOG_SHARE: Final = 3.0
@@ -148,13 +176,18 @@ class Notifier:
         process_id: Its number.
     """
 
-    def __init__(self, environment: Mapping[str, str] = MappingProxyType({}), process_id: int = 0) -> None:
-        address, microseconds = environment.get("NOTIFY_SOCKET", ""), environment.get("WATCHDOG_USEC", "")
+    def __init__(
+        self, environment: Mapping[str, str] = MappingProxyType({}), process_id: int = 0
+    ) -> None:
+        address = environment.get("NOTIFY_SOCKET", "")
+        microseconds = environment.get("WATCHDOG_USEC", "")
         meant = environment.get("WATCHDOG_PID", str(process_id)) == str(process_id)
         watched = meant and microseconds.isdecimal() and int(microseconds) > 0
-        self._address = "\0" + address[1:] if address.startswith("@") else address  # an abstract one
+        # An abstract one
+        self._address = "\0" + address[1:] if address.startswith("@") else address
         self._every_s = int(microseconds) * 1e-6 / _WATCHDOG_SHARE if watched else None
-        self._alive_s, self._status = -math.inf, ""
+        self._alive_s = -math.inf
+        self._status = ""
 
     def alive(self, now_s: float) -> None:
         """Say so, as often as the watchdog wants it; called by the loop, so that a loop that hangs says nothing."""
@@ -171,7 +204,10 @@ class Notifier:
     def say(self, text: str) -> None:
         """Send a message: READY=1 once the daemon hears its vehicle and takes orders, STOPPING=1 when it ends."""
         if self._address:
-            with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as there:
+            with (
+                contextlib.suppress(OSError),
+                socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as there,
+            ):
                 there.sendto(text.encode(), socket.MSG_DONTWAIT, self._address)
 
 
@@ -186,22 +222,37 @@ class Metrics:
     """All metrics of one vehicle, in a separate registry."""
 
     def __init__(self, name: str) -> None:
-        self._name, self.registry = name, CollectorRegistry()
+        self._name = name
+        self.registry = CollectorRegistry()
         into: dict[str, Any] = {"namespace": "guidance", "registry": self.registry}
-        self._state = Gauge("state", "1 for the state the flight is in", ("vehicle", "state"), **into)
+        self._state = Gauge(
+            "state", "1 for the state the flight is in", ("vehicle", "state"), **into
+        )
         self._ages = Gauge("age_seconds", "age of the last message", ("vehicle", "what"), **into)
         self._game = Gauge("game", "the certificate of the last cycle", ("vehicle", "what"), **into)
-        self._links = Gauge("link_total", "counters of links and evader source", ("vehicle", "link", "what"), **into)
+        self._links = Gauge(
+            "link_total", "counters of links and evader source", ("vehicle", "link", "what"), **into
+        )
         self._events = Counter("events", "events of the flight", ("vehicle", "event"), **into)
-        self._alarms = Counter("alarms", "alarms: violations of the guarantee", ("vehicle", "broken"), **into)
-        self._orders = Counter("orders", "orders, accepted or refused", ("vehicle", "order", "accepted"), **into)
-        self._acted = Counter("limits_acted", "cycles in which a limit acted", ("vehicle", "limit"), **into)
+        self._alarms = Counter(
+            "alarms", "alarms: violations of the guarantee", ("vehicle", "broken"), **into
+        )
+        self._orders = Counter(
+            "orders", "orders, accepted or refused", ("vehicle", "order", "accepted"), **into
+        )
+        self._acted = Counter(
+            "limits_acted", "cycles in which a limit acted", ("vehicle", "limit"), **into
+        )
         into["labelnames"] = ("vehicle",)
         self._cycles = Counter("cycles", "guidance cycles", **into).labels(name)
         self._setpoints = Counter("setpoints", "setpoints sent", **into).labels(name)
-        self._late = Counter("late_cycles", "cycles that began more than one period late", **into).labels(name)
+        self._late = Counter(
+            "late_cycles", "cycles that began more than one period late", **into
+        ).labels(name)
         into["buckets"] = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25)  # s
-        self._lateness = Histogram("lateness_seconds", "delay of the start of a cycle", **into).labels(name)
+        self._lateness = Histogram(
+            "lateness_seconds", "delay of the start of a cycle", **into
+        ).labels(name)
         self._work = Histogram("work_seconds", "working time of a cycle", **into).labels(name)
 
     def worked(self, work_s: float, missed: int) -> None:
@@ -222,7 +273,13 @@ class Metrics:
         for limit in () if outputs.certificate is None else outputs.certificate.active_limits:
             self._acted.labels(self._name, limit).inc()
 
-    def show(self, now_s: float, flight: Flight, outputs: Outputs, counters: Mapping[str, Mapping[str, int]]) -> None:
+    def show(
+        self,
+        now_s: float,
+        flight: Flight,
+        outputs: Outputs,
+        counters: Mapping[str, Mapping[str, int]],
+    ) -> None:
         """Set the gauges. Called once a second.
 
         Args:
@@ -238,7 +295,9 @@ class Metrics:
         self._ages.labels(self._name, "evader").set(flight.tracking.silence_s(now_s))
         certificate = outputs.certificate
         for what in _GAME_METRICS:
-            self._game.labels(self._name, what).set(math.nan if certificate is None else getattr(certificate, what))
+            self._game.labels(self._name, what).set(
+                math.nan if certificate is None else getattr(certificate, what)
+            )
         for link, counts in counters.items():
             for what, count in counts.items():
                 self._links.labels(self._name, link, what).set(count)
@@ -272,9 +331,11 @@ class MetricsServer:
         except OSError as error:
             raise LinkError(f"metrics.port = {port}: {error.strerror}; choose another") from error
         self.port = int(listener.getsockname()[1])
-        self._registry, self._deadline_s = metrics.registry, deadline_s
+        self._registry = metrics.registry
+        self._deadline_s = deadline_s
         self._open = list[asyncio.StreamWriter]()
-        self._loop, self._ended = asyncio.new_event_loop(), asyncio.Event()
+        self._loop = asyncio.new_event_loop()
+        self._ended = asyncio.Event()
         self._thread = threading.Thread(target=self._run, args=(listener,), name="metrics")
         self._thread.start()
 
@@ -288,7 +349,8 @@ class MetricsServer:
             runner.run(self._serve(listener))
 
     async def _serve(self, listener: socket.socket) -> None:
-        server = await asyncio.start_server(self._answer, sock=listener, limit=8192)  # bytes of a request
+        # Bytes of a request
+        server = await asyncio.start_server(self._answer, sock=listener, limit=8192)
         await self._ended.wait()
         server.close()
 
@@ -298,7 +360,9 @@ class MetricsServer:
         if len(self._open) > MAX_CONNECTIONS:
             self._open.pop(0).transport.abort()
         try:
-            with contextlib.suppress(asyncio.LimitOverrunError, asyncio.IncompleteReadError, OSError):
+            with contextlib.suppress(
+                asyncio.LimitOverrunError, asyncio.IncompleteReadError, OSError
+            ):
                 async with asyncio.timeout(self._deadline_s):
                     writer.write(self._response(await reader.readuntil(b"\r\n\r\n")))
                     writer.close()
@@ -310,7 +374,9 @@ class MetricsServer:
 
     def _response(self, request: bytes) -> bytes:
         if not request.startswith(b"GET "):
-            return b"HTTP/1.1 405 Method Not Allowed\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
+            return (
+                b"HTTP/1.1 405 Method Not Allowed\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
+            )
         body = generate_latest(self._registry)
         headers = f"Content-Type: {CONTENT_TYPE_LATEST}\r\nContent-Length: {len(body)}\r\nConnection: close"
         return f"HTTP/1.1 200 OK\r\n{headers}\r\n\r\n".encode() + body

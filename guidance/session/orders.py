@@ -48,7 +48,9 @@ class Question(Future[Answer]):
 
     def __init__(self, order: str, by: str = "", authority: Authority = Authority.OPERATOR) -> None:
         super().__init__()
-        self.order, self.by, self.authority = order, by, authority
+        self.order = order
+        self.by = by
+        self.authority = authority
 
 
 class Mailbox:
@@ -59,7 +61,8 @@ class Mailbox:
     """
 
     def __init__(self) -> None:
-        self._orders, self._queries = queue.Queue[Question](MOST_ORDERS), queue.Queue[Question](MOST_QUERIES)
+        self._orders = queue.Queue[Question](MOST_ORDERS)
+        self._queries = queue.Queue[Question](MOST_QUERIES)
         self.meanwhile: Callable[[str], Answer] | None = None
 
     def ask(self, order: str, by: str = "", authority: Authority = Authority.OPERATOR) -> Question:
@@ -85,11 +88,16 @@ class Mailbox:
 
     def take(self) -> tuple[Sequence[Question], Sequence[Question]]:
         """Take all orders and all queries that wait, each oldest first."""
-        orders, queries = self._orders, self._queries
-        return [orders.get() for _ in range(orders.qsize())], [queries.get() for _ in range(queries.qsize())]
+        orders = self._orders
+        queries = self._queries
+        return [orders.get() for _ in range(orders.qsize())], [
+            queries.get() for _ in range(queries.qsize())
+        ]
 
 
-def startup_answers(name: str, waiting_for: str, limit_s: float, clock: Clock) -> Callable[[str], Answer]:
+def startup_answers(
+    name: str, waiting_for: str, limit_s: float, clock: Clock
+) -> Callable[[str], Answer]:
     """Return what answers every order before the loop runs: the status, or a refusal until the vehicle is there.
 
     Args:
@@ -102,7 +110,12 @@ def startup_answers(name: str, waiting_for: str, limit_s: float, clock: Clock) -
 
     def answer(order: str) -> Answer:
         waited_s = round(clock.now_s() - since_s, 1)
-        shown: dict[str, Any] = {"order": order, "name": name, "state": "waiting", "waiting_for": waiting_for}
+        shown: dict[str, Any] = {
+            "order": order,
+            "name": name,
+            "state": "waiting",
+            "waiting_for": waiting_for,
+        }
         shown |= {"waited_s": waited_s, "connect_timeout_s": limit_s, "accepted": order == STATUS}
         if order not in WORDS:
             shown["reason"] = f"order = {order!r}: allowed are {', '.join(WORDS)}"
@@ -122,8 +135,13 @@ class ShutdownHandover:
         authority: Whether a person or a mission ends it. An operator's order cancels a mission's end.
     """
 
-    def __init__(self, order: Event, now_s: float, authority: Authority = Authority.OPERATOR) -> None:
-        self.authority, self._order, self._since_s, self._given = authority, order, now_s, False
+    def __init__(
+        self, order: Event, now_s: float, authority: Authority = Authority.OPERATOR
+    ) -> None:
+        self.authority = authority
+        self._order = order
+        self._since_s = now_s
+        self._given = False
 
     def orders(self, flight: Flight) -> tuple[Question, ...]:
         """The order that hands the vehicle over, once."""
@@ -155,9 +173,12 @@ class Engaging:
     """
 
     def __init__(self, flight: Flight, survey: PreflightMemory, wants: Wants | None) -> None:
-        self._flight, self._survey, self._wants = flight, survey, wants
+        self._flight = flight
+        self._survey = survey
+        self._wants = wants
         self._names = parameter_names(flight.settings.autopilot, only_needed=True)
-        self._waiting, self._for_a_pilot = list[Question](), False
+        self._waiting = list[Question]()
+        self._for_a_pilot = False
         self.asked_s: float | None = None
         self._to_pilot: tuple[str, ...] | None = None
         self.rows: tuple[Finding, ...] = ()
@@ -169,7 +190,8 @@ class Engaging:
 
     def give_up(self) -> tuple[Question, ...]:
         """Return the orders that wait; they will not be given."""
-        waiting, self._waiting = tuple(self._waiting), []
+        waiting = tuple(self._waiting)
+        self._waiting = []
         return waiting
 
     def due(self, now_s: float) -> tuple[Question, ...] | None:
@@ -181,7 +203,9 @@ class Engaging:
             self._to_pilot = None
         elif self._to_pilot is None:
             self._read(now_s)
-        if self.asked_s is None or not (self._survey.complete or now_s - self.asked_s >= READ_WITHIN_S):
+        if self.asked_s is None or not (
+            self._survey.complete or now_s - self.asked_s >= READ_WITHIN_S
+        ):
             return None
         self.asked_s = None
         if self._wants is not None:

@@ -31,7 +31,11 @@ from guidance.team import Member
 PLAYING = frozenset({State.ENGAGED, State.PAUSED})
 PLAYED = PLAYING | {State.ON_STATION}
 
-_ENDS: Mapping[Event, str] = {Event.CAPTURED: "captured", Event.ESCAPED: "arrived", Event.PILOT: "yielded"}
+_ENDS: Mapping[Event, str] = {
+    Event.CAPTURED: "captured",
+    Event.ESCAPED: "arrived",
+    Event.PILOT: "yielded",
+}
 
 
 class FlightSample(NamedTuple):
@@ -70,7 +74,9 @@ class FlightResult:
     said: str = ""
     interrupted: bool = False
 
-    def note(self, now_s: float, outputs: Outputs, pursuer_m: Vector | None, evader_m: Vector | None) -> None:
+    def note(
+        self, now_s: float, outputs: Outputs, pursuer_m: Vector | None, evader_m: Vector | None
+    ) -> None:
         """Add one cycle.
 
         Args:
@@ -84,15 +90,20 @@ class FlightResult:
         self.ended = outputs.state
         self.happenings.extend(outputs.happenings)
         if any(map(begins_game, outputs.happenings)):
-            self.engaged, self.captured = None, False
+            self.engaged = None
+            self.captured = False
         if outputs.alarm is not None:
             self.alarms.append((now_s, outputs.alarm))
         if pursuer_m is not None and evader_m is not None:
             self.samples.append(FlightSample(now_s, outputs.state, pursuer_m, evader_m))
         if (certificate := outputs.certificate) is not None:
             reachable = (self.reachable_speed_m_s, certificate.reachable_speed_m_s)
-            self.reachable_speed_m_s = min((each for each in reachable if not math.isnan(each)), default=math.nan)
-            self.limits.extend(name for name in certificate.active_limits if name not in self.limits)
+            self.reachable_speed_m_s = min(
+                (each for each in reachable if not math.isnan(each)), default=math.nan
+            )
+            self.limits.extend(
+                name for name in certificate.active_limits if name not in self.limits
+            )
             if self.engaged is None or math.isnan(self.engaged.value):
                 self.engaged = certificate
             self.captured |= certificate.captured
@@ -116,8 +127,13 @@ class MissionResult(NamedTuple):
 
     def least_distance_m(self, height_m: float) -> float:
         """Return the least horizontal distance of two flying vehicles at less than `height_m` of height."""
-        flown = ([one for one in each.samples if one.state in SETPOINT_STATES] for each in self.vehicles.values())
-        return least_distance_m([{one.now_s: one.pursuer_m for one in each} for each in flown], height_m)
+        flown = (
+            [one for one in each.samples if one.state in SETPOINT_STATES]
+            for each in self.vehicles.values()
+        )
+        return least_distance_m(
+            [{one.now_s: one.pursuer_m for one in each} for each in flown], height_m
+        )
 
 
 def least_distance_m(tracks: Sequence[Mapping[float, Vector]], height_m: float) -> float:
@@ -130,20 +146,29 @@ def least_distance_m(tracks: Sequence[Mapping[float, Vector]], height_m: float) 
     Returns:
         Infinity if heights always separated them.
     """
-    pairs = ((one[at_s], other[at_s]) for one, other in combinations(tracks, 2) for at_s in one.keys() & other.keys())
-    level_m = (math.dist(one[:2], other[:2]) for one, other in pairs if abs(one[2] - other[2]) < height_m)
+    pairs = (
+        (one[at_s], other[at_s])
+        for one, other in combinations(tracks, 2)
+        for at_s in one.keys() & other.keys()
+    )
+    level_m = (
+        math.dist(one[:2], other[:2]) for one, other in pairs if abs(one[2] - other[2]) < height_m
+    )
     return min(level_m, default=math.inf)
 
 
 def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     """Return the row of a flight; `way` is "fast", "live" or "vehicle"."""
     scenario = result.scenario
-    if (began := next((each for each in reversed(result.happenings) if begins_game(each)), None)) is None:
+    if (
+        began := next((each for each in reversed(result.happenings) if begins_game(each)), None)
+    ) is None:
         return _never_engaged(result, way)
     since_engagement = [each for each in result.happenings if each.now_s > began.now_s]
     end, end_s, reason = _ending(result, since_engagement)
     game = [sample for sample in result.samples if began.now_s <= sample.now_s <= end_s]
-    (predicted, winner), last = _predicted(result), game[-1] if game else None
+    (predicted, winner) = _predicted(result)
+    last = game[-1] if game else None
     return outcome_of(
         scenario,
         way,
@@ -153,8 +178,11 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
         predicted=predicted,
         predicted_winner=winner,
         time_needed_s=math.nan if result.engaged is None else result.engaged.time_needed_s,
-        min_standoff_m=min((math.dist(one.pursuer_m[:2], one.evader_m[:2]) for one in game), default=math.nan),
-        min_altitude_m=min((sample.pursuer_m[2] for sample in game), default=math.nan) + scenario.evader.height_m,
+        min_standoff_m=min(
+            (math.dist(one.pursuer_m[:2], one.evader_m[:2]) for one in game), default=math.nan
+        ),
+        min_altitude_m=min((sample.pursuer_m[2] for sample in game), default=math.nan)
+        + scenario.evader.height_m,
         duration_s=result.duration_s,
         reachable_speed_m_s=result.reachable_speed_m_s,
         limits=tuple(result.limits),
@@ -164,7 +192,9 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     )
 
 
-def closing_detail(result: FlightResult, way: str, record: Record | None, folder: Path | None) -> str:
+def closing_detail(
+    result: FlightResult, way: str, record: Record | None, folder: Path | None
+) -> str:
     """Return the detail of a broadcast's last event, as `guidance.log.entries.FLIGHT_OVER` describes it."""
     ended = "interrupted" if result.interrupted else ending_words(outcome_of_flight(result, way))
     detail = {"ended": f"{ended}; {result.ended}"}
@@ -176,8 +206,16 @@ def closing_detail(result: FlightResult, way: str, record: Record | None, folder
 
 def ending_words(outcome: Outcome) -> str:
     """Say in a few words how a run ended."""
-    words = {"arrived": "evader reached its target", "time_up": "time limit reached", "yielded": "yielded to a pilot"}
-    return f"failed: {outcome.reason}" if outcome.end == "failed" else words.get(outcome.end, outcome.end)
+    words = {
+        "arrived": "evader reached its target",
+        "time_up": "time limit reached",
+        "yielded": "yielded to a pilot",
+    }
+    return (
+        f"failed: {outcome.reason}"
+        if outcome.end == "failed"
+        else words.get(outcome.end, outcome.end)
+    )
 
 
 def begins_game(happening: Happening) -> bool:
@@ -187,9 +225,15 @@ def begins_game(happening: Happening) -> bool:
 
 def _ending(result: FlightResult, happenings: list[Happening]) -> tuple[str, float, str]:
     """Find the event that ended the game; return `Outcome.end`, its time, and the reason of a failure."""
-    last = next((each for each in happenings if each.before in PLAYING and each.after not in PLAYING), None)
+    last = next(
+        (each for each in happenings if each.before in PLAYING and each.after not in PLAYING), None
+    )
     if last is None:
-        return ("failed", result.samples[-1].now_s if result.samples else math.nan, _unfinished(result))
+        return (
+            "failed",
+            result.samples[-1].now_s if result.samples else math.nan,
+            _unfinished(result),
+        )
     # During the game a mission gives no order but at the time limit.
     end = "time_up" if last.by is Authority.MISSION else _ENDS.get(last.event, "failed")
     if last.by is Authority.OPERATOR:
@@ -197,8 +241,14 @@ def _ending(result: FlightResult, happenings: list[Happening]) -> tuple[str, flo
     if end != "failed":
         return (end, last.now_s, str(last.event) if end == "yielded" else "")
     # After a pause that lasted too long, the reason is the missing input.
-    paused = [each.event for each in happenings if each.after is State.PAUSED and each.now_s < last.now_s]
-    return (end, last.now_s, str(paused[-1] if paused and last.event is Event.TIMED_OUT else last.event))
+    paused = [
+        each.event for each in happenings if each.after is State.PAUSED and each.now_s < last.now_s
+    ]
+    return (
+        end,
+        last.now_s,
+        str(paused[-1] if paused and last.event is Event.TIMED_OUT else last.event),
+    )
 
 
 def _never_engaged(result: FlightResult, way: str) -> Outcome:
@@ -207,7 +257,9 @@ def _never_engaged(result: FlightResult, way: str) -> Outcome:
     end = "yielded" if cause is not None and cause.event is Event.PILOT else "failed"
     why = _unfinished(result) if cause is None else f"{cause.event} while {cause.before}"
     why += f'; the autopilot said "{result.said}"' if result.said else ""
-    return outcome_of(result.scenario, way, end=end, duration_s=result.duration_s, reason=f"never engaged: {why}")
+    return outcome_of(
+        result.scenario, way, end=end, duration_s=result.duration_s, reason=f"never engaged: {why}"
+    )
 
 
 def _unfinished(result: FlightResult) -> str:
@@ -219,33 +271,56 @@ def _predicted(result: FlightResult) -> tuple[float, str]:
     if result.engaged is None:
         return math.nan, "none"
     batch = stack([result.scenario.model_copy(update={"wind": Wind()})])
-    P, E = np.array([result.engaged.pursuer_game_m]), np.array([result.engaged.evader_game_m])
+    P = np.array([result.engaged.pursuer_game_m])
+    E = np.array([result.engaged.evader_game_m])
     solution = solve(batch.believed, P, E, batch.target_m)
     return float(solution.value[0]), winner_name(int(solution.winner[0]))
 
 
 def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[TeamOutcome]:
     """Return the rows, one for each evader; the game began when the last vehicle engaged. Without a game: none."""
-    begun = [[one.now_s for one in each.happenings if one.event is Event.GUIDED] for each in result.vehicles.values()]
+    begun = [
+        [one.now_s for one in each.happenings if one.event is Event.GUIDED]
+        for each in result.vehicles.values()
+    ]
     if not all(begun):
         return []
-    began_s, names, disc = max(times[0] for times in begun), sorted(result.evaders), scenario.flight.standoff
-    flown, teams, ends = result.vehicles.values(), teams_of(scenario), []
+    began_s = max(times[0] for times in begun)
+    names = sorted(result.evaders)
+    disc = scenario.flight.standoff
+    flown = result.vehicles.values()
+    teams = teams_of(scenario)
+    ends = []
     for name in names:
         evader = result.evaders[name]
-        arrived_s = min((one.board.over.get(name, math.inf) for one in result.members.values()), default=math.inf)
-        end, end_s, captor = "time_up", evader.track[-1][0], -1
+        arrived_s = min(
+            (one.board.over.get(name, math.inf) for one in result.members.values()),
+            default=math.inf,
+        )
+        end = "time_up"
+        end_s = evader.track[-1][0]
+        captor = -1
         if evader.captured_by is not None:
-            end, end_s, captor = "captured", evader.captured_s, list(result.vehicles).index(evader.captured_by)
+            end = "captured"
+            end_s = evader.captured_s
+            captor = list(result.vehicles).index(evader.captured_by)
         elif math.isfinite(arrived_s):
-            end, end_s = "arrived", arrived_s
-        place_m, target_m = _at(evader.track, end_s), teams.target_m
+            end = "arrived"
+            end_s = arrived_s
+        place_m = _at(evader.track, end_s)
+        target_m = teams.target_m
         away_m = math.nan if target_m is None else math.dist(place_m[:2], target_m[:2])
         ends.append((end, end_s - began_s, away_m, captor))
     # The vehicles play with their own speeds and the stand-off disc.
     speeds = np.array([one.scenario.pursuer.speeds for one in flown])
-    game = Game(Cylinder(*speeds.T[..., None]), teams.evader_speed_m_s, standoff=StandOff(disc.radius_m, disc.height_m))
-    P = np.array([_at([(one.now_s, one.pursuer_m) for one in each.samples], began_s) for each in flown])
+    game = Game(
+        Cylinder(*speeds.T[..., None]),
+        teams.evader_speed_m_s,
+        standoff=StandOff(disc.radius_m, disc.height_m),
+    )
+    P = np.array(
+        [_at([(one.now_s, one.pursuer_m) for one in each.samples], began_s) for each in flown]
+    )
     E = np.array([_at(result.evaders[name].track, began_s) for name in names]) * [1.0, 1.0, 0.0]
     return outcomes_of(scenario, way, teams, match_teams(game, P, E, teams.target_m), ends)
 

@@ -35,10 +35,27 @@ from guidance.session.loop import Signals, claim, run
 from guidance.session.observability import Log, Logger, Metrics, MetricsServer, Notifier
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.vehicle_file import ON_ZENOH, Config, EvaderFrame, EvaderSection, Vehicle, load_vehicle
+from guidance.session.vehicle_file import (
+    ON_ZENOH,
+    Config,
+    EvaderFrame,
+    EvaderSection,
+    Vehicle,
+    load_vehicle,
+)
 from guidance.team import Member
 
-_FIXED: Final = ("name", "vehicle", "evader", "control", "zenoh", "log", "metrics", "record", "team")
+_FIXED: Final = (
+    "name",
+    "vehicle",
+    "evader",
+    "control",
+    "zenoh",
+    "log",
+    "metrics",
+    "record",
+    "team",
+)
 """Sections that are opened at the start: a change of these needs a restart."""
 
 
@@ -56,7 +73,12 @@ def open_control(config: Config, mailbox: Mailbox) -> AbstractContextManager[Ses
 
 
 def open_all(
-    config: Config, clock: Clock, world: World, *, tapped: bool, wires: Mapping[str, Wire] | None = None
+    config: Config,
+    clock: Clock,
+    world: World,
+    *,
+    tapped: bool,
+    wires: Mapping[str, Wire] | None = None,
 ) -> None:
     """Claim the vehicle, open its link and the evaders' sources in a world, and wait until the vehicle was heard.
 
@@ -71,28 +93,39 @@ def open_all(
         ConfigError: If a URL or the signing key is wrong.
         LinkError: If something cannot be opened, the vehicle is not heard, or another daemon owns it.
     """
-    vehicle, evader, closed, opened = config.vehicle, config.evader, world.closing, dict(wires or {})
-    credentials, key = credentials_of(config.zenoh), signing_key(vehicle.signing_key_file)
+    vehicle = config.vehicle
+    evader = config.evader
+    closed = world.closing
+    opened = dict(wires or {})
+    credentials = credentials_of(config.zenoh)
+    key = signing_key(vehicle.signing_key_file)
     endpoint = parse(vehicle.url)
-    if endpoint.scheme == "zenoh":  # claim the vehicle on its own bus: all possible owners are there
+    # Claim the vehicle on its own bus: all possible owners are there
+    if endpoint.scheme == "zenoh":
         session = closed.enter_context(session_to(endpoint, credentials, timeout_s=5.0))
         owned = f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance"
         closed.callback(close_all, owner_token(session, owned).undeclare)
     if (wire := opened.get(config.name)) is None:
         # The evader's reports arrive on it too, unless they have a URL of their own.
         both = (vehicle.system_id, evader.system_id if evader.url is None else None)
-        wire = open_wire(vehicle.url, clock=clock.now_s, systems=both, signing_key=key, credentials=credentials)
+        wire = open_wire(
+            vehicle.url, clock=clock.now_s, systems=both, signing_key=key, credentials=credentials
+        )
     closed.callback(wire.close)
     if tapped:
         wire = TappedWire(wire, clock.now_s, config.name)
         world.taps.append(wire)
     if evader.url is None:
         wire, opened[next(iter(config.evaders))] = share(wire, 2)
-    who, limit_s = f"{vehicle.url}: system {vehicle.system_id}", vehicle.connect_timeout_s
+    who = f"{vehicle.url}: system {vehicle.system_id}"
+    limit_s = vehicle.connect_timeout_s
     ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}
-    link = open_link(wire, vehicle.link, clock=clock.now_s, who=who, **ids, signing_key=key, timeout_s=limit_s)
+    link = open_link(
+        wire, vehicle.link, clock=clock.now_s, who=who, **ids, signing_key=key, timeout_s=limit_s
+    )
     closed.callback(link.close)
-    world.links[config.name], sources = link, dict[str, EvaderSource]()
+    world.links[config.name] = link
+    sources = dict[str, EvaderSource]()
     world.evaders[config.name] = sources
     for name, section in config.evaders.items():
         sources[name] = _open_source(vehicle, section, clock, credentials, opened.get(name))
@@ -100,17 +133,27 @@ def open_all(
 
 
 def _open_source(
-    vehicle: Vehicle, evader: EvaderSection, clock: Clock, credentials: Credentials, wire: Wire | None
+    vehicle: Vehicle,
+    evader: EvaderSection,
+    clock: Clock,
+    credentials: Credentials,
+    wire: Wire | None,
 ) -> EvaderSource:
     """Open an evader's source, on this wire if there is one, and have it ask for reports if they must be requested."""
-    url, now_s, frame = evader.url or vehicle.url, clock.now_s, _frame(evader.frame)
+    url = evader.url or vehicle.url
+    now_s = clock.now_s
+    frame = _frame(evader.frame)
     if evader.kind in ON_ZENOH:
         return open_source(evader.kind, url, clock=now_s, frame=frame, credentials=credentials)
-    carrier = carriers.carrier_of(evader.kind, frame, icao_address=evader.icao_address, id_or_mac=evader.id_or_mac)
+    carrier = carriers.carrier_of(
+        evader.kind, frame, icao_address=evader.icao_address, id_or_mac=evader.id_or_mac
+    )
     signed, section = (vehicle, "vehicle") if evader.url is None else (evader, "evader")
     key = signing_key(signed.signing_key_file, section)
     if wire is None:
-        wire = open_wire(url, clock=now_s, systems=(evader.system_id,), signing_key=key, credentials=credentials)
+        wire = open_wire(
+            url, clock=now_s, systems=(evader.system_id,), signing_key=key, credentials=credentials
+        )
     asked = evader.model_dump(include={"system_id", "component_id", "request_rate_hz"})
     return MavlinkEvader(wire, carrier, **asked, clock=now_s, signing_key=key)
 
@@ -119,7 +162,8 @@ def _frame(given: EvaderFrame | None) -> LocalFrame:
     """Return the declared frame; by default one at sea level, for sources that need no frame."""
     if given is None:
         return LocalFrame(0.0, 0.0, Amsl(0.0))
-    home, place = given.home_altitude_amsl_m, (given.latitude_deg, given.longitude_deg, Amsl(given.altitude_amsl_m))
+    home = given.home_altitude_amsl_m
+    place = (given.latitude_deg, given.longitude_deg, Amsl(given.altitude_amsl_m))
     return LocalFrame(*place, None if home is None else Amsl(home), undulation_m=given.undulation_m)
 
 
@@ -131,7 +175,9 @@ def signing_key(path: Path | None, section: str = "vehicle") -> SigningKey | Non
     """
     if path is None:
         return None
-    return SigningKey.from_hex(text_of(path, f"{section}.signing_key_file = {str(path)!r}", secret=True))
+    return SigningKey.from_hex(
+        text_of(path, f"{section}.signing_key_file = {str(path)!r}", secret=True)
+    )
 
 
 def open_equipment(mailbox: Mailbox, config: Config, stack: ExitStack) -> Equipment:
@@ -140,7 +186,9 @@ def open_equipment(mailbox: Mailbox, config: Config, stack: ExitStack) -> Equipm
     return Equipment(mailbox=mailbox, log=log, notifier=Notifier(os.environ, os.getpid()))
 
 
-def open_vehicle(config: Config, clock: Clock, stack: ExitStack, *, tapped: bool) -> tuple[World, Session, Equipment]:
+def open_vehicle(
+    config: Config, clock: Clock, stack: ExitStack, *, tapped: bool
+) -> tuple[World, Session, Equipment]:
     """Open all that a vehicle file names, and wait until the vehicle was heard; orders are answered meanwhile.
 
     Args:
@@ -155,12 +203,16 @@ def open_vehicle(config: Config, clock: Clock, stack: ExitStack, *, tapped: bool
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    mailbox, wanted, limit_s = Mailbox(), config.vehicle, config.vehicle.connect_timeout_s
+    mailbox = Mailbox()
+    wanted = config.vehicle
+    limit_s = config.vehicle.connect_timeout_s
     mailbox.meanwhile = startup_answers(config.name, wanted.awaited, limit_s, clock)
     used = open_equipment(mailbox, config, stack)
     session = stack.enter_context(open_control(config, mailbox))
     fields = {"url": wanted.url, "system": wanted.system_id, "component": wanted.component_id}
-    used.log.say(logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=limit_s)
+    used.log.say(
+        logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=limit_s
+    )
     world = stack.enter_context(closing(World()))
     open_all(config, clock, world, tapped=tapped)
     return world, session, used
@@ -176,54 +228,89 @@ def run_vehicle(path: Path, config: Config) -> None:
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    name, plan, clock, metrics = config.name, plan_of(config), MonotonicClock(), Metrics(config.name)
+    name = config.name
+    plan = plan_of(config)
+    clock = MonotonicClock()
+    metrics = Metrics(config.name)
     with ExitStack() as stack:
         hand_over = ORDER_OF[config.flight.on_terminate]
         signals = stack.enter_context(Signals(hand_over, lambda: reload(path, config)).installed())
         if config.metrics.port is not None:
             stack.enter_context(closing(MetricsServer(metrics, config.metrics.port)))
-        world, session, used = open_vehicle(config, clock, stack, tapped=config.record.folder is not None)
+        world, session, used = open_vehicle(
+            config, clock, stack, tapped=config.record.folder is not None
+        )
         metadata = flight_metadata(None, config, clock)
-        used.metrics, used.record_required = metrics, config.record.required
+        used.metrics = metrics
+        used.record_required = config.record.required
         used.record = stack.enter_context(daemon_recording(config, metadata, used.log))
-        used.broadcast = broadcast = stack.enter_context(closing(Broadcast(name, session, metadata)))
+        used.broadcast = broadcast = stack.enter_context(
+            closing(Broadcast(name, session, metadata))
+        )
         used.team = _member(config, session, clock, stack)
         daemon = Daemon(name, plan, world.links[name], world.evaders[name], used)
         used.notifier.say("READY=1")
-        started = {"name": name, "control": config.control.endpoint, "autopilot": plan.flight.autopilot.name}
+        started = {
+            "name": name,
+            "control": config.control.endpoint,
+            "autopilot": plan.flight.autopilot.name,
+        }
         used.log.say(logging.INFO, "running", **started, scheduling=claim())
         run([daemon], world, clock, signals=signals)
-        broadcast.event(clock.now_s(), FLIGHT_OVER, json.dumps({"ended": f"the daemon ended; {daemon.flight.state}"}))
+        broadcast.event(
+            clock.now_s(),
+            FLIGHT_OVER,
+            json.dumps({"ended": f"the daemon ended; {daemon.flight.state}"}),
+        )
         used.log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
 
 
 @contextmanager
-def daemon_recording(config: Config, metadata: Mapping[str, str], log: Logger) -> Iterator[Record | None]:
+def daemon_recording(
+    config: Config, metadata: Mapping[str, str], log: Logger
+) -> Iterator[Record | None]:
     """Open the daemon's record. Preflight reports an unwritable one; a flight continues without it."""
     if config.record.folder is None:
         yield None
         return
-    own, stamp = config.record, time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-    path, size = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap", round(own.rotate_mb * 1e6)
+    own = config.record
+    stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+    path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
+    size = round(own.rotate_mb * 1e6)
     try:
-        recorder: Record = Recorder(path, metadata, threaded=True, rotate_s=own.rotate_s, rotate_bytes=size)
+        recorder: Record = Recorder(
+            path, metadata, threaded=True, rotate_s=own.rotate_s, rotate_bytes=size
+        )
     except OSError as error:
-        recorder = Record(f"record.folder = {str(own.folder)!r}: cannot be written ({error.strerror})")
+        recorder = Record(
+            f"record.folder = {str(own.folder)!r}: cannot be written ({error.strerror})"
+        )
     try:
         yield recorder
     finally:
         recorder.close()
         if recorder.failed is not None or recorder.dropped:
-            log.say(logging.WARNING, "the record is incomplete", failed=recorder.failed, dropped=recorder.dropped)
+            log.say(
+                logging.WARNING,
+                "the record is incomplete",
+                failed=recorder.failed,
+                dropped=recorder.dropped,
+            )
 
 
 def _member(config: Config, session: Session, clock: Clock, stack: ExitStack) -> Member | None:
     """Join the team of a vehicle file, if it has one."""
     if (team := config.team) is None:
         return None
-    transport = stack.enter_context(closing(ZenohTeam(clock.now_s, session, team.name, config.name, team.mates)))
-    evaders, epoch, above_m = list(config.evaders), secrets.randbits(48), team.separation_height_m
-    return Member(config.name, team.mates, evaders, transport, epoch=epoch, separation_height_m=above_m)
+    transport = stack.enter_context(
+        closing(ZenohTeam(clock.now_s, session, team.name, config.name, team.mates))
+    )
+    evaders = list(config.evaders)
+    epoch = secrets.randbits(48)
+    above_m = team.separation_height_m
+    return Member(
+        config.name, team.mates, evaders, transport, epoch=epoch, separation_height_m=above_m
+    )
 
 
 def reload(path: Path, before: Config) -> FlightPlan:
@@ -234,5 +321,7 @@ def reload(path: Path, before: Config) -> FlightPlan:
     """
     after = load_vehicle(path)
     if changed := [key for key in _FIXED if getattr(after, key) != getattr(before, key)]:
-        raise ConfigError(f"{path}: {', '.join(changed)} changed: end the daemon and start it again for that")
+        raise ConfigError(
+            f"{path}: {', '.join(changed)} changed: end the daemon and start it again for that"
+        )
     return plan_of(after)

@@ -7,7 +7,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
 from guidance.autopilots import AutopilotName, Preflight
 from guidance.config import Altitude, Latitude, Longitude, Section, faults_of, parse, read
@@ -26,21 +33,29 @@ class Target(Section):
 
     latitude_deg: Latitude = Field(description="north is positive")
     longitude_deg: Longitude = Field(description="east is positive")
-    altitude_amsl_m: Altitude = Field(0.0, description="information only: the game uses height differences")
+    altitude_amsl_m: Altitude = Field(
+        0.0, description="information only: the game uses height differences"
+    )
     polygon_deg: tuple[tuple[Latitude, Longitude], ...] = Field(
-        (), description="latitude and longitude of the corners of a convex polygon, or of both ends of a line"
+        (),
+        description="latitude and longitude of the corners of a convex polygon, or of both ends of a line",
     )
     polygon_plan_file: Path | None = Field(
-        None, description="a QGroundControl plan whose inclusion polygon is used instead; relative to this file"
+        None,
+        description="a QGroundControl plan whose inclusion polygon is used instead; relative to this file",
     )
-    radius_m: float = Field(0.0, ge=0.0, le=1000.0, description="what lies so near to place or polygon belongs to it")
+    radius_m: float = Field(
+        0.0, ge=0.0, le=1000.0, description="what lies so near to place or polygon belongs to it"
+    )
 
     @property
     def extent(self) -> Extent:
         """The shape about the place, x east and y north."""
         frame = LocalFrame(self.latitude_deg, self.longitude_deg, Amsl(0.0))
         places = [frame.ned_from_wgs84(*corner, frame.altitude) for corner in self.polygon_deg]
-        return Extent(tuple((east, north) for north, east, _ in places) or ((0.0, 0.0),), self.radius_m)
+        return Extent(
+            tuple((east, north) for north, east, _ in places) or ((0.0, 0.0),), self.radius_m
+        )
 
     @model_validator(mode="before")
     @classmethod
@@ -57,7 +72,10 @@ class Target(Section):
         yield from faults_of(what, lambda: self.extent)
 
 
-_PLANS: Final = {"limits.fence_plan_file": "fence_polygon_deg", "game.target.polygon_plan_file": "polygon_deg"}
+_PLANS: Final = {
+    "limits.fence_plan_file": "fence_polygon_deg",
+    "game.target.polygon_plan_file": "polygon_deg",
+}
 """Keys of plans, and for each the key of its corners."""
 
 
@@ -78,7 +96,9 @@ def corners_deg(path: Path, key: str) -> list[tuple[float, float]]:
         raise ConfigError(f"{said}: not JSON ({error})") from error
     fence = plan.get("geoFence") if isinstance(plan, dict) else None
     if not isinstance(fence, dict):
-        raise ConfigError(f"{said}: has no geoFence; save it from QGroundControl's Plan view with a fence drawn")
+        raise ConfigError(
+            f"{said}: has no geoFence; save it from QGroundControl's Plan view with a fence drawn"
+        )
     polygons, circles = (fence.get(key) or [] for key in ("polygons", "circles"))
     excluded = sum(not (isinstance(one, dict) and one.get("inclusion") is True) for one in polygons)
     if len(polygons) != 1 or excluded or circles:
@@ -86,22 +106,36 @@ def corners_deg(path: Path, key: str) -> list[tuple[float, float]]:
         allowed = "exactly one inclusion polygon (a circle about home is limits.fence_radius_m)"
         raise ConfigError(f"{said}: its fence has {found}; must be {allowed}")
     try:
-        return [(float(latitude), float(longitude)) for latitude, longitude in polygons[0].get("polygon")]
+        return [
+            (float(latitude), float(longitude))
+            for latitude, longitude in polygons[0].get("polygon")
+        ]
     except (TypeError, ValueError) as error:
-        raise ConfigError(f"{said}: its polygon is not a list of latitude and longitude ({error})") from error
+        raise ConfigError(
+            f"{said}: its polygon is not a list of latitude and longitude ({error})"
+        ) from error
 
 
 _ABOVE_THE_FLOOR_M: Final = 1.0
 """A take-off ends up to 0.7 m low, and a hover wanders by some decimetres."""
 
-_LOOPBACK = re.compile(r"(tcp|udp|ws)/(127\.\d+\.\d+\.\d+|localhost|\[::1\]):\d+|unixsock-stream/.+")
+_LOOPBACK = re.compile(
+    r"(tcp|udp|ws)/(127\.\d+\.\d+\.\d+|localhost|\[::1\]):\d+|unixsock-stream/.+"
+)
 _BY_TLS = re.compile(r"tls/[^\s/]+:\d+")
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 
 EvaderKind = Literal[
-    "follow_target", "global_position", "odometry", "open_drone_id", "adsb", "json", "ros_pose", "ros_odometry"
+    "follow_target",
+    "global_position",
+    "odometry",
+    "open_drone_id",
+    "adsb",
+    "json",
+    "ros_pose",
+    "ros_odometry",
 ]
 ON_ZENOH = ("json", "ros_pose", "ros_odometry")
 
@@ -115,7 +149,9 @@ def _known_policy(policy: str) -> str:
     return policy
 
 
-Policy = Annotated[str, AfterValidator(_known_policy), WithJsonSchema({"type": "string", "enum": _POLICIES})]
+Policy = Annotated[
+    str, AfterValidator(_known_policy), WithJsonSchema({"type": "string", "enum": _POLICIES})
+]
 
 
 Url = Annotated[str, AfterValidator(lambda url: taken_apart(url) and url)]
@@ -128,23 +164,41 @@ class EvaderFrame(Section):
     latitude_deg: Latitude = Field(description="of the frame's origin")
     longitude_deg: Longitude = Field(description="of the frame's origin")
     altitude_amsl_m: Altitude = Field(description="of the frame's origin, above mean sea level")
-    home_altitude_amsl_m: Altitude | None = Field(None, description="of the evader's home, for heights above home")
-    undulation_m: float | None = Field(None, ge=-120.0, le=120.0, description="height of the geoid above the ellipsoid")
+    home_altitude_amsl_m: Altitude | None = Field(
+        None, description="of the evader's home, for heights above home"
+    )
+    undulation_m: float | None = Field(
+        None, ge=-120.0, le=120.0, description="height of the geoid above the ellipsoid"
+    )
 
 
 class EvaderSection(Section):
     """The source of evader reports. Without a `url`, they arrive on the vehicle's link."""
 
     kind: EvaderKind = Field(description="the message that reports the evader")
-    url: Url | None = Field(None, description="where its reports arrive; default: the vehicle's link")
-    system_id: SystemId | None = Field(None, description="the only MAVLink system id that is accepted")
+    url: Url | None = Field(
+        None, description="where its reports arrive; default: the vehicle's link"
+    )
+    system_id: SystemId | None = Field(
+        None, description="the only MAVLink system id that is accepted"
+    )
     component_id: SystemId | None = Field(None, description="its component id; default: any")
     icao_address: int | None = Field(None, ge=1, le=0xFFFFFF, description="of ADSB_VEHICLE")
-    id_or_mac: str | None = Field(None, pattern=r"^([0-9a-fA-F]{2}){1,20}$", description="hexadecimal of OPEN_DRONE_ID")
-    request_rate_hz: float | None = Field(None, gt=0.0, le=50.0, description="message rate to ask a silent evader for")
-    timeout_s: float = Field(1.5, gt=0.0, le=30.0, description="the evader is lost after this long without a report")
-    second_source: Literal["hold", "tell"] = Field("hold", description="two sources report: hold, or only an event")
-    signing_key_file: Path | None = Field(None, description="64 hexadecimal digits; without url the vehicle's applies")
+    id_or_mac: str | None = Field(
+        None, pattern=r"^([0-9a-fA-F]{2}){1,20}$", description="hexadecimal of OPEN_DRONE_ID"
+    )
+    request_rate_hz: float | None = Field(
+        None, gt=0.0, le=50.0, description="message rate to ask a silent evader for"
+    )
+    timeout_s: float = Field(
+        1.5, gt=0.0, le=30.0, description="the evader is lost after this long without a report"
+    )
+    second_source: Literal["hold", "tell"] = Field(
+        "hold", description="two sources report: hold, or only an event"
+    )
+    signing_key_file: Path | None = Field(
+        None, description="64 hexadecimal digits; without url the vehicle's applies"
+    )
     frame: EvaderFrame | None = Field(None, description="origin of its coordinates")
 
     @field_validator("url")
@@ -153,22 +207,31 @@ class EvaderSection(Section):
         if url is not None and info.data.get("kind") in ON_ZENOH:
             endpoint = taken_apart(url)
             if endpoint.scheme != "zenoh" or not endpoint.namespace:
-                raise ValueError(f'kind = "{info.data["kind"]}" arrives over Zenoh: must be zenoh://host:port/key')
+                raise ValueError(
+                    f'kind = "{info.data["kind"]}" arrives over Zenoh: must be zenoh://host:port/key'
+                )
         return url
 
     def _faults(self) -> Iterator[str]:
-        kind, zenoh = f'kind = "{self.kind}"', self.kind in ON_ZENOH
-        no_url, polled, signed = self.url is None, self.request_rate_hz is not None, self.signing_key_file is not None
+        kind = f'kind = "{self.kind}"'
+        zenoh = self.kind in ON_ZENOH
+        no_url = self.url is None
+        polled = self.request_rate_hz is not None
+        signed = self.signing_key_file is not None
         others = "the vehicle's link uses the vehicle's key, Zenoh uses TLS"
         own_url = f"it signs MAVLink reports that have their own url ({others})"
-        in_metres, adsb = self.kind in {"odometry", "ros_pose", "ros_odometry"}, self.kind == "adsb"
+        in_metres = self.kind in {"odometry", "ros_pose", "ros_odometry"}
+        adsb = self.kind == "adsb"
         faults = {
             f"url: missing; {kind} needs zenoh://host:port/key": zenoh and no_url,
-            f"system_id: missing; {kind} accepts one MAVLink system only": not zenoh and self.system_id is None,
-            f"frame: missing; {kind} reports metres about an origin of its own": in_metres and self.frame is None,
+            f"system_id: missing; {kind} accepts one MAVLink system only": not zenoh
+            and self.system_id is None,
+            f"frame: missing; {kind} reports metres about an origin of its own": in_metres
+            and self.frame is None,
             f"request_rate_hz: not allowed; {kind} cannot be asked for a rate": zenoh and polled,
             f"signing_key_file: not allowed; {own_url}": signed and (zenoh or no_url),
-            f"icao_address: missing; {kind} needs the aircraft's address": adsb and self.icao_address is None,
+            f"icao_address: missing; {kind} needs the aircraft's address": adsb
+            and self.icao_address is None,
         }
         yield from (f"evader.{words}" for words, is_wrong in faults.items() if is_wrong)
 
@@ -176,20 +239,35 @@ class EvaderSection(Section):
 class GameSection(Section):
     """The game."""
 
-    kind: Literal["pe", "tad"] = Field("pe", description="pursuit-evasion, or target-attacker-defender")
-    speed_set: Literal["ball", "cylinder"] = Field("cylinder", description="one speed, or own climb and descent rates")
-    speed_m_s: float = Field(gt=0.0, le=30.0, description="the pursuer's horizontal speed in the game")
+    kind: Literal["pe", "tad"] = Field(
+        "pe", description="pursuit-evasion, or target-attacker-defender"
+    )
+    speed_set: Literal["ball", "cylinder"] = Field(
+        "cylinder", description="one speed, or own climb and descent rates"
+    )
+    speed_m_s: float = Field(
+        gt=0.0, le=30.0, description="the pursuer's horizontal speed in the game"
+    )
     climb_m_s: float = Field(1.5, gt=0.0, le=10.0, description="its climb rate")
     descent_m_s: float = Field(1.0, gt=0.0, le=10.0, description="its descent rate")
     policy: Policy = Field("optimal", description="the pursuer's strategy")
-    navigation_gain: float = Field(3.0, ge=1.0, le=10.0, description="N of policy = proportional_navigation")
+    navigation_gain: float = Field(
+        3.0, ge=1.0, le=10.0, description="N of policy = proportional_navigation"
+    )
     evader_speed_m_s: float = Field(gt=0.0, le=30.0, description="declared top speed of the evader")
-    standoff_radius_m: float = Field(8.0, gt=0.0, le=200.0, description="radius of the disc around the evader")
-    standoff_height_m: float = Field(8.0, ge=2.0, le=120.0, description="height of the disc above the evader")
-    tolerance_m: float = Field(1.0, gt=0.0, le=10.0, description="distance from the disc that counts as capture")
+    standoff_radius_m: float = Field(
+        8.0, gt=0.0, le=200.0, description="radius of the disc around the evader"
+    )
+    standoff_height_m: float = Field(
+        8.0, ge=2.0, le=120.0, description="height of the disc above the evader"
+    )
+    tolerance_m: float = Field(
+        1.0, gt=0.0, le=10.0, description="distance from the disc that counts as capture"
+    )
     target: Target | None = Field(None, description="TAD: the evader's target")
     target_velocity_m_s: tuple[float, float] = Field(
-        (0.0, 0.0), description="TAD: velocity of the target, east and north, constant from engagement"
+        (0.0, 0.0),
+        description="TAD: velocity of the target, east and north, constant from engagement",
     )
 
     @property
@@ -198,7 +276,8 @@ class GameSection(Section):
         return Speeds(self.speed_m_s, self.climb_m_s, self.descent_m_s)
 
     def _faults(self) -> Iterator[str]:
-        moves_m_s, evader = math.hypot(*self.target_velocity_m_s), f"game.evader_speed_m_s = {self.evader_speed_m_s:g}"
+        moves_m_s = math.hypot(*self.target_velocity_m_s)
+        evader = f"game.evader_speed_m_s = {self.evader_speed_m_s:g}"
         if self.speed_m_s <= self.evader_speed_m_s:
             yield f"game.speed_m_s = {self.speed_m_s:g}: must be above {evader}; a slower pursuer is another game"
         if self.kind == "tad" and self.target is None:
@@ -214,17 +293,25 @@ class Vehicle(Section):
     """The link to the autopilot."""
 
     autopilot: AutopilotName = Field(description="the vehicle's autopilot")
-    link: Literal["mavsdk", "pymavlink"] = Field("pymavlink", description="client library; only pymavlink can sign")
+    link: Literal["mavsdk", "pymavlink"] = Field(
+        "pymavlink", description="client library; only pymavlink can sign"
+    )
     url: Url = Field(description="udpin:// udpout:// tcpin:// tcpout:// serial:// or zenoh://")
     system_id: SystemId = Field(1, description="MAVLink system id of the vehicle")
     component_id: SystemId = Field(1, description="MAVLink component id of its autopilot")
-    connect_timeout_s: float = Field(60.0, gt=0.0, le=3600.0, description="longest wait for the first HEARTBEAT")
-    signing_key_file: Path | None = Field(None, description="64 hexadecimal digits; only the owner may read the file")
+    connect_timeout_s: float = Field(
+        60.0, gt=0.0, le=3600.0, description="longest wait for the first HEARTBEAT"
+    )
+    signing_key_file: Path | None = Field(
+        None, description="64 hexadecimal digits; only the owner may read the file"
+    )
 
     @property
     def awaited(self) -> str:
         """The event that shows that it is there, in words."""
-        return f"a HEARTBEAT of system {self.system_id}, component {self.component_id} at {self.url}"
+        return (
+            f"a HEARTBEAT of system {self.system_id}, component {self.component_id} at {self.url}"
+        )
 
     def _faults(self) -> Iterator[str]:
         if self.signing_key_file is not None and self.link == "mavsdk":
@@ -234,15 +321,21 @@ class Vehicle(Section):
 class Control(Section):
     """Where orders arrive: Zenoh queryables on loopback, or on a router that checks certificates."""
 
-    endpoint: str = Field("tcp/127.0.0.1:7448", description="Zenoh on loopback, or a router by TLS: docs/zenoh.md")
+    endpoint: str = Field(
+        "tcp/127.0.0.1:7448", description="Zenoh on loopback, or a router by TLS: docs/zenoh.md"
+    )
     host: bool = Field(True, description="listen there; false connects to a running Zenoh router")
-    token_file: Path | None = Field(None, description="secret of `guidance ctl`; default: runtime folder")
+    token_file: Path | None = Field(
+        None, description="secret of `guidance ctl`; default: runtime folder"
+    )
 
     @field_validator("endpoint")
     @classmethod
     def _check_loopback(cls, endpoint: str) -> str:
         if _LOOPBACK.fullmatch(endpoint) is None and _BY_TLS.fullmatch(endpoint) is None:
-            allowed = "on loopback, as tcp/127.0.0.1:7448, or a router with TLS, as tls/192.168.1.10:7447"
+            allowed = (
+                "on loopback, as tcp/127.0.0.1:7448, or a router with TLS, as tls/192.168.1.10:7447"
+            )
             raise ValueError(f"must be {allowed}: whoever can reach it commands the vehicle")
         return endpoint
 
@@ -261,21 +354,31 @@ class Control(Section):
 class LogSection(Section):
     """The log, on standard error."""
 
-    format: Literal["console", "json"] = Field("console", description="readable lines, or one JSON object per line")
-    level: Literal["debug", "info", "warning", "error"] = Field("info", description="lowest level that is logged")
+    format: Literal["console", "json"] = Field(
+        "console", description="readable lines, or one JSON object per line"
+    )
+    level: Literal["debug", "info", "warning", "error"] = Field(
+        "info", description="lowest level that is logged"
+    )
 
 
 class MetricsSection(Section):
     """The Prometheus endpoint, on loopback."""
 
-    port: int | None = Field(None, ge=1, le=65535, description="port on 127.0.0.1; default: no metrics")
+    port: int | None = Field(
+        None, ge=1, le=65535, description="port on 127.0.0.1; default: no metrics"
+    )
 
 
 class RecordSection(Section):
     """The flight record."""
 
-    folder: Path | None = Field(None, description="folder of the MCAP records, one per start; default: no records")
-    required: bool = Field(True, description="whether an unwritable record keeps the vehicle on the ground")
+    folder: Path | None = Field(
+        None, description="folder of the MCAP records, one per start; default: no records"
+    )
+    required: bool = Field(
+        True, description="whether an unwritable record keeps the vehicle on the ground"
+    )
     rotate_s: float = Field(600.0, ge=10.0, description="a new file begins after this time")
     rotate_mb: float = Field(256.0, ge=1.0, description="a new file begins at this size")
 
@@ -291,9 +394,15 @@ class Team(TeamSection):
     """The team of the vehicle. Its messages pass the session of `[control]`, which all mates share."""
 
     name: Name = Field(description="of the team, in orders: guidance ctl engage --team NAME")
-    mates: tuple[Name, ...] = Field(min_length=1, max_length=31, description="names of the other vehicles")
-    evader: Name = Field(description="name of the evader of [evader], against which the vehicle plays first")
-    evaders: dict[Name, TeamEvader] = Field({}, description="[team.evaders.NAME]: the other evaders")
+    mates: tuple[Name, ...] = Field(
+        min_length=1, max_length=31, description="names of the other vehicles"
+    )
+    evader: Name = Field(
+        description="name of the evader of [evader], against which the vehicle plays first"
+    )
+    evaders: dict[Name, TeamEvader] = Field(
+        {}, description="[team.evaders.NAME]: the other evaders"
+    )
 
 
 class Config(Section):
@@ -316,7 +425,11 @@ class Config(Section):
     @property
     def evaders(self) -> dict[str, EvaderSection]:
         """All evaders by name, the vehicle's first one first."""
-        return {"evader": self.evader} if self.team is None else {self.team.evader: self.evader, **self.team.evaders}
+        return (
+            {"evader": self.evader}
+            if self.team is None
+            else {self.team.evader: self.evader, **self.team.evaders}
+        )
 
     @property
     def speed_limits(self) -> Speeds:
@@ -330,13 +443,18 @@ class Config(Section):
             yield f"control.endpoint = {self.control.endpoint!r}: {needs}"
         if self.team is not None:
             yield from self._team_faults(self.team)
-        low, high = self.limits.floor_m, self.limits.ceiling_m
-        takeoff_m, disc_m = self.flight.takeoff_height_m, self.game.standoff_height_m
+        low = self.limits.floor_m
+        high = self.limits.ceiling_m
+        takeoff_m = self.flight.takeoff_height_m
+        disc_m = self.game.standoff_height_m
         if low <= takeoff_m < low + _ABOVE_THE_FLOOR_M:
             above = f"{_ABOVE_THE_FLOOR_M:g} m above limits.floor_m = {low:g} at least"
             why = "the vehicle sinks slightly when the game begins"
             yield f"flight.takeoff_height_m = {takeoff_m:g}: must be {above}: {why}"
-        for key, height_m in {"flight.takeoff_height_m": takeoff_m, "game.standoff_height_m": disc_m}.items():
+        for key, height_m in {
+            "flight.takeoff_height_m": takeoff_m,
+            "game.standoff_height_m": disc_m,
+        }.items():
             if not low <= height_m <= high:
                 yield f"{key} = {height_m:g}: allowed is limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
 
@@ -347,7 +465,8 @@ class Config(Section):
             yield f"team.evaders.{team.evader}: is [evader] already (team.evader); name only the others"
         for name, one in team.evaders.items():
             if one.speed_m_s >= self.game.speed_m_s:
-                key, allowed = f"team.evaders.{name}.speed_m_s", f"game.speed_m_s = {self.game.speed_m_s:g}"
+                key = f"team.evaders.{name}.speed_m_s"
+                allowed = f"game.speed_m_s = {self.game.speed_m_s:g}"
                 yield f"{key} = {one.speed_m_s:g}: must be below {allowed}"
 
 
@@ -363,7 +482,11 @@ def load_vehicle(path: Path) -> Config:
         *keys, plan_key = name.split(".")
         for key in keys:
             section = section.get(key) if isinstance(section, dict) else None
-        if isinstance(section, dict) and isinstance(section.get(plan_key), str) and corners_key not in section:
+        if (
+            isinstance(section, dict)
+            and isinstance(section.get(plan_key), str)
+            and corners_key not in section
+        ):
             section[corners_key] = corners_deg(path.parent / section.pop(plan_key), name)
     config = parse(Config, document, source=str(path), text=text)
     return config.model_copy(update={"zenoh": config.zenoh.beside(path.parent.absolute())})

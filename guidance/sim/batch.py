@@ -77,7 +77,8 @@ _ALIKE: Final = attrgetter(
 
 def kind_of(scenario: Scenario) -> Hashable:
     """Return what two scenarios must share to be played in one batch."""
-    evader, turns = scenario.evader, "random_turns" in (scenario.pursuer.policy, scenario.evader.policy)
+    evader = scenario.evader
+    turns = "random_turns" in (scenario.pursuer.policy, scenario.evader.policy)
     return (
         *_ALIKE(scenario),
         target_extent(scenario),
@@ -88,7 +89,9 @@ def kind_of(scenario: Scenario) -> Hashable:
     )
 
 
-def by_kind(games: Sequence[G], kind_of: Callable[[G], Hashable], play: Callable[[list[G]], Sequence[R]]) -> list[R]:
+def by_kind(
+    games: Sequence[G], kind_of: Callable[[G], Hashable], play: Callable[[list[G]], Sequence[R]]
+) -> list[R]:
     """Play the games of each kind together; return the results in the order of the games."""
     kinds: dict[Hashable, list[int]] = {}
     for index, game in enumerate(games):
@@ -104,8 +107,14 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
     kind = scenarios[0]
 
     def column(key: str, axis: int | None = None) -> Real:
-        values = [value if axis is None else value[axis] for value in map(attrgetter(key), scenarios)]
-        return float(values[0]) if values.count(values[0]) == len(values) else np.array(values, dtype=np.float64)
+        values = [
+            value if axis is None else value[axis] for value in map(attrgetter(key), scenarios)
+        ]
+        return (
+            float(values[0])
+            if values.count(values[0]) == len(values)
+            else np.array(values, dtype=np.float64)
+        )
 
     ground = column("evader.height_m")
     P = np.array([each.pursuer.position_m for each in scenarios])
@@ -113,8 +122,11 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
     E = np.array([(*each.evader.position_m, 0.0) for each in scenarios])
     speeds: SpeedSet = Ball(column("pursuer.speed_m_s"))
     if kind.pursuer.speed_set == "cylinder":
-        speeds = Cylinder(*map(column, ("pursuer.speed_m_s", "pursuer.climb_m_s", "pursuer.descent_m_s")))
-    seed, evader_speed = np.array([each.seed for each in scenarios], dtype=np.int64), column("evader.speed_m_s")
+        speeds = Cylinder(
+            *map(column, ("pursuer.speed_m_s", "pursuer.climb_m_s", "pursuer.descent_m_s"))
+        )
+    seed = np.array([each.seed for each in scenarios], dtype=np.int64)
+    evader_speed = column("evader.speed_m_s")
     targets = [(*each.target.position_m, 0.0) for each in scenarios if each.target is not None]
     return Batch(
         kind=kind,
@@ -135,7 +147,12 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
         fence_m=column("limits.fence_radius_m"),
         home_m=np.array([each.home_m for each in scenarios]),
         limit_s=column("time_limit_s"),
-        noise=Noise(seed, *map(column, ("sensor.position_noise_m", "sensor.velocity_noise_m_s", "sensor.dropout"))),
+        noise=Noise(
+            seed,
+            *map(
+                column, ("sensor.position_noise_m", "sensor.velocity_noise_m_s", "sensor.dropout")
+            ),
+        ),
         pursuer=strategy_of(kind, PURSUER, P, speeds, seed),
         evader=strategy_of(kind, EVADER, E, Ball(evader_speed), seed),
     )
@@ -143,7 +160,8 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
 
 def game(scenario: Scenario) -> Game:
     """Return the game with the evader's true speed, as the evader plays it in flight: in still air, to the disc."""
-    still = scenario.model_copy(update={"wind": Wind()})  # with the wind there may be no game at all
+    # With the wind there may be no game at all
+    still = scenario.model_copy(update={"wind": Wind()})
     return replace(stack([still]).game, capture_radius_m=0.0)
 
 
@@ -160,10 +178,16 @@ def target_extent(scenario: Scenario) -> Extent:
 def site(scenario: Scenario) -> tuple[float, float, Amsl]:
     """Return the origin of the game frame, on the evader's plane."""
     where = scenario.site
-    return where.latitude_deg, where.longitude_deg, Amsl(where.altitude_amsl_m + scenario.evader.height_m)
+    return (
+        where.latitude_deg,
+        where.longitude_deg,
+        Amsl(where.altitude_amsl_m + scenario.evader.height_m),
+    )
 
 
-def strategy_of(scenario: Scenario, name: str, start_m: Array, speeds: SpeedSet, seed: ArrayLike) -> Strategy:
+def strategy_of(
+    scenario: Scenario, name: str, start_m: Array, speeds: SpeedSet, seed: ArrayLike
+) -> Strategy:
     """Return the strategy of a player.
 
     Args:
@@ -177,11 +201,19 @@ def strategy_of(scenario: Scenario, name: str, start_m: Array, speeds: SpeedSet,
     course = None
     match player.policy:
         case "waypoints":
-            course = waypoints(start_m, np.array([(*point, 0.0)[:3] for point in player.waypoints_m]), speeds)
+            course = waypoints(
+                start_m, np.array([(*point, 0.0)[:3] for point in player.waypoints_m]), speeds
+            )
         case "random_turns":
-            turns = {"max_turn_rad": np.deg2rad(player.turn_most_deg), "every_s": player.turn_every_s}
-            until_s, stream = scenario.time_limit_s, _STREAMS[name]
-            course = random_turns(start_m, speeds.horizontal_m_s, seed, stream=stream, duration_s=until_s, **turns)
+            turns = {
+                "max_turn_rad": np.deg2rad(player.turn_most_deg),
+                "every_s": player.turn_every_s,
+            }
+            until_s = scenario.time_limit_s
+            stream = _STREAMS[name]
+            course = random_turns(
+                start_m, speeds.horizontal_m_s, seed, stream=stream, duration_s=until_s, **turns
+            )
         case "recorded":
             course = recorded(start_m, player.track)
     return Strategy(player.policy, course, scenario.pursuer.navigation_gain)

@@ -33,36 +33,55 @@ class EvaderPilot:
 
     def __init__(self, link: VehicleLink, scenario: Scenario) -> None:
         self._link = link
-        self._game, self._site, target = game(scenario), site(scenario), target_game_m(scenario)
+        self._game = game(scenario)
+        self._site = site(scenario)
+        target = target_game_m(scenario)
         self._target_m = None if target is None else np.array(target)
-        start_m, speeds = np.array((*scenario.evader.position_m, 0.0)), Ball(scenario.evader.speed_m_s)
+        start_m = np.array((*scenario.evader.position_m, 0.0))
+        speeds = Ball(scenario.evader.speed_m_s)
         self._strategy = strategy_of(scenario, EVADER, start_m, speeds, scenario.seed)
-        self._began_s, self._requested_s, self._stood_s = math.inf, -math.inf, -math.inf
-        self.vehicle, self.ready = VehicleState(), False
+        self._began_s = math.inf
+        self._requested_s = -math.inf
+        self._stood_s = -math.inf
+        self.vehicle = VehicleState()
+        self.ready = False
         self.position_game_m: Vector | None = None
         self._told: tuple[Home | None, Origin | None, GameFrame | None] = (None, None, None)
 
     def _located(self) -> Vector | None:
-        home, origin = self.vehicle.latest.get(Home), self.vehicle.latest.get(Origin)
+        home = self.vehicle.latest.get(Home)
+        origin = self.vehicle.latest.get(Origin)
         if (home, origin) != self._told[:2]:
             frame = local_frame(self.vehicle, ROVER.projection)
-            self._told = home, origin, None if frame is None else GameFrame(frame.ned_from_wgs84(*self._site))
-        local, game_frame = self.vehicle.latest.get(LocalPosition), self._told[2]
-        return None if game_frame is None or local is None else game_frame.position_from_ned(local.position_ned_m)
+            self._told = (
+                home,
+                origin,
+                None if frame is None else GameFrame(frame.ned_from_wgs84(*self._site)),
+            )
+        local = self.vehicle.latest.get(LocalPosition)
+        game_frame = self._told[2]
+        return (
+            None
+            if game_frame is None or local is None
+            else game_frame.position_from_ned(local.position_ned_m)
+        )
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
         self.vehicle = observe(self.vehicle, self._link.receive())
         position = self.position_game_m = self._located()
         beat = self.vehicle.latest.get(Heartbeat)
-        guided = beat is not None and beat.armed and beat.custom_mode == ROVER.custom_modes[Mode.GUIDED]
+        guided = (
+            beat is not None and beat.armed and beat.custom_mode == ROVER.custom_modes[Mode.GUIDED]
+        )
         self.ready = guided and position is not None
         if not guided or position is None:
             self._make_ready(now_s)
         elif playing and pursuers_game_m:
             self._began_s = min(self._began_s, now_s)
             P = np.array(min(pursuers_game_m, key=lambda pursuer: math.dist(pursuer, position)))
-            E, memory = np.array((*position[:2], 0.0)), StrategyMemory(None, now_s - self._began_s)
+            E = np.array((*position[:2], 0.0))
+            memory = StrategyMemory(None, now_s - self._began_s)
             x, y, _ = evade(self._strategy, self._game, P, E, self._target_m, memory).tolist()
             self._link.send_setpoint(Setpoint(ned_from_game((x, y, 0.0))))
             self._stood_s = -math.inf

@@ -34,7 +34,9 @@ class Range(Section):
     def __str__(self) -> str:
         """Text for the table of expectations."""
         bounds = {"at least": self.min, "at most": self.max}
-        return " and ".join(f"{words} {bound:g}" for words, bound in bounds.items() if bound is not None)
+        return " and ".join(
+            f"{words} {bound:g}" for words, bound in bounds.items() if bound is not None
+        )
 
 
 class CheckedExpectation(NamedTuple):
@@ -60,7 +62,9 @@ class Ranges(Section):
                     yield CheckedExpectation(column, each, value, value == each)
                 case tuple():
                     for one in each:
-                        yield CheckedExpectation(column, f"has {one!r}", ", ".join(value), one in value)
+                        yield CheckedExpectation(
+                            column, f"has {one!r}", ", ".join(value), one in value
+                        )
                 case Ranges() if (column == "maths") == (values["run"] == "maths"):
                     yield from each.verdicts(values)
 
@@ -79,15 +83,29 @@ class Expectations(Ranges):
     end: End | None = Field(None, description="how the run ends")
     winner: Literal["pursuer", "evader", "none"] | None = Field(None, description="who wins")
     capture_time_s: Range | None = Field(None, description="from engagement to the capture")
-    distance_to_disc_m: Range | None = Field(None, description="of the pursuer from the stand-off disc at the end")
-    evader_to_target_m: Range | None = Field(None, description="TAD: of the evader from its target at the end")
-    predicted_capture_time_s: Range | None = Field(None, description="PE: the game's value at engagement")
-    predicted_evader_to_target_m: Range | None = Field(None, description="TAD: value at engagement if the pursuer wins")
-    predicted_short_m: Range | None = Field(None, description="TAD: how short of a capture, if the evader is to win")
+    distance_to_disc_m: Range | None = Field(
+        None, description="of the pursuer from the stand-off disc at the end"
+    )
+    evader_to_target_m: Range | None = Field(
+        None, description="TAD: of the evader from its target at the end"
+    )
+    predicted_capture_time_s: Range | None = Field(
+        None, description="PE: the game's value at engagement"
+    )
+    predicted_evader_to_target_m: Range | None = Field(
+        None, description="TAD: value at engagement if the pursuer wins"
+    )
+    predicted_short_m: Range | None = Field(
+        None, description="TAD: how short of a capture, if the evader is to win"
+    )
     time_needed_s: Range | None = Field(None, description="what the vehicle promised at engagement")
-    regret: Range | None = Field(None, description="what the pursuer lost against the value, s or m")
+    regret: Range | None = Field(
+        None, description="what the pursuer lost against the value, s or m"
+    )
     ratio: Range | None = Field(None, description="achieved over predicted")
-    reachable_speed_m_s: Range | None = Field(None, description="smallest speed that the vehicle was seen to reach")
+    reachable_speed_m_s: Range | None = Field(
+        None, description="smallest speed that the vehicle was seen to reach"
+    )
     min_standoff_m: Range | None = Field(None, description="least level distance of the players")
     min_altitude_m: Range | None = Field(None, description="least height of the pursuer")
     alarms: Range | None = Field(None, description="number of broken guarantees")

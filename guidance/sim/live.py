@@ -31,8 +31,11 @@ class LiveWorld(world.World):
 
     def __init__(self, flown: Flown, clock: Clock, *, link: str, port: int, over: str) -> None:
         super().__init__()
-        self._clock, self._pursuits = clock, pursuits_of(flown)
-        self._sources: dict[str, dict[str, EvaderSource]] = {one.vehicle: {} for one in self._pursuits}
+        self._clock = clock
+        self._pursuits = pursuits_of(flown)
+        self._sources: dict[str, dict[str, EvaderSource]] = {
+            one.vehicle: {} for one in self._pursuits
+        }
         self.evaders |= self._sources
         with self.closing:
             self._mock = _mock(self.closing, flown, over, port)
@@ -55,21 +58,31 @@ class LiveWorld(world.World):
 
     def engage(self, vehicle: str) -> None:
         """Put the faults of a vehicle's game in place that count from its engagement."""
-        if faults := list(faults_after([one for one in self._pursuits if one.vehicle == vehicle], "engaged")):
+        if faults := list(
+            faults_after([one for one in self._pursuits if one.vehicle == vehicle], "engaged")
+        ):
             # on its own thread: the loop must not wait
             threading.Thread(target=_inject, args=(self._mock[vehicle].zenoh, faults)).start()
 
     def _wires(self, name: str, readers: int) -> Sequence[Wire]:
         """Return wires to one vehicle; a UDP port can be opened only once."""
-        vehicle, now_s = self._mock[name], self._clock.now_s
+        vehicle = self._mock[name]
+        now_s = self._clock.now_s
         if vehicle.udp_port is not None:
             return wires.share(opening.open_wire(vehicle.udp, clock=now_s), readers)
-        return [zenoh_wire.ZenohWire(now_s, zenoh_wire.open_session(vehicle.zenoh or ""), name) for _ in range(readers)]
+        return [
+            zenoh_wire.ZenohWire(now_s, zenoh_wire.open_session(vehicle.zenoh or ""), name)
+            for _ in range(readers)
+        ]
 
     def _open_link(self, kind: str, bare: Wire, name: str) -> VehicleLink:
-        now_s, who, system_id = self._clock.now_s, f"the mock's {name}", self._mock[name].system_id
+        now_s = self._clock.now_s
+        who = f"the mock's {name}"
+        system_id = self._mock[name].system_id
         self.taps.append(wires.TappedWire(bare, now_s, name))
-        link = opening.open_link(self.taps[-1], kind, system_id=system_id, clock=now_s, who=who, timeout_s=5.0)
+        link = opening.open_link(
+            self.taps[-1], kind, system_id=system_id, clock=now_s, who=who, timeout_s=5.0
+        )
         self.closing.callback(link.close)
         return link
 
@@ -79,15 +92,24 @@ class LiveWorld(world.World):
         self.players[name] = EvaderPilot(self._open_link("pymavlink", commands, name), scenario)
         for sources, wire in zip(self._sources.values(), reports, strict=True):
             system_id = self._mock[name].system_id
-            sources[name] = mavlink_evader.MavlinkEvader(wire, carriers.GLOBAL_POSITION, system_id=system_id)
+            sources[name] = mavlink_evader.MavlinkEvader(
+                wire, carriers.GLOBAL_POSITION, system_id=system_id
+            )
             self.closing.callback(sources[name].close)
 
 
 def _mock(closing: contextlib.ExitStack, flown: Flown, over: str, port: int) -> RunningFleet:
     """Start the mock; the stack ends it. Its Zenoh session is there over UDP too: faults are injected by it."""
-    tables, faults = fleet(flown), script(flown)
+    tables = fleet(flown)
+    faults = script(flown)
     vehicles = tables.pop("vehicle")
-    mock = running(vehicles, over=("udp", "zenoh") if over == "udp" else ("zenoh",), faults=faults, port=port, **tables)
+    mock = running(
+        vehicles,
+        over=("udp", "zenoh") if over == "udp" else ("zenoh",),
+        faults=faults,
+        port=port,
+        **tables,
+    )
     try:
         return closing.enter_context(mock)
     except MockConfigError as error:

@@ -33,7 +33,9 @@ from guidance.strategies.navigation import turning
 CYCLE_S = 0.02
 """A velocity is held for the cycle of a flight."""
 
-_SHARES = dict.fromkeys(("optimal", "pure_pursuit", "lead_pursuit", "hold", *COURSES), 0.8) | {PROPORTIONAL: 0.5}
+_SHARES = dict.fromkeys(("optimal", "pure_pursuit", "lead_pursuit", "hold", *COURSES), 0.8) | {
+    PROPORTIONAL: 0.5
+}
 """Length of a step, as a share of the least time until a change, by the pursuer's strategy.
 
 These strategies are smooth functions of the state until the pursuer is beside the evader. Others may change abruptly:
@@ -109,7 +111,9 @@ def moments(batch: Batch) -> Iterator[Moment]:
             yield moment
             running = moment.end == End.RUNNING
             if np.count_nonzero(running) <= _SHARE_LEFT * len(running):
-                batch, moment, ahead = (rows_of(part, itemgetter(running)) for part in (batch, moment, ahead))
+                batch, moment, ahead = (
+                    rows_of(part, itemgetter(running)) for part in (batch, moment, ahead)
+                )
             if len(moment.row):
                 moment = _advance(batch, moment, ahead)
 
@@ -121,14 +125,19 @@ def opening(batch: Batch) -> Solution:
 
 def begun(batch: Batch) -> Moment:
     """Return the moment of engagement."""
-    P, E, count, sensor = batch.pursuer_m, batch.evader_m, len(batch.pursuer_m), batch.kind.sensor
+    P = batch.pursuer_m
+    E = batch.evader_m
+    count = len(batch.pursuer_m)
+    sensor = batch.kind.sensor
     return Moment(
         **dict.fromkeys(("now_s", "step_s", "lost_s"), np.zeros(count)),
         **dict.fromkeys(("flown_m_s", "run_m_s"), np.zeros_like(P)),
         row=np.arange(count),
         pursuer_m=P,
         evader_m=E,
-        turning_rad_s=np.zeros_like(P) if batch.pursuer.name == PROPORTIONAL and sensor == PERFECT else None,
+        turning_rad_s=np.zeros_like(P)
+        if batch.pursuer.name == PROPORTIONAL and sensor == PERFECT
+        else None,
         heard=None if sensor == PERFECT else begin(sensor, E),
         standoff_m=_level(P - E),
         altitude_m=P[:, 2],
@@ -144,7 +153,8 @@ def _level(way: Array) -> Array:
 
 def _play_kind(scenarios: Sequence[Scenario]) -> list[Outcome]:
     batch = stack(scenarios)
-    first, found = list(_one_by_one(opening(batch))), dict[int, Outcome]()
+    first = list(_one_by_one(opening(batch)))
+    found = dict[int, Outcome]()
     done = np.zeros(len(scenarios), dtype=bool)
     for moment in moments(batch):
         new = (moment.end != End.RUNNING) & ~done[moment.row]
@@ -157,14 +167,18 @@ def _play_kind(scenarios: Sequence[Scenario]) -> list[Outcome]:
 
 def _one_by_one(arrays: Any) -> Iterator[Any]:  # noqa: ANN401 - a named tuple
     """Yield the rows of a named tuple of arrays, with Python's numbers, which are faster then."""
-    columns = (part.tolist() if isinstance(part, np.ndarray) else itertools.repeat(part) for part in arrays)
+    columns = (
+        part.tolist() if isinstance(part, np.ndarray) else itertools.repeat(part) for part in arrays
+    )
     return map(type(arrays)._make, zip(*columns, strict=False))
 
 
 def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
     """Return the end of each game; a capture counts before an arrival at the same time."""
     now = np.where(moment.now_s >= batch.limit_s, End.TIME_UP, End.RUNNING)
-    now = np.where(moment.happened[:, -1] | (moment.lost_s >= LIMITS_S[State.PAUSED]), End.NO_ANSWER, now)
+    now = np.where(
+        moment.happened[:, -1] | (moment.lost_s >= LIMITS_S[State.PAUSED]), End.NO_ANSWER, now
+    )
     now = np.where(ahead.arrival_s <= NANOSECOND_S, End.ARRIVED, now)
     now = np.where(ahead.capture_s <= NANOSECOND_S, End.CAPTURED, now)
     return np.where(moment.end == End.RUNNING, now, moment.end).astype(np.int8)
@@ -172,7 +186,9 @@ def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
 
 def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
     """Ask both players for velocities and move both by one step; finished games stay where they are."""
-    P, E, waiting = moment.pursuer_m, moment.evader_m, np.zeros(len(moment.row), dtype=bool)
+    P = moment.pursuer_m
+    E = moment.evader_m
+    waiting = np.zeros(len(moment.row), dtype=bool)
     if (heard := moment.heard) is not None:
         listen(batch.kind.sensor, batch.noise, heard, moment.now_s, E, moment.run_m_s)
         waiting = moment.now_s - heard.measured_s > TIMEOUT_S
@@ -183,10 +199,14 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
     captured_s = _captured_s(batch, moment, v - w)
     ends_s = batch.limit_s - moment.now_s, captured_s, ahead.arrival_s, ahead.turn_s
     h = np.maximum(CYCLE_S, _smooth_s(batch, moment, ahead, first, captured_s))
-    h = np.where(moment.end == End.RUNNING, reduce(np.minimum, (*ends_s, *_changes_s(batch, moment)), h), 0.0)
+    h = np.where(
+        moment.end == End.RUNNING, reduce(np.minimum, (*ends_s, *_changes_s(batch, moment)), h), 0.0
+    )
     if (long := h > CYCLE_S).any():
         mean = _mean_slope(batch, moment, h, first)
-        slope = tuple(np.where(long[:, None], over, held) for over, held in zip(mean, first, strict=True))
+        slope = tuple(
+            np.where(long[:, None], over, held) for over, held in zip(mean, first, strict=True)
+        )
     P, left = _held_back(batch, P + h[:, None] * slope[0])
     E = E + h[:, None] * slope[1]
     return moment._replace(
@@ -211,9 +231,14 @@ def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, slope: Slope, captured
     share = _SHARES.get(batch.pursuer.name)
     if share is None or batch.kind.sensor != PERFECT:
         return 0.0
-    P, game, (v, w) = moment.pursuer_m, batch.game, slope[:2]
-    speeds, level_m_s = game.pursuer, game.pursuer.horizontal_m_s + pair_length(game.wind_m_s)
-    vertical_m_s = 0.0 if isinstance(speeds, Ball) else np.maximum(speeds.climb_m_s, speeds.descent_m_s)
+    P = moment.pursuer_m
+    game = batch.game
+    (v, w) = slope[:2]
+    speeds = game.pursuer
+    level_m_s = game.pursuer.horizontal_m_s + pair_length(game.wind_m_s)
+    vertical_m_s = (
+        0.0 if isinstance(speeds, Ball) else np.maximum(speeds.climb_m_s, speeds.descent_m_s)
+    )
     apart = _level(P - moment.evader_m)
     if not isinstance(speeds, Ball):  # it holds its place when it is beside the evader
         apart = apart - game.standoff.radius_m - game.capture_radius_m
@@ -222,8 +247,12 @@ def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, slope: Slope, captured
     beside_s = np.minimum(apart / (level_m_s + game.evader_speed_m_s), ahead.capture_s)
     out, outwards_m_s = _stretched(P[:, :2] - batch.home_m, v)
     room_m = np.stack([batch.fence_m - out, P[:, 2] - batch.lowest_m, batch.highest_m - P[:, 2]])
-    rate_m_s = np.where(straight, [-outwards_m_s, v[:, 2], -v[:, 2]], -np.sqrt(level_m_s**2 + vertical_m_s**2))
-    least_s = np.minimum(np.where(straight, captured_s, beside_s), _zero_s(room_m, rate_m_s).min(axis=0))
+    rate_m_s = np.where(
+        straight, [-outwards_m_s, v[:, 2], -v[:, 2]], -np.sqrt(level_m_s**2 + vertical_m_s**2)
+    )
+    least_s = np.minimum(
+        np.where(straight, captured_s, beside_s), _zero_s(room_m, rate_m_s).min(axis=0)
+    )
     return np.asarray(share * np.minimum(least_s, ahead.arrival_s))
 
 
@@ -233,7 +262,8 @@ def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
     The distance from the disc is a convex function of the relative position. Its tangent is below it, so a step of
     Newton's method does not pass the capture.
     """
-    game, z = batch.game, moment.pursuer_m[:, 2] - batch.game.standoff.height_m
+    game = batch.game
+    z = moment.pursuer_m[:, 2] - batch.game.standoff.height_m
     apart, rate = _stretched(moment.pursuer_m - moment.evader_m, closing_m_s)
     outside = apart - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):
@@ -241,18 +271,25 @@ def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
         far = np.sqrt(reach**2 + z**2)
         return _zero_s(far - game.capture_radius_m, (reach * rate + z * closing_m_s[:, 2]) / far)
     capture = game.capture_radius_m + 2.0 * TOUCH_M
-    return np.maximum(_zero_s(outside - capture, rate), _zero_s(np.abs(z) - capture, np.sign(z) * closing_m_s[:, 2]))
+    return np.maximum(
+        _zero_s(outside - capture, rate),
+        _zero_s(np.abs(z) - capture, np.sign(z) * closing_m_s[:, 2]),
+    )
 
 
 def _stretched(way_m: Array, rate_m_s: Array) -> tuple[Array, Array]:
     """Return the horizontal lengths, (n,), of vectors that change at a rate, and the rate of change of the lengths."""
     length = _level(way_m)
-    return length, (way_m[:, 0] * rate_m_s[:, 0] + way_m[:, 1] * rate_m_s[:, 1]) / np.where(length > 0.0, length, 1.0)
+    return length, (way_m[:, 0] * rate_m_s[:, 0] + way_m[:, 1] * rate_m_s[:, 1]) / np.where(
+        length > 0.0, length, 1.0
+    )
 
 
 def _zero_s(distance_m: Array, rate_m_s: Array) -> Array:
     """Return when a distance is zero that changes at a constant rate; infinite if it does not shrink."""
-    return np.where(distance_m <= 0.0, 0.0, np.where(rate_m_s < 0.0, distance_m / -rate_m_s, np.inf))
+    return np.where(
+        distance_m <= 0.0, 0.0, np.where(rate_m_s < 0.0, distance_m / -rate_m_s, np.inf)
+    )
 
 
 def _mean_slope(batch: Batch, moment: Moment, step_s: Array, first: Slope) -> Slope:
@@ -261,8 +298,11 @@ def _mean_slope(batch: Batch, moment: Moment, step_s: Array, first: Slope) -> Sl
     for share in (0.5, 0.5, 1.0):
         v, w, *turn = slopes[-1]
         passed = share * step_s
-        P, E = moment.pursuer_m + passed[:, None] * v, moment.evader_m + passed[:, None] * w
-        then = moment._replace(flown_m_s=first[0], turning_rad_s=turn[0] if turn else None, step_s=passed)
+        P = moment.pursuer_m + passed[:, None] * v
+        E = moment.evader_m + passed[:, None] * w
+        then = moment._replace(
+            flown_m_s=first[0], turning_rad_s=turn[0] if turn else None, step_s=passed
+        )
         slopes.append(_slope(batch, then, P, E, first))
     return tuple((a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in zip(*slopes, strict=True))
 
@@ -277,24 +317,40 @@ def _slope(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope | None
         E: Positions of the evaders, (n, 3).
         first: Velocities at the begin of the step, kept by players on a course; None at the begin.
     """
-    T, game, evader = batch.target_m, batch.game, batch.kind.evader
-    agreed = moment.heard is None and evader.believed_speed_m_s == evader.speed_m_s  # in all games of a kind
+    T = batch.target_m
+    game = batch.game
+    evader = batch.kind.evader
+    # In all games of a kind
+    agreed = moment.heard is None and evader.believed_speed_m_s == evader.speed_m_s
     if agreed and batch.pursuer.name == batch.evader.name == OPTIMAL:
         solution = solve(game, P, E, T, evader_velocity_m_s=moment.run_m_s)
         return solution.pursuer_velocity_m_s, solution.evader_velocity_m_s
     memory = StrategyMemory(moment.flown_m_s, moment.now_s, moment.turning_rad_s)
-    w = evade(batch.evader, game, P, E, T, memory) if first is None or batch.evader.course is None else first[1]
+    w = (
+        evade(batch.evader, game, P, E, T, memory)
+        if first is None or batch.evader.course is None
+        else first[1]
+    )
     if first is not None and batch.pursuer.course is not None:
         return first[0], w
-    seen_m, seen_m_s = E, w
+    seen_m = E
+    seen_m_s = w
     if moment.heard is not None:
-        seen_m, bound_m_s, age_s = known(batch.noise, moment.heard, batch.believed_m_s, moment.now_s)
-        game = replace(game, evader_speed_m_s=bound_m_s, information_age_s=np.minimum(age_s, TIMEOUT_S))
+        seen_m, bound_m_s, age_s = known(
+            batch.noise, moment.heard, batch.believed_m_s, moment.now_s
+        )
+        game = replace(
+            game, evader_speed_m_s=bound_m_s, information_age_s=np.minimum(age_s, TIMEOUT_S)
+        )
         seen_m_s = moment.heard.velocity_m_s
     elif not agreed:
         game = replace(game, evader_speed_m_s=np.maximum(batch.believed_m_s, _level(w)))
     v = pursue(batch.pursuer, game, P, seen_m, T, seen_m_s, memory, dt_s=moment.step_s)
-    return (v, w) if moment.turning_rad_s is None else (v, w, turning(batch.game, P, E, w, v, batch.pursuer.gain))
+    return (
+        (v, w)
+        if moment.turning_rad_s is None
+        else (v, w, turning(batch.game, P, E, w, v, batch.pursuer.gain))
+    )
 
 
 def _changes_s(batch: Batch, moment: Moment) -> Iterator[Array]:
@@ -312,7 +368,8 @@ def _held_back(batch: Batch, P: Array) -> tuple[Array, Sequence[NDArray[np.bool_
     out = _level(away_m)
     beyond = out > batch.fence_m
     back = np.where(beyond, 1.0 - batch.fence_m / np.where(beyond, out, 1.0), 0.0)
-    low, high = P[:, 2] < batch.lowest_m, P[:, 2] > batch.highest_m
+    low = P[:, 2] < batch.lowest_m
+    high = P[:, 2] > batch.highest_m
     height = np.clip(P[:, 2], batch.lowest_m, batch.highest_m)
     return np.column_stack([P[:, :2] - back[:, None] * away_m, height]), (beyond, low, high)
 

@@ -17,15 +17,24 @@ from sitl_mock.fleet import build, checked
 def fleet(flown: Flown) -> dict[str, Any]:
     """Return the fleet: every pursuer on the ground near its start, with its speeds, and every evader at its start."""
     pursuits = pursuits_of(flown)
-    site, vehicles = pursuits[0].scenario.site, dict[str, dict[str, Any]]()
+    site = pursuits[0].scenario.site
+    vehicles = dict[str, dict[str, Any]]()
     for scenario, vehicle, evader in pursuits:
-        autopilot, speeds, rover = autopilot_named(scenario.pursuer.autopilot), scenario.pursuer.speeds, scenario.evader
-        vehicles[vehicle] = _parked(autopilot.mock, scenario.home_m, 0.0, autopilot.mock_speeds(speeds))
+        autopilot = autopilot_named(scenario.pursuer.autopilot)
+        speeds = scenario.pursuer.speeds
+        rover = scenario.evader
+        vehicles[vehicle] = _parked(
+            autopilot.mock, scenario.home_m, 0.0, autopilot.mock_speeds(speeds)
+        )
         own = {} if rover.acceleration_m_s2 is None else {"ATC_ACCEL_MAX": rover.acceleration_m_s2}
         vehicles.setdefault(evader, _parked("rover", rover.position_m, -rover.height_m, own))
     return {
         "seed": pursuits[0].scenario.seed,
-        "home": {"lat_deg": site.latitude_deg, "lon_deg": site.longitude_deg, "alt_amsl_m": site.altitude_amsl_m},
+        "home": {
+            "lat_deg": site.latitude_deg,
+            "lon_deg": site.longitude_deg,
+            "alt_amsl_m": site.altitude_amsl_m,
+        },
         "vehicle": [  # ready sooner than a real ArduCopter, which takes 39 s
             {"name": name, "system_id": number, **keys, "ready_after_s": 3.0}
             for number, (name, keys) in enumerate(vehicles.items(), start=1)
@@ -33,10 +42,16 @@ def fleet(flown: Flown) -> dict[str, Any]:
     }
 
 
-def _parked(flavour: str, place_m: Point2, down_m: float, parameters: Mapping[str, float]) -> dict[str, Any]:
+def _parked(
+    flavour: str, place_m: Point2, down_m: float, parameters: Mapping[str, float]
+) -> dict[str, Any]:
     """Return the keys of a player that waits at a place; its autopilot has these parameters."""
     east_m, north_m = place_m
-    return {"flavour": flavour, "start_ned_m": [north_m, east_m, down_m], "parameters": dict(parameters)}
+    return {
+        "flavour": flavour,
+        "start_ned_m": [north_m, east_m, down_m],
+        "parameters": dict(parameters),
+    }
 
 
 def faults_after(flown: Flown, *events: str) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -55,7 +70,15 @@ def script(flown: Flown, events: Sequence[str] = ("start",)) -> dict[str, Any]:
         east, north = scenario.wind.velocity_m_s
         if east or north:
             # for the whole flight
-            faults.append({"kind": "wind_gust", "north": north, "east": east, "for_s": 1e9, "vehicle": vehicle})
+            faults.append(
+                {
+                    "kind": "wind_gust",
+                    "north": north,
+                    "east": east,
+                    "for_s": 1e9,
+                    "vehicle": vehicle,
+                }
+            )
     return {"seed": pursuits_of(flown)[0].scenario.seed, "fault": faults}
 
 
@@ -65,9 +88,14 @@ def faulted_fleet(flown: Flown) -> dict[str, Faulted]:
     Raises:
         ConfigError: If a vehicle cannot have one of its faults: with the key, the value and what is allowed.
     """
-    title, faulted = pursuits_of(flown)[0].scenario.title, dict[str, Faulted]()
+    title = pursuits_of(flown)[0].scenario.title
+    faulted = dict[str, Faulted]()
     try:
-        for events in (("start", "engaged"), ("start",)):  # those that count from engagement are only checked
+        # Those that count from engagement are only checked
+        for events in (
+            ("start", "engaged"),
+            ("start",),
+        ):
             vehicles = build(checked(fleet(flown), title), links={"onboard": "quiet"})
             faults = parse_script(script(flown, events), title)
             faulted = {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}

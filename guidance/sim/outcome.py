@@ -78,7 +78,11 @@ class Outcome(NamedTuple):
     @property
     def predicted(self) -> float:
         """The game's value if the pursuer was predicted to win: s in PE, m in TAD."""
-        return self.predicted_capture_time_s if self.game == "pe" else self.predicted_evader_to_target_m
+        return (
+            self.predicted_capture_time_s
+            if self.game == "pe"
+            else self.predicted_evader_to_target_m
+        )
 
     @property
     def achieved(self) -> float:
@@ -88,7 +92,14 @@ class Outcome(NamedTuple):
         return self.evader_to_target_m if self.end in {"captured", "arrived"} else math.nan
 
 
-def outcome_of(scenario: Scenario, run: str, *, end: str, predicted: float = math.nan, **measured: Any) -> Outcome:  # noqa: ANN401 - columns
+def outcome_of(
+    scenario: Scenario,
+    run: str,
+    *,
+    end: str,
+    predicted: float = math.nan,
+    **measured: Any,  # noqa: ANN401 - columns
+) -> Outcome:
     """Return a complete row: compute the columns that follow from the others, the same for every kind of run.
 
     Args:
@@ -101,7 +112,9 @@ def outcome_of(scenario: Scenario, run: str, *, end: str, predicted: float = mat
     names = (scenario.title, run, scenario.game, scenario.pursuer.policy, scenario.evader.policy)
     row = Outcome(*names, scenario.seed, end, **measured)
     winnable = row.predicted_winner != "evader"
-    _, columns = judged(row.game, end, row.game_time_s, row.evader_to_target_m, predicted, promised=winnable)
+    _, columns = judged(
+        row.game, end, row.game_time_s, row.evader_to_target_m, predicted, promised=winnable
+    )
     in_tad = "predicted_evader_to_target_m" if winnable else "predicted_short_m"
     columns["predicted_capture_time_s" if row.game == "pe" else in_tad] = predicted
     return row._replace(**columns)
@@ -121,7 +134,9 @@ def judged(
         promised: Whether the value was the pursuer's; else there is neither regret nor ratio.
     """
     capture_time_s = time_s if end == "captured" else math.nan
-    achieved = capture_time_s if game == "pe" else {"captured": away_m, "arrived": 0.0}.get(end, math.nan)
+    achieved = (
+        capture_time_s if game == "pe" else {"captured": away_m, "arrived": 0.0}.get(end, math.nan)
+    )
     regret = achieved - predicted if game == "pe" else predicted - achieved
     return achieved, {
         "winner": WINNERS.get(end, "none"),
@@ -131,13 +146,20 @@ def judged(
     }
 
 
-def distances_of(scenario: Scenario, pursuer_m: Sequence[float], evader_m: Sequence[float]) -> dict[str, float]:
+def distances_of(
+    scenario: Scenario, pursuer_m: Sequence[float], evader_m: Sequence[float]
+) -> dict[str, float]:
     """Return the columns that follow from the players' positions at the end, above the evader's plane."""
-    disc, target = scenario.standoff, scenario.target
+    disc = scenario.standoff
+    target = scenario.target
     beside = max(0.0, math.dist(pursuer_m[:2], evader_m[:2]) - disc.radius_m)
     return {
-        "distance_to_disc_m": math.hypot(beside, pursuer_m[2] - (disc.height_m - scenario.evader.height_m)),
-        "evader_to_target_m": math.nan if target is None else target.extent.distance_m(target.position_m, evader_m),
+        "distance_to_disc_m": math.hypot(
+            beside, pursuer_m[2] - (disc.height_m - scenario.evader.height_m)
+        ),
+        "evader_to_target_m": math.nan
+        if target is None
+        else target.extent.distance_m(target.position_m, evader_m),
     }
 
 
@@ -152,6 +174,10 @@ def outcome_json(outcome: Any) -> dict[str, Any]:  # noqa: ANN401 - an `Outcome`
     Nine are nanoseconds and nanometres. Later digits are rounding errors, as in 5.4199999999998845.
     """
     return {
-        name: value if not isinstance(value, float) else None if math.isnan(value) else round(value, 9) + 0.0
+        name: value
+        if not isinstance(value, float)
+        else None
+        if math.isnan(value)
+        else round(value, 9) + 0.0
         for name, value in outcome._asdict().items()
     }

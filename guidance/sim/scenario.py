@@ -21,8 +21,10 @@ from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 Point2 = tuple[float, float]
 Point3 = tuple[float, float, float]
 
-PURSUER, EVADER = "pursuer", "evader"
-PURSUER_ID, EVADER_ID = 1, 2
+PURSUER = "pursuer"
+EVADER = "evader"
+PURSUER_ID = 1
+EVADER_ID = 2
 """Names and MAVLink system ids of the players of a scenario with one of each."""
 
 PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_STRATEGIES]})]
@@ -41,23 +43,35 @@ class Site(Section):
 
     latitude_deg: Latitude = Field(47.397742, description="north is positive")
     longitude_deg: Longitude = Field(8.545594, description="east is positive")
-    altitude_amsl_m: float = Field(488.0, ge=-500.0, le=6000.0, description="of the evader's plane, above sea level")
+    altitude_amsl_m: float = Field(
+        488.0, ge=-500.0, le=6000.0, description="of the evader's plane, above sea level"
+    )
 
 
 class Player(Section):
     """Keys of both players: the strategy, and the course that some strategies follow."""
 
     policy: str = Field("optimal", description="the player's strategy")
-    waypoints_m: tuple[Point3 | Point2, ...] = Field((), description='of policy = "waypoints"; the last one ends it')
-    turn_every_s: float = Field(5.0, ge=0.5, description='with policy = "random_turns": time between turns')
-    turn_most_deg: float = Field(90.0, gt=0.0, le=180.0, description='with policy = "random_turns": largest turn')
-    track: tuple[TrackRow, ...] = Field((), description='of policy = "recorded": rows t, x, y, z, or a .csv or .mcap')
+    waypoints_m: tuple[Point3 | Point2, ...] = Field(
+        (), description='of policy = "waypoints"; the last one ends it'
+    )
+    turn_every_s: float = Field(
+        5.0, ge=0.5, description='with policy = "random_turns": time between turns'
+    )
+    turn_most_deg: float = Field(
+        90.0, gt=0.0, le=180.0, description='with policy = "random_turns": largest turn'
+    )
+    track: tuple[TrackRow, ...] = Field(
+        (), description='of policy = "recorded": rows t, x, y, z, or a .csv or .mcap'
+    )
 
     def _faults(self) -> Iterator[str]:
         for policy, key in (("waypoints", "waypoints_m"), ("recorded", "track")):
             given = bool(getattr(self, key))
             if (self.policy == policy) != given:
-                fault = f"{key}: {'not allowed' if given else 'missing'} with policy = {self.policy!r}"
+                fault = (
+                    f"{key}: {'not allowed' if given else 'missing'} with policy = {self.policy!r}"
+                )
                 yield f"{fault}; it is the course of policy = {policy!r}"
         times = [row[0] for row in self.track]
         if any(later <= sooner for sooner, later in itertools.pairwise(times)) or len(times) == 1:
@@ -70,11 +84,17 @@ class Pursuer(Player):
     policy: PursuerPolicy = Field("optimal", description="the pursuer's strategy")
     position_m: Point3 = Field(description="start of the game: x east, y north, z up")
     speed_m_s: Speed = Field(description="horizontal speed in the game")
-    speed_set: Literal["ball", "cylinder"] = Field("ball", description="one speed, or own climb and descent rates")
+    speed_set: Literal["ball", "cylinder"] = Field(
+        "ball", description="one speed, or own climb and descent rates"
+    )
     climb_m_s: SlowSpeed = Field(3.0, description="climb rate, with the cylinder")
     descent_m_s: SlowSpeed = Field(1.5, description="descent rate, with the cylinder")
-    navigation_gain: float = Field(3.0, ge=1.0, le=10.0, description='N of policy = "proportional_navigation"')
-    autopilot: AutopilotName = Field("px4", description="the autopilot that the mock plays in a flight")
+    navigation_gain: float = Field(
+        3.0, ge=1.0, le=10.0, description='N of policy = "proportional_navigation"'
+    )
+    autopilot: AutopilotName = Field(
+        "px4", description="the autopilot that the mock plays in a flight"
+    )
     takeoff_height_m: TakeoffHeight = Field(10.0, description="above home")
 
     @property
@@ -88,10 +108,16 @@ class Evader(Player):
 
     policy: EvaderPolicy = Field("optimal", description="the evader's strategy")
     position_m: Point2 = Field(description="start of the game: x east, y north")
-    height_m: float = Field(0.0, ge=0.0, description="height of the evader's antenna above its plane")
+    height_m: float = Field(
+        0.0, ge=0.0, description="height of the evader's antenna above its plane"
+    )
     speed_m_s: Speed = Field(description="its top speed")
-    declared_speed_m_s: Speed | None = Field(None, description="top speed that it declares; default: speed_m_s")
-    acceleration_m_s2: float | None = Field(None, gt=0.0, le=10.0, description="of the mocked rover; default: its own")
+    declared_speed_m_s: Speed | None = Field(
+        None, description="top speed that it declares; default: speed_m_s"
+    )
+    acceleration_m_s2: float | None = Field(
+        None, gt=0.0, le=10.0, description="of the mocked rover; default: its own"
+    )
 
     @property
     def believed_speed_m_s(self) -> float:
@@ -104,9 +130,12 @@ class Target(Section):
 
     position_m: Point2 = Field(description="x east, y north")
     polygon_m: tuple[Point2, ...] = Field(
-        (), description="corners of a convex polygon, or both ends of a line, from position_m; default: the place"
+        (),
+        description="corners of a convex polygon, or both ends of a line, from position_m; default: the place",
     )
-    radius_m: float = Field(0.0, ge=0.0, le=1000.0, description="what lies so near to place or polygon belongs to it")
+    radius_m: float = Field(
+        0.0, ge=0.0, le=1000.0, description="what lies so near to place or polygon belongs to it"
+    )
 
     @property
     def extent(self) -> Extent:
@@ -121,8 +150,12 @@ class Standoff(Section):
     """The terminal set: a disc around the evader, at a height above the ground."""
 
     radius_m: float = Field(3.0, gt=0.0, le=100.0, description="radius R of the disc")
-    height_m: float = Field(5.0, ge=2.0, le=120.0, description="height h of the disc above the ground")
-    tolerance_m: float = Field(0.5, gt=0.0, le=5.0, description="distance from the disc that counts as capture")
+    height_m: float = Field(
+        5.0, ge=2.0, le=120.0, description="height h of the disc above the ground"
+    )
+    tolerance_m: float = Field(
+        0.5, gt=0.0, le=5.0, description="distance from the disc that counts as capture"
+    )
 
 
 class ScenarioLimits(Limits):
@@ -142,12 +175,20 @@ class ScenarioLimits(Limits):
 class Sensor(Section):
     """How reports of the evader reach the pursuer after engagement, in mathematics and in flights."""
 
-    rate_hz: float | None = Field(None, gt=0.0, le=50.0, description="report rate; default: the source's own rate")
+    rate_hz: float | None = Field(
+        None, gt=0.0, le=50.0, description="report rate; default: the source's own rate"
+    )
     latency_s: float = Field(0.0, ge=0.0, le=5.0, description="from measurement to arrival")
-    position_noise_m: float = Field(0.0, ge=0.0, le=50.0, description="standard deviation of each coordinate")
-    velocity_noise_m_s: float = Field(0.0, ge=0.0, le=10.0, description="standard deviation of each component")
+    position_noise_m: float = Field(
+        0.0, ge=0.0, le=50.0, description="standard deviation of each coordinate"
+    )
+    velocity_noise_m_s: float = Field(
+        0.0, ge=0.0, le=10.0, description="standard deviation of each component"
+    )
     dropout: float = Field(0.0, ge=0.0, lt=1.0, description="share of lost reports")
-    outages_s: tuple[tuple[float, float], ...] = Field((), description="[from, to] after engagement without a report")
+    outages_s: tuple[tuple[float, float], ...] = Field(
+        (), description="[from, to] after engagement without a report"
+    )
 
     def _faults(self) -> Iterator[str]:
         for begin, end in self.outages_s:
@@ -172,9 +213,13 @@ class Fault(Section):
 
     kind: str = Field(description="a name from `sitl-mock list faults`")
     vehicle: Literal["pursuer", "evader"] = Field("pursuer", description="the affected vehicle")
-    after: Literal["engaged", "start"] = Field("engaged", description="the moment from which at_s counts")
+    after: Literal["engaged", "start"] = Field(
+        "engaged", description="the moment from which at_s counts"
+    )
     at_s: Annotated[float, Field(ge=0.0)] = Field(0.0, description="start of the fault")
-    for_s: Annotated[float, Field(gt=0.0)] | None = Field(None, description="duration; default: until the end")
+    for_s: Annotated[float, Field(gt=0.0)] | None = Field(
+        None, description="duration; default: until the end"
+    )
 
 
 class AnyScenario(Section):
@@ -195,7 +240,11 @@ class AnyScenario(Section):
             yield 'target: not allowed with game = "pe"; use game = "tad"'
         for player, known in policies.items():
             given = getattr(self, player)
-            named = {f"{player}[{number}]": one for number, one in enumerate(given)} if isinstance(given, tuple) else {}
+            named = (
+                {f"{player}[{number}]": one for number, one in enumerate(given)}
+                if isinstance(given, tuple)
+                else {}
+            )
             for key, one in (named or {player: given}).items():
                 if one.policy not in known:
                     yield f"{key}.policy = {one.policy!r}: allowed are {', '.join(known)}"
@@ -232,8 +281,12 @@ class Scenario(AnyScenario):
         yield from self._shared_faults(pursuer=PURSUER_STRATEGIES, evader=EVADER_STRATEGIES)
         _ = self.speed_limits
         wind_m_s = math.hypot(*self.wind.velocity_m_s)
-        evader, u = self.evader, self.pursuer.speed_m_s
-        for key, v in (("speed_m_s", evader.speed_m_s), ("declared_speed_m_s", evader.believed_speed_m_s)):
+        evader = self.evader
+        u = self.pursuer.speed_m_s
+        for key, v in (
+            ("speed_m_s", evader.speed_m_s),
+            ("declared_speed_m_s", evader.believed_speed_m_s),
+        ):
             if u <= v + wind_m_s:
                 wind = f" with {wind_m_s:g} m/s of wind" if wind_m_s else ""
                 ratio = f"speed ratio pursuer.speed_m_s / evader.{key} = {u:g} / {v:g} = {u / v:.3g}{wind}"
@@ -249,7 +302,9 @@ class Scenario(AnyScenario):
         yield from self._place_faults()
 
     def _place_faults(self) -> Iterator[str]:
-        z, lowest_m, limits = self.pursuer.position_m[2], self.standoff.height_m, self.limits
+        z = self.pursuer.position_m[2]
+        lowest_m = self.standoff.height_m
+        limits = self.limits
         if not lowest_m <= z <= limits.ceiling_m:
             allowed = f"standoff.height_m = {lowest_m:g} to limits.ceiling_m = {limits.ceiling_m:g}"
             yield f"pursuer.position_m: height {z:g} m; allowed is {allowed}"

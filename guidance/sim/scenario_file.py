@@ -64,7 +64,9 @@ def load_document(path: Path) -> tuple[str, dict[str, Any]]:
     for player in (PURSUER, EVADER):
         section = document.get(player)
         if isinstance(section, dict) and isinstance(section.get("track"), str):
-            section["track"] = read_track(path.parent / section["track"], player, key=f"{path}: {player}.track")
+            section["track"] = read_track(
+                path.parent / section["track"], player, key=f"{path}: {player}.track"
+            )
     return text, document
 
 
@@ -75,7 +77,11 @@ def json_schema() -> dict[str, Any]:
         track = schema["$defs"][section]["properties"]["track"]
         rows = {key: track.pop(key) for key in ("items", "type")}
         track["anyOf"] = [{"type": "string", "pattern": r"\.(csv|mcap)$"}, rows]
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Scenario", **schema}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Scenario",
+        **schema,
+    }
 
 
 _COLUMNS: Final = ("t_s", "x_m", "y_m", "z_m")
@@ -94,17 +100,23 @@ def read_track(path: Path, player: str, *, key: str) -> list[TrackRow]:
         ConfigError: If the file cannot be read, is neither, or has no such rows.
     """
     if path.suffix not in {".csv", ".mcap"}:
-        raise ConfigError(f"{key} = {path.name!r}: allowed are a .csv with the columns {_NAMED} or a record, .mcap")
+        raise ConfigError(
+            f"{key} = {path.name!r}: allowed are a .csv with the columns {_NAMED} or a record, .mcap"
+        )
     try:
         rows = _from_csv(path) if path.suffix == ".csv" else _from_record(path, f"{player}_game_m")
     except OSError as error:
         raise ConfigError(f"{key}: {path} cannot be read ({error.strerror})") from error
     except (ValueError, KeyError, UnicodeDecodeError, ConfigError) as error:
-        raise ConfigError(f"{key}: {path.name} is no track: {error}; needed are the columns {_NAMED}") from error
+        raise ConfigError(
+            f"{key}: {path.name} is no track: {error}; needed are the columns {_NAMED}"
+        ) from error
     if not all(math.isfinite(number) for row in rows for number in row):
         raise ConfigError(f"{key}: {path.name} is no track: a number is not finite")
     if len(rows) < 2:
-        raise ConfigError(f"{key}: {path.name} has {len(rows)} rows of the {player}; a track needs 2 at least")
+        raise ConfigError(
+            f"{key}: {path.name} has {len(rows)} rows of the {player}; a track needs 2 at least"
+        )
     return rows
 
 
@@ -114,7 +126,10 @@ def _from_csv(path: Path) -> list[TrackRow]:
         missing = [name for name in _COLUMNS[:3] if name not in (rows.fieldnames or [])]
         if missing:
             raise ValueError(f"column {missing[0]} is missing")
-        return [(float(row["t_s"]), float(row["x_m"]), float(row["y_m"]), float(row.get("z_m") or 0.0)) for row in rows]
+        return [
+            (float(row["t_s"]), float(row["x_m"]), float(row["y_m"]), float(row.get("z_m") or 0.0))
+            for row in rows
+        ]
 
 
 def _from_record(path: Path, part: str) -> list[TrackRow]:

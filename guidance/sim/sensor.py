@@ -73,16 +73,22 @@ def begin(sensor: Sensor, evader_m: Array) -> Received:
     count = len(evader_m)
     none = np.zeros(count, dtype=np.int64)
     ring = np.zeros((count, math.floor(sensor.latency_s * (sensor.rate_hz or FASTEST_HZ)) + 2, 6))
-    return Received(evader_m.copy(), np.zeros_like(evader_m), np.zeros(count), none, none.copy(), ring)
+    return Received(
+        evader_m.copy(), np.zeros_like(evader_m), np.zeros(count), none, none.copy(), ring
+    )
 
 
 def next_event_s(sensor: Sensor, heard: Received) -> Array:
     """Return the times, (n,), of the next measurement or arrival."""
     period_s = 1.0 / (sensor.rate_hz or FASTEST_HZ)
-    return np.asarray(np.minimum(heard.measurements * period_s, heard.arrivals * period_s + sensor.latency_s))
+    return np.asarray(
+        np.minimum(heard.measurements * period_s, heard.arrivals * period_s + sensor.latency_s)
+    )
 
 
-def listen(sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m: Array, run_m_s: Array) -> None:
+def listen(
+    sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m: Array, run_m_s: Array
+) -> None:
     """Make the measurements and receive the reports that are due; call it once in a period at least.
 
     Args:
@@ -93,26 +99,40 @@ def listen(sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m
         evader_m: Position of the evader, (n, 3), m.
         run_m_s: Velocity of the evader, (n, 3).
     """
-    period_s, near_s, ring = 1.0 / (sensor.rate_hz or FASTEST_HZ), now_s + 1e-9, heard.on_the_way
+    period_s = 1.0 / (sensor.rate_hz or FASTEST_HZ)
+    near_s = now_s + 1e-9
+    ring = heard.on_the_way
     rows = np.flatnonzero(heard.measurements * period_s <= near_s)
-    number, report = heard.measurements[rows], np.concatenate([evader_m[rows], run_m_s[rows]], axis=1)
+    number = heard.measurements[rows]
+    report = np.concatenate([evader_m[rows], run_m_s[rows]], axis=1)
     for place, stream in _STREAMS.items():
         spread = noise.position_m if place < 3 else noise.velocity_m_s
-        report[:, place] += np.broadcast_to(spread, now_s.shape)[rows] * normal(noise.seed[rows], stream, number)
+        report[:, place] += np.broadcast_to(spread, now_s.shape)[rows] * normal(
+            noise.seed[rows], stream, number
+        )
     ring[rows, number % ring.shape[1]] = report
     heard.measurements[rows] += 1
-    rows = np.flatnonzero(heard.arrivals * period_s + sensor.latency_s <= near_s)  # each of these has been measured
+    # Each of these has been measured
+    rows = np.flatnonzero(heard.arrivals * period_s + sensor.latency_s <= near_s)
     number = heard.arrivals[rows]
-    comes = uniform(noise.seed[rows], DROPOUT_STREAM, number) >= np.broadcast_to(noise.dropout, now_s.shape)[rows]
+    comes = (
+        uniform(noise.seed[rows], DROPOUT_STREAM, number)
+        >= np.broadcast_to(noise.dropout, now_s.shape)[rows]
+    )
     for begin_s, end_s in sensor.outages_s:
         comes &= ~((now_s[rows] >= begin_s) & (now_s[rows] < end_s))
     heard.arrivals[rows] += 1
-    rows, number = rows[comes], number[comes]
-    heard.position_m[rows], heard.velocity_m_s[rows] = np.split(ring[rows, number % ring.shape[1]], 2, axis=1)
+    rows = rows[comes]
+    number = number[comes]
+    heard.position_m[rows], heard.velocity_m_s[rows] = np.split(
+        ring[rows, number % ring.shape[1]], 2, axis=1
+    )
     heard.measured_s[rows] = number * period_s
 
 
-def known(noise: Noise, heard: Received, declared_m_s: Real, now_s: Array) -> tuple[Array, Real, Array]:
+def known(
+    noise: Noise, heard: Received, declared_m_s: Real, now_s: Array
+) -> tuple[Array, Real, Array]:
     """Extrapolate the last report to the present: return the evader's position, speed bound, and the report's age.
 
     Args:
@@ -143,10 +163,18 @@ class SensedEvader:
         clock: Returns the time, s.
     """
 
-    def __init__(self, source: EvaderSource, sensor: Sensor, seed: int, clock: Callable[[], float]) -> None:
-        self._source, self._sensor, self._seed, self._clock = source, sensor, seed, clock
-        self._engaged_s, self._on_the_way = math.inf, list[EvaderReport]()
-        self._last, self._withheld, self._lost = -1, 0, 0
+    def __init__(
+        self, source: EvaderSource, sensor: Sensor, seed: int, clock: Callable[[], float]
+    ) -> None:
+        self._source = source
+        self._sensor = sensor
+        self._seed = seed
+        self._clock = clock
+        self._engaged_s = math.inf
+        self._on_the_way = list[EvaderReport]()
+        self._last = -1
+        self._withheld = 0
+        self._lost = 0
 
     def engage(self, now_s: float) -> None:
         """Start the sensor; later calls have no effect. A perfect one never starts."""
@@ -160,7 +188,9 @@ class SensedEvader:
             return reports
         for report in reports:
             self._measure(report)
-        arrived = [*takewhile(lambda late: late.received_s <= self._clock() + _SLACK_S, self._on_the_way)]
+        arrived = [
+            *takewhile(lambda late: late.received_s <= self._clock() + _SLACK_S, self._on_the_way)
+        ]
         del self._on_the_way[: len(arrived)]
         return arrived
 
@@ -173,8 +203,10 @@ class SensedEvader:
         self._source.close()
 
     def _measure(self, report: EvaderReport) -> None:
-        arrival_s, rate_hz = report.received_s + self._sensor.latency_s, self._sensor.rate_hz
-        since_s, number = arrival_s - self._engaged_s, self._last + 1
+        arrival_s = report.received_s + self._sensor.latency_s
+        rate_hz = self._sensor.rate_hz
+        since_s = arrival_s - self._engaged_s
+        number = self._last + 1
         if rate_hz is not None:  # the number of the sensor's period
             number = math.floor((report.received_s - self._engaged_s) * rate_hz + _SLACK_S)
         silent = any(begin <= since_s < end for begin, end in self._sensor.outages_s)
@@ -192,15 +224,20 @@ class SensedEvader:
             return report
         answer = report.timesync
         if answer is None and math.isfinite(report.sent_s):
-            answer = Timesync(report.received_s, round(report.sent_s * 1e9), round(report.received_s * 1e9))
+            answer = Timesync(
+                report.received_s, round(report.sent_s * 1e9), round(report.received_s * 1e9)
+            )
         return report._replace(received_s=arrival_s, timesync=answer)
 
     def _inexact(self, report: EvaderReport, number: int) -> EvaderReport:
-        position_m, velocity_m_s = self._sensor.position_noise_m, self._sensor.velocity_noise_m_s
+        position_m = self._sensor.position_noise_m
+        velocity_m_s = self._sensor.velocity_noise_m_s
         if position_m == velocity_m_s == 0.0:
             return report
         draws = [normal(self._seed, stream, number) for stream in _STREAMS.values()]
-        east_m, north_m, east_m_s, north_m_s = (np.repeat([position_m, velocity_m_s], 2) * draws).tolist()
+        east_m, north_m, east_m_s, north_m_s = (
+            np.repeat([position_m, velocity_m_s], 2) * draws
+        ).tolist()
         about = LocalFrame(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m))
         latitude_deg, longitude_deg, _ = about.wgs84_from_ned((north_m, east_m, 0.0))
         north, east, down = report.velocity_ned_m_s
@@ -209,7 +246,9 @@ class SensedEvader:
             longitude_deg=longitude_deg,
             velocity_ned_m_s=(north + north_m_s, east + east_m_s, down),
             position_sd_m=_grown(report.position_sd_m, _DEFAULT_SPREAD.position_sd_m, position_m),
-            velocity_sd_m_s=_grown(report.velocity_sd_m_s, _DEFAULT_SPREAD.velocity_sd_m_s, velocity_m_s),
+            velocity_sd_m_s=_grown(
+                report.velocity_sd_m_s, _DEFAULT_SPREAD.velocity_sd_m_s, velocity_m_s
+            ),
         )
 
 

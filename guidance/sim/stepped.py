@@ -20,7 +20,9 @@ class SteppedMock:
     """One vehicle, which hears and is heard over any number of wires; `ends` are their far ends."""
 
     def __init__(self, vehicle: Faulted, clock: Clock) -> None:
-        self._vehicle, self._clock, self.ends = vehicle, clock, list[Wire]()
+        self._vehicle = vehicle
+        self._clock = clock
+        self.ends = list[Wire]()
 
     def wire(self) -> Wire:
         """Return one more wire to the vehicle."""
@@ -30,7 +32,9 @@ class SteppedMock:
 
     def advance(self, now_s: float) -> None:
         """Step the vehicle with the frames sent to it, and send its frames to all wires."""
-        frames = self._vehicle.step(now_s, [frame for end in self.ends for _, frame in end.receive()])
+        frames = self._vehicle.step(
+            now_s, [frame for end in self.ends for _, frame in end.receive()]
+        )
         for end in self.ends:
             for frame in frames:
                 end.send(frame)
@@ -51,7 +55,8 @@ class SteppedWorld(World):
 
     def __init__(self, flown: Flown, clock: Clock) -> None:
         super().__init__()
-        self._clock, self._pursuits = clock, pursuits_of(flown)
+        self._clock = clock
+        self._pursuits = pursuits_of(flown)
         self.faulted = faulted_fleet(flown)
         self.vehicles = {name: faulted.vehicle for name, faulted in self.faulted.items()}
         self._mocks = {name: SteppedMock(faulted, clock) for name, faulted in self.faulted.items()}
@@ -60,11 +65,19 @@ class SteppedWorld(World):
             # an evader's own reports: its pursuers read them, its pilot does not
             unread = frozenset({"GLOBAL_POSITION_INT"} if name in chased else ())
             self.taps.append(TappedWire(self._mocks[name].wire(), clock.now_s, name))
-            self.links[name] = PymavlinkLink(self.taps[-1], clock.now_s, system_id=vehicle.system_id, unread=unread)
-        self.players |= {name: EvaderPilot(self.links.pop(name), scenario) for name, scenario in chased.items()}
+            self.links[name] = PymavlinkLink(
+                self.taps[-1], clock.now_s, system_id=vehicle.system_id, unread=unread
+            )
+        self.players |= {
+            name: EvaderPilot(self.links.pop(name), scenario) for name, scenario in chased.items()
+        }
         for pursuer in self.links:
             self.evaders[pursuer] = {
-                name: MavlinkEvader(self._mocks[name].wire(), GLOBAL_POSITION, system_id=self.vehicles[name].system_id)
+                name: MavlinkEvader(
+                    self._mocks[name].wire(),
+                    GLOBAL_POSITION,
+                    system_id=self.vehicles[name].system_id,
+                )
                 for name in self.players
             }
 
@@ -75,7 +88,9 @@ class SteppedWorld(World):
 
     def engage(self, vehicle: str) -> None:
         """Put the faults of a vehicle's game in place that count from its engagement."""
-        for name, keys in faults_after([one for one in self._pursuits if one.vehicle == vehicle], "engaged"):
+        for name, keys in faults_after(
+            [one for one in self._pursuits if one.vehicle == vehicle], "engaged"
+        ):
             self.faulted[name].inject(keys)
 
 
@@ -95,7 +110,9 @@ class EvaderHere(EvaderPilot):
         self._faulted = faulted_fleet(scenario)[EVADER]
         self._later = [keys for _, keys in faults_after(scenario, "engaged")]
         self._mock = SteppedMock(self._faulted, clock)
-        super().__init__(PymavlinkLink(self._mock.wire(), clock.now_s, system_id=EVADER_ID), scenario)
+        super().__init__(
+            PymavlinkLink(self._mock.wire(), clock.now_s, system_id=EVADER_ID), scenario
+        )
         self._mock.ends.append(radio)
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:

@@ -12,20 +12,37 @@ def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
     Raises:
         ConfigError: If there are more evaders than vehicles, or a vehicle cannot fly its pursuit.
     """
-    teams, flight = teams_of(scenario), scenario.flight
-    vehicles, evaders = len(teams.pursuers_m), len(teams.evaders_m)
+    teams = teams_of(scenario)
+    flight = scenario.flight
+    vehicles = len(teams.pursuers_m)
+    evaders = len(teams.evaders_m)
     if evaders > vehicles:
-        raise ConfigError(f"{evaders} evaders and {vehicles} vehicles: a flight needs a vehicle for each evader")
+        raise ConfigError(
+            f"{evaders} evaders and {vehicles} vehicles: a flight needs a vehicle for each evader"
+        )
     chased = opening_of(scenario).evader_of.tolist()
-    for evader in sorted({*range(evaders)} - {*chased}):  # one of those that share an evader goes to it
+    # One of those that share an evader goes to it
+    for evader in sorted({*range(evaders)} - {*chased}):
         chased[next(number for number, one in enumerate(chased) if chased.count(one) > 1)] = evader
-    game = {name: getattr(scenario, name) for name in ("title", "game", "target", "seed", "time_limit_s")}
-    game |= {name: getattr(flight, name) for name in ("standoff", "limits", "sensor", "site", "hold_s")}
-    own, pursuits = {name: getattr(flight, name) for name in ("autopilot", "takeoff_height_m")}, []
+    game = {
+        name: getattr(scenario, name)
+        for name in ("title", "game", "target", "seed", "time_limit_s")
+    }
+    game |= {
+        name: getattr(flight, name) for name in ("standoff", "limits", "sensor", "site", "hold_s")
+    }
+    own = {name: getattr(flight, name) for name in ("autopilot", "takeoff_height_m")}
+    pursuits = []
     for number, evader in enumerate(chased):
         vehicle = f"uav{number + 1}"
-        pursuer = {"policy": teams.pursuer_policy[number], "position_m": teams.pursuers_m[number].tolist()}
-        fleeing = {"policy": teams.evader_policy[evader], "position_m": teams.evaders_m[evader, :2].tolist()}
+        pursuer = {
+            "policy": teams.pursuer_policy[number],
+            "position_m": teams.pursuers_m[number].tolist(),
+        }
+        fleeing = {
+            "policy": teams.evader_policy[evader],
+            "position_m": teams.evaders_m[evader, :2].tolist(),
+        }
         document = game | {
             "pursuer": own | pursuer | {"speed_m_s": float(teams.pursuer_speed_m_s[number])},
             "evader": fleeing | {"speed_m_s": float(teams.evader_speed_m_s[evader])},

@@ -20,7 +20,16 @@ from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
 from guidance.sim.batch import Array, by_kind
 from guidance.sim.expect import Range, Ranges
 from guidance.sim.outcome import judged, winner_name
-from guidance.sim.scenario import AnyScenario, Point2, ScenarioLimits, Sensor, Site, Speed, Standoff, TakeoffHeight
+from guidance.sim.scenario import (
+    AnyScenario,
+    Point2,
+    ScenarioLimits,
+    Sensor,
+    Site,
+    Speed,
+    Standoff,
+    TakeoffHeight,
+)
 
 PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_POLICIES]})]
 EvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_POLICIES]})]
@@ -31,7 +40,9 @@ class PlayerGroup(Section):
     """One player, or several equal players around a place."""
 
     count: int = Field(1, ge=1, le=50, description="number of players of this table")
-    scatter_m: float = Field(0.0, ge=0.0, le=1000.0, description="radius of the disc over which the seed scatters them")
+    scatter_m: float = Field(
+        0.0, ge=0.0, le=1000.0, description="radius of the disc over which the seed scatters them"
+    )
     speed_m_s: Speed = Field(description="speed in every direction")
 
     def _faults(self) -> Iterator[str]:
@@ -43,7 +54,9 @@ class PursuerGroup(PlayerGroup):
     """Pursuers in space."""
 
     policy: PursuerPolicy = Field("optimal", description="strategy of the players")
-    position_m: tuple[float, float, GroundedHeight] = Field(description="initial position: x east, y north, z up")
+    position_m: tuple[float, float, GroundedHeight] = Field(
+        description="initial position: x east, y north, z up"
+    )
 
 
 class EvaderGroup(PlayerGroup):
@@ -71,23 +84,34 @@ class TeamFlightSection(TeamSection):
     limits: ScenarioLimits = ScenarioLimits()
     sensor: Sensor = Sensor()
     site: Site = Site()
-    hold_s: float = Field(3.0, ge=2.5, description="time on station before landing; longer than a new role takes")
+    hold_s: float = Field(
+        3.0, ge=2.5, description="time on station before landing; longer than a new role takes"
+    )
 
 
 class TeamScenario(AnyScenario):
     """A whole scenario file of teams."""
 
-    pursuer: tuple[PursuerGroup, ...] = Field(min_length=1, description="a table [[pursuer]] for each group")
-    evader: tuple[EvaderGroup, ...] = Field(min_length=1, description="a table [[evader]] for each group")
+    pursuer: tuple[PursuerGroup, ...] = Field(
+        min_length=1, description="a table [[pursuer]] for each group"
+    )
+    evader: tuple[EvaderGroup, ...] = Field(
+        min_length=1, description="a table [[evader]] for each group"
+    )
     capture_m: float = Field(0.0, ge=0.0, le=100.0, description="distance that counts as captured")
-    hysteresis: float = Field(0.0, ge=0.0, description="least improvement for a new pair; m in tad, s in pe")
-    step_s: float = Field(0.05, gt=0.0, le=10.0, description="longest time for which velocities are held")
+    hysteresis: float = Field(
+        0.0, ge=0.0, description="least improvement for a new pair; m in tad, s in pe"
+    )
+    step_s: float = Field(
+        0.05, gt=0.0, le=10.0, description="longest time for which velocities are held"
+    )
     flight: TeamFlightSection = TeamFlightSection()
     expect: TeamExpect = TeamExpect()
 
     def _faults(self) -> Iterator[str]:
         yield from self._shared_faults(pursuer=PURSUER_POLICIES, evader=EVADER_POLICIES)
-        slowest, fastest = min(one.speed_m_s for one in self.pursuer), max(one.speed_m_s for one in self.evader)
+        slowest = min(one.speed_m_s for one in self.pursuer)
+        fastest = max(one.speed_m_s for one in self.evader)
         if slowest <= fastest:
             ratio = f"speed ratio of the slowest pursuer to the fastest evader = {slowest:g} / {fastest:g}"
             yield f"{ratio}: must be above 1"
@@ -123,14 +147,21 @@ def teams_of(scenario: TeamScenario) -> Teams:
     return Teams(np.array(P), np.array(E), np.array(u), np.array(v), target, plays, flees)
 
 
-def _placed(groups: Sequence[PursuerGroup | EvaderGroup], seed: int, side: int) -> Iterator[tuple[Vector, float, str]]:
+def _placed(
+    groups: Sequence[PursuerGroup | EvaderGroup], seed: int, side: int
+) -> Iterator[tuple[Vector, float, str]]:
     """Yield place, speed and policy of each player."""
     for number, group in enumerate(groups):
         draws = np.random.default_rng([seed, side, number])
         x, y, z = (*group.position_m, 0.0)[:3]
         for _ in range(group.count):
-            far, turn = group.scatter_m * math.sqrt(draws.random()), 2.0 * math.pi * draws.random()
-            yield (x + far * math.cos(turn), y + far * math.sin(turn), z), group.speed_m_s, group.policy
+            far = group.scatter_m * math.sqrt(draws.random())
+            turn = 2.0 * math.pi * draws.random()
+            yield (
+                (x + far * math.cos(turn), y + far * math.sin(turn), z),
+                group.speed_m_s,
+                group.policy,
+            )
 
 
 class TeamOutcome(NamedTuple):
@@ -198,14 +229,25 @@ def play_teams(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
     return by_kind(scenarios, _kind_of, _play_kind)
 
 
-def played_teams(scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: bool = False) -> TeamRollout:
+def played_teams(
+    scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: bool = False
+) -> TeamRollout:
     """Simulate several teams of one kind as a batch, with the settings of a scenario."""
     target = None if teams[0].target_m is None else np.array([[one.target_m] for one in teams])
     P, E, u, v = (np.array(part) for part in zip(*(one[:4] for one in teams), strict=True))
     game = Game(Ball(u[..., None]), v[:, None])
     policies = {name: getattr(teams[0], name) for name in ("pursuer_policy", "evader_policy")}
     steps = {name: getattr(scenario, name) for name in ("capture_m", "hysteresis", "step_s")}
-    return rollout_teams(game, P, E, target, **policies, **steps, duration_s=scenario.time_limit_s, keep_path=keep_path)
+    return rollout_teams(
+        game,
+        P,
+        E,
+        target,
+        **policies,
+        **steps,
+        duration_s=scenario.time_limit_s,
+        keep_path=keep_path,
+    )
 
 
 def opening_of(scenario: TeamScenario) -> Matching:
@@ -217,26 +259,52 @@ def opening_of(scenario: TeamScenario) -> Matching:
 
 def summary_of(rows: Sequence[TeamOutcome]) -> dict[str, Any]:
     """Return the summary of a game of teams."""
-    return {name: getattr(rows[0], name) for name in ("pursuers", "evaders", "guaranteed", "captured")} | {
+    return {
+        name: getattr(rows[0], name) for name in ("pursuers", "evaders", "guaranteed", "captured")
+    } | {
         "total": math.fsum(row.predicted for row in rows if row.predicted_winner == "pursuer"),
-        "worst_regret": max((row.regret for row in rows if not math.isnan(row.regret)), default=math.nan),
+        "worst_regret": max(
+            (row.regret for row in rows if not math.isnan(row.regret)), default=math.nan
+        ),
     }
 
 
 def _kind_of(scenario: TeamScenario) -> Hashable:
     """Return a key that is equal for scenarios of one batch."""
-    sides = (tuple((one.policy, one.count) for one in side) for side in (scenario.pursuer, scenario.evader))
-    return (scenario.game, *sides, scenario.capture_m, scenario.hysteresis, scenario.step_s, scenario.time_limit_s)
+    sides = (
+        tuple((one.policy, one.count) for one in side)
+        for side in (scenario.pursuer, scenario.evader)
+    )
+    return (
+        scenario.game,
+        *sides,
+        scenario.capture_m,
+        scenario.hysteresis,
+        scenario.step_s,
+        scenario.time_limit_s,
+    )
 
 
 def _play_kind(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
     teams = [teams_of(scenario) for scenario in scenarios]
     played = played_teams(scenarios[0], teams)
-    names, rows = np.array([end.name.lower() for end in End])[played.end], []
+    names = np.array([end.name.lower() for end in End])[played.end]
+    rows = []
     for row, scenario in enumerate(scenarios):
-        fields = (field[row].tolist() for field in (names, played.time_s, played.distance_m, played.captor))
+        fields = (
+            field[row].tolist()
+            for field in (names, played.time_s, played.distance_m, played.captor)
+        )
         ends = list(zip(*fields, strict=True))
-        rows.append(outcomes_of(scenario, "maths", teams[row], Matching(*(field[row] for field in played.first)), ends))
+        rows.append(
+            outcomes_of(
+                scenario,
+                "maths",
+                teams[row],
+                Matching(*(field[row] for field in played.first)),
+                ends,
+            )
+        )
     return rows
 
 
@@ -252,15 +320,29 @@ def outcomes_of(
         first: The matching at the start.
         ends: Of each evader: the end, its time, s, the distance from the target, m, and the number of the captor.
     """
-    captured, rows = sum(end == "captured" for end, *_ in ends), []
+    captured = sum(end == "captured" for end, *_ in ends)
+    rows = []
     plays = "+".join(dict.fromkeys(teams.pursuer_policy))
     counts = len(teams.pursuers_m), len(teams.evaders_m), int(first.guaranteed), captured
     for j, (end, time_s, away_m, captor) in enumerate(ends):
-        matched = {name: getattr(first, name)[j].item() for name in ("first", "second", "lower_bound")}
+        matched = {
+            name: getattr(first, name)[j].item() for name in ("first", "second", "lower_bound")
+        }
         predicted = float(first.value[j])
-        achieved, columns = judged(scenario.game, end, time_s, away_m, predicted, promised=matched["first"] >= 0)
-        columns |= matched | {"end": end, "captor": captor, "game_time_s": time_s, "evader_to_target_m": away_m}
-        columns |= {"predicted": predicted, "achieved": achieved, "predicted_winner": winner_name(first.winner[j])}
+        achieved, columns = judged(
+            scenario.game, end, time_s, away_m, predicted, promised=matched["first"] >= 0
+        )
+        columns |= matched | {
+            "end": end,
+            "captor": captor,
+            "game_time_s": time_s,
+            "evader_to_target_m": away_m,
+        }
+        columns |= {
+            "predicted": predicted,
+            "achieved": achieved,
+            "predicted_winner": winner_name(first.winner[j]),
+        }
         names = scenario.title, run, scenario.game, j, plays, teams.evader_policy[j], scenario.seed
         rows.append(TeamOutcome(*names, *counts, **columns))
     return rows

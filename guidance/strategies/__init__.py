@@ -9,8 +9,24 @@ Contents:
     uniform, normal: random numbers that depend on a seed and a place in its stream only.
 """
 
-from guidance.strategies.catalogue import EVADER_STRATEGIES, OPTIMAL, PURSUER_STRATEGIES, Strategy, evade, pursue
-from guidance.strategies.course import COURSES, Course, bounded, normal, random_turns, recorded, uniform, waypoints
+from guidance.strategies.catalogue import (
+    EVADER_STRATEGIES,
+    OPTIMAL,
+    PURSUER_STRATEGIES,
+    Strategy,
+    evade,
+    pursue,
+)
+from guidance.strategies.course import (
+    COURSES,
+    Course,
+    bounded,
+    normal,
+    random_turns,
+    recorded,
+    uniform,
+    waypoints,
+)
 from guidance.strategies.navigation import StrategyMemory
 
 __all__ = [

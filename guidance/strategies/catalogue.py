@@ -38,7 +38,9 @@ class Strategy:
             raise ConfigError(f"policy = {self.name!r}: allowed are {', '.join(known)}")
         if (self.course is not None) != (self.name in COURSES):
             courses = ", ".join(COURSES)
-            raise ConfigError(f"policy = {self.name!r}: a course is needed for {courses}, and only for these")
+            raise ConfigError(
+                f"policy = {self.name!r}: a course is needed for {courses}, and only for these"
+            )
 
 
 def pursue(
@@ -67,12 +69,19 @@ def pursue(
     if strategy.course is not None:
         return _flyable(game.pursuer, strategy.course.velocity_m_s(memory.played_s, pursuer))
     if strategy.name == PROPORTIONAL:
-        return proportional_navigation(game, pursuer, evader, seen_m_s, memory, dt_s=dt_s, gain=strategy.gain)
+        return proportional_navigation(
+            game, pursuer, evader, seen_m_s, memory, dt_s=dt_s, gain=strategy.gain
+        )
     return PURSUER_POLICIES[strategy.name](game, pursuer, evader, target, seen_m_s)
 
 
 def evade(
-    strategy: Strategy, game: Game, pursuer: Array, evader: Array, target: Array | None, memory: StrategyMemory
+    strategy: Strategy,
+    game: Game,
+    pursuer: Array,
+    evader: Array,
+    target: Array | None,
+    memory: StrategyMemory,
 ) -> Array:
     """Return the evader's velocity, (..., 3), m/s.
 

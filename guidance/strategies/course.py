@@ -46,8 +46,11 @@ class Course:
         t = np.asarray(played_s, dtype=np.float64)
         passed = np.sum(self.times_s <= t[..., None], axis=-1) - 1
         leg = np.clip(passed, 0, self.times_s.shape[-1] - 2)
-        ends, corners = np.stack([leg, leg + 1], axis=-1), (*leg.shape, self.times_s.shape[-1])
-        begin_s, end_s = np.moveaxis(np.take_along_axis(np.broadcast_to(self.times_s, corners), ends, -1), -1, 0)
+        ends = np.stack([leg, leg + 1], axis=-1)
+        corners = (*leg.shape, self.times_s.shape[-1])
+        begin_s, end_s = np.moveaxis(
+            np.take_along_axis(np.broadcast_to(self.times_s, corners), ends, -1), -1, 0
+        )
         places_m = np.broadcast_to(self.places_m, (*corners, 3))
         begin_m, end_m = np.moveaxis(np.take_along_axis(places_m, ends[..., None], -2), -2, 0)
         lasts_s = np.maximum(end_s - begin_s, 1e-9)[..., None]
@@ -65,7 +68,9 @@ class Course:
 def waypoints(start_m: Array, points_m: ArrayLike, speeds: SpeedSet) -> Course:
     """Go from a start (..., 3) through points (k, 3) as fast as the speeds (...) allow, and stay at the last."""
     points = np.asarray(points_m, dtype=np.float64)
-    places = np.concatenate([start_m[..., None, :], np.broadcast_to(points, (*start_m.shape[:-1], *points.shape))], -2)
+    places = np.concatenate(
+        [start_m[..., None, :], np.broadcast_to(points, (*start_m.shape[:-1], *points.shape))], -2
+    )
     lasts = np.cumsum(_durations_s(np.diff(places, axis=-2), speeds), axis=-1)
     return Course(np.concatenate([0.0 * lasts[..., :1], lasts], axis=-1), places)
 
@@ -77,7 +82,9 @@ def _durations_s(legs_m: Array, speeds: SpeedSet) -> Array:
         return np.asarray(np.hypot(level, legs_m[..., 2]) / np.asarray(speeds.speed_m_s)[..., None])
     up = legs_m[..., 2] / np.asarray(speeds.climb_m_s)[..., None]
     down = -legs_m[..., 2] / np.asarray(speeds.descent_m_s)[..., None]
-    return np.asarray(np.maximum(level / np.asarray(speeds.horizontal_m_s)[..., None], np.maximum(up, down)))
+    return np.asarray(
+        np.maximum(level / np.asarray(speeds.horizontal_m_s)[..., None], np.maximum(up, down))
+    )
 
 
 def random_turns(
@@ -108,9 +115,15 @@ def random_turns(
     turns = (2.0 * draws - 1.0) * np.where(np.arange(count) == 0, np.pi, max_turn_rad)
     heading = np.cumsum(turns, axis=-1)
     leg = np.asarray(speed_m_s, dtype=np.float64)[..., None] * every_s
-    steps = np.stack([leg * np.cos(heading), leg * np.sin(heading), np.zeros_like(heading)], axis=-1)
-    places = np.concatenate([start_m[..., None, :], start_m[..., None, :] + np.cumsum(steps, axis=-2)], axis=-2)
-    return Course(np.broadcast_to(every_s * np.arange(count + 1, dtype=np.float64), places.shape[:-1]), places)
+    steps = np.stack(
+        [leg * np.cos(heading), leg * np.sin(heading), np.zeros_like(heading)], axis=-1
+    )
+    places = np.concatenate(
+        [start_m[..., None, :], start_m[..., None, :] + np.cumsum(steps, axis=-2)], axis=-2
+    )
+    return Course(
+        np.broadcast_to(every_s * np.arange(count + 1, dtype=np.float64), places.shape[:-1]), places
+    )
 
 
 def recorded(start_m: Array, track: Sequence[Sequence[float]]) -> Course:

@@ -14,7 +14,18 @@ turns at once and runs straight between its turns.
 
 from typing import NamedTuple
 
-from guidance.game.arrays import Array, Library, Real, Space, dot2, dot3, plus2, plus3, times2, times3
+from guidance.game.arrays import (
+    Array,
+    Library,
+    Real,
+    Space,
+    dot2,
+    dot3,
+    plus2,
+    plus3,
+    times2,
+    times3,
+)
 from guidance.game.game import Ball, Game
 from guidance.game.pe import Geometry, fly_to, take_apart
 from guidance.game.rows import vector_of
@@ -34,7 +45,14 @@ class StrategyMemory(NamedTuple):
 
 
 def proportional_navigation(
-    game: Game, pursuer: Array, evader: Array, seen_m_s: Array, memory: StrategyMemory, *, dt_s: Real, gain: float
+    game: Game,
+    pursuer: Array,
+    evader: Array,
+    seen_m_s: Array,
+    memory: StrategyMemory,
+    *,
+    dt_s: Real,
+    gain: float,
 ) -> Array:
     """Turn `gain` times as fast as the line of sight does: (..., 3), m/s.
 
@@ -50,8 +68,17 @@ def proportional_navigation(
         gain: The navigation constant N, 3 to 5 as a rule; 1 is pure pursuit.
     """
 
-    def law(xp: Library, game: Game, P: Space, E: Space, seen: Space, last: Space | None, rate: Space | None) -> Space:
-        state, before = take_apart(xp, game, P, E, seen), last or (0.0, 0.0, 0.0)
+    def law(
+        xp: Library,
+        game: Game,
+        P: Space,
+        E: Space,
+        seen: Space,
+        last: Space | None,
+        rate: Space | None,
+    ) -> Space:
+        state = take_apart(xp, game, P, E, seen)
+        before = last or (0.0, 0.0, 0.0)
         turn = times3(dt_s, rate or _rate(xp, game, state, before, gain))
         if isinstance(game.pursuer, Ball):
             return _in_space(xp, game, game.pursuer, state, before, turn)
@@ -62,7 +89,9 @@ def proportional_navigation(
     return vector_of(law, game, given | remembered)
 
 
-def turning(game: Game, pursuer: Array, evader: Array, seen_m_s: Array, velocity_m_s: Array, gain: float) -> Array:
+def turning(
+    game: Game, pursuer: Array, evader: Array, seen_m_s: Array, velocity_m_s: Array, gain: float
+) -> Array:
     """Return the rate of turn that the law asks for, (..., 3), rad/s; arguments as of `proportional_navigation`."""
 
     def rate(xp: Library, game: Game, P: Space, E: Space, seen: Space, velocity: Space) -> Space:
@@ -74,10 +103,13 @@ def turning(game: Game, pursuer: Array, evader: Array, seen_m_s: Array, velocity
 
 def _rate(xp: Library, game: Game, state: Geometry, velocity: Space, gain: float) -> Space:
     """Return N r × (v_E − v_P) / ‖r‖², of a Cylinder in the plane."""
-    (x, y, z), (run, rise) = velocity, state.hold
-    sight, climb = (*state.to_evader, 0.0 * state.z), 0.0
+    (x, y, z) = velocity
+    (run, rise) = state.hold
+    sight = (*state.to_evader, 0.0 * state.z)
+    climb = 0.0
     if isinstance(game.pursuer, Ball):
-        sight, climb = _sight(xp, game, state), z
+        sight = _sight(xp, game, state)
+        climb = z
     square = dot3(sight, sight)
     return times3(gain / (square + (square == 0)), _cross(sight, (run - x, rise - y, 0.0 - climb)))
 
@@ -85,16 +117,22 @@ def _rate(xp: Library, game: Game, state: Geometry, velocity: Space, gain: float
 def _sight(xp: Library, game: Game, state: Geometry) -> Space:
     """Return the vector from a Ball to the nearest point of the disc."""
     distance = xp.norm2(state.to_evader)
-    e, reach = xp.unit2(state.to_evader, distance), xp.maximum(distance - game.standoff.radius_m, 0.0)
+    e = xp.unit2(state.to_evader, distance)
+    reach = xp.maximum(distance - game.standoff.radius_m, 0.0)
     return reach * e[0], reach * e[1], -state.z
 
 
-def _in_space(xp: Library, game: Game, pursuer: Ball, state: Geometry, previous: Space, turn: Space) -> Space:
+def _in_space(
+    xp: Library, game: Game, pursuer: Ball, state: Geometry, previous: Space, turn: Space
+) -> Space:
     """Turn a Ball's velocity."""
-    sight, wind = _sight(xp, game, state), game.wind_m_s
+    sight = _sight(xp, game, state)
+    wind = game.wind_m_s
     course = _turned(xp, sight, previous, turn)
     headwind = dot2(course[:2], wind)
-    pace = headwind + xp.sqrt(pursuer.speed_m_s * pursuer.speed_m_s - dot2(wind, wind) + headwind * headwind)
+    pace = headwind + xp.sqrt(
+        pursuer.speed_m_s * pursuer.speed_m_s - dot2(wind, wind) + headwind * headwind
+    )
     met = xp.norm3(sight) <= game.capture_radius_m
     level = xp.select2(met, state.hold, (pace * course[0], pace * course[1]))
     return *level, xp.select(met, 0.0, pace * course[2])
@@ -105,7 +143,9 @@ def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, tur
     zero = 0.0 * state.z
     course = _turned(xp, (*state.to_evader, zero), (previous[0], previous[1], zero), turn)
     to = times2(xp.norm2(state.to_evader), course[:2])
-    return fly_to(xp, game, state, to, guard_time(xp, game, state, plus2(to, -1.0, state.to_evader)))
+    return fly_to(
+        xp, game, state, to, guard_time(xp, game, state, plus2(to, -1.0, state.to_evader))
+    )
 
 
 def _turned(xp: Library, sight: Space, previous: Space, turn: Space) -> Space:
@@ -115,7 +155,8 @@ def _turned(xp: Library, sight: Space, previous: Space, turn: Space) -> Space:
     """
     far = xp.norm3(sight)
     ahead = times3(1.0 / xp.select(far > 0, far, 1.0), sight)
-    half, speed = times3(0.5, turn), xp.norm3(previous)
+    half = times3(0.5, turn)
+    speed = xp.norm3(previous)
     course = times3(1.0 / xp.select(speed > 0, speed, 1.0), previous)
     once = _cross(half, course)
     twice = _cross(half, plus3(course, 1.0, once))

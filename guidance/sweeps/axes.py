@@ -49,7 +49,9 @@ def path_of(key: str) -> tuple[str | int, ...]:
         ValueError: If it is not a key, or cannot be swept.
     """
     if not _KEY.fullmatch(key):
-        raise ValueError(f"{key!r}: must be a scenario's key, as pursuer.speed_m_s or evader.position_m[0]")
+        raise ValueError(
+            f"{key!r}: must be a scenario's key, as pursuer.speed_m_s or evader.position_m[0]"
+        )
     names = re.findall(r"[a-z_]\w*", key)
     for name in (names[0], names[-1]):
         if name in _FIXED:
@@ -61,26 +63,37 @@ class Distribution(Section):
     """A distribution; a draw outside a key's range makes an invalid row."""
 
     uniform: Two | None = Field(None, description="{ uniform = [low, high] } with low < high")
-    log_uniform: Two | None = Field(None, description="{ log_uniform = [low, high] } with 0 < low < high")
-    normal: Two | None = Field(None, description="{ normal = [mean, deviation] } with a deviation above 0")
+    log_uniform: Two | None = Field(
+        None, description="{ log_uniform = [low, high] } with 0 < low < high"
+    )
+    normal: Two | None = Field(
+        None, description="{ normal = [mean, deviation] } with a deviation above 0"
+    )
     choice: tuple[Any, ...] = Field((), min_length=1, description="{ choice = [value, …] }")
     disc: float | None = Field(
         None, description="{ disc = radius } in m, with about_m = [x, y] if its centre is not zero"
     )
     annulus: Two | None = Field(
-        None, description="{ annulus = [inner, outer] } in m, with 0 <= inner < outer, and about_m as for a disc"
+        None,
+        description="{ annulus = [inner, outer] } in m, with 0 <= inner < outer, and about_m as for a disc",
     )
     about_m: Two = (0.0, 0.0)
 
     def _faults(self) -> Iterator[str]:
-        forms = {name: field.description for name, field in type(self).model_fields.items() if name != "about_m"}
+        forms = {
+            name: field.description
+            for name, field in type(self).model_fields.items()
+            if name != "about_m"
+        }
         kind, *more = [*self.model_fields_set - {"about_m"}] or [""]
         if more or not kind:
             yield f"must be one of {'; '.join(map(str, forms.values()))}"
         if "about_m" in self.model_fields_set and not self.radii_m:
             yield "about_m: only with disc or annulus"
         inner, outer = self.radii_m or (0.0, 1.0)
-        if not 0.0 <= inner < outer or (self.law is not None and not math.isfinite(self.law.median())):
+        if not 0.0 <= inner < outer or (
+            self.law is not None and not math.isfinite(self.law.median())
+        ):
             yield f"must be {forms[kind]}"
 
     @property
@@ -102,18 +115,27 @@ class Distribution(Section):
     def extremes(self) -> Sequence[Any]:
         """The bounds of its values, or their median if they are unbounded."""
         if self.radii_m:
-            (x, y), (_, outer) = self.about_m, self.radii_m
+            (x, y) = self.about_m
+            (_, outer) = self.radii_m
             return [[x + outer, y], [x - outer, y], [x, y + outer], [x, y - outer]]
         if self.choice:
             return self.choice
-        return [float(self.law.median())] if self.normal else [float(end) for end in self.law.support()]
+        return (
+            [float(self.law.median())]
+            if self.normal
+            else [float(end) for end in self.law.support()]
+        )
 
     def draw(self, first: Array, second: Array) -> list[Any]:
         """Make a value for each seed from two random numbers for each, from 0 to 1."""
         if self.radii_m:
-            (inner, outer), (x, y) = self.radii_m, self.about_m
-            radius, angle = np.sqrt(inner**2 + (outer**2 - inner**2) * first), 2.0 * np.pi * second
-            return list(np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], axis=-1).tolist())
+            (inner, outer) = self.radii_m
+            (x, y) = self.about_m
+            radius = np.sqrt(inner**2 + (outer**2 - inner**2) * first)
+            angle = 2.0 * np.pi * second
+            return list(
+                np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], axis=-1).tolist()
+            )
         if self.choice:
             return [self.choice[place] for place in (first * len(self.choice)).astype(int).tolist()]
         # Rounding can put a draw just outside the support.
@@ -157,7 +179,10 @@ class Axis:
 
     def columns(self) -> dict[str, pa.DataType]:
         """Return names and types of the columns of the values; vectors of one length have one for each element."""
-        sizes = {len(one) if isinstance(one, list) and _type_of(one) != pa.string() else 0 for one in self.extremes}
+        sizes = {
+            len(one) if isinstance(one, list) and _type_of(one) != pa.string() else 0
+            for one in self.extremes
+        }
         if len(sizes) == 1 and (size := sizes.pop()):
             return {f"{self.key}[{place}]": pa.float64() for place in range(size)}
         return {self.key: _type_of(self.extremes)}
@@ -168,7 +193,12 @@ class Axis:
         if kind is None:
             return [pa.array(column) for column in np.array(values, dtype=np.float64).T]
         texts = kind == pa.string()
-        return [pa.array([json.dumps(one) if texts and not isinstance(one, str) else one for one in values], kind)]
+        return [
+            pa.array(
+                [json.dumps(one) if texts and not isinstance(one, str) else one for one in values],
+                kind,
+            )
+        ]
 
 
 def _type_of(values: Sequence[Any]) -> pa.DataType:
@@ -206,7 +236,9 @@ def grid_values(spec: Any) -> list[Any]:  # noqa: ANN401 - from a file
     return spec
 
 
-def flat(table: Mapping[str, Any], inner: type | tuple[type, ...], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flat(
+    table: Mapping[str, Any], inner: type | tuple[type, ...], prefix: str = ""
+) -> Iterator[tuple[str, Any]]:
     """Turn nested tables, as TOML reads `pursuer.speed_m_s = …`, into keys with dots.
 
     Args:
@@ -215,7 +247,11 @@ def flat(table: Mapping[str, Any], inner: type | tuple[type, ...], prefix: str =
         prefix: Names of the enclosing tables.
     """
     for name, value in table.items():
-        if isinstance(value, Mapping) and value and all(isinstance(part, inner) for part in value.values()):
+        if (
+            isinstance(value, Mapping)
+            and value
+            and all(isinstance(part, inner) for part in value.values())
+        ):
             yield from flat(value, inner, f"{prefix}{name}.")
         else:
             yield prefix + name, value

@@ -17,7 +17,17 @@ from guidance.log.codec import plain
 from guidance.screen import console, sheet
 from guidance.sim.outcome import Outcome
 from guidance.sweeps.axes import Array
-from guidance.sweeps.folder import CAPTURED, END, PAIR, POINT, SEED, Columns, Folder, read_folder, read_json
+from guidance.sweeps.folder import (
+    CAPTURED,
+    END,
+    PAIR,
+    POINT,
+    SEED,
+    Columns,
+    Folder,
+    read_folder,
+    read_json,
+)
 from guidance.sweeps.plan import ROW, Plan
 
 CONFIDENCE: Final = 0.95
@@ -40,7 +50,9 @@ def share(successes: int, of: int) -> Interval:
     """Return a probability with Wilson's interval."""
     if of == 0:
         return Interval()
-    return Interval(successes / of, *stats.binomtest(successes, of).proportion_ci(CONFIDENCE, method="wilson"))
+    return Interval(
+        successes / of, *stats.binomtest(successes, of).proportion_ci(CONFIDENCE, method="wilson")
+    )
 
 
 def known(numbers: Array) -> Array:
@@ -52,15 +64,19 @@ def mean(numbers: Array) -> Interval:
     """Return the mean of the known numbers with Student's t interval."""
     numbers = known(numbers)
     average = float(numbers.mean()) if numbers.size else math.nan
-    return _interval(average, float(stats.sem(numbers)) if numbers.size > 1 else math.nan, numbers.size - 1)
+    return _interval(
+        average, float(stats.sem(numbers)) if numbers.size > 1 else math.nan, numbers.size - 1
+    )
 
 
 def difference_of_means(a: Array, b: Array) -> Interval:
     """Return mean b − mean a of the known numbers of independent samples with Welch's t interval."""
-    a, b = known(a), known(b)
+    a = known(a)
+    b = known(b)
     if min(a.size, b.size) < 2:
         return Interval(float(b.mean() - a.mean()) if a.size and b.size else math.nan)
-    apart, errors = float(b.mean() - a.mean()), np.array([stats.sem(a), stats.sem(b)]) ** 2
+    apart = float(b.mean() - a.mean())
+    errors = np.array([stats.sem(a), stats.sem(b)]) ** 2
     total = float(errors.sum())
     freedom = total**2 / float((errors**2 / [a.size - 1, b.size - 1]).sum()) if total else 1.0
     return _interval(apart, math.sqrt(total), freedom)
@@ -87,24 +103,42 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
         raise ConfigError(f"--by {column}: allowed are {', '.join(COLUMNS)}")
     for folder in (a, b):
         if folder.plan.teams:
-            raise ConfigError(f"{folder.path}: has teams, whose rows are evaders; use guidance sweep report for each")
+            raise ConfigError(
+                f"{folder.path}: has teams, whose rows are evaders; use guidance sweep report for each"
+            )
     matched = matched_pairs(a.plan, b.plan)
     paired = bool(matched) and a.plan.axes == b.plan.axes
     both = [folder.columns(COLUMNS) for folder in (a, b)]
-    groups, largest = [], list[dict[str, Any]]()
+    groups = []
+    largest = list[dict[str, Any]]()
     if not matched:
         groups.append(_group("all rows", "all rows", *both, paired=False))
     for numbers in matched.items():
-        first, second = (_some(each, each[PAIR] == one) for each, one in zip(both, numbers, strict=True))
+        first, second = (
+            _some(each, each[PAIR] == one) for each, one in zip(both, numbers, strict=True)
+        )
         if paired:
             first, second = _paired(first, second)
             largest += _largest(first, second, column, rows)
         if first[ROW].size or second[ROW].size:
-            name_a, name_b = (" / ".join(of.plan.pairs[one]) for of, one in zip((a, b), numbers, strict=True))
+            name_a, name_b = (
+                " / ".join(of.plan.pairs[one]) for of, one in zip((a, b), numbers, strict=True)
+            )
             groups.append(_group(name_a, name_b, first, second, paired=paired))
-    largest.sort(key=lambda row: (row["end_a"] == row["end_b"], -abs(np.nan_to_num(row["difference"]))))
+    largest.sort(
+        key=lambda row: (row["end_a"] == row["end_b"], -abs(np.nan_to_num(row["difference"])))
+    )
     means = "Student's t of the paired differences" if paired else "Welch's t"
-    return dict(plain({"paired": paired, "intervals": f"95 %: {means}", "groups": groups, "largest": largest[:rows]}))
+    return dict(
+        plain(
+            {
+                "paired": paired,
+                "intervals": f"95 %: {means}",
+                "groups": groups,
+                "largest": largest[:rows],
+            }
+        )
+    )
 
 
 def _some(rows: Columns, which: NDArray[Any]) -> Columns:
@@ -121,20 +155,33 @@ def _paired(a: Columns, b: Columns) -> tuple[Columns, Columns]:
 def matched_pairs(a: Plan, b: Plan) -> dict[int, int]:
     """Match the pairs of policies of two sweeps: by name if they share any, otherwise by place; empty if neither."""
     shared = {a.pairs.index(pair): b.pairs.index(pair) for pair in a.pairs if pair in b.pairs}
-    return shared or {number: number for number in range(len(a.pairs)) if len(a.pairs) == len(b.pairs)}
+    return shared or {
+        number: number for number in range(len(a.pairs)) if len(a.pairs) == len(b.pairs)
+    }
 
 
 def _group(name_a: str, name_b: str, a: Columns, b: Columns, *, paired: bool) -> dict[str, Any]:
     columns = {}
     for name in (CAPTURED, *COLUMNS):
         difference = mean(b[name] - a[name]) if paired else difference_of_means(a[name], b[name])
-        columns[name] = {"a": mean(a[name]).estimate, "b": mean(b[name]).estimate, "difference": difference}
-    return {"a": name_a, "b": name_b, "rows_a": a[ROW].size, "rows_b": b[ROW].size, "columns": columns}
+        columns[name] = {
+            "a": mean(a[name]).estimate,
+            "b": mean(b[name]).estimate,
+            "difference": difference,
+        }
+    return {
+        "a": name_a,
+        "b": name_b,
+        "rows_a": a[ROW].size,
+        "rows_b": b[ROW].size,
+        "columns": columns,
+    }
 
 
 def _largest(a: Columns, b: Columns, column: str, count: int) -> list[dict[str, Any]]:
     """Return paired rows with different ends, then those with the largest differences."""
-    size, same = np.nan_to_num(np.abs(b[column] - a[column])), a[END] == b[END]
+    size = np.nan_to_num(np.abs(b[column] - a[column]))
+    same = a[END] == b[END]
     order = np.lexsort((-size, same))[:count]
     order = order[~same[order] | (size[order] > 0.0)]
     values = [rows[name][order].tolist() for name in (ROW, END, column) for rows in (a, b)]
@@ -148,7 +195,11 @@ def _largest(a: Columns, b: Columns, column: str, count: int) -> list[dict[str, 
 def compare_outcomes(a: dict[str, Any], b: dict[str, Any]) -> dict[str, Any]:
     """Compare two outcomes column by column; the difference of values that are not numbers is None."""
     return {
-        name: {"a": one, "b": other, "difference": other - one if {type(one), type(other)} <= {int, float} else None}
+        name: {
+            "a": one,
+            "b": other,
+            "difference": other - one if {type(one), type(other)} <= {int, float} else None,
+        }
         for name, one, other in ((name, one, b[name]) for name, one in a.items() if name in b)
     }
 
@@ -161,7 +212,9 @@ def read_outcome(path: Path) -> dict[str, Any]:
     """
     outcome = read_json(path)
     if not {"end", "winner", "game_time_s"} <= set(outcome):
-        raise ConfigError(f"{path}: not an outcome; it must be what guidance scenario run FILE --json wrote")
+        raise ConfigError(
+            f"{path}: not an outcome; it must be what guidance scenario run FILE --json wrote"
+        )
     return outcome
 
 
@@ -195,27 +248,44 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
 
 def _valued(compared: Mapping[str, Mapping[str, Any]]) -> list[tuple[Any, ...]]:
     """Return name, A, B and difference of the columns with a value."""
-    return [(name, *row.values()) for name, row in compared.items() if not row["a"] is row["b"] is None]
+    return [
+        (name, *row.values()) for name, row in compared.items() if not row["a"] is row["b"] is None
+    ]
 
 
 def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
     """Yield a table of numbers, and one of texts, whose cells may be long."""
     rows = [tuple(map(cell, row)) for row in _valued(compared)]
     yield sheet(("column", "A", "B", "B − A"), [row for row in rows if row[3] != "-"])
-    yield sheet(("column", "A", "B"), [row[:3] for row in rows if row[3] == "-"], left=range(3), title=" ")
+    yield sheet(
+        ("column", "A", "B"), [row[:3] for row in rows if row[3] == "-"], left=range(3), title=" "
+    )
 
 
 def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | str]:
-    kind = "paired rows" if compared["paired"] else "independent rows (the sweeps vary different values)"
+    kind = (
+        "paired rows"
+        if compared["paired"]
+        else "independent rows (the sweeps vary different values)"
+    )
     for group in compared["groups"]:
-        rows = [(name, cell(a, 4), cell(b, 4), spread(apart)) for name, a, b, apart in _valued(group["columns"])]
-        count = group["rows_a"] if compared["paired"] else f"{group['rows_a']} and {group['rows_b']}"
+        rows = [
+            (name, cell(a, 4), cell(b, 4), spread(apart))
+            for name, a, b, apart in _valued(group["columns"])
+        ]
+        count = (
+            group["rows_a"] if compared["paired"] else f"{group['rows_a']} and {group['rows_b']}"
+        )
         yield f"\n[italic]{_both(group, '')}: {count} {kind}[/italic]"
         yield sheet(("mean of", "A", "B", "B − A (95 %)"), rows)
     if compared["largest"]:
         yield f"\n[italic]the rows that differ most in {compared['largest'][0]['column']}[/italic]"
         largest = [
-            (_both(row, "row_"), _both(row, "end_"), *(cell(row[key]) for key in ("a", "b", "difference")))
+            (
+                _both(row, "row_"),
+                _both(row, "end_"),
+                *(cell(row[key]) for key in ("a", "b", "difference")),
+            )
             for row in compared["largest"]
         ]
         yield sheet(("row", "end", "A", "B", "B − A"), largest, left=(0, 1))
@@ -223,7 +293,8 @@ def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | str]:
 
 def _both(values: Mapping[str, Any], prefix: str) -> str:
     """Return a value of A, and that of B if it is another."""
-    a, b = values[f"{prefix}a"], values[f"{prefix}b"]
+    a = values[f"{prefix}a"]
+    b = values[f"{prefix}b"]
     return str(a) if a == b else f"{a}, in B {b}"
 
 
@@ -234,7 +305,8 @@ def spread(interval: Mapping[str, float | None], rounding: float = _ROUNDING) ->
         interval: As plain values.
         rounding: Smaller numbers are rounding errors.
     """
-    low, high = interval["low"], interval["high"]
+    low = interval["low"]
+    high = interval["high"]
     half = 0.0 if low is None or high is None else 0.5 * (high - low)
     return cell(interval["estimate"], 3, rounding) + (f" ± {half:.2g}" if half > rounding else "")
 

@@ -22,7 +22,12 @@ _STYLES: Final = (
 )
 _MEASURES: Final = (
     ("share captured, with its 95 % interval", "games", "capture", ("low", "estimate", "high")),
-    ("regret, {}: median, 5 % to 95 %", "regret_games", "regret_quantiles", ("0.05", "0.5", "0.95")),
+    (
+        "regret, {}: median, 5 % to 95 %",
+        "regret_games",
+        "regret_quantiles",
+        ("0.05", "0.5", "0.95"),
+    ),
 )
 """What the curves show: label, number of games, and the keys of the measure and of the ends and middle of its band."""
 
@@ -50,7 +55,9 @@ class Key(NamedTuple):
     grid: bool
 
 
-def draw_all(report: Mapping[str, Any], keys: Sequence[Key], regrets: Sequence[Array], out: Path) -> list[Path]:
+def draw_all(
+    report: Mapping[str, Any], keys: Sequence[Key], regrets: Sequence[Array], out: Path
+) -> list[Path]:
     """Draw all pictures as PNG and PDF; return their paths.
 
     Args:
@@ -70,7 +77,11 @@ def draw_all(report: Mapping[str, Any], keys: Sequence[Key], regrets: Sequence[A
         figures["map"] = _map(report, down, across, "regret_mean", f"mean regret, {report['unit']}")
         figures["map-captures"] = _map(report, down, across, "capture", "share captured")
     drawn = {name: figure for name, figure in figures.items() if figure is not None}
-    return [path for name, figure in drawn.items() for path in save_twice(figure, out / name, dpi=160, private=True)]
+    return [
+        path
+        for name, figure in drawn.items()
+        for path in save_twice(figure, out / name, dpi=160, private=True)
+    ]
 
 
 def key_label(column: str) -> str:
@@ -96,7 +107,12 @@ def _names(report: Mapping[str, Any], player: str) -> list[str]:
 def _styles(report: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     # Wide lines below narrow ones, so that equal curves remain visible.
     return {
-        pursuer: {**_STYLES[place % len(_STYLES)], "linewidth": max(1.0, 3.0 - 0.6 * place), "label": pursuer, "ms": 4}
+        pursuer: {
+            **_STYLES[place % len(_STYLES)],
+            "linewidth": max(1.0, 3.0 - 0.6 * place),
+            "label": pursuer,
+            "ms": 4,
+        }
         for place, pursuer in enumerate(_names(report, "pursuer"))
     }
 
@@ -112,15 +128,24 @@ def _regret(report: Mapping[str, Any], regrets: Sequence[Array]) -> Figure | Non
     known = [one for one in report["policies"] if one["regret_games"]]
     if not known:
         return None
-    evaders, styles = list(dict.fromkeys(one["evader"] for one in known)), _styles(report)
+    evaders = list(dict.fromkeys(one["evader"] for one in known))
+    styles = _styles(report)
     figure, axes = _figure(f"{report['title']}: regret against the game's value", 1, len(evaders))
     for panel, evader in zip(axes[0], evaders, strict=True):
-        group = [(one, numbers) for one, numbers in zip(known, regrets, strict=True) if one["evader"] == evader]
-        ends = np.quantile(np.concatenate([numbers for _, numbers in group]), [1.0 - _SHOWN, _SHOWN])
+        group = [
+            (one, numbers)
+            for one, numbers in zip(known, regrets, strict=True)
+            if one["evader"] == evader
+        ]
+        ends = np.quantile(
+            np.concatenate([numbers for _, numbers in group]), [1.0 - _SHOWN, _SHOWN]
+        )
         margin = max(0.03 * float(np.ptp(ends)), 1e-6)
         for one, numbers in group:
             quantiles = np.quantile(numbers, _SHARES, method="inverted_cdf")
-            panel.plot(quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **styles[one["pursuer"]])
+            panel.plot(
+                quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **styles[one["pursuer"]]
+            )
         panel.set(xlim=(ends[0] - margin, ends[1] + margin), ylim=(0.0, 1.02))
         panel.set(xlabel=f"regret, {report['unit']}", title=f"evader: {evader}")
         panel.axvline(0.0, color="0.5", linewidth=0.8)
@@ -133,22 +158,37 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
     """Draw regret, and captures if they differ, over every key; one key has a column for each evader."""
     if not keys:
         return None
-    evaders, styles = _names(report, "evader"), _styles(report)
-    groups = [one for policies in report["policies"] for key in keys for one in policies["by_key"][key.column]]
+    evaders = _names(report, "evader")
+    styles = _styles(report)
+    groups = [
+        one
+        for policies in report["policies"]
+        for key in keys
+        for one in policies["by_key"][key.column]
+    ]
     differ = len({one["capture"]["estimate"] for one in groups if one["games"]}) > 1
     rows = list(itertools.product(evaders, _MEASURES if differ else _MEASURES[1:]))
     shape = (len(rows) // len(evaders), len(evaders)) if len(keys) == 1 else (len(rows), len(keys))
     figure, axes = _figure(f"{report['title']}: results by swept key", *shape)
     panels = axes.T.ravel() if len(keys) == 1 else axes.ravel()
-    for panel, ((evader, (name, count, measure, band)), key) in zip(panels, itertools.product(rows, keys), strict=True):
+    for panel, ((evader, (name, count, measure, band)), key) in zip(
+        panels, itertools.product(rows, keys), strict=True
+    ):
         for one in (one for one in report["policies"] if one["evader"] == evader):
-            known, style = [group for group in one["by_key"][key.column] if group[count]], styles[one["pursuer"]]
+            known = [group for group in one["by_key"][key.column] if group[count]]
+            style = styles[one["pursuer"]]
             centres = [key.centres[key.labels.index(group["at"][key.column])] for group in known]
-            numbers = np.array([[group[measure][part] for part in band] for group in known], dtype=np.float64)
+            numbers = np.array(
+                [[group[measure][part] for part in band] for group in known], dtype=np.float64
+            )
             low, middle, high = numbers.reshape(-1, 3).T
             panel.plot(centres, middle, **style)
             panel.fill_between(centres, low, high, color=style["color"], alpha=0.12, linewidth=0.0)
-        panel.set(xlabel=key_label(key.column), ylabel=name.format(report["unit"]), title=f"evader: {evader}")
+        panel.set(
+            xlabel=key_label(key.column),
+            ylabel=name.format(report["unit"]),
+            title=f"evader: {evader}",
+        )
         if measure == "capture":
             panel.set_ylim(-0.03, 1.03)
         if [*key.centres] == [*range(len(key.labels))]:
@@ -157,12 +197,17 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
     return figure
 
 
-def _map(report: Mapping[str, Any], down: Key, across: Key, measure: str, name: str) -> Figure | None:
+def _map(
+    report: Mapping[str, Any], down: Key, across: Key, measure: str, name: str
+) -> Figure | None:
     """Draw a measure over two keys, one panel for each pair of policies; None if it is the same everywhere."""
-    evaders, pursuers = _names(report, "evader"), _names(report, "pursuer")
+    evaders = _names(report, "evader")
+    pursuers = _names(report, "pursuer")
     maps = {}
     for one in report["policies"]:
-        cells = {tuple(group["at"].values()): group[measure]["estimate"] for group in one["by_point"]}
+        cells = {
+            tuple(group["at"].values()): group[measure]["estimate"] for group in one["by_point"]
+        }
         rows = [[cells.get((first, second)) for second in across.labels] for first in down.labels]
         maps[one["pursuer"], one["evader"]] = np.array(rows, dtype=np.float64)
     known = np.concatenate([values[np.isfinite(values)] for values in maps.values()])
@@ -171,8 +216,19 @@ def _map(report: Mapping[str, Any], down: Key, across: Key, measure: str, name: 
     figure, axes = _figure(f"{report['title']}: {name}", len(evaders), len(pursuers))
     for (pursuer, evader), values in maps.items():
         panel = axes[evaders.index(evader), pursuers.index(pursuer)]
-        image = panel.imshow(values, origin="lower", aspect="auto", cmap="cividis", vmin=known.min(), vmax=known.max())
-        panel.set(title=f"{pursuer} / {evader}", xlabel=key_label(across.column), ylabel=key_label(down.column))
+        image = panel.imshow(
+            values,
+            origin="lower",
+            aspect="auto",
+            cmap="cividis",
+            vmin=known.min(),
+            vmax=known.max(),
+        )
+        panel.set(
+            title=f"{pursuer} / {evader}",
+            xlabel=key_label(across.column),
+            ylabel=key_label(down.column),
+        )
         panel.set_xticks(range(len(across.labels)), across.labels, rotation=45)
         panel.set_yticks(range(len(down.labels)), down.labels)
     figure.colorbar(image, ax=axes, label=name)

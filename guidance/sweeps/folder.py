@@ -32,7 +32,9 @@ ROWS: Final = "rows"
 
 END: Final = "end"
 CAPTURED: Final = "captured"
-PAIR, POINT, SEED = "pair", "point", "case_seed"
+PAIR = "pair"
+POINT = "point"
+SEED = "case_seed"
 """Columns that `Folder.columns` adds: number of the pair of policies, of the grid point, and the seed.
 
 `CAPTURED` is 1 or 0, and NaN in an invalid row.
@@ -102,7 +104,11 @@ class Folder:
     @cached_property
     def missing(self) -> list[int]:
         """The chunks without a complete file, when first asked for."""
-        return [chunk for chunk in range(math.ceil(self.plan.rows / self.chunk_rows)) if not self.has(chunk)]
+        return [
+            chunk
+            for chunk in range(math.ceil(self.plan.rows / self.chunk_rows))
+            if not self.has(chunk)
+        ]
 
     @property
     def rows_there(self) -> int:
@@ -115,7 +121,10 @@ class Folder:
         Raises:
             OutputError: If it cannot be written. Earlier chunks are kept.
         """
-        with writing(self.part(chunk), "earlier rows are kept: make room, then run the same command to continue"):
+        with writing(
+            self.part(chunk),
+            "earlier rows are kept: make room, then run the same command to continue",
+        ):
             write_whole(self.part(chunk), content)
 
     @property
@@ -128,7 +137,11 @@ class Folder:
         table = parquet.read_table(self.parts, columns=[ROW, END, *names])
         read = {name: table[name].to_numpy() for name in table.column_names}
         placed = dict(zip((PAIR, POINT, SEED), self.plan.places(read[ROW]), strict=True))
-        return read | placed | {CAPTURED: np.where(read[END] == "invalid", math.nan, read[END] == CAPTURED)}
+        return (
+            read
+            | placed
+            | {CAPTURED: np.where(read[END] == "invalid", math.nan, read[END] == CAPTURED)}
+        )
 
 
 def begun(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> Folder:
@@ -149,8 +162,14 @@ def begun(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> F
         private_folder(path)
         if (path / MANIFEST).is_file():
             return _resumed(path, plan, chunk_rows)
-        if any(child for child in path.iterdir() if not child.name.startswith(".") and child.name != ROWS):
-            raise ConfigError(f"--out {path}: has files but no sweep ({MANIFEST}); choose a new folder")
+        if any(
+            child
+            for child in path.iterdir()
+            if not child.name.startswith(".") and child.name != ROWS
+        ):
+            raise ConfigError(
+                f"--out {path}: has files but no sweep ({MANIFEST}); choose a new folder"
+            )
         private_folder(path / ROWS)
         fair = plan.rows if workers == 1 else math.ceil(plan.rows / (_CHUNKS_A_WORKER * workers))
         rows = chunk_rows or min(fair, _LARGEST_CHUNK["teams" if plan.teams else plan.way])
@@ -169,7 +188,9 @@ def read_folder(path: Path) -> Folder:
     manifest = _manifest(path)
     folder = Folder(path, plan_of(manifest), manifest["chunk_rows"])
     if not folder.parts:
-        raise ConfigError(f"{path}: this sweep has no rows yet; continue it with guidance sweep … --out {path}")
+        raise ConfigError(
+            f"{path}: this sweep has no rows yet; continue it with guidance sweep … --out {path}"
+        )
     return folder
 
 
@@ -194,15 +215,24 @@ def alone(path: Path) -> Iterator[None]:
 
 def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
     manifest = _manifest(path)
-    was, now = plan_of(manifest).decisive, plan.decisive
+    was = plan_of(manifest).decisive
+    now = plan.decisive
     if differing := [name for name in {**was, **now} if was.get(name) != now.get(name)]:
         differ = f"{', '.join(differing)} differ{'s' * (len(differing) == 1)}"
         raise ConfigError(f"--out {path}: holds another sweep ({differ}); choose another folder")
     if (there := manifest["versions"]) != (here := versions_of(_DETERMINING)):
-        changed = "; ".join(f"{one} {there.get(one)}, now {here[one]}" for one in here if there.get(one) != here[one])
-        raise ConfigError(f"--out {path}: was begun with {changed}: rows could differ; choose another folder")
+        changed = "; ".join(
+            f"{one} {there.get(one)}, now {here[one]}"
+            for one in here
+            if there.get(one) != here[one]
+        )
+        raise ConfigError(
+            f"--out {path}: was begun with {changed}: rows could differ; choose another folder"
+        )
     if chunk_rows not in {None, manifest["chunk_rows"]}:
-        raise ConfigError(f"--chunk {chunk_rows}: this sweep was begun with {manifest['chunk_rows']}; omit the option")
+        raise ConfigError(
+            f"--chunk {chunk_rows}: this sweep was begun with {manifest['chunk_rows']}; omit the option"
+        )
     return Folder(path, plan, manifest["chunk_rows"])
 
 

@@ -53,7 +53,9 @@ class Seeds(Section):
 
     begin: int = Field(0, alias="from", ge=0, description="the first")
     count: int = Field(1, ge=1, description="how many")
-    values: tuple[Annotated[int, Field(ge=0)], ...] = Field((), alias="list", description="these, instead of both")
+    values: tuple[Annotated[int, Field(ge=0)], ...] = Field(
+        (), alias="list", description="these, instead of both"
+    )
 
     def __len__(self) -> int:
         """Number of seeds."""
@@ -98,17 +100,29 @@ class Plan(Section):
 
     title: str = Field("", description="a few words")
     description: str = Field("", description="what it shows, and why it is as it is")
-    scenario: Document = Field(description="a scenario's name or path; beside the sweep's file, or with the package")
-    way: Way = Field("maths", alias="as", description="maths: point masses; fast: flights of the mock in virtual time")
-    number: int | None = Field(None, alias="rows", ge=1, description="number of rows, instead of seeds")
-    seeds: AnySeeds = Field(Seeds(), description="how many, a list, or { from = 100, count = 50 }; default: one, 0")
+    scenario: Document = Field(
+        description="a scenario's name or path; beside the sweep's file, or with the package"
+    )
+    way: Way = Field(
+        "maths",
+        alias="as",
+        description="maths: point masses; fast: flights of the mock in virtual time",
+    )
+    number: int | None = Field(
+        None, alias="rows", ge=1, description="number of rows, instead of seeds"
+    )
+    seeds: AnySeeds = Field(
+        Seeds(), description="how many, a list, or { from = 100, count = 50 }; default: one, 0"
+    )
     grid: dict[str, Annotated[list[Any], BeforeValidator(grid_values)]] = Field(
         {}, description="keys of the scenario and their values; all combinations are played"
     )
     random: dict[str, Distribution] = Field(
         {}, description="keys of the scenario and their distributions; one draw a seed"
     )
-    policies: tuple[Policies, ...] = Field((), description="which policies play; default: the scenario's own")
+    policies: tuple[Policies, ...] = Field(
+        (), description="which policies play; default: the scenario's own"
+    )
 
     @field_validator("grid", "random", mode="before", json_schema_input_type=dict[str, Any])
     @classmethod
@@ -128,7 +142,11 @@ class Plan(Section):
                 yield f"random.{key}: a disc or an annulus is a position: {use}; {other}"
         columns = [name for axis in self.axes for name in axis.columns()]
         pairs = [" against ".join(pair) for pair in self.pairs]
-        for key, given in (("policies", pairs), ("seeds", self.seeds.values), ("grid, random", columns)):
+        for key, given in (
+            ("policies", pairs),
+            ("seeds", self.seeds.values),
+            ("grid, random", columns),
+        ):
             if twice := [one for one, count in Counter(given).items() if count > 1]:
                 yield f"{key}: {twice[0]} is given twice"
         step = math.prod(self.shape[:2])
@@ -162,14 +180,21 @@ class Plan(Section):
         return tuple(
             Pair(*names)
             for given in self.policies or (Policies(),)
-            for names in itertools.product(_several(given.pursuer, own[0]), _several(given.evader, own[1]))
+            for names in itertools.product(
+                _several(given.pursuer, own[0]), _several(given.evader, own[1])
+            )
         )
 
     @cached_property
     def shape(self) -> tuple[int, int, int]:
         """Numbers of pairs of policies, of grid points and of seeds."""
-        pairs, points = len(self.pairs), math.prod(len(axis.values) or 1 for axis in self.axes)
-        return pairs, points, len(self.seeds) if self.number is None else self.number // (points * pairs)
+        pairs = len(self.pairs)
+        points = math.prod(len(axis.values) or 1 for axis in self.axes)
+        return (
+            pairs,
+            points,
+            len(self.seeds) if self.number is None else self.number // (points * pairs),
+        )
 
     @property
     def rows(self) -> int:
@@ -188,7 +213,9 @@ class Plan(Section):
     def cases(self, row: Integers) -> Cases:
         """Return policies, seeds and values of rows, by their numbers (n,)."""
         pair, point, seed = self.places(row)
-        values = (axis.at(place, seed) for axis, place in zip(self.axes, self.on_axes(point), strict=True))
+        values = (
+            axis.at(place, seed) for axis, place in zip(self.axes, self.on_axes(point), strict=True)
+        )
         return Cases(row, pair, seed, tuple(values))
 
     @cached_property
@@ -197,12 +224,20 @@ class Plan(Section):
         swept = (column for axis in self.axes for column in axis.columns().items())
         outcome = (TeamOutcome if self.teams else Outcome).__annotations__.items()
         texts = pa.list_(pa.string())
-        return pa.schema([(ROW, pa.int64()), *swept, *((name, _TYPES.get(kind, texts)) for name, kind in outcome)])
+        return pa.schema(
+            [
+                (ROW, pa.int64()),
+                *swept,
+                *((name, _TYPES.get(kind, texts)) for name, kind in outcome),
+            ]
+        )
 
     @property
     def document(self) -> dict[str, Any]:
         """The plan as plain values for the sweep's folder; `plan_of` reads it."""
-        sweep = self.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude={"way", "scenario"})
+        sweep = self.model_dump(
+            mode="json", by_alias=True, exclude_defaults=True, exclude={"way", "scenario"}
+        )
         return {"as": self.way, "sweep": sweep, "scenario": self.scenario}
 
     @cached_property
@@ -229,4 +264,6 @@ def policy_in(section: Any) -> str:  # noqa: ANN401 - a player's section, or the
 
 def plan_of(document: Mapping[str, Any]) -> Plan:
     """Return the plan of a sweep's manifest."""
-    return Plan.model_validate({**document["sweep"], "as": document["as"], "scenario": document["scenario"]})
+    return Plan.model_validate(
+        {**document["sweep"], "as": document["as"], "scenario": document["scenario"]}
+    )

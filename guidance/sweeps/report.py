@@ -76,8 +76,14 @@ def _keys(plan: Plan, axis: Axis, rows: Columns) -> Iterator[Key]:
     """Yield groups of rows: by the values of a grid, or by ten even bins of each random number."""
     if axis.random is None and len(axis.values) > 1:
         places = plan.on_axes(rows[POINT])[plan.axes.index(axis)]
-        labels = [f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values]
-        centres = axis.values if all(isinstance(value, (int, float)) for value in axis.values) else range(len(labels))
+        labels = [
+            f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values
+        ]
+        centres = (
+            axis.values
+            if all(isinstance(value, (int, float)) for value in axis.values)
+            else range(len(labels))
+        )
         yield Key(axis.key, labels, centres, places, grid=True)
     for column in axis.columns() if axis.random is not None else ():
         numbers = rows[column]
@@ -91,7 +97,9 @@ def _keys(plan: Plan, axis: Axis, rows: Columns) -> Iterator[Key]:
         yield Key(column, labels, (0.5 * (edges[1:] + edges[:-1])).tolist(), places, grid=False)
 
 
-def summed_up(plan: Plan, rows: Columns, keys: Sequence[Key], worst: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def summed_up(
+    plan: Plan, rows: Columns, keys: Sequence[Key], worst: Sequence[dict[str, Any]]
+) -> dict[str, Any]:
     """Return the report as plain values; None if unknown.
 
     Args:
@@ -128,7 +136,9 @@ def summed_up(plan: Plan, rows: Columns, keys: Sequence[Key], worst: Sequence[di
 
 def _groups(plan: Plan, rows: Columns, keys: Sequence[Key]) -> dict[int, list[dict[str, Any]]]:
     """Return for every pair of policies the summaries of its groups, in the order of the keys' values."""
-    numbers = np.stack([rows[name] for name in (CAPTURED, "regret", "predicted", "game_time_s")], axis=-1)
+    numbers = np.stack(
+        [rows[name] for name in (CAPTURED, "regret", "predicted", "game_time_s")], axis=-1
+    )
     shape = (len(plan.pairs), *(len(key.labels) for key in keys))
     group = np.ravel_multi_index((rows[PAIR], *(key.places for key in keys)), shape)
     mixed = sum(len(axis.values) > 1 for axis in plan.axes) > len([key for key in keys if key.grid])
@@ -138,11 +148,17 @@ def _groups(plan: Plan, rows: Columns, keys: Sequence[Key]) -> dict[int, list[di
     for one, members in zip(groups.tolist(), np.split(numbers[order], begins[1:]), strict=True):
         pair, *places = np.unravel_index(one, shape)
         captures, regrets, predicted, times_s = members.T
-        captures, regrets = known(captures), known(regrets)
-        drawn = any(axis.random is not None for axis in plan.axes) or np.unique(known(times_s)).size != 1
-        captured, regret = share(int(captures.sum()), captures.size), mean(regrets)
+        captures = known(captures)
+        regrets = known(regrets)
+        drawn = (
+            any(axis.random is not None for axis in plan.axes)
+            or np.unique(known(times_s)).size != 1
+        )
+        captured = share(int(captures.sum()), captures.size)
+        regret = mean(regrets)
         if not drawn or mixed or plan.teams:
-            captured, regret = Interval(captured.estimate), Interval(regret.estimate)
+            captured = Interval(captured.estimate)
+            regret = Interval(regret.estimate)
         quantiles = np.quantile(regrets, QUANTILES).tolist() if regrets.size else []
         summary = {
             "games": captures.size,
@@ -150,7 +166,9 @@ def _groups(plan: Plan, rows: Columns, keys: Sequence[Key]) -> dict[int, list[di
             "predicted_mean": float(predicted.mean()),
             "regret_games": regrets.size,
             "regret_mean": regret,
-            "regret_quantiles": {f"{one:g}": value for one, value in zip(QUANTILES, quantiles, strict=False)},
+            "regret_quantiles": {
+                f"{one:g}": value for one, value in zip(QUANTILES, quantiles, strict=False)
+            },
         }
         at = {key.column: key.labels[place] for key, place in zip(keys, places, strict=True)}
         found.setdefault(int(pair), []).append(({"at": at} if keys else {}) | summary)
@@ -178,27 +196,48 @@ def _written_worst(plan: Plan, rows: Columns, out: Path, count: int) -> Iterator
     badness = np.nan_to_num(np.where(lost, rows["away_m"], regret))
     order = np.lexsort((row, -badness, ~lost))
     order = order[(lost | np.isfinite(regret))[order]]
-    best = np.sort(np.concatenate([np.flatnonzero(pair[order] == number)[:count] for number in range(len(plan.pairs))]))
+    best = np.sort(
+        np.concatenate(
+            [np.flatnonzero(pair[order] == number)[:count] for number in range(len(plan.pairs))]
+        )
+    )
     for number, place in enumerate(order[best.astype(int)].tolist(), 1):
-        scenario, names = scenario_of(plan, int(row[place])), plan.pairs[pair[place]]
+        scenario = scenario_of(plan, int(row[place]))
+        names = plan.pairs[pair[place]]
         path = out / f"worst-{number:03d}.toml"
         about = f"Row {row[place]} of the sweep {plan.digest[:12]}, {' against '.join(names)}: {end[place]}."
         if not isinstance(scenario, str):
-            document = {**scenario.model_dump(mode="json", exclude={"expect"}, exclude_none=True), "description": about}
+            document = {
+                **scenario.model_dump(mode="json", exclude={"expect"}, exclude_none=True),
+                "description": about,
+            }
             write_whole(path, tomli_w.dumps(document).encode())
-            result = {"row": int(row[place]), "end": str(end[place]), "regret": float(regret[place])}
+            result = {
+                "row": int(row[place]),
+                "end": str(end[place]),
+                "regret": float(regret[place]),
+            }
             yield {"file": path.name, **result, **names._asdict()}
 
 
 def _show(there: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> None:
-    unit, grid = report["unit"], [key for key in keys if key.grid]
-    count, planned = report["rows"], report["rows_planned"]
-    counted = f"{count} evaders of {planned} games" if report["teams"] else f"{count} of {planned} rows"
+    unit = report["unit"]
+    grid = [key for key in keys if key.grid]
+    count = report["rows"]
+    planned = report["rows_planned"]
+    counted = (
+        f"{count} evaders of {planned} games" if report["teams"] else f"{count} of {planned} rows"
+    )
     there.print(f"{counted}, as {report['as']}")
-    there.print(f"regret, {unit}: the pursuer's loss against the game's value; below 0, the evader's")
-    ends, regrets = [], []
+    there.print(
+        f"regret, {unit}: the pursuer's loss against the game's value; below 0, the evader's"
+    )
+    ends = []
+    regrets = []
     for one in report["policies"]:
-        others = ", ".join(f"{count} {end}" for end, count in sorted(one["ends"].items()) if end != CAPTURED)
+        others = ", ".join(
+            f"{count} {end}" for end, count in sorted(one["ends"].items()) if end != CAPTURED
+        )
         ends.append((_names(one), str(one["games"]), _share(one["capture"]), others or "-"))
         regrets.append((_names(one), *_regret(one, _SHOWN)))
     there.print(sheet(("policies", "games", "captured", "other ends"), ends, left=(0, 3)))
@@ -210,21 +249,35 @@ def _show(there: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> Non
             equal = len({row[1:] for row in rows}) == 1
             there.print(sheet(("", *headings), [("all", *rows[0][1:])] if equal else rows, left=()))
     for one in report["invalid"]:
-        there.print(f"\n{one['rows']} rows are invalid or failed, as row {one['row']}: {one['reason']}", soft_wrap=True)
+        there.print(
+            f"\n{one['rows']} rows are invalid or failed, as row {one['row']}: {one['reason']}",
+            soft_wrap=True,
+        )
 
 
 def _names(policies: Mapping[str, Any]) -> str:
     return f"{policies['pursuer']} against {policies['evader']}"
 
 
-def _by_key(policies: Mapping[str, Any], grid: Sequence[Key]) -> Iterator[tuple[str, Sequence[str], Rows]]:
+def _by_key(
+    policies: Mapping[str, Any], grid: Sequence[Key]
+) -> Iterator[tuple[str, Sequence[str], Rows]]:
     """Yield title, headings and rows of the maps over two keys, or of the curve over each key."""
     if len(grid) == 2:
         first, second = grid
         keys = f"{key_label(first.column)} (down) and {key_label(second.column)} (across)"
-        for measure, name, shown in (("capture", "captured", _percent), ("regret_mean", "mean regret", _number)):
-            cells = {tuple(one["at"].values()): shown(one[measure]["estimate"]) for one in policies["by_point"]}
-            rows = [(down, *(cells.get((down, across), "") for across in second.labels)) for down in first.labels]
+        for measure, name, shown in (
+            ("capture", "captured", _percent),
+            ("regret_mean", "mean regret", _number),
+        ):
+            cells = {
+                tuple(one["at"].values()): shown(one[measure]["estimate"])
+                for one in policies["by_point"]
+            }
+            rows = [
+                (down, *(cells.get((down, across), "") for across in second.labels))
+                for down in first.labels
+            ]
             yield f": {name} by {keys}", second.labels, rows
         return
     names = list(_SHOWN)[:3]
@@ -241,7 +294,8 @@ def _regret(one: Mapping[str, Any], names: Iterable[str]) -> tuple[str, ...]:
 
 
 def _share(interval: Mapping[str, float | None]) -> str:
-    low, high = interval["low"], interval["high"]
+    low = interval["low"]
+    high = interval["high"]
     reach = "" if low is None or high is None else f" ({100.0 * low:.0f}-{100.0 * high:.0f})"
     return _percent(interval["estimate"]) + reach
 

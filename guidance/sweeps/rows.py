@@ -34,10 +34,13 @@ def bases_of(plan: Plan, source: str = "") -> list[dict[str, Any]]:
     Raises:
         ConfigError: If one is wrong; `source` names the sweep.
     """
-    swept, bases = {str(axis.path[0]) for axis in plan.axes}, []
+    swept = {str(axis.path[0]) for axis in plan.axes}
+    bases = []
     for pair in plan.pairs:
         document = _with_policies(plan.scenario, pair)
-        checked = parse(plan.model, document, source=f"{source}: policies {pair.pursuer} and {pair.evader}")
+        checked = parse(
+            plan.model, document, source=f"{source}: policies {pair.pursuer} and {pair.evader}"
+        )
         bases.append({name: document[name] if name in swept else part for name, part in checked})
     return bases
 
@@ -51,7 +54,9 @@ def scenarios_of(plan: Plan, cases: Cases) -> Iterator[Scenario | TeamScenario |
     drawn = list(zip(*cases.values, strict=True)) if cases.values else [()] * len(cases.row)
     for pair, seed, values in zip(cases.pair.tolist(), cases.seed.tolist(), drawn, strict=True):
         try:
-            yield plan.model.model_validate({**_with_values(bases[pair], plan.axes, values), "seed": seed})
+            yield plan.model.model_validate(
+                {**_with_values(bases[pair], plan.axes, values), "seed": seed}
+            )
         except ValidationError as error:
             yield "; ".join(explain(plan.model, fault) for fault in error.errors())
 
@@ -68,13 +73,17 @@ def _with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:
         given = document[player]
         if not isinstance(given, list):
             others = {key for of, key in _COURSE_KEYS.items() if policy != of}
-            document[player] = {name: part for name, part in given.items() if name not in others} | {"policy": policy}
+            document[player] = {
+                name: part for name, part in given.items() if name not in others
+            } | {"policy": policy}
         elif policy != policy_in(given):
             document[player] = [{**group, "policy": policy} for group in given]
     return document
 
 
-def _with_values(document: dict[str, Any], axes: Sequence[Axis], values: Sequence[Any]) -> dict[str, Any]:
+def _with_values(
+    document: dict[str, Any], axes: Sequence[Axis], values: Sequence[Any]
+) -> dict[str, Any]:
     """Return a copy of a document with one value of every axis."""
     for axis, value in zip(axes, values, strict=True):
         for path, part in axis.settings(value):
@@ -86,7 +95,8 @@ def _placed(node: Any, path: Sequence[str | int], value: Any) -> Any:  # noqa: A
     """Return a copy of a part of a document with a value at a path."""
     if not path:
         return value
-    head, rest = path[0], path[1:]
+    head = path[0]
+    rest = path[1:]
     if isinstance(head, int):
         if not isinstance(node, (list, tuple)) or head >= len(node):
             raise LookupError(head)
@@ -114,12 +124,21 @@ def planned(name: str, way: str | None = None) -> Plan:
     document |= {} if way is None else {"as": way}
     if isinstance(scenario := document.get("scenario"), str):
         beside = path.parent / scenario
-        document["scenario"] = load_any(str(beside) if beside.is_file() else scenario)[1].model_dump(mode="json")
+        document["scenario"] = load_any(str(beside) if beside.is_file() else scenario)[
+            1
+        ].model_dump(mode="json")
     elif scenario is not None:
-        raise ConfigError(f"{path}: scenario = {as_toml(scenario)}: must be a scenario's name or path")
+        raise ConfigError(
+            f"{path}: scenario = {as_toml(scenario)}: must be a scenario's name or path"
+        )
     plan = parse(Plan, document, source=str(path), text=text)
     base = _with_policies(plan.scenario, plan.pairs[0])
-    faults = [one for axis in plan.axes for value in axis.extremes for one in _faults(plan.model, base, axis, value)]
+    faults = [
+        one
+        for axis in plan.axes
+        for value in axis.extremes
+        for one in _faults(plan.model, base, axis, value)
+    ]
     if faults:
         raise ConfigError(f"{name}:\n" + "\n".join(f"  {fault}" for fault in dict.fromkeys(faults)))
     bases_of(plan, name)
@@ -148,7 +167,9 @@ def refuse_without_games(plan: Plan) -> None:
     reasons = Counter(one for one in found if isinstance(one, str))
     if reasons.total() == len(found):
         reason, count = reasons.most_common(1)[0]
-        raise ConfigError(f"all {len(found)} rows of a sample are invalid; reason of {count} of them:\n  {reason}")
+        raise ConfigError(
+            f"all {len(found)} rows of a sample are invalid; reason of {count} of them:\n  {reason}"
+        )
 
 
 def computed(plan: Plan, rows: range) -> bytes:
@@ -158,7 +179,8 @@ def computed(plan: Plan, rows: range) -> bytes:
         GuidanceError: If a flight fails for a reason other than its row.
     """
     sink = BytesIO()
-    with uncollected():  # all objects live until the end of the chunk; visiting them takes a fifth of the time
+    # All objects live until the end of the chunk; visiting them takes a fifth of the time
+    with uncollected():
         parquet.write_table(table_of(plan, rows), sink, compression="zstd")
     return sink.getvalue()
 
@@ -179,7 +201,8 @@ def table_of(plan: Plan, rows: range) -> pa.Table:
     found = list(scenarios_of(plan, cases))
     played = iter(_played(plan, [scenario for scenario in found if not isinstance(scenario, str)]))
     outcomes = [
-        [_invalid(plan, cases, row, one)] if isinstance(one, str) else next(played) for row, one in enumerate(found)
+        [_invalid(plan, cases, row, one)] if isinstance(one, str) else next(played)
+        for row, one in enumerate(found)
     ]
     return as_table(plan, cases, outcomes)
 
@@ -193,7 +216,9 @@ def as_table(plan: Plan, cases: Cases, outcomes: Sequence[Sequence[Any]]) -> pa.
     columns = zip(*itertools.chain.from_iterable(outcomes), strict=True)
     fields = list(plan.schema)[len(swept) :]
     cells = [pa.array(column, field.type) for column, field in zip(columns, fields, strict=True)]
-    return pa.Table.from_arrays([*(column.take(pa.array(places)) for column in swept), *cells], schema=plan.schema)
+    return pa.Table.from_arrays(
+        [*(column.take(pa.array(places)) for column in swept), *cells], schema=plan.schema
+    )
 
 
 def _played(plan: Plan, games: list[Any]) -> Iterable[Sequence[Any]]:
@@ -204,8 +229,14 @@ def _played(plan: Plan, games: list[Any]) -> Iterable[Sequence[Any]]:
 
 
 def _invalid(plan: Plan, cases: Cases, place: int, reason: str) -> Outcome | TeamOutcome:
-    (pursuer, evader), seed = plan.pairs[cases.pair[place]], int(cases.seed[place])
-    kind = partial(TeamOutcome if plan.teams else Outcome, plan.scenario["title"], plan.way, plan.scenario["game"])
+    (pursuer, evader) = plan.pairs[cases.pair[place]]
+    seed = int(cases.seed[place])
+    kind = partial(
+        TeamOutcome if plan.teams else Outcome,
+        plan.scenario["title"],
+        plan.way,
+        plan.scenario["game"],
+    )
     return kind(pursuer_policy=pursuer, evader_policy=evader, seed=seed, reason=reason)
 
 
@@ -218,6 +249,8 @@ def flown(scenario: Scenario) -> Outcome:
     clock = VirtualClock()
     try:
         with contextlib.closing(SteppedWorld(scenario, clock)) as world:
-            return outcome_of_flight(Mission(scenario, world, clock).fly().vehicles[PURSUER], "fast")
+            return outcome_of_flight(
+                Mission(scenario, world, clock).fly().vehicles[PURSUER], "fast"
+            )
     except GuidanceError as error:
         return outcome_of(scenario, "fast", end="failed", reason=str(error))

@@ -10,7 +10,14 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
@@ -44,8 +51,10 @@ class Shown(Progress):
 
     def __init__(self, folder: Folder, unit: str) -> None:
         self.kept = self._before = folder.rows_there
-        self._rows, self._unit = folder.plan.rows, unit
-        columns, there = (BarColumn(20), MofNCompleteColumn(), TextColumn("{task.description}")), console(stderr=True)
+        self._rows = folder.plan.rows
+        self._unit = unit
+        columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("{task.description}"))
+        there = console(stderr=True)
         super().__init__(*columns, console=there, transient=True, disable=not redraws(there))
         self._task = self.add_task("", total=self._rows, completed=self.kept)
         self._begun_s = self._shown_s = time.monotonic()
@@ -53,14 +62,17 @@ class Shown(Progress):
     def __call__(self, rows: int) -> None:
         """Count rows, and show them if it is time."""
         self.kept += rows
-        now_s, done = time.monotonic(), self.kept - self._before
+        now_s = time.monotonic()
+        done = self.kept - self._before
         rate = done / max(1e-9, now_s - self._begun_s)
         left = timedelta(seconds=round((self._rows - self.kept) / rate)) if done else None
         text = f"{rate:.3g} {self._unit}/s, {left} left" if done else ""
         self.update(self._task, completed=self.kept, description=text)
         if self.disable and now_s - self._shown_s >= _LINE_S:
             self._shown_s = now_s
-            self.console.print(f"{self.kept} of {self._rows} {self._unit}{', ' if text else ''}{text}")
+            self.console.print(
+                f"{self.kept} of {self._rows} {self._unit}{', ' if text else ''}{text}"
+            )
 
 
 def _begin_worker() -> None:
@@ -83,23 +95,36 @@ def _client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no types
 
     dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS})
     try:
-        with uncollected():  # a failed client that is collected here waits for the lock that this call holds
+        # A failed client that is collected here waits for the lock that this call holds
+        with uncollected():
             client = Client(scheduler, timeout=CONNECT_S)
     except TypeError as error:  # raised by Dask without certificates
         mend = "name its files in Dask's configuration, distributed.comm.tls ca-file, client.cert and client.key"
-        raise ConfigError(f"--scheduler {scheduler}: TLS needs a certificate; {mend} ({error})") from error
+        raise ConfigError(
+            f"--scheduler {scheduler}: TLS needs a certificate; {mend} ({error})"
+        ) from error
     except (OSError, ValueError, AssertionError) as error:
         reason = str(error) or "check the protocol, tcp:// or tls://, and the certificates"
-        raise LinkError(f"--scheduler {scheduler}: no answer from a Dask scheduler ({reason})") from error
+        raise LinkError(
+            f"--scheduler {scheduler}: no answer from a Dask scheduler ({reason})"
+        ) from error
     try:
         client.wait_for_workers(1, timeout=CONNECT_S)
     except TimeoutError as error:
         client.close()
-        raise LinkError(f"--scheduler {scheduler}: has no workers; start some: dask worker {scheduler}") from error
+        raise LinkError(
+            f"--scheduler {scheduler}: has no workers; start some: dask worker {scheduler}"
+        ) from error
     return client
 
 
-def finish(folder: Folder, on_kept: Callable[[int], None], *, workers: int = 1, scheduler: str | None = None) -> None:
+def finish(
+    folder: Folder,
+    on_kept: Callable[[int], None],
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+) -> None:
     """Compute and write the missing chunks.
 
     Args:
@@ -128,10 +153,14 @@ def finish(folder: Folder, on_kept: Callable[[int], None], *, workers: int = 1, 
             on_kept(len(folder.rows(chunk)))
 
 
-def _spread(folder: Folder, on_kept: Callable[[int], None], size: int, start: Callable[[], Executor]) -> None:
-    pending, deaths = deque(folder.missing), Counter[int]()
+def _spread(
+    folder: Folder, on_kept: Callable[[int], None], size: int, start: Callable[[], Executor]
+) -> None:
+    pending = deque(folder.missing)
+    deaths = Counter[int]()
     while pending:
-        executor, running = start(), dict[Future[bytes], int]()
+        executor = start()
+        running = dict[Future[bytes], int]()
         try:
             while pending or running:
                 while pending and len(running) < _AHEAD * size:
@@ -141,7 +170,8 @@ def _spread(folder: Folder, on_kept: Callable[[int], None], size: int, start: Ca
                     folder.keep(running[future], _content(future, running[future]))
                     on_kept(len(folder.rows(running.pop(future))))
                 on_kept(0)
-        except BrokenExecutor:  # the death of one worker breaks the pool: repeat everything that was running
+        except BrokenExecutor:
+            # The death of one worker breaks the pool: repeat everything that was running
             deaths.update(running.values())
             if max(deaths.values(), default=0) >= _DEATHS:
                 raise _deadly(deaths.most_common(1)[0][0]) from None
@@ -158,7 +188,9 @@ def _content(future: Future[bytes], chunk: int) -> bytes:
     try:
         return future.result()
     except ModuleNotFoundError as error:
-        missing = f"--scheduler: its workers lack a package ({error}); install pursuit-guidance there"
+        missing = (
+            f"--scheduler: its workers lack a package ({error}); install pursuit-guidance there"
+        )
         raise ConfigError(missing) from error
     except Exception as error:
         if type(error).__name__ == "KilledWorker":  # Dask's
@@ -167,11 +199,19 @@ def _content(future: Future[bytes], chunk: int) -> bytes:
 
 
 def _deadly(chunk: int) -> GuidanceError:
-    return LinkError(f"chunk {chunk} ended {_DEATHS} workers; if they ran out of memory, use a smaller --chunk")
+    return LinkError(
+        f"chunk {chunk} ended {_DEATHS} workers; if they ran out of memory, use a smaller --chunk"
+    )
 
 
 def run_sweep(
-    name: str, *, way: str | None, workers: int | None, scheduler: str | None, out: Path | None, chunk: int | None
+    name: str,
+    *,
+    way: str | None,
+    workers: int | None,
+    scheduler: str | None,
+    out: Path | None,
+    chunk: int | None,
 ) -> Path:
     """Run a sweep, or continue it; return its folder.
 
@@ -208,8 +248,14 @@ def run_sweep(
             try:
                 finish(folder, progress, workers=size, scheduler=scheduler)
             except KeyboardInterrupt:
-                kept = f"{progress.kept} of {plan.rows} rows are kept" if progress.kept else "no rows were written yet"
-                raise KeyboardInterrupt(f"interrupted: {kept}; run the same command to continue") from None
+                kept = (
+                    f"{progress.kept} of {plan.rows} rows are kept"
+                    if progress.kept
+                    else "no rows were written yet"
+                )
+                raise KeyboardInterrupt(
+                    f"interrupted: {kept}; run the same command to continue"
+                ) from None
         took_s = time.monotonic() - begun_s
         rows = plan.rows - folder.rows_there
         there.print(f"{rows} {unit} in {took_s:.1f} s, {rows / took_s:.3g} per second")

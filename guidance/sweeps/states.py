@@ -84,7 +84,8 @@ def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool)
     out = _checked_out(states, out)
     writer: Any = None
     strange: list[Cell] = []
-    done, there = 0, console(stderr=True)
+    done = 0
+    there = console(stderr=True)
     try:
         columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("rows"), TimeRemainingColumn())
         with Progress(*columns, console=there, transient=True, disable=not redraws(there)) as bar:
@@ -92,7 +93,9 @@ def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool)
             for chunk in _chunks(states):
                 numbers, cells = _with_numbers(chunk, first_row=done + 1)
                 strange += cells
-                answered = _answered(game, numbers, {row - done - 1 for row, *_ in cells}, ratio_given=ratio_given)
+                answered = _answered(
+                    game, numbers, {row - done - 1 for row, *_ in cells}, ratio_given=ratio_given
+                )
                 done += chunk.num_rows
                 with writing(out):
                     writer = writer or _writer(out, answered.schema)
@@ -114,7 +117,9 @@ def _checked_out(states: Path, out: Path | None) -> Path:
     """Return the file for the answers, if both files can be used."""
     kinds = " or ".join(_KINDS)
     if out is None:
-        raise ConfigError(f"--out: missing; it names the file for the answers, which ends in {kinds}")
+        raise ConfigError(
+            f"--out: missing; it names the file for the answers, which ends in {kinds}"
+        )
     if out.suffix not in _KINDS:
         raise ConfigError(f"--out {out}: must end in {kinds}")
     if states.suffix not in _KINDS or not states.is_file():
@@ -126,7 +131,9 @@ def _checked_out(states: Path, out: Path | None) -> Path:
 
 def _listed(cells: list[Cell]) -> str:
     more = f"; and {len(cells) - _SHOWN} more" if len(cells) > _SHOWN else ""
-    return "; ".join(f"row {row}, {column} = {text!r}" for row, column, text in cells[:_SHOWN]) + more
+    return (
+        "; ".join(f"row {row}, {column} = {text!r}" for row, column, text in cells[:_SHOWN]) + more
+    )
 
 
 def _rows_of(path: Path) -> int:
@@ -134,7 +141,9 @@ def _rows_of(path: Path) -> int:
     if path.suffix == ".parquet":
         return int(parquet.read_metadata(path).num_rows)
     with path.open("rb") as file:
-        return max(0, sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 20), b"")) - 1)
+        return max(
+            0, sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 20), b"")) - 1
+        )
 
 
 def _chunks(path: Path) -> Iterator[pa.Table]:
@@ -147,7 +156,8 @@ def _chunks(path: Path) -> Iterator[pa.Table]:
         schema = batches.schema
     else:
         file = parquet.ParquetFile(path)
-        schema, batches = file.schema_arrow, file.iter_batches(ROWS)
+        schema = file.schema_arrow
+        batches = file.iter_batches(ROWS)
     done = 0
     for batch in batches:
         yield from (pa.table(batch.slice(start, ROWS)) for start in range(0, batch.num_rows, ROWS))
@@ -158,7 +168,9 @@ def _chunks(path: Path) -> Iterator[pa.Table]:
 
 def _writer(out: Path, schema: pa.Schema) -> csv.CSVWriter | parquet.ParquetWriter:
     out.parent.mkdir(parents=True, exist_ok=True)
-    return csv.CSVWriter(out, schema) if out.suffix == ".csv" else parquet.ParquetWriter(out, schema)
+    return (
+        csv.CSVWriter(out, schema) if out.suffix == ".csv" else parquet.ParquetWriter(out, schema)
+    )
 
 
 def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Cell]]:
@@ -178,22 +190,34 @@ def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Ce
 
 def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool) -> pa.Table:
     """Append the answers to a chunk of states; the rows in `lost` have a cell without a number."""
-    names, game = set(chunk.column_names), _with_ratios(game, chunk, ratio_given=ratio_given)
+    names = set(chunk.column_names)
+    game = _with_ratios(game, chunk, ratio_given=ratio_given)
     target = _place(chunk, "target") if names & {"target_x_m", "target_y_m"} else None
     if any(map(_PLAYER.fullmatch, names)):
         fields = _team_answers(game, chunk, target, lost)
     else:
-        answer = solve(game, _place(chunk, "pursuer"), _place(chunk, "evader"), target)._asdict().items()
-        fields = {re.sub(r"(_m_s|_m)$", r"_{}\1", name) if one.ndim > 1 else name: one for name, one in answer}
-    columns = {name: values for column, field in fields.items() for name, values in _flat(column, field)}
+        answer = (
+            solve(game, _place(chunk, "pursuer"), _place(chunk, "evader"), target)._asdict().items()
+        )
+        fields = {
+            re.sub(r"(_m_s|_m)$", r"_{}\1", name) if one.ndim > 1 else name: one
+            for name, one in answer
+        }
+    columns = {
+        name: values for column, field in fields.items() for name, values in _flat(column, field)
+    }
     taken = names & set(columns)
     if taken and taken != set(columns):
         fault = f"the column {min(taken)} has the name of an answer and would be overwritten"
-        raise ConfigError(f"--states: {fault}: rename it (only a complete earlier answer is replaced)")
+        raise ConfigError(
+            f"--states: {fault}: rename it (only a complete earlier answer is replaced)"
+        )
     for name, values in columns.items():
         if name.endswith("reason"):
             values = ["not_a_number" if row in lost else word for row, word in enumerate(values)]  # noqa: PLW2901
-        chunk = (chunk.drop_columns([name]) if name in names else chunk).append_column(name, pa.array(values))
+        chunk = (chunk.drop_columns([name]) if name in names else chunk).append_column(
+            name, pa.array(values)
+        )
     return chunk
 
 
@@ -201,10 +225,18 @@ def _with_ratios(game: Game, chunk: pa.Table, *, ratio_given: bool) -> Game:
     """Return the game with the speed ratios of the file, if there is such a column."""
     there = _RATIO in chunk.column_names
     if there and (ratio_given or not isinstance(game.pursuer, Ball)):
-        raise ConfigError(f"--speed-ratio, --cylinder: must not be given, since the file has the column {_RATIO}")
+        raise ConfigError(
+            f"--speed-ratio, --cylinder: must not be given, since the file has the column {_RATIO}"
+        )
     if not there and isinstance(game.pursuer, Ball) and not ratio_given:
-        raise ConfigError(f"--speed-ratio, --cylinder: one must be given, since the file has no column {_RATIO}")
-    return replace(game, pursuer=Ball(_column(chunk, _RATIO) * game.evader_speed_m_s)) if there else game
+        raise ConfigError(
+            f"--speed-ratio, --cylinder: one must be given, since the file has no column {_RATIO}"
+        )
+    return (
+        replace(game, pursuer=Ball(_column(chunk, _RATIO) * game.evader_speed_m_s))
+        if there
+        else game
+    )
 
 
 def _place(chunk: pa.Table, player: str) -> Array:
@@ -216,7 +248,9 @@ def _place(chunk: pa.Table, player: str) -> Array:
 def _column(chunk: pa.Table, name: str) -> Array:
     """Return a column of numbers, NaN where a cell is empty."""
     if name not in chunk.column_names:
-        raise ConfigError(f"--states: the column {name} is missing; it has {', '.join(chunk.column_names)}")
+        raise ConfigError(
+            f"--states: the column {name} is missing; it has {', '.join(chunk.column_names)}"
+        )
     column = chunk.column(name)
     if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
         raise ConfigError(f"--states: the column {name} holds {column.type}; it must hold numbers")
@@ -229,10 +263,15 @@ def _flat(column: str, field: Array) -> Iterator[tuple[str, Any]]:
     for place in np.ndindex(field.shape[1:]):
         values = field[:, *place]
         labels = (*place[:-1], "xyz"[place[-1]]) if column.endswith(("_m", "_m_s")) else place
-        yield column.format(*labels), values if words is None else [words(code).word for code in values.tolist()]
+        yield (
+            column.format(*labels),
+            values if words is None else [words(code).word for code in values.tolist()],
+        )
 
 
-def _team_answers(game: Game, chunk: pa.Table, target: Array | None, lost: set[int]) -> dict[str, Any]:
+def _team_answers(
+    game: Game, chunk: pa.Table, target: Array | None, lost: set[int]
+) -> dict[str, Any]:
     """Return the answers to the rows of a file of teams: name of the columns, and a field (rows, ...).
 
     Args:
@@ -244,22 +283,34 @@ def _team_answers(game: Game, chunk: pa.Table, target: Array | None, lost: set[i
     Raises:
         ConfigError: Players are not numbered from 0 on, there are too many, or a side has none; or as `match_teams`.
     """
-    P, E = _players(chunk, "pursuer"), _players(chunk, "evader")
-    rows, n, m = len(P), P.shape[1], E.shape[1]
+    P = _players(chunk, "pursuer")
+    E = _players(chunk, "evader")
+    rows = len(P)
+    n = P.shape[1]
+    m = E.shape[1]
     shapes = {"guaranteed": (), "total": (), "evader_of": (n,), "pursuer_velocity_m_s": (n, 3)}
     shapes |= {"meeting_point_m": (m, 2), "evader_velocity_m_s": (m, 2)}
-    answers = {name: np.full((rows, *shapes.get(name, (m,))), blank) for name, (_, blank) in _TEAM_COLUMNS.items()}
+    answers = {
+        name: np.full((rows, *shapes.get(name, (m,))), blank)
+        for name, (_, blank) in _TEAM_COLUMNS.items()
+    }
     there = np.concatenate([np.isfinite(places).any(axis=-1) for places in (P, E)], axis=1)
     patterns, kinds = np.unique(there, axis=0, return_inverse=True)
     for number, pattern in enumerate(patterns):
         row = np.setdiff1d(np.flatnonzero(kinds.reshape(-1) == number), list(lost))
-        pursuers, evaders = np.flatnonzero(pattern[:n]), np.flatnonzero(pattern[n:])
+        pursuers = np.flatnonzero(pattern[:n])
+        evaders = np.flatnonzero(pattern[n:])
         if not (len(row) and len(pursuers) and len(evaders)):
             continue
         goal = None if target is None else target[row][:, None]
         few = rows_of(game, itemgetter((row, None, None)))
         found = match_teams(few, P[np.ix_(row, pursuers)], E[np.ix_(row, evaders)], goal)
-        numbered = {"first": pursuers, "second": pursuers, "evader_of": evaders}  # by the players of the file
+        # By the players of the file
+        numbered = {
+            "first": pursuers,
+            "second": pursuers,
+            "evader_of": evaders,
+        }
         for name, whole in answers.items():
             part = getattr(found, name)
             part = np.append(numbered[name], -1)[part] if name in numbered else part
@@ -274,6 +325,10 @@ def _players(chunk: pa.Table, player: str) -> Array:
     numbers = {int(one[2]) for one in found if one[1] == player}
     if not numbers or numbers != set(range(len(numbers))) or len(numbers) > MAX_PLAYERS:
         names = ", ".join(f"{player}_0_{axis}_m" for axis in _AXES[player])
-        allowed = f"they must be 0, 1, 2 and so on, at most {MAX_PLAYERS}: {names}, {player}_1_x_m …"
-        raise ConfigError(f"--states: the columns number the {player}s {sorted(numbers)}; {allowed}")
+        allowed = (
+            f"they must be 0, 1, 2 and so on, at most {MAX_PLAYERS}: {names}, {player}_1_x_m …"
+        )
+        raise ConfigError(
+            f"--states: the columns number the {player}s {sorted(numbers)}; {allowed}"
+        )
     return np.stack([_place(chunk, f"{player}_{number}") for number in sorted(numbers)], axis=1)

@@ -14,7 +14,14 @@ from typing import Any, Final
 from guidance.estimation.measurement import ClockOffset, hear
 from guidance.frames import LocalFrame, Vector
 from guidance.messages import UNKNOWN_VELOCITY, EvaderReport, MateState
-from guidance.team.messages import EvaderMessage, Message, Refused, RolesMessage, StateMessage, decode
+from guidance.team.messages import (
+    EvaderMessage,
+    Message,
+    Refused,
+    RolesMessage,
+    StateMessage,
+    decode,
+)
 
 SILENT_S: Final = 1.0
 """A mate or a coordinator that was not heard for so long is not there."""
@@ -67,13 +74,16 @@ class Board:
     """
 
     def __init__(self, vehicle: str, mates: Collection[str], evaders: Collection[str]) -> None:
-        self.vehicle, self._evaders = vehicle, frozenset(evaders)
+        self.vehicle = vehicle
+        self._evaders = frozenset(evaders)
         self.mates = {name: Mate() for name in sorted(mates) if name != vehicle}
         self.own: StateMessage | None = None
         self.over: dict[str, float] = {}
         self.roles: RolesMessage | None = None
-        self.roles_s, self.term = -math.inf, 0
-        self.counts, self.news = Counter[str](), list[str]()
+        self.roles_s = -math.inf
+        self.term = 0
+        self.counts = Counter[str]()
+        self.news = list[str]()
 
     def hear(self, arrived_s: float, key: str, payload: bytes) -> News:
         """Take a message, or count why it is refused; return the mate's state or the evader's report that it tells.
@@ -84,7 +94,11 @@ class Board:
             payload: Untrusted bytes.
         """
         takes: Mapping[type, Callable[[float, Any], News]]
-        takes = {StateMessage: self._take_state, EvaderMessage: self._take_report, RolesMessage: self.take_roles}
+        takes = {
+            StateMessage: self._take_state,
+            EvaderMessage: self._take_report,
+            RolesMessage: self.take_roles,
+        }
         try:
             message = self._read(key, payload)
             news = takes[type(message)](arrived_s, message)
@@ -102,7 +116,8 @@ class Board:
         if message.epoch != mate.epoch:
             if message.epoch in mate.numbers:
                 raise Refused("epoch")
-            mate.epoch, mate.numbers[message.epoch] = message.epoch, {}
+            mate.epoch = message.epoch
+            mate.numbers[message.epoch] = {}
         if message.seq <= mate.numbers[mate.epoch].get(key, -1):
             raise Refused("order")
         mate.numbers[mate.epoch][key] = message.seq
@@ -112,25 +127,46 @@ class Board:
         mate = self.mates[state.vehicle]
         before = mate.state
         if before is None or before.epoch != state.epoch:
-            before, mate.clock, mate.doubt_ned_m = None, None, (0.0, 0.0, 0.0)
+            before = None
+            mate.clock = None
+            mate.doubt_ned_m = (0.0, 0.0, 0.0)
         mate.clock = hear(mate.clock, state.sent_s, arrived_s)
         at_s = arrived_s if mate.clock is None else min(arrived_s, mate.clock.ours(state.sent_s))
         if before is not None:
             self._doubt(mate, before, state, at_s - mate.at_s)
-        mate.state, mate.at_s, mate.heard_s = state, at_s, arrived_s
+        mate.state = state
+        mate.at_s = at_s
+        mate.heard_s = arrived_s
         self.term = max(self.term, state.term)
         if state.airborne:  # on the ground a mate may still know the last game's
             self.close(state.over, arrived_s)
-        place, velocity = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m), state.velocity_ned_m_s
-        top_m_s = max(math.hypot(state.speed_m_s, max(state.climb_m_s, state.descent_m_s)), math.hypot(*velocity))
-        return MateState(state.vehicle, at_s, *place, velocity, top_m_s, math.hypot(*mate.doubt_ned_m), state.airborne)
+        place = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m)
+        velocity = state.velocity_ned_m_s
+        top_m_s = max(
+            math.hypot(state.speed_m_s, max(state.climb_m_s, state.descent_m_s)),
+            math.hypot(*velocity),
+        )
+        return MateState(
+            state.vehicle,
+            at_s,
+            *place,
+            velocity,
+            top_m_s,
+            math.hypot(*mate.doubt_ned_m),
+            state.airborne,
+        )
 
     def _doubt(self, mate: Mate, before: StateMessage, after: StateMessage, dt_s: float) -> None:
         """Add what of a step no motion explains."""
         there = LocalFrame(*before.place).ned_from_wgs84(*after.place)
-        north, east, down = (at - rate * dt_s for at, rate in zip(there, before.velocity_ned_m_s, strict=True))
+        north, east, down = (
+            at - rate * dt_s for at, rate in zip(there, before.velocity_ned_m_s, strict=True)
+        )
         apart_m = math.hypot(north, east, down)
-        swerved_m = min(0.5 * _SWERVE_M_S2 * dt_s * dt_s, 2.0 * (after.speed_m_s + after.climb_m_s) * max(0.0, dt_s))
+        swerved_m = min(
+            0.5 * _SWERVE_M_S2 * dt_s * dt_s,
+            2.0 * (after.speed_m_s + after.climb_m_s) * max(0.0, dt_s),
+        )
         excess = 1.0 - (_SLACK_M + swerved_m) / apart_m if apart_m > 0.0 else 0.0
         if excess <= 0.0:
             return
@@ -145,7 +181,8 @@ class Board:
         clock = self.mates[told.vehicle].clock
         at_s = arrived_s if clock is None else min(arrived_s, clock.ours(told.sent_s))
         place = (told.latitude_deg, told.longitude_deg, told.altitude_amsl_m)
-        velocity, source = told.velocity_ned_m_s or UNKNOWN_VELOCITY, f"{told.vehicle}: {told.source}"
+        velocity = told.velocity_ned_m_s or UNKNOWN_VELOCITY
+        source = f"{told.vehicle}: {told.source}"
         return EvaderReport(at_s, math.nan, source, *place, velocity, evader=told.evader)
 
     def take_roles(self, now_s: float, roles: RolesMessage) -> None:
@@ -155,9 +192,15 @@ class Board:
             Refused: If it is older than the last one.
         """
         last = self.roles
-        if last is not None and (roles.term, last.vehicle, roles.seq) <= (last.term, roles.vehicle, last.seq):
+        if last is not None and (roles.term, last.vehicle, roles.seq) <= (
+            last.term,
+            roles.vehicle,
+            last.seq,
+        ):
             raise Refused("term")
-        self.roles, self.roles_s, self.term = roles, now_s, max(self.term, roles.term)
+        self.roles = roles
+        self.roles_s = now_s
+        self.term = max(self.term, roles.term)
 
     def close(self, evaders: Collection[str], now_s: float) -> None:
         """Note evaders that are out of play."""
@@ -172,4 +215,6 @@ class Board:
             present: Names with a liveliness token; None if the transport has none.
         """
         heard = (name for name, mate in self.mates.items() if now_s - mate.heard_s <= SILENT_S)
-        return sorted([self.vehicle, *(name for name in heard if present is None or name in present)])
+        return sorted(
+            [self.vehicle, *(name for name in heard if present is None or name in present)]
+        )

@@ -68,7 +68,9 @@ class Coordinator:
     """
 
     def __init__(self, board: Board, epoch: int, slot_m: float) -> None:
-        self._board, self._epoch, self._slot_m = board, epoch, slot_m
+        self._board = board
+        self._epoch = epoch
+        self._slot_m = slot_m
         self._seq = 0
         self._begun_s: float | None = None
         self._players: tuple[list[str], list[str]] | None = None
@@ -77,7 +79,8 @@ class Coordinator:
     @property
     def leading(self) -> bool:
         """True if this vehicle is the coordinator."""
-        roles, own = self._board.roles, (self._board.vehicle, self._epoch)
+        roles = self._board.roles
+        own = (self._board.vehicle, self._epoch)
         return roles is not None and (roles.vehicle, roles.epoch) == own
 
     def elect(self, now_s: float, alive: list[str]) -> bool:
@@ -100,16 +103,26 @@ class Coordinator:
         """
         players = sorted(scene.vehicles), sorted(scene.evaders)
         last = self._board.roles if self.leading else None
-        due = last is None or players != self._players or now_s - self._matched_s >= EVERY_S - ROUNDING_S
+        due = (
+            last is None
+            or players != self._players
+            or now_s - self._matched_s >= EVERY_S - ROUNDING_S
+        )
         if last is not None and not due and now_s - self._board.roles_s < SENT_EVERY_S - ROUNDING_S:
             return None
-        roles, matching = () if last is None else last.roles, None
+        roles = () if last is None else last.roles
+        matching = None
         if due:
-            self._players, self._matched_s = players, now_s
+            self._players = players
+            self._matched_s = now_s
             matching = self._match(scene, *players)
             roles = () if matching is None else self._roles(matching, *players)
         self._seq += 1
-        sent: dict[str, Any] = {"vehicle": self._board.vehicle, "epoch": self._epoch, "seq": self._seq}
+        sent: dict[str, Any] = {
+            "vehicle": self._board.vehicle,
+            "epoch": self._epoch,
+            "seq": self._seq,
+        }
         promises = self._promises(now_s, scene, matching, *players)
         term = self._board.term + 1 if last is None else last.term
         made = RolesMessage(**sent, term=term, roles=roles, promises=promises)
@@ -122,23 +135,44 @@ class Coordinator:
         states = [scene.vehicles[name] for name in vehicles]
         seen = [scene.evaders[name] for name in evaders]
         speeds = np.array([(one.speed_m_s, one.climb_m_s, one.descent_m_s) for _, one in states])
-        game = Game(Cylinder(*speeds.T[..., None]), np.array([one.speed_m_s for one in seen]), standoff=scene.standoff)
-        kept = {one.evader: (one.first, one.second) for one in self._promised if one.value is not None}
+        game = Game(
+            Cylinder(*speeds.T[..., None]),
+            np.array([one.speed_m_s for one in seen]),
+            standoff=scene.standoff,
+        )
+        kept = {
+            one.evader: (one.first, one.second) for one in self._promised if one.value is not None
+        }
         numbers = {name: number for number, name in enumerate(vehicles)}
-        who = [[numbers.get(one or "", -1) for one in kept.get(name, (None, None))] for name in evaders]
+        who = [
+            [numbers.get(one or "", -1) for one in kept.get(name, (None, None))] for name in evaders
+        ]
         previous = _NOTHING._replace(first=np.array(who)[:, 0], second=np.array(who)[:, 1])
-        places_m, evaders_m = np.array([place for place, _ in states]), np.array([one.position_m for one in seen])
+        places_m = np.array([place for place, _ in states])
+        evaders_m = np.array([one.position_m for one in seen])
         try:
-            return match_teams(game, places_m, evaders_m, scene.target_m, previous=previous, hysteresis=HYSTERESIS)
-        except ConfigError:  # a state without an answer: no roles are sent, and every vehicle keeps its evader
+            return match_teams(
+                game, places_m, evaders_m, scene.target_m, previous=previous, hysteresis=HYSTERESIS
+            )
+        except ConfigError:
+            # A state without an answer: no roles are sent, and every vehicle keeps its evader
             self._board.counts["unmatched"] += 1
             return None
 
-    def _roles(self, matching: Matching, vehicles: list[str], evaders: list[str]) -> tuple[VehicleRole, ...]:
-        roles, everybody = [], range(len(vehicles))
+    def _roles(
+        self, matching: Matching, vehicles: list[str], evaders: list[str]
+    ) -> tuple[VehicleRole, ...]:
+        roles = []
+        everybody = range(len(vehicles))
         for number, evader in enumerate(evaders):
-            leaders_first = dict.fromkeys((int(matching.first[number]), int(matching.second[number]), *everybody))
-            there = [index for index in leaders_first if index in everybody and matching.evader_of[index] == number]
+            leaders_first = dict.fromkeys(
+                (int(matching.first[number]), int(matching.second[number]), *everybody)
+            )
+            there = [
+                index
+                for index in leaders_first
+                if index in everybody and matching.evader_of[index] == number
+            ]
             roles += [
                 VehicleRole(vehicle=vehicles[index], evader=evader, above_m=rank * self._slot_m)
                 for rank, index in enumerate(there)
@@ -150,7 +184,12 @@ class Coordinator:
         return () if self._board.roles is None else self._board.roles.promises
 
     def _promises(
-        self, now_s: float, scene: Scene, matching: Matching | None, vehicles: list[str], evaders: list[str]
+        self,
+        now_s: float,
+        scene: Scene,
+        matching: Matching | None,
+        vehicles: list[str],
+        evaders: list[str],
     ) -> tuple[Promise, ...]:
         """Return all promises; before the first vehicle plays, they are only offers."""
         begun = any(state.part == "playing" for _, state in scene.vehicles.values())
@@ -163,7 +202,8 @@ class Coordinator:
             return tuple(promises.values())
         numbered = [*vehicles, None]  # -1 is nobody
         for number, evader in enumerate(evaders):
-            first, second = numbered[int(matching.first[number])], numbered[int(matching.second[number])]
+            first = numbered[int(matching.first[number])]
+            second = numbered[int(matching.second[number])]
             value = None if first is None else float(matching.value[number])
             before = promises.get(evader) if begun else None
             if before is None:
@@ -175,15 +215,21 @@ class Coordinator:
                 cause = before.cause
             else:
                 kept = before.value
-                worse = value is None or (value - kept if scene.target_m is None else kept - value) > _NOISE
+                worse = (
+                    value is None
+                    or (value - kept if scene.target_m is None else kept - value) > _NOISE
+                )
                 cause = self._cause(scene, evader, vehicles) if worse else ""
                 value, cause = (value, cause) if cause else (kept, before.cause)
-            promises[evader] = Promise(evader=evader, value=value, first=first, second=second, cause=cause)
+            promises[evader] = Promise(
+                evader=evader, value=value, first=first, second=second, cause=cause
+            )
         return tuple(promises.values())
 
     def _cause(self, scene: Scene, evader: str, vehicles: list[str]) -> str:
         """Say why a promise cannot be kept; empty if nothing explains it, and then it stands."""
-        roles, seen = self._board.roles, scene.evaders[evader]
+        roles = self._board.roles
+        seen = scene.evaders[evader]
         if roles is not None and any(role.vehicle not in vehicles for role in roles.roles):
             return "vehicle lost"
         if seen.speed_m_s > seen.declared_m_s + _NOISE:

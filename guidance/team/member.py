@@ -55,9 +55,13 @@ class Member:
         epoch: int,
         separation_height_m: float,
     ) -> None:
-        self.vehicle, self._mates = vehicle, tuple(mates)
-        self._first, self._slot_m = Role(evaders[0]), separation_height_m + SLOT_MARGIN_M
-        self._transport, self._evaders, self._epoch = transport, sorted({*evaders}), epoch
+        self.vehicle = vehicle
+        self._mates = tuple(mates)
+        self._first = Role(evaders[0])
+        self._slot_m = separation_height_m + SLOT_MARGIN_M
+        self._transport = transport
+        self._evaders = sorted({*evaders})
+        self._epoch = epoch
         self.begin()
 
     def begin(self) -> None:
@@ -66,8 +70,10 @@ class Member:
         self.board = Board(self.vehicle, self._mates, self._evaders)
         self.coordinator = Coordinator(self.board, self._epoch, self._slot_m)
         self._noted: RolesMessage | None = None
-        self._seq, self._told_s = 0, -math.inf
-        self._heard_s, self._reports = dict[str, float](), dict[str, EvaderReport]()
+        self._seq = 0
+        self._told_s = -math.inf
+        self._heard_s = dict[str, float]()
+        self._reports = dict[str, EvaderReport]()
 
     def hear(
         self, now_s: float, flight: Flight, reports: Sequence[EvaderReport]
@@ -85,7 +91,11 @@ class Member:
                 self._heard_s[report.evader], self._reports[report.evader] = now_s, report
         mates = {one.name: one for one in news if isinstance(one, MateState)}
         relayed = [one for one in news if isinstance(one, EvaderReport)]
-        unheard = [one for one in relayed if now_s - self._heard_s.get(one.evader or "", -math.inf) > _RELAYED_S]
+        unheard = [
+            one
+            for one in relayed
+            if now_s - self._heard_s.get(one.evader or "", -math.inf) > _RELAYED_S
+        ]
         return tuple(mates.values()) or None, self._role(now_s, flight), unheard
 
     def _role(self, now_s: float, flight: Flight) -> Role | None:
@@ -98,7 +108,9 @@ class Member:
             return None
         if role.evader == before.evader:
             return role
-        unseen = flight.tracking.silence_s(now_s, role.evader) > flight.settings.cycle.evader_timeout_s
+        unseen = (
+            flight.tracking.silence_s(now_s, role.evader) > flight.settings.cycle.evader_timeout_s
+        )
         waits = now_s - max(self.board.over.values(), default=-math.inf) < STAYS_S
         if waits or unseen or role.evader in self.board.over:
             self.board.counts["roles_left_out"] += not waits
@@ -108,15 +120,20 @@ class Member:
     def changed(self, outputs: Outputs) -> RolesMessage | None:
         """Return the assignment if it differs from that of the last call, or if the vehicle begins to play."""
         roles = self.board.roles
-        begins = any(one.after is State.ENGAGED and one.before is not State.ENGAGED for one in outputs.happenings)
+        begins = any(
+            one.after is State.ENGAGED and one.before is not State.ENGAGED
+            for one in outputs.happenings
+        )
         if roles is None or (roles is self._noted and not begins):
             return None
-        before, self._noted = self._noted, roles
+        before = self._noted
+        self._noted = roles
         return roles if begins or before is None or _contents(before) != _contents(roles) else None
 
     def assignment(self, flight: Flight) -> dict[str, Any]:
         """Return its role, the coordinator, all promises and the evaders out of play, for displays."""
-        roles, role = self.board.roles, flight.heard.role or self._first
+        roles = self.board.roles
+        role = flight.heard.role or self._first
         unit = "s" if flight.settings.cycle.target_game_m is None else "m"
         return {
             "evader": role.evader,
@@ -142,7 +159,10 @@ class Member:
         elif not ended:
             return
         alive = self.board.alive(now_s, self._transport.present())
-        if self.coordinator.elect(now_s, alive) and (scene := self._scene(now_s, flight, alive)) is not None:
+        if (
+            self.coordinator.elect(now_s, alive)
+            and (scene := self._scene(now_s, flight, alive)) is not None
+        ):
             made = self.coordinator.assign(now_s, scene)
             if made is not None:
                 self._transport.publish(made.key, encode(made))
@@ -150,9 +170,12 @@ class Member:
     def _publish(self, flight: Flight, outputs: Outputs) -> None:
         self._seq += 1
         common: dict[str, Any] = {"vehicle": self.vehicle, "epoch": self._epoch, "seq": self._seq}
-        local, frame = flight.vehicle.latest.get(LocalPosition), flight.tracking.local_frame
+        local = flight.vehicle.latest.get(LocalPosition)
+        frame = flight.tracking.local_frame
         if local is not None and frame is not None:
-            speeds, certificate, state = flight.settings.cycle.game.pursuer, outputs.certificate, flight.state
+            speeds = flight.settings.cycle.game.pursuer
+            certificate = outputs.certificate
+            state = flight.state
             value = math.nan if certificate is None else certificate.value
             self.board.own = told = StateMessage(
                 **common,
@@ -162,8 +185,12 @@ class Member:
                 part="playing" if state in _PLAYING else "ready" if state in _READY else "out",
                 airborne=flight.vehicle.armed and not flight.vehicle.on_ground,
                 speed_m_s=float(speeds.horizontal_m_s),
-                climb_m_s=float(speeds.climb_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s),
-                descent_m_s=float(speeds.descent_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s),
+                climb_m_s=float(
+                    speeds.climb_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s
+                ),
+                descent_m_s=float(
+                    speeds.descent_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s
+                ),
                 evader=None if flight.heard.role is None else flight.heard.role.evader,
                 value=value if math.isfinite(value) and value >= 0.0 else None,
                 term=self.board.term,
@@ -172,26 +199,45 @@ class Member:
             self._transport.publish(told.key, encode(told))
         for name, report in self._reports.items():
             place = report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)
-            told_by = common | _placed(report.received_s, place) | {"evader": name, "source": report.source[:120]}
-            velocity = report.velocity_ned_m_s if all(map(math.isfinite, report.velocity_ned_m_s)) else None
+            told_by = (
+                common
+                | _placed(report.received_s, place)
+                | {"evader": name, "source": report.source[:120]}
+            )
+            velocity = (
+                report.velocity_ned_m_s
+                if all(map(math.isfinite, report.velocity_ned_m_s))
+                else None
+            )
             heard = EvaderMessage(**told_by, velocity_ned_m_s=velocity)
             self._transport.publish(heard.key, encode(heard))
         self._reports.clear()
 
     def _scene(self, now_s: float, flight: Flight, alive: Collection[str]) -> Scene | None:
         """Return all players that are there and in play, None before the frames are known."""
-        tracking, cycle, own = flight.tracking, flight.settings.cycle, self.board.own
-        frame, game_frame = tracking.local_frame, tracking.game_frame
+        tracking = flight.tracking
+        cycle = flight.settings.cycle
+        own = self.board.own
+        frame = tracking.local_frame
+        game_frame = tracking.game_frame
         if frame is None or game_frame is None or own is None:
             return None
-        known = {name: (mate.state, mate.at_s) for name, mate in self.board.mates.items() if name in alive}
+        known = {
+            name: (mate.state, mate.at_s)
+            for name, mate in self.board.mates.items()
+            if name in alive
+        }
         known[self.vehicle] = (own, own.sent_s)
-        vehicles, evaders, heights_m = {}, {}, []
+        vehicles = {}
+        evaders = {}
+        heights_m = []
         for name in self._evaders:
             if (seen := tracking.evader(now_s, name)) is not None and name not in self.board.over:
                 x, y, z = game_frame.position_from_ned(seen.position_ned_m)
                 declared_m_s = flight.settings.evaders.get(name, cycle.game.evader_speed_m_s)
-                evaders[name] = EvaderSeen((x, y, 0.0), seen.speed_bound_m_s, declared_m_s, seen.age_s)
+                evaders[name] = EvaderSeen(
+                    (x, y, 0.0), seen.speed_bound_m_s, declared_m_s, seen.age_s
+                )
                 heights_m.append(z)
         plane_m = sum(heights_m) / len(heights_m) if heights_m else 0.0
         for name, (state, at_s) in known.items():
@@ -205,11 +251,17 @@ class Member:
 
 def _contents(roles: RolesMessage) -> tuple[Any, ...]:
     """What of an assignment is worth a note: not the values, which change all the time until the game begins."""
-    promises = [(one.evader, one.first, one.second, one.cause, one.value is None) for one in roles.promises]
+    promises = [
+        (one.evader, one.first, one.second, one.cause, one.value is None) for one in roles.promises
+    ]
     return roles.term, roles.roles, promises
 
 
 def _placed(sent_s: float, place: tuple[float, float, Amsl]) -> dict[str, Any]:
     latitude_deg, longitude_deg, altitude = place
-    named = {"latitude_deg": latitude_deg, "longitude_deg": longitude_deg, "altitude_amsl_m": altitude.metres}
+    named = {
+        "latitude_deg": latitude_deg,
+        "longitude_deg": longitude_deg,
+        "altitude_amsl_m": altitude.metres,
+    }
     return {"sent_s": sent_s, **named}

@@ -14,7 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 from guidance.frames import Amsl
 from guidance.vehicle import FASTEST_M_S, HIGHEST_M
 
-STATE, EVADER, ROLES = "state", "evader", "roles"
+STATE = "state"
+EVADER = "evader"
+ROLES = "roles"
 """First parts of the keys `state/VEHICLE`, `evader/EVADER/VEHICLE` and `roles/VEHICLE`."""
 
 MOST_BYTES: Final = 8192
@@ -54,8 +56,12 @@ class Placed(Message):
 
     latitude_deg: float = Field(gt=-90.0, lt=90.0, description="WGS-84 latitude, degrees")
     longitude_deg: float = Field(ge=-180.0, le=180.0, description="WGS-84 longitude, degrees")
-    altitude_amsl_m: float = Field(gt=-HIGHEST_M, lt=HIGHEST_M, description="Above mean sea level, metres")
-    sent_s: FiniteFloat = Field(description="When it was true, seconds of the sender's steady clock")
+    altitude_amsl_m: float = Field(
+        gt=-HIGHEST_M, lt=HIGHEST_M, description="Above mean sea level, metres"
+    )
+    sent_s: FiniteFloat = Field(
+        description="When it was true, seconds of the sender's steady clock"
+    )
 
     @property
     def place(self) -> tuple[float, float, Amsl]:
@@ -70,15 +76,21 @@ class StateMessage(Placed):
 
     velocity_ned_m_s: Velocity = Field(description="North, east, down, m/s")
     state: str = Field(max_length=_MOST, description="State of its flight, for people")
-    part: Literal["out", "ready", "playing"] = Field(description="Whether it can be engaged, or plays")
+    part: Literal["out", "ready", "playing"] = Field(
+        description="Whether it can be engaged, or plays"
+    )
     airborne: bool = Field(description="Whether mates must stay away from it")
     speed_m_s: Speed = Field(description="Horizontal speed in the game")
     climb_m_s: Speed = Field(description="Climb rate in the game")
     descent_m_s: Speed = Field(description="Descent rate in the game")
     evader: Name | None = Field(None, description="The evader that it plays against")
-    value: float | None = Field(None, ge=0.0, description="Value of its own game: s in PE, m in TAD; null without one")
+    value: float | None = Field(
+        None, ge=0.0, description="Value of its own game: s in PE, m in TAD; null without one"
+    )
     term: Count = Field(0, description="The latest term that it has heard of")
-    over: Names = Field((), description="Evaders that it captured, or that arrived: they are out of play")
+    over: Names = Field(
+        (), description="Evaders that it captured, or that arrived: they are out of play"
+    )
 
 
 class EvaderMessage(Placed):
@@ -87,7 +99,9 @@ class EvaderMessage(Placed):
     model_config = ConfigDict(title="guidance.TeamEvader")
 
     evader: Name = Field(description="The evader")
-    velocity_ned_m_s: Velocity | None = Field(None, description="North, east, down, m/s; null if unknown")
+    velocity_ned_m_s: Velocity | None = Field(
+        None, description="North, east, down, m/s; null if unknown"
+    )
     source: str = Field(max_length=120, description="Who reported it to the sender")
 
     @property
@@ -156,7 +170,9 @@ class RolesMessage(Message):
 
     term: Count = Field(description="Number of the coordinator's election; a later one wins")
     roles: tuple[VehicleRole, ...] = Field(max_length=_MOST, strict=False)
-    promises: tuple[Promise, ...] = Field((), max_length=_MOST, strict=False, description="All that were ever given")
+    promises: tuple[Promise, ...] = Field(
+        (), max_length=_MOST, strict=False, description="All that were ever given"
+    )
 
     @property
     def key(self) -> str:
@@ -166,14 +182,21 @@ class RolesMessage(Message):
     @property
     def words(self) -> str:
         """The assignment for people; values are metres in TAD and seconds in PE."""
-        above = {role.vehicle: f" ({role.above_m:g} m above)" if role.above_m else "" for role in self.roles}
+        above = {
+            role.vehicle: f" ({role.above_m:g} m above)" if role.above_m else ""
+            for role in self.roles
+        }
         roles = [f"{role.vehicle} → {role.evader}{above[role.vehicle]}" for role in self.roles]
         promises = [f"{one.evader}: {one.words('')}" for one in self.promises]
         assigned = ", ".join(roles) or "no evader in play"
         return "; ".join((assigned, *promises, f"coordinator {self.vehicle}, term {self.term}"))
 
 
-KINDS: Final[Mapping[str, type[Message]]] = {STATE: StateMessage, EVADER: EvaderMessage, ROLES: RolesMessage}
+KINDS: Final[Mapping[str, type[Message]]] = {
+    STATE: StateMessage,
+    EVADER: EvaderMessage,
+    ROLES: RolesMessage,
+}
 
 
 def encode(message: Message) -> bytes:
@@ -233,8 +256,12 @@ class MemoryTransport:
         clock: Returns the time, s.
     """
 
-    def __init__(self, name: str, ends: dict[str, "MemoryTransport"], clock: Callable[[], float]) -> None:
-        self.name, self._ends, self._clock = name, ends, clock
+    def __init__(
+        self, name: str, ends: dict[str, "MemoryTransport"], clock: Callable[[], float]
+    ) -> None:
+        self.name = name
+        self._ends = ends
+        self._clock = clock
         self.waiting: list[Arrived] = []
         ends[name] = self
 

@@ -98,12 +98,16 @@ def check_picture(path: Path) -> None:
     """
     kinds = sorted(FigureCanvasAgg.get_supported_filetypes())
     if path.suffix.removeprefix(".") not in kinds:
-        raise ConfigError(f"--out {path}: must end in one of {', '.join(f'.{kind}' for kind in kinds)}")
+        raise ConfigError(
+            f"--out {path}: must end in one of {', '.join(f'.{kind}' for kind in kinds)}"
+        )
 
 
 def thinned(values: Array) -> Array:
     """Thin out a long curve evenly, keeping both ends."""
-    return np.asarray(values[np.linspace(0, len(values) - 1, min(len(values), MOST_POINTS)).round().astype(int)])
+    return np.asarray(
+        values[np.linspace(0, len(values) - 1, min(len(values), MOST_POINTS)).round().astype(int)]
+    )
 
 
 def label_plan(axes: Any, title: str = "from above", *, adjustable: str = "box") -> None:  # noqa: ANN401
@@ -119,13 +123,20 @@ def legend_below(figure: Figure, *axes: Any, columns: int = 4, title: str = "") 
     for one in axes:
         for line, name in zip(*one.get_legend_handles_labels(), strict=True):
             named.setdefault(name, line)
-    style: dict[str, Any] = {"ncols": columns, "frameon": False, "fontsize": 9, "title": title or None}
+    style: dict[str, Any] = {
+        "ncols": columns,
+        "frameon": False,
+        "fontsize": 9,
+        "title": title or None,
+    }
     figure.legend(named.values(), named, loc="outside lower center", **style)
 
 
 def legend_beside(axes: Any) -> None:  # noqa: ANN401
     """Put the legend beside the axes."""
-    axes.legend(loc="upper left", bbox_to_anchor=(1.005, 1.0), borderaxespad=0.0, frameon=False, fontsize=9)
+    axes.legend(
+        loc="upper left", bbox_to_anchor=(1.005, 1.0), borderaxespad=0.0, frameon=False, fontsize=9
+    )
 
 
 class Shape(NamedTuple):
@@ -149,42 +160,65 @@ class Shape(NamedTuple):
 def box_of(shapes: Iterable[Shape]) -> tuple[Array, Array]:
     """Return the corners of all framed shapes, with a margin."""
     places = np.concatenate([shape.places_m for shape in shapes if shape.is_framed])
-    known = places[np.isfinite(places).all(axis=-1)] if np.isfinite(places).any() else np.zeros((1, 3))
+    known = (
+        places[np.isfinite(places).all(axis=-1)] if np.isfinite(places).any() else np.zeros((1, 3))
+    )
     return known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
 
 
 def players_of(pursuer: Array, evader: Array) -> Iterator[Shape]:
     """Yield the tracks of both players in the game, (n, 3), m, and their ends."""
-    for name, track, style, marks in (("pursuer", pursuer, PURSUER, "os"), ("evader", evader, EVADER, "^v")):
+    for name, track, style, marks in (
+        ("pursuer", pursuer, PURSUER, "os"),
+        ("evader", evader, EVADER, "^v"),
+    ):
         mark = {"color": style["color"], "linestyle": "none"}
         yield Shape(track, style, name)
         if len(track):
             yield Shape(track[:1], mark | {"marker": marks[0]}, f"{name} at engagement")
-            yield Shape(track[-1:], mark | {"marker": marks[1], "mfc": "white"}, f"{name} at the end")
+            yield Shape(
+                track[-1:], mark | {"marker": marks[1], "mfc": "white"}, f"{name} at the end"
+            )
 
 
-def promise_of(curve: Array, meeting_m: Sequence[float] | None, *, with_target: bool) -> Iterator[Shape]:
+def promise_of(
+    curve: Array, meeting_m: Sequence[float] | None, *, with_target: bool
+) -> Iterator[Shape]:
     """Yield the isochron at engagement, (n, 2), and the meeting point foreseen, m: what the game promises."""
     yield Shape(lifted(curve, 0.0), ISOCHRON, "isochron at engagement")
     if meeting_m is not None:
         place_m = np.array([[*meeting_m[:2], 0.0]])
-        yield Shape(place_m, MEETING, f"{'g*' if with_target else 'q*'}, meeting point foreseen", is_framed=False)
+        yield Shape(
+            place_m,
+            MEETING,
+            f"{'g*' if with_target else 'q*'}, meeting point foreseen",
+            is_framed=False,
+        )
 
 
 def disc_of(reached_m: Sequence[float], standoff: StandOff) -> Shape:
     """Return the stand-off disc about the place of the evader at capture."""
     rim = circle((reached_m[0], reached_m[1], 0.0), standoff.radius_m, 73)
-    return Shape(lifted(rim, standoff.height_m), STANDOFF, "stand-off disc at capture", is_framed=False)
+    return Shape(
+        lifted(rim, standoff.height_m), STANDOFF, "stand-off disc at capture", is_framed=False
+    )
 
 
 def target_of(place_m: Vector | None, extent: Extent) -> Iterator[Shape]:
     """Yield the target of a TAD game and the edge of its shape."""
     if place_m is not None:
         yield Shape(np.array([place_m]), TARGET, "T, target")
-        yield Shape(lifted(target_edge(place_m, extent), place_m[2]), {"color": TARGET["color"]}, "", is_framed=False)
+        yield Shape(
+            lifted(target_edge(place_m, extent), place_m[2]),
+            {"color": TARGET["color"]},
+            "",
+            is_framed=False,
+        )
 
 
-def chase_figure(shapes: Sequence[Shape], fence: Sequence[Array], *, with_whole_fence: bool = False) -> Figure:
+def chase_figure(
+    shapes: Sequence[Shape], fence: Sequence[Array], *, with_whole_fence: bool = False
+) -> Figure:
     """Draw a chase in space and from above, and from above with the whole fence if asked for.
 
     Args:
@@ -192,9 +226,14 @@ def chase_figure(shapes: Sequence[Shape], fence: Sequence[Array], *, with_whole_
         fence: The fence's closed edges, (n, 3) each.
         with_whole_fence: Draw a third view.
     """
-    size, widths = ((13.0, 5.8), [1.15, 0.08, 1.0, 0.7]) if with_whole_fence else ((12.0, 6.4), [1.0, 0.06, 0.9])
+    size, widths = (
+        ((13.0, 5.8), [1.15, 0.08, 1.0, 0.7])
+        if with_whole_fence
+        else ((12.0, 6.4), [1.0, 0.06, 0.9])
+    )
     figure = figure_of(*size)
-    grid = figure.add_gridspec(1, len(widths), width_ratios=widths)  # the second one is for the height's label
+    # The second one is for the height's label
+    grid = figure.add_gridspec(1, len(widths), width_ratios=widths)
     space = figure.add_subplot(grid[0], projection="3d", elev=22.0, azim=-60.0)
     plan, *whole = (figure.add_subplot(grid[place]) for place in range(2, len(widths)))
     views = ((space, 3), (plan, 2), *((axes, 2) for axes in whole))
@@ -210,7 +249,9 @@ def chase_figure(shapes: Sequence[Shape], fence: Sequence[Array], *, with_whole_
     space.set(xlabel="x east, m", zlabel="z up, m", zlim=(min(0.0, low[2] + _MARGIN_M), high[2]))
     space.set_ylabel("y north, m", labelpad=10.0)
     space.locator_params(nbins=5)
-    spans = [high - low for low, high in (space.get_xlim3d(), space.get_ylim3d(), space.get_zlim3d())]
+    spans = [
+        high - low for low, high in (space.get_xlim3d(), space.get_ylim3d(), space.get_zlim3d())
+    ]
     space.set_box_aspect(spans, zoom=0.93)  # equal scales, with space for the labels
     legend_below(figure, *whole or (plan,), columns=5 if whole else 4)
     return figure
@@ -232,7 +273,8 @@ def draw_fence(axes: Any, edges: Sequence[Array], dimensions: int, *, whole: boo
         dimensions: 3 in space, 2 from above.
         whole: Widen the view to all of it.
     """
-    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    (west, east) = axes.get_xlim()
+    (south, north) = axes.get_ylim()
     label: str | None = "fence"
     for edge in edges:
         x, y, _ = edge.T
@@ -255,16 +297,23 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
     """
     batch = stack([scenario])
     played_s, pursuer, evader = played(batch)
-    meeting_m, target_m = opening(batch).meeting_point_m[0], target_game_m(scenario)
+    meeting_m = opening(batch).meeting_point_m[0]
+    target_m = target_game_m(scenario)
     curve = isochron(batch.believed, batch.pursuer_m[0], batch.evader_m[0])
     shapes = [
         *_courses(batch, 2.0 * played_s),
         *players_of(pursuer, evader),
-        *promise_of(curve, meeting_m if np.isfinite(meeting_m).all() else None, with_target=target_m is not None),
+        *promise_of(
+            curve,
+            meeting_m if np.isfinite(meeting_m).all() else None,
+            with_target=target_m is not None,
+        ),
         disc_of(evader[-1], batch.game.standoff),
         *target_of(target_m, batch.game.target_extent),
     ]
-    figure = chase_figure(shapes, [lifted(circle(scenario.home_m, scenario.limits.fence_radius_m, 361), 0.0)])
+    figure = chase_figure(
+        shapes, [lifted(circle(scenario.home_m, scenario.limits.fence_radius_m, 361), 0.0)]
+    )
     figure.suptitle(scenario.title)
     save(figure, path)
 
@@ -277,17 +326,26 @@ def played(batch: Batch) -> tuple[float, Array, Array]:
     steps = list(moments(batch))
     after = [*steps[1:], steps[-1]]
     now_s = np.array([step.now_s[0] for step in steps])
-    pursuer = _curved(now_s, [step.pursuer_m[0] for step in steps], [step.flown_m_s[0] for step in after])
-    evader = _curved(now_s, [step.evader_m[0] for step in steps], [step.run_m_s[0] for step in after])
+    pursuer = _curved(
+        now_s, [step.pursuer_m[0] for step in steps], [step.flown_m_s[0] for step in after]
+    )
+    evader = _curved(
+        now_s, [step.evader_m[0] for step in steps], [step.run_m_s[0] for step in after]
+    )
     return float(now_s[-1]), pursuer, evader
 
 
 def _curved(now_s: Array, places: Sequence[Array], rates: Sequence[Array]) -> Array:
     """Return a track through places (m), with more points between them; the rates (m/s) are those of the steps."""
-    places_m, rates_m_s = np.array(places), np.array(rates)
+    places_m = np.array(places)
+    rates_m_s = np.array(rates)
     s = np.arange(_POINTS_A_STEP)[None, :, None] / _POINTS_A_STEP
-    run, later = (np.diff(now_s)[:, None, None] * one_m_s[:, None] for one_m_s in (rates_m_s[:-1], rates_m_s[1:]))
-    begin, way = places_m[:-1, None], np.diff(places_m, axis=0)[:, None]
+    run, later = (
+        np.diff(now_s)[:, None, None] * one_m_s[:, None]
+        for one_m_s in (rates_m_s[:-1], rates_m_s[1:])
+    )
+    begin = places_m[:-1, None]
+    way = np.diff(places_m, axis=0)[:, None]
     curved = begin + s * way + s * (1.0 - s) * ((1.0 - s) * (run - way) - s * (later - way))
     return np.concatenate([curved.reshape(-1, 3), places_m[-1:]])
 
@@ -296,7 +354,9 @@ def _courses(batch: Batch, until_s: float) -> Iterator[Shape]:
     """Yield the places of the players' courses, and no more of them than the game needs: some go on for minutes."""
     for name, course in (("P", batch.pursuer.course), ("E", batch.evader.course)):
         if course is not None:
-            places_m = course.places_m[0][np.concatenate([[True], course.times_s[0, :-1] <= until_s])]
+            places_m = course.places_m[0][
+                np.concatenate([[True], course.times_s[0, :-1] <= until_s])
+            ]
             yield Shape(places_m, COURSE, f"course of {name}", is_framed=False, dimensions=(2,))
 
 
@@ -317,8 +377,11 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
     label_plan(axes, adjustable="datalim")
     axes.set_axisbelow(True)
     figure.suptitle(scenario.title, fontsize=13)
-    captured, unit = int(np.count_nonzero(played.end == End.CAPTURED)), "s" if scenario.game == "pe" else "m from T"
-    foreseen = f"{int(matching.guaranteed)} captures guaranteed, {float(matching.total):.2f} {unit} in all"
+    captured = int(np.count_nonzero(played.end == End.CAPTURED))
+    unit = "s" if scenario.game == "pe" else "m from T"
+    foreseen = (
+        f"{int(matching.guaranteed)} captures guaranteed, {float(matching.total):.2f} {unit} in all"
+    )
     axes.set_title(f"{foreseen}; {captured} captured", fontsize=10, color="0.3")
     legend_below(figure, axes)
     save(figure, path)
@@ -343,7 +406,8 @@ def region(teams: Teams, pursuers: list[int], evader: int, points: int = 721) ->
 
 def _draw_region(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  # noqa: ANN401 - matplotlib's
     """Draw the discs of an evader and its pursuers, shade their intersection, and mark the meeting point."""
-    colour, goal = _EVADERS[j % len(_EVADERS)], teams.target_m
+    colour = _EVADERS[j % len(_EVADERS)]
+    goal = teams.target_m
     roles = {"first": (matching.first[j], "-"), "second": (matching.second[j], (0, (2, 1.5)))}
     team = {role: (int(i), style) for role, (i, style) in roles.items() if i >= 0}
     for i, _ in team.values():
@@ -352,13 +416,29 @@ def _draw_region(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  
     if not team:
         return
     shade = {"facecolor": to_rgba(colour, 0.14), "edgecolor": colour, "linewidth": 1.6}
-    axes.fill(*region(teams, [i for i, _ in team.values()], j).T, **shade, label="before both: the intersection")
+    axes.fill(
+        *region(teams, [i for i, _ in team.values()], j).T,
+        **shade,
+        label="before both: the intersection",
+    )
     x, y, _ = matching.meeting_point_m[j]
     if goal is not None:
-        axes.plot([x, goal[0]], [y, goal[1]], color=colour, linewidth=1.0, alpha=0.6, label="L, guaranteed")
+        axes.plot(
+            [x, goal[0]],
+            [y, goal[1]],
+            color=colour,
+            linewidth=1.0,
+            alpha=0.6,
+            label="L, guaranteed",
+        )
     for role, (i, style) in team.items():
         line = {"color": "0.2", "linewidth": 1.4, "linestyle": style, "zorder": 4}
-        axes.plot([teams.pursuers_m[i, 0], x], [teams.pursuers_m[i, 1], y], **line, label=f"matched, {role}")
+        axes.plot(
+            [teams.pursuers_m[i, 0], x],
+            [teams.pursuers_m[i, 1], y],
+            **line,
+            label=f"matched, {role}",
+        )
     star = {"markeredgecolor": "white", "markersize": 17, "zorder": 6, "linestyle": "none"}
     axes.plot([x], [y], "*", color=colour, **star, label="X*, meeting point")
 
@@ -366,19 +446,28 @@ def _draw_region(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  
 def _draw_players(axes: Any, teams: Teams, played: TeamRollout) -> None:  # noqa: ANN401
     """Draw the tracks as played, and all players at their start."""
     own = {"markeredgecolor": "white", "zorder": 5, "linestyle": "none"}
-    beside: dict[str, Any] = {"textcoords": "offset points", "fontsize": 10, "zorder": 7, "fontweight": "bold"}
+    beside: dict[str, Any] = {
+        "textcoords": "offset points",
+        "fontsize": 10,
+        "zorder": 7,
+        "fontweight": "bold",
+    }
     beside["path_effects"] = [withStroke(linewidth=3.0, foreground="white")]
     for i, (x, y, z) in enumerate(teams.pursuers_m):
         track = np.array([sample.pursuers_m[0, i, :2] for sample in played.path])
         axes.plot(*track.T, color=_PURSUER, linewidth=4.0, alpha=0.3, label="pursuer as played")
-        axes.plot([x], [y], "^", color=_PURSUER, markersize=12, **own, label="pursuer, and its height")
+        axes.plot(
+            [x], [y], "^", color=_PURSUER, markersize=12, **own, label="pursuer, and its height"
+        )
         axes.annotate(f"P{i} · {z:g} m", (x, y), xytext=(9, -4), color=_PURSUER, **beside)
     for j, (x, y, _) in enumerate(teams.evaders_m):
         colour = _EVADERS[j % len(_EVADERS)]
         track = np.array([sample.evaders_m[0, j] for sample in played.path])
         axes.plot(*track[:, :2].T, color=colour, linewidth=4.0, alpha=0.5, label="evader as played")
         if played.end[0, j] == End.ARRIVED:
-            axes.plot(*track[-1:, :2].T, "o", mfc="none", color=colour, markersize=18, label="arrived")
+            axes.plot(
+                *track[-1:, :2].T, "o", mfc="none", color=colour, markersize=18, label="arrived"
+            )
         axes.plot([x], [y], "o", color=colour, markersize=11, **own, label="evader")
         axes.annotate(f"E{j}", (x, y), xytext=(8, 6), color=colour, **beside)
     if teams.target_m is not None:

@@ -23,8 +23,28 @@ from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, writing
 from guidance.log.scene import Array, circle, isochron_at, lifted
 from guidance.viz import figures
-from guidance.viz.figures import EVADER, MARK, PURSUER, STANDOFF, TARGET, Shape, Style, legend_beside, thinned
-from guidance.viz.story import Row, Story, TeamStory, opening, story_of, summary, team_opening, team_story, team_summary
+from guidance.viz.figures import (
+    EVADER,
+    MARK,
+    PURSUER,
+    STANDOFF,
+    TARGET,
+    Shape,
+    Style,
+    legend_beside,
+    thinned,
+)
+from guidance.viz.story import (
+    Row,
+    Story,
+    TeamStory,
+    opening,
+    story_of,
+    summary,
+    team_opening,
+    team_story,
+    team_summary,
+)
 
 FRAMES: Final = 90
 FRAME_MS: Final = 80
@@ -65,14 +85,21 @@ def draw_flight(record: Path, path: Path, title: str) -> None:
 
 def shapes_of(story: Story) -> list[Shape]:
     """Return the shapes of a recorded flight."""
-    settings, engaged, captured = story.settings.cycle, story.engaged, story.captured
+    settings = story.settings.cycle
+    engaged = story.engaged
+    captured = story.captured
     begin = len(story.cycles) if engaged is None else engaged.number
     end = begin + len(story.game)
-    pursuer, evader = story.column("pursuer_m"), story.column("evader_m")
-    shapes = [Shape(part, figures.BEFORE, "pursuer before and after") for part in (pursuer[:begin], pursuer[end:])]
+    pursuer = story.column("pursuer_m")
+    evader = story.column("evader_m")
+    shapes = [
+        Shape(part, figures.BEFORE, "pursuer before and after")
+        for part in (pursuer[:begin], pursuer[end:])
+    ]
     shapes += figures.players_of(pursuer[begin:end], evader[begin:end])
     if engaged is not None and not engaged.certificate.no_game:
-        curve, meeting_m = isochron_at(settings, engaged.certificate), engaged.certificate.meeting_point_game_m
+        curve = isochron_at(settings, engaged.certificate)
+        meeting_m = engaged.certificate.meeting_point_game_m
         shapes += figures.promise_of(curve, meeting_m, with_target=story.with_target)
     if captured is not None and not captured.certificate.no_game:
         curve = lifted(isochron_at(settings, captured.certificate), 0.0)
@@ -88,13 +115,21 @@ def game(story: Story) -> Figure:
     def column(name: str) -> Array:
         return story.column(name)[playing_span(story)]
 
-    now_s, value, needed_s = column("now_s"), column("value"), column("time_needed_s")
+    now_s = column("now_s")
+    value = column("value")
+    needed_s = column("time_needed_s")
     since_s = now_s - (now_s[0] if story.engaged is None else story.engaged.now_s)
-    panel, ideal, own = "time of capture, s", "V + t, the game's\npursuer", "time of capture,\nthis vehicle"
-    guaranteed, own_guaranteed = value + since_s, needed_s + since_s
+    panel = "time of capture, s"
+    ideal = "V + t, the game's\npursuer"
+    own = "time of capture,\nthis vehicle"
+    guaranteed = value + since_s
+    own_guaranteed = needed_s + since_s
     if story.with_target:
-        panel, ideal, own = "guarantee L, m", "L, evader's final\ndistance to T", "the same, of\nthis vehicle"
-        guaranteed, own_guaranteed = value, column("assured_distance_m")
+        panel = "guarantee L, m"
+        ideal = "L, evader's final\ndistance to T"
+        own = "the same, of\nthis vehicle"
+        guaranteed = value
+        own_guaranteed = column("assured_distance_m")
     lines: list[Line] = [
         ("range, m", now_s, column("gap_m"), PURSUER, "ground distance to the disc's rim"),
         ("range, m", now_s, column("height_gap_m"), EVADER, "height above the disc"),
@@ -108,24 +143,33 @@ def game(story: Story) -> Figure:
     if story.engaged is not None:
         engaged = story.engaged.certificate
         promised = engaged.assured_distance_m if story.with_target else engaged.time_needed_s
-        axes[2].axhline(promised, color="0.15", linewidth=1.0, linestyle=":", label="promised at engagement")
+        axes[2].axhline(
+            promised, color="0.15", linewidth=1.0, linestyle=":", label="promised at engagement"
+        )
     for number, (alarm_s, _) in enumerate(story.alarms):
-        axes[2].axvline(alarm_s, **MARK | {"color": "0.0", "linestyle": "-"}, label=None if number else "alarm")
+        axes[2].axvline(
+            alarm_s, **MARK | {"color": "0.0", "linestyle": "-"}, label=None if number else "alarm"
+        )
     legend_beside(axes[2])
     return figure
 
 
 def velocities(story: Story) -> Figure:
     """Draw the flown, commanded and desired velocity, by axis."""
-    span, lines = playing_span(story), list[Line]()
+    span = playing_span(story)
+    lines = list[Line]()
     now_s = thinned(story.column("now_s")[span])
     for name, style, label in (
         ("flown_ned_m_s", {"color": "0.55", "linewidth": 2.2}, "flown"),
         ("commanded_ned_m_s", PURSUER | {"linewidth": 1.1}, "commanded"),
         ("desired_ned_m_s", EVADER | {"linewidth": 1.1}, "wanted by the game"),
     ):
-        for column, axis in zip(thinned(story.column(name)[span]).T, ("north", "east", "down"), strict=True):
-            lines.append((f"velocity {axis}, m/s", now_s, column, style, label if axis == "north" else None))
+        for column, axis in zip(
+            thinned(story.column(name)[span]).T, ("north", "east", "down"), strict=True
+        ):
+            lines.append(
+                (f"velocity {axis}, m/s", now_s, column, style, label if axis == "north" else None)
+            )
     return over_time(story, 7.0, lines)[0]
 
 
@@ -137,7 +181,12 @@ def ages(story: Story) -> Figure:
         return panel, seconds, 1e3 * worst_s, style | {"drawstyle": "steps-post"}, label
 
     dots: Style = {"color": "k", "marker": ".", "linestyle": "none", "markersize": 4}
-    trips = story.column("now_s"), 1e3 * story.column("round_trip_s"), dots, "TIMESYNC\nthere and back"
+    trips = (
+        story.column("now_s"),
+        1e3 * story.column("round_trip_s"),
+        dots,
+        "TIMESYNC\nthere and back",
+    )
     lines: list[Line] = [
         worst("oldest in each\nsecond, ms", "telemetry_age_s", PURSUER, "vehicle's position"),
         worst("oldest in each\nsecond, ms", "evader_age_s", EVADER, "evader's last report"),
@@ -154,7 +203,8 @@ def ages(story: Story) -> Figure:
 
 def over_time(story: Story, height: float, lines: Sequence[Line]) -> tuple[Figure, list[Any]]:
     """Draw panels of lines over time, mark engagement and capture; return the figure and the axes."""
-    figure, panels = figures.figure_of(11.0, height), list(dict.fromkeys(panel for panel, *_ in lines))
+    figure = figures.figure_of(11.0, height)
+    panels = list(dict.fromkeys(panel for panel, *_ in lines))
     axes = list(figure.subplots(len(panels), 1, sharex=True))
     for panel, now_s, values, style, label in lines:
         axes[panels.index(panel)].plot(now_s, values, **style, label=label)
@@ -164,7 +214,12 @@ def over_time(story: Story, height: float, lines: Sequence[Line]) -> tuple[Figur
         if one.get_legend_handles_labels()[0]:
             legend_beside(one)
     axes[-1].set_xlabel("time, s")
-    above: dict[str, Any] = {"transform": axes[0].get_xaxis_transform(), "ha": "center", "va": "bottom", "fontsize": 9}
+    above: dict[str, Any] = {
+        "transform": axes[0].get_xaxis_transform(),
+        "ha": "center",
+        "va": "bottom",
+        "fontsize": 9,
+    }
     for name, moment in (("engaged", story.engaged), ("captured", story.captured)):
         if moment is not None:
             axes[0].text(moment.now_s, 1.01, name, **above)
@@ -178,20 +233,31 @@ def events(story: Story) -> Figure:
     shown = story.events[:_MOST_EVENTS]
     figure = figures.figure_of(11.0, 1.4 + 0.27 * len(shown))
     axes = figure.subplots()
-    now_s, states = story.column("now_s"), np.array([row.state for row in story.rows])
+    now_s = story.column("now_s")
+    states = np.array([row.state for row in story.rows])
     changes = [0, *(1 + np.flatnonzero(states[1:] != states[:-1])), len(now_s) - 1]
     for number, (first, last) in enumerate(pairwise(changes)):
         axes.axvspan(now_s[first], now_s[last], color=_SHADES[number % len(_SHADES)], linewidth=0.0)
     for row, event in enumerate(shown):
         axes.plot([event.now_s], [row], "ko", ms=4)
         side, shift = ("left", 7) if event.now_s < 0.5 * (now_s[0] + now_s[-1]) else ("right", -7)
-        words = f"{event.now_s:.2f} s  {event.event}" + (f"  ({event.words[:110]})" if event.detail else "")
-        beside: dict[str, Any] = {"xytext": (shift, 0), "textcoords": "offset points", "ha": side, "va": "center"}
+        words = f"{event.now_s:.2f} s  {event.event}" + (
+            f"  ({event.words[:110]})" if event.detail else ""
+        )
+        beside: dict[str, Any] = {
+            "xytext": (shift, 0),
+            "textcoords": "offset points",
+            "ha": side,
+            "va": "center",
+        }
         axes.annotate(words, (event.now_s, row), **beside, fontsize=8.5)
     axes.set(xlabel="time, s", ylim=(len(shown) - 0.4, -0.6), yticks=[])
     axes.margins(x=0.02)
     left = len(story.events) - len(shown)
-    axes.set_title("shades: the flight's states" + (f"; {left} later events are not shown" if left else ""), fontsize=9)
+    axes.set_title(
+        "shades: the flight's states" + (f"; {left} later events are not shown" if left else ""),
+        fontsize=9,
+    )
     return figure
 
 
@@ -202,17 +268,30 @@ def plan(team: TeamStory) -> Figure:
     game = team.first.settings.cycle.game
     # reports of one evader to several vehicles are dots: joined, they would go to and fro
     dots = EVADER | {"linestyle": "none", "marker": ".", "markersize": 2}
-    tracks = [(name, story.column("pursuer_m"), PURSUER, "vehicle") for name, story in team.flights.items()]
+    tracks = [
+        (name, story.column("pursuer_m"), PURSUER, "vehicle")
+        for name, story in team.flights.items()
+    ]
     for name in team.evaders:
-        reported = [place for one in team.flights.values() for _, place in one.evaders.get(name, ())]
+        reported = [
+            place for one in team.flights.values() for _, place in one.evaders.get(name, ())
+        ]
         tracks.append((name, np.array(reported), dots, "evader"))
     for name, track, style, kind in tracks:
         known = thinned(track[np.isfinite(track).all(axis=1)])
         axes.plot(*known[:, :2].T, **style, label=kind)
-        axes.annotate(name, known[0, :2], xytext=(6, -4), textcoords="offset points", color=style["color"])
+        axes.annotate(
+            name, known[0, :2], xytext=(6, -4), textcoords="offset points", color=style["color"]
+        )
     for capture in team.captures.values():
-        axes.plot(*circle(capture.place_m, game.standoff.radius_m).T, **STANDOFF, label="stand-off disc at capture")
-    figures.draw(axes, figures.target_of(team.first.settings.cycle.target_game_m, game.target_extent), 2)
+        axes.plot(
+            *circle(capture.place_m, game.standoff.radius_m).T,
+            **STANDOFF,
+            label="stand-off disc at capture",
+        )
+    figures.draw(
+        axes, figures.target_of(team.first.settings.cycle.target_game_m, game.target_extent), 2
+    )
     figures.label_plan(axes)
     axes.margins(0.1)
     axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
@@ -232,7 +311,9 @@ def playing_span(story: Story) -> slice:
     """The cycles from just before the game to just after the capture; all cycles without a game."""
     if not story.game:
         return slice(None)
-    return slice(max(0, story.game[0].number - 50), min(len(story.cycles), story.game[-1].number + 50))
+    return slice(
+        max(0, story.game[0].number - 50), min(len(story.cycles), story.game[-1].number + 50)
+    )
 
 
 def write_animation(story: Story, path: Path) -> None:
@@ -241,12 +322,18 @@ def write_animation(story: Story, path: Path) -> None:
     Raises:
         OSError: If the file cannot be written.
     """
-    span, now_s = playing_span(story), story.column("now_s")
-    begun_s, ended_s = (now_s[-1] if one is None else one.now_s for one in (story.engaged, story.captured))
+    span = playing_span(story)
+    now_s = story.column("now_s")
+    begun_s, ended_s = (
+        now_s[-1] if one is None else one.now_s for one in (story.engaged, story.captured)
+    )
     shown = np.flatnonzero(now_s <= ended_s + _TAIL_S)[span]
     pursuer, evader = (story.column(name)[shown] for name in ("pursuer_m", "evader_m"))
-    shapes, standoff = shapes_of(story), story.settings.cycle.game.standoff
-    height = np.column_stack([np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1), pursuer[:, 2] - evader[:, 2]])
+    shapes = shapes_of(story)
+    standoff = story.settings.cycle.game.standoff
+    height = np.column_stack(
+        [np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1), pursuer[:, 2] - evader[:, 2]]
+    )
     far_m, high_m = np.maximum(1.0, np.nan_to_num(height).max(axis=0))
     figure = figures.figure_of(8.0, 4.4)
     figure.set_dpi(90)
@@ -260,12 +347,17 @@ def write_animation(story: Story, path: Path) -> None:
     side.set(xlim=(0.0, 1.08 * far_m), ylim=(0.0, 1.15 * high_m))
     side.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **STANDOFF)
     side.grid(visible=True, linewidth=0.3)
-    players = ((plan, PURSUER, "o", "vehicle"), (plan, EVADER, "^", "evader"), (side, PURSUER, "o", None))
+    players = (
+        (plan, PURSUER, "o", "vehicle"),
+        (plan, EVADER, "^", "evader"),
+        (side, PURSUER, "o", None),
+    )
     runs = [axes.plot([], [], **style, label=name)[0] for axes, style, _, name in players]
     marks = [axes.plot([], [], mark, color=style["color"])[0] for axes, style, mark, _ in players]
     (rim,) = plan.plot([], [], **STANDOFF, label="stand-off disc")
     figures.legend_below(figure, plan, columns=5)
-    title, images = figure.suptitle(""), []
+    title = figure.suptitle("")
+    images = []
     for number in np.unique(np.linspace(0, len(shown) - 1, FRAMES).round().astype(int)).tolist():
         for run, mark, track in zip(runs, marks, (pursuer, evader, height), strict=True):
             run.set_data(*track[: number + 1, :2].T)
@@ -275,10 +367,24 @@ def write_animation(story: Story, path: Path) -> None:
         figure.canvas.draw()
         images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
     times_ms = [FRAME_MS] * (len(images) - 1) + [20 * FRAME_MS]
-    images[0].save(path, save_all=True, append_images=images[1:], duration=times_ms, loop=0, quality=55, method=4)
+    images[0].save(
+        path,
+        save_all=True,
+        append_images=images[1:],
+        duration=times_ms,
+        loop=0,
+        quality=55,
+        method=4,
+    )
 
 
-PICTURES: Final = {"tracks": tracks, "game": game, "velocities": velocities, "ages": ages, "events": events}
+PICTURES: Final = {
+    "tracks": tracks,
+    "game": game,
+    "velocities": velocities,
+    "ages": ages,
+    "events": events,
+}
 
 
 def write_report(path: Path, folder: Path, *, animate: bool = False) -> list[Path]:
@@ -311,11 +417,14 @@ def write_team_report(records: Mapping[str, Path], folder: Path) -> list[Path]:
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
     team = team_story(records)
-    words, rows = team_opening(team), team_summary(team)
+    words = team_opening(team)
+    rows = team_summary(team)
     return write_page(folder, list(team.flights.values()), [("plan", plan(team))], words, rows)
 
 
-def write_page(folder: Path, flights: Sequence[Story], drawn: Drawn, words: str, rows: Iterable[Row]) -> list[Path]:
+def write_page(
+    folder: Path, flights: Sequence[Story], drawn: Drawn, words: str, rows: Iterable[Row]
+) -> list[Path]:
     """Write a page and its pictures; return the files, the page first.
 
     Args:
@@ -329,22 +438,41 @@ def write_page(folder: Path, flights: Sequence[Story], drawn: Drawn, words: str,
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
     page = folder / "report.html"
-    ids = (f"{one.path.name}, {one.survey.messages.total()} messages, {one.survey.duration_s:.3f} s" for one in flights)
+    ids = (
+        f"{one.path.name}, {one.survey.messages.total()} messages, {one.survey.duration_s:.3f} s"
+        for one in flights
+    )
     mark = "\n".join(f'<meta name="record" content="{escape(each)}">' for each in ids)
     with writing(folder):
         if page.exists() and mark not in page.read_text(encoding="utf-8", errors="replace"):
             raise OutputError(f"{page}: is the report of another record; give --out another folder")
         private_folder(folder)
-        written, images = [page], {}
+        written = [page]
+        images = {}
         for name, figure in drawn:
             written.append(folder / f"{name}.png")
             figure.savefig(private_file(written[-1]), dpi=figures.DPI)
             figure.set_layout_engine(None)  # keep this layout for the SVG
-            figure.savefig(drawing := BytesIO(), format="svg", metadata={"Date": None, "Creator": None})
-            images[name] = f"data:image/svg+xml;base64,{base64.b64encode(drawing.getvalue()).decode('ascii')}"
-        table = [f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows]
-        template = resources.files("guidance.viz").joinpath("report.html").read_text(encoding="utf-8")
+            figure.savefig(
+                drawing := BytesIO(), format="svg", metadata={"Date": None, "Creator": None}
+            )
+            images[name] = (
+                f"data:image/svg+xml;base64,{base64.b64encode(drawing.getvalue()).decode('ascii')}"
+            )
+        table = [
+            f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>"
+            for name, text in rows
+        ]
+        template = (
+            resources.files("guidance.viz").joinpath("report.html").read_text(encoding="utf-8")
+        )
         kept = _SECTION.sub(lambda found: found[0] if found[1] in images else "", template)
-        texts = {"title": escape(flights[0].title), "opening": escape(words), "rows": "\n".join(table)}
-        private_file(page).write_text(Template(kept).substitute(texts, **images, mark=mark), encoding="utf-8")
+        texts = {
+            "title": escape(flights[0].title),
+            "opening": escape(words),
+            "rows": "\n".join(table),
+        }
+        private_file(page).write_text(
+            Template(kept).substitute(texts, **images, mark=mark), encoding="utf-8"
+        )
     return written

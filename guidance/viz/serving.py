@@ -68,8 +68,12 @@ class _Relay(socketserver.ThreadingTCPServer):
         try:
             super().__init__((LOOPBACK, port), _Connection)
         except OSError as error:
-            raise LinkError(f"{option} {port}: {error.strerror}; choose another, or 0 for a free one") from error
-        self.port, self.behind, self.headers = int(self.server_address[1]), behind, headers
+            raise LinkError(
+                f"{option} {port}: {error.strerror}; choose another, or 0 for a free one"
+            ) from error
+        self.port = int(self.server_address[1])
+        self.behind = behind
+        self.headers = headers
         self.hosts = {f"{name}:{self.port}" for name in (LOOPBACK, "localhost")}
         threading.Thread(target=self.serve_forever, name=f"port {self.port}", daemon=True).start()
 
@@ -105,7 +109,10 @@ class _Connection(socketserver.BaseRequestHandler):
                     inner.sendall(head)
                     threading.Thread(target=_copy, args=(outer, inner), daemon=True).start()
                 else:
-                    inner.sendall(b"GET %b HTTP/1.1\r\nHost: behind\r\nConnection: close\r\n\r\n" % head.split()[1])
+                    inner.sendall(
+                        b"GET %b HTTP/1.1\r\nHost: behind\r\nConnection: close\r\n\r\n"
+                        % head.split()[1]
+                    )
                     status, _, rest = _head_from(inner).partition(b"\r\n")
                     outer.sendall(b"%b\r\n%b%b" % (status, self.server.headers.encode(), rest))
                 _copy(inner, outer)
@@ -114,7 +121,11 @@ class _Connection(socketserver.BaseRequestHandler):
 def _head_from(source: socket.socket) -> bytes:
     """Receive a request or an answer up to the end of its headers."""
     head = b""
-    while b"\r\n\r\n" not in head and len(head) < _PIECE_BYTES and (piece := source.recv(_PIECE_BYTES)):
+    while (
+        b"\r\n\r\n" not in head
+        and len(head) < _PIECE_BYTES
+        and (piece := source.recv(_PIECE_BYTES))
+    ):
         head += piece
     return head
 
@@ -126,7 +137,9 @@ def _refusal(status: HTTPStatus) -> bytes:
 def host_of(head: bytes) -> str:
     """Return the Host of an HTTP/1 request; empty unless there is exactly one."""
     lines = head.partition(b"\r\n\r\n")[0].split(b"\r\n")[1:]
-    hosts = [line.partition(b":")[2] for line in lines if line.partition(b":")[0].lower() == b"host"]
+    hosts = [
+        line.partition(b":")[2] for line in lines if line.partition(b":")[0].lower() == b"host"
+    ]
     return hosts[0].strip().decode("latin-1") if len(hosts) == 1 else ""
 
 
@@ -150,7 +163,10 @@ def recording_server(port: int) -> Iterator[tuple[int, rr.GrpcServerSink]]:
     """
     behind = hidden_address()
     with contextlib.closing(_Relay("--port", port, behind)) as front:
-        yield front.port, rr.GrpcServerSink(bind_ip=behind[0], port=behind[1], server_memory_limit=MEMORY_LIMIT)
+        yield (
+            front.port,
+            rr.GrpcServerSink(bind_ip=behind[0], port=behind[1], server_memory_limit=MEMORY_LIMIT),
+        )
 
 
 def recording_uri(port: int) -> str:
@@ -165,9 +181,13 @@ def web_page(port: int, recording_port: int) -> Iterator[str]:
     Raises:
         LinkError: If the port is in use, or the page is not served in time.
     """
-    behind, uri = hidden_address(), recording_uri(recording_port)
+    behind = hidden_address()
+    uri = recording_uri(recording_port)
     headers = _HEADERS.format(recording=f"http://{LOOPBACK}:{recording_port}")
-    with contextlib.closing(_Relay("--web-port", port, behind, headers)) as front, contextlib.ExitStack() as closing:
+    with (
+        contextlib.closing(_Relay("--web-port", port, behind, headers)) as front,
+        contextlib.ExitStack() as closing,
+    ):
         try:
             _serve_page(closing, behind, uri)
         except (OSError, subprocess.SubprocessError) as error:
@@ -179,10 +199,21 @@ def _serve_page(closing: contextlib.ExitStack, behind: Address, recording: str) 
     program = str(Path(rerun_cli.__file__).with_name("rerun"))
     # Turn off Rerun's usage reports in a folder of our own, so the user's setting stays unchanged.
     folder = closing.enter_context(tempfile.TemporaryDirectory(prefix="guidance-view-"))
-    environment, none = {**os.environ, "XDG_CONFIG_HOME": folder, "XDG_DATA_HOME": folder}, subprocess.DEVNULL
+    environment = {**os.environ, "XDG_CONFIG_HOME": folder, "XDG_DATA_HOME": folder}
+    none = subprocess.DEVNULL
     silent = [program, "analytics", "disable"]
-    subprocess.run(silent, env=environment, stdout=none, stderr=none, check=True, timeout=START_LIMIT_S)
-    serve = [program, "--serve-web", "--bind", behind[0], "--web-viewer-port", str(behind[1]), recording]
+    subprocess.run(
+        silent, env=environment, stdout=none, stderr=none, check=True, timeout=START_LIMIT_S
+    )
+    serve = [
+        program,
+        "--serve-web",
+        "--bind",
+        behind[0],
+        "--web-viewer-port",
+        str(behind[1]),
+        recording,
+    ]
     words = [sys.executable, "-P", "-c", _UNTIL_WE_END, *serve]
     child = subprocess.Popen(words, env=environment, stdin=none, stdout=none, stderr=none)
     closing.callback(child.wait)

@@ -109,7 +109,8 @@ def story_of(path: Path) -> Story:
     Raises:
         ConfigError: If it cannot be read, or holds no cycle.
     """
-    metadata, survey = metadata_of(path), Survey()
+    metadata = metadata_of(path)
+    survey = Survey()
     flight = Aggregator(recorded_settings, metadata, str(path))
     story = Story(path, title_of(metadata), survey, flight.settings, flight, [], [], [], [], {})
     for item in scan(path, survey):
@@ -121,7 +122,9 @@ def story_of(path: Path) -> Story:
                 story.game.append(Played(len(story.rows), entry.now_s, entry.certificate))
             story.rows.append(entry)
             story.cycles.append(flight.cycle)
-            for name in {report.evader or "" for report in entry.inputs.reports} & flight.evaders_m.keys():
+            for name in {
+                report.evader or "" for report in entry.inputs.reports
+            } & flight.evaders_m.keys():
                 story.evaders.setdefault(name, []).append((entry.now_s, flight.evaders_m[name]))
     if not story.cycles:
         raise ConfigError(f"{path}: contains no guidance cycle, so there is nothing to report")
@@ -130,7 +133,8 @@ def story_of(path: Path) -> Story:
 
 def opening(story: Story) -> str:
     """Return the report's first paragraph: vehicle, time and place, promise, outcome, limits."""
-    started, home = story.survey.metadata.get("started_utc", ""), story.flight.vehicle.latest.get(Home)
+    started = story.survey.metadata.get("started_utc", "")
+    home = story.flight.vehicle.latest.get(Home)
     when = f"on {started[:10]} at {started[11:16]} UTC" if started else "in virtual time"
     where = "" if home is None else f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
     who = f"{story.title} ({story.settings.autopilot.name}) flew {when}{where} for {story.lasted_s:.0f} s."
@@ -141,13 +145,22 @@ def _promise(story: Story) -> str:
     """Return the vehicle's promise at engagement."""
     if story.engaged is None:
         return ""
-    engaged, standoff = story.engaged.certificate, story.settings.cycle.game.standoff
+    engaged = story.engaged.certificate
+    standoff = story.settings.cycle.game.standoff
     if engaged.no_game:
         return "At engagement nothing could be promised: the evader was too fast."
     if story.with_target and not engaged.assured_distance_m >= 0.0:
         return "At engagement it could not promise to keep the evader from its target."
-    within = f"within {engaged.time_needed_s:.1f} s" if math.isfinite(engaged.time_needed_s) else "without a time"
-    kept = f", at least {engaged.assured_distance_m:.1f} m from the target" if story.with_target else ""
+    within = (
+        f"within {engaged.time_needed_s:.1f} s"
+        if math.isfinite(engaged.time_needed_s)
+        else "without a time"
+    )
+    kept = (
+        f", at least {engaged.assured_distance_m:.1f} m from the target"
+        if story.with_target
+        else ""
+    )
     disc = f"{standoff.radius_m:g} m beside and {standoff.height_m:g} m above the evader"
     return f"At engagement it promised to be {disc} {within}{kept}."
 
@@ -159,21 +172,38 @@ def _happened(story: Story) -> str:
         return f"No game was played; {ended}."
     if story.captured is None:
         return f"It did not reach that place; {ended}."
-    lasted_s, needed_s = story.game_lasted_s, story.engaged.certificate.time_needed_s
+    lasted_s = story.game_lasted_s
+    needed_s = story.engaged.certificate.time_needed_s
     share = f" ({lasted_s / needed_s:.2f} of the promise)" if needed_s > 0.0 else ""
-    kept = f", with the evader {_flown(story, story.captured):.1f} m from the target" if story.with_target else ""
+    kept = (
+        f", with the evader {_flown(story, story.captured):.1f} m from the target"
+        if story.with_target
+        else ""
+    )
     return f"It was there after {lasted_s:.1f} s{share}{kept}; {ended}."
 
 
 def _limited(story: Story) -> str:
     """Say which limits changed the commands, and whether a promise was broken."""
-    acting = Counter(name for one in story.game for name in one.certificate.active_limits).most_common(3)
+    acting = Counter(
+        name for one in story.game for name in one.certificate.active_limits
+    ).most_common(3)
     cycles = len(story.game)
-    named = ", ".join(f"{name} ({count / cycles:.0%} of the game)" for name, count in acting if count >= 0.01 * cycles)
-    limits = f"Limits that changed its commands: {named}." if named else "No limit changed its commands."
+    named = ", ".join(
+        f"{name} ({count / cycles:.0%} of the game)"
+        for name, count in acting
+        if count >= 0.01 * cycles
+    )
+    limits = (
+        f"Limits that changed its commands: {named}." if named else "No limit changed its commands."
+    )
     slowest_m_s = _slowest_m_s(story)
-    reached = "" if math.isnan(slowest_m_s) else f" It was seen to reach at least {slowest_m_s:.1f} m/s."
-    broken = ", ".join(f"{what} ({count})" for what, count in Counter(what for _, what in story.alarms).items())
+    reached = (
+        "" if math.isnan(slowest_m_s) else f" It was seen to reach at least {slowest_m_s:.1f} m/s."
+    )
+    broken = ", ".join(
+        f"{what} ({count})" for what, count in Counter(what for _, what in story.alarms).items()
+    )
     return f"{limits}{reached} {f'Alarms: {broken}.' if broken else 'There was no alarm.'}"
 
 
@@ -182,11 +212,17 @@ def summary(story: Story) -> Iterator[Row]:
     yield from _game(story)
     survey = story.survey
     speeds = np.linalg.norm(story.column("flown_ned_m_s"), axis=-1)
-    playing = np.isin([row.state for row in story.rows], [State.ENGAGED, State.PAUSED, State.ON_STATION])
+    playing = np.isin(
+        [row.state for row in story.rows], [State.ENGAGED, State.PAUSED, State.ON_STATION]
+    )
     lowest_m = min(filter(math.isfinite, story.column("pursuer_m")[playing, 2]), default=math.nan)
     torn = "whole" if survey.torn is None else f"torn ({survey.torn})"
     missing = f", {survey.missing} messages missing in between" if survey.missing else ""
-    made = [f"{name} {text}" for name, text in survey.metadata.items() if name not in {"scenario", "config", "seed"}]
+    made = [
+        f"{name} {text}"
+        for name, text in survey.metadata.items()
+        if name not in {"scenario", "config", "seed"}
+    ]
     yield "record lasts", f"{story.lasted_s:.1f} s, {len(story.cycles)} cycles"
     yield "setpoints sent", f"{int(np.isfinite(story.column('commanded_ned_m_s')[:, 0]).sum())}"
     yield "highest speed", f"{max(filter(math.isfinite, speeds), default=math.nan):.2f} m/s"
@@ -203,9 +239,12 @@ def summary(story: Story) -> Iterator[Row]:
 
 
 def _game(story: Story) -> Iterator[Row]:
-    cycle, unit = story.settings.cycle, "m from T" if story.with_target else "s"
+    cycle = story.settings.cycle
+    unit = "m from T" if story.with_target else "s"
     standoff = f"{cycle.game.standoff.radius_m:g} m around, {cycle.game.standoff.height_m:g} m above the evader's plane"
-    outcome = "captured" if story.captured else "not captured" if story.engaged else "no game was played"
+    outcome = (
+        "captured" if story.captured else "not captured" if story.engaged else "no game was played"
+    )
     yield "outcome", f"{outcome}; ended {story.rows[-1].state}"
     yield "game", "target-attacker-defender" if story.with_target else "pursuit-evasion"
     yield "policy", cycle.strategy.name
@@ -216,37 +255,52 @@ def _game(story: Story) -> Iterator[Row]:
     engaged = story.engaged.certificate
     # The value of the outcome: capture at the tolerance around the disc, without wind.
     game = replace(cycle.game, capture_radius_m=cycle.tolerance_m)
-    predicted = float(solve(game, engaged.pursuer_game_m, (*engaged.evader_game_m[:2], 0.0), cycle.target_game_m).value)
+    predicted = float(
+        solve(
+            game, engaged.pursuer_game_m, (*engaged.evader_game_m[:2], 0.0), cycle.target_game_m
+        ).value
+    )
     yield "value predicted at engagement", f"{predicted:.2f} {unit}"
     yield "time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"
     yield "speed this vehicle reaches, slowest", f"{_slowest_m_s(story):.1f} m/s"
     if story.with_target:
         yield "distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"
     if story.captured is not None:
-        flown, lasted_s = _flown(story, story.captured), story.game_lasted_s
+        flown = _flown(story, story.captured)
+        lasted_s = story.game_lasted_s
         yield "flown", f"{flown:.2f} {unit}"
         yield "flown / predicted", f"{flown / predicted:.3f}" if predicted else "–"
         yield "game lasted", f"{lasted_s:.2f} s"
-        yield "lasted / time needed", f"{lasted_s / engaged.time_needed_s:.3f}" if engaged.time_needed_s else "–"
+        yield (
+            "lasted / time needed",
+            f"{lasted_s / engaged.time_needed_s:.3f}" if engaged.time_needed_s else "–",
+        )
 
 
 def _slowest_m_s(story: Story) -> float:
     """Return the smallest speed that the vehicle was seen to reach; NaN in records that do not tell."""
-    return min(filterfalse(math.isnan, (one.certificate.reachable_speed_m_s for one in story.game)), default=math.nan)
+    return min(
+        filterfalse(math.isnan, (one.certificate.reachable_speed_m_s for one in story.game)),
+        default=math.nan,
+    )
 
 
 def _flown(story: Story, captured: Played) -> float:
     cycle = story.settings.cycle
     if cycle.target_game_m is None:
         return story.game_lasted_s
-    return cycle.game.target_extent.distance_m(cycle.target_game_m, captured.certificate.evader_game_m)
+    return cycle.game.target_extent.distance_m(
+        cycle.target_game_m, captured.certificate.evader_game_m
+    )
 
 
 def _spread_ms(values: Array) -> str:
     known = 1e3 * values[np.isfinite(values)]
     if not len(known):
         return "not recorded"
-    return "median {:.1f} ms, p99 {:.1f} ms, largest {:.1f} ms".format(*np.percentile(known, (50, 99, 100)))
+    return "median {:.1f} ms, p99 {:.1f} ms, largest {:.1f} ms".format(
+        *np.percentile(known, (50, 99, 100))
+    )
 
 
 class Capture(NamedTuple):
@@ -286,8 +340,12 @@ class TeamStory(NamedTuple):
 
     def verdict(self, evader: str) -> str:
         """Return the promise about an evader, its outcome and the reason."""
-        promise, capture, cycle = self.promised.get(evader), self.captures.get(evader), self.first.settings.cycle
-        achieved, ended, unit = math.nan, "not captured", "s" if cycle.target_game_m is None else "m"
+        promise = self.promised.get(evader)
+        capture = self.captures.get(evader)
+        cycle = self.first.settings.cycle
+        achieved = math.nan
+        ended = "not captured"
+        unit = "s" if cycle.target_game_m is None else "m"
         if capture is not None:
             achieved = capture.now_s - self.began_s
             ended = f"captured by {capture.vehicle} after {achieved:.1f} s"
@@ -299,7 +357,9 @@ class TeamStory(NamedTuple):
         by = " and ".join(filter(None, (promise.first, promise.second)))
         kept = promise.verdict(promise.value, achieved, unit, captured=capture is not None)
         why = f" ({promise.cause})" if promise.cause and promise.cause not in kept else ""
-        given = f"{promise.value:.1f} {'m from the target' if unit == 'm' else 's'} promised by {by}"
+        given = (
+            f"{promise.value:.1f} {'m from the target' if unit == 'm' else 's'} promised by {by}"
+        )
         return f"{given}; {ended}; {kept}{why}"
 
 
@@ -310,22 +370,37 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
         ConfigError: If a record cannot be read, or is not of a team.
     """
     flights = {name: story_of(path) for name, path in records.items()}
-    captures, told = dict[str, Capture](), list[tuple[float, RolesMessage]]()
+    captures = dict[str, Capture]()
+    told = list[tuple[float, RolesMessage]]()
     for name, flight in flights.items():
         if flight.settings.team is None:
-            raise ConfigError(f"{records[name]}: is not of a team flight; give that file for a report of its own")
+            raise ConfigError(
+                f"{records[name]}: is not of a team flight; give that file for a report of its own"
+            )
         for event in flight.events:
             if event.event == ASSIGNED:
                 told.append((event.now_s, RolesMessage.model_validate_json(event.detail)))
             elif event.event == Event.CAPTURED:
-                evader = next(role.evader for now_s, role in reversed(_roles(flight)) if now_s <= event.now_s)
-                place = next(place for now_s, place in reversed(flight.evaders[evader]) if now_s <= event.now_s)
+                evader = next(
+                    role.evader for now_s, role in reversed(_roles(flight)) if now_s <= event.now_s
+                )
+                place = next(
+                    place
+                    for now_s, place in reversed(flight.evaders[evader])
+                    if now_s <= event.now_s
+                )
                 captures.setdefault(evader, Capture(name, event.now_s, place))
     told.sort(key=lambda one: (one[0], one[1].term, one[1].seq))
-    began_s = max(math.inf if one.engaged is None else one.engaged.now_s for one in flights.values())
+    began_s = max(
+        math.inf if one.engaged is None else one.engaged.now_s for one in flights.values()
+    )
     offered = [roles.promises for now_s, roles in told if now_s <= began_s]
     causes = {one.evader: one.cause for _, roles in told for one in roles.promises}
-    given = [one.model_copy(update={"cause": causes[one.evader]}) for ones in offered[-1:] for one in ones]
+    given = [
+        one.model_copy(update={"cause": causes[one.evader]})
+        for ones in offered[-1:]
+        for one in ones
+    ]
     replays = {name: compare(path, recorded_settings)[0] for name, path in records.items()}
     return TeamStory(flights, replays, {one.evader: one for one in given}, captures, began_s)
 
@@ -337,16 +412,24 @@ def _roles(flight: Story) -> list[tuple[float, Role]]:
 
 def team_opening(team: TeamStory) -> str:
     """Return the first paragraph: vehicles, promises and how many were kept, the least distance, alarms and replay."""
-    flights, wanted = team.flights.values(), team.first.settings.team or TeamSection()
+    flights = team.flights.values()
+    wanted = team.first.settings.team or TeamSection()
     given = [name for name, one in team.promised.items() if one.value is not None]
     kept = sum("; kept" in team.verdict(name) for name in given)
     flown = [zip(one.rows, one.cycles, strict=True) for one in flights]
-    tracks = [{row.now_s: cycle.pursuer_m for row, cycle in one if row.state in SETPOINT_STATES} for one in flown]
+    tracks = [
+        {row.now_s: cycle.pursuer_m for row, cycle in one if row.state in SETPOINT_STATES}
+        for one in flown
+    ]
     least_m = least_distance_m(tracks, wanted.separation_height_m)
     apart = "never flew at one height" if math.isinf(least_m) else f"stayed {least_m:.1f} m apart"
     alarms = sum(len(one.alarms) for one in flights)
     differing = [name for name, one in team.replays.items() if one.differing]
-    replayed = f"{', '.join(differing)} replays differently" if differing else "every vehicle replays bit for bit"
+    replayed = (
+        f"{', '.join(differing)} replays differently"
+        if differing
+        else "every vehicle replays bit for bit"
+    )
     return (
         f"{team.first.title}: {', '.join(team.flights)} flew for {max(one.lasted_s for one in flights):.0f} s against "
         f"{', '.join(team.evaders)}. At engagement the team promised {len(given)} captures; {kept} promises were kept, "
@@ -359,11 +442,23 @@ def team_opening(team: TeamStory) -> str:
 def team_summary(team: TeamStory) -> Iterator[Row]:
     """Yield a row for each player."""
     for name, flight in team.flights.items():
-        heights = {role: f" ({role.above_m:g} m above)" if role.above_m else "" for _, role in _roles(flight)}
-        against = ", then ".join(f"{role.evader}{heights[role]} from {now_s:.1f} s" for now_s, role in _roles(flight))
-        captured = [f"captured {evader}" for evader, one in team.captures.items() if one.vehicle == name]
+        heights = {
+            role: f" ({role.above_m:g} m above)" if role.above_m else ""
+            for _, role in _roles(flight)
+        }
+        against = ", then ".join(
+            f"{role.evader}{heights[role]} from {now_s:.1f} s" for now_s, role in _roles(flight)
+        )
+        captured = [
+            f"captured {evader}" for evader, one in team.captures.items() if one.vehicle == name
+        ]
         replayed = team.replays[name]
         same = f"except in {replayed.differing} cycles" if replayed.differing else "bit for bit"
         counted = f"{len(flight.alarms)} alarms", f"{replayed.setpoints} setpoints replay {same}"
-        yield name, "; ".join((f"against {against}", *captured, f"ended {flight.rows[-1].state}", *counted))
+        yield (
+            name,
+            "; ".join(
+                (f"against {against}", *captured, f"ended {flight.rows[-1].state}", *counted)
+            ),
+        )
     yield from ((name, team.verdict(name)) for name in team.evaders)

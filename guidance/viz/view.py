@@ -22,7 +22,16 @@ from guidance.certificate import Certificate
 from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder, writing
 from guidance.game import Winner
-from guidance.log import Aggregator, Cycle, CycleEntry, EventEntry, Item, metadata_of, scan, title_of
+from guidance.log import (
+    Aggregator,
+    Cycle,
+    CycleEntry,
+    EventEntry,
+    Item,
+    metadata_of,
+    scan,
+    title_of,
+)
 from guidance.log.broadcast import LiveFlight
 from guidance.log.entries import BEGINNINGS, Idle
 from guidance.log.scene import Array, circle, isochron_at, lifted, target_edge
@@ -59,7 +68,9 @@ class Curve(NamedTuple):
     of: Callable[[Cycle], float]
 
 
-_RED, _BLUE, _GREY = COLOURS[PURSUER], COLOURS[EVADER], (150, 150, 150)
+_RED = COLOURS[PURSUER]
+_BLUE = COLOURS[EVADER]
+_GREY = (150, 150, 150)
 
 PLOTS: Final[Mapping[str, str]] = {
     "plots/range": "Range to the stand-off disc, m",
@@ -76,10 +87,27 @@ CURVES: Final = (
     Curve("plots/to_go/value_s", "the game's pursuer", _RED, lambda cycle: cycle.meeting_time_s),
     Curve("plots/to_go/needed_s", "this vehicle", _GREY, lambda cycle: cycle.time_needed_s),
     Curve("plots/speed/flown_m_s", "flown", _GREY, lambda cycle: math.hypot(*cycle.flown_ned_m_s)),
-    Curve("plots/speed/commanded_m_s", "commanded", _RED, lambda cycle: math.hypot(*cycle.commanded_ned_m_s)),
-    Curve("plots/speed/wanted_m_s", "wanted by the game", _BLUE, lambda cycle: math.hypot(*cycle.desired_ned_m_s)),
-    Curve("plots/age/vehicle_ms", "vehicle's position", _RED, lambda cycle: 1e3 * cycle.telemetry_age_s),
-    Curve("plots/age/evader_ms", "evader's last report", _BLUE, lambda cycle: 1e3 * cycle.evader_age_s),
+    Curve(
+        "plots/speed/commanded_m_s",
+        "commanded",
+        _RED,
+        lambda cycle: math.hypot(*cycle.commanded_ned_m_s),
+    ),
+    Curve(
+        "plots/speed/wanted_m_s",
+        "wanted by the game",
+        _BLUE,
+        lambda cycle: math.hypot(*cycle.desired_ned_m_s),
+    ),
+    Curve(
+        "plots/age/vehicle_ms",
+        "vehicle's position",
+        _RED,
+        lambda cycle: 1e3 * cycle.telemetry_age_s,
+    ),
+    Curve(
+        "plots/age/evader_ms", "evader's last report", _BLUE, lambda cycle: 1e3 * cycle.evader_age_s
+    ),
     Curve("plots/age/late_ms", "cycle began late by", _GREY, lambda cycle: 1e3 * cycle.late_s),
 )
 
@@ -90,7 +118,18 @@ MOST_AT_ONCE: Final = 250
 """Largest number of cycles that are sent to the viewer together; sending each one would be slow."""
 
 _POINTS: Final = 73
-_WARNINGS: Final = ("lost", "guarantee", "barrier", "yield", "pilot", "foreign", "abort", "fence", "stopped", "late")
+_WARNINGS: Final = (
+    "lost",
+    "guarantee",
+    "barrier",
+    "yield",
+    "pilot",
+    "foreign",
+    "abort",
+    "fence",
+    "stopped",
+    "late",
+)
 
 
 def path_of(name: str, vehicle: str) -> str:
@@ -104,18 +143,29 @@ def path_of(name: str, vehicle: str) -> str:
 
 def layout(vehicles: Sequence[str], *, with_target: bool) -> rrb.Blueprint:
     """Return the blueprint for these vehicles ("" is one alone); `with_target` selects the guarantee's unit."""
-    start, end = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
-    tracks = [path_of(f"{name}/track", vehicle) for name in (PURSUER, EVADER) for vehicle in vehicles]
-    whole: dict[Any, Any] = dict.fromkeys(tracks, rrb.VisibleTimeRanges(timeline=TIMELINE, start=start, end=end))
-    eye = rrb.EyeControls3D(position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0))
+    start = rrb.TimeRangeBoundary.infinite()
+    end = rrb.TimeRangeBoundary.cursor_relative()
+    tracks = [
+        path_of(f"{name}/track", vehicle) for name in (PURSUER, EVADER) for vehicle in vehicles
+    ]
+    whole: dict[Any, Any] = dict.fromkeys(
+        tracks, rrb.VisibleTimeRanges(timeline=TIMELINE, start=start, end=end)
+    )
+    eye = rrb.EyeControls3D(
+        position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0)
+    )
     name = "The game: x east, y north, z up, m"
     space = rrb.Spatial3DView(origin="game", name=name, eye_controls=eye, overrides=whole)
     guarantee = "Guarantee L, m from T" if with_target else "Guarantee V + t, s"
-    plots = [rrb.TimeSeriesView(origin=path, name=title or guarantee) for path, title in PLOTS.items()]
+    plots = [
+        rrb.TimeSeriesView(origin=path, name=title or guarantee) for path, title in PLOTS.items()
+    ]
     game = rrb.Vertical(space, rrb.TextLogView(origin=EVENTS, name="Events"), row_shares=[3, 1])
     views = rrb.Horizontal(game, rrb.Vertical(*plots), column_shares=[3, 2])
     time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following")
-    return rrb.Blueprint(views, time, rrb.SelectionPanel(state="hidden"), rrb.BlueprintPanel(state="hidden"))
+    return rrb.Blueprint(
+        views, time, rrb.SelectionPanel(state="hidden"), rrb.BlueprintPanel(state="hidden")
+    )
 
 
 class Painter:
@@ -127,16 +177,25 @@ class Painter:
         vehicle: Its name if the recording has several; else empty.
     """
 
-    def __init__(self, recording: rr.RecordingStream, flight: Aggregator, vehicle: str = "") -> None:
-        self._to, self._flight, self._vehicle = recording, flight, vehicle
-        self._state, self._drawn_s, self.cycles = "", -math.inf, 0
+    def __init__(
+        self, recording: rr.RecordingStream, flight: Aggregator, vehicle: str = ""
+    ) -> None:
+        self._to = recording
+        self._flight = flight
+        self._vehicle = vehicle
+        self._state = ""
+        self._drawn_s = -math.inf
+        self.cycles = 0
         self._begin()
         self._draw_static()
 
     def _begin(self) -> None:
         """Start a flight."""
-        self._pending: list[tuple[float, dict[str, Any]]] = []  # of each cycle, what is drawn of it by path
-        self._tails, self._fenced = dict[str, Array](), False
+        self._pending: list[
+            tuple[float, dict[str, Any]]
+        ] = []  # of each cycle, what is drawn of it by path
+        self._tails = dict[str, Array]()
+        self._fenced = False
         self._engaged_s: float | None = None
 
     def take(self, item: Item) -> None:
@@ -162,7 +221,8 @@ class Painter:
 
     def flush(self) -> None:
         """Send the pending cycles."""
-        pending, self._pending = self._pending, []
+        pending = self._pending
+        self._pending = []
         if not pending:
             return
         now_s = np.array([at_s for at_s, _ in pending])
@@ -170,12 +230,20 @@ class Painter:
             self._send(name, now_s, np.array([drawn[name] for _, drawn in pending]))
 
     def _add(self, row: CycleEntry) -> None:
-        certificate, home_m, cycle = row.certificate, self._flight.home_m, self._flight.cycle
+        certificate = row.certificate
+        home_m = self._flight.home_m
+        cycle = self._flight.cycle
         if certificate is not None and self._engaged_s is None:
             self._engaged_s = row.now_s
         self.cycles += 1
-        drawn = {PURSUER: cycle.pursuer_m, EVADER: cycle.evader_m, **{one.path: one.of(cycle) for one in CURVES}}
-        self._pending.append((cycle.now_s, {**drawn, VALUE: self._guaranteed(row.now_s, certificate)}))
+        drawn = {
+            PURSUER: cycle.pursuer_m,
+            EVADER: cycle.evader_m,
+            **{one.path: one.of(cycle) for one in CURVES},
+        }
+        self._pending.append(
+            (cycle.now_s, {**drawn, VALUE: self._guaranteed(row.now_s, certificate)})
+        )
         if not self._fenced and home_m is not None:
             self._fenced = True
             if edges := self._flight.fence_m:
@@ -199,28 +267,52 @@ class Painter:
     def _draw_static(self) -> None:
         """Send what never changes: axes, colours, names, the target."""
         self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for name, labels in ((PURSUER, [self._vehicle or "pursuer"]), (EVADER, None if self._vehicle else ["evader"])):
-            self._log(None, name, rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=labels))
+        for name, labels in (
+            (PURSUER, [self._vehicle or "pursuer"]),
+            (EVADER, None if self._vehicle else ["evader"]),
+        ):
+            self._log(
+                None,
+                name,
+                rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=labels),
+            )
         cycle = self._flight.settings.cycle
         target_m = cycle.target_game_m
         label = "V + t since engagement, s" if target_m is None else "L, m from T"
-        for path, name, colour in ((VALUE, label, COLOURS[PURSUER]), *(curve[:3] for curve in CURVES)):
+        for path, name, colour in (
+            (VALUE, label, COLOURS[PURSUER]),
+            *(curve[:3] for curve in CURVES),
+        ):
             names = [" ".join(filter(None, (self._vehicle, name)))]
             self._log(None, path, rr.SeriesLines(names=names, colors=[colour]))
         if target_m is not None:
-            self._log(None, "game/target", rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)]))
+            self._log(
+                None,
+                "game/target",
+                rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)]),
+            )
             if len(edge := target_edge(target_m, cycle.game.target_extent)):
                 self._log(None, "game/target/edge", rr.LineStrips3D([lifted(edge, 0.0)]))
 
     def _draw_game(self, now_s: float, certificate: Certificate) -> None:
-        cycle, evader = self._flight.settings.cycle, certificate.evader_game_m
-        rim = lifted(circle(evader, cycle.game.standoff.radius_m, _POINTS), evader[2] + cycle.game.standoff.height_m)
+        cycle = self._flight.settings.cycle
+        evader = certificate.evader_game_m
+        rim = lifted(
+            circle(evader, cycle.game.standoff.radius_m, _POINTS),
+            evader[2] + cycle.game.standoff.height_m,
+        )
         self._log(now_s, DISC, _lines([rim], DISC))
         if certificate.no_game:
             return
-        self._log(now_s, ISOCHRON, _lines([lifted(isochron_at(cycle, certificate, _POINTS), 0.0)], ISOCHRON))
+        self._log(
+            now_s,
+            ISOCHRON,
+            _lines([lifted(isochron_at(cycle, certificate, _POINTS), 0.0)], ISOCHRON),
+        )
         name = "q*" if cycle.target_game_m is None else "g*"
-        star = rr.Points3D([certificate.meeting_point_game_m], radii=0.5, labels=[name], colors=[COLOURS[MEETING]])
+        star = rr.Points3D(
+            [certificate.meeting_point_game_m], radii=0.5, labels=[name], colors=[COLOURS[MEETING]]
+        )
         self._log(now_s, MEETING, star)
 
     def _send(self, name: str, now_s: Array, values: Array) -> None:
@@ -228,8 +320,12 @@ class Painter:
         known = np.isfinite(values.reshape(len(values), -1)).all(axis=-1)
         if not known.any():
             return
-        run, times, is_track = values[known], now_s[known], values.ndim > 1
-        columns: Any = rr.Points3D.columns(positions=run) if is_track else rr.Scalars.columns(scalars=run)
+        run = values[known]
+        times = now_s[known]
+        is_track = values.ndim > 1
+        columns: Any = (
+            rr.Points3D.columns(positions=run) if is_track else rr.Scalars.columns(scalars=run)
+        )
         indexes = [rr.TimeColumn(TIMELINE, duration=times)]
         self._to.send_columns(path_of(name, self._vehicle), indexes=indexes, columns=columns)
         if is_track:
@@ -272,7 +368,11 @@ Source = RecordFile | LiveFlight
 
 
 def view(
-    sources: Mapping[str, Source], save: Path | None, ports: tuple[int, int], say: Callable[[str], None], ended: Event
+    sources: Mapping[str, Source],
+    save: Path | None,
+    ports: tuple[int, int],
+    say: Callable[[str], None],
+    ended: Event,
 ) -> int:
     """Show a flight until `ended` is set, or save it. Return the number of cycles.
 
@@ -292,7 +392,10 @@ def view(
     with contextlib.ExitStack() as closing:
         if any(source.live for source in sources.values()):
             os.nice(NICE)
-        told = {name: source.metadata(partial(ended.wait, REDRAWN_EVERY_S)) for name, source in sources.items()}
+        told = {
+            name: source.metadata(partial(ended.wait, REDRAWN_EVERY_S))
+            for name, source in sources.items()
+        }
         first = next(iter(told.values()))
         recording = rr.RecordingStream("guidance")
         closing.callback(recording.disconnect)
@@ -309,9 +412,14 @@ def view(
         with_target = recorded_settings(first).cycle.target_game_m is not None
         recording.set_sinks(sink, default_blueprint=layout(vehicles, with_target=with_target))
         recording.send_recording_name(title_of(first))
-        flights = [Aggregator(recorded_settings, metadata, sources[name].name) for name, metadata in told.items()]
+        flights = [
+            Aggregator(recorded_settings, metadata, sources[name].name)
+            for name, metadata in told.items()
+        ]
         painters = list(map(partial(Painter, recording), flights, vehicles))
-        with ThreadPoolExecutor(len(painters)) as pool:  # a record that still grows keeps its thread
+        with ThreadPoolExecutor(
+            len(painters)
+        ) as pool:  # a record that still grows keeps its thread
             list(pool.map(partial(_paint, ended), painters, sources.values()))
         if save is None:
             ended.wait()

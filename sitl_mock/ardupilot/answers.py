@@ -37,7 +37,23 @@ _ACCEPTED: Final = (
     42001,
     42651,
 )
-_FAILED: Final = (183, 184, 204, 205, 211, 218, 500, 601, 1000, 1001, 2000, 2500, 2501, 10001, 42600)
+_FAILED: Final = (
+    183,
+    184,
+    204,
+    205,
+    211,
+    218,
+    500,
+    601,
+    1000,
+    1001,
+    2000,
+    2500,
+    2501,
+    10001,
+    42600,
+)
 _DENIED: Final = (32, 532, 534, 42007, 42700)
 
 ANSWERED: Mapping[int, Result] = MappingProxyType(
@@ -52,9 +68,18 @@ ANSWERED: Mapping[int, Result] = MappingProxyType(
 
 Answers = Sequence[CommandAnswer]
 
-PREFLIGHT, MAG_YAW, MAG_START, MAG_ACCEPT, MAG_CANCEL, ACCEL_POSITION = 241, 42006, 42424, 42425, 42426, 42429
-CALIBRATIONS: Final = frozenset({PREFLIGHT, MAG_YAW, MAG_START, MAG_ACCEPT, MAG_CANCEL, ACCEL_POSITION})
-_ACCEL, _LEVEL, _SIMPLE = 1, 2, 4
+PREFLIGHT = 241
+MAG_YAW = 42006
+MAG_START = 42424
+MAG_ACCEPT = 42425
+MAG_CANCEL = 42426
+ACCEL_POSITION = 42429
+CALIBRATIONS: Final = frozenset(
+    {PREFLIGHT, MAG_YAW, MAG_START, MAG_ACCEPT, MAG_CANCEL, ACCEL_POSITION}
+)
+_ACCEL = 1
+_LEVEL = 2
+_SIMPLE = 4
 _ANSWERED: Mapping[int, Result] = MappingProxyType(
     {
         MAG_YAW: Result.ACCEPTED,
@@ -71,12 +96,21 @@ def calibrate(commander: ArduPilot, command: Command) -> Answers:
     """Answer a calibration command; refused while armed."""
     if commander.state.armed:
         compass = command.number != PREFLIGHT
-        commander.state.say(Severity.NOTICE, f"Disarm to allow {'compass ' if compass else ''}calibration")
+        commander.state.say(
+            Severity.NOTICE, f"Disarm to allow {'compass ' if compass else ''}calibration"
+        )
         return (CommandAnswer(Result.FAILED),)
     if command.number != PREFLIGHT:
         return (CommandAnswer(_ANSWERED[command.number]),)
-    gyro, _, baro, _, accel, motors, _ = (int(value) if abs(value) < 1e6 else 0 for value in command.params)
-    for chosen, answer in ((gyro == 1, _gyro), (baro == 1, _baro), (accel, _accel), (motors == 1, _motors)):
+    gyro, _, baro, _, accel, motors, _ = (
+        int(value) if abs(value) < 1e6 else 0 for value in command.params
+    )
+    for chosen, answer in (
+        (gyro == 1, _gyro),
+        (baro == 1, _baro),
+        (accel, _accel),
+        (motors == 1, _motors),
+    ):
         if chosen:
             return answer(commander, accel)
     return (CommandAnswer(Result.UNSUPPORTED),)
@@ -102,7 +136,11 @@ def _accel(commander: ArduPilot, accel: int) -> Answers:
         return (CommandAnswer(Result.TEMPORARILY_REJECTED),)
     if accel not in {_ACCEL, _LEVEL}:
         return (CommandAnswer(Result.UNSUPPORTED),)
-    last = "Place vehicle level and press any key." if accel == _ACCEL else "Trim OK: roll=0.01 pitch=-0.00 yaw=0.00"
+    last = (
+        "Place vehicle level and press any key."
+        if accel == _ACCEL
+        else "Trim OK: roll=0.01 pitch=-0.00 yaw=0.00"
+    )
     _say(commander, "Initialising ArduPilot", last)
     return (CommandAnswer(Result.ACCEPTED),)
 

@@ -43,7 +43,9 @@ class ArduPilot:
         switched: Last position of the mode switch.
     """
 
-    def __init__(self, state: VehicleState, plans: PlanStore, firmware: Firmware[ArduPilot]) -> None:
+    def __init__(
+        self, state: VehicleState, plans: PlanStore, firmware: Firmware[ArduPilot]
+    ) -> None:
         self.state = state
         self.plans = plans
         self.firmware = firmware
@@ -91,7 +93,9 @@ class ArduPilot:
             return Landed.ON_GROUND
         if self.mode == "GUIDED" and self.flight.taking_off:
             return Landed.TAKEOFF
-        return Landed.LANDING if self.mode == "LAND" or self.flight.stage == "land" else Landed.IN_AIR
+        return (
+            Landed.LANDING if self.mode == "LAND" or self.flight.stage == "land" else Landed.IN_AIR
+        )
 
     @property
     def ready_to_arm(self) -> bool:
@@ -158,8 +162,17 @@ class ArduPilot:
         if not self.state.armed and self.firmware.flies:
             return ""
         if missing:
-            return "requires position" if missing & {Need.LOCAL_POSITION, Need.GLOBAL_POSITION} else "init failed"
-        if mode == "AUTO" and self.firmware.flies and self.state.on_ground and not self.mission.takes_off:
+            return (
+                "requires position"
+                if missing & {Need.LOCAL_POSITION, Need.GLOBAL_POSITION}
+                else "init failed"
+            )
+        if (
+            mode == "AUTO"
+            and self.firmware.flies
+            and self.state.on_ground
+            and not self.mission.takes_off
+        ):
             self.state.say(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
             return "init failed"
         return ""
@@ -228,7 +241,9 @@ class ArduPilot:
             self._hear_switch()
         if state.armed:
             self._act_on_failsafes()
-            if self.firmware.flies and safety.disarms_by_itself(state, self.mode, taking_off=self.flight.taking_off):
+            if self.firmware.flies and safety.disarms_by_itself(
+                state, self.mode, taking_off=self.flight.taking_off
+            ):
                 self.disarm()
 
     def _act_on_failsafes(self) -> None:

@@ -132,7 +132,11 @@ def _enable_fence(commander: ArduPilot, _now_s: float, command: Command) -> Answ
 def _set_mission_item(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     """DO_SET_MISSION_CURRENT: DENIED without such an item, or with home as the only item."""
     seq = command.params[0]
-    if not math.isfinite(seq) or commander.mission.count < 2 or not commander.mission.set_current(int(seq)):
+    if (
+        not math.isfinite(seq)
+        or commander.mission.count < 2
+        or not commander.mission.set_current(int(seq))
+    ):
         return DENIED
     return ACCEPTED
 
@@ -174,7 +178,9 @@ def _yaw(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     slew = float(commander.state.parameters.get("ATC_SLEW_YAW", 6000.0)) * 0.01
     flight = commander.flight
     yaw_rad = commander.state.yaw_rad if flight.turn is None else flight.turn.heading_rad
-    flight.turn = turn_from(yaw_rad, angle, rate, direction, relative=relative == 1.0, slew_deg_s=slew)
+    flight.turn = turn_from(
+        yaw_rad, angle, rate, direction, relative=relative == 1.0, slew_deg_s=slew
+    )
     return ACCEPTED
 
 
@@ -183,7 +189,9 @@ def _pause(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     if command.params[0] not in {0.0, 1.0}:
         return DENIED
     pause = command.params[0] == 0.0
-    under_way = commander.mode == "GUIDED" or (commander.mode == "AUTO" and not commander.state.on_ground)
+    under_way = commander.mode == "GUIDED" or (
+        commander.mode == "AUTO" and not commander.state.on_ground
+    )
     if not under_way:
         commander.state.say(Severity.INFO, f"Failed to {'pause' if pause else 'resume'}")
         return FAILED
@@ -240,7 +248,9 @@ def _tell_home(commander: ArduPilot, _now_s: float, _command: Command) -> Answer
 def _land_start(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """DO_LAND_START: fails because the mock's missions have no landing sequence."""
     commander.state.say(Severity.WARNING, "Unable to start landing sequence")
-    commander.state.say(Severity.WARNING, "Mode change to AUTO RTL failed: No landing sequence found")
+    commander.state.say(
+        Severity.WARNING, "Mode change to AUTO RTL failed: No landing sequence found"
+    )
     return FAILED
 
 
@@ -271,7 +281,8 @@ def _disarm_by_button(commander: ArduPilot, _now_s: float, _command: Command) ->
 def _banner(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """DO_SEND_BANNER."""
     commander.state.say(
-        Severity.INFO, "ArduCopter V4.5.7 (8125b5f9)" if commander.firmware.flies else "ArduRover V4.5.7"
+        Severity.INFO,
+        "ArduCopter V4.5.7 (8125b5f9)" if commander.firmware.flies else "ArduRover V4.5.7",
     )
     return ACCEPTED
 

@@ -37,18 +37,23 @@ _STICK_SPEED_M_S: Final = 12.5  # LOIT_SPEED
 
 def _guided(commander: ArduPilot) -> Setpoint:
     """Fly a take-off, then the stream; a velocity alone does not take off."""
-    state, flight = commander.state, commander.flight
+    state = commander.state
+    flight = commander.flight
     lifts_s = max(state.armed_s + _ARMING_DELAY_S, flight.takeoff_s) + _THRUST_RISES_S
     if flight.taking_off and state.on_ground and state.now_s < lifts_s:
         return IDLING
     if flight.taking_off:
         north, east, _ = flight.entered_m
         if state.flew and abs(state.position_m[2] - flight.takeoff_m) < _REACHED_M:
-            flight.guided = Setpoint(Kind.TRAVEL, (north, east, flight.takeoff_m), yaw_rad=flight.entered_yaw_rad)
+            flight.guided = Setpoint(
+                Kind.TRAVEL, (north, east, flight.takeoff_m), yaw_rad=flight.entered_yaw_rad
+            )
             flight.takeoff_m = _NAN
             flight.just_taken_off = True
         else:
-            return Setpoint(Kind.TRAVEL, (north, east, flight.takeoff_m), yaw_rad=flight.entered_yaw_rad)
+            return Setpoint(
+                Kind.TRAVEL, (north, east, flight.takeoff_m), yaw_rad=flight.entered_yaw_rad
+            )
     if not state.on_ground:
         return commander.guided_setpoint()
     return _lifting(commander) or IDLING
@@ -71,7 +76,8 @@ def _attitude_only(commander: ArduPilot) -> Setpoint:
 
 
 def _circle(commander: ArduPilot) -> Setpoint:
-    state, flight = commander.state, commander.flight
+    state = commander.state
+    flight = commander.flight
     if state.on_ground:
         return IDLING
     if flight.circle is None:
@@ -81,13 +87,18 @@ def _circle(commander: ArduPilot) -> Setpoint:
 
 def _stick_climb(commander: ArduPilot) -> float:
     """Climb rate of the throttle stick: none within the dead band, PILOT_SPEED_UP or _DN at its ends."""
-    parameters, stick = commander.state.parameters, commander.sticks.throttle
+    parameters = commander.state.parameters
+    stick = commander.sticks.throttle
     if abs(stick) <= _DEAD_BAND:
         return 0.0
     fastest = (
-        parameters["PILOT_SPEED_UP"] if stick > 0.0 else parameters["PILOT_SPEED_DN"] or parameters["PILOT_SPEED_UP"]
+        parameters["PILOT_SPEED_UP"]
+        if stick > 0.0
+        else parameters["PILOT_SPEED_DN"] or parameters["PILOT_SPEED_UP"]
     )
-    return math.copysign((abs(stick) - _DEAD_BAND) / (1.0 - _DEAD_BAND), stick) * float(fastest) * 0.01
+    return (
+        math.copysign((abs(stick) - _DEAD_BAND) / (1.0 - _DEAD_BAND), stick) * float(fastest) * 0.01
+    )
 
 
 def _land_over(commander: ArduPilot, north_m: float, east_m: float) -> Setpoint:
@@ -96,8 +107,15 @@ def _land_over(commander: ArduPilot, north_m: float, east_m: float) -> Setpoint:
     parameters = state.parameters
     fast = float(parameters["LAND_SPEED_HIGH"] or parameters["WPNAV_SPEED_DN"]) * 0.01
     above_m = max(height - float(parameters["LAND_ALT_LOW"]) * 0.01, 0.0)
-    speed = min(max(root_law(above_m, 1.0, _SLOWING_M_S2), float(parameters["LAND_SPEED"]) * 0.01), fast)
-    return Setpoint(Kind.TRAVEL, (north_m, east_m, _NAN), (_NAN, _NAN, speed), yaw_rad=commander.flight.entered_yaw_rad)
+    speed = min(
+        max(root_law(above_m, 1.0, _SLOWING_M_S2), float(parameters["LAND_SPEED"]) * 0.01), fast
+    )
+    return Setpoint(
+        Kind.TRAVEL,
+        (north_m, east_m, _NAN),
+        (_NAN, _NAN, speed),
+        yaw_rad=commander.flight.entered_yaw_rad,
+    )
 
 
 def _land(commander: ArduPilot) -> Setpoint:
@@ -109,28 +127,38 @@ def _land(commander: ArduPilot) -> Setpoint:
 
 def _return(commander: ArduPilot) -> Setpoint:
     """Climb, fly home or to a rally point, wait RTL_LOIT_TIME, land. Just after touchdown it climbs again."""
-    state, flight = commander.state, commander.flight
+    state = commander.state
+    flight = commander.flight
     climbs = flight.stage == "climb" or (not flight.stage and just_down(state))
     if state.on_ground and not climbs:
         return IDLING
     if not flight.stage:
-        flight.stage, flight.stage_s = "climb", state.now_s
-        flight.goal_m, flight.legs = return_target(state, commander.plans), Legs()
+        flight.stage = "climb"
+        flight.stage_s = state.now_s
+        flight.goal_m = return_target(state, commander.plans)
+        flight.legs = Legs()
         flight.entered_m = flight.legs.begin(state)
     home = flight.goal_m
     height_m = min(home[2], flight.entered_m[2])
     near_m = float(state.parameters["WPNAV_RADIUS"]) * 0.01
-    left_m, since_s = flight.legs.left_m(state.now_s), state.now_s - flight.stage_s
+    left_m = flight.legs.left_m(state.now_s)
+    since_s = state.now_s - flight.stage_s
     if flight.stage == "climb" and left_m < near_m and since_s > _CLIMB_LEAST_S:
         flight.stage = "return"
     elif flight.stage == "return" and left_m <= 0.0:
-        flight.stage, flight.stage_s = "wait", state.now_s
-    if flight.stage == "wait" and state.now_s - flight.stage_s > float(state.parameters["RTL_LOIT_TIME"]) * 1e-3:
+        flight.stage = "wait"
+        flight.stage_s = state.now_s
+    if (
+        flight.stage == "wait"
+        and state.now_s - flight.stage_s > float(state.parameters["RTL_LOIT_TIME"]) * 1e-3
+    ):
         flight.stage = "land"
     if flight.stage == "land":
         return _land_over(commander, home[0], home[1])
     place = flight.entered_m if flight.stage == "climb" else home
-    yaw_rad = flight.entered_yaw_rad if int(state.parameters["WP_YAW_BEHAVIOR"]) == _NOT_IN_RTL else _NAN
+    yaw_rad = (
+        flight.entered_yaw_rad if int(state.parameters["WP_YAW_BEHAVIOR"]) == _NOT_IN_RTL else _NAN
+    )
     speed = float(state.parameters["RTL_SPEED"]) * 0.01 or _NAN
     goal = (place[0], place[1], height_m)
     return flight.legs.onwards(state, goal, speed)._replace(yaw_rad=yaw_rad)
@@ -143,10 +171,13 @@ def _brake(commander: ArduPilot) -> Setpoint:
 def _by_stick(commander: ArduPilot) -> Setpoint:
     """Sticks as velocities. The simulator's radio has the throttle stick down, so the copter descends."""
     state = commander.state
-    sticks, climb = commander.sticks, _stick_climb(commander)
+    sticks = commander.sticks
+    climb = _stick_climb(commander)
     if state.on_ground and climb <= 0.0:
         return IDLING
-    level = turned((sticks.pitch * _STICK_SPEED_M_S, sticks.roll * _STICK_SPEED_M_S, 0.0), state.yaw_rad)
+    level = turned(
+        (sticks.pitch * _STICK_SPEED_M_S, sticks.roll * _STICK_SPEED_M_S, 0.0), state.yaw_rad
+    )
     return Setpoint(
         Kind.TRAVEL,
         velocity_ned_m_s=(level[0], level[1], -climb),
@@ -160,19 +191,27 @@ def _after_the_mission(commander: ArduPilot) -> Setpoint:
     if commander.mission.over != "return":
         return _brake(commander)
     if not flight.stage:
-        flight.entered_m, flight.entered_yaw_rad = commander.state.position_m, commander.state.yaw_rad
+        flight.entered_m = commander.state.position_m
+        flight.entered_yaw_rad = commander.state.yaw_rad
     return _return(commander)
 
 
 def _auto(commander: ArduPilot) -> Setpoint:
-    state, flight = commander.state, commander.flight
-    if state.on_ground and not (state.flew or flight.may_lift or commander.sticks.throttle > _THROTTLE_DOWN):
+    state = commander.state
+    flight = commander.flight
+    if state.on_ground and not (
+        state.flew or flight.may_lift or commander.sticks.throttle > _THROTTLE_DOWN
+    ):
         return IDLING
     leg = commander.mission.leg(state, flight.entered_m)
     if commander.mission.over:
         return _after_the_mission(commander)
     if leg.landing:
-        return IDLING if state.on_ground else _land_over(commander, leg.position_m[0], leg.position_m[1])
+        return (
+            IDLING
+            if state.on_ground
+            else _land_over(commander, leg.position_m[0], leg.position_m[1])
+        )
     if state.on_ground and not leg.taking_off:
         return IDLING
     return _along(commander, leg)

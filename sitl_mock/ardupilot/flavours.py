@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from sitl_mock.protocols import ParameterStore, PlanStore
     from sitl_mock.vehicle_state import VehicleState
 
-_PARAMETERS, _ITEMS = 0x671B, 0x763D
+_PARAMETERS = 0x671B
+_ITEMS = 0x763D
 _TYPES: Final = {
     ParamKind.INT8: (1, "<b"),
     ParamKind.INT16: (2, "<h"),
@@ -47,12 +48,18 @@ _TYPES: Final = {
     ParamKind.REAL32: (4, "<f"),
 }
 _ITEM: Final = struct.Struct("<ffffiifHHBBBBBB")
-_NAMES: Final = {PlanKind.MISSION: "mission.dat", PlanKind.FENCE: "fence.dat", PlanKind.RALLY: "rally.dat"}
+_NAMES: Final = {
+    PlanKind.MISSION: "mission.dat",
+    PlanKind.FENCE: "fence.dat",
+    PlanKind.RALLY: "rally.dat",
+}
 
 
 def files_of(parameters: ParameterStore, plans: PlanStore) -> FileTree:
     """Return the files of one vehicle."""
-    hidden: dict[str, Callable[[], bytes]] = {"@PARAM/param.pck": partial(packed_parameters, parameters)}
+    hidden: dict[str, Callable[[], bytes]] = {
+        "@PARAM/param.pck": partial(packed_parameters, parameters)
+    }
     for kind, name in _NAMES.items():
         hidden[f"@MISSION/{name}"] = partial(packed_plan, plans, kind)
     return FileTree({}, frozenset({"/logs", "/terrain"}), hidden)
@@ -61,19 +68,24 @@ def files_of(parameters: ParameterStore, plans: PlanStore) -> FileTree:
 def packed_parameters(parameters: ParameterStore) -> bytes:
     """Return the content of ``@PARAM/param.pck``: all parameters, with common name prefixes packed."""
     count = len(parameters.names)
-    packed, last = [struct.pack("<HHH", _PARAMETERS, count, count)], ""
+    packed = [struct.pack("<HHH", _PARAMETERS, count, count)]
+    last = ""
     for name in parameters.names:
         kind, form = _TYPES[parameters.definitions[name].kind]
         common = min(_shared(last, name), len(name) - 1, 15)
         rest = name[common:].encode()
-        packed.append(bytes((kind, len(rest) - 1 << 4 | common)) + rest + struct.pack(form, parameters[name]))
+        packed.append(
+            bytes((kind, len(rest) - 1 << 4 | common)) + rest + struct.pack(form, parameters[name])
+        )
         last = name
     return b"".join(packed)
 
 
 def _shared(first: str, second: str) -> int:
     """Length of the common prefix of two names."""
-    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(first, second, strict=False)))
+    return sum(
+        1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(first, second, strict=False))
+    )
 
 
 def packed_plan(plans: PlanStore, kind: PlanKind) -> bytes:
@@ -81,7 +93,10 @@ def packed_plan(plans: PlanStore, kind: PlanKind) -> bytes:
     items = plans.plans[kind].items
     packed = [struct.pack("<HHHHH", _ITEMS, kind, 0, 0, len(items))]
     for item in items:
-        p1, p2, p3, p4 = item.param1, item.param2, item.param3, item.param4
+        p1 = item.param1
+        p2 = item.param2
+        p3 = item.param3
+        p4 = item.param4
         ids = (item.seq, item.command, 0, 0, item.frame, item.current, item.autocontinue, kind)
         packed.append(_ITEM.pack(p1, p2, p3, p4, item.x, item.y, item.z, *ids))
     return b"".join(packed)
@@ -124,7 +139,8 @@ def rover_plant(parameters: Mapping[str, float]) -> Vehicle:
     """The rover; GUIDED velocities may exceed CRUISE_SPEED."""
     return Rover(
         accel_m_s2=float(parameters["ATC_ACCEL_MAX"]) or 2.0,
-        turn_rate_max_rad_s=math.radians(float(parameters["ATC_STR_RAT_MAX"])) or math.radians(90.0),
+        turn_rate_max_rad_s=math.radians(float(parameters["ATC_STR_RAT_MAX"]))
+        or math.radians(90.0),
     )
 
 

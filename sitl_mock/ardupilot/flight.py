@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 DECIDE_S: Final = 0.02
 IDLING: Final = Setpoint(Kind.IDLING)
 """Motors turning on the ground."""
-_TRAVEL, _STREAM = Kind.TRAVEL, Kind.STREAM
+_TRAVEL = Kind.TRAVEL
+_STREAM = Kind.STREAM
 
 
 @dataclass(slots=True)
@@ -72,7 +73,8 @@ class ModeFlight:
 
     def take_off(self, now_s: float, here_m: Vector, down_m: float) -> None:
         """Begin a take-off in GUIDED from here to a down coordinate."""
-        self.takeoff_m, self.takeoff_s = down_m, now_s
+        self.takeoff_m = down_m
+        self.takeoff_s = now_s
         self.guided = None
         self.entered_m = here_m
 
@@ -85,7 +87,9 @@ class ModeFlight:
         self.turn = None
         self.takeoff_m = math.nan
 
-    def guided_setpoint(self, state: VehicleState, plans: PlanStore, firmware: Firmware[Any]) -> Setpoint:
+    def guided_setpoint(
+        self, state: VehicleState, plans: PlanStore, firmware: Firmware[Any]
+    ) -> Setpoint:
         """Return GUIDED's setpoint: the last one, or a stop when it is older than the timeout."""
         if self.guided is None:
             return Setpoint(Kind.BRAKE)
@@ -95,7 +99,9 @@ class ModeFlight:
         if kind is _TRAVEL:
             return self.speeds.applied(self.guided)
         timeout_s = (
-            float(state.parameters[firmware.guided_timeout]) if firmware.guided_timeout else firmware.guided_timeout_s
+            float(state.parameters[firmware.guided_timeout])
+            if firmware.guided_timeout
+            else firmware.guided_timeout_s
         )
         if state.now_s - self.stream_s > timeout_s:
             return guided.STOP if kind is _STREAM else guided.LEVEL

@@ -72,7 +72,9 @@ def _read(state: VehicleState, target: Target) -> Setpoint | None:
     if mask & IGNORE_VELOCITY and not mask & IGNORE_POSITION:
         if not mask & IGNORE_ACCELERATION:
             return STOP
-        return Setpoint(Kind.TRAVEL, position, yaw_rad=yaw_rad, yaw_rate_rad_s=_finite(target.yaw_rate_rad_s))
+        return Setpoint(
+            Kind.TRAVEL, position, yaw_rad=yaw_rad, yaw_rate_rad_s=_finite(target.yaw_rate_rad_s)
+        )
     return Setpoint(
         Kind.STREAM,
         position,
@@ -89,7 +91,9 @@ def item_setpoint(state: VehicleState, item: PlanItem) -> Setpoint | None:
         return None
     altitude = item.z
     if item.frame in GLOBAL_RELATIVE:
-        altitude += state.frame.origin.alt_amsl_m - (state.home_m[2] if state.home_m is not None else 0.0)
+        altitude += state.frame.origin.alt_amsl_m - (
+            state.home_m[2] if state.home_m is not None else 0.0
+        )
     place = state.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
     return Setpoint(Kind.TRAVEL, place) if all(map(math.isfinite, place)) else None
 
@@ -112,7 +116,9 @@ def _placed(state: VehicleState, target: Target) -> Vector:
 
 
 _NAN: Final = math.nan
-_IGNORE_YAW_RATE, _IGNORE_THRUST, _IGNORE_ATTITUDE = 4, 64, 128
+_IGNORE_YAW_RATE = 4
+_IGNORE_THRUST = 64
+_IGNORE_ATTITUDE = 128
 _THRUST_IS_THRUST: Final = 8
 _UNIT: Final = 1e-3
 
@@ -126,7 +132,8 @@ def read_attitude(parameters: Mapping[str, float], message: Any) -> Setpoint | N
     mask = message.type_mask
     if mask & _IGNORE_THRUST or not math.isfinite(message.thrust):
         return None
-    lean, yaw_rad = (0.0, 0.0), _NAN
+    lean = (0.0, 0.0)
+    yaw_rad = _NAN
     if not mask & _IGNORE_ATTITUDE:
         w, x, y, z = message.q
         if not abs(math.hypot(w, x, y, z) - 1.0) < _UNIT:
@@ -149,7 +156,8 @@ def read_attitude(parameters: Mapping[str, float], message: Any) -> Setpoint | N
 
 def _lean(w: float, x: float, y: float, z: float) -> tuple[float, float]:
     """Tilt of the thrust axis towards north and east, in radians."""
-    north, east = -2.0 * (x * z + w * y), -2.0 * (y * z - w * x)
+    north = -2.0 * (x * z + w * y)
+    east = -2.0 * (y * z - w * x)
     up = 1.0 - 2.0 * (x * x + y * y)
     level = math.hypot(north, east)
     angle = math.atan2(level, up)

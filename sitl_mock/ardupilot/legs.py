@@ -59,7 +59,9 @@ class Rise:
 
     def at(self, after_s: float) -> Along:
         """Return the motion after some time."""
-        jerk, peak, left_s = self.jerk_m_s3, self.peak_m_s2, self.lasts_s - after_s
+        jerk = self.jerk_m_s3
+        peak = self.peak_m_s2
+        left_s = self.lasts_s - after_s
         bend_s = peak / jerk
         if after_s <= bend_s:
             return Along(jerk * after_s**3 / 6.0, jerk * after_s**2 / 2.0, jerk * after_s)
@@ -98,7 +100,9 @@ class Curve:
 
     def along(self, now_s: float) -> Along:
         """Return the motion at a time."""
-        rise, after_s, left_s = self.rise, max(now_s - self.begun_s, 0.0), max(self.end_s - now_s, 0.0)
+        rise = self.rise
+        after_s = max(now_s - self.begun_s, 0.0)
+        left_s = max(self.end_s - now_s, 0.0)
         if left_s < rise.lasts_s:
             way, speed, accel = rise.at(left_s)
             return Along(self.length_m - way, speed, -accel)
@@ -110,11 +114,19 @@ class Curve:
     @property
     def direction(self) -> Vector:
         """Unit vector from start to end."""
-        (a, b, c), (d, e, f), size = self.start_m, self.goal_m, self.length_m
+        (a, b, c) = self.start_m
+        (d, e, f) = self.goal_m
+        size = self.length_m
         return (d - a) / size, (e - b) / size, (f - c) / size
 
 
-def curve(start_m: Vector, goal_m: Vector, begun_s: float, speed_m_s: float, parameters: Mapping[str, float]) -> Curve:
+def curve(
+    start_m: Vector,
+    goal_m: Vector,
+    begun_s: float,
+    speed_m_s: float,
+    parameters: Mapping[str, float],
+) -> Curve:
     """Return the leg between two positions within the WPNAV_* limits, horizontal and vertical separately.
 
     Args:
@@ -125,16 +137,23 @@ def curve(start_m: Vector, goal_m: Vector, begun_s: float, speed_m_s: float, par
         parameters: The vehicle's parameters.
     """
     length_m = max(math.dist(start_m, goal_m), _LEAST_M)
-    level, high = math.dist(start_m[:2], goal_m[:2]) / length_m, abs(goal_m[2] - start_m[2]) / length_m
-    level, high = max(level, _LEAST_M), max(high, _LEAST_M)
+    level = math.dist(start_m[:2], goal_m[:2]) / length_m
+    high = abs(goal_m[2] - start_m[2]) / length_m
+    level = max(level, _LEAST_M)
+    high = max(high, _LEAST_M)
     climbs = "WPNAV_SPEED_UP" if goal_m[2] < start_m[2] else "WPNAV_SPEED_DN"
     cruise = speed_m_s if speed_m_s > 0.0 else float(parameters["WPNAV_SPEED"]) * 0.01
     speed = min(cruise / level, float(parameters[climbs]) * 0.01 / high)
-    accel = min(float(parameters["WPNAV_ACCEL"]) * 0.01 / level, float(parameters["WPNAV_ACCEL_Z"]) * 0.01 / high)
+    accel = min(
+        float(parameters["WPNAV_ACCEL"]) * 0.01 / level,
+        float(parameters["WPNAV_ACCEL_Z"]) * 0.01 / high,
+    )
     jerk = _JERK_SHARE * float(parameters["WPNAV_JERK"])
     reached = (length_m * math.sqrt(jerk) / 2.0) ** (2.0 / 3.0)
     if reached > accel * accel / jerk:
-        reached = accel / 2.0 * (math.sqrt((accel / jerk) ** 2 + 4.0 * length_m / accel) - accel / jerk)
+        reached = (
+            accel / 2.0 * (math.sqrt((accel / jerk) ** 2 + 4.0 * length_m / accel) - accel / jerk)
+        )
     return Curve(start_m, goal_m, begun_s, length_m, Rise(min(speed, reached), accel, jerk))
 
 
@@ -142,8 +161,11 @@ def _braking(state: VehicleState) -> Curve:
     """Return a leg whose second half brakes from the present position and velocity."""
     speed_m_s = max(math.hypot(*state.velocity_m_s), _LEAST_M)
     parameters = state.parameters
-    rise = Rise(speed_m_s, float(parameters["WPNAV_ACCEL"]) * 0.01, float(parameters["PSC_JERK_XY"]))
-    (n, e, d), (v_n, v_e, v_d) = state.position_m, state.velocity_m_s
+    rise = Rise(
+        speed_m_s, float(parameters["WPNAV_ACCEL"]) * 0.01, float(parameters["PSC_JERK_XY"])
+    )
+    (n, e, d) = state.position_m
+    (v_n, v_e, v_d) = state.velocity_m_s
     half_s = rise.lasts_s / 2.0
     start_m = (n - v_n * half_s, e - v_e * half_s, d - v_d * half_s)
     goal_m = (n + v_n * half_s, e + v_e * half_s, d + v_d * half_s)
@@ -164,7 +186,9 @@ class Legs:
         present = self._towards(leg.position_m, state, leg.speed_m_s)
         following = mission.following(state)
         if self._following is None and following is not None:
-            ahead = curve(present.goal_m, following.position_m, now_s, following.speed_m_s, state.parameters)
+            ahead = curve(
+                present.goal_m, following.position_m, now_s, following.speed_m_s, state.parameters
+            )
             if _may_begin(present, ahead, now_s, float(state.parameters["WPNAV_RADIUS"]) * 0.01):
                 self._following = ahead
         lead_s = 0.0 if self._following is None else (present.end_s - self._following.begun_s) / 2.0
@@ -188,15 +212,18 @@ class Legs:
         return math.inf if present is None else present.length_m - present.along(now_s).distance_m
 
     def _towards(self, goal_m: Vector, state: VehicleState, speed_m_s: float) -> Curve:
-        present, following = self._present, self._following
+        present = self._present
+        following = self._following
         if present is not None and math.dist(present.goal_m, goal_m) < _LEAST_M:
             return present
         if following is not None and math.dist(following.goal_m, goal_m) < _LEAST_M:
-            self._before, self._following = present, None
+            self._before = present
+            self._following = None
             self._present = following
             return following
         if present is not None and state.now_s >= present.end_s - present.rise.lasts_s:
-            self._before, start_m = present, present.goal_m
+            self._before = present
+            start_m = present.goal_m
         elif self._before is not None and present is None:
             start_m = self._before.goal_m
         else:
@@ -206,8 +233,12 @@ class Legs:
         return self._present
 
     def _sum(self, now_s: float) -> Setpoint:
-        curves = [each for each in (self._before, self._present, self._following) if each is not None]
-        place, speed, accel = list(curves[0].start_m), [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+        curves = [
+            each for each in (self._before, self._present, self._following) if each is not None
+        ]
+        place = list(curves[0].start_m)
+        speed = [0.0, 0.0, 0.0]
+        accel = [0.0, 0.0, 0.0]
         for each in curves:
             way, fast, harder = each.along(now_s)
             for axis, share in enumerate(each.direction):
@@ -215,7 +246,10 @@ class Legs:
                 speed[axis] += share * fast
                 accel[axis] += share * harder
         return Setpoint(
-            Kind.TRACK, (place[0], place[1], place[2]), (speed[0], speed[1], speed[2]), (accel[0], accel[1], accel[2])
+            Kind.TRACK,
+            (place[0], place[1], place[2]),
+            (speed[0], speed[1], speed[2]),
+            (accel[0], accel[1], accel[2]),
         )
 
 
@@ -224,6 +258,7 @@ def _may_begin(present: Curve, ahead: Curve, now_s: float, radius_m: float) -> b
     left_s = present.end_s - now_s
     if left_s > min(present.rise.lasts_s, ahead.rise.lasts_s):
         return False
-    to_go, gone = present.rise.at(left_s / 2.0).distance_m, ahead.rise.at(left_s / 2.0).distance_m
+    to_go = present.rise.at(left_s / 2.0).distance_m
+    gone = ahead.rise.at(left_s / 2.0).distance_m
     corner = [b * gone - a * to_go for a, b in zip(present.direction, ahead.direction, strict=True)]
     return math.hypot(*corner) < radius_m

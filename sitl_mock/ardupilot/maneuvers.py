@@ -40,8 +40,10 @@ class Circle:
         change = self.change_rad_s2 * dt_s
         self.rate_rad_s += min(max(self.rate_max_rad_s - self.rate_rad_s, -change), change)
         self.angle_rad = math.remainder(self.angle_rad + self.rate_rad_s * dt_s, math.tau)
-        cosine, sine = math.cos(self.angle_rad), math.sin(self.angle_rad)
-        radius, along = self.radius_m, self.radius_m * self.rate_rad_s
+        cosine = math.cos(self.angle_rad)
+        sine = math.sin(self.angle_rad)
+        radius = self.radius_m
+        along = self.radius_m * self.rate_rad_s
         inwards = _LAG_MADE_UP * along * self.rate_rad_s
         return Setpoint(
             Kind.STREAM,
@@ -56,7 +58,8 @@ def circle_from(position_m: Vector, yaw_rad: float, parameters: Mapping[str, flo
     """Return the circle that begins here: its centre lies CIRCLE_RADIUS ahead; WPNAV_ACCEL bounds its rate."""
     radius = float(parameters["CIRCLE_RADIUS"]) * 0.01
     north, east, _ = position_m
-    accel, speed = float(parameters["WPNAV_ACCEL"]) * 0.01, float(parameters["WPNAV_SPEED"]) * 0.01
+    accel = float(parameters["WPNAV_ACCEL"]) * 0.01
+    speed = float(parameters["WPNAV_SPEED"]) * 0.01
     rate = math.radians(float(parameters["CIRCLE_RATE"]))
     change = max(abs(rate), math.radians(2.0))
     if radius > 0.0:
@@ -93,7 +96,13 @@ class Turn:
 
 
 def turn_from(
-    yaw_rad: float, angle_deg: float, rate_deg_s: float, direction: float, *, relative: bool, slew_deg_s: float
+    yaw_rad: float,
+    angle_deg: float,
+    rate_deg_s: float,
+    direction: float,
+    *,
+    relative: bool,
+    slew_deg_s: float,
 ) -> Turn:
     """Return the turn of a CONDITION_YAW command.
 
@@ -136,4 +145,6 @@ class Speeds:
 
     def applied(self, setpoint: Setpoint) -> Setpoint:
         """Return a position setpoint with these speeds."""
-        return setpoint._replace(speed_m_s=self.level_m_s, climb_m_s=self.climb_m_s, sink_m_s=self.sink_m_s)
+        return setpoint._replace(
+            speed_m_s=self.level_m_s, climb_m_s=self.climb_m_s, sink_m_s=self.sink_m_s
+        )

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 _NONE: frozenset[Need] = frozenset()
 _POSITION = frozenset({Need.LOCAL_POSITION})
 _HOME = _POSITION | {Need.HOME}
-_MANUAL, _GUIDED = 1 | 16 | 64, 1 | 8 | 16 | 64  # MAV_MODE_FLAG: custom, guided, stabilize, manual input
+_MANUAL = 1 | 16 | 64
+_GUIDED = 1 | 8 | 16 | 64  # MAV_MODE_FLAG: custom, guided, stabilize, manual input
 
 COPTER_MODES: Final = ModeTable(
     title="ArduCopter",
@@ -36,12 +37,33 @@ COPTER_MODES: Final = ModeTable(
         ),
         Mode("LOITER", 5, _POSITION, True, _GUIDED, "sticks are velocities"),
         Mode("RTL", 6, _HOME, False, _GUIDED, "climbs, returns home, lands"),
-        Mode("CIRCLE", 7, _POSITION, False, _GUIDED, "circles about a point ahead; throttle is climb rate"),
+        Mode(
+            "CIRCLE",
+            7,
+            _POSITION,
+            False,
+            _GUIDED,
+            "circles about a point ahead; throttle is climb rate",
+        ),
         Mode("LAND", 9, _NONE, False, _MANUAL, "lands here"),
-        Mode("DRIFT", 11, _POSITION, True, _MANUAL, "sticks as in an aeroplane; flown as STABILIZE here"),
+        Mode(
+            "DRIFT",
+            11,
+            _POSITION,
+            True,
+            _MANUAL,
+            "sticks as in an aeroplane; flown as STABILIZE here",
+        ),
         Mode("POSHOLD", 16, _POSITION, True, _GUIDED, "sticks are tilt, holds when free"),
         Mode("BRAKE", 17, _POSITION, False, _GUIDED, "stops and stays"),
-        Mode("THROW", 18, _POSITION | {Need.DISARMED}, True, _MANUAL, "waits to be thrown; here it brakes"),
+        Mode(
+            "THROW",
+            18,
+            _POSITION | {Need.DISARMED},
+            True,
+            _MANUAL,
+            "waits to be thrown; here it brakes",
+        ),
         Mode("AVOID_ADSB", 19, _POSITION, False, _GUIDED, "stops and stays"),
         Mode("GUIDED_NOGPS", 20, _NONE, True, _MANUAL, "follows SET_ATTITUDE_TARGET alone"),
         Mode("SMART_RTL", 21, _HOME, False, _GUIDED, "returns; flown as RTL here"),
@@ -88,7 +110,14 @@ ROVER_MODES: Final = ModeTable(
         Mode("LOITER", 5, _POSITION, True, 1 | 8, "stays here"),
         Mode("AUTO", 10, _POSITION | {Need.MISSION}, True, 1 | 8, "drives the uploaded mission"),
         Mode("RTL", 11, _HOME, True, 1 | 8, "drives home"),
-        Mode("GUIDED", 15, _POSITION, True, 1 | 8, "follows SET_POSITION_TARGET; stops when the stream does"),
+        Mode(
+            "GUIDED",
+            15,
+            _POSITION,
+            True,
+            1 | 8,
+            "follows SET_POSITION_TARGET; stops when the stream does",
+        ),
     ),
     transitions=(
         Transition("AUTO", "mission finished in the air", "HOLD"),

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
 
 _GLOBAL_RELATIVE: Final = 3
-_LEAST_RETURN_M, _LEAST_SLOPE = 2.0, 0.5
+_LEAST_RETURN_M = 2.0
+_LEAST_SLOPE = 0.5
 
 
 def return_target(state: VehicleState, plans: PlanStore) -> Vector:
@@ -41,7 +42,8 @@ def return_target(state: VehicleState, plans: PlanStore) -> Vector:
     by a cone (RTL_CONE_SLOPE), but not below the vehicle, nor below 2 m. Rally points beyond RALLY_LIMIT_KM do not
     count; home counts with RALLY_INCL_HOME, or without rally points.
     """
-    parameters, home = state.parameters, state.home_m or state.position_m
+    parameters = state.parameters
+    home = state.home_m or state.position_m
     places = list(_rally_points(state, plans, home))
     if not places or int(parameters["RALLY_INCL_HOME"]):
         places.append((home[0], home[1], 0.0))
@@ -81,17 +83,21 @@ def avoiding(state: VehicleState, plans: PlanStore, setpoint: Setpoint) -> Setpo
     north, east, down = setpoint.velocity_ned_m_s
     if not int(parameters["FENCE_TYPE"]) & _POLYGONS or math.isnan(north + east):
         return setpoint
-    gain, margin_m = float(parameters["PSC_POSXY_P"]), float(parameters["FENCE_MARGIN"])
-    fastest_back, bearable_m = float(parameters["AVOID_BACKUP_SPD"]), float(parameters["AVOID_BACKUP_DZ"])
+    gain = float(parameters["PSC_POSXY_P"])
+    margin_m = float(parameters["FENCE_MARGIN"])
+    fastest_back = float(parameters["AVOID_BACKUP_SPD"])
+    bearable_m = float(parameters["AVOID_BACKUP_DZ"])
     for distance_m, (to_n, to_e) in _sides(state, plans):
         room_m = distance_m - margin_m
         if room_m < -bearable_m:
             back = min(root_law(-room_m, gain, _SLOWING_M_S2), fastest_back)
-            north, east = -back * to_n, -back * to_e
+            north = -back * to_n
+            east = -back * to_e
             break
         over = north * to_n + east * to_e - root_law(max(room_m, 0.0), gain, _SLOWING_M_S2)
         if over > 0.0:
-            north, east = north - over * to_n, east - over * to_e
+            north = north - over * to_n
+            east = east - over * to_e
     return setpoint._replace(velocity_ned_m_s=(north, east, down))
 
 
@@ -100,11 +106,17 @@ def _sides(state: VehicleState, plans: PlanStore) -> Iterator[tuple[float, tuple
     here_n, here_e, _ = state.position_m
     for corners in inclusion_polygons(plans.fence.items, state.frame, state.position_m):
         for (a_n, a_e), (b_n, b_e) in zip(corners, (*corners[1:], corners[0]), strict=True):
-            side_n, side_e = b_n - a_n, b_e - a_e
+            side_n = b_n - a_n
+            side_e = b_e - a_e
             square = side_n * side_n + side_e * side_e
-            share = ((here_n - a_n) * side_n + (here_e - a_e) * side_e) / square if square > 0.0 else 0.0
+            share = (
+                ((here_n - a_n) * side_n + (here_e - a_e) * side_e) / square
+                if square > 0.0
+                else 0.0
+            )
             share = min(max(share, 0.0), 1.0)
-            to_n, to_e = a_n + share * side_n - here_n, a_e + share * side_e - here_e
+            to_n = a_n + share * side_n - here_n
+            to_e = a_e + share * side_e - here_e
             distance_m = math.hypot(to_n, to_e)
             if distance_m > 0.0:
                 yield distance_m, (to_n / distance_m, to_e / distance_m)
@@ -114,7 +126,8 @@ def report_totals(state: VehicleState, plans: PlanStore) -> None:
     """Update the item counts of plans that were uploaded or cleared since the last call."""
     for kind in sorted(plans.news):
         items = plans.plans[kind].items
-        name, total = _NAMES[kind], fence_total(items) if kind is PlanKind.FENCE else len(items)
+        name = _NAMES[kind]
+        total = fence_total(items) if kind is PlanKind.FENCE else len(items)
         if kind is PlanKind.MISSION and items:
             state.say(Severity.INFO, "Flight plan received")
         if kind is PlanKind.FENCE:
@@ -131,4 +144,8 @@ def fence_total(items: Sequence[PlanItem]) -> int:
     return vertices + sum(item.command in CIRCLES for item in items) + 2 if vertices else 0
 
 
-_NAMES = {PlanKind.MISSION: "MIS_TOTAL", PlanKind.FENCE: "FENCE_TOTAL", PlanKind.RALLY: "RALLY_TOTAL"}
+_NAMES = {
+    PlanKind.MISSION: "MIS_TOTAL",
+    PlanKind.FENCE: "FENCE_TOTAL",
+    PlanKind.RALLY: "RALLY_TOTAL",
+}

@@ -20,7 +20,8 @@ def _stay(commander: ArduPilot) -> Setpoint:
 
 
 def _manual(commander: ArduPilot) -> Setpoint:
-    sticks, fast = commander.state.pilot.sticks, float(commander.state.parameters["CRUISE_SPEED"])
+    sticks = commander.state.pilot.sticks
+    fast = float(commander.state.parameters["CRUISE_SPEED"])
     velocity = turned((sticks.throttle * fast, 0.0, 0.0), commander.state.yaw_rad)
     if not any(sticks):
         return Setpoint(Kind.BRAKE)
@@ -33,7 +34,9 @@ def _speed(commander: ArduPilot) -> float:
     return (
         set_m_s
         if set_m_s > 0.0
-        else float(commander.state.parameters["WP_SPEED"] or commander.state.parameters["CRUISE_SPEED"])
+        else float(
+            commander.state.parameters["WP_SPEED"] or commander.state.parameters["CRUISE_SPEED"]
+        )
     )
 
 

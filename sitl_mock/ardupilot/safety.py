@@ -16,13 +16,17 @@ if TYPE_CHECKING:
     from sitl_mock.protocols import PlanStore
     from sitl_mock.vehicle_state import VehicleState
 
-_LOW_CELL_SHARE, _CRITICAL_SHARE = 0.15, 0.07
+_LOW_CELL_SHARE = 0.15
+_CRITICAL_SHARE = 0.07
 _TEXTS: Final = {"fence breached": (Severity.NOTICE, "Fence Breached")}
 _LANDING_MODES: Final = frozenset({"LAND", "RTL", "SMART_RTL", "AUTO"})
 _LANDED_S: Final = 1.1
 _CHECK_PARAMETERS: Final = 1 | 1 << 5  # bits of ARMING_CHECK: all checks, and those of parameters
-_PULSE_NONE_US, _PULSE_MARGIN_US, _GCS_CONTINUE = 910, 10, 2
-_LEAST_LEAN_CDEG, _MOST_LEAN_CDEG = 1000, 8000
+_PULSE_NONE_US = 910
+_PULSE_MARGIN_US = 10
+_GCS_CONTINUE = 2
+_LEAST_LEAN_CDEG = 1000
+_MOST_LEAN_CDEG = 8000
 _ACRO_BALANCES: Final = (("ACRO_BAL_ROLL", "ATC_ANG_RLL_P"), ("ACRO_BAL_PITCH", "ATC_ANG_PIT_P"))
 
 
@@ -38,7 +42,9 @@ class FailsafeLatch:
     handled: set[str] = field(default_factory=set)
     acting: bool = False
 
-    def new(self, state: VehicleState, plans: PlanStore, *, flies: bool) -> Iterator[tuple[str, str]]:
+    def new(
+        self, state: VehicleState, plans: PlanStore, *, flies: bool
+    ) -> Iterator[tuple[str, str]]:
         """Yield each new trigger with its event in the table of modes."""
         present = dict(wrong(state, plans, flies=flies))
         self.handled &= present.keys()
@@ -126,7 +132,8 @@ def _bad_parameters(parameters: Mapping[str, float]) -> Iterator[str]:
     """Yield the first parameter that ArduCopter's checks refuse."""
     if not _checks_parameters(parameters):
         return
-    least_us, most_us = _PULSE_NONE_US, parameters["RC3_MIN"] - _PULSE_MARGIN_US
+    least_us = _PULSE_NONE_US
+    most_us = parameters["RC3_MIN"] - _PULSE_MARGIN_US
     if int(parameters["FS_THR_ENABLE"]) and not least_us <= parameters["FS_THR_VALUE"] < most_us:
         yield "Check FS_THR_VALUE"
     elif not _LEAST_LEAN_CDEG <= parameters["ANGLE_MAX"] <= _MOST_LEAN_CDEG:
@@ -139,11 +146,17 @@ def _bad_parameters(parameters: Mapping[str, float]) -> Iterator[str]:
 
 def wrong(state: VehicleState, plans: PlanStore, *, flies: bool) -> Iterator[tuple[str, str]]:
     """Yield the failsafe triggers that are present, each with the parameter that chooses the action."""
-    parameters, conditions, now_s = state.parameters, state.conditions, state.now_s
-    if state.pilot.radio_lost(now_s) or state.pilot.throttle_below(now_s, parameters["FS_THR_VALUE"]):
+    parameters = state.parameters
+    conditions = state.conditions
+    now_s = state.now_s
+    if state.pilot.radio_lost(now_s) or state.pilot.throttle_below(
+        now_s, parameters["FS_THR_VALUE"]
+    ):
         yield "radio lost", "FS_THR_ENABLE"
     ground_age_s = now_s - state.peers.ground_s
-    if conditions.gcs_lost or (math.isfinite(ground_age_s) and ground_age_s > parameters["FS_GCS_TIMEOUT"]):
+    if conditions.gcs_lost or (
+        math.isfinite(ground_age_s) and ground_age_s > parameters["FS_GCS_TIMEOUT"]
+    ):
         yield "ground station lost", "FS_GCS_ENABLE"
     if not state.estimator.position_valid:
         yield "estimator lost", "FS_EKF_ACTION"
@@ -151,7 +164,9 @@ def wrong(state: VehicleState, plans: PlanStore, *, flies: bool) -> Iterator[tup
         yield "battery critical", "BATT_FS_CRT_ACT"
     if state.battery.remaining < _LOW_CELL_SHARE:
         yield "battery low", "BATT_FS_LOW_ACT"
-    if conditions.fence_breach or (int(parameters["FENCE_ENABLE"]) and _outside(state, plans, flies=flies)):
+    if conditions.fence_breach or (
+        int(parameters["FENCE_ENABLE"]) and _outside(state, plans, flies=flies)
+    ):
         yield "fence breached", "FENCE_ACTION"
 
 
@@ -159,8 +174,13 @@ def _outside(state: VehicleState, plans: PlanStore, *, flies: bool) -> bool:
     parameters = state.parameters
     if state.home_m is None:
         return False
-    (n, e, d), (home_n, home_e, home_d) = state.position_m, state.home_m
+    (n, e, d) = state.position_m
+    (home_n, home_e, home_d) = state.home_m
     kinds = int(parameters["FENCE_TYPE"])
     too_high = flies and kinds & 1 and home_d - d > parameters["FENCE_ALT_MAX"]
     too_far = kinds & 2 and math.hypot(n - home_n, e - home_e) > parameters["FENCE_RADIUS"]
-    return bool(too_high or too_far or (kinds & 4 and violated(plans.fence.items, state.frame, state.position_m)))
+    return bool(
+        too_high
+        or too_far
+        or (kinds & 4 and violated(plans.fence.items, state.frame, state.position_m))
+    )

@@ -18,8 +18,18 @@ from sitl_mock.errors import ConfigError
 def table_of(comparison: Comparison) -> Table:
     """Return a table with one row per segment and axis; cells with two numbers are real / mock."""
     how = f", guessed by {comparison.guessed_by}" if comparison.guessed_by else ""
-    table = Table(title=f"{comparison.flavour.value}{how}: real / mock", caption="m/s, s; -: not measurable")
-    for name in ("from", "axis", "command", "rise 10-90 %", "overshoot", "steady error", "RMS difference"):
+    table = Table(
+        title=f"{comparison.flavour.value}{how}: real / mock", caption="m/s, s; -: not measurable"
+    )
+    for name in (
+        "from",
+        "axis",
+        "command",
+        "rise 10-90 %",
+        "overshoot",
+        "steady error",
+        "RMS difference",
+    ):
         table.add_column(name, justify="right")
     for segment in comparison.segments:
         for axis in segment.axes:
@@ -40,9 +50,8 @@ def verdict_of(comparison: Comparison) -> str:
     """Return the overall numbers as a line."""
     n, e, d = comparison.rms_ned_m_s
     word = "within" if comparison.passed else "ABOVE"
-    return (
-        f"Overall velocity RMS: N {n:.3f}, E {e:.3f}, D {d:.3f} m/s, {word} the limit of {RMS_LIMIT_M_S} m/s per axis."
-    )
+    measured = f"Overall velocity RMS: N {n:.3f}, E {e:.3f}, D {d:.3f} m/s"
+    return f"{measured}, {word} the limit of {RMS_LIMIT_M_S} m/s per axis."
 
 
 def as_plain(comparison: Comparison) -> dict[str, Any]:
@@ -84,7 +93,12 @@ def _cell(value: float) -> str:
 
 
 def calibrate_file(
-    file: Path, flavour: str | None, plot: Path | None, *, as_json: bool, dynamics_only: bool = False
+    file: Path,
+    flavour: str | None,
+    plot: Path | None,
+    *,
+    as_json: bool,
+    dynamics_only: bool = False,
 ) -> int:
     """Compare a file with the mock, print the result, return the exit code: 0 within the limit, 1 above it.
 
@@ -107,7 +121,9 @@ def calibrate_file(
             from sitl_mock.calibrate.picture import draw  # noqa: PLC0415 - matplotlib takes a second
         except ModuleNotFoundError as error:
             advice = "pip install 'pursuit-guidance[plot]'"
-            raise ConfigError(f"--plot {plot}: needs {error.name}, which is not installed: {advice}") from error
+            raise ConfigError(
+                f"--plot {plot}: needs {error.name}, which is not installed: {advice}"
+            ) from error
 
         draw(plot, log, comparison)
     if as_json:

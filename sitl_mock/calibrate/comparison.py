@@ -54,7 +54,9 @@ def segments_of(time_s: Samples, command_ned_m_s: Samples) -> list[Segment]:
     return found
 
 
-def response_of(time_s: Samples, velocity_m_s: Samples, start_m_s: float, command_m_s: float) -> Response:
+def response_of(
+    time_s: Samples, velocity_m_s: Samples, start_m_s: float, command_m_s: float
+) -> Response:
     """Measure the step response of one axis.
 
     Args:
@@ -70,7 +72,9 @@ def response_of(time_s: Samples, velocity_m_s: Samples, start_m_s: float, comman
         return Response(math.nan, math.nan, steady_error)
     progress = (velocity_m_s - start_m_s) / change
     beyond = max(0.0, float(progress.max()) - 1.0) * abs(change)
-    return Response(_crossing(time_s, progress, 0.9) - _crossing(time_s, progress, 0.1), beyond, steady_error)
+    return Response(
+        _crossing(time_s, progress, 0.9) - _crossing(time_s, progress, 0.1), beyond, steady_error
+    )
 
 
 def _crossing(time_s: Samples, progress: Samples, level: float) -> float:
@@ -126,7 +130,9 @@ class Comparison:
         return max(self.rms_ned_m_s) <= RMS_LIMIT_M_S
 
 
-def compare(log: StepLog, flavour: FlavourName, mock_velocity_ned_m_s: Samples, guessed_by: str = "") -> Comparison:
+def compare(
+    log: StepLog, flavour: FlavourName, mock_velocity_ned_m_s: Samples, guessed_by: str = ""
+) -> Comparison:
     """Measure a log and the mock's answers to its commands, segment by segment.
 
     Args:
@@ -136,7 +142,9 @@ def compare(log: StepLog, flavour: FlavourName, mock_velocity_ned_m_s: Samples, 
         guessed_by: What told the flavour, empty where it was given.
     """
     mock = mock_velocity_ned_m_s
-    segments = tuple(_segment(log, mock, segment) for segment in segments_of(log.time_s, log.command_ned_m_s))
+    segments = tuple(
+        _segment(log, mock, segment) for segment in segments_of(log.time_s, log.command_ned_m_s)
+    )
     rms = np.sqrt(np.mean((mock - log.velocity_ned_m_s) ** 2, axis=0)).tolist()
     return Comparison(flavour, guessed_by, segments, (rms[0], rms[1], rms[2]), mock)
 
@@ -150,7 +158,9 @@ def _segment(log: StepLog, mock: Samples, segment: Segment) -> SegmentComparison
 
 def _axis(log: StepLog, mock: Samples, segment: Segment, axis: int) -> AxisComparison:
     rows = slice(segment.first, segment.last)
-    time_s, real, ours = log.time_s[rows], log.velocity_ned_m_s[rows, axis], mock[rows, axis]
+    time_s = log.time_s[rows]
+    real = log.velocity_ned_m_s[rows, axis]
+    ours = mock[rows, axis]
     command = float(log.command_ned_m_s[segment.first, axis])
     rms = float(np.sqrt(np.mean((ours - real) ** 2)))
     name = "NED"[axis]
@@ -162,7 +172,11 @@ def _axis(log: StepLog, mock: Samples, segment: Segment, axis: int) -> AxisCompa
     if not stepped:
         # Without a commanded change, only the steady error is meaningful.
         return AxisComparison(
-            name, command, response_of(time_s, real, command, command), response_of(time_s, ours, command, command), rms
+            name,
+            command,
+            response_of(time_s, real, command, command),
+            response_of(time_s, ours, command, command),
+            rms,
         )
     return AxisComparison(
         name,

@@ -51,7 +51,10 @@ def guess(path: Path, log: StepLog) -> tuple[FlavourName, str]:
         return FlavourName.PX4, "the file's name"
     if "ardu" in name or "copter" in name:
         return FlavourName.ARDUCOPTER, "the file's name"
-    misfit = {one: float(np.mean((replay(log, vehicle_of(one)) - log.velocity_ned_m_s) ** 2)) for one in FlavourName}
+    misfit = {
+        one: float(np.mean((replay(log, vehicle_of(one)) - log.velocity_ned_m_s) ** 2))
+        for one in FlavourName
+    }
     return min(FlavourName, key=misfit.__getitem__), "the better fit"
 
 
@@ -63,7 +66,11 @@ _CLIMB_S = 600.0
 _SETTLE_S = 30.0
 _HEARTBEAT_EVERY = 50
 
-_SET_MODE, _ARM, _TAKE_OFF, _SET_MESSAGE_INTERVAL, _REQUEST_OF = 176, 400, 22, 511, 32
+_SET_MODE = 176
+_ARM = 400
+_TAKE_OFF = 22
+_SET_MESSAGE_INTERVAL = 511
+_REQUEST_OF = 32
 
 
 class _Client:
@@ -75,20 +82,36 @@ class _Client:
         self.down_m = 0.0
         self.heard: list[tuple[float, float, float, float]] = []
         self._steps = 0
-        self._encoder, self._decoder = Encoder(255, 190), Decoder()
+        self._encoder = Encoder(255, 190)
+        self._decoder = Decoder()
 
-    def step(self, velocity: tuple[float, float, float] | None, *commands: tuple[float, ...]) -> None:
+    def step(
+        self, velocity: tuple[float, float, float] | None, *commands: tuple[float, ...]
+    ) -> None:
         """Advance by one step with the messages to send."""
         self._steps += 1
         self.now_s = self._steps * _STEP_S
         pack = self._encoder.pack
-        frames = [pack("COMMAND_LONG", 1, 1, int(c[0]), 0, *c[1:], *[0.0] * (8 - len(c))) for c in commands]
+        frames = [
+            pack("COMMAND_LONG", 1, 1, int(c[0]), 0, *c[1:], *[0.0] * (8 - len(c)))
+            for c in commands
+        ]
         if velocity is not None:
             still = (0.0,) * 5
             frames.append(
                 pack(
                     "SET_POSITION_TARGET_LOCAL_NED",
-                    *(round(self.now_s * 1000.0), 1, 1, _LOCAL_NED, _VELOCITY_AND_YAW, 0.0, 0.0, 0.0, *velocity),
+                    *(
+                        round(self.now_s * 1000.0),
+                        1,
+                        1,
+                        _LOCAL_NED,
+                        _VELOCITY_AND_YAW,
+                        0.0,
+                        0.0,
+                        0.0,
+                        *velocity,
+                    ),
                     *still,
                 )
             )
@@ -129,7 +152,9 @@ def fly_log(log: StepLog, flavour: FlavourName) -> Samples:
         client.step(commands[max(row, 0)])
     heard = np.array(client.heard)
     since_s = heard[:, 0] - begun_s + log.time_s[0]
-    return np.stack([np.interp(log.time_s, since_s, heard[:, 1 + axis]) for axis in range(3)], axis=1)
+    return np.stack(
+        [np.interp(log.time_s, since_s, heard[:, 1 + axis]) for axis in range(3)], axis=1
+    )
 
 
 def _climb_px4(client: _Client, height_m: float) -> None:

@@ -69,7 +69,8 @@ def read_step_log(path: Path) -> StepLog:
     back = np.flatnonzero(np.diff(rows[:, 0]) <= 0.0)
     if back.size:
         row = int(back[0]) + 1
-        before, after = rows[row - 1, 0], rows[row, 0]
+        before = rows[row - 1, 0]
+        after = rows[row, 0]
         msg = f"{path}, row {row + 2}, column {_TIME}: {after:g} does not come after {before:g}; times must increase"
         raise ConfigError(msg)
     return StepLog(rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7:10])
@@ -82,7 +83,10 @@ def _numbers(path: Path, lines: TextIO) -> list[list[float]]:
     if missing:
         msg = f"{path} lacks the column {', '.join(missing)}; needed are {', '.join(COLUMNS)}"
         raise ConfigError(msg)
-    return [[_number(path, number, name, row[name]) for name in COLUMNS] for number, row in enumerate(reader, start=2)]
+    return [
+        [_number(path, number, name, row[name]) for name in COLUMNS]
+        for number, row in enumerate(reader, start=2)
+    ]
 
 
 def _number(path: Path, row: int, name: str, cell: str | None) -> float:

@@ -8,17 +8,24 @@ import typer
 
 def calibrate(
     file: Annotated[
-        Path, typer.Argument(help="CSV with `t_s`, `cmd_{n,e,d}_m_s`, `vel_{n,e,d}_m_s`, `pos_{n,e,d}_m`.")
+        Path,
+        typer.Argument(
+            help="CSV with `t_s`, `cmd_{n,e,d}_m_s`, `vel_{n,e,d}_m_s`, `pos_{n,e,d}_m`."
+        ),
     ],
     flavour: Annotated[
-        str | None, typer.Option(help="px4 or arducopter; guessed from the file's name, else by the better fit.")
+        str | None,
+        typer.Option(
+            help="px4 or arducopter; guessed from the file's name, else by the better fit."
+        ),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Write a plot here (png, svg, pdf).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
     dynamics_only: Annotated[
         bool,
         typer.Option(
-            "--dynamics-only", help="Use the dynamics alone instead of a whole vehicle over MAVLink (faster)."
+            "--dynamics-only",
+            help="Use the dynamics alone instead of a whole vehicle over MAVLink (faster).",
         ),
     ] = False,
 ) -> None:
@@ -29,13 +36,22 @@ def calibrate(
     """
     from sitl_mock.calibrate.command import calibrate_file  # noqa: PLC0415 - numpy and rich are not for `--help`
 
-    raise typer.Exit(calibrate_file(file, flavour, plot, as_json=as_json, dynamics_only=dynamics_only))
+    raise typer.Exit(
+        calibrate_file(file, flavour, plot, as_json=as_json, dynamics_only=dynamics_only)
+    )
 
 
 def compare(
-    file: Annotated[Path, typer.Argument(help="A .tlog of PX4, ArduCopter or Rover, including the client's messages.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="A .tlog of PX4, ArduCopter or Rover, including the client's messages."
+        ),
+    ],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
-    ranges: Annotated[bool, typer.Option(help="Also print the range of every field on both sides.")] = False,
+    ranges: Annotated[
+        bool, typer.Option(help="Also print the range of every field on both sides.")
+    ] = False,
 ) -> None:
     """Replay a recorded client on the mock and compare the mock's messages with the recorded ones.
 

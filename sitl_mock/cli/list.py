@@ -20,7 +20,9 @@ class Subject(StrEnum):
 
 
 def list_(
-    subject: Annotated[Subject | None, typer.Argument(help="What to list; default: flavours and faults.")] = None,
+    subject: Annotated[
+        Subject | None, typer.Argument(help="What to list; default: flavours and faults.")
+    ] = None,
     flavour: Annotated[str, typer.Option(help="Flavour of the parameters or streams.")] = "px4",
 ) -> None:
     """List flavours, faults, conditions, or a flavour's parameters or streams."""

@@ -16,42 +16,72 @@ if TYPE_CHECKING:
 def run(
     vehicles: Annotated[
         list[str] | None,
-        typer.Option(help="A number (of --flavour), or `flavour:name[@north,east,down]`, repeated for each vehicle."),
+        typer.Option(
+            help="A number (of --flavour), or `flavour:name[@north,east,down]`, repeated for each vehicle."
+        ),
     ] = None,
-    flavour: Annotated[str, typer.Option(help="px4, arducopter or rover, if --vehicles is a number.")] = "px4",
-    fleet: Annotated[Path | None, typer.Option(help="TOML file with the vehicles, instead of --vehicles.")] = None,
+    flavour: Annotated[
+        str, typer.Option(help="px4, arducopter or rover, if --vehicles is a number.")
+    ] = "px4",
+    fleet: Annotated[
+        Path | None, typer.Option(help="TOML file with the vehicles, instead of --vehicles.")
+    ] = None,
     faults: Annotated[Path | None, typer.Option(help="TOML file with faults.")] = None,
     zenoh: Annotated[
-        str | None, typer.Option(help="Zenoh endpoint to listen on: tcp/127.0.0.1:7447; port 0 takes a free one.")
+        str | None,
+        typer.Option(
+            help="Zenoh endpoint to listen on: tcp/127.0.0.1:7447; port 0 takes a free one."
+        ),
     ] = None,
-    zenoh_connect: Annotated[str | None, typer.Option(help="Zenoh router to connect to instead of listening.")] = None,
+    zenoh_connect: Annotated[
+        str | None, typer.Option(help="Zenoh router to connect to instead of listening.")
+    ] = None,
     zenoh_keys: Annotated[
-        Path | None, typer.Option(help="With --zenoh-connect: credentials, a file of `guidance zenoh keys`.")
+        Path | None,
+        typer.Option(help="With --zenoh-connect: credentials, a file of `guidance zenoh keys`."),
     ] = None,
     udp: Annotated[
         int | None,
         typer.Option(
-            help="First port of the onboard links; vehicle i sends to PORT + i (ArduPilot: + 10 i).", min=1, max=65000
+            help="First port of the onboard links; vehicle i sends to PORT + i (ArduPilot: + 10 i).",
+            min=1,
+            max=65000,
         ),
     ] = None,
     gcs: Annotated[
-        int | None, typer.Option(help="Port of a ground station; every vehicle sends to it.", min=1, max=65535)
+        int | None,
+        typer.Option(help="Port of a ground station; every vehicle sends to it.", min=1, max=65535),
     ] = None,
     ready_after_s: Annotated[
-        float | None, typer.Option(help="Time from boot until arming is possible; default: as measured.", min=0.0)
+        float | None,
+        typer.Option(
+            help="Time from boot until arming is possible; default: as measured.", min=0.0
+        ),
     ] = None,
     noise: Annotated[
         bool | None,
-        typer.Option("--noise/--no-noise", help="Estimation error as measured on the real autopilots (default: on)."),
+        typer.Option(
+            "--noise/--no-noise",
+            help="Estimation error as measured on the real autopilots (default: on).",
+        ),
     ] = None,
     param: Annotated[
         list[str] | None,
-        typer.Option(help="A parameter: `NAME=VALUE`, or `vehicle:NAME=VALUE` for one vehicle; repeatable."),
+        typer.Option(
+            help="A parameter: `NAME=VALUE`, or `vehicle:NAME=VALUE` for one vehicle; repeatable."
+        ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of all randomness (default: 0).", min=0)] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print `ready` as one line of JSON.")] = False,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of all randomness (default: 0).", min=0)
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print `ready` as one line of JSON.")
+    ] = False,
     parent_pipe: Annotated[
-        bool, typer.Option("--parent-pipe", help="Stop when standard input closes, so that an orphaned child ends.")
+        bool,
+        typer.Option(
+            "--parent-pipe", help="Stop when standard input closes, so that an orphaned child ends."
+        ),
     ] = False,
 ) -> None:
     """Run a fleet in real time, over Zenoh and UDP, until SIGTERM or Ctrl-C.
@@ -80,7 +110,13 @@ def run(
     settings = {key: value for key, value in given.items() if value is not None}
     config = _configured(vehicles or [], flavour, fleet, settings, seed, param or [])
     script = FaultScript() if faults is None else read_script(faults)
-    serve(config, Wires(zenoh, zenoh_connect, zenoh_keys, udp, gcs), script, as_json=as_json, parent_pipe=parent_pipe)
+    serve(
+        config,
+        Wires(zenoh, zenoh_connect, zenoh_keys, udp, gcs),
+        script,
+        as_json=as_json,
+        parent_pipe=parent_pipe,
+    )
 
 
 def _configured(

@@ -1,6 +1,13 @@
 """`sitl-mock compare`: a recorded flight's messages beside the mock's under the same client."""
 
-from sitl_mock.compare.behaviour import Behaviour, Difference, FieldRange, Stream, behaviour_of, differences
+from sitl_mock.compare.behaviour import (
+    Behaviour,
+    Difference,
+    FieldRange,
+    Stream,
+    behaviour_of,
+    differences,
+)
 from sitl_mock.compare.recording import BOOTED_S, Recording, fly_recording, read_tlog
 
 __all__ = [

@@ -10,10 +10,13 @@ from typing import NamedTuple
 
 from sitl_mock.mavlink import Message
 
-GROUND, AIR = "ground", "air"
+GROUND = "ground"
+AIR = "air"
 _AIRBORNE_MM = 1000
 """Height above the first home; later ones may differ in height (PX4's does, by metres)."""
-_CLOCKS = frozenset({"time_boot_ms", "time_usec", "time_unix_usec", "seq", "ts1", "tc1", "timestamp", "time_utc"})
+_CLOCKS = frozenset(
+    {"time_boot_ms", "time_usec", "time_unix_usec", "seq", "ts1", "tc1", "timestamp", "time_utc"}
+)
 
 
 @dataclass(slots=True)
@@ -34,7 +37,8 @@ class FieldRange:
         if math.isnan(self.first):
             self.first = value
         self.moves = self.moves or value != self.first
-        self.least, self.most = min(self.least, value), max(self.most, value)
+        self.least = min(self.least, value)
+        self.most = max(self.most, value)
 
 
 @dataclass(slots=True)
@@ -59,7 +63,8 @@ Behaviour = Mapping[str, Stream]
 def behaviour_of(messages: Iterable[tuple[float, Message]]) -> Behaviour:
     """Measure messages in time order."""
     streams: dict[str, Stream] = {}
-    phase, ground_mm = GROUND, None
+    phase = GROUND
+    ground_mm = None
     for at_s, message in messages:
         name = message.get_type()
         if name == "GLOBAL_POSITION_INT":
@@ -90,7 +95,14 @@ LEAST = 5
 """Rarer messages on both sides are answers or events and have no rate."""
 
 ANSWERS = frozenset(
-    {"COMMAND_ACK", "PARAM_VALUE", "STATUSTEXT", "MISSION_ACK", "MISSION_ITEM_INT", "MISSION_REQUEST_INT"}
+    {
+        "COMMAND_ACK",
+        "PARAM_VALUE",
+        "STATUSTEXT",
+        "MISSION_ACK",
+        "MISSION_ITEM_INT",
+        "MISSION_REQUEST_INT",
+    }
 )
 """Answers to clients and reports of events, which have no rate."""
 
@@ -117,7 +129,8 @@ def differences(recorded: Behaviour, mock: Behaviour) -> list[Difference]:
     """Return all differences of two behaviours."""
     found = []
     for name in sorted({*recorded, *mock}):
-        real, ours = recorded.get(name), mock.get(name)
+        real = recorded.get(name)
+        ours = mock.get(name)
         if ours is None and real is not None:
             found.append(Difference("missing", name, "", _often(real), "none"))
         elif real is None and ours is not None:

@@ -18,7 +18,8 @@ def compare_file(file: Path, *, as_json: bool, ranges: bool) -> int:
         ConfigError: The file is no tlog of a vehicle that the mock knows.
     """
     recording = read_tlog(file)
-    recorded, mock = behaviour_of(recording.said), behaviour_of(fly_recording(recording))
+    recorded = behaviour_of(recording.said)
+    mock = behaviour_of(fly_recording(recording))
     found = differences(recorded, mock)
     if as_json:
         typer.echo(json.dumps(_plain(recording, recorded, mock, found), indent=1))
@@ -51,7 +52,9 @@ def _ranges(recorded: Behaviour, mock: Behaviour) -> Table:
         for phase, fields in recorded[name].fields.items():
             for label, values in fields.items():
                 other = mock[name].fields.get(phase, {}).get(label)
-                table.add_row(name, label, phase, span(values), "-" if other is None else span(other))
+                table.add_row(
+                    name, label, phase, span(values), "-" if other is None else span(other)
+                )
     return table
 
 
@@ -64,7 +67,9 @@ def _differences(found: list[Difference]) -> Table:
     return table
 
 
-def _plain(recording: Recording, recorded: Behaviour, mock: Behaviour, found: list[Difference]) -> dict[str, object]:
+def _plain(
+    recording: Recording, recorded: Behaviour, mock: Behaviour, found: list[Difference]
+) -> dict[str, object]:
     return {
         "flavour": recording.flavour,
         "duration_s": round(recording.end_s, 3),

@@ -16,10 +16,15 @@ from sitl_mock.vehicle import MockVehicle
 from sitl_mock.world import DEFAULT_HOME, Home
 
 _TIME: Final = struct.Struct(">Q")
-_V1, _V2 = 0xFE, 0xFD
-_V1_AROUND, _V2_AROUND, _SIGNATURE = 8, 12, 13
-_PX4, _ARDUPILOT = 12, 3
-_ROVER, _AUTOPILOT_COMPONENT = 10, 1
+_V1 = 0xFE
+_V2 = 0xFD
+_V1_AROUND = 8
+_V2_AROUND = 12
+_SIGNATURE = 13
+_PX4 = 12
+_ARDUPILOT = 3
+_ROVER = 10
+_AUTOPILOT_COMPONENT = 1
 
 
 class Recording(NamedTuple):
@@ -56,15 +61,28 @@ def read_tlog(path: Path) -> Recording:
         for at_us, frame in _frames(path, raw)
         for message in decoder.feed(frame, whole=True)
     ]
-    beats = [m for _, m, _ in frames if m.get_type() == "HEARTBEAT" and m.get_srcComponent() == _AUTOPILOT_COMPONENT]
+    beats = [
+        m
+        for _, m, _ in frames
+        if m.get_type() == "HEARTBEAT" and m.get_srcComponent() == _AUTOPILOT_COMPONENT
+    ]
     known = [(m, _flavour(m)) for m in beats if _flavour(m)]
     if not known:
-        raise ConfigError(f"{path}: no HEARTBEAT of PX4, ArduCopter or Rover in {len(frames)} messages")
+        raise ConfigError(
+            f"{path}: no HEARTBEAT of PX4, ArduCopter or Rover in {len(frames)} messages"
+        )
     vehicle, flavour = known[0]
-    system_id, begun_s = vehicle.get_srcSystem(), frames[0][0]
+    system_id = vehicle.get_srcSystem()
+    begun_s = frames[0][0]
     ids = (system_id, _AUTOPILOT_COMPONENT)
-    said = [(t - begun_s, m) for t, m, _ in frames if (m.get_srcSystem(), m.get_srcComponent()) == ids]
-    heard = [(t - begun_s, frame) for t, m, frame in frames if (m.get_srcSystem(), m.get_srcComponent()) != ids]
+    said = [
+        (t - begun_s, m) for t, m, _ in frames if (m.get_srcSystem(), m.get_srcComponent()) == ids
+    ]
+    heard = [
+        (t - begun_s, frame)
+        for t, m, frame in frames
+        if (m.get_srcSystem(), m.get_srcComponent()) != ids
+    ]
     return Recording(flavour, system_id, said, heard, frames[-1][0] - begun_s)
 
 
@@ -82,13 +100,17 @@ def _frames(path: Path, raw: bytes) -> Iterator[tuple[int, bytes]]:
     while at + _TIME.size + 3 <= len(raw):
         (time_us,) = _TIME.unpack_from(raw, at)
         at += _TIME.size
-        magic, length, flags = raw[at], raw[at + 1], raw[at + 2]
+        magic = raw[at]
+        length = raw[at + 1]
+        flags = raw[at + 2]
         if magic == _V2:
             size = length + _V2_AROUND + (_SIGNATURE if flags & 1 else 0)
         elif magic == _V1:
             size = length + _V1_AROUND
         else:
-            raise ConfigError(f"{path}: byte {at} is 0x{magic:02X}, no MAVLink frame; is this a .tlog?")
+            raise ConfigError(
+                f"{path}: byte {at} is 0x{magic:02X}, no MAVLink frame; is this a .tlog?"
+            )
         if at + size <= len(raw):
             yield time_us, raw[at : at + size]
         at += size

@@ -11,7 +11,13 @@ from sitl_mock.dynamics.catalogue import (
     px4_quadrotor,
     rover,
 )
-from sitl_mock.dynamics.disturbances import PX4_GROUND_WANDER, PX4_WANDER, Errors, Wander, gust_after
+from sitl_mock.dynamics.disturbances import (
+    PX4_GROUND_WANDER,
+    PX4_WANDER,
+    Errors,
+    Wander,
+    gust_after,
+)
 from sitl_mock.dynamics.multicopter import Airframe
 from sitl_mock.dynamics.px4_gains import Px4Gains
 from sitl_mock.dynamics.rover import Rover

@@ -83,9 +83,14 @@ class ArduMemory(NamedTuple):
     limited: Limited = UNLIMITED
 
 
-_memory, _demand, _reference = maker_of(ArduMemory), maker_of(Demand), maker_of(Reference)
+_memory = maker_of(ArduMemory)
+_demand = maker_of(Demand)
+_reference = maker_of(Reference)
 _TRACK = Kind.TRACK
-_STOPPED, _IDLING, _STREAM, _BRAKE = Kind.STOPPED, Kind.IDLING, Kind.STREAM, Kind.BRAKE
+_STOPPED = Kind.STOPPED
+_IDLING = Kind.IDLING
+_STREAM = Kind.STREAM
+_BRAKE = Kind.BRAKE
 
 
 @dataclass(frozen=True)
@@ -99,7 +104,12 @@ class ArduControl:
     def fresh(self, estimate: Estimate, *, flying: bool) -> ArduMemory:
         """Initial state: motors off on the ground, or trimmed in hover."""
         kind = Kind.BRAKE if flying else Kind.STOPPED
-        return ArduMemory(kind, Reference(estimate.position_ned_m, ZERO), ZERO, self.gains.spool_s if flying else 0.0)
+        return ArduMemory(
+            kind,
+            Reference(estimate.position_ned_m, ZERO),
+            ZERO,
+            self.gains.spool_s if flying else 0.0,
+        )
 
     def step(
         self, memory: ArduMemory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
@@ -113,9 +123,12 @@ class ArduControl:
             setpoint: Setpoint in force.
             dt_s: Length of the step.
         """
-        gains, kind = self.gains, setpoint.kind
+        gains = self.gains
+        kind = setpoint.kind
         if kind is _STOPPED:
-            return ArduMemory(Kind.STOPPED, Reference(estimate.position_ned_m, ZERO)), Demand(0.0, 0.0, 0.0, 0.0)
+            return ArduMemory(Kind.STOPPED, Reference(estimate.position_ned_m, ZERO)), Demand(
+                0.0, 0.0, 0.0, 0.0
+            )
         spooled_s = min(memory.spooled_s + dt_s, gains.spool_s)
         if kind is _IDLING or (spooled_s < gains.spool_s and body.on_ground):
             idle = ArduMemory(kind, Reference(estimate.position_ned_m, ZERO), ZERO, spooled_s)
@@ -123,7 +136,9 @@ class ArduControl:
 
         was, started, integral, _, heading_rad, limited = memory
         if was is _STOPPED or was is _IDLING or (was is not kind and kind is _BRAKE):
-            started = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, started.acceleration_ned_m_s2)
+            started = Reference(
+                estimate.position_ned_m, estimate.velocity_ned_m_s, started.acceleration_ned_m_s2
+            )
         if kind is _STREAM:
             reference = self._shaped(started, setpoint, dt_s)
         elif kind is _TRACK:
@@ -151,14 +166,19 @@ class ArduControl:
         limits = self.travel_limits
         if not math.isnan(to_n + to_e):
             gain_1_s = approach_gain_1_s(gains.accel_m_s2, gains.jerk_m_s3, limits.settle_1_s)
-            near = approach_pair((to_n - p_n, to_e - p_e), limits.speed_m_s, gains.accel_m_s2, gain_1_s)
-            n, e = n + near[0], e + near[1]
+            near = approach_pair(
+                (to_n - p_n, to_e - p_e), limits.speed_m_s, gains.accel_m_s2, gain_1_s
+            )
+            n = n + near[0]
+            e = e + near[1]
         gain = self._overspeed(v_d)
-        accel_z, jerk_z = gains.accel_z_m_s2 * gain, gains.jerk_z_m_s3 * gain
+        accel_z = gains.accel_z_m_s2 * gain
+        jerk_z = gains.jerk_z_m_s3 * gain
         if not math.isnan(to_d):
             gain_1_s = approach_gain_1_s(accel_z, jerk_z, limits.settle_1_s)
             d += approach_one(to_d - p_d, limits.climb_m_s, limits.sink_m_s, accel_z, gain_1_s)
-        accel, jerk = gains.accel_m_s2, gains.jerk_m_s3
+        accel = gains.accel_m_s2
+        jerk = gains.jerk_m_s3
         pair = shape_turn((n, e), (v_n, v_e), (a_n, a_e), (f_n, f_e), accel, jerk, dt_s)
         down = shape_one(d, v_d, a_d, f_d, accel_z, jerk_z, jerk_z / accel_z, dt_s)
         return advance(reference, (*pair, down), dt_s)
@@ -166,8 +186,11 @@ class ArduControl:
     def _accelerated(self, reference: Reference, wanted: Ned, dt_s: float) -> Reference:
         """Advance the reference by acceleration alone; the speed is their unlimited integral."""
         a_n, a_e, a_d = reference.acceleration_ned_m_s2
-        d_n, d_e, d_d = wanted[0] - a_n, wanted[1] - a_e, wanted[2] - a_d
-        change, most = math.hypot(d_n, d_e), self.gains.jerk_m_s3 * dt_s
+        d_n = wanted[0] - a_n
+        d_e = wanted[1] - a_e
+        d_d = wanted[2] - a_d
+        change = math.hypot(d_n, d_e)
+        most = self.gains.jerk_m_s3 * dt_s
         keep = most / change if change > most else 1.0
         most_z = self.gains.jerk_z_m_s3 * dt_s
         down = a_d + within(d_d, -most_z, most_z)
@@ -181,10 +204,13 @@ class ArduControl:
         place, velocity, (_, _, a_d) = memory.reference
         (p_n, p_e, p_d), (v_n, v_e, v_d) = estimate
         if memory.kind > Kind.IDLING:
-            p_d, v_d = place[2], velocity[2]
+            p_d = place[2]
+            v_d = velocity[2]
         climb = zero_where_ignored(setpoint.velocity_ned_m_s)[2]
         settle_1_s = gains.jerk_z_m_s3 / gains.accel_z_m_s2
-        down = shape_one(climb, v_d, a_d, 0.0, gains.accel_z_m_s2, gains.jerk_z_m_s3, settle_1_s, dt_s)
+        down = shape_one(
+            climb, v_d, a_d, 0.0, gains.accel_z_m_s2, gains.jerk_z_m_s3, settle_1_s, dt_s
+        )
         reference = advance(Reference((p_n, p_e, p_d), (v_n, v_e, v_d)), (0.0, 0.0, down), dt_s)
         heading_rad, yaw_rate_rad_s = self._yaw(memory.heading_rad, body, setpoint, reference)
         i_d = memory.integral_ned_m_s2[2]
@@ -193,7 +219,9 @@ class ArduControl:
             thrust = setpoint.thrust * self.thrust_max_m_s2
             reference = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s)
         spooled_s = min(memory.spooled_s + dt_s, gains.spool_s)
-        carried = ArduMemory(Kind.ATTITUDE, reference, (0.0, 0.0, integral[2]), spooled_s, heading_rad)
+        carried = ArduMemory(
+            Kind.ATTITUDE, reference, (0.0, 0.0, integral[2]), spooled_s, heading_rad
+        )
         n, e = setpoint.lean_ne_rad
         keep = min(1.0, gains.lean_max_rad / max(math.hypot(n, e), 1e-9))
         return carried, Demand(n * keep, e * keep, thrust, yaw_rate_rad_s)
@@ -226,7 +254,8 @@ class ArduControl:
 
         a_d = f_d + gains.z_vel_p_1_s * (w_d + gains.z_p_1_s * (r_d - p_d) - v_d)
         lift = GRAVITY_M_S2 - gains.z_acc_p * (a_d - b_d) - i_d
-        least, most = gains.thrust_min_m_s2, self.thrust_max_m_s2
+        least = gains.thrust_min_m_s2
+        most = self.thrust_max_m_s2
         if (lift > least or a_d < b_d) and (lift < most or a_d > b_d):
             i_d += gains.z_acc_i_1_s * (a_d - b_d) * dt_s
         lift = within(lift, least, most)
@@ -236,11 +265,14 @@ class ArduControl:
         up = math.cos(math.hypot(lean_n, lean_e))
         return limited, (i_n, i_e, i_d), (a_n * per, a_e * per), lift / max(up, 0.3)
 
-    def _yaw(self, heading_rad: float, body: Body, setpoint: Setpoint, reference: Reference) -> tuple[float, float]:
+    def _yaw(
+        self, heading_rad: float, body: Body, setpoint: Setpoint, reference: Reference
+    ) -> tuple[float, float]:
         """Desired heading and yaw rate; without a yaw setpoint the nose turns to the direction of travel."""
         gains = self.gains
         kind, _, _, _, yaw_rad, yaw_rate_rad_s, *_ = setpoint
-        here_rad, most_rad_s = body.yaw_rad, gains.yaw_rate_max_rad_s
+        here_rad = body.yaw_rad
+        most_rad_s = gains.yaw_rate_max_rad_s
         forward = 0.0 if math.isnan(yaw_rate_rad_s) else yaw_rate_rad_s
         if math.isnan(yaw_rad) and not math.isnan(yaw_rate_rad_s):
             return here_rad, within(forward, -most_rad_s, most_rad_s)
@@ -263,12 +295,20 @@ def _held(before: Reference, after: Reference, limited: Limited) -> Reference:
     (q_n, q_e, q_d), (w_n, w_e, w_d), acceleration = after
 
     def further(step: tuple[float, float], error: tuple[float, float]) -> bool:
-        return step[0] * limit_n + step[1] * limit_e > 0.0 and error[0] * limit_n + error[1] * limit_e > 0.0
+        return (
+            step[0] * limit_n + step[1] * limit_e > 0.0
+            and error[0] * limit_n + error[1] * limit_e > 0.0
+        )
 
     if further((q_n - p_n, q_e - p_e), limited.position_error_ne_m):
-        q_n, q_e = p_n, p_e
-    if further((w_n - v_n, w_e - v_e), limited.velocity_error_ne_m_s) and v_n * limit_n + v_e * limit_e >= 0.0:
-        w_n, w_e = v_n, v_e
+        q_n = p_n
+        q_e = p_e
+    if (
+        further((w_n - v_n, w_e - v_e), limited.velocity_error_ne_m_s)
+        and v_n * limit_n + v_e * limit_e >= 0.0
+    ):
+        w_n = v_n
+        w_e = v_e
     return Reference((q_n, q_e, q_d), (w_n, w_e, w_d), acceleration)
 
 
@@ -276,11 +316,14 @@ def _integrated(
     integral: tuple[float, float], error: tuple[float, float], gain: float, limited: Limited
 ) -> tuple[float, float]:
     """Advance the integral; it does not grow in the direction in which the lean limit was reached."""
-    (i_n, i_e), (e_n, e_e) = integral, error
-    n, e = i_n + gain * e_n, i_e + gain * e_e
+    (i_n, i_e) = integral
+    (e_n, e_e) = error
+    n = i_n + gain * e_n
+    e = i_e + gain * e_e
     limit_n, limit_e = limited.accel_ne_m_s2
     if e_n * limit_n + e_e * limit_e > 0.0:
-        size, most = math.hypot(n, e), math.hypot(i_n, i_e)
+        size = math.hypot(n, e)
+        most = math.hypot(i_n, i_e)
         if size > most:
             return n * most / size, e * most / size
     return n, e

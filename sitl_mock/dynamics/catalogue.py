@@ -97,7 +97,9 @@ ARDUCOPTER_TRAVEL: Final = TravelLimits(
 
 
 def px4_quadrotor(
-    gains: Px4Gains | None = None, travel: TravelLimits = PX4_TRAVEL, airframe: Airframe = PX4_AIRFRAME
+    gains: Px4Gains | None = None,
+    travel: TravelLimits = PX4_TRAVEL,
+    airframe: Airframe = PX4_AIRFRAME,
 ) -> Multicopter[Px4Memory]:
     """The quadrotor of PX4's SIH simulator, with PX4's default parameters unless given."""
     control = Px4Control(gains or Px4Gains(), travel, airframe.thrust_max_m_s2)
@@ -105,11 +107,15 @@ def px4_quadrotor(
 
 
 def arducopter_quadrotor(
-    gains: ArduGains | None = None, travel: TravelLimits = ARDUCOPTER_TRAVEL, airframe: Airframe = ARDUCOPTER_AIRFRAME
+    gains: ArduGains | None = None,
+    travel: TravelLimits = ARDUCOPTER_TRAVEL,
+    airframe: Airframe = ARDUCOPTER_AIRFRAME,
 ) -> Multicopter[ArduMemory]:
     """The quadrotor of ArduPilot's simulator, with ArduCopter's default parameters unless given."""
     control = ArduControl(gains or ArduGains(), travel, airframe.thrust_max_m_s2)
-    return Multicopter(control, ArduMemory, airframe, velocity_scale_ned=(1.0, 1.0, 0.971), setpoint_delay_s=0.03)
+    return Multicopter(
+        control, ArduMemory, airframe, velocity_scale_ned=(1.0, 1.0, 0.971), setpoint_delay_s=0.03
+    )
 
 
 def rover() -> Rover:

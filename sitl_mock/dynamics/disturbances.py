@@ -45,8 +45,11 @@ class Wander:
         Stationary: var(p) = var(v) T / (k (1 + k T)), solved for k.
         """
         north, east, down = (
-            (math.sqrt(1.0 + 4.0 * (velocity_sd / position_sd * self.time_s) ** 2) - 1.0) / (2.0 * self.time_s)
-            for velocity_sd, position_sd in zip(self.velocity_sd_ned_m_s, self.position_sd_ned_m, strict=True)
+            (math.sqrt(1.0 + 4.0 * (velocity_sd / position_sd * self.time_s) ** 2) - 1.0)
+            / (2.0 * self.time_s)
+            for velocity_sd, position_sd in zip(
+                self.velocity_sd_ned_m_s, self.position_sd_ned_m, strict=True
+            )
         )
         return north, east, down
 
@@ -55,7 +58,8 @@ class Wander:
         keep = math.exp(-dt_s / self.time_s)
         spread = math.sqrt(1.0 - keep * keep)
         corrections = self.correction_1_s
-        position, velocity = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+        position = [0.0, 0.0, 0.0]
+        velocity = [0.0, 0.0, 0.0]
         for axis in range(3):
             v = errors.velocity_ned_m_s[axis] * keep
             v += self.velocity_sd_ned_m_s[axis] * spread * random.gauss(0.0, 1.0)
@@ -63,7 +67,9 @@ class Wander:
             settled = v / corrections[axis]
             velocity[axis] = v
             position[axis] = settled + (errors.position_ned_m[axis] - settled) * drawn
-        return Errors((position[0], position[1], position[2]), (velocity[0], velocity[1], velocity[2]))
+        return Errors(
+            (position[0], position[1], position[2]), (velocity[0], velocity[1], velocity[2])
+        )
 
 
 PX4_WANDER = Wander((0.17, 0.30, 0.16), (0.13, 0.21, 0.31))
@@ -76,7 +82,9 @@ GUST_TIME_S: Final = 3.0
 """Correlation time of gusts."""
 
 
-def gust_after(gust_ned_m_s: Ned, sd_m_s: float, random: Random, dt_s: float, *, time_s: float = GUST_TIME_S) -> Ned:
+def gust_after(
+    gust_ned_m_s: Ned, sd_m_s: float, random: Random, dt_s: float, *, time_s: float = GUST_TIME_S
+) -> Ned:
     """Advance the gust by `dt_s` (exact for any step); equal seeds and steps give equal gusts.
 
     Args:

@@ -22,8 +22,11 @@ from sitl_mock.dynamics.values import (
     wrap_rad,
 )
 
-_STREAM, _DIRECT = Kind.STREAM, Kind.DIRECT
-_body, _estimate, _motion = maker_of(Body), maker_of(Estimate), maker_of(Motion)
+_STREAM = Kind.STREAM
+_DIRECT = Kind.DIRECT
+_body = maker_of(Body)
+_estimate = maker_of(Estimate)
+_motion = maker_of(Motion)
 
 
 @dataclass(frozen=True)
@@ -57,10 +60,24 @@ class Airframe:
 def body_at(position_ned_m: Ned, yaw_rad: float, *, on_ground: bool = True) -> Body:
     """A body at rest, motors stopped on the ground or hovering in the air."""
     thrust_m_s2 = 0.0 if on_ground else GRAVITY_M_S2
-    return Body(position_ned_m, ZERO, ZERO, 0.0, 0.0, 0.0, 0.0, wrap_rad(yaw_rad), 0.0, thrust_m_s2, on_ground)
+    return Body(
+        position_ned_m,
+        ZERO,
+        ZERO,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        wrap_rad(yaw_rad),
+        0.0,
+        thrust_m_s2,
+        on_ground,
+    )
 
 
-def step_body(airframe: Airframe, body: Body, demand: Demand, around: Surroundings, dt_s: float) -> Body:
+def step_body(
+    airframe: Airframe, body: Body, demand: Demand, around: Surroundings, dt_s: float
+) -> Body:
     """Advance the body by one step under a controller's demand, on the ground or in the air.
 
     Args:
@@ -71,12 +88,19 @@ def step_body(airframe: Airframe, body: Body, demand: Demand, around: Surroundin
         dt_s: At most about 0.02 s.
     """
     place, velocity, _, _, _, _, _, _, _, was_m_s2, on_ground = body
-    if on_ground and velocity is ZERO and not (was_m_s2 or demand.thrust_m_s2) and place[2] == around.ground_down_m:
+    if (
+        on_ground
+        and velocity is ZERO
+        and not (was_m_s2 or demand.thrust_m_s2)
+        and place[2] == around.ground_down_m
+    ):
         return body  # at rest with the rotors stopped
     full_m_s2 = airframe.thrust_max_m_s2
     thrust_m_s2 = within(demand.thrust_m_s2, 0.0, full_m_s2)
     stands = on_ground and thrust_m_s2 <= GRAVITY_M_S2
-    rate_n, rate_e, turning = ZERO if stands else _turned(airframe, body, demand, thrust_m_s2 / full_m_s2, dt_s)
+    rate_n, rate_e, turning = (
+        ZERO if stands else _turned(airframe, body, demand, thrust_m_s2 / full_m_s2, dt_s)
+    )
     thrust_m_s2 = around.thrust_share * min(thrust_m_s2, full_m_s2 * (1.0 - turning))
     thrust_m_s2 += (was_m_s2 - thrust_m_s2) * math.exp(-dt_s / airframe.rotor_lag_s)
     if on_ground and thrust_m_s2 <= GRAVITY_M_S2:
@@ -85,22 +109,31 @@ def step_body(airframe: Airframe, body: Body, demand: Demand, around: Surroundin
     return _flying(airframe, body, demand, moved, around, dt_s)
 
 
-def _turned(airframe: Airframe, body: Body, demand: Demand, throttle: float, dt_s: float) -> tuple[float, float, float]:
+def _turned(
+    airframe: Airframe, body: Body, demand: Demand, throttle: float, dt_s: float
+) -> tuple[float, float, float]:
     """Advance the lean rates towards north and east; returns them and the share of thrust used for turning."""
     ask_n = airframe.attitude_gain_1_s * (demand.lean_n_rad - body.lean_n_rad)
     ask_e = airframe.attitude_gain_1_s * (demand.lean_e_rad - body.lean_e_rad)
-    ask, fastest = math.hypot(ask_n, ask_e), airframe.lean_rate_max_rad_s
+    ask = math.hypot(ask_n, ask_e)
+    fastest = airframe.lean_rate_max_rad_s
     if ask > fastest:
         ask_n *= fastest / ask
         ask_e *= fastest / ask
-    rate_n, rate_e = body.lean_rate_n_rad_s, body.lean_rate_e_rad_s
-    part, whole = 1.0 - math.exp(-airframe.rate_gain_1_s * dt_s), airframe.lean_accel_rad_s2 * dt_s
-    more_n, more_e = (ask_n - rate_n) * part, (ask_e - rate_e) * part
+    rate_n = body.lean_rate_n_rad_s
+    rate_e = body.lean_rate_e_rad_s
+    part = 1.0 - math.exp(-airframe.rate_gain_1_s * dt_s)
+    whole = airframe.lean_accel_rad_s2 * dt_s
+    more_n = (ask_n - rate_n) * part
+    more_e = (ask_e - rate_e) * part
     if whole == math.inf:
         return rate_n + more_n, rate_e + more_e, 0.0
-    share, most = math.hypot(more_n, more_e) / whole, min(throttle, 0.5)
+    share = math.hypot(more_n, more_e) / whole
+    most = min(throttle, 0.5)
     if share > most:
-        more_n, more_e, share = more_n * most / share, more_e * most / share, most
+        more_n = more_n * most / share
+        more_e = more_e * most / share
+        share = most
     return rate_n + more_n, rate_e + more_e, share
 
 
@@ -108,7 +141,17 @@ def _resting(body: Body, thrust_m_s2: float, ground_down_m: float) -> Body:
     """Standing: thrust below the weight, body upright."""
     north, east, _ = body.position_ned_m
     return Body(
-        (north, east, ground_down_m), ZERO, ZERO, 0.0, 0.0, 0.0, 0.0, body.yaw_rad, 0.0, thrust_m_s2, on_ground=True
+        (north, east, ground_down_m),
+        ZERO,
+        ZERO,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        body.yaw_rad,
+        0.0,
+        thrust_m_s2,
+        on_ground=True,
     )
 
 
@@ -122,7 +165,8 @@ def _flying(
 ) -> Body:
     """Advance the body in the air with its new lean rates and thrust."""
     (p_n, p_e, p_d), (v_n, v_e, v_d), _, lean_n, lean_e, _, _, yaw, yaw_rate, _, _ = body
-    (rate_n, rate_e, thrust_m_s2), turn = moved, demand.yaw_rate_rad_s
+    (rate_n, rate_e, thrust_m_s2) = moved
+    turn = demand.yaw_rate_rad_s
     (w_n, w_e, w_d), _, _, ground_d, _ = around
 
     lean_n += rate_n * dt_s
@@ -131,7 +175,9 @@ def _flying(
 
     lean = math.hypot(lean_n, lean_e)
     side = thrust_m_s2 * (math.sin(lean) / lean if lean > 1e-9 else 1.0)
-    air_n, air_e, air_d = v_n - w_n, v_e - w_e, v_d - w_d
+    air_n = v_n - w_n
+    air_e = v_e - w_e
+    air_d = v_d - w_d
     # Implicit in the drag: stable and free of bias at rest for any wind and step.
     a_n, a_e = _against_air(airframe, (side * lean_n, side * lean_e), (air_n, air_e), yaw, dt_s)
     drag = airframe.drag_1_s + airframe.drag_1_m * abs(air_d)
@@ -160,16 +206,24 @@ def _flying(
 
 
 def _against_air(
-    airframe: Airframe, push: tuple[float, float], air: tuple[float, float], yaw_rad: float, dt_s: float
+    airframe: Airframe,
+    push: tuple[float, float],
+    air: tuple[float, float],
+    yaw_rad: float,
+    dt_s: float,
 ) -> tuple[float, float]:
     """Horizontal acceleration (north, east) under a specific force and aerodynamic drag."""
-    linear, quadratic = airframe.drag_1_s, airframe.drag_1_m
+    linear = airframe.drag_1_s
+    quadratic = airframe.drag_1_m
     if not quadratic:
         damp = 1.0 / (1.0 + linear * dt_s)
         return (push[0] - linear * air[0]) * damp, (push[1] - linear * air[1]) * damp
-    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
-    ahead, right = air[0] * cosine + air[1] * sine, air[1] * cosine - air[0] * sine
-    drag_x, drag_y = linear + quadratic * abs(ahead), linear + quadratic * abs(right)
+    cosine = math.cos(yaw_rad)
+    sine = math.sin(yaw_rad)
+    ahead = air[0] * cosine + air[1] * sine
+    right = air[1] * cosine - air[0] * sine
+    drag_x = linear + quadratic * abs(ahead)
+    drag_y = linear + quadratic * abs(right)
     x = (push[0] * cosine + push[1] * sine - drag_x * ahead) / (1.0 + drag_x * dt_s)
     y = (push[1] * cosine - push[0] * sine - drag_y * right) / (1.0 + drag_y * dt_s)
     return x * cosine - y * sine, x * sine + y * cosine
@@ -233,7 +287,8 @@ def take(pending: Pending, setpoint: Setpoint, delay_s: float, dt_s: float) -> P
         waiting = (*waiting, (clock_s + delay_s, setpoint))
     now_s = clock_s + 0.5 * dt_s
     while waiting and waiting[0][0] <= now_s:
-        obeyed, waiting = waiting[0][1], waiting[1:]
+        obeyed = waiting[0][1]
+        waiting = waiting[1:]
     return _pending((clock_s + dt_s, obeyed, waiting))
 
 
@@ -272,7 +327,9 @@ class Multicopter(Generic[MemoryT]):
         (p_n, p_e, p_d), (v_n, v_e, v_d), *_ = body
         _, (q_n, q_e, q_d), (w_n, w_e, w_d), *_ = around
         s_n, s_e, s_d = self.velocity_scale_ned
-        return _estimate(((p_n + q_n, p_e + q_e, p_d + q_d), (v_n * s_n + w_n, v_e * s_e + w_e, v_d * s_d + w_d)))
+        return _estimate(
+            ((p_n + q_n, p_e + q_e, p_d + q_d), (v_n * s_n + w_n, v_e * s_e + w_e, v_d * s_d + w_d))
+        )
 
     def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
         """Advance the motion by `dt_s` under one setpoint, in equal steps of at most `step_max_s`.
@@ -300,7 +357,9 @@ class Multicopter(Generic[MemoryT]):
         """The controller's reference motion; None if it has none."""
         carried = motion.memory
         known = isinstance(carried, tuple) and isinstance(carried[1], self.memory_type)
-        return getattr(carried[1], "reference", None) if known and isinstance(carried, tuple) else None
+        return (
+            getattr(carried[1], "reference", None) if known and isinstance(carried, tuple) else None
+        )
 
     def _memory(self, motion: Motion, estimate: Estimate) -> tuple[Pending, MemoryT]:
         """The state in `motion`, or the initial one if it is another flavour's."""

@@ -26,7 +26,10 @@ from sitl_mock.dynamics.values import (
     zero_where_ignored,
 )
 
-_STOPPED, _IDLING, _STREAM, _DIRECT = Kind.STOPPED, Kind.IDLING, Kind.STREAM, Kind.DIRECT
+_STOPPED = Kind.STOPPED
+_IDLING = Kind.IDLING
+_STREAM = Kind.STREAM
+_DIRECT = Kind.DIRECT
 _TILT_OPENS_RAD_S: Final = 0.2
 """Rate at which the tilt limit opens after a take-off."""
 
@@ -45,7 +48,9 @@ class Px4Memory(NamedTuple):
     hover_m_s2: float = GRAVITY_M_S2  # estimated hover thrust (MPC_USE_HTE)
 
 
-_memory, _demand, _reference = maker_of(Px4Memory), maker_of(Demand), maker_of(Reference)
+_memory = maker_of(Px4Memory)
+_demand = maker_of(Demand)
+_reference = maker_of(Reference)
 _NOTHING: Final = Demand(0.0, 0.0, 0.0, 0.0)
 _UNMOVED: Final = (0.0, math.pi, 0.0, GRAVITY_M_S2)
 """Initial values of the `Px4Memory` fields after `spooled_s`."""
@@ -88,12 +93,15 @@ class Px4Control:
     def _controlled(
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[Px4Memory, Demand]:
-        gains, on_ground = self.gains, body.on_ground
+        gains = self.gains
+        on_ground = body.on_ground
         _, _, was_integral, was, spooled_s, ramped_s, tilt_max_rad, _, hover_m_s2 = memory
         if spooled_s < gains.spool_s:
             spooled_s = min(spooled_s + dt_s, gains.spool_s)
         if spooled_s < gains.spool_s and on_ground:
-            idle = Px4Memory(setpoint.kind, Reference(estimate.position_ned_m, ZERO), ZERO, ZERO, spooled_s)
+            idle = Px4Memory(
+                setpoint.kind, Reference(estimate.position_ned_m, ZERO), ZERO, ZERO, spooled_s
+            )
             return idle, Demand(0.0, 0.0, 0.0, 0.0)
 
         position, speed = estimate
@@ -167,10 +175,14 @@ class Px4Control:
         """Advance the reference; it slows down while the vehicle lags behind it."""
         started = memory.reference
         if memory.kind is not setpoint.kind:
-            started = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s, body.acceleration_ned_m_s2)
+            started = Reference(
+                estimate.position_ned_m, estimate.velocity_ned_m_s, body.acceleration_ned_m_s2
+            )
         elif body.on_ground:
-            (n, e, _), (_, _, r_d) = estimate.position_ned_m, started.position_ned_m
-            (_, _, v_d), (_, _, a_d) = started.velocity_ned_m_s, started.acceleration_ned_m_s2
+            (n, e, _) = estimate.position_ned_m
+            (_, _, r_d) = started.position_ned_m
+            (_, _, v_d) = started.velocity_ned_m_s
+            (_, _, a_d) = started.acceleration_ned_m_s2
             started = Reference((n, e, r_d), (0.0, 0.0, v_d), (0.0, 0.0, a_d))
         ahead_n = started.position_ned_m[0] - estimate.position_ned_m[0]
         ahead_e = started.position_ned_m[1] - estimate.position_ned_m[1]
@@ -184,10 +196,16 @@ class Px4Control:
         """Open loop: lean and thrust for an acceleration in still air."""
         gains = self.gains
         n, e, d = zero_where_ignored(setpoint.acceleration_ned_m_s2)
-        up, side = GRAVITY_M_S2 - d, math.hypot(n, e)
+        up = GRAVITY_M_S2 - d
+        side = math.hypot(n, e)
         per = math.atan2(side, up) / side if side > 1e-9 else 0.0
         memory = Px4Memory(
-            setpoint.kind, Reference(estimate.position_ned_m, ZERO), ZERO, ZERO, gains.spool_s, gains.ramp_s
+            setpoint.kind,
+            Reference(estimate.position_ned_m, ZERO),
+            ZERO,
+            ZERO,
+            gains.spool_s,
+            gains.ramp_s,
         )
         turn, yaw_integral = self._yaw_rate(before, body, setpoint, dt_s)
         memory = memory._replace(yaw_integral_rad_s2=yaw_integral)
@@ -196,7 +214,9 @@ class Px4Control:
     def _thrust_least(self) -> float:
         return self.gains.thrust_min * self.thrust_max_m_s2
 
-    def _idle(self, memory: Px4Memory, estimate: Estimate, kind: Kind, dt_s: float) -> tuple[Px4Memory, Demand]:
+    def _idle(
+        self, memory: Px4Memory, estimate: Estimate, kind: Kind, dt_s: float
+    ) -> tuple[Px4Memory, Demand]:
         spooled_s = min(memory.spooled_s + dt_s, self.gains.spool_s) if kind is Kind.IDLING else 0.0
         demand = Demand(0.0, 0.0, self._thrust_least(), 0.0) if kind is Kind.IDLING else _NOTHING
         reference = _reference((estimate.position_ned_m, ZERO, ZERO))
@@ -216,21 +236,24 @@ class Px4Control:
         return self._truncated(n, e, d), (a_n, a_e, a_d)
 
     @staticmethod
-    def _axis(setpoint: Setpoint, estimate: Estimate, axis: int, gain: float) -> tuple[float, float]:
+    def _axis(
+        setpoint: Setpoint, estimate: Estimate, axis: int, gain: float
+    ) -> tuple[float, float]:
         """Velocity and acceleration of one axis; both NaN if the setpoint leaves it uncontrolled."""
-        to, along, push = (
-            setpoint.position_ned_m[axis],
-            setpoint.velocity_ned_m_s[axis],
-            setpoint.acceleration_ned_m_s2[axis],
-        )
+        to = setpoint.position_ned_m[axis]
+        along = setpoint.velocity_ned_m_s[axis]
+        push = setpoint.acceleration_ned_m_s2[axis]
         if math.isnan(to):
             return along, (0.0 if math.isnan(push) and not math.isnan(along) else push)
-        velocity = (0.0 if math.isnan(along) else along) + gain * (to - estimate.position_ned_m[axis])
+        velocity = (0.0 if math.isnan(along) else along) + gain * (
+            to - estimate.position_ned_m[axis]
+        )
         return velocity, (0.0 if math.isnan(push) else push)
 
     def _truncated(self, n: float, e: float, d: float) -> Ned:
         gains = self.gains
-        speed, most = math.hypot(n, e), gains.xy_vel_max_m_s
+        speed = math.hypot(n, e)
+        most = gains.xy_vel_max_m_s
         if speed > most:
             n *= most / speed
             e *= most / speed
@@ -258,9 +281,14 @@ class Px4Control:
         flying: bool,
     ) -> tuple[Ned, tuple[float, float], float]:
         """PID on velocity with thrust and tilt limits (vertical first) and tracking anti-windup."""
-        gains, (tilt_max_rad, hover_m_s2) = self.gains, limits
-        (w_n, w_e, w_d), (v_n, v_e, v_d), (f_n, f_e, f_d) = wanted, velocity, forward
-        err_n, err_e, err_d = w_n - v_n, w_e - v_e, w_d - v_d
+        gains = self.gains
+        (tilt_max_rad, hover_m_s2) = limits
+        (w_n, w_e, w_d) = wanted
+        (v_n, v_e, v_d) = velocity
+        (f_n, f_e, f_d) = forward
+        err_n = w_n - v_n
+        err_e = w_e - v_e
+        err_d = w_d - v_d
         if math.isnan(err_n + err_e + err_d):
             err_n, err_e, err_d = zero_where_ignored((err_n, err_e, err_d))
         i_n, i_e, i_d = integral
@@ -268,7 +296,8 @@ class Px4Control:
         a_e = gains.xy_vel_p_1_s * err_e + i_e - gains.xy_vel_d * acceleration[1] + f_e
         lift = GRAVITY_M_S2 - (gains.z_vel_p_1_s * err_d + i_d + f_d)
 
-        most, least = self.thrust_max_m_s2, self._thrust_least() if flying else 0.0
+        most = self.thrust_max_m_s2
+        least = self._thrust_least() if flying else 0.0
         if lift >= most or lift <= max(least, 1e-3):
             if (lift >= most and err_d <= 0.0) or (lift <= least and err_d >= 0.0):
                 err_d = 0.0
@@ -286,7 +315,9 @@ class Px4Control:
             back = 2.0 / gains.xy_vel_p_1_s * (1.0 - made)
             err_n -= back * a_n
             err_e -= back * a_e
-        a_n, a_e, tilt_tan = a_n * shrink, a_e * shrink, tilt_tan * shrink
+        a_n = a_n * shrink
+        a_e = a_e * shrink
+        tilt_tan = tilt_tan * shrink
         integral = (
             i_n + gains.xy_vel_i_1_s2 * err_n * dt_s,
             i_e + gains.xy_vel_i_1_s2 * err_e * dt_s,
@@ -303,12 +334,18 @@ class Px4Control:
         hovers = lift * GRAVITY_M_S2 / max(GRAVITY_M_S2 - body.acceleration_ned_m_s2[2], 1.0)
         return hover_m_s2 + (hovers - hover_m_s2) * (1.0 - math.exp(-dt_s / self.gains.hover_lag_s))
 
-    def _yaw_rate(self, memory: Px4Memory, body: Body, setpoint: Setpoint, dt_s: float) -> tuple[float, float]:
+    def _yaw_rate(
+        self, memory: Px4Memory, body: Body, setpoint: Setpoint, dt_s: float
+    ) -> tuple[float, float]:
         """Steady-state yaw rate of the PI rate loop against the damping, and its new integral."""
         gains = self.gains
         rate = body.yaw_rate_rad_s
         error = self._yaw_rate_wanted(body, setpoint) - rate
-        integral = 0.0 if body.on_ground else memory.yaw_integral_rad_s2 + gains.yaw_rate_i_1_s2 * error * dt_s
+        integral = (
+            0.0
+            if body.on_ground
+            else memory.yaw_integral_rad_s2 + gains.yaw_rate_i_1_s2 * error * dt_s
+        )
         push = gains.yaw_rate_p_1_s * (error + rate) + integral
         return push / (gains.yaw_rate_p_1_s + gains.yaw_damping_1_s), integral
 
@@ -316,7 +353,9 @@ class Px4Control:
         gains = self.gains
         kind, _, _, _, yaw, yaw_rate, *_ = setpoint
         if not math.isnan(yaw):
-            rate = gains.yaw_p_1_s * wrap_rad(yaw - body.yaw_rad) + (0.0 if math.isnan(yaw_rate) else yaw_rate)
+            rate = gains.yaw_p_1_s * wrap_rad(yaw - body.yaw_rad) + (
+                0.0 if math.isnan(yaw_rate) else yaw_rate
+            )
         elif not math.isnan(yaw_rate):
             most = gains.yaw_rate_max_rad_s
             return within(yaw_rate, -most, most)

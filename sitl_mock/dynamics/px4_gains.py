@@ -19,10 +19,15 @@ class Px4Gains:
     up_max_m_s: float = 3.0  # MPC_Z_VEL_MAX_UP
     down_max_m_s: float = 1.5  # MPC_Z_VEL_MAX_DN
     tilt_max_rad: float = math.radians(45.0)  # MPC_TILTMAX_AIR
-    tilt_ground_rad: float = math.radians(12.0)  # MPC_TILTMAX_LND, until the end of the take-off ramp
-    xy_error_max_m: float = 2.0  # MPC_XY_ERR_MAX: position lag at which a trajectory waits for the vehicle
+    # MPC_TILTMAX_LND, until the end of the take-off ramp
+    tilt_ground_rad: float = math.radians(12.0)
+    xy_error_max_m: float = (
+        2.0  # MPC_XY_ERR_MAX: position lag at which a trajectory waits for the vehicle
+    )
     thrust_min: float = 0.12  # MPC_THR_MIN, of full throttle
-    thrust_level_margin: float = 0.3  # MPC_THR_XY_MARG: share of full throttle reserved for horizontal control
+    thrust_level_margin: float = (
+        0.3  # MPC_THR_XY_MARG: share of full throttle reserved for horizontal control
+    )
     hover_lag_s: float = 6.0  # MPC_USE_HTE: time constant of the hover thrust estimate; measured
     spool_s: float = 1.0  # COM_SPOOLUP_TIME
     ramp_s: float = 3.0  # MPC_TKO_RAMP_T
@@ -33,5 +38,6 @@ class Px4Gains:
     yaw_rate_i_1_s2: float = 1.6  # MC_YAWRATE_I is half of MC_YAWRATE_P
     yaw_damping_1_s: float = 0.8  # yaw damping; measured: the response first reaches 80 % of a rate
     yaw_rate_max_rad_s: float = math.radians(200.0)  # MC_YAWRATE_MAX
-    yaw_auto_rate_max_rad_s: float = math.radians(60.0)  # MPC_YAWRAUTO_MAX, in the autopilot's own modes
+    # MPC_YAWRAUTO_MAX, in the autopilot's own modes
+    yaw_auto_rate_max_rad_s: float = math.radians(60.0)
     yaw_drift_rad_s: float = math.radians(1.8)  # measured: 9 degrees in 5 s with yaw ignored

@@ -69,12 +69,15 @@ class Rover:
         body = motion.body
         wanted_n, wanted_e = self._wanted(body, setpoint, around)
         wanted = math.hypot(wanted_n, wanted_e)
-        forward_n, forward_e = math.cos(body.yaw_rad), math.sin(body.yaw_rad)
+        forward_n = math.cos(body.yaw_rad)
+        forward_e = math.sin(body.yaw_rad)
         yaw_rate = 0.0
         if not math.isnan(setpoint.yaw_rate_rad_s):
             yaw_rate = setpoint.yaw_rate_rad_s
         elif wanted > 0.05:
-            yaw_rate = self.heading_gain_1_s * wrap_rad(math.atan2(wanted_e, wanted_n) - body.yaw_rad)
+            yaw_rate = self.heading_gain_1_s * wrap_rad(
+                math.atan2(wanted_e, wanted_n) - body.yaw_rad
+            )
         elif not math.isnan(setpoint.yaw_rad) and setpoint.kind > Kind.IDLING:
             yaw_rate = self.heading_gain_1_s * wrap_rad(setpoint.yaw_rad - body.yaw_rad)
         yaw_rate = within(yaw_rate, -self.turn_rate_max_rad_s, self.turn_rate_max_rad_s)
@@ -90,7 +93,8 @@ class Rover:
         most = self.accel_m_s2 * dt_s
         speed += within(along - speed, -most, most)
         velocity = (speed * math.cos(yaw), speed * math.sin(yaw), 0.0)
-        was, place = body.velocity_ned_m_s, body.position_ned_m
+        was = body.velocity_ned_m_s
+        place = body.position_ned_m
         return Motion(
             Body(
                 (
@@ -120,11 +124,16 @@ class Rover:
         to_n, to_e = setpoint.position_ned_m[:2]
         if not math.isnan(to_n + to_e):
             here = self.estimate(body, around).position_ned_m
-            gone_n, gone_e = to_n - here[0], to_e - here[1]
+            gone_n = to_n - here[0]
+            gone_e = to_e - here[1]
             if math.hypot(gone_n, gone_e) > self.reached_m:
                 n += self.place_gain_1_s * gone_n
                 e += self.place_gain_1_s * gone_e
-        limit = self.speed_max_m_s if math.isnan(setpoint.speed_m_s) else min(setpoint.speed_m_s, self.speed_max_m_s)
+        limit = (
+            self.speed_max_m_s
+            if math.isnan(setpoint.speed_m_s)
+            else min(setpoint.speed_m_s, self.speed_max_m_s)
+        )
         speed = math.hypot(n, e)
         return (n * limit / speed, e * limit / speed) if speed > limit else (n, e)
 

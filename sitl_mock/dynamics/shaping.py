@@ -10,7 +10,15 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from sitl_mock.dynamics.values import ZERO, Kind, Ned, Setpoint, maker_of, within, zero_where_ignored
+from sitl_mock.dynamics.values import (
+    ZERO,
+    Kind,
+    Ned,
+    Setpoint,
+    maker_of,
+    within,
+    zero_where_ignored,
+)
 
 CORNER_SHARE: Final = math.sqrt(0.5)
 
@@ -59,7 +67,8 @@ def shape_pair(
         settle_1_s: Gain of the linear end, 1/s.
         dt_s: The step.
     """
-    err_n, err_e = wanted[0] - velocity[0], wanted[1] - velocity[1]
+    err_n = wanted[0] - velocity[0]
+    err_e = wanted[1] - velocity[1]
     err = math.hypot(err_n, err_e)
     size = min(root_law(err, settle_1_s, jerk_m_s3), accel_m_s2, err / dt_s)
     scale = size / err if err > 1e-12 else 0.0
@@ -96,14 +105,16 @@ def shape_turn(
         dt_s: The step.
     """
     settle_1_s = jerk_m_s3 / accel_m_s2
-    err_n, err_e = wanted[0] - velocity[0], wanted[1] - velocity[1]
+    err_n = wanted[0] - velocity[0]
+    err_e = wanted[1] - velocity[1]
     err = math.hypot(err_n, err_e)
     if err > 1e-12:
         size = min(root_law(err, settle_1_s, jerk_m_s3), err / dt_s)
         a_n, a_e = _cornered((err_n * size / err, err_e * size / err), wanted, accel_m_s2)
     else:
         a_n = a_e = 0.0
-    d_n, d_e = a_n + forward[0] - acceleration[0], a_e + forward[1] - acceleration[1]
+    d_n = a_n + forward[0] - acceleration[0]
+    d_e = a_e + forward[1] - acceleration[1]
     change = math.hypot(d_n, d_e)
     most = jerk_m_s3 * dt_s
     if change > most:
@@ -112,35 +123,46 @@ def shape_turn(
     return acceleration[0] + d_n, acceleration[1] + d_e
 
 
-def _cornered(accel: tuple[float, float], wanted: tuple[float, float], accel_m_s2: float) -> tuple[float, float]:
+def _cornered(
+    accel: tuple[float, float], wanted: tuple[float, float], accel_m_s2: float
+) -> tuple[float, float]:
     """Limit an acceleration to `accel_m_s2`; the component across the velocity has priority."""
     a_n, a_e = accel
     w_n, w_e = wanted
-    size, speed = math.hypot(a_n, a_e), math.hypot(w_n, w_e)
+    size = math.hypot(a_n, a_e)
+    speed = math.hypot(w_n, w_e)
     along = (a_n * w_n + a_e * w_e) / speed if speed > 0.0 else 0.0
     across = math.sqrt(max(size * size - along * along, 0.0))
     if speed == 0.0 or abs(along) <= across:
         keep = min(1.0, accel_m_s2 / size)
         return a_n * keep, a_e * keep
-    w_n, w_e = w_n / speed, w_e / speed
-    c_n, c_e = a_n - w_n * along, a_e - w_e * along
+    w_n = w_n / speed
+    w_e = w_e / speed
+    c_n = a_n - w_n * along
+    c_e = a_e - w_e * along
     cross = min(across, CORNER_SHARE * accel_m_s2)
     if across > cross:
-        c_n, c_e = c_n * cross / across, c_e * cross / across
+        c_n = c_n * cross / across
+        c_e = c_e * cross / across
     most = math.sqrt(accel_m_s2 * accel_m_s2 - cross * cross)
     along = within(along, -most, most)
     return c_n + w_n * along, c_e + w_e * along
 
 
-def turning_first(accel: tuple[float, float], velocity: tuple[float, float], most: float) -> tuple[float, float]:
+def turning_first(
+    accel: tuple[float, float], velocity: tuple[float, float], most: float
+) -> tuple[float, float]:
     """Limit an acceleration to `most`; the component across the velocity has priority."""
-    (a_n, a_e), speed = accel, math.hypot(*velocity)
+    (a_n, a_e) = accel
+    speed = math.hypot(*velocity)
     if speed == 0.0:
         keep = min(1.0, most / math.hypot(a_n, a_e))
         return a_n * keep, a_e * keep
-    u_n, u_e = velocity[0] / speed, velocity[1] / speed
+    u_n = velocity[0] / speed
+    u_e = velocity[1] / speed
     along = a_n * u_n + a_e * u_e
-    c_n, c_e = a_n - u_n * along, a_e - u_e * along
+    c_n = a_n - u_n * along
+    c_e = a_e - u_e * along
     across = math.hypot(c_n, c_e)
     if across > most:
         return c_n * most / across, c_e * most / across
@@ -203,7 +225,9 @@ def approach_pair(
     return to_go[0] * speed / distance, to_go[1] * speed / distance
 
 
-def approach_one(to_go: float, up_max: float, down_max: float, accel_m_s2: float, gain_1_s: float) -> float:
+def approach_one(
+    to_go: float, up_max: float, down_max: float, accel_m_s2: float, gain_1_s: float
+) -> float:
     """Vertical velocity (down positive) towards a height `to_go` away, with enough room to brake.
 
     Args:
@@ -221,7 +245,9 @@ def advance(reference: Reference, acceleration: Ned, dt_s: float) -> Reference:
     """Advance the reference by one step under a new acceleration."""
     (p_n, p_e, p_d), (v_n, v_e, v_d), _ = reference
     a_n, a_e, a_d = acceleration
-    n, e, d = v_n + a_n * dt_s, v_e + a_e * dt_s, v_d + a_d * dt_s
+    n = v_n + a_n * dt_s
+    e = v_e + a_e * dt_s
+    d = v_d + a_d * dt_s
     half = 0.5 * dt_s
     place = (p_n + (v_n + n) * half, p_e + (v_e + e) * half, p_d + (v_d + d) * half)
     return _reference((place, (n, e, d), acceleration))
@@ -268,16 +294,20 @@ def _aligned(
     wanted: tuple[float, float], wanted_d: float, to_go: tuple[float, float, float]
 ) -> tuple[tuple[float, float], float]:
     """Slow one direction down so that the velocity points at the goal."""
-    level_m, high_m = math.hypot(to_go[0], to_go[1]), abs(to_go[2])
+    level_m = math.hypot(to_go[0], to_go[1])
+    high_m = abs(to_go[2])
     if math.isnan(level_m + high_m) or min(level_m, high_m) < _ALIGNED_M:
         return wanted, wanted_d
-    level, high = math.hypot(*wanted), abs(wanted_d)
+    level = math.hypot(*wanted)
+    high = abs(wanted_d)
     pace_1_s = min(level / level_m, high / high_m)
     shrink = pace_1_s * level_m / level if level > 0.0 else 0.0
     return (wanted[0] * shrink, wanted[1] * shrink), math.copysign(pace_1_s * high_m, wanted_d)
 
 
-def travel(limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s: float) -> Reference:
+def travel(
+    limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s: float
+) -> Reference:
     """Advance the reference by `dt_s` under a TRAVEL or BRAKE setpoint.
 
     Args:
@@ -297,17 +327,25 @@ def travel(limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s:
     else:
         cruise = _or(setpoint.speed_m_s, limits.speed_m_s)
         wanted = approach_pair(
-            (to_n - p_n, to_e - p_e), cruise, accel, approach_gain_1_s(accel, limits.jerk_m_s3, limits.settle_1_s)
+            (to_n - p_n, to_e - p_e),
+            cruise,
+            accel,
+            approach_gain_1_s(accel, limits.jerk_m_s3, limits.settle_1_s),
         )
     if braking or math.isnan(to_d):
         wanted_d = along_d
     else:
-        climb, sink = _or(setpoint.climb_m_s, limits.climb_m_s), _or(setpoint.sink_m_s, limits.sink_m_s)
+        climb = _or(setpoint.climb_m_s, limits.climb_m_s)
+        sink = _or(setpoint.sink_m_s, limits.sink_m_s)
         gain_1_s = approach_gain_1_s(limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s)
         wanted_d = approach_one(to_d - p_d, climb, sink, limits.accel_z_m_s2, gain_1_s)
 
     if limits.straight and not braking:
         wanted, wanted_d = _aligned(wanted, wanted_d, (to_n - p_n, to_e - p_e, to_d - p_d))
-    pair = shape_pair(wanted, (v_n, v_e), (a_n, a_e), (0.0, 0.0), accel, limits.jerk_m_s3, limits.settle_1_s, dt_s)
-    down = shape_one(wanted_d, v_d, a_d, 0.0, limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s, dt_s)
+    pair = shape_pair(
+        wanted, (v_n, v_e), (a_n, a_e), (0.0, 0.0), accel, limits.jerk_m_s3, limits.settle_1_s, dt_s
+    )
+    down = shape_one(
+        wanted_d, v_d, a_d, 0.0, limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s, dt_s
+    )
     return advance(reference, (*pair, down), dt_s)

@@ -164,7 +164,8 @@ def attitude_of(body: Body) -> Euler:
     _, _, _, lean_n, lean_e, rate_n, rate_e, yaw_rad, yaw_rate, _, _ = body
     lean_rad = math.hypot(lean_n, lean_e)
     scale = math.sin(lean_rad) / lean_rad if lean_rad > 1e-9 else 1.0
-    cos_yaw, sin_yaw = math.cos(yaw_rad), math.sin(yaw_rad)
+    cos_yaw = math.cos(yaw_rad)
+    sin_yaw = math.sin(yaw_rad)
     forward = scale * (lean_n * cos_yaw + lean_e * sin_yaw)
     right = scale * (lean_e * cos_yaw - lean_n * sin_yaw)
     up = math.cos(lean_rad)
@@ -180,11 +181,16 @@ def attitude_of(body: Body) -> Euler:
     )
 
 
-def quaternion_of(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float, float, float]:
+def quaternion_of(
+    roll_rad: float, pitch_rad: float, yaw_rad: float
+) -> tuple[float, float, float, float]:
     """Attitude as a unit quaternion w, x, y, z (aerospace order)."""
-    c_r, s_r = math.cos(0.5 * roll_rad), math.sin(0.5 * roll_rad)
-    c_p, s_p = math.cos(0.5 * pitch_rad), math.sin(0.5 * pitch_rad)
-    c_y, s_y = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
+    c_r = math.cos(0.5 * roll_rad)
+    s_r = math.sin(0.5 * roll_rad)
+    c_p = math.cos(0.5 * pitch_rad)
+    s_p = math.sin(0.5 * pitch_rad)
+    c_y = math.cos(0.5 * yaw_rad)
+    s_y = math.sin(0.5 * yaw_rad)
     return (
         c_r * c_p * c_y + s_r * s_p * s_y,
         s_r * c_p * c_y - c_r * s_p * s_y,

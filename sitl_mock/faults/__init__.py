@@ -2,7 +2,14 @@
 
 from sitl_mock.faults.effect import Direction, FaultKind, Group
 from sitl_mock.faults.faulted import STATES, Faulted
-from sitl_mock.faults.script import KINDS, Fault, FaultScript, parse_fault, parse_script, read_script
+from sitl_mock.faults.script import (
+    KINDS,
+    Fault,
+    FaultScript,
+    parse_fault,
+    parse_script,
+    read_script,
+)
 from sitl_mock.tables import Option
 
 __all__ = [

@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Delayed, Direction, Effect, EffectInputs, FaultKind, Group, Scope
+from sitl_mock.faults.effect import (
+    Delayed,
+    Direction,
+    Effect,
+    EffectInputs,
+    FaultKind,
+    Group,
+    Scope,
+)
 from sitl_mock.faults.links import always
 from sitl_mock.mavlink import SPEC_BY_NAME
 from sitl_mock.tables import REQUIRED, Option, choice, integer, integers, number, text, words
@@ -28,7 +36,13 @@ _REAL32: Final = 9
 _NOT_CONTENT: Final = ("time_", "timestamp", "target_", "param_")
 _SORTS: Final = ("nan", "inf", "zero", "int_max", "int_min")
 _FLOATS: Final = {"nan": math.nan, "inf": math.inf, "zero": 0.0}
-_MOTION: Final = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "ODOMETRY", "ATTITUDE", "ATTITUDE_QUATERNION")
+_MOTION: Final = (
+    "LOCAL_POSITION_NED",
+    "GLOBAL_POSITION_INT",
+    "ODOMETRY",
+    "ATTITUDE",
+    "ATTITUDE_QUATERNION",
+)
 
 
 def _new_value(found: frames.PayloadField, sort: str) -> float | None:
@@ -37,7 +51,11 @@ def _new_value(found: frames.PayloadField, sort: str) -> float | None:
         return None
     if not found.whole:
         return _FLOATS.get(sort)
-    return {"zero": 0, "int_max": found.most, "int_min": -found.most - 1 if found.format.islower() else 0}.get(sort)
+    return {
+        "zero": 0,
+        "int_max": found.most,
+        "int_min": -found.most - 1 if found.format.islower() else 0,
+    }.get(sort)
 
 
 def _changes(message: str, names: tuple[str, ...], sort: str) -> dict[str, float]:
@@ -49,9 +67,11 @@ def _changes(message: str, names: tuple[str, ...], sort: str) -> dict[str, float
 
 
 def _bad_fields(inputs: EffectInputs) -> Effect:
-    options, signing = inputs.options, inputs.vehicle.autopilot.signing
+    options = inputs.options
+    signing = inputs.vehicle.autopilot.signing
     by_id = {
-        SPEC_BY_NAME[name].message_id: _changes(name, options["fields"], options["value"]) for name in inputs.messages
+        SPEC_BY_NAME[name].message_id: _changes(name, options["fields"], options["value"])
+        for name in inputs.messages
     }
     found = {name for changes in by_id.values() for name in changes}
     for name in options["fields"]:
@@ -70,11 +90,17 @@ def _bad_fields(inputs: EffectInputs) -> Effect:
 
 def _no_place(inputs: EffectInputs) -> Effect:
     signing = inputs.vehicle.autopilot.signing
-    return Effect(alter=lambda _now_s, frame: ((0.0, frames.changed(frame, {"lat": 0, "lon": 0}, signing.secret_key)),))
+    return Effect(
+        alter=lambda _now_s, frame: (
+            (0.0, frames.changed(frame, {"lat": 0, "lon": 0}, signing.secret_key)),
+        )
+    )
 
 
 def _param_echo(inputs: EffectInputs) -> Effect:
-    vehicle, name, value = inputs.vehicle, inputs.options["parameter"], inputs.options["value"]
+    vehicle = inputs.vehicle
+    name = inputs.options["parameter"]
+    value = inputs.options["value"]
     parameters = vehicle.autopilot.parameters
     if name not in parameters:
         raise ConfigError(f"parameter = {name!r}: allowed are the parameters of {vehicle.flavour}")
@@ -86,21 +112,31 @@ def _param_echo(inputs: EffectInputs) -> Effect:
     def alter(_now_s: float, frame: bytes) -> Delayed:
         if frames.value(frame, "param_id") != name.encode():
             return ((0.0, frame),)
-        return ((0.0, frames.changed(frame, {"param_value": wire}, vehicle.autopilot.signing.secret_key)),)
+        return (
+            (
+                0.0,
+                frames.changed(frame, {"param_value": wire}, vehicle.autopilot.signing.secret_key),
+            ),
+        )
 
     return Effect(alter=alter)
 
 
 def _time_reset(inputs: EffectInputs) -> Effect:
     vehicle = inputs.vehicle
-    return Effect(begin=lambda _now_s: vehicle.inject("time_jump_s", -vehicle.autopilot.report.boot_us * 1e-6))
+    return Effect(
+        begin=lambda _now_s: vehicle.inject("time_jump_s", -vehicle.autopilot.report.boot_us * 1e-6)
+    )
 
 
 def _time_wrap(inputs: EffectInputs) -> Effect:
-    vehicle, before_s = inputs.vehicle, inputs.options["before_s"]
+    vehicle = inputs.vehicle
+    before_s = inputs.options["before_s"]
 
     def begin(_now_s: float) -> None:
-        vehicle.inject("time_jump_s", _BOOT_WRAP_S - before_s - vehicle.autopilot.report.boot_us * 1e-6)
+        vehicle.inject(
+            "time_jump_s", _BOOT_WRAP_S - before_s - vehicle.autopilot.report.boot_us * 1e-6
+        )
 
     return Effect(begin=begin)
 
@@ -134,7 +170,9 @@ CONTENT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             },
             Scope(Direction.OUT, ("PARAM_VALUE",)),
         ),
-        "time_reset": FaultKind(Group.LINK, "time since boot restarts at 0 in flight", _time_reset, for_s=0.0),
+        "time_reset": FaultKind(
+            Group.LINK, "time since boot restarts at 0 in flight", _time_reset, for_s=0.0
+        ),
         "time_wrap": FaultKind(
             Group.LINK,
             "time_boot_ms wraps around at 2^32",
@@ -154,7 +192,8 @@ _SHARE: Final = Option("share of the answers", 1.0, number(0.0, 1.0))
 
 def _of_commands(inputs: EffectInputs, alter: Alter) -> Effect:
     """Alter the answers to the chosen commands, with the chosen probability."""
-    chosen, sometimes = inputs.options["commands"], always(alter, inputs)
+    chosen = inputs.options["commands"]
+    sometimes = always(alter, inputs)
 
     def check(now_s: float, frame: bytes) -> Delayed:
         if chosen and frames.value(frame, "command") not in chosen:
@@ -174,14 +213,19 @@ def _late(inputs: EffectInputs) -> Effect:
 
 
 def _wrong(inputs: EffectInputs) -> Effect:
-    result, signing = inputs.options["result"], inputs.vehicle.autopilot.signing
+    result = inputs.options["result"]
+    signing = inputs.vehicle.autopilot.signing
     return _of_commands(
-        inputs, lambda _now_s, frame: ((0.0, frames.changed(frame, {"result": result}, signing.secret_key)),)
+        inputs,
+        lambda _now_s, frame: (
+            (0.0, frames.changed(frame, {"result": result}, signing.secret_key)),
+        ),
     )
 
 
 def _unfinished(inputs: EffectInputs) -> Effect:
-    signing, progress = inputs.vehicle.autopilot.signing, inputs.options["progress"]
+    signing = inputs.vehicle.autopilot.signing
+    progress = inputs.options["progress"]
     begun: set[int] = set()
 
     def alter(_now_s: float, frame: bytes) -> Delayed:
@@ -196,9 +240,13 @@ def _unfinished(inputs: EffectInputs) -> Effect:
 
 
 def _foreign(inputs: EffectInputs) -> Effect:
-    component, signing = inputs.options["component"], inputs.vehicle.autopilot.signing
+    component = inputs.options["component"]
+    signing = inputs.vehicle.autopilot.signing
     return _of_commands(
-        inputs, lambda _now_s, frame: ((0.0, frames.relabelled(frame, component=component, key=signing.secret_key)),)
+        inputs,
+        lambda _now_s, frame: (
+            (0.0, frames.relabelled(frame, component=component, key=signing.secret_key)),
+        ),
     )
 
 
@@ -206,7 +254,9 @@ _COMMON: Final = {"commands": _COMMANDS, "probability": _SHARE}
 
 ACK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
-        "ack_lost": FaultKind(Group.LINK, "the COMMAND_ACK is lost; the command was executed", _lost, _COMMON, _ACKS),
+        "ack_lost": FaultKind(
+            Group.LINK, "the COMMAND_ACK is lost; the command was executed", _lost, _COMMON, _ACKS
+        ),
         "ack_late": FaultKind(
             Group.LINK,
             "the COMMAND_ACK is delayed",

@@ -7,7 +7,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Delayed, Direction, Effect, EffectInputs, FaultKind, Group, Scope
+from sitl_mock.faults.effect import (
+    Delayed,
+    Direction,
+    Effect,
+    EffectInputs,
+    FaultKind,
+    Group,
+    Scope,
+)
 from sitl_mock.faults.links import LINK_KINDS
 from sitl_mock.faults.places import along, in_local_frame, on_earth, vector
 from sitl_mock.mavlink import SPEC_BY_NAME, Encoder, Signing
@@ -31,7 +39,8 @@ def _stamp(frame: bytes) -> tuple[str, float] | None:
 
 
 def _slow(inputs: EffectInputs) -> Effect:
-    period_s, last_s = inputs.options["period_s"], dict[int, float]()
+    period_s = inputs.options["period_s"]
+    last_s = dict[int, float]()
 
     def alter(now_s: float, frame: bytes) -> Delayed:
         number_ = frames.message_id(frame)
@@ -44,7 +53,8 @@ def _slow(inputs: EffectInputs) -> Effect:
 
 
 def _clock(inputs: EffectInputs) -> Effect:
-    options, signing = inputs.options, inputs.vehicle.autopilot.signing
+    options = inputs.options
+    signing = inputs.vehicle.autopilot.signing
     begun_s = [math.nan]
 
     def begin(now_s: float) -> None:
@@ -63,7 +73,8 @@ def _clock(inputs: EffectInputs) -> Effect:
 
 
 def _stale(inputs: EffectInputs) -> Effect:
-    repeats, last = inputs.options["as"] == "repeats", dict[int, bytes]()
+    repeats = inputs.options["as"] == "repeats"
+    last = dict[int, bytes]()
 
     def alter(_now_s: float, frame: bytes) -> Delayed:
         if not repeats:
@@ -74,7 +85,8 @@ def _stale(inputs: EffectInputs) -> Effect:
 
 
 def _jump(inputs: EffectInputs) -> Effect:
-    signing, by_m = inputs.vehicle.autopilot.signing, vector(inputs)
+    signing = inputs.vehicle.autopilot.signing
+    by_m = vector(inputs)
     placed = frozenset(SPEC_BY_NAME[name].message_id for name in REPORTS)
 
     def alter(_now_s: float, frame: bytes) -> Delayed:
@@ -88,11 +100,16 @@ def _jump(inputs: EffectInputs) -> Effect:
 
 def _forger(inputs: EffectInputs) -> Effect:
     """A second sender reports as this vehicle, from its position at the start and moving away."""
-    vehicle, options = inputs.vehicle, inputs.options
-    autopilot, by_m, away_m_s = vehicle.autopilot, vector(inputs), (options["north_m_s"], options["east_m_s"], 0.0)
+    vehicle = inputs.vehicle
+    options = inputs.options
+    autopilot = vehicle.autopilot
+    by_m = vector(inputs)
+    away_m_s = (options["north_m_s"], options["east_m_s"], 0.0)
     encoder = Encoder(vehicle.system_id, options["component"], signing=Signing(), link_id=102)
-    link, period_s = next(iter(vehicle.links)), 1.0 / options["rate_hz"]
-    begun_s, next_s = [math.nan], [math.nan]
+    link = next(iter(vehicle.links))
+    period_s = 1.0 / options["rate_hz"]
+    begun_s = [math.nan]
+    next_s = [math.nan]
     place: list[Home] = []
 
     def begin(now_s: float) -> None:
@@ -110,9 +127,19 @@ def _forger(inputs: EffectInputs) -> Effect:
         since_s = at_s - begun_s[0]
         offset = (part + rate * since_s for part, rate in zip(by_m, away_m_s, strict=True))
         lat, lon, alt = LocalFrame(place[0]).to_geodetic(*offset)
-        boot_ms = autopilot.report.boot_ms - round((now_s - at_s) * 1e3) + round(options["clock_s"] * 1e3)
+        boot_ms = (
+            autopilot.report.boot_ms - round((now_s - at_s) * 1e3) + round(options["clock_s"] * 1e3)
+        )
         rates = (round(rate * 100.0) for rate in away_m_s)
-        return (boot_ms & 0xFFFFFFFF, round(lat * 1e7), round(lon * 1e7), round(alt * 1e3), 0, *rates, 0)
+        return (
+            boot_ms & 0xFFFFFFFF,
+            round(lat * 1e7),
+            round(lon * 1e7),
+            round(alt * 1e3),
+            0,
+            *rates,
+            0,
+        )
 
     return Effect(begin=begin, advance=advance)
 
@@ -141,7 +168,9 @@ EVADER_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             _clock,
             {
                 "offset_s": Option("seconds ahead", 0.0, number(-1e6, 1e6)),
-                "drift_ppm": Option("millionths of the time since the fault began", 0.0, number(-1e5, 1e5)),
+                "drift_ppm": Option(
+                    "millionths of the time since the fault began", 0.0, number(-1e5, 1e5)
+                ),
             },
             _SCOPE,
         ),
@@ -158,10 +187,14 @@ EVADER_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             _forger,
             {
                 **along(_JUMP),
-                "north_m_s": Option("speed of its position to the north", 0.0, number(-300.0, 300.0)),
+                "north_m_s": Option(
+                    "speed of its position to the north", 0.0, number(-300.0, 300.0)
+                ),
                 "east_m_s": Option("the same to the east", 0.0, number(-300.0, 300.0)),
                 "rate_hz": Option("reports per second", 500.0, number(0.1, 1e4)),
-                "clock_s": Option("seconds that its clock is ahead of the vehicle's", 0.0, number(-1e6, 1e6)),
+                "clock_s": Option(
+                    "seconds that its clock is ahead of the vehicle's", 0.0, number(-1e6, 1e6)
+                ),
                 "component": Option("its component id", 1, integer(1, 255)),
             },
         ),

@@ -68,7 +68,12 @@ class Faulted:
         ConfigError: A fault needs something that this vehicle does not have.
     """
 
-    def __init__(self, vehicle: MockVehicle, name: str = "uav1", script: FaultScript = FaultScript()) -> None:  # noqa: B008 - an immutable value
+    def __init__(
+        self,
+        vehicle: MockVehicle,
+        name: str = "uav1",
+        script: FaultScript = FaultScript(),  # noqa: B008 - an immutable value
+    ) -> None:
         self.vehicle = vehicle
         self.name = name
         self.seed = script.seed
@@ -76,7 +81,10 @@ class Faulted:
         self._numbers = itertools.count(1)
         self._live: list[Live] = []
         self._requests: deque[Callable[[float], None]] = deque()
-        self._late: dict[Direction, list[tuple[float, int, str, bytes]]] = {Direction.IN: [], Direction.OUT: []}
+        self._late: dict[Direction, list[tuple[float, int, str, bytes]]] = {
+            Direction.IN: [],
+            Direction.OUT: [],
+        }
         self._late_numbers = itertools.count()
         self._now_s = math.nan
         self._before: frozenset[str] = frozenset()
@@ -87,12 +95,16 @@ class Faulted:
 
     # Public interface
 
-    def step(self, now_s: float, frames_in: Sequence[bytes] = (), link: str | None = None) -> list[bytes]:
+    def step(
+        self, now_s: float, frames_in: Sequence[bytes] = (), link: str | None = None
+    ) -> list[bytes]:
         """See `MockVehicle.step`."""
         chosen = next(iter(self.vehicle.links)) if link is None else link
         return self.step_links(now_s, {chosen: frames_in})[chosen]
 
-    def step_links(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]) -> dict[str, list[bytes]]:
+    def step_links(
+        self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]
+    ) -> dict[str, list[bytes]]:
         """See `MockVehicle.step_links`."""
         first = math.isnan(self._now_s)
         while self._requests:
@@ -134,7 +146,9 @@ class Faulted:
         """
         known = {shown["number"] for shown in self._shown}
         if number is not None and (not isinstance(number, int) or number not in known):
-            allowed = ", ".join(str(each) for each in sorted(known)) or "none, because there is no fault"
+            allowed = (
+                ", ".join(str(each) for each in sorted(known)) or "none, because there is no fault"
+            )
             raise ConfigError(f"number = {number!r}: allowed are {allowed}")
 
         def drop(now_s: float) -> None:
@@ -156,7 +170,9 @@ class Faulted:
         random = Random(f"{self.seed}/{self.name}/{number}/{fault.kind}")
         try:
             event = self._event(fault.after)
-            effect = KINDS[fault.kind].make(EffectInputs(self.vehicle, random, fault.options, fault.messages))
+            effect = KINDS[fault.kind].make(
+                EffectInputs(self.vehicle, random, fault.options, fault.messages)
+            )
         except ConfigError as error:
             raise ConfigError(f"{where}.{error}") from None
         struck = frozenset(SPEC_BY_NAME[name].message_id for name in fault.messages)
@@ -178,7 +194,9 @@ class Faulted:
         if after in {"OFFBOARD", "GUIDED"}:
             return GUIDED_OF[self.vehicle.flavour]
         if after and after not in {*self.vehicle.modes, *STATES}:
-            raise ConfigError(f"after = {after!r}: allowed are {', '.join((*STATES, *self.vehicle.modes))}")
+            raise ConfigError(
+                f"after = {after!r}: allowed are {', '.join((*STATES, *self.vehicle.modes))}"
+            )
         return after
 
     def _changes(self, until_s: float) -> Iterator[float]:
@@ -222,7 +240,9 @@ class Faulted:
 
     # Frames
 
-    def _advance(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]], out: dict[str, list[bytes]]) -> None:
+    def _advance(
+        self, now_s: float, frames_in: Mapping[str, Sequence[bytes]], out: dict[str, list[bytes]]
+    ) -> None:
         """Advance the vehicle to now_s."""
         self._now_s = now_s
         inward: dict[str, list[bytes]] = {link: [] for link in self.vehicle.links}
@@ -235,7 +255,11 @@ class Faulted:
         self._notice(now_s)
 
     def _pass(
-        self, direction: Direction, now_s: float, came: Iterable[tuple[str, bytes]], through: dict[str, list[bytes]]
+        self,
+        direction: Direction,
+        now_s: float,
+        came: Iterable[tuple[str, bytes]],
+        through: dict[str, list[bytes]],
     ) -> None:
         """Pass frames through the faults; delayed frames wait, and due ones go first."""
         late = self._late[direction]
@@ -261,7 +285,9 @@ class Faulted:
             flows = [
                 (delay_s + more_s, changed)
                 for delay_s, passed in flows
-                for more_s, changed in (alter(now_s, passed) if live.strikes(passed) else ((0.0, passed),))
+                for more_s, changed in (
+                    alter(now_s, passed) if live.strikes(passed) else ((0.0, passed),)
+                )
             ][:MAX_COPIES]
         return flows
 
@@ -277,7 +303,11 @@ class Faulted:
     def _states(self) -> frozenset[str]:
         vehicle = self.vehicle
         grounded = vehicle.autopilot.state.on_ground
-        states = {vehicle.mode, "ARMED" if vehicle.armed else "DISARMED", "LANDED" if grounded else "AIRBORNE"}
+        states = {
+            vehicle.mode,
+            "ARMED" if vehicle.armed else "DISARMED",
+            "LANDED" if grounded else "AIRBORNE",
+        }
         if vehicle.autopilot.commander.ready_to_arm:
             states.add("READY")
         return frozenset(states)

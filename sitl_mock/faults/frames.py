@@ -66,7 +66,9 @@ def message_id(frame: bytes) -> int:
     if len(frame) < 8 or frame[0] not in _HEADER:
         return -1
     if frame[0] == V1:
-        number, crc_at, end = frame[5], 6 + frame[1], 8 + frame[1]
+        number = frame[5]
+        crc_at = 6 + frame[1]
+        end = 8 + frame[1]
     elif len(frame) >= 12 and not frame[2] & ~1:
         number = frame[7] | frame[8] << 8 | frame[9] << 16
         crc_at = 10 + frame[1]
@@ -85,7 +87,8 @@ def layout(message: int) -> Mapping[str, PayloadField]:
     """Return the fields of a message by name."""
     cls = SPEC_BY_ID[message].message_class
     kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
-    fields, at = {}, 0
+    fields = {}
+    at = 0
     for name, length in zip(cls.ordered_fieldnames, cls.array_lengths, strict=True):
         one = PayloadField(at, _FORMATS[kinds[name]], max(1, length))
         fields[name] = one
@@ -96,7 +99,8 @@ def layout(message: int) -> Mapping[str, PayloadField]:
 def value(frame: bytes, name: str) -> Any:  # noqa: ANN401 - number or bytes, by the field's type
     """Return one field of a frame: a number, a text, or the first element of an array."""
     number = message_id(frame)
-    payload, found = _payload(frame, SPEC_BY_ID[number]), layout(number)[name]
+    payload = _payload(frame, SPEC_BY_ID[number])
+    found = layout(number)[name]
     if found.format == "c":
         return bytes(payload[found.at : found.at + found.length]).rstrip(b"\0")
     return struct.unpack_from("<" + found.format, payload, found.at)[0]
@@ -118,7 +122,9 @@ def changed(frame: bytes, changes: Mapping[str, float], key: bytes | None = None
     return _closed(frame, payload, spec, key)
 
 
-def relabelled(frame: bytes, *, system: int | None = None, component: int | None = None, key: bytes | None) -> bytes:
+def relabelled(
+    frame: bytes, *, system: int | None = None, component: int | None = None, key: bytes | None
+) -> bytes:
     """Return the frame with another sender.
 
     Args:
@@ -165,7 +171,8 @@ def base_size(message: int) -> int:
     cls = spec.message_class
     kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
     seen = spec.name.encode() + b" "
-    size, found = 0, spec.size
+    size = 0
+    found = spec.size
     for name, length in zip(cls.ordered_fieldnames, cls.array_lengths, strict=True):
         seen += f"{kinds[name]} {name} ".encode() + (bytes((length,)) if length else b"")
         size += struct.calcsize(_FORMATS[kinds[name]]) * max(1, length)

@@ -7,7 +7,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Delayed, Direction, Effect, EffectInputs, FaultKind, Group, Scope
+from sitl_mock.faults.effect import (
+    Delayed,
+    Direction,
+    Effect,
+    EffectInputs,
+    FaultKind,
+    Group,
+    Scope,
+)
 from sitl_mock.mavlink import Signing
 from sitl_mock.tables import Option, integer, number
 from sitl_mock.telemetry.status import heartbeat
@@ -26,7 +34,8 @@ _SLACK_S: Final = 1e-9
 
 def always(alter: Alter, inputs: EffectInputs) -> Alter:
     """Alter frames with the fault's `probability`."""
-    random, share = inputs.random.random, inputs.options["probability"]
+    random = inputs.random.random
+    share = inputs.options["probability"]
 
     def sometimes(now_s: float, frame: bytes) -> Delayed:
         return alter(now_s, frame) if random() < share else ((0.0, frame),)
@@ -40,8 +49,10 @@ def _loss(inputs: EffectInputs) -> Effect:
 
 def _burst_loss(inputs: EffectInputs) -> Effect:
     """Lose bursts of frames, as a fading radio does (Gilbert's channel, in time)."""
-    random, means_s = inputs.random, (inputs.options["good_s"], inputs.options["lost_s"])
-    fading, until_s = [False], [math.nan]
+    random = inputs.random
+    means_s = (inputs.options["good_s"], inputs.options["lost_s"])
+    fading = [False]
+    until_s = [math.nan]
 
     def alter(now_s: float, frame: bytes) -> Delayed:
         if math.isnan(until_s[0]):
@@ -55,7 +66,8 @@ def _burst_loss(inputs: EffectInputs) -> Effect:
 
 
 def _duplicate(inputs: EffectInputs) -> Effect:
-    late_s, copies = inputs.options["late_s"], inputs.options["copies"]
+    late_s = inputs.options["late_s"]
+    copies = inputs.options["copies"]
     return Effect(
         alter=always(lambda _now_s, frame: ((0.0, frame), *(((late_s, frame),) * copies)), inputs),
     )
@@ -67,19 +79,25 @@ def _reorder(inputs: EffectInputs) -> Effect:
 
 
 def _delay(inputs: EffectInputs) -> Effect:
-    least_s, jitter_s, random = inputs.options["delay_s"], inputs.options["jitter_s"], inputs.random.random
-    return Effect(alter=always(lambda _now_s, frame: ((least_s + jitter_s * random(), frame),), inputs))
+    least_s = inputs.options["delay_s"]
+    jitter_s = inputs.options["jitter_s"]
+    random = inputs.random.random
+    return Effect(
+        alter=always(lambda _now_s, frame: ((least_s + jitter_s * random(), frame),), inputs)
+    )
 
 
 def _corrupt(inputs: EffectInputs) -> Effect:
-    bits, random = inputs.options["bits"], inputs.random
+    bits = inputs.options["bits"]
+    random = inputs.random
 
     def damage(_now_s: float, frame: bytes) -> Delayed:
         damaged = bytearray(frame)
         first = 10 if frame[:1] == b"\xfd" else 6
         end = len(frame) - (13 if first == 10 and frame[2:3] == b"\x01" else 0)
         wrong = range(8 * first, 8 * end) if end > first else range(8 * len(frame))
-        for bit in random.sample(wrong, min(bits, len(wrong))):  # CRC-16 detects every change of up to 3 bits
+        # CRC-16 detects every change of up to 3 bits
+        for bit in random.sample(wrong, min(bits, len(wrong))):
             damaged[bit // 8] ^= 1 << bit % 8
         return ((0.0, bytes(damaged)),)
 
@@ -99,7 +117,9 @@ def _as_v1(inputs: EffectInputs) -> Effect:
 
 
 def _sign(inputs: EffectInputs) -> Effect:
-    signing = Signing(bytes((inputs.options["key_byte"],)) * 32, timestamp=inputs.options["timestamp"])
+    signing = Signing(
+        bytes((inputs.options["key_byte"],)) * 32, timestamp=inputs.options["timestamp"]
+    )
 
     def sign(_now_s: float, frame: bytes) -> Delayed:
         return ((0.0, frame if frames.message_id(frame) < 0 else frames.signed(frame, signing)),)
@@ -109,7 +129,8 @@ def _sign(inputs: EffectInputs) -> Effect:
 
 def _gap(inputs: EffectInputs) -> Effect:
     """Pass one more HEARTBEAT, then none until the gap ends, then one at once."""
-    vehicle, gap_s = inputs.vehicle, inputs.options["gap_s"]
+    vehicle = inputs.vehicle
+    gap_s = inputs.options["gap_s"]
     until_s = [math.nan]
 
     def alter(now_s: float, frame: bytes) -> Delayed:
@@ -123,7 +144,9 @@ def _gap(inputs: EffectInputs) -> Effect:
             return ()
         beat = ("HEARTBEAT", *heartbeat(vehicle.autopilot.report))
         until_s[0] = -math.inf
-        return [(name, frame) for name, link in vehicle.links.items() for frame in link.pack([beat])]
+        return [
+            (name, frame) for name, link in vehicle.links.items() for frame in link.pack([beat])
+        ]
 
     return Effect(alter=alter, advance=advance)
 
@@ -158,7 +181,9 @@ LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             {
                 "probability": _SHARE,
                 "copies": Option("how many more", 1, integer(1, 10)),
-                "late_s": Option("seconds by which the copies come later", 0.0, number(0.0, _MOST_S)),
+                "late_s": Option(
+                    "seconds by which the copies come later", 0.0, number(0.0, _MOST_S)
+                ),
             },
             ANY,
         ),
@@ -179,7 +204,9 @@ LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             {
                 "probability": _SHARE,
                 "delay_s": Option("seconds", 0.2, number(0.0, _MOST_S)),
-                "jitter_s": Option("up to so many seconds more, evenly spread", 0.0, number(0.0, _MOST_S)),
+                "jitter_s": Option(
+                    "up to so many seconds more, evenly spread", 0.0, number(0.0, _MOST_S)
+                ),
             },
             ANY,
         ),
@@ -194,17 +221,25 @@ LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             Group.LINK,
             "one long gap between two HEARTBEATs (MAVSDK disconnects after 3 s)",
             _gap,
-            {"gap_s": Option("seconds from the last one before to the first one after", 3.1, number(0.0, 1e6))},
+            {
+                "gap_s": Option(
+                    "seconds from the last one before to the first one after", 3.1, number(0.0, 1e6)
+                )
+            },
             Scope(Direction.OUT, ("HEARTBEAT",)),
         ),
-        "v1_frames": FaultKind(Group.LINK, "frames are MAVLink 1; others are lost", _as_v1, scope=OUT),
+        "v1_frames": FaultKind(
+            Group.LINK, "frames are MAVLink 1; others are lost", _as_v1, scope=OUT
+        ),
         "signed_frames": FaultKind(
             Group.LINK,
             "frames are signed with a key that the receiver may lack",
             _sign,
             {
                 "key_byte": Option("the key is this byte, 32 times", 7, integer(0, 255)),
-                "timestamp": Option("10 µs since 2015 at which the signatures begin", 10**13, integer(0, 2**48 - 1)),
+                "timestamp": Option(
+                    "10 µs since 2015 at which the signatures begin", 10**13, integer(0, 2**48 - 1)
+                ),
             },
             OUT,
         ),
@@ -215,6 +250,8 @@ LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             scope=Scope(Direction.BOTH),
             for_s=1.0,
         ),
-        "udp_port_change": FaultKind(Group.LINK, "the vehicle changes its UDP port", _port, for_s=0.0),
+        "udp_port_change": FaultKind(
+            Group.LINK, "the vehicle changes its UDP port", _port, for_s=0.0
+        ),
     }
 )

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Delayed, Direction, Effect, EffectInputs, FaultKind, Group, Scope
+from sitl_mock.faults.effect import (
+    Delayed,
+    Direction,
+    Effect,
+    EffectInputs,
+    FaultKind,
+    Group,
+    Scope,
+)
 from sitl_mock.faults.places import along, vector
 from sitl_mock.mavlink import Encoder
 from sitl_mock.protocols import StatusTexts
@@ -44,10 +52,13 @@ def mode_named(vehicle: MockVehicle, name: str) -> str:
 
 
 def _foreign_heartbeat(inputs: EffectInputs) -> Effect:
-    vehicle, options = inputs.vehicle, inputs.options
+    vehicle = inputs.vehicle
+    options = inputs.options
     flavour = vehicle.autopilot.flavour
     custom_mode = flavour.modes.by_name()[mode_named(vehicle, options["mode"])].number
-    encoder = Encoder(vehicle.system_id, options["component"], signing=vehicle.autopilot.signing, link_id=100)
+    encoder = Encoder(
+        vehicle.system_id, options["component"], signing=vehicle.autopilot.signing, link_id=100
+    )
     next_s = [0.0]
 
     def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
@@ -61,7 +72,8 @@ def _foreign_heartbeat(inputs: EffectInputs) -> Effect:
 
 
 def _sysid_clash(inputs: EffectInputs) -> Effect:
-    vehicle, options = inputs.vehicle, inputs.options
+    vehicle = inputs.vehicle
+    options = inputs.options
     settings = vehicle.autopilot.settings
     link = next(iter(vehicle.links))
     start = settings.start_ned
@@ -81,7 +93,8 @@ def _sysid_clash(inputs: EffectInputs) -> Effect:
         return ((0.0, frame),)
 
     def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
-        came, inbox[:] = list(inbox), []
+        came = list(inbox)
+        inbox[:] = []
         return [(link, frame) for frame in other.step(now_s, came)]
 
     return Effect(alter=hear, advance=advance)
@@ -89,8 +102,10 @@ def _sysid_clash(inputs: EffectInputs) -> Effect:
 
 def _second_source(inputs: EffectInputs) -> Effect:
     """A second program commands the vehicle over the first link."""
-    vehicle, options = inputs.vehicle, inputs.options
-    link, velocity = next(iter(vehicle.links)), vector(inputs)
+    vehicle = inputs.vehicle
+    options = inputs.options
+    link = next(iter(vehicle.links))
+    velocity = vector(inputs)
     encoder = Encoder(options["system"], 190, signing=vehicle.autopilot.signing, link_id=101)
     next_s = [-math.inf]
 
@@ -99,7 +114,22 @@ def _second_source(inputs: EffectInputs) -> Effect:
             return ()
         next_s[0] = now_s + 1.0 / options["rate_hz"]
         stamp = vehicle.autopilot.report.boot_ms
-        fields = (stamp, vehicle.system_id, 1, _LOCAL_NED, _VELOCITY_ONLY, 0, 0, 0, *velocity, 0, 0, 0, 0, 0)
+        fields = (
+            stamp,
+            vehicle.system_id,
+            1,
+            _LOCAL_NED,
+            _VELOCITY_ONLY,
+            0,
+            0,
+            0,
+            *velocity,
+            0,
+            0,
+            0,
+            0,
+            0,
+        )
         frame = encoder.pack("SET_POSITION_TARGET_LOCAL_NED", *fields)
         return [(link, reply) for reply in vehicle.links[link].receive(now_s, frame)]
 
@@ -107,22 +137,29 @@ def _second_source(inputs: EffectInputs) -> Effect:
 
 
 def _statustext(inputs: EffectInputs) -> Effect:
-    vehicle, options = inputs.vehicle, inputs.options
+    vehicle = inputs.vehicle
+    options = inputs.options
     waiting: list[tuple[str, bytes]] = []
 
     def begin(_now_s: float) -> None:
         replies = StatusTexts().replies(options["severity"], options["text"])
         own_id = _TEXT_ID + inputs.random.randrange(1000)
-        relabelled = [(name, severity, chunk, own_id if of else 0, seq) for name, severity, chunk, of, seq in replies]
+        relabelled = [
+            (name, severity, chunk, own_id if of else 0, seq)
+            for name, severity, chunk, of, seq in replies
+        ]
         for name, link in vehicle.links.items():
             waiting.extend((name, frame) for frame in link.pack(relabelled))
 
     def advance(_now_s: float) -> Iterable[tuple[str, bytes]]:
-        came, waiting[:] = list(waiting), []
+        came = list(waiting)
+        waiting[:] = []
         return came
 
     def alter(_now_s: float, frame: bytes) -> Delayed:
-        lost = frames.value(frame, "id") and frames.value(frame, "chunk_seq") == options["lost_chunk"]
+        lost = (
+            frames.value(frame, "id") and frames.value(frame, "chunk_seq") == options["lost_chunk"]
+        )
         return () if lost else ((0.0, frame),)
 
     return Effect(begin=begin, advance=advance, alter=alter)
@@ -145,7 +182,9 @@ OTHER_SENDER_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             "a second autopilot with the same ids sends and answers on the first link",
             _sysid_clash,
             {
-                "north_m": Option("where it stands from the start of the first", 100.0, number(-1e5, 1e5)),
+                "north_m": Option(
+                    "where it stands from the start of the first", 100.0, number(-1e5, 1e5)
+                ),
                 "east_m": Option("as above", 0.0, number(-1e5, 1e5)),
             },
             Scope(Direction.IN),
@@ -167,7 +206,9 @@ OTHER_SENDER_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             {
                 "text": Option("any length", _LONG_TEXT, a_text),
                 "severity": Option("MAV_SEVERITY", 2, integer(0, 7)),
-                "lost_chunk": Option("number of the chunk that is lost, -1 for none", -1, integer(-1, 255)),
+                "lost_chunk": Option(
+                    "number of the chunk that is lost, -1 for none", -1, integer(-1, 255)
+                ),
             },
             Scope(Direction.OUT, ("STATUSTEXT",)),
             for_s=0.5,

@@ -7,7 +7,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Delayed, Direction, Effect, EffectInputs, FaultKind, Group, Scope
+from sitl_mock.faults.effect import (
+    Delayed,
+    Direction,
+    Effect,
+    EffectInputs,
+    FaultKind,
+    Group,
+    Scope,
+)
 from sitl_mock.mavlink import SPEC_BY_NAME
 from sitl_mock.tables import Option, choice, number
 
@@ -52,7 +60,8 @@ def on_earth(frame: bytes, by_m: Vector) -> dict[str, Any]:
     names = next((names for names in _ON_EARTH if names[0] in fields), None)
     if names is None:
         return {}
-    (lat_name, lon_name, alt_name), (north_m, east_m, down_m) = names, by_m
+    (lat_name, lon_name, alt_name) = names
+    (north_m, east_m, down_m) = by_m
     lat = frames.value(frame, lat_name)
     east = east_m / _M_PER_DEG * 1e7 / math.cos(math.radians(lat * 1e-7))
     moved: dict[str, Any] = {
@@ -67,7 +76,9 @@ def on_earth(frame: bytes, by_m: Vector) -> dict[str, Any]:
 
 def in_local_frame(frame: bytes, by_m: Vector) -> dict[str, Any]:
     """Return x, y and z displaced."""
-    return {name: frames.value(frame, name) + by for name, by in zip(("x", "y", "z"), by_m, strict=True)}
+    return {
+        name: frames.value(frame, name) + by for name, by in zip(("x", "y", "z"), by_m, strict=True)
+    }
 
 
 def _repeated(vehicle: MockVehicle, *names: str) -> Effect:
@@ -87,7 +98,9 @@ def _repeated(vehicle: MockVehicle, *names: str) -> Effect:
 
 
 def _home_jump(inputs: EffectInputs) -> Effect:
-    signing, random, wander_m = inputs.vehicle.autopilot.signing, inputs.random, inputs.options["wander_m"]
+    signing = inputs.vehicle.autopilot.signing
+    random = inputs.random
+    wander_m = inputs.options["wander_m"]
     by_m = list(vector(inputs))
     effect = _repeated(inputs.vehicle, "HOME_POSITION")
 
@@ -104,7 +117,8 @@ def _home_jump(inputs: EffectInputs) -> Effect:
 
 
 def _origin_jump(inputs: EffectInputs) -> Effect:
-    signing, by_m = inputs.vehicle.autopilot.signing, vector(inputs)
+    signing = inputs.vehicle.autopilot.signing
+    by_m = vector(inputs)
     effect = _repeated(inputs.vehicle, "GPS_GLOBAL_ORIGIN")
 
     def alter(_now_s: float, frame: bytes) -> Delayed:
@@ -116,10 +130,15 @@ def _origin_jump(inputs: EffectInputs) -> Effect:
 
 
 def _origin_move(inputs: EffectInputs) -> Effect:
-    signing, told = inputs.vehicle.autopilot.signing, inputs.options["told"]
+    signing = inputs.vehicle.autopilot.signing
+    told = inputs.options["told"]
     north, east, down = by_m = vector(inputs)
     back_m = (-north, -east, -down)
-    effect = _repeated(inputs.vehicle, "GPS_GLOBAL_ORIGIN", "HOME_POSITION") if told == "yes" else Effect()
+    effect = (
+        _repeated(inputs.vehicle, "GPS_GLOBAL_ORIGIN", "HOME_POSITION")
+        if told == "yes"
+        else Effect()
+    )
 
     def alter(_now_s: float, frame: bytes) -> Delayed:
         number_ = frames.message_id(frame)
@@ -138,7 +157,8 @@ def _origin_move(inputs: EffectInputs) -> Effect:
 
 
 def _velocity_lie(inputs: EffectInputs) -> Effect:
-    signing, by_m_s = inputs.vehicle.autopilot.signing, vector(inputs)
+    signing = inputs.vehicle.autopilot.signing
+    by_m_s = vector(inputs)
 
     def alter(_now_s: float, frame: bytes) -> Delayed:
         fields = frames.layout(frames.message_id(frame)) if frames.message_id(frame) >= 0 else {}
@@ -158,7 +178,10 @@ PLACE_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             Group.LINK,
             "HOME_POSITION is displaced and may wander",
             _home_jump,
-            {**along(_JUMP), "wander_m": Option("standard deviation of each step", 0.0, number(0.0, 1e3))},
+            {
+                **along(_JUMP),
+                "wander_m": Option("standard deviation of each step", 0.0, number(0.0, 1e3)),
+            },
             Scope(Direction.OUT, ("HOME_POSITION",)),
         ),
         "origin_jump": FaultKind(

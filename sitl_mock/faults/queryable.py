@@ -121,7 +121,9 @@ def _clear(faulted: Faulted, values: Mapping[str, Any]) -> Any:  # noqa: ANN401 
 def _only(values: Mapping[str, Any], allowed: tuple[str, ...]) -> None:
     unknown = sorted(values.keys() - set(allowed))
     if unknown:
-        raise ConfigError(f"{unknown[0]} = {values[unknown[0]]!r}: allowed are {', '.join(('do', *allowed))}")
+        raise ConfigError(
+            f"{unknown[0]} = {values[unknown[0]]!r}: allowed are {', '.join(('do', *allowed))}"
+        )
 
 
 _REQUESTS: Final[dict[str, Callable[[Faulted, Mapping[str, Any]], Any]]] = {

@@ -30,7 +30,17 @@ from sitl_mock.faults.other_senders import OTHER_SENDER_KINDS
 from sitl_mock.faults.places import PLACE_KINDS
 from sitl_mock.faults.vehicle import FLIGHT_KINDS
 from sitl_mock.mavlink import SPEC_BY_NAME
-from sitl_mock.tables import Option, checked, choice, filled, integer, number, read_toml, text, words
+from sitl_mock.tables import (
+    Option,
+    checked,
+    choice,
+    filled,
+    integer,
+    number,
+    read_toml,
+    text,
+    words,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -120,7 +130,9 @@ class FaultScript:
         for index, fault in enumerate(self.faults):
             for name in fault.vehicle:
                 if name not in {EVERY, *names}:
-                    raise ConfigError(f"fault[{index}].vehicle = {name!r}: allowed are {', '.join([*names, EVERY])}")
+                    raise ConfigError(
+                        f"fault[{index}].vehicle = {name!r}: allowed are {', '.join([*names, EVERY])}"
+                    )
 
 
 def read_script(path: Path) -> FaultScript:
@@ -148,7 +160,10 @@ def parse_script(values: Mapping[str, Any], source: str = "faults") -> FaultScri
         raise ConfigError(f"{source}: fault = {entries!r}: allowed is a list, written as [[fault]]")
     seed = checked(f"{source}: seed", values.get("seed", 0), _SEED)
     return FaultScript(
-        tuple(parse_fault(entry, f"{source}: fault[{index}]") for index, entry in enumerate(entries)), seed
+        tuple(
+            parse_fault(entry, f"{source}: fault[{index}]") for index, entry in enumerate(entries)
+        ),
+        seed,
     )
 
 
@@ -163,7 +178,9 @@ def parse_fault(values: Any, where: str = "fault") -> Fault:  # noqa: ANN401 - a
     name = values.get("kind")
     kind = KINDS.get(name) if isinstance(name, str) else None
     if kind is None and str(name).replace("target_", "evader_") in KINDS:
-        raise ConfigError(f"{where}.kind = {name!r}: use {str(name).replace('target_', 'evader_')}, its new name")
+        raise ConfigError(
+            f"{where}.kind = {name!r}: use {str(name).replace('target_', 'evader_')}, its new name"
+        )
     if kind is None:
         raise ConfigError(f"{where}.kind = {name!r}: allowed are {', '.join(KINDS)}")
     common = _common_options(kind)

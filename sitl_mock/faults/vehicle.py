@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.conditions import CONDITIONS
 from sitl_mock.faults import frames
-from sitl_mock.faults.effect import Delayed, Direction, Effect, EffectInputs, FaultKind, Group, Scope
+from sitl_mock.faults.effect import (
+    Delayed,
+    Direction,
+    Effect,
+    EffectInputs,
+    FaultKind,
+    Group,
+    Scope,
+)
 from sitl_mock.faults.other_senders import mode_named
 from sitl_mock.faults.places import along, vector
 from sitl_mock.pilot import Sticks
@@ -51,7 +59,9 @@ def _radio(inputs: EffectInputs, effect: Effect) -> Effect:
 
 
 def _pilot_mode(inputs: EffectInputs) -> Effect:
-    return _radio(inputs, _once(inputs, "pilot_mode", mode_named(inputs.vehicle, inputs.options["mode"])))
+    return _radio(
+        inputs, _once(inputs, "pilot_mode", mode_named(inputs.vehicle, inputs.options["mode"]))
+    )
 
 
 def _sticks(inputs: EffectInputs) -> Effect:
@@ -70,7 +80,8 @@ def _rc_loss(inputs: EffectInputs) -> Effect:
 
 
 def _eph(inputs: EffectInputs) -> Effect:
-    vehicle, options = inputs.vehicle, inputs.options
+    vehicle = inputs.vehicle
+    options = inputs.options
     since_s = [math.inf]
 
     def begin(now_s: float) -> None:
@@ -84,7 +95,8 @@ def _eph(inputs: EffectInputs) -> Effect:
 
 
 def _truncation(inputs: EffectInputs) -> Effect:
-    options, signing = inputs.options, inputs.vehicle.autopilot.signing
+    options = inputs.options
+    signing = inputs.vehicle.autopilot.signing
 
     def alter(_now_s: float, frame: bytes) -> Delayed:
         north, east, down = (frames.value(frame, name) for name in ("vx", "vy", "vz"))
@@ -93,7 +105,9 @@ def _truncation(inputs: EffectInputs) -> Effect:
         kept = {
             "vx": north * scale,
             "vy": east * scale,
-            "vz": min(max(down, -options["up_m_s"]), options["down_m_s"]) if math.isfinite(down) else down,
+            "vz": min(max(down, -options["up_m_s"]), options["down_m_s"])
+            if math.isfinite(down)
+            else down,
         }
         return ((0.0, frames.changed(frame, kept, signing.secret_key)),)
 
@@ -101,7 +115,9 @@ def _truncation(inputs: EffectInputs) -> Effect:
 
 
 def _flight(meaning: str, condition: str, value: Any = True, for_s: float = math.inf) -> FaultKind:  # noqa: ANN401 - as above
-    return FaultKind(Group.FLIGHT, meaning, lambda inputs: _while(inputs, condition, value), for_s=for_s)
+    return FaultKind(
+        Group.FLIGHT, meaning, lambda inputs: _while(inputs, condition, value), for_s=for_s
+    )
 
 
 def _valued(
@@ -114,7 +130,13 @@ def _valued(
 ) -> FaultKind:
     """Return a maker of effects that set a condition from the options; with a duration of 0 it is an event."""
     put = _while if for_s else _once
-    return FaultKind(Group.FLIGHT, meaning, lambda inputs: put(inputs, condition, value(inputs)), options, for_s=for_s)
+    return FaultKind(
+        Group.FLIGHT,
+        meaning,
+        lambda inputs: put(inputs, condition, value(inputs)),
+        options,
+        for_s=for_s,
+    )
 
 
 def _option(name: str) -> Callable[[EffectInputs], Any]:
@@ -154,7 +176,11 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         ),
         "offboard_refused": _flight("OFFBOARD or GUIDED is refused and ended", "offboard_refused"),
         "ekf_jump": _valued(
-            "the position estimate jumps, the reset counter rises", "ekf_jump_m", along(_JUMP), vector, for_s=0.0
+            "the position estimate jumps, the reset counter rises",
+            "ekf_jump_m",
+            along(_JUMP),
+            vector,
+            for_s=0.0,
         ),
         "ekf_yaw_jump": _valued(
             "the heading estimate jumps, the reset counter rises",
@@ -197,14 +223,18 @@ FLIGHT_KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "fence_breach": _flight("the fence counts as breached", "fence_breach"),
         "battery_low": _charge("the battery is low", 0.12),
         "battery_critical": _charge("the battery is critical", 0.06),
-        "wind_gust": _valued("a steady wind for a while", "wind_m_s", along(_WIND), vector, for_s=3.0),
+        "wind_gust": _valued(
+            "a steady wind for a while", "wind_m_s", along(_WIND), vector, for_s=3.0
+        ),
         "gusts": _valued(
             "random gusts of wind",
             "gust_m_s",
             {"sd_m_s": Option("standard deviation, m/s", 3.0, number(0.0, 30.0))},
             _option("sd_m_s"),
         ),
-        "push": _valued("the vehicle's velocity jumps", "push_m_s", along(_WIND), vector, for_s=0.0),
+        "push": _valued(
+            "the vehicle's velocity jumps", "push_m_s", along(_WIND), vector, for_s=0.0
+        ),
         "velocity_truncation": FaultKind(
             Group.FLIGHT,
             "velocity setpoints are reduced",

@@ -1,7 +1,15 @@
 """MAVLink frames: values to bytes, bytes to messages, signatures. Independent of pymavlink's own packer and parser."""
 
 from sitl_mock.mavlink.decoder import MAX_FRAME, Counts, Decoder
-from sitl_mock.mavlink.dialect import SPEC_BY_ID, SPEC_BY_NAME, EncodeError, FieldValue, Message, MessageSpec, spec_of
+from sitl_mock.mavlink.dialect import (
+    SPEC_BY_ID,
+    SPEC_BY_NAME,
+    EncodeError,
+    FieldValue,
+    Message,
+    MessageSpec,
+    spec_of,
+)
 from sitl_mock.mavlink.encoder import Encoder
 from sitl_mock.mavlink.signing import Signing, Verdict
 

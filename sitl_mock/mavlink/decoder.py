@@ -140,7 +140,8 @@ class Decoder:
 
     def _usual(self, data: bytes) -> Message | None:
         """Fast path: the message of one valid unsigned MAVLink 2 frame while no key is set, otherwise None."""
-        size, signing = len(data), self.signing
+        size = len(data)
+        signing = self.signing
         if size < _HEADER_V2 + 2 or (signing is not None and signing.secret_key is not None):
             return None
         magic, held, incompatible, _, sequence, system, component, low, high = _HEAD(data)
@@ -199,7 +200,15 @@ def _frame_at(buffer: bytes, at: int, size: int) -> _Frame | None:
         if end > size:
             return None
         return _Frame(
-            end, at + _HEADER_V1, payload_end, False, buffer[at + 2], buffer[at + 3], buffer[at + 4], buffer[at + 5], 0
+            end,
+            at + _HEADER_V1,
+            payload_end,
+            False,
+            buffer[at + 2],
+            buffer[at + 3],
+            buffer[at + 4],
+            buffer[at + 5],
+            0,
         )
     if size - at < _HEADER_V2:
         return None
@@ -251,7 +260,9 @@ def _message(buffer: bytes, at: int, frame: _Frame) -> Message:
     return message
 
 
-def _filled(spec: MessageSpec, frame: bytes, payload: bytes, sender: tuple[int, int, int]) -> Message:
+def _filled(
+    spec: MessageSpec, frame: bytes, payload: bytes, sender: tuple[int, int, int]
+) -> Message:
     """The message object, with the attributes that pymavlink's own decoder fills; the frame ends with its CRC.
 
     Args:
@@ -260,9 +271,13 @@ def _filled(spec: MessageSpec, frame: bytes, payload: bytes, sender: tuple[int, 
         payload: The payload, possibly shorter or longer than the message's size.
         sender: Sequence, system and component.
     """
-    size, held = spec.size, len(payload)
-    full = payload if held == size else payload.ljust(size, b"\0") if held < size else payload[:size]
-    message = spec.message_class(*spec.unpack_payload(full))  # takes every value that the wire can carry
+    size = spec.size
+    held = len(payload)
+    full = (
+        payload if held == size else payload.ljust(size, b"\0") if held < size else payload[:size]
+    )
+    # Takes every value that the wire can carry
+    message = spec.message_class(*spec.unpack_payload(full))
     header = message._header  # noqa: SLF001
     header.mlen = held
     header.seq, header.srcSystem, header.srcComponent = sender

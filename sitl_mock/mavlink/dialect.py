@@ -69,7 +69,8 @@ def _text_bytes(value: str | bytes | bytearray | memoryview) -> bytes:
 def _array_bytes(token: str) -> Callable[[Any], bytes]:
     """Return a function that packs an array of numbers; bytes of the right length are passed through."""
     array = struct.Struct(f"<{token}")
-    pack, size = array.pack, array.size
+    pack = array.pack
+    size = array.size
     return lambda value: value if isinstance(value, bytes) and len(value) == size else pack(*value)
 
 
@@ -118,7 +119,9 @@ def _unpacker(
 
     def unpack_nested(payload: bytes) -> Sequence[Any]:
         flat = unpack(payload)
-        return [list(flat[part]) if isinstance(part, slice) else _stripped(flat[part]) for part in plan]
+        return [
+            list(flat[part]) if isinstance(part, slice) else _stripped(flat[part]) for part in plan
+        ]
 
     return unpack_nested
 
@@ -165,7 +168,8 @@ def _spec(message_class: type[Any]) -> MessageSpec:
 
 
 SPEC_BY_ID: Final[dict[int, MessageSpec]] = {
-    message_id: _spec(message_class) for message_id, message_class in {**dialect.mavlink_map, **NEWER}.items()
+    message_id: _spec(message_class)
+    for message_id, message_class in {**dialect.mavlink_map, **NEWER}.items()
 }
 SPEC_BY_NAME: Final[dict[str, MessageSpec]] = {spec.name: spec for spec in SPEC_BY_ID.values()}
 
@@ -178,5 +182,7 @@ def spec_of(message: str | int) -> MessageSpec:
     """
     spec = SPEC_BY_NAME.get(message) if isinstance(message, str) else SPEC_BY_ID.get(message)
     if spec is None:
-        raise EncodeError(f"message {message!r} is not in the dialect; use a name such as 'HEARTBEAT' or its id")
+        raise EncodeError(
+            f"message {message!r} is not in the dialect; use a name such as 'HEARTBEAT' or its id"
+        )
     return spec

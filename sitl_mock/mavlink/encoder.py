@@ -25,7 +25,9 @@ class Encoder:
 
     __slots__ = ("component_id", "link_id", "sequence", "signing", "system_id")
 
-    def __init__(self, system_id: int, component_id: int, *, signing: Signing | None = None, link_id: int = 0) -> None:
+    def __init__(
+        self, system_id: int, component_id: int, *, signing: Signing | None = None, link_id: int = 0
+    ) -> None:
         self.system_id = system_id
         self.component_id = component_id
         self.signing = signing
@@ -59,14 +61,22 @@ class Encoder:
             else:
                 raise struct.error(f"{spec.count} values expected, {len(values)} given")
         except _UNFIT as error:
-            raise EncodeError(f"{spec.name}{values!r} cannot be packed: {error}; fields {spec.field_names}") from error
+            raise EncodeError(
+                f"{spec.name}{values!r} cannot be packed: {error}; fields {spec.field_names}"
+            ) from error
         payload = payload.rstrip(b"\0") or b"\0"
         sequence = self.sequence
         self.sequence = (sequence + 1) & 0xFF
         signing = self.signing
         if signing is None or signing.secret_key is None:
-            body = _HEADER(len(payload), 0, sequence, self.system_id, self.component_id, spec.id_bytes) + payload
+            body = (
+                _HEADER(len(payload), 0, sequence, self.system_id, self.component_id, spec.id_bytes)
+                + payload
+            )
             return b"\xfd" + body + _CRC(mcrf4xx(body + spec.crc_extra))
-        body = _HEADER(len(payload), 1, sequence, self.system_id, self.component_id, spec.id_bytes) + payload
+        body = (
+            _HEADER(len(payload), 1, sequence, self.system_id, self.component_id, spec.id_bytes)
+            + payload
+        )
         frame = b"\xfd" + body + _CRC(mcrf4xx(body + spec.crc_extra))
         return frame + signing.block(frame, self.link_id)

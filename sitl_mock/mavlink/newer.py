@@ -13,7 +13,13 @@ from typing import Any, Final, NamedTuple
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import all as dialect
 
-_LETTERS: Final = {"uint8_t": "B", "uint16_t": "H", "uint32_t": "I", "int32_t": "i", "uint64_t": "Q"}
+_LETTERS: Final = {
+    "uint8_t": "B",
+    "uint16_t": "H",
+    "uint32_t": "I",
+    "int32_t": "i",
+    "uint64_t": "Q",
+}
 
 
 class _Field(NamedTuple):
@@ -27,7 +33,9 @@ def _message(message_id: int, name: str, *fields: _Field) -> type[Any]:
     wire = sorted(fields, key=lambda field: -struct.calcsize(_LETTERS[field.kind]))
     described = f"{name} ".encode()
     for field in wire:
-        described += f"{field.kind} {field.name} ".encode() + (bytes((field.length,)) if field.length else b"")
+        described += f"{field.kind} {field.name} ".encode() + (
+            bytes((field.length,)) if field.length else b""
+        )
     seed = mcrf4xx(described)
     order = [wire.index(field) for field in fields]
     names = [field.name for field in fields]

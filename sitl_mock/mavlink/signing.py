@@ -18,8 +18,11 @@ EPOCH_2015_UNIX_S: Final = 1_420_070_400.0
 UNITS_PER_S: Final = 100_000
 LAST_TIMESTAMP: Final = 2**48 - 1
 NEW_STREAM_WINDOW: Final = 60 * UNITS_PER_S  # a new stream may start at most a minute behind
-MAX_STREAMS: Final = 16  # MAVLINK_MAX_SIGNING_STREAMS of the C library: a flood of ids cannot grow the table
-UNSIGNED_ALWAYS: Final = frozenset({109})  # RADIO_STATUS comes from the radio itself, which has no key
+MAX_STREAMS: Final = (
+    16  # MAVLINK_MAX_SIGNING_STREAMS of the C library: a flood of ids cannot grow the table
+)
+# RADIO_STATUS comes from the radio itself, which has no key
+UNSIGNED_ALWAYS: Final = frozenset({109})
 
 
 class Verdict(StrEnum):
@@ -80,7 +83,9 @@ class Signing:
             ValueError: The key has not 32 bytes.
         """
         if secret_key is not None and len(secret_key) != KEY_LENGTH:
-            raise ValueError(f"signing key has {len(secret_key)} bytes; it needs exactly {KEY_LENGTH}")
+            raise ValueError(
+                f"signing key has {len(secret_key)} bytes; it needs exactly {KEY_LENGTH}"
+            )
         self.secret_key = secret_key
         self.timestamp = max(self.timestamp, min(timestamp, LAST_TIMESTAMP))
         self.streams.clear()
@@ -97,7 +102,9 @@ class Signing:
         head = bytes((link_id,)) + self.timestamp.to_bytes(6, "little")
         return head + _digest(self.secret_key, frame + head)
 
-    def check(self, frame: bytes, *, signed: bool, system: int, component: int, message_id: int) -> Verdict:
+    def check(
+        self, frame: bytes, *, signed: bool, system: int, component: int, message_id: int
+    ) -> Verdict:
         """Judge one frame; only an accepted one moves the clock and the streams.
 
         Args:
@@ -110,10 +117,16 @@ class Signing:
         if self.secret_key is None:
             return Verdict.UNCHECKED
         if not signed:
-            return Verdict.UNSIGNED if self.require and message_id not in UNSIGNED_ALWAYS else Verdict.UNCHECKED
+            return (
+                Verdict.UNSIGNED
+                if self.require and message_id not in UNSIGNED_ALWAYS
+                else Verdict.UNCHECKED
+            )
         if _digest(self.secret_key, frame[:-6]) != frame[-6:]:
             return Verdict.WRONG_KEY
-        return self._accept((frame[-13], system, component), int.from_bytes(frame[-12:-6], "little"))
+        return self._accept(
+            (frame[-13], system, component), int.from_bytes(frame[-12:-6], "little")
+        )
 
     def _accept(self, stream: tuple[int, int, int], timestamp: int) -> Verdict:
         """Judge the timestamp of a frame whose signature is right, and keep it if it rises."""

@@ -26,7 +26,9 @@ def parameters_of(flavour: str) -> ParameterTable:
     return ParameterTable(_parameter(*row) for row in rows)
 
 
-def _parameter(name: str, kind: str, value: str, unit: str, minimum: str, maximum: str, meaning: str) -> Parameter:
+def _parameter(
+    name: str, kind: str, value: str, unit: str, minimum: str, maximum: str, meaning: str
+) -> Parameter:
     low = float(minimum) if minimum else -math.inf
     high = float(maximum) if maximum else math.inf
     return Parameter(name, ParamKind(int(kind)), float(value), unit, low, high, meaning)

@@ -20,7 +20,11 @@ from sitl_mock.protocols.identity import (
     px4_identity,
 )
 from sitl_mock.protocols.mission import MissionProtocol
-from sitl_mock.protocols.mission_upload import ARDUPILOT_MISSION_RULES, PX4_MISSION_RULES, MissionRules
+from sitl_mock.protocols.mission_upload import (
+    ARDUPILOT_MISSION_RULES,
+    PX4_MISSION_RULES,
+    MissionRules,
+)
 from sitl_mock.protocols.parameter import (
     ARDUPILOT_PARAMETER_RULES,
     PX4_PARAMETER_RULES,

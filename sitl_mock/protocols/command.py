@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from sitl_mock.mavlink import Message
 
 RESEND_WINDOW_S: Final = 3.0  # MAVSDK sends a command four times within 2 s
-INT32_NAN: Final = 2**31 - 1  # "not given" in the integer fields of COMMAND_INT and MISSION_ITEM_INT
+# "not given" in the integer fields of COMMAND_INT and MISSION_ITEM_INT
+INT32_NAN: Final = 2**31 - 1
 GLOBAL_FRAMES: Final = frozenset({0, 3, 5, 6, 10, 11})
 MISSION_FRAME: Final = 2  # the fields are no coordinates
 MAX_TRACKED: Final = 64  # a flood of command numbers cannot grow the table
@@ -101,7 +102,12 @@ class CommandProtocol:
     """
 
     def __init__(
-        self, system_id: int, component_id: int, execute: Execute, *, broadcast: frozenset[int] | None = None
+        self,
+        system_id: int,
+        component_id: int,
+        execute: Execute,
+        *,
+        broadcast: frozenset[int] | None = None,
     ) -> None:
         self._ids = (system_id, component_id)
         self._execute = execute
@@ -121,7 +127,9 @@ class CommandProtocol:
         if key not in self._tracked and len(self._tracked) >= MAX_TRACKED:
             del self._tracked[next(iter(self._tracked))]
         self._tracked[key] = _Tracked(
-            params=command.params, at_s=now_s, pending=[(now_s + answer.delay_s, answer) for answer in answers]
+            params=command.params,
+            at_s=now_s,
+            pending=[(now_s + answer.delay_s, answer) for answer in answers],
         )
         return self._due(now_s, key)
 
@@ -143,7 +151,10 @@ class CommandProtocol:
 
     def _is_ours(self, message: Message, command: Command) -> bool:
         system, component = self._ids
-        if command.source == self._ids or message.target_component not in {ALL_COMPONENTS, component}:
+        if command.source == self._ids or message.target_component not in {
+            ALL_COMPONENTS,
+            component,
+        }:
             return False
         if message.target_system == 0:
             return self._broadcast is None or command.number in self._broadcast
@@ -168,7 +179,14 @@ def read_command(message: Message) -> Command | None:
         return None
     p1, p2, p3, p4 = (getattr(message, name) for name in first_four)
     x, y = (coordinate(value, message.frame) for value in (message.x, message.y))
-    return Command(message.command, (p1, p2, p3, p4, x, y, message.z), message.frame, True, source_of(message), 0)
+    return Command(
+        message.command,
+        (p1, p2, p3, p4, x, y, message.z),
+        message.frame,
+        True,
+        source_of(message),
+        0,
+    )
 
 
 def coordinate(value: int, frame: int) -> float:
@@ -181,7 +199,10 @@ def coordinate(value: int, frame: int) -> float:
 
 
 def _is_resend(now_s: float, command: Command, known: _Tracked) -> bool:
-    same = all(a == b or (math.isnan(a) and math.isnan(b)) for a, b in zip(command.params, known.params, strict=True))
+    same = all(
+        a == b or (math.isnan(a) and math.isnan(b))
+        for a, b in zip(command.params, known.params, strict=True)
+    )
     counted = command.confirmation > 0 and now_s - known.at_s <= RESEND_WINDOW_S
     return same and (bool(known.pending) or counted)
 

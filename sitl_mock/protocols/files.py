@@ -129,7 +129,9 @@ class FtpProtocol:
         sequence, session, opcode, size, _, _, _, offset = _HEAD.unpack_from(raw)
         if opcode in {Opcode.ACK, Opcode.NAK}:
             return []
-        request = _Request(sequence, session, opcode, size, offset, raw[_HEAD.size :][: min(size, DATA)])
+        request = _Request(
+            sequence, session, opcode, size, offset, raw[_HEAD.size :][: min(size, DATA)]
+        )
         try:
             pieces = self._serve(request)
         except _Nak as nak:
@@ -178,7 +180,9 @@ class FtpProtocol:
         return [(0, struct.pack("<I", len(content)))]
 
     def _crc(self, request: _Request) -> list[tuple[int, bytes]]:
-        return [(0, struct.pack("<I", binascii.crc32(self._content(request), 0xFFFFFFFF) ^ 0xFFFFFFFF))]
+        return [
+            (0, struct.pack("<I", binascii.crc32(self._content(request), 0xFFFFFFFF) ^ 0xFFFFFFFF))
+        ]
 
     def _read(self, request: _Request, pieces: int = 1) -> list[tuple[int, bytes]]:
         if self._open is None:
@@ -205,7 +209,9 @@ def _reply(
 ) -> Reply:
     burst = int(complete and request.opcode == Opcode.BURST_READ_FILE)
     sequence = (request.sequence + 1 + after) & 0xFFFF
-    head = _HEAD.pack(sequence, request.session, opcode, len(data), request.opcode, burst, 0, offset)
+    head = _HEAD.pack(
+        sequence, request.session, opcode, len(data), request.opcode, burst, 0, offset
+    )
     return ("FILE_TRANSFER_PROTOCOL", 0, *source_of(message), (head + data).ljust(PAYLOAD, b"\0"))
 
 
@@ -229,9 +235,13 @@ class FileTree:
         folders = {"/", *self.folders, *(posixpath.dirname(name) for name in self.files)}
         if folder not in folders:
             return None
-        inside = [Entry(posixpath.basename(name)) for name in sorted(folders) if _lies_in(name, folder)]
+        inside = [
+            Entry(posixpath.basename(name)) for name in sorted(folders) if _lies_in(name, folder)
+        ]
         inside += [
-            Entry(posixpath.basename(name), len(make())) for name, make in self.files.items() if _lies_in(name, folder)
+            Entry(posixpath.basename(name), len(make()))
+            for name, make in self.files.items()
+            if _lies_in(name, folder)
         ]
         return inside
 

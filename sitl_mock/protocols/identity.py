@@ -49,10 +49,15 @@ _SHARED: Final = (
     | Capability.MISSION_RALLY
     | Capability.FTP
 )
-PX4_CAPABILITIES: Final = _SHARED | Capability.PARAM_FLOAT | Capability.PARAM_ENCODE_BYTEWISE | Capability.FTP
+PX4_CAPABILITIES: Final = (
+    _SHARED | Capability.PARAM_FLOAT | Capability.PARAM_ENCODE_BYTEWISE | Capability.FTP
+)
 """PX4 accepts SET_POSITION_TARGET_GLOBAL_INT but lacks its bit."""
 ARDUPILOT_CAPABILITIES: Final = (
-    _SHARED | Capability.SET_POSITION_TARGET_GLOBAL_INT | Capability.PARAM_FLOAT | Capability.PARAM_ENCODE_C_CAST
+    _SHARED
+    | Capability.SET_POSITION_TARGET_GLOBAL_INT
+    | Capability.PARAM_FLOAT
+    | Capability.PARAM_ENCODE_C_CAST
 )
 
 
@@ -114,7 +119,9 @@ _PX4_SIMULATED: Final = 5_283_920_058_631_409_231
 def px4_identity(uid: int) -> Identity:
     """Return the identity of a PX4 v1.17.0."""
     number = _PX4_SIMULATED + uid - 1
-    return Identity(PX4_CAPABILITIES, (1, 17, 0), (6, 8, 0), _PX4_COMMIT, number, board=1, uid2=False)
+    return Identity(
+        PX4_CAPABILITIES, (1, 17, 0), (6, 8, 0), _PX4_COMMIT, number, board=1, uid2=False
+    )
 
 
 def ardupilot_identity(uid: int) -> Identity:

@@ -82,7 +82,11 @@ class MissionProtocol:
         return self._upload.advance(now_s)
 
     def _take(self, now_s: float, message: Message) -> list[Reply]:
-        if self._guide is None or message.current not in ORDERS or message.mission_type != PlanKind.MISSION:
+        if (
+            self._guide is None
+            or message.current not in ORDERS
+            or message.mission_type != PlanKind.MISSION
+        ):
             return self._upload.take(now_s, message)
         obeyed = self._guide(now_s, read_item(message))
         result = MissionResult.ACCEPTED if obeyed else MissionResult.ERROR
@@ -96,13 +100,16 @@ class MissionProtocol:
         return []
 
     def _count(self, _now_s: float, message: Message) -> list[Reply]:
-        partner, kind = source_of(message), message.mission_type
+        partner = source_of(message)
+        kind = message.mission_type
         if kind not in KINDS:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
         return [("MISSION_COUNT", *partner, len(self._plans.plans[PlanKind(kind)].items), kind)]
 
     def _item(self, _now_s: float, message: Message) -> list[Reply]:
-        partner, kind, seq = source_of(message), message.mission_type, message.seq
+        partner = source_of(message)
+        kind = message.mission_type
+        seq = message.seq
         if kind not in KINDS:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
         items = self._plans.plans[PlanKind(kind)].items
@@ -118,7 +125,8 @@ class MissionProtocol:
         return [("MISSION_ITEM", *partner, *item._replace(x=x, y=y), kind)]
 
     def _clear(self, now_s: float, message: Message) -> list[Reply]:
-        partner, kind = source_of(message), message.mission_type
+        partner = source_of(message)
+        kind = message.mission_type
         if kind not in KINDS | {ALL_KINDS}:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
         if self._upload.active or self._upload.busy(now_s, partner):
@@ -129,5 +137,19 @@ class MissionProtocol:
 
 
 def _home_item(home: Place) -> PlanItem:
-    latitude, longitude = round(home.latitude_deg * 1e7), round(home.longitude_deg * 1e7)
-    return PlanItem(0, MAV_FRAME_GLOBAL, NAV_WAYPOINT, 0, 1, 0.0, 0.0, 0.0, 0.0, latitude, longitude, home.altitude_m)
+    latitude = round(home.latitude_deg * 1e7)
+    longitude = round(home.longitude_deg * 1e7)
+    return PlanItem(
+        0,
+        MAV_FRAME_GLOBAL,
+        NAV_WAYPOINT,
+        0,
+        1,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        latitude,
+        longitude,
+        home.altitude_m,
+    )

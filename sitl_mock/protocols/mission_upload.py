@@ -10,7 +10,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sitl_mock.protocols.command import GLOBAL_FRAMES, INT32_NAN, MISSION_FRAME
-from sitl_mock.protocols.plan import MissionResult, PlanItem, PlanKind, PlanStore, item_fault, plan_fault
+from sitl_mock.protocols.plan import (
+    MissionResult,
+    PlanItem,
+    PlanKind,
+    PlanStore,
+    item_fault,
+    plan_fault,
+)
 from sitl_mock.protocols.session import Reply, source_of
 
 if TYPE_CHECKING:
@@ -21,7 +28,9 @@ if TYPE_CHECKING:
 _COMMON: Final = frozenset(
     {16, 17, 19, 20, 21, 22, 31, 82, 84, 85, 93, 112, 114, 115, 177, 178, 179, 183, 189, 195, 197}
 )
-_PAYLOAD: Final = frozenset({181, 184, 201, 203, 205, 206, 211, 1000, 2000, 2001, 2500, 2501, 530, 531, 600})
+_PAYLOAD: Final = frozenset(
+    {181, 184, 201, 203, 205, 206, 211, 1000, 2000, 2001, 2500, 2501, 530, 531, 600}
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +83,8 @@ ARDUPILOT_MISSION_RULES: Final = MissionRules(
 KINDS: Final = frozenset(PlanKind)
 _WARNING: Final = 4  # MAV_SEVERITY
 _REFUSED: Final[tuple[Reply, ...]] = tuple(
-    ("STATUSTEXT", _WARNING, text, 0, 0) for text in ("Non-positive circle radius", "Fence validation failed")
+    ("STATUSTEXT", _WARNING, text, 0, 0)
+    for text in ("Non-positive circle radius", "Fence validation failed")
 )
 """ArduPilot's texts for a fence with a circle of no radius."""
 
@@ -147,35 +157,54 @@ class MissionUpload:
         if not self._rules.partial or message.mission_type != PlanKind.MISSION:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, message.mission_type)]
         old = self._plans.mission.items
-        first, last = message.start_index, message.end_index
+        first = message.start_index
+        last = message.end_index
         if self.busy(now_s, partner) or not 0 <= first <= last < len(old):
             return [acknowledge(partner, MissionResult.ERROR, PlanKind.MISSION)]
-        return self._begin(now_s, _Transfer(PlanKind.MISSION, partner, last, old[:first], old[last + 1 :]))
+        return self._begin(
+            now_s, _Transfer(PlanKind.MISSION, partner, last, old[:first], old[last + 1 :])
+        )
 
     def take(self, now_s: float, message: Message) -> list[Reply]:
         """Take MISSION_ITEM_INT or MISSION_ITEM."""
-        transfer, partner = self._transfer, source_of(message)
+        transfer = self._transfer
+        partner = source_of(message)
         if transfer is None:
             repeated = self._finished == _Finished(message.mission_type, partner, message.seq)
-            return [acknowledge(partner, MissionResult.ACCEPTED, message.mission_type)] if repeated else []
+            return (
+                [acknowledge(partner, MissionResult.ACCEPTED, message.mission_type)]
+                if repeated
+                else []
+            )
         if partner != transfer.partner or message.mission_type != transfer.kind:
             return []
         self._heard(now_s, transfer)
         if message.seq != transfer.wanted:  # repeated or early: requested again in its turn
             wrong = message.seq > transfer.last
-            return [acknowledge(partner, MissionResult.INVALID_SEQUENCE, transfer.kind)] if wrong else []
+            return (
+                [acknowledge(partner, MissionResult.INVALID_SEQUENCE, transfer.kind)]
+                if wrong
+                else []
+            )
         item = read_item(message)
         fault = item_fault(transfer.kind, item, self._rules.commands)
         if fault is not MissionResult.ACCEPTED:
             self._end()
             return [acknowledge(partner, fault, transfer.kind)]
         transfer.items.append(item)
-        return self._ask(now_s, transfer) if transfer.wanted <= transfer.last else self._finish(transfer)
+        return (
+            self._ask(now_s, transfer)
+            if transfer.wanted <= transfer.last
+            else self._finish(transfer)
+        )
 
     def cancel(self, message: Message) -> None:
         """Take a client's MISSION_ACK, which cancels the upload."""
         transfer = self._transfer
-        if transfer is not None and (source_of(message), message.mission_type) == (transfer.partner, transfer.kind):
+        if transfer is not None and (source_of(message), message.mission_type) == (
+            transfer.partner,
+            transfer.kind,
+        ):
             self._end()
 
     def advance(self, now_s: float) -> list[Reply]:
@@ -187,7 +216,9 @@ class MissionUpload:
             self._end()
             answer = acknowledge(transfer.partner, MissionResult.OPERATION_CANCELLED, transfer.kind)
             return [answer] if self._rules.cancel_on_timeout else []
-        return self._ask(now_s, transfer) if now_s - transfer.asked_s >= self._rules.resend_s else []
+        return (
+            self._ask(now_s, transfer) if now_s - transfer.asked_s >= self._rules.resend_s else []
+        )
 
     def _begin(self, now_s: float, transfer: _Transfer) -> list[Reply]:
         self._transfer = transfer
@@ -227,7 +258,8 @@ def acknowledge(partner: tuple[int, int], result: MissionResult, kind: int) -> R
 
 def read_item(message: Message) -> PlanItem:
     """Return the item in a MISSION_ITEM_INT or, with its coordinates scaled, in a MISSION_ITEM."""
-    x, y = message.x, message.y
+    x = message.x
+    y = message.y
     if message.get_type() == "MISSION_ITEM":
         x, y = (_scaled(value, message.frame) for value in (x, y))
     return PlanItem(

@@ -104,7 +104,9 @@ class ParameterStore(Mapping[str, float]):
         ParameterError: An override that is unknown or does not fit.
     """
 
-    def __init__(self, parameters: Iterable[Parameter], overrides: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self, parameters: Iterable[Parameter], overrides: Mapping[str, float] | None = None
+    ) -> None:
         table = parameters if isinstance(parameters, ParameterTable) else ParameterTable(parameters)
         self.definitions: Final = table.definitions
         self.names: Final = table.names
@@ -133,12 +135,18 @@ class ParameterStore(Mapping[str, float]):
         item = self.definitions.get(name)
         if item is None:
             near = difflib.get_close_matches(name.upper(), self.definitions, 1)
-            advice = f"; did you mean {near[0]}?" if near else "; `sitl-mock list parameters` names them"
-            raise ParameterError(f"parameter {name!r} = {value!r}: this vehicle has no such parameter{advice}")
+            advice = (
+                f"; did you mean {near[0]}?" if near else "; `sitl-mock list parameters` names them"
+            )
+            raise ParameterError(
+                f"parameter {name!r} = {value!r}: this vehicle has no such parameter{advice}"
+            )
         if not math.isfinite(value):
             raise ParameterError(f"parameter {name!r} = {value!r}: a finite number is needed")
         if check_range and not item.minimum <= value <= item.maximum:
-            raise ParameterError(f"parameter {name!r} = {value!r}: allowed are {item.minimum:g} to {item.maximum:g}")
+            raise ParameterError(
+                f"parameter {name!r} = {value!r}: allowed are {item.minimum:g} to {item.maximum:g}"
+            )
         stored = rounded(item.kind, value)
         if stored != self._values[name]:
             self._values[name] = stored
@@ -161,7 +169,9 @@ class ParameterStore(Mapping[str, float]):
         for name, value in self._values.items():
             if _VOLATILE.fullmatch(name):
                 continue
-            packed = struct.pack("<f" if self.definitions[name].kind is ParamKind.REAL32 else "<i", value)
+            packed = struct.pack(
+                "<f" if self.definitions[name].kind is ParamKind.REAL32 else "<i", value
+            )
             crc = zlib.crc32(name.encode() + packed, crc)
         return crc ^ 0xFFFFFFFF
 
@@ -213,7 +223,9 @@ ARDUPILOT_PARAMETER_RULES: Final = ParameterRules(
     hash_check=False,
     type_must_match=False,
     index_only_in_lists=True,
-    protected=frozenset({"MIS_TOTAL", *(f"BARO{n}_{what}" for n in (1, 2, 3) for what in ("DEVID", "GND_PRESS"))}),
+    protected=frozenset(
+        {"MIS_TOTAL", *(f"BARO{n}_{what}" for n in (1, 2, 3) for what in ("DEVID", "GND_PRESS"))}
+    ),
 )
 
 
@@ -234,7 +246,8 @@ class ParameterProtocol:
         if kind == "PARAM_SET":
             return self._set(message)
         if kind == "PARAM_REQUEST_LIST":
-            self._next_index, self._next_s = 0, now_s
+            self._next_index = 0
+            self._next_s = now_s
             return [self._hash_reply()] if self._rules.hash_check else []
         return []
 
@@ -261,15 +274,20 @@ class ParameterProtocol:
         return [named(self._store, self._rules, name)] if name in self._store else []
 
     def _set(self, message: Message) -> list[Reply]:
-        name, rules = message.param_id, self._rules
-        if name == HASH_NAME and rules.hash_check:  # the ground station knows the values: stop the list
+        name = message.param_id
+        rules = self._rules
+        # The ground station knows the values: stop the list
+        if name == HASH_NAME and rules.hash_check:
             self._next_index = None
             return []
         item = self._store.definitions.get(name)
         if item is None or (rules.type_must_match and message.param_type != item.kind):
             return []
         if name in rules.protected:
-            return [("STATUSTEXT", WARNING, f"Param write denied ({name})", 0, 0), named(self._store, rules, name)]
+            return [
+                ("STATUSTEXT", WARNING, f"Param write denied ({name})", 0, 0),
+                named(self._store, rules, name),
+            ]
         try:
             self._store.set(name, self._decode(item.kind, message.param_value))
         except ParameterError:  # NaN would spread into every sum

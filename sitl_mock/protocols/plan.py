@@ -165,7 +165,11 @@ def item_fault(kind: PlanKind, item: PlanItem, commands: frozenset[int]) -> Miss
         return MissionResult.UNSUPPORTED
     if item.command in WITH_PLACE:
         return _place_fault(item)
-    return MissionResult.ACCEPTED if item.frame in GLOBAL_FRAMES | {MISSION_FRAME} else MissionResult.UNSUPPORTED_FRAME
+    return (
+        MissionResult.ACCEPTED
+        if item.frame in GLOBAL_FRAMES | {MISSION_FRAME}
+        else MissionResult.UNSUPPORTED_FRAME
+    )
 
 
 def plan_fault(kind: PlanKind, items: Sequence[PlanItem], *, any_radius: bool) -> MissionResult:
@@ -178,14 +182,18 @@ def plan_fault(kind: PlanKind, items: Sequence[PlanItem], *, any_radius: bool) -
     """
     if kind is not PlanKind.FENCE:
         return MissionResult.ACCEPTED
-    if not any_radius and any(item.command in CIRCLES and not 0.0 < item.param1 < math.inf for item in items):
+    if not any_radius and any(
+        item.command in CIRCLES and not 0.0 < item.param1 < math.inf for item in items
+    ):
         return MissionResult.ERROR
     at = 0
     while at < len(items):
         item = items[at]
         size = int(item.param1) if item.command in POLYGONS else 1
         group = items[at : at + size]
-        if len(group) < size or any((other.command, other.param1) != (item.command, item.param1) for other in group):
+        if len(group) < size or any(
+            (other.command, other.param1) != (item.command, item.param1) for other in group
+        ):
             return MissionResult.INVALID
         at += size
     return MissionResult.ACCEPTED

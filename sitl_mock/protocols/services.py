@@ -84,13 +84,23 @@ class HomeProtocol:
             return []
         if not self._set_origin(now_s, place):
             return []
-        return [("GPS_GLOBAL_ORIGIN", message.latitude, message.longitude, message.altitude, int(now_s * 1e6))]
+        return [
+            (
+                "GPS_GLOBAL_ORIGIN",
+                message.latitude,
+                message.longitude,
+                message.altitude,
+                int(now_s * 1e6),
+            )
+        ]
 
 
 def on_earth(place: Place) -> bool:
     """True if a position is finite and within valid ranges."""
     latitude_deg, longitude_deg, altitude_m = place
-    return abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0 and abs(altitude_m) <= HIGHEST_M
+    return (
+        abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0 and abs(altitude_m) <= HIGHEST_M
+    )
 
 
 class SigningSetup:

@@ -91,12 +91,19 @@ class Session:
     """
 
     def __init__(
-        self, system_id: int, component_id: int, *, own_id_only: frozenset[str] = frozenset(), **pieces: Piece
+        self,
+        system_id: int,
+        component_id: int,
+        *,
+        own_id_only: frozenset[str] = frozenset(),
+        **pieces: Piece,
     ) -> None:
         self._ids = (system_id, component_id)
         self._own_id_only = frozenset(kind for name in own_id_only for kind in MESSAGES[name])
         self._late = [piece for piece in pieces.values() if isinstance(piece, LatePiece)]
-        self._by_message = {kind: piece for name, piece in pieces.items() for kind in MESSAGES[name]}
+        self._by_message = {
+            kind: piece for name, piece in pieces.items() for kind in MESSAGES[name]
+        }
 
     def handle(self, now_s: float, message: Message) -> list[Reply] | None:
         """Take one message; None if no protocol handles it, [] if it is for another vehicle."""
@@ -104,7 +111,9 @@ class Session:
         piece = self._by_message.get(kind)
         if piece is None:
             return None
-        if not addressed(message, *self._ids) or (kind in self._own_id_only and message.target_system == 0):
+        if not addressed(message, *self._ids) or (
+            kind in self._own_id_only and message.target_system == 0
+        ):
             return []
         return piece.handle(now_s, message)
 

@@ -59,13 +59,20 @@ class Streams:
         rules: The flavour's rules.
     """
 
-    def __init__(self, offered: frozenset[str], default_hz: Mapping[str, float], rules: StreamRules) -> None:
+    def __init__(
+        self, offered: frozenset[str], default_hz: Mapping[str, float], rules: StreamRules
+    ) -> None:
         self.rules = rules
         self._offered = offered
-        self._default_s = {name: 1.0 / hz for name, hz in default_hz.items() if name in offered and hz > 0.0}
+        self._default_s = {
+            name: 1.0 / hz for name, hz in default_hz.items() if name in offered and hz > 0.0
+        }
         self._interval_s = dict(self._default_s)
         self._queue: list[tuple[float, int, str, float]] = []  # when, which first, what, how often
-        self._order = {name: index for index, name in enumerate((*default_hz, *sorted(offered - set(default_hz))))}
+        self._order = {
+            name: index
+            for index, name in enumerate((*default_hz, *sorted(offered - set(default_hz))))
+        }
         self._started = False
 
     def is_due(self, now_s: float) -> bool:
@@ -116,7 +123,11 @@ class Streams:
         elif interval_us < 0:
             self._set(now_s, name, None)
         else:
-            self._set(now_s, name, min(max(interval_us * 1e-6, self.rules.shortest_s), self.rules.longest_s))
+            self._set(
+                now_s,
+                name,
+                min(max(interval_us * 1e-6, self.rules.shortest_s), self.rules.longest_s),
+            )
         return Result.ACCEPTED
 
     def request_data_stream(self, now_s: float, stream: int, rate_hz: int, *, start: bool) -> None:
@@ -139,7 +150,10 @@ class Streams:
         """Take REQUEST_DATA_STREAM; it has no answer."""
         if message.get_type() == "REQUEST_DATA_STREAM":
             self.request_data_stream(
-                now_s, message.req_stream_id, message.req_message_rate, start=bool(message.start_stop)
+                now_s,
+                message.req_stream_id,
+                message.req_message_rate,
+                start=bool(message.start_stop),
             )
         return []
 

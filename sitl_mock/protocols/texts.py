@@ -72,7 +72,13 @@ class EventProtocol:
         for offset in range(min(count, KEPT)):
             sequence = (message.first_sequence + offset) % _WRAP
             kept = self._log.find(sequence)
-            gone = ("RESPONSE_EVENT_ERROR", *source_of(message), sequence, self._log.oldest, _UNAVAILABLE)
+            gone = (
+                "RESPONSE_EVENT_ERROR",
+                *source_of(message),
+                sequence,
+                self._log.oldest,
+                _UNAVAILABLE,
+            )
             replies.append(gone if kept is None else kept)
         return replies
 
@@ -101,6 +107,12 @@ class StatusTexts:
         encoded = encoded[: CHUNK * MAX_CHUNKS - 1]
         count = len(encoded) // CHUNK + 1
         return [
-            ("STATUSTEXT", severity, encoded[index * CHUNK : (index + 1) * CHUNK], self._last_id, index)
+            (
+                "STATUSTEXT",
+                severity,
+                encoded[index * CHUNK : (index + 1) * CHUNK],
+                self._last_id,
+                index,
+            )
             for index in range(count)
         ]

@@ -17,7 +17,8 @@ from sitl_mock.vehicle_state import Severity, VehicleState
 Line = tuple[float, Severity, str]
 Answers = Sequence[CommandAnswer]
 
-_INFO, _CRITICAL = Severity.INFO, Severity.CRITICAL
+_INFO = Severity.INFO
+_CRITICAL = Severity.CRITICAL
 _STEP_S: Final = 0.1
 _PENDING: Final = "pending: back front left right up"
 _SIDE_S: Final = 3.75
@@ -25,11 +26,17 @@ _SIDE_S: Final = 3.75
 
 
 def _progress(kind: str, steps: tuple[int, ...], done_s: float) -> tuple[Line, ...]:
-    told = tuple((0.05 + _STEP_S * number, _INFO, f"progress <{share}>") for number, share in enumerate(steps))
+    told = tuple(
+        (0.05 + _STEP_S * number, _INFO, f"progress <{share}>")
+        for number, share in enumerate(steps)
+    )
     return (*told, (done_s, _INFO, f"calibration done: {kind}"))
 
 
-_STILL: Final = ((0.1, _INFO, _PENDING + " down"), (0.15, _INFO, "hold vehicle still on a pending side"))
+_STILL: Final = (
+    (0.1, _INFO, _PENDING + " down"),
+    (0.15, _INFO, "hold vehicle still on a pending side"),
+)
 _DOWN: Final = "down orientation detected"
 _ACCELEROMETER: Final = (
     *_STILL,
@@ -67,7 +74,10 @@ _SCRIPTS: Final = MappingProxyType(
         "baro": (),
     }
 )
-_THERMAL, _RADIO, _QUIET, _ESC = "thermal", "radio", "quiet", "ESC"
+_THERMAL = "thermal"
+_RADIO = "radio"
+_QUIET = "quiet"
+_ESC = "ESC"
 _KINDS: Final = MappingProxyType(
     {
         (0, 1): "gyro",
@@ -85,7 +95,10 @@ _KINDS: Final = MappingProxyType(
     }
 )
 """Kind of calibration by (parameter index, value); the first match counts. PX4 reads NaN as no value."""
-_CANCELLED: Final = (CommandAnswer(Result.ACCEPTED), CommandAnswer(Result.TEMPORARILY_REJECTED, delay_s=0.01))
+_CANCELLED: Final = (
+    CommandAnswer(Result.ACCEPTED),
+    CommandAnswer(Result.TEMPORARILY_REJECTED, delay_s=0.01),
+)
 
 
 def _answer(result: Result) -> Answers:
@@ -114,12 +127,19 @@ class Calibration:
             return self._cancel(state)
         if self.kind:
             return _answer(Result.TEMPORARILY_REJECTED)
-        return self._begin(state, now_s, next((_KINDS[at] for at in _KINDS if given[at[0]] == at[1]), ""))
+        return self._begin(
+            state, now_s, next((_KINDS[at] for at in _KINDS if given[at[0]] == at[1]), "")
+        )
 
     def _begin(self, state: VehicleState, now_s: float, kind: str) -> Answers:
         if kind in _SCRIPTS:
-            self.kind, self._begun_s = kind, now_s
-            again = ((at_s + number * _SIDE_S, level, text) for number in count() for at_s, level, text in _AGAIN)
+            self.kind = kind
+            self._begun_s = now_s
+            again = (
+                (at_s + number * _SIDE_S, level, text)
+                for number in count()
+                for at_s, level, text in _AGAIN
+            )
             self._script = chain(_SCRIPTS[kind], again if kind == "accel" else ())
             self._next = next(self._script, None)
             state.say(_INFO, f"[cal] calibration started: 2 {kind}")

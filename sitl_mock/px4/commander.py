@@ -123,7 +123,9 @@ class Px4:
 
     def set_mode(self, now_s: float, base_mode: int, custom_mode: int) -> None:
         """Take a SET_MODE message."""
-        self.ask_for(now_s, requested_mode(base_mode, custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF))
+        self.ask_for(
+            now_s, requested_mode(base_mode, custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF)
+        )
 
     def ask_for(self, now_s: float, mode: str | NotAMode) -> bool:
         """Request the mode that a client named; False if refused."""
@@ -136,7 +138,11 @@ class Px4:
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
         """Take a setpoint: proof of life in every mode, flown in OFFBOARD only."""
         by_attitude = message.get_type() == "SET_ATTITUDE_TARGET"
-        setpoint = read_attitude(self.state, message, self.rates) if by_attitude else offboard.read(self.state, message)
+        setpoint = (
+            read_attitude(self.state, message, self.rates)
+            if by_attitude
+            else offboard.read(self.state, message)
+        )
         if isinstance(setpoint, str):
             self.state.say(Severity.ERROR, setpoint)
             return
@@ -159,7 +165,9 @@ class Px4:
             return False
         self.met_needs = safety.available(self.state, self.plans, self.stream_s)
         if self.state.armed and mode != "LAND" and not self.can_run(mode):
-            self.state.say(Severity.CRITICAL, f"Switching to {mode.capitalize()} is currently not available")
+            self.state.say(
+                Severity.CRITICAL, f"Switching to {mode.capitalize()} is currently not available"
+            )
             return False
         self.intention = mode
         self.state.pilot.settle()
@@ -180,11 +188,9 @@ class Px4:
         setpoint = self.setpoint
         if setpoint.kind is Kind.DIRECT:
             return setpoint.acceleration_ned_m_s2[2] < 0.0
-        to, along, push = (
-            setpoint.position_ned_m[2],
-            setpoint.velocity_ned_m_s[2],
-            setpoint.acceleration_ned_m_s2[2],
-        )
+        to = setpoint.position_ned_m[2]
+        along = setpoint.velocity_ned_m_s[2]
+        push = setpoint.acceleration_ned_m_s2[2]
         return to < self.state.position_m[2] or along < 0.0 or push < 0.0
 
     # Decisions
@@ -219,7 +225,9 @@ class Px4:
         self.pilot_counts = self.pilot_counts or Need.PILOT in self.met_needs
         self._pilot_takes_over(now_s)
         action, new = self.failsafes.update(
-            now_s, safety.wrong(state, self.plans, self.intention, pilot_counts=self.pilot_counts), state.parameters
+            now_s,
+            safety.wrong(state, self.plans, self.intention, pilot_counts=self.pilot_counts),
+            state.parameters,
         )
         for name in new:
             state.say(Severity.WARNING, f"Failsafe: {name}")
@@ -233,7 +241,8 @@ class Px4:
         """Choose the flown mode: the intention, overridden by failsafes, replaced while it cannot run."""
         if self.mode == "TERMINATION":
             return
-        mode, forced = self.intention, MODE_OF.get(action)
+        mode = self.intention
+        forced = MODE_OF.get(action)
         if mode == "OFFBOARD":  # a lost stream leads to RTL even if a failsafe demands Hold
             mode = self._runnable(mode)
         if forced is not None and _SEVERITY_OF_MODE.get(mode, 0) < _SEVERITY_OF_MODE[forced]:
@@ -253,7 +262,9 @@ class Px4:
         while mode != "disarmed" and not self.can_run(mode):
             event = "cannot run"
             if mode == "OFFBOARD":
-                event = f"stream lost, COM_OBL_RC_ACT = {int(self.state.parameters['COM_OBL_RC_ACT'])}"
+                event = (
+                    f"stream lost, COM_OBL_RC_ACT = {int(self.state.parameters['COM_OBL_RC_ACT'])}"
+                )
             mode = AFTER.get((mode, event), "RTL")
         return mode
 
@@ -287,7 +298,9 @@ class Px4:
         default = state.position_m[2] - float(state.parameters["MIS_TAKEOFF_ALT"])
         if math.isnan(self._takeoff_height_m):
             return default
-        return min(state.frame.origin.alt_amsl_m - self._takeoff_height_m, state.position_m[2] - 0.5)
+        return min(
+            state.frame.origin.alt_amsl_m - self._takeoff_height_m, state.position_m[2] - 0.5
+        )
 
     def begin_takeoff(self, now_s: float, altitude_amsl_m: float) -> bool:
         """NAV_TAKEOFF: climb to an altitude above mean sea level; NaN means MIS_TAKEOFF_ALT."""
@@ -312,7 +325,12 @@ class Px4:
         parameters = self.state.parameters
         mask = int(parameters["COM_RC_OVERRIDE"])
         covered = mask & 2 if self.mode == "OFFBOARD" else mask & 1
-        if self.mode in MANUAL_MODES or not covered or Need.PILOT not in self.met_needs or self.mode == "TERMINATION":
+        if (
+            self.mode in MANUAL_MODES
+            or not covered
+            or Need.PILOT not in self.met_needs
+            or self.mode == "TERMINATION"
+        ):
             return
         if self.state.pilot.moved * 100.0 > float(parameters["COM_RC_STICK_OV"]):
             self.state.say(Severity.INFO, "Pilot took over using sticks")

@@ -53,7 +53,12 @@ _OTHER: Final[Mapping[int, Answers]] = {
     43004: (CommandAnswer(Result.ACCEPTED), CommandAnswer(Result.UNSUPPORTED, delay_s=0.02)),
 }
 
-_WITH_ONE: Final[Mapping[int, Answers]] = {262: ACCEPTED, 310: ACCEPTED, 2510: UNSUPPORTED, 2511: ACCEPTED}
+_WITH_ONE: Final[Mapping[int, Answers]] = {
+    262: ACCEPTED,
+    310: ACCEPTED,
+    2510: UNSUPPORTED,
+    2511: ACCEPTED,
+}
 _WITH_NAN: Final[Mapping[int, Answers]] = {
     211: DENIED,
     2510: UNSUPPORTED,
@@ -85,7 +90,8 @@ def reposition(px4: Px4, now_s: float, command: Command) -> Answers:
 
 def _go(px4: Px4, command: Command) -> None:
     speed, _, _, yaw, _, _, _ = command.params
-    state, plan = px4.state, px4.plan
+    state = px4.state
+    plan = px4.plan
     goal = _goal(px4, command)
     if violated(px4.plans.fence.items, state.frame, goal):
         state.say(Severity.CRITICAL, "Reposition is outside geofence")
@@ -115,7 +121,9 @@ def _goal(px4: Px4, command: Command) -> Vector:
 def change_altitude(px4: Px4, now_s: float, command: Command) -> Answers:
     """DO_CHANGE_ALTITUDE: DO_REPOSITION with a height (AMSL) alone."""
     nan = math.nan
-    return reposition(px4, now_s, command._replace(params=(nan, 1.0, nan, nan, nan, nan, command.params[0])))
+    return reposition(
+        px4, now_s, command._replace(params=(nan, 1.0, nan, nan, nan, nan, command.params[0]))
+    )
 
 
 def orbit(px4: Px4, now_s: float, command: Command) -> Answers:
@@ -124,7 +132,8 @@ def orbit(px4: Px4, now_s: float, command: Command) -> Answers:
     if px4.mode != "ORBIT" and not px4.request(now_s, "ORBIT"):
         px4.state.say(Severity.CRITICAL, "Orbit command rejected")
         return REFUSED
-    state, plan = px4.state, px4.plan
+    state = px4.state
+    plan = px4.plan
     plan.orbit = plan.orbit or Orbit(state.position_m, state.yaw_rad)
     if not plan.orbit.change(state, radius, speed, facing, (lat, lon, alt)):
         state.say(Severity.CRITICAL, "Orbit radius limit exceeded")

@@ -9,10 +9,14 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 _AUTOPILOT: Final = 1 << 24
-_FNV_SEED, _FNV_PRIME = 0x811C9DC5, 0x01000193
+_FNV_SEED = 0x811C9DC5
+_FNV_PRIME = 0x01000193
 _LEVELS: Final = {0: 0x00, 1: 0x11, 2: 0x22, 3: 0x33, 4: 0x44, 5: 0x55, 6: 0x66}
 _ARGUMENTS: Final = 40
-_BY_COMMAND, _BY_MISSION, _BY_LANDING, _BY_PREFLIGHT = 4, 5, 6, 7
+_BY_COMMAND = 4
+_BY_MISSION = 5
+_BY_LANDING = 6
+_BY_PREFLIGHT = 7
 
 
 class Event(NamedTuple):
@@ -35,9 +39,15 @@ _NAMES: Final[Mapping[str, tuple[str, bytes]]] = MappingProxyType(
         "Returning to launch": ("commander_rtl", b""),
         "Landing at current position": ("commander_landing_current_pos", b""),
         "Precision landing": ("commander_landing_prec_land", b""),
-        "Arming denied: Resolve system health failures first": ("commander_arm_denied_resolve_failures", b""),
+        "Arming denied: Resolve system health failures first": (
+            "commander_arm_denied_resolve_failures",
+            b"",
+        ),
         "Disarming denied! Not landed": ("commander_disarm_denied_not_landed", b""),
-        "Mission start denied! No valid mission": ("commander_mission_start_denied_no_mission", b""),
+        "Mission start denied! No valid mission": (
+            "commander_mission_start_denied_no_mission",
+            b"",
+        ),
         "Unsupported auto mode": ("commander_unsupported_auto_mode", b""),
         "Failsafe activated": ("commander_failsafe_enter_generic", bytes((0, 0, 6, 0, 6))),
         "Orbit radius limit exceeded": ("orbit_radius_exceeded", b""),

@@ -9,7 +9,14 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from sitl_mock.dynamics import PX4_GROUND_WANDER, PX4_TRAVEL, PX4_WANDER, Px4Gains, Vehicle, px4_quadrotor
+from sitl_mock.dynamics import (
+    PX4_GROUND_WANDER,
+    PX4_TRAVEL,
+    PX4_WANDER,
+    Px4Gains,
+    Vehicle,
+    px4_quadrotor,
+)
 from sitl_mock.flavour import Flavour
 from sitl_mock.parameters import parameters_of
 from sitl_mock.protocols import (
@@ -53,7 +60,12 @@ def _parameter_metadata(parameters: ParameterStore) -> bytes:
     """Return COMP_METADATA_TYPE_PARAMETER: name, type, default, unit and limits of each parameter, compressed."""
     described = []
     for item in parameters.definitions.values():
-        entry = {"name": item.name, "type": _TYPES[item.kind], "default": item.default, "shortDesc": item.meaning}
+        entry = {
+            "name": item.name,
+            "type": _TYPES[item.kind],
+            "default": item.default,
+            "shortDesc": item.meaning,
+        }
         if item.unit:
             entry["units"] = item.unit
         if item.minimum > float("-inf"):
@@ -98,7 +110,9 @@ def px4_commander(state: VehicleState, plans: PlanStore) -> Px4:
 def plant(parameters: Mapping[str, float]) -> Vehicle:
     """Make the quadrotor's dynamics for these parameters."""
     gains = {name: float(parameters[parameter]) for name, parameter in _GAINS.items()}
-    limits: dict[str, Any] = {name: float(parameters[parameter]) for name, parameter in _TRAVEL.items()}
+    limits: dict[str, Any] = {
+        name: float(parameters[parameter]) for name, parameter in _TRAVEL.items()
+    }
     return px4_quadrotor(
         Px4Gains(
             tilt_max_rad=math.radians(float(parameters["MPC_TILTMAX_AIR"])),

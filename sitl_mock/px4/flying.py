@@ -53,7 +53,9 @@ def hold(state: VehicleState, plan: ModePlan) -> Setpoint:
         return Setpoint(Kind.BRAKE, yaw_rad=plan.yaw_rad)
     if not plan.heading_kept:
         plan.yaw_rad = facing(state, plan.goal_m, plan.yaw_rad)
-    return Setpoint(Kind.TRAVEL, plan.goal_m, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(state, plan.speed_m_s))
+    return Setpoint(
+        Kind.TRAVEL, plan.goal_m, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(state, plan.speed_m_s)
+    )
 
 
 def cruise_m_s(state: VehicleState, asked_m_s: float) -> float:
@@ -63,15 +65,23 @@ def cruise_m_s(state: VehicleState, asked_m_s: float) -> float:
 
 def facing(state: VehicleState, goal_m: Vector, kept_rad: float) -> float:
     """Heading towards the goal if MPC_YAW_MODE is 0; the given one close to the goal."""
-    north, east = goal_m[0] - state.position_m[0], goal_m[1] - state.position_m[1]
+    north = goal_m[0] - state.position_m[0]
+    east = goal_m[1] - state.position_m[1]
     far = math.hypot(north, east) > float(state.parameters["NAV_ACC_RAD"])
-    return math.atan2(east, north) if far and int(state.parameters["MPC_YAW_MODE"]) == 0 else kept_rad
+    return (
+        math.atan2(east, north) if far and int(state.parameters["MPC_YAW_MODE"]) == 0 else kept_rad
+    )
 
 
 def takeoff(state: VehicleState, plan: ModePlan) -> Setpoint:
     """Climb straight up."""
     north, east, _ = plan.entered_m
-    return Setpoint(Kind.TRAVEL, (north, east, plan.height_m), yaw_rad=plan.yaw_rad, climb_m_s=_lift_off_m_s(state))
+    return Setpoint(
+        Kind.TRAVEL,
+        (north, east, plan.height_m),
+        yaw_rad=plan.yaw_rad,
+        climb_m_s=_lift_off_m_s(state),
+    )
 
 
 def _lift_off_m_s(state: VehicleState) -> float:
@@ -105,8 +115,10 @@ def descend(state: VehicleState, plan: ModePlan) -> Setpoint:
 def _descent_m_s(state: VehicleState) -> float:
     parameters = state.parameters
     height = state.ground_m - state.position_m[2]
-    fast, slow = float(parameters["MPC_Z_V_AUTO_DN"]), float(parameters["MPC_LAND_SPEED"])
-    upper, lower = float(parameters["MPC_LAND_ALT1"]), float(parameters["MPC_LAND_ALT2"])
+    fast = float(parameters["MPC_Z_V_AUTO_DN"])
+    slow = float(parameters["MPC_LAND_SPEED"])
+    upper = float(parameters["MPC_LAND_ALT1"])
+    lower = float(parameters["MPC_LAND_ALT2"])
     if height <= float(parameters["MPC_LAND_ALT3"]):  # SIH has a range finder
         return float(parameters["MPC_LAND_CRWL"])
     share = min(max((height - lower) / max(upper - lower, 1e-6), 0.0), 1.0)
@@ -147,13 +159,17 @@ def _return_height(state: VehicleState, home: Vector, plan: ModePlan) -> float:
 
 
 def _climb(_state: VehicleState, plan: ModePlan) -> Setpoint:
-    return Setpoint(Kind.TRAVEL, (plan.entered_m[0], plan.entered_m[1], plan.height_m), yaw_rad=plan.yaw_rad)
+    return Setpoint(
+        Kind.TRAVEL, (plan.entered_m[0], plan.entered_m[1], plan.height_m), yaw_rad=plan.yaw_rad
+    )
 
 
 def _cross(state: VehicleState, plan: ModePlan) -> Setpoint:
     goal = (plan.goal_m[0], plan.goal_m[1], plan.height_m)
     plan.yaw_rad = facing(state, goal, plan.yaw_rad)
-    return Setpoint(Kind.TRAVEL, goal, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(state, plan.speed_m_s))
+    return Setpoint(
+        Kind.TRAVEL, goal, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(state, plan.speed_m_s)
+    )
 
 
 _RETURN: Mapping[str, Callable[[VehicleState, ModePlan], Setpoint]] = MappingProxyType(
@@ -168,6 +184,10 @@ def mission(state: VehicleState, flight: MissionFlight, plan: ModePlan) -> Setpo
         plan.goal_m = leg.position_m
         return land(state, plan)
     climb = _lift_off_m_s(state) if leg.taking_off else _NAN
-    plan.yaw_rad = leg.yaw_rad if math.isfinite(leg.yaw_rad) else facing(state, leg.position_m, plan.yaw_rad)
+    plan.yaw_rad = (
+        leg.yaw_rad if math.isfinite(leg.yaw_rad) else facing(state, leg.position_m, plan.yaw_rad)
+    )
     speed = cruise_m_s(state, leg.speed_m_s)
-    return Setpoint(Kind.TRAVEL, leg.position_m, yaw_rad=plan.yaw_rad, speed_m_s=speed, climb_m_s=climb)
+    return Setpoint(
+        Kind.TRAVEL, leg.position_m, yaw_rad=plan.yaw_rad, speed_m_s=speed, climb_m_s=climb
+    )

@@ -45,9 +45,11 @@ class LandDetector:
         if not state.on_ground:
             self._lift_s = math.inf
         elif setpoint.kind <= Kind.IDLING:
-            self._lift_s, self.left = math.inf, self.left and self.just_down(state)
+            self._lift_s = math.inf
+            self.left = self.left and self.just_down(state)
         else:
-            if self.just_down(state):  # the thrust of Hold: the landing is not detected, and the vehicle stays armed
+            # The thrust of Hold: the landing is not detected, and the vehicle stays armed
+            if self.just_down(state):
                 state.landed_s = now_s
             spooled_s = state.armed_s + float(state.parameters["COM_SPOOLUP_TIME"])
             self._lift_s = min(self._lift_s, max(now_s, spooled_s))
@@ -93,7 +95,8 @@ class HomeKeeper:
         """Update home; called at every commander tick."""
         self._see_take_off(state, in_mission=in_mission)
         if state.sensors.fix.at_s != self._fix_s:
-            since_s, self._fix_s = state.sensors.fix.at_s - self._fix_s, state.sensors.fix.at_s
+            since_s = state.sensors.fix.at_s - self._fix_s
+            self._fix_s = state.sensors.fix.at_s
             if state.now_s < self.took_off_s + CORRECTED_FOR_S and state.estimator.gps_ok:
                 self._correct(state, since_s)
             else:
@@ -110,13 +113,16 @@ class HomeKeeper:
             if state.estimator.global_valid:
                 state.set_home(state.position_m)
             return
-        north, east, down = (here - home for here, home in zip(state.position_m, state.home_m, strict=True))
+        north, east, down = (
+            here - home for here, home in zip(state.position_m, state.home_m, strict=True)
+        )
         moved = math.hypot(north, east) > _MOVED_M or abs(down) > _MOVED_UP_M
         if moved and state.on_ground and state.estimator.global_valid and not state.home_given:
             state.set_home(state.position_m)
 
     def _see_take_off(self, state: VehicleState, *, in_mission: bool) -> None:
-        stood, self._stood = self._stood, state.on_ground
+        stood = self._stood
+        self._stood = state.on_ground
         if stood and not state.on_ground and state.armed:
             self.took_off_s = state.now_s
             self.arm(state, in_mission=in_mission)
@@ -124,7 +130,8 @@ class HomeKeeper:
     def _correct(self, state: VehicleState, since_s: float) -> None:
         """Correct the height of home; heights are above the local frame's origin."""
         fix = state.sensors.fix
-        receiver_m, barometer_m = -fix.position_m[2], -state.sensors.barometer_down_m
+        receiver_m = -fix.position_m[2]
+        barometer_m = -state.sensors.barometer_down_m
         if math.isnan(self._climbed_to_m):
             self._climbed_to_m = receiver_m
             self._offset_m = receiver_m - barometer_m

@@ -50,7 +50,12 @@ class Orbit:
     _around_m_s: float = 0.0
 
     def change(
-        self, state: VehicleState, radius_m: float, speed_m_s: float, facing: float, centre: tuple[float, float, float]
+        self,
+        state: VehicleState,
+        radius_m: float,
+        speed_m_s: float,
+        facing: float,
+        centre: tuple[float, float, float],
     ) -> bool:
         """Take DO_ORBIT; NaN keeps the present value. False if the radius exceeds MC_ORBIT_RAD_MAX.
 
@@ -61,15 +66,23 @@ class Orbit:
             facing: ORBIT_YAW_BEHAVIOUR.
             centre: Latitude, longitude (degrees), height above sea level (metres).
         """
-        clockwise, radius, speed = self.speed_m_s > 0.0, self.radius_m, abs(self.speed_m_s)
+        clockwise = self.speed_m_s > 0.0
+        radius = self.radius_m
+        speed = abs(self.speed_m_s)
         if math.isfinite(radius_m):
-            clockwise, radius = radius_m > 0.0, abs(radius_m)
+            clockwise = radius_m > 0.0
+            radius = abs(radius_m)
         if math.isfinite(speed_m_s):
             speed = speed_m_s
         if not LEAST_RADIUS_M <= radius <= float(state.parameters["MC_ORBIT_RAD_MAX"]):
             return False
-        speed = min(abs(speed), float(state.parameters["MPC_XY_VEL_MAX"]), math.sqrt(_ACCELERATION_M_S2 * radius))
-        self.radius_m, self.speed_m_s = radius, speed if clockwise else -speed
+        speed = min(
+            abs(speed),
+            float(state.parameters["MPC_XY_VEL_MAX"]),
+            math.sqrt(_ACCELERATION_M_S2 * radius),
+        )
+        self.radius_m = radius
+        self.speed_m_s = speed if clockwise else -speed
         if math.isfinite(facing) and 0 <= int(facing + 0.5) < Facing.UNCHANGED:
             self.facing = Facing(int(facing + 0.5))
         self.initial_yaw_rad = state.yaw_rad
@@ -91,7 +104,8 @@ class Orbit:
         return self._approach(state) if self._approaching else self._circle(state, dt_s)
 
     def _from_centre(self, state: VehicleState) -> tuple[float, float, float]:
-        north, east = state.position_m[0] - self.centre_m[0], state.position_m[1] - self.centre_m[1]
+        north = state.position_m[0] - self.centre_m[0]
+        east = state.position_m[1] - self.centre_m[1]
         return north, east, math.hypot(north, east)
 
     def _on_circle(self, state: VehicleState) -> bool:
@@ -108,7 +122,9 @@ class Orbit:
             self.centre_m[2],
         )
         yaw = math.atan2(-unit[1], -unit[0])
-        return Setpoint(Kind.TRAVEL, point, yaw_rad=yaw, speed_m_s=float(state.parameters["MPC_XY_CRUISE"]))
+        return Setpoint(
+            Kind.TRAVEL, point, yaw_rad=yaw, speed_m_s=float(state.parameters["MPC_XY_CRUISE"])
+        )
 
     def _circle(self, state: VehicleState, dt_s: float) -> Setpoint:
         step = float(state.parameters["MPC_ACC_HOR"]) * dt_s
@@ -190,14 +206,17 @@ class Follow:
     def _smooth(self, position: Vector, velocity: Vector, dt_s: float) -> tuple[Vector, Vector]:
         """Filter reports (second order) so that they do not make the vehicle jump."""
         if self._position_m is None:
-            self._position_m, self._velocity_m_s = position, velocity
-        p, v = list(self._position_m), list(self._velocity_m_s)
+            self._position_m = position
+            self._velocity_m_s = velocity
+        p = list(self._position_m)
+        v = list(self._velocity_m_s)
         for axis in range(3):
             pull = _FILTER_RAD_S**2 * (position[axis] - p[axis])
             pull += 2.0 * _DAMPING * _FILTER_RAD_S * (velocity[axis] - v[axis])
             v[axis] += pull * dt_s
             p[axis] += v[axis] * dt_s
-        self._position_m, self._velocity_m_s = (p[0], p[1], p[2]), (v[0], v[1], v[2])
+        self._position_m = (p[0], p[1], p[2])
+        self._velocity_m_s = (v[0], v[1], v[2])
         return self._position_m, self._velocity_m_s
 
     def _beside(self, state: VehicleState, target: Vector, moving: Vector, dt_s: float) -> Setpoint:
@@ -209,13 +228,17 @@ class Follow:
         most = float(parameters["FLW_TGT_MAX_VEL"]) / distance_m
         rate = min(max(wrap_pi(wanted - self.angle_rad) / dt_s, -most), most)
         self.angle_rad = wrap_pi(self.angle_rad + rate * dt_s)
-        n, e = math.cos(self.angle_rad), math.sin(self.angle_rad)
+        n = math.cos(self.angle_rad)
+        e = math.sin(self.angle_rad)
         base = target[2] if int(parameters["FLW_TGT_ALT_M"]) == _TRACKED else self.home_down_m
         down = base - float(parameters["FLW_TGT_HT"])
-        to_n, to_e = target[0] - state.position_m[0], target[1] - state.position_m[1]
+        to_n = target[0] - state.position_m[0]
+        to_e = target[1] - state.position_m[1]
         yaw = math.atan2(to_e, to_n) if math.hypot(to_n, to_e) > _FACING_M else state.yaw_rad
         if abs(down - state.position_m[2]) >= _LEVEL_M:
-            return Setpoint(Kind.TRAVEL, (state.position_m[0], state.position_m[1], down), yaw_rad=yaw)
+            return Setpoint(
+                Kind.TRAVEL, (state.position_m[0], state.position_m[1], down), yaw_rad=yaw
+            )
         around = rate * distance_m
         return Setpoint(
             Kind.STREAM,

@@ -28,15 +28,47 @@ MODES: Final = ModeTable(
     modes=(
         Mode("MANUAL", _number(1), _STICKS, True, _MANUAL_MODE, "sticks are tilt and thrust"),
         Mode("ALTCTL", _number(2), _STICKS | {Need.ALTITUDE}, True, _MANUAL_MODE, "height is held"),
-        Mode("POSCTL", _number(3), _POSITION | _STICKS, True, _MANUAL_MODE, "sticks are velocities"),
+        Mode(
+            "POSCTL", _number(3), _POSITION | _STICKS, True, _MANUAL_MODE, "sticks are velocities"
+        ),
         Mode("ORBIT", _number(3, 1), _POSITION, False, _LEVELLED, "circles a place (DO_ORBIT)"),
-        Mode("POSITION_SLOW", _number(3, 2), _POSITION | _STICKS, True, _MANUAL_MODE, "sticks are slow velocities"),
+        Mode(
+            "POSITION_SLOW",
+            _number(3, 2),
+            _POSITION | _STICKS,
+            True,
+            _MANUAL_MODE,
+            "sticks are slow velocities",
+        ),
         Mode("HOLD", _number(4, 3), _GLOBAL, True, _AUTO_MODE, "stops and stays"),
-        Mode("TAKEOFF", _number(4, 2), _POSITION, True, _AUTO_MODE, "climbs to the requested height"),
-        Mode("MISSION", _number(4, 4), _GLOBAL | {Need.MISSION}, True, _AUTO_MODE, "flies the uploaded mission"),
-        Mode("RTL", _number(4, 5), _GLOBAL | {Need.HOME}, False, _AUTO_MODE, "climbs, returns home, lands"),
+        Mode(
+            "TAKEOFF", _number(4, 2), _POSITION, True, _AUTO_MODE, "climbs to the requested height"
+        ),
+        Mode(
+            "MISSION",
+            _number(4, 4),
+            _GLOBAL | {Need.MISSION},
+            True,
+            _AUTO_MODE,
+            "flies the uploaded mission",
+        ),
+        Mode(
+            "RTL",
+            _number(4, 5),
+            _GLOBAL | {Need.HOME},
+            False,
+            _AUTO_MODE,
+            "climbs, returns home, lands",
+        ),
         Mode("LAND", _number(4, 6), _POSITION, False, _AUTO_MODE, "lands here"),
-        Mode("DESCEND", _number(4, 6), frozenset({Need.ALTITUDE}), False, _AUTO_MODE, "descends without a position"),
+        Mode(
+            "DESCEND",
+            _number(4, 6),
+            frozenset({Need.ALTITUDE}),
+            False,
+            _AUTO_MODE,
+            "descends without a position",
+        ),
         Mode("FOLLOW", _number(4, 8), _POSITION, False, _AUTO_MODE, "follows FOLLOW_TARGET"),
         Mode(
             "PRECLAND",
@@ -47,7 +79,14 @@ MODES: Final = ModeTable(
             "lands on a beacon; there is none, so it lands here",
         ),
         *(
-            Mode(f"EXTERNAL{index}", _number(4, 10 + index), _EXTERNAL, True, _AUTO_MODE, "a companion's own mode")
+            Mode(
+                f"EXTERNAL{index}",
+                _number(4, 10 + index),
+                _EXTERNAL,
+                True,
+                _AUTO_MODE,
+                "a companion's own mode",
+            )
             for index in range(1, 9)
         ),
         Mode("ACRO", _number(5), _STICKS, True, _RATES, "sticks are body rates"),
@@ -59,7 +98,14 @@ MODES: Final = ModeTable(
             _LEVELLED,
             "follows SET_POSITION_TARGET and the like",
         ),
-        Mode("STABILIZED", _number(7), _STICKS, True, _MANUAL_MODE, "sticks are tilt and thrust, level when free"),
+        Mode(
+            "STABILIZED",
+            _number(7),
+            _STICKS,
+            True,
+            _MANUAL_MODE,
+            "sticks are tilt and thrust, level when free",
+        ),
         Mode("TERMINATION", _number(10), frozenset(), False, 1, "motors off, for good"),
         Mode(
             "ALTITUDE_CRUISE",
@@ -91,7 +137,12 @@ MODES: Final = ModeTable(
         Transition("ALTITUDE_CRUISE", "cannot run", "STABILIZED"),
         *(
             Transition(name, "cannot run", "RTL")
-            for name in ("ORBIT", "FOLLOW", "PRECLAND", *(f"EXTERNAL{index}" for index in range(1, 9)))
+            for name in (
+                "ORBIT",
+                "FOLLOW",
+                "PRECLAND",
+                *(f"EXTERNAL{index}" for index in range(1, 9)),
+            )
         ),
         Transition("HOLD", "cannot run", "LAND"),
         Transition("TAKEOFF", "cannot run", "LAND"),
@@ -124,9 +175,16 @@ MANUAL_MODES: Final = frozenset(mode.name for mode in MODES.modes if mode.base_m
 """Modes flown by the pilot's sticks."""
 
 
-_CUSTOM, _AUTO, _GUIDED, _STABILIZE, _MANUAL = 1, 4, 8, 16, 64  # MAV_MODE_FLAG
-_POSCTL_MAIN, _AUTO_MAIN, _TERMINATION_MAIN = 3, 4, 10
-_SLOW_SUB, _MISSION_SUB = 2, 4
+_CUSTOM = 1
+_AUTO = 4
+_GUIDED = 8
+_STABILIZE = 16
+_MANUAL = 64  # MAV_MODE_FLAG
+_POSCTL_MAIN = 3
+_AUTO_MAIN = 4
+_TERMINATION_MAIN = 10
+_SLOW_SUB = 2
+_MISSION_SUB = 4
 _WITHOUT_SUB: Final = frozenset({1, 2, 5, 6, 7, 11})
 """Main modes without sub-modes."""
 

@@ -39,9 +39,13 @@ def read(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: ANN401 -
     """Return the setpoint in a message, or the text that refuses it."""
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
         target = read_global(message, state.frame, state.home_m)
-        return _judged(state, target, "SET_POSITION_TARGET_GLOBAL_INT", target.frame in GLOBAL_FRAMES)
+        return _judged(
+            state, target, "SET_POSITION_TARGET_GLOBAL_INT", target.frame in GLOBAL_FRAMES
+        )
     target = read_local(message)
-    return _judged(state, target, "SET_POSITION_TARGET_LOCAL_NED", target.frame in {LOCAL_NED, BODY_NED})
+    return _judged(
+        state, target, "SET_POSITION_TARGET_LOCAL_NED", target.frame in {LOCAL_NED, BODY_NED}
+    )
 
 
 def _judged(state: VehicleState, target: Target, name: str, frame_known: bool) -> Setpoint | str:
@@ -61,7 +65,14 @@ def _judged(state: VehicleState, target: Target, name: str, frame_known: bool) -
         acceleration = in_ned(acceleration, state) if not mask & IGNORE_ACCELERATION else IGNORED
     if not _followable(position, velocity, acceleration):
         return STAND
-    return Setpoint(_STREAM, _finite(position), _finite(velocity), _finite(acceleration), yaw_rad, yaw_rate_rad_s)
+    return Setpoint(
+        _STREAM,
+        _finite(position),
+        _finite(velocity),
+        _finite(acceleration),
+        yaw_rad,
+        yaw_rate_rad_s,
+    )
 
 
 def _finite(vector: Vector) -> Vector:
@@ -90,8 +101,11 @@ def _paired(vector: Vector) -> bool:
     return math.isfinite(vector[0]) == math.isfinite(vector[1])
 
 
-_NO_ROLL_RATE, _NO_PITCH_RATE, _NO_YAW_RATE = 1, 2, 4  # ATTITUDE_TARGET_TYPEMASK
-_NO_THROTTLE, _NO_ATTITUDE = 64, 128
+_NO_ROLL_RATE = 1
+_NO_PITCH_RATE = 2
+_NO_YAW_RATE = 4  # ATTITUDE_TARGET_TYPEMASK
+_NO_THROTTLE = 64
+_NO_ATTITUDE = 128
 _NO_RATES: Final = _NO_ROLL_RATE | _NO_PITCH_RATE
 _INVALID: Final = "SET_ATTITUDE_TARGET invalid"
 
@@ -128,7 +142,11 @@ class BodyRates:
         return _pushed(self.attitude, self.thrust)
 
 
-def read_attitude(state: VehicleState, message: Any, before: BodyRates | None) -> Setpoint | BodyRates | str:  # noqa: ANN401 - pymavlink has no types
+def read_attitude(
+    state: VehicleState,
+    message: Any,  # noqa: ANN401 - pymavlink has no types
+    before: BodyRates | None,
+) -> Setpoint | BodyRates | str:
     """Return the setpoint in a SET_ATTITUDE_TARGET, or the text that refuses it.
 
     Args:

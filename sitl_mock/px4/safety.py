@@ -140,7 +140,9 @@ class Failsafes:
         self.since_s.clear()
         self.overridden.clear()
 
-    def _action(self, trigger: Trigger, now_s: float, parameters: Mapping[str, int | float]) -> Action:
+    def _action(
+        self, trigger: Trigger, now_s: float, parameters: Mapping[str, int | float]
+    ) -> Action:
         choice = int(parameters[trigger.parameter]) if trigger.parameter else 0
         action = trigger.actions.get(choice, Action.WARN)
         age_s = now_s - self.since_s[trigger.name]
@@ -171,8 +173,12 @@ def _met(met: tuple[bool, ...]) -> frozenset[Need]:
 
 def available(state: VehicleState, plans: PlanStore, stream_s: float) -> frozenset[Need]:
     """Return the needs that are met now. `stream_s` is the time of the last accepted setpoint."""
-    estimator, parameters, now_s = state.estimator, state.parameters, state.now_s
-    streaming = now_s - stream_s <= parameters["COM_OF_LOSS_T"] and not state.conditions.offboard_refused
+    estimator = state.estimator
+    parameters = state.parameters
+    now_s = state.now_s
+    streaming = (
+        now_s - stream_s <= parameters["COM_OF_LOSS_T"] and not state.conditions.offboard_refused
+    )
     met = (
         state.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"]),
         estimator.altitude_valid,
@@ -185,7 +191,9 @@ def available(state: VehicleState, plans: PlanStore, stream_s: float) -> frozens
     return _met(met)
 
 
-def wrong(state: VehicleState, plans: PlanStore, intention: str, *, pilot_counts: bool) -> frozenset[str]:
+def wrong(
+    state: VehicleState, plans: PlanStore, intention: str, *, pilot_counts: bool
+) -> frozenset[str]:
     """Return the names of the failsafe triggers that are present.
 
     Args:
@@ -194,9 +202,11 @@ def wrong(state: VehicleState, plans: PlanStore, intention: str, *, pilot_counts
         intention: The intended mode; a lost link may have no effect in it (COM_RCL_EXCEPT, COM_DLL_EXCEPT).
         pilot_counts: There has been a radio since arming.
     """
-    now_s, parameters = state.now_s, state.parameters
+    now_s = state.now_s
+    parameters = state.parameters
     charge = state.battery.remaining
-    ground_age_s, onboard_age_s = now_s - state.peers.ground_s, now_s - state.peers.onboard_s
+    ground_age_s = now_s - state.peers.ground_s
+    onboard_age_s = now_s - state.peers.onboard_s
     excepted = EXCEPTION_BITS.get(intention, 0)
     pilot_lost = pilot_counts and not state.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"])
     ground_lost = state.conditions.gcs_lost or parameters["COM_DL_LOSS_T"] < ground_age_s < math.inf
@@ -215,8 +225,10 @@ def wrong(state: VehicleState, plans: PlanStore, intention: str, *, pilot_counts
 def _fence(state: VehicleState, plans: PlanStore, parameters: Mapping[str, int | float]) -> bool:
     if state.home_m is None or not state.estimator.global_valid:
         return False
-    far_m, high_m = parameters["GF_MAX_HOR_DIST"], parameters["GF_MAX_VER_DIST"]
-    (n, e, d), (home_n, home_e, home_d) = state.position_m, state.home_m
+    far_m = parameters["GF_MAX_HOR_DIST"]
+    high_m = parameters["GF_MAX_VER_DIST"]
+    (n, e, d) = state.position_m
+    (home_n, home_e, home_d) = state.home_m
     if 0.0 < far_m < math.hypot(n - home_n, e - home_e) or 0.0 < high_m < home_d - d:
         return True
     return violated(plans.fence.items, state.frame, state.position_m)

@@ -61,7 +61,8 @@ def _takeoff(px4: Px4) -> Setpoint:
 
 
 def _mission(px4: Px4) -> Setpoint:
-    state, flight = px4.state, px4.mission
+    state = px4.state
+    flight = px4.mission
     setpoint = flying.mission(state, flight, px4.plan)
     if flight.over == "return":
         px4.intention = "RTL"
@@ -106,7 +107,11 @@ def _go_on(px4: Px4, event: str) -> None:
 
 def _orbit(px4: Px4) -> Setpoint:
     orbit = px4.plan.orbit
-    return Setpoint(Kind.BRAKE, yaw_rad=px4.plan.yaw_rad) if orbit is None else orbit.fly(px4.state, STEP_S)
+    return (
+        Setpoint(Kind.BRAKE, yaw_rad=px4.plan.yaw_rad)
+        if orbit is None
+        else orbit.fly(px4.state, STEP_S)
+    )
 
 
 def _follow(px4: Px4) -> Setpoint:
@@ -161,7 +166,9 @@ def by_stick(state: VehicleState, plan: ModePlan, dt_s: float, *, slow: bool = F
     """
     sticks = state.pilot.sticks
     turn = _curved(sticks.yaw) * math.radians(float(state.parameters["MPC_MAN_Y_MAX"]))
-    ahead, right, climb = _curved(sticks.pitch), _curved(sticks.roll), _climb_m_s(state, sticks.throttle, slow=slow)
+    ahead = _curved(sticks.pitch)
+    right = _curved(sticks.roll)
+    climb = _climb_m_s(state, sticks.throttle, slow=slow)
     if ahead or right:
         plan.stick_place_m = None
         velocity, push = _level(state, plan, (ahead, right), dt_s, slow=slow)
@@ -176,7 +183,9 @@ def by_stick(state: VehicleState, plan: ModePlan, dt_s: float, *, slow: bool = F
         plan.stick_place_m = None
         return Setpoint(Kind.BRAKE, yaw_rate_rad_s=turn)
     plan.stick_place_m = plan.stick_place_m or state.position_m[:2]
-    return Setpoint(Kind.STREAM, (*plan.stick_place_m, math.nan), (0.0, 0.0, -climb), yaw_rate_rad_s=turn)
+    return Setpoint(
+        Kind.STREAM, (*plan.stick_place_m, math.nan), (0.0, 0.0, -climb), yaw_rate_rad_s=turn
+    )
 
 
 def _curved(stick: float) -> float:
@@ -191,9 +200,12 @@ def _level(
     fast = float(state.parameters["MC_SLOW_DEF_HVEL" if slow else "MPC_VEL_MANUAL"])
     accel = float(state.parameters["MPC_ACC_HOR_MAX"])
     size = max(math.hypot(*stick), 1.0)
-    push_n, push_e, _ = turned((stick[0] / size * accel, stick[1] / size * accel, 0.0), state.yaw_rad)
+    push_n, push_e, _ = turned(
+        (stick[0] / size * accel, stick[1] / size * accel, 0.0), state.yaw_rad
+    )
     n, e = plan.stick_m_s or state.velocity_m_s[:2]
-    a_n, a_e = push_n - accel / fast * n, push_e - accel / fast * e
+    a_n = push_n - accel / fast * n
+    a_e = push_e - accel / fast * e
     plan.stick_m_s = (n + a_n * dt_s, e + a_e * dt_s)
     return plan.stick_m_s, (a_n, a_e)
 
@@ -201,13 +213,18 @@ def _level(
 def _climb_m_s(state: VehicleState, throttle: float, *, slow: bool) -> float:
     """Climb rate of the throttle stick, reduced below MPC_LAND_ALT1 to that of take-off and landing."""
     parameters = state.parameters
-    up, down = float(parameters["MPC_Z_VEL_MAX_UP"]), float(parameters["MPC_Z_VEL_MAX_DN"])
+    up = float(parameters["MPC_Z_VEL_MAX_UP"])
+    down = float(parameters["MPC_Z_VEL_MAX_DN"])
     if slow:
         up = down = float(parameters["MC_SLOW_DEF_VVEL"])
     wanted = _curved(throttle)
-    upper, lower = float(parameters["MPC_LAND_ALT1"]), float(parameters["MPC_LAND_ALT2"])
-    share = min(max((state.ground_m - state.position_m[2] - lower) / max(upper - lower, 1e-6), 0.0), 1.0)
-    near_up, near_down = float(parameters["MPC_TKO_SPEED"]), float(parameters["MPC_LAND_SPEED"])
+    upper = float(parameters["MPC_LAND_ALT1"])
+    lower = float(parameters["MPC_LAND_ALT2"])
+    share = min(
+        max((state.ground_m - state.position_m[2] - lower) / max(upper - lower, 1e-6), 0.0), 1.0
+    )
+    near_up = float(parameters["MPC_TKO_SPEED"])
+    near_down = float(parameters["MPC_LAND_SPEED"])
     if wanted > 0.0:
         return min(wanted * up, near_up + (up - near_up) * share)
     return -min(-wanted * down, near_down + (down - near_down) * share)

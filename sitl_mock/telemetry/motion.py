@@ -16,7 +16,8 @@ Fields = tuple[Any, ...]
 _NAN = math.nan
 _UNKNOWN_COVARIANCE: Final = struct.pack("<21f", *(_NAN,) * 21)
 _EMPTY_Q: Final = bytes(16)
-_LOCAL_NED, _BODY_FRD = 1, 12
+_LOCAL_NED = 1
+_BODY_FRD = 12
 _IDLING: Final = int(Kind.IDLING)
 _HOVER_THRUST: Final = 0.5
 _FIELD_GAUSS: Final = (0.21, 0.01, 0.43)
@@ -30,7 +31,14 @@ def attitude(report: Report) -> Fields:
 def attitude_quaternion(report: Report) -> Fields:
     """ATTITUDE_QUATERNION."""
     roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = report.state.attitude
-    return (report.boot_ms, *quaternion_of(roll, pitch, yaw), roll_rate, pitch_rate, yaw_rate, _EMPTY_Q)
+    return (
+        report.boot_ms,
+        *quaternion_of(roll, pitch, yaw),
+        roll_rate,
+        pitch_rate,
+        yaw_rate,
+        _EMPTY_Q,
+    )
 
 
 def local_position_ned(report: Report) -> Fields:
@@ -66,9 +74,21 @@ def odometry(report: Report) -> Fields:
     roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = state.attitude
     w, x, y, z = attitude_q = quaternion_of(roll, pitch, yaw)
     v_n, v_e, v_d = state.velocity_m_s
-    forward = (w * w + x * x - y * y - z * z) * v_n + 2.0 * (x * y + w * z) * v_e + 2.0 * (x * z - w * y) * v_d
-    right = 2.0 * (x * y - w * z) * v_n + (w * w - x * x + y * y - z * z) * v_e + 2.0 * (y * z + w * x) * v_d
-    down = 2.0 * (x * z + w * y) * v_n + 2.0 * (y * z - w * x) * v_e + (w * w - x * x - y * y + z * z) * v_d
+    forward = (
+        (w * w + x * x - y * y - z * z) * v_n
+        + 2.0 * (x * y + w * z) * v_e
+        + 2.0 * (x * z - w * y) * v_d
+    )
+    right = (
+        2.0 * (x * y - w * z) * v_n
+        + (w * w - x * x + y * y - z * z) * v_e
+        + 2.0 * (y * z + w * x) * v_d
+    )
+    down = (
+        2.0 * (x * z + w * y) * v_n
+        + 2.0 * (y * z - w * x) * v_e
+        + (w * w - x * x - y * y + z * z) * v_d
+    )
     estimator = state.estimator
     return (
         report.boot_us,
@@ -109,7 +129,9 @@ def vfr_hud(report: Report) -> Fields:
 
 
 def _throttle(report: Report) -> float:
-    return report.state.body.thrust_m_s2 * _HOVER_THRUST / GRAVITY_M_S2 if report.state.armed else 0.0
+    return (
+        report.state.body.thrust_m_s2 * _HOVER_THRUST / GRAVITY_M_S2 if report.state.armed else 0.0
+    )
 
 
 def attitude_target(report: Report) -> Fields:
@@ -177,7 +199,18 @@ def highres_imu(report: Report) -> Fields:
     pressure = _pressure_hpa(report)
     height = state.frame.origin.alt_amsl_m - state.position_m[2]
     rates = state.attitude[3:]
-    return (report.boot_us, *_felt(report), *rates, *_FIELD_GAUSS, pressure, 0.0, height, 25.0, 0xFFF, 0)
+    return (
+        report.boot_us,
+        *_felt(report),
+        *rates,
+        *_FIELD_GAUSS,
+        pressure,
+        0.0,
+        height,
+        25.0,
+        0xFFF,
+        0,
+    )
 
 
 def _pressure_hpa(report: Report) -> float:
@@ -194,7 +227,16 @@ def raw_imu(report: Report) -> Fields:
     """RAW_IMU: milli-g, milliradian a second, milligauss."""
     x, y, z = (int16(value * 1000.0 / GRAVITY_M_S2) for value in _felt(report))
     rates = (int16(value * 1000.0) for value in report.state.attitude[3:])
-    return (report.boot_us, x, y, z, *rates, *(int(value * 1000) for value in _FIELD_GAUSS), 0, 2500)
+    return (
+        report.boot_us,
+        x,
+        y,
+        z,
+        *rates,
+        *(int(value * 1000) for value in _FIELD_GAUSS),
+        0,
+        2500,
+    )
 
 
 def scaled_imu2(report: Report) -> Fields:

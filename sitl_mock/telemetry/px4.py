@@ -15,11 +15,16 @@ from sitl_mock.telemetry.report import Report
 Fields = tuple[Any, ...]
 
 _NAN: Final = math.nan
-_LOCAL_NED, _GLOBAL_INT = 1, 5
+_LOCAL_NED = 1
+_GLOBAL_INT = 5
 _EMPTY_Q: Final = bytes(16)
 _NOBODY: Final = bytes(20)
 _PRESENT: Final = 0x0300402F
-_RADIO, _GPS, _POSITION, _AHRS, _PREARM = 0x10000, 0x20, 0x4000, 0x200000, 0x10000000
+_RADIO = 0x10000
+_GPS = 0x20
+_POSITION = 0x4000
+_AHRS = 0x200000
+_PREARM = 0x10000000
 _HEALTHY: Final = 0x0300881F
 _IDLING: Final = int(Kind.IDLING)
 _OWN: Final = (Kind.TRAVEL, Kind.BRAKE)
@@ -27,7 +32,9 @@ _STILL: Final = (_NAN,) * 6 + (0.0, 0.0, 100.0)
 """Setpoint of an idling PX4: a large downward acceleration."""
 _BITS: Final = tuple(1 << index for index in range(9))
 _FIELD_GAUSS: Final = (0.21, 0.006, 0.43)
-_PULSE_OFF, _PULSE_IDLE, _PULSE_FULL = 900, 1000, 2000
+_PULSE_OFF = 900
+_PULSE_IDLE = 1000
+_PULSE_FULL = 2000
 _FULL_M_S2: Final = 20.0
 _LIDAR_CM: Final = 10000
 _NO_TIME_2019_S: Final = 2748666496
@@ -39,7 +46,8 @@ def attitude(report: Report) -> Fields:
     """ATTITUDE; on the ground with the sensors' noise."""
     state = report.state
     sensors = state.sensors
-    lean, spin = sensors.noise.attitude_sd_rad, sensors.noise.gyro_sd_rad_s
+    lean = sensors.noise.attitude_sd_rad
+    spin = sensors.noise.gyro_sd_rad_s
     if not (lean and state.body.on_ground):
         return (report.boot_ms, *state.attitude)
     roll, pitch, yaw, p, q, r = state.attitude
@@ -59,7 +67,8 @@ def odometry(report: Report) -> Fields:
     """ODOMETRY: everything in the local frame, variances on the diagonals, quality never filled."""
     state = report.state
     roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = state.attitude
-    level, high = state.estimator.eph_m**2 * 0.27, 0.0052 if state.body.on_ground else 0.1
+    level = state.estimator.eph_m**2 * 0.27
+    high = 0.0052 if state.body.on_ground else 0.1
     return (
         report.boot_us,
         _LOCAL_NED,
@@ -100,7 +109,9 @@ _VELOCITY_COVARIANCE: Final = _diagonal(0.02, 0.02, 0.01, _NAN, _NAN, _NAN)
 def sys_status(report: Report) -> Fields:
     """SYS_STATUS: PREARM is healthy when it may arm, and never present."""
     state = report.state
-    battery, estimator, pilot = state.battery, state.estimator, state.pilot
+    battery = state.battery
+    estimator = state.estimator
+    pilot = state.pilot
     present = _PRESENT | (_RADIO if pilot.known else 0)
     health = _HEALTHY
     health |= _GPS if estimator.gps_ok else 0
@@ -125,13 +136,19 @@ def position_target_local_ned(report: Report) -> Fields:
 def _trajectory(report: Report) -> tuple[float, ...]:
     setpoint = report.setpoint
     if setpoint.kind in _OWN and (reference := report.reference()) is not None:
-        return (*reference.position_ned_m, *reference.velocity_ned_m_s, *reference.acceleration_ned_m_s2)
+        return (
+            *reference.position_ned_m,
+            *reference.velocity_ned_m_s,
+            *reference.acceleration_ned_m_s2,
+        )
     asked = report.state.body.acceleration_ned_m_s2
     push: tuple[float, ...] = setpoint.acceleration_ned_m_s2
     if push is IGNORED:
         push = asked
     elif math.isnan(sum(push)):
-        push = tuple(real if math.isnan(given) else given for given, real in zip(push, asked, strict=True))
+        push = tuple(
+            real if math.isnan(given) else given for given, real in zip(push, asked, strict=True)
+        )
     return (*setpoint.position_ned_m, *setpoint.velocity_ned_m_s, *push)
 
 
@@ -146,7 +163,8 @@ def _mask(values: tuple[float, ...]) -> int:
 
 def position_target_global_int(report: Report) -> Fields | None:
     """POSITION_TARGET_GLOBAL_INT: the goal of an automatic mode while armed, otherwise None."""
-    state, setpoint = report.state, report.setpoint
+    state = report.state
+    setpoint = report.setpoint
     if not state.armed or report.commander.mode not in _AUTOMATIC:
         return None
     goal = (
@@ -168,7 +186,9 @@ def highres_imu(report: Report) -> Fields:
     s_0, s_1, s_2, s_3, s_4, s_5, s_6, s_7, s_8 = sensors.scatter()
     m_n, m_e, m_d = _FIELD_GAUSS
     push = -(GRAVITY_M_S2 if state.body.on_ground else state.body.thrust_m_s2)
-    a_sd, w_sd, m_sd = noise.accelerometer_sd_m_s2, noise.gyro_sd_rad_s, noise.magnetometer_sd_gauss
+    a_sd = noise.accelerometer_sd_m_s2
+    w_sd = noise.gyro_sd_rad_s
+    m_sd = noise.magnetometer_sd_gauss
     _, _, _, p, q, r = state.attitude
     height = state.frame.origin[2] - sensors.barometer_down_m
     return (
@@ -194,13 +214,20 @@ def highres_imu(report: Report) -> Fields:
 def scaled_pressure(report: Report) -> Fields:
     """SCALED_PRESSURE."""
     state = report.state
-    return (report.boot_ms, pressure_hpa(state.frame.origin.alt_amsl_m - state.sensors.barometer_down_m), 0.0, 1182, 0)
+    return (
+        report.boot_ms,
+        pressure_hpa(state.frame.origin.alt_amsl_m - state.sensors.barometer_down_m),
+        0.0,
+        1182,
+        0,
+    )
 
 
 def altitude(report: Report) -> Fields:
     """ALTITUDE: barometer, estimate above sea level, above the origin, above home, of the terrain, above ground."""
     state = report.state
-    origin_m, up = state.frame.origin.alt_amsl_m, -state.position_m[2]
+    origin_m = state.frame.origin.alt_amsl_m
+    up = -state.position_m[2]
     ground = -state.ground_m
     return (
         report.boot_us,
@@ -216,7 +243,9 @@ def altitude(report: Report) -> Fields:
 def distance_sensor(report: Report) -> Fields:
     """DISTANCE_SENSOR: SIH's laser that looks down."""
     state = report.state
-    height_cm = int(min(max((state.ground_m - state.body.position_ned_m[2]) * 100.0, 0.0), _LIDAR_CM))
+    height_cm = int(
+        min(max((state.ground_m - state.body.position_ned_m[2]) * 100.0, 0.0), _LIDAR_CM)
+    )
     return (report.boot_ms, 0, _LIDAR_CM, height_cm, 0, 0, 25, 0, 0.0, 0.0, _EMPTY_Q, 0)
 
 
@@ -236,7 +265,11 @@ def _throttle(report: Report) -> float:
 def servo_output_raw(report: Report) -> Fields:
     """SERVO_OUTPUT_RAW: four motors, and 900 on every channel that is off."""
     state = report.state
-    pulse = int(_PULSE_IDLE + (_PULSE_FULL - _PULSE_IDLE) * _throttle(report)) if state.armed else _PULSE_OFF
+    pulse = (
+        int(_PULSE_IDLE + (_PULSE_FULL - _PULSE_IDLE) * _throttle(report))
+        if state.armed
+        else _PULSE_OFF
+    )
     return (report.boot_us & 0xFFFFFFFF, 0, *(pulse,) * 4, *(_PULSE_OFF,) * 12)
 
 
@@ -246,13 +279,36 @@ def battery_status(report: Report) -> Fields:
     share = battery.remaining
     charge_state = 1 if share > 0.15 else 2 if share > 0.07 else 3 if share > 0.05 else 4
     cells = (int(battery.voltage_v * 1000.0), *(0xFFFF,) * 9)
-    return (0, 1, 1, 32767, cells, -100, -1, -1, round(share * 100.0), 0, charge_state, (0,) * 4, 0, 0)
+    return (
+        0,
+        1,
+        1,
+        32767,
+        cells,
+        -100,
+        -1,
+        -1,
+        round(share * 100.0),
+        0,
+        charge_state,
+        (0,) * 4,
+        0,
+        0,
+    )
 
 
 def vibration(report: Report) -> Fields:
     """VIBRATION."""
     shaken = not report.state.on_ground
-    return (report.boot_us, 5e-9 if shaken else 1e-10, 0.095 if shaken else 0.011, 1.4 if shaken else 0.11, 0, 0, 0)
+    return (
+        report.boot_us,
+        5e-9 if shaken else 1e-10,
+        0.095 if shaken else 0.011,
+        1.4 if shaken else 0.11,
+        0,
+        0,
+        0,
+    )
 
 
 def estimator_status(report: Report) -> Fields:
@@ -263,7 +319,18 @@ def estimator_status(report: Report) -> Fields:
     flags |= 32 | 64 if estimator.altitude_valid else 0
     flags |= 128 if report.state.on_ground else 0
     high_m = 0.07 if report.state.on_ground else 0.32
-    return (report.boot_us, flags, 0.05, 0.04, 0.02, 0.07, 0.005, _NAN, estimator.eph_m * 0.73, high_m)
+    return (
+        report.boot_us,
+        flags,
+        0.05,
+        0.04,
+        0.02,
+        0.07,
+        0.005,
+        _NAN,
+        estimator.eph_m * 0.73,
+        high_m,
+    )
 
 
 def open_drone_id_location(report: Report) -> Fields:

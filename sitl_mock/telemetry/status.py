@@ -11,17 +11,32 @@ from sitl_mock.telemetry.report import Report, heading_cdeg
 
 Fields = tuple[Any, ...]
 
-_GYRO, _ACCEL, _MAG, _BARO, _GPS = 0x1, 0x2, 0x4, 0x8, 0x20
-_RC, _GEOFENCE, _AHRS, _BATTERY, _PREARM = 0x10000, 0x100000, 0x200000, 0x2000000, 0x10000000
+_GYRO = 0x1
+_ACCEL = 0x2
+_MAG = 0x4
+_BARO = 0x8
+_GPS = 0x20
+_RC = 0x10000
+_GEOFENCE = 0x100000
+_AHRS = 0x200000
+_BATTERY = 0x2000000
+_PREARM = 0x10000000
 _SENSORS: Final = _GYRO | _ACCEL | _MAG | _BARO
 _NO_CELL: Final = 0xFFFF
-_PWM_LOW, _PWM_HIGH = 1000, 2000
-_HDOP_CENTI, _VDOP_CENTI, _H_ACC_MM, _V_ACC_MM, _SPEED_ACC_MM_S, _SATELLITES = 70, 110, 900, 1780, 400, 10
+_PWM_LOW = 1000
+_PWM_HIGH = 2000
+_HDOP_CENTI = 70
+_VDOP_CENTI = 110
+_H_ACC_MM = 900
+_V_ACC_MM = 1780
+_SPEED_ACC_MM_S = 400
+_SATELLITES = 10
 
 
 def heartbeat(report: Report) -> Fields:
     """HEARTBEAT."""
-    commander, flavour = report.commander, report.flavour
+    commander = report.commander
+    flavour = report.flavour
     return (
         flavour.vehicle_type,
         flavour.autopilot,
@@ -35,7 +50,8 @@ def heartbeat(report: Report) -> Fields:
 def sys_status(report: Report) -> Fields:
     """SYS_STATUS: sensors; the GPS bit follows the position, the RC bit the radio, PREARM the arming checks."""
     state = report.state
-    battery, estimator = state.battery, state.estimator
+    battery = state.battery
+    estimator = state.estimator
     present = _SENSORS | _GPS | _BATTERY | _AHRS | _PREARM | (_RC if state.pilot.known else 0)
     health = _SENSORS | _BATTERY
     health |= _GPS if estimator.gps_ok else 0
@@ -190,7 +206,12 @@ def mission_current(report: Report) -> Fields:
         stage = 5
     else:
         stage = 3 if active else 2
-    return (min(mission.current, max(count - 1, 0)), count if count else 0xFFFF, stage, 1 if active else 2)
+    return (
+        min(mission.current, max(count - 1, 0)),
+        count if count else 0xFFFF,
+        stage,
+        1 if active else 2,
+    )
 
 
 def current_mode(report: Report) -> Fields:
@@ -204,7 +225,10 @@ def rc_channels(report: Report) -> Fields:
     if not pilot.fresh(report.state.now_s, 0.5):
         return (report.boot_ms, 0, *(0xFFFF,) * 18, 255)
     sticks = pilot.sticks
-    raw = tuple(round(1500.0 + 500.0 * value) for value in (sticks.roll, sticks.pitch, sticks.throttle, sticks.yaw))
+    raw = tuple(
+        round(1500.0 + 500.0 * value)
+        for value in (sticks.roll, sticks.pitch, sticks.throttle, sticks.yaw)
+    )
     return (report.boot_ms, 8, *raw, *(1500,) * 4, *(0xFFFF,) * 10, 200)
 
 
@@ -232,7 +256,13 @@ def wind(report: Report) -> Fields:
 def fence_status(report: Report) -> Fields:
     """FENCE_STATUS."""
     breached = report.state.conditions.fence_breach
-    return (int(breached), int(breached), 3 if breached else 0, report.boot_ms if breached else 0, 0)
+    return (
+        int(breached),
+        int(breached),
+        3 if breached else 0,
+        report.boot_ms if breached else 0,
+        0,
+    )
 
 
 def power_status(_report: Report) -> Fields:
@@ -245,7 +275,8 @@ def nav_controller_output(report: Report) -> Fields:
     state = report.state
     roll, pitch, yaw = (math.degrees(value) for value in state.attitude[:3])
     goal = report.setpoint.position_ned_m
-    north, east = goal[0] - state.position_m[0], goal[1] - state.position_m[1]
+    north = goal[0] - state.position_m[0]
+    east = goal[1] - state.position_m[1]
     away = int(min(math.hypot(north, east), 65535.0)) if math.isfinite(north + east) else 0
     bearing = int(math.degrees(math.atan2(east, north))) if away else int(yaw)
     error = state.position_m[2] - goal[2]

@@ -61,7 +61,9 @@ STALL_S: Final = 1.0
 class Stepped(Protocol):
     """A `MockVehicle`, or a wrapper that applies faults."""
 
-    def step_links(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]) -> dict[str, list[bytes]]:
+    def step_links(
+        self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]
+    ) -> dict[str, list[bytes]]:
         """Advance to now_s, take the frames of each link, return the frames to send on each."""
         ...
 
@@ -89,7 +91,8 @@ class Loop:
             inbox[arrival.vehicle][arrival.link].append(arrival.data)
         now_s = self._now()
         tick = math.floor((now_s - self.first_s) / TICK_S)
-        ticked, self.tick = tick != self.tick, tick
+        ticked = tick != self.tick
+        self.tick = tick
         for name, vehicle in self.vehicles.items():
             if not ticked and name not in inbox:
                 continue
@@ -140,4 +143,5 @@ def run(
     while not stop(ready):
         loop.cycle(ready)
         sources = [*watched, *(fileno for endpoint in endpoints for fileno in endpoint.filenos())]
-        ready, _, _ = select.select(sources, [], [], loop.wait_s())  # not poll: too coarse for 100 Hz
+        # Not poll: too coarse for 100 Hz
+        ready, _, _ = select.select(sources, [], [], loop.wait_s())

@@ -67,7 +67,8 @@ class UdpEndpoint:
         """Return all received data; every sender becomes a peer."""
         arrivals = []
         for key, _ in self._readable.select(0.0) if self._sockets else ():
-            name, each = key.data, self._sockets[key.data]
+            name = key.data
+            each = self._sockets[key.data]
             for _ in range(_READS_MAX):
                 try:
                     data, address = each.recvfrom(_DATAGRAM_MAX)
@@ -99,7 +100,9 @@ class UdpEndpoint:
 
     def describe(self) -> dict[str, str]:
         """Return each vehicle's own address."""
-        return {name: f"udp://{_HOST}:{each.getsockname()[1]}" for name, each in self._sockets.items()}
+        return {
+            name: f"udp://{_HOST}:{each.getsockname()[1]}" for name, each in self._sockets.items()
+        }
 
     def change_port(self, vehicle: str) -> None:
         """Change to another free port, as after a restart behind a router; peers are kept."""
@@ -126,7 +129,8 @@ class UdpEndpoint:
         peers[address] = self._clock()
 
     def _targets(self, name: str) -> list[Address]:
-        peers, fixed = self._peers[name], self._fixed[name]
+        peers = self._peers[name]
+        fixed = self._fixed[name]
         if peers:
             oldest_s = self._clock() - PEER_FORGOTTEN_S
             for address in [address for address, heard_s in peers.items() if heard_s < oldest_s]:
@@ -141,7 +145,8 @@ def _datagrams(frames: Sequence[bytes]) -> Iterator[bytes]:
         size += len(frame)
         if size > DATAGRAM_FULL and index > start:
             yield b"".join(frames[start:index])
-            start, size = index, len(frame)
+            start = index
+            size = len(frame)
     if size:
         yield b"".join(frames[start:])
 

@@ -35,7 +35,10 @@ _LINK: Final = "onboard"
 # A vehicle's messages come in bursts of dozens; on a busy machine Zenoh's two batches of real-time traffic and its wait
 # of 1 ms lost the HEARTBEAT among them. Sixteen batches is the most it allows.
 _TRANSMISSION: Final = {
-    "queue": {"size": {"real_time": 16}, "congestion_control": {"drop": {"wait_before_drop": 10_000}}}
+    "queue": {
+        "size": {"real_time": 16},
+        "congestion_control": {"drop": {"wait_before_drop": 10_000}},
+    }
 }
 
 
@@ -101,7 +104,9 @@ class ZenohEndpoint:
         self._wake_from.setblocking(False)
         self._wake_to.setblocking(False)
         self._vehicles = tuple(vehicles)
-        self._mode, self._connect, self._keys = mode, connect, keys
+        self._mode = mode
+        self._connect = connect
+        self._keys = keys
         self._declarations: list[Callable[[zenoh.Session], None]] = []
         self._publishers: dict[str, Any] = {}
         self._subscribers: list[Any] = []
@@ -132,7 +137,9 @@ class ZenohEndpoint:
                 configuration(self._mode, self._endpoint, connect=self._connect, keys=self._keys)
             )
         except zenoh.ZError as error:
-            raise TransportError(_reason(self._endpoint, str(error), connect=self._connect)) from None
+            raise TransportError(
+                _reason(self._endpoint, str(error), connect=self._connect)
+            ) from None
         raw = zenoh.Encoding.APPLICATION_OCTET_STREAM.with_schema("mavlink")
         self._publishers = {
             name: self._session.declare_publisher(
@@ -198,7 +205,8 @@ class ZenohEndpoint:
         self._close_wake()
 
     def _taker(self, name: str) -> Callable[[Any], None]:
-        queue, link = self._queue, self._link
+        queue = self._queue
+        link = self._link
 
         def take(sample: Any) -> None:  # noqa: ANN401 - zenoh.Sample, from a thread of the session
             if len(queue) >= QUEUE_MAX:
@@ -233,7 +241,9 @@ def _reason(endpoint: str, text: str, *, connect: bool) -> str:
             "router by tls/ wants --zenoh-keys"
         )
     short = text.split(" at ", maxsplit=1)[0]
-    return f"zenoh endpoint {endpoint} cannot be opened: {short}; give one such as tcp/127.0.0.1:7447"
+    return (
+        f"zenoh endpoint {endpoint} cannot be opened: {short}; give one such as tcp/127.0.0.1:7447"
+    )
 
 
 def with_port(endpoint: str) -> str:
@@ -275,7 +285,9 @@ def _table(path: Path) -> dict[str, Any]:
     given = read_toml(path, "--zenoh-keys")
     for key, value in given.items():
         if key not in _KEYS or not isinstance(value, str):
-            raise ConfigError(f"{path}: {key} = {value!r}: allowed are {', '.join(_KEYS)}, each a text")
+            raise ConfigError(
+                f"{path}: {key} = {value!r}: allowed are {', '.join(_KEYS)}, each a text"
+            )
         missing = [other for other in _NEEDS.get(key, ()) if other not in given]
         if missing:
             raise ConfigError(f"{path}: {missing[0]} is missing: {key} = {value!r} needs it")
@@ -295,9 +307,16 @@ def _tls(path: Path, given: dict[str, Any]) -> dict[str, Any]:
     try:
         context.load_verify_locations(given["tls_ca_file"])
         if "tls_certificate_file" in given:
-            certificate, key = given["tls_certificate_file"], given["tls_key_file"]
+            certificate = given["tls_certificate_file"]
+            key = given["tls_key_file"]
             context.load_cert_chain(certificate, key, password=str)
-            tls |= {"enable_mtls": True, "connect_certificate": certificate, "connect_private_key": key}
+            tls |= {
+                "enable_mtls": True,
+                "connect_certificate": certificate,
+                "connect_private_key": key,
+            }
     except ssl.SSLError as error:
-        raise ConfigError(f"{path}: its certificates or its key are wrong ({error.reason or error})") from None
+        raise ConfigError(
+            f"{path}: its certificates or its key are wrong ({error.reason or error})"
+        ) from None
     return tls

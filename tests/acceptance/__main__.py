@@ -33,7 +33,8 @@ AUTOPILOTS = ("px4", "arducopter")
 READY_WITHIN_S = 120.0
 DOWN_WITHIN_S = 240.0
 AT_A_TIME = 4
-SIM_HEIGHT_M, STAND_IN_HEIGHT_M = 20.0, 8.0
+SIM_HEIGHT_M = 20.0
+STAND_IN_HEIGHT_M = 8.0
 SOON_UP_AND_DOWN = {
     "px4": {"COM_SPOOLUP_TIME": 0.2, "MPC_TKO_RAMP_T": 0.5, "MPC_TKO_SPEED": 4.0, "MPC_LAND_SPEED": 2.0,
             "COM_DISARM_LAND": 0.3},
@@ -51,7 +52,11 @@ def on_a_url(autopilot: str, url: str, folder: Path, tell: Tell, only: str) -> N
     try:
         relay = with_relay.fresh()
         if relay.profile.name != autopilot:
-            tell(Line(autopilot, "set up", "", autopilot, f"{relay.profile.name} is there", held=False))
+            tell(
+                Line(
+                    autopilot, "set up", "", autopilot, f"{relay.profile.name} is there", held=False
+                )
+            )
             return
         if not _set_up(relay, folder / "set-up", tell):
             return
@@ -91,17 +96,33 @@ def _set_up(relay: Relay, folder: Path, tell: Tell) -> bool:
     """Set the parameters with `guidance check --apply`; repeat while the vehicle is starting."""
     name = relay.profile.name
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "scenario.toml").write_text(toml(cases(name, height_m=SIM_HEIGHT_M)[2].scenario), encoding="utf-8")
-    command = [GUIDANCE, "check", folder / "scenario.toml", "--vehicle", relay.client_url, "--apply", "--yes"]
+    (folder / "scenario.toml").write_text(
+        toml(cases(name, height_m=SIM_HEIGHT_M)[2].scenario), encoding="utf-8"
+    )
+    command = [
+        GUIDANCE,
+        "check",
+        folder / "scenario.toml",
+        "--vehicle",
+        relay.client_url,
+        "--apply",
+        "--yes",
+    ]
     said = subprocess.CompletedProcess[str]([], 4, "", "")
 
     def passes() -> bool:
         nonlocal said
-        said = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=90, check=False)
+        said = subprocess.run(
+            [*map(str, command)], capture_output=True, text=True, timeout=90, check=False
+        )
         return said.returncode == 0
 
     held = wait(passes, READY_WITHIN_S)
-    words = "nothing is refused" if held else (said.stdout + said.stderr).strip().splitlines()[-1][-160:]
+    words = (
+        "nothing is refused"
+        if held
+        else (said.stdout + said.stderr).strip().splitlines()[-1][-160:]
+    )
     tell(Line(name, "set up", "mavsdk", "check --apply refuses nothing", words, held))
     return held
 
@@ -122,7 +143,16 @@ def on_the_mock(autopilot: str, case: Case, folder: Path) -> list[Line]:
             finally:
                 relay.close()
     except (GuidanceError, MockError) as error:
-        return [Line(autopilot, case.name, case.link, "a flight", f"{type(error).__name__}: {error}", held=False)]
+        return [
+            Line(
+                autopilot,
+                case.name,
+                case.link,
+                "a flight",
+                f"{type(error).__name__}: {error}",
+                held=False,
+            )
+        ]
 
 
 def _chosen(autopilot: str, height_m: float, only: str) -> list[Case]:
@@ -130,7 +160,9 @@ def _chosen(autopilot: str, height_m: float, only: str) -> list[Case]:
 
 
 def _slug(case: Case) -> str:
-    return "".join(letter if letter.isalnum() else "-" for letter in f"{case.name} {case.link}").strip("-")
+    return "".join(
+        letter if letter.isalnum() else "-" for letter in f"{case.name} {case.link}"
+    ).strip("-")
 
 
 def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool) -> None:
@@ -149,14 +181,22 @@ def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool) -> None:
         with Waiting() as waiting:
             lines = on_the_mock(autopilot, case, place)
         if again and (starved := waiting.starved()):
-            return [line if line.held else line._replace(got=f"{line.got}; {starved}", held=None) for line in lines]
+            return [
+                line if line.held else line._replace(got=f"{line.got}; {starved}", held=None)
+                for line in lines
+            ]
         return lines
 
     with ThreadPoolExecutor(AT_A_TIME) as pool:
-        for (autopilot, case), lines in zip(flights, pool.map(lambda flight: flown(*flight), flights), strict=True):
+        for (autopilot, case), lines in zip(
+            flights, pool.map(lambda flight: flown(*flight), flights), strict=True
+        ):
             if not all(line.held for line in lines):
                 wrong = next(line for line in lines if not line.held)
-                print(f"{autopilot}, {case.name}: {wrong.wanted}, got {wrong.got}; flown again by itself", flush=True)
+                print(
+                    f"{autopilot}, {case.name}: {wrong.wanted}, got {wrong.got}; flown again by itself",
+                    flush=True,
+                )
                 lines = pool.submit(flown, autopilot, case, "-again").result()  # noqa: PLW2901 - in its place
             for line in lines:
                 tell(line)
@@ -166,29 +206,50 @@ def main(arguments: Sequence[str]) -> int:
     """Fly, show the table; return 0 if everything held."""
     parser = argparse.ArgumentParser(prog="python -m tests acceptance", description=__doc__)
     for autopilot in AUTOPILOTS:
-        parser.add_argument(f"--{autopilot}", metavar="URL", help="IT IS ARMED AND FLOWN; see docs/acceptance.md")
-    parser.add_argument("--team", metavar="URL", nargs=3, help="three vehicles: THEY ARE ARMED AND FLOWN as a team")
+        parser.add_argument(
+            f"--{autopilot}", metavar="URL", help="IT IS ARMED AND FLOWN; see docs/acceptance.md"
+        )
+    parser.add_argument(
+        "--team", metavar="URL", nargs=3, help="three vehicles: THEY ARE ARMED AND FLOWN as a team"
+    )
     parser.add_argument("--report", type=Path, help="folder for records, pictures and the table")
     parser.add_argument("--only", default="", help="flights with these words in their name")
-    parser.add_argument("--all", action="store_true", help="without a URL: every flight on both mocks")
+    parser.add_argument(
+        "--all", action="store_true", help="without a URL: every flight on both mocks"
+    )
     given = parser.parse_args(arguments)
     if given.report is not None and given.report.exists() and any(given.report.iterdir()):
-        parser.error(f"--report {given.report}: is not empty; flights already flown stay, so give a new folder")
-    console, lock = Console(), threading.Lock()
+        parser.error(
+            f"--report {given.report}: is not empty; flights already flown stay, so give a new folder"
+        )
+    console = Console()
+    lock = threading.Lock()
     lines: list[Line] = []
     began_s = time.monotonic()
 
     def tell(line: Line) -> None:
         with lock:
             lines.append(line)
-            mark = "[green]ok[/green]" if line.held else f"[bold red]{VERDICTS[line.held]}[/bold red]"
+            mark = (
+                "[green]ok[/green]" if line.held else f"[bold red]{VERDICTS[line.held]}[/bold red]"
+            )
             words = f"{line.autopilot}, {line.flight} ({line.link}): wanted {line.wanted}, got {line.got}"
-            console.print(f"{time.monotonic() - began_s:6.0f} s ", mark, words, highlight=False, soft_wrap=True)
+            console.print(
+                f"{time.monotonic() - began_s:6.0f} s ",
+                mark,
+                words,
+                highlight=False,
+                soft_wrap=True,
+            )
 
     with tempfile.TemporaryDirectory(prefix="acceptance-") as scratch:
         folder = given.report if given.report is not None else Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        urls = {autopilot: getattr(given, autopilot) for autopilot in AUTOPILOTS if getattr(given, autopilot)}
+        urls = {
+            autopilot: getattr(given, autopilot)
+            for autopilot in AUTOPILOTS
+            if getattr(given, autopilot)
+        }
         if given.team:
             fly_all(given.team, folder / "team", tell, given.only)
         elif urls:

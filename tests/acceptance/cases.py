@@ -25,27 +25,40 @@ def ends(word: str) -> Wanted:
 
 
 def ratio(most: float) -> Wanted:
-    return Wanted(f"flown/value ≤ {most:g}", column("ratio"), lambda got: got is not None and got <= most)
+    return Wanted(
+        f"flown/value ≤ {most:g}", column("ratio"), lambda got: got is not None and got <= most
+    )
 
 
-KEEPS_OFF = Wanted("≥ 1.8 m from the evader", column("min_standoff_m"), lambda got: got is not None and got >= 1.8)
+KEEPS_OFF = Wanted(
+    "≥ 1.8 m from the evader", column("min_standoff_m"), lambda got: got is not None and got >= 1.8
+)
 """The limit is 2 m, a metre inside the disc; positions are known to 0.2 m."""
 
 EARLIER = Wanted("before the value", column("regret"), lambda got: got is not None and got < 0.0)
 LOST_AND_FOUND = Wanted(
     "paused, then played on",
-    lambda row: [event for event in row.get("events", ()) if event in {"evader lost", "all inputs back"}],
+    lambda row: [
+        event for event in row.get("events", ()) if event in {"evader lost", "all inputs back"}
+    ],
     lambda got: got == ["evader lost", "all inputs back"],
 )
-SPEED_LIMIT = Wanted("≤ 1.03 of limits.speed_m_s", column("overspeed"), lambda got: got is not None and got <= 1.03)
-PROMISE = Wanted("promised time kept within 10 %", column("kept"), lambda got: got is not None and got <= 1.1)
+SPEED_LIMIT = Wanted(
+    "≤ 1.03 of limits.speed_m_s", column("overspeed"), lambda got: got is not None and got <= 1.03
+)
+PROMISE = Wanted(
+    "promised time kept within 10 %", column("kept"), lambda got: got is not None and got <= 1.1
+)
 NOT_LATER = Wanted("no later alarm of the time", column("later"), lambda got: got == 0)
 REFUSED = "evader too fast"
 AT_FULL_SPEED = "it reached the game's speed"
 AT_ITS_SPEED = Wanted(
     "captured at the game's speed or with the speed reported, or refused by name",
     lambda row: f"{row.get('end')}; {_speed_told(row)}",
-    lambda got: got.startswith(("captured; this vehicle reaches", f"captured; {AT_FULL_SPEED}")) or REFUSED in got,
+    lambda got: (
+        got.startswith(("captured; this vehicle reaches", f"captured; {AT_FULL_SPEED}"))
+        or REFUSED in got
+    ),
 )
 
 
@@ -56,10 +69,18 @@ def _speed_told(row: Row) -> str:
     return AT_FULL_SPEED if row.get("reached", 0.0) >= 1.0 else str(row.get("reason"))
 
 
-LOST_AS_SOLVED = Wanted("predicted: evader", column("predicted_winner"), lambda got: got == "evader")
-WON_AS_SOLVED = Wanted("predicted: pursuer", column("predicted_winner"), lambda got: got == "pursuer")
-WON_BY_VEHICLE = Wanted("the vehicle's verdict: pursuer", column("vehicle_winner"), lambda got: got == "pursuer")
-LOST_BY_VEHICLE = Wanted("the vehicle's verdict: evader", column("vehicle_winner"), lambda got: got == "evader")
+LOST_AS_SOLVED = Wanted(
+    "predicted: evader", column("predicted_winner"), lambda got: got == "evader"
+)
+WON_AS_SOLVED = Wanted(
+    "predicted: pursuer", column("predicted_winner"), lambda got: got == "pursuer"
+)
+WON_BY_VEHICLE = Wanted(
+    "the vehicle's verdict: pursuer", column("vehicle_winner"), lambda got: got == "pursuer"
+)
+LOST_BY_VEHICLE = Wanted(
+    "the vehicle's verdict: evader", column("vehicle_winner"), lambda got: got == "evader"
+)
 
 HONEST = (KEEPS_OFF, SPEED_LIMIT, PROMISE, NOT_LATER)
 """Conditions of every chase."""
@@ -86,7 +107,13 @@ class Case:
 
 
 def scenario(
-    title: str, *, height_m: float, u: float = 6.0, v: float = 3.0, away_m: float = 60.0, **sections: Mapping[str, Any]
+    title: str,
+    *,
+    height_m: float,
+    u: float = 6.0,
+    v: float = 3.0,
+    away_m: float = 60.0,
+    **sections: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Return a scenario: hover at `height_m`, evader `away_m` to the north, R 3 m, h 5 m."""
     document: dict[str, Any] = {
@@ -104,7 +131,9 @@ def scenario(
         "standoff": {"radius_m": 3.0, "height_m": 5.0},
     }
     for name, value in sections.items():
-        document[name] = {**document[name], **value} if isinstance(document.get(name), dict) else value
+        document[name] = (
+            {**document[name], **value} if isinstance(document.get(name), dict) else value
+        )
     return document
 
 
@@ -126,11 +155,18 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
     near = {"away_m": 25.0}
     steady = "a chase, u 6 v 3"
     both = [
-        Case(steady, link, made(steady, height_m=height_m), (ends("captured"), ratio(slow), *HONEST), autopilots=flown)
+        Case(
+            steady,
+            link,
+            made(steady, height_m=height_m),
+            (ends("captured"), ratio(slow), *HONEST),
+            autopilots=flown,
+        )
         for link, flown in (("mavsdk", BY_NAME_ONLY), ("pymavlink", ("arducopter",)))
     ]
     going = made("goes on", away_m=80.0)
-    sudden = {"acceleration_m_s2": 10.0}  # reaches its speed within 0.5 s; by default the rover needs 1.5 s or more
+    # Reaches its speed within 0.5 s; by default the rover needs 1.5 s or more
+    sudden = {"acceleration_m_s2": 10.0}
     return [
         *both,
         Case(
@@ -167,7 +203,14 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
         Case(
             "an evader that runs at the pursuer",
             "mavsdk",
-            made("at the pursuer", game="tad", target={"position_m": [0.0, 0.0]}, v=4.0, away_m=11.0, evader=sudden),
+            made(
+                "at the pursuer",
+                game="tad",
+                target={"position_m": [0.0, 0.0]},
+                v=4.0,
+                away_m=11.0,
+                evader=sudden,
+            ),
             (ends("captured"), KEEPS_OFF),
             autopilots=("px4",),
             virtual=True,
@@ -175,7 +218,9 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
         Case(
             "an evader that stops",
             "pymavlink",
-            made("stops", evader={"policy": "waypoints", "waypoints_m": [[6.0, 40.0]]}, away_m=40.0),
+            made(
+                "stops", evader={"policy": "waypoints", "waypoints_m": [[6.0, 40.0]]}, away_m=40.0
+            ),
             (ends("captured"), EARLIER, KEEPS_OFF),
             autopilots=("px4",),
             virtual=True,
@@ -191,7 +236,11 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
         Case(
             "an evader that comes closer",
             "pymavlink",
-            made("comes closer", evader={"policy": "waypoints", "waypoints_m": [[0.0, -40.0]]}, away_m=40.0),
+            made(
+                "comes closer",
+                evader={"policy": "waypoints", "waypoints_m": [[0.0, -40.0]]},
+                away_m=40.0,
+            ),
             (ends("captured"), EARLIER, KEEPS_OFF),
             autopilots=("px4",),
             virtual=True,
@@ -236,7 +285,13 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             meddling="pilot",
             autopilots=("px4",),
         ),
-        Case("an order to hold", "mavsdk" if px4 else "pymavlink", going, meddling="hold", autopilots=("px4",)),
+        Case(
+            "an order to hold",
+            "mavsdk" if px4 else "pymavlink",
+            going,
+            meddling="hold",
+            autopilots=("px4",),
+        ),
         Case(
             "orders while landing and returning",
             "pymavlink" if px4 else "mavsdk",
@@ -251,7 +306,11 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
 
 def toml(document: Mapping[str, Any]) -> str:
     """Return a scenario as TOML: scalars first, then the sections."""
-    plain = [f"{key} = {json.dumps(value)}" for key, value in document.items() if not isinstance(value, Mapping)]
+    plain = [
+        f"{key} = {json.dumps(value)}"
+        for key, value in document.items()
+        if not isinstance(value, Mapping)
+    ]
     sections = [
         "\n".join([f"[{key}]", *(f"{name} = {json.dumps(part)}" for name, part in value.items())])
         for key, value in document.items()

@@ -67,7 +67,9 @@ class Flown:
 
     def at_s(self, words: str) -> float | None:
         """Return the time of the first line that ends with these words, ignoring a reason after a colon."""
-        return next((at_s for at_s, line in self.said if line.partition(": ")[0].endswith(words)), None)
+        return next(
+            (at_s for at_s, line in self.said if line.partition(": ")[0].endswith(words)), None
+        )
 
     def order(self, word: str) -> bool:
         """Give an order as an operator does; return whether it was accepted."""
@@ -75,7 +77,12 @@ class Flown:
         endpoint = ("--endpoint", told[-1]) if told else ()
         command = [GUIDANCE, "ctl", word, *endpoint]
         done = subprocess.run(
-            [*map(str, command)], env=self.environment, capture_output=True, text=True, timeout=20, check=False
+            [*map(str, command)],
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=20,
+            check=False,
         )
         self.said.append((time.monotonic(), f"ctl {word}: {(done.stdout + done.stderr).strip()}"))
         return done.returncode == 0
@@ -95,21 +102,39 @@ def outcome(folder: Path, speed_m_s: float) -> dict[str, object]:
     if not path.is_file():
         return {}
     limit_m_s = CATCH_UP_RATIO * speed_m_s
-    return json.loads(path.read_text()) | promises(folder / "record.mcap", speed_m_s=speed_m_s, limit_m_s=limit_m_s)
+    return json.loads(path.read_text()) | promises(
+        folder / "record.mcap", speed_m_s=speed_m_s, limit_m_s=limit_m_s
+    )
 
 
 def fly_in_virtual_time(case: Case, autopilot: str, folder: Path) -> list[Line]:
     """Fly one case with `guidance fly --fast`; return its lines of the table."""
     pursuer = {**case.scenario["pursuer"], "autopilot": autopilot}
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "scenario.toml").write_text(toml({**case.scenario, "pursuer": pursuer}), encoding="utf-8")
+    (folder / "scenario.toml").write_text(
+        toml({**case.scenario, "pursuer": pursuer}), encoding="utf-8"
+    )
     command = [GUIDANCE, "fly", folder / "scenario.toml", "--fast", "--out", folder]
-    done = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=FLOWN_WITHIN_S, check=False)
+    done = subprocess.run(
+        [*map(str, command)], capture_output=True, text=True, timeout=FLOWN_WITHIN_S, check=False
+    )
     row = outcome(folder, pursuer["speed_m_s"])
     if not row:
-        return [Line(autopilot, case.name, "virtual time", "a flight", (done.stdout + done.stderr)[-160:], held=False)]
+        return [
+            Line(
+                autopilot,
+                case.name,
+                "virtual time",
+                "a flight",
+                (done.stdout + done.stderr)[-160:],
+                held=False,
+            )
+        ]
     got = [(one, one.got(row)) for one in case.wanted]
-    return [Line(autopilot, case.name, "virtual time", one.words, _words(value), one.held(value)) for one, value in got]
+    return [
+        Line(autopilot, case.name, "virtual time", one.words, _words(value), one.held(value))
+        for one, value in got
+    ]
 
 
 @contextmanager
@@ -118,7 +143,15 @@ def started(case: Case, relay: Relay, folder: Path, *, end: str) -> Iterator[Flo
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "outcome.json").unlink(missing_ok=True)  # of an earlier run into the same folder
     (folder / "scenario.toml").write_text(toml(case.scenario), encoding="utf-8")
-    command = [GUIDANCE, "fly", folder / "scenario.toml", "--vehicle", relay.client_url, "--link", case.link]
+    command = [
+        GUIDANCE,
+        "fly",
+        folder / "scenario.toml",
+        "--vehicle",
+        relay.client_url,
+        "--link",
+        case.link,
+    ]
     # Each flight has its own folder for token and socket: vehicles in other network namespaces use the same endpoint.
     (folder / "runtime").mkdir(exist_ok=True)
     runtime = {"XDG_RUNTIME_DIR": str(folder / "runtime")}
@@ -140,7 +173,9 @@ def started(case: Case, relay: Relay, folder: Path, *, end: str) -> Iterator[Flo
             process.kill()
         process.wait()
         reader.join(5.0)
-        (folder / "said.txt").write_text("\n".join(line for _, line in flown.said) + "\n", encoding="utf-8")
+        (folder / "said.txt").write_text(
+            "\n".join(line for _, line in flown.said) + "\n", encoding="utf-8"
+        )
 
 
 def fly(case: Case, relay: Relay, folder: Path, *, end: str) -> list[Line]:
@@ -153,7 +188,9 @@ def fly(case: Case, relay: Relay, folder: Path, *, end: str) -> list[Line]:
         return _refused(case, relay, folder, line)
     with started(case, relay, folder, end=end) as flown:
         if case.meddling:
-            engaged = wait(lambda: flown.at_s("engaged") is not None or _over(flown), ENGAGED_WITHIN_S)
+            engaged = wait(
+                lambda: flown.at_s("engaged") is not None or _over(flown), ENGAGED_WITHIN_S
+            )
             if not engaged or flown.at_s("engaged") is None:
                 return [line("engaged", flown.last_words(), held=False)]
             time.sleep(MEDDLED_AFTER_S)
@@ -164,13 +201,20 @@ def fly(case: Case, relay: Relay, folder: Path, *, end: str) -> list[Line]:
         return [line("a flight", flown.last_words(), held=False)]
     lines = [line(one.words, one.got(row), held=one.held(one.got(row))) for one in case.wanted]
     if case.prompt:
-        ordered_s, engaged_s = flown.at_s("standing by"), flown.at_s("engaged")
+        ordered_s = flown.at_s("standing by")
+        engaged_s = flown.at_s("engaged")
         took_s = math.inf if ordered_s is None or engaged_s is None else engaged_s - ordered_s
         words = f"engaged ≤ {ENGAGED_AFTER_ORDER_S:g} s after the order"
         lines.append(line(words, f"{took_s:.2f} s", held=took_s <= ENGAGED_AFTER_ORDER_S))
     if case.fence_m is not None:
         out_m = _farthest_m(relay, flown)
-        lines.append(line(f"within the fence of {case.fence_m:g} m", f"{out_m:.1f} m", held=out_m <= case.fence_m))
+        lines.append(
+            line(
+                f"within the fence of {case.fence_m:g} m",
+                f"{out_m:.1f} m",
+                held=out_m <= case.fence_m,
+            )
+        )
     down = bool(relay.seen.beats) and not relay.armed
     lines.append(line("disarmed at the end", "disarmed" if down else "armed", held=down))
     return lines
@@ -188,12 +232,18 @@ def _pilot(case, relay, flown, line):
     wait(lambda: _over(flown), 20.0)
     row = flown.row()
     took_s = math.inf if yielded_s is None else yielded_s - at_s
-    yield line(f"yielded within {YIELDED_WITHIN_S:g} s", f"{took_s:.1f} s", held=took_s <= YIELDED_WITHIN_S)
+    yield line(
+        f"yielded within {YIELDED_WITHIN_S:g} s", f"{took_s:.1f} s", held=took_s <= YIELDED_WITHIN_S
+    )
     after = sum(one > (yielded_s or at_s) + 0.1 for one in relay.seen.setpoints_s)
     yield line("silent from then on", f"{after} setpoints", held=after == 0)
     mode = relay.mode()
     last_s = max(relay.seen.setpoints_s, default=at_s) - at_s
-    yield line(f"silent ≤ {SILENT_WITHIN_S:g} s after the switch", f"{last_s:.2f} s", held=last_s <= SILENT_WITHIN_S)
+    yield line(
+        f"silent ≤ {SILENT_WITHIN_S:g} s after the switch",
+        f"{last_s:.2f} s",
+        held=last_s <= SILENT_WITHIN_S,
+    )
     yield line("the pilot's mode stays", str(mode), held=mode is Mode.HOLD)
     for one in case.wanted:
         yield line(one.words, one.got(row), held=one.held(one.got(row)))
@@ -207,7 +257,9 @@ def _held(case, relay, flown, line):
     held = wait(lambda: relay.mode() is Mode.HOLD, MODE_WITHIN_S)
     yield line(f"in its hold within {MODE_WITHIN_S:g} s", str(relay.mode()), held=held)
     silent_s = time.monotonic()
-    left = wait(lambda: relay.mode() is not Mode.HOLD or _over(flown), at_s + HELD_S - time.monotonic())
+    left = wait(
+        lambda: relay.mode() is not Mode.HOLD or _over(flown), at_s + HELD_S - time.monotonic()
+    )
     kept_s = time.monotonic() - at_s
     yield line(f"held for {HELD_S:g} s", f"{relay.mode()} after {kept_s:.1f} s", held=not left)
     after = sum(one > silent_s + 0.5 for one in relay.seen.setpoints_s)
@@ -252,7 +304,11 @@ def _killed(case, relay, flown, line):
         took_s = time.monotonic() - at_s
         left = relay.mode() is not Mode.GUIDED
         got = f"{relay.mode()} after {took_s:.1f} s"
-        yield line(f"PX4 leaves OFFBOARD within {LEFT_WITHIN_S:g} s", got, held=left and took_s <= LEFT_WITHIN_S)
+        yield line(
+            f"PX4 leaves OFFBOARD within {LEFT_WITHIN_S:g} s",
+            got,
+            held=left and took_s <= LEFT_WITHIN_S,
+        )
     else:
 
         def still() -> bool:
@@ -279,14 +335,23 @@ def _refused(case, relay, folder, line):
     try:
         with started(case, relay, folder, end="land") as flown:
             wait(lambda: _over(flown), 60.0)
-            code, words = flown.process.poll(), " ".join(text for _, text in flown.said)
+            code = flown.process.poll()
+            words = " ".join(text for _, text in flown.said)
     finally:
         relay.set(name, before)
     armed = any(armed for _, _, armed in relay.seen.beats)
     return [
         line("exit code 4", code, held=code == 4),
-        line(f"refused for {name}", "named" if name in words else flown.last_words(), held=name in words),
-        line("what to do is said", "guidance check" if "--apply" in words else "", held="--apply" in words),
+        line(
+            f"refused for {name}",
+            "named" if name in words else flown.last_words(),
+            held=name in words,
+        ),
+        line(
+            "what to do is said",
+            "guidance check" if "--apply" in words else "",
+            held="--apply" in words,
+        ),
         line("nothing armed", "armed" if armed else "disarmed", held=not armed),
         line("no setpoint", f"{len(relay.seen.setpoints_s)}", held=not relay.seen.setpoints_s),
     ]
@@ -295,8 +360,12 @@ def _refused(case, relay, folder, line):
 def _farthest_m(relay: Relay, flown: Flown) -> float:
     """Return the largest horizontal distance from the first position until the game was over, m."""
     begin = relay.seen.positions[0][1]
-    over_s = next((at_s for at_s, text in flown.said if text.endswith(("returning", "landing"))), math.inf)
-    return max(math.dist(place[:2], begin[:2]) for at_s, place, _ in relay.seen.positions if at_s < over_s)
+    over_s = next(
+        (at_s for at_s, text in flown.said if text.endswith(("returning", "landing"))), math.inf
+    )
+    return max(
+        math.dist(place[:2], begin[:2]) for at_s, place, _ in relay.seen.positions if at_s < over_s
+    )
 
 
 def _words(got: object) -> str:

@@ -31,7 +31,9 @@ def promises(record: Path, *, speed_m_s: float, limit_m_s: float) -> dict[str, A
     told = [number for number, cycle in enumerate(played) if _alarm(cycle, Violation.TOO_SLOW)]
     since = played[told[0] + 1 :] if told else played
     promised_s = next((c.certificate.time_needed_s for c in since if c.certificate), math.nan)
-    verdicts = [c.certificate.vehicle_winner for c in played if c.certificate and not c.certificate.captured]
+    verdicts = [
+        c.certificate.vehicle_winner for c in played if c.certificate and not c.certificate.captured
+    ]
     alarm = played[told[0]].alarm if told else None
     largest_m_s = max(_ground_speeds(played), default=math.nan)
     return {
@@ -50,4 +52,6 @@ def _alarm(cycle: CycleEntry, violation: Violation) -> Alarm | None:
 
 def _ground_speeds(played: list[CycleEntry]) -> list[float]:
     messages = (message for cycle in played for message in cycle.inputs.messages)
-    return [math.hypot(*one.velocity_ned_m_s[:2]) for one in messages if isinstance(one, LocalPosition)]
+    return [
+        math.hypot(*one.velocity_ned_m_s[:2]) for one in messages if isinstance(one, LocalPosition)
+    ]

@@ -57,9 +57,12 @@ class Relay:
         self.found: Found = find_autopilot(
             self._wire, clock=time.monotonic, timeout_s=timeout_s, sleep=time.sleep, who=url
         )
-        self.profile: Autopilot = next(one for one in AUTOPILOTS.values() if one.autopilot_id == self.found.autopilot)
+        self.profile: Autopilot = next(
+            one for one in AUTOPILOTS.values() if one.autopilot_id == self.found.autopilot
+        )
         self._client = UdpWire(time.monotonic, "127.0.0.1", client_port)
-        self._down, self._up = FrameReader(), FrameReader()
+        self._down = FrameReader()
+        self._up = FrameReader()
         self._pilot = mavlink.MAVLink(None, *PILOT)
         self._reader = mavlink.MAVLink(None)
         self._lock = threading.Lock()
@@ -91,14 +94,21 @@ class Relay:
                 self.seen.setpoints_s.append(now_s)
 
     def _note(self, now_s: float, frame: Frame) -> None:
-        name, message = frame.name, frame.fields
+        name = frame.name
+        message = frame.fields
         if name == "HEARTBEAT":
             self.seen.beats.append((now_s, message.custom_mode, bool(message.base_mode & ARMED)))
         elif name == "PARAM_VALUE":
-            self.seen.parameters[message.param_id] = (now_s, message.param_value, message.param_type)
+            self.seen.parameters[message.param_id] = (
+                now_s,
+                message.param_value,
+                message.param_type,
+            )
         elif name == "LOCAL_POSITION_NED":
             place = (message.x, message.y, message.z)
-            self.seen.positions.append((now_s, place, math.hypot(message.vx, message.vy, message.vz)))
+            self.seen.positions.append(
+                (now_s, place, math.hypot(message.vx, message.vy, message.vz))
+            )
 
     @property
     def armed(self) -> bool:
@@ -118,7 +128,11 @@ class Relay:
     def switch(self, mode: Mode) -> None:
         """Switch the mode, as a pilot does."""
         main, sub = self.profile.set_mode(mode).params[1:3]
-        self.say(mavlink.MAVLink_command_long_message(*self.found[:2], 176, 0, 1.0, main, sub, 0, 0, 0, 0))
+        self.say(
+            mavlink.MAVLink_command_long_message(
+                *self.found[:2], 176, 0, 1.0, main, sub, 0, 0, 0, 0
+            )
+        )
 
     def set(self, name: str, value: float, *, within_s: float = 3.0) -> float | None:
         """Set a float parameter, or an integer of ArduPilot; return its previous value, or None without an answer."""

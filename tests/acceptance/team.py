@@ -39,7 +39,10 @@ from tests.acceptance.flying import GUIDANCE, Line
 from tests.acceptance.relay import LASTING, SET_UP, Relay, wait
 
 NAMES: Final = ("uav1", "uav2", "uav3")
-READY_WITHIN_S, UP_WITHIN_S, PLAYED_WITHIN_S, DOWN_WITHIN_S = 150.0, 150.0, 40.0, 200.0
+READY_WITHIN_S = 150.0
+UP_WITHIN_S = 150.0
+PLAYED_WITHIN_S = 40.0
+DOWN_WITHIN_S = 200.0
 MEDDLED_AFTER_S: Final = 1.5
 GUARD: Final = load_any("teams_guard")[1]
 
@@ -97,17 +100,26 @@ class Field:
         captured: The captured ones, and by whom.
     """
 
-    def __init__(self, scenario: TeamScenario, ports: dict[str, dict[str, int]], team: ZenohTeam) -> None:
+    def __init__(
+        self, scenario: TeamScenario, ports: dict[str, dict[str, int]], team: ZenohTeam
+    ) -> None:
         self.states: dict[str, tuple[float, StateMessage]] = {}
         self.roles: list[tuple[float, RolesMessage]] = []
-        self.least_m, self.over, self.captured = math.inf, dict[str, float](), dict[str, str]()
-        self._team, clock, site = team, MonotonicClock(), scenario.flight.site
+        self.least_m = math.inf
+        self.over = dict[str, float]()
+        self.captured = dict[str, str]()
+        self._team = team
+        clock = MonotonicClock()
+        site = scenario.flight.site
         self._frame = LocalFrame(site.latitude_deg, site.longitude_deg, Amsl(site.altitude_amsl_m))
         chased = {one.evader: one.scenario for one in reversed(pursuits_of_team(scenario))}
         self._radios = {
-            name: FanOut([UdpWire(clock.now_s, "127.0.0.1", ports[name][to]) for to in NAMES]) for name in chased
+            name: FanOut([UdpWire(clock.now_s, "127.0.0.1", ports[name][to]) for to in NAMES])
+            for name in chased
         }
-        self._rovers = {name: EvaderHere(chased[name], clock, radio) for name, radio in self._radios.items()}
+        self._rovers = {
+            name: EvaderHere(chased[name], clock, radio) for name, radio in self._radios.items()
+        }
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -144,7 +156,11 @@ class Field:
                 self._measure(arrived_s)
 
     def _measure(self, now_s: float) -> None:
-        flying = [self.place(one) for at_s, one in self.states.values() if one.airborne and now_s - at_s < 0.15]
+        flying = [
+            self.place(one)
+            for at_s, one in self.states.values()
+            if one.airborne and now_s - at_s < 0.15
+        ]
         for one, other in combinations(flying, 2):
             if abs(one[2] - other[2]) < GUARD.flight.separation_height_m:
                 self.least_m = min(self.least_m, math.dist(one[:2], other[:2]))
@@ -164,10 +180,15 @@ def vehicle_file(
     first, second = ("rover2", "rover1") if name == "uav2" else ("rover1", "rover2")
     speeds = {"rover1": 3.0, "rover2": case.rover2_m_s}
     heard = {
-        rover: {"kind": "global_position", "url": f"udpin://127.0.0.1:{ports[rover][name]}", "system_id": EVADER_ID}
+        rover: {
+            "kind": "global_position",
+            "url": f"udpin://127.0.0.1:{ports[rover][name]}",
+            "system_id": EVADER_ID,
+        }
         for rover in (first, second)
     }
-    site, standoff = GUARD.flight.site, GUARD.flight.standoff
+    site = GUARD.flight.site
+    standoff = GUARD.flight.standoff
     return {
         "name": name,
         "vehicle": {
@@ -212,15 +233,24 @@ def vehicle_file(
 class Team:
     """Three daemons, the router between them, and a person who orders them."""
 
-    def __init__(self, case: Case, relays: dict[str, Relay], folder: Path, closing_: ExitStack) -> None:
-        self.case, self.relays, self._folder = case, relays, folder
+    def __init__(
+        self, case: Case, relays: dict[str, Relay], folder: Path, closing_: ExitStack
+    ) -> None:
+        self.case = case
+        self.relays = relays
+        self._folder = folder
         now = datetime.datetime.now(datetime.UTC)
         parties = [*(f"{name}-guidance" for name in NAMES), "operator"]
         make_keys(folder / "keys", parties, ["127.0.0.1"], (now, now + datetime.timedelta(days=1)))
         port = free_udp_port({"uav1": "px4"})
         self._endpoint = f"tls/127.0.0.1:{port}"
-        closing_.enter_context(open_router(config_folder() / "zenoh" / "team.json5", folder / "keys", self._endpoint))
-        ports = {rover: {name: free_udp_port({"uav1": "px4"}) for name in NAMES} for rover in ("rover1", "rover2")}
+        closing_.enter_context(
+            open_router(config_folder() / "zenoh" / "team.json5", folder / "keys", self._endpoint)
+        )
+        ports = {
+            rover: {name: free_udp_port({"uav1": "px4"}) for name in NAMES}
+            for rover in ("rover1", "rover2")
+        }
         for name in NAMES:
             document = vehicle_file(name, relays[name], case, ports, port, folder.absolute())
             (folder / f"{name}.toml").write_text(tomli_w.dumps(document), encoding="utf-8")
@@ -253,13 +283,28 @@ class Team:
     def order(self, word: str, *names: str) -> dict[str, dict[str, Any]]:
         """Give an order to the team, or to some of it; return the answers by name."""
         keys = self._folder / "keys" / "operator.toml"
-        command = [GUIDANCE, "ctl", word, "--team", "north", "--endpoint", self._endpoint, "--zenoh", keys]
+        command = [
+            GUIDANCE,
+            "ctl",
+            word,
+            "--team",
+            "north",
+            "--endpoint",
+            self._endpoint,
+            "--zenoh",
+            keys,
+        ]
         command += ["--name", ",".join(names)] if names else []
-        done = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=30, check=False)
+        done = subprocess.run(
+            [*map(str, command)], capture_output=True, text=True, timeout=30, check=False
+        )
         found = [line.partition(": ") for line in done.stdout.splitlines()]
         with (self._folder / "orders.log").open("a", encoding="utf-8") as log:
             log.write(f"{time.monotonic():.2f} {word}: {done.stdout} {done.stderr}\n")
-        return {name: {"accepted": f"{word} accepted" in said, "reason": said} for name, _, said in found}
+        return {
+            name: {"accepted": f"{word} accepted" in said, "reason": said}
+            for name, _, said in found
+        }
 
     def accepted(self, word: str) -> bool:
         """Give an order; return whether all accepted it."""
@@ -288,9 +333,14 @@ def fly(case: Case, relays: dict[str, Relay], folder: Path) -> Iterator[Line]:
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
         team = Team(case, relays, folder, stack)
-        field, began_s = team.field, time.monotonic()
+        field = team.field
+        began_s = time.monotonic()
         if not _repeat(lambda: team.accepted("start"), READY_WITHIN_S):
-            yield line("all start", {name: one.get("reason") for name, one in team.order("start").items()}, held=False)
+            yield line(
+                "all start",
+                {name: one.get("reason") for name, one in team.order("start").items()},
+                held=False,
+            )
             return
         if not wait(lambda: all(team.state(name) == "standing by" for name in NAMES), UP_WITHIN_S):
             yield line("all stand by", [team.state(name) for name in NAMES], held=False)
@@ -298,9 +348,17 @@ def fly(case: Case, relays: dict[str, Relay], folder: Path) -> Iterator[Line]:
         time.sleep(1.0)
         offered = field.roles[-1][1].promises if field.roles else ()
         promised = {one.evader for one in offered if one.value is not None}
-        yield line(f"{case.promised} promised before", ", ".join(sorted(promised)), len(promised) == case.promised)
+        yield line(
+            f"{case.promised} promised before",
+            ", ".join(sorted(promised)),
+            len(promised) == case.promised,
+        )
         engaged = _repeat(lambda: team.accepted("engage"), 10.0)
-        yield line("all engage", {name: team.state(name) for name in NAMES} if not engaged else "all", engaged)
+        yield line(
+            "all engage",
+            {name: team.state(name) for name in NAMES} if not engaged else "all",
+            engaged,
+        )
         if not engaged:
             return
         engaged_s = time.monotonic()
@@ -317,7 +375,12 @@ def fly(case: Case, relays: dict[str, Relay], folder: Path) -> Iterator[Line]:
             ]
             kept = set(field.captured) >= promised
             yield line("promised captures kept", ", ".join(ends), kept)
-            broken = [one for _, roles in field.roles for one in roles.promises if one.value is None and not one.cause]
+            broken = [
+                one
+                for _, roles in field.roles
+                for one in roles.promises
+                if one.value is None and not one.cause
+            ]
             yield line("no promise lost without a cause", len(broken), not broken)
         least = "never at one height" if math.isinf(field.least_m) else f"{field.least_m:.1f} m"
         wanted_m = GUARD.flight.separation_m
@@ -325,7 +388,9 @@ def fly(case: Case, relays: dict[str, Relay], folder: Path) -> Iterator[Line]:
         time.sleep(2.0)
         team.order("return")
         down = [relay.bring_down(within_s=DOWN_WITHIN_S) for relay in relays.values()]
-        yield line("all down", f"{sum(down)} of 3, {time.monotonic() - began_s:.0f} s in all", all(down))
+        yield line(
+            "all down", f"{sum(down)} of 3, {time.monotonic() - began_s:.0f} s in all", all(down)
+        )
 
 
 def _killed(team: Team, line: Callable[..., Line], able: list[str]) -> Iterator[Line]:
@@ -337,7 +402,8 @@ def _killed(team: Team, line: Callable[..., Line], able: list[str]) -> Iterator[
     able.remove(leader)
     wait(lambda: field.roles[-1][1].vehicle != leader, 3.0)
     taken_s, roles = next(
-        ((at_s, one) for at_s, one in field.roles if one.vehicle != leader and at_s > killed_s), (math.inf, None)
+        ((at_s, one) for at_s, one in field.roles if one.vehicle != leader and at_s > killed_s),
+        (math.inf, None),
     )
     yield line(
         "the next one coordinates within 2 s",
@@ -348,18 +414,23 @@ def _killed(team: Team, line: Callable[..., Line], able: list[str]) -> Iterator[
     yield line("with the same promises", ", ".join(sorted(there)), there >= before)
     relay = team.relays[leader]
     wait(lambda: relay.mode() is not Mode.GUIDED, 6.0)
-    yield line("its vehicle is held by the autopilot", f"{relay.mode()}", relay.mode() is not Mode.GUIDED)
+    yield line(
+        "its vehicle is held by the autopilot", f"{relay.mode()}", relay.mode() is not Mode.GUIDED
+    )
 
 
 def _pilot(team: Team, line: Callable[..., Line], able: list[str]) -> Iterator[Line]:
     field = team.field
     taken = next(role.vehicle for role in field.roles[-1][1].roles)
-    relay, taken_s = team.relays[taken], time.monotonic()
+    relay = team.relays[taken]
+    taken_s = time.monotonic()
     able.remove(taken)
     relay.switch(Mode.HOLD)
     yielded = wait(lambda: team.state(taken) == "yielded", 3.0)
     yield line(
-        "its guidance yields", f"{taken} is {team.state(taken)} after {time.monotonic() - taken_s:.1f} s", yielded
+        "its guidance yields",
+        f"{taken} is {team.state(taken)} after {time.monotonic() - taken_s:.1f} s",
+        yielded,
     )
     rematched = wait(lambda: all(role.vehicle != taken for role in field.roles[-1][1].roles), 2.0)
     rest = {role.vehicle: role.evader for role in field.roles[-1][1].roles}
@@ -379,7 +450,9 @@ def _hold(team: Team, line: Callable[..., Line], _able: list[str]) -> Iterator[L
         len(answers) == 3 and all(one["accepted"] for one in answers.values()),
     )
     held = wait(lambda: all(relay.mode() is Mode.HOLD for relay in team.relays.values()), 4.0)
-    yield line("all in the autopilot's hold", f"{time.monotonic() - asked_s:.1f} s after the order", held)
+    yield line(
+        "all in the autopilot's hold", f"{time.monotonic() - asked_s:.1f} s after the order", held
+    )
     time.sleep(5.0)
     still = max(relay.seen.positions[-1][2] for relay in team.relays.values())
     yield line("they stay there", f"{still:.1f} m/s", still < 0.6)

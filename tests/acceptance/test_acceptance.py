@@ -31,28 +31,47 @@ NEVER_IN_MATHEMATICS = {"end: yielded", *(one.words for one in IN_FLIGHT_ONLY)}
 
 @pytest.mark.parametrize("height_m", HEIGHTS_M.values(), ids=list(HEIGHTS_M))
 def test_between_point_masses_every_flight_ends_as_it_is_wanted_to(height_m):
-    flights = [case for autopilot in ("px4", "arducopter") for case in cases(autopilot, height_m=height_m)]
+    flights = [
+        case for autopilot in ("px4", "arducopter") for case in cases(autopilot, height_m=height_m)
+    ]
     scenarios = {toml(case.scenario): case.name for case in flights}
     parsed = [parse(Scenario, tomllib.loads(text), source=name) for text, name in scenarios.items()]
     outcomes = dict(zip(scenarios, play(parsed), strict=True))
     for case in flights:
         row = outcomes[toml(case.scenario)]._asdict()
-        held = {one.words: one.held(one.got(row)) for one in case.wanted if one.words not in NEVER_IN_MATHEMATICS}
+        held = {
+            one.words: one.held(one.got(row))
+            for one in case.wanted
+            if one.words not in NEVER_IN_MATHEMATICS
+        }
         assert all(held.values()), (case.name, held, row)
 
 
 def test_every_kind_of_flight_is_flown_by_a_stand_in_and_the_service_killed_on_both():
     flown = [(name, case) for name in ("px4", "arducopter") for case in cases(name, height_m=8.0)]
-    by_stand_ins = {case.name.partition(", u")[0] for name, case in flown if name in case.autopilots}
-    assert by_stand_ins == {case.name.partition(", u")[0] for _, case in flown}  # the speeds may differ
-    assert all(len(case.autopilots) == 2 for _, case in flown if case.meddling == "kill")  # each has its own failsafe
+    by_stand_ins = {
+        case.name.partition(", u")[0] for name, case in flown if name in case.autopilots
+    }
+    # The speeds may differ
+    assert by_stand_ins == {case.name.partition(", u")[0] for _, case in flown}
+    # Each has its own failsafe
+    assert all(len(case.autopilots) == 2 for _, case in flown if case.meddling == "kill")
     assert {case.link for name, case in flown if name in case.autopilots} == {"mavsdk", "pymavlink"}
 
 
 def test_a_figure_that_is_missing_or_too_large_does_not_hold():
-    (limit,) = [one for case in cases("px4", height_m=8.0)[:1] for one in case.wanted if "flown/value" in one.words]
+    (limit,) = [
+        one
+        for case in cases("px4", height_m=8.0)[:1]
+        for one in case.wanted
+        if "flown/value" in one.words
+    ]
     assert isinstance(limit, Wanted)
-    assert [limit.held(limit.got({"ratio": ratio})) for ratio in (1.06, 1.061, None)] == [True, False, False]
+    assert [limit.held(limit.got({"ratio": ratio})) for ratio in (1.06, 1.061, None)] == [
+        True,
+        False,
+        False,
+    ]
 
 
 def acceptance(*arguments):

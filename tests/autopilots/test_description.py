@@ -26,7 +26,9 @@ WANTS = wants_of(limit_speed_m_s=6.6, fence_radius_m=100.0)
 
 def test_every_handling_fits_its_own_limits():
     for handling in (autopilot.handling for autopilot in AUTOPILOTS.values()):
-        servo, approach, dynamics = handling.servo, handling.approach, handling.dynamics
+        servo = handling.servo
+        approach = handling.approach
+        dynamics = handling.dynamics
         assert servo.acceleration_m_s2 <= dynamics.acceleration_m_s2
         assert servo.vertical_acceleration_m_s2 <= dynamics.vertical_acceleration_m_s2
         assert servo.jerk_m_s3 <= dynamics.jerk_m_s3
@@ -36,7 +38,9 @@ def test_every_handling_fits_its_own_limits():
 
 
 def test_an_autopilot_that_is_not_known_is_refused_by_name():
-    with pytest.raises(ConfigError, match=re.escape("autopilot = 'rover': allowed are px4, arducopter")):
+    with pytest.raises(
+        ConfigError, match=re.escape("autopilot = 'rover': allowed are px4, arducopter")
+    ):
         autopilot_named("rover")
 
 
@@ -51,7 +55,9 @@ def test_every_mode_of_ours_is_told_from_its_number_and_asked_for_by_it(autopilo
 
 def _slow_enough(value, wants, _):
     asked_m_s = wants.game_speeds.speed_m_s
-    return Judgement(Verdict.PASS if value >= asked_m_s else Verdict.REFUSE, "the game's speed", asked_m_s)
+    return Judgement(
+        Verdict.PASS if value >= asked_m_s else Verdict.REFUSE, "the game's speed", asked_m_s
+    )
 
 
 @pytest.fixture
@@ -81,7 +87,9 @@ def test_a_third_autopilot_is_judged_by_its_own_description_alone(third):
 @pytest.fixture
 def vtol():
     """A third autopilot, registered from outside the package: PX4's protocol with a name and parameters of its own."""
-    described = replace(PX4, name="px4_vtol", vehicle_types=frozenset({19, 22}), rules=PX4.rules[:3])
+    described = replace(
+        PX4, name="px4_vtol", vehicle_types=frozenset({19, 22}), rules=PX4.rules[:3]
+    )
     register(described)
     yield described
     del AUTOPILOTS["px4_vtol"]

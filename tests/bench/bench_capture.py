@@ -34,8 +34,19 @@ WANTED: Mapping[str, Mapping[tuple[float, float], float]] = {
 """Largest allowed flown time over value, by autopilot and the speeds of both players."""
 
 ABOVE_THE_BOUND = 1.03
-HEIGHT_M, STATION_M = 0.2, 0.5
-COLUMNS = ("seed", "value s", "flown s", "ratio", "inside m", "below m", "fastest m/s", "station m", "slip m/s")
+HEIGHT_M = 0.2
+STATION_M = 0.5
+COLUMNS = (
+    "seed",
+    "value s",
+    "flown s",
+    "ratio",
+    "inside m",
+    "below m",
+    "fastest m/s",
+    "station m",
+    "slip m/s",
+)
 
 VARIED: Mapping[str, Mapping[str, float]] = {
     "as measured": {},
@@ -59,7 +70,10 @@ def strict(settings: FlightSettings) -> FlightSettings:
     """Set the speed limits to the game's speeds, so that the vehicle cannot recover a late start."""
     game = settings.cycle.game.pursuer
     limits = replace(
-        settings.cycle.envelope, speed_m_s=game.horizontal_m_s, climb_m_s=game.climb_m_s, descent_m_s=game.descent_m_s
+        settings.cycle.envelope,
+        speed_m_s=game.horizontal_m_s,
+        climb_m_s=game.climb_m_s,
+        descent_m_s=game.descent_m_s,
     )
     return settings.model_copy(update={"cycle": replace(settings.cycle, envelope=limits)})
 
@@ -73,7 +87,9 @@ def plain(settings: FlightSettings) -> FlightSettings:
 def pure_pursuit(settings: FlightSettings) -> FlightSettings:
     """Use the plain loop with the pure pursuit strategy."""
     settings = plain(settings)
-    return settings.model_copy(update={"cycle": replace(settings.cycle, strategy=Strategy("pure_pursuit"))})
+    return settings.model_copy(
+        update={"cycle": replace(settings.cycle, strategy=Strategy("pure_pursuit"))}
+    )
 
 
 FLOWN: Mapping[str, Change] = {
@@ -111,7 +127,9 @@ def add(table: Table, name: str, seed: str, rows: list[Chased]) -> None:
 
 def judge(console: Console, seeds: range) -> bool:
     """Print limits and results; return whether all limits hold."""
-    table = Table("autopilot", "u, v m/s", "what", "limit", "result", "", title=f"worst of {len(seeds)} seeds")
+    table = Table(
+        "autopilot", "u, v m/s", "what", "limit", "result", "", title=f"worst of {len(seeds)} seeds"
+    )
     held = True
     for autopilot, ratios in WANTED.items():
         for (u, v), ratio in ratios.items():
@@ -119,26 +137,41 @@ def judge(console: Console, seeds: range) -> bool:
                 holds = got <= wanted
                 held &= holds
                 verdict = "[green]holds[/green]" if holds else "[red]missed[/red]"
-                table.add_row(autopilot, f"{u:g}, {v:g}", what, f"{wanted:.3f}", f"{got:.3f}", verdict)
+                table.add_row(
+                    autopilot, f"{u:g}, {v:g}", what, f"{wanted:.3f}", f"{got:.3f}", verdict
+                )
             table.add_section()
     console.print(table)
     return held
 
 
-def _figures(autopilot: str, u: float, v: float, ratio: float, seeds: range) -> Iterator[tuple[str, float, float]]:
+def _figures(
+    autopilot: str, u: float, v: float, ratio: float, seeds: range
+) -> Iterator[tuple[str, float, float]]:
     scenarios = [hover_chase(autopilot, seed=seed, speeds_m_s=(u, v)) for seed in seeds]
     rows = [chase(scenario) for scenario in scenarios]
     limit_m_s = scenarios[0].speed_limits.speed_m_s
     yield "flown / value", ratio, max(row.ratio for row in rows)
-    yield "largest command over ground, m/s", limit_m_s + 1e-9, max(row.largest_command_m_s for row in rows)
+    yield (
+        "largest command over ground, m/s",
+        limit_m_s + 1e-9,
+        max(row.largest_command_m_s for row in rows),
+    )
     yield "off the disc's height on station, m", HEIGHT_M, max(row.worst_height_m for row in rows)
     yield "off the rim on station, m", STATION_M, max(row.worst_reported_m for row in rows)
     yield "alarms", 0.0, float(max(len(row.alarms) for row in rows))
     strictly = [chase(scenario, change=strict) for scenario in scenarios]
-    closing_m_s, ground_m_s2 = u - v, AUTOPILOTS[autopilot].handling.acceleration.ground_m_s2
-    over = [row.flown_s / (row.value_s + u * u / (2.0 * ground_m_s2 * closing_m_s)) for row in strictly]
+    closing_m_s = u - v
+    ground_m_s2 = AUTOPILOTS[autopilot].handling.acceleration.ground_m_s2
+    over = [
+        row.flown_s / (row.value_s + u * u / (2.0 * ground_m_s2 * closing_m_s)) for row in strictly
+    ]
     yield "limits at the game's speeds: flown / (V + u²/2a(u-v))", ABOVE_THE_BOUND, max(over)
-    yield "the same: largest command, m/s", u + 1e-9, max(row.largest_command_m_s for row in strictly)
+    yield (
+        "the same: largest command, m/s",
+        u + 1e-9,
+        max(row.largest_command_m_s for row in strictly),
+    )
     yield "the same: alarms", 0.0, float(max(len(row.alarms) for row in strictly))
 
 
@@ -156,9 +189,15 @@ def compare(console: Console, autopilot: str, seeds: range) -> None:
 
 def vary(console: Console, autopilot: str, seeds: range) -> None:
     """Repeat the chase on mocks with other parameters."""
-    table = Table("mock", *COLUMNS, title=f"{autopilot}, optimal / servo: mean and worst of {len(seeds)} seeds")
+    table = Table(
+        "mock",
+        *COLUMNS,
+        title=f"{autopilot}, optimal / servo: mean and worst of {len(seeds)} seeds",
+    )
     for name, factors in VARIED.items():
-        rows = [chase(hover_chase(autopilot, seed=seed), alter=altered(**factors)) for seed in seeds]
+        rows = [
+            chase(hover_chase(autopilot, seed=seed), alter=altered(**factors)) for seed in seeds
+        ]
         add(table, name, "", rows)
     rows = [chase(hover_chase(autopilot, seed=seed), send=without_acceleration) for seed in seeds]
     add(table, "ignores acceleration", "", rows)
@@ -172,7 +211,8 @@ def main() -> None:
     parser.add_argument("--all", action="store_true", help="compare all policies and servos")
     parser.add_argument("--vary", action="store_true", help="repeat on mocks with other parameters")
     arguments = parser.parse_args()
-    console, seeds = Console(width=130), range(arguments.seeds)
+    console = Console(width=130)
+    seeds = range(arguments.seeds)
     held = judge(console, seeds)
     for autopilot in WANTED:
         if arguments.all:

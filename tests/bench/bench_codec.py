@@ -21,10 +21,41 @@ KEY = bytes(range(32))
 REPEATS = 20_000
 MESSAGES: dict[str, tuple[Any, ...]] = {
     "LOCAL_POSITION_NED": (12345, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
-    "SET_POSITION_TARGET_LOCAL_NED": (1, 1, 1, 1, 2503, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    "SET_POSITION_TARGET_LOCAL_NED": (
+        1,
+        1,
+        1,
+        1,
+        2503,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+        2.0,
+        3.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    ),
     "HEARTBEAT": (2, 12, 81, 0, 4, 3),
     "PARAM_VALUE": (b"MPC_XY_VEL_MAX", 12.0, 9, 128, 70),
-    "ODOMETRY": (1, 1, 12, 1.0, 2.0, 3.0, [1.0, 0.0, 0.0, 0.0], *[0.1] * 6, [0.0] * 21, [0.0] * 21, 0, 2, 100),
+    "ODOMETRY": (
+        1,
+        1,
+        12,
+        1.0,
+        2.0,
+        3.0,
+        [1.0, 0.0, 0.0, 0.0],
+        *[0.1] * 6,
+        [0.0] * 21,
+        [0.0] * 21,
+        0,
+        2,
+        100,
+    ),
     "FILE_TRANSFER_PROTOCOL": (0, 1, 1, [7] * 251),
 }
 
@@ -44,7 +75,8 @@ def pymavlink(*, key: bytes | None = None) -> Any:
     """Return pymavlink's codec, with or without a key."""
     mav = dialect.MAVLink(None, 1, 1)
     if key is not None:
-        mav.signing.secret_key, mav.signing.sign_outgoing = key, True
+        mav.signing.secret_key = key
+        mav.signing.sign_outgoing = True
     return mav
 
 
@@ -65,7 +97,8 @@ def pack_and_parse(name: str, values: tuple[Any, ...], key: bytes | None) -> Non
         microseconds(lambda: cls(*values).pack(theirs)),
     )
     frame = Encoder(1, 1).pack(name, *values)
-    decoder, parser = Decoder(), pymavlink()
+    decoder = Decoder()
+    parser = pymavlink()
     if not key:
         row(
             f"parse {name}",
@@ -77,11 +110,14 @@ def pack_and_parse(name: str, values: tuple[Any, ...], key: bytes | None) -> Non
 def streams() -> None:
     """Time a vehicle's streams over a minute in steps of 10 ms."""
     running = Streams(frozenset(PX4_ONBOARD_HZ), PX4_ONBOARD_HZ, PX4_STREAM_RULES)
-    begin, sent = time.perf_counter(), 0
+    begin = time.perf_counter()
+    sent = 0
     for step in range(6000):
         sent += len(running.due(step * 0.01))
     spent_ms = (time.perf_counter() - begin) * 1e3 / 60.0
-    print(f"streams: {sent / 60.0:.0f} messages in a second at PX4's onboard rates cost {spent_ms:.2f} ms of it")
+    print(
+        f"streams: {sent / 60.0:.0f} messages in a second at PX4's onboard rates cost {spent_ms:.2f} ms of it"
+    )
 
 
 def main() -> None:

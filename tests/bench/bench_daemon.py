@@ -44,7 +44,14 @@ PERIOD_S = 0.02
 LATE_S = 0.01
 """A cycle that begins later than this is a late one, whatever is sent meanwhile."""
 
-CASES = ("script/udp", "mavsdk/udp", "pymavlink/udp", "script/zenoh", "mavsdk/zenoh", "pymavlink/zenoh")
+CASES = (
+    "script/udp",
+    "mavsdk/udp",
+    "pymavlink/udp",
+    "script/zenoh",
+    "mavsdk/zenoh",
+    "pymavlink/zenoh",
+)
 FLOODS = {
     "starts": (17, 1, lambda: b"\xfe" * 65_000),
     "frames": (20_000, 1, lambda: foreign_heartbeat(7)),
@@ -108,7 +115,9 @@ def vehicle(wire: str, port: int, evader_port: int) -> None:
     parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}
     mock = MockVehicle("px4", ready_after_s=1.0, parameters=parameters, seed=1)
     mock.autopilot.state.battery.capacity_mah = LASTING_MAH
-    watch, inbox, orders = Watch(), deque(), deque()
+    watch = Watch()
+    inbox = deque()
+    orders = deque()
 
     def on_frame(data: bytes) -> None:
         watch.on_frame(data)
@@ -125,7 +134,8 @@ def vehicle(wire: str, port: int, evader_port: int) -> None:
     beacon = Beacon(evader_port)
     claim()
     print("ready", flush=True)
-    start_s, now_s = time.perf_counter(), 0.0
+    start_s = time.perf_counter()
+    now_s = 0.0
     while (order := orders.popleft() if orders else "") != "end":
         time.sleep(max(0.0, start_s + now_s - time.perf_counter()))
         for frame in mock.step(now_s, [inbox.popleft() for _ in range(len(inbox))]):
@@ -158,26 +168,33 @@ class Beacon:
 
     def frame(self, now_s: float) -> bytes:
         angle = 2.0 * now_s / 25.0
-        north_m, east_m = 60.0 + 25.0 * math.cos(angle), 25.0 * math.sin(angle)
+        north_m = 60.0 + 25.0 * math.cos(angle)
+        east_m = 25.0 * math.sin(angle)
         lat = 47.397742 + math.degrees(north_m / 6371000.0)
         lon = 8.545594 + math.degrees(east_m / (6371000.0 * math.cos(math.radians(47.397742))))
         velocity = round(-200.0 * math.sin(angle)), round(200.0 * math.cos(angle)), 0
         place = round(lat * 1e7), round(lon * 1e7), 488000, 0
-        message = self.dialect.MAVLink_global_position_int_message(round(now_s * 1e3), *place, *velocity, 0)
+        message = self.dialect.MAVLink_global_position_int_message(
+            round(now_s * 1e3), *place, *velocity, 0
+        )
         return bytes(message.pack(self.mavlink))
 
 
 def foreign_heartbeat(system_id: int) -> bytes:
     from pymavlink.dialects.v20 import common
 
-    return bytes(common.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3).pack(common.MAVLink(None, system_id, 1)))
+    return bytes(
+        common.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3).pack(common.MAVLink(None, system_id, 1))
+    )
 
 
 def flood(kind: str, port: int, seconds: float) -> None:
     """Send until the time is over, evenly over each hundredth of a second; print how many went out a second."""
     rate_hz, ports, make = FLOODS[kind]
     sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(ports)]
-    data, sent, start_s = make(), 0, time.monotonic()
+    data = make()
+    sent = 0
+    start_s = time.monotonic()
     while (passed_s := time.monotonic() - start_s) < seconds:
         for _ in range(round(rate_hz * passed_s) - sent):
             sockets[sent % ports].sendto(data, ("127.0.0.1", port))
@@ -194,7 +211,13 @@ def free_port(kind: int) -> int:
 
 @contextlib.contextmanager
 def script(wire: str, port: int, _evader_port: int) -> Iterator[int]:
-    own = [sys.executable, str(Path(__file__).with_name("bench_links.py")), "--as-end", "script", wire]
+    own = [
+        sys.executable,
+        str(Path(__file__).with_name("bench_links.py")),
+        "--as-end",
+        "script",
+        wire,
+    ]
     with subprocess.Popen([*own, "--port", str(port)], stdin=subprocess.PIPE) as running:
         time.sleep(3.0)
         yield running.pid
@@ -210,21 +233,28 @@ def daemon(
     from tests.harness.bus import ask
 
     control_port = free_port(socket.SOCK_STREAM)
-    config = CONFIG.format(link=link, url=url_of(wire, port), evader_port=evader_port, control_port=control_port)
+    config = CONFIG.format(
+        link=link, url=url_of(wire, port), evader_port=evader_port, control_port=control_port
+    )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.toml"
         path.write_text(config + more)
         begin = "from guidance.cli import main; main()"
         if cycles is not None:
-            begin = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); from bench_daemon import " + (
-                f"timing_cycles; timing_cycles({str(cycles)!r}); {begin}"
+            begin = (
+                f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); from bench_daemon import "
+                + (f"timing_cycles; timing_cycles({str(cycles)!r}); {begin}")
             )
         command = [sys.executable, "-c", begin, "run", str(path)]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
             try:
                 at = f"tcp/127.0.0.1:{control_port}"
                 for order, state in (("start", "standing by"), ("engage", "engaged")):
-                    insist(lambda order=order: ask(order, endpoint=at, name="bench"), lambda a: a["accepted"], order)
+                    insist(
+                        lambda order=order: ask(order, endpoint=at, name="bench"),
+                        lambda a: a["accepted"],
+                        order,
+                    )
                     status = lambda: ask("status", endpoint=at, name="bench")  # noqa: E731
                     insist(status, lambda said, state=state: said["state"] == state, state)
                 yield running.pid
@@ -249,13 +279,24 @@ def timing_cycles(path: str) -> None:
     """Have this process write a `Cycle` of each of its cycles, once it ends."""
     from guidance.session import loop
 
-    cycle, rows = loop._cycle, array("d")
+    cycle = loop._cycle
+    rows = array("d")
 
     def timed(daemon: object, mission: object, now_s: float, timing: "Timing") -> None:
-        thread_s, process_s, at_s = time.thread_time(), time.process_time(), time.monotonic()
+        thread_s = time.thread_time()
+        process_s = time.process_time()
+        at_s = time.monotonic()
         cycle(daemon, mission, now_s, timing)
         took_s = time.monotonic() - at_s
-        rows.extend((at_s, timing.late_s, took_s, time.thread_time() - thread_s, time.process_time() - process_s))
+        rows.extend(
+            (
+                at_s,
+                timing.late_s,
+                took_s,
+                time.thread_time() - thread_s,
+                time.process_time() - process_s,
+            )
+        )
 
     loop._cycle = timed
     atexit.register(lambda: Path(path).write_bytes(rows.tobytes()))
@@ -268,7 +309,13 @@ def cycles_of(path: Path, began_s: float, ended_s: float) -> list[Cycle]:
     return [row for row in rows if began_s <= row.at_s <= ended_s]
 
 
-def insist(ask: Callable[[], Mapping], wanted: Callable[[Mapping], bool], what: str, *, limit_s: float = 60.0) -> None:
+def insist(
+    ask: Callable[[], Mapping],
+    wanted: Callable[[Mapping], bool],
+    what: str,
+    *,
+    limit_s: float = 60.0,
+) -> None:
     """Ask until it is so."""
     from guidance.errors import GuidanceError
 
@@ -297,19 +344,33 @@ def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]
         flying.stdout.readline()
         timed = Path(folder) / "cycles"
         flown_by = (
-            script(wire, port, evader_port) if link == "script" else daemon(link, wire, port, evader_port, cycles=timed)
+            script(wire, port, evader_port)
+            if link == "script"
+            else daemon(link, wire, port, evader_port, cycles=timed)
         )
-        sender, flooded_hz = None, 0.0
+        sender = None
+        flooded_hz = 0.0
         with flown_by as pid, contextlib.ExitStack() as stack:
             if flooded is not None:
-                sending = [sys.executable, __file__, "--as-flood", flooded, str(port), str(seconds + 1.0)]
-                sender = stack.enter_context(subprocess.Popen(sending, stdout=subprocess.PIPE, text=True))
+                sending = [
+                    sys.executable,
+                    __file__,
+                    "--as-flood",
+                    flooded,
+                    str(port),
+                    str(seconds + 1.0),
+                ]
+                sender = stack.enter_context(
+                    subprocess.Popen(sending, stdout=subprocess.PIPE, text=True)
+                )
             flying.stdin.write("measure\n")
             flying.stdin.flush()
-            before_s, began_s = processor_s(pid), time.monotonic()
+            before_s = processor_s(pid)
+            began_s = time.monotonic()
             time.sleep(seconds)
             share = 100.0 * (processor_s(pid) - before_s) / (time.monotonic() - began_s)
-            ended_s, resident_mb = time.monotonic(), footprint(pid).memory_mb
+            ended_s = time.monotonic()
+            resident_mb = footprint(pid).memory_mb
             flying.stdin.write("report\n")
             flying.stdin.flush()
             measured = json.loads(flying.stdout.readline())
@@ -317,7 +378,8 @@ def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]
                 flooded_hz = float(sender.stdout.readline())
         flying.stdin.close()
         cycles = cycles_of(timed, began_s, ended_s) if timed.exists() else []
-    latencies, gaps = sorted(measured["latencies"]), measured["gaps"]
+    latencies = sorted(measured["latencies"])
+    gaps = measured["gaps"]
     jitter = sorted(abs(gap - PERIOD_S) for gap in gaps)
     return {
         **most_of(cycles),
@@ -363,15 +425,21 @@ def at(ordered: list[float], share: float) -> float:
 
 
 def compare(cases: tuple[str, ...], seconds: float, flooded: str | None) -> None:
-    print("latency: position to setpoint; jitter: of the 20 ms between setpoints, as the vehicle sees them")
+    print(
+        "latency: position to setpoint; jitter: of the 20 ms between setpoints, as the vehicle sees them"
+    )
     print("                 latency, ms                     jitter, ms                      ")
-    print("case                 p50    p99  p99.9   most |    p50    p99  p99.9   most | rate Hz  cpu %   MB  load")
+    print(
+        "case                 p50    p99  p99.9   most |    p50    p99  p99.9   most | rate Hz  cpu %   MB  load"
+    )
     base: dict[str, dict[str, float]] = {}
     for case in cases:
         got = one_case(case, seconds, flooded)
         first = base.setdefault(case.split("/")[1], got)
         shares = ("p50_ms", "p99_ms", "p999_ms", "most_ms")
-        took, jitter = (" ".join(f"{got[kind + share]:6.2f}" for share in shares) for kind in ("", "jitter_"))
+        took, jitter = (
+            " ".join(f"{got[kind + share]:6.2f}" for share in shares) for kind in ("", "jitter_")
+        )
         used = f"{got['rate_hz']:7.1f} {got['cpu_percent']:6.1f} {got['memory_mb']:4.0f} {got['load']:5.1f}"
         print(f"{case:16} {took} | {jitter} | {used}", flush=True)
         if got["late_most_ms"] >= 0.0:
@@ -386,7 +454,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--only", choices=CASES, action="append")
-    parser.add_argument("--busy", action="store_true", help="keep another process spinning meanwhile")
+    parser.add_argument(
+        "--busy", action="store_true", help="keep another process spinning meanwhile"
+    )
     parser.add_argument("--flood", choices=FLOODS, help="flood the daemon's UDP port meanwhile")
     parser.add_argument("--as-flood", nargs=3, help=argparse.SUPPRESS)
     parser.add_argument("--as-vehicle", nargs=3, help=argparse.SUPPRESS)

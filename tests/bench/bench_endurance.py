@@ -81,7 +81,8 @@ class VirtualWorld:
         link = PymavlinkLink(self._tap, clock.now_s, system_id=1)
         ours, self._radio = MemoryWire.pair(clock.now_s)
         evader = MavlinkEvader(ours, GLOBAL_POSITION, system_id=2)
-        self.links, self.evaders = {"bench": link}, {"bench": {"evader": evader}}
+        self.links = {"bench": link}
+        self.evaders = {"bench": {"evader": evader}}
         self._beacon = Beacon(0)
         self._next_s = 0.0
 
@@ -115,7 +116,11 @@ def cycles_in(path: Path) -> int:
     if summary is None or summary.statistics is None:
         return 0
     counts = summary.statistics.channel_message_counts
-    return sum(counts[number] for number, channel in summary.channels.items() if channel.topic == CYCLE.topic)
+    return sum(
+        counts[number]
+        for number, channel in summary.channels.items()
+        if channel.topic == CYCLE.topic
+    )
 
 
 class Page:
@@ -125,10 +130,13 @@ class Page:
     makes messages.
     """
 
-    endpoint, reason, failed = "virtual", "", None
+    endpoint = "virtual"
+    reason = ""
+    failed = None
 
     def __init__(self, name: str, clock: VirtualClock, metadata: dict[str, str]) -> None:
-        self._name, self._clock = name, clock
+        self._name = name
+        self._clock = clock
         self._waiting: list[News] = [News(name, clock.now_s(), FoundFlight(name, metadata, ()))]
         self._hub = Hub([self], clock)
         self._cycles = self.messages = self.sent_mb = 0
@@ -146,7 +154,8 @@ class Page:
         self._add(EVENT.topic, now_s, EVENT.encode(EventEntry(now_s, event, detail)))
 
     def news(self) -> list[News]:
-        news, self._waiting = self._waiting, []
+        news = self._waiting
+        self._waiting = []
         return news
 
     def open(self, *, whole: bool) -> None:
@@ -155,26 +164,38 @@ class Page:
         self.sent_mb += len(self._hub.message(whole=whole)) / 1e6
 
     def _add(self, topic: str, now_s: float, data: bytes) -> None:
-        self._waiting.append(News(self._name, self._clock.now_s(), Item(now_s, topic, "json", data)))
+        self._waiting.append(
+            News(self._name, self._clock.now_s(), Item(now_s, topic, "json", data))
+        )
 
 
 class Person:
     """Gives a person's orders between cycles and measures the process."""
 
-    def __init__(self, daemon: Daemon, page: Page, record: Path, hours: float, within_s: float) -> None:
-        self._page, self._scrape_s, self.scrapes = page, SCRAPE_EVERY_S, 0
-        self._daemon, self._record, self._end_s, self._within_s = daemon, record, 3600.0 * hours, within_s
+    def __init__(
+        self, daemon: Daemon, page: Page, record: Path, hours: float, within_s: float
+    ) -> None:
+        self._page = page
+        self._scrape_s = SCRAPE_EVERY_S
+        self.scrapes = 0
+        self._daemon = daemon
+        self._record = record
+        self._end_s = 3600.0 * hours
+        self._within_s = within_s
         self.hours: list[float] = []
         self.taken: list[Footprint] = []
         self.parts: list[int] = []
         self.written_mb = 0.0
         self.cycles = self.setpoints = self.engagements = 0
         self._every_s = min(LOOK_EVERY_S, self._end_s / 12.0)
-        self._look_s, self._order_s, self._began_s = self._every_s, ORDERS_EVERY_S, time.monotonic()
+        self._look_s = self._every_s
+        self._order_s = ORDERS_EVERY_S
+        self._began_s = time.monotonic()
         self.finished = False
 
     def before(self, now_s: float) -> None:
-        state, mailbox = self._daemon.flight.state, self._daemon.mailbox
+        state = self._daemon.flight.state
+        mailbox = self._daemon.mailbox
         if state is State.READY:
             mailbox.ask("start")
         elif state in {State.STANDING_BY, State.HOLDING}:
@@ -188,11 +209,18 @@ class Person:
         self.cycles += 1
         self.setpoints += outputs.setpoint is not None
         self.engagements += any(each.after is State.ENTERING for each in outputs.happenings)
-        if self._daemon.flight.state in {State.YIELDED, State.FAILED, State.LANDED, State.RETURNING}:
+        if self._daemon.flight.state in {
+            State.YIELDED,
+            State.FAILED,
+            State.LANDED,
+            State.RETURNING,
+        }:
             raise SystemExit(f"{now_s:.1f} s: {self._daemon.flight.state}: {outputs.happenings}")
         if now_s >= self._scrape_s:
             self._scrape_s += SCRAPE_EVERY_S
-            self.scrapes += b"guidance_cycles_total" in generate_latest(self._daemon.metrics.registry)
+            self.scrapes += b"guidance_cycles_total" in generate_latest(
+                self._daemon.metrics.registry
+            )
             self._page.open(whole=True)
         if now_s >= self._look_s:
             self._look_s += self._every_s
@@ -206,7 +234,11 @@ class Person:
         self.hours.append(now_s / 3600.0)
         self.taken.append(footprint())
         fast = now_s / (time.monotonic() - self._began_s)
-        print(f"{now_s / 3600.0:6.2f} h, {fast:.1f} x real time, {self.taken[-1]}", file=sys.stderr, flush=True)
+        print(
+            f"{now_s / 3600.0:6.2f} h, {fast:.1f} x real time, {self.taken[-1]}",
+            file=sys.stderr,
+            flush=True,
+        )
 
     def read_part(self) -> None:
         number = len(self.parts) + 1
@@ -219,14 +251,18 @@ class Person:
 
 def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
     clock = VirtualClock()
-    text = CONFIG.format(link="pymavlink", url="udpin://127.0.0.1:14540", evader_port=14541, control_port=7448)
+    text = CONFIG.format(
+        link="pymavlink", url="udpin://127.0.0.1:14540", evader_port=14541, control_port=7448
+    )
     config = parse(Config, tomllib.loads(text), source="bench")
-    world, began_s = VirtualWorld(clock), time.monotonic()
+    world = VirtualWorld(clock)
+    began_s = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight.mcap"
         record = Recorder(path, {CONFIG_KEY: config.model_dump_json()}, rotate_s=rotate_s)
         page = Page(config.name, clock, {CONFIG_KEY: config.model_dump_json()})
-        link, evader = world.links["bench"], world.evaders["bench"]["evader"]
+        link = world.links["bench"]
+        evader = world.evaders["bench"]["evader"]
         used = Equipment(record=record, broadcast=page)
         flown = Daemon(config.name, plan_of(config), link, {"evader": evader}, used)
         person = Person(flown, page, path, hours, within_s)
@@ -237,13 +273,23 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
         while part_path(path, len(person.parts) + 1).exists():
             person.read_part()
         flown_h = clock.now_s() / 3600.0
-        seen = [number for number, hour in enumerate(person.hours) if 3600.0 * hour >= min(WARM_S, 1200.0 * flown_h)]
-        at, taken = [person.hours[one] for one in seen], [person.taken[one] for one in seen]
-        whole, kept = sum(count > 0 for count in person.parts), sum(person.parts)
+        seen = [
+            number
+            for number, hour in enumerate(person.hours)
+            if 3600.0 * hour >= min(WARM_S, 1200.0 * flown_h)
+        ]
+        at = [person.hours[one] for one in seen]
+        taken = [person.taken[one] for one in seen]
+        whole = sum(count > 0 for count in person.parts)
+        kept = sum(person.parts)
         print(f"flown in virtual time  {flown_h:.2f} h in {took_s / 60.0:.1f} min of real time")
-        print(f"cycles, setpoints      {person.cycles}, {person.setpoints}; engaged {person.engagements} times")
+        print(
+            f"cycles, setpoints      {person.cycles}, {person.setpoints}; engaged {person.engagements} times"
+        )
         print(f"the process            {told(at, taken)} ({len(at)} looks from {at[0]:.2f} h on)")
-        print(f"page and metrics       {page.messages} messages, {page.sent_mb:.0f} MB; {person.scrapes} scrapes")
+        print(
+            f"page and metrics       {page.messages} messages, {page.sent_mb:.0f} MB; {person.scrapes} scrapes"
+        )
         if flown_h < hours:
             more_mb = growth_mb_h(at, taken) * (hours - flown_h)
             print(
@@ -258,18 +304,33 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
             f"replay across a seam   {comparison.cycles} cycles of the first files, {comparison.differing} differ, "
             f"{survey.missing} messages missing"
         )
-    lost = kept != person.cycles or whole != len(person.parts) or survey.missing or comparison.differing
+    lost = (
+        kept != person.cycles
+        or whole != len(person.parts)
+        or survey.missing
+        or comparison.differing
+    )
     return is_flat(at, taken) and not lost
 
 
 def real(minutes: float, rotate_s: float) -> bool:
-    port, evader_port = free_port(SOCK_STREAM), free_port(SOCK_DGRAM)
-    own = [sys.executable, str(Path(__file__).with_name("bench_daemon.py")), "--as-vehicle", "zenoh"]
-    hours, taken = [], []
+    port = free_port(SOCK_STREAM)
+    evader_port = free_port(SOCK_DGRAM)
+    own = [
+        sys.executable,
+        str(Path(__file__).with_name("bench_daemon.py")),
+        "--as-vehicle",
+        "zenoh",
+    ]
+    hours = []
+    taken = []
     with (
         tempfile.TemporaryDirectory() as folder,
         subprocess.Popen(
-            [*own, str(port), str(evader_port)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [*own, str(port), str(evader_port)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
         ) as flying,
     ):
         assert flying.stdin is not None
@@ -289,7 +350,9 @@ def real(minutes: float, rotate_s: float) -> bool:
     print(f"flown in real time     {minutes:g} min, `guidance run` with MAVSDK over Zenoh")
     print(f"the process            {told(hours[warm:], taken[warm:])} ({len(hours) - warm} looks)")
     whole = sum(count > 0 for count in cycles)
-    print(f"files of the record    {len(files)}, each read by itself: {whole} whole; cycles in them {sum(cycles)}")
+    print(
+        f"files of the record    {len(files)}, each read by itself: {whole} whole; cycles in them {sum(cycles)}"
+    )
     return is_flat(hours[warm:], taken[warm:]) and whole == len(files)
 
 
@@ -298,10 +361,15 @@ def main() -> None:
     parser.add_argument("way", choices=("virtual", "real"))
     parser.add_argument("--hours", type=float, default=24.0, help="virtual time")
     parser.add_argument(
-        "--within", type=float, default=math.inf, help="minutes of real time that a virtual flight may take"
+        "--within",
+        type=float,
+        default=math.inf,
+        help="minutes of real time that a virtual flight may take",
     )
     parser.add_argument("--minutes", type=float, default=30.0, help="real time")
-    parser.add_argument("--rotate-s", type=float, default=300.0, help="length of a file; the daemon's is 600")
+    parser.add_argument(
+        "--rotate-s", type=float, default=300.0, help="length of a file; the daemon's is 600"
+    )
     given = parser.parse_args()
     held = (
         virtual(given.hours, 60.0 * given.within, given.rotate_s)

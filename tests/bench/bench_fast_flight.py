@@ -45,7 +45,9 @@ class Stopwatch:
         """Begin to count for `part`; return the previous part."""
         now_s = time.perf_counter()
         self.spent_s[self._part] += now_s - self._since_s
-        before, self._part, self._since_s = self._part, part, now_s
+        before = self._part
+        self._part = part
+        self._since_s = now_s
         return before
 
     def timed(self, part: str, call: Callable[..., Any]) -> Callable[..., Any]:
@@ -98,14 +100,21 @@ def flown_s(scenario: Scenario, path: Path, watch: Stopwatch | None = None) -> t
 def main() -> None:
     scenario = load_scenario(sys.argv[1] if len(sys.argv) > 1 else "pe")[1]
     with tempfile.TemporaryDirectory() as folder:
-        spent_s, flight_s = min(flown_s(scenario, Path(folder) / f"{number}.mcap") for number in range(FLIGHTS))
+        spent_s, flight_s = min(
+            flown_s(scenario, Path(folder) / f"{number}.mcap") for number in range(FLIGHTS)
+        )
         watch = Stopwatch()
         flown_s(scenario, Path(folder) / "timed.mcap", watch)
-    cycles, timed_s = flight_s * 50.0, sum(watch.spent_s.values())
-    print(f"{scenario.title}: {flight_s:.1f} s flown in {spent_s:.2f} s, {flight_s / spent_s:.0f} × real time")
+    cycles = flight_s * 50.0
+    timed_s = sum(watch.spent_s.values())
+    print(
+        f"{scenario.title}: {flight_s:.1f} s flown in {spent_s:.2f} s, {flight_s / spent_s:.0f} × real time"
+    )
     for part in PARTS:
         share = watch.spent_s[part] / timed_s
-        print(f"{part:<8} {100.0 * share:5.1f} %   {1e6 * share * spent_s / cycles:6.0f} µs a cycle")
+        print(
+            f"{part:<8} {100.0 * share:5.1f} %   {1e6 * share * spent_s / cycles:6.0f} µs a cycle"
+        )
 
 
 if __name__ == "__main__":

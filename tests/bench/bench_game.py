@@ -21,41 +21,62 @@ from guidance.game.team import match_teams, solve_team
 
 GAME = Game(Ball(2.0), 1.0)
 VEHICLE = Game(Cylinder(12.0, 3.0, 1.5), 3.0, standoff=StandOff(3.0, 5.0), capture_radius_m=0.2)
-P, E, T = np.array([8.0, 1.42, 9.41]), np.array([7.92, 9.6, 0.0]), np.zeros(3)
+P = np.array([8.0, 1.42, 9.41])
+E = np.array([7.92, 9.6, 0.0])
+T = np.zeros(3)
 
 
 def scalar_pe(game: Game, pursuer, evader, seen):
     """The PE law of `solve` in plain Python: same parameters, checks, degenerate states and answer."""
     px, py, pz = pursuer
     ex, ey, ez = evader
-    u, v, capture = game.pursuer.speed_m_s, game.evader_speed_m_s, game.capture_radius_m
-    radius, age, (wind_x, wind_y) = game.standoff.radius_m, game.information_age_s, game.wind_m_s
+    u = game.pursuer.speed_m_s
+    v = game.evader_speed_m_s
+    capture = game.capture_radius_m
+    radius = game.standoff.radius_m
+    age = game.information_age_s
+    (wind_x, wind_y) = game.wind_m_s
     total = px + py + pz + ex + ey + ez + seen[0] + seen[1]
     if total - total != 0:
         raise ValueError("not finite")
-    dx, dy, z = ex - px, ey - py, pz - ez - game.standoff.height_m
+    dx = ex - px
+    dy = ey - py
+    z = pz - ez - game.standoff.height_m
     seen_x, seen_y = seen
     fast = math.sqrt(seen_x * seen_x + seen_y * seen_y)
     if fast > v:
-        seen_x, seen_y = seen_x * v / fast, seen_y * v / fast
+        seen_x = seen_x * v / fast
+        seen_y = seen_y * v / fast
     d = math.sqrt(dx * dx + dy * dy)
     nx, ny = (dx / d, dy / d) if d > 0 else (1.0, 0.0)
     gap = d + v * age - radius
     above = (abs(z) - capture) / u
     t = above
     if gap + v * above > 0:
-        hand, cross = u * u - v * v, u * gap - v * capture
+        hand = u * u - v * v
+        cross = u * gap - v * capture
         t = (v * gap - u * capture + math.sqrt(cross * cross + hand * z * z)) / hand
     t = max(t, 0.0)
     run = v * (t + age)
-    meeting, evader_velocity = (ex + run * nx, ey + run * ny, ez), (v * nx, v * ny, 0.0)
+    meeting = (ex + run * nx, ey + run * ny, ez)
+    evader_velocity = (v * nx, v * ny, 0.0)
     if t <= 0:
         return 1, t, math.inf, meeting, t, (seen_x, seen_y, 0.0), evader_velocity, 1
     if d <= 0 and gap + v * t > 0:
         rest = math.sqrt(u * u - seen_x * seen_x - seen_y * seen_y)
         vertical = -rest if z > 0 else rest
-        return 1, t, math.inf, meeting, t, (seen_x + wind_x, seen_y + wind_y, vertical), evader_velocity, 2
-    mx, my = meeting[0] - px - wind_x * t, meeting[1] - py - wind_y * t
+        return (
+            1,
+            t,
+            math.inf,
+            meeting,
+            t,
+            (seen_x + wind_x, seen_y + wind_y, vertical),
+            evader_velocity,
+            2,
+        )
+    mx = meeting[0] - px - wind_x * t
+    my = meeting[1] - py - wind_y * t
     length = math.sqrt(mx * mx + my * my)
     reach = max(length - radius, 0.0)
     rate = u / math.sqrt(reach * reach + z * z)
@@ -68,35 +89,58 @@ def scalar_tad(u: float, v: float, pursuer, evader, target):
     """The paper's TAD law in plain Python, on both sides of the barrier; without the extensions of `solve`."""
     px, py, pz = pursuer
     ex, ey, ez = evader
-    tx, ty = target[0], target[1]
+    tx = target[0]
+    ty = target[1]
     total = px + py + pz + ex + ey + ez + tx + ty
     if total - total != 0:
         raise ValueError("not finite")
     z = pz - ez
-    gx, gy = tx - ex, ty - ey
+    gx = tx - ex
+    gy = ty - ey
     far = math.sqrt(gx * gx + gy * gy)
-    qx, qy = tx - px, ty - py
+    qx = tx - px
+    qy = ty - py
     reach = math.sqrt(qx * qx + qy * qy + z * z)
-    arrival, guard = far / v, reach / u
+    arrival = far / v
+    guard = reach / u
     margin = arrival - guard
     if margin < 0:
-        run_x, run_y, t, value, winner = gx, gy, arrival, reach - u * arrival, -1
+        run_x = gx
+        run_y = gy
+        t = arrival
+        value = reach - u * arrival
+        winner = -1
     else:
         ratio = u / v
         hand = ratio * ratio - 1.0
-        dx, dy = ex - px, ey - py
-        cx, cy = dx / hand, dy / hand
+        dx = ex - px
+        dy = ey - py
+        cx = dx / hand
+        cy = dy / hand
         r = math.sqrt(z * z * hand + ratio * ratio * (dx * dx + dy * dy)) / hand
-        ox, oy = gx - cx, gy - cy
+        ox = gx - cx
+        oy = gy - cy
         out = math.sqrt(ox * ox + oy * oy)
-        run_x, run_y = cx + r * ox / out, cy + r * oy / out
+        run_x = cx + r * ox / out
+        run_y = cy + r * oy / out
         t = math.sqrt(run_x * run_x + run_y * run_y) / v
-        value, winner = math.sqrt((gx - run_x) ** 2 + (gy - run_y) ** 2), 1
-    mx, my = ex + run_x - px, ey + run_y - py
+        value = math.sqrt((gx - run_x) ** 2 + (gy - run_y) ** 2)
+        winner = 1
+    mx = ex + run_x - px
+    my = ey + run_y - py
     pace = u / math.sqrt(mx * mx + my * my + z * z)
     length = math.sqrt(run_x * run_x + run_y * run_y)
     evader_velocity = (v * run_x / length, v * run_y / length, 0.0)
-    return winner, value, margin, (ex + run_x, ey + run_y, ez), t, (mx * pace, my * pace, -z * pace), evader_velocity, 0
+    return (
+        winner,
+        value,
+        margin,
+        (ex + run_x, ey + run_y, ez),
+        t,
+        (mx * pace, my * pace, -z * pace),
+        evader_velocity,
+        0,
+    )
 
 
 def per_call_s(call: Callable[[], object], *, least_s: float = 0.4, rounds: int = 9) -> float:
@@ -142,13 +186,23 @@ def met(good: bool) -> str:
 
 def bench_tick() -> None:
     """One state at a time."""
-    p, e, t, still = tuple(P.tolist()), tuple(E.tolist()), tuple(T.tolist()), (0.0, 0.0)
+    p = tuple(P.tolist())
+    e = tuple(E.tolist())
+    t = tuple(T.tolist())
+    still = (0.0, 0.0)
     scalars = {
         "PE": per_call_s(lambda: scalar_pe(GAME, p, e, still)),
         "TAD": per_call_s(lambda: scalar_tad(2.0, 1.0, p, e, t)),
     }
-    print("one state, processor time; required of the paper's game 30 µs (PE) and 45 µs (TAD), of the others 150 µs")
-    print("  " + ", ".join(f"plain scalar Python, {kind}: {took * 1e6:.2f} µs" for kind, took in scalars.items()))
+    print(
+        "one state, processor time; required of the paper's game 30 µs (PE) and 45 µs (TAD), of the others 150 µs"
+    )
+    print(
+        "  "
+        + ", ".join(
+            f"plain scalar Python, {kind}: {took * 1e6:.2f} µs" for kind, took in scalars.items()
+        )
+    )
     for name, (game, _, _) in KINDS.items():
         for kind, given in (("PE", (P, E)), ("TAD", (P, E, T))):
             took = per_call_s(lambda game=game, given=given: solve(game, *given))
@@ -161,7 +215,8 @@ def bench_tick() -> None:
 def plain_pe(p, e):
     """The paper's PE value and both players' velocities in plain NumPy, whole arrays at a time, nothing checked."""
     away = e[:, :2] - p[:, :2]
-    d, z = np.hypot(away[:, 0], away[:, 1]), p[:, 2]
+    d = np.hypot(away[:, 0], away[:, 1])
+    z = p[:, 2]
     t = (d + np.sqrt(3.0 * z * z + 4.0 * d * d)) / 3.0
     n = away / d[:, None]
     to = np.concatenate([away + t[:, None] * n, -z[:, None]], axis=1)
@@ -171,7 +226,8 @@ def plain_pe(p, e):
 def plain_tad(p, e, goal):
     """The paper's TAD value and velocities in plain NumPy, as it writes them, nothing checked."""
     c = (4.0 * e[:, :2] - p[:, :2]) / 3.0 - goal[:, :2]
-    away, z = e[:, :2] - p[:, :2], p[:, 2]
+    away = e[:, :2] - p[:, :2]
+    z = p[:, 2]
     r = np.sqrt(z * z / 3.0 + 4.0 * (away * away).sum(axis=1) / 9.0)
     far = np.linalg.norm(c, axis=1)
     g = goal[:, :2] + c * (1.0 - r / far)[:, None]
@@ -186,20 +242,27 @@ def bench_batch(count: int) -> None:
     rng = np.random.default_rng(0)
     states = rng.uniform(-30.0, 30.0, (3, count, 3))
     states[1:, :, 2] = 0.0
-    source, sink = np.ones(count * 8), np.empty(count * 8)
+    source = np.ones(count * 8)
+    sink = np.empty(count * 8)
     copied = 2 * source.nbytes / per_call_s(lambda: np.copyto(sink, source))
     plain = {
         "PE": count / per_call_s(lambda: plain_pe(*states[:2]), rounds=3) / 1e6,
         "TAD": count / per_call_s(lambda: plain_tad(*states), rounds=3) / 1e6,
     }
-    print(f"batch of {count:,} states, one core; np.copyto moves {copied / 1e9:.1f} GB/s; million states a second")
-    print(f"  plain NumPy, the paper's formulas without a check: PE {plain['PE']:.2f}, TAD {plain['TAD']:.2f}")
+    print(
+        f"batch of {count:,} states, one core; np.copyto moves {copied / 1e9:.1f} GB/s; million states a second"
+    )
+    print(
+        f"  plain NumPy, the paper's formulas without a check: PE {plain['PE']:.2f}, TAD {plain['TAD']:.2f}"
+    )
     for name, (one, least_pe, least_tad) in KINDS.items():
         game = replace(one, capture_radius_m=np.zeros(count)) if "zeros" in name else one
         for kind, given, least in (("PE", states[:2], least_pe), ("TAD", states, least_tad)):
             answer = solve(game, *given)
             moved = sum(array.nbytes for array in given) + sum(field.nbytes for field in answer)
-            took = per_call_s(lambda game=game, given=given, out=answer: solve(game, *given, out=out), rounds=3)
+            took = per_call_s(
+                lambda game=game, given=given, out=answer: solve(game, *given, out=out), rounds=3
+            )
             rate = count / took / 1e6
             print(
                 f"  {name:26} {kind:4} {rate:6.2f}, {rate / plain[kind]:5.2f} × plain, "
@@ -214,14 +277,17 @@ def bench_zeros(count: int) -> None:
     states[1:, :, 2] = 0.0
     games = {"none": GAME, "zeros": replace(GAME, capture_radius_m=np.zeros(count))}
     for kind, given in (("PE", states[:2]), ("TAD", states)):
-        answer, took = solve(GAME, *given), dict.fromkeys(games, math.inf)
+        answer = solve(GAME, *given)
+        took = dict.fromkeys(games, math.inf)
         for _ in range(30):  # in turns
             for name, game in games.items():
                 started = time.process_time()
                 solve(game, *given, out=answer)
                 took[name] = min(took[name], time.process_time() - started)
         ratio = took["zeros"] / took["none"]
-        print(f"capture radius of {count:,} zeros, {kind}: {ratio:.3f} × none; required 1.03: {met(ratio <= 1.03)}")
+        print(
+            f"capture radius of {count:,} zeros, {kind}: {ratio:.3f} × none; required 1.03: {met(ratio <= 1.03)}"
+        )
 
 
 def bench_rollout(games: int, steps: int, chunk: int) -> None:
@@ -229,17 +295,23 @@ def bench_rollout(games: int, steps: int, chunk: int) -> None:
     rng = np.random.default_rng(1)
     step_s = 0.01
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    started, taken = time.process_time(), 0
+    started = time.process_time()
+    taken = 0
     for start in range(0, games, chunk):
         size = min(chunk, games - start)
         pursuer, evader = rng.uniform(-30.0, 30.0, (2, size, 3))
-        pursuer[:, 2], evader[:, 2] = rng.uniform(40.0, 60.0, size), 0.0
-        end = rollout(GAME, pursuer, evader, stepping=Exact(step_s=step_s, order=1), duration_s=steps * step_s)
+        pursuer[:, 2] = rng.uniform(40.0, 60.0, size)
+        evader[:, 2] = 0.0
+        end = rollout(
+            GAME, pursuer, evader, stepping=Exact(step_s=step_s, order=1), duration_s=steps * step_s
+        )
         taken += round(float(end.time_s.sum()) / step_s)
     took = time.process_time() - started
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(f"{games:,} closed-loop games of {steps:,} steps in chunks of {chunk:,}, one process")
-    print(f"  {games / took:,.0f} games/s, {taken / took / 1e6:.2f} million steps/s, {took:.1f} s of processor time")
+    print(
+        f"  {games / took:,.0f} games/s, {taken / took / 1e6:.2f} million steps/s, {took:.1f} s of processor time"
+    )
     print(
         f"  peak memory {peak / 1024:.0f} MiB, of which {(peak - before) / 1024:.0f} MiB since the start of this part"
     )
@@ -249,16 +321,27 @@ def bench_standoff(games: int) -> None:
     """Rollouts of TAD games with stand-off and with wind beside those of plain ones."""
     rng = np.random.default_rng(2)
     pursuer, evader, target = rng.uniform(-30.0, 30.0, (3, games, 3))
-    pursuer[:, 2], evader[:, 2], target[:, 2] = 20.0, 0.0, 0.0
+    pursuer[:, 2] = 20.0
+    evader[:, 2] = 0.0
+    target[:, 2] = 0.0
     took = dict.fromkeys(("paper", "stand-off", "wind"), math.inf)
     for _ in range(15):  # in turns, so that other load slows all of them equally
         for name in took:
             started = time.process_time()
-            rollout(KINDS[name][0], pursuer, evader, target, stepping=Exact(step_s=0.05, order=1), duration_s=5.0)
+            rollout(
+                KINDS[name][0],
+                pursuer,
+                evader,
+                target,
+                stepping=Exact(step_s=0.05, order=1),
+                duration_s=5.0,
+            )
             took[name] = min(took[name], time.process_time() - started)
     for name in ("stand-off", "wind"):
         ratio = took[name] / took["paper"]
-        print(f"rollouts of {games:,} TAD games: {name} {ratio:.2f} × without; required 3: {met(ratio <= 3.0)}")
+        print(
+            f"rollouts of {games:,} TAD games: {name} {ratio:.2f} × without; required 3: {met(ratio <= 3.0)}"
+        )
 
 
 def bench_teams(count: int) -> None:
@@ -270,7 +353,11 @@ def bench_teams(count: int) -> None:
         pursuers, evaders, targets = (rng.uniform(-30.0, 30.0, (rows, k, 3)) for k in (n, m, m))
         evaders[..., 2] = targets[..., 2] = 0.0
         for kind, goal in (("PE", None), ("TAD", targets)):
-            pairs = (pursuers[:, :, None], evaders[:, None], *([] if goal is None else [goal[:, None]]))
+            pairs = (
+                pursuers[:, :, None],
+                evaders[:, None],
+                *([] if goal is None else [goal[:, None]]),
+            )
             if m == 1:
                 one = (evaders[:, 0], *([] if goal is None else [goal[:, 0]]))
                 play = lambda pursuers=pursuers, one=one: solve_team(GAME, pursuers, *one)  # noqa: E731
@@ -283,7 +370,8 @@ def bench_teams(count: int) -> None:
                 solve(GAME, *pairs)
                 between = time.process_time()
                 play()
-                alone, took = min(alone, between - started), min(took, time.process_time() - between)
+                alone = min(alone, between - started)
+                took = min(took, time.process_time() - between)
             print(
                 f"  {n} against {m} {kind:4} {rows / took:12,.0f} states/s, {rows * n * m / took / 1e6:.2f} M pairs/s, "
                 f"{took / alone:5.1f} × the pairs alone"
@@ -293,11 +381,14 @@ def bench_teams(count: int) -> None:
 def bench_match() -> None:
     """One match of six pursuers and four evaders."""
     rng = np.random.default_rng(5)
-    pursuers, evaders = rng.uniform(-30.0, 30.0, (6, 3)), rng.uniform(-30.0, 30.0, (4, 3))
+    pursuers = rng.uniform(-30.0, 30.0, (6, 3))
+    evaders = rng.uniform(-30.0, 30.0, (4, 3))
     evaders[:, 2] = 0.0
     for kind, goal in (("PE", ()), ("TAD", (T,))):
         took = per_call_s(lambda goal=goal: match_teams(GAME, pursuers, evaders, *goal))
-        print(f"one match of 6 against 4, {kind}: {took * 1e3:.2f} ms; required 1: {met(took <= 1e-3)}")
+        print(
+            f"one match of 6 against 4, {kind}: {took * 1e3:.2f} ms; required 1: {met(took <= 1e-3)}"
+        )
 
 
 def main() -> None:

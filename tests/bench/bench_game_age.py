@@ -25,7 +25,11 @@ STEPS = 12
 """Steps of a guaranteed age: 0.056 s in both games."""
 
 GAMES = {
-    "cylinder 12/3/1.5 m/s, evader 6 m/s, R 4 m": (Cylinder(12.0, 3.0, 1.5), 6.0, StandOff(4.0, 8.0)),
+    "cylinder 12/3/1.5 m/s, evader 6 m/s, R 4 m": (
+        Cylinder(12.0, 3.0, 1.5),
+        6.0,
+        StandOff(4.0, 8.0),
+    ),
     "ball 12 m/s, evader 6 m/s, R 4 m": (Ball(12.0), 6.0, StandOff(4.0, 8.0)),
 }
 AGES = (0.25, 0.5, 1.0, 1.5, 2.0)
@@ -41,7 +45,11 @@ class Law(NamedTuple):
 LAWS = {
     f"{seen}, {how}": Law(predicted=seen == "predicted", answer=answer)
     for seen in ("last seen", "predicted")
-    for how, answer in (("with its age", "age"), ("disc less the spread", "floor"), ("as if new", "new"))
+    for how, answer in (
+        ("with its age", "age"),
+        ("disc less the spread", "floor"),
+        ("as if new", "new"),
+    )
 }
 PROMISED = {"age": "  its value with age was beaten by", "floor": "  its floor was beaten by"}
 """Laws on the last seen place of the evader, and the promise of theirs that is held against the worst evader."""
@@ -51,7 +59,10 @@ def played(game, law, age_s):
     """The game whose `solve` a law plays."""
     spread = game.evader_speed_m_s * age_s
     if law.answer == "floor":
-        return replace(game, standoff=StandOff(max(game.standoff.radius_m - spread, 0.0), game.standoff.height_m))
+        return replace(
+            game,
+            standoff=StandOff(max(game.standoff.radius_m - spread, 0.0), game.standoff.height_m),
+        )
     return replace(game, information_age_s=age_s * (1.0 - 1e-12)) if law.answer == "age" else game
 
 
@@ -71,7 +82,11 @@ def evaders(game, T):
     away = lambda P, E: np.arctan2(*(E - P)[:, 1::-1].T)  # noqa: E731
     for period in (1.0, 2.0, 4.0):
         for swing in (np.pi / 3.0, np.pi / 2.0, np.pi):
-            yield lambda t, P, E, period=period, swing=swing: away(P, E) + swing * np.sign(np.sin(6.283 * t / period))
+            yield (
+                lambda t, P, E, period=period, swing=swing: (
+                    away(P, E) + swing * np.sign(np.sin(6.283 * t / period))
+                )
+            )
     yield away_of(away, np.pi / 2.0)
     yield away_of(away, -np.pi / 2.0)
     yield away_of(away, 0.0)
@@ -110,13 +125,20 @@ def play(game, law, age_steps, P, E, T, family, limit_s):
     Returns when each was captured, and what distance was left then, (evaders, starts) each: zero where it arrived,
     infinite where it did neither.
     """
-    step_s, v, kinds, count = guaranteed_age_s(game) / STEPS, game.evader_speed_m_s, len(family), len(P)
-    age_s, delay = age_steps * step_s, age_steps - 1
+    step_s = guaranteed_age_s(game) / STEPS
+    v = game.evader_speed_m_s
+    kinds = len(family)
+    count = len(P)
+    age_s = age_steps * step_s
+    delay = age_steps - 1
     known = played(game, law, age_s)
     P, E = (np.tile(array, (kinds, 1)) for array in (P, E))
     T = None if T is None else np.tile(T, (kinds, 1))
-    path, runs = [E] * (delay + 1), [np.zeros_like(E)] * (delay + 1)
-    time, left, live = np.full(len(P), limit_s), np.full(len(P), np.inf), np.ones(len(P), dtype=bool)
+    path = [E] * (delay + 1)
+    runs = [np.zeros_like(E)] * (delay + 1)
+    time = np.full(len(P), limit_s)
+    left = np.full(len(P), np.inf)
+    live = np.ones(len(P), dtype=bool)
     blocks = [slice(k * count, (k + 1) * count) for k in range(kinds)]
     for step in range(int(limit_s / step_s)):
         now = caught(game, P, E) & live
@@ -127,7 +149,9 @@ def play(game, law, age_steps, P, E, T, family, limit_s):
             left[there], live = 0.0, live & ~there
         if not live.any():
             break
-        heading = np.concatenate([run(step * step_s, P[b], E[b]) for run, b in zip(family, blocks, strict=True)])
+        heading = np.concatenate(
+            [run(step * step_s, P[b], E[b]) for run, b in zip(family, blocks, strict=True)]
+        )
         run = v * np.stack([np.cos(heading), np.sin(heading), 0.0 * heading], axis=1)
         seen = path[-delay - 1] + (age_s * runs[-delay - 1] if law.predicted else 0.0)
         move = solve(known, P, seen, T, evader_velocity_m_s=runs[-delay - 1])
@@ -153,7 +177,9 @@ def loss(game, law, age_steps, P, E, T):
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--states", type=int, default=8)
     parser.add_argument("--only", default="", help="what a title holds: PE, TAD, ball, cylinder")
     asked = parser.parse_args()
@@ -164,13 +190,19 @@ def main() -> None:
         P, E, T = rng.uniform(-60.0, 60.0, (3, 8 * count, 3))
         P[:, 2] = standoff.height_m + rng.uniform(0.0, 4.0, len(P))
         E[:, 2] = T[:, 2] = 0.0
-        won = np.flatnonzero((solve(game, P, E, T).value > 15.0) & (solve(game, P, E, T).winner > 0))[:count]
-        P, E, T = P[won], E[won], T[won]
+        won = np.flatnonzero(
+            (solve(game, P, E, T).value > 15.0) & (solve(game, P, E, T).winner > 0)
+        )[:count]
+        P = P[won]
+        E = E[won]
+        T = T[won]
         for kind, target in (("PE, s", None), ("TAD, m", T)):
             title = f"{kind}: {name}"
             if not all(word in title for word in asked.only.split()):
                 continue
-            print(f"{title}; guaranteed to {guaranteed_age_s(game):.2f} s; mean (worst) loss of {len(P)} starts")
+            print(
+                f"{title}; guaranteed to {guaranteed_age_s(game):.2f} s; mean (worst) loss of {len(P)} starts"
+            )
             print(f"  {'age / guaranteed':38}" + "".join(f"{age:>16.2f}" for age in AGES))
             for said, law in LAWS.items():
                 print(f"  {said:38}", end="", flush=True)
@@ -178,10 +210,18 @@ def main() -> None:
                 ages = [age for age in AGES if target is None or law.answer != "age" or age <= 1.0]
                 for age in ages:
                     losses.append(loss(game, law, round(age * STEPS), P, E, target))
-                    print(f"{losses[-1][0].mean():8.1f} ({losses[-1][0].max():5.1f})", end="", flush=True)
+                    print(
+                        f"{losses[-1][0].mean():8.1f} ({losses[-1][0].max():5.1f})",
+                        end="",
+                        flush=True,
+                    )
                 print()
                 if not law.predicted and law.answer in PROMISED:
-                    within = [f"{one.max():16.2f}" for (_, one), age in zip(losses, ages, strict=True) if age <= 1.0]
+                    within = [
+                        f"{one.max():16.2f}"
+                        for (_, one), age in zip(losses, ages, strict=True)
+                        if age <= 1.0
+                    ]
                     print(f"  {PROMISED[law.answer]:38}{''.join(within)}")
 
 

@@ -48,10 +48,16 @@ def open_wire(
     import zenoh
 
     closed = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
-    config = {"mode": "router", "listen": {"endpoints": [f"tcp/127.0.0.1:{port}"]}, "scouting": closed}
+    config = {
+        "mode": "router",
+        "listen": {"endpoints": [f"tcp/127.0.0.1:{port}"]},
+        "scouting": closed,
+    }
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     out = session.declare_publisher(
-        f"{NAMESPACE}/mavlink_raw/out", express=True, congestion_control=zenoh.CongestionControl.DROP
+        f"{NAMESPACE}/mavlink_raw/out",
+        express=True,
+        congestion_control=zenoh.CongestionControl.DROP,
     )
     session.declare_subscriber(
         f"{NAMESPACE}/mavlink_raw/in",
@@ -75,7 +81,8 @@ class Stopwatch:
     def on_frame(self, data: bytes) -> None:
         now_s = time.perf_counter()
         if len(data) > 9 and data[0] == 0xFD and int.from_bytes(data[7:10], "little") == SETPOINT:
-            asked_s, self.asked_s = self.asked_s, None
+            asked_s = self.asked_s
+            self.asked_s = None
             if asked_s is not None:
                 self.latencies.append(now_s - asked_s)
 
@@ -89,17 +96,25 @@ def background(n: int, ms: int) -> list:
     """Return other messages of a PX4: attitude at 100 Hz, its quaternion, sensors, both positions at 50 Hz."""
     from pymavlink.dialects.v20 import common as dialect
 
-    heartbeat = [dialect.MAVLink_heartbeat_message(2, 12, 157, 6 << 16, 4, 3)] if n % 100 == 0 else []
+    heartbeat = (
+        [dialect.MAVLink_heartbeat_message(2, 12, 157, 6 << 16, 4, 3)] if n % 100 == 0 else []
+    )
     attitude = dialect.MAVLink_attitude_message(ms, 0.01, 0.02, 1.5, 0, 0, 0)
     if n % 2 == 0:
         return [*heartbeat, attitude]
-    zero, half, covariance = [0.0] * 6, [0.5] * 3, [0.1] * 21
+    zero = [0.0] * 6
+    half = [0.5] * 3
+    covariance = [0.1] * 21
     return [
         attitude,
         dialect.MAVLink_attitude_quaternion_message(ms, 1, *zero),
         dialect.MAVLink_highres_imu_message(ms * 1000, *[0.5] * 13, 0),
-        dialect.MAVLink_global_position_int_message(ms, 473977418, 85455939, 500000, 12000, 1, 2, 3, 0),
-        dialect.MAVLink_odometry_message(ms, 1, 1, *half, [1, 0, 0, 0], *zero, covariance, covariance),
+        dialect.MAVLink_global_position_int_message(
+            ms, 473977418, 85455939, 500000, 12000, 1, 2, 3, 0
+        ),
+        dialect.MAVLink_odometry_message(
+            ms, 1, 1, *half, [1, 0, 0, 0], *zero, covariance, covariance
+        ),
     ]
 
 
@@ -128,10 +143,15 @@ def vehicle(wire: str, port: int, seconds: float) -> None:
             watch.restart()
             print("measuring", flush=True)
         if n % 2 == 0:
-            position = packed(dialect.MAVLink_local_position_ned_message(ms, 1.0, 2.0, -20.0, 0.1, 0.2, 0.3))
+            position = packed(
+                dialect.MAVLink_local_position_ned_message(ms, 1.0, 2.0, -20.0, 0.1, 0.2, 0.3)
+            )
             watch.ask()
             send(position)
-    print(json.dumps({"sent": watch.sent, "missed": watch.missed, "latencies": watch.latencies}), flush=True)
+    print(
+        json.dumps({"sent": watch.sent, "missed": watch.missed, "latencies": watch.latencies}),
+        flush=True,
+    )
     close()
 
 
@@ -145,7 +165,8 @@ def our_end(kind: str, wire: str, port: int) -> None:
     from guidance.messages import LocalPosition, Setpoint
 
     over = until_closed()
-    url, now = url_of(wire, port), time.monotonic
+    url = url_of(wire, port)
+    now = time.monotonic
     link = open_link(open_wire(url, clock=now, systems=(1,)), kind, system_id=1, clock=now, who=url)
     setpoint = Setpoint((1.0, 0.0, 0.0), yaw_rad=0.0)
     while not over.is_set():
@@ -165,11 +186,14 @@ def script_end(wire: str, port: int) -> None:
 
     over = until_closed()
     log_subscribe(lambda *_: True)
-    with Mavsdk(Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)) as mavsdk:
+    with Mavsdk(
+        Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
+    ) as mavsdk:
         close = bridge(mavsdk, port) if wire == "zenoh" else (lambda: None)
         mavsdk.add_any_connection("raw://" if wire == "zenoh" else f"udpin://127.0.0.1:{port}")
         system = mavsdk.first_autopilot(10.0)
-        telemetry, offboard = Telemetry(system), Offboard(system)
+        telemetry = Telemetry(system)
+        offboard = Offboard(system)
         velocity = VelocityNedYaw(1.0, 0.0, 0.0, 0.0)
         telemetry.set_rate_position_velocity_ned_async(float(RATE_HZ), lambda *_: None)
         telemetry.subscribe_position_velocity_ned(lambda *_: offboard.set_velocity_ned(velocity))
@@ -182,7 +206,11 @@ def bridge(mavsdk: object, port: int) -> Callable[[], None]:
     import zenoh
 
     closed = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
-    config = {"mode": "client", "connect": {"endpoints": [f"tcp/127.0.0.1:{port}"]}, "scouting": closed}
+    config = {
+        "mode": "client",
+        "connect": {"endpoints": [f"tcp/127.0.0.1:{port}"]},
+        "scouting": closed,
+    }
     session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     into = session.declare_publisher(
         f"{NAMESPACE}/mavlink_raw/in", express=True, congestion_control=zenoh.CongestionControl.DROP
@@ -271,7 +299,9 @@ def compare(seconds: float, rounds: int) -> None:
                 )
     print("\nmedian ratio to the MAVSDK script on the same wire (p50, p99)")
     for (wire, end), ratios in table.items():
-        print(f"{wire:6} {end:10} {median(r[0] for r in ratios):6.2f} {median(r[1] for r in ratios):6.2f}")
+        print(
+            f"{wire:6} {end:10} {median(r[0] for r in ratios):6.2f} {median(r[1] for r in ratios):6.2f}"
+        )
 
 
 def main() -> None:

@@ -73,7 +73,11 @@ class Looks:
             f"descriptors {grown(self.descriptors):+d}   threads {grown(self.threads):+d}",
             flush=True,
         )
-        return grown_mb < MOST_MB and grown(self.descriptors) <= 0 and 100 * grown(self.threads) < times
+        return (
+            grown_mb < MOST_MB
+            and grown(self.descriptors) <= 0
+            and 100 * grown(self.threads) < times
+        )
 
 
 def grown(seen: Sequence[int]) -> int:
@@ -83,7 +87,9 @@ def grown(seen: Sequence[int]) -> int:
 
 
 def over_and_over(what: str, wanted: int, once: Callable[[int], None], within_s: float) -> bool:
-    looks, every, began_s = Looks(), max(1, wanted // 40), time.monotonic()
+    looks = Looks()
+    every = max(1, wanted // 40)
+    began_s = time.monotonic()
     looks.look(0)
     for number in range(1, wanted + 1):
         once(number)
@@ -136,9 +142,17 @@ def daemon_on_the_ground() -> Iterator[tuple[Daemon, Path, str]]:
     with tempfile.TemporaryDirectory() as folder:
         port = free_port(socket.SOCK_STREAM)
         path = Path(folder) / "bench.toml"
-        text = CONFIG.format(link="pymavlink", url="udpin://127.0.0.1:1", evader_port=2, control_port=port)
+        text = CONFIG.format(
+            link="pymavlink", url="udpin://127.0.0.1:1", evader_port=2, control_port=port
+        )
         path.write_text(text)
-        yield Daemon("bench", plan_of(load_vehicle(path)), Silent(), {"evader": Silent()}, Equipment()), path, str(port)
+        yield (
+            Daemon(
+                "bench", plan_of(load_vehicle(path)), Silent(), {"evader": Silent()}, Equipment()
+            ),
+            path,
+            str(port),
+        )
 
 
 def orders(wanted: int, within_s: float) -> bool:
@@ -180,10 +194,16 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=200)
     parser.add_argument("--orders", type=int, default=2000)
     parser.add_argument("--reloads", type=int, default=500)
-    parser.add_argument("--within", type=float, default=math.inf, help="minutes that each of them may take")
+    parser.add_argument(
+        "--within", type=float, default=math.inf, help="minutes that each of them may take"
+    )
     given = parser.parse_args()
     within_s = 60.0 * given.within
-    held = [reloads(given.reloads, within_s), orders(given.orders, within_s), flights(given.flights, within_s)]
+    held = [
+        reloads(given.reloads, within_s),
+        orders(given.orders, within_s),
+        flights(given.flights, within_s),
+    ]
     print("nothing grows" if all(held) else "something GROWS")
     sys.exit(0 if all(held) else 1)
 

@@ -40,17 +40,21 @@ def setpoint(encoder, now_s):
 
 def flying(flavour, **settings):
     """A vehicle in the air that follows a stream, and its client; the clock stands at FLYING_TICK."""
-    vehicle, encoder = MockVehicle(flavour, ready_after_s=0.5, **settings), Encoder(1, 195)
+    vehicle = MockVehicle(flavour, ready_after_s=0.5, **settings)
+    encoder = Encoder(1, 195)
     mode = {"px4": (1.0, 6.0), "arducopter": (1.0, 4.0), "rover": (1.0, 15.0)}[flavour]
     commands = {50: (176, *mode), 55: (400, 1.0, 0.0), 60: (22, 0, 0, 0, 0, 0, 0, 10.0)}
     if flavour != "px4":
-        for number, (message_id, hertz) in enumerate(((30, 100), (31, 50), (33, 50), (32, 50), (331, 30), (105, 50))):
+        for number, (message_id, hertz) in enumerate(
+            ((30, 100), (31, 50), (33, 50), (32, 50), (331, 30), (105, 50))
+        ):
             commands[10 + number] = (511, float(message_id), 1e6 / hertz)
     else:
         del commands[60]
     for tick in range(FLYING_TICK):
         now_s = tick * STEP_S
-        taking_off = flavour == "arducopter" and 60 <= tick < 400  # a setpoint would end the take-off
+        # A setpoint would end the take-off
+        taking_off = flavour == "arducopter" and 60 <= tick < 400
         frames = [] if taking_off else [setpoint(encoder, now_s)]
         if tick in commands:
             params = [*commands[tick], *[0.0] * (8 - len(commands[tick]))]
@@ -66,7 +70,9 @@ def stepped(flavour, seconds, rounds):
     vehicle, encoder = flying(flavour)
     gc.collect()
     gc.freeze()
-    rates, tick, messages = [], FLYING_TICK, 0
+    rates = []
+    tick = FLYING_TICK
+    messages = 0
     for _ in range(rounds):
         begun = time.process_time()
         messages = 0
@@ -93,7 +99,8 @@ def memory(count):
 
 def first_heartbeat(rounds):
     """Seconds from the start of the process, and of the interpreter alone, to the first HEARTBEAT by UDP."""
-    whole, bare = [], []
+    whole = []
+    bare = []
     for _ in range(rounds):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
             client.bind(("127.0.0.1", 0))
@@ -102,7 +109,9 @@ def first_heartbeat(rounds):
             begun = time.perf_counter()
             child = _child("--vehicles", "1", "--udp", str(port))
             decoder = Decoder()
-            while not any(m.get_type() == "HEARTBEAT" for m in decoder.feed(client.recv(2048), whole=True)):
+            while not any(
+                m.get_type() == "HEARTBEAT" for m in decoder.feed(client.recv(2048), whole=True)
+            ):
                 pass
             whole.append(time.perf_counter() - begun)
             _end(child)
@@ -133,13 +142,18 @@ def real_time(count, seconds):
         client.settimeout(10.0)
         child = _child("--vehicles", str(count), "--udp", str(client.getsockname()[1]))
         json.loads(child.stdout.readline())
-        decoder, stamps = Decoder(), []
+        decoder = Decoder()
+        stamps = []
         client.recv(2048)
-        used_s, begun = _cpu_s(child.pid), time.perf_counter()
+        used_s = _cpu_s(child.pid)
+        begun = time.perf_counter()
         while time.perf_counter() - begun < seconds:
-            data, now_s = client.recv(2048), time.perf_counter()
+            data = client.recv(2048)
+            now_s = time.perf_counter()
             heard = decoder.feed(data, whole=True)
-            stamps += [now_s - each.time_boot_ms * 1e-3 for each in heard if each.get_type() == "ATTITUDE"]
+            stamps += [
+                now_s - each.time_boot_ms * 1e-3 for each in heard if each.get_type() == "ATTITUDE"
+            ]
         spent_s = time.perf_counter() - begun
         share = (_cpu_s(child.pid) - used_s) / spent_s
         _end(child)
@@ -183,10 +197,16 @@ def main():
         say(f"stepped, {flavour}: vehicle-seconds per second", f"{best:.0f}", note)
     say("memory per vehicle", f"{memory(20 if quick else 60):.0f} kB")
     whole, bare = first_heartbeat(3 if quick else 7)
-    say("start to first HEARTBEAT", f"{whole - bare:.3f} s", f"after {bare:.3f} s for the interpreter; target 0.5 s")
+    say(
+        "start to first HEARTBEAT",
+        f"{whole - bare:.3f} s",
+        f"after {bare:.3f} s for the interpreter; target 0.5 s",
+    )
     for count in (1, 20) if quick else (1, 10, 20, 50, 100):
         p50, p99, share, rate = real_time(count, 5.0 if quick else 10.0)
-        note = f"p99 {p99 * 1e3:.1f} ms, {share * 100:.0f} % of one core, {rate:.1f} of 100 Hz arrive"
+        note = (
+            f"p99 {p99 * 1e3:.1f} ms, {share * 100:.0f} % of one core, {rate:.1f} of 100 Hz arrive"
+        )
         say(f"real time, {count} vehicles by UDP: send jitter p50", f"{p50 * 1e3:.1f} ms", note)
 
 

@@ -30,7 +30,9 @@ def from_above(scenario: Scenario) -> Scenario:
 
 def from_below(scenario: Scenario) -> Scenario:
     """Start at 6 m with the disc at 15 m and the evader near, so that the vehicle reaches the rim before the height."""
-    pursuer = scenario.pursuer.model_copy(update={"position_m": (0.0, 0.0, 6.0), "takeoff_height_m": 6.0})
+    pursuer = scenario.pursuer.model_copy(
+        update={"position_m": (0.0, 0.0, 6.0), "takeoff_height_m": 6.0}
+    )
     return scenario.model_copy(
         update={
             "pursuer": pursuer,
@@ -40,21 +42,30 @@ def from_below(scenario: Scenario) -> Scenario:
     )
 
 
-def overrun(console: Console, title: str, change: Callable[[Scenario], Scenario], seeds: range) -> None:
+def overrun(
+    console: Console, title: str, change: Callable[[Scenario], Scenario], seeds: range
+) -> None:
     """Print one table: the worst of all seeds for each autopilot, turn and gap."""
     table = Table("autopilot", "evader", "at a gap of", "over", "lowest", "below", title=title)
     for autopilot in AUTOPILOTS:
         for turn, turned in TURNS.items():
             for gap_m in GAPS_M:
                 rows = [
-                    chase(change(hover_chase(autopilot, seed=seed)), turn_at_m=gap_m, turned=turned, station_s=5.0)
+                    chase(
+                        change(hover_chase(autopilot, seed=seed)),
+                        turn_at_m=gap_m,
+                        turned=turned,
+                        station_s=5.0,
+                    )
                     for seed in seeds
                 ]
                 over_m = max(max(0.0, -row.nearest_m) for row in rows)
                 below_m = min(row.nearest_below_m for row in rows)
                 lowest_m = min(row.lowest_m for row in rows)
                 below = "never" if math.isinf(below_m) else f"{below_m:.2f}"
-                table.add_row(autopilot, turn, f"{gap_m:g}", f"{over_m:.2f}", f"{lowest_m:.2f}", below)
+                table.add_row(
+                    autopilot, turn, f"{gap_m:g}", f"{over_m:.2f}", f"{lowest_m:.2f}", below
+                )
         table.add_section()
     console.print(table)
 

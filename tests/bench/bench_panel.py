@@ -38,7 +38,13 @@ from guidance.session.flight_files import recorded_settings
 from sitl_mock.child import running
 from tests.bench.bench_view import PROGRAM, VEHICLES, daemon, memory_mb
 
-QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+QUIET = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+]
 SOCKETS = 19
 
 
@@ -63,25 +69,31 @@ class Bench:
     """One daemon and its measurements."""
 
     def __init__(self, seconds: float, pid: int, control: str) -> None:
-        self.seconds, self.pid = seconds, pid
+        self.seconds = seconds
+        self.pid = pid
         self.zero_s = zero_s(control)
         self.phases: list[Phase] = []
 
     def phase(self, name: str, panel: int | None = None, page: Page | None = None) -> None:
         """Measure one phase of `seconds`."""
         pids = [self.pid] if panel is None else [self.pid, panel]
-        begun_s, before = time.time(), [used_s(pid) for pid in pids]
+        begun_s = time.time()
+        before = [used_s(pid) for pid in pids]
         if page is not None:
             page.evaluate("() => { panel.timed.length = 0; }")
             page.wait_for_timeout(1e3 * self.seconds)  # its callbacks run meanwhile
         else:
             time.sleep(self.seconds)
         ended_s = time.time()
-        shares = [(used_s(pid) - was) / (ended_s - begun_s) for pid, was in zip(pids, before, strict=True)]
+        shares = [
+            (used_s(pid) - was) / (ended_s - begun_s) for pid, was in zip(pids, before, strict=True)
+        ]
         timed = [] if page is None else page.evaluate("() => panel.timed")
         late = [1e-3 * seen_ms - (self.zero_s + cycle_s) for cycle_s, seen_ms in timed]
         bounds = begun_s - self.zero_s, ended_s - self.zero_s
-        self.phases.append(Phase(name, *bounds, shares[0], shares[1] if len(shares) > 1 else 0.0, late))
+        self.phases.append(
+            Phase(name, *bounds, shares[0], shares[1] if len(shares) > 1 else 0.0, late)
+        )
 
 
 def zero_s(control: str) -> float:
@@ -163,33 +175,48 @@ def stay(page: Page, pid: int, minutes: float) -> None:
     print("minute   page's heap MB   its elements   panel's memory MB", flush=True)
     for minute in range(round(minutes) + 1):
         session.send("HeapProfiler.collectGarbage")
-        metrics = {one["name"]: one["value"] for one in session.send("Performance.getMetrics")["metrics"]}
+        metrics = {
+            one["name"]: one["value"] for one in session.send("Performance.getMetrics")["metrics"]
+        }
         heap_mb = metrics["JSHeapUsedSize"] / 1e6
-        print(f"{minute:6d} {heap_mb:16.2f} {metrics['Nodes']:14.0f} {memory_mb(pid):19.1f}", flush=True)
+        print(
+            f"{minute:6d} {heap_mb:16.2f} {metrics['Nodes']:14.0f} {memory_mb(pid):19.1f}",
+            flush=True,
+        )
         page.wait_for_timeout(60_000 if minute < round(minutes) else 0)
 
 
 def show(record: Path, phases: list[Phase]) -> None:
     """Print the measurements of each phase, and its ratio to the first."""
     timings = [(row.now_s, row.timing) for row in cycles_of(record) if row.timing is not None]
-    print("                     cycle began late, ms    worked, ms            processor, %     cycle to pixel, ms")
-    print("                      p50    p99    most     p50   p99  (× first)  daemon  panel    p50    p95    most")
+    print(
+        "                     cycle began late, ms    worked, ms            processor, %     cycle to pixel, ms"
+    )
+    print(
+        "                      p50    p99    most     p50   p99  (× first)  daemon  panel    p50    p95    most"
+    )
     first = None
     for phase in phases:
         within = [timing for now_s, timing in timings if phase.first_s < now_s < phase.last_s]
-        late, worked = (1e3 * np.array([getattr(one, key) for one in within]) for key in ("late_s", "worked_s"))
+        late, worked = (
+            1e3 * np.array([getattr(one, key) for one in within]) for key in ("late_s", "worked_s")
+        )
         first = first or median(worked)
         lates = " ".join(f"{value:6.2f}" for value in np.percentile(late, [50, 99, 100]))
         works = " ".join(f"{value:5.2f}" for value in np.percentile(worked, [50, 99]))
         seen = "     -      -       -"
         if phase.latencies_s:
-            seen = " ".join(f"{1e3 * value:6.0f}" for value in np.percentile(phase.latencies_s, [50, 95, 100]))
+            seen = " ".join(
+                f"{1e3 * value:6.0f}" for value in np.percentile(phase.latencies_s, [50, 95, 100])
+            )
         print(
             f"{phase.name:18} {lates}   {works}  ({median(worked) / first:4.2f})  "
             f"{100 * phase.daemon_share:6.1f} {100 * phase.panel_share:6.1f}  {seen}"
         )
     comparison, _ = compare(record, recorded_settings)
-    print(f"replayed: {comparison.setpoints} setpoints in {comparison.cycles} cycles, {comparison.differing} differ")
+    print(
+        f"replayed: {comparison.setpoints} setpoints in {comparison.cycles} cycles, {comparison.differing} differ"
+    )
 
 
 def main() -> None:

@@ -41,7 +41,10 @@ class _Chase(Chase):
     engaging = False
 
     def act(self, _orders: list[Event]) -> Outputs:
-        orders = {State.READY: (Event.START,), State.STANDING_BY: (Event.ENGAGE,) if self.engaging else ()}
+        orders = {
+            State.READY: (Event.START,),
+            State.STANDING_BY: (Event.ENGAGE,) if self.engaging else (),
+        }
         outputs: Outputs = self.pilot.run(self.now_s, orders.get(self.state, ()))
         if outputs.certificate is not None and math.isnan(self._engaged_s):
             self._engaged_s = self.now_s
@@ -58,17 +61,28 @@ def begun(autopilot: str, speeds_m_s: tuple[float, float]) -> _Chase:
 
 def flown(seed: int, number: int) -> Promise | None:
     """Draw and fly one chase; None if it was not captured."""
-    draw, autopilot = Random(f"{seed}/{number}"), ("px4", "arducopter")[number % 2]
+    draw = Random(f"{seed}/{number}")
+    autopilot = ("px4", "arducopter")[number % 2]
     speeds = SPEEDS_M_S[number // 2 % len(SPEEDS_M_S)]
     chase = HOVERING((autopilot, speeds), lambda: begun(autopilot, speeds), Chase.history)
-    bearing, away_m = draw.uniform(-math.pi, math.pi), draw.uniform(20.0, 80.0)
+    bearing = draw.uniform(-math.pi, math.pi)
+    away_m = draw.uniform(20.0, 80.0)
     chase.runner.begin((away_m * math.sin(bearing), away_m * math.cos(bearing)), seed=number)
-    course, dodges_s = draw.uniform(-math.pi, math.pi), draw.choice((0.0, draw.uniform(0.5, 4.0)))
-    chase.runner.goal_m = (1e4 * math.cos(course), 1e4 * math.sin(course)) if dodges_s > 0.0 else None
+    course = draw.uniform(-math.pi, math.pi)
+    dodges_s = draw.choice((0.0, draw.uniform(0.5, 4.0)))
+    chase.runner.goal_m = (
+        (1e4 * math.cos(course), 1e4 * math.sin(course)) if dodges_s > 0.0 else None
+    )
     chase.run(HEARD_S)
-    chase.engaging, promise, since_s = True, None, math.nan
+    chase.engaging = True
+    promise = None
+    since_s = math.nan
     settings = plan_of(scenario=hover_chase(autopilot, seed=1, speeds_m_s=speeds)).flight.cycle
-    while not chase.since_s > LONGEST_S and chase.state in {State.STANDING_BY, State.ENTERING, State.ENGAGED}:
+    while not chase.since_s > LONGEST_S and chase.state in {
+        State.STANDING_BY,
+        State.ENTERING,
+        State.ENGAGED,
+    }:
         chase.cycle()
         certificate = chase.outputs.pop().certificate
         if certificate is None or certificate.no_game:
@@ -89,7 +103,11 @@ def flown(seed: int, number: int) -> Promise | None:
             height_s = certificate.height_gap_m / descent_m_s + (descent_m_s - down) ** 2 / (
                 2.0 * descent_m_s * ability.vertical_m_s2
             )
-            promise = certificate.value, certificate.time_needed_s, max(over_ground.time_s, height_s)
+            promise = (
+                certificate.value,
+                certificate.time_needed_s,
+                max(over_ground.time_s, height_s),
+            )
         if promise is not None and certificate.captured:
             return Promise(*promise, chase.now_s - since_s)
     return None

@@ -92,7 +92,8 @@ def _telemetry() -> Row:
     batches = [vehicle.step(0.02 * number) for number in range(1500)]
     ours, theirs = MemoryWire.pair(time.perf_counter)
     link = PymavlinkLink(ours, time.perf_counter, system_id=1)
-    sent, began_s = 0, time.process_time()
+    sent = 0
+    began_s = time.process_time()
     for batch in batches:
         for frame in batch:
             theirs.send(frame)
@@ -100,7 +101,11 @@ def _telemetry() -> Row:
         link.receive()
     took_s = time.process_time() - began_s
     heard = link.counters()
-    lost = sum(count for name, count in heard.items() if "lost" in name or "dropped" in name or "bad" in name)
+    lost = sum(
+        count
+        for name, count in heard.items()
+        if "lost" in name or "dropped" in name or "bad" in name
+    )
     return Row(
         "telemetry read",
         f"{sent} frames of a PX4's streams",
@@ -113,10 +118,12 @@ def _telemetry() -> Row:
 
 def _reports(count: int = 20_000) -> Row:
     ours, theirs = MemoryWire.pair(time.perf_counter)
-    source, beacon = MavlinkEvader(ours, GLOBAL_POSITION, system_id=2), Beacon(0)
+    source = MavlinkEvader(ours, GLOBAL_POSITION, system_id=2)
+    beacon = Beacon(0)
     frames = [beacon.frame(0.1 * number) for number in range(count)]
     beacon.socket.close()
-    read, began_s = 0, time.process_time()
+    read = 0
+    began_s = time.process_time()
     for first in range(0, count, BATCH):
         for frame in frames[first : first + BATCH]:
             theirs.send(frame)
@@ -136,7 +143,8 @@ def _reports(count: int = 20_000) -> Row:
 def _pages(count: int = 500) -> Row:
     port = free_port(socket.SOCK_STREAM)
     server = MetricsServer(Metrics("bench"), port)
-    good, began_s = 0, time.perf_counter()
+    good = 0
+    began_s = time.perf_counter()
     for _ in range(count):
         asked = http.client.HTTPConnection("127.0.0.1", port, timeout=10.0)
         asked.request("GET", "/metrics")
@@ -146,18 +154,27 @@ def _pages(count: int = 500) -> Row:
     took_s = time.perf_counter() - began_s
     server.close()
     return Row(
-        "pages of metrics", f"{count} asked", f"{good} came, {good / took_s:.0f} a second", count - good, "-", "-"
+        "pages of metrics",
+        f"{count} asked",
+        f"{good} came, {good / took_s:.0f} a second",
+        count - good,
+        "-",
+        "-",
     )
 
 
 def faults(flights: int, seed: int) -> Iterator[Row]:
-    console, kinds, broken = Console(stderr=True), Counter[str](), []
+    console = Console(stderr=True)
+    kinds = Counter[str]()
+    broken = []
     for number in range(flights):
         row = fly(draw_case(seed, number))
         kinds.update(row.case.kinds)
         broken += [f"flight {number}: {each}" for each in row.violations]
         if number % 10 == 9:
-            console.print(f"{number + 1} of {flights} flights, {len(broken)} broken", highlight=False)
+            console.print(
+                f"{number + 1} of {flights} flights, {len(broken)} broken", highlight=False
+            )
     for each in broken:
         console.print(each, highlight=False)
     bad = len({each.split(":")[0] for each in broken})
@@ -188,9 +205,14 @@ def spoiled(data: bytes, draw: random.Random) -> bytes:
     return bytes(changed)
 
 
-def tried(give: Callable[[bytes], object], good: list[bytes], count: int) -> tuple[int, int, list[str]]:
+def tried(
+    give: Callable[[bytes], object], good: list[bytes], count: int
+) -> tuple[int, int, list[str]]:
     """Pass spoiled inputs to a reader; return how many it accepted and refused, and its other exceptions."""
-    draw, taken, refused, errors = random.Random(1), 0, 0, []
+    draw = random.Random(1)
+    taken = 0
+    refused = 0
+    errors = []
     for number in range(count):
         data = spoiled(good[number % len(good)], draw)
         try:
@@ -240,10 +262,19 @@ def inputs(count: int) -> Iterator[Row]:
             taken, refused, errors = tried(give, good, times)
             for error in errors[:5]:
                 print(f"{name}: {error}", file=sys.stderr)
-            how = "dropped and counted, or not a message we use" if name == "frames" else "refused with a message"
+            how = (
+                "dropped and counted, or not a message we use"
+                if name == "frames"
+                else "refused with a message"
+            )
             held = f"{taken} read, {refused} {how}"
             yield Row(
-                f"bad {name}", f"{times} spoiled", held, len(errors), px4, "checksums" if name == "frames" else "-"
+                f"bad {name}",
+                f"{times} spoiled",
+                held,
+                len(errors),
+                px4,
+                "checksums" if name == "frames" else "-",
             )
 
 
@@ -253,7 +284,12 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1, help="seed of the flights with faults")
     parser.add_argument("--inputs", type=int, default=20_000)
-    parser.add_argument("--only", nargs="+", choices=("load", "faults", "inputs"), default=("load", "faults", "inputs"))
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        choices=("load", "faults", "inputs"),
+        default=("load", "faults", "inputs"),
+    )
     given = parser.parse_args()
     table = Table(show_lines=True)
     for heading in ("trial", "size", "result", "lost", "PX4 promises", "ArduCopter promises"):

@@ -55,7 +55,8 @@ class Kept:
 def flown(scenario: Scenario) -> Kept:
     """Fly once and keep all calls to the record."""
     clock = VirtualClock()
-    world, kept = SteppedWorld(scenario, clock), Kept()
+    world = SteppedWorld(scenario, clock)
+    kept = Kept()
     try:
         Mission(scenario, world, clock, equipment={"pursuer": Equipment(record=kept)}).fly()
     finally:
@@ -97,7 +98,10 @@ def main() -> None:
     kept = flown(scenario)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "record.mcap"
-        best = min((written(kept, path, metadata) for _ in range(3)), key=lambda costs: float(np.median(costs)))
+        best = min(
+            (written(kept, path, metadata) for _ in range(3)),
+            key=lambda costs: float(np.median(costs)),
+        )
         items = list(scan(path))
         rows = [json.loads(item.data) for item in items if item.topic == CYCLE.topic]
         minutes = (rows[-1]["now_s"] - rows[0]["now_s"]) / 60.0
@@ -106,7 +110,8 @@ def main() -> None:
         )
         print(f"recording a cycle        {percentiles(best)}")
         print(f"json.dumps of its row    {percentiles(dumped(rows))}")
-        raw, size = sum(len(item.data) for item in items), path.stat().st_size
+        raw = sum(len(item.data) for item in items)
+        size = path.stat().st_size
         print(
             f"bytes a flight minute    {size / minutes / 1e6:.2f} MB written, {raw / minutes / 1e6:.2f} MB of messages"
         )

@@ -68,7 +68,9 @@ seeds = SEEDS
 def planned_from(text, folder, seeds, pursuers='"optimal"'):
     """Lay out a sweep of a text."""
     path = folder / f"{seeds}.toml"
-    path.write_text(text.replace("SEEDS", str(seeds)).replace("PURSUERS", pursuers), encoding="utf-8")
+    path.write_text(
+        text.replace("SEEDS", str(seeds)).replace("PURSUERS", pursuers), encoding="utf-8"
+    )
     return planned(str(path)), path
 
 
@@ -82,7 +84,11 @@ def processor_s():
 
 def bench_policies(folder, seeds):
     """The bundled sweep with other numbers of seeds, one core, in this process; each pair of policies is one chunk."""
-    text = find("policies", FOLDER).read_text(encoding="utf-8").replace("seeds = 1000", "seeds = SEEDS")
+    text = (
+        find("policies", FOLDER)
+        .read_text(encoding="utf-8")
+        .replace("seeds = 1000", "seeds = SEEDS")
+    )
     plan, _ = planned_from(text, folder, seeds)
     table_of(plan, range(2))  # imports
     total = 0.0
@@ -136,11 +142,15 @@ def bench_wind(folder, rows):
                 started = time.process_time()
                 computed(plan, range(rows))
                 took[wind] = min(took[wind], time.process_time() - started)
-        print(f"maths sweeps of {rows:,} {game} games: {rows / took['calm']:,.0f} games/s without wind")
+        print(
+            f"maths sweeps of {rows:,} {game} games: {rows / took['calm']:,.0f} games/s without wind"
+        )
         for wind in list(plans)[1:]:
             ratio = took[wind] / took["calm"]
             good = "met" if ratio <= 3.0 else "NOT MET"
-            print(f"  {wind:20} {rows / took[wind]:8,.0f} games/s, {ratio:.2f} × without; required 3: {good}")
+            print(
+                f"  {wind:20} {rows / took[wind]:8,.0f} games/s, {ratio:.2f} × without; required 3: {good}"
+            )
 
 
 def bench_flights(folder, flights):
@@ -148,10 +158,13 @@ def bench_flights(folder, flights):
     plan, _ = planned_from(FLIGHTS, folder, flights)
     started = time.perf_counter(), time.process_time()
     table = table_of(plan, range(flights))
-    wall, cpu = time.perf_counter() - started[0], time.process_time() - started[1]
+    wall = time.perf_counter() - started[0]
+    cpu = time.process_time() - started[1]
     flown = sum(table["duration_s"].to_pylist())
     print(f"a fast sweep of {flights} flights of {flown / flights:.0f} s on average")
-    print(f"  {flights / cpu:8.3f} flights/s of processor time on one core, {flown / cpu:.1f} × real time")
+    print(
+        f"  {flights / cpu:8.3f} flights/s of processor time on one core, {flown / cpu:.1f} × real time"
+    )
     began = time.perf_counter()
     finish(begun(folder / "flights", plan, 1), lambda _: None, workers=2)
     two = (time.perf_counter() - began) / flights
@@ -163,12 +176,18 @@ def bench_flights(folder, flights):
 
 def bench_end_to_end(folder, rows):
     """From the file to the report, with the states of the sweep "policies"."""
-    text = find("policies", FOLDER).read_text(encoding="utf-8").replace("seeds = 1000", "seeds = SEEDS")
+    text = (
+        find("policies", FOLDER)
+        .read_text(encoding="utf-8")
+        .replace("seeds = 1000", "seeds = SEEDS")
+    )
     _, path = planned_from(text, folder, rows // 8)
     out = folder / "out"
-    began, used = time.perf_counter(), processor_s()
+    began = time.perf_counter()
+    used = processor_s()
     run_sweep(str(path), way=None, workers=2, scheduler=None, out=out, chunk=None)
-    swept, used = time.perf_counter() - began, processor_s() - used
+    swept = time.perf_counter() - began
+    used = processor_s() - used
     kept = sum(part.stat().st_size for part in out.glob("rows/*.parquet"))
     parts = len(list(out.glob("rows/*.parquet")))
     here = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
@@ -190,7 +209,9 @@ def main():
     """Run them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a tenth of the work")
-    parser.add_argument("--million", action="store_true", help="one million games end to end, and nothing else")
+    parser.add_argument(
+        "--million", action="store_true", help="one million games end to end, and nothing else"
+    )
     given = parser.parse_args()
     share = 10 if given.quick else 1
     print(f"NumPy {np.__version__}, Python {sys.version.split()[0]}")

@@ -34,7 +34,15 @@ from guidance.log.entries import CYCLE
 from guidance.log.reader import scan
 from guidance.session.control_bus import free_endpoint, join_session
 from guidance.session.control_socket import token_path
-from guidance.team.messages import EvaderMessage, Message, RolesMessage, StateMessage, VehicleRole, decode, encode
+from guidance.team.messages import (
+    EvaderMessage,
+    Message,
+    RolesMessage,
+    StateMessage,
+    VehicleRole,
+    decode,
+    encode,
+)
 from sitl_mock.child import RunningFleet, free_udp_port, running
 from sitl_mock.world import DEFAULT_HOME
 from tests.acceptance.relay import wait
@@ -43,11 +51,13 @@ from tests.harness.bus import ask
 from tests.harness.vehicle import FENCED, document, mocked
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
-NAME, MATES = "uav1", ("uav0", "uav2", "uav3")
+NAME = "uav1"
+MATES = ("uav0", "uav2", "uav3")
 ROVERS = {"rover1": (0.0, 60.0), "rover2": (0.0, -60.0)}
 """Places of the evaders, north and east of home, m. They stand still, and are never reached."""
 
-EVERY_S, WITHIN_S = 0.1, 60.0
+EVERY_S = 0.1
+WITHIN_S = 60.0
 FRAME = LocalFrame(*DEFAULT_HOME[:2], Amsl(DEFAULT_HOME[2]))
 
 
@@ -57,7 +67,9 @@ class Mates:
     def __init__(self, endpoint: str, ports: dict[str, int], stack: ExitStack) -> None:
         self.sent: list[tuple[float, str]] = []
         self.heard: Message | None = None
-        self._evader, self._seq, self._term = "rover1", 0, 1
+        self._evader = "rover1"
+        self._seq = 0
+        self._term = 1
         self._ends = {}
         for name in MATES:
             session = stack.enter_context(join_session(endpoint))
@@ -71,7 +83,8 @@ class Mates:
             )
             for number, (name, port) in enumerate(ports.items(), start=2)
         ]
-        self._lock, self._ended = threading.Lock(), threading.Event()
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
         stack.callback(self._end)
@@ -111,17 +124,25 @@ class Mates:
             )  # fmt: skip
             end.publish(state.key, encode(state))
             for evader, place in ROVERS.items():
-                told = EvaderMessage(**common, **placed(*place, 0.0), evader=evader, source="GLOBAL_POSITION_INT")
+                told = EvaderMessage(
+                    **common, **placed(*place, 0.0), evader=evader, source="GLOBAL_POSITION_INT"
+                )
                 end.publish(told.key, encode(told))
         for station, wire, place in self._rovers:
             at = placed(*place, 0.0)
             fields = [
                 round(at[key] * scale)
-                for key, scale in (("latitude_deg", 1e7), ("longitude_deg", 1e7), ("altitude_amsl_m", 1e3))
+                for key, scale in (
+                    ("latitude_deg", 1e7),
+                    ("longitude_deg", 1e7),
+                    ("altitude_amsl_m", 1e3),
+                )
             ]
             wire.send(
                 station.pack(
-                    mavlink.MAVLink_global_position_int_message(round(now_s * 1e3) % 2**32, *fields, 0, 0, 0, 0, 0)
+                    mavlink.MAVLink_global_position_int_message(
+                        round(now_s * 1e3) % 2**32, *fields, 0, 0, 0, 0, 0
+                    )
                 )
             )
 
@@ -133,7 +154,11 @@ class Mates:
 def placed(north_m: float, east_m: float, up_m: float) -> dict[str, float]:
     """Return a place as messages have it."""
     latitude, longitude, altitude = FRAME.wgs84_from_ned((north_m, east_m, -up_m))
-    return {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_amsl_m": altitude.metres}
+    return {
+        "latitude_deg": latitude,
+        "longitude_deg": longitude,
+        "altitude_amsl_m": altitude.metres,
+    }
 
 
 def vehicle_file(folder: Path, fleet: RunningFleet, endpoint: str, ports: dict[str, int]) -> Path:
@@ -160,9 +185,12 @@ def vehicle_file(folder: Path, fleet: RunningFleet, endpoint: str, ports: dict[s
     return path
 
 
-def latencies_s(record: Path, sent: Sequence[tuple[float, str]], arrived_s: dict[bytes, float]) -> list[float]:
+def latencies_s(
+    record: Path, sent: Sequence[tuple[float, str]], arrived_s: dict[bytes, float]
+) -> list[float]:
     """Return the time from each assignment to the arrival of the first setpoint against its evader."""
-    changed, firsts = None, []
+    changed = None
+    firsts = []
     for item in scan(record):
         if item.topic == CYCLE.topic:
             changed = (json.loads(item.data)["inputs"].get("role") or {}).get("evader")
@@ -171,7 +199,9 @@ def latencies_s(record: Path, sent: Sequence[tuple[float, str]], arrived_s: dict
             changed = None
     waits = []
     for at_s, evader in sent:
-        first = next((there_s for there_s, name in firsts if name == evader and there_s > at_s), math.inf)
+        first = next(
+            (there_s for there_s, name in firsts if name == evader and there_s > at_s), math.inf
+        )
         waits.append(first - at_s)
     return sorted(waits)
 
@@ -181,13 +211,15 @@ def measure(seconds: float, folder: Path) -> None:
     arrived_s: dict[bytes, float] = {}
     with ExitStack() as stack:
         fleet = stack.enter_context(running([mocked(NAME, parameters=FENCED)], over=["zenoh"]))
-        endpoint, ports = free_endpoint(), {name: free_udp_port({"uav1": "px4"}) for name in ROVERS}
+        endpoint = free_endpoint()
+        ports = {name: free_udp_port({"uav1": "px4"}) for name in ROVERS}
         command = [str(GUIDANCE), "run", str(vehicle_file(folder, fleet, endpoint, ports))]
         daemon = stack.enter_context(subprocess.Popen(command))
         stack.callback(daemon.terminate)
         listener = stack.enter_context(open_session(fleet[NAME].zenoh))
         listener.declare_subscriber(
-            f"{NAME}/{TO_VEHICLE}", lambda sample: arrived_s.setdefault(sample.payload.to_bytes(), time.monotonic())
+            f"{NAME}/{TO_VEHICLE}",
+            lambda sample: arrived_s.setdefault(sample.payload.to_bytes(), time.monotonic()),
         )
         if not wait(token_path(endpoint).exists, WITHIN_S):
             sys.exit("the daemon did not start")
@@ -205,8 +237,10 @@ def measure(seconds: float, folder: Path) -> None:
                 and wait(lambda state=state: state_is(state), WITHIN_S)
             ):
                 sys.exit(f"{order} was not followed: {mates.heard and mates.heard.state}")
-        chance, until_s = random.Random(1), time.monotonic() + seconds
-        began_s, spent_s = time.monotonic(), processor_s(daemon.pid)
+        chance = random.Random(1)
+        until_s = time.monotonic() + seconds
+        began_s = time.monotonic()
+        spent_s = processor_s(daemon.pid)
         while time.monotonic() < until_s:
             for evader in ("rover2", "rover1"):
                 mates.assign(evader)
@@ -215,14 +249,19 @@ def measure(seconds: float, folder: Path) -> None:
     (record,) = folder.glob("*.mcap")
     waits = latencies_s(record, mates.sent, arrived_s)
     frames = sum(int.from_bytes(frame[7:10], "little") == SETPOINT for frame in arrived_s)
-    middle, late = waits[len(waits) // 2], waits[math.ceil(0.99 * len(waits)) - 1]
+    middle = waits[len(waits) // 2]
+    late = waits[math.ceil(0.99 * len(waits)) - 1]
     counted = f"{len(waits)} assignments, {frames} setpoints"
-    print(f"assignment to new setpoint: p50 {middle * 1e3:.0f} ms, p99 {late * 1e3:.0f} ms ({counted})")
+    print(
+        f"assignment to new setpoint: p50 {middle * 1e3:.0f} ms, p99 {late * 1e3:.0f} ms ({counted})"
+    )
     print(f"daemon with three mates: {100.0 * share:.0f} % of a core")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seconds", type=float, default=30.0, help="of the game (default 30)")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

@@ -67,7 +67,10 @@ def reference() -> Callable[[], object]:
     for density in (0.05, 1.0):
         one = KalmanFilter(dim_x=4, dim_z=4)
         one.F = np.eye(4) + DT_S * np.eye(4, k=2)
-        one.H, one.R, one.P, one.Q = np.eye(4), np.diag([0.25, 0.25, 0.04, 0.04]), np.eye(4), density * DT_S * np.eye(4)
+        one.H = np.eye(4)
+        one.R = np.diag([0.25, 0.25, 0.04, 0.04])
+        one.P = np.eye(4)
+        one.Q = density * DT_S * np.eye(4)
         filters.append(one)
     both = IMMEstimator(filters, [0.7, 0.3], np.array([[0.99, 0.01], [0.02, 0.98]]))
     measured = np.array([[0.0], [0.0], [3.0], [0.0]])
@@ -85,7 +88,9 @@ def main() -> None:
     for step in range(300):
         track = update(track, report(step), SETTINGS)
     following = report(300)
-    situation = Situation((0.0, 0.0, -20.0), (5.0, 0.0, 0.5), 0.0, (60.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+    situation = Situation(
+        (0.0, 0.0, -20.0), (5.0, 0.0, 0.5), 0.0, (60.0, 0.0, 0.0), (3.0, 0.0, 0.0)
+    )
     command = Setpoint((6.0, 0.0, 1.5), (1.0, 0.0, 0.0), 1.0)
     memory = limit(command, situation, ENVELOPE, None, DT_S).memory
 
@@ -96,7 +101,9 @@ def main() -> None:
     table = Table("what", "µs", "of filterpy's", title="track and limits, one call")
     table.add_row("track: update with a report", f"{ours:.0f}", f"{ours / theirs:.2f}")
     table.add_row("track: predict to now", f"{predicted:.0f}", f"{predicted / theirs:.2f}")
-    table.add_row("track: both (asked: 100)", f"{ours + predicted:.0f}", f"{(ours + predicted) / theirs:.2f}")
+    table.add_row(
+        "track: both (asked: 100)", f"{ours + predicted:.0f}", f"{(ours + predicted) / theirs:.2f}"
+    )
     table.add_row("filterpy IMM: predict and update", f"{theirs:.0f}", "1")
     table.add_row("limits: every limiter", f"{limited:.0f}", "")
     Console().print(table)

@@ -31,7 +31,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
-    ends, wrong, events, wins, missed = Counter[str](), 0, 0, Counter[bool](), Counter[bool]()
+    ends = Counter[str]()
+    wrong = 0
+    events = 0
+    wins = Counter[bool]()
+    missed = Counter[bool]()
     with ProcessPoolExecutor(given.jobs) as pool:
         for drawn, game in pool.map(partial(flown, given.seed), range(given.games)):
             ends[game.end] += 1

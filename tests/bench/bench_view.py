@@ -94,18 +94,28 @@ def phases(seconds: float, pid: int, control: str) -> Iterator[tuple[str, float,
 def show(record: Path, taken: list[tuple[str, float, float, float]]) -> None:
     """Print the cycle times of each phase from the record, and their ratio to the first."""
     began_s = datetime.fromisoformat(survey_of(record).metadata["started_utc"]).timestamp()
-    timings = [(began_s + row.now_s, row.json["timing"]) for row in cycles_of(record) if "timing" in row.json]
+    timings = [
+        (began_s + row.now_s, row.json["timing"])
+        for row in cycles_of(record)
+        if "timing" in row.json
+    ]
     print("                        cycle began late, ms      worked, ms")
-    print("                         p50    p99   most      p50    p99   (× first)   cycles   memory MB")
+    print(
+        "                         p50    p99   most      p50    p99   (× first)   cycles   memory MB"
+    )
     first: dict[str, float] = {}
     for name, begun_s, ended_s, resident_mb in taken:
         within = [timing for now_s, timing in timings if begun_s < now_s < ended_s]
-        late, worked = (1e3 * np.array([timing[key] for timing in within]) for key in ("late_s", "worked_s"))
+        late, worked = (
+            1e3 * np.array([timing[key] for timing in within]) for key in ("late_s", "worked_s")
+        )
         first.setdefault("worked", median(worked))
         lates = " ".join(f"{value:6.2f}" for value in np.percentile(late, [50, 99, 100]))
         works = " ".join(f"{value:6.2f}" for value in np.percentile(worked, [50, 99]))
         ratio = median(worked) / first["worked"]
-        print(f"{name:20} {lates}   {works}   ({ratio:4.2f})   {len(within):8d}   {resident_mb:9.1f}")
+        print(
+            f"{name:20} {lates}   {works}   ({ratio:4.2f})   {len(within):8d}   {resident_mb:9.1f}"
+        )
 
 
 def main() -> None:

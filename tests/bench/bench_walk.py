@@ -67,7 +67,9 @@ class Walk:
         elif event == "call":
             self._begun.add(frame)
             lines = len({line for *_, line in code.co_lines() if line is not None})
-            self.calls.append(Call(self._depth, code.co_filename[len(ROOT) + 1 :], code.co_qualname, lines))
+            self.calls.append(
+                Call(self._depth, code.co_filename[len(ROOT) + 1 :], code.co_qualname, lines)
+            )
             self._depth += 1
         elif event == "return":
             self._depth -= 1
@@ -76,11 +78,11 @@ class Walk:
 def summary(calls: list[Call]) -> str:
     """Return the size of a walk in words."""
     changes = sum(one.file != other.file for one, other in itertools.pairwise(calls))
-    functions, files = {call[1:] for call in calls}, {call.file for call in calls}
+    functions = {call[1:] for call in calls}
+    files = {call.file for call in calls}
     lines = sum(lines for *_, lines in functions)
-    return (
-        f"{len(calls)} calls, {len(functions)} functions, {lines} lines, {len(files)} files, {changes} changes of file"
-    )
+    totals = f"{len(calls)} calls, {len(functions)} functions, {lines} lines"
+    return f"{totals}, {len(files)} files, {changes} changes of file"
 
 
 class Named(NamedTuple):
@@ -136,26 +138,33 @@ class WatchedWire(UdpWire):
 
 def walk(autopilot: str) -> Walk:
     """Fly until `ENGAGED_S` after engagement, then record one cycle."""
-    scenario, clock, walked = hover_chase(autopilot, seed=1), VirtualClock(), Walk()
+    scenario = hover_chase(autopilot, seed=1)
+    clock = VirtualClock()
+    walked = Walk()
     plan = plan_of(scenario=scenario)
     vehicle = MockVehicle(autopilot, seed=1, ready_after_s=1.0)
-    wire, theirs = (
-        WatchedWire(clock.now_s, "127.0.0.1", 0, AddressPins()),
-        socket.socket(type=socket.SOCK_DGRAM),
-    )
+    wire = WatchedWire(clock.now_s, "127.0.0.1", 0, AddressPins())
+    theirs = socket.socket(type=socket.SOCK_DGRAM)
     with contextlib.closing(wire), theirs:
         theirs.connect(wire._socket.getsockname())
         theirs.setblocking(False)
-        link, runner = PymavlinkLink(wire, clock.now_s, system_id=1), Runner(scenario, plan.flight)
-        daemon, engaged_s = Daemon("walk", plan, link, {"evader": runner}, Equipment()), float("inf")
+        link = PymavlinkLink(wire, clock.now_s, system_id=1)
+        runner = Runner(scenario, plan.flight)
+        daemon = Daemon("walk", plan, link, {"evader": runner}, Equipment())
+        engaged_s = float("inf")
         while not walked.arrived:
-            now_s, state = clock.now_s(), daemon.flight.state
+            now_s = clock.now_s()
+            state = daemon.flight.state
             frames = vehicle.step(now_s, _datagrams(theirs))
             place = vehicle.truth.position_ned_m
             runner.advance(now_s, place[:2], running=now_s > engaged_s)
             if state is State.ENGAGED:
                 engaged_s = min(engaged_s, now_s)
-            positions = [frame for frame in frames if int.from_bytes(frame[7:10], "little") == LOCAL_POSITION_NED]
+            positions = [
+                frame
+                for frame in frames
+                if int.from_bytes(frame[7:10], "little") == LOCAL_POSITION_NED
+            ]
             counted = now_s > engaged_s + ENGAGED_S and len(positions) == 1
             for frame in positions if counted else frames:
                 theirs.send(frame)
@@ -184,10 +193,16 @@ def _datagrams(theirs: socket.socket) -> list[bytes]:
 
 def main() -> None:
     """Print the walk."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--autopilot", choices=("px4", "arducopter"), default="px4")
-    parser.add_argument("--list", action="store_true", help="print every call, indented by depth, and calls by file")
-    parser.add_argument("--named", action="store_true", help="count the walks that docs/architecture.md names")
+    parser.add_argument(
+        "--list", action="store_true", help="print every call, indented by depth, and calls by file"
+    )
+    parser.add_argument(
+        "--named", action="store_true", help="count the walks that docs/architecture.md names"
+    )
     given = parser.parse_args()
     if given.named:
         for named in named_walks(PAGE.read_text(encoding="utf-8")):

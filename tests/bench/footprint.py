@@ -37,7 +37,8 @@ def growth_mb_h(hours: Sequence[float], taken: Sequence[Footprint]) -> float:
     A step, as an allocator takes memory by the arena, and a look that fell on a peak, do not tilt it.
     """
     before, after = np.triu_indices(len(taken), 1)
-    memory, at = np.array([one.memory_mb for one in taken]), np.asarray(hours)
+    memory = np.array([one.memory_mb for one in taken])
+    at = np.asarray(hours)
     return float(np.median((memory[after] - memory[before]) / (at[after] - at[before])))
 
 
@@ -45,7 +46,11 @@ def most_in_an_hour_mb(hours: Sequence[float], taken: Sequence[Footprint]) -> fl
     """Return the most memory that came between two looks at most an hour apart: what a median would not show."""
     memory = [one.memory_mb for one in taken]
     later = itertools.combinations(range(len(taken)), 2)
-    return max(memory[after] - memory[before] for before, after in later if hours[after] - hours[before] <= 1.0)
+    return max(
+        memory[after] - memory[before]
+        for before, after in later
+        if hours[after] - hours[before] <= 1.0
+    )
 
 
 def is_flat(hours: Sequence[float], taken: Sequence[Footprint]) -> bool:
@@ -54,7 +59,11 @@ def is_flat(hours: Sequence[float], taken: Sequence[Footprint]) -> bool:
     counted = ([one[1:] for one in part] for part in (taken[:half], taken[half:]))
     before, after = (tuple(map(median, zip(*part, strict=True))) for part in counted)
     steady = all(late <= early for early, late in zip(before, after, strict=True))
-    return growth_mb_h(hours, taken) < FLAT_MB_H and most_in_an_hour_mb(hours, taken) < FLAT_MB_H and steady
+    return (
+        growth_mb_h(hours, taken) < FLAT_MB_H
+        and most_in_an_hour_mb(hours, taken) < FLAT_MB_H
+        and steady
+    )
 
 
 def told(hours: Sequence[float], taken: Sequence[Footprint]) -> str:

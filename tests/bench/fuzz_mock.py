@@ -31,7 +31,25 @@ SETUP_SIGNING = 256
 def client_frames(encoder: Encoder, flavour: str, tick: int) -> list[bytes]:
     """Return what a client sends that flies guided at 2 m/s."""
     frames = [
-        encoder.pack("SET_POSITION_TARGET_LOCAL_NED", tick, 1, 1, 1, 2503, 0, 0, 0, 2.0, 0.0, -0.1, 0, 0, 0, 0.0, 0.0)
+        encoder.pack(
+            "SET_POSITION_TARGET_LOCAL_NED",
+            tick,
+            1,
+            1,
+            1,
+            2503,
+            0,
+            0,
+            0,
+            2.0,
+            0.0,
+            -0.1,
+            0,
+            0,
+            0,
+            0.0,
+            0.0,
+        )
     ]
     if tick % 20 == 0:
         frames.append(encoder.pack("HEARTBEAT", 6, 8, 0, 0, 4, 3))
@@ -48,11 +66,13 @@ def vehicle(flavour: str, key: bytes | None) -> MockVehicle:
 
 def fire(flavour: str, key: bytes | None, frames: int, seed: int) -> bool:
     """Fire at one of two twins and compare; return whether they stayed equal."""
-    target, twin = vehicle(flavour, key), vehicle(flavour, key)
+    target = vehicle(flavour, key)
+    twin = vehicle(flavour, key)
     encoder = Encoder(255, 190, signing=Signing(key, timestamp=10**9) if key else None, link_id=5)
     traffic = HostileTraffic(seed)
     sources = list((traffic.kinds_against_signing if key else traffic.kinds).values())
-    spent_s, differences = 0.0, 0
+    spent_s = 0.0
+    differences = 0
     for tick in range(frames // PER_STEP):
         good = client_frames(encoder, flavour, tick)
         bad = [sources[index % len(sources)]() for index in range(PER_STEP)]
@@ -71,26 +91,35 @@ def fire(flavour: str, key: bytes | None, frames: int, seed: int) -> bool:
 
 def any_bits(flavour: str, frames: int, seed: int) -> bool:
     """Send valid frames with random field bits; return True if there was no exception."""
-    target, traffic = vehicle(flavour, None), HostileTraffic(seed)
+    target = vehicle(flavour, None)
+    traffic = HostileTraffic(seed)
     encoder = Encoder(255, 190)
     raised: Counter[str] = Counter()
     for tick in range(frames // PER_STEP):
         own = [
-            f for f in (traffic.own() for _ in range(PER_STEP)) if int.from_bytes(f[7:10], "little") != SETUP_SIGNING
+            f
+            for f in (traffic.own() for _ in range(PER_STEP))
+            if int.from_bytes(f[7:10], "little") != SETUP_SIGNING
         ]
         for frame in own + client_frames(encoder, flavour, tick):
             try:
                 target.step(tick * STEP_S, [frame])
             except Exception as error:
                 raised[f"{type(error).__name__}: {error}"[:100]] += 1
-    print(f"{flavour:<10} any bits in {frames} frames: {sum(raised.values())} exceptions {dict(raised.most_common(3))}")
+    print(
+        f"{flavour:<10} any bits in {frames} frames: {sum(raised.values())} exceptions {dict(raised.most_common(3))}"
+    )
     return not raised
 
 
 def main() -> int:
     """Run all and return the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=1_000_000, help="hostile frames in all (default 1000000)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--frames", type=int, default=1_000_000, help="hostile frames in all (default 1000000)"
+    )
     parser.add_argument("--seed", type=int, default=1, help="seed of the traffic (default 1)")
     options = parser.parse_args()
     flavours = tuple(GUIDED)

@@ -19,7 +19,8 @@ from tests.harness.flights import NEAR
 
 def test_a_ctrl_c_that_a_library_swallows_is_raised_again_at_the_next_cycle():
     written = io.StringIO()
-    line, climbing = LiveLine(Console(file=written)), Progress(5.0, State.CLIMBING, "TAKEOFF", None, "s")
+    line = LiveLine(Console(file=written))
+    climbing = Progress(5.0, State.CLIMBING, "TAKEOFF", None, "s")
     before = signal.signal(signal.SIGINT, line.interrupt)
     try:
         line.show(climbing)
@@ -43,6 +44,13 @@ def test_after_a_flight_ctrl_c_does_what_it_did_before(monkeypatch, tmp_path):
     monkeypatch.setattr(fly, "fly_recorded", refuse)
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(FlightError, match="not today"):
-        fly.fly_rows(Console(file=io.StringIO()), NEAR, "near", MockOptions(fast=True), tmp_path / "out", NOBODY)
+        fly.fly_rows(
+            Console(file=io.StringIO()),
+            NEAR,
+            "near",
+            MockOptions(fast=True),
+            tmp_path / "out",
+            NOBODY,
+        )
     assert handlers != [before]
     assert signal.getsignal(signal.SIGINT) is before

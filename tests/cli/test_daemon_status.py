@@ -43,7 +43,13 @@ def test_a_status_says_mode_height_position_battery_range_and_the_game_in_words(
 
 
 def test_what_is_not_known_is_said_to_be_so():
-    bare = {"accepted": True, "name": "px4", "state": "connecting", "mode": "unknown", "heartbeat_age_s": None}
+    bare = {
+        "accepted": True,
+        "name": "px4",
+        "state": "connecting",
+        "mode": "unknown",
+        "heartbeat_age_s": None,
+    }
     words = shown(bare, 80)
     assert "HEARTBEAT never" in words
     assert "height" not in words
@@ -60,7 +66,13 @@ def test_what_is_not_known_is_said_to_be_so():
 def test_an_order_is_answered_in_a_line(capsys):
     assert show({"accepted": True, "order": "engage", "name": "px4"}) == 0
     assert "engage accepted" in capsys.readouterr().out
-    refused = {"accepted": False, "order": "engage", "name": "px4", "state": "ready", "reason": "on the ground"}
+    refused = {
+        "accepted": False,
+        "order": "engage",
+        "name": "px4",
+        "state": "ready",
+        "reason": "on the ground",
+    }
     assert show(refused) == FlightError.exit_code
     assert capsys.readouterr().out == "px4: engage refused, ready: on the ground\n"
 
@@ -71,7 +83,8 @@ class Terminal(io.StringIO):
 
 
 @pytest.mark.parametrize(
-    ("form", "term", "seen"), [("console", "xterm", 1), ("json", "xterm", 0), ("console", "dumb", 0)]
+    ("form", "term", "seen"),
+    [("console", "xterm", 1), ("json", "xterm", 0), ("console", "dumb", 0)],
 )
 def test_a_live_line_is_drawn_where_it_can_be_redrawn_and_none_stays(form, term, seen, monkeypatch):
     monkeypatch.setenv("TERM", term)

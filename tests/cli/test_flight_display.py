@@ -52,7 +52,9 @@ def test_a_hold_by_an_operator_says_so_and_how_to_continue():
     held = Progress(40.0, State.HOLDING, "HOLD", None, "s", why="hold", next=words_of)
     assert plain(held) == f"holding: {words_of}"
     assert words(held).endswith(words_of)
-    lost = Progress(40.0, State.OUT_OF_CONTACT, "HOLD", None, "s", why="no telemetry for 1.0 s", next="wait")
+    lost = Progress(
+        40.0, State.OUT_OF_CONTACT, "HOLD", None, "s", why="no telemetry for 1.0 s", next="wait"
+    )
     assert plain(lost) == "out of contact: no telemetry for 1.0 s; wait"
 
 
@@ -60,7 +62,10 @@ def test_a_hold_by_an_operator_says_so_and_how_to_continue():
     ("violation", "words"),
     [
         (Violation.CAPTURE_LATER, "guarantee: the time of capture has risen, 1.79 s"),
-        (Violation.EVADER_CLOSER, "guarantee: the evader's final distance to its target has fallen, 1.79 m"),
+        (
+            Violation.EVADER_CLOSER,
+            "guarantee: the evader's final distance to its target has fallen, 1.79 m",
+        ),
         (Violation.BARRIER_LOST, "barrier: the evader can now reach its target"),
     ],
 )

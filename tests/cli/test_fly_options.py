@@ -32,8 +32,14 @@ def refused(*arguments):
         (("--end", "land"), "--end: only with --vehicle, not with the mock"),
         (("--autopilot", "px4"), "--autopilot: only with --vehicle, not with the mock"),
         (("--link", "foo"), "--link foo: allowed are mavsdk, pymavlink"),
-        (("--vehicle", "udpin://127.0.0.1:14540", "--link", "foo"), "--link foo: allowed are mavsdk, pymavlink"),
-        (("--vehicle", "udpin://127.0.0.1:14540", "--end", "up"), "--end up: allowed are return, land"),
+        (
+            ("--vehicle", "udpin://127.0.0.1:14540", "--link", "foo"),
+            "--link foo: allowed are mavsdk, pymavlink",
+        ),
+        (
+            ("--vehicle", "udpin://127.0.0.1:14540", "--end", "up"),
+            "--end up: allowed are return, land",
+        ),
     ],
 )
 def test_an_option_that_would_mean_nothing_is_refused(arguments, words):
@@ -66,8 +72,14 @@ def test_what_arms_a_vehicle_says_so_in_its_help():
         (("check", "px4", "--link", "mavsdk"), "--link: only with --vehicle"),
         (("check", "px4", "--autopilot", "px4"), "--autopilot: only with --vehicle"),
         (("solve", *PAPER, "--out", "a.csv"), "--out: only with --states, not with one state"),
-        (("solve", "--states", "s.csv", "--speed-ratio", "2", "--json"), "--json: only for one state"),
-        (("solve", "--states", "s.csv", *PAPER), "--pursuer: only for one state, not with --states"),
+        (
+            ("solve", "--states", "s.csv", "--speed-ratio", "2", "--json"),
+            "--json: only for one state",
+        ),
+        (
+            ("solve", "--states", "s.csv", *PAPER),
+            "--pursuer: only for one state, not with --states",
+        ),
     ],
 )
 def test_so_it_is_with_other_commands(arguments, words):
@@ -97,7 +109,9 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
 
     def panels(within_s=0.0):
         deadline_s = time.monotonic() + within_s
-        while not (found := [one for one in psutil.Process().children() if "panel" in one.cmdline()]):
+        while not (
+            found := [one for one in psutil.Process().children() if "panel" in one.cmdline()]
+        ):
             if time.monotonic() >= deadline_s:
                 break
         return found
@@ -113,7 +127,9 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
 
     monkeypatch.setattr(fly, "fly_scenario", flown)
     monkeypatch.setattr("signal.signal", lambda *_: None)
-    done = CliRunner().invoke(app, ["fly", "pe", "--panel", *vehicle, "--out", str(tmp_path / "pe-001")])
+    done = CliRunner().invoke(
+        app, ["fly", "pe", "--panel", *vehicle, "--out", str(tmp_path / "pe-001")]
+    )
     assert done.exit_code == 0
     ((scenario, on_vehicle, command),) = seen
     assert (scenario, on_vehicle) == ("pe", bool(vehicle))
@@ -131,7 +147,9 @@ def test_a_refused_vehicle_is_told_a_command_that_check_takes(name, count, monke
     with pytest.raises(FlightError, match="GF_ACTION") as refusal:
         fly.fly_scenario(name, Asked(urls), tmp_path / "flight", None, NOBODY, as_json=False)
     commands = re.findall("guidance (check .*)", str(refusal.value))
-    assert [command.split("--vehicle ")[1] for command in commands] == [f"{url} --apply" for url in urls]
+    assert [command.split("--vehicle ")[1] for command in commands] == [
+        f"{url} --apply" for url in urls
+    ]
     for command, url in zip(commands, urls, strict=True):
         done = CliRunner().invoke(app, command.replace(url, "nonsense").split())
         assert "nonsense" in str(done.exception)  # everything but the URL is taken

@@ -33,7 +33,10 @@ def test_the_help_of_sweep_shows_the_options_of_sweep_file():
 
 
 def test_every_exit_code_is_in_the_table_of_the_documentation():
-    table = {int(code) for code in re.findall(r"^\| (\d+) \|", (DOCS / "exit-codes.md").read_text(), re.MULTILINE)}
+    table = {
+        int(code)
+        for code in re.findall(r"^\| (\d+) \|", (DOCS / "exit-codes.md").read_text(), re.MULTILINE)
+    }
     family = {one.exit_code for one in errors.GuidanceError.__subclasses__()}
     assert len(family) == len(errors.GuidanceError.__subclasses__())  # one meaning each
     signals = {128 + number for number in (signal.SIGINT, signal.SIGPIPE, signal.SIGTERM)}
@@ -79,7 +82,11 @@ def test_a_terminal_without_the_letters_is_written_in_those_it_has():
 
 @pytest.mark.parametrize(
     ("text", "written"),
-    [("δ = 2, 3 m ≤ R", "delta = 2, 3 m <= R"), ("Müller → T…", "Muller -> T..."), ("本", "\\u672c")],
+    [
+        ("δ = 2, 3 m ≤ R", "delta = 2, 3 m <= R"),
+        ("Müller → T…", "Muller -> T..."),
+        ("本", "\\u672c"),
+    ],
 )
 def test_plain_letters(text, written):
     assert text.encode("ascii", "plain-letters").decode() == written
@@ -113,7 +120,9 @@ sys.argv = ["guidance", "fly"]
 from guidance.cli import main
 main()
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
     assert (done.returncode, done.stderr) == (130, "error: interrupted before anything began\n")
 
 

@@ -34,7 +34,9 @@ def test_a_number_that_there_is_none_of_is_null_in_json(tmp_path):
 
 def test_a_failed_expectation_is_exit_code_1_and_the_row_that_failed(tmp_path):
     path = tmp_path / "a.toml"
-    path.write_text(SHORT.read_text() + "\n[expect]\ncapture_time_s = { max = 0.1 }\nend = 'captured'\n")
+    path.write_text(
+        SHORT.read_text() + "\n[expect]\ncapture_time_s = { max = 0.1 }\nend = 'captured'\n"
+    )
     done = guidance("run", path)
     assert done.exit_code == 1
     failed = [line for line in done.output.splitlines() if "FAILS" in line]
@@ -55,7 +57,10 @@ def test_a_failed_expectation_is_exit_code_1_and_the_row_that_failed(tmp_path):
         (["--engage"], "--engage: only with --as vehicle, not with --as maths"),
         (["--out", "here"], "--out: only with --as fast or live or vehicle, not with --as maths"),
         (["--as", "vehicle", "--config", "px4", "--yes"], "--yes: only with --engage, which arms"),
-        (["--as", "vehicle", "--config", "px4", "--engage"], "no answer to the question: nothing was done; --yes"),
+        (
+            ["--as", "vehicle", "--config", "px4", "--engage"],
+            "no answer to the question: nothing was done; --yes",
+        ),
         (["--as", "live", "--over", "smoke"], "--over smoke: allowed are zenoh, udp"),
     ],
 )

@@ -58,7 +58,9 @@ def test_the_tracks_in_the_picture_are_those_that_are_played():
     played_s, pursuer, evader = played(stack([scenario]))
     outcome = play([scenario])[0]
     assert played_s == outcome.game_time_s
-    assert np.hypot(*(evader[-1, :2] - scenario.target.position_m)) == pytest.approx(outcome.evader_to_target_m)
+    assert np.hypot(*(evader[-1, :2] - scenario.target.position_m)) == pytest.approx(
+        outcome.evader_to_target_m
+    )
     assert pursuer[:, 2].min() == outcome.min_altitude_m
 
 

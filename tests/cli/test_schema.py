@@ -14,7 +14,9 @@ from guidance.errors import ConfigError
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 
 
-@pytest.mark.parametrize(("kind", "folder"), [("vehicle", "vehicles"), ("scenario", "scenarios"), ("sweep", "sweeps")])
+@pytest.mark.parametrize(
+    ("kind", "folder"), [("vehicle", "vehicles"), ("scenario", "scenarios"), ("sweep", "sweeps")]
+)
 def test_a_schema_accepts_every_file_that_comes_along_and_no_other_key(kind, folder):
     done = CliRunner().invoke(app, ["schema", kind])
     schema = json.loads(done.stdout)
@@ -42,7 +44,9 @@ def test_every_key_has_a_meaning(kind):
 
 
 def test_policies_are_enumerated_wherever_they_are_named():
-    scenario, vehicle, sweep = (schema_of(kind)["$defs"] for kind in ("scenario", "vehicle", "sweep"))
+    scenario, vehicle, sweep = (
+        schema_of(kind)["$defs"] for kind in ("scenario", "vehicle", "sweep")
+    )
     assert scenario["Pursuer"]["properties"]["policy"]["enum"] == list(PURSUER_STRATEGIES)
     assert scenario["Evader"]["properties"]["policy"]["enum"] == list(EVADER_STRATEGIES)
     assert "waypoints" not in vehicle["GameSection"]["properties"]["policy"]["enum"]

@@ -28,7 +28,9 @@ def run(*arguments):
 
 def table(count, seed=0, *, target=True):
     rng = np.random.default_rng(seed)
-    return pa.table({name: rng.uniform(1.0, 30.0, count) for name in PLACES + (TARGET if target else [])})
+    return pa.table(
+        {name: rng.uniform(1.0, 30.0, count) for name in PLACES + (TARGET if target else [])}
+    )
 
 
 def read(path):
@@ -71,7 +73,8 @@ def test_every_option_reaches_the_game():
 @pytest.mark.parametrize("chunk", [7, 65536])
 def test_a_file_of_states_is_answered_row_by_row(tmp_path, kind, chunk, monkeypatch):
     monkeypatch.setattr(state_files, "ROWS", chunk)
-    states, out = tmp_path / f"states.{kind}", tmp_path / "deep" / f"answers.{kind}"
+    states = tmp_path / f"states.{kind}"
+    out = tmp_path / "deep" / f"answers.{kind}"
     given = table(50)
     csv.write_csv(given, states) if kind == "csv" else parquet.write_table(given, states)
     run("--states", states, "--out", out, "--speed-ratio", "2")
@@ -79,16 +82,23 @@ def test_a_file_of_states_is_answered_row_by_row(tmp_path, kind, chunk, monkeypa
     assert answers.column_names[:7] == PLACES + TARGET
     columns = [given.column(name).to_numpy() for name in PLACES + TARGET]
     P, E, T = np.zeros((3, 50, 3))
-    P[:], E[:, :2], T[:, :2] = np.stack(columns[:3], 1), np.stack(columns[3:5], 1), np.stack(columns[5:], 1)
+    P[:] = np.stack(columns[:3], 1)
+    E[:, :2] = np.stack(columns[3:5], 1)
+    T[:, :2] = np.stack(columns[5:], 1)
     expected = solve(Game(Ball(2.0), 1.0), P, E, T)
     np.testing.assert_allclose(answers.column("value").to_numpy(), expected.value, rtol=1e-12)
-    np.testing.assert_allclose(answers.column("pursuer_velocity_z_m_s").to_numpy(), expected.pursuer_velocity_m_s[:, 2])
-    np.testing.assert_allclose(answers.column("meeting_point_y_m").to_numpy(), expected.meeting_point_m[:, 1])
+    np.testing.assert_allclose(
+        answers.column("pursuer_velocity_z_m_s").to_numpy(), expected.pursuer_velocity_m_s[:, 2]
+    )
+    np.testing.assert_allclose(
+        answers.column("meeting_point_y_m").to_numpy(), expected.meeting_point_m[:, 1]
+    )
     assert answers.column("winner").to_pylist() == [Winner(code).word for code in expected.winner]
 
 
 def test_a_row_may_have_its_own_speed_ratio_and_its_own_fault(tmp_path):
-    states, out = tmp_path / "states.csv", tmp_path / "answers.parquet"
+    states = tmp_path / "states.csv"
+    out = tmp_path / "answers.parquet"
     rows = ["8,1,9,7,9,2,a", "8,1,9,,9,2,b", "8,1,9,7,9,0.9,c", "8,1,9,7,9,-1,d", "8,1,9,7,9,3,e"]
     states.write_text("\n".join([",".join([*PLACES, "speed_ratio", "note"]), *rows]) + "\n")
     run("--states", states, "--out", out, "--evader-speed", "2")
@@ -107,7 +117,8 @@ def test_a_row_may_have_its_own_speed_ratio_and_its_own_fault(tmp_path):
 @pytest.mark.parametrize("chunk", [2, 65536])
 def test_a_cell_without_a_number_costs_its_own_row_and_is_named(tmp_path, kind, chunk, monkeypatch):
     monkeypatch.setattr(state_files, "ROWS", chunk)
-    states, out = tmp_path / f"states.{kind}", tmp_path / f"answers.{kind}"
+    states = tmp_path / f"states.{kind}"
+    out = tmp_path / f"answers.{kind}"
     rows = [
         ["8", "1", "9", "7", "9", "a"],
         ["8", "1", "nine", "7", "9", "b"],
@@ -118,12 +129,20 @@ def test_a_cell_without_a_number_costs_its_own_row_and_is_named(tmp_path, kind, 
     ]
     names = [*PLACES, "note"]
     if kind == "csv":
-        lines = [",".join(names), *(",".join("" if cell is None else cell for cell in row) for row in rows)]
+        lines = [
+            ",".join(names),
+            *(",".join("" if cell is None else cell for cell in row) for row in rows),
+        ]
         states.write_text("\n".join(lines) + "\n")
     else:
         columns = zip(*rows, strict=True)
-        parquet.write_table(pa.table({name: list(column) for name, column in zip(names, columns, strict=True)}), states)
-    result = CliRunner().invoke(app, ["solve", "--states", str(states), "--out", str(out), "--speed-ratio", "2"])
+        parquet.write_table(
+            pa.table({name: list(column) for name, column in zip(names, columns, strict=True)}),
+            states,
+        )
+    result = CliRunner().invoke(
+        app, ["solve", "--states", str(states), "--out", str(out), "--speed-ratio", "2"]
+    )
     assert result.exit_code == 0, result.output
     said = " ".join(result.stderr.split())
     assert "2 of 6 rows have no answer" in said
@@ -140,9 +159,14 @@ def test_a_cell_without_a_number_costs_its_own_row_and_is_named(tmp_path, kind, 
 
 
 def test_many_cells_without_a_number_are_counted(tmp_path):
-    states, out = tmp_path / "states.csv", tmp_path / "answers.csv"
-    states.write_text("\n".join([",".join(PLACES), *(f"1,2,3,4,word{index}" for index in range(9))]) + "\n")
-    result = CliRunner().invoke(app, ["solve", "--states", str(states), "--out", str(out), "--speed-ratio", "2"])
+    states = tmp_path / "states.csv"
+    out = tmp_path / "answers.csv"
+    states.write_text(
+        "\n".join([",".join(PLACES), *(f"1,2,3,4,word{index}" for index in range(9))]) + "\n"
+    )
+    result = CliRunner().invoke(
+        app, ["solve", "--states", str(states), "--out", str(out), "--speed-ratio", "2"]
+    )
     said = " ".join(result.stderr.split())
     assert "9 of 9 rows have no answer" in said
     assert "row 5, evader_y_m = 'word4'; and 4 more" in said
@@ -159,7 +183,8 @@ def test_answers_solved_again_replace_the_old_ones(tmp_path):
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 def test_a_file_without_rows_has_answers_without_rows(tmp_path, kind):
-    states, out = tmp_path / f"none.{kind}", tmp_path / "answers.csv"
+    states = tmp_path / f"none.{kind}"
+    out = tmp_path / "answers.csv"
     empty = table(0)
     csv.write_csv(empty, states) if kind == "csv" else parquet.write_table(empty, states)
     run("--states", states, "--out", out, "--speed-ratio", "2")
@@ -169,8 +194,14 @@ def test_a_file_without_rows_has_answers_without_rows(tmp_path, kind):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--pursuer", "1,2", "--evader", "1,2", "--speed-ratio", "2"], "--pursuer = '1,2': must be 3 finite numbers"),
-        (["--pursuer", "1,2,nan", "--evader", "1,2", "--speed-ratio", "2"], "--pursuer = '1,2,nan'"),
+        (
+            ["--pursuer", "1,2", "--evader", "1,2", "--speed-ratio", "2"],
+            "--pursuer = '1,2': must be 3 finite numbers",
+        ),
+        (
+            ["--pursuer", "1,2,nan", "--evader", "1,2", "--speed-ratio", "2"],
+            "--pursuer = '1,2,nan'",
+        ),
         (["--pursuer", "1,2,3", "--evader", "a,b", "--speed-ratio", "2"], "--evader = 'a,b'"),
         (["--pursuer", "1,2,3", "--speed-ratio", "2"], "--pursuer, --evader: both must be given"),
         ([*PAPER[:-1], "1"], "--speed-ratio = 1.0: must be a finite number above 1"),
@@ -188,7 +219,8 @@ def test_a_wrong_argument_is_named_with_what_is_allowed(arguments, said):
 
 
 def test_wrong_files_and_columns_are_named(tmp_path):
-    states, out = tmp_path / "states.csv", tmp_path / "answers.csv"
+    states = tmp_path / "states.csv"
+    out = tmp_path / "answers.csv"
     csv.write_csv(table(3), states)
     ratio = tmp_path / "ratio.parquet"
     parquet.write_table(table(3).append_column("speed_ratio", pa.array([2.0, 2.0, 2.0])), ratio)
@@ -203,9 +235,15 @@ def test_wrong_files_and_columns_are_named(tmp_path):
     given = ["--speed-ratio", "2"]
     for arguments, said in (
         (["--states", tmp_path / "no.csv", "--out", out, *given], "must be an existing file"),
-        (["--states", tmp_path, "--out", out, *given], "must be an existing file that ends in .csv or .parquet"),
+        (
+            ["--states", tmp_path, "--out", out, *given],
+            "must be an existing file that ends in .csv or .parquet",
+        ),
         (["--states", states, *given], "--out: missing; it names the file for the answers"),
-        (["--states", states, "--out", tmp_path / "out.txt", *given], "out.txt: must end in .csv or .parquet"),
+        (
+            ["--states", states, "--out", tmp_path / "out.txt", *given],
+            "out.txt: must end in .csv or .parquet",
+        ),
         (["--states", states, "--out", states, *given], "must not be the file of the states"),
         (["--states", states, "--out", out], "has no column speed_ratio"),
         (["--states", ratio, "--out", out, *given], "has the column speed_ratio"),

@@ -25,14 +25,22 @@ def read(path):
 
 def positions(rows, n, m, seed=0):
     rng = np.random.default_rng(seed)
-    P, E = rng.uniform(-25.0, 25.0, (rows, n, 3)), rng.uniform(-18.0, 18.0, (rows, m, 3))
-    P[..., 2], E[..., 2] = np.abs(P[..., 2]), 0.0
+    P = rng.uniform(-25.0, 25.0, (rows, n, 3))
+    E = rng.uniform(-18.0, 18.0, (rows, m, 3))
+    P[..., 2] = np.abs(P[..., 2])
+    E[..., 2] = 0.0
     return P, E
 
 
 def columns(P, E, *, target=True):
-    named = {f"pursuer_{i}_{axis}_m": P[:, i, k] for i in range(P.shape[1]) for k, axis in enumerate("xyz")}
-    named |= {f"evader_{j}_{axis}_m": E[:, j, k] for j in range(E.shape[1]) for k, axis in enumerate("xy")}
+    named = {
+        f"pursuer_{i}_{axis}_m": P[:, i, k]
+        for i in range(P.shape[1])
+        for k, axis in enumerate("xyz")
+    }
+    named |= {
+        f"evader_{j}_{axis}_m": E[:, j, k] for j in range(E.shape[1]) for k, axis in enumerate("xy")
+    }
     if target:
         named |= {"target_x_m": np.full(len(P), 1.0), "target_y_m": np.full(len(P), 2.0)}
     return pa.table({"name": [f"row {i}" for i in range(len(P))], **named})
@@ -47,7 +55,8 @@ def write(table, path):
 @pytest.mark.parametrize("tad", [True, False])
 def test_every_row_is_a_game_of_teams(tmp_path, kind, tad):
     P, E = positions(9, 3, 2)
-    states, out = write(columns(P, E, target=tad), tmp_path / f"a.{kind}"), tmp_path / f"b.{kind}"
+    states = write(columns(P, E, target=tad), tmp_path / f"a.{kind}")
+    out = tmp_path / f"b.{kind}"
     run("--states", states, "--out", out, "--speed-ratio", 2)
     answers = read(out)
     known = match_teams(Game(Ball(2.0), 1.0), P, E, np.array([1.0, 2.0, 0.0]) if tad else None)
@@ -57,17 +66,27 @@ def test_every_row_is_a_game_of_teams(tmp_path, kind, tad):
     for i in range(3):
         assert answers[f"pursuer_{i}_evader"].to_pylist() == known.evader_of[:, i].tolist()
         for k, axis in enumerate("xyz"):
-            np.testing.assert_allclose(answers[f"pursuer_{i}_velocity_{axis}_m_s"], known.pursuer_velocity_m_s[:, i, k])
+            np.testing.assert_allclose(
+                answers[f"pursuer_{i}_velocity_{axis}_m_s"], known.pursuer_velocity_m_s[:, i, k]
+            )
     for j in range(2):
         for name in ("first", "second"):
             assert answers[f"evader_{j}_{name}"].to_pylist() == getattr(known, name)[:, j].tolist()
         for name in ("value", "lower_bound"):
             np.testing.assert_allclose(answers[f"evader_{j}_{name}"], getattr(known, name)[:, j])
-        assert answers[f"evader_{j}_winner"].to_pylist() == [Winner(code).word for code in known.winner[:, j]]
-        assert answers[f"evader_{j}_reason"].to_pylist() == [Reason(code).word for code in known.reason[:, j]]
+        assert answers[f"evader_{j}_winner"].to_pylist() == [
+            Winner(code).word for code in known.winner[:, j]
+        ]
+        assert answers[f"evader_{j}_reason"].to_pylist() == [
+            Reason(code).word for code in known.reason[:, j]
+        ]
         for k, axis in enumerate("xy"):
-            np.testing.assert_allclose(answers[f"evader_{j}_meeting_point_{axis}_m"], known.meeting_point_m[:, j, k])
-            np.testing.assert_allclose(answers[f"evader_{j}_velocity_{axis}_m_s"], known.evader_velocity_m_s[:, j, k])
+            np.testing.assert_allclose(
+                answers[f"evader_{j}_meeting_point_{axis}_m"], known.meeting_point_m[:, j, k]
+            )
+            np.testing.assert_allclose(
+                answers[f"evader_{j}_velocity_{axis}_m_s"], known.evader_velocity_m_s[:, j, k]
+            )
 
 
 def test_rows_may_have_teams_of_different_sizes_and_speed_ratios_of_their_own(tmp_path):
@@ -76,8 +95,16 @@ def test_rows_may_have_teams_of_different_sizes_and_speed_ratios_of_their_own(tm
     P[3] = np.nan
     ratio = np.array([2.0, 1.5, 3.0, 2.0])
     table = columns(P, E).append_column("speed_ratio", pa.array(ratio))
-    run("--states", write(table, tmp_path / "a.csv"), "--out", tmp_path / "b.csv", "--evader-speed", 2)
-    answers, target = read(tmp_path / "b.csv"), np.array([1.0, 2.0, 0.0])
+    run(
+        "--states",
+        write(table, tmp_path / "a.csv"),
+        "--out",
+        tmp_path / "b.csv",
+        "--evader-speed",
+        2,
+    )
+    answers = read(tmp_path / "b.csv")
+    target = np.array([1.0, 2.0, 0.0])
     fewer = match_teams(Game(Ball(3.0), 2.0), P[1, 1:], E[1], target)
     back = np.array([1, 2, -1])
     assert [answers[f"evader_{j}_first"][1].as_py() for j in (0, 1)] == back[fewer.first].tolist()
@@ -94,7 +121,14 @@ def test_rows_may_have_teams_of_different_sizes_and_speed_ratios_of_their_own(tm
 def test_a_place_without_all_its_numbers_has_no_answer(tmp_path):
     P, E = positions(2, 2, 1)
     P[0, 1, 2] = np.nan
-    run("--states", write(columns(P, E), tmp_path / "a.parquet"), "--out", tmp_path / "b.parquet", "--speed-ratio", 2)
+    run(
+        "--states",
+        write(columns(P, E), tmp_path / "a.parquet"),
+        "--out",
+        tmp_path / "b.parquet",
+        "--speed-ratio",
+        2,
+    )
     answers = read(tmp_path / "b.parquet")
     assert answers["evader_0_reason"].to_pylist() == ["not_finite", "solved"]
     assert answers["evader_0_first"][0].as_py() == -1
@@ -121,16 +155,32 @@ def test_a_file_that_is_none_of_teams_is_refused_by_what_is_wrong(tmp_path, drop
     table = columns(*positions(2, 2, 1))
     table = table.select([name for name in table.column_names if not name.startswith(drop)])
     with pytest.raises(ConfigError, match=said):
-        run("--states", write(table, tmp_path / "a.parquet"), "--out", tmp_path / "b.parquet", *options)
+        run(
+            "--states",
+            write(table, tmp_path / "a.parquet"),
+            "--out",
+            tmp_path / "b.parquet",
+            *options,
+        )
 
 
 def test_a_cell_of_text_costs_its_row_and_no_other(tmp_path):
     P, E = positions(3, 2, 1)
     table = columns(P, E)
     place = table.schema.get_field_index("pursuer_1_x_m")
-    table = table.set_column(place, "pursuer_1_x_m", pa.array([str(P[0, 1, 0]), "north", str(P[2, 1, 0])]))
-    run("--states", write(table, tmp_path / "a.csv"), "--out", tmp_path / "b.csv", "--speed-ratio", 2)
-    answers, known = read(tmp_path / "b.csv"), match_teams(Game(Ball(2.0), 1.0), P, E, np.array([1.0, 2.0, 0.0]))
+    table = table.set_column(
+        place, "pursuer_1_x_m", pa.array([str(P[0, 1, 0]), "north", str(P[2, 1, 0])])
+    )
+    run(
+        "--states",
+        write(table, tmp_path / "a.csv"),
+        "--out",
+        tmp_path / "b.csv",
+        "--speed-ratio",
+        2,
+    )
+    answers = read(tmp_path / "b.csv")
+    known = match_teams(Game(Ball(2.0), 1.0), P, E, np.array([1.0, 2.0, 0.0]))
     assert answers["evader_0_reason"].to_pylist() == ["solved", "not_a_number", "solved"]
     assert answers["guaranteed"].to_pylist() == [known.guaranteed[0], 0, known.guaranteed[2]]
     assert answers["evader_0_first"].to_pylist() == [known.first[0, 0], -1, known.first[2, 0]]

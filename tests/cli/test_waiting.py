@@ -19,7 +19,9 @@ def test_a_wait_says_for_what_since_when_and_until_when(monkeypatch):
     now_s = [10.0]
     monkeypatch.setenv("TERM", "xterm")
     written = Terminal()
-    with waiting(Console(file=written, width=80, get_time=lambda: now_s[0]), "a HEARTBEAT", 60.0) as tell:
+    with waiting(
+        Console(file=written, width=80, get_time=lambda: now_s[0]), "a HEARTBEAT", 60.0
+    ) as tell:
         now_s[0] = 22.0
         tell("parameters")
     assert "waiting for a HEARTBEAT: 0 s of 60 s" in written.getvalue()
@@ -52,6 +54,13 @@ def lines(table, width):
 
 
 def test_long_cells_wrap_within_their_column():
-    table = sheet(("name", "how to fix it", "value"), [("MPC_XY_VEL_MAX", "param set to 12", "12.5")], left=(0, 1))
-    assert lines(table, 60) == ["name            how to fix it    value", "MPC_XY_VEL_MAX  param set to 12   12.5"]
+    table = sheet(
+        ("name", "how to fix it", "value"),
+        [("MPC_XY_VEL_MAX", "param set to 12", "12.5")],
+        left=(0, 1),
+    )
+    assert lines(table, 60) == [
+        "name            how to fix it    value",
+        "MPC_XY_VEL_MAX  param set to 12   12.5",
+    ]
     assert lines(table, 34)[2:] == ["MPC_XY_VEL_MAX  param set     12.5", "                to 12"]

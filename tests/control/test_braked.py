@@ -27,7 +27,8 @@ DRAWS = 20
 FLOWN_S = 8.0
 RADIUS_M = 20.0
 
-speeds, gaps = st.floats(0.0, 12.0), st.floats(-5.0, 60.0)
+speeds = st.floats(0.0, 12.0)
+gaps = st.floats(-5.0, 60.0)
 
 
 def stop_m(speed_m_s, envelope):
@@ -43,7 +44,8 @@ def wanted_m_s2(speed_m_s, gap_m, envelope):
 
 @given(speeds, gaps)
 def test_a_vehicle_brakes_if_drift_and_stopping_distance_exceed_the_room(speed, gap_m):
-    wanted, spare_m = wanted_m_s2(speed, gap_m, OPEN), gap_m - stop_m(speed, OPEN)
+    wanted = wanted_m_s2(speed, gap_m, OPEN)
+    spare_m = gap_m - stop_m(speed, OPEN)
     assert wanted <= 1e-6 or spare_m <= 1e-6
     assert wanted > 0.0 or speed == 0.0 or spare_m >= -1e-6
 
@@ -70,20 +72,33 @@ WALLS = {
     Limiter.CEILING: ((0.0, 0.0, -1.0), {"ceiling_m": 6.0, "home_ned_m": (0.0, 0.0, -1.0)}),
 }
 AT = (5.4, 7.2, -4.0)
-GAP_M = {Limiter.FENCE_RADIUS: 1.0, Limiter.FENCE_POLYGON: 1.0, Limiter.FLOOR: 1.0, Limiter.CEILING: 3.0}
+GAP_M = {
+    Limiter.FENCE_RADIUS: 1.0,
+    Limiter.FENCE_POLYGON: 1.0,
+    Limiter.FLOOR: 1.0,
+    Limiter.CEILING: 3.0,
+}
 
 
 @pytest.mark.parametrize("fed", [None, (0.3, -0.1, 0.2), (-3.0, 1.0, -1.0), (9.0, -7.0, 4.0)])
-@pytest.mark.parametrize("speed", [-3.0, 0.0, 0.3, 0.8, 0.85, 0.9, 1.0, 1.3, 1.6, 1.8, 2.0, 2.2, 4.0])
+@pytest.mark.parametrize(
+    "speed", [-3.0, 0.0, 0.3, 0.8, 0.85, 0.9, 1.0, 1.3, 1.6, 1.8, 2.0, 2.2, 4.0]
+)
 @pytest.mark.parametrize("wall", WALLS)
 def test_every_wall_is_braked_for_as_its_law_asks_and_nothing_along_it(wall, speed, fed):
     normal, limits = WALLS[wall]
     envelope = replace(OPEN, **limits, vertical_braking_m_s2=1.2)
     braking = envelope.vertical_braking_m_s2 if normal[2] else OPEN.braking_m_s2
-    closing, reaction_s = max(0.0, speed), OPEN.reaction_s
-    wanted = 2.0 * (closing - approach_speed(GAP_M[wall] - closing * reaction_s, braking, reaction_s)) / reaction_s
+    closing = max(0.0, speed)
+    reaction_s = OPEN.reaction_s
+    wanted = (
+        2.0
+        * (closing - approach_speed(GAP_M[wall] - closing * reaction_s, braking, reaction_s))
+        / reaction_s
+    )
     here = Situation(AT, tuple(speed * part for part in normal))
-    got, before = braked(fed, here, measure_walls(here, envelope), envelope), fed or (0.0, 0.0, 0.0)
+    got = braked(fed, here, measure_walls(here, envelope), envelope)
+    before = fed or (0.0, 0.0, 0.0)
     if wanted <= 0.0:
         assert got is fed
         return
@@ -115,7 +130,8 @@ class Gust:
     def __init__(self, seed, autopilot):
         draw = Random(f"{autopilot} {seed}")
         self.bearing_rad = draw.uniform(-math.pi, math.pi)
-        size, way_rad = draw.uniform(6.0, 8.0), self.bearing_rad + draw.choice((0.0, math.pi)) + draw.gauss(0.0, 0.5)
+        size = draw.uniform(6.0, 8.0)
+        way_rad = self.bearing_rad + draw.choice((0.0, math.pi)) + draw.gauss(0.0, 0.5)
         self.wind_m_s = (size * math.cos(way_rad), size * math.sin(way_rad), 0.0)
         self.from_s = draw.uniform(1.0, 5.0)
         self.until_s = self.from_s + draw.uniform(0.5, 3.0)
@@ -132,9 +148,14 @@ class Gust:
     def fence(self):
         if self.aslant_rad is None:
             return {"fence_radius_m": RADIUS_M}
-        (north, east), far_m = self.outward(), 60.0
+        (north, east) = self.outward()
+        far_m = 60.0
         sides = ((RADIUS_M, -far_m), (RADIUS_M, far_m), (-far_m, far_m), (-far_m, -far_m))
-        return {"fence_polygon": Polygon(tuple((a * north - b * east, a * east + b * north) for a, b in sides))}
+        return {
+            "fence_polygon": Polygon(
+                tuple((a * north - b * east, a * east + b * north) for a, b in sides)
+            )
+        }
 
     def beyond_m(self, place):
         if self.aslant_rad is None:
@@ -144,22 +165,35 @@ class Gust:
 
 def farthest_beyond_m(autopilot, gust):
     """Fly out to the fence through the gust, as the cycle does without a game; the mock's own dynamics, no errors."""
-    handling, airframe = AUTOPILOTS[autopilot].handling, AIRFRAMES[autopilot]
+    handling = AUTOPILOTS[autopilot].handling
+    airframe = AIRFRAMES[autopilot]
     envelope = Envelope(
         floor_m=2.0, ceiling_m=60.0, speed_m_s=1.1 * gust.speed_m_s, climb_m_s=2.0, descent_m_s=1.5, yaw_rate_rad_s=1.0,
         **asdict(handling.dynamics),
         fence_margin_m=2.0, **gust.fence(),
     )  # fmt: skip
-    asked = (gust.speed_m_s * math.cos(gust.bearing_rad), gust.speed_m_s * math.sin(gust.bearing_rad), 0.0)
-    motion, served, memory = airframe.initial((0.0, 0.0, -20.0), 0.0, flying=True), None, None
+    asked = (
+        gust.speed_m_s * math.cos(gust.bearing_rad),
+        gust.speed_m_s * math.sin(gust.bearing_rad),
+        0.0,
+    )
+    motion = airframe.initial((0.0, 0.0, -20.0), 0.0, flying=True)
+    served = None
+    memory = None
     farthest_m = -math.inf
     for cycle in range(round(FLOWN_S / DT_S)):
         body = motion.body
-        here = Situation(body.position_ned_m, body.velocity_ned_m_s, acceleration_ned_m_s2=body.acceleration_ned_m_s2)
+        here = Situation(
+            body.position_ned_m,
+            body.velocity_ned_m_s,
+            acceleration_ned_m_s2=body.acceleration_ned_m_s2,
+        )
         walls = measure_walls(here, envelope)
         wanted = held_back(asked, walls, envelope)
         fed, served = serve(wanted, here.velocity_ned_m_s, served, handling.servo, dt_s=DT_S)
-        limited = limit(Setpoint(served.reference_ned_m_s, fed), here, envelope, memory, DT_S, walls=walls)
+        limited = limit(
+            Setpoint(served.reference_ned_m_s, fed), here, envelope, memory, DT_S, walls=walls
+        )
         memory = limited.memory
         setpoint = dynamics.Setpoint(
             dynamics.Kind.STREAM,

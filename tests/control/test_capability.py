@@ -9,7 +9,8 @@ DT_S = 0.02
 
 def flown(speeds_m_s, asked_m_s=10.0, at_full_speed=True, guided=lambda _number: True):
     """Fly along north at these speeds, with a HEARTBEAT every second; return every memory."""
-    memory, kept = SpeedMemory(), []
+    memory = SpeedMemory()
+    kept = []
     for number, speed in enumerate(speeds_m_s):
         memory = observe_speed(
             memory,
@@ -44,5 +45,7 @@ def test_a_vehicle_that_flies_faster_later_is_believed():
 
 def test_a_vehicle_that_a_pilot_takes_over_teaches_nothing():
     taken = [8.5] * 300 + [max(0.0, 8.5 - 0.06 * step) for step in range(400)]
-    assert flown(taken, guided=lambda number: number < 300)[-1].share == pytest.approx(0.85, abs=0.01)
+    assert flown(taken, guided=lambda number: number < 300)[-1].share == pytest.approx(
+        0.85, abs=0.01
+    )
     assert flown([0.0] * 300, guided=lambda _number: False)[-1].share == 1.0

@@ -8,13 +8,26 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.control import Envelope, Limiter, Situation
-from guidance.control.braking_law import ROUNDING_M, Constraint, Wall, constraints_of, reduced, surge
+from guidance.control.braking_law import (
+    ROUNDING_M,
+    Constraint,
+    Wall,
+    constraints_of,
+    reduced,
+    surge,
+)
 
 parts = st.floats(-10.0, 10.0)
 vectors = st.tuples(parts, parts, parts)
 seconds = st.floats(0.1, 5.0)
 constraints = st.builds(
-    Constraint, st.just(Limiter.STAND_OFF), vectors, st.floats(0.0, 20.0), seconds, seconds, st.none()
+    Constraint,
+    st.just(Limiter.STAND_OFF),
+    vectors,
+    st.floats(0.0, 20.0),
+    seconds,
+    seconds,
+    st.none(),
 )
 
 
@@ -37,7 +50,11 @@ def used_m(velocity, one):
 @given(vectors, constraints)
 def test_what_slides_and_what_shrinks_obeys_the_law_and_what_obeys_is_left_alone(velocity, one):
     asks_too_much = used_m(velocity, one) > one.distance_m + ROUNDING_M
-    assert (slide(velocity, one) is not velocity) == (shrink(velocity, one) is not velocity) == asks_too_much
+    assert (
+        (slide(velocity, one) is not velocity)
+        == (shrink(velocity, one) is not velocity)
+        == asks_too_much
+    )
     for kept in (slide(velocity, one), shrink(velocity, one)):
         assert used_m(kept, one) <= one.distance_m + 1e-9
         if not asks_too_much:
@@ -68,7 +85,9 @@ def test_shrinking_keeps_directions_and_touches_only_what_closes(velocity, one):
     share = one.distance_m / used_m(velocity, one) if asks_too_much else 1.0
     ground = share if velocity[0] * north + velocity[1] * east > 0.0 else 1.0
     vertical = share if velocity[2] * down > 0.0 else 1.0
-    assert kept == pytest.approx((velocity[0] * ground, velocity[1] * ground, velocity[2] * vertical))
+    assert kept == pytest.approx(
+        (velocity[0] * ground, velocity[1] * ground, velocity[2] * vertical)
+    )
 
 
 @settings(deadline=None)
@@ -90,8 +109,14 @@ def test_shrinking_for_one_wall_breaks_no_other(velocity, several):
 
 def test_a_slow_vehicle_is_held_back_as_a_fast_one_is():
     wall = Constraint(Limiter.FLOOR, (0.0, 0.5, 2.0), 0.2)
-    for scale in (1.0, 10.0, 100.0):  # 0.15 m on the ground and 0.25 m vertically, of 0.2 m: half of each
-        moving, held = (0.2 * scale, 0.3 * scale, 0.125 * scale), wall._replace(distance_m=0.2 * scale)
+    # 0.15 m on the ground and 0.25 m vertically, of 0.2 m: half of each
+    for scale in (
+        1.0,
+        10.0,
+        100.0,
+    ):
+        moving = (0.2 * scale, 0.3 * scale, 0.125 * scale)
+        held = wall._replace(distance_m=0.2 * scale)
         assert slide(moving, held) == pytest.approx((0.2 * scale, 0.15 * scale, 0.0625 * scale))
         assert shrink(moving, held) == pytest.approx((0.1 * scale, 0.15 * scale, 0.0625 * scale))
 
@@ -113,8 +138,15 @@ def test_a_slow_vehicle_is_held_back_as_a_fast_one_is():
 )
 def test_a_wall_s_distance_is_what_the_drift_leaves_of_it(normal, flown, left_m):
     envelope = replace(ENVELOPE, reaction_s=1.0, braking_m_s2=2.0, vertical_braking_m_s2=0.5)
-    asked = (0.0, 4.0, 2.0)  # seconds: 1 + 4/(2·2) = 2 over the ground, 1 + 2/(2·0.5) = 3 vertically
-    (built,) = constraints_of(asked, Situation(STILL, flown), (Wall(Limiter.FLOOR, normal, 10.0),), envelope)
+    # Seconds: 1 + 4/(2·2) = 2 over the ground, 1 + 2/(2·0.5) = 3 vertically
+    asked = (
+        0.0,
+        4.0,
+        2.0,
+    )
+    (built,) = constraints_of(
+        asked, Situation(STILL, flown), (Wall(Limiter.FLOOR, normal, 10.0),), envelope
+    )
     assert built.distance_m == pytest.approx(left_m)
     assert (built.normal_ned, built.ground_s, built.vertical_s) == (normal, 2.0, 3.0)
     assert built.limiter is Limiter.FLOOR
@@ -134,7 +166,9 @@ def test_a_wall_out_of_reach_would_change_nothing(asked, flown, normal, gap_m):
         here = Situation(STILL, flown)
         if not constraints_of(asked, here, (wall,), ENVELOPE):
             near = constraints_of(asked, here, (wall._replace(gap_m=-1.0),), ENVELOPE)[0]
-            drift_m = ENVELOPE.reaction_s * used_m(flown, near._replace(ground_s=1.0, vertical_s=1.0))
+            drift_m = ENVELOPE.reaction_s * used_m(
+                flown, near._replace(ground_s=1.0, vertical_s=1.0)
+            )
             assert used_m(asked, near) + drift_m <= gap_m + 1e-9
 
 
@@ -175,7 +209,9 @@ def test_the_surge_is_how_much_further_it_goes(speed, acceleration):
     further = come_to_rest(speed, acceleration) - come_to_rest(speed, 0.0)
     way = (0.6, -0.8)
     felt = acceleration + 0.5  # that much is scatter
-    longer = surge((speed * way[0], speed * way[1], -1.0), (felt * way[0], felt * way[1], 2.0), ENVELOPE)
+    longer = surge(
+        (speed * way[0], speed * way[1], -1.0), (felt * way[0], felt * way[1], 2.0), ENVELOPE
+    )
     assert longer == pytest.approx((further * way[0], further * way[1], 0.0), abs=0.01)
 
 
@@ -186,7 +222,9 @@ def test_only_what_brakes_of_an_acceleration_is_left_out_of_the_surge(way):
     aside = surge((0.7 * north, 0.7 * east, 0.0), (2.5 * across[0], 2.5 * across[1], 0.0), ENVELOPE)
     slowing = tuple(2.5 * b - 3.0 * a for a, b in zip(way, across, strict=True))
     assert surge((0.7 * north, 0.7 * east, 0.0), (*slowing, 0.0), ENVELOPE) == pytest.approx(aside)
-    assert math.hypot(*aside) == pytest.approx(come_to_rest(0.7, 2.0) - come_to_rest(0.7, 0.0), abs=0.01)
+    assert math.hypot(*aside) == pytest.approx(
+        come_to_rest(0.7, 2.0) - come_to_rest(0.7, 0.0), abs=0.01
+    )
 
 
 def test_braking_and_scatter_are_no_surge_and_a_turn_is_one_to_its_side():

@@ -60,7 +60,18 @@ def test_limits_that_contradict_each_other_are_refused_by_name(values, words):
         (((0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0)), "edges 0 and 2 cross"),
         (((0.0, 0.0), (10.0, 0.0), (5.0, 0.0)), "edges 0 and 1 cross"),
         (((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (5.0, 0.0), (0.0, 10.0)), "edges 0 and 2 cross"),
-        (((0.0, 0.0), (10.0, 0.0), (10.0, 5.0), (20.0, 5.0), (20.0, 0.0), (5.0, 0.0), (5.0, -5.0)), "cross or touch"),
+        (
+            (
+                (0.0, 0.0),
+                (10.0, 0.0),
+                (10.0, 5.0),
+                (20.0, 5.0),
+                (20.0, 0.0),
+                (5.0, 0.0),
+                (5.0, -5.0),
+            ),
+            "cross or touch",
+        ),
     ],
 )
 def test_a_polygon_that_is_none_is_refused(corners, words):
@@ -93,7 +104,9 @@ def test_an_envelope_says_for_itself_how_the_vehicle_brakes_and_nothing_of_fence
         "stand_off": None,
     }
     envelope = Envelope(**said)
-    assert {field.name: getattr(envelope, field.name) for field in fields(envelope)} == said | cautious
+    assert {
+        field.name: getattr(envelope, field.name) for field in fields(envelope)
+    } == said | cautious
 
 
 @pytest.mark.parametrize("size", [0.5, 30.0])
@@ -101,7 +114,8 @@ def test_an_envelope_says_for_itself_how_the_vehicle_brakes_and_nothing_of_fence
 @pytest.mark.parametrize("along", [(1, 0), (0, 1), (3, 4), (-3, 4), (-3, -4), (5, -1)])
 def test_a_spike_that_folds_back_is_refused_and_a_sharp_one_is_not(along, first, size):
     # Integers are exact: the fold lies on its own edge to the last bit, whichever corner comes first.
-    tip, back = (8 * along[0], 8 * along[1]), (4 * along[0], 4 * along[1])
+    tip = (8 * along[0], 8 * along[1])
+    back = (4 * along[0], 4 * along[1])
     aside = (2 * along[0] - along[1], 2 * along[1] + along[0])
 
     def placed(*corners):
@@ -131,17 +145,43 @@ TOUCHING = [
     ((0.0, 0.0), (5.0, 5.0), (9.0, 2.0), (10.0, 10.0), (7.0, 7.0)),  # a corner on an edge, aslant
     ((0.0, 0.0), (4.0, 8.0), (2.0, 4.0), (6.0, 0.0)),
     ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (5.0, 0.0), (0.0, 10.0)),  # a corner on an edge
-    ((0.0, 0.0), (10.0, 0.0), (10.0, 5.0), (20.0, 5.0), (20.0, 0.0), (5.0, 0.0), (5.0, -5.0)),  # edges on one line
-    ((0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (0.0, 0.0), (-8.0, 8.0), (-8.0, 0.0)),  # two corners in one place
+    (
+        (0.0, 0.0),
+        (10.0, 0.0),
+        (10.0, 5.0),
+        (20.0, 5.0),
+        (20.0, 0.0),
+        (5.0, 0.0),
+        (5.0, -5.0),
+    ),  # edges on one line
+    (
+        (0.0, 0.0),
+        (8.0, 0.0),
+        (8.0, 8.0),
+        (0.0, 0.0),
+        (-8.0, 8.0),
+        (-8.0, 0.0),
+    ),  # two corners in one place
     ((0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0)),  # a bow tie
 ]
-APART = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (7.0, 10.0), (7.0, 5.0), (3.0, 5.0), (3.0, 10.0), (0.0, 10.0))
+APART = (
+    (0.0, 0.0),
+    (10.0, 0.0),
+    (10.0, 10.0),
+    (7.0, 10.0),
+    (7.0, 5.0),
+    (3.0, 5.0),
+    (3.0, 10.0),
+    (0.0, 10.0),
+)
 
 
 @pytest.mark.parametrize("turn", range(4))
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("reverse", [False, True])
-def test_touching_edges_are_found_in_any_direction_and_collinear_ones_may_be_apart(turn, mirrored, reverse):
+def test_touching_edges_are_found_in_any_direction_and_collinear_ones_may_be_apart(
+    turn, mirrored, reverse
+):
     def placed(corners):
         for _ in range(turn):
             corners = tuple((-east, north) for north, east in corners)
@@ -174,7 +214,11 @@ def test_inside_and_nearest_edge_of_a_square_are_what_they_look_like(north, east
 def test_a_point_as_far_north_as_a_corner_is_inside_or_outside_all_the_same(clockwise):
     corners = ((-5.0, 0.0), (0.0, 5.0), (5.0, 0.0), (0.0, -5.0))
     diamond = Polygon(corners if clockwise else corners[::-1])
-    found = [diamond.contains((north, east)) for north in (-5.0, 0.0, 5.0) for east in (-6.0, -1.0, 1.0, 6.0)]
+    found = [
+        diamond.contains((north, east))
+        for north in (-5.0, 0.0, 5.0)
+        for east in (-6.0, -1.0, 1.0, 6.0)
+    ]
     assert found == [False] * 4 + [False, True, True, False] + [False] * 4
 
 
@@ -184,7 +228,8 @@ def test_inside_is_where_the_polygon_winds_about_the_point(north, east, angle, c
     # A star with slanting edges; the turns about the point are summed as angles, which owes nothing to any ray.
     corners = []
     for index in range(10):
-        radius, bearing = (10.0, 4.0)[index % 2], angle + index * math.tau / 10.0
+        radius = (10.0, 4.0)[index % 2]
+        bearing = angle + index * math.tau / 10.0
         corners.append((radius * math.cos(bearing), radius * math.sin(bearing)))
     star = Polygon(tuple(corners if clockwise else corners[::-1]))
     turned = 0.0
@@ -200,7 +245,8 @@ def test_inside_is_where_the_polygon_winds_about_the_point(north, east, angle, c
 def test_outward_is_away_from_the_inside_wherever_the_polygon_lies(angle, north, east, clockwise):
     corners = []
     for index in range(10):
-        radius, bearing = (10.0, 4.0)[index % 2], angle + index * math.tau / 10.0
+        radius = (10.0, 4.0)[index % 2]
+        bearing = angle + index * math.tau / 10.0
         corners.append((north + radius * math.cos(bearing), east + radius * math.sin(bearing)))
     star = Polygon(tuple(corners if clockwise else corners[::-1]))
     for index, (one, other) in enumerate(star.edges()):
@@ -230,4 +276,12 @@ def test_speed_limits_are_from_the_file_or_10_percent_above_the_game_speed():
 
 def test_a_situation_with_position_and_velocity_only_assumes_no_other_motion():
     still = (0.0, 0.0, 0.0)
-    assert Situation((1.0, 2.0, 3.0), still) == ((1.0, 2.0, 3.0), still, 0.0, None, None, still, 0.0)
+    assert Situation((1.0, 2.0, 3.0), still) == (
+        (1.0, 2.0, 3.0),
+        still,
+        0.0,
+        None,
+        None,
+        still,
+        0.0,
+    )

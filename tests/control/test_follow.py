@@ -45,7 +45,10 @@ def test_a_drift_that_is_known_shifts_the_command_by_itself(name):
         FollowMemory(drift=drift),
         dt_s=0.0,
     )
-    moved = [one - other for one, other in zip(shifted.velocity_ned_m_s, plain.velocity_ned_m_s, strict=True)]
+    moved = [
+        one - other
+        for one, other in zip(shifted.velocity_ned_m_s, plain.velocity_ned_m_s, strict=True)
+    ]
     assert moved == pytest.approx(drift.velocity_ned_m_s)
     assert shifted.desired_ned_m_s == pytest.approx(plain.desired_ned_m_s)
 
@@ -77,7 +80,9 @@ def test_an_evader_of_unknown_velocity_is_at_rest(name, towards):
     near = Gaps(1.0, 2.0, *towards)
     unknown = Situation((0.0, 0.0, -20.0), (2.0, 1.0, 0.5))
     still = unknown._replace(evader_velocity_ned_m_s=STILL)
-    one, other = (followed(WANTED, at, near, handling, FollowMemory(), dt_s=0.02) for at in (unknown, still))
+    one, other = (
+        followed(WANTED, at, near, handling, FollowMemory(), dt_s=0.02) for at in (unknown, still)
+    )
     assert one == other
 
 

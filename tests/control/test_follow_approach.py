@@ -16,21 +16,32 @@ FAR = Gaps(500.0, 100.0, 1.0, 0.0)
 
 speeds = st.floats(-12.0, 12.0)
 velocities = st.tuples(speeds, speeds, speeds)
-settings = st.sampled_from([SETTINGS, *(autopilot.handling.approach for autopilot in AUTOPILOTS.values())])
+settings = st.sampled_from(
+    [SETTINGS, *(autopilot.handling.approach for autopilot in AUTOPILOTS.values())]
+)
 
 
 @st.composite
 def all_gaps(draw):
     bearing = draw(st.floats(0.0, math.tau))
-    return Gaps(draw(st.floats(-5.0, 60.0)), draw(st.floats(-5.0, 60.0)), math.cos(bearing), math.sin(bearing))
+    return Gaps(
+        draw(st.floats(-5.0, 60.0)),
+        draw(st.floats(-5.0, 60.0)),
+        math.cos(bearing),
+        math.sin(bearing),
+    )
 
 
 def closing(velocity, evader, gaps):
-    return (velocity[0] - evader[0]) * gaps.towards_north + (velocity[1] - evader[1]) * gaps.towards_east
+    return (velocity[0] - evader[0]) * gaps.towards_north + (
+        velocity[1] - evader[1]
+    ) * gaps.towards_east
 
 
 def across(velocity, evader, gaps):
-    return (velocity[1] - evader[1]) * gaps.towards_north - (velocity[0] - evader[0]) * gaps.towards_east
+    return (velocity[1] - evader[1]) * gaps.towards_north - (
+        velocity[0] - evader[0]
+    ) * gaps.towards_east
 
 
 @given(velocities, velocities, velocities, all_gaps(), settings)
@@ -42,7 +53,10 @@ def test_never_asks_to_close_faster_than_can_be_braked(wanted, flown, evader, ga
     used_m = settings.lag_s * closing(flown, evader, gaps)
     left_m = gaps.ground_m - settings.margin_m - used_m
     if asked > 1e-6:
-        assert asked * settings.settle_s + asked**2 / (2.0 * settings.braking_m_s2) <= max(left_m, 0.0) + 1e-6
+        assert (
+            asked * settings.settle_s + asked**2 / (2.0 * settings.braking_m_s2)
+            <= max(left_m, 0.0) + 1e-6
+        )
     if left_m <= 0.0:
         assert asked <= 1e-9
 
@@ -75,7 +89,8 @@ def test_far_away_nothing_is_touched(wanted, flown, evader):
 def test_at_rest_before_the_rim_the_velocity_is_the_evaders(evader):
     rim = Gaps(SETTINGS.margin_m, 0.0, 1.0, 0.0)
     velocity, braking = approach((6.0, 1.0, 0.0), evader, evader, rim, SETTINGS)
-    waited_m_s = max(0.0, -evader[0]) * SETTINGS.margin_m / RETREAT_M  # it retreats more slowly than the evader comes
+    # It retreats more slowly than the evader comes
+    waited_m_s = max(0.0, -evader[0]) * SETTINGS.margin_m / RETREAT_M
     assert velocity == pytest.approx((evader[0] + waited_m_s, evader[1], 0.0))
     assert braking
 
@@ -103,17 +118,25 @@ def test_what_goes_across_the_line_of_sight_fades_as_the_closing_does(
     towards, ground_m, closing_m_s, allowed_m_s, kept
 ):
     def moving(along, across):
-        along, across = along + 2.0, across - 1.0  # the evader flees
-        return (along * towards[0] - across * towards[1], along * towards[1] + across * towards[0], 0.0)
+        along = along + 2.0
+        across = across - 1.0  # the evader flees
+        return (
+            along * towards[0] - across * towards[1],
+            along * towards[1] + across * towards[0],
+            0.0,
+        )
 
-    evader, gaps = moving(0.0, 0.0), Gaps(ground_m, 0.0, *towards)
+    evader = moving(0.0, 0.0)
+    gaps = Gaps(ground_m, 0.0, *towards)
     velocity, braking = approach(moving(closing_m_s, 0.7), evader, evader, gaps, SETTINGS)
     assert velocity == pytest.approx(moving(allowed_m_s, 0.7 * kept))
     assert braking
 
 
 def test_the_speed_allowed_is_the_root_of_the_stopping_distance():
-    bare = Approach(braking_m_s2=2.0, vertical_braking_m_s2=1.0, lag_s=0.0, settle_s=0.3, margin_m=0.0)
+    bare = Approach(
+        braking_m_s2=2.0, vertical_braking_m_s2=1.0, lag_s=0.0, settle_s=0.3, margin_m=0.0
+    )
     for left_m in (0.0, 0.01, 0.5, 3.0, 40.0):
         (v, _, _), _ = approach((50.0, 0.0, 0.0), STILL, STILL, Gaps(left_m, 0.0, 1.0, 0.0), bare)
         assert v * 0.3 + v * v / 4.0 == pytest.approx(left_m)
@@ -122,7 +145,8 @@ def test_the_speed_allowed_is_the_root_of_the_stopping_distance():
 def _rest_m(settings, coming_m_s):
     """Gap at which it backs off as fast as the evader comes: w = c·g/2 and margin − g = 2·w·(settle + w/b)."""
     waited_s = coming_m_s / RETREAT_M
-    quadratic, linear = 2.0 * waited_s**2 / settings.braking_m_s2, 1.0 + 2.0 * waited_s * settings.settle_s
+    quadratic = 2.0 * waited_s**2 / settings.braking_m_s2
+    linear = 1.0 + 2.0 * waited_s * settings.settle_s
     if quadratic == 0.0:
         return settings.margin_m
     return (math.sqrt(linear**2 + 4.0 * quadratic * settings.margin_m) - linear) / (2.0 * quadratic)
@@ -134,15 +158,21 @@ def _rest_m(settings, coming_m_s):
 def test_a_vehicle_that_lags_no_more_than_planned_never_enters_the_disc(name, lag_s, pace):
     settings = AUTOPILOTS[name].handling.approach
     evader = (pace, 0.0, 0.0)
-    gap_m, flown, reached_s = 40.0, 0.0, math.inf
+    gap_m = 40.0
+    flown = 0.0
+    reached_s = math.inf
     for cycle in range(2000):
-        wanted = approach((6.0, 0.0, 0.0), (flown, 0.0, 0.0), evader, Gaps(gap_m, 0.0, 1.0, 0.0), settings)[0]
+        wanted = approach(
+            (6.0, 0.0, 0.0), (flown, 0.0, 0.0), evader, Gaps(gap_m, 0.0, 1.0, 0.0), settings
+        )[0]
         flown += (wanted[0] - flown) * (1.0 - math.exp(-DT_S / lag_s))
         gap_m -= (flown - pace) * DT_S
         assert gap_m >= 0.0
         if gap_m <= 0.5:
             reached_s = min(reached_s, cycle * DT_S)
-    assert gap_m == pytest.approx(_rest_m(settings, max(0.0, -pace)), abs=0.01 if pace < 0.0 else 0.02)
+    assert gap_m == pytest.approx(
+        _rest_m(settings, max(0.0, -pace)), abs=0.01 if pace < 0.0 else 0.02
+    )
     assert flown == pytest.approx(pace, abs=0.02)
     # Beside full speed to the rim: braking costs half of its time, and what is planned with to answer and to settle.
     closing = 6.0 - pace
@@ -155,11 +185,14 @@ def test_a_vehicle_that_lags_no_more_than_planned_never_enters_the_disc(name, la
 @pytest.mark.parametrize("name", sorted(AUTOPILOTS))
 def test_the_height_of_the_disc_is_reached_without_overshoot(name, height_m, wanted, lag_s):
     settings = AUTOPILOTS[name].handling.approach
-    flown, side = 0.0, math.copysign(1.0, height_m)
+    flown = 0.0
+    side = math.copysign(1.0, height_m)
     for _ in range(2500):
         # The game turns the sign of its vertical speed at the height of the disc.
         game = math.copysign(wanted, height_m)
-        down = approach((0.0, 0.0, game), (0.0, 0.0, flown), STILL, Gaps(40.0, height_m, 1.0, 0.0), settings)[0][2]
+        down = approach(
+            (0.0, 0.0, game), (0.0, 0.0, flown), STILL, Gaps(40.0, height_m, 1.0, 0.0), settings
+        )[0][2]
         flown += (down - flown) * (1.0 - math.exp(-DT_S / lag_s))
         height_m -= flown * DT_S
         assert height_m * side >= -0.02
@@ -168,6 +201,7 @@ def test_the_height_of_the_disc_is_reached_without_overshoot(name, height_m, wan
 
 @pytest.mark.parametrize("height_m", [0.0, 3.0])
 def test_an_evader_that_comes_is_waited_for_at_the_discs_height_and_fled_from_above_it(height_m):
-    evader, gaps = (-4.0, 0.0, 0.0), Gaps(3.0, height_m, 1.0, 0.0)
+    evader = (-4.0, 0.0, 0.0)
+    gaps = Gaps(3.0, height_m, 1.0, 0.0)
     velocity, _ = approach(STILL, STILL, evader, gaps, SETTINGS)
     assert velocity[0] == pytest.approx(0.0) if height_m == 0.0 else velocity[0] < -1.0

@@ -18,18 +18,26 @@ velocities = st.tuples(speeds, speeds, speeds)
 
 def catch_up(wanted, flown, deficit_m, dt_s=DT_S, most=1.05):
     """High above an evader that is near: no vertical speed is to spare."""
-    return follow.catch_up(wanted, flown, deficit_m, Gaps(1.0, 1e3, 1.0, 0.0), Pace(dt_s, most, 20.0))
+    return follow.catch_up(
+        wanted, flown, deficit_m, Gaps(1.0, 1e3, 1.0, 0.0), Pace(dt_s, most, 20.0)
+    )
 
 
 @given(velocities, velocities, st.floats(0.0, 12.0), st.floats(0.0, 0.5))
-def test_never_more_than_the_limits_leave_is_added_and_the_direction_is_kept(wanted, flown, deficit_m, dt_s):
+def test_never_more_than_the_limits_leave_is_added_and_the_direction_is_kept(
+    wanted, flown, deficit_m, dt_s
+):
     velocity, deficit_m = catch_up(wanted, flown, deficit_m, dt_s)
     size = math.hypot(*wanted)
     along = sum(w * f for w, f in zip(wanted[:2], flown[:2], strict=True))
-    slow = along <= 1.05 * math.hypot(*wanted[:2]) ** 2  # what flies faster than the limits is told to fly slower
+    # What flies faster than the limits is told to fly slower
+    slow = along <= 1.05 * math.hypot(*wanted[:2]) ** 2
     assert (size if slow else 0.0) - 1e-9 <= math.hypot(*velocity) <= 1.05 * size + 1e-9
     assert 0.0 <= deficit_m <= LARGEST_DEFICIT_M
-    assert sum(v * w for v, w in zip(velocity, wanted, strict=True)) >= size * math.hypot(*velocity) - 1e-6
+    assert (
+        sum(v * w for v, w in zip(velocity, wanted, strict=True))
+        >= size * math.hypot(*velocity) - 1e-6
+    )
 
 
 @given(velocities, st.floats(0.0, 12.0))

@@ -18,7 +18,9 @@ STILL = (0.0, 0.0, 0.0)
 
 def drive(*, seconds, velocity, error, hold_cycles=1):
     """Report a motion whose velocity is off by `error(t)`; positions come every `hold_cycles` cycles, as streams do."""
-    drift, place, reported = Drift(), [0.0, 0.0, 0.0], (0.0, 0.0, 0.0)
+    drift = Drift()
+    place = [0.0, 0.0, 0.0]
+    reported = (0.0, 0.0, 0.0)
     for cycle in range(round(seconds / DT_S)):
         now_s = cycle * DT_S
         true = velocity(now_s)
@@ -77,10 +79,15 @@ KNOWN = Drift((0.1, -0.2, 0.3), (5.0, -6.0, -20.0))
 FLOWN = (2.1, -1.2, 0.8)  # by what is known, 2.0, -1.0 and 0.5 m/s over the ground
 
 
-@pytest.mark.parametrize(("dt_s", "counted_s"), [(0.0, 0.0), (0.05, 0.05), (0.1, 0.1), (0.4, 0.1), (-1.0, 0.0)])
+@pytest.mark.parametrize(
+    ("dt_s", "counted_s"), [(0.0, 0.0), (0.05, 0.05), (0.1, 0.1), (0.4, 0.1), (-1.0, 0.0)]
+)
 @pytest.mark.parametrize("off", [(0.3, -0.6, 0.12), (-0.9, 0.0, 0.0), (0.0, 0.9, 0.3)])
 def test_one_report_moves_place_and_drift_by_its_share_of_what_it_is_off(off, dt_s, counted_s):
-    expected = [at + speed * counted_s for at, speed in zip(KNOWN.position_ned_m, (2.0, -1.0, 0.5), strict=True)]
+    expected = [
+        at + speed * counted_s
+        for at, speed in zip(KNOWN.position_ned_m, (2.0, -1.0, 0.5), strict=True)
+    ]
     reported = tuple(at + by for at, by in zip(expected, off, strict=True))
     after = observe_drift(KNOWN, reported, FLOWN, dt_s=dt_s)
     # Two poles at -1/1.2 s: 2/1.2 of an error a second for the place, 1/1.2² for the drift.
@@ -102,7 +109,9 @@ def test_a_remaining_error_above_one_metre_is_a_jump_and_drift_is_bounded(axis, 
         after = observe_drift(Drift(STILL, STILL), along(off_m), STILL, dt_s=0.1)
         assert (after == Drift(STILL, along(off_m))) is jumped
     for known, learned in ((0.599, 0.6), (0.5, 0.5 + 0.05 / 1.44)):
-        after = observe_drift(Drift(along(known), STILL), along(-0.5 - 0.1 * known), STILL, dt_s=0.1)
+        after = observe_drift(
+            Drift(along(known), STILL), along(-0.5 - 0.1 * known), STILL, dt_s=0.1
+        )
         assert after.velocity_ned_m_s == pytest.approx(along(learned))
 
 
@@ -121,7 +130,10 @@ def test_station_is_kept_slowly_and_towards_the_place(place, position):
 
 def test_a_place_is_held_against_an_autopilot_that_slides():
     slide = (0.2, -0.1)  # m/s, by which the autopilot's velocity is wrong
-    drift, place, here, flown = Drift(), None, [0.0, 0.0], [0.0, 0.0]
+    drift = Drift()
+    place = None
+    here = [0.0, 0.0]
+    flown = [0.0, 0.0]
     for _ in range(3000):
         told = (flown[0] + slide[0], flown[1] + slide[1], 0.0)
         drift = observe_drift(drift, (here[0], here[1], -5.0), told, dt_s=DT_S)

@@ -23,7 +23,9 @@ PLAIN = {
     "fence_margin_m": 1.0,
 }
 CIRCLE = Envelope(**PLAIN, fence_radius_m=30.0)
-SQUARE = Envelope(**PLAIN, fence_polygon=Polygon(((-30.0, -30.0), (-30.0, 30.0), (30.0, 30.0), (30.0, -30.0))))
+SQUARE = Envelope(
+    **PLAIN, fence_polygon=Polygon(((-30.0, -30.0), (-30.0, 30.0), (30.0, 30.0), (30.0, -30.0)))
+)
 speeds = st.floats(-6.0, 6.0)
 
 
@@ -48,7 +50,9 @@ def test_far_inside_nothing_is_changed(north, east, down, x, y):
 
 @pytest.mark.parametrize("envelope", [CIRCLE, SQUARE], ids=["circle", "polygon"])
 def test_on_the_margins_line_nothing_leads_out_and_beyond_it_the_way_is_in(envelope):
-    assert kept((3.0, 1.0, 0.5), at(29.0, 0.0), envelope) == pytest.approx((0.0, 1.0, 0.5), abs=1e-9)
+    assert kept((3.0, 1.0, 0.5), at(29.0, 0.0), envelope) == pytest.approx(
+        (0.0, 1.0, 0.5), abs=1e-9
+    )
     north, east, _ = kept((3.0, 1.0, 0.5), at(29.6, 0.0), envelope)
     assert (north, east) == pytest.approx((-0.6 * RETURN_PER_S, 1.0), abs=1e-9)
 
@@ -63,15 +67,21 @@ def test_outside_it_returns_at_a_bounded_speed_and_never_slows_a_faster_return(e
 @given(gap_m=st.floats(0.01, 25.0))
 def test_towards_the_fence_it_flies_no_faster_than_it_can_brake(envelope, gap_m):
     speed = kept((6.0, 0.0, 0.0), at(29.0 - gap_m, 0.0), envelope)[0]
-    assert speed * envelope.reaction_s + speed**2 / (2 * envelope.braking_m_s2) <= gap_m + 1e-6 or speed == 6.0
+    assert (
+        speed * envelope.reaction_s + speed**2 / (2 * envelope.braking_m_s2) <= gap_m + 1e-6
+        or speed == 6.0
+    )
 
 
 @pytest.mark.parametrize("bearing", [0.0, 0.7, 2.5, -1.9])
 @pytest.mark.parametrize("gap_m", [0.2, 0.7, 3.0])
 def test_towards_the_circle_exactly_as_fast_as_it_can_brake_whatever_goes_along_it(bearing, gap_m):
-    outward, along = (math.cos(bearing), math.sin(bearing)), (-math.sin(bearing), math.cos(bearing))
+    outward = (math.cos(bearing), math.sin(bearing))
+    along = (-math.sin(bearing), math.cos(bearing))
     asked = tuple(6.0 * a + 2.0 * b for a, b in zip(outward, along, strict=True))
-    north, east, down = kept((*asked, 1.0), at(*((29.0 - gap_m) * part for part in outward)), CIRCLE)
+    north, east, down = kept(
+        (*asked, 1.0), at(*((29.0 - gap_m) * part for part in outward)), CIRCLE
+    )
     speed = north * outward[0] + east * outward[1]
     assert speed * CIRCLE.reaction_s + speed**2 / (2 * CIRCLE.braking_m_s2) == pytest.approx(gap_m)
     assert (north * along[0] + east * along[1], down) == pytest.approx((2.0, 1.0))
@@ -101,11 +111,19 @@ def fences(position, envelope):
 def test_a_fence_itself_lies_beyond_its_wall_by_the_margin():
     for envelope in (CIRCLE, SQUARE):
         for north_m in (29.9, 30.1):
-            beyond_m = max(-wall.gap_m - wall.margin_m for wall in fences(at(north_m, 0.0), envelope))
+            beyond_m = max(
+                -wall.gap_m - wall.margin_m for wall in fences(at(north_m, 0.0), envelope)
+            )
             assert beyond_m == pytest.approx(north_m - 30.0)
     both = replace(CIRCLE, fence_polygon=SQUARE.fence_polygon)
-    within = {wall.limiter: wall.gap_m + wall.margin_m > 0.0 for wall in fences(at(29.0, 29.0), both)}
-    assert within == {Limiter.FENCE_RADIUS: False, Limiter.FENCE_POLYGON: True}  # in the square's corner
+    within = {
+        wall.limiter: wall.gap_m + wall.margin_m > 0.0 for wall in fences(at(29.0, 29.0), both)
+    }
+    # In the square's corner
+    assert within == {
+        Limiter.FENCE_RADIUS: False,
+        Limiter.FENCE_POLYGON: True,
+    }
     assert fences(at(500.0, 0.0), Envelope(**PLAIN)) == []
 
 
@@ -122,7 +140,15 @@ def test_edges_are_measured_along_unit_normals_and_outside_only_the_nearest(x, y
 
 @pytest.mark.parametrize(
     ("height_m", "asked_m_s", "kept_m_s"),
-    [(2.6, 1.0, -0.4 * RETURN_PER_S), (3.0, 1.0, 0.0), (2.0, -3.0, -3.0), (61.0, -1.0, RETURN_PER_S), (50.0, 1.0, 1.0)],
+    [
+        (2.6, 1.0, -0.4 * RETURN_PER_S),
+        (3.0, 1.0, 0.0),
+        (2.0, -3.0, -3.0),
+        (61.0, -1.0, RETURN_PER_S),
+        (50.0, 1.0, 1.0),
+    ],
 )
 def test_beyond_floor_and_ceiling_too_the_way_is_back(height_m, asked_m_s, kept_m_s):
-    assert kept((0.0, 0.0, asked_m_s), (10.0, -20.0, -height_m), CIRCLE)[2] == pytest.approx(kept_m_s)
+    assert kept((0.0, 0.0, asked_m_s), (10.0, -20.0, -height_m), CIRCLE)[2] == pytest.approx(
+        kept_m_s
+    )

@@ -22,7 +22,9 @@ def test_a_hold_asks_for_the_speed_that_still_brakes_at_the_height(error_m):
     speed = abs(down_m_s)
     assert math.copysign(1.0, down_m_s) == math.copysign(1.0, error_m)
     # gain 0.8/s near the height, √(2 · braking · distance) far from it: v/0.8 + v²/(2 · braking) = distance.
-    assert speed / 0.8 + speed**2 / (2.0 * OPEN.vertical_braking_m_s2) == pytest.approx(abs(error_m))
+    assert speed / 0.8 + speed**2 / (2.0 * OPEN.vertical_braking_m_s2) == pytest.approx(
+        abs(error_m)
+    )
 
 
 @pytest.mark.parametrize(("error_m", "speed"), [(500.0, 2.0), (-500.0, -4.0)])
@@ -43,7 +45,8 @@ def test_a_hold_far_away_climbs_and_sinks_at_the_limits(error_m, speed):
     ],
 )
 def test_the_trim_of_a_hold_is_the_slow_integral_of_a_small_error(error_m, dt_s, trim_m_s):
-    (trimmed_m_s, memory), (plain_m_s, _) = held_at(error_m, trim_m_s=0.1, dt_s=dt_s), held_at(error_m, dt_s=0.0)
+    (trimmed_m_s, memory) = held_at(error_m, trim_m_s=0.1, dt_s=dt_s)
+    (plain_m_s, _) = held_at(error_m, dt_s=0.0)
     assert memory == AltitudeHold(-50.0, pytest.approx(trim_m_s))
     assert trimmed_m_s - plain_m_s == pytest.approx(trim_m_s)
 
@@ -96,6 +99,11 @@ def test_a_place_is_held_in_proportion_and_slowly_and_no_old_place_is_chased(off
     assert kept == (place if held else here)
 
 
-@pytest.mark.parametrize(("flown", "begun"), [((0.29, -0.39, 2.0), True), ((0.31, -0.41, 0.0), False)])
+@pytest.mark.parametrize(
+    ("flown", "begun"), [((0.29, -0.39, 2.0), True), ((0.31, -0.41, 0.0), False)]
+)
 def test_a_place_is_taken_once_the_vehicle_is_slow_over_the_ground(flown, begun):
-    assert keep_station(None, (1.0, 2.0, -5.0), flown) == ((0.0, 0.0), (1.0, 2.0) if begun else None)
+    assert keep_station(None, (1.0, 2.0, -5.0), flown) == (
+        (0.0, 0.0),
+        (1.0, 2.0) if begun else None,
+    )

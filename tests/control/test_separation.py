@@ -12,7 +12,10 @@ from guidance.control.setpoint_limiter import limit
 from guidance.game import StandOff
 from guidance.messages import Setpoint
 
-APART_M, HEIGHT_M, STEP_S, LAG_S = 8.0, 3.0, 0.02, 0.3
+APART_M = 8.0
+HEIGHT_M = 3.0
+STEP_S = 0.02
+LAG_S = 0.3
 LIMITS = Limits(floor_m=2.0, ceiling_m=100.0, fence_radius_m=900.0)
 DYNAMICS = Dynamics(acceleration_m_s2=5.0, vertical_acceleration_m_s2=3.0, jerk_m_s3=20.0)
 OPEN = replace(LIMITS.envelope(Speeds(8.0, 3.0, 2.0), DYNAMICS, StandOff(3.0, 8.0)), stand_off=None)
@@ -29,7 +32,10 @@ class Point:
     """A vehicle whose velocity follows the setpoint with a lag and within its braking."""
 
     def __init__(self, place, goal):
-        self.place, self.goal, self.velocity, self.memory = list(place), goal, [0.0, 0.0, 0.0], None
+        self.place = list(place)
+        self.goal = goal
+        self.velocity = [0.0, 0.0, 0.0]
+        self.memory = None
         self.told = []
 
     def step(self, number, mate):
@@ -76,8 +82,18 @@ places = st.tuples(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0), st.floats(-30
 
 
 @settings(max_examples=25, deadline=None)
-@given(places, places, places, places, st.integers(0, 8), st.floats(0.0, 0.3), st.randoms(use_true_random=False))
-def test_two_vehicles_keep_their_separation_wherever_they_want_to_go(one, other, to, there, late, loss, draw):
+@given(
+    places,
+    places,
+    places,
+    places,
+    st.integers(0, 8),
+    st.floats(0.0, 0.3),
+    st.randoms(use_true_random=False),
+)
+def test_two_vehicles_keep_their_separation_wherever_they_want_to_go(
+    one, other, to, there, late, loss, draw
+):
     if outside_m(one, other) < 1.0:
         other = (one[0] + APART_M + 1.0, one[1], other[2])
     points = [Point(one, to), Point(other, there)]

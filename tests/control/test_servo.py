@@ -29,7 +29,9 @@ STILL = (0.0, 0.0, 0.0)
 speeds = st.floats(-20.0, 20.0)
 velocities = st.tuples(speeds, speeds, speeds)
 steps = st.sampled_from([0.0, 0.005, 0.02, 0.05, 0.1, 0.5])
-gains = st.sampled_from([GAINS, IGNORANT, *(autopilot.handling.servo for autopilot in AUTOPILOTS.values())])
+gains = st.sampled_from(
+    [GAINS, IGNORANT, *(autopilot.handling.servo for autopilot in AUTOPILOTS.values())]
+)
 
 
 def ground(vector):
@@ -42,11 +44,14 @@ def difference(one, other):
 
 def run(wanted, gains, *, plant, seconds):
     """Close the loop: `plant(velocity, served)` is the vehicle's acceleration. Yields (time, velocity, served)."""
-    velocity, memory = STILL, None
+    velocity = STILL
+    memory = None
     for cycle in range(round(seconds / DT_S)):
         served = _, memory = serve(wanted, velocity, memory, gains, dt_s=DT_S)
         yield cycle * DT_S, velocity, served
-        velocity = tuple(v + a * DT_S for v, a in zip(velocity, plant(velocity, served), strict=True))
+        velocity = tuple(
+            v + a * DT_S for v, a in zip(velocity, plant(velocity, served), strict=True)
+        )
 
 
 def loop(*, drag_per_s=0.0, push=STILL, gain_per_s=1.8, largest_m_s2=math.inf):
@@ -56,11 +61,14 @@ def loop(*, drag_per_s=0.0, push=STILL, gain_per_s=1.8, largest_m_s2=math.inf):
         acceleration, memory = served
         asked = [
             gain_per_s * (command - v) + fed
-            for command, v, fed in zip(memory.reference_ned_m_s, velocity, acceleration, strict=True)
+            for command, v, fed in zip(
+                memory.reference_ned_m_s, velocity, acceleration, strict=True
+            )
         ]
         size = ground(asked)
         share = min(1.0, largest_m_s2 / size) if size > 0.0 else 1.0
-        north, east = share * asked[0], share * asked[1]
+        north = share * asked[0]
+        east = share * asked[1]
         drags = [-drag_per_s * v + p for v, p in zip(velocity, push, strict=True)]
         return north + drags[0], east + drags[1], asked[2] + drags[2]
 
@@ -70,18 +78,24 @@ def loop(*, drag_per_s=0.0, push=STILL, gain_per_s=1.8, largest_m_s2=math.inf):
 @given(velocities, velocities, velocities, steps, gains)
 def test_equal_inputs_give_equal_outputs(wanted, flown, expected, dt_s, gains):
     memory = ServoMemory(flown, STILL, expected, 0.1, STILL)
-    assert serve(wanted, flown, memory, gains, dt_s=dt_s) == serve(wanted, flown, memory, gains, dt_s=dt_s)
+    assert serve(wanted, flown, memory, gains, dt_s=dt_s) == serve(
+        wanted, flown, memory, gains, dt_s=dt_s
+    )
 
 
 @given(st.lists(st.tuples(velocities, velocities, steps), min_size=1, max_size=30), gains)
 def test_the_command_never_leaves_what_was_wanted_and_flown(cycles, gains):
     memory = None
-    sizes, heights = [ground(cycles[0][1])], [cycles[0][1][2]]
+    sizes = [ground(cycles[0][1])]
+    heights = [cycles[0][1][2]]
     for wanted, flown, dt_s in cycles:
         _, memory = serve(wanted, flown, memory, gains, dt_s=dt_s)
         sizes.append(ground(wanted))
         heights.append(wanted[2])
-        assert ground(memory.reference_ned_m_s) <= max(sizes) + 2.0 * gains.acceleration_m_s2**2 / gains.jerk_m_s3
+        assert (
+            ground(memory.reference_ned_m_s)
+            <= max(sizes) + 2.0 * gains.acceleration_m_s2**2 / gains.jerk_m_s3
+        )
         slack = 2.0 * gains.vertical_acceleration_m_s2**2 / gains.jerk_m_s3
         assert min(heights) - slack <= memory.reference_ned_m_s[2] <= max(heights) + slack
 
@@ -139,7 +153,9 @@ def test_a_vehicle_at_its_tilt_limit_overshoots_little_when_it_gets_there():
     # Keeping 5 m/s takes 1.5 m/s² of it: the last vehicle has next to nothing left to get there with.
     for largest_m_s2, overshoot in ((4.0, 0.02), (3.0, 0.05), (2.0, 0.25)):
         plant = loop(drag_per_s=0.3, largest_m_s2=largest_m_s2)
-        flown = [velocity[0] for _, velocity, _ in run((5.0, 0.0, 0.0), GAINS, plant=plant, seconds=30.0)]
+        flown = [
+            velocity[0] for _, velocity, _ in run((5.0, 0.0, 0.0), GAINS, plant=plant, seconds=30.0)
+        ]
         assert max(flown) < 5.0 * (1.0 + overshoot)
         assert flown[-1] == pytest.approx(5.0, abs=0.05)
 
@@ -148,7 +164,11 @@ def test_what_drag_costs_falls_with_the_speed_at_once():
     memory = ServoMemory((6.0, 0.0, 0.0), STILL, (6.0, 0.0, 0.0), 0.8, STILL)
     fast, _ = serve((6.0, 0.0, 0.0), (6.0, 0.0, 0.0), memory, IGNORANT, dt_s=DT_S)
     slow, _ = serve(
-        (3.0, 0.0, 0.0), (3.0, 0.0, 0.0), memory._replace(reference_ned_m_s=(3.0, 0.0, 0.0)), IGNORANT, dt_s=DT_S
+        (3.0, 0.0, 0.0),
+        (3.0, 0.0, 0.0),
+        memory._replace(reference_ned_m_s=(3.0, 0.0, 0.0)),
+        IGNORANT,
+        dt_s=DT_S,
     )
     assert fast[0] == pytest.approx(4.8)
     assert slow[0] == pytest.approx(2.4)
@@ -192,7 +212,9 @@ def test_a_late_cycle_is_not_made_up_for():
 def test_nothing_is_learned_from_an_error_that_is_too_large():
     memory = ServoMemory((5.0, 0.0, 0.0), STILL, (5.0, 0.0, 0.0), 0.4, (0.1, 0.0, 0.0))
     flown_m_s = (5.0 - 3.0 * GAINS.learning_within_m_s - 0.1, 4.0, 3.0)
-    far, near, less = (serve((5.0, 0.0, 0.0), (one, 0.0, 0.0), memory, GAINS, dt_s=DT_S)[1] for one in flown_m_s)
+    far, near, less = (
+        serve((5.0, 0.0, 0.0), (one, 0.0, 0.0), memory, GAINS, dt_s=DT_S)[1] for one in flown_m_s
+    )
     assert (far.drag_per_s, far.trim_ned_m_s2) == (0.4, (0.1, 0.0, 0.0))
     assert near.drag_per_s == pytest.approx(0.4 + 2.0 * 1.0 * DT_S / 5.0)
     assert near.trim_ned_m_s2[0] == pytest.approx(0.1 + 0.5 * 1.0 * DT_S)
@@ -223,7 +245,9 @@ def test_a_lesson_is_the_error_along_the_way_for_drag_and_all_of_it_for_trim(err
     gains = replace(GAINS, learning_within_m_s=0.5)
     learned = taught(error, gains)
     along = (3.0 * error[0] + 4.0 * error[1]) / 5.0
-    assert learned.drag_per_s - 0.4 == pytest.approx(2.0 * (along / 5.0) * DT_S * counted, abs=1e-12)
+    assert learned.drag_per_s - 0.4 == pytest.approx(
+        2.0 * (along / 5.0) * DT_S * counted, abs=1e-12
+    )
     trim = (0.1 + 0.5 * error[0] * DT_S * counted, -0.2 + 0.5 * error[1] * DT_S * counted, 0.0)
     assert learned.trim_ned_m_s2 == pytest.approx(trim, abs=1e-12)
 
@@ -234,14 +258,21 @@ def test_a_trim_beyond_its_limit_is_scaled_back_to_it():
 
 
 def test_what_is_expected_of_the_vehicle_is_the_reference_late_by_its_lag():
-    _, late = serve(CRUISE, STILL, ServoMemory(CRUISE, STILL, (1.0, -1.0, -1.0), 0.4, STILL), GAINS, dt_s=0.06)
+    _, late = serve(
+        CRUISE, STILL, ServoMemory(CRUISE, STILL, (1.0, -1.0, -1.0), 0.4, STILL), GAINS, dt_s=0.06
+    )
     left = math.exp(-0.06 / 0.3)
-    assert late.expected_ned_m_s == pytest.approx((3.0 - 2.0 * left, 4.0 - 5.0 * left, 1.0 - 2.0 * left))
+    assert late.expected_ned_m_s == pytest.approx(
+        (3.0 - 2.0 * left, 4.0 - 5.0 * left, 1.0 - 2.0 * left)
+    )
 
 
 def test_a_held_back_vehicle_does_not_change_the_expected_response():
     memory = ServoMemory(CRUISE, STILL, (2.0, 4.0, 1.0), 0.4, (0.1, -0.2, 0.0))
-    free, held = (serve(CRUISE, (2.5, 3.0, 0.0), memory, GAINS, dt_s=DT_S, held_back=one)[1] for one in (False, True))
+    free, held = (
+        serve(CRUISE, (2.5, 3.0, 0.0), memory, GAINS, dt_s=DT_S, held_back=one)[1]
+        for one in (False, True)
+    )
     assert (held.drag_per_s, held.trim_ned_m_s2) == (memory.drag_per_s, memory.trim_ned_m_s2)
     assert free.drag_per_s != held.drag_per_s
     assert free._replace(drag_per_s=held.drag_per_s, trim_ned_m_s2=held.trim_ned_m_s2) == held
@@ -251,6 +282,13 @@ def test_gains_that_say_nothing_of_it_learn_nothing():
     said = {"acceleration_m_s2": 4.0, "vertical_acceleration_m_s2": 2.0, "jerk_m_s3": 20.0}
     plain = {"settle_per_s": 4.0, "lag_s": 0.3, "learning_within_m_s": 1.0}
     nothing = dict.fromkeys(
-        ("drag_per_s", "drag_limit_per_s", "trim_limit_m_s2", "drag_learning_per_s2", "trim_learning_per_s2"), 0.0
+        (
+            "drag_per_s",
+            "drag_limit_per_s",
+            "trim_limit_m_s2",
+            "drag_learning_per_s2",
+            "trim_learning_per_s2",
+        ),
+        0.0,
     )
     assert ServoGains(**said) == ServoGains(**said, **plain, **nothing)

@@ -47,14 +47,19 @@ def test_a_plain_loop_takes_much_longer():
 
 
 def test_more_drag_lag_and_noise_than_measured_cost_little():
-    chased = chase(hover_chase("px4", seed=2), alter=altered(drag=1.3, lag=1.3, noise=1.3), station_s=2.0)
+    chased = chase(
+        hover_chase("px4", seed=2), alter=altered(drag=1.3, lag=1.3, noise=1.3), station_s=2.0
+    )
     assert chased.ratio <= 1.15
     assert chased.nearest_m > -0.6
 
 
 def test_an_arducopter_that_does_not_take_accelerations_is_in_time_all_the_same():
     chased = chase(
-        hover_chase("arducopter", seed=3), send=lambda sent: sent._replace(acceleration_ned_m_s2=None), station_s=2.0
+        hover_chase("arducopter", seed=3),
+        send=lambda sent: sent._replace(acceleration_ned_m_s2=None),
+        station_s=2.0,
     )
     assert chased.ratio <= WANTED["arducopter"]
-    assert chased.nearest_m > -1.0  # it brakes later than planned: within the metre that the limits leave
+    # It brakes later than planned: within the metre that the limits leave
+    assert chased.nearest_m > -1.0

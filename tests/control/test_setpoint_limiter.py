@@ -21,7 +21,9 @@ from tests.harness.examples import drawn
 @given(st.floats(0.0, 1e4), st.floats(0.1, 100.0), st.floats(0.0, 3.0))
 def test_the_approach_speed_uses_up_the_distance_exactly(distance, deceleration, lag):
     speed = approach_speed(distance, deceleration, lag)
-    assert speed * lag + speed**2 / (2.0 * deceleration) == pytest.approx(distance, rel=1e-6, abs=1e-6)
+    assert speed * lag + speed**2 / (2.0 * deceleration) == pytest.approx(
+        distance, rel=1e-6, abs=1e-6
+    )
 
 
 def test_a_command_within_the_envelope_passes_untouched():
@@ -39,7 +41,9 @@ def test_a_limiter_is_named_for_a_change_that_a_vehicle_could_tell(change, named
 
 
 def test_a_ground_velocity_is_scaled_and_keeps_its_direction():
-    limited = limit(Setpoint((300.0, -400.0, 1.0)), HOVER, OPEN, LimitMemory((6.0, -8.0, 1.0)), DT_S)
+    limited = limit(
+        Setpoint((300.0, -400.0, 1.0)), HOVER, OPEN, LimitMemory((6.0, -8.0, 1.0)), DT_S
+    )
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((6.0, -8.0, 1.0))
     assert limited.active == (Limiter.SPEED,)
 
@@ -73,15 +77,20 @@ def test_a_limiter_is_named_on_whichever_side_it_cuts(way):
 
 
 @pytest.mark.parametrize(
-    ("turn", "named"), [(0.045, ()), (-0.045, ()), (0.065, (Limiter.YAW,)), (-0.065, (Limiter.YAW,))]
+    ("turn", "named"),
+    [(0.045, ()), (-0.045, ()), (0.065, (Limiter.YAW,)), (-0.065, (Limiter.YAW,))],
 )
 def test_the_turn_rate_is_named_for_what_is_left_of_a_turn(turn, named):
     memory = LimitMemory((0.0, 0.0, 0.0), yaw_rad=0.4)
-    assert limit(Setpoint((0.0, 0.0, 0.0), yaw_rad=0.4 + turn), HOVER, OPEN, memory, DT_S).active == named
+    assert (
+        limit(Setpoint((0.0, 0.0, 0.0), yaw_rad=0.4 + turn), HOVER, OPEN, memory, DT_S).active
+        == named
+    )
 
 
 def test_a_nan_acceleration_is_zero_and_a_known_one_needs_no_evader_velocity():
-    fenced, velocity = replace(OPEN, fence_radius_m=6.0), (8.0, 1.0, 0.0)
+    fenced = replace(OPEN, fence_radius_m=6.0)
+    velocity = (8.0, 1.0, 0.0)
 
     def allowed(acceleration, moving=None):
         at = HOVER._replace(acceleration_ned_m_s2=acceleration, evader_velocity_ned_m_s=moving)
@@ -96,13 +105,18 @@ def test_a_nan_acceleration_is_zero_and_a_known_one_needs_no_evader_velocity():
                                               ((0.0, 0.0, -1.0), (0.0, 0.0, -4.4))])  # fmt: skip
 def test_a_feed_forward_leans_on_no_speed_limit_that_is_not_commanded(asked, flown):
     limited = settled(asked, HOVER._replace(velocity_ned_m_s=flown), acceleration_ned_m_s2=asked)
-    assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx(tuple(min(part, 5.0) for part in asked))
+    assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx(
+        tuple(min(part, 5.0) for part in asked)
+    )
 
 
 @settings(deadline=None)
 @given(st.floats(-8, 8), st.floats(-8, 8), st.floats(-0.1, 0.1), st.floats(-0.06, 0.06))
-def test_a_velocity_that_is_led_already_passes_to_the_digit_within_the_acceleration(north, east, change, climb):
-    soft, before = replace(OPEN, jerk_m_s3=1.0), (0.5 * north, 0.5 * east, 0.3)
+def test_a_velocity_that_is_led_already_passes_to_the_digit_within_the_acceleration(
+    north, east, change, climb
+):
+    soft = replace(OPEN, jerk_m_s3=1.0)
+    before = (0.5 * north, 0.5 * east, 0.3)
     wanted = (before[0] + 0.7 * change, before[1] - 0.7 * change, 0.3 + climb)
     limited = limit(Setpoint(wanted), HOVER, soft, LimitMemory(before), DT_S, already_shaped=True)
     assert limited.setpoint.velocity_ned_m_s == wanted
@@ -117,16 +131,29 @@ def test_a_velocity_that_is_led_already_jumps_no_further_than_the_acceleration()
         ((1.0, 2.0, 1.5), (1.0, 9.0, -3.0), (1.0, 2.1, 1.44)),
         ((0.0, 0.0, 0.0), (-3.0, -4.0, 2.0), (-0.06, -0.08, 0.06)),
     ):
-        limited = limit(Setpoint(wanted), HOVER, OPEN, LimitMemory(before), DT_S, already_shaped=True)
+        limited = limit(
+            Setpoint(wanted), HOVER, OPEN, LimitMemory(before), DT_S, already_shaped=True
+        )
         assert limited.setpoint.velocity_ned_m_s == pytest.approx(got)
         assert limited.active == (Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION)
-    held = limit(Setpoint(wanted), HOVER, OPEN, LimitMemory(before, (1.0, 1.0, 1.0)), 0.0, already_shaped=True)
-    assert (held.setpoint.velocity_ned_m_s, held.memory.acceleration_ned_m_s2) == (before, (0.0, 0.0, 0.0))
+    held = limit(
+        Setpoint(wanted),
+        HOVER,
+        OPEN,
+        LimitMemory(before, (1.0, 1.0, 1.0)),
+        0.0,
+        already_shaped=True,
+    )
+    assert (held.setpoint.velocity_ned_m_s, held.memory.acceleration_ned_m_s2) == (
+        before,
+        (0.0, 0.0, 0.0),
+    )
 
 
 def test_jerk_limits_the_rise_of_acceleration():
     soft = replace(OPEN, jerk_m_s3=10.0)
-    memory, accelerations = LimitMemory((0.0, 0.0, 0.0)), []
+    memory = LimitMemory((0.0, 0.0, 0.0))
+    accelerations = []
     for _ in range(5):
         memory = limit(Setpoint((8.0, 0.0, 0.0)), HOVER, soft, memory, DT_S).memory
         accelerations.append(memory.acceleration_ned_m_s2[0])
@@ -139,8 +166,10 @@ def test_velocity_arrives_without_overshoot_along_a_line(before, wanted, jerk, a
     def along(speed):
         return (0.0, speed, 0.0) if axis else (speed, 0.0, 0.0)
 
-    soft, memory = replace(OPEN, jerk_m_s3=jerk), LimitMemory(along(before))
-    low, high = min(before, wanted) - 1e-9, max(before, wanted) + 1e-9
+    soft = replace(OPEN, jerk_m_s3=jerk)
+    memory = LimitMemory(along(before))
+    low = min(before, wanted) - 1e-9
+    high = max(before, wanted) + 1e-9
     for _ in range(500):
         memory = limit(Setpoint(along(wanted)), HOVER, soft, memory, DT_S).memory
         assert low <= memory.velocity_ned_m_s[axis] <= high
@@ -166,7 +195,9 @@ NAN = math.nan
 def test_a_command_that_is_no_number_becomes_a_smooth_stop(command):
     limited = limit(command, HOVER, OPEN, LimitMemory((4.0, 0.0, 0.0), yaw_rad=0.3), DT_S)
     assert limited.active == (Limiter.COMMAND, Limiter.ACCELERATION)
-    assert limited.setpoint == Setpoint((pytest.approx(4.0 - 5.0 * DT_S), 0.0, 0.0), yaw_rad=pytest.approx(0.3))
+    assert limited.setpoint == Setpoint(
+        (pytest.approx(4.0 - 5.0 * DT_S), 0.0, 0.0), yaw_rad=pytest.approx(0.3)
+    )
 
 
 @pytest.mark.parametrize(
@@ -180,12 +211,22 @@ def test_a_command_that_is_no_number_becomes_a_smooth_stop(command):
 )
 def test_a_place_that_is_not_known_stops_the_vehicle_at_once(situation):
     limited = limit(
-        Setpoint((4.0, 0.0, 0.0), yaw_rad=1.0), situation, OPEN, LimitMemory((4.0, 0.0, 0.0), yaw_rad=0.2), DT_S
+        Setpoint((4.0, 0.0, 0.0), yaw_rad=1.0),
+        situation,
+        OPEN,
+        LimitMemory((4.0, 0.0, 0.0), yaw_rad=0.2),
+        DT_S,
     )
-    assert limited == (Setpoint((0.0, 0.0, 0.0)), (Limiter.SITUATION,), LimitMemory((0.0, 0.0, 0.0), yaw_rad=0.2))
+    assert limited == (
+        Setpoint((0.0, 0.0, 0.0)),
+        (Limiter.SITUATION,),
+        LimitMemory((0.0, 0.0, 0.0), yaw_rad=0.2),
+    )
 
 
-@pytest.mark.parametrize(("dt_s", "counted"), [(5.0, 0.1), (math.inf, 0.1), (-1.0, 0.0), (NAN, 0.0)])
+@pytest.mark.parametrize(
+    ("dt_s", "counted"), [(5.0, 0.1), (math.inf, 0.1), (-1.0, 0.0), (NAN, 0.0)]
+)
 def test_a_late_or_impossible_step_is_not_made_up_for(dt_s, counted):
     limited = limit(Setpoint((8.0, 0.0, 0.0)), HOVER, OPEN, LimitMemory((0.0, 0.0, 0.0)), dt_s)
     assert limited.setpoint.velocity_ned_m_s[0] == pytest.approx(5.0 * counted)
@@ -194,7 +235,12 @@ def test_a_late_or_impossible_step_is_not_made_up_for(dt_s, counted):
 
 @pytest.mark.parametrize(
     "memory",
-    [None, LimitMemory((NAN, 0.0, 0.0)), LimitMemory((1.0, 0.0, 0.0), yaw_rad=math.inf), LimitMemory((0.0, 0.0, 1e9))],
+    [
+        None,
+        LimitMemory((NAN, 0.0, 0.0)),
+        LimitMemory((1.0, 0.0, 0.0), yaw_rad=math.inf),
+        LimitMemory((0.0, 0.0, 1e9)),
+    ],
 )
 def test_without_a_usable_memory_the_vehicle_s_own_motion_is_the_start(memory):
     moving = Situation((0.0, 0.0, 0.0), (3.0, 4.0, -1.0), 0.7)
@@ -213,8 +259,12 @@ def test_a_start_from_nothing_known_is_at_rest_and_says_nothing_of_the_heading()
 
 
 def test_a_start_in_a_gale_is_within_the_envelope():
-    assert start(Situation((0.0, 0.0, 0.0), (30.0, 40.0, 9.0), 0.7), OPEN) == LimitMemory((6.0, 8.0, 2.0), yaw_rad=0.7)
-    assert start(Situation((0.0, 0.0, 0.0), (NAN, 0.0, 0.0), 0.7), OPEN) == LimitMemory((0.0, 0.0, 0.0))
+    assert start(Situation((0.0, 0.0, 0.0), (30.0, 40.0, 9.0), 0.7), OPEN) == LimitMemory(
+        (6.0, 8.0, 2.0), yaw_rad=0.7
+    )
+    assert start(Situation((0.0, 0.0, 0.0), (NAN, 0.0, 0.0), 0.7), OPEN) == LimitMemory(
+        (0.0, 0.0, 0.0)
+    )
 
 
 @pytest.mark.parametrize(
@@ -230,7 +280,11 @@ def test_a_start_in_a_gale_is_within_the_envelope():
 )
 def test_yaw_turns_the_short_way_at_the_turn_rate(before, wanted, after):
     limited = limit(
-        Setpoint((0.0, 0.0, 0.0), yaw_rad=wanted), HOVER, OPEN, LimitMemory((0.0,) * 3, yaw_rad=before), DT_S
+        Setpoint((0.0, 0.0, 0.0), yaw_rad=wanted),
+        HOVER,
+        OPEN,
+        LimitMemory((0.0,) * 3, yaw_rad=before),
+        DT_S,
     )
     assert limited.setpoint.yaw_rad == limited.memory.yaw_rad == pytest.approx(after)
     assert (Limiter.YAW in limited.active) == (abs(math.remainder(after - wanted, math.tau)) > 1e-6)
@@ -243,8 +297,13 @@ def test_while_no_yaw_is_asked_for_the_memory_follows_the_nose():
 
 
 def test_what_is_taken_away_before_a_wall_is_remembered_and_a_slower_setpoint_is_not():
-    fenced, near = replace(OPEN, fence_radius_m=10.0), HOVER._replace(position_ned_m=(9.0, 0.0, 0.0))
-    for wanted, held in (((3.0, 0.0, 0.0), True), ((-3.0, 0.0, 0.0), False), ((0.0, 0.0, -30.0), False)):
+    fenced = replace(OPEN, fence_radius_m=10.0)
+    near = HOVER._replace(position_ned_m=(9.0, 0.0, 0.0))
+    for wanted, held in (
+        ((3.0, 0.0, 0.0), True),
+        ((-3.0, 0.0, 0.0), False),
+        ((0.0, 0.0, -30.0), False),
+    ):
         assert settled(wanted, near, fenced).memory.held_back is held
     assert not LimitMemory((0.0, 0.0, 0.0)).held_back
 
@@ -278,7 +337,12 @@ def test_a_feed_forward_rises_at_the_jerk_limit_from_the_last_one_sent():
         ((0.0, 0.0, 2.0), {}, (3.0, 2.0, 1.0), (3.0, 2.0, 0.0)),
         ((0.0, 0.0, -4.0), {}, (3.0, 2.0, -1.0), (3.0, 2.0, 0.0)),
         ((0.0, 0.0, -4.0), {}, (3.0, 2.0, 1.0), (3.0, 2.0, 1.0)),
-        ((0.0, 0.0, -3.0), {}, (3.0, 2.0, -1.0), (3.0, 2.0, -1.0)),  # faster than the descent, slower than the climb
+        (
+            (0.0, 0.0, -3.0),
+            {},
+            (3.0, 2.0, -1.0),
+            (3.0, 2.0, -1.0),
+        ),  # faster than the descent, slower than the climb
         ((6.0, 8.0, 0.0), {}, (3.0, 4.0, 1.0), (0.0, 0.0, 1.0)),
         ((0.0, -10.0, 0.0), {}, (1.0, -3.0, 1.0), (1.0, 0.0, 1.0)),
     ],
@@ -293,20 +357,28 @@ def test_a_feed_forward_does_not_lean_on_a_limit_that_acts(velocity, limits, wan
 
 @pytest.mark.parametrize("along", [(0.6, 0.8, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
 def test_at_a_speed_limit_drag_is_made_up_for_until_the_vehicle_is_past_it(along):
-    ground, limit_m_s = along[2] == 0.0, {0.0: 10.0, 1.0: 2.0, -1.0: 4.0}[along[2]]
+    ground = along[2] == 0.0
+    limit_m_s = {0.0: 10.0, 1.0: 2.0, -1.0: 4.0}[along[2]]
     most_m_s2, asked_m_s2 = (5.0, 4.0) if ground else (3.0, 2.0)
     given = []
     for share in (0.0, 0.9, 1.0, 1.01, 1.025, 1.04, 1.05, 1.5):
         at = HOVER._replace(velocity_ned_m_s=tuple(share * limit_m_s * part for part in along))
         wanted = tuple(asked_m_s2 * part for part in along)
-        limited = settled(tuple(limit_m_s * part for part in along), at, acceleration_ned_m_s2=wanted)
-        given.append(sum(a * b for a, b in zip(limited.setpoint.acceleration_ned_m_s2, along, strict=True)))
-    faded = [min(asked_m_s2, most_m_s2 * (1.0 - (share - 1.0) / 0.05)) for share in (1.01, 1.025, 1.04)]
+        limited = settled(
+            tuple(limit_m_s * part for part in along), at, acceleration_ned_m_s2=wanted
+        )
+        given.append(
+            sum(a * b for a, b in zip(limited.setpoint.acceleration_ned_m_s2, along, strict=True))
+        )
+    faded = [
+        min(asked_m_s2, most_m_s2 * (1.0 - (share - 1.0) / 0.05)) for share in (1.01, 1.025, 1.04)
+    ]
     assert given == pytest.approx([asked_m_s2] * 3 + faded + [0.0, 0.0], abs=1e-9)
 
 
 def test_nothing_winds_up_behind_a_wall():
-    fenced, memory = replace(OPEN, fence_radius_m=6.0, jerk_m_s3=20.0), None
+    fenced = replace(OPEN, fence_radius_m=6.0, jerk_m_s3=20.0)
+    memory = None
     at_fence = Situation((6.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     for _ in range(200):
         memory = limit(Setpoint((8.0, 0.0, 0.0)), at_fence, fenced, memory, DT_S).memory

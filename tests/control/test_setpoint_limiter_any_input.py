@@ -33,14 +33,18 @@ ENVELOPE = replace(
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
 wild = st.one_of(
-    anything, st.floats(-30.0, 30.0), st.sampled_from([0.0, -0.0, 1e308, -1e308, 1e-308, math.nan, math.inf])
+    anything,
+    st.floats(-30.0, 30.0),
+    st.sampled_from([0.0, -0.0, 1e308, -1e308, 1e-308, math.nan, math.inf]),
 )
 wild_vectors = st.tuples(wild, wild, wild)
 speeds = st.tuples(*[st.floats(-15.0, 15.0)] * 3)
 places = st.tuples(st.floats(20.0, 180.0), st.floats(-120.0, 30.0), st.floats(-60.0, 5.0))
 setpoints = st.builds(Setpoint, speeds, st.none() | speeds, st.none() | st.floats(-7, 7))
 wild_setpoints = st.builds(Setpoint, wild_vectors, st.none() | wild_vectors, st.none() | wild)
-situations = st.builds(Situation, places, speeds, st.floats(-4, 4), st.none() | places, st.none() | speeds)
+situations = st.builds(
+    Situation, places, speeds, st.floats(-4, 4), st.none() | places, st.none() | speeds
+)
 wild_situations = st.builds(
     Situation, wild_vectors, wild_vectors, wild, st.none() | wild_vectors, st.none() | wild_vectors
 )
@@ -48,7 +52,9 @@ offsets = st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-2.0, 
 near_situations = situations.flatmap(
     lambda situation: st.builds(
         lambda offset: situation._replace(
-            evader_position_ned_m=tuple(a + b for a, b in zip(situation.position_ned_m, offset, strict=True))
+            evader_position_ned_m=tuple(
+                a + b for a, b in zip(situation.position_ned_m, offset, strict=True)
+            )
         ),
         offsets,
     )
@@ -87,7 +93,8 @@ def winding_number(point, corners):
     """Turns of the polygon about a point, by angles: independent of any ray."""
     total = 0.0
     for one, other in zip(corners, corners[1:] + corners[:1], strict=True):
-        a, b = math.atan2(one[1] - point[1], one[0] - point[0]), math.atan2(other[1] - point[1], other[0] - point[0])
+        a = math.atan2(one[1] - point[1], one[0] - point[0])
+        b = math.atan2(other[1] - point[1], other[0] - point[0])
         total += math.remainder(b - a, math.tau)
     return round(total / math.tau)
 
@@ -96,7 +103,9 @@ def distance_to_boundary(point, corners):
     best = math.inf
     for one, other in zip(corners, corners[1:] + corners[:1], strict=True):
         length = math.dist(one, other)
-        along = ((point[0] - one[0]) * (other[0] - one[0]) + (point[1] - one[1]) * (other[1] - one[1])) / length
+        along = (
+            (point[0] - one[0]) * (other[0] - one[0]) + (point[1] - one[1]) * (other[1] - one[1])
+        ) / length
         along = min(length, max(0.0, along)) / length
         foot = (one[0] + along * (other[0] - one[0]), one[1] + along * (other[1] - one[1]))
         best = min(best, math.dist(point, foot))
@@ -130,8 +139,13 @@ def assert_polygon(situation, velocity, envelope):
         needed_m = min(envelope.fence_margin_m, distance_to_boundary(start, CORNERS))
         for share in (0.25, 0.5, 0.75, 1.0):
             point = (start[0] + share * path[0], start[1] + share * path[1])
-            assert distance_to_boundary(point, CORNERS) >= needed_m - TOLERANCE or math.hypot(*path) < TOLERANCE
-            assert winding_number(point, CORNERS) or distance_to_boundary(point, CORNERS) < TOLERANCE
+            assert (
+                distance_to_boundary(point, CORNERS) >= needed_m - TOLERANCE
+                or math.hypot(*path) < TOLERANCE
+            )
+            assert (
+                winding_number(point, CORNERS) or distance_to_boundary(point, CORNERS) < TOLERANCE
+            )
     else:
         nudge = 1e-3 / max(1.0, math.hypot(*path))
         nudged = (start[0] + nudge * path[0], start[1] + nudge * path[1])
@@ -142,7 +156,8 @@ def assert_polygon(situation, velocity, envelope):
 def assert_stand_off(situation, velocity, envelope):
     if situation.evader_position_ned_m is None:
         return
-    zone, evader = envelope.stand_off, situation.evader_position_ned_m
+    zone = envelope.stand_off
+    evader = situation.evader_position_ned_m
 
     def gap(point):
         beside = max(0.0, math.dist(point[:2], evader[:2]) - zone.radius_m)
@@ -184,11 +199,15 @@ def assert_inside_space(limited, situation, envelope):
 def test_no_numbers_at_all_leave_the_speeds_or_yield_a_nan(command, situation, memory, dt, led):
     limited = limit(command, situation, ENVELOPE, memory, dt, already_shaped=led)
     assert_inside(limited, ENVELOPE)
-    assert_inside(limit(command, situation, ENVELOPE, limited.memory, dt, already_shaped=led), ENVELOPE)
+    assert_inside(
+        limit(command, situation, ENVELOPE, limited.memory, dt, already_shaped=led), ENVELOPE
+    )
 
 
 @settings(max_examples=drawn(300), deadline=None)
-@given(wild_setpoints | setpoints, situations, wild_memories | memories, wild | steps, st.booleans())
+@given(
+    wild_setpoints | setpoints, situations, wild_memories | memories, wild | steps, st.booleans()
+)
 def test_no_command_leads_out_of_the_envelope_from_any_place(command, situation, memory, dt, led):
     limited = limit(command, situation, ENVELOPE, memory, dt, already_shaped=led)
     assert_inside(limited, ENVELOPE)
@@ -197,7 +216,9 @@ def test_no_command_leads_out_of_the_envelope_from_any_place(command, situation,
 
 @settings(max_examples=drawn(200), deadline=None)
 @given(setpoints, near_situations, memories, steps, st.booleans())
-def test_no_command_leads_into_the_stand_off_of_an_evader_at_rest(command, situation, memory, dt, led):
+def test_no_command_leads_into_the_stand_off_of_an_evader_at_rest(
+    command, situation, memory, dt, led
+):
     situation = situation._replace(evader_velocity_ned_m_s=None)
     limited = limit(command, situation, ENVELOPE, memory, dt, already_shaped=led)
     assert_stand_off(situation, limited.setpoint.velocity_ned_m_s, ENVELOPE)
@@ -206,11 +227,21 @@ def test_no_command_leads_into_the_stand_off_of_an_evader_at_rest(command, situa
 @settings(deadline=None)
 @given(setpoints, situations, memories, steps, st.booleans())
 def test_the_acceleration_holds_wherever_no_wall_acts(command, situation, memory, dt, led):
-    free = replace(ENVELOPE, fence_radius_m=None, fence_polygon=None, stand_off=None, floor_m=-1e4, ceiling_m=1e4)
+    free = replace(
+        ENVELOPE,
+        fence_radius_m=None,
+        fence_polygon=None,
+        stand_off=None,
+        floor_m=-1e4,
+        ceiling_m=1e4,
+    )
     first = limit(command, situation, free, memory, dt, already_shaped=led)
     limited = limit(command, situation, free, first.memory, dt, already_shaped=led)
     change = [
-        new - old for new, old in zip(limited.memory.velocity_ned_m_s, first.memory.velocity_ned_m_s, strict=True)
+        new - old
+        for new, old in zip(
+            limited.memory.velocity_ned_m_s, first.memory.velocity_ned_m_s, strict=True
+        )
     ]
     assert math.hypot(*change[:2]) <= free.acceleration_m_s2 * dt + TOLERANCE
     assert abs(change[2]) <= free.vertical_acceleration_m_s2 * dt + TOLERANCE
@@ -224,7 +255,9 @@ def test_standing_still_is_never_turned_into_motion(command, situation, memory, 
     assert limited.setpoint.velocity_ned_m_s == (0.0, 0.0, 0.0)
     fed = limited.setpoint.acceleration_ned_m_s2
     assert limited.active == () or (limited.active == (Limiter.FEED_FORWARD,) and fed is not None)
-    north, east, down = (flown * a for flown, a in zip(situation.velocity_ned_m_s, fed or (0, 0, 0), strict=True))
+    north, east, down = (
+        flown * a for flown, a in zip(situation.velocity_ned_m_s, fed or (0, 0, 0), strict=True)
+    )
     assert north + east <= TOLERANCE  # what is fed forward only brakes
     assert down <= TOLERANCE
 
@@ -232,9 +265,20 @@ def test_standing_still_is_never_turned_into_motion(command, situation, memory, 
 @settings(deadline=None)
 @given(setpoints, situations, memories, steps, st.booleans())
 def test_walls_never_add_speed(command, situation, memory, dt, led):
-    free = replace(ENVELOPE, fence_radius_m=None, fence_polygon=None, stand_off=None, floor_m=-1e4, ceiling_m=1e4)
-    asked = limit(command, situation, free, memory, dt, already_shaped=led).setpoint.velocity_ned_m_s
-    got = limit(command, situation, ENVELOPE, memory, dt, already_shaped=led).setpoint.velocity_ned_m_s
+    free = replace(
+        ENVELOPE,
+        fence_radius_m=None,
+        fence_polygon=None,
+        stand_off=None,
+        floor_m=-1e4,
+        ceiling_m=1e4,
+    )
+    asked = limit(
+        command, situation, free, memory, dt, already_shaped=led
+    ).setpoint.velocity_ned_m_s
+    got = limit(
+        command, situation, ENVELOPE, memory, dt, already_shaped=led
+    ).setpoint.velocity_ned_m_s
     assert math.hypot(*got[:2]) <= math.hypot(*asked[:2]) + TOLERANCE
     assert abs(got[2]) <= abs(asked[2]) + TOLERANCE
     assert got[2] * asked[2] >= 0.0
@@ -242,7 +286,9 @@ def test_walls_never_add_speed(command, situation, memory, dt, led):
 
 @settings(deadline=None)
 @given(setpoints, situations, memories, steps, st.booleans())
-def test_a_limiter_is_named_whenever_the_velocity_is_not_the_one_asked_for(command, situation, memory, dt, led):
+def test_a_limiter_is_named_whenever_the_velocity_is_not_the_one_asked_for(
+    command, situation, memory, dt, led
+):
     limited = limit(command, situation, ENVELOPE, memory, dt, already_shaped=led)
     changed = math.dist(limited.setpoint.velocity_ned_m_s, command.velocity_ned_m_s) > 4.0 * NOTED
     assert bool(set(limited.active) - {Limiter.FEED_FORWARD, Limiter.YAW}) >= changed
@@ -251,18 +297,27 @@ def test_a_limiter_is_named_whenever_the_velocity_is_not_the_one_asked_for(comma
 
 @settings(deadline=None)
 @given(setpoints, situations, memories, steps, st.floats(-math.pi, math.pi))
-def test_the_limits_know_no_north_where_the_envelope_has_none(command, situation, memory, dt, angle):
+def test_the_limits_know_no_north_where_the_envelope_has_none(
+    command, situation, memory, dt, angle
+):
     round_envelope = replace(ENVELOPE, fence_polygon=None)
-    if situation.evader_position_ned_m is not None:  # right above the evader, or on its rim, the least turn decides
+    # Right above the evader, or on its rim, the least turn decides
+    if situation.evader_position_ned_m is not None:
         distance_m = math.dist(situation.evader_position_ned_m[:2], situation.position_ned_m[:2])
         assume(distance_m > 1e-3 and abs(distance_m - 3.0) > 1e-3)
 
     def turned(vector, about=(0.0, 0.0)):
         if vector is None:
             return None
-        north, east = vector[0] - about[0], vector[1] - about[1]
-        cosine, sine = math.cos(angle), math.sin(angle)
-        return (about[0] + cosine * north - sine * east, about[1] + sine * north + cosine * east, vector[2])
+        north = vector[0] - about[0]
+        east = vector[1] - about[1]
+        cosine = math.cos(angle)
+        sine = math.sin(angle)
+        return (
+            about[0] + cosine * north - sine * east,
+            about[1] + sine * north + cosine * east,
+            vector[2],
+        )
 
     home = ENVELOPE.home_ned_m
     plain = limit(command._replace(yaw_rad=None), situation, round_envelope, memory, dt)
@@ -279,7 +334,9 @@ def test_the_limits_know_no_north_where_the_envelope_has_none(command, situation
         memory and LimitMemory(*(turned(part) for part in memory[:3]), memory.yaw_rad),
         dt,
     )
-    assert other.setpoint.velocity_ned_m_s == pytest.approx(turned(plain.setpoint.velocity_ned_m_s), abs=1e-6)
+    assert other.setpoint.velocity_ned_m_s == pytest.approx(
+        turned(plain.setpoint.velocity_ned_m_s), abs=1e-6
+    )
 
 
 @settings(deadline=None)

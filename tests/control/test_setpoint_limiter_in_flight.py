@@ -31,7 +31,10 @@ class Vehicle:
     acceleration: float = 4.0
 
     def step(self, wanted, disturbance=(0.0, 0.0, 0.0)):
-        rate = [(w + d - v) / self.lag_s for w, d, v in zip(wanted, disturbance, self.velocity, strict=True)]
+        rate = [
+            (w + d - v) / self.lag_s
+            for w, d, v in zip(wanted, disturbance, self.velocity, strict=True)
+        ]
         share = min(1.0, self.acceleration / max(1e-9, math.hypot(*rate)))
         for axis in range(3):
             self.velocity[axis] += share * rate[axis] * DT_S
@@ -41,12 +44,15 @@ class Vehicle:
 def fly(command, envelope, *, vehicle=None, seconds=40.0, evader=None, evader_velocity=None):
     """Fly a command (a vector, or a function of time) and return positions, setpoints and limiters at every step."""
     vehicle = vehicle or Vehicle()
-    memory, rows = None, []
+    memory = None
+    rows = []
     for step in range(round(seconds / DT_S)):
         now = step * DT_S
         wanted = command(now, vehicle) if callable(command) else command
         place = evader(now) if evader else None
-        situation = Situation(tuple(vehicle.position), tuple(vehicle.velocity), 0.0, place, evader_velocity)
+        situation = Situation(
+            tuple(vehicle.position), tuple(vehicle.velocity), 0.0, place, evader_velocity
+        )
         limited = limit(Setpoint(wanted), situation, envelope, memory, DT_S)
         memory = limited.memory
         vehicle.step(limited.setpoint.velocity_ned_m_s)
@@ -56,9 +62,13 @@ def fly(command, envelope, *, vehicle=None, seconds=40.0, evader=None, evader_ve
 
 def turnings(values, least=0.02):
     """Count the changes of direction of a sequence that are larger than `least`."""
-    count, direction, extreme = 0, 0, values[0]
+    count = 0
+    direction = 0
+    extreme = values[0]
     for value in values:
-        if direction * (value - extreme) < -least or (direction == 0 and abs(value - extreme) > least):
+        if direction * (value - extreme) < -least or (
+            direction == 0 and abs(value - extreme) > least
+        ):
             count += direction != 0
             direction = 1 if value > extreme else -1
             extreme = value
@@ -82,7 +92,10 @@ def test_a_vehicle_sent_out_at_full_speed_rests_at_the_circle(heading_deg):
 @pytest.mark.parametrize("heading_deg", [0, 24, 144, 216, 312])
 def test_a_vehicle_sent_out_at_full_speed_rests_at_the_polygon(heading_deg):
     heading = math.radians(heading_deg)
-    rows = fly((20.0 * math.cos(heading), 20.0 * math.sin(heading), 0.0), replace(ENVELOPE, fence_polygon=SQUARE))
+    rows = fly(
+        (20.0 * math.cos(heading), 20.0 * math.sin(heading), 0.0),
+        replace(ENVELOPE, fence_polygon=SQUARE),
+    )
     for axis in (0, 1):
         reached = [position[axis] for position, _, _ in rows]
         assert max(abs(value) for value in reached) <= 50.0 + ROUNDING_M
@@ -98,10 +111,18 @@ def test_a_vehicle_slides_along_a_wall_and_stops_in_the_corner():
 def test_the_inward_corner_of_a_polygon_is_not_cut():
     notched = Polygon(((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (5.0, 0.0), (-50.0, 50.0)))
     for start in range(-40, 41, 16):
-        rows = fly((0.0, 20.0, 0.0), replace(ENVELOPE, fence_polygon=notched), vehicle=Vehicle([start, -30.0, -20.0]))
+        rows = fly(
+            (0.0, 20.0, 0.0),
+            replace(ENVELOPE, fence_polygon=notched),
+            vehicle=Vehicle([start, -30.0, -20.0]),
+        )
         for position, _, _ in rows:
             inside = notched.contains(position[:2])
-            assert inside or min(math.dist(position[:2], p) for p in notched.nearest_points(position[:2])) < ROUNDING_M
+            assert (
+                inside
+                or min(math.dist(position[:2], p) for p in notched.nearest_points(position[:2]))
+                < ROUNDING_M
+            )
 
 
 def test_a_vehicle_found_outside_the_fence_may_come_back_and_go_no_further():
@@ -148,7 +169,10 @@ def test_an_evader_that_stops_dead_is_not_run_into_from_beside(stops_at_s):
         evader=lambda now: (30.0 + 3.0 * min(now, stops_at_s), 0.0, 0.0),
         evader_velocity=(3.0, 0.0, 0.0),
     )
-    gaps = [30.0 + 3.0 * min((step + 1) * DT_S, stops_at_s) - position[0] for step, (position, _, _) in enumerate(rows)]
+    gaps = [
+        30.0 + 3.0 * min((step + 1) * DT_S, stops_at_s) - position[0]
+        for step, (position, _, _) in enumerate(rows)
+    ]
     assert min(gaps) >= 3.0 - ROUNDING_M
     assert gaps[-1] == pytest.approx(3.0, abs=0.1)
 
@@ -177,9 +201,12 @@ def test_a_fleeing_evader_is_followed_beside_at_what_can_be_stopped_within():
         evader=lambda now: (30.0 + 3.0 * now, 0.0, 0.0),
         evader_velocity=(3.0, 0.0, 0.0),
     )
-    gaps = [30.0 + 3.0 * (step + 1) * DT_S - position[0] for step, (position, _, _) in enumerate(rows)]
+    gaps = [
+        30.0 + 3.0 * (step + 1) * DT_S - position[0] for step, (position, _, _) in enumerate(rows)
+    ]
     assert min(gaps) >= 3.0 - ROUNDING_M
-    assert gaps[-1] == pytest.approx(3.0 + 2.0 * 0.6 * 3.0 + 3.0**2 / (2.0 * 2.5), abs=0.2)  # drift and stop at 3 m/s
+    # Drift and stop at 3 m/s
+    assert gaps[-1] == pytest.approx(3.0 + 2.0 * 0.6 * 3.0 + 3.0**2 / (2.0 * 2.5), abs=0.2)
     assert turnings(gaps[200:]) == 0  # it grows at first, while the vehicle gathers speed
     assert rows[-1][1][0] == pytest.approx(3.0, abs=0.05)
 
@@ -215,8 +242,10 @@ def test_a_dive_at_the_evader_ends_on_the_rim_or_the_lid_of_the_stand_off(bearin
 
 @pytest.mark.parametrize("aside_m", [0.0, 2.0, 10.0])
 def test_two_vehicles_that_each_use_half_of_the_gap_keep_their_separation(aside_m):
-    least_m, vehicles = 5.0, [Vehicle([0.0, 0.0, -20.0]), Vehicle([60.0, aside_m, -20.0])]
-    memories, apart_m = [None, None], []
+    least_m = 5.0
+    vehicles = [Vehicle([0.0, 0.0, -20.0]), Vehicle([60.0, aside_m, -20.0])]
+    memories = [None, None]
+    apart_m = []
     for _ in range(round(30.0 / DT_S)):
         (north, east), (other_north, other_east) = (vehicle.position[:2] for vehicle in vehicles)
         gap = (other_north - north, other_east - east)
@@ -224,8 +253,13 @@ def test_two_vehicles_that_each_use_half_of_the_gap_keep_their_separation(aside_
         for index, way in enumerate((1.0, -1.0)):
             normal = (way * gap[0] / apart_m[-1], way * gap[1] / apart_m[-1], 0.0)
             here = Situation(tuple(vehicles[index].position), tuple(vehicles[index].velocity))
-            walls = (Wall(Limiter.STAND_OFF, normal, 0.5 * (apart_m[-1] - least_m)), *measure_walls(here, ENVELOPE))
-            limited = limit(Setpoint((8.0 * way, 0.0, 0.0)), here, ENVELOPE, memories[index], DT_S, walls=walls)
+            walls = (
+                Wall(Limiter.STAND_OFF, normal, 0.5 * (apart_m[-1] - least_m)),
+                *measure_walls(here, ENVELOPE),
+            )
+            limited = limit(
+                Setpoint((8.0 * way, 0.0, 0.0)), here, ENVELOPE, memories[index], DT_S, walls=walls
+            )
             memories[index] = limited.memory
             vehicles[index].step(limited.setpoint.velocity_ned_m_s)
     assert min(apart_m) >= least_m - ROUNDING_M
@@ -234,11 +268,24 @@ def test_two_vehicles_that_each_use_half_of_the_gap_keep_their_separation(aside_
 
 def test_hovering_noise_at_the_rim_does_not_shake_the_setpoint():
     envelope = replace(ENVELOPE, stand_off=StandOff(radius_m=2.0, height_m=4.0))
-    noise, memory, sent = random.Random(5), None, []
-    for _ in range(1000):  # the game holds at R = 3 m, h = 5 m; the estimate is noisy, the law pulls towards the evader
-        position = (-3.0 + noise.gauss(0.0, 0.1), noise.gauss(0.0, 0.1), -5.0 + noise.gauss(0.0, 0.1))
+    noise = random.Random(5)
+    memory = None
+    sent = []
+    # The game holds at R = 3 m, h = 5 m; the estimate is noisy, the law pulls towards the evader
+    for _ in range(1000):
+        position = (
+            -3.0 + noise.gauss(0.0, 0.1),
+            noise.gauss(0.0, 0.1),
+            -5.0 + noise.gauss(0.0, 0.1),
+        )
         command = Setpoint((0.5, 0.0, 0.0))
-        limited = limit(command, Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0)), envelope, memory, DT_S)
+        limited = limit(
+            command,
+            Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0)),
+            envelope,
+            memory,
+            DT_S,
+        )
         memory = limited.memory
         sent.append(limited.setpoint.velocity_ned_m_s)
     assert max(abs(one[0] - other[0]) for one, other in pairwise(sent[200:])) < 1e-9
@@ -270,8 +317,10 @@ def test_engaging_in_motion_starts_from_the_motion():
 def test_five_minutes_of_level_flight_keep_the_height_that_bare_velocity_loses():
     # PX4 at vz = 0: 6.5 m in 75 s, a steady sink of 0.087 m/s. The hold has to see through noise and a gust of it.
     noise = random.Random(7)
-    bare, held = Vehicle(), Vehicle()
-    memory, errors = AltitudeHold(-20.0, 0.0), []
+    bare = Vehicle()
+    held = Vehicle()
+    memory = AltitudeHold(-20.0, 0.0)
+    errors = []
     for step in range(round(300.0 / DT_S)):
         sink = 0.087 + (0.2 if 100.0 < step * DT_S < 160.0 else 0.0)
         bare.step((5.0, 0.0, 0.0), (0.0, 0.0, sink))
@@ -288,9 +337,13 @@ def test_a_hold_starts_at_the_vehicle_and_reaches_its_height_without_overshoot()
     begun = _, memory = hold_altitude(None, down_m=-17.0, envelope=ENVELOPE, dt_s=DT_S)
     assert begun == (0.0, (-17.0, 0.0))
     assert hold_altitude(memory, down_m=-18.0, envelope=ENVELOPE, dt_s=DT_S)[0] > 0.5
-    vehicle, memory, heights = Vehicle(), AltitudeHold(-30.0, 0.0), []
+    vehicle = Vehicle()
+    memory = AltitudeHold(-30.0, 0.0)
+    heights = []
     for _ in range(1500):
-        down_m_s, memory = hold_altitude(memory, down_m=vehicle.position[2], envelope=ENVELOPE, dt_s=DT_S)
+        down_m_s, memory = hold_altitude(
+            memory, down_m=vehicle.position[2], envelope=ENVELOPE, dt_s=DT_S
+        )
         vehicle.step((0.0, 0.0, down_m_s))
         heights.append(-vehicle.position[2])
     assert max(heights) < 30.3

@@ -24,8 +24,20 @@ def asked_ground(distance_m, speed, envelope=OPEN):
     ("limits", "velocity", "distance_m", "axis", "limiter"),
     [
         ({"fence_radius_m": 6.0}, (8.0, 0.0, 0.0), 6.0, 0, Limiter.FENCE_RADIUS),
-        ({"fence_radius_m": 7.0, "fence_margin_m": 1.0}, (0.0, 8.0, 0.0), 6.0, 1, Limiter.FENCE_RADIUS),
-        ({"fence_radius_m": 106.0, "home_ned_m": (-100.0, 0.0, 0.0)}, (8.0, 0.0, 0.0), 6.0, 0, Limiter.FENCE_RADIUS),
+        (
+            {"fence_radius_m": 7.0, "fence_margin_m": 1.0},
+            (0.0, 8.0, 0.0),
+            6.0,
+            1,
+            Limiter.FENCE_RADIUS,
+        ),
+        (
+            {"fence_radius_m": 106.0, "home_ned_m": (-100.0, 0.0, 0.0)},
+            (8.0, 0.0, 0.0),
+            6.0,
+            0,
+            Limiter.FENCE_RADIUS,
+        ),
         (
             {"fence_polygon": Polygon(((-9.0, -90.0), (-9.0, 90.0), (5.0, 90.0), (5.0, -90.0)))},
             (8.0, 0.0, 0.0),
@@ -35,7 +47,9 @@ def asked_ground(distance_m, speed, envelope=OPEN):
         ),
         (
             {
-                "fence_polygon": Polygon(((-9.0, -90.0), (-9.0, 90.0), (15.0, 90.0), (15.0, -90.0))),
+                "fence_polygon": Polygon(
+                    ((-9.0, -90.0), (-9.0, 90.0), (15.0, 90.0), (15.0, -90.0))
+                ),
                 "fence_margin_m": 2.0,
                 "home_ned_m": (-8.0, 3.0, 0.0),
             },
@@ -61,8 +75,12 @@ def test_the_vehicle_s_own_drift_is_taken_from_the_distance():
     )
     away = Situation((0.0, 0.0, 0.0), (0.0, 0.0, -4.0))
     floored = replace(OPEN, floor_m=-1.5)
-    assert settled((0.0, 0.0, 2.0), away, floored).setpoint.velocity_ned_m_s[2] == pytest.approx(1.0)
-    assert settled((0.0, 0.0, 2.0), moving, floored).setpoint.velocity_ned_m_s[2] == pytest.approx(1.0 / 1.5)
+    assert settled((0.0, 0.0, 2.0), away, floored).setpoint.velocity_ned_m_s[2] == pytest.approx(
+        1.0
+    )
+    assert settled((0.0, 0.0, 2.0), moving, floored).setpoint.velocity_ned_m_s[2] == pytest.approx(
+        1.0 / 1.5
+    )
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -75,14 +93,18 @@ def test_the_way_on_of_a_vehicle_that_gathers_speed_is_taken_from_the_distance(a
     further_m = abs(surge(HOVER.velocity_ned_m_s, along(3.5), OPEN)[axis])
     assert 0.05 < further_m < 1.0
     square = Polygon(((-6.0, -6.0), (-6.0, 6.0), (6.0, 6.0), (6.0, -6.0)))
-    allowed = settled(along(8.0), gathering, replace(OPEN, fence_polygon=square)).setpoint.velocity_ned_m_s
+    allowed = settled(
+        along(8.0), gathering, replace(OPEN, fence_polygon=square)
+    ).setpoint.velocity_ned_m_s
     assert allowed == pytest.approx(along(asked_ground(6.0 - further_m, 8.0)))
 
 
 def test_in_a_sharp_corner_both_walls_hold_at_once():
     wedge = Polygon(((12.0, 0.0), (-60.0, 18.0), (-60.0, -18.0)))  # its edges meet at 28 degrees
     for velocity in ((8.0, 0.0, 1.0), (7.0, 3.0, 1.0), (7.0, -3.0, 1.0)):
-        north, east, down = settled(velocity, envelope=replace(OPEN, fence_polygon=wedge)).setpoint.velocity_ned_m_s
+        north, east, down = settled(
+            velocity, envelope=replace(OPEN, fence_polygon=wedge)
+        ).setpoint.velocity_ned_m_s
         seconds = OPEN.reaction_s + math.hypot(*velocity[:2]) / (2.0 * OPEN.braking_m_s2)
         for index in (0, 2):
             outward = wedge.outward(index)
@@ -112,12 +134,16 @@ def test_the_circle_counts_a_drift_by_how_much_further_out_it_leads(velocity, dr
 
 
 def test_what_goes_along_a_polygon_s_edge_is_kept():
-    edge = replace(OPEN, fence_polygon=Polygon(((-90.0, -90.0), (3.0, -90.0), (3.0, 90.0), (-90.0, 90.0))))
+    edge = replace(
+        OPEN, fence_polygon=Polygon(((-90.0, -90.0), (3.0, -90.0), (3.0, 90.0), (-90.0, 90.0)))
+    )
     limited = settled((3.0, 4.0, 1.0), envelope=edge)
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((asked_ground(3.0, 5.0), 4.0, 1.0))
 
 
-SQUARE = replace(OPEN, fence_polygon=Polygon(((-20.0, -20.0), (-20.0, 20.0), (20.0, 20.0), (20.0, -20.0))))
+SQUARE = replace(
+    OPEN, fence_polygon=Polygon(((-20.0, -20.0), (-20.0, 20.0), (20.0, 20.0), (20.0, -20.0)))
+)
 
 
 @pytest.mark.parametrize(
@@ -131,8 +157,16 @@ SQUARE = replace(OPEN, fence_polygon=Polygon(((-20.0, -20.0), (-20.0, 20.0), (20
         ((20.0, 0.0), (5.0, 4.0), (0.0, 4.0)),  # on the line
         ((20.0, 20.0), (5.0, 4.0), (0.0, 0.0)),  # in the corner
         ((20.0, 20.0), (-5.0, -4.0), (-5.0, -4.0)),
-        ((19.995, 0.0), (5.0, 4.0), (0.005 / (0.5 + math.hypot(5.0, 4.0) / 4.0), 4.0)),  # a hair inside
-        ((20.005, 19.995), (0.0, 8.0), (0.0, 0.005 / 2.5)),  # a hair outside one edge, the other one still holds
+        (
+            (19.995, 0.0),
+            (5.0, 4.0),
+            (0.005 / (0.5 + math.hypot(5.0, 4.0) / 4.0), 4.0),
+        ),  # a hair inside
+        (
+            (20.005, 19.995),
+            (0.0, 8.0),
+            (0.0, 0.005 / 2.5),
+        ),  # a hair outside one edge, the other one still holds
         ((20.005, 0.0), (5.0, 4.0), (0.0, 4.0)),
         ((20.0, 21.0), (0.0, 8.0), (0.0, 0.0)),
     ],
@@ -146,7 +180,8 @@ def test_a_polygon_holds_on_its_line_in_its_corners_and_outside(position, veloci
 def test_past_an_inward_corner_the_way_is_free():
     notched = Polygon(((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (0.0, 0.0), (-50.0, 50.0)))
     at = Situation((0.0, -0.5, 0.0), (0.0, 0.0, 0.0))
-    free, closing = (5.0, 0.0, 0.0), (0.0, 5.0, 0.0)
+    free = (5.0, 0.0, 0.0)
+    closing = (0.0, 5.0, 0.0)
     assert settled(free, at, replace(OPEN, fence_polygon=notched)).setpoint.velocity_ned_m_s == free
     allowed = settled(closing, at, replace(OPEN, fence_polygon=notched)).setpoint.velocity_ned_m_s
     assert allowed == pytest.approx((0.0, asked_ground(0.5, 5.0), 0.0))
@@ -156,8 +191,14 @@ def test_a_polygon_keeps_its_margin_from_inside_and_outside():
     with_margin = replace(SQUARE, fence_margin_m=2.0)
     for north in (18.0, 19.0, 20.0, 21.0):
         at = Situation((north, 0.0, 0.0), (0.0, 0.0, 0.0))
-        assert settled((5.0, 4.0, 0.0), at, with_margin).setpoint.velocity_ned_m_s == pytest.approx((0.0, 4.0, 0.0))
-        assert settled((-5.0, 4.0, 0.0), at, with_margin).setpoint.velocity_ned_m_s == (-5.0, 4.0, 0.0)
+        assert settled((5.0, 4.0, 0.0), at, with_margin).setpoint.velocity_ned_m_s == pytest.approx(
+            (0.0, 4.0, 0.0)
+        )
+        assert settled((-5.0, 4.0, 0.0), at, with_margin).setpoint.velocity_ned_m_s == (
+            -5.0,
+            4.0,
+            0.0,
+        )
 
 
 def test_an_acceleration_does_not_lean_on_the_circle_and_may_point_inwards():
@@ -181,7 +222,9 @@ def test_the_circle_bends_a_velocity_inwards_so_that_it_stops_on_the_circle():
     north, east, _ = settled((0.0, 8.0, 0.0), at_rim, fenced).setpoint.velocity_ned_m_s
     seconds = OPEN.reaction_s + 8.0 / (2.0 * OPEN.braking_m_s2)
     assert math.hypot(30.0 + north * seconds, east * seconds) == pytest.approx(30.0)
-    assert math.atan2(east * seconds, 30.0 + north * seconds) == pytest.approx(math.atan2(8.0 * seconds, 30.0))
+    assert math.atan2(east * seconds, 30.0 + north * seconds) == pytest.approx(
+        math.atan2(8.0 * seconds, 30.0)
+    )
 
 
 @pytest.mark.parametrize(
@@ -193,20 +236,29 @@ def test_the_circle_bends_a_velocity_inwards_so_that_it_stops_on_the_circle():
         ({"floor_m": 8.0, "home_ned_m": (0.0, 0.0, 5.0)}, 2.0, 1.0 / 1.5, Limiter.FLOOR),
     ],
 )
-def test_floor_and_ceiling_allow_the_vertical_speed_that_still_stops(limits, velocity, allowed, limiter):
-    limited = settled((7.0, 4.0, velocity), Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0)), replace(OPEN, **limits))
+def test_floor_and_ceiling_allow_the_vertical_speed_that_still_stops(
+    limits, velocity, allowed, limiter
+):
+    limited = settled(
+        (7.0, 4.0, velocity), Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0)), replace(OPEN, **limits)
+    )
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((7.0, 4.0, allowed))
     assert limited.active == (limiter,)
 
 
 @pytest.mark.parametrize(
-    ("height_sd_m", "margin_m"), [(0.0, 0.0), (0.3, 0.3), (0.8, 0.5), (9.0, 0.5), (-1.0, 0.0), (math.nan, 0.0)]
+    ("height_sd_m", "margin_m"),
+    [(0.0, 0.0), (0.3, 0.3), (0.8, 0.5), (9.0, 0.5), (-1.0, 0.0), (math.nan, 0.0)],
 )
 def test_a_vehicle_stops_above_the_floor_by_the_error_of_its_height(height_sd_m, margin_m):
     at = Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0), height_sd_m=height_sd_m)
     limited = settled((0.0, 0.0, 2.0), at, replace(OPEN, floor_m=3.0, floor_margin_m=0.5))
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, (1.0 - margin_m) / 1.5))
-    (floor,) = [wall for wall in measure_walls(at, replace(OPEN, floor_margin_m=0.5)) if wall.limiter is Limiter.FLOOR]
+    (floor,) = [
+        wall
+        for wall in measure_walls(at, replace(OPEN, floor_margin_m=0.5))
+        if wall.limiter is Limiter.FLOOR
+    ]
     assert floor.margin_m == margin_m
 
 
@@ -223,12 +275,20 @@ ZONE = replace(OPEN, stand_off=StandOff(radius_m=3.0, height_m=5.0))
 @pytest.mark.parametrize(
     ("position", "velocity", "allowed"),
     [
-        ((-10.0, 0.0, -2.0), (8.0, 1.0, 1.0), (asked_ground(7.0, math.hypot(8.0, 1.0)), 1.0, 1.0)),  # beside
+        (
+            (-10.0, 0.0, -2.0),
+            (8.0, 1.0, 1.0),
+            (asked_ground(7.0, math.hypot(8.0, 1.0)), 1.0, 1.0),
+        ),  # beside
         ((-1.0, 0.0, -6.0), (8.0, 0.0, 2.0), (8.0, 0.0, 1.0 / 1.5)),  # above
         ((-1.0, 0.0, -2.0), (8.0, 3.0, 2.0), (0.0, 3.0, 0.0)),  # inside: no deeper
         ((-1.0, 0.0, -2.0), (-8.0, 0.0, -2.0), (-8.0, 0.0, -2.0)),  # inside: the way out is free
         ((-2.0, 0.0, -50.0), (8.0, 0.0, 2.0), (8.0, 0.0, 2.0)),  # far above
-        ((0.0, 0.0, -2.0), (8.0, 3.0, 2.0), (8.0, 3.0, 0.0)),  # right over it and too low: every way out is free
+        (
+            (0.0, 0.0, -2.0),
+            (8.0, 3.0, 2.0),
+            (8.0, 3.0, 0.0),
+        ),  # right over it and too low: every way out is free
         ((0.0, 0.0, 1.0), (-3.0, 8.0, -4.0), (-3.0, 8.0, -4.0)),
     ],
 )
@@ -240,30 +300,37 @@ def test_the_stand_off_is_a_wall_beside_and_a_lid_above(position, velocity, allo
 
 def test_the_stand_off_is_about_the_evader_wherever_that_is():
     here = Situation((-10.0, 2.0, -7.0), (1.0, 0.5, 0.0), 0.0, (0.0, 0.0, 0.0), (2.0, -1.0, 0.0))
-    there = here._replace(position_ned_m=(20.0, -58.0, -3.0), evader_position_ned_m=(30.0, -60.0, 4.0))
-    one, other = (settled((8.0, -2.0, 2.0), at, ZONE).setpoint.velocity_ned_m_s for at in (here, there))
+    there = here._replace(
+        position_ned_m=(20.0, -58.0, -3.0), evader_position_ned_m=(30.0, -60.0, 4.0)
+    )
+    one, other = (
+        settled((8.0, -2.0, 2.0), at, ZONE).setpoint.velocity_ned_m_s for at in (here, there)
+    )
     assert one == pytest.approx(other)
     assert one != pytest.approx((8.0, -2.0, 2.0))
 
 
 def test_across_the_rim_both_closing_parts_share_the_gap():
     position = (-6.0, 0.0, -9.0)  # 3 m beside and 4 m above: a gap of 5 m
-    north, _, down = settled((8.0, 0.0, 2.0), Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0)), ZONE)[
-        0
-    ].velocity_ned_m_s
-    ground_s, vertical_s = 0.5 + 8.0 / 4.0, 0.5 + 2.0 / 2.0
+    north, _, down = settled(
+        (8.0, 0.0, 2.0), Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0)), ZONE
+    )[0].velocity_ned_m_s
+    ground_s = 0.5 + 8.0 / 4.0
+    vertical_s = 0.5 + 2.0 / 2.0
     assert 0.6 * north * ground_s + 0.8 * down * vertical_s == pytest.approx(5.0)
     assert north / down == pytest.approx(8.0 / 2.0)
 
 
 @pytest.mark.parametrize("bearing_deg", [0.0, 90.0, 217.0])
 def test_an_evader_that_flees_takes_its_wall_along(bearing_deg):
-    cosine, sine = math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))
+    cosine = math.cos(math.radians(bearing_deg))
+    sine = math.sin(math.radians(bearing_deg))
 
     def turned(along, across=0.0, down=0.0):
         return (cosine * along - sine * across, sine * along + cosine * across, down)
 
-    along_m = 53.0 / 7.0  # 7 m beside and 2 m above: the gap is across the rim, and this is its way over the ground
+    # 7 m beside and 2 m above: the gap is across the rim, and this is its way over the ground
+    along_m = 53.0 / 7.0
     fleeing = Situation(turned(-10.0, down=-7.0), turned(3.0), 0.0, (0.0, 0.0, 0.0), turned(3.0))
     assert settled(turned(9.0), fleeing, ZONE)[0].velocity_ned_m_s == pytest.approx(
         turned(3.0 + asked_ground(along_m, 6.0))
@@ -304,27 +371,38 @@ def test_across_the_rim_an_evader_that_flees_moves_the_level_part_of_the_wall():
     position = (-6.0, 0.0, -9.0)  # 3 m beside and 4 m above: a gap of 5 m
     fleeing = Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), (2.0, 0.0, 0.0))
     north, _, down = settled((8.0, 0.0, 2.0), fleeing, ZONE).setpoint.velocity_ned_m_s
-    ground_s, vertical_s = 0.5 + 6.0 / 4.0, 0.5 + 2.0 / 2.0
+    ground_s = 0.5 + 6.0 / 4.0
+    vertical_s = 0.5 + 2.0 / 2.0
     assert 0.6 * (north - 2.0) * ground_s + 0.8 * down * vertical_s == pytest.approx(5.0)
 
 
 def test_inside_the_stand_off_nothing_leads_deeper_however_the_evader_flees():
     inside = Situation((-1.0, 0.0, -2.0), (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), (3.0, 0.0, 0.0))
-    assert settled((8.0, 1.0, 1.0), inside, ZONE)[0].velocity_ned_m_s == pytest.approx((0.0, 1.0, 0.0))
+    assert settled((8.0, 1.0, 1.0), inside, ZONE)[0].velocity_ned_m_s == pytest.approx(
+        (0.0, 1.0, 0.0)
+    )
 
 
 @pytest.mark.parametrize("braking", [0.5, 1.0, 3.0])
 def test_each_axis_has_its_own_braking(braking):
     low = Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0))
     floored = replace(OPEN, floor_m=3.0, vertical_braking_m_s2=braking)
-    assert settled((0.0, 0.0, 2.0), low, floored)[0].velocity_ned_m_s[2] == pytest.approx(1.0 / (0.5 + 1.0 / braking))
+    assert settled((0.0, 0.0, 2.0), low, floored)[0].velocity_ned_m_s[2] == pytest.approx(
+        1.0 / (0.5 + 1.0 / braking)
+    )
     fenced = replace(OPEN, fence_radius_m=3.0, braking_m_s2=braking)
-    assert settled((8.0, 0.0, 2.0), HOVER, fenced)[0].velocity_ned_m_s[0] == pytest.approx(3.0 / (0.5 + 4.0 / braking))
+    assert settled((8.0, 0.0, 2.0), HOVER, fenced)[0].velocity_ned_m_s[0] == pytest.approx(
+        3.0 / (0.5 + 4.0 / braking)
+    )
 
 
-@pytest.mark.parametrize(("taken_m_s", "left"), [(0.0, 1.0), (0.3, 0.7), (0.9, 0.1), (1.0, 0.0), (5.0, 0.0)])
+@pytest.mark.parametrize(
+    ("taken_m_s", "left"), [(0.0, 1.0), (0.3, 0.7), (0.9, 0.1), (1.0, 0.0), (5.0, 0.0)]
+)
 def test_the_stand_off_takes_the_feed_forward_away_as_it_takes_speed_away(taken_m_s, left):
-    velocity, pushing, bounds = (8.0, 0.0, 0.0), (9.0, 1.0, 0.0), (OPEN.acceleration_m_s2, 3.0, 3.0)
+    velocity = (8.0, 0.0, 0.0)
+    pushing = (9.0, 1.0, 0.0)
+    bounds = (OPEN.acceleration_m_s2, 3.0, 3.0)
     beside_m = (8.0 - taken_m_s) * (OPEN.reaction_s + 8.0 / (2.0 * OPEN.braking_m_s2))
     here = Situation((-3.0 - beside_m, 0.0, -2.0), (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0))
     before = LimitMemory(velocity, feed_forward_ned_m_s2=pushing)
@@ -336,4 +414,6 @@ def test_the_stand_off_takes_the_feed_forward_away_as_it_takes_speed_away(taken_
 
 
 def test_no_evader_no_stand_off():
-    assert settled((8.0, 0.0, 0.0), Situation((-4.0, 0.0, -2.0), (0.0, 0.0, 0.0)), ZONE).active == ()
+    assert (
+        settled((8.0, 0.0, 0.0), Situation((-4.0, 0.0, -2.0), (0.0, 0.0, 0.0)), ZONE).active == ()
+    )

@@ -15,9 +15,16 @@ from guidance.estimation.track import Track, update
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
 
 
-def measured(time_s, position, velocity=None, *, received_s=None, position_sd_m=0.5, velocity_sd_m_s=0.2):
+def measured(
+    time_s, position, velocity=None, *, received_s=None, position_sd_m=0.5, velocity_sd_m_s=0.2
+):
     return Measurement(
-        time_s, time_s if received_s is None else received_s, position, velocity, position_sd_m, velocity_sd_m_s
+        time_s,
+        time_s if received_s is None else received_s,
+        position,
+        velocity,
+        position_sd_m,
+        velocity_sd_m_s,
     )
 
 
@@ -31,7 +38,10 @@ def straight(count, rate_hz=10.0, velocity=(3.0, -1.0, 0.2), *, seed=None, known
         reports.append(
             measured(
                 time_s,
-                tuple(start + time_s * v + noise(0.5) for start, v in zip((10.0, 20.0, -1.0), velocity, strict=True)),
+                tuple(
+                    start + time_s * v + noise(0.5)
+                    for start, v in zip((10.0, 20.0, -1.0), velocity, strict=True)
+                ),
                 tuple(v + noise(0.2) for v in velocity) if known else None,
                 received_s=time_s + delay_s,
             )
@@ -48,7 +58,8 @@ def tracked(reports, options=SETTINGS, track=None):
 
 def outcomes_of(reports, options=SETTINGS):
     """Return how many reports have each outcome."""
-    track, counts = Track(), Counter()
+    track = Track()
+    counts = Counter()
     for one in reports:
         track = update(track, one, options)
         counts[track.outcome] += 1
@@ -88,7 +99,8 @@ def predict(track, now_s, options):
     evader = estimation.predict(track.estimate, (0.0, 0.0, 0.0), now_s, options)
     moved = advance(track.estimate, now_s, options)
     mixture = blended(*moved.modes)
-    mean, covariance = mixture.mean, np.zeros((4, 4))
+    mean = mixture.mean
+    covariance = np.zeros((4, 4))
     covariance[np.tril_indices(4)] = mixture.covariance
     covariance += np.tril(covariance, -1).T
     turning = moved.modes.turning_share

@@ -16,7 +16,9 @@ from guidance.estimation.measurement import TrackSettings
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0, turning_noise_m2_s3=0.7, turn_rate_sd_rad_s=0.5)
 STEPS_S = [0.02, 0.3, 1.0]
-states = st.tuples(*[st.floats(-200.0, 200.0)] * 2, *[st.floats(-10.0, 10.0)] * 2, st.floats(-1.5, 1.5))
+states = st.tuples(
+    *[st.floats(-200.0, 200.0)] * 2, *[st.floats(-10.0, 10.0)] * 2, st.floats(-1.5, 1.5)
+)
 
 
 @functools.cache
@@ -26,7 +28,9 @@ def filterpy():
         warnings.simplefilter("ignore", DeprecationWarning)  # filterpy's, on import
         from filterpy import common, kalman
     return SimpleNamespace(
-        noise=common.Q_continuous_white_noise, filter=kalman.KalmanFilter, mixture=kalman.IMMEstimator
+        noise=common.Q_continuous_white_noise,
+        filter=kalman.KalmanFilter,
+        mixture=kalman.IMMEstimator,
     )
 
 
@@ -71,7 +75,8 @@ def turned(state, dt_s, pieces=20000):
     """A coordinated turn by small steps of its definition: position' = velocity, velocity' = ω × velocity."""
     north, east, north_rate, east_rate, turn_rate = state
     piece = dt_s / pieces
-    velocity, place = complex(north_rate, east_rate), complex(north, east)
+    velocity = complex(north_rate, east_rate)
+    place = complex(north, east)
     half = complex(math.cos(turn_rate * piece / 2), math.sin(turn_rate * piece / 2))
     for _ in range(pieces):
         velocity *= half
@@ -98,7 +103,8 @@ def test_the_steady_model_goes_straight(state, dt_s):
 @given(states, st.sampled_from(STEPS_S))
 @pytest.mark.parametrize("model", [0, 1])
 def test_a_covariance_moves_by_the_jacobian_of_the_step(model, state, dt_s):
-    spread, size = np.random.default_rng(5).normal(size=(5, 5)), 4 + model
+    spread = np.random.default_rng(5).normal(size=(5, 5))
+    size = 4 + model
     covariance = spread @ spread.T
     jacobian = np.array([
         (mean_after(model, state + by, dt_s) - mean_after(model, state - by, dt_s)) / 2e-4
@@ -106,14 +112,20 @@ def test_a_covariance_moves_by_the_jacobian_of_the_step(model, state, dt_s):
     ]).T  # fmt: skip
     _, after = moved(model, state, dt_s, covariance)
     covariance = covariance[:size, :size]
-    assert after == pytest.approx(jacobian @ covariance @ jacobian.T + noise_after(model, dt_s), abs=1e-2, rel=1e-4)
+    assert after == pytest.approx(
+        jacobian @ covariance @ jacobian.T + noise_after(model, dt_s), abs=1e-2, rel=1e-4
+    )
 
 
 @pytest.mark.parametrize("dt_s", STEPS_S)
 def test_the_noise_is_filterpy_s_continuous_white_noise(dt_s):
     fading = SETTINGS.turn_rate_sd_rad_s**2 * (1.0 - math.exp(-2.0 * dt_s / SETTINGS.turn_time_s))
-    assert noise_after(0, dt_s) == pytest.approx(filterpy_noise(dt_s, SETTINGS.steady_noise_m2_s3, fading)[:4, :4])
-    assert noise_after(1, dt_s) == pytest.approx(filterpy_noise(dt_s, SETTINGS.turning_noise_m2_s3, fading))
+    assert noise_after(0, dt_s) == pytest.approx(
+        filterpy_noise(dt_s, SETTINGS.steady_noise_m2_s3, fading)[:4, :4]
+    )
+    assert noise_after(1, dt_s) == pytest.approx(
+        filterpy_noise(dt_s, SETTINGS.turning_noise_m2_s3, fading)
+    )
 
 
 def test_two_half_steps_spread_as_much_as_one_whole_one():
@@ -128,7 +140,8 @@ def moving_filter(model, dt_s, known):
         def predict(self, *_args, **_kwargs):
             mean, covariance = moved(model, self.x[:, 0], dt_s, self.P)
             size = 4 + model
-            self.x[:size, 0], self.P[:size, :size] = mean, covariance
+            self.x[:size, 0] = mean
+            self.P[:size, :size] = covariance
 
     return Moving(dim_x=5, dim_z=known)
 
@@ -140,17 +153,23 @@ def filterpy_imm(measured, noise, dt_s):
     models = []
     for model in (0, 1):
         one = moving_filter(model, dt_s, known)
-        one.x, one.P = np.array(begun.turning.mean)[:, None], covariance_of(begun.turning)
-        one.H, one.R = np.eye(5)[:known], noise
+        one.x = np.array(begun.turning.mean)[:, None]
+        one.P = covariance_of(begun.turning)
+        one.H = np.eye(5)[:known]
+        one.R = noise
         models.append(one)
-    begins, ends = 1.0 / SETTINGS.steady_time_s, 1.0 / SETTINGS.turning_time_s
+    begins = 1.0 / SETTINGS.steady_time_s
+    ends = 1.0 / SETTINGS.turning_time_s
     # The generator of a chain with two states, exponentiated by its series: independent of the closed form.
     generator = np.array([[-begins, begins], [ends, -ends]]) * dt_s
-    chain, term = np.eye(2), np.eye(2)
+    chain = np.eye(2)
+    term = np.eye(2)
     for order in range(1, 30):
         term = term @ generator / order
         chain += term
-    return filterpy().mixture(models, [1.0 - begun.turning_share, begun.turning_share], chain), begun
+    return filterpy().mixture(
+        models, [1.0 - begun.turning_share, begun.turning_share], chain
+    ), begun
 
 
 def advanced(modes, dt_s):
@@ -166,10 +185,16 @@ def test_fifty_steps_are_those_of_filterpy_s_interacting_models(dt_s, known):
     for count in range(1, 51):
         angle = 0.3 * count * dt_s
         truth = np.array(
-            [5.0 + 8.0 * math.sin(angle), -3.0 + 8.0 * math.cos(angle), 2.4 * math.cos(angle), -2.4 * math.sin(angle)]
+            [
+                5.0 + 8.0 * math.sin(angle),
+                -3.0 + 8.0 * math.cos(angle),
+                2.4 * math.cos(angle),
+                -2.4 * math.sin(angle),
+            ]
         )
         measured = truth[:known] + rng.normal(0.0, 0.3, known)
-        steady, turning = reference.filters  # the steady model borrows the turn rate before it is mixed
+        # The steady model borrows the turn rate before it is mixed
+        steady, turning = reference.filters
         steady.x[4] = turning.x[4]
         steady.P[4, :] = steady.P[:, 4] = 0.0
         steady.P[4, 4] = turning.P[4, 4]
@@ -177,8 +202,12 @@ def test_fifty_steps_are_those_of_filterpy_s_interacting_models(dt_s, known):
         modes = advanced(modes, dt_s)
         for model in (0, 1):
             size = 4 + model
-            assert modes[model].mean == pytest.approx(reference.filters[model].x[:size, 0], abs=1e-7)
-            assert covariance_of(modes[model]) == pytest.approx(reference.filters[model].P[:size, :size], abs=1e-7)
+            assert modes[model].mean == pytest.approx(
+                reference.filters[model].x[:size, 0], abs=1e-7
+            )
+            assert covariance_of(modes[model]) == pytest.approx(
+                reference.filters[model].P[:size, :size], abs=1e-7
+            )
         reference.update(measured[:, None])
         modes = filters.correct(modes, measured, np.diag(noise))
         mixture = filters.blended(*modes)
@@ -194,7 +223,8 @@ def test_no_time_changes_nothing():
 
 def test_the_innovation_is_that_of_the_mixture():
     modes = advanced(filters.begin([1.0, 2.0], [0.5, 0.5], SETTINGS), 0.5)
-    measured, variances = np.array([3.0, -1.0]), [0.3, 0.3]
+    measured = np.array([3.0, -1.0])
+    variances = [0.3, 0.3]
     mixture = filters.blended(*modes)
     off = measured - mixture.mean[:2]
     inverse = np.linalg.inv(covariance_of(mixture)[:2, :2] + np.diag(variances))
@@ -215,10 +245,12 @@ def test_no_model_is_ever_ruled_out_for_good():
 @pytest.mark.parametrize("dt_s", STEPS_S)
 def test_the_height_is_filterpy_s_filter_of_two_numbers(dt_s):
     reference = filterpy().filter(dim_x=2, dim_z=1)
-    reference.x, reference.P = np.array([[4.0], [0.5]]), np.array([[2.0, 0.3], [0.3, 1.0]])
+    reference.x = np.array([[4.0], [0.5]])
+    reference.P = np.array([[2.0, 0.3], [0.3, 1.0]])
     reference.F = np.array([[1.0, dt_s], [0.0, 1.0]])
     reference.Q = filterpy().noise(2, dt=dt_s, spectral_density=0.05)
-    ours, modes = FLYING, filters.begin([0.0, 0.0], [0.5, 0.5], SETTINGS)
+    ours = FLYING
+    modes = filters.begin([0.0, 0.0], [0.5, 0.5], SETTINGS)
     for count in range(20):
         reference.predict()
         reference.update(4.0 + count, R=0.4, H=np.array([[1.0, 0.0]]))

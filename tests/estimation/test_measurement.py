@@ -24,7 +24,9 @@ def heard(pairs, clock=None):
     return clock
 
 
-def late(rng, count, *, rate_hz=10.0, offset_s=1000.0, drift=0.0, least_s=0.05, jitter_s=0.2, start_s=0.0):
+def late(
+    rng, count, *, rate_hz=10.0, offset_s=1000.0, drift=0.0, least_s=0.05, jitter_s=0.2, start_s=0.0
+):
     """(sent, received) with an exponential delay; the sender's clock gains by the drift."""
     for step in range(count):
         true_s = start_s + step / rate_hz
@@ -64,7 +66,8 @@ def test_a_round_trip_measures_the_offset_without_the_delay():
     assert clock.offset_s == pytest.approx(1000.02)
     assert clock.measured
     assert hear(clock, 50.5, 1050.95).offset_s == pytest.approx(1000.02)
-    assert hear(clock, 50.5, 1050.51).offset_s == pytest.approx(1000.01)  # no report comes before it was sent
+    # No report comes before it was sent
+    assert hear(clock, 50.5, 1050.51).offset_s == pytest.approx(1000.01)
 
 
 def test_the_shortest_round_trip_is_kept_until_it_is_old():
@@ -72,12 +75,18 @@ def test_the_shortest_round_trip_is_kept_until_it_is_old():
     assert synchronise(short, 51.0, 1051.0, 1051.4) == short
     assert synchronise(short, 51.0, 1051.0, 1051.008).round_trip_s == pytest.approx(0.008)
     assert synchronise(short, 90.0, 1090.0, 1090.4).round_trip_s == pytest.approx(0.4)
-    assert synchronise(short, 20.0, 1051.0, 1051.4).offset_s == pytest.approx(1031.2)  # the sender started anew
+    # The sender started anew
+    assert synchronise(short, 20.0, 1051.0, 1051.4).offset_s == pytest.approx(1031.2)
 
 
 @pytest.mark.parametrize(
     ("remote_s", "asked_s", "answered_s"),
-    [(50.0, 1050.0, 1049.0), (50.0, 1050.0, 1052.0), (math.nan, 1050.0, 1050.1), (50.0, -math.inf, 1050.1)],
+    [
+        (50.0, 1050.0, 1049.0),
+        (50.0, 1050.0, 1052.0),
+        (math.nan, 1050.0, 1050.1),
+        (50.0, -math.inf, 1050.1),
+    ],
 )
 def test_a_round_trip_that_cannot_be_changes_nothing(remote_s, asked_s, answered_s):
     assert synchronise(None, remote_s, asked_s, answered_s) is None
@@ -133,7 +142,15 @@ def wire_report(
 ):
     latitude, longitude, _ = FRAME.wgs84_from_ned((north_m, 0.0, 0.0))
     return EvaderReport(
-        received_s, sent_s, "test", latitude, longitude, amsl_m, velocity, position_sd_m, velocity_sd_m_s
+        received_s,
+        sent_s,
+        "test",
+        latitude,
+        longitude,
+        amsl_m,
+        velocity,
+        position_sd_m,
+        velocity_sd_m_s,
     )
 
 
@@ -156,8 +173,16 @@ def test_a_report_off_the_wire_ends_in_local_metres_on_our_clock():
 
 
 def test_a_report_was_true_when_it_arrived_and_with_a_timesync_when_it_was_sent():
-    for sent_s, measured_clock, true_s in ((math.nan, False, 100.0), (7.0, False, 100.0), (7.0, True, 99.41)):
-        answer = Timesync(100.0, remote_ns=round(7.58e9), local_ns=round(99.98e9)) if measured_clock else None
+    for sent_s, measured_clock, true_s in (
+        (math.nan, False, 100.0),
+        (7.0, False, 100.0),
+        (7.0, True, 99.41),
+    ):
+        answer = (
+            Timesync(100.0, remote_ns=round(7.58e9), local_ns=round(99.98e9))
+            if measured_clock
+            else None
+        )
         report = wire_report(received_s=100.0, sent_s=sent_s)._replace(timesync=answer)
         observer = observe(Observer(), report, FRAME, SETTINGS)
         assert observer.track.estimate.time_s == pytest.approx(true_s)
@@ -167,25 +192,33 @@ def test_spreads_that_are_given_are_used_and_the_others_are_the_settings():
     told = observe(Observer(), wire_report(received_s=0.0, position_sd_m=0.2), FRAME, SETTINGS)
     silent = observe(Observer(), wire_report(received_s=0.0, position_sd_m=-1.0), FRAME, SETTINGS)
     assert predict(told.track, 0.0, SETTINGS).position_sd_m == pytest.approx(0.2)
-    assert predict(silent.track, 0.0, SETTINGS).position_sd_m == pytest.approx(SETTINGS.position_sd_m)
-    moving = wire_report(received_s=0.0, velocity=(1.0, 0.0, 0.0), velocity_sd_m_s=0.1)
-    assert predict(observe(Observer(), moving, FRAME, SETTINGS).track, 0.0, SETTINGS).velocity_sd_m_s == pytest.approx(
-        0.1
+    assert predict(silent.track, 0.0, SETTINGS).position_sd_m == pytest.approx(
+        SETTINGS.position_sd_m
     )
+    moving = wire_report(received_s=0.0, velocity=(1.0, 0.0, 0.0), velocity_sd_m_s=0.1)
+    assert predict(
+        observe(Observer(), moving, FRAME, SETTINGS).track, 0.0, SETTINGS
+    ).velocity_sd_m_s == pytest.approx(0.1)
 
 
 def test_very_small_spreads_are_raised():
-    boasting = wire_report(received_s=0.0, velocity=(1.0, 0.0, 0.0), position_sd_m=1e-9, velocity_sd_m_s=1e-9)
+    boasting = wire_report(
+        received_s=0.0, velocity=(1.0, 0.0, 0.0), position_sd_m=1e-9, velocity_sd_m_s=1e-9
+    )
     evader = predict(observe(Observer(), boasting, FRAME, SETTINGS).track, 0.0, SETTINGS)
     assert (evader.position_sd_m, evader.velocity_sd_m_s) == pytest.approx((0.01, 0.01))
 
 
 def test_a_velocity_of_which_a_part_is_unknown_is_unknown():
     partly = wire_report(received_s=0.0, velocity=(3.0, 0.0, math.nan))
-    assert not predict(observe(Observer(), partly, FRAME, SETTINGS).track, 0.0, SETTINGS).velocity_known
+    assert not predict(
+        observe(Observer(), partly, FRAME, SETTINGS).track, 0.0, SETTINGS
+    ).velocity_known
 
 
-@pytest.mark.parametrize("report", [wire_report(received_s=0.0, amsl_m=math.nan), wire_report(received_s=math.nan)])
+@pytest.mark.parametrize(
+    "report", [wire_report(received_s=0.0, amsl_m=math.nan), wire_report(received_s=math.nan)]
+)
 def test_a_report_that_says_no_number_is_dropped(report):
     observer = observe(Observer(), report, FRAME, SETTINGS)
     assert observer.track.outcome is ReportOutcome.UNUSABLE

@@ -20,7 +20,9 @@ def test_nothing_is_known_before_the_first_report():
 def test_a_straight_course_is_followed_and_predicted_through_the_delay():
     reports = straight(50, delay_s=0.5)
     evader = predict(tracked(reports), 4.9 + 0.5, SETTINGS)
-    assert evader.position_ned_m == pytest.approx((10.0 + 5.4 * 3.0, 20.0 - 5.4, -1.0 + 5.4 * 0.2), abs=0.02)
+    assert evader.position_ned_m == pytest.approx(
+        (10.0 + 5.4 * 3.0, 20.0 - 5.4, -1.0 + 5.4 * 0.2), abs=0.02
+    )
     assert evader.velocity_ned_m_s == pytest.approx((3.0, -1.0, 0.2), abs=0.01)
     assert evader.age_s == pytest.approx(0.5)
     assert outcomes_of(reports) == {ReportOutcome.STARTED: 1, ReportOutcome.ACCEPTED: 49}
@@ -66,16 +68,25 @@ def test_the_speed_bound_is_the_larger_of_declared_and_estimate_plus_k_sigma():
     )
 
 
-@pytest.mark.parametrize(("rate_hz", "known", "least_gain"), [(1.0, True, 2.0), (50.0, True, 4.0), (5.0, False, 2.0)])
+@pytest.mark.parametrize(
+    ("rate_hz", "known", "least_gain"), [(1.0, True, 2.0), (50.0, True, 4.0), (5.0, False, 2.0)]
+)
 def test_a_circling_evader_is_predicted_better_than_its_last_report(rate_hz, known, least_gain):
-    rng, track, ours, last = random.Random(4), Track(), [], []
+    rng = random.Random(4)
+    track = Track()
+    ours = []
+    last = []
     for step in range(round(60 * rate_hz)):
         time_s = step / rate_hz
         angle = 0.3 * time_s
         velocity = (-3.0 * math.sin(angle), 3.0 * math.cos(angle), 0.0)
-        position = tuple(10.0 * part + rng.gauss(0.0, 0.3) for part in (math.cos(angle), math.sin(angle), 0.0))
+        position = tuple(
+            10.0 * part + rng.gauss(0.0, 0.3) for part in (math.cos(angle), math.sin(angle), 0.0)
+        )
         said = tuple(v + rng.gauss(0.0, 0.1) for v in velocity) if known else None
-        report = measured(time_s, position, said, received_s=time_s + 0.5, position_sd_m=0.3, velocity_sd_m_s=0.1)
+        report = measured(
+            time_s, position, said, received_s=time_s + 0.5, position_sd_m=0.3, velocity_sd_m_s=0.1
+        )
         track = update(track, report, SETTINGS)
         if time_s > 20.0:
             now = 0.3 * (time_s + 0.5)
@@ -87,19 +98,28 @@ def test_a_circling_evader_is_predicted_better_than_its_last_report(rate_hz, kno
 
 
 def test_turns_are_distinguished_from_straight_courses_with_their_rate():
-    rng, tracks = random.Random(5), {}
+    rng = random.Random(5)
+    tracks = {}
     for turn_rate in (0.5, 0.0):
         tracks[turn_rate] = Track()
         for step in range(80):
-            time_s, angle = 0.25 * step, turn_rate * 0.25 * step
+            time_s = 0.25 * step
+            angle = turn_rate * 0.25 * step
             velocity = (4.0 * math.cos(angle), 4.0 * math.sin(angle), 0.0)
             radius = 4.0 / turn_rate if turn_rate else 0.0
             place = (
-                (radius * math.sin(angle), -radius * math.cos(angle), 0.0) if turn_rate else (4.0 * time_s, 0.0, 0.0)
+                (radius * math.sin(angle), -radius * math.cos(angle), 0.0)
+                if turn_rate
+                else (4.0 * time_s, 0.0, 0.0)
             )
-            noisy = [tuple(part + rng.gauss(0.0, 0.05) for part in vector) for vector in (place, velocity)]
+            noisy = [
+                tuple(part + rng.gauss(0.0, 0.05) for part in vector)
+                for vector in (place, velocity)
+            ]
             tracks[turn_rate] = update(
-                tracks[turn_rate], measured(time_s, *noisy, position_sd_m=0.05, velocity_sd_m_s=0.05), SETTINGS
+                tracks[turn_rate],
+                measured(time_s, *noisy, position_sd_m=0.05, velocity_sd_m_s=0.05),
+                SETTINGS,
             )
     turning, steady = (predict(tracks[rate], 19.75, SETTINGS) for rate in (0.5, 0.0))
     assert turning.turning > 0.9

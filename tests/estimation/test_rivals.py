@@ -10,10 +10,15 @@ from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.rivals import LASTS_S, Report, Rivals, listen
 from guidance.messages import UNKNOWN_VELOCITY, EvaderReport
 
-SPEED_M_S, MARGIN_M, NOISE_M, PERIOD_S = 3.0, 2.0, 1.0, 0.1
+SPEED_M_S = 3.0
+MARGIN_M = 2.0
+NOISE_M = 1.0
+PERIOD_S = 0.1
 FOR_S = 30.0
 SETTINGS = TrackSettings(
-    declared_speed_m_s=SPEED_M_S / 2.0, reach_m=MARGIN_M, position_sd_m=NOISE_M / 3.0 / math.sqrt(2.0)
+    declared_speed_m_s=SPEED_M_S / 2.0,
+    reach_m=MARGIN_M,
+    position_sd_m=NOISE_M / 3.0 / math.sqrt(2.0),
 )
 
 
@@ -41,7 +46,9 @@ class Said(NamedTuple):
 def own(number, **changes):
     """Return one report of an evader that runs north, reports at 10 Hz and shares our clock."""
     at_s = PERIOD_S * number
-    said = Said(at_s + 0.05, at_s, at_s, (SPEED_M_S * at_s, 0.0), fits=True, sequence=number % 256, peer="a")
+    said = Said(
+        at_s + 0.05, at_s, at_s, (SPEED_M_S * at_s, 0.0), fits=True, sequence=number % 256, peer="a"
+    )
     return said._replace(**changes)
 
 
@@ -66,10 +73,16 @@ ONE_SOURCE = {
     "a number that never changes": those(sequence=0),
     "no numbers": those(sequence=None),
     "late and out of order": late(),
-    "told twice": [one for each in those() for one in (each, each._replace(received_s=each.received_s + 0.02))],
+    "told twice": [
+        one for each in those() for one in (each, each._replace(received_s=each.received_s + 0.02))
+    ],
     "silent for a while": [one for one in those() if not 8.0 < one.received_s < 15.0],
-    "in bursts": [one._replace(received_s=math.ceil(one.received_s)) for one in those(sent_s=math.nan)],
-    "one jump": [one._replace(fits=one.received_s < 10.0 or one.received_s > 10.6) for one in those()],
+    "in bursts": [
+        one._replace(received_s=math.ceil(one.received_s)) for one in those(sent_s=math.nan)
+    ],
+    "one jump": [
+        one._replace(fits=one.received_s < 10.0 or one.received_s > 10.6) for one in those()
+    ],
     "a lie in velocity": [one._replace(fits=number % 10 > 3) for number, one in enumerate(those())],
     "no word on who sent it": those(peer=None),
 }
@@ -82,7 +95,10 @@ def test_one_source_is_not_taken_for_two(reports):
 
 def second(**changes):
     """Reports of a second source, half a period after those of the first, in the second half of the time."""
-    again = [one._replace(received_s=one.received_s + 0.05, true_s=one.true_s + 0.05) for one in those(**changes)]
+    again = [
+        one._replace(received_s=one.received_s + 0.05, true_s=one.true_s + 0.05)
+        for one in those(**changes)
+    ]
     return [one for one in again if one.received_s > FOR_S / 2]
 
 
@@ -107,7 +123,11 @@ def test_a_second_source_is_detected_by_its_contradiction(by):
 
 def test_a_second_source_without_times_is_detected_by_the_rate():
     untimed = {"sent_s": math.nan, "sequence": None, "peer": None}
-    more = [one._replace(received_s=one.received_s + 0.01 * share) for one in second(**untimed) for share in range(3)]
+    more = [
+        one._replace(received_s=one.received_s + 0.01 * share)
+        for one in second(**untimed)
+        for share in range(3)
+    ]
     assert heard(those(**untimed) + more).why == "rate"
 
 

@@ -11,7 +11,15 @@ from scipy.special import chdtrc
 
 from guidance.estimation.measurement import Measurement
 from guidance.estimation.track import ReportOutcome, Track, update
-from tests.estimation.scenes import SETTINGS, measured, nis_of, outcomes_of, predict, straight, tracked
+from tests.estimation.scenes import (
+    SETTINGS,
+    measured,
+    nis_of,
+    outcomes_of,
+    predict,
+    straight,
+    tracked,
+)
 from tests.harness.examples import drawn
 
 
@@ -66,9 +74,16 @@ def test_a_first_report_that_is_no_good_starts_nothing(report, outcome):
 @given(st.integers(0, 1000), st.permutations(range(6)))
 def test_reports_out_of_order_end_in_the_estimate_of_reports_in_order(seed, order):
     reports = straight(30, seed=seed)
-    shuffled = reports[:20] + [reports[20 + index]._replace(received_s=2.6) for index in order] + reports[26:]
-    in_order = reports[:20] + [one._replace(received_s=2.6) for one in reports[20:26]] + reports[26:]
-    one, other = predict(tracked(shuffled), 3.0, SETTINGS), predict(tracked(in_order), 3.0, SETTINGS)
+    shuffled = (
+        reports[:20]
+        + [reports[20 + index]._replace(received_s=2.6) for index in order]
+        + reports[26:]
+    )
+    in_order = (
+        reports[:20] + [one._replace(received_s=2.6) for one in reports[20:26]] + reports[26:]
+    )
+    one = predict(tracked(shuffled), 3.0, SETTINGS)
+    other = predict(tracked(in_order), 3.0, SETTINGS)
     assert one.position_ned_m == pytest.approx(other.position_ned_m)
     assert one.velocity_ned_m_s == pytest.approx(other.velocity_ned_m_s)
     assert one.covariance == pytest.approx(other.covariance)
@@ -84,30 +99,50 @@ def test_a_duplicated_report_counts_once(seed, index):
         reports[index]._replace(received_s=reports[index].time_s + 0.05),
         *reports[index + 1 :],
     ]
-    once, again = tracked(reports), tracked(twice)
+    once = tracked(reports)
+    again = tracked(twice)
     assert outcomes_of(twice) == {**outcomes_of(reports), ReportOutcome.DUPLICATE: 1}
-    assert predict(again, 3.5, SETTINGS).covariance == pytest.approx(predict(once, 3.5, SETTINGS).covariance)
+    assert predict(again, 3.5, SETTINGS).covariance == pytest.approx(
+        predict(once, 3.5, SETTINGS).covariance
+    )
 
 
 @settings(max_examples=drawn(25), deadline=None)
-@given(st.integers(0, 1000), st.floats(-math.pi, math.pi), st.floats(-1e4, 1e4), st.floats(-1e4, 1e4))
+@given(
+    st.integers(0, 1000), st.floats(-math.pi, math.pi), st.floats(-1e4, 1e4), st.floats(-1e4, 1e4)
+)
 def test_the_estimate_turns_and_moves_with_the_world(seed, angle, north, east):
-    cosine, sine = math.cos(angle), math.sin(angle)
+    cosine = math.cos(angle)
+    sine = math.sin(angle)
 
     def turned(vector, by=(0.0, 0.0)):
-        return (cosine * vector[0] - sine * vector[1] + by[0], sine * vector[0] + cosine * vector[1] + by[1], vector[2])
+        return (
+            cosine * vector[0] - sine * vector[1] + by[0],
+            sine * vector[0] + cosine * vector[1] + by[1],
+            vector[2],
+        )
 
     reports = straight(25, seed=seed, rate_hz=4.0)
     moved = [
         one._replace(
-            position_ned_m=turned(one.position_ned_m, (north, east)), velocity_ned_m_s=turned(one.velocity_ned_m_s)
+            position_ned_m=turned(one.position_ned_m, (north, east)),
+            velocity_ned_m_s=turned(one.velocity_ned_m_s),
         )
         for one in reports
     ]
-    here, there = predict(tracked(reports), 6.5, SETTINGS), predict(tracked(moved), 6.5, SETTINGS)
-    assert there.position_ned_m == pytest.approx(turned(here.position_ned_m, (north, east)), abs=1e-6)
+    here = predict(tracked(reports), 6.5, SETTINGS)
+    there = predict(tracked(moved), 6.5, SETTINGS)
+    assert there.position_ned_m == pytest.approx(
+        turned(here.position_ned_m, (north, east)), abs=1e-6
+    )
     assert there.velocity_ned_m_s == pytest.approx(turned(here.velocity_ned_m_s), abs=1e-6)
-    for name in ("speed_bound_m_s", "position_sd_m", "velocity_sd_m_s", "turning", "turn_rate_rad_s"):
+    for name in (
+        "speed_bound_m_s",
+        "position_sd_m",
+        "velocity_sd_m_s",
+        "turning",
+        "turn_rate_rad_s",
+    ):
         assert getattr(there, name) == pytest.approx(getattr(here, name), abs=1e-6)
 
 
@@ -115,8 +150,12 @@ def test_the_estimate_turns_and_moves_with_the_world(seed, angle, north, east):
 @given(st.floats(0.0, 1e6))
 def test_the_estimate_knows_no_beginning_of_time(start_s):
     reports = straight(20, seed=9)
-    later = [one._replace(time_s=one.time_s + start_s, received_s=one.received_s + start_s) for one in reports]
-    here, there = predict(tracked(reports), 2.5, SETTINGS), predict(tracked(later), 2.5 + start_s, SETTINGS)
+    later = [
+        one._replace(time_s=one.time_s + start_s, received_s=one.received_s + start_s)
+        for one in reports
+    ]
+    here = predict(tracked(reports), 2.5, SETTINGS)
+    there = predict(tracked(later), 2.5 + start_s, SETTINGS)
     assert there.position_ned_m == pytest.approx(here.position_ned_m, abs=1e-6)
     assert there.covariance == pytest.approx(here.covariance, abs=1e-6)
 
@@ -126,7 +165,9 @@ vectors = st.tuples(numbers, numbers, numbers)
 spreads = numbers | st.sampled_from([0.01, 0.5, 1e4])
 wild = st.builds(Measurement, numbers, numbers, vectors, st.none() | vectors, spreads, spreads)
 near = st.builds(
-    lambda time_s, position, velocity, *sds: Measurement(time_s, time_s + 0.1, position, velocity, *sds),
+    lambda time_s, position, velocity, *sds: Measurement(
+        time_s, time_s + 0.1, position, velocity, *sds
+    ),
     st.floats(0.0, 4.0),
     st.tuples(*[st.floats(-1e4, 1e4)] * 3),
     st.none() | st.tuples(*[st.floats(-30.0, 30.0)] * 3),
@@ -142,12 +183,21 @@ def test_no_reports_at_all_break_a_track(reports):
     assert (track.outcome is None) is (not reports)
     evader = predict(track, 5.0, SETTINGS)
     if evader is not None:
-        assert all(map(math.isfinite, (*evader.position_ned_m, *evader.velocity_ned_m_s, evader.speed_bound_m_s)))
-        assert np.linalg.eigvalsh(evader.covariance).min() >= -1e-6 * np.linalg.eigvalsh(evader.covariance).max()
+        assert all(
+            map(
+                math.isfinite,
+                (*evader.position_ned_m, *evader.velocity_ned_m_s, evader.speed_bound_m_s),
+            )
+        )
+        assert (
+            np.linalg.eigvalsh(evader.covariance).min()
+            >= -1e-6 * np.linalg.eigvalsh(evader.covariance).max()
+        )
 
 
 def test_a_single_outlier_moves_nothing():
-    track, far = tracked(straight(50)), measured(5.0, (500.0, 0.0, 0.0), (3.0, -1.0, 0.2))
+    track = tracked(straight(50))
+    far = measured(5.0, (500.0, 0.0, 0.0), (3.0, -1.0, 0.2))
     wild_one = update(track, far, SETTINGS)
     assert wild_one.outcome is ReportOutcome.OUTLIER
     assert nis_of(track, far, SETTINGS) > 33.38
@@ -179,7 +229,9 @@ def test_at_one_report_a_second_two_that_agree_are_enough():
     track = tracked(straight(20, rate_hz=1.0))
     outcomes = []
     for time_s in (20.0, 21.0, 22.0):
-        track = update(track, measured(time_s, (300.0, 2.0 * time_s, 0.0), (0.0, 2.0, 0.0)), SETTINGS)
+        track = update(
+            track, measured(time_s, (300.0, 2.0 * time_s, 0.0), (0.0, 2.0, 0.0)), SETTINGS
+        )
         outcomes.append(track.outcome)
     assert outcomes == [ReportOutcome.OUTLIER, ReportOutcome.JUMPED, ReportOutcome.ACCEPTED]
 
@@ -193,7 +245,9 @@ def test_the_gate_is_chi_square_at_one_in_a_million(known, gate):
         place = (25.0 + offset_m, 15.0, 0.0)
         one = measured(5.0, place, (3.0, -1.0, 0.2) if known else None)
         judged[nis_of(track, one, SETTINGS)] = update(track, one, SETTINGS).outcome
-    assert all((outcome is ReportOutcome.OUTLIER) == (nis > gate) for nis, outcome in judged.items())
+    assert all(
+        (outcome is ReportOutcome.OUTLIER) == (nis > gate) for nis, outcome in judged.items()
+    )
     assert set(judged.values()) == {ReportOutcome.ACCEPTED, ReportOutcome.OUTLIER}
 
 
@@ -203,7 +257,9 @@ def test_outliers_that_do_not_agree_never_take_over():
         place = (1000.0 * (-1.0) ** step, 500.0 * step, 0.0)
         track = update(track, measured(5.0 + 0.1 * step, place, (0.0, 0.0, 0.0)), SETTINGS)
         assert track.outcome is ReportOutcome.OUTLIER
-    assert predict(track, 6.1, SETTINGS).position_ned_m == pytest.approx((28.3, 13.9, 0.22), abs=0.05)
+    assert predict(track, 6.1, SETTINGS).position_ned_m == pytest.approx(
+        (28.3, 13.9, 0.22), abs=0.05
+    )
 
 
 def test_a_good_report_between_outliers_ends_the_rival():
@@ -211,8 +267,12 @@ def test_a_good_report_between_outliers_ends_the_rival():
     for step in range(10):
         good = step % 2 == 1
         time_s = 5.0 + 0.1 * step
-        place = (10.0 + 3.0 * time_s, 20.0 - time_s, -1.0 + 0.2 * time_s) if good else (300.0, 0.0, 0.0)
-        track = update(track, measured(time_s, place, (3.0, -1.0, 0.2) if good else (0.0, 0.0, 0.0)), SETTINGS)
+        place = (
+            (10.0 + 3.0 * time_s, 20.0 - time_s, -1.0 + 0.2 * time_s) if good else (300.0, 0.0, 0.0)
+        )
+        track = update(
+            track, measured(time_s, place, (3.0, -1.0, 0.2) if good else (0.0, 0.0, 0.0)), SETTINGS
+        )
         assert track.outcome is not ReportOutcome.JUMPED
 
 
@@ -235,7 +295,11 @@ def test_a_report_that_no_longer_fits_once_an_earlier_one_is_known_is_left_out()
     reports = [measured(0.0, (0.0, 0.0, 0.0)), measured(3.0, (60.0, 0.0, 0.0))]
     begun = tracked(reports, options)
     assert outcomes_of(reports, options) == {ReportOutcome.STARTED: 1, ReportOutcome.ACCEPTED: 1}
-    late = update(begun, measured(2.9, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), received_s=3.1, velocity_sd_m_s=0.05), options)
+    late = update(
+        begun,
+        measured(2.9, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), received_s=3.1, velocity_sd_m_s=0.05),
+        options,
+    )
     assert late.outcome is ReportOutcome.REORDERED
     assert [one.measurement.time_s for one in late.history] == [0.0, 2.9]
 

@@ -29,16 +29,23 @@ def truth(rng, seconds, settings, *, fine_s=0.01):
     fade = math.exp(-fine_s / settings.turn_time_s)
     turn_noise = settings.turn_rate_sd_rad_s * math.sqrt(1.0 - fade**2)
     rows = []
-    for chance, (a, b, c) in zip(rng.random(count).tolist(), rng.normal(size=(count, 3)).tolist(), strict=True):
+    for chance, (a, b, c) in zip(
+        rng.random(count).tolist(), rng.normal(size=(count, 3)).tolist(), strict=True
+    ):
         rows.append((x, y, north, east))
         if chance < fine_s / (settings.turning_time_s if turning else settings.steady_time_s):
             turning = not turning
         if turning:
-            cos, sin = math.cos(turn_rate * fine_s), math.sin(turn_rate * fine_s)
+            cos = math.cos(turn_rate * fine_s)
+            sin = math.sin(turn_rate * fine_s)
             north, east = cos * north - sin * east, sin * north + cos * east
-        spread = math.sqrt(fine_s * (settings.turning_noise_m2_s3 if turning else settings.steady_noise_m2_s3))
-        north, east = north + spread * a, east + spread * b
-        x, y = x + fine_s * north, y + fine_s * east
+        spread = math.sqrt(
+            fine_s * (settings.turning_noise_m2_s3 if turning else settings.steady_noise_m2_s3)
+        )
+        north = north + spread * a
+        east = east + spread * b
+        x = x + fine_s * north
+        y = y + fine_s * east
         turn_rate = fade * turn_rate + turn_noise * c
     return np.array(rows)
 
@@ -62,10 +69,14 @@ def run(seed, *, rate_hz, with_velocity, delay_s, seconds, after_s):
     """One run: NEES at the end, of the evader as predicted for `delay_s` after its last report, and every NIS."""
     rng = np.random.default_rng(seed)
     path = truth(rng, seconds + delay_s + 0.02, SETTINGS)
-    track, nis, refused = Track(), [], 0
+    track = Track()
+    nis = []
+    refused = 0
     for step in range(round(seconds * rate_hz) + 1):
         time_s = step / rate_hz
-        one = report(rng, time_s, path[round(time_s / 0.01)], with_velocity=with_velocity, delay_s=delay_s)
+        one = report(
+            rng, time_s, path[round(time_s / 0.01)], with_velocity=with_velocity, delay_s=delay_s
+        )
         if time_s > after_s:
             nis.append(nis_of(track, one, SETTINGS))
         track = update(track, one, SETTINGS)
@@ -88,10 +99,17 @@ def run(seed, *, rate_hz, with_velocity, delay_s, seconds, after_s):
     ],
 )
 def test_nees_and_nis_are_within_their_chi_square_bounds(rate_hz, with_velocity, delay_s, seconds):
-    nees, nis, refused = [], [], 0
+    nees = []
+    nis = []
+    refused = 0
     for seed in range(1000, 1000 + RUNS):
         one, several, outliers = run(
-            seed, rate_hz=rate_hz, with_velocity=with_velocity, delay_s=delay_s, seconds=seconds, after_s=0.4 * seconds
+            seed,
+            rate_hz=rate_hz,
+            with_velocity=with_velocity,
+            delay_s=delay_s,
+            seconds=seconds,
+            after_s=0.4 * seconds,
         )
         nees.append(one)
         nis.extend(several)
@@ -113,7 +131,11 @@ def test_the_spread_of_the_speed_covers_the_speed_as_often_as_it_says():
         path = truth(rng, 8.52, SETTINGS)
         track = Track()
         for step in range(9):
-            track = update(track, report(rng, float(step), path[100 * step], with_velocity=True, delay_s=0.5), SETTINGS)
+            track = update(
+                track,
+                report(rng, float(step), path[100 * step], with_velocity=True, delay_s=0.5),
+                SETTINGS,
+            )
         evader = predict(track, 8.5, SETTINGS)
         undeclared = replace(SETTINGS, declared_speed_m_s=1e-3)
         bound = predict(track, 8.5, undeclared).speed_bound_m_s

@@ -37,13 +37,29 @@ def flown(seed: int, number: int, folder: Path | None) -> Row:
 def main(arguments: Sequence[str]) -> int:
     """Fly, show; return 0 if everything held."""
     parser = argparse.ArgumentParser(prog="python -m tests faults", description=__doc__)
-    parser.add_argument("--flights", type=int, default=FLIGHTS, metavar="N", help=f"how many (default {FLIGHTS})")
-    parser.add_argument("--seed", type=int, default=1, metavar="S", help="of all randomness (default 1)")
-    parser.add_argument("--only", type=int, metavar="I", help="flight I of the seed, told at length")
-    parser.add_argument("--kind", metavar="K", help="only flights in which this goes wrong: " + ", ".join(KINDS))
-    parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), metavar="J", help="processes")
-    parser.add_argument("--records", type=Path, metavar="FOLDER", help="keep every flight's record there")
-    parser.add_argument("--teams", action="store_true", help="flights of teams, with faults of mates and their links")
+    parser.add_argument(
+        "--flights", type=int, default=FLIGHTS, metavar="N", help=f"how many (default {FLIGHTS})"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=1, metavar="S", help="of all randomness (default 1)"
+    )
+    parser.add_argument(
+        "--only", type=int, metavar="I", help="flight I of the seed, told at length"
+    )
+    parser.add_argument(
+        "--kind", metavar="K", help="only flights in which this goes wrong: " + ", ".join(KINDS)
+    )
+    parser.add_argument(
+        "--jobs", type=int, default=min(2, os.cpu_count() or 1), metavar="J", help="processes"
+    )
+    parser.add_argument(
+        "--records", type=Path, metavar="FOLDER", help="keep every flight's record there"
+    )
+    parser.add_argument(
+        "--teams",
+        action="store_true",
+        help="flights of teams, with faults of mates and their links",
+    )
     given = parser.parse_args(arguments)
     if given.kind is not None and given.kind not in KINDS:
         parser.error(f"--kind {given.kind}: allowed are {', '.join(KINDS)}")
@@ -53,8 +69,12 @@ def main(arguments: Sequence[str]) -> int:
     if given.teams:
         chosen = range(given.flights) if given.only is None else [given.only]
         with ProcessPoolExecutor(given.jobs) as pool:
-            return teams.fly_all(given.seed, chosen, pool, lambda words: console.print(words, markup=False))
-    numbers = [given.only] if given.only is not None else _numbers(given.seed, given.flights, given.kind)
+            return teams.fly_all(
+                given.seed, chosen, pool, lambda words: console.print(words, markup=False)
+            )
+    numbers = (
+        [given.only] if given.only is not None else _numbers(given.seed, given.flights, given.kind)
+    )
     rows = list(_all(console, given.seed, numbers, given.jobs, given.records))
     if given.only is not None:
         _tell(console, rows[0])
@@ -68,10 +88,14 @@ def _numbers(seed: int, flights: int, kind: str | None) -> list[int]:
     return [number for number in range(flights) if kind in draw_case(seed, number).kinds]
 
 
-def _all(console: Console, seed: int, numbers: Sequence[int], jobs: int, folder: Path | None) -> Iterator[Row]:
+def _all(
+    console: Console, seed: int, numbers: Sequence[int], jobs: int, folder: Path | None
+) -> Iterator[Row]:
     chunk = len(AUTOPILOTS) * SHARED  # those of one game in one process
     with ProcessPoolExecutor(max(1, min(jobs, len(numbers) or 1))) as pool:
-        waiting = pool.map(flown, [seed] * len(numbers), numbers, [folder] * len(numbers), chunksize=chunk)
+        waiting = pool.map(
+            flown, [seed] * len(numbers), numbers, [folder] * len(numbers), chunksize=chunk
+        )
         columns = (TextColumn("{task.completed}/{task.total} flights"), TimeRemainingColumn())
         with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
             task = progress.add_task("", total=len(numbers))
@@ -91,7 +115,9 @@ def _tell(console: Console, row: Row) -> None:
     scenario = row.case.scenario
     console.print(scenario.model_dump_json(indent=1, exclude_defaults=True))
     console.print(f"polygon {row.case.corners_m}, stalls {row.case.stalls}")
-    console.print(f"ended {row.end} after {row.duration_s:.1f} s; beyond walls by {row.breaches_m or 'nothing'}")
+    console.print(
+        f"ended {row.end} after {row.duration_s:.1f} s; beyond walls by {row.breaches_m or 'nothing'}"
+    )
 
 
 def _conclude(console: Console, rows: Sequence[Row]) -> None:
@@ -100,13 +126,23 @@ def _conclude(console: Console, rows: Sequence[Row]) -> None:
         for kind in dict.fromkeys(row.case.kinds):
             by_kind[kind].append(row)
     table = Table(box=None, pad_edge=False)
-    for heading in ("what went wrong", "flights", "violations", *(f"{wall}, m" for wall in WALLS), "worst"):
-        table.add_column(heading, justify="left" if heading in {"what went wrong", "worst"} else "right")
+    for heading in (
+        "what went wrong",
+        "flights",
+        "violations",
+        *(f"{wall}, m" for wall in WALLS),
+        "worst",
+    ):
+        table.add_column(
+            heading, justify="left" if heading in {"what went wrong", "worst"} else "right"
+        )
     for kind in sorted(by_kind):
         found = by_kind[kind]
         wrong = [one for row in found for one in row.violations]
         worst = max(wrong, key=lambda one: one.amount, default=None)
-        beyond = (max((row.breaches_m.get(wall, 0.0) for row in found), default=0.0) for wall in WALLS)
+        beyond = (
+            max((row.breaches_m.get(wall, 0.0) for row in found), default=0.0) for wall in WALLS
+        )
         table.add_row(
             kind, str(len(found)), str(len(wrong)) if wrong else "", *(f"{far:.2f}" if far else "" for far in beyond),
             "" if worst is None else f"{worst.invariant} {worst.amount:.2f}",
@@ -118,7 +154,9 @@ def _conclude(console: Console, rows: Sequence[Row]) -> None:
     )
     violated = sum(bool(row.violations) for row in rows)
     spent_s = sum(row.processor_s for row in rows)
-    console.print(f"{len(rows) - violated} of {len(rows)} flights as wanted; {spent_s:.0f} s of processor time")
+    console.print(
+        f"{len(rows) - violated} of {len(rows)} flights as wanted; {spent_s:.0f} s of processor time"
+    )
 
 
 if __name__ == "__main__":

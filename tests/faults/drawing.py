@@ -19,10 +19,20 @@ SHARED = 5
 """Number of flights with the same game; the flight to its start is flown once and copied."""
 
 AUTOPILOTS = ("px4", "arducopter")
-PILOT_MODES = {"px4": ("POSCTL", "ALTCTL", "STABILIZED"), "arducopter": ("LOITER", "ALT_HOLD", "STABILIZE")}
+PILOT_MODES = {
+    "px4": ("POSCTL", "ALTCTL", "STABILIZED"),
+    "arducopter": ("LOITER", "ALT_HOLD", "STABILIZE"),
+}
 POLICIES = ("optimal", "optimal", "optimal", "random_turns", "pure_evade", "waypoints")
 MOTION = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "ATTITUDE")
-SAID = (*MOTION, "HOME_POSITION", "GPS_GLOBAL_ORIGIN", "SYS_STATUS", "HEARTBEAT", "EXTENDED_SYS_STATE")
+SAID = (
+    *MOTION,
+    "HOME_POSITION",
+    "GPS_GLOBAL_ORIGIN",
+    "SYS_STATUS",
+    "HEARTBEAT",
+    "EXTENDED_SYS_STATE",
+)
 
 
 @dataclass(frozen=True)
@@ -92,7 +102,8 @@ class Draw:
 
     def vector(self, low: float, high: float, *, down: float = 0.0) -> Keys:
         """Draw a horizontal vector of size `low` to `high`, and a vertical part of at most `down` times that size."""
-        size, bearing = self.between(low, high), self.random.uniform(-math.pi, math.pi)
+        size = self.between(low, high)
+        bearing = self.random.uniform(-math.pi, math.pi)
         vertical = size * self.random.uniform(-down, down)
         parts = (size * math.cos(bearing), size * math.sin(bearing), vertical)
         return dict(zip(("north", "east", "down"), (round(part, 2) for part in parts), strict=True))
@@ -109,7 +120,12 @@ def _early_or_late(draw: Draw, keys: Keys) -> Keys:
 def _bad_fields(draw: Draw) -> Keys:
     messages = draw.random.sample(SAID, draw.one(1, 1, 2))
     value = draw.one("nan", "inf", "zero", "int_max", "int_min")
-    return {"messages": messages, "value": value, **_shares(draw, 0.02, 1.0), "for_s": draw.between(0.3, 4.0)}
+    return {
+        "messages": messages,
+        "value": value,
+        **_shares(draw, 0.02, 1.0),
+        "for_s": draw.between(0.3, 4.0),
+    }
 
 
 def _evaders_bad_fields(draw: Draw) -> Keys:
@@ -194,10 +210,22 @@ EVADER_FAULTS: Mapping[str, Callable[[Draw], Keys]] = {
     "evader_slow": lambda draw: {"period_s": draw.between(0.1, 1.4)},
     "evader_duplicates": lambda draw: {**_shares(draw), "late_s": draw.between(0.0, 1.0)},
     "evader_out_of_order": lambda draw: {**_shares(draw), "by_s": draw.between(0.02, 0.6)},
-    "evader_late": lambda draw: {"delay_s": draw.between(0.05, 1.0), "jitter_s": draw.between(0.0, 0.5)},
-    "evader_clock": lambda draw: {"offset_s": draw.between(-60.0, 60.0), "drift_ppm": draw.between(-500.0, 500.0)},
-    "evader_stale": lambda draw: {"as": draw.one("repeats", "silence"), "for_s": draw.between(0.5, 6.0)},
-    "evader_jump": lambda draw: {**draw.vector(0.5, 15.0, down=0.2), "for_s": draw.between(0.2, 6.0)},
+    "evader_late": lambda draw: {
+        "delay_s": draw.between(0.05, 1.0),
+        "jitter_s": draw.between(0.0, 0.5),
+    },
+    "evader_clock": lambda draw: {
+        "offset_s": draw.between(-60.0, 60.0),
+        "drift_ppm": draw.between(-500.0, 500.0),
+    },
+    "evader_stale": lambda draw: {
+        "as": draw.one("repeats", "silence"),
+        "for_s": draw.between(0.5, 6.0),
+    },
+    "evader_jump": lambda draw: {
+        **draw.vector(0.5, 15.0, down=0.2),
+        "for_s": draw.between(0.2, 6.0),
+    },
     "burst_loss": lambda draw: {"good_s": draw.between(0.2, 2.0), "lost_s": draw.between(0.1, 2.0)},
     "velocity_lie": lambda draw: {**draw.vector(0.3, 4.0), "for_s": draw.between(0.5, 8.0)},
     "evader_forger": lambda draw: {
@@ -226,7 +254,8 @@ def draw_case(seed: int, number: int) -> Case:
     About `SHARED` flights of each autopilot have the same geometry, game and wind.
     """
     turn, place = divmod(number, len(KINDS))
-    autopilot, played = AUTOPILOTS[(turn + place) % len(AUTOPILOTS)], number // (len(AUTOPILOTS) * SHARED)
+    autopilot = AUTOPILOTS[(turn + place) % len(AUTOPILOTS)]
+    played = number // (len(AUTOPILOTS) * SHARED)
     draw = Draw(Random(f"game {seed} {autopilot} {played}"), autopilot)
     document = _game(draw, autopilot)
     document["seed"] = played
@@ -248,13 +277,20 @@ def _fault(draw: Draw, named: str) -> Keys:
     evaders = named.startswith("evader")
     kind = named.removeprefix("evader's ")
     keys = (EVADER_FAULTS if evaders else PURSUER_FAULTS)[kind](draw)
-    return {"kind": kind, "vehicle": "evader" if evaders else "pursuer", "at_s": draw.between(0.2, 6.0), **keys}
+    return {
+        "kind": kind,
+        "vehicle": "evader" if evaders else "pursuer",
+        "at_s": draw.between(0.2, 6.0),
+        **keys,
+    }
 
 
 def _game(draw: Draw, autopilot: str) -> Keys:
-    radius_m, height_m = draw.between(2.0, 5.0), draw.between(3.0, 5.0)
+    radius_m = draw.between(2.0, 5.0)
+    height_m = draw.between(3.0, 5.0)
     start_m = draw.between(height_m + 0.5, height_m + 3.5)
-    bearing, away_m = draw.random.uniform(-math.pi, math.pi), draw.between(radius_m + 6.0, 35.0)
+    bearing = draw.random.uniform(-math.pi, math.pi)
+    away_m = draw.between(radius_m + 6.0, 35.0)
     evader = (round(away_m * math.sin(bearing), 2), round(away_m * math.cos(bearing), 2))
     speed_m_s = draw.between(3.0, 7.0)
     evader_m_s = round(speed_m_s * draw.between(0.2, 0.6), 2)
@@ -286,13 +322,21 @@ def _game(draw: Draw, autopilot: str) -> Keys:
         ]
     if draw.chance(0.35):
         document["game"] = "tad"
-        aim, far = draw.random.uniform(-math.pi, math.pi), draw.between(5.0, 30.0)
-        place = (round(evader[0] + far * math.sin(aim), 2), round(evader[1] + far * math.cos(aim), 2))
+        aim = draw.random.uniform(-math.pi, math.pi)
+        far = draw.between(5.0, 30.0)
+        place = (
+            round(evader[0] + far * math.sin(aim), 2),
+            round(evader[1] + far * math.cos(aim), 2),
+        )
         document["target"] = {"position_m": place}
     if draw.chance(0.4):
         wind = draw.vector(0.3, 0.9 * (speed_m_s - evader_m_s) if draw.chance(0.5) else 1.5)
-        size = min(1.0, 0.9 * (speed_m_s - evader_m_s) / max(0.01, math.hypot(wind["north"], wind["east"])))
-        document["wind"] = {"velocity_m_s": (round(size * wind["east"], 2), round(size * wind["north"], 2))}
+        size = min(
+            1.0, 0.9 * (speed_m_s - evader_m_s) / max(0.01, math.hypot(wind["north"], wind["east"]))
+        )
+        document["wind"] = {
+            "velocity_m_s": (round(size * wind["east"], 2), round(size * wind["north"], 2))
+        }
     return document
 
 
@@ -300,6 +344,14 @@ def _corners(draw: Draw, document: Keys) -> tuple[tuple[float, float], ...]:
     """Draw a rotated rectangle around home that contains the start, with room to brake."""
     turned = draw.random.uniform(0.0, math.pi)
     sides = [draw.between(9.0, document["limits"]["fence_radius_m"]) for _ in range(4)]
-    points = ((sides[0], sides[1]), (sides[0], -sides[2]), (-sides[3], -sides[2]), (-sides[3], sides[1]))
-    cosine, sine = math.cos(turned), math.sin(turned)
-    return tuple((round(a * cosine - b * sine, 2), round(a * sine + b * cosine, 2)) for a, b in points)
+    points = (
+        (sides[0], sides[1]),
+        (sides[0], -sides[2]),
+        (-sides[3], -sides[2]),
+        (-sides[3], sides[1]),
+    )
+    cosine = math.cos(turned)
+    sine = math.sin(turned)
+    return tuple(
+        (round(a * cosine - b * sine, 2), round(a * sine + b * cosine, 2)) for a, b in points
+    )

@@ -62,7 +62,9 @@ class Sortie:
         self.clock = VirtualClock()
         self._world = SteppedWorld(case.game, self.clock)
         wire = PinnedWire(evader_wire(self._world), (EVADER_ID,))
-        self._world.evaders["pursuer"]["evader"] = MavlinkEvader(wire, GLOBAL_POSITION, system_id=EVADER_ID)
+        self._world.evaders["pursuer"]["evader"] = MavlinkEvader(
+            wire, GLOBAL_POSITION, system_id=EVADER_ID
+        )
         self.mission = Mission(
             case.game,
             self._world,
@@ -100,16 +102,20 @@ class Sortie:
     def fly(self, case: Case) -> None:
         """Continue to the end with the faults of this case."""
         self._case = self.watch.case = case
-        self._stalls, self._under_way = list(case.stalls), True
+        self._stalls = list(case.stalls)
+        self._under_way = True
         self.clock.sleep_until(self.clock.now_s() + PERIOD_S)
         self._run()
         self.watch.ended(self.clock.now_s(), self.state)
 
     def _run(self) -> None:
         try:
-            run(self.mission.daemons, self._world, self.clock, mission=self)  # no replay needs the raw frames
+            # No replay needs the raw frames
+            run(self.mission.daemons, self._world, self.clock, mission=self)
         except Exception as error:  # the loop must not raise
-            self.watch.wrong("nothing ends the loop", self.clock.now_s(), 1.0, f"{type(error).__name__}: {error}")
+            self.watch.wrong(
+                "nothing ends the loop", self.clock.now_s(), 1.0, f"{type(error).__name__}: {error}"
+            )
 
     def before(self, now_s: float) -> None:
         """Let the mission give its orders."""
@@ -118,7 +124,8 @@ class Sortie:
     def after(self, now_s: float, late_s: float = 0.0) -> None:
         """Check a cycle."""
         self.mission.after(now_s, late_s)
-        outputs, flight = self._daemon.outputs, self._daemon.flight
+        outputs = self._daemon.outputs
+        flight = self._daemon.flight
         ours = [one.frame for one in self._world.drain() if one.topic == _TO_THE_VEHICLE]
         if outputs is None:
             return
@@ -132,11 +139,17 @@ class Sortie:
         if self._engaged_s is not None:
             self.watch.see(now_s, flight)
         self._stall(now_s)
-        over = outputs.state in FINAL or (self._engaged_s is not None and outputs.state in HANDING_OVER)
+        over = outputs.state in FINAL or (
+            self._engaged_s is not None and outputs.state in HANDING_OVER
+        )
         self._over_s = None if not over else now_s if self._over_s is None else self._over_s
 
     def _stall(self, now_s: float) -> None:
-        due = [one for one in self._stalls if self._engaged_s is not None and now_s - self._engaged_s >= one.at_s]
+        due = [
+            one
+            for one in self._stalls
+            if self._engaged_s is not None and now_s - self._engaged_s >= one.at_s
+        ]
         for one in due:
             self._stalls.remove(one)
             self.clock.sleep_until(self.clock.now_s() + one.for_s)
@@ -153,7 +166,10 @@ def plan(case: Case) -> FlightPlan:
         return planned
     cycle = planned.flight.cycle
     envelope = replace(cycle.envelope, fence_polygon=Polygon(case.corners_m))
-    return replace(planned, flight=planned.flight.model_copy(update={"cycle": replace(cycle, envelope=envelope)}))
+    return replace(
+        planned,
+        flight=planned.flight.model_copy(update={"cycle": replace(cycle, envelope=envelope)}),
+    )
 
 
 class Tape(Recorder):
@@ -199,7 +215,11 @@ def fly(case: Case, folder: Path | None = None, starts: Starts | None = None) ->
     else:
         sortie.fly(case)
         sortie.close()
-    happenings = [one for one in sortie.mission.result.vehicles[PURSUER].happenings if one.after is not one.before]
+    happenings = [
+        one
+        for one in sortie.mission.result.vehicles[PURSUER].happenings
+        if one.after is not one.before
+    ]
     end = f"{sortie.state} ({happenings[-1].event})" if happenings else str(sortie.state)
     return Row(
         case, end, sortie.clock.now_s(), time.process_time() - begun_s, sortie.watch.breaches_m,
@@ -222,6 +242,10 @@ def _from_the_ground(case: Case, folder: Path | None, starts: Starts | None) -> 
         compared, _ = compare(path, lambda _: settings)
         if compared.differing:
             first = compared.first
-            said = "" if first is None else f"first at {first.row.now_s:.2f} s: {', '.join(first.differing)}"
+            said = (
+                ""
+                if first is None
+                else f"first at {first.row.now_s:.2f} s: {', '.join(first.differing)}"
+            )
             sortie.watch.wrong("replay bit for bit", sortie.clock.now_s(), compared.differing, said)
     return sortie

@@ -40,7 +40,9 @@ _SETPOINT_BYTES = SETPOINT.to_bytes(3, "little")
 LOST_AFTER_S = 1.5 + 0.1
 NOTICED_S = 2.1
 
-ENDS = frozenset({State.LANDED, State.YIELDED, State.FAILED, State.HOLDING, State.RETURNING, State.LANDING})
+ENDS = frozenset(
+    {State.LANDED, State.YIELDED, State.FAILED, State.HOLDING, State.RETURNING, State.LANDING}
+)
 
 
 class Violation(NamedTuple):
@@ -84,20 +86,28 @@ class Heard:
     """Measures gaps between the setpoints that the vehicle receives and accepts, after the faults of its link."""
 
     def __init__(self, vehicle: MockVehicle) -> None:
-        self._vehicle, self._step_links = vehicle, vehicle.step_links
-        self._last_s, self._gap_s = math.inf, 0.0
+        self._vehicle = vehicle
+        self._step_links = vehicle.step_links
+        self._last_s = math.inf
+        self._gap_s = 0.0
         vehicle.step_links = self._listen  # type: ignore[method-assign]
 
-    def _listen(self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]) -> dict[str, list[bytes]]:
+    def _listen(
+        self, now_s: float, frames_in: Mapping[str, Sequence[bytes]]
+    ) -> dict[str, list[bytes]]:
         taken = not self._vehicle.autopilot.conditions.offboard_refused
-        if taken and any(_is_setpoint(frame) for arrived in frames_in.values() for frame in arrived):
-            self._gap_s, self._last_s = max(self._gap_s, now_s - self._last_s), now_s
+        if taken and any(
+            _is_setpoint(frame) for arrived in frames_in.values() for frame in arrived
+        ):
+            self._gap_s = max(self._gap_s, now_s - self._last_s)
+            self._last_s = now_s
         return self._step_links(now_s, frames_in)
 
     def longest_gap_s(self, now_s: float) -> float:
         """Return the longest time without a setpoint since the last call."""
         since_s = now_s - self._last_s if self._vehicle.mode in GUIDED else 0.0
-        gap_s, self._gap_s = max(self._gap_s, since_s), 0.0
+        gap_s = max(self._gap_s, since_s)
+        self._gap_s = 0.0
         return gap_s
 
 
@@ -110,7 +120,8 @@ class Watch:
 
     def __init__(self, case: Case, world: SteppedWorld) -> None:
         self.case = case
-        self._pursuer, self._rover = world.vehicles[PURSUER], world.vehicles[EVADER]
+        self._pursuer = world.vehicles[PURSUER]
+        self._rover = world.vehicles[EVADER]
         self._heard = Heard(self._pursuer)
         self._polygon = None if case.corners_m is None else Polygon(case.corners_m)
         self._level, self._height, self._blind, self._evaders = (Recently() for _ in range(4))
@@ -156,21 +167,30 @@ class Watch:
         if not all(map(math.isfinite, (north, east, down))):
             self.wrong("numbers", now_s, math.inf)
             return
-        over = max(math.hypot(north, east) - limits.speed_m_s, -down - limits.climb_m_s, down - limits.descent_m_s)
+        over = max(
+            math.hypot(north, east) - limits.speed_m_s,
+            -down - limits.climb_m_s,
+            down - limits.descent_m_s,
+        )
         if over > 1e-3:
             self.wrong("speed limits", now_s, over)
 
     def _inwards(self, now_s: float, flight: Any) -> None:
         """Check that no setpoint descends below the floor or climbs above the ceiling, by the service's own height."""
-        local, home_m = flight.vehicle.latest.get(LocalPosition), flight.tracking.home_ned_m
+        local = flight.vehicle.latest.get(LocalPosition)
+        home_m = flight.tracking.home_ned_m
         if local is None or home_m is None:
             return
         limits = self.case.scenario.limits
         height_m = home_m[2] - local.position_ned_m[2] + flight.tracking.held_back_ned_m[2]
         if height_m < limits.floor_m - SPARE_M and self._asked_down_m_s > ASKED_M_S:
-            self.wrong("nothing is asked further out", now_s, self._asked_down_m_s, "below the floor")
+            self.wrong(
+                "nothing is asked further out", now_s, self._asked_down_m_s, "below the floor"
+            )
         if height_m > limits.ceiling_m + SPARE_M and self._asked_down_m_s < -ASKED_M_S:
-            self.wrong("nothing is asked further out", now_s, -self._asked_down_m_s, "above the ceiling")
+            self.wrong(
+                "nothing is asked further out", now_s, -self._asked_down_m_s, "above the ceiling"
+            )
 
     def _permitted(self, now_s: float, state: State, age_s: float) -> None:
         if state in FINAL:
@@ -190,7 +210,12 @@ class Watch:
         for happening in outputs.happenings:
             legal = TRANSITIONS.get((happening.before, happening.event), happening.before)
             if happening.after is not legal:
-                self.wrong("the table", now_s, 1.0, f"{happening.before} {happening.event} {happening.after}")
+                self.wrong(
+                    "the table",
+                    now_s,
+                    1.0,
+                    f"{happening.before} {happening.event} {happening.after}",
+                )
         self._accuse_rightly(now_s, outputs, flight)
         if outputs.fault is not None:
             self.wrong("no error of our own", now_s, 1.0, outputs.fault)
@@ -203,17 +228,25 @@ class Watch:
 
     def _home_off(self, told_ned_m: Vector | None) -> tuple[float, float]:
         """Return the error of the reported home before takeoff (horizontal, vertical); the flight keeps that home."""
-        return (0.0, 0.0) if told_ned_m is None or self._home_m is None else _apart(told_ned_m, self._home_m)
+        return (
+            (0.0, 0.0)
+            if told_ned_m is None or self._home_m is None
+            else _apart(told_ned_m, self._home_m)
+        )
 
     def _accuse_rightly(self, now_s: float, outputs: Outputs, flight: Any) -> None:
         accused = any(happening.event is Event.RIVAL for happening in outputs.happenings)
         if accused and "evader_forger" not in self.case.kinds:
-            self.wrong("no second evader where there is one", now_s, 1.0, flight.tracking.rival(now_s))
+            self.wrong(
+                "no second evader where there is one", now_s, 1.0, flight.tracking.rival(now_s)
+            )
 
     def _follow_pilot(self, now_s: float) -> None:
         """Check that the vehicle does not return to the guided mode after a pilot's switch."""
         wanted = {
-            (fault.model_extra or {}).get("mode") for fault in self.case.scenario.fault if fault.kind == "pilot_mode"
+            (fault.model_extra or {}).get("mode")
+            for fault in self.case.scenario.fault
+            if fault.kind == "pilot_mode"
         }
         mode = self._pursuer.mode
         if self._pilots is None and self._engaged_s is not None and mode in wanted:
@@ -227,7 +260,8 @@ class Watch:
         if self._pursuer.autopilot.boots > 1 or self._obeys_another(now_s):
             self._ours = False
         elif mode in GUIDED and self._pursuer.armed:
-            self._guided_s, self._ours = now_s, True
+            self._guided_s = now_s
+            self._ours = True
         elif mode not in HOLDS or now_s - self._guided_s > BRAKING_S:
             self._ours = False
         sight = self._sight(now_s, flight)
@@ -243,11 +277,18 @@ class Watch:
         return self._engaged_s is not None and now_s - self._engaged_s >= begun_s
 
     def _begun_s(self, kind: str) -> float:
-        return min((fault.at_s for fault in self.case.scenario.fault if fault.kind == kind), default=math.inf)
+        return min(
+            (fault.at_s for fault in self.case.scenario.fault if fault.kind == kind),
+            default=math.inf,
+        )
 
     def _notice_another(self, now_s: float, state: State) -> None:
         """Check that another program is noticed within two seconds if it is the only fault."""
-        if self.case.kinds == ("second_source",) and self._engaged_s is not None and state in SETPOINT_STATES:
+        if (
+            self.case.kinds == ("second_source",)
+            and self._engaged_s is not None
+            and state in SETPOINT_STATES
+        ):
             since_s = now_s - self._engaged_s - self._begun_s("second_source")
             if since_s > NOTICED_S:
                 self.wrong("another program is noticed", now_s, since_s)
@@ -257,22 +298,29 @@ class Watch:
         blind_m = self._blind.take(sight.now_s, sight.blind_m)
         level_m, height_m = sight.error_m
         evader_m = self._evaders.take(sight.now_s, math.hypot(*sight.evader_error_m))
-        level_m, height_m = self._level.take(sight.now_s, level_m), self._height.take(sight.now_s, height_m)
+        level_m = self._level.take(sight.now_s, level_m)
+        height_m = self._height.take(sight.now_s, height_m)
         return level_m + blind_m, height_m + blind_m, evader_m
 
     def _walls(self, sight: Sight, home_m: Vector, allowed_m: tuple[float, float, float]) -> None:
         level_m, height_m, evader_m = allowed_m
-        about_m, above_m = level_m + self._home_off_m[0], height_m + self._home_off_m[1]
+        about_m = level_m + self._home_off_m[0]
+        above_m = height_m + self._home_off_m[1]
         limits = self.case.scenario.limits
         north, east, down = (at - home for at, home in zip(sight.pursuer_m, home_m, strict=True))
         self._breach("fence", sight, math.hypot(north, east) - limits.fence_radius_m, about_m)
         if self._polygon is not None and not self._polygon.contains((north, east)):
-            beyond_m = min(math.dist((north, east), point) for point in self._polygon.nearest_points((north, east)))
+            beyond_m = min(
+                math.dist((north, east), point)
+                for point in self._polygon.nearest_points((north, east))
+            )
             self._breach("polygon", sight, beyond_m, about_m)
         self._weakened(sight)
         self._breach("floor", sight, limits.floor_m + down, above_m + self._sunk_m)
         self._breach("ceiling", sight, -down - limits.ceiling_m, above_m + self._risen_m)
-        self._breach("stand-off", sight, self._into(sight), math.hypot(level_m, height_m) + evader_m)
+        self._breach(
+            "stand-off", sight, self._into(sight), math.hypot(level_m, height_m) + evader_m
+        )
 
     def _weakened(self, sight: Sight) -> None:
         """Integrate how far a vehicle with a loss of thrust sinks or rises relative to its setpoint."""
@@ -314,25 +362,35 @@ class Watch:
         self._granted_m[wall] = allowed_m if breach_m > 0.0 else 0.0
         if breach_m > allowed_m + SPARE_M:
             excess_m = breach_m - allowed_m
-            self.wrong(wall, sight.now_s, excess_m, f"{breach_m:.2f} m beyond, {allowed_m:.2f} m of error")
+            self.wrong(
+                wall, sight.now_s, excess_m, f"{breach_m:.2f} m beyond, {allowed_m:.2f} m of error"
+            )
 
     def _sight(self, now_s: float, flight: Any) -> Sight:
-        pursuer, evader = self._pursuer, self._rover
+        pursuer = self._pursuer
+        evader = self._rover
         frame = pursuer.autopilot.frame
         here = pursuer.truth.position_ned_m
         there = frame.to_local(*evader.autopilot.frame.to_geodetic(*evader.truth.position_ned_m))
         error = pursuer.autopilot.state.estimator.position_error_m
-        level_m, height_m = math.hypot(*error[:2]), abs(error[2])
-        local, believed = flight.vehicle.latest.get(LocalPosition), flight.tracking.local_frame
+        level_m = math.hypot(*error[:2])
+        height_m = abs(error[2])
+        local = flight.vehicle.latest.get(LocalPosition)
+        believed = flight.tracking.local_frame
         if local is not None and believed is not None:
             level, height = _apart(_in_frame(frame, believed, local.position_ned_m), here)
-            level_m, height_m = max(level_m, level), max(height_m, height)
+            level_m = max(level_m, level)
+            height_m = max(height_m, height)
         evader_error = (0.0, 0.0)
         estimate = flight.tracking.evader(now_s)
         if estimate is not None and believed is not None:
             evader_error = _apart(_in_frame(frame, believed, estimate.position_ned_m), there)
         blind_s = self._heard.longest_gap_s(now_s)
-        blind_m = math.hypot(*pursuer.truth.velocity_ned_m_s) * blind_s if blind_s > BLIND_AFTER_S else 0.0
+        blind_m = (
+            math.hypot(*pursuer.truth.velocity_ned_m_s) * blind_s
+            if blind_s > BLIND_AFTER_S
+            else 0.0
+        )
         return Sight(now_s, here, there, (level_m, height_m), evader_error, blind_m)
 
     def ended(self, now_s: float, state: State) -> None:

@@ -105,21 +105,31 @@ class Told:
     def hear(self, now_s: float, frame: bytes, place: Any) -> None:
         """Take a frame; `place` turns latitude, longitude and altitude into a position."""
         message = decoded(self._decoder, frame)
-        if message is None or message.get_srcSystem() != self._system_id or message.get_srcComponent() != 1:
+        if (
+            message is None
+            or message.get_srcSystem() != self._system_id
+            or message.get_srcComponent() != 1
+        ):
             return
         kind = message.get_type()
         if kind == "HEARTBEAT":
             self.modes.append(message.custom_mode)
         elif kind == "HOME_POSITION":
-            self.home_m = place(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3)
+            self.home_m = place(
+                message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3
+            )
         elif kind in self._names:
             if kind == "LOCAL_POSITION_NED":
                 position = (message.x, message.y, message.z)
             else:
                 position = place(message.lat * 1e-7, message.lon * 1e-7, message.alt * 1e-3)
             self.heard_s = now_s
-            if message.time_boot_ms > self._newest_ms or message.time_boot_ms < self._newest_ms - 2000:
-                self._newest_ms, self.fresh_s = message.time_boot_ms, now_s
+            if (
+                message.time_boot_ms > self._newest_ms
+                or message.time_boot_ms < self._newest_ms - 2000
+            ):
+                self._newest_ms = message.time_boot_ms
+                self.fresh_s = now_s
             self.positions_m[kind] = position
 
     def error_m(self, true_m: Vector) -> Vector:
@@ -155,13 +165,18 @@ def difference(one: Vector, other: Vector) -> Vector:
 
 def outside_m(point: tuple[float, float], corners: Sequence[tuple[float, float]]) -> float:
     """Return how far a point is outside of a convex or other simple polygon; 0 inside."""
-    inside, nearest = False, math.inf
+    inside = False
+    nearest = math.inf
     for (a_n, a_e), (b_n, b_e) in zip(corners, (*corners[1:], corners[0]), strict=True):
-        if (a_e > point[1]) != (b_e > point[1]) and point[0] < a_n + (point[1] - a_e) / (b_e - a_e) * (b_n - a_n):
+        if (a_e > point[1]) != (b_e > point[1]) and point[0] < a_n + (point[1] - a_e) / (
+            b_e - a_e
+        ) * (b_n - a_n):
             inside = not inside
         along = (point[0] - a_n) * (b_n - a_n) + (point[1] - a_e) * (b_e - a_e)
         share = min(1.0, max(0.0, along / ((b_n - a_n) ** 2 + (b_e - a_e) ** 2)))
-        nearest = min(nearest, math.dist(point, (a_n + share * (b_n - a_n), a_e + share * (b_e - a_e))))
+        nearest = min(
+            nearest, math.dist(point, (a_n + share * (b_n - a_n), a_e + share * (b_e - a_e)))
+        )
     return 0.0 if inside else nearest
 
 
@@ -212,23 +227,31 @@ class SecondJudge:
 
     def sent(self, now_s: float, ours: Sequence[bytes], outputs: Any, _flight: Any) -> None:
         """Judge one cycle's frames to the vehicle, and the events of the service."""
-        frames, self._frames = self._frames, []
+        frames = self._frames
+        self._frames = []
         place = self._world.vehicles[PURSUER].autopilot.frame.to_local
         for one in frames:
             if one.topic == f"{PURSUER}/mavlink_raw/out":
                 self._pursuer.hear(now_s, one.frame, place)
             elif one.topic == f"{EVADER}/mavlink_raw/out":
                 self._evader.hear(now_s, one.frame, place)
-        messages = [message for frame in ours if (message := decoded(self._decoder, frame)) is not None]
+        messages = [
+            message for frame in ours if (message := decoded(self._decoder, frame)) is not None
+        ]
         setpoints = [one for one in messages if one.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
         self._follow(now_s)
         if len(setpoints) > 1:
-            self.wrong("one setpoint per cycle", now_s, len(setpoints), f"{len(setpoints)} setpoints")
+            self.wrong(
+                "one setpoint per cycle", now_s, len(setpoints), f"{len(setpoints)} setpoints"
+            )
         for message in setpoints:
             self._judge_setpoint(now_s, message)
         names = {str(one.event) for one in outputs.happenings}
         self._noticed |= "setpoints of another source" in names
-        if "second source of the evader's reports" in names and "evader_forger" not in self.case.kinds:
+        if (
+            "second source of the evader's reports" in names
+            and "evader_forger" not in self.case.kinds
+        ):
             self.wrong("no false rival", now_s, 1.0, f"kinds {', '.join(self.case.kinds)}")
 
     def followed(self, _now_s: float, _outputs: Any, _flight: Any) -> None:
@@ -238,21 +261,27 @@ class SecondJudge:
         """Judge the true motion."""
         pursuer = self._world.vehicles[PURSUER]
         body = pursuer.truth
-        position, velocity = body.position_ned_m, body.velocity_ned_m_s
+        position = body.position_ned_m
+        velocity = body.velocity_ned_m_s
         level_m, height_m, whole_m = self._pursuer.error_m(position)
         evader_m = self._evader_m()
         _, _, evader_error_m = self._evader.error_m(evader_m)
         level_m, height_m, whole_m, evader_error_m = (
             largest.add(now_s, value)
-            for largest, value in zip(self._errors, (level_m, height_m, whole_m, evader_error_m), strict=True)
+            for largest, value in zip(
+                self._errors, (level_m, height_m, whole_m, evader_error_m), strict=True
+            )
         )
         self._weaken(now_s, velocity[2])
-        before, self._before = self._before, (now_s, position, evader_m)
+        before = self._before
+        self._before = (now_s, position, evader_m)
         if math.isnan(self._first_s):
             return
         self._notice_reboots()
-        limits, standoff = self.case.scenario.limits, self.case.scenario.standoff
-        up_m, home = -position[2], self._home_error_m
+        limits = self.case.scenario.limits
+        standoff = self.case.scenario.standoff
+        up_m = -position[2]
+        home = self._home_error_m
         away_m = math.hypot(position[0], position[1])
         breaches = {
             "fence": (away_m - limits.fence_radius_m, level_m + home[0]),
@@ -263,7 +292,9 @@ class SecondJudge:
             "floor": (limits.floor_m - up_m, height_m + home[1] + self._sunk_m),
             "ceiling": (up_m - limits.ceiling_m, height_m + home[1] + self._risen_m),
             "stand-off": (
-                self._intrusion_m(before, position, evader_m, standoff.radius_m - 1.0, standoff.height_m - 1.0),
+                self._intrusion_m(
+                    before, position, evader_m, standoff.radius_m - 1.0, standoff.height_m - 1.0
+                ),
                 whole_m + evader_error_m + home[1] + self._sunk_m,
             ),
         }
@@ -274,8 +305,11 @@ class SecondJudge:
     def ended(self, now_s: float, state: Any) -> None:
         """Judge the end: handed over, and silent since."""
         pushed = bool(self._sent) and math.hypot(*self._sent[-1][1]) > HOLD_M_S
-        if now_s - self._last_s < FRESH_S and now_s < flying.LONGEST_S and pushed:  # a refused hold is a hover of ours
-            self.wrong("a proper end", now_s, now_s - self._last_s, f"setpoints to the end, state {state}")
+        # A refused hold is a hover of ours
+        if now_s - self._last_s < FRESH_S and now_s < flying.LONGEST_S and pushed:
+            self.wrong(
+                "a proper end", now_s, now_s - self._last_s, f"setpoints to the end, state {state}"
+            )
 
     def wrong(self, name: str, now_s: float, size: float, text: str) -> None:
         """Keep the worst violation of each invariant."""
@@ -293,8 +327,11 @@ class SecondJudge:
             return
         if math.isnan(self._first_s):
             self._first_s = now_s
-            told, true = self._pursuer.home_m, self._world.vehicles[PURSUER].autopilot.state.home_m
-            off = difference(told, (0.0, 0.0, true[2] if true else 0.0)) if told else (0.0, 0.0, 0.0)
+            told = self._pursuer.home_m
+            true = self._world.vehicles[PURSUER].autopilot.state.home_m
+            off = (
+                difference(told, (0.0, 0.0, true[2] if true else 0.0)) if told else (0.0, 0.0, 0.0)
+            )
             self._home_error_m = (math.hypot(off[0], off[1]), abs(off[2]), 0.0)
         self._last_s = now_s
         self._sent.append((now_s, velocity))
@@ -302,9 +339,19 @@ class SecondJudge:
         self._judge_age(now_s, velocity)
         self._judge_height(now_s, velocity)
         if now_s - self._told_left_s > PROMPT_S:
-            self.wrong("silence after yielding", now_s, now_s - self._told_left_s, "after HEARTBEAT of another mode")
+            self.wrong(
+                "silence after yielding",
+                now_s,
+                now_s - self._told_left_s,
+                "after HEARTBEAT of another mode",
+            )
         if now_s - self._foreign_s > NOTICED_S + PROMPT_S and not self._noticed:
-            self.wrong("another program is noticed", now_s, now_s - self._foreign_s, "setpoints beside a stranger's")
+            self.wrong(
+                "another program is noticed",
+                now_s,
+                now_s - self._foreign_s,
+                "setpoints beside a stranger's",
+            )
 
     def _judge_speed(self, now_s: float, velocity: Vector) -> None:
         speeds = self.case.scenario.pursuer.speeds
@@ -322,15 +369,25 @@ class SecondJudge:
             self.wrong("no old position", now_s, age_s, f"position {age_s:.2f} s old")
         silent_s = now_s - self._evader.heard_s
         if silent_s > SILENCE_S + SETTLED_S and math.hypot(*velocity) > HOVER_M_S:
-            self.wrong("no chase of an old place", now_s, math.hypot(*velocity), f"evader silent for {silent_s:.1f} s")
+            self.wrong(
+                "no chase of an old place",
+                now_s,
+                math.hypot(*velocity),
+                f"evader silent for {silent_s:.1f} s",
+            )
 
     def _judge_height(self, now_s: float, velocity: Vector) -> None:
-        limits, up_m = self.case.scenario.limits, -self._world.vehicles[PURSUER].truth.position_ned_m[2]
+        limits = self.case.scenario.limits
+        up_m = -self._world.vehicles[PURSUER].truth.position_ned_m[2]
         error_m = self._errors[1].add(now_s, 0.0) + self._home_error_m[1] + 0.1
         if up_m < limits.floor_m - error_m and velocity[2] > 0.05:
-            self.wrong("nothing is asked further out", now_s, velocity[2], f"descends at {up_m:.2f} m")
+            self.wrong(
+                "nothing is asked further out", now_s, velocity[2], f"descends at {up_m:.2f} m"
+            )
         if up_m > limits.ceiling_m + error_m and velocity[2] < -0.05:
-            self.wrong("nothing is asked further out", now_s, -velocity[2], f"climbs at {up_m:.2f} m")
+            self.wrong(
+                "nothing is asked further out", now_s, -velocity[2], f"climbs at {up_m:.2f} m"
+            )
 
     # The setpoints that the vehicle follows
 
@@ -343,18 +400,32 @@ class SecondJudge:
         guided = pursuer.mode in GUIDED
         if guided:
             flown = pursuer.autopilot.report.setpoint.velocity_ned_m_s
-            sent_s = next((at_s for at_s, one in reversed(self._sent) if math.dist(one, flown) < 1e-3), -math.inf)
+            sent_s = next(
+                (at_s for at_s, one in reversed(self._sent) if math.dist(one, flown) < 1e-3),
+                -math.inf,
+            )
             # A vehicle that gave up an old setpoint and brakes by itself has not followed a new one since.
-            self._age_s = now_s - sent_s if math.isfinite(sent_s) else max(self._age_s, now_s - self._last_s)
+            self._age_s = (
+                now_s - sent_s if math.isfinite(sent_s) else max(self._age_s, now_s - self._last_s)
+            )
             if not math.isfinite(sent_s) and PROGRAMS & set(self.case.kinds):
                 self._free = True
             self._look_for_strangers(now_s, flown)
             self._followed_s = now_s
             if self._flown_by_pilot:
-                self.wrong("a pilot is not fought", now_s, now_s - self._followed_s, f"{pursuer.mode} again")
+                self.wrong(
+                    "a pilot is not fought",
+                    now_s,
+                    now_s - self._followed_s,
+                    f"{pursuer.mode} again",
+                )
         elif self._followed_s > -math.inf:
-            self._flown_by_pilot |= bool(PILOTS & set(self.case.kinds)) and pursuer.mode in self._pilot_modes
-            if pursuer.autopilot.commander.custom_mode in self._pursuer.modes and math.isnan(self._told_left_s):
+            self._flown_by_pilot |= (
+                bool(PILOTS & set(self.case.kinds)) and pursuer.mode in self._pilot_modes
+            )
+            if pursuer.autopilot.commander.custom_mode in self._pursuer.modes and math.isnan(
+                self._told_left_s
+            ):
                 self._told_left_s = now_s
         self._pursuer.modes.clear()
 
@@ -364,7 +435,11 @@ class SecondJudge:
             return
         ours = [one for at_s, one in self._sent if now_s - at_s <= RESEMBLING_S]
         shares = (0.5, 0.625, 0.75, 0.875, 1.0)
-        if all(math.dist(flown, [share * part for part in one]) > RESEMBLING_M_S for one in ours for share in shares):
+        if all(
+            math.dist(flown, [share * part for part in one]) > RESEMBLING_M_S
+            for one in ours
+            for share in shares
+        ):
             self._foreign_s = now_s if math.isnan(self._foreign_s) else self._foreign_s
             self._strange_s = now_s
         elif now_s - self._strange_s > 0.5 + PROMPT_S:
@@ -382,7 +457,14 @@ class SecondJudge:
     # Walls
 
     def _judge_wall(
-        self, now_s: float, name: str, breach_m: float, error_m: float, velocity: Vector, *, judged: bool
+        self,
+        now_s: float,
+        name: str,
+        breach_m: float,
+        error_m: float,
+        velocity: Vector,
+        *,
+        judged: bool,
     ) -> None:
         if breach_m <= 0.0:
             self._excused_m[name] = 0.0
@@ -398,7 +480,12 @@ class SecondJudge:
         over_m = breach_m - self._excused_m[name]
         self.breaches_m[name] = max(self.breaches_m[name], over_m)
         if over_m > ALLOWED_M:
-            self.wrong(name, now_s, over_m, f"{breach_m:.2f} m outside, of which {self._excused_m[name]:.2f} m excused")
+            self.wrong(
+                name,
+                now_s,
+                over_m,
+                f"{breach_m:.2f} m outside, of which {self._excused_m[name]:.2f} m excused",
+            )
 
     def _intrusion_m(
         self,
@@ -434,14 +521,17 @@ class SecondJudge:
         self._risen_m += max(0.0, -moved_m)
 
     def _evader_m(self) -> Vector:
-        evader, pursuer = self._world.vehicles[EVADER].autopilot, self._world.vehicles[PURSUER].autopilot
+        evader = self._world.vehicles[EVADER].autopilot
+        pursuer = self._world.vehicles[PURSUER].autopilot
         place: Vector = pursuer.frame.to_local(
             *evader.frame.to_geodetic(*self._world.vehicles[EVADER].truth.position_ned_m)
         )
         return place
 
 
-def judged(seed: int, number: int, starts: flying.Starts) -> tuple[str, Mapping[str, float], Sequence[Wrong]]:
+def judged(
+    seed: int, number: int, starts: flying.Starts
+) -> tuple[str, Mapping[str, float], Sequence[Wrong]]:
     """Fly one flight under this judge; return its end, its breaches and its violations."""
     flying.Watch = SecondJudge  # type: ignore[assignment,misc]
     row = flying.fly(draw_case(seed, number), None, starts)
@@ -450,14 +540,20 @@ def judged(seed: int, number: int, starts: flying.Starts) -> tuple[str, Mapping[
 
 def main(arguments: Sequence[str]) -> int:
     """Fly and judge; return the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m tests.faults.second_judge", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.faults.second_judge", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--flights", type=int, default=60)
     parser.add_argument("--first", type=int, default=0, help="number of the first flight")
     parser.add_argument("--seed", type=int, default=26)
     parser.add_argument("--only", type=int, help="one flight")
     given = parser.parse_args(arguments)
-    numbers = [given.only] if given.only is not None else range(given.first, given.first + given.flights)
-    starts, bad, began_s = flying.Starts(), 0, time.process_time()
+    numbers = (
+        [given.only] if given.only is not None else range(given.first, given.first + given.flights)
+    )
+    starts = flying.Starts()
+    bad = 0
+    began_s = time.process_time()
     largest = dict.fromkeys(WALLS, 0.0)
     for done, number in enumerate(numbers, start=1):
         end, breaches, wrongs = judged(given.seed, number, starts)
@@ -466,7 +562,9 @@ def main(arguments: Sequence[str]) -> int:
             bad += 1
             print(f"{number}: {end}; {', '.join(draw_case(given.seed, number).kinds)}")
             for one in wrongs:
-                print(f"    {one.name} at {one.at_s:.2f} s: {one.size:.2f} ({one.text})", flush=True)
+                print(
+                    f"    {one.name} at {one.at_s:.2f} s: {one.size:.2f} ({one.text})", flush=True
+                )
         elif given.only is not None:
             print(f"{number}: {end}")
         if done % 20 == 0:
@@ -475,7 +573,8 @@ def main(arguments: Sequence[str]) -> int:
         f"{len(numbers) - bad} of {len(numbers)} flights as wanted, {time.process_time() - began_s:.0f} s of processor"
     )
     print(
-        "largest breach beyond what is allowed for errors: " + ", ".join(f"{k} {v:.2f} m" for k, v in largest.items())
+        "largest breach beyond what is allowed for errors: "
+        + ", ".join(f"{k} {v:.2f} m" for k, v in largest.items())
     )
     return int(bad > 0)
 

@@ -38,7 +38,9 @@ from tests.faults.invariants import Violation, Watch
 from tests.team.lossy import LossyNetwork
 
 SIZES: Final = ((2, 1), (2, 2), (3, 2), (3, 3))
-LONGEST_S, AFTER_S, ON_GROUND_S = 75.0, 3.0, 120.0
+LONGEST_S = 75.0
+AFTER_S = 3.0
+ON_GROUND_S = 120.0
 PLAYED: Final = frozenset({State.ENGAGED, State.ON_STATION})
 """A vehicle is able while it is in one of these states. In PE a pause only delays the capture."""
 
@@ -90,16 +92,22 @@ def draw(seed: int, number: int) -> TeamCase:
     turn = chance.uniform(0.0, 2.0 * math.pi)
     pursuers = []
     for index in range(vehicles):
-        angle, away_m = turn + 2.0 * math.pi * index / vehicles, chance.uniform(12.0, 22.0)
+        angle = turn + 2.0 * math.pi * index / vehicles
+        away_m = chance.uniform(12.0, 22.0)
         place = (away_m * math.cos(angle), away_m * math.sin(angle), 12.0)
         pursuers.append({"position_m": place, "speed_m_s": chance.uniform(5.0, 7.0)})
-    rovers, bearing = [], chance.uniform(0.0, 2.0 * math.pi)
+    rovers = []
+    bearing = chance.uniform(0.0, 2.0 * math.pi)
     for index in range(evaders):
         apart = 0.25 if "crossing" in kinds else chance.uniform(0.6, 2.0)
-        angle, away_m = bearing + index * apart, chance.uniform(35.0, 60.0)
+        angle = bearing + index * apart
+        away_m = chance.uniform(35.0, 60.0)
         place = (away_m * math.cos(angle), away_m * math.sin(angle))
         rovers.append({"position_m": place, "speed_m_s": chance.uniform(1.5, 3.0)})
-    noise = {"position_noise_m": chance.uniform(0.0, 0.5), "velocity_noise_m_s": chance.uniform(0.0, 0.2)}
+    noise = {
+        "position_noise_m": chance.uniform(0.0, 0.5),
+        "velocity_noise_m_s": chance.uniform(0.0, 0.2),
+    }
     scenario = TeamScenario.model_validate(
         {
             "title": f"team {seed} {number}", "game": game, "pursuer": pursuers, "evader": rovers, "seed": number,
@@ -112,7 +120,9 @@ def draw(seed: int, number: int) -> TeamCase:
     )  # fmt: skip
     names = [f"uav{index + 1}" for index in range(vehicles)]
     faults = tuple((kind, chance.uniform(0.5, 4.0), chance.choice(names)) for kind in kinds)
-    wind = tuple(chance.uniform(-3.0, 3.0) for _ in range(2)) if chance.random() < 0.5 else (0.0, 0.0)
+    wind = (
+        tuple(chance.uniform(-3.0, 3.0) for _ in range(2)) if chance.random() < 0.5 else (0.0, 0.0)
+    )
     return TeamCase(seed, number, scenario, cast("tuple[float, float]", wind), faults)
 
 
@@ -137,7 +147,9 @@ class Bent:
     def __init__(self, transport: Any) -> None:
         self._transport = transport
         self.change: Callable[[dict[str, Any]], None] | None = None
-        self.receive, self.present, self.close = transport.receive, transport.present, transport.close
+        self.receive = transport.receive
+        self.present = transport.present
+        self.close = transport.close
 
     def publish(self, key: str, payload: bytes) -> None:
         """Send, changed if it is a state."""
@@ -152,7 +164,8 @@ class Sortie:
     """A mission of a team with its faults and its judge."""
 
     def __init__(self, case: TeamCase) -> None:
-        self.case, self.clock = case, VirtualClock()
+        self.case = case
+        self.clock = VirtualClock()
         wind = Wind(velocity_m_s=case.wind_m_s)
         self.pursuits = [
             one._replace(scenario=one.scenario.model_copy(update={"wind": wind}))
@@ -160,7 +173,8 @@ class Sortie:
         ]
         self.world = SteppedWorld(tuple(self.pursuits), self.clock)
         self.network = LossyNetwork(self.clock.now_s, delay_s=0.03, jitter_s=0.03, seed=case.number)
-        names, evaders = [one.vehicle for one in self.pursuits], sorted(self.world.players)
+        names = [one.vehicle for one in self.pursuits]
+        evaders = sorted(self.world.players)
         if "heard by one" in case.kinds:
             for name in names[1:]:
                 self.world.evaders[name][evaders[0]] = Deaf()
@@ -186,7 +200,10 @@ class Sortie:
             policy=MissionPolicy(engage=True, end_with=Event.HOLD),
         )
         self.daemons: dict[str, Daemon] = {one.name: one for one in self.mission.daemons}
-        self.watches = {one.vehicle: Watch(_case_of(case, one), _Named(self.world, one)) for one in self.pursuits}
+        self.watches = {
+            one.vehicle: Watch(_case_of(case, one), _Named(self.world, one))
+            for one in self.pursuits
+        }
         self.engaged_s = self.over_s = math.inf
         self.due = sorted(case.faults, key=lambda fault: fault[1])
         self.later: list[tuple[float, Callable[[], None]]] = []
@@ -195,7 +212,8 @@ class Sortie:
         self.unseen: set[str] = set()
         self.promised: set[str] = set()
         self.wrongs: list[Violation] = []
-        self.least_m, self.guaranteed = math.inf, 0
+        self.least_m = math.inf
+        self.guaranteed = 0
         self.first: dict[str, str] = {}
         self.winning: set[tuple[str, str]] = set()
 
@@ -211,13 +229,19 @@ class Sortie:
     def wrong(self, invariant: str, amount: float, said: str = "") -> None:
         """Note a violation."""
         if all(one.invariant != invariant for one in self.wrongs):
-            self.wrongs.append(Violation(invariant, self.clock.now_s() - self.engaged_s, amount, said))
+            self.wrongs.append(
+                Violation(invariant, self.clock.now_s() - self.engaged_s, amount, said)
+            )
 
     @property
     def finished(self) -> bool:
         """True some seconds after all evaders are out of play, or when it took too long."""
         now_s = self.clock.now_s()
-        return now_s - self.over_s > AFTER_S or now_s - self.engaged_s > LONGEST_S or now_s > ON_GROUND_S + LONGEST_S
+        return (
+            now_s - self.over_s > AFTER_S
+            or now_s - self.engaged_s > LONGEST_S
+            or now_s > ON_GROUND_S + LONGEST_S
+        )
 
     def before(self, now_s: float) -> None:
         """Let the mission give its orders."""
@@ -240,18 +264,25 @@ class Sortie:
                 self._kill(self._victim(kind, vehicle))
             case "pilot lands" if some_left:
                 self.unable.add(vehicle)
-                self.world.faulted[vehicle].inject({"kind": "pilot_mode", "mode": "LAND", "at_s": 0.0})
+                self.world.faulted[vehicle].inject(
+                    {"kind": "pilot_mode", "mode": "LAND", "at_s": 0.0}
+                )
             case "cut 1 s" | "cut 3 s" | "cut 10 s":
                 self.network.cut.add(vehicle)
-                self.later.append((now_s + float(kind.split()[1]), lambda: self.network.cut.discard(vehicle)))
+                self.later.append(
+                    (now_s + float(kind.split()[1]), lambda: self.network.cut.discard(vehicle))
+                )
             case "loss":
                 self.network.loss = 0.3
             case "clock":
                 self.bent[vehicle].change = lambda said: said.update(sent_s=said["sent_s"] + 5.0)
             case "misreport":
-                self.unseen |= {vehicle} if self.network.cut else set()  # motion may explain a jump that was not seen
+                # Motion may explain a jump that was not seen
+                self.unseen |= {vehicle} if self.network.cut else set()
                 off_deg = 20.0 / 111_195.0
-                self.bent[vehicle].change = lambda said: said.update(latitude_deg=said["latitude_deg"] + off_deg)
+                self.bent[vehicle].change = lambda said: said.update(
+                    latitude_deg=said["latitude_deg"] + off_deg
+                )
             case "forged":
                 self._forge(now_s)
 
@@ -271,9 +302,16 @@ class Sortie:
 
     def _forge(self, now_s: float) -> None:
         """A stranger speaks under its own name, and for a mate under its own key, for ten seconds."""
-        state = next(member.board.own for member in self.members.values() if member.board.own is not None)
-        said = json.loads(state.model_dump_json()) | {"seq": 10**9, "latitude_deg": state.latitude_deg + 0.01}
-        self.network.send("stranger", "state/stranger", json.dumps(said | {"vehicle": "stranger"}).encode())
+        state = next(
+            member.board.own for member in self.members.values() if member.board.own is not None
+        )
+        said = json.loads(state.model_dump_json()) | {
+            "seq": 10**9,
+            "latitude_deg": state.latitude_deg + 0.01,
+        }
+        self.network.send(
+            "stranger", "state/stranger", json.dumps(said | {"vehicle": "stranger"}).encode()
+        )
         self.network.send("stranger", "state/stranger", json.dumps(said).encode())
         if now_s - self.engaged_s < 10.0:
             self.later.append((now_s + 0.1, lambda: self._forge(now_s + 0.1)))
@@ -283,7 +321,8 @@ class Sortie:
         self.mission.after(now_s, late_s)
         passed = self.world.drain()
         if self.engaged_s == math.inf and all(
-            one.outputs is not None and one.outputs.state is State.ENGAGED for one in self.daemons.values()
+            one.outputs is not None and one.outputs.state is State.ENGAGED
+            for one in self.daemons.values()
         ):
             self.engaged_s = now_s
             self._note_guarantees()
@@ -291,13 +330,23 @@ class Sortie:
             if daemon.outputs is None or daemon.finished:
                 continue
             paused = daemon.flight.state is State.PAUSED and self.case.scenario.target is None
-            if self.engaged_s < now_s < self.over_s and not paused and daemon.flight.state not in PLAYED:
+            if (
+                self.engaged_s < now_s < self.over_s
+                and not paused
+                and daemon.flight.state not in PLAYED
+            ):
                 self.stopped.add(name)
-            watch, frames = self.watches[name], f"{name}/mavlink_raw/in"
+            watch = self.watches[name]
+            frames = f"{name}/mavlink_raw/in"
             role = daemon.flight.heard.role
             if role is not None:
                 watch._rover = self.world.vehicles[role.evader]
-            watch.sent(now_s, [one.frame for one in passed if one.topic == frames], daemon.outputs, daemon.flight)
+            watch.sent(
+                now_s,
+                [one.frame for one in passed if one.topic == frames],
+                daemon.outputs,
+                daemon.flight,
+            )
             watch.followed(now_s, daemon.outputs, daemon.flight)
             if watch._engaged_s is not None:
                 watch.see(now_s, daemon.flight)
@@ -314,7 +363,9 @@ class Sortie:
         flight = self.case.scenario.flight
         flying = []
         for name, daemon in self.daemons.items():
-            commanded = not daemon.finished and daemon.flight.state in SETPOINT_STATES - {State.ENTERING}
+            commanded = not daemon.finished and daemon.flight.state in SETPOINT_STATES - {
+                State.ENTERING
+            }
             if commanded and name not in self.unseen:
                 vehicle = self.world.vehicles[name]
                 place = vehicle.truth.position_ned_m
@@ -323,8 +374,12 @@ class Sortie:
         for (one, here, vehicle), (other, there, mate) in combinations(flying, 2):
             north, east, down = vehicle.autopilot.frame.to_local(*there)
             n, e, d = vehicle.autopilot.frame.to_local(*here)
-            errors_m = sum(math.hypot(*each.autopilot.state.estimator.position_error_m) for each in (vehicle, mate))
-            level_m, height_m = math.hypot(north - n, east - e), abs(down - d)
+            errors_m = sum(
+                math.hypot(*each.autopilot.state.estimator.position_error_m)
+                for each in (vehicle, mate)
+            )
+            level_m = math.hypot(north - n, east - e)
+            height_m = abs(down - d)
             if height_m < flight.separation_height_m - NEAR_M - errors_m:
                 self.least_m = min(self.least_m, level_m)
                 missing_m = flight.separation_m - level_m - errors_m
@@ -335,10 +390,13 @@ class Sortie:
         """Note which vehicle wins against which evader by its own certificate, from where both are now."""
         target = None if self.case.scenario.target is None else (0.0, 0.0, 0.0)
         for one in self.mission._vehicles:
-            name, flight = one.daemon.name, one.daemon.flight
-            cycle, here = flight.settings.cycle, one.position_game_m
+            name = one.daemon.name
+            flight = one.daemon.flight
+            cycle = flight.settings.cycle
+            here = one.position_game_m
             self.first[name] = one.evader
-            acceleration, fastest_m_s = cycle.handling.acceleration, cycle.game.pursuer.horizontal_m_s
+            acceleration = cycle.handling.acceleration
+            fastest_m_s = cycle.game.pursuer.horizontal_m_s
             vehicle = Vehicle(acceleration, cycle.envelope, fastest_m_s, cycle.tolerance_m)
             for evader, speed_m_s in flight.settings.evaders.items():
                 there = self.world.players[evader].position_game_m
@@ -347,7 +405,9 @@ class Sortie:
                 game = Game(cycle.game.pursuer, speed_m_s, standoff=cycle.game.standoff)
                 there = (*there[:2], 0.0)
                 gaps = gaps_to_disc(ned_from_game(here), ned_from_game(there), cycle.game.standoff)
-                *_, told = certify(game, Players(here, STILL, there, STILL, target, gaps, 0.0), vehicle, None)
+                *_, told = certify(
+                    game, Players(here, STILL, there, STILL, target, gaps, 0.0), vehicle, None
+                )
                 if told.vehicle_winner == Winner.PURSUER:
                     self.winning.add((name, evader))
 
@@ -359,10 +419,17 @@ class Sortie:
         able = self.members.keys() - self.unable - self.stopped
         if able != self.members.keys():
             return len(
-                {evader for name, evader in self.first.items() if name in able and (name, evader) in self.winning}
+                {
+                    evader
+                    for name, evader in self.first.items()
+                    if name in able and (name, evader) in self.winning
+                }
             )
         shares = permutations([*self.world.players, *[""] * len(able)], len(able))
-        return max(sum(pair in self.winning for pair in zip(self.members, share, strict=True)) for share in shares)
+        return max(
+            sum(pair in self.winning for pair in zip(self.members, share, strict=True))
+            for share in shares
+        )
 
     def _follow_promises(self) -> None:
         """Check that no promise of the game is withdrawn without a cause, nor with one that no fault explains."""
@@ -372,17 +439,31 @@ class Sortie:
                 if one.value is not None:
                     self.promised.add(one.evader)
                 if one.value is None and not one.cause and one.evader in self.promised:
-                    self.wrong("no promise lost without a cause", 1.0, f"{one.evader}, by {roles and roles.vehicle}")
+                    self.wrong(
+                        "no promise lost without a cause",
+                        1.0,
+                        f"{one.evader}, by {roles and roles.vehicle}",
+                    )
                 if one.cause == "vehicle lost" and not EXPLAINED & set(self.case.kinds):
                     self.wrong("a cause among the faults", 1.0, f"{one.evader}: {one.cause}")
 
     def _judge_end(self) -> None:
-        captured = [name for name, one in self.mission.result.evaders.items() if one.captured_by is not None]
+        captured = [
+            name for name, one in self.mission.result.evaders.items() if one.captured_by is not None
+        ]
         if self.engaged_s == math.inf:
-            self.wrong("all engage", 1.0, str({name: str(one.flight.state) for name, one in self.daemons.items()}))
+            self.wrong(
+                "all engage",
+                1.0,
+                str({name: str(one.flight.state) for name, one in self.daemons.items()}),
+            )
         self.guaranteed = self._guaranteed()
         if len(captured) < self.guaranteed:
-            self.wrong("guaranteed captures", self.guaranteed - len(captured), f"{len(captured)} of {self.guaranteed}")
+            self.wrong(
+                "guaranteed captures",
+                self.guaranteed - len(captured),
+                f"{len(captured)} of {self.guaranteed}",
+            )
         forged_s = next((at_s for kind, at_s, _ in self.case.faults if kind == "forged"), math.inf)
         cut_off = {name for kind, _, name in self.case.faults if kind.startswith("cut")}
         if self.clock.now_s() - self.engaged_s > forged_s + 1.0:
@@ -398,7 +479,10 @@ class _Named:
     """One vehicle's world as its watch names it."""
 
     def __init__(self, world: SteppedWorld, pursuit: Pursuit) -> None:
-        self.vehicles = {PURSUER: world.vehicles[pursuit.vehicle], EVADER: world.vehicles[pursuit.evader]}
+        self.vehicles = {
+            PURSUER: world.vehicles[pursuit.vehicle],
+            EVADER: world.vehicles[pursuit.evader],
+        }
 
 
 def _case_of(case: TeamCase, pursuit: Pursuit) -> Case:
@@ -407,16 +491,20 @@ def _case_of(case: TeamCase, pursuit: Pursuit) -> Case:
 
 def fly(seed: int, number: int) -> TeamRow:
     """Fly one by its number."""
-    begun_s, sortie = time.process_time(), Sortie(draw(seed, number))
+    begun_s = time.process_time()
+    sortie = Sortie(draw(seed, number))
     sortie.fly()
     captured = sum(one.captured_by is not None for one in sortie.mission.result.evaders.values())
     spent_s = time.process_time() - begun_s
-    return TeamRow(sortie.case, sortie.least_m, captured, sortie.guaranteed, spent_s, tuple(sortie.wrongs))
+    return TeamRow(
+        sortie.case, sortie.least_m, captured, sortie.guaranteed, spent_s, tuple(sortie.wrongs)
+    )
 
 
 def fly_all(seed: int, numbers: Sequence[int], pool: Any, say: Callable[[str], None]) -> int:
     """Fly, print the violations; return 0 if there are none."""
-    rows, began_s = [], time.monotonic()
+    rows = []
+    began_s = time.monotonic()
     for row in pool.map(fly, [seed] * len(numbers), numbers):
         rows.append(row)
         for one in row.violations:
@@ -426,10 +514,17 @@ def fly_all(seed: int, numbers: Sequence[int], pool: Any, say: Callable[[str], N
         if len(rows) % 10 == 0:
             say(f"{len(rows)} of {len(numbers)} flights")
     with contextlib.suppress(ValueError):
-        say(f"least distance of two vehicles at one height {min(row.least_m for row in rows):.2f} m")
+        say(
+            f"least distance of two vehicles at one height {min(row.least_m for row in rows):.2f} m"
+        )
     wrong = sum(bool(row.violations) for row in rows)
-    captured, guaranteed = sum(row.captured for row in rows), sum(row.guaranteed for row in rows)
-    say(f"{captured} captured, {guaranteed} guaranteed at engagement; {time.monotonic() - began_s:.0f} s")
+    captured = sum(row.captured for row in rows)
+    guaranteed = sum(row.guaranteed for row in rows)
+    say(
+        f"{captured} captured, {guaranteed} guaranteed at engagement; {time.monotonic() - began_s:.0f} s"
+    )
     spent_s = sum(row.processor_s for row in rows)
-    say(f"{len(rows) - wrong} of {len(rows)} team flights as wanted; {spent_s:.0f} s of processor time")
+    say(
+        f"{len(rows) - wrong} of {len(rows)} team flights as wanted; {spent_s:.0f} s of processor time"
+    )
     return 1 if wrong else 0

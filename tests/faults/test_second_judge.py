@@ -56,7 +56,9 @@ def test_a_service_that_knows_of_no_fence_is_found_out(monkeypatch, fence_m, fou
         plan = planned(case)
         cycle = plan.flight.cycle
         envelope = replace(cycle.envelope, fence_radius_m=fence_m)
-        return replace(plan, flight=plan.flight.model_copy(update={"cycle": replace(cycle, envelope=envelope)}))
+        return replace(
+            plan, flight=plan.flight.model_copy(update={"cycle": replace(cycle, envelope=envelope)})
+        )
 
     monkeypatch.setattr(flying, "plan", other)
     monkeypatch.setattr(flying, "Watch", second_judge.SecondJudge)

@@ -14,7 +14,12 @@ pytestmark = pytest.mark.flight
 TO_THE_FENCE = {
     "title": "an evader that flees to the fence",
     "game": "pe",
-    "pursuer": {"position_m": (0, 0, 4.0), "speed_m_s": 5.0, "takeoff_height_m": 3.5, "autopilot": "arducopter"},
+    "pursuer": {
+        "position_m": (0, 0, 4.0),
+        "speed_m_s": 5.0,
+        "takeoff_height_m": 3.5,
+        "autopilot": "arducopter",
+    },
     "evader": {"position_m": (0.0, 10.0), "speed_m_s": 3.0},
     "standoff": {"radius_m": 2.0, "height_m": 3.5},
     "limits": {"floor_m": 2.0, "fence_radius_m": 16.0},
@@ -39,7 +44,9 @@ def test_a_service_that_knows_of_no_fence_is_found_out(monkeypatch):
         plan = planned(case)
         cycle = plan.flight.cycle
         envelope = replace(cycle.envelope, fence_radius_m=1e4)
-        return replace(plan, flight=plan.flight.model_copy(update={"cycle": replace(cycle, envelope=envelope)}))
+        return replace(
+            plan, flight=plan.flight.model_copy(update={"cycle": replace(cycle, envelope=envelope)})
+        )
 
     monkeypatch.setattr(flying, "plan", unfenced)
     (violation,) = flown().violations
@@ -51,11 +58,14 @@ def test_a_flight_that_goes_on_from_a_copy_is_the_one_from_the_ground(tmp_path):
     case = draw_case(1, 15)
     starts = flying.Starts()
     starts.keep(case, flying.Sortie(case).stand_by())
-    copied, whole = flying.fly(case, starts=starts), flying.fly(case, tmp_path)
+    copied = flying.fly(case, starts=starts)
+    whole = flying.fly(case, tmp_path)
     assert copied._replace(processor_s=0.0) == whole._replace(processor_s=0.0)
     assert copied.end == "yielded (vehicle telemetry lost)"
 
 
 def test_the_same_number_is_the_same_flight_and_no_fault_is_left_out():
     assert draw_case(3, 17) == draw_case(3, 17) != draw_case(4, 17)
-    assert {kind for number in range(2 * len(KINDS)) for kind in draw_case(1, number).kinds} == set(KINDS)
+    assert {kind for number in range(2 * len(KINDS)) for kind in draw_case(1, number).kinds} == set(
+        KINDS
+    )

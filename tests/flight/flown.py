@@ -32,7 +32,9 @@ class Flown:
         self.flight = Flight(settings)
         self.autopilot = settings.autopilot
         self.now_s = START_S
-        self.mode, self.armed, self.landed = Mode.HOLD, False, 1
+        self.mode = Mode.HOLD
+        self.armed = False
+        self.landed = 1
         self.position = [0.0, 0.0, HOME_DOWN_M]
         self.velocity = [0.0, 0.0, 0.0]
         self.yaw_rad = 0.7
@@ -46,10 +48,14 @@ class Flown:
     def state(self):
         return self.flight.state
 
-    def cycle(self, *orders, beat=False, dt_s=CYCLE_S, more=(), reports=(), refusals=(), silent=False):
+    def cycle(
+        self, *orders, beat=False, dt_s=CYCLE_S, more=(), reports=(), refusals=(), silent=False
+    ):
         self.now_s += dt_s
         said = (
-            [] if silent or self.without_position else [local(self.now_s, tuple(self.position), tuple(self.velocity))]
+            []
+            if silent or self.without_position
+            else [local(self.now_s, tuple(self.position), tuple(self.velocity))]
         )
         if beat or (not silent and self.now_s - self.beat_s >= 1.0 - 1e-9):
             self.beat_s = self.now_s
@@ -61,7 +67,9 @@ class Flown:
                 home(self.now_s),
             ]
         heard = [*([] if self.evader is None else [self.report()]), *reports]
-        self.outputs = self.flight.step(self.now_s, self.inputs([*said, *more], heard, orders, refusals))
+        self.outputs = self.flight.step(
+            self.now_s, self.inputs([*said, *more], heard, orders, refusals)
+        )
         self.outcomes[outcome_of(self.flight)] += 1 if heard else 0
         return self.outputs
 
@@ -71,9 +79,19 @@ class Flown:
     def report(self):
         north_m, east_m = self.evader
         latitude_deg = 47.397742 + math.degrees(north_m / 6371000.0)
-        longitude_deg = 8.545594 + math.degrees(east_m / (6371000.0 * math.cos(math.radians(47.397742))))
+        longitude_deg = 8.545594 + math.degrees(
+            east_m / (6371000.0 * math.cos(math.radians(47.397742)))
+        )
         return EvaderReport(
-            self.now_s, self.now_s, "test", latitude_deg, longitude_deg, 492.0, (0.0, 0.0, 0.0), 0.1, 0.1
+            self.now_s,
+            self.now_s,
+            "test",
+            latitude_deg,
+            longitude_deg,
+            492.0,
+            (0.0, 0.0, 0.0),
+            0.1,
+            0.1,
         )
 
     def cycles(self, seconds, **given):
@@ -83,7 +101,9 @@ class Flown:
         self.cycle()
         self.cycle()
         assert self.state is State.READY
-        self.armed, self.landed, self.position[2] = True, 2, HOME_DOWN_M - height_m
+        self.armed = True
+        self.landed = 2
+        self.position[2] = HOME_DOWN_M - height_m
         self.cycle(beat=True)
         self.cycle(Event.START)
         assert self.state is State.STANDING_BY
@@ -103,4 +123,9 @@ def commands(outputs):
     return [request.command for one in outputs for request in one.requests]
 
 
-SET_MODE, ARM, TAKEOFF, REPOSITION, INTERVAL, MESSAGE = 176, 400, 22, 192, 511, 512
+SET_MODE = 176
+ARM = 400
+TAKEOFF = 22
+REPOSITION = 192
+INTERVAL = 511
+MESSAGE = 512

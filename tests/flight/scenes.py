@@ -104,8 +104,11 @@ class Told:
 
     def __init__(self, evader_ned_m, silence_s, rival, home_ned_m):
         self.home_ned_m = home_ned_m
-        self._evader = None if evader_ned_m is None else EvaderEstimate(evader_ned_m, NOWHERE, 3.0, 0.1)
-        self._silence_s, self._rival = silence_s, rival
+        self._evader = (
+            None if evader_ned_m is None else EvaderEstimate(evader_ned_m, NOWHERE, 3.0, 0.1)
+        )
+        self._silence_s = silence_s
+        self._rival = rival
 
     def evader(self, _now_s):
         return self._evader
@@ -127,13 +130,22 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
     heartbeat = heard.vehicle.latest.get(Heartbeat)
     heard.mode = None if heartbeat is None else settings.autopilot.mode_of(heartbeat.custom_mode)
     heard.dt_s = changes.pop("dt_s", 0.02)
-    heard.foreign, heard.start_ned_m = changes.pop("foreign", False), changes.pop("start_ned_m", None)
-    usual = {"evader_ned_m": None, "evader_silence_s": 0.1, "rival": "", "home_ned_m": (0.0, 0.0, HOME_DOWN_M)}
+    heard.foreign = changes.pop("foreign", False)
+    heard.start_ned_m = changes.pop("start_ned_m", None)
+    usual = {
+        "evader_ned_m": None,
+        "evader_silence_s": 0.1,
+        "rival": "",
+        "home_ned_m": (0.0, 0.0, HOME_DOWN_M),
+    }
     heard.tracking = Told(*(changes.pop(name, value) for name, value in usual.items()))
     heard.position_ned_m = changes.pop("position_ned_m", (0.0, 0.0, HOME_DOWN_M - 10.0))
     about_home = replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
     heard.cycle = replace(settings.cycle, envelope=changes.pop("envelope", about_home))
-    stage = {**STAGE, **{name: changes.pop(name) for name in Stage.__dataclass_fields__ if name in changes}}
+    stage = {
+        **STAGE,
+        **{name: changes.pop(name) for name in Stage.__dataclass_fields__ if name in changes},
+    }
     return Moment(
         now_s=NOW_S,
         settings=settings,

@@ -29,7 +29,8 @@ class Obeying(Flown):
         self.flight._stage.state = state
         self.mode = min(OUR_MODES[state])
         self.cycle(beat=True)
-        self.flight._stage.state, self.flight.cause = state, None  # where the vehicle is leads on from some states
+        self.flight._stage.state = state
+        self.flight.cause = None  # where the vehicle is leads on from some states
 
     def cycle(self, *orders, mission=(), **given):
         self.mission = mission
@@ -46,7 +47,9 @@ class Obeying(Flown):
 @pytest.mark.parametrize("autopilot", BOTH)
 @pytest.mark.parametrize("order", ENDING)
 @pytest.mark.parametrize("state", IN_THE_AIR)
-def test_what_an_operator_orders_in_the_air_stands_whatever_a_mission_orders(state, order, autopilot):
+def test_what_an_operator_orders_in_the_air_stands_whatever_a_mission_orders(
+    state, order, autopilot
+):
     flown = Obeying(autopilot, state)
     flown.cycle(order)
     assert flown.state is LEADS_TO[order]
@@ -79,7 +82,11 @@ def test_on_the_ground_an_order_ends_the_flight_or_changes_nothing(state, order)
     (happening,) = [one for one in flown.cycle(order).happenings if one.event is order]
     assert state in BEFORE_FLIGHT | FINAL
     expected = State.FAILED if order is Event.ABORT and state in BEFORE_FLIGHT else state
-    assert (happening.before, happening.after, happening.by) == (state, expected, Authority.OPERATOR)
+    assert (happening.before, happening.after, happening.by) == (
+        state,
+        expected,
+        Authority.OPERATOR,
+    )
 
 
 def test_a_mission_may_end_what_the_flight_or_the_mission_itself_began():
@@ -183,7 +190,10 @@ def test_a_hold_ordered_while_positions_are_missing_sends_no_setpoint_from_an_ol
 YIELDS = [
     ("no telemetry for 1.0 s", {"silent": True}),
     ("no LOCAL_POSITION_NED for 1.0 s", {"without_position": True}),
-    ("guidance stood still for 5.0 s, and the autopilot stopped waiting for setpoints", {"dt_s": 5.0}),
+    (
+        "guidance stood still for 5.0 s, and the autopilot stopped waiting for setpoints",
+        {"dt_s": 5.0},
+    ),
     ("the vehicle disarmed while guidance flew it", {"armed": False}),
     ("a pilot or the autopilot chose that mode", {"mode": Mode.OTHER}),
 ]

@@ -30,7 +30,9 @@ from tests.flight.scenes import (
     well,
 )
 
-FLYING = sorted({state for state, event in TRANSITIONS if event is Event.REBOOTED} - {State.OUT_OF_CONTACT})
+FLYING = sorted(
+    {state for state, event in TRANSITIONS if event is Event.REBOOTED} - {State.OUT_OF_CONTACT}
+)
 INVITING = settings_of(engage_on=EngageOn.PILOT_MODE)
 GUIDED = well(heartbeat(mode=Mode.GUIDED))
 
@@ -41,7 +43,9 @@ def happens(event, state, **changes):
 
 def test_in_quiet_flight_nothing_happens():
     for state in (State.ENGAGED, State.PAUSED, State.ON_STATION):
-        assert list(events(context(state, vehicle=GUIDED, settings=settings_of(settle_s=60.0)))) == []
+        assert (
+            list(events(context(state, vehicle=GUIDED, settings=settings_of(settle_s=60.0)))) == []
+        )
     assert list(events(context(State.STANDING_BY))) == []
 
 
@@ -56,7 +60,9 @@ def test_a_heartbeat_counts_for_three_seconds(age_s, heard):
     vehicle = well(heartbeat(NOW_S - age_s))
     assert happens(Event.HEARD, State.CONNECTING, vehicle=vehicle) is heard
     for state in (State.CHECKING, State.READY, *FLYING):
-        assert happens(Event.TELEMETRY_LOST, state, vehicle=vehicle, since_s=NOW_S - 2.0) is not heard
+        assert (
+            happens(Event.TELEMETRY_LOST, state, vehicle=vehicle, since_s=NOW_S - 2.0) is not heard
+        )
 
 
 @pytest.mark.parametrize(("age_s", "lost"), [(1.0, False), (1.01, True)])
@@ -130,7 +136,9 @@ def test_a_reboot_and_a_reset_are_counts_that_changed():
     assert not happens(Event.ESTIMATOR_RESET, State.ENGAGED, vehicle=shaken, resets_seen=3)
 
 
-@pytest.mark.parametrize(("armed", "at_s", "seen"), [(False, NOW_S, True), (True, NOW_S, False), (False, 99.9, False)])
+@pytest.mark.parametrize(
+    ("armed", "at_s", "seen"), [(False, NOW_S, True), (True, NOW_S, False), (False, 99.9, False)]
+)
 def test_disarmed_is_said_by_a_heartbeat_after_the_state_was_entered(armed, at_s, seen):
     vehicle = well(heartbeat(at_s, armed=armed))
     assert happens(Event.DISARMED, State.LANDING, vehicle=vehicle, since_s=99.9) is seen
@@ -181,7 +189,8 @@ def test_what_the_certificate_says_is_read_from_its_own_line(event, state, name)
     assert not happens(event, state, certificate=None, vehicle=GUIDED)
 
 
-HIGH_M, STAND_OFF = HOME_DOWN_M - 10.0, StandOff(radius_m=4.0, height_m=6.0)
+HIGH_M = HOME_DOWN_M - 10.0
+STAND_OFF = StandOff(radius_m=4.0, height_m=6.0)
 ABOUT_HOME = replace(ENVELOPE, home_ned_m=(5.0, 0.0, HOME_DOWN_M), stand_off=STAND_OFF)
 
 
@@ -202,8 +211,17 @@ ABOUT_HOME = replace(ENVELOPE, home_ned_m=(5.0, 0.0, HOME_DOWN_M), stand_off=STA
     ],
 )
 def test_limits_of_space_are_checked_in_every_commanding_state(state, event, place, broken):
-    evader = (100.0, 0.0, HIGH_M if event is not Event.STAND_OFF or place[2] == HIGH_M else HOME_DOWN_M)
-    given = {"vehicle": GUIDED, "envelope": ABOUT_HOME, "position_ned_m": place, "evader_ned_m": evader}
+    evader = (
+        100.0,
+        0.0,
+        HIGH_M if event is not Event.STAND_OFF or place[2] == HIGH_M else HOME_DOWN_M,
+    )
+    given = {
+        "vehicle": GUIDED,
+        "envelope": ABOUT_HOME,
+        "position_ned_m": place,
+        "evader_ned_m": evader,
+    }
     for certificate in (QUIET, None):
         assert happens(event, state, certificate=certificate, **given) is broken
     assert not happens(event, state, **(given | {"position_ned_m": None}))
@@ -213,14 +231,22 @@ def test_limits_of_space_are_checked_in_every_commanding_state(state, event, pla
 def test_without_a_stand_off_or_an_evader_there_is_none_to_break():
     given = {"vehicle": GUIDED, "position_ned_m": (100.0, 0.0, HIGH_M)}
     without = replace(ABOUT_HOME, stand_off=None)
-    assert not happens(Event.STAND_OFF, State.ENGAGED, envelope=without, evader_ned_m=(100.0, 0.0, HIGH_M), **given)
-    assert not happens(Event.STAND_OFF, State.ENGAGED, envelope=ABOUT_HOME, evader_ned_m=None, **given)
+    assert not happens(
+        Event.STAND_OFF, State.ENGAGED, envelope=without, evader_ned_m=(100.0, 0.0, HIGH_M), **given
+    )
+    assert not happens(
+        Event.STAND_OFF, State.ENGAGED, envelope=ABOUT_HOME, evader_ned_m=None, **given
+    )
 
 
-@pytest.mark.parametrize(("battery", "low"), [(0.25, False), (0.24, True), (math.nan, False), (0.9, False)])
+@pytest.mark.parametrize(
+    ("battery", "low"), [(0.25, False), (0.24, True), (math.nan, False), (0.9, False)]
+)
 def test_a_battery_is_low_below_its_minimum_and_not_where_it_is_unknown(battery, low):
     assert happens(Event.BATTERY_LOW, State.ENGAGED, vehicle=well(status(battery=battery))) is low
-    assert not happens(Event.BATTERY_LOW, State.ENGAGED, vehicle=observe(VehicleState(), [heartbeat(), local()]))
+    assert not happens(
+        Event.BATTERY_LOW, State.ENGAGED, vehicle=observe(VehicleState(), [heartbeat(), local()])
+    )
 
 
 @pytest.mark.parametrize(("silence_s", "lost"), [(1.5, False), (1.51, True), (math.inf, True)])
@@ -231,7 +257,9 @@ def test_an_evader_is_lost_after_its_timeout(silence_s, lost):
 def test_done_is_a_matter_of_configuration():
     for after in AfterCapture:
         settings = settings_of(after_capture=after)
-        assert happens(Event.DONE, State.ON_STATION, settings=settings) is (after is AfterCapture.RETURN)
+        assert happens(Event.DONE, State.ON_STATION, settings=settings) is (
+            after is AfterCapture.RETURN
+        )
 
 
 @pytest.mark.parametrize("mode", [*PX4.custom_modes, Mode.OTHER])
@@ -245,17 +273,22 @@ def test_armed_counts_in_a_mode_of_ours_only(armed, mode):
 @pytest.mark.parametrize(("height_m", "mode", "there"), [
     (9.29, Mode.HOLD, False), (9.31, Mode.HOLD, True), (9.31, Mode.TAKEOFF, False), (12.0, Mode.GUIDED, True),
 ])  # fmt: skip
-def test_the_take_off_height_is_above_home_and_reached_once_the_autopilot_is_done(height_m, mode, there):
+def test_the_take_off_height_is_above_home_and_reached_once_the_autopilot_is_done(
+    height_m, mode, there
+):
     vehicle = well(heartbeat(mode=mode), local(position=(0.0, 0.0, HOME_DOWN_M - height_m)))
     assert happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=vehicle) is there
     high = observe(VehicleState(), [heartbeat(), local(position=(0.0, 0.0, -50.0))])
     assert happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=high)
     assert not happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=high, home_ned_m=None)
-    assert not happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=observe(VehicleState(), [heartbeat(), home()]))
+    assert not happens(
+        Event.AT_HEIGHT, State.CLIMBING, vehicle=observe(VehicleState(), [heartbeat(), home()])
+    )
 
 
 @pytest.mark.parametrize(
-    ("off_m", "speed_m_s", "there"), [(0.99, 0.0, True), (1.0, 0.0, False), (0.0, 0.39, True), (0.0, 0.4, False)]
+    ("off_m", "speed_m_s", "there"),
+    [(0.99, 0.0, True), (1.0, 0.0, False), (0.0, 0.39, True), (0.0, 0.4, False)],
 )
 def test_the_start_is_reached_at_rest_within_a_metre(off_m, speed_m_s, there):
     start = (30.0, -20.0, -15.0)
@@ -274,11 +307,19 @@ def test_the_start_is_reached_at_rest_within_a_metre(off_m, speed_m_s, there):
         ({"evader_silence_s": 1.6}, False),
         ({"vehicle": GUIDED._replace(resets=1, reset_s=NOW_S - 1.0)}, True),
         ({"vehicle": GUIDED._replace(resets=1, reset_s=NOW_S - 0.99)}, False),
-        ({"vehicle": observe(VehicleState(), [heartbeat(mode=Mode.GUIDED), local(NOW_S - 1.2)])}, False),
+        (
+            {"vehicle": observe(VehicleState(), [heartbeat(mode=Mode.GUIDED), local(NOW_S - 1.2)])},
+            False,
+        ),
     ],
 )
 def test_a_pause_ends_once_everything_was_well_for_a_while(changes, clear):
-    assert happens(Event.CLEAR, State.PAUSED, **({"since_s": NOW_S - 1.0, "vehicle": GUIDED} | changes)) is clear
+    assert (
+        happens(
+            Event.CLEAR, State.PAUSED, **({"since_s": NOW_S - 1.0, "vehicle": GUIDED} | changes)
+        )
+        is clear
+    )
 
 
 @pytest.mark.parametrize(
@@ -304,7 +345,8 @@ def test_of_all_that_happens_at_once_the_most_severe_comes_first():
     flags = dict.fromkeys(("no_game", "evader_arrived", "captured", "strayed"), True)
     worst = {
         "vehicle": observe(
-            VehicleState(), [heartbeat(mode=Mode.OTHER, armed=False), local(NOW_S - 1.1), status(battery=0.1)]
+            VehicleState(),
+            [heartbeat(mode=Mode.OTHER, armed=False), local(NOW_S - 1.1), status(battery=0.1)],
         )._replace(resets=1, reboots=1),
         "dt_s": 2.0,
         "since_s": NOW_S - 60.0,
@@ -329,8 +371,18 @@ def test_of_all_that_happens_at_once_the_most_severe_comes_first():
         Event.BATTERY_LOW,
     ]
     engaged = [Event.ESTIMATOR_RESET, Event.LOOP_LATE, Event.EVADER_LOST, Event.NO_GAME]
-    assert list(events(context(State.ENGAGED, **worst))) == [*most_severe, *engaged, Event.ESCAPED, Event.CAPTURED]
-    assert list(events(context(State.ON_STATION, **worst))) == [*most_severe, *engaged, Event.DONE, Event.STRAYED]
+    assert list(events(context(State.ENGAGED, **worst))) == [
+        *most_severe,
+        *engaged,
+        Event.ESCAPED,
+        Event.CAPTURED,
+    ]
+    assert list(events(context(State.ON_STATION, **worst))) == [
+        *most_severe,
+        *engaged,
+        Event.DONE,
+        Event.STRAYED,
+    ]
     assert list(events(context(State.PAUSED, **worst))) == [*most_severe, Event.TIMED_OUT]
     back = {"vehicle": GUIDED, "since_s": NOW_S - 60.0}
     assert list(events(context(State.PAUSED, **back))) == [Event.CLEAR, Event.TIMED_OUT]
@@ -356,7 +408,11 @@ def test_fit_is_every_check_and_no_refusal():
 
 
 def row(name, vehicle, autopilot=PX4):
-    (one,) = [check for check in checks(vehicle, autopilot, NOW_S, battery_minimum=0.25) if check.name == name]
+    (one,) = [
+        check
+        for check in checks(vehicle, autopilot, NOW_S, battery_minimum=0.25)
+        if check.name == name
+    ]
     return one.verdict == "pass", one.value
 
 
@@ -394,7 +450,10 @@ def test_px4_arming_checks_count_although_px4_never_reports_them_as_present():
 
 @pytest.mark.parametrize(("age_s", "passed"), [(1.0, True), (1.1, False)])
 def test_a_position_that_is_a_second_old_is_too_old_to_start_with(age_s, passed):
-    assert row("LocalPosition", observe(VehicleState(), [local(NOW_S - age_s)])) == (passed, f"{age_s:.1f} s old")
+    assert row("LocalPosition", observe(VehicleState(), [local(NOW_S - age_s)])) == (
+        passed,
+        f"{age_s:.1f} s old",
+    )
 
 
 def test_what_was_never_heard_passes_no_check():

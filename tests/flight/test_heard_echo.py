@@ -7,7 +7,15 @@ from hypothesis import strategies as st
 
 from guidance.control import Limiter
 from guidance.flight import Inputs
-from guidance.flight.heard import APART_S, REMEMBERED_S, STRANGE_REPORTS, TOLERANCE_M_S, WINDOW_S, Echo, Heard
+from guidance.flight.heard import (
+    APART_S,
+    REMEMBERED_S,
+    STRANGE_REPORTS,
+    TOLERANCE_M_S,
+    WINDOW_S,
+    Echo,
+    Heard,
+)
 from guidance.messages import EstimatorStatus, PositionTarget, Setpoint
 from tests.flight.scenes import NOW_S, SETTINGS, home, local, settings_of
 
@@ -35,7 +43,9 @@ def test_our_own_setpoint_is_ours_also_where_the_autopilot_cut_it_to_its_limits(
     echo = Echo()
     now_s = flown(echo, velocity)
     for later in range(10):
-        echo.hear(reported(now_s + 0.1 * later, tuple(share * part for part in velocity)), guided=True)
+        echo.hear(
+            reported(now_s + 0.1 * later, tuple(share * part for part in velocity)), guided=True
+        )
         echo.sent(now_s + 0.1 * later, Setpoint(velocity))
     assert not echo.foreign
 
@@ -43,7 +53,9 @@ def test_our_own_setpoint_is_ours_also_where_the_autopilot_cut_it_to_its_limits(
 @settings(deadline=None)  # the machine may be busy
 @given(st.tuples(component, component, component), st.tuples(component, component, component))
 def test_a_velocity_far_from_all_that_was_sent_is_foreign_after_a_few_reports(ours, theirs):
-    nearest = min(math.dist(theirs, [share / 100 * part for part in ours]) for share in range(50, 101))
+    nearest = min(
+        math.dist(theirs, [share / 100 * part for part in ours]) for share in range(50, 101)
+    )
     if nearest < TOLERANCE_M_S + 0.1:
         return
     echo = Echo()
@@ -89,7 +101,9 @@ def test_what_was_sent_two_seconds_ago_is_not_ours_any_more():
     for step in range(250):
         velocity = (3.0, 0.0, 0.0) if step < 150 else (0.0, 3.0, 0.0)
         echo.sent(0.02 * step, Setpoint(velocity))
-    for count, (at_s, foreign) in enumerate(((4.4, False), (4.6, False), (4.8, False), (5.0, True))):
+    for count, (at_s, foreign) in enumerate(
+        ((4.4, False), (4.6, False), (4.8, False), (5.0, True))
+    ):
         echo.hear(reported(at_s, (3.0, 0.0, 0.0)), guided=True)
         assert echo.foreign is foreign, count
 
@@ -124,7 +138,9 @@ def test_odd_reports_between_our_own_are_a_second_source_within_two_seconds(ever
     for step in range(10_000):
         now_s = begun_s + 0.02 * step
         echo.sent(now_s, Setpoint((3.0, 0.0, 0.0)))
-        echo.hear(reported(now_s, (-3.0, 0.0, 0.0) if step % every == 0 else (3.0, 0.0, 0.0)), guided=True)
+        echo.hear(
+            reported(now_s, (-3.0, 0.0, 0.0) if step % every == 0 else (3.0, 0.0, 0.0)), guided=True
+        )
         if echo.foreign:
             break
     assert now_s - begun_s == pytest.approx(2.0 * max(APART_S, 0.02 * every), abs=0.03)
@@ -201,7 +217,9 @@ def test_in_a_mode_that_is_not_ours_nothing_is_strange_and_what_was_is_forgotten
 
 @pytest.mark.parametrize("later_s", [0.0, 0.1, 0.7, 1234.56])
 @pytest.mark.parametrize(("apart_s", "foreign"), [(1.0, True), (1.02, False)])
-def test_three_strange_reports_in_two_seconds_are_foreign_for_any_clock_rounding(apart_s, foreign, later_s):
+def test_three_strange_reports_in_two_seconds_are_foreign_for_any_clock_rounding(
+    apart_s, foreign, later_s
+):
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0)) + later_s
     for count in range(3):
@@ -211,14 +229,17 @@ def test_three_strange_reports_in_two_seconds_are_foreign_for_any_clock_rounding
 
 
 def test_a_position_that_jumps_moves_the_frame_once_and_fences_are_measured_from_it():
-    heard, places = Heard(SETTINGS), [(1.0, 2.0, -14.0), (31.0, 2.0, -14.0), (31.0, 2.0, -14.0), (31.0, -18.0, -10.0)]
+    heard = Heard(SETTINGS)
+    places = [(1.0, 2.0, -14.0), (31.0, 2.0, -14.0), (31.0, 2.0, -14.0), (31.0, -18.0, -10.0)]
     moved = []
     for n, place in enumerate(places):
         said = [home(NOW_S), local(NOW_S + 0.02 * n, place)]
         heard.take_in(Inputs(said), in_flight=True)
         moved.append(heard.moved_ned_m)
         assert heard.position_ned_m == place
-        (circle,) = [wall for wall in heard.view(NOW_S).walls if wall.limiter is Limiter.FENCE_RADIUS]
+        (circle,) = [
+            wall for wall in heard.view(NOW_S).walls if wall.limiter is Limiter.FENCE_RADIUS
+        ]
         assert circle.gap_m == pytest.approx(300.0 - math.hypot(*place[:2]))
         assert heard.messages == said
     assert moved == [(0.0, 0.0, 0.0), (30.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, -20.0, 4.0)]
@@ -229,6 +250,10 @@ def test_the_floor_is_kept_by_the_error_that_the_estimator_reports(sd_m, margin_
     envelope = replace(SETTINGS.cycle.envelope, floor_margin_m=0.5)
     heard = Heard(settings_of(cycle=replace(SETTINGS.cycle, envelope=envelope)))
     said = [home(NOW_S), local(NOW_S)]
-    heard.take_in(Inputs(said if sd_m is None else [*said, EstimatorStatus(NOW_S, sd_m)]), in_flight=True)
+    heard.take_in(
+        Inputs(said if sd_m is None else [*said, EstimatorStatus(NOW_S, sd_m)]), in_flight=True
+    )
     (floor,) = [wall for wall in heard.view(NOW_S).walls if wall.limiter is Limiter.FLOOR]
-    assert (floor.margin_m, floor.gap_m) == pytest.approx((margin_m, 10.0 - envelope.floor_m - margin_m))
+    assert (floor.margin_m, floor.gap_m) == pytest.approx(
+        (margin_m, 10.0 - envelope.floor_m - margin_m)
+    )

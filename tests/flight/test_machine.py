@@ -27,7 +27,10 @@ def test_a_flight_begins_with_a_heartbeat_and_asks_for_streams_home_and_origin()
     assert (first.state, first.happenings[0].event) == (State.CHECKING, Event.HEARD)
     assert (flown.flight.mode_name, flown.flight.mode_title) == ("hold", "HOLD")
     assert [request.command for request in first.requests] == [INTERVAL] * 8 + [MESSAGE] * 2
-    assert [request.params[0] for request in first.requests[-2:]] == [HOME_POSITION, GPS_GLOBAL_ORIGIN]
+    assert [request.params[0] for request in first.requests[-2:]] == [
+        HOME_POSITION,
+        GPS_GLOBAL_ORIGIN,
+    ]
     assert flown.cycle().state is State.READY
 
 
@@ -37,7 +40,9 @@ def test_a_preflight_refusal_prevents_readiness_and_ends_it():
     assert flown.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
     assert flown.cycle().state is State.READY
     assert flown.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
-    assert [check.name for check in flown.flight.checks(flown.now_s) if check.verdict != "pass"] == []
+    assert [
+        check.name for check in flown.flight.checks(flown.now_s) if check.verdict != "pass"
+    ] == []
 
 
 def test_the_time_in_a_phase_counts_from_its_entry():
@@ -87,26 +92,37 @@ def test_a_hovering_vehicle_is_taken_over_and_one_on_the_ground_is_armed():
     for armed, landed in ((True, 1), (False, 2)):
         down = Flown()
         down.cycles(0.1)
-        down.armed, down.landed = armed, landed
+        down.armed = armed
+        down.landed = landed
         down.cycle(beat=True)
         ordered = down.cycle(Event.START).happenings[0]
         assert (ordered.event, ordered.after) == (Event.START, State.ARMING)
 
 
-ENDINGS = [(Event.HOLD, State.HOLDING), (Event.RETURN, State.RETURNING), (Event.LAND, State.LANDING)]
+ENDINGS = [
+    (Event.HOLD, State.HOLDING),
+    (Event.RETURN, State.RETURNING),
+    (Event.LAND, State.LANDING),
+]
 
 
 @pytest.mark.parametrize(("order", "state"), [*ENDINGS, (Event.ABORT, State.LANDING)])
 @pytest.mark.parametrize("mode", [Mode.HOLD, Mode.GUIDED, Mode.RETURN, Mode.OTHER])
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_a_vehicle_found_armed_is_handed_over_on_an_order_and_gets_no_setpoint(autopilot, mode, order, state):
+def test_a_vehicle_found_armed_is_handed_over_on_an_order_and_gets_no_setpoint(
+    autopilot, mode, order, state
+):
     found = Flown(settings_of(autopilot))
-    found.armed, found.landed, found.mode = True, 2, mode
+    found.armed = True
+    found.landed = 2
+    found.mode = mode
     found.cycle(refusals=("GF_ACTION",))
     assert found.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
     asked = found.cycle(order, refusals=("GF_ACTION",))
     assert asked.state is state
-    wanted = {State.HOLDING: Mode.HOLD, State.RETURNING: Mode.RETURN, State.LANDING: Mode.LAND}[state]
+    wanted = {State.HOLDING: Mode.HOLD, State.RETURNING: Mode.RETURN, State.LANDING: Mode.LAND}[
+        state
+    ]
     assert asked.requests == (() if mode is wanted else (autopilot.set_mode(wanted),))
     later = found.cycles(3.0)
     assert found.state is state
@@ -128,7 +144,10 @@ def test_of_a_vehicle_that_is_not_armed_there_is_nothing_to_end(order, state):
 
 def test_what_was_taken_before_its_checks_passed_is_not_engaged_until_they_do():
     found = Flown()
-    found.armed, found.landed, found.evader, found.position[2] = True, 2, (60.0, 0.0), HOME_DOWN_M - 10.0
+    found.armed = True
+    found.landed = 2
+    found.evader = (60.0, 0.0)
+    found.position[2] = HOME_DOWN_M - 10.0
     refused = {"refusals": ("GF_ACTION",)}
     found.cycle(**refused)
     found.cycle(Event.HOLD, **refused)
@@ -142,13 +161,15 @@ def test_a_vehicle_that_was_ready_is_engaged_again_unless_a_check_refuses():
     found.cycle(Event.HOLD)
     assert found.flight.checked
     assert found.cycle(Event.ENGAGE, refusals=("GF_ACTION",)).state is State.HOLDING
-    unfit = [status(found.now_s, healthy=0)]  # in the air an autopilot's own checks for arming are no more asked for
+    # In the air an autopilot's own checks for arming are no more asked for
+    unfit = [status(found.now_s, healthy=0)]
     assert found.cycle(Event.ENGAGE, more=unfit).state is State.ENTERING
 
 
 def test_readiness_that_was_lost_again_does_not_count():
     found = Flown()
-    found.armed, found.landed = True, 2
+    found.armed = True
+    found.landed = 2
     found.cycles(0.1)
     assert found.state is State.READY
     found.cycle(refusals=("GF_ACTION",))
@@ -159,7 +180,9 @@ def test_readiness_that_was_lost_again_does_not_count():
 def test_only_orders_may_be_ordered():
     flown = Flown()
     for event in set(Event) - ORDERS:
-        with pytest.raises(ValueError, match=r"^order = .*: allowed are abort, engage, hold, land, return, start$"):
+        with pytest.raises(
+            ValueError, match=r"^order = .*: allowed are abort, engage, hold, land, return, start$"
+        ):
             flown.cycle(event)
 
 
@@ -183,8 +206,11 @@ def test_the_guided_mode_is_requested_after_a_setpoint_and_a_requested_heartbeat
     streamed = flown.cycles(STREAM_FIRST_S - CYCLE_S, beat=True)
     assert all(one.setpoint is not None for one in streamed)
     assert set(commands(streamed)) == {MESSAGE}
-    assert PX4.set_mode(Mode.GUIDED) in [request for one in flown.cycles(0.06, beat=True) for request in one.requests]
-    flown.mode, flown.beat_s = Mode.GUIDED, math.inf  # no HEARTBEAT but those of the test
+    assert PX4.set_mode(Mode.GUIDED) in [
+        request for one in flown.cycles(0.06, beat=True) for request in one.requests
+    ]
+    flown.mode = Mode.GUIDED
+    flown.beat_s = math.inf  # no HEARTBEAT but those of the test
     asked = flown.cycles(BEAT_EVERY_S)
     assert [request for one in asked for request in one.requests] == [BEAT]
     assert flown.cycle(beat=True).state is State.ENGAGED
@@ -197,20 +223,28 @@ def test_the_wait_for_a_requested_heartbeat_is_bounded():
     outputs = [flown.cycle(Event.ENGAGE), *flown.cycles(UNHEARD_S - 2 * CYCLE_S)]
     assert set(commands(outputs)) == {MESSAGE}
     asked = flown.cycles(3 * CYCLE_S)
-    assert [request for one in asked for request in one.requests if request != BEAT] == [PX4.set_mode(Mode.GUIDED)]
+    assert [request for one in asked for request in one.requests if request != BEAT] == [
+        PX4.set_mode(Mode.GUIDED)
+    ]
     assert all(one.setpoint is not None for one in (*outputs, *asked))
 
 
 @pytest.mark.parametrize("began_s", [0.0, 1234.56])
 @pytest.mark.parametrize(("autopilot", "streamed"), [(PX4, 10), (ARDUCOPTER, 0)])
-def test_guided_mode_requests_are_sent_in_the_due_cycle_for_any_clock_rounding(autopilot, streamed, began_s):
+def test_guided_mode_requests_are_sent_in_the_due_cycle_for_any_clock_rounding(
+    autopilot, streamed, began_s
+):
     for beat, due in ((True, streamed + 1), (False, 20)):
         flown = Flown(settings_of(autopilot))
         flown.now_s += began_s
         flown.standing_by()
         flown.beat_s = math.inf  # no HEARTBEAT but those of the test
-        asked = [flown.cycle(Event.ENGAGE).requests, *(flown.cycle(beat=beat).requests for _ in range(20))]
-        mode, message = autopilot.set_mode(Mode.GUIDED), autopilot.request_message(HEARTBEAT)
+        asked = [
+            flown.cycle(Event.ENGAGE).requests,
+            *(flown.cycle(beat=beat).requests for _ in range(20)),
+        ]
+        mode = autopilot.set_mode(Mode.GUIDED)
+        message = autopilot.request_message(HEARTBEAT)
         assert [n for n, requests in enumerate(asked) if mode in requests] == [due]
         assert [n for n, requests in enumerate(asked) if message in requests] == [0, 5, 10, 15, 20]
 
@@ -218,7 +252,9 @@ def test_guided_mode_requests_are_sent_in_the_due_cycle_for_any_clock_rounding(a
 def test_the_guided_mode_is_requested_again_only_while_another_of_our_modes_is_on():
     flown = Flown().standing_by()
     flown.cycle(Event.ENGAGE)
-    assert PX4.set_mode(Mode.GUIDED) in [request for one in flown.cycles(0.3, beat=True) for request in one.requests]
+    assert PX4.set_mode(Mode.GUIDED) in [
+        request for one in flown.cycles(0.3, beat=True) for request in one.requests
+    ]
     flown.beat_s = math.inf  # no HEARTBEAT but those of the test
     quiet = flown.cycles(REPEAT_S + 0.5)
     assert set(commands(quiet)) == {MESSAGE}
@@ -256,7 +292,9 @@ def test_a_pilots_switch_is_not_undone_by_a_request_that_is_due():
         (Event.LAND, State.LANDING, Mode.LAND),
     ],
 )
-def test_a_hover_goes_out_until_a_heartbeat_shows_that_the_autopilot_has_taken_over(order, state, mode):
+def test_a_hover_goes_out_until_a_heartbeat_shows_that_the_autopilot_has_taken_over(
+    order, state, mode
+):
     flown = Flown().engaged()
     handed = flown.cycle(order)
     assert handed.state is state
@@ -281,11 +319,16 @@ def test_what_an_order_will_do_is_foreseen_and_asking_changes_nothing(brought, r
         assert foreseen is (happening.after is not before)
 
 
-@pytest.mark.parametrize(("engage_on", "taken"), [(EngageOn.COMMAND, False), (EngageOn.PILOT_MODE, True)])
+@pytest.mark.parametrize(
+    ("engage_on", "taken"), [(EngageOn.COMMAND, False), (EngageOn.PILOT_MODE, True)]
+)
 def test_a_piloted_vehicle_is_taken_over_only_if_the_pilot_engages(engage_on, taken):
     flown = Flown(settings_of(engage_on=engage_on))
     flown.cycles(0.1)
-    flown.armed, flown.landed, flown.mode, flown.position[2] = True, 2, Mode.OTHER, HOME_DOWN_M - 10.0
+    flown.armed = True
+    flown.landed = 2
+    flown.mode = Mode.OTHER
+    flown.position[2] = HOME_DOWN_M - 10.0
     flown.cycle(beat=True)
     assert flown.flight.follows(Event.START, flown.now_s) is taken
     (happening,) = flown.cycle(Event.START).happenings
@@ -294,13 +337,16 @@ def test_a_piloted_vehicle_is_taken_over_only_if_the_pilot_engages(engage_on, ta
 
 
 def test_an_evader_may_be_set_down_elsewhere_before_the_flight_and_not_in_it():
-    on_ground, in_flight = Flown(), Flown().standing_by()
+    on_ground = Flown()
+    in_flight = Flown().standing_by()
     for flown in (on_ground, in_flight):
         flown.evader = (60.0, 0.0)
         flown.cycles(1.0)
         flown.evader = (560.0, 0.0)
         flown.cycles(1.5)
-    north_m = [one.flight.tracking.evader(one.now_s).position_ned_m[0] for one in (on_ground, in_flight)]
+    north_m = [
+        one.flight.tracking.evader(one.now_s).position_ned_m[0] for one in (on_ground, in_flight)
+    ]
     assert north_m == pytest.approx([560.0, 60.0], abs=5.0)
 
 

@@ -39,7 +39,10 @@ def spoilt(message):
             yield from (message._replace(**{name: bad}) for bad in (-(2**63), 2**63 - 1, -1))
         elif isinstance(value, tuple):
             for axis in range(3):
-                yield from (message._replace(**{name: (*value[:axis], bad, *value[axis + 1 :])}) for bad in BAD)
+                yield from (
+                    message._replace(**{name: (*value[:axis], bad, *value[axis + 1 :])})
+                    for bad in BAD
+                )
 
 
 @pytest.mark.parametrize("kind", sorted([*get_args(Message), EvaderReport], key=str))
@@ -49,7 +52,9 @@ def test_any_plausible_number_in_any_message_ends_no_flight(kind):
         outputs = []
         for bad in filter(is_plausible, spoilt(sane(kind, flown.now_s))):  # links drop all others
             said = [bad._replace(received_s=flown.now_s)]
-            outputs.append(flown.cycle(reports=said) if kind is EvaderReport else flown.cycle(more=said))
+            outputs.append(
+                flown.cycle(reports=said) if kind is EvaderReport else flown.cycle(more=said)
+            )
             outputs += flown.cycles(0.04)
         assert flown.flight.fault is None
         assert_within_limits(outputs)
@@ -82,7 +87,11 @@ def test_nonsense_leaves_what_was_known_as_it_was():
     before = flown.flight.heard.cycle.envelope, flown.flight.tracking.local_frame
     for number in BAD:
         flown.cycle(more=[Home(flown.now_s, 47.0, 8.0, 488.0, (number, 0.0, 0.0))])
-        flown.cycle(more=[LocalPosition(flown.now_s, flown.now_s + 0.001, (0.0, number, 0.0), (0.0, 0.0, 0.0))])
+        flown.cycle(
+            more=[
+                LocalPosition(flown.now_s, flown.now_s + 0.001, (0.0, number, 0.0), (0.0, 0.0, 0.0))
+            ]
+        )
     assert (flown.flight.heard.cycle.envelope, flown.flight.tracking.local_frame) == before
     assert flown.state is State.ENGAGED
 
@@ -95,17 +104,22 @@ def break_at(flown, monkeypatch):
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_an_error_of_our_own_ends_in_the_autopilots_hold_says_why_and_yields(autopilot, monkeypatch):
+def test_an_error_of_our_own_ends_in_the_autopilots_hold_says_why_and_yields(
+    autopilot, monkeypatch
+):
     flown = Flown(settings_of(autopilot)).engaged()
     break_at(flown, monkeypatch)
     failed = flown.cycle()
     assert (failed.state, failed.setpoint) == (State.YIELDED, None)
     assert failed.requests == (autopilot.set_mode(Mode.HOLD),)
-    assert [(h.event, h.before, h.after) for h in failed.happenings] == [(Event.FAULT, State.ENGAGED, State.YIELDED)]
+    assert [(h.event, h.before, h.after) for h in failed.happenings] == [
+        (Event.FAULT, State.ENGAGED, State.YIELDED)
+    ]
     assert failed.fault.startswith("ZeroDivisionError: the speed is nil (broken, line ")
     assert flown.flight.fault == failed.fault
     outputs = flown.cycles(REPEAT_S + 1.5)
-    assert commands(outputs) == [SET_MODE]  # again, for a HEARTBEAT shows that it has not been heard
+    # Again, for a HEARTBEAT shows that it has not been heard
+    assert commands(outputs) == [SET_MODE]
     flown.mode = Mode.HOLD
     flown.cycle(beat=True)
     flown.mode = Mode.GUIDED  # a pilot's doing
@@ -141,7 +155,9 @@ def test_after_an_internal_error_orders_are_refused_without_another_error(monkey
     assert flown.flight.follows(Event.HOLD, flown.now_s)
     monkeypatch.setattr(flown.flight.tracking, "silence_s", lambda _now_s: 1 / 0)
     assert flown.cycle().fault.startswith("ZeroDivisionError")
-    assert [flown.flight.follows(order, flown.now_s) for order in sorted(ORDERS)] == [False] * len(ORDERS)
+    assert [flown.flight.follows(order, flown.now_s) for order in sorted(ORDERS)] == [False] * len(
+        ORDERS
+    )
 
 
 def test_after_an_error_modes_are_still_shown_and_a_second_error_is_no_second_fault(monkeypatch):
@@ -158,7 +174,10 @@ def test_after_an_error_modes_are_still_shown_and_a_second_error_is_no_second_fa
     assert flown.flight.fault.startswith("ZeroDivisionError: the speed is nil")
 
 
-LOST = {"loop stopped": {"dt_s": 3.1, "beat": True}, "telemetry lost": {"dt_s": 3.1, "silent": True}}
+LOST = {
+    "loop stopped": {"dt_s": 3.1, "beat": True},
+    "telemetry lost": {"dt_s": 3.1, "silent": True},
+}
 
 
 def yielded(autopilot, how):
@@ -178,7 +197,9 @@ def test_an_arducopter_waiting_in_guided_after_a_loss_is_switched_to_hold(how):
     assert commands([*flown.cycles(0.5), flown.cycle(beat=True)]) == []
     flown.cycles(REPEAT_S)
     flown.mode = Mode.GUIDED
-    assert SET_MODE in commands([flown.cycle(beat=True), *flown.cycles(REPEAT_S), flown.cycle(beat=True)])
+    assert SET_MODE in commands(
+        [flown.cycle(beat=True), *flown.cycles(REPEAT_S), flown.cycle(beat=True)]
+    )
     flown.mode = Mode.HOLD
     flown.cycle(beat=True)
     flown.mode = Mode.GUIDED  # somebody else's now
@@ -189,7 +210,9 @@ def test_an_arducopter_waiting_in_guided_after_a_loss_is_switched_to_hold(how):
 
 
 @pytest.mark.parametrize("how", sorted(LOST))
-@pytest.mark.parametrize(("autopilot", "mode"), [(ARDUCOPTER, Mode.OTHER), (ARDUCOPTER, Mode.LAND), (PX4, Mode.GUIDED)])
+@pytest.mark.parametrize(
+    ("autopilot", "mode"), [(ARDUCOPTER, Mode.OTHER), (ARDUCOPTER, Mode.LAND), (PX4, Mode.GUIDED)]
+)
 def test_after_a_loss_no_mode_is_requested_from_a_pilot_or_an_active_failsafe(how, autopilot, mode):
     flown, _ = yielded(autopilot, how)
     flown.mode = mode

@@ -22,7 +22,13 @@ class Held:
 
     def step(self, *messages, alive=None, orders=()):
         now_s = self.now_s
-        well = [heartbeat(now_s), local(now_s), Attitude(now_s, now_s, 0.0), LandedState(now_s, 2), status(now_s)]
+        well = [
+            heartbeat(now_s),
+            local(now_s),
+            Attitude(now_s, now_s, 0.0),
+            LandedState(now_s, 2),
+            status(now_s),
+        ]
         outputs = self.flight.step(now_s, Inputs([*messages, *well], (), orders, (), alive))
         self.now_s += CYCLE_S
         return [one.event for one in outputs.happenings]
@@ -59,13 +65,24 @@ def test_before_its_first_cycle_a_flight_has_missed_nobody():
 
 @pytest.mark.parametrize(
     ("silence_s", "expected"),
-    [(4.9, []), (5.1, [Event.OPERATOR_LOST]), (14.9, [Event.OPERATOR_LOST]), (15.1, [Event.OPERATOR_LOST])],
+    [
+        (4.9, []),
+        (5.1, [Event.OPERATOR_LOST]),
+        (14.9, [Event.OPERATOR_LOST]),
+        (15.1, [Event.OPERATOR_LOST]),
+    ],
 )
 def test_who_falls_silent_in_a_game_ends_it(silence_s, expected):
     settings = settings_of(operator_timeout_s=5.0, operator_return_s=10.0)
     playing = context(
-        State.ENGAGED, settings=settings, operator_s=NOW_S - silence_s, vehicle=well(heartbeat(mode=Mode.GUIDED))
+        State.ENGAGED,
+        settings=settings,
+        operator_s=NOW_S - silence_s,
+        vehicle=well(heartbeat(mode=Mode.GUIDED)),
     )
     assert list(events(playing))[:1] == expected
     gone = [Event.OPERATOR_GONE] if silence_s > 15.0 else []
-    assert list(events(context(State.HOLDING, settings=settings, operator_s=NOW_S - silence_s))) == gone
+    assert (
+        list(events(context(State.HOLDING, settings=settings, operator_s=NOW_S - silence_s)))
+        == gone
+    )

@@ -15,7 +15,10 @@ from tests.flight.scenes import HOME_DOWN_M, SETTINGS, home, local
 HERE = (47.397742, 8.545594)
 ZERO = LocalFrame(*HERE, Amsl(488.0), projection=PX4.projection)
 TEAM = SETTINGS.model_copy(
-    update={"team": TeamSection(separation_m=8.0, separation_height_m=3.0), "evaders": {"red": 2.0, "blue": 3.0}}
+    update={
+        "team": TeamSection(separation_m=8.0, separation_height_m=3.0),
+        "evaders": {"red": 2.0, "blue": 3.0},
+    }
 )
 AT_S = 100.0
 UP_M = HOME_DOWN_M - 10.0
@@ -23,7 +26,9 @@ UP_M = HOME_DOWN_M - 10.0
 
 def mate(north_m, *, at_s=AT_S, velocity=(0.0, 0.0, 0.0), airborne=True, doubt_m=0.0):
     latitude, longitude, altitude = ZERO.wgs84_from_ned((north_m, 0.0, UP_M))
-    return MateState("bravo", at_s, latitude, longitude, altitude.metres, velocity, 6.0, doubt_m, airborne)
+    return MateState(
+        "bravo", at_s, latitude, longitude, altitude.metres, velocity, 6.0, doubt_m, airborne
+    )
 
 
 def heard(*mates, now_s=AT_S, role=None, reports=()):
@@ -64,10 +69,17 @@ def flown_beside(*others, mates=(), now_s=AT_S, reports=(), settings=TEAM):
 def test_another_aircraft_is_a_disc_that_grows_until_it_is_forgotten():
     assert gap_m(flown_beside(aircraft(90.0))) == pytest.approx(82.0, abs=0.01)
     assert gap_m(flown_beside(aircraft(90.0, error_m=30.0))) == pytest.approx(52.0, abs=0.01)
-    moving = [gap_m(flown_beside(aircraft(90.0, velocity=(0.0, 8.0, 0.0), age_s=age_s))) for age_s in (1.0, 2.0)]
+    moving = [
+        gap_m(flown_beside(aircraft(90.0, velocity=(0.0, 8.0, 0.0), age_s=age_s)))
+        for age_s in (1.0, 2.0)
+    ]
     assert 6.0 < moving[0] - moving[1] <= 8.01
-    unknown = aircraft(300.0, velocity=(math.nan, math.nan, math.nan), altitude_amsl_m=math.nan, age_s=2.0)
-    assert gap_m(flown_beside(unknown)) == pytest.approx(300.0 - 8.0 - 0.5 * 5.0 * 0.25 - 60.0 * 1.5, abs=0.1)
+    unknown = aircraft(
+        300.0, velocity=(math.nan, math.nan, math.nan), altitude_amsl_m=math.nan, age_s=2.0
+    )
+    assert gap_m(flown_beside(unknown)) == pytest.approx(
+        300.0 - 8.0 - 0.5 * 5.0 * 0.25 - 60.0 * 1.5, abs=0.1
+    )
     late = AT_S + FORGOTTEN_S + 0.1
     assert gap_m(flown_beside(aircraft(90.0), now_s=late), late) == math.inf
 
@@ -79,15 +91,20 @@ def test_another_aircraft_pauses_nothing_and_a_vehicle_alone_keeps_no_distance_t
 
 
 def test_an_aircraft_where_a_mate_or_an_evader_is_is_that_one():
-    report = EvaderReport(AT_S, AT_S, "test", HERE[0] + 5e-4, HERE[1], 488.0 - UP_M, (0.0, 0.0, 0.0), evader="red")
+    report = EvaderReport(
+        AT_S, AT_S, "test", HERE[0] + 5e-4, HERE[1], 488.0 - UP_M, (0.0, 0.0, 0.0), evader="red"
+    )
     assert flown_beside(aircraft(90.0), mates=(mate(85.0),)).aircraft == {}
     assert flown_beside(aircraft(90.0), mates=(mate(60.0),)).aircraft.keys() == {"ICAO 3C6444"}
     assert flown_beside(aircraft(55.0), reports=(report,)).aircraft == {}
 
 
 def test_a_silent_mate_becomes_a_disc_that_grows_with_its_top_speed():
-    young, old = AT_S + 0.5, AT_S + 1.5
-    grown_m = gap_m(heard(mate(60.0), now_s=young), young) - gap_m(heard(mate(60.0), now_s=old), old)
+    young = AT_S + 0.5
+    old = AT_S + 1.5
+    grown_m = gap_m(heard(mate(60.0), now_s=young), young) - gap_m(
+        heard(mate(60.0), now_s=old), old
+    )
     assert grown_m == pytest.approx(6.0, abs=0.01)
     late = AT_S + FORGOTTEN_S + 0.1
     assert gap_m(heard(mate(60.0), now_s=late), late) == math.inf
@@ -102,7 +119,18 @@ def test_a_mate_nearby_that_is_silent_for_two_seconds_is_named(north_m, near):
 
 def test_a_role_chooses_the_evader_its_speed_and_the_height():
     reports = [
-        EvaderReport(AT_S, AT_S, "test", HERE[0] + north, HERE[1], 488.0, (0.0, 0.0, 0.0), 0.1, 0.1, evader=name)
+        EvaderReport(
+            AT_S,
+            AT_S,
+            "test",
+            HERE[0] + north,
+            HERE[1],
+            488.0,
+            (0.0, 0.0, 0.0),
+            0.1,
+            0.1,
+            evader=name,
+        )
         for name, north in (("red", 1e-4), ("blue", -1e-4))
     ]
     for name, sign, speed_m_s in (("red", 1.0, 2.0), ("blue", -1.0, 3.0)):

@@ -39,7 +39,9 @@ def test_the_game_is_played_on_an_evader_and_hovered_through_without_one():
     (lost,) = [h for one in outputs for h in one.happenings]
     assert (lost.event, lost.after) == (Event.EVADER_LOST, State.PAUSED)
     assert outputs[-1].certificate is None
-    assert flown.cycles(2.0)[-1].setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, 0.0), abs=0.3)
+    assert flown.cycles(2.0)[-1].setpoint.velocity_ned_m_s == pytest.approx(
+        (0.0, 0.0, 0.0), abs=0.3
+    )
     flown.evader = (60.0, 0.0)
     back = flown.cycles(1.5)
     assert [h.after for one in back for h in one.happenings] == [State.ENGAGED]
@@ -71,7 +73,9 @@ def test_the_heading_of_the_engagement_is_held_until_the_vehicle_is_handed_over(
     assert flown.cycle(Event.ENGAGE).setpoint.yaw_rad == pytest.approx(1.1)
 
 
-@pytest.mark.parametrize(("after", "moves"), [(AfterCapture.HOLD, False), (AfterCapture.SHADOW, True)])
+@pytest.mark.parametrize(
+    ("after", "moves"), [(AfterCapture.HOLD, False), (AfterCapture.SHADOW, True)]
+)
 def test_on_station_the_vehicle_hovers_or_follows_as_configured(after, moves):
     flown = Flown(settings_of(after_capture=after)).engaged(evader=(3.2, 0.0), height_m=5.0)
     flown.cycles(1.0)
@@ -84,7 +88,9 @@ def test_on_station_the_vehicle_hovers_or_follows_as_configured(after, moves):
 
 
 def test_after_the_capture_it_returns_where_that_is_configured():
-    flown = Flown(settings_of(after_capture=AfterCapture.RETURN)).engaged(evader=(3.2, 0.0), height_m=5.0)
+    flown = Flown(settings_of(after_capture=AfterCapture.RETURN)).engaged(
+        evader=(3.2, 0.0), height_m=5.0
+    )
     events = [h.event for one in flown.cycles(1.0) for h in one.happenings]
     assert events == [Event.CAPTURED, Event.DONE]
     assert flown.state is State.RETURNING
@@ -112,11 +118,14 @@ def test_an_estimators_jump_pauses_once():
 def test_another_sources_setpoints_end_in_the_autopilots_hold_and_our_own_do_not():
     flown = Flown().engaged()
     for _ in range(200):
-        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, flown.outputs.setpoint.velocity_ned_m_s)])
+        flown.cycle(
+            more=[PositionTarget(flown.now_s, 0.0, 0, flown.outputs.setpoint.velocity_ned_m_s)]
+        )
     assert flown.state is State.ENGAGED
     for _ in range(31):
         flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, (-5.0, 5.0, 0.0))])
-    assert flown.state is State.ENGAGED  # it may be a pilot's: that is for the next HEARTBEAT to say
+    # It may be a pilot's: that is for the next HEARTBEAT to say
+    assert flown.state is State.ENGAGED
     flown.cycle(beat=True)
     assert flown.state is State.HOLDING
 
@@ -125,9 +134,12 @@ def test_a_pilots_setpoints_are_not_another_source_and_cause_no_command():
     flown = Flown().engaged()
     flown.cycles(4.0)
     flown.mode = Mode.OTHER
-    before_the_beat = [flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, (-5.0, 5.0, 0.0))]) for _ in range(31)]
+    before_the_beat = [
+        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, (-5.0, 5.0, 0.0))]) for _ in range(31)
+    ]
     assert {one.state for one in before_the_beat} == {State.ENGAGED}
-    assert set(commands(before_the_beat)) == {MESSAGE}  # a HEARTBEAT was asked for, to see who flies
+    # A HEARTBEAT was asked for, to see who flies
+    assert set(commands(before_the_beat)) == {MESSAGE}
     assert commands([flown.cycle(beat=True), *flown.cycles(3.0)]) == []
     assert flown.state is State.YIELDED
 
@@ -169,8 +181,10 @@ def test_a_pilot_is_invited_by_a_neutral_stream_after_the_hold_was_asked_for():
     assert (streaming.index(True) + 1) * CYCLE_S == pytest.approx(INVITE_AFTER_S, abs=CYCLE_S)
     assert all(streaming[streaming.index(True) :])
     flown.cycles(3.0)
-    assert commands(flown.cycles(3.0)) == []  # the hold is asked for once: the pilot's next switch is an answer
-    flown.mode, flown.position[2] = Mode.OTHER, HOME_DOWN_M - 30.0
+    # The hold is asked for once: the pilot's next switch is an answer
+    assert commands(flown.cycles(3.0)) == []
+    flown.mode = Mode.OTHER
+    flown.position[2] = HOME_DOWN_M - 30.0
     followed = flown.cycles(2.0)
     assert flown.state is State.STANDING_BY
     assert followed[-1].setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
@@ -191,7 +205,10 @@ def test_a_mode_that_the_vehicle_was_left_in_is_no_invitation():
 def test_a_mode_that_was_chosen_before_standing_by_is_no_invitation_either():
     flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE))
     flown.cycles(0.1)
-    flown.armed, flown.landed, flown.evader, flown.position[2] = True, 2, (60.0, 0.0), HOME_DOWN_M - 10.0
+    flown.armed = True
+    flown.landed = 2
+    flown.evader = (60.0, 0.0)
+    flown.position[2] = HOME_DOWN_M - 10.0
     for flown.mode in (Mode.OTHER, Mode.GUIDED):
         flown.cycle(beat=True)
     assert flown.cycle(Event.START).state is State.STANDING_BY
@@ -209,7 +226,9 @@ def test_a_pilot_who_flies_while_waited_for_keeps_the_vehicle_against_any_order(
 
 def test_heights_count_from_where_home_is_now():
     flown = Flown().engaged()
-    assert flown.flight.heard.cycle.envelope == replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
+    assert flown.flight.heard.cycle.envelope == replace(
+        ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M)
+    )
 
 
 def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cycle():
@@ -231,8 +250,11 @@ def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cyc
 def test_of_all_that_happens_in_one_cycle_the_most_severe_alone_has_an_effect():
     flown = Flown().engaged()
     flown.cycles(0.5)
-    flown.mode, flown.armed = Mode.OTHER, False
-    outputs = flown.cycle(beat=True, dt_s=0.3, more=[Odometry(flown.now_s, 1), Odometry(flown.now_s, 2)])
+    flown.mode = Mode.OTHER
+    flown.armed = False
+    outputs = flown.cycle(
+        beat=True, dt_s=0.3, more=[Odometry(flown.now_s, 1), Odometry(flown.now_s, 2)]
+    )
     assert [h.event for h in outputs.happenings] == [Event.PILOT]
     late = Flown().engaged()
     late.cycles(0.5)
@@ -259,7 +281,8 @@ def test_every_final_state_is_silent_and_asks_nothing():
 
 def heard_of(settings, vehicle, mode=None):
     heard = Heard(settings)
-    heard.vehicle, heard.mode = vehicle, mode
+    heard.vehicle = vehicle
+    heard.mode = mode
     return heard
 
 
@@ -285,10 +308,22 @@ def test_each_state_asks_for_what_it_needs_and_for_nothing_that_is_there(state, 
         assert asked == (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
     elif state is State.CLIMBING:
         assert asked == (autopilot.takeoff(height_m=10.0, home_amsl_m=492.0),)
-        assert requests_in(state, settings, heard_of(settings, observe(vehicle, [LandedState(0.0, 2)]))) == ()
-        assert requests_in(state, settings, heard_of(settings, observe(VehicleState(), [LandedState(0.0, 1)]))) == ()
+        assert (
+            requests_in(
+                state, settings, heard_of(settings, observe(vehicle, [LandedState(0.0, 2)]))
+            )
+            == ()
+        )
+        assert (
+            requests_in(
+                state, settings, heard_of(settings, observe(VehicleState(), [LandedState(0.0, 1)]))
+            )
+            == ()
+        )
     elif state is State.POSITIONING:
-        assert asked == (autopilot.reposition(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=500.0),)
+        assert asked == (
+            autopilot.reposition(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=500.0),
+        )
         assert requests_in(state, settings, heard_of(settings, vehicle, Mode.OTHER)) == ()
     elif state is State.CHECKING:
         assert len(asked) == len(autopilot.streams_hz) + 2
@@ -311,7 +346,8 @@ def test_a_start_that_is_configured_is_flown_to_by_the_autopilot():
     flown.cycle(Event.START)
     flown.armed = True
     flown.cycle(beat=True)
-    flown.landed, flown.position[2] = 2, HOME_DOWN_M - 10.0
+    flown.landed = 2
+    flown.position[2] = HOME_DOWN_M - 10.0
     outputs = [flown.cycle(beat=True), *flown.cycles(0.1)]
     assert flown.state is State.POSITIONING
     (request,) = [request for one in outputs for request in one.requests]
@@ -323,10 +359,18 @@ def test_a_start_that_is_configured_is_flown_to_by_the_autopilot():
 
 def test_default_settings_of_a_flight():
     said = FlightSettings(autopilot=ARDUCOPTER, cycle=SETTINGS.cycle, takeoff_height_m=10.0)
-    assert (said.start_game_m, said.after_capture, said.engage_on) == (None, AfterCapture.HOLD, EngageOn.COMMAND)
+    assert (said.start_game_m, said.after_capture, said.engage_on) == (
+        None,
+        AfterCapture.HOLD,
+        EngageOn.COMMAND,
+    )
     assert (said.battery_minimum, said.settle_s, said.guarantee_slack_s) == (0.25, 1.0, 0.3)
     assert (said.reserve, said.farthest_m, said.hold_on_rival) == (None, 200.0, True)
-    assert (said.longest_chase_s, said.operator_timeout_s, said.operator_return_s) == (None, None, 30.0)
+    assert (said.longest_chase_s, said.operator_timeout_s, said.operator_return_s) == (
+        None,
+        None,
+        30.0,
+    )
     assert said.limits_s == {
         State.CONNECTING: 30.0,
         State.CHECKING: 90.0,
@@ -343,10 +387,12 @@ def test_no_state_that_commands_is_silent_and_no_other_speaks():
     for state in set(State) - FINAL:
         flown = Flown().engaged()
         flown.cycles(0.3)
-        flown.flight._stage.state, flown.mode = state, Mode.HOLD
+        flown.flight._stage.state = state
+        flown.mode = Mode.HOLD
         flown.flight._stage.since_s = flown.now_s
         speaks = flown.flight._setpoint(flown.now_s) is not None
-        assert speaks is (state in SETPOINT_STATES | HANDING_OVER)  # HEARTBEAT still shows the guided mode
+        # HEARTBEAT still shows the guided mode
+        assert speaks is (state in SETPOINT_STATES | HANDING_OVER)
 
 
 def test_a_chase_has_a_longest_time_its_pauses_included_and_a_new_one_begins_anew():

@@ -42,14 +42,21 @@ def test_remembered_positions_move_with_the_local_frame_and_nothing_else_does():
         (State.ENTERING, State.ENGAGED, True, True),
         (State.ENGAGED, State.PAUSED, True, True),
         (State.PAUSED, State.ENGAGED, True, True),
-        (State.ENGAGED, State.ON_STATION, True, False),  # the promise is kept: the next one is another
+        (
+            State.ENGAGED,
+            State.ON_STATION,
+            True,
+            False,
+        ),  # the promise is kept: the next one is another
         (State.ON_STATION, State.ENGAGED, True, True),
         (State.ENGAGED, State.HOLDING, False, False),
     ],
 )
 def test_a_change_of_state_keeps_what_goes_on(before, after, remembers, watches_on):
     playing = Playing(SETTINGS)
-    playing._memory, playing._monitor, playing.certificate = BEGUN, PROMISED, QUIET
+    playing._memory = BEGUN
+    playing._monitor = PROMISED
+    playing.certificate = QUIET
     playing.change(before, after)
     assert playing._memory == (BEGUN if remembers else CycleMemory())
     assert playing._monitor == (PROMISED if watches_on else MonitorMemory())
@@ -58,15 +65,20 @@ def test_a_change_of_state_keeps_what_goes_on(before, after, remembers, watches_
 
 def test_nothing_was_promised_about_a_pause():
     playing = Playing(SETTINGS)
-    playing._monitor = PROMISED._replace(best=20.0, since_s=3.0, oldest_s=0.2, reachable_m_s=8.0, told_slow=True)
+    playing._monitor = PROMISED._replace(
+        best=20.0, since_s=3.0, oldest_s=0.2, reachable_m_s=8.0, told_slow=True
+    )
     playing.change(State.ENGAGED, State.PAUSED)
-    assert playing._monitor == PROMISED.restarted()._replace(oldest_s=0.2, reachable_m_s=8.0, told_slow=True)
+    assert playing._monitor == PROMISED.restarted()._replace(
+        oldest_s=0.2, reachable_m_s=8.0, told_slow=True
+    )
 
 
 def test_nothing_was_promised_about_the_evader_played_next():
     playing = Playing(SETTINGS)
     playing._memory = BEGUN._replace(optimal_game_m_s=(3.0, -4.0, 0.0))
-    playing._monitor, playing.certificate = PROMISED, QUIET
+    playing._monitor = PROMISED
+    playing.certificate = QUIET
     playing.switch()
     assert playing.certificate is None
     assert playing._monitor == MonitorMemory()
@@ -84,7 +96,8 @@ def test_silence_clears_the_alarm():
 def test_a_pilot_who_climbs_with_the_neutral_stream_is_not_pulled_back():
     flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
     flown.cycles(INVITE_AFTER_S + 0.5)
-    flown.mode, flown.velocity = Mode.OTHER, [0.0, 0.0, -3.0]
+    flown.mode = Mode.OTHER
+    flown.velocity = [0.0, 0.0, -3.0]
     for _ in range(100):
         flown.position[2] -= 3.0 * CYCLE_S
         flown.cycle()

@@ -14,7 +14,9 @@ from guidance.messages import Attitude, LandedState
 from tests.flight.flown import Flown
 from tests.flight.scenes import NOW_S, heartbeat, home, local, settings_of, status
 
-RESERVE = Reserve(endurance_s=600.0, left=0.1, return_speed_m_s=5.0, landing_speed_m_s=0.5, wind_m_s=2.0)
+RESERVE = Reserve(
+    endurance_s=600.0, left=0.1, return_speed_m_s=5.0, landing_speed_m_s=0.5, wind_m_s=2.0
+)
 
 
 def test_what_is_needed_is_the_way_home_against_the_wind_and_the_descent():
@@ -49,11 +51,14 @@ def test_the_reserve_needed_is_at_least_what_is_left_and_at_most_a_full_charge()
 
 
 def test_a_certificate_gives_the_battery_needed_to_fly_home_if_configured():
-    reckoned, fixed = Flown(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=100.0))), Flown()
+    reckoned = Flown(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=100.0)))
+    fixed = Flown()
     for flown in (reckoned, fixed):
         flown.position[0] = 60.0
         flown.engaged(evader=(120.0, 0.0)).cycle()
-    assert reckoned.outputs.certificate.battery_needed == pytest.approx(0.1 + (60.0 / 3.0 + 10.0 / 0.5) / 600.0)
+    assert reckoned.outputs.certificate.battery_needed == pytest.approx(
+        0.1 + (60.0 / 3.0 + 10.0 / 0.5) / 600.0
+    )
     assert math.isnan(fixed.outputs.certificate.battery_needed)
 
 
@@ -61,7 +66,12 @@ def held(away_m, battery, **changes):
     """A flight that stands by, so far from home, with so much battery."""
     flight = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=100.0), **changes))
     flight._stage.state = State.STANDING_BY
-    said = [heartbeat(NOW_S), local(NOW_S, (away_m, 0.0, -14.0)), Attitude(NOW_S, NOW_S, 0.0), LandedState(NOW_S, 2)]
+    said = [
+        heartbeat(NOW_S),
+        local(NOW_S, (away_m, 0.0, -14.0)),
+        Attitude(NOW_S, NOW_S, 0.0),
+        LandedState(NOW_S, 2),
+    ]
     flight.step(NOW_S, Inputs([home(NOW_S), *said, status(NOW_S, battery)]))
     return flight
 
@@ -85,8 +95,13 @@ def test_it_starts_only_with_enough_to_come_back_from_the_edge_of_its_fence():
     flight = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=300.0)))
     needed = RESERVE.needed(300.0, 10.0)
     for battery, passed in ((needed - 0.01, False), (needed + 0.01, True)):
-        flight.step(NOW_S + battery, Inputs([heartbeat(NOW_S, Mode.HOLD, armed=False), status(NOW_S, battery)]))
-        assert {check.name: check.verdict == "pass" for check in flight.checks(NOW_S)}["battery"] is passed
+        flight.step(
+            NOW_S + battery,
+            Inputs([heartbeat(NOW_S, Mode.HOLD, armed=False), status(NOW_S, battery)]),
+        )
+        assert {check.name: check.verdict == "pass" for check in flight.checks(NOW_S)}[
+            "battery"
+        ] is passed
 
 
 def test_without_a_position_the_way_home_is_from_the_edge_of_the_fence():

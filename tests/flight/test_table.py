@@ -4,7 +4,14 @@ import pytest
 
 from guidance.autopilots import Mode
 from guidance.flight import FINAL, ORDERS, Event, State
-from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS, next_state, state_words
+from guidance.flight.table import (
+    HANDING_OVER,
+    OUR_MODES,
+    SETPOINT_STATES,
+    TRANSITIONS,
+    next_state,
+    state_words,
+)
 
 COMMANDING = {State.ENTERING, State.ENGAGED, State.PAUSED, State.ON_STATION}
 AIRBORNE = {State.CLIMBING, State.POSITIONING, State.STANDING_BY}
@@ -33,12 +40,16 @@ def test_nothing_leads_out_of_a_final_state(state):
 
 
 def test_only_an_order_leads_to_entering_and_only_order_or_pilot_start_the_game():
-    into_entering = {(state, event) for (state, event), after in TRANSITIONS.items() if after is State.ENTERING}
+    into_entering = {
+        (state, event) for (state, event), after in TRANSITIONS.items() if after is State.ENTERING
+    }
     assert {event for _, event in into_entering} == {Event.ENGAGE}
     into_engaged = {state for (state, _), after in TRANSITIONS.items() if after is State.ENGAGED}
     assert into_engaged == {State.ENTERING, State.STANDING_BY, State.PAUSED, State.ON_STATION}
     assert {
-        event for (state, event), after in TRANSITIONS.items() if state is State.STANDING_BY and after is State.ENGAGED
+        event
+        for (state, event), after in TRANSITIONS.items()
+        if state is State.STANDING_BY and after is State.ENGAGED
     } == {Event.INVITED}
 
 
@@ -94,7 +105,8 @@ def test_orders_are_events_of_the_table():
     assert set(Event) >= ORDERS
 
 
-S, GROUND = State, {State.CONNECTING, State.CHECKING, State.READY, State.ARMING}
+S = State
+GROUND = {State.CONNECTING, State.CHECKING, State.READY, State.ARMING}
 OUT_OF_THE_PLAYED = {State.ENGAGED, State.ON_STATION}
 BY_EVENT = {
     # A person's orders.

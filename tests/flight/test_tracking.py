@@ -24,7 +24,9 @@ def vehicle_at_home(resets=0):
 
 
 def report(at_s, *, north_deg=0.0, velocity=(0.0, 0.0, 0.0), velocity_sd=0.1):
-    return EvaderReport(at_s, at_s, "test", HERE[0] + north_deg, HERE[1], 488.0, velocity, 0.1, velocity_sd)
+    return EvaderReport(
+        at_s, at_s, "test", HERE[0] + north_deg, HERE[1], 488.0, velocity, 0.1, velocity_sd
+    )
 
 
 def test_nothing_is_known_of_an_evader_before_the_vehicles_frame_is():
@@ -50,7 +52,9 @@ def test_an_evader_that_moves_is_where_it_has_come_to_with_its_own_velocity():
     tracking = Tracking(SETTINGS)
     for n in range(30):
         moved_deg = math.degrees(2.0 * 0.1 * n / 6371000.0)
-        tracking.observe(vehicle_at_home(), [report(0.1 * n, north_deg=moved_deg, velocity=(2.0, 0.0, 0.0))])
+        tracking.observe(
+            vehicle_at_home(), [report(0.1 * n, north_deg=moved_deg, velocity=(2.0, 0.0, 0.0))]
+        )
     evader = tracking.evader(2.9)
     assert evader.position_ned_m[0] == pytest.approx(5.8, abs=0.2)
     assert evader.velocity_ned_m_s == pytest.approx((2.0, 0.0, 0.0), abs=0.2)
@@ -67,23 +71,30 @@ def test_a_reset_that_leaves_the_zero_where_it_was_leaves_the_track_alone():
 def test_a_moved_origin_moves_the_track_to_the_same_place_in_the_new_frame():
     tracking = Tracking(SETTINGS)
     tracking.observe(vehicle_at_home(), [report(1.0, north_deg=1e-3)])
-    before, place = tracking.evader(1.5), tracking.local_frame
+    before = tracking.evader(1.5)
+    place = tracking.local_frame
     tracking.observe(observe(vehicle_at_home(), [Origin(2.0, 47.4, 8.5, 480.0)]), [])
     after = tracking.evader(1.5)
-    assert after.position_ned_m == pytest.approx(place.ned_in(tracking.local_frame, before.position_ned_m), abs=1e-6)
+    assert after.position_ned_m == pytest.approx(
+        place.ned_in(tracking.local_frame, before.position_ned_m), abs=1e-6
+    )
     assert after[1:] == before[1:]
     assert tracking.home_ned_m[2] == pytest.approx(HOME_DOWN_M - 8.0)
 
 
 def test_the_game_is_played_about_the_site_or_where_the_local_frame_has_its_zero():
-    vehicle = observe(VehicleState(), [Home(0.0, *HERE, 492.0, (3.0, 4.0, -4.0)), Origin(0.0, *HERE, 488.0)])
+    vehicle = observe(
+        VehicleState(), [Home(0.0, *HERE, 492.0, (3.0, 4.0, -4.0)), Origin(0.0, *HERE, 488.0)]
+    )
     about_zero = Tracking(SETTINGS)
     about_zero.observe(vehicle, [])
     assert about_zero.game_frame.position_from_ned((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
     site = (HERE[0] + math.degrees(50.0 / 6371000.0), HERE[1], Amsl(498.0))
     about_site = Tracking(settings_of(cycle=replace(SETTINGS.cycle, site=site)))
     about_site.observe(vehicle, [])
-    assert about_site.game_frame.position_from_ned((50.0, 0.0, -10.0)) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
+    assert about_site.game_frame.position_from_ned((50.0, 0.0, -10.0)) == pytest.approx(
+        (0.0, 0.0, 0.0), abs=0.01
+    )
 
 
 def moved_zero(by_m):
@@ -99,7 +110,9 @@ def origin(frame, at_s=0.0):
 def seen_at(ned, at_s, *, received_s=None):
     latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(ned)
     received_s = at_s if received_s is None else received_s
-    return GlobalPosition(received_s, at_s, latitude_deg, longitude_deg, altitude.metres, 0.0, (0.0, 0.0, 0.0))
+    return GlobalPosition(
+        received_s, at_s, latitude_deg, longitude_deg, altitude.metres, 0.0, (0.0, 0.0, 0.0)
+    )
 
 
 def believed(by_m, *said):
@@ -124,7 +137,9 @@ def test_an_origin_is_believed_unseen_that_is_half_a_metre_off_at_most(axis, sid
 @pytest.mark.parametrize(("late_s", "kept"), [(0.0, True), (0.9, True), (1.1, False)])
 def test_a_global_position_that_is_older_than_a_second_judges_nothing(late_s, kept):
     by_m = (30.0, 0.0, 0.0)
-    frame = believed(by_m, seen_at((5.0, 6.0, -7.0), 3.0, received_s=3.0 - late_s), local(3.0, (5.0, 6.0, -7.0)))
+    frame = believed(
+        by_m, seen_at((5.0, 6.0, -7.0), 3.0, received_s=3.0 - late_s), local(3.0, (5.0, 6.0, -7.0))
+    )
     assert frame == (ZERO if kept else moved_zero(by_m))
 
 
@@ -157,7 +172,9 @@ def test_a_jump_is_judged_by_a_global_position_of_the_same_time():
 
 def test_a_jump_before_the_frame_is_known_or_a_far_origin_changes_nothing():
     tracking = Tracking(SETTINGS)
-    jumped = observe(VehicleState(), [local(1.0), seen_at((0.0, 0.0, 0.0), 1.0), local(1.02, (30.0, 0.0, 0.0))])
+    jumped = observe(
+        VehicleState(), [local(1.0), seen_at((0.0, 0.0, 0.0), 1.0), local(1.02, (30.0, 0.0, 0.0))]
+    )
     assert jumped.jumped_ned_m != (0.0, 0.0, 0.0)
     tracking.observe(jumped, [])
     assert (tracking.local_frame, tracking.held_back_ned_m) == (None, (0.0, 0.0, 0.0))
@@ -201,4 +218,8 @@ def test_a_rival_is_told_of_for_as_long_as_it_counts_as_there():
     tracking = Tracking(SETTINGS)
     assert tracking.rival(0.0) == ""
     tracking._observers[""] = Observer(rivals=Rivals(seen_s=10.0, why="place"))
-    assert [tracking.rival(10.0 + after_s) for after_s in (0.0, LASTS_S, LASTS_S + 0.1)] == ["place", "place", ""]
+    assert [tracking.rival(10.0 + after_s) for after_s in (0.0, LASTS_S, LASTS_S + 0.1)] == [
+        "place",
+        "place",
+        "",
+    ]

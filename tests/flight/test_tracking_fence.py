@@ -18,14 +18,18 @@ SQUARE_M = ((-30.0, -40.0), (-30.0, 40.0), (50.0, 40.0), (50.0, -40.0))
 def on_the_map(frame, home_ned_m, corners_m=SQUARE_M):
     """The corners' degrees, for corners in metres about home."""
     north_m, east_m, _ = home_ned_m
-    places = [frame.wgs84_from_ned((north + north_m, east + east_m, 0.0)) for north, east in corners_m]
+    places = [
+        frame.wgs84_from_ned((north + north_m, east + east_m, 0.0)) for north, east in corners_m
+    ]
     return tuple((latitude, longitude) for latitude, longitude, _ in places)
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @pytest.mark.parametrize("home_ned_m", [(0.0, 0.0, -2.0), (120.0, -300.0, 5.0)])
 def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(autopilot, home_ned_m):
-    frame = LocalFrame(47.397742, 8.545594, Amsl(488.0), Amsl(490.0), projection=autopilot.projection)
+    frame = LocalFrame(
+        47.397742, 8.545594, Amsl(488.0), Amsl(490.0), projection=autopilot.projection
+    )
     latitude, longitude, altitude = frame.wgs84_from_ned(home_ned_m)
     home = Home(0.0, latitude, longitude, altitude.metres, home_ned_m)
     corners_deg = on_the_map(frame, home_ned_m)
@@ -33,7 +37,9 @@ def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(autop
     assert [place for corner in made for place in corner] == pytest.approx(
         [place for corner in SQUARE_M for place in corner], abs=1e-3
     )
-    flight = Flight(settings_of(autopilot, limits=Limits.model_construct(fence_polygon_deg=corners_deg)))
+    flight = Flight(
+        settings_of(autopilot, limits=Limits.model_construct(fence_polygon_deg=corners_deg))
+    )
     origin = Origin(50.0, frame.latitude_deg, frame.longitude_deg, 488.0)
     flight.step(50.0, Inputs([heartbeat(50.0, autopilot=autopilot), origin, home, local(50.0)]))
     envelope = flight.heard.cycle.envelope
@@ -45,14 +51,21 @@ def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(autop
 @pytest.mark.parametrize(("armed", "flown_by"), [(False, 1), (True, 0)])
 def test_a_new_home_shifts_heights_only_on_the_ground_and_never_the_fence(armed, flown_by):
     frame = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=SETTINGS.autopilot.projection)
-    flight = Flight(settings_of(limits=Limits.model_construct(fence_polygon_deg=on_the_map(frame, (0.0, 0.0, 0.0)))))
+    flight = Flight(
+        settings_of(
+            limits=Limits.model_construct(fence_polygon_deg=on_the_map(frame, (0.0, 0.0, 0.0)))
+        )
+    )
     origin = Origin(50.0, 47.397742, 8.545594, 488.0)
     homes = [(0.0, 0.0, 0.0), (10.0, 20.0, -3.0)]
     for n, home_ned_m in enumerate(homes):
         latitude, longitude, altitude = frame.wgs84_from_ned(home_ned_m)
         home = Home(50.0 + n, latitude, longitude, altitude.metres, home_ned_m)
-        flight.step(50.0 + n, Inputs([heartbeat(50.0 + n, armed=armed), origin, home, local(50.0 + n)]))
-    envelope, (north_m, east_m, _) = flight.heard.cycle.envelope, homes[flown_by]
+        flight.step(
+            50.0 + n, Inputs([heartbeat(50.0 + n, armed=armed), origin, home, local(50.0 + n)])
+        )
+    envelope = flight.heard.cycle.envelope
+    (north_m, east_m, _) = homes[flown_by]
     assert envelope.home_ned_m == homes[flown_by]
     first = envelope.fence_polygon.corners_ne_m[0]
     assert first == pytest.approx((SQUARE_M[0][0] - north_m, SQUARE_M[0][1] - east_m), abs=1e-3)
@@ -61,7 +74,9 @@ def test_a_new_home_shifts_heights_only_on_the_ground_and_never_the_fence(armed,
 def test_an_origin_that_comes_after_home_moves_the_fence_into_its_frame():
     told = LocalFrame(47.4, 8.55, Amsl(488.0), projection=SETTINGS.autopilot.projection)
     home_ned_m = told.ned_from_wgs84(47.397742, 8.545594, Amsl(488.0))
-    flight = Flight(settings_of(limits=Limits.model_construct(fence_polygon_deg=on_the_map(told, home_ned_m))))
+    flight = Flight(
+        settings_of(limits=Limits.model_construct(fence_polygon_deg=on_the_map(told, home_ned_m)))
+    )
     home = Home(50.0, 47.397742, 8.545594, 488.0, home_ned_m)
     flight.step(50.0, Inputs([heartbeat(50.0), home, local(50.0)]))
     before = flight.heard.cycle.envelope.fence_polygon

@@ -13,7 +13,15 @@ from guidance.autopilots import PX4
 from guidance.flight import Event, Flight, Inputs, State
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, LocalFrame
-from guidance.messages import EvaderReport, GlobalPosition, Heartbeat, Home, LocalPosition, Odometry, Origin
+from guidance.messages import (
+    EvaderReport,
+    GlobalPosition,
+    Heartbeat,
+    Home,
+    LocalPosition,
+    Odometry,
+    Origin,
+)
 from guidance.vehicle import VehicleState, observe
 from tests.flight.flown import CYCLE_S, Flown, outcome_of
 from tests.flight.recorded import messages
@@ -30,7 +38,9 @@ def homes(said):
 
 @pytest.mark.parametrize("autopilot", BOTH)
 def test_a_real_flights_home_stays_where_it_was_when_the_vehicle_armed(autopilot):
-    vehicle, kept, armed_with = VehicleState(), set(), None
+    vehicle = VehicleState()
+    kept = set()
+    armed_with = None
     said = list(messages(autopilot.name, autopilot.autopilot_id))
     for message in said:
         before = vehicle
@@ -39,7 +49,8 @@ def test_a_real_flights_home_stays_where_it_was_when_the_vehicle_armed(autopilot
             armed_with = armed_with or before.latest.get(Home)
             kept.add(vehicle.latest.get(Home))
     assert kept == {armed_with}
-    assert vehicle.resets == (autopilot is PX4)  # its ODOMETRY counts one, in the climb; no position jumps
+    # Its ODOMETRY counts one, in the climb; no position jumps
+    assert vehicle.resets == (autopilot is PX4)
     assert vehicle.jumped_ned_m == (0.0, 0.0, 0.0)
 
 
@@ -52,11 +63,20 @@ def test_the_real_px4s_home_wandered_meanwhile():
 @pytest.mark.parametrize("autopilot", BOTH)
 def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopilot):
     flight = Flight(settings_of(autopilot))
-    origin = next(one for one in messages(autopilot.name, autopilot.autopilot_id) if isinstance(one, Origin))
-    frame = LocalFrame(
-        origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), projection=autopilot.projection
+    origin = next(
+        one for one in messages(autopilot.name, autopilot.autopilot_id) if isinstance(one, Origin)
     )
-    due_s, floors, silences, places, outcomes = 0.0, set(), [], [], Counter()
+    frame = LocalFrame(
+        origin.latitude_deg,
+        origin.longitude_deg,
+        Amsl(origin.altitude_amsl_m),
+        projection=autopilot.projection,
+    )
+    due_s = 0.0
+    floors = set()
+    silences = []
+    places = []
+    outcomes = Counter()
     for message in messages(autopilot.name, autopilot.autopilot_id):
         reports = []
         while due_s <= message.received_s:  # an evader at 2 m/s, reported ten times a second
@@ -64,7 +84,17 @@ def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopi
             latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(place)
             velocity = (2.0, 0.0, 0.0)
             reports.append(
-                EvaderReport(due_s, due_s, "test", latitude_deg, longitude_deg, altitude.metres, velocity, 0.1, 0.1)
+                EvaderReport(
+                    due_s,
+                    due_s,
+                    "test",
+                    latitude_deg,
+                    longitude_deg,
+                    altitude.metres,
+                    velocity,
+                    0.1,
+                    0.1,
+                )
             )
             due_s += 0.1
         flight.step(message.received_s, Inputs([message], reports))
@@ -73,7 +103,9 @@ def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopi
             continue
         floors.add(flight.heard.cycle.envelope.home_ned_m)
         silences.append(flight.tracking.silence_s(message.received_s))
-        places.append(flight.tracking.evader(message.received_s).position_ned_m[0] - 2.0 * message.received_s)
+        places.append(
+            flight.tracking.evader(message.received_s).position_ned_m[0] - 2.0 * message.received_s
+        )
     assert len(floors) == 1
     assert max(silences) < 0.3
     assert places == pytest.approx([NORTH_M] * len(places), abs=0.05)
@@ -82,16 +114,22 @@ def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopi
 
 @pytest.mark.parametrize("autopilot", BOTH)
 def test_a_real_autopilots_local_and_global_positions_agree_by_its_own_map(autopilot):
-    vehicle, apart_m = VehicleState(), []
+    vehicle = VehicleState()
+    apart_m = []
     for message in messages(autopilot.name, autopilot.autopilot_id):
         vehicle = observe(vehicle, [message])
         origin = vehicle.latest.get(Origin)
         if not isinstance(message, GlobalPosition) or origin is None:
             continue
         frame = LocalFrame(
-            origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m), projection=autopilot.projection
+            origin.latitude_deg,
+            origin.longitude_deg,
+            Amsl(origin.altitude_amsl_m),
+            projection=autopilot.projection,
         )
-        reckoned = frame.ned_from_wgs84(message.latitude_deg, message.longitude_deg, Amsl(message.altitude_amsl_m))
+        reckoned = frame.ned_from_wgs84(
+            message.latitude_deg, message.longitude_deg, Amsl(message.altitude_amsl_m)
+        )
         apart_m.append(math.dist(reckoned, _at(vehicle, message.time_boot_s)))
     assert len(apart_m) > 80
     assert max(apart_m) < 0.12  # 0.25 % of the way, for the wrong map, would be 0.3 m and more
@@ -100,12 +138,17 @@ def test_a_real_autopilots_local_and_global_positions_agree_by_its_own_map(autop
 def _at(vehicle, boot_s):
     local = vehicle.latest.get(LocalPosition)
     step_s = boot_s - local.time_boot_s
-    return [at + step_s * rate for at, rate in zip(local.position_ned_m, local.velocity_ned_m_s, strict=True)]
+    return [
+        at + step_s * rate
+        for at, rate in zip(local.position_ned_m, local.velocity_ned_m_s, strict=True)
+    ]
 
 
 def global_of(flown, frame=ZERO):
     latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(tuple(flown.position))
-    return GlobalPosition(flown.now_s, flown.now_s, latitude_deg, longitude_deg, altitude.metres, 0.0, (0.0, 0.0, 0.0))
+    return GlobalPosition(
+        flown.now_s, flown.now_s, latitude_deg, longitude_deg, altitude.metres, 0.0, (0.0, 0.0, 0.0)
+    )
 
 
 def told(frame, at_s):
@@ -115,7 +158,9 @@ def told(frame, at_s):
 def relative(flown):
     """From the vehicle to its evader, metres."""
     evader = flown.flight.tracking.evader(flown.now_s)
-    return tuple(there - here for there, here in zip(evader.position_ned_m, flown.position, strict=True))
+    return tuple(
+        there - here for there, here in zip(evader.position_ned_m, flown.position, strict=True)
+    )
 
 
 def engaged():
@@ -139,7 +184,9 @@ def steps_m_s(outputs):
     return max(math.dist(one, other) for one, other in pairwise(said))
 
 
-SHIFTS = st.tuples(*[st.floats(-300.0, 300.0)] * 2, st.floats(-40.0, 40.0)).filter(lambda by: math.hypot(*by) > 2.0)
+SHIFTS = st.tuples(*[st.floats(-300.0, 300.0)] * 2, st.floats(-40.0, 40.0)).filter(
+    lambda by: math.hypot(*by) > 2.0
+)
 BY_CYCLE_M_S = 5.0 * CYCLE_S * 1.5
 """What acceleration allows in a cycle, horizontally and vertically together, and a little."""
 
@@ -149,7 +196,8 @@ BY_CYCLE_M_S = 5.0 * CYCLE_S * 1.5
 def test_a_zero_that_is_moved_in_flight_leaves_evader_home_and_fence_where_they_are(by_m, order):
     flown = engaged()
     before = [flown.outputs]
-    was, floor_m = relative(flown), flown.flight.heard.cycle.envelope.home_ned_m[2] - flown.position[2]
+    was = relative(flown)
+    floor_m = flown.flight.heard.cycle.envelope.home_ned_m[2] - flown.position[2]
     if order == "told first":
         before.append(flown.cycle(more=[told(moved_zero_of(by_m), flown.now_s), global_of(flown)]))
         before += [flown.cycle(more=[global_of(flown)]) for _ in range(3)]
@@ -162,7 +210,9 @@ def test_a_zero_that_is_moved_in_flight_leaves_evader_home_and_fence_where_they_
     before += [flown.cycle(more=[global_of(flown, zero)]) for _ in range(70)]
     assert flown.state is State.ENGAGED
     assert relative(flown) == pytest.approx(was, abs=0.06)
-    assert flown.flight.heard.cycle.envelope.home_ned_m[2] - flown.position[2] == pytest.approx(floor_m, abs=0.01)
+    assert flown.flight.heard.cycle.envelope.home_ned_m[2] - flown.position[2] == pytest.approx(
+        floor_m, abs=0.01
+    )
     assert steps_m_s(before) < BY_CYCLE_M_S
     assert flown.outcomes["started"] == 1
     assert not {"jumped", "reacquired", "outlier"} & set(flown.outcomes)
@@ -178,20 +228,24 @@ def moved_zero_of(by_m):
 def test_an_estimate_that_is_reset_leaves_the_evader_where_its_reports_have_it(by_m):
     flown = engaged()
     place = flown.flight.tracking.evader(flown.now_s).position_ned_m
-    envelope, outputs = flown.flight.heard.cycle.envelope, [flown.outputs]
+    envelope = flown.flight.heard.cycle.envelope
+    outputs = [flown.outputs]
     flown.position = [at + by for at, by in zip(flown.position, by_m, strict=True)]
     outputs.append(flown.cycle(more=[Odometry(flown.now_s, 8), global_of(flown)]))
     assert flown.state is State.PAUSED
     outputs += [flown.cycle(more=[global_of(flown)]) for _ in range(40)]
     assert all(math.hypot(*one.setpoint.velocity_ned_m_s) < 6.7 for one in outputs)
-    assert flown.flight.tracking.evader(flown.now_s).position_ned_m == pytest.approx(place, abs=1e-6)
+    assert flown.flight.tracking.evader(flown.now_s).position_ned_m == pytest.approx(
+        place, abs=1e-6
+    )
     assert flown.flight.heard.cycle.envelope == envelope
     assert flown.outcomes["started"] == 1
 
 
 def test_a_moved_origin_is_rejected_if_the_vehicle_did_not_move_with_it():
     flown = engaged()
-    was, home_ned_m = relative(flown), flown.flight.heard.cycle.envelope.home_ned_m
+    was = relative(flown)
+    home_ned_m = flown.flight.heard.cycle.envelope.home_ned_m
     wrong = moved_zero_of((50.0, -80.0, 3.0))
     flown.cycle(more=[told(wrong, flown.now_s), global_of(flown)])
     for _ in range(100):
@@ -201,15 +255,24 @@ def test_a_moved_origin_is_rejected_if_the_vehicle_did_not_move_with_it():
     assert flown.state is State.ENGAGED
 
 
-@given(wanders=st.lists(st.tuples(*[st.floats(-0.3, 0.3)] * 2, st.floats(-2.0, 2.0)), min_size=1, max_size=6))
+@given(
+    wanders=st.lists(
+        st.tuples(*[st.floats(-0.3, 0.3)] * 2, st.floats(-2.0, 2.0)), min_size=1, max_size=6
+    )
+)
 @settings(max_examples=drawn(20))
 def test_a_home_that_wanders_in_flight_changes_nothing_at_all(wanders):
-    still, restless = engaged(), engaged()
+    still = engaged()
+    restless = engaged()
     for wander in wanders:
         place = (wander[0], wander[1], HOME_DOWN_M + wander[2])
         latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(place)
         for n in range(20):
-            more = [Home(restless.now_s, latitude_deg, longitude_deg, altitude.metres, place)] if n == 0 else []
+            more = (
+                [Home(restless.now_s, latitude_deg, longitude_deg, altitude.metres, place)]
+                if n == 0
+                else []
+            )
             assert restless.cycle(more=more) == still.cycle()
     assert restless.outcomes == still.outcomes
 
@@ -229,8 +292,20 @@ def local_here():
 @pytest.mark.parametrize(
     ("said", "north_m"),
     [
-        ([local_here(), armed(1, is_armed=False), home_at(1, 0.1), home_at(2, 0.3)], 0.3),  # on the ground it follows
-        ([local_here(), armed(1, is_armed=False), home_at(1, 0.1), armed(2, is_armed=True), home_at(3, 0.5)], 0.1),
+        (
+            [local_here(), armed(1, is_armed=False), home_at(1, 0.1), home_at(2, 0.3)],
+            0.3,
+        ),  # on the ground it follows
+        (
+            [
+                local_here(),
+                armed(1, is_armed=False),
+                home_at(1, 0.1),
+                armed(2, is_armed=True),
+                home_at(3, 0.5),
+            ],
+            0.1,
+        ),
         # The home of another place gives way to the one that arming sets, and to that one only.
         (
             [
@@ -247,7 +322,10 @@ def local_here():
         ([armed(1, is_armed=True), home_at(2, 70.0), home_at(3, 71.0)], 70.0),
         ([home_at(0, 70.0), armed(1, is_armed=True), home_at(3, 71.0)], 70.0),
         # And after landing it follows again.
-        ([armed(1, is_armed=True), home_at(2, 70.0), armed(3, is_armed=False), home_at(4, 71.0)], 71.0),
+        (
+            [armed(1, is_armed=True), home_at(2, 70.0), armed(3, is_armed=False), home_at(4, 71.0)],
+            71.0,
+        ),
     ],
 )
 def test_which_home_is_a_flights(said, north_m):
@@ -257,9 +335,15 @@ def test_which_home_is_a_flights(said, north_m):
 def test_events_of_the_real_px4_in_a_flight_that_is_on_pause_nothing():
     """Its one counted reset came in the climb: engaged there, it pauses and goes on."""
     flown = engaged()
-    outputs = [flown.cycle(more=[Odometry(flown.now_s, 11)]), flown.cycle(more=[Odometry(flown.now_s, 12)])]
+    outputs = [
+        flown.cycle(more=[Odometry(flown.now_s, 11)]),
+        flown.cycle(more=[Odometry(flown.now_s, 12)]),
+    ]
     outputs += flown.cycles(1.5)
-    assert [h.event for one in outputs for h in one.happenings] == [Event.ESTIMATOR_RESET, Event.CLEAR]
+    assert [h.event for one in outputs for h in one.happenings] == [
+        Event.ESTIMATOR_RESET,
+        Event.CLEAR,
+    ]
 
 
 def test_without_a_global_position_what_is_told_is_believed():

@@ -46,7 +46,9 @@ class Gradient(NamedTuple):
     target: Array
 
 
-def value_gradient(game: Game, pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike | None = None) -> Gradient:
+def value_gradient(
+    game: Game, pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike | None = None
+) -> Gradient:
     """Return the gradient of `solve(...).value`; zero for the target in PE, and for positions that do not matter.
 
     On the barrier it is that of the evader's side: from the other, the meeting point lies in no direction from T.
@@ -64,12 +66,17 @@ def value_gradient(game: Game, pursuer: ArrayLike, evader: ArrayLike, target: Ar
         raise ConfigError(
             "evader_space = 'space': differentiate this one with guidance.game.gradient.finite_differences"
         )
-    xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
-    shape, like = leading_shape(game, given), given["pursuer"]
+    xp, given = vectors(
+        {"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target})
+    )
+    shape = leading_shape(game, given)
+    like = given["pursuer"]
     solution = solve(game, like, given["evader"], given.get("target"))
     with np.errstate(all="ignore"):
         state = take_apart(xp, game, components(like), components(given["evader"]), None)
-        by_pursuer, by_evader, by_target = _by_regime(xp, game, state, solution, given.get("target"))
+        by_pursuer, by_evader, by_target = _by_regime(
+            xp, game, state, solution, given.get("target")
+        )
     return Gradient(
         xp.pack(shape, like, by_pursuer),
         xp.pack(shape, like, (*by_evader, 0.0)),
@@ -113,14 +120,18 @@ def _pursuer(weight: Array, p: Plane, lift: Array) -> Space:
 
 
 def _select3(xp: Library, condition: Array, yes: Space, no: Space) -> Space:
-    return *xp.select2(condition, (yes[0], yes[1]), (no[0], no[1])), xp.select(condition, yes[2], no[2])
+    return *xp.select2(condition, (yes[0], yes[1]), (no[0], no[1])), xp.select(
+        condition, yes[2], no[2]
+    )
 
 
 def _sign(xp: Library, z: Array) -> Array:
     return xp.select(z > 0, 1.0, -1.0)
 
 
-def _by_meeting_point(xp: Library, game: Game, state: Geometry, run: Plane, t: Array) -> tuple[Plane, Array]:
+def _by_meeting_point(
+    xp: Library, game: Game, state: Geometry, run: Plane, t: Array
+) -> tuple[Plane, Array]:
     """Return ∇_X t_P in the plane and ∂t_P/∂z_P, s/m, at the end of the evader's run."""
     wind = game.wind_m_s
     y = (state.to_evader[0] + run[0] - wind[0] * t, state.to_evader[1] + run[1] - wind[1] * t)
@@ -130,27 +141,36 @@ def _by_meeting_point(xp: Library, game: Game, state: Geometry, run: Plane, t: A
         rate = 1.0 / (game.pursuer.horizontal_m_s + dot2(e, wind))
         above = t <= xp.maximum(level_time(xp, game, game.pursuer, state.z), 0.0)
         lift = _sign(xp, state.z) / vertical_speed(xp, game.pursuer, state.z)
-        return xp.select2(above, (0.0, 0.0), (rate * e[0], rate * e[1])), xp.select(above, lift, 0.0)
+        return xp.select2(above, (0.0, 0.0), (rate * e[0], rate * e[1])), xp.select(
+            above, lift, 0.0
+        )
     reach = xp.maximum(length - game.standoff.radius_m, 0.0)
     distance = xp.norm2((reach, state.z))
     rate = 1.0 / (game.pursuer.speed_m_s * distance + reach * dot2(e, wind))
     return (rate * reach * e[0], rate * reach * e[1]), rate * state.z
 
 
-def _short(xp: Library, game: Game, state: Geometry, goal: Plane, t: Array) -> tuple[Space, Plane, Plane]:
+def _short(
+    xp: Library, game: Game, state: Geometry, goal: Plane, t: Array
+) -> tuple[Space, Plane, Plane]:
     """Return the gradients of the distance that the pursuer is short of where the evader wins, at its arrival t."""
-    wind, adrift, v = game.wind_m_s, game.target_velocity_m_s, game.evader_speed_m_s
+    wind = game.wind_m_s
+    adrift = game.target_velocity_m_s
+    v = game.evader_speed_m_s
     y = (state.to_evader[0] + goal[0] - wind[0] * t, state.to_evader[1] + goal[1] - wind[1] * t)
     length = xp.norm2(y)
-    e, n = xp.unit2(y, length), xp.unit2(goal, xp.norm2(goal))
-    beside, above = length - game.standoff.radius_m, abs(state.z)
+    e = xp.unit2(y, length)
+    n = xp.unit2(goal, xp.norm2(goal))
+    beside = length - game.standoff.radius_m
+    above = abs(state.z)
     if isinstance(game.pursuer, Cylinder):
         fall = vertical_speed(xp, game.pursuer, state.z)
         beside = beside - game.capture_radius_m - game.pursuer.horizontal_m_s * t
         above = xp.maximum(above - game.capture_radius_m - fall * t, 0.0)
     beside = xp.maximum(beside, 0.0)
     distance = xp.norm2((beside, above))
-    share, rise = beside / distance, above / distance
+    share = beside / distance
+    rise = above / distance
     if isinstance(game.pursuer, Cylinder):
         closing = share * game.pursuer.horizontal_m_s + rise * fall
     else:
@@ -190,8 +210,12 @@ def hji_residual(
     """
     if method not in METHODS:
         raise ConfigError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-    xp, given = vectors({"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}))
-    P, E, T = given["pursuer"], given["evader"], given.get("target")
+    xp, given = vectors(
+        {"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target})
+    )
+    P = given["pursuer"]
+    E = given["evader"]
+    T = given.get("target")
     asked = value or (lambda P, E, T: solve(game, P, E, T).value)
     if method == "automatic":
         gradient = automatic_gradient(asked, P, E, T)
@@ -226,15 +250,24 @@ def finite_differences(
             shift = xp.constant(pursuer, [step_m if axis == index else 0.0 for index in range(3)])
 
             def moved(steps: float, shift: Array = shift) -> Array:
-                return value(*(array + steps * shift if index == place else array for index, array in enumerate(given)))
+                return value(
+                    *(
+                        array + steps * shift if index == place else array
+                        for index, array in enumerate(given)
+                    )
+                )
 
-            slopes.append((8.0 * (moved(1.0) - moved(-1.0)) - (moved(2.0) - moved(-2.0))) / (12.0 * step_m))
+            slopes.append(
+                (8.0 * (moved(1.0) - moved(-1.0)) - (moved(2.0) - moved(-2.0))) / (12.0 * step_m)
+            )
         return xp.stack(slopes, axis=-1)
 
     return Gradient(along(0), along(1), along(2))
 
 
-def automatic_gradient(value: ValueFunction, pursuer: Array, evader: Array, target: Array | None) -> Gradient:
+def automatic_gradient(
+    value: ValueFunction, pursuer: Array, evader: Array, target: Array | None
+) -> Gradient:
     """Differentiate by the array library.
 
     Args:
@@ -263,7 +296,9 @@ def automatic_gradient(value: ValueFunction, pursuer: Array, evader: Array, targ
 
 def _drift(game: Game, gradient: Gradient) -> Array:
     """Change of the value by wind and moving target alone."""
-    return dot2(_plane(gradient.pursuer), game.wind_m_s) + dot2(_plane(gradient.target), game.target_velocity_m_s)
+    return dot2(_plane(gradient.pursuer), game.wind_m_s) + dot2(
+        _plane(gradient.target), game.target_velocity_m_s
+    )
 
 
 def _saddle(xp: Library, game: Game, gradient: Gradient, minimises: Array) -> Array:

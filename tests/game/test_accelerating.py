@@ -13,7 +13,8 @@ from guidance.game.accelerating import solve_accelerating
 def drawn(rng, largest=0.98):
     """A random state: pursuer at the origin, evader east of it."""
     u = rng.uniform(3.0, 10.0)
-    speed, course = min(u, largest * u * math.sqrt(rng.random())), rng.uniform(0.0, 2.0 * math.pi)
+    speed = min(u, largest * u * math.sqrt(rng.random()))
+    course = rng.uniform(0.0, 2.0 * math.pi)
     flown = (speed * math.cos(course), speed * math.sin(course))
     players = {
         "speed_m_s": u,
@@ -26,7 +27,8 @@ def drawn(rng, largest=0.98):
 
 def reach_m(flown, heading, time_s, u, a, steps=16):
     """Distance along a heading that the pursuer can fly by a time: accelerations by direct optimisation."""
-    dt_s, ahead = time_s / steps, np.array([math.cos(heading), math.sin(heading)])
+    dt_s = time_s / steps
+    ahead = np.array([math.cos(heading), math.sin(heading)])
 
     def velocities(given):
         return np.array(flown) + np.cumsum(given.reshape(steps, 2), axis=0) * dt_s
@@ -37,10 +39,15 @@ def reach_m(flown, heading, time_s, u, a, steps=16):
         return float(np.sum(0.5 * (before + after) @ ahead) * dt_s)
 
     bounds = [
-        {"type": "ineq", "fun": lambda given: 1.0 - np.sum(given.reshape(steps, 2) ** 2, axis=1) / a**2},
+        {
+            "type": "ineq",
+            "fun": lambda given: 1.0 - np.sum(given.reshape(steps, 2) ** 2, axis=1) / a**2,
+        },
         {"type": "ineq", "fun": lambda given: 1.0 - np.sum(velocities(given) ** 2, axis=1) / u**2},
     ]
-    found = minimize(lambda given: -far_m(given), np.zeros(2 * steps), constraints=bounds, method="SLSQP")
+    found = minimize(
+        lambda given: -far_m(given), np.zeros(2 * steps), constraints=bounds, method="SLSQP"
+    )
     assert found.success
     return -found.fun
 
@@ -61,7 +68,8 @@ def test_the_value_is_that_of_a_numerical_minimax(seed):
 
 
 def test_value_and_strategies_satisfy_the_hji_equation():
-    rng, h = np.random.default_rng(7), 1e-5
+    rng = np.random.default_rng(7)
+    h = 1e-5
     for _ in range(10):
         flown, evader, players = drawn(rng)
         solution = solve_accelerating((0.0, 0.0), flown, evader, **players)
@@ -86,23 +94,37 @@ def test_value_and_strategies_satisfy_the_hji_equation():
 
 
 def test_on_a_line_it_is_a_parabola_and_then_a_straight_line():
-    u, a, v, d = 8.0, 4.0, 4.0, 57.0
+    u = 8.0
+    a = 4.0
+    v = 4.0
+    d = 57.0
     for w in (0.0, 3.0, 8.0, -5.0):
         solution = solve_accelerating(
             (0.0, 0.0), (w, 0.0), (d, 0.0), speed_m_s=u, acceleration_m_s2=a, evader_speed_m_s=v
         )
-        assert solution.time_s == pytest.approx(d / (u - v) + (u - w) ** 2 / (2.0 * a * (u - v)), rel=1e-9)
+        assert solution.time_s == pytest.approx(
+            d / (u - v) + (u - w) ** 2 / (2.0 * a * (u - v)), rel=1e-9
+        )
     near = solve_accelerating(
         (0.0, 0.0), (0.0, 0.0), (2.0, 0.0), speed_m_s=u, acceleration_m_s2=a, evader_speed_m_s=0.5
     )
-    assert near.time_s == pytest.approx((0.5 + math.sqrt(0.25 + 16.0)) / a)  # v t + d = a t²/2, below top speed
+    # V t + d = a t²/2, below top speed
+    assert near.time_s == pytest.approx((0.5 + math.sqrt(0.25 + 16.0)) / a)
 
 
 def test_an_evader_dodges_a_pursuer_that_flies_past():
-    players = {"speed_m_s": 7.7, "acceleration_m_s2": 1.2, "evader_speed_m_s": 5.2, "capture_radius_m": 0.8}
+    players = {
+        "speed_m_s": 7.7,
+        "acceleration_m_s2": 1.2,
+        "evader_speed_m_s": 5.2,
+        "capture_radius_m": 0.8,
+    }
     dodged = solve_accelerating((0.0, 0.0), (3.1, -6.6), (3.6, 0.0), **players)
     assert math.sin(dodged.heading_rad) > 0.9  # against the pursuer's motion across
-    assert dodged.time_s > 2.0 * solve_accelerating((0.0, 0.0), (0.0, 0.0), (3.6, 0.0), **players).time_s
+    assert (
+        dodged.time_s
+        > 2.0 * solve_accelerating((0.0, 0.0), (0.0, 0.0), (3.6, 0.0), **players).time_s
+    )
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,10 @@ def library(request):
 
 @pytest.mark.parametrize(
     ("name", "precision", "tolerance"),
-    [*((name, "double", 1e-6) for name in NAMES), *((name, "single", 2e-2) for name in NAMES[1:4:2])],
+    [
+        *((name, "double", 1e-6) for name in NAMES),
+        *((name, "single", 2e-2) for name in NAMES[1:4:2]),
+    ],
 )
 def test_another_library_solves_the_same_games(library, games, oracle, name, precision, tolerance):
     states = oracle.states(21, 40, games[name])
@@ -76,18 +79,27 @@ def test_another_library_solves_the_same_games(library, games, oracle, name, pre
         np.testing.assert_array_equal(np.asarray(there.winner)[clear], here.winner[clear])
         np.testing.assert_array_equal(np.asarray(there.reason)[clear], here.reason[clear])
         for a, b in zip(there[1:-1], here[1:-1], strict=True):
-            np.testing.assert_allclose(np.asarray(a)[clear], b[clear], rtol=tolerance, atol=tolerance)
+            np.testing.assert_allclose(
+                np.asarray(a)[clear], b[clear], rtol=tolerance, atol=tolerance
+            )
 
 
 @pytest.mark.parametrize("name", ["paper", "cylinder_everything", "moving_target"])
 def test_targets_with_an_extent_have_the_same_answers(library, games, oracle, name):
     states = oracle.states(25, 40, games[name])[:3]
-    for shape in (Extent(radius_m=6.0), Extent(((0.0, 0.0), (20.0, 5.0))), Extent(((0, 0), (15, 0), (4, 14)), 2.0)):
+    for shape in (
+        Extent(radius_m=6.0),
+        Extent(((0.0, 0.0), (20.0, 5.0))),
+        Extent(((0, 0), (15, 0), (4, 14)), 2.0),
+    ):
         game = replace(games[name], target_extent=shape)
-        here, there = solve(game, *states), solve(game, *(library.array(array) for array in states))
+        here = solve(game, *states)
+        there = solve(game, *(library.array(array) for array in states))
         np.testing.assert_array_equal(np.asarray(there.winner), here.winner)
         for field in ("value", "margin_s", "pursuer_velocity_m_s"):
-            np.testing.assert_allclose(np.asarray(getattr(there, field)), getattr(here, field), atol=1e-6)
+            np.testing.assert_allclose(
+                np.asarray(getattr(there, field)), getattr(here, field), atol=1e-6
+            )
 
 
 def test_a_row_that_is_not_finite_is_lost_alone(library, games, oracle):
@@ -98,7 +110,8 @@ def test_a_row_that_is_not_finite_is_lost_alone(library, games, oracle):
 
 
 def test_a_single_state_that_is_not_finite_is_refused_where_it_cannot_be_traced(library):
-    P, E = library.array([np.nan, 0.0, 5.0]), library.array([9.0, 0.0, 0.0])
+    P = library.array([np.nan, 0.0, 5.0])
+    E = library.array([9.0, 0.0, 0.0])
     if isinstance(library, Torch):
         with pytest.raises(ConfigError, match=r"pursuer = .*must be finite"):
             solve(Game(Ball(2.0), 1.0), P, E)
@@ -119,14 +132,22 @@ def test_policies_circles_gradients_and_rollouts_work_too(library, games, oracle
     P, E, T = oracle.states(24, 6)
     given = [library.array(array) for array in (P, E, T)]
     for policy in (*PURSUER_POLICIES.values(), *EVADER_POLICIES.values()):
-        np.testing.assert_allclose(np.asarray(policy(games["wind"], *given)), policy(games["wind"], P, E, T), atol=1e-7)
+        np.testing.assert_allclose(
+            np.asarray(policy(games["wind"], *given)), policy(games["wind"], P, E, T), atol=1e-7
+        )
     for shape in (apollonius_circle, apollonius_sphere):
         for a, b in zip(shape(*given[:2], 2.0), shape(P, E, 2.0), strict=True):
             np.testing.assert_allclose(np.asarray(a), b)
-    for a, b in zip(value_gradient(games["cylinder"], *given), value_gradient(games["cylinder"], P, E, T), strict=True):
+    for a, b in zip(
+        value_gradient(games["cylinder"], *given),
+        value_gradient(games["cylinder"], P, E, T),
+        strict=True,
+    ):
         np.testing.assert_allclose(np.asarray(a), b, atol=1e-9)
     stepping = Exact(step_s=0.5, order=1)
-    there, here = (rollout(games["paper"], *places, stepping=stepping) for places in (given, (P, E, T)))
+    there, here = (
+        rollout(games["paper"], *places, stepping=stepping) for places in (given, (P, E, T))
+    )
     np.testing.assert_allclose(np.asarray(there.time_s), here.time_s, atol=1e-9)
     np.testing.assert_array_equal(np.asarray(there.end), here.end)
 
@@ -140,14 +161,20 @@ def test_automatic_differentiation_leaves_no_residual(library, games, oracle, na
     assert np.abs(chase[over]).max() < 1e-9
     race = np.asarray(hji_residual(games[name], *given, method="automatic"))
     solution = solve(games[name], P, E, T)
-    over = (solution.value > 0.1) & (solution.meeting_time_s > 0.1) & (np.abs(solution.margin_s) > 0.01)
+    over = (
+        (solution.value > 0.1)
+        & (solution.meeting_time_s > 0.1)
+        & (np.abs(solution.margin_s) > 0.01)
+    )
     assert np.abs(race[over]).max() < 1e-6
 
 
 @pytest.mark.parametrize("name", ["paper", "ball_everything", "cylinder"])
 def test_right_above_the_evader_the_derivatives_are_numbers(library, games, name):
     """The distance has no derivative there, and zero is used; the derivative by the height is continuous."""
-    game, E, T = games[name], np.zeros((2, 3)), np.array([[30.0, 4.0, 0.0], [-9.0, 25.0, 0.0]])
+    game = games[name]
+    E = np.zeros((2, 3))
+    T = np.array([[30.0, 4.0, 0.0], [-9.0, 25.0, 0.0]])
     P = np.array([[0.0, 0.0, 12.0], [0.0, 0.0, 7.0]])
 
     def value(P, E, T):
@@ -167,7 +194,9 @@ def test_right_above_the_evader_the_derivatives_are_numbers(library, games, name
 
 def test_a_cylinder_horizontally_inside_the_disc_gains_by_its_height_alone(library):
     game = Game(Cylinder(2.0, 0.7, 1.0), 1.0, standoff=StandOff(3.0, 2.0))
-    P, E, T = (library.array([place]) for place in ([0.5, 0.2, 9.0], [0.0, 0.0, 0.0], [9.0, 0.0, 0.0]))
+    P, E, T = (
+        library.array([place]) for place in ([0.5, 0.2, 9.0], [0.0, 0.0, 0.0], [9.0, 0.0, 0.0])
+    )
     chase = automatic_gradient(lambda P, E, T: solve(game, P, E, T).value, P, E, None)
     assert np.asarray(chase.pursuer).tolist() == [[0.0, 0.0, 1.0]]
     race = automatic_gradient(lambda P, E, T: solve(game, P, E, T).value, P, E, T)
@@ -177,7 +206,9 @@ def test_a_cylinder_horizontally_inside_the_disc_gains_by_its_height_alone(libra
 def test_a_target_abeam_of_the_wind_has_its_derivative_too(library):
     """The absolute value of a zero coefficient has no derivative; the root that is used has one."""
     game = Game(Ball(2.0), 1.0, wind_m_s=(0.5, 0.0))
-    given = [library.array([place]) for place in ([0.0, -10.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0])]
+    given = [
+        library.array([place]) for place in ([0.0, -10.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    ]
     slopes = automatic_gradient(lambda P, E, T: solve(game, P, E, T).margin_s, *given)
     assert float(slopes.pursuer[0, 0]) == pytest.approx(-0.5 / (2.0**2 - 0.5**2), rel=1e-12)
 
@@ -191,7 +222,9 @@ def test_the_wind_may_differ_from_row_to_row(library, oracle):
         (Cylinder(2.0, 0.7, 0.5), StandOff(1.0)),
     ):
         here = Game(pursuer, 1.0, standoff=disc, wind_m_s=blows)
-        there = Game(pursuer, 1.0, standoff=disc, wind_m_s=tuple(library.array(part) for part in blows))
+        there = Game(
+            pursuer, 1.0, standoff=disc, wind_m_s=tuple(library.array(part) for part in blows)
+        )
         for given in ((P, E), (P, E, T)):
             expected = solve(here, *given)
             found = solve(there, *(library.array(array) for array in given))
@@ -199,13 +232,17 @@ def test_the_wind_may_differ_from_row_to_row(library, oracle):
             np.testing.assert_array_equal(np.asarray(found.winner), expected.winner)
             for a, b in zip(found[1:-1], expected[1:-1], strict=True):
                 np.testing.assert_allclose(np.asarray(a)[clear], b[clear], rtol=1e-6, atol=1e-6)
-            one = solve(Game(pursuer, 1.0, standoff=disc, wind_m_s=(blows[0][7], blows[1][7])), *(a[7] for a in given))
+            one = solve(
+                Game(pursuer, 1.0, standoff=disc, wind_m_s=(blows[0][7], blows[1][7])),
+                *(a[7] for a in given),
+            )
             assert float(expected.value[7]) == pytest.approx(float(one.value), rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["paper", "cylinder_everything"])
 def test_jax_compiles_a_solution_whose_states_it_does_not_know_yet(games, oracle, name):
-    jax, library = pytest.importorskip("jax"), Jax()
+    jax = pytest.importorskip("jax")
+    library = Jax()
     P, E, T = oracle.states(27, 8)
     compiled = jax.jit(lambda P, E, T: solve(games[name], P, E, T))
     there = compiled(*(library.array(array) for array in (P, E, T)))
@@ -217,7 +254,11 @@ def test_what_is_made_on_the_way_is_made_where_the_states_are():
     torch = pytest.importorskip("torch")
     like = torch.zeros(3, dtype=torch.float64, device="meta")
     xp, _ = vectors({"like": like})
-    for made in (xp.constant(like, (1.0, 2.0)), xp.pack((3,), like, 1.0), xp.astype(xp.pack((3,), like, 1), xp.int8)):
+    for made in (
+        xp.constant(like, (1.0, 2.0)),
+        xp.pack((3,), like, 1.0),
+        xp.astype(xp.pack((3,), like, 1), xp.int8),
+    ):
         assert made.device.type == "meta"
 
 
@@ -228,6 +269,9 @@ def test_numpy_alone_refuses_to_differentiate(games, oracle):
 
 
 def test_arrays_of_different_libraries_are_refused_by_name(library):
-    pursuer, evader = np.array([3.0, 4.0, 10.0]), library.array([30.0, 1.0, 0.0])
-    with pytest.raises(ConfigError, match=r"different libraries cannot be mixed: pursuer: ndarray, evader: "):
+    pursuer = np.array([3.0, 4.0, 10.0])
+    evader = library.array([30.0, 1.0, 0.0])
+    with pytest.raises(
+        ConfigError, match=r"different libraries cannot be mixed: pursuer: ndarray, evader: "
+    ):
         solve(Game(Ball(2.0), 1.0), pursuer, evader)

@@ -24,8 +24,11 @@ from guidance.game import (
 )
 
 PAPER = Game(Ball(2.0), 1.0)
-P, E, T = np.array([8.0, 1.42, 9.41]), np.array([7.92, 9.6, 0.0]), np.zeros(3)
-NAN, INF = math.nan, math.inf
+P = np.array([8.0, 1.42, 9.41])
+E = np.array([7.92, 9.6, 0.0])
+T = np.zeros(3)
+NAN = math.nan
+INF = math.inf
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, NAN, INF, -INF, "fast", None, 1j])
@@ -44,7 +47,9 @@ NAN, INF = math.nan, math.inf
     ],
 )
 def test_what_must_be_more_than_zero_says_so(name, build, value):
-    with pytest.raises(ConfigError, match=rf"{name} = .*must be a finite number, more than zero") as error:
+    with pytest.raises(
+        ConfigError, match=rf"{name} = .*must be a finite number, more than zero"
+    ) as error:
         build(value)
     assert repr(value) in str(error.value)
 
@@ -66,32 +71,44 @@ def test_what_may_be_zero_says_so(name, build, value):
 
 
 @pytest.mark.parametrize("name", ["wind_m_s", "target_velocity_m_s"])
-@pytest.mark.parametrize("pair", [(NAN, 0.0), (0.0, INF), (1.0,), (0.0, 0.0, 0.0), 0.0, [0.0], ("a", "b"), None])
+@pytest.mark.parametrize(
+    "pair", [(NAN, 0.0), (0.0, INF), (1.0,), (0.0, 0.0, 0.0), 0.0, [0.0], ("a", "b"), None]
+)
 def test_a_velocity_in_the_plane_is_two_finite_numbers(name, pair):
     with pytest.raises(ConfigError, match=rf"{name} = .*must be two finite numbers"):
         Game(Ball(2.0), 1.0, **{name: pair})
 
 
 def test_a_velocity_in_the_plane_may_be_a_list_or_an_array():
-    games = [Game(Ball(2.0), 1.0, wind_m_s=pair) for pair in ((0.3, -0.4), [0.3, -0.4], np.array([0.3, -0.4]))]
+    games = [
+        Game(Ball(2.0), 1.0, wind_m_s=pair)
+        for pair in ((0.3, -0.4), [0.3, -0.4], np.array([0.3, -0.4]))
+    ]
     assert games[0] == games[1] == games[2]
     assert games[2].wind_m_s == (0.3, -0.4)
     rows = Game(Ball(2.0), 1.0, wind_m_s=[np.array([0.1, 0.2]), 0.3])
     assert rows == Game(Ball(2.0), 1.0, wind_m_s=(np.array([0.1, 0.2]), 0.3))
-    for refused in ({"target_velocity_m_s": (np.array([0.1, 0.2]), 0.3)}, {"wind_m_s": (np.array([0.1, 0.2]), NAN)}):
+    for refused in (
+        {"target_velocity_m_s": (np.array([0.1, 0.2]), 0.3)},
+        {"wind_m_s": (np.array([0.1, 0.2]), NAN)},
+    ):
         with pytest.raises(ConfigError, match="must be two finite numbers"):
             Game(Ball(2.0), 1.0, **refused)
 
 
 @pytest.mark.parametrize("pursuer", [2.0, "ball", None, (2.0,)])
 def test_a_pursuer_is_one_of_the_speed_sets(pursuer):
-    with pytest.raises(ConfigError, match=r"pursuer = .*Ball\(speed_m_s\) or Cylinder\(horizontal_m_s, climb_m_s"):
+    with pytest.raises(
+        ConfigError, match=r"pursuer = .*Ball\(speed_m_s\) or Cylinder\(horizontal_m_s, climb_m_s"
+    ):
         Game(pursuer, 1.0)
 
 
 @pytest.mark.parametrize("standoff", [(3, 5), 3.0, None])
 def test_a_stand_off_is_a_disc(standoff):
-    with pytest.raises(ConfigError, match=r"standoff = .*: must be a disc, StandOff\(radius_m, height_m\)"):
+    with pytest.raises(
+        ConfigError, match=r"standoff = .*: must be a disc, StandOff\(radius_m, height_m\)"
+    ):
         Game(Ball(2.0), 1.0, standoff=standoff)
 
 
@@ -112,7 +129,9 @@ def test_a_pursuer_without_speed_in_hand_is_refused(slow):
 def test_a_game_against_another_evader_is_the_same_game_built_anew():
     whole = {"standoff": StandOff(3.0, 5.0), "target_velocity_m_s": (0.1, -0.2)}
     game = Game(Cylinder(6.0, 3.0, 1.5), 2.0, **whole)
-    assert game.against(4, 0.25) == Game(Cylinder(6.0, 3.0, 1.5), 4.0, information_age_s=0.25, **whole)
+    assert game.against(4, 0.25) == Game(
+        Cylinder(6.0, 3.0, 1.5), 4.0, information_age_s=0.25, **whole
+    )
     assert game == Game(Cylinder(6.0, 3.0, 1.5), 2.0, **whole)
 
 
@@ -134,7 +153,9 @@ def test_another_evader_is_refused_where_it_makes_no_game(speed_m_s, age_s, name
 
 
 def test_a_target_that_outruns_the_evader_is_refused():
-    with pytest.raises(ConfigError, match=r"target_velocity_m_s = \(0.6, 0.8\): must be slower than the evader"):
+    with pytest.raises(
+        ConfigError, match=r"target_velocity_m_s = \(0.6, 0.8\): must be slower than the evader"
+    ):
         Game(Ball(2.0), 1.0, target_velocity_m_s=(0.6, 0.8))
 
 
@@ -149,9 +170,16 @@ def test_a_target_that_outruns_the_evader_is_refused():
     ],
 )
 def test_an_evader_in_space_takes_no_extension_of_the_plane(extension):
-    with pytest.raises(ConfigError, match="evader_space = 'space': an evader that flies is defined for"):
-        Game(**({"pursuer": Ball(2.0), "evader_speed_m_s": 1.0, "evader_space": "space"} | extension))
-    assert Game(Ball(2.0), 1.0, evader_space="space", standoff=StandOff(0.0, 0.0)).evader_space == "space"
+    with pytest.raises(
+        ConfigError, match="evader_space = 'space': an evader that flies is defined for"
+    ):
+        Game(
+            **({"pursuer": Ball(2.0), "evader_speed_m_s": 1.0, "evader_space": "space"} | extension)
+        )
+    assert (
+        Game(Ball(2.0), 1.0, evader_space="space", standoff=StandOff(0.0, 0.0)).evader_space
+        == "space"
+    )
 
 
 def test_an_unknown_space_is_refused():
@@ -173,9 +201,13 @@ def test_an_unknown_space_is_refused():
     ],
 )
 def test_what_is_no_array_of_vectors_is_refused_by_name(bad):
-    with pytest.raises(ConfigError, match=r"(?s)pursuer = .*must be an array of shape \(\.\.\., 3\)"):
+    with pytest.raises(
+        ConfigError, match=r"(?s)pursuer = .*must be an array of shape \(\.\.\., 3\)"
+    ):
         solve(PAPER, bad, E)
-    with pytest.raises(ConfigError, match=r"(?s)target = .*must be an array of shape \(\.\.\., 3\)"):
+    with pytest.raises(
+        ConfigError, match=r"(?s)target = .*must be an array of shape \(\.\.\., 3\)"
+    ):
         solve(PAPER, P, E, bad)
     with pytest.raises(ConfigError, match=r"(?s)evader_velocity_m_s = .*must be an array"):
         solve(PAPER, P, E, evader_velocity_m_s=bad)
@@ -192,7 +224,9 @@ def test_lists_of_different_lengths_and_masked_arrays_are_refused_by_name():
 
 
 def test_shapes_that_do_not_fit_are_refused_with_their_names():
-    with pytest.raises(ConfigError, match=r"leading shapes do not fit.*'pursuer': \(4,\).*'evader': \(5,\)"):
+    with pytest.raises(
+        ConfigError, match=r"leading shapes do not fit.*'pursuer': \(4,\).*'evader': \(5,\)"
+    ):
         solve(PAPER, np.zeros((4, 3)), np.zeros((5, 3)))
     rows = Game(Ball(np.full(4, 2.0)), 1.0)
     with pytest.raises(ConfigError, match=r"leading shapes do not fit.*'speed_m_s': \(4,\)"):
@@ -204,7 +238,12 @@ def test_shapes_that_do_not_fit_are_refused_with_their_names():
 @pytest.mark.parametrize("name", ["pursuer", "evader", "target", "evader_velocity_m_s"])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_single_state_that_is_not_finite_is_refused_by_name(name, axis, value):
-    given = {"pursuer": P.copy(), "evader": E.copy(), "target": T.copy(), "evader_velocity_m_s": T.copy()}
+    given = {
+        "pursuer": P.copy(),
+        "evader": E.copy(),
+        "target": T.copy(),
+        "evader_velocity_m_s": T.copy(),
+    }
     given[name][axis] = value
     with pytest.raises(ConfigError, match=rf"^{name} = .*must be finite numbers"):
         solve(PAPER, **given)
@@ -230,16 +269,21 @@ def test_in_a_batch_only_the_row_itself_is_lost(games, value):
                     assert np.isnan(field[2]).all(), name
                     assert not np.isnan(np.delete(field, 2, axis=0)).any(), name
                 if target is not None:
-                    np.testing.assert_array_equal(np.delete(solution.value, 2), np.delete(clean.value, 2))
+                    np.testing.assert_array_equal(
+                        np.delete(solution.value, 2), np.delete(clean.value, 2)
+                    )
 
 
 def test_parameters_out_of_range_cost_their_own_rows_with_the_reason():
     u = np.array([2.0, 1.0, 0.5, -2.0, 0.0, NAN, INF, 2.0, 2.0, 2.0, 2.0, 2.0])
     v = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0, 0.0, NAN, 1.0, 1.0])
     radius = np.array([0.0] * 10 + [-1.0, NAN])
-    slow, wrong = Reason.PURSUER_TOO_SLOW, Reason.OUT_OF_RANGE
+    slow = Reason.PURSUER_TOO_SLOW
+    wrong = Reason.OUT_OF_RANGE
     expected = [Reason.SOLVED, slow, slow] + [wrong] * 9
-    solution = solve(Game(Ball(u), v, capture_radius_m=radius), np.tile(P, (12, 1)), np.tile(E, (12, 1)))
+    solution = solve(
+        Game(Ball(u), v, capture_radius_m=radius), np.tile(P, (12, 1)), np.tile(E, (12, 1))
+    )
     assert solution.reason.tolist() == expected
     assert np.isnan(solution.value).tolist() == [False] + [True] * 11
     assert solution.winner.tolist() == [Winner.PURSUER] + [Winner.UNDECIDED] * 11
@@ -258,14 +302,17 @@ def test_lengths_that_overflow_together_are_no_answer(large):
 
 
 @pytest.mark.parametrize(
-    ("place", "radius_m"), [((1e100, 1e100, 0.0), 0.0), ((1e100, 0.0, 1e100), 0.0), ((1e100, 0.0, 0.0), 1e100)]
+    ("place", "radius_m"),
+    [((1e100, 1e100, 0.0), 0.0), ((1e100, 0.0, 1e100), 0.0), ((1e100, 0.0, 0.0), 1e100)],
 )
 def test_no_large_length_makes_up_for_another(place, radius_m):
     game = Game(Ball(1e54), 1.0, standoff=StandOff(radius_m, 0.0))
     assert solve(game, np.array(place), np.zeros(3)).reason == Reason.OVERFLOW
 
 
-@pytest.mark.parametrize("place", [(1e100, 0.0, 0.0), (0.0, 1e100, 0.0), (0.0, 0.0, 1e100), (0.0, 1e100, 1e100)])
+@pytest.mark.parametrize(
+    "place", [(1e100, 0.0, 0.0), (0.0, 1e100, 0.0), (0.0, 0.0, 1e100), (0.0, 1e100, 1e100)]
+)
 def test_places_that_overflow_are_no_answer_however_close_they_are(place):
     assert solve(Game(Ball(1e54), 1.0), np.array(place), np.array(place)).reason == Reason.OVERFLOW
 
@@ -308,18 +355,26 @@ def test_a_circle_needs_a_ratio_above_one(ratio):
 
 def test_policies_that_need_a_target_say_so():
     for catalogue in (PURSUER_POLICIES, EVADER_POLICIES):
-        with pytest.raises(ConfigError, match="target = None: the strategy 'task_oriented' needs a target"):
+        with pytest.raises(
+            ConfigError, match="target = None: the strategy 'task_oriented' needs a target"
+        ):
             catalogue["task_oriented"](PAPER, P, E)
 
 
 def test_rollouts_refuse_what_they_do_not_know():
     with pytest.raises(
-        ConfigError, match=r"pursuer_policy = 'fly': must be one of optimal, pure_pursuit, task_oriented"
+        ConfigError,
+        match=r"pursuer_policy = 'fly': must be one of optimal, pure_pursuit, task_oriented",
     ):
         rollout(PAPER, P, E, pursuer_policy="fly")
-    with pytest.raises(ConfigError, match=r"evader_policy = 'run': must be one of optimal, pure_evade, task_oriented"):
+    with pytest.raises(
+        ConfigError,
+        match=r"evader_policy = 'run': must be one of optimal, pure_evade, task_oriented",
+    ):
         rollout(PAPER, P, E, evader_policy="run")
-    with pytest.raises(ConfigError, match=r"information_age_s = 0.5: must be 0, because a rollout keeps no past"):
+    with pytest.raises(
+        ConfigError, match=r"information_age_s = 0.5: must be 0, because a rollout keeps no past"
+    ):
         rollout(Game(Ball(2.0), 1.0, information_age_s=0.5), P, E)
     with pytest.raises(ConfigError, match=r"order = 2: must be 1 or 4"):
         Exact(order=2)

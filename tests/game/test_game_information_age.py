@@ -10,7 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, guaranteed_age_s, solve, solve_state
+from guidance.game import (
+    Ball,
+    Cylinder,
+    Game,
+    Reason,
+    StandOff,
+    Winner,
+    guaranteed_age_s,
+    solve,
+    solve_state,
+)
 from tests.harness.examples import drawn
 
 STEP_S = 0.02
@@ -23,7 +33,8 @@ def played(game, P, E, T, run, limit_s, touch_m=0.1, law=None):
     `law` is the game that is solved instead, if another.
     """
     delay = round(game.information_age_s / STEP_S)
-    path, t = [np.array(E)] * (delay + 1), 0.0
+    path = [np.array(E)] * (delay + 1)
+    t = 0.0
     lengths = game.standoff.radius_m, game.standoff.height_m, game.capture_radius_m
     while t < limit_s:
         beside = max(np.hypot(*(P - E)[:2]) - lengths[0], 0.0)
@@ -33,7 +44,8 @@ def played(game, P, E, T, run, limit_s, touch_m=0.1, law=None):
             return t, E
         if T is not None and np.linalg.norm(E - T) <= game.evader_speed_m_s * STEP_S:
             return np.inf, E
-        seen, ran = path[-delay - 1], (path[-delay] - path[-delay - 1]) / STEP_S if delay else None
+        seen = path[-delay - 1]
+        ran = (path[-delay] - path[-delay - 1]) / STEP_S if delay else None
         solution = solve(law or game, P, seen, T, evader_velocity_m_s=ran)
         P, E = P + STEP_S * solution.pursuer_velocity_m_s, E + STEP_S * np.array(run(t, P, E))
         path.append(E)
@@ -53,8 +65,14 @@ def played(game, P, E, T, run, limit_s, touch_m=0.1, law=None):
 )
 def test_the_guaranteed_age_is_where_the_evaders_spread_has_just_filled_the_reach(game, age):
     assert guaranteed_age_s(game) == pytest.approx(age, rel=1e-15)
-    P, E, T = np.array([-15.0, 1.0, 9.0]), np.zeros(3), np.array([20.0, 3.0, 0.0])
-    for share, reason in ((0.0, Reason.SOLVED), (1.0, Reason.SOLVED), (1.0 + 1e-12, Reason.TOO_OLD)):
+    P = np.array([-15.0, 1.0, 9.0])
+    E = np.zeros(3)
+    T = np.array([20.0, 3.0, 0.0])
+    for share, reason in (
+        (0.0, Reason.SOLVED),
+        (1.0, Reason.SOLVED),
+        (1.0 + 1e-12, Reason.TOO_OLD),
+    ):
         old = Game(
             game.pursuer,
             game.evader_speed_m_s,
@@ -66,7 +84,9 @@ def test_the_guaranteed_age_is_where_the_evaders_spread_has_just_filled_the_reac
             game.evader_space,
         )
         assert solve(old, P, E).reason == reason
-        assert solve(old, P, E, T).reason == (Reason.TOO_OLD if old.information_age_s else Reason.SOLVED)
+        assert solve(old, P, E, T).reason == (
+            Reason.TOO_OLD if old.information_age_s else Reason.SOLVED
+        )
 
 
 def test_rows_too_old_say_so_and_facts_of_the_moment_stay():
@@ -80,16 +100,29 @@ def test_rows_too_old_say_so_and_facts_of_the_moment_stay():
         assert solve(lens, np.zeros(3), np.zeros(3), target).reason == Reason.CAPTURED
     assert solve(lens, np.array([9.0, 9.0, 0.0]), np.zeros(3), np.zeros(3)).reason == Reason.ARRIVED
     assert solve(lens, np.array([0.0, 0.0, 20.0]), np.zeros(3)).reason == Reason.TOO_OLD
-    assert solve(game, *rows, np.array([0.0, 30.0, 0.0])).reason.tolist() == [Reason.SOLVED] + [Reason.TOO_OLD] * 3
+    assert (
+        solve(game, *rows, np.array([0.0, 30.0, 0.0])).reason.tolist()
+        == [Reason.SOLVED] + [Reason.TOO_OLD] * 3
+    )
     old = Game(Ball(2.0), 1.0, information_age_s=1.0)
-    assert solve(old, np.array([8.0, 0.0, 0.0]), np.array([0.0, 5.0, 0.0]), np.zeros(3)).margin_s == 0.0
-    assert solve(old, np.array([8.0, 0.0, 0.0]), np.array([0.0, 5.0, 0.0]), np.zeros(3)).reason == Reason.TOO_OLD
+    assert (
+        solve(old, np.array([8.0, 0.0, 0.0]), np.array([0.0, 5.0, 0.0]), np.zeros(3)).margin_s
+        == 0.0
+    )
+    assert (
+        solve(old, np.array([8.0, 0.0, 0.0]), np.array([0.0, 5.0, 0.0]), np.zeros(3)).reason
+        == Reason.TOO_OLD
+    )
 
 
 def test_right_above_the_evader_a_second_is_young_enough_for_a_metre_and_two_are_not():
     """At an age of 2 s the value is 11.90 s, but an evader that runs straight is never captured."""
-    P, E = np.array([1e-6, 0.0, 20.0]), np.zeros(3)
-    young, old = (Game(Ball(2.0), 1.0, standoff=StandOff(1.0, 0.0), information_age_s=age) for age in (1.0, 2.0))
+    P = np.array([1e-6, 0.0, 20.0])
+    E = np.zeros(3)
+    young, old = (
+        Game(Ball(2.0), 1.0, standoff=StandOff(1.0, 0.0), information_age_s=age)
+        for age in (1.0, 2.0)
+    )
     value = float(solve(young, P, E).value)
     for run in ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
         time, _ = played(young, P, E, None, lambda t, P, E, run=run: run, 3.0 * value)
@@ -106,7 +139,9 @@ def test_right_above_the_evader_a_second_is_young_enough_for_a_metre_and_two_are
 def test_at_the_guaranteed_age_no_evader_beats_the_value(speeds, seed):
     rng = np.random.default_rng(seed)
     game = Game(speeds, 1.0, standoff=DISC, information_age_s=3.0)
-    P, E, T = np.array([*rng.uniform(-6.0, 6.0, 2), 6.0]), np.zeros(3), np.array([*rng.uniform(-9.0, 9.0, 2), 0.0])
+    P = np.array([*rng.uniform(-6.0, 6.0, 2), 6.0])
+    E = np.zeros(3)
+    T = np.array([*rng.uniform(-9.0, 9.0, 2), 0.0])
     turns = rng.uniform(0.0, 6.3, 400)
     runs = {
         "straight": lambda t, P, E: (np.cos(turns[0]), np.sin(turns[0]), 0.0),
@@ -127,17 +162,22 @@ def weaving(T, swing, period_s, phase):
     """An evader that runs for its target, off to one side and to the other."""
 
     def run(t, P, E):
-        heading = np.arctan2(*(T - E)[1::-1]) + swing * np.sign(np.sin(2.0 * np.pi * t / period_s + phase))
+        heading = np.arctan2(*(T - E)[1::-1]) + swing * np.sign(
+            np.sin(2.0 * np.pi * t / period_s + phase)
+        )
         return np.cos(heading), np.sin(heading), 0.0
 
     return run
 
 
 def test_in_tad_an_evader_beats_the_value_at_any_age_but_not_the_floor():
-    P, E, T = np.array([2.9, -4.46, 1.51]), np.zeros(3), np.array([16.0, 0.0, 0.0])
+    P = np.array([2.9, -4.46, 1.51])
+    E = np.zeros(3)
+    T = np.array([16.0, 0.0, 0.0])
     game = Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 0.0), information_age_s=1.0)
     surer = Game(Ball(2.0), 1.0, standoff=StandOff(2.0, 0.0))
-    promise, floor = float(solve(game, P, E, T).value), float(solve(surer, P, E, T).value) - 1.0
+    promise = float(solve(game, P, E, T).value)
+    floor = float(solve(surer, P, E, T).value) - 1.0
     assert game.information_age_s < guaranteed_age_s(game)
     assert promise > floor > 8.0
     run = weaving(T, np.pi / 6.0, 7.0, 0.0)
@@ -150,7 +190,9 @@ def test_in_tad_an_evader_beats_the_value_at_any_age_but_not_the_floor():
 
 def test_a_pursuer_at_the_meeting_point_does_not_wait_for_a_passing_evader():
     """An earlier version followed the position it saw, and the evader reached its target."""
-    P, E, T = np.array([5.57, -1.31, 2.61]), np.zeros(3), np.array([40.0, 0.0, 0.0])
+    P = np.array([5.57, -1.31, 2.61])
+    E = np.zeros(3)
+    T = np.array([40.0, 0.0, 0.0])
     game = Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 0.0), information_age_s=1.0)
     when, end = played(game, P, E, T, weaving(T, np.pi / 4.0, 1.0, 0.0), 90.0)
     assert when < np.inf
@@ -166,8 +208,12 @@ def test_a_pursuer_at_the_meeting_point_does_not_wait_for_a_passing_evader():
 
 @pytest.mark.parametrize(("age_s", "radius_m"), [(0.0, 3.0), (0.5, 2.0), (1.5, 0.0), (9.0, 0.0)])
 def test_within_the_spread_is_the_game_of_the_smaller_disc(age_s, radius_m):
-    game = Game(Cylinder(6.0, 2.0, 1.5), 2.0, standoff=DISC, information_age_s=age_s, wind_m_s=(0.5, 0.1))
-    smaller = Game(Cylinder(6.0, 2.0, 1.5), 2.0, standoff=StandOff(radius_m, 2.0), wind_m_s=(0.5, 0.1))
+    game = Game(
+        Cylinder(6.0, 2.0, 1.5), 2.0, standoff=DISC, information_age_s=age_s, wind_m_s=(0.5, 0.1)
+    )
+    smaller = Game(
+        Cylinder(6.0, 2.0, 1.5), 2.0, standoff=StandOff(radius_m, 2.0), wind_m_s=(0.5, 0.1)
+    )
     assert game.within_spread() == smaller
     assert game.standoff == DISC
 
@@ -186,7 +232,12 @@ FROM_THE_SIDE = (
     (-4.213120699247874, 4.1048247158971165, 1.3633376712074785),
 )
 """An earlier version returned 36.4 m; an evader that runs straight at 2.6331 rad reaches 34.6 m."""
-AHEAD = (Game(Ball(1.3), 1.0, information_age_s=0.5), (-1.24, -2.66, 0.07), (-1.69, -3.11, 0.0), (7.44, 8.21, 0.0))
+AHEAD = (
+    Game(Ball(1.3), 1.0, information_age_s=0.5),
+    (-1.24, -2.66, 0.07),
+    (-1.69, -3.11, 0.0),
+    (7.44, 8.21, 0.0),
+)
 
 
 @pytest.mark.parametrize(("game", "P", "E", "T"), [FROM_THE_SIDE, AHEAD])
@@ -206,7 +257,11 @@ def test_beyond_the_guaranteed_age_tad_has_no_value(game, P, E, T):
 @pytest.mark.parametrize("speeds", [Ball(2.0), Cylinder(2.0, 1.0, 0.7)])
 def test_up_to_the_guaranteed_age_tad_has_the_least_value_of_all_headings(oracle, speeds):
     P, E, T = oracle.states(5, 8)
-    for radius_m, capture_m, wind in ((2.0, 0.0, (0.0, 0.0)), (1.0, 0.8, (0.0, 0.0)), (2.0, 0.3, (0.3, -0.4))):
+    for radius_m, capture_m, wind in (
+        (2.0, 0.0, (0.0, 0.0)),
+        (1.0, 0.8, (0.0, 0.0)),
+        (2.0, 0.3, (0.3, -0.4)),
+    ):
         game = Game(speeds, 1.0, capture_m, StandOff(radius_m, 1.0), wind_m_s=wind)
         game = replace(game, information_age_s=guaranteed_age_s(game))
         answer = solve(game, P, E, T)

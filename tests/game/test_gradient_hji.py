@@ -27,7 +27,9 @@ def smooth(game, P, E, T):
     for _ in range(3):
         moves = rng.normal(size=(3, 3)) * 4 * STEP_M
         moves[1:, 2] = 0.0
-        there = value_gradient(game, P + moves[0], E + moves[1], None if T is None else T + moves[2])
+        there = value_gradient(
+            game, P + moves[0], E + moves[1], None if T is None else T + moves[2]
+        )
         for a, b in zip(here, there, strict=True):
             good &= np.abs(a - b).max(axis=1) < 0.05
     solution = solve(game, P, E, T)
@@ -58,7 +60,8 @@ def test_the_residual_vanishes_below_the_disc_too(games, oracle, name):
 
 
 def test_the_residual_vanishes_on_the_axes_too():
-    P, E = np.array([0.0, 3.0, 4.0]), np.array([2.0, 0.0, 0.0])
+    P = np.array([0.0, 3.0, 4.0])
+    E = np.array([2.0, 0.0, 0.0])
     assert hji_residual(Game(Ball(2.0), 1.0), P, E) == pytest.approx(0.0, abs=1e-9)
 
 
@@ -70,7 +73,11 @@ def test_the_residual_vanishes_in_tad_on_both_sides_of_the_barrier(games, oracle
         P, E, T = oracle.states(seed, 24, game)
         if game.evader_space == "space":
             solution = solve(game, P, E, T)
-            good = (solution.meeting_time_s > 0.1) & (np.abs(solution.margin_s) > 0.2) & (solution.value > 0.5)
+            good = (
+                (solution.meeting_time_s > 0.1)
+                & (np.abs(solution.margin_s) > 0.2)
+                & (solution.value > 0.5)
+            )
         else:
             good = smooth(game, P, E, T)
         assert good.mean() > 0.4, name
@@ -97,14 +104,23 @@ def test_the_closed_gradient_is_the_derivative_of_the_value(games, oracle, seed)
             closed = value_gradient(game, *state)
             differences = finite_differences(value, *state, step_m=STEP_M)
             np.testing.assert_allclose(closed.pursuer, differences.pursuer, atol=2e-6, err_msg=name)
-            np.testing.assert_allclose(closed.evader[:, :2], differences.evader[:, :2], atol=2e-6, err_msg=name)
-            np.testing.assert_allclose(closed.target[:, :2], differences.target[:, :2], atol=2e-6, err_msg=name)
+            np.testing.assert_allclose(
+                closed.evader[:, :2], differences.evader[:, :2], atol=2e-6, err_msg=name
+            )
+            np.testing.assert_allclose(
+                closed.target[:, :2], differences.target[:, :2], atol=2e-6, err_msg=name
+            )
 
 
 def test_the_pe_gradient_is_the_papers():
-    P, E, delta, v = np.array([8.0, 1.42, 9.41]), np.array([7.92, 9.6, 0.0]), 2.0, 1.5
-    (dx, dy), z = (P - E)[:2], P[2]
-    d, root = np.hypot(dx, dy), np.sqrt((delta**2 - 1) * z**2 + delta**2 * np.hypot(dx, dy) ** 2)
+    P = np.array([8.0, 1.42, 9.41])
+    E = np.array([7.92, 9.6, 0.0])
+    delta = 2.0
+    v = 1.5
+    (dx, dy) = (P - E)[:2]
+    z = P[2]
+    d = np.hypot(dx, dy)
+    root = np.sqrt((delta**2 - 1) * z**2 + delta**2 * np.hypot(dx, dy) ** 2)
     by_x = (dx / d + delta**2 * dx / root) / ((delta**2 - 1) * v)
     by_y = (dy / d + delta**2 * dy / root) / ((delta**2 - 1) * v)
     gradient = value_gradient(Game(Ball(delta * v), v), P, E)
@@ -114,20 +130,28 @@ def test_the_pe_gradient_is_the_papers():
 
 
 def test_the_tad_gradient_is_the_papers():
-    P, E, T, delta = np.array([6.97, 5.83, 9.15]), np.array([9.8, 0.33, 0.0]), np.zeros(3), 2.0
+    P = np.array([6.97, 5.83, 9.15])
+    E = np.array([9.8, 0.33, 0.0])
+    T = np.zeros(3)
+    delta = 2.0
     d = np.hypot(*(P - E)[:2])
     root = np.sqrt((delta**2 - 1) * P[2] ** 2 + delta**2 * d**2)
     away = np.linalg.norm((delta**2 * E - P)[:2])
     hand = delta**2 - 1
     by_pursuer = (P - delta**2 * E)[:2] / (hand * away) - delta**2 * (P - E)[:2] / (hand * root)
-    by_evader = delta**2 * (delta**2 * E - P)[:2] / (hand * away) - delta**2 * (E - P)[:2] / (hand * root)
+    by_evader = delta**2 * (delta**2 * E - P)[:2] / (hand * away) - delta**2 * (E - P)[:2] / (
+        hand * root
+    )
     gradient = value_gradient(Game(Ball(2.0), 1.0), P, E, T)
     np.testing.assert_allclose(gradient.pursuer, [*by_pursuer, -P[2] / root], rtol=1e-12)
     np.testing.assert_allclose(gradient.evader, [*by_evader, 0.0], rtol=1e-12)
 
 
 def test_on_the_barrier_the_gradient_is_that_of_the_evaders_side():
-    P, E, T, game = np.array([8.0, 0.0, 0.0]), np.array([0.0, 4.0, 0.0]), np.zeros(3), Game(Ball(2.0), 1.0)
+    P = np.array([8.0, 0.0, 0.0])
+    E = np.array([0.0, 4.0, 0.0])
+    T = np.zeros(3)
+    game = Game(Ball(2.0), 1.0)
     assert solve(game, P, E, T).winner == 0
     gradient = value_gradient(game, P, E, T)
     np.testing.assert_allclose(gradient.pursuer, [1.0, 0.0, 0.0], atol=1e-12)

@@ -20,7 +20,9 @@ def searched(game, oracle, monkeypatch, length, speed):
     P, E, T = (length * place for place in oracle.states(8, 600, game))
     game = replace(
         game,
-        pursuer=type(game.pursuer)(*(speed * getattr(game.pursuer, name) for name in game.pursuer.__slots__)),
+        pursuer=type(game.pursuer)(
+            *(speed * getattr(game.pursuer, name) for name in game.pursuer.__slots__)
+        ),
         evader_speed_m_s=speed * game.evader_speed_m_s,
         wind_m_s=tuple(speed * part for part in game.wind_m_s),
         target_velocity_m_s=tuple(speed * part for part in game.target_velocity_m_s),
@@ -29,7 +31,8 @@ def searched(game, oracle, monkeypatch, length, speed):
         information_age_s=length / speed * game.information_age_s,
     )
     wins = solve(game, P, E, T).winner > 0
-    asked, function = [], region._search
+    asked = []
+    function = region._search
 
     def asking(xp, *rest):
         asked.append(rest)
@@ -44,7 +47,8 @@ def searched(game, oracle, monkeypatch, length, speed):
 
 def counted(monkeypatch, name):
     """Record the rows of every later call of a function of `region`."""
-    rows, function = [], getattr(region, name)
+    rows = []
+    function = getattr(region, name)
 
     def counting(xp, hunt, aim, *rest):
         rows.append(np.size(aim.s))
@@ -56,9 +60,12 @@ def counted(monkeypatch, name):
 
 @pytest.mark.parametrize("units", [(1.0, 1.0), (2.0**-9, 4.0)])
 @pytest.mark.parametrize("name", NAMES)
-def test_the_search_stays_short_and_the_bracket_alone_finds_the_same(games, oracle, monkeypatch, name, units):
+def test_the_search_stays_short_and_the_bracket_alone_finds_the_same(
+    games, oracle, monkeypatch, name, units
+):
     hunt, within = searched(games[name], oracle, monkeypatch, *units)
-    steps, bracketed = counted(monkeypatch, "_newton"), counted(monkeypatch, "_bracket")
+    steps = counted(monkeypatch, "_newton")
+    bracketed = counted(monkeypatch, "_bracket")
     found = region._search(NUMPY, hunt, within)
     monkeypatch.undo()
     assert sum(steps[1:]) <= within.size
@@ -78,7 +85,9 @@ def test_the_bracket_finds_the_heading_from_either_end(games, oracle, monkeypatc
     start = region._touch(NUMPY, hunt)
     rounds = counted(monkeypatch, "_settled")
     with np.errstate(all="ignore"):
-        alone = region._bracket(NUMPY, hunt, start._replace(s=np.full_like(start.s, end)), region.MORE_STEPS)
+        alone = region._bracket(
+            NUMPY, hunt, start._replace(s=np.full_like(start.s, end)), region.MORE_STEPS
+        )
     assert len(rounds) <= 7
     np.testing.assert_allclose(alone.s[~within], found.s[~within], atol=1e-8)
 

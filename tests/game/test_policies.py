@@ -7,11 +7,19 @@ from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Cylinder, Gam
 
 PAPER = Game(Ball(2.0), 1.0)
 lead_pursuit = PURSUER_POLICIES["lead_pursuit"]
-P, E, T = np.array([3.0, 4.0, 12.0]), np.zeros(3), np.array([-6.0, 8.0, 0.0])
+P = np.array([3.0, 4.0, 12.0])
+E = np.zeros(3)
+T = np.array([-6.0, 8.0, 0.0])
 
 
 def test_the_catalogues_name_what_the_paper_compares():
-    assert list(PURSUER_POLICIES) == ["optimal", "pure_pursuit", "task_oriented", "hold", "lead_pursuit"]
+    assert list(PURSUER_POLICIES) == [
+        "optimal",
+        "pure_pursuit",
+        "task_oriented",
+        "hold",
+        "lead_pursuit",
+    ]
     assert list(EVADER_POLICIES) == ["optimal", "pure_evade", "task_oriented", "hold"]
 
 
@@ -28,7 +36,9 @@ def test_the_optimal_policies_are_the_solution():
     above = np.array([0.0, 0.0, 5.0])
     followed = PURSUER_POLICIES["optimal"](PAPER, above, E, None, seen)
     np.testing.assert_array_equal(followed[:2], seen[:2])
-    np.testing.assert_array_equal(EVADER_POLICIES["optimal"](PAPER, above, E, None, -seen), [-1.0, 0.0, 0.0])
+    np.testing.assert_array_equal(
+        EVADER_POLICIES["optimal"](PAPER, above, E, None, -seen), [-1.0, 0.0, 0.0]
+    )
 
 
 def test_pure_pursuit_flies_straight_at_the_evader():
@@ -38,7 +48,9 @@ def test_pure_pursuit_flies_straight_at_the_evader():
 def test_pure_pursuit_of_a_cylinder_uses_both_its_speeds():
     game = Game(Cylinder(5.0, 3.0, 1.0), 1.0, standoff=StandOff(1.0, 2.0))
     np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](game, P, E), [-3.0, -4.0, -1.0])
-    np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](game, P * [1, 1, 0], E), [-3.0, -4.0, 3.0])
+    np.testing.assert_allclose(
+        PURSUER_POLICIES["pure_pursuit"](game, P * [1, 1, 0], E), [-3.0, -4.0, 3.0]
+    )
     seen = np.array([0.0, 0.5, 0.0])
     inside = np.array([0.3, 0.0, 2.0])
     np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](game, inside, E, None, seen), seen)
@@ -48,12 +60,16 @@ def test_pure_pursuit_of_a_cylinder_holds_within_its_capture_radius():
     game = Game(Cylinder(5.0, 3.0, 1.0), 1.0, standoff=StandOff(1.0, 2.0), capture_radius_m=0.5)
     for distance, flown in ((0.5, 0.0), (1.25, 0.0), (1.75, -5.0)):
         at = np.array([distance, 0.0, 4.0])
-        np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](game, at, E), [flown, 0.0, -1.0])
+        np.testing.assert_allclose(
+            PURSUER_POLICIES["pure_pursuit"](game, at, E), [flown, 0.0, -1.0]
+        )
 
 
 def test_pure_pursuit_of_a_stand_off_disc_flies_to_its_edge():
     game = Game(Ball(2.0), 1.0, standoff=StandOff(2.0, 8.0))
-    np.testing.assert_allclose(PURSUER_POLICIES["pure_pursuit"](game, P, E), 2.0 * np.array([-1.8, -2.4, -4.0]) / 5.0)
+    np.testing.assert_allclose(
+        PURSUER_POLICIES["pure_pursuit"](game, P, E), 2.0 * np.array([-1.8, -2.4, -4.0]) / 5.0
+    )
 
 
 def test_wind_does_not_turn_a_straight_flight():
@@ -64,9 +80,13 @@ def test_wind_does_not_turn_a_straight_flight():
 
 
 def test_task_oriented_players_go_straight_to_the_target_and_stay():
-    np.testing.assert_allclose(PURSUER_POLICIES["task_oriented"](PAPER, P, E, T), 2.0 * (T - P) / np.linalg.norm(T - P))
+    np.testing.assert_allclose(
+        PURSUER_POLICIES["task_oriented"](PAPER, P, E, T), 2.0 * (T - P) / np.linalg.norm(T - P)
+    )
     np.testing.assert_allclose(EVADER_POLICIES["task_oriented"](PAPER, P, E, T), [-0.6, 0.8, 0.0])
-    np.testing.assert_allclose(EVADER_POLICIES["task_oriented"](PAPER, P, 0.99 * T, T), [-0.6, 0.8, 0.0])
+    np.testing.assert_allclose(
+        EVADER_POLICIES["task_oriented"](PAPER, P, 0.99 * T, T), [-0.6, 0.8, 0.0]
+    )
     np.testing.assert_array_equal(EVADER_POLICIES["task_oriented"](PAPER, P, T, T), 0.0)
     seen = np.array([0.5, 0.0, 0.0])
     np.testing.assert_array_equal(PURSUER_POLICIES["task_oriented"](PAPER, T, E, T, seen), 0.0)
@@ -74,7 +94,9 @@ def test_task_oriented_players_go_straight_to_the_target_and_stay():
 
 def test_pure_evade_runs_away_in_the_plane():
     np.testing.assert_allclose(EVADER_POLICIES["pure_evade"](PAPER, P, E), [-0.6, -0.8, 0.0])
-    np.testing.assert_array_equal(EVADER_POLICIES["pure_evade"](PAPER, np.array([0.0, 0.0, 7.0]), E), [-1.0, 0.0, 0.0])
+    np.testing.assert_array_equal(
+        EVADER_POLICIES["pure_evade"](PAPER, np.array([0.0, 0.0, 7.0]), E), [-1.0, 0.0, 0.0]
+    )
 
 
 def test_hold_holds():
@@ -83,7 +105,8 @@ def test_hold_holds():
 
 
 def test_lead_pursuit_is_the_collision_triangle():
-    E, run = np.array([30.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    E = np.array([30.0, 0.0, 0.0])
+    run = np.array([0.0, 1.0, 0.0])
     v = lead_pursuit(PAPER, np.zeros(3), E, None, run)
     assert v[1] == pytest.approx(run[1])  # the line of sight keeps its bearing
     assert np.linalg.norm(v) == pytest.approx(2.0)
@@ -98,7 +121,8 @@ def test_without_an_observed_velocity_lead_pursuit_is_pure_pursuit():
 
 def test_lead_pursuit_has_a_steady_evader_on_the_rim_of_the_disc_at_its_height():
     game = Game(Ball(3.0), 1.5, standoff=StandOff(3.0, 5.0), wind_m_s=(0.3, -0.4))
-    start, run = np.array([-20.0, 9.0, 25.0]), np.array([0.9, 1.2, 0.0])
+    start = np.array([-20.0, 9.0, 25.0])
+    run = np.array([0.9, 1.2, 0.0])
     v = lead_pursuit(game, start, E, None, run)
     assert np.linalg.norm(v - [0.3, -0.4, 0.0]) == pytest.approx(3.0)
     t = -20.0 / v[2]

@@ -43,31 +43,44 @@ KINDS = {
 
 
 def same(a, b):
-    return all(np.array_equal(x, np.broadcast_to(y, x.shape)) and x.dtype == y.dtype for x, y in zip(a, b, strict=True))
+    return all(
+        np.array_equal(x, np.broadcast_to(y, x.shape)) and x.dtype == y.dtype
+        for x, y in zip(a, b, strict=True)
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_whole_numbers_are_real_numbers(games, kind):
-    whole, real = [KINDS[kind](values) for values in WHOLE], [np.array(values, dtype=float) for values in WHOLE]
+    whole = [KINDS[kind](values) for values in WHOLE]
+    real = [np.array(values, dtype=float) for values in WHOLE]
     for game in games.values():
         assert same(solve(game, *whole[:2]), solve(game, *real[:2]))
-        assert same(solve(game, *whole, evader_velocity_m_s=whole[1]), solve(game, *real, evader_velocity_m_s=real[1]))
+        assert same(
+            solve(game, *whole, evader_velocity_m_s=whole[1]),
+            solve(game, *real, evader_velocity_m_s=real[1]),
+        )
     assert solve(PAPER, *whole).value.flat[0] == pytest.approx(24.4210, abs=1e-4)
 
 
 def test_every_function_takes_whole_numbers():
-    whole, real = [np.array(values) for values in WHOLE], [np.array(values, dtype=float) for values in WHOLE]
+    whole = [np.array(values) for values in WHOLE]
+    real = [np.array(values, dtype=float) for values in WHOLE]
     for catalogue in (PURSUER_POLICIES, EVADER_POLICIES):
         for policy in catalogue.values():
             np.testing.assert_array_equal(policy(PAPER, *whole), policy(PAPER, *real))
-            np.testing.assert_array_equal(policy(PAPER, *whole, whole[1]), policy(PAPER, *real, real[1]))
+            np.testing.assert_array_equal(
+                policy(PAPER, *whole, whole[1]), policy(PAPER, *real, real[1])
+            )
     for shape in (apollonius_circle, apollonius_sphere):
         assert same(shape(*whole[:2], 2), shape(*real[:2], 2.0))
     assert barrier(*whole, 2) == barrier(*real, 2.0)
     assert same(value_gradient(PAPER, *whole), value_gradient(PAPER, *real))
     assert hji_residual(PAPER, *whole) == hji_residual(PAPER, *real)
     assert rollout(PAPER, *whole).time_s == rollout(PAPER, *real).time_s
-    steered = [proportional_navigation(PAPER, *three, StrategyMemory(), dt_s=0.1, gain=3.0) for three in (whole, real)]
+    steered = [
+        proportional_navigation(PAPER, *three, StrategyMemory(), dt_s=0.1, gain=3.0)
+        for three in (whole, real)
+    ]
     np.testing.assert_array_equal(*steered)
 
 
@@ -76,7 +89,11 @@ def test_parameters_of_any_kind_are_real_numbers():
     plain = Game(Ball(4.0), 2.0, 1.0, StandOff(2.0, 1.0), wind_m_s=(1.0, 0.0))
     for number in (int, np.int8, np.float32, Fraction, Decimal, np.float64):
         game = Game(
-            Ball(number(4)), number(2), number(1), StandOff(number(2), number(1)), wind_m_s=(number(1), number(0))
+            Ball(number(4)),
+            number(2),
+            number(1),
+            StandOff(number(2), number(1)),
+            wind_m_s=(number(1), number(0)),
         )
         assert game == plain
         assert hash(game) == hash(plain)
@@ -99,7 +116,8 @@ def test_parameters_of_any_kind_are_real_numbers():
 def test_the_answer_has_the_widest_precision(games, kinds, wide):
     for name in ("paper", "ball_everything", "cylinder_everything"):
         given = [np.array(values, dtype=kind) for values, kind in zip(WHOLE, kinds, strict=True)]
-        solution, plain = solve(games[name], *given), solve(games[name], *WHOLE)
+        solution = solve(games[name], *given)
+        plain = solve(games[name], *WHOLE)
         assert {field.dtype for field in solution[1:-1]} == {np.dtype(wide)}
         np.testing.assert_allclose(solution.value.astype(float), plain.value, rtol=1e-5)
 
@@ -107,7 +125,10 @@ def test_the_answer_has_the_widest_precision(games, kinds, wide):
 def test_parameters_that_vary_have_a_precision_too():
     rows = [np.tile(np.array(values, dtype=np.float32), (2, 1)) for values in WHOLE]
     assert solve(Game(Ball(np.array([2.0, 3.0])), 1.0), *rows).value.dtype == np.float64
-    assert solve(Game(Ball(np.array([2.0, 3.0], dtype=np.float32)), 1.0), *rows).value.dtype == np.float32
+    assert (
+        solve(Game(Ball(np.array([2.0, 3.0], dtype=np.float32)), 1.0), *rows).value.dtype
+        == np.float32
+    )
 
 
 def test_games_with_rows_are_equal_and_hashed_by_their_numbers():
@@ -118,7 +139,10 @@ def test_games_with_rows_are_equal_and_hashed_by_their_numbers():
     assert one != Game(Ball(np.array([[2.0, 3.0]])), 1.0, np.array([0.0, 0.0]))
     assert Game(Ball(2.0), 1.0) != Ball(2.0)
     assert Ball(2.0) != "ball"
-    assert len({Ball(2), Ball(2.0), Ball(3.0), Cylinder(2, 2, 2), StandOff(2, 2), StandOff(2.0, 2.0)}) == 4
+    assert (
+        len({Ball(2), Ball(2.0), Ball(3.0), Cylinder(2, 2, 2), StandOff(2, 2), StandOff(2.0, 2.0)})
+        == 4
+    )
     assert replace(one, capture_radius_m=1) == replace(other, capture_radius_m=1.0)
 
 
@@ -137,14 +161,27 @@ HUGE = {
 @pytest.mark.parametrize("with_target", [False, True])
 def test_what_overflows_is_a_reason_alone_and_in_a_batch(name, with_target):
     game, size, kind = HUGE[name]
-    P, E, T = (size * np.array(place, dtype=kind) for place in ([0.5, 0.3, 0.7], [-0.2, 0.4, 0.0], [0.1, -0.9, 0.0]))
+    P, E, T = (
+        size * np.array(place, dtype=kind)
+        for place in ([0.5, 0.3, 0.7], [-0.2, 0.4, 0.0], [0.1, -0.9, 0.0])
+    )
     given = (P, E, T) if with_target else (P, E)
     solution = solve(game, *given)
     assert solution.reason == Reason.OVERFLOW
     assert solution.winner == Winner.UNDECIDED
     assert all(np.isnan(field).all() for field in solution[1:-1])
-    rows = solve(game, *(np.stack([place, place * kind(1e-300 if size > 1e30 else 1e-20), place]) for place in given))
-    expected = [Reason.OVERFLOW] * 3 if name == "fast" else [Reason.OVERFLOW, rows.reason[1], Reason.OVERFLOW]
+    rows = solve(
+        game,
+        *(
+            np.stack([place, place * kind(1e-300 if size > 1e30 else 1e-20), place])
+            for place in given
+        ),
+    )
+    expected = (
+        [Reason.OVERFLOW] * 3
+        if name == "fast"
+        else [Reason.OVERFLOW, rows.reason[1], Reason.OVERFLOW]
+    )
     assert rows.reason.tolist() == expected
     if name != "fast":
         assert rows.reason[1] < Reason.NOT_FINITE
@@ -177,7 +214,9 @@ def test_undecided_is_worth_nothing():
         Game(Ball(2.0), 1.0, standoff=StandOff(3.0, 0.0), information_age_s=2.0),
     ):
         for T in ([0.0, 0.0, 0.0], [0.2, 0.1, 0.0]):
-            solution = solve(game, [0.5, 0.0, 0.2 if game.capture_radius_m else 0.0], [0.0, 0.0, 0.0], T)
+            solution = solve(
+                game, [0.5, 0.0, 0.2 if game.capture_radius_m else 0.0], [0.0, 0.0, 0.0], T
+            )
             if solution.winner == Winner.UNDECIDED:
                 assert solution.value == 0.0
                 assert solution.margin_s == 0.0
@@ -206,7 +245,9 @@ def test_rows_of_the_papers_game_among_others_are_answered_as_alone():
 
 def test_an_earlier_answer_of_another_shape_is_refused():
     earlier = solve(PAPER, np.zeros((4, 3)), np.ones((4, 3)))
-    with pytest.raises(ConfigError, match=r"out: its leading shape is \(4,\); must be that of the states, \(5,\)"):
+    with pytest.raises(
+        ConfigError, match=r"out: its leading shape is \(4,\); must be that of the states, \(5,\)"
+    ):
         solve(PAPER, np.zeros((5, 3)), np.ones((5, 3)), out=earlier)
     with pytest.raises(ConfigError, match=r"out: .*must be that of the states, \(9000,\)"):
         solve(PAPER, np.zeros((9000, 3)), np.ones((9000, 3)), out=earlier)

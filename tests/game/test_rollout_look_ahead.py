@@ -17,17 +17,22 @@ def test_a_capture_takes_players_who_fly_at_each_other_at_least_that_long(games,
         P, E, T = oracle.states(31, 60, game)
         P[:20] = E[:20] + 0.25 * P[:20]
         ahead = look_ahead(NUMPY, game, P, E, T)
-        d, z = np.hypot(*(P - E)[:, :2].T), P[:, 2] - E[:, 2] - game.standoff.height_m
-        beside, slack = np.maximum(d - game.standoff.radius_m, 0.0), game.capture_radius_m
+        d = np.hypot(*(P - E)[:, :2].T)
+        z = P[:, 2] - E[:, 2] - game.standoff.height_m
+        beside = np.maximum(d - game.standoff.radius_m, 0.0)
+        slack = game.capture_radius_m
         if isinstance(game.pursuer, Ball):
             closing = game.pursuer.speed_m_s + game.evader_speed_m_s + math.hypot(*game.wind_m_s)
             expected = np.maximum(np.hypot(beside, z) - slack, 0.0) / closing
         else:
-            closing = game.pursuer.horizontal_m_s + game.evader_speed_m_s + math.hypot(*game.wind_m_s)
+            closing = (
+                game.pursuer.horizontal_m_s + game.evader_speed_m_s + math.hypot(*game.wind_m_s)
+            )
             vertical = np.where(z > 0, game.pursuer.descent_m_s, game.pursuer.climb_m_s)
             slack += 2.0 * NANOMETRE_M
             expected = np.maximum(
-                np.maximum(beside - slack, 0.0) / closing, np.maximum(np.abs(z) - slack, 0.0) / vertical
+                np.maximum(beside - slack, 0.0) / closing,
+                np.maximum(np.abs(z) - slack, 0.0) / vertical,
             )
         np.testing.assert_allclose(ahead.capture_s, expected, rtol=1e-12, err_msg=name)
 
@@ -37,8 +42,12 @@ def test_an_arrival_takes_an_evader_and_a_target_that_meet_at_least_that_long(ga
         P, E, T = oracle.states(32, 20, game)
         T[:, 2] += 7.0
         way = (T - E) * [1.0, 1.0, float(game.evader_space == "space")]
-        expected = np.linalg.norm(way, axis=1) / (game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s))
-        np.testing.assert_allclose(look_ahead(NUMPY, game, P, E, T).arrival_s, expected, rtol=1e-12, err_msg=name)
+        expected = np.linalg.norm(way, axis=1) / (
+            game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s)
+        )
+        np.testing.assert_allclose(
+            look_ahead(NUMPY, game, P, E, T).arrival_s, expected, rtol=1e-12, err_msg=name
+        )
         assert np.isinf(look_ahead(NUMPY, game, P, E, None).arrival_s).all()
 
 
@@ -53,8 +62,10 @@ def test_a_cylinder_turns_half_a_nanometre_inside_of_its_height(side):
 
 
 def test_what_is_within_the_capture_radius_is_no_height_to_lose():
-    near, far = (Game(Cylinder(2.0, 0.7, 0.5), 1.0, StandOff().radius_m + 0.5), Game(Ball(2.0), 1.0))
-    P, E = np.array([5.0, 0.0, 4.5]), np.zeros(3)
+    near = Game(Cylinder(2.0, 0.7, 0.5), 1.0, StandOff().radius_m + 0.5)
+    far = Game(Ball(2.0), 1.0)
+    P = np.array([5.0, 0.0, 4.5])
+    E = np.zeros(3)
     assert look_ahead(NUMPY, near, P, E, None).turn_s == pytest.approx(4.0 / 0.5)
     assert look_ahead(NUMPY, near, P * [1.0, 1.0, 0.1], E, None).turn_s == math.inf
     assert look_ahead(NUMPY, far, P, E, None).turn_s == math.inf

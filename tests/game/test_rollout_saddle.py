@@ -50,7 +50,8 @@ def courses(seed, count, *, speed, level=False):
 
 
 def start(game, oracle, seed, count):
-    P, E, T = (0.5 * place for place in oracle.states(seed, count, game))  # near each other, to play less
+    # Near each other, to play less
+    P, E, T = (0.5 * place for place in oracle.states(seed, count, game))
     P[:, 2] = np.maximum(P[:, 2], game.standoff.height_m + 0.5)
     return P, E, T
 
@@ -62,7 +63,8 @@ def test_optimal_play_takes_the_value(played, oracle, seed):
     chase = rollout(played, P, E, stepping=STEPPING)
     np.testing.assert_array_equal(chase.end, End.CAPTURED)
     np.testing.assert_allclose(chase.time_s, solve(played, P, E).value, atol=2e-3)
-    race, solution = rollout(played, P, E, T, stepping=STEPPING), solve(played, P, E, T)
+    race = rollout(played, P, E, T, stepping=STEPPING)
+    solution = solve(played, P, E, T)
     np.testing.assert_array_equal(race.end == End.CAPTURED, solution.winner > 0)
     won = solution.winner > 0
     np.testing.assert_allclose(race.distance_m[won], solution.value[won], atol=5e-3)
@@ -73,9 +75,13 @@ def test_optimal_play_takes_the_value(played, oracle, seed):
 @given(seed=seeds)
 def test_no_evader_escapes_the_optimal_pursuer_for_longer_than_the_value(played, oracle, seed):
     P, E, _ = start(played, oracle, seed, 4)
-    steady = constant(courses(seed, 4, speed=played.evader_speed_m_s, level=played.evader_space == "plane"))
+    steady = constant(
+        courses(seed, 4, speed=played.evader_speed_m_s, level=played.evader_space == "plane")
+    )
     evaders = [EVADER_POLICIES["pure_evade"], EVADER_POLICIES["hold"], steady]
-    end = rollout(played, times(3, P), times(3, E), evader_policy=side_by_side(evaders), stepping=STEPPING)
+    end = rollout(
+        played, times(3, P), times(3, E), evader_policy=side_by_side(evaders), stepping=STEPPING
+    )
     np.testing.assert_array_equal(end.end, End.CAPTURED)
     assert (end.time_s <= solve(played, P, E).value + 2e-3).all()
 
@@ -85,9 +91,16 @@ def test_no_evader_escapes_the_optimal_pursuer_for_longer_than_the_value(played,
 def test_no_pursuer_catches_the_optimal_evader_sooner_than_the_value(played, oracle, seed):
     P, E, _ = start(played, oracle, seed, 4)
     value = solve(played, P, E).value
-    pursuers = [PURSUER_POLICIES["pure_pursuit"], PURSUER_POLICIES["hold"], constant(courses(seed, 4, speed=0.5))]
-    policy, limit = side_by_side(pursuers), float(value.max())
-    end = rollout(played, times(3, P), times(3, E), pursuer_policy=policy, stepping=STEPPING, duration_s=limit)
+    pursuers = [
+        PURSUER_POLICIES["pure_pursuit"],
+        PURSUER_POLICIES["hold"],
+        constant(courses(seed, 4, speed=0.5)),
+    ]
+    policy = side_by_side(pursuers)
+    limit = float(value.max())
+    end = rollout(
+        played, times(3, P), times(3, E), pursuer_policy=policy, stepping=STEPPING, duration_s=limit
+    )
     assert ((end.time_s >= value - 2e-3) | (end.end != End.CAPTURED)).all()
     assert (end.end[1] != End.CAPTURED).all()
 
@@ -98,11 +111,24 @@ def test_no_evader_comes_closer_to_its_target_than_the_value(played, oracle, see
     P, E, T = start(played, oracle, seed, 4)
     solution = solve(played, P, E, T)
     won = solution.winner > 0
-    P, E, T, value = P[won], E[won], T[won], solution.value[won]
-    steady = constant(courses(seed, len(P), speed=played.evader_speed_m_s, level=played.evader_space == "plane"))
-    evaders = side_by_side([EVADER_POLICIES["task_oriented"], EVADER_POLICIES["pure_evade"], steady])
+    P = P[won]
+    E = E[won]
+    T = T[won]
+    value = solution.value[won]
+    steady = constant(
+        courses(seed, len(P), speed=played.evader_speed_m_s, level=played.evader_space == "plane")
+    )
+    evaders = side_by_side(
+        [EVADER_POLICIES["task_oriented"], EVADER_POLICIES["pure_evade"], steady]
+    )
     end = rollout(
-        played, times(3, P), times(3, E), times(3, T), evader_policy=evaders, stepping=STEPPING, duration_s=40.0
+        played,
+        times(3, P),
+        times(3, E),
+        times(3, T),
+        evader_policy=evaders,
+        stepping=STEPPING,
+        duration_s=40.0,
     )
     assert not (end.end == End.ARRIVED).any()
     assert ((end.distance_m >= value - 5e-3) | (end.end != End.CAPTURED)).all()
@@ -110,14 +136,22 @@ def test_no_evader_comes_closer_to_its_target_than_the_value(played, oracle, see
 
 @few
 @given(seed=seeds)
-def test_no_pursuer_keeps_the_optimal_evader_farther_from_its_target_than_the_value(played, oracle, seed):
+def test_no_pursuer_keeps_the_optimal_evader_farther_from_its_target_than_the_value(
+    played, oracle, seed
+):
     P, E, T = start(played, oracle, seed, 4)
     solution = solve(played, P, E, T)
     won = solution.winner > 0
     named = [PURSUER_POLICIES[name] for name in ("pure_pursuit", "task_oriented", "hold")]
     pursuers = side_by_side([*named, constant(courses(seed, 4, speed=0.5))])
     end = rollout(
-        played, times(4, P), times(4, E), times(4, T), pursuer_policy=pursuers, stepping=STEPPING, duration_s=60.0
+        played,
+        times(4, P),
+        times(4, E),
+        times(4, T),
+        pursuer_policy=pursuers,
+        stepping=STEPPING,
+        duration_s=60.0,
     )
     assert (end.end[:, ~won] == End.ARRIVED).all()
     assert (end.end != End.TIME_UP).all()

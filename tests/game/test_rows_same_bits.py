@@ -28,7 +28,8 @@ from tests.harness.examples import drawn
 
 def same(a, b):
     """Equal to the bit, NaN and the sign of zero included."""
-    a, b = np.asarray(a), np.asarray(b)
+    a = np.asarray(a)
+    b = np.asarray(b)
     return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
 
 
@@ -49,7 +50,9 @@ def test_a_batch_is_its_singles_in_every_game(games, oracle, seed, count):
         for target in (None, T):
             answer = solve(game, P, E, target, evader_velocity_m_s=seen)
             singles = [
-                solve(game, P[i], E[i], None if target is None else T[i], evader_velocity_m_s=seen[i])
+                solve(
+                    game, P[i], E[i], None if target is None else T[i], evader_velocity_m_s=seen[i]
+                )
                 for i in range(min(count, 12))
             ]
             head = type(answer)(*(field[: len(singles)] for field in answer))
@@ -58,11 +61,16 @@ def test_a_batch_is_its_singles_in_every_game(games, oracle, seed, count):
             plain = [
                 solve_state(game, *three, evader_velocity_m_s=moving)
                 for *three, moving in (
-                    [None if one is None else tuple(one[i].tolist()) for one in vectors] for i in range(len(singles))
+                    [None if one is None else tuple(one[i].tolist()) for one in vectors]
+                    for i in range(len(singles))
                 )
             ]
             assert_rows_equal_singles(head, plain)
-            assert {type(number) for one in plain for number in (one.winner, one.value, *one.meeting_point_m)} == {
+            assert {
+                type(number)
+                for one in plain
+                for number in (one.winner, one.value, *one.meeting_point_m)
+            } == {
                 int,
                 float,
             }
@@ -70,7 +78,8 @@ def test_a_batch_is_its_singles_in_every_game(games, oracle, seed, count):
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, 1e200])
 def test_a_state_without_an_answer_is_the_row_of_a_batch_in_plain_numbers_too(games, wrong):
-    P, E = (wrong, 0.0, 9.0), (8.0, 3.0, 0.0)
+    P = (wrong, 0.0, 9.0)
+    E = (8.0, 3.0, 0.0)
     for game in games.values():
         row = solve(game, np.array([P]), np.array([E]))
         assert row.reason[0] >= Reason.NOT_FINITE
@@ -154,20 +163,28 @@ def test_chunks_of_two_leading_axes_join_to_the_whole(games, oracle, monkeypatch
     P, E, T = (array.reshape(3, 10, 3) for array in oracle.states(6, 30))
     whole = solve(games["ball_everything"], P, E, T)
     monkeypatch.setattr(solving, "ROWS", 8)
-    assert all(same(a, b) for a, b in zip(whole, solve(games["ball_everything"], P, E, T), strict=True))
+    assert all(
+        same(a, b) for a, b in zip(whole, solve(games["ball_everything"], P, E, T), strict=True)
+    )
 
 
 def test_parameters_broadcast_as_states_do(oracle):
     P, E, T = (array.reshape(4, 9, 3) for array in oracle.states(12, 36))
-    radius, age, speed = np.linspace(0.0, 2.0, 9), np.linspace(0.0, 3.0, 4)[:, None], np.linspace(1.5, 3.0, 9)
+    radius = np.linspace(0.0, 2.0, 9)
+    age = np.linspace(0.0, 3.0, 4)[:, None]
+    speed = np.linspace(1.5, 3.0, 9)
 
     def game(spread):
         parts = [spread(part) for part in (speed, radius, age)]
-        return Game(Ball(parts[0]), 1.0, standoff=StandOff(parts[1], 1.0), information_age_s=parts[2])
+        return Game(
+            Ball(parts[0]), 1.0, standoff=StandOff(parts[1], 1.0), information_age_s=parts[2]
+        )
 
-    short, full = game(lambda part: part), game(lambda part: np.broadcast_to(part, (4, 9)).copy())
+    short = game(lambda part: part)
+    full = game(lambda part: np.broadcast_to(part, (4, 9)).copy())
     for target in (None, T):
-        few, all_of_them = solve(short, P, E, target), solve(full, P, E, target)
+        few = solve(short, P, E, target)
+        all_of_them = solve(full, P, E, target)
         assert all(same(a, b) for a, b in zip(few, all_of_them, strict=True))
 
 
@@ -175,7 +192,8 @@ def test_a_single_answer_has_no_minus_zero(games):
     for name in ("paper", "cylinder", "ball_standoff", "cylinder_standoff"):
         for x, y in ((9.0, 0.0), (-9.0, 0.0), (0.0, 9.0), (0.0, -9.0), (-6.0, -7.0)):
             for z in (0.0, 2.0, 5.0):
-                P, E = np.array([x, y, z]), np.zeros(3)
+                P = np.array([x, y, z])
+                E = np.zeros(3)
                 for target in (None, P * [1.0, 1.0, 0.0], -P * [1.0, 1.0, 0.0], E):
                     for field in solve(games[name], P, E, target):
                         assert not np.signbit(field[field == 0.0]).any(), name
@@ -216,7 +234,9 @@ def one_row(game, index):
     def number(value):
         return float(value[index]) if np.ndim(value) else value
 
-    pursuer = type(game.pursuer)(*(number(getattr(game.pursuer, name)) for name in game.pursuer.__slots__))
+    pursuer = type(game.pursuer)(
+        *(number(getattr(game.pursuer, name)) for name in game.pursuer.__slots__)
+    )
     return Game(
         pursuer,
         number(game.evader_speed_m_s),
@@ -240,7 +260,9 @@ def test_parameters_may_differ_from_row_to_row(oracle, kind, monkeypatch):
         for i in range(30):
             single = solve(one_row(game, i), P[i], E[i], None if target is None else T[i])
             np.testing.assert_allclose(answer.value[i], single.value, rtol=1e-12)
-            np.testing.assert_allclose(answer.pursuer_velocity_m_s[i], single.pursuer_velocity_m_s, atol=1e-6)
+            np.testing.assert_allclose(
+                answer.pursuer_velocity_m_s[i], single.pursuer_velocity_m_s, atol=1e-6
+            )
 
 
 def full(game, n, last=lambda value: value):
@@ -251,7 +273,9 @@ def full(game, n, last=lambda value: value):
         column[-1] = last(value)
         return column
 
-    pursuer = type(game.pursuer)(*(rows(getattr(game.pursuer, name)) for name in game.pursuer.__slots__))
+    pursuer = type(game.pursuer)(
+        *(rows(getattr(game.pursuer, name)) for name in game.pursuer.__slots__)
+    )
     return Game(
         pursuer,
         rows(game.evader_speed_m_s),
@@ -272,7 +296,8 @@ def test_an_array_of_one_number_is_that_number_and_costs_no_more(oracle, monkeyp
                 varied = solve(full(few, 20, lambda value: 1.01 * value), P, E, target)
                 assert all(same(a[:-1], b[:-1]) for a, b in zip(single, varied, strict=True))
                 with monkeypatch.context() as patched:
-                    patched.setattr(solving, "refused_rows", None)  # asked row by row, where a number varies
+                    # Asked row by row, where a number varies
+                    patched.setattr(solving, "refused_rows", None)
                     alike = solve(full(few, 20), P, E, target)
                 assert all(same(a, b) for a, b in zip(single, alike, strict=True))
 
@@ -294,10 +319,16 @@ def test_an_array_of_one_number_that_no_game_allows_costs_its_rows(game, reason)
 
 def test_an_array_of_one_number_keeps_the_answers_precision():
     few = (np.full((3, 3), 9.0, np.float32), np.zeros((3, 3), np.float32))
-    for capture, wide in ((np.zeros(3), np.float64), (np.zeros(3, np.float32), np.float32), (0.0, np.float32)):
+    for capture, wide in (
+        (np.zeros(3), np.float64),
+        (np.zeros(3, np.float32), np.float32),
+        (0.0, np.float32),
+    ):
         assert solve(Game(Ball(2.0), 1.0, capture_radius_m=capture), *few).value.dtype == wide
     empty = np.empty((0, 3))
-    assert solve(Game(Ball(2.0), 1.0, capture_radius_m=np.empty(0)), empty, empty).value.shape == (0,)
+    assert solve(Game(Ball(2.0), 1.0, capture_radius_m=np.empty(0)), empty, empty).value.shape == (
+        0,
+    )
 
 
 def test_policies_and_gradients_of_a_batch_are_those_of_its_singles(games, oracle):
@@ -309,10 +340,17 @@ def test_policies_and_gradients_of_a_batch_are_those_of_its_singles(games, oracl
             assert all(same(batch[i], policy(game, P[i], E[i], T[i])) for i in range(9))
         gradient = value_gradient(game, P, E, T)
         for i in range(9):
-            assert all(same(a[i], b) for a, b in zip(gradient, value_gradient(game, P[i], E[i], T[i]), strict=True))
+            assert all(
+                same(a[i], b)
+                for a, b in zip(gradient, value_gradient(game, P[i], E[i], T[i]), strict=True)
+            )
 
 
 def test_the_codes_that_batches_and_files_carry_stay_what_they_are():
-    assert {code.name: code.value for code in Winner} == {"EVADER": -1, "UNDECIDED": 0, "PURSUER": 1}
+    assert {code.name: code.value for code in Winner} == {
+        "EVADER": -1,
+        "UNDECIDED": 0,
+        "PURSUER": 1,
+    }
     assert [code.value for code in Reason] == [0, 1, 2, 3, 4, 5, 6, 10, 11, 12, 13, 14]
     assert [code.value for code in End] == [0, 1, 2, 3, 4]

@@ -16,7 +16,9 @@ seeds = st.integers(0, 2**32 - 1)
 @given(seed=seeds)
 def test_the_pe_value_is_the_longest_escape_over_all_headings(game, oracle, seed):
     for P, E, _ in zip(*oracle.states(seed, 2, game), strict=True):
-        assert solve(game, P, E).value == pytest.approx(oracle.extremum(game, P, E, None), rel=1e-8, abs=1e-8)
+        assert solve(game, P, E).value == pytest.approx(
+            oracle.extremum(game, P, E, None), rel=1e-8, abs=1e-8
+        )
 
 
 @some
@@ -25,7 +27,9 @@ def test_the_tad_value_is_the_closest_capture_over_all_headings(tad_game, oracle
     for P, E, T in zip(*oracle.states(seed, 2, tad_game), strict=True):
         solution = solve(tad_game, P, E, T)
         if solution.winner > 0:
-            assert solution.value == pytest.approx(oracle.extremum(tad_game, P, E, T), rel=1e-8, abs=1e-7)
+            assert solution.value == pytest.approx(
+                oracle.extremum(tad_game, P, E, T), rel=1e-8, abs=1e-7
+            )
 
 
 @settings(max_examples=drawn(20), deadline=None)
@@ -40,14 +44,26 @@ def test_the_evader_wins_if_it_reaches_its_target_before_the_pursuer(game, oracl
 @settings(max_examples=drawn(20), deadline=None)
 @given(seed=seeds)
 def test_the_value_of_a_lost_game_is_the_shortfall_at_the_arrival(games, oracle, seed):
-    for name in ("paper", "capture_radius", "age", "ball_standoff", "wind", "ball_everything", "space"):
+    for name in (
+        "paper",
+        "capture_radius",
+        "age",
+        "ball_standoff",
+        "wind",
+        "ball_everything",
+        "space",
+    ):
         game = games[name]
         states = oracle.states(seed, 40, game)
         solution = solve(game, *states)
         for P, E, T, winner, value in zip(*states, solution.winner, solution.value, strict=True):
             if winner < 0:
-                arrival = max(np.linalg.norm(E - T) / game.evader_speed_m_s - game.information_age_s, 0.0)
-                assert value == pytest.approx(oracle.shortfall(game, P, T, arrival), rel=1e-9, abs=1e-9)
+                arrival = max(
+                    np.linalg.norm(E - T) / game.evader_speed_m_s - game.information_age_s, 0.0
+                )
+                assert value == pytest.approx(
+                    oracle.shortfall(game, P, T, arrival), rel=1e-9, abs=1e-9
+                )
 
 
 @settings(max_examples=drawn(20), deadline=None)
@@ -68,9 +84,11 @@ def test_the_margin_is_the_evaders_arrival_less_the_pursuers_soonest_guard(game,
 @st.composite
 def any_game(draw):
     """A game with every parameter drawn, half of them switched off now and then."""
-    v, ratio = draw(st.floats(0.5, 8.0)), draw(st.floats(1.1, 4.0))
+    v = draw(st.floats(0.5, 8.0))
+    ratio = draw(st.floats(1.1, 4.0))
     off = st.just(0.0)
-    length, age = off | st.floats(0.1, 3.0), off | st.floats(0.05, 1.0)
+    length = off | st.floats(0.1, 3.0)
+    age = off | st.floats(0.05, 1.0)
     share = draw(off | st.floats(0.0, 0.8)) * (ratio - 1.0) * v
     turn = draw(st.floats(0.0, 6.28))
     pursuer = Ball(ratio * v)
@@ -90,7 +108,11 @@ def any_game(draw):
 @given(game=any_game(), seed=seeds)
 def test_any_combination_of_parameters_keeps_to_the_definition(oracle, game, seed):
     for P, E, T in zip(*oracle.states(seed, 1, game), strict=True):
-        assert solve(game, P, E).value == pytest.approx(oracle.extremum(game, P, E, None), rel=1e-7, abs=1e-7)
+        assert solve(game, P, E).value == pytest.approx(
+            oracle.extremum(game, P, E, None), rel=1e-7, abs=1e-7
+        )
         solution = solve(game, P, E, T)
         if solution.winner > 0:
-            assert solution.value == pytest.approx(oracle.extremum(game, P, E, T), rel=1e-7, abs=1e-6)
+            assert solution.value == pytest.approx(
+                oracle.extremum(game, P, E, T), rel=1e-7, abs=1e-6
+            )

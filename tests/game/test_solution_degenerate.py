@@ -11,7 +11,8 @@ from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES
 from tests.harness.examples import drawn
 
-BALL, CYLINDER = Game(Ball(2.0), 1.0), Game(Cylinder(2.0, 0.7, 0.5), 1.0)
+BALL = Game(Ball(2.0), 1.0)
+CYLINDER = Game(Cylinder(2.0, 0.7, 0.5), 1.0)
 HELD = Game(Cylinder(2.0, 0.7, 0.5), 1.0, standoff=StandOff(3.0, 5.0), capture_radius_m=0.25)
 ORIGIN = np.zeros(3)
 
@@ -30,16 +31,22 @@ def test_right_above_an_unknown_evader_the_ball_goes_straight_down():
 
 def test_right_above_a_running_evader_the_ball_copies_it_and_descends_with_the_rest():
     solution = solve(BALL, at(3, 4, 6), at(3, 4, 0), evader_velocity_m_s=at(0.6, -0.8, 0))
-    np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.6, -0.8, -math.sqrt(3.0)), rtol=1e-15)
+    np.testing.assert_allclose(
+        solution.pursuer_velocity_m_s, (0.6, -0.8, -math.sqrt(3.0)), rtol=1e-15
+    )
     np.testing.assert_allclose(solution.evader_velocity_m_s, (0.6, -0.8, 0.0))
     slower = solve(BALL, at(3, 4, 6), at(3, 4, 0), evader_velocity_m_s=at(0.0, 0.5, 0))
-    np.testing.assert_allclose(slower.pursuer_velocity_m_s, (0.0, 0.5, -math.sqrt(3.75)), rtol=1e-15)
+    np.testing.assert_allclose(
+        slower.pursuer_velocity_m_s, (0.0, 0.5, -math.sqrt(3.75)), rtol=1e-15
+    )
     np.testing.assert_allclose(slower.evader_velocity_m_s, (0.0, 1.0, 0.0))
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_half_a_metre_over_or_under_the_evader_the_ball_still_goes_straight(side):
-    solution = solve(Game(Ball(2.0), 1.0, standoff=StandOff(0.0, 3.0)), at(3, 4, 3.0 + 0.5 * side), at(3, 4, 0))
+    solution = solve(
+        Game(Ball(2.0), 1.0, standoff=StandOff(0.0, 3.0)), at(3, 4, 3.0 + 0.5 * side), at(3, 4, 0)
+    )
     assert solution.reason == Reason.OVERHEAD
     np.testing.assert_array_equal(solution.pursuer_velocity_m_s, (0.0, 0.0, -2.0 * side))
 
@@ -54,7 +61,9 @@ def test_what_is_captured_now_does_not_depend_on_any_speed(pursuer):
 
 def test_an_evader_seen_faster_than_its_bound_is_copied_at_its_bound():
     solution = solve(BALL, at(3, 4, 6), at(3, 4, 0), evader_velocity_m_s=at(6, -8, 0))
-    np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.6, -0.8, -math.sqrt(3.0)), rtol=1e-15)
+    np.testing.assert_allclose(
+        solution.pursuer_velocity_m_s, (0.6, -0.8, -math.sqrt(3.0)), rtol=1e-15
+    )
 
 
 @pytest.mark.parametrize(("x", "y"), [(0, 1), (1, 0)])
@@ -62,7 +71,9 @@ def test_carried_right_over_the_evader_by_the_wind_the_ball_copies_it(x, y):
     """A start so far upwind that P is over E at the capture: wind and time are powers of two, so it is exactly so."""
     turned = [x, y, 2]
     game = Game(Ball(1.25), 0.75, wind_m_s=((0.25, 0.0)[x], (0.25, 0.0)[y]))
-    solution = solve(game, at(-2.0, 0.0, 8.0)[turned], ORIGIN, evader_velocity_m_s=at(0.0, 0.75, 0.0)[turned])
+    solution = solve(
+        game, at(-2.0, 0.0, 8.0)[turned], ORIGIN, evader_velocity_m_s=at(0.0, 0.75, 0.0)[turned]
+    )
     assert solution.value == 8.0
     assert solution.reason == Reason.OVERHEAD
     np.testing.assert_allclose(solution.pursuer_velocity_m_s, at(0.25, 0.75, -1.0)[turned])
@@ -85,7 +96,9 @@ def test_above_an_evader_that_cannot_leave_the_disc_the_ball_only_descends():
         np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0, 0, -2.0), atol=1e-15)
 
 
-@pytest.mark.parametrize(("height", "reason"), [(11.0, Reason.SOLVED), (12.0, Reason.SOLVED), (13.0, Reason.OVERHEAD)])
+@pytest.mark.parametrize(
+    ("height", "reason"), [(11.0, Reason.SOLVED), (12.0, Reason.SOLVED), (13.0, Reason.OVERHEAD)]
+)
 def test_every_heading_is_as_good_only_once_the_evader_can_be_past_the_rim(height, reason):
     """The disc is 5 m wide and 2 m up: from 12 m the pursuer is there when the evader is on its rim."""
     game = Game(Ball(2.0), 1.0, standoff=StandOff(5.0, 2.0))
@@ -97,7 +110,9 @@ def test_over_an_evader_last_seen_below_a_pursuer_in_its_plane_stays_in_it():
     for seen in (None, at(0.6, -0.8, 0)):
         solution = solve(game, at(3, 4, 0), at(3, 4, 0), evader_velocity_m_s=seen)
         assert (solution.reason, solution.value) == (Reason.TOO_OLD, 1.0)
-        np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0, 0, 0) if seen is None else seen, atol=1e-15)
+        np.testing.assert_allclose(
+            solution.pursuer_velocity_m_s, (0, 0, 0) if seen is None else seen, atol=1e-15
+        )
 
 
 def test_a_cylinder_above_the_evader_keeps_with_it_and_descends_in_full():
@@ -115,7 +130,9 @@ def test_inside_the_disc_and_its_tolerance_the_pursuer_only_follows(height):
     assert solution.value == 0.0
     assert solution.reason == Reason.CAPTURED
     np.testing.assert_allclose(solution.pursuer_velocity_m_s, (0.3, 0.4, 0.0))
-    race = solve(HELD, at(1, 1, height), at(0, 0, 0), at(9, 0, 0), evader_velocity_m_s=at(0.3, 0.4, 0))
+    race = solve(
+        HELD, at(1, 1, height), at(0, 0, 0), at(9, 0, 0), evader_velocity_m_s=at(0.3, 0.4, 0)
+    )
     assert (race.value, race.winner, race.reason) == (9.0, Winner.PURSUER, Reason.CAPTURED)
     np.testing.assert_allclose(race.pursuer_velocity_m_s, (0.3, 0.4, 0.0))
 
@@ -150,7 +167,8 @@ def test_in_the_evaders_plane_everybody_stays_in_it():
 
 def test_at_the_evader_the_game_is_over():
     for game in (BALL, CYLINDER):
-        chase, race = solve(game, ORIGIN, ORIGIN), solve(game, ORIGIN, ORIGIN, at(3, 4, 0))
+        chase = solve(game, ORIGIN, ORIGIN)
+        race = solve(game, ORIGIN, ORIGIN, at(3, 4, 0))
         assert (chase.value, chase.reason) == (0.0, Reason.CAPTURED)
         assert (race.value, race.winner, race.reason) == (5.0, Winner.PURSUER, Reason.CAPTURED)
         np.testing.assert_array_equal(chase.pursuer_velocity_m_s, 0.0)
@@ -161,7 +179,11 @@ def test_at_the_evader_the_game_is_over():
 def test_an_evader_at_its_target_has_won_and_stays():
     for game in (BALL, CYLINDER):
         solution = solve(game, at(0, 0, 7), ORIGIN, ORIGIN)
-        assert (solution.winner, solution.reason, solution.meeting_time_s) == (Winner.EVADER, Reason.ARRIVED, 0.0)
+        assert (solution.winner, solution.reason, solution.meeting_time_s) == (
+            Winner.EVADER,
+            Reason.ARRIVED,
+            0.0,
+        )
         assert solution.value == pytest.approx(7.0)
         np.testing.assert_array_equal(solution.evader_velocity_m_s, 0.0)
         assert solution.pursuer_velocity_m_s[2] < 0
@@ -175,7 +197,11 @@ def test_all_three_in_one_place_is_the_barrier():
 
 def test_a_state_on_the_barrier_is_undecided_and_both_go_for_the_target():
     solution = solve(BALL, at(8, 0, 0), at(0, 4, 0), ORIGIN)
-    assert (solution.winner, solution.reason, solution.margin_s) == (Winner.UNDECIDED, Reason.ON_BARRIER, 0.0)
+    assert (solution.winner, solution.reason, solution.margin_s) == (
+        Winner.UNDECIDED,
+        Reason.ON_BARRIER,
+        0.0,
+    )
     assert solution.value == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose(solution.pursuer_velocity_m_s, (-2.0, 0.0, 0.0), atol=1e-9)
     np.testing.assert_allclose(solution.evader_velocity_m_s, (0.0, -1.0, 0.0), atol=1e-9)
@@ -183,8 +209,14 @@ def test_a_state_on_the_barrier_is_undecided_and_both_go_for_the_target():
 
 @pytest.mark.parametrize("pursuer", [Ball(2.0), Cylinder(2.0, 0.7, 0.5)])
 def test_on_the_barrier_of_a_stand_off_both_take_the_time_that_the_evader_needs(pursuer):
-    solution = solve(Game(pursuer, 1.0, standoff=StandOff(3.0, 2.0)), at(11, 0, 2), at(0, 4, 0), ORIGIN)
-    assert (solution.winner, solution.reason, solution.margin_s) == (Winner.UNDECIDED, Reason.ON_BARRIER, 0.0)
+    solution = solve(
+        Game(pursuer, 1.0, standoff=StandOff(3.0, 2.0)), at(11, 0, 2), at(0, 4, 0), ORIGIN
+    )
+    assert (solution.winner, solution.reason, solution.margin_s) == (
+        Winner.UNDECIDED,
+        Reason.ON_BARRIER,
+        0.0,
+    )
     assert (solution.value, solution.meeting_time_s) == (0.0, 4.0)
     np.testing.assert_array_equal(solution.meeting_point_m, 0.0)
     np.testing.assert_array_equal(solution.pursuer_velocity_m_s, (-2.0, 0.0, 0.0))
@@ -202,21 +234,32 @@ def test_a_cylinder_captures_by_both_distances_and_a_ball_by_the_total():
 def test_an_evader_runs_until_it_is_there():
     for game in (BALL, CYLINDER):
         solution = solve(game, at(20, 0, 7), at(0.25, 0, 0), ORIGIN)
-        assert (solution.winner, solution.reason, solution.meeting_time_s) == (Winner.EVADER, Reason.SOLVED, 0.25)
+        assert (solution.winner, solution.reason, solution.meeting_time_s) == (
+            Winner.EVADER,
+            Reason.SOLVED,
+            0.25,
+        )
         np.testing.assert_array_equal(solution.evader_velocity_m_s, (-1.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("pursuer", [Ball(2.0), Cylinder(2.0, 0.7, 0.5)])
 def test_an_evader_that_may_be_at_a_guarded_target_is_undecided(pursuer):
     """Seen half a second ago a tenth of a metre from it, and the pursuer is well within its capture radius."""
-    game = Game(pursuer, 1.0, standoff=StandOff(3.0, 2.0), capture_radius_m=0.5, information_age_s=0.5)
+    game = Game(
+        pursuer, 1.0, standoff=StandOff(3.0, 2.0), capture_radius_m=0.5, information_age_s=0.5
+    )
     solution = solve(game, at(0, 0, 2.2), at(0.1, 0, 0), ORIGIN)
-    assert (solution.winner, solution.reason, solution.meeting_time_s) == (Winner.UNDECIDED, Reason.CAPTURED, 0.0)
+    assert (solution.winner, solution.reason, solution.meeting_time_s) == (
+        Winner.UNDECIDED,
+        Reason.CAPTURED,
+        0.0,
+    )
     assert solution.value == 0.0
 
 
 def test_a_target_at_the_centre_of_the_circle_is_finite():
-    P, E = at(0, 0, 9), at(3, 0, 0)
+    P = at(0, 0, 9)
+    E = at(3, 0, 0)
     solution = solve(BALL, P, E, at(4, 0, 0))
     assert solution.winner == Winner.EVADER
     assert all(np.isfinite(field).all() for field in solution)
@@ -227,7 +270,9 @@ def test_the_pursuer_that_guards_the_target_in_time_waits_there():
     assert solution.winner == Winner.PURSUER
     late = solve(BALL, at(0.5, 0, 30), at(1, 0, 0), ORIGIN)
     assert late.winner == Winner.EVADER
-    there = solve(Game(Ball(2.0), 1.0, standoff=StandOff(1.0, 3.0)), at(30, 0, 3), at(1, 0, 0), ORIGIN)
+    there = solve(
+        Game(Ball(2.0), 1.0, standoff=StandOff(1.0, 3.0)), at(30, 0, 3), at(1, 0, 0), ORIGIN
+    )
     assert there.winner == Winner.EVADER
     np.testing.assert_allclose(there.pursuer_velocity_m_s, (-2.0, 0.0, 0.0))
 
@@ -252,7 +297,11 @@ def test_an_evader_in_space_that_is_captured_is_followed_in_space():
 
 def test_an_evader_in_space_is_captured_by_its_distance_in_space():
     game = Game(Ball(2.0), 1.0, capture_radius_m=1.5, evader_space="space")
-    for P, reason in (((5, 0, 0), Reason.SOLVED), ((0, 5, 0), Reason.SOLVED), ((0, 0, 1), Reason.CAPTURED)):
+    for P, reason in (
+        ((5, 0, 0), Reason.SOLVED),
+        ((0, 5, 0), Reason.SOLVED),
+        ((0, 0, 1), Reason.CAPTURED),
+    ):
         for target in (at(-20, 0, 0), at(0, 0, -20)):
             assert solve(game, at(*P), ORIGIN, target).reason == reason
 
@@ -260,25 +309,38 @@ def test_an_evader_in_space_is_captured_by_its_distance_in_space():
 def test_a_cylinder_holds_what_it_has_met_to_a_nanometre_and_no_more():
     for over, fraction in ((1e-9, 0.0), (1.1e-9, 1.0)):
         beside = solve(CYLINDER, at(over, 0, 5), ORIGIN, evader_velocity_m_s=ORIGIN)
-        np.testing.assert_allclose(beside.pursuer_velocity_m_s, (-2.0 * fraction, 0, -0.5), atol=1e-12)
+        np.testing.assert_allclose(
+            beside.pursuer_velocity_m_s, (-2.0 * fraction, 0, -0.5), atol=1e-12
+        )
         above = solve(CYLINDER, at(5, 0, over), ORIGIN)
-        np.testing.assert_allclose(above.pursuer_velocity_m_s, (-2.0, 0, -0.5 * fraction), atol=1e-12)
+        np.testing.assert_allclose(
+            above.pursuer_velocity_m_s, (-2.0, 0, -0.5 * fraction), atol=1e-12
+        )
 
 
 @pytest.mark.parametrize("age", [0.0, 0.5])
 def test_a_cylinder_over_its_disc_holds_in_tad_as_in_pe(age):
     """Step by step against a weaving evader: a part that is reached is held, without jumps to full speed."""
-    game = Game(Cylinder(12.0, 3.0, 1.5), 3.0, standoff=StandOff(4.0, 5.0), capture_radius_m=0.2, information_age_s=age)
-    step, run = 0.02, at(3.0, 0, 0)
+    game = Game(
+        Cylinder(12.0, 3.0, 1.5),
+        3.0,
+        standoff=StandOff(4.0, 5.0),
+        capture_radius_m=0.2,
+        information_age_s=age,
+    )
+    step = 0.02
+    run = at(3.0, 0, 0)
     for target in (None, at(300, 100, 0)):
-        P, E = at(1.0, 0.5, 50.0), ORIGIN
+        P = at(1.0, 0.5, 50.0)
+        E = ORIGIN
         for tick in range(1200):
             solution = solve(game, P, E, target, evader_velocity_m_s=run)
             assert np.hypot(*solution.pursuer_velocity_m_s[:2]) <= 3.0 + 1e-9
             assert solution.winner == Winner.PURSUER
             angle = 0.5 * math.sin(0.01 * tick)
             run = at(3.0 * math.cos(angle), 3.0 * math.sin(angle), 0)
-            P, E = P + step * solution.pursuer_velocity_m_s, E + step * run
+            P = P + step * solution.pursuer_velocity_m_s
+            E = E + step * run
 
 
 def test_a_pursuer_over_a_guarded_target_waits_there_whatever_it_sees():
@@ -292,7 +354,8 @@ def test_a_pursuer_over_a_guarded_target_waits_there_whatever_it_sees():
 def test_all_three_on_one_line_in_space_no_velocity_is_beyond_its_bound():
     """P is at a possible position of E, up to rounding, so its direction is a rounding error."""
     rng = np.random.default_rng(6)
-    E, way = rng.uniform(-20.0, 20.0, (300, 3)), rng.normal(size=(300, 3))
+    E = rng.uniform(-20.0, 20.0, (300, 3))
+    way = rng.normal(size=(300, 3))
     way /= np.linalg.norm(way, axis=1, keepdims=True)
     game = Game(Ball(2.0), 1.0, 1.0, information_age_s=1.0, evader_space="space")
     solution = solve(game, E + way, E, E + 5.0 * way)
@@ -311,7 +374,8 @@ def test_no_state_is_without_a_finite_answer(games, P, E, T, seen):
     """Places on a coarse grid, so that all kinds of coincidence happen."""
     for name, game in games.items():
         level = 0.0 if game.evader_space == "plane" else 1.0
-        E, T = E * [1, 1, level], T * [1, 1, level]
+        E = E * [1, 1, level]
+        T = T * [1, 1, level]
         for target in (None, T):
             solution = solve(game, P, E, target, evader_velocity_m_s=seen)
             for field in solution._replace(margin_s=0.0):
@@ -324,7 +388,9 @@ def test_no_state_is_without_a_finite_answer(games, P, E, T, seen):
             if isinstance(game.pursuer, Ball):
                 assert np.linalg.norm(through_air) <= game.pursuer.speed_m_s * (1 + 1e-12), name
             else:
-                assert math.hypot(*through_air[:2]) <= game.pursuer.horizontal_m_s * (1 + 1e-12), name
+                assert math.hypot(*through_air[:2]) <= game.pursuer.horizontal_m_s * (1 + 1e-12), (
+                    name
+                )
                 assert -game.pursuer.descent_m_s <= through_air[2] <= game.pursuer.climb_m_s, name
         for policy in (*PURSUER_POLICIES.values(), *EVADER_POLICIES.values()):
             assert np.isfinite(policy(game, P, E, T, seen)).all(), name

@@ -44,7 +44,10 @@ def final_distance(P, E, T, u, v):
 @some
 @given(P=places, z=heights, E=places, T=places, over=spare)
 def test_the_final_distance_keeps_its_digits_however_close_the_speeds(P, z, E, T, over):
-    P, E, T, u = at(*P, z), at(*E), at(*T), 1.0 + over
+    P = at(*P, z)
+    E = at(*E)
+    T = at(*T)
+    u = 1.0 + over
     solution = solve(Game(Ball(u), 1.0), P, E, T)
     with localcontext() as context:
         context.prec = DIGITS
@@ -59,7 +62,8 @@ def test_the_final_distance_keeps_its_digits_however_close_the_speeds(P, z, E, T
 
 def test_at_a_speed_ratio_of_one_plus_1e_12_fourteen_digits_are_right():
     rng = np.random.default_rng(3)
-    u, worst = 1.0 + 1e-12, 0.0
+    u = 1.0 + 1e-12
+    worst = 0.0
     for _ in range(300):
         P, E, T = (at(*rng.uniform(-20.0, 20.0, 3)) for _ in range(3))
         E[2] = T[2] = 0.0
@@ -75,7 +79,11 @@ def test_at_a_speed_ratio_of_one_plus_1e_12_fourteen_digits_are_right():
 
 @pytest.mark.parametrize(
     ("u", "P", "E"),
-    [(2.0, (8.0, 0.0, 0.0), (0.0, 4.0)), (3.0, (3.0, 3.0, 0.0), (1.0, 1.0)), (3.0, (1.0, 4.0, 8.0), (3.0, 0.0))],
+    [
+        (2.0, (8.0, 0.0, 0.0), (0.0, 4.0)),
+        (3.0, (3.0, 3.0, 0.0), (1.0, 1.0)),
+        (3.0, (1.0, 4.0, 8.0), (3.0, 0.0)),
+    ],
 )
 def test_on_the_barrier_everything_is_exactly_zero(u, P, E):
     solution = solve(Game(Ball(u), 1.0), np.array(P), at(*E), np.zeros(3))
@@ -103,16 +111,22 @@ def capture_time(P, E, u, v, wind):
 @given(P=places, z=st.floats(0.1, 50.0), E=places, over=st.sampled_from([1e-9, 1e-6, 1e-3, 0.5]))
 def test_pe_keeps_its_digits_however_little_the_wind_leaves(P, z, E, over):
     wind = (0.3, -0.4)
-    u, P, E = 1.5 + over, at(*P, z), at(*E)
+    u = 1.5 + over
+    P = at(*P, z)
+    E = at(*E)
     with localcontext() as context:
         context.prec = DIGITS
         value = float(capture_time(P, E, u, 1.0, wind))
-    assert float(solve(Game(Ball(u), 1.0, wind_m_s=wind), P, E).value) == pytest.approx(value, rel=1e-12)
+    assert float(solve(Game(Ball(u), 1.0, wind_m_s=wind), P, E).value) == pytest.approx(
+        value, rel=1e-12
+    )
 
 
 @some
 @given(
-    wind=st.tuples(*[st.floats(-3.0, 3.0)] * 2), v=st.floats(0.1, 5.0), over=st.sampled_from([1e-12, 1e-9, 1e-3, 1.0])
+    wind=st.tuples(*[st.floats(-3.0, 3.0)] * 2),
+    v=st.floats(0.1, 5.0),
+    over=st.sampled_from([1e-12, 1e-9, 1e-3, 1.0]),
 )
 def test_what_the_pursuer_has_in_hand_keeps_its_digits_in_any_wind(wind, v, over):
     u = v + float(np.hypot(*wind)) + over
@@ -126,7 +140,8 @@ def test_what_the_pursuer_has_in_hand_keeps_its_digits_in_any_wind(wind, v, over
 def stand_off_time(d, z, radius, capture, u, v):
     """Root of √((u t + l)² − z²) = d − R + v t, from the quadratic as it is."""
     d, z, radius, capture, u, v = (Decimal(part) for part in (d, z, radius, capture, u, v))
-    half, hand = v * (d - radius) - u * capture, u * u - v * v
+    half = v * (d - radius) - u * capture
+    hand = u * u - v * v
     beyond = (d - radius) ** 2 + z * z - capture * capture
     return (half + (half * half + hand * beyond).sqrt()) / hand
 
@@ -155,8 +170,12 @@ def test_a_symmetric_state_has_no_spurious_side(games, name):
     game = games[name]
     if name in ("wind", "moving_target"):
         game = Game(game.pursuer, 1.0, wind_m_s=(0.3, 0.0), target_velocity_m_s=(0.2, 0.0))
-    solution = solve(game, np.array([-15.0, 0.0, 9.0]), np.array([-2.0, 0.0, 0.0]), np.array([14.0, 0.0, 0.0]))
-    far = solve(game, np.array([15.0, 0.0, 9.0]), np.array([2.0, 0.0, 0.0]), np.array([30.0, 0.0, 0.0]))
+    solution = solve(
+        game, np.array([-15.0, 0.0, 9.0]), np.array([-2.0, 0.0, 0.0]), np.array([14.0, 0.0, 0.0])
+    )
+    far = solve(
+        game, np.array([15.0, 0.0, 9.0]), np.array([2.0, 0.0, 0.0]), np.array([30.0, 0.0, 0.0])
+    )
     for one in (solution, far):
         for vector in (one.meeting_point_m, one.pursuer_velocity_m_s, one.evader_velocity_m_s):
             assert vector[1] == 0.0
@@ -190,7 +209,11 @@ def test_the_meeting_point_is_on_the_edge_and_its_normal_leads_to_the_target(nam
     solution = solve(game, P, E, T)
     won = (solution.winner > 0) & (solution.value > 0.5) & (solution.meeting_time_s > 0.3)
     assert won.sum() > 60
-    P, E, T, t, X = P[won], E[won], T[won], solution.meeting_time_s[won], solution.meeting_point_m[won]
+    P = P[won]
+    E = E[won]
+    T = T[won]
+    t = solution.meeting_time_s[won]
+    X = solution.meeting_point_m[won]
     np.testing.assert_allclose(oracle.shortfall(game, P, X, t), 0.0, atol=1e-10)
     run = game.evader_speed_m_s * (t + game.information_age_s)
     np.testing.assert_allclose(np.linalg.norm(X - E, axis=1), run, rtol=1e-12)

@@ -36,22 +36,51 @@ GAMES = {
     "age": Game(Ball(2.0), 1.0, standoff=StandOff(1.5, 0.0), information_age_s=1.0),
     "disc": Game(Ball(2.0), 1.0, standoff=DISC, capture_radius_m=0.5),
     "wind": Game(Ball(2.0), 1.0, wind_m_s=(0.3, -0.4)),
-    "all": Game(Ball(2.0), 1.0, wind_m_s=(0.3, -0.4), standoff=DISC, information_age_s=0.5, capture_radius_m=0.2),
+    "all": Game(
+        Ball(2.0),
+        1.0,
+        wind_m_s=(0.3, -0.4),
+        standoff=DISC,
+        information_age_s=0.5,
+        capture_radius_m=0.2,
+    ),
     "cylinder": Game(Cylinder(2.0, 0.7, 0.5), 1.0),
     "cylinder_disc": Game(Cylinder(2.0, 0.7, 0.5), 1.0, standoff=DISC, capture_radius_m=0.5),
     "cylinder_all": Game(
-        Cylinder(2.0, 0.7, 0.5), 1.0, wind_m_s=(0.2, 0.5), standoff=DISC, information_age_s=0.5, capture_radius_m=0.2
+        Cylinder(2.0, 0.7, 0.5),
+        1.0,
+        wind_m_s=(0.2, 0.5),
+        standoff=DISC,
+        information_age_s=0.5,
+        capture_radius_m=0.2,
     ),
     "moving": Game(Ball(2.0), 1.0, target_velocity_m_s=(0.3, 0.2)),
     "moving_cylinder": Game(
-        Cylinder(2.0, 0.7, 0.5), 1.0, standoff=DISC, target_velocity_m_s=(0.1, -0.3), information_age_s=0.2
+        Cylinder(2.0, 0.7, 0.5),
+        1.0,
+        standoff=DISC,
+        target_velocity_m_s=(0.1, -0.3),
+        information_age_s=0.2,
     ),
-    "fast_all": Game(Ball(3.7), 1.3, wind_m_s=(0.5, 0.6), standoff=DISC, information_age_s=0.4, capture_radius_m=0.3),
-    "fast_cylinder": Game(Cylinder(3.7, 0.9, 1.6), 1.3, standoff=DISC, information_age_s=0.4, capture_radius_m=0.3),
+    "fast_all": Game(
+        Ball(3.7),
+        1.3,
+        wind_m_s=(0.5, 0.6),
+        standoff=DISC,
+        information_age_s=0.4,
+        capture_radius_m=0.3,
+    ),
+    "fast_cylinder": Game(
+        Cylinder(3.7, 0.9, 1.6), 1.3, standoff=DISC, information_age_s=0.4, capture_radius_m=0.3
+    ),
     "fast_moving": Game(Ball(3.7), 1.3, target_velocity_m_s=(0.3, 0.2)),
-    "fast_moving_cylinder": Game(Cylinder(3.7, 0.9, 1.6), 1.3, standoff=DISC, target_velocity_m_s=(0.1, -0.3)),
+    "fast_moving_cylinder": Game(
+        Cylinder(3.7, 0.9, 1.6), 1.3, standoff=DISC, target_velocity_m_s=(0.1, -0.3)
+    ),
     "space": Game(Ball(2.0), 1.0, evader_space="space"),
-    "space_radius": Game(Ball(2.0), 1.0, evader_space="space", capture_radius_m=0.5, information_age_s=0.3),
+    "space_radius": Game(
+        Ball(2.0), 1.0, evader_space="space", capture_radius_m=0.5, information_age_s=0.3
+    ),
 }
 
 ROWS = (slice(0, 48, 3), slice(0, 48), slice(48, None))
@@ -62,7 +91,8 @@ def states(game):
     rng = np.random.default_rng(11)
     P, E, T = rng.uniform(-20.0, 20.0, (3, 48, 3))
     P[:, 2] = np.abs(P[:, 2])
-    P[24:, :], E[24:, :] = 0.2 * P[24:, :], 0.2 * E[24:, :]
+    P[24:, :] = 0.2 * P[24:, :]
+    E[24:, :] = 0.2 * E[24:, :]
     P[40:, :2] = E[40:, :2] + rng.uniform(-4.0, 4.0, (8, 2))
     special = [
         ((1.0, 2.0, 6.0), (1.0, 2.0, 0.0), (9.0, 1.0, 0.0)),  # right above
@@ -77,7 +107,10 @@ def states(game):
         ((8.0, 0.0, 0.0), (4.0, 0.0, 0.0), (0.0, 0.0, 0.0)),  # on the barrier of δ = 2
         ((6.0, 0.0, 0.0), (4.0, 0.0, 0.0), (4.0, 0.0, 0.0)),  # c beside T
     ]
-    P, E, T = (np.concatenate([drawn, [row[index] for row in special]]) for index, drawn in enumerate((P, E, T)))
+    P, E, T = (
+        np.concatenate([drawn, [row[index] for row in special]])
+        for index, drawn in enumerate((P, E, T))
+    )
     if game.evader_space == "plane":
         E[:, 2] = T[:, 2] = 0.0
     return P, E, T, rng.uniform(-0.9, 0.9, E.shape) * [1.0, 1.0, 0.0]
@@ -89,7 +122,9 @@ def played(name, kind):
     P, E, T, seen = states(game)
     target = T if kind == "tad" else None
     for told, velocity in (("", None), ("seen_", seen)):
-        for field, value in solve(game, P, E, target, evader_velocity_m_s=velocity)._asdict().items():
+        for field, value in (
+            solve(game, P, E, target, evader_velocity_m_s=velocity)._asdict().items()
+        ):
             yield f"{told}{field}", value
     yield from derivatives(game, P, E, target)
     catalogue = {f"pursuer_{name}": play for name, play in PURSUER_POLICIES.items()}
@@ -101,12 +136,18 @@ def played(name, kind):
 
 def derivatives(game, P, E, T):
     """Yield the residual and the gradient of the value, this one also from below the disc and where games end."""
-    third, drawn, special = ([None if array is None else array[rows] for array in (P, E, T)] for rows in ROWS)
+    third, drawn, special = (
+        [None if array is None else array[rows] for array in (P, E, T)] for rows in ROWS
+    )
     if T is None or game.target_velocity_m_s == (0.0, 0.0):
         yield "residual", hji_residual(game, *third).round(5)
     if game.evader_space == "plane":
         sunk = (drawn[0] - [0.0, 0.0, 9.0], *drawn[1:])
-        for kind, where in (("gradient", third), ("sunk_gradient", sunk), ("special_gradient", special)):
+        for kind, where in (
+            ("gradient", third),
+            ("sunk_gradient", sunk),
+            ("special_gradient", special),
+        ):
             for index, part in enumerate(value_gradient(game, *where)):
                 yield f"{kind}_{index}", part
 
@@ -114,7 +155,11 @@ def derivatives(game, P, E, T):
 def ends():
     """Yield rollouts: located ends and the paper's stepping, and a second of a curved chase of a moving target."""
     P, E, T, _ = (array[24:26] for array in states(GAMES["paper"]))
-    for kind, stepping in (("exact", Exact(0.1)), ("straight", Exact(0.1, order=1)), ("paper", Paper(0.1))):
+    for kind, stepping in (
+        ("exact", Exact(0.1)),
+        ("straight", Exact(0.1, order=1)),
+        ("paper", Paper(0.1)),
+    ):
         curve = {"pursuer_policy": "pure_pursuit", "stepping": stepping, "duration_s": 1.0}
         played = {f"{kind}_moving": rollout(GAMES["fast_moving"], P, E, T, **curve)}
         if kind != "straight":
@@ -122,7 +167,11 @@ def ends():
                 end = rollout(GAMES["paper"], P, E, target, evader_policy=evader, stepping=stepping)
                 played[f"{kind}_{evader}"] = end
         for name, end in played.items():
-            yield from ((f"{name}_{field}", value) for field, value in end._asdict().items() if field != "path")
+            yield from (
+                (f"{name}_{field}", value)
+                for field, value in end._asdict().items()
+                if field != "path"
+            )
 
 
 def shapes():
@@ -151,8 +200,12 @@ def test_no_number_has_changed(part):
         found = computed(part)
         assert found.keys() == {name for name in kept if name.startswith(part)}
         for name, value in found.items():
-            np.testing.assert_allclose(value, kept[name], rtol=1e-7, atol=1e-9, err_msg=name, equal_nan=True)
+            np.testing.assert_allclose(
+                value, kept[name], rtol=1e-7, atol=1e-9, err_msg=name, equal_nan=True
+            )
 
 
 if __name__ == "__main__":
-    np.savez_compressed(KEPT, **{name: value for part in PARTS for name, value in computed(part).items()})
+    np.savez_compressed(
+        KEPT, **{name: value for part in PARTS for name, value in computed(part).items()}
+    )

@@ -16,7 +16,9 @@ GAMES = {
     "stand-off": Game(Ball(U), 1.0, capture_radius_m=0.3, standoff=DISC),
     "wind": Game(Ball(U), 1.0, wind_m_s=(0.3, -0.4)),
     "stand-off in wind": Game(Ball(U), 1.0, standoff=DISC, wind_m_s=(0.3, -0.2)),
-    "moving target": Game(Ball(U), 1.0, standoff=StandOff(0.0, 1.0), target_velocity_m_s=(0.3, 0.2)),
+    "moving target": Game(
+        Ball(U), 1.0, standoff=StandOff(0.0, 1.0), target_velocity_m_s=(0.3, 0.2)
+    ),
     "cylinders": Game(Cylinder(U, 0.9, 0.6), 1.0, capture_radius_m=0.2, standoff=DISC),
     "cylinders in wind": Game(Cylinder(U, 0.9, 0.6), 1.0, standoff=DISC, wind_m_s=(0.1, 0.3)),
 }
@@ -26,8 +28,11 @@ CALM = [name for name in GAMES if "wind" not in name]
 
 def states(count, n, seed=1):
     rng = np.random.default_rng(seed)
-    P, (E, T) = rng.uniform(-20.0, 20.0, (count, n, 3)), rng.uniform(-20.0, 20.0, (2, count, 3))
-    P[..., 2], E[:, 2], T[:, 2] = np.abs(P[..., 2]) * rng.choice([0.0, 0.3, 1.0], (count, 1)), 0.0, 0.0
+    P = rng.uniform(-20.0, 20.0, (count, n, 3))
+    (E, T) = rng.uniform(-20.0, 20.0, (2, count, 3))
+    P[..., 2] = np.abs(P[..., 2]) * rng.choice([0.0, 0.3, 1.0], (count, 1))
+    E[:, 2] = 0.0
+    T[:, 2] = 0.0
     return P, E, T
 
 
@@ -42,23 +47,33 @@ def of(game, n):
 def is_captured(game, P, X, t):
     """Whether a pursuer, (s, n, 3), can have an evader at X, (k, s, 2), after t, (k, s)."""
     t = t[..., None]
-    beside = np.hypot(*(X[..., None, axis] - P[..., axis] - t * game.wind_m_s[axis] for axis in (0, 1)))
-    beside, above = beside - game.standoff.radius_m, abs(P[..., 2] - game.standoff.height_m)
-    reach, pursuer = game.capture_radius_m, game.pursuer
+    beside = np.hypot(
+        *(X[..., None, axis] - P[..., axis] - t * game.wind_m_s[axis] for axis in (0, 1))
+    )
+    beside = beside - game.standoff.radius_m
+    above = abs(P[..., 2] - game.standoff.height_m)
+    reach = game.capture_radius_m
+    pursuer = game.pursuer
     if isinstance(pursuer, Ball):
-        return np.any(np.hypot(np.maximum(beside, 0.0), above) <= pursuer.speed_m_s * t + reach, axis=-1)
+        return np.any(
+            np.hypot(np.maximum(beside, 0.0), above) <= pursuer.speed_m_s * t + reach, axis=-1
+        )
     vertical = np.where(P[..., 2] > game.standoff.height_m, pursuer.descent_m_s, pursuer.climb_m_s)
-    return np.any((beside - reach <= pursuer.horizontal_m_s * t) & (above - reach <= vertical * t), axis=-1)
+    return np.any(
+        (beside - reach <= pursuer.horizontal_m_s * t) & (above - reach <= vertical * t), axis=-1
+    )
 
 
 def runs(game, P, E, angle):
     """Ends, (k, s, 2), and times, (k, s), of straight runs at angles (k, s), by bisection."""
     n = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    low, high = np.zeros(angle.shape), np.full(angle.shape, 1e3)
+    low = np.zeros(angle.shape)
+    high = np.full(angle.shape, 1e3)
     for _ in range(64):
         t = 0.5 * (low + high)
         got = is_captured(game, P, E[:, :2] + game.evader_speed_m_s * t[..., None] * n, t)
-        low, high = np.where(got, low, t), np.where(got, t, high)
+        low = np.where(got, low, t)
+        high = np.where(got, t, high)
     return E[:, :2] + game.evader_speed_m_s * high[..., None] * n, high
 
 
@@ -70,7 +85,8 @@ def searched(game, P, E, cost):
     apart = np.where(np.cos(angle - best) < 0.9, costs, np.inf)
     least = np.inf
     for valley in (best, np.take_along_axis(angle, np.argmin(apart, axis=0)[None], axis=0)):
-        middle, width = valley, angle[1, 0]
+        middle = valley
+        width = angle[1, 0]
         for _ in range(11):
             near = middle + width * np.linspace(-1.0, 1.0, 21)[:, None]
             costs = cost(*runs(game, P, E, near))
@@ -87,9 +103,13 @@ def check_tad(name, count, n):
     won = answer.winner == Winner.PURSUER
     drift = np.array(game.target_velocity_m_s)
     found = searched(
-        game, P[won], E[won], lambda X, t: np.hypot(*np.moveaxis(X - T[won, :2] - t[..., None] * drift, -1, 0))
+        game,
+        P[won],
+        E[won],
+        lambda X, t: np.hypot(*np.moveaxis(X - T[won, :2] - t[..., None] * drift, -1, 0)),
     )
-    value, bound = answer.value[won], answer.lower_bound[won]
+    value = answer.value[won]
+    bound = answer.lower_bound[won]
     proven = answer.reason[won] != Reason.BRACKET
     assert np.count_nonzero(won) > 0.4 * count
     np.testing.assert_allclose(value[proven], found[proven], atol=1e-8)
@@ -133,7 +153,8 @@ def test_a_thousand_states_of_each_family_have_the_value_of_a_search(name):
 
 @pytest.mark.parametrize("name", ["stand-off", "cylinders", "wind"])
 def test_a_game_for_each_pair_is_the_game_with_arrays(name):
-    arrays, (P, E, T) = of(GAMES[name], 3), states(2, 3, seed=5)
+    arrays = of(GAMES[name], 3)
+    (P, E, T) = states(2, 3, seed=5)
     P = P[0]
     each = [solve_team(replace(arrays, pursuer=arrays.pursuer), P, one, T[0]) for one in E]
     lists = [[one_of(arrays, i)] * 2 for i in range(3)]
@@ -147,19 +168,28 @@ def test_a_game_for_each_pair_is_the_game_with_arrays(name):
 
 def one_of(game, i):
     """The game of one pursuer with single numbers."""
-    u, reach = float(game.pursuer.horizontal_m_s[i]), game.capture_radius_m
+    u = float(game.pursuer.horizontal_m_s[i])
+    reach = game.capture_radius_m
     pursuer = Ball(u) if isinstance(game.pursuer, Ball) else replace(game.pursuer, horizontal_m_s=u)
-    return replace(game, pursuer=pursuer, capture_radius_m=float(reach[i]) if np.ndim(reach) else reach)
+    return replace(
+        game, pursuer=pursuer, capture_radius_m=float(reach[i]) if np.ndim(reach) else reach
+    )
 
 
 def columns(game):
     """The same game with the pursuers along the last axis but one, as `match_teams` takes them."""
     u = game.pursuer.horizontal_m_s[:, None]
-    return replace(game, pursuer=Ball(u) if isinstance(game.pursuer, Ball) else replace(game.pursuer, horizontal_m_s=u))
+    return replace(
+        game,
+        pursuer=Ball(u)
+        if isinstance(game.pursuer, Ball)
+        else replace(game.pursuer, horizontal_m_s=u),
+    )
 
 
 def test_a_pair_without_a_game_is_not_matched():
-    fast, (P, E, _) = Game(Ball(2.0), 1.0), states(2, 2, seed=3)
+    fast = Game(Ball(2.0), 1.0)
+    (P, E, _) = states(2, 2, seed=3)
     for goal in (np.zeros(3), None):
         found = match_teams([[fast, None], [fast, fast]], P[0], E, goal)
         assert found.first[1] != 0
@@ -176,8 +206,10 @@ def test_a_pair_without_a_game_is_not_matched():
 def test_teams_defend_a_target_with_an_extent():
     shape = Extent(((-8.0, 0.0), (8.0, 0.0), (0.0, 6.0)), 1.0)
     game = Game(Cylinder(4.0, 2.0, 1.5), 2.0, 0.2, DISC, target_extent=shape)
-    P, E = np.array([[9.0, 9.0, 4.0], [-9.0, 8.0, 2.0]]), np.array([[1.0, 30.0, 0.0]])
-    found, team = match_teams(game, P, E, np.zeros(3)), solve_team(game, P, E[0], np.zeros(3))
+    P = np.array([[9.0, 9.0, 4.0], [-9.0, 8.0, 2.0]])
+    E = np.array([[1.0, 30.0, 0.0]])
+    found = match_teams(game, P, E, np.zeros(3))
+    team = solve_team(game, P, E[0], np.zeros(3))
     assert found.value[0] == pytest.approx(float(team.value), abs=1e-6)
     assert found.value[0] >= solve(game, P, E, np.zeros(3)).value.max()
     played = rollout_teams(game, P, E, np.zeros(3), evader_policy="task_oriented", step_s=0.1)

@@ -30,7 +30,8 @@ def states(seed, n, m, count=None):
 
 
 def same(a, b):
-    a, b = np.asarray(a), np.asarray(b)
+    a = np.asarray(a)
+    b = np.asarray(b)
     return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
 
 
@@ -96,7 +97,9 @@ def test_everybody_plays_the_game_of_its_team(seed, n, m):
     for j in range(m):
         if found.first[j] < 0:
             assert found.value[j] == 0.0
-            np.testing.assert_allclose(found.evader_velocity_m_s[j], -E[j] / np.linalg.norm(E[j]), rtol=1e-14)
+            np.testing.assert_allclose(
+                found.evader_velocity_m_s[j], -E[j] / np.linalg.norm(E[j]), rtol=1e-14
+            )
             assert found.meeting_point_m[j].tolist() == T.tolist()
             continue
         team = [i for i in (found.first[j], found.second[j]) if i >= 0]
@@ -111,7 +114,9 @@ def test_everybody_plays_the_game_of_its_team(seed, n, m):
         among = unmatched if len(unmatched) else np.arange(m)
         alone = solve(PAPER, P[i], E[among], T)
         assert found.evader_of[i] == among[np.argmax(alone.margin_s)]
-        assert same(found.pursuer_velocity_m_s[i], alone.pursuer_velocity_m_s[np.argmax(alone.margin_s)])
+        assert same(
+            found.pursuer_velocity_m_s[i], alone.pursuer_velocity_m_s[np.argmax(alone.margin_s)]
+        )
 
 
 def test_one_against_one_is_the_game_of_one_to_the_bit():
@@ -163,14 +168,23 @@ def test_pe_assigns_as_many_as_can_be_with_the_least_sum_of_times(seed, n, m):
 def test_the_order_of_the_players_changes_nothing(seed, n, m, tad):
     P, E = states(seed, n, m)
     rng = np.random.default_rng(seed)
-    p, e = rng.permutation(n), rng.permutation(m)
-    u, v = rng.uniform(1.5, 4.0, n), rng.uniform(0.5, 1.4, m)
+    p = rng.permutation(n)
+    e = rng.permutation(m)
+    u = rng.uniform(1.5, 4.0, n)
+    v = rng.uniform(0.5, 1.4, m)
     goal = T if tad else None
     found = match_teams(Game(Ball(u[:, None]), v), P, E, goal)
     moved = match_teams(Game(Ball(u[p, None]), v[e]), P[p], E[e], goal)
     assert moved.guaranteed == found.guaranteed
     assert same(moved.total, found.total)
-    for name in ("value", "lower_bound", "winner", "meeting_point_m", "evader_velocity_m_s", "reason"):
+    for name in (
+        "value",
+        "lower_bound",
+        "winner",
+        "meeting_point_m",
+        "evader_velocity_m_s",
+        "reason",
+    ):
         assert same(getattr(moved, name), getattr(found, name)[e]), name
     assert same(moved.pursuer_velocity_m_s, found.pursuer_velocity_m_s[p])
     assert same(moved.beats, found.beats[p][:, e])
@@ -185,7 +199,11 @@ def test_the_order_of_the_players_changes_nothing(seed, n, m, tad):
 def test_a_batch_is_its_singles(seed, n, m, tad):
     P, E = states(seed, n, m, 6)
     rng = np.random.default_rng(seed)
-    game = Game(Ball(rng.uniform(1.5, 4.0, (n, 1))), rng.uniform(0.5, 1.4, (6, 1, m)), standoff=StandOff(0.0, 2.0))
+    game = Game(
+        Ball(rng.uniform(1.5, 4.0, (n, 1))),
+        rng.uniform(0.5, 1.4, (6, 1, m)),
+        standoff=StandOff(0.0, 2.0),
+    )
     in_play = rng.random((6, m)) < 0.8
     goal = T if tad else None
     whole = match_teams(game, P, E, goal, in_play=in_play)
@@ -242,16 +260,22 @@ def test_hysteresis_keeps_a_pair_that_is_nearly_as_good():
     assert before.first.tolist() == [0, 1]
     assert match_teams(PAPER, P, other, T).first.tolist() == [1, 0]
     gain = (
-        match_teams(PAPER, P, other, T).total - match_teams(PAPER, P, other, T, previous=before, hysteresis=9.0).total
+        match_teams(PAPER, P, other, T).total
+        - match_teams(PAPER, P, other, T, previous=before, hysteresis=9.0).total
     )
     assert gain > 0
     kept = match_teams(PAPER, P, other, T, previous=before, hysteresis=0.5 * gain + 1e-9)
     assert kept.first.tolist() == [0, 1]
     assert kept.guaranteed == 2
-    assert match_teams(PAPER, P, other, T, previous=before, hysteresis=0.5 * gain - 1e-9).first.tolist() == [1, 0]
+    assert match_teams(
+        PAPER, P, other, T, previous=before, hysteresis=0.5 * gain - 1e-9
+    ).first.tolist() == [1, 0]
     pe = match_teams(PAPER, P, other, previous=match_teams(PAPER, P, one), hysteresis=1.0)
     assert pe.first.tolist() == [0, 1]
-    assert match_teams(PAPER, P, other, previous=match_teams(PAPER, P, one)).first.tolist() == [1, 0]
+    assert match_teams(PAPER, P, other, previous=match_teams(PAPER, P, one)).first.tolist() == [
+        1,
+        0,
+    ]
 
 
 @pytest.mark.parametrize("tad", [True, False])
@@ -281,8 +305,10 @@ def test_every_team_that_still_wins_is_kept_or_improved(tad, hysteresis):
 
 def test_a_second_pursuer_that_is_kept_stays():
     P = np.array([[7.0, 0.0, 2.0], [8.0, 5.0, 3.0], [8.0, 5.1, 3.0]])
-    one, other = np.array([[11.0, 3.0, 0.0]]), np.array([[11.0, 3.3, 0.0]])
-    before, fresh = match_teams(PAPER, P, one, T), match_teams(PAPER, P, other, T)
+    one = np.array([[11.0, 3.0, 0.0]])
+    other = np.array([[11.0, 3.3, 0.0]])
+    before = match_teams(PAPER, P, one, T)
+    fresh = match_teams(PAPER, P, other, T)
     before = before._replace(second=3 - before.second)
     assert (fresh.first.tolist(), fresh.second.tolist()) == ([0], [1])
     assert match_teams(PAPER, P, other, T, previous=before).second.tolist() == [1]
@@ -290,7 +316,8 @@ def test_a_second_pursuer_that_is_kept_stays():
 
 
 def test_number_zero_joins_like_any_other():
-    P, E = np.array([[6.0, 4.0, 5.0], [6.0, -5.0, 3.0]]), np.array([[9.0, 0.0, 0.0]])
+    P = np.array([[6.0, 4.0, 5.0], [6.0, -5.0, 3.0]])
+    E = np.array([[9.0, 0.0, 0.0]])
     found = match_teams(PAPER, P, E, T)
     assert (found.first.tolist(), found.second.tolist()) == ([1], [0])
     assert found.value[0] == solve_team(PAPER, P, E[0], T).value > solve(PAPER, P[1], E[0], T).value
@@ -305,16 +332,30 @@ def test_on_the_barrier_nobody_is_beaten():
 def test_no_rows_are_matched_in_no_rows_and_no_players_are_no_game():
     for target in (T, None):
         none = match_teams(PAPER, np.zeros((0, 3, 3)), np.zeros((0, 2, 3)), target)
-        assert (none.guaranteed.shape, none.first.shape, none.beats.shape) == ((0,), (0, 2), (0, 3, 2))
-        assert solve_team(PAPER, np.zeros((0, 3, 3)), np.zeros((0, 3)), target).binds.shape == (0, 3)
-    for P, E in ((np.zeros((5, 0, 3)), np.zeros((5, 2, 3))), (np.zeros((5, 2, 3)), np.zeros((5, 0, 3)))):
-        with pytest.raises(ConfigError, match=r"must be an array of numbers of shape \(..., ., 3\)"):
+        assert (none.guaranteed.shape, none.first.shape, none.beats.shape) == (
+            (0,),
+            (0, 2),
+            (0, 3, 2),
+        )
+        assert solve_team(PAPER, np.zeros((0, 3, 3)), np.zeros((0, 3)), target).binds.shape == (
+            0,
+            3,
+        )
+    for P, E in (
+        (np.zeros((5, 0, 3)), np.zeros((5, 2, 3))),
+        (np.zeros((5, 2, 3)), np.zeros((5, 0, 3))),
+    ):
+        with pytest.raises(
+            ConfigError, match=r"must be an array of numbers of shape \(..., ., 3\)"
+        ):
             match_teams(PAPER, P, E, T)
 
 
 def test_a_pair_that_does_not_play_needs_no_numbers_where_evaders_differ_in_speed():
-    slow, fast = Game(Ball(4.0), 1.0), Game(Ball(4.0), 2.0)
-    P, E = np.array([[6.0, 4.0, 5.0], [6.0, -5.0, 3.0]]), np.array([[9.0, 0.0, 0.0], [-20.0, 3.0, 0.0]])
+    slow = Game(Ball(4.0), 1.0)
+    fast = Game(Ball(4.0), 2.0)
+    P = np.array([[6.0, 4.0, 5.0], [6.0, -5.0, 3.0]])
+    E = np.array([[9.0, 0.0, 0.0], [-20.0, 3.0, 0.0]])
     every, one = (match_teams([[slow, fast], [slow, other]], P, E) for other in (fast, None))
     assert every.first.tolist() == one.first.tolist() == [1, 0]
     assert match_teams([[None, fast], [slow, None]], P, E).first.tolist() == [1, 0]
@@ -324,18 +365,22 @@ def test_a_pair_that_does_not_play_needs_no_numbers_where_evaders_differ_in_spee
 def test_who_is_not_stopped_runs_to_its_target_and_stays_there():
     E = np.array([[0.0, 0.5, 0.0], [0.0, 0.0, 0.0], [3.0, -4.0, 0.0]])
     found = match_teams(PAPER, np.array([[90.0, 0.0, 0.0]]), E, T)
-    np.testing.assert_allclose(found.evader_velocity_m_s, [[0, -1, 0], [0, 0, 0], [-0.6, 0.8, 0]], atol=1e-15)
+    np.testing.assert_allclose(
+        found.evader_velocity_m_s, [[0, -1, 0], [0, 0, 0], [-0.6, 0.8, 0]], atol=1e-15
+    )
 
 
 def test_pursuers_in_the_evaders_plane_stand_still_once_nobody_is_left():
-    P, E = np.array([[9.0, 0.0, 0.0], [0.0, 7.0, 0.0]]), np.array([[3.0, 4.0, 0.0]])
+    P = np.array([[9.0, 0.0, 0.0], [0.0, 7.0, 0.0]])
+    E = np.array([[3.0, 4.0, 0.0]])
     over = match_teams(PAPER, P, E, T, in_play=[False])
     assert over.pursuer_velocity_m_s.tolist() == [[0.0, 0.0, 0.0]] * 2
 
 
 def test_every_game_of_a_batch_may_have_speeds_of_its_own():
     P, E = states(9, 3, 2, 4)
-    u, v = np.linspace(1.5, 3.0, 12).reshape(4, 3, 1), np.linspace(0.6, 1.0, 8).reshape(4, 1, 2)
+    u = np.linspace(1.5, 3.0, 12).reshape(4, 3, 1)
+    v = np.linspace(0.6, 1.0, 8).reshape(4, 1, 2)
     found = match_teams(Game(Ball(u), v), P, E, T)
     for row in range(4):
         one = match_teams(Game(Ball(u[row]), v[row, 0]), P[row], E[row], T)
@@ -345,9 +390,12 @@ def test_every_game_of_a_batch_may_have_speeds_of_its_own():
 
 @pytest.mark.parametrize("size", [1e-20, 1.0, 1e20])
 def test_as_many_are_sure_in_games_of_any_size(size):
-    goals, runs = np.array([[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0]]), np.array([[13.0, 0.0, 0.0], [-13.0, 0.0, 0.0]])
+    goals = np.array([[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0]])
+    runs = np.array([[13.0, 0.0, 0.0], [-13.0, 0.0, 0.0]])
     for guards, first in ((goals, [0, 1]), (goals[::-1], [1, 0])):
-        found = match_teams(PAPER, size * (guards + np.array([0.0, 1.0, 0.0])), size * runs, size * goals)
+        found = match_teams(
+            PAPER, size * (guards + np.array([0.0, 1.0, 0.0])), size * runs, size * goals
+        )
         assert found.first.tolist() == first
         assert found.guaranteed == 2
 
@@ -376,7 +424,10 @@ def test_rows_without_an_answer_are_nan_and_say_why():
         ({"evaders": np.zeros(3)}, r"evaders = .*\(..., m, 3\)"),
         ({"target": np.zeros(2)}, "target"),
         ({"target": np.zeros((5, 3))}, "do not fit each other"),
-        ({"pursuers": np.zeros((4, 2, 3)), "evaders": np.zeros((3, 2, 3))}, "do not fit each other"),
+        (
+            {"pursuers": np.zeros((4, 2, 3)), "evaders": np.zeros((3, 2, 3))},
+            "do not fit each other",
+        ),
         ({"in_play": [True]}, "in_play = .*: must say for each of 2 evaders"),
         ({"in_play": [np.nan, 1.0]}, r"in_play = \[nan, 1.0\]: must say for each of 2 evaders"),
         ({"in_play": [[True], [True, False]]}, "in_play"),
@@ -389,10 +440,16 @@ def test_rows_without_an_answer_are_nan_and_say_why():
             {"pursuers": [[1.0, 2.0, 3.0], [4.0, 5.0]]},
             r"pursuers = .*must be an array of numbers of shape \(..., n, 3\)",
         ),
-        ({"evaders": np.ma.masked_array(np.zeros((2, 3)), mask=np.eye(2, 3))}, r"(?s)evaders = .*masked array"),
+        (
+            {"evaders": np.ma.masked_array(np.zeros((2, 3)), mask=np.eye(2, 3))},
+            r"(?s)evaders = .*masked array",
+        ),
         ({"game": [[PAPER, PAPER]]}, "game: its numbers have the shape"),
         ({"game": [[PAPER], [PAPER, PAPER]]}, r"lists \(n, m\) of games"),
-        ({"game": Game(Ball(2.0), np.array([[1.0], [1.5]]))}, r"(?s)evader_speed_m_s = .*\(..., 1, m\)"),
+        (
+            {"game": Game(Ball(2.0), np.array([[1.0], [1.5]]))},
+            r"(?s)evader_speed_m_s = .*\(..., 1, m\)",
+        ),
     ],
 )
 def test_bad_arguments_are_refused_by_their_names(changed, said):

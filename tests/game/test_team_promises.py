@@ -23,7 +23,8 @@ class Searching:
     """
 
     def __init__(self, monkeypatch, game, target):
-        self.game, self.target = game, target
+        self.game = game
+        self.target = target
         monkeypatch.setattr(rollout, "match_teams", self.watching)
 
     def watching(self, game, P, E, target=None, **rest):
@@ -32,12 +33,14 @@ class Searching:
         return self.seen
 
     def __call__(self, game, pursuer, evader, target=None, evader_velocity_m_s=None):
-        first, second = np.maximum(self.seen.first, 0), self.seen.second
+        first = np.maximum(self.seen.first, 0)
+        second = self.seen.second
         who = np.stack([first, np.where(second < 0, first, second)], axis=-1)
         row = np.arange(len(who))[:, None, None]
         later = (self.places + STEP_S * self.seen.pursuer_velocity_m_s)[row, who]
         everybody = range(self.places.shape[-2]), range(evader.shape[-2])
-        numbers, j = [len(side) for side in everybody], np.arange(len(everybody[1]))[:, None]
+        numbers = [len(side) for side in everybody]
+        j = np.arange(len(everybody[1]))[:, None]
         team = for_rows(self.game, lambda value: np.broadcast_to(value, numbers)[who, j])
         v = np.broadcast_to(self.game.evader_speed_m_s, evader.shape[-2])[:, None]
         runs = np.stack([np.cos(HEADINGS), np.sin(HEADINGS), 0.0 * HEADINGS], axis=-1)
@@ -53,7 +56,8 @@ class Searching:
 
 def states(seed, n, m, count):
     rng = np.random.default_rng(seed)
-    P, E = rng.uniform(-18.0, 18.0, (count, n, 3)), rng.uniform(-18.0, 18.0, (count, m, 3))
+    P = rng.uniform(-18.0, 18.0, (count, n, 3))
+    E = rng.uniform(-18.0, 18.0, (count, m, 3))
     P[..., 2] = np.abs(P[..., 2]) * rng.choice([0.0, 0.5, 1.0], (count, 1))
     E[..., 2] = 0.0
     return P, E
@@ -64,12 +68,24 @@ def broken(monkeypatch, game, n, m, count, *, tad, seed, evaders="mixed"):
     P, E = states(seed, n, m, count)
     target = T if tad else None
     searching = Searching(monkeypatch, game, target)
-    kinds = [searching, "optimal", "pure_evade", searching, *(["task_oriented"] if tad else []), "hold"]
+    kinds = [
+        searching,
+        "optimal",
+        "pure_evade",
+        searching,
+        *(["task_oriented"] if tad else []),
+        "hold",
+    ]
     policy = [kinds[(seed + j) % len(kinds)] for j in range(m)] if evaders == "mixed" else evaders
     soonest = match_teams(game, P, E)
-    longest = 150.0 if tad else 1.1 * float(np.max(soonest.value, where=soonest.first >= 0, initial=1.0))
-    played = rollout_teams(game, P, E, target, evader_policy=policy, step_s=STEP_S, capture_m=0.02, duration_s=longest)
-    promised, value = played.first.first >= 0, np.where(played.first.first >= 0, played.first.value, 0.0)
+    longest = (
+        150.0 if tad else 1.1 * float(np.max(soonest.value, where=soonest.first >= 0, initial=1.0))
+    )
+    played = rollout_teams(
+        game, P, E, target, evader_policy=policy, step_s=STEP_S, capture_m=0.02, duration_s=longest
+    )
+    promised = played.first.first >= 0
+    value = np.where(played.first.first >= 0, played.first.value, 0.0)
     if tad:
         missed = np.where(played.end == End.TIME_UP, 0.0, value - played.distance_m)
     else:
@@ -84,7 +100,8 @@ def allowed(game):
 
 def vehicles(n, m):
     """The game of vehicles, each pursuer and each evader with a speed of its own."""
-    u, v = np.array([[4.0], [3.5], [5.0], [4.4]])[:n], np.array([2.0, 1.6, 2.4, 1.8])[:m]
+    u = np.array([[4.0], [3.5], [5.0], [4.4]])[:n]
+    v = np.array([2.0, 1.6, 2.4, 1.8])[:m]
     return Game(Cylinder(u, 2.0, 1.5), v, capture_radius_m=0.2, standoff=StandOff(3.0, 4.0))
 
 
@@ -99,7 +116,9 @@ def test_every_promise_made_at_the_start_is_kept(monkeypatch, n, m, tad):
 
 @pytest.mark.parametrize("tad", [True, False])
 @pytest.mark.parametrize(("n", "m"), [(1, 2), (3, 2)])
-def test_vehicles_with_stand_off_and_speeds_of_their_own_keep_their_promises(monkeypatch, n, m, tad):
+def test_vehicles_with_stand_off_and_speeds_of_their_own_keep_their_promises(
+    monkeypatch, n, m, tad
+):
     game = vehicles(n, m)
     promises, worst = broken(monkeypatch, game, n, m, 5, tad=tad, seed=10 * n + m)
     assert promises >= 3
@@ -128,7 +147,8 @@ def test_two_thousand_states_keep_every_promise(monkeypatch, n, m, count, tad):
 @pytest.mark.flight
 @pytest.mark.parametrize("tad", [True, False])
 @pytest.mark.parametrize(
-    ("n", "m", "count"), [(3, 3, 10), *(pytest.param(n, 3, 24, marks=pytest.mark.long) for n in (2, 3))]
+    ("n", "m", "count"),
+    [(3, 3, 10), *(pytest.param(n, 3, 24, marks=pytest.mark.long) for n in (2, 3))],
 )
 def test_slower_pursuers_keep_their_promises(monkeypatch, n, m, count, tad):
     game = Game(Ball(1.3), 1.0)
@@ -137,7 +157,8 @@ def test_slower_pursuers_keep_their_promises(monkeypatch, n, m, count, tad):
 
 
 def test_an_evader_that_was_promised_is_not_left_for_one_that_runs_away():
-    P, E = [[-12.43, -7.9, 2.71]], [[17.38, -5.95, 0.0], [12.0, -12.3, 0.0]]
+    P = [[-12.43, -7.9, 2.71]]
+    E = [[17.38, -5.95, 0.0], [12.0, -12.3, 0.0]]
     played = rollout_teams(Game(Ball(2.0), 1.0), P, E, T, evader_policy=["optimal", "pure_evade"])
     assert played.first.winner.tolist() == [1, -1]
     assert played.end[0] == End.CAPTURED

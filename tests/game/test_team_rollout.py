@@ -20,7 +20,8 @@ seeds = st.integers(0, 2**32 - 1)
 def states(seed, n, m, count=None):
     rng = np.random.default_rng(seed)
     shape = () if count is None else (count,)
-    P, E = rng.uniform(-25.0, 25.0, (*shape, n, 3)), rng.uniform(-18.0, 18.0, (*shape, m, 3))
+    P = rng.uniform(-25.0, 25.0, (*shape, n, 3))
+    E = rng.uniform(-18.0, 18.0, (*shape, m, 3))
     P[..., 2] = np.abs(P[..., 2])
     E[..., 2] = 0.0
     return P, E
@@ -31,10 +32,18 @@ def weaving(seed, every_s=0.4):
     rng = np.random.default_rng(seed)
 
     def policy(game, pursuer, evader, target=None, evader_velocity_m_s=None):
-        x, y = -evader[..., 0], -evader[..., 1]
+        x = -evader[..., 0]
+        y = -evader[..., 1]
         turn = rng.uniform(-1.5, 1.5, x.shape)
-        run = np.stack([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), 0.0 * x], axis=-1)
-        return np.asarray(game.evader_speed_m_s)[..., None] * run / np.linalg.norm(run, axis=-1, keepdims=True)
+        run = np.stack(
+            [x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), 0.0 * x],
+            axis=-1,
+        )
+        return (
+            np.asarray(game.evader_speed_m_s)[..., None]
+            * run
+            / np.linalg.norm(run, axis=-1, keepdims=True)
+        )
 
     return policy
 
@@ -45,15 +54,26 @@ def weaving(seed, every_s=0.4):
 def test_captures_done_and_guaranteed_never_fall_in_play(evaders, seed, n, m):
     P, E = states(seed, n, m, 12)
     policy = weaving(seed) if evaders == "weaving" else evaders
-    played = rollout_teams(PAPER, P, E, T, evader_policy=policy, step_s=0.1, duration_s=20.0, keep_path=True)
-    sure = np.array([(one.end == End.CAPTURED).sum(axis=-1) + one.matching.guaranteed for one in played.path])
-    thin = np.array([np.where(one.matching.winner > 0, one.matching.value, 9.0).min(axis=-1) for one in played.path])
+    played = rollout_teams(
+        PAPER, P, E, T, evader_policy=policy, step_s=0.1, duration_s=20.0, keep_path=True
+    )
+    sure = np.array(
+        [(one.end == End.CAPTURED).sum(axis=-1) + one.matching.guaranteed for one in played.path]
+    )
+    thin = np.array(
+        [
+            np.where(one.matching.winner > 0, one.matching.value, 9.0).min(axis=-1)
+            for one in played.path
+        ]
+    )
     over = np.array([(one.end == End.TIME_UP).any(axis=-1) for one in played.path])
     # Velocities are held for a step: a guarantee thinner than its error may be lost to that.
     assert ((np.diff(sure, axis=0) >= 0) | over[1:] | (thin[:-1] < 0.02)).all()
     if evaders in ("optimal", "task_oriented"):
         assert ((played.end == End.CAPTURED).sum(axis=-1) >= played.first.guaranteed).all()
-    least = np.where((played.end == End.CAPTURED) & (played.first.first >= 0) & (m == 1), played.first.value, 0.0)
+    least = np.where(
+        (played.end == End.CAPTURED) & (played.first.first >= 0) & (m == 1), played.first.value, 0.0
+    )
     assert (played.distance_m >= least - 0.05).all()
 
 
@@ -93,12 +113,22 @@ def test_hysteresis_ends_the_dithering_between_two_matchings_and_costs_no_captur
         """Both run home side by side and change sides as they go."""
         return np.stack([[-0.6, -0.8 * np.sign(y + 1e-12), 0.0] for y in evader[:, 1]])
 
-    turns, ends = {}, {}
+    turns = {}
+    ends = {}
     for hysteresis in (0.0, 1.0):
         played = rollout_teams(
-            PAPER, P, E, T, evader_policy=crossing, step_s=0.05, hysteresis=hysteresis, keep_path=True
+            PAPER,
+            P,
+            E,
+            T,
+            evader_policy=crossing,
+            step_s=0.05,
+            hysteresis=hysteresis,
+            keep_path=True,
         )
-        who = np.array([one.matching.first for one in played.path if (one.end == End.RUNNING).all()])
+        who = np.array(
+            [one.matching.first for one in played.path if (one.end == End.RUNNING).all()]
+        )
         turns[hysteresis] = int((np.diff(who, axis=0) != 0).any(axis=1).sum())
         ends[hysteresis] = played.end.tolist()
         sure = [(one.end == End.CAPTURED).sum() + one.matching.guaranteed for one in played.path]
@@ -111,8 +141,13 @@ def test_hysteresis_ends_the_dithering_between_two_matchings_and_costs_no_captur
 
 def test_a_batch_is_its_singles():
     P, E = states(6, 3, 2, 3)
-    game = Game(Ball(np.array([[2.0], [2.5], [3.0]])), np.array([1.0, 0.8]), standoff=StandOff(0.0, 1.0))
-    policies = {"pursuer_policy": ["optimal", "pure_pursuit", "optimal"], "evader_policy": ["optimal", "task_oriented"]}
+    game = Game(
+        Ball(np.array([[2.0], [2.5], [3.0]])), np.array([1.0, 0.8]), standoff=StandOff(0.0, 1.0)
+    )
+    policies = {
+        "pursuer_policy": ["optimal", "pure_pursuit", "optimal"],
+        "evader_policy": ["optimal", "task_oriented"],
+    }
     whole = rollout_teams(game, P, E, T, step_s=0.3, **policies)
     for i in range(3):
         one = rollout_teams(game, P[i], E[i], T, step_s=0.3, **policies)
@@ -121,17 +156,22 @@ def test_a_batch_is_its_singles():
 
 
 def test_one_against_one_ends_as_the_game_of_one():
-    P, E = np.array([[8.0, 1.42, 9.41]]), np.array([[7.92, 9.6, 0.0]])
+    P = np.array([[8.0, 1.42, 9.41]])
+    E = np.array([[7.92, 9.6, 0.0]])
     played = rollout_teams(PAPER, P, E)
     assert played.time_s[0] == pytest.approx(solve(PAPER, P[0], E[0]).value, abs=1e-8)
-    chased = rollout_teams(PAPER, P, E, pursuer_policy="pure_pursuit", evader_policy="pure_evade", step_s=0.02)
+    chased = rollout_teams(
+        PAPER, P, E, pursuer_policy="pure_pursuit", evader_policy="pure_evade", step_s=0.02
+    )
     w = P[0] - E[0]
-    d, D = np.hypot(*w[:2]), np.linalg.norm(w)
+    d = np.hypot(*w[:2])
+    D = np.linalg.norm(w)
     assert chased.time_s[0] == pytest.approx((2.0 * D + d) / 3.0, abs=0.06)
 
 
 def test_within_the_capture_distance_is_captured_and_the_nearest_is_the_captor():
-    P, E = np.array([[9.0, 0.0, 4.0], [5.0, 0.0, 0.5]]), np.array([[5.0, 0.0, 0.0]])
+    P = np.array([[9.0, 0.0, 4.0], [5.0, 0.0, 0.5]])
+    E = np.array([[5.0, 0.0, 0.0]])
     played = rollout_teams(PAPER, P, E, T, capture_m=0.5, keep_path=True)
     assert played.end.tolist() == [End.CAPTURED]
     assert played.captor.tolist() == [1]
@@ -140,24 +180,34 @@ def test_within_the_capture_distance_is_captured_and_the_nearest_is_the_captor()
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "z"), [(-9.0, 0.0, 1.0), (9.0, -3.0, 1.0), (0.0, -5.0, 1.0), (0.0, -11.0, 0.5), (0.5, 0.0, 30.0)]
+    ("x", "y", "z"),
+    [(-9.0, 0.0, 1.0), (9.0, -3.0, 1.0), (0.0, -5.0, 1.0), (0.0, -11.0, 0.5), (0.5, 0.0, 30.0)],
 )
 def test_an_evader_with_a_policy_plays_it_against_the_nearest_pursuer(x, y, z):
-    P, E = np.array([[x, y, z], [4.0, 4.0, 8.0]]), np.zeros((1, 3))
+    P = np.array([[x, y, z], [4.0, 4.0, 8.0]])
+    E = np.zeros((1, 3))
     near = P[np.argmin(np.linalg.norm(P, axis=1))]
-    played = rollout_teams(PAPER, P, E, pursuer_policy="hold", evader_policy="pure_evade", step_s=0.01, duration_s=0.01)
-    np.testing.assert_allclose(played.evaders_m[0, :2], -0.01 * near[:2] / np.linalg.norm(near[:2]), atol=1e-12)
+    played = rollout_teams(
+        PAPER, P, E, pursuer_policy="hold", evader_policy="pure_evade", step_s=0.01, duration_s=0.01
+    )
+    np.testing.assert_allclose(
+        played.evaders_m[0, :2], -0.01 * near[:2] / np.linalg.norm(near[:2]), atol=1e-12
+    )
 
 
 def test_the_nearest_pursuer_is_the_nearest_wherever_the_evader_is():
-    P, E = np.array([[30.0, -80.0, 1.0], [40.0, -72.0, 1.0]]), np.array([[30.0, -70.0, 0.0]])
-    played = rollout_teams(PAPER, P, E, pursuer_policy="hold", evader_policy="pure_evade", step_s=0.01, duration_s=0.01)
+    P = np.array([[30.0, -80.0, 1.0], [40.0, -72.0, 1.0]])
+    E = np.array([[30.0, -70.0, 0.0]])
+    played = rollout_teams(
+        PAPER, P, E, pursuer_policy="hold", evader_policy="pure_evade", step_s=0.01, duration_s=0.01
+    )
     np.testing.assert_allclose(played.evaders_m[0, :2], [30.0, -69.99], atol=1e-12)
 
 
 @pytest.mark.parametrize("speed_m_s", [0.5, 2.0])
 def test_an_evader_arrives_when_its_speed_says(speed_m_s):
-    P, E = np.array([[90.0, 0.0, 5.0]]), np.array([[0.0, 6.0, 0.0]])
+    P = np.array([[90.0, 0.0, 5.0]])
+    E = np.array([[0.0, 6.0, 0.0]])
     played = rollout_teams(Game(Ball(2.5), speed_m_s), P, E, T, step_s=60.0)
     assert played.end.tolist() == [End.ARRIVED]
     assert float(played.time_s[0]) == pytest.approx(6.0 / speed_m_s, abs=1e-8)
@@ -167,15 +217,19 @@ def test_an_evader_arrives_when_its_speed_says(speed_m_s):
 @pytest.mark.parametrize("height_m", [0.0, 4.0])
 def test_a_long_step_passes_no_capture(start, height_m):
     game = Game(Ball(2.0), 1.0, standoff=StandOff(0.0, height_m))
-    P, E = np.array([start]) + np.array([5.0, 6.0, height_m]), np.array([[5.0, 6.0, 0.0]])
+    P = np.array([start]) + np.array([5.0, 6.0, height_m])
+    E = np.array([[5.0, 6.0, 0.0]])
     played = rollout_teams(game, P, E, step_s=600.0)
     assert played.end.tolist() == [End.CAPTURED]
     assert float(played.time_s[0]) == pytest.approx(float(solve(game, P[0], E[0]).value), abs=1e-6)
 
 
 def test_pursuers_with_a_policy_play_it_against_those_they_are_matched_with():
-    P, E = np.array([[6.0, 9.0, 4.0], [6.0, -9.0, 4.0]]), np.array([[12.0, -6.0, 0.0], [12.0, 6.0, 0.0]])
-    played = rollout_teams(PAPER, P, E, T, pursuer_policy="pure_pursuit", step_s=0.01, duration_s=0.01)
+    P = np.array([[6.0, 9.0, 4.0], [6.0, -9.0, 4.0]])
+    E = np.array([[12.0, -6.0, 0.0], [12.0, 6.0, 0.0]])
+    played = rollout_teams(
+        PAPER, P, E, T, pursuer_policy="pure_pursuit", step_s=0.01, duration_s=0.01
+    )
     assert played.first.first.tolist() == [1, 0]
     towards = E[::-1] - P
     expected = P + 0.02 * towards / np.linalg.norm(towards, axis=1, keepdims=True)
@@ -184,7 +238,9 @@ def test_pursuers_with_a_policy_play_it_against_those_they_are_matched_with():
 
 def test_time_is_up_exactly_when_it_is():
     P, E = states(1, 1, 1)
-    played = rollout_teams(PAPER, P, E, pursuer_policy="hold", evader_policy="hold", duration_s=1.03, keep_path=True)
+    played = rollout_teams(
+        PAPER, P, E, pursuer_policy="hold", evader_policy="hold", duration_s=1.03, keep_path=True
+    )
     assert played.end.tolist() == [End.TIME_UP]
     assert played.time_s.tolist() == [1.03]
     assert played.captor.tolist() == [-1]
@@ -201,24 +257,36 @@ def test_a_game_that_never_comes_to_its_end_is_stopped(monkeypatch):
 
 
 def test_ten_minutes_without_a_path_are_what_is_played_by_default():
-    P, E = np.array([[5.0, 5.0, 5.0]]), np.array([[9.0, 0.0, 0.0]])
-    played = rollout_teams(PAPER, P, E, T, pursuer_policy="hold", evader_policy="hold", step_s=100.0)
-    assert (played.end.tolist(), played.time_s.tolist(), played.path) == ([End.TIME_UP], [600.0], ())
+    P = np.array([[5.0, 5.0, 5.0]])
+    E = np.array([[9.0, 0.0, 0.0]])
+    played = rollout_teams(
+        PAPER, P, E, T, pursuer_policy="hold", evader_policy="hold", step_s=100.0
+    )
+    assert (played.end.tolist(), played.time_s.tolist(), played.path) == (
+        [End.TIME_UP],
+        [600.0],
+        (),
+    )
 
 
 def test_who_is_captured_stays_there_whatever_its_policy():
-    P, E = np.array([[2.0, 0.0, 0.0], [40.0, 9.0, 0.0]]), np.array([[0.0, 0.0, 0.0], [30.0, 9.0, 0.0]])
+    P = np.array([[2.0, 0.0, 0.0], [40.0, 9.0, 0.0]])
+    E = np.array([[0.0, 0.0, 0.0], [30.0, 9.0, 0.0]])
     played = rollout_teams(PAPER, P, E, evader_policy="pure_evade", step_s=0.5, keep_path=True)
     assert played.time_s[0] < played.time_s[1]
     np.testing.assert_allclose(played.evaders_m[0], [-2.0, 0.0, 0.0], atol=1e-8)
 
 
 def test_an_evader_is_as_far_from_its_target_as_it_is_wherever_that_lies():
-    P, E, place = np.array([[-99.0, 0.0, 0.0]]), np.array([[3.0, 4.0, 0.0]]), np.array([6.0, 8.0, 0.0])
+    P = np.array([[-99.0, 0.0, 0.0]])
+    E = np.array([[3.0, 4.0, 0.0]])
+    place = np.array([6.0, 8.0, 0.0])
     played = rollout_teams(PAPER, P, E, place, step_s=60.0)
     assert played.time_s[0] == pytest.approx(5.0, abs=1e-8)
     assert played.distance_m[0] == pytest.approx(0.0, abs=1e-8)
-    held = rollout_teams(PAPER, P, E, place, pursuer_policy="hold", evader_policy="hold", duration_s=1.0, step_s=1.0)
+    held = rollout_teams(
+        PAPER, P, E, place, pursuer_policy="hold", evader_policy="hold", duration_s=1.0, step_s=1.0
+    )
     assert held.distance_m.tolist() == [5.0]
 
 
@@ -251,5 +319,6 @@ def test_bad_arguments_are_refused_by_their_names(changed, said):
 
 def test_the_matching_at_the_beginning_is_told():
     P, E = states(7, 2, 2)
-    told, known = rollout_teams(PAPER, P, E, T, step_s=0.2).first, match_teams(PAPER, P, E, T)
+    told = rollout_teams(PAPER, P, E, T, step_s=0.2).first
+    known = match_teams(PAPER, P, E, T)
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(told, known, strict=True))

@@ -38,13 +38,16 @@ def pursuer_of(game, i):
 
 
 def same(a, b):
-    a, b = np.asarray(a), np.asarray(b)
+    a = np.asarray(a)
+    b = np.asarray(b)
     return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
 
 
 def survival(oracle, game, P, E, n):
     """Times that an evader can run along each heading before the first capture, from the definition."""
-    return np.min([oracle.capture_times(pursuer_of(game, i), one, E, n) for i, one in enumerate(P)], axis=0)
+    return np.min(
+        [oracle.capture_times(pursuer_of(game, i), one, E, n) for i, one in enumerate(P)], axis=0
+    )
 
 
 def searched(oracle, game, P, E, cost):
@@ -56,7 +59,8 @@ def searched(oracle, game, P, E, cost):
         t = survival(oracle, game, P, E, n)
         costs = cost(t, E + game.evader_speed_m_s * t[:, None] * n)
         best = angle[np.argmin(costs)]
-        angle, spread = np.linspace(best - spread, best + spread, 41), spread / 10.0
+        angle = np.linspace(best - spread, best + spread, 41)
+        spread = spread / 10.0
     return costs.min()
 
 
@@ -73,7 +77,9 @@ def test_the_value_is_that_of_its_definition(oracle, seed, n, game):
         return
     value = searched(oracle, game, P, E, lambda t, X: np.linalg.norm(X - T, axis=1))
     assert answer.value == pytest.approx(value, rel=1e-11, abs=1e-11)
-    assert np.linalg.norm(answer.meeting_point_m - T) == pytest.approx(answer.value, rel=1e-12, abs=1e-12)
+    assert np.linalg.norm(answer.meeting_point_m - T) == pytest.approx(
+        answer.value, rel=1e-12, abs=1e-12
+    )
 
 
 def pair_value(game, P, E, i, j):
@@ -89,7 +95,9 @@ def test_the_lower_bound_of_pe_is_the_longest_run_that_no_pursuer_ends(oracle, s
     game = unequal(seed, n) if game is None else game
     P, E, _ = states(seed, n)
     answer = solve_team(game, P, E)
-    assert answer.lower_bound == pytest.approx(-searched(oracle, game, P, E, lambda t, X: -t), rel=1e-11)
+    assert answer.lower_bound == pytest.approx(
+        -searched(oracle, game, P, E, lambda t, X: -t), rel=1e-11
+    )
     alone = [solve(pursuer_of(game, i), one, E).value for i, one in enumerate(P)]
     assert answer.lower_bound <= answer.value <= min(alone)
     assert n > 2 or answer.lower_bound == answer.value
@@ -98,7 +106,9 @@ def test_the_lower_bound_of_pe_is_the_longest_run_that_no_pursuer_ends(oracle, s
     assert answer.meeting_time_s == pytest.approx(answer.lower_bound, rel=1e-15)
     run = np.linalg.norm(answer.meeting_point_m - E)
     assert run == pytest.approx(game.evader_speed_m_s * answer.lower_bound, rel=1e-12)
-    np.testing.assert_allclose(answer.evader_velocity_m_s * answer.lower_bound + E, answer.meeting_point_m, atol=1e-9)
+    np.testing.assert_allclose(
+        answer.evader_velocity_m_s * answer.lower_bound + E, answer.meeting_point_m, atol=1e-9
+    )
 
 
 @settings(max_examples=drawn(20), deadline=None)
@@ -107,8 +117,11 @@ def test_a_team_of_one_has_the_answer_of_solve_to_the_bit(seed, kind, tad):
     for game in (PAPER, HIGH):
         P, E, T = (part.astype(kind) for part in states(seed, 1, 30))
         E[0] = P[0, 0] * [1, 1, 0]
-        P[1, 0], E[2] = E[1] + [0, 0, game.standoff.height_m], T[2]
-        P[3, 0], E[3], T[3] = [8, 0, game.standoff.height_m], [0, 4, 0], [0, 0, 0]
+        P[1, 0] = E[1] + [0, 0, game.standoff.height_m]
+        E[2] = T[2]
+        P[3, 0] = [8, 0, game.standoff.height_m]
+        E[3] = [0, 4, 0]
+        T[3] = [0, 0, 0]
         seen = np.random.default_rng(seed).normal(size=(30, 3)).astype(kind)
         target = T if tad else None
         team = solve_team(game, P, E, target, evader_velocity_m_s=seen)
@@ -127,7 +140,9 @@ def test_a_batch_is_its_singles(seed, n, tad):
     game = unequal(seed, n)
     T = T if tad else None
     whole = solve_team(game, P, E, T)
-    folded = solve_team(game, P.reshape(3, 4, n, 3), E.reshape(3, 4, 3), None if T is None else T.reshape(3, 4, 3))
+    folded = solve_team(
+        game, P.reshape(3, 4, n, 3), E.reshape(3, 4, 3), None if T is None else T.reshape(3, 4, 3)
+    )
     for i in range(12):
         one = solve_team(game, P[i], E[i], None if T is None else T[i])
         for part, other, single in zip(whole, folded, one, strict=True):
@@ -144,7 +159,9 @@ def test_leading_axes_broadcast():
     assert crossed.value[3, 4] == solve_team(PAPER, P[3], E[9], T[0]).value
     speeds = Game(PAPER.pursuer, np.array([[0.5], [1.0]]))
     assert solve_team(speeds, P[0], E[0], T[0]).value.shape == (2,)
-    assert solve_team(speeds, P[0], E[0], T[0]).value[1] == solve_team(PAPER, P[0], E[0], T[0]).value
+    assert (
+        solve_team(speeds, P[0], E[0], T[0]).value[1] == solve_team(PAPER, P[0], E[0], T[0]).value
+    )
 
 
 @settings(max_examples=drawn(40), deadline=None)
@@ -170,7 +187,9 @@ def test_a_hundredth_of_the_size_is_a_hundredth_of_the_value(seed, n, tad):
     large = solve_team(PAPER, P, E, T if tad else None)
     small = solve_team(PAPER, P / 100.0, E / 100.0, T / 100.0 if tad else None)
     for name in ("value", "lower_bound", "margin_s", "meeting_point_m", "meeting_time_s"):
-        np.testing.assert_allclose(getattr(small, name), getattr(large, name) / 100.0, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            getattr(small, name), getattr(large, name) / 100.0, rtol=1e-9, atol=1e-12
+        )
     assert same(small.binds, large.binds)
     np.testing.assert_allclose(small.evader_velocity_m_s, large.evader_velocity_m_s, atol=1e-9)
     np.testing.assert_allclose(small.pursuer_velocity_m_s, large.pursuer_velocity_m_s, atol=1e-9)
@@ -188,12 +207,16 @@ def test_l_falls_for_none_of_fifty_evaders_and_rises_for_none_of_fifty_teams(see
     P, E, T = states(seed, n, 60)
     answer = solve_team(PAPER, P, E, T)
     won = (answer.winner > 0) & (answer.value > 1.0) & (answer.meeting_time_s > 0.5)
-    P, E, T = P[won], E[won], T[won]
+    P = P[won]
+    E = E[won]
+    T = T[won]
     answer = solve_team(PAPER, P, E, T)
     rng = np.random.default_rng(seed)
     dt = 1e-6
     evaders = rng.normal(size=(50, *E.shape)) * [1, 1, 0]
-    evaders *= (rng.choice([1.0, 0.5], (50, 1, 1))) / np.linalg.norm(evaders, axis=-1, keepdims=True)
+    evaders *= (rng.choice([1.0, 0.5], (50, 1, 1))) / np.linalg.norm(
+        evaders, axis=-1, keepdims=True
+    )
     later = solve_team(PAPER, *stepped(answer, P, E, dt, run=evaders), T)
     assert ((later.value - answer.value) / dt > -1e-4).all()
     teams = rng.normal(size=(50, *P.shape))
@@ -213,7 +236,9 @@ def test_the_bounds_of_pe_hold_against_fifty_opponents(seed, n):
     dt = 1e-6 * np.minimum(1.0, answer.lower_bound)[:, None, None]
     evaders = rng.normal(size=(50, *E.shape)) * [1, 1, 0]
     evaders /= np.linalg.norm(evaders, axis=-1, keepdims=True)
-    later = solve_team(PAPER, *stepped(answer, P, E, dt, run=evaders[..., None, :])[:1], E + dt[:, 0] * evaders)
+    later = solve_team(
+        PAPER, *stepped(answer, P, E, dt, run=evaders[..., None, :])[:1], E + dt[:, 0] * evaders
+    )
     assert ((later.value + dt[:, 0, 0] - answer.value) / dt[:, 0, 0] < 1e-3).all()
     teams = rng.normal(size=(50, *P.shape))
     teams *= 2.0 / np.linalg.norm(teams, axis=-1, keepdims=True)
@@ -228,11 +253,15 @@ def hunted(ratio, share, count, seed, n=2):
     """
     game = Game(Ball(ratio), 1.0)
     rng = np.random.default_rng(seed)
-    P, E = rng.uniform(-12.0, 12.0, (8 * count, n, 3)), rng.uniform(-6.0, 6.0, (8 * count, 3))
-    P[..., 2], E[:, 2] = np.abs(P[..., 2]) * rng.choice([0.0, 1.0], (8 * count, 1)), 0.0
+    P = rng.uniform(-12.0, 12.0, (8 * count, n, 3))
+    E = rng.uniform(-6.0, 6.0, (8 * count, 3))
+    P[..., 2] = np.abs(P[..., 2]) * rng.choice([0.0, 1.0], (8 * count, 1))
+    E[:, 2] = 0.0
     first = solve_team(game, P, E)
     both = np.flatnonzero(first.binds.sum(axis=-1) == 2)[:count]
-    P, E, value = P[both], E[both], first.value[both]
+    P = P[both]
+    E = E[both]
+    value = first.value[both]
     angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     runs = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)[:, None]
     time = np.zeros(count)
@@ -283,7 +312,12 @@ def test_multipliers_are_what_a_second_of_delay_costs(seed, n, tad):
     P, E, T = states(seed, n)
     T = T if tad else None
     answer = solve_team(PAPER, P, E, T)
-    if answer.winner < 0 or answer.value < 0.5 or not answer.binds.any() or answer.lower_bound < answer.value:
+    if (
+        answer.winner < 0
+        or answer.value < 0.5
+        or not answer.binds.any()
+        or answer.lower_bound < answer.value
+    ):
         return
     dt = 1e-6
     for i in range(n):
@@ -291,7 +325,9 @@ def test_multipliers_are_what_a_second_of_delay_costs(seed, n, tad):
         late[i] -= dt * answer.pursuer_velocity_m_s[i]
         slope = (solve_team(PAPER, late, E, T).value - answer.value) / dt
         if answer.binds[i]:
-            assert (-slope if tad else slope) == pytest.approx(answer.multipliers[i], rel=1e-3, abs=1e-4)
+            assert (-slope if tad else slope) == pytest.approx(
+                answer.multipliers[i], rel=1e-3, abs=1e-4
+            )
         else:
             assert answer.multipliers[i] == 0.0
     assert answer.multipliers.sum() >= (0.0 if tad else 1.0)
@@ -306,7 +342,9 @@ def test_multipliers_are_what_a_second_of_delay_costs(seed, n, tad):
 )
 def test_where_a_height_decides_only_the_later_cylinders_delay_costs(P, target_m, value, later):
     game = Game(Cylinder(np.array([2.0, 2.2]), 1.0, 0.5), 1.0, standoff=StandOff(1.0, 2.0))
-    E, T, dt = np.zeros(3), None if target_m is None else [target_m, 0.0, 0.0], 1e-6
+    E = np.zeros(3)
+    T = None if target_m is None else [target_m, 0.0, 0.0]
+    dt = 1e-6
     answer = solve_team(game, P, E, T)
     assert answer.binds.all()
     assert answer.value == pytest.approx(value)
@@ -341,7 +379,8 @@ def test_a_pair_wins_only_if_one_of_it_wins_alone_and_one_more_never_hurts(seed,
         assert answer.value >= fewer.value
     elif answer.winner < 0:
         assert answer.value <= fewer.value
-    pe, fewer = solve_team(PAPER, P, E), solve_team(PAPER, P[1:], E)
+    pe = solve_team(PAPER, P, E)
+    fewer = solve_team(PAPER, P[1:], E)
     assert pe.value <= fewer.value
     assert pe.lower_bound <= fewer.lower_bound * (1 + 1e-15)
 
@@ -371,7 +410,9 @@ def test_two_pursuers_meet_the_evader_together_where_both_bind():
     np.testing.assert_allclose(way[:2] / 2.0, answer.meeting_time_s, rtol=1e-14)
     assert way[2] / 2.0 > answer.meeting_time_s
     np.testing.assert_allclose(
-        [9, 0, 0] + answer.meeting_time_s * answer.evader_velocity_m_s, answer.meeting_point_m, atol=1e-14
+        [9, 0, 0] + answer.meeting_time_s * answer.evader_velocity_m_s,
+        answer.meeting_point_m,
+        atol=1e-14,
     )
 
 
@@ -391,7 +432,9 @@ def test_a_captured_evader_is_captured_by_whoever_is_there():
 
 
 def test_a_pursuer_on_the_barrier_takes_nothing_from_one_that_wins():
-    P, E, T = np.array([[8.0, 0.0, 0.0], [1.0, 1.0, 0.0]]), np.array([0.0, 4.0, 0.0]), np.zeros(3)
+    P = np.array([[8.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
+    E = np.array([0.0, 4.0, 0.0])
+    T = np.zeros(3)
     assert solve(PAPER, P, E, T).reason.tolist() == [Reason.ON_BARRIER, Reason.SOLVED]
     answer = solve_team(PAPER, P, E, T)
     assert answer.winner == Winner.PURSUER
@@ -419,7 +462,11 @@ def test_rows_without_an_answer_are_nan_and_say_why():
     P[1, 0, 2] = np.nan
     E[2, 0] = np.inf
     answer = solve_team(Game(Ball(np.array([[2.0, 2.0]] * 3 + [[2.0, 1.0]])), 1.0), P, E, T)
-    assert answer.reason.tolist()[1:] == [Reason.NOT_FINITE, Reason.NOT_FINITE, Reason.PURSUER_TOO_SLOW]
+    assert answer.reason.tolist()[1:] == [
+        Reason.NOT_FINITE,
+        Reason.NOT_FINITE,
+        Reason.PURSUER_TOO_SLOW,
+    ]
     assert answer.winner.tolist()[1:] == [Winner.UNDECIDED] * 3
     assert not answer.binds[1:].any()
     for name in ("value", "lower_bound", "margin_s", "meeting_point_m", "pursuer_velocity_m_s"):
@@ -428,7 +475,10 @@ def test_rows_without_an_answer_are_nan_and_say_why():
     only = solve_team(PAPER, P[0], E[0], T[0])
     assert all(same(part[0], one) for part, one in zip(answer, only, strict=True))
     P[0] = E[0]
-    assert solve_team(PAPER, P[:2], E[:2], T[:2]).reason.tolist() == [Reason.CAPTURED, Reason.NOT_FINITE]
+    assert solve_team(PAPER, P[:2], E[:2], T[:2]).reason.tolist() == [
+        Reason.CAPTURED,
+        Reason.NOT_FINITE,
+    ]
 
 
 @pytest.mark.parametrize("tad", [True, False])
@@ -441,10 +491,14 @@ def test_other_units_give_the_same_play_bit_for_bit(length, speed, tad):
     units |= dict.fromkeys(("value", "lower_bound"), length if tad else length / speed)
     units["multipliers"] = speed if tad else 1.0
     here = solve_team(Game(Ball(u), 1.0), P, E, T if tad else None)
-    there = solve_team(Game(Ball(speed * u), speed), length * P, length * E, length * T if tad else None)
+    there = solve_team(
+        Game(Ball(speed * u), speed), length * P, length * E, length * T if tad else None
+    )
     for name, value in here._asdict().items():
         unit = units.get(name, 1.0)
-        np.testing.assert_array_equal(getattr(there, name), unit * value if unit != 1.0 else value, err_msg=name)
+        np.testing.assert_array_equal(
+            getattr(there, name), unit * value if unit != 1.0 else value, err_msg=name
+        )
 
 
 @pytest.mark.parametrize("tad", [True, False])
@@ -456,14 +510,20 @@ def test_another_place_and_height_is_the_same_game(tad):
     there = solve_team(high, P + moved + [0.0, 0.0, 4.0], E + moved, T + moved if tad else None)
     clear = np.abs(here.margin_s) > 1e-6
     np.testing.assert_allclose(there.value[clear], here.value[clear], atol=1e-9)
-    np.testing.assert_allclose(there.meeting_point_m[clear], here.meeting_point_m[clear] + moved, atol=1e-6)
-    np.testing.assert_allclose(there.pursuer_velocity_m_s[clear], here.pursuer_velocity_m_s[clear], atol=1e-6)
+    np.testing.assert_allclose(
+        there.meeting_point_m[clear], here.meeting_point_m[clear] + moved, atol=1e-6
+    )
+    np.testing.assert_allclose(
+        there.pursuer_velocity_m_s[clear], here.pursuer_velocity_m_s[clear], atol=1e-6
+    )
     assert np.count_nonzero(here.binds.sum(axis=-1) == 2) > (3 if tad else 0)
 
 
 def test_integers_are_real_numbers():
     whole = solve_team(PAPER, np.array([[3, 4, 10], [30, 2, 3]]), [0, 0, 0], [30, 1, 0])
-    real = solve_team(PAPER, np.array([[3.0, 4, 10], [30, 2, 3]]), np.zeros(3), np.array([30.0, 1, 0]))
+    real = solve_team(
+        PAPER, np.array([[3.0, 4, 10], [30, 2, 3]]), np.zeros(3), np.array([30.0, 1, 0])
+    )
     assert all(same(a, b) for a, b in zip(whole, real, strict=True))
 
 
@@ -496,7 +556,10 @@ def test_a_game_that_teams_do_not_play_is_refused_by_its_key(game, said):
         ({"evader": np.zeros((4, 3)), "target": np.zeros((5, 3))}, "do not fit each other"),
         ({"evader": np.array([0.0, np.nan, 0.0])}, "evader = .*has no answer: not finite"),
         ({"game": Game(Ball(2.0), np.array([1.0, 1.5]))}, r"evader_speed_m_s = .*\(..., 1\)"),
-        ({"game": Game(Ball(np.array([2.0, 0.5])), 1.0)}, "the team: has no answer: pursuer too slow"),
+        (
+            {"game": Game(Ball(np.array([2.0, 0.5])), 1.0)},
+            "the team: has no answer: pursuer too slow",
+        ),
     ],
 )
 def test_bad_arguments_are_refused_by_their_names(changed, said):

@@ -47,7 +47,9 @@ def hover_chase(
 ) -> Scenario:
     """Return the measured scenario for an autopilot, the speeds of pursuer and evader, and the target in TAD."""
     scenario = load_scenario("hover_chase")[1]
-    pursuer = scenario.pursuer.model_copy(update={"autopilot": autopilot, "speed_m_s": speeds_m_s[0]})
+    pursuer = scenario.pursuer.model_copy(
+        update={"autopilot": autopilot, "speed_m_s": speeds_m_s[0]}
+    )
     evader = scenario.evader.model_copy(update={"speed_m_s": speeds_m_s[1]})
     game = {} if target_m is None else {"game": "tad", "target": Target(position_m=target_m)}
     return scenario.model_copy(update={"pursuer": pursuer, "evader": evader, "seed": seed, **game})
@@ -66,7 +68,12 @@ class Runner:
     """
 
     def __init__(
-        self, scenario: Scenario, settings: FlightSettings, *, turn_at_m: float = -math.inf, turned: float = 1.0
+        self,
+        scenario: Scenario,
+        settings: FlightSettings,
+        *,
+        turn_at_m: float = -math.inf,
+        turned: float = 1.0,
     ) -> None:
         self.goal_m: tuple[float, float] | None = None
         self.silent = False
@@ -77,7 +84,9 @@ class Runner:
         site = scenario.site
         amsl = Amsl(site.altitude_amsl_m)
         projection = settings.autopilot.projection
-        self._frame = LocalFrame(site.latitude_deg, site.longitude_deg, amsl, amsl, projection=projection)
+        self._frame = LocalFrame(
+            site.latitude_deg, site.longitude_deg, amsl, amsl, projection=projection
+        )
         east, north = scenario.evader.position_m
         self.place_m = (north, east)
         self.velocity_m_s = (0.0, 0.0)
@@ -90,7 +99,8 @@ class Runner:
     def begin(self, place_m: tuple[float, float], *, seed: int) -> None:
         """Report from another place, x and y of the game frame, with other noise."""
         east, north = place_m
-        self.place_m, self.silent = (north, east), False
+        self.place_m = (north, east)
+        self.silent = False
         self._random.seed(seed)
 
     def advance(self, now_s: float, pursuer_m: tuple[float, float], *, running: bool) -> None:
@@ -102,7 +112,8 @@ class Runner:
         pace = self.share * self._speed_m_s / math.hypot(*away) if running else 0.0
         pace *= self._turned if self._has_turned else 1.0
         self.velocity_m_s = (away[0] * pace, away[1] * pace)
-        dt_s, self._now_s = now_s - self._now_s, now_s
+        dt_s = now_s - self._now_s
+        self._now_s = now_s
         self.place_m = (
             self.place_m[0] + self.velocity_m_s[0] * dt_s,
             self.place_m[1] + self.velocity_m_s[1] * dt_s,
@@ -114,7 +125,9 @@ class Runner:
     def _report(self) -> EvaderReport:
         gauss = self._random.gauss
         north, east = (metres + gauss(0.0, POSITION_SD_M) for metres in self.place_m)
-        speed_north, speed_east = (speed + gauss(0.0, VELOCITY_SD_M_S) for speed in self.velocity_m_s)
+        speed_north, speed_east = (
+            speed + gauss(0.0, VELOCITY_SD_M_S) for speed in self.velocity_m_s
+        )
         latitude_deg, longitude_deg, altitude = self._frame.wgs84_from_ned((north, east, 0.0))
         return EvaderReport(
             received_s=self._now_s,
@@ -130,7 +143,8 @@ class Runner:
 
     def receive(self) -> list[EvaderReport]:
         """See `EvaderSource`."""
-        due, self._due = self._due, []
+        due = self._due
+        self._due = []
         return due
 
     def counters(self) -> Mapping[str, int]:
@@ -145,9 +159,13 @@ class Altering:
     """A link that alters setpoints before it sends them."""
 
     def __init__(self, link: PymavlinkLink, send: Callable[[Setpoint], Setpoint]) -> None:
-        self._link, self._send = link, send
-        self.receive, self.request, self.send_heartbeat = link.receive, link.request, link.send_heartbeat
-        self.counters, self.close = link.counters, link.close
+        self._link = link
+        self._send = send
+        self.receive = link.receive
+        self.request = link.request
+        self.send_heartbeat = link.send_heartbeat
+        self.counters = link.counters
+        self.close = link.close
 
     def send_setpoint(self, setpoint: Setpoint) -> None:
         """See `VehicleLink`."""
@@ -219,15 +237,24 @@ class Chased:
         """Root of the mean square of the slip."""
         return math.sqrt(sum(slip * slip for slip in self.slip_m_s) / max(1, len(self.slip_m_s)))
 
-    def note(self, since_s: float, certificate: Certificate, gap_m: float, height_m: float, slip_m_s: float) -> None:
+    def note(
+        self,
+        since_s: float,
+        certificate: Certificate,
+        gap_m: float,
+        height_m: float,
+        slip_m_s: float,
+    ) -> None:
         """Record one cycle of the game."""
         if math.isnan(self.value_s):
-            self.value_s, self.needed_s = certificate.value, certificate.time_needed_s
+            self.value_s = certificate.value
+            self.needed_s = certificate.time_needed_s
         if math.isnan(self.flown_s) and certificate.captured:
             self.flown_s = since_s
         if height_m < -0.5:
             self.nearest_below_m = min(self.nearest_below_m, gap_m)
-        self.nearest_m, self.lowest_m = min(self.nearest_m, gap_m), min(self.lowest_m, height_m)
+        self.nearest_m = min(self.nearest_m, gap_m)
+        self.lowest_m = min(self.lowest_m, height_m)
         if since_s > self.flown_s + SETTLED_S:
             self.station_m.append(gap_m)
             self.slip_m_s.append(slip_m_s)
@@ -259,17 +286,25 @@ class Chase(Sortie):
         turn_at_m: float = -math.inf,
         turned: float = 1.0,
     ) -> None:
-        settings = change(plan_of(scenario=scenario).flight.model_copy(update={"after_capture": AfterCapture.SHADOW}))
+        settings = change(
+            plan_of(scenario=scenario).flight.model_copy(
+                update={"after_capture": AfterCapture.SHADOW}
+            )
+        )
         self.chased = Chased()
         self.vehicle = _vehicle(scenario)
         alter(self.vehicle)
         self.runner = Runner(scenario, settings, turn_at_m=turn_at_m, turned=turned)
-        self._scenario, self._disc = scenario, settings.cycle.game.standoff
+        self._scenario = scenario
+        self._disc = settings.cycle.game.standoff
         clock = VirtualClock(-PERIOD_S)  # the first cycle is at zero
         ours, self._end = MemoryWire.pair(clock.now_s)
         link = PymavlinkLink(ours, clock.now_s, system_id=1)
-        super().__init__(clock, FlownByHand(Flight(settings), Altering(link, send), self.runner, None))
-        self._changed_s, self._engaged_s = 0.0, math.nan
+        super().__init__(
+            clock, FlownByHand(Flight(settings), Altering(link, send), self.runner, None)
+        )
+        self._changed_s = 0.0
+        self._engaged_s = math.nan
 
     @property
     def since_s(self) -> float:
@@ -278,7 +313,10 @@ class Chase(Sortie):
 
     def fly(self, *, station_s: float = 8.0, longest_s: float = LONGEST_S) -> Chased:
         """Fly until `station_s` after the capture, but at most `longest_s` after engagement."""
-        self.run(LONGEST_S, lambda: self.since_s + PERIOD_S > min(longest_s, self.chased.flown_s + station_s))
+        self.run(
+            LONGEST_S,
+            lambda: self.since_s + PERIOD_S > min(longest_s, self.chased.flown_s + station_s),
+        )
         return self.chased
 
     def advance(self) -> None:
@@ -298,7 +336,11 @@ class Chase(Sortie):
         if outputs.alarm is not None:
             self.chased.alarms.append((self.since_s, outputs.alarm))
         certificate = outputs.certificate
-        if certificate is not None and self._scenario.target is not None and not certificate.no_game:
+        if (
+            certificate is not None
+            and self._scenario.target is not None
+            and not certificate.no_game
+        ):
             east_m, north_m, _ = certificate.meeting_point_game_m
             self.runner.goal_m = (north_m, east_m)
         if certificate is not None and outputs.setpoint is not None:
@@ -322,7 +364,8 @@ def chase(scenario: Scenario, *, station_s: float = 8.0, **changes: Any) -> Chas
 
 
 def _vehicle(scenario: Scenario) -> MockVehicle:
-    site, pursuer = scenario.site, scenario.pursuer
+    site = scenario.site
+    pursuer = scenario.pursuer
     vertical = {"MPC_Z_VEL_MAX_UP": pursuer.climb_m_s, "MPC_Z_VEL_MAX_DN": pursuer.descent_m_s}
     return MockVehicle(
         pursuer.autopilot,
@@ -334,7 +377,9 @@ def _vehicle(scenario: Scenario) -> MockVehicle:
     )
 
 
-def _truth(vehicle: MockVehicle, scenario: Scenario) -> tuple[tuple[float, float, float], tuple[float, float]]:
+def _truth(
+    vehicle: MockVehicle, scenario: Scenario
+) -> tuple[tuple[float, float, float], tuple[float, float]]:
     """Return true position relative to the site's point and true ground velocity; the mock's origin is its start."""
     body = vehicle.truth
     east, north, _ = scenario.pursuer.position_m
@@ -342,7 +387,9 @@ def _truth(vehicle: MockVehicle, scenario: Scenario) -> tuple[tuple[float, float
     return (place[0] + north, place[1] + east, place[2]), body.velocity_ned_m_s[:2]
 
 
-def altered(*, drag: float = 1.0, lag: float = 1.0, noise: float = 1.0) -> Callable[[MockVehicle], None]:
+def altered(
+    *, drag: float = 1.0, lag: float = 1.0, noise: float = 1.0
+) -> Callable[[MockVehicle], None]:
     """Return a function that scales a mock's drag, lags (dead time, attitude, rotors) and estimator errors."""
 
     def alter(vehicle: MockVehicle) -> None:

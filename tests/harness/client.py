@@ -63,7 +63,9 @@ class Flight:
         for index in range(steps):
             self.steps += 1
             self.now_s = round(self.steps * self.dt_s, 9)
-            frames = [self.encoder.pack(*stream)] if stream is not None and index % period == 0 else []
+            frames = (
+                [self.encoder.pack(*stream)] if stream is not None and index % period == 0 else []
+            )
             self._hear(self.vehicle.step(self.now_s, frames))
         return self
 
@@ -71,7 +73,9 @@ class Flight:
         """Advance the clock until a condition holds; return the time it took, s."""
         start_s = self.now_s
         while not condition():
-            assert self.now_s - start_s < within_s, f"not within {within_s} s; mode {self.vehicle.mode}"
+            assert self.now_s - start_s < within_s, (
+                f"not within {within_s} s; mode {self.vehicle.mode}"
+            )
             self.run(self.dt_s, stream)
         return self.now_s - start_s
 
@@ -102,7 +106,11 @@ class Flight:
 
     def all(self, name, since_s=0.0):
         """Return all messages of a name since a time, with their times of arrival."""
-        came = [(self._times[index], self._message(index)) for index in self._of(name) if self._times[index] >= since_s]
+        came = [
+            (self._times[index], self._message(index))
+            for index in self._of(name)
+            if self._times[index] >= since_s
+        ]
         return came[::-1]
 
     def texts(self):
@@ -158,7 +166,24 @@ class Flight:
 
 def velocity(north, east, down, *, mask=2503, frame=1, target=(1, 1), yaw=0.0):
     """A SET_POSITION_TARGET_LOCAL_NED as MAVSDK sends velocities."""
-    return ("SET_POSITION_TARGET_LOCAL_NED", 0, *target, frame, mask, 0, 0, 0, north, east, down, 0, 0, 0, yaw, 0)
+    return (
+        "SET_POSITION_TARGET_LOCAL_NED",
+        0,
+        *target,
+        frame,
+        mask,
+        0,
+        0,
+        0,
+        north,
+        east,
+        down,
+        0,
+        0,
+        0,
+        yaw,
+        0,
+    )
 
 
 class Fly:

@@ -47,7 +47,9 @@ def shared_by_functions(world: object) -> set[str]:
     memo: dict[int, Any] = {}
     with _copyable():
         copy.deepcopy(world, memo)
-    found, seen, ahead = set(), set(), [world]
+    found = set()
+    seen = set()
+    ahead = [world]
     while ahead:
         one = ahead.pop()
         if id(one) in seen or isinstance(one, type | ModuleType):
@@ -70,7 +72,10 @@ class Flown:
         self._kept: dict[Hashable, Any] = {}
 
     def __call__(
-        self, key: Hashable, fly: Callable[[], World], same: Callable[[World], Iterable[object]] = lambda _world: ()
+        self,
+        key: Hashable,
+        fly: Callable[[], World],
+        same: Callable[[World], Iterable[object]] = lambda _world: (),
     ) -> World:
         """Return a copy of the world of this key.
 

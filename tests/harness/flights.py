@@ -28,7 +28,11 @@ def flown(
     """
     clock = VirtualClock()
     world = SteppedWorld(scenario, clock)
-    metadata = {"scenario": scenario.model_dump_json(), "seed": str(scenario.seed), "guidance": "0.1.0"}
+    metadata = {
+        "scenario": scenario.model_dump_json(),
+        "seed": str(scenario.seed),
+        "guidance": "0.1.0",
+    }
     recorder = None if path is None else Recorder(path, metadata)
     try:
         used = {PURSUER: Equipment(record=recorder)}

@@ -89,39 +89,61 @@ def draw_game(seed: int, number: int) -> Drawn:
     game = plan_of(scenario=_scenario(setup)).flight.cycle.game
     within_s = draw.choice((3.0, 12.0))
     while True:
-        heading, away_m = draw.uniform(-math.pi, math.pi), draw.uniform(6.0, 80.0)
+        heading = draw.uniform(-math.pi, math.pi)
+        away_m = draw.uniform(6.0, 80.0)
         place = (away_m * math.sin(heading), away_m * math.cos(heading))
         margin_s = solve_state(game, setup.start_m, (*place, 0.0), (0.0, 0.0, 0.0)).margin_s
         if math.dist(place, setup.start_m[:2]) > 12.0 and abs(margin_s) < within_s:
             break
     course = _course(draw, place, setup.start_m)
-    wind_m_s, blows = draw.uniform(0.0, 4.0), draw.uniform(-math.pi, math.pi)
-    return Drawn(number, setup, place, course, (wind_m_s * math.cos(blows), wind_m_s * math.sin(blows)))
+    wind_m_s = draw.uniform(0.0, 4.0)
+    blows = draw.uniform(-math.pi, math.pi)
+    return Drawn(
+        number, setup, place, course, (wind_m_s * math.cos(blows), wind_m_s * math.sin(blows))
+    )
 
 
 def _course(
     draw: Random, place: tuple[float, float], start_m: tuple[float, float, float]
 ) -> tuple[tuple[float, float], ...]:
-    kind = draw.choice(("optimal", "straight", "straight", "through places", "through places", "zigzag", "at pursuer"))
-    (x, y), away_m = place, math.hypot(*place)
+    kind = draw.choice(
+        (
+            "optimal",
+            "straight",
+            "straight",
+            "through places",
+            "through places",
+            "zigzag",
+            "at pursuer",
+        )
+    )
+    (x, y) = place
+    away_m = math.hypot(*place)
     if kind == "optimal":
         return ()
     places: list[tuple[float, float]] = []
     if kind == "through places":
-        places = [(x + draw.gauss(0.0, 12.0), y + draw.gauss(0.0, 12.0)) for _ in range(draw.randint(1, 3))]
+        places = [
+            (x + draw.gauss(0.0, 12.0), y + draw.gauss(0.0, 12.0))
+            for _ in range(draw.randint(1, 3))
+        ]
     elif kind == "at pursuer":
         share = draw.uniform(0.2, 0.9)
         places = [(x + share * (start_m[0] - x), y + share * (start_m[1] - y))]
     elif kind == "zigzag":
-        steps, wide = draw.randint(2, 6), draw.uniform(1.0, 6.0) / away_m
+        steps = draw.randint(2, 6)
+        wide = draw.uniform(1.0, 6.0) / away_m
         for step in range(1, steps):
-            share, side = 1.0 - step / steps, wide * (-1) ** step
+            share = 1.0 - step / steps
+            side = wide * (-1) ** step
             places.append((share * x + side * y, share * y - side * x))
     return (*places, (0.0, 0.0))
 
 
 def _scenario(setup: Setup) -> Scenario:
-    scenario = hover_chase(setup.autopilot, seed=1, speeds_m_s=setup.speeds_m_s, target_m=(0.0, 0.0))
+    scenario = hover_chase(
+        setup.autopilot, seed=1, speeds_m_s=setup.speeds_m_s, target_m=(0.0, 0.0)
+    )
     pursuer = scenario.pursuer.model_copy(update={"position_m": setup.start_m})
     return scenario.model_copy(update={"pursuer": pursuer})
 
@@ -133,7 +155,10 @@ class _Game(Chase):
     course_m: Sequence[tuple[float, float]] = ()
 
     def act(self, _orders: Sequence[Event]) -> Outputs:
-        orders = {State.READY: (Event.START,), State.STANDING_BY: (Event.ENGAGE,) if self.engaging else ()}
+        orders = {
+            State.READY: (Event.START,),
+            State.STANDING_BY: (Event.ENGAGE,) if self.engaging else (),
+        }
         outputs: Outputs = self.pilot.run(self.now_s, orders.get(self.state, ()))
         if outputs.certificate is not None and math.isnan(self._engaged_s):
             self._engaged_s = self.now_s
@@ -166,9 +191,14 @@ def fly(drawn: Drawn) -> Guarded:
     game.course_m = drawn.course_m
     game.run(HEARD_S)
     game.engaging = True
-    end, margin_s, claimed_s, reported_s, since_s = "undecided", math.nan, math.nan, math.nan, math.inf
+    end = "undecided"
+    margin_s = math.nan
+    claimed_s = math.nan
+    reported_s = math.nan
+    since_s = math.inf
     for outputs in _cycles(game):
-        certificate, now_s = outputs.certificate, game.since_s
+        certificate = outputs.certificate
+        now_s = game.since_s
         end = _end(outputs) or end
         if certificate is not None:
             margin_s = certificate.margin_s if math.isnan(margin_s) else margin_s
@@ -195,5 +225,9 @@ def _claims(certificate: Certificate) -> bool:
 def _end(outputs: Outputs) -> str:
     """Return how the game ended in this cycle; empty if it goes on."""
     names = {Event.CAPTURED: "captured", Event.ESCAPED: "arrived"}
-    left = [each for each in outputs.happenings if each.before is State.ENGAGED and each.after is not State.ENGAGED]
+    left = [
+        each
+        for each in outputs.happenings
+        if each.before is State.ENGAGED and each.after is not State.ENGAGED
+    ]
     return names.get(left[0].event, str(left[0].event)) if left else ""

@@ -13,12 +13,18 @@ from guidance.session.flight_files import Recording
 class FlownByHand:
     """A flight whose orders come from the test."""
 
-    def __init__(self, flight: Flight, link: VehicleLink, evader: EvaderSource, record: Record | None) -> None:
-        self.flight, self._link, self._evader = flight, link, evader
+    def __init__(
+        self, flight: Flight, link: VehicleLink, evader: EvaderSource, record: Record | None
+    ) -> None:
+        self.flight = flight
+        self._link = link
+        self._evader = evader
         self._recording = Recording("pursuer", record, None)
         self._heartbeat_s = float("-inf")
 
-    def run(self, now_s: float, orders: Sequence[Event] = (), timing: Timing | None = None) -> Outputs:
+    def run(
+        self, now_s: float, orders: Sequence[Event] = (), timing: Timing | None = None
+    ) -> Outputs:
         """Run one cycle."""
         inputs = Inputs(self._link.receive(), self._evader.receive(), orders)
         if now_s - self._heartbeat_s >= HEARTBEAT_EVERY_S:

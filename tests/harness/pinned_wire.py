@@ -24,7 +24,10 @@ class PinnedWire:
     stream = False
 
     def __init__(
-        self, wire: Wire, systems: Sequence[int], is_lost: Callable[[int], bool] = lambda _component: False
+        self,
+        wire: Wire,
+        systems: Sequence[int],
+        is_lost: Callable[[int], bool] = lambda _component: False,
     ) -> None:
         self._wire = wire
         self._is_lost = is_lost
@@ -50,7 +53,10 @@ class PinnedWire:
 
     def counters(self) -> Mapping[str, int]:
         """Return the wire's counts, and how many frames were refused, by reason."""
-        return {**self._wire.counters(), **{f"wire_{reason}": count for reason, count in self._pins.refused.items()}}
+        return {
+            **self._wire.counters(),
+            **{f"wire_{reason}": count for reason, count in self._pins.refused.items()},
+        }
 
     def close(self) -> None:
         """Close the wire."""

@@ -18,13 +18,19 @@ def silences(record: Path, topic: str = "pursuer/mavlink_raw/out") -> str:
     """
     if not record.is_file():
         return "there is no record"
-    before, lines = None, []
+    before = None
+    lines = []
     for now_s, boot_s in _positions(record, topic):
         if before is not None and now_s - before[0] > LONGEST_S:
-            silent_s, own_s = now_s - before[0], boot_s - before[1]
-            lines.append(f"{before[0]:.2f} s: none for {silent_s:.2f} s, {own_s:.2f} s by its clock")
+            silent_s = now_s - before[0]
+            own_s = boot_s - before[1]
+            lines.append(
+                f"{before[0]:.2f} s: none for {silent_s:.2f} s, {own_s:.2f} s by its clock"
+            )
         before = now_s, boot_s
-    return "\n".join([f"positions of {topic}, silent for more than {LONGEST_S:g} s:", *(lines or ["nowhere"])])
+    return "\n".join(
+        [f"positions of {topic}, silent for more than {LONGEST_S:g} s:", *(lines or ["nowhere"])]
+    )
 
 
 def _positions(record: Path, topic: str) -> Iterator[tuple[float, float]]:
@@ -32,5 +38,6 @@ def _positions(record: Path, topic: str) -> Iterator[tuple[float, float]]:
         for _, _, message in NonSeekingReader(stream).iter_messages([topic], log_time_order=False):
             frame = message.data
             if frame[0] == 0xFD and int.from_bytes(frame[7:10], "little") == LOCAL_POSITION_NED:
-                boot_ms = int.from_bytes(frame[10 : 10 + min(4, frame[1])], "little")  # zeros at the end are left out
+                # Zeros at the end are left out
+                boot_ms = int.from_bytes(frame[10 : 10 + min(4, frame[1])], "little")
                 yield message.log_time * 1e-9, boot_ms * 1e-3

@@ -52,8 +52,11 @@ class Sortie:
     LIMIT_S = 60.0
 
     def __init__(self, clock, pilot, world=None):
-        self.clock, self.pilot, self.world = clock, pilot, world
-        self.sent, self.outputs = [], []
+        self.clock = clock
+        self.pilot = pilot
+        self.world = world
+        self.sent = []
+        self.outputs = []
         self.frozen = False
 
     @property
@@ -102,7 +105,9 @@ class Sortie:
         self.advance()
         if not self.frozen:
             self.outputs.append(self.act(orders))
-        self.sent += [Sent(one.now_s, one.frame) for one in self.passed() if one.topic.endswith("/in")]
+        self.sent += [
+            Sent(one.now_s, one.frame) for one in self.passed() if one.topic.endswith("/in")
+        ]
 
     def run(self, seconds=300.0, until=lambda: False):
         """Run cycles for a time, or until the condition holds or the flight is over."""
@@ -133,24 +138,36 @@ class Stepped(Sortie):
 
     LIMIT_S = 120.0
 
-    def __init__(self, autopilot="px4", *, scenario=SHORT, settings=None, change=lambda settings: settings):
+    def __init__(
+        self, autopilot="px4", *, scenario=SHORT, settings=None, change=lambda settings: settings
+    ):
         pursuer = scenario.pursuer.model_copy(update={"autopilot": autopilot})
         self.scenario = scenario.model_copy(update={"pursuer": pursuer})
         clock = VirtualClock()
         world = SteppedWorld(self.scenario, clock)
         flight = Flight(change(settings or plan_of(scenario=self.scenario).flight))
         super().__init__(
-            clock, FlownByHand(flight, world.links["pursuer"], world.evaders["pursuer"]["evader"], None), world
+            clock,
+            FlownByHand(flight, world.links["pursuer"], world.evaders["pursuer"]["evader"], None),
+            world,
         )
-        self.mock, self.rover = world.vehicles["pursuer"], world.vehicles["evader"]
+        self.mock = world.vehicles["pursuer"]
+        self.rover = world.vehicles["evader"]
         self.evader = world.players["evader"]
         self.evader_plays = False
 
     def advance(self):
         super().advance()
-        local, frame = self.flight.vehicle.latest.get(LocalPosition), self.flight.tracking.game_frame
-        pursuer = None if local is None or frame is None else frame.position_from_ned(local.position_ned_m)
-        self.evader.step(self.now_s, [] if pursuer is None else [pursuer], playing=self.evader_plays)
+        local = self.flight.vehicle.latest.get(LocalPosition)
+        frame = self.flight.tracking.game_frame
+        pursuer = (
+            None
+            if local is None or frame is None
+            else frame.position_from_ned(local.position_ned_m)
+        )
+        self.evader.step(
+            self.now_s, [] if pursuer is None else [pursuer], playing=self.evader_plays
+        )
 
     def passed(self):
         return [one for one in self.world.drain() if one.topic.startswith("pursuer/")]
@@ -191,7 +208,9 @@ class Sorties:
     def after(self, fly, *which, **more):
         """Return a copy of a sortie that `fly` has flown."""
         key = (fly, repr((which, sorted(more.items()))))
-        return self._kept(self.flown(key, lambda: fly(self.kind(*which, **more)), self.kind.history))
+        return self._kept(
+            self.flown(key, lambda: fly(self.kind(*which, **more)), self.kind.history)
+        )
 
     def ready(self, *which, **more):
         return self.after(_ready, *which, **more)

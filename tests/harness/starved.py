@@ -30,7 +30,10 @@ class Waiting:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._done.set()
         self._thread.join()
@@ -38,7 +41,11 @@ class Waiting:
     def starved(self) -> str:
         """Return in words how long a thread had to wait; empty if that is short."""
         self._sample()
-        return f"a thread waited {self.longest_s:.2f} s for a processor" if self.longest_s > STARVED_S else ""
+        return (
+            f"a thread waited {self.longest_s:.2f} s for a processor"
+            if self.longest_s > STARVED_S
+            else ""
+        )
 
     def _run(self) -> None:
         while not self._done.wait(SAMPLED_EVERY_S):

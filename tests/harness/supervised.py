@@ -37,9 +37,12 @@ class Supervised(Sortie):
         policy: MissionPolicy,
         **more: Any,
     ) -> None:
-        self.mailbox, self.log = Mailbox(), Log("json", "error")
+        self.mailbox = Mailbox()
+        self.log = Log("json", "error")
         used = {PURSUER: Equipment(mailbox=self.mailbox, log=self.log)}
-        self.mission = Mission(scenario, world, clock, plans={PURSUER: plan}, equipment=used, policy=policy, **more)
+        self.mission = Mission(
+            scenario, world, clock, plans={PURSUER: plan}, equipment=used, policy=policy, **more
+        )
         (self.daemon,) = self.mission.daemons
         self.result = self.mission.result.vehicles[PURSUER]
         super().__init__(clock, self.daemon, world)

@@ -17,7 +17,8 @@ def wire(sortie):
 def test_a_copied_sortie_flies_on_as_the_one_it_was_copied_from(autopilot):
     first = Stepped(autopilot).standing_by()
     before = first.now_s
-    copy, untouched = copied(first, first.history()), copied(first, first.history())
+    copy = copied(first, first.history())
+    untouched = copied(first, first.history())
     copy.mock.inject("wind_m_s", (3.0, 0.0, 0.0))
     copy.run(2.0)
     assert (first.now_s, first.mock.truth) == (before, untouched.mock.truth)
@@ -44,13 +45,15 @@ def test_nor_does_one_of_a_whole_sortie():
 
 
 def test_each_kind_is_flown_once_and_what_is_handed_out_is_never_the_same():
-    flown, made = Flown(), []
+    flown = Flown()
+    made = []
 
     def fly():
         made.append({"lock": threading.Lock(), "states": [1]})
         return made[-1]
 
-    one, other = flown("a", fly), flown("a", fly)
+    one = flown("a", fly)
+    other = flown("a", fly)
     one["states"].append(2)
     with one["lock"]:
         assert not other["lock"].locked()

@@ -16,7 +16,12 @@ DOCUMENT: Mapping[str, Any] = {
     "name": "uav1",
     "vehicle": {"autopilot": "px4", "url": "udpin://127.0.0.1:14540"},
     "evader": {"kind": "global_position", "url": "udpin://127.0.0.1:14541", "system_id": 2},
-    "game": {"speed_m_s": 6.0, "evader_speed_m_s": 3.0, "standoff_radius_m": 6.0, "standoff_height_m": 5.0},
+    "game": {
+        "speed_m_s": 6.0,
+        "evader_speed_m_s": 3.0,
+        "standoff_radius_m": 6.0,
+        "standoff_height_m": 5.0,
+    },
     "limits": {"floor_m": 3.0, "ceiling_m": 60.0, "fence_radius_m": 100.0},
     "flight": {"takeoff_height_m": 5.0},
 }
@@ -29,10 +34,18 @@ def document(**sections: Any) -> dict[str, Any]:
 
 def mocked(name: str, flavour: str = "px4", **more: Any) -> dict[str, Any]:
     """Return a vehicle of a fleet that is soon ready; an evader is a rover with system id 2."""
-    return {"name": name, "flavour": flavour, "system_id": 2 if flavour == "rover" else 1, "ready_after_s": 0.5, **more}
+    return {
+        "name": name,
+        "flavour": flavour,
+        "system_id": 2 if flavour == "rover" else 1,
+        "ready_after_s": 0.5,
+        **more,
+    }
 
 
-def write_file(folder: Path, fleet: RunningFleet, name: str = "uav1", **sections: Any) -> tuple[Path, str]:
+def write_file(
+    folder: Path, fleet: RunningFleet, name: str = "uav1", **sections: Any
+) -> tuple[Path, str]:
     """Write the file of a vehicle of a fleet, whose `evader` is its evader.
 
     Args:

@@ -10,13 +10,16 @@ from contextlib import contextmanager
 from pymavlink.dialects.v20 import common as dialect
 
 PX4_OFFBOARD = 6 << 16
-PX4, ARDUPILOT = 12, 3
+PX4 = 12
+ARDUPILOT = 3
 
 
 class Peer:
     """One autopilot, or with other ids another sender on its link. `send` writes to the wire."""
 
-    def __init__(self, send: Callable[[bytes], None], *, system_id: int = 1, autopilot: int = PX4) -> None:
+    def __init__(
+        self, send: Callable[[bytes], None], *, system_id: int = 1, autopilot: int = PX4
+    ) -> None:
         self._send = send
         self.autopilot = autopilot
         self.mavlink = dialect.MAVLink(None, system_id, 1)
@@ -26,22 +29,33 @@ class Peer:
         self.parameters: dict[str, int | float] = {}
         self.answers = True
 
-    def say(self, message, *, system_id: int | None = None, component_id: int = 1, v1: bool = False) -> None:
+    def say(
+        self, message, *, system_id: int | None = None, component_id: int = 1, v1: bool = False
+    ) -> None:
         self._send(self.packed(message, system_id=system_id, component_id=component_id, v1=v1))
 
-    def packed(self, message, *, system_id: int | None = None, component_id: int = 1, v1: bool = False) -> bytes:
+    def packed(
+        self, message, *, system_id: int | None = None, component_id: int = 1, v1: bool = False
+    ) -> bytes:
         own = self.mavlink.srcSystem, self.mavlink.srcComponent
-        self.mavlink.srcSystem, self.mavlink.srcComponent = system_id or own[0], component_id
+        self.mavlink.srcSystem = system_id or own[0]
+        self.mavlink.srcComponent = component_id
         data = bytes(message.pack(self.mavlink, force_mavlink1=v1))
         self.mavlink.srcSystem, self.mavlink.srcComponent = own
         self.mavlink.seq = (self.mavlink.seq + 1) % 256
         return data
 
     def heartbeat(self, **say) -> None:
-        self.say(dialect.MAVLink_heartbeat_message(2, self.autopilot, 128 | 29, PX4_OFFBOARD, 4, 3), **say)
+        self.say(
+            dialect.MAVLink_heartbeat_message(2, self.autopilot, 128 | 29, PX4_OFFBOARD, 4, 3),
+            **say,
+        )
 
     def local_position(self, n: int, **say) -> None:
-        self.say(dialect.MAVLink_local_position_ned_message(n, n + 0.5, 2.0, -3.0, 0.25, 0.5, -0.75), **say)
+        self.say(
+            dialect.MAVLink_local_position_ned_message(n, n + 0.5, 2.0, -3.0, 0.25, 0.5, -0.75),
+            **say,
+        )
 
     def hear(self, data: bytes) -> None:
         for message in self.parser.parse_buffer(data) or []:
@@ -70,7 +84,9 @@ class Peer:
 
 
 @contextmanager
-def living(peer: Peer, receive: Callable[[], list[bytes]], *, heartbeat_every_s: float = 0.1) -> Iterator[Peer]:
+def living(
+    peer: Peer, receive: Callable[[], list[bytes]], *, heartbeat_every_s: float = 0.1
+) -> Iterator[Peer]:
     """Let a peer answer and send its heartbeat in real time, on a thread, until the block is left."""
     stop = threading.Event()
 

@@ -46,10 +46,13 @@ class Rig:
 
     def fresh(self) -> "Rig":
         """Forget the last test; wait until only heartbeats arrive."""
-        self.peer.answers, self.peer.parameters = True, {}
+        self.peer.answers = True
+        self.peer.parameters = {}
         quiet_since_s = time.monotonic()
         while time.monotonic() - quiet_since_s < 0.03:
-            if any(not isinstance(message, Heartbeat | Timesync) for message in self.link.receive()):
+            if any(
+                not isinstance(message, Heartbeat | Timesync) for message in self.link.receive()
+            ):
                 quiet_since_s = time.monotonic()
             time.sleep(0.002)
         self.received.clear()
@@ -89,7 +92,9 @@ def opened_link(
 
 
 @contextmanager
-def opened(kind: str, url: str, send: Callable[[bytes], object], receive: Callable[[], list[bytes]]) -> Iterator[Rig]:
+def opened(
+    kind: str, url: str, send: Callable[[bytes], object], receive: Callable[[], list[bytes]]
+) -> Iterator[Rig]:
     peer = Peer(send)
     with living(peer, receive, heartbeat_every_s=0.05):
         link = opened_link(kind, url, clock=clock, timeout_s=5.0 * SPEED)
@@ -106,7 +111,10 @@ def udp(kind: str, _router: object) -> Iterator[Rig]:
         theirs.setblocking(False)
         to = ("127.0.0.1", port)
         with opened(
-            kind, f"udpin://127.0.0.1:{port}", lambda d: theirs.sendto(d, to), lambda: _drain(lambda: theirs.recv(2048))
+            kind,
+            f"udpin://127.0.0.1:{port}",
+            lambda d: theirs.sendto(d, to),
+            lambda: _drain(lambda: theirs.recv(2048)),
         ) as rig:
             yield rig
 
@@ -149,7 +157,10 @@ def serial(kind: str, _router: object) -> Iterator[Rig]:
 
     try:
         with opened(
-            kind, f"serial://{os.ttyname(theirs)}:921600", send, lambda: _drain(lambda: os.read(ours, 4096))
+            kind,
+            f"serial://{os.ttyname(theirs)}:921600",
+            send,
+            lambda: _drain(lambda: os.read(ours, 4096)),
         ) as rig:
             yield rig
     finally:
@@ -186,9 +197,13 @@ def over_zenoh(kind: str, router: Router) -> Iterator[Rig]:
     namespace = f"uav{next(_namespaces)}"
     # BLOCK, as mavlink-server: a DROP publisher could lose some of the bursts in these tests
     out = router.session.declare_publisher(
-        f"{namespace}/mavlink_raw/out", express=True, congestion_control=zenoh.CongestionControl.BLOCK
+        f"{namespace}/mavlink_raw/out",
+        express=True,
+        congestion_control=zenoh.CongestionControl.BLOCK,
     )
-    into = router.session.declare_subscriber(f"{namespace}/mavlink_raw/in", zenoh.handlers.FifoChannel(4096))
+    into = router.session.declare_subscriber(
+        f"{namespace}/mavlink_raw/in", zenoh.handlers.FifoChannel(4096)
+    )
 
     def receive() -> list[bytes]:
         return [sample.payload.to_bytes() for sample in iter(into.try_recv, None)]

@@ -8,12 +8,17 @@ from guidance.links.frames import SignatureCheck, SigningKey, ticks
 from guidance.links.udp import IMPOSTORS_PER_S, MAX_SYSTEMS, SILENT_S, STRANGERS_PER_S, AddressPins
 from tests.links.peer import Peer
 
-VEHICLE, FORGER, ELSEWHERE = ("127.0.0.1", 14580), ("127.0.0.1", 666), ("127.0.0.1", 14590)
-KEY, UNIX_S = bytes(range(32)), 1_800_000_000.0
+VEHICLE = ("127.0.0.1", 14580)
+FORGER = ("127.0.0.1", 666)
+ELSEWHERE = ("127.0.0.1", 14590)
+KEY = bytes(range(32))
+UNIX_S = 1_800_000_000.0
 
 
 def heartbeat(system_id: int = 1) -> bytes:
-    return Peer(lambda data: None, system_id=system_id).packed(dialect.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3))
+    return Peer(lambda data: None, system_id=system_id).packed(
+        dialect.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3)
+    )
 
 
 class Signed(Peer):
@@ -22,7 +27,9 @@ class Signed(Peer):
     def __init__(self, key: bytes = KEY) -> None:
         super().__init__(lambda data: None)
         signing = self.mavlink.signing
-        signing.secret_key, signing.sign_outgoing, signing.timestamp = key, True, ticks(UNIX_S)
+        signing.secret_key = key
+        signing.sign_outgoing = True
+        signing.timestamp = ticks(UNIX_S)
 
     def beat(self) -> bytes:
         return self.packed(dialect.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3))
@@ -85,19 +92,24 @@ def test_the_first_address_gets_its_pin_back_when_it_returns():
 def test_impostors_are_kept_at_a_bounded_rate_per_message():
     pins = AddressPins({1})
     pins.admit(0.0, VEHICLE, heartbeat())
-    position = Peer(lambda data: None).packed(dialect.MAVLink_local_position_ned_message(1, 2, 3, 4, 5, 6, 7))
+    position = Peer(lambda data: None).packed(
+        dialect.MAVLink_local_position_ned_message(1, 2, 3, 4, 5, 6, 7)
+    )
     for n in range(1000):
         pins.admit(1.0 + n * 1e-4, FORGER, heartbeat())
         pins.admit(1.0 + n * 1e-4, FORGER, position)
     assert list(pins.impostors) == [heartbeat(), position] * IMPOSTORS_PER_S
     assert pins.refused["impostor"] == 2000
     for number in range(2**16):  # unknown messages, so that the budget cannot be multiplied
-        pins.admit(1.5, FORGER, b"\xfd\x00\x00\x00\x00\x01\x01" + number.to_bytes(3, "little") + b"\0\0")
+        pins.admit(
+            1.5, FORGER, b"\xfd\x00\x00\x00\x00\x01\x01" + number.to_bytes(3, "little") + b"\0\0"
+        )
     assert len(pins.impostors) < 256
 
 
 def test_with_a_key_only_a_validly_signed_frame_pins_an_address():
-    pins, vehicle = keyed(), Signed()
+    pins = keyed()
+    vehicle = Signed()
     for second in range(10):
         assert pins.admit(float(second), FORGER, heartbeat()) == b""
     assert pins.admit(9.5, FORGER, Signed(bytes(32)).beat()) == b""
@@ -112,7 +124,8 @@ def test_with_a_key_only_a_validly_signed_frame_pins_an_address():
 
 
 def test_with_a_key_a_replayed_frame_pins_no_address():
-    pins, vehicle = keyed(), Signed()
+    pins = keyed()
+    vehicle = Signed()
     beats = [vehicle.beat() for _ in range(3)]
     for second, beat in enumerate(beats):
         assert pins.admit(float(second), VEHICLE, beat)
@@ -122,7 +135,8 @@ def test_with_a_key_a_replayed_frame_pins_no_address():
 
 
 def test_with_a_key_unsigned_data_does_not_keep_a_pin_alive():
-    pins, vehicle = keyed(), Signed()
+    pins = keyed()
+    vehicle = Signed()
     pins.admit(0.0, VEHICLE, vehicle.beat())
     assert pins.admit(2.0, VEHICLE, heartbeat()) == heartbeat()  # the link refuses and counts it
     assert pins.admit(SILENT_S, ELSEWHERE, vehicle.beat())
@@ -170,4 +184,6 @@ def test_if_any_system_is_accepted_their_number_is_bounded_and_live_ones_stay():
     for system_id in range(2, MAX_SYSTEMS + 1):
         pins.admit(2.5, ("127.0.0.1", system_id), heartbeat(system_id))
     pins.admit(SILENT_S, FORGER, heartbeat(200))
-    assert sorted(pins.addresses) == sorted([FORGER, *(("127.0.0.1", one) for one in range(2, MAX_SYSTEMS + 1))])
+    assert sorted(pins.addresses) == sorted(
+        [FORGER, *(("127.0.0.1", one) for one in range(2, MAX_SYSTEMS + 1))]
+    )

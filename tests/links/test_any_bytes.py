@@ -29,7 +29,11 @@ def places(message) -> list[float]:
 
 
 @settings(max_examples=drawn(300))
-@given(st.lists(st.tuples(st.sampled_from(sorted(USED)), st.binary(min_size=1, max_size=255)), max_size=8))
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(sorted(USED)), st.binary(min_size=1, max_size=255)), max_size=8
+    )
+)
 def test_any_payload_in_a_valid_frame_is_a_message_or_counted(said):
     ours, theirs = MemoryWire.pair(lambda: 3.0)
     link = PymavlinkLink(ours, lambda: 3.0, system_id=1)
@@ -64,7 +68,9 @@ def test_any_bytes_leave_the_link_working(pieces):
     assert len(link.receive()) == 1
 
 
-@pytest.mark.parametrize("carrier", ["follow_target", "global_position", "odometry", "open_drone_id", "adsb"])
+@pytest.mark.parametrize(
+    "carrier", ["follow_target", "global_position", "odometry", "open_drone_id", "adsb"]
+)
 def test_any_payload_of_an_evader_is_a_plausible_report_or_refused(carrier):
     @settings(max_examples=drawn(200))
     @given(st.lists(st.binary(min_size=1, max_size=255), min_size=1, max_size=4))

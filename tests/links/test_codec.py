@@ -38,7 +38,12 @@ def frame_of(message):
 
 def test_every_decoded_message_exists_with_these_fields_in_the_dialect():
     for name in DECODERS:
-        assert decode(message_of(name, lat=1, latitude=1, x=1, mission_type=1, flags=1), 3.0).received_s == 3.0
+        assert (
+            decode(
+                message_of(name, lat=1, latitude=1, x=1, mission_type=1, flags=1), 3.0
+            ).received_s
+            == 3.0
+        )
 
 
 def test_a_heartbeat_has_mode_and_armed():
@@ -49,12 +54,16 @@ def test_a_heartbeat_has_mode_and_armed():
 
 
 def test_units_become_metres_seconds_and_degrees():
-    position = dialect.MAVLink_global_position_int_message(2500, 473977418, -85455939, 488125, 20250, 150, -25, 75, 0)
+    position = dialect.MAVLink_global_position_int_message(
+        2500, 473977418, -85455939, 488125, 20250, 150, -25, 75, 0
+    )
     assert decode(frame_of(position), 9.0) == GlobalPosition(
         9.0, 2.5, 47.3977418, -8.5455939, 488.125, 20.25, (1.5, -0.25, 0.75)
     )
     local = dialect.MAVLink_local_position_ned_message(1500, 1.0, 2.0, -3.0, 0.5, -0.5, 0.25)
-    assert decode(frame_of(local), 9.0) == LocalPosition(9.0, 1.5, (1.0, 2.0, -3.0), (0.5, -0.5, 0.25))
+    assert decode(frame_of(local), 9.0) == LocalPosition(
+        9.0, 1.5, (1.0, 2.0, -3.0), (0.5, -0.5, 0.25)
+    )
 
 
 @pytest.mark.parametrize(("sent", "volts"), [(15_800, 15.8), (0, math.nan), (65_535, math.nan)])
@@ -66,7 +75,9 @@ def test_a_battery_without_a_voltage_has_none(sent, volts):
 
 @pytest.mark.parametrize(("sent", "satellites"), [(14, 14), (255, None)])
 def test_a_gps_fix_has_its_kind_and_its_satellites(sent, satellites):
-    assert decode(message_of("GPS_RAW_INT", fix_type=3, satellites_visible=sent), 1.0) == GpsFix(1.0, 3, satellites)
+    assert decode(message_of("GPS_RAW_INT", fix_type=3, satellites_visible=sent), 1.0) == GpsFix(
+        1.0, 3, satellites
+    )
 
 
 @pytest.mark.parametrize("field", ["x", "y", "z", "vx", "vy", "vz"])
@@ -76,7 +87,9 @@ def test_a_local_position_that_is_not_finite_is_refused(field, bad):
         decode(message_of("LOCAL_POSITION_NED", **{field: bad}), 0.0)
 
 
-@pytest.mark.parametrize(("lat", "lon"), [(0, 0), (2**31 - 1, 2**31 - 1), (900000001, 1), (1, 1800000001)])
+@pytest.mark.parametrize(
+    ("lat", "lon"), [(0, 0), (2**31 - 1, 2**31 - 1), (900000001, 1), (1, 1800000001)]
+)
 @pytest.mark.parametrize("name", ["GLOBAL_POSITION_INT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"])
 def test_positions_that_are_unknown_or_not_on_earth_are_refused(name, lat, lon):
     with pytest.raises(ValueError, match=r"fix|not on Earth"):
@@ -102,14 +115,18 @@ def test_items_of_the_fence_are_read_and_those_of_other_plans_are_not():
 
 
 def test_a_home_without_a_local_position_is_accepted():
-    message = dialect.MAVLink_home_position_message(470000000, 80000000, 488000, *[math.nan] * 3, [1, 0, 0, 0], 0, 0, 0)
+    message = dialect.MAVLink_home_position_message(
+        470000000, 80000000, 488000, *[math.nan] * 3, [1, 0, 0, 0], 0, 0, 0
+    )
     home = decode(frame_of(message), 0.0)
     assert isinstance(home, Home)
     assert home.altitude_amsl_m == 488.0
     assert all(map(math.isnan, home.position_ned_m))
 
 
-@pytest.mark.parametrize(("percent", "expected"), [(-1, math.nan), (0, 0.0), (55, 0.55), (100, 1.0), (101, math.nan)])
+@pytest.mark.parametrize(
+    ("percent", "expected"), [(-1, math.nan), (0, 0.0), (55, 0.55), (100, 1.0), (101, math.nan)]
+)
 def test_an_unknown_battery_is_nan_and_never_full(percent, expected):
     status = decode(message_of("SYS_STATUS", battery_remaining=percent), 0.0)
     assert isinstance(status, SystemStatus)

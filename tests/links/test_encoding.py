@@ -11,7 +11,14 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.links import MemoryWire, codec
 from guidance.links.frames import Station
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.messages import Command, FenceReceived, FenceRequest, ParameterRequest, ParameterSet, Setpoint
+from guidance.messages import (
+    Command,
+    FenceReceived,
+    FenceRequest,
+    ParameterRequest,
+    ParameterSet,
+    Setpoint,
+)
 
 VELOCITY = (1.5, -2.25, 0.5)
 ACCELERATION = (0.125, 0.25, -0.5)
@@ -39,7 +46,9 @@ def x25(data: bytes) -> int:
 def golden(mask: int, floats: list[float], *, time_ms: int, sequence: int) -> bytes:
     """SET_POSITION_TARGET_LOCAL_NED (84, crc extra 143): wire order is by size, largest first."""
     payload = struct.pack("<I11fHBBB", time_ms, *floats, mask, 7, 1, 1).rstrip(b"\0")
-    header = struct.pack("<BBBBBBB", 0xFD, len(payload), 0, 0, sequence, 7, 195) + (84).to_bytes(3, "little")
+    header = struct.pack("<BBBBBBB", 0xFD, len(payload), 0, 0, sequence, 7, 195) + (84).to_bytes(
+        3, "little"
+    )
     body = header + payload
     return body + struct.pack("<H", x25(body[1:] + b"\x8f"))
 
@@ -53,7 +62,9 @@ def test_a_setpoint_is_exactly_these_bytes(case):
     link.send_setpoint(setpoint)
     acceleration = ACCELERATION if used & AX else [0.0] * 3
     floats = [0.0, 0.0, 0.0, *VELOCITY, *acceleration, 0.75 if used & YAW else 0.0, 0.0]
-    assert [frame for _, frame in theirs.receive()] == [golden(mask, floats, time_ms=12345, sequence=0)]
+    assert [frame for _, frame in theirs.receive()] == [
+        golden(mask, floats, time_ms=12345, sequence=0)
+    ]
 
 
 @given(
@@ -86,7 +97,12 @@ def test_our_clock_wraps_like_time_boot_ms():
 
 def test_a_command_long_keeps_its_parameters_and_counts_its_repeats():
     sent = codec.request(Command(176, (1, 6, 0, math.nan, 5, 6, 7)), attempt=2, to=(3, 1))
-    assert (sent.msgname, sent.command, sent.confirmation, sent.target_system) == ("COMMAND_LONG", 176, 2, 3)
+    assert (sent.msgname, sent.command, sent.confirmation, sent.target_system) == (
+        "COMMAND_LONG",
+        176,
+        2,
+        3,
+    )
     assert [getattr(sent, f"param{n}") for n in (1, 2, 3, 5, 6, 7)] == [1, 6, 0, 5, 6, 7]
     assert math.isnan(sent.param4)
 
@@ -102,7 +118,12 @@ def test_a_command_long_keeps_its_parameters_and_counts_its_repeats():
 def test_the_fence_is_requested_by_its_mission_type(request_, name, fields):
     sent = codec.request(request_, attempt=2, to=(1, 1))
     assert sent.msgname == name
-    for field, value in {"target_system": 1, "target_component": 1, "mission_type": 1, **fields}.items():
+    for field, value in {
+        "target_system": 1,
+        "target_component": 1,
+        "mission_type": 1,
+        **fields,
+    }.items():
         assert getattr(sent, field) == value
 
 
@@ -130,16 +151,29 @@ def test_a_command_int_carries_degrees_as_integers_and_nan_as_not_used():
     ],
 )
 def test_a_request_that_cannot_be_encoded_is_refused(request_):
-    with pytest.raises(ValueError, match=r"infinite|latitude|1 to 16|only finite|must be an integer"):
+    with pytest.raises(
+        ValueError, match=r"infinite|latitude|1 to 16|only finite|must be an integer"
+    ):
         codec.request(request_, attempt=0, to=(1, 1), autopilot=12)
 
 
 @pytest.mark.parametrize(
     ("autopilot", "param_type", "value", "carried"),
-    [(12, 6, 5.0, b"\x05\0\0\0"), (12, 9, 5.0, b"\0\0\xa0@"), (3, 6, 5.0, b"\0\0\xa0@"), (3, 2, 5.0, b"\0\0\xa0@")],
+    [
+        (12, 6, 5.0, b"\x05\0\0\0"),
+        (12, 9, 5.0, b"\0\0\xa0@"),
+        (3, 6, 5.0, b"\0\0\xa0@"),
+        (3, 2, 5.0, b"\0\0\xa0@"),
+    ],
 )
-def test_an_integer_parameter_is_carried_as_its_autopilot_reads_it(autopilot, param_type, value, carried):
+def test_an_integer_parameter_is_carried_as_its_autopilot_reads_it(
+    autopilot, param_type, value, carried
+):
     wanted = ParameterSet("COM_OBL_RC_ACT", value, param_type)
     sent = codec.request(wanted, attempt=0, to=(1, 1), autopilot=autopilot)
-    assert (sent.msgname, sent.param_id, sent.param_type) == ("PARAM_SET", "COM_OBL_RC_ACT", param_type)
+    assert (sent.msgname, sent.param_id, sent.param_type) == (
+        "PARAM_SET",
+        "COM_OBL_RC_ACT",
+        param_type,
+    )
     assert struct.pack("<f", sent.param_value) == carried

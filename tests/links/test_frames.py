@@ -13,7 +13,10 @@ from tests.links.peer import Peer
 
 def frames(count: int, *, v1: bool = False) -> list[bytes]:
     peer = Peer(lambda data: None)
-    return [peer.packed(dialect.MAVLink_local_position_ned_message(n, n, 0, 0, 0, 0, n), v1=v1) for n in range(count)]
+    return [
+        peer.packed(dialect.MAVLink_local_position_ned_message(n, n, 0, 0, 0, 0, n), v1=v1)
+        for n in range(count)
+    ]
 
 
 @given(cuts=st.lists(st.integers(0, 400), max_size=20), v1=st.booleans())
@@ -24,7 +27,9 @@ def test_a_stream_may_be_cut_anywhere(cuts, v1):
     reader = FrameReader()
     heard = [frame for a, b in itertools.pairwise(edges) for frame in reader.read(stream[a:b])]
     assert [frame.data for frame in heard] == sent
-    assert {(one.name, one.system_id, one.component_id) for one in heard} == {("LOCAL_POSITION_NED", 1, 1)}
+    assert {(one.name, one.system_id, one.component_id) for one in heard} == {
+        ("LOCAL_POSITION_NED", 1, 1)
+    }
     assert reader.garbage_bytes == 0
 
 
@@ -32,7 +37,10 @@ def test_a_stream_may_be_cut_anywhere(cuts, v1):
 def test_garbage_between_frames_loses_no_frame(garbage):
     sent = frames(4)
     tail = frames(8)[4:]  # enough to complete any length that the garbage announces
-    stream = b"".join(noise + frame for noise, frame in zip(garbage, [*sent, b""], strict=True)) + b"".join(tail) * 8
+    stream = (
+        b"".join(noise + frame for noise, frame in zip(garbage, [*sent, b""], strict=True))
+        + b"".join(tail) * 8
+    )
     reader = FrameReader()
     heard = [frame.data for frame in reader.read(stream)]
     assert [data for data in heard if data in sent] == sent
@@ -98,8 +106,10 @@ def test_a_signed_frame_is_one_frame():
 
 @pytest.mark.parametrize("byte", [0xFD, 0xFE])
 def test_a_piece_full_of_start_marks_costs_bounded_work(byte, monkeypatch):
-    reader, checked = FrameReader(), 65_000
-    decode, tried = reader._decoded, []
+    reader = FrameReader()
+    checked = 65_000
+    decode = reader._decoded
+    tried = []
     monkeypatch.setattr(reader, "_decoded", lambda data: tried.append(data) or decode(data))
     assert reader.read(bytes([byte]) * checked, stream=False) == []
     assert reader.garbage_bytes + reader.unknown >= checked - 300

@@ -125,7 +125,9 @@ def test_unread_messages_are_bounded_and_the_newest_kept():
         world.peer.local_position(n)
         if n % 500 == 0:
             world.link.poll()
-    kept = [message.time_boot_s for message in world.exchange() if isinstance(message, LocalPosition)]
+    kept = [
+        message.time_boot_s for message in world.exchange() if isinstance(message, LocalPosition)
+    ]
     assert len(kept) == QUEUE_LENGTH
     assert kept[-1] == pytest.approx((total - 1) / 1e3)
     assert world.link.counters()["overflowed"] == 500

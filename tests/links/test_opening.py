@@ -78,7 +78,9 @@ def test_the_error_of_a_bad_url_names_it_and_the_allowed_forms(kind, url):
 
 @pytest.mark.parametrize("scheme", ["udp", "tcp"])
 def test_the_error_of_udp_and_tcp_urls_names_both_directions(scheme):
-    with pytest.raises(ConfigError, match=f"{scheme}in://host:port waits for the vehicle, {scheme}out://"):
+    with pytest.raises(
+        ConfigError, match=f"{scheme}in://host:port waits for the vehicle, {scheme}out://"
+    ):
         parse(f"{scheme}://127.0.0.1:14540")
 
 
@@ -133,8 +135,18 @@ def test_a_vehicle_with_another_system_id_is_not_accepted(kind):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs:
         stranger = Peer(lambda data: theirs.sendto(data, ("127.0.0.1", port)), system_id=42)
         now = FastClock()
-        with living(stranger, list, heartbeat_every_s=0.01), pytest.raises(LinkError, match="no HEARTBEAT"):
-            opened_link(kind, f"udpin://127.0.0.1:{port}", system_id=7, clock=now, sleep=now.sleep, timeout_s=3.0)
+        with (
+            living(stranger, list, heartbeat_every_s=0.01),
+            pytest.raises(LinkError, match="no HEARTBEAT"),
+        ):
+            opened_link(
+                kind,
+                f"udpin://127.0.0.1:{port}",
+                system_id=7,
+                clock=now,
+                sleep=now.sleep,
+                timeout_s=3.0,
+            )
 
 
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
@@ -150,7 +162,9 @@ def test_a_serial_device_that_is_not_there_is_a_link_error():
 
 def threads_of_python():
     """A thread of C++ that has called in once leaves an object behind when it ends; that is not a thread."""
-    return {thread for thread in threading.enumerate() if not isinstance(thread, threading._DummyThread)}
+    return {
+        thread for thread in threading.enumerate() if not isinstance(thread, threading._DummyThread)
+    }
 
 
 @pytest.mark.parametrize("kind", ["mavsdk", "pymavlink"])
@@ -197,7 +211,8 @@ def test_an_autopilot_that_waits_to_be_called_is_called(kind):
 
 
 def test_unsigned_heartbeats_sent_first_do_not_keep_a_signed_vehicle_out():
-    key, now = SigningKey(bytes(range(32))), FastClock()
+    key = SigningKey(bytes(range(32)))
+    now = FastClock()
     to = ("127.0.0.1", free_port())
     wire = open_wire(f"udpin://127.0.0.1:{to[1]}", clock=now, systems=(1,), signing_key=key)
     with (
@@ -207,11 +222,24 @@ def test_unsigned_heartbeats_sent_first_do_not_keep_a_signed_vehicle_out():
         forger = Peer(lambda data: strangers.sendto(data, to))
         vehicle = Peer(lambda data: theirs.sendto(data, to))
         signing = vehicle.mavlink.signing
-        signing.secret_key, signing.sign_outgoing, signing.timestamp = key.secret, True, ticks(time.time())
+        signing.secret_key = key.secret
+        signing.sign_outgoing = True
+        signing.timestamp = ticks(time.time())
         for _ in range(10):
             forger.heartbeat()
-        with living(forger, list, heartbeat_every_s=0.02), living(vehicle, list, heartbeat_every_s=0.05):
-            link = open_link(wire, "pymavlink", system_id=1, clock=now, who="signed", signing_key=key, sleep=now.sleep)
+        with (
+            living(forger, list, heartbeat_every_s=0.02),
+            living(vehicle, list, heartbeat_every_s=0.05),
+        ):
+            link = open_link(
+                wire,
+                "pymavlink",
+                system_id=1,
+                clock=now,
+                who="signed",
+                signing_key=key,
+                sleep=now.sleep,
+            )
         assert link.counters()["wire_unsigned"] + link.counters()["wire_impostor"] > 0
         assert link.counters()["unsigned"] == 0
         link.close()

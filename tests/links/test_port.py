@@ -47,7 +47,8 @@ def positions(rig: Rig) -> list[int]:
 
 
 def settle() -> None:
-    time.sleep(0.11)  # real clients: long enough for two repeats of MAVSDK's Offboard plugin, were it used
+    # Real clients: long enough for two repeats of MAVSDK's Offboard plugin, were it used
+    time.sleep(0.11)
 
 
 def test_messages_come_typed_in_order_and_stamped_on_arrival(rig):
@@ -81,7 +82,12 @@ def test_one_call_is_one_frame_and_nothing_follows(rig):
     setpoints = rig.peer.of("SET_POSITION_TARGET_LOCAL_NED")
     assert len(setpoints) == 3
     sent = setpoints[0]
-    assert (sent.target_system, sent.target_component, sent.coordinate_frame, sent.type_mask) == (1, 1, 1, 2503)
+    assert (sent.target_system, sent.target_component, sent.coordinate_frame, sent.type_mask) == (
+        1,
+        1,
+        1,
+        2503,
+    )
     assert (sent.vx, sent.vy, sent.vz, sent.yaw) == (1.5, -2.25, 0.5, 0.75)
     assert (sent.get_srcSystem(), sent.get_srcComponent()) == (1, 195)
     assert rig.counted("setpoints_sent") == 3
@@ -95,7 +101,11 @@ def test_a_setpoint_that_is_not_finite_is_refused_and_not_sent(rig):
 
 
 def asked(rig: Rig) -> list:
-    return [message for message in rig.peer.of("COMMAND_LONG") if (message.command, message.param1) == (511, 32.0)]
+    return [
+        message
+        for message in rig.peer.of("COMMAND_LONG")
+        if (message.command, message.param1) == (511, 32.0)
+    ]
 
 
 def test_a_question_is_repeated_until_it_is_answered(rig):
@@ -130,7 +140,9 @@ def test_a_command_that_acts_goes_out_once_even_without_an_answer(rig):
 
 
 def test_nan_parameters_arrive_as_nan(rig):
-    rig.link.request(Command(22, (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 20.0)))
+    rig.link.request(
+        Command(22, (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 20.0))
+    )
     assert rig.hear(lambda got: any(message.command == 22 for message in rig.of(CommandAck)))
     (takeoff,) = [message for message in rig.peer.of("COMMAND_LONG") if message.command == 22]
     assert math.isnan(takeoff.param1)
@@ -141,7 +153,9 @@ def test_parameters_come_back_as_numbers(rig):
     rig.peer.parameters = {"COM_RCL_EXCEPT": 4, "COM_FLTMODE1": -1, "MPC_XY_VEL_MAX": 12.5}
     for name in rig.peer.parameters:
         rig.link.request(ParameterRequest(name))
-    assert rig.hear(lambda got: {message.name for message in rig.of(Parameter)} == set(rig.peer.parameters))
+    assert rig.hear(
+        lambda got: {message.name for message in rig.of(Parameter)} == set(rig.peer.parameters)
+    )
     assert {message.name: message.value for message in rig.of(Parameter)} == rig.peer.parameters
 
 
@@ -151,7 +165,9 @@ def test_parameters_are_set_as_px4_reads_them(rig):
     wanted = {"COM_OBL_RC_ACT": b"\x05\0\0\0", "GF_MAX_HOR_DIST": struct.pack("<f", 205.5)}
 
     def heard(_):
-        return {one.param_id: struct.pack("<f", one.param_value) for one in rig.peer.of("PARAM_SET")} == wanted
+        return {
+            one.param_id: struct.pack("<f", one.param_value) for one in rig.peer.of("PARAM_SET")
+        } == wanted
 
     assert rig.hear(heard), rig.peer.of("PARAM_SET")
 
@@ -162,8 +178,12 @@ def test_only_the_configured_system_and_component_is_accepted(rig):
         rig.peer.heartbeat(system_id=2)
         rig.peer.heartbeat(system_id=1, component_id=100)  # a camera that claims a custom mode
         rig.peer.local_position(2000 + n, system_id=1, component_id=191)
-        rig.peer.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 99, 4, 3), system_id=255, component_id=190)
-        rig.peer.say(dialect.MAVLink_statustext_message(4, b"from the camera", 0, 0), component_id=100)
+        rig.peer.say(
+            dialect.MAVLink_heartbeat_message(6, 8, 0, 99, 4, 3), system_id=255, component_id=190
+        )
+        rig.peer.say(
+            dialect.MAVLink_statustext_message(4, b"from the camera", 0, 0), component_id=100
+        )
         rig.peer.local_position(n)
     assert rig.hear(lambda got: len(positions(rig)) == 20)
     settle()
@@ -242,7 +262,12 @@ def test_all_our_frames_are_numbered_as_one_senders(rig):
         rig.link.request(ParameterRequest("NONE"))
         rig.link.send_heartbeat()
         names = {message.get_type() for message in rig.peer.heard[began:]}
-        return names >= {"SET_POSITION_TARGET_LOCAL_NED", "PARAM_REQUEST_READ", "HEARTBEAT", "TIMESYNC"}
+        return names >= {
+            "SET_POSITION_TARGET_LOCAL_NED",
+            "PARAM_REQUEST_READ",
+            "HEARTBEAT",
+            "TIMESYNC",
+        }
 
     assert rig.hear(done, timeout_s=4.0)
     numbers = [message.get_seq() for message in rig.peer.heard[began:]]

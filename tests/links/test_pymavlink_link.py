@@ -81,9 +81,32 @@ FLAVOURS = [("px4", PX4), ("arducopter", ARDUCOPTER)]
 def test_other_systems_positions_and_relayed_adsb_are_other_aircraft():
     flight = Flight("px4", PX4)
     place = {"lat": 473977000, "lon": 85455000}
-    known = {"altitude": 520_000, "altitude_type": 0, "heading": 9000, "hor_velocity": 800, "ver_velocity": 100}
-    adsb = {"ICAO_address": 0x3C6444, **place, **known, "callsign": b"", "emitter_type": 0, "tslc": 1, "squawk": 0}
-    position = {"time_boot_ms": 1, **place, "alt": 500_000, "relative_alt": 0, "vx": 100, "vy": 0, "vz": -50, "hdg": 0}
+    known = {
+        "altitude": 520_000,
+        "altitude_type": 0,
+        "heading": 9000,
+        "hor_velocity": 800,
+        "ver_velocity": 100,
+    }
+    adsb = {
+        "ICAO_address": 0x3C6444,
+        **place,
+        **known,
+        "callsign": b"",
+        "emitter_type": 0,
+        "tslc": 1,
+        "squawk": 0,
+    }
+    position = {
+        "time_boot_ms": 1,
+        **place,
+        "alt": 500_000,
+        "relative_alt": 0,
+        "vx": 100,
+        "vy": 0,
+        "vz": -50,
+        "hdg": 0,
+    }
     own, other = (common.MAVLink(None, srcSystem=number, srcComponent=1) for number in (1, 7))
     for sender, flags in ((own, 143), (own, 1), (own, 0)):
         flight.theirs.send(common.MAVLink_adsb_vehicle_message(**adsb, flags=flags).pack(sender))
@@ -102,7 +125,12 @@ def test_the_streams_asked_for_arrive_at_their_rates(flavour, profile):
     flight = Flight(flavour, profile)
     flight.run(1.0)
     seen = flight.run(4.0)
-    for kind, rate_hz in ((LocalPosition, 50.0), (GlobalPosition, 10.0), (LandedState, 5.0), (Heartbeat, 1.0)):
+    for kind, rate_hz in (
+        (LocalPosition, 50.0),
+        (GlobalPosition, 10.0),
+        (LandedState, 5.0),
+        (Heartbeat, 1.0),
+    ):
         count = sum(isinstance(message, kind) for message in seen)
         assert count / 4.0 == pytest.approx(rate_hz, rel=0.1, abs=0.3)
     assert flight.link.counters()["garbage_bytes"] == 0
@@ -139,7 +167,11 @@ def test_both_acknowledgements_of_a_px4_mode_change_arrive():
     flight = Flight("px4", PX4)
     flight.take_off()
     flight.link.request(PX4.set_mode(Mode.GUIDED))  # without a stream: accepted first, refused then
-    acks = [message.result for message in flight.run(1.0) if isinstance(message, CommandAck) and message.command == 176]
+    acks = [
+        message.result
+        for message in flight.run(1.0)
+        if isinstance(message, CommandAck) and message.command == 176
+    ]
     assert acks == [0, 1]
     assert flight.mode() is Mode.HOLD
 
@@ -156,7 +188,9 @@ def test_parameters_and_places_are_read():
     assert flight.link.counters()["requests_unanswered"] == 1
     for kind in (Origin, Home):
         place = next(message for message in seen if isinstance(message, kind))
-        assert (place.latitude_deg, place.longitude_deg) == pytest.approx((PLACE.lat_deg, PLACE.lon_deg), abs=1e-6)
+        assert (place.latitude_deg, place.longitude_deg) == pytest.approx(
+            (PLACE.lat_deg, PLACE.lon_deg), abs=1e-6
+        )
         assert place.altitude_amsl_m == pytest.approx(PLACE.alt_amsl_m, abs=1.0)
 
 
@@ -176,12 +210,17 @@ def test_a_signed_vehicle_needs_the_key_in_both_directions():
     ours, theirs = MemoryWire.pair(lambda: 5.0)
     signing = Signing(key)
     signing.advance_to(1_800_000_000.0)
-    encoder, decoder = Encoder(1, 1, signing=signing, link_id=2), Decoder(signing=signing)
-    link = PymavlinkLink(ours, lambda: 5.0, system_id=1, signing_key=SigningKey(key, 1_800_000_000.0))
+    encoder = Encoder(1, 1, signing=signing, link_id=2)
+    decoder = Decoder(signing=signing)
+    link = PymavlinkLink(
+        ours, lambda: 5.0, system_id=1, signing_key=SigningKey(key, 1_800_000_000.0)
+    )
     theirs.send(encoder.pack("LOCAL_POSITION_NED", 1000, 1.0, 2.0, -3.0, 0.5, 0.5, 0.5))
     theirs.send(Encoder(1, 1).pack("LOCAL_POSITION_NED", 2000, 1.0, 2.0, -3.0, 0.5, 0.5, 0.5))
     assert [message.time_boot_s for message in link.receive()] == [1.0]
     link.send_setpoint(Setpoint((1.0, 0.0, 0.0)))
     (frame,) = [data for _, data in theirs.receive()]
-    assert [message.get_type() for message in decoder.feed(frame)] == ["SET_POSITION_TARGET_LOCAL_NED"]
+    assert [message.get_type() for message in decoder.feed(frame)] == [
+        "SET_POSITION_TARGET_LOCAL_NED"
+    ]
     assert decoder.feed(frame) == []  # a replay

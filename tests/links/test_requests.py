@@ -20,7 +20,9 @@ STREAM = Command(511, (32.0, 20000.0, *ZEROS[2:]))
 
 
 def sends(queue: RequestQueue, *times_s: float) -> list:
-    return [(time_s, request, attempt) for time_s in times_s for request, attempt in queue.due(time_s)]
+    return [
+        (time_s, request, attempt) for time_s in times_s for request, attempt in queue.due(time_s)
+    ]
 
 
 def times(until_s: float, step_s: float = 0.1) -> list[float]:
@@ -30,7 +32,12 @@ def times(until_s: float, step_s: float = 0.1) -> list[float]:
 def test_a_question_is_sent_four_times_and_then_counts_as_unanswered():
     queue = RequestQueue()
     queue.add(STREAM)
-    assert sends(queue, *times(5.0)) == [(0.0, STREAM, 0), (0.5, STREAM, 1), (1.0, STREAM, 2), (1.5, STREAM, 3)]
+    assert sends(queue, *times(5.0)) == [
+        (0.0, STREAM, 0),
+        (0.5, STREAM, 1),
+        (1.0, STREAM, 2),
+        (1.5, STREAM, 3),
+    ]
     assert queue.unanswered == 1
     assert not any(queue.waiting.values())
 
@@ -82,7 +89,8 @@ def test_in_progress_is_waited_for_and_not_repeated():
 
 def test_a_new_mode_takes_the_place_of_the_one_that_waits_at_once():
     queue = RequestQueue()
-    offboard, hold = Command(176, (1, 6, *ZEROS[2:])), Command(176, (1, 4, 3, *ZEROS[3:]))
+    offboard = Command(176, (1, 6, *ZEROS[2:]))
+    hold = Command(176, (1, 4, 3, *ZEROS[3:]))
     queue.add(offboard)
     assert sends(queue, 0.0) == [(0.0, offboard, 0)]
     queue.add(hold)

@@ -10,7 +10,8 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import LocalPosition, Setpoint
 from tests.links.peer import Peer
 
-KEY, OTHER_KEY = bytes(range(32)), bytes(range(1, 33))
+KEY = bytes(range(32))
+OTHER_KEY = bytes(range(1, 33))
 UNIX_S = 1_800_000_000.0
 
 

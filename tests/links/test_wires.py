@@ -66,7 +66,9 @@ def test_arrivals_keep_the_newest_and_count_the_rest():
 
 def test_arrivals_from_many_threads_are_all_there():
     arrivals = Arrivals[int]()
-    threads = [threading.Thread(target=lambda: [arrivals.put(n) for n in range(250)]) for _ in range(4)]
+    threads = [
+        threading.Thread(target=lambda: [arrivals.put(n) for n in range(250)]) for _ in range(4)
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -80,10 +82,15 @@ def test_an_arrival_is_stamped_when_it_comes(kind, router):
         wire, send = stack.enter_context(opened(kind, router))
         assert wire.receive() == []
         for _ in range(3):
-            begun_s, got = clock(), []
+            begun_s = clock()
+            got = []
             send(FRAME)
             # a port may deliver a frame in two pieces
-            assert until(lambda got=got: b"".join(data for _, data in got.extend(wire.receive()) or got) == FRAME)
+            assert until(
+                lambda got=got: (
+                    b"".join(data for _, data in got.extend(wire.receive()) or got) == FRAME
+                )
+            )
             assert begun_s <= got[0][0] <= clock()
 
 
@@ -98,7 +105,9 @@ def opened(kind, router):
             near, far = pty.openpty()
             stack.callback(os.close, near)
             stack.callback(os.close, far)
-            wire = stack.enter_context(closing(SerialWire(clock, device=os.ttyname(far), baud=57600)))
+            wire = stack.enter_context(
+                closing(SerialWire(clock, device=os.ttyname(far), baud=57600))
+            )
             yield wire, lambda data: os.write(near, data)
         elif kind == "zenoh":
             endpoint = f"tcp/127.0.0.1:{router.port}"
@@ -112,7 +121,9 @@ def opened(kind, router):
             caller = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
             yield wire, lambda data: caller.sendto(data, ("127.0.0.1", port_of(wire)))
         else:
-            wire = stack.enter_context(closing(TcpWire(clock, host="127.0.0.1", port=0, listen=True)))
+            wire = stack.enter_context(
+                closing(TcpWire(clock, host="127.0.0.1", port=0, listen=True))
+            )
             caller = stack.enter_context(socket.create_connection(("127.0.0.1", port_of(wire))))
             yield wire, caller.sendall
 
@@ -189,7 +200,8 @@ def test_a_broken_port_drops_the_rest_of_its_frame(port, wire):
     assert sent(wire, b"BBBB")
     port.broken = True
     assert not sent(wire, b"CCCC")
-    port.broken, port.room = False, 100
+    port.broken = False
+    port.room = 100
     sent(wire, b"DDDD")
     assert port.taken == b"BBDDDD"
 
@@ -229,7 +241,10 @@ def test_udp_answers_the_vehicles_address_only():
 
 
 def test_udp_out_receives_only_from_the_address_it_calls():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs, socket.socket(type=socket.SOCK_DGRAM) as stranger:
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs,
+        socket.socket(type=socket.SOCK_DGRAM) as stranger,
+    ):
         theirs.bind(("127.0.0.1", 0))
         with closing(UdpWire(clock, "127.0.0.1", theirs.getsockname()[1])) as wire:
             wire.send(FRAME)
@@ -313,7 +328,9 @@ def test_tcp_calls_again_when_the_other_side_returns():
     with contextlib.ExitStack() as stack:
         server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
         port = server.getsockname()[1]
-        wire = stack.enter_context(closing(TcpWire(clock, host="127.0.0.1", port=port, listen=False)))
+        wire = stack.enter_context(
+            closing(TcpWire(clock, host="127.0.0.1", port=port, listen=False))
+        )
         first, _ = server.accept()
         first.close()
         server.close()
@@ -328,7 +345,9 @@ def test_tcp_to_a_peer_that_does_not_read_never_blocks():
     with contextlib.ExitStack() as stack:
         server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
         port = server.getsockname()[1]
-        wire = stack.enter_context(closing(TcpWire(clock, host="127.0.0.1", port=port, listen=False)))
+        wire = stack.enter_context(
+            closing(TcpWire(clock, host="127.0.0.1", port=port, listen=False))
+        )
         stack.enter_context(server.accept()[0])
         slowest_s = 0.0
         for _ in range(3000):
@@ -339,7 +358,9 @@ def test_tcp_to_a_peer_that_does_not_read_never_blocks():
         assert slowest_s < 0.05
 
 
-@pytest.mark.parametrize(("scheme", "kind"), [("udpin", socket.SOCK_DGRAM), ("tcpin", socket.SOCK_STREAM)])
+@pytest.mark.parametrize(
+    ("scheme", "kind"), [("udpin", socket.SOCK_DGRAM), ("tcpin", socket.SOCK_STREAM)]
+)
 def test_a_port_in_use_is_a_link_error(scheme, kind):
     with socket.socket(socket.AF_INET, kind) as other:
         other.bind(("127.0.0.1", 0))
@@ -399,7 +420,9 @@ def test_zenoh_reconnects_to_a_restarted_router():
     port = free_port(socket.SOCK_STREAM)
     with contextlib.ExitStack() as stack:
         with zenoh.open(router_config(port)) as first:
-            wire = stack.enter_context(closing(ZenohWire(clock, open_session(f"tcp/127.0.0.1:{port}"), "v")))
+            wire = stack.enter_context(
+                closing(ZenohWire(clock, open_session(f"tcp/127.0.0.1:{port}"), "v"))
+            )
             assert received_again(lambda: first.put("v/mavlink_raw/out", b"one"), wire, b"one")
         before_s = time.perf_counter()
         for _ in range(50):
@@ -434,7 +457,9 @@ def test_zenoh_namespaces_are_separate_and_our_frames_do_not_return(router):
     one_wire = ZenohWire(clock, open_session(endpoint), "a")
     other_wire = ZenohWire(clock, open_session(endpoint), "b")
     with closing(one_wire) as one, closing(other_wire) as other:
-        assert received_again(lambda: router.session.put("b/mavlink_raw/out", b"for b"), other, b"for b")
+        assert received_again(
+            lambda: router.session.put("b/mavlink_raw/out", b"for b"), other, b"for b"
+        )
         one.send(FRAME)
         time.sleep(0.05)
         assert one.receive() == []

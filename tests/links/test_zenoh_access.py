@@ -40,9 +40,14 @@ PARTIES = ("uav1", "uav1-guidance", "evader1", "operator", "viewer")
 ROUTER = config_folder() / "zenoh" / "router.json5"
 NOON = datetime.datetime(2026, 1, 1, 12, tzinfo=datetime.UTC)
 CENTURY = NOON, NOON + datetime.timedelta(days=36_500)
-OUT, IN, REPORT, LIVE = "uav1/mavlink_raw/out", "uav1/mavlink_raw/in", "evader1/report", "guidance/uav1/live/cycle"
+OUT = "uav1/mavlink_raw/out"
+IN = "uav1/mavlink_raw/in"
+REPORT = "evader1/report"
+LIVE = "guidance/uav1/live/cycle"
 FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0))
-SAID = b'{"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_m": 600.0, "altitude_datum": "amsl"}'
+SAID = (
+    b'{"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_m": 600.0, "altitude_datum": "amsl"}'
+)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +95,11 @@ def test_each_party_reaches_the_subscribers_of_its_keys(keys, port, joined):
     url = f"zenoh://127.0.0.1:{port}/uav1"
     mine = of(keys, "uav1-guidance")
     mock = ZenohEndpoint(
-        ["uav1"], f"tls/127.0.0.1:{port}", mode="client", connect=True, keys=read_keys(keys / "uav1.toml")
+        ["uav1"],
+        f"tls/127.0.0.1:{port}",
+        mode="client",
+        connect=True,
+        keys=read_keys(keys / "uav1.toml"),
     )
     wire = open_wire(url, clock=clock, credentials=mine)
     reports = open_source(
@@ -103,7 +112,9 @@ def test_each_party_reaches_the_subscribers_of_its_keys(keys, port, joined):
     owner = owner_token(joined("uav1-guidance"), "uav1/guidance")
     try:
         evader = joined("evader1").declare_publisher(REPORT)
-        heard, told, seen = [], [], []
+        heard = []
+        told = []
+        seen = []
 
         def all_arrived():
             mock.send("uav1", "onboard", [b"telemetry"])
@@ -126,21 +137,39 @@ def test_each_party_reaches_the_subscribers_of_its_keys(keys, port, joined):
 
 
 def test_an_operator_orders_and_a_viewer_looks_on(keys, port):
-    endpoint, mailbox = f"tls/127.0.0.1:{port}", Mailbox()
+    endpoint = f"tls/127.0.0.1:{port}"
+    mailbox = Mailbox()
     mailbox.meanwhile = lambda order: {"accepted": True, "order": order, "name": "uav1"}
-    bus = ControlBus("uav1", mailbox, Control(endpoint=endpoint, host=False), credentials=of(keys, "uav1-guidance"))
+    bus = ControlBus(
+        "uav1",
+        mailbox,
+        Control(endpoint=endpoint, host=False),
+        credentials=of(keys, "uav1-guidance"),
+    )
     broadcast = Broadcast("uav1", bus.session, {"seed": "3"})
     try:
         operator = of(keys, "operator")
         assert ask("hold", endpoint=endpoint, name=None, credentials=operator)["order"] == "hold"
         for other in ("viewer", "evader1", "uav1"):
             with pytest.raises(LinkError, match="no answer"):
-                ask("land", endpoint=endpoint, name="uav1", timeout_s=0.3, credentials=of(keys, other))
+                ask(
+                    "land",
+                    endpoint=endpoint,
+                    name="uav1",
+                    timeout_s=0.3,
+                    credentials=of(keys, other),
+                )
         with join_session(endpoint, credentials=of(keys, "viewer")) as session:
             view = LiveFlight(session)
             assert view.metadata(lambda: False) == {"seed": "3"}
             items = []
-            assert until(lambda: broadcast.event(1.0, "happened") or items.extend(view.items(lambda: True)) or items)
+            assert until(
+                lambda: (
+                    broadcast.event(1.0, "happened")
+                    or items.extend(view.items(lambda: True))
+                    or items
+                )
+            )
             assert items[0].topic == "guidance/event"
     finally:
         broadcast.close()
@@ -157,11 +186,14 @@ def certificate_of(keys, strangers, kind):
         return Credentials(tls={**of(strangers, "uav1-guidance").tls, **authority})
     if kind == "the router is a stranger":
         return of(strangers, "uav1-guidance")
-    return Credentials(auth={"usrpwd": {"user": "uav1-guidance", "password": "guessed"}}, tls=authority)
+    return Credentials(
+        auth={"usrpwd": {"user": "uav1-guidance", "password": "guessed"}}, tls=authority
+    )
 
 
 @pytest.mark.parametrize(
-    "kind", ["nothing", "no certificate", "another authority's", "the router is a stranger", "a password"]
+    "kind",
+    ["nothing", "no certificate", "another authority's", "the router is a stranger", "a password"],
 )
 def test_without_a_certificate_of_ours_no_client_connects(keys, strangers, port, kind):
     credentials = certificate_of(keys, strangers, kind)
@@ -170,7 +202,11 @@ def test_without_a_certificate_of_ours_no_client_connects(keys, strangers, port,
 
 
 def test_a_party_cannot_pose_as_the_router(keys, tmp_path):
-    for name, file in (("ca.pem", "ca.pem"), ("router.pem", "viewer.pem"), ("router.key", "viewer.key")):
+    for name, file in (
+        ("ca.pem", "ca.pem"),
+        ("router.pem", "viewer.pem"),
+        ("router.key", "viewer.key"),
+    ):
         (tmp_path / name).write_bytes((keys / file).read_bytes())
     port = free_port(socket.SOCK_STREAM)
     with (
@@ -181,7 +217,12 @@ def test_a_party_cannot_pose_as_the_router(keys, tmp_path):
 
 
 SAYS = {OUT: "uav1", IN: "uav1-guidance", REPORT: "evader1", LIVE: "uav1-guidance"}
-HEARS = {OUT: ("uav1-guidance", "viewer"), IN: ("uav1",), REPORT: ("uav1-guidance",), LIVE: ("operator", "viewer")}
+HEARS = {
+    OUT: ("uav1-guidance", "viewer"),
+    IN: ("uav1",),
+    REPORT: ("uav1-guidance",),
+    LIVE: ("operator", "viewer"),
+}
 
 
 def test_no_party_uses_keys_that_are_not_its_own(joined):
@@ -191,7 +232,9 @@ def test_no_party_uses_keys_that_are_not_its_own(joined):
     for (name, key), said in heard.items():
         note = said.add
         sessions[name].declare_subscriber(
-            key, lambda sample, note=note: note(sample.payload.to_string()), allowed_origin=zenoh.Locality.REMOTE
+            key,
+            lambda sample, note=note: note(sample.payload.to_string()),
+            allowed_origin=zenoh.Locality.REMOTE,
         )
     forgers = {name: joined(name) for name in PARTIES}
     for name, session in forgers.items():
@@ -213,7 +256,9 @@ def test_no_party_uses_keys_that_are_not_its_own(joined):
 
 
 def test_only_the_daemon_answers_orders_and_claims_the_vehicle(joined):
-    mine, operator, forger = joined("uav1-guidance"), joined("operator"), joined("evader1")
+    mine = joined("uav1-guidance")
+    operator = joined("operator")
+    forger = joined("evader1")
     claimed = owner_token(forger, "uav1/guidance")
     owner_token(mine, "uav1/guidance").undeclare()  # the claim of a stranger is none
     claimed.undeclare()
@@ -255,14 +300,20 @@ def test_the_password_identifies_the_user(keys, tmp_path):
 
     endpoint = f"tls/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     with open_router(by_password(keys, tmp_path), keys, endpoint):
-        for credentials in (user("uav1-guidance", "wrong"), user("root", "right"), user("evader1", "right")):
+        for credentials in (
+            user("uav1-guidance", "wrong"),
+            user("root", "right"),
+            user("evader1", "right"),
+        ):
             with pytest.raises(LinkError, match="certificate or user"):
                 open_session(endpoint, timeout_s=0.5, credentials=credentials)
         heard = set()
         with (
             open_session(endpoint, credentials=user("uav1-guidance", "right")) as mine,
             open_session(endpoint, credentials=user("evader1", "other")) as evader,
-            mine.declare_subscriber("**", lambda sample: heard.add((str(sample.key_expr), sample.payload.to_string()))),
+            mine.declare_subscriber(
+                "**", lambda sample: heard.add((str(sample.key_expr), sample.payload.to_string()))
+            ),
             mine.declare_subscriber(
                 REPORT, lambda sample: heard.add((str(sample.key_expr), sample.payload.to_string()))
             ),
@@ -279,11 +330,19 @@ def mode(path):
 def test_keys_are_made_for_their_owner_and_added_to_and_never_overwritten(tmp_path):
     folder = tmp_path / "keys"
     run = CliRunner().invoke
-    made = run(app, ["zenoh", "keys", "uav1", "--out", str(folder), "--host", "192.168.1.10"], catch_exceptions=False)
+    made = run(
+        app,
+        ["zenoh", "keys", "uav1", "--out", str(folder), "--host", "192.168.1.10"],
+        catch_exceptions=False,
+    )
     assert made.exit_code == 0
     assert str(folder / "uav1.toml") in made.output.split()
     assert mode(folder) == 0o700
-    assert {path.name for path in folder.glob("*.key") if mode(path) == 0o600} == {"ca.key", "router.key", "uav1.key"}
+    assert {path.name for path in folder.glob("*.key") if mode(path) == 0o600} == {
+        "ca.key",
+        "router.key",
+        "uav1.key",
+    }
     authority = (folder / "ca.pem").read_bytes()
     assert run(app, ["zenoh", "keys", "viewer", "--out", str(folder)]).exit_code == 0
     assert (folder / "ca.pem").read_bytes() == authority
@@ -317,12 +376,21 @@ WRONG = {
         r"uav1\.pem.*viewer\.key.*not a certificate and its key",
     ),
     "no such file": ({"tls_ca_file": "none.pem"}, r"tls_ca_file = '.*none\.pem'.*No such file"),
-    "no certificate": ({"tls_ca_file": "uav1.toml"}, r"tls_ca_file = '.*uav1\.toml'.*not a PEM certificate"),
+    "no certificate": (
+        {"tls_ca_file": "uav1.toml"},
+        r"tls_ca_file = '.*uav1\.toml'.*not a PEM certificate",
+    ),
     "no authority": ({"tls_ca_file": None}, r"tls_ca_file.*missing"),
     "no key": ({"tls_key_file": None}, r"tls_key_file.*missing"),
     "no password": ({"user": "uav1"}, r"password_file.*missing"),
-    "open password": ({"user": "uav1", "password_file": "open"}, r"password_file = '.*open'.*others may read it"),
-    "long password": ({"user": "uav1", "password_file": "long"}, r"password_file = '.*long'.*one line"),
+    "open password": (
+        {"user": "uav1", "password_file": "open"},
+        r"password_file = '.*open'.*others may read it",
+    ),
+    "long password": (
+        {"user": "uav1", "password_file": "long"},
+        r"password_file = '.*long'.*one line",
+    ),
     "unknown": ({"tls_ca": "ca.pem"}, r"tls_ca: unknown key; did you mean 'tls_ca_file'"),
 }
 
@@ -348,6 +416,10 @@ def test_a_key_that_others_may_read_is_refused(keys, tmp_path):
     for name in ("ca.pem", "uav1.pem", "uav1.key"):
         (tmp_path / name).write_bytes((keys / name).read_bytes())
     (tmp_path / "uav1.key").chmod(0o640)
-    section = ZenohSection(tls_ca_file="ca.pem", tls_certificate_file="uav1.pem", tls_key_file="uav1.key")
-    with pytest.raises(ConfigError, match=r"zenoh\.tls_key_file = '.*uav1\.key': others may read it; chmod 600 it"):
+    section = ZenohSection(
+        tls_ca_file="ca.pem", tls_certificate_file="uav1.pem", tls_key_file="uav1.key"
+    )
+    with pytest.raises(
+        ConfigError, match=r"zenoh\.tls_key_file = '.*uav1\.key': others may read it; chmod 600 it"
+    ):
         credentials_of(section.beside(tmp_path))

@@ -26,7 +26,9 @@ ROUTER = config_folder() / "zenoh" / "router.json5"
 NOON = datetime.datetime(2026, 1, 1, 12, tzinfo=datetime.UTC)
 CENTURY = NOON, NOON + datetime.timedelta(days=36_500)
 FRAME = LocalFrame(47.3977418, 8.5455939, Amsl(488.0))
-REPORT = b'{"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_m": 600.0, "altitude_datum": "amsl"}'
+REPORT = (
+    b'{"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_m": 600.0, "altitude_datum": "amsl"}'
+)
 
 
 @pytest.fixture(scope="module")
@@ -61,8 +63,13 @@ class Orders:
 @contextmanager
 def daemon(keys, endpoint):
     """The daemon's control bus at a router; its orders."""
-    orders, credentials = Orders(), of(keys, "uav1-guidance")
-    with closing(ControlBus("uav1", orders.mailbox, Control(endpoint=endpoint, host=False), credentials=credentials)):
+    orders = Orders()
+    credentials = of(keys, "uav1-guidance")
+    with closing(
+        ControlBus(
+            "uav1", orders.mailbox, Control(endpoint=endpoint, host=False), credentials=credentials
+        )
+    ):
         yield orders
 
 
@@ -115,9 +122,15 @@ def replay(port, recorded):
 
 def test_a_recorded_order_to_a_loopback_port_is_worthless(tmp_path):
     """The password answers a new challenge at each connection."""
-    port, orders, token = free_port(socket.SOCK_STREAM), Orders(), tmp_path / "run" / "uav1.token"
+    port = free_port(socket.SOCK_STREAM)
+    orders = Orders()
+    token = tmp_path / "run" / "uav1.token"
     with closing(
-        ControlBus("uav1", orders.mailbox, Control(endpoint=f"tcp/127.0.0.1:{port}", host=True, token_file=token))
+        ControlBus(
+            "uav1",
+            orders.mailbox,
+            Control(endpoint=f"tcp/127.0.0.1:{port}", host=True, token_file=token),
+        )
     ):
         with recording_proxy(port) as (proxy, sent):
             ask("hold", endpoint=f"tcp/127.0.0.1:{proxy}", name="uav1", token_file=token)
@@ -134,7 +147,12 @@ def test_a_recorded_order_to_a_router_is_worthless(keys, endpoint):
         with recording_proxy(port) as (proxy, sent):
             assert until(lambda: is_answered(keys, endpoint, "operator", "status"))
             before = len(orders.taken)
-            ask("hold", endpoint=f"tls/127.0.0.1:{proxy}", name="uav1", credentials=of(keys, "operator"))
+            ask(
+                "hold",
+                endpoint=f"tls/127.0.0.1:{proxy}",
+                name="uav1",
+                credentials=of(keys, "operator"),
+            )
         assert orders.taken[before:] == ["hold"]
         for _ in range(3):
             replay(port, bytes(sent))
@@ -142,11 +160,16 @@ def test_a_recorded_order_to_a_router_is_worthless(keys, endpoint):
 
 
 @pytest.mark.parametrize("name", ["uav1", "evader1", "operator", "viewer"])
-def test_with_a_certificate_of_another_role_nobody_owns_the_vehicle_or_takes_orders(keys, endpoint, name):
+def test_with_a_certificate_of_another_role_nobody_owns_the_vehicle_or_takes_orders(
+    keys, endpoint, name
+):
     with open_router(ROUTER, keys, endpoint):
         stranger = Orders()
         forged = ControlBus(
-            "uav1", stranger.mailbox, Control(endpoint=endpoint, host=False), credentials=of(keys, name)
+            "uav1",
+            stranger.mailbox,
+            Control(endpoint=endpoint, host=False),
+            credentials=of(keys, name),
         )
         with closing(forged), daemon(keys, endpoint) as orders:
             assert until(lambda: is_answered(keys, endpoint, "operator"))
@@ -156,7 +179,10 @@ def test_with_a_certificate_of_another_role_nobody_owns_the_vehicle_or_takes_ord
 
 def test_the_routers_certificate_is_not_accepted_from_a_client(keys, endpoint):
     tls = {**of(keys, "operator").tls}
-    tls |= {"connect_certificate": str(keys / "router.pem"), "connect_private_key": str(keys / "router.key")}
+    tls |= {
+        "connect_certificate": str(keys / "router.pem"),
+        "connect_private_key": str(keys / "router.key"),
+    }
     with open_router(ROUTER, keys, endpoint), pytest.raises(LinkError, match="no session within"):
         open_session(endpoint, timeout_s=0.7, credentials=Credentials(tls=tls))
 
@@ -167,26 +193,38 @@ def test_a_revoked_certificate_is_worthless_after_the_routers_restart(keys, endp
     make_keys(keys, ["operator-2"], ["127.0.0.1"], CENTURY)
     without = tmp_path / "router.json5"
     without.write_text(
-        ROUTER.read_text().replace('cert_common_names: ["operator"]', 'cert_common_names: ["operator-2"]')
+        ROUTER.read_text().replace(
+            'cert_common_names: ["operator"]', 'cert_common_names: ["operator-2"]'
+        )
     )
     router = open_router(ROUTER, keys, endpoint)
-    with daemon(keys, endpoint) as orders, open_session(endpoint, credentials=of(keys, "operator")) as stolen:
+    with (
+        daemon(keys, endpoint) as orders,
+        open_session(endpoint, credentials=of(keys, "operator")) as stolen,
+    ):
         assert until(lambda: is_answered(keys, endpoint, "operator"))
         router.close()
         with open_router(without, keys, endpoint):
             assert until(lambda: is_answered(keys, endpoint, "operator-2"), timeout_s=20.0)
             before = len(orders.taken)
             assert not is_answered(keys, endpoint, "operator")
-            assert [one for one in stolen.get("guidance/uav1/ctl/land", timeout=0.5) if one.ok is not None] == []
+            assert [
+                one
+                for one in stolen.get("guidance/uav1/ctl/land", timeout=0.5)
+                if one.ok is not None
+            ] == []
             assert len(orders.taken) == before
 
 
 @pytest.mark.slow
 def test_after_a_routers_restart_frames_reports_orders_and_the_claim_are_back(keys, endpoint):
-    mine, url = of(keys, "uav1-guidance"), endpoint.replace("tls/", "zenoh://")
+    mine = of(keys, "uav1-guidance")
+    url = endpoint.replace("tls/", "zenoh://")
     router = open_router(ROUTER, keys, endpoint)
     wire = open_wire(f"{url}/uav1", clock=clock, credentials=mine)
-    reports = open_source("json", f"{url}/evader1/report", clock=clock, frame=FRAME, credentials=mine)
+    reports = open_source(
+        "json", f"{url}/evader1/report", clock=clock, frame=FRAME, credentials=mine
+    )
     with (
         closing(wire),
         closing(reports),
@@ -195,14 +233,21 @@ def test_after_a_routers_restart_frames_reports_orders_and_the_claim_are_back(ke
         open_session(endpoint, credentials=of(keys, "evader1")) as evader,
     ):
         setpoints = []
-        vehicle.declare_subscriber("uav1/mavlink_raw/in", lambda sample: setpoints.append(sample.payload.to_bytes()))
+        vehicle.declare_subscriber(
+            "uav1/mavlink_raw/in", lambda sample: setpoints.append(sample.payload.to_bytes())
+        )
 
         def all_pass():
             setpoints.clear()
             vehicle.put("uav1/mavlink_raw/out", b"telemetry")
             evader.put("evader1/report", REPORT)
             wire.send(b"setpoint")
-            return wire.receive() and reports.receive() and setpoints and is_answered(keys, endpoint, "operator")
+            return (
+                wire.receive()
+                and reports.receive()
+                and setpoints
+                and is_answered(keys, endpoint, "operator")
+            )
 
         assert until(all_pass)
         router.close()

@@ -37,7 +37,9 @@ COMMANDS = [shlex.split(line) for block in blocks("console") for line in block.s
 def keys(tmp_path_factory):
     """The folder that the page's first command creates."""
     folder = tmp_path_factory.mktemp("docs")
-    made = CliRunner().invoke(app, [*COMMANDS[0][1:], "--out", str(folder / "keys")], catch_exceptions=False)
+    made = CliRunner().invoke(
+        app, [*COMMANDS[0][1:], "--out", str(folder / "keys")], catch_exceptions=False
+    )
     assert made.exit_code == 0
     return folder / "keys"
 
@@ -57,7 +59,8 @@ def test_every_option_on_the_page_exists(words):
     command = typer.main.get_command(app if words[0] == "guidance" else mock)
     rest = words[1:]
     while hasattr(command, "commands"):
-        command, rest = command.commands[rest[0]], rest[1:]
+        command = command.commands[rest[0]]
+        rest = rest[1:]
     command.make_context(words[0], list(rest))  # raises for unknown options
 
 
@@ -66,7 +69,9 @@ def test_the_vehicle_file_of_the_page_is_read_and_its_certificates_are(keys):
     path.write_text('name = "uav1"\n' + blocks("toml")[0] + REST)
     config = load_vehicle(path)
     assert config.control.by_tls
-    assert credentials_of(config.zenoh).tls["connect_certificate"] == str(keys / "uav1-guidance.pem")
+    assert credentials_of(config.zenoh).tls["connect_certificate"] == str(
+        keys / "uav1-guidance.pem"
+    )
 
 
 def test_so_is_its_file_with_a_password(keys):
@@ -74,7 +79,9 @@ def test_so_is_its_file_with_a_password(keys):
     secret.write_text("right\n")
     secret.chmod(0o600)
     section = ZenohSection(**tomllib.loads(blocks("toml")[1])["zenoh"]).beside(keys.parent)
-    assert credentials_of(section).auth == {"usrpwd": {"user": "uav1-guidance", "password": "right"}}
+    assert credentials_of(section).auth == {
+        "usrpwd": {"user": "uav1-guidance", "password": "right"}
+    }
 
 
 def test_reports_of_the_pages_evader_arrive(keys, monkeypatch):
@@ -84,8 +91,12 @@ def test_reports_of_the_pages_evader_arrive(keys, monkeypatch):
     heard = []
     with (
         open_router(config_folder() / "zenoh" / "router.json5", keys, f"tls/{endpoint}"),
-        open_session(f"tls/{endpoint}", credentials=read_credentials(keys / "uav1-guidance.toml")) as session,
-        session.declare_subscriber("evader1/report", lambda sample: heard.append(sample.payload.to_bytes())),
+        open_session(
+            f"tls/{endpoint}", credentials=read_credentials(keys / "uav1-guidance.toml")
+        ) as session,
+        session.declare_subscriber(
+            "evader1/report", lambda sample: heard.append(sample.payload.to_bytes())
+        ),
     ):
 
         def reported():
@@ -93,4 +104,8 @@ def test_reports_of_the_pages_evader_arrive(keys, monkeypatch):
             return heard
 
         assert until(reported)
-    assert read_json(heard[0], 0.0, frame=frame, source="evader1/report").velocity_ned_m_s == (1.0, 0.0, 0.0)
+    assert read_json(heard[0], 0.0, frame=frame, source="evader1/report").velocity_ned_m_s == (
+        1.0,
+        0.0,
+        0.0,
+    )

@@ -22,7 +22,11 @@ def joined(router, vehicle, team="north"):
 
 
 def test_mates_hear_each_other_and_not_themselves_nor_another_team(router):
-    with joined(router, "alpha") as alpha, joined(router, "bravo") as bravo, joined(router, "x", "south") as other:
+    with (
+        joined(router, "alpha") as alpha,
+        joined(router, "bravo") as bravo,
+        joined(router, "x", "south") as other,
+    ):
         assert until(lambda: {"alpha", "bravo"} <= set(alpha.present()) & set(bravo.present()))
         heard = []
 

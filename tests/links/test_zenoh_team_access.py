@@ -25,7 +25,14 @@ from tests.team.virtual_team import state_of
 pytestmark = pytest.mark.slow
 
 VEHICLES = ("uav1", "uav2", "uav3")
-PARTIES = (*(f"{name}-guidance" for name in VEHICLES), "rover1", "rover2", "operator", "viewer", "uav4-guidance")
+PARTIES = (
+    *(f"{name}-guidance" for name in VEHICLES),
+    "rover1",
+    "rover2",
+    "operator",
+    "viewer",
+    "uav4-guidance",
+)
 NOON = datetime.datetime(2026, 1, 1, 12, tzinfo=datetime.UTC)
 
 
@@ -40,7 +47,10 @@ def keys(tmp_path_factory):
 def joined(keys):
     """Sessions of parties at the team's router."""
     endpoint = f"tls/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-    with open_router(config_folder() / "zenoh" / "team.json5", keys, endpoint), ExitStack() as closing:
+    with (
+        open_router(config_folder() / "zenoh" / "team.json5", keys, endpoint),
+        ExitStack() as closing,
+    ):
 
         def join(name):
             credentials = read_credentials(keys / f"{name}.toml")
@@ -54,13 +64,19 @@ def test_mates_are_heard_and_forgers_are_not(joined):
     with ExitStack() as open_here:
         teams = {
             name: open_here.enter_context(
-                closing(ZenohTeam(time.monotonic, join(f"{name}-guidance"), "north", name, VEHICLES))
+                closing(
+                    ZenohTeam(time.monotonic, join(f"{name}-guidance"), "north", name, VEHICLES)
+                )
             )
             for name in VEHICLES
         }
         assert until(lambda: all(set(one.present()) == set(VEHICLES) for one in teams.values()))
-        board, numbers = Board("uav1", VEHICLES, ["rover1"]), iter(range(1, 10_000))
-        forgers = [join(name) for name in ("rover1", "viewer", "operator", "uav3-guidance", "uav4-guidance")]
+        board = Board("uav1", VEHICLES, ["rover1"])
+        numbers = iter(range(1, 10_000))
+        forgers = [
+            join(name)
+            for name in ("rover1", "viewer", "operator", "uav3-guidance", "uav4-guidance")
+        ]
 
         def told():
             for forger in forgers:  # they speak for uav2
@@ -86,16 +102,25 @@ def test_only_the_operator_orders_the_team(joined, keys):
         for name in VEHICLES:
             mailbox = Mailbox()
             mailbox.meanwhile = lambda order: {"accepted": True, "order": order, "state": "holding"}
-            control, credentials = (
-                Control(endpoint=joined[1], host=False),
-                read_credentials(keys / f"{name}-guidance.toml"),
+            control = Control(endpoint=joined[1], host=False)
+            credentials = read_credentials(keys / f"{name}-guidance.toml")
+            bus = ControlBus(
+                name,
+                mailbox,
+                control,
+                credentials,
+                "north",
+                [mate for mate in VEHICLES if mate != name],
             )
-            bus = ControlBus(name, mailbox, control, credentials, "north", [mate for mate in VEHICLES if mate != name])
             open_here.callback(bus.close)
-        operator, viewer = (read_credentials(keys / f"{name}.toml") for name in ("operator", "viewer"))
+        operator, viewer = (
+            read_credentials(keys / f"{name}.toml") for name in ("operator", "viewer")
+        )
         with join_session(joined[1], credentials=operator) as session:
             answers = order_team(session, "hold", "north", (), timeout_s=4.0)
-        assert [(one["name"], one["accepted"]) for one in answers] == [(name, True) for name in VEHICLES]
+        assert [(one["name"], one["accepted"]) for one in answers] == [
+            (name, True) for name in VEHICLES
+        ]
         with (
             join_session(joined[1], credentials=viewer) as session,
             pytest.raises(Exception, match="no vehicle of it answers"),

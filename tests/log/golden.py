@@ -25,11 +25,15 @@ DATA = Path(__file__).parents[1] / "data"
 
 def main() -> None:
     scenario = load(Scenario, DATA / "short_chase.toml")
-    metadata = {"scenario": json.dumps(scenario.model_dump(mode="json")), "seed": str(scenario.seed)}
+    metadata = {
+        "scenario": json.dumps(scenario.model_dump(mode="json")),
+        "seed": str(scenario.seed),
+    }
     clock = VirtualClock()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "record.mcap"
-        world, recorder = SteppedWorld(scenario, clock), Recorder(path, metadata)
+        world = SteppedWorld(scenario, clock)
+        recorder = Recorder(path, metadata)
         try:
             Mission(scenario, world, clock, equipment={"pursuer": Equipment(record=recorder)}).fly()
         finally:
@@ -47,7 +51,9 @@ def keep(path: Path, out: Path, metadata: dict[str, str]) -> None:
         channels: dict[str, int] = {}
         landing_s = next(row.now_s for row in cycles_of(path) if row.state == State.LANDING)
         replayed = {CYCLE.topic, EVENT.topic}
-        items = (item for item in scan(path) if item.topic in replayed and item.now_s < landing_s + 1.0)
+        items = (
+            item for item in scan(path) if item.topic in replayed and item.now_s < landing_s + 1.0
+        )
         for number, item in enumerate(items):
             if item.topic not in channels:
                 channels[item.topic] = writer.register_channel(item.topic, "json", 0)

@@ -46,13 +46,16 @@ VALUES[AltitudeSaid | None] = st.none() | of_kind(AltitudeSaid)
 
 inputs = st.builds(
     Inputs,
-    messages=st.lists(st.one_of([of_kind(kind) for kind in get_args(Message)]), max_size=6).map(tuple),
+    messages=st.lists(st.one_of([of_kind(kind) for kind in get_args(Message)]), max_size=6).map(
+        tuple
+    ),
     reports=st.lists(of_kind(EvaderReport), max_size=3).map(tuple),
     orders=st.lists(st.sampled_from(Event), max_size=3).map(tuple),
     refusals=st.lists(st.text(max_size=10), max_size=3).map(tuple),
     mission=st.lists(st.sampled_from(Event), max_size=2).map(tuple),
     mates=st.none() | st.lists(of_kind(MateState), max_size=2).map(tuple),
-    role=st.none() | st.builds(Role, evader=VALUES[str], above_m=finite),  # a role's message has no other heights
+    role=st.none()
+    | st.builds(Role, evader=VALUES[str], above_m=finite),  # a role's message has no other heights
 )
 
 
@@ -65,7 +68,9 @@ def test_any_inputs_come_back_bit_for_bit_with_their_types(given_inputs):
     entry = cycle_entry(0.5, given_inputs, Outputs(State.READY, None, (), (), None))
     back = CYCLE.decode(CYCLE.encode(entry)).inputs
     assert repr(back) == repr(given_inputs)  # repr tells NaN, -0.0, 1 and 1.0 apart
-    assert [type(message) for message in back.messages] == [type(message) for message in given_inputs.messages]
+    assert [type(message) for message in back.messages] == [
+        type(message) for message in given_inputs.messages
+    ]
 
 
 def test_text_with_a_lone_surrogate_does_not_end_the_record():

@@ -19,9 +19,19 @@ from guidance.log.scene import EVERY_S, FIX, POSE, SCENE, disc, time_of
 from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
 from guidance.monitor import Alarm
 
-SCHEMAS = {one["title"]: one for one in (CYCLE.schema, EVENT.schema, REPORT.schema, FIX, POSE, SCENE)}
+SCHEMAS = {
+    one["title"]: one for one in (CYCLE.schema, EVENT.schema, REPORT.schema, FIX, POSE, SCENE)
+}
 SETPOINT = Codec("setpoint", Setpoint)
-RECORDED = (*get_args(Message), EvaderReport, Setpoint, Certificate, Alarm, Timing, *get_args(Request))
+RECORDED = (
+    *get_args(Message),
+    EvaderReport,
+    Setpoint,
+    Certificate,
+    Alarm,
+    Timing,
+    *get_args(Request),
+)
 
 
 def as_a_viewer_reads(schema):
@@ -42,9 +52,12 @@ def channels(flight):
     with flight[1].open("rb") as stream:
         for schema, channel, message in make_reader(stream).iter_messages():
             if channel.message_encoding == "json":
-                name, described = schema.name, json.loads(schema.data)
+                name = schema.name
+                described = json.loads(schema.data)
                 assert schema.encoding == "jsonschema"
-                found.setdefault(channel.topic, (name, described, []))[2].append(json.loads(message.data))
+                found.setdefault(channel.topic, (name, described, []))[2].append(
+                    json.loads(message.data)
+                )
     return found
 
 
@@ -56,7 +69,10 @@ def test_every_message_of_a_flight_matches_the_schema_of_its_channel(channels):
         validator = Draft202012Validator(schema)
         every = max(1, len(messages) // 300)
         for message in messages[::every]:
-            assert (topic, [error.message for error in validator.iter_errors(message)]) == (topic, [])
+            assert (topic, [error.message for error in validator.iter_errors(message)]) == (
+                topic,
+                [],
+            )
 
 
 @pytest.mark.parametrize("name", SCHEMAS)
@@ -76,7 +92,9 @@ def test_every_field_of_inputs_and_certificate_is_described():
 @pytest.mark.parametrize("damage", ["text", "unknown", "missing", "long", "null"])
 def test_a_damaged_message_does_not_match_the_schema(channels, damage):
     _, schema, messages = channels[CYCLE.topic]
-    cycle = json.loads(json.dumps(next(message for message in messages if "certificate" in message)))
+    cycle = json.loads(
+        json.dumps(next(message for message in messages if "certificate" in message))
+    )
     certificate = cycle["certificate"]
     assert Draft202012Validator(schema).is_valid(cycle)
     match damage:
@@ -137,7 +155,9 @@ def test_the_map_shows_both_reported_positions_ten_times_a_second(flight):
         if item.topic.startswith("guidance/map/"):
             said = json_of(item)
             assert item.topic.endswith(said["frame_id"])
-            fixes[said["frame_id"]].append((said["timestamp"], said["latitude"], said["longitude"], said["altitude"]))
+            fixes[said["frame_id"]].append(
+                (said["timestamp"], said["latitude"], said["longitude"], said["altitude"])
+            )
     heard = {
         tuple(time_of(one.received_s).values()): one
         for row in cycles_of(flight[1])
@@ -146,7 +166,11 @@ def test_the_map_shows_both_reported_positions_ten_times_a_second(flight):
     }
     for stamp, latitude, longitude, altitude in fixes["pursuer"]:
         there = heard[stamp["sec"], stamp["nsec"]]
-        assert (latitude, longitude, altitude) == (there.latitude_deg, there.longitude_deg, there.altitude_amsl_m)
+        assert (latitude, longitude, altitude) == (
+            there.latitude_deg,
+            there.longitude_deg,
+            there.altitude_amsl_m,
+        )
     for places in fixes.values():
         times_s = [stamp["sec"] + 1e-9 * stamp["nsec"] for stamp, *_ in places]
         apart_s = (times_s[-1] - times_s[0]) / (len(times_s) - 1)
@@ -162,7 +186,11 @@ def test_the_scene_shows_the_positions_of_the_certificate(flight):
         (entity,) = json_of(item)["entities"]
         certificate = rows[round(item.now_s * 1e9)].certificate
         centres = [tuple(sphere["pose"]["position"].values()) for sphere in entity["spheres"]]
-        assert centres == [certificate.pursuer_game_m, certificate.evader_game_m, certificate.meeting_point_game_m]
+        assert centres == [
+            certificate.pursuer_game_m,
+            certificate.evader_game_m,
+            certificate.meeting_point_game_m,
+        ]
         rim = [tuple(point.values()) for point in entity["lines"][0]["points"]]
         assert rim == list(disc(certificate))
         seen += 1

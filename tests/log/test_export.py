@@ -84,9 +84,19 @@ def test_pymavlink_reads_every_frame_of_the_tlog_in_time_order(flight, exported)
 
 def test_mavlogdump_prints_every_setpoint_sent(flight, exported):
     script = Path(sys.executable).with_name("mavlogdump.py")
-    command = [sys.executable, "-W", "ignore", str(script), "--types", "SET_POSITION_TARGET_LOCAL_NED"]
+    command = [
+        sys.executable,
+        "-W",
+        "ignore",
+        str(script),
+        "--types",
+        "SET_POSITION_TARGET_LOCAL_NED",
+    ]
     done = subprocess.run(
-        [*command, "--format", "json", str(exported / "flight.tlog")], capture_output=True, text=True, check=True
+        [*command, "--format", "json", str(exported / "flight.tlog")],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     said = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
     to_pursuer = [one for one in said if one["data"]["target_system"] == 1]
@@ -107,7 +117,10 @@ def test_the_parquet_holds_the_rows_bit_for_bit(columns, rows):
     assert columns["now_s"] == [row.now_s for row in rows]
     assert columns["state"] == [row.state for row in rows]
     for name, value in (
-        ("setpoint_velocity_east_m_s", lambda row: row.setpoint and row.setpoint.velocity_ned_m_s[1]),
+        (
+            "setpoint_velocity_east_m_s",
+            lambda row: row.setpoint and row.setpoint.velocity_ned_m_s[1],
+        ),
         ("game_value", lambda row: row.certificate and row.certificate.value),
         ("game_pursuer_up_m", lambda row: row.certificate and row.certificate.pursuer_game_m[2]),
     ):
@@ -126,8 +139,15 @@ def test_a_column_keeps_its_value_until_the_next_message(columns, rows):
 
 def test_evader_columns_hold_the_report_with_both_clocks_and_the_datum(columns, flight):
     reports = {report.received_s: report for report in reports_of(flight[1])}
-    names = [f"evader_{name}" for name in ("received_s", "sent_s", "source", "said_altitude_m", "said_datum")]
-    told = [cells for cells in zip(*(columns[name] for name in names), strict=True) if cells[0] is not None]
+    names = [
+        f"evader_{name}"
+        for name in ("received_s", "sent_s", "source", "said_altitude_m", "said_datum")
+    ]
+    told = [
+        cells
+        for cells in zip(*(columns[name] for name in names), strict=True)
+        if cells[0] is not None
+    ]
     assert len(told) > 100
     for received_s, *cells in told:
         report = reports[received_s]
@@ -141,9 +161,13 @@ def test_the_csv_holds_the_same_as_the_parquet(exported, columns):
     for name, cells in columns.items():
         texts = [row[name] for row in from_csv]
         if all(cell is None or type(cell) in {int, float} for cell in cells):
-            np.testing.assert_array_equal(numbers([text or math.nan for text in texts]), numbers(cells))
+            np.testing.assert_array_equal(
+                numbers([text or math.nan for text in texts]), numbers(cells)
+            )
         else:
-            assert [text.lower() for text in texts] == ["" if cell is None else str(cell).lower() for cell in cells]
+            assert [text.lower() for text in texts] == [
+                "" if cell is None else str(cell).lower() for cell in cells
+            ]
 
 
 def test_a_geojson_reader_finds_valid_shapes_at_the_flown_positions(exported, rows):
@@ -157,7 +181,9 @@ def test_a_geojson_reader_finds_valid_shapes_at_the_flown_positions(exported, ro
         for one in row.inputs.messages
         if isinstance(one, GlobalPosition)
     ]
-    np.testing.assert_allclose(np.array(track.geometry.coordinates), np.array(said), atol=1e-3, rtol=0)
+    np.testing.assert_allclose(
+        np.array(track.geometry.coordinates), np.array(said), atol=1e-3, rtol=0
+    )
     assert len(track.properties["times_s"]) == len(said)
     assert {State.CLIMBING, State.ENGAGED, State.ON_STATION, State.LANDED} <= by_name.keys()
     assert by_name["evader (GLOBAL_POSITION_INT)"].geometry.type == "LineString"
@@ -182,19 +208,29 @@ def test_the_kml_is_well_formed_and_has_the_same_places(exported):
             [float(part) for part in place.split(",")]
             for place in mark.findtext(".//k:coordinates", namespaces=space).split()
         ]
-        kind, coordinates = one["geometry"]["type"], one["geometry"]["coordinates"]
+        kind = one["geometry"]["type"]
+        coordinates = one["geometry"]["coordinates"]
         assert said == {"Point": [coordinates], "Polygon": coordinates[0]}.get(kind, coordinates)
 
 
 def test_an_unknown_altitude_is_left_out_of_a_place():
     place = feature("evader", "Point", [(8.0, 47.0, math.nan)])
-    assert json.loads(written([place], "t"))["features"][0]["geometry"]["coordinates"] == [8.0, 47.0]
+    assert json.loads(written([place], "t"))["features"][0]["geometry"]["coordinates"] == [
+        8.0,
+        47.0,
+    ]
 
 
 @given(cuts=st.lists(st.integers(1, 60), min_size=1, max_size=20), begin=st.integers(0, 1000))
-def test_a_byte_stream_cut_anywhere_is_written_as_whole_frames(frames, tmp_path_factory, cuts, begin):
+def test_a_byte_stream_cut_anywhere_is_written_as_whole_frames(
+    frames, tmp_path_factory, cuts, begin
+):
     # pymavlink cannot check a message that it does not know (EVENT): in a stream it looks like garbage.
-    sent = [one for one in frames(begin, 12) if int.from_bytes(one[7:10], "little") in dialect.mavlink_map]
+    sent = [
+        one
+        for one in frames(begin, 12)
+        if int.from_bytes(one[7:10], "little") in dialect.mavlink_map
+    ]
     stream = b"".join(sent)
     path = tmp_path_factory.mktemp("stream") / "stream.mcap"
     recorder = Recorder(path, {})
@@ -217,7 +253,9 @@ def test_the_log_begins_at_the_utc_start_of_the_record(flight, tmp_path):
     recorder.frames([(2.5, "uav/mavlink_raw/out", frames_of(flight[1])[0][1])])
     recorder.close()
     write_tlog(path, tmp_path / "dated.tlog")
-    assert int.from_bytes((tmp_path / "dated.tlog").read_bytes()[:8], "big") == 1_772_366_402_500_000
+    assert (
+        int.from_bytes((tmp_path / "dated.tlog").read_bytes()[:8], "big") == 1_772_366_402_500_000
+    )
     survey = survey_of(path)
     survey.metadata["started_utc"] = "yesterday"
     assert started_unix_s(survey) == 0.0
@@ -254,23 +292,40 @@ SQUARE_NE_M = ((-50.0, -40.0), (-50.0, 60.0), (50.0, 60.0), (50.0, -40.0))
 @pytest.mark.parametrize("given", ["metres", "degrees", "the other way round"])
 def test_a_polygon_fence_is_on_the_map_in_metres_or_degrees(flight, given):
     settings = recorded_settings(metadata_of(flight[1]))
-    heard = [one for row in cycles_of(flight[1]) for one in row.inputs.messages if isinstance(one, Home | Heartbeat)]
-    armed = next(place for place, one in enumerate(heard) if isinstance(one, Heartbeat) and one.armed)
+    heard = [
+        one
+        for row in cycles_of(flight[1])
+        for one in row.inputs.messages
+        if isinstance(one, Home | Heartbeat)
+    ]
+    armed = next(
+        place for place, one in enumerate(heard) if isinstance(one, Heartbeat) and one.armed
+    )
     home = next(one for one in reversed(heard[:armed]) if isinstance(one, Home))
-    frame = LocalFrame(home.latitude_deg, home.longitude_deg, Amsl(0.0), projection=settings.autopilot.projection)
+    frame = LocalFrame(
+        home.latitude_deg, home.longitude_deg, Amsl(0.0), projection=settings.autopilot.projection
+    )
     corners_deg = tuple(frame.wgs84_from_ned((*corner, 0.0))[:2] for corner in SQUARE_NE_M)
     if given == "metres":
-        cycle = replace(settings.cycle, envelope=replace(settings.cycle.envelope, fence_polygon=Polygon(SQUARE_NE_M)))
+        cycle = replace(
+            settings.cycle,
+            envelope=replace(settings.cycle.envelope, fence_polygon=Polygon(SQUARE_NE_M)),
+        )
         settings = settings.model_copy(update={"cycle": cycle})
     else:
         corners = corners_deg if given == "degrees" else corners_deg[::-1]
         settings = settings.model_copy(update={"limits": Limits(fence_polygon_deg=corners)})
-    fences = [one for one in features_of(flight[1], settings) if one["properties"]["name"] == "fence"]
+    fences = [
+        one for one in features_of(flight[1], settings) if one["properties"]["name"] == "fence"
+    ]
     (edge,) = fences[-1]["geometry"]["coordinates"]
     drawn = {(latitude, longitude) for longitude, latitude, _ in edge}
-    assert drawn == {(round(latitude, 8), round(longitude, 8)) for latitude, longitude in corners_deg}
+    assert drawn == {
+        (round(latitude, 8), round(longitude, 8)) for latitude, longitude in corners_deg
+    }
     assert edge[0] == edge[-1]
-    assert sum(a[0] * b[1] - b[0] * a[1] for a, b in itertools.pairwise(edge)) > 0.0  # anticlockwise
+    # Anticlockwise
+    assert sum(a[0] * b[1] - b[0] * a[1] for a, b in itertools.pairwise(edge)) > 0.0
     aggregator = Aggregator(lambda _: settings, {}, "test")
     for item in itertools.islice(scan(flight[1]), 10_000):
         aggregator.take(item)

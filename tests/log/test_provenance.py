@@ -10,11 +10,21 @@ from guidance.log import writer as commits
 from guidance.log.writer import commit, commit_of_checkout, commit_of_install, versions
 
 HASH = "0123456789abcdef0123456789abcdef01234567"
-GIT = ["git", "-c", "user.name=t", "-c", "user.email=t@example.org", "-c", "init.defaultBranch=main"]
+GIT = [
+    "git",
+    "-c",
+    "user.name=t",
+    "-c",
+    "user.email=t@example.org",
+    "-c",
+    "init.defaultBranch=main",
+]
 
 
 def git(folder, *words):
-    done = subprocess.run([*GIT, "-C", str(folder), *words], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [*GIT, "-C", str(folder), *words], capture_output=True, text=True, check=True
+    )
     return done.stdout.strip()
 
 
@@ -50,7 +60,12 @@ def test_a_foreign_repository_around_an_installation_is_ignored(checkout):
 
 @pytest.mark.parametrize(
     ("name", "content"),
-    [("HEAD", b""), ("HEAD", b"\xff\xfe"), ("HEAD", b"ref: refs/heads/gone"), ("HEAD", b"not a hash")],
+    [
+        ("HEAD", b""),
+        ("HEAD", b"\xff\xfe"),
+        ("HEAD", b"ref: refs/heads/gone"),
+        ("HEAD", b"not a hash"),
+    ],
 )
 def test_an_unreadable_head_gives_no_commit(checkout, name, content):
     (checkout / ".git" / name).write_bytes(content)
@@ -67,7 +82,12 @@ def test_no_repository_gives_no_commit(tmp_path):
 @pytest.mark.parametrize(
     ("noted", "known"),
     [
-        (json.dumps({"url": "https://example.org", "vcs_info": {"vcs": "git", "commit_id": HASH}}), HASH),
+        (
+            json.dumps(
+                {"url": "https://example.org", "vcs_info": {"vcs": "git", "commit_id": HASH}}
+            ),
+            HASH,
+        ),
         (json.dumps({"url": "file:///somewhere", "dir_info": {"editable": True}}), None),
         (json.dumps({"vcs_info": {"commit_id": "main"}}), None),
         (json.dumps([1]), None),

@@ -31,7 +31,8 @@ def written(path, cycles=60):
 
 def chunks_in(data):
     """Return begin and end of each chunk, from the format: opcode, length, content."""
-    position, found = 8, []
+    position = 8
+    found = []
     while position < len(data) - 8:
         opcode, length = struct.unpack_from("<BQ", data, position)
         if opcode == Opcode.CHUNK:
@@ -75,7 +76,8 @@ def test_a_record_cut_in_its_last_chunk_is_read_up_to_the_chunk_before(tmp_path)
 def test_a_record_cut_at_any_byte_is_read_without_an_error(tmp_path):
     recorder = Recorder(tmp_path / "whole.mcap", {"seed": "3"})
     for number in range(3):
-        recorder.event(0.02 * number, "happened")  # a short schema, because the file is cut at every byte
+        # A short schema, because the file is cut at every byte
+        recorder.event(0.02 * number, "happened")
     recorder.close()
     whole = (tmp_path / "whole.mcap").read_bytes()
     cut = tmp_path / "cut.mcap"
@@ -99,14 +101,20 @@ def test_a_flipped_bit_is_detected_and_never_read_as_data(tmp_path):
         flipped[position] ^= 0x10
         path.write_bytes(flipped)
         survey = Survey()
-        read = [json.loads(item.data)["inputs"]["refusals"] for item in scan(path, survey) if item.topic == CYCLE.topic]
+        read = [
+            json.loads(item.data)["inputs"]["refusals"]
+            for item in scan(path, survey)
+            if item.topic == CYCLE.topic
+        ]
         # If the flip hit the opcode of a chunk, the format requires readers to skip the unknown record.
         assert [int(number) for number, _ in read] == sorted({int(number) for number, _ in read})
         assert all(text == "x" * 400 for _, text in read)
         assert survey.torn is not None or survey.missing == 60 - len(read)
 
 
-@pytest.mark.parametrize("content", [b"no record, but long enough to look at", b"\x89PNG\r\n\x1a\n" + bytes(100)])
+@pytest.mark.parametrize(
+    "content", [b"no record, but long enough to look at", b"\x89PNG\r\n\x1a\n" + bytes(100)]
+)
 def test_a_file_that_is_not_a_record_is_refused_by_name(tmp_path, content):
     path = tmp_path / "other"
     path.write_bytes(content)

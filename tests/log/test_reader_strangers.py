@@ -24,7 +24,22 @@ from tests.harness.examples import drawn
 
 SHORT = Path(__file__).parents[1] / "data" / "short_chase.mcap"
 MAGIC = b"\x89MCAP0\r\n"
-HOSTILE = [None, True, -1, 10**400, 1e308, -1e308, "", "x", "NaN", [], {}, [[]], {"kind": 7}, {"kind": "Home"}]
+HOSTILE = [
+    None,
+    True,
+    -1,
+    10**400,
+    1e308,
+    -1e308,
+    "",
+    "x",
+    "NaN",
+    [],
+    {},
+    [[]],
+    {"kind": 7},
+    {"kind": "Home"},
+]
 COMMANDS = {
     "info": ["log", "info", "{file}"],
     "events": ["log", "events", "{file}"],
@@ -47,11 +62,18 @@ def record(opcode: int, content: bytes) -> bytes:
 def bomb(claimed: int, true: int) -> bytes:
     """Return a file with one chunk that claims `claimed` bytes and unpacks to `true` zeros."""
     packed = zstandard.ZstdCompressor(level=19).compress(bytes(true))
-    chunk = struct.pack("<QQQI", 0, 0, claimed, 0) + prefixed(b"zstd") + struct.pack("<Q", len(packed)) + packed
+    chunk = (
+        struct.pack("<QQQI", 0, 0, claimed, 0)
+        + prefixed(b"zstd")
+        + struct.pack("<Q", len(packed))
+        + packed
+    )
     return MAGIC + record(1, prefixed(b"") + prefixed(b"")) + record(6, chunk)
 
 
-@pytest.mark.parametrize(("claimed", "true"), [(2**32, 2**27), (2**20, 2**27), (2**62, 100), (10, 2**20)])
+@pytest.mark.parametrize(
+    ("claimed", "true"), [(2**32, 2**27), (2**20, 2**27), (2**62, 100), (10, 2**20)]
+)
 def test_a_chunk_that_misstates_its_size_takes_no_memory(tmp_path, claimed, true):
     path = tmp_path / "bomb.mcap"
     path.write_bytes(bomb(claimed, true))
@@ -65,10 +87,16 @@ def test_a_chunk_that_misstates_its_size_takes_no_memory(tmp_path, claimed, true
 def many_chunks(path: Path, chunk: bytes, count: int) -> Path:
     """Write a file of equal chunks that state their true size."""
     packed = zstandard.ZstdCompressor(level=19).compress(chunk)
-    head = struct.pack("<QQQI", 0, 0, len(chunk), 0) + prefixed(b"zstd") + struct.pack("<Q", len(packed))
+    head = (
+        struct.pack("<QQQI", 0, 0, len(chunk), 0)
+        + prefixed(b"zstd")
+        + struct.pack("<Q", len(packed))
+    )
     seed = prefixed(b"seed") + prefixed(b"1")
     run = record(12, prefixed(b"run") + prefixed(seed))
-    path.write_bytes(MAGIC + record(1, prefixed(b"") + prefixed(b"")) + run + count * record(6, head + packed))
+    path.write_bytes(
+        MAGIC + record(1, prefixed(b"") + prefixed(b"")) + run + count * record(6, head + packed)
+    )
     return path
 
 
@@ -78,7 +106,9 @@ def attack(folder: Path, kind: str) -> Path:
     if kind == "large":
         chunk = channel + record(5, struct.pack("<HIQQ", 1, 0, 0, 0) + bytes(16_000_000))
         return many_chunks(folder / "large.mcap", chunk, 260)
-    return many_chunks(folder / "many.mcap", channel + 30_000 * record(5, struct.pack("<HIQQ", 1, 0, 0, 0)), 53)
+    return many_chunks(
+        folder / "many.mcap", channel + 30_000 * record(5, struct.pack("<HIQQ", 1, 0, 0, 0)), 53
+    )
 
 
 @pytest.mark.parametrize("kind", ["large", "many"])
@@ -102,11 +132,24 @@ def test_a_small_file_that_expands_to_gigabytes_is_refused_at_once(tmp_path, kin
 @pytest.mark.parametrize("length", [21, 23, 2**63])
 def test_a_message_that_misstates_its_length_is_damage(tmp_path, length):
     path = tmp_path / "lying.mcap"
-    channel = record(4, struct.pack("<HH", 1, 0) + prefixed(b"a") + prefixed(b"json") + struct.pack("<I", 0))
+    channel = record(
+        4, struct.pack("<HH", 1, 0) + prefixed(b"a") + prefixed(b"json") + struct.pack("<I", 0)
+    )
     message = struct.pack("<HIQQ", 1, 0, 10**9, 10**9)
     for claimed, heard in ((len(message), [1.0]), (length, [])):
-        content = channel + record(5, message) + record(99, b"another's") + struct.pack("<BQ", 5, claimed) + message
-        chunk = struct.pack("<QQQI", 0, 0, len(content), 0) + prefixed(b"") + struct.pack("<Q", len(content)) + content
+        content = (
+            channel
+            + record(5, message)
+            + record(99, b"another's")
+            + struct.pack("<BQ", 5, claimed)
+            + message
+        )
+        chunk = (
+            struct.pack("<QQQI", 0, 0, len(content), 0)
+            + prefixed(b"")
+            + struct.pack("<Q", len(content))
+            + content
+        )
         path.write_bytes(MAGIC + record(1, prefixed(b"") + prefixed(b"")) + record(6, chunk))
         survey = Survey()
         assert [item.now_s for item in scan(path, survey)] == 2 * heard
@@ -130,7 +173,8 @@ def test_the_original_error_is_kept_as_the_cause():
 
 
 def test_text_from_a_record_cannot_command_the_terminal(tmp_path):
-    path, hostile = tmp_path / "record.mcap", "\x1b]0;owned\x07\x1b[2J\r\u202e"
+    path = tmp_path / "record.mcap"
+    hostile = "\x1b]0;owned\x07\x1b[2J\r\u202e"
     recorder = Recorder(path, {"scenario": json.dumps({"title": hostile}), hostile: hostile})
     recorder.event(1.0, hostile, hostile)
     recorder.frames([(1.0, hostile, b"")])
@@ -145,7 +189,13 @@ def test_text_from_a_record_cannot_command_the_terminal(tmp_path):
 def nodes(value, path=()):
     """Yield the path of every value in a JSON document."""
     yield path
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    items = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    )
     for key, inside in items:
         yield from nodes(inside, (*path, key))
 
@@ -165,7 +215,8 @@ def spoilt(document, draw):
 
 def mutated(out: Path, seed: int) -> None:
     """Copy the short chase with correct checksums and one wrong value in metadata, a cycle, an event or a report."""
-    draw, survey = random.Random(seed), Survey()
+    draw = random.Random(seed)
+    survey = Survey()
     items = list(islice(scan(SHORT, survey), 900))
     topics = [CYCLE.topic] * 6 + [EVENT.topic, REPORT.topic, None, None]
     topic = topics[seed % len(topics)]
@@ -174,16 +225,21 @@ def mutated(out: Path, seed: int) -> None:
     metadata = dict(survey.metadata)
     if topic is None:
         scenario = spoilt(json.loads(metadata["scenario"]), draw)
-        metadata["scenario"] = json.dumps(scenario) if draw.random() < 0.8 else draw.choice(["", "[", "[]", "7"])
+        metadata["scenario"] = (
+            json.dumps(scenario) if draw.random() < 0.8 else draw.choice(["", "[", "[]", "7"])
+        )
     with out.open("wb") as stream:
-        writer, channels = Writer(stream, compression=CompressionType.ZSTD), {}
+        writer = Writer(stream, compression=CompressionType.ZSTD)
+        channels = {}
         writer.start()
         writer.add_metadata("run", metadata)
         for number, item in enumerate(items):
             data = item.data
             if number == chosen:
                 nested = draw.random() < 0.05
-                data = b"[" * 50_000 if nested else json.dumps(spoilt(json.loads(data), draw)).encode()
+                data = (
+                    b"[" * 50_000 if nested else json.dumps(spoilt(json.loads(data), draw)).encode()
+                )
             if item.topic not in channels:
                 channels[item.topic] = writer.register_channel(item.topic, item.encoding, 0)
             time_ns = round(item.now_s * 1e9)
@@ -199,7 +255,9 @@ def test_no_command_ends_with_a_traceback_for_a_mutated_record(tmp_path, seed):
     for name in (names[seed % len(names)], names[(seed + 3) % len(names)]):
         given = [word.format(file=path, folder=tmp_path) for word in COMMANDS[name]]
         result = CliRunner().invoke(app, given)
-        assert result.exception is None or isinstance(result.exception, GuidanceError | SystemExit), (name, result)
+        assert result.exception is None or isinstance(
+            result.exception, GuidanceError | SystemExit
+        ), (name, result)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -207,7 +265,9 @@ def test_no_report_ends_with_a_traceback_for_a_mutated_record(tmp_path, seed):
     path = tmp_path / "mutated.mcap"
     mutated(path, seed)
     result = CliRunner().invoke(app, ["report", str(path)])
-    assert result.exception is None or isinstance(result.exception, GuidanceError | SystemExit), result
+    assert result.exception is None or isinstance(result.exception, GuidanceError | SystemExit), (
+        result
+    )
 
 
 def test_a_hostile_record_gives_one_line_of_error(tmp_path):
@@ -216,4 +276,6 @@ def test_a_hostile_record_gives_one_line_of_error(tmp_path):
     program = [sys.executable, "-c", "from guidance.cli import main; main()", "replay", str(path)]
     done = subprocess.run(program, capture_output=True, text=True, timeout=60.0, check=False)
     assert done.returncode == 2
-    assert done.stderr.splitlines() == [f"error: {path}: ends before its first message: nothing can be read"]
+    assert done.stderr.splitlines() == [
+        f"error: {path}: ends before its first message: nothing can be read"
+    ]

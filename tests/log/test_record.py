@@ -27,7 +27,9 @@ def test_the_thread_writes_a_complete_record(tmp_path):
         assert make_reader(stream).get_summary().statistics.message_count == 202
 
 
-@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), ValueError("no such row")])
+@pytest.mark.parametrize(
+    "error", [OSError(errno.ENOSPC, "No space left on device"), ValueError("no such row")]
+)
 def test_a_record_that_fails_is_reported_and_raises_nothing(tmp_path, monkeypatch, error):
     recorder = Recorder(tmp_path / "record.mcap", {}, threaded=True)
 

@@ -57,7 +57,9 @@ def test_a_nanometre_in_one_input_is_found(flight, tmp_path):
             local["position_ned_m"][0] += 1e-9
         return row
 
-    comparison, _ = compare(rewritten(flight[1], tmp_path / "nudged.mcap", nudge), recorded_settings)
+    comparison, _ = compare(
+        rewritten(flight[1], tmp_path / "nudged.mcap", nudge), recorded_settings
+    )
     assert comparison.differing > 0
     assert comparison.first.row.now_s == flown[chosen].now_s
     assert comparison.first.differing == ("setpoint",)
@@ -76,7 +78,9 @@ def test_minus_zero_is_not_zero(flight, tmp_path):
     negated = []
 
     def negate(number, row):
-        for params in (request["params"] for request in row.get("requests", ()) if 0.0 in request["params"]):
+        for params in (
+            request["params"] for request in row.get("requests", ()) if 0.0 in request["params"]
+        ):
             params[params.index(0.0)] = -0.0
             negated.append(number)
         return row
@@ -115,7 +119,8 @@ def test_a_second_flight_is_replayed_without_the_state_of_the_first(flight, tmp_
 
 
 def test_angles_are_correct_and_zero_for_a_zero_vector():
-    across, back = ((1.0, 0.0, 0.0), (0.0, 0.0, -2.0)), ((1.0, 1.0, 0.0), (-1.0, -1.0, 0.0))
+    across = ((1.0, 0.0, 0.0), (0.0, 0.0, -2.0))
+    back = ((1.0, 1.0, 0.0), (-1.0, -1.0, 0.0))
     assert difference_of([across]).angle_max_rad == pytest.approx(math.pi / 2.0)
     assert difference_of([back]).angle_max_rad == pytest.approx(math.pi)
     assert difference_of([((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))]) == (1, 0.0, 0.0, 1.0, 1.0)
@@ -127,7 +132,10 @@ def test_angles_are_correct_and_zero_for_a_zero_vector():
 
 
 def test_changes_are_read_as_toml_and_wrong_ones_are_refused():
-    assert changes_of(["policy=hold", "pursuer.speed_m_s = 4.0"]) == {"policy": "hold", "pursuer.speed_m_s": 4.0}
+    assert changes_of(["policy=hold", "pursuer.speed_m_s = 4.0"]) == {
+        "policy": "hold",
+        "pursuer.speed_m_s": 4.0,
+    }
     assert changes_of(["target.position_m=[1, 2]"]) == {"target.position_m": [1, 2]}
     with pytest.raises(ConfigError, match=r"--with policy: must be KEY=VALUE"):
         changes_of(["policy"])
@@ -165,7 +173,9 @@ def test_the_command_shows_the_first_difference_and_exits_with_1(flight, tmp_pat
             row["setpoint"]["velocity_ned_m_s"][1] += 0.25
         return row
 
-    run = CliRunner().invoke(app, ["replay", str(rewritten(flight[1], tmp_path / "shifted.mcap", shift))])
+    run = CliRunner().invoke(
+        app, ["replay", str(rewritten(flight[1], tmp_path / "shifted.mcap", shift))]
+    )
     assert run.exit_code == 1
     assert f"{flight[0].setpoints_sent} cycles differ" in run.output
     assert "recorded" in run.output

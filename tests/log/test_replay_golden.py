@@ -22,7 +22,8 @@ def test_the_golden_flight_gives_the_recorded_commands():
         at = f"at {step.row.now_s:.2f} s, in {step.row.state}"
         assert str(step.outputs.state) == step.row.state, at
         assert len(step.outputs.requests) == len(step.row.requests), at
-        setpoint, now = step.row.setpoint, step.outputs.setpoint
+        setpoint = step.row.setpoint
+        now = step.outputs.setpoint
         assert (setpoint is None) == (now is None), at
         if setpoint is not None and now is not None:
             commanded += 1
@@ -32,7 +33,8 @@ def test_the_golden_flight_gives_the_recorded_commands():
 
 def test_the_golden_flight_is_whole_and_small():
     assert survey_of(GOLDEN).torn is None
-    assert GOLDEN.stat().st_size < 350 * 1024  # a fifth of it are the setpoints that PX4 echoes at 50 Hz
+    # A fifth of it are the setpoints that PX4 echoes at 50 Hz
+    assert GOLDEN.stat().st_size < 350 * 1024
 
 
 def flat(setpoint):

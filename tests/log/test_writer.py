@@ -55,7 +55,8 @@ def test_messages_are_read_back_with_time_topic_and_schema(tmp_path):
     with path.open("rb") as stream:
         reader = make_reader(stream)
         found = [
-            (schema and schema.name, channel.topic, message) for schema, channel, message in reader.iter_messages()
+            (schema and schema.name, channel.topic, message)
+            for schema, channel, message in reader.iter_messages()
         ]
         assert [metadata.metadata for metadata in reader.iter_metadata()] == [{"seed": "3"}]
     assert [(schema, topic) for schema, topic, _ in found] == [
@@ -65,7 +66,11 @@ def test_messages_are_read_back_with_time_topic_and_schema(tmp_path):
     ]
     assert found[0][2].data == b"\xfd\x00"
     assert found[0][2].log_time == 1_250_000_000
-    assert json.loads(found[2][2].data) == {"now_s": 1.75, "event": "armed", "detail": "ready -> arming"}
+    assert json.loads(found[2][2].data) == {
+        "now_s": 1.75,
+        "event": "armed",
+        "detail": "ready -> arming",
+    }
 
 
 def test_a_killed_process_loses_only_the_last_chunk(tmp_path):
@@ -103,7 +108,12 @@ def test_an_unwritable_folder_is_refused_before_takeoff(tmp_path):
 
 def test_rows_become_plain_json():
     value = {"pair": Pair(1.0, (math.nan, math.inf)), "n": 3, "none": None, "yes": True}
-    assert plain(value) == {"pair": {"a": 1.0, "b": [None, None]}, "n": 3, "none": None, "yes": True}
+    assert plain(value) == {
+        "pair": {"a": 1.0, "b": [None, None]},
+        "n": 3,
+        "none": None,
+        "yes": True,
+    }
 
 
 FLYING = """
@@ -125,7 +135,9 @@ while True:
 
 def test_kill_9_loses_at_most_0_2_s(tmp_path):
     path = tmp_path / "record.mcap"
-    child = subprocess.Popen([sys.executable, "-c", FLYING, path], stdout=subprocess.PIPE, text=True)
+    child = subprocess.Popen(
+        [sys.executable, "-c", FLYING, path], stdout=subprocess.PIPE, text=True
+    )
     try:
         flown_s = [float(child.stdout.readline()) for _ in range(60)]
     finally:

@@ -88,11 +88,14 @@ def test_a_failure_to_open_the_next_file_keeps_the_previous_one(tmp_path):
 
 def test_a_flight_in_several_files_is_replayed_bit_for_bit(tmp_path, flight):
     result, whole = flight
-    path, clock = tmp_path / "record.mcap", VirtualClock()
+    path = tmp_path / "record.mcap"
+    clock = VirtualClock()
     world = SteppedWorld(result.scenario, clock)
     recorder = Recorder(path, metadata_of(whole), rotate_s=10.0)
     try:
-        Mission(result.scenario, world, clock, equipment={"pursuer": Equipment(record=recorder)}).fly()
+        Mission(
+            result.scenario, world, clock, equipment={"pursuer": Equipment(record=recorder)}
+        ).fly()
     finally:
         world.close()
         recorder.close()

@@ -27,7 +27,9 @@ def test_the_exact_column_is_the_value_where_both_play_their_optimum(computed):
     assert [case.exact for case in (*pe, *tad)] == ["10.4247", "4.1464"]
 
 
-def test_the_command_prints_three_columns_and_draws_three_figures_in_two_formats(tmp_path, computed, monkeypatch):
+def test_the_command_prints_three_columns_and_draws_three_figures_in_two_formats(
+    tmp_path, computed, monkeypatch
+):
     monkeypatch.setattr(guidance.paper, "tables", lambda: computed)
     result = CliRunner().invoke(app, ["paper", "--out", str(tmp_path / "drawn")])
     assert result.exit_code == 0, result.output
@@ -35,7 +37,9 @@ def test_the_command_prints_three_columns_and_draws_three_figures_in_two_formats
     for number in ("11.05", "11.0392", "19.4309", "4.1464", "0.0046"):
         assert number in result.output
     names = {path.name for path in (tmp_path / "drawn").iterdir()}
-    assert names == {f"{name}.{kind}" for name in ("pe", "tad-part-1", "tad-part-2") for kind in ("png", "pdf")}
+    assert names == {
+        f"{name}.{kind}" for name in ("pe", "tad-part-1", "tad-part-2") for kind in ("png", "pdf")
+    }
     for path in (tmp_path / "drawn").glob("*.png"):
         with Image.open(path) as image:
             assert min(image.size) > 800
@@ -54,8 +58,12 @@ def test_a_digit_that_differs_ends_the_command_with_an_error(computed, monkeypat
 
 
 def test_a_case_matches_by_its_digits_alone():
-    case = Case("optimal", "pure_evade", published="10.43", stepped="10.43", exact="10.4247", path=())
+    case = Case(
+        "optimal", "pure_evade", published="10.43", stepped="10.43", exact="10.4247", path=()
+    )
     assert case.matches
     assert case.strategies == ("u*", "pure-evade")
     assert not case.is_optimal
-    assert not Case("optimal", "optimal", published="10.43", stepped="10.42", exact="10.42", path=()).matches
+    assert not Case(
+        "optimal", "optimal", published="10.43", stepped="10.42", exact="10.42", path=()
+    ).matches

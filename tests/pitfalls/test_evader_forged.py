@@ -27,13 +27,21 @@ from guidance.sim.stepped import SteppedWorld
 
 pytestmark = pytest.mark.flight
 
-DECLARED_M_S, OWN_M_S = 1.5, 4.0
-FORGED_AT_S, FORGED_FOR_S, AWAY_M_S = 2.5, 3.0, 130.0
+DECLARED_M_S = 1.5
+OWN_M_S = 4.0
+FORGED_AT_S = 2.5
+FORGED_FOR_S = 3.0
+AWAY_M_S = 130.0
 SITE = LocalFrame(47.397742, 8.545594, Amsl(488.0), undulation_m=47.0)
 
 
 def chase(*faults):
-    pursuer = {"position_m": (0.0, 0.0, 4.0), "speed_m_s": OWN_M_S, "takeoff_height_m": 3.5, "autopilot": "arducopter"}
+    pursuer = {
+        "position_m": (0.0, 0.0, 4.0),
+        "speed_m_s": OWN_M_S,
+        "takeoff_height_m": 3.5,
+        "autopilot": "arducopter",
+    }
     document = {
         "title": "forged",
         "game": "pe",
@@ -50,27 +58,35 @@ class Around:
     """The mission; it ends when the vehicle holds or the forger's time is over. Records the largest position error."""
 
     def __init__(self, mission, daemon, world):
-        self._mission, self._daemon, self._world = mission, daemon, world
+        self._mission = mission
+        self._daemon = daemon
+        self._world = world
         self.engaged_s = self.held_s = None
-        self.finished, self.worst_m, self.told = False, 0.0, []
+        self.finished = False
+        self.worst_m = 0.0
+        self.told = []
 
     def before(self, now_s):
         self._mission.before(now_s)
 
     def after(self, now_s, late_s=0.0):
         self._mission.after(now_s, late_s)
-        outputs, tracking = self._daemon.outputs, self._daemon.flight.tracking
+        outputs = self._daemon.outputs
+        tracking = self._daemon.flight.tracking
         self.told += [one.event for one in outputs.happenings]
         if outputs.state is State.ENGAGED and self.engaged_s is None:
             self.engaged_s = now_s
         if self.engaged_s is None:
             return
-        evader, truth = tracking.evader(now_s), self._world.players["evader"].position_game_m
+        evader = tracking.evader(now_s)
+        truth = self._world.players["evader"].position_game_m
         believed = tracking.game_frame.position_from_ned(evader.position_ned_m)
         self.worst_m = max(self.worst_m, math.dist(believed[:2], truth[:2]))
         if outputs.state is State.HOLDING and self.held_s is None:
             self.held_s = now_s - self.engaged_s
-        self.finished = self.held_s is not None or now_s - self.engaged_s > FORGED_AT_S + FORGED_FOR_S
+        self.finished = (
+            self.held_s is not None or now_s - self.engaged_s > FORGED_AT_S + FORGED_FOR_S
+        )
 
 
 def flown(scenario, source=None, *, hold=True):
@@ -78,7 +94,9 @@ def flown(scenario, source=None, *, hold=True):
     clock = VirtualClock()
     world = SteppedWorld(scenario, clock)
     if source is not None:
-        world.evaders["pursuer"]["evader"] = source(world.evaders["pursuer"]["evader"], lambda: around.engaged_s, clock)
+        world.evaders["pursuer"]["evader"] = source(
+            world.evaders["pursuer"]["evader"], lambda: around.engaged_s, clock
+        )
     plan = plan_of(scenario=scenario)
     object.__setattr__(plan.flight, "hold_on_rival", hold)
     mission = Mission(scenario, world, clock, plans={"pursuer": plan})
@@ -112,24 +130,36 @@ class Relayed:
     """Repeats the evader's reports over another carrier; from `FORGED_AT_S` it adds ten forged ones to each."""
 
     def __init__(self, source, engaged_s, clock, *, rate_hz, tell):
-        self._source, self._engaged_s, self._clock = source, engaged_s, clock
-        self._period_s, self._tell = 1.0 / rate_hz, tell
+        self._source = source
+        self._engaged_s = engaged_s
+        self._clock = clock
+        self._period_s = 1.0 / rate_hz
+        self._tell = tell
         self._due_s = 0.0
         self._place = None
 
     def receive(self):
-        reports, now_s = self._source.receive(), self._clock.now_s()
+        reports = self._source.receive()
+        now_s = self._clock.now_s()
         if not reports or now_s < self._due_s - 1e-9:
             return []
         self._due_s = now_s + self._period_s
         true = reports[-1]
         about = LocalFrame(true.latitude_deg, true.longitude_deg, Amsl(true.altitude_amsl_m))
-        told = self._tell((true.latitude_deg, true.longitude_deg, true.altitude_amsl_m), true.velocity_ned_m_s, now_s)
+        told = self._tell(
+            (true.latitude_deg, true.longitude_deg, true.altitude_amsl_m),
+            true.velocity_ned_m_s,
+            now_s,
+        )
         since_s = -1.0 if self._engaged_s() is None else now_s - self._engaged_s() - FORGED_AT_S
         for share in range(10) if since_s >= 0.0 else ():
-            latitude, longitude, _ = about.wgs84_from_ned((AWAY_M_S * (since_s + 1e-3 * share), 0.0, 0.0))
+            latitude, longitude, _ = about.wgs84_from_ned(
+                (AWAY_M_S * (since_s + 1e-3 * share), 0.0, 0.0)
+            )
             told += self._tell(
-                (latitude, longitude, true.altitude_amsl_m), (30.0, 0.0, 0.0), now_s + 1e-4 * (share + 1)
+                (latitude, longitude, true.altitude_amsl_m),
+                (30.0, 0.0, 0.0),
+                now_s + 1e-4 * (share + 1),
             )
         return told
 
@@ -158,7 +188,11 @@ def over_zenoh(kind):
             ).encode()
         else:
             east, north, up = game_from_ned(SITE.ned_from_wgs84(place[0], place[1], Amsl(place[2])))
-            head = struct.pack("<iI", int(now_s), int(now_s % 1.0 * 1e9)) + struct.pack("<I", 4) + b"map\0"
+            head = (
+                struct.pack("<iI", int(now_s), int(now_s % 1.0 * 1e9))
+                + struct.pack("<I", 4)
+                + b"map\0"
+            )
             payload = b"\0\1\0\0" + head + struct.pack("<7d", east, north, up, 0.0, 0.0, 0.0, 1.0)
         return [read(payload, now_s)]
 
@@ -194,7 +228,19 @@ def adsb_vehicle(place, velocity, now_s):
     course = round(math.degrees(math.atan2(velocity[1], velocity[0])) % 360.0 * 100)
     speed = round(math.hypot(*velocity[:2]) * 100)
     return mavlink.MAVLink_adsb_vehicle_message(
-        0xABCDEF, lat, lon, 0, round(place[2] * 1e3), course, speed, 0, b"", 0, 0, 1 | 2 | 4 | 8 | 128, 0
+        0xABCDEF,
+        lat,
+        lon,
+        0,
+        round(place[2] * 1e3),
+        course,
+        speed,
+        0,
+        b"",
+        0,
+        0,
+        1 | 2 | 4 | 8 | 128,
+        0,
     )
 
 
@@ -202,7 +248,10 @@ CARRIERS = {
     "json": lambda: (20.0, over_zenoh("json")),
     "ros_pose": lambda: (20.0, over_zenoh("ros_pose")),
     "follow_target": lambda: (10.0, over_mavlink(FOLLOW_TARGET, follow_target)),
-    "adsb": lambda: (4.0, over_mavlink(carrier_of("adsb", SITE, icao_address=0xABCDEF), adsb_vehicle)),
+    "adsb": lambda: (
+        4.0,
+        over_mavlink(carrier_of("adsb", SITE, icao_address=0xABCDEF), adsb_vehicle),
+    ),
 }
 
 

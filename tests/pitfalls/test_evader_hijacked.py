@@ -22,7 +22,13 @@ from tests.pitfalls.test_evader_forged import Around, chase
 pytestmark = pytest.mark.flight
 
 FORGERS_ID = 66
-FORGER = {"kind": "evader_forger", "vehicle": "evader", "north_m_s": 3.0, "rate_hz": 10.0, "component": FORGERS_ID}
+FORGER = {
+    "kind": "evader_forger",
+    "vehicle": "evader",
+    "north_m_s": 3.0,
+    "rate_hz": 10.0,
+    "component": FORGERS_ID,
+}
 SILENT_S = 3.7
 
 
@@ -41,7 +47,8 @@ def flown(forger, *, silent_from_s=math.inf):
 
     The evader is silent for a while after `silent_from_s` since engagement.
     """
-    scenario, clock = chase(forger), VirtualClock()
+    scenario = chase(forger)
+    clock = VirtualClock()
     world = SteppedWorld(scenario, clock)
 
     def is_lost(component):

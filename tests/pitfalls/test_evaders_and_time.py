@@ -22,7 +22,17 @@ pytestmark = pytest.mark.flight
 
 def test_20_a_velocity_of_zero_in_follow_target_is_unknown_and_not_rest():
     message = mavlink.MAVLink_follow_target_message(
-        1000, 1 | 2, 473977420, 85455940, 500.0, [0.0] * 3, [0.0] * 3, [1.0, 0, 0, 0], [0.0] * 3, [0.0] * 3, 0
+        1000,
+        1 | 2,
+        473977420,
+        85455940,
+        500.0,
+        [0.0] * 3,
+        [0.0] * 3,
+        [1.0, 0, 0, 0],
+        [0.0] * 3,
+        [0.0] * 3,
+        0,
     )
     report = FOLLOW_TARGET.report(message, 1.0)
     assert all(math.isnan(part) for part in report.velocity_ned_m_s)
@@ -79,7 +89,9 @@ def test_22_a_senders_clock_that_is_wrong_or_drifts_changes_nothing(sortie, skew
     monkeypatch.setattr(
         source,
         "receive",
-        lambda: [report._replace(sent_s=report.sent_s * (1.0 + 2e-4) + skew_s) for report in real()],
+        lambda: [
+            report._replace(sent_s=report.sent_s * (1.0 + 2e-4) + skew_s) for report in real()
+        ],
     )
     flight.run(8.0)
     frame = flight.flight.tracking.game_frame
@@ -99,7 +111,9 @@ def test_26_two_vehicles_and_a_ground_station_on_one_wire_and_only_ours_is_heard
     }
     for (system, component), (kind, autopilot, mode) in heartbeats.items():
         sender = mavlink.MAVLink(None, system, component)
-        theirs.send(mavlink.MAVLink_heartbeat_message(kind, autopilot, 129, mode, 4, 3).pack(sender))
+        theirs.send(
+            mavlink.MAVLink_heartbeat_message(kind, autopilot, 129, mode, 4, 3).pack(sender)
+        )
     heard = [message for message in link.receive() if isinstance(message, Heartbeat)]
     assert [message.custom_mode for message in heard] == [0x60000]
     assert link.counters()["foreign"] == 3
@@ -132,7 +146,9 @@ def test_28_a_clock_that_starts_elsewhere_gives_the_same_flight(sortie):
 def test_30_unsigned_frames_are_refused_where_signing_is_required():
     clock = VirtualClock(1.0)
     ours, theirs = MemoryWire.pair(clock.now_s)
-    link = PymavlinkLink(ours, clock.now_s, system_id=1, signing_key=SigningKey(bytes(range(32)), 1.8e9))
+    link = PymavlinkLink(
+        ours, clock.now_s, system_id=1, signing_key=SigningKey(bytes(range(32)), 1.8e9)
+    )
     sender = mavlink.MAVLink(None, 1, 1)
     theirs.send(mavlink.MAVLink_heartbeat_message(2, 12, 129, 0x60000, 4, 3).pack(sender))
     assert link.receive() == []

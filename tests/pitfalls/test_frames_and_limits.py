@@ -20,16 +20,22 @@ EVERY_AXIS_OF_VELOCITY = 0b111000
 
 
 def with_evader_at(scenario, x, y):
-    return scenario.model_copy(update={"evader": scenario.evader.model_copy(update={"position_m": (x, y)})})
+    return scenario.model_copy(
+        update={"evader": scenario.evader.model_copy(update={"position_m": (x, y)})}
+    )
 
 
 @pytest.mark.parametrize(
     ("autopilot", "bearing", "offset"),
     [("px4", "east", (30.0, 0.0)), ("arducopter", "south", (0.0, -30.0))],
 )
-def test_10_the_velocity_points_at_the_evader_whatever_the_heading(sortie, autopilot, bearing, offset):
+def test_10_the_velocity_points_at_the_evader_whatever_the_heading(
+    sortie, autopilot, bearing, offset
+):
     x, y, _ = SHORT.pursuer.position_m
-    flight = sortie.engaged(autopilot, scenario=with_evader_at(SHORT, x + offset[0], y + offset[1])).run(3.0)
+    flight = sortie.engaged(
+        autopilot, scenario=with_evader_at(SHORT, x + offset[0], y + offset[1])
+    ).run(3.0)
     north, east, _ = flight.setpoints[-1].velocity
     along, across = (east, north) if bearing == "east" else (-north, east)
     assert along > 1.5
@@ -40,13 +46,19 @@ def test_10_the_velocity_points_at_the_evader_whatever_the_heading(sortie, autop
 def test_11_an_estimator_origin_that_is_not_home_changes_nothing(sortie, monkeypatch):
     moved = sortie("px4")
     site = SHORT.site
-    elsewhere = Home(site.latitude_deg + 0.0027, site.longitude_deg - 0.004, site.altitude_amsl_m - 600.0)
+    elsewhere = Home(
+        site.latitude_deg + 0.0027, site.longitude_deg - 0.004, site.altitude_amsl_m - 600.0
+    )
     rebuild(moved, monkeypatch, origin=elsewhere)
     moved.engaged()
     local = moved.flight.vehicle.latest.get(LocalPosition)
     assert local.position_ned_m[2] < -600.0
     moved.until(State.ON_STATION, limit_s=30.0)
-    heights = [output.certificate.pursuer_game_m[2] for output in moved.outputs if output.certificate is not None]
+    heights = [
+        output.certificate.pursuer_game_m[2]
+        for output in moved.outputs
+        if output.certificate is not None
+    ]
     assert min(heights) > 4.0
 
 
@@ -69,7 +81,9 @@ def rebuild(flight, monkeypatch, **options):
 
 
 @pytest.mark.parametrize(("autopilot", "ground_amsl_m"), [("px4", 200.0), ("arducopter", -20.0)])
-def test_13_heights_are_above_the_evaders_plane_wherever_sea_level_is(sortie, autopilot, ground_amsl_m):
+def test_13_heights_are_above_the_evaders_plane_wherever_sea_level_is(
+    sortie, autopilot, ground_amsl_m
+):
     site = SHORT.site.model_copy(update={"altitude_amsl_m": ground_amsl_m})
     flight = sortie.engaged(autopilot, scenario=SHORT.model_copy(update={"site": site}))
     heard = flight.flight.vehicle.latest.get(GlobalPosition)
@@ -101,7 +115,10 @@ def test_15_a_hover_of_five_minutes_keeps_its_height(sortie, autopilot):
     worst_m = 0.0
     for _ in range(300):
         flight.run(1.0)
-        worst_m = max(worst_m, abs(flight.flight.vehicle.latest.get(LocalPosition).position_ned_m[2] - start_m))
+        worst_m = max(
+            worst_m,
+            abs(flight.flight.vehicle.latest.get(LocalPosition).position_ned_m[2] - start_m),
+        )
     assert flight.state is State.ON_STATION
     assert worst_m <= 0.5
 
@@ -118,13 +135,17 @@ def test_16_masks_never_mix_a_position_into_velocities_by_accident(sortie, autop
 
 
 @pytest.mark.parametrize("far_m", [1e3, 1e5])
-def test_17_no_evader_however_far_yields_a_setpoint_beyond_the_envelope(sortie, autopilot, far_m, monkeypatch):
+def test_17_no_evader_however_far_yields_a_setpoint_beyond_the_envelope(
+    sortie, autopilot, far_m, monkeypatch
+):
     flight = sortie.engaged(autopilot)
     source = flight.world.evaders["pursuer"]["evader"]
     real = source.receive
 
     def thrown():
-        return [report._replace(latitude_deg=report.latitude_deg + far_m / 111e3) for report in real()]
+        return [
+            report._replace(latitude_deg=report.latitude_deg + far_m / 111e3) for report in real()
+        ]
 
     monkeypatch.setattr(source, "receive", thrown)
     flight.run(4.0)
@@ -154,10 +175,14 @@ def test_19_engaging_far_off_does_not_step_the_setpoint(sortie, autopilot):
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_25_an_evader_beyond_the_fence_is_pursued_only_to_the_fence(sortie, autopilot):
     far = with_evader_at(SHORT, 8.0, 60.0)
-    far = far.model_copy(update={"pursuer": far.pursuer.model_copy(update={"autopilot": autopilot})})
+    far = far.model_copy(
+        update={"pursuer": far.pursuer.model_copy(update={"autopilot": autopilot})}
+    )
     settings = plan_of(scenario=far).flight
     envelope = dataclasses.replace(settings.cycle.envelope, fence_radius_m=30.0)
-    fenced = settings.model_copy(update={"cycle": dataclasses.replace(settings.cycle, envelope=envelope)})
+    fenced = settings.model_copy(
+        update={"cycle": dataclasses.replace(settings.cycle, envelope=envelope)}
+    )
     flight = sortie(autopilot, scenario=far, settings=fenced).engaged().run(25.0)
     position = flight.mock.truth.position_ned_m
     assert math.hypot(*position[:2]) <= 30.0

@@ -17,18 +17,30 @@ def close_by(flight, limit):
     _, _, home_down_m = envelope.home_ned_m
     height_m = home_down_m - down_m
     change = {
-        Event.FENCE: {"home_ned_m": (north_m, east_m, home_down_m), "fence_radius_m": 1.0, "fence_margin_m": 0.0},
+        Event.FENCE: {
+            "home_ned_m": (north_m, east_m, home_down_m),
+            "fence_radius_m": 1.0,
+            "fence_margin_m": 0.0,
+        },
         Event.FLOOR: {"floor_m": height_m + 0.7},
         Event.CEILING: {"ceiling_m": height_m - 0.7, "floor_m": 0.0},
     }[limit]
-    flight.flight.heard.cycle = replace(flight.flight.heard.cycle, envelope=replace(envelope, **change))
+    flight.flight.heard.cycle = replace(
+        flight.flight.heard.cycle, envelope=replace(envelope, **change)
+    )
 
 
 @pytest.mark.parametrize(
     ("limit", "state"),
-    [(Event.FENCE, State.ON_STATION), (Event.FLOOR, State.PAUSED), (Event.CEILING, State.ON_STATION)],
+    [
+        (Event.FENCE, State.ON_STATION),
+        (Event.FLOOR, State.PAUSED),
+        (Event.CEILING, State.ON_STATION),
+    ],
 )
-def test_a_vehicle_that_hovers_beyond_a_limit_is_told_of_and_handed_to_its_hold(sortie, autopilot, limit, state):
+def test_a_vehicle_that_hovers_beyond_a_limit_is_told_of_and_handed_to_its_hold(
+    sortie, autopilot, limit, state
+):
     if state is State.ON_STATION:
         flight = sortie.on_station(autopilot)
     else:

@@ -10,7 +10,10 @@ from guidance.messages import LocalPosition
 pytestmark = pytest.mark.flight
 
 
-PILOT_MODES = {"px4": ["POSCTL", "ALTCTL", "HOLD", "RTL", "LAND"], "arducopter": ["LOITER", "ALT_HOLD", "RTL", "LAND"]}
+PILOT_MODES = {
+    "px4": ["POSCTL", "ALTCTL", "HOLD", "RTL", "LAND"],
+    "arducopter": ["LOITER", "ALT_HOLD", "RTL", "LAND"],
+}
 CASES = [(autopilot, mode) for autopilot, modes in PILOT_MODES.items() for mode in modes]
 
 
@@ -147,7 +150,10 @@ def test_21_another_system_on_the_same_wire_is_never_taken_for_the_evader(sortie
 
         stranger = mavlink.MAVLink(None, 77, 1)
         decoder = mavlink.MAVLink(None)
-        return [decoder.decode(bytearray(frame)).pack(stranger) for frame in real_step(now_s, frames, link)]
+        return [
+            decoder.decode(bytearray(frame)).pack(stranger)
+            for frame in real_step(now_s, frames, link)
+        ]
 
     source._vehicle.step = as_stranger
     flight.until(State.PAUSED, limit_s=3.0)
@@ -161,7 +167,11 @@ def test_23_without_fresh_telemetry_nothing_is_commanded(sortie, autopilot, cond
     lost_s = flight.now_s
     flight.until(State.YIELDED, limit_s=4.0)
     assert Event.TELEMETRY_LOST in flight.events
-    assert flight.now_s - lost_s < 1.3 if condition == "telemetry_frozen" else flight.now_s - lost_s < 3.5
+    assert (
+        flight.now_s - lost_s < 1.3
+        if condition == "telemetry_frozen"
+        else flight.now_s - lost_s < 3.5
+    )
     count = len(flight.setpoints)
     flight.run(2.0)
     assert len(flight.setpoints) == count

@@ -16,7 +16,11 @@ GUIDED = {"px4": "OFFBOARD", "arducopter": "GUIDED"}
 
 def is_guided_request(sent, profile):
     main = profile.set_mode(Mode.GUIDED).params[1]
-    return sent.name == "COMMAND_LONG" and sent.message.command == MAV_CMD_DO_SET_MODE and sent.message.param2 == main
+    return (
+        sent.name == "COMMAND_LONG"
+        and sent.message.command == MAV_CMD_DO_SET_MODE
+        and sent.message.param2 == main
+    )
 
 
 @pytest.mark.parametrize("times_real", [1, 30])
@@ -27,7 +31,8 @@ def test_01_setpoints_stream_before_the_mode_request_at_any_simulation_speed(
     # fast simulation changes is how coarsely its time moves, so the mock is stepped in coarser strides at 30x.
     flight = sortie.standing_by(autopilot)
     if times_real == 30:
-        stride, real_step = 3, flight.mock.step
+        stride = 3
+        real_step = flight.mock.step
         calls = iter(range(10**9))
         held = []
 
@@ -35,7 +40,8 @@ def test_01_setpoints_stream_before_the_mode_request_at_any_simulation_speed(
             held.extend(frames_in)
             if next(calls) % stride:
                 return []
-            frames, held[:] = list(held), []
+            frames = list(held)
+            held[:] = []
             return real_step(now_s, frames, link)
 
         monkeypatch.setattr(flight.mock, "step", coarse)
@@ -135,6 +141,10 @@ def test_27_without_a_valid_position_nothing_is_armed(sortie, autopilot, conditi
     flight.run(2.0)
     assert flight.state is State.CHECKING
     assert not flight.mock.armed
-    armings = [sent for sent in flight.sent if getattr(sent.message, "command", 0) == MAV_CMD_COMPONENT_ARM_DISARM]
+    armings = [
+        sent
+        for sent in flight.sent
+        if getattr(sent.message, "command", 0) == MAV_CMD_COMPONENT_ARM_DISARM
+    ]
     assert armings == []
     assert any(check.verdict != "pass" for check in flight.flight.checks(flight.now_s))

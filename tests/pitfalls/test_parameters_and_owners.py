@@ -18,7 +18,10 @@ WANTS = wants_of(fence_required=False)
 def judged(autopilot, **changed):
     """Every row of a mock's own parameters, with these changed."""
     parameters = dict(MockVehicle(autopilot).autopilot.parameters) | changed
-    return {row.name: row for row in rows(Facts(parameters=parameters), autopilot_named(autopilot), WANTS)}
+    return {
+        row.name: row
+        for row in rows(Facts(parameters=parameters), autopilot_named(autopilot), WANTS)
+    }
 
 
 @pytest.mark.parametrize("action", [-1, 1, 2])
@@ -40,12 +43,16 @@ def test_05_a_loss_time_that_flies_an_old_setpoint_for_long_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("bits", "words"), [(0, []), (1, ["Mission"]), (4, ["Offboard"]), (7, ["Mission", "Hold", "Offboard"])]
+    ("bits", "words"),
+    [(0, []), (1, ["Mission"]), (4, ["Offboard"]), (7, ["Mission", "Hold", "Offboard"])],
 )
 def test_06_the_exceptions_to_radio_loss_are_read_bit_by_bit(bits, words):
     row = judged("px4", COM_RCL_EXCEPT=bits)["COM_RCL_EXCEPT"]
     assert all(word.lower() in row.value.lower() for word in words)
-    assert all((word.lower() in row.value.lower()) == (word in words) for word in ("Mission", "Hold", "Offboard"))
+    assert all(
+        (word.lower() in row.value.lower()) == (word in words)
+        for word in ("Mission", "Hold", "Offboard")
+    )
 
 
 def with_pilot_start(settings):
@@ -74,7 +81,9 @@ def test_09_otherwise_a_pilots_switch_begins_nothing(sortie):
     assert flight.setpoints == []
 
 
-@pytest.mark.parametrize(("timeout_s", "fit"), [(0.5, True), (1.0, True), (3.0, False), (5.0, False)])
+@pytest.mark.parametrize(
+    ("timeout_s", "fit"), [(0.5, True), (1.0, True), (3.0, False), (5.0, False)]
+)
 def test_24_arducopters_three_seconds_on_an_old_velocity_are_refused(timeout_s, fit):
     row = judged("arducopter", GUID_TIMEOUT=timeout_s)["GUID_TIMEOUT"]
     assert (row.verdict is Verdict.REFUSE) != fit
@@ -115,4 +124,6 @@ def test_29_our_own_setpoints_are_never_taken_for_a_strangers(sortie, autopilot)
 
 def test_refusals_name_the_rows_that_hold_the_vehicle_back():
     parameters = dict(MockVehicle("px4").autopilot.parameters) | {"COM_OBL_RC_ACT": -1}
-    assert "COM_OBL_RC_ACT" in refusals(rows(Facts(parameters=parameters), autopilot_named("px4"), WANTS))
+    assert "COM_OBL_RC_ACT" in refusals(
+        rows(Facts(parameters=parameters), autopilot_named("px4"), WANTS)
+    )

@@ -22,7 +22,9 @@ def restarted(flight):
     flight.run(4.0)
     flight.frozen = False
     again = Flight(flight.flight.settings)
-    flight.pilot = FlownByHand(again, flight.world.links["pursuer"], flight.world.evaders["pursuer"]["evader"], None)
+    flight.pilot = FlownByHand(
+        again, flight.world.links["pursuer"], flight.world.evaders["pursuer"]["evader"], None
+    )
     flight.sent.clear()
     return flight
 
@@ -37,7 +39,9 @@ def restarted(flight):
         ("arducopter", State.READY, Event.ABORT, State.LANDING),
     ],
 )
-def test_after_a_restart_in_mid_air_every_order_to_end_is_carried_out(sortie, autopilot, found_in, order, state):
+def test_after_a_restart_in_mid_air_every_order_to_end_is_carried_out(
+    sortie, autopilot, found_in, order, state
+):
     flight = sortie.after(restarted, autopilot).until(found_in, limit_s=10.0)
     assert flight.mock.armed
     flight.cycle(order)
@@ -99,7 +103,9 @@ def test_a_start_order_does_not_take_a_vehicle_out_of_a_mode_that_is_not_ours(so
         ("arducopter", Event.LAND, State.LANDING),
     ],
 )
-def test_what_a_pilot_flies_is_asked_for_once_and_a_pilot_who_keeps_it_has_it(sortie, autopilot, order, state):
+def test_what_a_pilot_flies_is_asked_for_once_and_a_pilot_who_keeps_it_has_it(
+    sortie, autopilot, order, state
+):
     flight = sortie.after(restarted, autopilot).until(State.READY, limit_s=10.0)
     flight.mock.inject("rc", True)
     flight.run(0.5)
@@ -112,7 +118,9 @@ def test_what_a_pilot_flies_is_asked_for_once_and_a_pilot_who_keeps_it_has_it(so
     flight.mock.inject("pilot_mode", sticks)  # at once, before any HEARTBEAT showed our mode
     flight.until(State.YIELDED, limit_s=6.0).run(5.0)
     assert flight.mock.mode == sticks
-    modes = [sent for sent in flight.sent if sent.name == "COMMAND_LONG" and sent.message.command == 176]
+    modes = [
+        sent for sent in flight.sent if sent.name == "COMMAND_LONG" and sent.message.command == 176
+    ]
     assert len(modes) == 1
     assert not flight.setpoints
 

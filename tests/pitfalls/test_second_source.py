@@ -13,13 +13,16 @@ CYCLE_S = 0.02
 
 def joined_by(flight, rate_hz, phase_s, velocity=(-3.0, -3.0, 0.0)):
     """Let another program send a velocity at its own rate, so long after one of ours."""
-    stranger, vehicle = mavlink.MAVLink(None, 255, 190), flight.world._mocks["pursuer"]._vehicle
-    real_step, begun_s = vehicle.step, flight.now_s + CYCLE_S
+    stranger = mavlink.MAVLink(None, 255, 190)
+    vehicle = flight.world._mocks["pursuer"]._vehicle
+    real_step = vehicle.step
+    begun_s = flight.now_s + CYCLE_S
     sent = 0
 
     def step(now_s, frames=(), link=None):
         nonlocal sent
-        told = list(real_step(now_s - CYCLE_S + 0.002, frames, link))  # ours arrive at the begin of a cycle
+        # Ours arrive at the begin of a cycle
+        told = list(real_step(now_s - CYCLE_S + 0.002, frames, link))
         at_s = begun_s + sent / rate_hz + phase_s
         if at_s <= now_s + 1e-9:
             sent += 1

@@ -11,7 +11,16 @@ from guidance.autopilots import PX4, Verdict, autopilot_named
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.messages import FenceCount, FenceItem, FenceReceived, FenceRefused, FenceRequest, Heartbeat, Home, Origin
+from guidance.messages import (
+    FenceCount,
+    FenceItem,
+    FenceReceived,
+    FenceRefused,
+    FenceRequest,
+    Heartbeat,
+    Home,
+    Origin,
+)
 from guidance.preflight import Facts, PreflightMemory, rows
 from guidance.preflight.fence import READ_AGAIN_S, Area, Reading, Uploaded, areas_of
 from guidance.vehicle import VehicleState, observe
@@ -38,14 +47,17 @@ def square(size_m, north_m=0.0, east_m=0.0):
     return on_the_map(*((north_m + a * size_m, east_m + b * size_m) for a, b in signs))
 
 
-WIDE, TIGHT = Area(inclusion=True, corners_deg=square(150.0)), Area(inclusion=True, corners_deg=square(80.0))
+WIDE = Area(inclusion=True, corners_deg=square(150.0))
+TIGHT = Area(inclusion=True, corners_deg=square(80.0))
 HOLE = Area(inclusion=False, corners_deg=square(5.0, 40.0, 40.0))
 POND = Area(inclusion=False, corners_deg=on_the_map((100.0, 0.0)), radius_m=20.0)
 DISC = Area(inclusion=True, corners_deg=on_the_map((0.0, 0.0)), radius_m=120.0)
 
 
 def judged(uploaded, *, autopilot="px4", wants=WANTS, **parameters):
-    vehicle = observe(VehicleState(), [Origin(0.0, *HERE, 488.0), Home(0.0, *HERE, 488.0, (0.0, 0.0, 0.0))])
+    vehicle = observe(
+        VehicleState(), [Origin(0.0, *HERE, 488.0), Home(0.0, *HERE, 488.0, (0.0, 0.0, 0.0))]
+    )
     facts = Facts(parameters=SET[autopilot] | parameters, vehicle=vehicle, uploaded=uploaded)
     return {row.name: row for row in rows(facts, autopilot_named(autopilot), wants)}
 
@@ -57,7 +69,12 @@ def judged(uploaded, *, autopilot="px4", wants=WANTS, **parameters):
         ("px4", (WIDE,), "polygon of 4", "pass"),
         ("px4", (DISC,), "circle of 120 m", "pass"),
         ("px4", (TIGHT,), "polygon of 4", "refuse"),
-        ("px4", (WIDE, TIGHT), "polygon of 4, polygon of 4", "pass"),  # within one is enough for PX4
+        (
+            "px4",
+            (WIDE, TIGHT),
+            "polygon of 4, polygon of 4",
+            "pass",
+        ),  # within one is enough for PX4
         ("arducopter", (WIDE, TIGHT), "polygon of 4, polygon of 4", "refuse"),
         ("arducopter", (WIDE, DISC), "polygon of 4, circle of 120 m", "pass"),
         ("px4", (POND,), "excluded circle of 20 m", "refuse"),
@@ -68,7 +85,11 @@ def test_an_uploaded_fence_that_would_act_inside_ours_is_refused(autopilot, area
     row = judged(Uploaded(areas), autopilot=autopilot)["uploaded fence"]
     assert (row.value, str(row.verdict)) == (value, verdict)
     assert ("it acts inside our fence at" in row.advice) is (verdict == "refuse")
-    required = judged(Uploaded(areas), autopilot=autopilot, wants=wants_of(fence_required=False, fence_radius_m=100.0))
+    required = judged(
+        Uploaded(areas),
+        autopilot=autopilot,
+        wants=wants_of(fence_required=False, fence_radius_m=100.0),
+    )
     assert required["uploaded fence"].verdict is not Verdict.REFUSE
 
 
@@ -77,7 +98,9 @@ def test_what_was_not_read_or_cannot_be_is_said_to_be_unknown():
     assert (unread.value, unread.verdict) == ("not read", Verdict.WARN)
     assert "may act inside our fence" in unread.advice
     assert judged(Uploaded(refused=3))["uploaded fence"].value == "not read (MISSION_ACK 3)"
-    folded = Area(inclusion=True, corners_deg=on_the_map((0.0, 0.0), (9.0, 9.0), (9.0, 0.0), (0.0, 9.0)))
+    folded = Area(
+        inclusion=True, corners_deg=on_the_map((0.0, 0.0), (9.0, 9.0), (9.0, 0.0), (0.0, 9.0))
+    )
     assert "cannot be judged" in judged(Uploaded((folded,)))["uploaded fence"].advice
 
 
@@ -109,7 +132,9 @@ def test_without_a_distance_px4_needs_an_uploaded_fence(uploaded, verdict, words
         (2.0, Uploaded((WIDE,)), "refuse"),
     ],
 )
-def test_arducopter_needs_a_height_and_a_circle_or_an_uploaded_polygon(fence_type, uploaded, verdict):
+def test_arducopter_needs_a_height_and_a_circle_or_an_uploaded_polygon(
+    fence_type, uploaded, verdict
+):
     found = judged(uploaded, autopilot="arducopter", FENCE_TYPE=fence_type)
     assert str(found["FENCE_TYPE"].verdict) == verdict
     circle = int(fence_type) & 2
@@ -129,7 +154,9 @@ def test_a_fence_by_degrees_reaches_as_far_as_it_does_about_home():
     assert judged(Uploaded((tight,)), wants=wants)["uploaded fence"].verdict is Verdict.REFUSE
     elsewhere = wants_of(fence_radius_m=None, fence_polygon_deg=square(80.0, 500.0))
     assert judged(Uploaded(()), wants=elsewhere)["home in our fence"].verdict is Verdict.REFUSE
-    both = wants_of(fence_radius_m=100.0, fence_polygon_ne_m=((-200.0, -200.0), (-200.0, 200.0), (200.0, 0.0)))
+    both = wants_of(
+        fence_radius_m=100.0, fence_polygon_ne_m=((-200.0, -200.0), (-200.0, 200.0), (200.0, 0.0))
+    )
     assert judged(Uploaded((DISC,)), wants=both)["uploaded fence"].verdict is Verdict.PASS
 
 
@@ -191,7 +218,9 @@ def test_an_autopilot_without_a_fence_to_tell_of_is_not_asked_all_the_time():
 messages = st.one_of(
     st.builds(FenceCount, st.just(0.0), st.integers(0, 65535)),
     st.builds(FenceRefused, st.just(0.0), st.integers(0, 255)),
-    st.builds(item, st.integers(0, 5), st.integers(4999, 5006), st.floats(-1e6, 1e6), st.just(HERE)),
+    st.builds(
+        item, st.integers(0, 5), st.integers(4999, 5006), st.floats(-1e6, 1e6), st.just(HERE)
+    ),
 )
 
 
@@ -213,7 +242,8 @@ def test_a_fence_uploaded_to_the_mock_is_found_by_preflight_over_the_wire(autopi
     ground = mavlink.MAVLink(None, 255, 190)
     corners = square(150.0)
     waiting = [mavlink.MAVLink_mission_count_message(1, 1, 4, 1).pack(ground)]
-    survey, heard = PreflightMemory([]), []
+    survey = PreflightMemory([])
+    heard = []
     for cycle in range(500):
         now[0] = 0.02 * cycle
         out = vehicle.step(now[0], [*(frame for _, frame in theirs.receive()), *waiting])
@@ -238,5 +268,7 @@ def test_a_fence_uploaded_to_the_mock_is_found_by_preflight_over_the_wire(autopi
     assert any(isinstance(message, Heartbeat) for message in heard)
     (area,) = survey.facts(VehicleState(), now[0]).uploaded.areas
     assert area.inclusion
-    assert json.dumps(area.corners_deg) == json.dumps([[round(part * 1e7) / 1e7 for part in one] for one in corners])
+    assert json.dumps(area.corners_deg) == json.dumps(
+        [[round(part * 1e7) / 1e7 for part in one] for one in corners]
+    )
     assert link.counters()["requests_unanswered"] == 0

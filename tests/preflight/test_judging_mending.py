@@ -15,7 +15,11 @@ WANTS = wants_of(limit_speed_m_s=6.6)
 
 def defaults(autopilot):
     parameters = MockVehicle(autopilot).autopilot.parameters
-    return {name: float(parameters[name]) for name in parameter_names(autopilot_named(autopilot)) if name in parameters}
+    return {
+        name: float(parameters[name])
+        for name in parameter_names(autopilot_named(autopilot))
+        if name in parameters
+    }
 
 
 def after(parameters, wanted):
@@ -28,30 +32,52 @@ def verdicts(autopilot, parameters):
 
 
 def test_px4s_defaults_need_two_parameters_and_the_table_says_why():
-    facts = Facts(parameters=defaults("px4"), parameter_types={"GF_MAX_HOR_DIST": 9}, uploaded=Uploaded(areas=()))
+    facts = Facts(
+        parameters=defaults("px4"),
+        parameter_types={"GF_MAX_HOR_DIST": 9},
+        uploaded=Uploaded(areas=()),
+    )
     horizontal, vertical = changes(facts, PX4, WANTS)
     assert (horizontal.name, horizontal.now, horizontal.then) == ("GF_MAX_HOR_DIST", "0 m", "205 m")
-    assert horizontal.why == "at least 200 m, ours; 0 disables it, and no inclusion fence is uploaded"
+    assert (
+        horizontal.why == "at least 200 m, ours; 0 disables it, and no inclusion fence is uploaded"
+    )
     assert horizontal.verdict is Verdict.REFUSE
-    assert (vertical.request.name, vertical.request.value, vertical.request.param_type) == ("GF_MAX_VER_DIST", 65.0, 9)
+    assert (vertical.request.name, vertical.request.value, vertical.request.param_type) == (
+        "GF_MAX_VER_DIST",
+        65.0,
+        9,
+    )
 
 
 @pytest.mark.parametrize("autopilot", sorted(AUTOPILOTS))
 @pytest.mark.parametrize("advised", [False, True])
-def test_with_them_nothing_is_refused_and_where_advice_is_taken_nothing_is_warned_of(autopilot, advised):
+def test_with_them_nothing_is_refused_and_where_advice_is_taken_nothing_is_warned_of(
+    autopilot, advised
+):
     parameters = defaults(autopilot)
-    wanted = changes(Facts(parameters=parameters), autopilot_named(autopilot), WANTS, advised=advised)
+    wanted = changes(
+        Facts(parameters=parameters), autopilot_named(autopilot), WANTS, advised=advised
+    )
     left = set(verdicts(autopilot, after(parameters, wanted)).values())
     assert left == {Verdict.PASS} if advised else Verdict.REFUSE not in left
     assert (
-        changes(Facts(parameters=after(parameters, wanted)), autopilot_named(autopilot), WANTS, advised=advised) == ()
+        changes(
+            Facts(parameters=after(parameters, wanted)),
+            autopilot_named(autopilot),
+            WANTS,
+            advised=advised,
+        )
+        == ()
     )
 
 
 def test_what_one_change_makes_wrong_is_changed_too():
     # PX4's Return climbs to 70 m. Without a fence that is no finding; under a fence of 65 m it is too high.
     parameters = defaults("px4") | {"RTL_RETURN_ALT": 70.0}
-    wanted = {one.name: one for one in changes(Facts(parameters=parameters), PX4, WANTS, advised=True)}
+    wanted = {
+        one.name: one for one in changes(Facts(parameters=parameters), PX4, WANTS, advised=True)
+    }
     assert wanted["RTL_RETURN_ALT"].then == "60 m"
     assert "below GF_MAX_VER_DIST = 65 m" in wanted["RTL_RETURN_ALT"].why
 

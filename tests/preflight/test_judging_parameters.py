@@ -136,7 +136,9 @@ def test_arducopters_speed_parameters_are_said_not_to_bind_guided_velocities():
 
 
 def test_advice_keeps_every_digit_of_a_mask():
-    assert row_of("px4", "COM_RC_OVERRIDE", 1e6).advice.startswith("param set COM_RC_OVERRIDE 1000002")
+    assert row_of("px4", "COM_RC_OVERRIDE", 1e6).advice.startswith(
+        "param set COM_RC_OVERRIDE 1000002"
+    )
 
 
 @given(st.sampled_from(["px4", "arducopter"]), st.data())
@@ -152,12 +154,18 @@ def test_no_value_whatever_breaks_the_report_and_advice_that_is_followed_passes(
 
 @pytest.mark.parametrize(
     ("autopilot", "refused"),
-    [("px4", ["GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"]), ("arducopter", ["GUID_TIMEOUT", "FENCE_ENABLE", "FENCE_RADIUS"])],
+    [
+        ("px4", ["GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"]),
+        ("arducopter", ["GUID_TIMEOUT", "FENCE_ENABLE", "FENCE_RADIUS"]),
+    ],
 )
 def test_the_autopilots_defaults_are_refused_for_these_reasons_only(autopilot, refused):
     mock = MockVehicle(autopilot, noise=False)
     mock.step(0.0, [])
-    parameters = {name: float(mock.autopilot.parameters[name]) for name in parameter_names(autopilot_named(autopilot))}
+    parameters = {
+        name: float(mock.autopilot.parameters[name])
+        for name in parameter_names(autopilot_named(autopilot))
+    }
     judged = rows(Facts(parameters=parameters), autopilot_named(autopilot), WANTS)
     assert [name for name in refusals(judged) if name in parameters] == refused
 

@@ -31,14 +31,22 @@ FRAME = LocalFrame(47.397742, 8.545594, Amsl(488.0), Amsl(488.0), projection=PX4
 REST = (0.0, 0.0, 0.0)
 
 
-def vehicle_at(position_ned_m=REST, *, home_ned_m=REST, home_told_m=None, height_error_m=0.0, home_error_m=0.0):
+def vehicle_at(
+    position_ned_m=REST, *, home_ned_m=REST, home_told_m=None, height_error_m=0.0, home_error_m=0.0
+):
     """A vehicle that says where it is twice: in its frame, and on Earth."""
     latitude, longitude, altitude = FRAME.wgs84_from_ned(position_ned_m)
     home_latitude, home_longitude, home_altitude = FRAME.wgs84_from_ned(home_ned_m)
     amsl = altitude.metres + height_error_m
     messages = [
         ORIGIN,
-        Home(0.0, home_latitude, home_longitude, home_altitude.metres + home_error_m, home_told_m or home_ned_m),
+        Home(
+            0.0,
+            home_latitude,
+            home_longitude,
+            home_altitude.metres + home_error_m,
+            home_told_m or home_ned_m,
+        ),
         LocalPosition(0.0, 1.0, position_ned_m, REST),
         GlobalPosition(0.0, 1.0, latitude, longitude, amsl, amsl - home_altitude.metres, REST),
     ]
@@ -50,7 +58,13 @@ def verdicts(vehicle, evader_amsl_m=488.0):
     return {row.name: row.verdict for row in rows(facts, PX4, WANTS)}
 
 
-PLACE = ("frame origin", "home in the frame", "local = global", "datum of home", "evader's altitude")
+PLACE = (
+    "frame origin",
+    "home in the frame",
+    "local = global",
+    "datum of home",
+    "evader's altitude",
+)
 
 
 def test_a_vehicle_that_agrees_with_itself_passes_wherever_its_origin_is():
@@ -76,7 +90,9 @@ def test_an_origin_left_over_from_another_field_is_refused():
 
 
 def test_a_home_that_was_set_in_another_frame_is_refused():
-    assert verdicts(vehicle_at(home_told_m=(0.0, 0.0, -600.0)))["home in the frame"] is Verdict.REFUSE
+    assert (
+        verdicts(vehicle_at(home_told_m=(0.0, 0.0, -600.0)))["home in the frame"] is Verdict.REFUSE
+    )
 
 
 @pytest.mark.parametrize("error_m", [47.0, -600.0])
@@ -90,7 +106,14 @@ def test_a_home_above_another_zero_is_refused():
 
 @pytest.mark.parametrize(
     ("evader_amsl_m", "verdict"),
-    [(488.0, "pass"), (510.0, "pass"), (535.0, "refuse"), (688.0, "refuse"), (0.0, "refuse"), (None, "warn")],
+    [
+        (488.0, "pass"),
+        (510.0, "pass"),
+        (535.0, "refuse"),
+        (688.0, "refuse"),
+        (0.0, "refuse"),
+        (None, "warn"),
+    ],
 )
 def test_an_evader_above_another_zero_is_refused(evader_amsl_m, verdict):
     assert str(verdicts(vehicle_at(), evader_amsl_m)["evader's altitude"]) == verdict
@@ -106,7 +129,9 @@ def streamed(rates_hz, seconds=4.0):
         GlobalPosition: lambda t: GlobalPosition(t, t, 47.0, 8.0, 488.0, 0.0, REST),
     }
     messages = [
-        made[kind](count / rate_hz) for kind, rate_hz in rates_hz.items() for count in range(round(seconds * rate_hz))
+        made[kind](count / rate_hz)
+        for kind, rate_hz in rates_hz.items()
+        for count in range(round(seconds * rate_hz))
     ]
     return sorted(messages, key=lambda message: message.received_s)
 
@@ -129,7 +154,10 @@ def test_a_position_stream_that_is_slow_or_has_stopped_is_refused():
     stopped = PreflightMemory([])
     stopped.observe(streamed({LocalPosition: 50.0, Attitude: 20.0}), [])
     for survey, now_s in ((slow, 4.0), (stopped, 7.0)):
-        found = {row.name: row.verdict for row in rows(survey.facts(VehicleState(), now_s), ARDUCOPTER, WANTS)}
+        found = {
+            row.name: row.verdict
+            for row in rows(survey.facts(VehicleState(), now_s), ARDUCOPTER, WANTS)
+        }
         assert found["LOCAL_POSITION_NED"] is Verdict.REFUSE
         assert "POSITION_TARGET_LOCAL_NED" not in found  # ArduCopter tells it in GUIDED only
         assert "ODOMETRY" not in found
@@ -170,10 +198,15 @@ def test_the_evaders_last_altitude_is_kept():
     assert survey.facts(VehicleState(), 1.0).evader_amsl_m == 491.0
 
 
-@pytest.mark.parametrize(("left", "verdict"), [(0.34, Verdict.REFUSE), (0.36, Verdict.PASS), (math.nan, Verdict.WARN)])
+@pytest.mark.parametrize(
+    ("left", "verdict"), [(0.34, Verdict.REFUSE), (0.36, Verdict.PASS), (math.nan, Verdict.WARN)]
+)
 def test_the_battery_has_to_bring_it_home_from_the_edge_of_the_fence(left, verdict):
     vehicle = observe(vehicle_at(), [SystemStatus(0.0, 0, 0, left)])
     found = rows(Facts(vehicle=vehicle, evader_amsl_m=488.0), PX4, wants_of(battery_needed=0.35))
     (row,) = [row for row in found if row.name == "battery reserve"]
-    assert (row.verdict, row.wanted) == (verdict, "at least 35%, to fly home from the edge of the fence")
+    assert (row.verdict, row.wanted) == (
+        verdict,
+        "at least 35%, to fly home from the edge of the fence",
+    )
     assert "battery reserve" not in verdicts(vehicle)

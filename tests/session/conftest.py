@@ -77,7 +77,9 @@ class Ordered(Sortie):
         flavour = config.vehicle.autopilot
         options = {"home": HERE, "noise": False, "ready_after_s": 0.5}
         signed = Signing(key, timestamp=ticks(UNIX_S))
-        self.vehicle = MockVehicle(flavour, system_id=1, parameters=parameters, signing=signed, **options)
+        self.vehicle = MockVehicle(
+            flavour, system_id=1, parameters=parameters, signing=signed, **options
+        )
         self.prey = MockVehicle("px4", system_id=2, start_ned=(30.0, 0.0, 0.0), **options)
         ours, self._end = MemoryWire.pair(clock.now_s)
         theirs, self._prey_end = MemoryWire.pair(clock.now_s)
@@ -86,7 +88,9 @@ class Ordered(Sortie):
         self.link = PymavlinkLink(self.wire, clock.now_s, system_id=1, **signing)
         heard = MavlinkEvader(theirs, GLOBAL_POSITION, system_id=2, **signing)
         self.evader = heard if source is None else source(clock)
-        self.mailbox, self.log, self.notifier = Mailbox(), KeptLog(), KeptNotifier()
+        self.mailbox = Mailbox()
+        self.log = KeptLog()
+        self.notifier = KeptNotifier()
         self.metrics = Metrics(config.name)
         self.prey_silent = False
         self.evader_here = source is None
@@ -108,7 +112,9 @@ class Ordered(Sortie):
         self._prey_end.send(frame)
 
     def advance(self):
-        for frame in self.vehicle.step(self.now_s, [*(f for _, f in self._end.receive()), *self.injected]):
+        for frame in self.vehicle.step(
+            self.now_s, [*(f for _, f in self._end.receive()), *self.injected]
+        ):
             self._end.send(frame)
         self.injected = []
         if self.evader_here:
@@ -148,7 +154,11 @@ class Ordered(Sortie):
         return [sent.message for sent in self.setpoints if sent.now_s >= since_s]
 
     def commands_since(self, since_s):
-        return [one.message.command for one in self.sent if one.now_s >= since_s and one.name == "COMMAND_LONG"]
+        return [
+            one.message.command
+            for one in self.sent
+            if one.now_s >= since_s and one.name == "COMMAND_LONG"
+        ]
 
     def close(self):
         self.link.close()

@@ -38,7 +38,9 @@ class World(VirtualClock):
         ours, self._end = MemoryWire.pair(self.now_s)
         silence, _ = MemoryWire.pair(self.now_s)
         self.link = PymavlinkLink(ours, self.now_s, system_id=1)
-        document = vehicle_document(vehicle={"autopilot": autopilot, "url": "udpin://127.0.0.1:14540"})
+        document = vehicle_document(
+            vehicle={"autopilot": autopilot, "url": "udpin://127.0.0.1:14540"}
+        )
         plan = plan_of(parse(Config, document, source="test"))
         self.autopilot = autopilot_named(autopilot)
         self.said = []
@@ -50,7 +52,9 @@ class World(VirtualClock):
         while self.now_s() < moment_s - 1e-9:
             super().sleep_until(min(moment_s, self.now_s() + 0.02))
             heard = [frame for _, frame in self._end.receive()]
-            self.said += [mavlink.MAVLink(None).decode(bytearray(frame)).get_type() for frame in heard]
+            self.said += [
+                mavlink.MAVLink(None).decode(bytearray(frame)).get_type() for frame in heard
+            ]
             for frame in self.faulted.step(self.now_s(), heard):
                 self._end.send(frame)
 
@@ -101,7 +105,9 @@ def test_an_autopilot_that_answers_nothing_is_asked_again_and_then_given_up(worl
     there = world()
     there.checkup.rows()
     wanted = there.checkup.changes(advised=False)[:1]
-    there.faulted.inject({"kind": "loss", "probability": 1.0, "messages": ["PARAM_VALUE"], "direction": "out"})
+    there.faulted.inject(
+        {"kind": "loss", "probability": 1.0, "messages": ["PARAM_VALUE"], "direction": "out"}
+    )
     done = list(there.checkup.apply(wanted))
     assert done == [(wanted[0].name, None, False)]
     assert there.said.count("PARAM_SET") == 4
@@ -133,7 +139,9 @@ def test_nothing_is_set_while_the_vehicle_is_armed(world):
     there.link.request(there.autopilot.arm())
     there.checkup.rows(limit_s=2.0)
     assert there.vehicle.armed
-    with pytest.raises(FlightError, match="the vehicle is armed: parameters are set on the ground only, disarmed"):
+    with pytest.raises(
+        FlightError, match="the vehicle is armed: parameters are set on the ground only, disarmed"
+    ):
         list(there.checkup.apply(wanted))
     assert "PARAM_SET" not in there.said
 
@@ -152,16 +160,22 @@ def test_a_vehicle_that_is_armed_in_the_middle_of_it_gets_no_more(world):
 
 def test_a_vehicle_that_does_not_say_where_it_is_is_left_alone(world):
     there = world()
-    there.faulted.inject({"kind": "loss", "probability": 1.0, "messages": ["EXTENDED_SYS_STATE"], "direction": "out"})
+    there.faulted.inject(
+        {"kind": "loss", "probability": 1.0, "messages": ["EXTENDED_SYS_STATE"], "direction": "out"}
+    )
     there.checkup.rows()
     with pytest.raises(FlightError, match="does not say whether it is on the ground"):
         list(there.checkup.apply(there.checkup.changes(advised=False)))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("autopilot", "link"), [("px4", "mavsdk"), ("px4", "pymavlink"), ("arducopter", "mavsdk")])
+@pytest.mark.parametrize(
+    ("autopilot", "link"), [("px4", "mavsdk"), ("px4", "pymavlink"), ("arducopter", "mavsdk")]
+)
 def test_a_vehicle_at_a_url_is_set_up_without_any_file(autopilot, link):
-    with running([{"name": "uav1", "flavour": autopilot, "ready_after_s": 1.0}], over=["udp"]) as fleet:
+    with running(
+        [{"name": "uav1", "flavour": autopilot, "ready_after_s": 1.0}], over=["udp"]
+    ) as fleet:
         at = ("--vehicle", fleet["uav1"].udp, "--link", link)
         refused = guidance("check", *at, "--apply", said="n\n")
         assert refused.returncode == 4

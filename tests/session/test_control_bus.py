@@ -40,7 +40,11 @@ class AnsweringLoop:
     def _run(self, mailbox, name):
         while not self._stop.wait(0.005):
             for question in itertools.chain(*mailbox.take()):
-                answer = {"accepted": question.order != "engage", "order": question.order, "name": name}
+                answer = {
+                    "accepted": question.order != "engage",
+                    "order": question.order,
+                    "name": name,
+                }
                 question.set_result(answer)
 
     def close(self):
@@ -67,7 +71,11 @@ def daemon(endpoint):
 
 def test_an_order_is_answered_by_the_vehicle_that_was_named_or_is_alone(daemon, endpoint):
     daemon()
-    assert ask("hold", endpoint=endpoint, name="uav1") == {"accepted": True, "order": "hold", "name": "uav1"}
+    assert ask("hold", endpoint=endpoint, name="uav1") == {
+        "accepted": True,
+        "order": "hold",
+        "name": "uav1",
+    }
     assert not ask("engage", endpoint=endpoint, name=None)["accepted"]
 
 
@@ -92,7 +100,9 @@ def test_a_second_daemon_of_the_same_vehicle_is_refused(daemon, endpoint):
     first = daemon()
     with pytest.raises(LinkError, match="another daemon owns this vehicle"):
         daemon(host=False, answering=False)
-    with pytest.raises(LinkError, match=r"cannot listen there: .* flies 'uav1'; end it, or choose another port"):
+    with pytest.raises(
+        LinkError, match=r"cannot listen there: .* flies 'uav1'; end it, or choose another port"
+    ):
         daemon(answering=False)
     first.close()
     daemon(answering=False).close()
@@ -100,13 +110,15 @@ def test_a_second_daemon_of_the_same_vehicle_is_refused(daemon, endpoint):
 
 def test_a_vehicle_is_free_again_when_its_owner_is_gone(daemon, endpoint):
     daemon("router")
-    first, second = open_session(endpoint), open_session(endpoint)
+    first = open_session(endpoint)
+    second = open_session(endpoint)
     owner = owner_token(first, "uav1/guidance")
     with pytest.raises(LinkError, match="only one may fly it"):
         owner_token(second, "uav1/guidance")
     owner_token(second, "uav2/guidance").undeclare()
     first.close()  # as when its process ends: nothing was undeclared
-    deadline_s = time.monotonic() + 10.0  # on a busy machine the router may hear of it a moment later
+    # On a busy machine the router may hear of it a moment later
+    deadline_s = time.monotonic() + 10.0
     while True:
         try:
             owner_token(second, "uav1/guidance").undeclare()
@@ -167,7 +179,8 @@ def test_a_flight_without_an_endpoint_lets_nobody_in():
 
 def test_100_of_100_holds_are_accepted_over_zenoh_while_32_clients_poll(daemon, endpoint):
     daemon()
-    polling, session = threading.Event(), open_session(endpoint)
+    polling = threading.Event()
+    session = open_session(endpoint)
     polling.set()
 
     def poll():

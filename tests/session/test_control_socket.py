@@ -22,7 +22,8 @@ class Loop:
     """Takes the mailbox every 20 ms, as the flight's loop does: orders are accepted, queries get a status."""
 
     def __init__(self):
-        self.mailbox, self.taken = Mailbox(), []
+        self.mailbox = Mailbox()
+        self.taken = []
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -67,7 +68,9 @@ def test_an_order_arrives_with_its_giver_and_is_answered(control, token, loop):
 
 
 def test_without_a_token_or_a_daemon_there_is_no_answer(token, tmp_path):
-    assert ask_here("hold", endpoint=ENDPOINT, name=None, token_file=tmp_path / "other.token") is None
+    assert (
+        ask_here("hold", endpoint=ENDPOINT, name=None, token_file=tmp_path / "other.token") is None
+    )
     assert asked("hold", token) is None
 
 
@@ -92,7 +95,9 @@ def test_another_token_another_name_and_an_unknown_order_are_errors(control, tok
         asked("jump", token)
 
 
-@pytest.mark.parametrize(("token_mode", "socket_mode"), [(0o600, 0o600), (0o640, 0o660), (0o644, 0o666)])
+@pytest.mark.parametrize(
+    ("token_mode", "socket_mode"), [(0o600, 0o600), (0o640, 0o660), (0o644, 0o666)]
+)
 def test_the_socket_has_the_rights_of_the_token_file(loop, token, token_mode, socket_mode):
     token.path.chmod(token_mode)
     made = ControlSocket("uav1", loop.mailbox.answer, token)
@@ -109,7 +114,9 @@ def test_a_path_too_long_for_the_kernel_works(loop, tmp_path):
     made.close()
 
 
-@pytest.mark.parametrize("sent", [b"", b"\n", b"[]\n", b"{}\n", b"\xff\n", b'{"token": 1}\n', b"x" * 10_000])
+@pytest.mark.parametrize(
+    "sent", [b"", b"\n", b"[]\n", b"{}\n", b"\xff\n", b'{"token": 1}\n', b"x" * 10_000]
+)
 def test_whatever_is_sent_orders_nothing_and_the_next_order_is_taken(control, token, loop, sent):
     with socket.socket(socket.AF_UNIX) as there:
         there.connect(str(socket_path(token.path)))
@@ -153,7 +160,9 @@ def ctl(*words, token):
     return done.returncode, done.stdout, set(modules), float(took_s)
 
 
-def test_an_order_takes_less_than_400_ms_of_processor_time_and_imports_nothing_heavy(control, token):
+def test_an_order_takes_less_than_400_ms_of_processor_time_and_imports_nothing_heavy(
+    control, token
+):
     runs = [ctl("hold", token=token) for _ in range(3)]
     code, words, modules, _ = runs[0]
     assert (code, words) == (0, "uav1: hold accepted, \n")
@@ -161,7 +170,9 @@ def test_an_order_takes_less_than_400_ms_of_processor_time_and_imports_nothing_h
     assert min(took_s for *_, took_s in runs) < 0.3  # and the loop answers within two cycles
 
 
-@pytest.mark.parametrize("words", [("hold", "--name", "uav1"), ("hold", "--json"), ("status", "--json")])
+@pytest.mark.parametrize(
+    "words", [("hold", "--name", "uav1"), ("hold", "--json"), ("status", "--json")]
+)
 def test_every_form_of_the_command_is_answered_by_the_socket(control, token, words):
     code, said, modules, _ = ctl(*words, token=token)
     assert code == 0
@@ -170,7 +181,17 @@ def test_every_form_of_the_command_is_answered_by_the_socket(control, token, wor
 
 
 def test_an_order_for_another_daemon_is_an_error_with_its_exit_code(control, token):
-    command = [sys.executable, "-m", "guidance", "ctl", "hold", "--name", "b", "--token-file", str(token.path)]
+    command = [
+        sys.executable,
+        "-m",
+        "guidance",
+        "ctl",
+        "hold",
+        "--name",
+        "b",
+        "--token-file",
+        str(token.path),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (LinkError.exit_code, "")
     assert "the daemon there is uav1" in done.stderr

@@ -59,7 +59,9 @@ def test_our_token_goes_with_us_and_a_successors_stays(path):
     assert control_socket.read_token(path) is None
 
 
-@pytest.mark.parametrize("text", ["", "guidance:", "guidance:xyz", "root:" + "ab" * 32, "guidance:" + "ab" * 4])
+@pytest.mark.parametrize(
+    "text", ["", "guidance:", "guidance:xyz", "root:" + "ab" * 32, "guidance:" + "ab" * 4]
+)
 def test_what_is_no_token_is_one_clear_error(path, text):
     path.parent.mkdir()
     path.write_text(text)
@@ -80,12 +82,16 @@ def test_a_token_where_others_may_write_is_refused(path, reading, mode):
 
 
 def test_a_daemons_token_in_a_folder_of_another_user_is_refused(path, monkeypatch):
-    monkeypatch.setattr(Path, "stat", lambda _: SimpleNamespace(st_uid=os.getuid() + 1, st_mode=0o40755))
+    monkeypatch.setattr(
+        Path, "stat", lambda _: SimpleNamespace(st_uid=os.getuid() + 1, st_mode=0o40755)
+    )
     with pytest.raises(ConfigError, match="others may write to"):
         control_socket.draw_token(path)
 
 
-def test_the_folder_for_users_without_a_runtime_folder_is_refused_if_another_made_it(monkeypatch, tmp_path):
+def test_the_folder_for_users_without_a_runtime_folder_is_refused_if_another_made_it(
+    monkeypatch, tmp_path
+):
     """Its name is easy to guess: a stranger's token there would lead our orders to a daemon of theirs."""
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
@@ -99,7 +105,9 @@ def test_the_folder_for_users_without_a_runtime_folder_is_refused_if_another_mad
 
 
 def test_a_path_that_cannot_be_written_is_refused():
-    with pytest.raises(OutputError, match=r"control.token_file = '/proc/nowhere/a.token': cannot be written"):
+    with pytest.raises(
+        OutputError, match=r"control.token_file = '/proc/nowhere/a.token': cannot be written"
+    ):
         control_socket.draw_token(Path("/proc/nowhere/a.token"))
 
 
@@ -134,11 +142,16 @@ def test_nobody_gets_in_without_the_token(control, endpoint, path, tmp_path):
         assert session.info.routers_zid()
 
 
-def test_a_daemon_that_finds_the_endpoint_taken_leaves_the_owners_token_alone(control, endpoint, path):
+def test_a_daemon_that_finds_the_endpoint_taken_leaves_the_owners_token_alone(
+    control, endpoint, path
+):
     before = path.read_text()
     with pytest.raises(LinkError, match="cannot listen there"):
         ControlBus("uav2", Mailbox(), Control(endpoint=endpoint, host=True, token_file=path))
     assert path.read_text() == before
-    assert sorted(one.name for one in path.parent.iterdir()) == [path.with_suffix(".sock").name, path.name]
+    assert sorted(one.name for one in path.parent.iterdir()) == [
+        path.with_suffix(".sock").name,
+        path.name,
+    ]
     control.close()
     assert not path.exists()

@@ -34,7 +34,9 @@ ENDED_BY = [
 def test_a_daemon_restarted_in_the_air_does_not_say_that_its_vehicle_is_ready(base):
     base = base.standing_by()
     used = Equipment(mailbox=base.mailbox, log=base.log)
-    base.daemon = base.pilot = Daemon(base.config.name, plan_of(base.config), base.link, {"evader": base.evader}, used)
+    base.daemon = base.pilot = Daemon(
+        base.config.name, plan_of(base.config), base.link, {"evader": base.evader}, used
+    )
     base.until(State.READY)
     assert base.order("status")["state"] == "not taken over"
     refused = base.order("engage")
@@ -52,7 +54,12 @@ def test_nothing_arms_and_nothing_engages_without_an_order(base):
 def test_orders_fly_a_pursuit_from_the_ground_to_the_hold(base):
     base = base.engaged()
     base.until(State.ON_STATION)
-    assert base.order("hold") == {"accepted": True, "order": "hold", "name": "uav1", "state": "holding"}
+    assert base.order("hold") == {
+        "accepted": True,
+        "order": "hold",
+        "name": "uav1",
+        "state": "holding",
+    }
     base.run(2.0)
     assert base.vehicle.mode == "HOLD"
     assert base.order("land")["accepted"]
@@ -70,7 +77,9 @@ def test_an_order_that_changes_nothing_is_refused_with_what_to_do_next(base):
 
 
 @pytest.mark.parametrize(("order", "state", "mode"), ENDED_BY)
-def test_a_vehicle_that_was_flying_when_the_daemon_began_is_handed_over_on_an_order(base, order, state, mode):
+def test_a_vehicle_that_was_flying_when_the_daemon_began_is_handed_over_on_an_order(
+    base, order, state, mode
+):
     base = aloft(base.standing_by())
     base.until(State.CHECKING, State.READY)
     assert base.order(order)["accepted"]
@@ -89,7 +98,10 @@ def aloft(base):
 def test_answers_about_a_vehicle_that_is_up_already_are_true(base):
     assert "not heard" in base().order("start")["reason"]
     base = aloft(base.standing_by()).until(State.READY)
-    assert base.order("engage")["reason"] == "airborne, and not taken over yet: order start first, then engage"
+    assert (
+        base.order("engage")["reason"]
+        == "airborne, and not taken over yet: order start first, then engage"
+    )
     pilot(base, "POSCTL")
     base.run(2.0)
     assert "order hold, then engage" in base.order("start")["reason"]
@@ -102,7 +114,8 @@ def test_answers_about_a_vehicle_that_is_up_already_are_true(base):
 
 
 def test_abort_lands_a_vehicle_found_in_the_air_and_cancels_one_on_the_ground(base):
-    up, down = aloft(base.standing_by()).until(State.READY), base.ready()
+    up = aloft(base.standing_by()).until(State.READY)
+    down = base.ready()
     assert up.order("abort")["state"] == "landing"
     up.until(State.LANDED)
     assert down.order("abort")["state"] == "failed"
@@ -164,7 +177,9 @@ def test_a_parameter_that_is_mended_makes_the_vehicle_ready(base):
     base.order("reset")  # reads everything anew
     gcs = mavlink.MAVLink(None, 255, 190)
     for name, value in (("GF_MAX_HOR_DIST", 150.0), ("GF_MAX_VER_DIST", 80.0)):
-        base.injected.append(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, 9).pack(gcs))
+        base.injected.append(
+            mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, 9).pack(gcs)
+        )
     base.until(State.READY, limit_s=10.0)
 
 
@@ -193,7 +208,11 @@ def test_after_capture_return_flies_home(base):
 
 @pytest.mark.parametrize(
     ("order", "state", "mode"),
-    [(Event.HOLD, State.HOLDING, "HOLD"), (Event.LAND, State.LANDING, "LAND"), (Event.RETURN, State.RETURNING, "RTL")],
+    [
+        (Event.HOLD, State.HOLDING, "HOLD"),
+        (Event.LAND, State.LANDING, "LAND"),
+        (Event.RETURN, State.RETURNING, "RTL"),
+    ],
 )
 def test_sigterm_in_flight_hands_the_vehicle_over_before_the_daemon_ends(base, order, state, mode):
     base = base.engaged()
@@ -252,7 +271,8 @@ def test_a_pilot_takes_over_and_only_a_reset_on_a_persons_word_begins_again(base
     base.run(2.0)
     assert base.order("reset")["accepted"]
     base.until(State.READY)
-    assert base.order("start")["state"] == "standing by"  # in the air already: nothing arms, nothing climbs
+    # In the air already: nothing arms, nothing climbs
+    assert base.order("start")["state"] == "standing by"
     assert base.order("engage")["accepted"]
 
 
@@ -264,7 +284,9 @@ def test_a_reset_in_flight_is_refused(base):
 
 def test_a_configuration_is_read_again_on_the_ground_only(base):
     base = base.ready()
-    slower = parse(Config, {**base.config.model_dump(), "flight": {"takeoff_height_m": 7.0}}, source="again")
+    slower = parse(
+        Config, {**base.config.model_dump(), "flight": {"takeoff_height_m": 7.0}}, source="again"
+    )
     base.daemon.exchange(lambda: plan_of(slower), base.now_s)
     assert base.daemon.flight.settings.takeoff_height_m == 7.0
     base.standing_by()
@@ -302,7 +324,9 @@ def test_setpoints_of_another_source_are_detected_and_the_vehicle_is_set_to_hold
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
 def test_our_own_setpoints_alone_never_raise_the_alarm(base, autopilot):
     parameters = FENCED if autopilot == "px4" else SET_UP
-    base = base(parameters=parameters, vehicle={"autopilot": autopilot}, flight={"after_capture": "shadow"})
+    base = base(
+        parameters=parameters, vehicle={"autopilot": autopilot}, flight={"after_capture": "shadow"}
+    )
     base.engaged().run(25.0)
     assert "setpoints of another source" not in base.log.messages()
     assert base.state is State.ON_STATION
@@ -436,7 +460,8 @@ def test_an_order_out_of_its_time_is_refused_with_what_the_flight_is_doing(base)
 
 def test_a_broken_guarantee_is_said_and_counted(base):
     base = base.engaged()
-    step, alarm = base.daemon.flight.step, Alarm(Violation.CAPTURE_LATER, 1.5)
+    step = base.daemon.flight.step
+    alarm = Alarm(Violation.CAPTURE_LATER, 1.5)
     base.daemon.flight.step = lambda *read: step(*read)._replace(alarm=alarm)
     base.run(0.1)
     said = base.log.messages(logging.WARNING).count(str(Violation.CAPTURE_LATER))
@@ -449,7 +474,9 @@ def test_a_record_that_stops_is_said_once(base):
     base = base(record=record).run(1.0)
     record.failed = "No space left on device"
     base.run(1.0)
-    assert base.log.messages(logging.WARNING).count("recording has stopped; the flight goes on") == 1
+    assert (
+        base.log.messages(logging.WARNING).count("recording has stopped; the flight goes on") == 1
+    )
     base.until(State.READY)
 
 

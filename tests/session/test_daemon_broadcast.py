@@ -91,7 +91,9 @@ def test_an_onlooker_that_hangs_or_dies_changes_no_setpoint(base, bus, fate):
         child.wait()
         child.stdout.close()
     alone = base.engaged().run(3.0)
-    sent, wanted = ([(m.vx, m.vy, m.vz, m.yaw) for m in one.setpoints_since(0.0)] for one in (watched, alone))
+    sent, wanted = (
+        [(m.vx, m.vy, m.vz, m.yaw) for m in one.setpoints_since(0.0)] for one in (watched, alone)
+    )
     assert len(wanted) > 100
     assert sent == wanted
     assert len(broadcast._waiting) <= MAX_WAITING
@@ -122,7 +124,8 @@ def test_who_subscribes_hears_every_cycle_and_event_as_a_record_has_them(base, b
     with open_session(endpoint) as session:
         for what, kept in heard.items():
             session.declare_subscriber(
-                broadcast_key("uav1", what), lambda sample, kept=kept: kept.append((str(sample.encoding), sample))
+                broadcast_key("uav1", what),
+                lambda sample, kept=kept: kept.append((str(sample.encoding), sample)),
             )
         until(lambda: all(map(is_watched, broadcast._publishers.values())))
         base = base(broadcast=broadcast).until(State.READY)
@@ -203,5 +206,7 @@ def test_how_a_flight_ended_is_said_before_its_broadcast_ends(bus):
 
 def test_an_interpreter_that_ends_waits_for_a_thread_in_zenoh_and_tells_it_to_end():
     # A daemon thread is cancelled there, and the process ends with "FATAL: exception not rethrown" and SIGABRT.
-    ended = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, text=True, timeout=30.0, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", ENDING], capture_output=True, text=True, timeout=30.0, check=False
+    )
     assert (ended.returncode, ended.stderr) == (0, "")

@@ -12,13 +12,27 @@ from guidance.session.orders import READ_WITHIN_S
 
 SET_UP = {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1}
 CHANGED = {
-    "px4": [("COM_OF_LOSS_T", 5.0), ("COM_OBL_RC_ACT", -1.0), ("GF_ACTION", 0.0), ("GF_MAX_HOR_DIST", 40.0)],
-    "arducopter": [("GUID_TIMEOUT", 5.0), ("FENCE_ENABLE", 0.0), ("FENCE_ACTION", 0.0), ("FENCE_RADIUS", 40.0)],
+    "px4": [
+        ("COM_OF_LOSS_T", 5.0),
+        ("COM_OBL_RC_ACT", -1.0),
+        ("GF_ACTION", 0.0),
+        ("GF_MAX_HOR_DIST", 40.0),
+    ],
+    "arducopter": [
+        ("GUID_TIMEOUT", 5.0),
+        ("FENCE_ENABLE", 0.0),
+        ("FENCE_ACTION", 0.0),
+        ("FENCE_RADIUS", 40.0),
+    ],
 }
 
 
 def standing_by(base, autopilot):
-    given = {"parameters": SET_UP, "vehicle": {"autopilot": autopilot}} if autopilot == "arducopter" else {}
+    given = (
+        {"parameters": SET_UP, "vehicle": {"autopilot": autopilot}}
+        if autopilot == "arducopter"
+        else {}
+    )
     return base.standing_by(**given)
 
 
@@ -28,7 +42,11 @@ def change(one, name, value):
 
 
 def read_since(one, since_s):
-    return {sent.message.param_id for sent in one.sent if sent.now_s >= since_s and sent.name == "PARAM_REQUEST_READ"}
+    return {
+        sent.message.param_id
+        for sent in one.sent
+        if sent.now_s >= since_s and sent.name == "PARAM_REQUEST_READ"
+    }
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
@@ -61,7 +79,11 @@ def test_who_asks_again_and_again_is_refused_in_a_line_for_each_reason(base):
     one = base.standing_by()
 
     def refused():
-        said = [fields["reason"] for _, message, fields in one.log.lines if message == "order" and "reason" in fields]
+        said = [
+            fields["reason"]
+            for _, message, fields in one.log.lines
+            if message == "order" and "reason" in fields
+        ]
         one.log.lines.clear()
         return [reason.split()[2] for reason in said]
 
@@ -88,7 +110,9 @@ def unanswered(one, name):
         message = mavlink.MAVLink(None).decode(bytearray(frame))
         return message.get_type() != "PARAM_REQUEST_READ" or message.param_id != name
 
-    one.vehicle.step = lambda now_s, frames=(): step(now_s, [frame for frame in frames if heard(frame)])
+    one.vehicle.step = lambda now_s, frames=(): step(
+        now_s, [frame for frame in frames if heard(frame)]
+    )
 
 
 def test_an_unanswered_parameter_refuses_in_time_and_delays_no_other_order(base):
@@ -134,7 +158,9 @@ def test_a_pilots_switch_engages_only_what_still_passes(base):
     one.run(2.0)
     assert one.state is State.STANDING_BY
     (refused,) = [
-        fields for level, message, fields in one.log.lines if level >= logging.WARNING and message == "not engaged"
+        fields
+        for level, message, fields in one.log.lines
+        if level >= logging.WARNING and message == "not engaged"
     ]
     assert "GF_ACTION is 0 (none)" in refused["reason"]
     change(one, "GF_ACTION", 2.0)  # fence and loss parameters are read at each switch

@@ -31,18 +31,26 @@ def corrupted(frame, chance):
     elif how < 0.8:
         bad = value * 1000
     else:
-        bad = next((other for other in fields.values() if type(other) is type(value) and other != value), value)
+        bad = next(
+            (other for other in fields.values() if type(other) is type(value) and other != value),
+            value,
+        )
     spoilt = copy.copy(frame.fields)
     setattr(spoilt, name, bad)
     return frame._replace(fields=spoilt)
 
 
 @pytest.mark.flight
-@pytest.mark.parametrize(("autopilot", "seed"), [("px4", 0), pytest.param("arducopter", 1, marks=pytest.mark.long)])
-def test_a_whole_flight_on_a_wire_that_spoils_one_number_in_thirty_messages(base, monkeypatch, autopilot, seed):
+@pytest.mark.parametrize(
+    ("autopilot", "seed"), [("px4", 0), pytest.param("arducopter", 1, marks=pytest.mark.long)]
+)
+def test_a_whole_flight_on_a_wire_that_spoils_one_number_in_thirty_messages(
+    base, monkeypatch, autopilot, seed
+):
     fenced = {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1.0, "FENCE_RADIUS": 150.0}
     given = {"parameters": fenced} if autopilot == "arducopter" else {}
-    chance, hear = random.Random(seed), PymavlinkLink.hear
+    chance = random.Random(seed)
+    hear = PymavlinkLink.hear
     one = base(vehicle={"autopilot": autopilot}, **given)
 
     def heard(link, frame, received_s):
@@ -104,7 +112,8 @@ def test_the_loop_goes_on_after_a_cycle_that_failed():
         recording = Recording(name, None, None)
 
         def __init__(self):
-            self.cycles, self.survived = 0, []
+            self.cycles = 0
+            self.survived = []
             self.metrics = Metrics("uav1")
 
         def step(self, now_s, _):
@@ -116,7 +125,8 @@ def test_the_loop_goes_on_after_a_cycle_that_failed():
         def survive(self, error, now_s):
             self.survived.append((str(error), round(now_s, 3)))
 
-    daemon, clock = Failing(), VirtualClock()
+    daemon = Failing()
+    clock = VirtualClock()
     run([daemon], World(), clock)
     assert daemon.survived == [("cycle 2", 0.02), ("cycle 3", 0.04)]
     assert daemon.cycles == 5

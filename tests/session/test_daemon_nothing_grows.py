@@ -62,7 +62,10 @@ def grounded(tmp_path, vehicle_document):
     text = [f"name = {json.dumps(config.name)}"]
     for section, keys in vehicle_document().items():
         if isinstance(keys, dict):
-            text += [f"[{section}]", *(f"{key} = {json.dumps(value)}" for key, value in keys.items())]
+            text += [
+                f"[{section}]",
+                *(f"{key} = {json.dumps(value)}" for key, value in keys.items()),
+            ]
     path.write_text("\n".join(text))
     daemon = Daemon(config.name, plan_of(config), Silent(), {"evader": Silent()}, Equipment())
     return daemon, lambda: reload(path, config)

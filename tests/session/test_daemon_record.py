@@ -21,7 +21,9 @@ from guidance.session.vehicle_file import Config
 
 
 @pytest.mark.flight
-def test_both_flights_of_a_daemon_that_was_reset_are_replayed_bit_for_bit(base, vehicle_document, tmp_path):
+def test_both_flights_of_a_daemon_that_was_reset_are_replayed_bit_for_bit(
+    base, vehicle_document, tmp_path
+):
     path = tmp_path / "daemon.mcap"
     recorder = Recorder(path, {"config": json.dumps(vehicle_document())})
     one = base(record=recorder)
@@ -38,7 +40,9 @@ def test_both_flights_of_a_daemon_that_was_reset_are_replayed_bit_for_bit(base, 
     assert comparison.setpoints > 300
     assert comparison.differing == 0
     # The evader stands straight ahead, where every policy flies the same way: a slower pursuer does not.
-    other, _ = compare(path, partial(recorded_settings, changes={"game.speed_m_s": 4.0}), what_if=True)
+    other, _ = compare(
+        path, partial(recorded_settings, changes={"game.speed_m_s": 4.0}), what_if=True
+    )
     assert other.differing > 100
     assert "features" in export(path, tmp_path / "map.geojson", recorded_settings)
 
@@ -80,9 +84,13 @@ def recorder_of(request, monkeypatch, vehicle_document, tmp_path):
 
     def make(room):
         monkeypatch.setattr(FullDisk, "room", room)
-        monkeypatch.setattr(writer, "private_file", lambda path: SimpleNamespace(open=lambda *_, **__: disk(path)))
+        monkeypatch.setattr(
+            writer, "private_file", lambda path: SimpleNamespace(open=lambda *_, **__: disk(path))
+        )
         metadata = {"config": json.dumps(vehicle_document())}
-        return Recorder(tmp_path / "daemon.mcap", metadata, threaded=request.param == "in the background")
+        return Recorder(
+            tmp_path / "daemon.mcap", metadata, threaded=request.param == "in the background"
+        )
 
     def disk(path):
         return BufferedWriter(FullDisk(path, "wb"))
@@ -90,9 +98,12 @@ def recorder_of(request, monkeypatch, vehicle_document, tmp_path):
     return make
 
 
-def test_a_full_disk_is_reported_once_and_the_flight_continues_without_a_record(base, recorder_of, tmp_path):
+def test_a_full_disk_is_reported_once_and_the_flight_continues_without_a_record(
+    base, recorder_of, tmp_path
+):
     recorder = recorder_of(60_000)
-    one, bare = base(record=recorder).engaged().run(3.0), base.engaged().run(3.0)
+    one = base(record=recorder).engaged().run(3.0)
+    bare = base.engaged().run(3.0)
     recorder.close()
     one.run(0.1)
     assert one.log.messages().count(STOPPED) == 1
@@ -101,18 +112,24 @@ def test_a_full_disk_is_reported_once_and_the_flight_continues_without_a_record(
     assert one.metrics.registry.get_sample_value("guidance_events_total", happened) == 1.0
     assert (tmp_path / "daemon.mcap").stat().st_size == 60_000
     assert sum(1 for _ in cycles_of(tmp_path / "daemon.mcap")) > 50  # what was written can be read
-    flown, wanted = ([(m.vx, m.vy, m.vz) for m in each.setpoints_since(0.0)] for each in (one, bare))
+    flown, wanted = (
+        [(m.vx, m.vy, m.vz) for m in each.setpoints_since(0.0)] for each in (one, bare)
+    )
     assert flown[: len(wanted)] == wanted
     assert len(wanted) > 100
 
 
 @pytest.mark.parametrize("required", [True, False])
-def test_a_required_record_that_cannot_be_opened_prevents_the_start(required, base, vehicle_document, tmp_path):
+def test_a_required_record_that_cannot_be_opened_prevents_the_start(
+    required, base, vehicle_document, tmp_path
+):
     (tmp_path / "file").write_text("")
     document = vehicle_document(record={"folder": str(tmp_path / "file" / "records")})
     bare = base()
     with daemon_recording(parse(Config, document, source="test"), {}, bare.log) as unwritten:
-        one = base(record=unwritten, record_required=required).until(State.CHECKING if required else State.READY)
+        one = base(record=unwritten, record_required=required).until(
+            State.CHECKING if required else State.READY
+        )
         one.run(3.0)
         started = one.order("start")
         assert started["accepted"] is not required
@@ -124,7 +141,9 @@ def test_a_required_record_that_cannot_be_opened_prevents_the_start(required, ba
     assert bare.log.messages() == ["the record is incomplete"]
 
 
-def test_a_record_that_is_written_is_said_to_be_on_and_one_that_is_not_wanted_off(base, recorder_of):
+def test_a_record_that_is_written_is_said_to_be_on_and_one_that_is_not_wanted_off(
+    base, recorder_of
+):
     recorder = recorder_of(10_000_000)
     assert base(record=recorder).order("status")["recording"] == "on"
     recorder.close()

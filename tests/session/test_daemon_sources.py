@@ -19,7 +19,8 @@ KEY = bytes(range(32))
 UNDULATION_M = 47.0
 FRAME = LocalFrame(HERE[0], HERE[1], Amsl(HERE[2]), undulation_m=UNDULATION_M)
 EAST_M_S = 1.5
-RADIUS_M, TOLERANCE_M = 6.0, 0.5
+RADIUS_M = 6.0
+TOLERANCE_M = 0.5
 
 
 def place(now_s):
@@ -31,7 +32,10 @@ class BySource:
     """An evader whose reports come at a rate, read from its own bytes by `say`."""
 
     def __init__(self, clock, rate_hz, say):
-        self.clock, self.period_s, self.next_s, self.say = clock, 1.0 / rate_hz, 0.0, say
+        self.clock = clock
+        self.period_s = 1.0 / rate_hz
+        self.next_s = 0.0
+        self.say = say
 
     def receive(self):
         now_s = self.clock.now_s()
@@ -53,7 +57,13 @@ def ros(clock):
     def say(now_s, ned_m):
         north, east, down = ned_m
         seconds = math.floor(now_s)
-        cdr = Cdr("<").put("i", seconds).put("I", round((now_s - seconds) * 1e9)).text("map").text("base_link")
+        cdr = (
+            Cdr("<")
+            .put("i", seconds)
+            .put("I", round((now_s - seconds) * 1e9))
+            .text("map")
+            .text("base_link")
+        )
         cdr.put("d", east, north, -down, 0.0, 0.0, 0.0, 1.0)
         body = cdr.put("d", *[0.01] * 36, EAST_M_S, 0.0, 0.0, 0.0, 0.0, 0.0, *[0.01] * 36).done()
         return [read_ros(body, now_s, frame=FRAME, moves=True)]
@@ -64,10 +74,8 @@ def ros(clock):
 def remote_id(clock):
     """OPEN_DRONE_ID_LOCATION once a second: the height above the ellipsoid, the seconds of the hour."""
     ours, radio = MemoryWire.pair(clock.now_s)
-    source, sender = (
-        MavlinkEvader(ours, carrier_of("open_drone_id", FRAME), system_id=9),
-        mavlink.MAVLink(None, 9, 1),
-    )
+    source = MavlinkEvader(ours, carrier_of("open_drone_id", FRAME), system_id=9)
+    sender = mavlink.MAVLink(None, 9, 1)
 
     def say(now_s, ned_m):
         latitude, longitude, altitude = FRAME.wgs84_from_ned(ned_m)
@@ -109,8 +117,10 @@ def test_on_a_signed_link_nobody_is_pursued_whose_reports_are_not_signed(base):
     one.run(0.5)
     assert one.order("engage")["accepted"]
     one.until(State.ENGAGED)
-    forger, heard = mavlink.MAVLink(None, 2, 1), one.evader.counters()["unsigned"]
-    cycles, each = 100, 4
+    forger = mavlink.MAVLink(None, 2, 1)
+    heard = one.evader.counters()["unsigned"]
+    cycles = 100
+    each = 4
     for _ in range(cycles):
         for _ in range(each):
             elsewhere = mavlink.MAVLink_global_position_int_message(

@@ -74,8 +74,11 @@ def test_the_predicted_value_is_the_closed_form_of_the_stand_off_game(pe):
     result, _ = pe
     x, y, z = result.engaged.pursuer_game_m
     d = math.dist((x, y), result.engaged.evader_game_m[:2]) - 3.0
-    v, delta2 = 1.5, 4.0
-    closed_form = (d + math.sqrt((delta2 - 1) * (z - 5.0) ** 2 + delta2 * d * d)) / (v * (delta2 - 1))
+    v = 1.5
+    delta2 = 4.0
+    closed_form = (d + math.sqrt((delta2 - 1) * (z - 5.0) ** 2 + delta2 * d * d)) / (
+        v * (delta2 - 1)
+    )
     # Slightly more, because the evader's position is some 0.01 s old and the evader may have moved since.
     assert closed_form <= result.engaged.value <= closed_form + 0.1
     # The outcome's is to where the disc counts as reached, 0.5 m before it, from a pursuer that knows all.
@@ -89,7 +92,11 @@ def test_the_papers_tad_game_ends_about_as_far_from_the_target_as_its_value(tad)
 
 def test_the_flight_went_through_every_phase_in_order(pe):
     result, _ = pe
-    changes = [happening.after for happening in result.happenings if happening.after is not happening.before]
+    changes = [
+        happening.after
+        for happening in result.happenings
+        if happening.after is not happening.before
+    ]
     assert changes == [
         State.CHECKING,
         State.READY,
@@ -107,7 +114,11 @@ def test_the_flight_went_through_every_phase_in_order(pe):
 
 def test_the_pursuer_stays_above_the_stand_off_height_until_it_lands(pe):
     result, _ = pe
-    heights = [sample.pursuer_m[2] for sample in result.samples if sample.state in (State.ENGAGED, State.ON_STATION)]
+    heights = [
+        sample.pursuer_m[2]
+        for sample in result.samples
+        if sample.state in (State.ENGAGED, State.ON_STATION)
+    ]
     assert min(heights) > 5.0 - 1.0
 
 
@@ -122,7 +133,8 @@ def test_the_record_holds_every_cycle_every_frame_and_every_event(pe):
             if channel.topic == CYCLE.topic:
                 setpoints += "setpoint" in json.loads(message.data)
     assert counts[CYCLE.topic] == result.cycles
-    assert counts[EVENT.topic] == 1 + len(result.happenings) + len(result.alarms)  # one begins the flight
+    # One begins the flight
+    assert counts[EVENT.topic] == 1 + len(result.happenings) + len(result.alarms)
     assert setpoints == result.setpoints_sent
     assert counts["pursuer/mavlink_raw/in"] >= result.setpoints_sent
     assert counts["pursuer/mavlink_raw/out"] > 100 * result.duration_s
@@ -131,10 +143,15 @@ def test_the_record_holds_every_cycle_every_frame_and_every_event(pe):
 def test_one_setpoint_goes_out_a_cycle_and_none_outside_of_the_guided_states(pe):
     _, path = pe
     with path.open("rb") as stream:
-        rows = [json.loads(message.data) for _, _, message in make_reader(stream).iter_messages(topics=[CYCLE.topic])]
+        rows = [
+            json.loads(message.data)
+            for _, _, message in make_reader(stream).iter_messages(topics=[CYCLE.topic])
+        ]
     guided = {"entering", "engaged", "paused", "on station"}
     assert all("setpoint" in row for row in rows if row["state"] in guided)
-    silent = [row for row in rows if row["state"] not in guided | {"holding", "landing", "returning"}]
+    silent = [
+        row for row in rows if row["state"] not in guided | {"holding", "landing", "returning"}
+    ]
     assert len(silent) > 100
     assert not any("setpoint" in row for row in silent)
 
@@ -143,7 +160,8 @@ def test_two_runs_with_one_seed_are_one_record_and_another_seed_is_another(tmp_p
     flown(NEAR, tmp_path / "again.mcap")
     flown(NEAR.model_copy(update={"seed": 7}), tmp_path / "other.mcap")
     first, again, other = (
-        path.read_bytes() for path in (short_flight[1], tmp_path / "again.mcap", tmp_path / "other.mcap")
+        path.read_bytes()
+        for path in (short_flight[1], tmp_path / "again.mcap", tmp_path / "other.mcap")
     )
     assert first == again
     assert first != other
@@ -168,17 +186,22 @@ def test_the_live_line_is_told_about_ten_times_a_second():
     result = flown(NEAR, watch=seen.append)
     assert result.cycles / 6 < len(seen) < result.cycles / 5
     engaged = [progress for progress in seen if progress.state is State.ENGAGED]
-    assert all(progress.certificate is not None and progress.mode == "OFFBOARD" for progress in engaged)
+    assert all(
+        progress.certificate is not None and progress.mode == "OFFBOARD" for progress in engaged
+    )
 
 
 def test_on_the_isochron_both_players_arrive_at_once():
     scenario = load_scenario("pe")[1]
     standoff = game(scenario).standoff
-    P, E = (40.0, 7.1, 47.05), (39.6, 48.0, 0.0)
+    P = (40.0, 7.1, 47.05)
+    E = (39.6, 48.0, 0.0)
     for x, y in isochron(game(scenario), P, E, points=25):
         evader_s = math.hypot(x - E[0], y - E[1]) / 1.5
         ground = max(0.0, math.hypot(x - P[0], y - P[1]) - standoff.radius_m)
-        assert math.hypot(ground, P[2] - standoff.height_m) / 3.0 == pytest.approx(evader_s, rel=1e-6)
+        assert math.hypot(ground, P[2] - standoff.height_m) / 3.0 == pytest.approx(
+            evader_s, rel=1e-6
+        )
 
 
 def test_two_flights_at_once_have_a_folder_each_and_an_empty_one_goes(tmp_path):

@@ -71,7 +71,15 @@ def test_a_vehicle_that_will_not_arm_never_engages_and_says_so():
 
 def test_faults_of_the_evader_count_from_engagement_though_it_is_guided_long_before():
     result, outcome = flown(
-        fault=[{"kind": "evader_stale", "vehicle": "evader", "at_s": 2.0, "for_s": 3.0, "as": "silence"}]
+        fault=[
+            {
+                "kind": "evader_stale",
+                "vehicle": "evader",
+                "at_s": 2.0,
+                "for_s": 3.0,
+                "as": "silence",
+            }
+        ]
     )
     assert outcome.end == "captured"
     lost = next(each for each in result.happenings if each.event == "evader lost")
@@ -93,7 +101,8 @@ def test_wind_blows_on_the_pursuer_for_the_whole_flight_and_is_captured_against(
 
 def test_the_files_for_a_child_process_say_what_is_flown_in_this_one():
     windy = scenario(
-        wind={"velocity_m_s": (1.0, -0.5)}, fault=[{"kind": "loss", "after": "start", "messages": ["HEARTBEAT"]}]
+        wind={"velocity_m_s": (1.0, -0.5)},
+        fault=[{"kind": "loss", "after": "start", "messages": ["HEARTBEAT"]}],
     )
     for document in (fleet(windy), script(windy)):
         assert tomllib.loads(tomli_w.dumps(document)) == document
@@ -103,14 +112,19 @@ def test_the_files_for_a_child_process_say_what_is_flown_in_this_one():
     ("fault", "words"),
     [
         ({"kind": "gremlins"}, "fault[1].kind = 'gremlins': allowed are loss"),
-        ({"kind": "ekf_jump", "nort": 4.0}, "fault[1].nort = 4.0: ekf_jump has no such key; allowed are north"),
+        (
+            {"kind": "ekf_jump", "nort": 4.0},
+            "fault[1].nort = 4.0: ekf_jump has no such key; allowed are north",
+        ),
         ({"kind": "ekf_jump", "north": "far"}, "fault[1].north = 'far': allowed is a number"),
         ({"kind": "pilot_mode", "mode": "SLEEP"}, "fault[1].mode = 'SLEEP': allowed are"),
         ({"kind": "pilot_mode"}, "fault[1].mode is missing"),
     ],
 )
 @pytest.mark.parametrize("after", ["engaged", "start"])
-def test_a_wrong_fault_is_refused_by_its_place_key_and_value_before_anything_starts(fault, words, after):
+def test_a_wrong_fault_is_refused_by_its_place_key_and_value_before_anything_starts(
+    fault, words, after
+):
     wrong = scenario(fault=[{"kind": "silence", "at_s": 1.0}, {**fault, "after": after}])
     with pytest.raises(ConfigError) as caught:
         faulted_fleet(wrong)
@@ -119,5 +133,7 @@ def test_a_wrong_fault_is_refused_by_its_place_key_and_value_before_anything_sta
 
 def test_a_flight_with_a_wrong_fault_leaves_nothing_behind(tmp_path):
     with pytest.raises(ConfigError, match="gremlins"):
-        fly_recorded(scenario(fault=[{"kind": "gremlins"}]), tmp_path / "out", MockOptions(fast=True))
+        fly_recorded(
+            scenario(fault=[{"kind": "gremlins"}]), tmp_path / "out", MockOptions(fast=True)
+        )
     assert list(tmp_path.iterdir()) == []

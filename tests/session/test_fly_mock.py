@@ -73,13 +73,19 @@ def test_a_pursuit_is_flown_in_real_time_over_mavlink_and_zenoh(tmp_path, link):
     out, err = process.communicate(timeout=120)
     assert process.returncode == 0, out + err + silences(tmp_path / "out" / "record.mcap")
     assert "captured" in out
-    pauses = len(re.findall(r"paused: loop late$", out, re.MULTILINE))  # of this machine's; none where it has time
-    assert 0.85 < float(re.search(r"flown / predicted +([\d.]+)", out)[1]) < 1.15 + PAUSE_TO_VALUE * pauses, out
+    # Of this machine's; none where it has time
+    pauses = len(re.findall(r"paused: loop late$", out, re.MULTILINE))
+    assert (
+        0.85
+        < float(re.search(r"flown / predicted +([\d.]+)", out)[1])
+        < 1.15 + PAUSE_TO_VALUE * pauses
+    ), out
     with (tmp_path / "out" / "record.mcap").open("rb") as stream:
         summary = make_reader(stream).get_summary()
     sent = int(re.search(r"setpoints sent +(\d+)", out)[1])
     topics = {
-        channel.topic: summary.statistics.channel_message_counts[key] for key, channel in summary.channels.items()
+        channel.topic: summary.statistics.channel_message_counts[key]
+        for key, channel in summary.channels.items()
     }
     assert topics["pursuer/mavlink_raw/in"] >= sent > 300
     assert (tmp_path / "out" / "flight.png").stat().st_size > 20_000

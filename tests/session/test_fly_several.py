@@ -22,7 +22,8 @@ EAST_M = 60.0
 
 def moved(scenario, east_m):
     """The same game elsewhere."""
-    (px, py, pz), (ex, ey) = scenario.pursuer.position_m, scenario.evader.position_m
+    (px, py, pz) = scenario.pursuer.position_m
+    (ex, ey) = scenario.evader.position_m
     pursuer = scenario.pursuer.model_copy(update={"position_m": (px + east_m, py, pz)})
     evader = scenario.evader.model_copy(update={"position_m": (ex + east_m, ey)})
     return scenario.model_copy(update={"pursuer": pursuer, "evader": evader})
@@ -31,10 +32,13 @@ def moved(scenario, east_m):
 @pytest.fixture(scope="module")
 def several(tmp_path_factory):
     """Two vehicles, each with its own evader, and the record of each."""
-    folder, clock = tmp_path_factory.mktemp("several"), VirtualClock()
+    folder = tmp_path_factory.mktemp("several")
+    clock = VirtualClock()
     pursuits = (Pursuit(NEAR, "north", "rover1"), Pursuit(moved(NEAR, EAST_M), "south", "rover2"))
     world = SteppedWorld(pursuits, clock)
-    records = {one.vehicle: Recorder(folder / f"{one.vehicle}.mcap", {"seed": "1"}) for one in pursuits}
+    records = {
+        one.vehicle: Recorder(folder / f"{one.vehicle}.mcap", {"seed": "1"}) for one in pursuits
+    }
     shown = []
     used = {name: Equipment(record=record) for name, record in records.items()}
     result = Mission(pursuits, world, clock, equipment=used, show=shown.append).fly()
@@ -50,7 +54,8 @@ def test_two_vehicles_capture_an_evader_each_in_one_world(several):
     assert list(result.vehicles) == ["north", "south"]
     assert list(result.evaders) == ["rover1", "rover2"]
     for pursuit in pursuits:
-        one, evader = result.vehicles[pursuit.vehicle], result.evaders[pursuit.evader]
+        one = result.vehicles[pursuit.vehicle]
+        evader = result.evaders[pursuit.evader]
         assert (one.ended, outcome_of_flight(one, "fast").end) == (State.LANDED, "captured")
         assert evader.captured_by == pursuit.vehicle
         assert one.samples[0].pursuer_m == pytest.approx((*pursuit.scenario.home_m, 0.0), abs=0.5)
@@ -74,11 +79,18 @@ def test_every_vehicle_has_its_own_record_that_names_it_and_replays_bit_for_bit(
     for pursuit in pursuits:
         path = folder / f"{pursuit.vehicle}.mcap"
         assert {cycle.vehicle for cycle in cycles_of(path)} == {pursuit.vehicle}
-        raw = {item.topic.partition("/")[0] for item in scan(path) if item.topic.endswith(("/in", "/out"))}
+        raw = {
+            item.topic.partition("/")[0]
+            for item in scan(path)
+            if item.topic.endswith(("/in", "/out"))
+        }
         assert raw == {pursuit.vehicle, "rover1", "rover2"}
         settings = plan_of(scenario=pursuit.scenario).flight
         comparison, _ = compare(path, lambda _, settings=settings: settings)
-        assert (comparison.differing, comparison.setpoints) == (0, result.vehicles[pursuit.vehicle].setpoints_sent)
+        assert (comparison.differing, comparison.setpoints) == (
+            0,
+            result.vehicles[pursuit.vehicle].setpoints_sent,
+        )
 
 
 @pytest.mark.flight

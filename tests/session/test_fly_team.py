@@ -43,7 +43,8 @@ def test_the_team_captures_what_it_guarantees_and_lands(guard):
     assert [row.end for row in rows] == ["captured", "captured"]
     assert {row.guaranteed for row in rows} == {2}
     assert {one.ended for one in flown.vehicles.values()} == {State.LANDED}
-    for row in rows:  # the distance of a capture from the target is at least nine tenths of what was promised
+    # The distance of a capture from the target is at least nine tenths of what was promised
+    for row in rows:
         assert row.ratio > 0.9
 
 
@@ -51,7 +52,12 @@ def test_the_team_captures_what_it_guarantees_and_lands(guard):
 def test_nobody_arms_before_all_are_ready_and_nobody_engages_before_all_stand_by(guard):
     flown, _ = guard
     times = {
-        event: [one.now_s for each in flown.vehicles.values() for one in each.happenings if one.event is event]
+        event: [
+            one.now_s
+            for each in flown.vehicles.values()
+            for one in each.happenings
+            if one.event is event
+        ]
         for event in (Event.FIT, Event.START, Event.AT_START, Event.ENGAGE)
     }
     assert max(times[Event.FIT]) <= min(times[Event.START])
@@ -61,7 +67,9 @@ def test_nobody_arms_before_all_are_ready_and_nobody_engages_before_all_stand_by
 @pytest.mark.flight
 def test_the_separation_is_kept(guard):
     flown, _ = guard
-    assert flown.least_distance_m(GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
+    assert (
+        flown.least_distance_m(GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
+    )
 
 
 @pytest.mark.flight
@@ -112,7 +120,10 @@ def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path):
 def test_the_replay_of_one_vehicle_has_all_vehicles_of_the_flight(guard, tmp_path):
     _, folder = guard
     replay = replay_of(folder / "uav3" / "record.mcap")
-    assert (replay["vehicle"], [mate["vehicle"] for mate in replay["mates"]]) == ("uav3", ["uav1", "uav2"])
+    assert (replay["vehicle"], [mate["vehicle"] for mate in replay["mates"]]) == (
+        "uav3",
+        ["uav1", "uav2"],
+    )
     assert replay["frames"][-1]["against"] == "rover2"
     for mate in replay["mates"]:
         assert mate["frames"][-1]["now_s"] == pytest.approx(replay["frames"][-1]["now_s"], abs=0.2)
@@ -144,15 +155,20 @@ def test_a_team_flies_pursuit_evasion_and_vehicles_at_one_evader_are_stacked():
         for name, result in flown.vehicles.items()
     }
     for one, other in combinations(stations.values(), 2):
-        level_m, height_m = math.dist(one[:2], other[:2]), abs(one[2] - other[2])
+        level_m = math.dist(one[:2], other[:2])
+        height_m = abs(one[2] - other[2])
         assert level_m > chase.flight.separation_m or height_m > chase.flight.separation_height_m
-    assert math.dist(stations["uav2"][:2], stations["uav3"][:2]) < chase.flight.separation_m  # at the same evader
-    assert flown.least_distance_m(chase.flight.separation_height_m) > chase.flight.separation_m - 0.5
+    # At the same evader
+    assert math.dist(stations["uav2"][:2], stations["uav3"][:2]) < chase.flight.separation_m
+    assert (
+        flown.least_distance_m(chase.flight.separation_height_m) > chase.flight.separation_m - 0.5
+    )
 
 
 @pytest.mark.flight
 def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_captures(monkeypatch):
-    networks, engaged_s = [], []
+    networks = []
+    engaged_s = []
 
     def joined(name, _, clock):
         if not networks:
@@ -169,7 +185,9 @@ def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_ca
 
     flown = fly_recorded(GUARD, None, MockOptions(fast=True), Onlooker(cut))
     assert [row.end for row in team_rows(GUARD, "fast", flown)] == ["captured", "captured"]
-    assert flown.least_distance_m(GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
+    assert (
+        flown.least_distance_m(GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
+    )
     boards = [member.board for member in flown.members.values()]
     assert len({(board.roles.vehicle, board.roles.term) for board in boards}) == 1
     assert boards[0].roles.term >= 2

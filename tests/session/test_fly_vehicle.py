@@ -85,7 +85,9 @@ class World(VirtualClock):
 
     def by_hand(self, *requests, until, limit_s=40.0):
         """Send requests from another sender with its own link, and wait until the condition holds."""
-        other = PymavlinkLink(self.mock.wire(), self.now_s, system_id=1, own_system_id=255, own_component_id=190)
+        other = PymavlinkLink(
+            self.mock.wire(), self.now_s, system_id=1, own_system_id=255, own_component_id=190
+        )
         for request in requests:
             other.request(request)
         end_s = self.now_s() + limit_s
@@ -150,7 +152,9 @@ def sortie():
 
 @pytest.mark.flight
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("arducopter", marks=pytest.mark.long)])
-def test_a_scenario_is_flown_about_the_home_of_a_vehicle_that_stands_elsewhere_and_comes_home(sortie, autopilot):
+def test_a_scenario_is_flown_about_the_home_of_a_vehicle_that_stands_elsewhere_and_comes_home(
+    sortie, autopilot
+):
     world = World(autopilot)
     flown = sortie(world).run()
     outcome = flown.outcome()
@@ -179,7 +183,10 @@ def test_faults_and_wind_that_only_a_mock_can_have_fall_away_and_the_evaders_sta
         NEAR.model_dump()
         | {
             "wind": {"velocity_m_s": (1.0, 0.0)},
-            "fault": (fault, {"kind": "evader_silent", "vehicle": "evader", "at_s": 2.0, "for_s": 1.0}),
+            "fault": (
+                fault,
+                {"kind": "evader_silent", "vehicle": "evader", "at_s": 2.0, "for_s": 1.0},
+            ),
         }
     )
     laid = laid_about(scenario, *World().meet(), "arducopter")
@@ -195,15 +202,21 @@ def test_an_arducopter_that_has_just_been_switched_on_is_waited_for(sortie):
     assert flown.state is State.ARMING
     assert world.now_s() > 35.0
     waited = {one.waiting for one in (*world.shown, *flown.shown) if one.waiting}
-    assert any("not received" in words or "the autopilot's own checks fail" in words for words in waited), waited
+    assert any(
+        "not received" in words or "the autopilot's own checks fail" in words for words in waited
+    ), waited
 
 
-def test_a_vehicle_that_never_gets_ready_is_given_up_with_the_reason_and_nothing_armed(sortie, monkeypatch):
+def test_a_vehicle_that_never_gets_ready_is_given_up_with_the_reason_and_nothing_armed(
+    sortie, monkeypatch
+):
     monkeypatch.setattr("guidance.session.mission.READY_WITHIN_S", 20.0)
     world = World()
     flown = sortie(world)
     world.faulted.inject({"kind": "arm_refused", "text": "Compass not calibrated"})
-    with pytest.raises(FlightError, match=r"not ready to fly within 20 s: prearm .*nothing was armed"):
+    with pytest.raises(
+        FlightError, match=r"not ready to fly within 20 s: prearm .*nothing was armed"
+    ):
         flown.run()
     assert world.ordered() == []
     assert not world.vehicle.armed
@@ -213,8 +226,12 @@ def test_a_vehicle_that_does_not_know_its_place_is_given_up(monkeypatch):
     monkeypatch.setattr("guidance.session.discovery.PLACED_WITHIN_S", 6.0)
     world = World()
     world.sleep_until(0.1)
-    world.faulted.inject({"kind": "loss", "probability": 1.0, "messages": ["HOME_POSITION"], "direction": "out"})
-    with pytest.raises(FlightError, match=r"not ready within 6 s: HOME_POSITION not received.*Nothing was armed"):
+    world.faulted.inject(
+        {"kind": "loss", "probability": 1.0, "messages": ["HOME_POSITION"], "direction": "out"}
+    )
+    with pytest.raises(
+        FlightError, match=r"not ready within 6 s: HOME_POSITION not received.*Nothing was armed"
+    ):
         world.meet()
     assert world.ordered() == []
 
@@ -225,7 +242,9 @@ def test_a_vehicle_that_another_hand_has_armed_is_refused(autopilot):
     world.sleep_until(4.0)
     guided = world.profile.set_mode(world.profile.arming_mode)
     world.by_hand(guided, world.profile.arm(), until=lambda: world.vehicle.armed)
-    with pytest.raises(FlightError, match="armed by someone else: disarm it first; no order was given"):
+    with pytest.raises(
+        FlightError, match="armed by someone else: disarm it first; no order was given"
+    ):
         world.meet()
     assert world.ordered() == []
 
@@ -238,7 +257,9 @@ def test_a_vehicle_in_the_air_is_refused():
     world.by_hand(world.profile.arm(), until=lambda: world.vehicle.armed)
     world.by_hand(takeoff, until=lambda: world.vehicle.truth.position_ned_m[2] < -8.0)
     world.ordered()
-    with pytest.raises(FlightError, match="in the air already: land and disarm it first; no order was given"):
+    with pytest.raises(
+        FlightError, match="in the air already: land and disarm it first; no order was given"
+    ):
         world.meet()
     assert world.ordered() == []
 
@@ -288,13 +309,21 @@ def test_whoever_ends_the_run_in_flight_has_the_vehicle_landed(sortie):
         (PX4_FOUND._replace(autopilot=3), "px4", r"is arducopter, not --autopilot px4"),
         (PX4_FOUND, "arducopter", r"is px4, not --autopilot arducopter"),
         (PX4_FOUND, "copter", "autopilot = 'copter': allowed are px4, arducopter"),
-        (PX4_FOUND._replace(autopilot=4), None, r"MAV_AUTOPILOT 4; supported are px4 \(12\) and arducopter \(3\)"),
+        (
+            PX4_FOUND._replace(autopilot=4),
+            None,
+            r"MAV_AUTOPILOT 4; supported are px4 \(12\) and arducopter \(3\)",
+        ),
         (
             PX4_FOUND._replace(autopilot=3, vehicle_type=10),
             None,
             "MAV_TYPE 10: arducopter is flown as a multicopter only",
         ),
-        (PX4_FOUND._replace(vehicle_type=1), None, "MAV_TYPE 1: px4 is flown as a multicopter only"),
+        (
+            PX4_FOUND._replace(vehicle_type=1),
+            None,
+            "MAV_TYPE 1: px4 is flown as a multicopter only",
+        ),
     ],
 )
 def test_an_autopilot_that_is_not_flown_or_not_meant_is_refused(found, asked, words):
@@ -309,7 +338,9 @@ def test_the_flavour_is_found_where_none_is_given():
 
 def beat(system_id, component_id, kind, autopilot, base_mode=0):
     sender = mavlink.MAVLink(None, system_id, component_id)
-    return bytes(mavlink.MAVLink_heartbeat_message(kind, autopilot, base_mode, 0, 3, 3).pack(sender))
+    return bytes(
+        mavlink.MAVLink_heartbeat_message(kind, autopilot, base_mode, 0, 3, 3).pack(sender)
+    )
 
 
 def test_the_first_autopilot_is_found_among_ground_stations_cameras_and_garbage():
@@ -317,16 +348,21 @@ def test_the_first_autopilot_is_found_among_ground_stations_cameras_and_garbage(
     ours, end = MemoryWire.pair(clock.now_s)
     for frame in (beat(255, 190, 6, 8), b"\x00garbage", beat(7, 100, 30, 8), beat(7, 1, 2, 3, 128)):
         end.send(frame)
-    found = find_autopilot(ours, clock=clock.now_s, timeout_s=1.0, sleep=lambda _: None, who="there")
+    found = find_autopilot(
+        ours, clock=clock.now_s, timeout_s=1.0, sleep=lambda _: None, who="there"
+    )
     assert found == Found(7, 1, 3, 2)
-    assert len(end.receive()) == 1  # our own HEARTBEAT, without which a vehicle that is called would not answer
+    # Our own HEARTBEAT, without which a vehicle that is called would not answer
+    assert len(end.receive()) == 1
 
 
 def test_where_no_autopilot_is_heard_it_is_said_what_was():
     clock = VirtualClock()
     ours, end = MemoryWire.pair(clock.now_s)
     end.send(beat(255, 190, 6, 8))
-    with pytest.raises(LinkError, match=r"there: no autopilot's HEARTBEAT within 4 s \(1 other frames heard\)"):
+    with pytest.raises(
+        LinkError, match=r"there: no autopilot's HEARTBEAT within 4 s \(1 other frames heard\)"
+    ):
         find_autopilot(
             ours,
             clock=clock.now_s,
@@ -365,11 +401,23 @@ def test_a_vehicle_that_may_be_real_is_asked_for_first(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--vehicle", "udpin://127.0.0.1:14540", "--fast"), "--fast: only without it, with the mock"),
-        (("--vehicle", "udpin://127.0.0.1:14540", "--port", "7000"), "--port: only without it, with the mock"),
+        (
+            ("--vehicle", "udpin://127.0.0.1:14540", "--fast"),
+            "--fast: only without it, with the mock",
+        ),
+        (
+            ("--vehicle", "udpin://127.0.0.1:14540", "--port", "7000"),
+            "--port: only without it, with the mock",
+        ),
         (("--vehicle", "px4"), "url = 'px4'"),
-        (("--vehicle", "udpin://127.0.0.1:14540", "--end", "hover"), "--end hover: allowed are return, land"),
-        (("--vehicle", "udpin://127.0.0.1:14540", "--link", "ros"), "--link ros: allowed are mavsdk, pymavlink"),
+        (
+            ("--vehicle", "udpin://127.0.0.1:14540", "--end", "hover"),
+            "--end hover: allowed are return, land",
+        ),
+        (
+            ("--vehicle", "udpin://127.0.0.1:14540", "--link", "ros"),
+            "--link ros: allowed are mavsdk, pymavlink",
+        ),
     ],
 )
 def test_arguments_that_cannot_be_meant_are_refused(tmp_path, monkeypatch, arguments, words):
@@ -383,7 +431,12 @@ def test_arguments_that_cannot_be_meant_are_refused(tmp_path, monkeypatch, argum
 @pytest.mark.slow
 def test_guidance_fly_flies_a_vehicle_that_was_started_elsewhere(tmp_path):
     """The other autopilot and the other link are flown so by `tests.acceptance`, and land where the game ended."""
-    vehicle = {"name": "uav1", "flavour": "px4", "ready_after_s": 1.0, "parameters": FENCED["px4"] | SOON_DOWN}
+    vehicle = {
+        "name": "uav1",
+        "flavour": "px4",
+        "ready_after_s": 1.0,
+        "parameters": FENCED["px4"] | SOON_DOWN,
+    }
     with running([vehicle], over=["udp"]) as fleet:
         out = tmp_path / "out"
         done = subprocess.run(

@@ -27,7 +27,9 @@ def rows(config=None):
 
 def vehicle(**sections):
     config = load_vehicle(find("px4", "vehicles"))
-    changed = {name: getattr(config, name).model_copy(update=keys) for name, keys in sections.items()}
+    changed = {
+        name: getattr(config, name).model_copy(update=keys) for name, keys in sections.items()
+    }
     return config.model_copy(update=changed)
 
 
@@ -43,7 +45,9 @@ def test_a_port_that_is_taken_keeps_the_daemon_from_starting():
     assert found[f"orders {endpoint}"].verdict is Verdict.REFUSE
     assert "guidance ctl status" in found[f"orders {endpoint}"].advice
     free = rows(vehicle(vehicle={"url": url}, control={"endpoint": endpoint}))
-    assert {free[f"vehicle.url {url}"].verdict, free[f"orders {endpoint}"].verdict} == {Verdict.PASS}
+    assert {free[f"vehicle.url {url}"].verdict, free[f"orders {endpoint}"].verdict} == {
+        Verdict.PASS
+    }
 
 
 def test_scheduling_that_is_not_permitted_and_a_late_clock_are_told(monkeypatch):
@@ -53,7 +57,10 @@ def test_scheduling_that_is_not_permitted_and_a_late_clock_are_told(monkeypatch)
     monkeypatch.setattr(os, "sched_setscheduler", refused)
     monkeypatch.setattr(checkup, "LATE_S", -1.0)
     found = rows()
-    assert (found["scheduling"].verdict, "CPUSchedulingPolicy=rr" in found["scheduling"].advice) == (Verdict.WARN, True)
+    assert (
+        found["scheduling"].verdict,
+        "CPUSchedulingPolicy=rr" in found["scheduling"].advice,
+    ) == (Verdict.WARN, True)
     assert found["cadence"].verdict is Verdict.WARN
 
 
@@ -65,13 +72,19 @@ def test_the_scheduling_that_was_tried_is_given_back():
 
 def test_a_serial_port_that_is_not_there_and_a_full_disk(monkeypatch, tmp_path):
     monkeypatch.setattr(checkup, "FLIGHT_BYTES", 10**18)
-    config = vehicle(vehicle={"url": "serial:///dev/no-such-port:921600"}, record={"folder": tmp_path / "a" / "b"})
+    config = vehicle(
+        vehicle={"url": "serial:///dev/no-such-port:921600"},
+        record={"folder": tmp_path / "a" / "b"},
+    )
     found = rows(config)
     assert found["/dev/no-such-port"].verdict is Verdict.REFUSE
     assert found["disk"].verdict is Verdict.WARN
     assert found["record folder"].value == f"{tmp_path / 'a' / 'b'}: writable"
     (tmp_path / "file").touch()
-    assert rows(vehicle(record={"folder": tmp_path / "file" / "b"}))["record folder"].verdict is Verdict.REFUSE
+    assert (
+        rows(vehicle(record={"folder": tmp_path / "file" / "b"}))["record folder"].verdict
+        is Verdict.REFUSE
+    )
 
 
 def test_the_command_ends_with_4_where_something_is_refused(monkeypatch):

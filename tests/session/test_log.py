@@ -16,7 +16,13 @@ def test_json_lines_carry_the_fields_as_they_are(text_log):
     log.close()
     (row,) = rows()
     assert row.pop("time") > 1.7e9
-    assert row == {"level": "warning", "message": "battery low", "state": "returning", "left": 0.19, "unknown": None}
+    assert row == {
+        "level": "warning",
+        "message": "battery low",
+        "state": "returning",
+        "left": 0.19,
+        "unknown": None,
+    }
 
 
 def test_console_lines_are_for_people(text_log):

@@ -20,7 +20,17 @@ from guidance.flight import Event
 from guidance.links.wires import CapturedFrame
 from guidance.log.writer import Recorder
 from guidance.session.flight_files import Recording
-from guidance.session.loop import AGE_S, MOST_NUDGE_S, PERIOD_S, SWITCH_S, Signals, claim, next_due, nudge_s, run
+from guidance.session.loop import (
+    AGE_S,
+    MOST_NUDGE_S,
+    PERIOD_S,
+    SWITCH_S,
+    Signals,
+    claim,
+    next_due,
+    nudge_s,
+    run,
+)
 from guidance.session.observability import Metrics
 
 
@@ -95,7 +105,9 @@ def clock():
 def test_the_loop_keeps_its_grid_and_makes_up_for_nothing(clock):
     daemon, metrics = looped(clock, [0.001, 0.05, 0.001, 0.001])
     assert daemon.begun_s == [0.0, 0.02, 0.08, 0.1]
-    assert metrics.registry.get_sample_value("guidance_late_cycles_total", {"vehicle": "uav1"}) == 2.0
+    assert (
+        metrics.registry.get_sample_value("guidance_late_cycles_total", {"vehicle": "uav1"}) == 2.0
+    )
 
 
 @pytest.mark.parametrize("phase_s", [0.0, 0.0019, 0.006, 0.0119, 0.0121, 0.019])
@@ -118,13 +130,19 @@ def test_a_nudge_is_towards_the_age_that_is_wanted_and_small(age_s):
     nudge = nudge_s(age_s)
     assert abs(nudge) <= MOST_NUDGE_S
     if nudge:
-        away_s, after_s = (abs(math.remainder(age - AGE_S, PERIOD_S)) for age in (age_s, age_s + nudge))
+        away_s, after_s = (
+            abs(math.remainder(age - AGE_S, PERIOD_S)) for age in (age_s, age_s + nudge)
+        )
         assert after_s < away_s
 
 
-def test_garbage_is_collected_between_cycles_where_there_is_time_and_nowhere_else(clock, monkeypatch):
+def test_garbage_is_collected_between_cycles_where_there_is_time_and_nowhere_else(
+    clock, monkeypatch
+):
     collected = []
-    monkeypatch.setattr(gc, "collect", lambda generation=2: collected.append((round(clock.now_s(), 3), generation)))
+    monkeypatch.setattr(
+        gc, "collect", lambda generation=2: collected.append((round(clock.now_s(), 3), generation))
+    )
     looped(clock, [0.001] * 100 + [0.018] * 30 + [0.001] * 1600)
     assert gc.isenabled()
     assert collected[0] == (0.0, 2)  # before the first cycle
@@ -150,7 +168,8 @@ def test_while_the_loop_runs_nothing_is_collected_by_chance(clock):
 
 
 def test_the_processor_is_claimed_as_far_as_it_is_permitted_and_what_was_had_is_said(monkeypatch):
-    had, before_s = [], sys.getswitchinterval()
+    had = []
+    before_s = sys.getswitchinterval()
     refused = PermissionError(errno.EPERM, "not permitted")
 
     def taking(name, allowed):
@@ -179,7 +198,9 @@ def test_the_processor_is_claimed_as_far_as_it_is_permitted_and_what_was_had_is_
             assert claim() == said
             assert {name for name, _ in had} <= {said.split()[0]}
             if had:  # every thread of the process, not the loop's alone; others may come and go
-                assert {threading.get_native_id(), beside.native_id} <= {thread for _, thread in had}
+                assert {threading.get_native_id(), beside.native_id} <= {
+                    thread for _, thread in had
+                }
         assert sys.getswitchinterval() == pytest.approx(SWITCH_S)
     finally:
         ended.set()
@@ -188,9 +209,14 @@ def test_the_processor_is_claimed_as_far_as_it_is_permitted_and_what_was_had_is_
 
 def test_signals_are_acted_on_by_the_loop(clock):
     signals = signals_of()
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
+    before = {
+        number: signal.getsignal(number)
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+    }
     with signals.installed():
-        with pytest.raises(SystemExit) as ended:  # before the vehicle is found, there is nothing to hand over
+        with pytest.raises(
+            SystemExit
+        ) as ended:  # before the vehicle is found, there is nothing to hand over
             os.kill(os.getpid(), signal.SIGTERM)
         assert ended.value.code == 0
         signals.looping = True

@@ -10,5 +10,7 @@ def test_the_loop_and_daemon_of_a_real_vehicle_import_no_simulator():
     imported = ", ".join(f"guidance.session.{module}" for module in MODULES)
     code = f"import sys, {imported}; print(*sorted(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    simulator = [name for name in done.stdout.split() if name.startswith(("guidance.sim", "sitl_mock"))]
+    simulator = [
+        name for name in done.stdout.split() if name.startswith(("guidance.sim", "sitl_mock"))
+    ]
     assert simulator == []

@@ -45,7 +45,12 @@ DOCUMENT = {
 CHASE = {
     "title": "a chase",
     "game": "pe",
-    "pursuer": {"position_m": (0.0, 0.0, 14.0), "speed_m_s": 6.0, "speed_set": "cylinder", "takeoff_height_m": 14.0},
+    "pursuer": {
+        "position_m": (0.0, 0.0, 14.0),
+        "speed_m_s": 6.0,
+        "speed_set": "cylinder",
+        "takeoff_height_m": 14.0,
+    },
     "evader": {"position_m": (6.0, 24.0), "speed_m_s": 3.0},
     "standoff": {"radius_m": 8.0, "height_m": 10.0, "tolerance_m": 1.0},
     "hold_s": 0.5,
@@ -123,7 +128,9 @@ def test_a_start_outside_of_the_fence_about_home_is_refused_on_the_ground(sortie
     somewhere = {"latitude_deg": 47.5, "longitude_deg": 8.545594, "altitude_amsl_m": 488.0}
     elsewhere = sortie(own(), scenario())
     elsewhere.daemon.exchange(lambda: plan_of(own(), scenario(site=somewhere)), 0.0)
-    with pytest.raises(FlightError, match=r"pursuer.position_m is 11\d{3} m from the vehicle's home"):
+    with pytest.raises(
+        FlightError, match=r"pursuer.position_m is 11\d{3} m from the vehicle's home"
+    ):
         elsewhere.run(60.0)
 
 
@@ -137,22 +144,32 @@ def test_limits_are_the_tighter_of_both_files():
 
 
 def test_speed_limits_are_the_tighter_of_both_files_too():
-    assert merged(scenario(), own()).limits.speed_m_s == pytest.approx(1.1 * scenario().pursuer.speed_m_s)
+    assert merged(scenario(), own()).limits.speed_m_s == pytest.approx(
+        1.1 * scenario().pursuer.speed_m_s
+    )
     tight = own(limits={"speed_m_s": 6.2}), scenario(limits={"speed_m_s": 7.0})
     assert merged(tight[1], tight[0]).limits.speed_m_s == 6.2
 
 
 def test_a_library_scenario_flies_with_the_supplied_vehicle_file():
     config = load(Config, find("px4", "vehicles"))
-    assert plan_of(config, load_scenario("evader_turns")[1]).flight.cycle.game.evader_speed_m_s == 3.0
+    assert (
+        plan_of(config, load_scenario("evader_turns")[1]).flight.cycle.game.evader_speed_m_s == 3.0
+    )
 
 
 @pytest.mark.parametrize(
     ("sections", "keys"),
     [
-        ({"pursuer": {"autopilot": "arducopter"}}, ("pursuer.autopilot = 'arducopter'", "vehicle.autopilot = 'px4'")),
+        (
+            {"pursuer": {"autopilot": "arducopter"}},
+            ("pursuer.autopilot = 'arducopter'", "vehicle.autopilot = 'px4'"),
+        ),
         ({"pursuer": {"speed_m_s": 9.0}}, ("pursuer.speed_m_s = 9", "game.speed_m_s = 6")),
-        ({"pursuer": {"descent_m_s": 2.5}}, ("pursuer.descent_m_s = 2.5", "game.descent_m_s = 1.5")),
+        (
+            {"pursuer": {"descent_m_s": 2.5}},
+            ("pursuer.descent_m_s = 2.5", "game.descent_m_s = 1.5"),
+        ),
         ({"evader": {"speed_m_s": 1.0}}, ("evader.speed_m_s = 1", "game.evader_speed_m_s = 3")),
         (
             {"evader": {"speed_m_s": 3.5, "declared_speed_m_s": 2.0}},
@@ -160,9 +177,18 @@ def test_a_library_scenario_flies_with_the_supplied_vehicle_file():
         ),
         ({"standoff": {"radius_m": 3.0}}, ("standoff.radius_m = 3", "game.standoff_radius_m = 8")),
         ({"standoff": {"height_m": 6.0}}, ("standoff.height_m = 6", "game.standoff_height_m = 10")),
-        ({"pursuer": {"position_m": (0.0, 0.0, 70.0)}}, ("pursuer.position_m", "limits.ceiling_m = 60")),
-        ({"pursuer": {"takeoff_height_m": 3.0}}, ("pursuer.takeoff_height_m", "limits.floor_m = 5")),
-        ({"pursuer": {"position_m": (0.0, 150.0, 14.0)}}, ("pursuer.position_m", "limits.fence_radius_m = 100")),
+        (
+            {"pursuer": {"position_m": (0.0, 0.0, 70.0)}},
+            ("pursuer.position_m", "limits.ceiling_m = 60"),
+        ),
+        (
+            {"pursuer": {"takeoff_height_m": 3.0}},
+            ("pursuer.takeoff_height_m", "limits.floor_m = 5"),
+        ),
+        (
+            {"pursuer": {"position_m": (0.0, 150.0, 14.0)}},
+            ("pursuer.position_m", "limits.fence_radius_m = 100"),
+        ),
     ],
 )
 def test_values_that_contradict_each_other_are_refused_with_both_keys(sections, keys):
@@ -197,8 +223,24 @@ system_id = 2
 request_rate_hz = 20.0
 """
         )
-        command = [GUIDANCE, "scenario", "run", "evader_turns", "--as", "vehicle", "--engage", "--yes"]
-        command += ["--config", tmp_path / "uav1.toml", "--out", tmp_path, "--json", tmp_path / "row.json"]
+        command = [
+            GUIDANCE,
+            "scenario",
+            "run",
+            "evader_turns",
+            "--as",
+            "vehicle",
+            "--engage",
+            "--yes",
+        ]
+        command += [
+            "--config",
+            tmp_path / "uav1.toml",
+            "--out",
+            tmp_path,
+            "--json",
+            tmp_path / "row.json",
+        ]
         done = subprocess.run(command, capture_output=True, text=True, timeout=150, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     row = json.loads((tmp_path / "row.json").read_text())

@@ -14,7 +14,8 @@ from guidance.session.discovery import Surveyed, survey, vehicle_file, write_new
 from guidance.session.vehicle_file import Config, load_vehicle
 
 QUADROTOR = 2
-PX4, ARDUPILOT = 12, 3
+PX4 = 12
+ARDUPILOT = 3
 
 
 def read_file(text):
@@ -27,13 +28,22 @@ def px4(**parameters):
 
 
 def test_what_the_autopilot_allows_less_of_is_less_in_the_file():
-    surveyed = px4(MPC_XY_VEL_MAX=4.4, MPC_Z_VEL_MAX_DN=0.7, GF_MAX_HOR_DIST=120.0, GF_MAX_VER_DIST=40.0)
-    config = read_file(vehicle_file("px4", name="uav7", url="serial:///dev/ttyACM0:921600", surveyed=surveyed))
-    assert (config.name, config.vehicle.system_id, config.vehicle.url) == ("uav7", 7, "serial:///dev/ttyACM0:921600")
+    surveyed = px4(
+        MPC_XY_VEL_MAX=4.4, MPC_Z_VEL_MAX_DN=0.7, GF_MAX_HOR_DIST=120.0, GF_MAX_VER_DIST=40.0
+    )
+    config = read_file(
+        vehicle_file("px4", name="uav7", url="serial:///dev/ttyACM0:921600", surveyed=surveyed)
+    )
+    assert (config.name, config.vehicle.system_id, config.vehicle.url) == (
+        "uav7",
+        7,
+        "serial:///dev/ttyACM0:921600",
+    )
     assert (config.game.speed_m_s, config.game.descent_m_s) == (4.0, 0.6)
     assert (config.limits.fence_radius_m, config.limits.ceiling_m) == (115.0, 35.0)
     assert config.speed_limits.speed_m_s <= 4.4 + 1e-9
-    assert config.game.climb_m_s == 2.0  # 3 m/s are allowed, and more than the file's own is not taken
+    # 3 m/s are allowed, and more than the file's own is not taken
+    assert config.game.climb_m_s == 2.0
 
 
 def test_a_slow_and_low_vehicle_gets_a_game_that_it_can_play():
@@ -44,10 +54,19 @@ def test_a_slow_and_low_vehicle_gets_a_game_that_it_can_play():
 
 
 def test_centimetres_are_read_as_such_and_a_fence_that_is_off_is_said():
-    told = {"WPNAV_SPEED": 500.0, "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0, "FENCE_RADIUS": 150.0}
+    told = {
+        "WPNAV_SPEED": 500.0,
+        "WPNAV_SPEED_UP": 250.0,
+        "WPNAV_SPEED_DN": 150.0,
+        "FENCE_RADIUS": 150.0,
+    }
     surveyed = Surveyed("arducopter", Found(1, 1, ARDUPILOT, QUADROTOR), told)
     config = read_file(vehicle_file("arducopter", name="uav1", surveyed=surveyed))
-    assert (config.game.speed_m_s, config.game.descent_m_s, config.limits.fence_radius_m) == (4.5, 1.3, 145.0)
+    assert (config.game.speed_m_s, config.game.descent_m_s, config.limits.fence_radius_m) == (
+        4.5,
+        1.3,
+        145.0,
+    )
     text = vehicle_file("px4", name="uav1", surveyed=px4(GF_MAX_HOR_DIST=0.0))
     assert "GF_MAX_HOR_DIST is 0, which is off: guidance check refuses" in text
     assert "#   GF_MAX_VER_DIST    not read" in text
@@ -83,7 +102,12 @@ def test_the_limits_of_a_vehicle_that_runs_are_read(flavour, mock_vehicle):
     surveyed = survey(vehicle.udp)
     assert surveyed.autopilot == flavour
     assert set(surveyed.parameters) == {bound.parameter for bound in AUTOPILOTS[flavour].bounds}
-    assert read_file(vehicle_file(flavour, name="uav1", url=vehicle.udp, surveyed=surveyed)).vehicle.url == vehicle.udp
+    assert (
+        read_file(
+            vehicle_file(flavour, name="uav1", url=vehicle.udp, surveyed=surveyed)
+        ).vehicle.url
+        == vehicle.udp
+    )
     with pytest.raises(ConfigError, match="not --autopilot"):
         survey(vehicle.udp, "arducopter" if flavour == "px4" else "px4")
 

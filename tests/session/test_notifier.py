@@ -35,7 +35,13 @@ def test_systemd_hears_readiness_life_status_and_the_end(systemd):
         notifier.alive(0.02 * cycle)
         notifier.status("ready, mode hold")
     notifier.say("STOPPING=1")
-    assert read() == ["READY=1", "WATCHDOG=1", "STATUS=ready, mode hold", "WATCHDOG=1", "STOPPING=1"]
+    assert read() == [
+        "READY=1",
+        "WATCHDOG=1",
+        "STATUS=ready, mode hold",
+        "WATCHDOG=1",
+        "STOPPING=1",
+    ]
 
 
 @pytest.mark.parametrize(

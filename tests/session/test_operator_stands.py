@@ -18,7 +18,12 @@ RUNNERS = {
     "fly --vehicle": MissionPolicy(engage=True, end_with=Event.LAND, hand_over=Event.LAND),
     "scenario run --as vehicle": MissionPolicy(engage=True, hand_over=Event.LAND),
 }
-LEADS_TO = {"hold": State.HOLDING, "return": State.RETURNING, "land": State.LANDING, "abort": State.LANDING}
+LEADS_TO = {
+    "hold": State.HOLDING,
+    "return": State.RETURNING,
+    "land": State.LANDING,
+    "abort": State.LANDING,
+}
 STANDS_S = 30.0
 SET_UP = {"px4": FENCED, "arducopter": {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1}}
 NEXT = {
@@ -35,11 +40,13 @@ class Operator:
         self.mailbox = Mailbox()
         self.orders = list(orders)  # (state, seconds in it, order)
         self.shown = []
-        self.state, self.since_s = None, 0.0
+        self.state = None
+        self.since_s = 0.0
 
     def watch(self, progress):
         if progress.state is not self.state:
-            self.state, self.since_s = progress.state, progress.now_s
+            self.state = progress.state
+            self.since_s = progress.now_s
         self.shown.append(progress)
         if self.orders:
             state, wait_s, order = self.orders[0]
@@ -54,7 +61,9 @@ class Operator:
         world = SteppedWorld(scenario, clock)
         try:
             used = {"pursuer": Equipment(mailbox=self.mailbox)}
-            flown = Mission(scenario, world, clock, equipment=used, policy=policy, show=self.watch).fly()
+            flown = Mission(
+                scenario, world, clock, equipment=used, policy=policy, show=self.watch
+            ).fly()
             self.result = flown.vehicles["pursuer"]
         finally:
             world.close()
@@ -66,7 +75,9 @@ def by_operator(result):
     """Every change that a person ordered, and when; and what came next."""
     changes = [one for one in result.happenings if one.after is not one.before]
     return [
-        (one, changes[number + 1 : number + 2]) for number, one in enumerate(changes) if one.by is Authority.OPERATOR
+        (one, changes[number + 1 : number + 2])
+        for number, one in enumerate(changes)
+        if one.by is Authority.OPERATOR
     ]
 
 
@@ -84,7 +95,11 @@ def test_a_hold_in_the_game_is_kept_for_30_s_until_land_is_ordered(runner, autop
     result = operator.fly(RUNNERS[runner], autopilot=autopilot)
     (held, (landing,)), _ = by_operator(result)
     assert (held.event, held.before, held.after) == (Event.HOLD, State.ENGAGED, State.HOLDING)
-    assert (landing.event, landing.by, landing.after) == (Event.LAND, Authority.OPERATOR, State.LANDING)
+    assert (landing.event, landing.by, landing.after) == (
+        Event.LAND,
+        Authority.OPERATOR,
+        State.LANDING,
+    )
     assert landing.now_s - held.now_s >= STANDS_S
     if RUNNERS[runner].end_with is not None:
         assert result.ended is State.LANDED
@@ -164,7 +179,8 @@ def test_a_hold_outlasts_the_longest_mission(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "order"), [*(("px4", order) for order in LEADS_TO), ("arducopter", "hold"), ("arducopter", "land")]
+    ("autopilot", "order"),
+    [*(("px4", order) for order in LEADS_TO), ("arducopter", "hold"), ("arducopter", "land")],
 )
 def test_a_daemon_without_a_mission_keeps_every_order_too(base, autopilot, order):
     base = base.engaged(parameters=SET_UP[autopilot], vehicle={"autopilot": autopilot})

@@ -15,16 +15,24 @@ def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():
 
 
 def test_before_the_loop_runs_an_order_is_answered_with_what_is_waited_for():
-    clock, mailbox = VirtualClock(), Mailbox()
+    clock = VirtualClock()
+    mailbox = Mailbox()
     mailbox.meanwhile = startup_answers("uav1", "a HEARTBEAT of system 1 at udp://", 30.0, clock)
     clock.sleep_until(2.5)
     status = mailbox.ask("status").result(0.0)
-    assert (status["accepted"], status["name"], status["state"], status["waited_s"]) == (True, "uav1", "waiting", 2.5)
+    assert (status["accepted"], status["name"], status["state"], status["waited_s"]) == (
+        True,
+        "uav1",
+        "waiting",
+        2.5,
+    )
     assert status["waiting_for"] == "a HEARTBEAT of system 1 at udp://"
     engage = mailbox.ask("engage").result(0.0)
     assert not engage["accepted"]
     assert engage["reason"].endswith("at udp://, 2.5 s so far")
-    assert mailbox.ask("jump").result(0.0)["reason"].startswith("order = 'jump': allowed are abort, ")
+    assert (
+        mailbox.ask("jump").result(0.0)["reason"].startswith("order = 'jump': allowed are abort, ")
+    )
     assert mailbox.take() == ([], [])
     mailbox.meanwhile = None
     mailbox.ask("status")

@@ -96,7 +96,12 @@ def test_what_is_missing_is_listed_with_what_to_do_about_it(base):
 def test_who_gave_an_order_is_kept_in_log_and_record_with_what_was_answered(base):
     record = KeptRecord()
     base = base(record=record).until(State.READY)
-    for word, by in (("engage", "panel, Ana"), ("start", "ctl, ben"), ("status", "panel"), ("hold", "")):
+    for word, by in (
+        ("engage", "panel, Ana"),
+        ("start", "ctl, ben"),
+        ("status", "panel"),
+        ("hold", ""),
+    ):
         base.mailbox.ask(word, by)
         base.cycle()
     told = [detail for event, detail in record.events if event == ORDERED]

@@ -36,13 +36,15 @@ class Directed:
         happenings = ()
         if state is not self.flight.state:
             happenings = (Happening(now_s, Event.GUIDED, self.flight.state, state),)
-            self.flight.state, self.flight.cause = state, happenings[0]
+            self.flight.state = state
+            self.flight.cause = happenings[0]
         self.daemon.outputs = Outputs(state, None, (), happenings, None, cause=self.flight.cause)
         self.vehicle.after(now_s, 0.0, None)
 
     def orders(self, now_s, *, ready=True, fresh=True):
         """Return the orders that come to the daemon."""
-        self.player.ready, self.silence_s = ready, 0.0 if fresh else 1.6
+        self.player.ready = ready
+        self.silence_s = 0.0 if fresh else 1.6
         self.vehicle.before(now_s)
         orders, _ = self.daemon.mailbox.take()
         return [one.order for one in orders]
@@ -121,7 +123,9 @@ def test_a_pilot_who_took_over_is_watched_for_two_seconds_and_given_no_orders(di
     assert directed.finished
 
 
-@pytest.mark.parametrize(("state", "limit_s"), [(State.READY, 60.0), (State.RETURNING, 300.0), (State.LANDING, 300.0)])
+@pytest.mark.parametrize(
+    ("state", "limit_s"), [(State.READY, 60.0), (State.RETURNING, 300.0), (State.LANDING, 300.0)]
+)
 def test_a_state_that_leads_nowhere_is_given_up(directed, state, limit_s):
     directed.told(5.0, state)
     directed.told(4.9 + limit_s, state)

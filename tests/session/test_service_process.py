@@ -85,7 +85,8 @@ def answer(link, parameter, limit_s=10.0):
 
 def until(control, *states, limit_s=30.0):
     """Ask where the flight stands until it stands there: not by a process for each question, which flies slower."""
-    deadline_s, answer = time.monotonic() + limit_s, {}
+    deadline_s = time.monotonic() + limit_s
+    answer = {}
     while time.monotonic() < deadline_s:
         with contextlib.suppress(LinkError):  # not there yet
             answer = ask(STATUS, endpoint=control, name=None)
@@ -135,19 +136,24 @@ def systemd(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "autopilot", "link"), [("uav1", "px4", "mavsdk"), ("copter", "arducopter", "pymavlink")]
+    ("name", "autopilot", "link"),
+    [("uav1", "px4", "mavsdk"), ("copter", "arducopter", "pymavlink")],
 )
 def test_a_daemon_flies_by_orders_refuses_a_second_one_and_lands_on_sigterm(
     fleet, vehicle_file, systemd, tmp_path, name, autopilot, link
 ):
     path, control = vehicle_file(name, autopilot=autopilot, link=link)
     environment = {**os.environ, "NOTIFY_SOCKET": systemd.path, "WATCHDOG_USEC": "3000000"}
-    daemon = subprocess.Popen([GUIDANCE, "run", path], stderr=subprocess.PIPE, text=True, env=environment)
+    daemon = subprocess.Popen(
+        [GUIDANCE, "run", path], stderr=subprocess.PIPE, text=True, env=environment
+    )
     try:
         systemd.wait_for("READY=1")
         until(control, "ready")
         rival, _ = vehicle_file(name, autopilot=autopilot)
-        second = subprocess.run([GUIDANCE, "run", rival], capture_output=True, text=True, timeout=20, check=False)
+        second = subprocess.run(
+            [GUIDANCE, "run", rival], capture_output=True, text=True, timeout=20, check=False
+        )
         assert second.returncode == 3
         assert "another daemon owns this vehicle" in second.stderr
         assert ctl(control, "engage") == 4
@@ -181,7 +187,8 @@ def test_a_daemon_flies_by_orders_refuses_a_second_one_and_lands_on_sigterm(
     with record.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     counts = {
-        channel.topic: summary.statistics.channel_message_counts[key] for key, channel in summary.channels.items()
+        channel.topic: summary.statistics.channel_message_counts[key]
+        for key, channel in summary.channels.items()
     }
     assert counts["guidance/cycle"] > 300
     assert counts[f"{name}/mavlink_raw/in"] > 100
@@ -192,14 +199,21 @@ def test_a_daemon_flies_by_orders_refuses_a_second_one_and_lands_on_sigterm(
 def test_check_prints_every_row_and_its_verdict(vehicle_file):
     environment = {**os.environ, "COLUMNS": "240"}
     fenced, _ = vehicle_file("uav1")
-    done = subprocess.run([GUIDANCE, "check", fenced], capture_output=True, text=True, env=environment, check=False)
+    done = subprocess.run(
+        [GUIDANCE, "check", fenced], capture_output=True, text=True, env=environment, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "nothing is refused" in done.stdout
     unfenced, _ = vehicle_file("unfenced", link="mavsdk")
-    done = subprocess.run([GUIDANCE, "check", unfenced, "--json"], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [GUIDANCE, "check", unfenced, "--json"], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 4, done.stdout + done.stderr
     rows = {row["name"]: row for row in json.loads(done.stdout)}
-    assert [name for name, row in rows.items() if row["verdict"] == "refuse"] == ["GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"]
+    assert [name for name, row in rows.items() if row["verdict"] == "refuse"] == [
+        "GF_MAX_HOR_DIST",
+        "GF_MAX_VER_DIST",
+    ]
     assert rows["GF_MAX_HOR_DIST"]["advice"].startswith("param set GF_MAX_HOR_DIST 105")
     assert rows["local = global"]["verdict"] == "pass"
     assert rows["LOCAL_POSITION_NED"]["verdict"] == "pass"
@@ -225,7 +239,9 @@ def test_a_daemon_waits_for_a_missing_vehicle_and_then_ends_with_one_message(veh
         (["ctl", "hold", "--endpoint", "tcp/127.0.0.1:9"], 3, "no session within"),
     ],
 )
-def test_what_cannot_be_done_ends_with_one_clear_message(arguments, code, words, tmp_path, monkeypatch):
+def test_what_cannot_be_done_ends_with_one_clear_message(
+    arguments, code, words, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     done = guidance(*arguments)
     assert done.returncode == code

@@ -11,8 +11,18 @@ from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from tests.harness.vehicle import document
 
-ROVER2 = {"kind": "global_position", "url": "udpin://127.0.0.1:14542", "system_id": 3, "speed_m_s": 2.0}
-TEAM = {"name": "north", "mates": ["uav2", "uav3"], "evader": "rover1", "evaders": {"rover2": ROVER2}}
+ROVER2 = {
+    "kind": "global_position",
+    "url": "udpin://127.0.0.1:14542",
+    "system_id": 3,
+    "speed_m_s": 2.0,
+}
+TEAM = {
+    "name": "north",
+    "mates": ["uav2", "uav3"],
+    "evader": "rover1",
+    "evaders": {"rover2": ROVER2},
+}
 
 
 def config(**more):
@@ -41,7 +51,14 @@ def test_a_record_of_a_vehicle_of_a_team_replays_with_its_separation():
         ({"mates": []}, "team.mates"),
         ({"evader": "rover2"}, "is \\[evader\\] already"),
         ({"evaders": {"rover2": ROVER2 | {"speed_m_s": 7.0}}}, "must be below game.speed_m_s = 6"),
-        ({"evaders": {"rover2": {"kind": "adsb", "speed_m_s": 2.0, "system_id": 3, "icao_address": 5}}}, "url: miss"),
+        (
+            {
+                "evaders": {
+                    "rover2": {"kind": "adsb", "speed_m_s": 2.0, "system_id": 3, "icao_address": 5}
+                }
+            },
+            "url: miss",
+        ),
         ({"name": "no/slash"}, "team.name"),
     ],
 )

@@ -25,7 +25,10 @@ class Vehicle:
     """A daemon's side of the bus; it follows every order and notes it."""
 
     def __init__(self, name, mailbox):
-        self.name, self.mailbox, self.orders, self.refused = name, mailbox, [], {"start": "", "engage": ""}
+        self.name = name
+        self.mailbox = mailbox
+        self.orders = []
+        self.refused = {"start": "", "engage": ""}
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -35,7 +38,12 @@ class Vehicle:
             for question in itertools.chain(*self.mailbox.take()):
                 if question.order != "status":
                     self.orders.append(question.order)
-                said = {"accepted": True, "order": question.order, "state": "ready", "refused_orders": self.refused}
+                said = {
+                    "accepted": True,
+                    "order": question.order,
+                    "state": "ready",
+                    "refused_orders": self.refused,
+                }
                 question.set_result(said)
 
     def close(self):
@@ -46,13 +54,18 @@ class Vehicle:
 @pytest.fixture
 def team(tmp_path):
     """Three vehicles of the team north and one without a team, all at one endpoint."""
-    endpoint, token, vehicles = free_endpoint(), tmp_path / "token", {}
+    endpoint = free_endpoint()
+    token = tmp_path / "token"
+    vehicles = {}
     with contextlib.ExitStack() as closing:
 
         def add(name, team):
-            mailbox, mates = Mailbox(), [mate for mate in NAMES if mate != name]
+            mailbox = Mailbox()
+            mates = [mate for mate in NAMES if mate != name]
             vehicles[name] = closing.enter_context(contextlib.closing(Vehicle(name, mailbox)))
-            control = Control(endpoint=endpoint, host=not vehicles.keys() - {name}, token_file=token)
+            control = Control(
+                endpoint=endpoint, host=not vehicles.keys() - {name}, token_file=token
+            )
             bus = ControlBus(name, mailbox, control, team=team, mates=mates if team else ())
             closing.callback(bus.close)
 
@@ -66,23 +79,38 @@ def team(tmp_path):
                 return order_team(session, order, team, names, timeout_s=1.0)
 
         vehicles["asked"] = asked
-        vehicles["endpoint"], vehicles["token"] = endpoint, token
+        vehicles["endpoint"] = endpoint
+        vehicles["token"] = token
         yield vehicles
 
 
 def test_a_hold_reaches_the_whole_team_and_only_that_and_names_who_is_silent(team):
     answers = team["asked"]("hold")
-    assert [(one["name"], one["accepted"]) for one in answers] == [("uav1", True), ("uav2", True), ("uav3", False)]
+    assert [(one["name"], one["accepted"]) for one in answers] == [
+        ("uav1", True),
+        ("uav2", True),
+        ("uav3", False),
+    ]
     assert "no answer" in answers[2]["reason"]
-    assert (team["uav1"].orders, team["uav2"].orders, team["single"].orders) == (["hold"], ["hold"], [])
+    assert (team["uav1"].orders, team["uav2"].orders, team["single"].orders) == (
+        ["hold"],
+        ["hold"],
+        [],
+    )
 
 
 def test_nobody_starts_before_all_are_there_and_would_accept(team):
-    assert {one["name"]: one["reason"] for one in team["asked"]("start")}["uav1"] == "waits for uav3"
+    assert {one["name"]: one["reason"] for one in team["asked"]("start")}[
+        "uav1"
+    ] == "waits for uav3"
     team["add"]("uav3", "north")
     team["uav2"].refused = {"start": "not ready: battery", "engage": ""}
     reasons = {one["name"]: one["reason"] for one in team["asked"]("start")}
-    assert reasons == {"uav1": "waits for uav2", "uav2": "not ready: battery", "uav3": "waits for uav2"}
+    assert reasons == {
+        "uav1": "waits for uav2",
+        "uav2": "not ready: battery",
+        "uav3": "waits for uav2",
+    }
     assert not any(team[name].orders for name in NAMES)
     team["uav2"].refused = {"start": "", "engage": ""}
     assert all(one["accepted"] for one in team["asked"]("start"))
@@ -111,7 +139,16 @@ def test_one_vehicle_of_the_team_is_ordered_alone(team):
 
 
 def test_the_command_prints_a_line_for_each_vehicle(team):
-    words = ["ctl", "hold", "--team", "north", "--endpoint", team["endpoint"], "--token-file", str(team["token"])]
+    words = [
+        "ctl",
+        "hold",
+        "--team",
+        "north",
+        "--endpoint",
+        team["endpoint"],
+        "--token-file",
+        str(team["token"]),
+    ]
     said = CliRunner().invoke(app, [*words, "--name", "uav1,uav2"])
     assert said.exit_code == 0
     assert said.output.splitlines() == ["uav1: hold accepted, ready", "uav2: hold accepted, ready"]

@@ -107,7 +107,9 @@ def test_what_only_the_core_can_judge_is_refused_as_well(read, sections, words):
         plan_of(read(**sections))
 
 
-@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7448", "tcp/[::1]:7448", "unixsock-stream//run/guidance.sock"])
+@pytest.mark.parametrize(
+    "endpoint", ["tcp/127.0.0.1:7448", "tcp/[::1]:7448", "unixsock-stream//run/guidance.sock"]
+)
 def test_loopback_endpoints_are_allowed(read, endpoint):
     assert read(control={"endpoint": endpoint}).control.endpoint == endpoint
 
@@ -120,11 +122,17 @@ def test_the_vehicle_files_that_come_along_can_be_flown(name):
     assert isinstance(settings.cycle.game.pursuer, Cylinder)
     assert settings.engage_on is EngageOn.COMMAND
     assert config.preflight.fence_required
-    assert find(f"config/vehicles/{name}.toml", "vehicles").resolve() == find(name, "vehicles").resolve()
+    assert (
+        find(f"config/vehicles/{name}.toml", "vehicles").resolve()
+        == find(name, "vehicles").resolve()
+    )
 
 
 def test_every_vehicle_file_is_tested():
-    assert {path.stem for path in (config_folder() / "vehicles").glob("*.toml")} == {"px4", "arducopter"}
+    assert {path.stem for path in (config_folder() / "vehicles").glob("*.toml")} == {
+        "px4",
+        "arducopter",
+    }
 
 
 def test_defaults_are_the_safe_ones(read):
@@ -149,9 +157,16 @@ def test_the_limits_follow_the_game_and_bind_outside_of_it(read):
 
 
 def test_speed_limits_are_keys_of_their_own_and_the_games_speeds_stay(read):
-    config = read(game={"speed_m_s": 6.0, "descent_m_s": 1.5}, limits={"speed_m_s": 6.0, "descent_m_s": 1.5})
-    envelope, speeds = plan_of(config).flight.cycle.envelope, plan_of(config).flight.cycle.game.pursuer
-    assert (envelope.speed_m_s, envelope.descent_m_s) == (6.0, 1.5) == (speeds.horizontal_m_s, speeds.descent_m_s)
+    config = read(
+        game={"speed_m_s": 6.0, "descent_m_s": 1.5}, limits={"speed_m_s": 6.0, "descent_m_s": 1.5}
+    )
+    envelope = plan_of(config).flight.cycle.envelope
+    speeds = plan_of(config).flight.cycle.game.pursuer
+    assert (
+        (envelope.speed_m_s, envelope.descent_m_s)
+        == (6.0, 1.5)
+        == (speeds.horizontal_m_s, speeds.descent_m_s)
+    )
     assert envelope.climb_m_s == pytest.approx(1.1 * speeds.climb_m_s)
 
 
@@ -220,7 +235,10 @@ def drawn(polygons=((True, TRIANGLE),), circles=()):
     """A plan as QGroundControl saves it."""
     fence = {
         "circles": list(circles),
-        "polygons": [{"inclusion": inclusion, "polygon": corners, "version": 1} for inclusion, corners in polygons],
+        "polygons": [
+            {"inclusion": inclusion, "polygon": corners, "version": 1}
+            for inclusion, corners in polygons
+        ],
         "version": 2,
     }
     return {"fileType": "Plan", "geoFence": fence, "mission": {"items": []}, "version": 1}
@@ -252,8 +270,14 @@ def test_the_fence_of_a_plan_takes_the_place_of_its_name(tmp_path):
         ("[]", "has no geoFence"),
         ('{"geoFence": null}', "has no geoFence"),
         (json.dumps(drawn(polygons=())), "0 polygons"),
-        (json.dumps(drawn(polygons=[(True, TRIANGLE)] * 2)), "2 polygons (0 of them not for inclusion)"),
-        (json.dumps(drawn(polygons=[(False, TRIANGLE)])), "1 polygons (1 of them not for inclusion)"),
+        (
+            json.dumps(drawn(polygons=[(True, TRIANGLE)] * 2)),
+            "2 polygons (0 of them not for inclusion)",
+        ),
+        (
+            json.dumps(drawn(polygons=[(False, TRIANGLE)])),
+            "1 polygons (1 of them not for inclusion)",
+        ),
         (json.dumps(drawn(circles=[{"inclusion": True}])), "1 circles"),
         (json.dumps(drawn(polygons=[(True, [[47.0]])])), "not a list of latitude and longitude"),
         (json.dumps(drawn(polygons=[(True, None)])), "not a list of latitude and longitude"),
@@ -264,7 +288,9 @@ def test_a_plan_without_one_inclusion_polygon_is_refused_with_the_key(tmp_path, 
     with pytest.raises(ConfigError) as refused:
         load_vehicle(vehicle_with_plan(tmp_path, text))
     assert words in str(refused.value)
-    assert "limits.fence_plan_file" in str(refused.value) or "limits.fence_polygon_deg" in str(refused.value)
+    assert "limits.fence_plan_file" in str(refused.value) or "limits.fence_polygon_deg" in str(
+        refused.value
+    )
 
 
 def test_a_plan_may_hold_the_target(tmp_path):
@@ -282,9 +308,15 @@ def test_a_plan_may_hold_the_target(tmp_path):
 
 def test_sources_of_evaders_need_what_they_need_and_no_more(read):
     assert read(evader={"kind": "json", "url": ZENOH, "system_id": None}).evader.kind == "json"
-    assert read(evader={"kind": "ros_pose", "url": ZENOH, "frame": FRAME}).evader.frame.undulation_m is None
+    assert (
+        read(evader={"kind": "ros_pose", "url": ZENOH, "frame": FRAME}).evader.frame.undulation_m
+        is None
+    )
     assert read(evader={"url": None}).evader.url is None
-    assert read(evader={"url": None}, vehicle={"link": "mavsdk", "url": ZENOH}).vehicle.link == "mavsdk"
+    assert (
+        read(evader={"url": None}, vehicle={"link": "mavsdk", "url": ZENOH}).vehicle.link
+        == "mavsdk"
+    )
     assert read(vehicle={"signing_key_file": "key"}).vehicle.signing_key_file == Path("key")
 
 
@@ -301,5 +333,7 @@ def test_a_file_read_again_may_change_the_flight_and_not_the_links(px4_file):
     px4_file.write_text(text.replace("takeoff_height_m = 15.0", "takeoff_height_m = 20.0"))
     assert reload(px4_file, before).flight.takeoff_height_m == 20.0
     px4_file.write_text(text.replace("14540", "14550").replace('name = "px4"', 'name = "other"'))
-    with pytest.raises(ConfigError, match="name, vehicle changed: end the daemon and start it again for that"):
+    with pytest.raises(
+        ConfigError, match="name, vehicle changed: end the daemon and start it again for that"
+    ):
         reload(px4_file, before)

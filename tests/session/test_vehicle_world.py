@@ -28,7 +28,8 @@ def udp():
     stop = threading.Event()
 
     def send():
-        vehicle, evader = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 2, 1)
+        vehicle = mavlink.MAVLink(None, 1, 1)
+        evader = mavlink.MAVLink(None, 2, 1)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
             count = 0
             while not stop.wait(0.02):
@@ -61,13 +62,16 @@ def config_of(vehicle_document, **sections):
 
 
 @pytest.mark.parametrize("link", ["pymavlink", "mavsdk"])
-def test_an_evader_on_the_vehicles_wire_is_received_and_all_frames_are_passed_on(vehicle_document, udp, link):
+def test_an_evader_on_the_vehicles_wire_is_received_and_all_frames_are_passed_on(
+    vehicle_document, udp, link
+):
     config = config_of(vehicle_document, vehicle={"url": udp, "link": link}, evader={"url": None})
     clock = MonotonicClock()
     opened = World()
     try:
         open_all(config, clock, opened, tapped=True)
-        messages, reports = list(opened.links["uav1"].receive()), list(opened.evaders["uav1"]["evader"].receive())
+        messages = list(opened.links["uav1"].receive())
+        reports = list(opened.evaders["uav1"]["evader"].receive())
         deadline_s = clock.now_s() + 5.0
         while not (messages and reports) and clock.now_s() < deadline_s:
             clock.sleep_until(clock.now_s() + 0.01)
@@ -93,14 +97,21 @@ def test_an_evader_on_the_vehicles_wire_is_received_and_all_frames_are_passed_on
 
 
 def test_a_vehicle_that_is_silent_leaves_nothing_open(vehicle_document, udp):
-    config = config_of(vehicle_document, vehicle={"url": udp, "system_id": 7, "connect_timeout_s": 0.3})
+    config = config_of(
+        vehicle_document, vehicle={"url": udp, "system_id": 7, "connect_timeout_s": 0.3}
+    )
     for _ in range(2):  # the port is free again
-        with pytest.raises(LinkError, match=r"system 7: no HEARTBEAT within 0\.3 s"), closing(World()) as opened:
+        with (
+            pytest.raises(LinkError, match=r"system 7: no HEARTBEAT within 0\.3 s"),
+            closing(World()) as opened,
+        ):
             open_all(config, MonotonicClock(), opened, tapped=False)
 
 
 def test_a_url_that_is_none_is_refused_before_anything_is_opened(vehicle_document):
-    with pytest.raises(ConfigError, match=r"vehicle\.url = 'carrier://pigeon': allowed are udpin://"):
+    with pytest.raises(
+        ConfigError, match=r"vehicle\.url = 'carrier://pigeon': allowed are udpin://"
+    ):
         config_of(vehicle_document, vehicle={"url": "carrier://pigeon"})
 
 
@@ -129,11 +140,20 @@ def test_a_missing_key_file_is_named(tmp_path):
         signing_key(tmp_path / "nowhere")
 
 
-@pytest.mark.parametrize(("endpoint", "shown"), [("tls/192.168.1.10:7447", ["cert.pem"]), ("tcp/127.0.0.1:7448", [])])
-def test_orders_are_taken_by_certificates_where_a_router_judges_them(vehicle_document, monkeypatch, endpoint, shown):
-    read, opened = [], []
-    monkeypatch.setattr(service, "credentials_of", lambda zenoh: read.append(str(zenoh.tls_certificate_file)))
-    monkeypatch.setattr(service, "control_bus", lambda _name, _mailbox, control, *_: opened.append(control))
+@pytest.mark.parametrize(
+    ("endpoint", "shown"), [("tls/192.168.1.10:7447", ["cert.pem"]), ("tcp/127.0.0.1:7448", [])]
+)
+def test_orders_are_taken_by_certificates_where_a_router_judges_them(
+    vehicle_document, monkeypatch, endpoint, shown
+):
+    read = []
+    opened = []
+    monkeypatch.setattr(
+        service, "credentials_of", lambda zenoh: read.append(str(zenoh.tls_certificate_file))
+    )
+    monkeypatch.setattr(
+        service, "control_bus", lambda _name, _mailbox, control, *_: opened.append(control)
+    )
     tls = {"tls_certificate_file": "cert.pem", "tls_key_file": "key.pem", "tls_ca_file": "ca.pem"}
     control = {"endpoint": endpoint, "host": not shown}
     open_control(config_of(vehicle_document, control=control, zenoh=tls), Mailbox())

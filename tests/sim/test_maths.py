@@ -24,7 +24,9 @@ DEFENCE = {**CHASE, "game": "tad", "target": {"position_m": [20.0, 20.0]}}
 def scenario(base=CHASE, **sections):
     document = copy.deepcopy(base)
     for name, values in sections.items():
-        document[name] = {**document.get(name, {}), **values} if isinstance(values, dict) else values
+        document[name] = (
+            {**document.get(name, {}), **values} if isinstance(values, dict) else values
+        )
     return parse(Scenario, document, source="a.toml")
 
 
@@ -50,7 +52,9 @@ def test_right_above_the_evader_any_heading_costs_less_than_a_cycle():
 def test_both_sides_of_the_barrier_end_as_predicted():
     sides = set()
     for x in (0.0, 5.0, 10.0, 20.0):
-        outcome = one(DEFENCE, target={"position_m": [x, 5.0]}, evader={"position_m": [25.0, 25.0 - x]})
+        outcome = one(
+            DEFENCE, target={"position_m": [x, 5.0]}, evader={"position_m": [25.0, 25.0 - x]}
+        )
         assert outcome.winner == outcome.predicted_winner
         sides.add(outcome.winner)
         if outcome.winner == "pursuer":
@@ -65,7 +69,10 @@ def test_both_sides_of_the_barrier_end_as_predicted():
 
 @pytest.mark.parametrize("policy", ["pure_pursuit", "lead_pursuit", "proportional_navigation"])
 def test_no_other_policy_of_the_pursuer_beats_the_value_against_the_optimal_evader(policy):
-    outcome = one(pursuer={"policy": policy, "position_m": [20.0, 0.0, 15.0]}, evader={"position_m": [-5.0, 25.0]})
+    outcome = one(
+        pursuer={"policy": policy, "position_m": [20.0, 0.0, 15.0]},
+        evader={"position_m": [-5.0, 25.0]},
+    )
     assert outcome.end == "captured"
     assert outcome.regret > -1e-6
 
@@ -84,7 +91,8 @@ def test_no_other_policy_of_the_evader_costs_the_optimal_pursuer_more_than_the_v
 def test_a_pure_pursuit_is_that_of_a_rollout():
     """Both integrate its curve by Runge-Kutta, with different steps."""
     chase = scenario(
-        pursuer={"policy": "pure_pursuit", "position_m": [9.0, 0.0, 15.0]}, evader={"policy": "pure_evade"}
+        pursuer={"policy": "pure_pursuit", "position_m": [9.0, 0.0, 15.0]},
+        evader={"policy": "pure_evade"},
     )
     batch = stack([chase])
     exact = rollout(
@@ -103,12 +111,23 @@ def mixed(count=24):
     rng = np.random.default_rng(5)
     rows = []
     for i in range(count):
-        evader = {"position_m": rng.uniform(-30, 30, 2).tolist(), "speed_m_s": float(rng.uniform(1.0, 3.5))}
+        evader = {
+            "position_m": rng.uniform(-30, 30, 2).tolist(),
+            "speed_m_s": float(rng.uniform(1.0, 3.5)),
+        }
         evader["policy"] = ["optimal", "random_turns", "hold"][i % 3]
-        pursuer = {"policy": ["optimal", "pure_pursuit", "proportional_navigation", "lead_pursuit"][i % 4]}
+        pursuer = {
+            "policy": ["optimal", "pure_pursuit", "proportional_navigation", "lead_pursuit"][i % 4]
+        }
         pursuer["position_m"] = [0.0, 0.0, 8.0]
-        sensor = {"rate_hz": 2.0, "latency_s": 0.3, "position_noise_m": 0.5, "dropout": 0.3} if i % 5 == 0 else {}
-        rows.append(scenario(evader=evader, pursuer=pursuer, sensor=sensor, seed=i, time_limit_s=4.0))
+        sensor = (
+            {"rate_hz": 2.0, "latency_s": 0.3, "position_noise_m": 0.5, "dropout": 0.3}
+            if i % 5 == 0
+            else {}
+        )
+        rows.append(
+            scenario(evader=evader, pursuer=pursuer, sensor=sensor, seed=i, time_limit_s=4.0)
+        )
     return rows
 
 
@@ -203,7 +222,9 @@ def test_an_evader_that_seems_too_fast_for_a_game_ends_it():
 def test_the_library_scenario_of_the_paper_has_the_value_that_the_game_gives():
     chase = load_scenario("hover_chase")[1]
     level = chase.evader.position_m[1] - chase.standoff.radius_m - chase.standoff.tolerance_m
-    assert play([chase])[0].predicted == pytest.approx(level / (chase.pursuer.speed_m_s - chase.evader.speed_m_s))
+    assert play([chase])[0].predicted == pytest.approx(
+        level / (chase.pursuer.speed_m_s - chase.evader.speed_m_s)
+    )
 
 
 def test_an_evader_plays_in_still_air_even_if_the_wind_leaves_the_pursuer_no_margin():

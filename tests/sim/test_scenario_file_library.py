@@ -103,7 +103,20 @@ def test_what_a_scenario_expects_holds_in_flight(name):
 def test_a_fault_after_engagement_is_equal_in_real_and_virtual_time(tmp_path):
     scenario = tmp_path / "takeover.toml"
     scenario.write_text(NEAR.read_text() + TAKEN_OVER)
-    command = [GUIDANCE, "scenario", "run", scenario, "--as", "live", "--over", "udp", "--out", tmp_path / "out"]
+    command = [
+        GUIDANCE,
+        "scenario",
+        "run",
+        scenario,
+        "--as",
+        "live",
+        "--over",
+        "udp",
+        "--out",
+        tmp_path / "out",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr + silences(tmp_path / "out" / "record.mcap")
+    assert done.returncode == 0, (
+        done.stdout + done.stderr + silences(tmp_path / "out" / "record.mcap")
+    )
     assert "yielded" in done.stdout

@@ -23,7 +23,9 @@ SHORT = tomllib.loads((DATA / "short_chase.toml").read_text())
 def built(**sections):
     document = copy.deepcopy(SHORT)
     for name, values in sections.items():
-        document[name] = {**document.get(name, {}), **values} if isinstance(values, dict) else values
+        document[name] = (
+            {**document.get(name, {}), **values} if isinstance(values, dict) else values
+        )
     return parse(Scenario, document, source="a.toml")
 
 
@@ -31,12 +33,29 @@ def built(**sections):
     ("sections", "message"),
     [
         ({"evader": {"policy": "waypoints"}}, "waypoints_m: missing with policy = 'waypoints'"),
-        ({"evader": {"waypoints_m": [[1.0, 2.0]]}}, "waypoints_m: not allowed with policy = 'optimal'"),
-        ({"pursuer": {"policy": "waypoints", "waypoints_m": [[1.0, 2.0]]}}, "every point needs x, y and z"),
+        (
+            {"evader": {"waypoints_m": [[1.0, 2.0]]}},
+            "waypoints_m: not allowed with policy = 'optimal'",
+        ),
+        (
+            {"pursuer": {"policy": "waypoints", "waypoints_m": [[1.0, 2.0]]}},
+            "every point needs x, y and z",
+        ),
         ({"evader": {"policy": "recorded"}}, "track: missing"),
         ({"evader": {"policy": "recorded", "track": [[0.0, 1.0, 1.0, 0.0]]}}, "at least two rows"),
-        ({"evader": {"policy": "recorded", "track": [[1.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0]]}}, "increasing times"),
-        ({"evader": {"policy": "task_oriented"}}, "evader.policy = 'task_oriented': needs target.position_m"),
+        (
+            {
+                "evader": {
+                    "policy": "recorded",
+                    "track": [[1.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0]],
+                }
+            },
+            "increasing times",
+        ),
+        (
+            {"evader": {"policy": "task_oriented"}},
+            "evader.policy = 'task_oriented': needs target.position_m",
+        ),
         ({"evader": {"declared_speed_m_s": 9.0}}, "evader.declared_speed_m_s"),
         ({"wind": {"velocity_m_s": [2.0, 0.0]}}, "with 2 m/s of wind"),
         ({"envelope": {"speed_m_s": 5.0}}, "envelope: was renamed to limits"),
@@ -47,9 +66,15 @@ def built(**sections):
         ({"fault": [{"kind": "loss", "after": "lunch"}]}, "fault.0.after = 'lunch'"),
         ({"expect": {"capture_time_s": {"min": 3.0, "max": 2.0}}}, "min = 3 is above max = 2"),
         ({"expect": {"capture_time_s": {}}}, "give min, max or both"),
-        ({"expect": {"end": "yielded", "capture_time_s": {"max": 2.0}}}, "contradicts expect.end = 'yielded'"),
+        (
+            {"expect": {"end": "yielded", "capture_time_s": {"max": 2.0}}},
+            "contradicts expect.end = 'yielded'",
+        ),
         ({"expect": {"end": "arrived"}}, 'game = "pe" has no place to arrive at'),
-        ({"expect": {"end": "captured", "winner": "evader"}}, "contradicts expect.end = 'captured': pursuer wins"),
+        (
+            {"expect": {"end": "captured", "winner": "evader"}},
+            "contradicts expect.end = 'captured': pursuer wins",
+        ),
         ({"expect": {"flown": {"end": "captured", "winner": "none"}}}, "contradicts expect.end"),
         ({"expect": {"capture_times": {"max": 2.0}}}, "did you mean 'capture_time_s'?"),
         ({"expect": {"events": ["target lost"]}}, "'target lost' is named 'evader lost' now"),
@@ -63,7 +88,12 @@ def test_a_wrong_or_contradictory_key_is_named_with_what_is_allowed(sections, me
 
 def test_an_expectation_that_fails_is_the_one_that_is_told():
     scenario = built(
-        expect={"end": "captured", "capture_time_s": {"max": 0.5}, "maths": {"regret": {"max": 1e-6}}, "events": ["x"]}
+        expect={
+            "end": "captured",
+            "capture_time_s": {"max": 0.5},
+            "maths": {"regret": {"max": 1e-6}},
+            "events": ["x"],
+        }
     )
     verdicts = list(scenario.expect.verdicts(play([scenario])[0]._asdict()))
     assert {(each.column, each.held) for each in verdicts} == {
@@ -78,21 +108,27 @@ def test_what_is_expected_of_flights_is_not_asked_of_mathematics():
     scenario = built(expect={"flown": {"end": "yielded"}})
     outcome = play([scenario])[0]
     assert list(scenario.expect.verdicts(outcome._asdict())) == []
-    assert [each.held for each in scenario.expect.verdicts(outcome._replace(run="fast")._asdict())] == [False]
+    assert [
+        each.held for each in scenario.expect.verdicts(outcome._replace(run="fast")._asdict())
+    ] == [False]
 
 
 def test_no_number_meets_no_range():
     scenario = built(expect={"maths": {"distance_to_disc_m": {"min": -1e9, "max": 1e9}}})
     outcome = play([scenario])[0]
     assert next(scenario.expect.verdicts(outcome._asdict())).held
-    assert not next(scenario.expect.verdicts(outcome._replace(distance_to_disc_m=float("nan"))._asdict())).held
+    assert not next(
+        scenario.expect.verdicts(outcome._replace(distance_to_disc_m=float("nan"))._asdict())
+    ).held
 
 
 def test_a_track_is_read_from_a_csv_beside_the_scenario(tmp_path):
     (tmp_path / "walk.csv").write_text("t_s,x_m,y_m\n0,0,0\n10,8,6\n")
     path = tmp_path / "a.toml"
     text = (
-        (DATA / "short_chase.toml").read_text().replace("[evader]", '[evader]\npolicy = "recorded"\ntrack = "walk.csv"')
+        (DATA / "short_chase.toml")
+        .read_text()
+        .replace("[evader]", '[evader]\npolicy = "recorded"\ntrack = "walk.csv"')
     )
     path.write_text(text)
     assert load_scenario(str(path))[1].evader.track == ((0.0, 0.0, 0.0, 0.0), (10.0, 8.0, 6.0, 0.0))
@@ -105,13 +141,18 @@ def record_with(path, certificates):
         schema = writer.register_schema("guidance.Cycle", "jsonschema", b"{}")
         channel = writer.register_channel(CYCLE.topic, "json", schema)
         for index, certificate in enumerate(certificates):
-            row = {"now_s": 0.1 * index, **({} if certificate is None else {"certificate": certificate})}
+            row = {
+                "now_s": 0.1 * index,
+                **({} if certificate is None else {"certificate": certificate}),
+            }
             writer.add_message(channel, 0, json.dumps(row).encode(), 0)
         writer.finish()
 
 
 def test_a_track_is_read_from_a_flights_record(tmp_path):
-    certificates = [{"pursuer_game_m": [k, 0.0, 9.0], "evader_game_m": [0.0, k, 0.0]} for k in range(10)]
+    certificates = [
+        {"pursuer_game_m": [k, 0.0, 9.0], "evader_game_m": [0.0, k, 0.0]} for k in range(10)
+    ]
     record_with(tmp_path / "flight.mcap", [None, *certificates])
     path = tmp_path / "a.toml"
     for player, first, last in (
@@ -158,7 +199,9 @@ def test_the_published_schema_is_valid_and_accepts_every_scenario_that_comes_alo
     wrong = {**SHORT, "evader": {**SHORT["evader"], "speed_m_s": -1.0}}
     assert not validator.is_valid(wrong)
     assert not validator.is_valid({**SHORT, "pursuit": {}})
-    assert validator.is_valid({**SHORT, "evader": {**SHORT["evader"], "policy": "recorded", "track": "a.csv"}})
+    assert validator.is_valid(
+        {**SHORT, "evader": {**SHORT["evader"], "policy": "recorded", "track": "a.csv"}}
+    )
 
 
 def test_every_length_time_speed_and_angle_of_the_schema_says_its_unit():
@@ -175,7 +218,11 @@ def test_every_length_time_speed_and_angle_of_the_schema_says_its_unit():
     }
     for section in [json_schema(), *json_schema()["$defs"].values()]:
         for key, value in section.get("properties", {}).items():
-            if '"number"' in json.dumps(value) and "$ref" not in json.dumps(value) and key not in {"min", "max"}:
+            if (
+                '"number"' in json.dumps(value)
+                and "$ref" not in json.dumps(value)
+                and key not in {"min", "max"}
+            ):
                 assert key in unitless or key.endswith(("_m", "_s", "_s2", "_deg", "_hz")), key
 
 

@@ -37,7 +37,9 @@ def for_two(path):
 
 
 @pytest.mark.parametrize(
-    "path", list(filter(for_two, sorted((config_folder() / "scenarios").glob("*.toml")))), ids=lambda path: path.stem
+    "path",
+    list(filter(for_two, sorted((config_folder() / "scenarios").glob("*.toml")))),
+    ids=lambda path: path.stem,
 )
 def test_every_shipped_scenario_of_two_can_be_flown_as_it_is(path):
     _, scenario = load_scenario(path.stem)
@@ -74,7 +76,9 @@ def test_an_evader_above_the_stand_off_height_is_refused():
 
 
 def test_a_misspelt_key_is_named():
-    assert "pursuer.sped_m_s: unknown key; did you mean 'speed_m_s'?" in refused(pursuer={"sped_m_s": 3.0})
+    assert "pursuer.sped_m_s: unknown key; did you mean 'speed_m_s'?" in refused(
+        pursuer={"sped_m_s": 3.0}
+    )
 
 
 def test_a_fault_of_keys_that_go_together_has_the_line_of_the_one_that_is_blamed(tmp_path):
@@ -84,15 +88,21 @@ def test_a_fault_of_keys_that_go_together_has_the_line_of_the_one_that_is_blamed
         "evader = { position_m = [10, 30], speed_m_s = 3 }\n"
         'pursuer = { position_m = [0, 0, 20], speed_m_s = 6, policy = "optimum" }\n'
     )
-    with pytest.raises(ConfigError, match=r"line 4: pursuer.policy = 'optimum': allowed are optimal, "):
+    with pytest.raises(
+        ConfigError, match=r"line 4: pursuer.policy = 'optimum': allowed are optimal, "
+    ):
         load_scenario(path)
 
 
 def test_a_target_may_be_a_convex_polygon_about_its_place():
     square = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]
     _, tad = load_scenario("tad")
-    shaped = tad.model_copy(update={"target": Target(position_m=(1.0, 2.0), polygon_m=square, radius_m=1.0)})
-    assert distances_of(shaped, (0.0, 0.0, 9.0), (3.0, 12.0))["evader_to_target_m"] == pytest.approx(5.0)
+    shaped = tad.model_copy(
+        update={"target": Target(position_m=(1.0, 2.0), polygon_m=square, radius_m=1.0)}
+    )
+    assert distances_of(shaped, (0.0, 0.0, 9.0), (3.0, 12.0))[
+        "evader_to_target_m"
+    ] == pytest.approx(5.0)
     dented = {"position_m": [0.0, 0.0], "polygon_m": [*square, [2.0, 1.0]]}
     assert "target.polygon_m" in refused(game="tad", target=dented)
     assert "(2, 1) is no corner" in refused(game="tad", target=dented)
@@ -105,7 +115,9 @@ def test_tad_needs_a_target_and_pe_refuses_one():
 
 def test_a_start_outside_of_the_fence_or_below_the_stand_off_is_refused():
     assert "fence_radius_m" in refused(evader={"position_m": [0.0, 400.0]})
-    assert "height 4 m; allowed is standoff.height_m = 5" in refused(pursuer={"position_m": [0.0, 0.0, 4.0]})
+    assert "height 4 m; allowed is standoff.height_m = 5" in refused(
+        pursuer={"position_m": [0.0, 0.0, 4.0]}
+    )
 
 
 def test_a_floor_above_the_stand_off_is_refused():
@@ -120,7 +132,11 @@ def test_speed_limits_are_a_tenth_above_the_game_unless_given_and_never_below_it
     speeds = {"speed_m_s": 5.0, "climb_m_s": 2.0, "descent_m_s": 1.0}
     limits = parse(Scenario, changed(pursuer=speeds), source="a.toml").speed_limits
     assert limits == pytest.approx((5.5, 2.2, 1.1))
-    given = plan_of(scenario=parse(Scenario, changed(pursuer=speeds, limits={"speed_m_s": 5.0}), source="a.toml"))
+    given = plan_of(
+        scenario=parse(
+            Scenario, changed(pursuer=speeds, limits={"speed_m_s": 5.0}), source="a.toml"
+        )
+    )
     assert given.flight.cycle.envelope.speed_m_s == 5.0
     assert "limits.climb_m_s = 1.5: must be at least pursuer.climb_m_s = 2" in refused(
         pursuer=speeds, limits={"climb_m_s": 1.5}

@@ -44,7 +44,14 @@ class Source:
         while self.due * PERIOD_S <= self.now_s + 1e-9:
             at_s = self.due * PERIOD_S
             report = EvaderReport(
-                at_s, at_s + 50.0, "test", *driven_to(at_s), 488.0, (2.0, 0.0, 0.0), math.nan, math.nan
+                at_s,
+                at_s + 50.0,
+                "test",
+                *driven_to(at_s),
+                488.0,
+                (2.0, 0.0, 0.0),
+                math.nan,
+                math.nan,
             )
             reports.append(report)
             self.due += 1
@@ -59,7 +66,8 @@ class Source:
 
 def heard(sensor, *, seconds=20.0, seed=3, engaged_s=0.0):
     """All reports that arrive, with the number of their cycle (20 ms)."""
-    source, now = Source(), [0.0]
+    source = Source()
+    now = [0.0]
     evader = SensedEvader(source, sensor, seed, lambda: now[0])
     came = []
     for cycle in range(round(seconds / 0.02)):
@@ -71,7 +79,12 @@ def heard(sensor, *, seconds=20.0, seed=3, engaged_s=0.0):
 
 
 def places(came):
-    return np.array([HERE.ned_from_wgs84(r.latitude_deg, r.longitude_deg, Amsl(r.altitude_amsl_m)) for _, r in came])
+    return np.array(
+        [
+            HERE.ned_from_wgs84(r.latitude_deg, r.longitude_deg, Amsl(r.altitude_amsl_m))
+            for _, r in came
+        ]
+    )
 
 
 def test_a_perfect_sensor_and_a_game_that_has_not_begun_change_nothing():
@@ -95,7 +108,8 @@ def test_a_late_report_arrives_late_and_its_age_is_known():
     for now_s, report in came:
         assert report.received_s - (report.sent_s - 50.0) == pytest.approx(0.5)
         assert -1e-9 <= now_s - report.received_s < 0.02 + 1e-9
-    observer, track = Observer(), TrackSettings(declared_speed_m_s=2.0)
+    observer = Observer()
+    track = TrackSettings(declared_speed_m_s=2.0)
     for _, report in came:
         observer = observe(observer, report, HERE, track)
     now_s, last = came[-1]
@@ -143,7 +157,13 @@ def test_the_same_seed_is_the_same_noise_and_another_is_another():
 
 
 def test_mathematics_hears_the_same_reports_of_the_same_seed():
-    sensor = Sensor(rate_hz=2.0, position_noise_m=1.5, velocity_noise_m_s=0.3, dropout=0.4, outages_s=((4.0, 6.0),))
+    sensor = Sensor(
+        rate_hz=2.0,
+        position_noise_m=1.5,
+        velocity_noise_m_s=0.3,
+        dropout=0.4,
+        outages_s=((4.0, 6.0),),
+    )
     noise = Noise(np.array([3]), 1.5, 0.3, 0.4)
     known_of = begin(sensor, np.array([[5.0, 0.0, 0.0]]))
     told = []
@@ -173,7 +193,10 @@ def test_closing_closes_the_source():
 @pytest.mark.parametrize(
     ("pursuer", "evader"),
     [
-        ({"policy": "lead_pursuit"}, {"policy": "recorded", "track": [(0, 0, 0, 0), (4, 6, 2, 0), (9, 6, 9, 0)]}),
+        (
+            {"policy": "lead_pursuit"},
+            {"policy": "recorded", "track": [(0, 0, 0, 0), (4, 6, 2, 0), (9, 6, 9, 0)]},
+        ),
         pytest.param(
             {"policy": "proportional_navigation", "autopilot": "arducopter"},
             {"policy": "random_turns"},
@@ -189,7 +212,12 @@ def test_a_flight_with_a_sensor_replays_bit_for_bit(pursuer, evader, tmp_path):
             "game": "pe",
             "seed": 5,
             "time_limit_s": 8.0,
-            "pursuer": {"position_m": (0, 0, 4.5), "speed_m_s": 3.0, "takeoff_height_m": 3.0, **pursuer},
+            "pursuer": {
+                "position_m": (0, 0, 4.5),
+                "speed_m_s": 3.0,
+                "takeoff_height_m": 3.0,
+                **pursuer,
+            },
             "evader": {"position_m": (2.0, 14.0), "speed_m_s": 1.5, **evader},
             "standoff": {"height_m": 3.0},
             "limits": {"floor_m": 1.5},

@@ -25,7 +25,10 @@ TAD = {
         {"position_m": [6.0, 4.0, 5.0], "speed_m_s": 2.0},
         {"position_m": [-6.0, -5.0, 3.0], "speed_m_s": 2.5},
     ],
-    "evader": [{"position_m": [12.0, 0.0], "speed_m_s": 1.0}, {"position_m": [-14.0, 1.0], "speed_m_s": 0.8}],
+    "evader": [
+        {"position_m": [12.0, 0.0], "speed_m_s": 1.0},
+        {"position_m": [-14.0, 1.0], "speed_m_s": 0.8},
+    ],
 }
 PE = {key: value for key, value in TAD.items() if key != "target"} | {"game": "pe"}
 
@@ -55,12 +58,18 @@ def guidance(*arguments):
     [
         ({"pursuer": []}, "pursuer"),
         ({"pursuer": [{"position_m": [0, 0, 5], "speed_m_s": 1.0}]}, r"1 / 1: must be above 1"),
-        ({"pursuer": [{"position_m": [0, 0, -5], "speed_m_s": 9.0}]}, r"position_m\.2 = -5: must be greater"),
+        (
+            {"pursuer": [{"position_m": [0, 0, -5], "speed_m_s": 9.0}]},
+            r"position_m\.2 = -5: must be greater",
+        ),
         (
             {"pursuer": [{"position_m": [0, 0, 5], "speed_m_s": 9.0, "policy": "clever"}]},
             r"pursuer\[0\].policy = 'clever'",
         ),
-        ({"evader": [{"position_m": [0, 0], "speed_m_s": 1.0, "count": 3}]}, "scatter_m: missing; count = 3"),
+        (
+            {"evader": [{"position_m": [0, 0], "speed_m_s": 1.0, "count": 3}]},
+            "scatter_m: missing; count = 3",
+        ),
         ({"evader": [{"position_m": [0, 0], "speed_m_s": 1.0, "count": 0}]}, "count"),
         ({"evader": [{"position_m": [0, 0, 1], "speed_m_s": 1.0}]}, "position_m"),
         ({"evader": [{"position_m": [0, 0], "speed_m_s": 1.0, "speed": 1}]}, "did you mean"),
@@ -134,7 +143,9 @@ def test_games_side_by_side_are_those_alone():
 
 def test_more_players_of_a_table_leave_the_others_where_they_are():
     def places(count, seed=0):
-        return teams_of(built(seed=seed, evader=[{**TAD["evader"][0], "count": count, "scatter_m": 5.0}])).evaders_m
+        return teams_of(
+            built(seed=seed, evader=[{**TAD["evader"][0], "count": count, "scatter_m": 5.0}])
+        ).evaders_m
 
     np.testing.assert_array_equal(places(2), places(6)[:2])
     assert (np.linalg.norm(places(50) - [12.0, 0.0, 0.0], axis=1) <= 5.0).all()
@@ -143,10 +154,14 @@ def test_more_players_of_a_table_leave_the_others_where_they_are():
 
 
 def test_policies_are_played():
-    straight = play_teams([built(evader=[{**one, "policy": "task_oriented"} for one in TAD["evader"]])])[0]
+    straight = play_teams(
+        [built(evader=[{**one, "policy": "task_oriented"} for one in TAD["evader"]])]
+    )[0]
     assert all(row.evader_policy == "task_oriented" for row in straight)
     assert all(row.regret < -1e-3 for row in straight)
-    chased = play_teams([built(pursuer=[{**one, "policy": "pure_pursuit"} for one in TAD["pursuer"]])])[0]
+    chased = play_teams(
+        [built(pursuer=[{**one, "policy": "pure_pursuit"} for one in TAD["pursuer"]])]
+    )[0]
     assert all(row.pursuer_policy == "pure_pursuit" for row in chased)
     assert chased[0].regret > 0.1
 
@@ -175,8 +190,12 @@ def test_a_team_that_cannot_fly_is_refused_with_the_vehicle_and_the_key(tmp_path
     assert "a team needs --vehicle URL for each of its vehicles" in str(done.exception)
     done = guidance("run", tmp_path / "a.toml", "--as", "fast")
     assert isinstance(done.exception, ConfigError)
-    assert re.search(r"uav\d in flight:\n.*pursuer\.position_m: height 3 m; allowed is", str(done.exception))
-    with pytest.raises(ConfigError, match=r"has teams, which this command does not play: guidance scenario run"):
+    assert re.search(
+        r"uav\d in flight:\n.*pursuer\.position_m: height 3 m; allowed is", str(done.exception)
+    )
+    with pytest.raises(
+        ConfigError, match=r"has teams, which this command does not play: guidance scenario run"
+    ):
         load_scenario(str(tmp_path / "a.toml"))
 
 
@@ -186,7 +205,10 @@ def test_show_explains_teams_and_draws_them(tmp_path):
     assert "target-attacker-defender, of teams" in done.output
     assert "6 at (45, 0) m, scattered over 28 m, 1.5 m/s, plays task_oriented" in done.output
     first = opening_of(load_any("teams_breakthrough")[1])
-    assert f"{int(first.guaranteed)} captures guaranteed, {float(first.total):.2f} m from the target" in done.output
+    assert (
+        f"{int(first.guaranteed)} captures guaranteed, {float(first.total):.2f} m from the target"
+        in done.output
+    )
     assert (tmp_path / "a.png").stat().st_size > 40_000
 
 
@@ -209,6 +231,6 @@ def test_the_region_that_is_drawn_is_what_the_evader_reaches_first():
         ]
         np.testing.assert_allclose(run, np.min(flown, axis=0), rtol=1e-9)
     alone = solve(Game(Ball(2.0), 1.0), teams.pursuers_m[0], teams.evaders_m[0]).value
-    assert np.linalg.norm(region(teams, [0], 0) - teams.evaders_m[0, :2], axis=1).max() == pytest.approx(
-        alone, rel=1e-4
-    )
+    assert np.linalg.norm(
+        region(teams, [0], 0) - teams.evaders_m[0, :2], axis=1
+    ).max() == pytest.approx(alone, rel=1e-4)

@@ -99,13 +99,16 @@ def _targets() -> tuple[Target, ...]:
     found = []
     for spec in SPEC_BY_ID.values():
         system_at = _offset(spec, "target_system")
-        if system_at is not None and spec.name not in {"PING"}:  # an answer to a ping is for whom it names
+        # An answer to a ping is for whom it names
+        if system_at is not None and spec.name not in {"PING"}:
             found.append(Target(spec, system_at, _offset(spec, "target_component")))
     return tuple(found)
 
 
 TARGETS: Final = _targets()
-_COMMAND_TARGETS: Final = tuple(target for target in TARGETS if target.spec.name in {"COMMAND_LONG", "COMMAND_INT"})
+_COMMAND_TARGETS: Final = tuple(
+    target for target in TARGETS if target.spec.name in {"COMMAND_LONG", "COMMAND_INT"}
+)
 
 
 class HostileTraffic:
@@ -153,7 +156,10 @@ class HostileTraffic:
         """Return a right frame that names another system or component."""
         rng = self._rng
         if rng.random() < 0.5:
-            return self._aimed(rng.choice([n for n in (2, 77, 255) if n != self._system_id]), rng.choice((0, 1, 190)))
+            return self._aimed(
+                rng.choice([n for n in (2, 77, 255) if n != self._system_id]),
+                rng.choice((0, 1, 190)),
+            )
         return self._aimed(self._system_id, rng.choice((2, 100, 195, 255)), with_component=True)
 
     def truncated(self) -> bytes:
@@ -172,7 +178,11 @@ class HostileTraffic:
         """Return a frame with a message id that no dialect has."""
         rng = self._rng
         message_id = rng.choice([n for n in (60_000, 0xFFFFFF, 20_000) if n not in SPEC_BY_ID])
-        body = bytes((9, 0, 0, rng.randrange(256), 255, 190)) + message_id.to_bytes(3, "little") + rng.randbytes(9)
+        body = (
+            bytes((9, 0, 0, rng.randrange(256), 255, 190))
+            + message_id.to_bytes(3, "little")
+            + rng.randbytes(9)
+        )
         return b"\xfd" + body + struct.pack("<H", mcrf4xx(body + b"\x00"))
 
     def incompatible(self) -> bytes:
@@ -222,11 +232,27 @@ class HostileTraffic:
         payload[at : at + 2] = struct.pack("<H", rng.choice(COMMANDS))
         for index in range(7 if spec.name == "COMMAND_LONG" else 4):
             if rng.random() < 0.5:
-                value = rng.choice((0.0, 1.0, -1.0, 2.0, 6.0, 21196.0, math.nan, math.inf, -math.inf, 3e38, 65536.0))
+                value = rng.choice(
+                    (
+                        0.0,
+                        1.0,
+                        -1.0,
+                        2.0,
+                        6.0,
+                        21196.0,
+                        math.nan,
+                        math.inf,
+                        -math.inf,
+                        3e38,
+                        65536.0,
+                    )
+                )
                 payload[4 * index : 4 * index + 4] = struct.pack("<f", value)
 
 
-_COMMAND_AT: Final = {name: _offset(SPEC_BY_NAME[name], "command") or 0 for name in ("COMMAND_LONG", "COMMAND_INT")}
+_COMMAND_AT: Final = {
+    name: _offset(SPEC_BY_NAME[name], "command") or 0 for name in ("COMMAND_LONG", "COMMAND_INT")
+}
 
 
 def _frame(spec: MessageSpec, payload: bytearray, rng: Random, source: tuple[int, int]) -> bytes:

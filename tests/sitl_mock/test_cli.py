@@ -65,7 +65,11 @@ def test_it_says_ready_as_json_and_sends_heartbeats_to_port_and_port_plus_one(st
         decoder = Decoder()
         senders = set()
         while "HEARTBEAT" not in senders:
-            senders |= {m.get_type() for m in decoder.feed(client.recv(2048), whole=True) if m.get_srcSystem() == 2}
+            senders |= {
+                m.get_type()
+                for m in decoder.feed(client.recv(2048), whole=True)
+                if m.get_srcSystem() == 2
+            }
         child.stdin.close()
         assert child.wait(5.0) == 0
 
@@ -135,7 +139,12 @@ def test_the_page_of_modes_is_what_the_command_draws():
 
 def test_ports_are_those_of_the_simulations():
     flavours = {"a": "px4", "b": "px4", "c": "arducopter", "d": "rover"}
-    assert udp_ports(14540, flavours) == {"a": (14580, 14540), "b": (14581, 14541), "c": (0, 14560), "d": (0, 14570)}
+    assert udp_ports(14540, flavours) == {
+        "a": (14580, 14540),
+        "b": (14581, 14541),
+        "c": (0, 14560),
+        "d": (0, 14570),
+    }
     with pytest.raises(ConfigError, match="65535"):
         udp_ports(65500, {f"uav{number}": "px4" for number in range(20)})
 
@@ -150,9 +159,14 @@ def test_help_teaches():
 
 def test_list_names_every_flavour_and_condition():
     assert all(name in CliRunner().invoke(app, ["list", "flavours"]).output for name in NAMES)
-    assert all(name in CliRunner().invoke(app, ["list", "conditions"]).output for name in CONDITIONS)
+    assert all(
+        name in CliRunner().invoke(app, ["list", "conditions"]).output for name in CONDITIONS
+    )
     assert "COM_OF_LOSS_T" in CliRunner().invoke(app, ["list", "parameters"]).output
-    assert "LOCAL_POSITION_NED" in CliRunner().invoke(app, ["list", "streams", "--flavour", "arducopter"]).output
+    assert (
+        "LOCAL_POSITION_NED"
+        in CliRunner().invoke(app, ["list", "streams", "--flavour", "arducopter"]).output
+    )
 
 
 @pytest.mark.parametrize("flavour", NAMES)
@@ -163,12 +177,17 @@ def test_modes_draws_the_table(flavour):
 
 def test_version_names_the_package_and_its_version():
     told = CliRunner().invoke(app, ["--version"])
-    assert (told.exit_code, told.output.strip()) == (0, f"sitl-mock of pursuit-guidance {version('pursuit-guidance')}")
+    assert (told.exit_code, told.output.strip()) == (
+        0,
+        f"sitl-mock of pursuit-guidance {version('pursuit-guidance')}",
+    )
 
 
 def test_the_mock_and_its_plugin_import_neither_guidance_nor_matplotlib_nor_dask():
     modules = "sitl_mock, sitl_mock.cli, sitl_mock.cli.run, sitl_mock.serving, sitl_mock.pytest_plugin, sitl_mock.px4"
     banned = '{"guidance", "matplotlib", "dask", "distributed", "scipy", "pandas", "pyarrow", "pydantic"}'
     program = f"import sys, {modules}; print(sorted({banned} & {{name.split('.')[0] for name in sys.modules}}))"
-    told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60.0, check=True)
+    told = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60.0, check=True
+    )
     assert told.stdout.strip() == "[]"

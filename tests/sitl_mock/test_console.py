@@ -63,7 +63,10 @@ def test_lines_come_when_something_changes_and_not_for_a_height(vehicle):
     for tick in range(1, 200):
         vehicle.step(tick * 0.02)
         lines.update(tick * 0.02)
-    assert [line.split()[2:4] for line in out.getvalue().splitlines()] == [["uav1", "HOLD"], ["uav1", "HOLD"]]
+    assert [line.split()[2:4] for line in out.getvalue().splitlines()] == [
+        ["uav1", "HOLD"],
+        ["uav1", "HOLD"],
+    ]
     assert out.getvalue().count("gps_loss") == 1
 
 
@@ -94,7 +97,10 @@ def test_without_a_reader_it_goes_on_in_silence():
 
 def test_a_line_and_a_row_say_the_same():
     status = Status("uav1", "px4", 1, "OFFBOARD", True, 12.34, "255/190", "loss")
-    assert line_of(status, 3.0) == "     3.0 s  uav1  OFFBOARD  armed  12.3 m  clients 255/190  faults loss"
+    assert (
+        line_of(status, 3.0)
+        == "     3.0 s  uav1  OFFBOARD  armed  12.3 m  clients 255/190  faults loss"
+    )
     assert table_of([status]).row_count == 1
     assert [column.header for column in table_of([status]).columns] == [
         "vehicle", "flavour", "mode", "armed", "height", "clients", "faults",
@@ -120,10 +126,20 @@ def test_on_a_terminal_a_table_fits_and_has_no_colour_where_none_is_wanted(colum
     environment.pop("COLUMNS", None)
     if not plain:
         environment.pop("NO_COLOR", None)
-    arguments = ["--vehicles", "px4:uav1", "--vehicles", "rover:evader@30,0,0", "--zenoh", "tcp/127.0.0.1:0"]
-    child = subprocess.Popen([*RUN, *arguments], stdin=terminal, stdout=terminal, stderr=terminal, env=environment)
+    arguments = [
+        "--vehicles",
+        "px4:uav1",
+        "--vehicles",
+        "rover:evader@30,0,0",
+        "--zenoh",
+        "tcp/127.0.0.1:0",
+    ]
+    child = subprocess.Popen(
+        [*RUN, *arguments], stdin=terminal, stdout=terminal, stderr=terminal, env=environment
+    )
     os.close(terminal)
-    said, until_s = b"", time.monotonic() + 40.0
+    said = b""
+    until_s = time.monotonic() + 40.0
     try:
         while b"Ctrl-C ends" not in said and time.monotonic() < until_s:
             if select.select([controller], [], [], 0.1)[0]:
@@ -146,15 +162,26 @@ def test_on_a_terminal_a_table_fits_and_has_no_colour_where_none_is_wanted(colum
 @pytest.mark.parametrize(("flavour", "step"), [("px4", 1), ("arducopter", 10), ("rover", 10)])
 def test_the_printed_lines_connect(flavour, step):
     port = mock_ports()
-    arguments = ["--vehicles", f"{flavour}:a", "--vehicles", f"{flavour}:b", "--udp", str(port), "--parent-pipe"]
-    child = subprocess.Popen([*RUN, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    arguments = [
+        "--vehicles",
+        f"{flavour}:a",
+        "--vehicles",
+        f"{flavour}:b",
+        "--udp",
+        str(port),
+        "--parent-pipe",
+    ]
+    child = subprocess.Popen(
+        [*RUN, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
     try:
         lines = [line.rstrip() for line in iter(child.stdout.readline, "ready\n")]
         assert "system id 2" in lines[4]
         assert [line.split()[0] for line in lines[5:]] == ["MAVSDK", "pymavlink", "MAVProxy"]
         assert f"udpin://127.0.0.1:{port + step}" in lines[5]
         assert f"--master=udpin:127.0.0.1:{port + step}" in lines[7]
-        client = eval(lines[6].split(maxsplit=1)[1], {"mavutil": mavutil})  # the line as a user types it
+        # The line as a user types it
+        client = eval(lines[6].split(maxsplit=1)[1], {"mavutil": mavutil})
         with contextlib.closing(client):
             assert client.wait_heartbeat(timeout=5.0).get_srcSystem() == 2
     finally:
@@ -168,7 +195,9 @@ def test_the_lines_of_a_port():
 
 
 def test_parameters_of_the_command_line_are_for_all_or_for_one():
-    fleet = checked({"vehicle": [{"name": "a"}, {"name": "b", "parameters": {"MPC_XY_VEL_MAX": 5.0}}]}, "here")
+    fleet = checked(
+        {"vehicle": [{"name": "a"}, {"name": "b", "parameters": {"MPC_XY_VEL_MAX": 5.0}}]}, "here"
+    )
     changed = with_parameters(fleet, ["b:MPC_XY_VEL_MAX=8", "COM_OF_LOSS_T=0.5"])
     assert [each.parameters for each in changed.vehicle] == [
         {"COM_OF_LOSS_T": 0.5},
@@ -188,7 +217,9 @@ def test_a_misspelt_parameter_is_told_the_next():
 
 
 def test_options_hold_for_a_fleet_of_a_file_as_well():
-    fleet = checked({"seed": 4, "vehicle": [{"name": "a", "start_ned_m": [1, 2, 0]}, {"name": "b"}]}, "here")
+    fleet = checked(
+        {"seed": 4, "vehicle": [{"name": "a", "start_ned_m": [1, 2, 0]}, {"name": "b"}]}, "here"
+    )
     assert with_settings(fleet, {}) == fleet
     changed = with_settings(fleet, {"noise": False}, seed=7)
     assert (changed.seed, [each.noise for each in changed.vehicle]) == (7, [False, False])

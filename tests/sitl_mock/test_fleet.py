@@ -52,7 +52,9 @@ def test_a_wrong_key_or_value_is_named(vehicles, named):
 
 
 def test_system_ids_that_are_given_may_be_equal_as_ardupilots_instances_are():
-    vehicles = build(fleet({"name": "a", "system_id": 1}, {"name": "b", "system_id": 1}, {"name": "c"}))
+    vehicles = build(
+        fleet({"name": "a", "system_id": 1}, {"name": "b", "system_id": 1}, {"name": "c"})
+    )
     assert [each.system_id for each in vehicles.values()] == [1, 1, 2]
 
 

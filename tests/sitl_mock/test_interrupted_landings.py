@@ -8,7 +8,8 @@ HOLD = {"px4": (4, 3), "arducopter": (17, 0)}
 RETURN = {"px4": (4, 5), "arducopter": (6, 0)}
 NAMES = {"px4": {"hold": "HOLD", "return": "RTL"}, "arducopter": {"hold": "BRAKE", "return": "RTL"}}
 AUTOPILOTS = tuple(HOLD)
-IN_AIR, LANDING = 2, 4
+IN_AIR = 2
+LANDING = 4
 
 
 def ordered(flight, mode):

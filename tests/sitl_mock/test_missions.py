@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-MISSION, FENCE = 0, 1
+MISSION = 0
+FENCE = 1
 ACCEPTED = 0
 
 

@@ -47,7 +47,8 @@ def run():
 
 def test_the_first_command_prints_what_is_shown(run):
     port = mock_ports()
-    command, shown = blocks("sh")[0], blocks("text")[0]
+    command = blocks("sh")[0]
+    shown = blocks("text")[0]
     program, *arguments = shlex.split(command.replace("14540", str(port)))
     assert program == "sitl-mock"
     child = run(arguments)
@@ -81,8 +82,14 @@ def test_the_workflow_installs_this_project_and_its_client_flies(tmp_path):
     (job,) = yaml.safe_load(blocks("yaml")[0])["jobs"].values()
     steps = {step.get("name", step.get("uses")): step for step in job["steps"]}
     assert (ROOT / "pyproject.toml").exists()
-    assert steps["Install the mock and the suite's runner"]["run"] == "pip install ./pursuit-guidance pytest"
-    assert tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["name"] == "pursuit-guidance"
+    assert (
+        steps["Install the mock and the suite's runner"]["run"]
+        == "pip install ./pursuit-guidance pytest"
+    )
+    assert (
+        tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["name"]
+        == "pursuit-guidance"
+    )
     port = str(mock_ports())
     client = tmp_path / "client"
     client.write_text(
@@ -95,7 +102,9 @@ def test_the_workflow_installs_this_project_and_its_client_flies(tmp_path):
         encoding="utf-8",
     )
     client.chmod(0o755)
-    (tmp_path / "sitl-mock").write_text(f'#!/bin/sh\nexec {sys.executable} -m sitl_mock "$@"\n', encoding="utf-8")
+    (tmp_path / "sitl-mock").write_text(
+        f'#!/bin/sh\nexec {sys.executable} -m sitl_mock "$@"\n', encoding="utf-8"
+    )
     (tmp_path / "sitl-mock").chmod(0o755)
     script = steps["A client of another language"]["run"].replace("14540", port)
     subprocess.run(

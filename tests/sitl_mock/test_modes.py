@@ -46,7 +46,8 @@ def test_the_drawn_table_names_every_mode_and_transition(name):
 
 def test_what_cannot_run_steps_down_to_a_mode_without_needs():
     for first in BY_NAME:
-        mode, seen = first, []
+        mode = first
+        seen = []
         while BY_NAME[mode].needs:
             assert mode not in seen
             seen.append(mode)
@@ -65,13 +66,17 @@ def test_failsafe_actions_lead_to_modes_of_the_table():
     assert set(MODE_OF.values()) <= set(BY_NAME)
 
 
-@pytest.mark.parametrize(("table", "rig"), [(COPTER_MODES, COPTER), (ROVER_MODES, ROVER)], ids=["copter", "rover"])
+@pytest.mark.parametrize(
+    ("table", "rig"), [(COPTER_MODES, COPTER), (ROVER_MODES, ROVER)], ids=["copter", "rover"]
+)
 def test_every_ardupilot_mode_flies_something(table, rig):
     assert set(rig.flights) == set(table.by_name())
     assert {rig.first_mode, rig.hold_mode} <= set(table.by_name())
 
 
-@pytest.mark.parametrize("mode", [mode for mode in BY_NAME if mode not in {"DESCEND", "ORBIT", "TERMINATION"}])
+@pytest.mark.parametrize(
+    "mode", [mode for mode in BY_NAME if mode not in {"DESCEND", "ORBIT", "TERMINATION"}]
+)
 def test_disarmed_px4_takes_every_mode_as_its_intention(fly, mode):
     flight = fly("px4").run(1.0)
     number = BY_NAME[mode].number
@@ -81,7 +86,9 @@ def test_disarmed_px4_takes_every_mode_as_its_intention(fly, mode):
     assert flight.last("HEARTBEAT").custom_mode == number
 
 
-@pytest.mark.parametrize("mode", ["MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "MISSION", "OFFBOARD"])
+@pytest.mark.parametrize(
+    "mode", ["MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "MISSION", "OFFBOARD"]
+)
 def test_armed_px4_refuses_what_cannot_run_with_a_text(fly, mode):
     flight = fly.airborne("px4", texts=True, height=5.0)
     number = BY_NAME[mode].number

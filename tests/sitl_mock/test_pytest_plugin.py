@@ -20,7 +20,12 @@ def test_pytest_finds_the_plugin_by_its_entry_point():
 def test_loading_the_plugin_loads_nothing_heavy():
     heavy = "[m for m in ('pymavlink', 'zenoh', 'numpy', 'pydantic', 'sitl_mock.vehicle') if m in sys.modules]"
     code = f"import sys, sitl_mock.pytest_plugin; print({heavy})"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout
+        == "[]\n"
+    )
 
 
 def test_a_stepped_vehicle_is_moved_by_the_clock_of_the_test(mock_vehicle):
@@ -35,7 +40,9 @@ def test_a_stepped_vehicle_is_moved_by_the_clock_of_the_test(mock_vehicle):
 def test_vehicles_and_fleets_say_where_they_can_be_reached(mock_vehicle, mock_fleet):
     vehicle = mock_vehicle("rover", "evader", ready_after_s=0.5)
     fleet = mock_fleet(2, over=["udp"])
-    other = mock_fleet([{"name": "a", "flavour": "arducopter", "start_ned_m": [9, 0, 0]}], over=["zenoh"])
+    other = mock_fleet(
+        [{"name": "a", "flavour": "arducopter", "start_ned_m": [9, 0, 0]}], over=["zenoh"]
+    )
     assert (vehicle.name, vehicle.flavour, vehicle.namespace) == ("evader", "rover", "evader")
     assert list(fleet) == ["uav1", "uav2"]
     assert len(fleet) == 2
@@ -116,8 +123,14 @@ def test_a_suite_flies_vehicles_and_all_of_them_end_with_their_tests(pytester):
         ({"vehicles": [{"name": "a", "flavor": "px4"}]}, ["flavor", "px4"]),
         ({"vehicles": [{"name": "a", "flavour": "plane"}]}, ["flavour", "'plane'", "rover"]),
         ({"vehicles": [{"name": "a"}], "over": ["tcp"]}, ["over", "tcp", "udp and zenoh"]),
-        ({"vehicles": [{"name": "a"}], "faults": {"fault": [{"kind": "x"}]}}, ["kind", "'x'", "loss"]),
-        ({"vehicles": [{"name": "a"}], "faults": {"fault": [{"kind": "loss", "vehicle": "b"}]}}, ["vehicle", "'b'"]),
+        (
+            {"vehicles": [{"name": "a"}], "faults": {"fault": [{"kind": "x"}]}},
+            ["kind", "'x'", "loss"],
+        ),
+        (
+            {"vehicles": [{"name": "a"}], "faults": {"fault": [{"kind": "loss", "vehicle": "b"}]}},
+            ["vehicle", "'b'"],
+        ),
     ],
 )
 def test_wrong_settings_are_named_not_waited_for(arguments, words):

@@ -40,23 +40,46 @@ class Client:
 
     def __init__(self, flavour, key=None):
         self.flavour = flavour
-        self.encoder = Encoder(255, 190, signing=Signing(key, timestamp=10**9) if key else None, link_id=5)
+        self.encoder = Encoder(
+            255, 190, signing=Signing(key, timestamp=10**9) if key else None, link_id=5
+        )
 
     def command(self, number, *params):
-        return self.encoder.pack("COMMAND_LONG", 1, 1, number, 0, *params, *[0.0] * (7 - len(params)))
+        return self.encoder.pack(
+            "COMMAND_LONG", 1, 1, number, 0, *params, *[0.0] * (7 - len(params))
+        )
 
     def frames(self, tick):
         frames = []
-        if self.flavour != "arducopter" or not 60 <= tick < 190:  # a setpoint would end the take-off
+        # A setpoint would end the take-off
+        if self.flavour != "arducopter" or not 60 <= tick < 190:
             frames.append(
                 self.encoder.pack(
-                    "SET_POSITION_TARGET_LOCAL_NED", tick, 1, 1, 1, 2503, 0, 0, 0, 2.0, 0.0, -1.0, 0, 0, 0, 0.0, 0.0
+                    "SET_POSITION_TARGET_LOCAL_NED",
+                    tick,
+                    1,
+                    1,
+                    1,
+                    2503,
+                    0,
+                    0,
+                    0,
+                    2.0,
+                    0.0,
+                    -1.0,
+                    0,
+                    0,
+                    0,
+                    0.0,
+                    0.0,
                 )
             )
         if tick % 20 == 0:
             frames.append(self.encoder.pack("HEARTBEAT", 6, 8, 0, 0, 4, 3))
         if tick in {30, 31}:
-            frames.append(self.command(176, *GUIDED[self.flavour]) if tick == 30 else self.command(400, 1.0))
+            frames.append(
+                self.command(176, *GUIDED[self.flavour]) if tick == 30 else self.command(400, 1.0)
+            )
         if tick == 60 and self.flavour == "arducopter":
             frames.append(self.command(22, 0, 0, 0, 0, 0, 0, 10.0))
         return frames
@@ -70,10 +93,13 @@ def link_of(mock):
     return next(iter(mock.links.values()))
 
 
-@pytest.mark.parametrize(("flavour", "key"), [("px4", None), ("px4", KEY), ("arducopter", KEY), ("rover", None)])
+@pytest.mark.parametrize(
+    ("flavour", "key"), [("px4", None), ("px4", KEY), ("arducopter", KEY), ("rover", None)]
+)
 def test_a_vehicle_under_fire_does_what_its_twin_does_in_peace(flavour, key):
     signing, calm_signing = (Signing(key), Signing(key)) if key else (Signing(), Signing())
-    fired_at, twin = vehicle(flavour, signing), vehicle(flavour, calm_signing)
+    fired_at = vehicle(flavour, signing)
+    twin = vehicle(flavour, calm_signing)
     client = Client(flavour, key)
     traffic = HostileTraffic(seed=11)
     sources = list((traffic.kinds_against_signing if key else traffic.kinds).values())
@@ -86,8 +112,18 @@ def test_a_vehicle_under_fire_does_what_its_twin_does_in_peace(flavour, key):
         assert fired_at.step(tick * STEP_S, mixed) == twin.step(tick * STEP_S, good)
     assert (fired_at.mode, fired_at.armed, fired_at.truth) == (twin.mode, twin.armed, twin.truth)
     assert twin.armed
-    counts, calm = link_of(fired_at).decoder.counts, link_of(twin).decoder.counts
-    assert min(counts.crc, counts.unknown_id, counts.incompatible, counts.truncated, counts.garbage_bytes) > 0
+    counts = link_of(fired_at).decoder.counts
+    calm = link_of(twin).decoder.counts
+    assert (
+        min(
+            counts.crc,
+            counts.unknown_id,
+            counts.incompatible,
+            counts.truncated,
+            counts.garbage_bytes,
+        )
+        > 0
+    )
     assert counts.frames >= calm.frames
     if key:
         assert min(counts.unsigned, counts.wrong_key) > 0
@@ -96,15 +132,26 @@ def test_a_vehicle_under_fire_does_what_its_twin_does_in_peace(flavour, key):
 
 @pytest.mark.parametrize("flavour", FLAVOURS)
 def test_valid_frames_with_random_fields_never_raise_and_heartbeats_continue(flavour):
-    mock, client, traffic = vehicle(flavour), Client(flavour), HostileTraffic(seed=1)
+    mock = vehicle(flavour)
+    client = Client(flavour)
+    traffic = HostileTraffic(seed=1)
     beats = Decoder()
     heard = 0
     for tick in range(TICKS):
-        own = [frame for frame in (traffic.own() for _ in range(FRAMES_PER_TICK)) if message_id(frame) != SETUP_SIGNING]
+        own = [
+            frame
+            for frame in (traffic.own() for _ in range(FRAMES_PER_TICK))
+            if message_id(frame) != SETUP_SIGNING
+        ]
         for frame in mock.step(tick * STEP_S, client.frames(tick) + own):
-            heard += sum(message.get_type() == "HEARTBEAT" for message in beats.feed(frame, whole=True))
+            heard += sum(
+                message.get_type() == "HEARTBEAT" for message in beats.feed(frame, whole=True)
+            )
     assert heard >= TICKS * STEP_S - 2
-    assert beats.counts.as_dict() == {**dict.fromkeys(beats.counts.as_dict(), 0), "frames": beats.counts.frames}
+    assert beats.counts.as_dict() == {
+        **dict.fromkeys(beats.counts.as_dict(), 0),
+        "frames": beats.counts.frames,
+    }
 
 
 def message_id(frame):
@@ -112,10 +159,15 @@ def message_id(frame):
 
 
 def test_whatever_the_vehicle_answers_to_hostile_frames_can_be_read_by_pymavlink():
-    mock, traffic = vehicle("px4"), HostileTraffic(4)
+    mock = vehicle("px4")
+    traffic = HostileTraffic(4)
     parser = dialect.MAVLink(None, 255, 190)
     for tick in range(60):
-        own = [frame for frame in (traffic.own() for _ in range(30)) if message_id(frame) != SETUP_SIGNING]
+        own = [
+            frame
+            for frame in (traffic.own() for _ in range(30))
+            if message_id(frame) != SETUP_SIGNING
+        ]
         for frame in mock.step(tick * STEP_S, own):
             assert parser.decode(bytearray(frame)).get_srcSystem() == 1
 
@@ -158,7 +210,8 @@ def test_a_message_that_pymavlink_lacks_shows_its_fields_as_any_other(message_id
 
 
 def test_the_same_seed_fires_the_same_frames():
-    first, second = HostileTraffic(9), HostileTraffic(9)
+    first = HostileTraffic(9)
+    second = HostileTraffic(9)
     for kind, source in first.kinds_against_signing.items():
         assert source() == second.kinds_against_signing[kind]()
 
@@ -178,7 +231,9 @@ def test_each_kind_of_hostile_frame_is_what_it_says():
         foreign = parser.decode(bytearray(traffic.foreign()))
         target = ids[foreign.get_msgId()]
         elsewhere = foreign.target_system not in {0, 1}
-        assert elsewhere or (target.component_at is not None and foreign.target_component not in {0, 1})
+        assert elsewhere or (
+            target.component_at is not None and foreign.target_component not in {0, 1}
+        )
         assert isinstance(parser.decode(bytearray(traffic.unknown())), dialect.MAVLink_unknown)
         assert traffic.incompatible()[2] & ~1
         assert refused(parser, traffic.corrupted())

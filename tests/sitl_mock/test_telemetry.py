@@ -68,11 +68,17 @@ def test_an_unknown_message_is_refused(fly):
 def test_attitude_says_the_same_as_angles_and_as_a_quaternion(fly, ned_velocity):
     flight = fly.airborne("px4", yaw_deg=70.0)
     flight.offboard(ned_velocity(4.0, 0.0, 0.0)).run(1.0, ned_velocity(4.0, 0.0, 0.0))
-    turn, angles = ask(flight, "ATTITUDE_QUATERNION"), flight.last("ATTITUDE")
-    w, x, y, z = turn.q1, turn.q2, turn.q3, turn.q4
+    turn = ask(flight, "ATTITUDE_QUATERNION")
+    angles = flight.last("ATTITUDE")
+    w = turn.q1
+    x = turn.q2
+    y = turn.q3
+    z = turn.q4
     assert math.hypot(w, x, y, z) == pytest.approx(1.0, abs=1e-6)
     assert math.asin(2.0 * (w * y - z * x)) == pytest.approx(angles.pitch, abs=0.05)
-    assert math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)) == pytest.approx(angles.yaw, abs=0.05)
+    assert math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)) == pytest.approx(
+        angles.yaw, abs=0.05
+    )
 
 
 def test_odometry_turns_the_velocity_into_the_body(fly, ned_velocity):
@@ -81,12 +87,16 @@ def test_odometry_turns_the_velocity_into_the_body(fly, ned_velocity):
     odometry = ask(flight, "ODOMETRY")
     assert odometry.vx == pytest.approx(flight.velocity[1], abs=0.3), "east is forward"
     assert abs(odometry.vy) < 0.2
-    assert math.hypot(odometry.vx, odometry.vy, odometry.vz) == pytest.approx(math.hypot(*flight.velocity), abs=0.1)
+    assert math.hypot(odometry.vx, odometry.vy, odometry.vz) == pytest.approx(
+        math.hypot(*flight.velocity), abs=0.1
+    )
 
 
 def test_heights_agree(fly):
     flight = fly.airborne("px4", height=12.0)
-    altitude, hud, place = ask(flight, "ALTITUDE"), ask(flight, "VFR_HUD"), ask(flight, "GLOBAL_POSITION_INT")
+    altitude = ask(flight, "ALTITUDE")
+    hud = ask(flight, "VFR_HUD")
+    place = ask(flight, "GLOBAL_POSITION_INT")
     assert altitude.altitude_relative == pytest.approx(flight.height, abs=0.1)
     assert altitude.altitude_amsl == pytest.approx(488.0 + flight.height, abs=0.1)
     assert hud.alt == pytest.approx(altitude.altitude_amsl, abs=0.1)
@@ -94,7 +104,11 @@ def test_heights_agree(fly):
 
 
 def test_the_target_reported_is_the_setpoint_in_force(fly, ned_velocity):
-    flight = fly.airborne("px4").offboard(ned_velocity(1.5, -0.5, 0.25)).run(1.0, ned_velocity(1.5, -0.5, 0.25))
+    flight = (
+        fly.airborne("px4")
+        .offboard(ned_velocity(1.5, -0.5, 0.25))
+        .run(1.0, ned_velocity(1.5, -0.5, 0.25))
+    )
     target = ask(flight, "POSITION_TARGET_LOCAL_NED")
     assert (target.vx, target.vy, target.vz) == pytest.approx((1.5, -0.5, 0.25))
     assert math.isnan(target.x)
@@ -104,7 +118,8 @@ def test_receiver_and_estimate_part_by_the_estimators_error(fly):
     flight = fly.airborne("px4")
     flight.vehicle.inject("ekf_jump_m", (10.0, 0.0, 0.0))
     flight.run(0.02)
-    receiver, estimate = ask(flight, "GPS_RAW_INT"), ask(flight, "GLOBAL_POSITION_INT")
+    receiver = ask(flight, "GPS_RAW_INT")
+    estimate = ask(flight, "GLOBAL_POSITION_INT")
     assert (estimate.lat - receiver.lat) * 1e-7 * 111_194.0 == pytest.approx(10.0, abs=0.6)
 
 
@@ -153,7 +168,9 @@ def test_wind_and_gusts_push(fly):
     flight.vehicle.inject("wind_m_s", (8.0, 0.0, 0.0))
     flight.vehicle.inject("gust_m_s", 2.0)
     flight.run(5.0)
-    tilts = [abs(m.pitch) for _, m in flight.all("ATTITUDE")] or [abs(ask(flight, "ATTITUDE").pitch)]
+    tilts = [abs(m.pitch) for _, m in flight.all("ATTITUDE")] or [
+        abs(ask(flight, "ATTITUDE").pitch)
+    ]
     assert max(tilts) > 0.01, "leans into the wind"
     flight.vehicle.inject("gust_m_s", 0.0)
     flight.run(1.0)

@@ -157,7 +157,9 @@ class TestZenoh:
         with client_session(address, "uav1") as session:
             samples = zenoh.handlers.FifoChannel(16)
             subscriber = session.declare_subscriber("mavlink_raw/out", samples)
-            while not endpoint.session.declare_publisher("uav1/mavlink_raw/out").matching_status.matching:
+            while not endpoint.session.declare_publisher(
+                "uav1/mavlink_raw/out"
+            ).matching_status.matching:
                 continue
             endpoint.send("uav1", "onboard", [b"one", b"two"])
             endpoint.send("evader", "onboard", [b"for others"])
@@ -185,7 +187,9 @@ class TestZenoh:
         endpoint.close()
         endpoint.close()
 
-    def test_the_queue_is_bounded_and_what_is_dropped_is_counted(self, endpoint, address, monkeypatch):
+    def test_the_queue_is_bounded_and_what_is_dropped_is_counted(
+        self, endpoint, address, monkeypatch
+    ):
         monkeypatch.setattr("sitl_mock.transports.zenoh_session.QUEUE_MAX", 5)
         with client_session(address, "uav1") as session:
             for _ in range(50):
@@ -207,7 +211,8 @@ class Memory:
         return []
 
     def receive(self):
-        arrivals, self.arrivals = self.arrivals, []
+        arrivals = self.arrivals
+        self.arrivals = []
         return arrivals
 
     def send(self, vehicle, link, frames):
@@ -246,7 +251,8 @@ class TestLoop:
         assert vehicle.autopilot.state.now_s == pytest.approx(101.01)
 
     def test_it_runs_until_told_to_stop(self, clock):
-        endpoint, cycles = Memory([]), []
+        endpoint = Memory([])
+        cycles = []
 
         def stop(_ready):
             clock.now_s += 0.01

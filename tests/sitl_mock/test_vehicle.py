@@ -26,14 +26,16 @@ def flown_bytes(flight, ned_velocity):
 @pytest.mark.parametrize("flavour", ["px4", "arducopter"])
 def test_equal_seeds_give_equal_bytes_and_others_do_not(fly, ned_velocity, flavour):
     first, again, other = (
-        flown_bytes(fly(flavour, noise=True, seed=seed, texts=True), ned_velocity) for seed in (4, 4, 5)
+        flown_bytes(fly(flavour, noise=True, seed=seed, texts=True), ned_velocity)
+        for seed in (4, 4, 5)
     )
     assert first == again
     assert flavour == "arducopter" or first != other
 
 
 def test_what_is_sent_does_not_depend_on_how_often_it_is_stepped():
-    fine, coarse = MockVehicle("px4", seed=2), MockVehicle("px4", seed=2)
+    fine = MockVehicle("px4", seed=2)
+    coarse = MockVehicle("px4", seed=2)
     fine_frames = [frame for tick in range(301) for frame in fine.step(tick * 0.01)]
     coarse_frames = [frame for tick in range(31) for frame in coarse.step(tick * 0.1)]
     assert fine_frames == coarse_frames
@@ -44,7 +46,11 @@ def test_px4_streams_at_the_measured_rates(fly):
     start_s = flight.now_s
     flight.run(20.0)
     heard = Counter(m.get_type() for t, m in flight.heard if t > start_s)
-    streamed = {name: hertz for name, hertz in PX4_ONBOARD_HZ.items() if name != "POSITION_TARGET_GLOBAL_INT"}
+    streamed = {
+        name: hertz
+        for name, hertz in PX4_ONBOARD_HZ.items()
+        if name != "POSITION_TARGET_GLOBAL_INT"
+    }
     for name, rate_hz in streamed.items():
         assert heard[name] == pytest.approx(20.0 * rate_hz, abs=1.01), name
     assert set(heard) == set(streamed), "the goal of an automatic mode is sent while armed"
@@ -52,7 +58,8 @@ def test_px4_streams_at_the_measured_rates(fly):
 
 def test_each_link_has_its_own_rates_sequence_and_requests():
     vehicle = MockVehicle("px4", links={"onboard": "onboard", "gcs": "gcs"}, ready_after_s=0.5)
-    encoder, decoders = Encoder(255, 190), {"onboard": Decoder(), "gcs": Decoder()}
+    encoder = Encoder(255, 190)
+    decoders = {"onboard": Decoder(), "gcs": Decoder()}
     heard = {"onboard": [], "gcs": []}
     vehicle.step_links(0.0, {})
     request = encoder.pack("COMMAND_LONG", 1, 1, 511, 0, 32.0, 50000.0, *[0.0] * 5)
@@ -75,7 +82,9 @@ def test_each_link_has_its_own_rates_sequence_and_requests():
 @pytest.mark.parametrize("flavour", ["px4", "arducopter", "rover"])
 def test_a_quiet_link_sends_heartbeats_and_what_is_asked_for(flavour):
     vehicle = MockVehicle(flavour, links={"onboard": "quiet"}, texts=False)
-    encoder, decoder, heard = Encoder(255, 190), Decoder(), []
+    encoder = Encoder(255, 190)
+    decoder = Decoder()
+    heard = []
     request = encoder.pack("COMMAND_LONG", 1, 1, 511, 0, 32.0, 1e5, 0, 0, 0, 0, 0)
     for tick in range(500):
         for frame in vehicle.step(tick * 0.02, [request] if tick == 250 else []):
@@ -90,10 +99,13 @@ def test_a_quiet_link_sends_heartbeats_and_what_is_asked_for(flavour):
 
 
 def test_time_since_boot_starts_with_the_first_step():
-    vehicle, decoder = MockVehicle("px4"), Decoder()
+    vehicle = MockVehicle("px4")
+    decoder = Decoder()
     vehicle.step(1234.5)
     messages = [m for frame in vehicle.step(1235.5) for m in decoder.feed(frame, whole=True)]
-    assert max(m.time_boot_ms for m in messages if m.get_type() == "ATTITUDE") == pytest.approx(1000, abs=11)
+    assert max(m.time_boot_ms for m in messages if m.get_type() == "ATTITUDE") == pytest.approx(
+        1000, abs=11
+    )
 
 
 @pytest.mark.parametrize("flavour", NAMES)
@@ -103,8 +115,11 @@ def test_local_and_global_position_agree_through_the_origin(fly, ned_velocity, f
         flight.command(511, message_id, 20000.0)
     flight.command(512, 49.0)
     origin = flight.last("GPS_GLOBAL_ORIGIN")
-    frame = LocalFrame(Home(origin.latitude * 1e-7, origin.longitude * 1e-7, origin.altitude * 1e-3))
-    local, place = flight.last("LOCAL_POSITION_NED"), flight.last("GLOBAL_POSITION_INT")
+    frame = LocalFrame(
+        Home(origin.latitude * 1e-7, origin.longitude * 1e-7, origin.altitude * 1e-3)
+    )
+    local = flight.last("LOCAL_POSITION_NED")
+    place = flight.last("GLOBAL_POSITION_INT")
     assert frame.to_local(place.lat * 1e-7, place.lon * 1e-7, place.alt * 1e-3) == pytest.approx(
         (local.x, local.y, local.z), abs=0.05
     )
@@ -123,7 +138,11 @@ def test_the_origin_may_lie_elsewhere(fly):
 def test_the_origin_can_be_set_before_arming_and_is_confirmed(fly):
     flight = fly("px4").run(1.0)
     wanted = flight.vehicle.autopilot.frame.to_geodetic(-40.0, 10.0, 0.0)
-    place = (round(wanted.lat_deg * 1e7), round(wanted.lon_deg * 1e7), round(wanted.alt_amsl_m * 1e3))
+    place = (
+        round(wanted.lat_deg * 1e7),
+        round(wanted.lon_deg * 1e7),
+        round(wanted.alt_amsl_m * 1e3),
+    )
     flight.send("SET_GPS_GLOBAL_ORIGIN", 1, *place, 0)
     told = flight.last("GPS_GLOBAL_ORIGIN")
     assert (told.latitude, told.longitude, told.altitude) == place
@@ -140,16 +159,21 @@ def test_the_origin_can_be_set_before_arming_and_is_confirmed(fly):
 def test_estimation_noise_has_the_measured_size():
     vehicle = MockVehicle("px4", seed=1, ready_after_s=0.5)
     encoder = Encoder(1, 195)
-    stream = encoder.pack("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 2503, 0, 0, 0, 0, 0, -0.5, 0, 0, 0, 0, 0)
+    stream = encoder.pack(
+        "SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 2503, 0, 0, 0, 0, 0, -0.5, 0, 0, 0, 0, 0
+    )
     for tick in range(1, 100):
         vehicle.step(tick * 0.02, [stream])
     for command in ((176, 1.0, 6.0), (400, 1.0, 0.0)):
-        vehicle.step(2.0, [encoder.pack("COMMAND_LONG", 1, 1, command[0], 0, *command[1:], *[0.0] * 5)])
+        vehicle.step(
+            2.0, [encoder.pack("COMMAND_LONG", 1, 1, command[0], 0, *command[1:], *[0.0] * 5)]
+        )
     errors = []
     for tick in range(101, 10_000):
         vehicle.step(tick * 0.02, [stream] if tick % 10 == 0 else [])
         if tick > 1000 and tick % 10 == 0:
-            state, body = vehicle.autopilot.state, vehicle.truth
+            state = vehicle.autopilot.state
+            body = vehicle.truth
             errors.append(
                 [a - b for a, b in zip(state.position_m, body.position_ned_m, strict=True)]
                 + [a - b for a, b in zip(state.velocity_m_s, body.velocity_ned_m_s, strict=True)]
@@ -241,7 +265,9 @@ def test_a_wrong_setting_is_named_with_what_is_allowed(wrong, named):
 )  # fmt: skip
 def test_local_frames_are_undone_by_their_inverse(lat, lon, alt, north, east, down):
     frame = LocalFrame(Home(lat, lon, alt))
-    assert frame.to_local(*frame.to_geodetic(north, east, down)) == pytest.approx((north, east, down), abs=1e-5)
+    assert frame.to_local(*frame.to_geodetic(north, east, down)) == pytest.approx(
+        (north, east, down), abs=1e-5
+    )
 
 
 def test_local_frames_agree_with_the_tangent_plane_within_a_kilometre():

@@ -11,10 +11,15 @@ from sitl_mock.flavours import NAMES, flavour_named
 from sitl_mock.mavlink import Decoder
 from tests.harness.examples import drawn
 
-NUMBER = st.one_of(st.sampled_from([0.0, 1.0, 2.0, 6.0, -1.0, math.nan, math.inf, 21196.0, 1e9]), st.floats(-200, 200))
+NUMBER = st.one_of(
+    st.sampled_from([0.0, 1.0, 2.0, 6.0, -1.0, math.nan, math.inf, 21196.0, 1e9]),
+    st.floats(-200, 200),
+)
 COMMANDS = st.tuples(
     st.just("command"),
-    st.sampled_from([20, 21, 22, 176, 178, 179, 185, 192, 193, 224, 241, 246, 300, 400, 401, 511, 512]),
+    st.sampled_from(
+        [20, 21, 22, 176, 178, 179, 185, 192, 193, 224, 241, 246, 300, 400, 401, 511, 512]
+    ),
     st.lists(NUMBER, min_size=7, max_size=7),
 )
 ARM = st.just(("command", 400, [1.0, 0, 0, 0, 0, 0, 0]))
@@ -46,7 +51,9 @@ FATE = st.sampled_from(sorted(CONDITIONS)).flatmap(
     lambda name: st.tuples(st.just("inject"), st.just(name), VALUES.get(name, st.booleans()))
 )
 EVENTS = st.lists(
-    st.tuples(st.one_of(COMMANDS, ARM, MODES, STREAMS, FATE), st.floats(0.05, 3.0)), min_size=5, max_size=25
+    st.tuples(st.one_of(COMMANDS, ARM, MODES, STREAMS, FATE), st.floats(0.05, 3.0)),
+    min_size=5,
+    max_size=25,
 )
 
 
@@ -67,7 +74,11 @@ def act(flight, modes, event):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=drawn(12), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=drawn(12),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(events=EVENTS, airborne=st.booleans())
 def test_it_never_fails_stays_above_ground_and_in_its_table(fly, name, events, airborne):
     flight = fly(name, noise=True, dt_s=0.05)
@@ -80,9 +91,12 @@ def test_it_never_fails_stays_above_ground_and_in_its_table(fly, name, events, a
         stream = act(flight, modes, event)
         flight.run(max(0.05, seconds), stream)
         vehicle = flight.vehicle
-        body, state = vehicle.truth, vehicle.autopilot.state
+        body = vehicle.truth
+        state = vehicle.autopilot.state
         assert vehicle.mode in vehicle.modes
-        assert all(map(math.isfinite, (*body.position_ned_m, *body.velocity_ned_m_s, *state.attitude)))
+        assert all(
+            map(math.isfinite, (*body.position_ned_m, *body.velocity_ned_m_s, *state.attitude))
+        )
         assert body.position_ned_m[2] <= vehicle.autopilot.ground_m + 1e-6
         assert all(link.unsendable == 0 for link in vehicle.links.values())
         if name != "rover" and not vehicle.armed and body.on_ground:

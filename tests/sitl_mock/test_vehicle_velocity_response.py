@@ -27,7 +27,9 @@ STEPS = [
 
 
 @pytest.mark.parametrize(("flavour", "command", "t10_s", "t63_s", "reached"), STEPS)
-def test_a_step_rises_and_settles_as_measured(fly, ned_velocity, flavour, command, t10_s, t63_s, reached):
+def test_a_step_rises_and_settles_as_measured(
+    fly, ned_velocity, flavour, command, t10_s, t63_s, reached
+):
     flight = fly.airborne(flavour, height=40.0)
     still = ned_velocity(0.0, 0.0, 0.0)
     flight.command(511, 32.0, 20_000.0)
@@ -35,7 +37,10 @@ def test_a_step_rises_and_settles_as_measured(fly, ned_velocity, flavour, comman
     start_s = flight.now_s
     flight.run(8.0, ned_velocity(command[0], 0.0, command[1]))
     size = command[0] or command[1]
-    path = [(t - start_s, (m.vx if command[0] else m.vz) / size) for t, m in flight.all("LOCAL_POSITION_NED", start_s)]
+    path = [
+        (t - start_s, (m.vx if command[0] else m.vz) / size)
+        for t, m in flight.all("LOCAL_POSITION_NED", start_s)
+    ]
 
     def passes(share):
         return next(dropwhile(lambda sample: sample[1] < share, path))[0]
@@ -57,7 +62,25 @@ def test_px4_clips_at_its_limits_and_arducopter_does_not(fly, ned_velocity):
 
 def test_feed_forward_of_acceleration_shortens_px4s_lag(fly):
     def stream(acceleration):
-        return ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 3079, 0, 0, 0, 3.0, 0, 0, acceleration, 0, 0, 0, 0)
+        return (
+            "SET_POSITION_TARGET_LOCAL_NED",
+            0,
+            1,
+            1,
+            1,
+            3079,
+            0,
+            0,
+            0,
+            3.0,
+            0,
+            0,
+            acceleration,
+            0,
+            0,
+            0,
+            0,
+        )
 
     reached = []
     for acceleration in (0.0, 2.0):

@@ -44,7 +44,9 @@ def test_corners_are_the_times_of_the_table():
 
 @given(st.integers(0, 2**40), st.floats(0.5, 8.0), st.floats(0.1, np.pi))
 def test_random_turns_are_at_full_speed_and_no_sharper_than_allowed(seed, every_s, max_turn_rad):
-    course = random_turns(START, 1.5, seed, stream=1, every_s=every_s, max_turn_rad=max_turn_rad, duration_s=40.0)
+    course = random_turns(
+        START, 1.5, seed, stream=1, every_s=every_s, max_turn_rad=max_turn_rad, duration_s=40.0
+    )
     legs = np.diff(course.places_m, axis=0)
     np.testing.assert_allclose(np.linalg.norm(legs, axis=1), 1.5 * every_s)
     assert not legs[:, 2].any()
@@ -56,23 +58,35 @@ def test_random_turns_are_at_full_speed_and_no_sharper_than_allowed(seed, every_
 
 def test_a_recorded_track_is_moved_to_where_the_player_starts():
     course = recorded(START, [(10.0, 5.0, 5.0, 0.0), (12.0, 9.0, 5.0, 0.0)])
-    np.testing.assert_allclose(course.velocity_m_s(1.0, START + np.array([2.0, 0.0, 0.0])), [2.0, 0.0, 0.0])
-    np.testing.assert_allclose(course.velocity_m_s(5.0, START + np.array([4.0, 0.0, 0.0])), 0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        course.velocity_m_s(1.0, START + np.array([2.0, 0.0, 0.0])), [2.0, 0.0, 0.0]
+    )
+    np.testing.assert_allclose(
+        course.velocity_m_s(5.0, START + np.array([4.0, 0.0, 0.0])), 0.0, atol=1e-12
+    )
 
 
 def test_courses_of_a_batch_are_those_of_its_rows():
     starts = np.random.default_rng(1).uniform(-9.0, 9.0, (5, 3))
-    speeds, seeds = np.linspace(1.0, 2.0, 5), np.arange(5)
+    speeds = np.linspace(1.0, 2.0, 5)
+    seeds = np.arange(5)
     turning = {"stream": 2, "every_s": 2.0, "max_turn_rad": 1.0, "duration_s": 9.0}
     points = [(1.0, 1.0, 1.0), (-3.0, 0.0, 2.0)]
     track = [(0.0, 0.0, 0.0, 0.0), (4.0, 9.0, 0.0, 1.0)]
     for batch, alone in (
-        (random_turns(starts, speeds, seeds, **turning), lambda i: random_turns(starts[i], speeds[i], i, **turning)),
-        (waypoints(starts, points, Ball(speeds)), lambda i: waypoints(starts[i], points, Ball(speeds[i]))),
+        (
+            random_turns(starts, speeds, seeds, **turning),
+            lambda i: random_turns(starts[i], speeds[i], i, **turning),
+        ),
+        (
+            waypoints(starts, points, Ball(speeds)),
+            lambda i: waypoints(starts[i], points, Ball(speeds[i])),
+        ),
         (recorded(starts, track), lambda i: recorded(starts[i], track)),
     ):
         now_s = np.linspace(0.0, 8.0, 5)
-        together, corners = batch.velocity_m_s(now_s, starts), batch.corner_s(now_s)
+        together = batch.velocity_m_s(now_s, starts)
+        corners = batch.corner_s(now_s)
         for i in range(5):
             np.testing.assert_array_equal(alone(i).velocity_m_s(now_s[i], starts[i]), together[i])
             assert alone(i).corner_s(now_s[i]) == corners[i]

@@ -5,7 +5,8 @@ from guidance.strategies import normal, uniform
 
 
 def test_a_draw_is_the_same_alone_and_among_others():
-    seeds, index = np.arange(50), np.arange(7)
+    seeds = np.arange(50)
+    index = np.arange(7)
     table = uniform(seeds[:, None], 3, index)
     for seed in (0, 17, 49):
         for k in (0, 6):
@@ -27,7 +28,8 @@ def test_uniform_draws_are_even_and_uncorrelated(stream):
     assert draws.max() < 1.0
     counts, _ = np.histogram(draws, bins=20, range=(0.0, 1.0))
     expected = draws.size / 20
-    assert np.sum((counts - expected) ** 2 / expected) < 44.0  # chi squared, 19 degrees of freedom, p = 0.001
+    # Chi squared, 19 degrees of freedom, p = 0.001
+    assert np.sum((counts - expected) ** 2 / expected) < 44.0
     for one, other in ((draws[:, 1:], draws[:, :-1]), (draws[1:], draws[:-1])):
         assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 4.0 / np.sqrt(one.size)
 

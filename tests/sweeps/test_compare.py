@@ -39,12 +39,15 @@ def swept(plan_from, tmp_path):
 
 
 def regrets(folder):
-    return pa.concat_tables([parquet.read_table(part) for part in folder.parts])["regret"].to_numpy()
+    return pa.concat_tables([parquet.read_table(part) for part in folder.parts])[
+        "regret"
+    ].to_numpy()
 
 
 def test_intervals_are_scipys():
     rng = np.random.default_rng(1)
-    a, b = rng.normal(0.0, 1.0, 30), rng.normal(0.5, 3.0, 12)
+    a = rng.normal(0.0, 1.0, 30)
+    b = rng.normal(0.5, 3.0, 12)
     expected = stats.ttest_ind(b, a, equal_var=False).confidence_interval()
     assert difference_of_means(a, b)[1:] == pytest.approx((expected.low, expected.high))
     expected = stats.ttest_1samp(a, 0.0).confidence_interval()
@@ -60,7 +63,8 @@ def test_too_few_numbers_have_no_interval():
 
 
 def test_sweeps_of_two_policies_pair_row_by_row(swept):
-    a, b = swept("a"), swept("b", pursuers='"lead_pursuit"', chunk=3)
+    a = swept("a")
+    b = swept("b", pursuers='"lead_pursuit"', chunk=3)
     compared = compare_sweeps(a, b, column="regret", rows=3)
     group = compared["groups"][0]
     assert compared["paired"]
@@ -75,14 +79,19 @@ def test_sweeps_of_two_policies_pair_row_by_row(swept):
     assert (found["low"], found["high"]) == pytest.approx((expected.low, expected.high))
     order = np.argsort(-np.abs(apart))[:3]
     assert [row["row_a"] for row in compared["largest"]] == order.tolist()
-    assert [row["difference"] for row in compared["largest"]] == pytest.approx(apart[order].tolist())
+    assert [row["difference"] for row in compared["largest"]] == pytest.approx(
+        apart[order].tolist()
+    )
 
 
 def test_a_sweep_does_not_differ_from_itself(swept):
-    a, b = swept("a"), swept("b", chunk=20)
+    a = swept("a")
+    b = swept("b", chunk=20)
     compared = compare_sweeps(a, b, column="game_time_s", rows=5)
     assert compared["largest"] == []
-    differences = {name: column["difference"] for name, column in compared["groups"][0]["columns"].items()}
+    differences = {
+        name: column["difference"] for name, column in compared["groups"][0]["columns"].items()
+    }
     known = {name: found for name, found in differences.items() if found["estimate"] is not None}
     assert {"game_time_s", "regret"} <= set(known)
     for found in known.values():
@@ -91,7 +100,11 @@ def test_a_sweep_does_not_differ_from_itself(swept):
 
 def test_rows_pair_by_seed_and_policy_whatever_their_order(swept):
     a = swept("a", pursuers='["optimal", "lead_pursuit"]')
-    b = swept("b", BASE.replace("seeds = 10", "seeds = [7, 3, 12]"), pursuers='["lead_pursuit", "pure_pursuit"]')
+    b = swept(
+        "b",
+        BASE.replace("seeds = 10", "seeds = [7, 3, 12]"),
+        pursuers='["lead_pursuit", "pure_pursuit"]',
+    )
     compared = compare_sweeps(a, b, column="game_time_s", rows=5)
     assert matched_pairs(a.plan, b.plan) == {1: 0}
     assert [group["rows_a"] for group in compared["groups"]] == [4]
@@ -99,7 +112,8 @@ def test_rows_pair_by_seed_and_policy_whatever_their_order(swept):
 
 
 def test_sweeps_over_different_values_are_independent(swept):
-    a, b = swept("a"), swept("b", BASE.replace("[8, 14]", "[10, 14]"))
+    a = swept("a")
+    b = swept("b", BASE.replace("[8, 14]", "[10, 14]"))
     compared = compare_sweeps(a, b, column="regret", rows=5)
     assert not compared["paired"]
     expected = stats.ttest_ind(regrets(b), regrets(a), equal_var=False).confidence_interval()
@@ -116,7 +130,8 @@ def test_an_unknown_column_is_refused_with_those_allowed(swept):
 
 
 def test_the_command_compares_sweeps_and_outcomes(swept, tmp_path):
-    a, b = swept("a"), swept("b", pursuers='"pure_pursuit"')
+    a = swept("a")
+    b = swept("b", pursuers='"pure_pursuit"')
     shown = CliRunner().invoke(app, ["compare", str(a.path), str(b.path), "--rows", "2"])
     assert "20 paired rows" in shown.stdout
     assert "captured" in shown.stdout
@@ -132,7 +147,8 @@ def test_the_command_compares_sweeps_and_outcomes(swept, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "words"), [("{", "not valid JSON"), ('{"a": 1}', "not an outcome"), (None, "cannot be read")]
+    ("content", "words"),
+    [("{", "not valid JSON"), ('{"a": 1}', "not an outcome"), (None, "cannot be read")],
 )
 def test_a_file_that_is_not_an_outcome_is_refused(tmp_path, content, words):
     path = tmp_path / "a.json"
@@ -150,12 +166,17 @@ def test_an_outcome_and_a_sweep_are_not_compared(swept, tmp_path):
 
 @pytest.mark.parametrize("columns", [60, 80, 120])
 def test_no_number_is_cut_in_a_narrow_terminal(swept, tmp_path, columns):
-    a, b = swept("a"), swept("b", pursuers='"pure_pursuit"')
+    a = swept("a")
+    b = swept("b", pursuers='"pure_pursuit"')
     for name, folder in (("a.json", a), ("b.json", b)):
-        (tmp_path / name).write_text(json.dumps(outcome_json(play([scenario_of(folder.plan, 4)])[0])))
+        (tmp_path / name).write_text(
+            json.dumps(outcome_json(play([scenario_of(folder.plan, 4)])[0]))
+        )
     for pair in ((a.path, b.path), (tmp_path / "a.json", tmp_path / "b.json")):
         said = [
-            CliRunner().invoke(app, ["compare", *map(str, pair), "--rows", "0"], env={"COLUMNS": str(width)}).stdout
+            CliRunner()
+            .invoke(app, ["compare", *map(str, pair), "--rows", "0"], env={"COLUMNS": str(width)})
+            .stdout
             for width in (columns, 400)
         ]
         narrow, wide = (re.findall(r"-?\d+\.?\d*(?:e-\d+)?", text) for text in said)

@@ -36,7 +36,9 @@ def test_every_combination_of_seed_grid_and_policies_is_one_row(plan_from):
     plan = plan_from()
     cases = plan.cases(np.arange(plan.rows))
     assert plan.rows == 24
-    assert len(set(zip(cases.seed.tolist(), cases.values[0], cases.pair.tolist(), strict=True))) == 24
+    assert (
+        len(set(zip(cases.seed.tolist(), cases.values[0], cases.pair.tolist(), strict=True))) == 24
+    )
 
 
 def test_a_row_is_the_same_alone_as_among_others(plan_from):
@@ -55,7 +57,9 @@ def test_rows_that_differ_only_in_policy_or_grid_share_their_draws(plan_from):
     cases = plan.cases(np.arange(plan.rows))
     for seed in range(6):
         draws = {
-            (*place, height) for place, height, one in zip(*cases.values[1:], cases.seed, strict=True) if one == seed
+            (*place, height)
+            for place, height, one in zip(*cases.values[1:], cases.seed, strict=True)
+            if one == seed
         }
         assert len(draws) == 1
     assert len(set(cases.values[2])) == 6
@@ -75,7 +79,10 @@ def test_a_row_has_the_seed_the_policies_and_the_values_its_columns_show(plan_fr
     table = table_of(plan, range(24)).to_pylist()
     for row, scenario in zip(table, scenarios(plan, range(24)), strict=True):
         assert row["evader.speed_m_s"] == scenario.evader.speed_m_s
-        assert (row["evader.position_m[0]"], row["evader.position_m[1]"]) == scenario.evader.position_m
+        assert (
+            row["evader.position_m[0]"],
+            row["evader.position_m[1]"],
+        ) == scenario.evader.position_m
         assert row["pursuer.position_m[2]"] == scenario.pursuer.position_m[2]
         assert (row["pursuer_policy"], row["evader_policy"]) == (scenario.pursuer.policy, "optimal")
         assert row["seed"] == scenario.seed
@@ -99,7 +106,10 @@ def test_a_course_stays_with_the_policy_that_follows_it(short, plan_from):
         (short / "short.toml").read_text() + 'policy = "waypoints"\nwaypoints_m = [[0.0, 20.0]]\n'
     )
     plan = plan_from(HEAD + 'policies = [{ evader = ["waypoints", "optimal"] }]\n')
-    assert [bool(scenario.evader.waypoints_m) for scenario in scenarios(plan, range(2))] == [True, False]
+    assert [bool(scenario.evader.waypoints_m) for scenario in scenarios(plan, range(2))] == [
+        True,
+        False,
+    ]
 
 
 @pytest.mark.parametrize(
@@ -120,7 +130,8 @@ def test_draws_follow_the_distribution_they_are_named_after(law, distribution):
 def test_a_disc_is_even_by_area_and_about_its_centre():
     axis = random_axis("evader.position_m", annulus=[10, 20], about_m=[5, -7])
     places = np.array(drawn(axis, np.arange(20000))) - [5, -7]
-    radius, angle = np.hypot(*places.T), np.arctan2(*places.T)
+    radius = np.hypot(*places.T)
+    angle = np.arctan2(*places.T)
     assert stats.kstest((radius**2 - 100) / 300, "uniform").pvalue > 0.001
     assert stats.kstest(angle / (2 * np.pi) + 0.5, "uniform").pvalue > 0.001
 
@@ -141,17 +152,38 @@ def test_what_is_drawn_lies_within_the_bounds(low, width, seed):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('[grid]\n"pursuer.sped_m_s" = [3.0]\n', "pursuer.sped_m_s: unknown key; did you mean 'speed_m_s'?"),
+        (
+            '[grid]\n"pursuer.sped_m_s" = [3.0]\n',
+            "pursuer.sped_m_s: unknown key; did you mean 'speed_m_s'?",
+        ),
         ('[grid]\n"pursuer.speed_km_h" = [3.0]\n', "pursuer.speed_km_h: unknown key"),
-        ('[grid]\n"pursuer.speed_m_s" = [3.0, 31.0]\n', "pursuer.speed_m_s = 31.0: must be less than"),
-        ('[random]\n"evader.speed_m_s" = { uniform = [-1.0, 2.0] }\n', "evader.speed_m_s = -1.0: must be gr"),
-        ('[random]\n"evader.speed_m_s" = { uniform = [2.0, 1.0] }\n', "{ uniform = [low, high] } with low < high"),
-        ('[random]\n"evader.speed_m_s" = { gamma = [2.0, 1.0] }\n', "gamma: unknown key; allowed here"),
-        ('[random]\n"evader.speed_m_s" = { normal = [2, 1], uniform = [1, 2] }\n', "must be one of { uniform"),
+        (
+            '[grid]\n"pursuer.speed_m_s" = [3.0, 31.0]\n',
+            "pursuer.speed_m_s = 31.0: must be less than",
+        ),
+        (
+            '[random]\n"evader.speed_m_s" = { uniform = [-1.0, 2.0] }\n',
+            "evader.speed_m_s = -1.0: must be gr",
+        ),
+        (
+            '[random]\n"evader.speed_m_s" = { uniform = [2.0, 1.0] }\n',
+            "{ uniform = [low, high] } with low < high",
+        ),
+        (
+            '[random]\n"evader.speed_m_s" = { gamma = [2.0, 1.0] }\n',
+            "gamma: unknown key; allowed here",
+        ),
+        (
+            '[random]\n"evader.speed_m_s" = { normal = [2, 1], uniform = [1, 2] }\n',
+            "must be one of { uniform",
+        ),
         ('[random]\n"evader.speed_m_s" = { disc = 10 }\n', "evader.position_m as a whole"),
         ('[random]\n"evader.speed_m_s" = { log_uniform = [0.0, 2.0] }\n', "0 < low < high"),
         ('[grid]\n"evader.position_m[2]" = [3.0]\n', "the scenario has no element 2 there"),
-        ('[grid]\n"evader.speed_m_s" = { from = 1.0, to = 2.0 }\n', "must be { from = …, to = …, count = … }"),
+        (
+            '[grid]\n"evader.speed_m_s" = { from = 1.0, to = 2.0 }\n',
+            "must be { from = …, to = …, count = … }",
+        ),
         ('[grid]\n"evader.speed_m_s" = 2.0\n', "must be a list of values"),
         ('[grid]\n"evader.speed_m_s" = [2.0, 2.0]\n', "a value is given twice"),
         ("[grid]\nseed = [1, 2]\n", "seed: cannot be swept; use seeds"),
@@ -159,7 +191,10 @@ def test_what_is_drawn_lies_within_the_bounds(low, width, seed):
         ('[grid]\n"Pursuer Speed" = [1.0]\n', "must be a scenario's key"),
         ('policies = [{ pursuer = "magic" }]\n', "pursuer.policy = 'magic': allowed are optimal"),
         ('policies = [{ pursuer = "task_oriented" }]\n', "needs target.position_m"),
-        ('policies = [{ pursuer = "optimal" }, { pursuer = "optimal" }]\n', "optimal against optimal is given twice"),
+        (
+            'policies = [{ pursuer = "optimal" }, { pursuer = "optimal" }]\n',
+            "optimal against optimal is given twice",
+        ),
         ("seeds = 3\nrows = 3\n", "give only one"),
         ("seeds = [1, 1]\n", "seeds: 1 is given twice"),
         ("seeds = [-1]\n", "greater than or equal to 0"),

@@ -38,7 +38,8 @@ def rows_of(folder):
 
 def of_pair(everything, found):
     return everything.of(
-        (everything["pursuer_policy"] == found["pursuer"]) & (everything["evader_policy"] == found["evader"])
+        (everything["pursuer_policy"] == found["pursuer"])
+        & (everything["evader_policy"] == found["evader"])
     )
 
 
@@ -64,7 +65,10 @@ def swept(plan_from, tmp_path):
     """Runs a sweep of the short scenario."""
 
     def make(text):
-        finish(begun(tmp_path / "swept", plan_from('scenario = "short.toml"\n' + text), 64), lambda _: None)
+        finish(
+            begun(tmp_path / "swept", plan_from('scenario = "short.toml"\n' + text), 64),
+            lambda _: None,
+        )
         return read_folder(tmp_path / "swept")
 
     return make
@@ -79,7 +83,9 @@ def test_the_results_of_each_pair_of_policies_are_those_of_its_rows(mixed, repor
         assert found["games"] == (rows["end"] != "invalid").sum()
         known = rows.known("regret")
         assert found["regret_mean"]["estimate"] == pytest.approx(known.mean())
-        assert list(found["regret_quantiles"].values()) == pytest.approx(np.quantile(known, list(QUANTILES)).tolist())
+        assert list(found["regret_quantiles"].values()) == pytest.approx(
+            np.quantile(known, list(QUANTILES)).tolist()
+        )
 
 
 def test_groups_of_a_key_and_of_two_keys_are_those_of_their_rows(mixed, report_of):
@@ -91,7 +97,9 @@ def test_groups_of_a_key_and_of_two_keys_are_those_of_their_rows(mixed, report_o
         assert len(found["by_point"]) == 4
         for group in found["by_point"]:
             speeds, limit = group["at"].values()
-            there = rows.of((rows["pursuer.speed_set"] == speeds) & (rows["time_limit_s"] == float(limit)))
+            there = rows.of(
+                (rows["pursuer.speed_set"] == speeds) & (rows["time_limit_s"] == float(limit))
+            )
             ends = there["end"][there["end"] != "invalid"]
             assert group["games"] == len(ends)
             if len(ends):
@@ -149,7 +157,10 @@ def test_a_sweep_over_two_keys_prints_a_map_that_fits_the_terminal(swept, undraw
         done = CliRunner().invoke(app, ["report", str(folder.path)], env={"COLUMNS": str(columns)})
         said = " ".join(done.stdout.split())
         assert "mean regret by evader speed, m/s (down) and pursuer position z, m (across)" in said
-        assert max(len(line) for line in done.stdout.splitlines() if str(folder.path) not in line) <= columns
+        assert (
+            max(len(line) for line in done.stdout.splitlines() if str(folder.path) not in line)
+            <= columns
+        )
 
 
 def test_a_worst_case_is_a_scenario_file_that_reproduces_its_row(mixed, tmp_path, report_of):

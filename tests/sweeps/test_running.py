@@ -47,14 +47,19 @@ def table(at):
 
 def test_the_rows_do_not_depend_on_the_chunks(plan_from, tmp_path):
     plan = plan_from()
-    five, all_in_one = table(run(plan, tmp_path / "five")), table(run(plan, tmp_path / "one", chunk=100))
+    five = table(run(plan, tmp_path / "five"))
+    all_in_one = table(run(plan, tmp_path / "one", chunk=100))
     for name in five.column_names:
-        np.testing.assert_array_equal(five[name].to_pylist(), all_in_one[name].to_pylist(), err_msg=name)
+        np.testing.assert_array_equal(
+            five[name].to_pylist(), all_in_one[name].to_pylist(), err_msg=name
+        )
     assert five["row"].to_pylist() == list(range(24))
     assert set(five["end"].to_pylist()) == {"captured"}
 
 
-def test_a_sweep_that_stops_half_way_is_completed_with_equal_bytes(plan_from, tmp_path, monkeypatch):
+def test_a_sweep_that_stops_half_way_is_completed_with_equal_bytes(
+    plan_from, tmp_path, monkeypatch
+):
     class StopError(Exception):
         pass
 
@@ -78,7 +83,16 @@ def test_a_sweep_that_stops_half_way_is_completed_with_equal_bytes(plan_from, tm
 def test_a_killed_sweep_continues_with_the_missing_chunks(short, tmp_path):
     many = (short / "sweep.toml").read_text().replace("seeds = 6", "seeds = 15")
     (short / "sweep.toml").write_text(many)
-    arguments = [*COMMAND, str(short / "sweep.toml"), "--workers", "1", "--chunk", "4", "--out", str(tmp_path / "out")]
+    arguments = [
+        *COMMAND,
+        str(short / "sweep.toml"),
+        "--workers",
+        "1",
+        "--chunk",
+        "4",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     deadline_s = time.monotonic() + 60.0
     while len(files(tmp_path / "out")) < 2 and time.monotonic() < deadline_s:
@@ -97,8 +111,19 @@ def test_a_killed_sweep_continues_with_the_missing_chunks(short, tmp_path):
 @pytest.mark.flight
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_it_with_its_exit_code_and_keeps_the_rows(short, tmp_path, number, code):
-    (short / "sweep.toml").write_text((short / "sweep.toml").read_text().replace("seeds = 6", "seeds = 5000"))
-    arguments = [*COMMAND, str(short / "sweep.toml"), "--workers", "1", "--chunk", "4", "--out", str(tmp_path / "out")]
+    (short / "sweep.toml").write_text(
+        (short / "sweep.toml").read_text().replace("seeds = 6", "seeds = 5000")
+    )
+    arguments = [
+        *COMMAND,
+        str(short / "sweep.toml"),
+        "--workers",
+        "1",
+        "--chunk",
+        "4",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline_s = time.monotonic() + 60.0
     while not files(tmp_path / "out") and time.monotonic() < deadline_s:
@@ -107,7 +132,10 @@ def test_a_signal_ends_it_with_its_exit_code_and_keeps_the_rows(short, tmp_path,
     _, said = process.communicate(timeout=20)
     assert process.returncode == code
     assert "Traceback" not in said
-    assert all(parquet.read_metadata(part).num_rows == 4 for part in (tmp_path / "out").glob("rows/*.parquet"))
+    assert all(
+        parquet.read_metadata(part).num_rows == 4
+        for part in (tmp_path / "out").glob("rows/*.parquet")
+    )
 
 
 def test_a_damaged_chunk_is_computed_again(plan_from, tmp_path):
@@ -157,7 +185,8 @@ def test_a_folder_of_another_sweep_is_refused_with_the_difference(plan_from, sho
 
 
 def test_another_chunk_or_another_version_is_refused(plan_from, tmp_path):
-    plan, out = plan_from(), tmp_path / "out"
+    plan = plan_from()
+    out = tmp_path / "out"
     run(plan, out)
     with pytest.raises(ConfigError, match="--chunk 6: this sweep was begun with 5"):
         begun(out, plan, 6)
@@ -191,7 +220,11 @@ def test_a_folder_that_cannot_be_made_is_an_output_error(plan_from, tmp_path):
 
 
 def test_only_one_process_writes_a_sweep(tmp_path):
-    with alone(tmp_path), pytest.raises(ConfigError, match="another process is writing"), alone(tmp_path):
+    with (
+        alone(tmp_path),
+        pytest.raises(ConfigError, match="another process is writing"),
+        alone(tmp_path),
+    ):
         pass
 
 
@@ -205,7 +238,9 @@ def test_a_sweep_with_invalid_rows_only_is_refused_with_the_reason(plan_from, tm
 
 def test_one_worker_runs_in_this_process(plan_from, tmp_path, monkeypatch):
     monkeypatch.setattr(running, "computed", lambda *_: str(os.getpid()).encode())
-    assert set(files(run(plan_from(), tmp_path / "out", workers=1)).values()) == {str(os.getpid()).encode()}
+    assert set(files(run(plan_from(), tmp_path / "out", workers=1)).values()) == {
+        str(os.getpid()).encode()
+    }
 
 
 def test_a_missing_scheduler_is_a_link_error(plan_from, tmp_path, monkeypatch):
@@ -225,16 +260,28 @@ def trusted_with(security):
         yield
 
 
-def test_a_tls_cluster_needs_its_certificate_and_computes_equal_rows(plan_from, tmp_path, monkeypatch):
-    from distributed import LocalCluster, Security  # half a second, which collecting the tests need not take
+def test_a_tls_cluster_needs_its_certificate_and_computes_equal_rows(
+    plan_from, tmp_path, monkeypatch
+):
+    from distributed import (  # half a second, which collecting the tests need not take
+        LocalCluster,
+        Security,
+    )
 
-    plan, ours, forged = plan_from(), Security.temporary(), Security.temporary()
-    cluster = LocalCluster(1, 1, processes=False, security=ours, protocol="tls", dashboard_address=None)
+    plan = plan_from()
+    ours = Security.temporary()
+    forged = Security.temporary()
+    cluster = LocalCluster(
+        1, 1, processes=False, security=ours, protocol="tls", dashboard_address=None
+    )
     with cluster:
         at = cluster.scheduler_address
         with pytest.raises(ConfigError, match="TLS needs a certificate"):
             run(plan, tmp_path / "by the cluster", scheduler=at)
-        with trusted_with(forged), pytest.raises(LinkError, match="no answer from a Dask scheduler"):
+        with (
+            trusted_with(forged),
+            pytest.raises(LinkError, match="no answer from a Dask scheduler"),
+        ):
             run(plan, tmp_path / "by the cluster", scheduler=at)
         with trusted_with(ours):
             run(plan, tmp_path / "by the cluster", scheduler=at)
@@ -273,10 +320,13 @@ def processes_of(process):
 
 @pytest.mark.slow
 def test_two_workers_give_equal_bytes_even_if_one_is_killed(plan_from, tmp_path):
-    plan, me = plan_from(), psutil.Process()
+    plan = plan_from()
+    me = psutil.Process()
     expected = files(run(plan, tmp_path / "alone", chunk=3))
     work = begun(tmp_path / "both", plan, 3)
-    killed, living, sockets = [], [], []
+    killed = []
+    living = []
+    sockets = []
 
     def kill_one(rows):
         if rows and not killed:
@@ -307,25 +357,44 @@ def test_a_chunk_that_kills_every_worker_is_given_up(plan_from, tmp_path, monkey
 
 @pytest.mark.parametrize(
     ("seeds", "way", "workers", "expected"),
-    [(6, "maths", 1, 24), (6, "maths", 2, 3), (6000, "maths", 2, 3000), (60000, "maths", 2, 4096), (6, "fast", 1, 1)],
+    [
+        (6, "maths", 1, 24),
+        (6, "maths", 2, 3),
+        (6000, "maths", 2, 3000),
+        (60000, "maths", 2, 4096),
+        (6, "fast", 1, 1),
+    ],
 )
 def test_several_workers_have_four_chunks_each(plan_from, tmp_path, seeds, way, workers, expected):
     plan = plan_from(SWEEP.replace("seeds = 6", f"seeds = {seeds}"), way)
     assert begun(tmp_path / "out", plan, None, workers).chunk_rows == expected
 
 
-@pytest.mark.parametrize(("rows", "words"), [(0, "no rows were written yet"), (5, "5 of 24 rows are kept")])
+@pytest.mark.parametrize(
+    ("rows", "words"), [(0, "no rows were written yet"), (5, "5 of 24 rows are kept")]
+)
 def test_an_interruption_says_what_is_kept(short, tmp_path, monkeypatch, rows, words):
     def interrupted(_folder, on_kept, **_):
         on_kept(rows)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(running, "finish", interrupted)
-    with pytest.raises(KeyboardInterrupt, match=f"interrupted: {words}; run the same command to continue"):
-        run_sweep(str(short / "sweep.toml"), way=None, workers=1, scheduler=None, out=tmp_path / "out", chunk=None)
+    with pytest.raises(
+        KeyboardInterrupt, match=f"interrupted: {words}; run the same command to continue"
+    ):
+        run_sweep(
+            str(short / "sweep.toml"),
+            way=None,
+            workers=1,
+            scheduler=None,
+            out=tmp_path / "out",
+            chunk=None,
+        )
 
 
-def test_progress_says_the_time_left_after_the_first_chunk(plan_from, tmp_path, monkeypatch, capsys):
+def test_progress_says_the_time_left_after_the_first_chunk(
+    plan_from, tmp_path, monkeypatch, capsys
+):
     now_s = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now_s[0])
     monkeypatch.setenv("TERM", "dumb")
@@ -346,12 +415,16 @@ def test_the_command_prints_the_folder_and_continues_a_complete_sweep(short, tmp
     assert done.exit_code == 0
     assert done.stdout.strip() == str(out)
     assert "24 games" in done.stderr
-    again = CliRunner().invoke(app, ["--workers", "1", "--out", str(out), str(short / "sweep.toml")])
+    again = CliRunner().invoke(
+        app, ["--workers", "1", "--out", str(out), str(short / "sweep.toml")]
+    )
     assert "24 of them are there already" in again.stderr
 
 
 def test_a_fast_sweep_flies_its_rows_and_keeps_invalid_ones(short, tmp_path):
-    (short / "sweep.toml").write_text('scenario = "short.toml"\nas = "fast"\n[grid]\n"evader.speed_m_s" = [1.0, 7.0]\n')
+    (short / "sweep.toml").write_text(
+        'scenario = "short.toml"\nas = "fast"\n[grid]\n"evader.speed_m_s" = [1.0, 7.0]\n'
+    )
     rows = table(run(planned(str(short / "sweep.toml")), tmp_path / "out")).to_pylist()
     assert [row["end"] for row in rows] == ["captured", "invalid"]
     assert rows[0]["run"] == "fast"

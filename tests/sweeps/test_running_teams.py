@@ -91,17 +91,25 @@ def test_what_is_there_is_not_computed_again(swept, tmp_path):
 
 
 def test_policies_are_those_of_the_whole_team(swept, tmp_path):
-    plan = swept(SWEEP + '[[policies]]\npursuer = ["optimal", "pure_pursuit"]\nevader = "task_oriented"\n')
+    plan = swept(
+        SWEEP + '[[policies]]\npursuer = ["optimal", "pure_pursuit"]\nevader = "task_oriented"\n'
+    )
     run(plan, tmp_path / "out", rows=16)
     rows = parquet.read_table(tmp_path / "out" / "rows").to_pylist()
     assert {row["pursuer_policy"] for row in rows} == {"optimal", "pure_pursuit"}
     assert {row["evader_policy"] for row in rows} == {"task_oriented"}
-    with pytest.raises(ConfigError, match=r"pursuer\[0\]\.policy = 'proportional_navigation': allowed are optimal"):
+    with pytest.raises(
+        ConfigError, match=r"pursuer\[0\]\.policy = 'proportional_navigation': allowed are optimal"
+    ):
         swept(SWEEP + '[[policies]]\npursuer = "proportional_navigation"\n')
 
 
 def test_a_row_that_allows_no_game_says_why(swept, tmp_path):
-    plan = swept(SWEEP.replace("uniform = [0.9, 1.1]", "choice = [1.0, 2.2]").replace("seeds = 2", "seeds = 6"))
+    plan = swept(
+        SWEEP.replace("uniform = [0.9, 1.1]", "choice = [1.0, 2.2]").replace(
+            "seeds = 2", "seeds = 6"
+        )
+    )
     run(plan, tmp_path / "out", rows=24)
     rows = parquet.read_table(tmp_path / "out" / "rows").to_pylist()
     wrong = [row for row in rows if row["end"] == "invalid"]
@@ -125,7 +133,9 @@ def test_the_report_counts_evaders_and_writes_the_worst_as_scenarios_of_teams(sw
 
 
 def test_teams_do_not_fly_in_sweeps_either(swept):
-    with pytest.raises(ConfigError, match=r'as = "fast": the scenario has teams, which can only be played as maths'):
+    with pytest.raises(
+        ConfigError, match=r'as = "fast": the scenario has teams, which can only be played as maths'
+    ):
         swept(way="fast")
 
 
@@ -139,4 +149,6 @@ def test_a_key_that_no_team_has_is_refused(swept):
 def test_the_sweep_that_comes_along_can_be_played():
     plan = planned("teams")
     assert plan.rows == 120
-    assert all(not isinstance(one, str) for one in scenarios_of(plan, plan.cases(np.arange(0, 120, 20))))
+    assert all(
+        not isinstance(one, str) for one in scenarios_of(plan, plan.cases(np.arange(0, 120, 20)))
+    )

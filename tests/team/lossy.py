@@ -9,8 +9,13 @@ class LossyNetwork:
     """Connects the vehicles of one process; those that are `cut` neither send nor hear."""
 
     def __init__(self, clock, *, delay_s=0.0, jitter_s=0.0, loss=0.0, seed=0):
-        self.clock, self.delay_s, self.jitter_s, self.loss = clock, delay_s, jitter_s, loss
-        self.draw, self.ends, self.cut = random.Random(seed), {}, set()
+        self.clock = clock
+        self.delay_s = delay_s
+        self.jitter_s = jitter_s
+        self.loss = loss
+        self.draw = random.Random(seed)
+        self.ends = {}
+        self.cut = set()
 
     def join(self, name):
         return LossyTransport(name, self)
@@ -18,7 +23,9 @@ class LossyNetwork:
     def send(self, sender, key, payload):
         for name, end in self.ends.items():
             if name != sender and not {name, sender} & self.cut and self.draw.random() >= self.loss:
-                end.waiting.append((self.clock() + self.delay_s + self.jitter_s * self.draw.random(), key, payload))
+                end.waiting.append(
+                    (self.clock() + self.delay_s + self.jitter_s * self.draw.random(), key, payload)
+                )
 
     def leave(self, name):
         self.ends.pop(name, None)

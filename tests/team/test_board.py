@@ -22,7 +22,10 @@ def tell(board, arrived_s, message, key=None):
     return board.hear(arrived_s, key or message.key, encode(message))
 
 
-@given(st.sampled_from(["state/bravo", "roles/bravo", "evader/red/bravo", "x/bravo", "", "state/"]), st.binary())
+@given(
+    st.sampled_from(["state/bravo", "roles/bravo", "evader/red/bravo", "x/bravo", "", "state/"]),
+    st.binary(),
+)
 def test_no_bytes_under_any_key_raise_or_are_used(key, payload):
     here = board()
     assert here.hear(1.0, key, payload) is None
@@ -35,7 +38,14 @@ def test_no_bytes_under_any_key_raise_or_are_used(key, payload):
 def test_a_message_with_any_field_replaced_is_used_whole_or_refused(data):
     plain = json.loads(encode(state_of("bravo", (10.0, 5.0, -12.0))))
     name = data.draw(st.sampled_from([*plain, "extra"]))
-    values = st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.lists(st.floats(), max_size=5)
+    values = (
+        st.none()
+        | st.booleans()
+        | st.integers()
+        | st.floats()
+        | st.text()
+        | st.lists(st.floats(), max_size=5)
+    )
     plain[name] = data.draw(values)
     here = board()
     mate = here.hear(1.0, "state/bravo", json.dumps(plain).encode())
@@ -47,7 +57,8 @@ def test_a_message_with_any_field_replaced_is_used_whole_or_refused(data):
 
 
 def test_only_a_mates_own_identity_is_accepted():
-    here, state = board(), state_of("bravo", (0.0, 0.0, -10.0))
+    here = board()
+    state = state_of("bravo", (0.0, 0.0, -10.0))
     assert tell(here, 1.0, state, "state/charlie") is None
     assert tell(here, 1.0, state_of("mallory", (0.0, 0.0, -10.0))) is None
     assert tell(here, 1.0, state_of("alpha", (0.0, 0.0, -10.0))) is None
@@ -85,7 +96,8 @@ def fly(here, places, *, dt_s=0.1, velocity=(6.0, 0.0, 0.0)):
 def test_motion_with_losses_is_never_doubted(lost):
     here = board()
     for number in sorted(set(range(100)) - lost):
-        time_s, turn = 0.1 * number, 0.05 * number
+        time_s = 0.1 * number
+        turn = 0.05 * number
         place = (60.0 * math.sin(turn), 60.0 * (1.0 - math.cos(turn)), -10.0)
         velocity = (30.0 * math.cos(turn) * 0.2, 30.0 * math.sin(turn) * 0.2, 0.0)
         place = tuple(part * 0.2 if axis < 2 else part for axis, part in enumerate(place))
@@ -111,7 +123,11 @@ def roles(vehicle, term, seq=0):
     return RolesMessage(vehicle=vehicle, epoch=1, seq=seq, term=term, roles=())
 
 
-@given(st.permutations([("bravo", 1, 0), ("bravo", 1, 1), ("charlie", 1, 5), ("charlie", 2, 0), ("bravo", 2, 0)]))
+@given(
+    st.permutations(
+        [("bravo", 1, 0), ("bravo", 1, 1), ("charlie", 1, 5), ("charlie", 2, 0), ("bravo", 2, 0)]
+    )
+)
 def test_the_newest_term_wins_then_the_lower_name(order):
     here = board()
     for number, (vehicle, term, seq) in enumerate(order):

@@ -33,7 +33,11 @@ def broken(made):
         values = {one.evader: one for one in after.promises}
         for old in before.promises:
             new = values.get(old.evader)
-            worse = new is None or new.value is None or (old.value is not None and new.value < old.value)
+            worse = (
+                new is None
+                or new.value is None
+                or (old.value is not None and new.value < old.value)
+            )
             if old.value is not None and worse and not (new and new.cause):
                 found.append((old, new))
     return found
@@ -111,7 +115,9 @@ def test_a_coordinator_that_restarts_does_not_block_the_team():
     old = team.points["alpha"]
     again.board = type(old.board)("alpha", [*TEAM], [*EVADERS])
     again.coordinator = type(old.coordinator)(again.board, 77, 4.0)
-    again.transport, again.epoch, again.place_m = team.network.join("alpha"), 77, old.place_m
+    again.transport = team.network.join("alpha")
+    again.epoch = 77
+    again.place_m = old.place_m
     team.points["alpha"] = again
     team.run(3.0)
     assert {newest(point) for point in team.points.values()} == {("alpha", 2)}
@@ -131,10 +137,17 @@ grounds = st.tuples(st.floats(-90.0, 90.0), st.floats(-90.0, 90.0), st.just(0.0)
     st.integers(0, 999),
     st.lists(st.sampled_from(["kill", "cut", "capture", "nothing"]), min_size=2, max_size=4),
 )
-def test_promises_are_monotone_and_vehicles_agree_whatever_happens(vehicles, evaders, target, seed, happenings):
+def test_promises_are_monotone_and_vehicles_agree_whatever_happens(
+    vehicles, evaders, target, seed, happenings
+):
     places = dict(zip(TEAM, vehicles, strict=False))
     team = virtual(
-        places, dict(zip(("blue", "green", "red"), evaders, strict=False)), target, delay_s=0.05, loss=0.2, seed=seed
+        places,
+        dict(zip(("blue", "green", "red"), evaders, strict=False)),
+        target,
+        delay_s=0.05,
+        loss=0.2,
+        seed=seed,
     )
     team.run(2.5)
     for happening in happenings:
@@ -160,7 +173,9 @@ def test_promises_are_monotone_and_vehicles_agree_whatever_happens(vehicles, eva
 
 def promised(coordinator, now_s, part, evader_m):
     """The promises of an assignment with one evader at a place; all vehicles are where they begin."""
-    vehicles = {name: (at, state_of(name, (at[1], at[0], -at[2]), part=part)) for name, at in TEAM.items()}
+    vehicles = {
+        name: (at, state_of(name, (at[1], at[0], -at[2]), part=part)) for name, at in TEAM.items()
+    }
     scene = Scene(vehicles, {"blue": EvaderSeen(evader_m, 3.0, 3.0, 0.1)}, TARGET, DISC)
     return coordinator.assign(now_s, scene).promises
 

@@ -11,5 +11,8 @@ from guidance.team.messages import KINDS
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_published_schema_is_the_messages_own(kind):
     published = Path(__file__).parents[2] / "config" / "zenoh" / f"team_{kind}.schema.json"
-    own = {"$schema": "https://json-schema.org/draft/2020-12/schema", **KINDS[kind].model_json_schema()}
+    own = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **KINDS[kind].model_json_schema(),
+    }
     assert json.loads(published.read_text()) == own

@@ -20,8 +20,18 @@ def state_of(vehicle, ned_m, velocity=(0.0, 0.0, 0.0), *, sent_s=0.0, seq=0, epo
     latitude, longitude, altitude = SITE.wgs84_from_ned(ned_m)
     known = {"state": "engaged", "part": "playing", "airborne": True, "speed_m_s": 6.0}
     known |= {"climb_m_s": 3.0, "descent_m_s": 1.5}
-    place = {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_amsl_m": altitude.metres}
-    common = {"vehicle": vehicle, "epoch": epoch, "seq": seq, "sent_s": sent_s, "velocity_ned_m_s": velocity}
+    place = {
+        "latitude_deg": latitude,
+        "longitude_deg": longitude,
+        "altitude_amsl_m": altitude.metres,
+    }
+    common = {
+        "vehicle": vehicle,
+        "epoch": epoch,
+        "seq": seq,
+        "sent_s": sent_s,
+        "velocity_ned_m_s": velocity,
+    }
     return StateMessage(**(common | place | known | more))
 
 
@@ -29,7 +39,10 @@ class Point:
     """One vehicle: its place, its clock, its board and its coordinator."""
 
     def __init__(self, name, names, evaders, network, place_m, *, clock_s=0.0, epoch=1):
-        self.name, self.place_m, self.clock_s, self.epoch = name, place_m, clock_s, epoch
+        self.name = name
+        self.place_m = place_m
+        self.clock_s = clock_s
+        self.epoch = epoch
         self.board = Board(name, names, evaders)
         self.coordinator = Coordinator(self.board, epoch, 4.0)
         self.transport = network.join(name)
@@ -72,7 +85,12 @@ class Point:
             north, east, down = SITE.ned_from_wgs84(*state.place)
             vehicles[name] = (east, north, -down), state
         seen = {name: EvaderSeen(place, 3.0, 3.0, 0.1) for name, place in evaders.items()}
-        return Scene(vehicles, {name: one for name, one in seen.items() if name not in self.board.over}, target_m, DISC)
+        return Scene(
+            vehicles,
+            {name: one for name, one in seen.items() if name not in self.board.over},
+            target_m,
+            DISC,
+        )
 
 
 class VirtualTeam:
@@ -84,8 +102,11 @@ class VirtualTeam:
         self.points = {}
         self._names = list(places)
         for number, (name, place) in enumerate(places.items()):
-            self.points[name] = Point(name, self._names, list(evaders), self.network, place, clock_s=100.0 * number)
-        self.evaders, self.target_m = dict(evaders), target_m
+            self.points[name] = Point(
+                name, self._names, list(evaders), self.network, place, clock_s=100.0 * number
+            )
+        self.evaders = dict(evaders)
+        self.target_m = target_m
 
     def run(self, seconds, *, moving=True):
         """Let time pass."""
@@ -101,13 +122,17 @@ class VirtualTeam:
         """Every vehicle flies to a place above its evader; evaders stand still."""
         for point in self.points.values():
             roles = () if point.board.roles is None else point.board.roles.roles
-            mine = next((self.evaders[role.evader] for role in roles if role.vehicle == point.name), None)
+            mine = next(
+                (self.evaders[role.evader] for role in roles if role.vehicle == point.name), None
+            )
             if mine is None or point.killed:
                 continue
             goal = (mine[0], mine[1], DISC.height_m)
             away_m = math.dist(goal, point.place_m)
             share = min(1.0, 6.0 * STEP_S / away_m) if away_m > 0.0 else 0.0
-            point.place_m = tuple(at + share * (to - at) for at, to in zip(point.place_m, goal, strict=True))
+            point.place_m = tuple(
+                at + share * (to - at) for at, to in zip(point.place_m, goal, strict=True)
+            )
 
     @property
     def alive(self):

@@ -25,11 +25,15 @@ def pe(short_flight, tmp_path_factory):
 def tad(tmp_path_factory):
     """A short TAD game, flown and reported."""
     folder = tmp_path_factory.mktemp("tad")
-    target, evader = {"position_m": (0.0, 10.0)}, {**NEAR.evader.model_dump(), "position_m": (12.0, 16.0)}
-    scenario = Scenario.model_validate({**NEAR.model_dump(), "game": "tad", "target": target, "evader": evader})
+    target = {"position_m": (0.0, 10.0)}
+    evader = {**NEAR.evader.model_dump(), "position_m": (12.0, 16.0)}
+    scenario = Scenario.model_validate(
+        {**NEAR.model_dump(), "game": "tad", "target": target, "evader": evader}
+    )
     result = flown(scenario, folder / "r.mcap")
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(report, "PICTURES", {"tracks": report.PICTURES["tracks"]})  # those of PE are all drawn
+        # Those of PE are all drawn
+        patched.setattr(report, "PICTURES", {"tracks": report.PICTURES["tracks"]})
         write_report(folder / "r.mcap", folder)
     return result, folder / "r.mcap", folder
 
@@ -47,7 +51,9 @@ def certificate(tmp_path_factory):
     kind = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2"]
     files = ["-keyout", folder / "key.pem", "-out", folder / "cert.pem"]
     names = ["-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1"]
-    subprocess.run(["openssl", "req", "-x509", *kind, *files, *names], check=True, capture_output=True)
+    subprocess.run(
+        ["openssl", "req", "-x509", *kind, *files, *names], check=True, capture_output=True
+    )
     (folder / "password").write_text("correct horse battery\nmore\n")
     (folder / "password").chmod(0o600)
     return folder

@@ -9,13 +9,24 @@ from guidance.errors import ConfigError, OutputError
 from guidance.log.scene import circle, lifted
 from guidance.sim.batch import stack
 from guidance.sweeps.drawing import _figure
-from guidance.viz.figures import MOST_POINTS, check_picture, draw_fence, draw_scenario, figure_of, played, save, thinned
+from guidance.viz.figures import (
+    MOST_POINTS,
+    check_picture,
+    draw_fence,
+    draw_scenario,
+    figure_of,
+    played,
+    save,
+    thinned,
+)
 from tests.harness.flights import NEAR
 
 IN_VIEW, FAR = (lifted(circle((0.0, 0.0, 0.0), radius_m), 0.0) for radius_m in (8.0, 300.0))
 
 
-@pytest.mark.parametrize("title", [r"$\frac{", r"$\frac{$", "$1 or 2$", r"costs 3$ \alpha", "ordinary"])
+@pytest.mark.parametrize(
+    "title", [r"$\frac{", r"$\frac{$", "$1 or 2$", r"costs 3$ \alpha", "ordinary"]
+)
 def test_a_text_is_read_as_it_is_written(tmp_path, title):
     """Text in the title, axis labels, ticks, line labels and notes."""
     figure = figure_of(4.0, 3.0)
@@ -34,7 +45,9 @@ def test_a_text_is_read_as_it_is_written(tmp_path, title):
     save(figure, tmp_path / "a.png")
     figure.canvas.draw()  # at the resolution of the widths
     for text in texts:
-        meant = figure.text(0.0, 0.0, title, parse_math=False, fontproperties=text.get_fontproperties())
+        meant = figure.text(
+            0.0, 0.0, title, parse_math=False, fontproperties=text.get_fontproperties()
+        )
         drawn_px, meant_px = (one.get_window_extent().width for one in (text, meant))
         assert drawn_px == pytest.approx(meant_px, rel=0.05)
     assert (tmp_path / "a.png").stat().st_size > 0
@@ -96,5 +109,7 @@ def test_a_scenario_that_ends_where_it_begins_is_drawn(tmp_path):
 
 def test_pictures_need_no_more_than_their_extra():
     code = "import sys, guidance.viz.figures; print({'scipy', 'pyarrow', 'rerun', 'aiohttp'} & set(sys.modules))"
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    said = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
     assert said.stdout.strip() == "set()"

@@ -22,7 +22,9 @@ from sitl_mock.child import running
 from tests.harness.vehicle import FENCED, mocked, write_file
 
 PAGE = Path(guidance.viz.panel.__file__).parent / "page"
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
 QUIET = [
     "--no-sandbox",
     "--disable-gpu",
@@ -64,14 +66,19 @@ def parts(tmp_path):
     with contextlib.ExitStack() as closing:
 
         def start(*command, to=signal.SIGKILL):
-            child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            child = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            )
             closing.callback(child.stdout.close)
             closing.callback(child.wait)
             closing.callback(child.send_signal, to)
             closing.callback(child.stdin.close)
             return child
 
-        vehicles = [mocked("uav1", parameters=QUICK), mocked("evader", "rover", start_ned_m=[14.0, 6.0, 0.0])]
+        vehicles = [
+            mocked("uav1", parameters=QUICK),
+            mocked("evader", "rover", start_ned_m=[14.0, 6.0, 0.0]),
+        ]
         vehicle, control = write_file(
             tmp_path,
             closing.enter_context(running(vehicles, over=["zenoh"])),
@@ -85,7 +92,17 @@ def parts(tmp_path):
             return start(GUIDANCE, "run", vehicle, *options)
 
         def panel(*options):
-            child = start(GUIDANCE, "panel", "--endpoint", control, "--port", "0", "--records", tmp_path, *options)
+            child = start(
+                GUIDANCE,
+                "panel",
+                "--endpoint",
+                control,
+                "--port",
+                "0",
+                "--records",
+                tmp_path,
+                *options,
+            )
             return child, child.stdout.readline().split()[1]
 
         yield SimpleNamespace(control=control, daemon=daemon, panel=panel)
@@ -99,7 +116,10 @@ def browser():
         return
     from playwright.sync_api import sync_playwright
 
-    with sync_playwright() as playwright, playwright.chromium.launch(executable_path=BROWSER, args=QUIET) as chromium:
+    with (
+        sync_playwright() as playwright,
+        playwright.chromium.launch(executable_path=BROWSER, args=QUIET) as chromium,
+    ):
         for process in psutil.Process().children(recursive=True):
             if "python" not in process.name():
                 process.nice(15)  # drawing must not slow down the flight
@@ -138,7 +158,8 @@ def test_the_page_is_whole_without_a_browser():
         for imported, source in re.findall(r"import \{([^}]*)\} from \"\./([\w.]+)\"", script):
             for one in (word.strip() for word in imported.split(",") if word.strip()):
                 assert re.search(
-                    rf"export (async )?(class|function|const) {one}\b|export const \[.*\b{one}\b", scripts[source]
+                    rf"export (async )?(class|function|const) {one}\b|export const \[.*\b{one}\b",
+                    scripts[source],
                 )
         for key in re.findall(r"TEXTS\.(\w+)", script):
             assert re.search(rf"\b{key}:", texts), f"{name}: TEXTS.{key}"
@@ -165,7 +186,10 @@ def test_a_team_is_on_one_page_and_one_button_holds_all(browser, tmp_path):
         vehicles.nth(2).wait_for()
         assert page.locator("#promises .lamp", has_text="m promised").count() == 2
         page.locator("#whom button", has_text="ALL 3").click()
-        assert page.locator("#next", has_text="uav1, uav2, uav3: Flies to the stand-off disc").count() == 1
+        assert (
+            page.locator("#next", has_text="uav1, uav2, uav3: Flies to the stand-off disc").count()
+            == 1
+        )
         page.locator("[data-order=hold-all]").click()
         answered(page, "ALL 3 · HOLD: accepted")
         page.locator("#daemons button", has_text="holding").nth(2).wait_for()
@@ -190,7 +214,11 @@ def test_the_replay_of_a_team_flight_shows_all_vehicles(browser, parts, tmp_path
     page.keyboard.press("End")
     page.locator("#daemons button", has_text=re.compile("landed → rover[12]$")).nth(2).wait_for()
     players = "() => panel.pictures.plan.team.map(one => [one.name, one.snapshot.against, one.rows.length > 100])"
-    assert page.evaluate(players) == [["uav1", "rover1", True], ["uav2", "rover2", True], ["uav3", "rover2", True]]
+    assert page.evaluate(players) == [
+        ["uav1", "rover1", True],
+        ["uav2", "rover2", True],
+        ["uav3", "rover2", True],
+    ]
     assert page.evaluate("() => panel.pictures.plan.daemon.name") == "uav3"
     page.locator("#daemons button", has_text="uav1").click()
     page.locator("#events", has_text="team assignment: uav1 → rover1").wait_for()
@@ -254,7 +282,9 @@ def twenty_pages_see_it(browser, page, url):
     # Small pages that share one process, to save processor time.
     with browser.browser.new_context(viewport={"width": 160, "height": 120}) as others:
         others.new_page().goto(url)
-        others.pages[0].evaluate("() => { for (let number = 0; number < 18; number++) window.open(location.href); }")
+        others.pages[0].evaluate(
+            "() => { for (let number = 0; number < 18; number++) window.open(location.href); }"
+        )
         while len(others.pages) < 19:
             page.wait_for_timeout(20)
         for one in (page, *others.pages):
@@ -291,7 +321,8 @@ def from_start_to_landed(browser, page):
     page.locator("#show-plan").click()
     assert min(inked(page, name) for name in ("plan", "profile")) > 0.002
     column = page.evaluate("() => panel.daemon.columns.indexOf('speed_m_s.flown')")
-    assert page.evaluate(f"() => Math.max(...panel.daemon.rows.map(row => row[{column}]))") > 1.0  # the charts show it
+    # The charts show it
+    assert page.evaluate(f"() => Math.max(...panel.daemon.rows.map(row => row[{column}]))") > 1.0
     stands(page, "landed")
     stands(other, "landed")
     page.locator("#buttons button:disabled").nth(3).wait_for()  # all are disabled
@@ -320,17 +351,26 @@ def fifteen_minutes_leave_nothing_behind(browser, page):
         page.evaluate(NEWS, seconds)
         page.wait_for_timeout(100)  # pending frames
         session.send("HeapProfiler.collectGarbage")
-        metrics = {one["name"]: one["value"] for one in session.send("Performance.getMetrics")["metrics"]}
-        return metrics["JSHeapUsedSize"] / 1e6, metrics["Nodes"], page.evaluate("() => panel.daemon.rows.length")
+        metrics = {
+            one["name"]: one["value"] for one in session.send("Performance.getMetrics")["metrics"]
+        }
+        return (
+            metrics["JSHeapUsedSize"] / 1e6,
+            metrics["Nodes"],
+            page.evaluate("() => panel.daemon.rows.length"),
+        )
 
     held(300)
     # The smallest of three, because recent messages may not be collected yet.
     before, after = (min(held(100) for _ in range(3)) for _ in range(2))
     assert before[2] == after[2] <= 1201
     assert after[1] < before[1] + 50  # elements
-    if after[0] >= before[0] + 0.2:  # MB; three thousand messages are more, and what leaks grows again
+    # MB; three thousand messages are more, and what leaks grows again
+    if after[0] >= before[0] + 0.2:
         assert min(held(100) for _ in range(3))[0] < after[0] + 0.2
-    page.evaluate("() => { panel.feed.daemons.delete('grown'); panel.chosen = null; panel.draw(); }")
+    page.evaluate(
+        "() => { panel.feed.daemons.delete('grown'); panel.chosen = null; panel.draw(); }"
+    )
 
 
 def its_record_is_listed_and_replayed(browser, page):

@@ -28,7 +28,9 @@ from tests.harness.flights import NEAR
 @pytest.fixture
 def folder(record, tmp_path):
     """A folder with a complete record, a torn one, and a file that is no record."""
-    whole, torn, strange = tmp_path / "uav1.mcap", tmp_path / "pe-001" / "record.mcap", tmp_path / "strange.mcap"
+    whole = tmp_path / "uav1.mcap"
+    torn = tmp_path / "pe-001" / "record.mcap"
+    strange = tmp_path / "strange.mcap"
     shutil.copy(record, whole)
     torn.parent.mkdir()
     torn.write_bytes(record.read_bytes()[:200_000])
@@ -44,7 +46,8 @@ async def test_records_are_listed_with_their_outcomes_and_read_once(folder, monk
     await folder._reading
     rows = {row["record"]: row for row in folder.listed()}
     assert rows.keys() == {"uav1.mcap", "pe-001/record.mcap", "strange.mcap"}
-    whole, torn = rows["uav1.mcap"], rows["pe-001/record.mcap"]
+    whole = rows["uav1.mcap"]
+    torn = rows["pe-001/record.mcap"]
     assert (whole["captured"], whole["ended"], whole["torn"]) == (True, "landed", None)
     assert whole["title"] == NEAR.title
     assert whole["duration_s"] > 20.0
@@ -60,7 +63,9 @@ async def test_records_are_listed_with_their_outcomes_and_read_once(folder, monk
     await folder.close()
 
 
-async def test_a_reader_that_dies_leaves_an_error_for_each_record_that_it_did_not_read(folder, monkeypatch):
+async def test_a_reader_that_dies_leaves_an_error_for_each_record_that_it_did_not_read(
+    folder, monkeypatch
+):
     async def dies(*_arguments):
         yield json.dumps([str(folder.folder / "uav1.mcap"), {"ended": "landed"}]).encode()
         raise OutputError("killed")
@@ -70,7 +75,9 @@ async def test_a_reader_that_dies_leaves_an_error_for_each_record_that_it_did_no
     await folder._reading
     rows = {row["record"]: row for row in folder.listed()}
     assert rows["uav1.mcap"]["ended"] == "landed"
-    assert all("cannot be read" in rows[name]["error"] for name in ("pe-001/record.mcap", "strange.mcap"))
+    assert all(
+        "cannot be read" in rows[name]["error"] for name in ("pe-001/record.mcap", "strange.mcap")
+    )
     await folder.close()
 
 
@@ -106,7 +113,9 @@ async def test_record_routes_answer_with_the_right_content_types(folder, monkeyp
         await folder._reading
         listed = await (await client.get("/secret/records")).json()
         assert {row["ended"] for row in listed["records"]} == {"landed"}
-        assert (await client.get("/secret/records/events", params={"record": "nothing"})).status == 404
+        assert (
+            await client.get("/secret/records/events", params={"record": "nothing"})
+        ).status == 404
         frames = await client.get("/secret/records/frames", params={"record": "uav1.mcap"})
         assert frames.content_type == "application/json"
     await folder.close()
@@ -121,7 +130,9 @@ def test_a_replay_contains_the_whole_flight_in_order(record, capsys):
     assert [said["frames"][0]["state"], said["frames"][-1]["state"]] == ["checking", "landed"]
     assert said["columns"] == list(HISTORY)
     assert [event["event"] for event in said["events"]][:2] == ["flight begins", "vehicle heard"]
-    assert [scene["from_s"] for scene in said["scenes"]] == sorted(scene["from_s"] for scene in said["scenes"])
+    assert [scene["from_s"] for scene in said["scenes"]] == sorted(
+        scene["from_s"] for scene in said["scenes"]
+    )
     engaged = next(frame for frame in said["frames"] if frame["game"])
     assert engaged["state"] == "engaged"
     assert engaged["game"]["isochron_m"]
@@ -138,13 +149,18 @@ def test_a_watched_flight_sends_the_same_setpoints_bit_for_bit(record, tmp_path)
         hub.receive()
         hub.message()
         if not heard.cycles:
-            threading.Event().wait(0.01)  # the panel connects in real time, and the flight is faster
+            # The panel connects in real time, and the flight is faster
+            threading.Event().wait(0.01)
 
     try:
-        fly_recorded(NEAR, tmp_path / "flown", MockOptions(fast=True), Onlooker(look, control=endpoint))
+        fly_recorded(
+            NEAR, tmp_path / "flown", MockOptions(fast=True), Onlooker(look, control=endpoint)
+        )
     finally:
         hub.close()
     assert heard.cycles > 100
-    flown, alone = ([row.setpoint for row in cycles_of(path)] for path in (tmp_path / "flown" / RECORD, record))
+    flown, alone = (
+        [row.setpoint for row in cycles_of(path)] for path in (tmp_path / "flown" / RECORD, record)
+    )
     assert sum(setpoint is not None for setpoint in alone) > 100
     assert flown == alone

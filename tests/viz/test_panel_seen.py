@@ -21,7 +21,14 @@ from guidance.messages import Heartbeat
 from guidance.session.flight_files import recorded_settings
 from guidance.session.vehicle_file import load_vehicle
 from guidance.viz.panel.hub import HISTORY_S, MAX_DAEMONS, MAX_EVENTS, Hub, News
-from guidance.viz.panel.snapshot import HISTORY, Level, SnapshotFold, history_row, level_of, reach_of
+from guidance.viz.panel.snapshot import (
+    HISTORY,
+    Level,
+    SnapshotFold,
+    history_row,
+    level_of,
+    reach_of,
+)
 
 
 def folded(path, until=lambda row: False):
@@ -36,8 +43,10 @@ def folded(path, until=lambda row: False):
 
 def beside(curve, place):
     """Return the distance of a point from a closed curve, m."""
-    curve, place = np.array(curve), np.array(place[:2])
-    begun, along = curve[:-1], np.diff(curve, axis=0)
+    curve = np.array(curve)
+    place = np.array(place[:2])
+    begun = curve[:-1]
+    along = np.diff(curve, axis=0)
     share = np.clip(((place - begun) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
     return np.linalg.norm(begun + share[:, None] * along - place, axis=1).min()
 
@@ -50,14 +59,17 @@ def found(name, metadata, *heard):
 class StubBus:
     """A bus that delivers what the test gives it."""
 
-    endpoint, reason = "tcp/127.0.0.1:1", ""
+    endpoint = "tcp/127.0.0.1:1"
+    reason = ""
 
     def __init__(self):
         self.waiting = []
-        self.ordered, self.vouched = [], []
+        self.ordered = []
+        self.vouched = []
 
     def news(self):
-        taken, self.waiting = self.waiting, []
+        taken = self.waiting
+        self.waiting = []
         return taken
 
     def order(self, name, order, by, team=""):
@@ -74,7 +86,8 @@ class StubBus:
 @pytest.fixture
 def told(record):
     """A hub with one daemon, a function that adds news, and one that reads the messages for pages."""
-    bus, clock = StubBus(), VirtualClock(100.0)
+    bus = StubBus()
+    clock = VirtualClock(100.0)
     hub = Hub([bus], clock)
 
     def tell(*news):
@@ -90,26 +103,40 @@ def told(record):
 
 def test_a_snapshot_of_the_chase_equals_the_record(record):
     fold = folded(record, lambda row: row.state is State.ENGAGED and row.certificate is not None)
-    row = next(row for row in cycles_of(record) if row.state is State.ENGAGED and row.certificate is not None)
-    seen, scene = fold.snapshot(), fold.scene
+    row = next(
+        row
+        for row in cycles_of(record)
+        if row.state is State.ENGAGED and row.certificate is not None
+    )
+    seen = fold.snapshot()
+    scene = fold.scene
     json.dumps([seen, scene], allow_nan=False)
     assert seen["state_words"] == "engaged"
-    assert (seen["state"], seen["mode"], seen["armed"], seen["streaming"]) == ("engaged", "OFFBOARD", True, True)
-    game, certificate = seen["game"], row.certificate
+    assert (seen["state"], seen["mode"], seen["armed"], seen["streaming"]) == (
+        "engaged",
+        "OFFBOARD",
+        True,
+        True,
+    )
+    game = seen["game"]
+    certificate = row.certificate
     assert game["value"] == certificate.value
     assert game["time_needed_s"] == certificate.time_needed_s
     assert game["meeting_m"] == pytest.approx(certificate.meeting_point_game_m, abs=0.006)
-    assert seen["pursuer_m"] == pytest.approx(
-        certificate.pursuer_game_m, abs=0.2
-    )  # the certificate is for the next cycle
+    # The certificate is for the next cycle
+    assert seen["pursuer_m"] == pytest.approx(certificate.pursuer_game_m, abs=0.2)
     assert game["reach"] == "yes"
     # Both players reach each point of the isochron at the same time, so none is farther than the evader can run.
-    run_m = 1.001 * max(math.dist(place, certificate.evader_game_m[:2]) for place in game["isochron_m"])
+    run_m = 1.001 * max(
+        math.dist(place, certificate.evader_game_m[:2]) for place in game["isochron_m"]
+    )
     assert math.dist(game["meeting_m"][:2], certificate.evader_game_m[:2]) <= run_m
     assert beside(game["isochron_m"], game["meeting_m"]) < 0.3  # the curve is a polygon
     assert len(scene["fence_m"][0]) > 3
     assert (seen["gap_m"], seen["height_gap_m"]) == (certificate.gap_m, certificate.height_gap_m)
-    earlier = folded(record, lambda row: row.state is State.POSITIONING).snapshot()  # the disc exists before the game
+    earlier = folded(
+        record, lambda row: row.state is State.POSITIONING
+    ).snapshot()  # the disc exists before the game
     assert earlier["gap_m"] == pytest.approx(
         math.dist(earlier["pursuer_m"][:2], earlier["evader_m"][:2]) - 3.0, abs=0.02
     )
@@ -124,7 +151,10 @@ def test_the_meeting_point_lies_on_the_isochron_of_the_played_game(record):
     played = [row.certificate for row in cycles_of(record) if row.certificate is not None]
     slowest = min(played, key=lambda one: one.speed_ratio)
     # The bound of the estimated speed and the age of the estimate count.
-    assert settings.game.pursuer.speed_m_s / slowest.speed_ratio > 1.02 * settings.game.evader_speed_m_s
+    assert (
+        settings.game.pursuer.speed_m_s / slowest.speed_ratio
+        > 1.02 * settings.game.evader_speed_m_s
+    )
     for one in (slowest, *played[:: len(played) // 12]):
         assert beside(isochron_at(settings, one, 721), one.meeting_point_game_m) < 0.01
     # Also with an evader on a hill, and with a moving target.
@@ -135,9 +165,13 @@ def test_the_meeting_point_lies_on_the_isochron_of_the_played_game(record):
         game = Game(Ball(6.0), 3.1, standoff=standoff, target_velocity_m_s=drift)
         other = replace(settings, game=game, target_game_m=target)
         place = (0.0, 0.0, 30.0), (20.0, 8.0, 4.0)
-        there = solve(game, *map(np.array, place), None if target is None else np.array(target)).meeting_point_m
+        there = solve(
+            game, *map(np.array, place), None if target is None else np.array(target)
+        ).meeting_point_m
         ratio = 6.0 / 3.1
-        one = played[0]._replace(pursuer_game_m=place[0], evader_game_m=place[1], speed_ratio=ratio, evader_age_s=0.0)
+        one = played[0]._replace(
+            pursuer_game_m=place[0], evader_game_m=place[1], speed_ratio=ratio, evader_age_s=0.0
+        )
         assert beside(isochron_at(other, one, 721), there) < 0.02
 
 
@@ -176,11 +210,15 @@ def test_the_page_says_whether_the_vehicle_can_reach_the_evader(record):
         (1, 1, False, "yes"), (1, 0, False, "uncertain"), (-1, -1, False, "no"), (1, 1, True, "too fast"),
         (1, None, False, "yes"),
     ):  # fmt: skip
-        assert reach_of(one._replace(winner=winner, vehicle_winner=vehicle, no_game=no_game)) == reach
+        assert (
+            reach_of(one._replace(winner=winner, vehicle_winner=vehicle, no_game=no_game)) == reach
+        )
 
 
 def test_the_vehicles_own_data_are_shown_with_their_levels(record):
-    seen = folded(record, lambda row: row.state is State.ENGAGED and row.certificate is not None).snapshot()
+    seen = folded(
+        record, lambda row: row.state is State.ENGAGED and row.certificate is not None
+    ).snapshot()
     assert seen["gps"]["fix"] >= 3
     assert seen["gps"]["satellites"] > 5
     assert seen["voltage_v"] > 10.0
@@ -198,7 +236,9 @@ def test_the_vehicles_own_data_are_shown_with_their_levels(record):
 
 def test_a_new_page_gets_everything_and_then_only_changes(told, record):
     items = [item for item in scan(record) if item.topic in {CYCLE.topic, EVENT.topic}]
-    told.tell(*(News("uav1", 100.0, item) for item in items), News("uav1", 100.0, {"state": "landed"}))
+    told.tell(
+        *(News("uav1", 100.0, item) for item in items), News("uav1", 100.0, {"state": "landed"})
+    )
     (everything,) = told.read(whole=True)["daemons"]
     assert everything["snapshot"]["state"] == "landed"
     assert everything["status"] == {"state": "landed"}
@@ -210,7 +250,9 @@ def test_a_new_page_gets_everything_and_then_only_changes(told, record):
     (again,) = told.read()["daemons"]
     assert again.keys() == {"key", "name", "endpoint", "silent_s", "contact", "over"}
     # A daemon that starts or restarts while pages are open is sent in full.
-    told.tell(found("uav1", metadata_of(record), items[-1]), found("uav2", metadata_of(record), items[-1]))
+    told.tell(
+        found("uav1", metadata_of(record), items[-1]), found("uav2", metadata_of(record), items[-1])
+    )
     for one in told.read()["daemons"]:
         assert one["history"] == {"columns": list(HISTORY), "rows": []}
 
@@ -225,7 +267,11 @@ def test_events_before_a_page_opened_are_sent_once(told):
 
 
 def test_the_end_of_a_flight_is_shown_until_the_next_flight(told, record):
-    closing = {"ended": "captured; landed", "record": "/flights/pe-001/record.mcap", "replay": "pe-001/record.mcap"}
+    closing = {
+        "ended": "captured; landed",
+        "record": "/flights/pe-001/record.mcap",
+        "replay": "pe-001/record.mcap",
+    }
     for event, detail, over in (
         (FLIGHT_OVER, json.dumps(closing), closing),
         (
@@ -262,7 +308,8 @@ def test_a_silent_daemon_is_shown_as_lost(told, record):
     told.tell(News("uav1", 100.0, last))
     for after_s, contact in ((0.5, "ok"), (1.5, "caution"), (2.5, "warning")):
         told.clock.sleep_until(100.0 + after_s)
-        told.tell(News("uav1", 100.0 + after_s, {"state": "ready"}))  # the loop hangs, the bus answers
+        # The loop hangs, the bus answers
+        told.tell(News("uav1", 100.0 + after_s, {"state": "ready"}))
         assert told.read()["daemons"][0]["contact"] == contact
 
 
@@ -295,7 +342,9 @@ def test_signs_of_life_go_to_the_watched_daemon_and_their_age_is_shown(told):
     told.hub.note_operator("uav9@nowhere")
     assert told.bus.vouched == ["uav1"]
     for silence_s, level in ((0.2, "ok"), (6.0, "caution"), (11.0, "warning")):
-        told.tell(News("uav1", 100.0, {"operator_silence_s": silence_s, "operator_timeout_s": 10.0}))
+        told.tell(
+            News("uav1", 100.0, {"operator_silence_s": silence_s, "operator_timeout_s": 10.0})
+        )
         seen = told.read()["daemons"][0]["operator"]
         assert seen == {"level": level, "silence_s": silence_s, "limit_s": 10.0}
     told.tell(News("uav1", 100.0, {"operator_silence_s": 0.2, "operator_timeout_s": None}))

@@ -16,7 +16,13 @@ from guidance.clock import VirtualClock
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.viz.panel import access as accesses
 from guidance.viz.panel import server as servers
-from guidance.viz.panel.access import LOGIN_DEADLINE_S, PASSWORD_INTERVAL_S, Access, map_of, remote_access
+from guidance.viz.panel.access import (
+    LOGIN_DEADLINE_S,
+    PASSWORD_INTERVAL_S,
+    Access,
+    map_of,
+    remote_access,
+)
 from guidance.viz.panel.server import MAX_QUEUED, PanelServer
 
 PATHS = ("", "page/main.js", "page/index.html", "alive", "live", "order", "records", "nowhere")
@@ -27,7 +33,10 @@ class StubHub:
     """A hub with a new message each time; keeps the orders."""
 
     def __init__(self):
-        self.ordered, self.vouched, self.number, self.size = [], [], 0, 1
+        self.ordered = []
+        self.vouched = []
+        self.number = 0
+        self.size = 1
 
     def receive(self):
         self.number += 1
@@ -53,7 +62,10 @@ async def opened(monkeypatch):
 
         async def open_one(*, look=False, security=None, tiles=""):
             listening = closing.enter_context(socket.create_server(("127.0.0.1", 0)))
-            port, hub, clock, printed = listening.getsockname()[1], StubHub(), VirtualClock(), []
+            port = listening.getsockname()[1]
+            hub = StubHub()
+            clock = VirtualClock()
+            printed = []
             access = Access("127.0.0.1", port, security, clock, printed.append)
             server = PanelServer(hub, access, look=look, records=None, tiles=str(tiles))
             await closing.enter_async_context(server.serving(listening))
@@ -101,16 +113,24 @@ async def test_without_the_token_nothing_is_served_or_ordered(opened):
 
 async def test_the_token_gives_a_cookie_for_a_secret_path_hidden_from_scripts(opened):
     panel = await opened()
-    enter = panel.client.get(panel.door, params={"token": panel.access.token}, allow_redirects=False)
+    enter = panel.client.get(
+        panel.door, params={"token": panel.access.token}, allow_redirects=False
+    )
     async with enter as answer:
         (cookie,) = answer.cookies.values()
         # Servers on other ports of the host get the cookie only below this path, which they do not know.
-        assert (cookie["httponly"], cookie["samesite"], cookie["path"]) == (True, "Lax", panel.access.path)
+        assert (cookie["httponly"], cookie["samesite"], cookie["path"]) == (
+            True,
+            "Lax",
+            panel.access.path,
+        )
         assert len(panel.access.path) > 20
         assert cookie.value not in panel.access.path
     async with panel.client.get("") as answer:
         policy = answer.headers["Content-Security-Policy"]
-        assert policy.startswith("default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:;")
+        assert policy.startswith(
+            "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:;"
+        )
         assert "http" not in policy
         assert answer.headers["Referrer-Policy"] == "same-origin"
         assert answer.headers["Cache-Control"] == "no-store"
@@ -124,7 +144,12 @@ async def test_the_token_gives_a_cookie_for_a_secret_path_hidden_from_scripts(op
 
 async def test_requests_from_other_sites_and_for_other_hosts_are_refused(opened):
     panel = await let_in(await opened())
-    for origin in ({}, {"Origin": "http://evil.example"}, {"Origin": "null"}, {"Origin": "https://127.0.0.1"}):
+    for origin in (
+        {},
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Origin": "https://127.0.0.1"},
+    ):
         async with panel.client.post(
             "order", json={"daemon": "uav1", "order": "hold", "by": ""}, headers=origin
         ) as answer:
@@ -143,9 +168,20 @@ async def test_an_order_reaches_the_daemon_with_its_author_and_returns_the_reaso
     async with panel.client.post("order", json=order, headers=panel.origin) as answer:
         assert (await answer.json())[0]["reason"] == "on the ground: order start first"
     assert panel.hub.ordered == [("uav1@x", "engage", f"panel, Ana{21 * 'a'} at 127.0.0.1", False)]
-    async with panel.client.post("order", json={**order, "daemon": "gone"}, headers=panel.origin) as answer:
+    async with panel.client.post(
+        "order", json={**order, "daemon": "gone"}, headers=panel.origin
+    ) as answer:
         assert (await answer.json())[0]["reason"] == "gone: no answer within 4 s"
-    for body in (b"", b"[]", b"{}", b'{"daemon": 1}', b"[[[[", b"[" * 4000, b"\xff", b"x" * 100_000):
+    for body in (
+        b"",
+        b"[]",
+        b"{}",
+        b'{"daemon": 1}',
+        b"[[[[",
+        b"[" * 4000,
+        b"\xff",
+        b"x" * 100_000,
+    ):
         async with panel.client.post("order", data=body, headers=panel.origin) as answer:
             assert answer.status in {400, 413}
 
@@ -162,7 +198,9 @@ async def test_a_panel_with_look_takes_no_order(opened):
 
 
 @pytest.mark.parametrize(("look", "vouched"), [(False, ["uav1@x"]), (True, [])])
-async def test_a_page_sends_the_operators_sign_of_life_unless_it_takes_no_orders(opened, look, vouched):
+async def test_a_page_sends_the_operators_sign_of_life_unless_it_takes_no_orders(
+    opened, look, vouched
+):
     panel = await let_in(await opened(look=look))
     socket = await panel.client.ws_connect("live", headers=panel.origin)
     await socket.send_bytes(b"uav1@x")  # pages send text only
@@ -174,8 +212,16 @@ async def test_a_page_sends_the_operators_sign_of_life_unless_it_takes_no_orders
 async def test_the_tile_server_is_the_only_other_host_for_images(opened):
     panel = await let_in(await opened(tiles="https://tiles.example:8443/{z}/{x}/{y}.png"))
     async with panel.client.get("alive") as answer:
-        assert "img-src 'self' data: https://tiles.example:8443; connect" in answer.headers["Content-Security-Policy"]
-    for url in ("tiles.example/{z}/{x}/{y}", "https://a;b/{z}/{x}/{y}", "https://a/{z}/{x}", "ftp://a/{z}{x}{y}"):
+        assert (
+            "img-src 'self' data: https://tiles.example:8443; connect"
+            in answer.headers["Content-Security-Policy"]
+        )
+    for url in (
+        "tiles.example/{z}/{x}/{y}",
+        "https://a;b/{z}/{x}/{y}",
+        "https://a/{z}/{x}",
+        "ftp://a/{z}{x}{y}",
+    ):
         with pytest.raises(ConfigError, match="must be a folder, or like https"):
             map_of(url)
 
@@ -188,7 +234,12 @@ async def test_map_tiles_come_from_the_local_folder_by_default(opened, tmp_path,
     async with panel.client.get("alive") as answer:
         assert (await answer.json())["tiles"] == "tiles/{z}/{x}/{y}.png"
         assert "img-src 'self' data:; connect" in answer.headers["Content-Security-Policy"]
-    for path, status in (("3/4/2", 200), ("3/4/1", 404), ("3/4/..%2F..%2Fsecret", 404), ("a/b/c", 404)):
+    for path, status in (
+        ("3/4/2", 200),
+        ("3/4/1", 404),
+        ("3/4/..%2F..%2Fsecret", 404),
+        ("a/b/c", 404),
+    ):
         async with panel.client.get(f"tiles/{path}.png") as answer:
             assert answer.status == status
     monkeypatch.chdir(tmp_path)
@@ -251,7 +302,9 @@ async def test_hosts_other_than_loopback_need_tls_and_a_password(opened, certifi
             f"{panel.door}login", data=form, headers=origin, ssl=trusting, allow_redirects=False
         )
 
-    async with panel.client.get(panel.door, params={"token": panel.access.token}, ssl=trusting) as answer:
+    async with panel.client.get(
+        panel.door, params={"token": panel.access.token}, ssl=trusting
+    ) as answer:
         assert "Password" in await answer.text()  # no token opens it
         assert not answer.cookies
     for password, origin in (("wrong", panel.origin), ("", panel.origin), (PASSWORD, {})):
@@ -268,14 +321,19 @@ async def test_hosts_other_than_loopback_need_tls_and_a_password(opened, certifi
         assert answer.status == 200
 
 
-async def test_wrong_passwords_delay_only_the_address_that_sends_them(opened, certificate, monkeypatch):
+async def test_wrong_passwords_delay_only_the_address_that_sends_them(
+    opened, certificate, monkeypatch
+):
     files = (certificate / "cert.pem", certificate / "key.pem", certificate / "password")
     panel = await opened(security=remote_access("0.0.0.0", *files))
     trusting = ssl.create_default_context(cafile=certificate / "cert.pem")
 
     async def post(password):
-        form, url = {"password": password}, f"{panel.door}login"
-        async with panel.client.post(url, data=form, headers=panel.origin, ssl=trusting, allow_redirects=False) as one:
+        form = {"password": password}
+        url = f"{panel.door}login"
+        async with panel.client.post(
+            url, data=form, headers=panel.origin, ssl=trusting, allow_redirects=False
+        ) as one:
             return one.status
 
     statuses = await asyncio.gather(*(post("wrong") for _ in range(30)))
@@ -334,7 +392,11 @@ async def test_a_connection_that_does_not_log_in_is_closed_at_the_deadline(opene
 async def test_idle_connections_are_capped_and_keep_no_page_out(opened, monkeypatch, certificate):
     monkeypatch.setattr(accesses, "MAX_CONNECTIONS", 8)
     files = (certificate / "cert.pem", certificate / "key.pem", certificate / "password")
-    for security in (None, remote_access("0.0.0.0", *files)):  # over TLS, an idle one is in the handshake
+    # Over TLS, an idle one is in the handshake
+    for security in (
+        None,
+        remote_access("0.0.0.0", *files),
+    ):
         panel = await opened(security=security)
         idle = [await asyncio.open_connection("127.0.0.1", panel.port) for _ in range(30)]
         tls = ssl.create_default_context(cafile=certificate / "cert.pem") if security else True
@@ -348,8 +410,16 @@ async def test_idle_connections_are_capped_and_keep_no_page_out(opened, monkeypa
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        (["--host", "192.0.2.1"], 2, "--host 192.0.2.1: anyone who reaches the page can command the vehicle."),
-        (["--tiles", "tiles.example"], 2, "--tiles tiles.example: must be a folder, or like https://"),
+        (
+            ["--host", "192.0.2.1"],
+            2,
+            "--host 192.0.2.1: anyone who reaches the page can command the vehicle.",
+        ),
+        (
+            ["--tiles", "tiles.example"],
+            2,
+            "--tiles tiles.example: must be a folder, or like https://",
+        ),
         (["--port", "IN_USE"], 3, "choose another, or port 0 for a free one"),
     ],
 )
@@ -359,7 +429,10 @@ def test_bad_addresses_are_reported_before_the_panel_starts(options, code, words
         pytest.raises(GuidanceError, match=re.escape(words)) as refused,
     ):
         app(
-            ["panel", *(str(taken.getsockname()[1]) if one == "IN_USE" else one for one in options)],
+            [
+                "panel",
+                *(str(taken.getsockname()[1]) if one == "IN_USE" else one for one in options),
+            ],
             standalone_mode=False,
         )
     assert refused.value.exit_code == code
@@ -374,7 +447,9 @@ def test_missing_or_weak_tls_and_password_files_are_named(certificate, tmp_path)
         ("192.168.1.7", (cert, key, None)),
         ("127.0.0.1", (cert, None, None)),
     ):
-        with pytest.raises(ConfigError, match="--certificate, --key and --password-file, all three"):
+        with pytest.raises(
+            ConfigError, match="--certificate, --key and --password-file, all three"
+        ):
             remote_access(host, *given)
     with pytest.raises(ConfigError, match="cannot be used"):
         remote_access("0.0.0.0", password, key, password)

@@ -28,7 +28,9 @@ from guidance.viz.story import opening, story_of, summary
 from tests.harness.flights import NEAR
 
 VOID = {"meta", "link", "img", "br"}
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
 QUIET = [
     "--headless=new",
     "--no-sandbox",
@@ -48,12 +50,17 @@ class Strict(HTMLParser):
 
     def __init__(self):
         super().__init__()
-        self.open, self.seen, self.fetched, self.ids = [], [], [], []
+        self.open = []
+        self.seen = []
+        self.fetched = []
+        self.ids = []
 
     def handle_starttag(self, tag, attrs):
         attributes = dict(attrs)
         self.seen.append(tag)
-        self.fetched += [value for name, value in attrs if name in {"src", "href", "srcset", "data", "action"}]
+        self.fetched += [
+            value for name, value in attrs if name in {"src", "href", "srcset", "data", "action"}
+        ]
         self.ids += [attributes["id"]] if "id" in attributes else []
         assert tag != "img" or attributes["alt"]
         if tag not in VOID:
@@ -85,7 +92,11 @@ def looked_at(page, folder):
     picture = folder / "page.png"
     command = [BROWSER, *QUIET, f"--user-data-dir={folder / 'profile'}", "--window-size=1200,4000"]
     done = subprocess.run(
-        [*command, f"--screenshot={picture}", page.as_uri()], capture_output=True, text=True, timeout=120, check=True
+        [*command, f"--screenshot={picture}", page.as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
     )
     return imread(picture), [line for line in done.stderr.splitlines() if "CONSOLE" in line]
 
@@ -107,7 +118,12 @@ def test_every_picture_is_in_the_page_as_sound_svg_without_a_reference_to_outsid
     for image in images:
         root = ElementTree.fromstring(base64.b64decode(image))
         assert root.tag == "{http://www.w3.org/2000/svg}svg"
-        references = [value for one in root.iter() for name, value in one.attrib.items() if name.endswith("href")]
+        references = [
+            value
+            for one in root.iter()
+            for name, value in one.attrib.items()
+            if name.endswith("href")
+        ]
         assert all(reference.startswith("#") for reference in references)
     assert len(images) == len(PICTURES)
 
@@ -132,7 +148,9 @@ def test_a_browser_shows_the_page_without_a_word_on_its_console(pe, tmp_path):
     assert ink[:3000].mean() > 0.5
     # The console is where an outside request would show: the page forbids it to itself.
     reaching = tmp_path / "reaching.html"
-    reaching.write_text(page.replace("</body>", '<img alt="x" src="http://127.0.0.1:9/x.png"></body>'), "utf-8")
+    reaching.write_text(
+        page.replace("</body>", '<img alt="x" src="http://127.0.0.1:9/x.png"></body>'), "utf-8"
+    )
     assert any("Content Security Policy" in line for line in looked_at(reaching, tmp_path)[1])
 
 
@@ -144,19 +162,26 @@ def test_the_summary_says_what_the_flight_itself_said(pe, tad):
         # A report knows where the evader was by its reports only.
         apart = 0.0 if outcome.game == "pe" else 0.05
         assert float(rows["flown"].split()[0]) == pytest.approx(outcome.achieved, abs=0.005 + apart)
-        assert float(rows["game lasted"].split()[0]) == pytest.approx(outcome.game_time_s, abs=0.005)
+        assert float(rows["game lasted"].split()[0]) == pytest.approx(
+            outcome.game_time_s, abs=0.005
+        )
         if outcome.game == "pe":
             assert rows["flown / predicted"] == f"{outcome.ratio:.3f}"
         assert rows["setpoints sent"] == str(result.setpoints_sent)
         assert rows["guarantee alarms"] == str(len(result.alarms))
         assert rows["outcome"] == "captured; ended landed"
-        assert float(rows["game lasted"].split()[0]) == pytest.approx(outcome.capture_time_s, abs=0.031)
+        assert float(rows["game lasted"].split()[0]) == pytest.approx(
+            outcome.capture_time_s, abs=0.031
+        )
 
 
-def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_it(pe, tad, tmp_path):
+def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_it(
+    pe, tad, tmp_path
+):
     for result, path, folder in (pe, tad):
         story = told(path)
-        said, engaged = opening(story), story.engaged.certificate
+        said = opening(story)
+        engaged = story.engaged.certificate
         for words in (
             result.scenario.title, "in virtual time", f"from {story.flight.vehicle.latest.get(Home).latitude_deg:.5f}°",
             f"within {engaged.time_needed_s:.1f} s", f"after {story.game_lasted_s:.1f} s", "ended landed",
@@ -197,7 +222,8 @@ def test_the_tracks_are_those_that_were_flown(pe):
     story = told(path)
     by_time = {round(cycle.now_s, 6): number for number, cycle in enumerate(story.cycles)}
     for sample in result.samples[::50]:
-        cycle = story.cycles[by_time[round(sample.now_s, 6)] - 1]  # a sample is taken before the cycle has read
+        # A sample is taken before the cycle has read
+        cycle = story.cycles[by_time[round(sample.now_s, 6)] - 1]
         assert cycle.pursuer_m == pytest.approx(sample.pursuer_m, abs=1e-9)
         if math.isfinite(cycle.evader_m[0]):
             # Estimated from reports against where it was: telemetry's noise and age lie between them.
@@ -245,7 +271,9 @@ def test_the_guarantee_drawn_is_the_recorded_value_plus_time(pe):
     at = np.searchsorted(line.get_xdata(), engaged.now_s)
     assert line.get_ydata()[at] == pytest.approx(engaged.value)
     at = np.searchsorted(line.get_xdata(), engaged.now_s + 2.0)
-    assert line.get_ydata()[at] == pytest.approx(story.cycles[story.engaged.number + 100].value + 2.0, abs=0.05)
+    assert line.get_ydata()[at] == pytest.approx(
+        story.cycles[story.engaged.number + 100].value + 2.0, abs=0.05
+    )
 
 
 def test_the_worst_of_each_second_is_kept():
@@ -320,11 +348,17 @@ def test_several_records_of_a_daemon_get_a_folder_each(pe, tmp_path, monkeypatch
         run = CliRunner().invoke(app, ["report", *words, *out])
         assert run.exit_code == 0, run.output
         folder = tmp_path / "out" if out else tmp_path
-        assert all((folder / name.removesuffix(".mcap") / "report.html").is_file() for name in names)
+        assert all(
+            (folder / name.removesuffix(".mcap") / "report.html").is_file() for name in names
+        )
 
 
 def test_the_command_names_what_it_wrote(pe, tmp_path, monkeypatch):
     monkeypatch.setattr(written, "PICTURES", dict(list(written.PICTURES.items())[:1]))
-    run = CliRunner().invoke(app, ["report", str(torn_copy(pe[1], tmp_path)), "--out", str(tmp_path / "out")])
+    run = CliRunner().invoke(
+        app, ["report", str(torn_copy(pe[1], tmp_path)), "--out", str(tmp_path / "out")]
+    )
     assert run.exit_code == 0, run.output
-    assert all((tmp_path / "out" / line.rsplit("/", 1)[-1]).is_file() for line in run.output.split())
+    assert all(
+        (tmp_path / "out" / line.rsplit("/", 1)[-1]).is_file() for line in run.output.split()
+    )

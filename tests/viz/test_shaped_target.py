@@ -36,9 +36,12 @@ def flight(tmp_path_factory):
 
 @pytest.mark.flight
 def test_the_evader_is_captured_before_it_reaches_the_hall(flight):
-    outcome, (predicted,) = outcome_of_flight(flight[0], "fast"), play([SCENARIO])
+    outcome = outcome_of_flight(flight[0], "fast")
+    (predicted,) = play([SCENARIO])
     assert (outcome.end, predicted.end) == ("captured", "captured")
-    assert outcome.predicted_evader_to_target_m == pytest.approx(predicted.predicted_evader_to_target_m, abs=1.0)
+    assert outcome.predicted_evader_to_target_m == pytest.approx(
+        predicted.predicted_evader_to_target_m, abs=1.0
+    )
     assert outcome.evader_to_target_m == pytest.approx(predicted.evader_to_target_m, rel=0.15)
 
 

@@ -47,7 +47,10 @@ class Seeing:
                 if chunk.is_static:
                     self.still[chunk.entity_path, component] = values[0]
                 else:
-                    times = [1e-9 * time for time in batch.column("flight").cast(pyarrow.int64()).to_pylist()]
+                    times = [
+                        1e-9 * time
+                        for time in batch.column("flight").cast(pyarrow.int64()).to_pylist()
+                    ]
                     rows[chunk.entity_path, component] += zip(times, values, strict=True)
         self._rows = {key: sorted(kept, key=lambda row: row[0]) for key, kept in rows.items()}
 
@@ -75,7 +78,9 @@ def test_both_are_where_the_certificates_have_them_at_every_cycle_of_the_game(se
         times, places = seen[0].of(entity, "positions")
         at = dict(zip(np.round(times, 3), places, strict=True))
         for row in played:
-            np.testing.assert_allclose(at[round(row.now_s, 3)][0], getattr(row.certificate, where), atol=1e-4)
+            np.testing.assert_allclose(
+                at[round(row.now_s, 3)][0], getattr(row.certificate, where), atol=1e-4
+            )
         _, strips = seen[0].of(f"{entity}/track", "strips")
         line = [point for (strip,) in strips for point in strip]
         assert math.dist(line[0], places[0][0]) < 1e-4
@@ -90,8 +95,13 @@ def test_all_vehicles_of_a_team_are_in_one_recording(record, tmp_path):
     run = CliRunner().invoke(app, ["view", str(tmp_path), "--save", str(tmp_path / "team.rrd")])
     assert run.exit_code == 0, run.output
     both = Seeing(tmp_path / "team.rrd")
-    for entity, component in (("/game/{}/pursuer", "positions"), ("/plots/range/{}/ground_m", "scalars")):
-        (_, one), (_, other) = (both.of(entity.format(name), component) for name in ("uav1", "uav2"))
+    for entity, component in (
+        ("/game/{}/pursuer", "positions"),
+        ("/plots/range/{}/ground_m", "scalars"),
+    ):
+        (_, one), (_, other) = (
+            both.of(entity.format(name), component) for name in ("uav1", "uav2")
+        )
         assert len(one) > 100
         assert one == other
 
@@ -105,7 +115,10 @@ def test_the_plots_are_the_records_numbers(seen, rows):
         ("/plots/to_go/value_s", lambda row: row.certificate.meeting_time_s),
         ("/plots/speed/commanded_m_s", lambda row: math.hypot(*row.setpoint.velocity_ned_m_s)),
     ):
-        plotted = {round(time, 3): value[0] for time, value in zip(*seen[0].of(entity, "scalars"), strict=True)}
+        plotted = {
+            round(time, 3): value[0]
+            for time, value in zip(*seen[0].of(entity, "scalars"), strict=True)
+        }
         both = plotted.keys() & played.keys()
         assert len(both) > 100
         assert all(plotted[time] == pytest.approx(wanted(played[time])) for time in both)
@@ -137,7 +150,9 @@ def test_fence_events_states_and_a_layout_are_there(seen, record, rows):
     (edge,) = seen[0].still["/game/fence", "strips"]
     assert np.ptp(np.array(edge)[:, 0]) == pytest.approx(2.0 * 300.0, rel=1e-3)
     _, texts = seen[0].of("/events", "text")
-    assert [text for (text,) in texts] == [f"{one.event}  {one.detail}".rstrip() for one in events_of(record)]
+    assert [text for (text,) in texts] == [
+        f"{one.event}  {one.detail}".rstrip() for one in events_of(record)
+    ]
     _, states = seen[0].of("/state", "text")
     assert [state for (state,) in states][-1] == State.LANDED
     assert seen[0].blueprints
@@ -167,7 +182,8 @@ def test_a_record_that_grows_is_followed_and_comes_to_the_same(record, seen, tmp
     for entity in ("/game/pursuer", "/game/evader"):
         times, places = followed.of(entity, "positions")
         assert (times, places) == seen[0].of(entity, "positions")
-    assert len(followed.of("/game/pursuer/track", "strips")[0]) > 20  # shown piece by piece, not at the end
+    # Shown piece by piece, not at the end
+    assert len(followed.of("/game/pursuer/track", "strips")[0]) > 20
 
 
 def test_reruns_own_reader_of_mcap_finds_every_message_of_the_record(record):
@@ -200,10 +216,14 @@ def test_a_configuration_that_is_read_again_is_drawn_from_then_on(record, tmp_pa
     """The stand-off disc of a daemon that read another one is as wide as that says."""
     file = Path(__file__).parents[2] / "config" / "vehicles" / "px4.toml"
     config = load(Config, file)
-    wider = config.model_copy(update={"game": config.game.model_copy(update={"standoff_radius_m": 11.0})})
+    wider = config.model_copy(
+        update={"game": config.game.model_copy(update={"standoff_radius_m": 11.0})}
+    )
     recording = rr.RecordingStream("guidance")
     recording.set_sinks(rr.FileSink(tmp_path / "again.rrd"))
-    painter = Painter(recording, Aggregator(recorded_settings, {"config": config.model_dump_json()}, "again"))
+    painter = Painter(
+        recording, Aggregator(recorded_settings, {"config": config.model_dump_json()}, "again")
+    )
     cycles = [item for item in scan(record) if item.topic == CYCLE.topic]
     played = next(number for number, item in enumerate(cycles) if b'"certificate"' in item.data)
     painter.take(cycles[played])
@@ -216,7 +236,8 @@ def test_a_configuration_that_is_read_again_is_drawn_from_then_on(record, tmp_pa
     _, strips = seen.of("/game/stand_off_disc", "strips")
     widths = [np.ptp(np.array(strip)[:, 0]) / 2.0 for (strip,) in strips]
     assert widths == pytest.approx([config.game.standoff_radius_m, 11.0], rel=1e-3)
-    assert [text for (text,) in seen.of("/events", "text")[1]] == [RELOADED]  # the whole file is no event's text
+    # The whole file is no event's text
+    assert [text for (text,) in seen.of("/events", "text")[1]] == [RELOADED]
 
 
 def test_without_rerun_the_extra_is_named(record, monkeypatch, tmp_path):
@@ -237,7 +258,9 @@ def test_without_rerun_the_extra_is_named(record, monkeypatch, tmp_path):
     ],
 )
 def test_what_cannot_be_shown_is_refused_by_name(record, words, what):
-    run = CliRunner().invoke(app, ["view", *(word.replace("RECORD", str(record)) for word in words)])
+    run = CliRunner().invoke(
+        app, ["view", *(word.replace("RECORD", str(record)) for word in words)]
+    )
     assert isinstance(run.exception, OutputError if "--save" in words else ConfigError)
     assert what in str(run.exception)
 

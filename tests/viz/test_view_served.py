@@ -69,7 +69,10 @@ def until(true, limit_s=15.0):
 def served(record):
     """A viewer of a record, its page's address, and all of its processes."""
     child = subprocess.Popen(
-        command(("view", str(record), "--follow", *FREE)), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        command(("view", str(record), "--follow", *FREE)),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     words = child.stdout.readline().split()
     yield child, words[-1], children(child.pid)
@@ -81,11 +84,14 @@ def served(record):
 
 def test_the_view_listens_on_loopback_only_and_its_page_may_speak_to_nobody_else(served):
     child, url, pids = served
-    until(lambda: len(set().union(*map(listening, pids))) == 3)  # 127.0.0.1, and the hidden ones of Rerun's two servers
+    # 127.0.0.1, and the hidden ones of Rerun's two servers
+    until(lambda: len(set().union(*map(listening, pids))) == 3)
     addresses = set().union(*map(listening, pids))
     assert all(address.endswith("7F") for address in addresses)  # 127.0.0.0/8
     with urllib.request.urlopen(url, timeout=10.0) as page:
-        policy = dict(part.split(" ", 1) for part in page.headers["Content-Security-Policy"].split("; "))
+        policy = dict(
+            part.split(" ", 1) for part in page.headers["Content-Security-Policy"].split("; ")
+        )
         assert b"<html" in page.read()
     recording = urlsplit(parse_qs(urlsplit(url).query)["url"][0].removeprefix("rerun+"))
     assert policy["default-src"] == "'none'"
@@ -117,7 +123,8 @@ def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capf
     said = []
     beside = CommandBeside("view", str(record), "--follow", *FREE, say=said.append)
     pids = children(beside.child.pid)
-    until(lambda: any("http://127.0.0.1" in line for line in said))  # by us, and not into a live line
+    # By us, and not into a live line
+    until(lambda: any("http://127.0.0.1" in line for line in said))
     beside.child.kill()
     beside.child.wait()
     beside.close()
@@ -128,12 +135,23 @@ def test_beside_a_flight_the_viewer_may_die_and_nobody_waits_for_it(record, capf
 def test_a_mocked_flight_is_shown_during_the_flight_and_until_it_is_closed(tmp_path):
     scenario = Path(__file__).parents[1] / "data" / "near_chase.toml"
     program = "from guidance.cli import main; main()"
-    words = [sys.executable, "-c", program, "fly", str(scenario), "--fast", "--view", "--out", str(tmp_path)]
+    words = [
+        sys.executable,
+        "-c",
+        program,
+        "fly",
+        str(scenario),
+        "--fast",
+        "--view",
+        "--out",
+        str(tmp_path),
+    ]
     child = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     try:
         lines = list(iter(child.stdout.readline, "the view stays: Ctrl-C ends it\n"))
         pids = children(child.pid)
-        if not any(line.startswith("look at") for line in lines):  # the flight took less time than the viewer's start
+        # The flight took less time than the viewer's start
+        if not any(line.startswith("look at") for line in lines):
             assert "look at" in child.stdout.readline()
         child.send_signal(signal.SIGINT)
         rest = child.communicate(timeout=60.0)[0]
@@ -152,7 +170,9 @@ def test_a_port_in_use_is_one_clear_error():
         taken.listen()
         port = taken.getsockname()[1]
         with (
-            pytest.raises(LinkError, match=rf"--port {port}: Address already in use; choose another"),
+            pytest.raises(
+                LinkError, match=rf"--port {port}: Address already in use; choose another"
+            ),
             recording_server(port),
         ):
             pass
@@ -184,11 +204,17 @@ def test_a_daemon_is_looked_at_live_from_what_was_heard_on(bus, record):
         for cycle in cycles[200:230]:
             broadcast.cycle(cycle)
         deadline_s = time.monotonic() + 15.0
-        items = list(itertools.islice(flight.items(lambda: time.sleep(0.01) or time.monotonic() > deadline_s), 32))
+        items = list(
+            itertools.islice(
+                flight.items(lambda: time.sleep(0.01) or time.monotonic() > deadline_s), 32
+            )
+        )
     assert all(isinstance(item, Item) for item in items)
     said = [json.loads(item.data) for item in items]
     assert {"Heartbeat", "LocalPosition"} <= {one["kind"] for one in said[0]["inputs"]["messages"]}
-    assert [one for one in said[1:] if "event" not in one] == list(map(CYCLE.plain, cycles[200:230]))
+    assert [one for one in said[1:] if "event" not in one] == list(
+        map(CYCLE.plain, cycles[200:230])
+    )
     assert [one["event"] for one in said if "event" in one] == ["armed"]
 
 
@@ -208,7 +234,18 @@ def test_the_command_shows_a_daemon_live(bus, record):
     broadcast._metadata = dict(metadata_of(record))
     cycles = list(cycles_of(record))
     program = "from guidance.cli import main; main()"
-    words = [sys.executable, "-c", program, "view", "--live", "--name", "uav1", "--endpoint", endpoint, *FREE]
+    words = [
+        sys.executable,
+        "-c",
+        program,
+        "view",
+        "--live",
+        "--name",
+        "uav1",
+        "--endpoint",
+        endpoint,
+        *FREE,
+    ]
     child = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     try:
         assert "look at" in child.stdout.readline()
@@ -236,7 +273,8 @@ def test_a_page_asked_for_by_a_name_that_is_not_ours_is_not_given(host):
         port = front.port
         assert status_for(port, host.format(port=port)) == http.HTTPStatus.MISDIRECTED_REQUEST
         for ours in (f"127.0.0.1:{port}", f"localhost:{port}"):
-            assert status_for(port, ours) == http.HTTPStatus.BAD_GATEWAY  # accepted, but there is no server behind
+            # Accepted, but there is no server behind
+            assert status_for(port, ours) == http.HTTPStatus.BAD_GATEWAY
     finally:
         front.close()
 
@@ -245,10 +283,15 @@ def test_the_recording_is_given_to_nobody_who_asks_for_another_host():
     with recording_server(0) as (port, sink), rr.RecordingStream("test") as stream:
         stream.set_sinks(sink)  # it listens from now on
         for host in STRANGE:
-            assert status_for(port, host.format(port=port), "POST") == http.HTTPStatus.MISDIRECTED_REQUEST
+            assert (
+                status_for(port, host.format(port=port), "POST")
+                == http.HTTPStatus.MISDIRECTED_REQUEST
+            )
         for ours in (f"127.0.0.1:{port}", f"localhost:{port}"):
             assert status_for(port, ours, "POST") == http.HTTPStatus.OK
-        with socket.create_connection(("127.0.0.1", port), timeout=5.0) as native:  # HTTP/2, which no page can speak
+        with socket.create_connection(
+            ("127.0.0.1", port), timeout=5.0
+        ) as native:  # HTTP/2, which no page can speak
             native.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(3) + b"\x04" + bytes(5))
             assert native.recv(9)[3] == 4  # the server's SETTINGS frame
         stream.disconnect()
@@ -257,8 +300,14 @@ def test_the_recording_is_given_to_nobody_who_asks_for_another_host():
 def status_for(port, host, method="GET"):
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5.0)
     with contextlib.closing(connection):
-        connection.putrequest(method, "/rerun.sdk_comms.v1alpha1.MessageProxyService/ReadMessages", skip_host=True)
-        for name, value in {"Host": host, "Content-Type": "application/grpc-web+proto", "Content-Length": "5"}.items():
+        connection.putrequest(
+            method, "/rerun.sdk_comms.v1alpha1.MessageProxyService/ReadMessages", skip_host=True
+        )
+        for name, value in {
+            "Host": host,
+            "Content-Type": "application/grpc-web+proto",
+            "Content-Length": "5",
+        }.items():
             connection.putheader(name, value)
         connection.endheaders(bytes(5))
         return connection.getresponse().status

@@ -20,7 +20,14 @@ Games: TypeAlias = "Game | Sequence[Game] | Sequence[Sequence[Game | None]]"
 """One game for all, or lists with one for each pursuer or pair; None where two do not play."""
 
 
-DIFFERENT = ("pursuer", "evader_speed_m_s", "capture_radius_m", "standoff", "information_age_s", "wind_m_s")
+DIFFERENT = (
+    "pursuer",
+    "evader_speed_m_s",
+    "capture_radius_m",
+    "standoff",
+    "information_age_s",
+    "wind_m_s",
+)
 """What may differ between the games of a team, as numbers."""
 
 
@@ -51,14 +58,23 @@ def joined(games: Games, shape: str) -> TeamGame:
     known = [game for game in table.flat if game is not None]
     nested = table.ndim == len(shape) // 3 and (table.ndim > 1 or len(known) == table.size)
     if not nested or not known or not all(isinstance(game, Game) for game in known):
-        raise ConfigError(f"game = {games!r}: must be one Game, or lists {shape} of games, None where two do not play")
-    first, shared = known[0], attrgetter("varies", "evader_space", "target_velocity_m_s", "target_extent")
+        raise ConfigError(
+            f"game = {games!r}: must be one Game, or lists {shape} of games, None where two do not play"
+        )
+    first = known[0]
+    shared = attrgetter("varies", "evader_space", "target_velocity_m_s", "target_extent")
     if first.varies or len({(type(game.pursuer), *shared(game)) for game in known}) > 1:
         same = "speed set (Ball or Cylinder), target_velocity_m_s, target_extent and evader_space"
-        raise ConfigError(f"game: the games of a team must have the same {same}, and single numbers")
+        raise ConfigError(
+            f"game: the games of a team must have the same {same}, and single numbers"
+        )
     rows = table.reshape(len(table), -1)
     alike = [next(filter(None, column), first) for column in rows.T]
-    each = [attrgetter(*DIFFERENT)(game or other) for row in rows for game, other in zip(row, alike, strict=True)]
+    each = [
+        attrgetter(*DIFFERENT)(game or other)
+        for row in rows
+        for game, other in zip(row, alike, strict=True)
+    ]
     numbers = mapped(lambda *every: np.array(every).reshape(table.shape), *each)
     whole = replace(first, **dict(zip(DIFFERENT, numbers, strict=True)))
     plays = np.array([game is not None for game in table.flat]).reshape(table.shape)
@@ -71,13 +87,17 @@ def _played(game: Game) -> Game:
         allowed = "must be 0 in a game of teams; use Game.within_spread"
         raise ConfigError(f"information_age_s = {game.information_age_s!r}: {allowed}")
     if game.evader_space != "plane":
-        raise ConfigError(f"evader_space = {game.evader_space!r}: must be 'plane' in a game of teams")
+        raise ConfigError(
+            f"evader_space = {game.evader_space!r}: must be 'plane' in a game of teams"
+        )
     return game
 
 
 def pair_axes(team: TeamGame) -> tuple[int, ...]:
     """Return the common shape of a game's numbers."""
-    shapes: dict[str, tuple[int, ...]] = {name: np.shape(value) for name, value in parameters(team.game).items()}
+    shapes: dict[str, tuple[int, ...]] = {
+        name: np.shape(value) for name, value in parameters(team.game).items()
+    }
     return fitting(shapes | {"game": team.plays.shape})
 
 
@@ -91,7 +111,9 @@ def vectors(name: str, array: ArrayLike, shape: str) -> Array:
     axes = shape.count(",")
     nobody = axes > 1 and 0 in found.shape[-2:-1]
     if isinstance(array, np.ma.MaskedArray):
-        raise ConfigError(f"{name} = {array!r}: must not be a masked array; leave those players out")
+        raise ConfigError(
+            f"{name} = {array!r}: must not be a masked array; leave those players out"
+        )
     if found.ndim < axes or nobody or found.shape[-1:] != (3,) or found.dtype.kind not in "fiu":
         raise ConfigError(f"{name} = {array!r}: must be an array of numbers of shape {shape}")
     return found if found.dtype.kind == "f" else found.astype(np.float64)
@@ -137,6 +159,8 @@ def judged(answer: Answer, fault: Array, what: Callable[[], str]) -> Answer:
     parts = {}
     for name, part in answer._asdict().items():
         lost = fault.reshape(fault.shape + (1,) * (part.ndim - fault.ndim))
-        empty = lost if name == "reason" else nothing.get(name, np.nan if part.dtype.kind == "f" else 0)
+        empty = (
+            lost if name == "reason" else nothing.get(name, np.nan if part.dtype.kind == "f" else 0)
+        )
         parts[name] = np.where(lost == 0, part, np.asarray(empty, dtype=part.dtype))
     return cast("Answer", answer._replace(**parts))

@@ -28,7 +28,17 @@ from guidance.game.game import Reason, Winner
 from guidance.game.records import require
 from guidance.game.team.arguments import Games, judged
 from guidance.game.team.several import TeamSolution, assembled, longest_run, nearest_run, placed
-from guidance.game.team.table import Kept, Meeting, Table, are, kept_of, pairs_with, place_of, table_of, taken
+from guidance.game.team.table import (
+    Kept,
+    Meeting,
+    Table,
+    are,
+    kept_of,
+    pairs_with,
+    place_of,
+    table_of,
+    taken,
+)
 
 
 class Matching(NamedTuple):
@@ -109,10 +119,14 @@ def match_teams(
         else:
             pairs = kept.pairs if kept is not None and np.array_equal(first, kept.asked) else None
             pairs = pairs or pairs_with(table, first)
-            answer = _defended(table, table.target, pairs, first, _seconds(table, pairs, first, kept, hysteresis))
+            answer = _defended(
+                table, table.target, pairs, first, _seconds(table, pairs, first, kept, hysteresis)
+            )
     worst = table.all.alone.reason.max(axis=(1, 2)).reshape(table.shape)
     whole = Matching(*(part.reshape((*table.shape, *part.shape[1:])) for part in answer))
-    return judged(whole, np.where(worst < int(Reason.NOT_FINITE), 0, worst), lambda: "pursuers, evaders: have")
+    return judged(
+        whole, np.where(worst < int(Reason.NOT_FINITE), 0, worst), lambda: "pursuers, evaders: have"
+    )
 
 
 def _firsts(table: Table, kept: Kept | None, hysteresis: float) -> Array:
@@ -133,9 +147,12 @@ def _firsts(table: Table, kept: Kept | None, hysteresis: float) -> Array:
     return _assigned(np.where(edges, np.maximum(profit, 0.0), -np.inf), first=kept.first >= 0)
 
 
-def _seconds(table: Table, pairs: Meeting, first: Array, kept: Kept | None, hysteresis: float) -> Array:
+def _seconds(
+    table: Table, pairs: Meeting, first: Array, kept: Kept | None, hysteresis: float
+) -> Array:
     """Return the pursuer that supports the first of each evader, (b, m), −1 for none."""
-    every, matched = np.arange(table.worth.shape[-1]), first >= 0
+    every = np.arange(table.worth.shape[-1])
+    matched = first >= 0
     busy = (every == first[..., None]).any(axis=1)
     if busy.all() or not matched.any():
         return np.full_like(first, -1)
@@ -166,7 +183,9 @@ def _assigned(profit: Array, first: Array | None = None) -> Array:
     # One pair more is worth more than all profits together.
     profit = np.where(edges, profit, 0.0)
     one = 1.0 + min(n, m) * profit.max(axis=(1, 2), keepdims=True)
-    worth = np.where(edges, (one if first is None else one * (1.0 + first[..., None])) + profit, 0.0)
+    worth = np.where(
+        edges, (one if first is None else one * (1.0 + first[..., None])) + profit, 0.0
+    )
     found = np.full((b, m), -1)
     for row in np.flatnonzero(np.isfinite(worth.sum(axis=(1, 2)))):
         evader, pursuer = linear_sum_assignment(worth[row], maximize=True)
@@ -184,9 +203,12 @@ def _chased(table: Table, first: Array) -> Matching:
 
 def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second: Array) -> Matching:
     """Put the answer in TAD together, (b, ...)."""
-    team, alone, guarded = table.all, table.all.alone, first >= 0
+    team = table.all
+    alone = table.all.alone
+    guarded = first >= 0
     beside = np.where(second < 0, first, second)
-    at, two = place_of(beside), place_of(np.stack([first, beside], axis=-1), 2)
+    at = place_of(beside)
+    two = place_of(np.stack([first, beside], axis=-1), 2)
     best = placed(team, table.evaders, Meeting(*(part[at] for part in pairs)))
     run = nearest_run(team, table.evaders, best, guarded, two)
     play = assembled(team, table.evaders, run, best, are(table.worth.shape[-1], first, second))
@@ -194,7 +216,9 @@ def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second:
         value=np.where(guarded, play.value, 0.0),
         lower_bound=np.where(guarded, play.lower_bound, 0.0),
         meeting_point_m=np.where(guarded[..., None], play.meeting_point_m, target),
-        evader_velocity_m_s=np.where(guarded[..., None], play.evader_velocity_m_s, _to_target(table, target)),
+        evader_velocity_m_s=np.where(
+            guarded[..., None], play.evader_velocity_m_s, _to_target(table, target)
+        ),
         reason=np.where(guarded, play.reason, taken(alone.reason, alone.margin_s.argmax(axis=-1))),
     )
     return _answer(table, first, second, play)
@@ -202,7 +226,9 @@ def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second:
 
 def _answer(table: Table, first: Array, second: Array, play: TeamSolution) -> Matching:
     """Put the answer together, (b, ...), from each evader's game."""
-    alone, present, guarded = table.all.alone, table.present, first >= 0
+    alone = table.all.alone
+    present = table.present
+    guarded = first >= 0
     there = np.where(present, 0.0, np.nan)
     evader_of = _evader_of(table, first, second)
     flown = taken(play.pursuer_velocity_m_s.swapaxes(1, 2), evader_of)

@@ -92,14 +92,20 @@ class Edge(NamedTuple):
 
 def regions_of(game: Game, P: Array, E: Array) -> Regions:
     """Return the regions of evaders E against pursuers P, (..., n, 3); numbers of the game may be arrays (..., n)."""
-    w, v = P - E, game.evader_speed_m_s
+    w = P - E
+    v = game.evader_speed_m_s
     z: Array = w[..., 2] - game.standoff.height_m
-    capture, radius, safe = game.capture_radius_m, game.standoff.radius_m, 0.0
+    capture = game.capture_radius_m
+    radius = game.standoff.radius_m
+    safe = 0.0
     if isinstance(game.pursuer, Cylinder):
         safe = np.maximum(v * level_time(NUMPY, game, game.pursuer, z), 0.0)
-        capture, radius, z = capture + radius, 0.0, 0.0
+        capture = capture + radius
+        radius = 0.0
+        z = 0.0
     least = least_square_in_hand(game) / (v * v)
-    wind_x, wind_y = game.wind_m_s[0] / v, game.wind_m_s[1] / v
+    wind_x = game.wind_m_s[0] / v
+    wind_y = game.wind_m_s[1] / v
     ratio = game.pursuer.horizontal_m_s / v
     return Regions(ratio, least, w[..., 0], w[..., 1], z, capture, radius, wind_x, wind_y, safe)
 
@@ -110,26 +116,33 @@ def edge(regions: Regions, heading: Point) -> Edge:
     nx, ny = heading
     if not all(map(is_zero, wind)):
         curvature = curvature + 2.0 * head_wind((wind[0], wind[1]), heading)
-        nx, ny = nx - wind[0], ny - wind[1]
-    behind_x, behind_y, over, lead = x, y, not is_zero(radius), ratio * capture
+        nx = nx - wind[0]
+        ny = ny - wind[1]
+    behind_x = x
+    behind_y = y
+    over = not is_zero(radius)
+    lead = ratio * capture
     beyond = z * z - capture * capture
     for _ in range(ROUNDS if over else 1):
         power = x * x + y * y + beyond
         half = x * nx + y * ny + lead
         root = np.sqrt(half * half + curvature * power)
-        ahead, both = half > 0, abs(half) + root
+        ahead = half > 0
+        both = abs(half) + root
         reach = np.where(ahead, power, both) / np.where(ahead, both, curvature)
         away = reach * nx - behind_x, reach * ny - behind_y
         if over:
             far = NUMPY.norm2(away)
             share = radius / np.where(far > 0, far, 1.0)
-            x, y = behind_x + share * away[0], behind_y + share * away[1]
+            x = behind_x + share * away[0]
+            y = behind_y + share * away[1]
     if over:
         met = np.maximum(abs(z) - capture, 0.0) / ratio
         within = radius + np.sqrt(np.maximum(-beyond, 0.0))
         above = NUMPY.norm2((met * nx - behind_x, met * ny - behind_y)) <= within
         share = np.where(above, 0.0, np.maximum(1.0 - share, 0.0))
-        reach, away = np.where(above, met, reach), (share * away[0], share * away[1])
+        reach = np.where(above, met, reach)
+        away = (share * away[0], share * away[1])
     return Edge(np.maximum(reach, 0.0), away, root)
 
 
@@ -149,7 +162,9 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
     """
     mx, my = middle
     low, high = (cross2(middle, to) / (1.0 + mx * to[0] + my * to[1]) for to in (begin, end))
-    s, done, half = _without_disc(pairs, middle), low == high, NUMPY.half_of_digits(mx)
+    s = _without_disc(pairs, middle)
+    done = low == high
+    half = NUMPY.half_of_digits(mx)
     s = np.where((s - low) * (s - high) < 0, s, 0.0)
     for _ in range(STEPS):
         x, y = _turned(middle, s)
@@ -157,12 +172,14 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
         ends = edge(pairs, heading)
         turn = ends.reach * cross2(heading, ends.away) / ends.root  # by the heading, m/rad
         gap = ends.reach[..., 0] - ends.reach[..., 1]
-        low, high = np.where(gap > 0, s, low), np.where(gap > 0, high, s)
+        low = np.where(gap > 0, s, low)
+        high = np.where(gap > 0, high, s)
         new = s - 0.5 * (1.0 + s * s) * gap / (turn[..., 0] - turn[..., 1])
         sound = ((new - low) * (new - high) < 0) | (gap == 0)
         new = np.where(gap == 0, s, np.where(sound, new, 0.5 * (low + high)))
         near = abs(new - s) <= half * (sound + half)
-        s, done = np.where(done, s, new), done | near
+        s = np.where(done, s, new)
+        done = done | near
         if done.all():
             break
     return _turned(middle, s)
@@ -173,21 +190,33 @@ def _without_disc(pairs: Regions, middle: Point) -> Array:
 
     The edges are circles then, κ X² + 2 W·X = ‖W‖², and cross on a line a·X = b. The crossing is given times κ a².
     """
-    curvature, power = pairs.curvature + 0.0 * pairs.x, pairs.z * pairs.z - pairs.capture * pairs.capture
+    curvature = pairs.curvature + 0.0 * pairs.x
+    power = pairs.z * pairs.z - pairs.capture * pairs.capture
     power = power + (pairs.x * pairs.x + pairs.y * pairs.y)
     parts = (pairs.x, pairs.y, 0.5 * power)
-    ax, ay, b = (curvature[..., 1] * part[..., 0] - curvature[..., 0] * part[..., 1] for part in parts)
-    curvature, x, y, power = (part[..., 0] + part[..., 1] for part in (curvature, pairs.x, pairs.y, power))
-    half, lead = ax * y - ay * x, curvature * b
-    root = np.sqrt(half * half + curvature * (power * (ax * ax + ay * ay) - b * (lead + 2.0 * (ax * x + ay * y))))
+    ax, ay, b = (
+        curvature[..., 1] * part[..., 0] - curvature[..., 0] * part[..., 1] for part in parts
+    )
+    curvature, x, y, power = (
+        part[..., 0] + part[..., 1] for part in (curvature, pairs.x, pairs.y, power)
+    )
+    half = ax * y - ay * x
+    lead = curvature * b
+    root = np.sqrt(
+        half * half
+        + curvature * (power * (ax * ax + ay * ay) - b * (lead + 2.0 * (ax * x + ay * y)))
+    )
     along = np.copysign(root, cross2((ax, ay), middle)) - half
     to = lead * ax - along * ay, lead * ay + along * ax
-    return np.asarray(cross2(middle, to) / (NUMPY.norm2(to) + middle[0] * to[0] + middle[1] * to[1]))
+    return np.asarray(
+        cross2(middle, to) / (NUMPY.norm2(to) + middle[0] * to[0] + middle[1] * to[1])
+    )
 
 
 def halfway(begin: Point, end: Point) -> Point:
     """Return the heading halfway between two; between opposite ones that with larger y, then larger x."""
-    x, y = begin[0] - end[0], begin[1] - end[1]
+    x = begin[0] - end[0]
+    y = begin[1] - end[1]
     side = np.where((x < 0) | ((x == 0) & (y > 0)), -ASIDE, ASIDE)
     return unit((begin[0] + end[0] - side * y, begin[1] + end[1] + side * x))
 

@@ -69,7 +69,7 @@ class TeamRollout(NamedTuple):
     path: tuple[TeamSample, ...]
 
 
-def rollout_teams(
+def rollout_teams(  # noqa: PLR0915 - one loop
     game: Games,
     pursuers: ArrayLike,
     evaders: ArrayLike,
@@ -106,31 +106,47 @@ def rollout_teams(
     require("duration_s", duration_s)
     require("capture_m", capture_m, zero_allowed=True)
     first = match_teams(game, pursuers, evaders, target)
-    shape, (n, m) = first.guaranteed.shape, first.beats.shape[-2:]
+    shape = first.guaranteed.shape
+    (n, m) = first.beats.shape[-2:]
     pairs = joined(game, "(n, m)").rows(lambda value: np.broadcast_to(value, (*shape, n, m)))
     ends = replace(pairs.game, capture_radius_m=pairs.game.capture_radius_m + capture_m)
     chase = _named("pursuer_policy", pursuer_policy, n, PURSUER_POLICIES)
     flee = _named("evader_policy", evader_policy, m, EVADER_POLICIES)
-    T = None if target is None else np.array(np.broadcast_to(target, (*shape, m, 3)), dtype=np.float64)
+    T = (
+        None
+        if target is None
+        else np.array(np.broadcast_to(target, (*shape, m, 3)), dtype=np.float64)
+    )
     P = np.array(np.broadcast_to(pursuers, (*shape, n, 3)), dtype=np.float64)
     E = np.array(np.broadcast_to(evaders, (*shape, m, 3)), dtype=np.float64)
     end = np.where(first.reason >= int(Reason.NOT_FINITE), int(End.NO_ANSWER), int(End.RUNNING))
-    now, when, captor = np.zeros(shape), np.zeros((*shape, m)), np.full((*shape, m), -1)
-    matching, path = first, []
+    now = np.zeros(shape)
+    when = np.zeros((*shape, m))
+    captor = np.full((*shape, m), -1)
+    matching = first
+    path = []
     for _ in range(math.ceil(duration_s / step_s) + SPARE_STEPS):
         goal = None if T is None else T[..., None, :, :]
-        capture, arrival, turn = look_ahead(NUMPY, ends, P[..., :, None, :], E[..., None, :, :], goal)
+        capture, arrival, turn = look_ahead(
+            NUMPY, ends, P[..., :, None, :], E[..., None, :, :], goal
+        )
         capture = np.where(pairs.plays, capture, math.inf)
-        arrival, turn = np.broadcast_to(arrival, capture.shape)[..., 0, :], np.broadcast_to(turn, capture.shape)
+        arrival = np.broadcast_to(arrival, capture.shape)[..., 0, :]
+        turn = np.broadcast_to(turn, capture.shape)
         soonest = np.min(capture, axis=-2)
         running = end == End.RUNNING
-        caught, arrived = running & (soonest <= NANOSECOND_S), running & (arrival <= NANOSECOND_S)
+        caught = running & (soonest <= NANOSECOND_S)
+        arrived = running & (arrival <= NANOSECOND_S)
         captor = np.where(caught, np.argmin(capture, axis=-2), captor)
         late = running & (now >= duration_s)[..., None]
-        end = np.select([caught, arrived, late], [int(End.CAPTURED), int(End.ARRIVED), int(End.TIME_UP)], end)
+        end = np.select(
+            [caught, arrived, late], [int(End.CAPTURED), int(End.ARRIVED), int(End.TIME_UP)], end
+        )
         when = np.where(running, now[..., None], when)
         running = end == End.RUNNING
-        matching = match_teams(game, P, E, T, in_play=running, previous=matching, hysteresis=hysteresis)
+        matching = match_teams(
+            game, P, E, T, in_play=running, previous=matching, hysteresis=hysteresis
+        )
         if keep_path:
             path.append(TeamSample(now, P, E, end, matching))
         if not running.any():
@@ -138,7 +154,9 @@ def rollout_teams(
         flown, run = _played(pairs.game, (chase, flee), P, E, T, matching)
         free = np.where(running, np.minimum(soonest, arrival), np.inf)
         least = np.minimum(np.min(free, axis=-1), np.min(taken(turn, matching.evader_of), axis=-1))
-        h = np.where(running.any(axis=-1), np.minimum(np.minimum(least, step_s), duration_s - now), 0.0)
+        h = np.where(
+            running.any(axis=-1), np.minimum(np.minimum(least, step_s), duration_s - now), 0.0
+        )
         P = P + h[..., None, None] * flown
         moved = np.where(running, h[..., None], 0.0)[..., None]
         E = E + moved * run
@@ -150,7 +168,9 @@ def rollout_teams(
     return TeamRollout(end, when, captor, distance, P, E, first, tuple(path))
 
 
-def _played(game: Game, sides: _Sides, P: Array, E: Array, T: Array | None, matching: Matching) -> tuple[Array, Array]:
+def _played(
+    game: Game, sides: _Sides, P: Array, E: Array, T: Array | None, matching: Matching
+) -> tuple[Array, Array]:
     """Return the velocities of pursuers against their evaders, (..., n, 3), and of evaders against the nearest pursuer.
 
     Each player moves by its own policy, (..., m, 3).
@@ -173,7 +193,9 @@ def _played(game: Game, sides: _Sides, P: Array, E: Array, T: Array | None, matc
     return found[0], found[1]
 
 
-def _named(name: str, given: Policies, count: int, catalogue: Mapping[str, Policy]) -> list[str | Policy]:
+def _named(
+    name: str, given: Policies, count: int, catalogue: Mapping[str, Policy]
+) -> list[str | Policy]:
     """Return a policy for each player, "optimal" by its name.
 
     Raises:
@@ -181,5 +203,7 @@ def _named(name: str, given: Policies, count: int, catalogue: Mapping[str, Polic
     """
     each = [given] * count if isinstance(given, str) or callable(given) else list(given)
     if len(each) != count:
-        raise ConfigError(f"{name}: {len(each)} policies for {count} players; give one for all, or one for each")
+        raise ConfigError(
+            f"{name}: {len(each)} policies for {count} players; give one for all, or one for each"
+        )
     return [policy if policy == OPTIMAL else policy_of(name, policy, catalogue) for policy in each]

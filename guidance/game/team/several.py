@@ -134,21 +134,30 @@ def solve_team(
     game = team_game.rows(lambda value: np.broadcast_to(value, P.shape[:-1])).game
     v = game.evader_speed_m_s
     if np.ndim(v) and np.ptp(v, axis=-1).any():
-        raise ConfigError(f"evader_speed_m_s = {v!r}: must be one number, or an array (..., 1), for one evader")
+        raise ConfigError(
+            f"evader_speed_m_s = {v!r}: must be one number, or an array (..., 1), for one evader"
+        )
     if target is not None and game.target_extent != POINT:
         rest["target"] = _most_in_danger(game, P, rest["evader"], rest["target"])
         game = replace(game, target_extent=POINT)
     lone = {name: one[..., None, :] for name, one in rest.items()}
     with np.errstate(all="ignore"):
         team = team_of(game, P, lone["evader"], lone.get("target"), lone.get("evader_velocity_m_s"))
-        answer, best = (chase if target is None else defence)(team, rest["evader"], _best_pair(team))
-        answer = answer._replace(multipliers=np.where((answer.winner > 0)[..., None], _multipliers(team, best), 0.0))
-    worst, none = np.max(team.alone.reason, axis=-1), int(Reason.NOT_FINITE)
+        answer, best = (chase if target is None else defence)(
+            team, rest["evader"], _best_pair(team)
+        )
+        answer = answer._replace(
+            multipliers=np.where((answer.winner > 0)[..., None], _multipliers(team, best), 0.0)
+        )
+    worst = np.max(team.alone.reason, axis=-1)
+    none = int(Reason.NOT_FINITE)
     fault = np.where(worst >= none, worst, np.where(np.isfinite(answer.value), 0, none))
 
     def refused() -> str:
         places = {"pursuers": P} | rest
-        wrong = [f"{name} = {array!r}" for name, array in places.items() if not np.isfinite(array).all()]
+        wrong = [
+            f"{name} = {array!r}" for name, array in places.items() if not np.isfinite(array).all()
+        ]
         return f"{', '.join(wrong) or 'the team'}: has"
 
     return judged(answer, np.asarray(fault), refused)
@@ -160,7 +169,8 @@ def _most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Array:
     The distance of a point from the region is a convex function of the point. If the region meets the set, the point
     is the one where the evader arrives before every pursuer by most.
     """
-    extent, point = game.target_extent, replace(game, target_extent=POINT)
+    extent = game.target_extent
+    point = replace(game, target_extent=POINT)
 
     def placed(offset: Plane) -> Array:
         x, y = offset
@@ -197,22 +207,34 @@ def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Mee
     won = winner > 0
     # If the evader wins, the value is that of the pursuer that comes least short, or is there at the same instant.
     least = np.argmin(np.where(alone.winner == winner[..., None], alone.value, np.inf), axis=-1)
-    first, second = np.where(won, best.first, least), np.where(won, best.second, least)
-    best = placed(team, evader, Meeting(*best[:2], np.where(won, best.worth, taken(alone.value, least)), first, second))
+    first = np.where(won, best.first, least)
+    second = np.where(won, best.second, least)
+    best = placed(
+        team,
+        evader,
+        Meeting(*best[:2], np.where(won, best.worth, taken(alone.value, least)), first, second),
+    )
     return assembled(team, evader, nearest_run(team, evader, best, won), best, won[..., None]), best
 
 
 def chase(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
     """Play PE: see `solve_team` and `defence`."""
     run = longest_run(team)
-    best = placed(team, evader, NUMPY.select_all(run.worth <= best.worth * (1.0 - ROUNDING), run, best))
-    return assembled(team, evader, run, best, are(team.own.shape[-1], best.first, best.second)), best
+    best = placed(
+        team, evader, NUMPY.select_all(run.worth <= best.worth * (1.0 - ROUNDING), run, best)
+    )
+    return assembled(
+        team, evader, run, best, are(team.own.shape[-1], best.first, best.second)
+    ), best
 
 
 def placed(team: Team, evader: Array, best: Meeting) -> Meeting:
     """Return a meeting at the first pursuer's own end of the game if that decides it alone."""
-    end, single = taken(team.alone.meeting_point_m, best.first) - evader, best.first == best.second
-    return best._replace(x=np.where(single, end[..., 0], best.x), y=np.where(single, end[..., 1], best.y))
+    end = taken(team.alone.meeting_point_m, best.first) - evader
+    single = best.first == best.second
+    return best._replace(
+        x=np.where(single, end[..., 0], best.x), y=np.where(single, end[..., 1], best.y)
+    )
 
 
 def nearest_run(team: Team, evader: Array, best: Meeting, won: Array, who: Any = ...) -> Meeting:  # noqa: ANN401
@@ -232,12 +254,16 @@ def nearest_run(team: Team, evader: Array, best: Meeting, won: Array, who: Any =
     goal = team.goal
     if goal is None or is_zero(team.regions.safe):
         return best
-    regions, ends = team.regions.pick(who), team.alone.meeting_point_m[who] - evader[..., None, :]
+    regions = team.regions.pick(who)
+    ends = team.alone.meeting_point_m[who] - evader[..., None, :]
     straight = goal.towards(regions.safe)
-    x, y = (np.concatenate([ends[..., i], best[i][..., None], straight[i]], axis=-1) for i in (0, 1))
+    x, y = (
+        np.concatenate([ends[..., i], best[i][..., None], straight[i]], axis=-1) for i in (0, 1)
+    )
     to = unit((x, y))
     far = np.min(survived(regions.beside(), (to[0][..., None], to[1][..., None])), axis=-1)
-    x, y = far * to[0], far * to[1]
+    x = far * to[0]
+    y = far * to[1]
     left = np.fmin(goal.left((x, y)), np.inf)
     least = place_of(np.argmin(left, axis=-1))
     worth = left[least]
@@ -263,7 +289,8 @@ def longest_run(team: Team) -> Meeting:
     found = _among(team, headings, reach, chosen)
     while chosen.shape[-1] < count:
         far = NUMPY.norm2((found.x, found.y))
-        x, y = found.x / far, found.y / far
+        x = found.x / far
+        y = found.y / far
         ends = survived(team.regions, (x[..., None], y[..., None]))
         np.put_along_axis(ends, chosen, np.inf, axis=-1)
         worst = np.argmin(ends, axis=-1)
@@ -284,9 +311,12 @@ def _among(team: Team, own: Sequence[Array], reach: Array, chosen: Array | None 
     regions = team.regions
     if chosen is not None:
         few = place_of(chosen, chosen.ndim - 1)
-        regions, own, reach = regions.pick(few), [part[few] for part in own], reach[few]
+        regions = regions.pick(few)
+        own = [part[few] for part in own]
+        reach = reach[few]
     count = reach.shape[-1]
-    every, pairs = np.arange(count), pairs_of(count)
+    every = np.arange(count)
+    pairs = pairs_of(count)
     i, j = pairs.T
     decide = np.concatenate([every[:, None].repeat(2, axis=1), pairs, pairs])
     reached = edge(regions.beside(), (own[0][..., None], own[1][..., None])).reach
@@ -301,20 +331,28 @@ def _among(team: Team, own: Sequence[Array], reach: Array, chosen: Array | None 
         place = (*rows, count + pair)
         # The crossing between both own headings, or that on the other side.
         begin, end = ((own[0][*rows, who], own[1][*rows, who]) for who in decide[count + pair].T)
-        middle, side = halfway(begin, end), np.where(pair < len(i), 1.0, -1.0)
+        middle = halfway(begin, end)
+        side = np.where(pair < len(i), 1.0, -1.0)
         two = regions.pick((*(row[:, None] for row in rows), decide[count + pair]))
-        x[place], y[place] = heading = crossing(two, begin, end, (side * middle[0], side * middle[1]))
-        ends[place] = survived(regions.pick(tuple(rows)), (heading[0][:, None], heading[1][:, None]))
+        x[place], y[place] = heading = crossing(
+            two, begin, end, (side * middle[0], side * middle[1])
+        )
+        ends[place] = survived(
+            regions.pick(tuple(rows)), (heading[0][:, None], heading[1][:, None])
+        )
     far = np.fmax(ends.min(axis=-1), -np.inf)
     tied = far >= far.max(axis=-1, keepdims=True) * (1.0 - EQUAL)
     north = np.where(tied, y, -2.0)
     best = np.where(north == north.max(axis=-1, keepdims=True), x, -2.0).argmax(axis=-1)
     at = place_of(best)
-    run, met = far[at], ends[at].argmin(axis=-1)
-    first, second = decide[best, 0], np.where(best < count, met, decide[best, 1])
+    run = far[at]
+    met = ends[at].argmin(axis=-1)
+    first = decide[best, 0]
+    second = np.where(best < count, met, decide[best, 1])
     first, second = (np.where(run > 0, part, met) for part in (first, second))
     if chosen is not None:
-        first, second = taken(chosen, first), taken(chosen, second)
+        first = taken(chosen, first)
+        second = taken(chosen, second)
     time = np.where(first == second, taken(team.alone.value, first), run / team.v)
     return Meeting(run * x[at], run * y[at], -time, first, second)
 
@@ -329,14 +367,18 @@ def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flies: Arr
         best: what the pursuers guarantee.
         flies: which pursuers fly to that together, (..., n); the others play their own game.
     """
-    alone, at, single = team.alone, place_of(run.first), run.first == run.second
+    alone = team.alone
+    at = place_of(run.first)
+    single = run.first == run.second
     flies = flies & ~are(alone.value.shape[-1], np.where(best.first == best.second, best.first, -1))
     flown = alone.pursuer_velocity_m_s
     if flies.any():
         flown = np.where(flies[..., None], team.straight((best.x, best.y)), flown)
-    far, sign = NUMPY.norm2((run.x, run.y)), 1.0 if team.goal is not None else -1.0
+    far = NUMPY.norm2((run.x, run.y))
+    sign = 1.0 if team.goal is not None else -1.0
     to = np.zeros(evader.shape, evader.dtype)
-    to[..., 0], to[..., 1] = run.x, run.y
+    to[..., 0] = run.x
+    to[..., 1] = run.y
     velocity = (team.v / np.where(far > 0, far, 1.0))[..., None] * to
     reason = np.where(single, alone.reason[at], np.int8(Reason.SOLVED))
     return TeamSolution(
@@ -368,13 +410,15 @@ def _multipliers(team: Team, best: Meeting) -> Array:
     far = NUMPY.norm2((best.x, best.y))
     run = best.x / far, best.y / far
     slow = run[0] / team.v, run[1] / team.v
-    pull, goal = slow, team.goal
+    pull = slow
+    goal = team.goal
     if goal is not None:
         x, y = (part[..., 0] for part in goal.place((best.x[..., None], best.y[..., None])))
         pull = unit((goal.x - x, goal.y - y))
         pull = plus2(pull, -dot2(pull, (goal.drift[0][..., 0], goal.drift[1][..., 0])), run)
     met = edge(team.regions, (run[0][..., None], run[1][..., None]))
-    u, v = team.regions.ratio, team.v[..., None]
+    u = team.regions.ratio
+    v = team.v[..., None]
     wind = team.regions.wind_x * v, team.regions.wind_y * v
     rate = NUMPY.norm3((*met.away, team.regions.z)) * u * v + dot2(met.away, wind)
     level = (met.reach <= team.regions.safe) | height[..., None]
@@ -383,7 +427,8 @@ def _multipliers(team: Team, best: Meeting) -> Array:
     turn = cross2(q[0], q[1])
     single = best.first == best.second
     own = dot2(pull, q[0]) / dot2(q[0], q[0])
-    first, second = np.where(single, own, cross2(pull, q[1]) / turn), np.where(single, own, cross2(q[0], pull) / turn)
+    first = np.where(single, own, cross2(pull, q[1]) / turn)
+    second = np.where(single, own, cross2(q[0], pull) / turn)
     every = np.arange(team.own.shape[-1])
     found = np.where(every == best.second[..., None], second[..., None], 0.0)
     found = np.where(every == best.first[..., None], first[..., None], found)
@@ -392,7 +437,8 @@ def _multipliers(team: Team, best: Meeting) -> Array:
 
 def _at_height(team: Team, best: Meeting) -> tuple[Meeting, Array]:
     """Return the meeting at the height of the later of two Cylinders where that decides, and where it does."""
-    safe, who = team.regions.safe, np.stack(best[3:], axis=-1)
+    safe = team.regions.safe
+    who = np.stack(best[3:], axis=-1)
     if is_zero(safe):
         return best, np.zeros(best.worth.shape, dtype=bool)
     later = taken(who, np.argmax(np.take_along_axis(safe, who, axis=-1), axis=-1))[..., None]
@@ -401,7 +447,9 @@ def _at_height(team: Team, best: Meeting) -> tuple[Meeting, Array]:
     decides = (best.first != best.second) & (reach > 0)[..., 0] & (best.worth == worth[..., 0])
     to = (best.x[..., None], best.y[..., None]) if team.goal is None else team.goal.towards(reach)
     x, y = (reach[..., 0] * part[..., 0] for part in unit(to))
-    return NUMPY.select_all(decides, Meeting(x, y, best.worth, later[..., 0], later[..., 0]), best), decides
+    return NUMPY.select_all(
+        decides, Meeting(x, y, best.worth, later[..., 0], later[..., 0]), best
+    ), decides
 
 
 @lru_cache

@@ -40,7 +40,9 @@ class Goal(NamedTuple):
     def left(self, point: Point) -> Array:
         """Return the distances, (..., k), m, of ends of runs from the target when the evader is there."""
         x, y = self.place(point)
-        return NUMPY.norm2(to_set(NUMPY, self.extent, (x - self.x[..., None], y - self.y[..., None])))
+        return NUMPY.norm2(
+            to_set(NUMPY, self.extent, (x - self.x[..., None], y - self.y[..., None]))
+        )
 
     def place(self, point: Point) -> Point:
         """Return ends of runs, (..., k), from where the evader is carried with the target."""
@@ -49,7 +51,8 @@ class Goal(NamedTuple):
 
     def towards(self, reach: Array) -> Point:
         """Return the ways, (..., k), m, to the target from the middle of all ends of runs up to some length."""
-        x, y = -self.drift[0] * reach - self.x[..., None], -self.drift[1] * reach - self.y[..., None]
+        x = -self.drift[0] * reach - self.x[..., None]
+        y = -self.drift[1] * reach - self.y[..., None]
         return to_set(NUMPY, self.extent, (x, y))
 
     def beyond(self, reach: Array) -> Array:
@@ -121,18 +124,33 @@ def team_of(game: Game, P: Array, E: Array, T: Array | None, seen: Array | None 
         seen: velocity of the evader as observed, (..., 1, 3), m/s, or None.
     """
     alone = solve(game, P, E, T, evader_velocity_m_s=seen)
-    own, regions = worth_in(alone, T), regions_of(game, P, E)
+    own = worth_in(alone, T)
+    regions = regions_of(game, P, E)
     v = (game.evader_speed_m_s + 0.0 * regions.x)[..., 0]
-    level, worth = alone, own
+    level = alone
+    worth = own
     if not is_zero(regions.safe):
-        reach, ground = game.standoff.radius_m + game.capture_radius_m, np.array([1.0, 1.0, 0.0])
-        flat = replace(game, pursuer=Ball(game.pursuer.horizontal_m_s), capture_radius_m=reach, standoff=StandOff())
+        reach = game.standoff.radius_m + game.capture_radius_m
+        ground = np.array([1.0, 1.0, 0.0])
+        flat = replace(
+            game,
+            pursuer=Ball(game.pursuer.horizontal_m_s),
+            capture_radius_m=reach,
+            standoff=StandOff(),
+        )
         level = solve(flat, P * ground + E * (1.0 - ground), E, T)
         worth = worth_in(level, T)
-    end, goal = level.meeting_point_m - E, None
+    end = level.meeting_point_m - E
+    goal = None
     if T is not None:
-        to, (drift_x, drift_y) = (T - E)[..., 0, :], game.target_velocity_m_s
-        goal = Goal(to[..., 0], to[..., 1], game.target_extent, (drift_x / v[..., None], drift_y / v[..., None]))
+        to = (T - E)[..., 0, :]
+        (drift_x, drift_y) = game.target_velocity_m_s
+        goal = Goal(
+            to[..., 0],
+            to[..., 1],
+            game.target_extent,
+            (drift_x / v[..., None], drift_y / v[..., None]),
+        )
     state = take_apart(NUMPY, game, components(P), components(E), None)
     return Team(game, v, regions, state, end[..., 0], end[..., 1], worth, alone, own, goal)
 
@@ -150,32 +168,43 @@ def together(team: Team, index: tuple[Any, ...]) -> Meeting:
         index: what takes both from arrays (..., n); the last part has their numbers, (..., k, 2) or (k, 2).
     """
     who = index[-1]
-    regions, end = team.regions.pick(index), (team.x[index], team.y[index])
-    worth, own = team.worth[index], team.own[index]
+    regions = team.regions.pick(index)
+    end = (team.x[index], team.y[index])
+    worth = team.worth[index]
+    own = team.own[index]
     far = NUMPY.norm2(end)
     heading = end[0] / far, end[1] / far
     crossed = edge(regions, (heading[0][..., ::-1], heading[1][..., ::-1])).reach[..., ::-1]
     bind = (crossed < far).all(axis=-1) & (who[..., 0] != who[..., 1])
-    bind &= team.goal is not None or team.game.calm  # no value of PE with two pursuers is proven in wind
+    # No value of PE with two pursuers is proven in wind
+    bind &= team.goal is not None or team.game.calm
     better = worth[..., 1] > worth[..., 0]
     x, y = (np.where(better, part[..., 1], part[..., 0]) for part in end)
     found = worth.max(axis=-1)
     rows = np.nonzero(bind)
     if len(rows[0]):
-        two, (begin, end) = regions.pick(rows), zip(heading[0][rows].T, heading[1][rows].T, strict=True)
+        two = regions.pick(rows)
+        (begin, end) = zip(heading[0][rows].T, heading[1][rows].T, strict=True)
         to = crossing(two, begin, end, halfway(begin, end))
         far = edge(two, (to[0][:, None], to[1][:, None])).reach.min(axis=-1)
-        x[rows], y[rows] = far * to[0], far * to[1]
+        x[rows] = far * to[0]
+        y[rows] = far * to[1]
         far = NUMPY.norm2((x, y))
-        found = np.where(bind, -far / team.v[..., None] if team.goal is None else team.goal.left((x, y)), found)
+        found = np.where(
+            bind, -far / team.v[..., None] if team.goal is None else team.goal.left((x, y)), found
+        )
     if not is_zero(regions.safe):
         safe = regions.safe.max(axis=-1)
-        found = np.minimum(found, -safe / team.v[..., None] if team.goal is None else team.goal.beyond(safe))
+        found = np.minimum(
+            found, -safe / team.v[..., None] if team.goal is None else team.goal.beyond(safe)
+        )
     alone = own.max(axis=-1)
     single = ~bind | (alone >= found)
-    one, other = who[..., 0], who[..., 1]
+    one = who[..., 0]
+    other = who[..., 1]
     chosen = np.where(own[..., 1] > own[..., 0], other, one)
-    first, second = np.where(single, chosen, one), np.where(single, chosen, other)
+    first = np.where(single, chosen, one)
+    second = np.where(single, chosen, other)
     return Meeting(x, y, np.where(single, alone, found), first, second)
 
 
@@ -222,29 +251,44 @@ class Kept(NamedTuple):
 
 
 def table_of(
-    games: Games, pursuers: ArrayLike, evaders: ArrayLike, target: ArrayLike | None, in_play: ArrayLike | None
+    games: Games,
+    pursuers: ArrayLike,
+    evaders: ArrayLike,
+    target: ArrayLike | None,
+    in_play: ArrayLike | None,
 ) -> Table:
     """Bring the arguments to one shape, and solve each pair."""
-    P, E = vectors("pursuers", pursuers, "(..., n, 3)"), vectors("evaders", evaders, "(..., m, 3)")
+    P = vectors("pursuers", pursuers, "(..., n, 3)")
+    E = vectors("evaders", evaders, "(..., m, 3)")
     T = None if target is None else vectors("target", target, "(..., 3)")
-    n, m = P.shape[-2], E.shape[-2]
-    team, present = joined(games, "(n, m)"), in_play_of(in_play, m)
+    n = P.shape[-2]
+    m = E.shape[-2]
+    team = joined(games, "(n, m)")
+    present = in_play_of(in_play, m)
     v = team.game.evader_speed_m_s
     if np.ndim(v) > 1 and np.ptp(v, axis=-2).any():
-        raise ConfigError(f"evader_speed_m_s = {v!r}: must be the same for all pursuers of an evader, (..., 1, m)")
+        raise ConfigError(
+            f"evader_speed_m_s = {v!r}: must be the same for all pursuers of an evader, (..., 1, m)"
+        )
     one = {"pursuers": (n, 1), "evaders": (1, m), "game": pair_axes(team)}
     one |= {} if T is None else {"target": (1, *T.shape[-2:-1])}
     if fitting(one)[-2:] != (n, m) or team.plays.shape not in {(), (n, m)}:
-        raise ConfigError(f"game: its numbers have the shape {one['game']}; must fit {n} pursuers and {m} evaders")
+        raise ConfigError(
+            f"game: its numbers have the shape {one['game']}; must fit {n} pursuers and {m} evaders"
+        )
     leading = {"pursuers": P.shape[:-2], "evaders": E.shape[:-2], "in_play": present.shape[:-1]}
-    shape = fitting(leading | {"game": one["game"][:-2], "target": () if T is None else T.shape[:-2]})
+    shape = fitting(
+        leading | {"game": one["game"][:-2], "target": () if T is None else T.shape[:-2]}
+    )
     b = math.prod(shape)
 
     def spread(value: Array, *axes: int) -> Array:
         return np.broadcast_to(value, (*shape, *axes)).reshape((b, *axes))
 
     team = team.rows(lambda value: spread(value, n, m).swapaxes(1, 2))
-    P, E, present = spread(P, n, 3), spread(E, m, 3), spread(present, m)
+    P = spread(P, n, 3)
+    E = spread(E, m, 3)
+    present = spread(present, m)
     T = None if T is None else spread(T, m, 3)
     each = team_of(team.game, P[:, None], E[:, :, None], None if T is None else T[:, :, None])
     if not team.plays.all():
@@ -259,8 +303,11 @@ def _without(team: Team, plays: Array) -> Team:
     regions = team.regions._replace(safe=np.where(plays, team.regions.safe, FAR_M))
     nothing = -np.inf if team.goal is None else 0.0
     worth, own = (np.where(plays, part, nothing) for part in (team.worth, team.own))
-    value, reason = np.where(plays, team.alone.value, np.nan), np.where(plays, team.alone.reason, 0)
-    return team._replace(regions=regions, worth=worth, own=own, alone=team.alone._replace(value=value, reason=reason))
+    value = np.where(plays, team.alone.value, np.nan)
+    reason = np.where(plays, team.alone.reason, 0)
+    return team._replace(
+        regions=regions, worth=worth, own=own, alone=team.alone._replace(value=value, reason=reason)
+    )
 
 
 def kept_of(table: Table, teams: tuple[Array, Array]) -> Kept:
@@ -269,7 +316,9 @@ def kept_of(table: Table, teams: tuple[Array, Array]) -> Kept:
     first, second = (np.broadcast_to(who, (*table.shape, m)).reshape(b, m) for who in teams)
     first = np.where((first < n) & table.present, first, -1)
     second = np.where((second < n) & (first >= 0), second, -1)
-    worth, wins, pairs = taken(table.worth, first), taken(table.beats, first), None
+    worth = taken(table.worth, first)
+    wins = taken(table.beats, first)
+    pairs = None
     if table.target is not None:
         pairs = pairs_with(table, first)
         worth = np.where(second < 0, worth, taken(pairs.worth, second))
@@ -281,10 +330,12 @@ def kept_of(table: Table, teams: tuple[Array, Array]) -> Kept:
 def pairs_with(table: Table, first: Array) -> Meeting:
     """Return what the first of each evader guarantees with each pursuer, (b, m, n); alone beside another's first."""
     b, m, n = table.worth.shape
-    every, own = np.arange(n), np.maximum(first, 0)[..., None]
+    every = np.arange(n)
+    own = np.maximum(first, 0)[..., None]
     busy = (every == first[..., None]).any(axis=1)[:, None] | (first < 0)[..., None]
     who = np.empty((b, m, n, 2), dtype=first.dtype)
-    who[..., 0], who[..., 1] = own, np.where(busy, own, every)
+    who[..., 0] = own
+    who[..., 1] = np.where(busy, own, every)
     return together(table.all, place_of(who, 2))
 
 

@@ -68,14 +68,19 @@ class Access:
     listener: "Listener"
     tls: ssl.SSLContext | None
 
-    def __init__(self, host: str, port: int, remote: Remote | None, clock: Clock, say: Callable[[str], None]) -> None:
-        self.token, self._session = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
-        self.path, self._cookie = f"/{secrets.token_urlsafe(18)}/", f"guidance-panel-{port}"
+    def __init__(
+        self, host: str, port: int, remote: Remote | None, clock: Clock, say: Callable[[str], None]
+    ) -> None:
+        self.token = secrets.token_urlsafe(24)
+        self._session = secrets.token_urlsafe(24)
+        self.path = f"/{secrets.token_urlsafe(18)}/"
+        self._cookie = f"guidance-panel-{port}"
         self.tls, self._password = remote or (None, "")
         self.scheme = "http" if remote is None else "https"
         self._hosts = frozenset(f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]"))
         self._address = f"{self.scheme}://{f'[{host}]' if ':' in host else host}:{port}/"
-        self.clock, self._say = clock, say
+        self.clock = clock
+        self._say = say
         self._blocked_until_s = dict[str, float]()  # by network, after a wrong password
 
     def announce(self, remark: str = "") -> None:
@@ -90,13 +95,17 @@ class Access:
         status = self._refusal(request)
         if status is None:
             return await handler(request)
-        is_page = request.method == "GET" and request.headers.get("Accept", "").startswith("text/html")
+        is_page = request.method == "GET" and request.headers.get("Accept", "").startswith(
+            "text/html"
+        )
         return self._door(status) if status == 403 and is_page else web.Response(status=status)
 
     def _refusal(self, request: web.Request) -> int | None:
         """Return the status of a refused request, None if it is allowed."""
-        host, cookie = request.host, request.cookies.get(self._cookie, "")
-        if self.tls is None and host not in self._hosts:  # over TLS the browser checks the certificate's name
+        host = request.host
+        cookie = request.cookies.get(self._cookie, "")
+        # Over TLS the browser checks the certificate's name
+        if self.tls is None and host not in self._hosts:
             return 421
         if hmac.compare_digest(cookie.encode(), self._session.encode()):
             self.listener.admit(request.protocol)
@@ -108,7 +117,9 @@ class Access:
 
     def _door(self, status: int, reason: str = "") -> web.Response:
         """Return the login page, or the page that asks for a new URL where no password is set."""
-        text = (PAGE / ("denied.html" if self.tls is None else "login.html")).read_text(encoding="utf-8")
+        text = (PAGE / ("denied.html" if self.tls is None else "login.html")).read_text(
+            encoding="utf-8"
+        )
         if reason:
             text = text.replace(" hidden></p>", f">{reason}</p>", 1)
         return web.Response(status=status, text=text, content_type="text/html")
@@ -139,7 +150,12 @@ class Access:
     def _let_in(self) -> web.Response:
         answer = web.Response(status=303, headers={"Location": self.path})
         # With Strict, a URL that was clicked in a terminal inside a browser would lose the cookie on the redirect.
-        rules: Any = {"path": self.path, "httponly": True, "samesite": "Lax", "secure": self.tls is not None}
+        rules: Any = {
+            "path": self.path,
+            "httponly": True,
+            "samesite": "Lax",
+            "secure": self.tls is not None,
+        }
         answer.set_cookie(self._cookie, self._session, **rules)
         return answer
 
@@ -158,10 +174,16 @@ class Access:
 
 def _network(address: str) -> str:
     """Return an IPv4 address as it is, and the /64 network of an IPv6 address, which usually is one computer."""
-    return str(ipaddress.ip_interface(f"{address.partition('%')[0]}/64").network) if ":" in address else address
+    return (
+        str(ipaddress.ip_interface(f"{address.partition('%')[0]}/64").network)
+        if ":" in address
+        else address
+    )
 
 
-def remote_access(host: str, certificate: Path | None, key: Path | None, password_file: Path | None) -> Remote | None:
+def remote_access(
+    host: str, certificate: Path | None, key: Path | None, password_file: Path | None
+) -> Remote | None:
     """Return None on loopback; load TLS and password for any other host.
 
     Args:
@@ -188,7 +210,11 @@ def remote_access(host: str, certificate: Path | None, key: Path | None, passwor
     except OSError as error:  # ssl.SSLError is one
         said = f"--certificate {certificate}, --key {key}: cannot be used"
         raise ConfigError(f"{said} ({error}); give PEM files") from error
-    password = text_of(password_file, f"--password-file {password_file}", secret=True).partition("\n")[0].strip()
+    password = (
+        text_of(password_file, f"--password-file {password_file}", secret=True)
+        .partition("\n")[0]
+        .strip()
+    )
     if len(password) < MIN_PASSWORD_LENGTH:
         said = f"its first line has {len(password)} characters; give at least {MIN_PASSWORD_LENGTH}"
         raise ConfigError(f"--password-file {password_file}: {said}")
@@ -210,8 +236,14 @@ def map_of(tiles: str) -> tuple[str, str]:
         return "", ""
     parts = urlsplit(tiles)
     host = re.fullmatch(r"[A-Za-z0-9.-]+(:\d+)?", parts.netloc)
-    if parts.scheme not in {"http", "https"} or host is None or any(key not in tiles for key in ("{z}", "{x}", "{y}")):
-        raise ConfigError(f"--tiles {tiles}: must be a folder, or like https://tiles.example/{{z}}/{{x}}/{{y}}.png")
+    if (
+        parts.scheme not in {"http", "https"}
+        or host is None
+        or any(key not in tiles for key in ("{z}", "{x}", "{y}"))
+    ):
+        raise ConfigError(
+            f"--tiles {tiles}: must be a folder, or like https://tiles.example/{{z}}/{{x}}/{{y}}.png"
+        )
     return tiles, f"{parts.scheme}://{parts.netloc}"
 
 
@@ -222,7 +254,9 @@ def listen(host: str, port: int) -> socket.socket:
         LinkError: If the address cannot be used.
     """
     try:
-        return socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+        return socket.create_server(
+            (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
+        )
     except OSError as error:
         mend = "choose another, or port 0 for a free one"
         raise LinkError(f"--host {host} --port {port}: {error.strerror}; {mend}") from error
@@ -241,7 +275,9 @@ class Listener:
     """
 
     def __init__(self, server: web.Server, clock: Clock, tls: ssl.SSLContext | None) -> None:
-        self._server, self._clock, self._tls = server, clock, tls
+        self._server = server
+        self._clock = clock
+        self._tls = tls
         # Those without the cookie, oldest first: the deadline, and the task that makes the TLS handshake.
         self._strangers: dict[web.RequestHandler, tuple[float, asyncio.Task[None]]] = {}
 
@@ -261,8 +297,12 @@ class Listener:
                     accepted.close()
                     continue
                 self._close(next(iter(self._strangers)))
-            handler, until_s = self._server(), self._clock.now_s() + LOGIN_DEADLINE_S
-            self._strangers[handler] = until_s, asyncio.create_task(self._connect(handler, accepted))
+            handler = self._server()
+            until_s = self._clock.now_s() + LOGIN_DEADLINE_S
+            self._strangers[handler] = (
+                until_s,
+                asyncio.create_task(self._connect(handler, accepted)),
+            )
 
     def admit(self, handler: web.RequestHandler) -> None:
         """Remove the deadline of a connection that showed the cookie."""
@@ -270,15 +310,19 @@ class Listener:
 
     def close_late(self) -> None:
         """Close the connections that missed the deadline, and those that ended."""
-        now_s, connected = self._clock.now_s(), set(self._server.connections)
+        now_s = self._clock.now_s()
+        connected = set(self._server.connections)
         for handler, (until_s, making) in list(self._strangers.items()):
             if until_s <= now_s or (making.done() and handler not in connected):
                 self._close(handler)
 
     async def _connect(self, handler: web.RequestHandler, accepted: socket.socket) -> None:
-        loop, limit_s = asyncio.get_running_loop(), None if self._tls is None else LOGIN_DEADLINE_S
+        loop = asyncio.get_running_loop()
+        limit_s = None if self._tls is None else LOGIN_DEADLINE_S
         try:
-            await loop.connect_accepted_socket(lambda: handler, accepted, ssl=self._tls, ssl_handshake_timeout=limit_s)
+            await loop.connect_accepted_socket(
+                lambda: handler, accepted, ssl=self._tls, ssl_handshake_timeout=limit_s
+            )
         except OSError:  # no TLS, or the peer has gone
             accepted.close()
 

@@ -24,7 +24,15 @@ from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, ite
 from guidance.log.entries import BEGUN, FLIGHT_OVER, EventEntry, Item
 from guidance.session.control_bus import answers, join_session, order_team
 from guidance.session.control_socket import ALIVE, STATUS
-from guidance.viz.panel.snapshot import HISTORY, Plain, SnapshotFold, event_row, history_row, level_of, of_operator
+from guidance.viz.panel.snapshot import (
+    HISTORY,
+    Plain,
+    SnapshotFold,
+    event_row,
+    history_row,
+    level_of,
+    of_operator,
+)
 
 HISTORY_S: Final = 300.0
 HISTORY_INTERVAL_S: Final = 0.25
@@ -73,12 +81,18 @@ class DaemonBus:
         credentials: Credentials for a router.
     """
 
-    def __init__(self, endpoint: str, token_file: Path | None, clock: Clock, credentials: Credentials) -> None:
-        self.endpoint, self.reason = endpoint, "looking for a daemon"
-        self._token_file, self._clock, self._credentials = token_file, clock, credentials
+    def __init__(
+        self, endpoint: str, token_file: Path | None, clock: Clock, credentials: Credentials
+    ) -> None:
+        self.endpoint = endpoint
+        self.reason = "looking for a daemon"
+        self._token_file = token_file
+        self._clock = clock
+        self._credentials = credentials
         self._news: deque[News] = deque(maxlen=MAX_QUEUED_NEWS)
         self._session: zenoh.Session | None = None
-        self._known, self._operator_seen_s = set[str](), dict[str, float]()
+        self._known = set[str]()
+        self._operator_seen_s = dict[str, float]()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"bus {endpoint}")
         self._thread.start()
@@ -100,10 +114,14 @@ class DaemonBus:
                 return order_team(session, order, team, (), by=by, timeout_s=ORDER_LIMIT_S)
             answered = answers(session, name, order, ORDER_LIMIT_S, by)
         except (zenoh.ZError, ValueError) as error:
-            raise LinkError(f"{name} at {self.endpoint}: the order was not sent ({error})") from error
+            raise LinkError(
+                f"{name} at {self.endpoint}: the order was not sent ({error})"
+            ) from error
         if not answered:
             mend = "repeat it, or take over by radio"
-            raise LinkError(f"{name} at {self.endpoint}: no answer within {ORDER_LIMIT_S:g} s; {mend}")
+            raise LinkError(
+                f"{name} at {self.endpoint}: no answer within {ORDER_LIMIT_S:g} s; {mend}"
+            )
         return answered
 
     def note_operator(self, name: str) -> None:
@@ -120,14 +138,19 @@ class DaemonBus:
         limit_s = LOCAL_JOIN_LIMIT_S if self._credentials.tls is None else REMOTE_JOIN_LIMIT_S
         while not is_over(self._ended, STATUS_INTERVAL_S):
             try:
-                self._watch(join_session(self.endpoint, self._token_file, self._credentials, timeout_s=limit_s))
+                self._watch(
+                    join_session(
+                        self.endpoint, self._token_file, self._credentials, timeout_s=limit_s
+                    )
+                )
             except (GuidanceError, zenoh.ZError, OSError, ValueError, KeyError, TypeError) as error:
                 self.reason = str(error)
             self._disconnect()
 
     def _watch(self, session: "zenoh.Session") -> None:
         """Query the status of all daemons until the end, or until nobody answers."""
-        self._session, unanswered = session, 0
+        self._session = session
+        unanswered = 0
         self._known.clear()
         session.declare_subscriber(broadcast_key("*", "*"), self._queue)
         while not is_over(self._ended):
@@ -146,7 +169,9 @@ class DaemonBus:
         named = {str(status["name"]): status for status in statuses if "name" in status}
         self._known &= named.keys()  # one that was away may have restarted
         for name, status in named.items():
-            for found in find_flights(session, name, ANSWER_LIMIT_S) if name not in self._known else ():
+            for found in (
+                find_flights(session, name, ANSWER_LIMIT_S) if name not in self._known else ()
+            ):
                 self._news.append(News(found.name, self._clock.now_s(), found))
                 self._known.add(name)
             self._news.append(News(name, self._clock.now_s(), status))
@@ -154,12 +179,14 @@ class DaemonBus:
 
     def _queue(self, sample: "zenoh.Sample") -> None:
         """Queue a cycle or event. Runs in Zenoh's thread, so it must not block; the reader checks the content."""
-        item, name = item_of(sample), str(sample.key_expr).split("/")[1]
+        item = item_of(sample)
+        name = str(sample.key_expr).split("/")[1]
         if item is not None:
             self._news.append(News(name, self._clock.now_s(), item))
 
     def _disconnect(self) -> None:
-        session, self._session = self._session, None
+        session = self._session
+        self._session = None
         if session is not None:
             close_all(session.close)
 
@@ -168,12 +195,15 @@ class DaemonView:
     """Data of one daemon, and which of it the pages do not have yet."""
 
     def __init__(self, name: str, bus: DaemonBus, now_s: float) -> None:
-        self.name, self.bus, self.key = name, bus, f"{name}@{bus.endpoint}"
+        self.name = name
+        self.bus = bus
+        self.key = f"{name}@{bus.endpoint}"
         self._heard_s = now_s
         self._fold: SnapshotFold | None = None
         self._over: Plain | None = None
         self.told: Plain = {"status": {}}
-        self._sent, self._unsent_events = dict[str, Any](), 0  # nothing was sent: the next message is whole
+        self._sent = dict[str, Any]()
+        self._unsent_events = 0  # nothing was sent: the next message is whole
         self._events: deque[Plain] = deque(maxlen=MAX_EVENTS)
         self._rows: deque[Sequence[Any]] = deque(maxlen=math.ceil(HISTORY_S / HISTORY_INTERVAL_S))
 
@@ -185,7 +215,9 @@ class DaemonView:
             return
         with contextlib.suppress(*_BAD_DATA):  # another version: show its status at least
             if isinstance(news.what, FoundFlight):  # start again with its metadata
-                self._fold, self._over, self._sent = None, None, {}
+                self._fold = None
+                self._over = None
+                self._sent = {}
                 self._rows.clear()
                 self._fold = SnapshotFold(news.what.metadata, self.key)
                 for item in news.what.heard:
@@ -198,7 +230,9 @@ class DaemonView:
         if isinstance(entry, EventEntry):
             if entry.event == FLIGHT_OVER:
                 over = json.loads(entry.detail)
-                self._over = {name: str(over.get(name, "")) for name in ("ended", "record", "replay")}
+                self._over = {
+                    name: str(over.get(name, "")) for name in ("ended", "record", "replay")
+                }
                 entry = entry._replace(detail=self._over["ended"])
             elif entry.event == BEGUN:
                 self._over = None
@@ -216,17 +250,30 @@ class DaemonView:
         """Return the parts that changed since the last message of changes, or everything (`whole`)."""
         full = whole or not self._sent
         silent_s = max(0.0, now_s - self._heard_s)
-        message: Plain = {"key": self.key, "name": self.name, "endpoint": self.bus.endpoint, "over": self._over}
-        message |= {"silent_s": round(silent_s, 1), "contact": level_of(silent_s, 0.5 * NO_CONTACT_S, NO_CONTACT_S)}
+        message: Plain = {
+            "key": self.key,
+            "name": self.name,
+            "endpoint": self.bus.endpoint,
+            "over": self._over,
+        }
+        message |= {
+            "silent_s": round(silent_s, 1),
+            "contact": level_of(silent_s, 0.5 * NO_CONTACT_S, NO_CONTACT_S),
+        }
         fold = self._fold
-        parts = self.told | ({} if fold is None else {"scene": fold.scene, "snapshot": fold.snapshot()})
-        message |= {name: part for name, part in parts.items() if full or part is not self._sent.get(name)}
+        parts = self.told | (
+            {} if fold is None else {"scene": fold.scene, "snapshot": fold.snapshot()}
+        )
+        message |= {
+            name: part for name, part in parts.items() if full or part is not self._sent.get(name)
+        }
         if full:
             message["history"] = {"columns": HISTORY, "rows": list(self._rows)}
         if full or self._unsent_events:
             message["events"] = list(self._events)[0 if full else -self._unsent_events :]
         if not whole:
-            self._sent, self._unsent_events = parts, 0
+            self._sent = parts
+            self._unsent_events = 0
         return message
 
 
@@ -239,7 +286,8 @@ class Hub:
     """
 
     def __init__(self, buses: Sequence[DaemonBus], clock: Clock) -> None:
-        self._buses, self._clock = buses, clock
+        self._buses = buses
+        self._clock = clock
         self._views: dict[str, DaemonView] = {}
 
     def receive(self) -> None:
@@ -257,9 +305,15 @@ class Hub:
         now_s = self._clock.now_s()
         daemons = [view.message(now_s, whole=whole) for view in self._views.values()]
         buses = [{"endpoint": bus.endpoint, "reason": bus.reason} for bus in self._buses]
-        return json.dumps({"whole": whole, "daemons": daemons, "buses": buses}, separators=(",", ":"), allow_nan=False)
+        return json.dumps(
+            {"whole": whole, "daemons": daemons, "buses": buses},
+            separators=(",", ":"),
+            allow_nan=False,
+        )
 
-    def order(self, key: str, order: str, by: str, *, team: bool = False) -> Sequence[Mapping[str, Any]]:
+    def order(
+        self, key: str, order: str, by: str, *, team: bool = False
+    ) -> Sequence[Mapping[str, Any]]:
         """Send an order to a daemon, or to all vehicles of its team, and wait for an answer of each.
 
         Raises:
@@ -267,7 +321,9 @@ class Hub:
         """
         if (view := self._views.get(key)) is None:
             raise LinkError(f"no daemon {key!r} is known")
-        return view.bus.order(view.name, order, by, str(view.told["status"].get("team", "")) if team else "")
+        return view.bus.order(
+            view.name, order, by, str(view.told["status"].get("team", "")) if team else ""
+        )
 
     def note_operator(self, key: str) -> None:
         """Send signs of life to a daemon for a short time; unknown keys are ignored."""

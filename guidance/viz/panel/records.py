@@ -31,11 +31,16 @@ _MADE: Final[Mapping[str, tuple[tuple[str, ...], str, str]]] = {
     "frames": ((*_SNAPSHOTS, "frames", "RECORD"), "frames.json", "application/json"),
     "events": ((*_GUIDANCE, "log", "events", "RECORD"), "events.txt", "text/plain"),
     "report": ((*_GUIDANCE, "report", "RECORD", "--out", "FOLDER"), "report.html", "text/html"),
-    **{end: ((*_GUIDANCE, "log", "export", "RECORD", f"FOLDER/flight.{end}"), f"flight.{end}", "") for end in EXPORTS},
+    **{
+        end: ((*_GUIDANCE, "log", "export", "RECORD", f"FOLDER/flight.{end}"), f"flight.{end}", "")
+        for end in EXPORTS
+    },
 }
 """Kind -> command, the file that it writes or that gets its output, content type (or a download)."""
 
-_REPORT_POLICY: Final = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'"
+_REPORT_POLICY: Final = (
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'"
+)
 
 Key = tuple[str, int, int]
 """Name, modification time (ns) and size of a record: the same key means the same content."""
@@ -58,24 +63,36 @@ class RecordFolder:
 
     def routes(self, path: str) -> list[web.RouteDef]:
         """Return the routes below a path that ends with a slash."""
-        return [web.get(f"{path}records", self._list), web.get(f"{path}records/{{what}}", self._one)]
+        return [
+            web.get(f"{path}records", self._list),
+            web.get(f"{path}records/{{what}}", self._one),
+        ]
 
     def paths(self) -> Mapping[str, Path]:
         """Return the records by name, newest first."""
-        found = [path for depth in ("", "*/", "*/*/") for path in self.folder.glob(f"{depth}*.mcap")]
-        dated = sorted(((path.stat().st_mtime, path) for path in found if path.is_file()), reverse=True)
+        found = [
+            path for depth in ("", "*/", "*/*/") for path in self.folder.glob(f"{depth}*.mcap")
+        ]
+        dated = sorted(
+            ((path.stat().st_mtime, path) for path in found if path.is_file()), reverse=True
+        )
         return {path.relative_to(self.folder).as_posix(): path for _, path in dated[:MAX_LISTED]}
 
     def listed(self) -> list[dict[str, Any]]:
         """List the records with the outcomes read so far, and begin to read the others."""
         paths = self.paths()
         keys = {name: _key(name, path) for name, path in paths.items()}
-        self._outcomes = {key: self._outcomes[key] for key in keys.values() if key in self._outcomes}
+        self._outcomes = {
+            key: self._outcomes[key] for key in keys.values() if key in self._outcomes
+        }
         unread = {paths[name]: key for name, key in keys.items() if key not in self._outcomes}
         if unread and (self._reading is None or self._reading.done()):
             self._reading = asyncio.create_task(self._read(unread))
         told = {name: self._outcomes.get(key, {"reading": True}) for name, key in keys.items()}
-        return [{"record": name, "megabytes": round(key[2] / 1e6, 2), **told[name]} for name, key in keys.items()]
+        return [
+            {"record": name, "megabytes": round(key[2] / 1e6, 2), **told[name]}
+            for name, key in keys.items()
+        ]
 
     async def _read(self, unread: Mapping[Path, Key]) -> None:
         """Read the outcomes in one child, which prints each as a line."""
@@ -107,25 +124,35 @@ class RecordFolder:
         folder = Path(tempfile.mkdtemp(dir=self._temporary.name))
         command, written, _ = _MADE[what]
         words = [word.replace("FOLDER", str(folder)) for word in command]
-        lines = [line async for line in _lines(*(str(path) if word == "RECORD" else word for word in words))]
+        lines = [
+            line
+            async for line in _lines(*(str(path) if word == "RECORD" else word for word in words))
+        ]
         if not (folder / written).exists():
             (folder / written).write_bytes(b"".join(lines))
         stem = path.parent.name if path.stem == "record" else path.stem
         return (folder / written).rename(folder / f"{stem}{Path(written).suffix}")
 
     async def _list(self, _: web.Request) -> web.StreamResponse:
-        return web.json_response({"folder": str(self.folder), "exports": EXPORTS, "records": self.listed()})
+        return web.json_response(
+            {"folder": str(self.folder), "exports": EXPORTS, "records": self.listed()}
+        )
 
     async def _one(self, request: web.Request) -> web.StreamResponse:
-        what, name = request.match_info["what"], request.query.get("record", "")
+        what = request.match_info["what"]
+        name = request.query.get("record", "")
         try:
             product = await self.product(name, what)
         except (OutputError, TimeoutError, OSError) as error:
-            return web.Response(status=500, text=str(error) or f"not ready within {TIME_LIMIT_S:g} s")
+            return web.Response(
+                status=500, text=str(error) or f"not ready within {TIME_LIMIT_S:g} s"
+            )
         if product is None:
             return web.Response(status=404)
         kind = _MADE[what][2]
-        answer = web.Response(body=product.read_bytes(), content_type=kind or "application/octet-stream")
+        answer = web.Response(
+            body=product.read_bytes(), content_type=kind or "application/octet-stream"
+        )
         if not kind:
             answer.headers["Content-Disposition"] = f'attachment; filename="{product.name}"'
         elif what == "report":
@@ -149,9 +176,12 @@ async def _lines(*arguments: str) -> AsyncIterator[bytes]:
         OutputError: If it fails.
         TimeoutError: After `TIME_LIMIT_S`.
     """
-    pipe, none = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
+    pipe = asyncio.subprocess.PIPE
+    none = asyncio.subprocess.DEVNULL
     words = (sys.executable, "-P", *arguments)
-    child = await asyncio.create_subprocess_exec(*words, stdin=none, stdout=pipe, stderr=pipe, limit=2**28)
+    child = await asyncio.create_subprocess_exec(
+        *words, stdin=none, stdout=pipe, stderr=pipe, limit=2**28
+    )
     assert child.stdout is not None
     assert child.stderr is not None
     with contextlib.suppress(ProcessLookupError):
@@ -161,7 +191,8 @@ async def _lines(*arguments: str) -> AsyncIterator[bytes]:
             said = asyncio.create_task(child.stderr.read())
             async for line in child.stdout:
                 yield line
-            error, code = (await said).decode(errors="replace").strip(), await child.wait()
+            error = (await said).decode(errors="replace").strip()
+            code = await child.wait()
     finally:
         if child.returncode is None:
             child.kill()

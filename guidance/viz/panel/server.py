@@ -46,13 +46,21 @@ class PanelServer:
         ConfigError: As `map_of`.
     """
 
-    def __init__(self, hub: Hub, access: Access, *, look: bool, records: Path | None, tiles: str) -> None:
-        self._hub, self._access, self._look, self._records, self._tiles = hub, access, look, records, tiles
+    def __init__(
+        self, hub: Hub, access: Access, *, look: bool, records: Path | None, tiles: str
+    ) -> None:
+        self._hub = hub
+        self._access = access
+        self._look = look
+        self._records = records
+        self._tiles = tiles
         self._pages: dict[web.WebSocketResponse, tuple[asyncio.Queue[str], asyncio.Task[None]]] = {}
         self._order_threads = ThreadPoolExecutor(16, thread_name_prefix="order")
         self._tile_url, tile_origin = map_of(tiles)
         images = f"img-src 'self' data: {tile_origin}".rstrip()
-        policy = f"default-src 'none'; script-src 'self'; style-src 'self'; {images}; connect-src 'self'"
+        policy = (
+            f"default-src 'none'; script-src 'self'; style-src 'self'; {images}; connect-src 'self'"
+        )
         self._headers = {
             "Content-Security-Policy": f"{policy}; base-uri 'none'; form-action 'self'; frame-ancestors 'none'",
             "Referrer-Policy": "same-origin",  # with "no-referrer", browsers send no Origin with the login form
@@ -62,7 +70,8 @@ class PanelServer:
 
     async def serve(self, listening: socket.socket) -> None:
         """Serve until SIGINT or SIGTERM; see `serving`."""
-        ended, loop = asyncio.Event(), asyncio.get_running_loop()
+        ended = asyncio.Event()
+        loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, ended.set)
         async with self.serving(listening):
@@ -91,11 +100,17 @@ class PanelServer:
             application.add_routes(records.routes(path))
             application.on_shutdown.append(records.close)
         application.on_shutdown.append(self._shut_down)
-        runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEPALIVE_S)
+        runner = web.AppRunner(
+            application, access_log=None, shutdown_timeout=1.0, keepalive_timeout=KEEPALIVE_S
+        )
         await runner.setup()
         assert runner.server is not None
-        self._access.listener = listener = Listener(runner.server, self._access.clock, self._access.tls)
-        tasks = [asyncio.create_task(one) for one in (listener.run(listening), self._send_changes())]
+        self._access.listener = listener = Listener(
+            runner.server, self._access.clock, self._access.tls
+        )
+        tasks = [
+            asyncio.create_task(one) for one in (listener.run(listening), self._send_changes())
+        ]
         self._access.announce()
         try:
             yield
@@ -115,7 +130,9 @@ class PanelServer:
         return web.FileResponse(Path(self._tiles, f"{request.match_info['tile']}.png"))
 
     async def _alive(self, _: web.Request) -> web.StreamResponse:
-        return web.json_response({"look": self._look, "records": self._records is not None, "tiles": self._tile_url})
+        return web.json_response(
+            {"look": self._look, "records": self._records is not None, "tiles": self._tile_url}
+        )
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         """Send data to one page until it closes: everything, then changes. It returns the operator's signs of life."""
@@ -131,7 +148,8 @@ class PanelServer:
         try:
             async for message in page:
                 if message.type is WSMsgType.TEXT and not self._look:
-                    self._hub.note_operator(str(message.data))  # the key of the daemon that the page shows
+                    # The key of the daemon that the page shows
+                    self._hub.note_operator(str(message.data))
         finally:
             self._pages.pop(page, None)
             sending.cancel()
@@ -140,7 +158,9 @@ class PanelServer:
     async def _order(self, request: web.Request) -> web.StreamResponse:
         """Send an order to a daemon, or to its `team`, and return the list of answers."""
         if self._look:
-            return web.json_response([{"accepted": False, "reason": "this panel takes no orders (--look)"}], status=403)
+            return web.json_response(
+                [{"accepted": False, "reason": "this panel takes no orders (--look)"}], status=403
+            )
         try:
             form = json.loads(await request.read())
             daemon, order, name = (str(form[key]) for key in ("daemon", "order", "by"))

@@ -46,7 +46,8 @@ BATTERY_CAUTION: Final = 0.1
 LINK_WINDOW_S: Final = 5.0
 """Positions are counted over this time. Link quality is their number over the largest number so far."""
 
-_LINK_CAUTION, _LINK_WARNING = 0.8, 0.5
+_LINK_CAUTION = 0.8
+_LINK_WARNING = 0.5
 _FIX_3D: Final = 3
 _CENTIMETRES: Final = 2
 
@@ -75,7 +76,13 @@ _STATES: Final[Mapping[State, Level]] = {
 
 _REACH: Final[Mapping[str, Level]] = {"yes": Level.OK, "uncertain": Level.CAUTION}
 
-_OF_THE_GAME: Final = ("value", "time_needed_s", "vehicle_margin_s", "reachable_speed_m_s", "assured_distance_m")
+_OF_THE_GAME: Final = (
+    "value",
+    "time_needed_s",
+    "vehicle_margin_s",
+    "reachable_speed_m_s",
+    "assured_distance_m",
+)
 _VELOCITIES: Final = ("flown", "commanded", "desired")
 HISTORY: Final = (
     "now_s", "pursuer_m", "evader_m", "gap_m", "height_gap_m", "game.value", "game.time_needed_s",
@@ -92,7 +99,10 @@ def event_row(event: EventEntry) -> Plain:
 
 def history_row(snapshot: Plain | None) -> list[Any]:
     """Return a snapshot as a row of the charts."""
-    parts: list[Any] = [reduce(lambda part, step: part and part[step], path.split("."), snapshot) for path in HISTORY]
+    parts: list[Any] = [
+        reduce(lambda part, step: part and part[step], path.split("."), snapshot)
+        for path in HISTORY
+    ]
     return [round(part, 2) if isinstance(part, float) else part for part in parts]
 
 
@@ -100,22 +110,33 @@ def level_of(value: float, caution: float, warning: float) -> Level:
     """Severity by two limits: of an age above them, of a share such as the battery's (`warning` is the lower) below."""
     if math.isnan(value):
         return Level.UNKNOWN
-    exceeded = [value > limit if warning > caution else value < limit for limit in (caution, warning)]
+    exceeded = [
+        value > limit if warning > caution else value < limit for limit in (caution, warning)
+    ]
     return (Level.OK, Level.CAUTION, Level.WARNING)[sum(exceeded)]
 
 
 def of_operator(status: Mapping[str, Any]) -> Plain | None:
     """Severity of the time since the last sign of life; None if the vehicle file requires none."""
-    silence_s, limit_s = status.get("operator_silence_s"), status.get("operator_timeout_s")
+    silence_s = status.get("operator_silence_s")
+    limit_s = status.get("operator_timeout_s")
     if not (isinstance(silence_s, int | float) and isinstance(limit_s, int | float)):
         return None
-    return {"level": level_of(silence_s, 0.5 * limit_s, limit_s), "silence_s": silence_s, "limit_s": limit_s}
+    return {
+        "level": level_of(silence_s, 0.5 * limit_s, limit_s),
+        "silence_s": silence_s,
+        "limit_s": limit_s,
+    }
 
 
 def of_snapshot(snapshot: Plain, settings: FlightSettings) -> dict[str, Level]:
     """Severities of a snapshot. Its unknown values are NaN."""
-    state, ages, game, gps = State(snapshot["state"]), snapshot["age_s"], snapshot["game"], snapshot["gps"]
-    minimum, timeout_s = settings.battery_minimum, settings.cycle.evader_timeout_s
+    state = State(snapshot["state"])
+    ages = snapshot["age_s"]
+    game = snapshot["game"]
+    gps = snapshot["gps"]
+    minimum = settings.battery_minimum
+    timeout_s = settings.cycle.evader_timeout_s
     return {
         "state": _STATES.get(state, Level.OK),
         "heartbeat": level_of(ages["heartbeat"], 0.5 * HEARTBEAT_LIMIT_S, HEARTBEAT_LIMIT_S),
@@ -123,8 +144,14 @@ def of_snapshot(snapshot: Plain, settings: FlightSettings) -> dict[str, Level]:
         "evader": level_of(ages["evader"], 0.5 * timeout_s, timeout_s),
         "battery": level_of(snapshot["battery"], minimum + BATTERY_CAUTION, minimum),
         "link": level_of(snapshot["link"], _LINK_CAUTION, _LINK_WARNING),
-        "gps": Level.UNKNOWN if gps is None else Level.OK if gps["fix"] >= _FIX_3D else Level.WARNING,
-        "stream": Level.WARNING if state in SETPOINT_STATES and not snapshot["streaming"] else Level.OK,
+        "gps": Level.UNKNOWN
+        if gps is None
+        else Level.OK
+        if gps["fix"] >= _FIX_3D
+        else Level.WARNING,
+        "stream": Level.WARNING
+        if state in SETPOINT_STATES and not snapshot["streaming"]
+        else Level.OK,
         "reach": Level.UNKNOWN if game is None else _REACH.get(game["reach"], Level.WARNING),
         "limits": Level.CAUTION if game is not None and game["active_limits"] else Level.OK,
     }
@@ -150,7 +177,9 @@ class SnapshotFold:
         self._alarm: Plain | None = None
         self._isochron: tuple[float, list[Any]] = (-math.inf, [])
         self._armed_s = self._round_trip_s = math.nan
-        self._source, self._positions_s, self._most_positions = "", deque[float](), 0
+        self._source = ""
+        self._positions_s = deque[float]()
+        self._most_positions = 0
         self._set_scene()
 
     def take(self, item: Item) -> EventEntry | CycleEntry | None:
@@ -167,25 +196,43 @@ class SnapshotFold:
         return entry
 
     def _add_cycle(self, row: CycleEntry) -> None:
-        cycle, inputs, self._last, self._shown = self._flight.cycle, row.inputs, row, None
-        self._round_trip_s = cycle.round_trip_s if math.isfinite(cycle.round_trip_s) else self._round_trip_s
+        cycle = self._flight.cycle
+        inputs = row.inputs
+        self._last = row
+        self._shown = None
+        self._round_trip_s = (
+            cycle.round_trip_s if math.isfinite(cycle.round_trip_s) else self._round_trip_s
+        )
         if self._flight.vehicle.armed != math.isfinite(self._armed_s):
             self._armed_s = row.now_s if self._flight.vehicle.armed else math.nan
-        self._positions_s.extend(one.received_s for one in inputs.messages if isinstance(one, LocalPosition))
+        self._positions_s.extend(
+            one.received_s for one in inputs.messages if isinstance(one, LocalPosition)
+        )
         while self._positions_s and self._positions_s[0] < row.now_s - LINK_WINDOW_S:
             self._positions_s.popleft()
         self._most_positions = max(self._most_positions, len(self._positions_s))
         self._source = inputs.reports[-1].source if inputs.reports else self._source
         if row.alarm is not None:
-            self._alarm = {"what": str(row.alarm.violation), "amount": row.alarm.amount, "since_s": row.now_s}
+            self._alarm = {
+                "what": str(row.alarm.violation),
+                "amount": row.alarm.amount,
+                "since_s": row.now_s,
+            }
         if self._flight.home_m != self._home_m:
             self._set_scene()
 
     def _set_scene(self) -> None:
-        cycle, envelope = self._flight.settings.cycle, self._flight.envelope
-        target, standoff, self._home_m = cycle.target_game_m, cycle.game.standoff, self._flight.home_m
+        cycle = self._flight.settings.cycle
+        envelope = self._flight.envelope
+        target = cycle.target_game_m
+        standoff = cycle.game.standoff
+        self._home_m = self._flight.home_m
         place = self._flight.vehicle.latest.get(Home)
-        outline = [] if target is None else np.round(target_edge(target, cycle.game.target_extent), 1).tolist()
+        outline = (
+            []
+            if target is None
+            else np.round(target_edge(target, cycle.game.target_extent), 1).tolist()
+        )
         self.scene: Plain = {
             "unit": "s" if target is None else "m",
             "home_m": rounded(self._home_m),
@@ -200,23 +247,33 @@ class SnapshotFold:
 
     def snapshot(self) -> Plain | None:
         """Return the last cycle, as one object until the next; None before the first. Unknown values are null."""
-        row, cycle = self._last, self._flight.cycle
+        row = self._last
+        cycle = self._flight.cycle
         if row is None or self._shown is not None:
             return self._shown
-        certificate, alarm, vehicle = row.certificate, self._alarm, self._flight.vehicle
+        certificate = row.certificate
+        alarm = self._alarm
+        vehicle = self._flight.vehicle
         pursuer, evader = map(ned_from_game, (cycle.pursuer_m, cycle.evader_m))
         gaps = gaps_to_disc(pursuer, evader, self._flight.settings.cycle.game.standoff)
         before = math.isnan(cycle.gap_m)  # the disc exists also before and after the game
-        autopilot, latest = self._flight.settings.autopilot, vehicle.latest
-        heartbeat, status, gps = latest.get(Heartbeat), latest.get(SystemStatus), latest.get(GpsFix)
+        autopilot = self._flight.settings.autopilot
+        latest = vehicle.latest
+        heartbeat = latest.get(Heartbeat)
+        status = latest.get(SystemStatus)
+        gps = latest.get(GpsFix)
         snapshot: Plain = {
-            "mode": "unknown" if heartbeat is None else autopilot.mode_title(autopilot.mode_of(heartbeat.custom_mode)),
+            "mode": "unknown"
+            if heartbeat is None
+            else autopilot.mode_title(autopilot.mode_of(heartbeat.custom_mode)),
             "armed": vehicle.armed,
             "flight_s": cycle.now_s - self._armed_s,
             "battery": math.nan if status is None else status.battery_remaining,
             "voltage_v": math.nan if status is None else status.voltage_v,
             "gps": None if gps is None else {"fix": gps.fix_type, "satellites": gps.satellites},
-            "link": len(self._positions_s) / self._most_positions if self._most_positions else math.nan,
+            "link": len(self._positions_s) / self._most_positions
+            if self._most_positions
+            else math.nan,
             "yaw_rad": math.nan if latest.get(Attitude) is None else round(vehicle.yaw_rad, 3),
             "now_s": round(row.now_s, 3),
             "state": str(row.state),
@@ -228,9 +285,13 @@ class SnapshotFold:
             "height_gap_m": gaps.height_m if before else cycle.height_gap_m,
             "pursuer_m": rounded(cycle.pursuer_m),
             "evader_m": rounded(cycle.evader_m),
-            "speed_m_s": {name: math.hypot(*getattr(cycle, f"{name}_ned_m_s")) for name in _VELOCITIES},
+            "speed_m_s": {
+                name: math.hypot(*getattr(cycle, f"{name}_ned_m_s")) for name in _VELOCITIES
+            },
             "game": None if certificate is None else game_of(certificate),
-            "alarm": alarm if alarm is not None and row.now_s - alarm["since_s"] <= ALARM_SHOWN_S else None,
+            "alarm": alarm
+            if alarm is not None and row.now_s - alarm["since_s"] <= ALARM_SHOWN_S
+            else None,
             "age_s": {
                 "heartbeat": vehicle.age_s(Heartbeat, row.now_s),
                 "position": known_age(cycle.telemetry_age_s),
@@ -241,7 +302,8 @@ class SnapshotFold:
         snapshot["levels"] = of_snapshot(snapshot, self._flight.settings)
         self._shown = dict(plain(snapshot))
         if certificate is not None and not certificate.no_game:
-            if not 0.0 <= row.now_s - self._isochron[0] < ISOCHRON_INTERVAL_S:  # seldom: it solves a batch of games
+            # Seldom: it solves a batch of games
+            if not 0.0 <= row.now_s - self._isochron[0] < ISOCHRON_INTERVAL_S:
                 curve = isochron_at(self._flight.settings.cycle, certificate, 49)
                 curve = curve[np.isfinite(curve).all(axis=-1)]
                 self._isochron = row.now_s, np.round(curve, _CENTIMETRES).tolist()
@@ -260,7 +322,9 @@ def reach_of(certificate: Certificate) -> str:
     """Say whether the vehicle can reach the evader (TAD: before the target): yes, no, too fast, or uncertain."""
     if certificate.no_game:
         return "too fast"
-    winner = certificate.winner if certificate.vehicle_winner is None else certificate.vehicle_winner
+    winner = (
+        certificate.winner if certificate.vehicle_winner is None else certificate.vehicle_winner
+    )
     return {Winner.PURSUER: "yes", Winner.EVADER: "no"}.get(Winner(winner), "uncertain")
 
 
@@ -282,7 +346,9 @@ def outcome_of(path: Path) -> Plain:
     Raises:
         ConfigError: If the file is not a record.
     """
-    survey, events, last_cycle = Survey(), Counter[str](), b"{}"
+    survey = Survey()
+    events = Counter[str]()
+    last_cycle = b"{}"
     with record_errors(path):
         for item in scan(path, survey):
             if item.topic == CYCLE.topic:
@@ -307,10 +373,14 @@ def frames_of(path: Path) -> Plain:
         ConfigError: If the record cannot be read.
     """
     with record_errors(path):
-        metadata, survey = metadata_of(path), survey_of(path)
+        metadata = metadata_of(path)
+        survey = survey_of(path)
         fold = SnapshotFold(metadata, str(path))
-        step_s, last_s = max(MIN_STEP_S, survey.duration_s / MAX_FRAMES), -math.inf
-        frames, events, scenes = list[Any](), list[Any](), list[Any]()
+        step_s = max(MIN_STEP_S, survey.duration_s / MAX_FRAMES)
+        last_s = -math.inf
+        frames = list[Any]()
+        events = list[Any]()
+        scenes = list[Any]()
         for item in scan(path):
             entry = fold.take(item)
             if isinstance(entry, EventEntry):
@@ -346,7 +416,9 @@ def said_of(read: Callable[[Path], Plain], path: Path) -> Plain:
 def main(what: str, *files: str) -> int:
     """Write the replay of a file as JSON, or the outcome of each as a line."""
     for path in map(Path, files):
-        said = said_of(replay_of, path) if what == "frames" else [str(path), said_of(outcome_of, path)]
+        said = (
+            said_of(replay_of, path) if what == "frames" else [str(path), said_of(outcome_of, path)]
+        )
         print(json.dumps(plain(said), allow_nan=False), flush=True)  # noqa: T201
     return 0
 

@@ -44,7 +44,15 @@ class World:
         return {name: n for name, n in self.source.counters().items() if name.startswith("refused")}
 
 
-def follow(*, ms=1500, capabilities=0b11, lat=473977418, alt=520.0, vel=(3.0, -1.0, 0.5), cov=(1.5, 2.0, 0.0)):
+def follow(
+    *,
+    ms=1500,
+    capabilities=0b11,
+    lat=473977418,
+    alt=520.0,
+    vel=(3.0, -1.0, 0.5),
+    cov=(1.5, 2.0, 0.0),
+):
     quiet = [0.0] * 3
     return dialect.MAVLink_follow_target_message(
         ms, capabilities, lat, 85455939, alt, vel, quiet, [1, 0, 0, 0], quiet, cov, 0
@@ -92,7 +100,9 @@ def test_accuracy_of_zero_is_unknown():
     assert math.isnan(World(FOLLOW_TARGET).report(follow(cov=(0.0, 0.0, 0.0))).position_sd_m)
 
 
-@pytest.mark.parametrize(("lat", "alt"), [(2**31 - 1, 500.0), (910000000, 500.0), (473977418, NAN), (473977418, 1e9)])
+@pytest.mark.parametrize(
+    ("lat", "alt"), [(2**31 - 1, 500.0), (910000000, 500.0), (473977418, NAN), (473977418, 1e9)]
+)
 def test_a_follow_target_of_no_place_is_refused_and_counted(lat, alt):
     world = World(FOLLOW_TARGET)
     assert world.report(follow(lat=lat, alt=alt)) is None
@@ -110,7 +120,11 @@ def test_only_the_pinned_system_is_the_evader_even_when_it_falls_silent():
 def test_reports_from_other_addresses_are_counted_in_the_next_report():
     world = World(FOLLOW_TARGET)
     other = Peer(lambda data: None, system_id=9)
-    elsewhere = [other.packed(follow()), other.packed(dialect.MAVLink_timesync_message(1, 2)), b"\xfd garbage"]
+    elsewhere = [
+        other.packed(follow()),
+        other.packed(dialect.MAVLink_timesync_message(1, 2)),
+        b"\xfd garbage",
+    ]
     world.source.wire.impostors = lambda: [elsewhere.pop()] if elsewhere else []
     impostors = [world.report(follow(ms=1500 + n)).impostors for n in range(5)]
     assert impostors == [None, None, 1, None, None]
@@ -128,14 +142,23 @@ def test_a_component_can_be_pinned_too():
         (FOLLOW_TARGET, lambda ms: follow(ms=ms)),
         (
             GLOBAL_POSITION,
-            lambda ms: dialect.MAVLink_global_position_int_message(ms, 473977418, 85455939, 500000, 0, 1, 2, 3, 0),
+            lambda ms: dialect.MAVLink_global_position_int_message(
+                ms, 473977418, 85455939, 500000, 0, 1, 2, 3, 0
+            ),
         ),
     ],
 )
 def test_a_clock_that_wraps_at_32_bits_goes_on(carrier, message):
     world = World(carrier)
     wrap = 2**32
-    readings = [wrap - 60, wrap - 20, 20, wrap - 10, 60]  # the fourth came late, from before the wrap
+    # The fourth came late, from before the wrap
+    readings = [
+        wrap - 60,
+        wrap - 20,
+        20,
+        wrap - 10,
+        60,
+    ]
     sent = [world.report(message(ms)).sent_s for ms in readings]
     steps = [round((b - a) * 1e3) for a, b in itertools.pairwise(sent)]
     assert steps == [40, 40, -30, 70]
@@ -149,9 +172,15 @@ def test_a_sender_that_restarts_steps_back():
 
 
 def test_global_position_int_is_amsl_and_at_rest_means_at_rest():
-    message = dialect.MAVLink_global_position_int_message(2500, 473977418, -85455939, 520250, 32000, 0, 0, 0, 0)
+    message = dialect.MAVLink_global_position_int_message(
+        2500, 473977418, -85455939, 520250, 32000, 0, 0, 0, 0
+    )
     report = World(GLOBAL_POSITION).report(message)
-    assert (report.sent_s, report.latitude_deg, report.longitude_deg) == (2.5, 47.3977418, -8.5455939)
+    assert (report.sent_s, report.latitude_deg, report.longitude_deg) == (
+        2.5,
+        47.3977418,
+        -8.5455939,
+    )
     assert report.altitude_amsl_m == 520.25
     assert report.velocity_ned_m_s == (0.0, 0.0, 0.0)
     assert math.isnan(report.position_sd_m)
@@ -160,11 +189,22 @@ def test_global_position_int_is_amsl_and_at_rest_means_at_rest():
 @pytest.mark.parametrize(("lat", "lon"), [(0, 0), (2**31 - 1, 85455939)])
 def test_a_global_position_before_the_first_fix_is_refused(lat, lon):
     world = World(GLOBAL_POSITION)
-    assert world.report(dialect.MAVLink_global_position_int_message(1, lat, lon, 1, 1, 1, 1, 1, 1)) is None
+    assert (
+        world.report(dialect.MAVLink_global_position_int_message(1, lat, lon, 1, 1, 1, 1, 1, 1))
+        is None
+    )
     assert world.refused() == {"refused_invalid": 1}
 
 
-def odometry(*, frame=1, child=1, position=(100.0, 50.0, -20.0), q=(1.0, 0.0, 0.0, 0.0), v=(3.0, 0.0, 0.0), pose=NAN):
+def odometry(
+    *,
+    frame=1,
+    child=1,
+    position=(100.0, 50.0, -20.0),
+    q=(1.0, 0.0, 0.0, 0.0),
+    v=(3.0, 0.0, 0.0),
+    pose=NAN,
+):
     covariance = [NAN] * 21
     for index, variance in zip((0, 6, 11), (pose, pose * 4, pose), strict=True):
         covariance[index] = variance
@@ -175,9 +215,9 @@ def odometry(*, frame=1, child=1, position=(100.0, 50.0, -20.0), q=(1.0, 0.0, 0.
 
 def test_odometry_is_metres_about_the_evaders_own_origin():
     report = World(carrier_of("odometry", FRAME)).report(odometry(pose=0.25))
-    assert FRAME.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)) == (
-        pytest.approx((100.0, 50.0, -20.0), abs=1e-3)
-    )
+    assert FRAME.ned_from_wgs84(
+        report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)
+    ) == (pytest.approx((100.0, 50.0, -20.0), abs=1e-3))
     assert report.altitude_amsl_m == pytest.approx(508.0)
     assert report.said == (20.0, Datum.ORIGIN)
     assert report.sent_s == pytest.approx(12.345678)
@@ -192,7 +232,9 @@ def test_a_body_velocity_is_turned_by_the_attitude(heading_deg):
         odometry(child=12, q=(math.cos(half), 0.0, 0.0, math.sin(half)))
     )
     heading = math.radians(heading_deg)
-    assert report.velocity_ned_m_s == pytest.approx((3 * math.cos(heading), 3 * math.sin(heading), 0.0), abs=1e-6)
+    assert report.velocity_ned_m_s == pytest.approx(
+        (3 * math.cos(heading), 3 * math.sin(heading), 0.0), abs=1e-6
+    )
 
 
 def test_a_body_that_pitches_down_flies_down():
@@ -203,12 +245,16 @@ def test_a_body_that_pitches_down_flies_down():
     assert report.velocity_ned_m_s == pytest.approx((0.0, 0.0, 3.0), abs=1e-6)
 
 
-@pytest.mark.parametrize("bad", [{"child": 20}, {"child": 12, "q": (0.0, 0.0, 0.0, 0.0)}, {"v": (NAN, 0.0, 0.0)}])
+@pytest.mark.parametrize(
+    "bad", [{"child": 20}, {"child": 12, "q": (0.0, 0.0, 0.0, 0.0)}, {"v": (NAN, 0.0, 0.0)}]
+)
 def test_an_odometry_velocity_that_cannot_be_turned_is_unknown(bad):
     assert is_unknown(World(carrier_of("odometry", FRAME)).report(odometry(**bad)).velocity_ned_m_s)
 
 
-@pytest.mark.parametrize("bad", [{"frame": 20}, {"frame": 4}, {"position": (NAN, 0.0, 0.0)}, {"position": (1e9, 0, 0)}])
+@pytest.mark.parametrize(
+    "bad", [{"frame": 20}, {"frame": 4}, {"position": (NAN, 0.0, 0.0)}, {"position": (1e9, 0, 0)}]
+)
 def test_an_odometry_in_another_frame_or_nowhere_is_refused(bad):
     world = World(carrier_of("odometry", FRAME))
     assert world.report(odometry(**bad)) is None
@@ -248,9 +294,13 @@ def test_remote_id_is_ellipsoidal_and_its_climb_is_up():
     assert (report.position_sd_m, report.velocity_sd_m_s, report.sent_s) == (1.5, 0.5, 3599.5)
 
 
-@pytest.mark.parametrize("unknown", [{"direction": 36100}, {"speed_horizontal": 25500}, {"speed_vertical": 6300}])
+@pytest.mark.parametrize(
+    "unknown", [{"direction": 36100}, {"speed_horizontal": 25500}, {"speed_vertical": 6300}]
+)
 def test_remote_id_sentinels_make_the_velocity_unknown(unknown):
-    assert is_unknown(World(carrier_of("open_drone_id", FRAME)).report(drone_id(**unknown)).velocity_ned_m_s)
+    assert is_unknown(
+        World(carrier_of("open_drone_id", FRAME)).report(drone_id(**unknown)).velocity_ned_m_s
+    )
 
 
 @pytest.mark.parametrize(
@@ -270,14 +320,19 @@ def test_remote_id_without_a_place_is_refused(unknown):
 
 def test_remote_id_time_goes_on_over_the_full_hour_and_may_be_unknown():
     world = World(carrier_of("open_drone_id", FRAME))
-    sent = [world.report(drone_id(timestamp=second)).sent_s for second in (3598.5, 3599.5, 0.5, 65535.0, 1.5)]
+    sent = [
+        world.report(drone_id(timestamp=second)).sent_s
+        for second in (3598.5, 3599.5, 0.5, 65535.0, 1.5)
+    ]
     assert sent[:3] == [3598.5, 3599.5, 3600.5]
     assert math.isnan(sent[3])
     assert sent[4] == 3601.5
 
 
 def test_undefined_accuracy_classes_are_unknown():
-    report = World(carrier_of("open_drone_id", FRAME)).report(drone_id(horizontal_accuracy=0, speed_accuracy=200))
+    report = World(carrier_of("open_drone_id", FRAME)).report(
+        drone_id(horizontal_accuracy=0, speed_accuracy=200)
+    )
     assert math.isnan(report.position_sd_m)
     assert math.isnan(report.velocity_sd_m_s)
 
@@ -309,8 +364,13 @@ def adsb(**changes):
 
 
 def test_adsb_altitude_has_the_datum_of_its_type():
-    assert World(carrier_of("adsb", FRAME, icao_address=0xABCDEF)).report(adsb()).altitude_amsl_m == 600.0
-    geometric = World(carrier_of("adsb", FRAME, icao_address=0xABCDEF)).report(adsb(altitude_type=1))
+    assert (
+        World(carrier_of("adsb", FRAME, icao_address=0xABCDEF)).report(adsb()).altitude_amsl_m
+        == 600.0
+    )
+    geometric = World(carrier_of("adsb", FRAME, icao_address=0xABCDEF)).report(
+        adsb(altitude_type=1)
+    )
     assert geometric.altitude_amsl_m == pytest.approx(600.0 - UNDULATION_M)
     assert geometric.said == (600.0, Datum.ELLIPSOID)
     assert geometric.velocity_ned_m_s == pytest.approx((-50.0, 0.0, 2.0), abs=1e-9)
@@ -320,7 +380,9 @@ def test_adsb_altitude_has_the_datum_of_its_type():
 @pytest.mark.parametrize("missing", [4, 8, 128])
 def test_an_adsb_velocity_without_its_flags_is_unknown(missing):
     assert is_unknown(
-        World(carrier_of("adsb", FRAME, icao_address=0xABCDEF)).report(adsb(flags=0x8F & ~missing)).velocity_ned_m_s
+        World(carrier_of("adsb", FRAME, icao_address=0xABCDEF))
+        .report(adsb(flags=0x8F & ~missing))
+        .velocity_ned_m_s
     )
 
 
@@ -346,7 +408,9 @@ def test_a_carrier_of_ellipsoidal_heights_asks_for_the_geoid_before_the_flight(k
 
 
 def global_position(ms: int):
-    return dialect.MAVLink_global_position_int_message(ms, 473977418, 85455939, 520250, 32000, 0, 0, 0, 0)
+    return dialect.MAVLink_global_position_int_message(
+        ms, 473977418, 85455939, 520250, 32000, 0, 0, 0, 0
+    )
 
 
 class AskedWorld(World):
@@ -358,7 +422,9 @@ class AskedWorld(World):
         self.peer = Peer(self.theirs.send, system_id=9)
         self.source = MavlinkEvader(ours, carrier, system_id=9, clock=lambda: self.now_s)
 
-    def second(self, message=global_position, *, boot_s: float = 2.0, answer_as: int = 9) -> list[EvaderReport]:
+    def second(
+        self, message=global_position, *, boot_s: float = 2.0, answer_as: int = 9
+    ) -> list[EvaderReport]:
         reports = []
         for _ in range(10):
             sent_s = self.now_s
@@ -405,10 +471,14 @@ def test_a_source_without_a_clock_never_sends():
     assert theirs.receive() == []
 
 
-@pytest.mark.parametrize("kind", ["follow_target", "global_position", "odometry", "open_drone_id", "adsb"])
+@pytest.mark.parametrize(
+    "kind", ["follow_target", "global_position", "odometry", "open_drone_id", "adsb"]
+)
 def test_nothing_is_sent_before_an_evader_has_reported(kind):
     ours, theirs = MemoryWire.pair(lambda: 1.0)
-    source = MavlinkEvader(ours, carrier_of(kind, FRAME, icao_address=5), system_id=9, clock=lambda: 1.0)
+    source = MavlinkEvader(
+        ours, carrier_of(kind, FRAME, icao_address=5), system_id=9, clock=lambda: 1.0
+    )
     Peer(theirs.send, system_id=9).heartbeat()
     assert source.receive() == []
     source.close()
@@ -432,19 +502,28 @@ def test_the_estimate_needs_no_guess_of_the_delay_once_the_evaders_clock_is_know
         for report in world.second():
             observer = observe(observer, report, FRAME, settings)
         ages.append(predict(observer.track.estimate, (0.0, 0.0, 0.0), world.now_s, settings).age_s)
-    assert ages[-1] == pytest.approx(0.1, abs=0.03)  # the last report was true when it was sent, 0.1 s ago
+    # The last report was true when it was sent, 0.1 s ago
+    assert ages[-1] == pytest.approx(0.1, abs=0.03)
 
 
 def test_unsigned_reports_sent_first_do_not_keep_a_signed_evader_out():
-    key, port = SigningKey(bytes(range(32))), free_port()
-    wire = open_wire(f"udpin://127.0.0.1:{port}", clock=time.monotonic, systems=(9,), signing_key=key)
+    key = SigningKey(bytes(range(32)))
+    port = free_port()
+    wire = open_wire(
+        f"udpin://127.0.0.1:{port}", clock=time.monotonic, systems=(9,), signing_key=key
+    )
     source = MavlinkEvader(wire, FOLLOW_TARGET, system_id=9, clock=time.monotonic, signing_key=key)
     reports = []
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as forgers, socket.socket(type=socket.SOCK_DGRAM) as theirs:
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as forgers,
+        socket.socket(type=socket.SOCK_DGRAM) as theirs,
+    ):
         forger = Peer(lambda data: forgers.sendto(data, ("127.0.0.1", port)), system_id=9)
         evader = Peer(lambda data: theirs.sendto(data, ("127.0.0.1", port)), system_id=9)
         signing = evader.mavlink.signing
-        signing.secret_key, signing.sign_outgoing, signing.timestamp = key.secret, True, ticks(time.time())
+        signing.secret_key = key.secret
+        signing.sign_outgoing = True
+        signing.timestamp = ticks(time.time())
 
         def arrived() -> bool:
             forger.say(follow(alt=900.0))

@@ -18,14 +18,18 @@ class Rover:
         self.vehicle = MockVehicle("rover", system_id=2, home=home, noise=False, ready_after_s=0.5)
         ours, self._end = MemoryWire.pair(self.clock.now_s)
         clock = self.clock.now_s
-        self.evader = MavlinkEvader(ours, GLOBAL_POSITION, system_id=2, clock=clock, request_rate_hz=20.0)
+        self.evader = MavlinkEvader(
+            ours, GLOBAL_POSITION, system_id=2, clock=clock, request_rate_hz=20.0
+        )
         self.silent = False
 
     def run(self, seconds):
         reports = []
         for _ in range(round(seconds / 0.02)):
             self.clock.sleep_until(self.clock.now_s() + 0.02)
-            for frame in self.vehicle.step(self.clock.now_s(), [frame for _, frame in self._end.receive()]):
+            for frame in self.vehicle.step(
+                self.clock.now_s(), [frame for _, frame in self._end.receive()]
+            ):
                 if not self.silent:
                     self._end.send(frame)
             reports += self.evader.receive()
@@ -38,7 +42,8 @@ def test_an_evader_that_is_asked_reports_at_the_rate_it_was_asked_for():
     assert 38 <= len(rover.run(2.0)) <= 42
     asked = rover.evader.counters()["requests_sent"]
     rover.run(10.0)
-    assert rover.evader.counters()["requests_sent"] == asked  # while it reports, nothing is asked again
+    # While it reports, nothing is asked again
+    assert rover.evader.counters()["requests_sent"] == asked
 
 
 def test_an_evader_that_fell_silent_is_asked_again_until_it_is_back():
@@ -59,13 +64,19 @@ class Slow:
     """An evader that begins its interval again with each request, as an autopilot may. It can be silent."""
 
     def __init__(self, rate_hz, *, acks_to=(255, 195), reports=True):
-        self.clock, self.period_s, self.acks_to, self.reports = VirtualClock(), 1.0 / rate_hz, acks_to, reports
+        self.clock = VirtualClock()
+        self.period_s = 1.0 / rate_hz
+        self.acks_to = acks_to
+        self.reports = reports
         ours, self._end = MemoryWire.pair(self.clock.now_s)
         self.peer = Peer(self._end.send, system_id=2)
         self.peer.answers = False
         now_s = self.clock.now_s
-        self.evader = MavlinkEvader(ours, GLOBAL_POSITION, system_id=2, clock=now_s, request_rate_hz=rate_hz)
-        self.asked_s, self._due_s = [], None
+        self.evader = MavlinkEvader(
+            ours, GLOBAL_POSITION, system_id=2, clock=now_s, request_rate_hz=rate_hz
+        )
+        self.asked_s = []
+        self._due_s = None
 
     def run(self, seconds):
         got = []
@@ -75,7 +86,11 @@ class Slow:
             for _, frame in self._end.receive():
                 self.peer.hear(frame)
             for request in self.peer.of("COMMAND_LONG"):
-                assert (request.command, request.param1, request.get_srcSystem()) == (511, 33.0, 255)
+                assert (request.command, request.param1, request.get_srcSystem()) == (
+                    511,
+                    33.0,
+                    255,
+                )
                 self.asked_s.append(now_s)
                 self._due_s = now_s + self.period_s
                 if self.acks_to is not None:
@@ -119,7 +134,9 @@ def test_an_evader_that_is_asked_gets_answers_to_its_timesync():
     evader.run(0.1)
     evader.peer.say(dialect.MAVLink_timesync_message(0, 12345))
     evader.run(0.04)
-    assert [message.ts1 for message in evader.heard if message.get_type() == "TIMESYNC"][:1] == [12345]
+    assert [message.ts1 for message in evader.heard if message.get_type() == "TIMESYNC"][:1] == [
+        12345
+    ]
 
 
 def test_acknowledgements_of_the_vehicle_on_a_shared_wire_are_not_counted_as_foreign():

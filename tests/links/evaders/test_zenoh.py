@@ -36,12 +36,17 @@ pose, moving_pose = (partial(read_ros, frame=FRAME, moves=moves) for moves in (F
 
 
 def as_bytes(**changes) -> bytes:
-    return json.dumps({key: value for key, value in (GOOD | changes).items() if value != "absent"}).encode()
+    return json.dumps(
+        {key: value for key, value in (GOOD | changes).items() if value != "absent"}
+    ).encode()
 
 
 def test_the_published_schema_is_the_models():
     published = Path(__file__).parents[3] / "config" / "zenoh" / "evader_report.schema.json"
-    own = {"$schema": "https://json-schema.org/draft/2020-12/schema", **JsonReport.model_json_schema()}
+    own = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **JsonReport.model_json_schema(),
+    }
     assert json.loads(published.read_text()) == own
 
 
@@ -66,7 +71,9 @@ def test_a_report_says_its_units_and_its_datum():
     )
 
 
-@pytest.mark.parametrize(("datum", "amsl_m"), [("amsl", 600.0), ("ellipsoid", 552.7), ("relative", 1090.0)])
+@pytest.mark.parametrize(
+    ("datum", "amsl_m"), [("amsl", 600.0), ("ellipsoid", 552.7), ("relative", 1090.0)]
+)
 def test_every_datum_becomes_height_above_the_sea(datum, amsl_m):
     report = read(as_bytes(altitude_datum=datum), 0.0)
     assert report.altitude_amsl_m == pytest.approx(amsl_m)
@@ -75,7 +82,9 @@ def test_every_datum_becomes_height_above_the_sea(datum, amsl_m):
 
 @pytest.mark.parametrize("absent", [None, "absent"])
 def test_unknown_values_are_nan(absent):
-    unknown = dict.fromkeys(("sent_s", "velocity_ned_m_s", "position_sd_m", "velocity_sd_m_s"), absent)
+    unknown = dict.fromkeys(
+        ("sent_s", "velocity_ned_m_s", "position_sd_m", "velocity_sd_m_s"), absent
+    )
     report = read(as_bytes(**unknown), 0.0)
     assert math.isnan(report.sent_s)
     assert all(map(math.isnan, report.velocity_ned_m_s))
@@ -149,15 +158,26 @@ class Cdr:
         return (b"\x00\x01\x00\x00" if self.order == "<" else b"\x00\x00\x00\x00") + self.body
 
 
-def pose_stamped(order="<", frame="map", stamp=(10, 500_000_000), position=(50.0, 100.0, 20.0)) -> bytes:
-    return Cdr(order).put("i", stamp[0]).put("I", stamp[1]).text(frame).put("d", *position, 0, 0, 0, 1).done()
+def pose_stamped(
+    order="<", frame="map", stamp=(10, 500_000_000), position=(50.0, 100.0, 20.0)
+) -> bytes:
+    return (
+        Cdr(order)
+        .put("i", stamp[0])
+        .put("I", stamp[1])
+        .text(frame)
+        .put("d", *position, 0, 0, 0, 1)
+        .done()
+    )
 
 
 def odometry(order="<", child="base_link", yaw=0.0, twist=(3.0, 1.0, 0.5), variance=0.25) -> bytes:
     cdr = Cdr(order).put("i", 10).put("I", 0).text("map").text(child)
     cdr.put("d", 50.0, 100.0, 20.0, 0, 0, math.sin(yaw / 2), math.cos(yaw / 2))
     covariance = [0.0] * 36
-    covariance[0], covariance[7], covariance[14] = variance, variance / 4, variance
+    covariance[0] = variance
+    covariance[7] = variance / 4
+    covariance[14] = variance
     return cdr.put("d", *covariance, *twist, 0, 0, 0, *[0.0] * 36).done()
 
 
@@ -165,7 +185,9 @@ def odometry(order="<", child="base_link", yaw=0.0, twist=(3.0, 1.0, 0.5), varia
 @pytest.mark.parametrize("frame", ["map", "m", "odometry_frame"])
 def test_a_ros_pose_is_east_north_up_about_the_origin(order, frame):
     report = pose(pose_stamped(order, frame), 4.0, frame_id=frame)
-    ned = FRAME.ned_from_wgs84(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m))
+    ned = FRAME.ned_from_wgs84(
+        report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)
+    )
     assert ned == pytest.approx((100.0, 50.0, -20.0), abs=1e-3)
     assert (report.received_s, report.sent_s) == (4.0, 10.5)
     assert all(map(math.isnan, report.velocity_ned_m_s))
@@ -222,7 +244,12 @@ def test_ros_messages_cut_anywhere_are_refused(length):
             "0/evader/pose/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_10f378",
             pose_stamped(),
         ),
-        ("ros_odometry", "evader/odom", "7/evader/odom/nav_msgs::msg::dds_::Odometry_/RIHS01_3cc97d", odometry()),
+        (
+            "ros_odometry",
+            "evader/odom",
+            "7/evader/odom/nav_msgs::msg::dds_::Odometry_/RIHS01_3cc97d",
+            odometry(),
+        ),
     ],
 )
 def test_an_evader_is_received_from_its_zenoh_key_only(router, kind, path, key, payload):
@@ -274,5 +301,9 @@ def test_a_key_that_is_none_is_a_config_error(router):
 
 def test_rmw_keys_hold_any_domain_and_any_hash():
     key = zenoh.KeyExpr(rmw_key("/evader/pose/", "geometry_msgs::msg::dds_::PoseStamped_"))
-    assert key.intersects(zenoh.KeyExpr("42/evader/pose/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_00"))
-    assert not key.intersects(zenoh.KeyExpr("42/other/pose/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_00"))
+    assert key.intersects(
+        zenoh.KeyExpr("42/evader/pose/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_00")
+    )
+    assert not key.intersects(
+        zenoh.KeyExpr("42/other/pose/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_00")
+    )

@@ -12,7 +12,9 @@ def place(flight, north, east):
 
 def test_reposition_is_flown_in_guided_and_its_speed_is_not_looked_at(fly):
     flight = fly.airborne("arducopter", height=10.0)
-    assert flight.command_int(192, 6, 2.0, 0.0, 0.0, 0.0, **place(flight, 15.0, -5.0), z=12.0) == [0]
+    assert flight.command_int(192, 6, 2.0, 0.0, 0.0, 0.0, **place(flight, 15.0, -5.0), z=12.0) == [
+        0
+    ]
     fastest = 0.0
     for _ in range(250):
         flight.run(0.1)
@@ -59,7 +61,8 @@ def test_reboot_fails_while_armed(fly):
 
 
 @pytest.mark.parametrize(
-    ("number", "params", "result"), [(178, (1.0, -1.0), 4), (224, (3.0,), 2), (31000, (), 3), (400, (7.0,), 3)]
+    ("number", "params", "result"),
+    [(178, (1.0, -1.0), 4), (224, (3.0,), 2), (31000, (), 3), (400, (7.0,), 3)],
 )
 def test_what_cannot_be_done_fails_or_is_unsupported(fly, number, params, result):
     assert fly("arducopter").run(1.0).command(number, *params) == [result]
@@ -85,7 +88,9 @@ def test_a_refused_mode_leaves_the_old_one(fly):
 def test_a_global_setpoint_is_flown_to(fly):
     flight = fly.airborne("arducopter", height=10.0)
     where = place(flight, -12.0, 4.0)
-    flight.send("SET_POSITION_TARGET_GLOBAL_INT", 0, 1, 1, 6, 0x0DF8, where["x"], where["y"], 14.0, *[0] * 8)
+    flight.send(
+        "SET_POSITION_TARGET_GLOBAL_INT", 0, 1, 1, 6, 0x0DF8, where["x"], where["y"], 14.0, *[0] * 8
+    )
     flight.run(25.0)
     assert flight.position == pytest.approx((-12.0, 4.0, -14.0), abs=0.5)
 
@@ -143,10 +148,13 @@ def test_a_rover_stays_in_loiter_and_a_lost_radio_sends_it_home(fly, ned_velocit
 
 
 @pytest.mark.parametrize(
-    ("charge", "low", "critical", "mode"), [(0.12, 1, 2, "LAND"), (0.05, 0, 2, "RTL"), (0.05, 1, 2, "LAND")]
+    ("charge", "low", "critical", "mode"),
+    [(0.12, 1, 2, "LAND"), (0.05, 0, 2, "RTL"), (0.05, 1, 2, "LAND")],
 )
 def test_battery_failsafes_do_what_their_parameters_say(fly, charge, low, critical, mode):
-    flight = fly.airborne("arducopter", parameters={"BATT_FS_LOW_ACT": low, "BATT_FS_CRT_ACT": critical}, height=5.0)
+    flight = fly.airborne(
+        "arducopter", parameters={"BATT_FS_LOW_ACT": low, "BATT_FS_CRT_ACT": critical}, height=5.0
+    )
     flight.vehicle.inject("battery", charge)
     flight.run(0.5)
     assert flight.mode == mode

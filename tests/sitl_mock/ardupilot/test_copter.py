@@ -6,13 +6,35 @@ import pytest
 
 
 def position(z, *, mask=0x0DF8, frame=1):
-    return ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, frame, mask, 10.0, 5.0, z, 0, 0, 0, 0, 0, 0, 0, 0)
+    return (
+        "SET_POSITION_TARGET_LOCAL_NED",
+        0,
+        1,
+        1,
+        frame,
+        mask,
+        10.0,
+        5.0,
+        z,
+        0,
+        0,
+        0,
+        0,
+        0,
+        0,
+        0,
+        0,
+    )
 
 
 def test_only_heartbeats_are_sent_until_a_stream_is_asked_for(fly):
     flight = fly("arducopter").run(5.0)
     told_once = {"HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
-    assert {m.get_type() for _, m in flight.heard} - told_once <= {"HEARTBEAT", "TIMESYNC", "STATUSTEXT"}
+    assert {m.get_type() for _, m in flight.heard} - told_once <= {
+        "HEARTBEAT",
+        "TIMESYNC",
+        "STATUSTEXT",
+    }
     assert all(len(flight.all(name)) == 1 for name in told_once)
     assert flight.command(511, 32.0, 20000.0) == [0]
     start_s = flight.now_s
@@ -95,19 +117,22 @@ def test_nan_brakes_at_once(fly, ned_velocity):
     assert abs(flight.velocity[0]) < 0.5
 
 
-@pytest.mark.parametrize("setpoint", [{"frame": 12}, {"target": (7, 1)}], ids=["frame 12", "another vehicle"])
+@pytest.mark.parametrize(
+    "setpoint", [{"frame": 12}, {"target": (7, 1)}], ids=["frame 12", "another vehicle"]
+)
 def test_what_is_for_others_is_ignored(fly, ned_velocity, setpoint):
     flight = fly.airborne("arducopter")
     flight.run(3.0, ned_velocity(3.0, 0.0, 0.0, **setpoint))
     assert math.hypot(*flight.velocity) < 0.2
 
 
-@pytest.mark.parametrize(("frame", "north", "east"), [(1, 3.0, 0.0), (7, 3.0, 0.0), (8, 0.0, 3.0), (9, 0.0, 3.0)])
+@pytest.mark.parametrize(
+    ("frame", "north", "east"), [(1, 3.0, 0.0), (7, 3.0, 0.0), (8, 0.0, 3.0), (9, 0.0, 3.0)]
+)
 def test_frames_1_7_8_and_9_are_taken_and_body_frames_turn(fly, ned_velocity, frame, north, east):
     flight = fly.airborne("arducopter", yaw_deg=90.0)
-    stream = ned_velocity(
-        3.0, 0.0, 0.0, frame=frame, yaw=0.0 if frame in {8, 9} else math.pi / 2
-    )  # a body's is relative
+    # A body's is relative
+    stream = ned_velocity(3.0, 0.0, 0.0, frame=frame, yaw=0.0 if frame in {8, 9} else math.pi / 2)
     flight.run(6.0, stream)
     assert flight.velocity[0] == pytest.approx(north, abs=0.3)
     assert flight.velocity[1] == pytest.approx(east, abs=0.3)
@@ -230,7 +255,9 @@ def test_a_lost_ground_station_does_what_fs_gcs_enable_says(fly, action, mode):
 
 
 def test_only_the_ground_station_of_sysid_mygcs_can_be_lost(fly):
-    flight = fly("arducopter", parameters={"FS_GCS_ENABLE": 1, "SYSID_MYGCS": 200}, source=(255, 190))
+    flight = fly(
+        "arducopter", parameters={"FS_GCS_ENABLE": 1, "SYSID_MYGCS": 200}, source=(255, 190)
+    )
     flight.airborne()
     flight.send("HEARTBEAT", 6, 8, 0, 0, 4, 3)
     flight.run(6.0)
@@ -256,7 +283,9 @@ def test_a_lost_estimate_lands(fly):
 
 
 def test_a_fence_returns(fly, ned_velocity):
-    flight = fly.airborne("arducopter", parameters={"FENCE_ENABLE": 1, "FENCE_RADIUS": 30.0}, height=10.0)
+    flight = fly.airborne(
+        "arducopter", parameters={"FENCE_ENABLE": 1, "FENCE_RADIUS": 30.0}, height=10.0
+    )
     flight.until(lambda: flight.position[0] > 31.0, 30.0, ned_velocity(5.0, 0.0, 0.0))
     flight.run(0.2)
     assert flight.mode == "RTL"

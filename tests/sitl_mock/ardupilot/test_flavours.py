@@ -11,12 +11,40 @@ import pytest
 
 MEASURED = {
     **dict.fromkeys(
-        (17, 20, 21, 85, 115, 179, 181, 182, 195, 197, 198, 201, 202, 203, 206, 207, 208, 209, 216, 300), 0
+        (
+            17,
+            20,
+            21,
+            85,
+            115,
+            179,
+            181,
+            182,
+            195,
+            197,
+            198,
+            201,
+            202,
+            203,
+            206,
+            207,
+            208,
+            209,
+            216,
+            300,
+        ),
+        0,
     ),
-    **dict.fromkeys((400, 401, 410, 510, 511, 512, 2001, 2520, 2600, 32000, 42001, 42002, 42003, 42006, 42424), 0),
+    **dict.fromkeys(
+        (400, 401, 410, 510, 511, 512, 2001, 2520, 2600, 32000, 42001, 42002, 42003, 42006, 42424),
+        0,
+    ),
     **dict.fromkeys((42426, 42428, 42651), 0),
     **dict.fromkeys((32, 176, 224, 245, 532, 534, 42007, 42700), 2),
-    **dict.fromkeys((22, 84, 178, 183, 184, 185, 189, 193, 204, 205, 211, 218, 500, 520, 601, 1000, 1001, 2000), 4),
+    **dict.fromkeys(
+        (22, 84, 178, 183, 184, 185, 189, 193, 204, 205, 211, 218, 500, 520, 601, 1000, 1001, 2000),
+        4,
+    ),
     **dict.fromkeys((246, 2500, 2501, 10001, 42425, 42429, 42600), 4),
 }
 """Result of each command with all parameters 0, on the ground, disarmed and ready; every other one is UNSUPPORTED."""
@@ -24,7 +52,8 @@ NEVER_ACCEPTED = 31010  # MAV_CMD_USER_1
 
 
 def quaternion(pitch, yaw=0.0):
-    half_p, half_y = 0.5 * pitch, 0.5 * yaw
+    half_p = 0.5 * pitch
+    half_y = 0.5 * yaw
     return (
         math.cos(half_p) * math.cos(half_y),
         -math.sin(half_p) * math.sin(half_y),
@@ -39,7 +68,25 @@ def attitude(pitch_deg, thrust, *, mask=7, yaw=0.0, yaw_rate=0.0):
 
 
 def goto(north, east, down):
-    return ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 0x0DF8, north, east, down, 0, 0, 0, 0, 0, 0, 0, 0)
+    return (
+        "SET_POSITION_TARGET_LOCAL_NED",
+        0,
+        1,
+        1,
+        1,
+        0x0DF8,
+        north,
+        east,
+        down,
+        0,
+        0,
+        0,
+        0,
+        0,
+        0,
+        0,
+        0,
+    )
 
 
 def accelerate(north, *, mask=0xC3F):
@@ -158,7 +205,9 @@ ACCEPTED_ON_THE_GROUND = {0, 1, 2, 3, 4, 5, 6, 7, 9, 11, 16, 17, 18, 19, 20, 21,
 
 @pytest.mark.parametrize("mode", range(31))
 def test_row_9_the_ground_accepts_the_modes_that_the_real_one_accepts(fly, mode):
-    assert fly("arducopter").run(1.0).command(176, 1, mode) == [0 if mode in ACCEPTED_ON_THE_GROUND else 4]
+    assert fly("arducopter").run(1.0).command(176, 1, mode) == [
+        0 if mode in ACCEPTED_ON_THE_GROUND else 4
+    ]
 
 
 def test_row_9_circle_goes_round_a_point_ahead_with_the_nose_to_it(fly):
@@ -167,7 +216,9 @@ def test_row_9_circle_goes_round_a_point_ahead_with_the_nose_to_it(fly):
     flight.send(*middle)
     flight.run(0.1)
     assert flight.command(176, 1, 7) == [0]
-    entered_s, places, speeds = flight.now_s, [], []
+    entered_s = flight.now_s
+    places = []
+    speeds = []
     while flight.now_s < entered_s + 19.0:
         flight.send(*middle)
         flight.run(0.5)
@@ -305,8 +356,23 @@ def test_row_25_the_fix_is_6_and_the_fence_150_m(fly):
 
 def test_row_26_every_command_is_answered_as_the_real_one_answers_it(fly):
     """Known commands each get a fresh vehicle, because they may change it; unknown ones change nothing."""
-    others = {*range(1, 700), 2000, 2003, 2510, 2800, 3000, 4001, 5000, 30001, 31000, NEVER_ACCEPTED, 43003}
-    answered = {number: fly("arducopter").run(1.0).command(number, wait_s=0.02) for number in MEASURED}
+    others = {
+        *range(1, 700),
+        2000,
+        2003,
+        2510,
+        2800,
+        3000,
+        4001,
+        5000,
+        30001,
+        31000,
+        NEVER_ACCEPTED,
+        43003,
+    }
+    answered = {
+        number: fly("arducopter").run(1.0).command(number, wait_s=0.02) for number in MEASURED
+    }
     same = fly("arducopter").run(1.0)
     answered |= {number: same.command(number, wait_s=0.02) for number in others - MEASURED.keys()}
     assert len(answered) >= 705

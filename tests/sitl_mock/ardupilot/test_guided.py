@@ -35,7 +35,9 @@ class Drone:
         self.flight.send("COMMAND_LONG", 1, 1, 178, 0, kind, speed, -1, 0, 0, 0, 0)
 
     def simple_goto(self, north, east, height):
-        self.flight.send("MISSION_ITEM", 1, 1, 0, 3, 16, 2, 0, 0, 0, 0, 0, *self.place(north, east), height, 0)
+        self.flight.send(
+            "MISSION_ITEM", 1, 1, 0, 3, 16, 2, 0, 0, 0, 0, 0, *self.place(north, east), height, 0
+        )
 
     def upload(self, items):
         self.flight.send("MISSION_CLEAR_ALL", 1, 1, 0)
@@ -47,7 +49,9 @@ class Drone:
                 if message.get_type() == "MISSION_REQUEST":
                     command, north, east, height = items[message.seq]
                     where = (*self.place(north, east), height)
-                    self.flight.send("MISSION_ITEM", 1, 1, message.seq, 3, command, 0, 1, 0, 0, 0, 0, *where, 0)
+                    self.flight.send(
+                        "MISSION_ITEM", 1, 1, message.seq, 3, command, 0, 1, 0, 0, 0, 0, *where, 0
+                    )
                     break
                 if (
                     message.get_type() == "MISSION_ACK"
@@ -60,11 +64,26 @@ class Drone:
         raise AssertionError("not uploaded")
 
 
-GOTO_1 = {3: (-8.4, 2.8, 13.2), 6: (-33.3, 11.0, 16.8), 9: (-53.9, 17.8, 19.7), 12: (-61.1, 20.2, 19.9)}
+GOTO_1 = {
+    3: (-8.4, 2.8, 13.2),
+    6: (-33.3, 11.0, 16.8),
+    9: (-53.9, 17.8, 19.7),
+    12: (-61.1, 20.2, 19.9),
+}
 GOTO_1 |= {30: (-60.3, 20.0, 20.0)}
-GOTO_2 = {3: (-51.2, 15.4, 20.0), 6: (-26.6, 3.2, 20.0), 9: (0.5, -10.3, 20.0), 12: (25.3, -22.7, 20.0)}
+GOTO_2 = {
+    3: (-51.2, 15.4, 20.0),
+    6: (-26.6, 3.2, 20.0),
+    9: (0.5, -10.3, 20.0),
+    12: (25.3, -22.7, 20.0),
+}
 GOTO_2 |= {30: (40.1, -30.1, 20.0)}
-HOMEWARDS = {4.3: (35.7, -26.8, 19.9), 8.3: (13.1, -9.8, 19.9), 16.4: (-0.1, 0.1, 19.9), 24.4: (0.0, 0.0, 12.1)}
+HOMEWARDS = {
+    4.3: (35.7, -26.8, 19.9),
+    8.3: (13.1, -9.8, 19.9),
+    16.4: (-0.1, 0.1, 19.9),
+    24.4: (0.0, 0.0, 12.1),
+}
 HOMEWARDS |= {36.4: (0.0, 0.0, 5.1)}
 
 
@@ -80,7 +99,8 @@ def along(flight, measured, within_m):
 def test_simple_goto_flies_where_arducopter_flew(fly):
     drone = Drone(fly)
     assert drone.arm_and_takeoff(10.0) == pytest.approx(8.9, abs=1.5)
-    drone.speed(1, 3.0)  # airspeed = 3, before the first goto: forgotten with it, on the real one too
+    # Airspeed = 3, before the first goto: forgotten with it, on the real one too
+    drone.speed(1, 3.0)
     drone.simple_goto(-60.0, 20.0, 20.0)
     along(drone.flight, GOTO_1, 5.0)
     drone.simple_goto(40.0, -30.0, 20.0)
@@ -94,7 +114,14 @@ def test_simple_goto_flies_where_arducopter_flew(fly):
     assert math.hypot(*drone.flight.position[:2]) < 0.5
 
 
-MISSION = [(16, 0, 0, 0), (22, 0, 0, 10), (16, 50, -50, 11), (16, 50, 50, 12), (16, -50, 50, 13), (16, -50, -50, 14)]
+MISSION = [
+    (16, 0, 0, 0),
+    (22, 0, 0, 10),
+    (16, 50, -50, 11),
+    (16, 50, 50, 12),
+    (16, -50, 50, 13),
+    (16, -50, -50, 14),
+]
 MISSION += [MISSION[-1]]
 REACHED_S = {1: 0.8, 2: 13.3, 3: 26.4, 4: 39.1, 5: 53.9, 6: 53.9}
 
@@ -121,7 +148,18 @@ def test_set_attitude_target_flies_forwards_and_back_as_its_example_does(fly):
     drone.flight.run(3.0)
     for pitch, sign in ((-5.0, 1.0), (5.0, -1.0)):
         half = math.radians(pitch) / 2.0
-        stream = ("SET_ATTITUDE_TARGET", 0, 1, 1, 4, (math.cos(half), 0.0, math.sin(half), 0.0), 0, 0, 0, 0.5)
+        stream = (
+            "SET_ATTITUDE_TARGET",
+            0,
+            1,
+            1,
+            4,
+            (math.cos(half), 0.0, math.sin(half), 0.0),
+            0,
+            0,
+            0,
+            0.5,
+        )
         drone.flight.run(3.0 if sign > 0 else 6.0, stream, every_s=0.1)
         assert sign * drone.flight.velocity[0] > 0.8
     assert drone.flight.height == pytest.approx(2.5, abs=0.3)

@@ -20,7 +20,12 @@ WPNAV = {
 
 @pytest.mark.parametrize(
     ("goal", "real_m_s"),
-    [((30.0, 0.0, 0.0), 5.57), ((0.0, 20.0, -5.0), 4.45), ((-30.0, 0.0, 5.0), 5.58), ((0.0, -20.0, 0.0), 4.31)],
+    [
+        ((30.0, 0.0, 0.0), 5.57),
+        ((0.0, 20.0, -5.0), 4.45),
+        ((-30.0, 0.0, 5.0), 5.58),
+        ((0.0, -20.0, 0.0), 4.31),
+    ],
 )
 def test_a_leg_is_as_fast_in_its_middle_as_the_real_one_was(goal, real_m_s):
     leg = curve((0.0, 0.0, 0.0), goal, 0.0, math.nan, WPNAV)
@@ -33,17 +38,25 @@ def test_a_leg_is_as_fast_in_its_middle_as_the_real_one_was(goal, real_m_s):
     speed_m_s=st.one_of(st.just(math.nan), st.floats(0.3, 20.0)),
     share=st.floats(0.0, 1.0),
 )
-def test_a_leg_begins_and_ends_at_rest_within_its_limits_and_is_its_own_integral(length_m, climb, speed_m_s, share):
+def test_a_leg_begins_and_ends_at_rest_within_its_limits_and_is_its_own_integral(
+    length_m, climb, speed_m_s, share
+):
     goal = (length_m * math.sqrt(1.0 - climb * climb), 0.0, length_m * climb)
     leg = curve((0.0, 0.0, 0.0), goal, 5.0, speed_m_s, WPNAV)
     assert leg.along(5.0) == (0.0, 0.0, 0.0)
     assert leg.along(leg.end_s) == (pytest.approx(leg.length_m), 0.0, 0.0)
-    at_s, step_s = 5.0 + share * (leg.end_s - 5.0), 1e-4 * (leg.end_s - 5.0)
+    at_s = 5.0 + share * (leg.end_s - 5.0)
+    step_s = 1e-4 * (leg.end_s - 5.0)
     before, now, after = (leg.along(at_s + k * step_s) for k in (-1, 0, 1))
     slack = 0.9 * step_s + 1e-6
-    assert (after.distance_m - before.distance_m) / (2.0 * step_s) == pytest.approx(now.speed_m_s, abs=5.0 * slack)
-    assert (after.speed_m_s - before.speed_m_s) / (2.0 * step_s) == pytest.approx(now.accel_m_s2, abs=slack)
-    level, high = abs(leg.direction[0]), abs(leg.direction[2])
+    assert (after.distance_m - before.distance_m) / (2.0 * step_s) == pytest.approx(
+        now.speed_m_s, abs=5.0 * slack
+    )
+    assert (after.speed_m_s - before.speed_m_s) / (2.0 * step_s) == pytest.approx(
+        now.accel_m_s2, abs=slack
+    )
+    level = abs(leg.direction[0])
+    high = abs(leg.direction[2])
     cruise = speed_m_s if speed_m_s > 0.0 else 10.0
     assert now.speed_m_s * level <= cruise + 1e-6
     assert now.speed_m_s * high <= (2.5 if climb < 0.0 else 1.5) + 1e-6

@@ -7,11 +7,18 @@ from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.protocols import PlanItem, PlanKind
 
 SIDE_M = 25.0
-VERTEX, KEEP_OUT_VERTEX, CIRCLE, KEEP_OUT_CIRCLE, RETURN = 5001, 5002, 5003, 5004, 5000
+VERTEX = 5001
+KEEP_OUT_VERTEX = 5002
+CIRCLE = 5003
+KEEP_OUT_CIRCLE = 5004
+RETURN = 5000
 
 
 def items(*commands):
-    return [PlanItem(seq, 3, command, 0, 1, 4.0, 0, 0, 0, 0, 0, 0.0) for seq, command in enumerate(commands)]
+    return [
+        PlanItem(seq, 3, command, 0, 1, 4.0, 0, 0, 0, 0, 0, 0.0)
+        for seq, command in enumerate(commands)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -44,12 +51,21 @@ def test_uploads_and_clearings_are_told_once_on_every_link_and_kept_as_parameter
         seen = len(flight.all("PARAM_VALUE")), len(flight.all("STATUSTEXT"))
         plans.set_plan(kind, items(*commands))
         flight.run(0.3)
-        values = [(m.param_id, m.param_value, m.param_index) for _, m in flight.all("PARAM_VALUE")[seen[0] :]]
+        values = [
+            (m.param_id, m.param_value, m.param_index)
+            for _, m in flight.all("PARAM_VALUE")[seen[0] :]
+        ]
         return values, [m.text for _, m in flight.all("STATUSTEXT")[seen[1] :]]
 
-    assert told(PlanKind.MISSION, 16, 22, 16, 20) == ([("MIS_TOTAL", 4.0, 0xFFFF)], ["Flight plan received"])
+    assert told(PlanKind.MISSION, 16, 22, 16, 20) == (
+        [("MIS_TOTAL", 4.0, 0xFFFF)],
+        ["Flight plan received"],
+    )
     for _ in range(2):  # the fence's count is reported again even if unchanged
-        assert told(PlanKind.FENCE, *[VERTEX] * 4) == ([("FENCE_TOTAL", 6.0, 0xFFFF)], ["Fence Indexed OK"])
+        assert told(PlanKind.FENCE, *[VERTEX] * 4) == (
+            [("FENCE_TOTAL", 6.0, 0xFFFF)],
+            ["Fence Indexed OK"],
+        )
     assert told(PlanKind.RALLY, 5100, 5100) == ([("RALLY_TOTAL", 2.0, 0xFFFF)], [])
     assert told(PlanKind.RALLY) == ([("RALLY_TOTAL", 0.0, 0xFFFF)], [])
     assert told(PlanKind.RALLY) == ([], [])
@@ -63,7 +79,9 @@ def square(fly):
     """A copter in GUIDED at 10 m in a square of 50 m with the fence enabled; parameters by keyword."""
 
     def make(**parameters):
-        flight = fly("arducopter", parameters={"FENCE_ENABLE": 1, "FENCE_TYPE": 4, **parameters}).run(0.5)
+        flight = fly(
+            "arducopter", parameters={"FENCE_ENABLE": 1, "FENCE_TYPE": 4, **parameters}
+        ).run(0.5)
         frame = flight.vehicle.autopilot.frame
         corners = [(SIDE_M, SIDE_M), (SIDE_M, -SIDE_M), (-SIDE_M, -SIDE_M), (-SIDE_M, SIDE_M)]
         places = [frame.to_geodetic(*corner, 0.0) for corner in corners]
@@ -80,11 +98,21 @@ def square(fly):
 @pytest.mark.parametrize(
     ("real", "stream", "axis"),
     [
-        ([(15.24, 4.44), (17.77, 3.86), (20.06, 3.09), (21.70, 2.24), (22.76, 1.20)], (5.0, 0.0, 0.0), 0),
-        ([(17.10, 3.81), (19.41, 3.19), (21.13, 2.46), (22.46, 1.50), (23.09, 0.57)], (-3.0, 4.0, 0.0), 1),
+        (
+            [(15.24, 4.44), (17.77, 3.86), (20.06, 3.09), (21.70, 2.24), (22.76, 1.20)],
+            (5.0, 0.0, 0.0),
+            0,
+        ),
+        (
+            [(17.10, 3.81), (19.41, 3.19), (21.13, 2.46), (22.46, 1.50), (23.09, 0.57)],
+            (-3.0, 4.0, 0.0),
+            1,
+        ),
     ],
 )
-def test_towards_a_fence_it_is_as_fast_at_each_distance_as_the_real_one(square, ned_velocity, real, stream, axis):
+def test_towards_a_fence_it_is_as_fast_at_each_distance_as_the_real_one(
+    square, ned_velocity, real, stream, axis
+):
     flight = square()
     flight.guided()
     flight.command(400, 1.0)

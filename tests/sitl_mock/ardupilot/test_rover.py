@@ -64,7 +64,9 @@ def test_it_has_no_take_off(fly):
 
 def test_a_place_is_driven_to(fly):
     flight = driving(fly)
-    flight.send("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 0x0DF8, 10.0, -6.0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+    flight.send(
+        "SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 0x0DF8, 10.0, -6.0, 0, 0, 0, 0, 0, 0, 0, 0, 0
+    )
     flight.run(30.0)
     assert math.dist(flight.position[:2], (10.0, -6.0)) < 0.8
 

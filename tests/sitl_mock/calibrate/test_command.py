@@ -37,21 +37,33 @@ def good_rows_fixture():
 def test_a_recorded_file_passes_and_prints_its_table(name, more):
     result = RUNNER.invoke(app, ["calibrate", str(DATA / f"{name}_steps.csv"), *more])
     assert result.exit_code == 0
-    for word in ("rise 10-90 %", "overshoot", "steady error", "RMS difference", name, "within the limit"):
+    for word in (
+        "rise 10-90 %",
+        "overshoot",
+        "steady error",
+        "RMS difference",
+        name,
+        "within the limit",
+    ):
         assert word in result.output
 
 
 def test_the_wrong_flavour_ends_with_one():
     result = RUNNER.invoke(
-        app, ["calibrate", str(DATA / "px4_steps.csv"), "--flavour", "arducopter", "--dynamics-only"]
+        app,
+        ["calibrate", str(DATA / "px4_steps.csv"), "--flavour", "arducopter", "--dynamics-only"],
     )
     assert result.exit_code == 1
     assert "ABOVE the limit" in result.output
 
 
 def test_json_holds_every_segment_and_no_nan():
-    result = RUNNER.invoke(app, ["calibrate", str(DATA / "px4_steps.csv"), "--json", "--dynamics-only"])
-    found = json.loads(result.output, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+    result = RUNNER.invoke(
+        app, ["calibrate", str(DATA / "px4_steps.csv"), "--json", "--dynamics-only"]
+    )
+    found = json.loads(
+        result.output, parse_constant=lambda name: pytest.fail(f"{name} is not JSON")
+    )
     assert found["flavour"] == "px4"
     assert found["passed"] is True
     assert len(found["segments"]) == 16
@@ -62,7 +74,14 @@ def test_json_holds_every_segment_and_no_nan():
 def test_a_plot_is_written(tmp_path):
     picture = tmp_path / "plot.png"
     result = RUNNER.invoke(
-        app, ["calibrate", str(DATA / "arducopter_steps.csv"), "--plot", str(picture), "--dynamics-only"]
+        app,
+        [
+            "calibrate",
+            str(DATA / "arducopter_steps.csv"),
+            "--plot",
+            str(picture),
+            "--dynamics-only",
+        ],
     )
     assert result.exit_code == 0
     assert picture.stat().st_size > 20_000
@@ -71,7 +90,9 @@ def test_a_plot_is_written(tmp_path):
 @pytest.mark.parametrize("place", ["plot.nonsense", "missing/plot.png"])
 def test_a_plot_that_cannot_be_written_is_a_clear_error(tmp_path, place):
     with pytest.raises(ConfigError, match=r"plot .* cannot be written"):
-        calibrate_file(DATA / "px4_steps.csv", None, tmp_path / place, as_json=True, dynamics_only=True)
+        calibrate_file(
+            DATA / "px4_steps.csv", None, tmp_path / place, as_json=True, dynamics_only=True
+        )
 
 
 def test_an_unknown_flavour_names_the_known_ones():
@@ -81,12 +102,17 @@ def test_an_unknown_flavour_names_the_known_ones():
 
 def test_a_varying_command_is_compared_by_its_difference_alone(tmp_path):
     rows = [f"{0.1 * k:.2f},{np.sin(0.1 * k):.4f},0,0,0,0,0,0,0,-20" for k in range(60)]
-    result = RUNNER.invoke(app, ["calibrate", str(write(tmp_path / "sine.csv", *rows)), "--json", "--flavour", "px4"])
+    result = RUNNER.invoke(
+        app, ["calibrate", str(write(tmp_path / "sine.csv", *rows)), "--json", "--flavour", "px4"]
+    )
     (segment,) = json.loads(result.output)["segments"]
     assert segment["varying"] is True
     assert segment["axes"]["N"]["command_m_s"] is None
     assert segment["axes"]["N"]["rms_m_s"] > 0.1
-    assert "varying" in RUNNER.invoke(app, ["calibrate", str(tmp_path / "sine.csv"), "--flavour", "px4"]).output
+    assert (
+        "varying"
+        in RUNNER.invoke(app, ["calibrate", str(tmp_path / "sine.csv"), "--flavour", "px4"]).output
+    )
 
 
 def test_a_vehicle_at_rest_under_a_zero_command_passes(tmp_path, good_rows):
@@ -110,12 +136,15 @@ def test_a_short_row_is_named(tmp_path, good_rows):
 
 def test_a_missing_column_is_named(tmp_path, good_rows):
     with pytest.raises(ConfigError, match="lacks the column vel_d_m_s; needed are t_s"):
-        read_step_log(write(tmp_path / "log.csv", *good_rows, header=HEADER.replace("vel_d_m_s", "climb")))
+        read_step_log(
+            write(tmp_path / "log.csv", *good_rows, header=HEADER.replace("vel_d_m_s", "climb"))
+        )
 
 
 @pytest.mark.parametrize("second", [0.5, 0.3])
 def test_time_that_does_not_increase_is_named(tmp_path, good_rows, second):
-    good_rows[5], good_rows[6] = row(0.5), row(second)
+    good_rows[5] = row(0.5)
+    good_rows[6] = row(second)
     with pytest.raises(ConfigError, match=r"row 8, column t_s: .*times must increase"):
         read_step_log(write(tmp_path / "log.csv", *good_rows))
 
@@ -148,7 +177,13 @@ def test_a_folder_is_not_a_log(tmp_path):
 
 
 def test_the_installed_command_ends_with_two_and_one_line_for_a_missing_file(tmp_path):
-    arguments = [sys.executable, "-c", "from sitl_mock.cli import main; main()", "calibrate", str(tmp_path / "no.csv")]
+    arguments = [
+        sys.executable,
+        "-c",
+        "from sitl_mock.cli import main; main()",
+        "calibrate",
+        str(tmp_path / "no.csv"),
+    ]
     done = subprocess.run(arguments, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
     assert "no.csv cannot be read" in done.stderr

@@ -31,9 +31,13 @@ def test_a_second_order_answer_overshoots_by_its_closed_form(damping):
     time_s = np.arange(0.0, 30.0, 0.01)
     ringing = math.sqrt(1.0 - damping**2)
     phase = 3.0 * ringing * time_s
-    velocity = -4.0 * (1.0 - np.exp(-3.0 * damping * time_s) * (np.cos(phase) + damping / ringing * np.sin(phase)))
+    velocity = -4.0 * (
+        1.0 - np.exp(-3.0 * damping * time_s) * (np.cos(phase) + damping / ringing * np.sin(phase))
+    )
     answer = response_of(time_s, velocity, 0.0, -4.0)
-    assert answer.overshoot_m_s == pytest.approx(4.0 * math.exp(-math.pi * damping / ringing), rel=1e-3)
+    assert answer.overshoot_m_s == pytest.approx(
+        4.0 * math.exp(-math.pi * damping / ringing), rel=1e-3
+    )
 
 
 def test_a_level_never_reached_has_no_rise_but_a_steady_error():

@@ -21,10 +21,14 @@ from sitl_mock.calibrate.comparison import segments_of
 from sitl_mock.errors import MockError
 
 DATA = Path(__file__).parents[2] / "data"
-FILES = {FlavourName.PX4: DATA / "px4_steps.csv", FlavourName.ARDUCOPTER: DATA / "arducopter_steps.csv"}
+FILES = {
+    FlavourName.PX4: DATA / "px4_steps.csv",
+    FlavourName.ARDUCOPTER: DATA / "arducopter_steps.csv",
+}
 each_file = pytest.mark.parametrize("flavour", list(FlavourName))
 each_way = pytest.mark.parametrize(
-    "whole_vehicle", [pytest.param(True, id="mavlink", marks=pytest.mark.long), pytest.param(False, id="dynamics")]
+    "whole_vehicle",
+    [pytest.param(True, id="mavlink", marks=pytest.mark.long), pytest.param(False, id="dynamics")],
 )
 
 
@@ -48,7 +52,9 @@ def test_velocity_is_within_the_limit_on_every_axis(flavour, whole_vehicle):
 
 
 @each_way
-@pytest.mark.parametrize(("flavour", "margin_m_s"), [(FlavourName.PX4, 0.095), (FlavourName.ARDUCOPTER, 0.045)])
+@pytest.mark.parametrize(
+    ("flavour", "margin_m_s"), [(FlavourName.PX4, 0.095), (FlavourName.ARDUCOPTER, 0.045)]
+)
 def test_velocity_is_well_inside_the_limit(flavour, margin_m_s, whole_vehicle):
     # PX4's own estimator noise is most of the 0.08 m/s that are left: its east axis, at rest, has 0.08 by itself.
     comparison = compare(recorded(flavour), flavour, answered(flavour, whole_vehicle))
@@ -58,7 +64,11 @@ def test_velocity_is_well_inside_the_limit(flavour, margin_m_s, whole_vehicle):
 @each_way
 def test_large_steps_over_the_corner_that_nothing_was_fitted_on_are_followed(whole_vehicle):
     log = read_step_log(DATA / "arducopter_diagonal_steps.csv")
-    answers = fly_log(log, FlavourName.ARDUCOPTER) if whole_vehicle else replay(log, vehicle_of(FlavourName.ARDUCOPTER))
+    answers = (
+        fly_log(log, FlavourName.ARDUCOPTER)
+        if whole_vehicle
+        else replay(log, vehicle_of(FlavourName.ARDUCOPTER))
+    )
     assert max(compare(log, FlavourName.ARDUCOPTER, answers).rms_ned_m_s) <= 0.15
 
 
@@ -93,15 +103,20 @@ def test_both_halves_of_the_segments_fit_alike(flavour):
 
 
 def test_every_segment_and_axis_is_compared():
-    comparison = compare(recorded(FlavourName.PX4), FlavourName.PX4, answered(FlavourName.PX4, False))
+    comparison = compare(
+        recorded(FlavourName.PX4), FlavourName.PX4, answered(FlavourName.PX4, False)
+    )
     assert len(comparison.segments) == 16
-    assert all([axis.axis for axis in segment.axes] == ["N", "E", "D"] for segment in comparison.segments)
+    assert all(
+        [axis.axis for axis in segment.axes] == ["N", "E", "D"] for segment in comparison.segments
+    )
     assert not any(segment.varying for segment in comparison.segments)
 
 
 @each_way
 def test_arducopter_rise_times_agree_to_a_tenth_of_a_second(whole_vehicle):
-    log, flavour = recorded(FlavourName.ARDUCOPTER), FlavourName.ARDUCOPTER
+    log = recorded(FlavourName.ARDUCOPTER)
+    flavour = FlavourName.ARDUCOPTER
     comparison = compare(log, flavour, answered(flavour, whole_vehicle))
     rises = [
         (axis.real.rise_s, axis.mock.rise_s)
@@ -132,7 +147,12 @@ def test_a_flavour_is_guessed_from_the_name_or_from_the_fit(flavour):
 @each_file
 def test_a_flight_along_a_log_repeats_itself(flavour):
     log = recorded(flavour)
-    short = StepLog(log.time_s[:150], log.command_ned_m_s[:150], log.velocity_ned_m_s[:150], log.position_ned_m[:150])
+    short = StepLog(
+        log.time_s[:150],
+        log.command_ned_m_s[:150],
+        log.velocity_ned_m_s[:150],
+        log.position_ned_m[:150],
+    )
     assert np.array_equal(fly_log(short, flavour), fly_log(short, flavour))
     assert np.array_equal(replay(short, vehicle_of(flavour)), replay(short, vehicle_of(flavour)))
 

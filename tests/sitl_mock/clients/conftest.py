@@ -59,7 +59,9 @@ class Client:
 
     def ready(self, within_s=15.0):
         """Wait until it can be armed."""
-        self.wait(lambda: self.telemetry.health_all_ok() and self.telemetry.health().is_armable, within_s)
+        self.wait(
+            lambda: self.telemetry.health_all_ok() and self.telemetry.health().is_armable, within_s
+        )
         return self
 
     @property
@@ -152,7 +154,9 @@ def inject():
         with zenoh.open(configuration("client", vehicle.zenoh, connect=True)) as session:
 
             def ask(request):
-                (reply,) = list(session.get(f"{vehicle.name}/faults", payload=json.dumps(request), timeout=5.0))
+                (reply,) = list(
+                    session.get(f"{vehicle.name}/faults", payload=json.dumps(request), timeout=5.0)
+                )
                 assert reply.ok is not None, bytes(reply.err.payload)
                 time.sleep(0.03)  # it holds from the mock's next cycle
                 return json.loads(bytes(reply.ok.payload))

@@ -69,7 +69,8 @@ def test_px4_is_armed_and_flown_by_mavproxy(fleet_of, proxy):
         mav.say("param set COM_OBL_RC_ACT 5")
         time.sleep(0.5)
         mav.say("param show COM_OBL_RC_ACT")
-        (bits,) = struct.unpack("<f", struct.pack("<i", 5))  # MAVProxy shows PX4's whole numbers as floats
+        # MAVProxy shows PX4's whole numbers as floats
+        (bits,) = struct.unpack("<f", struct.pack("<i", 5))
         mav.expect(f"COM_OBL_RC_ACT   {bits}")
         mav.say("wp list")
         mav.expect("Requesting 0 waypoints")

@@ -64,7 +64,8 @@ def test_an_answer_a_second_late_is_taken(px4, inject):
         begin = time.monotonic()
         px4.action.arm()
         assert time.monotonic() - begin == pytest.approx(1.0, abs=0.3)
-        time.sleep(1.2)  # the answers to MAVSDK's resends: they would be taken for those to the next command
+        # The answers to MAVSDK's resends: they would be taken for those to the next command
+        time.sleep(1.2)
     px4.action.disarm()
 
 
@@ -117,13 +118,17 @@ def test_row_15_an_unknown_parameter_is_met_with_silence(copter):
 
 def test_parameters_that_are_not_answered_time_out_after_three_seconds(px4, inject):
     with inject(px4.vehicle, kind="loss", messages=["PARAM_VALUE"]):
-        took_s, result = seconds_until(ParamError, lambda: px4.param.get_param_float("COM_OF_LOSS_T"))
+        took_s, result = seconds_until(
+            ParamError, lambda: px4.param.get_param_float("COM_OF_LOSS_T")
+        )
     assert (result, took_s) == (ParamResult.TIMEOUT, pytest.approx(3.0, abs=0.5))
 
 
 def test_a_parameter_that_is_echoed_with_another_value_is_not_believed(px4, inject):
     with inject(px4.vehicle, kind="param_echo", parameter="COM_OF_LOSS_T", value=9.0):
-        _, result = seconds_until(ParamError, lambda: px4.param.set_param_float("COM_OF_LOSS_T", 2.0))
+        _, result = seconds_until(
+            ParamError, lambda: px4.param.set_param_float("COM_OF_LOSS_T", 2.0)
+        )
     assert result != ParamResult.SUCCESS
     px4.param.set_param_float("COM_OF_LOSS_T", 1.0)
 
@@ -143,7 +148,9 @@ def test_the_connection_is_lost_three_seconds_after_the_last_heartbeat(px4, inje
 
 def test_another_component_with_a_custom_mode_deceives_mavsdk(px4, inject):
     assert px4.telemetry.flight_mode() != FlightMode.OFFBOARD
-    with inject(px4.vehicle, kind="foreign_heartbeat", component=191, mode="OFFBOARD", period_s=0.1):
+    with inject(
+        px4.vehicle, kind="foreign_heartbeat", component=191, mode="OFFBOARD", period_s=0.1
+    ):
         px4.wait(lambda: px4.telemetry.flight_mode() == FlightMode.OFFBOARD, 2.0)
     px4.wait(lambda: px4.telemetry.flight_mode() != FlightMode.OFFBOARD, 3.0)
 
@@ -184,14 +191,18 @@ def test_offboard_in_the_air_is_believed_too_early_lost_and_taken_by_the_pilot(p
     time.sleep(0.3)
     px4.offboard.start()
     px4.wait(lambda: px4.telemetry.flight_mode() == FlightMode.OFFBOARD, 3.0)
-    with inject(px4.vehicle, kind="loss", direction="in", messages=["SET_POSITION_TARGET_LOCAL_NED"]):
+    with inject(
+        px4.vehicle, kind="loss", direction="in", messages=["SET_POSITION_TARGET_LOCAL_NED"]
+    ):
         took_s = px4.wait(lambda: px4.telemetry.flight_mode() == FlightMode.RETURN_TO_LAUNCH, 4.0)
         assert 0.8 < took_s < 2.4  # COM_OF_LOSS_T, then the next HEARTBEAT
-    if not px4.offboard.is_active():  # a slow machine: MAVSDK ignores another mode for no longer than some seconds
+    # A slow machine: MAVSDK ignores another mode for no longer than some seconds
+    if not px4.offboard.is_active():
         px4.offboard.set_velocity_ned(STILL)
         time.sleep(0.3)
         px4.offboard.start()
-    px4.wait(lambda: px4.telemetry.flight_mode() == FlightMode.OFFBOARD, 3.0)  # by itself, as on the real PX4
+    # By itself, as on the real PX4
+    px4.wait(lambda: px4.telemetry.flight_mode() == FlightMode.OFFBOARD, 3.0)
 
     with inject(px4.vehicle, kind="pilot_mode", mode="POSCTL"):
         px4.wait(lambda: px4.telemetry.flight_mode() == FlightMode.POSCTL, 3.0)
@@ -200,7 +211,10 @@ def test_offboard_in_the_air_is_believed_too_early_lost_and_taken_by_the_pilot(p
 
 
 def test_mavsdk_over_zenoh_outlives_a_restart_of_the_router(copter, inject):
-    with contextlib.suppress(zenoh.ZError, ValueError), inject(copter.vehicle, kind="router_restart", for_s=0.5):
+    with (
+        contextlib.suppress(zenoh.ZError, ValueError),
+        inject(copter.vehicle, kind="router_restart", for_s=0.5),
+    ):
         time.sleep(0.7)
     copter.wait(copter.system.is_connected, 10.0)
     copter.wait(lambda: armed_and_disarmed(copter), 10.0)

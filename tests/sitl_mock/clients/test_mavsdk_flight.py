@@ -69,7 +69,9 @@ def fly_body_velocity(client):
 
 def fly_ned(client):
     client.offboard.set_velocity_ned(VelocityNedYaw(2.0, -1.0, 0.0, 0.0))
-    client.wait(lambda: speeds(client)[0] > 1.4 and speeds(client)[1] < -0.6, 8.0, "velocity not followed")
+    client.wait(
+        lambda: speeds(client)[0] > 1.4 and speeds(client)[1] < -0.6, 8.0, "velocity not followed"
+    )
     start = client.telemetry.position_velocity_ned().position
     goal = PositionNedYaw(start.north_m + 3.0, start.east_m + 2.0, start.down_m - 1.0, 0.0)
     client.offboard.set_position_ned(goal)
@@ -78,7 +80,10 @@ def fly_ned(client):
 
 def fly(client):
     """Over UDP it ends by landing, over Zenoh by returning home."""
-    flavour, telemetry, action, offboard = client.vehicle.flavour, client.telemetry, client.action, client.offboard
+    flavour = client.vehicle.flavour
+    telemetry = client.telemetry
+    action = client.action
+    offboard = client.offboard
     returns = client.vehicle.name.endswith("zenoh")
     ask_for_streams(client)
     client.ready()
@@ -89,7 +94,9 @@ def fly(client):
     assert client.param.get_param_float(name) == 0.75
     take_off(client)
     if flavour == "px4":
-        client.wait(lambda: telemetry.flight_mode() == FlightMode.HOLD, 5.0, "no hold after take-off")
+        client.wait(
+            lambda: telemetry.flight_mode() == FlightMode.HOLD, 5.0, "no hold after take-off"
+        )
 
     offboard.set_velocity_ned(VelocityNedYaw(0.0, 0.0, 0.0, 0.0))
     time.sleep(0.3)  # PX4 takes OFFBOARD about 0.1 s after the first setpoint

@@ -9,10 +9,22 @@ import pytest
 from mavsdk import ComponentType
 from mavsdk.asyncio import Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync
-from mavsdk.asyncio.plugins.geofence import Circle, FenceType, GeofenceAsync, GeofenceData, Point, Polygon
+from mavsdk.asyncio.plugins.geofence import (
+    Circle,
+    FenceType,
+    GeofenceAsync,
+    GeofenceData,
+    Point,
+    Polygon,
+)
 from mavsdk.asyncio.plugins.info import InfoAsync
 from mavsdk.asyncio.plugins.mission import MissionAsync, MissionItem, MissionPlan
-from mavsdk.asyncio.plugins.offboard import OffboardAsync, OffboardError, PositionNedYaw, VelocityNedYaw
+from mavsdk.asyncio.plugins.offboard import (
+    OffboardAsync,
+    OffboardError,
+    PositionNedYaw,
+    VelocityNedYaw,
+)
 from mavsdk.asyncio.plugins.param import ParamAsync, ParamError
 from mavsdk.asyncio.plugins.telemetry import FlightMode, TelemetryAsync
 
@@ -65,7 +77,9 @@ async def first(stream, accepted, within_s, what):
 
 async def ready(telemetry):
     """Wait until the vehicle can be armed."""
-    await first(telemetry.subscribe_health(), lambda health: health.is_armable, 15.0, "never armable")
+    await first(
+        telemetry.subscribe_health(), lambda health: health.is_armable, 15.0, "never armable"
+    )
     await first(telemetry.subscribe_health_all_ok(), bool, 15.0, "never healthy")
 
 
@@ -73,12 +87,16 @@ def spiral(home):
     """Waypoints 1.2 m to 1.8 m apart on a growing circle, flown through."""
     items = []
     for index in range(ITEMS):
-        angle, radius_m = 0.6 * index, 2.0 + 0.04 * index
+        angle = 0.6 * index
+        radius_m = 2.0 + 0.04 * index
         items.append(
             MissionItem(
                 latitude_deg=home.latitude_deg + radius_m * math.cos(angle) / M_PER_DEG,
                 longitude_deg=home.longitude_deg
-                + radius_m * math.sin(angle) / M_PER_DEG / math.cos(math.radians(home.latitude_deg)),
+                + radius_m
+                * math.sin(angle)
+                / M_PER_DEG
+                / math.cos(math.radians(home.latitude_deg)),
                 relative_altitude_m=4.0 + 0.02 * index,
                 speed_m_s=8.0,
                 is_fly_through=True,
@@ -98,7 +116,9 @@ def spiral(home):
 
 async def test_a_mission_of_25_items_is_uploaded_read_back_and_flown(fleet):
     async with over_udp(fleet["planner"]) as system:
-        telemetry, action, mission = TelemetryAsync(system), ActionAsync(system), MissionAsync(system)
+        telemetry = TelemetryAsync(system)
+        action = ActionAsync(system)
+        mission = MissionAsync(system)
         await ready(telemetry)
         home = await telemetry.home()
         plan = spiral(home)
@@ -112,7 +132,10 @@ async def test_a_mission_of_25_items_is_uploaded_read_back_and_flown(fleet):
         await action.arm()
         await mission.start_mission()
         await first(
-            mission.subscribe_mission_progress(), lambda done: done.current == done.total == ITEMS, 60.0, "not flown"
+            mission.subscribe_mission_progress(),
+            lambda done: done.current == done.total == ITEMS,
+            60.0,
+            "not flown",
         )
         assert await mission.is_mission_finished()
         await action.kill()
@@ -123,7 +146,9 @@ async def test_a_mission_of_25_items_is_uploaded_read_back_and_flown(fleet):
 
 async def test_the_asyncio_client_flies_offboard_over_zenoh(fleet, bridge_of):
     async with over_zenoh(fleet["flyer"], bridge_of) as system:
-        telemetry, action, offboard = TelemetryAsync(system), ActionAsync(system), OffboardAsync(system)
+        telemetry = TelemetryAsync(system)
+        action = ActionAsync(system)
+        offboard = OffboardAsync(system)
         await ready(telemetry)
         assert (await InfoAsync(system).get_version()).flight_sw_major == 1
         with pytest.raises(OffboardError, match="NO_SETPOINT_SET"):
@@ -132,12 +157,24 @@ async def test_the_asyncio_client_flies_offboard_over_zenoh(fleet, bridge_of):
             await ParamAsync(system).get_param_int("COM_OF_LOSS_T")
         await action.arm()
         await action.takeoff()
-        await first(telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.HOLD, 20.0, "no hold")
-        await first(telemetry.subscribe_position(), lambda p: p.relative_altitude_m > 3.5, 20.0, "no take-off")
+        await first(
+            telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.HOLD, 20.0, "no hold"
+        )
+        await first(
+            telemetry.subscribe_position(),
+            lambda p: p.relative_altitude_m > 3.5,
+            20.0,
+            "no take-off",
+        )
         await offboard.set_velocity_ned(VelocityNedYaw(0.0, 2.0, 0.0, 90.0))
         await asyncio.sleep(0.3)
         await offboard.start()
-        await first(telemetry.subscribe_position_velocity_ned(), lambda pv: pv.velocity.east_m_s > 1.4, 6.0, "too slow")
+        await first(
+            telemetry.subscribe_position_velocity_ned(),
+            lambda pv: pv.velocity.east_m_s > 1.4,
+            6.0,
+            "too slow",
+        )
         await offboard.set_position_ned(PositionNedYaw(0.0, 0.0, -4.0, 0.0))
         await first(
             telemetry.subscribe_position_velocity_ned(),
@@ -146,7 +183,9 @@ async def test_the_asyncio_client_flies_offboard_over_zenoh(fleet, bridge_of):
             "not back",
         )
         await action.hold()
-        await first(telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.HOLD, 3.0, "no hold")
+        await first(
+            telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.HOLD, 3.0, "no hold"
+        )
         await offboard.stop()
         await action.land()
         await first(telemetry.subscribe_armed(), lambda armed: not armed, 20.0, "not landed")
@@ -156,8 +195,15 @@ async def test_the_asyncio_client_flies_offboard_over_zenoh(fleet, bridge_of):
 async def test_a_geofence_is_uploaded_and_read_back(fleet, name):
     async with over_udp(fleet[name]) as system:
         geofence = GeofenceAsync(system)
-        corners = [Point(47.398, 8.545), Point(47.398, 8.547), Point(47.397, 8.547), Point(47.397, 8.545)]
-        fences = GeofenceData([Polygon(corners, FenceType.INCLUSION)], [Circle(corners[0], 5.0, FenceType.EXCLUSION)])
+        corners = [
+            Point(47.398, 8.545),
+            Point(47.398, 8.547),
+            Point(47.397, 8.547),
+            Point(47.397, 8.545),
+        ]
+        fences = GeofenceData(
+            [Polygon(corners, FenceType.INCLUSION)], [Circle(corners[0], 5.0, FenceType.EXCLUSION)]
+        )
         await geofence.upload_geofence(fences)
         back = await geofence.download_geofence()
         assert [len(polygon.points) for polygon in back.polygons] == [4]

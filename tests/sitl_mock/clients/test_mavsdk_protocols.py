@@ -28,7 +28,9 @@ class RawLink:
         self._inbox = collections.deque()
         self._stop = threading.Event()
         client.add_any_connection("raw://")
-        client.subscribe_raw_bytes_to_be_sent(lambda data, *_: self._inbox.append(bytes(getattr(data, "bytes", data))))
+        client.subscribe_raw_bytes_to_be_sent(
+            lambda data, *_: self._inbox.append(bytes(getattr(data, "bytes", data)))
+        )
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
@@ -36,7 +38,9 @@ class RawLink:
         begin = time.monotonic()
         while not self._stop.wait(0.002):
             came = [self._inbox.popleft() for _ in range(len(self._inbox))]
-            frames = self.vehicle.step(time.monotonic() - begin, [frame for frame in came if self._passes()])
+            frames = self.vehicle.step(
+                time.monotonic() - begin, [frame for frame in came if self._passes()]
+            )
             for frame in frames:
                 if self._passes():
                     self._client.pass_received_raw_bytes(frame)
@@ -71,7 +75,9 @@ def waypoints(count):
 
 def test_parameters_are_read_and_set_in_their_types(flown):
     flavour, _, system = flown
-    integer, real = ("NAV_RCL_ACT", "COM_OF_LOSS_T") if flavour == "px4" else ("FS_THR_VALUE", "GUID_TIMEOUT")
+    integer, real = (
+        ("NAV_RCL_ACT", "COM_OF_LOSS_T") if flavour == "px4" else ("FS_THR_VALUE", "GUID_TIMEOUT")
+    )
     param = Param(system)
     param.set_param_int(integer, 3)
     param.set_param_float(real, 1.25)
@@ -117,7 +123,8 @@ def upload(mission, items, attempts=4):
 
 def test_a_mission_survives_a_tenth_lost_each_way(flown):
     _, link, system = flown
-    mission, items = MissionRaw(system), waypoints(100)
+    mission = MissionRaw(system)
+    items = waypoints(100)
     link.loss = 0.1
     try:
         upload(mission, items)

@@ -17,7 +17,9 @@ def fleet(fleet_of):
 @pytest.fixture
 def link(fleet, request):
     """A mavutil connection that has heard the vehicle."""
-    opened = mavutil.mavlink_connection(f"udpin:127.0.0.1:{fleet[request.param].udp_port}", source_system=255)
+    opened = mavutil.mavlink_connection(
+        f"udpin:127.0.0.1:{fleet[request.param].udp_port}", source_system=255
+    )
     assert opened.wait_heartbeat(timeout=5.0) is not None
     yield opened
     opened.close()
@@ -33,7 +35,9 @@ def wait_mode(link, mode, within_s=5.0):
 @pytest.mark.parametrize("link", ["uav1", "copter", "car"], indirect=True)
 def test_mavutil_counts_every_parameter_once(link):
     link.param_fetch_all()
-    names, count, end_s = set(), None, time.monotonic() + 10.0
+    names = set()
+    count = None
+    end_s = time.monotonic() + 10.0
     while count is None or len(names) < count:
         assert time.monotonic() < end_s, f"{len(names)} of {count}"
         message = link.recv_match(type="PARAM_VALUE", blocking=True, timeout=1.0)

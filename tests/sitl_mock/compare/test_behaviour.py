@@ -14,16 +14,27 @@ from sitl_mock.mavlink import Decoder, Encoder
 
 RUNNER = CliRunner(env={"COLUMNS": "140"})
 STARTED_US = 1_760_000_000_000_000
-GUIDED, ARM, TAKE_OFF = (176, 1, 4), (400, 1), (22, 0, 0, 0, 0, 0, 0, 5)
+GUIDED = (176, 1, 4)
+ARM = (400, 1)
+TAKE_OFF = (22, 0, 0, 0, 0, 0, 0, 5)
 RATES = [(511, 32, 20_000), (511, 30, 50_000), (511, 33, 100_000)]
 
 
-def recorded(path, flavour="arducopter", *, commands=(*RATES, GUIDED, ARM, TAKE_OFF), seconds=20.0, change=None):
+def recorded(
+    path,
+    flavour="arducopter",
+    *,
+    commands=(*RATES, GUIDED, ARM, TAKE_OFF),
+    seconds=20.0,
+    change=None,
+):
     """Write a tlog of a mock that a client has flown; `change(name)` may drop (None) or keep a message."""
     vehicle = MockVehicle(flavour, ready_after_s=0.0, links={"recorded": "onboard"})
     vehicle.step(-BOOTED_S)
     vehicle.step(-0.01)
-    encoder, decoder, raw = Encoder(255, 190), Decoder(), []
+    encoder = Encoder(255, 190)
+    decoder = Decoder()
+    raw = []
 
     def write(at_s, frame):
         raw.append(struct.pack(">Q", STARTED_US + round(at_s * 1e6)) + frame)
@@ -34,7 +45,9 @@ def recorded(path, flavour="arducopter", *, commands=(*RATES, GUIDED, ARM, TAKE_
         frames = []
         if step % 50 == 0 and number < len(commands):
             number, *params = commands[number]
-            frames = [encoder.pack("COMMAND_LONG", 1, 1, number, 0, *params, *[0] * (7 - len(params)))]
+            frames = [
+                encoder.pack("COMMAND_LONG", 1, 1, number, 0, *params, *[0] * (7 - len(params)))
+            ]
         for frame in frames:
             write(now_s, frame)
         for frame in vehicle.step(now_s, frames):
@@ -58,7 +71,9 @@ def test_a_recording_of_the_mock_itself_is_no_different(tmp_path, flavour):
 
 
 def test_a_message_that_one_side_lacks_is_found(tmp_path):
-    file = recorded(tmp_path / "flight.tlog", change=lambda message: message.get_type() != "ATTITUDE")
+    file = recorded(
+        tmp_path / "flight.tlog", change=lambda message: message.get_type() != "ATTITUDE"
+    )
     recording = read_tlog(file)
     found = differences(behaviour_of(recording.said), behaviour_of(fly_recording(recording)))
     assert [(each.kind, each.message) for each in found] == [("extra", "ATTITUDE")]
@@ -75,9 +90,13 @@ def test_a_rate_that_is_half_is_found_and_named(tmp_path):
     result = RUNNER.invoke(app, ["compare", str(file), "--json"])
     assert result.exit_code == 1
     told = json.loads(result.output)
-    assert told["messages"]["LOCAL_POSITION_NED"]["recorded"]["rate_hz"] == pytest.approx(25.0, abs=0.2)
+    assert told["messages"]["LOCAL_POSITION_NED"]["recorded"]["rate_hz"] == pytest.approx(
+        25.0, abs=0.2
+    )
     assert told["messages"]["LOCAL_POSITION_NED"]["mock"]["rate_hz"] == pytest.approx(50.0, abs=0.2)
-    assert {(each["kind"], each["message"]) for each in told["differences"]} == {("rate", "LOCAL_POSITION_NED")}
+    assert {(each["kind"], each["message"]) for each in told["differences"]} == {
+        ("rate", "LOCAL_POSITION_NED")
+    }
 
 
 def test_a_field_that_stands_still_on_one_side_is_found_in_its_phase(tmp_path):
@@ -97,7 +116,11 @@ def test_ranges_are_shown_on_request(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "said"),
-    [(b"", "no HEARTBEAT"), (bytes(40), "no MAVLink frame"), (b"t_s,cmd_n_m_s\n" * 9, "no MAVLink frame")],
+    [
+        (b"", "no HEARTBEAT"),
+        (bytes(40), "no MAVLink frame"),
+        (b"t_s,cmd_n_m_s\n" * 9, "no MAVLink frame"),
+    ],
 )
 def test_what_is_no_recording_is_refused_with_its_name(tmp_path, content, said):
     file = tmp_path / "other.tlog"

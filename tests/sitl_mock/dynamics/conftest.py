@@ -44,7 +44,9 @@ def fly(
 ) -> Trace:
     motion = motion or vehicle.initial((0.0, 0.0, -20.0), 0.0, flying=True)
     count = round(seconds / dt_s)
-    times, places, speeds = [], [], []
+    times = []
+    places = []
+    speeds = []
     for step in range(count):
         now_s = step * dt_s
         order = setpoint(now_s) if callable(setpoint) else setpoint
@@ -62,13 +64,18 @@ def stream(n: float = 0.0, e: float = 0.0, d: float = 0.0, **more) -> Setpoint:
     return Setpoint(Kind.STREAM, velocity_ned_m_s=(n, e, d), **more)
 
 
-def sine_answer(vehicle: Vehicle, frequency_hz: float, amplitude_m_s: float = 3.0) -> tuple[float, float]:
+def sine_answer(
+    vehicle: Vehicle, frequency_hz: float, amplitude_m_s: float = 3.0
+) -> tuple[float, float]:
     """Gain and lag (s) of north velocity to a sine, once settled."""
-    trace = fly(vehicle, lambda t: stream(amplitude_m_s * math.sin(math.tau * frequency_hz * t)), 80.0)
+    trace = fly(
+        vehicle, lambda t: stream(amplitude_m_s * math.sin(math.tau * frequency_hz * t)), 80.0
+    )
     settled = trace.time_s > 40.0
     phase = math.tau * frequency_hz * trace.time_s[settled]
     north = trace.velocity[settled, 0]
-    in_phase, across = 2.0 * np.mean(north * np.sin(phase)), 2.0 * np.mean(north * np.cos(phase))
+    in_phase = 2.0 * np.mean(north * np.sin(phase))
+    across = 2.0 * np.mean(north * np.cos(phase))
     lag_rad = -math.atan2(across, in_phase) % math.tau
     return math.hypot(in_phase, across) / amplitude_m_s, lag_rad / (math.tau * frequency_hz)
 

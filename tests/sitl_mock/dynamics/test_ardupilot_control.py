@@ -81,7 +81,9 @@ def test_the_nose_turns_to_the_direction_of_travel(fly, stream):
 def test_the_nose_stays_at_walking_pace_and_where_it_is_commanded(fly, stream):
     vehicle = arducopter_quadrotor()
     assert fly(vehicle, stream(0.0, 0.8), 8.0).motion.body.yaw_rad == pytest.approx(0.0, abs=1e-6)
-    assert fly(vehicle, stream(0.0, 4.0, yaw_rad=0.5), 8.0).motion.body.yaw_rad == pytest.approx(0.5, abs=0.01)
+    assert fly(vehicle, stream(0.0, 4.0, yaw_rad=0.5), 8.0).motion.body.yaw_rad == pytest.approx(
+        0.5, abs=0.01
+    )
 
 
 def test_a_yaw_rate_is_followed(fly, stream):
@@ -106,9 +108,12 @@ def test_a_position_setpoint_is_travelled_to_and_held(fly):
 
 
 def test_take_off_and_landing_end_in_the_air_and_on_the_ground(fly):
-    vehicle, ground = arducopter_quadrotor(), Surroundings(ground_down_m=0.0)
+    vehicle = arducopter_quadrotor()
+    ground = Surroundings(ground_down_m=0.0)
     up = Setpoint(Kind.TRAVEL, position_ned_m=(0.0, 0.0, -10.0))
-    flying = fly(vehicle, up, 20.0, motion=vehicle.initial((0.0, 0.0, 0.0), 0.0), around=ground).motion
+    flying = fly(
+        vehicle, up, 20.0, motion=vehicle.initial((0.0, 0.0, 0.0), 0.0), around=ground
+    ).motion
     assert flying.body.position_ned_m[2] == pytest.approx(-10.0, abs=0.02)
     down = Setpoint(Kind.TRAVEL, position_ned_m=(0.0, 0.0, NAN), velocity_ned_m_s=(NAN, NAN, 0.5))
     landed = fly(vehicle, down, 25.0, motion=flying, around=ground).motion

@@ -9,7 +9,10 @@ from sitl_mock.dynamics import PX4_WANDER, ZERO, Errors, gust_after
 
 
 def run_wander(seed: int, steps: int, dt_s: float) -> tuple[np.ndarray, np.ndarray]:
-    random, errors, places, speeds = Random(seed), Errors(), [], []
+    random = Random(seed)
+    errors = Errors()
+    places = []
+    speeds = []
     for _ in range(steps):
         errors = PX4_WANDER.after(errors, random, dt_s)
         places.append(errors.position_ned_m)
@@ -37,7 +40,9 @@ def test_a_seed_repeats_its_errors_and_another_does_not():
 
 @pytest.mark.parametrize("dt_s", [0.02, 0.5])
 def test_gusts_have_the_claimed_spread_at_any_step(dt_s):
-    random, gust, seen = Random(5), ZERO, []
+    random = Random(5)
+    gust = ZERO
+    seen = []
     for _ in range(round(4000 / dt_s)):
         gust = gust_after(gust, 1.5, random, dt_s, time_s=2.0)
         seen.append(gust)

@@ -43,7 +43,9 @@ def test_a_steady_lean_reaches_the_speed_where_drag_balances_it():
     body = body_at((0.0, 0.0, -50.0), 0.0, on_ground=False)
     high = CALM._replace(ground_down_m=1e6)
     for _ in range(6000):
-        body = step_body(frame, body, Demand(0.0, lean, GRAVITY_M_S2 / math.cos(lean), 0.0), high, 0.01)
+        body = step_body(
+            frame, body, Demand(0.0, lean, GRAVITY_M_S2 / math.cos(lean), 0.0), high, 0.01
+        )
     speed = body.velocity_ned_m_s[1]
     assert speed * (0.3 + 0.05 * speed) == pytest.approx(GRAVITY_M_S2 * math.tan(lean), rel=1e-3)
 
@@ -74,7 +76,9 @@ def test_thrust_below_the_weight_leaves_it_standing(thrust, lean):
 def test_an_impact_ends_at_rest_on_the_ground_and_never_below_it(fly, make):
     vehicle = make()
     motion = vehicle.initial((0.0, 0.0, -15.0), 0.0, flying=True)
-    trace = fly(vehicle, Setpoint(Kind.STOPPED), 5.0, motion=motion, around=Surroundings(ground_down_m=2.0))
+    trace = fly(
+        vehicle, Setpoint(Kind.STOPPED), 5.0, motion=motion, around=Surroundings(ground_down_m=2.0)
+    )
     assert trace.velocity[:, 2].max() > 8.0
     assert trace.position[:, 2].max() == 2.0
     assert trace.motion.body.on_ground
@@ -97,7 +101,8 @@ def test_half_the_step_gives_the_same_flight(fly, make, stream):
     def orders(now_s: float) -> Setpoint:
         return FAST if now_s < 4.0 else SLOW
 
-    FAST, SLOW = stream(5.0, -2.0, -1.0), stream(0.0, 1.0, 0.5)
+    FAST = stream(5.0, -2.0, -1.0)
+    SLOW = stream(0.0, 1.0, 0.5)
     coarse = fly(make(), orders, 8.0, dt_s=0.02)
     fine = fly(make(), orders, 8.0, dt_s=0.01)
     assert np.abs(coarse.velocity - fine.velocity[1::2]).max() < 0.15
@@ -106,7 +111,8 @@ def test_half_the_step_gives_the_same_flight(fly, make, stream):
 
 @every_copter
 def test_a_long_step_is_its_short_ones(make, stream):
-    vehicle, order = make(), stream(3.0, 1.0, -0.5)
+    vehicle = make()
+    order = stream(3.0, 1.0, -0.5)
     once = vehicle.step(vehicle.initial((0.0, 0.0, -9.0), 1.0, flying=True), order, CALM, 1.0)
     motion = vehicle.initial((0.0, 0.0, -9.0), 1.0, flying=True)
     for _ in range(50):

@@ -74,7 +74,8 @@ def test_tilt_caps_the_airframe_near_ten_metres_a_second(fly, stream):
 def test_a_horizontal_setpoint_is_truncated_to_its_maximum_as_a_vector(fly, stream):
     slippery = dataclasses.replace(PX4_AIRFRAME, drag_1_s=0.3)
     trace = fly(px4_quadrotor(airframe=slippery), stream(30.0, 40.0), 40.0)
-    north, east = trace.mean(0, 38.0, 40.0), trace.mean(1, 38.0, 40.0)
+    north = trace.mean(0, 38.0, 40.0)
+    east = trace.mean(1, 38.0, 40.0)
     assert math.hypot(north, east) == pytest.approx(12.0, abs=0.1)
     assert east / north == pytest.approx(4.0 / 3.0, rel=0.01)
 
@@ -95,7 +96,9 @@ def test_saturation_does_not_wind_the_integrator_up(fly, stream):
 
 
 def test_vertical_velocity_with_height_holds_height_over_fifty_metres(fly):
-    order = Setpoint(Kind.STREAM, position_ned_m=(NAN, NAN, -20.0), velocity_ned_m_s=(5.0, 0.0, 0.0))
+    order = Setpoint(
+        Kind.STREAM, position_ned_m=(NAN, NAN, -20.0), velocity_ned_m_s=(5.0, 0.0, 0.0)
+    )
     trace = fly(px4_quadrotor(), order, 12.0)
     assert trace.position[-1, 0] > 45.0
     assert np.abs(trace.position[:, 2] + 20.0).max() < 0.2
@@ -103,7 +106,8 @@ def test_vertical_velocity_with_height_holds_height_over_fifty_metres(fly):
 
 def wandering(seed: int):
     """Surroundings whose estimator errs as PX4's does, ten times a second."""
-    random, errors = Random(seed), Errors()
+    random = Random(seed)
+    errors = Errors()
 
     def around(now_s: float) -> Surroundings:
         nonlocal errors
@@ -119,7 +123,9 @@ def wandering(seed: int):
 
 
 def test_a_held_velocity_alone_lets_height_wander_by_metres(fly, stream):
-    flights = [fly(px4_quadrotor(), stream(5.0), 75.0, around=wandering(seed)) for seed in range(10)]
+    flights = [
+        fly(px4_quadrotor(), stream(5.0), 75.0, around=wandering(seed)) for seed in range(10)
+    ]
     ends = [trace.position[-1, 2] + 20.0 for trace in flights]
     # One flight was measured: 6.5 m. Its size has to be an ordinary one for the mock.
     assert 3.0 < float(np.sqrt(np.mean(np.square(ends)))) < 9.0
@@ -145,7 +151,8 @@ def test_take_off_to_twenty_metres_takes_seventeen_seconds(fly):
 
 
 def test_an_upward_stream_takes_off_and_a_level_one_does_not(fly, stream):
-    vehicle, ground = px4_quadrotor(), Surroundings(ground_down_m=0.0)
+    vehicle = px4_quadrotor()
+    ground = Surroundings(ground_down_m=0.0)
     stood = vehicle.initial((0.0, 0.0, 0.0), 0.0)
     level = fly(vehicle, stream(3.0), 10.0, motion=stood, around=ground).motion
     assert level.body.on_ground
@@ -165,7 +172,9 @@ def test_hold_brakes_within_four_seconds_and_stays(fly, stream, speed_m_s):
 
 
 def test_ignored_yaw_drifts_nine_degrees_in_five_seconds(fly, stream):
-    assert math.degrees(fly(px4_quadrotor(), stream(), 5.0).motion.body.yaw_rad) == pytest.approx(9.0, abs=1.0)
+    assert math.degrees(fly(px4_quadrotor(), stream(), 5.0).motion.body.yaw_rad) == pytest.approx(
+        9.0, abs=1.0
+    )
 
 
 def test_a_commanded_yaw_is_reached_the_short_way_round(fly, stream):
@@ -179,9 +188,9 @@ def test_a_yaw_rate_is_followed_up_to_its_maximum(fly, stream):
     slow = fly(px4_quadrotor(), stream(yaw_rate_rad_s=-0.3), 5.0).motion.body
     assert slow.yaw_rate_rad_s == pytest.approx(-0.3, abs=0.01)
     assert slow.yaw_rad == pytest.approx(-1.36, abs=0.05), "recorded: a fifth is missing at first"
-    assert fly(px4_quadrotor(), stream(yaw_rate_rad_s=9.0), 9.0).motion.body.yaw_rate_rad_s == pytest.approx(
-        math.radians(200.0), abs=0.01
-    )
+    assert fly(
+        px4_quadrotor(), stream(yaw_rate_rad_s=9.0), 9.0
+    ).motion.body.yaw_rate_rad_s == pytest.approx(math.radians(200.0), abs=0.01)
 
 
 def test_a_setpoint_without_a_vertical_axis_stands_still(fly):
@@ -192,7 +201,9 @@ def test_a_setpoint_without_a_vertical_axis_stands_still(fly):
 
 def test_a_position_setpoint_is_flown_to_and_held(fly):
     order = Setpoint(Kind.STREAM, position_ned_m=(10.0, -5.0, -25.0))
-    assert fly(px4_quadrotor(), order, 60.0).position[-1] == pytest.approx([10.0, -5.0, -25.0], abs=0.05)
+    assert fly(px4_quadrotor(), order, 60.0).position[-1] == pytest.approx(
+        [10.0, -5.0, -25.0], abs=0.05
+    )
 
 
 def test_an_acceleration_alone_is_flown_without_a_velocity_limit(fly):

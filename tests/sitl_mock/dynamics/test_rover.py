@@ -14,7 +14,9 @@ GROUND = Surroundings()
 
 def drive(fly, order, seconds, *, yaw_rad=0.0, vehicle=None):
     vehicle = vehicle or rover()
-    return fly(vehicle, order, seconds, motion=vehicle.initial((0.0, 0.0, 0.0), yaw_rad), around=GROUND)
+    return fly(
+        vehicle, order, seconds, motion=vehicle.initial((0.0, 0.0, 0.0), yaw_rad), around=GROUND
+    )
 
 
 def test_it_accelerates_to_the_commanded_velocity_at_its_limit(fly, stream):
@@ -49,7 +51,9 @@ def test_it_never_slides_sideways_nor_leaves_the_ground(n, e, d):
 
 
 def test_it_drives_to_a_place_and_stops_there(fly):
-    trace = drive(fly, Setpoint(Kind.TRAVEL, position_ned_m=(20.0, -15.0, math.nan), speed_m_s=3.0), 40.0)
+    trace = drive(
+        fly, Setpoint(Kind.TRAVEL, position_ned_m=(20.0, -15.0, math.nan), speed_m_s=3.0), 40.0
+    )
     assert np.hypot(*(trace.position[-1, :2] - [20.0, -15.0])) < 0.5
     assert np.linalg.norm(trace.velocity, axis=1).max() <= 3.0 + 1e-9
     assert np.linalg.norm(trace.velocity[-1]) < 1e-6
@@ -60,7 +64,9 @@ def test_it_stops_at_its_braking_limit(fly, stream, kind):
     vehicle = rover()
     moving = drive(fly, stream(4.0), 6.0).motion
     trace = fly(vehicle, Setpoint(kind), 4.0, motion=moving, around=GROUND)
-    assert trace.position[-1, 0] - moving.body.position_ned_m[0] == pytest.approx(4.0**2 / (2 * 2.0), abs=0.1)
+    assert trace.position[-1, 0] - moving.body.position_ned_m[0] == pytest.approx(
+        4.0**2 / (2 * 2.0), abs=0.1
+    )
     assert np.linalg.norm(trace.velocity[-1]) == 0.0
 
 

@@ -21,7 +21,9 @@ speeds = st.floats(-12.0, 12.0)
 def test_the_root_law_is_smooth_where_its_two_ends_meet(gain, second):
     corner = second / gain**2
     assert root_law(corner * (1 + 1e-9), gain, second) == pytest.approx(gain * corner, rel=1e-6)
-    slope = (root_law(corner * 1.0001, gain, second) - root_law(corner, gain, second)) / (corner * 0.0001)
+    slope = (root_law(corner * 1.0001, gain, second) - root_law(corner, gain, second)) / (
+        corner * 0.0001
+    )
     assert slope == pytest.approx(gain, rel=1e-3)
 
 
@@ -35,7 +37,8 @@ def test_following_the_root_law_brakes_with_the_second_derivative_it_plans(start
 
 @given(wanted=st.tuples(speeds, speeds), accel=st.floats(0.5, 6.0), jerk=st.floats(1.0, 12.0))
 def test_a_horizontal_reference_keeps_its_limits_and_arrives(wanted, accel, jerk):
-    reference, settle = Reference(ZERO, ZERO), jerk / accel
+    reference = Reference(ZERO, ZERO)
+    settle = jerk / accel
     for _ in range(3000):
         _, (v_n, v_e, _), (a_n, a_e, _) = reference
         n, e = shape_pair(wanted, (v_n, v_e), (a_n, a_e), (0.0, 0.0), accel, jerk, settle, DT_S)
@@ -47,7 +50,8 @@ def test_a_horizontal_reference_keeps_its_limits_and_arrives(wanted, accel, jerk
 
 @given(wanted=speeds, forward=st.floats(-1.0, 1.0))
 def test_a_vertical_reference_ends_on_the_speed_and_acceleration_of_its_target(wanted, forward):
-    velocity, acceleration = 0.0, 0.0
+    velocity = 0.0
+    acceleration = 0.0
     for step in range(2500):
         target = wanted + forward * step * DT_S
         acceleration = shape_one(target, velocity, acceleration, forward, 4.0, 5.0, 1.25, DT_S)
@@ -62,7 +66,9 @@ def test_a_vertical_reference_ends_on_the_speed_and_acceleration_of_its_target(w
 @given(to=st.tuples(st.floats(-200.0, 200.0), st.floats(-200.0, 200.0), st.floats(-60.0, 60.0)))
 def test_travel_ends_at_the_place_and_hardly_overruns_it(limits, to):
     order = Setpoint(Kind.TRAVEL, position_ned_m=to)
-    reference, furthest, fastest = Reference(ZERO, ZERO), 0.0, 0.0
+    reference = Reference(ZERO, ZERO)
+    furthest = 0.0
+    fastest = 0.0
     distance = math.hypot(to[0], to[1])
     for _ in range(7000):
         reference = travel(limits, reference, order, DT_S)

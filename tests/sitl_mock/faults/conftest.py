@@ -108,7 +108,25 @@ class Rig:
 
 def velocity(north, east, down):
     """A velocity setpoint for 1/1."""
-    return ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 2503, 0, 0, 0, north, east, down, 0, 0, 0, 0, 0)
+    return (
+        "SET_POSITION_TARGET_LOCAL_NED",
+        0,
+        1,
+        1,
+        1,
+        2503,
+        0,
+        0,
+        0,
+        north,
+        east,
+        down,
+        0,
+        0,
+        0,
+        0,
+        0,
+    )
 
 
 @pytest.fixture

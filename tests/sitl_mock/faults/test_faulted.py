@@ -42,7 +42,8 @@ def plain_vehicle():
 
 def test_a_restart_lasts_as_long_as_the_fault_and_retries_while_the_port_is_taken():
     script = parse_script({"fault": [{"kind": "router_restart", "for_s": 2.0}]})
-    vehicle, router = Faulted(MockVehicle(), "uav1", script), Router(failures=1)
+    vehicle = Faulted(MockVehicle(), "uav1", script)
+    router = Router(failures=1)
     disturbances = Disturbances({"uav1": vehicle}, [router])
     disturbances.carry_out(9.0)
     assert router.events == []
@@ -62,7 +63,8 @@ def test_a_port_change_moves_one_vehicle_and_keeps_its_file_descriptor():
     try:
         script = parse_script({"fault": [{"kind": "udp_port_change", "vehicle": "uav1"}]})
         vehicle = Faulted(MockVehicle(), "uav1", script)
-        before, filenos = ends.describe(), ends.filenos()
+        before = ends.describe()
+        filenos = ends.filenos()
         vehicle.step(0.0)
         Disturbances({"uav1": vehicle}, [ends]).carry_out(0.0)
         after = ends.describe()
@@ -81,9 +83,17 @@ def test_a_port_change_moves_one_vehicle_and_keeps_its_file_descriptor():
     [
         ("", None, {}),
         ("do=list", None, {"do": "list"}),
-        ("do=inject;kind=loss;probability=0.5", None, {"do": "inject", "kind": "loss", "probability": 0.5}),
+        (
+            "do=inject;kind=loss;probability=0.5",
+            None,
+            {"do": "inject", "kind": "loss", "probability": 0.5},
+        ),
         ("messages=ATTITUDE,ODOMETRY", None, {"messages": ["ATTITUDE", "ODOMETRY"]}),
-        ("commands=[400,22];text=hello there", None, {"commands": [400, 22], "text": "hello there"}),
+        (
+            "commands=[400,22];text=hello there",
+            None,
+            {"commands": [400, 22], "text": "hello there"},
+        ),
         ("do=list", b'{"do": "clear"}', {"do": "clear"}),
     ],
 )
@@ -116,12 +126,20 @@ def test_answers_are_json_and_do_what_they_say():
 
 
 JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.sampled_from(sorted(KINDS)),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=8)
+    | st.sampled_from(sorted(KINDS)),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
     max_leaves=4,
 )
 KEYS = sorted(
-    {key for kind in KINDS.values() for key in kind.options} | {"number", "at_s", "for_s", "messages", "link"}
+    {key for kind in KINDS.values() for key in kind.options}
+    | {"number", "at_s", "for_s", "messages", "link"}
 )
 
 
@@ -148,7 +166,11 @@ def test_faults_that_double_each_other_do_not_multiply_without_end():
 def test_hostile_bytes_pass_every_fault_without_exception_or_change_of_state():
     needs = {"ack_wrong": {"result": 3}, "param_echo": {"parameter": "COM_OF_LOSS_T", "value": 1}}
     both = [
-        {"kind": name, **needs.get(name, {}), **({"direction": "both", "messages": []} if kind.scope.open else {})}
+        {
+            "kind": name,
+            **needs.get(name, {}),
+            **({"direction": "both", "messages": []} if kind.scope.open else {}),
+        }
         for name, kind in KINDS.items()
         if kind.scope is not None and name not in {"loss", "router_restart"}
     ]
@@ -163,16 +185,31 @@ def test_hostile_bytes_pass_every_fault_without_exception_or_change_of_state():
 
 @pytest.mark.parametrize("key", [None, bytes(range(32))])
 def test_a_changed_frame_is_the_frame_an_encoder_would_have_made(key):
-    signing, check = Signing(key), Decoder(signing=Signing(key))
+    signing = Signing(key)
+    check = Decoder(signing=Signing(key))
     encoder = Encoder(7, 1, signing=signing)
     frame = encoder.pack("LOCAL_POSITION_NED", 100, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-    (message,) = check.feed(frames.changed(frame, {"x": -1.5, "time_boot_ms": 2**32 + 5}, key), whole=True)
+    (message,) = check.feed(
+        frames.changed(frame, {"x": -1.5, "time_boot_ms": 2**32 + 5}, key), whole=True
+    )
     assert (message.x, message.y, message.time_boot_ms) == (-1.5, 2.0, 5)
     assert (message.get_srcSystem(), message.get_seq()) == (7, frame[4])
 
 
 def test_base_sizes_are_those_of_mavlink_1():
     """Lengths of the MAVLink 1 messages, as in the C headers' *_MIN_LEN."""
-    known = {0: 9, 1: 31, 24: 30, 32: 28, 33: 28, 77: 3, 147: 36, 148: 60, 242: 52, 253: 51, 331: 230}
+    known = {
+        0: 9,
+        1: 31,
+        24: 30,
+        32: 28,
+        33: 28,
+        77: 3,
+        147: 36,
+        148: 60,
+        242: 52,
+        253: 51,
+        331: 230,
+    }
     assert {number: frames.base_size(number) for number in known} == known
     assert all(frames.base_size(number) <= spec.size for number, spec in SPEC_BY_ID.items())

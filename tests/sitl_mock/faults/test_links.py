@@ -38,14 +38,18 @@ def test_commands_lost_on_their_way_in_are_never_obeyed(rig):
 
 
 def test_duplicates_are_equal_to_the_byte_and_come_as_late_as_asked(rig):
-    flight = rig({"kind": "duplicate", "messages": ["SYS_STATUS"], "late_s": 0.1, "copies": 2}).run(2.0)
+    flight = rig({"kind": "duplicate", "messages": ["SYS_STATUS"], "late_s": 0.1, "copies": 2}).run(
+        2.0
+    )
     came = [(t, f) for t, f in flight.frames if f[7:10] == b"\1\0\0"]
     first = came[0]
     assert [t - first[0] for t, f in came if f == first[1]] == pytest.approx([0.0, 0.1, 0.1])
 
 
 def test_reordered_frames_are_overtaken_but_none_is_lost(rig):
-    flight = rig({"kind": "reorder", "messages": ["ATTITUDE"], "probability": 0.3, "by_s": 0.05}).run(5.0)
+    flight = rig(
+        {"kind": "reorder", "messages": ["ATTITUDE"], "probability": 0.3, "by_s": 0.05}
+    ).run(5.0)
     stamps = [m.time_boot_ms for _, m in flight.all("ATTITUDE")]
     assert stamps != sorted(stamps)
     assert len(stamps) == len(set(stamps))
@@ -53,7 +57,9 @@ def test_reordered_frames_are_overtaken_but_none_is_lost(rig):
 
 
 def test_delay_is_the_least_and_jitter_comes_on_top(rig):
-    flight = rig({"kind": "delay", "messages": ["ATTITUDE"], "delay_s": 0.2, "jitter_s": 0.1}, dt_s=0.01).run(5.0)
+    flight = rig(
+        {"kind": "delay", "messages": ["ATTITUDE"], "delay_s": 0.2, "jitter_s": 0.1}, dt_s=0.01
+    ).run(5.0)
     ages = [t - m.time_boot_ms * 1e-3 for t, m in flight.all("ATTITUDE")]
     assert 0.2 - 1e-9 <= min(ages) < 0.22
     assert 0.28 < max(ages) <= 0.31
@@ -146,7 +152,9 @@ def test_px4_answers_a_mode_change_twice_and_both_are_struck(rig):
 
 
 def test_fields_become_nan_where_a_field_can(rig):
-    flight = rig({"kind": "bad_fields", "messages": ["LOCAL_POSITION_NED"], "fields": ["vx", "z"]}).run(1.0)
+    flight = rig(
+        {"kind": "bad_fields", "messages": ["LOCAL_POSITION_NED"], "fields": ["vx", "z"]}
+    ).run(1.0)
     (_, message) = flight.all("LOCAL_POSITION_NED")[-1]
     assert math.isnan(message.vx)
     assert math.isnan(message.z)
@@ -155,9 +163,16 @@ def test_fields_become_nan_where_a_field_can(rig):
 
 
 def test_whole_numbers_become_the_largest_of_their_type_and_the_stamp_stays(rig):
-    flight = rig({"kind": "bad_fields", "messages": ["GLOBAL_POSITION_INT"], "value": "int_max"}).run(1.0)
+    flight = rig(
+        {"kind": "bad_fields", "messages": ["GLOBAL_POSITION_INT"], "value": "int_max"}
+    ).run(1.0)
     (_, message) = flight.all("GLOBAL_POSITION_INT")[-1]
-    assert (message.lat, message.alt, message.vx, message.hdg) == (2**31 - 1, 2**31 - 1, 2**15 - 1, 2**16 - 1)
+    assert (message.lat, message.alt, message.vx, message.hdg) == (
+        2**31 - 1,
+        2**31 - 1,
+        2**15 - 1,
+        2**16 - 1,
+    )
     assert message.time_boot_ms < 2000
 
 
@@ -169,7 +184,8 @@ def test_a_place_of_zero_is_sent_as_such(rig):
 
 
 @pytest.mark.parametrize(
-    ("flavour", "name"), [("px4", "COM_OBL_RC_ACT"), ("px4", "COM_OF_LOSS_T"), ("arducopter", "WPNAV_SPEED")]
+    ("flavour", "name"),
+    [("px4", "COM_OBL_RC_ACT"), ("px4", "COM_OF_LOSS_T"), ("arducopter", "WPNAV_SPEED")],
 )
 def test_a_parameter_is_echoed_with_another_value_than_it_has(rig, flavour, name):
     flight = rig({"kind": "param_echo", "parameter": name, "value": 5}, flavour=flavour).run(1.0)
@@ -206,7 +222,9 @@ def test_another_component_claims_a_mode_in_a_heartbeat_of_its_own(rig):
     flight = rig({"kind": "foreign_heartbeat", "component": 191, "mode": "OFFBOARD"}).run(3.0)
     claims = [m for _, m in flight.all("HEARTBEAT") if m.get_srcComponent() == 191]
     assert len(claims) in {3, 4}
-    assert {(m.custom_mode, m.base_mode & 1, m.get_srcSystem()) for m in claims} == {(6 << 16, 1, 1)}
+    assert {(m.custom_mode, m.base_mode & 1, m.get_srcSystem()) for m in claims} == {
+        (6 << 16, 1, 1)
+    }
     assert flight.vehicle.mode == "HOLD"
 
 
@@ -240,7 +258,9 @@ def test_a_router_that_restarts_cuts_both_directions(rig):
 
 def test_altered_frames_of_a_vehicle_that_signs_are_signed_again(rig):
     signing = Signing(bytes(range(32)))
-    flight = rig({"kind": "bad_fields", "messages": ["LOCAL_POSITION_NED"], "fields": ["x"]}, signing=signing).run(1.0)
+    flight = rig(
+        {"kind": "bad_fields", "messages": ["LOCAL_POSITION_NED"], "fields": ["x"]}, signing=signing
+    ).run(1.0)
     decoder = Decoder(signing=Signing(bytes(range(32))))
     names = [m.get_type() for _, frame in flight.frames for m in decoder.feed(frame, whole=True)]
     assert names.count("LOCAL_POSITION_NED") >= 29
@@ -255,4 +275,6 @@ def test_frames_of_every_kind_of_fault_are_valid_unless_the_fault_damages_them(r
         flight = rig({"kind": name, **needs.get(name, {})}).run(1.5)
         flight.command(400, 1.0)
         assert flight.broken == 0, name
-        assert name in {"loss", "delay"} or any(isinstance(m, dialect.MAVLink_message) for _, m in flight.heard), name
+        assert name in {"loss", "delay"} or any(
+            isinstance(m, dialect.MAVLink_message) for _, m in flight.heard
+        ), name

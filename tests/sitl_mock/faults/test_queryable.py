@@ -18,7 +18,9 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def fleet():
-    with running([{"name": "uav1", "ready_after_s": 0.5}, {"name": "uav2", "ready_after_s": 0.5}]) as started:
+    with running(
+        [{"name": "uav1", "ready_after_s": 0.5}, {"name": "uav2", "ready_after_s": 0.5}]
+    ) as started:
         yield started
 
 
@@ -37,7 +39,8 @@ def ask(session, request, key="uav1/faults"):
 
 def heard(session, name, seconds):
     """Count messages of a name within some seconds."""
-    decoder, names = Decoder(), []
+    decoder = Decoder()
+    names = []
     with session.declare_subscriber("uav1/mavlink_raw/out") as subscriber:
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
@@ -53,9 +56,13 @@ def test_a_query_injects_lists_and_clears(session):
     told, _ = ask(session, {"do": "inject", "kind": "loss", "messages": ["ATTITUDE"]})
     number = told["number"]
     end_s = time.monotonic() + 5.0  # a busy machine may delay the step that puts it in place
-    while (listed := ask(session, {"do": "list"})[0])[0]["state"] == "waiting" and time.monotonic() < end_s:
+    while (listed := ask(session, {"do": "list"})[0])[0][
+        "state"
+    ] == "waiting" and time.monotonic() < end_s:
         time.sleep(0.02)
-    assert [(each["number"], each["kind"], each["state"]) for each in listed] == [(number, "loss", "acting")]
+    assert [(each["number"], each["kind"], each["state"]) for each in listed] == [
+        (number, "loss", "acting")
+    ]
     assert heard(session, "ATTITUDE", 0.3) == 0
     assert ask(session, {"do": "clear", "number": number}) == ({"cleared": 1}, True)
     assert heard(session, "ATTITUDE", 0.5) > 25
@@ -63,7 +70,11 @@ def test_a_query_injects_lists_and_clears(session):
 
 
 def test_a_query_may_carry_its_keys_as_parameters(session):
-    told, good = ask(session, None, "uav1/faults?do=inject;kind=loss;probability=1;messages=ATTITUDE,ODOMETRY;for_s=60")
+    told, good = ask(
+        session,
+        None,
+        "uav1/faults?do=inject;kind=loss;probability=1;messages=ATTITUDE,ODOMETRY;for_s=60",
+    )
     assert good
     assert ask(session, None)[0][0]["messages"] == ["ATTITUDE", "ODOMETRY"]
     assert ask(session, None, "uav1/faults?do=clear") == ({"cleared": 1}, True)
@@ -144,7 +155,10 @@ def test_what_is_declared_on_an_endpoint_comes_back_with_it():
         endpoint.go_down()
         endpoint.send("uav1", "onboard", [b"frame"])
         assert endpoint.dropped == 1
-        with socket.create_server(("127.0.0.1", int(place.rsplit(":", 1)[1]))), pytest.raises(TransportError):
+        with (
+            socket.create_server(("127.0.0.1", int(place.rsplit(":", 1)[1]))),
+            pytest.raises(TransportError),
+        ):
             endpoint.come_up()
         endpoint.come_up()
         with zenoh.open(configuration("client", place, connect=True)) as client:

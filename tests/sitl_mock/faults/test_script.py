@@ -41,7 +41,8 @@ def test_equal_seed_and_script_give_equal_bytes_and_another_seed_others(rig):
 
 
 def test_without_faults_a_vehicle_sends_the_very_bytes_of_a_vehicle(rig):
-    plain, wrapped = MockVehicle("px4", seed=3), Faulted(MockVehicle("px4", seed=3))
+    plain = MockVehicle("px4", seed=3)
+    wrapped = Faulted(MockVehicle("px4", seed=3))
     for count in range(400):
         assert wrapped.step(count * 0.02) == plain.step(count * 0.02)
 
@@ -164,11 +165,23 @@ def test_what_is_wrong_is_named_with_its_value_and_what_is_allowed(values, words
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        ({"kind": "loss", "after": "OFBOARD"}, ["fault[0].after", "'OFBOARD'", "ARMED", "OFFBOARD"]),
+        (
+            {"kind": "loss", "after": "OFBOARD"},
+            ["fault[0].after", "'OFBOARD'", "ARMED", "OFFBOARD"],
+        ),
         ({"kind": "pilot_mode", "mode": "LOITER"}, ["fault[0].mode", "'LOITER'", "POSCTL"]),
-        ({"kind": "param_echo", "parameter": "NOPE", "value": 1}, ["fault[0].parameter", "'NOPE'", "px4"]),
-        ({"kind": "bad_fields", "messages": ["ATTITUDE"], "fields": ["x"]}, ["fault[0].fields", "'x'", "ATTITUDE"]),
-        ({"kind": "bad_fields", "fields": ["lat"], "value": "nan"}, ["fault[0].fields", "'lat'", "int_max"]),
+        (
+            {"kind": "param_echo", "parameter": "NOPE", "value": 1},
+            ["fault[0].parameter", "'NOPE'", "px4"],
+        ),
+        (
+            {"kind": "bad_fields", "messages": ["ATTITUDE"], "fields": ["x"]},
+            ["fault[0].fields", "'x'", "ATTITUDE"],
+        ),
+        (
+            {"kind": "bad_fields", "fields": ["lat"], "value": "nan"},
+            ["fault[0].fields", "'lat'", "int_max"],
+        ),
     ],
 )
 def test_what_a_vehicle_does_not_have_is_refused_before_it_flies(rig, fault, words):

@@ -21,7 +21,9 @@ def modes_after(flight, seconds, *stream):
 
 
 def test_the_pilot_takes_over_two_seconds_after_offboard_began(rig, ned_velocity):
-    flight = rig({"kind": "pilot_mode", "mode": "POSCTL", "after": "OFFBOARD", "at_s": 2.0}).airborne()
+    flight = rig(
+        {"kind": "pilot_mode", "mode": "POSCTL", "after": "OFFBOARD", "at_s": 2.0}
+    ).airborne()
     north = ned_velocity(1, 0, 0)
     flight.guided(*north)
     begun_s = flight.now_s
@@ -31,7 +33,10 @@ def test_the_pilot_takes_over_two_seconds_after_offboard_began(rig, ned_velocity
 
 
 def test_offboard_means_guided_on_arducopter(rig, ned_velocity):
-    flight = rig({"kind": "pilot_mode", "mode": "LOITER", "after": "OFFBOARD", "at_s": 12.0}, flavour="arducopter")
+    flight = rig(
+        {"kind": "pilot_mode", "mode": "LOITER", "after": "OFFBOARD", "at_s": 12.0},
+        flavour="arducopter",
+    )
     flight.airborne()
     assert modes_after(flight, 12.0, *ned_velocity(1, 0, 0))[-1] == "LOITER"
 
@@ -45,14 +50,18 @@ def test_sticks_take_over_only_where_the_parameter_says_so(rig, ned_velocity):
 
 
 def test_arming_is_refused_with_the_text_given_and_granted_when_the_fault_is_over(rig):
-    flight = rig({"kind": "arm_refused", "text": "Preflight Fail: no compass", "for_s": 3.0}, texts=True).run(1.5)
+    flight = rig(
+        {"kind": "arm_refused", "text": "Preflight Fail: no compass", "for_s": 3.0}, texts=True
+    ).run(1.5)
     assert flight.command(400, 1.0) == [(1, 1)]
     assert "Preflight Fail: no compass" in [m.text for _, m in flight.all("STATUSTEXT")]
     flight.run(2.0)
     assert flight.command(400, 1.0) == [(1, 0)]
 
 
-@pytest.mark.parametrize(("flavour", "refusal"), [("px4", [(1, 0), (1, 1)]), ("arducopter", [(1, 4)])])
+@pytest.mark.parametrize(
+    ("flavour", "refusal"), [("px4", [(1, 0), (1, 1)]), ("arducopter", [(1, 4)])]
+)
 def test_offboard_is_refused(rig, ned_velocity, flavour, refusal):
     flight = rig(flavour=flavour).airborne()
     if flavour == "arducopter":
@@ -139,12 +148,13 @@ def test_a_gust_pushes_the_vehicle_its_own_way_and_passes(rig, wind):
 
 
 def test_gusts_shake_and_a_push_is_a_step_in_velocity(rig):
-    calm, shaken = rig().airborne(), rig({"kind": "gusts", "sd_m_s": 5.0}).airborne()
+    calm = rig().airborne()
+    shaken = rig({"kind": "gusts", "sd_m_s": 5.0}).airborne()
     for flight in (calm, shaken):
         flight.run(10.0)
-    assert max(abs(m.vx) for _, m in shaken.all("LOCAL_POSITION_NED", shaken.now_s - 10.0)) > 5 * max(
-        abs(m.vx) for _, m in calm.all("LOCAL_POSITION_NED", calm.now_s - 10.0)
-    )
+    assert max(
+        abs(m.vx) for _, m in shaken.all("LOCAL_POSITION_NED", shaken.now_s - 10.0)
+    ) > 5 * max(abs(m.vx) for _, m in calm.all("LOCAL_POSITION_NED", calm.now_s - 10.0))
     calm.faulted.inject({"kind": "push", "east": 4.0})
     calm.run(0.04)
     assert calm.vehicle.truth.velocity_ned_m_s[1] == pytest.approx(4.0, abs=0.4)

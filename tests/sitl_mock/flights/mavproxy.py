@@ -17,7 +17,12 @@ class Proxy:
     """MAVProxy on a vehicle that sends to a port of loopback; its words come line by line."""
 
     def __init__(self, port, folder, modules=MODULES):
-        command = [sys.executable, str(MAVPROXY), f"--master=udpin:127.0.0.1:{port}", f"--state-basedir={folder}"]
+        command = [
+            sys.executable,
+            str(MAVPROXY),
+            f"--master=udpin:127.0.0.1:{port}",
+            f"--state-basedir={folder}",
+        ]
         command += [f"--logfile={folder}/flight.tlog", f"--default-modules={modules}"]
         self.process = subprocess.Popen(
             command,

@@ -8,7 +8,10 @@ HEADING_DEG = 353.0
 M_PER_DEG = 111_319.49
 
 _GUIDED = [(0.0, "mode GUIDED"), (2.0, "arm throttle"), (4.0, "takeoff 10")]
-_RELATIVE, _WAYPOINT, _TAKEOFF, _RETURN = 3, 16, 22, 20
+_RELATIVE = 3
+_WAYPOINT = 16
+_TAKEOFF = 22
+_RETURN = 20
 
 
 def place(north_m, east_m):
@@ -21,7 +24,20 @@ def plan(*items):
     lines = ["QGC WPL 110"]
     for seq, (command, frame, param1, north, east, height) in enumerate(items):
         lat, lon = place(north, east)
-        row = (seq, int(seq == 0), frame, command, param1, 0, 0, 0, f"{lat:.7f}", f"{lon:.7f}", height, 1)
+        row = (
+            seq,
+            int(seq == 0),
+            frame,
+            command,
+            param1,
+            0,
+            0,
+            0,
+            f"{lat:.7f}",
+            f"{lon:.7f}",
+            height,
+            1,
+        )
         lines.append("\t".join(str(each) for each in row))
     return "\n".join(lines) + "\n"
 
@@ -36,7 +52,10 @@ FILES = {
         (_RETURN, 0, 0, 0.0, 0.0, 0.0),
     ),
     "fence.txt": plan(
-        *((5001, 0, 4, n, e, 0) for n, e in ((25.0, 25.0), (25.0, -25.0), (-25.0, -25.0), (-25.0, 25.0)))
+        *(
+            (5001, 0, 4, n, e, 0)
+            for n, e in ((25.0, 25.0), (25.0, -25.0), (-25.0, -25.0), (-25.0, 25.0))
+        )
     ),
     "rally.txt": plan((5100, _RELATIVE, 0, 40.0, 20.0, 12.0)),
 }
@@ -61,7 +80,13 @@ FLIGHTS = {
         (42.0, "setyaw 270 0 0"),
         (50.0, ""),
     ],
-    "circle": [*_GUIDED, (17.0, "rc 3 1500"), (18.0, "mode CIRCLE"), (48.0, "mode BRAKE"), (55.0, "")],
+    "circle": [
+        *_GUIDED,
+        (17.0, "rc 3 1500"),
+        (18.0, "mode CIRCLE"),
+        (48.0, "mode BRAKE"),
+        (55.0, ""),
+    ],
     "mission": [
         (0.0, "wp load mission.txt"),
         (3.0, "wp list"),

@@ -48,14 +48,18 @@ class Pilot:
 
     def ready(self):
         """Wait until it can be armed, and note where it stands."""
-        self.wait_until(lambda: self.telemetry.health_all_ok() and self.telemetry.health().is_armable, 60.0)
+        self.wait_until(
+            lambda: self.telemetry.health_all_ok() and self.telemetry.health().is_armable, 60.0
+        )
         self.home = self.telemetry.position()
         return self
 
     def place(self, north_m, east_m):
         """Latitude and longitude of a place."""
         lat = self.home.latitude_deg + north_m / M_PER_DEG
-        return lat, self.home.longitude_deg + east_m / M_PER_DEG / math.cos(math.radians(self.home.latitude_deg))
+        return lat, self.home.longitude_deg + east_m / M_PER_DEG / math.cos(
+            math.radians(self.home.latitude_deg)
+        )
 
     def amsl(self, height_m):
         """Altitude above sea level of a height above where it stood."""
@@ -123,7 +127,8 @@ def offboard_position_global(pilot):
         where = PositionGlobalYaw(*pilot.place(north, east), height, yaw, kind)
         return lambda: pilot.offboard.set_position_global(where)
 
-    relative, amsl = PositionGlobalYaw.AltitudeType.REL_HOME, PositionGlobalYaw.AltitudeType.AMSL
+    relative = PositionGlobalYaw.AltitudeType.REL_HOME
+    amsl = PositionGlobalYaw.AltitudeType.AMSL
     pilot.take_off()
     pilot.stream(
         (to(0.0, 0.0, 10.0, 0.0, relative), 2.0),
@@ -244,10 +249,17 @@ def mission_raw(pilot):
 
 def geofence(pilot):
     """Fly at 5 m/s into a fence 20 m ahead; the autopilot reacts."""
-    corners = [Point(*pilot.place(n, e)) for n, e in ((20.0, 20.0), (20.0, -20.0), (-20.0, -20.0), (-20.0, 20.0))]
-    Geofence(pilot.system).upload_geofence(GeofenceData(polygons=[Polygon(corners, FenceType.INCLUSION)]))
+    corners = [
+        Point(*pilot.place(n, e))
+        for n, e in ((20.0, 20.0), (20.0, -20.0), (-20.0, -20.0), (-20.0, 20.0))
+    ]
+    Geofence(pilot.system).upload_geofence(
+        GeofenceData(polygons=[Polygon(corners, FenceType.INCLUSION)])
+    )
     pilot.take_off(5.0, 9.0)
-    pilot.stream((lambda: pilot.offboard.set_velocity_ned(VelocityNedYaw(5.0, 0.0, 0.0, 0.0)), 14.0))
+    pilot.stream(
+        (lambda: pilot.offboard.set_velocity_ned(VelocityNedYaw(5.0, 0.0, 0.0, 0.0)), 14.0)
+    )
 
 
 def follow_me(pilot):

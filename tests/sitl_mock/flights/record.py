@@ -20,34 +20,57 @@ from tests.sitl_mock.flights.mavproxy import Proxy
 from tests.sitl_mock.flights.recorded import FOLDER, keep
 from tests.sitl_mock.flights.relay import Relay
 
-FLIGHTS: dict[str, Mapping[str, Any]] = {"px4": mavsdk_flights.FLIGHTS, "arducopter": mavproxy_flights.FLIGHTS}
+FLIGHTS: dict[str, Mapping[str, Any]] = {
+    "px4": mavsdk_flights.FLIGHTS,
+    "arducopter": mavproxy_flights.FLIGHTS,
+}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("autopilot", choices=FLIGHTS)
-    parser.add_argument("vehicle", help="URL of the simulator: udpin://127.0.0.1:PORT or tcpout://127.0.0.1:PORT")
-    parser.add_argument("flight", help=", ".join(sorted({name for flights in FLIGHTS.values() for name in flights})))
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder of the recording (%(default)s)")
-    parser.add_argument("--replace", action="store_true", help="write over a recording that is kept already")
-    parser.add_argument("--port", type=int, default=14700, help="free UDP port for the client (%(default)s)")
+    parser.add_argument(
+        "vehicle", help="URL of the simulator: udpin://127.0.0.1:PORT or tcpout://127.0.0.1:PORT"
+    )
+    parser.add_argument(
+        "flight", help=", ".join(sorted({name for flights in FLIGHTS.values() for name in flights}))
+    )
+    parser.add_argument(
+        "--out", type=Path, default=FOLDER, help="folder of the recording (%(default)s)"
+    )
+    parser.add_argument(
+        "--replace", action="store_true", help="write over a recording that is kept already"
+    )
+    parser.add_argument(
+        "--port", type=int, default=14700, help="free UDP port for the client (%(default)s)"
+    )
     arguments = parser.parse_args()
     if arguments.flight not in FLIGHTS[arguments.autopilot]:
-        parser.error(f"{arguments.autopilot} has the flights {', '.join(FLIGHTS[arguments.autopilot])}")
+        parser.error(
+            f"{arguments.autopilot} has the flights {', '.join(FLIGHTS[arguments.autopilot])}"
+        )
     kept = arguments.out / f"{arguments.autopilot}_{arguments.flight}.tlog.gz"
     if kept.exists() and not arguments.replace:
-        parser.error(f"{kept} is there already: --replace writes over it, --out FOLDER puts this one elsewhere")
+        parser.error(
+            f"{kept} is there already: --replace writes over it, --out FOLDER puts this one elsewhere"
+        )
     with tempfile.TemporaryDirectory() as folder:
         tlog = Path(folder) / "relay.tlog"  # MAVProxy writes a flight.tlog there
         with Relay(arguments.vehicle, arguments.port, tlog):
             by_mavsdk = arguments.autopilot == "px4"
-            (_by_mavsdk if by_mavsdk else _by_mavproxy)(arguments.port, arguments.flight, Path(folder))
+            (_by_mavsdk if by_mavsdk else _by_mavproxy)(
+                arguments.port, arguments.flight, Path(folder)
+            )
         keep(tlog, kept)
     print(f"kept {kept}, {kept.stat().st_size} bytes")
 
 
 def _by_mavsdk(port: int, name: str, _folder: Path) -> None:
-    with Mavsdk(Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)) as mavsdk:
+    with Mavsdk(
+        Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
+    ) as mavsdk:
         mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
         system = mavsdk.first_autopilot(20.0)
         assert system is not None, "no autopilot within 20 s"

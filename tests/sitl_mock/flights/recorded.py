@@ -16,9 +16,22 @@ from sitl_mock.mavlink import Decoder
 FOLDER = Path(__file__).parents[2] / "data" / "flights"
 _TIME = struct.Struct(">Q")
 _NOT_KEPT = frozenset({"PING", "TIMESYNC", "SYSTEM_TIME"})
-_THINNED_S = {"LOCAL_POSITION_NED": 0.5, "ATTITUDE": 0.5, "GLOBAL_POSITION_INT": 5.0, "HOME_POSITION": 10.0}
+_THINNED_S = {
+    "LOCAL_POSITION_NED": 0.5,
+    "ATTITUDE": 0.5,
+    "GLOBAL_POSITION_INT": 5.0,
+    "HOME_POSITION": 10.0,
+}
 _NEWS = frozenset(
-    {"HEARTBEAT", "COMMAND_ACK", "STATUSTEXT", "MISSION_ACK", "MISSION_ITEM_REACHED", "MISSION_COUNT", "EVENT"}
+    {
+        "HEARTBEAT",
+        "COMMAND_ACK",
+        "STATUSTEXT",
+        "MISSION_ACK",
+        "MISSION_ITEM_REACHED",
+        "MISSION_COUNT",
+        "EVENT",
+    }
 )
 
 
@@ -27,8 +40,13 @@ def keep(tlog: Path, kept: Path, until_s: float = math.inf) -> None:
 
     Positions and attitudes are thinned to two per second; of other messages the first one is kept.
     """
-    raw, at, out = tlog.read_bytes(), 0, []
-    decoder, last_s, landed, begun_us = Decoder(), defaultdict(lambda: -math.inf), None, None
+    raw = tlog.read_bytes()
+    at = 0
+    out = []
+    decoder = Decoder()
+    last_s = defaultdict(lambda: -math.inf)
+    landed = None
+    begun_us = None
     while at < len(raw):
         (time_us,) = _TIME.unpack_from(raw, at)
         at += _TIME.size
@@ -42,7 +60,8 @@ def keep(tlog: Path, kept: Path, until_s: float = math.inf) -> None:
         if (message.get_srcSystem(), message.get_srcComponent()) == (1, 1):
             period_s = _THINNED_S.get(name, 0.0 if name in _NEWS else math.inf)
             if name == "EXTENDED_SYS_STATE" and message.landed_state != landed:
-                landed, period_s = message.landed_state, 0.0
+                landed = message.landed_state
+                period_s = 0.0
             if time_us * 1e-6 < last_s[name] + period_s:
                 continue
             last_s[name] = time_us * 1e-6
@@ -68,7 +87,15 @@ def keep_streams(tlog: Path, table: Path, until_s: float) -> None:
                     absent = math.isnan(values.first)
                     span = ("", "") if absent else (f"{values.least:.7g}", f"{values.most:.7g}")
                     writer.writerow(
-                        (name, stream.count, f"{stream.rate_hz:.3f}", phase, label, int(values.moves), *span)
+                        (
+                            name,
+                            stream.count,
+                            f"{stream.rate_hz:.3f}",
+                            phase,
+                            label,
+                            int(values.moves),
+                            *span,
+                        )
                     )
 
 
@@ -77,14 +104,17 @@ def streams_of(name):
     streams = {}
     with (FOLDER / f"{name}_streams.csv").open(newline="", encoding="ascii") as file:
         for row in csv.DictReader(file):
-            count, rate_hz = int(row["count"]), float(row["rate_hz"])
+            count = int(row["count"])
+            rate_hz = float(row["rate_hz"])
             last_s = (count - 1) / rate_hz if rate_hz else 0.0
             stream = streams.setdefault(row["message"], Stream(count, 0.0, last_s))
             if not row["field"]:
                 continue
             values = FieldRange(moves=row["moves"] == "1")
             if row["least"]:
-                values.least, values.most, values.first = float(row["least"]), float(row["most"]), float(row["least"])
+                values.least = float(row["least"])
+                values.most = float(row["most"])
+                values.first = float(row["least"])
             stream.fields.setdefault(row["phase"], {})[row["field"]] = values
     return streams
 
@@ -127,9 +157,14 @@ class Flown:
     def modes_between(self, start_s, end_s, least_s=0.0):
         """The modes of a span of time that lasted for longer than `least_s`, with whether it was armed."""
         ends_s = [at_s for at_s, *_ in self.modes[1:]] + [math.inf]
-        spans = [(at_s, until_s, (*mode,)) for (at_s, *mode), until_s in zip(self.modes, ends_s, strict=True)]
+        spans = [
+            (at_s, until_s, (*mode,))
+            for (at_s, *mode), until_s in zip(self.modes, ends_s, strict=True)
+        ]
         return {
-            mode for at_s, until_s, mode in spans if at_s <= end_s and until_s > start_s and until_s - at_s > least_s
+            mode
+            for at_s, until_s, mode in spans
+            if at_s <= end_s and until_s > start_s and until_s - at_s > least_s
         }
 
     def _local_position_ned(self, at_s, m):

@@ -86,10 +86,16 @@ def test_the_track_is_the_real_ones(name):
     real, mock, _ = both(name)
     bounds = FLIGHTS[name]
     pairs = [(row, mock.at(row[0])) for row in real.track]
-    assert all(abs(a[0] - b[0]) < 0.3 for a, b in pairs), "the mock tells where it is when the real one did"
+    assert all(abs(a[0] - b[0]) < 0.3 for a, b in pairs), (
+        "the mock tells where it is when the real one did"
+    )
     level = [math.dist(a[1:3], b[1:3]) for a, b in pairs]
     height = [abs(a[3] - b[3]) for a, b in pairs]
-    turned = [abs(math.degrees(math.remainder(a[7] - b[7], math.tau))) for a, b in pairs if math.isfinite(a[7] + b[7])]
+    turned = [
+        abs(math.degrees(math.remainder(a[7] - b[7], math.tau)))
+        for a, b in pairs
+        if math.isfinite(a[7] + b[7])
+    ]
     found = Bounds(_mean(level), max(level), _mean(height), max(height), _mean(turned))
     assert all(a <= b for a, b in zip(found[:5], bounds[:5], strict=True)), (found, bounds)
 
@@ -104,7 +110,8 @@ def test_the_modes_are_the_real_ones_at_their_times(name):
     real, mock, end_s = both(name)
     late_s = FLIGHTS[name].late_s
     for second in range(2, math.floor(end_s - late_s)):
-        now, around = (second, second, HEARTBEAT_S), (second - late_s, second + late_s)
+        now = (second, second, HEARTBEAT_S)
+        around = (second - late_s, second + late_s)
         assert mock.modes_between(*now) <= real.modes_between(*around), second
         assert real.modes_between(*now) <= mock.modes_between(*around), second
 

@@ -83,7 +83,11 @@ def wide(name):
         for phase, fields in real[message].fields.items():
             for label, values in fields.items():
                 other = mock[message].fields.get(phase, {}).get(label)
-                if other is None or not (values.moves and other.moves) or min(real[message].count, 5) < 5:
+                if (
+                    other is None
+                    or not (values.moves and other.moves)
+                    or min(real[message].count, 5) < 5
+                ):
                     continue
                 shares = (values.most - values.least, other.most - other.least)
                 if max(shares) > SPAN * max(min(shares), 1e-9):
@@ -106,7 +110,9 @@ def test_what_moves_moves_by_as_much(name):
 def test_every_departure_is_one(name):
     real, mock = both(name)
     found = [each[1:] for each in differences(real, mock)] + list(wide(name))
-    assert [reason for reason in DEPARTURES[name] if not any(_of(each, reason) for each in found)] == []
+    assert [
+        reason for reason in DEPARTURES[name] if not any(_of(each, reason) for each in found)
+    ] == []
 
 
 @pytest.mark.parametrize("name", CHASES)

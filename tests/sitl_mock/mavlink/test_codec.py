@@ -11,7 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as dialect
 
-from sitl_mock.mavlink import MAX_FRAME, SPEC_BY_ID, SPEC_BY_NAME, Decoder, EncodeError, Encoder, spec_of
+from sitl_mock.mavlink import (
+    MAX_FRAME,
+    SPEC_BY_ID,
+    SPEC_BY_NAME,
+    Decoder,
+    EncodeError,
+    Encoder,
+    spec_of,
+)
 from tests.harness.examples import drawn
 
 INTEGERS = {
@@ -35,8 +43,12 @@ def element(kind):
 
 def field(kind, length):
     if kind == "char":
-        text = st.text(alphabet=st.characters(min_codepoint=32, max_codepoint=126), max_size=max(length, 1))
-        return text.map(str.encode) if length else st.integers(1, 127).map(lambda code: bytes((code,)))
+        text = st.text(
+            alphabet=st.characters(min_codepoint=32, max_codepoint=126), max_size=max(length, 1)
+        )
+        return (
+            text.map(str.encode) if length else st.integers(1, 127).map(lambda code: bytes((code,)))
+        )
     return st.lists(element(kind), min_size=length, max_size=length) if length else element(kind)
 
 
@@ -60,7 +72,9 @@ def test_every_message_packs_to_the_bytes_of_pymavlink(message, sequence, system
     cls, values = message
     encoder = Encoder(system, component)
     encoder.sequence = sequence
-    assert encoder.pack(cls.msgname, *values) == cls(*values).pack(witness(system, component, sequence))
+    assert encoder.pack(cls.msgname, *values) == cls(*values).pack(
+        witness(system, component, sequence)
+    )
 
 
 @settings(max_examples=drawn(600), deadline=None)
@@ -85,7 +99,11 @@ def test_zero_values_of_every_message_make_one_byte_of_payload_both_here_and_the
     lengths = dict(zip(cls.ordered_fieldnames, cls.array_lengths, strict=True))
     kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
     values = [
-        (b"" if lengths[n] else b"\0") if kinds[n] == "char" else [0] * lengths[n] if lengths[n] else 0
+        (b"" if lengths[n] else b"\0")
+        if kinds[n] == "char"
+        else [0] * lengths[n]
+        if lengths[n]
+        else 0
         for n in cls.fieldnames
     ]
     frame = Encoder(7, 9).pack(message_id, *values)
@@ -100,7 +118,9 @@ def test_zero_values_of_every_message_make_one_byte_of_payload_both_here_and_the
 def test_a_stream_cut_anywhere_gives_every_message_once_and_in_order(messages, rng):
     encoder = Encoder(1, 1)
     stream = b"".join(encoder.pack(cls.msgname, *values) for cls, values in messages)
-    decoder, seen, at = Decoder(), [], 0
+    decoder = Decoder()
+    seen = []
+    at = 0
     while at < len(stream):
         step = rng.randint(1, 40)
         seen += decoder.feed(stream[at : at + step])
@@ -112,7 +132,8 @@ def test_a_stream_cut_anywhere_gives_every_message_once_and_in_order(messages, r
 
 
 def test_the_sequence_wraps_at_256_and_each_encoder_has_its_own():
-    first, second = Encoder(1, 1), Encoder(1, 1)
+    first = Encoder(1, 1)
+    second = Encoder(1, 1)
     frames = [first.pack("PING", 0, 0, 0, 0) for _ in range(257)]
     assert [frame[4] for frame in frames] == [*range(256), 0]
     assert second.pack("PING", 0, 0, 0, 0)[4] == 0
@@ -122,7 +143,9 @@ def test_not_a_number_passes_both_ways():
     frame = Encoder(1, 1).pack("COMMAND_LONG", 1, 1, 22, 0, *[math.nan] * 7)
     (message,) = Decoder().feed(frame)
     assert all(math.isnan(getattr(message, f"param{i}")) for i in range(1, 8))
-    assert frame == dialect.MAVLink_command_long_message(1, 1, 22, 0, *[math.nan] * 7).pack(witness(1, 1))
+    assert frame == dialect.MAVLink_command_long_message(1, 1, 22, 0, *[math.nan] * 7).pack(
+        witness(1, 1)
+    )
 
 
 def test_text_may_be_str_or_bytes_and_arrays_any_sequence():
@@ -166,13 +189,19 @@ def test_a_mavlink_1_frame_of_pymavlink_is_accepted():
     message = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
     theirs = message.pack(witness(255, 190), force_mavlink1=True)
     (decoded,) = Decoder().feed(theirs)
-    assert (decoded.get_type(), decoded.get_srcSystem(), decoded.get_srcComponent()) == ("HEARTBEAT", 255, 190)
+    assert (decoded.get_type(), decoded.get_srcSystem(), decoded.get_srcComponent()) == (
+        "HEARTBEAT",
+        255,
+        190,
+    )
 
 
 def test_a_mavlink_1_frame_longer_than_its_message_is_counted_as_length():
     crc = dialect.x25crc(bytes((10, 0, 1, 1, 0)) + bytes(10) + bytes((50,))).crc
     decoder = Decoder()
-    assert decoder.feed(b"\xfe" + bytes((10, 0, 1, 1, 0)) + bytes(10) + struct.pack("<H", crc)) == []
+    assert (
+        decoder.feed(b"\xfe" + bytes((10, 0, 1, 1, 0)) + bytes(10) + struct.pack("<H", crc)) == []
+    )
     assert decoder.counts.length == 1
 
 
@@ -199,7 +228,14 @@ def test_a_flipped_bit_anywhere_never_gives_a_message_from_that_frame():
         decoder = Decoder()
         assert decoder.feed(bytes(broken), whole=True) == []
         counts = decoder.counts
-        assert counts.garbage_bytes + counts.crc + counts.incompatible + counts.unknown_id + counts.truncated > 0
+        assert (
+            counts.garbage_bytes
+            + counts.crc
+            + counts.incompatible
+            + counts.unknown_id
+            + counts.truncated
+            > 0
+        )
 
 
 def test_one_corrupted_frame_counts_once_whatever_its_payload_looks_like():
@@ -240,7 +276,8 @@ def test_an_unknown_id_and_an_unknown_flag_are_counted_apart():
 
 
 def test_a_longer_payload_than_known_is_read_up_to_the_known_fields():
-    payload = struct.pack("<IBBBBB", 3, 2, 12, 81, 4, 3) + b"\x99\x98"  # a later dialect's extension
+    # A later dialect's extension
+    payload = struct.pack("<IBBBBB", 3, 2, 12, 81, 4, 3) + b"\x99\x98"
     body = bytes((len(payload), 0, 0, 0, 1, 1, 0, 0, 0)) + payload
     crc = dialect.x25crc(body + bytes((50,))).crc
     (message,) = Decoder().feed(b"\xfd" + body + struct.pack("<H", crc))
@@ -277,5 +314,10 @@ def test_messages_missing_in_pymavlink_have_the_seeds_and_sizes_of_mavlinks_head
 def test_an_event_comes_back_as_it_went():
     frame = Encoder(1, 1).pack("EVENT", 0, 0, 0x01ABCDEF, 4321, 7, 0x66, [*range(40)])
     (event,) = Decoder().feed(frame, whole=True)
-    assert (event.id, event.event_time_boot_ms, event.sequence, event.log_levels) == (0x01ABCDEF, 4321, 7, 0x66)
+    assert (event.id, event.event_time_boot_ms, event.sequence, event.log_levels) == (
+        0x01ABCDEF,
+        4321,
+        7,
+        0x66,
+    )
     assert list(event.arguments) == [*range(40)]

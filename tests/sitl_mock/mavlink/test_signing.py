@@ -9,14 +9,17 @@ from sitl_mock.mavlink import Decoder, Encoder, Signing, Verdict
 from sitl_mock.mavlink.signing import MAX_STREAMS, NEW_STREAM_WINDOW
 from sitl_mock.protocols import SigningSetup
 
-KEY, OTHER = bytes(range(32)), bytes(32 * [7])
+KEY = bytes(range(32))
+OTHER = bytes(32 * [7])
 HEARTBEAT = (6, 8, 0, 0, 4, 3)
 
 
 def client(key=KEY, timestamp=1000, link_id=3, system=255, component=190):
     mav = dialect.MAVLink(SimpleNamespace(write=lambda _: None), system, component)
     if key is not None:
-        mav.signing.secret_key, mav.signing.timestamp, mav.signing.link_id = key, timestamp, link_id
+        mav.signing.secret_key = key
+        mav.signing.timestamp = timestamp
+        mav.signing.link_id = link_id
         mav.signing.sign_outgoing = True
     return mav
 
@@ -58,7 +61,8 @@ def test_without_a_key_signed_frames_pass_unchecked():
 
 
 def test_an_unsigned_frame_is_dropped_where_signing_is_required_and_passes_where_not():
-    strict, lenient = vehicle(), vehicle(require=False)
+    strict = vehicle()
+    lenient = vehicle(require=False)
     assert strict.feed(heartbeat(client(None))) == []
     assert strict.counts.unsigned == 1
     assert len(lenient.feed(heartbeat(client(None)))) == 1
@@ -89,8 +93,10 @@ def test_a_changed_byte_under_a_right_crc_is_a_wrong_signature():
 
 
 def test_a_replayed_or_older_frame_is_dropped():
-    decoder, sender = vehicle(), client()
-    first, second = heartbeat(sender), heartbeat(sender)
+    decoder = vehicle()
+    sender = client()
+    first = heartbeat(sender)
+    second = heartbeat(sender)
     assert len(decoder.feed(second)) == 1
     assert decoder.feed(second) == []
     assert decoder.feed(first) == []
@@ -126,7 +132,9 @@ def test_the_own_clock_follows_an_accepted_frame_and_rises_by_one_with_each_sent
     Decoder(signing=signing).feed(heartbeat(client(timestamp=77_000)))
     assert signing.timestamp == 77_000
     encoder = Encoder(1, 1, signing=signing)
-    stamps = [int.from_bytes(encoder.pack("HEARTBEAT", *HEARTBEAT)[-12:-6], "little") for _ in range(3)]
+    stamps = [
+        int.from_bytes(encoder.pack("HEARTBEAT", *HEARTBEAT)[-12:-6], "little") for _ in range(3)
+    ]
     assert stamps == [77_001, 77_002, 77_003]
 
 
@@ -164,7 +172,10 @@ def test_a_key_of_another_length_is_refused(length):
 def test_without_a_key_there_is_no_block_and_nothing_to_check():
     signing = Signing()
     assert signing.block(b"frame", 1) == b""
-    assert signing.check(b"frame", signed=True, system=1, component=1, message_id=0) is Verdict.UNCHECKED
+    assert (
+        signing.check(b"frame", signed=True, system=1, component=1, message_id=0)
+        is Verdict.UNCHECKED
+    )
 
 
 def test_verdicts_that_let_a_frame_pass_are_two():

@@ -6,7 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sitl_mock.protocols import PX4_BROADCAST, Command, CommandAnswer, CommandProtocol, Result, coordinate
+from sitl_mock.protocols import (
+    PX4_BROADCAST,
+    Command,
+    CommandAnswer,
+    CommandProtocol,
+    Result,
+    coordinate,
+)
 from sitl_mock.protocols.command import MAX_TRACKED
 
 ARM = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -72,7 +79,10 @@ def test_a_mode_change_of_px4_is_answered_twice_in_order(wire):
 
 
 def test_late_answers_come_at_their_time(wire):
-    answers = (CommandAnswer(Result.IN_PROGRESS, progress=10), CommandAnswer(Result.ACCEPTED, delay_s=3.2))
+    answers = (
+        CommandAnswer(Result.IN_PROGRESS, progress=10),
+        CommandAnswer(Result.ACCEPTED, delay_s=3.2),
+    )
     client = wire(CommandProtocol(1, 1, Autopilot(*answers).execute))
     assert results(long(client)) == [5]
     assert client.wait(3.1) == []
@@ -81,7 +91,9 @@ def test_late_answers_come_at_their_time(wire):
 
 
 def test_a_resend_while_the_answer_is_pending_is_not_executed_again(wire):
-    pilot = Autopilot(CommandAnswer(Result.IN_PROGRESS), CommandAnswer(Result.ACCEPTED, delay_s=1.0))
+    pilot = Autopilot(
+        CommandAnswer(Result.IN_PROGRESS), CommandAnswer(Result.ACCEPTED, delay_s=1.0)
+    )
     client = wire(CommandProtocol(1, 1, pilot.execute))
     long(client)
     client.wait(0.5)
@@ -140,7 +152,9 @@ def test_a_number_is_no_resend_of_not_a_number(wire):
 
 
 def test_late_answers_to_several_commands_come_together(wire):
-    client = wire(CommandProtocol(1, 1, Autopilot(CommandAnswer(Result.ACCEPTED, delay_s=0.5)).execute))
+    client = wire(
+        CommandProtocol(1, 1, Autopilot(CommandAnswer(Result.ACCEPTED, delay_s=0.5)).execute)
+    )
     long(client, 400)
     long(client, 22)
     assert [ack.command for ack in client.wait(1.0)] == [400, 22]

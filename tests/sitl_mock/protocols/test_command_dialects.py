@@ -21,7 +21,11 @@ DEPARTURES = {
     ("px4", "nans", 400): "NaN is not taken for an order to disarm",
     ("arducopter", "ones", 300): "MISSION_START looks at no items",
     ("arducopter", "ones", 401): "the checks are run without waiting for the next ones",
-    ("arducopter", "ones", 42424): "a compass is always there to be calibrated, whatever the mask says",
+    (
+        "arducopter",
+        "ones",
+        42424,
+    ): "a compass is always there to be calibrated, whatever the mask says",
     ("arducopter", "ones", 42425): "there is never anything to be stored",
 }
 """Answers that differ on purpose, each with its reason."""
@@ -36,7 +40,9 @@ def asked(fly, flavour, kind, number):
     return flight.command(number, *[value] * 7, wait_s=0.06)
 
 
-@pytest.mark.parametrize(("flavour", "kind"), [(flavour, kind) for flavour, kinds in REAL.items() for kind in kinds])
+@pytest.mark.parametrize(
+    ("flavour", "kind"), [(flavour, kind) for flavour, kinds in REAL.items() for kind in kinds]
+)
 def test_row_26_every_command_is_answered_as_the_real_one_does(fly, flavour, kind):
     different = {
         (flavour, kind, number): (found, group["answers"])
@@ -44,4 +50,6 @@ def test_row_26_every_command_is_answered_as_the_real_one_does(fly, flavour, kin
         for number in group["commands"]
         if (found := asked(fly, flavour, kind, number)) != group["answers"]
     }
-    assert different.keys() == {each for each in DEPARTURES if each[:2] == (flavour, kind)}, different
+    assert different.keys() == {each for each in DEPARTURES if each[:2] == (flavour, kind)}, (
+        different
+    )

@@ -11,7 +11,8 @@ from sitl_mock import MockVehicle
 from sitl_mock.mavlink import Decoder, Encoder
 
 HEAD = struct.Struct("<HBBBBBBI")
-ACK, NAK = 128, 129
+ACK = 128
+NAK = 129
 
 
 class Client:
@@ -19,8 +20,10 @@ class Client:
 
     def __init__(self, flavour):
         self.vehicle = MockVehicle(flavour, ready_after_s=0.0)
-        self.encoder, self.decoder = Encoder(255, 190), Decoder()
-        self.now_s, self.sequence = 0.0, 0
+        self.encoder = Encoder(255, 190)
+        self.decoder = Decoder()
+        self.now_s = 0.0
+        self.sequence = 0
         self.vehicle.step(0.0)
 
     def send(self, *message):
@@ -31,7 +34,9 @@ class Client:
     def ask(self, opcode, data=b"", *, size=None, offset=0):
         """One request; (sequence, opcode, offset, complete, data) of each answer."""
         self.sequence += 1
-        head = HEAD.pack(self.sequence, 0, opcode, len(data) if size is None else size, 0, 0, 0, offset)
+        head = HEAD.pack(
+            self.sequence, 0, opcode, len(data) if size is None else size, 0, 0, 0, offset
+        )
         came = self.send("FILE_TRANSFER_PROTOCOL", 0, 1, 1, (head + data).ljust(251, b"\0"))
         answers = []
         for message in came:
@@ -39,7 +44,9 @@ class Client:
                 raw = bytes(message.payload)
                 sequence, _, code, length, asked, complete, _, at = HEAD.unpack_from(raw)
                 assert asked == opcode
-                answers.append((sequence - self.sequence, code, at, complete, raw[12 : 12 + length]))
+                answers.append(
+                    (sequence - self.sequence, code, at, complete, raw[12 : 12 + length])
+                )
         return answers
 
     def read(self, path):
@@ -70,8 +77,12 @@ def client(request):
 
 
 def test_row_14_without_a_log_the_list_is_empty_and_says_so(client):
-    came = [m for m in client.send("LOG_REQUEST_LIST", 1, 1, 0, 0xFFFF) if m.get_type() == "LOG_ENTRY"]
-    assert [(m.id, m.num_logs, m.last_log_num, m.time_utc, m.size) for m in came] == [(0, 0, 0, 0, 0)]
+    came = [
+        m for m in client.send("LOG_REQUEST_LIST", 1, 1, 0, 0xFFFF) if m.get_type() == "LOG_ENTRY"
+    ]
+    assert [(m.id, m.num_logs, m.last_log_num, m.time_utc, m.size) for m in came] == [
+        (0, 0, 0, 0, 0)
+    ]
 
 
 def test_row_14_folders_are_listed_and_what_is_not_there_is_not_found(client):
@@ -93,11 +104,14 @@ def test_row_14_nothing_is_written(client, opcode):
 def test_row_14_arducopters_packed_parameters_are_those_of_the_parameter_protocol():
     client = Client("arducopter")
     packed = client.read(b"@PARAM/param.pck")
-    values, name, at = {}, "", 6
+    values = {}
+    name = ""
+    at = 6
     assert struct.unpack_from("<HHH", packed) == (0x671B, 1390, 1390)
     while at < len(packed):
         form = {1: "<b", 2: "<h", 3: "<i", 4: "<f"}[packed[at] & 15]
-        common, rest = packed[at + 1] & 15, (packed[at + 1] >> 4) + 1
+        common = packed[at + 1] & 15
+        rest = (packed[at + 1] >> 4) + 1
         name = name[:common] + packed[at + 2 : at + 2 + rest].decode()
         (values[name],) = struct.unpack_from(form, packed, at + 2 + rest)
         at += 2 + rest + struct.calcsize(form)
@@ -119,7 +133,9 @@ def test_row_14_pymavlinks_own_reader_understands_the_packed_parameters():
 def test_row_14_a_plan_is_read_as_mission_items():
     client = Client("arducopter")
     client.send("MISSION_COUNT", 1, 1, 1, 1)
-    client.send("MISSION_ITEM_INT", 1, 1, 0, 0, 5003, 0, 1, 30.0, 0, 0, 0, 470000000, 80000000, 0.0, 1)
+    client.send(
+        "MISSION_ITEM_INT", 1, 1, 0, 0, 5003, 0, 1, 30.0, 0, 0, 0, 470000000, 80000000, 0.0, 1
+    )
     plan = client.read(b"@MISSION/fence.dat")
     assert struct.unpack_from("<HHHHH", plan) == (0x763D, 1, 0, 0, 1)
     assert len(plan) == 10 + 38
@@ -152,7 +168,11 @@ def test_a_burst_brings_the_file_in_order_and_ends():
 
 
 def test_a_crc_is_that_of_the_file(client):
-    path = b"/etc/extras/parameters.json.xz" if client.vehicle.flavour == "px4" else b"@MISSION/mission.dat"
+    path = (
+        b"/etc/extras/parameters.json.xz"
+        if client.vehicle.flavour == "px4"
+        else b"@MISSION/mission.dat"
+    )
     content = client.read(path)
     crc = 0
     for byte in content:  # reflected CRC-32 without inversions

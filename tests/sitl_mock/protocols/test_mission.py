@@ -16,12 +16,30 @@ from sitl_mock.protocols import (
 )
 from sitl_mock.protocols.mission_upload import read_item
 
-MISSION, FENCE, RALLY, ALL = 0, 1, 2, 255
-FLAVOURS = pytest.mark.parametrize("rules", [PX4_MISSION_RULES, ARDUPILOT_MISSION_RULES], ids=["px4", "ardupilot"])
+MISSION = 0
+FENCE = 1
+RALLY = 2
+ALL = 255
+FLAVOURS = pytest.mark.parametrize(
+    "rules", [PX4_MISSION_RULES, ARDUPILOT_MISSION_RULES], ids=["px4", "ardupilot"]
+)
 
 
 def waypoint(seq, *, frame=6, command=16, p1=0.0, x=None, y=80_000_000, z=20.0):
-    return (seq, frame, command, 0, 1, p1, 2.0, 3.0, 4.0, 470_000_000 + seq if x is None else x, y, z)
+    return (
+        seq,
+        frame,
+        command,
+        0,
+        1,
+        p1,
+        2.0,
+        3.0,
+        4.0,
+        470_000_000 + seq if x is None else x,
+        y,
+        z,
+    )
 
 
 def send_item(client, item, kind=MISSION):
@@ -77,7 +95,20 @@ def test_what_was_uploaded_is_what_is_downloaded(wire, vehicle, plans, rules):
     assert len(came) == len(items)
     assert [item.x for item in came[first:]] == [item[9] for item in items[first:]]
     for seq, item in enumerate(came[first:], start=first):
-        expected = (seq, 6, 16, int(seq == 0), 1, 0.0, 2.0, 3.0, 4.0, 470_000_000 + seq, 80_000_000, 20.0)
+        expected = (
+            seq,
+            6,
+            16,
+            int(seq == 0),
+            1,
+            0.0,
+            2.0,
+            3.0,
+            4.0,
+            470_000_000 + seq,
+            80_000_000,
+            20.0,
+        )
         assert tuple(getattr(item, name) for name in item.get_fieldnames()[2:-1]) == expected
 
 
@@ -104,15 +135,23 @@ def test_a_fence_of_two_polygons_and_circles_goes_both_ways(wire, vehicle, plans
     client = wire(vehicle())
     polygon = [waypoint(seq, frame=0, command=5001, p1=4.0) for seq in range(4)]
     hole = [waypoint(seq, frame=0, command=5002, p1=3.0) for seq in range(4, 7)]
-    circles = [waypoint(7, frame=0, command=5003, p1=50.0), waypoint(8, frame=0, command=5004, p1=5.0)]
+    circles = [
+        waypoint(7, frame=0, command=5003, p1=50.0),
+        waypoint(8, frame=0, command=5004, p1=5.0),
+    ]
     acked(upload(client, polygon + hole + circles, FENCE), MissionResult.ACCEPTED, FENCE)
-    assert [item.command for item in download(client, FENCE)] == [5001] * 4 + [5002] * 3 + [5003, 5004]
+    assert [item.command for item in download(client, FENCE)] == [5001] * 4 + [5002] * 3 + [
+        5003,
+        5004,
+    ]
     assert plans.mission.items == ()
 
 
 def test_rally_points_go_both_ways(wire, vehicle):
     client = wire(vehicle())
-    acked(upload(client, [waypoint(0, frame=3, command=5100)], RALLY), MissionResult.ACCEPTED, RALLY)
+    acked(
+        upload(client, [waypoint(0, frame=3, command=5100)], RALLY), MissionResult.ACCEPTED, RALLY
+    )
     assert [item.command for item in download(client, RALLY)] == [5100]
 
 
@@ -120,7 +159,9 @@ def test_the_float_form_is_taken_and_given_too(wire, vehicle, plans):
     client = wire(vehicle())
     (request,) = client.send("MISSION_COUNT", 1, 1, 1, MISSION)
     assert request.get_type() == "MISSION_REQUEST_INT"
-    (ack,) = client.send("MISSION_ITEM", 1, 1, 0, 3, 16, 0, 1, 0.0, 0.0, 0.0, 0.0, 47.5, 8.25, 20.0, MISSION)
+    (ack,) = client.send(
+        "MISSION_ITEM", 1, 1, 0, 3, 16, 0, 1, 0.0, 0.0, 0.0, 0.0, 47.5, 8.25, 20.0, MISSION
+    )
     acked(ack, MissionResult.ACCEPTED)
     assert (plans.mission.items[0].x, plans.mission.items[0].y) == (475_000_000, 82_500_000)
     (item,) = client.send("MISSION_REQUEST", 1, 1, 0, MISSION)
@@ -129,9 +170,14 @@ def test_the_float_form_is_taken_and_given_too(wire, vehicle, plans):
 
 def test_huge_and_missing_floats_make_no_overflow(wire, vehicle):
     client = wire(vehicle())
-    for x, result in ((1e30, MissionResult.INVALID_PARAM5_X), (math.nan, MissionResult.INVALID_PARAM5_X)):
+    for x, result in (
+        (1e30, MissionResult.INVALID_PARAM5_X),
+        (math.nan, MissionResult.INVALID_PARAM5_X),
+    ):
         client.send("MISSION_COUNT", 1, 1, 1, MISSION)
-        (ack,) = client.send("MISSION_ITEM", 1, 1, 0, 3, 16, 0, 1, 0.0, 0.0, 0.0, 0.0, x, 8.0, 20.0, MISSION)
+        (ack,) = client.send(
+            "MISSION_ITEM", 1, 1, 0, 3, 16, 0, 1, 0.0, 0.0, 0.0, 0.0, x, 8.0, 20.0, MISSION
+        )
         acked(ack, result)
 
 
@@ -181,11 +227,17 @@ class LossyUpload:
     """A client like MAVSDK on a lossy wire: sends requested items, resends after 0.5 s of silence."""
 
     def __init__(self, client, items, rng, loss):
-        self.client, self.items, self.rng, self.loss = client, items, rng, loss
-        self.result, self.heard_s, self.last = None, 0.0, None
+        self.client = client
+        self.items = items
+        self.rng = rng
+        self.loss = loss
+        self.result = None
+        self.heard_s = 0.0
+        self.last = None
 
     def put(self, *message):
-        self.last, self.heard_s = message, self.client.now_s
+        self.last = message
+        self.heard_s = self.client.now_s
         if self.rng.random() >= self.loss:
             self.take(self.client.send(*message))
 
@@ -229,7 +281,9 @@ def test_a_download_with_losses_is_repeated_by_the_client_and_answered_every_tim
 
 
 @FLAVOURS
-def test_an_upload_that_falls_silent_is_given_up_and_the_old_plan_stands(wire, vehicle, plans, rules):
+def test_an_upload_that_falls_silent_is_given_up_and_the_old_plan_stands(
+    wire, vehicle, plans, rules
+):
     protocol = vehicle(rules)
     client = wire(protocol)
     upload(client, [waypoint(0)])
@@ -290,7 +344,9 @@ def test_more_items_than_fit_are_refused_at_the_count(wire, vehicle, plans, rule
         (waypoint(0, command=5100, x=910_000_000), RALLY, MissionResult.INVALID_PARAM5_X),
     ],
 )
-def test_a_bad_item_ends_the_upload_with_its_reason_and_the_old_plan_stands(wire, vehicle, plans, item, kind, result):
+def test_a_bad_item_ends_the_upload_with_its_reason_and_the_old_plan_stands(
+    wire, vehicle, plans, item, kind, result
+):
     protocol = vehicle()
     client = wire(protocol)
     client.send("MISSION_COUNT", 1, 1, 1, kind)
@@ -324,13 +380,18 @@ def test_a_polygon_with_a_stray_vertex_or_a_gap_is_invalid(wire, vehicle):
 
 
 @pytest.mark.parametrize("radius_m", [0.0, -5.0])
-def test_px4_takes_a_fence_circle_of_any_radius_and_ardupilot_refuses_the_plan(wire, vehicle, radius_m):
+def test_px4_takes_a_fence_circle_of_any_radius_and_ardupilot_refuses_the_plan(
+    wire, vehicle, radius_m
+):
     circle = [waypoint(0, frame=0, command=5003, p1=radius_m)]
     acked(upload(wire(vehicle()), circle, FENCE), MissionResult.ACCEPTED, FENCE)
     client = wire(vehicle(ARDUPILOT_MISSION_RULES))
     client.send("MISSION_COUNT", 1, 1, 1, FENCE)
     *texts, ack = send_item(client, circle[0], FENCE)
-    assert [text.text for text in texts] == ["Non-positive circle radius", "Fence validation failed"]
+    assert [text.text for text in texts] == [
+        "Non-positive circle radius",
+        "Fence validation failed",
+    ]
     acked(ack, MissionResult.ERROR, FENCE)
 
 
@@ -377,7 +438,9 @@ def test_a_second_client_is_refused_on_any_link_while_the_first_uploads(wire, ve
         (ack,) = other.send("MISSION_CLEAR_ALL", 1, 1, MISSION)
         assert ack.type == MissionResult.ERROR
         assert send_item(other, waypoint(0)) == []
-    (ack,) = wire(vehicle(ARDUPILOT_MISSION_RULES)).send("MISSION_WRITE_PARTIAL_LIST", 1, 1, 0, 0, MISSION)
+    (ack,) = wire(vehicle(ARDUPILOT_MISSION_RULES)).send(
+        "MISSION_WRITE_PARTIAL_LIST", 1, 1, 0, 0, MISSION
+    )
     acked(ack, MissionResult.ERROR)
     for seq in range(3):
         answers = send_item(first, waypoint(seq))
@@ -438,11 +501,16 @@ def test_ardupilot_replaces_a_part_and_px4_refuses_to(wire, vehicle, plans):
     acked(send_item(client, waypoint(2, z=98.0))[0], MissionResult.ACCEPTED)
     assert [item.z for item in plans.mission.items] == [20.0, 99.0, 98.0, 20.0, 20.0]
     for first, last in ((3, 5), (-1, 2), (3, 2)):
-        acked(client.send("MISSION_WRITE_PARTIAL_LIST", 1, 1, first, last, MISSION)[0], MissionResult.ERROR)
+        acked(
+            client.send("MISSION_WRITE_PARTIAL_LIST", 1, 1, first, last, MISSION)[0],
+            MissionResult.ERROR,
+        )
     client.send("MISSION_WRITE_PARTIAL_LIST", 1, 1, 0, 0, MISSION)
     acked(send_item(client, waypoint(0, z=97.0))[0], MissionResult.ACCEPTED)
     assert [item.z for item in plans.mission.items] == [97.0, 99.0, 98.0, 20.0, 20.0]
-    (ack,) = wire(vehicle(PX4_MISSION_RULES)).send("MISSION_WRITE_PARTIAL_LIST", 1, 1, 0, 0, MISSION)
+    (ack,) = wire(vehicle(PX4_MISSION_RULES)).send(
+        "MISSION_WRITE_PARTIAL_LIST", 1, 1, 0, 0, MISSION
+    )
     acked(ack, MissionResult.UNSUPPORTED)
 
 
@@ -465,15 +533,27 @@ def test_another_message_is_no_mission(wire, vehicle):
 
 @pytest.mark.parametrize(
     ("frame", "x", "integer"),
-    [(3, -47.5, -475_000_000), (1, -2.5, -25_000), (2, -7.0, -7), (3, -1e30, -(2**31)), (3, 1e30, 2**31 - 2)],
+    [
+        (3, -47.5, -475_000_000),
+        (1, -2.5, -25_000),
+        (2, -7.0, -7),
+        (3, -1e30, -(2**31)),
+        (3, 1e30, 2**31 - 2),
+    ],
 )
 def test_a_float_coordinate_becomes_the_integer_of_its_frame(frame, x, integer):
-    message = dialect.MAVLink_mission_item_message(1, 1, 0, frame, 16, 0, 1, 0.0, 0.0, 0.0, 0.0, x, math.nan, 1.0, 0)
+    message = dialect.MAVLink_mission_item_message(
+        1, 1, 0, frame, 16, 0, 1, 0.0, 0.0, 0.0, 0.0, x, math.nan, 1.0, 0
+    )
     assert (read_item(message).x, read_item(message).y) == (integer, 2**31 - 1)
 
 
 def test_a_circle_may_be_small_and_an_empty_plan_has_no_id(wire, vehicle, plans):
-    acked(upload(wire(vehicle()), [waypoint(0, frame=0, command=5003, p1=0.5)], FENCE), MissionResult.ACCEPTED, FENCE)
+    acked(
+        upload(wire(vehicle()), [waypoint(0, frame=0, command=5003, p1=0.5)], FENCE),
+        MissionResult.ACCEPTED,
+        FENCE,
+    )
     assert plans.fence.opaque_id != 0
     plans.set_plan(PlanKind.FENCE, ())
     assert plans.fence.opaque_id == 0

@@ -21,7 +21,8 @@ from sitl_mock.protocols import (
 )
 from sitl_mock.protocols.parameter import rounded
 
-INT32, REAL32 = int(ParamKind.INT32), int(ParamKind.REAL32)
+INT32 = int(ParamKind.INT32)
+REAL32 = int(ParamKind.REAL32)
 TABLES = ["px4", "arducopter", "rover"]
 
 
@@ -64,7 +65,8 @@ def test_the_tables_name_each_parameter_once_within_its_limits_and_its_type(flav
 
 
 @pytest.mark.parametrize(
-    ("flavour", "kinds"), [("px4", {6: 285, 9: 602}), ("arducopter", {2: 419, 4: 327, 6: 87, 9: 557})]
+    ("flavour", "kinds"),
+    [("px4", {6: 285, 9: 602}), ("arducopter", {2: 419, 4: 327, 6: 87, 9: 557})],
 )
 def test_row_15_all_parameters_of_the_real_ones_are_there_with_their_types(flavour, kinds):
     table = parameters_of(flavour)
@@ -94,25 +96,38 @@ def test_row_25_defaults_are_those_that_were_read_from_the_real_ones(flavour, re
     assert {name: store[name] for name in recorded} == recorded
 
 
-@pytest.mark.parametrize(("flavour", "name"), [("px4", "MAV_SYS_ID"), ("arducopter", "SYSID_THISMAV")])
+@pytest.mark.parametrize(
+    ("flavour", "name"), [("px4", "MAV_SYS_ID"), ("arducopter", "SYSID_THISMAV")]
+)
 def test_a_vehicle_knows_its_own_number(flavour, name):
     assert MockVehicle(flavour, system_id=7).autopilot.parameters[name] == 7
 
 
 def test_the_defaults_that_decide_over_offboard_are_those_of_the_autopilots(px4, copter):
-    assert {name: px4[name] for name in ("COM_OF_LOSS_T", "COM_OBL_RC_ACT", "COM_FAIL_ACT_T", "MPC_XY_VEL_MAX")} == {
+    assert {
+        name: px4[name]
+        for name in ("COM_OF_LOSS_T", "COM_OBL_RC_ACT", "COM_FAIL_ACT_T", "MPC_XY_VEL_MAX")
+    } == {
         "COM_OF_LOSS_T": 1.0,
         "COM_OBL_RC_ACT": 0,
         "COM_FAIL_ACT_T": 5.0,
         "MPC_XY_VEL_MAX": 12.0,
     }
-    assert (copter["GUID_TIMEOUT"], copter["WPNAV_SPEED"], copter["WPNAV_SPEED_UP"]) == (3.0, 1000.0, 250.0)
+    assert (copter["GUID_TIMEOUT"], copter["WPNAV_SPEED"], copter["WPNAV_SPEED_UP"]) == (
+        3.0,
+        1000.0,
+        250.0,
+    )
 
 
 def test_px4_reads_an_integer_as_its_four_bytes_and_a_float_as_itself(wire, px4):
     client = wire(ParameterProtocol(px4, PX4_PARAMETER_RULES))
     (integer,) = read(client, "NAV_RCL_ACT")
-    assert (integer.param_id, as_integer(integer.param_value), integer.param_type) == ("NAV_RCL_ACT", 2, INT32)
+    assert (integer.param_id, as_integer(integer.param_value), integer.param_type) == (
+        "NAV_RCL_ACT",
+        2,
+        INT32,
+    )
     (real,) = read(client, "MPC_XY_P")
     assert (real.param_value, real.param_type) == (pytest.approx(0.95), REAL32)
     assert real.param_count == len(px4)
@@ -169,7 +184,13 @@ def test_the_hash_is_that_of_names_and_values_and_changes_with_them(wire, px4):
             crc = crc >> 1 ^ (0xEDB88320 if crc & 1 else 0)
         table.append(crc)
     crc = 0
-    volatile = {"COM_FLIGHT_UUID", "EKF2_MAG_DECL", "LND_FLIGHT_T_HI", "LND_FLIGHT_T_LO", "SENS_DPRES_OFF"}
+    volatile = {
+        "COM_FLIGHT_UUID",
+        "EKF2_MAG_DECL",
+        "LND_FLIGHT_T_HI",
+        "LND_FLIGHT_T_LO",
+        "SENS_DPRES_OFF",
+    }
     for name in sorted(px4):
         offset = name.startswith("CAL_") and name.endswith(("OFF", "SCALE", "COMP", "ODIAG"))
         if name in volatile or offset or name.startswith("ASPD_SCALE_"):
@@ -189,7 +210,8 @@ def test_row_15_the_hash_of_px4s_defaults_is_the_one_that_the_real_one_sent(px4)
 
 
 def test_row_15_lists_are_in_the_order_of_the_real_ones():
-    copter, px4 = ParameterStore(parameters_of("arducopter")), ParameterStore(parameters_of("px4"))
+    copter = ParameterStore(parameters_of("arducopter"))
+    px4 = ParameterStore(parameters_of("px4"))
     assert [copter.names[index] for index in (0, 1, 5, 500, 1389)] == [
         "FORMAT_VERSION",
         "SYSID_THISMAV",
@@ -197,7 +219,8 @@ def test_row_15_lists_are_in_the_order_of_the_real_ones():
         "SIM_SERVO_SPEED",
         "FILT8_TYPE",
     ]
-    assert zlib.crc32("\n".join(copter.names).encode()) == 0xE2462D8B  # all names as ArduCopter 4.5.7 sent them
+    # All names as ArduCopter 4.5.7 sent them
+    assert zlib.crc32("\n".join(copter.names).encode()) == 0xE2462D8B
     assert list(px4.names) == sorted(px4.names)
     assert (px4.index["LND_FLIGHT_T_HI"], px4.index["MPC_XY_VEL_MAX"]) == (500, 622)
 
@@ -213,7 +236,9 @@ def test_a_ground_station_that_knows_the_hash_stops_the_list(wire, px4):
 def test_setting_answers_with_the_value_as_stored(wire, px4):
     client = wire(ParameterProtocol(px4, PX4_PARAMETER_RULES))
     (echo,) = write(client, "COM_OF_LOSS_T", 1.1, REAL32)
-    assert echo.param_value == struct.unpack("<f", struct.pack("<f", 1.1))[0] == px4["COM_OF_LOSS_T"]
+    assert (
+        echo.param_value == struct.unpack("<f", struct.pack("<f", 1.1))[0] == px4["COM_OF_LOSS_T"]
+    )
     (echo,) = write(client, "COM_OBL_RC_ACT", as_float(5), INT32)
     assert (as_integer(echo.param_value), px4["COM_OBL_RC_ACT"]) == (5, 5)
     (echo,) = write(client, "EKF2_NOAID_TOUT", as_float(-3), INT32)
@@ -221,7 +246,9 @@ def test_setting_answers_with_the_value_as_stored(wire, px4):
 
 
 def is_signalling_nan(integer):
-    return integer & 0x7F800000 == 0x7F800000 and integer & 0x7FFFFF != 0 and integer & 0x400000 == 0
+    return (
+        integer & 0x7F800000 == 0x7F800000 and integer & 0x7FFFFF != 0 and integer & 0x400000 == 0
+    )
 
 
 @given(st.one_of(st.sampled_from([-1, -2, 2**31 - 1]), st.integers(-(2**31), 2**31 - 1)))
@@ -271,7 +298,10 @@ def test_what_is_no_number_is_not_stored(wire, copter, bad):
 
 @pytest.mark.parametrize(
     ("rules", "name", "value"),
-    [(PX4_PARAMETER_RULES, "COM_OF_LOSS_T", 900.0), (ARDUPILOT_PARAMETER_RULES, "GUID_TIMEOUT", 900.0)],
+    [
+        (PX4_PARAMETER_RULES, "COM_OF_LOSS_T", 900.0),
+        (ARDUPILOT_PARAMETER_RULES, "GUID_TIMEOUT", 900.0),
+    ],
 )
 def test_row_15_neither_autopilot_enforces_the_documented_range(wire, rules, name, value):
     store = ParameterStore(parameters_of("px4" if rules.bytewise else "arducopter"))
@@ -287,7 +317,11 @@ def test_row_15_ardupilot_denies_what_only_itself_may_set_and_says_so(wire, copt
 
 
 def test_the_store_reads_like_a_dict_and_counts_changes(px4):
-    assert (len(px4), px4["COM_OF_LOSS_T"], "NO_SUCH" in px4) == (len(parameters_of("px4")), 1.0, False)
+    assert (len(px4), px4["COM_OF_LOSS_T"], "NO_SUCH" in px4) == (
+        len(parameters_of("px4")),
+        1.0,
+        False,
+    )
     px4.set("COM_OF_LOSS_T", 1.0)
     assert px4.revision == 0
     px4.set("COM_OF_LOSS_T", 2.0)
@@ -297,7 +331,11 @@ def test_the_store_reads_like_a_dict_and_counts_changes(px4):
 
 @pytest.mark.parametrize(
     ("overrides", "said"),
-    [({"NOPE": 1.0}, "NOPE"), ({"COM_OF_LOSS_T": 99.0}, "allowed are 0 to 60"), ({"GF_ACTION": math.nan}, "finite")],
+    [
+        ({"NOPE": 1.0}, "NOPE"),
+        ({"COM_OF_LOSS_T": 99.0}, "allowed are 0 to 60"),
+        ({"GF_ACTION": math.nan}, "finite"),
+    ],
 )
 def test_a_bad_override_names_the_parameter_and_what_is_allowed(overrides, said):
     with pytest.raises(ParameterError, match=said):

@@ -47,7 +47,12 @@ def test_an_answer_to_a_timesync_is_not_answered(wire):
 def test_a_broadcast_ping_is_answered_to_the_sender_and_an_answer_is_not_answered(wire):
     client = wire(TimeProtocol(), client=(42, 191))
     (answer,) = client.send("PING", 123_456, 7, 0, 0)
-    assert (answer.time_usec, answer.seq, answer.target_system, answer.target_component) == (123_456, 7, 42, 191)
+    assert (answer.time_usec, answer.seq, answer.target_system, answer.target_component) == (
+        123_456,
+        7,
+        42,
+        191,
+    )
     assert client.send("PING", 123_456, 7, 1, 1) == []
     assert client.send("HEARTBEAT", 6, 8, 0, 0, 4, 3) == client.wait(2.0) == []
 
@@ -62,10 +67,15 @@ def test_a_broadcast_ping_is_answered_to_the_sender_and_an_answer_is_not_answere
         (ardupilot_identity(0xABC), (4, 5, 7), 0xABC),
     ],
 )
-def test_the_version_message_tells_version_and_number_of_the_vehicle(wire, identity, version, number):
+def test_the_version_message_tells_version_and_number_of_the_vehicle(
+    wire, identity, version, number
+):
     (message,) = wire(None).read([identity.autopilot_version()])
     packed = message.flight_sw_version
-    assert ((packed >> 24), (packed >> 16) & 255, (packed >> 8) & 255, packed & 255) == (*version, 255)
+    assert ((packed >> 24), (packed >> 16) & 255, (packed >> 8) & 255, packed & 255) == (
+        *version,
+        255,
+    )
     assert message.uid == number
     assert int.from_bytes(bytes(message.uid2), "little") == (0xABC if identity.uid2 else 0)
 
@@ -73,7 +83,12 @@ def test_the_version_message_tells_version_and_number_of_the_vehicle(wire, ident
 def test_capabilities_are_what_the_protocols_do():
     for capabilities in (PX4_CAPABILITIES, ARDUPILOT_CAPABILITIES):
         assert Capability.FTP in capabilities
-        wanted = Capability.MISSION_INT | Capability.COMMAND_INT | Capability.MAVLINK2 | Capability.MISSION_FENCE
+        wanted = (
+            Capability.MISSION_INT
+            | Capability.COMMAND_INT
+            | Capability.MAVLINK2
+            | Capability.MISSION_FENCE
+        )
         assert wanted in capabilities
     assert Capability.PARAM_ENCODE_BYTEWISE in PX4_CAPABILITIES
     assert Capability.PARAM_ENCODE_C_CAST not in PX4_CAPABILITIES
@@ -87,7 +102,9 @@ ZURICH = Place(47.397742, 8.545594, 488.25)
 
 def test_an_origin_that_is_taken_is_confirmed_with_equal_values(wire):
     taken = []
-    client = wire(HomeProtocol(lambda now_s, place: not taken.append(place), lambda now_s, place: True))
+    client = wire(
+        HomeProtocol(lambda now_s, place: not taken.append(place), lambda now_s, place: True)
+    )
     (answer,) = client.send("SET_GPS_GLOBAL_ORIGIN", 1, 473_977_420, 85_455_940, 488_250)
     assert (answer.get_type(), answer.latitude, answer.longitude, answer.altitude) == (
         "GPS_GLOBAL_ORIGIN",
@@ -110,8 +127,15 @@ def test_an_origin_that_is_refused_or_nowhere_is_not_confirmed(wire):
 
 def test_home_can_be_set_by_its_message(wire):
     taken = []
-    client = wire(HomeProtocol(lambda now_s, place: True, lambda now_s, place: not taken.append(place)))
-    assert client.send("SET_HOME_POSITION", 1, 473_977_420, 85_455_940, 488_250, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0) == []
+    client = wire(
+        HomeProtocol(lambda now_s, place: True, lambda now_s, place: not taken.append(place))
+    )
+    assert (
+        client.send(
+            "SET_HOME_POSITION", 1, 473_977_420, 85_455_940, 488_250, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0
+        )
+        == []
+    )
     assert taken == [pytest.approx(ZURICH)]
 
 
@@ -169,7 +193,13 @@ def test_closing_what_was_never_open_succeeds(wire, opcode):
 
 def test_answers_are_not_answered(wire):
     client = wire(FtpProtocol(FileTree({})))
-    assert ftp(client, 128) == ftp(client, 129) == client.send("PING", 1, 1, 0, 0) == client.wait(1.0) == []
+    assert (
+        ftp(client, 128)
+        == ftp(client, 129)
+        == client.send("PING", 1, 1, 0, 0)
+        == client.wait(1.0)
+        == []
+    )
 
 
 # -- STATUSTEXT --------------------------------------------------------------------------------------------------------
@@ -193,14 +223,19 @@ def test_a_short_text_is_one_message_without_an_id(wire):
     assert (message.severity, message.text, message.id, message.chunk_seq) == (4, "x" * 50, 0, 0)
 
 
-@given(st.text(alphabet=st.characters(min_codepoint=32, max_codepoint=0x17F), min_size=51, max_size=400))
+@given(
+    st.text(
+        alphabet=st.characters(min_codepoint=32, max_codepoint=0x17F), min_size=51, max_size=400
+    )
+)
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_long_text_comes_back_whole_from_its_chunks(wire, text):
     assert assembled(wire(None).read(StatusTexts().replies(6, text))) == text.encode()
 
 
 def test_long_texts_have_ids_that_differ_and_are_never_zero(wire):
-    texts, client = StatusTexts(), wire(None)
+    texts = StatusTexts()
+    client = wire(None)
     ids = [{message.id for message in client.read(texts.replies(6, "y" * 100))} for _ in range(3)]
     assert ids == [{1}, {2}, {3}]
     texts._last_id = 0xFFFF
@@ -218,7 +253,9 @@ def session(executed, **options):
     command = CommandProtocol(
         1, 1, lambda now_s, c: executed.append(c) or [CommandAnswer(0), CommandAnswer(0, delay_s=1)]
     )
-    return Session(1, 1, command=command, time=TimeProtocol(), ftp=FtpProtocol(FileTree({})), **options)
+    return Session(
+        1, 1, command=command, time=TimeProtocol(), ftp=FtpProtocol(FileTree({})), **options
+    )
 
 
 def test_a_session_gives_each_message_to_its_protocol_and_the_rest_back(wire):
@@ -272,7 +309,9 @@ def test_timesync_uses_the_clock_of_the_vehicles_telemetry_independent_of_its_bo
     question = dialect.MAVLink_timesync_message(0, 7).pack(sender)
     interval = dialect.MAVLink_command_long_message(2, 1, 511, 0, 33, 20_000, 0, 0, 0, 0, 0)
     interval.target_system = vehicle.system_id
-    frames = vehicle.step(1003.0, [bytes(interval.pack(sender)), bytes(question)]) + vehicle.step(1003.1)
+    frames = vehicle.step(1003.0, [bytes(interval.pack(sender)), bytes(question)]) + vehicle.step(
+        1003.1
+    )
     heard = [dialect.MAVLink(None).decode(bytearray(frame)) for frame in frames]
     answer = next(one for one in heard if one.get_type() == "TIMESYNC" and one.ts1 == 7)
     position = next(one for one in reversed(heard) if one.get_type() == "GLOBAL_POSITION_INT")

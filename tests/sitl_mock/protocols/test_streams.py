@@ -19,7 +19,9 @@ from sitl_mock.protocols import (
     Streams,
 )
 
-OFFERED = frozenset({*PX4_ONBOARD_HZ, "RC_CHANNELS", "AHRS2", "EKF_STATUS_REPORT", "VIBRATION", "POWER_STATUS"})
+OFFERED = frozenset(
+    {*PX4_ONBOARD_HZ, "RC_CHANNELS", "AHRS2", "EKF_STATUS_REPORT", "VIBRATION", "POWER_STATUS"}
+)
 
 
 def message_id(name):
@@ -68,7 +70,11 @@ def test_a_heartbeat_leaves_at_the_first_cycle():
 
 
 def test_the_first_sendings_are_spread_over_their_intervals():
-    sent = [len(streams_due) for streams in [px4()] for streams_due in (streams.due(t * 0.001) for t in range(1000))]
+    sent = [
+        len(streams_due)
+        for streams in [px4()]
+        for streams_due in (streams.due(t * 0.001) for t in range(1000))
+    ]
     assert max(sent) <= 6
 
 
@@ -78,7 +84,8 @@ def test_irregular_cycles_keep_the_mean_rate(hz, seed):
 
     rng = random.Random(seed)
     streams = Streams(OFFERED, {"ATTITUDE": hz}, PX4_STREAM_RULES)
-    now_s, sent = 0.0, 0
+    now_s = 0.0
+    sent = 0
     while now_s < 20.0:
         now_s += rng.uniform(0.0005, 0.004)
         sent += len(streams.due(now_s))
@@ -109,7 +116,8 @@ def test_the_heartbeat_of_px4_cannot_be_changed():
 
 
 def test_zero_is_the_default_and_minus_one_is_silence():
-    streams, attitude = px4(), message_id("ATTITUDE")
+    streams = px4()
+    attitude = message_id("ATTITUDE")
     assert streams.set_interval(0.0, attitude, -1) == Result.ACCEPTED
     assert (rate_hz(streams, "ATTITUDE"), streams.interval_us(attitude)) == (0.0, -1)
     assert count(streams, 2.0)["ATTITUDE"] == 0
@@ -160,7 +168,10 @@ def test_a_data_stream_of_ardupilot_sets_its_whole_group(wire):
     streams = copter()
     client = wire(streams)
     assert client.send("REQUEST_DATA_STREAM", 1, 1, 6, 10, 1) == []
-    assert (rate_hz(streams, "GLOBAL_POSITION_INT"), rate_hz(streams, "LOCAL_POSITION_NED")) == (10.0, 10.0)
+    assert (rate_hz(streams, "GLOBAL_POSITION_INT"), rate_hz(streams, "LOCAL_POSITION_NED")) == (
+        10.0,
+        10.0,
+    )
     assert rate_hz(streams, "ATTITUDE") == 0.0
     client.send("REQUEST_DATA_STREAM", 1, 1, 0, 4, 1)
     assert (rate_hz(streams, "ATTITUDE"), rate_hz(streams, "LOCAL_POSITION_NED")) == (4.0, 4.0)
@@ -179,7 +190,9 @@ def test_px4_ignores_data_streams(wire):
     streams = px4()
     client = wire(streams)
     client.send("REQUEST_DATA_STREAM", 1, 1, 0, 50, 1)
-    assert {name: rate_hz(streams, name) for name in PX4_ONBOARD_HZ} == pytest.approx(PX4_ONBOARD_HZ, rel=1e-4)
+    assert {name: rate_hz(streams, name) for name in PX4_ONBOARD_HZ} == pytest.approx(
+        PX4_ONBOARD_HZ, rel=1e-4
+    )
     assert client.send("PING", 1, 1, 0, 0) == []
 
 

@@ -7,13 +7,24 @@ import math
 
 import pytest
 
-CALIBRATE, ARM = 241, 400
-GYRO, MAG, BARO, RADIO, ACCEL, LEVEL = (1,), (0, 1), (0, 0, 1), (0, 0, 0, 1), (0, 0, 0, 0, 1), (0, 0, 0, 0, 2)
-AIRSPEED, ESC = (0, 0, 0, 0, 0, 1), (0, 0, 0, 0, 0, 0, 1)
+CALIBRATE = 241
+ARM = 400
+GYRO = (1,)
+MAG = (0, 1)
+BARO = (0, 0, 1)
+RADIO = (0, 0, 0, 1)
+ACCEL = (0, 0, 0, 0, 1)
+LEVEL = (0, 0, 0, 0, 2)
+AIRSPEED = (0, 0, 0, 0, 0, 1)
+ESC = (0, 0, 0, 0, 0, 0, 1)
 HEARTBEAT = ("HEARTBEAT", 6, 8, 0, 0, 4, 3)
 
 SAID = {
-    GYRO: ["calibration started: 2 gyro", *(f"progress <{n}>" for n in range(0, 101, 10)), "calibration done: gyro"],
+    GYRO: [
+        "calibration started: 2 gyro",
+        *(f"progress <{n}>" for n in range(0, 101, 10)),
+        "calibration done: gyro",
+    ],
     LEVEL: [
         "calibration started: 2 level",
         *(f"progress <{n}>" for n in (0, 20, 40, 60, 80, 100, 100)),
@@ -57,7 +68,9 @@ def test_the_texts_are_the_real_ones(standing, kind):
 def test_it_is_done_when_the_real_one_is(standing, kind):
     asked_s = standing.now_s
     ask(standing, kind)
-    took_s = standing.until(lambda: any("calibration done" in text for text in standing.texts()), 3.0, HEARTBEAT)
+    took_s = standing.until(
+        lambda: any("calibration done" in text for text in standing.texts()), 3.0, HEARTBEAT
+    )
     assert standing.now_s - asked_s == pytest.approx(DONE_S[kind], abs=0.1), took_s
     assert ask(standing, GYRO) == [0], "and another one may follow"
 

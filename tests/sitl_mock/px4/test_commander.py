@@ -4,7 +4,10 @@ import math
 
 import pytest
 
-HOLD, TAKEOFF, LANDED, FLYING = 0x03040000, 0x02040000, 1, 2
+HOLD = 0x03040000
+TAKEOFF = 0x02040000
+LANDED = 1
+FLYING = 2
 
 
 def test_it_is_ready_to_arm_about_five_seconds_after_start(fly):
@@ -124,15 +127,21 @@ def test_landing_slows_down_near_the_ground_and_disarms(fly):
     flight.until(lambda: flight.vehicle.truth.on_ground, 10.0)
     down_s = flight.now_s
     flight.until(lambda: not flight.vehicle.armed, 6.0)
-    assert 4.6 <= flight.now_s - down_s <= 5.2, "measured: 2.85 s until that counts as landed, and COM_DISARM_LAND"
+    assert 4.6 <= flight.now_s - down_s <= 5.2, (
+        "measured: 2.85 s until that counts as landed, and COM_DISARM_LAND"
+    )
     flight.run(0.3)
     assert flight.last("EXTENDED_SYS_STATE").landed_state == LANDED
 
 
 def test_return_climbs_crosses_descends_and_lands_at_home(fly):
-    flight = fly.airborne("px4", parameters={"RTL_RETURN_ALT": 25.0, "RTL_DESCEND_ALT": 10.0}, height=5.0)
+    flight = fly.airborne(
+        "px4", parameters={"RTL_RETURN_ALT": 25.0, "RTL_DESCEND_ALT": 10.0}, height=5.0
+    )
     lat, lon, alt = flight.vehicle.autopilot.frame.to_geodetic(60.0, 0.0, -5.0)
-    assert flight.command_int(192, 0, -1.0, 1.0, 0.0, math.nan, x=round(lat * 1e7), y=round(lon * 1e7), z=alt) == [0]
+    assert flight.command_int(
+        192, 0, -1.0, 1.0, 0.0, math.nan, x=round(lat * 1e7), y=round(lon * 1e7), z=alt
+    ) == [0]
     flight.until(lambda: flight.position[0] > 59.0, 40.0)
     assert flight.command(20) == [0]
     highest = 0.0
@@ -200,7 +209,8 @@ def test_reboot_is_refused_while_armed_and_starts_the_clock_anew(fly):
 
 
 @pytest.mark.parametrize(
-    ("choice", "speed", "calibration"), [(2, 12.0, 0.0), (4, 12.0, 0.0), (3, 8.0, 0.0), (1, 8.0, 0.5)]
+    ("choice", "speed", "calibration"),
+    [(2, 12.0, 0.0), (4, 12.0, 0.0), (3, 8.0, 0.0), (1, 8.0, 0.5)],
 )
 def test_preflight_storage_resets_what_its_first_parameter_says(fly, choice, speed, calibration):
     flight = fly("px4", parameters={"MPC_XY_VEL_MAX": 8.0, "CAL_GYRO0_XOFF": 0.5}).run(1.0)

@@ -63,7 +63,9 @@ def test_row_01_set_start_arm_as_the_examples_do_flies(fly, ned_velocity):
 
 def test_row_02_goto_from_the_ground_flies_there(fly):
     flight = armed(fly)
-    assert flight.command_int(192, 0, -1.0, 1.0, 0.0, NAN, **degrees(flight, 15.0, 0.0), z=amsl(flight, 10.0)) == [0]
+    assert flight.command_int(
+        192, 0, -1.0, 1.0, 0.0, NAN, **degrees(flight, 15.0, 0.0), z=amsl(flight, 10.0)
+    ) == [0]
     flight.run(20.0)
     assert flight.position == pytest.approx((15.0, 0.0, -10.0), abs=0.6)
     assert flight.mode == "HOLD"
@@ -71,7 +73,9 @@ def test_row_02_goto_from_the_ground_flies_there(fly):
 
 def test_row_02_a_goto_that_does_not_climb_stays_on_the_ground_until_it_disarms(fly):
     flight = armed(fly)
-    assert flight.command_int(192, 0, -1.0, 1.0, 0.0, NAN, **degrees(flight, 15.0, 0.0), z=amsl(flight, 0.1)) == [0]
+    assert flight.command_int(
+        192, 0, -1.0, 1.0, 0.0, NAN, **degrees(flight, 15.0, 0.0), z=amsl(flight, 0.1)
+    ) == [0]
     flight.run(12.5)
     assert flight.height == 0.0
     assert not flight.vehicle.armed
@@ -122,7 +126,9 @@ def test_row_03_a_mission_without_a_takeoff_climbs_first_and_is_flown(fly):
     for seq, (north, east, height) in enumerate(corners):
         place = degrees(flight, north, east)
         where = (place["x"], place["y"], height)
-        flight.send("MISSION_ITEM_INT", 1, 1, seq, 6, 16, int(seq == 0), 1, 0.0, 0.0, 0.0, NAN, *where, 0)
+        flight.send(
+            "MISSION_ITEM_INT", 1, 1, seq, 6, 16, int(seq == 0), 1, 0.0, 0.0, 0.0, NAN, *where, 0
+        )
     assert flight.last("MISSION_ACK").type == 0
     assert flight.command(400, 1.0) == [0]
     assert flight.command(176, 1, 4, 4) == [0, 0]
@@ -131,7 +137,10 @@ def test_row_03_a_mission_without_a_takeoff_climbs_first_and_is_flown(fly):
     flight.until(lambda: flight.mode == "HOLD", 60.0)
     assert [m.seq for _, m in flight.all("MISSION_ITEM_REACHED")] == [0, 1, 2]
     for north, east, height in corners:
-        nearest = min(math.dist((m.x, m.y, m.z), (north, east, -height)) for _, m in flight.all("LOCAL_POSITION_NED"))
+        nearest = min(
+            math.dist((m.x, m.y, m.z), (north, east, -height))
+            for _, m in flight.all("LOCAL_POSITION_NED")
+        )
         assert nearest < 2.2
 
 
@@ -160,12 +169,16 @@ def test_row_07_home_jumps_in_height_in_flight_and_nothing_else_of_it_does(fly, 
     assert 700 <= max(jumps) <= 3000
     assert len({(m.latitude, m.longitude, m.x, m.y) for m in homes}) == 1
     origin_mm = round(flight.vehicle.autopilot.frame.origin.alt_amsl_m * 1e3)
-    assert all(abs(m.altitude - (origin_mm - m.z * 1e3)) <= 1.0 for m in homes), "x, y, z say the same"
+    assert all(abs(m.altitude - (origin_mm - m.z * 1e3)) <= 1.0 for m in homes), (
+        "x, y, z say the same"
+    )
     assert [m.time_usec for m in homes] == sorted(m.time_usec for m in homes)
     places = [m for _, m in flight.all("GLOBAL_POSITION_INT", begun_s)]
     assert max(abs(b.alt - a.alt) for a, b in itertools.pairwise(places)) < 200
     relative = [m.relative_alt for m in places]
-    assert max(abs(b - a) for a, b in itertools.pairwise(relative)) > 900, "heights above home jump along"
+    assert max(abs(b - a) for a, b in itertools.pairwise(relative)) > 900, (
+        "heights above home jump along"
+    )
 
 
 @pytest.mark.long
@@ -184,7 +197,9 @@ def test_row_07_the_local_frame_stays_and_equal_seeds_wander_equally(fly):
         flight.command(512, 49.0)
         origins.append(flight.last("GPS_GLOBAL_ORIGIN"))
     assert len({(m.latitude, m.longitude, m.altitude) for m in origins}) == 1
-    first, same, other = ([m.altitude for _, m in flight.all("HOME_POSITION")] for flight in flights)
+    first, same, other = (
+        [m.altitude for _, m in flight.all("HOME_POSITION")] for flight in flights
+    )
     assert first == same
     assert first != other
 
@@ -223,7 +238,9 @@ def test_row_07_the_receiver_scatters_as_the_recorded_one_does(fly):
 
 def test_row_10_an_orbit_is_flown_round_its_centre_facing_it(fly):
     flight = fly.airborne("px4", height=10.0)
-    assert flight.command_int(34, 0, 10.0, 2.0, 0.0, NAN, **degrees(flight, 0.0, 0.0), z=amsl(flight, 10.0)) == [0]
+    assert flight.command_int(
+        34, 0, 10.0, 2.0, 0.0, NAN, **degrees(flight, 0.0, 0.0), z=amsl(flight, 10.0)
+    ) == [0]
     flight.until(lambda: math.hypot(*flight.position[:2]) > 8.5, 15.0)
     flight.run(6.0)
     begun_s = flight.now_s
@@ -232,10 +249,14 @@ def test_row_10_an_orbit_is_flown_round_its_centre_facing_it(fly):
     assert all(math.hypot(m.x, m.y) == pytest.approx(10.0, abs=1.0) for m in track)
     assert all(-m.z == pytest.approx(10.0, abs=0.5) for m in track)
     turned = sum(
-        math.remainder(math.atan2(b.y, b.x) - math.atan2(a.y, a.x), math.tau) for a, b in itertools.pairwise(track)
+        math.remainder(math.atan2(b.y, b.x) - math.atan2(a.y, a.x), math.tau)
+        for a, b in itertools.pairwise(track)
     )
-    assert turned == pytest.approx(25.0 * 2.0 / 10.0, rel=0.25), "clockwise, at 2 m/s less the drag's share"
-    attitude, place = flight.last("ATTITUDE"), flight.last("LOCAL_POSITION_NED")
+    assert turned == pytest.approx(25.0 * 2.0 / 10.0, rel=0.25), (
+        "clockwise, at 2 m/s less the drag's share"
+    )
+    attitude = flight.last("ATTITUDE")
+    place = flight.last("LOCAL_POSITION_NED")
     assert abs(math.remainder(attitude.yaw - math.atan2(-place.y, -place.x), math.tau)) < 0.3
     flight.run(1.1)
     assert flight.last("HEARTBEAT").custom_mode == 0x01030000
@@ -266,10 +287,14 @@ def test_row_10_follow_me_stays_behind_a_target_at_its_height(fly):
     assert flight.position[1] == pytest.approx(5.0, abs=1.5)
     assert flight.height == pytest.approx(8.0, abs=0.5), "FLW_TGT_HT"
     flight.run(10.0)
-    assert math.hypot(*flight.velocity[:2]) < 0.3, "a target that is heard of no more is taken to stand"
+    assert math.hypot(*flight.velocity[:2]) < 0.3, (
+        "a target that is heard of no more is taken to stand"
+    )
 
 
-@pytest.mark.parametrize("mode", ["FOLLOW", "PRECLAND", "POSITION_SLOW", "EXTERNAL1", "EXTERNAL8", "ALTITUDE_CRUISE"])
+@pytest.mark.parametrize(
+    "mode", ["FOLLOW", "PRECLAND", "POSITION_SLOW", "EXTERNAL1", "EXTERNAL8", "ALTITUDE_CRUISE"]
+)
 def test_row_10_these_modes_are_accepted_on_the_ground(fly, mode):
     flight = fly("px4").run(1.0)
     number = BY_NAME[mode].number
@@ -281,7 +306,9 @@ def test_row_10_these_modes_are_accepted_on_the_ground(fly, mode):
 def test_row_11_a_change_of_speed_is_obeyed_and_kept_by_the_next_goto(fly):
     flight = fly.airborne("px4", height=10.0)
     assert flight.command(178, 1.0, 2.0, -1.0) == [0]
-    assert flight.command_int(192, 0, -1.0, 1.0, 0.0, NAN, **degrees(flight, 80.0, 0.0), z=amsl(flight, 10.0)) == [0]
+    assert flight.command_int(
+        192, 0, -1.0, 1.0, 0.0, NAN, **degrees(flight, 80.0, 0.0), z=amsl(flight, 10.0)
+    ) == [0]
     flight.run(10.0)
     assert 1.5 < flight.velocity[0] < 2.1, "measured 1.6"
     assert flight.command(178, 1.0, 0.0, 0.0) == [0]
@@ -310,7 +337,10 @@ def test_row_26_every_number_up_to_700_that_is_no_command_is_unsupported(fly):
     """Commands in the order of the measurement on v1.17; 246 and 247 end its simulator."""
     known = {number for real in REAL_ACKS for number in real["commands"]} | {246, 247}
     flight = fly("px4").run(1.0)
-    answered = {number: flight.command(number, *[0.0] * 7, wait_s=0.02) for number in {*range(1, 701)} - known}
+    answered = {
+        number: flight.command(number, *[0.0] * 7, wait_s=0.02)
+        for number in {*range(1, 701)} - known
+    }
     assert len(answered) + len(known) > 705
     assert {number for number, answers in answered.items() if answers != [3]} == set()
 
@@ -325,7 +355,8 @@ EVENTS_OF_A_HOP = [
 
 
 def test_row_08_texts_go_to_a_ground_station_and_events_to_everybody(fly):
-    flight, silent = fly("px4"), fly("px4")
+    flight = fly("px4")
+    silent = fly("px4")
     for each in (flight, silent):
         heartbeat = ("HEARTBEAT", 6 if each is flight else 18, 8, 0, 0, 4, 3)
         each.run(2.0, heartbeat, every_s=1.0)
@@ -378,19 +409,28 @@ def test_row_16_a_landing_from_12_4_m_takes_as_long_as_the_real_one(fly):
     flight.run(1.0)
     assert flight.velocity[2] == pytest.approx(0.3, abs=0.08), "MPC_LAND_CRWL near the ground"
     flight.until(lambda: not flight.vehicle.armed, 20.0)
-    assert flight.now_s - begun_s == pytest.approx(21.9, abs=2.2), "measured 21.9 s, and 25 s with another wander"
+    assert flight.now_s - begun_s == pytest.approx(21.9, abs=2.2), (
+        "measured 21.9 s, and 25 s with another wander"
+    )
 
 
 def test_row_18_the_ground_stations_link_carries_what_the_real_one_does():
     vehicle = MockVehicle("px4", ready_after_s=0.5, links={"gcs": "gcs"})
-    decoder, heard = Decoder(), Counter()
+    decoder = Decoder()
+    heard = Counter()
     for step in range(1501):
         for frame in vehicle.step(step * 0.02):
             if step > 500:
                 heard.update(m.get_type() for m in decoder.feed(frame, whole=True))
     rates = {name: count / 20.0 for name, count in heard.items()}
     assert 355 <= sum(rates.values()) <= 385, "measured 368 messages a second"
-    for name in ("ATTITUDE", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "ATTITUDE_TARGET", "SERVO_OUTPUT_RAW"):
+    for name in (
+        "ATTITUDE",
+        "LOCAL_POSITION_NED",
+        "GLOBAL_POSITION_INT",
+        "ATTITUDE_TARGET",
+        "SERVO_OUTPUT_RAW",
+    ):
         assert rates[name] == pytest.approx(49.5, abs=0.6)
     assert rates["GPS_RAW_INT"] == pytest.approx(4.95, abs=0.1)
     assert rates["VFR_HUD"] == pytest.approx(3.96, abs=0.1)
@@ -419,7 +459,9 @@ def test_row_19_on_the_ground_everything_that_is_measured_varies(fly):
 
 def test_row_20_position_target_is_the_moving_trajectory(fly):
     flight = fly.airborne("px4", height=10.0)
-    flight.command_int(192, 0, -1.0, 1.0, 0.0, NAN, **degrees(flight, 40.0, 0.0), z=amsl(flight, 10.0))
+    flight.command_int(
+        192, 0, -1.0, 1.0, 0.0, NAN, **degrees(flight, 40.0, 0.0), z=amsl(flight, 10.0)
+    )
     begun_s = flight.now_s
     flight.run(6.0)
     targets = [m for _, m in flight.all("POSITION_TARGET_LOCAL_NED", begun_s)]
@@ -430,13 +472,17 @@ def test_row_20_position_target_is_the_moving_trajectory(fly):
     assert place.lat_int == pytest.approx(degrees(flight, 40.0, 0.0)["x"], abs=2), "the goal itself"
 
 
-def test_row_20_the_target_is_a_downward_acceleration_on_the_ground_else_the_stream(fly, ned_velocity):
+def test_row_20_the_target_is_a_downward_acceleration_on_the_ground_else_the_stream(
+    fly, ned_velocity
+):
     flight = fly("px4").run(2.0)
     idle = flight.last("POSITION_TARGET_LOCAL_NED")
     assert (idle.type_mask, idle.afz) == (63, 100.0)
     assert flight.last("POSITION_TARGET_GLOBAL_INT") is None
     flight = (
-        fly.airborne("px4", height=10.0).offboard(ned_velocity(2.0, 0.0, 0.0)).run(3.0, ned_velocity(2.0, 0.0, 0.0))
+        fly.airborne("px4", height=10.0)
+        .offboard(ned_velocity(2.0, 0.0, 0.0))
+        .run(3.0, ned_velocity(2.0, 0.0, 0.0))
     )
     target = flight.last("POSITION_TARGET_LOCAL_NED")
     assert (target.type_mask, target.vx) == (7, 2.0)
@@ -447,7 +493,8 @@ def test_row_21_odometry_is_in_the_local_frame_with_variances(fly):
     flight = fly.airborne("px4", yaw_deg=90.0, height=10.0)
     flight.command(192, -1.0, 1.0, 0.0, NAN, 47.3980, 8.5460, amsl(flight, 10.0))
     flight.run(4.0)
-    odometry, local = flight.last("ODOMETRY"), flight.last("LOCAL_POSITION_NED")
+    odometry = flight.last("ODOMETRY")
+    local = flight.last("LOCAL_POSITION_NED")
     assert (odometry.frame_id, odometry.child_frame_id, odometry.quality) == (1, 1, 0)
     assert (odometry.vx, odometry.vy) == pytest.approx((local.vx, local.vy), abs=0.15)
     assert odometry.reset_counter in {9, 10}

@@ -43,24 +43,33 @@ class Script:
 
     def goto(self, north, east, height, speed=-1.0):
         where = self.place(north, east)
-        assert self.flight.command_int(192, 0, speed, 1.0, 0.0, NAN, **where, z=self.amsl + height) == [0]
+        assert self.flight.command_int(
+            192, 0, speed, 1.0, 0.0, NAN, **where, z=self.amsl + height
+        ) == [0]
 
     def orbit(self, radius):
         where = self.place(0.0, 0.0)
-        assert self.flight.command_int(34, 0, radius, 2.0, 0.0, NAN, **where, z=self.amsl + 10.0) == [0]
+        assert self.flight.command_int(
+            34, 0, radius, 2.0, 0.0, NAN, **where, z=self.amsl + 10.0
+        ) == [0]
 
     def target(self, since_s):
         """A FOLLOW_TARGET that moves north at 2 m/s."""
         where = self.place(2.0 * since_s, 5.0)
         rest = ([2.0, 0.0, 0.0], [0.0] * 3, [1.0, 0.0, 0.0, 0.0], [0.0] * 3, [0.0] * 3, 0)
-        self.flight.send("FOLLOW_TARGET", int(since_s * 1000.0), 1, where["x"], where["y"], self.amsl, *rest)
+        self.flight.send(
+            "FOLLOW_TARGET", int(since_s * 1000.0), 1, where["x"], where["y"], self.amsl, *rest
+        )
 
     def record(self, name, stream=None, each=None):
         """Fly for as long as was recorded, noting the truth every second."""
-        vehicle, track = self.flight.vehicle, []
+        vehicle = self.flight.vehicle
+        track = []
         for second in range(len(REAL[name])):
             truth = vehicle.truth
-            track.append([float(second), *truth.position_ned_m, *truth.velocity_ned_m_s, truth.yaw_rad])
+            track.append(
+                [float(second), *truth.position_ned_m, *truth.velocity_ned_m_s, truth.yaw_rad]
+            )
             if each is not None:
                 each(float(second))
             self.flight.run(1.0, stream)
@@ -71,9 +80,24 @@ class Script:
 
 
 def attitude(roll_deg, pitch_deg, thrust):
-    half_r, half_p = math.radians(roll_deg) / 2.0, math.radians(pitch_deg) / 2.0
-    c_r, s_r, c_p, s_p = math.cos(half_r), math.sin(half_r), math.cos(half_p), math.sin(half_p)
-    return ("SET_ATTITUDE_TARGET", 0, 1, 1, 7, [c_r * c_p, s_r * c_p, c_r * s_p, -s_r * s_p], 0, 0, 0, thrust)
+    half_r = math.radians(roll_deg) / 2.0
+    half_p = math.radians(pitch_deg) / 2.0
+    c_r = math.cos(half_r)
+    s_r = math.sin(half_r)
+    c_p = math.cos(half_p)
+    s_p = math.sin(half_p)
+    return (
+        "SET_ATTITUDE_TARGET",
+        0,
+        1,
+        1,
+        7,
+        [c_r * c_p, s_r * c_p, c_r * s_p, -s_r * s_p],
+        0,
+        0,
+        0,
+        thrust,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +138,24 @@ def _mission(script):
     flight.send("MISSION_COUNT", 1, 1, len(PLACES), 0)
     for seq, (north, east, height) in enumerate(PLACES):
         where = script.place(north, east)
-        flight.send("MISSION_ITEM_INT", 1, 1, seq, 6, 16, 0, 1, 0.0, 0.0, 0.0, NAN, where["x"], where["y"], height, 0)
+        flight.send(
+            "MISSION_ITEM_INT",
+            1,
+            1,
+            seq,
+            6,
+            16,
+            0,
+            1,
+            0.0,
+            0.0,
+            0.0,
+            NAN,
+            where["x"],
+            where["y"],
+            height,
+            0,
+        )
     assert flight.command(400, 1.0) == [0]
     assert flight.command(176, 1, 4, 4) == [0, 0]
     script.record("mission")
@@ -132,7 +173,25 @@ def _attitudes(script, velocity):
     script.record("attitude thrust 0.6", attitude(0.0, 0.0, 0.6))
     script.record("attitude roll 10", attitude(10.0, 0.0, 0.6))
     script.record("attitude pitch 10", attitude(0.0, 10.0, 0.6))
-    acceleration = ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 3135, 0, 0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0)
+    acceleration = (
+        "SET_POSITION_TARGET_LOCAL_NED",
+        0,
+        1,
+        1,
+        1,
+        3135,
+        0,
+        0,
+        0,
+        0,
+        0,
+        0,
+        1.0,
+        0,
+        0,
+        0,
+        0,
+    )
     script.record("acceleration 1 north", acceleration)
     script.record("velocity 1 north", velocity)
     assert flight.mode == "OFFBOARD"
@@ -166,7 +225,8 @@ def test_the_track_is_the_real_ones(flown, name, level_m, height_m):
 
 def test_the_mission_is_the_real_ones_but_for_the_moment_it_began(flown):
     late_s = 2
-    real, mock = REAL["mission"][late_s:], flown.tracks["mission"]
+    real = REAL["mission"][late_s:]
+    mock = flown.tracks["mission"]
     away = [math.dist(a[1:4], b[1:4]) for a, b in zip(real, mock, strict=False)]
     assert sum(away) / len(away) < 2.5
     assert flown.took_s["mission"] == pytest.approx(36.5 - late_s, abs=3.5)
@@ -182,10 +242,17 @@ def test_it_is_disarmed_when_the_real_one_is(flown, name, real_s):
 
 @pytest.mark.parametrize(
     "name",
-    ["attitude thrust 0.6", "attitude roll 10", "attitude pitch 10", "acceleration 1 north", "velocity 1 north"],
+    [
+        "attitude thrust 0.6",
+        "attitude roll 10",
+        "attitude pitch 10",
+        "acceleration 1 north",
+        "velocity 1 north",
+    ],
 )
 def test_a_stream_leads_to_the_real_ones_velocity(flown, name):
-    real, mock = REAL[name][-1], flown.tracks[name][-1]
+    real = REAL[name][-1]
+    mock = flown.tracks[name][-1]
     assert math.dist(real[4:6], mock[4:6]) < 0.5
 
 

@@ -29,7 +29,9 @@ def test_disarmed_the_mode_is_accepted_without_a_stream_but_arming_is_not(fly):
 
 
 @pytest.mark.parametrize("phase_s", [0.0, 0.02, 0.04, 0.06, 0.08])
-def test_offboard_is_really_accepted_within_0_12_s_of_the_first_setpoint(fly, ned_velocity, phase_s):
+def test_offboard_is_really_accepted_within_0_12_s_of_the_first_setpoint(
+    fly, ned_velocity, phase_s
+):
     flight = fly.airborne("px4")
     flight.run(phase_s)
     first_s = flight.now_s
@@ -44,7 +46,9 @@ def test_offboard_is_really_accepted_within_0_12_s_of_the_first_setpoint(fly, ne
 
 
 @pytest.mark.parametrize("phase_s", [0.0, 0.02, 0.04, 0.06, 0.08])
-def test_stream_loss_leads_to_return_after_1_s_and_the_heartbeat_says_so_in_2_s(fly, ned_velocity, phase_s):
+def test_stream_loss_leads_to_return_after_1_s_and_the_heartbeat_says_so_in_2_s(
+    fly, ned_velocity, phase_s
+):
     flight = fly.airborne("px4").offboard(ned_velocity(2.0, 0.0, 0.0))
     flight.run(8.0 + phase_s, ned_velocity(2.0, 0.0, 0.0))
     last_s = flight.now_s
@@ -52,7 +56,9 @@ def test_stream_loss_leads_to_return_after_1_s_and_the_heartbeat_says_so_in_2_s(
     left_s = flight.until(lambda: flight.mode != "OFFBOARD", 1.5)
     assert flight.mode == "RTL"
     assert 1.0 <= left_s <= 1.13
-    assert flight.velocity[0] == pytest.approx(held, abs=0.2), "the last velocity is held until then"
+    assert flight.velocity[0] == pytest.approx(held, abs=0.2), (
+        "the last velocity is held until then"
+    )
     flight.run(1.1)
     late_s = next(t for t, m in flight.all("HEARTBEAT", last_s) if m.custom_mode == RTL) - last_s
     assert left_s <= late_s <= 2.2
@@ -61,7 +67,9 @@ def test_stream_loss_leads_to_return_after_1_s_and_the_heartbeat_says_so_in_2_s(
 
 @pytest.mark.parametrize("action", [0, 5])
 def test_px4_goes_back_to_offboard_by_itself_when_setpoints_return(fly, ned_velocity, action):
-    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": action}).offboard(ned_velocity(2.0, 0.0, 0.0))
+    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": action}).offboard(
+        ned_velocity(2.0, 0.0, 0.0)
+    )
     flight.run(3.0)
     assert flight.mode == {0: "RTL", 5: "HOLD"}[action]
     back_s = flight.until(lambda: flight.mode == "OFFBOARD", 1.0, ned_velocity(2.0, 0.0, 0.0))
@@ -76,15 +84,21 @@ def test_the_intent_survives_return_landing_and_disarming(fly, ned_velocity):
     assert flight.last("HEARTBEAT").custom_mode == OFFBOARD
 
 
-@pytest.mark.parametrize(("action", "mode"), [(3, "RTL"), (4, "LAND"), (5, "HOLD"), (6, "TERMINATION")])
+@pytest.mark.parametrize(
+    ("action", "mode"), [(3, "RTL"), (4, "LAND"), (5, "HOLD"), (6, "TERMINATION")]
+)
 def test_loss_action_is_what_com_obl_rc_act_says(fly, ned_velocity, action, mode):
-    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": action}).offboard(ned_velocity(1.0, 0.0, 0.0))
+    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": action}).offboard(
+        ned_velocity(1.0, 0.0, 0.0)
+    )
     flight.run(1.5)
     assert flight.mode == mode
 
 
 def test_loss_action_disarm_lets_it_fall(fly, ned_velocity):
-    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": 7}).offboard(ned_velocity(1.0, 0.0, 0.0))
+    flight = fly.airborne("px4", parameters={"COM_OBL_RC_ACT": 7}).offboard(
+        ned_velocity(1.0, 0.0, 0.0)
+    )
     flight.run(1.5)
     assert not flight.vehicle.armed
 
@@ -138,7 +152,9 @@ def test_companion_heartbeats_do_not_matter_while_setpoints_go_on(fly, ned_veloc
 )
 def test_what_is_no_setpoint_keeps_nothing_alive(fly, ned_velocity, setpoint):
     good = ned_velocity(1.0, 0.0, 0.0)
-    bad = ned_velocity(setpoint.pop("north"), setpoint.pop("east"), setpoint.pop("down"), **setpoint)
+    bad = ned_velocity(
+        setpoint.pop("north"), setpoint.pop("east"), setpoint.pop("down"), **setpoint
+    )
     flight = fly.airborne("px4").offboard(good)
     flight.run(1.5, bad)
     assert flight.mode == "RTL"
@@ -163,11 +179,14 @@ def test_body_frame_is_turned_by_the_heading(fly, ned_velocity):
     [(2503 | 0b100100, (2.0, 0.0, 0.0)), (2503, (2.0, math.nan, 0.0))],
     ids=["no vertical axis", "half of a pair"],
 )
-def test_an_incomplete_setpoint_keeps_offboard_and_does_not_move_silently(fly, ned_velocity, mask, velocity):
+def test_an_incomplete_setpoint_keeps_offboard_and_does_not_move_silently(
+    fly, ned_velocity, mask, velocity
+):
     flight = fly.airborne("px4", texts=True)
     stream = ned_velocity(*velocity, mask=mask)
     flight.offboard(stream)
-    before, said = flight.position, len(flight.texts())
+    before = flight.position
+    said = len(flight.texts())
     flight.run(8.0, stream)
     assert flight.mode == "OFFBOARD"
     assert math.dist(flight.position, before) < 0.5
@@ -176,7 +195,25 @@ def test_an_incomplete_setpoint_keeps_offboard_and_does_not_move_silently(fly, n
 
 def test_velocity_with_height_holds_the_height(fly):
     flight = fly.airborne("px4")
-    stream = ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 3555, 0, 0, -20.0, 5.0, 0.0, 0.0, 0, 0, 0, 0, 0)
+    stream = (
+        "SET_POSITION_TARGET_LOCAL_NED",
+        0,
+        1,
+        1,
+        1,
+        3555,
+        0,
+        0,
+        -20.0,
+        5.0,
+        0.0,
+        0.0,
+        0,
+        0,
+        0,
+        0,
+        0,
+    )
     flight.offboard(stream).run(3.0, stream)
     start = flight.position
     while flight.position[0] - start[0] < 50.0:
@@ -217,7 +254,18 @@ def test_a_global_setpoint_is_flown_to(fly):
 def test_an_attitude_target_leans_and_climbs(fly):
     flight = fly.airborne("px4")
     lean = math.radians(10.0)
-    level = ("SET_ATTITUDE_TARGET", 0, 1, 1, 7, (math.cos(-lean / 2), 0.0, math.sin(-lean / 2), 0.0), 0, 0, 0, 0.52)
+    level = (
+        "SET_ATTITUDE_TARGET",
+        0,
+        1,
+        1,
+        7,
+        (math.cos(-lean / 2), 0.0, math.sin(-lean / 2), 0.0),
+        0,
+        0,
+        0,
+        0.52,
+    )
     flight.offboard(level).run(2.0, level)
     assert flight.mode == "OFFBOARD"
     assert flight.velocity[0] > 1.0, "nose down leans forward"

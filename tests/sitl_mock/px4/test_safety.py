@@ -6,7 +6,13 @@ import pytest
 
 from sitl_mock.px4.safety import TRIGGERS, Action, Failsafes
 
-PARAMETERS = {"NAV_RCL_ACT": 2, "NAV_DLL_ACT": 0, "GF_ACTION": 2, "COM_LOW_BAT_ACT": 3, "COM_FAIL_ACT_T": 5.0}
+PARAMETERS = {
+    "NAV_RCL_ACT": 2,
+    "NAV_DLL_ACT": 0,
+    "GF_ACTION": 2,
+    "COM_LOW_BAT_ACT": 3,
+    "COM_FAIL_ACT_T": 5.0,
+}
 
 
 def test_a_radio_that_never_was_cannot_be_lost(fly):
@@ -59,7 +65,9 @@ def test_ground_station_loss_does_what_nav_dll_act_says(fly, action, mode):
 @pytest.mark.parametrize(("action", "mode"), [(1, "HOLD"), (2, "HOLD"), (3, "RTL"), (5, "LAND")])
 def test_fence_acts_at_once_in_offboard(fly, ned_velocity, action, mode):
     stream = ned_velocity(5.0, 0.0, 0.0)
-    flight = fly.airborne("px4", parameters={"GF_ACTION": action, "GF_MAX_HOR_DIST": 20.0}).offboard(stream)
+    flight = fly.airborne(
+        "px4", parameters={"GF_ACTION": action, "GF_MAX_HOR_DIST": 20.0}
+    ).offboard(stream)
     flight.until(lambda: flight.position[0] > 20.3, 20.0, stream)
     flight.run(0.1, stream)
     assert flight.mode == (mode if action > 1 else "OFFBOARD")
@@ -193,7 +201,9 @@ class TestFrameworkAlone:
         for trigger in TRIGGERS:
             for choice in range(8):
                 failsafes = Failsafes()
-                parameters = {**PARAMETERS, trigger.parameter: choice} if trigger.parameter else PARAMETERS
+                parameters = (
+                    {**PARAMETERS, trigger.parameter: choice} if trigger.parameter else PARAMETERS
+                )
                 action, new = failsafes.update(0.0, frozenset({trigger.name}), parameters)
                 assert new == (trigger.name,)
                 assert action in Action
