@@ -46,6 +46,9 @@ class Step:
 STEPS = {
     "format": Step("ruff's format", (BIN / "ruff", "format", "--check", ".")),
     "lint": Step("ruff's rules", (BIN / "ruff", "check", ".")),
+    "statements": Step(
+        "no assignment packs several values", (sys.executable, "-m", "tests.statements")
+    ),
     "types": Step(
         "mypy: the packages strictly, the tests by the names they use", (BIN / "mypy",), nice=2
     ),
@@ -91,7 +94,7 @@ STEPS = {
         nice=2,
     ),
 }
-FIRST = ("format", "lint", "layers")
+FIRST = ("format", "lint", "statements", "layers")
 LANES = (
     ("tests", "flights"),
     ("types", "docs", "arrays", "faults"),

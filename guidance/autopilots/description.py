@@ -157,7 +157,8 @@ class Autopilot:
 
 def _command(unused: float, number: int, *params: float) -> Command:
     """Return a command whose other parameters are `unused`."""
-    p1, p2, p3, p4, p5, p6, p7 = (*map(float, params), *[unused] * (7 - len(params)))
+    parameters = [*map(float, params), *[unused] * (7 - len(params))]
+    p1, p2, p3, p4, p5, p6, p7 = parameters
     return Command(number, (p1, p2, p3, p4, p5, p6, p7))
 
 

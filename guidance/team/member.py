@@ -88,7 +88,8 @@ class Member:
         news = [self.board.hear(*message) for message in self._transport.receive()]
         for report in reports:
             if report.evader is not None:
-                self._heard_s[report.evader], self._reports[report.evader] = now_s, report
+                self._heard_s[report.evader] = now_s
+                self._reports[report.evader] = report
         mates = {one.name: one for one in news if isinstance(one, MateState)}
         relayed = [one for one in news if isinstance(one, EvaderReport)]
         unheard = [

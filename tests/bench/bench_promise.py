@@ -88,7 +88,8 @@ def flown(seed: int, number: int) -> Promise | None:
         if certificate is None or certificate.no_game:
             continue
         if promise is None and chase.since_s >= dodges_s:
-            chase.runner.goal_m, since_s = None, chase.now_s
+            chase.runner.goal_m = None
+            since_s = chase.now_s
             north, east, down = chase.vehicle.truth.velocity_ned_m_s
             players = certificate.pursuer_game_m[:2], (east, north), certificate.evader_game_m[:2]
             ability = settings.handling.acceleration

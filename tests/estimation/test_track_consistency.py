@@ -22,7 +22,8 @@ def truth(rng, seconds, settings, *, fine_s=0.01):
     Returns (n, 4) positions and velocities every `fine_s`.
     """
     count = round(seconds / fine_s)
-    x, y, north, east = *rng.normal(0.0, 50.0, 2), *rng.normal(0.0, SPEED_SD_M_S, 2)
+    x, y = rng.normal(0.0, 50.0, 2)
+    north, east = rng.normal(0.0, SPEED_SD_M_S, 2)
     turn_rate = rng.normal(0.0, settings.turn_rate_sd_rad_s)
     share = settings.turning_time_s / (settings.turning_time_s + settings.steady_time_s)
     turning = rng.random() < share

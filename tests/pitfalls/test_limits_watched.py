@@ -45,7 +45,8 @@ def test_a_vehicle_that_hovers_beyond_a_limit_is_told_of_and_handed_to_its_hold(
         flight = sortie.on_station(autopilot)
     else:
         flight = sortie.engaged(autopilot).run(2.0)
-        flight.world.evaders["pursuer"]["evader"].receive, silent = (lambda: ()), flight.now_s
+        flight.world.evaders["pursuer"]["evader"].receive = lambda: ()
+        silent = flight.now_s
         flight.until(state, limit_s=3.0)
         assert flight.now_s - silent < 3.0
     flight.run(1.0)

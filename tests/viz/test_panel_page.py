@@ -125,7 +125,8 @@ def browser():
                 process.nice(15)  # drawing must not slow down the flight
         context = chromium.new_context(viewport={"width": 1024, "height": 768})
         context.set_default_timeout(LIMIT_MS)
-        said, asked = context.said, context.asked = [], []  # type: ignore[attr-defined]
+        said = context.said = []  # type: ignore[attr-defined]
+        asked = context.asked = []  # type: ignore[attr-defined]
         context.on("console", lambda message: said.append(message.text))
         context.on("weberror", lambda error: said.append(str(error.error)))
         context.on("request", lambda request: asked.append(request.url))
