@@ -3,7 +3,7 @@
 import csv
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -121,15 +121,53 @@ def read_track(path: Path, player: str, *, key: str) -> list[TrackRow]:
 
 
 def _from_csv(path: Path) -> list[TrackRow]:
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = csv.DictReader(file)
-        missing = [name for name in _COLUMNS[:3] if name not in (rows.fieldnames or [])]
-        if missing:
-            raise ValueError(f"column {missing[0]} is missing")
-        return [
-            (float(row["t_s"]), float(row["x_m"]), float(row["y_m"]), float(row.get("z_m") or 0.0))
-            for row in rows
-        ]
+    """Read a track; a byte order mark, as spreadsheets write it, is skipped.
+
+    Raises:
+        ValueError: With the row (from 1, the header's) and the column that is wrong.
+    """
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        lines = csv.reader(file, strict=True)
+        try:
+            header = [name.strip() for name in next(lines, [])]
+            _check_header(header)
+            return [_track_row(header, cells, lines.line_num) for cells in lines if cells]
+        except csv.Error as error:
+            raise ValueError(f"row {lines.line_num}: {error}") from error
+
+
+def _check_header(header: Sequence[str]) -> None:
+    for name in _COLUMNS[:3]:
+        if name not in header:
+            raise ValueError(f"row 1: column {name} is missing; found {', '.join(header)[:80]!r}")
+    for name in _COLUMNS:
+        if header.count(name) > 1:
+            raise ValueError(f"row 1: column {name} is there {header.count(name)} times")
+
+
+def _track_row(header: Sequence[str], cells: Sequence[str], number: int) -> TrackRow:
+    if len(cells) != len(header):
+        short = f", no value for {header[len(cells)]}" if len(cells) < len(header) else ""
+        raise ValueError(f"row {number}: {len(cells)} values for {len(header)} columns{short}")
+    texts = dict(zip(header, cells, strict=True))
+    values = [_number(texts[name], name, number) for name in _COLUMNS[:3]]
+    height = texts.get(_COLUMNS[3], "").strip()
+    z_m = 0.0
+    if height:
+        z_m = _number(height, _COLUMNS[3], number)
+    t_s, x_m, y_m = values
+    return (t_s, x_m, y_m, z_m)
+
+
+def _number(text: str, column: str, row: int) -> float:
+    where = f"row {row}, column {column}: {text[:40]!r}"
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"{where} is not a number") from None
+    if not math.isfinite(value):
+        raise ValueError(f"{where} is not finite")
+    return value
 
 
 def _from_record(path: Path, part: str) -> list[TrackRow]:

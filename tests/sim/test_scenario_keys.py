@@ -14,7 +14,7 @@ from guidance.errors import ConfigError
 from guidance.log.entries import CYCLE
 from guidance.sim.maths import play
 from guidance.sim.scenario import Scenario
-from guidance.sim.scenario_file import json_schema, load_document, load_scenario
+from guidance.sim.scenario_file import json_schema, load_document, load_scenario, read_track
 
 DATA = Path(__file__).parents[1] / "data"
 SHORT = tomllib.loads((DATA / "short_chase.toml").read_text())
@@ -134,6 +134,13 @@ def test_a_track_is_read_from_a_csv_beside_the_scenario(tmp_path):
     assert load_scenario(str(path))[1].evader.track == ((0.0, 0.0, 0.0, 0.0), (10.0, 8.0, 6.0, 0.0))
 
 
+def test_the_byte_order_mark_of_a_spreadsheet_and_blank_lines_do_not_spoil_a_track(tmp_path):
+    path = tmp_path / "walk.csv"
+    path.write_text("\ufefft_s, x_m, y_m, z_m\r\n0,0,20,\r\n\r\n1,1,20,3\r\n", encoding="utf-8")
+    rows = read_track(path, "evader", key="evader.track")
+    assert rows == [(0.0, 0.0, 20.0, 0.0), (1.0, 1.0, 20.0, 3.0)]
+
+
 def record_with(path, certificates):
     with path.open("wb") as file:
         writer = Writer(file)
@@ -175,6 +182,21 @@ def test_a_track_is_read_from_a_flights_record(tmp_path):
         ("walk.csv", "t_s,x_m,y_m\n0,0,0\n", "a track needs 2 at least"),
         ("walk.csv", "t_s,x_m,y_m\n0,0,nan\n1,1,1\n", "not finite"),
         ("walk.csv", "t_s,x_m,y_m\n0,0,east\n1,1,1\n", "is no track"),
+        (
+            "walk.csv",
+            "t_s,x_m,y_m\n0,0,20\n1,1\n",
+            "walk.csv is no track: row 3: 2 values for 3 columns",
+        ),
+        ("walk.csv", "t_s,x_m,y_m\n0,0,20\n1,1\n", "no value for y_m"),
+        ("walk.csv", "t_s,x_m,y_m\n0,0,20\n1,1,20,7\n", "row 3: 4 values for 3 columns"),
+        ("walk.csv", "t_s,x_m,y_m,x_m\n0,0,20,0\n", "row 1: column x_m is there 2 times"),
+        ("walk.csv", "t_s,x_m,y_m\n0,0,20\n1,,20\n", "row 3, column x_m: '' is not a number"),
+        (
+            "walk.csv",
+            "# by hand\nt_s,x_m,y_m\n0,0,20\n",
+            "row 1: column t_s is missing; found '# by hand'",
+        ),
+        ("walk.csv", 't_s,x_m,y_m\n0,0,"20\n1,1,20\n', "row "),
         ("walk.txt", "", "allowed are a .csv"),
         ("walk.mcap", "no record", "not an MCAP file"),
     ],
