@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.pilot import Sticks
+from sitl_mock.pilot import OVERRIDE_TIME, PITCH, ROLL, THROTTLE, YAW, Override, Sticks, stick_of
 from sitl_mock.protocols import Place, addressed, on_earth
 from sitl_mock.vehicle_state import Reported
 
@@ -26,8 +26,10 @@ _PWM_LEAST = 800
 _PWM_MOST = 2200
 _RELEASED = 0
 _UNCHANGED = 0xFFFF
-_STICKS_AT_REST: Final = {1: 1500, 2: 1500, 3: 1000, 4: 1500}
-"""Pulse widths of channels that are not overridden in ArduPilot's simulator; PX4 needs all four from the client."""
+_RELEASED_ABOVE_8: Final = 0xFFFE
+"""Releases a channel above 8, where 0 means unchanged."""
+_STICK_CHANNELS: Final = (ROLL, PITCH, THROTTLE, YAW)
+_OVERRIDABLE: Final = 16
 _FASTEST_M_S: Final = 1000.0
 
 
@@ -86,30 +88,60 @@ def _manual_control(
     pitch, roll, throttle, yaw = (
         value / 1000.0 for value in (message.x, message.y, message.z, message.r)
     )
-    if max(abs(pitch), abs(roll), abs(throttle), abs(yaw)) <= 1.0:
-        state.pilot.hear(now_s, Sticks(roll, pitch, 2.0 * throttle - 1.0, yaw))
+    if max(abs(pitch), abs(roll), abs(throttle), abs(yaw)) > 1.0:
+        return
+    sticks = Sticks(roll, pitch, 2.0 * throttle - 1.0, yaw)
+    if OVERRIDE_TIME not in state.parameters:
+        state.pilot.hear(now_s, sticks)
+        return
+    positions = (sticks.roll, -sticks.pitch, sticks.throttle, sticks.yaw)
+    for channel, position in zip(_STICK_CHANNELS, positions, strict=True):
+        state.pilot.override(now_s, channel, round(1500.0 + 500.0 * position))
 
 
 def _override(state: VehicleState, _commander: Commander, now_s: float, message: Message) -> None:
-    """RC_CHANNELS_OVERRIDE: pulse widths of channels 1 to 8; 0 releases a channel, 65535 leaves it unchanged."""
+    """RC_CHANNELS_OVERRIDE: pulse widths; a message with an impossible one is ignored.
+
+    0 releases a channel up to 8, 65535 leaves it unchanged. ArduPilot takes 16 channels, and each expires by itself.
+    PX4 has no sticks before the client has given all four.
+    """
     source = state.parameters.get(STICK_SOURCE)
     if source == NO_STICKS or state.conditions.rc is False or not _from_ground(state, message):
         return
-    raw = {number: getattr(message, f"chan{number}_raw") for number in range(1, 9)}
+    pilot = state.pilot
+    by_channel = OVERRIDE_TIME in state.parameters
+    pulses = _pulses(message, _OVERRIDABLE if by_channel else 8)
     if any(
-        value not in {_RELEASED, _UNCHANGED} and not _PWM_LEAST <= value <= _PWM_MOST
-        for value in raw.values()
+        pulse != _RELEASED and not _PWM_LEAST <= pulse <= _PWM_MOST for pulse in pulses.values()
     ):
         return
-    channels = state.pilot.channels
-    channels.update((number, value) for number, value in raw.items() if value != _UNCHANGED)
-    for number in [number for number, value in channels.items() if value == _RELEASED]:
-        del channels[number]
-    if source is not None and not channels.keys() >= _STICKS_AT_REST.keys():
+    for channel, pulse in pulses.items():
+        if pulse == _RELEASED:
+            pilot.release(channel)
+        elif by_channel:
+            pilot.override(now_s, channel, pulse)
+        else:
+            pilot.channels[channel] = Override(pulse, now_s)
+    if by_channel or any(channel not in pilot.channels for channel in _STICK_CHANNELS):
         return
-    pulses = (channels.get(number, rest) for number, rest in _STICKS_AT_REST.items())
-    roll, pitch, throttle, yaw = (min(max((value - 1500) / 500.0, -1.0), 1.0) for value in pulses)
-    state.pilot.hear(now_s, Sticks(roll, -pitch, throttle, yaw))
+    roll, pitch, throttle, yaw = (
+        stick_of(pilot.channels[channel].pulse_us) for channel in _STICK_CHANNELS
+    )
+    pilot.hear(now_s, Sticks(roll, -pitch, throttle, yaw))
+
+
+def _pulses(message: Message, channels: int) -> dict[int, int]:
+    """Pulse widths by channel, without the unchanged ones; 0 for a released channel."""
+    pulses = {}
+    for channel in range(1, channels + 1):
+        pulse = getattr(message, f"chan{channel}_raw")
+        if channel > 8 and pulse == _RELEASED:
+            continue
+        if channel > 8 and pulse == _RELEASED_ABOVE_8:
+            pulse = _RELEASED
+        if pulse != _UNCHANGED:
+            pulses[channel] = pulse
+    return pulses
 
 
 def _follow_target(

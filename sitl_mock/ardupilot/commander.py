@@ -15,7 +15,7 @@ from sitl_mock.ardupilot.plans import report_totals
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
-from sitl_mock.pilot import OVERRIDE_S, Sticks
+from sitl_mock.pilot import CENTRED, RADIO_HELD_S, Sticks, override_time_s
 from sitl_mock.vehicle_state import Landed, Severity, VehicleState
 
 if TYPE_CHECKING:
@@ -200,9 +200,13 @@ class ArduPilot:
 
     @property
     def sticks(self) -> Sticks:
-        """The pilot's sticks; without a pilot those of the simulator's radio (throttle down)."""
+        """The pilot's sticks; without a pilot those of the simulator's radio (a copter's throttle is down)."""
+        now_s = self.state.now_s
         pilot = self.state.pilot
-        return pilot.sticks if pilot.fresh(self.state.now_s, OVERRIDE_S) else AT_REST
+        rest = AT_REST if self.firmware.flies else CENTRED
+        held = now_s - pilot.heard_s <= RADIO_HELD_S
+        radio = pilot.sticks if held else rest
+        return pilot.overriding(radio, now_s, override_time_s(self.state.parameters))
 
     def guided_setpoint(self) -> Setpoint:
         """Return the setpoint of GUIDED."""
@@ -267,11 +271,13 @@ class ArduPilot:
 
     def _hear_switch(self) -> None:
         """The transmitter's mode switch: a new position of its channel requests that position's mode."""
-        channel = int(self.state.parameters["FLTMODE_CH"])
-        slot = self.state.pilot.switch_position(channel)
+        parameters = self.state.parameters
+        channel = int(parameters["FLTMODE_CH"])
+        time_s = override_time_s(parameters)
+        slot = self.state.pilot.switch_position(channel, self.state.now_s, time_s)
         if slot is None or slot == self.switched:
             return
         self.switched = slot
-        mode = self.by_number.get(int(self.state.parameters[f"FLTMODE{slot}"]))
+        mode = self.by_number.get(int(parameters[f"FLTMODE{slot}"]))
         if mode is not None:
             self.request(mode.name)

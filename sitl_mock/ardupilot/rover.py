@@ -20,7 +20,7 @@ def _stay(commander: ArduPilot) -> Setpoint:
 
 
 def _manual(commander: ArduPilot) -> Setpoint:
-    sticks = commander.state.pilot.sticks
+    sticks = commander.sticks
     fast = float(commander.state.parameters["CRUISE_SPEED"])
     velocity = turned((sticks.throttle * fast, 0.0, 0.0), commander.state.yaw_rad)
     if not any(sticks):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.missions import flyable, violated
 from sitl_mock.modes import Mode, Need
+from sitl_mock.pilot import override_time_s
 from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:
@@ -150,7 +151,7 @@ def wrong(state: VehicleState, plans: PlanStore, *, flies: bool) -> Iterator[tup
     conditions = state.conditions
     now_s = state.now_s
     if state.pilot.radio_lost(now_s) or state.pilot.throttle_below(
-        now_s, parameters["FS_THR_VALUE"]
+        now_s, override_time_s(parameters), parameters["FS_THR_VALUE"]
     ):
         yield "radio lost", "FS_THR_ENABLE"
     ground_age_s = now_s - state.peers.ground_s

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
 from sitl_mock.estimator import EPH_M
+from sitl_mock.pilot import override_time_s
 from sitl_mock.telemetry.report import Report, heading_cdeg
 
 Fields = tuple[Any, ...]
@@ -224,7 +225,9 @@ def rc_channels(report: Report) -> Fields:
     pilot = report.state.pilot
     if not pilot.fresh(report.state.now_s, 0.5):
         return (report.boot_ms, 0, *(0xFFFF,) * 18, 255)
-    sticks = pilot.sticks
+    sticks = pilot.overriding(
+        pilot.sticks, report.state.now_s, override_time_s(report.state.parameters)
+    )
     raw = tuple(
         round(1500.0 + 500.0 * value)
         for value in (sticks.roll, sticks.pitch, sticks.throttle, sticks.yaw)
