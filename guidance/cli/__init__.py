@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from guidance.cli.streams import open_outlets, printable
+from guidance.cli.streams import open_outlets
 from guidance.errors import FlightError, GuidanceError, OutputError
+from guidance.texts import printable
 
 INTERRUPTED = 130
 FAULT = 70
@@ -94,13 +95,22 @@ def ask(
         ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
         LinkError: If the daemon has another name, does not know the token or does not answer.
     """
-    from guidance.session.control_socket import ENDPOINT, ask_here, own_name  # noqa: PLC0415 - only orders
+    from guidance.session import control_socket  # noqa: PLC0415 - only orders
 
-    given: dict[str, Any] = {"endpoint": endpoint or ENDPOINT, "token_file": token_file}
-    by = own_name("ctl")
-    answer = ask_here(order, name=name, by=by, **given) if team is None and zenoh is None else None
-    if answer is not None:
-        return [answer]
+    names = [] if name is None else name.split(",")
+    given: dict[str, Any] = {
+        "endpoint": endpoint or control_socket.ENDPOINT,
+        "token_file": token_file,
+    }
+    by = control_socket.own_name("ctl")
+    if zenoh is None and team is not None:
+        answers = _asked_team_here(order, team, names, by=by, **given)
+        if answers is not None:
+            return answers
+    elif zenoh is None:
+        answer = control_socket.ask_here(order, name=name, by=by, **given)
+        if answer is not None:
+            return [answer]
     from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - zenoh takes a second
     from guidance.session import control_bus  # noqa: PLC0415
 
@@ -108,9 +118,26 @@ def ask(
     with control_bus.join_session(**given) as session:
         if team is None:
             return [control_bus.ask(session, order, name, endpoint=given["endpoint"], by=by)]
-        return control_bus.order_team(
-            session, order, team, [] if name is None else name.split(","), by=by
-        )
+        return control_bus.order_team(session, order, team, names, by=by)
+
+
+def _asked_team_here(
+    order: str,
+    team: str,
+    names: Sequence[str],
+    **given: Any,  # noqa: ANN401 - as of the function
+) -> Sequence[Mapping[str, Any]] | None:
+    """Order a team by the socket on this computer; None if that is no way to it.
+
+    A daemon that hangs keeps no order from the others: they are reached over Zenoh then.
+    """
+    from guidance.session.control_socket import SilentDaemonError, ask_team_here  # noqa: PLC0415 - only orders
+
+    try:
+        return ask_team_here(order, team, names, **given)
+    except SilentDaemonError as error:
+        print(f"{error}; trying over Zenoh", file=sys.stderr)  # noqa: T201
+        return None
 
 
 def show(answer: Mapping[str, Any]) -> int:

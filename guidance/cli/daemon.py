@@ -117,47 +117,51 @@ def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
     yield "vehicle", str(status.get("name", "-"))
     yield "state", Text(str(status.get("state", "-")), "bold")
     if "waiting_for" in status:
-        limit = status["connect_timeout_s"]
-        yield (
-            "waiting",
-            f"for {status['waiting_for']}, {status['waited_s']:.0f} s so far, {limit:.0f} s at most",
-        )
+        waited = f"{_said(status, 'waited_s', '{:.0f}')} s so far"
+        limit = f"{_said(status, 'connect_timeout_s', '{:.0f}')} s at most"
+        yield "waiting", f"for {status['waiting_for']}, {waited}, {limit}"
         return
     if status.get("next"):
         yield "next", Text(str(status["next"]), "yellow")
     armed = "armed" if status.get("armed") else "disarmed"
     streaming = "setpoints are sent" if status.get("streaming") else "no setpoints are sent"
     yield "autopilot", f"{status.get('autopilot_mode', status.get('mode'))}, {armed}, {streaming}"
-    ages = ("heartbeat_age_s", "position_age_s", "evader_silence_s")
-    beat, position, evader = (_said(status, key, "{:.1f} s ago", "never") for key in ages)
+    beat = _said(status, "heartbeat_age_s", "{:.1f} s ago", "never")
+    position = _said(status, "position_age_s", "{:.1f} s ago", "never")
     yield "heard", f"HEARTBEAT {beat}, position {position}"
-    if "height_m" in status:
-        (n, e, _) = status["position_ned_m"]
-        (north, east, down) = status["velocity_ned_m_s"]
-        yield "height", f"{status['height_m']:z.1f} m above home"
-        yield "position", f"{n:z.1f} m north, {e:z.1f} m east of the origin"
-        yield "speed", f"{math.hypot(north, east):.1f} m/s level, {-down:z.1f} m/s up"
-        yield "battery", _said(status, "battery", "{:.0%}", "not told")
-    yield "evader", f"heard {evader}"
-    if game := status.get("certificate"):
+    if status.get("height_m") is not None:
+        yield from _flown(status)
+    yield "evader", f"heard {_said(status, 'evader_silence_s', '{:.1f} s ago', 'never')}"
+    game = status.get("certificate")
+    if game:
         yield from _game(status, game)
     yield "record", str(status.get("recording", "-"))
 
 
+def _flown(status: Status) -> Iterator[tuple[str, Cell]]:
+    yield "height", f"{status['height_m']:z.1f} m above home"
+    north_m, east_m, _ = map(_number, status["position_ned_m"])
+    yield "position", f"{north_m:z.1f} m north, {east_m:z.1f} m east of the origin"
+    north_m_s, east_m_s, down_m_s = map(_number, status["velocity_ned_m_s"])
+    yield "speed", f"{math.hypot(north_m_s, east_m_s):.1f} m/s level, {-down_m_s:z.1f} m/s up"
+    yield "battery", _said(status, "battery", "{:.0%}", "not told")
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
 def _game(status: Status, game: Status) -> Iterator[tuple[str, Cell]]:
-    yield (
-        "range",
-        f"{status['range_m']:.1f} m to the evader, {_said(game, 'gap_m')} m to the stand-off disc's rim",
-    )
+    range_m = _said(status, "range_m")
+    gap_m = _said(game, "gap_m")
+    yield "range", f"{range_m} m to the evader, {gap_m} m to the stand-off disc's rim"
     promised = "value to go" if status["value_unit"] == "s" else "evader's distance from its target"
-    yield (
-        "ideal game",
-        f"winner {game['winner']}; {promised} {_said(game, 'value')} {status['value_unit']}",
-    )
-    needs = (
-        f"needs {_said(game, 'time_needed_s')} s, reaches {_said(game, 'reachable_speed_m_s')} m/s"
-    )
-    yield "this vehicle", f"winner {game.get('vehicle_winner', 'undecided')}; {needs}"
+    value = _said(game, "value")
+    yield "ideal game", f"winner {game['winner']}; {promised} {value} {status['value_unit']}"
+    needs_s = _said(game, "time_needed_s")
+    reaches_m_s = _said(game, "reachable_speed_m_s")
+    winner = game.get("vehicle_winner", "undecided")
+    yield "this vehicle", f"winner {winner}; needs {needs_s} s, reaches {reaches_m_s} m/s"
     if game.get("active_limits"):
         yield "limited by", ", ".join(game["active_limits"])
 

@@ -11,7 +11,6 @@ import typer
 from rich.text import Text
 
 from guidance.cli.arguments import CommandGroup, Json
-from guidance.cli.streams import printable
 from guidance.extras import require
 from guidance.log import (
     ReplayedCycle,
@@ -28,6 +27,7 @@ from guidance.log.replay import Difference
 from guidance.messages import EvaderReport
 from guidance.screen import console, pairs, sheet
 from guidance.session.flight_files import RECORD, changes_of, recorded_settings
+from guidance.texts import printable
 
 log = typer.Typer(cls=CommandGroup, help="Inspect a flight record, and export it for other tools.")
 

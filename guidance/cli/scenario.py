@@ -13,7 +13,6 @@ from rich.text import Text
 
 from guidance.cli import arguments
 from guidance.cli.players import as_text, rows_json, tell_players
-from guidance.cli.streams import printable
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
@@ -26,6 +25,7 @@ from guidance.sim.outcome import winner_name
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import FOLDER, load_any
 from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of
+from guidance.texts import printable
 
 if TYPE_CHECKING:
     from guidance.session.fly import Way

@@ -26,13 +26,6 @@ _PLAIN: Final = {
 """Replacements for characters that an encoding lacks."""
 
 
-def printable(text: str) -> str:
-    """Escape control characters of untrusted text, which could command the terminal."""
-    return "".join(
-        one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
-    )
-
-
 def _in_plain_letters(error: UnicodeError) -> tuple[str, int]:
     """Replace one letter by ASCII, as the error handler "plain-letters"."""
     if not isinstance(error, UnicodeEncodeError):

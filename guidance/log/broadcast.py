@@ -142,19 +142,25 @@ class FoundFlight(NamedTuple):
 
 def find_flights(session: "zenoh.Session", name: str, timeout_s: float) -> Sequence[FoundFlight]:
     """Ask a daemon, or all of a bus ("*"), for the flight. One that waits for its vehicle does not answer yet."""
-    found = []
-    for reply in session.get(
+    replies = session.get(
         broadcast_key(name, FLIGHT), timeout=timeout_s, target=zenoh.QueryTarget.ALL
-    ):
-        if reply.ok is not None:
-            answer = json.loads(reply.ok.payload.to_bytes())
-            heard = (
-                [Item(0.0, CYCLE.topic, "json", json.dumps(answer["heard"]).encode())]
-                if "heard" in answer
-                else []
-            )
-            found.append(FoundFlight(str(answer["name"]), dict(answer["metadata"]), heard))
-    return found
+    )
+    samples = (reply.ok for reply in replies if reply.ok is not None)
+    return [flight for flight in map(flight_of, samples) if flight is not None]
+
+
+def flight_of(sample: "zenoh.Sample") -> FoundFlight | None:
+    """Return the flight that a daemon describes; None if it cannot be read. The name comes from the key."""
+    try:
+        answer = json.loads(sample.payload.to_bytes())
+        metadata = {str(key): str(value) for key, value in answer["metadata"].items()}
+        heard = []
+        if "heard" in answer:
+            data = json.dumps(answer["heard"]).encode()
+            heard.append(Item(0.0, CYCLE.topic, "json", data))
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None
+    return FoundFlight(str(sample.key_expr).split("/")[1], metadata, heard)
 
 
 def item_of(sample: "zenoh.Sample") -> Item | None:

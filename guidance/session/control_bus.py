@@ -4,10 +4,9 @@ A liveliness token says that the vehicle has an owner. It vanishes with the owne
 """
 
 import contextlib
-import json
 import socket
 import threading
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -19,11 +18,24 @@ from guidance.flight import Event
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_wire import Session, close_all, direct_session, open_session
 from guidance.session import control_socket as local
-from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Answer, Mailbox
+from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
+from guidance.session.replies import (
+    MAX_REPLY_BYTES,
+    NAME_RULE,
+    Answer,
+    bad_reply,
+    is_vehicle_name,
+    read_reply,
+    refused,
+    written,
+)
 from guidance.session.vehicle_file import Control
 
 _TEAM: Final = "team"
 """Parameter of a query: only vehicles of this team follow it."""
+
+_MAX_VEHICLES: Final = 64
+"""Most vehicles of a team that an order waits for."""
 
 
 def host_session(endpoint: str, token: local.ControlToken) -> Session:
@@ -104,7 +116,7 @@ def control_bus(
 
     def reply(query: "zenoh.Query", order: str) -> None:
         by = "" if query.payload is None else local.name_in(query.payload.to_bytes())
-        answer = json.dumps({**shown, **mailbox.answer(order, by)})
+        answer = written({**shown, **mailbox.answer(order, by)})
         with contextlib.suppress(zenoh.ZError):  # who asked may be gone
             # Under our own key: one query may be answered by several daemons.
             query.reply(control_key(name, order), answer, encoding=zenoh.Encoding.APPLICATION_JSON)
@@ -119,8 +131,9 @@ def control_bus(
             closing.callback(close_all, session.close)
             # Put it where others look for it, now that the endpoint is ours and no other daemon's.
             token = token._replace(path=token.path.replace(path))
+            pass_on = partial(order_team, session, timeout_s=local.TEAM_ANSWER_LIMIT_S)
             closing.enter_context(
-                contextlib.closing(local.ControlSocket(name, mailbox.answer, token))
+                contextlib.closing(local.ControlSocket(name, mailbox.answer, token, pass_on))
             )
         else:
             session = join_session(control.endpoint, control.token_file, credentials)
@@ -266,45 +279,61 @@ def order_team(
     """
 
     def asked(word: str) -> dict[str, Answer]:
-        found = [
-            one
-            for name in names or "*"
-            for one in answers(session, name, word, timeout_s, by, team)
-        ]
-        if not found:
-            raise LinkError(f"--team {team}: no vehicle of it answers; is `guidance run` running?")
-        silent = {
-            "accepted": False,
-            "order": word,
-            "state": "not heard",
-            "reason": f"no answer in {timeout_s:g} s",
-        }
-        there = {str(one["name"]): one for one in found}
-        return {
-            name: there.get(name, {"name": name, **silent})
-            for name in sorted(names or found[0]["vehicles"])
-        }
+        return _team_answers(session, word, team, names, by, timeout_s)
 
-    if order in {Event.START, Event.ENGAGE}:
-        found = asked(local.STATUS)
-        why = {
-            name: one.get("reason") or one["refused_orders"][order] for name, one in found.items()
-        }
-        if any(why.values()):
-            others = f"waits for {', '.join(name for name, reason in why.items() if reason)}"
-            refused = {"accepted": False, "order": order}
-            said = {
-                name: {"state": found[name]["state"], "reason": reason or others}
-                for name, reason in why.items()
-            }
-            return [{"name": name, **refused, **answer} for name, answer in said.items()]
-    return list(asked(order).values())
+    if order not in {Event.START, Event.ENGAGE}:
+        return list(asked(order).values())
+    statuses = asked(local.STATUS)
+    reasons = {name: _reason_against(order, status) for name, status in statuses.items()}
+    if not any(reasons.values()):
+        return list(asked(order).values())
+    others = f"waits for {', '.join(name for name, reason in reasons.items() if reason)}"
+    return [
+        refused(name, order, str(statuses[name].get("state", "")), reason or others)
+        for name, reason in reasons.items()
+    ]
 
 
-def answers(
+def _team_answers(
+    session: Session, order: str, team: str, names: Collection[str], by: str, timeout_s: float
+) -> dict[str, Answer]:
+    """Return an answer for each vehicle of a team, or for each of `names`, sorted; some may say "not heard"."""
+    heard = dict[str, Answer]()
+    for key in names or "*":
+        for answer in replies(session, key, order, timeout_s, by, team):
+            heard.setdefault(answer["name"], answer)
+    if not heard:
+        raise LinkError(f"--team {team}: no vehicle of it answers; is `guidance run` running?")
+    expected = set(names)
+    if not names:
+        # Each vehicle names the team: one that leaves names out hides nobody that another one names.
+        for answer in heard.values():
+            listed = filter(is_vehicle_name, answer.get("vehicles", ()))
+            expected |= {answer["name"], *listed}
+    return {
+        name: heard[name]
+        if name in heard
+        else refused(name, order, "not heard", f"no answer in {timeout_s:g} s")
+        for name in sorted(expected)[:_MAX_VEHICLES]
+    }
+
+
+def _reason_against(order: str, status: Answer) -> str:
+    """Say why a vehicle would refuse an order, by its status; empty if it would follow."""
+    if status.get("reason"):
+        return str(status["reason"])
+    foreseen = status.get("refused_orders")
+    if foreseen is None or order not in foreseen:
+        return "its status does not say whether it would follow"
+    return str(foreseen[order])
+
+
+def replies(
     session: Session, name: str, order: str, timeout_s: float, by: str = "", team: str = ""
-) -> list[Answer]:
-    """Ask a daemon, or all for the name "*", and return every answer.
+) -> Iterator[Answer]:
+    """Ask a daemon, or all for the name "*", and yield each answer when it arrives.
+
+    The vehicle's name comes from the key of its reply. A reply that cannot be used becomes a refusal in its name.
 
     Args:
         session: On the bus of the daemons.
@@ -313,12 +342,39 @@ def answers(
         timeout_s: Time limit for the answers.
         by: Name of the person or program who orders.
         team: Name of a team: only its vehicles answer.
+
+    Raises:
+        ConfigError: If no vehicle or no team can have such a name.
     """
+    for option, value in (("--name", name), ("--team", team)):
+        if value not in {"", "*"} and not is_vehicle_name(value):
+            raise ConfigError(f"{option} {value!r}: {NAME_RULE}")
     key = control_key(name, order) + (f"?{_TEAM}={team}" if team else "")
-    replies = session.get(
-        key, timeout=timeout_s, target=zenoh.QueryTarget.ALL, payload=by.encode() if by else None
-    )
-    return [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
+    payload = by.encode() if by else None
+    answered = set[str]()
+    for reply in session.get(key, timeout=timeout_s, target=zenoh.QueryTarget.ALL, payload=payload):
+        if reply.ok is None:
+            continue
+        sender = str(reply.ok.key_expr).split("/")[1]
+        if sender in answered or not is_vehicle_name(sender) or name not in {"*", sender}:
+            continue
+        answered.add(sender)
+        if len(reply.ok.payload) > MAX_REPLY_BYTES:
+            yield bad_reply(sender, order, f"{len(reply.ok.payload)} bytes")
+        else:
+            yield read_reply(reply.ok.payload.to_bytes(), sender, order)
+
+
+def answers(
+    session: Session, name: str, order: str, timeout_s: float, by: str = "", team: str = ""
+) -> Sequence[Answer]:
+    """Ask a daemon, or all for the name "*", and return every answer; arguments as of `replies`."""
+    return list(replies(session, name, order, timeout_s, by, team))
+
+
+def say_alive(session: Session, name: str) -> None:
+    """Send an operator's sign of life to a daemon, without waiting for the answer."""
+    session.get(control_key(name, local.ALIVE), lambda _: None, timeout=local.TIMEOUT_S)
 
 
 def control_key(name: str, order: str) -> str:

@@ -21,12 +21,14 @@ import socket
 import stat
 import tempfile
 import threading
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol
 
-from guidance.errors import ConfigError, LinkError, OutputError
+from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
 from guidance.files import private_file, writing
+from guidance.session.replies import MAX_REPLY_BYTES, Answer, read_reply, written
+from guidance.texts import printable
 
 STATUS = "status"
 RESET = "reset"
@@ -43,17 +45,28 @@ TIMEOUT_S: Final = 4.0
 LONGEST_NAME: Final = 64
 """Longest name of a sender, in characters; it is recorded."""
 
+TEAM_ANSWER_LIMIT_S: Final = 2.5
+"""Time limit for the answers of a team's vehicles, longer than a mailbox waits for its loop."""
+
+TEAM_TIMEOUT_S: Final = 2 * TEAM_ANSWER_LIMIT_S + 1.0
+"""Time limit for an order to a team by the socket: `start` and `engage` ask for the status first."""
+
 _ASKED_WITHIN_S: Final = 1.0
 _LONGEST_ORDER: Final = 4096
-_LONGEST_ANSWER: Final = 1 << 20
+_LONGEST_ANSWER: Final = 32 * MAX_REPLY_BYTES
 _BUFFER_BYTES: Final = 65536
 """Read at once: bytes left unread would reset the connection before the answer arrives."""
 _MOST_AT_ONCE: Final = 64
+_ACCEPT_AGAIN_S: Final = 0.05
 _LONGEST_PATH: Final = 100
 """Bytes of a socket's path that the kernel takes, with some to spare."""
 
 USER: Final = "guidance"
 _LINE: Final = re.compile(rf"{USER}:([0-9a-f]{{32,}})\n?")
+
+
+class SilentDaemonError(LinkError):
+    """A daemon listens at its socket and does not answer."""
 
 
 class ControlToken(NamedTuple):
@@ -167,7 +180,7 @@ def name_in(data: bytes) -> str:
 
 def ask_here(
     order: str, *, endpoint: str, name: str | None, token_file: Path | None = None, by: str = ""
-) -> Mapping[str, Any] | None:
+) -> Answer | None:
     """Give an order to the daemon of an endpoint by its socket on this computer.
 
     Args:
@@ -184,30 +197,98 @@ def ask_here(
         ConfigError: If there is no such order, or we may not read the token.
         LinkError: If the daemon has another name, does not know the token or does not answer.
     """
+    asked = {"order": _known(order), "name": name, "by": by}
+    data = _exchanged(asked, endpoint, token_file, TIMEOUT_S)
+    if data is None:
+        return None
+    reply = _opened(data, endpoint)
+    return read_reply(data, str(reply.get("name", name or "the daemon")), order)
+
+
+def ask_team_here(
+    order: str,
+    team: str,
+    names: Collection[str],
+    *,
+    endpoint: str,
+    token_file: Path | None = None,
+    by: str = "",
+) -> Sequence[Answer] | None:
+    """Give an order to a team by the socket of the daemon that hosts its endpoint on this computer.
+
+    Args:
+        order: One of `WORDS`.
+        team: Its name.
+        names: Of vehicles; empty for all.
+        endpoint: The control endpoint that the daemons share.
+        token_file: Where its token lies, if not in the usual place.
+        by: Name of the person or program, for log and record.
+
+    Returns:
+        An answer for each vehicle; None if no daemon listens at such a socket, or none that passes orders on.
+
+    Raises:
+        ConfigError: If there is no such order, or we may not read the token.
+        LinkError: If no vehicle of the team answers, or the daemon does not.
+    """
+    # Not named `order`: a daemon of an older version would take it for an order to itself alone.
+    asked = {"team_order": _known(order), "team": team, "names": list(names), "by": by}
+    data = _exchanged(asked, endpoint, token_file, TEAM_TIMEOUT_S)
+    if data is None:
+        return None
+    answers = _opened(data, endpoint).get("answers")
+    if not isinstance(answers, dict):
+        return None
+    return [read_reply(written(answer), str(name), order) for name, answer in answers.items()]
+
+
+def _known(order: str) -> str:
     if order not in WORDS:
         raise ConfigError(f"order = {order!r}: allowed are {', '.join(WORDS)}")
+    return order
+
+
+def _exchanged(
+    asked: Mapping[str, Any], endpoint: str, token_file: Path | None, timeout_s: float
+) -> bytes | None:
+    """Send a line to the daemon of an endpoint and return its line; None if no daemon listens there."""
     path = token_path(endpoint) if token_file is None else token_file
-    if (token := read_token(path)) is None:
+    token = read_token(path)
+    if token is None:
         return None
+    line = json.dumps({"token": token.secret, **asked}).encode() + b"\n"
     try:
         with (
-            socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as there,
+            socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection,
             _reachable(socket_path(path)) as address,
         ):
-            there.settimeout(TIMEOUT_S)
-            there.connect(address)
-            asked = {"token": token.secret, "order": order, "name": name, "by": by}
-            there.sendall(json.dumps(asked).encode() + b"\n")
-            answer = json.loads(there.makefile("rb").readline(_LONGEST_ANSWER))
+            connection.settimeout(timeout_s)
+            connection.connect(address)
+            connection.sendall(line)
+            return connection.makefile("rb").readline(_LONGEST_ANSWER)
     except (FileNotFoundError, NotADirectoryError, ConnectionRefusedError):
         return None
-    except (OSError, ValueError) as error:
-        raise LinkError(
+    except OSError as error:
+        raise SilentDaemonError(
             f"control {socket_path(path)}: no answer ({error}); is the daemon running?"
         ) from error
-    if "error" in answer:
-        raise LinkError(f"control {endpoint}: {answer['error']}")
-    return dict(answer)
+
+
+def _opened(data: bytes, endpoint: str) -> Mapping[str, Any]:
+    """Return a daemon's line as an object.
+
+    Raises:
+        LinkError: If it is none, or an error of the daemon.
+    """
+    try:
+        reply = json.loads(data)
+    except (ValueError, RecursionError):
+        reply = None
+    if not isinstance(reply, dict):
+        raise LinkError(f"control {endpoint}: no answer that can be read; is the daemon running?")
+    if "error" in reply:
+        raise LinkError(f"control {endpoint}: {printable(str(reply['error']))}")
+    return reply
 
 
 def begin(free: threading.BoundedSemaphore, exchange: Callable[..., None], *given: object) -> bool:
@@ -228,6 +309,15 @@ def begin(free: threading.BoundedSemaphore, exchange: Callable[..., None], *give
     return True
 
 
+class PassOn(Protocol):
+    """Gives an order to a team and returns an answer for each vehicle."""
+
+    def __call__(
+        self, order: str, team: str, names: Collection[str], *, by: str
+    ) -> Sequence[Answer]:
+        """Raise LinkError if no vehicle of the team answers."""
+
+
 class ControlSocket:
     """Takes orders at a socket, and answers. Every connection has a thread for one order.
 
@@ -235,19 +325,26 @@ class ControlSocket:
         name: The daemon's.
         answer: Answers an order or a query, given with the name of its sender.
         token: What who orders must know; the socket gets the rights of its file.
+        pass_on: Gives an order to a team; None takes no such orders.
 
     Raises:
         OutputError: If the socket cannot be made.
     """
 
     def __init__(
-        self, name: str, answer: Callable[[str, str], Mapping[str, Any]], token: ControlToken
+        self,
+        name: str,
+        answer: Callable[[str, str], Answer],
+        token: ControlToken,
+        pass_on: PassOn | None = None,
     ) -> None:
         self._name = name
         self._answer = answer
         self._token = token
+        self._pass_on = pass_on
         self._path = socket_path(token.path)
         self._free = threading.BoundedSemaphore(_MOST_AT_ONCE)
+        self._closed = threading.Event()
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             # Of a daemon that was killed: the endpoint is ours by now
@@ -271,6 +368,7 @@ class ControlSocket:
 
     def close(self) -> None:
         """Take no more orders. May be called twice."""
+        self._closed.set()
         with contextlib.suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)  # ends the accept that waits
         self._thread.join()
@@ -278,29 +376,48 @@ class ControlSocket:
         self._path.unlink(missing_ok=True)
 
     def _serve(self) -> None:
-        with contextlib.suppress(OSError):  # it was shut down
-            while True:
-                there, _ = self._listener.accept()
-                if not begin(self._free, self._exchange, there):
-                    there.close()
+        while not self._closed.is_set():
+            try:
+                connection, _ = self._listener.accept()
+            except OSError:  # it was shut down, or no descriptor is free at the moment
+                self._closed.wait(_ACCEPT_AGAIN_S)
+                continue
+            if not begin(self._free, self._exchange, connection):
+                connection.close()
 
-    def _exchange(self, there: socket.socket) -> None:
+    def _exchange(self, connection: socket.socket) -> None:
         # The data may be anything
         with (
-            there,
-            contextlib.suppress(OSError, ValueError, TypeError, AttributeError),
+            connection,
+            contextlib.suppress(OSError, ValueError, TypeError, AttributeError, RecursionError),
         ):
-            there.settimeout(_ASKED_WITHIN_S)
-            asked = json.loads(there.makefile("rb", _BUFFER_BYTES).readline(_LONGEST_ORDER))
-            there.sendall(json.dumps(self._answer_to(asked)).encode() + b"\n")
+            connection.settimeout(_ASKED_WITHIN_S)
+            asked = json.loads(connection.makefile("rb", _BUFFER_BYTES).readline(_LONGEST_ORDER))
+            connection.sendall(written(self._answer_to(asked)) + b"\n")
 
     def _answer_to(self, asked: Mapping[str, Any]) -> Mapping[str, Any]:
         if not hmac.compare_digest(str(asked.get("token")).encode(), self._token.secret.encode()):
             return {"error": "the token is not this daemon's"}
+        by = name_in(str(asked.get("by", "")).encode())
+        if self._pass_on is not None and "team_order" in asked:
+            return self._answer_of_team(asked, self._pass_on, by)
         if asked.get("name") not in {None, self._name}:
             return {"error": f"--name {asked['name']}: the daemon there is {self._name}"}
-        answer = self._answer(str(asked.get("order")), name_in(str(asked.get("by", "")).encode()))
-        return {"name": self._name, **answer}
+        answer = self._answer(str(asked.get("order")), by)
+        return {"name": self._name, **answer} | {"name": self._name}
+
+    def _answer_of_team(
+        self, asked: Mapping[str, Any], pass_on: PassOn, by: str
+    ) -> Mapping[str, Any]:
+        order = str(asked["team_order"])
+        names = [str(name) for name in asked.get("names", ())]
+        if order not in WORDS:
+            return {"error": f"order = {order!r}: allowed are {', '.join(WORDS)}"}
+        try:
+            answers = pass_on(order, str(asked.get("team", "")), names, by=by)
+        except GuidanceError as error:
+            return {"error": str(error)}
+        return {"answers": {answer["name"]: answer for answer in answers}}
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from guidance.errors import ConfigError, LinkError
-from guidance.session.control_socket import ControlSocket, ask_here, socket_path
+from guidance.session.control_socket import ControlSocket, ask_here, ask_team_here, socket_path
 from guidance.session.orders import Mailbox
 from tests.harness.bus import published
 
@@ -168,6 +168,65 @@ def test_an_order_takes_less_than_400_ms_of_processor_time_and_imports_nothing_h
     assert (code, words) == (0, "uav1: hold accepted, \n")
     assert modules & {"numpy", "zenoh", "mavsdk", "pymavlink", "pydantic", "rich", "typer"} == set()
     assert min(took_s for *_, took_s in runs) < 0.3  # and the loop answers within two cycles
+
+
+@pytest.fixture
+def team(loop, token):
+    """A socket whose daemon passes orders on to a team of two."""
+    given = []
+
+    def pass_on(order, team, names, *, by):
+        if team != "north":
+            raise LinkError(f"--team {team}: no vehicle of it answers")
+        given.append((order, team, list(names), by))
+        accepted = {"accepted": True, "order": order, "state": "holding"}
+        return [{"name": name, **accepted} for name in names or ("uav1", "uav2")]
+
+    made = ControlSocket("uav1", loop.mailbox.answer, token, pass_on)
+    yield given
+    made.close()
+
+
+def test_an_order_to_a_team_takes_the_same_fast_path(team, token, loop):
+    runs = [ctl("hold", "--team", "north", token=token) for _ in range(3)]
+    code, words, modules, _ = runs[0]
+    assert (code, words) == (0, "uav1: hold accepted, holding\nuav2: hold accepted, holding\n")
+    assert modules & {"numpy", "zenoh", "mavsdk", "pymavlink", "pydantic", "rich", "typer"} == set()
+    assert min(took_s for *_, took_s in runs) < 0.3
+    code, words, *_ = ctl("land", "--team", "north", "--name", "uav2,uav3", token=token)
+    assert (code, words) == (0, "uav2: land accepted, holding\nuav3: land accepted, holding\n")
+    assert [(order, names) for order, _, names, _ in team[-2:]] == [
+        ("hold", []),
+        ("land", ["uav2", "uav3"]),
+    ]
+    assert team[0][3].startswith("ctl")
+    with pytest.raises(LinkError, match="--team south: no vehicle of it answers"):
+        ask_team_here("hold", "south", (), endpoint=ENDPOINT, token_file=token.path)
+    assert loop.taken == []
+
+
+def test_a_daemon_of_an_older_version_gets_no_order_that_is_meant_for_a_team(control, token, loop):
+    assert (
+        ask_team_here("start", "north", (), endpoint=ENDPOINT, token_file=token.path, by="ctl")
+        is None
+    )
+    assert "start" not in [order for order, _ in loop.taken]
+
+
+def test_orders_are_taken_again_after_a_moment_without_a_free_descriptor(loop, token, monkeypatch):
+    refusals = iter([OSError(24, "Too many open files")] * 3)
+
+    class Listener(socket.socket):
+        def accept(self):
+            for refusal in refusals:
+                raise refusal
+            return super().accept()
+
+    with monkeypatch.context() as patched:
+        patched.setattr(socket, "socket", Listener)
+        made = ControlSocket("uav1", loop.mailbox.answer, token)
+    assert asked("hold", token)["accepted"]
+    made.close()
 
 
 @pytest.mark.parametrize(

@@ -145,7 +145,11 @@ def test_a_watched_flight_sends_the_same_setpoints_bit_for_bit(record, tmp_path)
     heard = SimpleNamespace(cycles=0)
 
     def look(_):
-        heard.cycles += sum(isinstance(news.what, Item) for news in list(bus._news))
+        heard.cycles += sum(
+            isinstance(news.what, Item)
+            for queue in list(bus._news.values())
+            for news in list(queue)
+        )
         hub.receive()
         hub.message()
         if not heard.cycles:

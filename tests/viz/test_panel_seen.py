@@ -19,8 +19,17 @@ from guidance.log.entries import BEGUN, CYCLE, EVENT, FLIGHT_OVER, RELOADED, Ite
 from guidance.log.scene import isochron_at
 from guidance.messages import Heartbeat
 from guidance.session.flight_files import recorded_settings
+from guidance.session.replies import read_reply
 from guidance.session.vehicle_file import load_vehicle
-from guidance.viz.panel.hub import HISTORY_S, MAX_DAEMONS, MAX_EVENTS, Hub, News
+from guidance.viz.panel.hub import (
+    FAULT_SHOWN_S,
+    HISTORY_S,
+    MAX_DAEMONS,
+    MAX_EVENTS,
+    Hub,
+    News,
+    Unreadable,
+)
 from guidance.viz.panel.snapshot import (
     HISTORY,
     Level,
@@ -66,6 +75,7 @@ class StubBus:
         self.waiting = []
         self.ordered = []
         self.vouched = []
+        self.forgotten = []
 
     def news(self):
         taken = self.waiting
@@ -78,6 +88,9 @@ class StubBus:
 
     def note_operator(self, name):
         self.vouched.append(name)
+
+    def forget(self, name):
+        self.forgotten.append(name)
 
     def close(self):
         pass
@@ -248,7 +261,7 @@ def test_a_new_page_gets_everything_and_then_only_changes(told, record):
     (first,) = told.read()["daemons"]
     assert {"scene", "status", "snapshot", "events", "history"} <= first.keys()
     (again,) = told.read()["daemons"]
-    assert again.keys() == {"key", "name", "endpoint", "silent_s", "contact", "over"}
+    assert again.keys() == {"key", "name", "endpoint", "silent_s", "contact", "over", "fault"}
     # A daemon that starts or restarts while pages are open is sent in full.
     told.tell(
         found("uav1", metadata_of(record), items[-1]), found("uav2", metadata_of(record), items[-1])
@@ -324,6 +337,39 @@ def test_unreadable_messages_are_ignored_and_daemons_are_bounded(told):
     assert daemons[0].keys() >= {"scene", "status"}
     assert daemons[0]["snapshot"] is None
     assert daemons[1]["status"] == {"state": "waiting"}
+
+
+DEEP = "[" * 100_000
+BAD_EVENT = {"now_s": 2.0, "event": FLIGHT_OVER, "detail": DEEP}
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"state": "ready", "battery": math.nan},
+        {"state": "ready", "battery": math.inf},
+        Item(0.0, EVENT.topic, "json", json.dumps(BAD_EVENT).encode()),
+        Item(0.0, CYCLE.topic, "json", DEEP.encode()),
+        Item(0.0, EVENT.topic, "json", b"\xff"),
+        Unreadable("its flight"),
+        read_reply(b"5", "uav1", "status"),
+        read_reply(DEEP.encode(), "uav1", "status"),
+        FoundFlight("uav1", {"config": DEEP}, ()),
+    ],
+)
+def test_what_one_daemon_sends_wrong_is_its_fault_and_the_others_are_shown(told, record, bad):
+    cycles = [item for item in scan(record) if item.topic == CYCLE.topic]
+    told.tell(found("uav2", metadata_of(record)), News("uav2", 100.0, cycles[50]))
+    told.read()
+    told.tell(News("uav1", 100.0, bad), News("uav2", 100.0, cycles[51]))
+    for whole in (False, True):
+        uav1, uav2 = told.read(whole=whole)["daemons"]
+        assert "cannot be" in uav1["fault"]
+        assert uav2["fault"] == ""
+        assert uav2["snapshot"]["now_s"] == pytest.approx(json.loads(cycles[51].data)["now_s"])
+    told.clock.sleep_until(100.0 + FAULT_SHOWN_S + 1.0)
+    told.tell(News("uav1", 100.0, {"state": "ready"}))
+    assert told.read()["daemons"][0]["fault"] == ""
 
 
 def test_a_reloaded_configuration_changes_the_scene(told):

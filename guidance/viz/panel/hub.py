@@ -1,11 +1,13 @@
 """Finds the daemons of control endpoints, collects their data, and encodes it once for all pages.
 
 A thread for each endpoint queries the status of its daemons. A daemon may restart with another token, so the thread
-reconnects when no daemon answers. Received data waits in a bounded queue for the thread of the web server. Ten times a
-second the changes become one message. A new page gets a snapshot of everything first.
+reconnects when no daemon answers. Received data waits in bounded queues, one for each daemon, for the thread of the web
+server. Ten times a second the changes become one message. A new page gets a snapshot of everything first.
+
+Each daemon's data is read and encoded alone. What cannot be used is that daemon's fault: it is named on the page, and
+the others are shown as before.
 """
 
-import contextlib
 import json
 import math
 import threading
@@ -20,10 +22,12 @@ from guidance.clock import Clock
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.links.zenoh_access import Credentials
 from guidance.links.zenoh_wire import close_all, is_over
-from guidance.log.broadcast import FoundFlight, broadcast_key, find_flights, item_of
+from guidance.log.broadcast import FLIGHT, FoundFlight, broadcast_key, flight_of, item_of
 from guidance.log.entries import BEGUN, FLIGHT_OVER, EventEntry, Item
-from guidance.session.control_bus import answers, join_session, order_team
-from guidance.session.control_socket import ALIVE, STATUS
+from guidance.session.control_bus import answers, join_session, order_team, replies, say_alive
+from guidance.session.control_socket import STATUS
+from guidance.session.replies import is_bad, is_vehicle_name
+from guidance.texts import printable
 from guidance.viz.panel.snapshot import (
     HISTORY,
     Plain,
@@ -41,10 +45,18 @@ MAX_DAEMONS: Final = 32
 NO_CONTACT_S: Final = 2.0
 """After so long without data, a daemon counts as lost."""
 
-_BAD_DATA: Final = (ConfigError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError)
+_BAD_DATA: Final = (
+    ConfigError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError,
+)  # fmt: skip
 
 MAX_QUEUED_NEWS: Final = 1024
-"""Cycles and events not yet read: 20 s of one daemon."""
+"""Cycles and events of one daemon that are not yet read: 20 s of them."""
+
+MAX_NEWS_BYTES: Final = 1 << 18
+"""Longest cycle, event or description of a flight; longer ones are not read."""
+
+FAULT_SHOWN_S: Final = 10.0
+"""How long data of a daemon that cannot be used is named on the page."""
 
 STATUS_INTERVAL_S: Final = 0.5
 """Interval of status queries. Daemons check their readiness as often."""
@@ -63,12 +75,18 @@ MAX_UNANSWERED: Final = 3
 """Consecutive status queries without an answer; then the client reconnects."""
 
 
+class Unreadable(NamedTuple):
+    """What a daemon sent that cannot be used."""
+
+    words: str
+
+
 class News(NamedTuple):
     """A flight, a status, a cycle or an event of a daemon, and the time of its arrival (panel's clock)."""
 
     name: str
     at_s: float
-    what: FoundFlight | Mapping[str, Any] | Item
+    what: FoundFlight | Mapping[str, Any] | Item | Unreadable
 
 
 class DaemonBus:
@@ -89,7 +107,7 @@ class DaemonBus:
         self._token_file = token_file
         self._clock = clock
         self._credentials = credentials
-        self._news: deque[News] = deque(maxlen=MAX_QUEUED_NEWS)
+        self._news = dict[str, deque[News]]()
         self._session: zenoh.Session | None = None
         self._known = set[str]()
         self._operator_seen_s = dict[str, float]()
@@ -98,8 +116,8 @@ class DaemonBus:
         self._thread.start()
 
     def news(self) -> Sequence[News]:
-        """Take the news since the last call, oldest first."""
-        return [self._news.popleft() for _ in range(len(self._news))]
+        """Take the news since the last call, oldest first of each daemon."""
+        return [queue.popleft() for queue in list(self._news.values()) for _ in range(len(queue))]
 
     def order(self, name: str, order: str, by: str, team: str = "") -> Sequence[Mapping[str, Any]]:
         """Send an order to a daemon, or to all of a team; return an answer of each. Blocks until they arrive.
@@ -107,7 +125,8 @@ class DaemonBus:
         Raises:
             LinkError: If no answer arrives in time.
         """
-        if (session := self._session) is None:
+        session = self._session
+        if session is None:
             raise LinkError(f"no daemon at {self.endpoint}: {self.reason}")
         try:
             if team:
@@ -127,6 +146,10 @@ class DaemonBus:
     def note_operator(self, name: str) -> None:
         """Send signs of life to a daemon for the next `OPERATOR_LIMIT_S`: an operator is watching it."""
         self._operator_seen_s[name] = self._clock.now_s()
+
+    def forget(self, name: str) -> None:
+        """Ask a daemon for its flight again."""
+        self._known.discard(name)
 
     def close(self) -> None:
         """Disconnect. May be called twice."""
@@ -160,35 +183,61 @@ class DaemonBus:
             self._ended.wait(STATUS_INTERVAL_S)
 
     def _poll(self, session: "zenoh.Session") -> bool:
-        """Send signs of life, and query all status; return whether a daemon answered."""
-        for name in self._known:
+        """Send signs of life, and query all status; return whether a daemon answered.
+
+        Nothing waits for one daemon alone: each answer is news when it arrives.
+        """
+        for name in tuple(self._known):
             if self._clock.now_s() - self._operator_seen_s.get(name, -math.inf) <= OPERATOR_LIMIT_S:
-                answers(session, name, ALIVE, ANSWER_LIMIT_S)
-        statuses = answers(session, "*", STATUS, ANSWER_LIMIT_S)
-        self.reason = "" if statuses else "no answer"
-        named = {str(status["name"]): status for status in statuses if "name" in status}
-        self._known &= named.keys()  # one that was away may have restarted
-        for name, status in named.items():
-            for found in (
-                find_flights(session, name, ANSWER_LIMIT_S) if name not in self._known else ()
-            ):
-                self._news.append(News(found.name, self._clock.now_s(), found))
-                self._known.add(name)
-            self._news.append(News(name, self._clock.now_s(), status))
-        return bool(statuses)
+                say_alive(session, name)
+        names = set[str]()
+        for status in replies(session, "*", STATUS, ANSWER_LIMIT_S):
+            name = status["name"]
+            names.add(name)
+            self.reason = ""
+            if name not in self._known:
+                session.get(broadcast_key(name, FLIGHT), self._queue_flight, timeout=ANSWER_LIMIT_S)
+            self._add(name, status)
+        self._known &= names  # a daemon that was away may have restarted
+        if not names:
+            self.reason = "no answer"
+        return bool(names)
+
+    def _queue_flight(self, reply: "zenoh.Reply") -> None:
+        """Queue the description of a flight. Runs in Zenoh's thread."""
+        if reply.ok is None:
+            return
+        name = _sender(reply.ok)
+        flight = None if len(reply.ok.payload) > MAX_NEWS_BYTES else flight_of(reply.ok)
+        self._add(name, Unreadable("its flight") if flight is None else flight)
+        self._known.add(name)
 
     def _queue(self, sample: "zenoh.Sample") -> None:
         """Queue a cycle or event. Runs in Zenoh's thread, so it must not block; the reader checks the content."""
+        if len(sample.payload) > MAX_NEWS_BYTES:
+            self._add(_sender(sample), Unreadable("a message of its broadcast"))
+            return
         item = item_of(sample)
-        name = str(sample.key_expr).split("/")[1]
         if item is not None:
-            self._news.append(News(name, self._clock.now_s(), item))
+            self._add(_sender(sample), item)
+
+    def _add(self, name: str, what: FoundFlight | Mapping[str, Any] | Item | Unreadable) -> None:
+        """Queue news of a daemon; one that sends too much pushes out its own news only."""
+        if not is_vehicle_name(name) or (name not in self._news and len(self._news) >= MAX_DAEMONS):
+            return
+        queue = self._news.setdefault(name, deque(maxlen=MAX_QUEUED_NEWS))
+        queue.append(News(name, self._clock.now_s(), what))
 
     def _disconnect(self) -> None:
         session = self._session
         self._session = None
         if session is not None:
             close_all(session.close)
+
+
+def _sender(sample: "zenoh.Sample") -> str:
+    """Return the name of the daemon that may publish and answer under a key."""
+    return str(sample.key_expr).split("/")[1]
 
 
 class DaemonView:
@@ -206,24 +255,49 @@ class DaemonView:
         self._unsent_events = 0  # nothing was sent: the next message is whole
         self._events: deque[Plain] = deque(maxlen=MAX_EVENTS)
         self._rows: deque[Sequence[Any]] = deque(maxlen=math.ceil(HISTORY_S / HISTORY_INTERVAL_S))
+        self._unreadable = ""
+        self._unreadable_s = -math.inf
 
     def take(self, news: News) -> None:
-        """Take the metadata of a flight, a status, a cycle or an event; ignore unreadable ones."""
-        if isinstance(news.what, Mapping):
-            self.told = {"status": news.what, "operator": of_operator(news.what)}
+        """Take the metadata of a flight, a status, a cycle or an event; note the fault of an unreadable one."""
+        what = news.what
+        if isinstance(what, Unreadable):
+            self._note_fault(what.words, news.at_s)
+        elif isinstance(what, Mapping):
+            self.told = {"status": what, "operator": of_operator(what)}
             self._heard_s = news.at_s if self._fold is None else self._heard_s
-            return
-        with contextlib.suppress(*_BAD_DATA):  # another version: show its status at least
-            if isinstance(news.what, FoundFlight):  # start again with its metadata
-                self._fold = None
-                self._over = None
-                self._sent = {}
-                self._rows.clear()
-                self._fold = SnapshotFold(news.what.metadata, self.key)
-                for item in news.what.heard:
-                    self._fold.take(item)
-            elif self._fold is not None:
-                self._add(news.what, news.at_s, self._fold)
+        else:
+            try:
+                self._take_flight(what, news.at_s)
+            except _BAD_DATA:  # another version, or damaged: its status is shown at least
+                kind = (
+                    "its flight" if isinstance(what, FoundFlight) else "a message of its broadcast"
+                )
+                self._note_fault(kind, news.at_s)
+
+    def _take_flight(self, what: FoundFlight | Item, at_s: float) -> None:
+        if isinstance(what, FoundFlight):  # start again with its metadata
+            self._fold = None
+            self._over = None
+            self._sent = {}
+            self._rows.clear()
+            fold = SnapshotFold(what.metadata, self.key)
+            for item in what.heard:
+                fold.take(item)
+            self._fold = fold
+        elif self._fold is not None:
+            self._add(what, at_s, self._fold)
+
+    def _note_fault(self, what: str, at_s: float) -> None:
+        self._unreadable = f"{what} cannot be read: check its version"
+        self._unreadable_s = at_s
+
+    def fault(self, now_s: float) -> str:
+        """Say what of the daemon's data cannot be used; empty if all of it can."""
+        status = self.told["status"]
+        if status and is_bad(status):
+            return str(status["reason"])
+        return self._unreadable if now_s - self._unreadable_s <= FAULT_SHOWN_S else ""
 
     def _add(self, item: Item, at_s: float, fold: SnapshotFold) -> None:
         entry = fold.take(item)
@@ -231,7 +305,8 @@ class DaemonView:
             if entry.event == FLIGHT_OVER:
                 over = json.loads(entry.detail)
                 self._over = {
-                    name: str(over.get(name, "")) for name in ("ended", "record", "replay")
+                    name: printable(str(over.get(name, "")))
+                    for name in ("ended", "record", "replay")
                 }
                 entry = entry._replace(detail=self._over["ended"])
             elif entry.event == BEGUN:
@@ -246,35 +321,59 @@ class DaemonView:
             if last_s is None or not 0.0 <= entry.now_s - last_s < HISTORY_INTERVAL_S:
                 self._rows.append(history_row(fold.snapshot()))
 
-    def message(self, now_s: float, *, whole: bool) -> Plain:
-        """Return the parts that changed since the last message of changes, or everything (`whole`)."""
-        full = whole or not self._sent
+    def message(self, now_s: float, *, whole: bool) -> str:
+        """Return JSON: what changed since the last message of changes, or everything (`whole`).
+
+        Data that cannot be encoded becomes a fault of this daemon, and is left out.
+        """
+        try:
+            return _encoded(self._message(now_s, whole=whole))
+        except _BAD_DATA:
+            self.told = {"status": {}}
+            self._fold = None
+            self._rows.clear()
+            self._events.clear()
+            self._note_fault("a cycle or event of its flight", now_s)
+            self.bus.forget(self.name)
+            self._sent = {}
+            return _encoded(self._about(now_s) | self.told | {"events": []})
+
+    def _about(self, now_s: float) -> Plain:
         silent_s = max(0.0, now_s - self._heard_s)
-        message: Plain = {
+        return {
             "key": self.key,
             "name": self.name,
             "endpoint": self.bus.endpoint,
             "over": self._over,
-        }
-        message |= {
+            "fault": self.fault(now_s),
             "silent_s": round(silent_s, 1),
             "contact": level_of(silent_s, 0.5 * NO_CONTACT_S, NO_CONTACT_S),
         }
+
+    def _message(self, now_s: float, *, whole: bool) -> Plain:
+        full = whole or not self._sent
+        message = self._about(now_s)
+        parts = dict(self.told)
         fold = self._fold
-        parts = self.told | (
-            {} if fold is None else {"scene": fold.scene, "snapshot": fold.snapshot()}
-        )
-        message |= {
-            name: part for name, part in parts.items() if full or part is not self._sent.get(name)
-        }
+        if fold is not None:
+            parts["scene"] = fold.scene
+            parts["snapshot"] = fold.snapshot()
+        for name, part in parts.items():
+            if full or part is not self._sent.get(name):
+                message[name] = part
         if full:
             message["history"] = {"columns": HISTORY, "rows": list(self._rows)}
-        if full or self._unsent_events:
-            message["events"] = list(self._events)[0 if full else -self._unsent_events :]
+            message["events"] = list(self._events)
+        elif self._unsent_events:
+            message["events"] = list(self._events)[-self._unsent_events :]
         if not whole:
             self._sent = parts
             self._unsent_events = 0
         return message
+
+
+def _encoded(message: Plain) -> str:
+    return json.dumps(message, separators=(",", ":"), allow_nan=False)
 
 
 class Hub:
@@ -303,13 +402,12 @@ class Hub:
     def message(self, *, whole: bool = False) -> str:
         """Return JSON: the changes since the last message of changes, or everything (`whole`)."""
         now_s = self._clock.now_s()
-        daemons = [view.message(now_s, whole=whole) for view in self._views.values()]
-        buses = [{"endpoint": bus.endpoint, "reason": bus.reason} for bus in self._buses]
-        return json.dumps(
-            {"whole": whole, "daemons": daemons, "buses": buses},
-            separators=(",", ":"),
-            allow_nan=False,
-        )
+        daemons = ",".join(view.message(now_s, whole=whole) for view in self._views.values())
+        about = {
+            "whole": whole,
+            "buses": [{"endpoint": bus.endpoint, "reason": bus.reason} for bus in self._buses],
+        }
+        return f'{_encoded(about)[:-1]},"daemons":[{daemons}]}}'
 
     def order(
         self, key: str, order: str, by: str, *, team: bool = False

@@ -5,6 +5,7 @@ import contextlib
 import json
 import signal
 import socket
+import traceback
 from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -13,7 +14,7 @@ from typing import Any, Final
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from guidance.errors import LinkError
+from guidance.errors import GuidanceError
 from guidance.viz.panel.access import PAGE, Access, Listener, map_of
 from guidance.viz.panel.hub import Hub
 from guidance.viz.panel.records import RecordFolder
@@ -171,16 +172,23 @@ class PanelServer:
         loop = asyncio.get_running_loop()
         try:
             answers: Any = await loop.run_in_executor(self._order_threads, send, daemon, order, by)
-        except LinkError as error:
+        except GuidanceError as error:
             answers = [{"accepted": False, "order": order, "reason": str(error)}]
         return web.json_response(answers)
 
     async def _send_changes(self) -> None:
+        """Send changes until cancelled. An error of our own is printed once and ends nothing."""
+        printed = set[str]()
         while True:
-            self._access.listener.close_late()
-            self._hub.receive()
-            if self._pages:
-                self._send()
+            try:
+                self._access.listener.close_late()
+                self._hub.receive()
+                if self._pages:
+                    self._send()
+            except Exception as error:
+                if repr(error) not in printed:
+                    printed.add(repr(error))
+                    traceback.print_exception(error)
             await asyncio.sleep(SEND_INTERVAL_S)
 
     def _send(self) -> None:

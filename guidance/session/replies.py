@@ -1,0 +1,248 @@
+"""Checks the replies of daemons. They come from a wire, and one vehicle's bad reply must not hide the others.
+
+A reply is a JSON object of bounded size and depth. Its numbers are finite, and each field that a display uses has its
+type. Anything else becomes a refusal in the name of the vehicle that sent it, so that who asked sees whose fault it
+is. The name comes from the key of the reply, which a router's access control checks, never from its body.
+"""
+
+import json
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from guidance.texts import printable
+
+Answer = Mapping[str, Any]
+
+MAX_REPLY_BYTES: Final = 1 << 18
+"""A status of a team of thirty has 20 kB."""
+
+MAX_DEPTH: Final = 8
+"""Nesting of a reply. A status has five levels."""
+
+MAX_ITEMS: Final = 256
+"""Longest list or object in a reply."""
+
+BAD_REPLY: Final = "bad reply"
+"""The state in place of a reply that cannot be read."""
+
+_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,32}")
+"""As in a vehicle file."""
+
+NAME_RULE: Final = "a name has up to 32 letters, digits, - and _"
+
+Check = Callable[[object], bool]
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_flag(value: object) -> bool:
+    return isinstance(value, bool)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _or_none(check: Check) -> Check:
+    return lambda value: value is None or check(value)
+
+
+def _list_of(check: Check, length: int | None = None) -> Check:
+    def checked(value: object) -> bool:
+        if not isinstance(value, list) or (length is not None and len(value) != length):
+            return False
+        return all(map(check, value))
+
+    return checked
+
+
+def _texts_by_name(value: object) -> bool:
+    return isinstance(value, dict) and all(map(_is_text, value.values()))
+
+
+def _record(needed: Mapping[str, Check], optional: Mapping[str, Check] | None = None) -> Check:
+    """Check the fields of an object. More fields are allowed: a newer daemon may have some."""
+
+    def checked(value: object) -> bool:
+        if not isinstance(value, dict) or not needed.keys() <= value.keys():
+            return False
+        checks = {**needed, **(optional or {})}
+        return all(checks[name](part) for name, part in value.items() if name in checks)
+
+    return checked
+
+
+_MAYBE_NUMBER: Final = _or_none(_is_number)
+_VECTOR: Final = _list_of(_MAYBE_NUMBER, length=3)
+_TO_DO: Final = _record(dict.fromkeys(("name", "found", "wanted", "verdict", "advice"), _is_text))
+_PROMISE: Final = _record(
+    {"evader": _is_text, "standing": _is_text, "words": _is_text},
+    {"first": _or_none(_is_text), "second": _or_none(_is_text)},
+)
+_ASSIGNMENT: Final = _record({
+    "evader": _is_text,
+    "coordinator": _is_text,
+    "over": _list_of(_is_text),
+    "promises": _list_of(_PROMISE),
+})  # fmt: skip
+_GAME: Final = _record(
+    {"winner": _is_text},
+    {
+        "vehicle_winner": _is_text,
+        "active_limits": _list_of(_is_text),
+        "value": _MAYBE_NUMBER,
+        "gap_m": _MAYBE_NUMBER,
+        "time_needed_s": _MAYBE_NUMBER,
+        "reachable_speed_m_s": _MAYBE_NUMBER,
+    },
+)
+_TEXTS: Final = (
+    "order",
+    "state",
+    "mode",
+    "autopilot_mode",
+    "next",
+    "recording",
+    "reason",
+    "team",
+    "after_capture",
+)
+_NUMBERS: Final = (
+    "heartbeat_age_s", "position_age_s", "evader_silence_s", "operator_silence_s", "operator_timeout_s", "battery",
+    "height_m", "range_m", "waited_s", "connect_timeout_s",
+)  # fmt: skip
+_FIELDS: Final[Mapping[str, Check]] = {
+    **dict.fromkeys(_TEXTS, _is_text),
+    **dict.fromkeys(_NUMBERS, _MAYBE_NUMBER),
+    "waiting_for": _is_text,
+    "value_unit": _is_text,
+    "accepted": _is_flag,
+    "armed": _is_flag,
+    "streaming": _is_flag,
+    "position_ned_m": _VECTOR,
+    "velocity_ned_m_s": _VECTOR,
+    "vehicles": _list_of(_is_text),
+    "refused_orders": _texts_by_name,
+    "to_do": _list_of(_TO_DO),
+    "certificate": _or_none(_GAME),
+    "assignment": _ASSIGNMENT,
+}
+"""Every field that `guidance ctl` or the page uses, and its type."""
+
+_TOGETHER: Final = (
+    ("waiting_for", ("waited_s", "connect_timeout_s")),
+    ("height_m", ("position_ned_m", "velocity_ned_m_s")),
+    ("certificate", ("range_m", "value_unit")),
+)
+"""Fields that are shown together: a reply with the first has the others."""
+
+
+def read_reply(data: bytes, name: str, order: str) -> Answer:
+    """Read a daemon's reply to an order or a query; a bad one becomes a refusal that says what is wrong.
+
+    Args:
+        data: The reply, from a wire.
+        name: The vehicle's, from the key of the reply.
+        order: What was asked.
+
+    Returns:
+        At least `name`, `order` and `accepted`. Texts have no control characters.
+    """
+    try:
+        reply = _parsed(data)
+        _check(reply, order)
+    except _UnusableError as error:
+        return bad_reply(name, order, str(error))
+    except (ValueError, RecursionError):
+        return bad_reply(name, order, "it is not JSON")
+    return {**reply, "name": name, "order": order}
+
+
+def written(answer: object) -> bytes:
+    """Write an answer as JSON for the wire. Numbers that are not finite become null."""
+    return json.dumps(_finite(answer), allow_nan=False).encode()
+
+
+def bad_reply(name: str, order: str, reason: str) -> Answer:
+    """Return the refusal that stands for a reply that cannot be used."""
+    words = (
+        f"its daemon's reply cannot be used ({reason}); check its version, or take over by radio"
+    )
+    return refused(name, order, BAD_REPLY, words)
+
+
+def refused(name: str, order: str, state: str, reason: str) -> Answer:
+    """Return a refusal in place of a daemon's own."""
+    return {"accepted": False, "name": name, "order": order, "state": state, "reason": reason}
+
+
+def is_bad(answer: Answer) -> bool:
+    """Whether the answer stands for a reply that cannot be used."""
+    return bool(answer.get("state") == BAD_REPLY)
+
+
+def is_vehicle_name(name: str) -> bool:
+    """Whether a vehicle may have this name."""
+    return _NAME.fullmatch(name) is not None
+
+
+class _UnusableError(ValueError):
+    """What is wrong with a reply that is JSON."""
+
+
+def _finite(value: Any) -> Any:  # noqa: ANN401 - JSON
+    if isinstance(value, Mapping):
+        return {name: _finite(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(part) for part in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _parsed(data: bytes) -> dict[str, Any]:
+    if len(data) > MAX_REPLY_BYTES:
+        raise _UnusableError(f"{len(data)} bytes; at most {MAX_REPLY_BYTES} are read")
+    reply = _cleaned(json.loads(data), 0)
+    if not isinstance(reply, dict):
+        raise _UnusableError("it is not a JSON object")
+    return reply
+
+
+def _cleaned(value: Any, depth: int) -> Any:  # noqa: ANN401 - JSON
+    """Return the value with printable texts.
+
+    Raises:
+        _UnusableError: If it is nested too deep, too long, or has a number that is not finite.
+    """
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        raise _UnusableError("a number in it is not finite")
+    if not isinstance(value, list | dict):
+        return value
+    if depth >= MAX_DEPTH:
+        raise _UnusableError(f"it is nested more than {MAX_DEPTH} deep")
+    if len(value) > MAX_ITEMS:
+        raise _UnusableError(f"a list in it has {len(value)} items; at most {MAX_ITEMS} are read")
+    if isinstance(value, list):
+        return [_cleaned(part, depth + 1) for part in value]
+    return {printable(key): _cleaned(part, depth + 1) for key, part in value.items()}
+
+
+def _check(reply: Mapping[str, Any], order: str) -> None:
+    """Raise _UnusableError with the name of the first field that is missing or has a wrong type."""
+    if "accepted" not in reply:
+        raise _UnusableError("accepted is missing")
+    if reply.get("order", order) != order:
+        raise _UnusableError("it answers another order")
+    for field, check in _FIELDS.items():
+        if field in reply and not check(reply[field]):
+            raise _UnusableError(f"{field} has a wrong type")
+    for field, others in _TOGETHER:
+        if reply.get(field) is not None and not reply.keys() >= set(others):
+            raise _UnusableError(f"{field} without {', '.join(others)}")
