@@ -51,6 +51,28 @@ def private_file(path: Path) -> Path:
     return path
 
 
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Yield a private file to write to. It takes the place of `path` when the body ends, and is removed if that fails.
+
+    A device such as /dev/stdout is written directly.
+
+    Raises:
+        OSError: If it cannot be written, or `path` is a symbolic link, whose target stays as it is.
+    """
+    if path.exists() and not (path.is_file() or path.is_symlink()):
+        yield private_file(path)
+        return
+    if path.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
+    unfinished = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        yield private_file(unfinished)
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
 def text_of(path: Path, said: str, *, secret: bool) -> str:
     """Read a text file; `said` names it in errors.
 

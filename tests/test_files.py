@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from guidance.cli.fly import fly_scenario
 from guidance.cli.program import app
-from guidance.files import private_file, private_folder
+from guidance.files import private_file, private_folder, whole_file
 from guidance.session.fly import NOBODY, MockOptions
 from guidance.sweeps.folder import alone, write_whole
 from guidance.viz import report as page
@@ -98,6 +98,40 @@ def test_a_pipe_in_a_files_place_does_not_block(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(OSError, match="pipe"):
         private_file(tmp_path / "pipe")
+
+
+def test_a_file_takes_its_place_when_it_is_whole_and_only_then(tmp_path, umask):
+    path = tmp_path / "row.json"
+    path.write_text("before")
+
+    def write_half():
+        with whole_file(path) as unfinished:
+            unfinished.write_text("half")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        write_half()
+    assert path.read_text() == "before"
+    with whole_file(path) as unfinished:
+        unfinished.write_text("after")
+        assert unfinished.suffix == path.suffix
+    assert path.read_text() == "after"
+    assert mode(path) == 0o600
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_whole_file_never_follows_a_symbolic_link(tmp_path):
+    (tmp_path / "theirs").write_text("theirs")
+    (tmp_path / "link.csv").symlink_to(tmp_path / "theirs")
+    with pytest.raises(OSError, match="symbolic link"), whole_file(tmp_path / "link.csv"):
+        pass
+    assert (tmp_path / "theirs").read_text() == "theirs"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["link.csv", "theirs"]
+
+
+def test_a_device_is_written_directly():
+    with whole_file(Path("/dev/null")) as device:
+        assert device == Path("/dev/null")
 
 
 @pytest.mark.usefixtures("carefree")

@@ -20,7 +20,7 @@ from guidance.cli.players import rows_json, tell_players
 from guidance.cli.viewers import CommandBeside, panel_beside
 from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add, require
-from guidance.files import private_file, writing
+from guidance.files import whole_file, writing
 from guidance.flight import State
 from guidance.screen import aged, console, live, pairs, redraws
 from guidance.session.control_socket import ENDPOINT
@@ -208,10 +208,11 @@ def fly_scenario(
     except FlightError as error:
         raise FlightError(_advised(str(error), name, urls)) from error
     flights = [*result.vehicles.values()]
+    unwritten = [flight.record_stopped for flight in flights if flight.record_stopped]
     if isinstance(scenario, TeamScenario):
         kept = bool(rows) and rows[0].captured >= rows[0].guaranteed
     else:
-        report(there, flights[0], rows[0], folder)
+        unwritten += report(there, flights[0], rows[0], folder)
         kept = flights[0].captured
     if as_json:
         typer.echo(rows_json(scenario, rows), nl=False)
@@ -219,7 +220,11 @@ def fly_scenario(
         ended = ", ".join(dict.fromkeys(str(one.ended) for one in flights))
         there.print(f"interrupted: the vehicle was told to land, and is {ended}")
         return INTERRUPTED
-    return 0 if kept else FlightError.exit_code
+    if not kept:
+        return FlightError.exit_code
+    if unwritten:
+        raise OutputError(f"the flight is not recorded whole: {'; '.join(unwritten)}")
+    return 0
 
 
 def fly_rows(
@@ -367,8 +372,8 @@ def _reason(progress: Progress) -> str:
     return "; ".join(filter(None, (why, progress.next)))
 
 
-def report(there: Console, result: FlightResult, outcome: Outcome, folder: Path) -> None:
-    """Print the outcome of a flight and draw its picture."""
+def report(there: Console, result: FlightResult, outcome: Outcome, folder: Path) -> Sequence[str]:
+    """Print the outcome of a flight and draw its picture; return what could not be written, and why."""
     there.print(_table(result, outcome))
     if outcome.run == "fast":
         flown_s = result.duration_s
@@ -377,10 +382,11 @@ def report(there: Console, result: FlightResult, outcome: Outcome, folder: Path)
             f"{flown_s:.1f} s of flight in {wall_s:.2f} s: {flown_s / wall_s:.0f} times faster than real time"
         )
     there.print(f"record   {folder / RECORD}", soft_wrap=True)
-    with contextlib.suppress(OSError):  # the picture reports a full disk
-        private_file(folder / OUTCOME).write_text(
-            rows_json(result.scenario, [outcome]), encoding="utf-8"
-        )
+    unwritten = []
+    try:
+        write_outcome(folder, rows_json(result.scenario, [outcome]))
+    except OutputError as error:
+        unwritten.append(str(error))
     title = f"{outcome.scenario}: {ending_words(outcome)}, {score(outcome)}"
     advice = how_to_add("plot")
     if advice is None:
@@ -389,10 +395,22 @@ def report(there: Console, result: FlightResult, outcome: Outcome, folder: Path)
         try:
             draw_flight(folder / RECORD, folder / PICTURE, title)
         except (ConfigError, OutputError) as error:
+            unwritten.append(str(error))
             advice = str(error)
     there.print(
         Text(f"picture  {advice or folder / PICTURE}", "yellow" if advice else ""), soft_wrap=True
     )
+    return unwritten
+
+
+def write_outcome(folder: Path, text: str) -> None:
+    """Write the outcome rows into a flight's folder.
+
+    Raises:
+        OutputError: If they cannot be written.
+    """
+    with writing(folder / OUTCOME), whole_file(folder / OUTCOME) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
 
 
 def score(outcome: Outcome) -> str:
@@ -450,6 +468,5 @@ def _tell_team(
     wall_s = max(one.wall_s for one in flights)
     there.print(f"{duration_s:.1f} s of flight in {wall_s:.2f} s")
     there.print(f"records  {folder}/VEHICLE/{RECORD}", soft_wrap=True)
-    with writing(folder):
-        private_file(folder / OUTCOME).write_text(rows_json(scenario, rows), encoding="utf-8")
+    write_outcome(folder, rows_json(scenario, rows))
     return rows

@@ -11,6 +11,7 @@ import typer
 from rich.text import Text
 
 from guidance.cli.arguments import CommandGroup, Json
+from guidance.errors import ConfigError
 from guidance.extras import require
 from guidance.log import (
     ReplayedCycle,
@@ -31,7 +32,25 @@ from guidance.texts import printable
 
 log = typer.Typer(cls=CommandGroup, help="Inspect a flight record, and export it for other tools.")
 
-File = Annotated[Path, typer.Argument(help="A record.mcap of a flight.")]
+
+def record_file(path: Path) -> Path:
+    """Return a record; of a flight's folder, the one in it.
+
+    Raises:
+        ConfigError: If the folder contains the records of several vehicles, or none.
+    """
+    if not path.is_dir() or (path / RECORD).exists():
+        return path / RECORD if path.is_dir() else path
+    vehicles = sorted(record.parent.name for record in path.glob(f"*/{RECORD}"))
+    if vehicles:
+        raise ConfigError(f"{path}: a team flight; name a vehicle's folder: {', '.join(vehicles)}")
+    raise ConfigError(f"{path}: contains no {RECORD}; give a record or a flight's folder")
+
+
+File = Annotated[
+    Path,
+    typer.Argument(help="A record.mcap of a flight, or its folder.", callback=record_file),
+]
 
 
 @log.command()
@@ -49,11 +68,9 @@ def info(file: File, as_json: Json = False) -> None:
         }
         summary = {"title": title, "duration_s": round(survey.duration_s, 3), "channels": counts}
         summary |= {"evader_reports": dict(reports), "metadata": dict(survey.metadata)}
-        typer.echo(
-            json.dumps(
-                {**summary, "missing_messages": survey.missing, "torn": survey.torn}, indent=2
-            )
-        )
+        summary |= {"missing_messages": survey.missing, "torn": survey.torn}
+        summary |= {"missing_files": survey.missing_files, "damaged_chunks": survey.damaged_chunks}
+        typer.echo(json.dumps(summary, indent=2))
         return
     there = console()
     there.print(Text(printable(f"{title}: {survey.duration_s:.2f} s")))
@@ -69,13 +86,10 @@ def info(file: File, as_json: Json = False) -> None:
         for name, text in survey.metadata.items()
     }
     there.print(pairs((printable(name), Text(printable(text))) for name, text in shortened.items()))
-    if survey.missing:
-        there.print(f"{survey.missing} messages are missing: the file is damaged")
-    there.print(
-        "whole"
-        if survey.torn is None
-        else Text(f"torn ({printable(survey.torn)}): counted up to there")
-    )
+    for fault in survey.faults:
+        there.print(Text(printable(fault)))
+    if not survey.faults:
+        there.print("whole")
 
 
 def _source(report: EvaderReport) -> str:
@@ -135,12 +149,10 @@ def replay(
         comparison, survey = compare(
             file, partial(recorded_settings, changes=changed), what_if=bool(changed)
         )
-    if survey.torn is not None:
-        typer.echo(
-            f"the record is torn ({survey.torn}): read up to {survey.last_s or 0.0:.2f} s", err=True
-        )
-    if survey.missing:
-        typer.echo(f"{survey.missing} messages are missing: the file is damaged", err=True)
+    for fault in survey.faults:
+        typer.echo(f"the record is not whole: {printable(fault)}", err=True)
+    if not comparison.cycles:
+        raise ConfigError(f"{file}: has no cycle: nothing was replayed")
     counts = {name: getattr(comparison, name) for name in ("cycles", "setpoints", "differing")}
     differences = (
         {name: getattr(comparison, name)._asdict() for name in ("wanted", "commanded")}
@@ -158,9 +170,11 @@ def replay(
             typer.echo(_difference("commanded", comparison.commanded))
         elif first is not None:
             typer.echo(f"{comparison.differing} cycles differ; the first:\n{_first(first)}")
-        else:
+        elif comparison.setpoints:
             typer.echo("every setpoint, state and request came back bit for bit")
-    if first is not None:
+        else:
+            typer.echo("no setpoint was recorded, so none was compared; every state came back")
+    if first is not None or not (changed or comparison.setpoints):
         raise typer.Exit(1)
 
 

@@ -16,7 +16,7 @@ from guidance.cli.players import as_text, rows_json, tell_players
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
-from guidance.files import private_file, writing
+from guidance.files import whole_file, writing
 from guidance.screen import console, pairs, sheet
 from guidance.sim.batch import stack
 from guidance.sim.expect import CheckedExpectation, Ranges
@@ -116,8 +116,8 @@ def run(
     if json_file == _STANDARD_OUTPUT:
         sys.stdout.write(text)
     elif json_file is not None:
-        with writing(json_file):
-            private_file(json_file).write_text(text, encoding="utf-8")
+        with writing(json_file), whole_file(json_file) as unfinished:
+            unfinished.write_text(text, encoding="utf-8")
     raise typer.Exit(0 if all(verdict.held for verdict in verdicts) else 1)
 
 

@@ -29,7 +29,7 @@ TILES: Final = "GUIDANCE_TILES"
 def view(
     ctx: typer.Context,
     file: Annotated[
-        Path | None, typer.Argument(help="A record.mcap, or the folder of a team flight.")
+        Path | None, typer.Argument(help="A record.mcap, or the folder of a flight.")
     ] = None,
     live: Annotated[
         bool, typer.Option("--live", help="Show a daemon (`guidance run`) instead of a record.")
@@ -89,7 +89,9 @@ def view(
             )
             sources: dict[str, viewer.Source] = {"": LiveFlight(session, name)}
         else:
-            records = sorted(file.glob(f"*/{RECORD}")) or [file]
+            folder_record = file / RECORD
+            alone = folder_record if folder_record.exists() else file
+            records = sorted(file.glob(f"*/{RECORD}")) or [alone]
             sources = {path.parent.name: viewer.RecordFile(path, live=follow) for path in records}
         count = viewer.view(sources, save, (port, web_port), typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")

@@ -15,7 +15,7 @@ import math
 import struct
 from collections.abc import Iterator, Sequence
 from datetime import datetime
-from itertools import islice, pairwise
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final, get_type_hints
 from xml.sax.saxutils import escape
@@ -26,13 +26,14 @@ from guidance import messages
 from guidance.certificate import Certificate
 from guidance.errors import ConfigError
 from guidance.extras import require
-from guidance.files import writing
+from guidance.files import private_folder, whole_file, writing
 from guidance.flight import FlightSettings
 from guidance.flight.tracking import NOWHERE
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.frames import FrameReader, frame_length
 from guidance.log.aggregator import SettingsOf
 from guidance.log.codec import inside
+from guidance.log.date_line import Coordinates, cut_line, cut_ring
 from guidance.log.entries import title_of
 from guidance.log.reader import Survey, cycles_of, metadata_of, scan
 from guidance.log.scene import fence_edges
@@ -71,10 +72,6 @@ _COLOURS: Final = {
     "fence": "ff404040",
 }
 
-Coordinates = tuple[float, float, float]
-"""Longitude and latitude in degrees, altitude above mean sea level in metres."""
-
-
 Feature = dict[str, Any]
 """One shape on the map, as GeoJSON."""
 
@@ -89,18 +86,18 @@ def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
     if out.suffix not in EXPORTS:
         raise ConfigError(f"{out}: must end in {', '.join(EXPORTS)}")
     with writing(out):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        if out.suffix == ".tlog":
-            return f"{write_tlog(path, out)} frames"
-        if out.suffix in {".csv", ".parquet"}:
-            return f"{write_table(path, out)} cycles"
-        metadata = metadata_of(path)
-        features = features_of(path, settings_of(metadata))
-        title = title_of(metadata)
-        out.write_text(
-            (kml if out.suffix == ".kml" else geojson)(features, title) + "\n", encoding="utf-8"
-        )
-        return f"{len(features)} features"
+        private_folder(out.parent)
+        with whole_file(out) as unfinished:
+            if out.suffix == ".tlog":
+                return f"{write_tlog(path, unfinished)} frames"
+            if out.suffix in {".csv", ".parquet"}:
+                return f"{write_table(path, unfinished)} cycles"
+            metadata = metadata_of(path)
+            features = features_of(path, settings_of(metadata))
+            document = kml if out.suffix == ".kml" else geojson
+            text = document(features, title_of(metadata))
+            unfinished.write_text(text + "\n", encoding="utf-8")
+            return f"{len(features)} features"
 
 
 def write_tlog(path: Path, out: Path) -> int:
@@ -185,7 +182,7 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
 
 
 def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
-    """Draw the fence at the altitude of home, anticlockwise as RFC 7946 requires."""
+    """Draw the fence at the altitude of home."""
     if home is None:
         return
     place = home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m)
@@ -193,8 +190,7 @@ def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
     envelope = settings.limits.about_home(settings.cycle.envelope, NOWHERE, frame)
     for edge in fence_edges(envelope, NOWHERE):
         places = [_placed(frame, north_m, east_m) for east_m, north_m, _ in edge.tolist()]
-        turning = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise(places))
-        yield feature("fence", "Polygon", places if turning > 0.0 else places[::-1])
+        yield feature("fence", "Polygon", places)
 
 
 def _goal(settings: FlightSettings) -> Iterator[Feature]:
@@ -215,18 +211,32 @@ def _place(report: GlobalPosition | EvaderReport) -> Coordinates:
 
 
 def feature(name: str, shape: str, places: Sequence[Coordinates], **properties: Any) -> Feature:  # noqa: ANN401
-    """Return a feature; a Polygon is given by its closed edge."""
-    # To 1e-8 degrees and to millimetres; an unknown altitude is left out.
-    flat = [
-        ([round(longitude_deg, 8), round(latitude_deg, 8)], up_m)
-        for longitude_deg, latitude_deg, up_m in places
-    ]
-    line = [[*place, round(up_m, 3)] if math.isfinite(up_m) else place for place, up_m in flat]
-    geometry = {
-        "type": shape,
-        "coordinates": {"LineString": line, "Point": line[0], "Polygon": [line]}[shape],
-    }
+    """Return a feature; a Polygon is given by its closed edge.
+
+    A LineString or Polygon across the date line becomes a MultiLineString or MultiPolygon.
+    """
+    if shape == "Point":
+        geometry = {"type": shape, "coordinates": _rounded(places[0])}
+    elif shape == "LineString":
+        lines = [[*map(_rounded, piece)] for piece in cut_line(places)]
+        geometry = _geometry(shape, lines)
+    else:
+        geometry = _geometry(shape, [[[*map(_rounded, ring)]] for ring in cut_ring(places)])
     return {"type": "Feature", "properties": {"name": name, **properties}, "geometry": geometry}
+
+
+def _geometry(shape: str, pieces: Sequence[Any]) -> dict[str, Any]:
+    """Return a geometry of one piece or of several."""
+    if len(pieces) == 1:
+        return {"type": shape, "coordinates": pieces[0]}
+    return {"type": f"Multi{shape}", "coordinates": pieces}
+
+
+def _rounded(place: Coordinates) -> list[float]:
+    """Return a place to 1e-8 degrees and to millimetres; an unknown altitude is left out."""
+    longitude_deg, latitude_deg, altitude_m = place
+    flat = [round(longitude_deg, 8), round(latitude_deg, 8)]
+    return [*flat, round(altitude_m, 3)] if math.isfinite(altitude_m) else flat
 
 
 def geojson(features: Sequence[Feature], title: str) -> str:
@@ -254,17 +264,28 @@ def _placemark(feature: Feature) -> str:
     coordinates = feature["geometry"]["coordinates"]
     name = feature["properties"]["name"]
     time_s = feature["properties"].get("time_s")
+    if kind.startswith("Multi"):
+        shapes = [_kml_shape(kind.removeprefix("Multi"), piece) for piece in coordinates]
+        shape = f"<MultiGeometry>{''.join(shapes)}</MultiGeometry>"
+    else:
+        shape = _kml_shape(kind, coordinates)
+    note = "" if time_s is None else f"<description>{time_s:.2f} s</description>"
+    style = "".join(
+        f"<styleUrl>#{styled}</styleUrl>" for styled in _COLOURS if name.startswith(styled)
+    )
+    return f"<Placemark><name>{_xml(name)}</name>{note}{style}{shape}</Placemark>"
+
+
+def _kml_shape(kind: str, coordinates: Any) -> str:  # noqa: ANN401 - nested as GeoJSON nests it
+    """Return a Point, LineString or Polygon."""
     line = {"Point": [coordinates], "Polygon": coordinates[0]}.get(kind, coordinates)
-    shape = f"<coordinates>{' '.join(','.join(map(str, place)) for place in line)}</coordinates>"
+    places = " ".join(",".join(map(str, place)) for place in line)
+    shape = f"<coordinates>{places}</coordinates>"
     if kind == "Polygon":
         shape = f"<outerBoundaryIs><LinearRing>{shape}</LinearRing></outerBoundaryIs>"
     else:
         shape = f"<altitudeMode>absolute</altitudeMode>{shape}"
-    note = "" if time_s is None else f"<description>{time_s:.2f} s</description>"
-    style = "".join(
-        f"<styleUrl>#{known}</styleUrl>" for known in _COLOURS if name.startswith(known)
-    )
-    return f"<Placemark><name>{_xml(name)}</name>{note}{style}<{kind}>{shape}</{kind}></Placemark>"
+    return f"<{kind}>{shape}</{kind}>"
 
 
 def _xml(text: str) -> str:

@@ -5,22 +5,36 @@ length of every read, on the size of an uncompressed chunk, and on expansion and
 """
 
 import contextlib
+import os
+import re
 import struct
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
-from typing import IO, Any, Final, TypeVar
+from typing import IO, Final, TypeVar
 
 import zstandard
-from mcap.exceptions import InvalidMagic, McapError
-from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Metadata
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    Footer,
+    McapRecord,
+    Message,
+    Metadata,
+    MetadataIndex,
+)
+from mcap.stream_reader import breakup_chunk
 
 from guidance.errors import ConfigError
 from guidance.log.codec import Codec
 from guidance.log.entries import CYCLE, EVENT, REPORT, RUN, CycleEntry, EventEntry, Idle, Item
-from guidance.log.writer import PART, part_path
+from guidance.log.writer import END, LAST, PART, part_path
 from guidance.messages import EvaderReport
 
 T = TypeVar("T")
@@ -35,6 +49,18 @@ FREE_BYTES: Final = 2**20
 BYTES_PER_RECORD: Final = 8
 FREE_RECORDS: Final = 10_000
 """Chunks may hold 10,000 messages plus one per 8 bytes read. Ours take 16 bytes in the index alone."""
+
+_MAGIC: Final = b"\x89MCAP0\r\n"
+_HEAD: Final = struct.Struct("<BQ")  # opcode and length of a record
+_FOOTER_CONTENT_BYTES: Final = 20
+_FOOTER_BYTES: Final = _HEAD.size + _FOOTER_CONTENT_BYTES + len(_MAGIC)
+_KNOWN_KINDS: Final = frozenset(Opcode)
+_LISTED: Final[Mapping[int, type[Channel | ChunkIndex | MetadataIndex]]] = {
+    Opcode.CHANNEL: Channel,
+    Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.METADATA_INDEX: MetadataIndex,
+}
+"""Records at the end of a file that say where its parts are."""
 
 _DAMAGE: Final = (
     McapError,
@@ -67,7 +93,10 @@ class Survey:
         first_s: Earliest log time.
         last_s: Latest log time.
         sequence: Number of the last message.
-        missing: Number of messages lost to damage or a missing file.
+        missing: Number of messages lost to damage or a missing file, as far as later messages show it.
+        damaged_chunks: Number of chunks that were skipped because their content is damaged.
+        damage: Why the first of them was skipped.
+        missing_files: Names of the record's files that are gone; of several at the end, the first.
         torn: Why reading ended early; None if the file was finished properly.
     """
 
@@ -78,7 +107,23 @@ class Survey:
     last_s: float | None = None
     sequence: int = -1
     missing: int = 0
+    damaged_chunks: int = 0
+    damage: str | None = None
+    missing_files: list[str] = field(default_factory=list)
     torn: str | None = None
+
+    @property
+    def faults(self) -> list[str]:
+        """What the record lacks, a phrase each; empty if it is whole."""
+        faults = []
+        if self.torn is not None:
+            faults.append(f"torn ({self.torn}): counted up to there")
+        faults += [f"{name} is missing" for name in self.missing_files]
+        if self.damaged_chunks:
+            faults.append(f"damaged chunks were skipped: {self.damaged_chunks} ({self.damage})")
+        if self.missing:
+            faults.append(f"{self.missing} messages are missing")
+        return faults
 
     @property
     def duration_s(self) -> float:
@@ -125,31 +170,52 @@ def scan(path: Path, survey: Survey | None = None, idle: Idle | None = None) -> 
         ConfigError: If the file cannot be read, is not MCAP, or exceeds a limit. A cut-off file is not an error:
             `survey.torn` gives the reason.
     """
-    seen = Survey() if survey is None else survey
-    yield from _scan_file(path, seen, seen.metadata, idle)
-    part = 2
-    while PART not in seen.metadata and (following := part_path(path, part)).exists():
-        yield from _scan_file(following, seen, {}, idle)
-        part += 1
+    survey = Survey() if survey is None else survey
+    ends = yield from _scan_file(path, survey, survey.metadata, idle)
+    if PART in survey.metadata:
+        return
+    number = 1
+    while (following := _next_part(path, number)) is not None:
+        for lost in range(number + 1, following):
+            survey.missing_files.append(part_path(path, lost).name)
+        number = following
+        ends = yield from _scan_file(part_path(path, number), survey, {}, idle)
+    if ends.get(LAST) == "no":
+        survey.missing_files.append(part_path(path, number + 1).name)
+
+
+def _next_part(path: Path, number: int) -> int | None:
+    """Return the number of the record's next file after `number` that exists."""
+    if part_path(path, number + 1).exists():
+        return number + 1
+    name = re.compile(rf"{re.escape(path.stem)}\.(\d{{3,6}}){re.escape(path.suffix)}")
+    with contextlib.suppress(OSError):
+        names = (name.fullmatch(neighbour.name) for neighbour in path.parent.iterdir())
+        numbers = [int(match[1]) for match in names if match is not None]
+        return min((later for later in numbers if later > number), default=None)
+    return None
 
 
 def _scan_file(
-    path: Path, seen: Survey, metadata: dict[str, str], idle: Idle | None
-) -> Iterator[Item]:
+    path: Path, survey: Survey, metadata: dict[str, str], idle: Idle | None
+) -> Generator[Item, None, dict[str, str]]:
+    """Yield the messages of one file; return its end mark, which is empty in a file that was cut off."""
     channels: dict[int, Channel] = {}
+    ends: dict[str, str] = {}
     try:
         with path.open("rb") as file:
-            for record in _records(_LimitedFile(path, file, idle), seen):
+            for record in _records(_LimitedFile(path, file, idle), survey):
                 if isinstance(record, Channel):
                     channels[record.id] = record
                 elif isinstance(record, Metadata) and record.name == RUN:
                     metadata.update(record.metadata)
+                elif isinstance(record, Metadata) and record.name == END:
+                    ends.update(record.metadata)
                 elif isinstance(record, Message) and record.channel_id in channels:
-                    yield seen.add(channels[record.channel_id], record)
-    except InvalidMagic as error:
-        raise ConfigError(f"{path}: not an MCAP file; give a record.mcap of a flight") from error
+                    yield survey.add(channels[record.channel_id], record)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
+    return ends
 
 
 def survey_of(path: Path) -> Survey:
@@ -235,10 +301,22 @@ class _LimitedFile:
     """A file with bounded reads that counts its expanded bytes; with `idle`, it waits for more data at the end."""
 
     def __init__(self, path: Path, file: IO[bytes], idle: Idle | None) -> None:
-        self._path = path
+        self.path = path
         self._file = file
         self._idle = idle
-        self._read_bytes = self._expanded_bytes = self._records = 0
+        self._read_bytes = 0
+        self._expanded_bytes = 0
+        self._records = 0
+        self._summary: list[Channel | ChunkIndex | MetadataIndex] | None = None
+
+    @property
+    def position(self) -> int:
+        """Where the next read begins."""
+        return self._file.tell()
+
+    def seek(self, offset: int) -> None:
+        """Read on at `offset`; from the end if it is negative."""
+        self._file.seek(offset, os.SEEK_SET if offset >= 0 else os.SEEK_END)
 
     def read(self, length: int) -> bytes:
         """Read `length` bytes, fewer only at the end.
@@ -253,6 +331,58 @@ class _LimitedFile:
             data += self._file.read(length - len(data))
         self._read_bytes += len(data)
         return data
+
+    def framed(self) -> tuple[int, bytes]:
+        """Read the opcode and the content of one record.
+
+        Raises:
+            EOFError: If the file ends within it.
+            ValueError: If no record is that long.
+        """
+        head = self.read(_HEAD.size)
+        if len(head) < _HEAD.size:
+            raise EOFError("it ends in the middle")
+        opcode, length = _HEAD.unpack(head)
+        content = self.read(length)
+        if len(content) < length:
+            raise EOFError("it ends in the middle")
+        return opcode, content
+
+    def summary(self) -> Sequence[Channel | ChunkIndex | MetadataIndex]:
+        """Return what the end of the file says of its channels, chunks and metadata; empty if it was cut off."""
+        if self._summary is None:
+            position = self.position
+            self._summary = []
+            with contextlib.suppress(OSError, *_DAMAGE):
+                self._summary.extend(self._read_summary())
+            self.seek(position)
+        return self._summary
+
+    def _read_summary(self) -> Iterator[Channel | ChunkIndex | MetadataIndex]:
+        self.seek(-_FOOTER_BYTES)
+        opcode, content = self.framed()
+        if opcode != Opcode.FOOTER:
+            return
+        self.seek(Footer.read(ReadDataStream(BytesIO(content))).summary_start)
+        opcode, content = self.framed()
+        while opcode != Opcode.FOOTER:
+            kind = _LISTED.get(opcode)
+            if kind is not None:
+                yield kind.read(ReadDataStream(BytesIO(content)))
+            opcode, content = self.framed()
+
+    def skip_from(self, begin: int) -> bool:
+        """Go to the next chunk or metadata record behind `begin`, or to the footer; return whether they are known."""
+        offsets = []
+        for record in self.summary():
+            if isinstance(record, ChunkIndex):
+                offsets.append(record.chunk_start_offset)
+            elif isinstance(record, MetadataIndex):
+                offsets.append(record.offset)
+        if not offsets:
+            return False
+        self.seek(min((offset for offset in offsets if offset > begin), default=-_FOOTER_BYTES))
+        return True
 
     def inside(self, chunk: Chunk) -> list[McapRecord]:
         """Return the records of a chunk.
@@ -270,31 +400,64 @@ class _LimitedFile:
         self._expanded_bytes += size
         if self._expanded_bytes > FREE_BYTES + MAX_EXPANSION * self._read_bytes:
             raise ConfigError(
-                f"{self._path}: expands to more than {MAX_EXPANSION} times its size; no flight wrote it"
+                f"{self.path}: expands to more than {MAX_EXPANSION} times its size; no flight wrote it"
             )
         records = breakup_chunk(chunk, validate_crc=True)
         self._records += len(records)
         if self._records > FREE_RECORDS + self._read_bytes // BYTES_PER_RECORD:
             raise ConfigError(
-                f"{self._path}: {self._records} messages in {self._read_bytes} bytes; no flight wrote it"
+                f"{self.path}: {self._records} messages in {self._read_bytes} bytes; no flight wrote it"
             )
         return records
 
 
-def _records(file: _LimitedFile, seen: Survey) -> Iterator[McapRecord]:
-    """Yield the records of a file up to its end, or to where it is damaged."""
-    finished = False
-    stream: Any = file
-    reader = StreamReader(
-        stream, emit_chunks=True, validate_crcs=True, record_size_limit=MAX_RECORD_BYTES
-    )
-    try:
-        for record in reader.records:
-            yield from file.inside(record) if isinstance(record, Chunk) else (record,)
-            finished = finished or isinstance(record, Footer)
-    except InvalidMagic:
-        if not finished:
-            raise
-        seen.torn = "its end mark is wrong"
-    except _DAMAGE as error:
-        seen.torn = str(error) or "it ends in the middle"
+def _records(file: _LimitedFile, survey: Survey) -> Iterator[McapRecord]:
+    """Yield the records of a file up to its end, or to where it is damaged.
+
+    A chunk with a damaged content is skipped. Where the length of a record is damaged, the summary at the end of the
+    file says where the next chunk begins.
+
+    Raises:
+        ConfigError: If the file is not MCAP, or exceeds a limit.
+    """
+    magic = file.read(len(_MAGIC))
+    if magic != _MAGIC[: len(magic)]:
+        raise ConfigError(f"{file.path}: not an MCAP file; give a record.mcap of a flight")
+    while True:
+        begin = file.position
+        framed = False
+        try:
+            opcode, content = file.framed()
+            framed = True
+            if opcode == Opcode.FOOTER and len(content) == _FOOTER_CONTENT_BYTES:
+                break
+            records = _parsed(file, opcode, content)
+        except _DAMAGE as error:
+            if not file.skip_from(begin) and not framed:
+                survey.torn = str(error)
+                return
+            survey.damaged_chunks += 1
+            survey.damage = survey.damage or str(error)
+            # The chunk may have been the one that describes a channel; the summary describes all of them again.
+            records = [record for record in file.summary() if isinstance(record, Channel)]
+        yield from records
+    if file.read(len(_MAGIC)) != _MAGIC:
+        survey.torn = "its end mark is wrong"
+
+
+def _parsed(file: _LimitedFile, opcode: int, content: bytes) -> Sequence[McapRecord]:
+    """Return the record, or those of a chunk; empty for kinds that are not needed."""
+    stream = ReadDataStream(BytesIO(content))
+    match opcode:
+        case Opcode.CHUNK:
+            return file.inside(Chunk.read(stream))
+        case Opcode.CHANNEL:
+            return [Channel.read(stream)]
+        case Opcode.METADATA:
+            return [Metadata.read(stream)]
+        case Opcode.MESSAGE:
+            return [Message.read(stream, len(content))]
+        case _ if opcode in _KNOWN_KINDS:
+            return []
+        case _:
+            raise ValueError(f"a record of the unknown kind {opcode}")

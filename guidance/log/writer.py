@@ -38,6 +38,12 @@ VIRTUAL_CHUNK_S: Final = 1.0
 PART = "part"
 """Metadata key: the number of a file; absent in the first."""
 
+END: Final = "end"
+"""Name of the metadata at the end of a finished file."""
+
+LAST: Final = "last"
+"""Its key: "yes" in the record's last file, "no" if another one follows."""
+
 MAX_WAITING: Final = 4096
 """Entries that may wait for the recorder's thread; further ones are dropped and counted."""
 
@@ -145,7 +151,7 @@ class Recorder(Record):
             self._thread.join()
         self._write()
         try:
-            self._file.close(finish=self.failed is None)
+            self._file.close(finish=self.failed is None, last=True)
         except OSError as error:
             self.failed = str(error)
 
@@ -193,7 +199,7 @@ class Recorder(Record):
             )
             self._file.sequence = before.sequence
         finally:
-            before.close(finish=True)
+            before.close(finish=True, last=False)
         self._part += 1
         self._file_ends_s = math.inf
 
@@ -298,13 +304,14 @@ class McapFile:
         self._writer.flush()
         self.size = self._file.tell()
 
-    def close(self, *, finish: bool) -> None:
-        """Close the file, with its index if `finish`; may be called twice."""
+    def close(self, *, finish: bool, last: bool) -> None:
+        """Close the file, with its index if `finish`; may be called twice. `last`: no further file follows."""
         if self._file.closed:
             return
         with self._file:
             if finish:
                 self.end_chunk()
+                self._writer.add_metadata(END, {LAST: "yes" if last else "no"})
                 self._writer.finish()
 
     def _channel(self, topic: str, schema: Schema | None) -> int:

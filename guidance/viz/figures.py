@@ -8,6 +8,7 @@ In the picture of a game of teams, the points that an evader reaches before a pu
 the intersection of two discs. The evader ends at the point of it that is closest to the target.
 """
 
+import contextlib
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -20,7 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from guidance.errors import ConfigError
-from guidance.files import private_file, writing
+from guidance.files import whole_file, writing
 from guidance.frames import Vector
 from guidance.game import Ball, End, Extent, Game, StandOff
 from guidance.game.team import Matching, TeamRollout
@@ -73,8 +74,8 @@ def save(figure: Figure, path: Path, *, private: bool = False) -> None:
     Raises:
         OutputError: If the file cannot be written.
     """
-    with writing(path):
-        figure.savefig(private_file(path) if private else path, dpi=DPI)
+    with writing(path), whole_file(path) if private else contextlib.nullcontext(path) as out:
+        figure.savefig(out, dpi=DPI)
 
 
 def save_twice(figure: Figure, stem: Path, *, dpi: float, private: bool = False) -> list[Path]:
@@ -85,7 +86,8 @@ def save_twice(figure: Figure, stem: Path, *, dpi: float, private: bool = False)
     """
     paths = [stem.with_name(f"{stem.name}.{kind}") for kind in ("png", "pdf")]
     for path, metadata in zip(paths, (None, {"CreationDate": None}), strict=True):
-        figure.savefig(private_file(path) if private else path, dpi=dpi, metadata=metadata)
+        with whole_file(path) if private else contextlib.nullcontext(path) as out:
+            figure.savefig(out, dpi=dpi, metadata=metadata)
         figure.set_layout_engine(None)
     return paths
 

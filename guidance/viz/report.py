@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from guidance.errors import OutputError
-from guidance.files import private_file, private_folder, writing
+from guidance.files import private_folder, whole_file, writing
 from guidance.log.scene import Array, circle, isochron_at, lifted
 from guidance.viz import figures
 from guidance.viz.figures import (
@@ -404,8 +404,8 @@ def write_report(path: Path, folder: Path, *, animate: bool = False) -> list[Pat
     written = write_page(folder, [story], drawn, opening(story), summary(story))
     if animate:
         written.append(folder / "flight.webp")
-        with writing(folder):
-            write_animation(story, private_file(written[-1]))
+        with writing(folder), whole_file(written[-1]) as unfinished:
+            write_animation(story, unfinished)
     return written
 
 
@@ -451,7 +451,7 @@ def write_page(
         images = {}
         for name, figure in drawn:
             written.append(folder / f"{name}.png")
-            figure.savefig(private_file(written[-1]), dpi=figures.DPI)
+            figures.save(figure, written[-1], private=True)
             figure.set_layout_engine(None)  # keep this layout for the SVG
             figure.savefig(
                 drawing := BytesIO(), format="svg", metadata={"Date": None, "Creator": None}
@@ -472,7 +472,7 @@ def write_page(
             "opening": escape(words),
             "rows": "\n".join(table),
         }
-        private_file(page).write_text(
-            Template(kept).substitute(texts, **images, mark=mark), encoding="utf-8"
-        )
+        with whole_file(page) as unfinished:
+            text = Template(kept).substitute(texts, **images, mark=mark)
+            unfinished.write_text(text, encoding="utf-8")
     return written

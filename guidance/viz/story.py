@@ -216,8 +216,7 @@ def summary(story: Story) -> Iterator[Row]:
         [row.state for row in story.rows], [State.ENGAGED, State.PAUSED, State.ON_STATION]
     )
     lowest_m = min(filter(math.isfinite, story.column("pursuer_m")[playing, 2]), default=math.nan)
-    torn = "whole" if survey.torn is None else f"torn ({survey.torn})"
-    missing = f", {survey.missing} messages missing in between" if survey.missing else ""
+    condition = ", ".join(survey.faults) if survey.faults else "whole"
     made = [
         f"{name} {text}"
         for name, text in survey.metadata.items()
@@ -233,7 +232,7 @@ def summary(story: Story) -> Iterator[Row]:
     yield "delay of cycles", _spread_ms(story.column("late_s"))
     yield "working time of cycles", _spread_ms(story.column("worked_s"))
     yield "events", f"{survey.messages[EVENT.topic]}"
-    yield "record", f"{torn}{missing}, {survey.messages.total()} messages"
+    yield "record", f"{condition}, {survey.messages.total()} messages"
     yield "seed", survey.metadata.get("seed", "–")
     yield "made by", ", ".join(made)
 

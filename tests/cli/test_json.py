@@ -47,3 +47,11 @@ def test_scenarios_are_told_as_json_and_drawn_only_where_asked(tmp_path, monkeyp
     row = printed("scenario", "run", "pe", "--json", "-")
     assert row["end"] == "captured"
     assert math.isclose(row["regret"], 0.0, abs_tol=1e-6)
+
+
+def test_the_folder_of_a_flight_stands_for_its_record(record):
+    assert printed("log", "info", record.parent, "--json") == printed(
+        "log", "info", record, "--json"
+    )
+    refused = CliRunner().invoke(app, ["log", "info", str(record.parent.parent)])
+    assert "name a vehicle's folder" in str(refused.exception)

@@ -29,7 +29,15 @@ from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
 from guidance.log import Aggregator, cycles_of, metadata_of, reports_of, scan, survey_of
 from guidance.log.entries import REPORT
-from guidance.log.export import EXPORTS, export, feature, features_of, started_unix_s, write_tlog
+from guidance.log.export import (
+    EXPORTS,
+    export,
+    feature,
+    features_of,
+    kml,
+    started_unix_s,
+    write_tlog,
+)
 from guidance.log.export import geojson as written
 from guidance.log.scene import fence_edges
 from guidance.log.writer import Recorder
@@ -332,3 +340,33 @@ def test_a_polygon_fence_is_on_the_map_in_metres_or_degrees(flight, given):
     (edge,) = fence_edges(replace(aggregator.envelope, fence_radius_m=None), (0.0, 0.0, 0.0))
     drawn_ne_m = {(round(north, 3) + 0.0, round(east, 3) + 0.0) for east, north, _ in edge}
     assert drawn_ne_m == set(SQUARE_NE_M)
+
+
+@pytest.mark.parametrize("suffix", EXPORTS)
+def test_an_export_is_private_and_never_follows_a_symbolic_link(flight, tmp_path, suffix):
+    theirs = tmp_path / "theirs"
+    theirs.write_text("theirs")
+    out = tmp_path / f"flight{suffix}"
+    out.symlink_to(theirs)
+    with pytest.raises(OutputError, match="symbolic link"):
+        export(flight[1], out, recorded_settings)
+    assert theirs.read_text() == "theirs"
+    out.unlink()
+    export(flight[1], out, recorded_settings)
+    assert out.stat().st_mode & 0o777 == 0o600
+
+
+def test_shapes_across_the_date_line_are_cut_in_both_formats():
+    ring = [(179.9, 0.0, 5.0), (179.9, 0.1, 5.0), (-179.9, 0.1, 5.0), (-179.9, 0.0, 5.0)]
+    features = [
+        feature("fence", "Polygon", [*ring, ring[0]]),
+        feature("pursuer", "LineString", [(179.9, 0.0, 5.0), (-179.9, 0.0, 5.0)]),
+    ]
+    fence, track = geojson.loads(written(features, "flight")).features
+    assert (fence.geometry.type, track.geometry.type) == ("MultiPolygon", "MultiLineString")
+    assert fence.is_valid
+    assert track.is_valid
+    root = ElementTree.fromstring(kml(features, "flight"))
+    space = {"k": "http://www.opengis.net/kml/2.2"}
+    assert len(root.findall(".//k:MultiGeometry/k:Polygon", space)) == 2
+    assert len(root.findall(".//k:MultiGeometry/k:LineString", space)) == 2

@@ -193,5 +193,22 @@ def test_a_torn_record_is_replayed_up_to_the_damage(flight, tmp_path):
     torn.write_bytes(flight[1].read_bytes()[:400_000])
     run = CliRunner().invoke(app, ["replay", str(torn)])
     assert run.exit_code == 0, run.output
-    assert "the record is torn" in run.output
+    assert "the record is not whole: torn" in run.output
     assert EVENT.topic in {item.topic for item in scan(torn)}
+
+
+def test_a_replay_that_compares_nothing_is_no_success(flight, tmp_path):
+    empty = tmp_path / "empty.mcap"
+    Recorder(empty, metadata_of(flight[1])).close()
+    refused = CliRunner().invoke(app, ["replay", str(empty)])
+    assert "nothing was replayed" in str(refused.exception)
+    silent = tmp_path / "silent.mcap"
+    recorder = Recorder(silent, metadata_of(flight[1]))
+    for row in cycles_of(flight[1]):
+        if row.setpoint is not None:
+            break
+        recorder.cycle(row)
+    recorder.close()
+    run = CliRunner().invoke(app, ["replay", str(silent)])
+    assert run.exit_code == 1
+    assert "no setpoint was recorded" in run.output

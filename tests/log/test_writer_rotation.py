@@ -63,7 +63,25 @@ def test_a_file_that_reaches_its_size_limit_is_followed_by_the_next(tmp_path):
     assert numbers(path) == list(range(3000))
 
 
-def test_a_lost_file_in_between_is_counted(tmp_path):
+@pytest.mark.parametrize(
+    ("lost", "read", "missing"),
+    [
+        ("flight.002.mcap", [*range(500), *range(1000, 1250)], 500),
+        ("flight.003.mcap", range(1000), 0),
+    ],
+)
+def test_a_lost_file_is_named_and_its_messages_are_counted(tmp_path, lost, read, missing):
+    path = tmp_path / "flight.mcap"
+    write(path, 25.0, rotate_s=10.0)
+    (tmp_path / lost).unlink()
+    survey = Survey()
+    assert numbers(path, survey) == list(read)
+    assert survey.missing_files == [lost]
+    assert survey.missing == missing
+    assert f"{lost} is missing" in survey.faults
+
+
+def test_a_file_with_the_number_of_a_lost_one_does_not_hide_the_gap(tmp_path):
     path = tmp_path / "flight.mcap"
     write(path, 25.0, rotate_s=10.0)
     shutil.move(tmp_path / "flight.003.mcap", tmp_path / "flight.002.mcap")

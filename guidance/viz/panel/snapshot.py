@@ -362,7 +362,7 @@ def outcome_of(path: Path) -> Plain:
             "captured": Event.CAPTURED in events,
             "alarms": sum(events[violation] for violation in Violation),
             "ended": json.loads(last_cycle).get("state", ""),
-            "torn": survey.torn,
+            "torn": "; ".join(survey.faults) or None,
         }
 
 
