@@ -14,13 +14,18 @@ UNKNOWN_VELOCITY: Final[Vector] = (math.nan, math.nan, math.nan)
 
 
 class Heartbeat(NamedTuple):
-    """HEARTBEAT of the autopilot: the only trusted source of its flight mode."""
+    """HEARTBEAT from the autopilot's ids: the only trusted source of its flight mode.
+
+    Companion programs send HEARTBEATs with the same ids, so `autopilot` and `vehicle_type` are compared with the
+    configuration (`guidance.autopilots.Autopilot.speaks`). `vehicle_type` is None in records of older versions.
+    """
 
     received_s: float
     custom_mode: int
     armed: bool
     system_status: int
     autopilot: int
+    vehicle_type: int | None = None
 
 
 class LocalPosition(NamedTuple):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from guidance.autopilots.rules import Parameters, Rule
 from guidance.control import Handling, Speeds
 from guidance.frames import Projection
-from guidance.messages import Command
+from guidance.messages import Command, Heartbeat
 
 MAV_CMD_NAV_LAND = 21
 MAV_CMD_NAV_TAKEOFF = 22
@@ -23,6 +23,25 @@ MAV_FRAME_GLOBAL_RELATIVE_ALT = 3
 
 MULTICOPTERS = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 """MAV_TYPEs of vehicles that hover and move in any direction."""
+
+
+_TYPE_NAMES = {
+    1: "fixed wing",
+    7: "airship",
+    8: "balloon",
+    10: "rover",
+    11: "boat",
+    12: "submarine",
+    **dict.fromkeys(MULTICOPTERS, "multicopter"),
+    **dict.fromkeys(range(19, 26), "VTOL"),
+}
+
+
+def type_name(vehicle_type: int | None) -> str:
+    """Return a MAV_TYPE in words: `fixed wing (MAV_TYPE 1)`."""
+    if vehicle_type is None:
+        return "MAV_TYPE unknown"
+    return f"{_TYPE_NAMES.get(vehicle_type, 'vehicle')} (MAV_TYPE {vehicle_type})"
 
 
 class Mode(StrEnum):
@@ -97,6 +116,11 @@ class Autopilot:
     mock: str
     mock_speeds: Callable[[Speeds], Mapping[str, float]] = lambda _: {}
     vehicle_types: frozenset[int] = MULTICOPTERS
+
+    def speaks(self, beat: Heartbeat) -> bool:
+        """Return whether a HEARTBEAT is from this autopilot, in a vehicle that may be flown."""
+        flown = beat.vehicle_type is None or beat.vehicle_type in self.vehicle_types
+        return flown and beat.autopilot == self.autopilot_id
 
     def mode_title(self, mode: Mode) -> str:
         """Return a mode's name in a ground station: OFFBOARD on PX4, GUIDED on ArduCopter."""

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from guidance.autopilots import Autopilot, Finding, Mode, Verdict
+from guidance.autopilots.description import type_name
 from guidance.certificate import Certificate
 from guidance.control import Limiter
-from guidance.flight.heard import HOLD_S, Heard
+from guidance.flight.heard import AGREEING_REPORTS, HOLD_S, Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import (
     HANDING_OVER,
@@ -244,6 +245,14 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     )
 
 
+def _other_autopilot(now: Moment) -> str:
+    """Name the autopilot or vehicle type that sends HEARTBEATs instead of the configured one, if any does."""
+    beat = now.heard.other_beat
+    if beat is None or now.now_s - beat.received_s > HEARTBEAT_LIMIT_S:
+        return ""
+    return f"; MAV_AUTOPILOT {beat.autopilot}, {type_name(beat.vehicle_type)}, is heard instead"
+
+
 def detail_of(event: Event, now: Moment) -> str:
     """Return the measurement behind an event; empty if the name is enough."""
     return _DETAILS[event](now) if event in _DETAILS else ""
@@ -256,9 +265,11 @@ def fit(now: Moment) -> bool:
 
 
 def is_low(heard: Heard) -> bool:
-    """Return whether the battery's charge is below the needed share; an unknown charge is not low."""
-    status = heard.vehicle.latest.get(SystemStatus)
-    return status is not None and status.battery_remaining < heard.battery_needed
+    """Return whether the battery's charge is below the needed share in several reports one after another.
+
+    A single report is not believed: autopilots send 0 % for a moment when a battery monitor starts or loses its bus.
+    """
+    return heard.low_battery_reports >= AGREEING_REPORTS
 
 
 def _external_mode_change(now: Moment) -> bool:
@@ -352,7 +363,9 @@ _DETAILS: Final[Mapping[Event, Callable[[Moment], str]]] = {
         "a pilot or the autopilot chose that mode"
     ),
     Event.REBOOTED: lambda _: "the autopilot rebooted",
-    Event.TELEMETRY_LOST: lambda now: telemetry_gap(now.heard.vehicle, now.now_s),
+    Event.TELEMETRY_LOST: lambda now: (
+        f"{telemetry_gap(now.heard.vehicle, now.now_s)}{_other_autopilot(now)}"
+    ),
     Event.DISARMED: lambda now: (
         "the vehicle disarmed while guidance flew it" if now.stage.state in SETPOINT_STATES else ""
     ),

@@ -45,6 +45,9 @@ _LEAST_SHARE: Final = 0.5
 """An autopilot may reduce a setpoint to its speed limits; down to this share it counts as ours."""
 
 
+AGREEING_REPORTS: Final = 3
+"""Number of SYS_STATUS in succession that show a low battery."""
+
 SILENT_S: Final = 0.5
 """A mate that is silent for longer is somewhere in a disc that grows with its top speed."""
 
@@ -73,7 +76,9 @@ class Heard:
         tracking: The evader, home, the local frame and the game frame.
         echo: Compares the autopilot's setpoints with ours.
         messages: Messages of this cycle.
-        beats: HEARTBEATs of this cycle.
+        beats: HEARTBEATs of the autopilot in this cycle.
+        other_beats: Number of HEARTBEATs with its ids from another autopilot or vehicle type. They change nothing.
+        other_beat: The last of them.
         mode: Mode in the last HEARTBEAT.
         foreign: Whether another source commands the vehicle, confirmed by a HEARTBEAT without a pilot's mode.
         position_ned_m: Position of the vehicle in the local frame.
@@ -87,6 +92,8 @@ class Heard:
         aircraft: In a team, the last state of other aircraft, by name.
         battery_needed: Share of the charge below which it returns: on the ground for the whole fence, in flight from
             here.
+        low_battery_reports: Number of SYS_STATUS in succession, up to the last one, with a charge below
+            `battery_needed`. An unknown charge is not low.
         switched: Whether this cycle began to play against another evader.
     """
 
@@ -100,6 +107,8 @@ class Heard:
         self.echo = Echo()
         self.messages: Sequence[Message] = ()
         self.beats: Sequence[Heartbeat] = ()
+        self.other_beats = 0
+        self.other_beat: Heartbeat | None = None
         self.mode: Mode | None = None
         self.foreign = False
         self.position_ned_m: Vector | None = None
@@ -112,6 +121,7 @@ class Heard:
         self.aircraft: dict[str, MateState] = {}
         self.role: Role | None = None
         self.switched = False
+        self.low_battery_reports = 0
         self.battery_needed = settings.battery_minimum
         if settings.reserve is not None:
             self.battery_needed = settings.reserve.needed(
@@ -120,11 +130,26 @@ class Heard:
 
     def vehicle_says(self, messages: Sequence[Message]) -> None:
         """Update only the vehicle."""
+        self.beats = [message for message in messages if isinstance(message, Heartbeat)]
+        if self.beats:
+            messages = self._without_other_beats(messages)
         self.messages = messages
         self.vehicle = observe(self.vehicle, messages)
-        self.beats = [one for one in messages if isinstance(one, Heartbeat)]
         if self.beats:
             self.mode = self._settings.autopilot.mode_of(self.beats[-1].custom_mode)
+
+    def _without_other_beats(self, messages: Sequence[Message]) -> Sequence[Message]:
+        """Count and drop HEARTBEATs that are not the configured autopilot's; `beats` keeps its own."""
+        speaks = self._settings.autopilot.speaks
+        others = [beat for beat in self.beats if not speaks(beat)]
+        if not others:
+            return messages
+        self.other_beats += len(others)
+        self.other_beat = others[-1]
+        self.beats = [beat for beat in self.beats if speaks(beat)]
+        return [
+            message for message in messages if not isinstance(message, Heartbeat) or speaks(message)
+        ]
 
     def take_in(self, inputs: Inputs, dt_s: float = 0.0, *, in_flight: bool) -> None:
         """Update everything with the inputs of one cycle.
@@ -162,10 +187,17 @@ class Heard:
         home = self.tracking.home_ned_m
         if in_flight and reserve is not None and here is not None and home is not None:
             self.battery_needed = reserve.needed(math.dist(here[:2], home[:2]), home[2] - here[2])
+        self._count_low_battery(self.messages)
         if self._settings.team is not None:
             for message in inputs.messages:
                 if isinstance(message, messages.Aircraft):
                     self._take_aircraft(message)
+
+    def _count_low_battery(self, arrived: Sequence[Message]) -> None:
+        for message in arrived:
+            if isinstance(message, messages.SystemStatus):
+                is_low = message.battery_remaining < self.battery_needed
+                self.low_battery_reports = self.low_battery_reports + 1 if is_low else 0
 
     def _take_aircraft(self, one: messages.Aircraft) -> None:
         """Keep another aircraft like a mate. What is where a mate or an evader is, is that player, and known better."""

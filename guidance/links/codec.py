@@ -120,6 +120,7 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
         bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
         m.system_status,
         m.autopilot,
+        m.type,
     ),
     "SYS_STATUS": _system_status,
     "GPS_RAW_INT": lambda m, at_s: messages.GpsFix(
@@ -158,7 +159,7 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
 """Messages that can be converted alone; STATUSTEXT, TIMESYNC and PARAM_VALUE need more."""
 
 
-def decode(frame: Frame, received_s: float, autopilot: int = 0) -> messages.Message:
+def decode(frame: Frame, received_s: float, autopilot: int | None = None) -> messages.Message:
     """Convert one message of an autopilot, by its MAV_AUTOPILOT, to a typed value.
 
     Raises:
@@ -180,7 +181,7 @@ def decode(frame: Frame, received_s: float, autopilot: int = 0) -> messages.Mess
     return value
 
 
-def _parameter(frame: Frame, received_s: float, autopilot: int) -> messages.Message:
+def _parameter(frame: Frame, received_s: float, autopilot: int | None) -> messages.Message:
     """PX4 carries integers as bytes in the float, other autopilots as a number."""
     name = frame.fields.param_id
     value = frame.fields.param_value
@@ -193,7 +194,7 @@ def _parameter(frame: Frame, received_s: float, autopilot: int) -> messages.Mess
     return messages.Parameter(received_s, name, float(value), kind)
 
 
-def is_bytewise(param_type: int, *, autopilot: int) -> bool:
+def is_bytewise(param_type: int, *, autopilot: int | None) -> bool:
     """Return whether a parameter's float carries the bytes of an integer (PX4: MAV_PARAM_TYPE_INT32 only)."""
     return (autopilot, param_type) == (mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_PARAM_TYPE_INT32)
 
@@ -226,7 +227,7 @@ def setpoint(setpoint: messages.Setpoint, *, now_s: float, to: tuple[int, int]) 
 
 
 def request(
-    request: messages.Request, *, attempt: int, to: tuple[int, int], autopilot: int = 0
+    request: messages.Request, *, attempt: int, to: tuple[int, int], autopilot: int | None = None
 ) -> Fields:
     """Return a COMMAND_LONG, COMMAND_INT, PARAM_* or MISSION_* message.
 
@@ -282,7 +283,7 @@ def _parameter_name(name: str) -> bytes:
     return encoded
 
 
-def _parameter_value(wanted: messages.ParameterSet, autopilot: int) -> float:
+def _parameter_value(wanted: messages.ParameterSet, autopilot: int | None) -> float:
     name = wanted.name
     value = wanted.value
     if not math.isfinite(value):

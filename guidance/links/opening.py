@@ -79,6 +79,7 @@ def open_link(
     clock: Clock,
     who: str,
     component_id: int = 1,
+    autopilot: int | None = None,
     signing_key: SigningKey | None = None,
     timeout_s: float = 10.0,
     sleep: Sleep = time.sleep,
@@ -92,6 +93,7 @@ def open_link(
         clock: Time of arrivals, setpoints and repeated requests.
         who: Names the vehicle in errors.
         component_id: Its autopilot's.
+        autopilot: Its MAV_AUTOPILOT; by default that of its first HEARTBEAT.
         signing_key: Sign our frames and refuse unsigned ones (pymavlink only; MAVSDK cannot sign).
         timeout_s: How long to wait for the first HEARTBEAT.
         sleep: Waits between two looks, s.
@@ -102,7 +104,12 @@ def open_link(
     with contextlib.ExitStack() as closing:
         closing.callback(wire.close)
         link = _LINKS[kind](
-            wire, clock, system_id=system_id, component_id=component_id, signing_key=signing_key
+            wire,
+            clock,
+            system_id=system_id,
+            component_id=component_id,
+            autopilot=autopilot,
+            signing_key=signing_key,
         )
         closing.callback(link.close)
         wait_until_heard(link, clock=clock, timeout_s=timeout_s, sleep=sleep, who=who)
@@ -145,8 +152,16 @@ class Found(NamedTuple):
     vehicle_type: int
 
 
-def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, who: str) -> Found:
-    """Wait for the first HEARTBEAT of any autopilot. The wire stays open; other frames that arrive are lost.
+def find_autopilot(
+    wire: Wire,
+    *,
+    clock: Clock,
+    timeout_s: float,
+    sleep: Sleep,
+    who: str,
+    fits: Callable[[Found], bool] = lambda _: True,
+) -> Found:
+    """Wait for the first HEARTBEAT of an autopilot that fits. The wire stays open; other frames that arrive are lost.
 
     Our own HEARTBEAT (a companion computer's) is sent once a second: over UDP some vehicles answer only then.
 
@@ -156,6 +171,8 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
         timeout_s: How long to wait.
         sleep: Waits between two looks, s.
         who: Names the vehicle in the error.
+        fits: Whether this is the autopilot that is looked for. Cameras, gimbals and radios on the same wire send
+            HEARTBEATs too, so listening goes on after one that does not fit.
 
     Raises:
         LinkError: If none arrived within `timeout_s`.
@@ -169,12 +186,14 @@ def find_autopilot(wire: Wire, *, clock: Clock, timeout_s: float, sleep: Sleep, 
         ]:
             _, *ids, _, beat, _ = frame
             # INVALID: a ground station, companion computer or camera. No sender has the id 0, which means all.
-            if (
+            is_autopilot = (
                 all(ids)
                 and beat.type != mavlink.MAV_TYPE_GCS
                 and beat.autopilot != mavlink.MAV_AUTOPILOT_INVALID
-            ):
-                return Found(frame.system_id, frame.component_id, beat.autopilot, beat.type)
+            )
+            sender = Found(frame.system_id, frame.component_id, beat.autopilot, beat.type)
+            if is_autopilot and fits(sender):
+                return sender
             heard += 1
     others = f"{heard + reader.unused} other frames heard"
     ask = "is it running, and does it send here?"

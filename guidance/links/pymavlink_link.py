@@ -79,6 +79,7 @@ class PymavlinkLink:
         *,
         system_id: int,
         component_id: int = 1,
+        autopilot: int | None = None,
         own_system_id: int | None = None,
         own_component_id: int = 195,
         signing_key: SigningKey | None = None,
@@ -91,6 +92,8 @@ class PymavlinkLink:
             clock: Time of setpoints, TIMESYNC and repeated requests.
             system_id: The vehicle's.
             component_id: Its autopilot's.
+            autopilot: Its MAV_AUTOPILOT, which decides how parameters carry integers. By default that of the first
+                HEARTBEAT of an autopilot; later ones never change it.
             own_system_id: Ours; None takes the vehicle's, as its companion computer.
             own_component_id: Ours. Messages addressed to other stations are dropped.
             signing_key: Sign our frames and refuse unsigned ones; None does neither.
@@ -107,7 +110,7 @@ class PymavlinkLink:
         self._timesync = TimesyncPeer()
         self._texts = TextJoiner()
         self._closed = False
-        self.autopilot = 0
+        self.autopilot = autopilot
         self.heartbeats = 0
         self.others: set[int] = set()
         """System ids of other senders, named in an error."""
@@ -187,10 +190,14 @@ class PymavlinkLink:
             value = decode(frame, received_s, self.autopilot)
             self._inbox.append(value)
             if isinstance(value, messages.Heartbeat):
-                self.autopilot = value.autopilot
-                self.heartbeats += 1
+                self._take_heartbeat(value)
             elif self._requests.waiting:
                 self._requests.hear(value)
+
+    def _take_heartbeat(self, beat: messages.Heartbeat) -> None:
+        self.heartbeats += 1
+        if self.autopilot is None and beat.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
+            self.autopilot = beat.autopilot
 
     def _tend(self, now_s: float) -> None:
         """Send unanswered requests again, and our TIMESYNC once a HEARTBEAT has arrived."""

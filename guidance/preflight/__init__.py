@@ -15,6 +15,7 @@ import numpy as np
 
 from guidance import messages
 from guidance.autopilots import Autopilot, Finding, Verdict, Wants, autopilots_of, description
+from guidance.autopilots.description import type_name
 from guidance.autopilots.rules import UPLOADED, Judgement, row_of
 from guidance.control.polygon import Polygon
 from guidance.frames import Amsl, LocalFrame, Projection
@@ -48,6 +49,7 @@ class Facts(NamedTuple):
         rates_hz: Rate of each kind of message.
         evader_amsl_m: The evader's last altitude.
         uploaded: The uploaded fence.
+        other_beat: The last HEARTBEAT with the vehicle's ids that is not the configured autopilot's.
     """
 
     parameters: Mapping[str, float] = MappingProxyType({})
@@ -56,6 +58,7 @@ class Facts(NamedTuple):
     rates_hz: Mapping[type[Message], float] = MappingProxyType({})
     evader_amsl_m: float | None = None
     uploaded: Uploaded = Uploaded()
+    other_beat: Heartbeat | None = None
 
 
 class PreflightMemory:
@@ -106,8 +109,10 @@ class PreflightMemory:
         """Number of parameters read, and of parameters requested."""
         return len(self._parameters), len(self._names)
 
-    def facts(self, vehicle: VehicleState, now_s: float) -> Facts:
-        """Return the facts at `now_s`."""
+    def facts(
+        self, vehicle: VehicleState, now_s: float, other_beat: Heartbeat | None = None
+    ) -> Facts:
+        """Return the facts at `now_s`; `other_beat` is a HEARTBEAT that the flight did not accept."""
         arrivals = self._arrivals.items()
         rates_hz = {
             kind: sum(now_s - at_s <= COUNTED_S for at_s in times_s) / COUNTED_S
@@ -119,8 +124,13 @@ class PreflightMemory:
             for name, one in self._parameters.items()
             if one.param_type is not None
         }
-        return Facts(values, types, vehicle, rates_hz, self._evader_amsl_m, self._fence.found)
+        return Facts(
+            values, types, vehicle, rates_hz, self._evader_amsl_m, self._fence.found, other_beat
+        )
 
+
+_SILENT_S: Final = 3.0
+"""After so long without its own HEARTBEAT the autopilot has become another one, or is gone."""
 
 _MOST_ROUNDS: Final = 4
 _REAL32: Final = 9
@@ -301,20 +311,33 @@ def engage_rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Findi
 
 
 def another_autopilot(facts: Facts, autopilot: Autopilot) -> Finding | None:
-    """Return the row that refuses an autopilot other than the configured one, or None."""
-    heartbeat = facts.vehicle.latest.get(Heartbeat)
-    if heartbeat is None or heartbeat.autopilot == autopilot.autopilot_id:
+    """Return the row that refuses an autopilot or vehicle type other than the configured one, or None.
+
+    A HEARTBEAT of another program with the same ids is no reason to refuse as long as the autopilot's own arrive.
+    """
+    other = facts.other_beat
+    if other is None:
         return None
-    found = next((one.name for one in autopilots_of(heartbeat.autopilot)), None)
+    own = facts.vehicle.latest.get(Heartbeat)
+    if own is not None and other.received_s - own.received_s <= _SILENT_S:
+        return None
+    matching = autopilots_of(other.autopilot)
+    name = "unknown"
     advice = (
         "another system's HEARTBEAT? check vehicle.url, vehicle.system_id and vehicle.component_id"
     )
-    if found is not None:
-        advice = f'set vehicle.autopilot = "{found}", or check vehicle.url and vehicle.system_id'
-    was = f"{found or 'unknown'} (MAV_AUTOPILOT {heartbeat.autopilot})"
-    return Finding(
-        "autopilot", was, f"{autopilot.name} ({autopilot.autopilot_id})", Verdict.REFUSE, advice
-    )
+    if matching:
+        name = matching[0].name
+        advice = f"a {type_name(other.vehicle_type)} is not flown; check vehicle.url and vehicle.system_id"
+    flown = next((known for known in matching if known.speaks(other)), None)
+    if flown is not None:
+        name = flown.name
+        advice = (
+            f'set vehicle.autopilot = "{flown.name}", or check vehicle.url and vehicle.system_id'
+        )
+    value = f"{name} (MAV_AUTOPILOT {other.autopilot}), {type_name(other.vehicle_type)}"
+    wanted = f"{autopilot.name} ({autopilot.autopilot_id}) in a vehicle that it may fly"
+    return Finding("autopilot", value, wanted, Verdict.REFUSE, advice)
 
 
 def changes(

@@ -39,6 +39,7 @@ SET_WITHIN_S: Final = 5.0
 
 _FRESH_S: Final = 2.5
 _HEARD: Final = {
+    messages.Heartbeat: "HEARTBEAT",
     messages.Home: "HOME_POSITION",
     messages.Origin: "GPS_GLOBAL_ORIGIN",
     messages.GlobalPosition: "GLOBAL_POSITION_INT",
@@ -63,7 +64,7 @@ class Checkup:
         """Wait for all inputs, and return preflight's rows and the flight's own checks.
 
         Args:
-            limit_s: For so long at most; a vehicle that is not the configured autopilot is refused at once.
+            limit_s: Longest wait. HEARTBEATs of another autopilot with the vehicle's ids are named only after it.
             told: Called with the names of missing inputs.
         """
         daemon = self._daemon
@@ -72,9 +73,6 @@ class Checkup:
         begun_s = complete_s = clock.now_s()
         while clock.now_s() - begun_s < limit_s:
             self._step()
-            facts = daemon.survey.facts(daemon.flight.vehicle, clock.now_s())
-            if (other := another_autopilot(facts, flight.autopilot)) is not None:
-                return (other,)
             vehicle = daemon.flight.vehicle
             (read, wanted) = daemon.survey.read
             missing = [name for kind, name in _HEARD.items() if vehicle.latest.get(kind) is None]
@@ -84,6 +82,12 @@ class Checkup:
                 complete_s = clock.now_s()
             elif clock.now_s() - complete_s > COUNTED_S + 1.0:
                 break
+        facts = daemon.survey.facts(
+            daemon.flight.vehicle, clock.now_s(), daemon.flight.heard.other_beat
+        )
+        another = another_autopilot(facts, flight.autopilot)
+        if another is not None:
+            return (another,)
         # The flight's own checks may still pass later, so none is a refusal here.
         readiness = (
             Finding.of(

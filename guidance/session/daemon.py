@@ -352,7 +352,7 @@ class Daemon:
         if not self._judging or now_s - self._judged_s < PREFLIGHT_EVERY_S:
             return
         self._judged_s = now_s
-        facts = self.survey.facts(self.flight.vehicle, now_s)
+        facts = self.survey.facts(self.flight.vehicle, now_s, self.flight.heard.other_beat)
         self.rows = (*rows(facts, self._plan.flight.autopilot, wants), *self.recording.rows())
         refused = refusals(self.rows)
         if refused != self._refused and self.survey.complete:
@@ -371,7 +371,11 @@ class Daemon:
         if now_s - self._shown_s < SHOWN_EVERY_S and not changed:
             return
         self._shown_s = now_s
-        counters = {"vehicle": self._link.counters()} | {
+        vehicle_counters = {
+            **self._link.counters(),
+            "other_heartbeats": self.flight.heard.other_beats,
+        }
+        counters = {"vehicle": vehicle_counters} | {
             name: one.counters() for name, one in self._evaders.items()
         }
         if self.team is not None:

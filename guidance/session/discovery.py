@@ -5,7 +5,6 @@ The vehicle file is the bundled one with the limits of the autopilot.
 
 import math
 import re
-import time
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
@@ -17,7 +16,7 @@ from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
 from guidance.clock import Clock, MonotonicClock
 from guidance.config import config_folder, parse
 from guidance.control.limits import CATCH_UP_RATIO
-from guidance.errors import ConfigError, FlightError
+from guidance.errors import ConfigError, FlightError, LinkError
 from guidance.files import writing
 from guidance.flight import State
 from guidance.frames import LocalFrame
@@ -41,6 +40,10 @@ _BEHIND_M: Final = 5.0
 """Distance of our fence from the autopilot's fence around it."""
 
 _LANDED_STATE_WITHIN_S: Final = 3.0
+_AUTOPILOT_COMPONENT: Final = 1
+_MOST_NAMED: Final = 8
+"""Most HEARTBEATs of others that an error names."""
+
 _NAMES: Final[dict[type[Message], str]] = {
     Heartbeat: "HEARTBEAT",
     Home: "HOME_POSITION",
@@ -55,6 +58,8 @@ def autopilot_at(
 ) -> Iterator[tuple[Wire, Found, Autopilot]]:
     """Find the autopilot at a URL; the wire is closed in the end.
 
+    Cameras and gimbals on the same wire are passed over. They are named only if no autopilot is heard in time.
+
     Args:
         url: See `guidance.links.port`.
         asked: Name of the expected autopilot; None accepts any.
@@ -65,13 +70,34 @@ def autopilot_at(
         Its wire, what its HEARTBEAT said, and its description.
 
     Raises:
-        ConfigError: If the URL is wrong, or `identify` refuses the autopilot.
+        ConfigError: If the URL is wrong, or `identify` refuses every autopilot that was heard.
         LinkError: If nothing answers.
     """
+    refusals: dict[Found, str] = {}
+
+    def fits(sender: Found) -> bool:
+        try:
+            identify(sender, url, asked)
+        except ConfigError as error:
+            if len(refusals) < _MOST_NAMED:
+                refusals[sender] = str(error)
+            return False
+        return True
+
     with closing(open_wire(url, clock=clock.now_s)) as wire:
-        found = find_autopilot(
-            wire, clock=clock.now_s, timeout_s=FOUND_WITHIN_S, sleep=time.sleep, who=who
-        )
+        try:
+            found = find_autopilot(
+                wire,
+                clock=clock.now_s,
+                timeout_s=FOUND_WITHIN_S,
+                sleep=lambda wait_s: clock.sleep_until(clock.now_s() + wait_s),
+                who=who,
+                fits=fits,
+            )
+        except LinkError:
+            if not refusals:
+                raise
+            raise ConfigError("; ".join(refusals.values())) from None
         yield wire, found, identify(found, url, asked)
 
 
@@ -88,6 +114,8 @@ def identify(found: Found, url: str, asked: str | None) -> Autopilot:
     """
     expected = None if asked is None else autopilot_named(asked)
     who = f"{url}: system {found.system_id}"
+    if found.component_id != _AUTOPILOT_COMPONENT:
+        who += f", component {found.component_id}"
     if not (matching := autopilots_of(found.autopilot)):
         known = " and ".join(f"{one.name} ({one.autopilot_id})" for one in AUTOPILOTS.values())
         raise ConfigError(f"{who} is MAV_AUTOPILOT {found.autopilot}; supported are {known}")
@@ -136,7 +164,7 @@ def wait_until_placed(
             link.send_heartbeat()
             for request in asked:
                 link.request(request)
-        state = observe(state, messages)
+        state = observe(state, _of_autopilot(messages, profile))
         waited_s = now_s - begun_s
         said = next(
             (each.text for each in reversed(messages) if isinstance(each, StatusText)), said
@@ -162,6 +190,15 @@ def wait_until_placed(
         mode = "unknown" if beat is None else profile.mode_title(profile.mode_of(beat.custom_mode))
         show(Progress(now_s, State.CONNECTING, mode, None, "s", waiting=words, vehicle=vehicle))
     raise FlightError(f"not ready within {PLACED_WITHIN_S:g} s: {words} Nothing was armed")
+
+
+def _of_autopilot(messages: Sequence[Message], profile: Autopilot) -> Sequence[Message]:
+    """Return the messages without HEARTBEATs that another program sends with the autopilot's ids."""
+    return [
+        message
+        for message in messages
+        if not isinstance(message, Heartbeat) or profile.speaks(message)
+    ]
 
 
 def _heard(
@@ -198,6 +235,7 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
         memory = PreflightMemory([bound.parameter for bound in profile.bounds])
         who = f"{url}: system {found.system_id}"
         ids: dict[str, Any] = {"system_id": found.system_id, "component_id": found.component_id}
+        ids["autopilot"] = profile.autopilot_id
         with closing(open_link(wire, "pymavlink", clock=clock.now_s, who=who, **ids)) as link:
             link.send_heartbeat()
             # An old firmware may lack a parameter

@@ -13,6 +13,7 @@ from contextlib import AbstractContextManager, ExitStack, closing, contextmanage
 from pathlib import Path
 from typing import Any, Final
 
+from guidance.autopilots import autopilot_named
 from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
 from guidance.files import text_of
@@ -120,6 +121,7 @@ def open_all(
     who = f"{vehicle.url}: system {vehicle.system_id}"
     limit_s = vehicle.connect_timeout_s
     ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}
+    ids["autopilot"] = autopilot_named(vehicle.autopilot).autopilot_id
     link = open_link(
         wire, vehicle.link, clock=clock.now_s, who=who, **ids, signing_key=key, timeout_s=limit_s
     )

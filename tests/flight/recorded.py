@@ -25,7 +25,7 @@ def messages(autopilot, number):
         rows = csv.reader(lines)
         next(rows)
         for at_s, name, *values in rows:
-            fields = {"autopilot": number, "vx": 0, "vy": 0, "vz": 0}
+            fields = {"autopilot": number, "type": 2, "vx": 0, "vy": 0, "vz": 0}
             for key, value in zip(_FIELDS[name], values, strict=True):
                 fields[key] = int(value) if key in _INTEGERS else float(value)
             yield DECODERS[name](SimpleNamespace(**fields), float(at_s))

@@ -137,7 +137,7 @@ def test_a_hold_ends_by_a_pilot_or_a_safety_event(mode, given, ends_in, autopilo
 def test_a_hold_ordered_while_the_battery_is_low_stands():
     flown = Obeying(settings_of().autopilot, State.RETURNING)
     low = {"more": [status(1e9, 0.2)]}
-    flown.cycle(**low)
+    flown.cycles(0.1, **low)
     flown.cycle(Event.HOLD, **low)
     flown.cycles(3.0, **low)
     assert flown.state is State.HOLDING

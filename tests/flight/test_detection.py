@@ -8,7 +8,8 @@ import pytest
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.flight import EngageOn, Event, State
 from guidance.flight.detection import checks, events, fit
-from guidance.flight.settings import AfterCapture
+from guidance.flight.heard import Heard
+from guidance.flight.settings import AfterCapture, Inputs
 from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS
 from guidance.game import StandOff
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition
@@ -240,13 +241,23 @@ def test_without_a_stand_off_or_an_evader_there_is_none_to_break():
 
 
 @pytest.mark.parametrize(
-    ("battery", "low"), [(0.25, False), (0.24, True), (math.nan, False), (0.9, False)]
+    ("batteries", "low"),
+    [
+        ([0.25, 0.25, 0.25], False),
+        ([0.24, 0.24, 0.24], True),
+        ([0.9, 0.0, 0.9, 0.9], False),
+        ([0.9, 0.0, 0.0, 0.9, 0.0, 0.0], False),
+        ([0.2, 0.2, math.nan, 0.2, 0.2], False),
+        ([math.nan, math.nan, math.nan], False),
+        ([0.9, 0.0, 0.0, 0.0], True),
+    ],
 )
-def test_a_battery_is_low_below_its_minimum_and_not_where_it_is_unknown(battery, low):
-    assert happens(Event.BATTERY_LOW, State.ENGAGED, vehicle=well(status(battery=battery))) is low
-    assert not happens(
-        Event.BATTERY_LOW, State.ENGAGED, vehicle=observe(VehicleState(), [heartbeat(), local()])
-    )
+def test_a_battery_is_low_when_three_reports_in_succession_are_below_the_minimum(batteries, low):
+    heard = Heard(SETTINGS)
+    for number, battery in enumerate(batteries):
+        heard.take_in(Inputs([status(float(number), battery)]), in_flight=True)
+    reports = heard.low_battery_reports
+    assert happens(Event.BATTERY_LOW, State.ENGAGED, low_battery_reports=reports) is low
 
 
 @pytest.mark.parametrize(("silence_s", "lost"), [(1.5, False), (1.51, True), (math.inf, True)])
@@ -349,6 +360,7 @@ def test_of_all_that_happens_at_once_the_most_severe_comes_first():
             [heartbeat(mode=Mode.OTHER, armed=False), local(NOW_S - 1.1), status(battery=0.1)],
         )._replace(resets=1, reboots=1),
         "dt_s": 2.0,
+        "low_battery_reports": 3,
         "since_s": NOW_S - 60.0,
         "evader_silence_s": 9.0,
         "foreign": True,

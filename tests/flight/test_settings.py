@@ -72,7 +72,8 @@ def held(away_m, battery, **changes):
         Attitude(NOW_S, NOW_S, 0.0),
         LandedState(NOW_S, 2),
     ]
-    flight.step(NOW_S, Inputs([home(NOW_S), *said, status(NOW_S, battery)]))
+    batteries = [status(NOW_S, battery)] * 3
+    flight.step(NOW_S, Inputs([home(NOW_S), *said, *batteries]))
     return flight
 
 

@@ -48,7 +48,7 @@ def test_every_decoded_message_exists_with_these_fields_in_the_dialect():
 
 def test_a_heartbeat_has_mode_and_armed():
     beat = dialect.MAVLink_heartbeat_message(2, 12, 128 | 29, 6 << 16, 4, 3)
-    assert decode(frame_of(beat), 1.0) == Heartbeat(1.0, 6 << 16, True, 4, 12)
+    assert decode(frame_of(beat), 1.0) == Heartbeat(1.0, 6 << 16, True, 4, 12, 2)
     beat.base_mode = 29
     assert not decode(frame_of(beat), 1.0).armed
 

@@ -107,6 +107,10 @@ class Ordered(Sortie):
         self.daemon = Daemon(config.name, plan_of(config), self.link, {"evader": self.evader}, used)
         super().__init__(clock, self.daemon)
 
+    def overheard(self, frame):
+        """Send a frame on the vehicle's wire, beside the vehicle's own."""
+        self._end.send(frame)
+
     def report(self, frame):
         """Send a frame on the evader's wire."""
         self._prey_end.send(frame)
