@@ -22,9 +22,9 @@ from pyarrow import parquet
 
 from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder, text_of, writing
-from guidance.log.writer import PACKAGE, commit, versions_of
+from guidance.log.writer import commit, versions_of
 from guidance.sweeps.plan import ROW, Plan, plan_of
-from guidance.sweeps.rows import refuse_without_games
+from guidance.sweeps.rows import DETERMINING, refuse_without_games
 
 MANIFEST: Final = "sweep.json"
 ROWS: Final = "rows"
@@ -44,9 +44,6 @@ Columns = dict[str, NDArray[Any]]
 """Columns of some rows, by name, (n,) each; texts are objects."""
 
 _FORMAT: Final = 1
-_DETERMINING: Final = (PACKAGE, "numpy", "pyarrow")
-"""Packages that determine the rows."""
-
 _CHUNKS_A_WORKER: Final = 4
 _LARGEST_CHUNK: Final = {"maths": 4096, "teams": 512, "fast": 1}
 """Rows of a chunk at most: 2 to 20 s of work. Larger batches of games are slower, because they leave the cache."""
@@ -174,7 +171,7 @@ def begun(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> F
         fair = plan.rows if workers == 1 else math.ceil(plan.rows / (_CHUNKS_A_WORKER * workers))
         rows = chunk_rows or min(fair, _LARGEST_CHUNK["teams" if plan.teams else plan.way])
         manifest = {"format": _FORMAT, "digest": plan.digest, "rows": plan.rows, "chunk_rows": rows}
-        manifest |= {"versions": versions_of(_DETERMINING), "commit": commit(), **plan.document}
+        manifest |= {"versions": versions_of(DETERMINING), "commit": commit(), **plan.document}
         write_whole(path / MANIFEST, json.dumps(manifest, indent=1).encode())
     return Folder(path, plan, rows)
 
@@ -220,7 +217,7 @@ def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
     if differing := [name for name in {**was, **now} if was.get(name) != now.get(name)]:
         differ = f"{', '.join(differing)} differ{'s' * (len(differing) == 1)}"
         raise ConfigError(f"--out {path}: holds another sweep ({differ}); choose another folder")
-    if (there := manifest["versions"]) != (here := versions_of(_DETERMINING)):
+    if (there := manifest["versions"]) != (here := versions_of(DETERMINING)):
         changed = "; ".join(
             f"{one} {there.get(one)}, now {here[one]}"
             for one in here

@@ -2,12 +2,14 @@
 
 import contextlib
 import gc
+import hashlib
 import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from io import BytesIO
-from typing import Any, Final
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -17,6 +19,7 @@ from pydantic import ValidationError
 from guidance.clock import VirtualClock
 from guidance.config import Section, as_toml, explain, find, parse, read
 from guidance.errors import ConfigError, GuidanceError
+from guidance.log.writer import PACKAGE, versions_of
 from guidance.sim.maths import play
 from guidance.sim.outcome import Outcome, outcome_of
 from guidance.sim.scenario import PURSUER, Scenario
@@ -24,6 +27,9 @@ from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import TeamOutcome, TeamScenario, play_teams
 from guidance.sweeps.axes import Axis
 from guidance.sweeps.plan import FOLDER, Cases, Pair, Plan, policy_in
+
+DETERMINING: Final = (PACKAGE, "numpy", "pyarrow")
+"""Packages that determine the rows."""
 
 _COURSE_KEYS: Final = {"waypoints": "waypoints_m", "recorded": "track"}
 
@@ -170,6 +176,33 @@ def refuse_without_games(plan: Plan) -> None:
         raise ConfigError(
             f"all {len(found)} rows of a sample are invalid; reason of {count} of them:\n  {reason}"
         )
+
+
+class ChunkMade(NamedTuple):
+    """The content of a chunk, and the code of the process that computed it."""
+
+    content: bytes
+    code: Mapping[str, str]
+
+
+def made(plan: Plan, rows: range) -> ChunkMade:
+    """Compute a chunk in a process that may have other code than the one that collects the rows.
+
+    Raises:
+        GuidanceError: As `computed`.
+    """
+    return ChunkMade(computed(plan, rows), code_here())
+
+
+@cache
+def code_here() -> Mapping[str, str]:
+    """Return the versions of the packages that determine the rows, and a digest of this package's own source."""
+    source = hashlib.sha256()
+    root = Path(__file__).parents[1]
+    for file in sorted(root.rglob("*.py")):
+        source.update(str(file.relative_to(root)).encode())
+        source.update(file.read_bytes())
+    return versions_of(DETERMINING) | {"source": source.hexdigest()[:12]}
 
 
 def computed(plan: Plan, rows: range) -> bytes:

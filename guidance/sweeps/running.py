@@ -3,6 +3,7 @@
 This process, processes on this machine and a Dask cluster are `concurrent.futures` executors, used in the same way.
 """
 
+import logging
 import multiprocessing
 import os
 import signal
@@ -13,6 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
+    CancelledError,
     Executor,
     Future,
     ProcessPoolExecutor,
@@ -29,7 +31,7 @@ from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.extras import require
 from guidance.screen import console, redraws
 from guidance.sweeps.folder import Folder, alone, begun
-from guidance.sweeps.rows import computed, planned, uncollected
+from guidance.sweeps.rows import ChunkMade, code_here, computed, made, planned, uncollected
 
 CONNECT_S = 10.0
 _AHEAD: Final = 3
@@ -94,6 +96,8 @@ def _client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no types
     from distributed import Client  # noqa: PLC0415
 
     dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS})
+    # Dask logs the tracebacks of lost connections; what they mean for the sweep is said once, at the end.
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
         # A failed client that is collected here waits for the lock that this call holds
         with uncollected():
@@ -135,15 +139,21 @@ def finish(
             (`distributed.comm.tls`).
 
     Raises:
-        ConfigError: If Dask is not installed, or certificates are missing.
-        LinkError: If the cluster cannot be reached, or refuses our certificate.
+        ConfigError: If Dask is not installed, certificates are missing, or a worker has other code than this process.
+        LinkError: If the cluster cannot be reached, refuses our certificate, or stops answering.
         OutputError: If a chunk cannot be written; earlier chunks are kept.
         GuidanceError: If a chunk cannot be computed.
     """
     if scheduler is not None:
         with _client(scheduler) as client:
             size = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
-            _spread(folder, on_kept, size, partial(client.get_executor, pure=False, retries=0))
+            try:
+                _spread(folder, on_kept, size, partial(client.get_executor, pure=False, retries=0))
+            except (CancelledError, OSError, TimeoutError) as error:
+                mend = "earlier rows are kept: run the same command to continue"
+                raise LinkError(
+                    f"--scheduler {scheduler}: the Dask scheduler stopped answering ({type(error).__name__}); {mend}"
+                ) from error
     elif workers > 1:
         spawn = {"mp_context": multiprocessing.get_context("spawn"), "initializer": _begin_worker}
         _spread(folder, on_kept, workers, partial(ProcessPoolExecutor, workers, **spawn))
@@ -160,11 +170,11 @@ def _spread(
     deaths = Counter[int]()
     while pending:
         executor = start()
-        running = dict[Future[bytes], int]()
+        running = dict[Future[ChunkMade], int]()
         try:
             while pending or running:
                 while pending and len(running) < _AHEAD * size:
-                    future = executor.submit(computed, folder.plan, folder.rows(pending[0]))
+                    future = executor.submit(made, folder.plan, folder.rows(pending[0]))
                     running[future] = pending.popleft()
                 for future in wait(running, timeout=0.5, return_when=FIRST_COMPLETED).done:
                     folder.keep(running[future], _content(future, running[future]))
@@ -183,19 +193,31 @@ def _spread(
                 process.terminate()
 
 
-def _content(future: Future[bytes], chunk: int) -> bytes:
-    """Return a chunk, or say what the user can do about its error."""
+def _content(future: Future[ChunkMade], chunk: int) -> bytes:
+    """Return a chunk, or say what the user can do about its error.
+
+    Every chunk says which code made it: a worker may join, or be replaced, at any time.
+    """
     try:
-        return future.result()
-    except ModuleNotFoundError as error:
-        missing = (
-            f"--scheduler: its workers lack a package ({error}); install pursuit-guidance there"
-        )
-        raise ConfigError(missing) from error
+        chunk_made = future.result()
+    except (ModuleNotFoundError, AttributeError) as error:
+        mend = "install this version of pursuit-guidance there"
+        raise ConfigError(
+            f"--scheduler: a worker lacks a package or a part of it ({error}); {mend}"
+        ) from error
     except Exception as error:
         if type(error).__name__ == "KilledWorker":  # Dask's
             raise _deadly(chunk) from error
         raise
+    here = code_here()
+    if chunk_made.code != here:
+        differing = [name for name in here if chunk_made.code.get(name) != here[name]]
+        words = [f"{name} {chunk_made.code.get(name)}, here {here[name]}" for name in differing]
+        raise ConfigError(
+            f"--scheduler: a worker has other code ({'; '.join(words)}), so its rows could differ and are not kept; "
+            "install this version there, then run the same command to continue"
+        )
+    return chunk_made.content
 
 
 def _deadly(chunk: int) -> GuidanceError:

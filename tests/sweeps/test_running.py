@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import Executor, Future
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -18,7 +20,7 @@ from guidance.cli.sweep import sweep as app
 from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
 from guidance.sweeps import folder, running
 from guidance.sweeps.folder import alone, begun, read_folder, write_whole
-from guidance.sweeps.rows import computed, planned
+from guidance.sweeps.rows import ChunkMade, code_here, computed, planned
 from guidance.sweeps.running import Shown, finish, run_sweep
 from tests.sweeps.conftest import SWEEP
 
@@ -289,6 +291,44 @@ def test_a_tls_cluster_needs_its_certificate_and_computes_equal_rows(
         with pytest.raises(LinkError, match="no answer from a Dask scheduler"):
             run(plan, tmp_path / "in the clear", scheduler=at.replace("tls", "tcp"))
     assert files(tmp_path / "by the cluster") == files(run(plan, tmp_path / "alone"))
+
+
+class OneFuture(Executor):
+    """An executor whose only future is prepared; it stands for a cluster."""
+
+    def __init__(self, future):
+        self.future = future
+
+    def submit(self, *_, **__):
+        return self.future
+
+
+def cluster_of(future, monkeypatch):
+    """Let a sweep take this future for the answer of a Dask cluster with one worker."""
+    client = SimpleNamespace(
+        scheduler_info=lambda **_: {"workers": {"a": {}}},
+        get_executor=lambda **_: OneFuture(future),
+    )
+    monkeypatch.setattr(running, "_client", lambda scheduler: contextlib.nullcontext(client))
+
+
+@pytest.mark.parametrize("name", ["source", "numpy"])
+def test_rows_of_a_worker_with_other_code_are_refused(plan_from, tmp_path, monkeypatch, name):
+    future = Future()
+    future.set_result(ChunkMade(b"rows", {**code_here(), name: "other"}))
+    cluster_of(future, monkeypatch)
+    with pytest.raises(ConfigError, match=f"other code.*{name} other, here {code_here()[name]}"):
+        run(plan_from(), tmp_path / "out", scheduler="tcp://127.0.0.1:1")
+    assert not list((tmp_path / "out").rglob("*.parquet"))
+
+
+def test_a_scheduler_that_dies_is_a_link_error_and_keeps_the_rows(plan_from, tmp_path, monkeypatch):
+    future = Future()
+    future.cancel()
+    future.set_running_or_notify_cancel()
+    cluster_of(future, monkeypatch)
+    with pytest.raises(LinkError, match=r"stopped answering.*run the same command to continue"):
+        run(plan_from(), tmp_path / "out", scheduler="tcp://127.0.0.1:1")
 
 
 def test_garbage_collection_is_off_while_a_client_starts(plan_from, tmp_path, monkeypatch):
