@@ -15,9 +15,25 @@ LOITER_TIME: Final = 19
 RETURN: Final = 20
 LAND: Final = 21
 TAKEOFF: Final = 22
+LOITER_TURNS: Final = 18
+NAV_DELAY: Final = 93
+CONDITION_DELAY: Final = 112
+CONDITION_DISTANCE: Final = 114
+CONDITION_YAW: Final = 115
 DO_JUMP: Final = 177
 DO_CHANGE_SPEED: Final = 178
-_PLACES: Final = frozenset({WAYPOINT, LOITER_UNLIMITED, 18, LOITER_TIME, LAND, TAKEOFF, 82})
+JUMP_TAG: Final = 600
+DO_JUMP_TAG: Final = 601
+_CONDITIONS: Final = frozenset({CONDITION_DELAY, CONDITION_DISTANCE, CONDITION_YAW})
+_JUMPS: Final = frozenset({DO_JUMP, DO_JUMP_TAG})
+_NOT_REPORTED: Final = _JUMPS | {
+    *(181, 182, 183, 184, 202, 203, 206, 208, 211, 215, 216, 217, 218),
+    *(531, 532, 534, 1000, 2000, 2001, 2500, 2501),
+}
+"""Items without a position that ArduCopter 4.5.7 executes without MISSION_ITEM_REACHED."""
+_PLACES: Final = frozenset(
+    {WAYPOINT, LOITER_UNLIMITED, LOITER_TURNS, LOITER_TIME, LAND, TAKEOFF, 82}
+)
 _RELATIVE_FRAMES: Final = frozenset({3, 6, 10, 11})
 _HEIGHT_REACHED_M: Final = 0.8
 _REACHED_M: Final = 2.0
@@ -28,13 +44,32 @@ _TAKEN_OFF_M: Final = 0.25
 
 
 class Leg(NamedTuple):
-    """The motion of the present item."""
+    """The motion of the present item.
+
+    Attributes:
+        position_m: Where to fly, or the centre of a circle.
+        yaw_rad: Heading, NaN for the default.
+        speed_m_s: Set by DO_CHANGE_SPEED, NaN for the default.
+        landing: It is a landing.
+        taking_off: It is a take-off.
+        waiting: A NAV_DELAY has not passed yet.
+        turns: Circles to fly around the position, NaN for none.
+        radius_m: Their radius, negative for counter-clockwise, 0 for the default.
+    """
 
     position_m: Vector
     yaw_rad: float = math.nan
     speed_m_s: float = math.nan
     landing: bool = False
     taking_off: bool = False
+    waiting: bool = False
+    turns: float = math.nan
+    radius_m: float = 0.0
+
+    @property
+    def circling(self) -> bool:
+        """True for LOITER_TURNS."""
+        return not math.isnan(self.turns)
 
 
 def flyable(items: Sequence[PlanItem]) -> bool:
@@ -50,23 +85,36 @@ class MissionFlight:
         plans: Where the mission is.
         skip_home: The first item is home and is not flown to (ArduPilot).
         climbs_first: If the first position is higher, the vehicle climbs to its height first (PX4).
-        clocked: Positions count as reached at `due_s`, according to the planned motion (ArduCopter).
+        clocked: Positions count as reached at `due_s`, according to the planned motion, and LOITER_TURNS is flown
+            (ArduCopter).
         due_s: Planned arrival at the present position.
         speed_m_s: Set by DO_CHANGE_SPEED, NaN for the default.
         reached: Sequence numbers reached but not yet reported.
         over: Reason for the end of the mission: finished, return or landed; "" while flying.
+        turned_rad: Angle flown of LOITER_TURNS, kept by the commander; NaN before the circle begins.
+        orders: Items without a position whose effect is the commander's, in their order.
+        turning: The turn of the last CONDITION_YAW is in progress; kept by the commander.
+        conditions: Items behind a condition are executed beside the flight to the next position, when the condition
+            is met, and dropped when the position is reached first (ArduPilot). PX4 skips conditions.
     """
 
     plans: PlanStore
     skip_home: bool = False
     climbs_first: bool = False
     clocked: bool = False
+    conditions: bool = False
     due_s: float = math.inf
     speed_m_s: float = math.nan
     over: str = ""
     reached: list[int] = field(default_factory=list)
+    turned_rad: float = math.nan
+    orders: list[PlanItem] = field(default_factory=list)
+    turning: bool = False
     _revision: int = -1
     _hold_until_s: float = math.inf
+    _behind: list[PlanItem] = field(default_factory=list)
+    _condition_until_s: float = math.inf
+    _stay: Leg | None = None
     _jumps: dict[int, int] = field(default_factory=dict)
     _climb_judged: bool = False
     _climb: Leg | None = None
@@ -102,7 +150,7 @@ class MissionFlight:
         self.current = max(seq, 1) if self.skip_home and self.count > 1 else seq
         self._revision = self.plans.mission.revision
         self.over = ""
-        self._hold_until_s = self.due_s = math.inf
+        self._forget_progress()
         return True
 
     def start(self) -> None:
@@ -113,10 +161,18 @@ class MissionFlight:
             self._jumps.clear()
         self._revision = self.plans.mission.revision
         self.over = ""
-        self._hold_until_s = math.inf
-        self.due_s = math.inf
+        self._forget_progress()
+        self._stay = None
         self._climb_judged = not self.climbs_first
         self._climb = None
+
+    def _forget_progress(self) -> None:
+        """Drop the progress of the present item, and the items behind a condition."""
+        self._hold_until_s = math.inf
+        self.due_s = math.inf
+        self.turned_rad = math.nan
+        self._behind.clear()
+        self._condition_until_s = math.inf
 
     @property
     def landing(self) -> bool:
@@ -129,6 +185,12 @@ class MissionFlight:
         """True if the vehicle is climbing to the first position's height."""
         item = self._item()
         return self._climb is not None or (item is not None and item.command == TAKEOFF)
+
+    @property
+    def _delaying(self) -> bool:
+        """True if the present item is a NAV_DELAY."""
+        item = self._item()
+        return item is not None and item.command == NAV_DELAY
 
     def following(self, state: VehicleState) -> Leg | None:
         """Return the next leg if the vehicle does not stop at the present position."""
@@ -149,24 +211,33 @@ class MissionFlight:
         stay = Leg(state.position_m if state.on_ground else entered_m)
         if self._revision != self.plans.mission.revision:
             self.start()
-        if self._climbing(state) and self._climb is not None:
+        if not self._delaying and self._climbing(state) and self._climb is not None:
             return self._climb
         for _ in range(self.count + 1):
             item = self._item()
             if item is None:
                 self.over = self.over or "finished"
                 return stay
-            if item.command not in _PLACES:
+            if item.command not in _PLACES and item.command != NAV_DELAY:
                 self._do(item)
                 if self.over:
                     return stay
                 continue
-            leg = self._leg_to(state, item)
+            leg = self._present(state, item, stay)
+            self._look_behind(state, leg)
             if not self._reached(state, item, leg):
+                self._stay = leg._replace(waiting=False)
                 return leg
             self._next(item)
         self.over = "finished"
         return stay
+
+    def _present(self, state: VehicleState, item: PlanItem, stay: Leg) -> Leg:
+        """Return the leg of an item; NAV_DELAY keeps the last one."""
+        if item.command != NAV_DELAY:
+            return self._leg_to(state, item)
+        last = stay if self._stay is None or state.on_ground else self._stay
+        return last._replace(waiting=True, taking_off=False, landing=False, turns=math.nan)
 
     def _climbing(self, state: VehicleState) -> bool:
         """True if the first position's height has not been reached yet."""
@@ -205,16 +276,71 @@ class MissionFlight:
             self.over = "return"
             self._tell_done(item)
             return
-        if item.command == DO_CHANGE_SPEED and item.param2 > 0.0:
+        if item.command in _JUMPS and self._jump(item):
+            return
+        if self.conditions and item.command not in _JUMPS:
+            if self._behind or item.command in _CONDITIONS:
+                self._behind.append(item)
+            else:
+                self._order(item)
+        elif item.command == DO_CHANGE_SPEED and item.param2 > 0.0:
             self.speed_m_s = item.param2
-        if item.command == DO_JUMP:
-            done = self._jumps.get(item.seq, 0)
-            if done < item.param2 and 0 <= int(item.param1) < self.count:
-                self._jumps[item.seq] = done + 1
-                self.current = int(item.param1)
-                return
         self._tell_done(item)
         self.current += 1
+
+    def _jump(self, item: PlanItem) -> bool:
+        """Jump to an item or a tag; False once it has been done often enough, or leads nowhere."""
+        goal = int(item.param1)
+        if item.command == DO_JUMP_TAG:
+            goal = self._tagged(goal)
+        done = self._jumps.get(item.seq, 0)
+        if not (done < item.param2 and 0 <= goal < self.count):
+            return False
+        self._jumps[item.seq] = done + 1
+        self.current = goal
+        return True
+
+    def _tagged(self, tag: int) -> int:
+        """Sequence number of the item behind a JUMP_TAG; -1 without one."""
+        tags = (
+            item.seq
+            for item in self.plans.mission.items
+            if item.command == JUMP_TAG and int(item.param1) == tag
+        )
+        return next(tags, -1)
+
+    def _order(self, item: PlanItem) -> None:
+        """Execute an item, or leave it to the commander (ArduPilot)."""
+        if item.command == DO_CHANGE_SPEED:
+            if item.param2 > 0.0:
+                self.speed_m_s = item.param2
+        elif item.command not in _CONDITIONS:
+            self.orders.append(item)
+        if item.command not in _NOT_REPORTED:
+            self.reached.append(item.seq)
+
+    def _look_behind(self, state: VehicleState, leg: Leg) -> None:
+        """Execute the items behind a condition, as far as conditions are met."""
+        while self._behind and self._met(state, self._behind[0], leg):
+            self._order(self._behind.pop(0))
+            self._condition_until_s = math.inf
+
+    def _met(self, state: VehicleState, item: PlanItem, leg: Leg) -> bool:
+        """True if a condition is met, and for every other item."""
+        if item.command == CONDITION_DISTANCE:
+            return math.dist(state.position_m[:2], leg.position_m[:2]) < item.param1
+        if item.command not in _CONDITIONS:
+            return True
+        begins = self._condition_until_s == math.inf
+        if item.command == CONDITION_YAW:
+            if begins:
+                self._condition_until_s = state.now_s
+                self.turning = True
+                self.orders.append(item)
+            return not self.turning
+        if begins:
+            self._condition_until_s = state.now_s + max(item.param1, 0.0)
+        return state.now_s >= self._condition_until_s
 
     def _tell_done(self, item: PlanItem) -> None:
         """Report an item without a position as reached (PX4), instead of the one just before it."""
@@ -225,7 +351,7 @@ class MissionFlight:
 
     def _next(self, item: PlanItem) -> None:
         self.reached.append(item.seq)
-        self._hold_until_s = self.due_s = math.inf
+        self._forget_progress()
         self.current += 1
 
     def _leg_to(self, state: VehicleState, item: PlanItem) -> Leg:
@@ -244,26 +370,41 @@ class MissionFlight:
             if math.isfinite(item.param4) and item.param4 != 0.0
             else math.nan
         )
+        circles = item.command == LOITER_TURNS and self.clocked
         return Leg(
             place,
             yaw,
             self.speed_m_s,
             landing=item.command == LAND,
             taking_off=item.command == TAKEOFF,
+            turns=item.param1 if circles else math.nan,
+            radius_m=item.param3 if circles else 0.0,
         )
 
     def _reached(self, state: VehicleState, item: PlanItem, leg: Leg) -> bool:
         if item.command == LOITER_UNLIMITED:
             return False
+        if item.command == NAV_DELAY:
+            return self._held(state, item.param1)
+        if leg.circling:
+            return self.turned_rad >= leg.turns * math.tau
         if item.command == LAND:
-            if (
-                state.flew
-                and state.on_ground
-                and state.standing_s > (_LANDED_S if self.climbs_first else 1.0)
-            ):
-                self.over = "landed"
-                return True
+            return self._landed(state)
+        holds = item.command in {WAYPOINT, LOITER_TIME}
+        return self._near(state, item, leg) and self._held(state, item.param1 if holds else 0.0)
+
+    def _landed(self, state: VehicleState) -> bool:
+        """True when a landing item is complete, which ends the mission."""
+        least_s = _LANDED_S if self.climbs_first else 1.0
+        if not (state.flew and state.on_ground and state.standing_s > least_s):
             return False
+        self.over = "landed"
+        return True
+
+    def _near(self, state: VehicleState, item: PlanItem, leg: Leg) -> bool:
+        """True when the vehicle is, or by plan should be, at an item's position."""
+        if self.clocked and item.command != TAKEOFF:
+            return state.now_s >= self.due_s
         north, east, down = (a - b for a, b in zip(leg.position_m, state.position_m, strict=True))
         default_m = float(state.parameters.get("NAV_ACC_RAD", _REACHED_M))
         radius_m = item.param2 if item.command == WAYPOINT and item.param2 > 0.0 else default_m
@@ -271,17 +412,12 @@ class MissionFlight:
         if item.command == TAKEOFF and not self.climbs_first:
             radius_m = math.inf
             off_m = _TAKEN_OFF_M
-        if self.clocked and item.command != TAKEOFF:
-            near = state.now_s >= self.due_s
-        else:
-            near = state.flew and math.hypot(north, east) < radius_m and abs(down) < off_m
-        if not near:
-            return False
-        hold_s = (
-            item.param1 if item.command in {WAYPOINT, LOITER_TIME} and item.param1 > 0.0 else 0.0
-        )
+        return state.flew and math.hypot(north, east) < radius_m and abs(down) < off_m
+
+    def _held(self, state: VehicleState, hold_s: float) -> bool:
+        """True if a time has passed since the first call for the present item; NaN and less than 0 are no time."""
         if self._hold_until_s == math.inf:
-            self._hold_until_s = state.now_s + hold_s
+            self._hold_until_s = state.now_s + (hold_s if hold_s > 0.0 else 0.0)
         return state.now_s >= self._hold_until_s
 
 

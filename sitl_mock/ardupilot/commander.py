@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sitl_mock.ardupilot import guided, safety
 from sitl_mock.ardupilot.flight import ModeFlight
 from sitl_mock.ardupilot.guided import read_attitude
-from sitl_mock.ardupilot.plans import report_totals
+from sitl_mock.ardupilot.plans import report_totals, warn_of_old_messages
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sitl_mock.ardupilot.modes import Firmware
-    from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
+    from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanKind, PlanStore
     from sitl_mock.world import Vector
 
 CHECK_S: Final = 0.1
@@ -49,7 +49,7 @@ class ArduPilot:
         self.state = state
         self.plans = plans
         self.firmware = firmware
-        self.mission = MissionFlight(plans, skip_home=True, clocked=firmware.flies)
+        self.mission = MissionFlight(plans, skip_home=True, clocked=firmware.flies, conditions=True)
         self.by_name = firmware.modes.by_name()
         self.by_number = firmware.modes.by_number()
         self.after = firmware.modes.after()
@@ -59,6 +59,7 @@ class ArduPilot:
         self.met_needs: frozenset[Need] = frozenset()
         self.switched: int | None = None
         self._check_s = -math.inf
+        self._warned: set[tuple[str, PlanKind]] = set()
 
     # Reported state
 
@@ -241,6 +242,8 @@ class ArduPilot:
         self._look()
         if self.plans.news:
             report_totals(state, self.plans)
+        if self.plans.old_messages:
+            warn_of_old_messages(state, self.plans, self._warned)
         if self.firmware.flies:
             self._hear_switch()
         if state.armed:

@@ -8,7 +8,8 @@ from sitl_mock.ardupilot.commander import ArduPilot
 from sitl_mock.ardupilot.commands import execute
 from sitl_mock.ardupilot.flight import DECIDE_S, IDLING
 from sitl_mock.ardupilot.legs import Legs
-from sitl_mock.ardupilot.maneuvers import circle_from
+from sitl_mock.ardupilot.maneuvers import circle_from, turns_edge, turns_from, turns_radius_m
+from sitl_mock.ardupilot.mission_orders import obey_orders, tell_delay
 from sitl_mock.ardupilot.modes import COPTER_MODES, Firmware
 from sitl_mock.ardupilot.plans import return_target
 from sitl_mock.ardupilot.safety import just_down
@@ -33,6 +34,8 @@ _DEAD_BAND: Final = 0.2
 _SLOWING_M_S2: Final = 1.0
 """Deceleration of a landing towards LAND_ALT_LOW."""
 _STICK_SPEED_M_S: Final = 12.5  # LOIT_SPEED
+_AT_EDGE_M: Final = 3.0
+"""LOITER_TURNS begins to circle at once this close to its circle."""
 
 
 def _guided(commander: ArduPilot) -> Setpoint:
@@ -203,8 +206,12 @@ def _auto(commander: ArduPilot) -> Setpoint:
         state.flew or flight.may_lift or commander.sticks.throttle > _THROTTLE_DOWN
     ):
         return IDLING
-    leg = commander.mission.leg(state, flight.entered_m)
-    if commander.mission.over:
+    mission = commander.mission
+    before = mission.current
+    leg = mission.leg(state, flight.entered_m)
+    tell_delay(commander, before)
+    obey_orders(commander)
+    if mission.over:
         return _after_the_mission(commander)
     if leg.landing:
         return (
@@ -224,7 +231,42 @@ def _along(commander: ArduPilot, leg: Leg) -> Setpoint:
         return guided.STOP
     if leg.taking_off:
         return Setpoint(Kind.TRAVEL, leg.position_m, speed_m_s=leg.speed_m_s)
+    if leg.circling:
+        return _around(commander, leg)
+    flight.edge_m = None
+    flight.circle = None
     return flight.legs.setpoint(commander.state, commander.mission, leg)
+
+
+def _around(commander: ArduPilot, leg: Leg) -> Setpoint:
+    """Fly LOITER_TURNS: to the nearest point of the circle, then around the centre with the nose towards it."""
+    state = commander.state
+    flight = commander.flight
+    mission = commander.mission
+    centre_m = leg.position_m
+    radius_m = turns_radius_m(leg.radius_m, state.parameters)
+    if flight.edge_m is None:
+        flight.edge_m = turns_edge(state.position_m, state.yaw_rad, centre_m, radius_m)
+        if math.dist(flight.edge_m, state.position_m) <= _AT_EDGE_M:
+            mission.turned_rad = 0.0
+    if math.isnan(mission.turned_rad):
+        setpoint = flight.legs.onwards(state, flight.edge_m, leg.speed_m_s)
+        if flight.legs.left_m(state.now_s) <= 0.0:
+            mission.turned_rad = 0.0
+        return setpoint
+    if flight.circle is None:
+        flight.legs = Legs()
+        flight.circle = turns_from(
+            state.position_m,
+            centre_m,
+            radius_m,
+            clockwise=leg.radius_m >= 0.0,
+            parameters=state.parameters,
+        )
+    setpoint = flight.circle.setpoint(0.0, DECIDE_S)
+    mission.turned_rad += abs(flight.circle.rate_rad_s) * DECIDE_S
+    north, east, _ = setpoint.position_ned_m
+    return setpoint._replace(position_ned_m=(north, east, centre_m[2]))
 
 
 COPTER: Final = Firmware[ArduPilot](

@@ -45,7 +45,9 @@ class ModeFlight:
         stage: Part of RTL (also used in AUTO).
         stage_s: When it began.
         goal_m: Destination of RTL: north, east and the down coordinate of the flight there.
-        circle: The circle of CIRCLE.
+        circle: The circle of CIRCLE, or of LOITER_TURNS in AUTO.
+        edge_m: Where LOITER_TURNS meets its circle, None before.
+        turn_item: Mission item during which CONDITION_YAW began its turn in AUTO.
         may_lift: MISSION_START allows AUTO to take off; otherwise it waits for the throttle stick.
     """
 
@@ -64,6 +66,8 @@ class ModeFlight:
     stage_s: float = 0.0
     goal_m: Vector = (math.nan, math.nan, math.nan)
     circle: Circle | None = None
+    edge_m: Vector | None = None
+    turn_item: int = 0
     may_lift: bool = False
 
     @property

@@ -179,6 +179,7 @@ class Legs:
     _before: Curve | None = None
     _present: Curve | None = None
     _following: Curve | None = None
+    _speed_m_s: float = math.nan
 
     def setpoint(self, state: VehicleState, mission: MissionFlight, leg: Leg) -> Setpoint:
         """Continue towards a leg's end; sets the time when the mission counts it as reached."""
@@ -215,7 +216,8 @@ class Legs:
         present = self._present
         following = self._following
         if present is not None and math.dist(present.goal_m, goal_m) < _LEAST_M:
-            return present
+            return self._at_speed(present, state, speed_m_s)
+        self._speed_m_s = speed_m_s
         if following is not None and math.dist(following.goal_m, goal_m) < _LEAST_M:
             self._before = present
             self._following = None
@@ -230,6 +232,22 @@ class Legs:
             start_m = self.begin(state)
         self._following = None
         self._present = curve(start_m, goal_m, state.now_s, speed_m_s, state.parameters)
+        return self._present
+
+    def _at_speed(self, present: Curve, state: VehicleState, speed_m_s: float) -> Curve:
+        """Return the present leg; after a change of speed a new one, if the vehicle could still stop before its end."""
+        unchanged = speed_m_s == self._speed_m_s or not speed_m_s > 0.0
+        braking_s = present.end_s - present.rise.lasts_s
+        if unchanged or self._following is not None or state.now_s >= braking_s:
+            return present
+        self._speed_m_s = speed_m_s
+        before = self._before
+        start_m = self.begin(state)
+        if math.dist(start_m, state.position_m) >= math.dist(present.goal_m, state.position_m):
+            self._before = before
+            self._present = present
+            return present
+        self._present = curve(start_m, present.goal_m, state.now_s, speed_m_s, state.parameters)
         return self._present
 
     def _sum(self, now_s: float) -> Setpoint:

@@ -7,6 +7,7 @@ DO_CHANGE_SPEED replaces speeds of the parameters.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.world import Vector
@@ -58,16 +59,74 @@ def circle_from(position_m: Vector, yaw_rad: float, parameters: Mapping[str, flo
     """Return the circle that begins here: its centre lies CIRCLE_RADIUS ahead; WPNAV_ACCEL bounds its rate."""
     radius = float(parameters["CIRCLE_RADIUS"]) * 0.01
     north, east, _ = position_m
+    rate = math.radians(float(parameters["CIRCLE_RATE"]))
+    centre = (north + radius * math.cos(yaw_rad), east + radius * math.sin(yaw_rad))
+    return _circle(centre, radius, math.remainder(yaw_rad + math.pi, math.tau), rate, parameters)
+
+
+def _circle(
+    centre: tuple[float, float],
+    radius: float,
+    angle_rad: float,
+    rate: float,
+    parameters: Mapping[str, float],
+) -> Circle:
+    """Return a circle whose rate keeps WPNAV_SPEED and WPNAV_ACCEL."""
     accel = float(parameters["WPNAV_ACCEL"]) * 0.01
     speed = float(parameters["WPNAV_SPEED"]) * 0.01
-    rate = math.radians(float(parameters["CIRCLE_RATE"]))
     change = max(abs(rate), math.radians(2.0))
     if radius > 0.0:
         change = min(change, 0.5 * accel / radius)
         most = min(speed, math.sqrt(0.5 * accel * radius)) / radius
         rate = min(max(rate, -most), most)
-    centre = (north + radius * math.cos(yaw_rad), east + radius * math.sin(yaw_rad))
-    return Circle(centre, radius, math.remainder(yaw_rad + math.pi, math.tau), rate, change)
+    return Circle(centre, radius, angle_rad, rate, change)
+
+
+_STORED_M: Final = 255.0
+"""Radii up to this are stored in whole metres, larger ones in tens of metres."""
+
+
+def turns_radius_m(radius_m: float, parameters: Mapping[str, float]) -> float:
+    """Radius that LOITER_TURNS flies: as stored, or CIRCLE_RADIUS for 0."""
+    size_m = abs(radius_m)
+    if size_m < 1.0:
+        return float(parameters["CIRCLE_RADIUS"]) * 0.01
+    return float(int(size_m)) if size_m <= _STORED_M else min(int(size_m * 0.1), 255) * 10.0
+
+
+def turns_edge(position_m: Vector, yaw_rad: float, centre_m: Vector, radius_m: float) -> Vector:
+    """Return the point of a circle nearest to a position; behind the vehicle from its centre."""
+    north = position_m[0] - centre_m[0]
+    east = position_m[1] - centre_m[1]
+    away_m = math.hypot(north, east)
+    angle_rad = math.atan2(east, north) if away_m > 0.0 else yaw_rad + math.pi
+    return (
+        centre_m[0] + radius_m * math.cos(angle_rad),
+        centre_m[1] + radius_m * math.sin(angle_rad),
+        centre_m[2],
+    )
+
+
+def turns_from(
+    position_m: Vector,
+    centre_m: Vector,
+    radius_m: float,
+    *,
+    clockwise: bool,
+    parameters: Mapping[str, float],
+) -> Circle:
+    """Return the circle of LOITER_TURNS, which begins at the vehicle's bearing from the centre.
+
+    Args:
+        position_m: The vehicle.
+        centre_m: Centre of the circle.
+        radius_m: Its radius.
+        clockwise: Its direction, seen from above.
+        parameters: The vehicle's parameters; CIRCLE_RATE gives the rate.
+    """
+    angle_rad = math.atan2(position_m[1] - centre_m[1], position_m[0] - centre_m[0])
+    rate = math.radians(abs(float(parameters["CIRCLE_RATE"])))
+    return _circle(centre_m[:2], radius_m, angle_rad, rate if clockwise else -rate, parameters)
 
 
 _FULL: float = 360.0

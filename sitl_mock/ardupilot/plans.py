@@ -138,6 +138,22 @@ def report_totals(state: VehicleState, plans: PlanStore) -> None:
     plans.news.clear()
 
 
+def warn_of_old_messages(
+    state: VehicleState, plans: PlanStore, warned: set[tuple[str, PlanKind]]
+) -> None:
+    """Warn once of each message without integer coordinates; `warned` has those of before, by kind of plan."""
+    for use in sorted(plans.old_messages - warned):
+        state.say(Severity.WARNING, _OLD_MESSAGES[use[0]])
+        warned.add(use)
+    plans.old_messages.clear()
+
+
+_OLD_MESSAGES: Final = {
+    "MISSION_ITEM": "got MISSION_ITEM; GCS should send MISSION_ITEM_INT",
+    "MISSION_REQUEST": "got MISSION_REQUEST; use MISSION_REQUEST_INT!",
+}
+
+
 def fence_total(items: Sequence[PlanItem]) -> int:
     """FENCE_TOTAL for the items of a fence."""
     vertices = sum(item.command in POLYGONS for item in items)

@@ -81,12 +81,20 @@ class MissionProtocol:
         """Request a missing item again, or give up the upload."""
         return self._upload.advance(now_s)
 
+    def _note_old(self, message: Message) -> None:
+        """Note a message without integer coordinates, which the autopilot warns of."""
+        kind = message.mission_type
+        if self._rules.warns_of_old and kind in KINDS:
+            self._plans.old_messages.add((message.get_type(), PlanKind(kind)))
+
     def _take(self, now_s: float, message: Message) -> list[Reply]:
         if (
             self._guide is None
             or message.current not in ORDERS
             or message.mission_type != PlanKind.MISSION
         ):
+            if message.get_type() == "MISSION_ITEM":
+                self._note_old(message)
             return self._upload.take(now_s, message)
         obeyed = self._guide(now_s, read_item(message))
         result = MissionResult.ACCEPTED if obeyed else MissionResult.ERROR
@@ -121,6 +129,7 @@ class MissionProtocol:
         item = items[seq]._replace(seq=seq, current=current)
         if message.get_type() == "MISSION_REQUEST_INT":
             return [("MISSION_ITEM_INT", *partner, *item, kind)]
+        self._note_old(message)
         x, y = (coordinate(value, item.frame) for value in (item.x, item.y))
         return [("MISSION_ITEM", *partner, *item._replace(x=x, y=y), kind)]
 

@@ -25,12 +25,23 @@ if TYPE_CHECKING:
 
     from sitl_mock.mavlink import Message
 
-_COMMON: Final = frozenset(
-    {16, 17, 19, 20, 21, 22, 31, 82, 84, 85, 93, 112, 114, 115, 177, 178, 179, 183, 189, 195, 197}
+_PX4: Final = frozenset(
+    {
+        *(16, 17, 19, 20, 21, 22, 31, 82, 84, 85, 93, 112, 114, 115, 177, 178, 179, 181, 183),
+        *(184, 189, 195, 197, 201, 203, 205, 206, 211, 530, 531, 600),
+        *(1000, 2000, 2001, 2500, 2501, 4501),
+    }
 )
-_PAYLOAD: Final = frozenset(
-    {181, 184, 201, 203, 205, 206, 211, 1000, 2000, 2001, 2500, 2501, 530, 531, 600}
+
+_ARDUPILOT: Final = frozenset(
+    {
+        *(16, 17, 18, 19, 20, 21, 22, 30, 31, 82, 83, 84, 85, 92, 93, 94, 112, 114, 115),
+        *(177, 178, 179, 181, 182, 183, 184, 189, 191, 193, 194, 201, 202, 203, 205, 206, 207),
+        *(208, 210, 211, 212, 213, 215, 216, 217, 218, 222, 223, 531, 532, 534, 600, 601),
+        *(1000, 2000, 2001, 2500, 2501, 3000, 42600, 42702, 42703),
+    }
 )
+"""Mission commands that ArduCopter 4.5.7 stores, whether or not it can execute them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +58,7 @@ class MissionRules:
         asks_with: Message that requests an item.
         home_first: Item 0 of a mission is home, even of an empty mission.
         any_radius: A fence circle's radius is not checked (PX4); else a plan with one of 0 or less is refused.
+        warns_of_old: MISSION_ITEM and MISSION_REQUEST are answered with a warning, once for each kind of plan.
     """
 
     capacity: Mapping[PlanKind, int]
@@ -58,11 +70,12 @@ class MissionRules:
     asks_with: str = "MISSION_REQUEST_INT"
     home_first: bool = False
     any_radius: bool = False
+    warns_of_old: bool = False
 
 
 PX4_MISSION_RULES: Final = MissionRules(
     capacity={PlanKind.MISSION: 2000, PlanKind.FENCE: 64, PlanKind.RALLY: 32},
-    commands=_COMMON | _PAYLOAD | {4501},
+    commands=_PX4,
     partial=False,
     cancel_on_timeout=False,
     any_radius=True,
@@ -71,12 +84,13 @@ PX4_MISSION_RULES: Final = MissionRules(
 
 ARDUPILOT_MISSION_RULES: Final = MissionRules(
     capacity={PlanKind.MISSION: 724, PlanKind.FENCE: 84, PlanKind.RALLY: 12},
-    commands=_COMMON | _PAYLOAD | {18, 92, 94, 218, 222, 223},
+    commands=_ARDUPILOT,
     partial=True,
     cancel_on_timeout=True,
     timeout_s=8.0,
     asks_with="MISSION_REQUEST",
     home_first=True,
+    warns_of_old=True,
 )
 
 

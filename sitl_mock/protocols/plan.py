@@ -120,6 +120,7 @@ class PlanStore:
         uploader: The present upload; a second link is refused meanwhile.
         uploader_until_s: End of that refusal, so that a vanished link does not block others.
         news: Replaced plans that an autopilot has yet to report.
+        old_messages: Messages without integer coordinates that clients have used, with the kind of plan.
     """
 
     plans: dict[PlanKind, Plan] = field(default_factory=lambda: {kind: Plan() for kind in PlanKind})
@@ -127,6 +128,7 @@ class PlanStore:
     uploader: object | None = None
     uploader_until_s: float = 0.0
     news: set[PlanKind] = field(default_factory=set)
+    old_messages: set[tuple[str, PlanKind]] = field(default_factory=set)
 
     @property
     def mission(self) -> Plan:

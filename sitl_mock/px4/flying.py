@@ -180,6 +180,8 @@ _RETURN: Mapping[str, Callable[[VehicleState, ModePlan], Setpoint]] = MappingPro
 def mission(state: VehicleState, flight: MissionFlight, plan: ModePlan) -> Setpoint:
     """Follow the mission's present leg, or land at a landing item."""
     leg = flight.leg(state, plan.entered_m)
+    if leg.waiting and state.on_ground:
+        return Setpoint(Kind.IDLING)
     if leg.landing:
         plan.goal_m = leg.position_m
         return land(state, plan)

@@ -138,3 +138,24 @@ def test_an_uploaded_polygon_is_a_fence(fly, ned_velocity):
     flight.offboard(stream)
     flight.until(lambda: flight.mode == "HOLD", 20.0, stream)
     assert -22.5 < flight.position[0] < -19.0
+
+
+def test_px4_waits_for_a_nav_delay_in_flight_and_on_the_ground(fly):
+    flight = fly("px4").run(1.0)
+    delay = (2, 93, 0, 1, 5.0, -1.0, -1.0, -1.0, 0, 0, 0.0)
+    items = [
+        delay,
+        item(flight, 22, 0, 0, 8.0),
+        item(flight, 16, 10.0, 0.0, 8.0),
+        delay,
+        item(flight, 16, 20.0, 0.0, 8.0),
+    ]
+    assert upload(flight, items) == ACCEPTED
+    flight.command(300, 0.0)
+    begun_s = flight.now_s
+    flight.run(4.5)
+    assert flight.height == 0.0
+    flight.until(lambda: 4 in reached(flight), 90.0)
+    times = {m.seq: time_s for time_s, m in flight.all("MISSION_ITEM_REACHED")}
+    assert times[0] - begun_s == pytest.approx(5.0, abs=0.2)
+    assert times[3] - times[2] == pytest.approx(5.0, abs=0.1)
