@@ -19,12 +19,12 @@ from mkdocs.structure.pages import Page
 from guidance.cli.program import app as guidance_app
 from guidance.cli.vehicle_setup import schema_of
 from guidance.control import Limiter
+from guidance.cycle import Violation
 from guidance.flight import ORDERS, Event, State
 from guidance.flight.table import FINAL, SETPOINT_STATES, TRANSITIONS
 from guidance.links.zenoh_evader import ODOMETRY_TYPE, POSE_TYPE
 from guidance.log.broadcast import broadcast_key
 from guidance.log.entries import CYCLE, EVENT, REPORT
-from guidance.monitor import Violation
 from guidance.session.control_bus import control_key
 from guidance.session.control_socket import WORDS
 from guidance.session.observability import Metrics
@@ -37,13 +37,13 @@ UNITS = {
 }  # fmt: skip
 API = (
     "guidance.game", "guidance.game.team", "guidance.strategies", "guidance.sim.scenario", "guidance.sim.maths",
-    "guidance.sim.outcome", "guidance.log", "guidance.links", "guidance.links.port", "guidance.certificate",
+    "guidance.sim.outcome", "guidance.log", "guidance.links", "guidance.links.port", "guidance.cycle.certificate",
     "guidance.errors", "sitl_mock", "sitl_mock.pytest_plugin",
 )  # fmt: skip
 SOURCES = {
     "guidance/game/__init__.py": "reference/api.md",
     "guidance/flight/table.py": "reference/states-events.md",
-    "guidance/monitor.py": "reference/alarms.md",
+    "guidance/cycle/monitor.py": "reference/alarms.md",
     "guidance/sim/scenario.py": "reference/scenario-file.md",
 }
 """Pages that links to a file of the code lead to on the site. In the repository they lead to the code."""

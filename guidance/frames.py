@@ -169,6 +169,15 @@ class GameFrame:
         (north0, east0, down0) = self.origin_ned_m
         return (east - east0, north - north0, down0 - down)
 
+    def motion_from_ned(
+        self, position_ned_m: Vector, velocity_ned_m_s: Vector
+    ) -> tuple[Vector, Vector]:
+        """Position and velocity in the game frame, metres and m/s."""
+        (north, east, down) = position_ned_m
+        (north0, east0, down0) = self.origin_ned_m
+        (v_north, v_east, v_down) = velocity_ned_m_s
+        return (east - east0, north - north0, down0 - down), (v_east, v_north, -v_down)
+
     def position_to_ned(self, position_game_m: Vector) -> Vector:
         """Position in NED metres of a point of the game frame."""
         return total(self.origin_ned_m, ned_from_game(position_game_m))

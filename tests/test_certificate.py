@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.certificate import GUARD_LAG_S, UNSURE, UNSURE_S, Players, Vehicle, certify
 from guidance.control import Acceleration
 from guidance.control.braking_law import approach_speed
 from guidance.control.follow import gaps_to_disc
+from guidance.cycle import Course, Players, Vehicle, certify
+from guidance.cycle.certificate import GUARD_LAG_S, UNSURE, UNSURE_S
 from guidance.frames import ned_from_game
 from guidance.game import Cylinder, Game, StandOff, Winner
 from tests.control.scenes import MULTICOPTER as ENVELOPE
@@ -41,7 +42,7 @@ def certified(
         vehicle=vehicle,
         target_m=target_m,
         age_s=age_s,
-    )[2]
+    ).certificate
 
 
 def played(
@@ -99,27 +100,28 @@ def test_a_vehicle_in_hover_may_lose_what_the_ideal_pursuer_wins():
 def test_a_vehicle_waits_only_if_it_wins_and_descends_at_full_speed(
     x, y, z, e_x, e_y, v_x, v_y, v_z
 ):
-    here, waiting, says = played((x, y, z), (v_x, v_y, v_z), (e_x, e_y, 0.0), (0.0, 0.0, 0.0))
-    if waiting is None:
+    certified = played((x, y, z), (v_x, v_y, v_z), (e_x, e_y, 0.0), (0.0, 0.0, 0.0))
+    if certified.course is Course.SOLUTION:
+        assert certified.velocity_m_s is certified.solution.pursuer_velocity_m_s
         return
-    east, north, up = waiting
-    assert says.winner == Winner.PURSUER
+    east, north, up = certified.velocity_m_s
+    assert certified.certificate.winner == Winner.PURSUER
     assert math.hypot(east, north) <= 6.0 + 1e-9
-    assert up == here.pursuer_velocity_m_s[2]
+    assert up == certified.solution.pursuer_velocity_m_s[2]
 
 
 def test_a_vehicle_that_is_too_high_stays_between_the_evader_and_the_target():
     # It needs 8/1.5 s for its height. An evader that turns can be at 60 - 3 * 8/1.5 = 44 m then.
-    here, waiting, _ = played(
-        (50.0, 0.0, 13.0), (6.0, 0.0, -1.5), (60.0, 0.0, 0.0), (3.0, 0.0, 0.0)
-    )
-    assert here.pursuer_velocity_m_s == pytest.approx((6.0, 0.0, -1.5))
+    certified = played((50.0, 0.0, 13.0), (6.0, 0.0, -1.5), (60.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+    assert certified.solution.pursuer_velocity_m_s == pytest.approx((6.0, 0.0, -1.5))
+    assert certified.course is Course.WAITING
     stops_m_s = approach_speed(50.0 - 44.0, ENVELOPE.braking_m_s2, ENVELOPE.reaction_s)
-    assert waiting == pytest.approx((-stops_m_s, 0.0, -1.5))
+    assert certified.velocity_m_s == pytest.approx((-stops_m_s, 0.0, -1.5))
 
 
 def test_a_vehicle_at_the_height_of_the_disc_does_not_wait():
-    assert played((11.0, 0.0, 5.4), (6.0, 0.0, 0.0), (60.0, 0.0, 0.0), (-3.0, 0.0, 0.0))[1] is None
+    certified = played((11.0, 0.0, 5.4), (6.0, 0.0, 0.0), (60.0, 0.0, 0.0), (-3.0, 0.0, 0.0))
+    assert certified.course is Course.SOLUTION
 
 
 @given(
@@ -136,15 +138,14 @@ def test_waiting_costs_nothing_in_the_ideal_game_however_the_evader_turns(x, y, 
     evader_m = (35.0, 0.0, 0.0)
     assured_m = None
     for cycle in range(120):
-        here, waiting, says = played(
-            pursuer_m, (0.0, 0.0, 0.0), evader_m, (0.0, 0.0, 0.0), vehicle=at_once
-        )
+        certified = played(pursuer_m, (0.0, 0.0, 0.0), evader_m, (0.0, 0.0, 0.0), vehicle=at_once)
+        says = certified.certificate
         if says.winner != Winner.PURSUER or says.captured:
             return
         assured_m = says.value if assured_m is None else max(assured_m, says.value)
         assert says.value >= assured_m - 0.2
         heading = headings[cycle // 20]
-        velocity = waiting or here.pursuer_velocity_m_s
+        velocity = certified.velocity_m_s
         pursuer_m = tuple(
             place + speed * step_s for place, speed in zip(pursuer_m, velocity, strict=True)
         )
@@ -158,11 +159,13 @@ def test_waiting_costs_nothing_in_the_ideal_game_however_the_evader_turns(x, y, 
 def test_a_vehicle_that_flies_away_from_the_target_promises_less_and_turns_back():
     # The evader, on the other side, needs 4 s to the target.
     for away_m_s, wins in ((0.0, True), (6.0, False)):
-        here, guarding, says = played(
+        certified = played(
             (6.0, 0.0, 5.0), (away_m_s, 0.0, 0.0), (-12.0, 0.0, 0.0), (3.0, 0.0, 0.0)
         )
-        assert (here.winner, says.vehicle_winner == Winner.PURSUER) == (Winner.PURSUER, wins)
-    assert guarding[0] < 0.0
+        assert certified.solution.winner == Winner.PURSUER
+        assert (certified.certificate.vehicle_winner == Winner.PURSUER) == wins
+    assert certified.course is Course.GUARDING
+    assert certified.velocity_m_s[0] < 0.0
 
 
 def test_a_captured_evader_has_lost_and_has_not_arrived():

@@ -234,7 +234,8 @@ def test_every_link_works_on_the_site():
                 f"{uri}: {file}"
             )
     led = hooks["site_links"](
-        "[a](../../guidance/monitor.py) [b](../../.readme/p.png) [c](../../x.py)", "how-to/a.md"
+        "[a](../../guidance/cycle/monitor.py) [b](../../.readme/p.png) [c](../../x.py)",
+        "how-to/a.md",
     )
     assert led == "[a](../reference/alarms.md) [b](../pictures/p.png) c"
 

@@ -4,19 +4,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.certificate import Certificate
-from guidance.game import Winner
-from guidance.monitor import (
+from guidance.cycle import Certificate, MonitorMemory, Violation, watch
+from guidance.cycle.monitor import (
     ARRIVAL_S,
     GUARDED_S,
     LASTING_S,
     SCATTER_M,
     SCATTER_M_S,
     STALE_S,
-    MonitorMemory,
-    Violation,
-    watch,
 )
+from guidance.game import Winner
 
 FAST = 1e6  # against an evader of 1 m/s: what estimates scatter by is made good at once
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from guidance.monitor import Violation
+from guidance.cycle import Violation
 from tests.harness.chase import Chase, altered, hover_chase
 from tests.harness.copies import Flown
 

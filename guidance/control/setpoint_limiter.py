@@ -136,12 +136,12 @@ def limit(
     _note(active, Limiter.SPEED, Limiter.VERTICAL_SPEED, allowed, command.velocity_ned_m_s)
     before = clamp(memory.velocity_ned_m_s, *speeds)
     if already_shaped:
-        shaped, acceleration = _accelerated(allowed, before, envelope, dt_s)
+        shaped, acceleration = _accelerated(allowed, before, envelope, dt_s, active)
     else:
         gained = clamp(memory.acceleration_ned_m_s2, *accelerations)
         shaped, acceleration = shape(allowed, before, gained, envelope, dt_s, math.inf)
         shaped = clamp(shaped, *speeds)
-    _note(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
+        _note(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
     velocity, holding = obey(shaped, constraints_of(shaped, situation, walls, envelope))
     active.extend(dict.fromkeys(one.limiter for one in holding))
     at_speed = _at_speed_limit(velocity, flown, envelope)
@@ -185,16 +185,21 @@ def limit(
 
 
 def _accelerated(
-    allowed: Vector, before: Vector, most: Agility, dt_s: float
+    allowed: Vector, before: Vector, most: Agility, dt_s: float, active: list[Limiter]
 ) -> tuple[Vector, Vector]:
     """Approach the allowed velocity within the acceleration alone; return the velocity and the acceleration."""
-    if dt_s <= 0.0:
-        return before, STILL
-    change = difference(allowed, before)
-    vertical = most.vertical_acceleration_m_s2 * dt_s
-    north, east, down = step = clamp(change, most.acceleration_m_s2 * dt_s, vertical, vertical)
-    reached = allowed if step == change else total(before, step)
-    return reached, (north / dt_s, east / dt_s, down / dt_s)
+    acceleration = STILL
+    reached = before
+    if dt_s > 0.0:
+        change = difference(allowed, before)
+        vertical = most.vertical_acceleration_m_s2 * dt_s
+        step = clamp(change, most.acceleration_m_s2 * dt_s, vertical, vertical)
+        acceleration = (step[0] / dt_s, step[1] / dt_s, step[2] / dt_s)
+        if step == change:
+            return allowed, acceleration
+        reached = total(before, step)
+    _note(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, reached, allowed)
+    return reached, acceleration
 
 
 def _turn(

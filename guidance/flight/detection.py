@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 
 from guidance.autopilots import Autopilot, Finding, Mode, Verdict
 from guidance.autopilots.description import type_name
-from guidance.certificate import Certificate
 from guidance.control import Limiter
+from guidance.cycle import Certificate
 from guidance.flight.heard import AGREEING_REPORTS, HOLD_S, Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import (

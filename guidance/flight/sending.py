@@ -5,17 +5,16 @@ from typing import TYPE_CHECKING, Final
 
 from guidance.autopilots import Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
-from guidance.cycle import CycleInputs, CycleMemory, hover, play
+from guidance.cycle import Alarm, CycleInputs, CycleMemory, MonitorMemory, hover, play, watch
 from guidance.flight.detection import Stage
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, SETPOINT_STATES, State
 from guidance.frames import Vector, total
 from guidance.messages import Heartbeat, Home, Message, Request, Setpoint
-from guidance.monitor import Alarm, MonitorMemory, watch
 
 if TYPE_CHECKING:
-    from guidance.certificate import Certificate
+    from guidance.cycle import Certificate
 
 REPEAT_S: Final = 1.5
 """Period of repeating a request without effect, and only in a cycle with a HEARTBEAT.

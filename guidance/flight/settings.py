@@ -8,14 +8,12 @@ from typing import Final, Literal, NamedTuple
 from pydantic import Field, InstanceOf
 
 from guidance.autopilots import Autopilot
-from guidance.certificate import Certificate
 from guidance.config import Section
 from guidance.control import Limits
-from guidance.cycle import CycleSettings
+from guidance.cycle import Alarm, Certificate, CycleSettings
 from guidance.flight.table import Event, State
 from guidance.frames import Vector
 from guidance.messages import EvaderReport, MateState, Message, Request, Role, Setpoint
-from guidance.monitor import Alarm
 
 
 class AfterCapture(StrEnum):
@@ -139,7 +137,7 @@ class FlightSettings(FlightSection):
         start_game_m: Stand-by position in the game frame; None stays above the take-off.
         hold_on_rival: Whether the vehicle holds when two sources report as the evader.
         guarantee_slack_s: Tolerated loss of the promised value before an alarm, in s of capture time (PE) or of the
-            evader's way (TAD), in addition to the allowance of `guidance.monitor`.
+            evader's way (TAD), in addition to the allowance of `guidance.cycle.monitor`.
         settle_s: How long all inputs must be good before a paused game continues.
         limits_s: Longest stay in each state that has a limit.
         team: Separation from mates; None for a vehicle without a team.

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from guidance.certificate import Certificate
+from guidance.cycle import Certificate
 from guidance.flight import FlightSettings
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, Vector

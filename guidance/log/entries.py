@@ -4,12 +4,11 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
-from guidance.certificate import Certificate
 from guidance.clock import Timing
+from guidance.cycle import Alarm, Certificate
 from guidance.flight import Authority, Inputs, Outputs, State
 from guidance.log.codec import Codec
 from guidance.messages import EvaderReport, Request, Setpoint
-from guidance.monitor import Alarm
 from guidance.team.messages import RolesMessage
 
 BEGUN: Final = "flight begins"

@@ -23,7 +23,7 @@ from xml.sax.saxutils import escape
 from pymavlink.dialects.v20 import all as dialect
 
 from guidance import messages
-from guidance.certificate import Certificate
+from guidance.cycle import Certificate
 from guidance.errors import ConfigError
 from guidance.extras import require
 from guidance.files import private_folder, whole_file, writing

@@ -15,9 +15,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from guidance.certificate import Certificate
 from guidance.control import Envelope
-from guidance.cycle import CycleSettings, game_played
+from guidance.cycle import Certificate, CycleSettings, game_played
 from guidance.frames import Vector
 from guidance.game import Extent, Game, solve
 from guidance.log.codec import DIALECT, Schema

@@ -12,8 +12,8 @@ from dataclasses import KW_ONLY, dataclass, field
 from typing import Final, NamedTuple
 
 from guidance.autopilots.description import MAV_CMD_COMPONENT_ARM_DISARM
-from guidance.certificate import Certificate
 from guidance.clock import Clock
+from guidance.cycle import Certificate
 from guidance.errors import FlightError
 from guidance.flight import FINAL, Authority, Event, Outputs, State
 from guidance.frames import Vector

@@ -14,14 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.certificate import Certificate
+from guidance.cycle import Alarm, Certificate
 from guidance.flight import Authority, Event, Happening, Outputs, State
 from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Vector
 from guidance.game import Cylinder, Game, StandOff, solve
 from guidance.game.team import match_teams
 from guidance.log.writer import Record, Recorder
-from guidance.monitor import Alarm
 from guidance.sim.batch import stack
 from guidance.sim.outcome import Outcome, distances_of, outcome_of, winner_name
 from guidance.sim.scenario import Scenario, Wind

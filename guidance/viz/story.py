@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.certificate import Certificate
+from guidance.cycle import Certificate
 from guidance.errors import ConfigError
 from guidance.flight import Event, FlightSettings, State
 from guidance.flight.settings import TeamSection

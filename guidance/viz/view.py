@@ -18,7 +18,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from guidance.certificate import Certificate
+from guidance.cycle import Certificate
 from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder, writing
 from guidance.game import Winner

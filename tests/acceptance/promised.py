@@ -4,11 +4,11 @@ import math
 from pathlib import Path
 from typing import Any
 
+from guidance.cycle import Alarm, Violation
 from guidance.flight import State
 from guidance.game import Winner
 from guidance.log import CycleEntry, cycles_of
 from guidance.messages import LocalPosition
-from guidance.monitor import Alarm, Violation
 
 
 def promises(record: Path, *, speed_m_s: float, limit_m_s: float) -> dict[str, Any]:

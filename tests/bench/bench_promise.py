@@ -2,8 +2,8 @@
 
 The evader first runs on a random course for up to four seconds, and then away from the pursuer. The promise is made at
 that moment, when the pursuer flies with a velocity that the game would not choose. Compared with the time flown are the
-game's value and the promise of the certificate (`guidance.certificate.late_start`). Positive errors are captures that
-came later than predicted.
+game's value and the promise of the certificate (`guidance.cycle.certificate.late_start`). Positive errors are captures
+that came later than predicted.
 """
 
 import argparse

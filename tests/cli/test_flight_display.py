@@ -7,8 +7,8 @@ import pytest
 from rich.console import Console
 
 from guidance.cli.fly import _table, plain, score, words
+from guidance.cycle import Alarm, Violation
 from guidance.flight import State
-from guidance.monitor import Alarm, Violation
 from guidance.session.mission import Progress
 from guidance.session.result import FlightResult
 from guidance.sim.outcome import outcome_of

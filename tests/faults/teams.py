@@ -14,9 +14,9 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations, permutations
 from typing import Any, Final, NamedTuple, cast
 
-from guidance.certificate import Players, Vehicle, certify
 from guidance.clock import VirtualClock
 from guidance.control.follow import gaps_to_disc
+from guidance.cycle import Players, Vehicle, certify
 from guidance.flight import Event, State
 from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import ned_from_game
@@ -405,10 +405,9 @@ class Sortie:
                 game = Game(cycle.game.pursuer, speed_m_s, standoff=cycle.game.standoff)
                 there = (*there[:2], 0.0)
                 gaps = gaps_to_disc(ned_from_game(here), ned_from_game(there), cycle.game.standoff)
-                *_, told = certify(
-                    game, Players(here, STILL, there, STILL, target, gaps, 0.0), vehicle, None
-                )
-                if told.vehicle_winner == Winner.PURSUER:
+                players = Players(here, STILL, there, STILL, target, gaps, 0.0)
+                certificate = certify(game, players, vehicle, None).certificate
+                if certificate.vehicle_winner == Winner.PURSUER:
                     self.winning.add((name, evader))
 
     def _guaranteed(self) -> int:

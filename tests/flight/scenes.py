@@ -3,9 +3,8 @@
 from dataclasses import replace
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
-from guidance.certificate import Certificate
 from guidance.control import Envelope
-from guidance.cycle import CycleSettings
+from guidance.cycle import Certificate, CycleSettings
 from guidance.estimation import EvaderEstimate
 from guidance.flight import FlightSettings
 from guidance.flight.detection import Moment, Stage

@@ -6,6 +6,7 @@ from itertools import pairwise
 import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
+from guidance.cycle import Violation
 from guidance.flight import FINAL, EngageOn, Event, FlightSettings, State
 from guidance.flight.heard import Heard
 from guidance.flight.machine import INVITE_AFTER_S
@@ -14,7 +15,6 @@ from guidance.flight.settings import AfterCapture
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import LandedState, Odometry, PositionTarget
-from guidance.monitor import Violation
 from guidance.vehicle import VehicleState, observe
 from tests.flight.flown import CYCLE_S, MESSAGE, REPOSITION, Flown, commands
 from tests.flight.scenes import (

@@ -9,12 +9,11 @@ import pytest
 from guidance.config import parse
 from guidance.control import Situation
 from guidance.control.braking_law import measure_walls
-from guidance.cycle import CycleInputs, CycleMemory, play
+from guidance.cycle import CycleInputs, CycleMemory, MonitorMemory, Violation, play, watch
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
 from guidance.frames import GameFrame
 from guidance.game import Game, Reason, StandOff, solve
-from guidance.monitor import MonitorMemory, Violation, watch
 from guidance.session.vehicle_file import GameSection
 from guidance.strategies import StrategyMemory
 from tests.flight.scenes import CYCLE

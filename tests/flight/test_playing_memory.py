@@ -5,11 +5,10 @@ import pytest
 from guidance.autopilots import Mode
 from guidance.control.follow import Drift, FollowMemory
 from guidance.control.servo import AltitudeHold
-from guidance.cycle import CycleMemory
+from guidance.cycle import CycleMemory, MonitorMemory
 from guidance.flight import EngageOn, Event, State
 from guidance.flight.machine import INVITE_AFTER_S
 from guidance.flight.sending import Playing
-from guidance.monitor import MonitorMemory
 from tests.flight.flown import CYCLE_S, Flown
 from tests.flight.scenes import QUIET, SETTINGS, settings_of
 

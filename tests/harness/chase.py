@@ -9,15 +9,14 @@ from dataclasses import dataclass, field, replace
 from random import Random
 from typing import Any
 
-from guidance.certificate import Certificate
 from guidance.clock import VirtualClock
+from guidance.cycle import Alarm, Certificate
 from guidance.flight import Event, Flight, FlightSettings, Outputs, State
 from guidance.flight.settings import AfterCapture
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import EvaderReport, Setpoint
-from guidance.monitor import Alarm
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario, Target

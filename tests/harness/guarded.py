@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from random import Random
 from typing import NamedTuple
 
-from guidance.certificate import Certificate
+from guidance.cycle import Certificate, Violation
+from guidance.cycle.monitor import LASTING_S
 from guidance.flight import Event, Outputs, State
 from guidance.game import Winner, solve_state
-from guidance.monitor import LASTING_S, Violation
 from guidance.session.loop import PERIOD_S
 from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario

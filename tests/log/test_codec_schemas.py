@@ -10,14 +10,13 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
-from guidance.certificate import Certificate
 from guidance.clock import Timing
+from guidance.cycle import Alarm, Certificate
 from guidance.log import cycles_of, reports_of, scan
 from guidance.log.codec import Codec, form_of
 from guidance.log.entries import CYCLE, EVENT, REPORT, Item
 from guidance.log.scene import EVERY_S, FIX, POSE, SCENE, disc, time_of
 from guidance.messages import Datum, EvaderReport, GlobalPosition, Message, Request, Setpoint
-from guidance.monitor import Alarm
 
 SCHEMAS = {
     one["title"]: one for one in (CYCLE.schema, EVENT.schema, REPORT.schema, FIX, POSE, SCENE)

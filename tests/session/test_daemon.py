@@ -5,9 +5,9 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots.description import MAV_CMD_DO_SET_MODE
 from guidance.config import parse
+from guidance.cycle import Alarm, Violation
 from guidance.errors import ConfigError
 from guidance.flight import Event, State
-from guidance.monitor import Alarm, Violation
 from guidance.session.control_socket import WORDS
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.plan import plan_of

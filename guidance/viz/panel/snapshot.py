@@ -19,8 +19,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from guidance.certificate import Certificate
 from guidance.control.follow import gaps_to_disc
+from guidance.cycle import Certificate, Violation
 from guidance.errors import GuidanceError
 from guidance.flight import Event, FlightSettings, State
 from guidance.flight.detection import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S
@@ -33,7 +33,6 @@ from guidance.log.entries import BEGINNINGS, CYCLE, EVENT, title_of
 from guidance.log.reader import Survey, entry_of, survey_of
 from guidance.log.scene import isochron_at, target_edge
 from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, SystemStatus
-from guidance.monitor import Violation
 from guidance.session.flight_files import RECORD, recorded_settings
 
 ISOCHRON_INTERVAL_S: Final = 1.0

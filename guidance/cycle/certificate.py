@@ -25,6 +25,7 @@ for it. It stays between the evader and the target, and descends as fast as its 
 """
 
 import math
+from enum import StrEnum
 from typing import Final, NamedTuple
 
 from guidance.control import Acceleration, Envelope, Gaps
@@ -156,9 +157,41 @@ class Vehicle(NamedTuple):
     tolerance_m: float
 
 
-def certify(
-    game: Game, players: Players, vehicle: Vehicle, before_m_s: Vector | None
-) -> tuple[StateSolution, Vector | None, Certificate]:
+class Course(StrEnum):
+    """What the vehicle flies, and why."""
+
+    SOLUTION = "solution"
+    """The game's solution."""
+    WAITING = "waiting"
+    """To the meeting point, where it waits for its height."""
+    GUARDING = "guarding"
+    """In part or wholly to the target, because little margin is left."""
+
+
+class Certified(NamedTuple):
+    """The game of one cycle, seen from this vehicle.
+
+    Attributes:
+        solution: The game's solution from here.
+        course: What the vehicle flies.
+        velocity_m_s: The velocity of that course, in the game frame.
+        certificate: The certificate without a command.
+    """
+
+    solution: StateSolution
+    course: Course
+    velocity_m_s: Vector
+    certificate: Certificate
+
+
+class Guard(NamedTuple):
+    """Velocity of a flight to the target, and how much sooner it can guard the target than the evader is there, s."""
+
+    velocity_m_s: Vector
+    margin_s: float
+
+
+def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Vector | None) -> Certified:
     """Solve the game from here, and find its value from where a pursuer starts that does as well as this vehicle.
 
     In PE that value is a capture time. In TAD it is another game, with the speed that the vehicle has shown.
@@ -168,68 +201,36 @@ def certify(
         players: From where.
         vehicle: What it can do.
         before_m_s: The pursuer's optimal velocity of the last cycle, None at the first.
-
-    Returns:
-        The solution from here, the velocity of a vehicle that waits for its height or guards the target, None if it
-        plays the solution, and the certificate without a command.
     """
     P = players.pursuer_m
     E = players.evader_m
     T = players.target_m
-    seen = players.evader_m_s
-    here = solve_state(game, P, E, T, evader_velocity_m_s=seen)
+    solution = solve_state(game, P, E, T, evader_velocity_m_s=players.evader_m_s)
+    optimal_m_s = solution.pursuer_velocity_m_s
+    desired_m_s = optimal_m_s if before_m_s is None else before_m_s
+    late_m = late_start(P, desired_m_s, players.pursuer_m_s, vehicle.acceleration)
+    farthest_m = max(players.gaps.ground_m, abs(players.gaps.height_m))
     u = game.pursuer.horizontal_m_s
-    optimal = here.pursuer_velocity_m_s
-    late = late_start(P, before_m_s or optimal, players.pursuer_m_s, vehicle.acceleration)
-    (ground_m, height_m, *_) = players.gaps
-    tolerance_m = vehicle.tolerance_m
-    farthest_m = max(ground_m, abs(height_m))
-    certificate = without_game(players, here)._replace(
+    certificate = statement(players, solution)._replace(
         speed_ratio=u / game.evader_speed_m_s,
-        captured=farthest_m <= tolerance_m,
-        strayed=farthest_m > 3.0 * tolerance_m,
-        reason=here.reason,
+        captured=farthest_m <= vehicle.tolerance_m,
+        strayed=farthest_m > 3.0 * vehicle.tolerance_m,
+        reason=solution.reason,
         vehicle_winner=int(Winner.PURSUER),
         reachable_speed_m_s=u,
     )
-    if T is None:
-        time_s, _, _ = escape(FLOATS, game, take_apart(FLOATS, game, late, E, None))
-        return here, None, certificate._replace(time_needed_s=time_s, allowance=time_s - here.value)
-    # The speed over the ground that the vehicle has shown, or is trusted with before.
-    trusted_m_s = min(
-        u, max(vehicle.shown_m_s, _TAKEN_FOR_GRANTED * u, _FASTER * game.evader_speed_m_s)
-    )
-    shown = game.against(game.evader_speed_m_s, game.information_age_s, trusted_m_s)
-    there = solve_state(shown, late, E, T, evader_velocity_m_s=seen)
-    assured_m = -there.value if there.winner == Winner.EVADER else there.value
-    low = abs(height_m) <= tolerance_m
-    asked_m_s = (None if low else _waiting(game, here, players, vehicle, trusted_m_s)) or optimal
-    reaction_s = vehicle.envelope.reaction_s
-    _, margin_s = _guard(game, shown, here, players, vehicle, reaction_s)
-    guarding_m_s, later_s = _guard(game, shown, here, players, vehicle, reaction_s + AHEAD_S)
-    share = min(1.0, max(0.0, 1.0 - (later_s + AHEAD_S) / SPARE_S))
-    if share > 0.0 and here.winner == Winner.PURSUER:
-        x, y = (a + share * (g - a) for a, g in zip(asked_m_s[:2], guarding_m_s[:2], strict=True))
-        asked_m_s = (x, y, here.pursuer_velocity_m_s[2])
-    waiting_m_s = None if asked_m_s is optimal else asked_m_s
-    won = Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
-    verdict = Winner.EVADER if here.winner == Winner.EVADER else won
-    certificate = certificate._replace(
-        evader_arrived=not certificate.captured
-        and game.target_extent.distance_m(T, E) <= tolerance_m,
-        time_needed_s=there.meeting_time_s,
-        assured_distance_m=assured_m,
-        allowance=here.value - assured_m,
-        vehicle_winner=int(Winner.PURSUER if certificate.captured else verdict),
-        vehicle_margin_s=margin_s,
-    )
-    return here, waiting_m_s, certificate
+    if T is not None:
+        return _defended(game, players, vehicle, late_m, solution, certificate)
+    late_state = take_apart(FLOATS, game, late_m, E, None)
+    time_s, _, _ = escape(FLOATS, game, late_state)
+    certificate = certificate._replace(time_needed_s=time_s, allowance=time_s - solution.value)
+    return Certified(solution, Course.SOLUTION, optimal_m_s, certificate)
 
 
-def without_game(players: Players, here: StateSolution = _NO_SOLUTION) -> Certificate:
-    """Return the certificate of a cycle without a game, or the part of one with a game that needs only its solution."""
+def statement(players: Players, solution: StateSolution) -> Certificate:
+    """Return a certificate with the ideal game's result and the positions; everything else is missing or false."""
     return Certificate(
-        *here[:5],
+        *solution[:5],
         speed_ratio=math.nan,
         evader_age_s=players.evader_age_s,
         pursuer_game_m=players.pursuer_m,
@@ -242,8 +243,82 @@ def without_game(players: Players, here: StateSolution = _NO_SOLUTION) -> Certif
         captured=False,
         strayed=False,
         evader_arrived=False,
-        no_game=here is _NO_SOLUTION,
+        no_game=False,
     )
+
+
+def without_game(players: Players) -> Certificate:
+    """Return the certificate of a cycle without a game."""
+    return statement(players, _NO_SOLUTION)._replace(no_game=True)
+
+
+def _defended(
+    game: Game,
+    players: Players,
+    vehicle: Vehicle,
+    late_m: Vector,
+    solution: StateSolution,
+    certificate: Certificate,
+) -> Certified:
+    """Add this vehicle's promises in TAD, and choose its course."""
+    E = players.evader_m
+    T = players.target_m or _NOWHERE
+    u = game.pursuer.horizontal_m_s
+    # The speed over the ground that the vehicle has shown, or is trusted with before.
+    trusted_m_s = min(
+        u, max(vehicle.shown_m_s, _TAKEN_FOR_GRANTED * u, _FASTER * game.evader_speed_m_s)
+    )
+    shown = game.against(game.evader_speed_m_s, game.information_age_s, trusted_m_s)
+    late = solve_state(shown, late_m, E, T, evader_velocity_m_s=players.evader_m_s)
+    assured_m = -late.value if late.winner == Winner.EVADER else late.value
+    reaction_s = vehicle.envelope.reaction_s
+    guard = _guard(game, shown, solution, players, vehicle, reaction_s)
+    ahead = _guard(game, shown, solution, players, vehicle, reaction_s + AHEAD_S)
+    course, velocity_m_s = _course(game, players, vehicle, solution, ahead, trusted_m_s)
+    arrived = game.target_extent.distance_m(T, E) <= vehicle.tolerance_m
+    certificate = certificate._replace(
+        evader_arrived=arrived and not certificate.captured,
+        time_needed_s=late.meeting_time_s,
+        assured_distance_m=assured_m,
+        allowance=solution.value - assured_m,
+        vehicle_winner=int(_verdict(solution, certificate, guard.margin_s)),
+        vehicle_margin_s=guard.margin_s,
+    )
+    return Certified(solution, course, velocity_m_s, certificate)
+
+
+def _verdict(solution: StateSolution, certificate: Certificate, margin_s: float) -> Winner:
+    """Return the winner of TAD for this vehicle, which has a margin at the target."""
+    if certificate.captured:
+        return Winner.PURSUER
+    if solution.winner == Winner.EVADER:
+        return Winner.EVADER
+    return Winner.PURSUER if margin_s > 0.0 else Winner.UNDECIDED
+
+
+def _course(
+    game: Game,
+    players: Players,
+    vehicle: Vehicle,
+    solution: StateSolution,
+    ahead: Guard,
+    trusted_m_s: float,
+) -> tuple[Course, Vector]:
+    """Return what the vehicle flies in TAD, and its velocity."""
+    course = Course.SOLUTION
+    velocity_m_s = solution.pursuer_velocity_m_s
+    if abs(players.gaps.height_m) > vehicle.tolerance_m:
+        waiting_m_s = _waiting(game, solution, players, vehicle, trusted_m_s)
+        if waiting_m_s is not None:
+            course = Course.WAITING
+            velocity_m_s = waiting_m_s
+    share = min(1.0, max(0.0, 1.0 - (ahead.margin_s + AHEAD_S) / SPARE_S))
+    if share > 0.0 and solution.winner == Winner.PURSUER:
+        course = Course.GUARDING
+        x = velocity_m_s[0] + share * (ahead.velocity_m_s[0] - velocity_m_s[0])
+        y = velocity_m_s[1] + share * (ahead.velocity_m_s[1] - velocity_m_s[1])
+        velocity_m_s = (x, y, solution.pursuer_velocity_m_s[2])
+    return course, velocity_m_s
 
 
 def late_start(
@@ -291,8 +366,8 @@ def _guard(
     players: Players,
     vehicle: Vehicle,
     flies_on_s: float,
-) -> tuple[Vector, float]:
-    """Return the velocity to the target of a vehicle that flies on before, and its margin there, s. It stops there."""
+) -> Guard:
+    """Return the flight to the target of a vehicle that flies on at its present velocity before. It stops there."""
     P = players.pursuer_m
     E = players.evader_m
     T = players.target_m or _NOWHERE
@@ -332,4 +407,4 @@ def _guard(
         )
     margin_s = solve_state(shown, late, E, T, evader_velocity_m_s=players.evader_m_s).margin_s
     needed_s = flies_on_s + max(braking_s, levelling_s) + UNSURE_S + UNSURE * here.meeting_time_s
-    return guarding_m_s, min(margin_s, here.margin_s) - needed_s
+    return Guard(guarding_m_s, min(margin_s, here.margin_s) - needed_s)

@@ -22,7 +22,7 @@ import math
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from guidance.certificate import Certificate
+from guidance.cycle.certificate import Certificate
 from guidance.game import Reason, Winner
 
 SCATTER_M: Final = 1.0

@@ -1,0 +1,48 @@
+"""One guidance cycle: five steps from both players to a setpoint, the certificate, and the monitor of its promises.
+
+Cycle (`steps`):
+    play: one cycle of the game, from `CycleInputs`, `CycleSettings` and `CycleMemory` to a `CycleOutput`.
+    hover: one cycle without a game. game_played: the game of a cycle, a `GamePlayed`.
+
+Certificate (`certificate`):
+    certify: what the game says from here, what this vehicle can promise, and the `Course` that it flies: a `Certified`.
+    Certificate: the statement of one cycle. Players, Vehicle: what it is made from.
+
+Monitor (`monitor`):
+    watch: compare a certificate with the promises before it, which a `MonitorMemory` keeps.
+    Alarm: a promise that was not kept. Violation: which one.
+"""
+
+from guidance.cycle.certificate import Certificate, Certified, Course, Players, Vehicle, certify
+from guidance.cycle.monitor import Alarm, MonitorMemory, Violation, watch
+from guidance.cycle.steps import (
+    CycleInputs,
+    CycleMemory,
+    CycleOutput,
+    CycleSettings,
+    GamePlayed,
+    game_played,
+    hover,
+    play,
+)
+
+__all__ = [
+    "Alarm",
+    "Certificate",
+    "Certified",
+    "Course",
+    "CycleInputs",
+    "CycleMemory",
+    "CycleOutput",
+    "CycleSettings",
+    "GamePlayed",
+    "MonitorMemory",
+    "Players",
+    "Vehicle",
+    "Violation",
+    "certify",
+    "game_played",
+    "hover",
+    "play",
+    "watch",
+]

@@ -1,0 +1,400 @@
+"""One guidance cycle in five steps: where both are ▸ the game ▸ the strategy ▸ what the vehicle follows ▸ the limits.
+
+Pure: the same inputs, settings and memory give the same setpoint, bit for bit: in flight, in virtual time, in replay.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from guidance.control import Envelope, Gaps, Handling, Situation
+from guidance.control.braking_law import Wall, held_back
+from guidance.control.follow import (
+    Followed,
+    FollowMemory,
+    Pace,
+    follow,
+    gaps_to_disc,
+    observe_drift,
+)
+from guidance.control.polygon import Point
+from guidance.control.servo import (
+    AltitudeHold,
+    SpeedMemory,
+    hold_altitude,
+    keep_station,
+    observe_speed,
+)
+from guidance.control.setpoint_limiter import LimitMemory, limit
+from guidance.cycle.certificate import (
+    Certificate,
+    Certified,
+    Course,
+    Players,
+    Vehicle,
+    certify,
+    without_game,
+)
+from guidance.errors import ConfigError
+from guidance.estimation import EvaderEstimate
+from guidance.frames import (
+    GameFrame,
+    Place,
+    Vector,
+    difference,
+    ned_from_game,
+    total,
+)
+from guidance.game import Ball, Game, Reason, guaranteed_age_s
+from guidance.messages import Setpoint
+from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
+
+
+@dataclass(frozen=True, slots=True)
+class CycleSettings:
+    """Settings of every cycle of a flight.
+
+    Attributes:
+        game: The game against the declared speed; each cycle plays it with the estimated speed.
+        strategy: Strategy of the pursuer; one of `guidance.strategies.PURSUER_STRATEGIES`.
+        speed_sigmas: k of the evader's speed bound max(declared, estimate + kσ). Too large a bound costs time too: the
+            pursuer aims too far ahead.
+        tolerance_m: Distance from the disc, horizontally and vertically, that counts as captured.
+        envelope: The limits.
+        handling: How the vehicle flies.
+        target_game_m: The evader's target in the game frame (TAD); None in the PE game.
+        site: Latitude and longitude in degrees and altitude of the game frame's zero; None for home.
+        evader_timeout_s: The evader counts as lost when its last report is older than this.
+    """
+
+    game: Game
+    strategy: Strategy
+    tolerance_m: float
+    envelope: Envelope
+    handling: Handling
+    target_game_m: Vector | None = None
+    site: Place | None = None
+    evader_timeout_s: float = 1.5
+    speed_sigmas: float = 0.5
+
+
+class CycleInputs(NamedTuple):
+    """Inputs of one cycle, read once.
+
+    Attributes:
+        dt_s: Time since the last cycle.
+        situation: State of the vehicle, and of the evader if there is one.
+        walls: All walls around the vehicle, see `guidance.control.braking_law`.
+        evader: The estimated evader.
+        game_frame: The game's frame, if it is known.
+        guided: Whether a HEARTBEAT of this cycle shows the guided mode, so the vehicle has followed the setpoints.
+    """
+
+    dt_s: float
+    situation: Situation
+    walls: tuple[Wall, ...]
+    evader: EvaderEstimate | None
+    game_frame: GameFrame | None
+    guided: bool = False
+
+
+class CycleMemory(NamedTuple):
+    """Memory between cycles."""
+
+    follow: FollowMemory = FollowMemory()
+    limits: LimitMemory | None = None
+    height: AltitudeHold | None = None
+    yaw_rad: float | None = None
+    place: Point | None = None
+    strategy: StrategyMemory = StrategyMemory()
+    optimal_game_m_s: Vector | None = None
+    speed: SpeedMemory = SpeedMemory()
+
+
+class CycleOutput(NamedTuple):
+    """The setpoint to send, the certificate (None for a hover), and the memory for the next cycle."""
+
+    setpoint: Setpoint
+    certificate: Certificate | None
+    memory: CycleMemory
+
+
+def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:
+    """Play the game for one cycle.
+
+    Raises:
+        ValueError: If there is no evader or no game frame; the flight hovers then instead.
+    """
+    evader = inputs.evader
+    frame = inputs.game_frame
+    if evader is None or frame is None:
+        raise ValueError("play needs an evader and a game frame; hover without them")
+    players = _players(inputs.situation, evader, frame, settings, memory.strategy.played_s)
+    try:
+        played = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
+    except ConfigError:
+        return _without_game(inputs, settings, memory, players)
+    aim = _aim(played.game, players, settings, memory, inputs.dt_s)
+    flight = _follow(aim, players.gaps, evader.speed_bound_m_s, inputs, settings, memory)
+    limited = limit(
+        flight.command,
+        inputs.situation,
+        settings.envelope,
+        memory.limits,
+        inputs.dt_s,
+        walls=inputs.walls,
+        already_shaped=settings.handling.servo is not None,
+    )
+    certificate = aim.certified.certificate._replace(
+        desired_ned_m_s=flight.followed.desired_ned_m_s,
+        command_ned_m_s=limited.setpoint.velocity_ned_m_s,
+        active_limits=tuple(map(str, limited.active)),
+    )
+    if played.too_old:
+        certificate = certificate._replace(reason=int(Reason.TOO_OLD))
+    kept = CycleMemory(
+        follow=flight.followed.memory,
+        limits=limited.memory,
+        yaw_rad=flight.command.yaw_rad,
+        strategy=aim.memory,
+        optimal_game_m_s=aim.certified.solution.pursuer_velocity_m_s,
+        speed=flight.speed,
+    )
+    return CycleOutput(limited.setpoint, certificate, kept)
+
+
+def _players(
+    here: Situation,
+    evader: EvaderEstimate,
+    frame: GameFrame,
+    settings: CycleSettings,
+    played_s: float,
+) -> Players:
+    """Step 1: return where both players and the target are, in the game frame.
+
+    Args:
+        here: State of the vehicle.
+        evader: The estimated evader.
+        frame: The game's frame.
+        settings: Of the cycle.
+        played_s: Time since the game began, in which the target may have moved.
+    """
+    pursuer_m, pursuer_m_s = frame.motion_from_ned(here.position_ned_m, here.velocity_ned_m_s)
+    evader_m, evader_m_s = frame.motion_from_ned(evader.position_ned_m, evader.velocity_ned_m_s)
+    gaps = gaps_to_disc(here.position_ned_m, evader.position_ned_m, settings.game.standoff)
+    target_m = settings.target_game_m
+    if target_m is not None:
+        east_m_s, north_m_s = settings.game.target_velocity_m_s
+        target_m = (
+            target_m[0] + east_m_s * played_s,
+            target_m[1] + north_m_s * played_s,
+            target_m[2],
+        )
+    return Players(pursuer_m, pursuer_m_s, evader_m, evader_m_s, target_m, gaps, evader.age_s)
+
+
+class GamePlayed(NamedTuple):
+    """The game of one cycle, and whether the evader's last report is too old for a guarantee."""
+
+    game: Game
+    too_old: bool
+
+
+def game_played(
+    settings: CycleSettings, evader_speed_m_s: float, evader_age_s: float, speed_share: float = 1.0
+) -> GamePlayed:
+    """Step 2: return the game that a cycle plays.
+
+    Args:
+        settings: Of the cycle.
+        evader_speed_m_s: Bound of the evader's speed in this cycle.
+        evader_age_s: Age of the evader's last report; the evader may have run elsewhere for so long.
+        speed_share: Share of the configured speed that this vehicle reaches.
+
+    Raises:
+        ConfigError: If the evader is too fast for this vehicle.
+    """
+    age_s = min(max(evader_age_s, 0.0), settings.evader_timeout_s)
+    reached_m_s = max(speed_share, 1e-3) * settings.game.pursuer.horizontal_m_s
+    game = settings.game.against(evader_speed_m_s, age_s, reached_m_s)
+    too_old = age_s > guaranteed_age_s(game)
+    if settings.target_game_m is not None:
+        # With age the value can be beaten in TAD. Of the laws that tests/bench/bench_game_age.py sets against a worst
+        # evader, this one loses least: a pursuer that keeps to the disc about an old place lets the evader out of it.
+        game = game.within_spread()
+    elif too_old:
+        game = settings.game.against(evader_speed_m_s, 0.0, reached_m_s)
+    return GamePlayed(game, too_old)
+
+
+class Aim(NamedTuple):
+    """What the pursuer's strategy asks for.
+
+    Attributes:
+        certified: The game from here, seen from this vehicle.
+        nominal_ned_m_s: Velocity asked for, at the configured speed.
+        hurried: Whether it is the game's full speed. A vehicle that waits or guards has time to spare.
+        memory: Of the strategy.
+    """
+
+    certified: Certified
+    nominal_ned_m_s: Vector
+    hurried: bool
+    memory: StrategyMemory
+
+
+def _aim(
+    game: Game, players: Players, settings: CycleSettings, memory: CycleMemory, dt_s: float
+) -> Aim:
+    """Step 3: certify the game from here, and ask the strategy for a velocity.
+
+    Args:
+        game: Of this cycle.
+        players: Where both are.
+        settings: Of the cycle.
+        memory: Of the cycle.
+        dt_s: Time since the last cycle.
+    """
+    vehicle = Vehicle(
+        settings.handling.acceleration,
+        settings.envelope,
+        memory.speed.shown_m_s,
+        settings.tolerance_m,
+    )
+    certified = certify(game, players, vehicle, memory.optimal_game_m_s)
+    asked_m_s = certified.velocity_m_s
+    hurried = certified.course is Course.SOLUTION
+    if settings.strategy.name != OPTIMAL:
+        asked_m_s = _ask_strategy(settings.strategy, game, players, memory.strategy, dt_s)
+        hurried = True
+    x, y, z = asked_m_s
+    is_ball = isinstance(game.pursuer, Ball)
+    reached_m_s = game.pursuer.horizontal_m_s
+    asked_speed_m_s = math.hypot(x, y, z if is_ball else 0.0)
+    if asked_speed_m_s >= reached_m_s * (1.0 - 1e-6):
+        # It is flown at the configured speed, which shows whether the vehicle can fly faster. A vehicle that waits for
+        # its height, or keeps up with the evader, asks for less than the game's speed.
+        scale = settings.game.pursuer.horizontal_m_s / reached_m_s
+        x = scale * x
+        y = scale * y
+        z = scale * z if is_ball else z
+    played = StrategyMemory(np.array(asked_m_s), memory.strategy.played_s + dt_s)
+    return Aim(certified, ned_from_game((x, y, z)), hurried, played)
+
+
+def _ask_strategy(
+    strategy: Strategy, game: Game, players: Players, memory: StrategyMemory, dt_s: float
+) -> Vector:
+    """Return the velocity of a strategy other than the optimal one, in the game frame."""
+    target_m = None if players.target_m is None else np.array(players.target_m)
+    x, y, z = pursue(
+        strategy,
+        game,
+        np.array(players.pursuer_m),
+        np.array(players.evader_m),
+        target_m,
+        np.array(players.evader_m_s),
+        memory,
+        dt_s=dt_s,
+    )
+    return (float(x), float(y), float(z))
+
+
+class Flight(NamedTuple):
+    """The command before the limits, how it came about, and the speeds that the vehicle has flown."""
+
+    command: Setpoint
+    followed: Followed
+    speed: SpeedMemory
+
+
+def _follow(
+    aim: Aim,
+    gaps: Gaps,
+    evader_speed_m_s: float,
+    inputs: CycleInputs,
+    settings: CycleSettings,
+    memory: CycleMemory,
+) -> Flight:
+    """Step 4: make the vehicle follow what the strategy asks for, and compare it with what was flown.
+
+    Args:
+        aim: What the strategy asks for.
+        gaps: Distances to the evader's disc.
+        evader_speed_m_s: Bound of the evader's speed.
+        inputs: Of the cycle.
+        settings: Of the cycle.
+        memory: Of the cycle.
+    """
+    envelope = settings.envelope
+    asked_ned_m_s = held_back(aim.nominal_ned_m_s, inputs.walls, envelope)
+    was_at_wall = memory.limits is not None and memory.limits.held_back
+    pace = Pace(
+        inputs.dt_s,
+        max_speed_ratio=envelope.speed_m_s / settings.game.pursuer.horizontal_m_s,
+        meeting_m_s=envelope.speed_m_s + evader_speed_m_s,
+        hurried=aim.hurried,
+        held_back=was_at_wall,
+    )
+    followed = follow(asked_ned_m_s, inputs.situation, gaps, settings.handling, memory.follow, pace)
+    is_turned_by_wall = asked_ned_m_s[:2] != aim.nominal_ned_m_s[:2]
+    speed = observe_speed(
+        memory.speed,
+        asked_ned_m_s,
+        followed.flown_ned_m_s,
+        unslowed=followed.unslowed and aim.hurried and not was_at_wall and not is_turned_by_wall,
+        confirmed=inputs.guided,
+        dt_s=inputs.dt_s,
+    )
+    yaw_rad = inputs.situation.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
+    command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
+    return Flight(command, followed, speed)
+
+
+def _without_game(
+    inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory, players: Players
+) -> CycleOutput:
+    """Hover, because the evader is too fast for this vehicle: there is no game, and none is extrapolated."""
+    output = hover(inputs, settings, memory)
+    certificate = without_game(players)._replace(command_ned_m_s=output.setpoint.velocity_ned_m_s)
+    return output._replace(certificate=certificate)
+
+
+def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> CycleOutput:
+    """Stop and keep the place, the height and the heading, within the limits."""
+    here = inputs.situation
+    dt_s = inputs.dt_s
+    yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
+    down_m_s, height = hold_altitude(
+        memory.height, down_m=here.position_ned_m[2], envelope=settings.envelope, dt_s=dt_s
+    )
+    drift = observe_drift(
+        memory.follow.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s
+    )
+    flown_ned_m_s = difference(here.velocity_ned_m_s, drift.velocity_ned_m_s)
+    (north_m_s, east_m_s), place = keep_station(memory.place, here.position_ned_m, flown_ned_m_s)
+    still_ned_m_s = total((north_m_s, east_m_s, down_m_s), drift.velocity_ned_m_s)
+    limited = limit(
+        Setpoint(still_ned_m_s, yaw_rad=yaw_rad),
+        here,
+        settings.envelope,
+        memory.limits,
+        dt_s,
+        walls=inputs.walls,
+    )
+    paused = StrategyMemory()
+    if memory.strategy.velocity_m_s is not None:
+        paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s)
+    kept = CycleMemory(
+        follow=FollowMemory(drift=drift),
+        limits=limited.memory,
+        height=height,
+        yaw_rad=yaw_rad,
+        place=place,
+        strategy=paused,
+        # Without the comparison that has begun
+        speed=SpeedMemory(memory.speed.shown_m_s, memory.speed.share),
+    )
+    return CycleOutput(limited.setpoint, None, kept)
