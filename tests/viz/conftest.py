@@ -1,14 +1,54 @@
-"""Flights to draw, and a TLS certificate."""
+"""Flights to draw, a browser, and a TLS certificate."""
 
 import shutil
 import subprocess
 
+import psutil
 import pytest
 
 from guidance.sim.scenario import Scenario
 from guidance.viz import report
 from guidance.viz.report import write_report
 from tests.harness.flights import NEAR, flown
+
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+QUIET = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+LIMIT_MS = 40_000
+
+
+@pytest.fixture
+def browser():
+    """A Chromium context that records console messages and requests."""
+    if BROWSER is None:
+        yield None
+        return
+    from playwright.sync_api import sync_playwright
+
+    with (
+        sync_playwright() as playwright,
+        playwright.chromium.launch(executable_path=BROWSER, args=QUIET) as chromium,
+    ):
+        for process in psutil.Process().children(recursive=True):
+            if "python" not in process.name():
+                process.nice(15)  # drawing must not slow down the flight
+        context = chromium.new_context(viewport={"width": 1024, "height": 768})
+        context.set_default_timeout(LIMIT_MS)
+        said = context.said = []  # type: ignore[attr-defined]
+        asked = context.asked = []  # type: ignore[attr-defined]
+        context.on("console", lambda message: said.append(message.text))
+        context.on("weberror", lambda error: said.append(str(error.error)))
+        context.on("request", lambda request: asked.append(request.url))
+        yield context
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,6 @@ Without a browser, only the structure of the page is checked.
 
 import contextlib
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -22,18 +21,6 @@ from sitl_mock.child import running
 from tests.harness.vehicle import FENCED, mocked, write_file
 
 PAGE = Path(guidance.viz.panel.__file__).parent / "page"
-BROWSER = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
-QUIET = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 GUIDANCE = Path(sys.executable).parent / "guidance"
 QUICK = {
     **FENCED,
@@ -108,31 +95,6 @@ def parts(tmp_path):
         yield SimpleNamespace(control=control, daemon=daemon, panel=panel)
 
 
-@pytest.fixture
-def browser():
-    """A Chromium context that records console messages and requests."""
-    if BROWSER is None:
-        yield None
-        return
-    from playwright.sync_api import sync_playwright
-
-    with (
-        sync_playwright() as playwright,
-        playwright.chromium.launch(executable_path=BROWSER, args=QUIET) as chromium,
-    ):
-        for process in psutil.Process().children(recursive=True):
-            if "python" not in process.name():
-                process.nice(15)  # drawing must not slow down the flight
-        context = chromium.new_context(viewport={"width": 1024, "height": 768})
-        context.set_default_timeout(LIMIT_MS)
-        said = context.said = []  # type: ignore[attr-defined]
-        asked = context.asked = []  # type: ignore[attr-defined]
-        context.on("console", lambda message: said.append(message.text))
-        context.on("weberror", lambda error: said.append(str(error.error)))
-        context.on("request", lambda request: asked.append(request.url))
-        yield context
-
-
 def hold_down(page, order):
     """Press a button for its required time."""
     button = page.locator(f"[data-order={order}]")
@@ -142,6 +104,12 @@ def hold_down(page, order):
     page.mouse.down()
     page.wait_for_timeout(1100)
     page.mouse.up()
+
+
+def hold_key(page, key):
+    page.keyboard.down(key)
+    page.wait_for_timeout(1100)
+    page.keyboard.up(key)
 
 
 def answered(page, words):
@@ -296,7 +264,9 @@ def from_start_to_landed(browser, page):
     page.bring_to_front()
     page.locator("#by").fill("Ana")
     page.locator("#state").click()  # keys are orders outside text fields
-    page.keyboard.press("h")
+    page.keyboard.type("Hello Will", delay=20)
+    answered(page, "LAND: not given. Keep it pressed for one second")
+    hold_key(page, "h")
     answered(page, "HOLD refused: there is no flight to end: the vehicle is not armed")
     page.locator("[data-order=start]").click()
     answered(page, "START: not given. Keep it pressed for one second")
@@ -314,7 +284,7 @@ def from_start_to_landed(browser, page):
     page.locator("[data-name=reach]", has_text="yes, in ").wait_for()
     stands(page, "on station")
     stands(other, "on station")
-    page.keyboard.press("l")
+    hold_key(page, "l")
     answered(page, "LAND: accepted")
     other.locator("#events", has_text="land by panel, Ana at 127.0.0.1: accepted").wait_for()
     page.locator("#show-space").click()
@@ -425,7 +395,7 @@ def a_panel_that_hangs_or_dies_is_said_to(panel, page):
     panel.kill()
     panel.wait()
     page.locator("#banner", has_text="NO CONTACT WITH THE PANEL").wait_for()
-    page.keyboard.press("h")
+    hold_key(page, "h")
     answered(page, "HOLD: no answer from the panel")
 
 

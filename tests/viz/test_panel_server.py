@@ -10,6 +10,9 @@ from types import SimpleNamespace
 
 import pytest
 from aiohttp import ClientSession, CookieJar, WSMsgType, WSServerHandshakeError, web
+from aiohttp.test_utils import TestServer
+from multidict import CIMultiDict
+from yarl import URL
 
 from guidance.cli.program import app
 from guidance.clock import VirtualClock
@@ -117,15 +120,18 @@ async def test_the_token_gives_a_cookie_for_a_secret_path_hidden_from_scripts(op
         panel.door, params={"token": panel.access.token}, allow_redirects=False
     )
     async with enter as answer:
+        assert not answer.cookies
+        ticket = URL(panel.door).join(URL(answer.headers["Location"]))
+    async with panel.client.get(ticket, allow_redirects=False) as answer:
         (cookie,) = answer.cookies.values()
-        # Servers on other ports of the host get the cookie only below this path, which they do not know.
-        assert (cookie["httponly"], cookie["samesite"], cookie["path"]) == (
-            True,
-            "Lax",
-            panel.access.path,
-        )
+        # Without a path, the browser takes the folder of the address that it asked for. Servers on other ports of the
+        # host get the cookie only below this path, which they do not know.
+        assert (cookie["httponly"], cookie["samesite"], cookie["path"]) == (True, "Lax", "")
+        assert ticket.parent.path + "/" == panel.access.path
         assert len(panel.access.path) > 20
         assert cookie.value not in panel.access.path
+    async with ClientSession() as stranger, stranger.get(ticket) as answer:
+        assert answer.status == 403  # it worked once
     async with panel.client.get("") as answer:
         policy = answer.headers["Content-Security-Policy"]
         assert policy.startswith(
@@ -140,6 +146,94 @@ async def test_the_token_gives_a_cookie_for_a_secret_path_hidden_from_scripts(op
     for name in ("nothing.js", "..%2Fserver.py", "%2Fetc%2Fpasswd", "panel", "x.py"):
         async with panel.client.get(f"page/{name}") as answer:
             assert answer.status == 404, name
+
+
+async def test_any_bytes_of_a_request_are_refused_in_order(opened):
+    panel = await opened()
+    for head in (
+        b"GET /x/ HTTP/1.1\r\nHost: %b\r\nCookie: guidance-panel-%d=\xff\xfe",
+        b"GET /?token=\xff HTTP/1.1\r\nHost: %b\r\nX-Port: %d",
+        b"GET /?token=%%ff%%c3%%28 HTTP/1.1\r\nHost: %b\r\nX-Port: %d",
+    ):
+        reader, writer = await asyncio.open_connection("127.0.0.1", panel.port)
+        host = b"127.0.0.1:%d" % panel.port
+        writer.write(head % (host, panel.port) + b"\r\nConnection: close\r\n\r\n")
+        status = (await reader.readline()).split()[1]
+        assert status in {b"400", b"403"}, head
+        writer.close()
+
+
+async def test_a_person_at_another_address_than_the_panels_is_told_so(opened):
+    panel = await opened()
+    for path in ("", "x/y/"):
+        headers = {"Host": "proxy.example", "Accept": "text/html"}
+        async with panel.client.get(f"{panel.door}{path}", headers=headers) as answer:
+            assert answer.status == 421
+            text = await answer.text()
+            assert "Not the panel's address" in text
+            style = re.search(r'href="([^"]*door\.css)"', text)[1]
+        headers["Accept"] = "text/css"
+        async with panel.client.get(answer.url.join(URL(style)), headers=headers) as answer:
+            assert answer.status == 200
+    await let_in(panel)
+    origin = panel.origin["Origin"]
+    for said, here in ((origin, True), ("http://proxy.example", False), ("", False)):
+        async with panel.client.get("alive", params={"origin": said}) as answer:
+            assert (await answer.json())["here"] is here
+
+
+async def test_below_a_path_of_a_reverse_proxy_the_password_opens_the_page(opened, certificate):
+    """All addresses are relative, and the cookie gets the path that the browser asked for."""
+    files = (certificate / "cert.pem", certificate / "key.pem", certificate / "password")
+    panel = await opened(security=remote_access("0.0.0.0", *files))
+    trusting = ssl.create_default_context(cafile=certificate / "cert.pem")
+
+    async def passed_on(request):
+        headers = {
+            name: request.headers[name] for name in ("Cookie", "Origin") if name in request.headers
+        }
+        headers["Host"] = request.host
+        url = f"{panel.door}{request.match_info['rest']}"
+        sent = stranger.request(
+            request.method,
+            URL(url).with_query(request.query),
+            data=await request.read(),
+            headers=headers | {"Content-Type": request.content_type},
+            ssl=trusting,
+            allow_redirects=False,
+        )
+        async with sent as answer:
+            kept = [
+                (name, value)
+                for name, value in answer.headers.items()
+                if name in {"Location", "Set-Cookie"}
+            ]
+            return web.Response(
+                status=answer.status, body=await answer.read(), headers=CIMultiDict(kept)
+            )
+
+    proxy = web.Application()
+    proxy.router.add_route("*", "/ops/{rest:.*}", passed_on)
+    async with ClientSession() as stranger, TestServer(proxy) as server:
+        jar = CookieJar(unsafe=True, treat_as_secure_origin=server.make_url("/").origin())
+        async with ClientSession(cookie_jar=jar) as browser:
+            door = server.make_url("/ops/")
+            async with browser.get(door) as answer:
+                text = await answer.text()
+            action = re.search(r'action="([^"]*)"', text)[1]
+            style = re.search(r'href="([^"]*door\.css)"', text)[1]
+            async with browser.get(door.join(URL(style))) as answer:
+                assert answer.status == 200
+            origin = {"Origin": f"https://{door.host}:{door.port}"}
+            login = browser.post(
+                door.join(URL(action)), data={"password": PASSWORD}, headers=origin
+            )
+            async with login as answer:
+                assert answer.status == 200
+                assert answer.url.path == f"/ops{panel.access.path}"
+                assert "page/main.js" in await answer.text()
+            async with browser.get(answer.url.join(URL("alive"))) as answer:
+                assert answer.status == 200
 
 
 async def test_requests_from_other_sites_and_for_other_hosts_are_refused(opened):
@@ -189,7 +283,8 @@ async def test_an_order_reaches_the_daemon_with_its_author_and_returns_the_reaso
 async def test_a_panel_with_look_takes_no_order(opened):
     panel = await let_in(await opened(look=True))
     async with panel.client.get("alive") as answer:
-        assert await answer.json() == {"look": True, "records": False, "tiles": ""}
+        about = {"look": True, "records": False, "tiles": "", "here": False}
+        assert await answer.json() == about
     order = {"daemon": "uav1", "order": "hold", "by": ""}
     async with panel.client.post("order", json=order, headers=panel.origin) as answer:
         assert answer.status == 403
@@ -242,6 +337,14 @@ async def test_map_tiles_come_from_the_local_folder_by_default(opened, tmp_path,
     ):
         async with panel.client.get(f"tiles/{path}.png") as answer:
             assert answer.status == status
+    elsewhere = tmp_path.parent / "elsewhere.png"
+    elsewhere.write_bytes(b"no tile")
+    (tmp_path / "3" / "4" / "5.png").symlink_to(elsewhere)
+    (tmp_path / "3" / "5").symlink_to(tmp_path.parent)
+    (tmp_path / "3" / "4" / "6.png").symlink_to(tmp_path / "3" / "4" / "2.png")
+    for path, status in (("3/4/5", 404), ("3/4/6", 200)):
+        async with panel.client.get(f"tiles/{path}.png") as answer:
+            assert answer.status == status, path
     monkeypatch.chdir(tmp_path)
     other = await let_in(await opened(tiles="tiles"))
     async with other.client.get("alive") as answer:
@@ -315,8 +418,11 @@ async def test_hosts_other_than_loopback_need_tls_and_a_password(opened, certifi
         panel.clock.sleep_until(panel.clock.now_s() + PASSWORD_INTERVAL_S)
     answer = await post(PASSWORD, panel.origin)
     assert answer.status == 303
-    (cookie,) = answer.cookies.values()
-    assert cookie["secure"]
+    ticket = URL(panel.door).join(URL(answer.headers["Location"]))
+    panel.client.cookie_jar.clear()
+    async with panel.client.get(ticket, ssl=trusting, allow_redirects=False) as answer:
+        (cookie,) = answer.cookies.values()
+        assert cookie["secure"]
     async with panel.client.get("alive", ssl=trusting) as answer:
         assert answer.status == 200
 
@@ -344,6 +450,37 @@ async def test_wrong_passwords_delay_only_the_address_that_sends_them(
     monkeypatch.undo()
     panel.clock.sleep_until(PASSWORD_INTERVAL_S)
     assert await post(PASSWORD) == 303
+
+
+async def test_a_browser_that_gave_the_password_before_is_not_kept_out_by_guesses_from_its_address(
+    opened, certificate
+):
+    files = (certificate / "cert.pem", certificate / "key.pem", certificate / "password")
+    panel = await opened(security=remote_access("0.0.0.0", *files))
+    trusting = ssl.create_default_context(cafile=certificate / "cert.pem")
+    url = f"{panel.door}login"
+
+    async def post(client, password):
+        sent = client.post(
+            url,
+            data={"password": password},
+            headers=panel.origin,
+            ssl=trusting,
+            allow_redirects=False,
+        )
+        async with sent as answer:
+            return answer.status
+
+    assert await post(panel.client, PASSWORD) == 303
+    (known,) = panel.client.cookie_jar.filter_cookies(URL(url)).values()
+    async with ClientSession(cookie_jar=CookieJar(unsafe=True)) as guesser:
+        guesser.cookie_jar.update_cookies({known.key: known.value[:-1] + "x"}, URL(url))
+        assert await post(guesser, "wrong") == 403
+        assert await post(guesser, PASSWORD) == 429
+        assert await post(panel.client, PASSWORD) == 303
+        # It has one attempt a second of its own
+        assert await post(panel.client, "wrong") == 403
+        assert await post(panel.client, PASSWORD) == 429
 
 
 def test_the_password_throttle_counts_ipv6_by_network_and_forgets_the_oldest():

@@ -5,12 +5,17 @@ Connections without a login are bounded in number and time.
 Both give a cookie for a secret path. Browsers send the cookies of a host to each of its ports, so a server of another
 program on 127.0.0.1 could receive ours. They do not send it to other paths, and that program does not know this one.
 Orders and the WebSocket must also come from a page of this origin.
+
+A reverse proxy may put the page below a path of its own, which the panel does not know. All its addresses are therefore
+relative, and the cookie is set by an answer below the secret path, without naming it: a ticket leads there.
 """
 
 import asyncio
 import contextlib
+import hashlib
 import hmac
 import ipaddress
+import math
 import re
 import secrets
 import socket
@@ -36,8 +41,16 @@ LOGIN_DEADLINE_S: Final = 10.0
 """Time from a connection's first packet to a request with the cookie, including the TLS handshake."""
 
 PAGE: Final = Path(__file__).with_name("page")
-_PUBLIC: Final = frozenset({"/", "/login", "/door.css"})
+_STYLE: Final = "/door.css"
+_PUBLIC: Final = frozenset({"/", "/login", _STYLE})
 _MAX_ADDRESSES: Final = 1024
+_MAX_TICKETS: Final = 16
+_TICKET_S: Final = 30.0
+_KNOWN_FOR_S: Final = 365 * 24 * 3600
+_SALT: Final = b"guidance panel: browsers that gave the password"
+
+_DOORS: Final = {403: "denied.html", 421: "elsewhere.html"}
+"""The page that explains a refusal to a person."""
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -75,7 +88,15 @@ class Access:
         self._session = secrets.token_urlsafe(24)
         self.path = f"/{secrets.token_urlsafe(18)}/"
         self._cookie = f"guidance-panel-{port}"
-        self.tls, self._password = remote or (None, "")
+        self.tls = None
+        self._password = ""
+        self._known = f"guidance-known-{port}"
+        self._known_key = b""
+        if remote is not None:
+            self.tls, self._password = remote
+            # Slow on purpose: the cookie of a known browser must not help to guess the password.
+            self._known_key = hashlib.scrypt(self._password.encode(), salt=_SALT, n=2**14, r=8, p=1)
+        self._tickets = dict[str, float]()
         self.scheme = "http" if remote is None else "https"
         self._hosts = frozenset(f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]"))
         self._address = f"{self.scheme}://{f'[{host}]' if ':' in host else host}:{port}/"
@@ -98,28 +119,35 @@ class Access:
         is_page = request.method == "GET" and request.headers.get("Accept", "").startswith(
             "text/html"
         )
-        return self._door(status) if status == 403 and is_page else web.Response(status=status)
+        if not is_page or status not in _DOORS:
+            return web.Response(status=status)
+        return self._door(request, status)
 
     def _refusal(self, request: web.Request) -> int | None:
         """Return the status of a refused request, None if it is allowed."""
-        host = request.host
         cookie = request.cookies.get(self._cookie, "")
         # Over TLS the browser checks the certificate's name
-        if self.tls is None and host not in self._hosts:
+        if self.tls is None and request.host not in self._hosts and request.path != _STYLE:
             return 421
-        if hmac.compare_digest(cookie.encode(), self._session.encode()):
+        if _is_same(cookie, self._session):
             self.listener.admit(request.protocol)
-        elif request.path not in _PUBLIC:
+        elif request.path not in _PUBLIC and request.path != f"{self.path}in":
             return 403
-        is_same_origin = bool(host) and request.headers.get("Origin") == f"{self.scheme}://{host}"
+        is_same_origin = self.is_own_origin(request, request.headers.get("Origin", ""))
         protected = request.method != "GET" or request.path == f"{self.path}live"
         return 403 if protected and not is_same_origin else None
 
-    def _door(self, status: int, reason: str = "") -> web.Response:
-        """Return the login page, or the page that asks for a new URL where no password is set."""
-        text = (PAGE / ("denied.html" if self.tls is None else "login.html")).read_text(
-            encoding="utf-8"
-        )
+    def is_own_origin(self, request: web.Request, origin: str) -> bool:
+        """Whether a page of this origin is the panel's, by the host that the request names."""
+        return bool(request.host) and origin == f"{self.scheme}://{request.host}"
+
+    def _door(self, request: web.Request, status: int, reason: str = "") -> web.Response:
+        """Return the login page, or the page that says what to open instead."""
+        name = _DOORS[421] if status == 421 else _DOORS[403] if self.tls is None else "login.html"
+        text = (PAGE / name).read_text(encoding="utf-8")
+        up = "../" * (request.path.count("/") - 1)
+        text = text.replace('href="door.css"', f'href="{up}door.css"')
+        text = text.replace('action="login"', f'action="{up}login"')
         if reason:
             text = text.replace(" hidden></p>", f">{reason}</p>", 1)
         return web.Response(status=status, text=text, content_type="text/html")
@@ -127,9 +155,9 @@ class Access:
     async def enter(self, request: web.Request) -> web.StreamResponse:
         """Exchange the token of the URL for the cookie."""
         if self.tls is not None:
-            return self._door(200)
-        if not hmac.compare_digest(request.query.get("token", "").encode(), self.token.encode()):
-            return self._door(403)
+            return self._door(request, 200)
+        if not _is_same(request.query.get("token", ""), self.token):
+            return self._door(request, 403)
         self.token = secrets.token_urlsafe(24)
         self.announce("  (for another browser)")
         return self._let_in()
@@ -138,38 +166,73 @@ class Access:
         """Exchange the password for the cookie."""
         if self.tls is None:
             return web.Response(status=404)
-        address = request.remote or ""
-        if self.is_blocked(address):
-            return self._door(429, "Wait a second between two passwords.")
+        browser = self._known_browser(request)
+        sender = browser or request.remote or ""
+        if self.is_blocked(sender):
+            return self._door(request, 429, "Wait a second between two passwords.")
         form = parse_qs((await request.read()).decode(errors="replace"))
-        if hmac.compare_digest(form.get("password", [""])[0].encode(), self._password.encode()):
-            return self._let_in()
-        self.block(address)
-        return self._door(403, "That was not the password.")
-
-    def _let_in(self) -> web.Response:
-        answer = web.Response(status=303, headers={"Location": self.path})
-        # With Strict, a URL that was clicked in a terminal inside a browser would lose the cookie on the redirect.
-        rules: Any = {
-            "path": self.path,
-            "httponly": True,
-            "samesite": "Lax",
-            "secure": self.tls is not None,
-        }
-        answer.set_cookie(self._cookie, self._session, **rules)
+        if not _is_same(form.get("password", [""])[0], self._password):
+            self.block(sender)
+            return self._door(request, 403, "That was not the password.")
+        answer = self._let_in()
+        browser = browser or secrets.token_hex(16)
+        mark = f"{browser}.{self._mark_of(browser)}"
+        answer.set_cookie(self._known, mark, max_age=_KNOWN_FOR_S, **self._cookie_rules("Strict"))
         return answer
 
+    def _known_browser(self, request: web.Request) -> str:
+        """Return the name of a browser that gave the password before; empty for the others.
+
+        It has attempts of its own, so somebody who guesses from the same address does not keep it out.
+        """
+        browser, _, mark = request.cookies.get(self._known, "").partition(".")
+        return browser if _is_same(mark, self._mark_of(browser)) else ""
+
+    def _mark_of(self, browser: str) -> str:
+        return hmac.digest(self._known_key, _bytes_of(browser), "sha256").hex()
+
+    def _let_in(self) -> web.Response:
+        ticket = secrets.token_urlsafe(24)
+        self._tickets[ticket] = self.clock.now_s() + _TICKET_S
+        if len(self._tickets) > _MAX_TICKETS:
+            del self._tickets[next(iter(self._tickets))]
+        return web.Response(status=303, headers={"Location": f".{self.path}in?ticket={ticket}"})
+
+    async def take_ticket(self, request: web.Request) -> web.StreamResponse:
+        """Exchange a ticket, which works once, for the cookie of the path below which this request arrived."""
+        until_s = self._tickets.pop(request.query.get("ticket", ""), -math.inf)
+        if self.clock.now_s() >= until_s:
+            return self._door(request, 403)
+        answer = web.Response(status=303, headers={"Location": "./"})
+        # With Strict, a URL that was clicked in a terminal inside a browser would lose the cookie on the redirect.
+        answer.set_cookie(self._cookie, self._session, **self._cookie_rules("Lax"))
+        return answer
+
+    def _cookie_rules(self, same_site: str) -> dict[str, Any]:
+        # Without a path: the browser takes the folder of the address that it asked for, also behind a proxy.
+        is_secure = self.tls is not None
+        return {"path": "", "httponly": True, "samesite": same_site, "secure": is_secure}
+
     def is_blocked(self, address: str) -> bool:
-        """True while an address must wait: each may send one wrong password a second, and the others do not wait."""
+        """True while an address or a known browser must wait: each may send one wrong password a second."""
         return self.clock.now_s() < self._blocked_until_s.get(_network(address), 0.0)
 
     def block(self, address: str) -> None:
-        """Block an address after a wrong password."""
+        """Block an address or a known browser after a wrong password."""
         network = _network(address)
         self._blocked_until_s.pop(network, None)
         self._blocked_until_s[network] = self.clock.now_s() + PASSWORD_INTERVAL_S
         if len(self._blocked_until_s) > _MAX_ADDRESSES:
             del self._blocked_until_s[next(iter(self._blocked_until_s))]
+
+
+def _bytes_of(text: str) -> bytes:
+    """Return the bytes of a text from a request, which may have any."""
+    return text.encode(errors="backslashreplace")
+
+
+def _is_same(shown: str, secret: str) -> bool:
+    return hmac.compare_digest(_bytes_of(shown), _bytes_of(secret))
 
 
 def _network(address: str) -> str:

@@ -336,7 +336,7 @@ class DaemonView:
             self._note_fault("a cycle or event of its flight", now_s)
             self.bus.forget(self.name)
             self._sent = {}
-            return _encoded(self._about(now_s) | self.told | {"events": []})
+            return _encoded(self._about(now_s) | self.told | {"snapshot": None, "events": []})
 
     def _about(self, now_s: float) -> Plain:
         silent_s = max(0.0, now_s - self._heard_s)

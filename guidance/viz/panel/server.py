@@ -92,6 +92,7 @@ class PanelServer:
             web.get(f"{path}replay", _file),
             web.static(f"{path}page", PAGE),
             web.get(rf"{path}tiles/{{tile:\d+/\d+/\d+}}.png", self._tile),
+            web.get(f"{path}in", self._access.take_ticket),
             web.get(f"{path}alive", self._alive),
             web.get(f"{path}live", self._live),
             web.post(f"{path}order", self._order),
@@ -128,12 +129,19 @@ class PanelServer:
 
     async def _tile(self, request: web.Request) -> web.StreamResponse:
         """Return a map tile of the local folder."""
-        return web.FileResponse(Path(self._tiles, f"{request.match_info['tile']}.png"))
+        tile = _inside(Path(self._tiles), f"{request.match_info['tile']}.png")
+        return web.Response(status=404) if tile is None else web.FileResponse(tile)
 
-    async def _alive(self, _: web.Request) -> web.StreamResponse:
-        return web.json_response(
-            {"look": self._look, "records": self._records is not None, "tiles": self._tile_url}
-        )
+    async def _alive(self, request: web.Request) -> web.StreamResponse:
+        """Say what the page may do, and whether its data can come: the WebSocket is for pages of our origin."""
+        origin = request.query.get("origin", "")
+        about = {
+            "look": self._look,
+            "records": self._records is not None,
+            "tiles": self._tile_url,
+            "here": self._access.is_own_origin(request, origin),
+        }
+        return web.json_response(about)
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         """Send data to one page until it closes: everything, then changes. It returns the operator's signs of life."""
@@ -205,6 +213,12 @@ class PanelServer:
         for page in list(self._pages):
             await page.close(code=WSCloseCode.GOING_AWAY, message=b"the panel ends")
         self._order_threads.shutdown(wait=False, cancel_futures=True)
+
+
+def _inside(folder: Path, name: str) -> Path | None:
+    """Return a file of a folder; None if there is none, or it is a link that leads out of the folder."""
+    file = (folder / name).resolve()
+    return file if file.is_relative_to(folder.resolve()) and file.is_file() else None
 
 
 async def _file(request: web.Request) -> web.StreamResponse:

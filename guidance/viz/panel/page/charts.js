@@ -25,6 +25,7 @@ export class Charts {
     this.surfaces = CHARTS.map(([name]) => {
       const canvas = document.createElement("canvas");
       canvas.dataset.chart = name;
+      canvas.setAttribute("role", "img");
       element.append(canvas);
       return new Surface(canvas);
     });
@@ -45,8 +46,10 @@ export class Charts {
         const points = shown.map((row) => (row[index] === null ? null : [row[0], factor * row[index]]));
         return { column, colour: ink(colour), dash, points };
       });
-      const title = TEXTS.charts[name];
-      this.chart(surface, title[unit] ?? title, drawn, [from, Math.max(until, from + 10)]);
+      const title = TEXTS.charts[name][unit] ?? TEXTS.charts[name];
+      const label = TEXTS.chart(title);
+      if (surface.canvas.getAttribute("aria-label") !== label) surface.canvas.setAttribute("aria-label", label);
+      this.chart(surface, title, drawn, [from, Math.max(until, from + 10)]);
     });
   }
 

@@ -4,8 +4,12 @@ const AGAIN_MS = 1000;
 const SILENT_MS = 2000;
 const MOST_EVENTS = 200;
 
+// Asks the panel what this page may do, and whether it is at the panel's own address.
+export const askPanel = () => fetch(`alive?origin=${encodeURIComponent(location.origin)}`);
+
 export class Feed {
-  // changed(): new data; lost(reason): "gone" if the panel does not answer, "closed" if it refuses the cookie.
+  // changed(): new data; lost(reason): "gone" if the panel does not answer, "closed" if it refuses the cookie, "refused"
+  // or "full" if it answers but opens no WebSocket: behind a proxy that changes the address, or for too many pages.
   constructor(changed, lost) {
     this.changed = changed;
     this.lost = lost;
@@ -19,23 +23,28 @@ export class Feed {
   connect() {
     const socket = new WebSocket(new URL("live", location.href.replace(/^http/, "ws")));
     this.socket = socket;
+    let opened = false;
+    socket.onopen = () => {
+      opened = true;
+    };
     socket.onmessage = (event) => this.take(JSON.parse(event.data));
     socket.onclose = () => {
-      setTimeout(() => this.again(), AGAIN_MS);
+      setTimeout(() => this.again(opened), AGAIN_MS);
     };
   }
 
-  async again() {
+  async again(opened) {
     try {
-      const answer = await fetch("alive");
+      const answer = await askPanel();
       if (answer.status === 403) {
         this.lost("closed");
         return;
       }
+      if (!opened && answer.ok) this.lost((await answer.json()).here ? "full" : "refused");
       this.connect();
     } catch {
       this.lost("gone");
-      setTimeout(() => this.again(), AGAIN_MS);
+      setTimeout(() => this.again(opened), AGAIN_MS);
     }
   }
 
@@ -66,10 +75,8 @@ export function merged(known, said) {
     daemon.rows = history.rows;
   }
   if (events) daemon.events = [...(history ? [] : daemon.events), ...events].slice(-MOST_EVENTS);
-  if (snapshot) {
-    daemon.snapshot = snapshot;
-    if (!history) remember(daemon, snapshot);
-  }
+  if (snapshot !== undefined) daemon.snapshot = snapshot; // null: none that can be read yet
+  if (snapshot && !history) remember(daemon, snapshot);
   return daemon;
 }
 

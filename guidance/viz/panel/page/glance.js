@@ -2,11 +2,19 @@
 import { fixed } from "./surface.js";
 import { TEXTS } from "./texts.js";
 
+// Writes only what has changed: a screen reader says each change of a live region.
 export function lamp(element, level, words) {
-  element.className = `${element.classList.contains("big") ? "lamp big" : "lamp"} ${level}`;
-  element.dataset.shape = TEXTS.shapes[level];
-  element.textContent = words;
-  element.title = TEXTS.levels[level];
+  const looks = `${element.classList.contains("big") ? "lamp big" : "lamp"} ${level}`;
+  if (element.className !== looks) {
+    element.className = looks;
+    element.dataset.shape = TEXTS.shapes[level];
+    element.title = TEXTS.levels[level];
+  }
+  write(element, words);
+}
+
+export function write(element, words) {
+  if (element.textContent !== words) element.textContent = words;
 }
 
 const isKnown = (value) => value !== null && value !== undefined;
@@ -66,11 +74,11 @@ export class Glance {
     const mode = document.querySelector("#mode");
     if (!seen) {
       lamp(state, "caution", status.state ?? "–");
-      mode.textContent = status.waiting_for ? TEXTS.waiting(status.waiting_for) : "";
+      write(mode, status.waiting_for ? TEXTS.waiting(status.waiting_for) : "");
       this.fill([]);
     } else {
       lamp(state, seen.levels.state, seen.state_words);
-      mode.textContent = `${seen.armed ? TEXTS.armed : TEXTS.disarmed} · ${seen.mode}`;
+      write(mode, `${seen.armed ? TEXTS.armed : TEXTS.disarmed} · ${seen.mode}`);
       this.fill(lines(daemon));
     }
     this.tell(daemon.events);

@@ -1,7 +1,7 @@
 // The page: receives data, shows one of the daemons, and sends it orders.
 import { Charts } from "./charts.js";
-import { Feed } from "./feed.js";
-import { Glance, lamp } from "./glance.js";
+import { Feed, askPanel } from "./feed.js";
+import { Glance, lamp, write } from "./glance.js";
 import { Orders } from "./orders.js";
 import { Plan } from "./plan.js";
 import { Profile } from "./profile.js";
@@ -49,6 +49,7 @@ class Live {
     this.chosen = null;
     this.waiting = false;
     this.lostFor = "";
+    this.broken = "";
     this.timed = []; // when each cycle was drawn: [time of the cycle, s; clock of this computer, ms]
     this.pictures = pictures;
     this.orders = new Orders(at("orders"), lookOnly);
@@ -94,11 +95,19 @@ class Live {
     const { daemon } = this;
     this.tabs(daemon);
     this.banner();
-    if (!daemon) return;
+    if (!daemon) {
+      this.orders.lose(TEXTS.noDaemon);
+      return;
+    }
     const { team } = this;
-    showPromises(at("promises"), daemon);
     this.orders.show(daemon, team);
-    this.pictures.draw(daemon, undefined, team);
+    try {
+      showPromises(at("promises"), daemon);
+      this.pictures.draw(daemon, undefined, team);
+      this.broken = "";
+    } catch (error) {
+      this.broken = String(error); // of this daemon's data: the others can be chosen as before
+    }
     const drawn_s = daemon.snapshot?.now_s;
     if (drawn_s === undefined || drawn_s === this.drawn_s) return;
     this.drawn_s = drawn_s;
@@ -121,26 +130,30 @@ class Live {
     if (daemon?.over) lamp(at("contact"), "unknown", TEXTS.isOver);
     else if (daemon) lamp(at("contact"), daemon.contact, TEXTS.contact[daemon.contact]);
     else lamp(at("contact"), "unknown", TEXTS.noDaemon);
-    document.title = daemon ? `${daemon.name} · ${TEXTS.title}` : TEXTS.title;
+    const title = daemon ? `${daemon.name} · ${TEXTS.title}` : TEXTS.title;
+    if (document.title !== title) document.title = title;
   }
 
   // Old data must not look current.
   banner() {
     const { daemon } = this;
     let words = "";
+    let since = "";
     const over = daemon?.over;
-    if (this.lostFor) words = this.lostFor === "closed" ? TEXTS.panelClosed : TEXTS.panelGone;
+    if (this.lostFor) words = TEXTS.panelLost[this.lostFor];
     else if (!daemon) words = this.feed.buses.map((bus) => TEXTS.looking(bus.endpoint, bus.reason)).join(" ");
     else if (over) words = TEXTS.over(over.ended, over.record);
-    else if (daemon.contact === "warning") words = TEXTS.daemonGone(Math.round(daemon.silent_s));
+    else if (daemon.contact === "warning") [words, since] = [TEXTS.daemonGone, TEXTS.silentFor(Math.round(daemon.silent_s))];
+    else if (daemon.fault || this.broken) words = TEXTS.faulty(daemon.name, daemon.fault || this.broken);
     if (this.lostFor) lamp(at("contact"), "warning", TEXTS.contact.warning);
     const banner = at("banner");
     banner.hidden = !words;
     if (banner.dataset.words !== words) {
       banner.dataset.words = words;
-      banner.textContent = words;
-      if (over?.replay && !this.lostFor && this.records) banner.append(link(TEXTS.replayIt, "replay", over.replay));
+      at("warning").textContent = words;
+      if (over?.replay && !this.lostFor && this.records) at("warning").append(link(TEXTS.replayIt, "replay", over.replay));
     }
+    write(at("since"), since); // not in the live region: it changes every second
     banner.className = (daemon && !over) || this.lostFor ? "warning" : "unknown";
     document.body.classList.toggle("old", Boolean(this.lostFor) || (!over && daemon?.contact === "warning"));
   }
@@ -181,8 +194,10 @@ function switchViews(page, pictures) {
 
 function label() {
   for (const [name, words] of [
-    ["show-plan", TEXTS.plan], ["show-space", TEXTS.space], ["fit", TEXTS.fit], ["records-button", TEXTS.records],
+    ["title", TEXTS.heading], ["show-plan", TEXTS.plan], ["show-space", TEXTS.space], ["fit", TEXTS.fit],
+    ["records-button", TEXTS.records],
   ]) at(name).textContent = words;
+  for (const [name, words] of Object.entries(TEXTS.names)) at(name).setAttribute("aria-label", words);
   at("by-label").firstElementChild.textContent = TEXTS.by;
   at("by").value = localStorage.getItem("by") ?? TEXTS.byDefault;
   at("by").addEventListener("change", () => localStorage.setItem("by", at("by").value));
@@ -190,7 +205,7 @@ function label() {
 
 const record = location.pathname.endsWith("/replay") ? new URLSearchParams(location.search).get("record") : null;
 label();
-const { look, records, tiles } = await (await fetch("alive")).json();
+const { look, records, tiles } = await (await askPanel()).json();
 document.documentElement.dataset.tiles = tiles;
 const pictures = new Pictures();
 const page = record === null ? new Live(pictures, look, records) : new Replay(pictures, record);

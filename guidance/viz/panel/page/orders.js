@@ -1,10 +1,12 @@
-// Orders. The daemon accepts or refuses them, and the page shows its answer. START, ENGAGE and ABORT need a press of 1 s.
+// Orders. The daemon accepts or refuses them, and the page shows its answer. START, ENGAGE and ABORT need a press of 1 s,
+// and so does each key: typed text orders nothing.
 import { TEXTS } from "./texts.js";
 
 const HOLD_MS = 1000;
 const LOOKS = { start: "go", engage: "go", hold: "stop", land: "stop", abort: "last" };
 const SLOW = new Set(["start", "engage", "abort"]);
 const KEYS = { h: "hold", l: "land" };
+const PRESSING = [" ", "Enter"];
 const ALWAYS = ["hold", "land", "return", "abort"];
 const TOGETHER = new Set(["start", "engage"]); // given to a team only if every vehicle accepts
 
@@ -18,6 +20,7 @@ const FIRST = ["start", "engage", "reset"]; // of vehicles in different states
 export class Orders {
   constructor(element, lookOnly) {
     this.next = element.querySelector("#next");
+    this.mainOrder = element.querySelector("#main-order");
     this.answer = element.querySelector("#answer");
     this.lookOnly = lookOnly;
     this.whom = element.querySelector("#whom");
@@ -29,8 +32,13 @@ export class Orders {
     if (lookOnly) return;
     this.holdAll = this.button("hold", true);
     this.always = ALWAYS.map((order) => this.button(order));
-    element.querySelector("#buttons").append(this.holdAll, ...this.always);
-    document.addEventListener("keydown", (event) => this.key(event));
+    const bar = element.querySelector("#buttons");
+    bar.append(this.holdAll, ...this.always);
+    this.holdAll.hidden = true; // until a team is known
+    this.lose(TEXTS.noDaemon);
+    this.listen();
+    // On a phone the bar covers the end of the page: the page keeps that much room, also when it scrolls to something.
+    new ResizeObserver(() => document.documentElement.style.setProperty("--bar", `${bar.offsetHeight}px`)).observe(bar);
   }
 
   show(daemon, team) {
@@ -54,19 +62,22 @@ export class Orders {
     if (this.pressed && this.pressed === order && !blocked) return;
     this.shown = what;
     const parts = [];
+    const buttons = order && !blocked && !this.lookOnly ? [this.button(order)] : [];
     if (order && !blocked && this.lookOnly) parts.push(said("p", TEXTS.awaits(TEXTS.orders[order][0])));
-    else if (order && !blocked) parts.push(this.button(order), said("p", TEXTS.ready[order] ?? ""));
+    else if (order && !blocked) parts.push(said("p", TEXTS.ready[order] ?? ""));
     else if (order) parts.push(...this.missing(order, targets, reason));
     else parts.push(said("p", about));
     if (order === "start") parts.push(...this.listed(toDo(targets), "warn", TEXTS.advised, "caution"));
     this.next.replaceChildren(...parts);
+    this.mainOrder.replaceChildren(...buttons);
   }
 
   // What guidance does next; of a team with the names of those that do it.
   about(targets) {
     const doing = new Map();
     for (const one of targets) {
-      const words = TEXTS.about[stateOf(one)]?.(TEXTS.after[one.status.after_capture] ?? TEXTS.after.hold);
+      const after = one.status.after_capture in TEXTS.after ? one.status.after_capture : "hold";
+      const words = TEXTS.about[stateOf(one)]?.(after);
       if (words) doing.set(words, [...(doing.get(words) ?? []), one.name]);
     }
     const named = ([words, names]) => (this.toAll ? `${names.join(", ")}: ${words}` : words);
@@ -93,10 +104,10 @@ export class Orders {
     this.whom.replaceChildren(said("span", TEXTS.whom), ...choices);
   }
 
-  // No contact with the panel: disable all orders until the next message.
+  // No daemon, or no contact with the panel: disable all orders until the next message.
   lose(reason) {
     [this.holdAll, ...(this.always ?? [])].forEach((button) => button && disable(button, reason));
-    this.next.querySelectorAll("button").forEach((button) => disable(button, reason));
+    this.mainOrder.querySelectorAll("button").forEach((button) => disable(button, reason));
     this.shown = "";
   }
 
@@ -138,39 +149,51 @@ export class Orders {
   }
 
   slow(button, order, name) {
-    let timer = null;
+    const press = new Press(button, () => {
+      this.pressed = "";
+      if (button.isConnected) this.give(order); // otherwise the state has changed meanwhile
+    });
     const begin = (event) => {
-      if (event.type === "keydown" && (event.repeat || ![" ", "Enter"].includes(event.key))) return;
+      if (event.type === "keydown" && (event.repeat || !PRESSING.includes(event.key))) return;
       if (event.type === "pointerdown" && event.button !== 0) return;
       event.preventDefault();
-      button.classList.add("held");
       this.pressed = order;
-      clearTimeout(timer);
-      timer = setTimeout(() => {
-        timer = null;
-        this.pressed = "";
-        button.classList.remove("held");
-        if (button.isConnected) this.give(order); // otherwise the state has changed meanwhile
-      }, HOLD_MS);
+      press.begin();
     };
     const end = () => {
-      button.classList.remove("held");
       this.pressed = "";
-      if (timer === null) return;
-      clearTimeout(timer);
-      timer = null;
-      this.say("unknown", TEXTS.tooShort(name));
+      if (press.end()) this.say("unknown", TEXTS.tooShort(name));
     };
     for (const kind of ["pointerdown", "keydown"]) button.addEventListener(kind, begin);
     for (const kind of ["pointerup", "pointerleave", "pointercancel", "keyup", "blur"]) button.addEventListener(kind, end);
     button.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
-  key(event) {
-    const typing = ["INPUT", "TEXTAREA", "SELECT"].includes(document.activeElement?.tagName);
-    if (typing || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
-    const order = KEYS[event.key.toLowerCase()];
-    if (order) this.give(order);
+  // Keys outside text fields, pressed for as long as a slow button: speech input and typed text order nothing.
+  listen() {
+    let press = null;
+    let held = "";
+    const end = () => {
+      if (press?.end()) this.say("unknown", TEXTS.tooShort(TEXTS.orders[KEYS[held]][0]));
+      press = null;
+    };
+    document.addEventListener("keydown", (event) => {
+      const key = event.key.toLowerCase();
+      if (event.repeat && press && key === held) return;
+      end(); // another key: this is text
+      const order = KEYS[key];
+      if (!order || event.repeat || isTyping() || event.ctrlKey || event.metaKey || event.altKey) return;
+      held = key;
+      press = new Press(this.always.find((button) => button.dataset.order === order), () => {
+        press = null;
+        this.give(order);
+      });
+      press.begin();
+    });
+    document.addEventListener("keyup", (event) => {
+      if (event.key.toLowerCase() === held) end();
+    });
+    for (const [source, kind] of [[window, "blur"], [document, "visibilitychange"]]) source.addEventListener(kind, end);
   }
 
   async give(order, toAll = this.toAll) {
@@ -204,6 +227,35 @@ export class Orders {
     this.answer.textContent = `${TEXTS.shapes[level]} ${words}`;
   }
 }
+
+// A press that counts after one second; its button shows the time.
+class Press {
+  constructor(button, done) {
+    this.button = button;
+    this.done = done;
+    this.timer = null;
+  }
+
+  begin() {
+    clearTimeout(this.timer);
+    this.button.classList.add("held");
+    this.timer = setTimeout(() => {
+      this.end();
+      this.done();
+    }, HOLD_MS);
+  }
+
+  // Returns true if the press was too short.
+  end() {
+    this.button.classList.remove("held");
+    const isShort = this.timer !== null;
+    clearTimeout(this.timer);
+    this.timer = null;
+    return isShort;
+  }
+}
+
+const isTyping = () => ["INPUT", "TEXTAREA", "SELECT"].includes(document.activeElement?.tagName);
 
 // Reason against all orders; empty if the daemon is in contact.
 function lost(daemon) {

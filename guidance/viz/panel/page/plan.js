@@ -20,6 +20,7 @@ export class Plan {
     steer(canvas, {
       drag: (dx, dy) => this.move(dx, dy),
       zoom: (factor, at) => this.zoom(factor, at),
+      fit: () => this.fit(),
     });
   }
 
@@ -219,8 +220,28 @@ export function circle([x, y], radius, points = 72) {
   });
 }
 
-// One pointer drags; two pointers or the wheel zoom.
-export function steer(canvas, { drag, zoom }) {
+const KEY_STEP_PX = 40;
+const KEY_ZOOM = 1.5;
+const ARROWS = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+
+// The keyboard moves as a drag does: arrows move, + and − zoom, 0 shows everything again.
+function steerByKeys(canvas, { drag, zoom, fit }) {
+  canvas.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const arrow = ARROWS[event.key];
+    if (arrow) drag(KEY_STEP_PX * arrow[0], KEY_STEP_PX * arrow[1]);
+    else if (["+", "="].includes(event.key)) zoom(KEY_ZOOM);
+    else if (["-", "−"].includes(event.key)) zoom(1 / KEY_ZOOM);
+    else if (event.key === "0") fit();
+    else return;
+    event.preventDefault();
+  });
+}
+
+// One pointer drags; two pointers or the wheel zoom; keys do both.
+export function steer(canvas, actions) {
+  const { drag, zoom } = actions;
+  steerByKeys(canvas, actions);
   const held = new Map();
   const spread = () => {
     const [one, other] = [...held.values()];

@@ -18,7 +18,7 @@ export class Replay {
     for (const name of ["orders", "by-label", "contact"]) at(name).hidden = true;
     at("mark").textContent = TEXTS.replay;
     at("play").textContent = TEXTS.play;
-    document.title = `${TEXTS.replay} · ${record}`;
+    document.title = `${TEXTS.replay} · ${printable(record)}`;
     this.load(record);
   }
 
@@ -60,7 +60,7 @@ export class Replay {
   say(words) {
     at("banner").hidden = !words;
     at("banner").className = "unknown";
-    at("banner").textContent = words;
+    at("warning").textContent = words;
   }
 
   // Plays in real time.
@@ -101,6 +101,9 @@ export class Replay {
     this.pictures.draw(shown, Infinity, team);
   }
 }
+
+// Without characters that control the direction of the text: a name could reverse the words beside it.
+const printable = (words) => words.replace(/[\p{Cc}\p{Cf}]/gu, "");
 
 const frameAt = ({ frames }, now_s) => frames.findLast((frame) => frame.now_s <= now_s) ?? frames[0];
 

@@ -17,6 +17,7 @@ export class Space {
     steer(canvas, {
       drag: (dx, dy) => this.look(dx, dy),
       zoom: (factor) => this.zoom(factor),
+      fit: () => this.fit(),
     });
   }
 

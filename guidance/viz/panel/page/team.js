@@ -18,7 +18,8 @@ export function teamOf(daemon, daemons) {
 // A button for each daemon: its name, its state and its evader. `choose` gets the key of the one that is pressed.
 export function showTabs(element, daemons, shown, choose) {
   const against = (one) => (one.status.assignment?.evader ? ` → ${one.status.assignment.evader}` : "");
-  const words = daemons.map((one) => `${one.name} · ${one.snapshot?.state_words ?? one.status.state ?? "–"}${against(one)}`);
+  const bad = (one) => (one.fault ? ` · ${TEXTS.badData}` : "");
+  const words = daemons.map((one) => `${one.name} · ${one.snapshot?.state_words ?? one.status.state ?? "–"}${against(one)}${bad(one)}`);
   const said = JSON.stringify([words, shown?.key]);
   if (element.dataset.shown === said) return;
   element.dataset.shown = said;
