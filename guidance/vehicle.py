@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from guidance import messages
+from guidance.boot_clock import BootClock, with_answer, with_position
 from guidance.frames import Amsl, LocalFrame, Projection, Vector, total
 from guidance.messages import (
     GlobalPosition,
@@ -71,6 +72,7 @@ class VehicleState(NamedTuple):
         jumped_boot_s: Time of the last jump, on the sender's clock.
         reboots: Number of restarts of the sender's clock.
         acceleration_ned_m_s2: Acceleration, smoothed over about 0.1 s.
+        clock: The vehicle's clock, and how late its telemetry is.
     """
 
     latest: Latest = MappingProxyType[type, Any]({})
@@ -81,8 +83,23 @@ class VehicleState(NamedTuple):
     jumped_boot_s: float = -math.inf
     reboots: int = 0
     acceleration_ned_m_s2: Vector = (0.0, 0.0, 0.0)
+    clock: BootClock = BootClock()
+
+    @property
+    def delay_s(self) -> float:
+        """Largest age of the last position when it arrived; 0 while the vehicle's clock is unknown."""
+        delay_s = self.clock.delay_s
+        return 0.0 if math.isnan(delay_s) else delay_s
 
     def age_s(self, kind: type[Kind], now_s: float) -> float:
+        """Seconds since a message of this kind was measured: since it arrived, and the delay of the link.
+
+        Infinite if none ever arrived.
+        """
+        silence_s = self.silence_s(kind, now_s)
+        return silence_s + self.delay_s
+
+    def silence_s(self, kind: type[Kind], now_s: float) -> float:
         """Seconds since a message of this kind arrived; infinite if none ever did."""
         message = self.latest.get(kind)
         return math.inf if message is None else now_s - message.received_s
@@ -148,11 +165,14 @@ def _changed_by_heartbeat(now: Heartbeat, state: VehicleState) -> VehicleState:
 def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleState | None:
     """A position shows a jump or a reboot; it is ignored if it is not new."""
     held = state.latest.get(LocalPosition)
+    clock = with_position(state.clock, now.received_s, now.time_boot_s)
     if held is None:
-        return state
+        return state._replace(clock=clock)
     step_s = now.time_boot_s - held.time_boot_s
+    if step_s < -_REBOOT_S:
+        return state._replace(reboots=state.reboots + 1, clock=BootClock())
     if step_s <= 0.0:
-        return None if step_s >= -_REBOOT_S else state._replace(reboots=state.reboots + 1)
+        return None
     speeds = tuple(zip(held.velocity_ned_m_s, now.velocity_ned_m_s, strict=True))
     gained = (0.0, 0.0, 0.0)
     share = min(1.0, step_s / _SMOOTHED_S)
@@ -160,7 +180,7 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
         rows = zip(state.acceleration_ned_m_s2, speeds, strict=True)
         a_north, a_east, a_down = (a + share * ((v - was) / step_s - a) for a, (was, v) in rows)
         gained = (a_north, a_east, a_down)
-    state = VehicleState(*state[:-1], gained)
+    state = state._replace(acceleration_ned_m_s2=gained, clock=clock)
     # What the velocities do not explain is a jump, if no manoeuvre explains it either.
     steps = zip(now.position_ned_m, held.position_ned_m, speeds, strict=True)
     north, east, down = (to - at - 0.5 * step_s * (was + v) for to, at, (was, v) in steps)
@@ -181,6 +201,7 @@ _CHANGES: Final[Mapping[type, Callable[[Any, VehicleState], VehicleState | None]
     ),
     Odometry: _changed_by_odometry,
     Heartbeat: _changed_by_heartbeat,
+    messages.Timesync: lambda answer, state: state._replace(clock=with_answer(state.clock, answer)),
     messages.CommandAck: lambda _message, _state: None,
     messages.StatusText: lambda _message, _state: None,
 }

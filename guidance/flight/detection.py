@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 from guidance.autopilots import Autopilot, Finding, Mode, Verdict
 from guidance.autopilots.description import type_name
+from guidance.boot_clock import LATE_S
 from guidance.control import Limiter
 from guidance.cycle import Certificate
 from guidance.flight.heard import AGREEING_REPORTS, HOLD_S, Heard
@@ -47,6 +48,7 @@ _NEEDED: Final[Mapping[type, tuple[float, str]]] = {
 _TO_DO: Final[Mapping[str, str]] = {
     "autopilot": "check the vehicle's power, the link's URL, vehicle.system_id and vehicle.autopilot",
     **{kind.__name__: advice for kind, (_, advice) in _NEEDED.items()},
+    "delay": "use a faster link or request fewer streams on it; routers must pass TIMESYNC on",
     "prearm": "read the autopilot's own messages in the ground station, and mend what they name",
     "battery": "change or charge the battery",
 }
@@ -76,6 +78,9 @@ def checks(
         age_s = vehicle.age_s(kind, now_s)
         found = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
         rows.append((kind.__name__, math.isfinite(age_s) and age_s <= limit_s, found))
+    delay_s = vehicle.clock.delay_s
+    found = "unknown: TIMESYNC is not answered" if math.isnan(delay_s) else f"{delay_s:.2f} s"
+    rows.append(("delay", delay_s <= LATE_S, found))
     if status is None:
         rows += [("prearm", False, "not heard"), ("battery", False, "not heard")]
     else:
@@ -101,9 +106,9 @@ def checks(
 
 def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
     """Return the missing messages of the vehicle, and for how long."""
-    beat_s = vehicle.age_s(Heartbeat, now_s)
-    local_s = vehicle.age_s(LocalPosition, now_s)
-    everything_s = min(beat_s, local_s, vehicle.age_s(Attitude, now_s))
+    beat_s = vehicle.silence_s(Heartbeat, now_s)
+    local_s = vehicle.silence_s(LocalPosition, now_s)
+    everything_s = min(beat_s, local_s, vehicle.silence_s(Attitude, now_s))
     # A message that still came would be younger than that
     if everything_s > 0.5 * TELEMETRY_LIMIT_S:
         return f"no telemetry for {everything_s:.1f} s"
@@ -195,6 +200,7 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     beat = vehicle.latest.get(Heartbeat)
     yield Event.DISARMED, beat is not None and not beat.armed and beat.received_s > stage.since_s
     yield Event.LOOP_STOPPED, heard.dt_s >= settings.autopilot.setpoint_timeout_s
+    yield Event.LATE, is_late(vehicle, now.now_s)
     yield Event.FOREIGN, heard.foreign
     # Its position.
     view = (heard.seen or heard.view(now.now_s)) if playing else None
@@ -272,6 +278,17 @@ def is_low(heard: Heard) -> bool:
     return heard.low_battery_reports >= AGREEING_REPORTS
 
 
+def is_late(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether the telemetry is too late to fly by, or its last position is too old."""
+    too_old = vehicle.age_s(LocalPosition, now_s) > TELEMETRY_LIMIT_S
+    return too_old or vehicle.clock.is_late(now_s)
+
+
+def lateness(vehicle: VehicleState) -> str:
+    """Return in words how late the telemetry is."""
+    return f"telemetry is {vehicle.delay_s:.1f} s late; at most {LATE_S:g} s is allowed"
+
+
 def _external_mode_change(now: Moment) -> bool:
     ours = OUR_MODES.get(now.stage.state)
     if ours is None or now.heard.mode is None or now.heard.mode in ours:
@@ -305,7 +322,8 @@ def _telemetry_lost(now: Moment) -> bool:
 def _invited(now: Moment) -> bool:
     # Only a change of mode counts.
     chosen = now.stage.other_mode_seen and now.heard.mode is Mode.GUIDED
-    return chosen and _waits_for_pilot(now) and not now.refusals
+    barred = now.refusals or is_late(now.heard.vehicle, now.now_s)
+    return chosen and _waits_for_pilot(now) and not barred
 
 
 def _at_height(now: Moment) -> bool:
@@ -366,6 +384,7 @@ _DETAILS: Final[Mapping[Event, Callable[[Moment], str]]] = {
     Event.TELEMETRY_LOST: lambda now: (
         f"{telemetry_gap(now.heard.vehicle, now.now_s)}{_other_autopilot(now)}"
     ),
+    Event.LATE: lambda now: lateness(now.heard.vehicle),
     Event.DISARMED: lambda now: (
         "the vehicle disarmed while guidance flew it" if now.stage.state in SETPOINT_STATES else ""
     ),
@@ -382,7 +401,7 @@ _DETAILS: Final[Mapping[Event, Callable[[Moment], str]]] = {
 _PROGRESS: Final[Mapping[State, tuple[Event, Callable[[Moment], bool]]]] = {
     State.CONNECTING: (
         Event.HEARD,
-        lambda now: now.heard.vehicle.age_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S,
+        lambda now: now.heard.vehicle.silence_s(Heartbeat, now.now_s) <= HEARTBEAT_LIMIT_S,
     ),
     State.CHECKING: (Event.FIT, fit),
     State.READY: (Event.UNFIT, lambda now: not fit(now)),

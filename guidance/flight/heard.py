@@ -41,6 +41,12 @@ APART_S: Final = 0.2
 
 _ROUNDING_S: Final = 1e-6
 
+ORDINARY_DELAY_S: Final = 0.1
+"""Delay of the telemetry that the configured reaction time includes."""
+
+_LATE_STEP_S: Final = 0.05
+"""The reaction time follows the delay in steps, so that it rests while the delay is steady."""
+
 _LEAST_SHARE: Final = 0.5
 """An autopilot may reduce a setpoint to its speed limits; down to this share it counts as ours."""
 
@@ -102,6 +108,7 @@ class Heard:
         self._home_in: tuple[Vector, LocalFrame] | None = None
         self._game_frame: GameFrame | None = None
         self._jumps = (NOWHERE, NOWHERE)
+        self._late_s = 0.0
         self.vehicle = VehicleState()
         self.tracking = Tracking(settings)
         self.echo = Echo()
@@ -176,9 +183,10 @@ class Heard:
                 self.cycle, game=replace(game, evader_speed_m_s=speed_m_s, standoff=disc)
             )
         self.vehicle_says(inputs.messages)
+        self._react_late()
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         strange = bool(self.beats) and self.echo.foreign
-        self.echo.hear(inputs.messages, guided=self.mode is Mode.GUIDED)
+        self.echo.hear(inputs.messages, guided=self.mode is Mode.GUIDED, late_s=self._late_s)
         # A pilot's takeover shows as foreign setpoints before HEARTBEAT shows it, so wait for the next HEARTBEAT.
         self.foreign = strange and self.echo.foreign
         self._place()
@@ -198,6 +206,16 @@ class Heard:
             if isinstance(message, messages.SystemStatus):
                 is_low = message.battery_remaining < self.battery_needed
                 self.low_battery_reports = self.low_battery_reports + 1 if is_low else 0
+
+    def _react_late(self) -> None:
+        """Add a delay beyond the ordinary to the reaction time, by which the vehicle brakes before every wall."""
+        late_s = _LATE_STEP_S * math.ceil((self.vehicle.delay_s - ORDINARY_DELAY_S) / _LATE_STEP_S)
+        late_s = max(0.0, late_s)
+        if late_s != self._late_s:
+            self._late_s = late_s
+            reaction_s = self._settings.cycle.envelope.reaction_s + late_s
+            envelope = replace(self.cycle.envelope, reaction_s=reaction_s)
+            self.cycle = replace(self.cycle, envelope=envelope)
 
     def _take_aircraft(self, one: messages.Aircraft) -> None:
         """Keep another aircraft like a mate. What is where a mate or an evader is, is that player, and known better."""
@@ -357,8 +375,15 @@ class Echo:
         """Note a setpoint that we send."""
         self._sent.append((now_s, setpoint.velocity_ned_m_s))
 
-    def hear(self, messages: Iterable[Message], *, guided: bool) -> None:
-        """Compare the autopilot's reports with our setpoints; outside the guided mode they are not ours."""
+    def hear(self, messages: Iterable[Message], *, guided: bool, late_s: float = 0.0) -> None:
+        """Compare the autopilot's reports with our setpoints; outside the guided mode they are not ours.
+
+        Args:
+            messages: Of this cycle.
+            guided: Whether HEARTBEAT shows the guided mode.
+            late_s: Delay of the telemetry beyond the ordinary, s.
+        """
+        remembered_s = REMEMBERED_S + late_s
         for message in messages:
             if not isinstance(message, PositionTarget):
                 continue
@@ -369,16 +394,16 @@ class Echo:
             while self.strange_s and now_s - self.strange_s[0] > WINDOW_S + _ROUNDING_S:
                 self.strange_s.popleft()
             counted = self.strange_s and now_s - self.strange_s[-1] < APART_S - _ROUNDING_S
-            begun = self._sent and now_s - self._sent[0][0] > REMEMBERED_S
-            if begun and not counted and not self._is_ours(message):
+            begun = self._sent and now_s - self._sent[0][0] > remembered_s
+            if begun and not counted and not self._is_ours(message, remembered_s):
                 self.strange_s.append(now_s)
 
-    def _is_ours(self, message: PositionTarget) -> bool:
+    def _is_ours(self, message: PositionTarget, remembered_s: float) -> bool:
         reported = message.velocity_ned_m_s
         if not all(map(math.isfinite, reported)):
             return True  # no velocity reported
         for sent_s, sent_ned_m_s in reversed(self._sent):  # usually the latest one
-            if message.received_s - sent_s > REMEMBERED_S:
+            if message.received_s - sent_s > remembered_s:
                 return False
             if _distance(reported, sent_ned_m_s) <= TOLERANCE_M_S:
                 return True

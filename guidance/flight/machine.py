@@ -118,6 +118,11 @@ class Flight:
             return f"two sources report as the evader (told apart by {rival}); silence one, or set evader.second_source"
         return ""
 
+    def telemetry_refusal(self, now_s: float) -> str:
+        """Return why the vehicle's telemetry bars an engagement now; empty if it does not."""
+        late = detection.is_late(self.vehicle, now_s)
+        return detection.lateness(self.vehicle) if late else ""
+
     def follows(self, order: Event, now_s: float, refusals: Sequence[str] = ()) -> bool:
         """Return whether an order would change the state now."""
         if self.fault is not None:
@@ -239,7 +244,8 @@ class Flight:
                 Event.ALOFT if piloted or self.heard.mode in OUR_MODES[State.STANDING_BY] else None
             )
         if order is Event.ENGAGE:
-            barred = self.leaving_mode or refusals or self.evader_refusal(now_s)
+            late = self.telemetry_refusal(now_s)
+            barred = self.leaving_mode or refusals or late or self.evader_refusal(now_s)
             if barred or not (
                 self.checked or all(one.verdict is Verdict.PASS for one in self.checks(now_s))
             ):
@@ -297,8 +303,8 @@ class Flight:
         setpoint = None
         self._playing.alarm = None
         seen = (heard.seen or heard.view(now_s)) if due else None
-        local = heard.vehicle.latest.get(LocalPosition)
-        if seen is not None and local is not None and now_s - local.received_s <= TELEMETRY_LIMIT_S:
+        age_s = heard.vehicle.age_s(LocalPosition, now_s)
+        if seen is not None and age_s <= TELEMETRY_LIMIT_S:
             setpoint = self._playing.setpoint(seen, heard, state, now_s)
         if setpoint is None or inviting:
             heard.echo.silent()  # while inviting, the autopilot reports setpoints of its own mode

@@ -71,6 +71,7 @@ class Event(StrEnum):
     LOOP_LATE = "loop late"
     CLEAR = "all inputs back"
     TELEMETRY_LOST = "vehicle telemetry lost"
+    LATE = "vehicle telemetry late"
     CONTACT = "telemetry and checks are good again"
     BATTERY_LOW = "battery low"
     FENCE = "outside the fence"
@@ -139,7 +140,7 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
     (_FOUND, (Event.LAND_ARMED,), State.LANDING),
     # Interruptions.
     (_COMMANDING, (Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF), State.HOLDING),
-    (_COMMANDING, (Event.FOREIGN, Event.RIVAL, Event.OPERATOR_LOST), State.HOLDING),
+    (_COMMANDING, (Event.LATE, Event.FOREIGN, Event.RIVAL, Event.OPERATOR_LOST), State.HOLDING),
     (
         (*_COMMANDING, State.STANDING_BY, State.POSITIONING, State.HOLDING),
         (Event.BATTERY_LOW,),

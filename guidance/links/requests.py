@@ -34,7 +34,8 @@ IN_PROGRESS_TIMEOUT_S: Final = 10.0
 QUEUE_LENGTH: Final = 64
 _REPEATABLE: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESSAGE
 
-TIMESYNC_EVERY_S: Final = 1.0
+TIMESYNC_EVERY_S: Final = 0.25
+"""Often enough to notice a growing delay before a position is a second old."""
 
 Key = tuple[type[Request], int | str | None]
 """What an answer will name: a command's number or a parameter's name. The fence is read in steps."""
@@ -118,7 +119,7 @@ class RequestQueue:
 
 @dataclass(slots=True)
 class TimesyncPeer:
-    """TIMESYNC: answers the other side's questions, and asks our own once a second.
+    """TIMESYNC: answers the other side's questions, and asks our own four times a second.
 
     Times are our injected clock in nanoseconds. An answer counts only if it repeats one of our last few questions;
     answers to other companions on the link are ignored.

@@ -178,7 +178,7 @@ def wait_until_placed(
             raise FlightError(
                 "the vehicle was armed by someone else: disarm it first; no order was given"
             )
-        missing = [name for kind, name in _NAMES.items() if state.age_s(kind, now_s) > waited_s]
+        missing = [name for kind, name in _NAMES.items() if state.silence_s(kind, now_s) > waited_s]
         home = state.latest.get(Home)
         frame = local_frame(state, profile.projection)
         beat = state.latest.get(Heartbeat)

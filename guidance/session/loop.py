@@ -222,7 +222,7 @@ def run(
             worked_s = done_s - now_s
             due_s, missed = next_due(due_s, done_s)
             due_s += (
-                nudge_s(flying[0].flight.vehicle.age_s(LocalPosition, now_s))
+                nudge_s(flying[0].flight.vehicle.silence_s(LocalPosition, now_s))
                 if world.real_time
                 else 0.0
             )

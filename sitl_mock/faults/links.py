@@ -79,12 +79,21 @@ def _reorder(inputs: EffectInputs) -> Effect:
 
 
 def _delay(inputs: EffectInputs) -> Effect:
-    least_s = inputs.options["delay_s"]
+    full_s = inputs.options["delay_s"]
     jitter_s = inputs.options["jitter_s"]
+    grows_s = inputs.options["grows_s"]
     random = inputs.random.random
-    return Effect(
-        alter=always(lambda _now_s, frame: ((least_s + jitter_s * random(), frame),), inputs)
-    )
+    begun_s = [math.nan]
+
+    def late(now_s: float, frame: bytes) -> Delayed:
+        if math.isnan(begun_s[0]):
+            begun_s[0] = now_s
+        share = 1.0
+        if grows_s > 0.0:
+            share = min(1.0, (now_s - begun_s[0]) / grows_s)
+        return ((share * full_s + jitter_s * random(), frame),)
+
+    return Effect(alter=always(late, inputs))
 
 
 def _corrupt(inputs: EffectInputs) -> Effect:
@@ -204,6 +213,7 @@ LINK_KINDS: Mapping[str, FaultKind] = MappingProxyType(
             {
                 "probability": _SHARE,
                 "delay_s": Option("seconds", 0.2, number(0.0, _MOST_S)),
+                "grows_s": Option("seconds in which it grows to that", 0.0, number(0.0, 1e6)),
                 "jitter_s": Option(
                     "up to so many seconds more, evenly spread", 0.0, number(0.0, _MOST_S)
                 ),

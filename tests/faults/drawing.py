@@ -133,6 +133,17 @@ def _evaders_bad_fields(draw: Draw) -> Keys:
     return {"messages": ["GLOBAL_POSITION_INT"], "value": value, **_shares(draw, 0.02, 1.0)}
 
 
+def _delay(draw: Draw) -> Keys:
+    """Draw a link that is late: for a while, from before the flight on, or ever later."""
+    if draw.chance(0.3):
+        both = {"jitter_s": draw.between(0.0, 0.3), "direction": draw.one("in", "out")}
+        return {"delay_s": draw.between(0.02, 0.5), "for_s": draw.between(1.0, 6.0), **both}
+    late = {"delay_s": draw.between(0.1, 3.0), "direction": draw.one("out", "out", "both")}
+    if draw.chance(0.4):
+        return {**late, "after": "start", "at_s": 0.0}
+    return {**late, "grows_s": draw.between(0.5, 15.0)}
+
+
 def _for(low: float, high: float) -> Callable[[Draw], Keys]:
     return lambda draw: {"for_s": draw.between(low, high)}
 
@@ -148,10 +159,7 @@ PURSUER_FAULTS: Mapping[str, Callable[[Draw], Keys]] = {
     },
     "duplicate": lambda draw: {**_shares(draw), "copies": draw.one(1, 3), "late_s": draw.between(0.0, 1.0)},
     "reorder": lambda draw: {**_shares(draw), "by_s": draw.between(0.02, 0.5)},
-    "delay": lambda draw: {
-        "delay_s": draw.between(0.02, 0.5), "jitter_s": draw.between(0.0, 0.3), "direction": draw.one("in", "out"),
-        "for_s": draw.between(1.0, 6.0),
-    },
+    "delay": _delay,
     "corrupt": lambda draw: {**_shares(draw, 0.02, 0.5), "bits": draw.one(1, 2, 3)},
     "ack_lost": lambda draw: _early_or_late(draw, _shares(draw, 0.3, 1.0)),
     "ack_late": lambda draw: _early_or_late(draw, {"delay_s": draw.between(0.2, 3.0)}),

@@ -39,6 +39,12 @@ SETPOINT = SPEC_BY_NAME["SET_POSITION_TARGET_LOCAL_NED"].message_id
 _SETPOINT_BYTES = SETPOINT.to_bytes(3, "little")
 LOST_AFTER_S = 1.5 + 0.1
 NOTICED_S = 2.1
+REMEMBERED_CYCLES = 250
+_STAMPED_S = 0.011
+"""A stamp is whole milliseconds, and a step of the mock is 10 ms."""
+
+_WRAP_S = 2.0**32 / 1e3
+"""time_boot_ms has 32 bits."""
 
 ENDS = frozenset(
     {State.LANDED, State.YIELDED, State.FAILED, State.HOLDING, State.RETURNING, State.LANDING}
@@ -126,6 +132,7 @@ class Watch:
         self._polygon = None if case.corners_m is None else Polygon(case.corners_m)
         self._level, self._height, self._blind, self._evaders = (Recently() for _ in range(4))
         self._engaged_s: float | None = None
+        self._flown: deque[tuple[float, Vector]] = deque(maxlen=REMEMBERED_CYCLES)
         self._home_m: Vector | None = None
         self._home_off_m = (0.0, 0.0)
         self._guided_s = -math.inf
@@ -157,7 +164,7 @@ class Watch:
             self._asked_down_m_s = frames.value(frame, "vz")
             self._numbers(now_s, frame)
             self._inwards(now_s, flight)
-            self._permitted(now_s, outputs.state, flight.vehicle.age_s(LocalPosition, now_s))
+            self._permitted(now_s, outputs.state, self._measured_before_s(now_s, flight))
         if outputs.state is State.ENGAGED and flight.tracking.silence_s(now_s) > LOST_AFTER_S:
             self.wrong("no chase of an old place", now_s, flight.tracking.silence_s(now_s))
 
@@ -174,6 +181,15 @@ class Watch:
         )
         if over > 1e-3:
             self.wrong("speed limits", now_s, over)
+
+    def _measured_before_s(self, now_s: float, flight: Any) -> float:
+        """Return the true age of the position that the service uses: since the vehicle measured it."""
+        local = flight.vehicle.latest.get(LocalPosition)
+        if local is None:
+            return math.inf
+        vehicle_s = self._pursuer.autopilot.since_boot_s(now_s)
+        since_arrival_s = flight.vehicle.silence_s(LocalPosition, now_s)
+        return max(since_arrival_s, math.remainder(vehicle_s - local.time_boot_s, _WRAP_S))
 
     def _inwards(self, now_s: float, flight: Any) -> None:
         """Check that no setpoint descends below the floor or climbs above the ceiling, by the service's own height."""
@@ -377,8 +393,15 @@ class Watch:
         height_m = abs(error[2])
         local = flight.vehicle.latest.get(LocalPosition)
         believed = flight.tracking.local_frame
+        self._flown.append((pursuer.autopilot.since_boot_s(now_s), here))
         if local is not None and believed is not None:
-            level, height = _apart(_in_frame(frame, believed, local.position_ned_m), here)
+            was_m = self._was_at(local.time_boot_s)
+            level, height = _apart(_in_frame(frame, believed, local.position_ned_m), was_m)
+            unheard_s = flight.vehicle.silence_s(LocalPosition, now_s)
+            if unheard_s > BLIND_AFTER_S:
+                flown_m = math.hypot(*pursuer.truth.velocity_ned_m_s) * unheard_s
+                level += flown_m
+                height += flown_m
             level_m = max(level_m, level)
             height_m = max(height_m, height)
         evader_error = (0.0, 0.0)
@@ -392,6 +415,13 @@ class Watch:
             else 0.0
         )
         return Sight(now_s, here, there, (level_m, height_m), evader_error, blind_m)
+
+    def _was_at(self, boot_s: float) -> Vector:
+        """Return where the vehicle truly was at this time of its own clock; where it is if that is not known."""
+        for flown_s, place_m in reversed(self._flown):
+            if flown_s <= boot_s + _STAMPED_S:
+                return place_m
+        return self._flown[-1][1]
 
     def ended(self, now_s: float, state: State) -> None:
         """Check the final state."""

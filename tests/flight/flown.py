@@ -13,6 +13,7 @@ from tests.flight.scenes import (
     home,
     local,
     status,
+    timesync,
 )
 
 CYCLE_S = 0.02
@@ -60,6 +61,7 @@ class Flown:
         if beat or (not silent and self.now_s - self.beat_s >= 1.0 - 1e-9):
             self.beat_s = self.now_s
             said += [
+                timesync(self.now_s),
                 heartbeat(self.now_s, self.mode, armed=self.armed, autopilot=self.autopilot),
                 Attitude(self.now_s, self.now_s, self.yaw_rad),
                 LandedState(self.now_s, self.landed),

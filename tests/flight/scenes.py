@@ -10,7 +10,15 @@ from guidance.flight import FlightSettings
 from guidance.flight.detection import Moment, Stage
 from guidance.flight.heard import Heard
 from guidance.game import Ball, Game, StandOff
-from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
+from guidance.messages import (
+    Attitude,
+    Heartbeat,
+    Home,
+    LandedState,
+    LocalPosition,
+    SystemStatus,
+    Timesync,
+)
 from guidance.strategies import Strategy
 from guidance.vehicle import VehicleState, observe
 
@@ -78,6 +86,12 @@ def home(at_s=NOW_S):
     return Home(at_s, 47.397742, 8.545594, 492.0, (0.0, 0.0, HOME_DOWN_M))
 
 
+def timesync(at_s=NOW_S):
+    """An answer without delay, of a vehicle whose clock is ours."""
+    at_ns = round(at_s * 1e9)
+    return Timesync(at_s, at_ns, at_ns)
+
+
 def status(at_s=NOW_S, battery=0.9, *, present=PREARM, healthy=PREARM):
     return SystemStatus(at_s, present, healthy, battery)
 
@@ -86,6 +100,7 @@ def well(*changes, at_s=NOW_S):
     """Return the state of a healthy vehicle after its messages and then the changes."""
     said = [
         heartbeat(at_s),
+        timesync(at_s - 0.02),
         local(at_s - 0.01),
         Attitude(at_s, at_s, 0.5),
         LandedState(at_s, 2),

@@ -28,6 +28,7 @@ from tests.flight.scenes import (
     local,
     settings_of,
     status,
+    timesync,
     well,
 )
 
@@ -376,6 +377,7 @@ def test_of_all_that_happens_at_once_the_most_severe_comes_first():
         Event.TELEMETRY_LOST,
         Event.DISARMED,
         Event.LOOP_STOPPED,
+        Event.LATE,
         Event.FOREIGN,
         Event.FENCE,
         Event.FLOOR,
@@ -440,6 +442,7 @@ def row(name, vehicle, autopilot=PX4):
         ("LandedState", [LandedState(NOW_S - 2.0, 1)], (True, "2.0 s old")),
         ("LandedState", [LandedState(NOW_S - 2.1, 1)], (False, "2.1 s old")),
         ("Home", [heartbeat(armed=False), home(NOW_S - 1e4)], (True, "10000.0 s old")),
+        ("delay", [], (True, "0.00 s")),
         ("prearm", [], (True, "healthy")),
         ("prearm", [status(healthy=PREARM - 1)], (False, "the autopilot's own checks fail")),
         ("prearm", [status(present=0, healthy=PREARM)], (True, "healthy")),
@@ -468,11 +471,24 @@ def test_a_position_that_is_a_second_old_is_too_old_to_start_with(age_s, passed)
     )
 
 
+@pytest.mark.parametrize(("delay_s", "passed"), [(0.49, True), (0.51, False)])
+def test_telemetry_that_is_half_a_second_late_is_too_late_to_start_with(delay_s, passed):
+    late = local()._replace(time_boot_s=NOW_S - delay_s)
+    vehicle = observe(VehicleState(), [timesync(), late])
+    assert row("delay", vehicle) == (passed, f"{delay_s:.2f} s")
+
+
+def test_a_delay_that_is_unknown_is_no_pass():
+    found = row("delay", observe(VehicleState(), [local()]))
+    assert found == (False, "unknown: TIMESYNC is not answered")
+
+
 def test_what_was_never_heard_passes_no_check():
     rows = checks(VehicleState(), PX4, NOW_S, battery_minimum=0.0)
     kinds = [kind.__name__ for kind in (Heartbeat, LocalPosition, Attitude, LandedState, Home)]
-    assert [check.name for check in rows] == ["autopilot", *kinds, "prearm", "battery"]
-    assert {(check.verdict, check.value) for check in rows} == {("refuse", "not heard")}
+    assert [check.name for check in rows] == ["autopilot", *kinds, "delay", "prearm", "battery"]
+    assert {check.verdict for check in rows} == {"refuse"}
+    assert {check.value for check in rows if check.name != "delay"} == {"not heard"}
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,72 @@
+"""The delay of a vehicle's telemetry, from the times that the vehicle stamps.
+
+A message that the vehicle stamped at t and that arrived at r is r - t - offset old, where the offset is our clock minus
+the vehicle's. TIMESYNC bounds the offset: the vehicle read its own clock after we asked and before the answer arrived.
+The larger delay is assumed, which counts the whole round trip as the way here. A constant delay is therefore seen as
+well as a growing one. The round trip is also what a braking vehicle feels: late positions and late setpoints add up.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+from guidance.messages import Timesync
+
+LATE_S: Final = 0.5
+"""Telemetry with a larger delay keeps the vehicle on the ground and ends a game."""
+
+CONFIRMED_S: Final = 0.5
+"""A delay counts as late after this time: two TIMESYNC exchanges. A simulator that paused is not late."""
+
+_DRIFT: Final = 2e-4
+"""Two quartz clocks drift apart by less than this share of the time."""
+
+_ROUNDING_S: Final = 0.1
+"""Stamps are whole milliseconds, and some are rounded up or taken late. More than this contradicts the offset."""
+
+_WRAP_S: Final = 2.0**32 / 1e3
+"""time_boot_ms has 32 bits; TIMESYNC has 64."""
+
+
+class BootClock(NamedTuple):
+    """What is known about the vehicle's clock, and how late its telemetry is.
+
+    Attributes:
+        offset_s: Least difference of our clock and the vehicle's; -inf before the first answer to TIMESYNC.
+        answered_s: When that was computed.
+        delay_s: Largest possible age of the last position when it arrived; NaN while the offset is unknown.
+        late_since_s: Since when the delay exceeds `LATE_S`; inf if it does not.
+    """
+
+    offset_s: float = -math.inf
+    answered_s: float = 0.0
+    delay_s: float = math.nan
+    late_since_s: float = math.inf
+
+    def is_late(self, now_s: float) -> bool:
+        """Whether the delay has exceeded `LATE_S` for `CONFIRMED_S`."""
+        return now_s - self.late_since_s >= CONFIRMED_S
+
+
+def with_answer(clock: BootClock, answer: Timesync) -> BootClock:
+    """Add an answer to our TIMESYNC. An answer that contradicts the offset replaces it: the clock was set."""
+    asked_s = answer.local_ns * 1e-9
+    vehicle_s = answer.remote_ns * 1e-9
+    least_s = asked_s - vehicle_s
+    most_s = answer.received_s - vehicle_s
+    held_s = clock.offset_s - _DRIFT * max(0.0, answer.received_s - clock.answered_s)
+    if held_s <= most_s:
+        least_s = max(least_s, held_s)
+    return clock._replace(offset_s=least_s, answered_s=answer.received_s)
+
+
+def with_position(clock: BootClock, received_s: float, time_boot_s: float) -> BootClock:
+    """Add a message of the vehicle, newer than the last one. One from the future shows that the clock was set."""
+    if clock.offset_s == -math.inf:
+        return clock
+    late_s = math.remainder(received_s - time_boot_s - clock.offset_s, _WRAP_S)
+    if late_s < -_ROUNDING_S:
+        return BootClock()
+    since_s = math.inf
+    if late_s > LATE_S:
+        since_s = min(clock.late_since_s, received_s)
+    return clock._replace(delay_s=max(0.0, late_s), late_since_s=since_s)

@@ -1,0 +1,94 @@
+"""The delay of telemetry, estimated from the vehicle's stamps and TIMESYNC, against links with a known delay."""
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from guidance.boot_clock import LATE_S, BootClock, with_answer, with_position
+from guidance.messages import Timesync
+
+AHEAD_S = 1234.5
+"""Our clock minus the vehicle's."""
+
+
+def exchange(asked_s, up_s, down_s, ahead_s=AHEAD_S):
+    """Return the answer to a question that took so long to the vehicle and back."""
+    remote_ns = round((asked_s + up_s - ahead_s) * 1e9)
+    return Timesync(asked_s + up_s + down_s, remote_ns, round(asked_s * 1e9))
+
+
+def heard(clock, sent_s, down_s, ahead_s=AHEAD_S):
+    """Add a position that the vehicle stamped when our clock said `sent_s`."""
+    return with_position(clock, sent_s + down_s, sent_s - ahead_s)
+
+
+delays = st.floats(0.0, 3.0)
+
+
+@given(delays, delays, st.lists(delays, min_size=1))
+def test_no_message_is_older_than_the_estimate_says_and_the_round_trip_bounds_it(
+    up_s, least_s, ways
+):
+    clock = with_answer(BootClock(), exchange(100.0, up_s, least_s))
+    for number, more_s in enumerate(ways):
+        down_s = least_s + more_s
+        clock = heard(clock, 101.0 + number, down_s)
+        assert down_s - 1e-3 <= clock.delay_s <= down_s + up_s + 1e-3
+
+
+def test_a_constant_delay_shows_although_every_message_is_as_late_as_the_others():
+    clock = BootClock()
+    for second in range(10):
+        clock = with_answer(clock, exchange(100.0 + second, 0.01, 1.5))
+        clock = heard(clock, 100.5 + second, 1.5)
+    assert 1.5 <= clock.delay_s < 1.52
+    assert clock.is_late(112.0)
+
+
+def test_a_growing_delay_shows_before_a_position_is_a_second_old():
+    clock = with_answer(BootClock(), exchange(100.0, 0.02, 0.02))
+    for cycle in range(1000):
+        sent_s = 100.0 + 0.02 * cycle
+        down_s = 0.3 * (sent_s - 100.0)
+        clock = heard(clock, sent_s, down_s)
+        if clock.is_late(sent_s + down_s):
+            break
+    assert LATE_S < down_s < 0.7
+
+
+def test_without_an_answer_nothing_is_known():
+    assert math.isnan(heard(BootClock(), 100.0, 0.0).delay_s)
+
+
+def test_two_clocks_that_drift_apart_are_not_a_delay():
+    clock = BootClock()
+    for second in range(0, 36_000, 10):
+        ahead_s = AHEAD_S + 1e-4 * second
+        clock = with_answer(clock, exchange(100.0 + second, 0.02, 0.02, ahead_s))
+        clock = heard(clock, 100.2 + second, 0.02, ahead_s)
+        assert clock.delay_s < 0.05
+
+
+def test_time_boot_ms_may_wrap():
+    wrap_s = 2.0**32 / 1e3
+    clock = with_answer(BootClock(), exchange(100.0, 0.02, 0.02, 100.0 - wrap_s))
+    clock = with_position(clock, 100.5, 0.3)
+    assert 0.19 < clock.delay_s < 0.23
+
+
+def test_a_clock_that_was_set_is_unknown_until_the_next_answer():
+    clock = heard(with_answer(BootClock(), exchange(100.0, 0.0, 0.0)), 100.1, 0.02)
+    clock = heard(clock, 100.2, 0.02, AHEAD_S - 50.0)
+    assert math.isnan(clock.delay_s)
+    clock = with_answer(clock, exchange(100.3, 0.02, 0.02, AHEAD_S - 50.0))
+    assert heard(clock, 100.4, 0.02, AHEAD_S - 50.0).delay_s < 0.05
+
+
+def test_a_simulator_that_paused_is_not_late():
+    clock = heard(with_answer(BootClock(), exchange(100.0, 0.0, 0.0)), 100.1, 0.02)
+    clock = heard(clock, 101.0, 0.02, AHEAD_S + 0.8)  # its clock stood still
+    assert clock.delay_s > LATE_S
+    assert not clock.is_late(101.1)
+    clock = with_answer(clock, exchange(101.1, 0.0, 0.0, AHEAD_S + 0.8))
+    assert heard(clock, 101.2, 0.02, AHEAD_S + 0.8).late_since_s == math.inf
