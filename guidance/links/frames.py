@@ -77,6 +77,13 @@ class FrameReader:
 
     def read(self, data: bytes, *, stream: bool = True) -> list[Frame]:
         """Return the frames that `data` completes. With `stream` False an incomplete frame is dropped."""
+        frames = self.split(data, stream=stream)
+        used = [frame for frame in frames if frame.fields is not None]
+        self.unused += len(frames) - len(used)
+        return used
+
+    def split(self, data: bytes, *, stream: bool = True) -> list[Frame]:
+        """Return the frames as `read` does, and those that nobody uses, whose fields are None."""
         buffer = self._buffer
         frames = list[Frame]()
         position = 0
@@ -96,8 +103,6 @@ class FrameReader:
                 start = _START.search(buffer, position + 1) if broken <= _MAX_BROKEN else None
                 end = len(buffer) if start is None else start.start()
                 self._skip(end - position)
-            elif frame.fields is None:
-                self.unused += 1
             else:
                 frames.append(frame)
             position = end
@@ -238,8 +243,11 @@ class SignatureCheck:
         self.latest = ticks(time.time_ns() / 1e9 if key.unix_s is None else key.unix_s)
         """Our time at the start, or the latest timestamp accepted since."""
 
-    def problem(self, frame: Frame) -> str | None:
-        """Return "unsigned", "refused" (wrong or old), or None if the frame is genuine; then remember its timestamp."""
+    def problem(self, frame: Frame, *, remember: bool = True) -> str | None:
+        """Return "unsigned", "refused" (wrong or old), or None if the frame is genuine.
+
+        The timestamp of a genuine frame is remembered, and the same frame is old from then on.
+        """
         data = frame.data
         if data[0] != MAGIC_V2 or not data[2] & SIGNED:
             return "unsigned"
@@ -249,8 +257,9 @@ class SignatureCheck:
         signature = hashlib.sha256(self._secret + data[:-6]).digest()[:6]
         if sent_at <= last or not hmac.compare_digest(signature, data[-6:]):
             return "refused"
-        self._last[stream] = sent_at
-        self.latest = max(self.latest, sent_at)
+        if remember:
+            self._last[stream] = sent_at
+            self.latest = max(self.latest, sent_at)
         return None
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from guidance.errors import LinkError
-from guidance.links.frames import KNOWN, FrameReader, SignatureCheck, header_of
+from guidance.links.frames import KNOWN, Frame, FrameReader, SignatureCheck, header_of
 from guidance.links.port import Clock
 from guidance.links.wires import Packet, QueuedWire, Reader
 
@@ -48,10 +48,14 @@ class _Pin:
 
 
 class AddressPins:
-    """Decides by sender address and first frame whether a datagram is accepted.
+    """Decides by sender address which frames of a datagram are accepted.
 
     Each system is accepted from one address, which is pinned by its first valid frame. Another address replaces it
-    after `SILENT_S` of silence. The first address ever pinned gets its pin back at once when it returns.
+    after `SILENT_S` of silence. The first address ever pinned gets its pin back at once when it returns. With a key,
+    a validly signed frame, which is newer than every one before it, pins its address at once.
+
+    Every frame is judged by the pin of its own system, also behind other bytes: whoever has one system's pin speaks
+    for no other one.
 
     Args:
         systems: MAVLink system ids that are accepted; None accepts any, at most `MAX_SYSTEMS` at once.
@@ -69,47 +73,87 @@ class AddressPins:
         self._pins: dict[int, _Pin] = {}
         self.addresses: tuple[Address, ...] = ()
         """Every pinned address once; replaced, never changed, as another thread may be iterating."""
-        self._reader = FrameReader()
+        self._reader = FrameReader(())
         self._second = -1
         self._budget: Counter[int] = Counter()
         self.refused = Counter(garbage=0, impostor=0, stranger=0, unsigned=0)
         self.impostors: deque[bytes] = deque(maxlen=256)
-        """Datagrams with a pinned system's id from another address, at most `IMPOSTORS_PER_S` per message id."""
+        """Frames with a pinned system's id from another address, at most `IMPOSTORS_PER_S` per message id."""
 
     def admit(self, now_s: float, address: Address, data: bytes) -> bytes:
-        """Return the accepted part of a datagram: the whole, its first frame (unexpected system), or empty bytes."""
-        header = header_of(data)
-        pin = None if header is None else self._pins.get(header[0])
-        if header is not None and pin is not None:
-            if pin.address == address and header[0] not in self._checks:
-                pin.heard_s = now_s
-                return data
-            if address not in (pin.address, pin.first) and now_s - pin.heard_s < SILENT_S:
-                return self._impostor(now_s, header[1], data)
-        if header is None or not self._is_expected(header[0], now_s):
-            return data if address in self.addresses else self._stranger(now_s, data)
-        reason = self._pin(now_s, address, data)
-        if reason is not None and (pin is None or pin.address != address):
-            return self._refuse(reason)
-        return data  # from a pinned address: the link judges it
+        """Return the accepted frames of a datagram; of an unexpected system only the first one."""
+        if address not in self.addresses:
+            reason = self._knock(now_s, address, data)
+            if reason is not None:
+                return reason
+        frames = self._reader.split(data, stream=False)
+        if not frames:
+            return self._refuse("garbage")
+        admitted = [frame.data for frame in frames if self._admits(now_s, address, frame)]
+        return b"".join(admitted)
 
-    def _pin(self, now_s: float, address: Address, data: bytes) -> str | None:
-        """Pin the address if the datagram begins with a valid frame, signed where there is a key; else say why not."""
+    def _knock(self, now_s: float, address: Address, data: bytes) -> bytes | None:
+        """Pin a new address by the first frame of its datagram, or return what is accepted without a pin.
+
+        Floods come from here, so most datagrams are refused by their header.
+        """
+        header = header_of(data)
+        if header is None or not self._is_expected(header[0], now_s):
+            return self._stranger(now_s, data)
+        system_id, message_id = header
+        if system_id not in self._checks and not self._may_take(now_s, address, system_id):
+            return self._impostor(now_s, message_id, data)
         frame = self._reader.first(data)
         if frame is None:
-            return "garbage"
-        system_id = frame.system_id
+            return self._refuse("garbage")
         check = self._checks.get(system_id)
-        if check is not None and check.problem(frame) is not None:
-            return "unsigned"
-        pins = self._pins
-        if system_id not in pins and self._systems is None and len(pins) >= MAX_SYSTEMS:
-            del pins[self._silent_longest()]
-        pins[system_id] = _Pin(
-            address, now_s, pins[system_id].first if system_id in pins else address
-        )
-        self.addresses = tuple({pin.address: None for pin in pins.values()})
+        if check is not None and check.problem(frame, remember=False) is not None:
+            if system_id in self._pins:
+                return self._impostor(now_s, message_id, data)
+            return self._refuse("unsigned")
         return None
+
+    def _admits(self, now_s: float, address: Address, frame: Frame) -> bool:
+        """Judge one valid frame by its own system's pin."""
+        system_id = frame.system_id
+        if self._systems is not None and system_id not in self._systems:
+            return True  # forwarded by the vehicle's own link; nobody speaks for it here
+        pin = self._pins.get(system_id)
+        check = self._checks.get(system_id)
+        if check is not None:
+            if check.problem(frame) is None:
+                self._pin(now_s, address, system_id)
+                return True
+            if pin is None or pin.address == address:
+                return True  # the link refuses it, and counts why
+        elif pin is not None and pin.address == address:
+            pin.heard_s = now_s
+            return True
+        elif self._may_take(now_s, address, system_id):
+            if self._is_expected(system_id, now_s):
+                self._pin(now_s, address, system_id)
+            return True
+        self._impostor(now_s, _message_id(frame.data), frame.data)
+        return False
+
+    def _may_take(self, now_s: float, address: Address, system_id: int) -> bool:
+        """Whether an address may become a system's: there is none, it was silent, or it is the first one again."""
+        pin = self._pins.get(system_id)
+        if pin is None:
+            return True
+        return address in (pin.address, pin.first) or now_s - pin.heard_s >= SILENT_S
+
+    def _pin(self, now_s: float, address: Address, system_id: int) -> None:
+        """Make this the address of a system."""
+        pins = self._pins
+        held = pins.get(system_id)
+        if held is not None and held.address == address:
+            held.heard_s = now_s
+            return
+        if held is None and self._systems is None and len(pins) >= MAX_SYSTEMS:
+            del pins[self._silent_longest()]
+        pins[system_id] = _Pin(address, now_s, address if held is None else held.first)
+        self.addresses = tuple({pin.address: None for pin in pins.values()})
 
     def _is_expected(self, system_id: int, now_s: float) -> bool:
         if self._systems is not None:
@@ -119,7 +163,7 @@ class AddressPins:
         return now_s - self._pins[self._silent_longest()].heard_s >= SILENT_S
 
     def _silent_longest(self) -> int:
-        return min(self._pins, key=lambda one: self._pins[one].heard_s)
+        return min(self._pins, key=lambda system_id: self._pins[system_id].heard_s)
 
     def _refuse(self, reason: str) -> bytes:
         self.refused[reason] += 1
@@ -143,6 +187,12 @@ class AddressPins:
             self._budget.clear()
         self._budget[key] += 1
         return self._budget[key] <= per_s
+
+
+def _message_id(frame: bytes) -> int:
+    """Return the message id of a valid frame."""
+    header = header_of(frame)
+    return -1 if header is None else header[1]
 
 
 class UdpWire(QueuedWire):

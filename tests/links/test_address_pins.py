@@ -1,10 +1,11 @@
 """A listening UDP port: accepted and refused datagrams, and attacks on the pinned address."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
-from guidance.links.frames import SignatureCheck, SigningKey, ticks
+from guidance.links.frames import FrameReader, SignatureCheck, SigningKey, ticks
 from guidance.links.udp import IMPOSTORS_PER_S, MAX_SYSTEMS, SILENT_S, STRANGERS_PER_S, AddressPins
 from tests.links.peer import Peer
 
@@ -46,10 +47,36 @@ def test_the_first_sender_with_the_vehicles_id_is_pinned():
     assert list(pins.addresses) == [VEHICLE]
 
 
-def test_all_data_from_a_pinned_address_is_accepted():
+def test_of_a_pinned_address_only_whole_frames_are_accepted():
     pins = AddressPins({1})
     pins.admit(0.0, VEHICLE, heartbeat())
-    assert pins.admit(0.1, VEHICLE, b"half a frame") == b"half a frame"
+    assert pins.admit(0.1, VEHICLE, b"half a frame") == b""
+    assert pins.admit(0.2, VEHICLE, b"\0" + heartbeat() + b"\xfd half a frame") == heartbeat()
+
+
+@pytest.mark.parametrize(
+    "before",
+    [b"", b"\0", b"\xfd", b"\xfd\x40\0", heartbeat(2), heartbeat(2) + b"\xfe", heartbeat(9)],
+)
+@pytest.mark.parametrize("again", [1, 3])
+def test_whoever_has_the_evaders_place_does_not_speak_as_the_vehicle(before, again):
+    pins = AddressPins({1, 2})
+    pins.admit(0.0, VEHICLE, heartbeat(1))
+    pins.admit(0.0, FORGER, heartbeat(2))
+    admitted = pins.admit(1.0, FORGER, before + again * heartbeat(1) + b"\0")
+    frames = FrameReader().read(admitted, stream=False)
+    assert 1 not in {frame.system_id for frame in frames}
+    assert pins.refused["impostor"] == again
+    assert list(pins.impostors) == again * [heartbeat(1)]
+
+
+@given(data=st.binary(max_size=60), cut=st.integers(0, 60))
+def test_no_bytes_around_a_forged_frame_carry_it_past_the_pins(data, cut):
+    pins = AddressPins({1, 2})
+    pins.admit(0.0, VEHICLE, heartbeat(1))
+    pins.admit(0.0, FORGER, heartbeat(2))
+    admitted = pins.admit(1.0, FORGER, data[:cut] + heartbeat(1) + data[cut:])
+    assert 1 not in {frame.system_id for frame in FrameReader().read(admitted, stream=False)}
 
 
 @given(data=st.binary(max_size=300))
@@ -139,8 +166,21 @@ def test_with_a_key_unsigned_data_does_not_keep_a_pin_alive():
     vehicle = Signed()
     pins.admit(0.0, VEHICLE, vehicle.beat())
     assert pins.admit(2.0, VEHICLE, heartbeat()) == heartbeat()  # the link refuses and counts it
+    assert pins.admit(SILENT_S, FORGER, heartbeat()) == b""
     assert pins.admit(SILENT_S, ELSEWHERE, vehicle.beat())
     assert list(pins.addresses) == [ELSEWHERE]
+
+
+def test_with_a_key_a_fresher_frame_takes_the_place_at_once():
+    pins = keyed()
+    vehicle = Signed()
+    recorded = [vehicle.beat() for _ in range(3)]
+    assert pins.admit(0.0, FORGER, recorded[0])  # replayed at the start, while the vehicle is quiet
+    assert pins.admit(0.1, VEHICLE, vehicle.beat())
+    assert list(pins.addresses) == [VEHICLE]
+    assert pins.admit(0.2, FORGER, recorded[1]) == b""
+    assert pins.admit(0.3, VEHICLE, vehicle.beat())
+    assert list(pins.addresses) == [VEHICLE]
 
 
 def test_a_pinned_address_cannot_use_the_id_of_another_live_system():

@@ -108,7 +108,7 @@ def test_the_loop_goes_on_after_a_cycle_that_failed():
     class Failing:
         name = "uav1"
         finished = False
-        flight = SimpleNamespace(vehicle=SimpleNamespace(age_s=lambda *_: math.inf))
+        flight = SimpleNamespace(vehicle=SimpleNamespace(silence_s=lambda *_: math.inf))
         recording = Recording(name, None, None)
 
         def __init__(self):
