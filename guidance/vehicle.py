@@ -33,6 +33,10 @@ _REBOOT_S = 1.0
 _ASTRAY_M = 1.0
 _ASTRAY_M_S2 = 2.5
 
+_CONTRADICTIONS = 3
+_CONTRADICTED_WITHIN_S = 2.0
+"""So many positions that contradict the last one, in so short a time, come from a second sender."""
+
 _SMOOTHED_S = 0.1
 _GAP_S = 0.5
 
@@ -73,6 +77,8 @@ class VehicleState(NamedTuple):
         reboots: Number of restarts of the sender's clock.
         acceleration_ned_m_s2: Acceleration, smoothed over about 0.1 s.
         clock: The vehicle's clock, and how late its telemetry is.
+        jump_ned_m: The last jump.
+        contradicted_s: Times of the latest positions that only a second sender explains.
     """
 
     latest: Latest = MappingProxyType[type, Any]({})
@@ -84,6 +90,15 @@ class VehicleState(NamedTuple):
     reboots: int = 0
     acceleration_ned_m_s2: Vector = (0.0, 0.0, 0.0)
     clock: BootClock = BootClock()
+    jump_ned_m: Vector = (0.0, 0.0, 0.0)
+    contradicted_s: tuple[float, ...] = ()
+
+    def has_second_sender(self, now_s: float) -> bool:
+        """Whether the positions of the last seconds jump between two senders."""
+        times_s = self.contradicted_s
+        return (
+            len(times_s) == _CONTRADICTIONS and now_s - times_s[0] <= 2.0 * _CONTRADICTED_WITHIN_S
+        )
 
     @property
     def delay_s(self) -> float:
@@ -140,6 +155,8 @@ def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:
         if changed is not None:
             seen = changed
             latest[type(message)] = message
+        elif isinstance(message, LocalPosition) and _contradicts(message, seen):
+            seen = _contradicted(message, seen)
     return seen
 
 
@@ -186,12 +203,36 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
     north, east, down = (to - at - 0.5 * step_s * (was + v) for to, at, (was, v) in steps)
     if not math.hypot(north, east, down) > _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s:
         return state
-    jumped = total(state.jumped_ned_m, (north, east, down))
-    resets = state.resets + 1
-    moment_s = now.time_boot_s
+    jump = (north, east, down)
+    back_m = math.hypot(*total(state.jump_ned_m, jump))
+    if now.received_s - state.reset_s <= _CONTRADICTED_WITHIN_S and back_m <= _ASTRAY_M:
+        state = _contradicted(now, state)  # to and fro
     return state._replace(
-        resets=resets, reset_s=now.received_s, jumped_ned_m=jumped, jumped_boot_s=moment_s
+        resets=state.resets + 1,
+        reset_s=now.received_s,
+        jumped_ned_m=total(state.jumped_ned_m, jump),
+        jumped_boot_s=now.time_boot_s,
+        jump_ned_m=jump,
     )
+
+
+def _contradicts(now: LocalPosition, state: VehicleState) -> bool:
+    """Whether a position that came after a newer one is not on the way to it."""
+    held = state.latest.get(LocalPosition)
+    if held is None or now.time_boot_s < state.jumped_boot_s:
+        return False  # older than a jump of the estimate
+    step_s = held.time_boot_s - now.time_boot_s
+    steps = zip(held.position_ned_m, now.position_ned_m, held.velocity_ned_m_s, strict=True)
+    apart_m = math.hypot(*(to - at - step_s * rate for to, at, rate in steps))
+    return apart_m > _ASTRAY_M + _ASTRAY_M_S2 * step_s
+
+
+def _contradicted(now: LocalPosition, state: VehicleState) -> VehicleState:
+    recent_s = [
+        at_s for at_s in state.contradicted_s if now.received_s - at_s <= _CONTRADICTED_WITHIN_S
+    ]
+    times_s = (*recent_s, now.received_s)[-_CONTRADICTIONS:]
+    return state._replace(contradicted_s=times_s)
 
 
 _CHANGES: Final[Mapping[type, Callable[[Any, VehicleState], VehicleState | None]]] = {

@@ -48,6 +48,7 @@ _NEEDED: Final[Mapping[type, tuple[float, str]]] = {
 _TO_DO: Final[Mapping[str, str]] = {
     "autopilot": "check the vehicle's power, the link's URL, vehicle.system_id and vehicle.autopilot",
     **{kind.__name__: advice for kind, (_, advice) in _NEEDED.items()},
+    "sender": "find what else sends with the vehicle's system id, or sign MAVLink",
     "delay": "use a faster link or request fewer streams on it; routers must pass TIMESYNC on",
     "prearm": "read the autopilot's own messages in the ground station, and mend what they name",
     "battery": "change or charge the battery",
@@ -78,6 +79,8 @@ def checks(
         age_s = vehicle.age_s(kind, now_s)
         found = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
         rows.append((kind.__name__, math.isfinite(age_s) and age_s <= limit_s, found))
+    alone = not vehicle.has_second_sender(now_s)
+    rows.append(("sender", alone, "alone" if alone else "positions of two senders"))
     delay_s = vehicle.clock.delay_s
     found = "unknown: TIMESYNC is not answered" if math.isnan(delay_s) else f"{delay_s:.2f} s"
     rows.append(("delay", delay_s <= LATE_S, found))
@@ -201,6 +204,7 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     yield Event.DISARMED, beat is not None and not beat.armed and beat.received_s > stage.since_s
     yield Event.LOOP_STOPPED, heard.dt_s >= settings.autopilot.setpoint_timeout_s
     yield Event.LATE, is_late(vehicle, now.now_s)
+    yield Event.SECOND_SENDER, vehicle.has_second_sender(now.now_s)
     yield Event.FOREIGN, heard.foreign
     # Its position.
     view = (heard.seen or heard.view(now.now_s)) if playing else None
@@ -289,6 +293,13 @@ def lateness(vehicle: VehicleState) -> str:
     return f"telemetry is {vehicle.delay_s:.1f} s late; at most {LATE_S:g} s is allowed"
 
 
+def telemetry_refusal(vehicle: VehicleState, now_s: float) -> str:
+    """Return why the vehicle's telemetry bars an engagement now; empty if it does not."""
+    if vehicle.has_second_sender(now_s):
+        return "two senders report as the vehicle: their positions contradict each other"
+    return lateness(vehicle) if is_late(vehicle, now_s) else ""
+
+
 def _external_mode_change(now: Moment) -> bool:
     ours = OUR_MODES.get(now.stage.state)
     if ours is None or now.heard.mode is None or now.heard.mode in ours:
@@ -322,7 +333,7 @@ def _telemetry_lost(now: Moment) -> bool:
 def _invited(now: Moment) -> bool:
     # Only a change of mode counts.
     chosen = now.stage.other_mode_seen and now.heard.mode is Mode.GUIDED
-    barred = now.refusals or is_late(now.heard.vehicle, now.now_s)
+    barred = now.refusals or telemetry_refusal(now.heard.vehicle, now.now_s)
     return chosen and _waits_for_pilot(now) and not barred
 
 

@@ -120,8 +120,7 @@ class Flight:
 
     def telemetry_refusal(self, now_s: float) -> str:
         """Return why the vehicle's telemetry bars an engagement now; empty if it does not."""
-        late = detection.is_late(self.vehicle, now_s)
-        return detection.lateness(self.vehicle) if late else ""
+        return detection.telemetry_refusal(self.vehicle, now_s)
 
     def follows(self, order: Event, now_s: float, refusals: Sequence[str] = ()) -> bool:
         """Return whether an order would change the state now."""
@@ -244,10 +243,14 @@ class Flight:
                 Event.ALOFT if piloted or self.heard.mode in OUR_MODES[State.STANDING_BY] else None
             )
         if order is Event.ENGAGE:
-            late = self.telemetry_refusal(now_s)
-            barred = self.leaving_mode or refusals or late or self.evader_refusal(now_s)
-            if barred or not (
-                self.checked or all(one.verdict is Verdict.PASS for one in self.checks(now_s))
+            doubt = self.telemetry_refusal(now_s) or self.evader_refusal(now_s)
+            if (
+                doubt
+                or self.leaving_mode
+                or refusals
+                or not (
+                    self.checked or all(one.verdict is Verdict.PASS for one in self.checks(now_s))
+                )
             ):
                 return None
         if self._stage.state in BEFORE_FLIGHT and vehicle.armed:

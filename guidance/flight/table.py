@@ -66,6 +66,7 @@ class Event(StrEnum):
     MATE_SILENT = "mate nearby is silent"
     ASSIGNED = "another evader assigned"
     RIVAL = "second source of the evader's reports"
+    SECOND_SENDER = "second source of the vehicle's telemetry"
     ESTIMATOR_RESET = "estimator reset"
     LOOP_STOPPED = "loop stopped for longer than the autopilot waits for setpoints"
     LOOP_LATE = "loop late"
@@ -140,7 +141,8 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
     (_FOUND, (Event.LAND_ARMED,), State.LANDING),
     # Interruptions.
     (_COMMANDING, (Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF), State.HOLDING),
-    (_COMMANDING, (Event.LATE, Event.FOREIGN, Event.RIVAL, Event.OPERATOR_LOST), State.HOLDING),
+    (_COMMANDING, (Event.LATE, Event.SECOND_SENDER), State.HOLDING),
+    (_COMMANDING, (Event.FOREIGN, Event.RIVAL, Event.OPERATOR_LOST), State.HOLDING),
     (
         (*_COMMANDING, State.STANDING_BY, State.POSITIONING, State.HOLDING),
         (Event.BATTERY_LOW,),

@@ -66,8 +66,8 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
     if order is Event.ENGAGE and state in {State.HOLDING, State.STANDING_BY}:
         if flight.leaving_mode:
             return f"its autopilot is still in {flight.mode_title}: order again once it holds"
-        late = flight.telemetry_refusal(now_s)
-        return late or flight.evader_refusal(now_s) or f"not ready: {missing(flight, now_s, rows)}"
+        doubt = flight.telemetry_refusal(now_s)
+        return doubt or flight.evader_refusal(now_s) or f"not ready: {missing(flight, now_s, rows)}"
     return f"under way already: {_WHY[state]}" if order is Event.START else _WHY[state]
 
 

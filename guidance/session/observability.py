@@ -42,7 +42,8 @@ _STALLED_S: Final = 2.5
 """Age of the live line from which it is shown as old; it is updated once a second."""
 
 _SEVERE: Final = frozenset({
-    Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.LATE, Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
+    Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.LATE, Event.SECOND_SENDER,
+    Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
     Event.OPERATOR_LOST, Event.OPERATOR_GONE, Event.RIVAL,
     Event.BATTERY_LOW, Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF,
     Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.CHASE_TIMED_OUT, Event.ABORT, Event.FAULT,

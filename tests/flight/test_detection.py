@@ -486,9 +486,17 @@ def test_a_delay_that_is_unknown_is_no_pass():
 def test_what_was_never_heard_passes_no_check():
     rows = checks(VehicleState(), PX4, NOW_S, battery_minimum=0.0)
     kinds = [kind.__name__ for kind in (Heartbeat, LocalPosition, Attitude, LandedState, Home)]
-    assert [check.name for check in rows] == ["autopilot", *kinds, "delay", "prearm", "battery"]
-    assert {check.verdict for check in rows} == {"refuse"}
-    assert {check.value for check in rows if check.name != "delay"} == {"not heard"}
+    assert [check.name for check in rows] == [
+        "autopilot",
+        *kinds,
+        "sender",
+        "delay",
+        "prearm",
+        "battery",
+    ]
+    unheard = [check for check in rows if check.name not in {"sender", "delay"}]
+    assert {check.verdict for check in rows if check.name != "sender"} == {"refuse"}
+    assert {check.value for check in unheard} == {"not heard"}
 
 
 @pytest.mark.parametrize(

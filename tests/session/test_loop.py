@@ -65,7 +65,9 @@ class ScriptedDaemon:
 
     @property
     def flight(self):
-        return SimpleNamespace(vehicle=SimpleNamespace(silence_s=lambda _, now_s: self.ages_s(now_s)))
+        return SimpleNamespace(
+            vehicle=SimpleNamespace(silence_s=lambda _, now_s: self.ages_s(now_s))
+        )
 
     def leave(self, order, now_s):
         self.asked.append(order)
