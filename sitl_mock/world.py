@@ -53,21 +53,33 @@ class LocalFrame:
     def to_geodetic(self, north_m: float, east_m: float, down_m: float) -> Home:
         """Turn local metres into latitude, longitude (degrees) and height above mean sea level (metres)."""
         lat_deg, lon_deg, alt_amsl_m = self.origin
-        place = (
-            lat_deg + north_m / self._north_m_per_deg,
-            lon_deg + east_m / self._east_m_per_deg,
-            alt_amsl_m - down_m,
-        )
+        lon_deg += east_m / self._east_m_per_deg
+        if not -180.0 <= lon_deg < 180.0:
+            lon_deg = wrap_deg(lon_deg)
+        place = (lat_deg + north_m / self._north_m_per_deg, lon_deg, alt_amsl_m - down_m)
         return _home(Home, place)
 
     def to_local(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> Vector:
-        """Turn latitude, longitude (degrees) and height above mean sea level (metres) into local metres."""
+        """Turn latitude, longitude (degrees) and height above mean sea level (metres) into local metres.
+
+        A place beyond the date line is as near as it is on Earth.
+        """
         origin = self.origin
+        east_deg = lon_deg - origin.lon_deg
+        if not -180.0 <= east_deg < 180.0:
+            east_deg = wrap_deg(east_deg)
         return (
             (lat_deg - origin.lat_deg) * self._north_m_per_deg,
-            (lon_deg - origin.lon_deg) * self._east_m_per_deg,
+            east_deg * self._east_m_per_deg,
             origin.alt_amsl_m - alt_amsl_m,
         )
+
+
+def wrap_deg(angle_deg: float) -> float:
+    """Bring an angle into [-180, 180); NaN and infinity stay NaN."""
+    if not math.isfinite(angle_deg):
+        return math.nan
+    return (angle_deg + 180.0) % 360.0 - 180.0
 
 
 def wrap_pi(angle_rad: float) -> float:

@@ -59,6 +59,10 @@ def compare(
     messages, rates more than 20 % apart, and fields that are constant or NaN on one side only, on the ground and in the
     air.
 
+    Bytes that are no frames are skipped, a step of the recording clock is replaced by the vehicle's own clock, and a
+    log without HOME_POSITION is flown where the vehicle was. Notes above the tables (`notes` in JSON) say so, and also
+    that a log has only the vehicle's side.
+
     Exit code 0: no difference; 1: differences; 2: the file is not such a log.
     """
     from sitl_mock.compare.command import compare_file  # noqa: PLC0415 - not needed for `--help`

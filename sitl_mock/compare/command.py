@@ -25,6 +25,8 @@ def compare_file(file: Path, *, as_json: bool, ranges: bool) -> int:
         typer.echo(json.dumps(_plain(recording, recorded, mock, found), indent=1))
     else:
         console = Console()
+        for note in recording.notes:
+            console.print(f"Note: {note}.", soft_wrap=True)
         console.print(_streams(recording, recorded, mock))
         if ranges:
             console.print(_ranges(recorded, mock))
@@ -73,6 +75,8 @@ def _plain(
     return {
         "flavour": recording.flavour,
         "duration_s": round(recording.end_s, 3),
+        "one_sided": recording.one_sided,
+        "notes": list(recording.notes),
         "messages": {
             name: {
                 side: {"count": stream.count, "rate_hz": round(stream.rate_hz, 3)}

@@ -4,27 +4,41 @@ A .tlog has frames of both directions, each behind its time (microseconds since 
 """
 
 import math
-import struct
 from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from sitl_mock.compare.tlog import TimedFrame, read_frames, steady_times
 from sitl_mock.errors import ConfigError
 from sitl_mock.mavlink import Decoder, Message
 from sitl_mock.vehicle import MockVehicle
 from sitl_mock.world import DEFAULT_HOME, Home
 
-_TIME: Final = struct.Struct(">Q")
-_V1 = 0xFE
-_V2 = 0xFD
-_V1_AROUND = 8
-_V2_AROUND = 12
-_SIGNATURE = 13
 _PX4 = 12
 _ARDUPILOT = 3
-_ROVER = 10
+_AUTOPILOTS: Final = {_PX4: "PX4", _ARDUPILOT: "ArduPilot"}
+_MULTICOPTERS: Final = frozenset({2, 3, 13, 14, 15, 29, 35})
+_HELICOPTER = 4
+_GROUND_VEHICLES: Final = frozenset({10, 11})
+_FLAVOURS: Final = {
+    **{(_PX4, kind): "px4" for kind in _MULTICOPTERS},
+    **{(_ARDUPILOT, kind): "arducopter" for kind in _MULTICOPTERS | {_HELICOPTER}},
+    **{(_ARDUPILOT, kind): "rover" for kind in _GROUND_VEHICLES},
+}
+"""Flavour by MAV_AUTOPILOT and MAV_TYPE."""
+_TYPE_NAMES: Final = {
+    1: "fixed wing",
+    7: "airship",
+    8: "balloon",
+    9: "rocket",
+    12: "submarine",
+    16: "flapping wing",
+    17: "kite",
+    **dict.fromkeys(range(19, 26), "VTOL"),
+}
 _AUTOPILOT_COMPONENT = 1
+_FIX_3D = 3
 
 
 class Recording(NamedTuple):
@@ -36,6 +50,8 @@ class Recording(NamedTuple):
         said: Time (s, from the first frame) and message of all that the vehicle sent.
         heard: Time and frame of all that others sent.
         end_s: When the last frame came.
+        notes: What a reader of the comparison must know: bytes that are no frames, steps of the clock, an unknown
+            home, a log without the client's side.
     """
 
     flavour: str
@@ -43,10 +59,18 @@ class Recording(NamedTuple):
     said: list[tuple[float, Message]]
     heard: list[tuple[float, bytes]]
     end_s: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def one_sided(self) -> bool:
+        """True if nobody but the vehicle sends in it."""
+        return not self.heard
 
 
 def read_tlog(path: Path) -> Recording:
-    """Read the flight of the first autopilot in a file.
+    """Read the flight of the first autopilot in a file that the mock can fly.
+
+    Bytes that are no frames are skipped and counted. A step of the recording clock is replaced by the vehicle's own.
 
     Raises:
         ConfigError: The file cannot be read, is no tlog, or has no HEARTBEAT of PX4, ArduCopter or Rover.
@@ -55,65 +79,48 @@ def read_tlog(path: Path) -> Recording:
         raw = path.read_bytes()
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror or error}") from None
-    decoder = Decoder()
-    frames = [
-        (at_us * 1e-6, message, frame)
-        for at_us, frame in _frames(path, raw)
-        for message in decoder.feed(frame, whole=True)
-    ]
-    beats = [
-        m
-        for _, m, _ in frames
-        if m.get_type() == "HEARTBEAT" and m.get_srcComponent() == _AUTOPILOT_COMPONENT
-    ]
-    known = [(m, _flavour(m)) for m in beats if _flavour(m)]
-    if not known:
-        raise ConfigError(
-            f"{path}: no HEARTBEAT of PX4, ArduCopter or Rover in {len(frames)} messages"
+    frames, notes = read_frames(path, raw)
+    vehicle, flavour = _vehicle(path, frames)
+    ids = (vehicle.get_srcSystem(), _AUTOPILOT_COMPONENT)
+    times_s, steps = steady_times(frames, ids)
+    if steps:
+        notes.append(
+            f"the clock of the recording steps {steps} times; the vehicle's clock is used there"
         )
-    vehicle, flavour = known[0]
-    system_id = vehicle.get_srcSystem()
-    begun_s = frames[0][0]
-    ids = (system_id, _AUTOPILOT_COMPONENT)
-    said = [
-        (t - begun_s, m) for t, m, _ in frames if (m.get_srcSystem(), m.get_srcComponent()) == ids
-    ]
-    heard = [
-        (t - begun_s, frame)
-        for t, m, frame in frames
-        if (m.get_srcSystem(), m.get_srcComponent()) != ids
-    ]
-    return Recording(flavour, system_id, said, heard, frames[-1][0] - begun_s)
-
-
-def _flavour(heartbeat: Message) -> str:
-    if heartbeat.autopilot == _PX4:
-        return "px4"
-    if heartbeat.autopilot == _ARDUPILOT:
-        return "rover" if heartbeat.type == _ROVER else "arducopter"
-    return ""
-
-
-def _frames(path: Path, raw: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield time and frame; a cut last frame is left out, as a recorder that was killed leaves it."""
-    at = 0
-    while at + _TIME.size + 3 <= len(raw):
-        (time_us,) = _TIME.unpack_from(raw, at)
-        at += _TIME.size
-        magic = raw[at]
-        length = raw[at + 1]
-        flags = raw[at + 2]
-        if magic == _V2:
-            size = length + _V2_AROUND + (_SIGNATURE if flags & 1 else 0)
-        elif magic == _V1:
-            size = length + _V1_AROUND
+    said: list[tuple[float, Message]] = []
+    heard: list[tuple[float, bytes]] = []
+    for time_s, frame in zip(times_s, frames, strict=True):
+        message = frame.message
+        if (message.get_srcSystem(), message.get_srcComponent()) == ids:
+            said.append((time_s, message))
         else:
-            raise ConfigError(
-                f"{path}: byte {at} is 0x{magic:02X}, no MAVLink frame; is this a .tlog?"
-            )
-        if at + size <= len(raw):
-            yield time_us, raw[at : at + size]
-        at += size
+            heard.append((time_s, frame.frame))
+    if not heard:
+        notes.append(
+            "one-sided: only the vehicle's messages are recorded, so the mock hears no client"
+        )
+    if _home(said) is None:
+        notes.append("no home and no position in it; the mock flies at its default home")
+    return Recording(flavour, ids[0], said, heard, times_s[-1], tuple(notes))
+
+
+def _vehicle(path: Path, frames: list[TimedFrame]) -> tuple[Message, str]:
+    """Return the first HEARTBEAT of an autopilot that the mock can fly, and its flavour."""
+    others: dict[str, None] = {}
+    for frame in frames:
+        message = frame.message
+        if message.get_type() != "HEARTBEAT" or message.get_srcComponent() != _AUTOPILOT_COMPONENT:
+            continue
+        flavour = _FLAVOURS.get((message.autopilot, message.type))
+        if flavour is not None:
+            return message, flavour
+        if message.autopilot in _AUTOPILOTS:
+            kind = _TYPE_NAMES.get(message.type, "not a vehicle of the mock")
+            others[f"{_AUTOPILOTS[message.autopilot]}, MAV_TYPE {message.type} ({kind})"] = None
+    found = f"; it has {', '.join(others)}" if others else ""
+    raise ConfigError(
+        f"{path}: no HEARTBEAT of a PX4 multicopter, ArduCopter or Rover in {len(frames)} messages{found}"
+    )
 
 
 STEP_S = 0.01
@@ -129,7 +136,7 @@ def fly_recording(recording: Recording, *, seed: int = 0) -> list[tuple[float, M
     vehicle = MockVehicle(
         recording.flavour,
         system_id=recording.system_id,
-        home=_home(recording),
+        home=_home(recording.said) or DEFAULT_HOME,
         yaw_deg=_yaw_deg(recording),
         seed=seed,
         links={"recorded": _kind(recording)},
@@ -155,11 +162,45 @@ def _steps(recording: Recording) -> Iterator[tuple[float, list[bytes]]]:
         yield number * STEP_S, due.get(number, [])
 
 
-def _home(recording: Recording) -> Home:
-    for _, message in recording.said:
-        if message.get_type() == "HOME_POSITION":
-            return Home(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3)
-    return DEFAULT_HOME
+def _home(said: list[tuple[float, Message]]) -> Home | None:
+    """Home as recorded; else from the first estimated position, else from the GPS receiver; None without any."""
+    first: dict[str, Message] = {}
+    for _, message in said:
+        name = message.get_type()
+        if name in _HOMES and name not in first and _HOMES[name](message) is not None:
+            first[name] = message
+            if name == "HOME_POSITION":
+                break
+    homes = (_HOMES[name](first[name]) for name in _HOMES if name in first)
+    return next(homes, None)
+
+
+def _of_home_position(message: Message) -> Home | None:
+    return _place(message.latitude, message.longitude, message.altitude)
+
+
+def _of_global_position(message: Message) -> Home | None:
+    return _place(message.lat, message.lon, message.alt - message.relative_alt)
+
+
+def _of_receiver(message: Message) -> Home | None:
+    if message.fix_type < _FIX_3D:
+        return None
+    return _place(message.lat, message.lon, message.alt)
+
+
+def _place(latitude: int, longitude: int, altitude_mm: int) -> Home | None:
+    """Return a place on Earth, None for 0/0, which means that there is none."""
+    if not (latitude or longitude) or abs(latitude) > 900_000_000 or abs(longitude) > 1_800_000_000:
+        return None
+    return Home(latitude * 1e-7, longitude * 1e-7, altitude_mm * 1e-3)
+
+
+_HOMES: Final = {
+    "HOME_POSITION": _of_home_position,
+    "GLOBAL_POSITION_INT": _of_global_position,
+    "GPS_RAW_INT": _of_receiver,
+}
 
 
 def _yaw_deg(recording: Recording) -> float:
