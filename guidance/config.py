@@ -20,9 +20,24 @@ from pydantic import (
 from pydantic_core import CoreSchema, ErrorDetails
 
 from guidance.errors import ConfigError
+from guidance.files import read_text
 
 MOST_LETTERS: Final = 60
 """Longer values are cut in messages."""
+
+MOST_FAULTS: Final = 20
+"""Further faults of a file are only counted in its message."""
+
+MOST_KEY_PARTS: Final = 32
+"""The parser's memory grows with the square of the parts of a dotted key; ours have at most five."""
+
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]+\s*\.\s*){{{MOST_KEY_PARTS}}}")
+
+_TOKEN = re.compile(r'''"""|\'{3}|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|\\.|[\[\]{}]|#.*''')
+"""What decides whether a TOML statement goes on in the next line; texts and comments hide brackets."""
+
+_LONG_QUOTES: Final = ('"""', "'''")
+_DEEPER: Final = {"[": 1, "{": 1, "]": -1, "}": -1}
 
 Location = Sequence[str | int]
 
@@ -53,18 +68,42 @@ def line_of(text: str, location: Location) -> int | None:
         location: Names of the key's tables and of the key; numbers are array indices.
     """
     lines = text.splitlines(keepends=True)
+    ends = _statement_ends(lines)
 
-    def reached(end: int) -> tuple[int, int]:
-        """Return how many parts are there after so many lines, and the last line that counts: a value counts whole."""
-        while end:
-            with suppress(tomllib.TOMLDecodeError):
-                return _depth(tomllib.loads("".join(lines[:end])), location), end
-            end -= 1
-        return 0, 0
+    def depth_at(number: int) -> int:
+        """Return how many parts of the location the first `number` statements contain."""
+        with suppress(tomllib.TOMLDecodeError):
+            return _depth(tomllib.loads("".join(lines[: ends[number]])), location)
+        return 0
 
-    depth, _ = reached(len(lines))
-    end = bisect_left(range(len(lines)), (depth, 0), key=reached)
-    return reached(end - 1)[1] + 1 if depth else None
+    count = len(ends) - 1
+    depth = depth_at(count)
+    if not depth:
+        return None
+    number = bisect_left(range(count + 1), depth, key=depth_at)
+    # Blank lines and comments before a statement end no statement, so the line after the statement before may be one.
+    first = ends[number - 1]
+    while not lines[first].split("#")[0].strip():
+        first += 1
+    return first + 1
+
+
+def _statement_ends(lines: Sequence[str]) -> list[int]:
+    """Return how many lines precede the first statement, and end each one; arrays and texts may have many lines."""
+    ends = [0]
+    depth = 0
+    quotes = ""
+    for number, line in enumerate(lines, 1):
+        for token in _TOKEN.findall(line):
+            if token == quotes:
+                quotes = ""
+            elif not quotes and token in _LONG_QUOTES:
+                quotes = token
+            elif not quotes:
+                depth += _DEEPER.get(token, 0)
+        if depth <= 0 and not quotes:
+            ends.append(number)
+    return ends
 
 
 def _depth(value: Any, location: Location) -> int:  # noqa: ANN401 - any value of a document
@@ -161,7 +200,11 @@ def read(path: Path) -> tuple[str, dict[str, Any]]:
         ConfigError: If it cannot be read or is not TOML; the message gives the line.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
+        if _LONG_KEY.search(text):
+            raise ConfigError(
+                f"{path}: not valid TOML here: a key has more than {MOST_KEY_PARTS} parts"
+            )
         if not _within_64_bits(document := tomllib.loads(text)):
             raise ConfigError(f"{path}: not valid TOML: an integer has more than 64 bits")
     except OSError as error:
@@ -170,9 +213,8 @@ def read(path: Path) -> tuple[str, dict[str, Any]]:
         raise ConfigError(
             f"{path}: not valid TOML here: arrays or tables are nested too deeply"
         ) from None
-    except (
-        ValueError
-    ) as error:  # it is not UTF-8, not TOML, or has an integer with thousands of digits
+    except ValueError as error:
+        # It is not UTF-8, not TOML, or has an integer with thousands of digits.
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
     return text, document
 
@@ -200,10 +242,13 @@ def parse(model: type[Model], document: dict[str, Any], *, source: str, text: st
     try:
         return model.model_validate(document)
     except ValidationError as error:
-        faults = "\n".join(
-            f"  {_line(text, fault)}{explain(model, fault)}" for fault in error.errors()
-        )
-        raise ConfigError(f"{source}:\n{faults}") from error
+        errors = error.errors()
+        faults = [
+            f"  {_line(text, fault)}{explain(model, fault)}" for fault in errors[:MOST_FAULTS]
+        ]
+        if len(errors) > MOST_FAULTS:
+            faults.append(f"  and {len(errors) - MOST_FAULTS} more faults")
+        raise ConfigError(f"{source}:\n" + "\n".join(faults)) from error
 
 
 def _line(text: str, fault: ErrorDetails) -> str:

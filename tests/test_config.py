@@ -1,11 +1,12 @@
 """Where a key of a TOML file stands, values as they are written there, and what a wrong file is told."""
 
+import os
 import tomllib
 
 import pytest
 from pydantic import Field
 
-from guidance.config import Section, as_toml, config_folder, find, line_of, load, parse
+from guidance.config import Section, as_toml, config_folder, find, line_of, load, parse, read
 from guidance.control import Limits
 from guidance.errors import ConfigError
 from guidance.sim.scenario import Scenario
@@ -172,6 +173,46 @@ rate_hz = -1
 )
 def test_a_key_is_found_on_its_line_or_on_that_of_what_holds_it(location, line):
     assert line_of(TEXT, location) == line
+
+
+def test_a_key_is_found_behind_and_in_long_arrays_and_texts():
+    corners = "\n".join("  [1.0, 2.0],  # a corner ] of many" for _ in range(6000))
+    text = f"[limits]\ncorners = [\n{corners}\n]\nwords = '''\n[x]\n'''\nlast = 1\n"
+    assert line_of(text, ("limits", "corners", 4000, 0)) == 2
+    assert line_of(text, ("limits", "last")) == 6007
+
+
+def test_many_faults_are_counted_and_the_first_are_told(tmp_path):
+    text = "".join(f"[unknown_{number}]\n" for number in range(5000))
+    words = told(lambda path: load_any(str(path)), tmp_path, text)
+    assert "line 1: unknown_0: unknown key" in words
+    assert "more faults" in words
+    assert len(words.splitlines()) < 30
+
+
+def test_a_key_of_thousands_of_parts_is_refused_before_it_is_parsed(tmp_path):
+    words = told(lambda path: load_any(str(path)), tmp_path, "a." * 20_000 + "b = 1\n")
+    assert "a key has more than 32 parts" in words
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "large"])
+def test_a_file_without_an_end_is_refused_at_once(tmp_path, kind):
+    path = tmp_path / "scenario.toml"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    else:
+        with path.open("wb") as file:
+            file.truncate(2**40)
+    with pytest.raises(ConfigError, match=r"not a regular file|larger than 4194304 bytes"):
+        read(path)
+
+
+def test_a_byte_order_mark_is_left_out(tmp_path):
+    path = tmp_path / "scenario.toml"
+    path.write_bytes(b'\xef\xbb\xbfgame = "pe"\n')
+    assert read(path) == ('game = "pe"\n', {"game": "pe"})
 
 
 @pytest.mark.parametrize(

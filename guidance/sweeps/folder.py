@@ -250,6 +250,6 @@ def read_json(path: Path) -> dict[str, Any]:
     """
     try:
         found = json.loads(text_of(path, str(path), secret=False))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not valid JSON ({error})") from error
     return found if isinstance(found, dict) else {}
