@@ -1,15 +1,22 @@
-"""Terminal output: tables that fit the terminal, and waiting lines. NO_COLOR, TERM=dumb and pipes have no colours."""
+"""Terminal output: tables that fit the terminal, and waiting lines. NO_COLOR, TERM=dumb and pipes have no colours.
+
+Titles of files, messages of autopilots and answers of daemons come from strangers: whatever is printed here has no
+markup, and its control characters are escaped.
+"""
 
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Final
 
-from rich.console import Console, JustifyMethod
+from rich.console import Console, ConsoleOptions, JustifyMethod, RenderableType
 from rich.live import Live
 from rich.progress import Progress, TextColumn
+from rich.segment import Segment
 from rich.table import Column, Table
 from rich.text import Text
+
+from guidance.texts import printable
 
 PIPED_COLUMNS: Final = 400
 """Width of a pipe, so that a row stays one line for `grep` and `cut`."""
@@ -17,12 +24,34 @@ PIPED_COLUMNS: Final = 400
 Cell = str | Text
 
 
+class PrintableConsole(Console):
+    """A console that escapes control characters in everything that it prints."""
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Yield the segments of a renderable; those that move the cursor are rich's own."""
+        for segment in super().render(renderable, options):
+            if segment.control or segment.text.isprintable():
+                yield segment
+            else:
+                lines = map(printable, segment.text.split("\n"))
+                yield segment._replace(text="\n".join(lines))
+
+
 def console(*, stderr: bool = False) -> Console:
     """Return a console as wide as the terminal or COLUMNS; a pipe is `PIPED_COLUMNS` wide."""
-    made = Console(stderr=stderr, highlight=False)
+    made = PrintableConsole(stderr=stderr, highlight=False, markup=False, emoji=False)
     if made.is_terminal or os.environ.get("COLUMNS", "").isdigit():
         return made
-    return Console(stderr=stderr, highlight=False, width=PIPED_COLUMNS)
+    return PrintableConsole(
+        stderr=stderr, highlight=False, markup=False, emoji=False, width=PIPED_COLUMNS
+    )
+
+
+def headed(title: str, words: str) -> Text:
+    """Return a line that begins with a bold title."""
+    return Text.assemble((title, "bold"), words)
 
 
 def redraws(target: Console) -> bool:

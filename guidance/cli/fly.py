@@ -22,7 +22,7 @@ from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add, require
 from guidance.files import whole_file, writing
 from guidance.flight import State
-from guidance.screen import aged, console, live, pairs, redraws
+from guidance.screen import aged, console, headed, live, pairs, redraws
 from guidance.session.control_socket import ENDPOINT
 from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, TEAM, flight_folder
 from guidance.session.fly import (
@@ -202,7 +202,7 @@ def fly_scenario(
     urls = () if isinstance(how, MockOptions) else how.urls
     there = console(stderr=as_json)
     words = "virtual time" if how.way == "fast" else ", ".join((how.link, *urls))
-    there.print(f"[bold]{scenario.title}[/bold]  ({path.name}, {words})")
+    there.print(headed(scenario.title, f"  ({path.name}, {words})"))
     try:
         result, rows, folder = fly_rows(there, scenario, path.stem, how, out, onlooker)
     except FlightError as error:
@@ -265,7 +265,7 @@ def fly_rows(
             result = fly_recorded(scenario, folder, how, onlooker)
         if dropped := sum(one.record_dropped for one in result.vehicles.values()):
             there.print(
-                f"[yellow]the disk was too slow: {dropped} messages are not in the record[/yellow]"
+                f"the disk was too slow: {dropped} messages are not in the record", style="yellow"
             )
         if isinstance(scenario, TeamScenario):
             return result, _tell_team(there, scenario, how.way, result, folder), folder
@@ -308,9 +308,7 @@ class LiveLine:
         self._told_s = time.perf_counter()
         if progress.record_stopped and not self._record_told:
             self._record_told = True
-            self._there.print(
-                f"[yellow]{progress.now_s:7.1f} s  {progress.record_stopped}[/yellow]"
-            )
+            self._there.print(f"{progress.now_s:7.1f} s  {progress.record_stopped}", style="yellow")
         if redraws(self._there):
             return
         news = plain(progress)

@@ -17,7 +17,7 @@ from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
 from guidance.files import whole_file, writing
-from guidance.screen import console, pairs, sheet
+from guidance.screen import console, headed, pairs, sheet
 from guidance.sim.batch import stack
 from guidance.sim.expect import CheckedExpectation, Ranges
 from guidance.sim.maths import opening, play
@@ -87,7 +87,7 @@ def run(
     _check_options(ctx, way, known=bool(config or vehicle), armed=bool(engage or vehicle))
     path, played = load_any(name, seed)
     there = console(stderr=json_file == _STANDARD_OUTPUT)
-    there.print(f"[bold]{played.title}[/bold]  ({path.name}, as {way})")
+    there.print(headed(played.title, f"  ({path.name}, as {way})"))
     arguments.may_fly(vehicle or [], yes=yes)
     rows: Sequence[Any]
     if way != "maths":

@@ -27,13 +27,13 @@ from prometheus_client import (
     Histogram,
     generate_latest,
 )
-from rich.console import Console
 
 from guidance.errors import LinkError
 from guidance.flight import Event, Flight, Outputs, State
 from guidance.log.codec import plain
 from guidance.messages import Heartbeat, LocalPosition
-from guidance.screen import aged, live
+from guidance.screen import PrintableConsole, aged, live
+from guidance.texts import printable
 
 LOGGER: Final = "guidance"
 MOST_WAITING: Final = 1000
@@ -75,7 +75,7 @@ class Log(Logger, logging.Handler):
 
     def __init__(self, form: str, level: str, stream: TextIO | None = None) -> None:
         super().__init__()
-        self._console = Console(
+        self._console = PrintableConsole(
             file=stream or sys.stderr, markup=False, emoji=False, highlight=False, soft_wrap=True
         )
         self._live = form == "console"
@@ -143,9 +143,8 @@ def _console_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:
     """Return a line for people: time of day, message, and the fields behind it."""
     clock = time.strftime("%H:%M:%S", time.localtime(record.created))
     mark = "" if record.levelno < logging.WARNING else f"{record.levelname} "
-    return f"{clock} {mark}{record.getMessage()}" + "".join(
-        f"  {name}={value}" for name, value in fields.items()
-    )
+    rest = "".join(f"  {name}={value}" for name, value in fields.items())
+    return f"{clock} {mark}{printable(record.getMessage() + rest)}"
 
 
 def say_outputs(log: Logger, outputs: Outputs) -> None:

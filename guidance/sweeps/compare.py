@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
+from rich.text import Text
 from scipy import stats
 
 from guidance.errors import ConfigError
@@ -262,7 +263,7 @@ def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
     )
 
 
-def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | str]:
+def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | Text]:
     kind = (
         "paired rows"
         if compared["paired"]
@@ -276,10 +277,10 @@ def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | str]:
         count = (
             group["rows_a"] if compared["paired"] else f"{group['rows_a']} and {group['rows_b']}"
         )
-        yield f"\n[italic]{_both(group, '')}: {count} {kind}[/italic]"
+        yield Text(f"\n{_both(group, '')}: {count} {kind}", "italic")
         yield sheet(("mean of", "A", "B", "B − A (95 %)"), rows)
     if compared["largest"]:
-        yield f"\n[italic]the rows that differ most in {compared['largest'][0]['column']}[/italic]"
+        yield Text(f"\nthe rows that differ most in {compared['largest'][0]['column']}", "italic")
         largest = [
             (
                 _both(row, "row_"),

@@ -245,7 +245,7 @@ def _show(there: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> Non
     there.print(sheet(("policies", "mean regret", *_SHOWN), regrets))
     for one in report["policies"]:
         for title, headings, rows in _by_key(one, grid):
-            there.print(f"\n[italic]{_names(one)}{title}[/italic]")
+            there.print(f"\n{_names(one)}{title}", style="italic")
             equal = len({row[1:] for row in rows}) == 1
             there.print(sheet(("", *headings), [("all", *rows[0][1:])] if equal else rows, left=()))
     for one in report["invalid"]:

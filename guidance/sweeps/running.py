@@ -29,7 +29,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.extras import require
-from guidance.screen import console, redraws
+from guidance.screen import console, headed, redraws
 from guidance.sweeps.folder import Folder, alone, begun
 from guidance.sweeps.rows import ChunkMade, code_here, computed, made, planned, uncollected
 
@@ -254,7 +254,7 @@ def run_sweep(
     unit = "games" if plan.way == "maths" else "flights"
     size = workers if workers is not None else os.cpu_count() or 1
     with alone(path):
-        there.print(f"[bold]{plan.title or Path(name).stem}[/bold]: {plan.rows} {unit}")
+        there.print(headed(plan.title or Path(name).stem, f": {plan.rows} {unit}"))
         folder = begun(path, plan, chunk, size)
         count = len(folder.missing)
         if folder.rows_there:

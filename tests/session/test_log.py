@@ -62,3 +62,12 @@ def test_a_terminal_that_stands_still_costs_lines_and_never_the_loop(monkeypatch
     assert log.dropped >= 49
     stream.go.set()
     log.close()
+
+
+def test_a_console_line_stays_one_line_whatever_a_field_says(text_log):
+    stream, _ = text_log
+    log = Log("console", "debug", stream)
+    log.say(logging.INFO, "refused", reason="\x1b[2J\n12:00:00 armed\u202e")
+    log.close()
+    (line,) = stream.getvalue().splitlines()
+    assert line.endswith("refused  reason=\\x1b[2J\\n12:00:00 armed\\u202e")
