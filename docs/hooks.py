@@ -28,6 +28,8 @@ from guidance.log.entries import CYCLE, EVENT, REPORT
 from guidance.session.control_bus import control_key
 from guidance.session.control_socket import WORDS
 from guidance.session.observability import Metrics
+from guidance.sim.outcome import Outcome
+from guidance.sim.teams import TeamOutcome
 from sitl_mock.cli import app as mock_app
 
 ROOT = Path(__file__).parents[1]
@@ -378,6 +380,33 @@ def _fields(schema: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Ma
             yield from _fields(spec, f"{path}{name}.")
 
 
+def outcome() -> str:
+    """Explain every column of an outcome, from the documentation of the two rows."""
+    words = (
+        "`guidance scenario run`, `fly` and `sweep` describe every run by one row with these columns, the same for "
+        "mathematics, mock and vehicle. `guidance compare` compares them. A number that there is none of is NaN, in "
+        "JSON null. Units are in the names.\n"
+    )
+    parts = ["# Outcome\n", words]
+    for title, row in (("One vehicle", Outcome), ("A team: one row for each evader", TeamOutcome)):
+        columns = attributes(row)
+        unexplained = set(row._fields) - set(columns)
+        if unexplained:
+            raise ValueError(f"{row.__name__}: columns without a text: {sorted(unexplained)}")
+        parts.append(f"## {title}\n")
+        parts.append(
+            table(("column", "meaning"), [(f"`{name}`", columns[name]) for name in row._fields])
+        )
+    return "\n".join(parts)
+
+
+def attributes(kind: type) -> dict[str, str]:
+    """Return the texts of the attributes in a docstring, by name."""
+    section = inspect.getdoc(kind).partition("Attributes:\n")[2]
+    found = re.findall(r"^    (\w+): ((?:.|\n(?!    \w+: ))*)", section, re.MULTILINE)
+    return {name: " ".join(text.split()) for name, text in found}
+
+
 def api() -> str:
     """List the public packages."""
     rows = [(f"[`{name}`](api/{name}.md)", _summary(name)) for name in API]
@@ -421,6 +450,7 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "reference/metrics.md": metrics,
     "reference/zenoh.md": zenoh_keys,
     "reference/record.md": record,
+    "reference/outcome.md": outcome,
     "reference/api.md": api,
     **{f"reference/api/{name}.md": module_page(name) for name in API},
 }

@@ -329,7 +329,9 @@ def find(name: str | Path, folder: str) -> Path:
     ):
         if candidate.is_file():
             return candidate
-    known = sorted(path.stem for path in (shipped / folder).glob("*.toml"))
+    bundled_names = sorted(path.stem for path in (shipped / folder).glob("*.toml"))
+    near = difflib.get_close_matches(Path(name).stem, bundled_names, n=1)
+    hint = f"did you mean {near[0]!r}? Give" if near else "give"
     raise ConfigError(
-        f"no {folder.removesuffix('s')} {str(name)!r}: give a path, or one of: {', '.join(known)}"
+        f"no {folder.removesuffix('s')} {str(name)!r}: {hint} a path, or one of: {', '.join(bundled_names)}"
     )

@@ -7,11 +7,12 @@ markup, and its control characters are escaped.
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import Final
+from typing import Final, TypeVar
 
 from rich.console import Console, ConsoleOptions, JustifyMethod, RenderableType
 from rich.live import Live
-from rich.progress import Progress, TextColumn
+from rich.measure import Measurement
+from rich.progress import Progress, TextColumn, track
 from rich.segment import Segment
 from rich.table import Column, Table
 from rich.text import Text
@@ -22,6 +23,7 @@ PIPED_COLUMNS: Final = 400
 """Width of a pipe, so that a row stays one line for `grep` and `cut`."""
 
 Cell = str | Text
+T = TypeVar("T")
 
 
 class PrintableConsole(Console):
@@ -85,6 +87,47 @@ def sheet(
     for row in lines:
         table.add_row(*row)
     return table
+
+
+def print_sheet(
+    target: Console,
+    headings: Sequence[str],
+    rows: Sequence[Sequence[Cell]],
+    *,
+    left: Collection[int],
+) -> None:
+    """Print a table, or if it does not fit, each of its rows as a list of names and values.
+
+    Args:
+        target: The console.
+        headings: Column headings.
+        rows: One cell per heading.
+        left: Indices of the text columns, as for `sheet`.
+    """
+    table = sheet(headings, rows, left=left)
+    least = Measurement.get(target, target.options.update(width=PIPED_COLUMNS), table).minimum
+    if least <= target.width:
+        target.print(table)
+        return
+    for row in rows:
+        target.print(pairs(zip(headings, row, strict=True)))
+        target.print()
+
+
+def counted(steps: Iterable[T], what: str, total: int) -> Iterator[T]:
+    """Yield the steps of long work and show how many are done; a console that cannot redraw prints a line at the start.
+
+    Args:
+        steps: The work.
+        what: What is done, in words.
+        total: Number of steps.
+    """
+    target = console(stderr=True)
+    if not redraws(target):
+        target.print(f"{what}: {total} steps", soft_wrap=True)
+    yield from track(
+        steps, what, total=total, console=target, transient=True, disable=not redraws(target)
+    )
 
 
 def pairs(

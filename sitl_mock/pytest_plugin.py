@@ -111,13 +111,15 @@ def mock_vehicle() -> Iterator[MockVehicles]:
 def mock_fleet() -> Iterator[Callable[..., RunningFleet]]:
     """Make fleets: `mock_fleet({"uav1": "px4", "evader": "rover"})`, or `mock_fleet(20)` PX4s uav1 to uav20.
 
+    `mock_fleet(["px4", "rover"])` names them uav1 and uav2.
+
     Keyword arguments: over, faults and seed as for `mock_vehicle`; all others are keys of every vehicle. Where
     vehicles differ, give their tables: `mock_fleet([{"name": "uav1", "flavour": "px4", "start_ned_m": [9, 0, 0]}])`.
     """
     with contextlib.ExitStack() as stack:
 
         def start(
-            vehicles: int | dict[str, str] | Sequence[Mapping[str, Any]] = 2,
+            vehicles: int | dict[str, str] | Sequence[str | Mapping[str, Any]] = 2,
             *,
             over: Sequence[Over] = ("udp", "zenoh"),
             faults: Mapping[str, Any] | None = None,
@@ -133,10 +135,16 @@ def mock_fleet() -> Iterator[Callable[..., RunningFleet]]:
 
 
 def _tables(
-    vehicles: int | dict[str, str] | Sequence[Mapping[str, Any]],
+    vehicles: int | dict[str, str] | Sequence[str | Mapping[str, Any]],
 ) -> Sequence[Mapping[str, Any]]:
     if isinstance(vehicles, int):
         return [{"name": f"uav{number}", "flavour": "px4"} for number in range(1, vehicles + 1)]
     if isinstance(vehicles, dict):
         return [{"name": name, "flavour": flavour} for name, flavour in vehicles.items()]
-    return list(vehicles)
+    tables: list[Mapping[str, Any]] = []
+    for number, vehicle in enumerate(vehicles, 1):
+        if isinstance(vehicle, str):
+            tables.append({"name": f"uav{number}", "flavour": vehicle})
+        else:
+            tables.append(vehicle)
+    return tables

@@ -139,6 +139,13 @@ def test_an_unknown_name_lists_those_that_there_are():
         find("zzz", "scenarios")
 
 
+def test_a_misspelt_name_is_answered_with_the_right_one():
+    with pytest.raises(
+        ConfigError, match=r"no scenario 'hover_chaise': did you mean 'hover_chase'"
+    ):
+        find("hover_chaise", "scenarios")
+
+
 TEXT = '''title = "x"  # a key
 description = """
 game = "not a key"

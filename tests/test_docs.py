@@ -25,6 +25,7 @@ from click.testing import CliRunner
 
 from guidance.cli.program import app as guidance_app
 from guidance.log.entries import CYCLE
+from guidance.sim.outcome import Outcome
 from guidance.sim.scenario_file import json_schema
 from sitl_mock.cli import app as mock_app
 from tests.bench.bench_walk import lines_of, named_walks
@@ -249,6 +250,7 @@ def test_the_pages_made_of_the_code_name_every_key_and_every_option():
     assert [key for key in sorted(keys) if f"`{key}`" not in said and f"{key}]" not in said] == []
     assert "`--speed-ratio`" in pages["reference/commands.md"]
     assert CYCLE.topic in pages["reference/record.md"]
+    assert all(f"| `{name}` |" in pages["reference/outcome.md"] for name in Outcome._fields)
     assert "external mode change" in hooks["failures"]()
     assert "`guidance_lateness_seconds`" in pages["reference/metrics.md"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rich.console import Console
 
-from guidance.screen import Cell, sheet
+from guidance.screen import Cell, print_sheet
 from guidance.sim.outcome import outcome_json
 from guidance.sim.scenario import Scenario
 from guidance.sim.teams import TeamOutcome, TeamScenario, summary_of
@@ -63,7 +63,7 @@ def tell_players(
         "captured",
         *(() if result is None else ("ended", "alarms", "limits")),
     )
-    console.print(sheet(headings, cells, left=range(len(headings))))
+    print_sheet(console, headings, cells, left=range(len(headings)))
     if not rows:
         return
     names = [*vehicles, "-"]  # number -1 means none
@@ -83,9 +83,10 @@ def tell_players(
         *(() if result is None else ("promise",)),
     )
     left = [place for place, heading in enumerate(headings) if heading not in _NUMBERS]
-    console.print(sheet(headings, cells, left=left))
+    print_sheet(console, headings, cells, left=left)
     summary = summary_of(rows)
-    console.print(sheet(("team", *summary), [(rows[0].game, *map(as_text, summary.values()))]))
+    team = [(rows[0].game, *map(as_text, summary.values()))]
+    print_sheet(console, ("team", *summary), team, left=(0,))
 
 
 def _promise(result: "MissionResult", row: TeamOutcome, evader: str) -> str:

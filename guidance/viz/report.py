@@ -22,6 +22,7 @@ from PIL import Image
 from guidance.errors import OutputError
 from guidance.files import private_folder, whole_file, writing
 from guidance.log.scene import Array, circle, isochron_at, lifted
+from guidance.screen import counted
 from guidance.viz import figures
 from guidance.viz.figures import (
     EVADER,
@@ -358,7 +359,8 @@ def write_animation(story: Story, path: Path) -> None:
     figures.legend_below(figure, plan, columns=5)
     title = figure.suptitle("")
     images = []
-    for number in np.unique(np.linspace(0, len(shown) - 1, FRAMES).round().astype(int)).tolist():
+    numbers = np.unique(np.linspace(0, len(shown) - 1, FRAMES).round().astype(int)).tolist()
+    for number in counted(numbers, "drawing the moving picture", len(numbers)):
         for run, mark, track in zip(runs, marks, (pursuer, evader, height), strict=True):
             run.set_data(*track[: number + 1, :2].T)
             mark.set_data(*track[number : number + 1, :2].T)

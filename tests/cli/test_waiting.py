@@ -2,11 +2,12 @@
 
 import io
 
+import pytest
 from rich.console import Console
 
 from guidance.cli.fly import LiveLine
 from guidance.flight import State
-from guidance.screen import sheet, waiting
+from guidance.screen import counted, print_sheet, sheet, waiting
 from guidance.session.mission import Progress
 
 
@@ -64,3 +65,24 @@ def test_long_cells_wrap_within_their_column():
         "MPC_XY_VEL_MAX  param set to 12   12.5",
     ]
     assert lines(table, 34)[2:] == ["MPC_XY_VEL_MAX  param set     12.5", "                to 12"]
+
+
+HEADINGS = ("evader", "end", "captor", "game_time_s", "predicted", "achieved")
+EVADERS = [["rover1", "captured", "uav1", "12.340", "55.402", "55.401"]]
+
+
+@pytest.mark.parametrize("width", [60, 100])
+def test_a_table_that_does_not_fit_is_printed_as_names_and_values(width):
+    out = io.StringIO()
+    names = (*HEADINGS, "predicted_capture_time_s")
+    rows = [[*EVADERS[0], "10.250"]]
+    print_sheet(Console(file=out, width=width), names, rows, left=(0, 1, 2))
+    text = out.getvalue()
+    assert max(map(len, text.splitlines())) <= width
+    assert all(name in text for name in names)
+    assert all(cell in text for cell in rows[0])
+
+
+def test_long_work_says_how_much_there_is_where_nothing_can_be_redrawn(capsys):
+    assert list(counted(range(3), "drawing", 3)) == [0, 1, 2]
+    assert capsys.readouterr().err == "drawing: 3 steps\n"

@@ -8,6 +8,7 @@ import pytest
 
 from sitl_mock import ConfigError, TransportError
 from sitl_mock.child import end, running
+from sitl_mock.pytest_plugin import _tables
 
 pytest_plugins = ["pytester"]
 
@@ -53,6 +54,13 @@ def test_vehicles_and_fleets_say_where_they_can_be_reached(mock_vehicle, mock_fl
 
 
 @pytest.mark.slow
+def test_a_fleet_may_be_a_list_of_flavours():
+    assert _tables(["px4", {"name": "evader", "flavour": "rover"}]) == [
+        {"name": "uav1", "flavour": "px4"},
+        {"name": "evader", "flavour": "rover"},
+    ]
+
+
 def test_fleets_that_run_side_by_side_share_no_port(mock_fleet):
     fleets = [mock_fleet({"a": "arducopter", "b": "px4"}, over=["udp"]) for _ in range(3)]
     ports = [vehicle.udp_port for fleet in fleets for vehicle in fleet.values()]
