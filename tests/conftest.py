@@ -33,6 +33,14 @@ def pytest_collection():
         gc.enable()
 
 
+@pytest.fixture(autouse=True)
+def remembered(monkeypatch, tmp_path_factory, request):
+    """What one test's programs remember across restarts is nobody else's; the folder exists once it is written."""
+    folder = tmp_path_factory.getbasetemp() / "state" / str(abs(hash(request.node.nodeid)))
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder))
+    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
     """Measure whether a test that may wait for the real world has a processor when it needs one."""

@@ -14,6 +14,7 @@ import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
+from pathlib import Path
 from types import ModuleType
 from typing import Any, Final, NamedTuple
 
@@ -22,6 +23,7 @@ from pymavlink.dialects.v20 import common
 
 from guidance.errors import ConfigError
 from guidance.links.port import Clock
+from guidance.links.signed_streams import SignedStreams, Stream
 
 Fields = Any
 """A message of pymavlink, with MAVLink's names as attributes; `msgname` is its name."""
@@ -192,10 +194,12 @@ class SigningKey:
     Args:
         secret: 32 bytes.
         unix_s: The Unix time of the first use; None reads it then.
+        streams: The last timestamps of earlier runs; None for none.
     """
 
     secret: bytes = field(repr=False)
     unix_s: float | None = None
+    streams: SignedStreams | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check the size.
@@ -207,8 +211,12 @@ class SigningKey:
             raise ConfigError(f"signing key: {len(self.secret)} bytes; it must have {KEY_BYTES}")
 
     @classmethod
-    def from_hex(cls, text: str) -> "SigningKey":
+    def from_hex(cls, text: str, streams: Path | None = None) -> "SigningKey":
         """Read 64 hexadecimal digits.
+
+        Args:
+            text: The digits.
+            streams: Folder for the last timestamps of this key; None remembers none.
 
         Raises:
             ConfigError: If the text is anything else. The message does not repeat it, because it may be a secret.
@@ -218,7 +226,11 @@ class SigningKey:
             raise ConfigError(
                 f"signing key: {len(digits)} characters; it must be 64 hexadecimal digits"
             )
-        return cls(bytes.fromhex(digits))
+        secret = bytes.fromhex(digits)
+        if streams is None:
+            return cls(secret)
+        name = hashlib.sha256(b"streams" + secret).hexdigest()[:16]
+        return cls(secret, streams=SignedStreams(streams / f"signed-{name}.json"))
 
 
 def ticks(unix_s: float) -> int:
@@ -229,8 +241,8 @@ def ticks(unix_s: float) -> int:
 class SignatureCheck:
     """Accepts a frame if its signature is right and its timestamp is later than the last one of its stream.
 
-    A stream is a link id, system id and component id. The first frame of a stream may be up to one minute older than
-    our own time. Frames with a wrong signature change nothing. pymavlink's own check is not used: it remembers the
+    A stream is a link id, system id and component id. The first frame of a stream that no earlier run has heard may be
+    up to one minute older than our own time. Frames with a wrong signature change nothing. pymavlink's own check is not used: it remembers the
     timestamp before it verifies the signature, so one forged frame from the future makes it refuse all genuine ones.
 
     Args:
@@ -239,7 +251,10 @@ class SignatureCheck:
 
     def __init__(self, key: SigningKey) -> None:
         self._secret = key.secret
-        self._last: dict[tuple[int, int, int], int] = {}
+        self._streams = key.streams
+        self._last: dict[Stream, int] = {}
+        if key.streams is not None:
+            self._last.update(key.streams.at_start)
         self.latest = ticks(time.time_ns() / 1e9 if key.unix_s is None else key.unix_s)
         """Our time at the start, or the latest timestamp accepted since."""
 
@@ -259,6 +274,8 @@ class SignatureCheck:
             return "refused"
         if remember:
             self._last[stream] = sent_at
+            if self._streams is not None:
+                self._streams.note(stream, sent_at)
             self.latest = max(self.latest, sent_at)
         return None
 

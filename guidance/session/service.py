@@ -21,6 +21,7 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.links import EvaderSource, SigningKey, Wire, carriers, parse
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.opening import open_link, open_source, open_wire
+from guidance.links.signed_streams import state_folder
 from guidance.links.wires import TappedWire, share
 from guidance.links.world import World
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
@@ -100,6 +101,8 @@ def open_all(
     opened = dict(wires or {})
     credentials = credentials_of(config.zenoh)
     key = signing_key(vehicle.signing_key_file)
+    if key is not None and key.streams is not None:
+        closed.callback(key.streams.close)
     endpoint = parse(vehicle.url)
     # Claim the vehicle on its own bus: all possible owners are there
     if endpoint.scheme == "zenoh":
@@ -177,9 +180,8 @@ def signing_key(path: Path | None, section: str = "vehicle") -> SigningKey | Non
     """
     if path is None:
         return None
-    return SigningKey.from_hex(
-        text_of(path, f"{section}.signing_key_file = {str(path)!r}", secret=True)
-    )
+    digits = text_of(path, f"{section}.signing_key_file = {str(path)!r}", secret=True)
+    return SigningKey.from_hex(digits, streams=state_folder())
 
 
 def open_equipment(mailbox: Mailbox, config: Config, stack: ExitStack) -> Equipment:
