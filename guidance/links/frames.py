@@ -242,8 +242,9 @@ class SignatureCheck:
     """Accepts a frame if its signature is right and its timestamp is later than the last one of its stream.
 
     A stream is a link id, system id and component id. The first frame of a stream that no earlier run has heard may be
-    up to one minute older than our own time. Frames with a wrong signature change nothing. pymavlink's own check is not used: it remembers the
-    timestamp before it verifies the signature, so one forged frame from the future makes it refuse all genuine ones.
+    up to one minute older than our own time. Frames with a wrong signature change nothing. pymavlink's own check is not
+    used: it remembers the timestamp before it verifies the signature, so one forged frame from the future makes it
+    refuse all genuine ones.
 
     Args:
         key: The shared secret.

@@ -14,6 +14,7 @@ from guidance.links.mavsdk_link import MavsdkLink
 from guidance.links.port import Clock, EvaderSource, VehicleLink, Wire, parse
 from guidance.links.pymavlink_link import PymavlinkLink, own_heartbeat
 from guidance.links.streams import SerialWire, TcpWire
+from guidance.links.tcp_in import TcpInWire
 from guidance.links.udp import AddressPins, UdpWire
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_evader import KEYS, ZenohEvader
@@ -42,8 +43,8 @@ def open_wire(
     Args:
         url: See `guidance.links.port`.
         clock: Stamps what arrives.
-        systems: MAVLink system ids that may call a listening UDP port; None accepts any.
-        signing_key: Theirs: each is accepted from an address only after a validly signed frame.
+        systems: MAVLink system ids that may call a listening port; None accepts any.
+        signing_key: Theirs: each is accepted from an address or a connection only after a validly signed frame.
         credentials: For a Zenoh router.
         timeout_s: Limit for connecting (TCP, Zenoh), in real time.
 
@@ -56,19 +57,21 @@ def open_wire(
         return ZenohWire(clock, session_to(endpoint, credentials, timeout_s), endpoint.namespace)
     if endpoint.scheme == "serial":
         return SerialWire(clock, device=endpoint.host, baud=endpoint.port)
-    listen = endpoint.scheme.endswith("in")
-    if endpoint.scheme.startswith("udp"):
-        checks = {
-            system_id: SignatureCheck(signing_key)
-            for system_id in systems or ()
-            if signing_key is not None
-        }
-        return UdpWire(
-            clock, endpoint.host, endpoint.port, AddressPins(systems, checks) if listen else None
-        )
-    return TcpWire(
-        clock, host=endpoint.host, port=endpoint.port, listen=listen, timeout_s=timeout_s
-    )
+    checks = {
+        system_id: SignatureCheck(signing_key)
+        for system_id in systems or ()
+        if signing_key is not None
+    }
+    host = endpoint.host
+    port = endpoint.port
+    match endpoint.scheme:
+        case "udpin":
+            return UdpWire(clock, host, port, pins=AddressPins(systems, checks))
+        case "udpout":
+            return UdpWire(clock, host, port)
+        case "tcpin":
+            return TcpInWire(clock, host=host, port=port, systems=systems, checks=checks)
+    return TcpWire(clock, host=host, port=port, timeout_s=timeout_s)
 
 
 def open_link(

@@ -9,7 +9,6 @@ import contextlib
 import json
 import os
 import threading
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -48,7 +47,7 @@ class SignedStreams:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.at_start: Mapping[Stream, int] = _read(path)
+        self.at_start = _read(path)
         self._latest = dict(self.at_start)
         self._written = dict(self.at_start)
         self._lock = threading.Lock()
@@ -102,19 +101,16 @@ def _read(path: Path) -> dict[Stream, int]:
     if not path.exists():
         return {}
     said = f"last timestamps of signed streams, {path}"
+    damaged = f"{said}: damaged; see that nobody replays recorded frames, and remove it"
     text = text_of(path, said, secret=True)
     try:
         rows = json.loads(text[:_MOST_BYTES])
         streams = {_stream(name): timestamp for name, timestamp in rows.items()}
     except (ValueError, AttributeError, RecursionError) as error:
-        raise ConfigError(
-            f"{said}: damaged; see that no recorded frames come in, and remove it"
-        ) from error
-    if not all(
-        type(timestamp) is int and 0 <= timestamp < _MOST_TIMESTAMP
-        for timestamp in streams.values()
-    ):
-        raise ConfigError(f"{said}: damaged; see that no recorded frames come in, and remove it")
+        raise ConfigError(damaged) from error
+    for timestamp in streams.values():
+        if type(timestamp) is not int or not 0 <= timestamp < _MOST_TIMESTAMP:
+            raise ConfigError(damaged)
     return streams
 
 

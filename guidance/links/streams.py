@@ -1,7 +1,6 @@
-"""Byte streams, which may accept only a part of a frame: TCP, and a serial port through pyserial.
+"""Byte streams, which may accept only a part of a frame: TCP that calls (`tcpout`), and a serial port through pyserial.
 
-TCP calls (`tcpout`), or listens and talks to the last caller (`tcpin`). The unsent rest of a frame is sent before the
-next one; only whole frames are dropped.
+The unsent rest of a frame is sent before the next one; only whole frames are dropped. `guidance.links.tcp_in` listens.
 """
 
 import os
@@ -102,44 +101,28 @@ class StreamWire(QueuedWire):
 
 
 class TcpWire(StreamWire):
-    """One connection. When it breaks, we call again or accept the next caller."""
+    """One connection. When it breaks, we call again."""
 
-    def __init__(
-        self, clock: Clock, *, host: str, port: int, listen: bool, timeout_s: float = 5.0
-    ) -> None:
-        """Connect, or begin to listen.
+    def __init__(self, clock: Clock, *, host: str, port: int, timeout_s: float = 5.0) -> None:
+        """Connect.
 
         Raises:
-            LinkError: If the connection fails within `timeout_s`, or the port cannot be bound.
+            LinkError: If the connection fails within `timeout_s`.
         """
         name = f"tcp {host}:{port}"
-        self._server: socket.socket | None = None
         try:
-            if listen:
-                self._server = socket.create_server((host, port), backlog=1)
-                self._server.settimeout(_WAIT_S)
-            first = None if listen else self._called(host, port, timeout_s)
+            first = _called(host, port, timeout_s)
         except OSError as error:
-            busy = "choose another port or end the program that uses it"
-            absent = "is the vehicle running there?"
-            raise LinkError(f"{name}: {error}; {busy if listen else absent}") from error
-        super().__init__(clock, name, partial(self._called, host, port, _WAIT_S), first)
+            raise LinkError(f"{name}: {error}; is the vehicle running there?") from error
+        super().__init__(clock, name, partial(_called, host, port, _WAIT_S), first)
 
-    def _called(self, host: str, port: int, timeout_s: float) -> socket.socket:
-        server = self._server
-        peer = (
-            socket.create_connection((host, port), timeout_s)
-            if server is None
-            else server.accept()[0]
-        )
-        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        peer.setblocking(False)
-        return peer
 
-    def _release(self) -> None:
-        super()._release()
-        if self._server is not None:
-            self._server.close()
+def _called(host: str, port: int, timeout_s: float) -> socket.socket:
+    """Call a listening port."""
+    peer = socket.create_connection((host, port), timeout_s)
+    peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    peer.setblocking(False)
+    return peer
 
 
 class SerialWire(StreamWire):

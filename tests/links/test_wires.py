@@ -15,6 +15,7 @@ from guidance.errors import LinkError
 from guidance.links import MemoryWire, udp
 from guidance.links.opening import open_wire
 from guidance.links.streams import SerialWire, StreamWire, TcpWire
+from guidance.links.tcp_in import TcpInWire
 from guidance.links.udp import AddressPins, UdpWire
 from guidance.links.wires import QUEUE_LENGTH, Arrivals
 from guidance.links.zenoh_wire import ZenohWire, open_session
@@ -22,6 +23,11 @@ from tests.links.peer import Peer, until
 from tests.links.rigs import clock, free_port, router_config
 
 FRAME = Peer(lambda data: None).packed(dialect.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3))
+
+
+def numbered(number):
+    """Return a HEARTBEAT that carries this number."""
+    return Peer(lambda data: None).packed(dialect.MAVLink_heartbeat_message(2, 12, 0, number, 4, 3))
 
 
 @contextlib.contextmanager
@@ -121,9 +127,7 @@ def opened(kind, router):
             caller = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
             yield wire, lambda data: caller.sendto(data, ("127.0.0.1", port_of(wire)))
         else:
-            wire = stack.enter_context(
-                closing(TcpWire(clock, host="127.0.0.1", port=0, listen=True))
-            )
+            wire = stack.enter_context(closing(TcpInWire(clock, host="127.0.0.1", port=0)))
             caller = stack.enter_context(socket.create_connection(("127.0.0.1", port_of(wire))))
             yield wire, caller.sendall
 
@@ -229,8 +233,8 @@ def test_udp_answers_the_vehicles_address_only():
         stranger.sendto(b"hello", ("127.0.0.1", port_of(wire)))
         vehicle.sendto(FRAME, ("127.0.0.1", port_of(wire)))
         impostor.sendto(FRAME, ("127.0.0.1", port_of(wire)))
-        vehicle.sendto(b"any data", ("127.0.0.1", port_of(wire)))
-        assert received(wire, b"any data")
+        vehicle.sendto(numbered(1), ("127.0.0.1", port_of(wire)))
+        assert received(wire, numbered(1))
         counters = wire.counters()
         assert (counters["wire_garbage"], counters["wire_impostor"]) == (1, 1)
         wire.send(FRAME)
@@ -270,7 +274,7 @@ def test_udp_receive_reads_the_socket_itself_a_bounded_number_at_once(monkeypatc
     monkeypatch.setattr(udp, "Reader", Asleep)
     wire = UdpWire(clock, "127.0.0.1", 0, AddressPins({1}))
     with closing(wire), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
-        said = [FRAME, *(b"%d" % n for n in range(40))]
+        said = [FRAME, *map(numbered, range(40))]
         for data in said:
             vehicle.sendto(data, ("127.0.0.1", port_of(wire)))
         pieces = [[data for _, data in wire.receive()] for _ in range(4)]
@@ -287,7 +291,7 @@ def test_udp_keeps_the_order_while_the_loop_and_the_reader_both_read():
     wire = UdpWire(clock, "127.0.0.1", 0, AddressPins({1}))
     with closing(wire), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         for burst in range(100):
-            said = [FRAME, *(b"%d" % n for n in range(20 * burst, 20 * burst + 20))]
+            said = [FRAME, *map(numbered, range(20 * burst, 20 * burst + 20))]
             for data in said:
                 vehicle.sendto(data, ("127.0.0.1", port_of(wire)))
             got.clear()
@@ -313,10 +317,10 @@ def test_udp_to_an_unused_port_keeps_working():
 
 
 def test_tcp_accepts_the_next_caller_after_the_last_has_left():
-    with closing(TcpWire(clock, host="127.0.0.1", port=0, listen=True)) as wire:
+    with closing(TcpInWire(clock, host="127.0.0.1", port=0)) as wire:
         wire.send(FRAME)
         assert wire.counters()["wire_unsent"] == 1
-        for word in (b"first", b"second"):
+        for word in (FRAME + b"first", FRAME + b"second"):
             with socket.create_connection(("127.0.0.1", port_of(wire))) as caller:
                 caller.sendall(word)
                 assert received(wire, word)
@@ -328,9 +332,7 @@ def test_tcp_calls_again_when_the_other_side_returns():
     with contextlib.ExitStack() as stack:
         server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
         port = server.getsockname()[1]
-        wire = stack.enter_context(
-            closing(TcpWire(clock, host="127.0.0.1", port=port, listen=False))
-        )
+        wire = stack.enter_context(closing(TcpWire(clock, host="127.0.0.1", port=port)))
         first, _ = server.accept()
         first.close()
         server.close()
@@ -345,9 +347,7 @@ def test_tcp_to_a_peer_that_does_not_read_never_blocks():
     with contextlib.ExitStack() as stack:
         server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
         port = server.getsockname()[1]
-        wire = stack.enter_context(
-            closing(TcpWire(clock, host="127.0.0.1", port=port, listen=False))
-        )
+        wire = stack.enter_context(closing(TcpWire(clock, host="127.0.0.1", port=port)))
         stack.enter_context(server.accept()[0])
         slowest_s = 0.0
         for _ in range(3000):
