@@ -58,7 +58,8 @@ def test_recorded_frames_take_no_place_after_a_restart(tmp_path):
 
 
 def test_every_stream_has_a_timestamp_of_its_own(tmp_path):
-    radio, cable = Signing(1), Signing(2)
+    radio = Signing(1)
+    cable = Signing(2)
     key = key_in(tmp_path)
     check = SignatureCheck(key)
     assert problem(check, radio.beat()) is None
