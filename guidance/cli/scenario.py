@@ -22,7 +22,7 @@ from guidance.sim.batch import stack
 from guidance.sim.expect import CheckedExpectation, Ranges
 from guidance.sim.maths import opening, play
 from guidance.sim.outcome import winner_name
-from guidance.sim.scenario import Scenario
+from guidance.sim.scenario import WIND_WORDS, Scenario
 from guidance.sim.scenario_file import FOLDER, load_any
 from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of
 from guidance.texts import printable
@@ -304,12 +304,17 @@ def _groups(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
 def _players(scenario: Scenario) -> Iterator[tuple[str, str]]:
     pursuer = scenario.pursuer
     evader = scenario.evader
-    speeds = f"{pursuer.speed_m_s:g} m/s"
-    if pursuer.speed_set == "cylinder":
-        speeds += f" level, {pursuer.climb_m_s:g} up, {pursuer.descent_m_s:g} down"
+    level = f"{pursuer.speed_m_s:g} m/s"
+    apart = f"{level} level, {pursuer.climb_m_s:g} up, {pursuer.descent_m_s:g} down (cylinder)"
+    by_set = {
+        "ball": f"{level} (ball)",
+        "cylinder": apart,
+        None: f"{level} (ball) in mathematics, and in flight {apart}",
+    }
+    speeds = by_set[pursuer.speed_set]
     yield (
         "pursuer",
-        f"at {_place(pursuer.position_m)} m, {speeds} ({pursuer.speed_set}), plays {pursuer.policy}",
+        f"at {_place(pursuer.position_m)} m, {speeds}, plays {pursuer.policy}",
     )
     declared = (
         "" if evader.declared_speed_m_s is None else f" (declares {evader.declared_speed_m_s:g})"
@@ -320,28 +325,31 @@ def _players(scenario: Scenario) -> Iterator[tuple[str, str]]:
     )
 
 
+def _value(scenario: Scenario) -> str:
+    """Say what the game's value at engagement is."""
+    first = opening(stack([scenario]))
+    value = float(first.value[0])
+    winner = winner_name(int(first.winner[0]))
+    if winner == "evader":
+        return f"the evader wins: the pursuer misses by {value:.2f} m"
+    if scenario.game == "pe":
+        return f"{value:.2f} s to capture"
+    return f"{value:.2f} m from the target, {winner} wins"
+
+
 def _conditions(scenario: Scenario) -> Iterator[tuple[str, str]]:
     disc = scenario.standoff
     yield (
         "captured",
         f"within {disc.tolerance_m:g} m of the disc of {disc.radius_m:g} m, {disc.height_m:g} m up",
     )
-    first = opening(stack([scenario]))
-    value = float(first.value[0])
-    winner = winner_name(int(first.winner[0]))
-    won = (
-        f"{value:.2f} s to capture"
-        if scenario.game == "pe"
-        else f"{value:.2f} m from the target, {winner} wins"
-    )
-    yield (
-        "value",
-        f"the evader wins: the pursuer misses by {value:.2f} m" if winner == "evader" else won,
-    )
+    value = _value(scenario)
+    flown = _value(scenario.as_flown())
+    yield "value", value if flown == value else f"in mathematics {value}; in flight {flown}"
     if set(scenario.sensor.model_fields_set):
         yield "sensor", ", ".join(f"{key} = {value}" for key, value in scenario.sensor if value)
     if any(scenario.wind.velocity_m_s):
-        yield "wind", f"{_place(scenario.wind.velocity_m_s)} m/s, east and north"
+        yield "wind", f"{_place(scenario.wind.velocity_m_s)} m/s, east and north; {WIND_WORDS}"
     for fault in scenario.fault:
         keys = "".join(f", {key} = {value}" for key, value in (fault.model_extra or {}).items())
         since = "engagement" if fault.after == "engaged" else "the start"

@@ -17,7 +17,7 @@ from guidance.flight import Authority, FlightSettings, Inputs, Outputs
 from guidance.links.wires import CapturedFrame
 from guidance.log.entries import BEGUN, CONFIG, SCENARIO, STOPPED, cycle_entry
 from guidance.log.writer import Record, Recorder, started_utc, versions
-from guidance.session.plan import plan_of
+from guidance.session.plan import TeamPlan, settings_of
 from guidance.session.vehicle_file import Config
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ def recorded_settings(
         section[last] = value
     source = f"the record's {kind}" + (f" with {', '.join(changes)} changed" if changes else "")
     if kind == CONFIG:
-        return plan_of(parse(Config, document, source=source)).flight
+        return settings_of(parse(Config, document, source=source), None, None)
     config = (
         parse(Config, json.loads(metadata[CONFIG]), source="the record's config")
         if CONFIG in metadata
@@ -223,7 +223,10 @@ def recorded_settings(
     )
     from guidance.sim.scenario import Scenario  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
 
-    return plan_of(config, parse(Scenario, document, source=source), metadata.get(TEAM)).flight
+    team = None
+    if TEAM in metadata:
+        team = parse(TeamPlan, json.loads(metadata[TEAM]), source="the record's team")
+    return settings_of(config, parse(Scenario, document, source=source), team)
 
 
 def changes_of(words: Sequence[str]) -> dict[str, Any]:

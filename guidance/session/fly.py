@@ -3,7 +3,6 @@
 Each way opens what its flight needs (`Opened`); `fly_recorded` flies all of them.
 """
 
-import json
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
@@ -34,7 +33,7 @@ from guidance.session.flight_files import RECORD, TEAM, flight_metadata, recordi
 from guidance.session.loop import Signals
 from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress, Show
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
-from guidance.session.plan import SIMULATED_URL, config_of, plan_of
+from guidance.session.plan import SIMULATED_URL, TeamPlan, config_of, plan_of
 from guidance.session.result import MissionResult, closing_detail
 from guidance.session.service import open_all, open_equipment, open_vehicle
 from guidance.session.vehicle_file import Config, Vehicle
@@ -335,7 +334,7 @@ def fly_recorded(
         clock = flight.clock
         policy = flight.policy
         show = onlooker.show
-        team = team_document(scenario, pursuits) if isinstance(scenario, TeamScenario) else None
+        team = team_plan(scenario, pursuits) if isinstance(scenario, TeamScenario) else None
         plans = {
             one.vehicle: plan_of(flight.configs.get(one.vehicle), one.scenario, team)
             for one in pursuits
@@ -377,9 +376,13 @@ def _declared_m_s(pursuits: Sequence[Pursuit]) -> dict[str, float]:
     return {one.evader: one.scenario.evader.believed_speed_m_s for one in reversed(pursuits)}
 
 
-def team_document(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> str:
-    """Return the separation and the speeds of all evaders as JSON."""
-    return json.dumps({"team": _separation(scenario), "evaders": _declared_m_s(pursuits)})
+def team_plan(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> TeamPlan:
+    """Return what all vehicles of a scenario's team share."""
+    flight = scenario.flight
+    team = TeamSection(
+        separation_m=flight.separation_m, separation_height_m=flight.separation_height_m
+    )
+    return TeamPlan(team=team, evaders=_declared_m_s(pursuits))
 
 
 def _equip(flight: Opened, scenario: Played, folder: Path | None, stack: ExitStack) -> None:
@@ -398,7 +401,10 @@ def _equip(flight: Opened, scenario: Played, folder: Path | None, stack: ExitSta
         bus = flight.buses.get(name)
         used = flight.equipment[name]
         if isinstance(scenario, TeamScenario):
-            metadata |= {TEAM: team_document(scenario, flight.pursuits), "vehicle": name}
+            metadata |= {
+                TEAM: team_plan(scenario, flight.pursuits).model_dump_json(),
+                "vehicle": name,
+            }
             transport = (
                 ZenohTeam(now_s, bus, TEAM, name, names)
                 if bus

@@ -25,7 +25,14 @@ from guidance.session.daemon import Daemon, Equipment
 from guidance.session.loop import PERIOD_S, CycleHooks, Signals, run
 from guidance.session.orders import ON_GROUND
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.result import PLAYING, EvaderResult, FlightResult, MissionResult, begins_game
+from guidance.session.result import (
+    PLAYING,
+    Capture,
+    EvaderResult,
+    FlightResult,
+    MissionResult,
+    begins_game,
+)
 from guidance.sim.scenario import Flown, Pursuit, pursuits_of
 from guidance.sim.sensor import SensedEvader
 
@@ -207,9 +214,9 @@ class Mission(CycleHooks):
             if evader_m is not None and (not evader.track or evader.track[-1][0] < now_s):
                 evader.track.append((now_s, evader_m))
             captures = any(each.event is Event.CAPTURED for each in one.daemon.outputs.happenings)
-            if captures and evader.captured_by is None:
-                evader.captured_by = one.pursuit.vehicle
-                evader.captured_s = now_s
+            certificate = one.result.latest
+            if captures and certificate is not None and evader.capture is None:
+                evader.capture = Capture(one.pursuit.vehicle, now_s, certificate.evader_game_m)
 
     def stop(self, wall_s: float) -> MissionResult:
         """Stop the evaders that this process plays, and return the result of the run, which took `wall_s`."""
@@ -244,12 +251,12 @@ class VehicleMission:
 
     def __init__(self, mission: Mission, pursuit: Pursuit) -> None:
         scenario, vehicle, evader = self.pursuit = pursuit
-        plan = mission.plans.get(vehicle)
         used = mission.equipment.get(vehicle, Equipment())
         self._mission = mission
         self._policy = mission.policy
         world = mission.world
-        self.result = FlightResult(scenario, State.CONNECTING)
+        plan = mission.plans.get(vehicle) or plan_of(scenario=scenario)
+        self.result = FlightResult(scenario, plan.flight.cycle, State.CONNECTING)
         self.over = False
         self.engaged_s: float | None = None
         self.position_game_m: Vector | None = None
@@ -258,9 +265,7 @@ class VehicleMission:
             for name, source in world.evaders[vehicle].items()
             if used.team is not None or name == evader
         }
-        self.daemon = Daemon(
-            vehicle, plan or plan_of(scenario=scenario), world.links[vehicle], self._heard, used
-        )
+        self.daemon = Daemon(vehicle, plan, world.links[vehicle], self._heard, used)
         self._begun_s = mission.clock.now_s()
         self._limit_from_s = 0.0
         self._refused_s = math.inf

@@ -5,32 +5,45 @@ tighter limit of both applies. If the files contradict each other, nothing flies
 file with the scenario's own limits.
 """
 
-import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from guidance.autopilots import Wants, autopilot_named
-from guidance.config import parse
-from guidance.control import Speeds
+from guidance.autopilots import Autopilot, Wants, autopilot_named
+from guidance.config import Section, parse
+from guidance.control import Limits, Speeds
 from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
-from guidance.flight.settings import LIMITS_S, FlightSection
-from guidance.frames import Amsl
-from guidance.game import Ball, Cylinder, Game, StandOff
+from guidance.flight.settings import LIMITS_S, FlightSection, TeamSection
+from guidance.frames import Amsl, Place, Vector
+from guidance.game import SpeedSet
 from guidance.game.extent import POINT
-from guidance.session.vehicle_file import Config, EvaderSection, GameSection, LogSection, Vehicle
+from guidance.game.game import STILL
+from guidance.game.rules import Rules, game_by
+from guidance.session.vehicle_file import Config, EvaderSection, Vehicle
 from guidance.strategies import Strategy
 
 if TYPE_CHECKING:
     from guidance.sim.scenario import Scenario
 
 SIMULATED_URL: Final = "udpin://127.0.0.1:14541"
-"""The URL of a simulated evader, and of a mock, in their vehicle file. Nothing opens it."""
+"""The URL of a simulated evader in a vehicle file. Nothing opens it."""
+
+
+class TeamPlan(Section):
+    """The team of a scenario, which all its vehicles share. A record keeps it as JSON.
+
+    Attributes:
+        team: How far the vehicles stay from each other.
+        evaders: Declared speeds of all evaders by name, m/s.
+    """
+
+    team: TeamSection
+    evaders: dict[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +62,9 @@ class FlightPlan:
 
 
 def plan_of(
-    config: Config | None = None, scenario: "Scenario | None" = None, team: str | None = None
+    config: Config | None = None,
+    scenario: "Scenario | None" = None,
+    team: TeamPlan | None = None,
 ) -> FlightPlan:
     """Return the plan of a vehicle file, a scenario, or both.
 
@@ -60,99 +75,245 @@ def plan_of(
     Args:
         config: The vehicle file.
         scenario: The scenario.
-        team: JSON of a scenario's team: the separation, `team`, and the speeds of the evaders by name, `evaders`.
+        team: The scenario's team; None if it has none.
+
+    Raises:
+        ConfigError: If the files contradict themselves or each other, both are missing, or the game asks for speeds
+            that the vehicle does not fly.
+    """
+    if config is not None and scenario is not None:
+        config = merged(scenario, config)
+    terms = _terms(config, scenario)
+    _require_flown(terms)
+    flight = _settings(terms, team)
+    if config is None:
+        document = "" if scenario is None else scenario.model_dump_json()
+        return FlightPlan(flight=flight, document=document)
+    reserve = config.flight.reserve
+    needed = None
+    if reserve is not None:
+        needed = reserve.needed(flight.farthest_m, flight.takeoff_height_m)
+    wants = Wants(config.preflight, config.limits, config.game.speeds, config.speed_limits, needed)
+    return FlightPlan(flight=flight, wants=wants, document=config.model_dump_json())
+
+
+def settings_of(
+    config: Config | None, scenario: "Scenario | None", team: TeamPlan | None
+) -> FlightSettings:
+    """Return the settings of a flight that was flown already, as recorded; arguments as of `plan_of`.
 
     Raises:
         ConfigError: If the files contradict themselves or each other, or both are missing.
     """
-    mates = {} if team is None else json.loads(team)
+    if config is not None and scenario is not None:
+        config = merged(scenario, config)
+    return _settings(_terms(config, scenario), team)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Terms:
+    """What a flight takes from its files, whichever they are.
+
+    Attributes:
+        source: Section of the pursuer's speeds.
+        autopilot: Of the vehicle.
+        rules: The game, with the declared speed of the evader and capture on the stand-off disc.
+        strategy: Of the pursuer.
+        tolerance_m: Distance from the disc that counts as captured.
+        target_game_m: The evader's target; None in PE.
+        site: Zero of the game frame; None for home.
+        start_game_m: Where the vehicle stands by; None above the take-off.
+        limits: The limits.
+        speed_limits: Speeds of every command.
+        flight: The section of the flight.
+        evader_timeout_s: The evader is lost after so long.
+        hold_on_rival: Whether a second source of the evader holds the vehicle.
+        unlimited: States that may last as long as they like.
+        team: Separation from mates; None without a team.
+        evaders: Declared speeds of evaders by name, m/s.
+    """
+
+    source: str
+    autopilot: Autopilot
+    rules: Rules
+    strategy: Strategy
+    tolerance_m: float
+    target_game_m: Vector | None
+    site: Place | None
+    start_game_m: Vector | None
+    limits: Limits
+    speed_limits: Speeds
+    flight: FlightSection
+    evader_timeout_s: float
+    hold_on_rival: bool
+    unlimited: frozenset[State]
+    team: TeamSection | None
+    evaders: Mapping[str, float]
+
+
+class _Played(NamedTuple):
+    """A scenario's part of a flight: strategy, start and target of the game."""
+
+    strategy: Strategy
+    start_game_m: Vector
+    target_game_m: Vector | None
+
+
+_WITH_A_PERSON: Final = frozenset({State.CONNECTING, State.CHECKING})
+"""With a person a flight may take any time to begin."""
+
+
+def _terms(config: Config | None, scenario: "Scenario | None") -> _Terms:
     if config is None:
         if scenario is None:
             raise ConfigError("neither a vehicle file nor a scenario: give at least one")
-        config = _as_vehicle_file(
-            scenario, Vehicle(autopilot=scenario.pursuer.autopilot, url=SIMULATED_URL)
-        )
-        return FlightPlan(
-            flight=_settings(config, scenario, mates, mocked=True),
-            document=scenario.model_dump_json(),
-        )
-    config = config if scenario is None else merged(scenario, config)
-    settings = _settings(config, scenario, mates, mocked=False)
-    reserve = config.flight.reserve
-    needed = (
-        None if reserve is None else reserve.needed(settings.farthest_m, settings.takeoff_height_m)
+        return _mocked(scenario)
+    return _by_file(config) if scenario is None else _by_both(config, scenario)
+
+
+def _mocked(scenario: "Scenario") -> _Terms:
+    """Return the terms of a scenario that a mock flies, with the scenario's own limits."""
+    from guidance.sim import batch  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
+    from guidance.sim.scenario import EVADER_ID  # noqa: PLC0415
+
+    rules = batch.rules_of([scenario.as_flown()])._replace(
+        evader_speed_m_s=scenario.evader.believed_speed_m_s, capture_radius_m=0.0
     )
-    wants = Wants(config.preflight, config.limits, config.game.speeds, config.speed_limits, needed)
-    return FlightPlan(flight=settings, wants=wants, document=config.model_dump_json())
+    played = _played(scenario, rules.pursuer)
+    takeoff_height_m = scenario.pursuer.takeoff_height_m
+    evader = EvaderSection(kind="global_position", url=SIMULATED_URL, system_id=EVADER_ID)
+    return _Terms(
+        source="pursuer",
+        autopilot=autopilot_named(scenario.pursuer.autopilot),
+        rules=rules,
+        strategy=played.strategy,
+        tolerance_m=scenario.standoff.tolerance_m,
+        target_game_m=played.target_game_m,
+        site=batch.site(scenario),
+        start_game_m=played.start_game_m,
+        limits=scenario.limits,
+        speed_limits=scenario.speed_limits,
+        flight=FlightSection(takeoff_height_m=takeoff_height_m, on_terminate="land"),
+        evader_timeout_s=evader.timeout_s,
+        hold_on_rival=evader.second_source == "hold",
+        unlimited=frozenset(),
+        team=None,
+        evaders={},
+    )
 
 
-def _settings(
-    config: Config, scenario: "Scenario | None", mates: Mapping[str, Any], *, mocked: bool
-) -> FlightSettings:
-    autopilot = autopilot_named(config.vehicle.autopilot)
-    own = config.game
-    target = config.game.target
-    handling = autopilot.handling
-    standoff = StandOff(own.standoff_radius_m, own.standoff_height_m)
-    speeds = Ball(own.speed_m_s) if own.speed_set == "ball" else Cylinder(*own.speeds)
-    strategy = Strategy(own.policy, gain=own.navigation_gain)
-    start_game_m = None
+def _by_file(config: Config) -> _Terms:
+    """Return the terms of a vehicle file."""
+    game = config.game
+    target = game.target
     target_game_m = None
-    extent = POINT if target is None else target.extent
     site = None
-    if scenario is not None:
-        from guidance.sim import batch  # noqa: PLC0415 - a vehicle without a scenario needs no simulator
-
-        x, y, z = scenario.pursuer.position_m
-        start_game_m = (x, y, z - scenario.evader.height_m)
-        target_game_m = batch.target_game_m(scenario)
-        extent = batch.target_extent(scenario)
-        strategy = batch.strategy_of(
-            scenario, "pursuer", np.array(start_game_m), speeds, scenario.seed
-        )
-        site = batch.site(scenario) if mocked or "site" in scenario.model_fields_set else None
-    elif target is not None:
+    extent = POINT
+    if target is not None:
         # The game frame's zero is the target; only height differences matter
-        target_game_m = (
-            0.0,
-            0.0,
-            0.0,
-        )
+        target_game_m = (0.0, 0.0, 0.0)
         site = target.latitude_deg, target.longitude_deg, Amsl(target.altitude_amsl_m)
-    # With a person a flight may take any time to begin.
-    unlimited = () if mocked else (State.CONNECTING, State.CHECKING)
-    moves_m_s = own.target_velocity_m_s
-    declared_m_s = {} if config.team is None else {config.team.evader: own.evader_speed_m_s}
-    declared_m_s |= (
-        {}
-        if config.team is None
-        else {name: one.speed_m_s for name, one in config.team.evaders.items()}
-    )
-    cycle = CycleSettings(
-        Game(
-            speeds,
-            own.evader_speed_m_s,
-            standoff=standoff,
-            target_velocity_m_s=moves_m_s,
+        extent = target.extent
+    evaders = {}
+    if config.team is not None:
+        evaders[config.team.evader] = game.evader_speed_m_s
+        for name, evader in config.team.evaders.items():
+            evaders[name] = evader.speed_m_s
+    return _Terms(
+        source="game",
+        autopilot=autopilot_named(config.vehicle.autopilot),
+        rules=Rules(
+            speed_set=game.speed_set,
+            speeds_m_s=game.speeds,
+            evader_speed_m_s=game.evader_speed_m_s,
+            capture_radius_m=0.0,
+            standoff_radius_m=game.standoff_radius_m,
+            standoff_height_m=game.standoff_height_m,
+            wind_m_s=STILL,
+            target_velocity_m_s=game.target_velocity_m_s,
             target_extent=extent,
         ),
-        strategy,
-        tolerance_m=own.tolerance_m,
-        envelope=config.limits.envelope(config.speed_limits, handling.dynamics, standoff),
-        handling=handling,
+        strategy=Strategy(game.policy, gain=game.navigation_gain),
+        tolerance_m=game.tolerance_m,
         target_game_m=target_game_m,
         site=site,
-        evader_timeout_s=config.evader.timeout_s,
-    )
-    return FlightSettings(
-        **dict(config.flight),
-        **{"team": config.team, "evaders": declared_m_s, **mates},
-        autopilot=autopilot,
-        cycle=cycle,
+        start_game_m=None,
         limits=config.limits,
-        start_game_m=start_game_m,
+        speed_limits=config.speed_limits,
+        flight=config.flight,
+        evader_timeout_s=config.evader.timeout_s,
         hold_on_rival=config.evader.second_source == "hold",
-        limits_s={state: limit_s for state, limit_s in LIMITS_S.items() if state not in unlimited},
+        unlimited=_WITH_A_PERSON,
+        team=config.team,
+        evaders=evaders,
+    )
+
+
+def _by_both(config: Config, scenario: "Scenario") -> _Terms:
+    """Return the terms of a vehicle file that has a scenario's game already, see `merged`."""
+    from guidance.sim import batch  # noqa: PLC0415 - as above
+
+    terms = _by_file(config)
+    rules = terms.rules._replace(target_extent=batch.target_extent(scenario))
+    played = _played(scenario, rules.pursuer)
+    return replace(
+        terms,
+        rules=rules,
+        strategy=played.strategy,
+        target_game_m=played.target_game_m,
+        site=batch.site(scenario) if "site" in scenario.model_fields_set else None,
+        start_game_m=played.start_game_m,
+    )
+
+
+def _played(scenario: "Scenario", pursuer: SpeedSet) -> _Played:
+    from guidance.sim import batch  # noqa: PLC0415 - as above
+
+    x, y, z = scenario.pursuer.position_m
+    start_game_m = (x, y, z - scenario.evader.height_m)
+    start = np.array(start_game_m)
+    strategy = batch.strategy_of(scenario, "pursuer", start, pursuer, scenario.seed)
+    return _Played(strategy, start_game_m, batch.target_game_m(scenario))
+
+
+def _require_flown(terms: _Terms) -> None:
+    """Refuse a game whose pursuer climbs or descends faster than the vehicle."""
+    level_m_s, climb_m_s, descent_m_s = terms.rules.speeds_m_s
+    if terms.rules.speed_set != "ball" or min(climb_m_s, descent_m_s) >= level_m_s:
+        return
+    section = terms.source
+    flown = f"{section}.climb_m_s = {climb_m_s:g} and {section}.descent_m_s = {descent_m_s:g}"
+    raise ConfigError(
+        f'{section}.speed_set = "ball": its game climbs and descends at up to {section}.speed_m_s = {level_m_s:g}, '
+        f"but the vehicle flies {flown}; what it could not keep would be promised. "
+        f'Use "cylinder", or raise both to {level_m_s:g} if the autopilot flies that'
+    )
+
+
+def _settings(terms: _Terms, team: TeamPlan | None) -> FlightSettings:
+    game = game_by(terms.rules)
+    handling = terms.autopilot.handling
+    cycle = CycleSettings(
+        game,
+        terms.strategy,
+        tolerance_m=terms.tolerance_m,
+        envelope=terms.limits.envelope(terms.speed_limits, handling.dynamics, game.standoff),
+        handling=handling,
+        target_game_m=terms.target_game_m,
+        site=terms.site,
+        evader_timeout_s=terms.evader_timeout_s,
+    )
+    limits_s = {state: limit for state, limit in LIMITS_S.items() if state not in terms.unlimited}
+    return FlightSettings(
+        **dict(terms.flight),
+        team=terms.team if team is None else team.team,
+        evaders=terms.evaders if team is None else team.evaders,
+        autopilot=terms.autopilot,
+        cycle=cycle,
+        limits=terms.limits,
+        start_game_m=terms.start_game_m,
+        hold_on_rival=terms.hold_on_rival,
+        limits_s=limits_s,
     )
 
 
@@ -165,17 +326,17 @@ def merged(scenario: "Scenario", config: Config) -> Config:
     if contradictions := [*_players(scenario, config), *_places(scenario, config)]:
         lines = "\n".join(f"  {line}" for line in contradictions)
         raise ConfigError(f"{scenario.title!r} cannot be flown by {config.name!r}:\n{lines}")
-    slower = Speeds(
-        *(min(both) for both in zip(scenario.pursuer.speeds, config.game.speeds, strict=True))
-    )
+    speeds = zip(scenario.pursuer.speeds, config.game.speeds, strict=True)
+    slower = Speeds(*(min(both) for both in speeds))
     own, theirs = (
-        one.limits.model_copy(update=one.speed_limits._asdict()) for one in (config, scenario)
+        file.limits.model_copy(update=file.speed_limits._asdict()) for file in (config, scenario)
     )
     document = config.model_dump(mode="json")
-    document["game"] = _game(scenario) | slower._asdict()
+    document["game"] = {"speed_set": config.game.speed_set, **_game(scenario), **slower._asdict()}
     document["limits"] = own.tighter(theirs).model_dump(mode="json")
-    up = {"takeoff_height_m": scenario.pursuer.takeoff_height_m}
-    document["flight"] |= {**up, "after_capture": "hold", "engage_on": "command"}
+    document["flight"]["takeoff_height_m"] = scenario.pursuer.takeoff_height_m
+    document["flight"]["after_capture"] = "hold"
+    document["flight"]["engage_on"] = "command"
     return parse(Config, document, source=f"{scenario.title!r} on {config.name!r}")
 
 
@@ -193,42 +354,38 @@ def config_of(
     Raises:
         ConfigError: If the scenario asks for what no vehicle file may.
     """
-    document = _as_vehicle_file(scenario, vehicle).model_dump(mode="json")
-    return parse(
-        Config,
-        document | {"name": name, "team": team},
-        source=f"{scenario.title!r} at {vehicle.url}",
-    )
+    from guidance.sim.scenario import EVADER_ID  # noqa: PLC0415 - as above
 
-
-def _as_vehicle_file(scenario: "Scenario", vehicle: Vehicle) -> Config:
-    """Return a vehicle file without its checks, which demand more than a mock needs."""
-    from guidance.sim.scenario import EVADER_ID, PURSUER  # noqa: PLC0415 - as above
-
-    return Config.model_construct(
-        name=PURSUER,
-        vehicle=vehicle,
-        evader=EvaderSection(kind="global_position", url=SIMULATED_URL, system_id=EVADER_ID),
-        game=GameSection.model_construct(**_game(scenario)),
-        limits=scenario.limits,
-        flight=FlightSection(
-            takeoff_height_m=scenario.pursuer.takeoff_height_m, on_terminate="land"
-        ),
-        log=LogSection(level="error"),
-    )
+    document = {
+        "name": name,
+        "vehicle": vehicle.model_dump(mode="json"),
+        "evader": {"kind": "global_position", "url": SIMULATED_URL, "system_id": EVADER_ID},
+        "game": _game(scenario),
+        "limits": scenario.limits.model_dump(mode="json"),
+        "flight": {
+            "takeoff_height_m": scenario.pursuer.takeoff_height_m,
+            "on_terminate": "land",
+        },
+        "log": {"level": "error"},
+        "team": team,
+    }
+    return parse(Config, document, source=f"{scenario.title!r} at {vehicle.url}")
 
 
 def _game(scenario: "Scenario") -> dict[str, Any]:
+    """Return a vehicle file's section of the game; the speed set is the vehicle's if the scenario names none."""
     pursuer = scenario.pursuer
     disc = scenario.standoff
-    return {
-        "speed_set": pursuer.speed_set,
+    game = {
         **pursuer.speeds._asdict(),
         "evader_speed_m_s": scenario.evader.believed_speed_m_s,
         "standoff_radius_m": disc.radius_m,
         "standoff_height_m": disc.height_m - scenario.evader.height_m,
         "tolerance_m": disc.tolerance_m,
     }
+    if pursuer.speed_set is not None:
+        game["speed_set"] = pursuer.speed_set
+    return game
 
 
 def _players(scenario: "Scenario", config: Config) -> Iterator[str]:
@@ -236,11 +393,11 @@ def _players(scenario: "Scenario", config: Config) -> Iterator[str]:
     evader = scenario.evader
     disc = scenario.standoff
     game = config.game
-    given = pursuer.model_fields_set
-    if "autopilot" in given and pursuer.autopilot != config.vehicle.autopilot:
+    named = pursuer.model_fields_set
+    if "autopilot" in named and pursuer.autopilot != config.vehicle.autopilot:
         yield f"pursuer.autopilot = {pursuer.autopilot!r}, but vehicle.autopilot = {config.vehicle.autopilot!r}"
     for key, speed_m_s in pursuer.speeds._asdict().items():
-        if key in given and speed_m_s > (limit_m_s := getattr(game, key)):
+        if key in named and speed_m_s > (limit_m_s := getattr(game, key)):
             yield f"pursuer.{key} = {speed_m_s:g} is more than the vehicle's game.{key} = {limit_m_s:g}"
     declared_m_s = evader.believed_speed_m_s
     least_m_s = game.evader_speed_m_s

@@ -1,29 +1,28 @@
 """The result of a flight, and its outcome row, which has the columns of a mathematical run.
 
-The predicted value is solved again where the game really began, to the set that counts as captured and in still air:
-an autopilot holds the speed over the ground against the wind, and the pursuer knows of none.
+The predicted value is solved again where the game really began, to the set that counts as captured. It is the game that
+was flown: in still air, because the autopilot holds the speed over the ground against the wind and no player knows it.
 """
 
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from guidance.cycle import Alarm, Certificate
+from guidance.cycle import Alarm, Certificate, CycleSettings
 from guidance.flight import Authority, Event, Happening, Outputs, State
 from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Vector
-from guidance.game import Cylinder, Game, StandOff, solve
-from guidance.game.team import match_teams
+from guidance.game import Solution, solve
+from guidance.game.team import between, match_teams
 from guidance.log.writer import Record, Recorder
-from guidance.sim.batch import stack
 from guidance.sim.outcome import Outcome, distances_of, outcome_of, winner_name
-from guidance.sim.scenario import Scenario, Wind
+from guidance.sim.scenario import Scenario
 from guidance.sim.teams import TeamOutcome, TeamScenario, outcomes_of, teams_of
 from guidance.team import Member
 
@@ -50,14 +49,16 @@ class FlightSample(NamedTuple):
 class FlightResult:
     """Result of a flight.
 
-    `engaged` is the first certificate, `said` the autopilot's last warning before it flew, and `interrupted` whether a
-    person ended the run.
+    `cycle` has the game that was flown, `engaged` is the first certificate and `latest` the last one, `said` the
+    autopilot's last warning before it flew, and `interrupted` whether a person ended the run.
     """
 
     scenario: Scenario
+    cycle: CycleSettings
     ended: State
     reachable_speed_m_s: float = math.nan
     engaged: Certificate | None = None
+    latest: Certificate | None = None
     captured: bool = False
     setpoints_sent: int = 0
     late_cycles: int = 0
@@ -96,6 +97,7 @@ class FlightResult:
         if pursuer_m is not None and evader_m is not None:
             self.samples.append(FlightSample(now_s, outputs.state, pursuer_m, evader_m))
         if (certificate := outputs.certificate) is not None:
+            self.latest = certificate
             reachable = (self.reachable_speed_m_s, certificate.reachable_speed_m_s)
             self.reachable_speed_m_s = min(
                 (each for each in reachable if not math.isnan(each)), default=math.nan
@@ -108,13 +110,23 @@ class FlightResult:
             self.captured |= certificate.captured
 
 
+class Capture(NamedTuple):
+    """The capture of an evader: by whom, when, and where the captor saw it, in the game frame.
+
+    The captor's estimate is what its record has. So terminal and report tell the same distance.
+    """
+
+    vehicle: str
+    now_s: float
+    evader_m: Vector
+
+
 @dataclass(slots=True)
 class EvaderResult:
-    """Result of one evader: its track (time, position in the game frame), and the vehicle and time of its capture."""
+    """Result of one evader: its track (time, position in the game frame), and its first capture."""
 
     track: list[tuple[float, Vector]] = field(default_factory=list)
-    captured_by: str | None = None
-    captured_s: float = math.nan
+    capture: Capture | None = None
 
 
 class MissionResult(NamedTuple):
@@ -266,14 +278,30 @@ def _unfinished(result: FlightResult) -> str:
 
 
 def _predicted(result: FlightResult) -> tuple[float, str]:
-    """Solve the game where it began; NaN where the evader was too fast for one."""
+    """Return the value and the winner of the game where it began; NaN where the evader was too fast for one."""
     if result.engaged is None:
         return math.nan, "none"
-    batch = stack([result.scenario.model_copy(update={"wind": Wind()})])
-    P = np.array([result.engaged.pursuer_game_m])
-    E = np.array([result.engaged.evader_game_m])
-    solution = solve(batch.believed, P, E, batch.target_m)
-    return float(solution.value[0]), winner_name(int(solution.winner[0]))
+    solution = predicted(result.cycle, result.engaged)
+    return float(solution.value), winner_name(int(solution.winner))
+
+
+def predicted(cycle: CycleSettings, engaged: Certificate) -> Solution:
+    """Solve the game that a flight played, where it began, to the set that counts as captured.
+
+    Args:
+        cycle: Settings of the flight.
+        engaged: The certificate at engagement.
+    """
+    game = replace(cycle.game, capture_radius_m=cycle.tolerance_m)
+    return solve(game, engaged.pursuer_game_m, engaged.evader_game_m, cycle.target_game_m)
+
+
+def distance_to_target_m(cycle: CycleSettings, evader_m: Vector) -> float:
+    """Return the distance of an evader from its target, whatever the target's shape; NaN in PE."""
+    target_m = cycle.target_game_m
+    if target_m is None:
+        return math.nan
+    return cycle.game.target_extent.distance_m(target_m, evader_m)
 
 
 def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[TeamOutcome]:
@@ -286,42 +314,36 @@ def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[T
         return []
     began_s = max(times[0] for times in begun)
     names = sorted(result.evaders)
-    disc = scenario.flight.standoff
-    flown = result.vehicles.values()
+    flights = list(result.vehicles.values())
+    ends = [_team_end(result, name, began_s) for name in names]
     teams = teams_of(scenario)
-    ends = []
-    for name in names:
-        evader = result.evaders[name]
-        arrived_s = min(
-            (one.board.over.get(name, math.inf) for one in result.members.values()),
-            default=math.inf,
-        )
-        end = "time_up"
-        end_s = evader.track[-1][0]
-        captor = -1
-        if evader.captured_by is not None:
-            end = "captured"
-            end_s = evader.captured_s
-            captor = list(result.vehicles).index(evader.captured_by)
-        elif math.isfinite(arrived_s):
-            end = "arrived"
-            end_s = arrived_s
-        place_m = _at(evader.track, end_s)
-        target_m = teams.target_m
-        away_m = math.nan if target_m is None else math.dist(place_m[:2], target_m[:2])
-        ends.append((end, end_s - began_s, away_m, captor))
-    # The vehicles play with their own speeds and the stand-off disc.
-    speeds = np.array([one.scenario.pursuer.speeds for one in flown])
-    game = Game(
-        Cylinder(*speeds.T[..., None]),
-        teams.evader_speed_m_s,
-        standoff=StandOff(disc.radius_m, disc.height_m),
-    )
-    P = np.array(
-        [_at([(one.now_s, one.pursuer_m) for one in each.samples], began_s) for each in flown]
-    )
+    cycle = flights[0].cycle
+    pursuers = [flight.cycle.game.pursuer for flight in flights]
+    game = between(cycle.game, pursuers, teams.evader_speed_m_s)
+    places_m = []
+    for flight in flights:
+        track = [(sample.now_s, sample.pursuer_m) for sample in flight.samples]
+        places_m.append(_at(track, began_s))
+    P = np.array(places_m)
     E = np.array([_at(result.evaders[name].track, began_s) for name in names]) * [1.0, 1.0, 0.0]
-    return outcomes_of(scenario, way, teams, match_teams(game, P, E, teams.target_m), ends)
+    first = match_teams(game, P, E, cycle.target_game_m)
+    return outcomes_of(scenario, way, teams, first, ends)
+
+
+def _team_end(result: MissionResult, name: str, began_s: float) -> tuple[str, float, float, int]:
+    """Return how an evader's game ended: the end, its time, s, the distance from the target, m, and the captor."""
+    evader = result.evaders[name]
+    cycle = next(iter(result.vehicles.values())).cycle
+    capture = evader.capture
+    if capture is not None:
+        captor = list(result.vehicles).index(capture.vehicle)
+        away_m = distance_to_target_m(cycle, capture.evader_m)
+        return "captured", capture.now_s - began_s, away_m, captor
+    known_s = [member.board.over.get(name, math.inf) for member in result.members.values()]
+    arrived_s = min(known_s, default=math.inf)
+    end = "arrived" if math.isfinite(arrived_s) else "time_up"
+    end_s = arrived_s if math.isfinite(arrived_s) else evader.track[-1][0]
+    return end, end_s - began_s, distance_to_target_m(cycle, _at(evader.track, end_s)), -1
 
 
 def _at(track: Sequence[tuple[float, Vector]], now_s: float) -> Vector:

@@ -463,6 +463,10 @@ class Config(Section):
             yield f"team.mates = {list(team.mates)}: must be other names than {self.name!r}, each once"
         if team.evader in team.evaders:
             yield f"team.evaders.{team.evader}: is [evader] already (team.evader); name only the others"
+        if any(self.game.target_velocity_m_s):
+            moves = f"game.target_velocity_m_s = {list(self.game.target_velocity_m_s)}"
+            why = "the vehicles would count the target's way from different moments"
+            yield f"{moves}: must be zero with [team]: {why}"
         for name, one in team.evaders.items():
             if one.speed_m_s >= self.game.speed_m_s:
                 key = f"team.evaders.{name}.speed_m_s"

@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from guidance.frames import Amsl, Vector
-from guidance.game import Ball, Cylinder, Extent, Game, SpeedSet, StandOff
+from guidance.game import Ball, Extent, Game, SpeedSet
 from guidance.game.arrays import Real
-from guidance.sim.scenario import EVADER, PURSUER, Player, Scenario, Wind
+from guidance.game.game import STILL
+from guidance.game.rules import Rules, game_by
+from guidance.sim.scenario import EVADER, PURSUER, AnyScenario, Player, Scenario
 from guidance.sim.sensor import PERFECT, Noise
 from guidance.strategies import Strategy, random_turns, recorded, waypoints
 
@@ -102,75 +104,89 @@ def by_kind(
     return [played[index] for index in range(len(games))]
 
 
+def rules_of(scenarios: Sequence[Scenario]) -> Rules:
+    """Return the rules of scenarios of one kind, with the evaders' true speeds, as mathematics plays them."""
+    kind = scenarios[0]
+    pursuer = kind.pursuer
+    heights_m = column(scenarios, "standoff.height_m") - column(scenarios, "evader.height_m")
+    return Rules(
+        speed_set=pursuer.speed_set or "ball",
+        speeds_m_s=(
+            column(scenarios, "pursuer.speed_m_s"),
+            column(scenarios, "pursuer.climb_m_s"),
+            column(scenarios, "pursuer.descent_m_s"),
+        ),
+        evader_speed_m_s=column(scenarios, "evader.speed_m_s"),
+        capture_radius_m=column(scenarios, "standoff.tolerance_m"),
+        standoff_radius_m=column(scenarios, "standoff.radius_m"),
+        standoff_height_m=heights_m,
+        wind_m_s=(
+            column(scenarios, "wind.velocity_m_s", axis=0),
+            column(scenarios, "wind.velocity_m_s", axis=1),
+        ),
+        target_velocity_m_s=STILL,
+        target_extent=target_extent(kind),
+    )
+
+
+def column(scenarios: Sequence[Scenario], key: str, axis: int | None = None) -> Real:
+    """Return a number of each scenario, (n,); a float if all are equal.
+
+    Args:
+        scenarios: The scenarios.
+        key: Of the number, with dots; or of a vector.
+        axis: Of the vector.
+    """
+    values = [value if axis is None else value[axis] for value in map(attrgetter(key), scenarios)]
+    if values.count(values[0]) == len(values):
+        return float(values[0])
+    return np.array(values, dtype=np.float64)
+
+
 def stack(scenarios: Sequence[Scenario]) -> Batch:
     """Stack scenarios of one kind."""
     kind = scenarios[0]
-
-    def column(key: str, axis: int | None = None) -> Real:
-        values = [
-            value if axis is None else value[axis] for value in map(attrgetter(key), scenarios)
-        ]
-        return (
-            float(values[0])
-            if values.count(values[0]) == len(values)
-            else np.array(values, dtype=np.float64)
-        )
-
-    ground = column("evader.height_m")
+    rules = rules_of(scenarios)
+    ground_m = column(scenarios, "evader.height_m")
     P = np.array([each.pursuer.position_m for each in scenarios])
-    P[:, 2] -= ground
+    P[:, 2] -= ground_m
     E = np.array([(*each.evader.position_m, 0.0) for each in scenarios])
-    speeds: SpeedSet = Ball(column("pursuer.speed_m_s"))
-    if kind.pursuer.speed_set == "cylinder":
-        speeds = Cylinder(
-            *map(column, ("pursuer.speed_m_s", "pursuer.climb_m_s", "pursuer.descent_m_s"))
-        )
     seed = np.array([each.seed for each in scenarios], dtype=np.int64)
-    evader_speed = column("evader.speed_m_s")
     targets = [(*each.target.position_m, 0.0) for each in scenarios if each.target is not None]
     return Batch(
         kind=kind,
-        game=Game(
-            speeds,
-            evader_speed,
-            capture_radius_m=column("standoff.tolerance_m"),
-            standoff=StandOff(column("standoff.radius_m"), column("standoff.height_m") - ground),
-            wind_m_s=(column("wind.velocity_m_s", 0), column("wind.velocity_m_s", 1)),
-            target_extent=target_extent(kind),
-        ),
+        game=game_by(rules),
         pursuer_m=P,
         evader_m=E,
-        believed_m_s=column("evader.believed_speed_m_s"),
+        believed_m_s=column(scenarios, "evader.believed_speed_m_s"),
         target_m=np.array(targets) if targets else None,
-        lowest_m=column("limits.floor_m") - ground,
-        highest_m=column("limits.ceiling_m") - ground,
-        fence_m=column("limits.fence_radius_m"),
+        lowest_m=column(scenarios, "limits.floor_m") - ground_m,
+        highest_m=column(scenarios, "limits.ceiling_m") - ground_m,
+        fence_m=column(scenarios, "limits.fence_radius_m"),
         home_m=np.array([each.home_m for each in scenarios]),
-        limit_s=column("time_limit_s"),
+        limit_s=column(scenarios, "time_limit_s"),
         noise=Noise(
             seed,
-            *map(
-                column, ("sensor.position_noise_m", "sensor.velocity_noise_m_s", "sensor.dropout")
-            ),
+            column(scenarios, "sensor.position_noise_m"),
+            column(scenarios, "sensor.velocity_noise_m_s"),
+            column(scenarios, "sensor.dropout"),
         ),
-        pursuer=strategy_of(kind, PURSUER, P, speeds, seed),
-        evader=strategy_of(kind, EVADER, E, Ball(evader_speed), seed),
+        pursuer=strategy_of(kind, PURSUER, P, rules.pursuer, seed),
+        evader=strategy_of(kind, EVADER, E, Ball(rules.evader_speed_m_s), seed),
     )
 
 
 def game(scenario: Scenario) -> Game:
-    """Return the game with the evader's true speed, as the evader plays it in flight: in still air, to the disc."""
-    # With the wind there may be no game at all
-    still = scenario.model_copy(update={"wind": Wind()})
-    return replace(stack([still]).game, capture_radius_m=0.0)
+    """Return the game with the evader's true speed, as the evader plays it in flight: to the disc."""
+    return replace(stack([scenario.as_flown()]).game, capture_radius_m=0.0)
 
 
-def target_game_m(scenario: Scenario) -> Vector | None:
+def target_game_m(scenario: AnyScenario) -> Vector | None:
     """Return the evader's target in the game frame, None in the PE game."""
     return None if scenario.target is None else (*scenario.target.position_m, 0.0)
 
 
-def target_extent(scenario: Scenario) -> Extent:
+def target_extent(scenario: AnyScenario) -> Extent:
     """Return the target's shape, a point in the PE game."""
     return Extent() if scenario.target is None else scenario.target.extent
 

@@ -6,7 +6,7 @@ Positions are in the game frame: x east, y north, z up, in metres about the site
 import itertools
 import math
 from collections.abc import Collection, Iterator, Sequence
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Final, Literal, NamedTuple
 
 from pydantic import ConfigDict, Field, WithJsonSchema
 
@@ -26,6 +26,9 @@ EVADER = "evader"
 PURSUER_ID = 1
 EVADER_ID = 2
 """Names and MAVLink system ids of the players of a scenario with one of each."""
+
+FLOWN_SPEED_SET: Final = "cylinder"
+"""The speed set of a vehicle, where a scenario names none. An autopilot bounds climb and descent by themselves."""
 
 PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_STRATEGIES]})]
 EvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_STRATEGIES]})]
@@ -84,8 +87,10 @@ class Pursuer(Player):
     policy: PursuerPolicy = Field("optimal", description="the pursuer's strategy")
     position_m: Point3 = Field(description="start of the game: x east, y north, z up")
     speed_m_s: Speed = Field(description="horizontal speed in the game")
-    speed_set: Literal["ball", "cylinder"] = Field(
-        "ball", description="one speed, or own climb and descent rates"
+    speed_set: Literal["ball", "cylinder"] | None = Field(
+        None,
+        description="one speed in every direction, or own climb and descent rates; "
+        "default: ball in mathematics, and in flight the vehicle's own, cylinder",
     )
     climb_m_s: SlowSpeed = Field(3.0, description="climb rate, with the cylinder")
     descent_m_s: SlowSpeed = Field(1.5, description="descent rate, with the cylinder")
@@ -197,13 +202,24 @@ class Sensor(Section):
 
 
 class Wind(Section):
-    """The wind. It moves the pursuer, not the evader.
+    """The wind. It moves the pursuer, not the evader. Mathematics and flights play different games in wind.
 
     In mathematics, the pursuer's speed is an airspeed and both players know the wind. In flight, the autopilot holds
-    the ground speed against the wind, and the guidance does not know it.
+    the ground speed against the wind, and neither player knows it: they play the game of still air.
     """
 
-    velocity_m_s: Point2 = Field((0.0, 0.0), description="velocity of the air, x east, y north")
+    velocity_m_s: Point2 = Field(
+        (0.0, 0.0),
+        description="velocity of the air, x east, y north; in mathematics it carries the pursuer and both players "
+        "know it, in flight the autopilot holds the speed over the ground against it and the game is that of still air",
+    )
+
+
+WIND_WORDS: Final = (
+    "in mathematics it carries the pursuer and both players know it; "
+    "in flight no player knows it, and the game is that of still air"
+)
+"""The games that are played in wind, in words."""
 
 
 class Fault(Section):
@@ -271,6 +287,14 @@ class Scenario(AnyScenario):
         """The pursuer's take-off place, 2 m south of its start."""
         x, y, _ = self.pursuer.position_m
         return (x, y - 2.0)
+
+    def as_flown(self) -> "Scenario":
+        """Return the scenario whose game flights play: in still air, with the vehicle's speed set by default."""
+        pursuer = self.pursuer
+        speed_set = pursuer.speed_set or FLOWN_SPEED_SET
+        return self.model_copy(
+            update={"wind": Wind(), "pursuer": pursuer.model_copy(update={"speed_set": speed_set})}
+        )
 
     @property
     def speed_limits(self) -> Speeds:

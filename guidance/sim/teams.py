@@ -15,9 +15,12 @@ from guidance.autopilots import AutopilotName
 from guidance.config import Section
 from guidance.flight.settings import TeamSection
 from guidance.frames import Vector
-from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, End, Game
+from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, End, Game
+from guidance.game.arrays import Real
+from guidance.game.game import STILL
+from guidance.game.rules import Rules, game_by
 from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
-from guidance.sim.batch import Array, by_kind
+from guidance.sim.batch import Array, by_kind, target_extent
 from guidance.sim.expect import Range, Ranges
 from guidance.sim.outcome import judged, winner_name
 from guidance.sim.scenario import (
@@ -164,6 +167,29 @@ def _placed(
             )
 
 
+def game_of(scenario: TeamScenario, pursuer_speed_m_s: Real, evader_speed_m_s: Real) -> Game:
+    """Return the game of a scenario as mathematics: point capture in still air, with one speed in every direction.
+
+    Args:
+        scenario: Its target's shape.
+        pursuer_speed_m_s: Arrays that broadcast with the pairs, as in `match_teams`.
+        evader_speed_m_s: The same.
+    """
+    return game_by(
+        Rules(
+            speed_set="ball",
+            speeds_m_s=(pursuer_speed_m_s, pursuer_speed_m_s, pursuer_speed_m_s),
+            evader_speed_m_s=evader_speed_m_s,
+            capture_radius_m=0.0,
+            standoff_radius_m=0.0,
+            standoff_height_m=0.0,
+            wind_m_s=STILL,
+            target_velocity_m_s=STILL,
+            target_extent=target_extent(scenario),
+        )
+    )
+
+
 class TeamOutcome(NamedTuple):
     """The outcome for one evader of a game of teams. Columns are as in `Outcome`; NaN means "none".
 
@@ -235,7 +261,7 @@ def played_teams(
     """Simulate several teams of one kind as a batch, with the settings of a scenario."""
     target = None if teams[0].target_m is None else np.array([[one.target_m] for one in teams])
     P, E, u, v = (np.array(part) for part in zip(*(one[:4] for one in teams), strict=True))
-    game = Game(Ball(u[..., None]), v[:, None])
+    game = game_of(scenario, u[..., None], v[:, None])
     policies = {name: getattr(teams[0], name) for name in ("pursuer_policy", "evader_policy")}
     steps = {name: getattr(scenario, name) for name in ("capture_m", "hysteresis", "step_s")}
     return rollout_teams(
@@ -253,7 +279,7 @@ def played_teams(
 def opening_of(scenario: TeamScenario) -> Matching:
     """Match the teams of a scenario at its start."""
     teams = teams_of(scenario)
-    game = Game(Ball(teams.pursuer_speed_m_s[:, None]), teams.evader_speed_m_s)
+    game = game_of(scenario, teams.pursuer_speed_m_s[:, None], teams.evader_speed_m_s)
     return match_teams(game, teams.pursuers_m, teams.evaders_m, teams.target_m)
 
 
@@ -277,6 +303,7 @@ def _kind_of(scenario: TeamScenario) -> Hashable:
     )
     return (
         scenario.game,
+        target_extent(scenario),
         *sides,
         scenario.capture_m,
         scenario.hysteresis,

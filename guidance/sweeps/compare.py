@@ -14,9 +14,11 @@ from rich.text import Text
 from scipy import stats
 
 from guidance.errors import ConfigError
+from guidance.files import text_of
 from guidance.log.codec import plain
 from guidance.screen import console, sheet
 from guidance.sim.outcome import Outcome
+from guidance.sim.scenario import WIND_WORDS
 from guidance.sweeps.axes import Array
 from guidance.sweeps.folder import (
     CAPTURED,
@@ -27,7 +29,6 @@ from guidance.sweeps.folder import (
     Columns,
     Folder,
     read_folder,
-    read_json,
 )
 from guidance.sweeps.plan import ROW, Plan
 
@@ -205,18 +206,62 @@ def compare_outcomes(a: dict[str, Any], b: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def read_outcome(path: Path) -> dict[str, Any]:
-    """Read an outcome that `guidance scenario run --json` wrote.
+def compare_teams(
+    a: list[dict[str, Any]], b: list[dict[str, Any]]
+) -> dict[str, dict[str, dict[str, Any]]]:
+    """Compare the outcomes of two games of teams, evader by evader, by the evaders' numbers.
+
+    Raises:
+        ConfigError: If they have different evaders.
+    """
+    rows_a, rows_b = ({row["evader"]: row for row in rows} for rows in (a, b))
+    if rows_a.keys() != rows_b.keys():
+        raise ConfigError(
+            f"the outcomes are of {len(a)} and {len(b)} evaders: must be games of the same evaders"
+        )
+    return {
+        f"evader {number}": compare_outcomes(row, rows_b[number]) for number, row in rows_a.items()
+    }
+
+
+def read_outcome(path: Path) -> dict[str, Any] | list[dict[str, Any]]:
+    """Read an outcome that `guidance scenario run --json` wrote: a row, or of teams a row for each evader.
 
     Raises:
         ConfigError: If it cannot be read, or is something else.
     """
-    outcome = read_json(path)
-    if not {"end", "winner", "game_time_s"} <= set(outcome):
-        raise ConfigError(
-            f"{path}: not an outcome; it must be what guidance scenario run FILE --json wrote"
-        )
-    return outcome
+    try:
+        outcome = json.loads(text_of(path, str(path), secret=False))
+    except ValueError as error:
+        raise ConfigError(f"{path}: not valid JSON ({error})") from error
+    if isinstance(outcome, list) and outcome and all(_is_row(row, "evader") for row in outcome):
+        return outcome
+    if _is_row(outcome):
+        return dict(outcome)
+    raise ConfigError(
+        f"{path}: not an outcome; it must be what guidance scenario run FILE --json wrote"
+    )
+
+
+def _is_row(row: Any, *more: str) -> bool:  # noqa: ANN401 - whatever a file holds
+    return isinstance(row, dict) and {"end", "winner", "game_time_s", "run", *more} <= row.keys()
+
+
+def notes_of(a: str, b: str) -> Iterator[str]:
+    """Say how the games of two kinds of runs differ.
+
+    Args:
+        a: How the one was run: "maths", "fast", "live" or "vehicle".
+        b: How the other was run.
+    """
+    if (a == "maths") == (b == "maths"):
+        return
+    yield f"wind: {WIND_WORDS}"
+    yield (
+        "speed set: where the scenario names none, mathematics plays the ball, one speed in every direction, and a "
+        "vehicle its own climb and descent (cylinder)"
+    )
+    yield "teams: mathematics captures points, vehicles capture on the stand-off disc"
 
 
 def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) -> None:
@@ -234,17 +279,41 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
     """
     if a.is_dir() != b.is_dir():
         raise ConfigError(f"{a}, {b}: must be two outcomes or two sweeps, not one of each")
+    screen = console(stderr=as_json)
+    screen.print(f"A {a}\nB {b}", soft_wrap=True)
+    compared: Mapping[str, Any]
+    parts: Iterator[Table | str]
     if a.is_dir():
-        compared = compare_sweeps(read_folder(a), read_folder(b), column=column, rows=rows)
+        folders = read_folder(a), read_folder(b)
+        compared = compare_sweeps(*folders, column=column, rows=rows)
+        parts = _sweeps(compared)
+        runs = [folder.plan.way for folder in folders]
     else:
-        compared = compare_outcomes(read_outcome(a), read_outcome(b))
+        of_a = read_outcome(a)
+        of_b = read_outcome(b)
+        if isinstance(of_a, dict) and isinstance(of_b, dict):
+            compared = compare_outcomes(of_a, of_b)
+            parts = _outcomes(compared)
+            runs = [of_a["run"], of_b["run"]]
+        elif isinstance(of_a, list) and isinstance(of_b, list):
+            compared = compare_teams(of_a, of_b)
+            parts = _teams(compared)
+            runs = [of_a[0]["run"], of_b[0]["run"]]
+        else:
+            raise ConfigError(f"{a}, {b}: must be two outcomes of teams or none, not one of each")
+    for note in notes_of(*runs):
+        screen.print(note, style="italic", soft_wrap=True)
     if as_json:
         sys.stdout.write(json.dumps(compared, indent=1) + "\n")
         return
-    there = console()
-    there.print(f"A {a}\nB {b}", soft_wrap=True)
-    for part in _sweeps(compared) if "groups" in compared else _outcomes(compared):
-        there.print(part)
+    for part in parts:
+        screen.print(part)
+
+
+def _teams(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table | str]:
+    for name, columns in compared.items():
+        yield f"\n[italic]{name}[/italic]"
+        yield from _outcomes(columns)
 
 
 def _valued(compared: Mapping[str, Mapping[str, Any]]) -> list[tuple[Any, ...]]:

@@ -4,8 +4,8 @@ The coordinator is elected without votes. When no assignment has been heard for 
 takes the next term. Of two coordinators the later term wins, then the lower name. A coordinator stays until it is
 silent, so a vehicle that comes back changes nothing.
 
-The assignment is `match_teams` with the vehicles' own speeds and the stand-off disc. A promise is changed only with a
-cause, which the assignment names. It carries all promises, so the next coordinator keeps them.
+The assignment is `match_teams` with this vehicle's game, in which every vehicle has its own speeds. A promise is
+changed only with a cause, which the assignment names. It carries all promises, so the next coordinator keeps them.
 """
 
 import math
@@ -16,8 +16,8 @@ import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.frames import Vector
-from guidance.game import Cylinder, Game, StandOff
-from guidance.game.team import Matching, match_teams
+from guidance.game import Ball, Cylinder, Game, SpeedSet
+from guidance.game.team import Matching, between, match_teams
 from guidance.team.board import SILENT_S, Board
 from guidance.team.messages import Promise, RolesMessage, StateMessage, VehicleRole
 
@@ -50,12 +50,26 @@ class EvaderSeen(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """The players as the coordinator sees them; places in the game frame, m."""
+    """The players as the coordinator sees them; places in the game frame, m.
+
+    Attributes:
+        vehicles: Place and last state of each vehicle.
+        evaders: What is known of each evader.
+        target_m: Where the evaders' target is now; None in PE.
+        game: The game of this vehicle, which is the team's but for the speeds.
+    """
 
     vehicles: Mapping[str, tuple[Vector, StateMessage]]
     evaders: Mapping[str, EvaderSeen]
     target_m: Vector | None
-    standoff: StandOff
+    game: Game
+
+
+def _speed_set(game: Game, state: StateMessage) -> SpeedSet:
+    """Return a vehicle's speed set, of the kind that the team plays with."""
+    if isinstance(game.pursuer, Ball):
+        return Ball(state.speed_m_s)
+    return Cylinder(state.speed_m_s, state.climb_m_s, state.descent_m_s)
 
 
 class Coordinator:
@@ -134,12 +148,8 @@ class Coordinator:
             return None
         states = [scene.vehicles[name] for name in vehicles]
         seen = [scene.evaders[name] for name in evaders]
-        speeds = np.array([(one.speed_m_s, one.climb_m_s, one.descent_m_s) for _, one in states])
-        game = Game(
-            Cylinder(*speeds.T[..., None]),
-            np.array([one.speed_m_s for one in seen]),
-            standoff=scene.standoff,
-        )
+        pursuers = [_speed_set(scene.game, state) for _, state in states]
+        game = between(scene.game, pursuers, [evader.speed_m_s for evader in seen])
         kept = {
             one.evader: (one.first, one.second) for one in self._promised if one.value is not None
         }

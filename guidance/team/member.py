@@ -247,7 +247,7 @@ class Member:
                 north, east, down = (at + (now_s - at_s) * rate for at, rate in moved)
                 x, y, z = game_frame.position_from_ned((north, east, down))
                 vehicles[name] = (x, y, z - plane_m), state
-        return Scene(vehicles, evaders, cycle.target_game_m, cycle.game.standoff)
+        return Scene(vehicles, evaders, cycle.target_game_m, cycle.game)
 
 
 def _contents(roles: RolesMessage) -> tuple[Any, ...]:

@@ -23,14 +23,16 @@ from matplotlib.patheffects import withStroke
 from guidance.errors import ConfigError
 from guidance.files import whole_file, writing
 from guidance.frames import Vector
-from guidance.game import Ball, End, Extent, Game, StandOff
+from guidance.game import End, Extent, StandOff
+from guidance.game.arrays import FLOATS
+from guidance.game.extent import to_set
 from guidance.game.team import Matching, TeamRollout
 from guidance.game.team.regions import regions_of, survived
 from guidance.log.scene import Array, circle, isochron, lifted, target_edge
-from guidance.sim.batch import Batch, stack, target_game_m
+from guidance.sim.batch import Batch, stack, target_extent, target_game_m
 from guidance.sim.maths import moments, opening
 from guidance.sim.scenario import Scenario
-from guidance.sim.teams import Teams, TeamScenario, played_teams, teams_of
+from guidance.sim.teams import Teams, TeamScenario, game_of, played_teams, teams_of
 
 Style = dict[str, Any]
 
@@ -374,8 +376,9 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
     figure = figure_of(9.6, 8.4)
     axes = figure.add_subplot()
     for j in range(len(teams.evaders_m)):
-        _draw_region(axes, teams, matching, j)
+        _draw_region(axes, scenario, matching, j)
     _draw_players(axes, teams, played)
+    _draw_target(axes, scenario)
     label_plan(axes, adjustable="datalim")
     axes.set_axisbelow(True)
     figure.suptitle(scenario.title, fontsize=13)
@@ -389,45 +392,50 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
     save(figure, path)
 
 
-def region(teams: Teams, pursuers: list[int], evader: int, points: int = 721) -> Array:
+def region(scenario: TeamScenario, pursuers: list[int], evader: int, points: int = 721) -> Array:
     """Return the edge of the points that an evader reaches before some pursuers, (points, 2), m.
 
     Args:
-        teams: All players.
+        scenario: All players.
         pursuers: Numbers of the pursuers.
         evader: Number of the evader.
         points: Number of directions.
     """
     angle = np.linspace(0.0, 2.0 * np.pi, points)
     n = np.cos(angle), np.sin(angle)
-    game = Game(Ball(teams.pursuer_speed_m_s[pursuers]), float(teams.evader_speed_m_s[evader]))
+    teams = teams_of(scenario)
+    speeds = teams.pursuer_speed_m_s[pursuers], float(teams.evader_speed_m_s[evader])
+    game = game_of(scenario, *speeds)
     regions = regions_of(game, teams.pursuers_m[pursuers], teams.evaders_m[evader])
     far = survived(regions, (n[0][:, None], n[1][:, None])).min(axis=1)
     return np.asarray(teams.evaders_m[evader, :2] + far[:, None] * np.stack(n, axis=-1))
 
 
-def _draw_region(axes: Any, teams: Teams, matching: Matching, j: int) -> None:  # noqa: ANN401 - matplotlib's
+def _draw_region(axes: Any, scenario: TeamScenario, matching: Matching, j: int) -> None:  # noqa: ANN401 - matplotlib's
     """Draw the discs of an evader and its pursuers, shade their intersection, and mark the meeting point."""
     colour = _EVADERS[j % len(_EVADERS)]
-    goal = teams.target_m
+    teams = teams_of(scenario)
+    target = scenario.target
     roles = {"first": (matching.first[j], "-"), "second": (matching.second[j], (0, (2, 1.5)))}
     team = {role: (int(i), style) for role, (i, style) in roles.items() if i >= 0}
     for i, _ in team.values():
         thin = {"color": colour, "linewidth": 0.9, "linestyle": (0, (4, 3))}
-        axes.plot(*region(teams, [i], j).T, **thin, label="first there, before one pursuer")
+        axes.plot(*region(scenario, [i], j).T, **thin, label="first there, before one pursuer")
     if not team:
         return
     shade = {"facecolor": to_rgba(colour, 0.14), "edgecolor": colour, "linewidth": 1.6}
     axes.fill(
-        *region(teams, [i for i, _ in team.values()], j).T,
+        *region(scenario, [i for i, _ in team.values()], j).T,
         **shade,
         label="before both: the intersection",
     )
     x, y, _ = matching.meeting_point_m[j]
-    if goal is not None:
+    if target is not None:
+        east, north = target.position_m
+        way_x, way_y = to_set(FLOATS, target.extent, (float(x) - east, float(y) - north))
         axes.plot(
-            [x, goal[0]],
-            [y, goal[1]],
+            [x, x + way_x],
+            [y, y + way_y],
             color=colour,
             linewidth=1.0,
             alpha=0.6,
@@ -472,5 +480,14 @@ def _draw_players(axes: Any, teams: Teams, played: TeamRollout) -> None:  # noqa
             )
         axes.plot([x], [y], "o", color=colour, markersize=11, **own, label="evader")
         axes.annotate(f"E{j}", (x, y), xytext=(8, 6), color=colour, **beside)
-    if teams.target_m is not None:
-        axes.plot(*teams.target_m[:2], "kX", markersize=14, **own, label="T, target")
+
+
+def _draw_target(axes: Any, scenario: TeamScenario) -> None:  # noqa: ANN401 - matplotlib's
+    """Draw the target of all evaders, and the edge of its shape."""
+    place_m = target_game_m(scenario)
+    if place_m is None:
+        return
+    cross = {"markeredgecolor": "white", "zorder": 5, "linestyle": "none"}
+    axes.plot(*place_m[:2], "kX", markersize=14, **cross, label="T, target")
+    edge = target_edge(place_m, target_extent(scenario))
+    axes.plot(*edge.T[:2], color=TARGET["color"])

@@ -286,7 +286,7 @@ def plan(team: TeamStory) -> Figure:
         )
     for capture in team.captures.values():
         axes.plot(
-            *circle(capture.place_m, game.standoff.radius_m).T,
+            *circle(capture.evader_m, game.standoff.radius_m).T,
             **STANDOFF,
             label="stand-off disc at capture",
         )

@@ -6,7 +6,6 @@ A story is of one flight, or of the flights of a team.
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from itertools import filterfalse
 from pathlib import Path
 from typing import NamedTuple
@@ -19,13 +18,17 @@ from guidance.flight import Event, FlightSettings, State
 from guidance.flight.settings import TeamSection
 from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Vector
-from guidance.game import solve
 from guidance.log import Aggregator, Comparison, Cycle, Survey, compare, metadata_of, scan, title_of
 from guidance.log.entries import ASSIGNED, EVENT, CycleEntry, EventEntry
 from guidance.log.scene import Array
 from guidance.messages import Home, Role
 from guidance.session.flight_files import recorded_settings
-from guidance.session.result import least_distance_m
+from guidance.session.result import (
+    Capture,
+    distance_to_target_m,
+    least_distance_m,
+    predicted,
+)
 from guidance.team.messages import Promise, RolesMessage
 
 Row = tuple[str, str]
@@ -252,14 +255,8 @@ def _game(story: Story) -> Iterator[Row]:
     if story.engaged is None:
         return
     engaged = story.engaged.certificate
-    # The value of the outcome: capture at the tolerance around the disc, without wind.
-    game = replace(cycle.game, capture_radius_m=cycle.tolerance_m)
-    predicted = float(
-        solve(
-            game, engaged.pursuer_game_m, (*engaged.evader_game_m[:2], 0.0), cycle.target_game_m
-        ).value
-    )
-    yield "value predicted at engagement", f"{predicted:.2f} {unit}"
+    value = float(predicted(cycle, engaged).value)
+    yield "value predicted at engagement", f"{value:.2f} {unit}"
     yield "time this vehicle needs, at engagement", f"{engaged.time_needed_s:.2f} s"
     yield "speed this vehicle reaches, slowest", f"{_slowest_m_s(story):.1f} m/s"
     if story.with_target:
@@ -268,7 +265,7 @@ def _game(story: Story) -> Iterator[Row]:
         flown = _flown(story, story.captured)
         lasted_s = story.game_lasted_s
         yield "flown", f"{flown:.2f} {unit}"
-        yield "flown / predicted", f"{flown / predicted:.3f}" if predicted else "–"
+        yield "flown / predicted", f"{flown / value:.3f}" if value else "–"
         yield "game lasted", f"{lasted_s:.2f} s"
         yield (
             "lasted / time needed",
@@ -288,9 +285,7 @@ def _flown(story: Story, captured: Played) -> float:
     cycle = story.settings.cycle
     if cycle.target_game_m is None:
         return story.game_lasted_s
-    return cycle.game.target_extent.distance_m(
-        cycle.target_game_m, captured.certificate.evader_game_m
-    )
+    return distance_to_target_m(cycle, captured.certificate.evader_game_m)
 
 
 def _spread_ms(values: Array) -> str:
@@ -300,14 +295,6 @@ def _spread_ms(values: Array) -> str:
     return "median {:.1f} ms, p99 {:.1f} ms, largest {:.1f} ms".format(
         *np.percentile(known, (50, 99, 100))
     )
-
-
-class Capture(NamedTuple):
-    """The capture of an evader: by whom, when, and its place in the game frame."""
-
-    vehicle: str
-    now_s: float
-    place_m: Vector
 
 
 class TeamStory(NamedTuple):
@@ -349,7 +336,7 @@ class TeamStory(NamedTuple):
             achieved = capture.now_s - self.began_s
             ended = f"captured by {capture.vehicle} after {achieved:.1f} s"
             if cycle.target_game_m is not None:
-                achieved = cycle.game.target_extent.distance_m(cycle.target_game_m, capture.place_m)
+                achieved = distance_to_target_m(cycle, capture.evader_m)
                 ended += f", {achieved:.1f} m from the target"
         if promise is None or promise.value is None:
             return f"no capture could be promised; {ended}"
@@ -369,7 +356,6 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
         ConfigError: If a record cannot be read, or is not of a team.
     """
     flights = {name: story_of(path) for name, path in records.items()}
-    captures = dict[str, Capture]()
     told = list[tuple[float, RolesMessage]]()
     for name, flight in flights.items():
         if flight.settings.team is None:
@@ -379,16 +365,7 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
         for event in flight.events:
             if event.event == ASSIGNED:
                 told.append((event.now_s, RolesMessage.model_validate_json(event.detail)))
-            elif event.event == Event.CAPTURED:
-                evader = next(
-                    role.evader for now_s, role in reversed(_roles(flight)) if now_s <= event.now_s
-                )
-                place = next(
-                    place
-                    for now_s, place in reversed(flight.evaders[evader])
-                    if now_s <= event.now_s
-                )
-                captures.setdefault(evader, Capture(name, event.now_s, place))
+    captures = captures_of(flights)
     told.sort(key=lambda one: (one[0], one[1].term, one[1].seq))
     began_s = max(
         math.inf if one.engaged is None else one.engaged.now_s for one in flights.values()
@@ -402,6 +379,27 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
     ]
     replays = {name: compare(path, recorded_settings)[0] for name, path in records.items()}
     return TeamStory(flights, replays, {one.evader: one for one in given}, captures, began_s)
+
+
+def captures_of(flights: Mapping[str, Story]) -> dict[str, Capture]:
+    """Return the first capture of each evader, from the flights of all vehicles."""
+    captures = dict[str, Capture]()
+    for name, flight in flights.items():
+        for event in flight.events:
+            if event.event != Event.CAPTURED:
+                continue
+            evader = next(
+                role.evader for now_s, role in reversed(_roles(flight)) if now_s <= event.now_s
+            )
+            certificate = next(
+                played.certificate
+                for played in reversed(flight.game)
+                if played.now_s <= event.now_s
+            )
+            capture = Capture(name, event.now_s, certificate.evader_game_m)
+            if evader not in captures or capture.now_s < captures[evader].now_s:
+                captures[evader] = capture
+    return captures
 
 
 def _roles(flight: Story) -> list[tuple[float, Role]]:

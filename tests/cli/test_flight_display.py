@@ -10,6 +10,7 @@ from guidance.cli.fly import _table, plain, score, words
 from guidance.cycle import Alarm, Violation
 from guidance.flight import State
 from guidance.session.mission import Progress
+from guidance.session.plan import plan_of
 from guidance.session.result import FlightResult
 from guidance.sim.outcome import outcome_of
 from guidance.sim.scenario_file import load_scenario
@@ -28,9 +29,9 @@ def yielded(predicted):
 def test_a_flight_without_a_capture_has_no_number_for_one(width):
     outcome = yielded(12.82)
     written = io.StringIO()
-    Console(file=written, width=width).print(
-        _table(FlightResult(load_scenario("pilot_takeover")[1], State.YIELDED), outcome)
-    )
+    scenario = load_scenario("pilot_takeover")[1]
+    flown = FlightResult(scenario, plan_of(scenario=scenario).flight.cycle, State.YIELDED)
+    Console(file=written, width=width).print(_table(flown, outcome))
     words = written.getvalue()
     assert "nan" not in words
     assert "yielded to a pilot" in words

@@ -68,3 +68,17 @@ def test_wrong_options_are_refused_by_name(arguments, message):
     done = guidance("run", "hover_chase", *arguments)
     assert isinstance(done.exception, ConfigError)
     assert message in str(done.exception)
+
+
+def test_show_says_both_games_where_mathematics_and_flights_differ():
+    said = guidance("show", "wind").output
+    assert "in mathematics" in said
+    assert "in flight no player knows it, and the game is that of still air" in " ".join(
+        said.split()
+    )
+    paper = " ".join(guidance("show", "pe").output.split())
+    assert (
+        "3 m/s (ball) in mathematics, and in flight 3 m/s level, 3 up, 1.5 down (cylinder)" in paper
+    )
+    assert "value in mathematics " in paper
+    assert "; in flight " in paper

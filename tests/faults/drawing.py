@@ -310,6 +310,9 @@ def _game(draw: Draw, autopilot: str) -> Keys:
         "autopilot": autopilot,
         "takeoff_height_m": max(2.0, round(start_m - 0.8, 2)),
     }
+    if pursuer["speed_set"] == "ball":  # a vehicle that flies it climbs and descends as fast
+        pursuer["climb_m_s"] = speed_m_s
+        pursuer["descent_m_s"] = speed_m_s
     document: Keys = {
         "title": "faults",
         "game": "pe",

@@ -24,7 +24,7 @@ from guidance.game import Game, Winner
 from guidance.links.port import EvaderSource
 from guidance.messages import EvaderReport
 from guidance.session.daemon import Daemon, Equipment
-from guidance.session.fly import team_document
+from guidance.session.fly import team_plan
 from guidance.session.loop import run
 from guidance.session.mission import Mission, MissionPolicy
 from guidance.session.plan import plan_of
@@ -190,12 +190,12 @@ class Sortie:
             )
             for number, one in enumerate(self.pursuits)
         }
-        document = team_document(case.scenario, self.pursuits)
+        team = team_plan(case.scenario, self.pursuits)
         self.mission = Mission(
             tuple(self.pursuits),
             self.world,
             self.clock,
-            plans={one.vehicle: plan_of(None, one.scenario, document) for one in self.pursuits},
+            plans={one.vehicle: plan_of(None, one.scenario, team) for one in self.pursuits},
             equipment={name: Equipment(team=member) for name, member in self.members.items()},
             policy=MissionPolicy(engage=True, end_with=Event.HOLD),
         )
@@ -448,7 +448,7 @@ class Sortie:
 
     def _judge_end(self) -> None:
         captured = [
-            name for name, one in self.mission.result.evaders.items() if one.captured_by is not None
+            name for name, one in self.mission.result.evaders.items() if one.capture is not None
         ]
         if self.engaged_s == math.inf:
             self.wrong(
@@ -493,7 +493,7 @@ def fly(seed: int, number: int) -> TeamRow:
     begun_s = time.process_time()
     sortie = Sortie(draw(seed, number))
     sortie.fly()
-    captured = sum(one.captured_by is not None for one in sortie.mission.result.evaders.values())
+    captured = sum(one.capture is not None for one in sortie.mission.result.evaders.values())
     spent_s = time.process_time() - begun_s
     return TeamRow(
         sortie.case, sortie.least_m, captured, sortie.guaranteed, spent_s, tuple(sortie.wrongs)

@@ -57,7 +57,7 @@ def test_two_vehicles_capture_an_evader_each_in_one_world(several):
         one = result.vehicles[pursuit.vehicle]
         evader = result.evaders[pursuit.evader]
         assert (one.ended, outcome_of_flight(one, "fast").end) == (State.LANDED, "captured")
-        assert evader.captured_by == pursuit.vehicle
+        assert evader.capture.vehicle == pursuit.vehicle
         assert one.samples[0].pursuer_m == pytest.approx((*pursuit.scenario.home_m, 0.0), abs=0.5)
         assert evader.track[0][1][:2] == pytest.approx(pursuit.scenario.evader.position_m, abs=0.5)
         assert all(later > sooner for (sooner, _), (later, _) in pairwise(evader.track))

@@ -5,18 +5,20 @@ from itertools import combinations
 
 import pytest
 
+from guidance.config import parse
 from guidance.flight import Event, State
 from guidance.log.reader import cycles_of
 from guidance.log.replay import compare
 from guidance.session import fly
 from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import MockOptions, Onlooker, fly_recorded
-from guidance.session.result import team_rows
+from guidance.session.result import distance_to_target_m, team_rows
 from guidance.sim.scenario_file import load_any
 from guidance.sim.team_flight import pursuits_of_team
+from guidance.sim.teams import TeamScenario
 from guidance.viz.panel.snapshot import replay_of
 from guidance.viz.report import write_team_report
-from guidance.viz.story import team_opening, team_story, team_summary
+from guidance.viz.story import captures_of, team_opening, team_story, team_summary
 from tests.team.lossy import LossyNetwork
 
 GUARD = load_any("teams_guard")[1]
@@ -103,7 +105,7 @@ def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path):
     assert story.evaders == ["rover1", "rover2"]
     for name, evader in flown.evaders.items():
         capture = story.captures[name]
-        assert (capture.vehicle, capture.now_s) == (evader.captured_by, evader.captured_s)
+        assert (capture.vehicle, capture.now_s) == (evader.capture.vehicle, evader.capture.now_s)
         assert "; kept: " in story.verdict(name)
     assert [name for name, _ in team_summary(story)] == ["uav1", "uav2", "uav3", "rover1", "rover2"]
     words = team_opening(story)
@@ -192,3 +194,33 @@ def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_ca
     assert len({(board.roles.vehicle, board.roles.term) for board in boards}) == 1
     assert boards[0].roles.term >= 2
     assert all(one.value is not None or one.cause for one in boards[0].roles.promises)
+
+
+ROUND = {"position_m": [0.0, 0.0], "radius_m": 6.0}
+
+
+@pytest.mark.flight
+def test_terminal_and_report_have_one_distance_to_a_targets_shape_and_one_captor(tmp_path):
+    document = GUARD.model_dump(mode="json") | {"target": ROUND}
+    scenario = parse(TeamScenario, document, source="round")
+    flown = fly_recorded(scenario, tmp_path, MockOptions(fast=True))
+    cycle = flown.vehicles["uav1"].cycle
+    assert cycle.game.target_extent.radius_m == 6.0
+    story = team_story({name: tmp_path / name / "record.mcap" for name in flown.vehicles})
+    names = list(flown.vehicles)
+    for row, evader in zip(team_rows(scenario, "fast", flown), story.evaders, strict=True):
+        capture = story.captures[evader]
+        assert capture.vehicle == names[row.captor]
+        assert distance_to_target_m(cycle, capture.evader_m) == row.evader_to_target_m
+        assert f"{row.evader_to_target_m:.1f} m from the target" in story.verdict(evader)
+        apart_m = math.hypot(*capture.evader_m[:2])
+        assert row.evader_to_target_m == pytest.approx(apart_m - 6.0, abs=1e-9)
+
+
+def test_the_first_capture_of_an_evader_counts_whichever_record_is_read_first(story):
+    first = story.captures["rover1"]
+    flight = story.flights[first.vehicle]
+    later = [event._replace(now_s=event.now_s + 2.0) for event in flight.events]
+    late = flight._replace(events=later)
+    captures = captures_of({"a": late, "b": flight})
+    assert captures["rover1"] == first._replace(vehicle="b")

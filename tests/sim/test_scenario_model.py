@@ -6,11 +6,12 @@ import pytest
 
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError
-from guidance.session.plan import plan_of
-from guidance.sim.batch import game, site
+from guidance.game import Ball, Cylinder
+from guidance.session.plan import plan_of, settings_of
+from guidance.sim.batch import game, site, stack
 from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.outcome import distances_of
-from guidance.sim.scenario import Scenario, Target
+from guidance.sim.scenario import Scenario, Target, Wind
 from guidance.sim.scenario_file import has_teams, load_document, load_scenario
 
 SHORT = tomllib.loads((Path(__file__).parents[1] / "data" / "short_chase.toml").read_text())
@@ -155,3 +156,27 @@ def test_a_raised_evader_raises_the_games_plane_and_lowers_the_disc_above_it():
     assert site(scenario)[2].metres == pytest.approx(scenario.site.altitude_amsl_m + 1.5)
     assert game(scenario).standoff.height_m == pytest.approx(3.5)
     assert plan_of(scenario=scenario).flight.start_game_m == pytest.approx((8.0, 3.0, 10.5))
+
+
+def test_a_flight_plays_the_vehicles_own_speed_set_and_mathematics_the_ball():
+    scenario = parse(Scenario, changed(), source="a.toml")
+    assert stack([scenario]).game.pursuer == Ball(3.0)
+    flown = plan_of(scenario=scenario).flight.cycle.game
+    assert flown.pursuer == Cylinder(3.0, 3.0, 1.5)
+    assert game(scenario).pursuer == flown.pursuer
+
+
+def test_a_ball_is_flown_only_where_the_vehicle_climbs_and_descends_as_fast():
+    slow = parse(Scenario, changed(pursuer={"speed_set": "ball"}), source="a.toml")
+    with pytest.raises(ConfigError, match=r'pursuer\.speed_set = "ball": its game climbs and desc'):
+        plan_of(scenario=slow)
+    fast = changed(pursuer={"speed_set": "ball", "climb_m_s": 3.0, "descent_m_s": 3.0})
+    plan = plan_of(scenario=parse(Scenario, fast, source="a.toml"))
+    assert plan.flight.cycle.game.pursuer == Ball(3.0)
+    assert settings_of(None, slow, None).cycle.game.pursuer == Ball(3.0)  # an old record replays
+
+
+def test_the_schema_says_what_wind_means_in_mathematics_and_in_flight():
+    words = Wind.model_fields["velocity_m_s"].description
+    assert "in mathematics it carries the pursuer" in words
+    assert "in flight" in words

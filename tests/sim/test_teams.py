@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from guidance.cli.program import app
 from guidance.config import parse
 from guidance.errors import ConfigError, OutputError
-from guidance.game import Ball, Game, solve
+from guidance.game import Ball, Extent, Game, Winner, solve
 from guidance.game.team import match_teams
 from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of, teams_of
@@ -220,9 +220,10 @@ def test_pe_of_teams_is_drawn_and_a_picture_that_cannot_be_written_is_said(tmp_p
 
 
 def test_the_region_that_is_drawn_is_what_the_evader_reaches_first():
-    teams = teams_of(built())
+    scenario = built()
+    teams = teams_of(scenario)
     for team in ([0], [0, 1]):
-        edge = region(teams, team, 0, points=90)
+        edge = region(scenario, team, 0, points=90)
         run = np.linalg.norm(edge - teams.evaders_m[0, :2], axis=1) / teams.evader_speed_m_s[0]
         flown = [
             np.linalg.norm(np.column_stack([edge, np.zeros(90)]) - teams.pursuers_m[i], axis=1)
@@ -232,5 +233,46 @@ def test_the_region_that_is_drawn_is_what_the_evader_reaches_first():
         np.testing.assert_allclose(run, np.min(flown, axis=0), rtol=1e-9)
     alone = solve(Game(Ball(2.0), 1.0), teams.pursuers_m[0], teams.evaders_m[0]).value
     assert np.linalg.norm(
-        region(teams, [0], 0) - teams.evaders_m[0, :2], axis=1
+        region(scenario, [0], 0) - teams.evaders_m[0, :2], axis=1
     ).max() == pytest.approx(alone, rel=1e-4)
+
+
+SQUARE = {
+    "position_m": [0.0, 0.0],
+    "polygon_m": [[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], [-40.0, 40.0]],
+}
+AT_THE_EDGE = {
+    "title": "one against one at a square",
+    "game": "tad",
+    "target": SQUARE,
+    "pursuer": [{"position_m": [0.0, 0.0, 15.0], "speed_m_s": 6.0}],
+    "evader": [{"position_m": [47.0, 0.0], "speed_m_s": 2.5}],
+}
+
+
+def test_a_team_defends_the_targets_shape_and_promises_what_one_pursuer_would():
+    scenario = built(AT_THE_EDGE)
+    shape = Extent(tuple(map(tuple, SQUARE["polygon_m"])))
+    alone = solve(Game(Ball(6.0), 2.5, target_extent=shape), [0, 0, 15], [47, 0, 0], [0, 0, 0])
+    assert alone.winner == Winner.EVADER
+    assert opening_of(scenario).guaranteed == 0
+    (row,) = play_teams([scenario])[0]
+    assert (row.guaranteed, row.predicted_winner, row.end) == (0, "evader", "arrived")
+    assert row.game_time_s == pytest.approx((47.0 - 40.0) / 2.5, abs=1e-6)
+    assert row.evader_to_target_m == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_distance_that_a_team_promises_and_takes_is_that_of_the_shape():
+    target = {"position_m": [0.0, 0.0], "radius_m": 5.0}
+    for wide, row in (
+        (False, play_teams([built()])[0][0]),
+        (True, play_teams([built(target=target)])[0][0]),
+    ):
+        assert row.end == "captured"
+        assert row.evader_to_target_m == pytest.approx(row.predicted, abs=0.05)
+        assert (row.predicted < 3.0) == wide
+
+
+def test_two_scenarios_that_differ_in_their_targets_shape_are_played_each_by_itself():
+    both = play_teams([built(AT_THE_EDGE), built({**AT_THE_EDGE, "target": TAD["target"]})])
+    assert [rows[0].end for rows in both] == ["arrived", "captured"]

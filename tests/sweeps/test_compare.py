@@ -1,5 +1,6 @@
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -12,6 +13,8 @@ from guidance.cli.program import app
 from guidance.errors import ConfigError
 from guidance.sim.maths import play
 from guidance.sim.outcome import outcome_json
+from guidance.sim.scenario_file import load_any, load_scenario
+from guidance.sim.teams import play_teams
 from guidance.sweeps.compare import compare_sweeps, difference_of_means, matched_pairs, mean, share
 from guidance.sweeps.folder import begun, read_folder
 from guidance.sweeps.rows import scenario_of
@@ -181,3 +184,35 @@ def test_no_number_is_cut_in_a_narrow_terminal(swept, tmp_path, columns):
         ]
         narrow, wide = (re.findall(r"-?\d+\.?\d*(?:e-\d+)?", text) for text in said)
         assert narrow == wide
+
+
+def test_outcomes_of_teams_are_compared_evader_by_evader(tmp_path):
+    scenario = load_any("teams_tad")[1]
+    slower = scenario.model_copy(update={"step_s": 0.5})
+    paths = []
+    for name, played in (("a", scenario), ("b", slower)):
+        rows = [outcome_json(row) for row in play_teams([played])[0]]
+        paths.append(str(tmp_path / f"{name}.json"))
+        Path(paths[-1]).write_text(json.dumps(rows))
+    compared = json.loads(CliRunner().invoke(app, ["compare", *paths, "--json"]).stdout)
+    assert list(compared) == [f"evader {number}" for number in range(len(rows))]
+    time_s = compared["evader 0"]["game_time_s"]
+    assert time_s["difference"] == time_s["b"] - time_s["a"]
+    assert "evader 1" in CliRunner().invoke(app, ["compare", *paths]).stdout
+    Path(paths[1]).write_text(json.dumps(rows[:1]))
+    done = CliRunner().invoke(app, ["compare", *paths])
+    assert "must be games of the same evaders" in str(done.exception)
+    Path(paths[1]).write_text(json.dumps(outcome_json(play([load_scenario("wind")[1]])[0])))
+    done = CliRunner().invoke(app, ["compare", *paths])
+    assert "two outcomes of teams or none" in str(done.exception)
+
+
+def test_a_run_as_mathematics_and_a_flight_are_said_to_be_different_games(tmp_path):
+    outcome = play([load_scenario("wind")[1]])[0]
+    paths = [str(tmp_path / "maths.json"), str(tmp_path / "flown.json")]
+    for path, run in zip(paths, ("maths", "fast"), strict=True):
+        Path(path).write_text(json.dumps(outcome_json(outcome._replace(run=run))))
+    shown = CliRunner().invoke(app, ["compare", *paths]).stdout
+    assert "wind: in mathematics it carries the pursuer and both players know it" in shown
+    assert "in flight no player knows it" in shown
+    assert "wind:" not in CliRunner().invoke(app, ["compare", paths[0], paths[0]]).stdout

@@ -1,14 +1,16 @@
 """The election and the assignments on lossy, delayed and split networks."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from guidance.game import Extent
 from guidance.team.board import Board
 from guidance.team.coordinator import Coordinator, EvaderSeen, Scene
-from tests.team.virtual_team import DISC, VirtualTeam, state_of
+from tests.team.virtual_team import GAME, VirtualTeam, state_of
 
 TARGET = (0.0, 0.0, 0.0)
 TEAM = {"alpha": (8.0, 0.0, 10.0), "bravo": (-4.0, 7.0, 10.0), "charlie": (-4.0, -7.0, 10.0)}
@@ -176,7 +178,7 @@ def promised(coordinator, now_s, part, evader_m):
     vehicles = {
         name: (at, state_of(name, (at[1], at[0], -at[2]), part=part)) for name, at in TEAM.items()
     }
-    scene = Scene(vehicles, {"blue": EvaderSeen(evader_m, 3.0, 3.0, 0.1)}, TARGET, DISC)
+    scene = Scene(vehicles, {"blue": EvaderSeen(evader_m, 3.0, 3.0, 0.1)}, TARGET, GAME)
     return coordinator.assign(now_s, scene).promises
 
 
@@ -204,3 +206,16 @@ def test_what_the_noise_of_the_positions_takes_back_is_not_promised():
     known = [value for value in values.values() if value is not None]
     assert None in values.values()
     assert 0.5 <= min(known) < 1.0
+
+
+def test_the_coordinator_matches_by_the_vehicles_own_game():
+    """A shape of the target that one vehicle cannot defend is not promised."""
+    square = Extent(((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0)))
+    for shape, promised_ones in ((Extent(), 1), (square, 0)):
+        board = Board("alpha", ["alpha"], ["blue"])
+        state = state_of("alpha", (0.0, 0.0, -15.0))
+        evaders = {"blue": EvaderSeen((47.0, 0.0, 0.0), 2.5, 2.5, 0.1)}
+        game = replace(GAME, target_extent=shape)
+        scene = Scene({"alpha": ((0.0, 0.0, 15.0), state)}, evaders, TARGET, game)
+        made = Coordinator(board, 1, 4.0).assign(0.0, scene)
+        assert len(made.promises) == promised_ones

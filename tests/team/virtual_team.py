@@ -4,7 +4,7 @@ import math
 
 from guidance.clock import VirtualClock
 from guidance.frames import Amsl, LocalFrame
-from guidance.game import StandOff
+from guidance.game import Cylinder, Game, StandOff
 from guidance.team.board import Board
 from guidance.team.coordinator import Coordinator, EvaderSeen, Scene
 from guidance.team.messages import RolesMessage, StateMessage, encode
@@ -12,6 +12,7 @@ from tests.team.lossy import LossyNetwork
 
 SITE = LocalFrame(47.4, 8.5, Amsl(488.0))
 DISC = StandOff(0.0, 8.0)
+GAME = Game(Cylinder(6.0, 3.0, 1.5), 3.0, standoff=DISC)
 STEP_S = 0.02
 
 
@@ -89,7 +90,7 @@ class Point:
             vehicles,
             {name: one for name, one in seen.items() if name not in self.board.over},
             target_m,
-            DISC,
+            GAME,
         )
 
 

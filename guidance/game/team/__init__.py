@@ -2,9 +2,11 @@
 
 solve_team: several pursuers against one evader, as a `TeamSolution`: value, meeting point, which pursuers bind.
 match_teams: assign pursuers to evaders for the most guaranteed captures, as a `Matching`.
+between: the game of every pair of some vehicles and evaders, from one vehicle's game.
 rollout_teams: simulate a game of teams to its end, as a `TeamRollout` with `TeamSample`s.
 """
 
+from guidance.game.team.arguments import between
 from guidance.game.team.matching import Matching, match_teams
 from guidance.game.team.rollout import TeamRollout, TeamSample, rollout_teams
 from guidance.game.team.several import TeamSolution, solve_team
@@ -14,6 +16,7 @@ __all__ = [
     "TeamRollout",
     "TeamSample",
     "TeamSolution",
+    "between",
     "match_teams",
     "rollout_teams",
     "solve_team",

@@ -1,7 +1,7 @@
 """Arguments of games of teams: one game from those of all pairs, and arrays of their shapes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import Array, mapped
-from guidance.game.game import Game, Reason, parameters
+from guidance.game.game import Game, Reason, SpeedSet, parameters
 from guidance.game.records import is_zero
 from guidance.game.rows import fitting, for_rows, simplified
 
@@ -40,6 +40,30 @@ class TeamGame(NamedTuple):
     def rows(self, rows: Callable[[Array], Array]) -> "TeamGame":
         """Return the game of some pairs; `rows` takes them from each array."""
         return TeamGame(for_rows(self.game, rows), rows(self.plays))
+
+
+def between(
+    game: Game, pursuers: Sequence[SpeedSet], evader_speeds_m_s: Sequence[float] | Array
+) -> Game:
+    """Return the game of every pair of some vehicles and evaders: all but the speeds is that of one vehicle's game.
+
+    Args:
+        game: of a vehicle.
+        pursuers: speed sets of n vehicles, of the same kind as the game's.
+        evader_speeds_m_s: of m evaders, m/s.
+
+    Returns:
+        The game whose speeds are arrays (n, 1) and (m,), for `match_teams`.
+    """
+    speeds: dict[str, Any] = {
+        part.name: np.array([[getattr(pursuer, part.name)] for pursuer in pursuers], dtype=float)
+        for part in fields(game.pursuer)
+    }
+    return replace(
+        game,
+        pursuer=replace(game.pursuer, **speeds),
+        evader_speed_m_s=np.array(evader_speeds_m_s, dtype=float),
+    )
 
 
 def joined(games: Games, shape: str) -> TeamGame:
