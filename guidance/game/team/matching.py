@@ -1,10 +1,15 @@
 """Many pursuers against many evaders: who plays against whom, and how many captures are guaranteed.
 
-TAD: an edge is a pursuer that beats an evader alone. A pair of pursuers beats an evader only if one of the two does,
-and more than two never bind. So a maximum matching of single pursuers, of size m, is the most that teams can guarantee.
-Its m captures stay guaranteed in play, because the L of each pair never falls (Chen, Zhou & Tomlin, ACC 2014). Among
-the maximum matchings the one with the largest sum of L is taken: a linear assignment. The remaining pursuers join the
-first pursuer of an evader, one each, so that the sum of their gains of L is largest.
+TAD: an edge is a pursuer that beats an evader alone. A maximum matching, of size m, guarantees m captures at once, and
+they stay guaranteed in play, because the L of each pair never falls (Chen, Zhou & Tomlin, ACC 2014). It is the most
+that pursuers can guarantee who each capture one evader. It is not the most that they can capture: a pursuer that has
+captured one evader may be in time for another one. Among the maximum matchings the one with the largest sum of L is
+taken: a linear assignment. The remaining pursuers join the first pursuer of an evader, one each, so that the sum of
+their gains of L is largest.
+
+A pair of pursuers beats an evader of a point only if one of the two does, and more than two never bind. A target with
+an extent may need two: both keep the evader from different parts of it. Such pairs are edges too, and the matching is
+then the largest set of edges that share no player (`packing`).
 
 PE: as many pursuers as there are evaders are assigned so that the sum of their capture times is least. Each time is a
 guarantee. `lower_bound` is the time that the evader has at least against all pursuers.
@@ -21,13 +26,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from guidance.errors import ConfigError
-from guidance.extras import how_to_add
 from guidance.game.arrays import NUMPY, Array
 from guidance.game.game import Reason, Winner
 from guidance.game.records import require
 from guidance.game.team.arguments import Games, judged
-from guidance.game.team.several import TeamSolution, assembled, longest_run, nearest_run, placed
+from guidance.game.team.packing import assigned, packed
+from guidance.game.team.several import (
+    TeamSolution,
+    assembled,
+    longest_run,
+    nearest_run,
+    pairs_of,
+    placed,
+)
 from guidance.game.team.table import (
     Kept,
     Meeting,
@@ -38,6 +49,7 @@ from guidance.game.team.table import (
     place_of,
     table_of,
     taken,
+    together,
 )
 
 
@@ -113,15 +125,16 @@ def match_teams(
     with np.errstate(all="ignore"):
         table = table_of(game, pursuers, evaders, target, in_play)
         kept = None if previous is None else kept_of(table, (previous.first, previous.second))
-        first = _firsts(table, kept, hysteresis)
+        edges = _edges(table, kept, hysteresis)
+        first = assigned(edges, None if kept is None else kept.first >= 0)
         if table.target is None:
             answer = _chased(table, first)
         else:
+            first, mate = _with_pairs(table, edges, kept, first)
             pairs = kept.pairs if kept is not None and np.array_equal(first, kept.asked) else None
             pairs = pairs or pairs_with(table, first)
-            answer = _defended(
-                table, table.target, pairs, first, _seconds(table, pairs, first, kept, hysteresis)
-            )
+            second = _seconds(table, pairs, first, mate, kept, hysteresis)
+            answer = _defended(table, table.target, pairs, first, second)
     worst = table.all.alone.reason.max(axis=(1, 2)).reshape(table.shape)
     whole = Matching(*(part.reshape((*table.shape, *part.shape[1:])) for part in answer))
     return judged(
@@ -129,13 +142,13 @@ def match_teams(
     )
 
 
-def _firsts(table: Table, kept: Kept | None, hysteresis: float) -> Array:
-    """Return the pursuer that guarantees the capture of each evader, (b, m), −1 for none."""
+def _edges(table: Table, kept: Kept | None, hysteresis: float) -> Array:
+    """Return the profit of each pursuer that may guarantee the capture of an evader, (b, m, n), −∞ where it may not."""
     every = np.arange(table.worth.shape[-1])
     least = np.where(table.beats, table.worth, np.inf).min(axis=(1, 2), keepdims=True)
     profit = table.worth - np.minimum(np.where(np.isfinite(least), least, 0.0), 0.0)
     if kept is None:
-        return _assigned(np.where(table.beats, profit, -np.inf))
+        return np.where(table.beats, profit, -np.inf)
     promised = (kept.first >= 0)[..., None]
     old = promised & (every == kept.first[..., None])
     needed = (kept.second >= 0) & (taken(table.worth, kept.first) < kept.worth)
@@ -144,53 +157,76 @@ def _firsts(table: Table, kept: Kept | None, hysteresis: float) -> Array:
     free = ~partner.any(axis=1)[:, None] | partner
     edges = old | (table.beats & as_good & free)
     profit = np.where(old, profit + (kept.worth[..., None] - table.worth) + hysteresis, profit)
-    return _assigned(np.where(edges, np.maximum(profit, 0.0), -np.inf), first=kept.first >= 0)
+    return np.where(edges, np.maximum(profit, 0.0), -np.inf)
+
+
+def _with_pairs(table: Table, edges: Array, kept: Kept | None, first: Array) -> tuple[Array, Array]:
+    """Return firsts and mates, (b, m), where two pursuers may guarantee a capture that neither guarantees alone.
+
+    Only a target with an extent has such pairs. They are looked for where an evader would be left over.
+
+    Args:
+        table: everybody against everybody.
+        edges: profit of each pursuer alone, (b, m, n).
+        kept: promises.
+        first: matched by these edges, (b, m).
+
+    Returns:
+        The firsts, and for each the mate without which it guarantees nothing; −1 for none.
+    """
+    b, m, n = table.worth.shape
+    goal = table.all.goal
+    if n < 2 or goal is None or goal.is_point:
+        return first, np.full_like(first, -1)
+    promised = np.zeros((b, m), dtype=bool)
+    partners = np.zeros((b, n), dtype=bool)
+    if kept is not None:
+        promised = kept.first >= 0
+        partners = are(n, *kept.second.T)
+    paired = np.full_like(first, -1)
+    left = ((first < 0) & table.present).any(axis=1)
+    if left.any():
+        numbers = pairs_of(n)
+        worth = together(table.all, (..., numbers)).worth
+        alone = (table.beats | partners[:, None])[..., numbers].any(axis=-1)
+        plays = (table.present[..., None] & table.plays)[..., numbers].all(axis=-1)
+        wins = plays & (worth > 0.0) & ~alone & ~promised[..., None]
+        for row in np.flatnonzero(left & wins.any(axis=(1, 2))):
+            profit = np.where(wins[row], worth[row], -np.inf)
+            singles, mates = packed(edges[row], profit, numbers, promised[row])
+            if np.count_nonzero(singles >= 0) > np.count_nonzero(first[row] >= 0):
+                first[row] = singles
+                paired[row] = mates
+    if kept is None:
+        return first, paired
+    together_only = promised & (first == kept.first) & ~taken(table.beats, kept.first)
+    return first, np.where(together_only, kept.second, paired)
 
 
 def _seconds(
-    table: Table, pairs: Meeting, first: Array, kept: Kept | None, hysteresis: float
+    table: Table,
+    pairs: Meeting,
+    first: Array,
+    mate: Array,
+    kept: Kept | None,
+    hysteresis: float,
 ) -> Array:
     """Return the pursuer that supports the first of each evader, (b, m), −1 for none."""
     every = np.arange(table.worth.shape[-1])
     matched = first >= 0
-    busy = (every == first[..., None]).any(axis=1)
+    busy = (every == first[..., None]).any(axis=1) | (every == mate[..., None]).any(axis=1)
     if busy.all() or not matched.any():
-        return np.full_like(first, -1)
+        return mate
     gain = pairs.worth - taken(table.worth, first)[..., None]
-    useful = matched[..., None] & ~busy[:, None] & (gain > 0)
+    useful = (matched & (mate < 0))[..., None] & ~busy[:, None] & (gain > 0)
     if kept is None:
-        return _assigned(np.where(useful, gain, -np.inf))
+        return np.where(mate < 0, assigned(np.where(useful, gain, -np.inf)), mate)
     old = every == kept.second[..., None]
     promised = (first == kept.first) & (useful & old).any(axis=-1)
     as_good = gain >= taken(gain, kept.second)[..., None] + hysteresis
     useful &= old | as_good | ~promised[..., None]
-    return _assigned(np.where(useful, gain + np.where(old, hysteresis, 0.0), -np.inf), promised)
-
-
-def _assigned(profit: Array, first: Array | None = None) -> Array:
-    """Return the pursuer of each evader, (b, m), −1 for none: as many as can be, and of those the largest profit.
-
-    Args:
-        profit: of each pair, (b, m, n), zero or more; −∞ where there is none.
-        first: which evaders come first, (b, m), where not all can be matched.
-    """
-    try:
-        from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - only teams need it, and it loads slowly
-    except ImportError:
-        raise ConfigError(f"match_teams: {how_to_add('sim')}") from None
-    b, m, n = profit.shape
-    edges = profit > -np.inf
-    # One pair more is worth more than all profits together.
-    profit = np.where(edges, profit, 0.0)
-    one = 1.0 + min(n, m) * profit.max(axis=(1, 2), keepdims=True)
-    worth = np.where(
-        edges, (one if first is None else one * (1.0 + first[..., None])) + profit, 0.0
-    )
-    found = np.full((b, m), -1)
-    for row in np.flatnonzero(np.isfinite(worth.sum(axis=(1, 2)))):
-        evader, pursuer = linear_sum_assignment(worth[row], maximize=True)
-        found[row, evader] = pursuer
-    return np.where((found >= 0) & taken(edges, found), found, -1)
+    profit = np.where(useful, gain + np.where(old, hysteresis, 0.0), -np.inf)
+    return np.where(mate < 0, assigned(profit, promised), mate)
 
 
 def _chased(table: Table, first: Array) -> Matching:

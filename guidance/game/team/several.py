@@ -6,12 +6,12 @@ TAD: if the regions are convex, one point X* of the intersection is closest to t
 
     L = dist(T, ∩ᵢ regionᵢ).
 
-A target with an extent is replaced by its point T* that is closest to the intersection. A team may then win although
-none of its pursuers wins alone.
+For a target with an extent, T is its point that is closest to the intersection.
 
-The team wins if one pursuer wins alone, because T is outside the intersection only if it is outside one region. A
-second pursuer increases L, and at most two decide X*. The pursuers that decide it fly straight to X*; then L never
-falls for any play of the evader. The others are free and fly to X* too.
+A team wins against a point if one pursuer wins alone, because T is outside the intersection only if it is outside one
+region. A set may be apart from the intersection of two regions although it meets both: then two pursuers win together
+and none alone. A second pursuer increases L, and at most two decide X*. The pursuers that decide it fly straight to X*;
+then L never falls for any play of the evader. The others are free and fly to X* too.
 
 PE with two pursuers ("two cutters": Szots & Harmati, arXiv 2403.15188; Von Moll et al., arXiv 2407.19954): the value is
 the evader's time to the point X* of the intersection that is farthest from it. The evader and both pursuers go straight
@@ -35,7 +35,7 @@ equally far to the last bit, `solve_team` takes the one with the larger y, then 
 new solution decides again; this costs the pursuers a time that goes to zero with the time step.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -44,14 +44,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import NUMPY, Array, Plane, cross2, dot2, plus2
-from guidance.game.extent import POINT, least_at, to_set
-from guidance.game.game import Game, Reason
+from guidance.game.arrays import NUMPY, Array, dot2
+from guidance.game.extent import POINT
+from guidance.game.game import Game, Reason, Winner
 from guidance.game.records import is_zero
-from guidance.game.rows import fitting
+from guidance.game.rows import fitting, for_rows
 from guidance.game.team.arguments import Games, joined, judged, pair_axes, vectors
+from guidance.game.team.danger import most_in_danger
 from guidance.game.team.regions import crossing, edge, halfway, survived, unit
-from guidance.game.team.table import Meeting, Team, are, place_of, taken, team_of, together
+from guidance.game.team.table import (
+    Meeting,
+    Team,
+    are,
+    costs_of,
+    place_of,
+    shares_of,
+    taken,
+    team_of,
+    together,
+)
 
 FEW = 8
 """Up to this number of pursuers every crossing of two edges is tried."""
@@ -137,12 +148,8 @@ def solve_team(
         raise ConfigError(
             f"evader_speed_m_s = {v!r}: must be one number, or an array (..., 1), for one evader"
         )
-    if target is not None and game.target_extent != POINT:
-        rest["target"] = _most_in_danger(game, P, rest["evader"], rest["target"])
-        game = replace(game, target_extent=POINT)
-    lone = {name: one[..., None, :] for name, one in rest.items()}
     with np.errstate(all="ignore"):
-        team = team_of(game, P, lone["evader"], lone.get("target"), lone.get("evader_velocity_m_s"))
+        team = _team(game, P, rest)
         answer, best = (chase if target is None else defence)(
             team, rest["evader"], _best_pair(team)
         )
@@ -152,6 +159,8 @@ def solve_team(
     worst = np.max(team.alone.reason, axis=-1)
     none = int(Reason.NOT_FINITE)
     fault = np.where(worst >= none, worst, np.where(np.isfinite(answer.value), 0, none))
+    if target is not None and not game.target_extent.is_point and P.shape[-2] > 1:
+        answer = _against_a_set(game, P, rest, answer, np.asarray(fault))
 
     def refused() -> str:
         places = {"pursuers": P} | rest
@@ -163,28 +172,35 @@ def solve_team(
     return judged(answer, np.asarray(fault), refused)
 
 
-def _most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Array:
-    """Return the point of the target's set that is closest to the evader's region, (..., 3).
+def _team(game: Game, P: Array, rest: Mapping[str, Array]) -> Team:
+    """Return the pursuers' games against the evader; `rest` has the other positions by the arguments' names."""
+    lone = {name: place[..., None, :] for name, place in rest.items()}
+    return team_of(game, P, lone["evader"], lone.get("target"), lone.get("evader_velocity_m_s"))
 
-    The distance of a point from the region is a convex function of the point. If the region meets the set, the point
-    is the one where the evader arrives before every pursuer by most.
+
+def _against_a_set(
+    game: Game, P: Array, rest: Mapping[str, Array], answer: TeamSolution, fault: Array
+) -> TeamSolution:
+    """Return the answer for a target with an extent, with the margin over its whole set.
+
+    An evader that wins runs to the point of the set where it arrives before every pursuer by most. The rest of its
+    answer is that of the game with this point as target.
     """
-    extent = game.target_extent
-    point = replace(game, target_extent=POINT)
-
-    def placed(offset: Plane) -> Array:
-        x, y = offset
-        return np.stack([T[..., 0] + x, T[..., 1] + y, T[..., 2]], axis=-1)
-
-    def left(offset: Plane) -> Array:
-        with np.errstate(all="ignore"):
-            found = solve_team(point, P, E, placed(offset))
-        return np.asarray(np.where(found.winner > 0, found.value, found.margin_s))
-
-    place = E[..., 0] - T[..., 0], E[..., 1] - T[..., 1]
-    away = to_set(NUMPY, extent, place)
-    arrived = np.asarray(away[0] * away[0] + away[1] * away[1] == 0)
-    return np.where(arrived[..., None], E, placed(least_at(NUMPY, extent, place, left)))
+    with np.errstate(all="ignore"):
+        danger = most_in_danger(game, P, rest["evader"], rest["target"])
+    margin_s = np.where(fault == 0, danger.margin_s, answer.margin_s)
+    lost = np.asarray((answer.winner <= 0) & (fault == 0))
+    if not lost.any():
+        return answer._replace(margin_s=margin_s)
+    few = for_rows(replace(game, target_extent=POINT), lambda value: value[lost])
+    there = {name: place[lost] for name, place in rest.items()} | {"target": danger.point_m[lost]}
+    team = _team(few, P[lost], there)
+    with np.errstate(all="ignore"):
+        run, _ = defence(team, there["evader"], _best_pair(team))
+    parts = [np.array(part) for part in answer._replace(margin_s=margin_s)]
+    for whole, part in zip(parts, run, strict=True):
+        whole[lost] = part
+    return TeamSolution(*parts)
 
 
 def _best_pair(team: Team) -> Meeting:
@@ -204,6 +220,8 @@ def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Mee
     """
     alone = team.alone
     winner = np.max(alone.winner, axis=-1)
+    if team.goal is not None and not team.goal.is_point:
+        winner = np.where(best.worth > 0.0, np.int8(Winner.PURSUER), winner)
     won = winner > 0
     # If the evader wins, the value is that of the pursuer that comes least short, or is there at the same instant.
     least = np.argmin(np.where(alone.winner == winner[..., None], alone.value, np.inf), axis=-1)
@@ -214,7 +232,8 @@ def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Mee
         evader,
         Meeting(*best[:2], np.where(won, best.worth, taken(alone.value, least)), first, second),
     )
-    return assembled(team, evader, nearest_run(team, evader, best, won), best, won[..., None]), best
+    answer = assembled(team, evader, nearest_run(team, evader, best, won), best, won[..., None])
+    return answer._replace(winner=winner), best
 
 
 def chase(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
@@ -409,26 +428,18 @@ def _multipliers(team: Team, best: Meeting) -> Array:
     best, height = _at_height(team, best)
     far = NUMPY.norm2((best.x, best.y))
     run = best.x / far, best.y / far
-    slow = run[0] / team.v, run[1] / team.v
-    pull = slow
-    goal = team.goal
-    if goal is not None:
-        x, y = (part[..., 0] for part in goal.place((best.x[..., None], best.y[..., None])))
-        pull = unit((goal.x - x, goal.y - y))
-        pull = plus2(pull, -dot2(pull, (goal.drift[0][..., 0], goal.drift[1][..., 0])), run)
+    pull = run[0] / team.v, run[1] / team.v
+    if team.goal is not None:
+        pull = team.goal.pick(...).pull((best.x, best.y))
     met = edge(team.regions, (run[0][..., None], run[1][..., None]))
-    u = team.regions.ratio
-    v = team.v[..., None]
-    wind = team.regions.wind_x * v, team.regions.wind_y * v
-    rate = NUMPY.norm3((*met.away, team.regions.z)) * u * v + dot2(met.away, wind)
     level = (met.reach <= team.regions.safe) | height[..., None]
-    flown = [np.where(level, 0.0, part / np.where(rate > 0, rate, 1.0)) for part in met.away]
-    q = [(slow[0] - taken(flown[0], who), slow[1] - taken(flown[1], who)) for who in best[3:]]
-    turn = cross2(q[0], q[1])
+    x, y = costs_of(team.regions, team.v, run, met, level)
+    q = (taken(x, best.first), taken(y, best.first)), (taken(x, best.second), taken(y, best.second))
+    both = shares_of(pull, q)
     single = best.first == best.second
     own = dot2(pull, q[0]) / dot2(q[0], q[0])
-    first = np.where(single, own, cross2(pull, q[1]) / turn)
-    second = np.where(single, own, cross2(q[0], pull) / turn)
+    first = np.where(single, own, both[0])
+    second = np.where(single, own, both[1])
     every = np.arange(team.own.shape[-1])
     found = np.where(every == best.second[..., None], second[..., None], 0.0)
     found = np.where(every == best.first[..., None], first[..., None], found)

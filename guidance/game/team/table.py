@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import NUMPY, Array, components
+from guidance.game.arrays import NUMPY, Array, components, cross2, dot2, plus2
 from guidance.game.extent import Extent, to_set
 from guidance.game.game import Ball, Game, StandOff
 from guidance.game.pe import Geometry, fly_to, take_apart
@@ -23,7 +23,16 @@ from guidance.game.records import is_zero
 from guidance.game.rows import fitting
 from guidance.game.solution import Solution, solve
 from guidance.game.team.arguments import Games, in_play_of, joined, pair_axes, vectors
-from guidance.game.team.regions import Point, Regions, crossing, edge, halfway, regions_of
+from guidance.game.team.regions import (
+    Edge,
+    Point,
+    Regions,
+    crossing,
+    edge,
+    halfway,
+    regions_of,
+    unit,
+)
 
 FAR_M = 1e150
 """How far an evader runs before a pursuer that does not play captures it; its square is finite."""
@@ -36,6 +45,23 @@ class Goal(NamedTuple):
     y: Array
     extent: Extent
     drift: Point
+
+    @property
+    def is_point(self) -> bool:
+        """Whether the target is a point."""
+        return self.extent.is_point
+
+    def pick(self, rows: Any) -> "Goal":  # noqa: ANN401 - whatever indexes an array
+        """Return the targets of some rows, (...)."""
+        drift = self.drift[0][..., 0][rows], self.drift[1][..., 0][rows]
+        return Goal(self.x[rows], self.y[rows], self.extent, drift)
+
+    def pull(self, point: Point) -> Point:
+        """Return how the distance from the target falls with the end of a run, (...), if it is picked, see `pick`."""
+        x, y = self.place(point)
+        run = unit(point)
+        to = unit(to_set(NUMPY, self.extent, (x - self.x, y - self.y)))
+        return plus2(to, -dot2(to, self.drift), run)
 
     def left(self, point: Point) -> Array:
         """Return the distances, (..., k), m, of ends of runs from the target when the evader is there."""
@@ -155,6 +181,30 @@ def team_of(game: Game, P: Array, E: Array, T: Array | None, seen: Array | None 
     return Team(game, v, regions, state, end[..., 0], end[..., 1], worth, alone, own, goal)
 
 
+def costs_of(regions: Regions, v: Array, run: Point, met: Edge, level: Array | bool) -> Point:
+    """Return how the evader's lead over each pursuer changes at the edge of its region, s/m: ∇(t_E − tᵢ), (..., n).
+
+    Args:
+        regions: of the pursuers, (..., n).
+        v: speed of the evader, (...), m/s.
+        run: direction of a run, (...).
+        met: where the run ends at the edge of each region.
+        level: which pursuers are late only by their height, (..., n).
+    """
+    u = regions.ratio
+    speed = v[..., None]
+    wind = regions.wind_x * speed, regions.wind_y * speed
+    rate = NUMPY.norm3((*met.away, regions.z)) * u * speed + dot2(met.away, wind)
+    flown = [np.where(level, 0.0, part / np.where(rate > 0, rate, 1.0)) for part in met.away]
+    return (run[0] / v)[..., None] - flown[0], (run[1] / v)[..., None] - flown[1]
+
+
+def shares_of(pull: Point, costs: tuple[Point, Point]) -> tuple[Array, Array]:
+    """Return the multipliers λ of two pursuers, which solve Σ λᵢ ∇(t_E − tᵢ) = pull."""
+    turn = cross2(*costs)
+    return cross2(pull, costs[1]) / turn, cross2(costs[0], pull) / turn
+
+
 def worth_in(alone: Solution, T: Array | None) -> Array:
     """Return the worth of each pursuer's own game, see `Team`."""
     return -alone.value if T is None else np.where(alone.winner > 0, alone.value, 0.0 * alone.value)
@@ -193,6 +243,10 @@ def together(team: Team, index: tuple[Any, ...]) -> Meeting:
         found = np.where(
             bind, -far / team.v[..., None] if team.goal is None else team.goal.left((x, y)), found
         )
+        if team.goal is not None and not team.goal.is_point:
+            lost = bind & (worth.max(axis=-1) <= 0.0)
+            lost[rows] &= ~_keeps(two, team.v[rows[:-1]], to, team.goal.pick(rows[:-1]))
+            found = np.where(lost, 0.0, found)
     if not is_zero(regions.safe):
         safe = regions.safe.max(axis=-1)
         found = np.minimum(
@@ -206,6 +260,26 @@ def together(team: Team, index: tuple[Any, ...]) -> Meeting:
     first = np.where(single, chosen, one)
     second = np.where(single, chosen, other)
     return Meeting(x, y, np.where(single, alone, found), first, second)
+
+
+def _keeps(two: Regions, v: Array, run: Point, goal: Goal) -> Array:
+    """Return whether two pursuers keep the evader out of its target where their regions' edges cross, (k,).
+
+    The intersection of both regions is apart from the target's set if the crossing is its closest point, which is so if
+    no multiplier is negative. Only two pursuers that lose alone need this: else the crossing is always the closest.
+
+    Args:
+        two: their regions, (k, 2).
+        v: speed of the evader, (k,), m/s.
+        run: direction of the run to the crossing, (k,).
+        goal: the target of each.
+    """
+    met = edge(two, (run[0][:, None], run[1][:, None]))
+    x, y = costs_of(two, v, run, met, level=False)
+    length = met.reach.min(axis=-1)
+    pull = goal.pull((length * run[0], length * run[1]))
+    first, second = shares_of(pull, ((x[:, 0], y[:, 0]), (x[:, 1], y[:, 1])))
+    return np.asarray((first >= 0.0) & (second >= 0.0))
 
 
 class Table(NamedTuple):
@@ -293,7 +367,7 @@ def table_of(
     each = team_of(team.game, P[:, None], E[:, :, None], None if T is None else T[:, :, None])
     if not team.plays.all():
         each = _without(each, team.plays)
-    worth = each.own if T is None else np.where(team.plays, each.alone.value, -np.inf)
+    worth = each.own if T is None else np.where(team.plays, each.own, -np.inf)
     beats = (each.alone.winner > 0) & present[..., None] & team.plays
     return Table(shape, E, T, present, team.plays, each, worth, beats)
 
@@ -322,7 +396,7 @@ def kept_of(table: Table, teams: tuple[Array, Array]) -> Kept:
     if table.target is not None:
         pairs = pairs_with(table, first)
         worth = np.where(second < 0, worth, taken(pairs.worth, second))
-        wins |= (second >= 0) & taken(table.beats, second)
+        wins |= (second >= 0) & (taken(table.beats, second) | (worth > 0.0))
     stays = (first >= 0) & wins
     return Kept(np.where(stays, first, -1), np.where(stays, second, -1), worth, first, pairs)
 

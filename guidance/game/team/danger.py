@@ -1,0 +1,198 @@
+"""Where a team's margin is least on a target with an extent: the point that the evader has to be kept from first.
+
+The margin at a point of the set is how much sooner a pursuer can be there than the evader, the best of all pursuers.
+It grows along every ray from the evader, so it is least on the set's edge: straight sides, and arcs around the corners
+of a set with a radius. Each of these pieces is tried at points that are equally far apart as the evader sees them, and
+then around its best one, closer and closer.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from guidance.game import pe
+from guidance.game.arrays import NUMPY, Array, Plane, components, cross2, dot2, plus2
+from guidance.game.extent import Extent, to_set
+from guidance.game.game import STILL, Game
+from guidance.game.pe import Geometry
+from guidance.game.tad import guard_time
+
+TRIED = 33
+"""Points of a piece that are tried first."""
+
+CLOSER = 17
+"""Points between both neighbours of the best one, in each further round."""
+
+ROUNDS = 7
+"""Rounds: the point is found to 1e-8 of its piece, the least margin to the square of that."""
+
+ON_THE_LINE = 1e-9
+"""Least distance of the evader from a side's line that is used, over the side's length."""
+
+
+class Danger(NamedTuple):
+    """The point of a target's set where a margin is least, (..., 3), m, and that margin, (...), s."""
+
+    point_m: Array
+    margin_s: Array
+
+
+class Pieces(NamedTuple):
+    """The pieces of a set's edge, from the target's position, along the first axis of arrays.
+
+    Attributes:
+        begin: of a side, or centre of an arc, (p, 1, ...), m.
+        along: direction of a side, (p, 1, ...); zero for an arc.
+        radius: of an arc, m; zero for a side.
+        foot: position of the evader's foot on a side, m; zero for an arc.
+        apart: distance of the evader from a side's line, m; zero for an arc.
+        low: first angle of each piece, rad: seen from the evader for a side, around its centre for an arc.
+        high: last angle.
+        length: of a side, m.
+    """
+
+    begin: Plane
+    along: Plane
+    radius: Array
+    foot: Array
+    apart: Array
+    low: Array
+    high: Array
+    length: Array
+
+    def at(self, angle: Array) -> Plane:
+        """Return the points at some angles, (p, k, ...), from the target's position, m."""
+        position = np.clip(self.foot + self.apart * np.tan(angle), 0.0, self.length)
+        position = np.where(self.radius > 0.0, 0.0, position)
+        straight = plus2(self.begin, position, self.along)
+        return straight[0] + self.radius * np.cos(angle), straight[1] + self.radius * np.sin(angle)
+
+
+def most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Danger:
+    """Return the point of the target's set where a team's margin is least.
+
+    Args:
+        game: with the target's extent; its numbers may be arrays (..., n).
+        P: positions of the pursuers, (..., n, 3), m.
+        E: position of the evader, (..., 3), m.
+        T: position of the target, (..., 3), m.
+    """
+    extent = game.target_extent
+    state = pe.take_apart(NUMPY, game, components(P), components(E[..., None, :]), None)
+    to_target = T[..., 0] - E[..., 0], T[..., 1] - E[..., 1]
+    evader = -to_target[0], -to_target[1]
+    pieces = _pieces(extent, evader)
+    angle, step = _spread(pieces.low, pieces.high, TRIED)
+    for number in range(ROUNDS):
+        points = pieces.at(angle)
+        margin = _margins(game, state, plus2(to_target, 1.0, points))
+        best = np.argmin(margin, axis=1)[:, None]
+        middle = np.take_along_axis(angle, best, axis=1)
+        if number < ROUNDS - 1:
+            low = np.maximum(middle - step, pieces.low)
+            high = np.minimum(middle + step, pieces.high)
+            angle, step = _spread(low, high, CLOSER)
+    least = np.take_along_axis(margin, best, axis=1)[:, 0]
+    piece = np.argmin(least, axis=0)[None]
+    points = pieces.at(middle)
+    x = np.take_along_axis(np.asarray(points[0])[:, 0], piece, axis=0)[0]
+    y = np.take_along_axis(np.asarray(points[1])[:, 0], piece, axis=0)[0]
+    inside = to_set(NUMPY, extent, evader)
+    arrived = dot2(inside, inside) == 0.0
+    x = np.where(arrived, evader[0], x)
+    y = np.where(arrived, evader[1], y)
+    here = _margins(game, state, plus2(to_target, 1.0, (x, y)))
+    return Danger(np.stack([T[..., 0] + x, T[..., 1] + y, T[..., 2]], axis=-1), here)
+
+
+def _spread(low: Array, high: Array, count: int) -> tuple[Array, Array]:
+    """Return points between two ends, (p, count, ...), and the distance of two."""
+    share = np.linspace(0.0, 1.0, count).reshape(1, count, *(1,) * (low.ndim - 2))
+    return low + share * (high - low), (high - low) / (count - 1)
+
+
+def _margins(game: Game, state: Geometry, way: Plane) -> Array:
+    """Return the margin of the best pursuer, (...), s, at points given from the evader, m."""
+    x, y = (np.asarray(part)[..., None] for part in way)
+    v = game.evader_speed_m_s
+    adrift = game.target_velocity_m_s
+    if adrift == STILL:
+        arrival = NUMPY.norm2((x, y)) / v
+        goal = (x, y)
+    else:
+        arrival = pe.catch_in_ball(NUMPY, v, 0.0, (x, y), adrift, 0.0)
+        goal = (x + adrift[0] * arrival, y + adrift[1] * arrival)
+    return np.asarray(arrival - guard_time(NUMPY, game, state, goal)).max(axis=-1)
+
+
+def _pieces(extent: Extent, evader: Plane) -> Pieces:
+    """Return the edge of a set, as an evader sees it that is given from the target's position, (...)."""
+    corners = extent.corners_m
+    radius = extent.radius_m
+    if len(corners) == 1:
+        middle = np.arctan2(evader[1] - corners[0][1], evader[0] - corners[0][0])
+        return _stacked([_arc(corners[0], radius, middle - math.pi, middle + math.pi, evader)])
+    pieces = []
+    before = _normal(corners[-1], corners[0])
+    for begin, end in zip(corners, corners[1:] + corners[:1], strict=True):
+        normal = _normal(begin, end)
+        if radius > 0.0:
+            first = math.atan2(before[1], before[0])
+            turn = math.atan2(cross2(before, normal), dot2(before, normal)) % math.tau
+            nothing = 0.0 * evader[0]
+            pieces.append(_arc(begin, radius, first + nothing, first + turn + nothing, evader))
+        pieces.append(_side(plus2(begin, radius, normal), plus2(end, radius, normal), evader))
+        before = normal
+    return _stacked(pieces)
+
+
+def _normal(begin: Plane, end: Plane) -> Plane:
+    """Return the direction out of a set on the left of a side."""
+    length = math.dist(begin, end)
+    return (end[1] - begin[1]) / length, (begin[0] - end[0]) / length
+
+
+def _arc(centre: Plane, radius: float, low: Array, high: Array, evader: Plane) -> Pieces:
+    nothing = 0.0 * evader[0]
+    return Pieces(
+        begin=(centre[0] + nothing, centre[1] + nothing),
+        along=(nothing, nothing),
+        radius=radius + nothing,
+        foot=nothing,
+        apart=nothing,
+        low=low,
+        high=high,
+        length=nothing,
+    )
+
+
+def _side(begin: Plane, end: Plane, evader: Plane) -> Pieces:
+    length = math.dist(begin, end)
+    along = (end[0] - begin[0]) / length, (end[1] - begin[1]) / length
+    from_begin = plus2(evader, -1.0, begin)
+    foot = dot2(from_begin, along)
+    apart = np.maximum(abs(cross2(along, from_begin)), ON_THE_LINE * length)
+    nothing = 0.0 * foot
+    return Pieces(
+        begin=(begin[0] + nothing, begin[1] + nothing),
+        along=(along[0] + nothing, along[1] + nothing),
+        radius=nothing,
+        foot=foot,
+        apart=apart,
+        low=np.arctan2(-foot, apart),
+        high=np.arctan2(length - foot, apart),
+        length=length + nothing,
+    )
+
+
+def _stacked(pieces: list[Pieces]) -> Pieces:
+    """Return pieces along a first axis, with a second one for points."""
+
+    def joined(*parts: Array) -> Array:
+        return np.stack(parts)[:, None]
+
+    begin = tuple(joined(*(piece.begin[axis] for piece in pieces)) for axis in (0, 1))
+    along = tuple(joined(*(piece.along[axis] for piece in pieces)) for axis in (0, 1))
+    rest = (joined(*parts) for parts in zip(*(piece[2:] for piece in pieces), strict=True))
+    return Pieces((begin[0], begin[1]), (along[0], along[1]), *rest)
