@@ -282,7 +282,7 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
     screen = console(stderr=as_json)
     screen.print(f"A {a}\nB {b}", soft_wrap=True)
     compared: Mapping[str, Any]
-    parts: Iterator[Table | str]
+    parts: Iterator[Table | Text]
     if a.is_dir():
         folders = read_folder(a), read_folder(b)
         compared = compare_sweeps(*folders, column=column, rows=rows)
@@ -310,9 +310,9 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
         screen.print(part)
 
 
-def _teams(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table | str]:
+def _teams(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table | Text]:
     for name, columns in compared.items():
-        yield f"\n[italic]{name}[/italic]"
+        yield Text(f"\n{name}", "italic")
         yield from _outcomes(columns)
 
 
