@@ -52,7 +52,7 @@ MOVE_TICKS: Final = 2
 """The body moves every 20 ms; between two moves, telemetry is extrapolated by the rates."""
 _SLOW_TICKS: Final = round(ESTIMATOR_S / TICK_S)
 _MOVE_S: Final = TICK_S * MOVE_TICKS
-_OWN_NUMBER: Final = frozenset({"MAV_SYS_ID", "SYSID_THISMAV"})
+_OWN_NUMBER: Final = frozenset({"MAV_SYS_ID", "SYSID_THISMAV", "MAV_SYSID"})
 _EPOCH_US: Final = 1_750_000_000_000_000
 
 
@@ -131,7 +131,7 @@ class Autopilot:
         settings = self.settings
         if self.parameters.reset_at_boot:
             self.parameters.reset()
-        for name in _OWN_NUMBER & self.parameters.keys():
+        for name in _OWN_NUMBER & self.parameters.definitions.keys():
             self.parameters.set(name, self.system_id)
         ready_after_s = (
             self.flavour.ready_s if settings.ready_after_s is None else settings.ready_after_s

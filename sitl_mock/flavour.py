@@ -132,6 +132,10 @@ class Flavour:
         ground_vehicle: It cannot start in the air.
         fix_type: GPS_FIX_TYPE of a receiver that works.
         files: The FTP files of a vehicle with these parameters and plans.
+        version: As on the command line behind @.
+        refused_commands: Commands that this version no longer has.
+        more_commands: Commands that this version has beyond the one with recorded data.
+        withheld: Messages of the mock that this version cannot send, also on request.
     """
 
     name: str
@@ -158,3 +162,12 @@ class Flavour:
     ground_vehicle: bool = False
     fix_type: int = 3
     files: Callable[[ParameterStore, PlanStore], Files] = no_files
+    version: str = ""
+    refused_commands: frozenset[int] = frozenset()
+    more_commands: frozenset[int] = frozenset()
+    withheld: frozenset[str] = frozenset()
+
+    @property
+    def spec(self) -> str:
+        """Name and version, as on the command line."""
+        return f"{self.name}@{self.version}"

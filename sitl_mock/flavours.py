@@ -1,17 +1,36 @@
-"""The flavours (kinds of vehicles) by name."""
+"""The flavours (kinds of vehicles) by name and version."""
+
+from dataclasses import replace
+from functools import cache
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.flavour import Flavour
+from sitl_mock.versions import NAMES, SPECS, VERSIONS
 
-NAMES = ("px4", "arducopter", "rover")
+__all__ = ["NAMES", "flavour_named"]
 
 
-def flavour_named(name: str) -> Flavour:
-    """Return a flavour by name, importing only its own modules.
+@cache
+def flavour_named(spec: str) -> Flavour:
+    """Return a flavour by name, or by name@version, importing only its own modules.
 
     Raises:
         ConfigError: There is no such flavour.
     """
+    if spec not in SPECS:
+        raise ConfigError(f"flavour = {spec!r}: allowed are {', '.join(SPECS)}")
+    name, _, version = spec.partition("@")
+    versions = VERSIONS[name]
+    if not version:
+        version = versions[0]
+    flavour = _recorded(name)
+    if version == versions[0]:
+        return replace(flavour, version=version)
+    return _later(flavour, version)
+
+
+def _recorded(name: str) -> Flavour:
+    """Return the version with recorded data."""
     if name == "px4":
         from sitl_mock.px4 import PX4  # noqa: PLC0415 - imports are half of the start-up time
 
@@ -20,8 +39,17 @@ def flavour_named(name: str) -> Flavour:
         from sitl_mock.ardupilot.flavours import ARDUCOPTER  # noqa: PLC0415 - as above
 
         return ARDUCOPTER
-    if name == "rover":
-        from sitl_mock.ardupilot.flavours import ROVER_FLAVOUR  # noqa: PLC0415 - as above
+    from sitl_mock.ardupilot.flavours import ROVER_FLAVOUR  # noqa: PLC0415 - as above
 
-        return ROVER_FLAVOUR
-    raise ConfigError(f"flavour = {name!r}: allowed are {', '.join(NAMES)}")
+    return ROVER_FLAVOUR
+
+
+def _later(flavour: Flavour, version: str) -> Flavour:
+    """Return a later version, which differs from the recorded one as documented."""
+    if flavour.name == "px4":
+        from sitl_mock.px4.later import px4_1_18  # noqa: PLC0415 - as above
+
+        return px4_1_18(flavour, version)
+    from sitl_mock.ardupilot.later import arducopter_4_7  # noqa: PLC0415 - as above
+
+    return arducopter_4_7(flavour, version)

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from sitl_mock.errors import ConfigError
-from sitl_mock.flavours import NAMES
 from sitl_mock.mavlink import Signing
 from sitl_mock.tables import (
     REQUIRED,
@@ -24,6 +23,7 @@ from sitl_mock.tables import (
 )
 from sitl_mock.tables import checked as checked_value
 from sitl_mock.vehicle import DEFAULT_LINKS, MockVehicle
+from sitl_mock.versions import SPECS
 from sitl_mock.world import DEFAULT_HOME, Home
 
 _FOREVER_S: Final = 1e9
@@ -86,7 +86,7 @@ _VEHICLE: Final = {
     "name": Option(
         "its name", REQUIRED, matching("[A-Za-z0-9_-]{1,32}", "1 to 32 letters, digits, - and _")
     ),
-    "flavour": Option("its kind", "px4", choice(*NAMES)),
+    "flavour": Option("its kind", "px4", choice(*SPECS)),
     "system_id": Option("MAVLink system id", None, _given(integer(1, _MOST))),
     "start_ned_m": Option("metres north, east, down of home", (0.0, 0.0, 0.0), place),
     "yaw_deg": Option("degrees", 0.0, number(-360.0, 360.0)),
@@ -154,10 +154,12 @@ def _vehicle_of(values: object, where: str) -> VehicleConfig:
 
 
 def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
-    """Read `--vehicles`: a number, or `flavour:name` and `flavour:name@north,east,down` for each vehicle.
+    """Read `--vehicles`: a number, flavours, or `flavour:name` and `flavour:name@north,east,down` for each vehicle.
+
+    A flavour may have a version, as px4@1.18. Versions without names stand between commas; they become uav1, uav2, ...
 
     Raises:
-        ConfigError: A value has neither form.
+        ConfigError: A value has no such form.
     """
     if len(specs) == 1 and specs[0].isdigit():
         return [
@@ -165,11 +167,16 @@ def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
         ]
     vehicles: list[dict[str, object]] = []
     for spec in specs:
+        if "@" in spec and set(spec.split(",")) <= set(SPECS):
+            for kind in spec.split(","):
+                vehicles.append({"name": f"uav{len(vehicles) + 1}", "flavour": kind})
+            continue
         kind, _, rest = spec.partition(":")
         name, _, start = rest.partition("@")
         if not name:
             raise ConfigError(
-                f"--vehicles {spec}: allowed are a number, or flavour:name such as px4:uav1 or rover:evader@30,0,0"
+                f"--vehicles {spec}: allowed are a number, versions such as px4@1.17,px4@1.18, or flavour:name such as "
+                f"px4:uav1 or rover:evader@30,0,0; flavours are {', '.join(SPECS)}"
             )
         vehicle: dict[str, object] = {"name": name, "flavour": kind}
         if start:

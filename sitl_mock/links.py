@@ -17,6 +17,7 @@ from sitl_mock.protocols import (
     LogProtocol,
     MissionProtocol,
     ParameterProtocol,
+    Place,
     Reply,
     Result,
     Session,
@@ -24,6 +25,7 @@ from sitl_mock.protocols import (
     Streams,
     TimeProtocol,
     available_modes,
+    on_earth,
 )
 from sitl_mock.telemetry import Report, builders_of
 
@@ -49,6 +51,7 @@ _REQUEST_MESSAGE = 512
 _CAPABILITIES = 520
 _AVAILABLE_MODES = 435
 _AUTOPILOT_VERSION = 148
+_SET_GLOBAL_ORIGIN = 611
 
 
 class Link:
@@ -67,7 +70,7 @@ class Link:
         signing = autopilot.signing
         self.decoder = Decoder(signing=signing)
         self.encoder = Encoder(system_id, COMPONENT, signing=signing, link_id=link_id)
-        self._prepared = prepared(flavour.name)
+        self._prepared = prepared(flavour.name, flavour.withheld)
         self.streams = Streams(
             frozenset(self._prepared), flavour.rates_hz[kind], flavour.stream_rules
         )
@@ -162,6 +165,11 @@ class Link:
         return [pack(*reply) for reply in replies]
 
     def _execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
+        flavour = self.autopilot.flavour
+        if command.number in flavour.refused_commands:
+            return (CommandAnswer(Result.UNSUPPORTED),)
+        if command.number == _SET_GLOBAL_ORIGIN and command.number in flavour.more_commands:
+            return (CommandAnswer(self._set_origin(now_s, command)),)
         asked = self.streams.rules.old_requests.get(command.number)
         if asked is not None:
             command = command._replace(
@@ -197,11 +205,21 @@ class Link:
         self._requested += replies
         return Result.ACCEPTED
 
+    def _set_origin(self, now_s: float, command: Command) -> Result:
+        """DO_SET_GLOBAL_ORIGIN, as SET_GPS_GLOBAL_ORIGIN."""
+        place = Place(*command.params[4:7])
+        if not (command.is_int and on_earth(place)):
+            return Result.DENIED
+        moved = self.autopilot.set_origin(now_s, place)
+        return Result.ACCEPTED if moved else Result.TEMPORARILY_REJECTED
+
     def _message(self, message_id: int, argument: int) -> list[Reply]:
         autopilot = self.autopilot
         if message_id == _AUTOPILOT_VERSION:
             return [autopilot.identity.autopilot_version()]
         if message_id == _AVAILABLE_MODES:
+            if "AVAILABLE_MODES" in autopilot.flavour.withheld:
+                return []
             modes = autopilot.flavour.modes.modes
             return available_modes(
                 [(mode.name.capitalize(), mode.number) for mode in modes], argument
@@ -222,9 +240,14 @@ class Link:
 @lru_cache
 def prepared(
     flavour: str,
+    withheld: frozenset[str] = frozenset(),
 ) -> dict[str, tuple[Callable[[Report], tuple[Any, ...] | None], MessageSpec]]:
     """Return builder and packing of each message that a flavour can send."""
-    return {name: (build, SPEC_BY_NAME[name]) for name, build in builders_of(flavour).items()}
+    return {
+        name: (build, SPEC_BY_NAME[name])
+        for name, build in builders_of(flavour).items()
+        if name not in withheld
+    }
 
 
 _REQUESTS: Final[dict[int, Callable[[Link, float, Command], Result]]] = {

@@ -60,6 +60,7 @@ class Pilot:
         sticks: The last stick positions.
         heard_s: Their arrival; minus infinity before the first.
         moved: Largest stick movement since the mode was entered, as a fraction of full travel.
+        speed_1_s: Greatest speed of a stick since then, in full travels per second.
         radio_s: Last signal of a radio (not MANUAL_CONTROL or RC_CHANNELS_OVERRIDE).
         channels: Overridden channels, by number from 1.
         overridden_s: Arrival of the last override; minus infinity before the first.
@@ -68,6 +69,7 @@ class Pilot:
     sticks: Sticks = CENTRED
     heard_s: float = _NEVER_S
     moved: float = 0.0
+    speed_1_s: float = 0.0
     radio_s: float = _NEVER_S
     channels: dict[int, Override] = field(default_factory=dict)
     overridden_s: float = _NEVER_S
@@ -75,9 +77,10 @@ class Pilot:
     def hear(self, now_s: float, sticks: Sticks) -> None:
         """Take new stick positions."""
         if self.heard_s > _NEVER_S:
-            self.moved = max(
-                self.moved, *(abs(a - b) for a, b in zip(sticks, self.sticks, strict=True))
-            )
+            moved = max(abs(a - b) for a, b in zip(sticks, self.sticks, strict=True))
+            self.moved = max(self.moved, moved)
+            if now_s > self.heard_s:
+                self.speed_1_s = max(self.speed_1_s, moved / (now_s - self.heard_s))
         self.sticks = sticks
         self.heard_s = now_s
 
@@ -125,8 +128,9 @@ class Pilot:
         return 1 + bisect_right(SWITCH_STEPS_US, pulse_us)
 
     def settle(self) -> None:
-        """Reset `moved` when a mode begins."""
+        """Reset the stick movements when a mode begins."""
         self.moved = 0.0
+        self.speed_1_s = 0.0
 
     @property
     def known(self) -> bool:

@@ -13,6 +13,10 @@
         fleet = mock_fleet({"uav1": "px4", "evader": "rover"}, ready_after_s=1.0)
         connect(fleet["uav1"].udp)
 
+    @pytest.mark.mock_versions("px4", "arducopter")                # every version of these flavours; default: of all
+    def test_my_client_arms_every_version(mock_vehicle, mock_flavour):
+        vehicle = mock_vehicle(mock_flavour, ready_after_s=1.0)    # px4@1.17, px4@1.18, arducopter@4.5, ...
+
 Ports are picked free and names are namespaces of a session of their own, so suites can run beside each other.
 Everything ends with the test, also when it fails; the children end by themselves when pytest is killed. Nothing but
 this file is imported before a fixture is used. A mock that several tests share: `sitl_mock.child.running` in a fixture
@@ -31,6 +35,29 @@ if TYPE_CHECKING:
 
     from sitl_mock.child import Over, RunningFleet, RunningVehicle
     from sitl_mock.faults import Faulted
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Describe the marker."""
+    config.addinivalue_line(
+        "markers",
+        "mock_versions(*flavours): run with `mock_flavour` as every version of these flavours (default: of all)",
+    )
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Give `mock_flavour` the versions that the marker names."""
+    if "mock_flavour" not in metafunc.fixturenames:
+        return
+    from sitl_mock.versions import NAMES, SPECS, specs_of  # noqa: PLC0415 - only on use
+
+    marker = metafunc.definition.get_closest_marker("mock_versions")
+    flavours = marker.args if marker is not None and marker.args else NAMES
+    unknown = [name for name in flavours if name not in SPECS]
+    if unknown:
+        raise pytest.UsageError(f"mock_versions({unknown[0]!r}): allowed are {', '.join(SPECS)}")
+    specs = [spec for name in flavours for spec in (specs_of(name) if name in NAMES else [name])]
+    metafunc.parametrize("mock_flavour", specs)
 
 
 class MockVehicles:
@@ -52,7 +79,7 @@ class MockVehicles:
         """Start a vehicle in real time.
 
         Args:
-            flavour: px4, arducopter or rover.
+            flavour: px4, arducopter or rover, also with a version as px4@1.18.
             name: Its name and Zenoh namespace.
             over: udp, zenoh or both.
             faults: What shall go wrong: the tables of a faults file.

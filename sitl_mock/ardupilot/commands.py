@@ -42,6 +42,8 @@ def execute(commander: ArduPilot, now_s: float, command: Command) -> Answers:
         return handler(commander, now_s, command)
     if number in CALIBRATIONS:
         return calibrate(commander, command)
+    if number in commander.firmware.answers:
+        return (CommandAnswer(commander.firmware.answers[number]),)
     result = ANSWERED.get(number) if commander.firmware.flies else None
     if commander.firmware.flies and command.params[0] == 1.0:
         result = ANSWERED_WITH_ONE.get(number, result)
@@ -280,10 +282,7 @@ def _disarm_by_button(commander: ArduPilot, _now_s: float, _command: Command) ->
 
 def _banner(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """DO_SEND_BANNER."""
-    commander.state.say(
-        Severity.INFO,
-        "ArduCopter V4.5.7 (8125b5f9)" if commander.firmware.flies else "ArduRover V4.5.7",
-    )
+    commander.state.say(Severity.INFO, commander.firmware.banner)
     return ACCEPTED
 
 

@@ -295,4 +295,5 @@ COPTER: Final = Firmware[ArduPilot](
     },
     flies=True,
     guided_timeout="GUID_TIMEOUT",
+    banner="ArduCopter V4.5.7 (8125b5f9)",
 )

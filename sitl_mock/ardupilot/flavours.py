@@ -156,6 +156,17 @@ def rover_commander(state: VehicleState, plans: PlanStore) -> ArduPilot:
 
 _RATES: Final = {"onboard": ARDUPILOT_HZ, "gcs": ARDUPILOT_HZ, "quiet": QUIET_HZ}
 
+_WITHHELD: Final = frozenset(
+    {
+        "AVAILABLE_MODES",
+        "PROTOCOL_VERSION",
+        "FLIGHT_INFORMATION",
+        "STORAGE_INFORMATION",
+        "HIGHRES_IMU",
+    }
+)
+"""Messages that ArduPilot 4.5.7 does not know; a request of one fails."""
+
 ARDUCOPTER: Final = Flavour(
     name="arducopter",
     title="ArduCopter 4.5 quadrotor",
@@ -175,6 +186,7 @@ ARDUCOPTER: Final = Flavour(
     texts=True,
     fix_type=6,
     files=files_of,
+    withheld=_WITHHELD,
 )
 
 ROVER_FLAVOUR: Final = Flavour(
@@ -196,5 +208,6 @@ ROVER_FLAVOUR: Final = Flavour(
     texts=True,
     fix_type=6,
     files=files_of,
+    withheld=_WITHHELD,
     ground_vehicle=True,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Generic, TypeVar
 
 from sitl_mock.modes import Mode, ModeTable, Need, Transition
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from sitl_mock.dynamics import Setpoint
-    from sitl_mock.protocols import Command, CommandAnswer
+    from sitl_mock.protocols import Command, CommandAnswer, Result
 
 
 _NONE: frozenset[Need] = frozenset()
@@ -158,6 +158,8 @@ class Firmware(Generic[CommanderT]):
         flies: It can leave the ground.
         guided_timeout: Parameter with the stream's timeout; "" if the timeout is fixed.
         guided_timeout_s: The fixed timeout.
+        banner: Name and version as in texts.
+        answers: Answers of a later version to commands without effect in the mock.
     """
 
     modes: ModeTable
@@ -168,3 +170,5 @@ class Firmware(Generic[CommanderT]):
     flies: bool
     guided_timeout: str = ""
     guided_timeout_s: float = 3.0
+    banner: str = ""
+    answers: Mapping[int, Result] = field(default_factory=dict)

@@ -73,4 +73,5 @@ ROVER: Final = Firmware[ArduPilot](
         "GUIDED": _guided,
     },
     flies=False,
+    banner="ArduRover V4.5.7",
 )

@@ -119,8 +119,11 @@ def failing(state: VehicleState) -> list[str]:
 
 
 def _checks_parameters(parameters: Mapping[str, float]) -> bool:
-    is_copter = "ANGLE_MAX" in parameters
-    return is_copter and bool(int(parameters["ARMING_CHECK"]) & _CHECK_PARAMETERS)
+    if "ANGLE_MAX" not in parameters:  # a rover
+        return False
+    if "ARMING_SKIPCHK" in parameters:  # 4.7
+        return not int(parameters["ARMING_SKIPCHK"]) & _CHECK_PARAMETERS
+    return bool(int(parameters["ARMING_CHECK"]) & _CHECK_PARAMETERS)
 
 
 def warnings(parameters: Mapping[str, float]) -> list[str]:

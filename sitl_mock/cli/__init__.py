@@ -8,6 +8,7 @@ import typer
 from sitl_mock.cli.compare import calibrate, compare
 from sitl_mock.cli.list import list_, modes
 from sitl_mock.cli.run import run
+from sitl_mock.cli.versions import versions
 from sitl_mock.errors import MockError
 
 _PACKAGE = "pursuit-guidance"
@@ -21,6 +22,7 @@ app.command("list")(list_)
 app.command()(modes)
 app.command()(calibrate)
 app.command()(compare)
+app.command()(versions)
 
 
 def _version(asked: bool) -> None:

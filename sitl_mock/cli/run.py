@@ -17,11 +17,15 @@ def run(
     vehicles: Annotated[
         list[str] | None,
         typer.Option(
-            help="A number (of --flavour), or `flavour:name[@north,east,down]`, repeated for each vehicle."
+            help="A number (of --flavour), flavours such as `px4@1.17,px4@1.18`, or "
+            "`flavour:name[@north,east,down]`, repeated for each vehicle."
         ),
     ] = None,
     flavour: Annotated[
-        str, typer.Option(help="px4, arducopter or rover, if --vehicles is a number.")
+        str,
+        typer.Option(
+            help="px4, arducopter or rover, with a version as px4@1.18, if --vehicles is a number."
+        ),
     ] = "px4",
     fleet: Annotated[
         Path | None, typer.Option(help="TOML file with the vehicles, instead of --vehicles.")
@@ -89,6 +93,8 @@ def run(
     `sitl-mock run --vehicles px4:uav1 --vehicles rover:evader@30,0,0 --zenoh tcp/127.0.0.1:7447`
 
     `sitl-mock run --vehicles 20 --flavour px4 --udp 14540`
+
+    `sitl-mock run --vehicles px4@1.17,px4@1.18,arducopter@4.5,arducopter@4.7 --udp 14540`
 
     `sitl-mock run --fleet fleet.toml --gcs 14550 --param COM_OF_LOSS_T=0.5 --param uav1:MPC_XY_VEL_MAX=8`
 

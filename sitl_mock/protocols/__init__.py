@@ -35,6 +35,7 @@ from sitl_mock.protocols.parameter import (
     ParameterStore,
     ParameterTable,
     ParamKind,
+    Renamed,
     named,
 )
 from sitl_mock.protocols.plan import MissionResult, Plan, PlanItem, PlanKind, PlanStore
@@ -113,6 +114,7 @@ __all__ = [
     "PlanItem",
     "PlanKind",
     "PlanStore",
+    "Renamed",
     "Reply",
     "Result",
     "Session",

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 if TYPE_CHECKING:
@@ -69,8 +70,21 @@ class Parameter(NamedTuple):
     meaning: str
 
 
+class Renamed(NamedTuple):
+    """A parameter's name in this version, and how many of its units are one of the old unit (0.01: cm to m)."""
+
+    name: str
+    factor: float
+
+
 class ParameterTable(tuple[Parameter, ...]):
-    """Parameter definitions of a flavour, shared by its vehicles; their order gives the indices."""
+    """Parameter definitions of a flavour, shared by its vehicles; their order gives the indices.
+
+    Attributes:
+        renamed: Parameters by their names in the version with recorded data, which the mock's own code reads.
+    """
+
+    renamed: Mapping[str, Renamed] = MappingProxyType({})
 
     @cached_property
     def definitions(self) -> Mapping[str, Parameter]:
@@ -96,6 +110,9 @@ class ParameterTable(tuple[Parameter, ...]):
 class ParameterStore(Mapping[str, float]):
     """The values of one vehicle, read like a dict.
 
+    A value can also be read by its name, and in its unit, of the version with recorded data; `definitions` has only
+    the names of this version.
+
     Args:
         parameters: Definitions; their order gives the indices.
         overrides: Values that differ from the defaults.
@@ -113,11 +130,15 @@ class ParameterStore(Mapping[str, float]):
         self.index: Final = table.places
         self.revision = 0
         self.reset_at_boot = False
+        self._renamed = table.renamed
         self._values = dict(table.values)
         for name, value in (overrides or {}).items():
             self.set(name, value, check_range=True)
 
     def __getitem__(self, name: str) -> float:
+        if name in self._renamed:
+            renamed = self._renamed[name]
+            return self._values[renamed.name] / renamed.factor
         return self._values[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -271,7 +292,7 @@ class ParameterProtocol:
         name = message.param_id
         if name == HASH_NAME and self._rules.hash_check:
             return [self._hash_reply()]
-        return [named(self._store, self._rules, name)] if name in self._store else []
+        return [named(self._store, self._rules, name)] if name in self._store.definitions else []
 
     def _set(self, message: Message) -> list[Reply]:
         name = message.param_id

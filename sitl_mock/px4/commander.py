@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 CHECK_S: Final = 0.1
 _SEVERITY_OF_MODE: Final = {"HOLD": 2, "RTL": 3, "LAND": 4, "DESCEND": 4, "TERMINATION": 6}
 _STOPPED: Final = Setpoint(Kind.STOPPED)
+_OVERRIDE_SPEED: Final = "MAN_OVERRIDE_SPD"
 _LANDING: Final = frozenset({"LAND", "DESCEND", "PRECLAND"})
 
 
@@ -322,19 +323,26 @@ class Px4:
         self.enter(self.intention)
 
     def _pilot_takes_over(self, now_s: float) -> None:
-        parameters = self.state.parameters
-        mask = int(parameters["COM_RC_OVERRIDE"])
-        covered = mask & 2 if self.mode == "OFFBOARD" else mask & 1
         if (
             self.mode in MANUAL_MODES
-            or not covered
             or Need.PILOT not in self.met_needs
             or self.mode == "TERMINATION"
         ):
             return
-        if self.state.pilot.moved * 100.0 > float(parameters["COM_RC_STICK_OV"]):
+        if self._sticks_override():
             self.state.say(Severity.INFO, "Pilot took over using sticks")
             self.request(now_s, AFTER["any", "stick moved, COM_RC_OVERRIDE"])
+
+    def _sticks_override(self) -> bool:
+        """True if the pilot moves the sticks far enough, or since v1.18 fast enough, to take over."""
+        parameters = self.state.parameters
+        pilot = self.state.pilot
+        if _OVERRIDE_SPEED in parameters:
+            least_1_s = float(parameters[_OVERRIDE_SPEED])
+            return least_1_s >= 0.0 and pilot.speed_1_s > least_1_s
+        mask = int(parameters["COM_RC_OVERRIDE"])
+        covered = mask & 2 if self.mode == "OFFBOARD" else mask & 1
+        return bool(covered) and pilot.moved * 100.0 > float(parameters["COM_RC_STICK_OV"])
 
     def _disarm_by_itself(self, now_s: float) -> None:
         state = self.state

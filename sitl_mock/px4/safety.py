@@ -155,6 +155,8 @@ EXCEPTION_BITS: Final = {"MISSION": 1, "HOLD": 2, "TAKEOFF": 2, "OFFBOARD": 4}
 """Bits of COM_RCL_EXCEPT and COM_DLL_EXCEPT: modes in which a lost link has no effect."""
 
 
+_ONBOARD_LOST_S: Final = 5.0
+"""v1.18 has this time fixed, without COM_OBC_LOSS_T."""
 _NEEDS: Final = (
     Need.PILOT,
     Need.ALTITUDE,
@@ -213,7 +215,9 @@ def wrong(
     present = {
         "manual control lost": pilot_lost and not int(parameters["COM_RCL_EXCEPT"]) & excepted,
         "ground station lost": ground_lost and not int(parameters["COM_DLL_EXCEPT"]) & excepted,
-        "onboard computer lost": parameters["COM_OBC_LOSS_T"] < onboard_age_s < math.inf,
+        "onboard computer lost": parameters.get("COM_OBC_LOSS_T", _ONBOARD_LOST_S)
+        < onboard_age_s
+        < math.inf,
         "geofence violated": state.conditions.fence_breach or _fence(state, plans, parameters),
         "battery low": charge < parameters["BAT_LOW_THR"],
         "battery critical": charge < parameters["BAT_CRIT_THR"],

@@ -15,11 +15,11 @@ GUIDED = {"px4": (1, 6), "arducopter": (1, 4), "rover": (1, 15)}
 class Flight:
     """One vehicle, and the frames that client 1/195 received from it."""
 
-    def __init__(self, flavour, *, dt_s=STEP_S, source=(1, 195), **settings):
+    def __init__(self, flavour, *, spec="", dt_s=STEP_S, source=(1, 195), **settings):
         settings.setdefault("ready_after_s", 0.5)
         settings.setdefault("noise", False)
         self.flavour = flavour
-        self.vehicle = MockVehicle(flavour, **settings)
+        self.vehicle = MockVehicle(spec if spec else flavour, **settings)
         self.dt_s = dt_s
         self.now_s = 0.0
         self.steps = 0

@@ -75,7 +75,7 @@ def test_the_suite_of_the_recipe_passes_with_the_plugin_alone(tmp_path):
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
-    assert "2 passed" in done.stdout
+    assert "6 passed" in done.stdout
 
 
 def test_the_workflow_installs_this_project_and_its_client_flies(tmp_path):
@@ -117,7 +117,9 @@ def test_the_workflow_installs_this_project_and_its_client_flies(tmp_path):
 
 def test_a_ground_station_that_only_listens_sees_every_vehicle_and_reads_parameters(run):
     port = mock_ports()
-    program, *arguments = shlex.split(blocks("sh")[1].replace("14550", str(port)))
+    program, *arguments = shlex.split(
+        next(block for block in blocks("sh") if "--gcs" in block).replace("14550", str(port))
+    )
     assert program == "sitl-mock"
     station = mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}", source_system=255)
     run(arguments)

@@ -1,0 +1,139 @@
+"""What differs between two versions of a flavour, as the mock has them: parameters, commands, modes and messages."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from pymavlink.dialects.v20 import all as names
+
+from sitl_mock.errors import ConfigError
+from sitl_mock.flavours import flavour_named
+from sitl_mock.protocols import ParameterTable
+from sitl_mock.telemetry import builders_of
+from sitl_mock.versions import specs_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sitl_mock.flavour import Flavour
+    from sitl_mock.protocols import Parameter
+
+
+class Difference(NamedTuple):
+    """One difference.
+
+    Attributes:
+        subject: parameter, command, mission item, mode, message, or stream.
+        first: What the first version has, "" for nothing.
+        second: What the second version has, "" for nothing.
+        note: How a value of the first becomes one of the second, or another remark.
+    """
+
+    subject: str
+    first: str
+    second: str
+    note: str = ""
+
+
+def differences_of(first: str, second: str) -> list[Difference]:
+    """Return all differences of two versions, given as on the command line.
+
+    Raises:
+        ConfigError: There is no such version, or they are of two flavours.
+    """
+    before = flavour_named(first)
+    after = flavour_named(second)
+    if before.name != after.name:
+        raise ConfigError(
+            f"versions {first} {second}: give two versions of one flavour, as px4@1.17 px4@1.18"
+        )
+    return [
+        *_parameters(before, after),
+        *_numbers("command", _commands(before), _commands(after)),
+        *_numbers("mission item", before.mission_rules.commands, after.mission_rules.commands),
+        *_modes(before, after),
+        *_messages(before, after),
+    ]
+
+
+def _table(flavour: Flavour) -> ParameterTable:
+    parameters = flavour.parameters
+    return parameters if isinstance(parameters, ParameterTable) else ParameterTable(parameters)
+
+
+def _parameters(before: Flavour, after: Flavour) -> Iterator[Difference]:
+    old = _table(before)
+    new = _table(after)
+    later = {renamed.name: (was, renamed.factor) for was, renamed in new.renamed.items()}
+    earlier = {renamed.name: (was, 1.0 / renamed.factor) for was, renamed in old.renamed.items()}
+    renamed = {was: name for name, (was, _) in later.items()} | {
+        name: was for name, (was, _) in earlier.items()
+    }
+    for name, item in old.definitions.items():
+        if name in renamed:
+            other = new.definitions[renamed[name]]
+            factor = later[other.name][1] if other.name in later else earlier[name][1]
+            note = "" if factor == 1.0 else f"value × {factor:g}"
+            yield Difference("parameter", _described(item), _described(other), note)
+        elif name not in new.definitions:
+            yield Difference("parameter", _described(item), "")
+        elif item != new.definitions[name]:
+            other = new.definitions[name]
+            yield Difference("parameter", _described(item), _described(other), other.meaning)
+    for name, item in new.definitions.items():
+        if name not in old.definitions and name not in renamed.values():
+            yield Difference("parameter", "", _described(item), item.meaning)
+
+
+def _described(item: Parameter) -> str:
+    unit = f" {item.unit}" if item.unit else ""
+    return f"{item.name} = {item.default:g}{unit}"
+
+
+def _commands(flavour: Flavour) -> frozenset[int]:
+    """Return those commands of a version that not all versions have."""
+    versions = [flavour_named(spec) for spec in specs_of(flavour.name)]
+    refused = frozenset(number for version in versions for number in version.refused_commands)
+    return (refused - flavour.refused_commands) | flavour.more_commands
+
+
+def _numbers(subject: str, before: frozenset[int], after: frozenset[int]) -> Iterator[Difference]:
+    for number in sorted(before - after):
+        yield Difference(subject, _command(number), "")
+    for number in sorted(after - before):
+        yield Difference(subject, "", _command(number))
+
+
+def _command(number: int) -> str:
+    entry = names.enums["MAV_CMD"].get(number)
+    return f"{number} {entry.name}" if entry is not None else str(number)
+
+
+def _modes(before: Flavour, after: Flavour) -> Iterator[Difference]:
+    old = {mode.name: mode.number for mode in before.modes.modes}
+    new = {mode.name: mode.number for mode in after.modes.modes}
+    for name in [*old, *(name for name in new if name not in old)]:
+        if old.get(name) != new.get(name):
+            yield Difference("mode", _mode(name, old), _mode(name, new))
+
+
+def _mode(name: str, numbers: dict[str, int]) -> str:
+    return f"{name} ({numbers[name]})" if name in numbers else ""
+
+
+def _messages(before: Flavour, after: Flavour) -> Iterator[Difference]:
+    offered = {*builders_of(before.name), "AVAILABLE_MODES"}
+    for name in sorted(offered & (after.withheld - before.withheld)):
+        yield Difference("message", name, "")
+    for name in sorted(offered & (before.withheld - after.withheld)):
+        yield Difference("message", "", name)
+    for link, rates in before.rates_hz.items():
+        others = after.rates_hz[link]
+        for name in sorted({*rates, *others}):
+            if rates.get(name) != others.get(name):
+                first = _rate(name, rates.get(name))
+                yield Difference("stream", first, _rate(name, others.get(name)), f"{link} link")
+
+
+def _rate(name: str, rate_hz: float | None) -> str:
+    return "" if rate_hz is None else f"{name} {rate_hz:g} Hz"
