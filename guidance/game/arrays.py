@@ -128,6 +128,7 @@ class NumPy(Library):
 
     sqrt = staticmethod(np.sqrt)
     maximum = staticmethod(np.maximum)
+    minimum = staticmethod(np.minimum)
 
     def select(self, condition: Truth, yes: Real, no: Real) -> Real:
         """Choose as every library does. Most conditions are about rare states, so this saves copies."""
@@ -164,6 +165,7 @@ class Floats(Library):
 
     sqrt = staticmethod(math.sqrt)
     maximum = staticmethod(max)
+    minimum = staticmethod(min)
 
     def select(self, condition: Truth, yes: Real, no: Real) -> Real:
         """Choose one of two numbers."""

@@ -21,7 +21,7 @@ RAYS = 8
 """Intervals between the rays that are tried first."""
 
 SEARCHED = 29
-"""Steps of a golden section search: the place is found to 2e-7 of its line's length, the least value to 1e-13."""
+"""Steps of a golden section search: a place is right to 2e-7 of its line's length, the least value to 1e-13 of that."""
 
 
 OUTLINE = 64

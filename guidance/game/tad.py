@@ -22,12 +22,16 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.game import pe
-from guidance.game.arrays import NUMPY, Library, Plane, Real, Truth, dot2
-from guidance.game.extent import from_set, least_at, nearest, to_set
+from guidance.game.arrays import NUMPY, Library, Plane, Real, Truth, dot2, plus2
+from guidance.game.danger import most_in_danger, rivals_of
+from guidance.game.extent import from_set, nearest, to_set
 from guidance.game.game import STILL, Ball, Cylinder, Game, Reason
 from guidance.game.pe import Geometry, StateSolution
 from guidance.game.records import is_zero
 from guidance.game.region import Closest, closest_point, is_circle
+
+REACHED = 30
+"""Most rounds to the point of a moving target that the evader can reach first; three are usual."""
 
 
 class Contest(NamedTuple):
@@ -114,20 +118,48 @@ def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) 
     extent = game.target_extent
     if extent.is_point:
         return from_set(to_target, extent.corners_m[0])
+    flat = isinstance(game.pursuer, Cylinder)
+    way = to_set(xp, extent, (-to_target[0], -to_target[1]))
+    rivals = rivals_of(xp, game, state, to_target, flat=flat)
+    found = from_set(to_target, most_in_danger(xp, extent, rivals))
+    if flat:
+        # Until the pursuer is at its height, the margin is least where the evader arrives first.
+        first = _first_reached(xp, game, to_target, way)
+        found = xp.select2(
+            _margin(xp, game, state, first) < _margin(xp, game, state, found), first, found
+        )
+    return xp.select2(dot2(way, way) == 0, way, found)
 
-    def margin(offset: Plane, state: Geometry) -> Real:
-        arrival, goal = _arrive(xp, game, from_set(to_target, offset))
-        return arrival - guard_time(xp, game, state, goal)
 
-    place = (-to_target[0], -to_target[1])
-    way = to_set(xp, extent, place)
-    level = state._replace(z=0.0 * state.z) if isinstance(game.pursuer, Cylinder) else state
-    found = least_at(xp, extent, place, lambda offset: margin(offset, level))
-    if isinstance(game.pursuer, Cylinder):
-        # Until the pursuer is at its height the margin is least at the nearest point.
-        near = (place[0] + way[0], place[1] + way[1])
-        found = xp.select2(margin(near, state) < margin(found, state), near, found)
-    return xp.select2(dot2(way, way) == 0, way, from_set(to_target, found))
+def _margin(xp: Library, game: Game, state: Geometry, to_point: Plane) -> Real:
+    """Return the pursuer's margin at a point of the target, given from the evader, s."""
+    arrival, goal = _arrive(xp, game, to_point)
+    return arrival - guard_time(xp, game, state, goal)
+
+
+def _first_reached(xp: Library, game: Game, to_target: Plane, way: Plane) -> Plane:
+    """Return the vector from E to the point of the target's set that it can reach first.
+
+    Args:
+        xp: array library.
+        game: the game.
+        to_target: vector from the evader to the target's position now, m.
+        way: vector to the point of the set that is nearest now, m.
+    """
+    adrift = game.target_velocity_m_s
+    if adrift == STILL:
+        return way
+    first = way
+    for _ in range(REACHED):
+        # The nearest point when this one is reached can be reached no later.
+        arrival, _ = _arrive(xp, game, first)
+        moved = plus2(to_target, arrival, adrift)
+        near = plus2(to_set(xp, game.target_extent, (-moved[0], -moved[1])), -arrival, adrift)
+        sooner = _arrive(xp, game, near)[0] < arrival
+        first = xp.select2(sooner, near, first)
+        if not xp.differentiates and not np.any(sooner):
+            break
+    return first
 
 
 def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane) -> Contest:
