@@ -1,8 +1,9 @@
 """The knowledge of a vehicle about its team: the mates' states, the newest assignment, the evaders out of play.
 
-Bytes are never trusted. A message is used only if it matches its schema, names the vehicle of its key, and is newer
-than the last one of its sender. The time of a state is the sender's; it is converted to our clock by arrival times and
-the smallest difference seen. A jump that no motion explains is doubt: the mate may be at either end of it.
+Bytes are never trusted. A message is used only if it matches its schema, names the vehicle of its key, and continues
+the stream of its sender (`guidance.team.senders`). A mate whose messages are refused counts as silent. The time of a
+state is the sender's; it is converted to our clock by arrival times and the smallest difference seen. A jump that no
+motion explains is doubt: the mate may be at either end of it.
 """
 
 import math
@@ -22,9 +23,18 @@ from guidance.team.messages import (
     StateMessage,
     decode,
 )
+from guidance.team.senders import Sender
 
 SILENT_S: Final = 1.0
 """A mate or a coordinator that was not heard for so long is not there."""
+
+MOST_TERMS: Final = 1000
+"""A message may be so many elections ahead of what was heard; there is at most one a second."""
+
+TOLD_EVERY_S: Final = 10.0
+"""Least time between two notes about refused messages in one mate's name."""
+
+_ORDINARY: Final = frozenset({"order", "evader"})
 
 _SLACK_M: Final = 3.0
 _SWERVE_M_S2: Final = 5.0
@@ -43,8 +53,8 @@ class Mate:
         at_s: When that was true, on our clock.
         heard_s: When it arrived.
         doubt_ned_m: Sum of its jumps that no motion explains.
-        epoch: Its present one.
-        numbers: Number of its last message under each key, in every epoch.
+        senders: Its streams, by the key.
+        refused_s: When people were last told that a message in its name was refused.
     """
 
     state: StateMessage | None = None
@@ -52,8 +62,8 @@ class Mate:
     heard_s: float = -math.inf
     doubt_ned_m: Vector = (0.0, 0.0, 0.0)
     clock: ClockOffset | None = None
-    epoch: int = -1
-    numbers: dict[int, dict[str, int]] = field(default_factory=dict)
+    senders: dict[str, Sender] = field(default_factory=dict)
+    refused_s: float = -math.inf
 
 
 class Board:
@@ -100,27 +110,37 @@ class Board:
             RolesMessage: self.take_roles,
         }
         try:
-            message = self._read(key, payload)
+            message = self._read(arrived_s, key, payload)
             news = takes[type(message)](arrived_s, message)
         except Refused as refused:
             self.counts[f"refused_{refused}"] += 1
+            self._note_refused(arrived_s, key, str(refused))
             return None
         self.counts["accepted"] += 1
         return news
 
-    def _read(self, key: str, payload: bytes) -> Message:
-        """Read a message. Strangers and old messages are refused."""
-        message = decode(key.partition("/")[0], payload)
-        if (mate := self.mates.get(message.vehicle)) is None or message.key != key:
+    def _note_refused(self, now_s: float, key: str, reason: str) -> None:
+        """Tell people that something sends in a mate's name; what is late or repeated is ordinary."""
+        name = key.rpartition("/")[2]
+        mate = self.mates.get(name)
+        if mate is None or reason in _ORDINARY or now_s - mate.refused_s < TOLD_EVERY_S:
+            return
+        mate.refused_s = now_s
+        self.news.append(f"{name}: a message in its name was refused ({reason})")
+
+    def _read(self, now_s: float, key: str, payload: bytes) -> Message:
+        """Read a message. Strangers, old messages and those of another stream are refused."""
+        mate = self.mates.get(key.rpartition("/")[2])
+        if mate is None:
             raise Refused("identity")
-        if message.epoch != mate.epoch:
-            if message.epoch in mate.numbers:
-                raise Refused("epoch")
-            mate.epoch = message.epoch
-            mate.numbers[message.epoch] = {}
-        if message.seq <= mate.numbers[mate.epoch].get(key, -1):
-            raise Refused("order")
-        mate.numbers[mate.epoch][key] = message.seq
+        message = decode(key.partition("/")[0], payload)
+        if message.key != key:
+            raise Refused("identity")
+        if isinstance(message, EvaderMessage) and message.evader not in self._evaders:
+            raise Refused("evader")
+        reason = mate.senders.setdefault(key, Sender()).refuses(now_s, message.epoch, message.seq)
+        if reason:
+            raise Refused(reason)
         return message
 
     def _take_state(self, arrived_s: float, state: StateMessage) -> MateState:
@@ -137,7 +157,10 @@ class Board:
         mate.state = state
         mate.at_s = at_s
         mate.heard_s = arrived_s
-        self.term = max(self.term, state.term)
+        if state.term <= self.term + MOST_TERMS:
+            self.term = max(self.term, state.term)
+        else:
+            self._note_refused(arrived_s, state.key, "term")
         if state.airborne:  # on the ground a mate may still know the last game's
             self.close(state.over, arrived_s)
         place = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m)
@@ -176,8 +199,6 @@ class Board:
         self.news.append(f"{after.vehicle} jumped by {apart_m:.0f} m")
 
     def _take_report(self, arrived_s: float, told: EvaderMessage) -> EvaderReport:
-        if told.evader not in self._evaders:
-            raise Refused("evader")
         clock = self.mates[told.vehicle].clock
         at_s = arrived_s if clock is None else min(arrived_s, clock.ours(told.sent_s))
         place = (told.latitude_deg, told.longitude_deg, told.altitude_amsl_m)
@@ -189,9 +210,11 @@ class Board:
         """Take an assignment if it is newer: by its term, then the lower name, then its number.
 
         Raises:
-            Refused: If it is older than the last one.
+            Refused: If it is older than the last one, or its term is beyond all elections.
         """
         last = self.roles
+        if roles.term > self.term + MOST_TERMS:
+            raise Refused("term")
         if last is not None and (roles.term, last.vehicle, roles.seq) <= (
             last.term,
             roles.vehicle,

@@ -180,7 +180,10 @@ class Member:
             value = math.nan if certificate is None else certificate.value
             self.board.own = told = StateMessage(
                 **common,
-                **_placed(local.received_s, frame.wgs84_from_ned(local.position_ned_m)),
+                **_placed(
+                    local.received_s - flight.vehicle.delay_s,
+                    frame.wgs84_from_ned(local.position_ned_m),
+                ),
                 velocity_ned_m_s=local.velocity_ned_m_s,
                 state=str(state),
                 part="playing" if state in _PLAYING else "ready" if state in _READY else "out",

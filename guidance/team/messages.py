@@ -20,6 +20,10 @@ ROLES = "roles"
 """First parts of the keys `state/VEHICLE`, `evader/EVADER/VEHICLE` and `roles/VEHICLE`."""
 
 MOST_BYTES: Final = 8192
+_MOST_QUOTES: Final = 1500
+"""A message of the largest team has fewer; each unknown key, of which an error names every one, has two."""
+
+_MOST_CLOCK_S: Final = 1e10
 _MOST: Final = 32
 """Most vehicles, and most evaders, of a team."""
 
@@ -59,8 +63,10 @@ class Placed(Message):
     altitude_amsl_m: float = Field(
         gt=-HIGHEST_M, lt=HIGHEST_M, description="Above mean sea level, metres"
     )
-    sent_s: FiniteFloat = Field(
-        description="When it was true, seconds of the sender's steady clock"
+    sent_s: float = Field(
+        gt=-_MOST_CLOCK_S,
+        lt=_MOST_CLOCK_S,
+        description="When it was true, seconds of the sender's steady clock",
     )
 
     @property
@@ -218,6 +224,8 @@ def decode(kind: str, payload: bytes) -> Message:
         raise Refused("kind")
     if len(payload) > MOST_BYTES:
         raise Refused("size")
+    if payload.count(b'"') > _MOST_QUOTES:
+        raise Refused("schema")
     try:
         return KINDS[kind].model_validate_json(payload)
     except ValidationError as error:

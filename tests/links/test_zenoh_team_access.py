@@ -8,11 +8,12 @@ from contextlib import ExitStack, closing
 import pytest
 
 from guidance.config import config_folder
+from guidance.errors import LinkError
 from guidance.links.keys import make_keys
 from guidance.links.zenoh_access import read_credentials
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import open_router, open_session
-from guidance.session.control_bus import join_session, order_team
+from guidance.session.control_bus import join_session, order_team, owner_token
 from guidance.session.orders import Mailbox
 from guidance.session.vehicle_file import Control
 from guidance.team.board import Board
@@ -95,6 +96,19 @@ def test_mates_are_heard_and_forgers_are_not(joined):
         assert set(board.counts) == {"accepted", "refused_identity"}
         teams["uav2"].close()
         assert until(lambda: set(teams["uav1"].present()) == {"uav1", "uav3"})
+
+
+def test_no_vehicle_claims_anothers_owner_token(joined):
+    join, _ = joined
+    own = join("uav2-guidance")
+    forger = join("uav1-guidance")
+    token = forger.liveliness().declare_token("guidance/uav2/owner/forged")
+    time.sleep(0.3)
+    mine = owner_token(own, "guidance/uav2")
+    with pytest.raises(LinkError, match="another daemon owns this vehicle"):
+        owner_token(join("uav2-guidance"), "guidance/uav2")
+    mine.undeclare()
+    token.undeclare()
 
 
 def test_only_the_operator_orders_the_team(joined, keys):
