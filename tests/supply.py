@@ -83,11 +83,16 @@ def bill(packages: Packages) -> dict[str, Any]:
 
 
 def _licence(package: Distribution) -> dict[str, Any]:
-    """Return the SPDX expression, or else the licence's name from the classifiers; nothing if there is neither."""
+    """Return the SPDX expression, or else the licence's name from the classifiers or the older field."""
     if expressions := package.metadata.get_all("License-Expression"):
         return {"licenses": [{"expression": expressions[0]}]}
     lines = package.metadata.get_all("Classifier") or []
     names = [line.rpartition(" :: ")[2] for line in lines if line.startswith("License ::")]
+    fields = package.metadata.get_all("License") or []
+    if not names:
+        names = [
+            field.strip().splitlines()[0] for field in fields if field.strip()
+        ]  # it may be a whole text
     return {"licenses": [{"license": {"name": name}} for name in names]} if names else {}
 
 

@@ -32,6 +32,7 @@ def test_the_bill_names_every_package_with_its_version_and_what_it_requires(caps
     found = {one["name"]: one for one in bill["components"]}
     assert {canonicalize_name(one.name) for one in declared()} <= set(found)
     assert all(one["version"] == version(name) for name, one in found.items())
+    assert [one["name"] for one in bill["components"] if not one.get("licenses")] == []
     refs = {one["bom-ref"] for one in [bill["metadata"]["component"], *bill["components"]]}
     assert refs == {one["ref"] for one in bill["dependencies"]}
     assert all(set(one["dependsOn"]) <= refs for one in bill["dependencies"])

@@ -3,7 +3,7 @@
 An option that does not apply is refused, not ignored. Arming and setting need an answer to a question, or `--yes`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,15 +12,49 @@ from typer.core import TyperGroup
 
 from guidance.errors import ConfigError, FlightError
 
+
+def completed(*values: str) -> Callable[[str], list[str]]:
+    """Return what completes an argument or option in the shell: the values that begin with the word so far."""
+
+    def complete(incomplete: str) -> list[str]:
+        return [value for value in values if value.startswith(incomplete)]
+
+    return complete
+
+
+def completed_scenario(incomplete: str) -> list[str]:
+    """Return the bundled scenarios whose names begin with the word so far."""
+    from guidance.config import config_folder  # noqa: PLC0415 - only for the shell
+
+    names = sorted(path.stem for path in (config_folder() / "scenarios").glob("*.toml"))
+    return [name for name in names if name.startswith(incomplete)]
+
+
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before arming or setting.")]
 AllRows = Annotated[bool, typer.Option("--all", help="Show the passed rows, too.")]
 Scenario = Annotated[
-    str, typer.Argument(help="A scenario file, or a name of `guidance scenario list`.")
+    str,
+    typer.Argument(
+        help="A scenario file, or a name of `guidance scenario list`.",
+        autocompletion=completed_scenario,
+    ),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="Seed; default: the scenario's.")]
-Expected = Annotated[str | None, typer.Option(help="px4 or arducopter; default: from HEARTBEAT.")]
-Link = Annotated[str, typer.Option(help="Client in real time: mavsdk or pymavlink.")]
+Expected = Annotated[
+    str | None,
+    typer.Option(
+        help="px4 or arducopter; default: from HEARTBEAT.",
+        autocompletion=completed("px4", "arducopter"),
+    ),
+]
+Link = Annotated[
+    str,
+    typer.Option(
+        help="Client in real time: mavsdk or pymavlink.",
+        autocompletion=completed("mavsdk", "pymavlink"),
+    ),
+]
 Port = Annotated[
     int,
     typer.Option(min=0, max=65535, help="Zenoh port of the mock, or its first UDP port; 0 is any."),

@@ -10,14 +10,15 @@ import typer
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from guidance.cli import ask, show
-from guidance.cli.arguments import Json, Panel, TokenFile, ZenohFile
+from guidance.cli import INTERRUPTED, ask, show
+from guidance.cli.arguments import Json, Panel, TokenFile, ZenohFile, completed
+from guidance.cli.carrying_out import AIMS, carried_out
 from guidance.cli.viewers import panel_beside
 from guidance.config import find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
 from guidance.screen import Cell, console, pairs
-from guidance.session.control_socket import ENDPOINT
+from guidance.session.control_socket import ENDPOINT, STATUS, WORDS
 
 
 def run(
@@ -29,8 +30,8 @@ def run(
     """Run the offboard guidance daemon of one vehicle, on its companion computer.
 
     Connects to the autopilot and to the source of the evader's reports, checks both, and waits for orders
-    (`guidance ctl`, `guidance panel`): nothing arms and nothing engages by itself. SIGTERM hands the vehicle to the
-    autopilot and ends; SIGHUP reads the file again, on the ground.
+    (`guidance ctl`, `guidance panel`): nothing arms and nothing engages by itself. SIGTERM and Ctrl-C hand the vehicle
+    to the autopilot and end; the last line says whether it is still armed. SIGHUP reads the file again, on the ground.
 
     - `guidance run vehicle.toml`: it waits, and says for what
     - `guidance run config/vehicles/px4.toml --panel`: with the operator's page beside it
@@ -51,13 +52,18 @@ def run(
             closing.callback(
                 panel_beside(endpoint, own.record.folder, own.control.token_file).close
             )
-        run_vehicle(path, own)
+        interrupted = run_vehicle(path, own)
+    if interrupted:
+        raise typer.Exit(INTERRUPTED)
 
 
 def ctl(
     order: Annotated[
         str,
-        typer.Argument(help="start, engage, hold, land, return, abort, reset, status or alive."),
+        typer.Argument(
+            help="start, engage, hold, land, return, abort, reset, status or alive.",
+            autocompletion=completed(*WORDS),
+        ),
     ],
     name: Annotated[
         str | None, typer.Option(help="Of one of several vehicles; with --team uav1,uav2.")
@@ -65,6 +71,9 @@ def ctl(
     team: Annotated[
         str | None, typer.Option(help="To all vehicles of a team, or to those of --name.")
     ] = None,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait until the order is carried out, or cannot be.")
+    ] = False,
     endpoint: Annotated[str, typer.Option(help="The daemon's control endpoint.")] = ENDPOINT,
     token_file: TokenFile = None,
     zenoh: ZenohFile = None,
@@ -82,22 +91,31 @@ def ctl(
     The daemon lets in who can read its token file: its own user, unless the file's rights say more. From another
     computer orders go by a router, which judges certificates (`docs/zenoh.md`).
 
+    With `--wait`, `start` ends when the vehicle stands by, `engage` when the stand-off disc is reached, `hold`,
+    `return`, `land` and `abort` when the autopilot has done so. Another end of it, or another order, is code 4.
+
     Exit codes: 0 accepted, 4 refused (the answer says why), 3 no answer.
 
     - `guidance ctl engage --name px4`: to one of several daemons
     - `watch guidance ctl alive`: a person is there, until Ctrl-C
     - `guidance ctl status --json`: for programs
     - `guidance ctl hold --team north`: to all vehicles of a team
+    - `guidance ctl start --wait && guidance ctl engage --wait && guidance ctl land --wait`: a whole flight
     - `guidance ctl hold --endpoint tls/192.168.1.10:7447 --zenoh keys/operator.toml`: by a router
     """
-    answers = ask(
-        order, endpoint=endpoint, name=name, team=team, token_file=token_file, zenoh=zenoh
-    )
+    if wait and order not in AIMS:
+        raise ConfigError(f"--wait: only with {', '.join(AIMS)}, not with {order}; remove it")
+    by: dict[str, Any] = {"endpoint": endpoint, "token_file": token_file, "zenoh": zenoh}
+    answers = ask(order, name=name, team=team, **by)
+    if wait and all(answer["accepted"] for answer in answers):
+        if team is None and name is None:
+            name = str(answers[0]["name"])
+        answers = carried_out(order, lambda: ask(STATUS, name=name, team=team, **by))
     if as_json:
         typer.echo(json.dumps(answers[0] if team is None else answers, indent=2))
     else:
         for answer in answers:
-            if answer["order"] == "status" and answer["accepted"]:
+            if answer["order"] == STATUS and answer["accepted"]:
                 console().print(status_table(answer))
             else:
                 show(answer)

@@ -53,7 +53,12 @@ def run(
     ctx: typer.Context,
     name: arguments.Scenario,
     way: Annotated[
-        str, typer.Option("--as", help="maths, fast (virtual time), live or vehicle.")
+        str,
+        typer.Option(
+            "--as",
+            help="maths, fast (virtual time), live or vehicle.",
+            autocompletion=arguments.completed("maths", "fast", "live", "vehicle"),
+        ),
     ] = "maths",
     config: Annotated[str | None, typer.Option(help="With --as vehicle: the vehicle file.")] = None,
     vehicle: Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from guidance.cli.arguments import CommandGroup, Json
+from guidance.cli.arguments import CommandGroup, Json, completed
 from guidance.extras import require
 
 
@@ -44,7 +44,12 @@ def run(
         ),
     ],
     way: Annotated[
-        str | None, typer.Option("--as", help="maths (point masses) or fast (mocked flights).")
+        str | None,
+        typer.Option(
+            "--as",
+            help="maths (point masses) or fast (mocked flights).",
+            autocompletion=completed("maths", "fast"),
+        ),
     ] = None,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes.", show_default="one per processor")

@@ -64,6 +64,7 @@ class Signals:
 
     Attributes:
         looping: Whether a loop acts on signals. Before that, SIGTERM and SIGINT end the process at once.
+        interrupted: Whether SIGINT (Ctrl-C) came.
     """
 
     def __init__(self, hand_over: Event, load: Callable[[], FlightPlan] = _kept) -> None:
@@ -72,6 +73,7 @@ class Signals:
         self._ends = 0
         self._again = False
         self.looping = False
+        self.interrupted = False
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[Self]:
@@ -82,12 +84,13 @@ class Signals:
             yield self
 
     def _note(self, number: int, _: FrameType | None) -> None:
+        self.interrupted |= number == signal.SIGINT
         if number == signal.SIGHUP:
             self._again = True
         elif self.looping:
             self._ends += 1
         else:
-            sys.exit(0)
+            sys.exit(128 + number if number == signal.SIGINT else 0)
 
     def act(self, daemons: Sequence[Daemon], now_s: float) -> None:
         """Pass the signals since the last call to the daemons."""

@@ -8,7 +8,7 @@ import logging
 import os
 import secrets
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -222,8 +222,11 @@ def open_vehicle(
     return world, session, used
 
 
-def run_vehicle(path: Path, config: Config) -> None:
-    """Run the daemon of a vehicle file until it is ended.
+_TO_LAND: Final = "land it by radio or ground station, or run guidance again and order land"
+
+
+def run_vehicle(path: Path, config: Config) -> bool:
+    """Run the daemon of a vehicle file until it is ended; return whether Ctrl-C ended it.
 
     Args:
         path: Of the file, which SIGHUP reads again.
@@ -245,6 +248,10 @@ def run_vehicle(path: Path, config: Config) -> None:
             config, clock, stack, tapped=config.record.folder is not None
         )
         metadata = flight_metadata(None, config, clock)
+        daemons = list[Daemon]()
+        stack.callback(
+            _say_ended, used.log, daemons
+        )  # the last line: what is opened later has closed before
         used.metrics = metrics
         used.record_required = config.record.required
         used.record = stack.enter_context(daemon_recording(config, metadata, used.log))
@@ -253,6 +260,7 @@ def run_vehicle(path: Path, config: Config) -> None:
         )
         used.team = _member(config, session, clock, stack)
         daemon = Daemon(name, plan, world.links[name], world.evaders[name], used)
+        daemons.append(daemon)
         used.notifier.say("READY=1")
         started = {
             "name": name,
@@ -266,7 +274,22 @@ def run_vehicle(path: Path, config: Config) -> None:
             FLIGHT_OVER,
             json.dumps({"ended": f"the daemon ended; {daemon.flight.state}"}),
         )
-        used.log.say(logging.INFO, "ended", state=daemon.flight.state, mode=daemon.flight.mode_name)
+    return signals.interrupted
+
+
+def _say_ended(log: Logger, daemons: Sequence[Daemon]) -> None:
+    """Log how the daemon leaves its vehicle; there is none if it was not heard."""
+    for daemon in daemons:
+        flight = daemon.flight
+        armed = flight.vehicle.armed
+        words = f"ended, AND THE VEHICLE IS STILL ARMED in {flight.mode_title}: {_TO_LAND}"
+        log.say(
+            logging.WARNING if armed else logging.INFO,
+            words if armed else "ended",
+            state=flight.state,
+            mode=flight.mode_name,
+            armed=armed,
+        )
 
 
 @contextmanager

@@ -1,0 +1,93 @@
+"""`guidance ctl ORDER --wait`: follows the status of vehicles until an order is carried out, or cannot be."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+import typer
+
+from guidance.session.replies import refused
+
+POLL_S: Final = 0.2
+
+Answer = Mapping[str, Any]
+
+
+class Aim(NamedTuple):
+    """States of a flight after an accepted order.
+
+    Attributes:
+        under_way: It is being carried out.
+        done: It is carried out.
+    """
+
+    under_way: frozenset[str]
+    done: frozenset[str]
+
+
+def _aim(under_way: str, done: str) -> Aim:
+    return Aim(frozenset(under_way.split(", ")), frozenset(done.split(", ")))
+
+
+AIMS: Final[Mapping[str, Aim]] = {
+    "start": _aim("arming, climbing, positioning", "standing by, entering, engaged, on station"),
+    "engage": _aim("standing by, entering, engaged, paused", "on station"),
+    "hold": _aim("holding", "holding"),
+    "return": _aim("returning, landing", "landed"),
+    "land": _aim("landing", "landed"),
+    "abort": _aim("landing", "landed, failed"),
+}
+"""For each order that can be waited for. Any other state ends the wait: the order was not carried out."""
+
+CAPTURED: Final = ("stand-off reached", "stand-off reached, return configured")
+"""Causes of a state that carry out `engage` in every state: what follows is the vehicle file's `after_capture`."""
+
+
+def carried_out(
+    order: str,
+    ask_status: Callable[[], Sequence[Answer]],
+    sleep: Callable[[float], None] = time.sleep,
+) -> Sequence[Answer]:
+    """Wait until every vehicle has carried out an order or cannot any more; say each change of state meanwhile.
+
+    Args:
+        order: A key of `AIMS`.
+        ask_status: Asks for the status of the vehicles.
+        sleep: Waits for seconds.
+
+    Returns:
+        An answer to the order for each vehicle, with its last state.
+    """
+    aim = AIMS[order]
+    said = dict[str, str]()
+    while True:
+        statuses = ask_status()
+        for status in statuses:
+            name = str(status["name"])
+            state = str(status.get("state", ""))
+            if said.get(name) != state:
+                said[name] = state
+                typer.echo(f"{name}: {state}", err=True)
+        if not any(_is_under_way(order, status, aim) for status in statuses):
+            return [_answer(order, status, aim) for status in statuses]
+        sleep(POLL_S)
+
+
+def _is_done(order: str, status: Answer, aim: Aim) -> bool:
+    if order == "hold" and status.get("mode") != "hold":
+        return False
+    captured = order == "engage" and status.get("cause") in CAPTURED
+    return captured or status.get("state") in aim.done
+
+
+def _is_under_way(order: str, status: Answer, aim: Aim) -> bool:
+    return not _is_done(order, status, aim) and status.get("state") in aim.under_way
+
+
+def _answer(order: str, status: Answer, aim: Aim) -> Answer:
+    name = str(status["name"])
+    state = str(status.get("state", ""))
+    if _is_done(order, status, aim):
+        return {"accepted": True, "name": name, "order": order, "state": state}
+    why = status.get("reason") or status.get("cause") or "no cause known"
+    return refused(name, order, state, f"accepted, and not carried out: {why}")
