@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager, ExitStack, closing, contextmanage
 from pathlib import Path
 from typing import Any, Final
 
-from guidance.autopilots import autopilot_named
+from guidance.autopilots import Mode, autopilot_named
 from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
 from guidance.files import text_of
@@ -222,6 +222,7 @@ def open_vehicle(
     return world, session, used
 
 
+_COMES_DOWN: Final = frozenset({Mode.LAND, Mode.RETURN})
 _TO_LAND: Final = "land it by radio or ground station, or run guidance again and order land"
 
 
@@ -281,15 +282,14 @@ def _say_ended(log: Logger, daemons: Sequence[Daemon]) -> None:
     """Log how the daemon leaves its vehicle; there is none if it was not heard."""
     for daemon in daemons:
         flight = daemon.flight
-        armed = flight.vehicle.armed
-        words = f"ended, AND THE VEHICLE IS STILL ARMED in {flight.mode_title}: {_TO_LAND}"
-        log.say(
-            logging.WARNING if armed else logging.INFO,
-            words if armed else "ended",
-            state=flight.state,
-            mode=flight.mode_name,
-            armed=armed,
-        )
+        fields: dict[str, Any] = {"state": flight.state, "mode": flight.mode_name}
+        level = logging.INFO
+        if flight.vehicle.armed and flight.mode_name in _COMES_DOWN:
+            fields["vehicle"] = f"armed; its autopilot brings it down ({flight.mode_title})"
+        elif flight.vehicle.armed:
+            level = logging.WARNING
+            fields["vehicle"] = f"STILL ARMED in {flight.mode_title}: {_TO_LAND}"
+        log.say(level, "ended", **fields)
 
 
 @contextmanager

@@ -221,6 +221,11 @@ def test_signals_are_acted_on_by_the_loop(clock):
         ) as ended:  # before the vehicle is found, there is nothing to hand over
             os.kill(os.getpid(), signal.SIGTERM)
         assert ended.value.code == 0
+        assert not signals.interrupted
+        with pytest.raises(SystemExit) as ended:
+            os.kill(os.getpid(), signal.SIGINT)
+        assert ended.value.code == 130
+        assert signals.interrupted
         signals.looping = True
         for number in before:
             os.kill(os.getpid(), number)

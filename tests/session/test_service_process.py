@@ -54,8 +54,8 @@ def vehicle_file(tmp_path, fleet):
     return write
 
 
-def ctl(control, order):
-    return guidance("ctl", order, "--json", "--endpoint", control).returncode
+def ctl(control, *words):
+    return guidance("ctl", *words, "--json", "--endpoint", control).returncode
 
 
 def set_by_another(fleet, name, parameter, value):
@@ -193,6 +193,27 @@ def test_a_daemon_flies_by_orders_refuses_a_second_one_and_lands_on_sigterm(
     assert counts["guidance/cycle"] > 300
     assert counts[f"{name}/mavlink_raw/in"] > 100
     assert counts[f"{name}/mavlink_raw/out"] > 500
+
+
+@pytest.mark.slow
+def test_ctrl_c_is_130_and_the_last_line_says_that_the_vehicle_is_still_armed(fleet, vehicle_file):
+    path, control = vehicle_file("uav1")
+    text = path.read_text()
+    assert 'on_terminate = "land"' in text
+    path.write_text(text.replace('on_terminate = "land"', 'on_terminate = "hold"'))
+    with subprocess.Popen([GUIDANCE, "run", path], stderr=subprocess.PIPE, text=True) as daemon:
+        try:
+            until(control, "ready")
+            assert ctl(control, "start", "--wait") == 0
+            daemon.send_signal(signal.SIGINT)
+            _, err = daemon.communicate(timeout=30)
+        finally:
+            daemon.kill()
+    assert daemon.returncode == 130
+    last = json.loads(err.splitlines()[-1])
+    assert (last["message"], last["level"], last["mode"]) == ("ended", "warning", "hold")
+    assert last["vehicle"].startswith("STILL ARMED in ")
+    assert "land it by radio" in last["vehicle"]
 
 
 @pytest.mark.slow
