@@ -160,6 +160,20 @@ class Parameter(NamedTuple):
     param_type: int | None = None
 
 
+class AutopilotVersion(NamedTuple):
+    """AUTOPILOT_VERSION: the version of the firmware."""
+
+    received_s: float
+    major: int
+    minor: int
+    patch: int
+
+    @property
+    def words(self) -> str:
+        """The version: `4.7.1`."""
+        return f"{self.major}.{self.minor}.{self.patch}"
+
+
 class FenceCount(NamedTuple):
     """MISSION_COUNT of the uploaded fence (MAV_MISSION_TYPE_FENCE): how many items it has."""
 
@@ -214,7 +228,7 @@ class Aircraft(NamedTuple):
 
 Moved = LocalPosition | GlobalPosition | Attitude | Odometry | EstimatorStatus | Home | Origin
 Stated = Heartbeat | LandedState | SystemStatus | GpsFix | StatusText | PositionTarget | Timesync
-Answered = CommandAck | Parameter | FenceCount | FenceItem | FenceRefused
+Answered = CommandAck | Parameter | AutopilotVersion | FenceCount | FenceItem | FenceRefused
 Message = Moved | Stated | Answered | Aircraft
 
 

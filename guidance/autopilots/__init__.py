@@ -3,7 +3,8 @@
 Descriptions:
     PX4, ARDUCOPTER: each an `Autopilot`. ROVER: the protocol of ArduPilot's rover, which plays the evader.
     AUTOPILOTS: every autopilot by name. `autopilot_named`, `autopilots_of`: look one up. AutopilotName: type of a key.
-    Mode: a mode by its meaning. Bound: a parameter that bounds a key of a new vehicle file.
+    Version: the parameters of a version of an autopilot. Mode: a mode by its meaning.
+    Bound: a parameter that bounds a key of a new vehicle file.
 
 Preflight:
     Preflight, Wants: requirements of the configuration. Finding: one row of the result, with a `Verdict`.
@@ -15,7 +16,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from guidance.autopilots.arducopter import ARDUCOPTER, ROVER
-from guidance.autopilots.description import Autopilot, Bound, Mode
+from guidance.autopilots.description import Autopilot, Bound, Mode, Version
 from guidance.autopilots.px4 import PX4
 from guidance.autopilots.rules import Finding, Preflight, Verdict, Wants
 from guidance.errors import ConfigError
@@ -84,6 +85,7 @@ __all__ = [
     "Mode",
     "Preflight",
     "Verdict",
+    "Version",
     "Wants",
     "autopilot_named",
     "autopilots_of",

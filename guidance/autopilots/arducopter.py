@@ -9,11 +9,11 @@ from dataclasses import replace
 from typing import Final
 
 from guidance.autopilots import description, rules
-from guidance.autopilots.description import Autopilot, Bound, Mode
+from guidance.autopilots.description import Autopilot, Bound, Mode, Version
 from guidance.autopilots.rules import (
-    UPLOADED,
     Judgement,
-    Parameters,
+    Quantities,
+    Quantity,
     Rule,
     Verdict,
     Wants,
@@ -80,6 +80,8 @@ _RADIO_LOSS_ACTIONS: Final = {
     3: "Land",
     4: "SmartRTL or RTL",
     5: "SmartRTL or Land",
+    6: "mission's landing or RTL",
+    7: "Brake or Land",
 }
 _ESTIMATOR_ACTIONS: Final = {0: "none", 1: "Land", 2: "AltHold", 3: "Land always"}
 _OPTION_NAMES: Final = {
@@ -91,10 +93,10 @@ _OPTION_NAMES: Final = {
 _CENTI: Final = 0.01
 
 
-def _fence_type(value: float, wants: Wants, parameters: Parameters) -> Judgement:
+def _fence_type(value: float, wants: Wants, quantities: Quantities) -> Judgement:
     why = "a height and a circle (or an uploaded polygon) are to stand behind ours"
     mask = round(value)
-    polygon = bool(mask & _POLYGON) and parameters.get(UPLOADED) == 1.0
+    polygon = bool(mask & _POLYGON) and quantities.get(Quantity.UPLOADED_INCLUSION) == 1.0
     held = bool(mask & _HEIGHT) and (bool(mask & _CIRCLE) or polygon)
     return passes(
         held,
@@ -105,10 +107,10 @@ def _fence_type(value: float, wants: Wants, parameters: Parameters) -> Judgement
     )
 
 
-def _fence_radius(value: float, wants: Wants, parameters: Parameters) -> Judgement:
-    if not round(parameters.get("FENCE_TYPE", _CIRCLE)) & _CIRCLE:
+def _fence_radius(value: float, wants: Wants, quantities: Quantities) -> Judgement:
+    if not round(quantities.get(Quantity.FENCE_TYPE, _CIRCLE)) & _CIRCLE:
         return Judgement(Verdict.PASS, "any: FENCE_TYPE is without the circle")
-    return rules.fence_size("reach_m")(value, wants, parameters)
+    return rules.fence_size("reach_m")(value, wants, quantities)
 
 
 def _not_enforced(quantity: str) -> rules.Judge:
@@ -121,9 +123,9 @@ def _not_enforced(quantity: str) -> rules.Judge:
     )
 
 
-def _lean(value: float, wants: Wants, _: Parameters) -> Judgement:
+def _lean(value: float, wants: Wants, _: Quantities) -> Judgement:
     why = f"too flat to fly {wants.game_speeds.speed_m_s:g} m/s against drag"
-    return passes(value >= 2000.0, "at least 2000 (20°)", 3000, why, otherwise=Verdict.WARN)
+    return passes(value >= 20.0, "at least 20°", 30.0, why, otherwise=Verdict.WARN)
 
 
 _OPTIONS: Final = rules.mask(
@@ -133,40 +135,84 @@ _OPTIONS: Final = rules.mask(
     otherwise=Verdict.REFUSE,
 )
 _FENCE_ACTION: Final = rules.one_of(
-    range(1, 10), "1 (RTL or Land), 2 or 4 (Brake)", 1, "the fence would only report"
+    range(1, 6), "1 (RTL or Land), 2 or 4 (Brake)", 1, "the fence would only report"
 )
 _RADIO_LOSS: Final = rules.one_of(
-    range(1, 10), "1 (RTL)", 1, "nothing happens on radio loss", otherwise=Verdict.WARN
+    {1, 3, 4, 5, 6, 7}, "1 (RTL)", 1, "nothing happens on radio loss", otherwise=Verdict.WARN
 )
 _ESTIMATOR: Final = rules.one_of(
-    range(1, 10), "1 (Land)", 1, "nothing happens when the estimator fails", otherwise=Verdict.WARN
+    {1, 2, 3}, "1 (Land)", 1, "nothing happens when the estimator fails", otherwise=Verdict.WARN
 )
 
-RULES: Final = (
-    Rule("GUID_TIMEOUT", rules.loss_time(" (3 s by default)"), "{:g} s".format),
-    Rule("GUID_OPTIONS", _OPTIONS, bits(_OPTION_NAMES), needed=False),
+_METRES: Final = "{:g} m".format
+
+
+def _rules(*navigation: Rule) -> tuple[Rule, ...]:
+    """Return the rules of a version: those that all versions share, then those whose parameters were renamed."""
+    return (*_SHARED, *navigation)
+
+
+_SHARED: Final = (
+    Rule(Quantity.LOSS_TIME, "GUID_TIMEOUT", rules.loss_time(" (3 s by default)"), "{:g} s".format),
+    Rule(Quantity.GUIDED_OPTIONS, "GUID_OPTIONS", _OPTIONS, bits(_OPTION_NAMES)),
     Rule(
+        Quantity.FENCE_ENABLED,
         "FENCE_ENABLE",
         rules.one_of({1}, "1 (on)", 1, "the autopilot's fence is off"),
         named({0: "off", 1: "on"}),
     ),
-    Rule("FENCE_ACTION", _FENCE_ACTION, named(_FENCE_ACTIONS)),
-    Rule("FENCE_TYPE", _fence_type, bits(_FENCE_TYPES)),
-    Rule("FENCE_RADIUS", _fence_radius, "{:g} m".format),
-    Rule("FENCE_ALT_MAX", rules.fence_size("ceiling_m"), "{:g} m".format),
-    Rule(
-        "RTL_ALT",
-        rules.return_height("FENCE_ALT_MAX", "RTL", _CENTI),
-        "{:g} cm".format,
-        needed=False,
-    ),
-    Rule("FS_THR_ENABLE", _RADIO_LOSS, named(_RADIO_LOSS_ACTIONS), needed=False),
-    Rule("FS_EKF_ACTION", _ESTIMATOR, named(_ESTIMATOR_ACTIONS), needed=False),
-    Rule("WPNAV_SPEED", _not_enforced("speed_m_s"), "{:g} cm/s".format, needed=False),
-    Rule("WPNAV_SPEED_UP", _not_enforced("climb_m_s"), "{:g} cm/s".format, needed=False),
-    Rule("WPNAV_SPEED_DN", _not_enforced("descent_m_s"), "{:g} cm/s".format, needed=False),
-    Rule("ANGLE_MAX", _lean, "{:g} cdeg".format, needed=False),
+    Rule(Quantity.FENCE_ACTION, "FENCE_ACTION", _FENCE_ACTION, named(_FENCE_ACTIONS)),
+    Rule(Quantity.FENCE_TYPE, "FENCE_TYPE", _fence_type, bits(_FENCE_TYPES)),
+    Rule(Quantity.FENCE_RADIUS, "FENCE_RADIUS", _fence_radius, _METRES),
+    Rule(Quantity.FENCE_HEIGHT, "FENCE_ALT_MAX", rules.fence_size("ceiling_m"), _METRES),
+    Rule(Quantity.RADIO_LOSS_ACTION, "FS_THR_ENABLE", _RADIO_LOSS, named(_RADIO_LOSS_ACTIONS)),
+    Rule(Quantity.ESTIMATOR_ACTION, "FS_EKF_ACTION", _ESTIMATOR, named(_ESTIMATOR_ACTIONS)),
 )
+
+_RETURN: Final = rules.return_height("FENCE_ALT_MAX", "RTL")
+_SPEED: Final = _not_enforced("speed_m_s")
+_CLIMB: Final = _not_enforced("climb_m_s")
+_DESCENT: Final = _not_enforced("descent_m_s")
+_CM_S: Final = "{:g} cm/s".format
+_M_S: Final = "{:g} m/s".format
+
+_RULES_4_5: Final = _rules(
+    Rule(Quantity.RETURN_HEIGHT, "RTL_ALT", _RETURN, "{:g} cm".format, _CENTI),
+    Rule(Quantity.SPEED, "WPNAV_SPEED", _SPEED, _CM_S, _CENTI, needed=False),
+    Rule(Quantity.CLIMB, "WPNAV_SPEED_UP", _CLIMB, _CM_S, _CENTI, needed=False),
+    Rule(Quantity.DESCENT, "WPNAV_SPEED_DN", _DESCENT, _CM_S, _CENTI, needed=False),
+    Rule(Quantity.LEAN, "ANGLE_MAX", _lean, "{:g} cdeg".format, _CENTI),
+)
+_RULES_4_7: Final = _rules(
+    Rule(Quantity.RETURN_HEIGHT, "RTL_ALT_M", _RETURN, _METRES),
+    Rule(Quantity.SPEED, "WP_SPD", _SPEED, _M_S, needed=False),
+    Rule(Quantity.CLIMB, "WP_SPD_UP", _CLIMB, _M_S, needed=False),
+    Rule(Quantity.DESCENT, "WP_SPD_DN", _DESCENT, _M_S, needed=False),
+    Rule(Quantity.LEAN, "ATC_ANGLE_MAX", _lean, "{:g}°".format),
+)
+_FENCE_BOUNDS: Final = (
+    Bound("limits", "fence_radius_m", "FENCE_RADIUS"),
+    Bound("limits", "ceiling_m", "FENCE_ALT_MAX"),
+)
+_BOUNDS_4_5: Final = (
+    Bound("game", "speed_m_s", "WPNAV_SPEED", _CENTI),
+    Bound("game", "climb_m_s", "WPNAV_SPEED_UP", _CENTI),
+    Bound("game", "descent_m_s", "WPNAV_SPEED_DN", _CENTI),
+    *_FENCE_BOUNDS,
+)
+_BOUNDS_4_7: Final = (
+    Bound("game", "speed_m_s", "WP_SPD"),
+    Bound("game", "climb_m_s", "WP_SPD_UP"),
+    Bound("game", "descent_m_s", "WP_SPD_DN"),
+    *_FENCE_BOUNDS,
+)
+
+VERSIONS: Final = (
+    Version((4, 5), _RULES_4_5, _BOUNDS_4_5),
+    Version((4, 6), _RULES_4_5, _BOUNDS_4_5),
+    Version((4, 7), _RULES_4_7, _BOUNDS_4_7),
+)
+"""4.7 renames parameters of navigation and attitude, and gives them in m, m/s and degrees."""
 
 ARDUCOPTER: Final = Autopilot(
     name="arducopter",
@@ -183,16 +229,9 @@ ARDUCOPTER: Final = Autopilot(
     prearm_always_told=False,
     streams_hz=description.STREAMS_HZ,
     handling=HANDLING,
-    rules=RULES,
-    bounds=(
-        Bound("game", "speed_m_s", "WPNAV_SPEED", _CENTI),
-        Bound("game", "climb_m_s", "WPNAV_SPEED_UP", _CENTI),
-        Bound("game", "descent_m_s", "WPNAV_SPEED_DN", _CENTI),
-        Bound("limits", "fence_radius_m", "FENCE_RADIUS"),
-        Bound("limits", "ceiling_m", "FENCE_ALT_MAX"),
-    ),
-    uploaded_fence_counts=lambda parameters: bool(
-        round(parameters.get("FENCE_TYPE", _POLYGON)) & _POLYGON
+    versions=VERSIONS,
+    uploaded_fence_counts=lambda quantities: bool(
+        round(quantities.get(Quantity.FENCE_TYPE, _POLYGON)) & _POLYGON
     ),
     one_inclusion_is_enough=False,
     tells_setpoint_always=False,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
-from guidance.autopilots.rules import Parameters, Rule
+from guidance.autopilots.rules import Quantities, Rule
 from guidance.control import Handling, Speeds
 from guidance.frames import Projection
 from guidance.messages import Command, Heartbeat
@@ -64,6 +64,26 @@ class Bound(NamedTuple):
     scale: float = 1.0
 
 
+class Version(NamedTuple):
+    """A version of an autopilot: which parameters it has, and in which units.
+
+    Attributes:
+        number: Major and minor number. It describes newer versions too, up to the next one in `Autopilot.versions`.
+        rules: How its parameters are judged before a flight. All versions judge the same quantities.
+        bounds: Parameters that bound the keys of a new vehicle file.
+    """
+
+    number: tuple[int, int]
+    rules: tuple[Rule, ...]
+    bounds: tuple[Bound, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """The number: `4.7`."""
+        major, minor = self.number
+        return f"{major}.{minor}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Autopilot:
     """An autopilot that a flight can use. One module describes each; `guidance.autopilots.register` adds another.
@@ -84,9 +104,9 @@ class Autopilot:
         streams_hz: Requested rate of each message id.
         mode_titles: Name of each mode in a ground station.
         handling: How its vehicle flies.
-        rules: How its parameters are judged before a flight.
-        bounds: Parameters that bound the keys of a new vehicle file.
-        uploaded_fence_counts: Whether it heeds an uploaded fence, given its parameters.
+        versions: The versions that are known, the oldest first. A newer one is judged as the newest of them.
+        uploaded_fence_counts: Whether it heeds an uploaded fence, given the quantities that were read. An unknown one
+            counts.
         one_inclusion_is_enough: Whether being inside one of several uploaded areas is enough (PX4), or all count.
         tells_setpoint_always: Whether it sends POSITION_TARGET_LOCAL_NED in every mode, or only in the guided mode.
         vehicle_types: MAV_TYPEs that may be flown: by default everything that hovers and moves in any direction.
@@ -108,9 +128,8 @@ class Autopilot:
     streams_hz: Mapping[int, float] = field(default_factory=dict)
     mode_titles: Mapping[Mode, str] = field(default_factory=dict)
     handling: Handling
-    rules: tuple[Rule, ...]
-    bounds: tuple[Bound, ...]
-    uploaded_fence_counts: Callable[[Parameters], bool]
+    versions: tuple[Version, ...]
+    uploaded_fence_counts: Callable[[Quantities], bool]
     one_inclusion_is_enough: bool
     tells_setpoint_always: bool
     mock: str
@@ -121,6 +140,14 @@ class Autopilot:
         """Return whether a HEARTBEAT is from this autopilot, in a vehicle that may be flown."""
         flown = beat.vehicle_type is None or beat.vehicle_type in self.vehicle_types
         return flown and beat.autopilot == self.autopilot_id
+
+    def version_of(self, number: tuple[int, int] | None) -> Version:
+        """Return the description of a version by its major and minor number; the oldest for an unknown one."""
+        version = self.versions[0]
+        for candidate in self.versions:
+            if number is not None and candidate.number <= number:
+                version = candidate
+        return version
 
     def mode_title(self, mode: Mode) -> str:
         """Return a mode's name in a ground station: OFFBOARD on PX4, GUIDED on ArduCopter."""
@@ -187,6 +214,7 @@ def _command(unused: float, number: int, *params: float) -> Command:
 
 
 HEARTBEAT = 0
+AUTOPILOT_VERSION = 148
 ATTITUDE = 30
 LOCAL_POSITION_NED = 32
 GLOBAL_POSITION_INT = 33

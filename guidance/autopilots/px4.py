@@ -1,6 +1,7 @@
 """PX4: its modes and streams, how its vehicle handles, and its parameters.
 
-Sources: `px4_custom_mode.h`, MAVLink common, PX4 v1.17's parameter reference, and our own measurements of PX4 v1.17
+Sources: `px4_custom_mode.h`, MAVLink common, the parameter references of PX4 v1.17 and v1.18, v1.18's release
+notes, and our own measurements of PX4 v1.17
 (SIH quadrotor, default parameters).
 """
 
@@ -15,11 +16,12 @@ from guidance.autopilots.description import (
     Autopilot,
     Bound,
     Mode,
+    Version,
 )
 from guidance.autopilots.rules import (
-    UPLOADED,
     Judgement,
-    Parameters,
+    Quantities,
+    Quantity,
     Rule,
     Verdict,
     Wants,
@@ -116,12 +118,17 @@ _RADIO_LOSS_ACTIONS: Final = {
     5: "Terminate",
     6: "Disarm",
 }
+_HOLD_WITHOUT_FAILSAFE: Final = 7
+_RADIO_LOSS_ACTIONS_1_18: Final = {
+    **_RADIO_LOSS_ACTIONS,
+    _HOLD_WITHOUT_FAILSAFE: "Hold without failsafe",
+}
 _BATTERY_ACTIONS: Final = {0: "warning", 2: "Land", 3: "Return, then Land"}
 _EXCEPTIONS: Final = {0: "Mission", 1: "Hold and other auto modes", 2: "Offboard"}
 _OVERRIDES: Final = {0: "auto modes", 1: "Offboard"}
 
 
-def _loss_action(value: float, _: Wants, __: Parameters) -> Judgement:
+def _loss_action(value: float, _: Wants, __: Quantities) -> Judgement:
     wanted = "5 (Hold), 3 (Return) or 4 (Land)"
     action = round(value)
     reason = {
@@ -137,19 +144,19 @@ def _loss_action(value: float, _: Wants, __: Parameters) -> Judgement:
     )
 
 
-def _fence_action(value: float, wants: Wants, parameters: Parameters) -> Judgement:
+def _fence_action(value: float, wants: Wants, quantities: Quantities) -> Judgement:
     why = (
         "Terminate lets the vehicle fall"
         if round(value) == 4
         else "the autopilot's fence would not act"
     )
     return rules.one_of({2, 3, 5}, "2 (Hold), 3 (Return) or 5 (Land)", 2, why)(
-        value, wants, parameters
+        value, wants, quantities
     )
 
 
-def _fence_distance(value: float, wants: Wants, parameters: Parameters) -> Judgement:
-    uploaded = parameters.get(UPLOADED)
+def _fence_distance(value: float, wants: Wants, quantities: Quantities) -> Judgement:
+    uploaded = quantities.get(Quantity.UPLOADED_INCLUSION)
     if value == 0.0 and uploaded == 1.0:
         return Judgement(Verdict.PASS, "0, since the uploaded fence stands behind ours")
     read = (
@@ -157,10 +164,10 @@ def _fence_distance(value: float, wants: Wants, parameters: Parameters) -> Judge
         if uploaded == 0.0
         else "whether a fence is uploaded is not known"
     )
-    return rules.fence_size("reach_m", f"0 disables it, and {read}")(value, wants, parameters)
+    return rules.fence_size("reach_m", f"0 disables it, and {read}")(value, wants, quantities)
 
 
-def _speed(value: float, wants: Wants, _: Parameters) -> Judgement:
+def _speed(value: float, wants: Wants, _: Quantities) -> Judgement:
     enough = _at_least(value, wants.limit_speeds.speed_m_s)
     if enough.verdict is Verdict.REFUSE and value >= wants.game_speeds.speed_m_s:
         return enough._replace(
@@ -183,54 +190,102 @@ def _at_least(value: float, wanted_m_s: float) -> Judgement:
 _FENCE_HEIGHT: Final = rules.fence_size(
     "ceiling_m", "0 disables it, and an uploaded fence has no height"
 )
+_IGNORED: Final = "radio loss is ignored in OFFBOARD: nothing happens when the pilot's link is lost"
 _RADIO_EXCEPTIONS: Final = rules.mask(
-    "without Offboard, where a pilot has a radio",
-    "radio loss is ignored in OFFBOARD: nothing happens when the pilot's link is lost",
-    clear_bits=4,
+    "without Offboard, where a pilot has a radio", _IGNORED, clear_bits=4
 )
-_OVERRIDE: Final = rules.mask(
-    "with Offboard",
-    "the sticks do not end OFFBOARD: a pilot takes over by the mode switch",
-    set_bits=2,
-)
-_RADIO_LOSS: Final = rules.one_of(
-    {1, 2, 3}, "1 (Hold), 2 (Return) or 3 (Land)", 2, otherwise=Verdict.WARN
-)
+_NO_STICKS: Final = "the sticks do not end OFFBOARD: a pilot takes over by the mode switch"
+_OVERRIDE: Final = rules.mask("with Offboard", _NO_STICKS, set_bits=2)
+
+
+def _override_speed(value: float, _: Wants, __: Quantities) -> Judgement:
+    wanted = "a stick speed; a negative one disables it"
+    return passes(value >= 0.0, wanted, 1.0, _NO_STICKS, otherwise=Verdict.WARN)
+
+
+def _radio_loss(value: float, wants: Wants, quantities: Quantities) -> Judgement:
+    why = _IGNORED if round(value) == _HOLD_WITHOUT_FAILSAFE else ""
+    judge = rules.one_of(
+        {1, 2, 3}, "1 (Hold), 2 (Return) or 3 (Land)", 2, why, otherwise=Verdict.WARN
+    )
+    return judge(value, wants, quantities)
+
+
 _SILENT: Final = "only our own limit returns; it does not when we are silent"
-_BATTERY: Final = rules.one_of(
-    range(1, 10), "3 (Return, then Land)", 3, _SILENT, otherwise=Verdict.WARN
-)
+_BATTERY: Final = rules.one_of({2, 3}, "3 (Return, then Land)", 3, _SILENT, otherwise=Verdict.WARN)
 
 _M_S: Final = "{:g} m/s".format
 
-RULES: Final = (
-    Rule("COM_OF_LOSS_T", rules.loss_time(), "{:g} s".format),
-    Rule("COM_OBL_RC_ACT", _loss_action, named(_LOSS_ACTIONS)),
-    Rule("COM_RCL_EXCEPT", _RADIO_EXCEPTIONS, bits(_EXCEPTIONS), needed=False),
-    Rule("COM_RC_OVERRIDE", _OVERRIDE, bits(_OVERRIDES), needed=False),
-    Rule("NAV_RCL_ACT", _RADIO_LOSS, named(_RADIO_LOSS_ACTIONS), needed=False),
-    Rule("COM_LOW_BAT_ACT", _BATTERY, named(_BATTERY_ACTIONS), needed=False),
-    Rule("GF_ACTION", _fence_action, named(_FENCE_ACTIONS)),
-    Rule("GF_MAX_HOR_DIST", _fence_distance, "{:g} m".format),
-    Rule("GF_MAX_VER_DIST", _FENCE_HEIGHT, "{:g} m".format),
+_METRES: Final = "{:g} m".format
+
+
+def _rules(*changed: Rule) -> tuple[Rule, ...]:
+    """Return v1.17's rules, with other ones for some quantities."""
+    others = {rule.quantity: rule for rule in changed}
+    return tuple(others.get(rule.quantity, rule) for rule in _RULES_1_17)
+
+
+_RULES_1_17: Final = (
+    Rule(Quantity.LOSS_TIME, "COM_OF_LOSS_T", rules.loss_time(), "{:g} s".format),
+    Rule(Quantity.LOSS_ACTION, "COM_OBL_RC_ACT", _loss_action, named(_LOSS_ACTIONS)),
+    Rule(Quantity.RADIO_LOSS_EXCEPTIONS, "COM_RCL_EXCEPT", _RADIO_EXCEPTIONS, bits(_EXCEPTIONS)),
+    Rule(Quantity.STICKS_TAKE_OVER, "COM_RC_OVERRIDE", _OVERRIDE, bits(_OVERRIDES)),
+    Rule(Quantity.RADIO_LOSS_ACTION, "NAV_RCL_ACT", _radio_loss, named(_RADIO_LOSS_ACTIONS)),
+    Rule(Quantity.BATTERY_ACTION, "COM_LOW_BAT_ACT", _BATTERY, named(_BATTERY_ACTIONS)),
+    Rule(Quantity.FENCE_ACTION, "GF_ACTION", _fence_action, named(_FENCE_ACTIONS)),
+    Rule(Quantity.FENCE_RADIUS, "GF_MAX_HOR_DIST", _fence_distance, _METRES),
+    Rule(Quantity.FENCE_HEIGHT, "GF_MAX_VER_DIST", _FENCE_HEIGHT, _METRES),
     Rule(
+        Quantity.RETURN_HEIGHT,
         "RTL_RETURN_ALT",
         rules.return_height("GF_MAX_VER_DIST", "Return"),
-        "{:g} m".format,
-        needed=False,
+        _METRES,
     ),
-    Rule("MPC_XY_VEL_MAX", _speed, _M_S),
+    Rule(Quantity.SPEED, "MPC_XY_VEL_MAX", _speed, _M_S),
     Rule(
+        Quantity.CLIMB,
         "MPC_Z_VEL_MAX_UP",
         lambda value, wants, _: _at_least(value, wants.game_speeds.climb_m_s),
         _M_S,
     ),
     Rule(
+        Quantity.DESCENT,
         "MPC_Z_VEL_MAX_DN",
         lambda value, wants, _: _at_least(value, wants.game_speeds.descent_m_s),
         _M_S,
     ),
 )
+
+_BOUNDS: Final = (
+    Bound("game", "speed_m_s", "MPC_XY_VEL_MAX"),
+    Bound("game", "climb_m_s", "MPC_Z_VEL_MAX_UP"),
+    Bound("game", "descent_m_s", "MPC_Z_VEL_MAX_DN"),
+    Bound("limits", "fence_radius_m", "GF_MAX_HOR_DIST"),
+    Bound("limits", "ceiling_m", "GF_MAX_VER_DIST"),
+)
+
+VERSIONS: Final = (
+    Version((1, 17), _RULES_1_17, _BOUNDS),
+    Version(
+        (1, 18),
+        _rules(
+            Rule(
+                Quantity.STICKS_TAKE_OVER,
+                "MAN_OVERRIDE_SPD",
+                _override_speed,
+                "{:g} stick travels/s".format,
+            ),
+            Rule(
+                Quantity.RADIO_LOSS_ACTION,
+                "NAV_RCL_ACT",
+                _radio_loss,
+                named(_RADIO_LOSS_ACTIONS_1_18),
+            ),
+        ),
+        _BOUNDS,
+    ),
+)
+"""v1.18 replaces COM_RC_OVERRIDE and COM_RC_STICK_OV by MAN_OVERRIDE_SPD, and adds NAV_RCL_ACT 7."""
 
 
 def _mode(main: int, sub: int = 0) -> int:
@@ -258,15 +313,9 @@ PX4: Final = Autopilot(
     prearm_always_told=True,
     streams_hz={**STREAMS_HZ, ODOMETRY: 10.0},
     handling=HANDLING,
-    rules=RULES,
-    bounds=(
-        Bound("game", "speed_m_s", "MPC_XY_VEL_MAX"),
-        Bound("game", "climb_m_s", "MPC_Z_VEL_MAX_UP"),
-        Bound("game", "descent_m_s", "MPC_Z_VEL_MAX_DN"),
-        Bound("limits", "fence_radius_m", "GF_MAX_HOR_DIST"),
-        Bound("limits", "ceiling_m", "GF_MAX_VER_DIST"),
-    ),
-    uploaded_fence_counts=lambda _: True,
+    versions=VERSIONS,
+    # Neither 0 (none) nor 1 (warning) acts.
+    uploaded_fence_counts=lambda quantities: round(quantities.get(Quantity.FENCE_ACTION, 2)) > 1,
     one_inclusion_is_enough=True,
     tells_setpoint_always=True,
     mock="px4",

@@ -1,4 +1,8 @@
-"""Rules that judge the autopilot's parameters before a flight: what a value means, and what to set instead."""
+"""Rules that judge the autopilot's parameters before a flight: what a value means, and what to set instead.
+
+A rule judges a quantity: the height of the return, the action on lost setpoints. Each version of an autopilot says
+which parameter has it, and in which unit (`guidance.autopilots.description.Version`).
+"""
 
 import math
 from collections.abc import Callable, Container, Mapping
@@ -79,15 +83,38 @@ class Wants(NamedTuple):
     battery_needed: float | None = None
 
 
-Parameters = Mapping[str, float]
+class Quantity(StrEnum):
+    """Quantities that rules judge. An autopilot of another make may have more, with names of its own."""
+
+    LOSS_TIME = "time until lost setpoints are noticed"
+    LOSS_ACTION = "action on lost setpoints"
+    RADIO_LOSS_ACTION = "action on radio loss"
+    RADIO_LOSS_EXCEPTIONS = "modes that ignore radio loss"
+    STICKS_TAKE_OVER = "the pilot's sticks take over"
+    BATTERY_ACTION = "action on a low battery"
+    ESTIMATOR_ACTION = "action on an estimator failure"
+    GUIDED_OPTIONS = "options of the guided mode"
+    FENCE_ENABLED = "fence enabled"
+    FENCE_ACTION = "action of the fence"
+    FENCE_TYPE = "kinds of fences in use"
+    FENCE_RADIUS = "radius of the fence"
+    FENCE_HEIGHT = "height of the fence"
+    RETURN_HEIGHT = "height of the return"
+    SPEED = "horizontal speed"
+    CLIMB = "climb rate"
+    DESCENT = "descent rate"
+    LEAN = "largest lean angle"
+    UPLOADED_INCLUSION = "an uploaded fence encloses the vehicle"  # 1 or 0; missing if unknown
+
+
+Quantities = Mapping[str, float]
+"""What was read, by quantity: m, m/s, s and degrees; enumerations and bit masks as they are."""
 
 SHORTEST_LOSS_S: Final = 0.2
-UPLOADED: Final = "uploaded fence"
-"""Pseudo-parameter: 1 if an uploaded fence encloses the vehicle, 0 if none does, missing if unknown."""
 
 
 class Judgement(NamedTuple):
-    """Result of a rule. `set_to` is a value that passes; None if a person has to choose one."""
+    """Result of a rule. `set_to` is a value of the quantity that passes; None if a person has to choose one."""
 
     verdict: Verdict
     wanted: str
@@ -95,36 +122,52 @@ class Judgement(NamedTuple):
     why: str = ""
 
 
-Judge = Callable[[float, Wants, Parameters], Judgement]
-"""Judges a value. The parameters are all that were read."""
+Judge = Callable[[float, Wants, Quantities], Judgement]
+"""Judges a value, in the quantity's unit. The quantities are all that were read."""
 
 
 class Rule(NamedTuple):
-    """Judges one parameter. If it is not `needed`, a missing parameter is only a warning."""
+    """Judges one quantity.
 
+    Attributes:
+        quantity: The quantity, the same in every version of the autopilot.
+        name: The parameter that has it.
+        judge: Judges it.
+        read: Formats the parameter's value, with its unit.
+        unit: One unit of the parameter in the quantity's unit: 0.01 for a height in centimetres.
+        needed: Whether it matters for safety. Then an unknown value refuses; otherwise it is a warning.
+    """
+
+    quantity: str
     name: str
     judge: Judge
     read: Callable[[float], str] = "{:g}".format
+    unit: float = 1.0
     needed: bool = True
 
+    def judged(self, value: float, wants: Wants, quantities: Quantities) -> Judgement:
+        """Judge a value of the parameter; `set_to` is one of the parameter too."""
+        judgement = self.judge(value * self.unit, wants, quantities)
+        if judgement.set_to is None:
+            return judgement
+        return judgement._replace(set_to=judgement.set_to / self.unit)
 
-def row_of(rule: Rule, parameters: Parameters, wants: Wants) -> Finding:
-    """Apply a rule."""
+
+def row_of(
+    rule: Rule, parameters: Mapping[str, float], wants: Wants, quantities: Quantities
+) -> Finding:
+    """Apply a rule to the parameters that were read."""
     value = parameters.get(rule.name)
     if value is None:
-        verdict = Verdict.WARN
-        advice = "this autopilot may not have it"
-        if rule.needed:
-            verdict = Verdict.REFUSE
-            advice = "requested again every few seconds"
+        verdict = Verdict.REFUSE if rule.needed else Verdict.WARN
+        advice = f"{rule.quantity} is unknown; requested again every few seconds"
         return Finding(rule.name, "not read", "a value", verdict, advice)
-    verdict, wanted, set_to, why = rule.judge(value, wants, parameters)
-    command = (
-        "" if verdict is Verdict.PASS or set_to is None else f"param set {rule.name} {set_to:.9g}"
-    )
-    return Finding(
-        rule.name, rule.read(value), wanted, verdict, "; ".join(filter(None, (command, why)))
-    )
+    judgement = rule.judged(value, wants, quantities)
+    advice = judgement.why
+    if judgement.verdict is not Verdict.PASS and judgement.set_to is not None:
+        command = f"param set {rule.name} {judgement.set_to:.9g}"
+        advice = f"{command}; {advice}" if advice else command
+    return Finding(rule.name, rule.read(value), judgement.wanted, judgement.verdict, advice)
 
 
 def passes(
@@ -181,7 +224,7 @@ def mask(
 ) -> Judge:
     """Judge a bit mask: some bits must be set, others cleared."""
 
-    def judged(value: float, _: Wants, __: Parameters) -> Judgement:
+    def judged(value: float, _: Wants, __: Quantities) -> Judgement:
         right = (round(value) | set_bits) & ~clear_bits
         return passes(round(value) == right, wanted, right, why, otherwise=otherwise)
 
@@ -192,7 +235,7 @@ def loss_time(usual: str = "") -> Judge:
     """Judge how long the last setpoint is flown when setpoints stop; `usual` adds the default."""
     why = f"the last velocity is flown for this long when setpoints stop{usual}"
 
-    def judged(value: float, wants: Wants, _: Parameters) -> Judgement:
+    def judged(value: float, wants: Wants, _: Quantities) -> Judgement:
         limit_s = wants.preflight.loss_time_limit_s
         wanted = f"{SHORTEST_LOSS_S:g} to {limit_s:g} s"
         return passes(SHORTEST_LOSS_S <= value <= limit_s, wanted, min(1.0, limit_s), why)
@@ -200,23 +243,23 @@ def loss_time(usual: str = "") -> Judge:
     return judged
 
 
-def return_height(fence: str, action: str, unit_m: float = 1.0) -> Judge:
-    """Judge the height of the autopilot's return: below its fence, whose parameter is in metres.
+def return_height(fence: str, action: str) -> Judge:
+    """Judge the height of the autopilot's return: below its fence.
 
     Args:
-        fence: Name of the fence's parameter.
+        fence: Name of the parameter of the fence's height.
         action: Name of the return.
-        unit_m: Unit of the judged parameter.
     """
 
-    def judged(value: float, _: Wants, parameters: Parameters) -> Judgement:
-        fence_m = parameters.get(fence, 0.0)
+    def judged(height_m: float, _: Wants, quantities: Quantities) -> Judgement:
+        fence_m = quantities.get(Quantity.FENCE_HEIGHT)
+        if fence_m is None:
+            return Judgement(Verdict.REFUSE, f"below {fence}, which is unknown")
         if fence_m <= 0.0:
             return Judgement(Verdict.PASS, "below the fence, where there is one")
         wanted = f"below {fence} = {fence_m:g} m"
-        set_to = (fence_m - 5.0) / unit_m
         why = f"{action} would climb through the fence"
-        return passes(value * unit_m < fence_m, wanted, set_to, why, otherwise=Verdict.WARN)
+        return passes(height_m < fence_m, wanted, fence_m - 5.0, why, otherwise=Verdict.WARN)
 
     return judged
 
@@ -234,7 +277,7 @@ def fence_size(ours: str, off: str = "") -> Judge:
         off: The consequence of zero.
     """
 
-    def judged(size_m: float, wants: Wants, _: Parameters) -> Judgement:
+    def judged(size_m: float, wants: Wants, _: Quantities) -> Judgement:
         least_m = getattr(wants.limits, ours)
         why = off if off and size_m == 0.0 else "it would act inside ours"
         wanted = f"at least {least_m:g} m, ours"

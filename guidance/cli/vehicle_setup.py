@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from guidance.autopilots import Finding, autopilot_named
+from guidance.autopilots import Finding
 from guidance.cli import arguments
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
@@ -65,7 +65,7 @@ def init(
         with waiting(console(stderr=True), f"a HEARTBEAT at {url}, and its limits", limit_s):
             surveyed = discovery.survey(url, autopilot)
         autopilot = surveyed.autopilot
-        read = f"{len(surveyed.parameters)} of {len(autopilot_named(autopilot).bounds)} limits read"
+        read = f"{len(surveyed.parameters)} of {len(surveyed.version.bounds)} limits read"
         typer.echo(f"found    {autopilot}, system {surveyed.found.system_id}: {read}")
     discovery.write_new(
         out, discovery.vehicle_file(str(autopilot), name=out.stem, url=url, surveyed=surveyed)

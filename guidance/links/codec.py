@@ -68,6 +68,12 @@ def _fence_item(m: Fields, received_s: float) -> messages.Message:
     return messages.FenceItem(received_s, m.seq, m.command, m.param1, *degrees(m.x, m.y))
 
 
+def _autopilot_version(m: Fields, received_s: float) -> messages.Message:
+    """The flight software's number has one byte each for major, minor and patch, and one for the kind of release."""
+    major, minor, patch, _ = m.flight_sw_version.to_bytes(4)
+    return messages.AutopilotVersion(received_s, major, minor, patch)
+
+
 def velocity_over_ground(course_cdeg: float, speed_cm_s: float, climb_cm_s: float) -> Vector:
     """Return north, east, down in m/s from the course (1/100 degree clockwise from north), ground speed and climb."""
     course_rad = math.radians(course_cdeg / 100.0)
@@ -151,6 +157,7 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
     "EXTENDED_SYS_STATE": lambda m, at_s: messages.LandedState(at_s, m.landed_state),
     "ODOMETRY": lambda m, at_s: messages.Odometry(at_s, m.reset_counter),
     "ESTIMATOR_STATUS": lambda m, at_s: messages.EstimatorStatus(at_s, m.pos_vert_accuracy),
+    "AUTOPILOT_VERSION": _autopilot_version,
     "MISSION_COUNT": lambda m, at_s: messages.FenceCount(at_s, m.count),
     "MISSION_ITEM_INT": _fence_item,
     "MISSION_ACK": lambda m, at_s: messages.FenceRefused(at_s, m.type),

@@ -1,25 +1,35 @@
 """Preflight: is the autopilot set up for offboard flight? Judges parameters, frames and rates as rows.
 
-`PreflightMemory` requests parameters (`parameter_names`) and collects `Facts`. `rows` judges them against the wants of
-a flight; each row is a `guidance.autopilots.Finding`. `changes` are the parameters to set so that no row is refused.
-Before every engagement the needed parameters are read and judged again (`engage_rows`).
+`PreflightMemory` asks for the firmware's version, for the parameters that this version has (`parameter_names`) and for
+the uploaded fence, and collects `Facts`. `rows` judges them against the wants of a flight; each row is a
+`guidance.autopilots.Finding`. What matters for safety and is unknown is refused. `changes` are the parameters to set so
+that no row is refused. Before every engagement the needed parameters and the fence are read and judged again
+(`engage_rows`).
 """
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from guidance import messages
-from guidance.autopilots import Autopilot, Finding, Verdict, Wants, autopilots_of, description
-from guidance.autopilots.description import type_name
-from guidance.autopilots.rules import UPLOADED, Judgement, row_of
-from guidance.control.polygon import Polygon
+from guidance.autopilots import (
+    Autopilot,
+    Finding,
+    Verdict,
+    Version,
+    Wants,
+    autopilots_of,
+    description,
+)
+from guidance.autopilots.description import AUTOPILOT_VERSION, type_name
+from guidance.autopilots.rules import Judgement, Quantity, Rule, row_of
 from guidance.frames import Amsl, LocalFrame, Projection
 from guidance.messages import (
+    AutopilotVersion,
     EvaderReport,
     Heartbeat,
     Message,
@@ -29,6 +39,7 @@ from guidance.messages import (
     Request,
 )
 from guidance.preflight import fence
+from guidance.preflight.areas import contains
 from guidance.preflight.fence import Reading, Uploaded
 from guidance.vehicle import VehicleState
 
@@ -50,6 +61,7 @@ class Facts(NamedTuple):
         evader_amsl_m: The evader's last altitude.
         uploaded: The uploaded fence.
         other_beat: The last HEARTBEAT with the vehicle's ids that is not the configured autopilot's.
+        version: The firmware's version.
     """
 
     parameters: Mapping[str, float] = MappingProxyType({})
@@ -59,74 +71,166 @@ class Facts(NamedTuple):
     evader_amsl_m: float | None = None
     uploaded: Uploaded = Uploaded()
     other_beat: Heartbeat | None = None
+    version: AutopilotVersion | None = None
 
 
 class PreflightMemory:
-    """Collects the facts of one vehicle."""
+    """Collects the facts of one vehicle.
 
-    def __init__(self, names: Sequence[str]) -> None:
-        self._names = dict.fromkeys(names)
+    Args:
+        autopilot: The configured autopilot.
+        names: Returns the parameters to read in a version of it.
+    """
+
+    def __init__(
+        self,
+        autopilot: Autopilot,
+        names: Callable[[Version], Sequence[str]] | None = None,
+    ) -> None:
+        self._autopilot = autopilot
+        self._names_of = parameter_names if names is None else names
+        self._heard_version: AutopilotVersion | None = None
         self._parameters: dict[str, Parameter] = {}
         self._arrivals: dict[type[Message], deque[float]] = {}
+        self._begun_s: float | None = None
         self._asked_s = -math.inf
         self._evader_amsl_m: float | None = None
         self._fence = Reading()
+        self._names = self._named()
+
+    def _named(self) -> dict[str, None]:
+        return dict.fromkeys(self._names_of(self.version))
+
+    @property
+    def version(self) -> Version:
+        """The description of the firmware's version; until it is known, of the oldest one."""
+        return _version_of(self._autopilot, self._heard_version)
 
     def observe(self, messages: Iterable[Message], reports: Iterable[EvaderReport]) -> None:
         """Handle the messages of one cycle. Autopilots announce changed parameters, so the facts stay current."""
         for message in messages:
+            if isinstance(message, Heartbeat) and not self._autopilot.speaks(message):
+                continue
             self._arrivals.setdefault(type(message), deque(maxlen=512)).append(message.received_s)
             self._fence.observe(message)
-            if isinstance(message, Parameter) and message.name in self._names:
-                self._parameters[message.name] = message
+            if isinstance(message, Parameter):
+                self._take_parameter(message)
+            elif isinstance(message, AutopilotVersion):
+                self._heard_version = message
+                self._names = self._named()
+                self._asked_s = -math.inf
         for report in reports:
             self._evader_amsl_m = report.altitude_amsl_m
 
+    def _take_parameter(self, parameter: Parameter) -> None:
+        if parameter.name in self._names:
+            self._parameters[parameter.name] = parameter
+
     def requests(self, now_s: float) -> tuple[Request, ...]:
-        """Request missing parameters every `ASK_AGAIN_S`, then the uploaded fence."""
+        """Request the fence, the version and missing parameters, the last two every `ASK_AGAIN_S`.
+
+        The parameters' names depend on the version, so it is asked for first.
+        """
         if Heartbeat not in self._arrivals:
             return ()
-        if self.complete:
-            return self._fence.requests(now_s)
-        if now_s - self._asked_s < ASK_AGAIN_S:
-            return ()
+        if self._begun_s is None:
+            self._begun_s = now_s
+        requests: list[Request] = [*self._fence.requests(now_s)]
+        if now_s - self._asked_s < ASK_AGAIN_S or self.complete:
+            return tuple(requests)
         self._asked_s = now_s
-        return tuple(ParameterRequest(name) for name in self._names if name not in self._parameters)
+        if self._heard_version is None:
+            requests.append(self._autopilot.request_message(AUTOPILOT_VERSION))
+            if now_s - self._begun_s < ASK_AGAIN_S:
+                return tuple(requests)
+        requests += [ParameterRequest(name) for name in self._names if name not in self._parameters]
+        return tuple(requests)
 
-    def forget(self, names: Iterable[str]) -> None:
-        """Forget these parameters and request them again."""
+    def read_again(self, names: Iterable[str]) -> None:
+        """Forget these parameters, and request them again."""
         for name in names:
             self._parameters.pop(name, None)
         self._asked_s = -math.inf
 
-    @property
-    def complete(self) -> bool:
-        """Whether every parameter was read. The uploaded fence is optional."""
-        return self._parameters.keys() == self._names.keys()
+    def read_fence_again(self) -> None:
+        """Read the uploaded fence from the beginning, because somebody may have uploaded another one."""
+        self._fence.begin()
+
+    def fence_read_since(self, moment_s: float) -> bool:
+        """Return whether the uploaded fence was read in a download that began at `moment_s` or later."""
+        return self._fence.found_begun_s >= moment_s
 
     @property
-    def read(self) -> tuple[int, int]:
-        """Number of parameters read, and of parameters requested."""
-        return len(self._parameters), len(self._names)
+    def reading_fence(self) -> bool:
+        """Whether a download of the uploaded fence is under way."""
+        return not self._fence.over
+
+    @property
+    def fence_progress(self) -> str:
+        """How far the download of the uploaded fence is, in words."""
+        return self._fence.progress
+
+    @property
+    def fence_known(self) -> bool:
+        """Whether the uploaded fence was read once, or refused."""
+        return self._fence.found != Uploaded()
+
+    @property
+    def complete(self) -> bool:
+        """Whether the version and every parameter were read. The uploaded fence is read apart from them."""
+        return self._heard_version is not None and self.parameters_complete
+
+    @property
+    def parameters_complete(self) -> bool:
+        """Whether every parameter was read."""
+        return all(name in self._parameters for name in self._names)
+
+    def settled(self, now_s: float) -> bool:
+        """Whether everything was read, or was asked for so long that it may never be."""
+        if self._begun_s is None:
+            return False
+        return (self.complete and self.fence_known) or now_s - self._begun_s > 2.0 * ASK_AGAIN_S
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """What was not read yet, in words."""
+        missing = []
+        if self._heard_version is None:
+            missing.append("AUTOPILOT_VERSION")
+        unread = sum(name not in self._parameters for name in self._names)
+        if unread:
+            missing.append(f"{unread} of {len(self._names)} parameters")
+        if not self.fence_known:
+            missing.append("uploaded fence")
+        return tuple(missing)
 
     def facts(
         self, vehicle: VehicleState, now_s: float, other_beat: Heartbeat | None = None
     ) -> Facts:
         """Return the facts at `now_s`; `other_beat` is a HEARTBEAT that the flight did not accept."""
-        arrivals = self._arrivals.items()
         rates_hz = {
             kind: sum(now_s - at_s <= COUNTED_S for at_s in times_s) / COUNTED_S
-            for kind, times_s in arrivals
+            for kind, times_s in self._arrivals.items()
         }
-        values = {name: one.value for name, one in self._parameters.items()}
-        types = {
-            name: one.param_type
-            for name, one in self._parameters.items()
-            if one.param_type is not None
-        }
+        read = self._parameters.items()
         return Facts(
-            values, types, vehicle, rates_hz, self._evader_amsl_m, self._fence.found, other_beat
+            parameters={name: parameter.value for name, parameter in read},
+            parameter_types={
+                name: parameter.param_type
+                for name, parameter in read
+                if parameter.param_type is not None
+            },
+            vehicle=vehicle,
+            rates_hz=rates_hz,
+            evader_amsl_m=self._evader_amsl_m,
+            uploaded=self._fence.found,
+            other_beat=other_beat,
+            version=self._heard_version,
         )
+
+
+def _version_of(autopilot: Autopilot, heard: AutopilotVersion | None) -> Version:
+    return autopilot.version_of(None if heard is None else (heard.major, heard.minor))
 
 
 _SILENT_S: Final = 3.0
@@ -149,20 +253,22 @@ class ParameterChange(NamedTuple):
     request: ParameterSet
 
 
-def parameter_names(autopilot: Autopilot, *, only_needed: bool = False) -> tuple[str, ...]:
+def parameter_names(version: Version, *, only_needed: bool = False) -> tuple[str, ...]:
     """Return the names of the judged parameters. Those that are needed are read again before every engagement."""
-    return tuple(rule.name for rule in autopilot.rules if rule.needed or not only_needed)
+    return tuple(rule.name for rule in version.rules if rule.needed or not only_needed)
 
 
 def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
     """Judge everything. For a wrong autopilot, return that row only."""
     if (other := another_autopilot(facts, autopilot)) is not None:
         return (other,)
-    parameters = _judged(facts)
+    version = _version_of(autopilot, facts.version)
+    quantities = _quantities(facts.parameters, version, facts.uploaded)
     wants = fence.about_home(wants, facts.vehicle, autopilot.projection)
     return (
-        *(row_of(rule, parameters, wants) for rule in autopilot.rules),
-        fence.uploaded_row(facts.uploaded, wants, facts.vehicle, autopilot, parameters),
+        _version_row(facts.version, autopilot),
+        *(row_of(rule, facts.parameters, wants, quantities) for rule in version.rules),
+        fence.uploaded_row(facts.uploaded, wants, facts.vehicle, autopilot, quantities),
         *_position_rows(facts, autopilot.projection, wants),
         *_stream_rows(facts, autopilot),
     )
@@ -177,7 +283,7 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
     vehicle = facts.vehicle
     corners = wants.limits.fence_polygon_ne_m
     if corners is not None:
-        inside = Polygon(corners).contains((0.0, 0.0))
+        inside = bool(contains(corners, np.zeros((1, 2)))[0])
         found = "inside" if inside else "outside"
         yield Finding.of(inside, "home in our fence", found, "inside", "is this the right field?")
     if wants.battery_needed is not None:
@@ -298,16 +404,66 @@ def _stream_rows(facts: Facts, autopilot: Autopilot) -> Iterator[Finding]:
         yield Finding.of(rate_hz >= least_hz, name, f"{rate_hz:.1f} Hz", wanted, advice, otherwise)
 
 
-def engage_rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
-    """Judge the needed parameters; an unknown one has not been answered."""
-    parameters = _judged(facts)
+def engage_rows(
+    facts: Facts, autopilot: Autopilot, wants: Wants, *, unread_fence: str = ""
+) -> tuple[Finding, ...]:
+    """Judge the needed parameters and the uploaded fence as they were read again; an unknown one was not answered.
+
+    Args:
+        facts: What was read.
+        autopilot: The vehicle's autopilot.
+        wants: What the configuration demands.
+        unread_fence: How far the fence was read again, if it was not read to its end.
+    """
+    version = _version_of(autopilot, facts.version)
+    uploaded = facts.uploaded
+    if unread_fence:
+        uploaded = Uploaded(problem=unread_fence)
+    quantities = _quantities(facts.parameters, version, uploaded)
     wants = fence.about_home(wants, facts.vehicle, autopilot.projection)
-    return tuple(
-        row
-        if row.name in parameters
-        else row._replace(value="not answered", advice="check the link")
-        for row in (row_of(rule, parameters, wants) for rule in autopilot.rules if rule.needed)
-    )
+    rows = []
+    for rule in version.rules:
+        if rule.needed:
+            row = row_of(rule, facts.parameters, wants, quantities)
+            if rule.name not in facts.parameters:
+                row = row._replace(value="not answered", advice="check the link")
+            rows.append(row)
+    fence_row = fence.uploaded_row(uploaded, wants, facts.vehicle, autopilot, quantities)
+    return (*rows, fence_row)
+
+
+def _version_row(heard: AutopilotVersion | None, autopilot: Autopilot) -> Finding:
+    """Judge the firmware's version: the names and units of parameters depend on it."""
+    name = "autopilot version"
+    oldest = autopilot.versions[0]
+    newest = autopilot.versions[-1]
+    wanted = f"{oldest.words} to {newest.words}"
+    if heard is None:
+        advice = "the names and units of parameters depend on it; requested again every few seconds"
+        return Finding(name, "not read", wanted, Verdict.REFUSE, advice)
+    number = (heard.major, heard.minor)
+    if number > newest.number:
+        advice = f"newer than {newest.words}, the newest known one, as which it is judged"
+        return Finding(name, heard.words, wanted, Verdict.WARN, advice)
+    if number < oldest.number:
+        advice = f"older than {oldest.words}, the oldest known one, as which it is judged"
+        return Finding(name, heard.words, wanted, Verdict.WARN, advice)
+    return Finding(name, heard.words, wanted, Verdict.PASS)
+
+
+def _quantities(
+    parameters: Mapping[str, float], version: Version, uploaded: Uploaded
+) -> dict[str, float]:
+    """Return what was read, by quantity and in its unit."""
+    quantities: dict[str, float] = {
+        rule.quantity: parameters[rule.name] * rule.unit
+        for rule in version.rules
+        if rule.name in parameters
+    }
+    if uploaded.areas is not None:
+        encloses = any(area.inclusion for area in uploaded.areas)
+        quantities[Quantity.UPLOADED_INCLUSION] = float(encloses)
+    return quantities
 
 
 def another_autopilot(facts: Facts, autopilot: Autopilot) -> Finding | None:
@@ -353,43 +509,38 @@ def changes(
         wants: What the configuration demands.
         advised: Whether to change parameters with a warning, too.
     """
-    before = _judged(facts)
+    version = _version_of(autopilot, facts.version)
     wants = fence.about_home(wants, facts.vehicle, autopilot.projection)
-    after = dict(before)
-    wrong = dict[str, Judgement]()
     fit = {Verdict.PASS} if advised else {Verdict.PASS, Verdict.WARN}
-    rules = [rule for rule in autopilot.rules if rule.name in before]
+    rules = [rule for rule in version.rules if rule.name in facts.parameters]
+    after = dict(facts.parameters)
+    wrong = dict[str, Judgement]()
     for _ in range(_MOST_ROUNDS):
-        found = {rule.name: rule.judge(after[rule.name], wants, after) for rule in rules}
-        mended = {
-            name: one
-            for name, one in found.items()
-            if one.verdict not in fit and one.set_to is not None
-        }
-        wrong = mended | wrong
-        after |= {
-            name: single(one.set_to) for name, one in mended.items() if one.set_to is not None
-        }
-    changed = []
-    for rule in rules:
-        name = rule.name
-        now = before[rule.name]
-        then = after[rule.name]
-        if then != now:
-            why = "; ".join(filter(None, (wrong[name].wanted, wrong[name].why)))
-            request = ParameterSet(name, then, facts.parameter_types.get(name, _REAL32))
-            changed.append(
-                ParameterChange(
-                    name, rule.read(now), rule.read(then), why, wrong[name].verdict, request
-                )
-            )
-    return tuple(changed)
+        quantities = _quantities(after, version, facts.uploaded)
+        judgements = {rule.name: rule.judged(after[rule.name], wants, quantities) for rule in rules}
+        for name, judgement in judgements.items():
+            if judgement.verdict not in fit and judgement.set_to is not None:
+                after[name] = single(judgement.set_to)
+                wrong.setdefault(name, judgement)
+    return tuple(
+        _change(rule, facts, after[rule.name], wrong[rule.name])
+        for rule in rules
+        if after[rule.name] != facts.parameters[rule.name]
+    )
 
 
-def _judged(facts: Facts) -> dict[str, float]:
-    areas = facts.uploaded.areas
-    told = {} if areas is None else {UPLOADED: float(any(area.inclusion for area in areas))}
-    return {**facts.parameters, **told}
+def _change(rule: Rule, facts: Facts, value: float, judgement: Judgement) -> ParameterChange:
+    reason = judgement.wanted
+    if judgement.why:
+        reason = f"{reason}; {judgement.why}"
+    return ParameterChange(
+        rule.name,
+        rule.read(facts.parameters[rule.name]),
+        rule.read(value),
+        reason,
+        judgement.verdict,
+        ParameterSet(rule.name, value, facts.parameter_types.get(rule.name, _REAL32)),
+    )
 
 
 def refusals(rows: Sequence[Finding]) -> tuple[str, ...]:

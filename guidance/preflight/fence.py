@@ -1,17 +1,17 @@
 """Reads back the fence that was uploaded to the autopilot, and checks that it encloses ours.
 
-The check samples points on the outlines. Source: https://mavlink.io/en/services/mission.html (download of
+Source: https://mavlink.io/en/services/mission.html (download of
 MAV_MISSION_TYPE_FENCE) and MAV_CMD_NAV_FENCE_*.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from guidance.autopilots import Autopilot, Finding, Verdict, Wants
-from guidance.autopilots.rules import Parameters, fence_verdict
-from guidance.control.polygon import Point, Polygon, corners_about_home
-from guidance.errors import ConfigError
+from guidance.autopilots.rules import Quantities, fence_verdict
+from guidance.control import Limits
+from guidance.control.polygon import Point, corners_about_home
 from guidance.frames import LocalFrame, Projection
 from guidance.messages import (
     FenceCount,
@@ -22,6 +22,14 @@ from guidance.messages import (
     Home,
     Message,
 )
+from guidance.preflight.areas import (
+    MOST_EDGES,
+    Ring,
+    acts_inside,
+    circle,
+    circle_sides,
+    without_repeats,
+)
 from guidance.vehicle import VehicleState, local_frame
 
 MOST_ITEMS: Final = 1000
@@ -29,113 +37,168 @@ READ_AGAIN_S: Final = 15.0
 """Period of reading. The autopilot does not announce a new upload."""
 
 _ASK_AGAIN_S: Final = 5.0
+_FEWEST_CORNERS: Final = 3
+_RETURN_POINT: Final = 5000
 _POLYGONS: Final[Mapping[int, bool]] = {5001: True, 5002: False}
 _CIRCLES: Final[Mapping[int, bool]] = {5003: True, 5004: False}
 """MAV_CMD_NAV_FENCE_*: True for an inclusion area, False for an exclusion area."""
 
 _NAME: Final = "uploaded fence"
-_ROUND: Final = 72
-_PER_EDGE: Final = 8
 
 
 class Area(NamedTuple):
-    """A polygon by its corners, or a circle by its centre (degrees) and radius (m; zero for a polygon)."""
+    """A polygon by its corners in degrees, or a circle by its centre and its radius, which a polygon has not."""
 
     inclusion: bool
     corners_deg: tuple[Point, ...]
-    radius_m: float = 0.0
+    radius_m: float | None = None
 
     @property
     def words(self) -> str:
         """Short description."""
-        shape = (
-            f"circle of {self.radius_m:g} m"
-            if self.radius_m > 0.0
-            else f"polygon of {len(self.corners_deg)}"
-        )
+        shape = f"polygon of {len(self.corners_deg)}"
+        if self.radius_m is not None:
+            shape = f"circle of {self.radius_m:g} m"
         return shape if self.inclusion else f"excluded {shape}"
 
 
 class Uploaded(NamedTuple):
-    """The uploaded fence. `areas` is None until it was read; `refused` is the MISSION_ACK that refused it."""
+    """The uploaded fence.
+
+    Attributes:
+        areas: Its areas; None until all of them were read and can be judged.
+        refused: The MISSION_ACK that refused the download.
+        problem: Why it cannot be judged.
+    """
 
     areas: tuple[Area, ...] | None = None
     refused: int | None = None
+    problem: str = ""
 
     @property
     def words(self) -> str:
         """Short description."""
-        if self.areas is None:
-            return "not read" if self.refused is None else f"not read (MISSION_ACK {self.refused})"
-        return ", ".join(area.words for area in self.areas) or "none"
+        if self.areas is not None:
+            return ", ".join(area.words for area in self.areas) or "none"
+        if self.problem:
+            return self.problem
+        return "not read" if self.refused is None else f"not read (MISSION_ACK {self.refused})"
 
 
 class Reading:
-    """Downloads the fence, and again every `READ_AGAIN_S`. The link repeats unanswered requests."""
+    """Downloads the fence, and again every `READ_AGAIN_S`. The link repeats unanswered requests.
+
+    Attributes:
+        found: The result of the last download that ended.
+        found_begun_s: When that download began.
+        over: Whether no download is under way.
+    """
 
     def __init__(self) -> None:
         self.found = Uploaded()
-        self._begin()
-        self._begun_s = -math.inf
+        self.found_begun_s = -math.inf
+        self.begin()
 
-    def _begin(self) -> None:
+    def begin(self) -> None:
+        """Begin a download. An unfinished one is given up."""
+        self.over = False
+        self._begun_s = -math.inf
         self._items: dict[int, FenceItem] = {}
         self._count: int | None = None
         self._asked: FenceRequest | None = None
         self._asked_s = -math.inf
-        self._over = False
+
+    @property
+    def progress(self) -> str:
+        """How many items were read, in words."""
+        if self._count is None:
+            return "not read again: no answer"
+        return f"not read again: {len(self._items)} of {self._count} items so far"
 
     def observe(self, message: Message) -> None:
         """Handle a message of any kind."""
-        if isinstance(message, FenceRefused) and not self._over and self._asked is not None:
-            self.found = Uploaded(refused=message.result)
-            self._over = True
-        elif (
-            isinstance(message, FenceCount) and self._count is None and message.items <= MOST_ITEMS
-        ):
+        if self.over or self._asked is None:
+            return  # answers to somebody else
+        if isinstance(message, FenceRefused):
+            self._end(Uploaded(refused=message.result))
+        elif isinstance(message, FenceCount) and self._count is None:
             self._count = message.items
-        elif (
-            isinstance(message, FenceItem)
-            and self._count is not None
-            and message.sequence < self._count
-        ):
+            if message.items > MOST_ITEMS:
+                problem = f"has {message.items} items, more than {MOST_ITEMS}"
+                self._end(Uploaded(problem=problem))
+        elif isinstance(message, FenceItem) and message.sequence < (self._count or 0):
             self._items[message.sequence] = message
+
+    def _end(self, found: Uploaded) -> None:
+        self.found = found
+        self.found_begun_s = self._begun_s
+        self.over = True
 
     def requests(self, now_s: float) -> tuple[FenceRequest | FenceReceived, ...]:
         """Return the requests of this cycle."""
-        if self._over:
+        if self.over:
             if now_s - self._begun_s < READ_AGAIN_S:
                 return ()
-            self._begin()
+            self.begin()
         if self._count is not None and len(self._items) == self._count:
-            self.found = Uploaded(areas_of([self._items[n] for n in range(self._count)]))
-            self._over = True
+            self._end(uploaded_of([self._items[number] for number in range(self._count)]))
             return (FenceReceived(),)
         missing = (number for number in range(self._count or 0) if number not in self._items)
         wanted = FenceRequest(next(missing, None))
         if wanted == self._asked and now_s - self._asked_s < _ASK_AGAIN_S:
             return ()
-        if wanted.sequence is None:
+        if self._asked is None:
             self._begun_s = now_s
         self._asked = wanted
         self._asked_s = now_s
         return (wanted,)
 
 
-def areas_of(items: Sequence[FenceItem]) -> tuple[Area, ...]:
-    """Assemble areas from mission items. Each polygon item gives its number of corners."""
-    found: list[Area] = []
+def uploaded_of(items: Sequence[FenceItem]) -> Uploaded:
+    """Assemble the areas of mission items. Each item of a polygon gives its number of corners."""
+    areas: list[Area] = []
     corners: list[Point] = []
+    first: FenceItem | None = None
     for item in items:
         place = (item.latitude_deg, item.longitude_deg)
+        if first is not None and (item.command, item.size) != (first.command, first.size):
+            return Uploaded(problem=_unfinished(first, corners))
         if item.command in _CIRCLES:
-            found.append(Area(_CIRCLES[item.command], (place,), max(item.size, 1e-3)))
+            areas.append(Area(_CIRCLES[item.command], (place,), item.size))
         elif item.command in _POLYGONS:
+            first = item
             corners.append(place)
-            if len(corners) >= round(item.size):
-                found.append(Area(_POLYGONS[item.command], tuple(corners)))
+            if len(corners) >= item.size:
+                areas.append(Area(_POLYGONS[item.command], without_repeats(corners)))
                 corners = []
-    return tuple(found)
+                first = None
+        elif item.command != _RETURN_POINT:
+            return Uploaded(problem=f"item {item.sequence} is unknown (command {item.command})")
+    if first is not None:
+        return Uploaded(problem=_unfinished(first, corners))
+    return _checked(tuple(areas))
+
+
+def _unfinished(first: FenceItem, corners: Sequence[Point]) -> str:
+    return (
+        f"polygon at item {first.sequence} has {len(corners)} corners, but announces {first.size:g}"
+    )
+
+
+def _checked(areas: tuple[Area, ...]) -> Uploaded:
+    """Return the areas, or why they cannot be judged."""
+    edges = 0
+    for number, area in enumerate(areas, start=1):
+        edges += len(area.corners_deg)
+        if area.radius_m is None and len(area.corners_deg) < _FEWEST_CORNERS:
+            return Uploaded(problem=f"area {number} is a {area.words} corners: needs at least 3")
+        if area.radius_m is not None and not area.radius_m > 0.0:
+            return Uploaded(problem=f"area {number} is a {area.words}: must be above 0")
+        if area.radius_m is not None:
+            edges += circle_sides(area.radius_m)
+    if edges > MOST_EDGES:
+        return Uploaded(problem=f"{edges} edges are more than {MOST_EDGES}, which can be judged")
+    return Uploaded(areas)
 
 
 def about_home(wants: Wants, vehicle: VehicleState, projection: Projection) -> Wants:
@@ -157,67 +220,62 @@ def uploaded_row(
     wants: Wants,
     vehicle: VehicleState,
     autopilot: Autopilot,
-    parameters: Parameters,
+    quantities: Quantities,
 ) -> Finding:
     """Judge the uploaded fence. If it does not enclose ours, the autopilot would act inside ours.
+
+    A fence that is in use and was not read, or cannot be judged, is refused like one that is too small.
 
     Args:
         uploaded: What was read.
         wants: With our fence in metres about home.
         vehicle: Where home is.
         autopilot: Whether it heeds an uploaded fence, and how several areas count.
-        parameters: Its parameters.
+        quantities: What was read of its parameters.
     """
-    row = Finding(_NAME, uploaded.words, "a fence that encloses ours, or none", Verdict.WARN)
+    row = Finding(_NAME, uploaded.words, "a fence that encloses ours, or none", Verdict.PASS)
+    if uploaded.areas == ():
+        return row
+    if not autopilot.uploaded_fence_counts(quantities):
+        return row._replace(value=f"{row.value}, not in use")
+    row = row._replace(verdict=fence_verdict(wants))
     if uploaded.areas is None:
-        return row._replace(advice="it may act inside our fence; requested again every few seconds")
-    in_use = autopilot.uploaded_fence_counts(parameters)
-    if not uploaded.areas or not in_use:
-        return row._replace(
-            verdict=Verdict.PASS, value=row.value if in_use else f"{row.value}, not in use"
-        )
+        advice = "it may act inside our fence; requested again every few seconds"
+        if uploaded.problem:
+            advice = "it may act inside our fence: upload one that can be judged, or order again"
+        return row._replace(advice=advice)
     home = vehicle.latest.get(Home)
     frame = local_frame(vehicle, autopilot.projection)
     if home is None or frame is None:
         return row._replace(advice="home is not known yet")
-    try:
-        areas = [(area.inclusion, _contains(area, home, frame)) for area in uploaded.areas]
-    except ConfigError as error:
-        return row._replace(advice=f"cannot be judged: {error}")
-    enough = any if autopilot.one_inclusion_is_enough else all
-    for north, east in outline(wants):
-        within = [contains((north, east)) for inclusion, contains in areas if inclusion] or [True]
-        excluded = any(contains((north, east)) for inclusion, contains in areas if not inclusion)
-        if excluded or not enough(within):
-            advice = f"it acts inside our fence at {north:.0f} m north, {east:.0f} m east of home: upload a wider one"
-            return row._replace(verdict=fence_verdict(wants), advice=advice)
-    return row._replace(verdict=Verdict.PASS)
+    point = acts_inside(
+        _ours(wants.limits),
+        tuple(_ring(area, home, frame) for area in uploaded.areas),
+        one_inclusion_is_enough=autopilot.one_inclusion_is_enough,
+    )
+    if point is None:
+        return row._replace(verdict=Verdict.PASS)
+    north_m, east_m = point
+    advice = (
+        f"it acts inside our fence at {north_m:.0f} m north, {east_m:.0f} m east of home: "
+        "upload a wider one"
+    )
+    return row._replace(advice=advice)
 
 
-def outline(wants: Wants) -> list[Point]:
-    """Return points on the outline of our fence, metres north and east of home."""
-    corners = wants.limits.fence_polygon_ne_m
-    radius_m = wants.limits.fence_radius_m
-    points: list[Point] = []
-    if radius_m is not None:
-        turns = [math.tau * n / _ROUND for n in range(_ROUND)]
-        points += [(radius_m * math.cos(turn), radius_m * math.sin(turn)) for turn in turns]
-    if corners is None:
-        return points
-    polygon = Polygon(corners)
-    points = [point for point in points if polygon.contains(point)]
-    for (north, east), (to_north, to_east) in polygon.edges():
-        shares = [n / _PER_EDGE for n in range(_PER_EDGE)]
-        points += [
-            (north + share * (to_north - north), east + share * (to_east - east))
-            for share in shares
-        ]
-    return [point for point in points if radius_m is None or math.hypot(*point) <= radius_m + 1e-6]
+def _ours(limits: Limits) -> tuple[tuple[Point, ...], ...]:
+    """Return the rings of our fence, metres north and east of home: its circle and its polygon."""
+    rings: list[tuple[Point, ...]] = []
+    if limits.fence_radius_m is not None:
+        rings.append(circle((0.0, 0.0), limits.fence_radius_m, larger=False))
+    if limits.fence_polygon_ne_m is not None:
+        rings.append(limits.fence_polygon_ne_m)
+    return tuple(rings)
 
 
-def _contains(area: Area, home: Home, frame: LocalFrame) -> Callable[[Point], bool]:
-    """Return the function that says whether a point, north and east of home, is in an area."""
-    corners = corners_about_home(area.corners_deg, home.position_ned_m, frame)
-    if area.radius_m > 0.0:
-        return lambda point: math.dist(corners[0], point) <= area.radius_m
-    return Polygon(corners).contains
+def _ring(area: Area, home: Home, frame: LocalFrame) -> Ring:
+    """Return an area about home. A circle is replaced so that it is judged as tighter than it is."""
+    corners_m = corners_about_home(area.corners_deg, home.position_ned_m, frame)
+    if area.radius_m is not None:
+        corners_m = circle(corners_m[0], area.radius_m, larger=not area.inclusion)
+    return Ring(corners_m, area.inclusion)

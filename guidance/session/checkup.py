@@ -74,9 +74,8 @@ class Checkup:
         while clock.now_s() - begun_s < limit_s:
             self._step()
             vehicle = daemon.flight.vehicle
-            (read, wanted) = daemon.survey.read
             missing = [name for kind, name in _HEARD.items() if vehicle.latest.get(kind) is None]
-            missing += [f"{wanted - read} of {wanted} parameters"] if read < wanted else []
+            missing += daemon.survey.missing
             told(lacking := ", ".join(missing))
             if lacking:
                 complete_s = clock.now_s()

@@ -12,7 +12,7 @@ from guidance.flight import FINAL, Authority, Event, Flight, Inputs, Outputs, is
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.entries import ASSIGNED, ORDERED, RELOADED, STOPPED, TEAM_NEWS
 from guidance.log.writer import Record
-from guidance.preflight import PreflightMemory, advice, parameter_names, refusals, rows
+from guidance.preflight import PreflightMemory, advice, refusals, rows
 from guidance.session.answers import flight_line, missing, refusal, shown_state, status
 from guidance.session.control_socket import ALIVE, RESET, WORDS
 from guidance.session.flight_files import Recording
@@ -89,7 +89,7 @@ class Daemon:
         self.flight = Flight(plan.flight)
         if self.team is not None:
             self.team.begin()
-        self.survey = PreflightMemory(parameter_names(plan.flight.autopilot))
+        self.survey = PreflightMemory(plan.flight.autopilot)
         self._engaging = Engaging(self.flight, self.survey, plan.wants)
         self.recording.begun = False
         self._judged_s = float("-inf")
@@ -341,21 +341,21 @@ class Daemon:
             )
 
     def _preflight(self, now_s: float) -> None:
-        """Read and judge parameters on the ground, and read the failsafe parameters again before the game begins."""
+        """Read and judge parameters and fence on the ground, and read them again before the game begins."""
         wants = self._plan.wants
-        if wants is None or not (self._judging or self._engaging.asked_s is not None):
+        reading = self._engaging.asked_s is not None or self.survey.reading_fence
+        if wants is None or not (self._judging or reading):
             return
         self.survey.observe(self.inputs.messages, self.inputs.reports)
-        if self._judging or not self.survey.complete:  # the uploaded fence is read on the ground
-            for request in self.survey.requests(now_s):
-                self._link.request(request)
+        for request in self.survey.requests(now_s):
+            self._link.request(request)
         if not self._judging or now_s - self._judged_s < PREFLIGHT_EVERY_S:
             return
         self._judged_s = now_s
         facts = self.survey.facts(self.flight.vehicle, now_s, self.flight.heard.other_beat)
         self.rows = (*rows(facts, self._plan.flight.autopilot, wants), *self.recording.rows())
         refused = refusals(self.rows)
-        if refused != self._refused and self.survey.complete:
+        if refused != self._refused and self.survey.settled(now_s):
             self._refused = refused
             if refused:
                 self._log.say(

@@ -11,7 +11,13 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from guidance.autopilots import AUTOPILOTS, Autopilot, autopilot_named, autopilots_of
+from guidance.autopilots import (
+    AUTOPILOTS,
+    Autopilot,
+    Version,
+    autopilot_named,
+    autopilots_of,
+)
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
 from guidance.clock import Clock, MonotonicClock
 from guidance.config import config_folder, parse
@@ -212,11 +218,12 @@ def _heard(
 
 
 class Surveyed(NamedTuple):
-    """An autopilot that answered, with the parameters that bound a vehicle file."""
+    """An autopilot that answered, with the parameters that bound a vehicle file, in its version."""
 
     autopilot: str
     found: Found
     parameters: Mapping[str, float]
+    version: Version
 
 
 def survey(url: str, asked: str | None = None) -> Surveyed:
@@ -232,7 +239,7 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
     """
     clock = MonotonicClock()
     with autopilot_at(url, asked, clock, who=url) as (wire, found, profile):
-        memory = PreflightMemory([bound.parameter for bound in profile.bounds])
+        memory = PreflightMemory(profile, bound_parameters)
         who = f"{url}: system {found.system_id}"
         ids: dict[str, Any] = {"system_id": found.system_id, "component_id": found.component_id}
         ids["autopilot"] = profile.autopilot_id
@@ -245,7 +252,13 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
                     break
                 for request in memory.requests(now_s):
                     link.request(request)
-    return Surveyed(profile.name, found, memory.facts(VehicleState(), clock.now_s()).parameters)
+    facts = memory.facts(VehicleState(), clock.now_s())
+    return Surveyed(profile.name, found, facts.parameters, memory.version)
+
+
+def bound_parameters(version: Version) -> tuple[str, ...]:
+    """Return the names of the parameters that bound a new vehicle file."""
+    return tuple(bound.parameter for bound in version.bounds)
 
 
 def vehicle_file(
@@ -262,7 +275,7 @@ def vehicle_file(
     Raises:
         ConfigError: If the name, the URL or the autopilot is wrong.
     """
-    described = autopilot_named(autopilot)
+    autopilot_named(autopilot)
     templates = config_folder() / "vehicles"
     template = next(
         one for one in (templates / f"{autopilot}.toml", templates / "px4.toml") if one.is_file()
@@ -282,9 +295,7 @@ def vehicle_file(
         )
         changes += _bounded(tomllib.loads(text), surveyed)
         head.append(f"Read from system {surveyed.found.system_id}, {autopilot}:")
-        told = {
-            bound.parameter: surveyed.parameters.get(bound.parameter) for bound in described.bounds
-        }
+        told = {name: surveyed.parameters.get(name) for name in bound_parameters(surveyed.version)}
         head += [
             f"  {key:<18} {'not read' if value is None else f'{value:g}'}"
             for key, value in told.items()
@@ -319,7 +330,7 @@ def write_new(path: Path, text: str) -> None:
 
 def _bounded(own: Mapping[str, Any], surveyed: Surveyed) -> Iterable[tuple[str, str, str, str]]:
     """Yield the keys whose bound was read, with the largest allowed value, at most the file's own."""
-    for section, key, parameter, scale in autopilot_named(surveyed.autopilot).bounds:
+    for section, key, parameter, scale in surveyed.version.bounds:
         if (told := surveyed.parameters.get(parameter)) is None:
             continue
         bound = told * scale

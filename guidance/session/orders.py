@@ -1,11 +1,12 @@
 """Orders and questions on their way to the loop, and answers on their way back.
 
-Two orders are not given at once. An engage order waits until the parameters that act when setpoints stop were read
-again: preflight read them on the ground, and any ground station may have changed them since. A pilot's switch to the
-guided mode waits for the same. A parameter that is not answered in time is a refusal. The last order is that of a
-process that ends: it hands the vehicle to the autopilot and waits until HEARTBEAT shows the mode.
+Two orders are not given at once. An engage order waits until the parameters that act when setpoints stop and the
+uploaded fence were read again: preflight read them on the ground, and any ground station may have changed them since. A
+pilot's switch to the guided mode waits for the same. What is not answered in time is a refusal. The last order is that
+of a process that ends: it hands the vehicle to the autopilot and waits until HEARTBEAT shows the mode.
 """
 
+import math
 import queue
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
@@ -35,6 +36,9 @@ ORDER_OF: Final = {"hold": Event.HOLD, "land": Event.LAND, "return": Event.RETUR
 _TAKEN: Final = {State.HOLDING: Mode.HOLD, State.RETURNING: Mode.RETURN, State.LANDING: Mode.LAND}
 READ_WITHIN_S: Final = 1.5
 """Time for reading parameters again: a link asks three times, and the person still waits for the answer."""
+
+FENCE_WITHIN_S: Final = 10.0
+"""Time in which an order that was refused because the fence was still being read can be repeated."""
 
 
 class Question(Future[Answer]):
@@ -160,7 +164,7 @@ class ShutdownHandover:
 
 
 class Engaging:
-    """Engage orders that wait until the failsafe parameters were read again.
+    """Engage orders that wait until the failsafe parameters and the uploaded fence were read again.
 
     Args:
         flight: Of the vehicle.
@@ -176,7 +180,7 @@ class Engaging:
         self._flight = flight
         self._survey = survey
         self._wants = wants
-        self._names = parameter_names(flight.settings.autopilot, only_needed=True)
+        self._fence_since_s = -math.inf
         self._waiting = list[Question]()
         self._for_a_pilot = False
         self.asked_s: float | None = None
@@ -203,14 +207,22 @@ class Engaging:
             self._to_pilot = None
         elif self._to_pilot is None:
             self._read(now_s)
-        if self.asked_s is None or not (
-            self._survey.complete or now_s - self.asked_s >= READ_WITHIN_S
-        ):
+        if self.asked_s is None:
+            return None
+        fence_read = self._survey.fence_read_since(self._fence_since_s)
+        everything_read = fence_read and self._survey.parameters_complete
+        if not everything_read and now_s - self.asked_s < READ_WITHIN_S:
             return None
         self.asked_s = None
         if self._wants is not None:
-            facts = self._survey.facts(self._flight.vehicle, now_s)
-            self.rows = engage_rows(facts, self._flight.settings.autopilot, self._wants)
+            self.rows = engage_rows(
+                self._survey.facts(self._flight.vehicle, now_s),
+                self._flight.settings.autopilot,
+                self._wants,
+                unread_fence="" if fence_read else self._survey.fence_progress,
+            )
+        if fence_read:
+            self._fence_since_s = -math.inf
         if piloted:
             self._to_pilot = refusals(self.rows)
         return self.give_up()
@@ -223,6 +235,11 @@ class Engaging:
         return ("parameters read again",) if self._to_pilot is None else self._to_pilot
 
     def _read(self, now_s: float) -> None:
-        if self.asked_s is None:
-            self.asked_s = now_s
-            self._survey.forget(self._names)
+        if self.asked_s is not None:
+            return
+        self.asked_s = now_s
+        self._survey.read_again(parameter_names(self._survey.version, only_needed=True))
+        # A fence too large to be read within the last order's time is read on, and serves the next order.
+        if now_s - self._fence_since_s > FENCE_WITHIN_S:
+            self._fence_since_s = now_s
+            self._survey.read_fence_again()

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from guidance.autopilots import ARDUCOPTER, AUTOPILOTS, PX4, Verdict, autopilot_named, register
+from guidance.autopilots.description import Version
 from guidance.autopilots.rules import Judgement, Rule
 from guidance.control import Limits, Speeds
 from guidance.errors import ConfigError
@@ -68,14 +69,14 @@ def third():
         name="paper",
         autopilot_id=99,
         handling=PX4.handling,
-        rules=(Rule("TOP_SPEED", _slow_enough, "{:g} m/s".format),),
+        versions=(Version((1, 0), (Rule("speed", "TOP_SPEED", _slow_enough, "{:g} m/s".format),)),),
         uploaded_fence_counts=lambda _: False,
         tells_setpoint_always=True,
     )
 
 
 def test_a_third_autopilot_is_judged_by_its_own_description_alone(third):
-    assert parameter_names(third) == ("TOP_SPEED",)
+    assert parameter_names(third.version_of(None)) == ("TOP_SPEED",)
     facts = Facts(parameters={"TOP_SPEED": 4.0})
     by_name = {row.name: row for row in rows(facts, third, WANTS)}
     assert by_name["TOP_SPEED"].verdict is Verdict.REFUSE
@@ -87,9 +88,7 @@ def test_a_third_autopilot_is_judged_by_its_own_description_alone(third):
 @pytest.fixture
 def vtol():
     """A third autopilot, registered from outside the package: PX4's protocol with a name and parameters of its own."""
-    described = replace(
-        PX4, name="px4_vtol", vehicle_types=frozenset({19, 22}), rules=PX4.rules[:3]
-    )
+    described = replace(PX4, name="px4_vtol", vehicle_types=frozenset({19, 22}))
     register(described)
     yield described
     del AUTOPILOTS["px4_vtol"]
@@ -109,10 +108,19 @@ def test_a_registered_autopilot_is_known_everywhere(vtol, tmp_path):
         identify(Found(1, 1, 12, 2), "udpin://", "px4_vtol")
 
 
+@pytest.fixture
+def copter():
+    """A third autopilot that flies what the mock is."""
+    described = replace(PX4, name="px4_copter")
+    register(described)
+    yield described
+    del AUTOPILOTS["px4_copter"]
+
+
 @pytest.mark.flight
-def test_a_registered_autopilot_flies_the_mock(vtol, tmp_path):
+def test_a_registered_autopilot_flies_the_mock(copter, tmp_path):
     _, scenario = load_scenario("hover_chase")
-    pursuer = scenario.pursuer.model_copy(update={"autopilot": "px4_vtol"})
+    pursuer = scenario.pursuer.model_copy(update={"autopilot": copter.name})
     flown = scenario.model_copy(update={"pursuer": pursuer})
     (result,) = fly_recorded(flown, tmp_path, MockOptions(fast=True)).vehicles.values()
     assert result.captured

@@ -11,13 +11,14 @@ from struct import Struct
 from types import FunctionType, MappingProxyType, ModuleType
 from typing import Any, TypeVar
 
+from guidance.autopilots.description import Version
 from guidance.autopilots.rules import Finding, Rule
 from sitl_mock.mavlink import MessageSpec
 from sitl_mock.modes import Mode, Transition
 from sitl_mock.protocols import Parameter
 
 World = TypeVar("World")
-UNCHANGING = (Struct, itemgetter, Parameter, MessageSpec, Mode, Transition, Rule, Finding)
+UNCHANGING = (Struct, itemgetter, Parameter, MessageSpec, Mode, Transition, Rule, Finding, Version)
 """Immutable types, shared between copies: a vehicle's tables hold about a thousand of them."""
 
 

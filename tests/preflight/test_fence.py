@@ -1,7 +1,9 @@
 """The uploaded fence: read from the mock over its wire, and judged against ours."""
 
 import json
+import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,7 +24,7 @@ from guidance.messages import (
     Origin,
 )
 from guidance.preflight import Facts, PreflightMemory, rows
-from guidance.preflight.fence import READ_AGAIN_S, Area, Reading, Uploaded, areas_of
+from guidance.preflight.fence import MOST_ITEMS, READ_AGAIN_S, Area, Reading, Uploaded, uploaded_of
 from guidance.vehicle import VehicleState, observe
 from sitl_mock import MockVehicle
 from tests.preflight.wants import wants_of
@@ -49,7 +51,6 @@ def square(size_m, north_m=0.0, east_m=0.0):
 
 WIDE = Area(inclusion=True, corners_deg=square(150.0))
 TIGHT = Area(inclusion=True, corners_deg=square(80.0))
-HOLE = Area(inclusion=False, corners_deg=square(5.0, 40.0, 40.0))
 POND = Area(inclusion=False, corners_deg=on_the_map((100.0, 0.0)), radius_m=20.0)
 DISC = Area(inclusion=True, corners_deg=on_the_map((0.0, 0.0)), radius_m=120.0)
 
@@ -93,22 +94,84 @@ def test_an_uploaded_fence_that_would_act_inside_ours_is_refused(autopilot, area
     assert required["uploaded fence"].verdict is not Verdict.REFUSE
 
 
-def test_what_was_not_read_or_cannot_be_is_said_to_be_unknown():
-    unread = judged(Uploaded())["uploaded fence"]
-    assert (unread.value, unread.verdict) == ("not read", Verdict.WARN)
-    assert "may act inside our fence" in unread.advice
-    assert judged(Uploaded(refused=3))["uploaded fence"].value == "not read (MISSION_ACK 3)"
-    folded = Area(
-        inclusion=True, corners_deg=on_the_map((0.0, 0.0), (9.0, 9.0), (9.0, 0.0), (0.0, 9.0))
-    )
-    assert "cannot be judged" in judged(Uploaded((folded,)))["uploaded fence"].advice
+NOT_REQUIRED = wants_of(fence_required=False, fence_radius_m=100.0)
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+@pytest.mark.parametrize(
+    ("uploaded", "value"),
+    [
+        (Uploaded(), "not read"),
+        (Uploaded(refused=3), "not read (MISSION_ACK 3)"),
+        (Uploaded(problem="has 1500 items"), "has 1500 items"),
+    ],
+)
+def test_what_was_not_read_or_cannot_be_judged_is_refused(autopilot, uploaded, value):
+    row = judged(uploaded, autopilot=autopilot)["uploaded fence"]
+    assert (row.value, row.verdict) == (value, Verdict.REFUSE)
+    assert "may act inside our fence" in row.advice
+    lenient = judged(uploaded, autopilot=autopilot, wants=NOT_REQUIRED)["uploaded fence"]
+    assert lenient.verdict is Verdict.WARN
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "off"), [("px4", {"GF_ACTION": 1.0}), ("arducopter", {"FENCE_TYPE": 3.0})]
+)
+def test_a_fence_that_is_not_in_use_may_be_unknown(autopilot, off):
+    row = judged(Uploaded(), autopilot=autopilot, **off)["uploaded fence"]
+    assert (row.value, row.verdict) == ("not read, not in use", Verdict.PASS)
+
+
+def test_what_is_unknown_of_its_use_counts_as_in_use():
+    facts = Facts(uploaded=Uploaded())
+    for name in ("px4", "arducopter"):
+        by_name = {row.name: row for row in rows(facts, autopilot_named(name), WANTS)}
+        assert by_name["uploaded fence"].verdict is Verdict.REFUSE
+
+
+def ring(*corners_m, inclusion=True):
+    return Area(inclusion=inclusion, corners_deg=on_the_map(*corners_m))
+
+
+BOW_TIE = ring((-300.0, -300.0), (300.0, 300.0), (300.0, -300.0), (-300.0, 300.0))
+SPIKE = ring((-200.0, -200.0), (-200.0, 200.0), (200.0, 200.0), (200.0, 900.0), (200.0, -200.0))
+PENTAGRAM = ring(
+    *((500.0 * math.cos(turn), 500.0 * math.sin(turn)) for turn in np.arange(5) * 0.8 * math.pi)
+)
+ISLAND = Area(inclusion=False, corners_deg=square(5.0, 40.0, 40.0))
+FAR_ISLAND = Area(inclusion=False, corners_deg=square(5.0, 140.0, 40.0))
+NEEDLE = ring((500.0, -0.5), (500.0, 0.5), (60.0, 0.0), inclusion=False)
+WEST = ring((-200.0, -200.0), (-200.0, 20.0), (200.0, 20.0), (200.0, -200.0))
+EAST = ring((-200.0, 200.0), (-200.0, -20.0), (200.0, -20.0), (200.0, 200.0))
+OURS = Area(inclusion=True, corners_deg=on_the_map((0.0, 0.0)), radius_m=100.0)
+
+
+@pytest.mark.parametrize(
+    ("areas", "px4", "arducopter"),
+    [
+        ((BOW_TIE,), "refuse", "refuse"),  # by even-odd home is on its waist
+        ((SPIKE,), "pass", "pass"),
+        ((PENTAGRAM,), "refuse", "refuse"),  # its middle counts as outside
+        ((WIDE, ISLAND), "refuse", "refuse"),  # excluded in the middle of ours, far from our outline
+        ((ISLAND,), "refuse", "refuse"),
+        ((WIDE, FAR_ISLAND), "pass", "pass"),
+        ((NEEDLE,), "refuse", "refuse"),  # thinner than any sampling of our outline
+        ((WEST, EAST), "pass", "refuse"),  # PX4 needs one of them, ArduPilot both
+        ((WEST,), "refuse", "refuse"),
+        ((OURS,), "pass", "pass"),  # as large as ours
+    ],
+)  # fmt: skip
+def test_areas_are_judged_by_even_odd_wherever_they_act(areas, px4, arducopter):
+    for autopilot, verdict in (("px4", px4), ("arducopter", arducopter)):
+        row = judged(Uploaded(areas), autopilot=autopilot)["uploaded fence"]
+        assert str(row.verdict) == verdict, row
 
 
 @pytest.mark.parametrize(
     ("uploaded", "verdict", "words"),
     [
         (Uploaded((WIDE,)), "pass", ""),
-        (Uploaded((HOLE,)), "refuse", "no inclusion fence is uploaded"),
+        (Uploaded((FAR_ISLAND,)), "refuse", "no inclusion fence is uploaded"),
         (Uploaded(()), "refuse", "no inclusion fence is uploaded"),
         (Uploaded(), "refuse", "whether a fence is uploaded is not known"),
     ],
@@ -164,21 +227,63 @@ def item(sequence, command, size, place):
     return FenceItem(0.0, sequence, command, size, *place)
 
 
-def test_items_make_areas_and_what_is_none_is_passed_over():
+def polygon(count, *places, command=5001, first=0):
+    return [item(first + number, command, count, place) for number, place in enumerate(places)]
+
+
+A = (47.0, 8.0)
+B = (47.1, 8.0)
+C = (47.1, 8.1)
+D = (47.0, 8.1)
+
+
+def test_items_make_areas_and_a_return_point_is_passed_over():
     items = [
-        item(0, 5000, 0.0, HERE),  # a return point
-        *(item(1 + n, 5001, 3.0, (47.0 + n, 8.0)) for n in range(3)),
+        item(0, 5000, 0.0, HERE),
+        *polygon(3.0, A, B, C, first=1),
         item(4, 5003, 50.0, HERE),
-        *(item(5 + n, 5002, 3.0, (48.0 + n, 9.0)) for n in range(3)),
+        *polygon(3.0, B, C, D, command=5002, first=5),
         item(8, 5004, 5.0, HERE),
-        item(9, 5001, 3.0, HERE),  # a polygon that never ends
     ]
-    assert areas_of(items) == (
-        Area(inclusion=True, corners_deg=((47.0, 8.0), (48.0, 8.0), (49.0, 8.0))),
+    assert uploaded_of(items).areas == (
+        Area(inclusion=True, corners_deg=(A, B, C)),
         Area(inclusion=True, corners_deg=(HERE,), radius_m=50.0),
-        Area(inclusion=False, corners_deg=((48.0, 9.0), (49.0, 9.0), (50.0, 9.0))),
+        Area(inclusion=False, corners_deg=(B, C, D)),
         Area(inclusion=False, corners_deg=(HERE,), radius_m=5.0),
     )
+
+
+@pytest.mark.parametrize("places", [(A, B, C, A), (A, A, B, C), (A, B, B, B, C), (A, B, C, C, A)])
+def test_repeated_corners_and_closed_rings_are_dropped(places):
+    uploaded = uploaded_of(polygon(float(len(places)), *places))
+    assert uploaded.areas == (Area(inclusion=True, corners_deg=(A, B, C)),)
+
+
+@pytest.mark.parametrize(
+    ("items", "problem"),
+    [
+        (polygon(2.0, A, B), "polygon of 2 corners: needs at least 3"),
+        (polygon(5.0, A, B, C, D), "has 4 corners, but announces 5"),
+        ([*polygon(5.0, A, B, C, D), item(4, 5003, 5.0, A)], "has 4 corners, but announces 5"),
+        ([*polygon(4.0, A, B), *polygon(3.0, C, D, first=2)], "has 2 corners, but announces 4"),
+        ([item(0, 5003, 0.0, A)], "circle of 0 m: must be above 0"),
+        ([item(0, 5003, -7.0, A)], "circle of -7 m: must be above 0"),
+        ([item(0, 5099, 7.0, A)], "item 0 is unknown (command 5099)"),
+        ([item(number, 5003, 1e4, A) for number in range(9)], "edges are more than"),
+    ],
+)
+def test_what_cannot_be_judged_is_named(items, problem):
+    uploaded = uploaded_of(items)
+    assert uploaded.areas is None
+    assert problem in uploaded.words
+
+
+def test_a_fence_with_too_many_items_is_named():
+    reading = Reading()
+    reading.requests(0.0)
+    reading.observe(FenceCount(0.1, MOST_ITEMS + 1))
+    assert reading.found.words == f"has {MOST_ITEMS + 1} items, more than {MOST_ITEMS}"
+    assert reading.over
 
 
 def test_the_fence_is_read_item_by_item_and_again_later():
@@ -192,6 +297,7 @@ def test_the_fence_is_read_item_by_item_and_again_later():
     reading.observe(item(2, 5003, 7.0, HERE))  # of another plan
     reading.observe(FenceCount(6.2, 9))
     assert reading.requests(6.2) == ()
+    assert reading.progress == "not read again: 1 of 2 items so far"
     reading.observe(item(0, 5003, 9.0, HERE))
     assert reading.found == Uploaded()
     assert reading.requests(6.3) == (FenceReceived(),)
@@ -242,7 +348,7 @@ def test_a_fence_uploaded_to_the_mock_is_found_by_preflight_over_the_wire(autopi
     ground = mavlink.MAVLink(None, 255, 190)
     corners = square(150.0)
     waiting = [mavlink.MAVLink_mission_count_message(1, 1, 4, 1).pack(ground)]
-    survey = PreflightMemory([])
+    survey = PreflightMemory(autopilot_named(autopilot), lambda _: ())
     heard = []
     for cycle in range(500):
         now[0] = 0.02 * cycle

@@ -17,7 +17,7 @@ def defaults(autopilot):
     parameters = MockVehicle(autopilot).autopilot.parameters
     return {
         name: float(parameters[name])
-        for name in parameter_names(autopilot_named(autopilot))
+        for name in parameter_names(autopilot_named(autopilot).versions[0])
         if name in parameters
     }
 

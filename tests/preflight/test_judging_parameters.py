@@ -36,7 +36,9 @@ def row_of(autopilot, name, value, wants=WANTS, **others):
 def test_a_safe_set_passes_in_every_row(autopilot):
     judged = rows(Facts(parameters=SAFE[autopilot]), autopilot_named(autopilot), WANTS)
     by_name = {row.name: row.verdict for row in judged}
-    assert {by_name[name] for name in parameter_names(autopilot_named(autopilot))} == {Verdict.PASS}
+    assert {by_name[name] for name in parameter_names(autopilot_named(autopilot).versions[0])} == {
+        Verdict.PASS
+    }
     assert all(row.advice == "" for row in judged if row.name in SAFE[autopilot])
 
 
@@ -113,7 +115,7 @@ def test_a_fence_that_is_not_required_is_warned_of_and_not_refused(autopilot, na
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
 def test_what_could_not_be_read_is_never_taken_for_safe(autopilot):
     judged = rows(Facts(), autopilot_named(autopilot), WANTS)
-    for name in parameter_names(autopilot_named(autopilot)):
+    for name in parameter_names(autopilot_named(autopilot).versions[0]):
         row = next(row for row in judged if row.name == name)
         assert row.verdict is not Verdict.PASS
         assert row.value == "not read"
@@ -143,7 +145,7 @@ def test_advice_keeps_every_digit_of_a_mask():
 
 @given(st.sampled_from(["px4", "arducopter"]), st.data())
 def test_no_value_whatever_breaks_the_report_and_advice_that_is_followed_passes(autopilot, data):
-    name = data.draw(st.sampled_from(parameter_names(autopilot_named(autopilot))))
+    name = data.draw(st.sampled_from(parameter_names(autopilot_named(autopilot).versions[0])))
     row = row_of(autopilot, name, data.draw(st.floats(-1e6, 1e6, width=32)))
     command, _, _ = row.advice.partition(";")
     if command.startswith("param set "):
@@ -164,13 +166,13 @@ def test_the_autopilots_defaults_are_refused_for_these_reasons_only(autopilot, r
     mock.step(0.0, [])
     parameters = {
         name: float(mock.autopilot.parameters[name])
-        for name in parameter_names(autopilot_named(autopilot))
+        for name in parameter_names(autopilot_named(autopilot).versions[0])
     }
     judged = rows(Facts(parameters=parameters), autopilot_named(autopilot), WANTS)
     assert [name for name in refusals(judged) if name in parameters] == refused
 
 
 def test_profiles_differ_in_what_is_asked():
-    assert "COM_OF_LOSS_T" in parameter_names(PX4)
-    assert "GUID_TIMEOUT" in parameter_names(ARDUCOPTER)
-    assert not set(parameter_names(PX4)) & set(parameter_names(ARDUCOPTER))
+    assert "COM_OF_LOSS_T" in parameter_names(PX4.versions[0])
+    assert "GUID_TIMEOUT" in parameter_names(ARDUCOPTER.versions[0])
+    assert not set(parameter_names(PX4.versions[0])) & set(parameter_names(ARDUCOPTER.versions[0]))

@@ -5,10 +5,14 @@ import math
 import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4, Verdict
+from guidance.autopilots.description import AUTOPILOT_VERSION
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import (
     Attitude,
+    AutopilotVersion,
     EvaderReport,
+    FenceCount,
+    FenceReceived,
     FenceRequest,
     GlobalPosition,
     Heartbeat,
@@ -22,6 +26,7 @@ from guidance.messages import (
     SystemStatus,
 )
 from guidance.preflight import ASK_AGAIN_S, Facts, PreflightMemory, rows
+from guidance.preflight.fence import Uploaded
 from guidance.vehicle import VehicleState, observe
 from tests.preflight.wants import wants_of
 
@@ -29,6 +34,11 @@ WANTS = wants_of()
 ORIGIN = Origin(0.0, 47.397742, 8.545594, 488.0)
 FRAME = LocalFrame(47.397742, 8.545594, Amsl(488.0), Amsl(488.0), projection=PX4.projection)
 REST = (0.0, 0.0, 0.0)
+
+
+def memory(*names):
+    """A memory that reads these parameters."""
+    return PreflightMemory(PX4, lambda _: names)
 
 
 def vehicle_at(
@@ -137,7 +147,7 @@ def streamed(rates_hz, seconds=4.0):
 
 
 def test_rates_are_those_that_arrive():
-    survey = PreflightMemory([])
+    survey = memory()
     survey.observe(streamed({LocalPosition: 50.0, Attitude: 20.0, Odometry: 2.0}), [])
     facts = survey.facts(VehicleState(), 3.99)
     assert facts.rates_hz[LocalPosition] == pytest.approx(50.0, abs=1.0)
@@ -149,9 +159,9 @@ def test_rates_are_those_that_arrive():
 
 
 def test_a_position_stream_that_is_slow_or_has_stopped_is_refused():
-    slow = PreflightMemory([])
+    slow = memory()
     slow.observe(streamed({LocalPosition: 4.0, Attitude: 20.0}), [])
-    stopped = PreflightMemory([])
+    stopped = memory()
     stopped.observe(streamed({LocalPosition: 50.0, Attitude: 20.0}), [])
     for survey, now_s in ((slow, 4.0), (stopped, 7.0)):
         found = {
@@ -167,31 +177,57 @@ def heard(now_s=0.0):
     return Heartbeat(now_s, 0, armed=False, system_status=3, autopilot=12)
 
 
-def test_parameters_are_requested_after_contact_and_again_while_missing():
-    survey = PreflightMemory(["A", "B"])
+def test_version_fence_and_parameters_are_requested_after_contact_and_again_while_missing():
+    survey = memory("A", "B")
     assert survey.requests(0.0) == ()
     survey.observe([heard()], [])
-    assert survey.requests(1.0) == (ParameterRequest("A"), ParameterRequest("B"))
-    survey.observe([Parameter(1.5, "B", 2.0)], [])
-    assert survey.requests(1.0 + ASK_AGAIN_S - 0.1) == ()
-    assert survey.requests(1.0 + ASK_AGAIN_S) == (ParameterRequest("A"),)
+    version = PX4.request_message(AUTOPILOT_VERSION)
+    assert survey.requests(1.0) == (FenceRequest(), version)
+    assert survey.requests(1.1) == ()
+    survey.observe([AutopilotVersion(1.2, 1, 17, 0)], [])
+    assert survey.requests(1.2) == (ParameterRequest("A"), ParameterRequest("B"))
+    survey.observe([Parameter(1.5, "B", 2.0), FenceCount(1.5, 0)], [])
+    assert survey.missing == ("1 of 2 parameters", "uploaded fence")
+    assert survey.requests(1.5) == (FenceReceived(),)
+    assert survey.requests(1.2 + ASK_AGAIN_S - 0.1) == ()
+    assert survey.requests(1.2 + ASK_AGAIN_S) == (ParameterRequest("A"),)
     assert not survey.complete
     survey.observe([Parameter(7.0, "A", 1.0), Parameter(7.0, "UNASKED", 9.0)], [])
     assert survey.complete
-    assert survey.requests(100.0) == (FenceRequest(),)
-    assert survey.requests(100.1) == ()
+    assert survey.missing == ()
     assert survey.facts(VehicleState(), 8.0).parameters == {"A": 1.0, "B": 2.0}
 
 
+def test_without_a_version_the_oldest_ones_parameters_are_requested_after_a_while():
+    survey = memory("A")
+    survey.observe([heard()], [])
+    version = PX4.request_message(AUTOPILOT_VERSION)
+    assert survey.requests(0.0) == (FenceRequest(), version)
+    assert survey.requests(ASK_AGAIN_S)[1:] == (version, ParameterRequest("A"))
+    survey.observe([Parameter(6.0, "A", 1.0)], [])
+    assert survey.parameters_complete
+    assert not survey.complete
+
+
+def test_a_missing_parameter_never_keeps_the_fence_from_being_read():
+    survey = memory("MISSING")
+    survey.observe([heard()], [])
+    survey.requests(0.0)
+    survey.observe([AutopilotVersion(0.1, 1, 17, 0), FenceCount(0.1, 0)], [])
+    survey.requests(0.2)
+    assert survey.facts(VehicleState(), 0.3).uploaded == Uploaded(areas=())
+    assert not survey.complete
+
+
 def test_a_parameter_that_the_autopilot_announces_as_changed_is_taken_over():
-    survey = PreflightMemory(["A"])
+    survey = memory("A")
     survey.observe([heard(), Parameter(0.0, "A", 1.0)], [])
     survey.observe([Parameter(5.0, "A", 7.0)], [])
     assert survey.facts(VehicleState(), 5.0).parameters == {"A": 7.0}
 
 
 def test_the_evaders_last_altitude_is_kept():
-    survey = PreflightMemory([])
+    survey = memory()
     nan = math.nan
     report = EvaderReport(0.0, 0.0, "t", 47.0, 8.0, 490.0, (nan, nan, nan), nan, nan)
     survey.observe([], [report, report._replace(altitude_amsl_m=491.0)])

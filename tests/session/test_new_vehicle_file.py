@@ -10,7 +10,7 @@ from guidance.cli.program import app
 from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
 from guidance.links.opening import Found
-from guidance.session.discovery import Surveyed, survey, vehicle_file, write_new
+from guidance.session.discovery import Surveyed, bound_parameters, survey, vehicle_file, write_new
 from guidance.session.vehicle_file import Config, load_vehicle
 
 QUADROTOR = 2
@@ -24,7 +24,7 @@ def read_file(text):
 
 def px4(**parameters):
     told = {"MPC_XY_VEL_MAX": 12.0, "MPC_Z_VEL_MAX_UP": 3.0, "MPC_Z_VEL_MAX_DN": 1.5} | parameters
-    return Surveyed("px4", Found(7, 1, PX4, QUADROTOR), told)
+    return Surveyed("px4", Found(7, 1, PX4, QUADROTOR), told, AUTOPILOTS["px4"].versions[0])
 
 
 def test_what_the_autopilot_allows_less_of_is_less_in_the_file():
@@ -60,7 +60,9 @@ def test_centimetres_are_read_as_such_and_a_fence_that_is_off_is_said():
         "WPNAV_SPEED_DN": 150.0,
         "FENCE_RADIUS": 150.0,
     }
-    surveyed = Surveyed("arducopter", Found(1, 1, ARDUPILOT, QUADROTOR), told)
+    surveyed = Surveyed(
+        "arducopter", Found(1, 1, ARDUPILOT, QUADROTOR), told, AUTOPILOTS["arducopter"].versions[0]
+    )
     config = read_file(vehicle_file("arducopter", name="uav1", surveyed=surveyed))
     assert (config.game.speed_m_s, config.game.descent_m_s, config.limits.fence_radius_m) == (
         4.5,
@@ -101,7 +103,7 @@ def test_the_limits_of_a_vehicle_that_runs_are_read(flavour, mock_vehicle):
     vehicle = mock_vehicle(flavour, over=["udp"], ready_after_s=0.5)
     surveyed = survey(vehicle.udp)
     assert surveyed.autopilot == flavour
-    assert set(surveyed.parameters) == {bound.parameter for bound in AUTOPILOTS[flavour].bounds}
+    assert set(surveyed.parameters) == set(bound_parameters(AUTOPILOTS[flavour].versions[0]))
     assert (
         read_file(
             vehicle_file(flavour, name="uav1", url=vehicle.udp, surveyed=surveyed)
