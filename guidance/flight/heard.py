@@ -71,7 +71,17 @@ FASTEST_AIRCRAFT_M_S: Final = 60.0
 SAME_M: Final = 10.0
 """An aircraft reported so near to a mate or an evader, beside its error, is that one."""
 
-MOST_AIRCRAFT: Final = 32
+MOST_AIRCRAFT: Final = 8
+"""The nearest ones."""
+
+AIRCRAFT_TOLD_EVERY_S: Final = 1.0
+"""Least time between two notes about new aircraft."""
+
+FARTHEST_AIRCRAFT_M: Final = 5000.0
+"""An aircraft farther away is none of ours."""
+
+_AGE_STEP_S: Final = 1.0
+"""Ages in ADSB_VEHICLE are whole seconds."""
 
 
 class Heard:
@@ -96,6 +106,7 @@ class Heard:
         role: In the team; None without one.
         mates: Last state of every other vehicle of the team, by name.
         aircraft: In a team, the last state of other aircraft, by name.
+        new_aircraft: Aircraft that came into view in this cycle, in words.
         battery_needed: Share of the charge below which it returns: on the ground for the whole fence, in flight from
             here.
         low_battery_reports: Number of SYS_STATUS in succession, up to the last one, with a charge below
@@ -126,6 +137,9 @@ class Heard:
         self.start_ned_m: Vector | None = None
         self.mates: dict[str, MateState] = {}
         self.aircraft: dict[str, MateState] = {}
+        self.new_aircraft: list[str] = []
+        self._aircraft_told_s = -math.inf
+        self._no_aircraft_s: dict[str, float] = {}
         self.role: Role | None = None
         self.switched = False
         self.low_battery_reports = 0
@@ -196,6 +210,7 @@ class Heard:
         if in_flight and reserve is not None and here is not None and home is not None:
             self.battery_needed = reserve.needed(math.dist(here[:2], home[:2]), home[2] - here[2])
         self._count_low_battery(self.messages)
+        self.new_aircraft = []
         if self._settings.team is not None:
             for message in inputs.messages:
                 if isinstance(message, messages.Aircraft):
@@ -217,31 +232,70 @@ class Heard:
             envelope = replace(self.cycle.envelope, reaction_s=reaction_s)
             self.cycle = replace(self.cycle, envelope=envelope)
 
-    def _take_aircraft(self, one: messages.Aircraft) -> None:
-        """Keep another aircraft like a mate. What is where a mate or an evader is, is that player, and known better."""
+    def _take_aircraft(self, report: messages.Aircraft) -> None:
+        """Keep another aircraft like a mate. What is where a mate or an evader is, is that player, and known better.
+
+        Nobody signs these reports. So only the nearest ones count, and none that moves as no aircraft can.
+        """
         frame = self.tracking.local_frame
-        here = self.position_ned_m
-        at_s = one.received_s - one.age_s
-        if frame is None or here is None:
+        here_ned_m = self.position_ned_m
+        if frame is None or here_ned_m is None:
             return
-        moves = not any(map(math.isnan, one.velocity_ned_m_s))
-        speed_m_s = math.hypot(*one.velocity_ned_m_s) if moves else FASTEST_AIRCRAFT_M_S
-        level = math.isnan(one.altitude_amsl_m)  # an unknown height is ours
-        altitude_m = frame.wgs84_from_ned(here)[2].metres if level else one.altitude_amsl_m
-        place = (one.latitude_deg, one.longitude_deg, altitude_m)
-        velocity = one.velocity_ned_m_s if moves else NOWHERE
-        state = MateState(one.name, at_s, *place, velocity, speed_m_s, one.error_m, airborne=True)
-        evaders = (self.tracking.evader(one.received_s, name) for name in self._settings.evaders)
-        known = [evader.position_ned_m for evader in evaders if evader is not None]
-        known += [self._around(mate, at_s, frame).position_ned_m for mate in self.mates.values()]
-        reported_ned_m = self._around(state, at_s, frame).position_ned_m
+        state = _state_of(report, frame.wgs84_from_ned(here_ned_m)[2].metres)
+        reported_ned_m = self._around(state, state.at_s, frame).position_ned_m
+        self._forget_aircraft(state.at_s)
+        before = self.aircraft.pop(state.name, None)
+        if self._is_player(reported_ned_m, report, state.at_s, frame):
+            return
+        if before is not None and self._leaps(before, state, frame):
+            self._no_aircraft_s[state.name] = state.at_s
+        distance_m = math.dist(reported_ned_m, here_ned_m)
+        if state.name in self._no_aircraft_s or distance_m > FARTHEST_AIRCRAFT_M:
+            return
+        self.aircraft[state.name] = state
+        if len(self.aircraft) > MOST_AIRCRAFT:
+            self.aircraft.pop(self._farthest_aircraft(here_ned_m, state.at_s, frame))
+        told_ago_s = report.received_s - self._aircraft_told_s
+        if before is None and state.name in self.aircraft and told_ago_s >= AIRCRAFT_TOLD_EVERY_S:
+            self._aircraft_told_s = report.received_s
+            self.new_aircraft.append(f"{state.name}, {distance_m:.0f} m away, unsigned")
+
+    def _forget_aircraft(self, now_s: float) -> None:
+        """Leave out aircraft that are silent; what moved like none may be one again after that time."""
         self.aircraft = {
-            name: was for name, was in self.aircraft.items() if at_s - was.at_s <= FORGOTTEN_S
+            name: state
+            for name, state in self.aircraft.items()
+            if now_s - state.at_s <= FORGOTTEN_S
         }
-        self.aircraft.pop(one.name, None)
-        unknown = all(math.dist(reported_ned_m, at) > SAME_M + one.error_m for at in known)
-        if unknown and len(self.aircraft) < MOST_AIRCRAFT:
-            self.aircraft[one.name] = state
+        self._no_aircraft_s = {
+            name: at_s for name, at_s in self._no_aircraft_s.items() if now_s - at_s <= FORGOTTEN_S
+        }
+
+    def _is_player(
+        self, reported_ned_m: Vector, report: messages.Aircraft, at_s: float, frame: LocalFrame
+    ) -> bool:
+        """Whether a mate or an evader is where an aircraft is reported."""
+        evaders = (self.tracking.evader(report.received_s, name) for name in self._settings.evaders)
+        players = [evader.position_ned_m for evader in evaders if evader is not None]
+        players += [self._around(mate, at_s, frame).position_ned_m for mate in self.mates.values()]
+        same_m = SAME_M + report.error_m
+        return any(math.dist(reported_ned_m, player) <= same_m for player in players)
+
+    def _leaps(self, before: MateState, after: MateState, frame: LocalFrame) -> bool:
+        """Whether an aircraft was reported at two places that none can reach one from the other."""
+        way_m = math.dist(_place_in(frame, before), _place_in(frame, after))
+        most_m = SAME_M + before.doubt_m + after.doubt_m
+        most_m += FASTEST_AIRCRAFT_M_S * (abs(after.at_s - before.at_s) + _AGE_STEP_S)
+        return way_m > most_m
+
+    def _farthest_aircraft(self, here_ned_m: Vector, now_s: float, frame: LocalFrame) -> str:
+        """Return the name of the aircraft that is farthest from here."""
+
+        def distance_m(name: str) -> float:
+            around = self._around(self.aircraft[name], now_s, frame)
+            return math.dist(around.position_ned_m, here_ned_m)
+
+        return max(self.aircraft, key=distance_m)
 
     def _place(self) -> None:
         """Compute the positions of vehicle, fences and start in the present local frame."""
@@ -345,6 +399,34 @@ class Heard:
         return Separation(
             (north, east, down), team.separation_m + spread_m, team.separation_height_m + spread_m
         )
+
+
+def _state_of(report: messages.Aircraft, own_altitude_m: float) -> MateState:
+    """Return an aircraft's state. An unknown height is ours; with an unknown velocity it may fly anywhere."""
+    altitude_m = report.altitude_amsl_m
+    if math.isnan(altitude_m):
+        altitude_m = own_altitude_m
+    velocity = report.velocity_ned_m_s
+    speed_m_s = math.hypot(*velocity)
+    if math.isnan(speed_m_s):
+        velocity = NOWHERE
+        speed_m_s = FASTEST_AIRCRAFT_M_S
+    return MateState(
+        report.name,
+        report.received_s - report.age_s,
+        report.latitude_deg,
+        report.longitude_deg,
+        altitude_m,
+        velocity,
+        speed_m_s,
+        report.error_m,
+        airborne=True,
+    )
+
+
+def _place_in(frame: LocalFrame, state: MateState) -> Vector:
+    altitude = Amsl(state.altitude_amsl_m)
+    return frame.ned_from_wgs84(state.latitude_deg, state.longitude_deg, altitude)
 
 
 class Echo:

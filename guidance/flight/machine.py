@@ -222,6 +222,8 @@ class Flight:
                 event = None if stands else self._meant(order, now_s, refusals)
                 refused = Happening(now_s, order, stage.state, stage.state, by)
                 yield refused if event is None else self._change(now_s, event, by)
+        for words in self.heard.new_aircraft:
+            yield Happening(now_s, Event.AIRCRAFT, stage.state, stage.state, detail=words)
         if not self.settings.hold_on_rival:
             before = self._rival
             self._rival = self.tracking.rival(now_s)

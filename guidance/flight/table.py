@@ -65,6 +65,7 @@ class Event(StrEnum):
     EVADER_LOST = "evader lost"
     MATE_SILENT = "mate nearby is silent"
     ASSIGNED = "another evader assigned"
+    AIRCRAFT = "another aircraft nearby"
     RIVAL = "second source of the evader's reports"
     SECOND_SENDER = "second source of the vehicle's telemetry"
     ESTIMATOR_RESET = "estimator reset"

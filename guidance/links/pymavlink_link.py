@@ -24,6 +24,10 @@ USED: Final = frozenset(DECODERS) | {"STATUSTEXT", "TIMESYNC", "PARAM_VALUE"}
 """Names of the messages that a link reads."""
 
 QUEUE_LENGTH: Final = 2048
+
+AIRCRAFT_PER_S: Final = 100
+"""Positions of other systems per second that are read: a flood of them pushes no message of the vehicle out."""
+
 _TEXT_CHUNK_BYTES: Final = 50
 _TEXT_TIMEOUT_S: Final = 1.0
 _LONGEST_TEXT: Final = 800
@@ -110,6 +114,8 @@ class PymavlinkLink:
         self._timesync = TimesyncPeer()
         self._texts = TextJoiner()
         self._closed = False
+        self._aircraft_second = 0
+        self._aircraft_heard = 0
         self.autopilot = autopilot
         self.heartbeats = 0
         self.others: set[int] = set()
@@ -159,9 +165,17 @@ class PymavlinkLink:
         self.counts["foreign"] += 1
         self.others.add(frame.system_id)
         known = frame.system_id == self._vehicle[0] or self._station.check is not None
-        if frame.name == "GLOBAL_POSITION_INT" and not known:
-            with contextlib.suppress(ValueError):
-                self._inbox.append(other_aircraft(frame, received_s))
+        if frame.name != "GLOBAL_POSITION_INT" or known:
+            return
+        if int(received_s) != self._aircraft_second:
+            self._aircraft_second = int(received_s)
+            self._aircraft_heard = 0
+        self._aircraft_heard += 1
+        if self._aircraft_heard > AIRCRAFT_PER_S:
+            self.counts["aircraft_dropped"] += 1
+            return
+        with contextlib.suppress(ValueError):
+            self._inbox.append(other_aircraft(frame, received_s))
 
     def hear(self, frame: Frame, received_s: float) -> None:
         """Take one used message of the vehicle.

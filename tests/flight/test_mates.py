@@ -6,7 +6,7 @@ import pytest
 
 from guidance.autopilots import PX4
 from guidance.control import Limiter
-from guidance.flight.heard import FORGOTTEN_S, HOLD_S, Heard
+from guidance.flight.heard import FORGOTTEN_S, HOLD_S, MOST_AIRCRAFT, Heard
 from guidance.flight.settings import Inputs, TeamSection
 from guidance.frames import Amsl, LocalFrame
 from guidance.messages import Aircraft, EvaderReport, MateState, Origin, Role
@@ -141,3 +141,32 @@ def test_a_role_chooses_the_evader_its_speed_and_the_height():
         assert one.cycle.game.standoff.height_m == TEAM.cycle.game.standoff.height_m + 4.0
         one.take_in(Inputs(), in_flight=True)
         assert not one.switched
+
+
+def test_of_a_crowd_of_phantoms_only_the_nearest_count_and_each_is_told_once():
+    one = flown_beside(aircraft(40.0, name="near"))
+    assert [words.split(",")[0] for words in one.new_aircraft] == ["near"]
+    for number in range(500):
+        one.take_in(
+            Inputs(messages=[aircraft(100.0 + number, name=f"system {number}")]), in_flight=True
+        )
+        assert len(one.aircraft) <= MOST_AIRCRAFT
+        assert one.new_aircraft == []  # one note a second
+    assert one.aircraft.keys() == {"near", *(f"system {number}" for number in range(7))}
+    one.take_in(Inputs(messages=[aircraft(100.0, name="system 0")]), in_flight=True)
+    assert one.new_aircraft == []
+
+
+def test_what_leaps_as_no_aircraft_can_is_none():
+    one = flown_beside(aircraft(40.0))
+    for number in range(50):
+        leaping = aircraft(40.0 if number % 2 else 900.0)._replace(received_s=AT_S + 0.1 * number)
+        one.take_in(Inputs(messages=[leaping]), in_flight=True)
+    assert one.aircraft == {}
+    later = aircraft(40.0)._replace(received_s=AT_S + 20.0)
+    one.take_in(Inputs(messages=[later]), in_flight=True)
+    assert one.aircraft.keys() == {"ICAO 3C6444"}
+
+
+def test_an_aircraft_far_away_takes_no_place():
+    assert flown_beside(aircraft(6000.0)).aircraft == {}

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import common
 
 from guidance.autopilots import ARDUCOPTER, PX4, Autopilot, Mode
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.pymavlink_link import AIRCRAFT_PER_S, PymavlinkLink
 from guidance.messages import (
     Aircraft,
     CommandAck,
@@ -224,3 +224,17 @@ def test_a_signed_vehicle_needs_the_key_in_both_directions():
         "SET_POSITION_TARGET_LOCAL_NED"
     ]
     assert decoder.feed(frame) == []  # a replay
+
+
+def test_a_flood_of_other_systems_positions_is_bounded_and_pushes_nothing_out():
+    flight = Flight("px4", PX4)
+    place = (1, 474000000, 85000000, 1, 1, 0, 0, 0, 0)
+    for number in range(3000):
+        other = common.MAVLink(None, srcSystem=2 + number % 200, srcComponent=1)
+        flight.theirs.send(common.MAVLink_global_position_int_message(*place).pack(other))
+        if number % 1000 == 0:
+            flight.link.poll()
+    heard = flight.link.receive()
+    assert sum(isinstance(one, Aircraft) for one in heard) <= 2 * AIRCRAFT_PER_S
+    assert flight.link.counters()["aircraft_dropped"] > 0
+    assert flight.link.counters()["overflowed"] == 0
