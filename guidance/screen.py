@@ -43,9 +43,9 @@ class PrintableConsole(Console):
 
 def console(*, stderr: bool = False) -> Console:
     """Return a console as wide as the terminal or COLUMNS; a pipe is `PIPED_COLUMNS` wide."""
-    made = PrintableConsole(stderr=stderr, highlight=False, markup=False, emoji=False)
-    if made.is_terminal or os.environ.get("COLUMNS", "").isdigit():
-        return made
+    default = PrintableConsole(stderr=stderr, highlight=False, markup=False, emoji=False)
+    if default.is_terminal or os.environ.get("COLUMNS", "").isdigit():
+        return default
     return PrintableConsole(
         stderr=stderr, highlight=False, markup=False, emoji=False, width=PIPED_COLUMNS
     )
@@ -78,12 +78,12 @@ def sheet(
     """
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     lines = list(rows)
-    wrapping = {place for place in left if any(" " in str(row[place]) for row in lines)} or set(
+    wrapping = {column for column in left if any(" " in str(row[column]) for row in lines)} or set(
         left
     )
-    for place, heading in enumerate(headings):
-        justify: JustifyMethod = "left" if place in left else "right"
-        table.add_column(heading, justify=justify, no_wrap=place not in wrapping, overflow="fold")
+    for column, heading in enumerate(headings):
+        justify: JustifyMethod = "left" if column in left else "right"
+        table.add_column(heading, justify=justify, no_wrap=column not in wrapping, overflow="fold")
     for row in lines:
         table.add_row(*row)
     return table
@@ -161,10 +161,10 @@ def live(
     def line() -> Text:
         return Text(draw(), no_wrap=True, overflow="ellipsis")
 
-    shown = Live(
+    display = Live(
         get_renderable=line, console=target, refresh_per_second=1.0 / every_s, transient=True
     )
-    return shown if redraws(target) else nullcontext()
+    return display if redraws(target) else nullcontext()
 
 
 @contextmanager
@@ -183,7 +183,7 @@ def waiting(target: Console, what: str, limit_s: float) -> Iterator[Callable[[st
         target.print(f"waiting for {what}, at most {limit_s:.0f} s", soft_wrap=True)
     column = Column(no_wrap=True, overflow="ellipsis")
     line = "waiting for {task.description}: {task.elapsed:.0f} s of {task.total:.0f} s"
-    shown = TextColumn(line, markup=False, table_column=column, style="none")
-    with Progress(shown, console=target, transient=True, disable=not redraws(target)) as progress:
+    elapsed = TextColumn(line, markup=False, table_column=column, style="none")
+    with Progress(elapsed, console=target, transient=True, disable=not redraws(target)) as progress:
         task = progress.add_task(what, total=limit_s)
         yield lambda words: progress.update(task, description=words)

@@ -148,21 +148,21 @@ def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:
     if not arrived:
         return state
     latest = state.latest.copy()  # states that the caller holds do not change
-    seen = VehicleState(latest, *state[1:])
+    observed = VehicleState(latest, *state[1:])
     for message in arrived:
         change = _CHANGES.get(type(message))
-        changed = seen if change is None else change(message, seen)
+        changed = observed if change is None else change(message, observed)
         if changed is not None:
-            seen = changed
+            observed = changed
             latest[type(message)] = message
-        elif isinstance(message, LocalPosition) and _contradicts(message, seen):
-            seen = _contradicted(message, seen)
-    return seen
+        elif isinstance(message, LocalPosition) and _contradicts(message, observed):
+            observed = _contradicted(message, observed)
+    return observed
 
 
 def _changed_by_odometry(now: Odometry, state: VehicleState) -> VehicleState:
-    held = state.latest.get(Odometry)
-    if held is None or held.reset_counter == now.reset_counter:
+    previous = state.latest.get(Odometry)
+    if previous is None or previous.reset_counter == now.reset_counter:
         return state
     return state._replace(resets=state.resets + 1, reset_s=now.received_s)
 
@@ -181,16 +181,16 @@ def _changed_by_heartbeat(now: Heartbeat, state: VehicleState) -> VehicleState:
 
 def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleState | None:
     """A position shows a jump or a reboot; it is ignored if it is not new."""
-    held = state.latest.get(LocalPosition)
+    previous = state.latest.get(LocalPosition)
     clock = with_position(state.clock, now.received_s, now.time_boot_s)
-    if held is None:
+    if previous is None:
         return state._replace(clock=clock)
-    step_s = now.time_boot_s - held.time_boot_s
+    step_s = now.time_boot_s - previous.time_boot_s
     if step_s < -_REBOOT_S:
         return state._replace(reboots=state.reboots + 1, clock=BootClock())
     if step_s <= 0.0:
         return None
-    speeds = tuple(zip(held.velocity_ned_m_s, now.velocity_ned_m_s, strict=True))
+    speeds = tuple(zip(previous.velocity_ned_m_s, now.velocity_ned_m_s, strict=True))
     gained = (0.0, 0.0, 0.0)
     share = min(1.0, step_s / _SMOOTHED_S)
     if step_s <= _GAP_S:
@@ -199,7 +199,7 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
         gained = (a_north, a_east, a_down)
     state = state._replace(acceleration_ned_m_s2=gained, clock=clock)
     # What the velocities do not explain is a jump, if no manoeuvre explains it either.
-    steps = zip(now.position_ned_m, held.position_ned_m, speeds, strict=True)
+    steps = zip(now.position_ned_m, previous.position_ned_m, speeds, strict=True)
     north, east, down = (to - at - 0.5 * step_s * (was + v) for to, at, (was, v) in steps)
     if not math.hypot(north, east, down) > _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s:
         return state
@@ -218,11 +218,11 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
 
 def _contradicts(now: LocalPosition, state: VehicleState) -> bool:
     """Whether a position that came after a newer one is not on the way to it."""
-    held = state.latest.get(LocalPosition)
-    if held is None or now.time_boot_s < state.jumped_boot_s:
+    previous = state.latest.get(LocalPosition)
+    if previous is None or now.time_boot_s < state.jumped_boot_s:
         return False  # older than a jump of the estimate
-    step_s = held.time_boot_s - now.time_boot_s
-    steps = zip(held.position_ned_m, now.position_ned_m, held.velocity_ned_m_s, strict=True)
+    step_s = previous.time_boot_s - now.time_boot_s
+    steps = zip(previous.position_ned_m, now.position_ned_m, previous.velocity_ned_m_s, strict=True)
     apart_m = math.hypot(*(to - at - step_s * rate for to, at, rate in steps))
     return apart_m > _ASTRAY_M + _ASTRAY_M_S2 * step_s
 
@@ -261,8 +261,8 @@ def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | Non
         return None
     home_amsl = Amsl(home.altitude_amsl_m)
     if origin is not None:
-        place = (origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m))
-        frame = LocalFrame(*place, home_amsl, projection=projection)
+        reference = (origin.latitude_deg, origin.longitude_deg, Amsl(origin.altitude_amsl_m))
+        frame = LocalFrame(*reference, home_amsl, projection=projection)
         away = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, home_amsl)
         return frame if math.hypot(*away) <= FARTHEST_M else None
     if not all(map(math.isfinite, home.position_ned_m)):
@@ -285,10 +285,10 @@ def _within(limit: float, *numbers: float) -> bool:
     return all(abs(number) <= limit for number in numbers)
 
 
-def _on_earth(place: GlobalPosition | Home | Origin | messages.EvaderReport) -> bool:
+def _on_earth(position: GlobalPosition | Home | Origin | messages.EvaderReport) -> bool:
     # North has no direction at a pole
-    here = abs(place.latitude_deg) < 90.0 and abs(place.longitude_deg) <= 180.0
-    return here and abs(place.altitude_amsl_m) <= HIGHEST_M
+    on_earth = abs(position.latitude_deg) < 90.0 and abs(position.longitude_deg) <= 180.0
+    return on_earth and abs(position.altitude_amsl_m) <= HIGHEST_M
 
 
 def _home(home: Home) -> bool:
@@ -299,23 +299,25 @@ def _home(home: Home) -> bool:
 def _local(local: LocalPosition) -> bool:
     (north, east, down) = local.position_ned_m
     (v_north, v_east, v_down) = local.velocity_ned_m_s
-    place = abs(north) <= FARTHEST_M and abs(east) <= FARTHEST_M and abs(down) <= FARTHEST_M
+    plausible_position = (
+        abs(north) <= FARTHEST_M and abs(east) <= FARTHEST_M and abs(down) <= FARTHEST_M
+    )
     rate = abs(v_north) <= FASTEST_M_S and abs(v_east) <= FASTEST_M_S and abs(v_down) <= FASTEST_M_S
-    return place and rate and 0.0 <= local.time_boot_s <= _LATEST_S
+    return plausible_position and rate and 0.0 <= local.time_boot_s <= _LATEST_S
 
 
-def _global(place: GlobalPosition) -> bool:
-    height = abs(place.altitude_above_home_m) <= HIGHEST_M
-    rate = _within(FASTEST_M_S, *place.velocity_ned_m_s)
-    return _on_earth(place) and height and rate and 0.0 <= place.time_boot_s <= _LATEST_S
+def _global(position: GlobalPosition) -> bool:
+    height = abs(position.altitude_above_home_m) <= HIGHEST_M
+    rate = _within(FASTEST_M_S, *position.velocity_ned_m_s)
+    return _on_earth(position) and height and rate and 0.0 <= position.time_boot_s <= _LATEST_S
 
 
-def _aircraft(one: messages.Aircraft) -> bool:
-    here = abs(one.latitude_deg) < 90.0 and abs(one.longitude_deg) <= 180.0
+def _aircraft(aircraft: messages.Aircraft) -> bool:
+    on_earth = abs(aircraft.latitude_deg) < 90.0 and abs(aircraft.longitude_deg) <= 180.0
     return (
-        here
-        and not abs(one.altitude_amsl_m) > HIGHEST_M
-        and not math.hypot(*one.velocity_ned_m_s) > FASTEST_M_S
+        on_earth
+        and not abs(aircraft.altitude_amsl_m) > HIGHEST_M
+        and not math.hypot(*aircraft.velocity_ned_m_s) > FASTEST_M_S
     )
 
 

@@ -120,32 +120,32 @@ class Aggregator:
         local = self.vehicle.latest.get(LocalPosition)
         setpoint = row.setpoint
         certificate = row.certificate
-        known: dict[str, Any] = {
+        columns: dict[str, Any] = {
             "evader_m": self._evader_m,
             "evader_age_s": row.now_s - self._report_s,
         }
         trips = [
-            one.received_s - one.local_ns * 1e-9
-            for one in inputs.messages
-            if isinstance(one, Timesync)
+            message.received_s - message.local_ns * 1e-9
+            for message in inputs.messages
+            if isinstance(message, Timesync)
         ]
-        known["round_trip_s"] = next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan)
+        columns["round_trip_s"] = next((trip for trip in trips if 0.0 <= trip < 10.0), math.nan)
         if row.timing is not None:
-            known |= row.timing._asdict()
+            columns |= row.timing._asdict()
         if local is not None:
-            known |= {
+            columns |= {
                 "flown_ned_m_s": local.velocity_ned_m_s,
                 "telemetry_age_s": row.now_s - local.received_s,
             }
-            known["pursuer_m"] = (
+            columns["pursuer_m"] = (
                 _UNKNOWN if frame is None else frame.position_from_ned(local.position_ned_m)
             )
         if setpoint is not None:
-            known["commanded_ned_m_s"] = setpoint.velocity_ned_m_s
+            columns["commanded_ned_m_s"] = setpoint.velocity_ned_m_s
         if certificate is not None:
-            known |= {name: getattr(certificate, name) for name in _OF_THE_GAME}
-            known["evader_m"] = certificate.evader_game_m
-        return Cycle(row.now_s, **known)
+            columns |= {name: getattr(certificate, name) for name in _OF_THE_GAME}
+            columns["evader_m"] = certificate.evader_game_m
+        return Cycle(row.now_s, **columns)
 
     def _place_home(self) -> None:
         """Place home, and a fence in degrees about it."""
@@ -166,8 +166,8 @@ class Aggregator:
         if local is None or game is None:
             return
         amsl = Amsl(report.altitude_amsl_m)
-        place = game.position_from_ned(
+        evader_game_m = game.position_from_ned(
             local.ned_from_wgs84(report.latitude_deg, report.longitude_deg, amsl)
         )
-        self._evader_m = place if plays else self._evader_m
-        self.evaders_m[report.evader or ""] = place
+        self._evader_m = evader_game_m if plays else self._evader_m
+        self.evaders_m[report.evader or ""] = evader_game_m

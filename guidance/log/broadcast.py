@@ -34,9 +34,9 @@ _CODECS: Final[Mapping[str, Codec[Any]]] = {"cycle": CYCLE, "event": EVENT}
 """By the last part of a broadcast key."""
 
 
-def broadcast_key(name: str, what: str) -> str:
+def broadcast_key(name: str, channel: str) -> str:
     """Return the Zenoh key of a broadcast or query."""
-    return f"guidance/{name}/live/{what}"
+    return f"guidance/{name}/live/{channel}"
 
 
 class Broadcast(Record):
@@ -57,15 +57,15 @@ class Broadcast(Record):
         self._last: CycleEntry | None = None
         self._heard = Inputs()
         json_of = zenoh.Encoding.APPLICATION_JSON.with_schema
-        how: dict[str, Any] = {
+        options: dict[str, Any] = {
             "congestion_control": zenoh.CongestionControl.DROP,
             "priority": zenoh.Priority.DATA_LOW,
         }
         self._publishers = {
-            what: session.declare_publisher(
-                broadcast_key(name, what), encoding=json_of(codec.title), **how
+            channel: session.declare_publisher(
+                broadcast_key(name, channel), encoding=json_of(codec.title), **options
             )
-            for what, codec in _CODECS.items()
+            for channel, codec in _CODECS.items()
         }
         self._queries = session.declare_queryable(
             broadcast_key(name, FLIGHT), zenoh.handlers.RingChannel(16)
@@ -89,27 +89,29 @@ class Broadcast(Record):
         close_all(self._queries.undeclare)
 
     def _run(self) -> None:
-        over = False
-        while not over:
-            over = is_over(self._stop, 0.05)  # the last entries are published after the end
+        stopped = False
+        while not stopped:
+            stopped = is_over(self._stop, 0.05)  # the last entries are published after the end
             # An entry that cannot be encoded is dropped
             with contextlib.suppress(zenoh.ZError, ValueError, TypeError):
                 self._publish()
                 self._answer()
 
     def _publish(self) -> None:
-        watched = {what: is_watched(one) for what, one in self._publishers.items()}
+        watched = {
+            channel: is_watched(publisher) for channel, publisher in self._publishers.items()
+        }
         while self._waiting:
             entry = self._waiting.popleft()
-            what = "cycle" if isinstance(entry, CycleEntry) else "event"
+            channel = "cycle" if isinstance(entry, CycleEntry) else "event"
             if isinstance(entry, CycleEntry):  # viewers that join later need the latest
                 self._last = entry
                 self._heard = Inputs(role=entry.inputs.role or self._heard.role)
                 self._latest.update((type(message), message) for message in entry.inputs.messages)
             elif entry.event == RELOADED:
                 self._metadata[CONFIG] = entry.detail
-            if watched[what]:
-                self._publishers[what].put(_CODECS[what].encode(entry))
+            if watched[channel]:
+                self._publishers[channel].put(_CODECS[channel].encode(entry))
 
     def _answer(self) -> None:
         while (query := self._queries.try_recv()) is not None:
@@ -154,13 +156,13 @@ def flight_of(sample: "zenoh.Sample") -> FoundFlight | None:
     try:
         answer = json.loads(sample.payload.to_bytes())
         metadata = {str(key): str(value) for key, value in answer["metadata"].items()}
-        heard = []
+        items = []
         if "heard" in answer:
             data = json.dumps(answer["heard"]).encode()
-            heard.append(Item(0.0, CYCLE.topic, "json", data))
+            items.append(Item(0.0, CYCLE.topic, "json", data))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
-    return FoundFlight(str(sample.key_expr).split("/")[1], metadata, heard)
+    return FoundFlight(str(sample.key_expr).split("/")[1], metadata, items)
 
 
 def item_of(sample: "zenoh.Sample") -> Item | None:
@@ -184,16 +186,16 @@ class LiveFlight:
     live = True
 
     def __init__(self, session: "zenoh.Session", name: str | None = None) -> None:
-        found = {one.name: one for one in find_flights(session, name or "*", TIMEOUT_S)}
-        if len(found) > 1:
+        flights = {flight.name: flight for flight in find_flights(session, name or "*", TIMEOUT_S)}
+        if len(flights) > 1:
             raise ConfigError(
-                f"--name: which vehicle? daemons on this bus: {', '.join(sorted(found))}"
+                f"--name: which vehicle? daemons on this bus: {', '.join(sorted(flights))}"
             )
-        if not found:
+        if not flights:
             raise LinkError(
                 f"{name or 'any daemon'}: no answer within {TIMEOUT_S:g} s; is it running?"
             )
-        ((self.name, self._flight),) = found.items()
+        ((self.name, self._flight),) = flights.items()
         self._arriving = session.declare_subscriber(
             broadcast_key(self.name, "*"), zenoh.handlers.RingChannel(MAX_ARRIVED)
         )

@@ -114,12 +114,12 @@ class Codec(Generic[T]):
             value: T = self._validator.validate_json(data)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            place = ".".join(map(str, (self._name, *first["loc"])))
+            key = ".".join(map(str, (self._name, *first["loc"])))
             given = (
                 "" if isinstance(first["input"], (dict, list, bytes)) else f" = {first['input']!r}"
             )
             raise ConfigError(
-                f"{place}{given}: {_REASONS.get(first['type'], first['msg'])}"
+                f"{key}{given}: {_REASONS.get(first['type'], first['msg'])}"
             ) from error
         return value
 
@@ -133,19 +133,19 @@ def form_of(kind: Any) -> Form:  # noqa: ANN401 - a type annotation can be any o
     """
     if kind in _PLAIN:
         return _PLAIN[kind]
-    if (one := inside(kind)) is not kind:
-        return form_of(one)._replace(core=cs.nullable_schema(form_of(one).core))
+    if (inner := inside(kind)) is not kind:
+        return form_of(inner)._replace(core=cs.nullable_schema(form_of(inner).core))
     origin = get_origin(kind)
     parts = get_args(kind)
     if origin in {tuple, Sequence}:
         return _array(parts if origin is tuple else (*parts, ...))
     if isinstance(kind, type) and issubclass(kind, StrEnum):
-        words = [str(one) for one in kind]
+        words = [str(member) for member in kind]
         return Form(
             cs.enum_schema(kind, list(kind)), {"type": "string", "enum": words}, str.__str__
         )
     kinds = parts or (kind,)
-    if not all(hasattr(one, "_fields") for one in kinds):
+    if not all(hasattr(member, "_fields") for member in kinds):
         raise TypeError(f"{kind}: viewers cannot read this type")
     return _object(kinds, tagged=kind == Message)
 
@@ -167,11 +167,11 @@ def _array(kinds: tuple[Any, ...]) -> Form:
             {"type": "array", "items": items},
             writes,
         )
-    each = {"type": [items["type"], "null"]} if kinds[0] is float else items
+    element = {"type": [items["type"], "null"]} if kinds[0] is float else items
     schema = {
         "type": "array",
         "items": items,
-        "prefixItems": [each] * len(kinds),
+        "prefixItems": [element] * len(kinds),
         "maxItems": len(kinds),
     }
     return Form(cs.tuple_schema([core] * len(kinds)), schema)
@@ -187,7 +187,10 @@ def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
     for kind in kinds:
         properties |= {name: form_of(hint).schema for name, hint in get_type_hints(kind).items()}
     required = set.intersection(
-        *({name for name, one in each.items() if one["required"]} for each in fields.values())
+        *(
+            {name for name, spec in properties.items() if spec["required"]}
+            for properties in fields.values()
+        )
     )
     choices = {kind.__name__: _built(kind, fields[kind]) for kind in kinds}
     either: list[Any] = [*choices.values()]

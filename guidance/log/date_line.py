@@ -80,15 +80,15 @@ def _shifted(piece: Sequence[Coordinates]) -> list[Coordinates]:
 
 def _beyond(ring: Sequence[Coordinates], longitude_deg: float, *, side: float) -> list[Coordinates]:
     """Return the part of a closed ring east (side 1) or west (side −1) of a longitude, closed."""
-    kept: list[Coordinates] = []
+    part: list[Coordinates] = []
     for before, after in pairwise(ring):
         before_in = side * (before[0] - longitude_deg) >= 0.0
         after_in = side * (after[0] - longitude_deg) >= 0.0
         if before_in:
-            kept.append(before)
+            part.append(before)
         if before_in != after_in:
-            kept.append(_at(before, after, longitude_deg))
-    return [*kept, *kept[:1]]
+            part.append(_at(before, after, longitude_deg))
+    return [*part, *part[:1]]
 
 
 def _area(ring: Sequence[Coordinates]) -> float:

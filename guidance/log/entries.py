@@ -103,9 +103,9 @@ def cycle_entry(
     vehicle: str | None = None,
 ) -> CycleEntry:
     """Return the entry of a cycle of a vehicle."""
-    made = outputs.requests, outputs.setpoint, outputs.certificate, outputs.alarm
+    results = outputs.requests, outputs.setpoint, outputs.certificate, outputs.alarm
     by = Authority.FLIGHT if outputs.cause is None else outputs.cause.by
-    return CycleEntry(now_s, outputs.state, inputs, *made, timing, by, vehicle)
+    return CycleEntry(now_s, outputs.state, inputs, *results, timing, by, vehicle)
 
 
 def title_of(metadata: Mapping[str, str]) -> str:

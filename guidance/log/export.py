@@ -163,7 +163,9 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
     state = ""
     for row in cycles_of(path):
         inputs = row.inputs
-        tracks["pursuer"] += [one for one in inputs.messages if isinstance(one, GlobalPosition)]
+        tracks["pursuer"] += [
+            message for message in inputs.messages if isinstance(message, GlobalPosition)
+        ]
         vehicle = observe(vehicle, inputs.messages)
         if vehicle.armed or home is None:  # home in flight; on the ground it drifts
             home = vehicle.latest.get(Home)
@@ -176,7 +178,7 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
             )
     drawn = []
     for name, track in ((name, track) for name, track in tracks.items() if len(track) > 1):
-        times_s = [round(one.received_s, 3) for one in track]
+        times_s = [round(report.received_s, 3) for report in track]
         drawn.append(feature(name, "LineString", [*map(_place, track)], times_s=times_s))
     return [*drawn, *changes, *_fence(settings, home), *_goal(settings)]
 
@@ -185,8 +187,8 @@ def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
     """Draw the fence at the altitude of home."""
     if home is None:
         return
-    place = home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m)
-    frame = LocalFrame(*place, projection=settings.autopilot.projection)
+    home_place = home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m)
+    frame = LocalFrame(*home_place, projection=settings.autopilot.projection)
     envelope = settings.limits.about_home(settings.cycle.envelope, NOWHERE, frame)
     for edge in fence_edges(envelope, NOWHERE):
         places = [_placed(frame, north_m, east_m) for east_m, north_m, _ in edge.tolist()]
@@ -290,7 +292,7 @@ def _kml_shape(kind: str, coordinates: Any) -> str:  # noqa: ANN401 - nested as 
 
 def _xml(text: str) -> str:
     """Escape text from a record; XML allows no control characters."""
-    return escape("".join(one for one in text if one.isprintable()))
+    return escape("".join(letter for letter in text if letter.isprintable()))
 
 
 def write_table(path: Path, out: Path) -> int:
@@ -318,9 +320,9 @@ def write_table(path: Path, out: Path) -> int:
     with (parquet.ParquetWriter if out.suffix == ".parquet" else csv.CSVWriter)(
         out, schema
     ) as writer:
-        while some := list(islice(rows, 4096)):
-            writer.write_batch(pa.RecordBatch.from_pylist(some, schema=schema))
-            count += len(some)
+        while batch := list(islice(rows, 4096)):
+            writer.write_batch(pa.RecordBatch.from_pylist(batch, schema=schema))
+            count += len(batch)
     return count
 
 

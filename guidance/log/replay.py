@@ -103,7 +103,11 @@ def replay(
         inputs = row.inputs
         if what_if:
             inputs = inputs._replace(
-                messages=[one for one in inputs.messages if not isinstance(one, PositionTarget)]
+                messages=[
+                    message
+                    for message in inputs.messages
+                    if not isinstance(message, PositionTarget)
+                ]
             )
         try:
             outputs = flight.step(row.now_s, inputs)
@@ -132,7 +136,7 @@ def compare(
     setpoints = 0
     differing = 0
     first: ReplayedCycle | None = None
-    wanted = list[Pair]()
+    desired = list[Pair]()
     commanded = list[Pair]()
     for step in replay(path, settings_of, survey, what_if=what_if):
         row = step.row
@@ -145,9 +149,9 @@ def compare(
         if row.setpoint is not None and outputs.setpoint is not None:
             commanded.append((row.setpoint.velocity_ned_m_s, outputs.setpoint.velocity_ned_m_s))
         if row.certificate is not None and outputs.certificate is not None:
-            wanted.append((row.certificate.desired_ned_m_s, outputs.certificate.desired_ned_m_s))
+            desired.append((row.certificate.desired_ned_m_s, outputs.certificate.desired_ned_m_s))
     return Comparison(
-        cycles, setpoints, differing, first, difference_of(wanted), difference_of(commanded)
+        cycles, setpoints, differing, first, difference_of(desired), difference_of(commanded)
     ), survey
 
 
@@ -161,9 +165,9 @@ def difference_of(pairs: Sequence[Pair]) -> Difference:
     angles_rad = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.vecdot(a, b))
     speeds_m_s = np.linalg.norm(a - b, axis=-1)
     sums = (
-        float(one)
-        for each in (angles_rad, speeds_m_s)
-        for one in (each.sum(), each.max(initial=0.0))
+        float(statistic)
+        for differences in (angles_rad, speeds_m_s)
+        for statistic in (differences.sum(), differences.max(initial=0.0))
     )
     return Difference(len(a), *sums)
 
@@ -175,7 +179,7 @@ def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
         "inputs": Inputs()
     }
     same |= {"by": None} if row.by is None else {}
-    recorded_json, present_json = (CYCLE.encode(one._replace(**same)) for one in (row, present))
+    recorded_json, present_json = (CYCLE.encode(entry._replace(**same)) for entry in (row, present))
     if recorded_json == present_json:
         return []
     before = json.loads(recorded_json)

@@ -110,38 +110,38 @@ def time_of(now_s: float) -> dict[str, int]:
     return {"sec": seconds, "nsec": nanoseconds}
 
 
-def _vector(place: Vector) -> Json:
-    return dict(zip("xyz", place, strict=True))
+def _vector(point_m: Vector) -> Json:
+    return dict(zip("xyz", point_m, strict=True))
 
 
-def _pose(place: Vector) -> Json:
-    return {"position": _vector(place), "orientation": {**_vector(_ZERO), "w": 1.0}}
+def _pose(point_m: Vector) -> Json:
+    return {"position": _vector(point_m), "orientation": {**_vector(_ZERO), "w": 1.0}}
 
 
-def _ball(place: Vector, diameter_m: float, color: Json) -> Json:
+def _ball(centre_m: Vector, diameter_m: float, color: Json) -> Json:
     return {
-        "pose": _pose(place),
+        "pose": _pose(centre_m),
         "size": _vector((diameter_m, diameter_m, diameter_m)),
         "color": color,
     }
 
 
-def _fix(now_s: float, name: str, place: Vector, sd_m: float) -> Json:
+def _fix(now_s: float, name: str, position: Vector, sd_m: float) -> Json:
     """A place on the map: latitude and longitude in degrees, altitude above mean sea level, left out if unknown."""
     variance, kind = (0.0, _UNKNOWN) if math.isnan(sd_m) else (sd_m * sd_m, _DIAGONAL_KNOWN)
     fix = {
         "timestamp": time_of(now_s),
         "frame_id": name,
-        "latitude": place[0],
-        "longitude": place[1],
+        "latitude": position[0],
+        "longitude": position[1],
     }
-    fix |= {"altitude": place[2]} if math.isfinite(place[2]) else {}
+    fix |= {"altitude": position[2]} if math.isfinite(position[2]) else {}
     covariance = [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]
     return fix | {"position_covariance": covariance, "position_covariance_type": kind}
 
 
-def _pose_in_frame(now_s: float, place: Vector) -> Json:
-    return {"timestamp": time_of(now_s), "frame_id": GAME_FRAME, "pose": _pose(place)}
+def _pose_in_frame(now_s: float, point_m: Vector) -> Json:
+    return {"timestamp": time_of(now_s), "frame_id": GAME_FRAME, "pose": _pose(point_m)}
 
 
 def _scene(now_s: float, balls: Sequence[Json], rim: Sequence[Vector]) -> Json:
@@ -212,16 +212,24 @@ class Scene:
 
     def of(self, entry: CycleEntry) -> Iterator[Drawn]:
         """Draw one cycle."""
-        for seen in (*entry.inputs.messages, *entry.inputs.reports):
-            if isinstance(seen, (GlobalPosition, EvaderReport)):
+        for message in (*entry.inputs.messages, *entry.inputs.reports):
+            if isinstance(message, (GlobalPosition, EvaderReport)):
                 name, sd_m = (
-                    ("evader", seen.position_sd_m)
-                    if isinstance(seen, EvaderReport)
+                    ("evader", message.position_sd_m)
+                    if isinstance(message, EvaderReport)
                     else ("pursuer", math.nan)
                 )
-                if self._is_due(f"guidance/map/{name}", seen.received_s, EVERY_S):
-                    place = (seen.latitude_deg, seen.longitude_deg, seen.altitude_amsl_m)
-                    yield f"guidance/map/{name}", FIX, _fix(seen.received_s, name, place, sd_m)
+                if self._is_due(f"guidance/map/{name}", message.received_s, EVERY_S):
+                    position = (
+                        message.latitude_deg,
+                        message.longitude_deg,
+                        message.altitude_amsl_m,
+                    )
+                    yield (
+                        f"guidance/map/{name}",
+                        FIX,
+                        _fix(message.received_s, name, position, sd_m),
+                    )
         now_s = entry.now_s
         certificate = entry.certificate
         if certificate is None:

@@ -164,17 +164,17 @@ class Recorder(Record):
         waiting = self._waiting
         try:
             while waiting and self.failed is None:
-                now_s, topic, what = waiting.popleft()
+                now_s, topic, content = waiting.popleft()
                 if now_s >= self._file_ends_s or self._file.size >= self._rotate_bytes:
                     self._rotate()
                 if self._file_ends_s == math.inf:
                     self._file_ends_s = now_s + self._rotate_s
-                if isinstance(what, bytes):
-                    self._file.add(topic, None, now_s, what)
-                elif isinstance(what, CycleEntry):
-                    self._add_cycle(what)
+                if isinstance(content, bytes):
+                    self._file.add(topic, None, now_s, content)
+                elif isinstance(content, CycleEntry):
+                    self._add_cycle(content)
                 else:
-                    self._file.add(topic, EVENT.schema, now_s, EVENT.encode(what))
+                    self._file.add(topic, EVENT.schema, now_s, EVENT.encode(content))
                 if not waiting:
                     self._file.end_chunk()
         except (OSError, ValueError, TypeError) as error:
@@ -218,7 +218,11 @@ def started_utc(now_s: float) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of Python, of the packages that determine the recorded data, and the commit if known."""
-    return versions_of(_RECORDED) | ({"commit": found} if (found := commit()) else {})
+    recorded = versions_of(_RECORDED)
+    head = commit()
+    if head is not None:
+        recorded["commit"] = head
+    return recorded
 
 
 def versions_of(packages: Sequence[str]) -> dict[str, str]:
@@ -251,25 +255,25 @@ def commit_of_checkout(root: Path) -> str | None:
     ]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
     try:
-        done = subprocess.run(
+        git = subprocess.run(
             words, capture_output=True, text=True, timeout=5.0, check=True, env=environment
         )
     except (OSError, subprocess.SubprocessError):
         return None
-    return done.stdout.strip()
+    return git.stdout.strip()
 
 
 def commit_of_install() -> str | None:
     """Return the commit of the repository that pip installed, or None."""
     try:
-        found = str(
+        commit_id = str(
             json.loads(distribution(PACKAGE).read_text("direct_url.json") or "{}")["vcs_info"][
                 "commit_id"
             ]
         )
     except (PackageNotFoundError, OSError, ValueError, KeyError, TypeError):
         return None
-    return found if _HASH.fullmatch(found) else None
+    return commit_id if _HASH.fullmatch(commit_id) else None
 
 
 class McapFile:

@@ -85,8 +85,8 @@ class Distribution(Section):
             for name, field in type(self).model_fields.items()
             if name != "about_m"
         }
-        kind, *more = [*self.model_fields_set - {"about_m"}] or [""]
-        if more or not kind:
+        kind, *extra_keys = [*self.model_fields_set - {"about_m"}] or [""]
+        if extra_keys or not kind:
             yield f"must be one of {'; '.join(map(str, forms.values()))}"
         if "about_m" in self.model_fields_set and not self.radii_m:
             yield "about_m: only with disc or annulus"
@@ -137,7 +137,7 @@ class Distribution(Section):
                 np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], axis=-1).tolist()
             )
         if self.choice:
-            return [self.choice[place] for place in (first * len(self.choice)).astype(int).tolist()]
+            return [self.choice[index] for index in (first * len(self.choice)).astype(int).tolist()]
         # Rounding can put a draw just outside the support.
         return list(np.clip(self.law.ppf(first), *self.law.support()).tolist())
 
@@ -166,25 +166,25 @@ class Axis:
     def at(self, place: Integers, seed: Integers) -> list[Any]:
         """Return the value of each row by its place on the grid, or drawn by its seed; each key has its own stream."""
         if self.random is None:
-            return [self.values[one] for one in place.tolist()]
+            return [self.values[index] for index in place.tolist()]
         stream = int.from_bytes(blake2b(self.key.encode(), digest_size=7).digest(), "big")
         return self.random.draw(uniform(seed, stream, 0), uniform(seed, stream, 1))
 
     def settings(self, value: Any) -> Iterator[tuple[tuple[str | int, ...], Any]]:  # noqa: ANN401 - any value of a key
         """Yield the paths that a value sets; a position (x, y) keeps the height."""
         if self.random is not None and self.random.radii_m:
-            yield from (((*self.path, place), part) for place, part in enumerate(value))
+            yield from (((*self.path, index), part) for index, part in enumerate(value))
         else:
             yield self.path, value
 
     def columns(self) -> dict[str, pa.DataType]:
         """Return names and types of the columns of the values; vectors of one length have one for each element."""
         sizes = {
-            len(one) if isinstance(one, list) and _type_of(one) != pa.string() else 0
-            for one in self.extremes
+            len(extreme) if isinstance(extreme, list) and _type_of(extreme) != pa.string() else 0
+            for extreme in self.extremes
         }
         if len(sizes) == 1 and (size := sizes.pop()):
-            return {f"{self.key}[{place}]": pa.float64() for place in range(size)}
+            return {f"{self.key}[{index}]": pa.float64() for index in range(size)}
         return {self.key: _type_of(self.extremes)}
 
     def cells(self, values: Sequence[Any]) -> list[pa.Array]:
@@ -195,7 +195,10 @@ class Axis:
         texts = kind == pa.string()
         return [
             pa.array(
-                [json.dumps(one) if texts and not isinstance(one, str) else one for one in values],
+                [
+                    json.dumps(value) if texts and not isinstance(value, str) else value
+                    for value in values
+                ],
                 kind,
             )
         ]
@@ -231,7 +234,7 @@ def grid_values(spec: Any) -> list[Any]:  # noqa: ANN401 - from a file
         raise ValueError("must be a list of values or { from = …, to = …, count = … }")
     if any(isinstance(value, Mapping) for value in spec):
         raise ValueError("a value must be a number, a text or a vector; sweep a section key by key")
-    if any(value in spec[:place] for place, value in enumerate(spec)):
+    if any(value in spec[:index] for index, value in enumerate(spec)):
         raise ValueError("a value is given twice")
     return spec
 

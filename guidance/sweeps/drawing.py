@@ -87,9 +87,9 @@ def draw_all(
 def key_label(column: str) -> str:
     """Return the label of an axis: `evader.speed_m_s` is "evader speed, m/s"."""
     for ending, unit in (("_m_s", "m/s"), ("_deg", "deg"), ("_hz", "Hz"), ("_m", "m"), ("_s", "s")):
-        name, bracket, place = column.partition("[")
+        name, bracket, index = column.partition("[")
         if name.endswith(ending):
-            axis = f" {'xyz'[int(place[:-1])]}" if bracket and place[:-1] in {"0", "1", "2"} else ""
+            axis = f" {'xyz'[int(index[:-1])]}" if bracket and index[:-1] in {"0", "1", "2"} else ""
             return f"{name.removesuffix(ending).replace('.', ' ').replace('_', ' ')}{axis}, {unit}"
     return column.replace(".", " ").replace("_", " ")
 
@@ -101,50 +101,50 @@ def _figure(title: str, rows: int, columns: int) -> tuple[Figure, Any]:
 
 
 def _names(report: Mapping[str, Any], player: str) -> list[str]:
-    return list(dict.fromkeys(one[player] for one in report["policies"]))
+    return list(dict.fromkeys(pair[player] for pair in report["policies"]))
 
 
 def _styles(report: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     # Wide lines below narrow ones, so that equal curves remain visible.
     return {
         pursuer: {
-            **_STYLES[place % len(_STYLES)],
-            "linewidth": max(1.0, 3.0 - 0.6 * place),
+            **_STYLES[row % len(_STYLES)],
+            "linewidth": max(1.0, 3.0 - 0.6 * row),
             "label": pursuer,
             "ms": 4,
         }
-        for place, pursuer in enumerate(_names(report, "pursuer"))
+        for row, pursuer in enumerate(_names(report, "pursuer"))
     }
 
 
 def _legend(figure: Figure, axes: Any) -> None:  # noqa: ANN401 - Matplotlib has no types for it
-    for one in axes.ravel():
-        one.grid(visible=True, linewidth=0.3)
+    for panel in axes.ravel():
+        panel.grid(visible=True, linewidth=0.3)
     legend_below(figure, *axes.ravel(), columns=3, title="pursuer")
 
 
 def _regret(report: Mapping[str, Any], regrets: Sequence[Array]) -> Figure | None:
     """Draw the share of games with at most a given regret; one panel for each evader."""
-    known = [one for one in report["policies"] if one["regret_games"]]
-    if not known:
+    played_pairs = [one for one in report["policies"] if one["regret_games"]]
+    if not played_pairs:
         return None
-    evaders = list(dict.fromkeys(one["evader"] for one in known))
+    evaders = list(dict.fromkeys(pair["evader"] for pair in played_pairs))
     styles = _styles(report)
     figure, axes = _figure(f"{report['title']}: regret against the game's value", 1, len(evaders))
     for panel, evader in zip(axes[0], evaders, strict=True):
         group = [
-            (one, numbers)
-            for one, numbers in zip(known, regrets, strict=True)
-            if one["evader"] == evader
+            (pair, numbers)
+            for pair, numbers in zip(played_pairs, regrets, strict=True)
+            if pair["evader"] == evader
         ]
         ends = np.quantile(
             np.concatenate([numbers for _, numbers in group]), [1.0 - _SHOWN, _SHOWN]
         )
         margin = max(0.03 * float(np.ptp(ends)), 1e-6)
-        for one, numbers in group:
+        for pair, numbers in group:
             quantiles = np.quantile(numbers, _SHARES, method="inverted_cdf")
             panel.plot(
-                quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **styles[one["pursuer"]]
+                quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **styles[pair["pursuer"]]
             )
         panel.set(xlim=(ends[0] - margin, ends[1] + margin), ylim=(0.0, 1.02))
         panel.set(xlabel=f"regret, {report['unit']}", title=f"evader: {evader}")
@@ -161,12 +161,12 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
     evaders = _names(report, "evader")
     styles = _styles(report)
     groups = [
-        one
+        group
         for policies in report["policies"]
         for key in keys
-        for one in policies["by_key"][key.column]
+        for group in policies["by_key"][key.column]
     ]
-    differ = len({one["capture"]["estimate"] for one in groups if one["games"]}) > 1
+    differ = len({group["capture"]["estimate"] for group in groups if group["games"]}) > 1
     rows = list(itertools.product(evaders, _MEASURES if differ else _MEASURES[1:]))
     shape = (len(rows) // len(evaders), len(evaders)) if len(keys) == 1 else (len(rows), len(keys))
     figure, axes = _figure(f"{report['title']}: results by swept key", *shape)
@@ -174,12 +174,15 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
     for panel, ((evader, (name, count, measure, band)), key) in zip(
         panels, itertools.product(rows, keys), strict=True
     ):
-        for one in (one for one in report["policies"] if one["evader"] == evader):
-            known = [group for group in one["by_key"][key.column] if group[count]]
+        for one in (pair for pair in report["policies"] if pair["evader"] == evader):
+            known_groups = [group for group in one["by_key"][key.column] if group[count]]
             style = styles[one["pursuer"]]
-            centres = [key.centres[key.labels.index(group["at"][key.column])] for group in known]
+            centres = [
+                key.centres[key.labels.index(group["at"][key.column])] for group in known_groups
+            ]
             numbers = np.array(
-                [[group[measure][part] for part in band] for group in known], dtype=np.float64
+                [[group[measure][part] for part in band] for group in known_groups],
+                dtype=np.float64,
             )
             low, middle, high = numbers.reshape(-1, 3).T
             panel.plot(centres, middle, **style)
@@ -204,14 +207,14 @@ def _map(
     evaders = _names(report, "evader")
     pursuers = _names(report, "pursuer")
     maps = {}
-    for one in report["policies"]:
+    for pair in report["policies"]:
         cells = {
-            tuple(group["at"].values()): group[measure]["estimate"] for group in one["by_point"]
+            tuple(group["at"].values()): group[measure]["estimate"] for group in pair["by_point"]
         }
         rows = [[cells.get((first, second)) for second in across.labels] for first in down.labels]
-        maps[one["pursuer"], one["evader"]] = np.array(rows, dtype=np.float64)
-    known = np.concatenate([values[np.isfinite(values)] for values in maps.values()])
-    if not known.size or not np.ptp(known):
+        maps[pair["pursuer"], pair["evader"]] = np.array(rows, dtype=np.float64)
+    finite_values = np.concatenate([values[np.isfinite(values)] for values in maps.values()])
+    if not finite_values.size or not np.ptp(finite_values):
         return None
     figure, axes = _figure(f"{report['title']}: {name}", len(evaders), len(pursuers))
     for (pursuer, evader), values in maps.items():
@@ -221,8 +224,8 @@ def _map(
             origin="lower",
             aspect="auto",
             cmap="cividis",
-            vmin=known.min(),
-            vmax=known.max(),
+            vmin=finite_values.min(),
+            vmax=finite_values.max(),
         )
         panel.set(
             title=f"{pursuer} / {evader}",

@@ -217,11 +217,11 @@ def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
     if differing := [name for name in {**was, **now} if was.get(name) != now.get(name)]:
         differ = f"{', '.join(differing)} differ{'s' * (len(differing) == 1)}"
         raise ConfigError(f"--out {path}: holds another sweep ({differ}); choose another folder")
-    if (there := manifest["versions"]) != (here := versions_of(DETERMINING)):
+    if (recorded := manifest["versions"]) != (present := versions_of(DETERMINING)):
         changed = "; ".join(
-            f"{one} {there.get(one)}, now {here[one]}"
-            for one in here
-            if there.get(one) != here[one]
+            f"{package} {recorded.get(package)}, now {present[package]}"
+            for package in present
+            if recorded.get(package) != present[package]
         )
         raise ConfigError(
             f"--out {path}: was begun with {changed}: rows could differ; choose another folder"
@@ -249,7 +249,7 @@ def read_json(path: Path) -> dict[str, Any]:
         ConfigError: If it cannot be read, or is not JSON.
     """
     try:
-        found = json.loads(text_of(path, str(path), secret=False))
+        document = json.loads(text_of(path, str(path), secret=False))
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not valid JSON ({error})") from error
-    return found if isinstance(found, dict) else {}
+    return document if isinstance(document, dict) else {}

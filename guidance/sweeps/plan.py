@@ -66,9 +66,9 @@ class Seeds(Section):
         return np.array(self.values, dtype=np.int64)[number] if self.values else number + self.begin
 
 
-def _seeds(given: Any) -> Any:  # noqa: ANN401 - from a file
+def _seeds(seeds: Any) -> Any:  # noqa: ANN401 - from a file
     keys = {int: "count", list: "list"}
-    return {keys[type(given)]: given} if type(given) in keys else given
+    return {keys[type(seeds)]: seeds} if type(seeds) in keys else seeds
 
 
 AnySeeds = Annotated[Seeds, BeforeValidator(_seeds, json_schema_input_type=int | list[int] | Seeds)]
@@ -126,9 +126,9 @@ class Plan(Section):
 
     @field_validator("grid", "random", mode="before", json_schema_input_type=dict[str, Any])
     @classmethod
-    def _flatten(cls, given: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - from a file
+    def _flatten(cls, document: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - from a file
         inner = (Mapping,) if info.field_name == "random" else (Mapping, list)
-        return dict(flat(given, inner)) if isinstance(given, Mapping) else given
+        return dict(flat(document, inner)) if isinstance(document, Mapping) else document
 
     def _faults(self) -> Iterator[str]:
         if self.teams and self.way != "maths":
@@ -138,16 +138,16 @@ class Plan(Section):
         for key, random in self.random.items():
             if random.radii_m and not key.endswith("position_m"):
                 use = "use it for pursuer.position_m or evader.position_m as a whole"
-                other = "give each number of another key its own distribution"
-                yield f"random.{key}: a disc or an annulus is a position: {use}; {other}"
+                advice = "give each number of another key its own distribution"
+                yield f"random.{key}: a disc or an annulus is a position: {use}; {advice}"
         columns = [name for axis in self.axes for name in axis.columns()]
         pairs = [" against ".join(pair) for pair in self.pairs]
-        for key, given in (
+        for key, names in (
             ("policies", pairs),
             ("seeds", self.seeds.values),
             ("grid, random", columns),
         ):
-            if twice := [one for one, count in Counter(given).items() if count > 1]:
+            if twice := [name for name, count in Counter(names).items() if count > 1]:
                 yield f"{key}: {twice[0]} is given twice"
         step = math.prod(self.shape[:2])
         if self.number is not None and self.number % step:
@@ -176,12 +176,13 @@ class Plan(Section):
     @cached_property
     def pairs(self) -> tuple[Pair, ...]:
         """The pairs of policies."""
-        own = [policy_in(self.scenario[player]) for player in Pair._fields]
+        scenario_policies = [policy_in(self.scenario[player]) for player in Pair._fields]
         return tuple(
             Pair(*names)
-            for given in self.policies or (Policies(),)
+            for policies in self.policies or (Policies(),)
             for names in itertools.product(
-                _several(given.pursuer, own[0]), _several(given.evader, own[1])
+                _several(policies.pursuer, scenario_policies[0]),
+                _several(policies.evader, scenario_policies[1]),
             )
         )
 
@@ -214,7 +215,7 @@ class Plan(Section):
         """Return policies, seeds and values of rows, by their numbers (n,)."""
         pair, point, seed = self.places(row)
         values = (
-            axis.at(place, seed) for axis, place in zip(self.axes, self.on_axes(point), strict=True)
+            axis.at(index, seed) for axis, index in zip(self.axes, self.on_axes(point), strict=True)
         )
         return Cases(row, pair, seed, tuple(values))
 
@@ -252,8 +253,8 @@ class Plan(Section):
         return sha256(json.dumps(self.decisive, sort_keys=True).encode()).hexdigest()
 
 
-def _several(names: str | tuple[str, ...], own: str) -> tuple[str, ...]:
-    return (names,) if isinstance(names, str) else names or (own,)
+def _several(names: str | tuple[str, ...], default: str) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else names or (default,)
 
 
 def policy_in(section: Any) -> str:  # noqa: ANN401 - a player's section, or the tables of a team

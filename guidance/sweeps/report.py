@@ -111,7 +111,7 @@ def summed_up(
     grid = [key for key in keys if key.grid]
     by_key = {key.column: _groups(plan, rows, [key]) for key in keys}
     by_point = _groups(plan, rows, grid) if len(grid) == 2 else {}
-    whole = _groups(plan, rows, [])
+    everything = _groups(plan, rows, [])
     return dict(plain({
         "title": plan.title or plan.scenario["title"],
         "scenario": plan.scenario["title"],
@@ -123,11 +123,11 @@ def summed_up(
         "unit": "s" if plan.scenario["game"] == "pe" else "m",
         "intervals": "95 %, of random draws only: Wilson's for probabilities, Student's t for means",
         "policies": [
-            {**pair._asdict(), "ends": Counter(rows[END][rows[PAIR] == number].tolist()), **whole[number][0]}
-            | {"by_key": {column: found[number] for column, found in by_key.items()}}
+            {**pair._asdict(), "ends": Counter(rows[END][rows[PAIR] == number].tolist()), **everything[number][0]}
+            | {"by_key": {column: groups[number] for column, groups in by_key.items()}}
             | {"by_point": by_point.get(number, [])}
             for number, pair in enumerate(plan.pairs)
-            if number in whole
+            if number in everything
         ],
         "invalid": _reasons(rows),
         "worst": worst,
@@ -142,11 +142,11 @@ def _groups(plan: Plan, rows: Columns, keys: Sequence[Key]) -> dict[int, list[di
     shape = (len(plan.pairs), *(len(key.labels) for key in keys))
     group = np.ravel_multi_index((rows[PAIR], *(key.places for key in keys)), shape)
     mixed = sum(len(axis.values) > 1 for axis in plan.axes) > len([key for key in keys if key.grid])
-    found: dict[int, list[dict[str, Any]]] = {}
+    groups_of: dict[int, list[dict[str, Any]]] = {}
     order = np.argsort(group, kind="stable")
     groups, begins = np.unique(group[order], return_index=True)
-    for one, members in zip(groups.tolist(), np.split(numbers[order], begins[1:]), strict=True):
-        pair, *places = np.unravel_index(one, shape)
+    for number, members in zip(groups.tolist(), np.split(numbers[order], begins[1:]), strict=True):
+        pair, *places = np.unravel_index(number, shape)
         captures, regrets, predicted, times_s = members.T
         captures = known(captures)
         regrets = known(regrets)
@@ -167,22 +167,23 @@ def _groups(plan: Plan, rows: Columns, keys: Sequence[Key]) -> dict[int, list[di
             "regret_games": regrets.size,
             "regret_mean": regret,
             "regret_quantiles": {
-                f"{one:g}": value for one, value in zip(QUANTILES, quantiles, strict=False)
+                f"{quantile:g}": value
+                for quantile, value in zip(QUANTILES, quantiles, strict=False)
             },
         }
-        at = {key.column: key.labels[place] for key, place in zip(keys, places, strict=True)}
-        found.setdefault(int(pair), []).append(({"at": at} if keys else {}) | summary)
-    return found
+        at = {key.column: key.labels[index] for key, index in zip(keys, places, strict=True)}
+        groups_of.setdefault(int(pair), []).append(({"at": at} if keys else {}) | summary)
+    return groups_of
 
 
 def _reasons(rows: Columns) -> list[dict[str, Any]]:
     """Return why rows are invalid or failed, with an example of each reason; its numbers differ from row to row."""
     wrong = (rows[END] == "invalid") | (rows[END] == "failed")
-    found: dict[str, dict[str, Any]] = {}
+    reasons: dict[str, dict[str, Any]] = {}
     for row, reason in zip(rows[ROW][wrong].tolist(), rows["reason"][wrong], strict=True):
         kind = re.sub(r"-?\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)
-        found.setdefault(kind, {"rows": 0, "row": row, "reason": reason})["rows"] += 1
-    return sorted(found.values(), key=lambda one: -int(one["rows"]))
+        reasons.setdefault(kind, {"rows": 0, "row": row, "reason": reason})["rows"] += 1
+    return sorted(reasons.values(), key=lambda reason: -int(reason["rows"]))
 
 
 def _written_worst(plan: Plan, rows: Columns, out: Path, count: int) -> Iterator[dict[str, Any]]:
@@ -220,7 +221,7 @@ def _written_worst(plan: Plan, rows: Columns, out: Path, count: int) -> Iterator
             yield {"file": path.name, **result, **names._asdict()}
 
 
-def _show(there: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> None:
+def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> None:
     unit = report["unit"]
     grid = [key for key in keys if key.grid]
     count = report["rows"]
@@ -228,29 +229,33 @@ def _show(there: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> Non
     counted = (
         f"{count} evaders of {planned} games" if report["teams"] else f"{count} of {planned} rows"
     )
-    there.print(f"{counted}, as {report['as']}")
-    there.print(
+    target.print(f"{counted}, as {report['as']}")
+    target.print(
         f"regret, {unit}: the pursuer's loss against the game's value; below 0, the evader's"
     )
     ends = []
     regrets = []
-    for one in report["policies"]:
+    for invalid in report["policies"]:
         others = ", ".join(
-            f"{count} {end}" for end, count in sorted(one["ends"].items()) if end != CAPTURED
+            f"{count} {end}" for end, count in sorted(invalid["ends"].items()) if end != CAPTURED
         )
-        ends.append((_names(one), str(one["games"]), _share(one["capture"]), others or "-"))
-        regrets.append((_names(one), *_regret(one, _SHOWN)))
-    there.print(sheet(("policies", "games", "captured", "other ends"), ends, left=(0, 3)))
-    there.print()
-    there.print(sheet(("policies", "mean regret", *_SHOWN), regrets))
-    for one in report["policies"]:
-        for title, headings, rows in _by_key(one, grid):
-            there.print(f"\n{_names(one)}{title}", style="italic")
+        ends.append(
+            (_names(invalid), str(invalid["games"]), _share(invalid["capture"]), others or "-")
+        )
+        regrets.append((_names(invalid), *_regret(invalid, _SHOWN)))
+    target.print(sheet(("policies", "games", "captured", "other ends"), ends, left=(0, 3)))
+    target.print()
+    target.print(sheet(("policies", "mean regret", *_SHOWN), regrets))
+    for invalid in report["policies"]:
+        for title, headings, rows in _by_key(invalid, grid):
+            target.print(f"\n{_names(invalid)}{title}", style="italic")
             equal = len({row[1:] for row in rows}) == 1
-            there.print(sheet(("", *headings), [("all", *rows[0][1:])] if equal else rows, left=()))
-    for one in report["invalid"]:
-        there.print(
-            f"\n{one['rows']} rows are invalid or failed, as row {one['row']}: {one['reason']}",
+            target.print(
+                sheet(("", *headings), [("all", *rows[0][1:])] if equal else rows, left=())
+            )
+    for invalid in report["invalid"]:
+        target.print(
+            f"\n{invalid['rows']} rows are invalid or failed, as row {invalid['row']}: {invalid['reason']}",
             soft_wrap=True,
         )
 
@@ -266,13 +271,13 @@ def _by_key(
     if len(grid) == 2:
         first, second = grid
         keys = f"{key_label(first.column)} (down) and {key_label(second.column)} (across)"
-        for measure, name, shown in (
+        for measure, name, cell_of in (
             ("capture", "captured", _percent),
             ("regret_mean", "mean regret", _number),
         ):
             cells = {
-                tuple(one["at"].values()): shown(one[measure]["estimate"])
-                for one in policies["by_point"]
+                tuple(point["at"].values()): cell_of(point[measure]["estimate"])
+                for point in policies["by_point"]
             }
             rows = [
                 (down, *(cells.get((down, across), "") for across in second.labels))
@@ -283,14 +288,17 @@ def _by_key(
     names = list(_SHOWN)[:3]
     for column in (key.column for key in grid):
         groups = policies["by_key"][column]
-        rows = [(one["at"][column], _share(one["capture"]), *_regret(one, names)) for one in groups]
+        rows = [
+            (group["at"][column], _share(group["capture"]), *_regret(group, names))
+            for group in groups
+        ]
         yield f", by {key_label(column)}", ("captured", "mean regret", *names), rows
 
 
-def _regret(one: Mapping[str, Any], names: Iterable[str]) -> tuple[str, ...]:
+def _regret(group: Mapping[str, Any], names: Iterable[str]) -> tuple[str, ...]:
     """Return the mean regret with half the width of its interval, if that is known, and some quantiles."""
-    quantiles = (one["regret_quantiles"].get(_SHOWN[name]) for name in names)
-    return (spread(one["regret_mean"], _ROUNDING), *map(_number, quantiles))
+    quantiles = (group["regret_quantiles"].get(_SHOWN[name]) for name in names)
+    return (spread(group["regret_mean"], _ROUNDING), *map(_number, quantiles))
 
 
 def _share(interval: Mapping[str, float | None]) -> str:

@@ -76,14 +76,14 @@ def _with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:
     """Return a scenario's document with other policies; a course stays with its own policy."""
     document = dict(scenario)
     for player, policy in pair._asdict().items():
-        given = document[player]
-        if not isinstance(given, list):
+        section = document[player]
+        if not isinstance(section, list):
             others = {key for of, key in _COURSE_KEYS.items() if policy != of}
             document[player] = {
-                name: part for name, part in given.items() if name not in others
+                name: part for name, part in section.items() if name not in others
             } | {"policy": policy}
-        elif policy != policy_in(given):
-            document[player] = [{**group, "policy": policy} for group in given]
+        elif policy != policy_in(section):
+            document[player] = [{**group, "policy": policy} for group in section]
     return document
 
 
@@ -102,13 +102,13 @@ def _placed(node: Any, path: Sequence[str | int], value: Any) -> Any:  # noqa: A
     if not path:
         return value
     head = path[0]
-    rest = path[1:]
+    inner_path = path[1:]
     if isinstance(head, int):
         if not isinstance(node, (list, tuple)) or head >= len(node):
             raise LookupError(head)
-        return [*node[:head], _placed(node[head], rest, value), *node[head + 1 :]]
+        return [*node[:head], _placed(node[head], inner_path, value), *node[head + 1 :]]
     section = node or {}
-    return {**section, head: _placed(section.get(head), rest, value)}
+    return {**section, head: _placed(section.get(head), inner_path, value)}
 
 
 def planned(name: str, way: str | None = None) -> Plan:
@@ -140,10 +140,10 @@ def planned(name: str, way: str | None = None) -> Plan:
     plan = parse(Plan, document, source=str(path), text=text)
     base = _with_policies(plan.scenario, plan.pairs[0])
     faults = [
-        one
+        fault
         for axis in plan.axes
         for value in axis.extremes
-        for one in _faults(plan.model, base, axis, value)
+        for fault in _faults(plan.model, base, axis, value)
     ]
     if faults:
         raise ConfigError(f"{name}:\n" + "\n".join(f"  {fault}" for fault in dict.fromkeys(faults)))
@@ -169,12 +169,12 @@ def refuse_without_games(plan: Plan) -> None:
         ConfigError: With the most common reason.
     """
     spread = np.unique(np.linspace(0, plan.rows - 1, 1000).round().astype(np.int64))
-    found = list(scenarios_of(plan, plan.cases(spread)))
-    reasons = Counter(one for one in found if isinstance(one, str))
-    if reasons.total() == len(found):
+    scenarios = list(scenarios_of(plan, plan.cases(spread)))
+    reasons = Counter(reason for reason in scenarios if isinstance(reason, str))
+    if reasons.total() == len(scenarios):
         reason, count = reasons.most_common(1)[0]
         raise ConfigError(
-            f"all {len(found)} rows of a sample are invalid; reason of {count} of them:\n  {reason}"
+            f"all {len(scenarios)} rows of a sample are invalid; reason of {count} of them:\n  {reason}"
         )
 
 
@@ -231,11 +231,15 @@ def uncollected() -> Iterator[None]:
 def table_of(plan: Plan, rows: range) -> pa.Table:
     """Play rows and return their table."""
     cases = plan.cases(np.arange(rows.start, rows.stop, dtype=np.int64))
-    found = list(scenarios_of(plan, cases))
-    played = iter(_played(plan, [scenario for scenario in found if not isinstance(scenario, str)]))
+    scenarios = list(scenarios_of(plan, cases))
+    outcomes_played = iter(
+        _played(plan, [scenario for scenario in scenarios if not isinstance(scenario, str)])
+    )
     outcomes = [
-        [_invalid(plan, cases, row, one)] if isinstance(one, str) else next(played)
-        for row, one in enumerate(found)
+        [_invalid(plan, cases, row, scenario)]
+        if isinstance(scenario, str)
+        else next(outcomes_played)
+        for row, scenario in enumerate(scenarios)
     ]
     return as_table(plan, cases, outcomes)
 
@@ -261,9 +265,9 @@ def _played(plan: Plan, games: list[Any]) -> Iterable[Sequence[Any]]:
     return ([outcome] for outcome in (play(games) if plan.way == "maths" else map(flown, games)))
 
 
-def _invalid(plan: Plan, cases: Cases, place: int, reason: str) -> Outcome | TeamOutcome:
-    (pursuer, evader) = plan.pairs[cases.pair[place]]
-    seed = int(cases.seed[place])
+def _invalid(plan: Plan, cases: Cases, row: int, reason: str) -> Outcome | TeamOutcome:
+    (pursuer, evader) = plan.pairs[cases.pair[row]]
+    seed = int(cases.seed[row])
     kind = partial(
         TeamOutcome if plan.teams else Outcome,
         plan.scenario["title"],

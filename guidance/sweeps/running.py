@@ -56,8 +56,8 @@ class Shown(Progress):
         self._rows = folder.plan.rows
         self._unit = unit
         columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("{task.description}"))
-        there = console(stderr=True)
-        super().__init__(*columns, console=there, transient=True, disable=not redraws(there))
+        target = console(stderr=True)
+        super().__init__(*columns, console=target, transient=True, disable=not redraws(target))
         self._task = self.add_task("", total=self._rows, completed=self.kept)
         self._begun_s = self._shown_s = time.monotonic()
 
@@ -65,10 +65,10 @@ class Shown(Progress):
         """Count rows, and show them if it is time."""
         self.kept += rows
         now_s = time.monotonic()
-        done = self.kept - self._before
-        rate = done / max(1e-9, now_s - self._begun_s)
-        left = timedelta(seconds=round((self._rows - self.kept) / rate)) if done else None
-        text = f"{rate:.3g} {self._unit}/s, {left} left" if done else ""
+        rows_done = self.kept - self._before
+        rate = rows_done / max(1e-9, now_s - self._begun_s)
+        time_left = timedelta(seconds=round((self._rows - self.kept) / rate)) if rows_done else None
+        text = f"{rate:.3g} {self._unit}/s, {time_left} left" if rows_done else ""
         self.update(self._task, completed=self.kept, description=text)
         if self.disable and now_s - self._shown_s >= _LINE_S:
             self._shown_s = now_s
@@ -209,10 +209,10 @@ def _content(future: Future[ChunkMade], chunk: int) -> bytes:
         if type(error).__name__ == "KilledWorker":  # Dask's
             raise _deadly(chunk) from error
         raise
-    here = code_here()
-    if chunk_made.code != here:
-        differing = [name for name in here if chunk_made.code.get(name) != here[name]]
-        words = [f"{name} {chunk_made.code.get(name)}, here {here[name]}" for name in differing]
+    own_code = code_here()
+    if chunk_made.code != own_code:
+        differing = [name for name in own_code if chunk_made.code.get(name) != own_code[name]]
+        words = [f"{name} {chunk_made.code.get(name)}, here {own_code[name]}" for name in differing]
         raise ConfigError(
             f"--scheduler: a worker has other code ({'; '.join(words)}), so its rows could differ and are not kept; "
             "install this version there, then run the same command to continue"
@@ -248,37 +248,37 @@ def run_sweep(
     Raises:
         GuidanceError: For everything that the user can correct.
     """
-    there = console(stderr=True)
+    target = console(stderr=True)
     plan = planned(name, way)
     path = out if out is not None else Path("sweeps") / f"{Path(name).stem}-{plan.way}"
     unit = "games" if plan.way == "maths" else "flights"
     size = workers if workers is not None else os.cpu_count() or 1
     with alone(path):
-        there.print(headed(plan.title or Path(name).stem, f": {plan.rows} {unit}"))
+        target.print(headed(plan.title or Path(name).stem, f": {plan.rows} {unit}"))
         folder = begun(path, plan, chunk, size)
         count = len(folder.missing)
         if folder.rows_there:
-            there.print(f"{folder.rows_there} of them are there already")
+            target.print(f"{folder.rows_there} of them are there already")
         if not count:
             return path
         size = min(size, count)
         by = "in this process" if size == 1 else f"in {size} processes"
         by = by if scheduler is None else f"on the cluster at {scheduler}"
-        there.print(f"{count} chunks of {folder.chunk_rows}, {by}")
+        target.print(f"{count} chunks of {folder.chunk_rows}, {by}")
         begun_s = time.monotonic()
         with Shown(folder, unit) as progress:
             try:
                 finish(folder, progress, workers=size, scheduler=scheduler)
             except KeyboardInterrupt:
-                kept = (
+                rows_kept = (
                     f"{progress.kept} of {plan.rows} rows are kept"
                     if progress.kept
                     else "no rows were written yet"
                 )
                 raise KeyboardInterrupt(
-                    f"interrupted: {kept}; run the same command to continue"
+                    f"interrupted: {rows_kept}; run the same command to continue"
                 ) from None
         took_s = time.monotonic() - begun_s
         rows = plan.rows - folder.rows_there
-        there.print(f"{rows} {unit} in {took_s:.1f} s, {rows / took_s:.3g} per second")
+        target.print(f"{rows} {unit} in {took_s:.1f} s, {rows / took_s:.3g} per second")
     return path

@@ -84,33 +84,36 @@ def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool)
     out = _checked_out(states, out)
     writer: Any = None
     strange: list[Cell] = []
-    done = 0
-    there = console(stderr=True)
+    rows_done = 0
+    target = console(stderr=True)
     try:
         columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("rows"), TimeRemainingColumn())
-        with Progress(*columns, console=there, transient=True, disable=not redraws(there)) as bar:
+        with Progress(*columns, console=target, transient=True, disable=not redraws(target)) as bar:
             task = bar.add_task("", total=_rows_of(states))
             for chunk in _chunks(states):
-                numbers, cells = _with_numbers(chunk, first_row=done + 1)
+                numbers, cells = _with_numbers(chunk, first_row=rows_done + 1)
                 strange += cells
                 answered = _answered(
-                    game, numbers, {row - done - 1 for row, *_ in cells}, ratio_given=ratio_given
+                    game,
+                    numbers,
+                    {row - rows_done - 1 for row, *_ in cells},
+                    ratio_given=ratio_given,
                 )
-                done += chunk.num_rows
+                rows_done += chunk.num_rows
                 with writing(out):
                     writer = writer or _writer(out, answered.schema)
                     writer.write_table(answered)
-                bar.update(task, completed=done)
+                bar.update(task, completed=rows_done)
     except pa.ArrowInvalid as error:
         raise ConfigError(f"--states {states}: cannot be read: {error}") from None
     finally:
         if writer is not None:
             with writing(out):
                 writer.close()
-    there.print(f"{out}: {done} rows", soft_wrap=True)
+    target.print(f"{out}: {rows_done} rows", soft_wrap=True)
     if strange:
-        lost = f"{len({row for row, *_ in strange})} of {done} rows have no answer, because a cell is not a number"
-        there.print(f"{states}: {lost}: {_listed(strange)}", soft_wrap=True, markup=False)
+        lost = f"{len({row for row, *_ in strange})} of {rows_done} rows have no answer, because a cell is not a number"
+        target.print(f"{states}: {lost}: {_listed(strange)}", soft_wrap=True, markup=False)
 
 
 def _checked_out(states: Path, out: Path | None) -> Path:
@@ -130,9 +133,10 @@ def _checked_out(states: Path, out: Path | None) -> Path:
 
 
 def _listed(cells: list[Cell]) -> str:
-    more = f"; and {len(cells) - _SHOWN} more" if len(cells) > _SHOWN else ""
+    remainder = f"; and {len(cells) - _SHOWN} more" if len(cells) > _SHOWN else ""
     return (
-        "; ".join(f"row {row}, {column} = {text!r}" for row, column, text in cells[:_SHOWN]) + more
+        "; ".join(f"row {row}, {column} = {text!r}" for row, column, text in cells[:_SHOWN])
+        + remainder
     )
 
 
@@ -158,11 +162,11 @@ def _chunks(path: Path) -> Iterator[pa.Table]:
         file = parquet.ParquetFile(path)
         schema = file.schema_arrow
         batches = file.iter_batches(ROWS)
-    done = 0
+    rows_read = 0
     for batch in batches:
         yield from (pa.table(batch.slice(start, ROWS)) for start in range(0, batch.num_rows, ROWS))
-        done += batch.num_rows
-    if not done:
+        rows_read += batch.num_rows
+    if not rows_read:
         yield schema.empty_table()
 
 
@@ -176,15 +180,15 @@ def _writer(out: Path, schema: pa.Schema) -> csv.CSVWriter | parquet.ParquetWrit
 def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Cell]]:
     """Convert the text in columns of numbers; a cell that holds no number becomes empty and is returned."""
     strange = []
-    for place, name in enumerate(chunk.column_names):
+    for column, name in enumerate(chunk.column_names):
         kind = chunk.schema.field(name).type
         if not _NUMBERS.fullmatch(name) or not (pa.types.is_string(kind) or pa.types.is_null(kind)):
             continue
-        words = pc.utf8_trim_whitespace(chunk.column(place).cast(pa.string()))
+        words = pc.utf8_trim_whitespace(chunk.column(column).cast(pa.string()))
         right = pc.match_substring_regex(words, _NUMBER_FORM, ignore_case=True)
         wrong = pc.indices_nonzero(pc.invert(right)).to_pylist()
         strange += [(first_row + row, name, words[row].as_py()) for row in wrong]
-        chunk = chunk.set_column(place, name, pc.if_else(right, words, None).cast(pa.float64()))
+        chunk = chunk.set_column(column, name, pc.if_else(right, words, None).cast(pa.float64()))
     return chunk, sorted(strange)
 
 
@@ -200,8 +204,8 @@ def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool)
             solve(game, _place(chunk, "pursuer"), _place(chunk, "evader"), target)._asdict().items()
         )
         fields = {
-            re.sub(r"(_m_s|_m)$", r"_{}\1", name) if one.ndim > 1 else name: one
-            for name, one in answer
+            re.sub(r"(_m_s|_m)$", r"_{}\1", name) if values.ndim > 1 else name: values
+            for name, values in answer
         }
     columns = {
         name: values for column, field in fields.items() for name, values in _flat(column, field)
@@ -223,18 +227,18 @@ def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool)
 
 def _with_ratios(game: Game, chunk: pa.Table, *, ratio_given: bool) -> Game:
     """Return the game with the speed ratios of the file, if there is such a column."""
-    there = _RATIO in chunk.column_names
-    if there and (ratio_given or not isinstance(game.pursuer, Ball)):
+    has_ratio = _RATIO in chunk.column_names
+    if has_ratio and (ratio_given or not isinstance(game.pursuer, Ball)):
         raise ConfigError(
             f"--speed-ratio, --cylinder: must not be given, since the file has the column {_RATIO}"
         )
-    if not there and isinstance(game.pursuer, Ball) and not ratio_given:
+    if not has_ratio and isinstance(game.pursuer, Ball) and not ratio_given:
         raise ConfigError(
             f"--speed-ratio, --cylinder: one must be given, since the file has no column {_RATIO}"
         )
     return (
         replace(game, pursuer=Ball(_column(chunk, _RATIO) * game.evader_speed_m_s))
-        if there
+        if has_ratio
         else game
     )
 
@@ -260,9 +264,9 @@ def _column(chunk: pa.Table, name: str) -> Array:
 def _flat(column: str, field: Array) -> Iterator[tuple[str, Any]]:
     """Yield the columns of an answer's field (rows, ...): one for each player and axis; codes as words."""
     words = _WORDS.get(column.rpartition("_")[2])
-    for place in np.ndindex(field.shape[1:]):
-        values = field[:, *place]
-        labels = (*place[:-1], "xyz"[place[-1]]) if column.endswith(("_m", "_m_s")) else place
+    for index in np.ndindex(field.shape[1:]):
+        values = field[:, *index]
+        labels = (*index[:-1], "xyz"[index[-1]]) if column.endswith(("_m", "_m_s")) else index
         yield (
             column.format(*labels),
             values if words is None else [words(code).word for code in values.tolist()],
@@ -294,8 +298,8 @@ def _team_answers(
         name: np.full((rows, *shapes.get(name, (m,))), blank)
         for name, (_, blank) in _TEAM_COLUMNS.items()
     }
-    there = np.concatenate([np.isfinite(places).any(axis=-1) for places in (P, E)], axis=1)
-    patterns, kinds = np.unique(there, axis=0, return_inverse=True)
+    present = np.concatenate([np.isfinite(places).any(axis=-1) for places in (P, E)], axis=1)
+    patterns, kinds = np.unique(present, axis=0, return_inverse=True)
     for number, pattern in enumerate(patterns):
         row = np.setdiff1d(np.flatnonzero(kinds.reshape(-1) == number), list(lost))
         pursuers = np.flatnonzero(pattern[:n])
@@ -303,26 +307,26 @@ def _team_answers(
         if not (len(row) and len(pursuers) and len(evaders)):
             continue
         goal = None if target is None else target[row][:, None]
-        few = rows_of(game, itemgetter((row, None, None)))
-        found = match_teams(few, P[np.ix_(row, pursuers)], E[np.ix_(row, evaders)], goal)
+        row_games = rows_of(game, itemgetter((row, None, None)))
+        match = match_teams(row_games, P[np.ix_(row, pursuers)], E[np.ix_(row, evaders)], goal)
         # By the players of the file
         numbered = {
             "first": pursuers,
             "second": pursuers,
             "evader_of": evaders,
         }
-        for name, whole in answers.items():
-            part = getattr(found, name)
+        for name, column in answers.items():
+            part = getattr(match, name)
             part = np.append(numbered[name], -1)[part] if name in numbered else part
             of = pursuers if "pursuer" in _TEAM_COLUMNS[name][0] else evaders
-            whole[row if whole.ndim == 1 else np.ix_(row, of)] = part[..., : whole.shape[-1]]
+            column[row if column.ndim == 1 else np.ix_(row, of)] = part[..., : column.shape[-1]]
     return {_TEAM_COLUMNS[name][0]: field for name, field in answers.items()}
 
 
 def _players(chunk: pa.Table, player: str) -> Array:
     """Return the positions of a side, (n, players, 3)."""
     found = filter(None, map(_PLAYER.fullmatch, chunk.column_names))
-    numbers = {int(one[2]) for one in found if one[1] == player}
+    numbers = {int(name[2]) for name in found if name[1] == player}
     if not numbers or numbers != set(range(len(numbers))) or len(numbers) > MAX_PLAYERS:
         names = ", ".join(f"{player}_0_{axis}_m" for axis in _AXES[player])
         allowed = (
