@@ -265,9 +265,9 @@ def explain(model: type[BaseModel], fault: ErrorDetails) -> str:
     if fault["type"] == "extra_forbidden":
         if key in RENAMED:
             return f"{key}: was renamed to {RENAMED[key]}"
-        known = sorted(_section_at(model, location[:-1]))
-        near = difflib.get_close_matches(location[-1], known, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"allowed here: {', '.join(known)}"
+        allowed = sorted(_section_at(model, location[:-1]))
+        near = difflib.get_close_matches(location[-1], allowed, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"allowed here: {', '.join(allowed)}"
         return f"{key}: unknown key; {hint}"
     if fault["type"] == "missing":
         if isinstance(fault["loc"][-1], int):

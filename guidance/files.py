@@ -42,9 +42,9 @@ def private_file(path: Path) -> Path:
     with os.fdopen(
         os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, _FILE), "wb"
     ) as file:
-        found = os.fstat(file.fileno())
-        if stat.S_ISREG(found.st_mode):  # not /dev/null
-            if found.st_uid != os.geteuid():
+        status = os.fstat(file.fileno())
+        if stat.S_ISREG(status.st_mode):  # not /dev/null
+            if status.st_uid != os.geteuid():
                 raise PermissionError(errno.EPERM, f"{path} belongs to another user")
             os.fchmod(file.fileno(), _FILE)
             file.truncate(0)

@@ -203,9 +203,9 @@ def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
         section.centre_m,
         solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m,
     )
-    for name, marker, place in zip(("P", "E", "c", "q*"), "^s+*", places, strict=True):
-        axes.plot(*place, color="black", marker=marker, linestyle="", markersize=9, zorder=5)
-        axes.text(place[0] + 0.9, place[1], place[2] + 0.6, name, zorder=6, fontsize=12)
+    for name, marker, point in zip(("P", "E", "c", "q*"), "^s+*", places, strict=True):
+        axes.plot(*point, color="black", marker=marker, linestyle="", markersize=9, zorder=5)
+        axes.text(point[0] + 0.9, point[1], point[2] + 0.6, name, zorder=6, fontsize=12)
     axes.set(
         xlabel="x, m",
         ylabel="y, m",
@@ -226,10 +226,10 @@ def _draw_tad(figure: Any, cases: Sequence[Case], title: str) -> None:  # noqa: 
     places = (TAD_PURSUER, TAD_EVADER, TAD_TARGET, section.centre_m, g)
     for axes, up, height in ((plan, 1, "y"), (side, 2, "z")):
         _plot_tracks(axes, cases, [0, up], "m")
-        for (name, offset), marker, place in zip(OFFSETS.items(), "^so+*", places, strict=True):
-            axes.plot(place[0], place[up], color="black", marker=marker, linestyle="", markersize=8)
+        for (name, offset), marker, point in zip(OFFSETS.items(), "^so+*", places, strict=True):
+            axes.plot(point[0], point[up], color="black", marker=marker, linestyle="", markersize=8)
             axes.annotate(
-                name, (place[0], place[up]), xytext=offset, textcoords="offset points", fontsize=12
+                name, (point[0], point[up]), xytext=offset, textcoords="offset points", fontsize=12
             )
         axes.set(xlabel="x, m", ylabel=f"{height}, m")
         axes.set_aspect("equal")

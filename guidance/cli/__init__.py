@@ -33,8 +33,8 @@ def main() -> None:
     except GuidanceError as error:
         _end(str(error), error.exit_code)
     except OSError as error:
-        place = f"{error.filename}: " if error.filename is not None else ""
-        _end(f"{place}{error.strerror or error}", OutputError.exit_code)
+        file = f"{error.filename}: " if error.filename is not None else ""
+        _end(f"{file}{error.strerror or error}", OutputError.exit_code)
     except Exception:
         import traceback  # noqa: PLC0415 - slow import
 
@@ -98,26 +98,26 @@ def ask(
     from guidance.session import control_socket  # noqa: PLC0415 - only orders
 
     names = [] if name is None else name.split(",")
-    given: dict[str, Any] = {
+    details: dict[str, Any] = {
         "endpoint": endpoint or control_socket.ENDPOINT,
         "token_file": token_file,
     }
     by = control_socket.own_name("ctl")
     if zenoh is None and team is not None:
-        answers = _asked_team_here(order, team, names, by=by, **given)
+        answers = _asked_team_here(order, team, names, by=by, **details)
         if answers is not None:
             return answers
     elif zenoh is None:
-        answer = control_socket.ask_here(order, name=name, by=by, **given)
+        answer = control_socket.ask_here(order, name=name, by=by, **details)
         if answer is not None:
             return [answer]
     from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - zenoh takes a second
     from guidance.session import control_bus  # noqa: PLC0415
 
-    given["credentials"] = read_credentials(zenoh)
-    with control_bus.join_session(**given) as session:
+    details["credentials"] = read_credentials(zenoh)
+    with control_bus.join_session(**details) as session:
         if team is None:
-            return [control_bus.ask(session, order, name, endpoint=given["endpoint"], by=by)]
+            return [control_bus.ask(session, order, name, endpoint=details["endpoint"], by=by)]
         return control_bus.order_team(session, order, team, names, by=by)
 
 

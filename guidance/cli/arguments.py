@@ -94,10 +94,10 @@ def refuse(ctx: typer.Context, way: str, where: str, *options: str) -> None:
     Raises:
         ConfigError: With the option's name and where it applies.
     """
-    for one in ctx.command.params:
-        source = ctx.get_parameter_source(str(one.name))
-        if one.opts[0] in options and source is not None and source.name == "COMMANDLINE":
-            raise ConfigError(f"{one.opts[0]}: only {where}, not with {way}; remove it")
+    for parameter in ctx.command.params:
+        source = ctx.get_parameter_source(str(parameter.name))
+        if parameter.opts[0] in options and source is not None and source.name == "COMMANDLINE":
+            raise ConfigError(f"{parameter.opts[0]}: only {where}, not with {way}; remove it")
 
 
 def may_fly(vehicles: Sequence[str], *, yes: bool) -> None:

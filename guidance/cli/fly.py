@@ -134,14 +134,18 @@ def fly(
             code = fly_scenario(scenario, how, out, seed, onlooker, as_json=as_json)
         except KeyboardInterrupt:
             nothing = "nothing was armed" if vehicle else "nothing was recorded"
-            kept = nothing if beside.recorded is None else f"the record so far is {beside.recorded}"
-            typer.echo(f"interrupted: {'' if vehicle else 'the mock was ended; '}{kept}", err=True)
+            record_words = (
+                nothing if beside.recorded is None else f"the record so far is {beside.recorded}"
+            )
+            typer.echo(
+                f"interrupted: {'' if vehicle else 'the mock was ended; '}{record_words}", err=True
+            )
             raise typer.Exit(INTERRUPTED) from None
         if beside.running and (view or panel):
             with contextlib.suppress(KeyboardInterrupt):
                 typer.echo("the view stays: Ctrl-C ends it")
-                for one in beside.running:
-                    one.child.wait()
+                for command in beside.running:
+                    command.child.wait()
     raise typer.Exit(code)
 
 
@@ -150,9 +154,9 @@ class _Beside(contextlib.ExitStack):
 
     def __init__(self, *, view: bool, panel: bool, folder: Path) -> None:
         super().__init__()
-        for asked, what, extra in ((view, "the view", "viz"), (panel, "--panel", "panel")):
-            if asked:
-                require(what, extra)
+        for needed, option, extra in ((view, "the view", "viz"), (panel, "--panel", "panel")):
+            if needed:
+                require(option, extra)
         self._view = view
         self._panel = panel
         self._folder = folder
@@ -172,8 +176,8 @@ class _Beside(contextlib.ExitStack):
         if self._panel:
             self._add(panel_beside(endpoint, self._folder))
 
-    def _add(self, one: CommandBeside) -> None:
-        self.running.append(self.enter_context(contextlib.closing(one)))
+    def _add(self, command: CommandBeside) -> None:
+        self.running.append(self.enter_context(contextlib.closing(command)))
 
 
 def fly_scenario(
@@ -200,27 +204,27 @@ def fly_scenario(
     """
     path, scenario = load_any(name, seed)
     urls = () if isinstance(how, MockOptions) else how.urls
-    there = console(stderr=as_json)
+    target = console(stderr=as_json)
     words = "virtual time" if how.way == "fast" else ", ".join((how.link, *urls))
-    there.print(headed(scenario.title, f"  ({path.name}, {words})"))
+    target.print(headed(scenario.title, f"  ({path.name}, {words})"))
     try:
-        result, rows, folder = fly_rows(there, scenario, path.stem, how, out, onlooker)
+        result, rows, folder = fly_rows(target, scenario, path.stem, how, out, onlooker)
     except FlightError as error:
         raise FlightError(_advised(str(error), name, urls)) from error
     flights = [*result.vehicles.values()]
     unwritten = [flight.record_stopped for flight in flights if flight.record_stopped]
     if isinstance(scenario, TeamScenario):
-        kept = bool(rows) and rows[0].captured >= rows[0].guaranteed
+        succeeded = bool(rows) and rows[0].captured >= rows[0].guaranteed
     else:
-        unwritten += report(there, flights[0], rows[0], folder)
-        kept = flights[0].captured
+        unwritten += report(target, flights[0], rows[0], folder)
+        succeeded = flights[0].captured
     if as_json:
         typer.echo(rows_json(scenario, rows), nl=False)
-    if urls and any(one.interrupted for one in flights):
-        ended = ", ".join(dict.fromkeys(str(one.ended) for one in flights))
-        there.print(f"interrupted: the vehicle was told to land, and is {ended}")
+    if urls and any(flight.interrupted for flight in flights):
+        ends = ", ".join(dict.fromkeys(str(flight.ended) for flight in flights))
+        target.print(f"interrupted: the vehicle was told to land, and is {ends}")
         return INTERRUPTED
-    if not kept:
+    if not succeeded:
         return FlightError.exit_code
     if unwritten:
         raise OutputError(f"the flight is not recorded whole: {'; '.join(unwritten)}")
@@ -228,7 +232,7 @@ def fly_scenario(
 
 
 def fly_rows(
-    there: Console, scenario: Played, stem: str, how: Way, out: Path | None, onlooker: Onlooker
+    target: Console, scenario: Played, stem: str, how: Way, out: Path | None, onlooker: Onlooker
 ) -> tuple[MissionResult, Sequence[Any], Path]:
     """Fly a scenario with the live line; say what is left out, how it is ordered, and what was not recorded.
 
@@ -238,23 +242,25 @@ def fly_rows(
     Returns:
         The result, its rows and the folder.
     """
-    whom = f" --team {TEAM}" if isinstance(scenario, TeamScenario) else ""
+    team_option = f" --team {TEAM}" if isinstance(scenario, TeamScenario) else ""
     on_control = onlooker.on_control
 
     def tell_endpoint(endpoint: str) -> None:
-        where = "" if endpoint == ENDPOINT else f" --endpoint {endpoint}"
-        if whom or where:
-            there.print(f"orders   guidance ctl ORDER{whom}{where}", soft_wrap=True)
+        endpoint_option = "" if endpoint == ENDPOINT else f" --endpoint {endpoint}"
+        if team_option or endpoint_option:
+            target.print(
+                f"orders   guidance ctl ORDER{team_option}{endpoint_option}", soft_wrap=True
+            )
         on_control(endpoint)
 
     with flight_folder(out, stem) as folder:
-        for what in left_out(scenario, how):
-            there.print(f"{what}: only a mock can have that; the vehicle flies without")
+        for part in left_out(scenario, how):
+            target.print(f"{part}: only a mock can have that; the vehicle flies without")
         with contextlib.ExitStack() as stack:
             if not isinstance(how, ByFile):
-                line = LiveLine(there)
+                line = LiveLine(target)
                 control = None if how.way == "fast" else ENDPOINT
-                stack.enter_context(live(there, line.line, every_s=0.1))
+                stack.enter_context(live(target, line.line, every_s=0.1))
                 if isinstance(how, MockOptions):
                     stack.callback(
                         signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, line.interrupt)
@@ -263,13 +269,17 @@ def fly_rows(
                     show=line.show, control=control, on_control=tell_endpoint
                 )
             result = fly_recorded(scenario, folder, how, onlooker)
-        if dropped := sum(one.record_dropped for one in result.vehicles.values()):
-            there.print(
+        if dropped := sum(flight.record_dropped for flight in result.vehicles.values()):
+            target.print(
                 f"the disk was too slow: {dropped} messages are not in the record", style="yellow"
             )
         if isinstance(scenario, TeamScenario):
-            return result, _tell_team(there, scenario, how.way, result, folder), folder
-        return result, [outcome_of_flight(one, how.way) for one in result.vehicles.values()], folder
+            return result, _tell_team(target, scenario, how.way, result, folder), folder
+        return (
+            result,
+            [outcome_of_flight(flight, how.way) for flight in result.vehicles.values()],
+            folder,
+        )
 
 
 def _advised(refusal: str, name: str, urls: Sequence[str]) -> str:
@@ -288,8 +298,8 @@ class LiveLine:
     A team has a line for each vehicle.
     """
 
-    def __init__(self, there: Console) -> None:
-        self._there = there
+    def __init__(self, target: Console) -> None:
+        self._there = target
         self._last: dict[str, Progress] = {}
         self._told_s = 0.0
         self._printed: dict[str, tuple[str, float]] = {}
@@ -320,7 +330,7 @@ class LiveLine:
     def line(self) -> str:
         """Return the line, or the lines. A stalled loop shows as old."""
         lasting = list(self._last.values())
-        stalled_s = math.inf if any(one.waiting for one in lasting) else STALLED_S
+        stalled_s = math.inf if any(progress.waiting for progress in lasting) else STALLED_S
         return aged("\n".join(map(words, lasting)), time.perf_counter() - self._told_s, stalled_s)
 
 
@@ -364,22 +374,22 @@ def plain(progress: Progress) -> str:
 
 def _reason(progress: Progress) -> str:
     """Say what led to a state, if that is worth it, and what a person can do now."""
-    why = (
+    cause = (
         progress.why if progress.state in _WITH_CAUSE and "by operator" not in progress.next else ""
     )
-    return "; ".join(filter(None, (why, progress.next)))
+    return "; ".join(filter(None, (cause, progress.next)))
 
 
-def report(there: Console, result: FlightResult, outcome: Outcome, folder: Path) -> Sequence[str]:
+def report(target: Console, result: FlightResult, outcome: Outcome, folder: Path) -> Sequence[str]:
     """Print the outcome of a flight and draw its picture; return what could not be written, and why."""
-    there.print(_table(result, outcome))
+    target.print(_table(result, outcome))
     if outcome.run == "fast":
         flown_s = result.duration_s
         wall_s = result.wall_s
-        there.print(
+        target.print(
             f"{flown_s:.1f} s of flight in {wall_s:.2f} s: {flown_s / wall_s:.0f} times faster than real time"
         )
-    there.print(f"record   {folder / RECORD}", soft_wrap=True)
+    target.print(f"record   {folder / RECORD}", soft_wrap=True)
     unwritten = []
     try:
         write_outcome(folder, rows_json(result.scenario, [outcome]))
@@ -395,7 +405,7 @@ def report(there: Console, result: FlightResult, outcome: Outcome, folder: Path)
         except (ConfigError, OutputError) as error:
             unwritten.append(str(error))
             advice = str(error)
-    there.print(
+    target.print(
         Text(f"picture  {advice or folder / PICTURE}", "yellow" if advice else ""), soft_wrap=True
     )
     return unwritten
@@ -428,7 +438,7 @@ def _number(value: float, digits: int, unit: str = "") -> str:
 
 
 def _table(result: FlightResult, outcome: Outcome) -> Table:
-    unit, what = (
+    unit, quantity = (
         ("s", "time to capture")
         if outcome.game == "pe"
         else ("m", "evader's distance from its target")
@@ -445,26 +455,28 @@ def _table(result: FlightResult, outcome: Outcome) -> Table:
         "flight ended": f"{result.ended}, after {outcome.duration_s:.1f} s",
         "record": result.record_stopped or "whole",
     }
-    return pairs(rows.items(), title=f"{ending_words(outcome)}; value is the {what}", right=True)
+    return pairs(
+        rows.items(), title=f"{ending_words(outcome)}; value is the {quantity}", right=True
+    )
 
 
 def _tell_team(
-    there: Console, scenario: TeamScenario, way: str, result: MissionResult, folder: Path
+    target: Console, scenario: TeamScenario, way: str, result: MissionResult, folder: Path
 ) -> Sequence[Any]:
     """Print the outcome of a flight and where its records are; return its rows, one for each evader."""
     rows = team_rows(scenario, way, result)
-    wanted = scenario.flight
-    tell_players(rows, there, result)
-    least_m = result.least_distance_m(wanted.separation_height_m)
-    kept = "never at one height" if math.isinf(least_m) else f"{least_m:.2f} m"
-    level = f"less than {wanted.separation_height_m:g} m apart in height"
-    there.print(
-        f"least distance of two vehicles {level}: {kept} ({wanted.separation_m:g} m wanted)"
+    separation = scenario.flight
+    tell_players(rows, target, result)
+    least_m = result.least_distance_m(separation.separation_height_m)
+    least_words = "never at one height" if math.isinf(least_m) else f"{least_m:.2f} m"
+    level = f"less than {separation.separation_height_m:g} m apart in height"
+    target.print(
+        f"least distance of two vehicles {level}: {least_words} ({separation.separation_m:g} m wanted)"
     )
     flights = result.vehicles.values()
-    duration_s = max(one.duration_s for one in flights)
-    wall_s = max(one.wall_s for one in flights)
-    there.print(f"{duration_s:.1f} s of flight in {wall_s:.2f} s")
-    there.print(f"records  {folder}/VEHICLE/{RECORD}", soft_wrap=True)
+    duration_s = max(flight.duration_s for flight in flights)
+    wall_s = max(flight.wall_s for flight in flights)
+    target.print(f"{duration_s:.1f} s of flight in {wall_s:.2f} s")
+    target.print(f"records  {folder}/VEHICLE/{RECORD}", soft_wrap=True)
     write_outcome(folder, rows_json(scenario, rows))
     return rows

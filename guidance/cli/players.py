@@ -50,13 +50,13 @@ def tell_players(
             if getattr(row, role) == number
         ]
         captured = [evaders[row.evader] for row in rows if row.captor == number]
-        one = None if result is None else result.vehicles[name]
-        flown = (
+        flight = None if result is None else result.vehicles[name]
+        flight_cells = (
             []
-            if one is None
-            else [str(one.ended), str(len(one.alarms)), ", ".join(one.limits) or "-"]
+            if flight is None
+            else [str(flight.ended), str(len(flight.alarms)), ", ".join(flight.limits) or "-"]
         )
-        cells.append([name, "; ".join(roles) or "-", ", ".join(captured) or "-", *flown])
+        cells.append([name, "; ".join(roles) or "-", ", ".join(captured) or "-", *flight_cells])
     headings = (
         "vehicle",
         "assigned",
@@ -82,8 +82,8 @@ def tell_players(
         *_NUMBERS,
         *(() if result is None else ("promise",)),
     )
-    left = [place for place, heading in enumerate(headings) if heading not in _NUMBERS]
-    print_sheet(console, headings, cells, left=left)
+    text_columns = [column for column, heading in enumerate(headings) if heading not in _NUMBERS]
+    print_sheet(console, headings, cells, left=text_columns)
     summary = summary_of(rows)
     team = [(rows[0].game, *map(as_text, summary.values()))]
     print_sheet(console, ("team", *summary), team, left=(0,))
@@ -91,8 +91,15 @@ def tell_players(
 
 def _promise(result: "MissionResult", row: TeamOutcome, evader: str) -> str:
     """Say whether the last promise about an evader was kept."""
-    roles = [one.board.roles for one in result.members.values() if one.board.roles is not None]
-    promises = [promise for each in roles for promise in each.promises if promise.evader == evader]
+    roles = [
+        member.board.roles for member in result.members.values() if member.board.roles is not None
+    ]
+    promises = [
+        promise
+        for member_roles in roles
+        for promise in member_roles.promises
+        if promise.evader == evader
+    ]
     unit = "s" if row.game == "pe" else "m"
     captured = row.end == "captured"
     return (

@@ -71,14 +71,14 @@ class Program(CommandGroup):
 app = typer.Typer(cls=Program, pretty_exceptions_enable=False, rich_markup_mode="markdown")
 
 
-def _version(asked: bool) -> None:
-    if asked:
+def _version(wanted_version: bool) -> None:
+    if wanted_version:
         from importlib.metadata import version  # noqa: PLC0415 - for this only
 
         from guidance.log.writer import PACKAGE, commit  # noqa: PLC0415 - for this only
 
-        known = commit()
-        typer.echo(f"{PACKAGE} {version(PACKAGE)}" + (f", commit {known[:12]}" if known else ""))
+        head = commit()
+        typer.echo(f"{PACKAGE} {version(PACKAGE)}" + (f", commit {head[:12]}" if head else ""))
         raise typer.Exit
 
 

@@ -72,24 +72,26 @@ def info(file: File, as_json: Json = False) -> None:
         summary |= {"missing_files": survey.missing_files, "damaged_chunks": survey.damaged_chunks}
         typer.echo(json.dumps(summary, indent=2))
         return
-    there = console()
-    there.print(Text(printable(f"{title}: {survey.duration_s:.2f} s")))
+    target = console()
+    target.print(Text(printable(f"{title}: {survey.duration_s:.2f} s")))
     sizes = [
         (str(survey.messages[topic]), f"{survey.data_bytes[topic] / 1024:.1f}") for topic in topics
     ]
     channels = [(*size, Text(printable(topic))) for size, topic in zip(sizes, topics, strict=True)]
-    there.print(sheet(("messages", "KiB", "channel"), channels, left=(2,)))
+    target.print(sheet(("messages", "KiB", "channel"), channels, left=(2,)))
     for source, count in reports.items():
-        there.print(Text(f"{count} reports of the evader by {printable(source)}"))
+        target.print(Text(f"{count} reports of the evader by {printable(source)}"))
     shortened = {
         name: text if len(text) < 100 else text[:97] + "..."
         for name, text in survey.metadata.items()
     }
-    there.print(pairs((printable(name), Text(printable(text))) for name, text in shortened.items()))
+    target.print(
+        pairs((printable(name), Text(printable(text))) for name, text in shortened.items())
+    )
     for fault in survey.faults:
-        there.print(Text(printable(fault)))
+        target.print(Text(printable(fault)))
     if not survey.faults:
-        there.print("whole")
+        target.print("whole")
 
 
 def _source(report: EvaderReport) -> str:
@@ -178,11 +180,11 @@ def replay(
         raise typer.Exit(1)
 
 
-def _difference(what: str, difference: Difference) -> str:
+def _difference(quantity: str, difference: Difference) -> str:
     cycles, sum_rad, greatest_rad, sum_m_s, greatest_m_s = difference
     speeds = f"{sum_m_s / max(1, cycles):.2f} m/s apart on average, {greatest_m_s:.2f} at most"
     angles = f"{math.degrees(sum_rad / max(1, cycles)):.1f}° on average, {math.degrees(greatest_rad):.1f}° at most"
-    return f"{what} over {cycles} cycles: {speeds}; {angles}"
+    return f"{quantity} over {cycles} cycles: {speeds}; {angles}"
 
 
 def _first(step: ReplayedCycle) -> str:
@@ -195,8 +197,8 @@ def _first(step: ReplayedCycle) -> str:
     lines.append("  inputs")
     for name, value in recorded["inputs"].items():
         lines += [
-            f"    {name}  {json.dumps(one)}"
-            for one in (value if isinstance(value, list) else [value])
+            f"    {name}  {json.dumps(part)}"
+            for part in (value if isinstance(value, list) else [value])
         ]
     return "\n".join(lines)
 
@@ -225,11 +227,13 @@ def report(
     require("guidance report", "plot")
     from guidance.viz.report import write_report, write_team_report  # noqa: PLC0415 - matplotlib loads slowly
 
-    for given in files:
-        team = {path.parent.name: path for path in sorted(given.glob(f"*/{RECORD}"))}
-        file = given / RECORD if given.is_dir() else given
-        own = file.parent if file.name == RECORD else file.with_suffix("")
-        folder = own if out is None else out if len(files) == 1 else out / own.name
+    for path in files:
+        team = {path.parent.name: path for path in sorted(path.glob(f"*/{RECORD}"))}
+        file = path / RECORD if path.is_dir() else path
+        record_folder = file.parent if file.name == RECORD else file.with_suffix("")
+        folder = (
+            record_folder if out is None else out if len(files) == 1 else out / record_folder.name
+        )
         with record_errors(file):
             paths = (
                 write_team_report(team, folder)

@@ -158,7 +158,7 @@ def paper(
         require("the figures (--no-figures leaves them out)", "plot")
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
-    there = console(stderr=as_json)
+    target = console(stderr=as_json)
     computed = tables()
     cases = [(table, case) for table in computed for case in table.cases]
     wrong = sum(not case.matches for _, case in cases)
@@ -181,11 +181,11 @@ def paper(
                 )
                 for case in table.cases
             ]
-            there.print(
+            target.print(
                 sheet(headings, cells, left=(0, 1), title=f"{table.title}; {table.quantity}")
             )
-        there.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
+        target.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
     for path in draw_figures(*computed, out) if figures else ():
-        there.print(f"drawn: {path}", soft_wrap=True)
+        target.print(f"drawn: {path}", soft_wrap=True)
     if wrong:
         raise typer.Exit(1)

@@ -33,9 +33,9 @@ class Strategy:
     gain: float = 3.0
 
     def __post_init__(self) -> None:
-        known = dict.fromkeys((*PURSUER_STRATEGIES, *EVADER_STRATEGIES))
-        if self.name not in known:
-            raise ConfigError(f"policy = {self.name!r}: allowed are {', '.join(known)}")
+        names = dict.fromkeys((*PURSUER_STRATEGIES, *EVADER_STRATEGIES))
+        if self.name not in names:
+            raise ConfigError(f"policy = {self.name!r}: allowed are {', '.join(names)}")
         if (self.course is not None) != (self.name in COURSES):
             courses = ", ".join(COURSES)
             raise ConfigError(

@@ -54,10 +54,10 @@ class Course:
         places_m = np.broadcast_to(self.places_m, (*corners, 3))
         begin_m, end_m = np.moveaxis(np.take_along_axis(places_m, ends[..., None], -2), -2, 0)
         lasts_s = np.maximum(end_s - begin_s, 1e-9)[..., None]
-        way = end_m - begin_m
+        leg_m = end_m - begin_m
         share = np.clip((t - begin_s)[..., None] / lasts_s, 0.0, 1.0)
-        along = np.where((passed == leg)[..., None], way / lasts_s, 0.0)
-        return np.asarray(along + (begin_m + share * way - position_m) / _BACK_S)
+        along = np.where((passed == leg)[..., None], leg_m / lasts_s, 0.0)
+        return np.asarray(along + (begin_m + share * leg_m - position_m) / _BACK_S)
 
     def corner_s(self, played_s: ArrayLike) -> Array:
         """Return the time, (...), at which the velocity changes next; infinite after the last time."""

@@ -73,20 +73,20 @@ def proportional_navigation(
         game: Game,
         P: Space,
         E: Space,
-        seen: Space,
+        evader_velocity: Space,
         last: Space | None,
         rate: Space | None,
     ) -> Space:
-        state = take_apart(xp, game, P, E, seen)
+        state = take_apart(xp, game, P, E, evader_velocity)
         before = last or (0.0, 0.0, 0.0)
         turn = times3(dt_s, rate or _rate(xp, game, state, before, gain))
         if isinstance(game.pursuer, Ball):
             return _in_space(xp, game, game.pursuer, state, before, turn)
         return _in_the_plane(xp, game, state, before, turn)
 
-    given = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": seen_m_s}
+    arguments = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": seen_m_s}
     remembered = {"previous_m_s": memory.velocity_m_s, "turning_rad_s": memory.turning_rad_s}
-    return vector_of(law, game, given | remembered)
+    return vector_of(law, game, arguments | remembered)
 
 
 def turning(
@@ -94,11 +94,13 @@ def turning(
 ) -> Array:
     """Return the rate of turn that the law asks for, (..., 3), rad/s; arguments as of `proportional_navigation`."""
 
-    def rate(xp: Library, game: Game, P: Space, E: Space, seen: Space, velocity: Space) -> Space:
-        return _rate(xp, game, take_apart(xp, game, P, E, seen), velocity, gain)
+    def rate(
+        xp: Library, game: Game, P: Space, E: Space, evader_velocity: Space, velocity: Space
+    ) -> Space:
+        return _rate(xp, game, take_apart(xp, game, P, E, evader_velocity), velocity, gain)
 
-    given = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": seen_m_s}
-    return vector_of(rate, game, given | {"velocity_m_s": velocity_m_s})
+    arguments = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": seen_m_s}
+    return vector_of(rate, game, arguments | {"velocity_m_s": velocity_m_s})
 
 
 def _rate(xp: Library, game: Game, state: Geometry, velocity: Space, gain: float) -> Space:

@@ -124,8 +124,8 @@ def label_plan(axes: Any, title: str = "from above", *, adjustable: str = "box")
 def legend_below(figure: Figure, *axes: Any, columns: int = 4, title: str = "") -> None:  # noqa: ANN401
     """Put the legend of all axes below the figure; each name is there once."""
     named: dict[str, Any] = {}
-    for one in axes:
-        for line, name in zip(*one.get_legend_handles_labels(), strict=True):
+    for axis in axes:
+        for line, name in zip(*axis.get_legend_handles_labels(), strict=True):
             named.setdefault(name, line)
     style: dict[str, Any] = {
         "ncols": columns,
@@ -239,16 +239,16 @@ def chase_figure(
     # The second one is for the height's label
     grid = figure.add_gridspec(1, len(widths), width_ratios=widths)
     space = figure.add_subplot(grid[0], projection="3d", elev=22.0, azim=-60.0)
-    plan, *whole = (figure.add_subplot(grid[place]) for place in range(2, len(widths)))
-    views = ((space, 3), (plan, 2), *((axes, 2) for axes in whole))
+    plan, *other_axes = (figure.add_subplot(grid[column]) for column in range(2, len(widths)))
+    views = ((space, 3), (plan, 2), *((axes, 2) for axes in other_axes))
     low, high = box_of(shapes)
     for axes, dimensions in views:
         draw(axes, shapes, dimensions)
-        if axes is space or (whole and axes is plan):
+        if axes is space or (other_axes and axes is plan):
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        draw_fence(axes, fence, dimensions, whole=axes in whole)
-    label_plan(plan, adjustable="box" if whole else "datalim")
-    for axes in whole:
+        draw_fence(axes, fence, dimensions, whole=axes in other_axes)
+    label_plan(plan, adjustable="box" if other_axes else "datalim")
+    for axes in other_axes:
         label_plan(axes, "from above, with the fence")
     space.set(xlabel="x east, m", zlabel="z up, m", zlim=(min(0.0, low[2] + _MARGIN_M), high[2]))
     space.set_ylabel("y north, m", labelpad=10.0)
@@ -257,7 +257,7 @@ def chase_figure(
         high - low for low, high in (space.get_xlim3d(), space.get_ylim3d(), space.get_zlim3d())
     ]
     space.set_box_aspect(spans, zoom=0.93)  # equal scales, with space for the labels
-    legend_below(figure, *whole or (plan,), columns=5 if whole else 4)
+    legend_below(figure, *other_axes or (plan,), columns=5 if other_axes else 4)
     return figure
 
 
@@ -349,8 +349,10 @@ def _curved(now_s: Array, places: Sequence[Array], rates: Sequence[Array]) -> Ar
         for one_m_s in (rates_m_s[:-1], rates_m_s[1:])
     )
     begin = places_m[:-1, None]
-    way = np.diff(places_m, axis=0)[:, None]
-    curved = begin + s * way + s * (1.0 - s) * ((1.0 - s) * (run - way) - s * (later - way))
+    steps_m = np.diff(places_m, axis=0)[:, None]
+    curved = (
+        begin + s * steps_m + s * (1.0 - s) * ((1.0 - s) * (run - steps_m) - s * (later - steps_m))
+    )
     return np.concatenate([curved.reshape(-1, 3), places_m[-1:]])
 
 
@@ -371,18 +373,18 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
         OutputError: If the file cannot be written.
     """
     teams = teams_of(scenario)
-    played = played_teams(scenario, [teams], keep_path=True)
-    matching = Matching(*(field[0] for field in played.first))
+    rollout = played_teams(scenario, [teams], keep_path=True)
+    matching = Matching(*(field[0] for field in rollout.first))
     figure = figure_of(9.6, 8.4)
     axes = figure.add_subplot()
     for j in range(len(teams.evaders_m)):
         _draw_region(axes, scenario, matching, j)
-    _draw_players(axes, teams, played)
+    _draw_players(axes, teams, rollout)
     _draw_target(axes, scenario)
     label_plan(axes, adjustable="datalim")
     axes.set_axisbelow(True)
     figure.suptitle(scenario.title, fontsize=13)
-    captured = int(np.count_nonzero(played.end == End.CAPTURED))
+    captured = int(np.count_nonzero(rollout.end == End.CAPTURED))
     unit = "s" if scenario.game == "pe" else "m from T"
     foreseen = (
         f"{int(matching.guaranteed)} captures guaranteed, {float(matching.total):.2f} {unit} in all"
@@ -453,9 +455,9 @@ def _draw_region(axes: Any, scenario: TeamScenario, matching: Matching, j: int) 
     axes.plot([x], [y], "*", color=colour, **star, label="X*, meeting point")
 
 
-def _draw_players(axes: Any, teams: Teams, played: TeamRollout) -> None:  # noqa: ANN401
+def _draw_players(axes: Any, teams: Teams, rollout: TeamRollout) -> None:  # noqa: ANN401
     """Draw the tracks as played, and all players at their start."""
-    own = {"markeredgecolor": "white", "zorder": 5, "linestyle": "none"}
+    marker_style = {"markeredgecolor": "white", "zorder": 5, "linestyle": "none"}
     beside: dict[str, Any] = {
         "textcoords": "offset points",
         "fontsize": 10,
@@ -464,21 +466,27 @@ def _draw_players(axes: Any, teams: Teams, played: TeamRollout) -> None:  # noqa
     }
     beside["path_effects"] = [withStroke(linewidth=3.0, foreground="white")]
     for i, (x, y, z) in enumerate(teams.pursuers_m):
-        track = np.array([sample.pursuers_m[0, i, :2] for sample in played.path])
+        track = np.array([sample.pursuers_m[0, i, :2] for sample in rollout.path])
         axes.plot(*track.T, color=_PURSUER, linewidth=4.0, alpha=0.3, label="pursuer as played")
         axes.plot(
-            [x], [y], "^", color=_PURSUER, markersize=12, **own, label="pursuer, and its height"
+            [x],
+            [y],
+            "^",
+            color=_PURSUER,
+            markersize=12,
+            **marker_style,
+            label="pursuer, and its height",
         )
         axes.annotate(f"P{i} · {z:g} m", (x, y), xytext=(9, -4), color=_PURSUER, **beside)
     for j, (x, y, _) in enumerate(teams.evaders_m):
         colour = _EVADERS[j % len(_EVADERS)]
-        track = np.array([sample.evaders_m[0, j] for sample in played.path])
+        track = np.array([sample.evaders_m[0, j] for sample in rollout.path])
         axes.plot(*track[:, :2].T, color=colour, linewidth=4.0, alpha=0.5, label="evader as played")
-        if played.end[0, j] == End.ARRIVED:
+        if rollout.end[0, j] == End.ARRIVED:
             axes.plot(
                 *track[-1:, :2].T, "o", mfc="none", color=colour, markersize=18, label="arrived"
             )
-        axes.plot([x], [y], "o", color=colour, markersize=11, **own, label="evader")
+        axes.plot([x], [y], "o", color=colour, markersize=11, **marker_style, label="evader")
         axes.annotate(f"E{j}", (x, y), xytext=(8, 6), color=colour, **beside)
 
 

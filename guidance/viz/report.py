@@ -122,13 +122,13 @@ def game(story: Story) -> Figure:
     since_s = now_s - (now_s[0] if story.engaged is None else story.engaged.now_s)
     panel = "time of capture, s"
     ideal = "V + t, the game's\npursuer"
-    own = "time of capture,\nthis vehicle"
+    own_label = "time of capture,\nthis vehicle"
     guaranteed = value + since_s
     own_guaranteed = needed_s + since_s
     if story.with_target:
         panel = "guarantee L, m"
         ideal = "L, evader's final\ndistance to T"
-        own = "the same, of\nthis vehicle"
+        own_label = "the same, of\nthis vehicle"
         guaranteed = value
         own_guaranteed = column("assured_distance_m")
     lines: list[Line] = [
@@ -137,7 +137,7 @@ def game(story: Story) -> Figure:
         ("time to go, s", now_s, column("meeting_time_s"), EVADER, "the game's pursuer"),
         ("time to go, s", now_s, needed_s, PURSUER, "this vehicle"),
         (panel, now_s, guaranteed, EVADER | {"linewidth": 0.9}, ideal),
-        (panel, now_s, own_guaranteed, PURSUER | {"linewidth": 0.9}, own),
+        (panel, now_s, own_guaranteed, PURSUER | {"linewidth": 0.9}, own_label),
     ]
     figure, axes = over_time(story, 7.0, lines)
     axes[0].axhline(0.0, color="0.0", linewidth=0.6)
@@ -196,9 +196,9 @@ def ages(story: Story) -> Figure:
         worst("loop, longest in\neach second, ms", "worked_s", EVADER, "worked for"),
     ]
     figure, axes = over_time(story, 6.4, lines)
-    for one in axes:
-        low, high = one.get_ylim()
-        one.set_ylim(min(0.0, low), max(high, 1.0))
+    for panel_axes in axes:
+        low, high = panel_axes.get_ylim()
+        panel_axes.set_ylim(min(0.0, low), max(high, 1.0))
     return figure
 
 
@@ -209,11 +209,11 @@ def over_time(story: Story, height: float, lines: Sequence[Line]) -> tuple[Figur
     axes = list(figure.subplots(len(panels), 1, sharex=True))
     for panel, now_s, values, style, label in lines:
         axes[panels.index(panel)].plot(now_s, values, **style, label=label)
-    for one, panel in zip(axes, panels, strict=True):
-        one.set(ylabel=panel, xmargin=0.01)
-        one.grid(visible=True, linewidth=0.3)
-        if one.get_legend_handles_labels()[0]:
-            legend_beside(one)
+    for panel_axes, panel in zip(axes, panels, strict=True):
+        panel_axes.set(ylabel=panel, xmargin=0.01)
+        panel_axes.grid(visible=True, linewidth=0.3)
+        if panel_axes.get_legend_handles_labels()[0]:
+            legend_beside(panel_axes)
     axes[-1].set_xlabel("time, s")
     above: dict[str, Any] = {
         "transform": axes[0].get_xaxis_transform(),
@@ -224,22 +224,22 @@ def over_time(story: Story, height: float, lines: Sequence[Line]) -> tuple[Figur
     for name, moment in (("engaged", story.engaged), ("captured", story.captured)):
         if moment is not None:
             axes[0].text(moment.now_s, 1.01, name, **above)
-            for one in axes:
-                one.axvline(moment.now_s, **MARK)
+            for panel_axes in axes:
+                panel_axes.axvline(moment.now_s, **MARK)
     return figure, axes
 
 
 def events(story: Story) -> Figure:
     """Draw the states as a band with the events below."""
-    shown = story.events[:_MOST_EVENTS]
-    figure = figures.figure_of(11.0, 1.4 + 0.27 * len(shown))
+    events = story.events[:_MOST_EVENTS]
+    figure = figures.figure_of(11.0, 1.4 + 0.27 * len(events))
     axes = figure.subplots()
     now_s = story.column("now_s")
     states = np.array([row.state for row in story.rows])
     changes = [0, *(1 + np.flatnonzero(states[1:] != states[:-1])), len(now_s) - 1]
     for number, (first, last) in enumerate(pairwise(changes)):
         axes.axvspan(now_s[first], now_s[last], color=_SHADES[number % len(_SHADES)], linewidth=0.0)
-    for row, event in enumerate(shown):
+    for row, event in enumerate(events):
         axes.plot([event.now_s], [row], "ko", ms=4)
         side, shift = ("left", 7) if event.now_s < 0.5 * (now_s[0] + now_s[-1]) else ("right", -7)
         words = f"{event.now_s:.2f} s  {event.event}" + (
@@ -252,11 +252,12 @@ def events(story: Story) -> Figure:
             "va": "center",
         }
         axes.annotate(words, (event.now_s, row), **beside, fontsize=8.5)
-    axes.set(xlabel="time, s", ylim=(len(shown) - 0.4, -0.6), yticks=[])
+    axes.set(xlabel="time, s", ylim=(len(events) - 0.4, -0.6), yticks=[])
     axes.margins(x=0.02)
-    left = len(story.events) - len(shown)
+    unlabelled = len(story.events) - len(events)
     axes.set_title(
-        "shades: the flight's states" + (f"; {left} later events are not shown" if left else ""),
+        "shades: the flight's states"
+        + (f"; {unlabelled} later events are not shown" if unlabelled else ""),
         fontsize=9,
     )
     return figure
@@ -275,14 +276,16 @@ def plan(team: TeamStory) -> Figure:
     ]
     for name in team.evaders:
         reported = [
-            place for one in team.flights.values() for _, place in one.evaders.get(name, ())
+            position_m
+            for flight in team.flights.values()
+            for _, position_m in flight.evaders.get(name, ())
         ]
         tracks.append((name, np.array(reported), dots, "evader"))
     for name, track, style, kind in tracks:
-        known = thinned(track[np.isfinite(track).all(axis=1)])
-        axes.plot(*known[:, :2].T, **style, label=kind)
+        track_m = thinned(track[np.isfinite(track).all(axis=1)])
+        axes.plot(*track_m[:, :2].T, **style, label=kind)
         axes.annotate(
-            name, known[0, :2], xytext=(6, -4), textcoords="offset points", color=style["color"]
+            name, track_m[0, :2], xytext=(6, -4), textcoords="offset points", color=style["color"]
         )
     for capture in team.captures.values():
         axes.plot(
@@ -303,9 +306,9 @@ def plan(team: TeamStory) -> Figure:
 
 def worst_of_each_second(now_s: Array, values: Array) -> tuple[Array, Array]:
     """Return the seconds with data and the largest value in each, which turns a sawtooth into a line."""
-    known = np.isfinite(values)
-    seconds, starts = np.unique(np.floor(now_s[known]), return_index=True)
-    return seconds, np.maximum.reduceat(values[known], starts) if len(starts) else np.zeros(0)
+    finite = np.isfinite(values)
+    seconds, starts = np.unique(np.floor(now_s[finite]), return_index=True)
+    return seconds, np.maximum.reduceat(values[finite], starts) if len(starts) else np.zeros(0)
 
 
 def playing_span(story: Story) -> slice:
@@ -326,10 +329,10 @@ def write_animation(story: Story, path: Path) -> None:
     span = playing_span(story)
     now_s = story.column("now_s")
     begun_s, ended_s = (
-        now_s[-1] if one is None else one.now_s for one in (story.engaged, story.captured)
+        now_s[-1] if cycle is None else cycle.now_s for cycle in (story.engaged, story.captured)
     )
-    shown = np.flatnonzero(now_s <= ended_s + _TAIL_S)[span]
-    pursuer, evader = (story.column(name)[shown] for name in ("pursuer_m", "evader_m"))
+    cycles = np.flatnonzero(now_s <= ended_s + _TAIL_S)[span]
+    pursuer, evader = (story.column(name)[cycles] for name in ("pursuer_m", "evader_m"))
     shapes = shapes_of(story)
     standoff = story.settings.cycle.game.standoff
     height = np.column_stack(
@@ -359,13 +362,13 @@ def write_animation(story: Story, path: Path) -> None:
     figures.legend_below(figure, plan, columns=5)
     title = figure.suptitle("")
     images = []
-    numbers = np.unique(np.linspace(0, len(shown) - 1, FRAMES).round().astype(int)).tolist()
+    numbers = np.unique(np.linspace(0, len(cycles) - 1, FRAMES).round().astype(int)).tolist()
     for number in counted(numbers, "drawing the moving picture", len(numbers)):
         for run, mark, track in zip(runs, marks, (pursuer, evader, height), strict=True):
             run.set_data(*track[: number + 1, :2].T)
             mark.set_data(*track[number : number + 1, :2].T)
         rim.set_data(*circle(evader[number], standoff.radius_m, 49).T)
-        title.set_text(f"{story.title}: {max(0.0, now_s[shown[number]] - begun_s):.1f} s")
+        title.set_text(f"{story.title}: {max(0.0, now_s[cycles[number]] - begun_s):.1f} s")
         figure.canvas.draw()
         images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
     times_ms = [FRAME_MS] * (len(images) - 1) + [20 * FRAME_MS]
@@ -441,10 +444,10 @@ def write_page(
     """
     page = folder / "report.html"
     ids = (
-        f"{one.path.name}, {one.survey.messages.total()} messages, {one.survey.duration_s:.3f} s"
-        for one in flights
+        f"{flight.path.name}, {flight.survey.messages.total()} messages, {flight.survey.duration_s:.3f} s"
+        for flight in flights
     )
-    mark = "\n".join(f'<meta name="record" content="{escape(each)}">' for each in ids)
+    mark = "\n".join(f'<meta name="record" content="{escape(identity)}">' for identity in ids)
     with writing(folder):
         if page.exists() and mark not in page.read_text(encoding="utf-8", errors="replace"):
             raise OutputError(f"{page}: is the report of another record; give --out another folder")
@@ -468,13 +471,15 @@ def write_page(
         template = (
             resources.files("guidance.viz").joinpath("report.html").read_text(encoding="utf-8")
         )
-        kept = _SECTION.sub(lambda found: found[0] if found[1] in images else "", template)
+        page_template = _SECTION.sub(
+            lambda section: section[0] if section[1] in images else "", template
+        )
         texts = {
             "title": escape(flights[0].title),
             "opening": escape(words),
             "rows": "\n".join(table),
         }
         with whole_file(page) as unfinished:
-            text = Template(kept).substitute(texts, **images, mark=mark)
+            text = Template(page_template).substitute(texts, **images, mark=mark)
             unfinished.write_text(text, encoding="utf-8")
     return written

@@ -113,8 +113,8 @@ class _Connection(socketserver.BaseRequestHandler):
                         b"GET %b HTTP/1.1\r\nHost: behind\r\nConnection: close\r\n\r\n"
                         % head.split()[1]
                     )
-                    status, _, rest = _head_from(inner).partition(b"\r\n")
-                    outer.sendall(b"%b\r\n%b%b" % (status, self.server.headers.encode(), rest))
+                    status, _, headers = _head_from(inner).partition(b"\r\n")
+                    outer.sendall(b"%b\r\n%b%b" % (status, self.server.headers.encode(), headers))
                 _copy(inner, outer)
 
 
@@ -147,9 +147,9 @@ def _copy(source: socket.socket, to: socket.socket) -> None:
     with contextlib.suppress(OSError):
         while piece := source.recv(_PIECE_BYTES):
             to.sendall(piece)
-    for one in (source, to):
+    for stream in (source, to):
         with contextlib.suppress(OSError):
-            one.shutdown(socket.SHUT_RDWR)
+            stream.shutdown(socket.SHUT_RDWR)
 
 
 @contextlib.contextmanager

@@ -82,7 +82,7 @@ class Story(NamedTuple):
     @property
     def captured(self) -> Played | None:
         """The first cycle of the capture."""
-        return next((one for one in self.game if one.certificate.captured), None)
+        return next((row for row in self.game if row.certificate.captured), None)
 
     @property
     def alarms(self) -> list[tuple[float, str]]:
@@ -139,9 +139,14 @@ def opening(story: Story) -> str:
     started = story.survey.metadata.get("started_utc", "")
     home = story.flight.vehicle.latest.get(Home)
     when = f"on {started[:10]} at {started[11:16]} UTC" if started else "in virtual time"
-    where = "" if home is None else f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
-    who = f"{story.title} ({story.settings.autopilot.name}) flew {when}{where} for {story.lasted_s:.0f} s."
-    return " ".join(filter(None, (who, _promise(story), _happened(story), _limited(story))))
+    home_words = (
+        "" if home is None else f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
+    )
+    vehicle = f"{story.title} ({story.settings.autopilot.name})"
+    opening_sentence = f"{vehicle} flew {when}{home_words} for {story.lasted_s:.0f} s."
+    return " ".join(
+        filter(None, (opening_sentence, _promise(story), _happened(story), _limited(story)))
+    )
 
 
 def _promise(story: Story) -> str:
@@ -159,37 +164,37 @@ def _promise(story: Story) -> str:
         if math.isfinite(engaged.time_needed_s)
         else "without a time"
     )
-    kept = (
+    promise_words = (
         f", at least {engaged.assured_distance_m:.1f} m from the target"
         if story.with_target
         else ""
     )
     disc = f"{standoff.radius_m:g} m beside and {standoff.height_m:g} m above the evader"
-    return f"At engagement it promised to be {disc} {within}{kept}."
+    return f"At engagement it promised to be {disc} {within}{promise_words}."
 
 
 def _happened(story: Story) -> str:
     """Say how the game and the flight ended."""
-    ended = f"the flight ended {story.rows[-1].state}"
+    ending = f"the flight ended {story.rows[-1].state}"
     if story.engaged is None:
-        return f"No game was played; {ended}."
+        return f"No game was played; {ending}."
     if story.captured is None:
-        return f"It did not reach that place; {ended}."
+        return f"It did not reach that place; {ending}."
     lasted_s = story.game_lasted_s
     needed_s = story.engaged.certificate.time_needed_s
     share = f" ({lasted_s / needed_s:.2f} of the promise)" if needed_s > 0.0 else ""
-    kept = (
+    alarm_words = (
         f", with the evader {_flown(story, story.captured):.1f} m from the target"
         if story.with_target
         else ""
     )
-    return f"It was there after {lasted_s:.1f} s{share}{kept}; {ended}."
+    return f"It was there after {lasted_s:.1f} s{share}{alarm_words}; {ending}."
 
 
 def _limited(story: Story) -> str:
     """Say which limits changed the commands, and whether a promise was broken."""
     acting = Counter(
-        name for one in story.game for name in one.certificate.active_limits
+        name for row in story.game for name in row.certificate.active_limits
     ).most_common(3)
     cycles = len(story.game)
     named = ", ".join(
@@ -205,7 +210,7 @@ def _limited(story: Story) -> str:
         "" if math.isnan(slowest_m_s) else f" It was seen to reach at least {slowest_m_s:.1f} m/s."
     )
     broken = ", ".join(
-        f"{what} ({count})" for what, count in Counter(what for _, what in story.alarms).items()
+        f"{what} ({count})" for what, count in Counter(alarm for _, alarm in story.alarms).items()
     )
     return f"{limits}{reached} {f'Alarms: {broken}.' if broken else 'There was no alarm.'}"
 
@@ -220,7 +225,7 @@ def summary(story: Story) -> Iterator[Row]:
     )
     lowest_m = min(filter(math.isfinite, story.column("pursuer_m")[playing, 2]), default=math.nan)
     condition = ", ".join(survey.faults) if survey.faults else "whole"
-    made = [
+    versions = [
         f"{name} {text}"
         for name, text in survey.metadata.items()
         if name not in {"scenario", "config", "seed"}
@@ -237,7 +242,7 @@ def summary(story: Story) -> Iterator[Row]:
     yield "events", f"{survey.messages[EVENT.topic]}"
     yield "record", f"{condition}, {survey.messages.total()} messages"
     yield "seed", survey.metadata.get("seed", "–")
-    yield "made by", ", ".join(made)
+    yield "made by", ", ".join(versions)
 
 
 def _game(story: Story) -> Iterator[Row]:
@@ -262,10 +267,10 @@ def _game(story: Story) -> Iterator[Row]:
     if story.with_target:
         yield "distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"
     if story.captured is not None:
-        flown = _flown(story, story.captured)
+        flown_path = _flown(story, story.captured)
         lasted_s = story.game_lasted_s
-        yield "flown", f"{flown:.2f} {unit}"
-        yield "flown / predicted", f"{flown / value:.3f}" if value else "–"
+        yield "flown", f"{flown_path:.2f} {unit}"
+        yield "flown / predicted", f"{flown_path / value:.3f}" if value else "–"
         yield "game lasted", f"{lasted_s:.2f} s"
         yield (
             "lasted / time needed",
@@ -276,7 +281,7 @@ def _game(story: Story) -> Iterator[Row]:
 def _slowest_m_s(story: Story) -> float:
     """Return the smallest speed that the vehicle was seen to reach; NaN in records that do not tell."""
     return min(
-        filterfalse(math.isnan, (one.certificate.reachable_speed_m_s for one in story.game)),
+        filterfalse(math.isnan, (row.certificate.reachable_speed_m_s for row in story.game)),
         default=math.nan,
     )
 
@@ -289,11 +294,11 @@ def _flown(story: Story, captured: Played) -> float:
 
 
 def _spread_ms(values: Array) -> str:
-    known = 1e3 * values[np.isfinite(values)]
-    if not len(known):
+    finite_ms = 1e3 * values[np.isfinite(values)]
+    if not len(finite_ms):
         return "not recorded"
     return "median {:.1f} ms, p99 {:.1f} ms, largest {:.1f} ms".format(
-        *np.percentile(known, (50, 99, 100))
+        *np.percentile(finite_ms, (50, 99, 100))
     )
 
 
@@ -330,23 +335,23 @@ class TeamStory(NamedTuple):
         capture = self.captures.get(evader)
         cycle = self.first.settings.cycle
         achieved = math.nan
-        ended = "not captured"
+        ending = "not captured"
         unit = "s" if cycle.target_game_m is None else "m"
         if capture is not None:
             achieved = capture.now_s - self.began_s
-            ended = f"captured by {capture.vehicle} after {achieved:.1f} s"
+            ending = f"captured by {capture.vehicle} after {achieved:.1f} s"
             if cycle.target_game_m is not None:
                 achieved = distance_to_target_m(cycle, capture.evader_m)
-                ended += f", {achieved:.1f} m from the target"
+                ending += f", {achieved:.1f} m from the target"
         if promise is None or promise.value is None:
-            return f"no capture could be promised; {ended}"
+            return f"no capture could be promised; {ending}"
         by = " and ".join(filter(None, (promise.first, promise.second)))
-        kept = promise.verdict(promise.value, achieved, unit, captured=capture is not None)
-        why = f" ({promise.cause})" if promise.cause and promise.cause not in kept else ""
-        given = (
+        verdict = promise.verdict(promise.value, achieved, unit, captured=capture is not None)
+        cause = f" ({promise.cause})" if promise.cause and promise.cause not in verdict else ""
+        promise_words = (
             f"{promise.value:.1f} {'m from the target' if unit == 'm' else 's'} promised by {by}"
         )
-        return f"{given}; {ended}; {kept}{why}"
+        return f"{promise_words}; {ending}; {verdict}{cause}"
 
 
 def team_story(records: Mapping[str, Path]) -> TeamStory:
@@ -356,7 +361,7 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
         ConfigError: If a record cannot be read, or is not of a team.
     """
     flights = {name: story_of(path) for name, path in records.items()}
-    told = list[tuple[float, RolesMessage]]()
+    announcements = list[tuple[float, RolesMessage]]()
     for name, flight in flights.items():
         if flight.settings.team is None:
             raise ConfigError(
@@ -364,21 +369,27 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
             )
         for event in flight.events:
             if event.event == ASSIGNED:
-                told.append((event.now_s, RolesMessage.model_validate_json(event.detail)))
+                announcements.append((event.now_s, RolesMessage.model_validate_json(event.detail)))
     captures = captures_of(flights)
-    told.sort(key=lambda one: (one[0], one[1].term, one[1].seq))
-    began_s = max(
-        math.inf if one.engaged is None else one.engaged.now_s for one in flights.values()
+    announcements.sort(
+        key=lambda announcement: (announcement[0], announcement[1].term, announcement[1].seq)
     )
-    offered = [roles.promises for now_s, roles in told if now_s <= began_s]
-    causes = {one.evader: one.cause for _, roles in told for one in roles.promises}
-    given = [
-        one.model_copy(update={"cause": causes[one.evader]})
+    began_s = max(
+        math.inf if flight.engaged is None else flight.engaged.now_s for flight in flights.values()
+    )
+    offered = [roles.promises for now_s, roles in announcements if now_s <= began_s]
+    causes = {
+        promise.evader: promise.cause for _, roles in announcements for promise in roles.promises
+    }
+    promised = [
+        promise.model_copy(update={"cause": causes[promise.evader]})
         for ones in offered[-1:]
-        for one in ones
+        for promise in ones
     ]
     replays = {name: compare(path, recorded_settings)[0] for name, path in records.items()}
-    return TeamStory(flights, replays, {one.evader: one for one in given}, captures, began_s)
+    return TeamStory(
+        flights, replays, {promise.evader: promise for promise in promised}, captures, began_s
+    )
 
 
 def captures_of(flights: Mapping[str, Story]) -> dict[str, Capture]:
@@ -410,28 +421,34 @@ def _roles(flight: Story) -> list[tuple[float, Role]]:
 def team_opening(team: TeamStory) -> str:
     """Return the first paragraph: vehicles, promises and how many were kept, the least distance, alarms and replay."""
     flights = team.flights.values()
-    wanted = team.first.settings.team or TeamSection()
-    given = [name for name, one in team.promised.items() if one.value is not None]
-    kept = sum("; kept" in team.verdict(name) for name in given)
-    flown = [zip(one.rows, one.cycles, strict=True) for one in flights]
+    separation = team.first.settings.team or TeamSection()
+    promised = [name for name, promise in team.promised.items() if promise.value is not None]
+    kept_count = sum("; kept" in team.verdict(name) for name in promised)
+    samples = [zip(flight.rows, flight.cycles, strict=True) for flight in flights]
     tracks = [
-        {row.now_s: cycle.pursuer_m for row, cycle in one if row.state in SETPOINT_STATES}
-        for one in flown
+        {
+            row.now_s: cycle.pursuer_m
+            for row, cycle in flight_samples
+            if row.state in SETPOINT_STATES
+        }
+        for flight_samples in samples
     ]
-    least_m = least_distance_m(tracks, wanted.separation_height_m)
+    least_m = least_distance_m(tracks, separation.separation_height_m)
     apart = "never flew at one height" if math.isinf(least_m) else f"stayed {least_m:.1f} m apart"
-    alarms = sum(len(one.alarms) for one in flights)
-    differing = [name for name, one in team.replays.items() if one.differing]
+    alarms = sum(len(flight.alarms) for flight in flights)
+    differing = [name for name, comparison in team.replays.items() if comparison.differing]
     replayed = (
         f"{', '.join(differing)} replays differently"
         if differing
         else "every vehicle replays bit for bit"
     )
+    lasted_s = max(flight.lasted_s for flight in flights)
     return (
-        f"{team.first.title}: {', '.join(team.flights)} flew for {max(one.lasted_s for one in flights):.0f} s against "
-        f"{', '.join(team.evaders)}. At engagement the team promised {len(given)} captures; {kept} promises were kept, "
-        f"and {len(team.captures)} of {len(team.evaders)} evaders were captured. Vehicles less than "
-        f"{wanted.separation_height_m:g} m apart in height {apart} ({wanted.separation_m:g} m wanted). "
+        f"{team.first.title}: {', '.join(team.flights)} flew for {lasted_s:.0f} s against "
+        f"{', '.join(team.evaders)}. At engagement the team promised {len(promised)} captures; "
+        f"{kept_count} promises were kept, and {len(team.captures)} of {len(team.evaders)} evaders "
+        "were captured. Vehicles less than "
+        f"{separation.separation_height_m:g} m apart in height {apart} ({separation.separation_m:g} m wanted). "
         f"{alarms or 'No'} alarm{'' if alarms == 1 else 's'}; {replayed}, with its mates and assignments."
     )
 
@@ -447,7 +464,9 @@ def team_summary(team: TeamStory) -> Iterator[Row]:
             f"{role.evader}{heights[role]} from {now_s:.1f} s" for now_s, role in _roles(flight)
         )
         captured = [
-            f"captured {evader}" for evader, one in team.captures.items() if one.vehicle == name
+            f"captured {evader}"
+            for evader, capture in team.captures.items()
+            if capture.vehicle == name
         ]
         replayed = team.replays[name]
         same = f"except in {replayed.differing} cycles" if replayed.differing else "bit for bit"

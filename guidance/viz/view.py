@@ -148,14 +148,14 @@ def layout(vehicles: Sequence[str], *, with_target: bool) -> rrb.Blueprint:
     tracks = [
         path_of(f"{name}/track", vehicle) for name in (PURSUER, EVADER) for vehicle in vehicles
     ]
-    whole: dict[Any, Any] = dict.fromkeys(
+    styles: dict[Any, Any] = dict.fromkeys(
         tracks, rrb.VisibleTimeRanges(timeline=TIMELINE, start=start, end=end)
     )
     eye = rrb.EyeControls3D(
         position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0)
     )
     name = "The game: x east, y north, z up, m"
-    space = rrb.Spatial3DView(origin="game", name=name, eye_controls=eye, overrides=whole)
+    space = rrb.Spatial3DView(origin="game", name=name, eye_controls=eye, overrides=styles)
     guarantee = "Guarantee L, m from T" if with_target else "Guarantee V + t, s"
     plots = [
         rrb.TimeSeriesView(origin=path, name=title or guarantee) for path, title in PLOTS.items()
@@ -239,7 +239,7 @@ class Painter:
         drawn = {
             PURSUER: cycle.pursuer_m,
             EVADER: cycle.evader_m,
-            **{one.path: one.of(cycle) for one in CURVES},
+            **{curve.path: curve.of(cycle) for curve in CURVES},
         }
         self._pending.append(
             (cycle.now_s, {**drawn, VALUE: self._guaranteed(row.now_s, certificate)})
@@ -317,11 +317,11 @@ class Painter:
 
     def _send(self, name: str, now_s: Array, values: Array) -> None:
         """Send a number or a position of every cycle that has one; of a position also the line from the last one."""
-        known = np.isfinite(values.reshape(len(values), -1)).all(axis=-1)
-        if not known.any():
+        finite = np.isfinite(values.reshape(len(values), -1)).all(axis=-1)
+        if not finite.any():
             return
-        run = values[known]
-        times = now_s[known]
+        run = values[finite]
+        times = now_s[finite]
         is_track = values.ndim > 1
         columns: Any = (
             rr.Points3D.columns(positions=run) if is_track else rr.Scalars.columns(scalars=run)
@@ -333,11 +333,11 @@ class Painter:
             self._tails[name] = run[-1:]
             self._log(float(times[-1]), f"{name}/track", _lines([line], name, 1.0))
 
-    def _log(self, now_s: float | None, name: str, what: rr.AsComponents) -> None:
+    def _log(self, now_s: float | None, name: str, components: rr.AsComponents) -> None:
         """Log what is so from a time on, or always."""
         if now_s is not None:
             self._to.set_time(TIMELINE, duration=now_s)
-        self._to.log(path_of(name, self._vehicle), what, static=now_s is None)
+        self._to.log(path_of(name, self._vehicle), components, static=now_s is None)
 
 
 def _lines(curves: list[Array], name: str, width: float = 1.5) -> rr.LineStrips3D:
@@ -392,11 +392,11 @@ def view(
     with contextlib.ExitStack() as closing:
         if any(source.live for source in sources.values()):
             os.nice(NICE)
-        told = {
+        counts = {
             name: source.metadata(partial(ended.wait, REDRAWN_EVERY_S))
             for name, source in sources.items()
         }
-        first = next(iter(told.values()))
+        first = next(iter(counts.values()))
         recording = rr.RecordingStream("guidance")
         closing.callback(recording.disconnect)
         sink: Any
@@ -414,7 +414,7 @@ def view(
         recording.send_recording_name(title_of(first))
         flights = [
             Aggregator(recorded_settings, metadata, sources[name].name)
-            for name, metadata in told.items()
+            for name, metadata in counts.items()
         ]
         painters = list(map(partial(Painter, recording), flights, vehicles))
         with ThreadPoolExecutor(
