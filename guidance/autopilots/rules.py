@@ -60,8 +60,11 @@ class Preflight(Section):
     origin_distance_limit_m: float = Field(
         1000.0, gt=0.0, description="greatest distance of the local frame's origin from home"
     )
-    evader_height_limit_m: float = Field(
-        30.0, gt=0.0, description="greatest height difference between the evader and home"
+    evader_height_limit_m: float | None = Field(
+        None,
+        gt=0.0,
+        description="greatest height difference between the evader and home's ground, below "
+        "game.standoff_height_m; default: half of it",
     )
 
 
@@ -74,6 +77,7 @@ class Wants(NamedTuple):
         game_speeds: Speeds of the game.
         limit_speeds: Speed limits of our commands; the excess over the game's speeds recovers a late start.
         battery_needed: Share of the charge needed to fly home from the fence; None without `[flight.reserve]`.
+        evader_height_limit_m: Greatest height difference between the evader and home's ground.
     """
 
     preflight: Preflight
@@ -81,6 +85,7 @@ class Wants(NamedTuple):
     game_speeds: Speeds
     limit_speeds: Speeds
     battery_needed: float | None = None
+    evader_height_limit_m: float = 30.0
 
 
 class Quantity(StrEnum):

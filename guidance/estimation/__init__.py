@@ -1,17 +1,21 @@
 """The evader's track. An `Observer` is the memory of one evader: `observe` adds a report, `predict` returns the evader.
 
-A report passes clock (`measurement`), frame and track (`track`), and the detection of a second source (`rivals`). The
+A report passes the judgement of its stamp (`pace`), clock and frame (`measurement`), the comparison of its velocity
+with the positions (`velocity_check`), the track (`track`), and the detection of a second source (`rivals`). The
 prediction, an `EvaderEstimate`, has position, velocity, speed bound, age and uncertainty at any time of our clock. If
 the origin of the local frame moves, all positions move with it (`moved`) and their uncertainty stays the same.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from guidance.estimation.filters import EvaderEstimate, predict
 from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, measure, synchronise
+from guidance.estimation.pace import Pace, judge_pace
 from guidance.estimation.rivals import Report, Rivals, listen
 from guidance.estimation.track import ReportOutcome, Track, update
+from guidance.estimation.velocity_check import VelocityCheck, check_velocity
 from guidance.frames import LocalFrame, Vector, difference, total
 from guidance.messages import EvaderReport
 
@@ -19,15 +23,23 @@ __all__ = ["EvaderEstimate", "Observer", "moved", "observe", "predict"]
 
 
 class Observer(NamedTuple):
-    """The sender's clock, the track, and the detection of a second source. Empty at first.
+    """The sender's clock, the track, and the checks of the reports. Empty at first.
 
-    Positions of the track are in the frame of the first report; `shift_ned_m` is added for the present local frame.
+    Attributes:
+        clock: The sender's clock; None before the first usable stamp.
+        track: Positions are in the frame of the first report.
+        rivals: The detection of a second source.
+        shift_ned_m: Added to positions of the track for the present local frame.
+        pace: Whether the stamps are usable.
+        velocity_check: Whether the reported velocities are believed.
     """
 
     clock: ClockOffset | None = None
     track: Track = Track()
     rivals: Rivals = Rivals()
     shift_ned_m: Vector = (0.0, 0.0, 0.0)
+    pace: Pace = Pace()
+    velocity_check: VelocityCheck = VelocityCheck()
 
 
 _FITS: Final[Mapping[ReportOutcome | None, bool]] = {
@@ -47,17 +59,33 @@ def observe(
         frame: The vehicle's local frame, also the frame of the track.
         settings: Noise and limits of the track.
     """
-    clock = observer.clock
+    pace = judge_pace(observer.pace, report.sent_s, report.received_s)
+    if not pace.usable:
+        report = report._replace(sent_s=math.nan, timesync=None)
+    clock = _clock_after(observer.clock, report, pace)
+    measurement = measure(report, frame, observer.shift_ned_m, clock, settings)
+    used = measurement
+    if not observer.velocity_check.believed:
+        used = measurement._replace(velocity_ned_m_s=None)
+    track = update(observer.track, used, settings)
+    if track.outcome is ReportOutcome.UNUSABLE:
+        return observer._replace(clock=clock, track=track, pace=pace)
+    fits = _FITS.get(track.outcome)
+    velocity_check = observer.velocity_check
+    if fits:
+        velocity_check = check_velocity(velocity_check, measurement)
+    rivals = listen(observer.rivals, Report(report, used, fits), settings)
+    return Observer(clock, track, rivals, observer.shift_ned_m, pace, velocity_check)
+
+
+def _clock_after(clock: ClockOffset | None, report: EvaderReport, pace: Pace) -> ClockOffset | None:
+    """Return the sender's clock after a report; None while its stamps are not usable."""
+    if not pace.usable:
+        return None
     answer = report.timesync
     if answer is not None:
         clock = synchronise(clock, answer.remote_ns / 1e9, answer.local_ns / 1e9, answer.received_s)
-    clock = hear(clock, report.sent_s, report.received_s)
-    measurement = measure(report, frame, observer.shift_ned_m, clock, settings)
-    track = update(observer.track, measurement, settings)
-    if track.outcome is ReportOutcome.UNUSABLE:
-        return observer._replace(clock=clock, track=track)
-    one = Report(report, measurement, _FITS.get(track.outcome))
-    return Observer(clock, track, listen(observer.rivals, one, settings), observer.shift_ned_m)
+    return hear(clock, report.sent_s, report.received_s)
 
 
 def moved(observer: Observer, into: Callable[[Vector], Vector]) -> Observer:

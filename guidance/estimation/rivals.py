@@ -9,7 +9,8 @@ The true evader keeps reporting, so two sources take turns. They contradict each
 - in *sequence*: of MAVLink's frame numbers and the sender's time, one increases and the other decreases;
 - in *sender*: the carrier names two senders (`EvaderReport.peer`), or counts messages from another address
   (`EvaderReport.impostors`), in alternation;
-- in *rate*, if reports have no time of their own: there are several times as many as at first.
+- in *rate*, if reports have no time of their own: one source sends several times as many as the busiest at first.
+  Vehicles of a team that relay the same evader are one source each.
 
 One source that is late, duplicated, reordered, silent for a while, or jumps once is not detected as two. Reports cannot
 show which of two sources is the wrong one.
@@ -65,7 +66,7 @@ class Rivals(NamedTuple):
         recent: The last reports.
         judged_s: When they were last judged.
         since_s: When the first report arrived.
-        usual: The largest number of reports in two seconds, during the first seconds.
+        usual: The largest number of reports of one source in two seconds, during the first seconds.
         odd_s: When a report last arrived that may be another source's. Without one, there is nothing to judge.
         seen_s: When two sources were last detected.
         why: The kind of contradiction, as in the module's list.
@@ -191,11 +192,13 @@ def _in_sender(recent: Sequence[Report], now_s: float) -> bool:
 
 
 def _untimed(recent: Sequence[Report], now_s: float) -> list[float]:
-    """Return the arrivals of the latest reports without a time of their own."""
-    arrivals = ((one.told.received_s, one.told.sent_s) for one in recent)
-    return [
-        at_s for at_s, sent_s in arrivals if now_s - at_s < _RATE_WINDOW_S and math.isnan(sent_s)
-    ]
+    """Return the arrivals of the latest reports without a time of their own, of the source that sends most."""
+    arrivals_s: dict[str, list[float]] = {}
+    for report in recent:
+        told = report.told
+        if now_s - told.received_s < _RATE_WINDOW_S and math.isnan(told.sent_s):
+            arrivals_s.setdefault(told.source, []).append(told.received_s)
+    return max(arrivals_s.values(), key=len, default=[])
 
 
 def _in_rate(rivals: Rivals, now_s: float) -> bool:

@@ -8,7 +8,7 @@ rival, which replaces the first once several in a row agree with it.
 import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from guidance.estimation import filters
 from guidance.estimation.filters import Estimate, Height, advance, blended
@@ -32,6 +32,17 @@ class ReportOutcome(StrEnum):
     OUTLIER = "outlier"
     TOO_FAR = "too far"  # out of reach of where it was
 
+
+TAKEN: Final = frozenset(
+    {
+        ReportOutcome.STARTED,
+        ReportOutcome.ACCEPTED,
+        ReportOutcome.REORDERED,
+        ReportOutcome.JUMPED,
+        ReportOutcome.REACQUIRED,
+    }
+)
+"""Outcomes of the reports that changed the estimate."""
 
 # χ² at a probability of 1e-6, by the number of measured values. No tighter: at 1 Hz a sharp turn lies in the tails of
 # the mixture, and refusing it costs more than accepting an error that is still below this gate.

@@ -333,8 +333,12 @@ def _telemetry_lost(now: Moment) -> bool:
 def _invited(now: Moment) -> bool:
     # Only a change of mode counts.
     chosen = now.stage.other_mode_seen and now.heard.mode is Mode.GUIDED
-    barred = now.refusals or telemetry_refusal(now.heard.vehicle, now.now_s)
-    return chosen and _waits_for_pilot(now) and not barred
+    if not (chosen and _waits_for_pilot(now)):
+        return False
+    if now.refusals or telemetry_refusal(now.heard.vehicle, now.now_s):
+        return False
+    limited = now.settings.evader_height_limit_m is not None
+    return not (limited and now.heard.tracking.height_refusal(now.now_s))
 
 
 def _at_height(now: Moment) -> bool:

@@ -112,11 +112,13 @@ class Flight:
                 if math.isinf(silence_s)
                 else f"was last heard {silence_s:.1f} s ago"
             )
-            return f"the evader {heard}; at most {limit_s:g} s is allowed"
+            dropped = self.tracking.unusable_words(now_s)
+            allowed = f"at most {limit_s:g} s is allowed"
+            return "; ".join(filter(None, (f"the evader {heard}", dropped, allowed)))
         rival = self.tracking.rival(now_s)
         if rival and self.settings.hold_on_rival:
             return f"two sources report as the evader (told apart by {rival}); silence one, or set evader.second_source"
-        return ""
+        return self.tracking.height_refusal(now_s)
 
     def telemetry_refusal(self, now_s: float) -> str:
         """Return why the vehicle's telemetry bars an engagement now; empty if it does not."""

@@ -142,6 +142,8 @@ class FlightSettings(FlightSection):
         limits_s: Longest stay in each state that has a limit.
         team: Separation from mates; None for a vehicle without a team.
         evaders: Declared speeds of the evaders by name, m/s; empty for one evader without a name.
+        evader_height_limit_m: Greatest height difference between the evader and home's ground for an engagement;
+            None is no limit, for a mock.
     """
 
     autopilot: InstanceOf[Autopilot]
@@ -154,6 +156,7 @@ class FlightSettings(FlightSection):
     limits_s: Mapping[State, float] = Field(default_factory=lambda: LIMITS_S)
     team: TeamSection | None = None
     evaders: Mapping[str, float] = Field(default_factory=dict)
+    evader_height_limit_m: float | None = None
 
     @property
     def farthest_m(self) -> float:

@@ -8,12 +8,15 @@ back, so no command mixes the two frames.
 """
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
 from guidance.estimation import EvaderEstimate, Observer, moved, observe, predict
 from guidance.estimation.measurement import TrackSettings
+from guidance.estimation.pace import FASTEST, SLOWEST
+from guidance.estimation.track import TAKEN
 from guidance.flight.settings import FlightSettings
 from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference, total
 from guidance.messages import EvaderReport, GlobalPosition, Home, LocalPosition, Message, Origin
@@ -26,6 +29,8 @@ _UNHEARD: Final = Observer()
 _SAME_M: Final = 0.5
 """A reported origin within this distance is accepted: it was rounded, or derived from home."""
 
+_STILL_REPORTS_S: Final = 2.0
+
 _JUDGE_AGE_S: Final = 1.0
 """Without a global position this recent, the reported origin is accepted."""
 
@@ -35,6 +40,10 @@ class Tracking:
 
     They move with the origin of the local frame. `held_back_ned_m` is a jump of the vehicle's position whose cause is
     not known yet. `playing` is the evader of the game; "" is the only evader of a vehicle that has no team.
+
+    Attributes:
+        news: Changed doubts about reports, for people; whoever shows them empties the list.
+        refused: By evader, why its source refuses reports, for people; whoever reads the source's counters says so.
     """
 
     def __init__(self, settings: FlightSettings) -> None:
@@ -54,6 +63,10 @@ class Tracking:
             for name, one in self._free.items()
         }
         self._observers: dict[str, Observer] = {}
+        self._dropped: dict[str, Counter[str]] = {}
+        self._reported_s: dict[str, float] = {}
+        self.news: list[str] = []
+        self.refused: dict[str, str] = {}
         self._told: tuple[Message | None, Message | None, LocalFrame | None] = (None, None, None)
         self._jumped_ned_m = NOWHERE
         self._home: Home | None = None
@@ -89,9 +102,25 @@ class Tracking:
         settings = self._bounded if in_flight else self._free
         for report in reports:
             name = report.evader or ""
-            track = settings.get(name, settings[""])
-            self._observers[name] = observe(
-                self._observers.get(name, _UNHEARD), report, frame, track
+            self._take(name, report, frame, settings.get(name, settings[""]))
+
+    def _take(
+        self, name: str, report: EvaderReport, frame: LocalFrame, settings: TrackSettings
+    ) -> None:
+        before = self._observers.get(name, _UNHEARD)
+        after = observe(before, report, frame, settings)
+        self._observers[name] = after
+        self._reported_s[name] = report.received_s
+        outcome = after.track.outcome
+        if outcome is not None and outcome not in TAKEN:
+            counts = self._dropped.setdefault(name, Counter())
+            counts[str(outcome)] += 1
+        called = f"evader {name}" if name else "evader"
+        if after.pace.usable is not before.pace.usable:
+            self.news.append(f"{called}: {_pace_words(after) or 'its stamps are used again'}")
+        if after.velocity_check.believed is not before.velocity_check.believed:
+            self.news.append(
+                f"{called}: {_velocity_words(after) or 'its velocities are used again'}"
             )
 
     def _accepted(self, vehicle: VehicleState) -> LocalFrame | None:
@@ -142,6 +171,45 @@ class Tracking:
         rivals = self._observers.get(self.playing, _UNHEARD).rivals
         return rivals.why if rivals.why and rivals.there(now_s) else ""
 
+    def doubts(self, evader: str | None = None) -> tuple[str, ...]:
+        """Return what of an evader's reports is not used, by default of the game's, in words for people."""
+        observer = self._observers.get(self.playing if evader is None else evader, _UNHEARD)
+        return tuple(filter(None, (_pace_words(observer), _velocity_words(observer))))
+
+    def dropped(self, evader: str | None = None) -> Mapping[str, int]:
+        """Return how many reports of an evader were dropped, by default of the game's, by `ReportOutcome`."""
+        return self._dropped.get(self.playing if evader is None else evader, {})
+
+    def unusable_words(self, now_s: float) -> str:
+        """Return why the reports of the game's evader are not used if they still arrive; else an empty string."""
+        refused = self.refused.get(self.playing)
+        if refused:
+            return refused
+        observer = self._observers.get(self.playing, _UNHEARD)
+        outcome = observer.track.outcome
+        reported_s = self._reported_s.get(self.playing, -math.inf)
+        if outcome is None or outcome in TAKEN or now_s - reported_s > _STILL_REPORTS_S:
+            return ""
+        return f'its reports still arrive, and are dropped as "{outcome}"'
+
+    def height_refusal(self, now_s: float) -> str:
+        """Return why the height of the game's evader bars an engagement; empty if it does not."""
+        limit_m = self._settings.evader_height_limit_m
+        if limit_m is None:
+            return ""
+        evader = self.evader(now_s)
+        if evader is None or self.home_ned_m is None:
+            return "the evader's height above home is not known"
+        height_m = self.home_ned_m[2] - evader.position_ned_m[2]
+        if abs(height_m) <= limit_m:
+            return ""
+        above = "above" if height_m > 0.0 else "below"
+        allowed = f"at most {limit_m:g} m is allowed (preflight.evader_height_limit_m)"
+        advice = "are its altitudes above another zero? See evader.altitude_datum"
+        return (
+            f"the evader reports {abs(height_m):.1f} m {above} home's ground; {allowed}; {advice}"
+        )
+
     def silence_s(self, now_s: float, evader: str | None = None) -> float:
         """Seconds since the last usable report of an evader, by default the game's; infinite before the first one."""
         last = self._observers.get(
@@ -173,6 +241,24 @@ class Tracking:
             self.game_frame = GameFrame(NOWHERE)
         else:
             self.game_frame = GameFrame(before.ned_in(frame, self.game_frame.origin_ned_m))
+
+
+def _pace_words(observer: Observer) -> str:
+    pace = observer.pace
+    if pace.usable:
+        return ""
+    runs = f"its clock runs at {pace.rate:.3g} times ours"
+    allowed = f"{SLOWEST:g} to {FASTEST:g} is plausible"
+    return f"{runs} ({allowed}): its stamps are not used, ages count from arrival"
+
+
+def _velocity_words(observer: Observer) -> str:
+    check = observer.velocity_check
+    if check.believed:
+        return ""
+    return (
+        f"its velocities contradict its positions by {check.error_m_s:.1f} m/s: they are not used"
+    )
 
 
 def _apart_m(frame: LocalFrame, place: GlobalPosition, local: LocalPosition) -> float:

@@ -22,6 +22,8 @@ CAPABILITY_VELOCITY: Final = 1 << 1
 OLDEST_S: Final = 2
 """Largest age of an ADSB_VEHICLE."""
 
+_MOST_COUNTERS: Final = 32
+
 _DIAGONAL: Final = (0, 6, 11)  # of the upper right triangle of a 6 x 6 matrix, row by row
 
 
@@ -29,6 +31,7 @@ UNKNOWN_MOTION: Final = (36100, 25500, 6300)
 """Direction (1/100 degree), horizontal and vertical speed (cm/s) that OPEN_DRONE_ID_LOCATION defines as unknown."""
 
 UNKNOWN_ALTITUDE_M: Final = -1000.0
+_HOUR_S: Final = 3600.0
 HORIZONTAL_BOUNDS_M: Final = (
     math.nan, 18520.0, 7408.0, 3704.0, 1852.0, 926.0, 555.6, 185.2, 92.6, 30.0, 10.0, 3.0, 1.0,
 )  # fmt: skip
@@ -56,8 +59,29 @@ def accepted(
         reason = str(refused)
     except (ValueError, ArithmeticError):
         reason = "invalid"
-    counts[f"refused_{reason}"] += 1
+    counter = f"refused_{reason}"
+    if counter not in counts and len(counts) >= _MOST_COUNTERS:  # reasons may quote the sender
+        counter = "refused_otherwise"
+    counts[counter] += 1
     return None
+
+
+class Zero(NamedTuple):
+    """The zero of a sender's altitudes, and the geoid's height above the ellipsoid, m; NaN where it is not needed."""
+
+    datum: Datum
+    undulation_m: float = math.nan
+
+    def said(self, altitude_m: float) -> AltitudeSaid:
+        """Return an altitude as it was received."""
+        return AltitudeSaid(altitude_m, self.datum)
+
+    def amsl_m(self, altitude_m: float) -> float:
+        """Return an altitude above mean sea level."""
+        return altitude_m - self.undulation_m if self.datum is Datum.ELLIPSOID else altitude_m
+
+
+SEA_LEVEL: Final = Zero(Datum.AMSL)
 
 
 class Carrier(NamedTuple):
@@ -75,17 +99,18 @@ class Carrier(NamedTuple):
     period_s: float = 2.0**32 / 1e3
 
 
-def _follow_target(m: Fields, received_s: float) -> EvaderReport:
+def _follow_target(zero: Zero, m: Fields, received_s: float) -> EvaderReport:
     """Convert FOLLOW_TARGET, which phones, ground stations and beacons send.
 
-    * Position: WGS-84 degrees; altitude above mean sea level, metres.
+    * Position: WGS-84 degrees; altitude above mean sea level, metres. QGroundControl on Android sends heights above
+      the ellipsoid instead: `zero` says which.
     * Velocity: north, east, down, m/s. (0, 0, 0) means unknown, by the message's definition. So does a velocity whose
       bit in `est_capabilities` is not set although others are. Many senders set no capabilities.
     * Accuracy: `position_cov` carries standard deviations (ground stations fill in "eph, epv"), zero for unknown.
     * Clock: milliseconds since the sender's boot, which wrap at 2^32 since many senders count in 32 bits.
     """
-    place = (*codec.degrees(m.lat, m.lon), m.alt)
-    said = AltitudeSaid(m.alt, Datum.AMSL)
+    place = (*codec.degrees(m.lat, m.lon), zero.amsl_m(m.alt))
+    said = zero.said(m.alt)
     known = m.est_capabilities == 0 or m.est_capabilities & CAPABILITY_VELOCITY
     velocity = known_velocity(m.vel) if known and any(m.vel) else UNKNOWN_VELOCITY
     sd_m = standard_deviation(*(value * abs(value) for value in m.position_cov))
@@ -94,16 +119,16 @@ def _follow_target(m: Fields, received_s: float) -> EvaderReport:
     )
 
 
-def _global_position(m: Fields, received_s: float) -> EvaderReport:
+def _global_position(zero: Zero, m: Fields, received_s: float) -> EvaderReport:
     """Convert GLOBAL_POSITION_INT of another vehicle.
 
-    * Position: WGS-84 degrees; `alt` above mean sea level, millimetres. `relative_alt` is not used: it is above the
-      other vehicle's home.
+    * Position: WGS-84 degrees; `alt` above mean sea level unless `zero` says otherwise, millimetres. `relative_alt` is
+      not used: it is above the other vehicle's home.
     * Velocity: north, east, down, cm/s. Always known: zero means at rest.
     * Clock: `time_boot_ms`, which wraps at 2^32.
     """
-    place = (*codec.degrees(m.lat, m.lon), m.alt / 1e3)
-    said = AltitudeSaid(m.alt / 1e3, Datum.AMSL)
+    place = (*codec.degrees(m.lat, m.lon), zero.amsl_m(m.alt / 1e3))
+    said = zero.said(m.alt / 1e3)
     return EvaderReport(
         received_s, m.time_boot_ms / 1e3, m.msgname, *place, codec.velocity_in_cm_s(m), said=said
     )
@@ -155,8 +180,9 @@ def _adsb(
         if refused:
             raise Refused(reason)
     geometric = m.altitude_type == mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
-    said = AltitudeSaid(m.altitude / 1e3, Datum.ELLIPSOID if geometric else Datum.AMSL)
-    place = *codec.degrees(m.lat, m.lon), said.altitude_m - (undulation_m if geometric else 0.0)
+    zero = Zero(Datum.ELLIPSOID, undulation_m) if geometric else SEA_LEVEL
+    said = zero.said(m.altitude / 1e3)
+    place = (*codec.degrees(m.lat, m.lon), zero.amsl_m(said.altitude_m))
     known = m.flags & codec.VALID_MOTION == codec.VALID_MOTION
     velocity = (
         codec.velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity)
@@ -166,39 +192,41 @@ def _adsb(
     return EvaderReport(received_s, math.nan, m.msgname, *place, velocity, said=said)
 
 
-def _open_drone_id(
-    undulation_m: float, id_or_mac: str | None, m: Fields, received_s: float
-) -> EvaderReport:
+def _open_drone_id(zero: Zero, id_or_mac: str | None, m: Fields, received_s: float) -> EvaderReport:
     """Convert OPEN_DRONE_ID_LOCATION: remote identification, about once a second (ASTM F3411).
 
     * Identity: `id_or_mac` (hexadecimal) selects one of the drones that are relayed.
-    * Position: WGS-84 degrees, 0/0 for unknown. Altitude: `altitude_geodetic`, metres above the WGS-84 ellipsoid,
-      converted with the undulation. The barometric altitude (against 1013.25 hPa) is not used.
+    * Position: WGS-84 degrees, 0/0 for unknown. Altitude: `altitude_geodetic`, metres above the WGS-84 ellipsoid
+      unless `zero` says otherwise. The barometric altitude (against 1013.25 hPa) is not used.
     * Velocity: course over ground and speeds, up positive; 36100, 25500 and 6300 mean unknown.
     * Accuracy: classes that bound 95 % of the errors; half of the bound is taken as the standard deviation.
     * Clock: seconds of the hour UTC, which wrap at 3600; 0xFFFF for unknown.
     """
     if id_or_mac is not None and bytes(m.id_or_mac) != bytes.fromhex(id_or_mac).ljust(20, b"\0"):
         raise Refused("other_id")
-    said = AltitudeSaid(m.altitude_geodetic, Datum.ELLIPSOID)
+    said = zero.said(m.altitude_geodetic)
     if not said.altitude_m > UNKNOWN_ALTITUDE_M:
         raise Refused("altitude")
-    place = *codec.degrees(m.latitude, m.longitude), said.altitude_m - undulation_m
+    place = (*codec.degrees(m.latitude, m.longitude), zero.amsl_m(said.altitude_m))
     motion = m.direction, m.speed_horizontal, m.speed_vertical
     known = all(value < unknown for value, unknown in zip(motion, UNKNOWN_MOTION, strict=True))
     velocity = codec.velocity_over_ground(*motion) if known else UNKNOWN_VELOCITY
-    sent_s = m.timestamp if 0.0 <= m.timestamp <= 3600.0 else math.nan
+    sent_s = m.timestamp if 0.0 <= m.timestamp <= _HOUR_S else math.nan
     sd_m = _half(HORIZONTAL_BOUNDS_M, m.horizontal_accuracy)
     sd_m_s = _half(SPEED_BOUNDS_M_S, m.speed_accuracy)
     return EvaderReport(received_s, sent_s, m.msgname, *place, velocity, sd_m, sd_m_s, said=said)
 
 
-FOLLOW_TARGET: Final = Carrier("FOLLOW_TARGET", _follow_target)
-GLOBAL_POSITION: Final = Carrier("GLOBAL_POSITION_INT", _global_position)
+FOLLOW_TARGET: Final = Carrier("FOLLOW_TARGET", partial(_follow_target, SEA_LEVEL))
+GLOBAL_POSITION: Final = Carrier("GLOBAL_POSITION_INT", partial(_global_position, SEA_LEVEL))
 
 
 def carrier_of(
-    kind: str, frame: LocalFrame, icao_address: int | None = None, id_or_mac: str | None = None
+    kind: str,
+    frame: LocalFrame,
+    icao_address: int | None = None,
+    id_or_mac: str | None = None,
+    datum: Datum | None = None,
 ) -> Carrier:
     """Return the carrier of a kind that a vehicle file names.
 
@@ -207,22 +235,26 @@ def carrier_of(
         frame: The evader's local frame, for metres and for heights above the ellipsoid.
         icao_address: The aircraft of ADSB_VEHICLE.
         id_or_mac: The drone of OPEN_DRONE_ID_LOCATION, hexadecimal; None for any.
+        datum: The zero of the sender's altitudes; None is the message's own.
 
     Raises:
         ConfigError: If the frame does not declare the undulation although the heights need it.
     """
-    match kind:
-        case "odometry":
-            return Carrier("ODOMETRY", partial(_odometry, frame), 2.0**64 / 1e6)
-        case "open_drone_id":
-            return Carrier(
-                "OPEN_DRONE_ID_LOCATION",
-                partial(_open_drone_id, _undulation_m(frame), id_or_mac),
-                3600.0,
-            )
-        case "adsb":
-            return Carrier("ADSB_VEHICLE", partial(_adsb, _undulation_m(frame), icao_address))
-    return FOLLOW_TARGET if kind == "follow_target" else GLOBAL_POSITION
+    if kind == "odometry":
+        return Carrier("ODOMETRY", partial(_odometry, frame), 2.0**64 / 1e6)
+    if kind == "adsb":
+        return Carrier("ADSB_VEHICLE", partial(_adsb, _undulation_m(frame), icao_address))
+    if kind == "open_drone_id":
+        zero = _zero(frame, datum or Datum.ELLIPSOID)
+        return Carrier("OPEN_DRONE_ID_LOCATION", partial(_open_drone_id, zero, id_or_mac), _HOUR_S)
+    zero = _zero(frame, datum or Datum.AMSL)
+    if kind == "follow_target":
+        return Carrier("FOLLOW_TARGET", partial(_follow_target, zero))
+    return Carrier("GLOBAL_POSITION_INT", partial(_global_position, zero))
+
+
+def _zero(frame: LocalFrame, datum: Datum) -> Zero:
+    return Zero(datum, _undulation_m(frame)) if datum is Datum.ELLIPSOID else Zero(datum)
 
 
 def _undulation_m(frame: LocalFrame) -> float:

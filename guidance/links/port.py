@@ -7,7 +7,7 @@ Use a link from one thread only; threads of its libraries stay inside it.
 
 import ipaddress
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol, runtime_checkable
 from urllib.parse import urlsplit
 
 from guidance.errors import ConfigError
@@ -71,6 +71,14 @@ class EvaderSource(Protocol):
 
     def close(self) -> None:
         """Release everything. May be called twice."""
+
+
+@runtime_checkable
+class TellsProblem(Protocol):
+    """A source that knows why nothing arrives; not every source does."""
+
+    def problem(self) -> str:
+        """Return why no report can arrive, for people; empty if one can."""
 
 
 class Wire(Protocol):

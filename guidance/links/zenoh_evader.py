@@ -10,8 +10,10 @@ and nav_msgs/Odometry:
 * Clock: `header.stamp` of the sender; zero for none.
 """
 
+import json
 import math
 import struct
+import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -20,7 +22,7 @@ from typing import Annotated, Final, Literal
 import zenoh
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from guidance.errors import ConfigError
+from guidance.errors import ConfigError, LinkError
 from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative, ned_from_game
 from guidance.links.carriers import (
     Refused,
@@ -30,8 +32,8 @@ from guidance.links.carriers import (
     rotate,
     standard_deviation,
 )
-from guidance.links.port import Clock
-from guidance.links.zenoh_wire import Session, Subscription, close_all
+from guidance.links.port import Clock, EvaderSource
+from guidance.links.zenoh_wire import Session, Subscription, close_all, is_over
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
 
 PayloadReader = Callable[[bytes, float], EvaderReport]
@@ -39,6 +41,13 @@ PayloadReader = Callable[[bytes, float], EvaderReport]
 POSE_TYPE: Final = "geometry_msgs::msg::dds_::PoseStamped_"
 ODOMETRY_TYPE: Final = "nav_msgs::msg::dds_::Odometry_"
 MAX_STRING: Final = 256
+RETRY_S: Final = 2.0
+"""Pause between two attempts to reach a router."""
+
+MAP: Final = "map"
+"""The frame of ROS messages by default."""
+
+_SHOWN_BYTES: Final = 64
 _DIAGONAL: Final = (0, 7, 14)  # of a 6 x 6 matrix, row by row
 _POSE = 7
 _ODOMETRY = 7 + 36 + 6 + 36
@@ -54,6 +63,18 @@ _DATUMS: Final[Mapping[str, type[Altitude]]] = {
     "ellipsoid": Ellipsoid,
     "relative": Relative,
 }
+
+
+def check_key(key: str) -> None:
+    """Check a key expression before there is a session.
+
+    Raises:
+        ConfigError: If it is not a Zenoh key expression.
+    """
+    try:
+        zenoh.KeyExpr(key)
+    except zenoh.ZError as error:
+        raise ConfigError(f"key = {key!r}: not a Zenoh key expression") from error
 
 
 class ZenohEvader:
@@ -90,6 +111,58 @@ class ZenohEvader:
     def counters(self) -> Mapping[str, int]:
         """Return the number of reports, and of refused ones by reason."""
         return {"reports": 0, "dropped": self._arrivals.dropped, **self._counts}
+
+
+class RetriedSource:
+    """`EvaderSource` that is opened in the background, again and again until its router answers.
+
+    The evader is silent until then, as one that does not send, and nothing else waits for it.
+
+    Args:
+        open_once: Opens the source, or raises LinkError within about a second.
+        router: Names the router for people.
+        ask: What to look at while it does not answer.
+    """
+
+    def __init__(self, open_once: Callable[[], EvaderSource], router: str, ask: str) -> None:
+        self._open_once = open_once
+        self._problem = f"the Zenoh router of its reports, {router}, does not answer: {ask}"
+        self._source: EvaderSource | None = None
+        self._failures = 1
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._retry, name=f"evader {router}")
+        self._thread.start()
+
+    def _retry(self) -> None:
+        while not is_over(self._stop, RETRY_S):
+            try:
+                self._source = self._open_once()
+            except LinkError:
+                self._failures += 1
+            else:
+                return
+
+    def receive(self) -> Sequence[EvaderReport]:
+        """Return all reports since the last call; none before the router answers."""
+        return () if self._source is None else self._source.receive()
+
+    def counters(self) -> Mapping[str, int]:
+        """Return the source's counters, and how often its router did not answer."""
+        counted: Mapping[str, int] = {"reports": 0}
+        if self._source is not None:
+            counted = self._source.counters()
+        return {**counted, "router_silent": self._failures}
+
+    def problem(self) -> str:
+        """Return why no report can arrive; empty once the router has answered."""
+        return self._problem if self._source is None else ""
+
+    def close(self) -> None:
+        """End the attempts, and close the source; may be called twice."""
+        self._stop.set()
+        self._thread.join()
+        if self._source is not None:
+            self._source.close()
 
 
 def sender(sample: "zenoh.Sample") -> str:
@@ -172,7 +245,7 @@ def rmw_key(topic: str, dds_type: str) -> str:
 
 
 def read_ros(
-    data: bytes, received_s: float, *, frame: LocalFrame, moves: bool, frame_id: str = "map"
+    data: bytes, received_s: float, *, frame: LocalFrame, moves: bool, frame_id: str = MAP
 ) -> EvaderReport:
     """Convert a geometry_msgs/PoseStamped, or a nav_msgs/Odometry.
 
@@ -209,7 +282,9 @@ def read_ros(
     if not all(text.endswith(b"\0") for text in texts):
         raise Refused("encoding")
     if texts[0][:-1] != frame_id.encode():
-        raise Refused("frame")
+        raise Refused(
+            f"frame_id {_quoted(texts[0][:-1])} instead of evader.frame_id = {_quoted(frame_id.encode())}"
+        )
     # A pose is an odometry whose other numbers are unknown
     numbers += [math.nan] * (_ODOMETRY - len(numbers))
     east, north, up, q_x, q_y, q_z, q_w, *more = numbers
@@ -226,15 +301,28 @@ def read_ros(
     return EvaderReport(received_s, sent_s, "ROS 2", *place, velocity, sd_m, sd_m_s, said=said)
 
 
-KEYS: Final[Mapping[str, Callable[[LocalFrame, str], tuple[str, PayloadReader]]]] = {
-    "json": lambda frame, key: (key, partial(read_json, frame=frame, source=key)),
-    "ros_pose": lambda frame, topic: (
-        rmw_key(topic, POSE_TYPE),
-        partial(read_ros, frame=frame, moves=False),
-    ),
-    "ros_odometry": lambda frame, topic: (
-        rmw_key(topic, ODOMETRY_TYPE),
-        partial(read_ros, frame=frame, moves=True),
-    ),
+def _quoted(name: bytes) -> str:
+    """Return a name from the wire between quotes, without control characters and not too long."""
+    return json.dumps(name[:_SHOWN_BYTES].decode(errors="replace"))
+
+
+def _of_json(frame: LocalFrame, key: str, _frame_id: str = MAP) -> tuple[str, PayloadReader]:
+    return key, partial(read_json, frame=frame, source=key)
+
+
+def _of_poses(frame: LocalFrame, topic: str, frame_id: str = MAP) -> tuple[str, PayloadReader]:
+    reader = partial(read_ros, frame=frame, moves=False, frame_id=frame_id)
+    return rmw_key(topic, POSE_TYPE), reader
+
+
+def _of_odometry(frame: LocalFrame, topic: str, frame_id: str = MAP) -> tuple[str, PayloadReader]:
+    reader = partial(read_ros, frame=frame, moves=True, frame_id=frame_id)
+    return rmw_key(topic, ODOMETRY_TYPE), reader
+
+
+KEYS: Final[Mapping[str, Callable[..., tuple[str, PayloadReader]]]] = {
+    "json": _of_json,
+    "ros_pose": _of_poses,
+    "ros_odometry": _of_odometry,
 }
 """Key and payload by their name in a configuration. The URL's path is the key, or the ROS topic."""

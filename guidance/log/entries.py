@@ -29,6 +29,9 @@ ORDERED: Final = "ordered"
 TEAM_NEWS: Final = "team"
 """Event of what a vehicle noticed about its mates, such as a position that jumped."""
 
+EVADER_NEWS: Final = "evader's reports"
+"""Event of what of the evader's reports is no longer used, or used again: its stamps, or its velocities."""
+
 ASSIGNED: Final = "team assignment"
 """Event of a changed assignment, and of the one that is valid when the vehicle engages; the detail is its JSON."""
 

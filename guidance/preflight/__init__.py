@@ -337,7 +337,7 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
     difference_m = abs(place.altitude_amsl_m - place.altitude_above_home_m - home_amsl_m)
     advice = "the altitudes have different datums (sea level, ellipsoid, home?)"
     yield _within("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
-    limit_m = wants.preflight.evader_height_limit_m
+    limit_m = wants.evader_height_limit_m
     evader_amsl_m = facts.evader_amsl_m
     if evader_amsl_m is None:
         yield Finding(
@@ -348,7 +348,9 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
             "is it sending?",
         )
         return
-    advice = "a different datum? The geoid is about 50 m above the ellipsoid: see evader.frame.undulation_m"
+    advice = (
+        "a different datum? The geoid is about 50 m above the ellipsoid: see evader.altitude_datum"
+    )
     yield _within(
         "evader's altitude", abs(evader_amsl_m - home_amsl_m), limit_m, "m from home's", advice
     )

@@ -185,6 +185,8 @@ def status(
         "operator_silence_s": flight.operator_silence_s(now_s),
         "operator_timeout_s": settings.operator_timeout_s,
         "evader_second_source": flight.tracking.rival(now_s),
+        "evader_doubts": list(flight.tracking.doubts()),
+        "evader_reports_dropped": dict(flight.tracking.dropped()),
         **_flown(vehicle),
         "checks_failed": [check.name for check in _failed(flight, now_s)],
         "preflight_refused": list(refusals(rows)),

@@ -4,13 +4,14 @@ import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from guidance.autopilots import Finding, Verdict
 from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, Authority, Event, Flight, Inputs, Outputs, is_done
-from guidance.links.port import EvaderSource, VehicleLink
-from guidance.log.entries import ASSIGNED, ORDERED, RELOADED, STOPPED, TEAM_NEWS
+from guidance.links.port import EvaderSource, TellsProblem, VehicleLink
+from guidance.log.entries import ASSIGNED, EVADER_NEWS, ORDERED, RELOADED, STOPPED, TEAM_NEWS
 from guidance.log.writer import Record
 from guidance.preflight import PreflightMemory, advice, refusals, rows
 from guidance.session.answers import flight_line, missing, refusal, shown_state, status
@@ -19,10 +20,8 @@ from guidance.session.flight_files import Recording
 from guidance.session.observability import Logger, Metrics, Notifier, say_outputs
 from guidance.session.orders import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
 from guidance.session.plan import FlightPlan
+from guidance.session.refused_reports import RefusedReports
 from guidance.team import Member
-
-if TYPE_CHECKING:
-    from guidance.autopilots import Finding
 
 HEARTBEAT_EVERY_S: Final = 1.0
 PREFLIGHT_EVERY_S: Final = 0.5
@@ -67,6 +66,8 @@ class Daemon:
         self.name = name
         self._link = link
         self._evaders = evaders
+        self._problems: dict[str, str] = {}
+        self._refused_reports = {source_name: RefusedReports() for source_name in evaders}
         self.team = used.team
         self.mailbox = used.mailbox
         self.metrics = used.metrics or Metrics(name)
@@ -115,6 +116,7 @@ class Daemon:
         self._write(now_s, outputs, timing)
         if self.team is not None:
             self._tell(self.team, now_s, outputs)
+        self._tell_evader_news(now_s)
         self._answer(now_s, queries, orders, outputs)
         self._preflight(now_s)
         self._report(now_s, outputs, timing)
@@ -230,6 +232,47 @@ class Daemon:
             self._log.say(logging.WARNING, words)
             self.recording.event(now_s, TEAM_NEWS, words)
         team.board.news.clear()
+
+    def _evader_counters(self, now_s: float) -> dict[str, Mapping[str, int]]:
+        """Return the counters of each evader: its source's, and the reports that its track dropped."""
+        tracking = self.flight.tracking
+        counters = dict[str, Mapping[str, int]]()
+        for source_name, source in self._evaders.items():
+            evader = "" if self.team is None else source_name
+            counted = source.counters()
+            refused = self._refused_reports[source_name].note(now_s, counted)
+            problem = source.problem() if isinstance(source, TellsProblem) else ""
+            self._tell_problem(source_name, problem)
+            tracking.refused[evader] = problem or refused
+            dropped = {
+                f"dropped_{outcome}": count for outcome, count in tracking.dropped(evader).items()
+            }
+            counters[source_name] = {**counted, **dropped}
+        return counters
+
+    def _tell_problem(self, evader: str, problem: str) -> None:
+        """Log why no report of an evader can arrive, once."""
+        if problem != self._problems.get(evader, ""):
+            self._problems[evader] = problem
+            level = logging.WARNING if problem else logging.INFO
+            self._log.say(level, problem or "the evader's source answers", evader=evader)
+
+    def _evader_rows(self) -> list[Finding]:
+        """Return a warning for every evader whose source cannot deliver reports yet."""
+        return [
+            Finding("evader's source", problem, "answers", Verdict.WARN, "guidance tries again")
+            for problem in self._problems.values()
+            if problem
+        ]
+
+    def _tell_evader_news(self, now_s: float) -> None:
+        """Log and record what of the evaders' reports is no longer used."""
+        news = self.flight.tracking.news
+        for words in news:
+            self._log.say(logging.WARNING, words)
+            self.metrics.happened(EVADER_NEWS)
+            self.recording.event(now_s, EVADER_NEWS, words)
+        news.clear()
 
     def survive(self, error: Exception, now_s: float) -> None:
         """Go on after a cycle that failed: the vehicle is handed over, the record kept, and orders are answered.
@@ -353,7 +396,11 @@ class Daemon:
             return
         self._judged_s = now_s
         facts = self.survey.facts(self.flight.vehicle, now_s, self.flight.heard.other_beat)
-        self.rows = (*rows(facts, self._plan.flight.autopilot, wants), *self.recording.rows())
+        self.rows = (
+            *rows(facts, self._plan.flight.autopilot, wants),
+            *self.recording.rows(),
+            *self._evader_rows(),
+        )
         refused = refusals(self.rows)
         if refused != self._refused and self.survey.settled(now_s):
             self._refused = refused
@@ -375,9 +422,7 @@ class Daemon:
             **self._link.counters(),
             "other_heartbeats": self.flight.heard.other_beats,
         }
-        counters = {"vehicle": vehicle_counters} | {
-            name: one.counters() for name, one in self._evaders.items()
-        }
+        counters = {"vehicle": vehicle_counters, **self._evader_counters(now_s)}
         if self.team is not None:
             counters["team"] = self.team.board.counts
         self.metrics.show(now_s, self.flight, outputs, counters)

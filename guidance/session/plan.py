@@ -93,7 +93,14 @@ def plan_of(
     needed = None
     if reserve is not None:
         needed = reserve.needed(flight.farthest_m, flight.takeoff_height_m)
-    wants = Wants(config.preflight, config.limits, config.game.speeds, config.speed_limits, needed)
+    wants = Wants(
+        config.preflight,
+        config.limits,
+        config.game.speeds,
+        config.speed_limits,
+        needed,
+        config.evader_height_limit_m,
+    )
     return FlightPlan(flight=flight, wants=wants, document=config.model_dump_json())
 
 
@@ -131,6 +138,7 @@ class _Terms:
         unlimited: States that may last as long as they like.
         team: Separation from mates; None without a team.
         evaders: Declared speeds of evaders by name, m/s.
+        evader_height_limit_m: Greatest height of the evader above or below home's ground; None without a limit.
     """
 
     source: str
@@ -149,6 +157,7 @@ class _Terms:
     unlimited: frozenset[State]
     team: TeamSection | None
     evaders: Mapping[str, float]
+    evader_height_limit_m: float | None
 
 
 class _Played(NamedTuple):
@@ -199,6 +208,7 @@ def _mocked(scenario: "Scenario") -> _Terms:
         unlimited=frozenset(),
         team=None,
         evaders={},
+        evader_height_limit_m=None,
     )
 
 
@@ -246,6 +256,7 @@ def _by_file(config: Config) -> _Terms:
         unlimited=_WITH_A_PERSON,
         team=config.team,
         evaders=evaders,
+        evader_height_limit_m=config.evader_height_limit_m,
     )
 
 
@@ -314,6 +325,7 @@ def _settings(terms: _Terms, team: TeamPlan | None) -> FlightSettings:
         start_game_m=terms.start_game_m,
         hold_on_rival=terms.hold_on_rival,
         limits_s=limits_s,
+        evader_height_limit_m=terms.evader_height_limit_m,
     )
 
 

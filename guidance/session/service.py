@@ -17,10 +17,9 @@ from guidance.autopilots import Mode, autopilot_named
 from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
 from guidance.files import text_of
-from guidance.frames import Amsl, LocalFrame
-from guidance.links import EvaderSource, SigningKey, Wire, carriers, parse
-from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.opening import open_link, open_source, open_wire
+from guidance.links import EvaderSource, SigningKey, Wire, parse
+from guidance.links.evader_sources import SourceOrder, evader_kind
+from guidance.links.opening import open_link, open_wire
 from guidance.links.signed_streams import state_folder
 from guidance.links.wires import TappedWire, share
 from guidance.links.world import World
@@ -38,9 +37,7 @@ from guidance.session.observability import Log, Logger, Metrics, MetricsServer, 
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.vehicle_file import (
-    ON_ZENOH,
     Config,
-    EvaderFrame,
     EvaderSection,
     Vehicle,
     load_vehicle,
@@ -146,30 +143,39 @@ def _open_source(
 ) -> EvaderSource:
     """Open an evader's source, on this wire if there is one, and have it ask for reports if they must be requested."""
     url = evader.url or vehicle.url
-    now_s = clock.now_s
-    frame = _frame(evader.frame)
-    if evader.kind in ON_ZENOH:
-        return open_source(evader.kind, url, clock=now_s, frame=frame, credentials=credentials)
-    carrier = carriers.carrier_of(
-        evader.kind, frame, icao_address=evader.icao_address, id_or_mac=evader.id_or_mac
-    )
-    signed, section = (vehicle, "vehicle") if evader.url is None else (evader, "evader")
-    key = signing_key(signed.signing_key_file, section)
-    if wire is None:
-        wire = open_wire(
-            url, clock=now_s, systems=(evader.system_id,), signing_key=key, credentials=credentials
+    kind = evader_kind(evader.kind)
+    key = None
+    if kind.transport == "mavlink":
+        if evader.url is None:
+            key = signing_key(vehicle.signing_key_file)
+        else:
+            key = signing_key(evader.signing_key_file, "evader")
+        if wire is None:
+            wire = open_wire(
+                url,
+                clock=clock.now_s,
+                systems=(evader.system_id,),
+                signing_key=key,
+                credentials=credentials,
+            )
+    return kind.open(
+        SourceOrder(
+            kind=evader.kind,
+            url=url,
+            clock=clock.now_s,
+            frame=evader.local_frame,
+            wire=wire,
+            system_id=evader.system_id,
+            component_id=evader.component_id,
+            request_rate_hz=evader.request_rate_hz,
+            icao_address=evader.icao_address,
+            id_or_mac=evader.id_or_mac,
+            altitude_datum=evader.datum,
+            frame_id=evader.frame_id,
+            signing_key=key,
+            credentials=credentials,
         )
-    asked = evader.model_dump(include={"system_id", "component_id", "request_rate_hz"})
-    return MavlinkEvader(wire, carrier, **asked, clock=now_s, signing_key=key)
-
-
-def _frame(given: EvaderFrame | None) -> LocalFrame:
-    """Return the declared frame; by default one at sea level, for sources that need no frame."""
-    if given is None:
-        return LocalFrame(0.0, 0.0, Amsl(0.0))
-    home = given.home_altitude_amsl_m
-    place = (given.latitude_deg, given.longitude_deg, Amsl(given.altitude_amsl_m))
-    return LocalFrame(*place, None if home is None else Amsl(home), undulation_m=given.undulation_m)
+    )
 
 
 def signing_key(path: Path | None, section: str = "vehicle") -> SigningKey | None:

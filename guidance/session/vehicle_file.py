@@ -23,8 +23,10 @@ from guidance.errors import ConfigError
 from guidance.flight.settings import FlightSection, TeamSection
 from guidance.frames import Amsl, LocalFrame
 from guidance.game import Extent
+from guidance.links.evader_sources import EvaderKind, EvaderKindName, evader_kind
 from guidance.links.port import taken_apart
 from guidance.links.zenoh_access import ZenohSection
+from guidance.messages import Datum
 from guidance.strategies import COURSES, PURSUER_STRATEGIES
 
 
@@ -127,18 +129,6 @@ _BY_TLS = re.compile(r"tls/[^\s/]+:\d+")
 SystemId = Annotated[int, Field(ge=1, le=255)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 
-EvaderKind = Literal[
-    "follow_target",
-    "global_position",
-    "odometry",
-    "open_drone_id",
-    "adsb",
-    "json",
-    "ros_pose",
-    "ros_odometry",
-]
-ON_ZENOH = ("json", "ros_pose", "ros_odometry")
-
 
 _POLICIES: Final = [name for name in PURSUER_STRATEGIES if name not in COURSES]
 
@@ -159,23 +149,42 @@ Url = Annotated[str, AfterValidator(lambda url: taken_apart(url) and url)]
 
 
 class EvaderFrame(Section):
-    """The evader's local frame, for sources that report metres, or heights that need a datum."""
+    """The evader's local frame, for sources that report metres, and the zeros of its altitudes."""
 
-    latitude_deg: Latitude = Field(description="of the frame's origin")
-    longitude_deg: Longitude = Field(description="of the frame's origin")
-    altitude_amsl_m: Altitude = Field(description="of the frame's origin, above mean sea level")
+    latitude_deg: Latitude | None = Field(None, description="of the frame's origin")
+    longitude_deg: Longitude | None = Field(None, description="of the frame's origin")
+    altitude_amsl_m: Altitude | None = Field(
+        None, description="of the frame's origin, above mean sea level"
+    )
     home_altitude_amsl_m: Altitude | None = Field(
-        None, description="of the evader's home, for heights above home"
+        None, description='of home, for altitude_datum = "relative" in JSON reports'
     )
     undulation_m: float | None = Field(
-        None, ge=-120.0, le=120.0, description="height of the geoid above the ellipsoid"
+        None,
+        ge=-120.0,
+        le=120.0,
+        description="height of the geoid above the WGS-84 ellipsoid, for altitudes above the ellipsoid",
     )
+
+    @property
+    def local_frame(self) -> LocalFrame:
+        """The frame; its origin is at sea level if no key names it, for sources that need none."""
+        home = None if self.home_altitude_amsl_m is None else Amsl(self.home_altitude_amsl_m)
+        if self.latitude_deg is None or self.longitude_deg is None or self.altitude_amsl_m is None:
+            return LocalFrame(0.0, 0.0, Amsl(0.0), home, undulation_m=self.undulation_m)
+        return LocalFrame(
+            self.latitude_deg,
+            self.longitude_deg,
+            Amsl(self.altitude_amsl_m),
+            home,
+            undulation_m=self.undulation_m,
+        )
 
 
 class EvaderSection(Section):
     """The source of evader reports. Without a `url`, they arrive on the vehicle's link."""
 
-    kind: EvaderKind = Field(description="the message that reports the evader")
+    kind: EvaderKindName = Field(description="the message that reports the evader")
     url: Url | None = Field(
         None, description="where its reports arrive; default: the vehicle's link"
     )
@@ -186,6 +195,14 @@ class EvaderSection(Section):
     icao_address: int | None = Field(None, ge=1, le=0xFFFFFF, description="of ADSB_VEHICLE")
     id_or_mac: str | None = Field(
         None, pattern=r"^([0-9a-fA-F]{2}){1,20}$", description="hexadecimal of OPEN_DRONE_ID"
+    )
+    altitude_datum: Literal["amsl", "ellipsoid"] | None = Field(
+        None,
+        description="zero of its altitudes: mean sea level, or the WGS-84 ellipsoid with frame.undulation_m; "
+        "default: the message's own",
+    )
+    frame_id: str | None = Field(
+        None, max_length=200, description='frame of ROS messages; default: "map"'
     )
     request_rate_hz: float | None = Field(
         None, gt=0.0, le=50.0, description="message rate to ask a silent evader for"
@@ -199,41 +216,82 @@ class EvaderSection(Section):
     signing_key_file: Path | None = Field(
         None, description="64 hexadecimal digits; without url the vehicle's applies"
     )
-    frame: EvaderFrame | None = Field(None, description="origin of its coordinates")
+    frame: EvaderFrame | None = Field(
+        None, description="origin of its coordinates, and zeros of its altitudes"
+    )
+
+    @property
+    def datum(self) -> Datum | None:
+        """The zero of its altitudes; None if each report names its own, or reports metres."""
+        if self.altitude_datum is not None:
+            return Datum(self.altitude_datum)
+        return evader_kind(self.kind).datum
+
+    @property
+    def local_frame(self) -> LocalFrame:
+        """The evader's local frame."""
+        return (self.frame or EvaderFrame()).local_frame
+
+    def _given(self) -> dict[str, Any]:
+        """Return the keys that are set and not None; a dot leads into the frame."""
+        given = {name: getattr(self, name) for name in self.model_fields_set - {"frame"}}
+        if self.frame is not None:
+            given |= {
+                f"frame.{name}": getattr(self.frame, name) for name in self.frame.model_fields_set
+            }
+        return {name: value for name, value in given.items() if value is not None}
 
     @field_validator("url")
     @classmethod
     def _check_carrier(cls, url: str | None, info: ValidationInfo) -> str | None:
-        if url is not None and info.data.get("kind") in ON_ZENOH:
-            endpoint = taken_apart(url)
-            if endpoint.scheme != "zenoh" or not endpoint.namespace:
-                raise ValueError(
-                    f'kind = "{info.data["kind"]}" arrives over Zenoh: must be zenoh://host:port/key'
-                )
+        name = info.data.get("kind")
+        if url is None or name is None or evader_kind(name).transport != "zenoh":
+            return url
+        endpoint = taken_apart(url)
+        if endpoint.scheme != "zenoh" or not endpoint.namespace:
+            raise ValueError(f'kind = "{name}" arrives over Zenoh: must be zenoh://host:port/key')
         return url
 
     def _faults(self) -> Iterator[str]:
-        kind = f'kind = "{self.kind}"'
-        zenoh = self.kind in ON_ZENOH
-        no_url = self.url is None
-        polled = self.request_rate_hz is not None
-        signed = self.signing_key_file is not None
-        others = "the vehicle's link uses the vehicle's key, Zenoh uses TLS"
-        own_url = f"it signs MAVLink reports that have their own url ({others})"
-        in_metres = self.kind in {"odometry", "ros_pose", "ros_odometry"}
-        adsb = self.kind == "adsb"
-        faults = {
-            f"url: missing; {kind} needs zenoh://host:port/key": zenoh and no_url,
-            f"system_id: missing; {kind} accepts one MAVLink system only": not zenoh
-            and self.system_id is None,
-            f"frame: missing; {kind} reports metres about an origin of its own": in_metres
-            and self.frame is None,
-            f"request_rate_hz: not allowed; {kind} cannot be asked for a rate": zenoh and polled,
-            f"signing_key_file: not allowed; {own_url}": signed and (zenoh or no_url),
-            f"icao_address: missing; {kind} needs the aircraft's address": adsb
-            and self.icao_address is None,
-        }
-        yield from (f"evader.{words}" for words, is_wrong in faults.items() if is_wrong)
+        kind = evader_kind(self.kind)
+        says = f'kind = "{self.kind}"'
+        given = self._given()
+        for key, why in self._needed(kind).items():
+            if key not in given:
+                yield f"evader.{key}: missing; {says} {why}"
+        for key in sorted(given.keys() - kind.keys):
+            yield f"evader.{key}: not allowed; {says} {_UNUSED.get(key, 'does not use it')}"
+        if "signing_key_file" in given and kind.transport == "mavlink" and self.url is None:
+            yield f"evader.signing_key_file: not allowed; {_OWN_URL}"
+        if "altitude_datum" in kind.keys:
+            yield from self._datum_faults(says)
+
+    def _needed(self, kind: EvaderKind) -> dict[str, str]:
+        """Return the needed keys and why; the whole frame instead of its keys if it is missing."""
+        if self.frame is not None:
+            return dict(kind.needs)
+        return {key.partition(".")[0]: why for key, why in kind.needs.items()}
+
+    def _datum_faults(self, says: str) -> Iterator[str]:
+        undulation_m = None if self.frame is None else self.frame.undulation_m
+        if self.datum is Datum.ELLIPSOID and undulation_m is None:
+            why = f"altitudes of {says} above the ellipsoid need the geoid's height there"
+            yield f'evader.frame.undulation_m: missing; {why}, or set evader.altitude_datum = "amsl"'
+        if self.datum is Datum.AMSL and undulation_m is not None:
+            why = "altitudes above mean sea level do not use it"
+            remedy = 'remove it, or set evader.altitude_datum = "ellipsoid"'
+            yield f"evader.frame.undulation_m = {undulation_m:g}: not allowed; {why}: {remedy}"
+
+
+_OWN_URL: Final = (
+    "it signs MAVLink reports that have their own url "
+    "(the vehicle's link uses the vehicle's key, Zenoh uses TLS)"
+)
+_UNUSED: Final = {
+    "request_rate_hz": "cannot be asked for a rate",
+    "signing_key_file": f"does not use it; {_OWN_URL}",
+}
+"""Why a key is not allowed, where more can be said than that it is not used."""
 
 
 class GameSection(Section):
@@ -432,6 +490,12 @@ class Config(Section):
         )
 
     @property
+    def evader_height_limit_m(self) -> float:
+        """Greatest height difference between the evader and home's ground for an engagement."""
+        limit_m = self.preflight.evader_height_limit_m
+        return 0.5 * self.game.standoff_height_m if limit_m is None else limit_m
+
+    @property
     def speed_limits(self) -> Speeds:
         """Speed limits of every command."""
         return self.limits.speeds(self.game.speeds, section="game")
@@ -447,6 +511,10 @@ class Config(Section):
         high = self.limits.ceiling_m
         takeoff_m = self.flight.takeoff_height_m
         disc_m = self.game.standoff_height_m
+        if self.evader_height_limit_m >= disc_m:
+            key = f"preflight.evader_height_limit_m = {self.evader_height_limit_m:g}"
+            why = "an evader whose reports are so much too low would be at the vehicle's height"
+            yield f"{key}: must be below game.standoff_height_m = {disc_m:g}: {why}"
         if low <= takeoff_m < low + _ABOVE_THE_FLOOR_M:
             above = f"{_ABOVE_THE_FLOOR_M:g} m above limits.floor_m = {low:g} at least"
             why = "the vehicle sinks slightly when the game begins"

@@ -33,12 +33,15 @@ class Said(NamedTuple):
     sequence: int | None
     peer: str | None
     impostors: int | None = None
+    source: str = "test"
 
     def as_report(self) -> Report:
         north_m, east_m = self.place_m
         place = 47.0 + north_m / 111e3, 8.0 + east_m / 111e3, 400.0
         who = {"sequence": self.sequence, "peer": self.peer, "impostors": self.impostors}
-        told = EvaderReport(self.received_s, self.sent_s, "test", *place, UNKNOWN_VELOCITY, **who)
+        told = EvaderReport(
+            self.received_s, self.sent_s, self.source, *place, UNKNOWN_VELOCITY, **who
+        )
         measured = Measurement(self.true_s, self.received_s, (north_m, east_m, 0.0), None, 0.7, 0.3)
         return Report(told, measured, self.fits)
 
@@ -111,6 +114,26 @@ TWO_SOURCES = {
     "sequence": second(sequence=0),
     "sender": second(peer="b", sequence=None),
 }
+
+
+def relayed(mate, begin_s):
+    """Return the reports of one evader as a mate relays them, without a time of their own."""
+    untimed = those(sent_s=math.nan, sequence=None, peer=None, source=f"{mate}: test")
+    return [one for one in untimed if one.received_s >= begin_s]
+
+
+def test_mates_that_begin_to_relay_the_same_evader_are_no_second_source():
+    reports = relayed("alpha", 0.0) + relayed("bravo", 15.0) + relayed("charlie", 16.0)
+    assert heard(reports).seen_s == -math.inf
+
+
+def test_a_second_source_behind_one_relay_is_detected_by_its_rate():
+    more = [
+        one._replace(received_s=one.received_s + 0.01 * share)
+        for one in relayed("alpha", 15.0)
+        for share in range(1, 4)
+    ]
+    assert heard(relayed("alpha", 0.0) + more).why == "rate"
 
 
 @pytest.mark.parametrize("by", TWO_SOURCES)

@@ -11,6 +11,7 @@ from guidance.errors import ConfigError
 from guidance.flight import EngageOn, State
 from guidance.flight.settings import AfterCapture
 from guidance.game import Ball, Cylinder
+from guidance.messages import Datum
 from guidance.session.plan import plan_of
 from guidance.session.service import reload
 from guidance.session.vehicle_file import Config, load_vehicle
@@ -50,6 +51,20 @@ def read(vehicle_document):
         ({"evader": {"kind": "json", "url": None}}, "evader.url: missing"),
         ({"evader": {"kind": "ros_pose", "url": ZENOH}}, "evader.frame: missing"),
         ({"evader": {"kind": "adsb"}}, "evader.icao_address: missing"),
+        ({"evader": {"frame": {"undulation_m": 47.5}}}, "evader.frame.undulation_m = 47.5: not allowed"),
+        (
+            {"evader": {"kind": "follow_target", "altitude_datum": "ellipsoid"}},
+            "evader.frame.undulation_m: missing",
+        ),
+        ({"evader": {"kind": "open_drone_id"}}, "evader.frame.undulation_m: missing"),
+        ({"evader": {"frame": FRAME}}, "evader.frame.altitude_amsl_m: not allowed"),
+        ({"evader": {"icao_address": 5}}, "evader.icao_address: not allowed"),
+        ({"evader": {"frame_id": "map"}}, "evader.frame_id: not allowed"),
+        ({"evader": {"kind": "json", "url": ZENOH}}, "evader.system_id: not allowed"),
+        (
+            {"preflight": {"evader_height_limit_m": 8.0}, "game": {"standoff_height_m": 8.0}},
+            "preflight.evader_height_limit_m = 8: must be below game.standoff_height_m = 8",
+        ),
         ({"evader": {"timeout_s": 0.0}}, "evader.timeout_s = 0.0"),
         ({"evader": {"kind": "json", "url": ZENOH, "request_rate_hz": 5.0}}, "evader.request_rate_hz: not allowed"),
         ({"evader": {"id_or_mac": "xyz"}}, "evader.id_or_mac = 'xyz'"),
@@ -308,9 +323,15 @@ def test_a_plan_may_hold_the_target(tmp_path):
 
 def test_sources_of_evaders_need_what_they_need_and_no_more(read):
     assert read(evader={"kind": "json", "url": ZENOH, "system_id": None}).evader.kind == "json"
+    posing = {"kind": "ros_pose", "url": ZENOH, "system_id": None, "frame": FRAME}
+    assert read(evader=posing).evader.frame.undulation_m is None
+    assert read(evader=posing | {"frame_id": "odom"}).evader.frame_id == "odom"
+    below = {"altitude_datum": "ellipsoid", "frame": {"undulation_m": 47.5}}
+    assert read(evader={"kind": "follow_target", **below}).evader.datum is Datum.ELLIPSOID
+    drone = {"kind": "open_drone_id", "frame": {"undulation_m": 47.5}}
+    assert read(evader=drone).evader.datum is Datum.ELLIPSOID
     assert (
-        read(evader={"kind": "ros_pose", "url": ZENOH, "frame": FRAME}).evader.frame.undulation_m
-        is None
+        read(evader={"kind": "open_drone_id", "altitude_datum": "amsl"}).evader.datum is Datum.AMSL
     )
     assert read(evader={"url": None}).evader.url is None
     assert (

@@ -213,7 +213,7 @@ def test_a_ros_stamp_of_zero_is_no_stamp():
 @pytest.mark.parametrize(
     ("payload", "reason"),
     [
-        (pose_stamped(frame="odom"), "frame"),
+        (pose_stamped(frame="odom"), 'frame_id "odom" instead of evader.frame_id = "map"'),
         (pose_stamped(position=(math.nan, 0.0, 0.0)), "position"),
         (pose_stamped(position=(1e300, 0.0, 0.0)), "position"),
         (b"\x00\x07" + pose_stamped()[2:], "encoding"),

@@ -1,0 +1,167 @@
+"""Compares the velocities that an evader reports with its positions, and says whether the velocities are believed.
+
+A sender may report velocities in another frame than it says (a ROS twist in the world's axes), or always zero. The
+velocities are integrated over about two seconds, by the trapezoidal rule. What remains of the positions then is
+constant if the velocities are right. The slope of a straight line through the rest is the error of the velocities; the
+spread of the positions bounds its own error.
+
+The velocities are dropped when they have been wrong for a while, since a sharp turn between two reports, or a jump of
+the position, looks the same at first. They are believed again once they have been right for longer while the evader
+moved: at rest a velocity that is always zero is right.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from guidance.estimation.measurement import Measurement
+
+WINDOW_S: Final = 2.0
+"""Time over which positions and velocities are compared; longer if reports are rarer than two a second."""
+
+_LEAST_SAMPLES: Final = 4
+_APART_S: Final = 0.09
+_LONGEST_GAP_S: Final = 2.5
+_TOLERANCE_M_S: Final = 0.8
+_SIGMAS: Final = 3.5
+_WRONG_AFTER_S: Final = 2.0
+_WRONG_SAMPLES: Final = 3
+_RIGHT_AFTER_S: Final = 20.0
+_MOVING_M_S: Final = 1.0
+
+
+class Sample(NamedTuple):
+    """A report on the plane, north and east.
+
+    Attributes:
+        time_s: When it was true, on our clock.
+        position_m: The reported position, metres.
+        velocity_m_s: The reported velocity, m/s.
+        integrated_m: Integral of the velocities since the first sample, metres.
+        position_sd_m: Standard deviation of the position.
+    """
+
+    time_s: float
+    position_m: tuple[float, float]
+    velocity_m_s: tuple[float, float]
+    integrated_m: tuple[float, float]
+    position_sd_m: float
+
+
+class VelocityCheck(NamedTuple):
+    """The memory of the comparison.
+
+    Attributes:
+        believed: Whether the reported velocities are used.
+        error_m_s: Size of the last measured error of the velocities; NaN before the first one.
+        samples: Reports of the window, oldest first.
+        wrong_since_s: Time of the first sample of a row of wrong ones; NaN after one that is not wrong.
+        wrong_samples: Number of samples in that row.
+        right_s: How long the velocities have been right while the evader moved.
+    """
+
+    believed: bool = True
+    error_m_s: float = math.nan
+    samples: tuple[Sample, ...] = ()
+    wrong_since_s: float = math.nan
+    wrong_samples: int = 0
+    right_s: float = 0.0
+
+
+def check_velocity(check: VelocityCheck, measurement: Measurement) -> VelocityCheck:
+    """Add a report that the track has accepted. Reports without a velocity change nothing.
+
+    Args:
+        check: The memory so far.
+        measurement: The report with the velocity that it gives.
+    """
+    velocity = measurement.velocity_ned_m_s
+    if velocity is None:
+        return check
+    time_s = measurement.time_s
+    step_s = math.inf
+    if check.samples:
+        step_s = time_s - check.samples[-1].time_s
+        if step_s < _APART_S:  # also an older report, which came late
+            return check
+    north_m, east_m, _ = measurement.position_ned_m
+    north_m_s, east_m_s, _ = velocity
+    integrated_m = (0.0, 0.0)
+    if step_s <= _LONGEST_GAP_S:
+        last = check.samples[-1]
+        integrated_m = (
+            last.integrated_m[0] + 0.5 * step_s * (last.velocity_m_s[0] + north_m_s),
+            last.integrated_m[1] + 0.5 * step_s * (last.velocity_m_s[1] + east_m_s),
+        )
+    sample = Sample(
+        time_s,
+        (north_m, east_m),
+        (north_m_s, east_m_s),
+        integrated_m,
+        measurement.position_sd_m,
+    )
+    if step_s > _LONGEST_GAP_S:
+        return check._replace(samples=(sample,), wrong_since_s=math.nan, wrong_samples=0)
+    samples = _windowed((*check.samples, sample))
+    check = check._replace(samples=samples)
+    if len(samples) < _LEAST_SAMPLES or time_s - samples[0].time_s < WINDOW_S - _APART_S:
+        return check
+    return _judged(check, step_s)
+
+
+def _windowed(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
+    """Return the newest samples that span the window, and the least number of them at least."""
+    begin_s = samples[-1].time_s - WINDOW_S - _APART_S
+    enough = max(0, len(samples) - _LEAST_SAMPLES)
+    first = 0
+    while first < enough and samples[first].time_s < begin_s:
+        first += 1
+    return samples[first:]
+
+
+def _judged(check: VelocityCheck, step_s: float) -> VelocityCheck:
+    samples = check.samples
+    time_s = samples[-1].time_s
+    times_s = [sample.time_s - time_s for sample in samples]
+    north_m = [sample.position_m[0] for sample in samples]
+    east_m = [sample.position_m[1] for sample in samples]
+    rest_north_m = [sample.position_m[0] - sample.integrated_m[0] for sample in samples]
+    rest_east_m = [sample.position_m[1] - sample.integrated_m[1] for sample in samples]
+    error_m_s = math.hypot(_slope(times_s, rest_north_m), _slope(times_s, rest_east_m))
+    speed_m_s = math.hypot(_slope(times_s, north_m), _slope(times_s, east_m))
+    spread_m = max(sample.position_sd_m for sample in samples)
+    allowed_m_s = max(_TOLERANCE_M_S, _SIGMAS * spread_m / math.sqrt(_spread_of(times_s)))
+    check = check._replace(error_m_s=error_m_s)
+    if error_m_s <= allowed_m_s:
+        check = check._replace(wrong_since_s=math.nan, wrong_samples=0)
+        right_s = check.right_s
+        if error_m_s > 0.5 * allowed_m_s:
+            right_s = 0.0
+        elif speed_m_s > _MOVING_M_S:
+            right_s += step_s
+        return check._replace(right_s=right_s, believed=check.believed or right_s > _RIGHT_AFTER_S)
+    since_s = check.wrong_since_s
+    if math.isnan(since_s):
+        since_s = time_s
+    wrong_samples = check.wrong_samples + 1
+    lasting = time_s - since_s >= _WRONG_AFTER_S and wrong_samples >= _WRONG_SAMPLES
+    return check._replace(
+        believed=check.believed and not lasting,
+        wrong_since_s=since_s,
+        wrong_samples=wrong_samples,
+        right_s=0.0,
+    )
+
+
+def _slope(times_s: Sequence[float], values: Sequence[float]) -> float:
+    """Return the slope of the straight line of least squares."""
+    mean_s = sum(times_s) / len(times_s)
+    return sum(
+        (time_s - mean_s) * value for time_s, value in zip(times_s, values, strict=True)
+    ) / _spread_of(times_s)
+
+
+def _spread_of(times_s: Sequence[float]) -> float:
+    """Return the sum of the squared distances from the mean."""
+    mean_s = sum(times_s) / len(times_s)
+    return sum((time_s - mean_s) ** 2 for time_s in times_s)
