@@ -276,7 +276,9 @@ class Limits(Section):
             return envelope
         return replace(
             envelope,
-            fence_polygon=Polygon(corners_about_home(self.fence_polygon_deg, home_ned_m, frame)),
+            fence_polygon=Polygon(
+                corners_about_home(self.fence_polygon_deg, home_ned_m, frame), unchecked=True
+            ),
         )
 
 
@@ -284,6 +286,7 @@ def _corner_faults(corners_deg: tuple[tuple[float, float], ...]) -> Iterator[str
     """Check the polygon in metres about its first corner; about home it has the same shape."""
     if not corners_deg:
         yield "limits.fence_polygon_deg has 0 corners: needs at least 3"
+        return
     corners_m = corners_about_home(
         corners_deg, (0.0, 0.0, 0.0), LocalFrame(*corners_deg[0], Amsl(0.0))
     )

@@ -1,9 +1,11 @@
 """A polygon fence: its checks, and the geometry that limits and preflight ask of it."""
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from bisect import bisect_left
+from collections.abc import Iterable, Sequence
+from dataclasses import InitVar, dataclass
 from itertools import combinations, pairwise
+from typing import Final
 
 from guidance.errors import ConfigError
 from guidance.frames import LocalFrame, Vector
@@ -11,7 +13,10 @@ from guidance.frames import LocalFrame, Vector
 Point = tuple[float, float]
 Edge = tuple[Point, Point]
 
-_SHORTEST_EDGE_M = 0.01
+MOST_CORNERS: Final = 200
+"""Most corners of a fence. Every edge is a wall in every cycle; PX4 and ArduCopter store 64 and 84 corners."""
+
+_SHORTEST_EDGE_M: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,31 +25,21 @@ class Polygon:
 
     Attributes:
         corners_ne_m: Corners north and east of home in metres. The last one joins the first.
+        unchecked: Whether the corners are those of a polygon that was checked, about another home. Checking takes too
+            long for a cycle.
 
     Raises:
-        ConfigError: If there are fewer than three corners, a corner is not finite, an edge has no length, or edges
-            cross.
+        ConfigError: If there are fewer than three corners or more than `MOST_CORNERS`, a corner is not finite, an edge
+            has no length, or edges cross.
     """
 
     corners_ne_m: tuple[Point, ...]
+    unchecked: InitVar[bool] = False
 
-    def __post_init__(self) -> None:
-        corners = self.corners_ne_m
-        if len(corners) < 3:
-            raise ConfigError(f"fence_polygon has {len(corners)} corners: needs at least 3")
-        for corner in corners:
-            if not all(math.isfinite(value) for value in corner):
-                raise ConfigError(f"fence_polygon corner {corner}: must be two finite numbers")
-        for index, edge in enumerate(self.edges()):
-            if math.dist(*edge) < _SHORTEST_EDGE_M:
-                raise ConfigError(
-                    f"fence_polygon edge {index} {edge} is shorter than {_SHORTEST_EDGE_M} m: omit it"
-                )
-        for (i, one), (j, other) in combinations(enumerate(self.edges()), 2):
-            if _meet(one, other, neighbours=j - i in (1, len(corners) - 1)):
-                raise ConfigError(
-                    f"fence_polygon: edges {i} and {j} cross or touch; give the corners in order"
-                )
+    def __post_init__(self, unchecked: bool) -> None:
+        if not unchecked:
+            _check_corners(self.corners_ne_m)
+            _check_edges(self.edges())
 
     def edges(self) -> tuple[Edge, ...]:
         """The edges as pairs of corners."""
@@ -79,6 +74,33 @@ class Polygon:
         return tuple(found)
 
 
+def _check_corners(corners: Sequence[Point]) -> None:
+    if len(corners) < 3:
+        raise ConfigError(f"fence_polygon has {len(corners)} corners: needs at least 3")
+    if len(corners) > MOST_CORNERS:
+        raise ConfigError(
+            f"fence_polygon has {len(corners)} corners: at most {MOST_CORNERS} are allowed; simplify it"
+        )
+    for corner in corners:
+        if not all(math.isfinite(value) for value in corner):
+            raise ConfigError(f"fence_polygon corner {corner}: must be two finite numbers")
+
+
+def _check_edges(edges: Sequence[Edge]) -> None:
+    for index, edge in enumerate(edges):
+        if math.dist(*edge) < _SHORTEST_EDGE_M:
+            raise ConfigError(
+                f"fence_polygon edge {index} {edge} is shorter than {_SHORTEST_EDGE_M} m: omit it"
+            )
+    if crossing_edges(edges) is not None:
+        # The error names the first crossing in the order of the corners; only here all pairs are compared.
+        pairs = combinations(range(len(edges)), 2)
+        first, second = next(pair for pair in pairs if _cross(edges, *pair))
+        raise ConfigError(
+            f"fence_polygon: edges {first} and {second} cross or touch; give the corners in order"
+        )
+
+
 def corners_about_home(
     corners_deg: Iterable[Point], home_ned_m: Vector, frame: LocalFrame
 ) -> tuple[Point, ...]:
@@ -109,16 +131,62 @@ def _on(edge: Edge, point: Point) -> bool:
     return within and _turn(a, b, point) == 0.0
 
 
-def _meet(one: Edge, other: Edge, *, neighbours: bool) -> bool:
+def crossing_edges(edges: Sequence[Edge]) -> tuple[int, int] | None:
+    """Return two edges of a closed line that cross, touch or fold back, by their numbers; None if it is simple.
+
+    A line sweeps over the plane, and only edges that are neighbours on it are compared: O(n log n) comparisons. Source:
+    M. Shamos and D. Hoey, Geometric intersection problems, 1976.
+    """
+    spans = [(min(edge), max(edge)) for edge in edges]
+    begins = [(span[0], 0, index) for index, span in enumerate(spans)]
+    ends = [(span[1], 1, index) for index, span in enumerate(spans)]
+    swept: list[int] = []
+    # An edge that begins where another one ends meets it, so that beginnings come first.
+    for _, is_end, index in sorted(begins + ends):
+        if is_end:
+            place = swept.index(index)
+            del swept[place]
+            pairs = list(pairwise(swept[max(0, place - 1) : place + 1]))
+        else:
+            span = spans[index]
+            place = bisect_left(swept, 1, key=lambda other: int(_is_above(spans[other], span)))
+            swept.insert(place, index)
+            pairs = list(pairwise(swept[max(0, place - 1) : place + 2]))
+        for pair in pairs:
+            first = min(pair)
+            second = max(pair)
+            if _cross(edges, first, second):
+                return first, second
+    return None
+
+
+def _cross(edges: Sequence[Edge], first: int, second: int) -> bool:
+    """Whether two edges of a closed line, by their numbers in order, have more in common than a corner."""
+    neighbours = second - first in (1, len(edges) - 1)
+    return _meet(edges[first], edges[second], neighbours=neighbours)
+
+
+def _is_above(span: Edge, begun: Edge) -> bool:
+    """Whether an edge on the sweeping line is above the edge that begins there; where both meet, beyond it."""
+    turn = _turn(*span, begun[0])
+    if turn == 0.0:
+        turn = _turn(*span, begun[1])
+    return turn < 0.0
+
+
+def _meet(edge: Edge, other: Edge, *, neighbours: bool) -> bool:
     """Return whether two edges cross or touch; neighbours, with a common corner, whether they fold back."""
-    (a, b) = one
-    (c, d) = other
-    shared = {*one} & {*other} if neighbours else set()
-    sides = (
-        (_turn(a, b, c) > 0.0) != (_turn(a, b, d) > 0.0),
-        (_turn(c, d, a) > 0.0) != (_turn(c, d, b) > 0.0),
-    )
-    ends = ((one, c), (one, d), (other, a), (other, b))
-    return (not neighbours and all(sides)) or any(
-        _on(edge, end) for edge, end in ends if end not in shared
-    )
+    a, b = edge
+    c, d = other
+    if neighbours:
+        shared = {a, b} & {c, d}
+        return any(
+            _on(line, end)
+            for line, end in ((edge, c), (edge, d), (other, a), (other, b))
+            if end not in shared
+        )
+    if (_turn(a, b, c) > 0.0) != (_turn(a, b, d) > 0.0) and (_turn(c, d, a) > 0.0) != (
+        _turn(c, d, b) > 0.0
+    ):
+        return True
+    return _on(edge, c) or _on(edge, d) or _on(other, a) or _on(other, b)

@@ -308,6 +308,45 @@ def test_a_plan_without_one_inclusion_polygon_is_refused_with_the_key(tmp_path, 
     )
 
 
+CIRCLE_OF_NONE = {"circle": {"center": TRIANGLE[0], "radius": 0}, "inclusion": True}
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        drawn(polygons=[(True, [*TRIANGLE, TRIANGLE[0]])]),
+        drawn(polygons=[(True, [TRIANGLE[0], *TRIANGLE])]),
+        drawn(polygons=[(True, [TRIANGLE[0], TRIANGLE[1], TRIANGLE[1], TRIANGLE[2]])]),
+        drawn(polygons=[(True, [[*corner, 0] for corner in TRIANGLE])]),
+        {"fileType": "Plan", "geoFence": {"polygon": TRIANGLE, "version": 1}, "version": 1},
+    ],
+    ids=["closed ring", "first corner twice", "a corner twice", "with heights", "version 1"],
+)
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_plans_as_ground_stations_write_them_are_loaded(tmp_path, plan, mark):
+    path = vehicle_with_plan(tmp_path, mark + json.dumps(plan))
+    assert sorted(load_vehicle(path).limits.fence_polygon_deg) == sorted(map(tuple, TRIANGLE))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (json.dumps(drawn(circles=[CIRCLE_OF_NONE])), "1 circles (radius 0); must be exactly one"),
+        (json.dumps(drawn() | {"geoFence": {"polygons": [5]}}), "1 of them not for inclusion"),
+        (json.dumps(drawn() | {"geoFence": {"polygons": 5}}), "must be lists"),
+        ("[" * 100_000, "not JSON"),
+        (
+            json.dumps(drawn(polygons=[(True, [TRIANGLE[0]] * 3)])),
+            "fence_polygon_deg has 0 corners",
+        ),
+    ],
+)
+def test_what_a_plan_must_not_have_is_said_in_its_own_words(tmp_path, text, words):
+    with pytest.raises(ConfigError) as refused:
+        load_vehicle(vehicle_with_plan(tmp_path, text))
+    assert words in str(refused.value)
+
+
 def test_a_plan_may_hold_the_target(tmp_path):
     path = tmp_path / "vehicle.toml"
     text = find("px4", "vehicles").read_text().replace('kind = "pe"', 'kind = "tad"')
