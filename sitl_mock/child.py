@@ -110,6 +110,8 @@ def running(
     faults: Mapping[str, Any] | None = None,
     port: int = 0,
     seed: int = 0,
+    speed: float = 1.0,
+    lockstep: bool = False,
     **fleet: Any,  # noqa: ANN401 - further keys of a fleet file
 ) -> Iterator[RunningFleet]:
     """Run a fleet in a child process on 127.0.0.1; it ends with the block, or with this process.
@@ -120,6 +122,8 @@ def running(
         faults: The tables of a faults file.
         port: First UDP port of the onboard links, or without UDP the port of the Zenoh session; 0 picks free ones.
         seed: Seed of all randomness.
+        speed: Seconds of the vehicles per real second.
+        lockstep: Time advances only when a client asks for it.
         fleet: Other keys of a fleet file, such as home.
 
     Raises:
@@ -138,7 +142,8 @@ def running(
         for _ in range(1 if port else _ATTEMPTS):
             udp = port or _free_ports(flavours, stack) if "udp" in over else None
             zenoh = (port if udp is None else 0) if "zenoh" in over else None
-            process = _start(folder, udp, zenoh)
+            pace = ["--lockstep"] if lockstep else ["--speed", f"{speed:g}"]
+            process = _start(folder, udp, zenoh, pace)
             stack.callback(end, process)
             line = _first_line(process)
             if line:
@@ -167,9 +172,12 @@ def end(process: subprocess.Popen[str]) -> None:
         process.stdout.close()
 
 
-def _start(folder: Path, udp: int | None, zenoh: int | None) -> subprocess.Popen[str]:
+def _start(
+    folder: Path, udp: int | None, zenoh: int | None, pace: Sequence[str]
+) -> subprocess.Popen[str]:
     command = [sys.executable, "-P", "-m", "sitl_mock", "run", "--json", "--parent-pipe"]
     command += ["--fleet", str(folder / "fleet.toml"), "--faults", str(folder / "faults.toml")]
+    command += pace
     command += ["--udp", str(udp)] if udp is not None else []
     command += ["--zenoh", f"tcp/127.0.0.1:{zenoh}"] if zenoh is not None else []
     with (folder / _ERRORS).open("w", encoding="utf-8") as errors:  # an unread pipe would fill up

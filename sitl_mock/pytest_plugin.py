@@ -74,6 +74,8 @@ class MockVehicles:
         over: Sequence[Over] = ("udp", "zenoh"),
         faults: Mapping[str, Any] | None = None,
         seed: int = 0,
+        speed: float = 1.0,
+        lockstep: bool = False,
         **settings: Any,  # noqa: ANN401 - keys of a fleet file
     ) -> RunningVehicle:
         """Start a vehicle in real time.
@@ -84,6 +86,8 @@ class MockVehicles:
             over: udp, zenoh or both.
             faults: What shall go wrong: the tables of a faults file.
             seed: Of all randomness.
+            speed: Seconds of the vehicle per real second.
+            lockstep: Time advances only when a client asks for it (docs/mock.md).
             settings: Other keys of a vehicle in a fleet file: ready_after_s, parameters, start_ned_m, noise, ...
 
         Returns:
@@ -95,9 +99,10 @@ class MockVehicles:
         from sitl_mock.child import running  # noqa: PLC0415 - only on use
 
         table = {"name": name, "flavour": flavour, **settings}
-        return self._stack.enter_context(running([table], over=over, faults=faults, seed=seed))[
-            name
-        ]
+        fleet = running(
+            [table], over=over, faults=faults, seed=seed, speed=speed, lockstep=lockstep
+        )
+        return self._stack.enter_context(fleet)[name]
 
     def stepped(
         self,
@@ -140,8 +145,9 @@ def mock_fleet() -> Iterator[Callable[..., RunningFleet]]:
 
     `mock_fleet(["px4", "rover"])` names them uav1 and uav2.
 
-    Keyword arguments: over, faults and seed as for `mock_vehicle`; all others are keys of every vehicle. Where
-    vehicles differ, give their tables: `mock_fleet([{"name": "uav1", "flavour": "px4", "start_ned_m": [9, 0, 0]}])`.
+    Keyword arguments: over, faults, seed, speed and lockstep as for `mock_vehicle`; all others are keys of every
+    vehicle. Where vehicles differ, give their tables:
+    `mock_fleet([{"name": "uav1", "flavour": "px4", "start_ned_m": [9, 0, 0]}])`.
     """
     with contextlib.ExitStack() as stack:
 
@@ -151,12 +157,17 @@ def mock_fleet() -> Iterator[Callable[..., RunningFleet]]:
             over: Sequence[Over] = ("udp", "zenoh"),
             faults: Mapping[str, Any] | None = None,
             seed: int = 0,
+            speed: float = 1.0,
+            lockstep: bool = False,
             **common: Any,  # noqa: ANN401 - keys of a fleet file
         ) -> RunningFleet:
             from sitl_mock.child import running  # noqa: PLC0415 - only on use
 
             tables = [{**common, **table} for table in _tables(vehicles)]
-            return stack.enter_context(running(tables, over=over, faults=faults, seed=seed))
+            fleet = running(
+                tables, over=over, faults=faults, seed=seed, speed=speed, lockstep=lockstep
+            )
+            return stack.enter_context(fleet)
 
         yield start
 

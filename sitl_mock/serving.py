@@ -19,7 +19,7 @@ from sitl_mock.console import Shown
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import Faulted, FaultScript
 from sitl_mock.fleet import FleetConfig, build
-from sitl_mock.transports import Endpoint, run
+from sitl_mock.transports import Endpoint, run, run_lockstep
 from sitl_mock.transports.disturbance import Disturbances
 from sitl_mock.transports.udp import UdpEndpoint
 from sitl_mock.vehicle import DEFAULT_LINKS
@@ -51,6 +51,23 @@ class Wires:
     gcs: int | None = None
 
 
+@dataclass(frozen=True)
+class Pace:
+    """Who moves the vehicles' time.
+
+    Attributes:
+        speed: Seconds of the vehicles per real second.
+        lockstep: Clients move it over MAVLink (`transports.lockstep`); `speed` has no effect.
+    """
+
+    speed: float = 1.0
+    lockstep: bool = False
+
+    def clock(self) -> float:
+        """Monotonic seconds of the vehicles."""
+        return time.monotonic() * self.speed
+
+
 @dataclass(slots=True)
 class Stop:
     """Stop flag set by signals, and the file descriptor that wakes the loop."""
@@ -70,6 +87,7 @@ def serve(
     *,
     as_json: bool = False,
     parent_pipe: bool = False,
+    pace: Pace = Pace(),
 ) -> None:
     """Run a fleet until SIGTERM, SIGINT or, with parent_pipe, the end of standard input.
 
@@ -79,6 +97,7 @@ def serve(
         faults: Its faults.
         as_json: Print JSON for programs.
         parent_pipe: Also stop at the end of standard input.
+        pace: Who moves its time.
 
     Raises:
         ConfigError: No transport is given, or the fleet or the faults are wrong.
@@ -90,17 +109,13 @@ def serve(
         raise ConfigError("no transport: give --zenoh tcp/127.0.0.1:7447, --udp 14540 or both")
     with contextlib.ExitStack() as stack:
         stop = stack.enter_context(_stop_signals())
-        unix_us = time.time_ns() // 1000 - time.monotonic_ns() // 1000
-        links = DEFAULT_LINKS if wires.gcs is None else {**DEFAULT_LINKS, "gcs": "gcs"}
-        vehicles = build(config, unix_us=unix_us, links=links)
-        for vehicle in vehicles.values():
-            vehicle.autopilot.signing.advance_to(time.time_ns() * 1e-9)
-        faults.check_vehicles(list(vehicles))
-        faulted = {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}
+        faulted = _built(config, wires, faults, pace)
         ports = (
             {}
             if wires.udp is None
-            else udp_ports(wires.udp, {name: each.flavour for name, each in vehicles.items()})
+            else udp_ports(
+                wires.udp, {name: each.vehicle.flavour for name, each in faulted.items()}
+            )
         )
         endpoints = _opened(wires, ports, faulted, stack)
         disturbances = Disturbances(faulted, endpoints)
@@ -123,7 +138,24 @@ def serve(
                 parent_pipe and sys.stdin.fileno() in ready and _at_end(sys.stdin.fileno())
             )
 
-        run(faulted, endpoints, time.monotonic, ended, watched)
+        if pace.lockstep:
+            run_lockstep(faulted, endpoints, ended, watched)
+        else:
+            run(faulted, endpoints, pace.clock, ended, watched, pace.speed)
+
+
+def _built(
+    config: FleetConfig, wires: Wires, faults: FaultScript, pace: Pace
+) -> dict[str, Faulted]:
+    """Make the vehicles with their faults; in lockstep their date does not depend on the present time."""
+    unix_us = None if pace.lockstep else time.time_ns() // 1000 - round(pace.clock() * 1e6)
+    links = DEFAULT_LINKS if wires.gcs is None else {**DEFAULT_LINKS, "gcs": "gcs"}
+    vehicles = build(config, unix_us=unix_us, links=links)
+    if not pace.lockstep:
+        for vehicle in vehicles.values():
+            vehicle.autopilot.signing.advance_to(time.time_ns() * 1e-9)
+    faults.check_vehicles(list(vehicles))
+    return {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}
 
 
 def _opened(
@@ -169,7 +201,7 @@ def udp_ports(first: int, flavours: Mapping[str, str]) -> dict[str, tuple[int, i
     """
     ports = {
         name: (first + PX4_LOCAL_OFFSET + index, first + index)
-        if flavour == "px4"
+        if flavour.partition("@")[0] == "px4"
         else (0, first + ARDUPILOT_STEP * index)
         for index, (name, flavour) in enumerate(flavours.items())
     }

@@ -78,6 +78,16 @@ def run(
     seed: Annotated[
         int | None, typer.Option(help="Seed of all randomness (default: 0).", min=0)
     ] = None,
+    speed: Annotated[
+        float,
+        typer.Option(help="Seconds of the vehicles per real second.", min=0.1, max=100.0),
+    ] = 1.0,
+    lockstep: Annotated[
+        bool,
+        typer.Option(
+            "--lockstep", help="Time advances only when a client asks for it over MAVLink."
+        ),
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print `ready` as one line of JSON.")
     ] = False,
@@ -105,12 +115,19 @@ def run(
     It prints the addresses for MAVSDK, pymavlink and MAVProxy. Then it shows each vehicle's state, as a table on a
     terminal, otherwise as a line per change.
 
+    `sitl-mock run --vehicles px4:uav1 --udp 14540 --speed 5`
+
+    `sitl-mock run --vehicles px4:uav1 --udp 14540 --lockstep`
+
     Over Zenoh a client opens a session with `namespace: "uav1"` and uses the keys `mavlink_raw/in` (towards the
     vehicle) and `mavlink_raw/out`, one packet per sample. A query to `faults` lists, adds and clears faults
     (`faults?do=inject;kind=loss;probability=0.3`; `sitl-mock list faults` names them).
     """
     from sitl_mock.faults import FaultScript, read_script  # noqa: PLC0415 - not needed for `--help`
-    from sitl_mock.serving import Wires, serve  # noqa: PLC0415 - as above
+    from sitl_mock.serving import Pace, Wires, serve  # noqa: PLC0415 - as above
+
+    if lockstep and speed != 1.0:
+        raise ConfigError(f"--lockstep and --speed {speed:g}: give one of them")
 
     given = {"ready_after_s": ready_after_s, "noise": noise}
     settings = {key: value for key, value in given.items() if value is not None}
@@ -122,6 +139,7 @@ def run(
         script,
         as_json=as_json,
         parent_pipe=parent_pipe,
+        pace=Pace(speed, lockstep),
     )
 
 

@@ -70,11 +70,15 @@ class Stepped(Protocol):
 
 @dataclass(slots=True)
 class Loop:
-    """State of the loop: vehicles, endpoints, and the lag of the vehicles' clock."""
+    """State of the loop: vehicles, endpoints, and the lag of the vehicles' clock.
+
+    `clock` runs `speed` times as fast as real time.
+    """
 
     vehicles: Mapping[str, Stepped]
     endpoints: Sequence[Endpoint]
     clock: Clock
+    speed: float = 1.0
     left_out_s: float = 0.0
     first_s: float = math.nan
     last_s: float = math.nan
@@ -110,16 +114,16 @@ class Loop:
         now_s = self.clock() - self.left_out_s
         if math.isnan(self.first_s):
             self.first_s = now_s
-        if now_s - self.last_s > STALL_S:
+        if now_s - self.last_s > STALL_S * self.speed:
             self.left_out_s += now_s - self.last_s - TICK_S
             now_s = self.last_s + TICK_S
         self.last_s = now_s
         return now_s
 
     def wait_s(self) -> float:
-        """Time until the vehicles' next tick."""
+        """Real time until the vehicles' next tick."""
         since_s = self.clock() - self.left_out_s - self.first_s
-        return TICK_S - since_s % TICK_S + _LATE_S
+        return (TICK_S - since_s % TICK_S) / self.speed + _LATE_S
 
 
 def run(
@@ -128,17 +132,19 @@ def run(
     clock: Clock,
     stop: Callable[[Collection[int]], bool],
     watched: Sequence[int] = (),
+    speed: float = 1.0,
 ) -> None:
     """Run until `stop` is true.
 
     Args:
         vehicles: Vehicles by name.
         endpoints: Their endpoints.
-        clock: Monotonic seconds.
+        clock: Monotonic seconds, which run `speed` times as fast as real time.
         stop: Called after every wake with the readable file descriptors.
         watched: More file descriptors that wake the loop; `stop` reads them.
+        speed: Speed of the clock.
     """
-    loop = Loop(vehicles, endpoints, clock)
+    loop = Loop(vehicles, endpoints, clock, speed)
     ready: Collection[int] = ()
     while not stop(ready):
         loop.cycle(ready)
