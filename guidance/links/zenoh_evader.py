@@ -48,6 +48,12 @@ MAP: Final = "map"
 """The frame of ROS messages by default."""
 
 _SHOWN_BYTES: Final = 64
+MOST_REPORT_BYTES: Final = 4096
+"""A larger report is dropped unread. The largest Odometry has 1.3 kB."""
+
+_MOST_QUOTES: Final = 64
+"""A report has 32. Every unknown key has two and costs an error."""
+
 _DIAGONAL: Final = (0, 7, 14)  # of a 6 x 6 matrix, row by row
 _POSE = 7
 _ODOMETRY = 7 + 36 + 6 + 36
@@ -94,6 +100,7 @@ class ZenohEvader:
                 key,
                 lambda sample: (clock(), sample.payload.to_bytes(), sender(sample)),
                 session.close,
+                most_bytes=MOST_REPORT_BYTES,
             )
         except zenoh.ZError as error:
             close_all(session.close)
@@ -110,7 +117,9 @@ class ZenohEvader:
 
     def counters(self) -> Mapping[str, int]:
         """Return the number of reports, and of refused ones by reason."""
-        return {"reports": 0, "dropped": self._arrivals.dropped, **self._counts}
+        arrivals = self._arrivals
+        lost = {"dropped": arrivals.dropped, "oversized": arrivals.oversized}
+        return {"reports": 0, **lost, **self._counts}
 
 
 class RetriedSource:
@@ -221,6 +230,8 @@ def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: s
     Raises:
         Refused: If it does not match the schema, or its altitude cannot be converted in this frame.
     """
+    if payload.count(b'"') > _MOST_QUOTES:
+        raise Refused("schema")
     try:
         given = JsonReport.model_validate_json(payload)
     except ValidationError as error:

@@ -7,12 +7,15 @@ Messages are dropped rather than delayed. A token vanishes with its process; a f
 import contextlib
 from collections.abc import Collection
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 import zenoh
 
 from guidance.links.port import Clock
 from guidance.links.zenoh_wire import Session, Subscription
+
+MOST_MESSAGE_BYTES: Final = 16384
+"""A larger message of a team is dropped unread."""
 
 
 class ZenohTeam:
@@ -35,7 +38,11 @@ class ZenohTeam:
         tokens = liveliness.declare_subscriber(f"{self._prefix}alive/*", self._note, history=True)
         ends = tokens.undeclare, token.undeclare
         self._arrivals = Subscription(
-            session, f"{self._prefix}**", partial(self._read, clock), *ends
+            session,
+            f"{self._prefix}**",
+            partial(self._read, clock),
+            *ends,
+            most_bytes=MOST_MESSAGE_BYTES,
         )
         self.receive = self._arrivals.take
         self.close = self._arrivals.close

@@ -24,6 +24,14 @@ _REFUSED: Final = (
     "certificate or user? With RUST_LOG=warn the router logs whom it refuses"
 )
 
+MOST_QUERY_BYTES: Final = 65536
+"""A larger query is dropped unread."""
+
+MOST_MESSAGE_BYTES: Final = 1_048_576
+"""A router of ours ends the link of a party that sends a larger message, before it holds the whole in memory."""
+
+_MOST_PIECE_BYTES: Final = 65536
+
 T = TypeVar("T")
 
 Session = zenoh.Session
@@ -57,6 +65,9 @@ def direct_session(
     Raises:
         ZError: If there is no session.
     """
+    if mode == "router":
+        sizes = {"max_message_size": MOST_MESSAGE_BYTES}
+        transport["link"] = {"rx": sizes, **transport.get("link", {})}
     document = {
         "mode": mode,
         **{key: endpoints.get(key, {"endpoints": []}) for key in ("listen", "connect")},
@@ -103,6 +114,13 @@ def close_all(*closes: Callable[[], object]) -> None:
             close()
 
 
+def is_small(query: "zenoh.Query") -> bool:
+    """Return whether a query may be read; judged before its bytes are copied."""
+    parts = (query.payload, query.attachment)
+    sizes = [0 if part is None else len(part) for part in parts]
+    return sum(sizes) + len(str(query.parameters)) <= MOST_QUERY_BYTES
+
+
 class Subscription(Arrivals[T]):
     """What other sessions publish on a key expression.
 
@@ -111,6 +129,7 @@ class Subscription(Arrivals[T]):
         key: The key expression.
         read: Makes an item of a sample, on Zenoh's thread.
         ends: Ends more, after the subscription.
+        most_bytes: Larger samples are dropped unread, and counted in `oversized`.
 
     Raises:
         ZError: If the key is not a key expression.
@@ -122,13 +141,23 @@ class Subscription(Arrivals[T]):
         key: str,
         read: Callable[["zenoh.Sample"], T],
         *ends: Callable[[], object],
+        most_bytes: int,
     ) -> None:
         super().__init__()
-        remote = zenoh.Locality.REMOTE
+        self.oversized = 0
+        self._read = read
+        self._most_bytes = most_bytes
         subscriber = session.declare_subscriber(
-            key, lambda sample: self.put(read(sample)), allowed_origin=remote
+            key, self._hear, allowed_origin=zenoh.Locality.REMOTE
         )
         self._ends = subscriber.undeclare, *ends
+
+    def _hear(self, sample: "zenoh.Sample") -> None:
+        attached = 0 if sample.attachment is None else len(sample.attachment)
+        if len(sample.payload) + attached > self._most_bytes:
+            self.oversized += 1
+        else:
+            self.put(self._read(sample))
 
     def close(self) -> None:
         """End the subscription; may be called twice."""
@@ -155,9 +184,17 @@ class ZenohWire(QueuedWire):
         )
         key = prefix + FROM_VEHICLE
         self._session = session
-        self._arrivals = Subscription(
-            session, key, lambda sample: (clock(), sample.payload.to_bytes())
+        self._pieces = Subscription(
+            session,
+            key,
+            lambda sample: (clock(), sample.payload.to_bytes()),
+            most_bytes=_MOST_PIECE_BYTES,
         )
+        self._arrivals = self._pieces
+
+    def counters(self) -> Mapping[str, int]:
+        """Return the counts of all wires, and how many pieces were too large for frames."""
+        return {**super().counters(), "wire_oversized": self._pieces.oversized}
 
     def _write(self, frame: bytes) -> bool:
         try:

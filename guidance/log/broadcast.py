@@ -16,13 +16,15 @@ import zenoh
 
 from guidance.errors import ConfigError, LinkError
 from guidance.flight import Inputs
-from guidance.links.zenoh_wire import close_all, is_over
+from guidance.links.zenoh_wire import close_all, is_over, is_small
 from guidance.log.codec import Codec
 from guidance.log.entries import CONFIG, CYCLE, EVENT, RELOADED, CycleEntry, EventEntry, Idle, Item
 from guidance.log.writer import Entry, Record
 
 MAX_WAITING: Final = 256
 """Five seconds of cycles; further entries are dropped and counted."""
+
+_MOST_QUERIES: Final = 16
 
 FLIGHT: Final = "flight"
 """Query of viewers that join late: the metadata, and the last message of each kind."""
@@ -67,9 +69,8 @@ class Broadcast(Record):
             )
             for channel, codec in _CODECS.items()
         }
-        self._queries = session.declare_queryable(
-            broadcast_key(name, FLIGHT), zenoh.handlers.RingChannel(16)
-        )
+        self._asked: deque[zenoh.Query] = deque(maxlen=_MOST_QUERIES)
+        self._queries = session.declare_queryable(broadcast_key(name, FLIGHT), self._ask)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="broadcast")
         self._thread.start()
@@ -87,6 +88,14 @@ class Broadcast(Record):
         self._stop.set()
         self._thread.join()
         close_all(self._queries.undeclare)
+
+    def _ask(self, query: "zenoh.Query") -> None:
+        """Keep a query for the thread; on Zenoh's own thread, which must not wait."""
+        if is_small(query):
+            self._asked.append(query)
+        else:
+            self.dropped += 1
+            query.drop()  # type: ignore[no-untyped-call]
 
     def _run(self) -> None:
         stopped = False
@@ -114,7 +123,8 @@ class Broadcast(Record):
                 self._publishers[channel].put(_CODECS[channel].encode(entry))
 
     def _answer(self) -> None:
-        while (query := self._queries.try_recv()) is not None:
+        while self._asked:
+            query = self._asked.popleft()
             answer: dict[str, Any] = {"name": self._name, "metadata": self._metadata}
             if self._last is not None:
                 inputs = self._heard._replace(messages=tuple(self._latest.values()))

@@ -16,7 +16,13 @@ import zenoh
 from guidance.errors import ConfigError, GuidanceError, LinkError
 from guidance.flight import Event
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
-from guidance.links.zenoh_wire import Session, close_all, direct_session, open_session
+from guidance.links.zenoh_wire import (
+    Session,
+    close_all,
+    direct_session,
+    is_small,
+    open_session,
+)
 from guidance.session import control_socket as local
 from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
 from guidance.session.replies import (
@@ -108,7 +114,7 @@ def control_bus(
 
     def hear(query: "zenoh.Query") -> None:
         """On Zenoh's thread, which must not wait. Queries never keep an order out."""
-        if query.parameters.get(_TEAM) not in {None, team}:
+        if not is_small(query) or query.parameters.get(_TEAM) not in {None, team}:
             query.drop()  # type: ignore[no-untyped-call]
             return
         word = str(query.key_expr).rpartition("/")[2]
