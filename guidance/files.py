@@ -10,7 +10,7 @@ import os
 import stat
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 from guidance.errors import ConfigError, OutputError
 
@@ -73,6 +73,19 @@ def whole_file(path: Path) -> Iterator[Path]:
         unfinished.unlink(missing_ok=True)
 
 
+def open_regular(path: Path) -> BinaryIO:
+    """Open a file to read it; a pipe without a writer must not block.
+
+    Raises:
+        OSError: If it cannot be read, or is not a regular file (a device or a pipe may have no end).
+    """
+    file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb")
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    return file
+
+
 LARGEST_TEXT_BYTES: Final = 4 * 2**20
 """Largest configuration, plan or track. A fence of 1,000 corners takes 0.1 MB, a track of ten hours at 1 Hz 2 MB."""
 
@@ -84,10 +97,7 @@ def read_text(path: Path) -> str:
         OSError: If it cannot be read, is not a regular file (a device or a pipe may have no end), or is too large.
         UnicodeDecodeError: If it is not UTF-8.
     """
-    # A pipe without a writer must not block.
-    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise OSError(errno.EINVAL, "not a regular file", str(path))
+    with open_regular(path) as file:
         content = file.read(LARGEST_TEXT_BYTES + 1)
     if len(content) > LARGEST_TEXT_BYTES:
         raise OSError(errno.EFBIG, f"larger than {LARGEST_TEXT_BYTES} bytes", str(path))

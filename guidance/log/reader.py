@@ -32,6 +32,7 @@ from mcap.records import (
 from mcap.stream_reader import breakup_chunk
 
 from guidance.errors import ConfigError
+from guidance.files import open_regular
 from guidance.log.codec import Codec
 from guidance.log.entries import CYCLE, EVENT, REPORT, RUN, CycleEntry, EventEntry, Idle, Item
 from guidance.log.writer import END, LAST, PART, part_path
@@ -203,7 +204,7 @@ def _scan_file(
     channels: dict[int, Channel] = {}
     ends: dict[str, str] = {}
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             for record in _records(_LimitedFile(path, file, idle), survey):
                 if isinstance(record, Channel):
                     channels[record.id] = record

@@ -305,7 +305,11 @@ def begin(free: threading.BoundedSemaphore, exchange: Callable[..., None], *give
         finally:
             free.release()
 
-    threading.Thread(target=run, name="order", daemon=True).start()
+    try:
+        threading.Thread(target=run, name="order", daemon=True).start()
+    except RuntimeError:  # no thread is free at the moment
+        free.release()
+        return False
     return True
 
 

@@ -21,6 +21,7 @@ from guidance.autopilots import AutopilotName, Preflight
 from guidance.config import Altitude, Latitude, Longitude, Section, faults_of, parse, read
 from guidance.control import Limits, Speeds
 from guidance.errors import ConfigError
+from guidance.files import read_text
 from guidance.flight.settings import FlightSection, TeamSection
 from guidance.frames import Amsl, LocalFrame
 from guidance.game import Extent
@@ -93,7 +94,7 @@ def corners_deg(path: Path, key: str) -> list[tuple[float, float]]:
     """
     said = f"{key} = {str(path)!r}"
     try:
-        plan = json.loads(path.read_text(encoding="utf-8-sig"))
+        plan = json.loads(read_text(path))
     except OSError as error:
         raise ConfigError(f"{said}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:

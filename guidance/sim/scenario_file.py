@@ -1,6 +1,7 @@
 """From a file to a scenario: TOML, a recorded track beside it where it names one, and the published JSON Schema."""
 
 import csv
+import io
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -11,6 +12,7 @@ from pydantic import TypeAdapter
 
 from guidance.config import find, parse, read
 from guidance.errors import ConfigError
+from guidance.files import read_text
 from guidance.log.entries import CYCLE
 from guidance.log.reader import record_errors, scan
 from guidance.sim.scenario import EVADER, PURSUER, Scenario, TrackRow
@@ -126,14 +128,13 @@ def _from_csv(path: Path) -> list[TrackRow]:
     Raises:
         ValueError: With the row (from 1, the header's) and the column that is wrong.
     """
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        lines = csv.reader(file, strict=True)
-        try:
-            header = [name.strip() for name in next(lines, [])]
-            _check_header(header)
-            return [_track_row(header, cells, lines.line_num) for cells in lines if cells]
-        except csv.Error as error:
-            raise ValueError(f"row {lines.line_num}: {error}") from error
+    lines = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
+    try:
+        header = [name.strip() for name in next(lines, [])]
+        _check_header(header)
+        return [_track_row(header, cells, lines.line_num) for cells in lines if cells]
+    except csv.Error as error:
+        raise ValueError(f"row {lines.line_num}: {error}") from error
 
 
 def _check_header(header: Sequence[str]) -> None:
