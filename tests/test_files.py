@@ -140,10 +140,10 @@ def test_whatever_a_flight_and_its_report_leave_is_their_owners(tmp_path, monkey
     monkeypatch.setattr(page, "PICTURES", dict(list(page.PICTURES.items())[:1]))
     assert fly_scenario(str(NEAR), MockOptions(fast=True), flown, None, NOBODY, as_json=False) == 0
     assert set(page.write_report(flown / "record.mcap", flown / "report")) <= set(flown.rglob("*"))
-    run = ["scenario", "run", str(NEAR), "--as", "maths", "--json", str(tmp_path / "row.json")]
+    run = ["scenario", "run", str(NEAR), "--as", "maths", "--out", str(tmp_path / "played")]
     assert CliRunner().invoke(app, run, catch_exceptions=False).exit_code == 0
-    left = [tmp_path / "row.json", tmp_path / "flights", flown, *flown.rglob("*")]
-    assert {"record.mcap", "outcome.json", "flight.png", "report.html", "row.json"} <= {
+    left = [tmp_path / "played" / "outcome.json", tmp_path / "flights", flown, *flown.rglob("*")]
+    assert {"record.mcap", "outcome.json", "flight.png", "report.html"} <= {
         path.name for path in left
     }
     assert not told_apart(left)

@@ -20,11 +20,11 @@ from guidance.cli.players import rows_json, tell_players
 from guidance.cli.viewers import CommandBeside, panel_beside
 from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add, require
-from guidance.files import whole_file, writing
+from guidance.files import private_folder, whole_file, writing
 from guidance.flight import State
 from guidance.screen import aged, console, headed, live, pairs, redraws
 from guidance.session.control_socket import ENDPOINT
-from guidance.session.flight_files import OUTCOME, PICTURE, RECORD, TEAM, flight_folder
+from guidance.session.flight_files import PICTURE, RECORD, TEAM, flight_folder
 from guidance.session.fly import (
     Asked,
     ByFile,
@@ -43,7 +43,7 @@ from guidance.session.result import (
     outcome_of_flight,
     team_rows,
 )
-from guidance.sim.outcome import Outcome
+from guidance.sim.outcome import OUTCOME, Outcome
 from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import TeamScenario
 
@@ -417,8 +417,10 @@ def write_outcome(folder: Path, text: str) -> None:
     Raises:
         OutputError: If they cannot be written.
     """
-    with writing(folder / OUTCOME), whole_file(folder / OUTCOME) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")
+    with writing(folder / OUTCOME):
+        private_folder(folder)
+        with whole_file(folder / OUTCOME) as unfinished:
+            unfinished.write_text(text, encoding="utf-8")
 
 
 def score(outcome: Outcome) -> str:

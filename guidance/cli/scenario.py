@@ -16,13 +16,12 @@ from guidance.cli.players import as_text, rows_json, tell_players
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
-from guidance.files import whole_file, writing
 from guidance.screen import console, headed, pairs, sheet
 from guidance.sim.batch import stack
 from guidance.sim.expect import CheckedExpectation, Ranges
 from guidance.sim.maths import opening, play
 from guidance.sim.outcome import winner_name
-from guidance.sim.scenario import WIND_WORDS, Scenario
+from guidance.sim.scenario import WIND_WORDS, Scenario, Target
 from guidance.sim.scenario_file import FOLDER, load_any
 from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of
 from guidance.texts import printable
@@ -41,11 +40,8 @@ _WAYS: Final = ("maths", "fast", "live", "vehicle")
 _BELONGING: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = {
     ("vehicle",): ("--config", "--vehicle", "--engage", "--yes"),
     ("live",): ("--link", "--over", "--port"),
-    ("fast", "live", "vehicle"): ("--out",),
 }
 """Options of `guidance scenario run`, by the ways to which they belong."""
-
-_STANDARD_OUTPUT: Final = Path("-")
 
 
 @scenario.command()
@@ -71,11 +67,15 @@ def run(
     link: arguments.Link = "mavsdk",
     over: Annotated[str, typer.Option(help="With --as live: zenoh or udp.")] = "zenoh",
     port: arguments.Port = 0,
-    out: arguments.FlightFolder = None,
-    seed: arguments.Seed = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="File for the outcome row; - is the output.")
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="New folder for outcome.json and, of a flight, its record.",
+            show_default="of a flight: flights/SCENARIO-NUMBER",
+        ),
     ] = None,
+    seed: arguments.Seed = None,
+    as_json: arguments.Json = False,
 ) -> None:
     """Run one scenario and show the outcome beside the game's value.
 
@@ -85,13 +85,14 @@ def run(
 
     - `guidance scenario run pe`: the paper's game between point masses
     - `guidance scenario run pe --as fast`: the same file, flown by the mock in virtual time
+    - `guidance scenario run pe --out played`: also writes `played/outcome.json`, for `guidance compare`
     - `guidance scenario run pe --as live`: in real time over Zenoh, or with `--over udp` over UDP
     - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot, after
       the orders `guidance ctl start` and `guidance ctl engage`; `--engage` **arms** without them
     """
     _check_options(ctx, way, known=bool(config or vehicle), armed=bool(engage or vehicle))
     path, played = load_any(name, seed)
-    there = console(stderr=json_file == _STANDARD_OUTPUT)
+    there = console(stderr=as_json)
     there.print(headed(played.title, f"  ({path.name}, as {way})"))
     arguments.may_fly(vehicle or [], yes=yes)
     rows: Sequence[Any]
@@ -108,7 +109,7 @@ def run(
                 arguments.agree(
                     f"{where} may be a real vehicle. Arm it, take off and engage? Propellers will turn"
                 )
-        rows = _fly(played, path.stem, how, out, there)
+        rows, out = _fly(played, path.stem, how, out, there)
     elif isinstance(played, TeamScenario):
         rows = play_teams([played])[0]
         tell_players(rows, there)
@@ -118,11 +119,12 @@ def run(
         rows = play([played])
     verdicts = _verdicts(played, rows, there)
     text = rows_json(played, rows)
-    if json_file == _STANDARD_OUTPUT:
+    if out is not None:
+        from guidance.cli.fly import write_outcome  # noqa: PLC0415 - slow imports
+
+        write_outcome(out, text)
+    if as_json:
         sys.stdout.write(text)
-    elif json_file is not None:
-        with writing(json_file), whole_file(json_file) as unfinished:
-            unfinished.write_text(text, encoding="utf-8")
     raise typer.Exit(0 if all(verdict.held for verdict in verdicts) else 1)
 
 
@@ -142,8 +144,8 @@ def _check_options(ctx: typer.Context, way: str, *, known: bool, armed: bool) ->
 
 def _fly(
     scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | None, there: Console
-) -> Sequence[Any]:
-    """Fly a scenario; return its rows."""
+) -> tuple[Sequence[Any], Path]:
+    """Fly a scenario; return its rows and the flight's folder."""
     from guidance.cli.fly import fly_rows  # noqa: PLC0415 - slow imports
     from guidance.session.fly import ByFile, Onlooker  # noqa: PLC0415
 
@@ -156,15 +158,13 @@ def _fly(
             )
 
     stem = how.config.name if isinstance(how, ByFile) else stem
-    _, rows, _ = fly_rows(there, scenario, stem, how, out, Onlooker(on_record=on_record))
+    _, rows, folder = fly_rows(there, scenario, stem, how, out, Onlooker(on_record=on_record))
     if not rows:
         raise FlightError("no game: not all vehicles engaged")
-    # The evader of a vehicle file is out there, and no policy of the scenario's is its.
-    return (
-        [row._replace(evader_policy="reported") for row in rows]
-        if isinstance(how, ByFile)
-        else rows
-    )
+    if isinstance(how, ByFile):
+        # The evader of a vehicle file is out there, and no policy of the scenario's is its.
+        rows = [row._replace(evader_policy="reported") for row in rows]
+    return rows, folder
 
 
 def _verdicts(
@@ -282,7 +282,7 @@ def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
     )
     yield from _groups(scenario) if isinstance(scenario, TeamScenario) else _players(scenario)
     if scenario.target is not None:
-        yield "target", f"at {_place(scenario.target.position_m)} m"
+        yield "target", f"at {_place(scenario.target.position_m)} m{_shape_words(scenario.target)}"
     if isinstance(scenario, TeamScenario):
         first = opening_of(scenario)
         unit = "m from the target" if scenario.game == "tad" else "s until the captures"
@@ -293,6 +293,17 @@ def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
     else:
         yield from _conditions(scenario)
     yield "expected", expected(scenario) or "nothing"
+
+
+def _shape_words(target: Target) -> str:
+    """Describe the target's shape; empty for a point."""
+    words = ""
+    if target.polygon_m:
+        corners = ", ".join(f"({_place(corner)})" for corner in target.polygon_m)
+        words += f", the polygon {corners} m about it"
+    if target.radius_m:
+        words += f", with {target.radius_m:g} m around"
+    return words
 
 
 def _groups(scenario: TeamScenario) -> Iterator[tuple[str, str]]:

@@ -142,7 +142,10 @@ def report(
 
 
 def compare(
-    a: Annotated[Path, typer.Argument(metavar="A", help="An outcome (JSON), or a sweep's folder.")],
+    a: Annotated[
+        Path,
+        typer.Argument(metavar="A", help="The folder of a run or a sweep, or an outcome.json."),
+    ],
     b: Annotated[Path, typer.Argument(metavar="B", help="Another of the same kind.")],
     column: Annotated[
         str, typer.Option("--by", help="Sweeps: the column whose rows are listed.")
@@ -152,12 +155,12 @@ def compare(
 ) -> None:
     """Compare two outcomes or two sweeps; differences are B minus A.
 
-    Outcomes, as `guidance scenario run FILE --json` writes them, are compared column by column. Sweeps are compared by
-    the share of captures and the means of all columns, with 95 % intervals of the differences, and by the rows that
-    differ most. If both vary the same values, rows with equal values and seeds are paired (Student's t of the paired
-    differences); otherwise the samples are independent (Welch's t).
+    Outcomes, as `guidance scenario run FILE --out FOLDER` writes them, are compared column by column. Sweeps are
+    compared by the share of captures and the means of all columns, with 95 % intervals of the differences, and by the
+    rows that differ most. If both vary the same values, rows with equal values and seeds are paired (Student's t of
+    the paired differences); otherwise the samples are independent (Welch's t).
 
-    - `guidance compare maths.json flown.json`: one scenario, played as maths and flown
+    - `guidance compare maths flown`: one scenario, played as maths and flown
     - `guidance compare sweeps/flown-maths sweeps/flown-fast`: the same for a sweep
     - `guidance compare old new --by regret --rows 20`: two versions of a policy
     """

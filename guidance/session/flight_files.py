@@ -19,13 +19,13 @@ from guidance.log.entries import BEGUN, CONFIG, SCENARIO, STOPPED, cycle_entry
 from guidance.log.writer import Record, Recorder, started_utc, versions
 from guidance.session.plan import TeamPlan, settings_of
 from guidance.session.vehicle_file import Config
+from guidance.sim.outcome import OUTCOME
 
 if TYPE_CHECKING:
     from guidance.sim.scenario import Scenario
 
 RECORD: Final = "record.mcap"
 PICTURE: Final = "flight.png"
-OUTCOME: Final = "outcome.json"
 
 TEAM: Final = "team"
 """Metadata of a record: the separation and the evaders of a vehicle in a team, as JSON."""

@@ -17,7 +17,7 @@ from guidance.errors import ConfigError
 from guidance.files import text_of
 from guidance.log.codec import plain
 from guidance.screen import console, sheet
-from guidance.sim.outcome import Outcome
+from guidance.sim.outcome import OUTCOME, Outcome
 from guidance.sim.scenario import WIND_WORDS
 from guidance.sweeps.axes import Array
 from guidance.sweeps.folder import (
@@ -225,7 +225,7 @@ def compare_teams(
 
 
 def read_outcome(path: Path) -> dict[str, Any] | list[dict[str, Any]]:
-    """Read an outcome that `guidance scenario run --json` wrote: a row, or of teams a row for each evader.
+    """Read an outcome that `guidance scenario run` wrote: a row, or of teams a row for each evader.
 
     Raises:
         ConfigError: If it cannot be read, or is something else.
@@ -239,7 +239,7 @@ def read_outcome(path: Path) -> dict[str, Any] | list[dict[str, Any]]:
     if _is_row(outcome):
         return dict(outcome)
     raise ConfigError(
-        f"{path}: not an outcome; it must be what guidance scenario run FILE --json wrote"
+        f"{path}: not an outcome; it must be an outcome.json of guidance scenario run or fly"
     )
 
 
@@ -264,11 +264,17 @@ def notes_of(a: str, b: str) -> Iterator[str]:
     yield "teams: mathematics captures points, vehicles capture on the stand-off disc"
 
 
+def _outcome_in(path: Path) -> Path:
+    """Return the outcome in the folder of a run; other paths as they are."""
+    outcome = path / OUTCOME
+    return outcome if outcome.is_file() else path
+
+
 def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) -> None:
     """Compare two sweeps' folders or two outcomes' files, and print the comparison.
 
     Args:
-        a: A sweep's folder or an outcome's JSON file.
+        a: A sweep's folder, or an outcome's JSON file or folder.
         b: Another of the same kind.
         column: Rows of sweeps are compared by this column.
         rows: Number of the largest differences to list.
@@ -277,10 +283,12 @@ def compare_paths(a: Path, b: Path, *, column: str, rows: int, as_json: bool) ->
     Raises:
         ConfigError: If they are neither, or one of each.
     """
-    if a.is_dir() != b.is_dir():
-        raise ConfigError(f"{a}, {b}: must be two outcomes or two sweeps, not one of each")
     screen = console(stderr=as_json)
     screen.print(f"A {a}\nB {b}", soft_wrap=True)
+    a = _outcome_in(a)
+    b = _outcome_in(b)
+    if a.is_dir() != b.is_dir():
+        raise ConfigError(f"{a}, {b}: must be two outcomes or two sweeps, not one of each")
     compared: Mapping[str, Any]
     parts: Iterator[Table | Text]
     if a.is_dir():

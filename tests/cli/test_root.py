@@ -157,7 +157,7 @@ STATES = "pursuer_x_m,pursuer_y_m,pursuer_z_m,evader_x_m,evader_y_m\n8,1.42,9.41
         (("paper", "--out"), ""),
         (("solve", "--speed-ratio", "2", "--states", "states.csv", "--out"), "/answers.csv"),
         (("solve", "--speed-ratio", "2", "--states", "states.csv", "--out"), "/answers.parquet"),
-        (("scenario", "run", "pe", "--json"), "/row.json"),
+        (("scenario", "run", "pe", "--out"), "/outcome.json"),
         (("scenario", "show", "pe", "--out"), "/picture.png"),
     ],
 )
@@ -167,7 +167,8 @@ def test_what_cannot_be_written_is_named_and_is_always_the_same_exit_code(
     monkeypatch.chdir(tmp_path)
     Path("states.csv").write_text(STATES)
     Path("wall").write_text("no folder")
-    assert main(*arguments, f"wall{file}") == errors.OutputError.exit_code
+    given = "wall" if arguments[-2:] == ("pe", "--out") and "run" in arguments else f"wall{file}"
+    assert main(*arguments, given) == errors.OutputError.exit_code
     assert f"error: wall{file}: cannot be written" in capfd.readouterr().err
 
 

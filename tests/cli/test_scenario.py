@@ -16,9 +16,9 @@ def guidance(*arguments):
 
 
 def test_a_scenario_is_run_as_mathematics_and_its_row_written(tmp_path):
-    done = guidance("run", "hover_chase", "--json", tmp_path / "row.json")
+    done = guidance("run", "hover_chase", "--out", tmp_path)
     assert done.exit_code == 0, done.output
-    row = json.loads((tmp_path / "row.json").read_text())
+    row = json.loads((tmp_path / "outcome.json").read_text())
     assert list(row) == list(Outcome._fields)
     assert row["end"] == "captured"
     assert row["reason"] == ""
@@ -28,8 +28,8 @@ def test_a_scenario_is_run_as_mathematics_and_its_row_written(tmp_path):
 def test_a_number_that_there_is_none_of_is_null_in_json(tmp_path):
     path = tmp_path / "a.toml"
     path.write_text(SHORT.read_text().replace('game = "pe"', 'game = "pe"\ntime_limit_s = 0.5'))
-    assert guidance("run", path, "--json", tmp_path / "row.json").exit_code == 0
-    assert json.loads((tmp_path / "row.json").read_text())["capture_time_s"] is None
+    assert guidance("run", path, "--out", tmp_path).exit_code == 0
+    assert json.loads((tmp_path / "outcome.json").read_text())["capture_time_s"] is None
 
 
 def test_a_failed_expectation_is_exit_code_1_and_the_row_that_failed(tmp_path):
@@ -55,7 +55,6 @@ def test_a_failed_expectation_is_exit_code_1_and_the_row_that_failed(tmp_path):
         (["--as", "fast", "--over", "udp"], "--over: only with --as live, not with --as fast"),
         (["--as", "fast", "--port", "0"], "--port: only with --as live, not with --as fast"),
         (["--engage"], "--engage: only with --as vehicle, not with --as maths"),
-        (["--out", "here"], "--out: only with --as fast or live or vehicle, not with --as maths"),
         (["--as", "vehicle", "--config", "px4", "--yes"], "--yes: only with --engage, which arms"),
         (
             ["--as", "vehicle", "--config", "px4", "--engage"],
@@ -82,3 +81,16 @@ def test_show_says_both_games_where_mathematics_and_flights_differ():
     )
     assert "value in mathematics " in paper
     assert "; in flight " in paper
+
+
+def test_the_shape_of_a_target_is_shown(tmp_path):
+    path = tmp_path / "shaped.toml"
+    players = SHORT.read_text().replace('game = "pe"', 'game = "tad"')
+    path.write_text(
+        players + "\n[target]\nposition_m = [0, 90]\nradius_m = 5\n"
+        "polygon_m = [[-40, 0], [40, 0], [0, 20]]\n"
+    )
+    done = guidance("show", path)
+    assert done.exit_code == 0, done.output
+    assert "the polygon" in done.output
+    assert "with 5 m around" in done.output

@@ -238,12 +238,10 @@ request_rate_hz = 20.0
             tmp_path / "uav1.toml",
             "--out",
             tmp_path,
-            "--json",
-            tmp_path / "row.json",
         ]
         done = subprocess.run(command, capture_output=True, text=True, timeout=150, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    row = json.loads((tmp_path / "row.json").read_text())
+    row = json.loads((tmp_path / "outcome.json").read_text())
     assert (row["run"], row["end"]) == ("vehicle", "captured")
     assert row["evader_policy"] == "reported"  # the policy of the scenario file is not used here
     assert row["min_standoff_m"] > 7.0

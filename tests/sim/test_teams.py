@@ -168,13 +168,13 @@ def test_policies_are_played():
 
 def test_the_command_prints_a_row_for_each_evader_and_writes_them(tmp_path):
     path = written(tmp_path, extra="[expect]\nguaranteed = { min = 1 }\n")
-    done = guidance("run", path, "--json", tmp_path / "rows.json", "--seed", "4")
+    done = guidance("run", path, "--out", tmp_path, "--seed", "4")
     assert done.exit_code == 0, done.output
     lines = [line.split() for line in done.output.splitlines()]
     assert {"uav1", "uav2", "rover1"} <= {line[0] for line in lines if line}
     assert ["tad", "2", "1", "1", "1"] in [line[:5] for line in lines]
     assert "holds" in done.output
-    rows = json.loads((tmp_path / "rows.json").read_text())
+    rows = json.loads((tmp_path / "outcome.json").read_text())
     assert rows[0]["end"] == "captured"
     assert rows[0]["seed"] == 4
     assert rows[0]["predicted"] == pytest.approx(5.95335625)
