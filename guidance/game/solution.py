@@ -186,10 +186,14 @@ def solve_state(
         raise ConfigError(
             f"game = {game!r}: solve_state takes single numbers; use solve for arrays"
         )
-    known = (pursuer, evader, target, evader_velocity_m_s)
+    P = _floats(pursuer)
+    E = _floats(evader)
+    T = None if target is None else _floats(target)
+    seen = None if evader_velocity_m_s is None else _floats(evader_velocity_m_s)
+    known = (P, E, T, seen)
     squares = sum(x * x + y * y + z * z for x, y, z in filter(None, known))
     try:
-        play = _play(FLOATS, game, *known)
+        play = _play(FLOATS, game, P, E, T, seen)
     except (ZeroDivisionError, ValueError):  # what NumPy answers where a number is divided by zero
         return _row_of_one(game, known)
     reason = _aged(FLOATS, game, play, in_pe=target is None)
@@ -200,6 +204,14 @@ def solve_state(
         tuple([v + 0.0 for v in one]) if isinstance(one, tuple) else one + 0.0 for one in play[1:-1]
     ]
     return StateSolution._make((int(play.winner), *plain, int(reason)))
+
+
+def _floats(vector: Space) -> Space:
+    """Return a vector as Python's floats; elements of a NumPy array are others."""
+    x, y, z = vector
+    if type(x) is type(y) is type(z) is float:
+        return vector
+    return float(x), float(y), float(z)
 
 
 def _row_of_one(game: Game, known: tuple[Space | None, ...]) -> StateSolution:

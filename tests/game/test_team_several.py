@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.errors import ConfigError
-from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
+from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve, solve_state
 from guidance.game.team import solve_team
+from guidance.game.team.regions import regions_of, survived
 from tests.harness.examples import drawn
 
 PAPER = Game(Ball(2.0), 1.0)
@@ -567,3 +568,52 @@ def test_bad_arguments_are_refused_by_their_names(changed, said):
     given = {"game": PAPER, "pursuers": P, "evader": E, "target": T} | changed
     with pytest.raises(ConfigError, match=said):
         solve_team(**given)
+
+
+@pytest.mark.parametrize(
+    "game",
+    [
+        Game(Ball(1.3), 1.0),
+        Game(Ball(2.0), 1.0, 0.3, StandOff(1.0, 2.0)),
+        Game(Cylinder(2.0, 0.8, 0.6), 1.0, 0.2, StandOff(1.0, 2.0)),
+        Game(Ball(2.0), 1.0, wind_m_s=(0.3, 0.2)),
+    ],
+)
+def test_the_lower_bound_of_pe_is_the_longest_run_of_all_headings(game):
+    rng = np.random.default_rng(7)
+    angle = np.linspace(-np.pi, np.pi, 361)
+    heading = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    for _ in range(12):
+        P = rng.uniform(-10.0, 10.0, (rng.integers(3, 7), 3)) * [1.0, 1.0, 0.2] + [0.0, 0.0, 2.0]
+        E = np.array([*rng.uniform(-3.0, 3.0, 2), 0.0])
+        answer = solve_team(game, P, E)
+        longest_s = survived(regions_of(game, P, E), heading).min(axis=1).max()
+        assert answer.lower_bound >= longest_s * (1.0 - 1e-9)
+        run = answer.meeting_point_m - E
+        far = np.linalg.norm(run)
+        if far > 0.0:
+            along = (run[:1] / far, run[1:2] / far)
+            assert survived(regions_of(game, P, E), along).min() == pytest.approx(far, rel=1e-9)
+
+
+def test_a_crossing_that_lies_aside_of_both_own_ends_is_found():
+    """A third pursuer cuts off the own ends of two, whose edges cross elsewhere (2 % were missing)."""
+    rng = np.random.default_rng(11)
+    game = Game(Ball(1.3), 1.0)
+    P = rng.uniform(-10.0, 10.0, (600, 4, 3)) * [1.0, 1.0, 0.2]
+    E = rng.uniform(-3.0, 3.0, (600, 3)) * [1.0, 1.0, 0.0]
+    answer = solve_team(game, P, E)
+    angle = np.linspace(-np.pi, np.pi, 181)
+    heading = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    regions = regions_of(game, P, E[:, None]).beside()
+    longest = survived(regions, heading).min(axis=-1).max(axis=-1) / game.evader_speed_m_s
+    assert (answer.lower_bound >= longest * (1.0 - 1e-9)).all()
+
+
+def test_a_state_of_numpys_numbers_is_solved_as_one_of_floats():
+    game = Game(Ball(2.0), 1.0)
+    states = np.array([[8.0, 1.0, 9.0], [7.0, 9.0, 0.0], [0.0, 0.0, 0.0]])
+    for count in (2, 3):
+        assert solve_state(game, *map(tuple, states[:count])) == solve_state(
+            game, *map(tuple, states[:count].tolist())
+        )

@@ -51,6 +51,7 @@ from guidance.game.records import is_zero
 from guidance.game.rows import fitting, for_rows
 from guidance.game.team.arguments import Games, joined, judged, pair_axes, vectors
 from guidance.game.team.danger import most_in_danger
+from guidance.game.team.open_runs import leaves_open, longest_open
 from guidance.game.team.regions import crossing, edge, halfway, survived, unit
 from guidance.game.team.table import (
     Meeting,
@@ -69,6 +70,9 @@ FEW = 8
 
 ROUNDING = 1e-11
 """Relative difference of two bounds that counts as none."""
+
+MISSED = 1e-10
+"""Relative length by which a run is longer than the longest that was found."""
 
 EQUAL = 1e-14
 """Relative difference of two runs that are equally long."""
@@ -297,8 +301,26 @@ def longest_run(team: Team) -> Meeting:
 
     It leads to a pursuer's own end of the game, or to a crossing of two edges. All of a few pursuers are tried. Of many
     only a few matter: begin with the one that captures soonest, and add the one that cuts the run off most, until none
-    does.
+    does. A crossing that is not between the own ends of two pursuers can matter if a third cuts off both. So it is
+    checked whether a longer run leaves a heading open, and then the longest one is found by its length (`open_runs`).
     """
+    found = _longest_found(team)
+    if team.own.shape[-1] < 3:
+        return found
+    longest = np.asarray(NUMPY.norm2((found.x, found.y)))
+    missed = leaves_open(team.regions, longest * (1.0 + MISSED))
+    if not missed.any():
+        return found
+    run, first, second = longest_open(team.regions.pick(missed), longest[missed])
+    parts = [np.array(part) for part in found]
+    time = NUMPY.norm2(run) / team.v[missed]
+    for whole, part in zip(parts, (*run, -time, first, second), strict=True):
+        whole[missed] = part
+    return Meeting(*parts)
+
+
+def _longest_found(team: Team) -> Meeting:
+    """Return the longest of the runs to the pursuers' own ends and to crossings between these."""
     count = team.own.shape[-1]
     headings = [team.alone.evader_velocity_m_s[..., axis] / team.v[..., None] for axis in (0, 1)]
     reach = team.alone.value * team.v[..., None]
