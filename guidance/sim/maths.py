@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from guidance.flight import Event, State
 from guidance.flight.settings import LIMITS_S
-from guidance.game import Ball, Solution, solve
+from guidance.game import Ball, Solution, Winner, solve
 from guidance.game.arrays import NUMPY, Real, pair_length
 from guidance.game.pe import TOUCH_M
 from guidance.game.records import rows_of
 from guidance.game.rollout import NANOSECOND_S, Ahead, End, look_ahead
+from guidance.game.team.rollout import HELD
 from guidance.sim.batch import Array, Batch, by_kind, kind_of, stack
 from guidance.sim.outcome import Outcome, distances_of, outcome_of, winner_name
 from guidance.sim.scenario import Scenario
@@ -374,6 +375,14 @@ def _held_back(batch: Batch, P: Array) -> tuple[Array, Sequence[NDArray[np.bool_
     return np.column_stack([P[:, :2] - back[:, None] * away_m, height]), (beyond, low, high)
 
 
+def _promised(scenario: Scenario, first: Any) -> str:  # noqa: ANN401 - one row
+    """Return the winner that a solution promises: none where a cycle of held velocities could cost the win."""
+    both_m_s = scenario.pursuer.speed_m_s + scenario.evader.believed_speed_m_s
+    if scenario.game == "tad" and first.winner > 0 and first.value < HELD * CYCLE_S * both_m_s:
+        return winner_name(Winner.UNDECIDED)
+    return winner_name(first.winner)
+
+
 def _outcome(scenario: Scenario, first: Any, ended: Any) -> Outcome:  # noqa: ANN401 - one row each
     """Return the outcome of one game, from its solution at engagement and its last moment."""
     end = _NAMES[ended.end]
@@ -386,7 +395,7 @@ def _outcome(scenario: Scenario, first: Any, ended: Any) -> Outcome:  # noqa: AN
         game_time_s=ended.now_s,
         **distances_of(scenario, ended.pursuer_m, ended.evader_m),
         predicted=first.value,
-        predicted_winner=winner_name(first.winner),
+        predicted_winner=_promised(scenario, first),
         time_needed_s=first.meeting_time_s,
         min_standoff_m=ended.standoff_m,
         min_altitude_m=ended.altitude_m + scenario.evader.height_m,

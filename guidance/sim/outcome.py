@@ -25,7 +25,8 @@ class Outcome(NamedTuple):
         end: "captured", "arrived" (the evader at its target), "time_up", "yielded" (to a pilot), "failed", or "invalid"
             (the scenario allows no game; only in sweeps).
         winner: "pursuer", "evader" or "none".
-        predicted_winner: Of the game's solution at engagement: "pursuer", "evader" or "none" (on the barrier).
+        predicted_winner: Of the game's solution at engagement: "pursuer", "evader" or "none" (on the barrier,
+            or, in mathematics, so close to it that a cycle of held velocities decides).
         game_time_s: From engagement to the end of the game.
         capture_time_s: The same if the evader was captured.
         distance_to_disc_m: Distance of the pursuer from the stand-off disc at the end.

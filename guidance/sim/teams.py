@@ -20,6 +20,7 @@ from guidance.game.arrays import Real
 from guidance.game.game import STILL
 from guidance.game.rules import Rules, game_by
 from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
+from guidance.game.team.rollout import held_m
 from guidance.sim.batch import Array, by_kind, target_extent
 from guidance.sim.expect import Range, Ranges
 from guidance.sim.outcome import judged, winner_name
@@ -280,7 +281,8 @@ def opening_of(scenario: TeamScenario) -> Matching:
     """Match the teams of a scenario at its start."""
     teams = teams_of(scenario)
     game = game_of(scenario, teams.pursuer_speed_m_s[:, None], teams.evader_speed_m_s)
-    return match_teams(game, teams.pursuers_m, teams.evaders_m, teams.target_m)
+    spare_m = held_m(game, scenario.step_s)
+    return match_teams(game, teams.pursuers_m, teams.evaders_m, teams.target_m, spare_m=spare_m)
 
 
 def summary_of(rows: Sequence[TeamOutcome]) -> dict[str, Any]:

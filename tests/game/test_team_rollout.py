@@ -322,3 +322,25 @@ def test_the_matching_at_the_beginning_is_told():
     told = rollout_teams(PAPER, P, E, T, step_s=0.2).first
     known = match_teams(PAPER, P, E, T)
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(told, known, strict=True))
+
+
+def close(spare_m):
+    """A pursuer that keeps an evader this far from its target at zero, with speeds 2 and 1 m/s, in a plane."""
+    # On one line with the target between both, L = (2 · E − P) / 3 for distances E and P
+    return np.array([[-10.0, 0.0, 0.0]]), np.array([[0.5 * (10.0 + 3.0 * spare_m), 0.0, 0.0]])
+
+
+@pytest.mark.parametrize(("spare_m", "promised"), [(0.005, 0), (0.014, 0), (0.016, 1), (0.1, 1)])
+def test_a_capture_within_the_error_of_a_step_is_not_promised(spare_m, promised):
+    P, E = close(spare_m)
+    game = Game(Ball(2.0), 1.0)
+    sure = match_teams(game, P, E, np.zeros(3))
+    assert sure.guaranteed == 1
+    assert sure.value[0] == pytest.approx(spare_m, rel=1e-9)
+    played = rollout_teams(game, P, E, np.zeros(3), step_s=0.05)
+    assert played.first.guaranteed == promised
+    assert rollout_teams(game, P, E, np.zeros(3), step_s=0.005).first.guaranteed == (
+        spare_m > 0.0015
+    )
+    kept = match_teams(game, P, E, np.zeros(3), previous=sure, spare_m=1.0)
+    assert kept.guaranteed == 1  # a promise that was given stays

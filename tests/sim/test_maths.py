@@ -232,3 +232,20 @@ def test_an_evader_plays_in_still_air_even_if_the_wind_leaves_the_pursuer_no_mar
     assert game(windy).wind_m_s == (0.0, 0.0)
     with pytest.raises(ConfigError, match="wind"):
         stack([windy])
+
+
+@pytest.mark.parametrize(("spare_m", "winner"), [(0.004, "none"), (0.02, "pursuer")])
+def test_a_win_within_the_error_of_a_cycle_is_not_promised(spare_m, winner):
+    """In a plane with the target between both: L = (2 E − P + R) / 3 with the disc's rim and the tolerance as R."""
+    standoff = {"radius_m": 3.0, "height_m": 8.0, "tolerance_m": 0.5}
+    base = {
+        "title": "close",
+        "game": "tad",
+        "target": {"position_m": [0.0, 0.0]},
+        "pursuer": {"position_m": [-13.5, 0.0, 8.0], "speed_m_s": 4.0, "speed_set": "cylinder"},
+        "evader": {"position_m": [0.5 * (10.0 + 3.0 * spare_m), 0.0], "speed_m_s": 2.0},
+        "standoff": standoff,
+    }
+    (outcome,) = play([parse(Scenario, base, source="close")])
+    assert outcome.predicted_evader_to_target_m == pytest.approx(spare_m, rel=1e-6)
+    assert outcome.predicted_winner == winner

@@ -101,6 +101,7 @@ def match_teams(
     in_play: ArrayLike | None = None,
     previous: Matching | None = None,
     hysteresis: float = 0.0,
+    spare_m: ArrayLike = 0.0,
 ) -> Matching:
     """Match pursuers with evaders: TAD with a target, PE without one.
 
@@ -116,6 +117,8 @@ def match_teams(
         in_play: which evaders are in play, (..., m); all by default.
         previous: the matching so far, whose promises are kept.
         hysteresis: what a new pair must be better by than one of `previous`, m in TAD and s in PE.
+        spare_m: TAD: a capture with less distance to spare is not guaranteed; a number or an array for the pairs,
+            (..., n, m). A promise of `previous` stays.
 
     Raises:
         ConfigError: as `solve_team`; `in_play` holds something other than true and false, or `hysteresis` is not a
@@ -125,6 +128,8 @@ def match_teams(
     with np.errstate(all="ignore"):
         table = table_of(game, pursuers, evaders, target, in_play)
         kept = None if previous is None else kept_of(table, (previous.first, previous.second))
+        if target is not None:
+            table = _with_spare(table, np.asarray(spare_m))
         edges = _edges(table, kept, hysteresis)
         first = assigned(edges, None if kept is None else kept.first >= 0)
         if table.target is None:
@@ -140,6 +145,16 @@ def match_teams(
     return judged(
         whole, np.where(worst < int(Reason.NOT_FINITE), 0, worst), lambda: "pursuers, evaders: have"
     )
+
+
+def _with_spare(table: Table, spare_m: Array) -> Table:
+    """Return the table in which a pursuer beats an evader only with some distance to spare."""
+    n = table.worth.shape[-1]
+    least = np.broadcast_to(spare_m, (*spare_m.shape[:-2], n, table.worth.shape[1]))
+    each = np.broadcast_to(least, (*table.shape, *least.shape[-2:])).reshape(-1, *least.shape[-2:])
+    spare = each.swapaxes(1, 2)
+    beats = table.beats & ((spare <= 0.0) | (table.worth >= spare))
+    return table._replace(beats=beats, spare_m=spare)
 
 
 def _edges(table: Table, kept: Kept | None, hysteresis: float) -> Array:
@@ -190,7 +205,8 @@ def _with_pairs(table: Table, edges: Array, kept: Kept | None, first: Array) -> 
         worth = together(table.all, (..., numbers)).worth
         alone = (table.beats | partners[:, None])[..., numbers].any(axis=-1)
         plays = (table.present[..., None] & table.plays)[..., numbers].all(axis=-1)
-        wins = plays & (worth > 0.0) & ~alone & ~promised[..., None]
+        enough = worth > table.spare_m[..., numbers].max(axis=-1)
+        wins = plays & enough & ~alone & ~promised[..., None]
         for row in np.flatnonzero(left & wins.any(axis=(1, 2))):
             profit = np.where(wins[row], worth[row], -np.inf)
             singles, mates = packed(edges[row], profit, numbers, promised[row])

@@ -14,6 +14,9 @@ import numpy as np
 from guidance.game.arrays import NUMPY, Array
 from guidance.game.team.regions import Point, Regions
 
+DOUBLINGS = 60
+"""Most doublings of the length; no longest run is so much longer than one that was found."""
+
 HALVINGS = 60
 """Bisections: the length is right to the last bit."""
 
@@ -31,9 +34,12 @@ def longest_open(regions: Regions, least: Array) -> tuple[Point, Array, Array]:
         least: a length that leaves a heading open, (...), m.
     """
     low = least
-    high = 2.0 * least
-    while leaves_open(regions, high).any():
-        high = np.where(leaves_open(regions, high), 2.0 * high, high)
+    high = least
+    for _ in range(DOUBLINGS):
+        is_open = leaves_open(regions, high)
+        if not is_open.any():
+            break
+        high = np.where(is_open, 2.0 * high, high)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         is_open = leaves_open(regions, middle)

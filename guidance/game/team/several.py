@@ -308,7 +308,8 @@ def longest_run(team: Team) -> Meeting:
     if team.own.shape[-1] < 3:
         return found
     longest = np.asarray(NUMPY.norm2((found.x, found.y)))
-    missed = leaves_open(team.regions, longest * (1.0 + MISSED))
+    runs = (longest > 0.0) & np.isfinite(longest)
+    missed = runs & leaves_open(team.regions, longest * (1.0 + MISSED))
     if not missed.any():
         return found
     run, first, second = longest_open(team.regions.pick(missed), longest[missed])

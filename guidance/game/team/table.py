@@ -294,6 +294,7 @@ class Table(NamedTuple):
         all: each pair by itself, the pursuers along the last axis: (b, m, n).
         worth: of each pair, larger is better, (b, m, n): L, m, in TAD; minus the capture time, s, in PE.
         beats: whether a pursuer captures an evader that is in play alone, (b, m, n).
+        spare_m: least distance of a promised capture from the target, (b, m, n), m.
     """
 
     shape: tuple[int, ...]
@@ -304,6 +305,7 @@ class Table(NamedTuple):
     all: Team
     worth: Array
     beats: Array
+    spare_m: Array
 
 
 class Kept(NamedTuple):
@@ -369,7 +371,7 @@ def table_of(
         each = _without(each, team.plays)
     worth = each.own if T is None else np.where(team.plays, each.own, -np.inf)
     beats = (each.alone.winner > 0) & present[..., None] & team.plays
-    return Table(shape, E, T, present, team.plays, each, worth, beats)
+    return Table(shape, E, T, present, team.plays, each, worth, beats, np.zeros(worth.shape))
 
 
 def _without(team: Team, plays: Array) -> Team:
