@@ -16,7 +16,7 @@ The height has a filter of its own with two states, down and its rate.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from guidance.estimation.measurement import TrackSettings
@@ -29,11 +29,24 @@ _SMALL_TURN_RAD = 1e-3
 _CELLS = tuple((row, column) for row in range(5) for column in range(row + 1))
 """Row and column of each number of a covariance; the steady model has the first ten."""
 
-_ROWS = tuple(
-    tuple(_CELLS.index((max(row, column), min(row, column))) for column in range(5))
-    for row in range(5)
-)
-"""Places of the numbers of each whole row of a covariance."""
+
+def _cell(row: int, column: int) -> int:
+    """Return where a covariance keeps the number of a row and a column, in either order."""
+    return _CELLS.index((max(row, column), min(row, column)))
+
+
+def _cells_of_row(row: int) -> tuple[int, ...]:
+    return tuple(_cell(row, column) for column in range(5))
+
+
+_ROWS = tuple(_cells_of_row(row) for row in range(5))
+"""Where a covariance keeps the numbers of each whole row."""
+
+_NORTH, _EAST, _NORTH_RATE, _EAST_RATE = range(4)  # of the state
+_POSITION_CELLS = (_cell(_NORTH, _NORTH), _cell(_EAST, _EAST))
+_SHARED_CELLS = (_cell(_NORTH_RATE, _NORTH), _cell(_EAST_RATE, _EAST))
+_RATE_CELLS = (_cell(_NORTH_RATE, _NORTH_RATE), _cell(_EAST_RATE, _EAST_RATE))
+"""Cells that white acceleration makes grow: of a position, of a position and its rate, of a rate."""
 
 
 class Normal(NamedTuple):
@@ -65,153 +78,235 @@ def begin(measured: Numbers, variances: Numbers, settings: TrackSettings) -> Mod
     return Modes(Normal(mean[:4], covariance[:10]), Normal(mean, covariance), turning)
 
 
+class PlaneCovariance(NamedTuple):
+    """Covariance of the steady model: the lower triangle by rows of north, east and their rates."""
+
+    north_north: float
+    east_north: float
+    east_east: float
+    north_rate_north: float
+    north_rate_east: float
+    north_rate_north_rate: float
+    east_rate_north: float
+    east_rate_east: float
+    east_rate_north_rate: float
+    east_rate_east_rate: float
+
+
 def steady_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
     """Advance the steady model by dt."""
     north, east, north_rate, east_rate = state.mean
-    # Covariances of n, e (north, east) and x, y (their rates).
-    nn, en, ee, xn, xe, xx, yn, ye, yx, yy = state.covariance
-    noise = settings.steady_noise_m2_s3
-    place = noise * dt_s**3 / 3.0
-    shared = noise * dt_s**2 / 2.0
-    rate = noise * dt_s
-    return Normal(
-        (north + dt_s * north_rate, east + dt_s * east_rate, north_rate, east_rate),
-        (
-            nn + dt_s * (2.0 * xn + dt_s * xx) + place,
-            en + dt_s * (xe + yn + dt_s * yx),
-            ee + dt_s * (2.0 * ye + dt_s * yy) + place,
-            xn + dt_s * xx + shared,
-            xe + dt_s * yx,
-            xx + rate,
-            yn + dt_s * yx,
-            ye + dt_s * yy + shared,
-            yx,
-            yy + rate,
-        ),
-    )
+    before = PlaneCovariance(*state.covariance)
+    north_east_rates = before.north_rate_east + before.east_rate_north
+    after = [
+        before.north_north
+        + dt_s * (2.0 * before.north_rate_north + dt_s * before.north_rate_north_rate),
+        before.east_north + dt_s * (north_east_rates + dt_s * before.east_rate_north_rate),
+        before.east_east + dt_s * (2.0 * before.east_rate_east + dt_s * before.east_rate_east_rate),
+        before.north_rate_north + dt_s * before.north_rate_north_rate,
+        before.north_rate_east + dt_s * before.east_rate_north_rate,
+        before.north_rate_north_rate,
+        before.east_rate_north + dt_s * before.east_rate_north_rate,
+        before.east_rate_east + dt_s * before.east_rate_east_rate,
+        before.east_rate_north_rate,
+        before.east_rate_east_rate,
+    ]
+    _add_acceleration(after, settings.steady_noise_m2_s3, dt_s)
+    mean = (north + dt_s * north_rate, east + dt_s * east_rate, north_rate, east_rate)
+    return Normal(mean, after)
+
+
+def _add_acceleration(covariance: list[float], noise_m2_s3: float, dt_s: float) -> None:
+    """Add what white acceleration contributes to a covariance within dt."""
+    position = noise_m2_s3 * dt_s**3 / 3.0
+    shared = noise_m2_s3 * dt_s**2 / 2.0
+    rate = noise_m2_s3 * dt_s
+    for cell in _POSITION_CELLS:
+        covariance[cell] += position
+    for cell in _SHARED_CELLS:
+        covariance[cell] += shared
+    for cell in _RATE_CELLS:
+        covariance[cell] += rate
+
+
+class Turn(NamedTuple):
+    """Integrals of a turning velocity over dt, and their slopes by the turn rate.
+
+    Attributes:
+        sine: sin ωt.
+        cosine: cos ωt.
+        along_s: sin(ωt)/ω: seconds that the first velocity lasts in its own direction.
+        across_s: (1 − cos ωt)/ω: seconds that it lasts to its right.
+        along_slope: Derivative of `along_s` by ω.
+        across_slope: Derivative of `across_s` by ω.
+    """
+
+    sine: float
+    cosine: float
+    along_s: float
+    across_s: float
+    along_slope: float
+    across_slope: float
+
+
+def _turn(turn_rate_rad_s: float, dt_s: float) -> Turn:
+    angle = turn_rate_rad_s * dt_s
+    sine = math.sin(angle)
+    cosine = math.cos(angle)
+    if abs(angle) < _SMALL_TURN_RAD:  # the limits where the turn is small
+        return Turn(
+            sine,
+            cosine,
+            along_s=dt_s * (1.0 - angle**2 / 6.0),
+            across_s=dt_s * angle * (0.5 - angle**2 / 24.0),
+            along_slope=-(dt_s**2) * angle / 3.0,
+            across_slope=dt_s**2 * (0.5 - angle**2 / 8.0),
+        )
+    along_s = sine / turn_rate_rad_s
+    across_s = (1.0 - cosine) / turn_rate_rad_s
+    along_slope = (dt_s * cosine - along_s) / turn_rate_rad_s
+    across_slope = (dt_s * sine - across_s) / turn_rate_rad_s
+    return Turn(sine, cosine, along_s, across_s, along_slope, across_slope)
+
+
+class TurnJacobian(NamedTuple):
+    """Derivative of the turning model's state after dt by its state before.
+
+    Attributes:
+        turn: Derivatives by the velocity.
+        north: Slope of north by the turn rate.
+        east: Slope of east by the turn rate.
+        north_rate: Slope of the north rate by the turn rate.
+        east_rate: Slope of the east rate by the turn rate.
+        fade: Share of the turn rate that remains.
+    """
+
+    turn: Turn
+    north: float
+    east: float
+    north_rate: float
+    east_rate: float
+    fade: float
+
+    def times(self, column: Numbers) -> Numbers:
+        """Return the product with a column vector (5,)."""
+        north, east, north_rate, east_rate, turn_rate = column
+        sine, cosine, along_s, across_s, _, _ = self.turn
+        return (
+            north + along_s * north_rate - across_s * east_rate + self.north * turn_rate,
+            east + across_s * north_rate + along_s * east_rate + self.east * turn_rate,
+            cosine * north_rate - sine * east_rate + self.north_rate * turn_rate,
+            sine * north_rate + cosine * east_rate + self.east_rate * turn_rate,
+            self.fade * turn_rate,
+        )
 
 
 def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
     """Advance the turning model by dt."""
-    north, east, was_north_rate, was_east_rate, turn_rate = state.mean
-    angle = turn_rate * dt_s
-    sine = math.sin(angle)
-    cosine = math.cos(angle)
-    # sin(ωt)/ω, (1 − cos ωt)/ω and their derivatives by ω, with their limits where the turn is small.
-    if abs(angle) < _SMALL_TURN_RAD:
-        along = dt_s * (1.0 - angle**2 / 6.0)
-        across = dt_s * angle * (0.5 - angle**2 / 24.0)
-        along_slope = -(dt_s**2) * angle / 3.0
-        across_slope = dt_s**2 * (0.5 - angle**2 / 8.0)
-    else:
-        along = sine / turn_rate
-        across = (1.0 - cosine) / turn_rate
-        along_slope = (dt_s * cosine - along) / turn_rate
-        across_slope = (dt_s * sine - across) / turn_rate
+    north, east, north_rate_before, east_rate_before, turn_rate = state.mean
+    turn = _turn(turn_rate, dt_s)
+    north_rate = turn.cosine * north_rate_before - turn.sine * east_rate_before
+    east_rate = turn.sine * north_rate_before + turn.cosine * east_rate_before
     fade = math.exp(-dt_s / settings.turn_time_s)
-    north_rate = cosine * was_north_rate - sine * was_east_rate
-    east_rate = sine * was_north_rate + cosine * was_east_rate
-    # The Jacobian J of (n, e, x, y, w) adds the turned velocity and the slopes of all by w. Letters as in
-    # `steady_after`; w is the turn rate.
-    north_slope = along_slope * was_north_rate - across_slope * was_east_rate
-    east_slope = across_slope * was_north_rate + along_slope * was_east_rate
-    north_rate_slope = -dt_s * east_rate
-    east_rate_slope = dt_s * north_rate
-    rows: Iterable[Numbers] = [[state.covariance[place] for place in row] for row in _ROWS]
-    for _ in range(2):  # the columns of R Jᵀ: first J P, as P is symmetric, then J P Jᵀ
-        carried = [
-            (
-                n + along * x - across * y + north_slope * w,
-                e + across * x + along * y + east_slope * w,
-                cosine * x - sine * y + north_rate_slope * w,
-                sine * x + cosine * y + east_rate_slope * w,
-                fade * w,
-            )
-            for n, e, x, y, w in rows
-        ]
-        rows = zip(*carried, strict=True)
-    (nn, en, xn, yn, wn), (_, ee, xe, ye, we), (_, _, xx, yx, wx), (*_, yy, wy), (*_, ww) = rows
-    noise = settings.turning_noise_m2_s3
-    place = noise * dt_s**3 / 3.0
-    shared = noise * dt_s**2 / 2.0
-    rate = noise * dt_s
-    return Normal(
-        (
-            north + along * was_north_rate - across * was_east_rate,
-            east + across * was_north_rate + along * was_east_rate,
-            *(north_rate, east_rate, fade * turn_rate),
-        ),
-        (
-            *(
-                nn + place,
-                en,
-                ee + place,
-                xn + shared,
-                xe,
-                xx + rate,
-                yn,
-                ye + shared,
-                yx,
-                yy + rate,
-            ),
-            *(wn, we, wx, wy, ww + settings.turn_rate_sd_rad_s**2 * (1.0 - fade**2)),
-        ),
+    jacobian = TurnJacobian(
+        turn,
+        north=turn.along_slope * north_rate_before - turn.across_slope * east_rate_before,
+        east=turn.across_slope * north_rate_before + turn.along_slope * east_rate_before,
+        north_rate=-dt_s * east_rate,
+        east_rate=dt_s * north_rate,
+        fade=fade,
     )
+    covariance = _transformed(jacobian, state.covariance)
+    _add_acceleration(covariance, settings.turning_noise_m2_s3, dt_s)
+    covariance[-1] += settings.turn_rate_sd_rad_s**2 * (1.0 - fade**2)
+    mean = (
+        north + turn.along_s * north_rate_before - turn.across_s * east_rate_before,
+        east + turn.across_s * north_rate_before + turn.along_s * east_rate_before,
+        north_rate,
+        east_rate,
+        fade * turn_rate,
+    )
+    return Normal(mean, covariance)
+
+
+def _transformed(jacobian: TurnJacobian, covariance: Numbers) -> list[float]:
+    """Return the lower triangle of J P Jᵀ for the lower triangle of P."""
+    # P is symmetric, so its rows are its columns, and J times them gives the columns of J P.
+    columns = [jacobian.times([covariance[cell] for cell in cells]) for cells in _ROWS]
+    rows = list(zip(*columns, strict=True))
+    # The rows of J P are the columns of its transpose, P Jᵀ.
+    transformed = [jacobian.times(row) for row in rows]
+    return [transformed[row][column] for row, column in _CELLS]
 
 
 def distance(modes: Modes, measured: Numbers, variances: Numbers) -> float:
     """Return νᵀS⁻¹ν of a report and the mixture: χ² distributed with as many degrees as there are numbers."""
-    return _corrected(blended(*modes), measured, variances)[1]
+    return _corrected(blended(*modes), measured, variances).distance
 
 
 def correct(modes: Modes, measured: Numbers, variances: Numbers) -> Modes:
     """Correct both models with a report of position (2,), or position and velocity (4,), and its variances."""
-    steady, steady_distance, steady_spread = _corrected(modes.steady, measured, variances)
-    turning, turning_distance, turning_spread = _corrected(modes.turning, measured, variances)
-    log_ratio = 0.5 * (
-        steady_distance - turning_distance + math.log(steady_spread / turning_spread)
-    )
+    steady = _corrected(modes.steady, measured, variances)
+    turning = _corrected(modes.turning, measured, variances)
+    closer = steady.distance - turning.distance
+    log_ratio = 0.5 * (closer + math.log(steady.spread / turning.spread))
     # Bayes' rule for two hypotheses, kept off 0 and 1, so that both models remain possible.
     odds = math.log(modes.turning_share / (1.0 - modes.turning_share)) + log_ratio
-    probability = 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
-    return Modes(steady, turning, min(1.0 - 1e-9, max(1e-9, probability)))
+    probability = 0.0
+    if odds > -700.0:  # exp would overflow
+        probability = 1.0 / (1.0 + math.exp(-odds))
+    return Modes(steady.state, turning.state, min(1.0 - 1e-9, max(1e-9, probability)))
 
 
-def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> tuple[Normal, float, float]:
-    """Correct by one number after the other, as their errors are independent; also return νᵀS⁻¹ν and det S."""
-    (mean, covariance) = state
+class Correction(NamedTuple):
+    """A corrected state, and how well the report fits.
+
+    Attributes:
+        state: After the report.
+        distance: νᵀS⁻¹ν of the report.
+        spread: det S, the spread of the expected report.
+    """
+
+    state: Normal
+    distance: float
+    spread: float
+
+
+def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> Correction:
+    """Correct by one number after the other, as their errors are independent."""
+    mean = state.mean
+    covariance = state.covariance
     distance = 0.0
     spread = 1.0
     for index, (value, variance) in enumerate(zip(measured, variances, strict=True)):
-        shared = [covariance[place] for place in _ROWS[index][: len(mean)]]
+        shared = [covariance[cell] for cell in _ROWS[index][: len(mean)]]
         expected = shared[index] + variance
-        off = value - mean[index]
-        share = 1.0 / expected
-        gain = off * share
-        distance += off * off * share
+        innovation = value - mean[index]
+        inverse = 1.0 / expected
+        gain = innovation * inverse
+        distance += innovation * innovation * inverse
         spread *= expected
-        mean = [number + gain * by for number, by in zip(mean, shared, strict=True)]
+        mean = [number + gain * part for number, part in zip(mean, shared, strict=True)]
         cells = zip(covariance, _CELLS, strict=False)
         covariance = [
-            number - share * (shared[row] * shared[column]) for number, (row, column) in cells
+            number - inverse * (shared[row] * shared[column]) for number, (row, column) in cells
         ]
-    return Normal(mean, covariance), distance, spread
+    return Correction(Normal(mean, covariance), distance, spread)
 
 
-def blended(one: Normal, other: Normal, share: float) -> Normal:
-    """Return the mixture with this share of the other: mean and covariance of the numbers that both have."""
-    rest = 1.0 - share
-    spread = rest * share
-    means = list(zip(one.mean, other.mean, strict=False))
-    apart = [second - first for first, second in means]
-    cells = zip(one.covariance, other.covariance, _CELLS, strict=False)
-    return Normal(
-        [rest * first + share * second for first, second in means],
-        [
-            rest * a + share * b + spread * (apart[row] * apart[column])
-            for a, b, (row, column) in cells
-        ],
-    )
+def blended(first: Normal, second: Normal, share: float) -> Normal:
+    """Return the mixture with this share of the second: mean and covariance of the numbers that both have."""
+    remainder = 1.0 - share
+    spread = remainder * share
+    pairs = list(zip(first.mean, second.mean, strict=False))
+    apart = [theirs - ours for ours, theirs in pairs]
+    mean = [remainder * ours + share * theirs for ours, theirs in pairs]
+    cells = zip(first.covariance, second.covariance, _CELLS, strict=False)
+    covariance = [
+        remainder * ours + share * theirs + spread * (apart[row] * apart[column])
+        for ours, theirs, (row, column) in cells
+    ]
+    return Normal(mean, covariance)
 
 
 class Height(NamedTuple):
@@ -264,34 +359,48 @@ def advance(estimate: Estimate, time_s: float, settings: TrackSettings) -> Estim
     dt_s = time_s - estimate.time_s
     if dt_s <= 0.0:
         return estimate
-    begins = 1.0 / settings.steady_time_s
-    ends = 1.0 / settings.turning_time_s
-    gone = -math.expm1(-(begins + ends) * dt_s) / (begins + ends)
-    steady, turning, was_turning = estimate.modes
-    share = (1.0 - was_turning) * begins * gone + was_turning * (1.0 - ends * gone)
-    into_steady = blended(steady, turning, was_turning * ends * gone / (1.0 - share))
-    kept = was_turning * (1.0 - ends * gone) / share
-    turn_rate = turning.mean[-1]
-    its_variance = turning.covariance[-1]
-    as_turning = Normal((*steady.mean, turn_rate), (*steady.covariance, *[0.0] * 4, its_variance))
-    into_turning = blended(as_turning, turning, kept)
-    down, rate, variance, shared, rate_variance = estimate.height
+    mixed = _mixed(estimate.modes, dt_s, settings)
+    modes = Modes(
+        steady_after(mixed.steady, dt_s, settings),
+        turning_after(mixed.turning, dt_s, settings),
+        mixed.turning_share,
+    )
+    height = _height_after(estimate.height, dt_s, settings)
+    return Estimate(time_s, estimate.received_s, modes, height)
+
+
+def _mixed(modes: Modes, dt_s: float, settings: TrackSettings) -> Modes:
+    """Mix both models by the chances that a turn has begun or ended within dt."""
+    begins_per_s = 1.0 / settings.steady_time_s
+    ends_per_s = 1.0 / settings.turning_time_s
+    switching_per_s = begins_per_s + ends_per_s
+    settled_s = -math.expm1(-switching_per_s * dt_s) / switching_per_s
+    steady, turning, turning_before = modes
+    still_turning = turning_before * (1.0 - ends_per_s * settled_s)
+    turning_share = (1.0 - turning_before) * begins_per_s * settled_s + still_turning
+    turned_steady = turning_before * ends_per_s * settled_s / (1.0 - turning_share)
+    # The steady model takes the turn rate of the other, since it has none of its own.
+    as_turning = Normal(
+        (*steady.mean, turning.mean[-1]),
+        (*steady.covariance, 0.0, 0.0, 0.0, 0.0, turning.covariance[-1]),
+    )
+    return Modes(
+        blended(steady, turning, turned_steady),
+        blended(as_turning, turning, still_turning / turning_share),
+        turning_share,
+    )
+
+
+def _height_after(height: Height, dt_s: float, settings: TrackSettings) -> Height:
+    down_m, rate_m_s, down_variance, shared, rate_variance = height
     noise = settings.height_noise_m2_s3
-    return Estimate(
-        time_s,
-        estimate.received_s,
-        Modes(
-            steady_after(into_steady, dt_s, settings),
-            turning_after(into_turning, dt_s, settings),
-            share,
-        ),
-        Height(
-            down + rate * dt_s,
-            rate,
-            variance + 2.0 * dt_s * shared + dt_s**2 * rate_variance + noise * dt_s**3 / 3.0,
-            shared + dt_s * rate_variance + noise * dt_s**2 / 2.0,
-            rate_variance + noise * dt_s,
-        ),
+    grown = down_variance + 2.0 * dt_s * shared + dt_s**2 * rate_variance
+    return Height(
+        down_m + rate_m_s * dt_s,
+        rate_m_s,
+        grown + noise * dt_s**3 / 3.0,
+        shared + dt_s * rate_variance + noise * dt_s**2 / 2.0,
+        rate_variance + noise * dt_s,
     )
 
 
@@ -323,23 +432,41 @@ def predict(
         settings: Noise and bounds of the track.
     """
     moved = advance(last, now_s, settings)
-    both = blended(*moved.modes)
-    (north, east, north_rate, east_rate) = both.mean
-    (by_north, by_east, by_down) = shift_ned_m
-    *_, one, _, _, shared, other = both.covariance
-    # σ of the speed in the worst direction (the root of the larger eigenvalue), and along the velocity if that is
-    # larger.
-    worst_sd = math.sqrt(max(0.0, 0.5 * (one + other) + math.hypot(0.5 * (one - other), shared)))
-    sd = worst_sd
+    mixture = blended(*moved.modes)
+    north, east, north_rate, east_rate = mixture.mean
+    by_north, by_east, by_down = shift_ned_m
+    covariance = PlaneCovariance(*mixture.covariance)
+    worst_sd = _worst_sd(covariance)
     speed_m_s = math.hypot(north_rate, east_rate)
+    # Along the velocity the spread matters more than in the worst direction, if there is a direction.
+    speed_sd = worst_sd
     if speed_m_s > worst_sd:
-        n = north_rate / speed_m_s
-        e = east_rate / speed_m_s
-        sd = math.sqrt(max(0.0, n * n * one + 2.0 * n * e * shared + e * e * other))
-    known = worst_sd <= settings.known_velocity_sd_m_s
+        speed_sd = _sd_along(covariance, north_rate / speed_m_s, east_rate / speed_m_s)
+    velocity = (0.0, 0.0, 0.0)
+    if worst_sd <= settings.known_velocity_sd_m_s:
+        velocity = (north_rate, east_rate, moved.height.rate_m_s)
     return EvaderEstimate(
         (north + by_north, east + by_east, moved.height.down_m + by_down),
-        (north_rate, east_rate, moved.height.rate_m_s) if known else (0.0, 0.0, 0.0),
-        max(settings.declared_speed_m_s, speed_m_s + settings.sigmas * sd),
+        velocity,
+        max(settings.declared_speed_m_s, speed_m_s + settings.sigmas * speed_sd),
         max(0.0, now_s - last.time_s),
     )
+
+
+def _worst_sd(covariance: PlaneCovariance) -> float:
+    """Return σ of the velocity in its worst direction: the root of the larger eigenvalue of its covariance."""
+    north = covariance.north_rate_north_rate
+    east = covariance.east_rate_east_rate
+    shared = covariance.east_rate_north_rate
+    larger = 0.5 * (north + east) + math.hypot(0.5 * (north - east), shared)
+    return math.sqrt(max(0.0, larger))
+
+
+def _sd_along(covariance: PlaneCovariance, north: float, east: float) -> float:
+    """Return σ of the velocity along a unit vector."""
+    variance = (
+        north * north * covariance.north_rate_north_rate
+        + 2.0 * north * east * covariance.east_rate_north_rate
+        + east * east * covariance.east_rate_east_rate
+    )
+    return math.sqrt(max(0.0, variance))
