@@ -151,25 +151,27 @@ def test_what_nobody_foresaw_is_said_to_be_our_fault(main, monkeypatch, capfd):
 STATES = "pursuer_x_m,pursuer_y_m,pursuer_z_m,evader_x_m,evader_y_m\n8,1.42,9.41,7.92,9.6\n"
 
 
+SOLVE = ("solve", "--speed-ratio", "2", "--states", "states.csv", "--out")
+
+
 @pytest.mark.parametrize(
-    ("arguments", "file"),
+    ("arguments", "named"),
     [
-        (("paper", "--out"), ""),
-        (("solve", "--speed-ratio", "2", "--states", "states.csv", "--out"), "/answers.csv"),
-        (("solve", "--speed-ratio", "2", "--states", "states.csv", "--out"), "/answers.parquet"),
-        (("scenario", "run", "pe", "--out"), "/outcome.json"),
-        (("scenario", "show", "pe", "--out"), "/picture.png"),
+        (("paper", "--out", "wall"), "wall"),
+        ((*SOLVE, "wall/answers.csv"), "wall/answers.csv"),
+        ((*SOLVE, "wall/answers.parquet"), "wall/answers.parquet"),
+        (("scenario", "run", "pe", "--out", "wall"), "wall/outcome.json"),
+        (("scenario", "show", "pe", "--out", "wall/picture.png"), "wall/picture.png"),
     ],
 )
 def test_what_cannot_be_written_is_named_and_is_always_the_same_exit_code(
-    arguments, file, main, tmp_path, monkeypatch, capfd
+    arguments, named, main, tmp_path, monkeypatch, capfd
 ):
     monkeypatch.chdir(tmp_path)
     Path("states.csv").write_text(STATES)
     Path("wall").write_text("no folder")
-    given = "wall" if arguments[-2:] == ("pe", "--out") and "run" in arguments else f"wall{file}"
-    assert main(*arguments, given) == errors.OutputError.exit_code
-    assert f"error: wall{file}: cannot be written" in capfd.readouterr().err
+    assert main(*arguments) == errors.OutputError.exit_code
+    assert f"error: {named}: cannot be written" in capfd.readouterr().err
 
 
 def test_a_picture_of_an_unknown_kind_is_refused_before_it_is_drawn(main, capfd):
