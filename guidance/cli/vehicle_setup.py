@@ -161,21 +161,25 @@ def _judged(checkup: Checkup) -> Sequence[Finding]:
 
 def _apply(checkup: Checkup, *, advised: bool, yes: bool, quiet: bool) -> bool:
     """Set parameters, after asking; return whether any were to be set."""
-    there = console()
-    wanted = checkup.changes(advised=advised)
-    there.quiet = quiet
+    screen = console()
+    screen.quiet = quiet
+    changes = checkup.changes(advised=advised)
     _print_table(
-        there,
-        ((one.verdict, one.name, f"{one.now} becomes {one.then}: {one.why}") for one in wanted),
+        screen,
+        (
+            (change.verdict, change.name, f"{change.now} becomes {change.then}: {change.why}")
+            for change in changes
+        ),
     )
-    if wanted and not yes:
-        arguments.agree(f"Set these {len(wanted)} parameters?")
-    for name, value, done in checkup.apply(wanted):
+    if not changes:
+        screen.print("no parameter needs to be set")
+        return False
+    if not yes:
+        arguments.agree(f"Set these {len(changes)} parameters?")
+    for name, value, is_set in checkup.apply(changes):
         read = "not read back" if value is None else f"reads {value:g}"
-        there.print(f"{'set ' if done else 'NOT SET'} {name}: {read}", soft_wrap=True)
-    if not wanted:
-        there.print("no parameter needs to be set")
-    return bool(wanted)
+        screen.print(f"{'set ' if is_set else 'NOT SET'} {name}: {read}", soft_wrap=True)
+    return True
 
 
 def _show(rows: Sequence[Finding], *, as_json: bool, all_rows: bool) -> int:
@@ -184,30 +188,32 @@ def _show(rows: Sequence[Finding], *, as_json: bool, all_rows: bool) -> int:
     if as_json:
         typer.echo(json.dumps([row._asdict() for row in rows], indent=2))
     else:
-        there = console()
+        screen = console()
         order = list(_STYLE)[: 3 if all_rows else 2]
         shown = [row for verdict in order for row in rows if row.verdict == verdict]
-        _print_table(there, ((row.verdict, row.name, _explained(row)) for row in shown))
+        _print_table(screen, ((row.verdict, row.name, _explained(row)) for row in shown))
         if len(shown) < len(rows):
-            there.print(
+            screen.print(
                 f"{len(rows) - len(shown)} more rows pass; --all shows them", soft_wrap=True
             )
         words = f"refused: {', '.join(refused)}" if refused else "nothing is refused"
-        there.print(words, style=_STYLE["refuse" if refused else "pass"])
+        screen.print(words, style=_STYLE["refuse" if refused else "pass"])
     return FlightError.exit_code if refused else 0
 
 
 def _explained(row: Finding) -> str:
     """Return the value, the expected value and how to fix it."""
-    return f"{row.value}; expected: {row.wanted}" + (f". Fix: {row.advice}" if row.advice else "")
+    words = f"{row.value}; expected: {row.wanted}"
+    return f"{words}. Fix: {row.advice}" if row.advice else words
 
 
-def _print_table(there: Console, lines: Iterable[tuple[str, str, str]]) -> None:
+def _print_table(screen: Console, lines: Iterable[tuple[str, str, str]]) -> None:
     """Print verdicts, names and explanations, which wrap in their column."""
-    if rows := [
+    rows = [
         (Text(verdict, style=_STYLE[verdict]), name, Text(words)) for verdict, name, words in lines
-    ]:
-        there.print(sheet(("verdict", "name", "value"), rows, left=range(3)))
+    ]
+    if rows:
+        screen.print(sheet(("verdict", "name", "value"), rows, left=range(3)))
 
 
 def schema(kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.")]) -> None:

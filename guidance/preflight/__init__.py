@@ -27,6 +27,7 @@ from guidance.autopilots import (
 )
 from guidance.autopilots.description import AUTOPILOT_VERSION, type_name
 from guidance.autopilots.rules import Judgement, Quantity, Rule, row_of
+from guidance.control.polygon import Point
 from guidance.frames import Amsl, LocalFrame, Projection
 from guidance.messages import (
     AutopilotVersion,
@@ -260,8 +261,9 @@ def parameter_names(version: Version, *, only_needed: bool = False) -> tuple[str
 
 def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
     """Judge everything. For a wrong autopilot, return that row only."""
-    if (other := another_autopilot(facts, autopilot)) is not None:
-        return (other,)
+    another = another_autopilot(facts, autopilot)
+    if another is not None:
+        return (another,)
     version = _version_of(autopilot, facts.version)
     quantities = _quantities(facts.parameters, version, facts.uploaded)
     wants = fence.about_home(wants, facts.vehicle, autopilot.projection)
@@ -280,99 +282,108 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
     An old estimator origin or a wrong height datum has flown vehicles into the ground. Comparing two messages about
     the same place reveals both.
     """
-    vehicle = facts.vehicle
+    latest = facts.vehicle.latest
     corners = wants.limits.fence_polygon_ne_m
     if corners is not None:
-        inside = bool(contains(corners, np.zeros((1, 2)))[0])
-        found = "inside" if inside else "outside"
-        yield Finding.of(inside, "home in our fence", found, "inside", "is this the right field?")
+        yield _home_in_fence(corners)
     if wants.battery_needed is not None:
-        yield _battery(vehicle.latest.get(messages.SystemStatus), wants.battery_needed)
-    origin = vehicle.latest.get(messages.Origin)
-    home = vehicle.latest.get(messages.Home)
+        yield _battery(latest.get(messages.SystemStatus), wants.battery_needed)
+    origin = latest.get(messages.Origin)
+    home = latest.get(messages.Home)
     if origin is None or home is None:
-        names = ("GPS_GLOBAL_ORIGIN", origin), ("HOME_POSITION", home)
-        missing = " and ".join(name for name, message in names if message is None)
-        yield Finding(
-            "local frame", "unknown", f"{missing} heard", Verdict.REFUSE, "wait for a position fix"
-        )
+        yield _frame_unknown(origin, home)
         return
-    home_amsl_m = home.altitude_amsl_m
-    zero = (
+    frame = LocalFrame(
         origin.latitude_deg,
         origin.longitude_deg,
         Amsl(origin.altitude_amsl_m),
-        Amsl(home_amsl_m),
+        Amsl(home.altitude_amsl_m),
+        projection=projection,
     )
-    frame = LocalFrame(*zero, projection=projection)
-    home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, Amsl(home_amsl_m))
+    yield from _home_rows(home, frame, wants.preflight.origin_distance_limit_m)
+    place = latest.get(messages.GlobalPosition)
+    local = latest.get(messages.LocalPosition)
+    if place is None or local is None:
+        wanted = "GLOBAL_POSITION_INT and LOCAL_POSITION_NED heard"
+        yield Finding("position", "unknown", wanted, Verdict.REFUSE)
+        return
+    yield from _datum_rows(place, local, home, frame)
+    yield _evader_height(facts.evader_amsl_m, home, wants.evader_height_limit_m)
+
+
+def _home_in_fence(corners: Sequence[Point]) -> Finding:
+    inside = bool(contains(corners, np.zeros((1, 2)))[0])
+    value = "inside" if inside else "outside"
+    return Finding.of(inside, "home in our fence", value, "inside", "is this the right field?")
+
+
+def _frame_unknown(origin: messages.Origin | None, home: messages.Home | None) -> Finding:
+    missing = []
+    if origin is None:
+        missing.append("GPS_GLOBAL_ORIGIN")
+    if home is None:
+        missing.append("HOME_POSITION")
+    wanted = f"{' and '.join(missing)} heard"
+    return Finding("local frame", "unknown", wanted, Verdict.REFUSE, "wait for a position fix")
+
+
+def _home_rows(home: messages.Home, frame: LocalFrame, limit_m: float) -> Iterator[Finding]:
+    """Compare home on the map with the origin, and with home in the local frame."""
+    altitude = Amsl(home.altitude_amsl_m)
+    home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, altitude)
     away_m = math.hypot(*home_ned_m[:2])
-    limit_m = wants.preflight.origin_distance_limit_m
-    yield _within(
-        "frame origin",
-        away_m,
-        limit_m,
-        "m from home",
-        "restart the autopilot here: its origin is old",
-    )
+    advice = "restart the autopilot here: its origin is old"
+    yield _within("frame origin", away_m, limit_m, "m from home", advice)
     apart_m = math.dist(home_ned_m, home.position_ned_m)
     advice = "home was set in another frame: set it again"
     yield _within("home in the frame", apart_m, _AGREEMENT_M, "m apart", advice)
-    place = vehicle.latest.get(messages.GlobalPosition)
-    local = vehicle.latest.get(messages.LocalPosition)
-    if place is None or local is None:
-        yield Finding(
-            "position",
-            "unknown",
-            "GLOBAL_POSITION_INT and LOCAL_POSITION_NED heard",
-            Verdict.REFUSE,
-        )
-        return
-    reckoned_m = frame.ned_from_wgs84(
-        place.latitude_deg, place.longitude_deg, Amsl(place.altitude_amsl_m)
-    )
-    apart_m = math.dist(reckoned_m, local.position_ned_m)
+
+
+def _datum_rows(
+    place: messages.GlobalPosition,
+    local: messages.LocalPosition,
+    home: messages.Home,
+    frame: LocalFrame,
+) -> Iterator[Finding]:
+    """Compare the position on the map with the one in the local frame, and the heights above sea level and home."""
+    altitude = Amsl(place.altitude_amsl_m)
+    place_ned_m = frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, altitude)
+    apart_m = math.dist(place_ned_m, local.position_ned_m)
     advice = "LOCAL_POSITION_NED and GLOBAL_POSITION_INT contradict each other: restart the autopilot here"
     yield _within("local = global", apart_m, _AGREEMENT_M, "m apart", advice)
-    difference_m = abs(place.altitude_amsl_m - place.altitude_above_home_m - home_amsl_m)
+    home_amsl_m = place.altitude_amsl_m - place.altitude_above_home_m
+    difference_m = abs(home_amsl_m - home.altitude_amsl_m)
     advice = "the altitudes have different datums (sea level, ellipsoid, home?)"
     yield _within("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
-    limit_m = wants.evader_height_limit_m
-    evader_amsl_m = facts.evader_amsl_m
-    if evader_amsl_m is None:
-        yield Finding(
-            "evader's altitude",
-            "not heard",
-            f"within {limit_m:g} m of home",
-            Verdict.WARN,
-            "is it sending?",
-        )
-        return
+
+
+def _evader_height(altitude_amsl_m: float | None, home: messages.Home, limit_m: float) -> Finding:
+    name = "evader's altitude"
+    if altitude_amsl_m is None:
+        wanted = f"within {limit_m:g} m of home"
+        return Finding(name, "not heard", wanted, Verdict.WARN, "is it sending?")
+    difference_m = abs(altitude_amsl_m - home.altitude_amsl_m)
     advice = (
         "a different datum? The geoid is about 50 m above the ellipsoid: see evader.altitude_datum"
     )
-    yield _within(
-        "evader's altitude", abs(evader_amsl_m - home_amsl_m), limit_m, "m from home's", advice
-    )
+    return _within(name, difference_m, limit_m, "m from home's", advice)
 
 
 def _battery(status: messages.SystemStatus | None, needed: float) -> Finding:
+    """Judge the charge against the configured reserve, which cannot act on an unknown charge."""
+    name = "battery reserve"
     wanted = f"at least {needed:.0%}, to fly home from the edge of the fence"
     if status is None or math.isnan(status.battery_remaining):
-        return Finding(
-            "battery reserve",
-            "unknown",
-            wanted,
-            Verdict.WARN,
-            "the autopilot does not report the battery",
-        )
+        advice = "the autopilot does not report the battery: set up its monitor, or remove flight.reserve"
+        return Finding(name, "unknown", wanted, Verdict.REFUSE, advice)
     left = status.battery_remaining
     advice = "charge the battery or make the fence smaller; see flight.reserve"
-    return Finding.of(left >= needed, "battery reserve", f"{left:.0%}", wanted, advice)
+    return Finding.of(left >= needed, name, f"{left:.0%}", wanted, advice)
 
 
-def _within(name: str, found: float, limit: float, what: str, advice: str) -> Finding:
-    return Finding.of(found <= limit, name, f"{found:.1f} {what}", f"at most {limit:g} m", advice)
+def _within(name: str, value_m: float, limit_m: float, words: str, advice: str) -> Finding:
+    value = f"{value_m:.1f} {words}"
+    return Finding.of(value_m <= limit_m, name, value, f"at most {limit_m:g} m", advice)
 
 
 _STREAMS: Final = (
@@ -394,16 +405,16 @@ _STREAMS: Final = (
 def _stream_rows(facts: Facts, autopilot: Autopilot) -> Iterator[Finding]:
     """Judge the rate of every requested stream."""
     for name, kind, least_hz, otherwise, reader in _STREAMS:
-        asked_hz = autopilot.streams_hz.get(getattr(description, name))
+        requested_hz = autopilot.streams_hz.get(getattr(description, name))
         # ArduCopter reports its setpoint in GUIDED only.
-        if asked_hz is None or (
-            kind is messages.PositionTarget and not autopilot.tells_setpoint_always
-        ):
+        guided_only = kind is messages.PositionTarget and not autopilot.tells_setpoint_always
+        if requested_hz is None or guided_only:
             continue
         rate_hz = facts.rates_hz.get(kind, 0.0)
-        wanted = f"at least {least_hz:g} Hz ({asked_hz:g} requested)"
-        advice = f"{reader} needs it: is the link fast enough for {asked_hz:g} Hz?"
-        yield Finding.of(rate_hz >= least_hz, name, f"{rate_hz:.1f} Hz", wanted, advice, otherwise)
+        value = f"{rate_hz:.1f} Hz"
+        wanted = f"at least {least_hz:g} Hz ({requested_hz:g} requested)"
+        advice = f"{reader} needs it: is the link fast enough for {requested_hz:g} Hz?"
+        yield Finding.of(rate_hz >= least_hz, name, value, wanted, advice, otherwise)
 
 
 def engage_rows(
@@ -473,27 +484,25 @@ def another_autopilot(facts: Facts, autopilot: Autopilot) -> Finding | None:
 
     A HEARTBEAT of another program with the same ids is no reason to refuse as long as the autopilot's own arrive.
     """
-    other = facts.other_beat
-    if other is None:
+    beat = facts.other_beat
+    if beat is None:
         return None
-    own = facts.vehicle.latest.get(Heartbeat)
-    if own is not None and other.received_s - own.received_s <= _SILENT_S:
+    last_beat = facts.vehicle.latest.get(Heartbeat)
+    if last_beat is not None and beat.received_s - last_beat.received_s <= _SILENT_S:
         return None
-    matching = autopilots_of(other.autopilot)
+    matching = autopilots_of(beat.autopilot)
     name = "unknown"
     advice = (
         "another system's HEARTBEAT? check vehicle.url, vehicle.system_id and vehicle.component_id"
     )
     if matching:
         name = matching[0].name
-        advice = f"a {type_name(other.vehicle_type)} is not flown; check vehicle.url and vehicle.system_id"
-    flown = next((known for known in matching if known.speaks(other)), None)
-    if flown is not None:
-        name = flown.name
-        advice = (
-            f'set vehicle.autopilot = "{flown.name}", or check vehicle.url and vehicle.system_id'
-        )
-    value = f"{name} (MAV_AUTOPILOT {other.autopilot}), {type_name(other.vehicle_type)}"
+        advice = f"a {type_name(beat.vehicle_type)} is not flown; check vehicle.url and vehicle.system_id"
+    sender = next((candidate for candidate in matching if candidate.speaks(beat)), None)
+    if sender is not None:
+        name = sender.name
+        advice = f'set vehicle.autopilot = "{name}", or check vehicle.url and vehicle.system_id'
+    value = f"{name} (MAV_AUTOPILOT {beat.autopilot}), {type_name(beat.vehicle_type)}"
     wanted = f"{autopilot.name} ({autopilot.autopilot_id}) in a vehicle that it may fly"
     return Finding("autopilot", value, wanted, Verdict.REFUSE, advice)
 

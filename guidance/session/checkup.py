@@ -25,7 +25,7 @@ from guidance.errors import FlightError
 from guidance.extras import EXTRAS, how_to_add
 from guidance.links.port import parse
 from guidance.links.world import World
-from guidance.preflight import COUNTED_S, ParameterChange, another_autopilot, changes, single
+from guidance.preflight import COUNTED_S, Facts, ParameterChange, another_autopilot, changes, single
 from guidance.session.control_socket import token_path
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.loop import PERIOD_S, PRIORITY
@@ -69,42 +69,50 @@ class Checkup:
         """
         daemon = self._daemon
         clock = self._clock
-        flight = self._plan.flight
-        begun_s = complete_s = clock.now_s()
+        begun_s = clock.now_s()
+        complete_s = begun_s
         while clock.now_s() - begun_s < limit_s:
             self._step()
-            vehicle = daemon.flight.vehicle
-            missing = [name for kind, name in _HEARD.items() if vehicle.latest.get(kind) is None]
-            missing += daemon.survey.missing
-            told(lacking := ", ".join(missing))
-            if lacking:
+            missing = ", ".join(self._missing())
+            told(missing)
+            if missing:
                 complete_s = clock.now_s()
             elif clock.now_s() - complete_s > COUNTED_S + 1.0:
                 break
-        facts = daemon.survey.facts(
-            daemon.flight.vehicle, clock.now_s(), daemon.flight.heard.other_beat
-        )
-        another = another_autopilot(facts, flight.autopilot)
+        another = another_autopilot(self._facts(), self._plan.flight.autopilot)
         if another is not None:
             return (another,)
         # The flight's own checks may still pass later, so none is a refusal here.
         readiness = (
             Finding.of(
-                verdict is Verdict.PASS, f"ready: {name}", found, "before start", "", Verdict.WARN
+                check.verdict is Verdict.PASS,
+                f"ready: {check.name}",
+                check.value,
+                "before start",
+                "",
+                Verdict.WARN,
             )
-            for name, found, _, verdict, _ in daemon.flight.checks(clock.now_s())
+            for check in daemon.flight.checks(clock.now_s())
         )
         return (*daemon.rows, *readiness)
+
+    def _missing(self) -> list[str]:
+        """Return what is needed before anything is judged, and was not received yet."""
+        latest = self._daemon.flight.vehicle.latest
+        names = [name for kind, name in _HEARD.items() if latest.get(kind) is None]
+        return [*names, *self._daemon.survey.missing]
+
+    def _facts(self) -> Facts:
+        flight = self._daemon.flight
+        now_s = self._clock.now_s()
+        return self._daemon.survey.facts(flight.vehicle, now_s, flight.heard.other_beat)
 
     def changes(self, *, advised: bool) -> Sequence[ParameterChange]:
         """Return the parameters to set, from the values read."""
         wants = self._plan.wants
-        facts = self._daemon.survey.facts(self._daemon.flight.vehicle, self._clock.now_s())
-        return (
-            ()
-            if wants is None
-            else changes(facts, self._plan.flight.autopilot, wants, advised=advised)
-        )
+        if wants is None:
+            return ()
+        return changes(self._facts(), self._plan.flight.autopilot, wants, advised=advised)
 
     def apply(self, wanted: Sequence[ParameterChange]) -> Iterator[tuple[str, float | None, bool]]:
         """Set parameters one after another, and read each back.
@@ -117,28 +125,26 @@ class Checkup:
                 stays set.
         """
         for change in wanted:
-            vehicle = self._daemon.flight.vehicle
-            now_s = self._clock.now_s()
-            if vehicle.armed:
-                raise FlightError(
-                    "the vehicle is armed: parameters are set on the ground only, disarmed"
-                )
-            if (
-                vehicle.age_s(messages.Heartbeat, now_s) > _FRESH_S
-                or vehicle.latest.get(messages.LandedState) is None
-            ):
-                raise FlightError(
-                    "the vehicle does not say whether it is on the ground: no parameter is set"
-                )
-            if not vehicle.on_ground:
-                raise FlightError(
-                    "the vehicle is in the air: parameters are set on the ground only"
-                )
+            self._require_ground()
             self._link.request(change.request)
             self._read(change.name)  # the announcement after setting is not proof: read the value
             self._link.request(messages.ParameterRequest(change.name))
             value = self._read(change.name)
             yield change.name, value, value is not None and single(value) == change.request.value
+
+    def _require_ground(self) -> None:
+        vehicle = self._daemon.flight.vehicle
+        beat_age_s = vehicle.age_s(messages.Heartbeat, self._clock.now_s())
+        if vehicle.armed:
+            raise FlightError(
+                "the vehicle is armed: parameters are set on the ground only, disarmed"
+            )
+        if beat_age_s > _FRESH_S or vehicle.latest.get(messages.LandedState) is None:
+            raise FlightError(
+                "the vehicle does not say whether it is on the ground: no parameter is set"
+            )
+        if not vehicle.on_ground:
+            raise FlightError("the vehicle is in the air: parameters are set on the ground only")
 
     def _read(self, name: str) -> float | None:
         until_s = self._clock.now_s() + SET_WITHIN_S
@@ -267,21 +273,19 @@ def _scheduling() -> Finding:
 
 
 def _urls(config: Config | None) -> Iterator[Finding]:
-    own = (
-        ()
-        if config is None
-        else (("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url))
-    )
-    for key, url in own or _USUAL_URLS:
-        if url is not None and (endpoint := parse(url)).scheme in {"udpin", "tcpin"}:
-            kind = socket.SOCK_DGRAM if endpoint.scheme == "udpin" else socket.SOCK_STREAM
-            yield _port(
-                f"{key} {url}",
-                endpoint.host,
-                endpoint.port,
-                kind,
-                "end what listens there, or take another",
-            )
+    """Try the ports on which the vehicle or the evader call."""
+    urls: Sequence[tuple[str, str | None]] = _USUAL_URLS
+    if config is not None:
+        urls = (("vehicle.url", config.vehicle.url), ("evader.url", config.evader.url))
+    kinds = {"udpin": socket.SOCK_DGRAM, "tcpin": socket.SOCK_STREAM}
+    for key, url in urls:
+        if url is None:
+            continue
+        endpoint = parse(url)
+        if endpoint.scheme in kinds:
+            kind = kinds[endpoint.scheme]
+            advice = "end what listens there, or take another"
+            yield _port(f"{key} {url}", endpoint.host, endpoint.port, kind, advice)
 
 
 def _control(control: Control) -> Finding:
@@ -302,48 +306,43 @@ def _control(control: Control) -> Finding:
 
 
 def _port(name: str, host: str, port: int, kind: socket.SocketKind, advice: str) -> Finding:
-    found = "free"
-    with contextlib.closing(
-        socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, kind)
-    ) as probe:
+    value = "free"
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with contextlib.closing(socket.socket(family, kind)) as probe:
         if kind == socket.SOCK_STREAM:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((host, port))
         except OSError as error:
-            found = str(error.strerror)
-    return Finding.of(found == "free", name, found, "free", advice)
+            value = str(error.strerror)
+    return Finding.of(value == "free", name, value, "free", advice)
 
 
 def _serial_ports(config: Config | None) -> Iterator[Finding]:
     wanted = "readable and writable"
     advice = "usermod -aG dialout USER, and log in again"
-    own = parse(config.vehicle.url) if config is not None else None
-    device = own.host if own is not None and own.scheme == "serial" else ""
+    device = ""
+    if config is not None:
+        endpoint = parse(config.vehicle.url)
+        device = endpoint.host if endpoint.scheme == "serial" else ""
     if device and not Path(device).exists():
-        yield Finding(
-            device,
-            "not there",
-            wanted,
-            Verdict.REFUSE,
-            "plug it in; ls /dev/serial/by-id lists what is",
-        )
-    for port in sorted(one.device for one in list_ports.comports()):
-        good = os.access(port, os.R_OK | os.W_OK)
-        bad = Verdict.REFUSE if port == device else WARN
-        yield Finding.of(good, port, wanted if good else "no rights", wanted, advice, bad)
+        remedy = "plug it in; ls /dev/serial/by-id lists what is"
+        yield Finding(device, "not there", wanted, Verdict.REFUSE, remedy)
+    for port in sorted(listed.device for listed in list_ports.comports()):
+        usable = os.access(port, os.R_OK | os.W_OK)
+        verdict = Verdict.REFUSE if port == device else WARN
+        value = wanted if usable else "no rights"
+        yield Finding.of(usable, port, value, wanted, advice, verdict)
 
 
 def _record_folder(folder: Path) -> Iterator[Finding]:
-    there = next(part for part in (folder, *folder.absolute().parents) if part.exists())
-    good = there.is_dir() and os.access(there, os.W_OK | os.X_OK)
-    found = f"{folder.absolute()}: {'writable' if good else 'not writable'}"
-    yield Finding.of(
-        good, "record folder", found, "writable", "set record.folder, or change the rights"
-    )
-    free = shutil.disk_usage(there).free
+    existing = next(part for part in (folder, *folder.absolute().parents) if part.exists())
+    writable = existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
+    value = f"{folder.absolute()}: {'writable' if writable else 'not writable'}"
+    advice = "set record.folder, or change the rights"
+    yield Finding.of(writable, "record folder", value, "writable", advice)
+    free_bytes = shutil.disk_usage(existing).free
+    value = f"{free_bytes / 1e9:.1f} GB free"
     wanted = f"{FLIGHT_BYTES / 1e6:g} MB for an hour"
     advice = "make room: a full disk ends the record, never the flight"
-    yield Finding.of(
-        free >= FLIGHT_BYTES, "disk", f"{free / 1e9:.1f} GB free", wanted, advice, WARN
-    )
+    yield Finding.of(free_bytes >= FLIGHT_BYTES, "disk", value, wanted, advice, WARN)

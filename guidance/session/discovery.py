@@ -6,7 +6,7 @@ The vehicle file is the bundled one with the limits of the autopilot.
 import math
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -122,18 +122,24 @@ def identify(found: Found, url: str, asked: str | None) -> Autopilot:
     who = f"{url}: system {found.system_id}"
     if found.component_id != _AUTOPILOT_COMPONENT:
         who += f", component {found.component_id}"
-    if not (matching := autopilots_of(found.autopilot)):
-        known = " and ".join(f"{one.name} ({one.autopilot_id})" for one in AUTOPILOTS.values())
-        raise ConfigError(f"{who} is MAV_AUTOPILOT {found.autopilot}; supported are {known}")
-    if not (flown := [one for one in matching if found.vehicle_type in one.vehicle_types]):
+    matching = autopilots_of(found.autopilot)
+    if not matching:
+        supported = " and ".join(
+            f"{autopilot.name} ({autopilot.autopilot_id})" for autopilot in AUTOPILOTS.values()
+        )
+        raise ConfigError(f"{who} is MAV_AUTOPILOT {found.autopilot}; supported are {supported}")
+    flown = [autopilot for autopilot in matching if found.vehicle_type in autopilot.vehicle_types]
+    if not flown:
         raise ConfigError(
             f"{who} is MAV_TYPE {found.vehicle_type}: {matching[0].name} is flown as a multicopter only"
         )
-    if expected is not None and expected not in flown:
+    if expected is None:
+        return flown[0]
+    if expected not in flown:
         raise ConfigError(
             f"{who} is {flown[0].name}, not --autopilot {asked}: omit it, or give another --vehicle"
         )
-    return expected or flown[0]
+    return expected
 
 
 def wait_until_placed(
@@ -156,46 +162,57 @@ def wait_until_placed(
         FlightError: If it is in the air, armed, or has no position in time. No order was given then.
     """
     state = VehicleState()
-    said = ""
-    words = ""
-    asked_s = -math.inf
+    text = ""
+    waiting = ""
+    requested_s = -math.inf
     begun_s = clock.now_s()
-    asked = (
+    requests = (
         *profile.stream_requests(),
         *map(profile.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN)),
     )
     for now_s, messages in _heard(link, clock, PLACED_WITHIN_S):
-        if now_s - asked_s >= _ASK_EVERY_S:
-            asked_s = now_s
+        if now_s - requested_s >= _ASK_EVERY_S:
+            requested_s = now_s
             link.send_heartbeat()
-            for request in asked:
+            for request in requests:
                 link.request(request)
         state = observe(state, _of_autopilot(messages, profile))
         waited_s = now_s - begun_s
-        said = next(
-            (each.text for each in reversed(messages) if isinstance(each, StatusText)), said
-        )
-        told = state.latest.get(LandedState) is not None
-        if state.armed and told and not state.on_ground:
-            raise FlightError(
-                "the vehicle is in the air already: land and disarm it first; no order was given"
-            )
-        if state.armed and (told or waited_s > _LANDED_STATE_WITHIN_S):
-            raise FlightError(
-                "the vehicle was armed by someone else: disarm it first; no order was given"
-            )
-        missing = [name for kind, name in _NAMES.items() if state.silence_s(kind, now_s) > waited_s]
+        for message in messages:
+            if isinstance(message, StatusText):
+                text = message.text
+        _require_disarmed(state, waited_s)
+        missing = [name for kind, name in _NAMES.items() if state.age_s(kind, now_s) > waited_s]
         home = state.latest.get(Home)
         frame = local_frame(state, profile.projection)
-        beat = state.latest.get(Heartbeat)
         if not missing and home is not None and frame is not None:
             return home, frame
-        words = f"{', '.join(missing)} not received: no position fix yet?" + (
-            f' It says "{said}"' if said else ""
+        waiting = f"{', '.join(missing)} not received: no position fix yet?"
+        if text:
+            waiting += f' It says "{text}"'
+        mode = _mode_title(state, profile)
+        show(Progress(now_s, State.CONNECTING, mode, None, "s", waiting=waiting, vehicle=vehicle))
+    raise FlightError(f"not ready within {PLACED_WITHIN_S:g} s: {waiting} Nothing was armed")
+
+
+def _require_disarmed(state: VehicleState, waited_s: float) -> None:
+    """Refuse an armed vehicle, at the latest when it does not say whether it is in the air."""
+    if not state.armed:
+        return
+    landed_state_known = state.latest.get(LandedState) is not None
+    if landed_state_known and not state.on_ground:
+        raise FlightError(
+            "the vehicle is in the air already: land and disarm it first; no order was given"
         )
-        mode = "unknown" if beat is None else profile.mode_title(profile.mode_of(beat.custom_mode))
-        show(Progress(now_s, State.CONNECTING, mode, None, "s", waiting=words, vehicle=vehicle))
-    raise FlightError(f"not ready within {PLACED_WITHIN_S:g} s: {words} Nothing was armed")
+    if landed_state_known or waited_s > _LANDED_STATE_WITHIN_S:
+        raise FlightError(
+            "the vehicle was armed by someone else: disarm it first; no order was given"
+        )
+
+
+def _mode_title(state: VehicleState, profile: Autopilot) -> str:
+    beat = state.latest.get(Heartbeat)
+    return "unknown" if beat is None else profile.mode_title(profile.mode_of(beat.custom_mode))
 
 
 def _of_autopilot(messages: Sequence[Message], profile: Autopilot) -> Sequence[Message]:
@@ -276,38 +293,63 @@ def vehicle_file(
         ConfigError: If the name, the URL or the autopilot is wrong.
     """
     autopilot_named(autopilot)
-    templates = config_folder() / "vehicles"
-    template = next(
-        one for one in (templates / f"{autopilot}.toml", templates / "px4.toml") if one.is_file()
-    )
-    text = template.read_text(encoding="utf-8")
-    changes = [("", "name", _quoted(name), "in orders, metrics and records")]
-    changes += [("vehicle", "autopilot", _quoted(autopilot), "")]
-    changes += [] if url is None else [("vehicle", "url", _quoted(url), "")]
+    text = _template(autopilot)
+    changes = [
+        _Line("", "name", _quoted(name), "in orders, metrics and records"),
+        _Line("vehicle", "autopilot", _quoted(autopilot)),
+    ]
+    if url is not None:
+        changes.append(_Line("vehicle", "url", _quoted(url)))
     head = [
         "A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys."
     ]
     if surveyed is None:
         head.append(f"Written without a vehicle: the limits are the bundled ones for {autopilot}.")
     else:
-        changes.append(
-            ("vehicle", "system_id", str(surveyed.found.system_id), "from its HEARTBEAT")
-        )
+        system_id = surveyed.found.system_id
+        changes.append(_Line("vehicle", "system_id", str(system_id), "from its HEARTBEAT"))
         changes += _bounded(tomllib.loads(text), surveyed)
-        head.append(f"Read from system {surveyed.found.system_id}, {autopilot}:")
-        told = {name: surveyed.parameters.get(name) for name in bound_parameters(surveyed.version)}
-        head += [
-            f"  {key:<18} {'not read' if value is None else f'{value:g}'}"
-            for key, value in told.items()
-        ]
-    text = "".join(f"# {line}\n" for line in head) + f"\n{text[text.index('name = ') :]}"
-    for section, key, value, why in changes:
-        before, header, keys = text.partition(f"\n[{section}]\n") if section else ("", "", text)
-        new = rf"\g<1>{value}" + (f"  # {why}" if why else r"\g<2>")
-        line = rf"^({key} = )[^#\n]*?( *#[^\n]*)?$"
-        text = before + header + re.sub(line, new, keys, count=1, flags=re.MULTILINE)
+        head.append(f"Read from system {system_id}, {autopilot}:")
+        for parameter in bound_parameters(surveyed.version):
+            value = surveyed.parameters.get(parameter)
+            head.append(f"  {parameter:<18} {'not read' if value is None else f'{value:g}'}")
+    comments = "".join(f"# {line}\n" for line in head)
+    text = f"{comments}\n{text[text.index('name = ') :]}"
+    for change in changes:
+        text = _changed(text, change)
     parse(Config, tomllib.loads(text), source="the vehicle file")
     return text
+
+
+class _Line(NamedTuple):
+    """A key of the template that gets another value, and the comment on it; without one its own comment stays."""
+
+    section: str
+    key: str
+    value: str
+    comment: str = ""
+
+
+def _template(autopilot: str) -> str:
+    """Return the bundled file of an autopilot, or PX4's for an autopilot from outside."""
+    folder = config_folder() / "vehicles"
+    template = folder / f"{autopilot}.toml"
+    if not template.is_file():
+        template = folder / "px4.toml"
+    return template.read_text(encoding="utf-8")
+
+
+def _changed(text: str, change: _Line) -> str:
+    """Return the text with another value of a key. A TOML writer would lose the comments beside the values."""
+    before = ""
+    header = ""
+    keys = text
+    if change.section:
+        before, header, keys = text.partition(f"\n[{change.section}]\n")
+    replacement = rf"\g<1>{change.value}"
+    replacement += f"  # {change.comment}" if change.comment else r"\g<2>"
+    line = rf"^({change.key} = )[^#\n]*?( *#[^\n]*)?$"
+    return before + header + re.sub(line, replacement, keys, count=1, flags=re.MULTILINE)
 
 
 def write_new(path: Path, text: str) -> None:
@@ -328,34 +370,34 @@ def write_new(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
 
 
-def _bounded(own: Mapping[str, Any], surveyed: Surveyed) -> Iterable[tuple[str, str, str, str]]:
-    """Yield the keys whose bound was read, with the largest allowed value, at most the file's own."""
+def _bounded(template: Mapping[str, Any], surveyed: Surveyed) -> Iterator[_Line]:
+    """Yield the keys whose bound was read, with the largest allowed value, at most the template's own."""
     for section, key, parameter, scale in surveyed.version.bounds:
-        if (told := surveyed.parameters.get(parameter)) is None:
+        read = surveyed.parameters.get(parameter)
+        if read is None:
             continue
-        bound = told * scale
-        value = own[section][key]
-        said = f"{parameter} is {told:g}"
+        bound = read * scale
+        value = template[section][key]
+        comment = f"{parameter} is {read:g}"
         if section != "limits":
             value = min(value, math.floor(10.0 * bound / CATCH_UP_RATIO) / 10.0)
         elif bound > _BEHIND_M:
             value = min(value, math.floor(bound - _BEHIND_M))
-        said += (
-            ", which is off: guidance check refuses it"
-            if section == "limits" and told == 0.0
-            else ""
-        )
-        yield section, key, f"{value:.1f}", said
-        if key == "ceiling_m" and value < own["flight"]["takeoff_height_m"]:
-            yield "flight", "takeoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"
-            yield "game", "standoff_height_m", f"{value:.1f}", "not above limits.ceiling_m"
-        if key == "speed_m_s" and value <= own["game"]["evader_speed_m_s"]:
-            yield (
-                "game",
-                "evader_speed_m_s",
-                f"{value / 2.0:.2f}",
-                "must be slower than the pursuer",
-            )
+        if section == "limits" and read == 0.0:
+            comment += ", which is off: guidance check refuses it"
+        yield _Line(section, key, f"{value:.1f}", comment)
+        yield from _bounded_by(key, value, template)
+
+
+def _bounded_by(key: str, value: float, template: Mapping[str, Any]) -> Iterator[_Line]:
+    """Yield the keys that have to follow another one."""
+    if key == "ceiling_m" and value < template["flight"]["takeoff_height_m"]:
+        comment = "not above limits.ceiling_m"
+        yield _Line("flight", "takeoff_height_m", f"{value:.1f}", comment)
+        yield _Line("game", "standoff_height_m", f"{value:.1f}", comment)
+    if key == "speed_m_s" and value <= template["game"]["evader_speed_m_s"]:
+        comment = "must be slower than the pursuer"
+        yield _Line("game", "evader_speed_m_s", f"{value / 2.0:.2f}", comment)
 
 
 def _quoted(text: str) -> str:

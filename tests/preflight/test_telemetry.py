@@ -235,7 +235,7 @@ def test_the_evaders_last_altitude_is_kept():
 
 
 @pytest.mark.parametrize(
-    ("left", "verdict"), [(0.34, Verdict.REFUSE), (0.36, Verdict.PASS), (math.nan, Verdict.WARN)]
+    ("left", "verdict"), [(0.34, Verdict.REFUSE), (0.36, Verdict.PASS), (math.nan, Verdict.REFUSE)]
 )
 def test_the_battery_has_to_bring_it_home_from_the_edge_of_the_fence(left, verdict):
     vehicle = observe(vehicle_at(), [SystemStatus(0.0, 0, 0, left)])
