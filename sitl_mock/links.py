@@ -220,10 +220,7 @@ class Link:
         if message_id == _AVAILABLE_MODES:
             if "AVAILABLE_MODES" in autopilot.flavour.withheld:
                 return []
-            modes = autopilot.flavour.modes.modes
-            return available_modes(
-                [(mode.name.capitalize(), mode.number) for mode in modes], argument
-            )
+            return available_modes(autopilot.flavour.modes.available(), argument)
         spec = SPEC_BY_ID.get(message_id)
         if spec is None or spec.name not in self._prepared or spec.name in _ONCE:
             return []

@@ -33,6 +33,22 @@ class Mode(NamedTuple):
     meaning: str
 
 
+class Available(NamedTuple):
+    """One mode as AVAILABLE_MODES tells it.
+
+    Attributes:
+        number: HEARTBEAT.custom_mode.
+        standard: MAV_STANDARD_MODE; 0 for none.
+        properties: MAV_MODE_PROPERTY: bit 0 advanced, bit 1 not for users to choose.
+        name: Name; empty for a standard mode.
+    """
+
+    number: int
+    standard: int
+    properties: int
+    name: str
+
+
 class Transition(NamedTuple):
     """An automatic mode change: on `event` in `mode`, the vehicle changes to `after`."""
 
@@ -50,12 +66,20 @@ class ModeTable:
         modes: Every mode that a client may request.
         transitions: Automatic mode changes.
         rules: Answers to mode requests, in words; one line per rule.
+        listed: The modes of AVAILABLE_MODES in their order; by default those of the table, by name.
     """
 
     title: str
     modes: Sequence[Mode]
     transitions: Sequence[Transition]
     rules: Sequence[str]
+    listed: Sequence[Available] = ()
+
+    def available(self) -> Sequence[Available]:
+        """Return the modes of AVAILABLE_MODES."""
+        if self.listed:
+            return self.listed
+        return [Available(mode.number, 0, 0, mode.name) for mode in self.modes]
 
     def by_name(self) -> Mapping[str, Mode]:
         """Return the modes by name."""

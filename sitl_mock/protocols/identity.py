@@ -1,6 +1,6 @@
 """The vehicle's identity: AUTOPILOT_VERSION with true capability bits.
 
-AVAILABLE_MODES (435) lists the modes, without standard modes.
+AVAILABLE_MODES (435) lists the modes.
 Source: https://mavlink.io/en/services/standard_modes.html
 """
 
@@ -132,10 +132,15 @@ def ardupilot_identity(uid: int) -> Identity:
 ALL_MODES: Final = 0
 
 
-def available_modes(modes: Sequence[tuple[str, int]], index: int) -> list[Reply]:
-    """Return AVAILABLE_MODES for one mode (from 1) or all (0), given names and custom_modes; empty if out of range."""
+def available_modes(modes: Sequence[tuple[int, int, int, str]], index: int) -> list[Reply]:
+    """Return AVAILABLE_MODES for one mode (from 1) or all (0); empty if out of range.
+
+    Args:
+        modes: custom_mode, standard_mode, properties and name of each.
+        index: Which one.
+    """
     return [
-        ("AVAILABLE_MODES", len(modes), number, 0, custom_mode, 0, name)
-        for number, (name, custom_mode) in enumerate(modes, start=1)
+        ("AVAILABLE_MODES", len(modes), number, standard, custom_mode, properties, name)
+        for number, (custom_mode, standard, properties, name) in enumerate(modes, start=1)
         if index in {ALL_MODES, number}
     ]

@@ -55,6 +55,7 @@ class Px4:
         self._execute = execute
         self._fly = fly
         self.plans = plans
+        self.charge_before: float | None = None
         self.mission = MissionFlight(plans, climbs_first=True)
         self.failsafes = Failsafes()
         self.home = HomeKeeper()

@@ -40,7 +40,7 @@ _TAKEN: Final = frozenset({80, 187, 191, 195, 196, 197, 201, 401, 620, 2510, 420
 620 is in no dialect and is accepted too.
 """
 _UNANSWERED: Final = frozenset(
-    {1, 2, 35, 93, 203, 204, 205, 206, 214, 220, 242, 243, 260, 310, 311, 420, 500, 521}
+    {1, 2, 35, 93, 203, 204, 205, 206, 214, 220, 242, 243, 260, 310, 311, 500, 521}
     | {530, 531, 532, 1000, 1001, 2003, 2511, 3000, 30001, 30002, 42600}
 )
 """Not answered: commands for cameras, gimbals, grippers and other components that do not exist here."""
@@ -305,6 +305,31 @@ _KEPT_BY_RESET: Final[Mapping[int, re.Pattern[str]]] = {
 """Parameters that a reset keeps, by the command's first parameter."""
 
 
+_BATTERY = 100  # FAILURE_UNIT
+_WORKING = 0
+_OFF = 1  # FAILURE_TYPE
+_EMPTY = 0.0
+
+
+def _inject_failure(px4: Px4, _now_s: float, command: Command) -> Answers:
+    """INJECT_FAILURE with SYS_FAILURE_EN, as SIH answers: it can empty the battery, and is silent on other units."""
+    state = px4.state
+    if not int(state.parameters["SYS_FAILURE_EN"]):
+        return DENIED
+    unit, kind, instance = command.params[:3]
+    if unit != _BATTERY or kind not in {_WORKING, _OFF}:
+        return SILENCE
+    if instance != 0.0:
+        return UNSUPPORTED
+    if kind == _OFF and px4.charge_before is None:
+        px4.charge_before = state.battery.remaining
+        state.conditions.put("battery", _EMPTY)
+    if kind == _WORKING and px4.charge_before is not None:
+        state.conditions.put("battery", px4.charge_before)
+        px4.charge_before = None
+    return ACCEPTED
+
+
 def _calibrate(px4: Px4, now_s: float, command: Command) -> Answers:
     """PREFLIGHT_CALIBRATION: texts follow the answer."""
     return px4.calibration.execute(px4.state, now_s, command)
@@ -329,6 +354,7 @@ _HANDLERS: Mapping[int, Callable[[Px4, float, Command], Answers]] = MappingProxy
         246: _reboot,
         300: _start_mission,
         400: _arm,
+        420: _inject_failure,
     }
 )
 COMMANDS: Final = frozenset(_HANDLERS) | frozenset(PLAIN)

@@ -6,7 +6,7 @@
 from enum import Enum
 from typing import Final
 
-from sitl_mock.modes import Mode, ModeTable, Need, Transition
+from sitl_mock.modes import Available, Mode, ModeTable, Need, Transition
 
 _ANY = "any"
 _POSITION = frozenset({Need.ALTITUDE, Need.LOCAL_POSITION})
@@ -23,7 +23,37 @@ def _number(main: int, sub: int = 0) -> int:
     return main << 16 | sub << 24
 
 
+_ADVANCED = 1
+_NOT_FOR_USERS = 2
+
+AVAILABLE: Final = (
+    Available(_number(1), 0, _ADVANCED, "Manual"),
+    Available(_number(2), 4, 0, ""),  # altitude hold
+    Available(_number(3), 1, 0, ""),  # position hold
+    Available(_number(4, 4), 6, _ADVANCED, ""),  # mission
+    Available(_number(4, 3), 0, _ADVANCED, "Hold"),
+    Available(_number(4, 5), 5, _ADVANCED, ""),  # safe recovery: return
+    Available(_number(3, 2), 0, _ADVANCED, "Position Slow"),
+    Available(_number(11), 0, 0, "Altitude Cruise"),
+    Available(_number(5), 0, _ADVANCED, "Acro"),
+    Available(_number(10), 0, _ADVANCED | _NOT_FOR_USERS, "Termination"),
+    Available(_number(6), 0, _ADVANCED, "Offboard"),
+    Available(_number(7), 0, _ADVANCED, "Stabilized"),
+    Available(_number(4, 2), 8, _ADVANCED, ""),  # take-off
+    Available(_number(4, 6), 7, _ADVANCED, ""),  # land
+    Available(_number(4, 8), 0, _ADVANCED, "Follow Target"),
+    Available(_number(4, 9), 0, _ADVANCED, "Precision Landing"),
+    Available(_number(3, 1), 2, _ADVANCED, ""),  # orbit
+    Available(_number(4, 10), 0, _ADVANCED, "VTOL Takeoff"),
+    *(
+        Available(_number(4, 10 + index), 0, _NOT_FOR_USERS, "(Mode not available)")
+        for index in range(1, 9)
+    ),
+)
+"""Read from PX4 v1.17.0 (SIH quadrotor); a standard mode has no name."""
+
 MODES: Final = ModeTable(
+    listed=AVAILABLE,
     title="PX4 (multicopter)",
     modes=(
         Mode("MANUAL", _number(1), _STICKS, True, _MANUAL_MODE, "sticks are tilt and thrust"),

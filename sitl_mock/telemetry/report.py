@@ -44,6 +44,11 @@ class Report:
     sequence: int = 0
 
     @property
+    def standard_modes(self) -> dict[int, int]:
+        """MAV_STANDARD_MODE by custom_mode."""
+        return {each.number: each.standard for each in self.flavour.modes.available()}
+
+    @property
     def unix_us(self) -> int:
         """Time of the autopilot's clock since 1970, in microseconds."""
         return self.epoch_us + int(self.state.now_s * 1e6)

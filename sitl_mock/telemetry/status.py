@@ -216,8 +216,9 @@ def mission_current(report: Report) -> Fields:
 
 
 def current_mode(report: Report) -> Fields:
-    """CURRENT_MODE, with the intended mode."""
-    return (0, report.commander.custom_mode, report.commander.intended_mode)
+    """CURRENT_MODE, with the standard mode of the present one and the intended mode."""
+    number = report.commander.custom_mode
+    return (report.standard_modes.get(number, 0), number, report.commander.intended_mode)
 
 
 def rc_channels(report: Report) -> Fields:

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 STEP: Final = 31010
 """MAV_CMD_USER_1."""
-LONGEST_S: Final = 10.0
+LONGEST_S: Final = 1.0
+"""What a step of this length sends fits into the buffer of a socket, so nothing of it is lost."""
 HELLO_S: Final = 0.2
 """The first frames are repeated this often (real time) until a client is heard."""
 _GRID_US: Final = 10_000
@@ -106,9 +107,12 @@ class Lockstep:
     def _advance(self, name: str, vehicle: _Vehicle, length_us: int) -> None:
         """Advance on the vehicle's grid, so that a step of many ticks sends what small steps would send."""
         end_us = vehicle.now_us + length_us
+        due: dict[str, list[bytes]] = {}
         while vehicle.now_us < end_us:
-            vehicle.now_us = min(vehicle.now_us + _GRID_US, end_us)
-            self._send(name, vehicle.faulted.step_links(vehicle.now_us * 1e-6, {}))
+            vehicle.now_us += _GRID_US
+            for link, frames in vehicle.faulted.step_links(vehicle.now_us * 1e-6, {}).items():
+                due.setdefault(link, []).extend(frames)
+        self._send(name, due)
 
     def _send(self, name: str, frames: Mapping[str, Sequence[bytes]]) -> None:
         for link, each in frames.items():

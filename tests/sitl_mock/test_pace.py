@@ -128,7 +128,7 @@ def test_frames_before_a_step_count_before_it_and_those_behind_it_after():
     assert state.armed_s == pytest.approx(1.5)
 
 
-@pytest.mark.parametrize("length_s", [0.0, -1.0, 11.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("length_s", [0.0, -1.0, 1.5, float("nan"), float("inf")])
 def test_a_step_of_no_length_is_denied(length_s):
     client = Client("uav1")
     answer = client.step(length_s)[-1]
@@ -153,7 +153,7 @@ def test_the_steps_length_does_not_change_what_is_sent():
     small = Client("uav1")
     large = Client("uav1")
     each = [bytes(m.get_msgbuf()) for _ in range(100) for m in small.step(0.02)[:-1]]
-    whole = [bytes(m.get_msgbuf()) for m in large.step(2.0)[:-1]]
+    whole = [bytes(m.get_msgbuf()) for _ in range(2) for m in large.step(1.0)[:-1]]
     assert list(map(numberless, each)) == list(map(numberless, whole))
 
 

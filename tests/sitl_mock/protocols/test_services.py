@@ -141,18 +141,19 @@ def test_home_can_be_set_by_its_message(wire):
 
 # -- modes -------------------------------------------------------------------------------------------------------------
 
-MODES = (("Position", 0x030000), ("Hold", 0x03040000), ("Offboard", 0x060000))
+MODES = ((0x030000, 1, 0, ""), (0x03040000, 0, 1, "Hold"), (0x060000, 0, 3, "Offboard"))
 
 
 def test_all_modes_or_one_of_them_are_listed(wire):
     client = wire(None)
     every = client.read(available_modes(MODES, 0))
     assert [(m.mode_index, m.number_modes, m.mode_name) for m in every] == [
-        (1, 3, "Position"),
+        (1, 3, ""),
         (2, 3, "Hold"),
         (3, 3, "Offboard"),
     ]
-    assert [(m.standard_mode, m.custom_mode, m.properties) for m in every][2] == (0, 0x060000, 0)
+    told = [(m.custom_mode, m.standard_mode, m.properties, m.mode_name) for m in every]
+    assert told == list(MODES)
     assert [m.mode_name for m in client.read(available_modes(MODES, 2))] == ["Hold"]
     assert available_modes(MODES, 4) == []
 

@@ -4,6 +4,8 @@ import math
 
 import pytest
 
+from sitl_mock.px4.modes import BY_NAME
+
 HOLD = 0x03040000
 TAKEOFF = 0x02040000
 LANDED = 1
@@ -242,14 +244,67 @@ def test_capabilities_and_version_answer_a_request(fly):
     assert flight.command(520, 1.0) == [0]
 
 
-def test_available_modes_lists_the_table(fly):
+def test_available_modes_are_the_real_ones_with_their_standard_modes(fly):
     flight = fly("px4").run(0.5)
     assert flight.command(512, 435.0, 0.0) == [0]
-    listed = {m.custom_mode for _, m in flight.all("AVAILABLE_MODES")}
-    assert listed == {mode.number for mode in flight.vehicle.autopilot.flavour.modes.modes}
+    listed = [m for _, m in flight.all("AVAILABLE_MODES")]
+    assert [m.mode_index for m in listed] == list(range(1, 27))
+    standard = {m.custom_mode: m.standard_mode for m in listed if m.standard_mode}
+    names = {"ALTCTL": 4, "POSCTL": 1, "MISSION": 6, "RTL": 5, "TAKEOFF": 8, "LAND": 7, "ORBIT": 2}
+    assert standard == {BY_NAME[name].number: value for name, value in names.items()}
+    assert all(bool(m.mode_name) is not bool(m.standard_mode) for m in listed)
+    known = {mode.number for mode in flight.vehicle.autopilot.flavour.modes.modes}
+    assert known <= {m.custom_mode for m in listed}
+    hidden = [m.custom_mode for m in listed if m.properties & 2]
+    assert hidden[0] == BY_NAME["TERMINATION"].number
+    assert len(hidden) == 9
+
+
+@pytest.mark.parametrize(("mode", "standard"), [("HOLD", 0), ("POSCTL", 1)])
+def test_current_mode_tells_the_standard_mode(fly, mode, standard):
+    flight = fly.airborne("px4", source=(255, 190), parameters={"COM_RC_IN_MODE": 1})
+    if mode == "POSCTL":
+        flight.send("MANUAL_CONTROL", 1, 0, 0, 500, 0, *[0] * 11)
+        flight.run(0.3)
+        assert flight.command(176, 1, 3)[-1] == 0
+    assert flight.command(512, 436.0) == [0]
+    assert flight.last("CURRENT_MODE").standard_mode == standard
 
 
 def test_a_command_for_another_vehicle_is_not_answered(fly):
     flight = fly("px4").run(1.0)
     assert flight.command(400, 1.0, target=(2, 1)) == []
     assert not flight.vehicle.armed
+
+
+BATTERY = 100
+MOTOR = 101
+OFF = 1
+WORKING = 0
+
+
+def test_an_injected_failure_empties_the_battery_until_it_works_again(fly):
+    flight = fly.airborne("px4", parameters={"COM_LOW_BAT_ACT": 3, "COM_FAIL_ACT_T": 0.0})
+    charge = flight.vehicle.autopilot.state.battery.remaining
+    assert flight.command(420, BATTERY, OFF, 0.0) == [0]
+    flight.run(1.0)
+    assert flight.last("SYS_STATUS").battery_remaining == 0
+    assert flight.mode == "LAND"
+    assert flight.command(420, BATTERY, WORKING, 0.0) == [0]
+    flight.run(0.1)
+    assert flight.vehicle.autopilot.state.battery.remaining == pytest.approx(charge, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind", "instance", "enabled", "answers"),
+    [
+        (BATTERY, OFF, 1, 1, [3]),
+        (BATTERY, OFF, 0, 0, [2]),
+        (BATTERY, 2, 0, 1, []),
+        (MOTOR, OFF, 0, 1, []),
+        (4, OFF, 0, 1, []),
+    ],
+)
+def test_other_failures_are_answered_as_sih_does(fly, unit, kind, instance, enabled, answers):
+    flight = fly("px4", parameters={"SYS_FAILURE_EN": enabled}).run(1.0)
+    assert flight.command(420, unit, kind, instance) == answers
