@@ -84,7 +84,7 @@ class Reason(Code):
     """Both players reach the target at the same instant."""
     TOO_OLD = 5
     """The evader's position is older than `guaranteed_age_s` (PE), or has any age (TAD). Value and winner hold for an
-    evader that keeps its heading; others can do better, so nothing is guaranteed."""
+    evader that keeps its heading from when it was seen; others can do better, so nothing is guaranteed."""
     BRACKET = 6
     """Several pursuers without a proven value: `value` is what they guarantee, `lower_bound` what the evader does."""
     NOT_FINITE = 10
@@ -96,8 +96,9 @@ class Reason(Code):
     OVERFLOW = 13
     """The numbers are so large that their squares, or products of these, are infinite."""
     NO_REGION = 14
-    """TAD with an evader's position older than `guaranteed_age_s`: the region that it reaches first is not convex, and
-    no value is known. Play `Game.within_spread` instead."""
+    """TAD with an old position of the evader, where no value is known. It is older than `guaranteed_age_s`, or the
+    distance of the evader's straight runs from the target has no single minimum: the region that the evader reaches
+    first is not convex, or a part of its spread v τ can be captured now. Play `Game.within_spread` instead."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,7 +131,7 @@ class Game(Numbers):
         standoff: the disc (R, h) around the evader; point capture by default.
         information_age_s: age τ of the evader's position; the pursuer's own position is up to date. In PE the value
             is guaranteed up to `guaranteed_age_s`; beyond it is open-loop (`Reason.TOO_OLD`). In TAD it is open-loop at
-            any age, and unknown beyond `guaranteed_age_s` (`Reason.NO_REGION`).
+            any age, and unknown where the region is not convex, as beyond `guaranteed_age_s` (`Reason.NO_REGION`).
         wind_m_s: velocity (x, y) of the air, which carries the pursuer and not the evader; numbers or arrays.
         target_velocity_m_s: velocity (x, y) of the evader's target; zero in the paper's game. The answer is exact if
             this velocity is constant (it is a change of frame), and not if the target manoeuvres.
@@ -273,9 +274,10 @@ def guaranteed_age_s(game: Game) -> Real:
 
     Beyond, the value holds for an evader that keeps its heading, and another evader can beat it.
 
-    In TAD the value can be beaten at any age: it assumes a capture at the point of the region closest to the target,
-    but the evader may be elsewhere within vτ of it. A guarantee up to this age is the value of `Game.within_spread`,
-    played against the last known position, less vτ (for l = 0).
+    In TAD the value can be beaten at any age, and near the pursuer there may be none (`Reason.NO_REGION`). It assumes a
+    capture at the point of the region closest to the target, but the evader may be elsewhere within vτ of it. A
+    guarantee up to this age is the value of `Game.within_spread`, played against the last known position, less vτ (for
+    l = 0).
     """
     capture = game.capture_radius_m
     v = game.evader_speed_m_s

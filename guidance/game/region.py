@@ -5,7 +5,7 @@ the Apollonius disc, with a closed form (`tad.race`). In other games one unknown
 to a point of the region's edge (`headings`). The region is convex while the information is young enough
 (`guaranteed_age_s`), so that the distance from T has one minimum along its edge. Newton's method finds that by the
 first and second derivative of the capture time, a few steps from the closest point of a circle that touches the edge.
-A few rows need more steps, or a bracket around the minimum. Beyond the guaranteed age the region can have
+A few rows need more steps, or a bracket around the minimum. With old information the region can have
 a dent in front of the pursuer and several minima; `solve` gives no value there (`Reason.NO_REGION`).
 """
 
@@ -33,6 +33,15 @@ MORE_STEPS = 80
 
 DISC_STEPS = 5
 """Rounds that find the best point of the stand-off disc."""
+
+HEADINGS = 32
+"""Intervals of the headings over which the distance from the target may fall and rise once."""
+
+ROUNDING = 1e-12
+"""Share of a distance that is no change between headings."""
+
+CLOSE = 1e-9
+"""Share of the least distance by which another is no less."""
 
 TRACED_STEPS = 12
 """Steps for libraries that trace and cannot stop early."""
@@ -73,6 +82,47 @@ def closest_point(
         return Closest(target, 0.0, 0.0)
     hunt = hunt_for(xp, game, state, target, goal)
     return in_rows(wanted, Closest(target, 0.0, 0.0), lambda hunt: _closest(xp, hunt), hunt)
+
+
+def is_missed(
+    xp: Library, game: Game, state: Geometry, ways: tuple[Plane, Plane, Real], wanted: Truth
+) -> Truth:
+    """Return whether the region may have a closer point: its distance has several minima, or is less elsewhere.
+
+    Args:
+        xp: array library.
+        game: the game.
+        state: the state.
+        ways: vectors from the evader to the target's position now and to the point where it could meet its target,
+            and the least distance that was found, m.
+        wanted: which rows to judge; the others have been found.
+    """
+    if wanted is False:
+        return False
+    target, goal, least = ways
+    hunt = hunt_for(xp, game, state, target, goal)
+    found = least < 0.0
+    return (
+        in_rows(wanted, found, lambda hunt, least: _missed(xp, hunt, least), hunt, least) & wanted
+    )
+
+
+def _missed(xp: Library, hunt: Hunt, least: Real) -> Truth:
+    zero = 0.0 * (hunt.to_evader[0] + hunt.target[0] + hunt.ahead[0])
+    aim = Aim(zero - 1.0, hunt.ahead)
+    _, way = _settled(xp, hunt, aim, DISC_STEPS)
+    before = xp.norm2(way.left)
+    rises: Truth = False
+    missed = before < least * (1.0 - CLOSE)
+    for number in range(1, HEADINGS + 1):
+        aim = Aim(zero + (2.0 * number / HEADINGS - 1.0), way.to)
+        _, way = _settled(xp, hunt, aim, 2)
+        left = xp.norm2(way.left)
+        missed = missed | (left < least * (1.0 - CLOSE))
+        missed = missed | (rises & (left < before * (1.0 - ROUNDING)))
+        rises = rises | (left > before * (1.0 + ROUNDING))
+        before = left
+    return missed
 
 
 def _closest(xp: Library, hunt: Hunt) -> Closest:

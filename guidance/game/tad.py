@@ -22,13 +22,13 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.game import pe
-from guidance.game.arrays import NUMPY, Library, Plane, Real, Truth, dot2, plus2
+from guidance.game.arrays import NUMPY, Library, Plane, Real, Truth, dot2, pair_length, plus2
 from guidance.game.danger import most_in_danger, rivals_of
 from guidance.game.extent import from_set, nearest, to_set
 from guidance.game.game import STILL, Ball, Cylinder, Game, Reason
 from guidance.game.pe import Geometry, StateSolution
 from guidance.game.records import is_zero
-from guidance.game.region import Closest, closest_point, is_circle
+from guidance.game.region import Closest, closest_point, is_circle, is_missed
 
 REACHED = 30
 """Most rounds to the point of a moving target that the evader can reach first; three are usual."""
@@ -100,6 +100,10 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
         if xp.differentiates or np.any(over):
             flown = xp.select_all(over, pe.pursuit(xp, game, state).pursuer_velocity_m_s, flown)
     reason = xp.select(margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
+    if not is_zero(age):
+        unsure = won & (surely_convex(xp, game, state) == 0)
+        dented = is_missed(xp, game, state, (to_target, goal, contest.edge.left), unsure)
+        reason = xp.select(dented, int(Reason.NO_REGION), reason)
     reason = xp.select(arrived, int(Reason.ARRIVED), reason)
     return StateSolution(
         winner=xp.sign(margin),
@@ -312,6 +316,48 @@ def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
             xp, game, xp.norm2(y) - game.standoff.radius_m, game.pursuer.horizontal_m_s, state.z
         )
     return catch_time(xp, game, y, (-game.wind_m_s[0], -game.wind_m_s[1]), state.z)
+
+
+def surely_convex(xp: Library, game: Game, state: Geometry) -> Truth:
+    """Return whether the evader's region is convex by simple bounds.
+
+    Points X of the region's edge are reached at the same time, |XE|/v − τ = t(X). With g the pursuer's distance from
+    the stand-off disc, and c = u τ − l:
+
+    * No part of the evader's spread v τ may be captured now. Else the evader may end there, besides the edge.
+    * If c ≤ 0, the region is an intersection of discs.
+    * In the plane in still air (Cylinder with R in l, and an evader in space) the edge is a Cartesian oval. It has a
+      dent in front of the pursuer unless c ≤ (u/v − 1)|PE|.
+    * Else the bend of the evader's time has to exceed the largest possible bend of the pursuer's everywhere.
+
+    Args:
+        xp: array library.
+        game: speeds, capture radius, stand-off, age and wind.
+        state: the state.
+    """
+    u = game.pursuer.horizontal_m_s
+    v = game.evader_speed_m_s
+    age = game.information_age_s
+    capture = game.capture_radius_m
+    radius = game.standoff.radius_m
+    z = state.z
+    level = isinstance(game.pursuer, Cylinder) or game.evader_space == "space"
+    if level:
+        capture = capture + radius
+        radius = 0.0
+        z = 0.0
+    beside = xp.norm2(state.to_evader)
+    spread = v * age
+    apart = xp.maximum(beside - spread - radius, 0.0 * beside)
+    free = xp.sqrt(apart * apart + z * z) >= capture
+    lead = u * age - capture
+    if level and game.calm:
+        return free & (lead * v <= (u - v) * beside)
+    blown = u - pair_length(game.wind_m_s)
+    soonest = xp.maximum(xp.sqrt(apart * apart + z * z) - capture, 0.0 * apart) / (2.0 * u)
+    share = blown * blown * blown * (1.0 - (v / blown) * (v / blown))
+    run = v * (age + soonest)
+    return free & ((lead <= 0.0) | (run * (share * (u / v) - u * u * v) >= share * lead))
 
 
 def is_caught(xp: Library, game: Game, state: Geometry) -> Truth:
