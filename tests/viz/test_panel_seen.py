@@ -165,7 +165,7 @@ def test_the_meeting_point_lies_on_the_isochron_of_the_played_game(record):
     slowest = min(played, key=lambda one: one.speed_ratio)
     # The bound of the estimated speed and the age of the estimate count.
     assert (
-        settings.game.pursuer.speed_m_s / slowest.speed_ratio
+        settings.game.pursuer.horizontal_m_s / slowest.speed_ratio
         > 1.02 * settings.game.evader_speed_m_s
     )
     for one in (slowest, *played[:: len(played) // 12]):

@@ -22,7 +22,7 @@ import socket
 import ssl
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
 from aiohttp import web
@@ -51,6 +51,8 @@ _SALT: Final = b"guidance panel: browsers that gave the password"
 
 _DOORS: Final = {403: "denied.html", 421: "elsewhere.html"}
 """The page that explains a refusal to a person."""
+
+_LOGIN: Final = "login.html"
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -93,7 +95,9 @@ class Access:
         self._known = f"guidance-known-{port}"
         self._known_key = b""
         if remote is not None:
-            self.tls, self._password = remote
+            (tls, password) = remote
+            self.tls = tls
+            self._password = password
             # Slow on purpose: the cookie of a known browser must not help to guess the password.
             self._known_key = hashlib.scrypt(self._password.encode(), salt=_SALT, n=2**14, r=8, p=1)
         self._tickets = dict[str, float]()
@@ -116,12 +120,9 @@ class Access:
         status = self._refusal(request)
         if status is None:
             return await handler(request)
-        is_page = request.method == "GET" and request.headers.get("Accept", "").startswith(
-            "text/html"
-        )
-        if not is_page or status not in _DOORS:
-            return web.Response(status=status)
-        return self._door(request, status)
+        if status in _DOORS and _is_for_a_person(request):
+            return self._door(request, status)
+        return web.Response(status=status)
 
     def _refusal(self, request: web.Request) -> int | None:
         """Return the status of a refused request, None if it is allowed."""
@@ -143,7 +144,9 @@ class Access:
 
     def _door(self, request: web.Request, status: int, reason: str = "") -> web.Response:
         """Return the login page, or the page that says what to open instead."""
-        name = _DOORS[421] if status == 421 else _DOORS[403] if self.tls is None else "login.html"
+        name = _DOORS.get(status, _LOGIN)
+        if status == 403 and self.tls is not None:
+            name = _LOGIN
         text = (PAGE / name).read_text(encoding="utf-8")
         up = "../" * (request.path.count("/") - 1)
         text = text.replace('href="door.css"', f'href="{up}door.css"')
@@ -167,7 +170,7 @@ class Access:
         if self.tls is None:
             return web.Response(status=404)
         browser = self._known_browser(request)
-        sender = browser or request.remote or ""
+        sender = browser if browser else str(request.remote)
         if self.is_blocked(sender):
             return self._door(request, 429, "Wait a second between two passwords.")
         form = parse_qs((await request.read()).decode(errors="replace"))
@@ -175,7 +178,8 @@ class Access:
             self.block(sender)
             return self._door(request, 403, "That was not the password.")
         answer = self._let_in()
-        browser = browser or secrets.token_hex(16)
+        if not browser:
+            browser = secrets.token_hex(16)
         mark = f"{browser}.{self._mark_of(browser)}"
         answer.set_cookie(self._known, mark, max_age=_KNOWN_FOR_S, **self._cookie_rules("Strict"))
         return answer
@@ -224,6 +228,10 @@ class Access:
         self._blocked_until_s[network] = self.clock.now_s() + PASSWORD_INTERVAL_S
         if len(self._blocked_until_s) > _MAX_ADDRESSES:
             del self._blocked_until_s[next(iter(self._blocked_until_s))]
+
+
+def _is_for_a_person(request: web.Request) -> bool:
+    return request.method == "GET" and request.headers.get("Accept", "").startswith("text/html")
 
 
 def _bytes_of(text: str) -> bytes:
@@ -325,6 +333,18 @@ def listen(host: str, port: int) -> socket.socket:
         raise LinkError(f"--host {host} --port {port}: {error.strerror}; {mend}") from error
 
 
+class Stranger(NamedTuple):
+    """A connection without the cookie.
+
+    Attributes:
+        until_s: Its deadline.
+        connecting: The task that accepts it, including the TLS handshake.
+    """
+
+    until_s: float
+    connecting: asyncio.Task[None]
+
+
 class Listener:
     """Passes accepted connections to a web server, which does not bound their number and the time of a request's head.
 
@@ -341,8 +361,8 @@ class Listener:
         self._server = server
         self._clock = clock
         self._tls = tls
-        # Those without the cookie, oldest first: the deadline, and the task that makes the TLS handshake.
-        self._strangers: dict[web.RequestHandler, tuple[float, asyncio.Task[None]]] = {}
+        # Connections without the cookie, oldest first
+        self._strangers: dict[web.RequestHandler, Stranger] = {}
 
     async def run(self, listening: socket.socket) -> None:
         """Accept connections until cancelled."""
@@ -362,10 +382,8 @@ class Listener:
                 self._close(next(iter(self._strangers)))
             handler = self._server()
             until_s = self._clock.now_s() + LOGIN_DEADLINE_S
-            self._strangers[handler] = (
-                until_s,
-                asyncio.create_task(self._connect(handler, accepted)),
-            )
+            connecting = asyncio.create_task(self._connect(handler, accepted))
+            self._strangers[handler] = Stranger(until_s, connecting)
 
     def admit(self, handler: web.RequestHandler) -> None:
         """Remove the deadline of a connection that showed the cookie."""
@@ -375,8 +393,9 @@ class Listener:
         """Close the connections that missed the deadline, and those that ended."""
         now_s = self._clock.now_s()
         connected = set(self._server.connections)
-        for handler, (until_s, making) in list(self._strangers.items()):
-            if until_s <= now_s or (making.done() and handler not in connected):
+        for handler, stranger in list(self._strangers.items()):
+            has_ended = stranger.connecting.done() and handler not in connected
+            if stranger.until_s <= now_s or has_ended:
                 self._close(handler)
 
     async def _connect(self, handler: web.RequestHandler, accepted: socket.socket) -> None:
@@ -390,6 +409,5 @@ class Listener:
             accepted.close()
 
     def _close(self, handler: web.RequestHandler) -> None:
-        _, making = self._strangers.pop(handler)
-        making.cancel()
+        self._strangers.pop(handler).connecting.cancel()
         handler.force_close()

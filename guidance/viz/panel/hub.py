@@ -117,7 +117,10 @@ class DaemonBus:
 
     def news(self) -> Sequence[News]:
         """Take the news since the last call, oldest first of each daemon."""
-        return [queue.popleft() for queue in list(self._news.values()) for _ in range(len(queue))]
+        taken = list[News]()
+        for queue in list(self._news.values()):
+            taken.extend(queue.popleft() for _ in range(len(queue)))
+        return taken
 
     def order(self, name: str, order: str, by: str, team: str = "") -> Sequence[Mapping[str, Any]]:
         """Send an order to a daemon, or to all of a team; return an answer of each. Blocks until they arrive.
@@ -351,7 +354,8 @@ class DaemonView:
         }
 
     def _message(self, now_s: float, *, whole: bool) -> Plain:
-        full = whole or not self._sent
+        is_first = not self._sent
+        full = whole or is_first
         message = self._about(now_s)
         parts = dict(self.told)
         fold = self._fold
@@ -417,15 +421,16 @@ class Hub:
         Raises:
             LinkError: If the daemon is unknown or does not answer.
         """
-        if (view := self._views.get(key)) is None:
+        view = self._views.get(key)
+        if view is None:
             raise LinkError(f"no daemon {key!r} is known")
-        return view.bus.order(
-            view.name, order, by, str(view.told["status"].get("team", "")) if team else ""
-        )
+        team_name = str(view.told["status"].get("team", "")) if team else ""
+        return view.bus.order(view.name, order, by, team_name)
 
     def note_operator(self, key: str) -> None:
         """Send signs of life to a daemon for a short time; unknown keys are ignored."""
-        if (view := self._views.get(key)) is not None:
+        view = self._views.get(key)
+        if view is not None:
             view.bus.note_operator(view.name)
 
     def close(self) -> None:

@@ -7,6 +7,7 @@ import asyncio
 import contextlib
 import json
 import os
+import re
 import sys
 import tempfile
 from collections.abc import AsyncIterator, Mapping
@@ -27,16 +28,21 @@ EXPORTS: Final = ("tlog", "csv", "parquet", "geojson", "kml")
 
 _GUIDANCE: Final = ("-c", "from guidance.cli import main; main()")
 _SNAPSHOTS: Final = ("-m", "guidance.viz.panel.snapshot")
+_DOWNLOAD: Final = "application/octet-stream"
 _MADE: Final[Mapping[str, tuple[tuple[str, ...], str, str]]] = {
     "frames": ((*_SNAPSHOTS, "frames", "RECORD"), "frames.json", "application/json"),
     "events": ((*_GUIDANCE, "log", "events", "RECORD"), "events.txt", "text/plain"),
     "report": ((*_GUIDANCE, "report", "RECORD", "--out", "FOLDER"), "report.html", "text/html"),
     **{
-        end: ((*_GUIDANCE, "log", "export", "RECORD", f"FOLDER/flight.{end}"), f"flight.{end}", "")
+        end: (
+            (*_GUIDANCE, "log", "export", "RECORD", f"FOLDER/flight.{end}"),
+            f"flight.{end}",
+            _DOWNLOAD,
+        )
         for end in EXPORTS
     },
 }
-"""Kind -> command, the file that it writes or that gets its output, content type (or a download)."""
+"""Kind -> command, the file that it writes or that gets its output, content type."""
 
 _REPORT_POLICY: Final = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'"
@@ -65,17 +71,17 @@ class RecordFolder:
         """Return the routes below a path that ends with a slash."""
         return [
             web.get(f"{path}records", self._list),
-            web.get(f"{path}records/{{what}}", self._one),
+            web.get(f"{path}records/{{what}}", self._product),
         ]
 
     def paths(self) -> Mapping[str, Path]:
         """Return the records by name, newest first."""
-        found = [
-            path for depth in ("", "*/", "*/*/") for path in self.folder.glob(f"{depth}*.mcap")
-        ]
-        dated = sorted(
-            ((path.stat().st_mtime, path) for path in found if path.is_file()), reverse=True
-        )
+        dated = list[tuple[float, Path]]()
+        for depth in ("", "*/", "*/*/"):
+            for path in self.folder.glob(f"{depth}*.mcap"):
+                if path.is_file():
+                    dated.append((path.stat().st_mtime, path))
+        dated.sort(reverse=True)
         return {path.relative_to(self.folder).as_posix(): path for _, path in dated[:MAX_LISTED]}
 
     def listed(self) -> list[dict[str, Any]]:
@@ -88,11 +94,12 @@ class RecordFolder:
         unread = {paths[name]: key for name, key in keys.items() if key not in self._outcomes}
         if unread and (self._reading is None or self._reading.done()):
             self._reading = asyncio.create_task(self._read(unread))
-        told = {name: self._outcomes.get(key, {"reading": True}) for name, key in keys.items()}
-        return [
-            {"record": name, "megabytes": round(key[2] / 1e6, 2), **told[name]}
-            for name, key in keys.items()
-        ]
+        rows = list[dict[str, Any]]()
+        for name, key in keys.items():
+            _, _, size_bytes = key
+            outcome = self._outcomes.get(key, {"reading": True})
+            rows.append({"record": name, "megabytes": round(size_bytes / 1e6, 2), **outcome})
+        return rows
 
     async def _read(self, unread: Mapping[Path, Key]) -> None:
         """Read the outcomes in one child, which prints each as a line."""
@@ -114,47 +121,48 @@ class RecordFolder:
             return None
         key = (_key(name, path), what)
         async with self._one_at_a_time:
-            made = self._products.pop(key, None) or await self._make(path, what)
-            self._products[key] = made
+            product = self._products.pop(key, None)
+            if product is None:
+                product = await self._make(path, what)
+            self._products[key] = product
             while len(self._products) > MAX_KEPT:
-                self._products.pop(next(iter(self._products))).unlink(missing_ok=True)
-        return made
+                oldest = next(iter(self._products))
+                self._products.pop(oldest).unlink(missing_ok=True)
+        return product
 
     async def _make(self, path: Path, what: str) -> Path:
         folder = Path(tempfile.mkdtemp(dir=self._temporary.name))
         command, written, _ = _MADE[what]
-        words = [word.replace("FOLDER", str(folder)) for word in command]
-        lines = [
-            line
-            async for line in _lines(*(str(path) if word == "RECORD" else word for word in words))
-        ]
-        if not (folder / written).exists():
-            (folder / written).write_bytes(b"".join(lines))
+        words = list[str]()
+        for word in command:
+            words.append(str(path) if word == "RECORD" else word.replace("FOLDER", str(folder)))
+        output = b"".join([line async for line in _lines(*words)])
+        product = folder / written
+        if not product.exists():
+            product.write_bytes(output)
         stem = path.parent.name if path.stem == "record" else path.stem
-        return (folder / written).rename(folder / f"{stem}{Path(written).suffix}")
+        return product.rename(folder / f"{stem}{product.suffix}")
 
     async def _list(self, _: web.Request) -> web.StreamResponse:
         return web.json_response(
             {"folder": str(self.folder), "exports": EXPORTS, "records": self.listed()}
         )
 
-    async def _one(self, request: web.Request) -> web.StreamResponse:
+    async def _product(self, request: web.Request) -> web.StreamResponse:
         what = request.match_info["what"]
         name = request.query.get("record", "")
         try:
             product = await self.product(name, what)
-        except (OutputError, TimeoutError, OSError) as error:
-            return web.Response(
-                status=500, text=str(error) or f"not ready within {TIME_LIMIT_S:g} s"
-            )
+        except TimeoutError:
+            return web.Response(status=500, text=f"not ready within {TIME_LIMIT_S:g} s")
+        except (OutputError, OSError) as error:
+            return web.Response(status=500, text=str(error))
         if product is None:
             return web.Response(status=404)
-        kind = _MADE[what][2]
-        answer = web.Response(
-            body=product.read_bytes(), content_type=kind or "application/octet-stream"
-        )
-        if not kind:
-            answer.headers["Content-Disposition"] = f'attachment; filename="{product.name}"'
+        _, _, kind = _MADE[what]
+        answer = web.Response(body=product.read_bytes(), content_type=kind)
+        if kind == _DOWNLOAD:
+            answer.headers["Content-Disposition"] = _attachment(product.name)
         elif what == "report":
             answer.headers["Content-Security-Policy"] = _REPORT_POLICY
         else:
@@ -188,19 +196,25 @@ async def _lines(*arguments: str) -> AsyncIterator[bytes]:
         os.setpriority(os.PRIO_PROCESS, child.pid, NICE)
     try:
         async with asyncio.timeout(TIME_LIMIT_S):
-            said = asyncio.create_task(child.stderr.read())
+            reading_errors = asyncio.create_task(child.stderr.read())
             async for line in child.stdout:
                 yield line
-            error = (await said).decode(errors="replace").strip()
+            error = (await reading_errors).decode(errors="replace").strip()
             code = await child.wait()
     finally:
         if child.returncode is None:
             child.kill()
             await child.wait()
     if code != 0:
-        raise OutputError(error[-500:] or f"ended with {code}")
+        raise OutputError(error[-500:] if error else f"ended with {code}")
+
+
+def _attachment(name: str) -> str:
+    """Return the header of a download; the name of a file may have any characters."""
+    plain = re.sub(r"[^A-Za-z0-9._-]", "-", name)
+    return f'attachment; filename="{plain}"'
 
 
 def _key(name: str, path: Path) -> Key:
-    found = path.stat()
-    return name, found.st_mtime_ns, found.st_size
+    status = path.stat()
+    return name, status.st_mtime_ns, status.st_size

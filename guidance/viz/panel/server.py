@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
@@ -31,6 +31,13 @@ KEEPALIVE_S: Final = 15.0
 """Idle time of a connection between two requests; then it is closed."""
 
 _MAX_BYTES: Final = 4096
+
+
+class OpenPage(NamedTuple):
+    """A page that is open: its messages, and the task that sends them."""
+
+    queue: asyncio.Queue[str]
+    sending: asyncio.Task[None]
 
 
 class PanelServer:
@@ -55,7 +62,7 @@ class PanelServer:
         self._look = look
         self._records = records
         self._tiles = tiles
-        self._pages: dict[web.WebSocketResponse, tuple[asyncio.Queue[str], asyncio.Task[None]]] = {}
+        self._pages: dict[web.WebSocketResponse, OpenPage] = {}
         self._order_threads = ThreadPoolExecutor(16, thread_name_prefix="order")
         self._tile_url, tile_origin = map_of(tiles)
         images = f"img-src 'self' data: {tile_origin}".rstrip()
@@ -107,11 +114,11 @@ class PanelServer:
         )
         await runner.setup()
         assert runner.server is not None
-        self._access.listener = listener = Listener(
-            runner.server, self._access.clock, self._access.tls
-        )
+        listener = Listener(runner.server, self._access.clock, self._access.tls)
+        self._access.listener = listener
         tasks = [
-            asyncio.create_task(one) for one in (listener.run(listening), self._send_changes())
+            asyncio.create_task(listener.run(listening)),
+            asyncio.create_task(self._send_changes()),
         ]
         self._access.announce()
         try:
@@ -153,7 +160,7 @@ class PanelServer:
         queue: asyncio.Queue[str] = asyncio.Queue(MAX_QUEUED)
         queue.put_nowait(self._hub.message(whole=True))
         sending = asyncio.create_task(_send_queued(page, queue))
-        self._pages[page] = queue, sending
+        self._pages[page] = OpenPage(queue, sending)
         try:
             async for message in page:
                 if message.type is WSMsgType.TEXT and not self._look:
@@ -202,12 +209,12 @@ class PanelServer:
     def _send(self) -> None:
         """Queue the changes for all pages. A page with a full queue is closed."""
         changes = self._hub.message()
-        for page, (queue, sending) in list(self._pages.items()):
-            if queue.full():
-                del self._pages[page]
-                sending.cancel()
+        for connection, page in list(self._pages.items()):
+            if page.queue.full():
+                del self._pages[connection]
+                page.sending.cancel()
             else:
-                queue.put_nowait(changes)
+                page.queue.put_nowait(changes)
 
     async def _shut_down(self, _: web.Application) -> None:
         for page in list(self._pages):

@@ -13,7 +13,6 @@ import sys
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from enum import StrEnum
-from functools import reduce
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,6 +33,7 @@ from guidance.log.reader import Survey, entry_of, survey_of
 from guidance.log.scene import isochron_at, target_edge
 from guidance.messages import Attitude, GpsFix, Heartbeat, Home, LocalPosition, SystemStatus
 from guidance.session.flight_files import RECORD, recorded_settings
+from guidance.texts import printable
 
 ISOCHRON_INTERVAL_S: Final = 1.0
 ALARM_SHOWN_S: Final = 10.0
@@ -93,16 +93,27 @@ HISTORY: Final = (
 
 def event_row(event: EventEntry) -> Plain:
     """Return an event as the page lists it."""
-    return {"now_s": round(event.now_s, 2), "event": event.event, "detail": event.words[:300]}
+    return {
+        "now_s": round(event.now_s, 2),
+        "event": printable(event.event),
+        "detail": printable(event.words[:300]),
+    }
 
 
 def history_row(snapshot: Plain | None) -> list[Any]:
     """Return a snapshot as a row of the charts."""
-    parts: list[Any] = [
-        reduce(lambda part, step: part and part[step], path.split("."), snapshot)
-        for path in HISTORY
-    ]
-    return [round(part, 2) if isinstance(part, float) else part for part in parts]
+    values = [_part_of(snapshot, path) for path in HISTORY]
+    return [round(value, 2) if isinstance(value, float) else value for value in values]
+
+
+def _part_of(snapshot: Plain | None, path: str) -> Any:  # noqa: ANN401 - JSON
+    """Return the value at a path of a snapshot, such as "age_s.evader"; None where a step has none."""
+    part: Any = snapshot
+    for step in path.split("."):
+        if not part:
+            return part
+        part = part[step]
+    return part
 
 
 def level_of(value: float, caution: float, warning: float) -> Level:
@@ -132,28 +143,29 @@ def of_snapshot(snapshot: Plain, settings: FlightSettings) -> dict[str, Level]:
     """Severities of a snapshot. Its unknown values are NaN."""
     state = State(snapshot["state"])
     ages = snapshot["age_s"]
-    game = snapshot["game"]
-    gps = snapshot["gps"]
     minimum = settings.battery_minimum
     timeout_s = settings.cycle.evader_timeout_s
-    return {
+    is_silent = state in SETPOINT_STATES and not snapshot["streaming"]
+    levels = {
         "state": _STATES.get(state, Level.OK),
         "heartbeat": level_of(ages["heartbeat"], 0.5 * HEARTBEAT_LIMIT_S, HEARTBEAT_LIMIT_S),
         "position": level_of(ages["position"], 0.3, TELEMETRY_LIMIT_S),
         "evader": level_of(ages["evader"], 0.5 * timeout_s, timeout_s),
         "battery": level_of(snapshot["battery"], minimum + BATTERY_CAUTION, minimum),
         "link": level_of(snapshot["link"], _LINK_CAUTION, _LINK_WARNING),
-        "gps": Level.UNKNOWN
-        if gps is None
-        else Level.OK
-        if gps["fix"] >= _FIX_3D
-        else Level.WARNING,
-        "stream": Level.WARNING
-        if state in SETPOINT_STATES and not snapshot["streaming"]
-        else Level.OK,
-        "reach": Level.UNKNOWN if game is None else _REACH.get(game["reach"], Level.WARNING),
-        "limits": Level.CAUTION if game is not None and game["active_limits"] else Level.OK,
+        "gps": Level.UNKNOWN,
+        "stream": Level.WARNING if is_silent else Level.OK,
+        "reach": Level.UNKNOWN,
+        "limits": Level.OK,
     }
+    gps = snapshot["gps"]
+    if gps is not None:
+        levels["gps"] = Level.OK if gps["fix"] >= _FIX_3D else Level.WARNING
+    game = snapshot["game"]
+    if game is not None:
+        levels["reach"] = _REACH.get(game["reach"], Level.WARNING)
+        levels["limits"] = Level.CAUTION if game["active_limits"] else Level.OK
+    return levels
 
 
 class SnapshotFold:
@@ -195,119 +207,166 @@ class SnapshotFold:
         return entry
 
     def _add_cycle(self, row: CycleEntry) -> None:
-        cycle = self._flight.cycle
-        inputs = row.inputs
+        round_trip_s = self._flight.cycle.round_trip_s
+        reports = row.inputs.reports
+        armed = self._flight.vehicle.armed
         self._last = row
         self._shown = None
-        self._round_trip_s = (
-            cycle.round_trip_s if math.isfinite(cycle.round_trip_s) else self._round_trip_s
-        )
-        if self._flight.vehicle.armed != math.isfinite(self._armed_s):
-            self._armed_s = row.now_s if self._flight.vehicle.armed else math.nan
-        self._positions_s.extend(
-            one.received_s for one in inputs.messages if isinstance(one, LocalPosition)
-        )
-        while self._positions_s and self._positions_s[0] < row.now_s - LINK_WINDOW_S:
-            self._positions_s.popleft()
-        self._most_positions = max(self._most_positions, len(self._positions_s))
-        self._source = inputs.reports[-1].source if inputs.reports else self._source
+        if math.isfinite(round_trip_s):
+            self._round_trip_s = round_trip_s
+        if armed != math.isfinite(self._armed_s):
+            self._armed_s = row.now_s if armed else math.nan
+        if reports:
+            self._source = reports[-1].source
         if row.alarm is not None:
             self._alarm = {
                 "what": str(row.alarm.violation),
                 "amount": row.alarm.amount,
                 "since_s": row.now_s,
             }
+        self._count_positions(row)
         if self._flight.home_m != self._home_m:
             self._set_scene()
+
+    def _count_positions(self, row: CycleEntry) -> None:
+        for message in row.inputs.messages:
+            if isinstance(message, LocalPosition):
+                self._positions_s.append(message.received_s)
+        while self._positions_s and self._positions_s[0] < row.now_s - LINK_WINDOW_S:
+            self._positions_s.popleft()
+        self._most_positions = max(self._most_positions, len(self._positions_s))
 
     def _set_scene(self) -> None:
         cycle = self._flight.settings.cycle
         envelope = self._flight.envelope
-        target = cycle.target_game_m
         standoff = cycle.game.standoff
         self._home_m = self._flight.home_m
-        place = self._flight.vehicle.latest.get(Home)
-        outline = (
-            []
-            if target is None
-            else np.round(target_edge(target, cycle.game.target_extent), 1).tolist()
-        )
+        home = self._flight.vehicle.latest.get(Home)
+        home_deg = None
+        if home is not None:
+            home_deg = [home.latitude_deg, home.longitude_deg]
+        target_m = cycle.target_game_m
+        unit = "s"
+        outline_m: list[Any] = []
+        if target_m is not None:
+            unit = "m"
+            outline_m = np.round(target_edge(target_m, cycle.game.target_extent), 1).tolist()
         self.scene: Plain = {
-            "unit": "s" if target is None else "m",
+            "unit": unit,
             "home_m": rounded(self._home_m),
-            "home_deg": None if place is None else [place.latitude_deg, place.longitude_deg],
+            "home_deg": home_deg,
             "fence_m": [np.round(edge[:, :2], 1).tolist() for edge in self._flight.fence_m],
             "floor_m": envelope.floor_m,
             "ceiling_m": envelope.ceiling_m,
-            "target_m": rounded(target),
-            "target_edge_m": outline,
+            "target_m": rounded(target_m),
+            "target_edge_m": outline_m,
             "standoff_m": {"radius": standoff.radius_m, "height": standoff.height_m},
         }
 
     def snapshot(self) -> Plain | None:
         """Return the last cycle, as one object until the next; None before the first. Unknown values are null."""
         row = self._last
-        cycle = self._flight.cycle
         if row is None or self._shown is not None:
             return self._shown
         certificate = row.certificate
-        alarm = self._alarm
+        snapshot: Plain = {
+            **self._telemetry(row),
+            **self._places(),
+            "game": None if certificate is None else game_of(certificate),
+            "alarm": self._lasting_alarm(row.now_s),
+            "age_s": self._ages(row.now_s),
+        }
+        snapshot["levels"] = of_snapshot(snapshot, self._flight.settings)
+        self._shown = dict(plain(snapshot))
+        if certificate is not None and not certificate.no_game:
+            # Plain already, and long
+            self._shown["game"]["isochron_m"] = self._isochron_of(certificate, row.now_s)
+        return self._shown
+
+    def _telemetry(self, row: CycleEntry) -> Plain:
+        """Return what the autopilot says of itself, and what the flight does."""
         vehicle = self._flight.vehicle
-        pursuer, evader = map(ned_from_game, (cycle.pursuer_m, cycle.evader_m))
-        gaps = gaps_to_disc(pursuer, evader, self._flight.settings.cycle.game.standoff)
-        before = math.isnan(cycle.gap_m)  # the disc exists also before and after the game
         autopilot = self._flight.settings.autopilot
         latest = vehicle.latest
         heartbeat = latest.get(Heartbeat)
         status = latest.get(SystemStatus)
         gps = latest.get(GpsFix)
-        snapshot: Plain = {
-            "mode": "unknown"
-            if heartbeat is None
-            else autopilot.mode_title(autopilot.mode_of(heartbeat.custom_mode)),
+        airborne = vehicle.armed and not vehicle.on_ground
+        telemetry: Plain = {
+            "mode": "unknown",
             "armed": vehicle.armed,
-            "flight_s": cycle.now_s - self._armed_s,
-            "battery": math.nan if status is None else status.battery_remaining,
-            "voltage_v": math.nan if status is None else status.voltage_v,
-            "gps": None if gps is None else {"fix": gps.fix_type, "satellites": gps.satellites},
-            "link": len(self._positions_s) / self._most_positions
-            if self._most_positions
-            else math.nan,
-            "yaw_rad": math.nan if latest.get(Attitude) is None else round(vehicle.yaw_rad, 3),
+            "flight_s": self._flight.cycle.now_s - self._armed_s,
+            "battery": math.nan,
+            "voltage_v": math.nan,
+            "gps": None,
+            "link": math.nan,
+            "yaw_rad": math.nan,
             "now_s": round(row.now_s, 3),
             "state": str(row.state),
-            "state_words": state_words(row.state, airborne=vehicle.armed and not vehicle.on_ground),
+            "state_words": state_words(row.state, airborne=airborne),
             "streaming": row.setpoint is not None,
             "against": self._flight.playing or "",
             "source": self._source,
-            "gap_m": gaps.ground_m if before else cycle.gap_m,
-            "height_gap_m": gaps.height_m if before else cycle.height_gap_m,
+        }
+        if heartbeat is not None:
+            telemetry["mode"] = autopilot.mode_title(autopilot.mode_of(heartbeat.custom_mode))
+        if status is not None:
+            telemetry["battery"] = status.battery_remaining
+            telemetry["voltage_v"] = status.voltage_v
+        if gps is not None:
+            telemetry["gps"] = {"fix": gps.fix_type, "satellites": gps.satellites}
+        if self._most_positions:
+            telemetry["link"] = len(self._positions_s) / self._most_positions
+        if latest.get(Attitude) is not None:
+            telemetry["yaw_rad"] = round(vehicle.yaw_rad, 3)
+        return telemetry
+
+    def _places(self) -> Plain:
+        """Return where both players are, how far the disc is, and the speeds."""
+        cycle = self._flight.cycle
+        ground_gap_m = cycle.gap_m
+        height_gap_m = cycle.height_gap_m
+        if math.isnan(cycle.gap_m):  # the disc exists also before and after the game
+            pursuer_ned_m = ned_from_game(cycle.pursuer_m)
+            evader_ned_m = ned_from_game(cycle.evader_m)
+            standoff = self._flight.settings.cycle.game.standoff
+            gaps = gaps_to_disc(pursuer_ned_m, evader_ned_m, standoff)
+            ground_gap_m = gaps.ground_m
+            height_gap_m = gaps.height_m
+        return {
+            "gap_m": ground_gap_m,
+            "height_gap_m": height_gap_m,
             "pursuer_m": rounded(cycle.pursuer_m),
             "evader_m": rounded(cycle.evader_m),
             "speed_m_s": {
                 name: math.hypot(*getattr(cycle, f"{name}_ned_m_s")) for name in _VELOCITIES
             },
-            "game": None if certificate is None else game_of(certificate),
-            "alarm": alarm
-            if alarm is not None and row.now_s - alarm["since_s"] <= ALARM_SHOWN_S
-            else None,
-            "age_s": {
-                "heartbeat": vehicle.age_s(Heartbeat, row.now_s),
-                "position": known_age(cycle.telemetry_age_s),
-                "evader": known_age(cycle.evader_age_s),
-                "round_trip": self._round_trip_s,
-            },
         }
-        snapshot["levels"] = of_snapshot(snapshot, self._flight.settings)
-        self._shown = dict(plain(snapshot))
-        if certificate is not None and not certificate.no_game:
-            # Seldom: it solves a batch of games
-            if not 0.0 <= row.now_s - self._isochron[0] < ISOCHRON_INTERVAL_S:
-                curve = isochron_at(self._flight.settings.cycle, certificate, 49)
-                curve = curve[np.isfinite(curve).all(axis=-1)]
-                self._isochron = row.now_s, np.round(curve, _CENTIMETRES).tolist()
-            self._shown["game"]["isochron_m"] = self._isochron[1]  # plain already, and long
-        return self._shown
+
+    def _ages(self, now_s: float) -> Plain:
+        cycle = self._flight.cycle
+        return {
+            "heartbeat": self._flight.vehicle.age_s(Heartbeat, now_s),
+            "position": known_age(cycle.telemetry_age_s),
+            "evader": known_age(cycle.evader_age_s),
+            "round_trip": self._round_trip_s,
+        }
+
+    def _lasting_alarm(self, now_s: float) -> Plain | None:
+        alarm = self._alarm
+        if alarm is None or now_s - alarm["since_s"] > ALARM_SHOWN_S:
+            return None
+        return alarm
+
+    def _isochron_of(self, certificate: Certificate, now_s: float) -> list[Any]:
+        """Return the isochron of at most a second ago: it solves a batch of games."""
+        made_s, curve_m = self._isochron
+        if not 0.0 <= now_s - made_s < ISOCHRON_INTERVAL_S:
+            curve = isochron_at(self._flight.settings.cycle, certificate, 49)
+            curve = curve[np.isfinite(curve).all(axis=-1)]
+            curve_m = np.round(curve, _CENTIMETRES).tolist()
+            self._isochron = (now_s, curve_m)
+        return curve_m
 
 
 def game_of(certificate: Certificate) -> Plain:
@@ -321,9 +380,9 @@ def reach_of(certificate: Certificate) -> str:
     """Say whether the vehicle can reach the evader (TAD: before the target): yes, no, too fast, or uncertain."""
     if certificate.no_game:
         return "too fast"
-    winner = (
-        certificate.winner if certificate.vehicle_winner is None else certificate.vehicle_winner
-    )
+    winner = certificate.vehicle_winner
+    if winner is None:
+        winner = certificate.winner
     return {Winner.PURSUER: "yes", Winner.EVADER: "no"}.get(Winner(winner), "uncertain")
 
 
@@ -355,7 +414,7 @@ def outcome_of(path: Path) -> Plain:
             elif item.topic == EVENT.topic:
                 events[entry_of(EVENT, item, path).event] += 1
         return {
-            "title": title_of(survey.metadata),
+            "title": printable(title_of(survey.metadata)),
             "started_utc": survey.metadata.get("started_utc", ""),
             "duration_s": round(survey.duration_s, 1),
             "captured": Event.CAPTURED in events,
@@ -389,8 +448,14 @@ def frames_of(path: Path) -> Plain:
                 if not scenes or scenes[-1]["scene"] is not fold.scene:
                     scenes.append({"from_s": round(entry.now_s, 3), "scene": fold.scene})
                 frames.append(fold.snapshot())
-    said = {"name": title_of(metadata), "vehicle": path.parent.name, "columns": HISTORY}
-    return said | {"scenes": scenes, "frames": frames, "events": events}
+    return {
+        "name": printable(title_of(metadata)),
+        "vehicle": printable(path.parent.name),
+        "columns": HISTORY,
+        "scenes": scenes,
+        "frames": frames,
+        "events": events,
+    }
 
 
 def replay_of(path: Path) -> Plain:
@@ -399,12 +464,14 @@ def replay_of(path: Path) -> Plain:
     Raises:
         ConfigError: If the record cannot be read.
     """
-    of_team = path.name == RECORD and recorded_settings(metadata_of(path)).team is not None
-    mates = sorted(set(path.parent.parent.glob(f"*/{RECORD}")) - {path}) if of_team else []
-    return frames_of(path) | {"mates": [said_of(frames_of, mate) for mate in mates]}
+    mates = set[Path]()
+    if path.name == RECORD and recorded_settings(metadata_of(path)).team is not None:
+        mates = set(path.parent.parent.glob(f"*/{RECORD}")) - {path}
+    replays = [read_or_error(frames_of, mate) for mate in sorted(mates)]
+    return {**frames_of(path), "mates": replays}
 
 
-def said_of(read: Callable[[Path], Plain], path: Path) -> Plain:
+def read_or_error(read: Callable[[Path], Plain], path: Path) -> Plain:
     """Read a record; an unreadable one gives `{"error": …}`."""
     try:
         return read(path)
@@ -415,11 +482,14 @@ def said_of(read: Callable[[Path], Plain], path: Path) -> Plain:
 def main(what: str, *files: str) -> int:
     """Write the replay of a file as JSON, or the outcome of each as a line."""
     for path in map(Path, files):
-        said = (
-            said_of(replay_of, path) if what == "frames" else [str(path), said_of(outcome_of, path)]
-        )
-        print(json.dumps(plain(said), allow_nan=False), flush=True)  # noqa: T201
+        print(json.dumps(plain(_written(what, path)), allow_nan=False), flush=True)  # noqa: T201
     return 0
+
+
+def _written(what: str, path: Path) -> Any:  # noqa: ANN401 - JSON
+    if what == "frames":
+        return read_or_error(replay_of, path)
+    return [str(path), read_or_error(outcome_of, path)]
 
 
 if __name__ == "__main__":
