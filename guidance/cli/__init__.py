@@ -44,7 +44,8 @@ def main() -> None:
 
 def _run() -> None:
     try:
-        if (code := _short_order(sys.argv[1:])) is None:
+        code = _short_order(sys.argv[1:])
+        if code is None:
             from guidance.cli.program import app  # noqa: PLC0415 - typer takes a third of a second
 
             app()

@@ -76,8 +76,9 @@ def carried_out(
 def _is_done(order: str, status: Answer, aim: Aim) -> bool:
     if order == "hold" and status.get("mode") != "hold":
         return False
-    captured = order == "engage" and status.get("cause") in CAPTURED
-    return captured or status.get("state") in aim.done
+    if order == "engage" and status.get("cause") in CAPTURED:
+        return True
+    return status.get("state") in aim.done
 
 
 def _is_under_way(order: str, status: Answer, aim: Aim) -> bool:
@@ -89,5 +90,5 @@ def _answer(order: str, status: Answer, aim: Aim) -> Answer:
     state = str(status.get("state", ""))
     if _is_done(order, status, aim):
         return {"accepted": True, "name": name, "order": order, "state": state}
-    why = status.get("reason") or status.get("cause") or "no cause known"
-    return refused(name, order, state, f"accepted, and not carried out: {why}")
+    causes = filter(None, (status.get("reason"), status.get("cause"), "no cause known"))
+    return refused(name, order, state, f"accepted, and not carried out: {next(causes)}")

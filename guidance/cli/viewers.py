@@ -144,7 +144,8 @@ def panel(
         os.nice(NICE)
         clock = MonotonicClock()
         access = Access(host, listening.getsockname()[1], security, clock, typer.echo)
-        buses = [DaemonBus(one, token_file, clock, credentials) for one in endpoint or [ENDPOINT]]
+        endpoints = endpoint if endpoint else [ENDPOINT]
+        buses = [DaemonBus(each, token_file, clock, credentials) for each in endpoints]
         with contextlib.closing(Hub(buses, clock)) as hub:
             asyncio.run(
                 PanelServer(hub, access, look=look, records=records, tiles=tiles).serve(listening)
@@ -209,10 +210,11 @@ def panel_beside(
         "--token-file": token_file,
         "--records": records,
     }
-    given = [
-        word for name, value in options.items() if value is not None for word in (name, str(value))
-    ]
-    return CommandBeside("panel", *given)
+    words = list[str]()
+    for name, value in options.items():
+        if value is not None:
+            words += [name, str(value)]
+    return CommandBeside("panel", *words)
 
 
 def end_with_parent() -> None:

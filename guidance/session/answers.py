@@ -73,7 +73,8 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
 
 def shown_state(flight: Flight) -> str:
     """Return the state in words."""
-    return state_words(flight.state, airborne=flight.vehicle.armed and not flight.vehicle.on_ground)
+    airborne = flight.vehicle.armed and not flight.vehicle.on_ground
+    return state_words(flight.state, airborne=airborne)
 
 
 def next_words(flight: Flight) -> str:
@@ -119,8 +120,10 @@ def failed_checks(flight: Flight, now_s: float) -> str:
 
 def missing(flight: Flight, now_s: float, rows: Sequence[Finding]) -> str:
     """Name every failed check and every refused preflight row."""
-    both = (failed_checks(flight, now_s), advice(rows))
-    return "; ".join(filter(None, both)) or "the checks have just passed, order again"
+    reasons = list(filter(None, (failed_checks(flight, now_s), advice(rows))))
+    if not reasons:
+        return "the checks have just passed, order again"
+    return "; ".join(reasons)
 
 
 def to_do(flight: Flight, now_s: float, rows: Sequence[Finding]) -> list[dict[str, str]]:
@@ -202,13 +205,14 @@ def status(
         json.dumps(plain(shown)), parse_float=lambda text: round(float(text), 4)
     )
     if certificate is not None:
-        winners = {"winner": certificate.winner, "vehicle_winner": certificate.vehicle_winner or 0}
-        reason = None if certificate.reason is None else Reason(certificate.reason).word
-        rounded["certificate"] |= {"reason": reason} | {
-            key: Winner(winner).word for key, winner in winners.items()
-        }
+        game = rounded["certificate"]
+        game["reason"] = None if certificate.reason is None else Reason(certificate.reason).word
+        game["winner"] = Winner(certificate.winner).word
+        winner = certificate.vehicle_winner
+        game["vehicle_winner"] = Winner(0 if winner is None else winner).word
         range_m = math.dist(certificate.pursuer_game_m, certificate.evader_game_m)
-        rounded |= {"range_m": round(range_m, 2), "value_unit": _unit(flight)}
+        rounded["range_m"] = round(range_m, 2)
+        rounded["value_unit"] = _unit(flight)
     return rounded
 
 
@@ -247,13 +251,14 @@ def flight_line(flight: Flight, outputs: Outputs, now_s: float) -> str:
         shown_state(flight),
         f"{flight.mode_title}, {'armed' if vehicle.armed else 'disarmed'}",
     ]
-    if flown := _flown(vehicle):
-        north, east, _ = flown["velocity_ned_m_s"]
-        parts.append(
-            f"{round(flown['height_m'], 1) + 0.0:.1f} m up, {math.hypot(north, east):.1f} m/s"
-        )
+    flown = _flown(vehicle)
+    if flown:
+        north_m_s, east_m_s, _ = flown["velocity_ned_m_s"]
+        height_m = round(flown["height_m"], 1) + 0.0
+        parts.append(f"{height_m:.1f} m up, {math.hypot(north_m_s, east_m_s):.1f} m/s")
         battery = flown["battery"]
-        parts += [] if math.isnan(battery) else [f"battery {battery:.0%}"]
+        if not math.isnan(battery):
+            parts.append(f"battery {battery:.0%}")
         parts.append(f"position {vehicle.age_s(LocalPosition, now_s):.1f} s old")
     if certificate is not None:
         parts.append(

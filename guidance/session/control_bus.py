@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import zenoh
 
@@ -40,6 +40,9 @@ from guidance.session.vehicle_file import Control
 _TEAM: Final = "team"
 """Parameter of a query: only vehicles of this team follow it."""
 
+_MAX_SENDER_BYTES: Final = 4096
+"""Longest name of a sender that is read; of a longer one, the sender is unknown."""
+
 _MAX_VEHICLES: Final = 64
 """Most vehicles of a team that an order waits for."""
 
@@ -50,15 +53,15 @@ def host_session(endpoint: str, token: local.ControlToken) -> Session:
     Raises:
         LinkError: If it cannot listen there.
     """
-    there = {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True}
+    listening = {"endpoints": [endpoint], "timeout_ms": 0, "exit_on_failure": True}
+    auth = token.auth(dictionary_file=str(token.path))
     try:
-        return direct_session(
-            "router", {"listen": there}, auth=token.auth(dictionary_file=str(token.path))
-        )
+        return direct_session("router", {"listen": listening}, auth=auth)
     except zenoh.ZError as error:
         who = "another program has the port"
         with contextlib.suppress(GuidanceError):
-            if (answer := local.ask_here(local.STATUS, endpoint=endpoint, name=None)) is not None:
+            answer = local.ask_here(local.STATUS, endpoint=endpoint, name=None)
+            if answer is not None:
                 who = f"a daemon or `guidance fly` has it and flies {answer.get('name')!r}"
         words = f"cannot listen there: {who}; end it, or choose another port with control.endpoint"
         raise LinkError(f"control.endpoint = {endpoint!r}: {words}") from error
@@ -74,8 +77,9 @@ def owner_token(session: Session, vehicle: str) -> zenoh.LivelinessToken:
     liveliness = session.liveliness()
     # Claim first, then look: of two that start together at least one sees the other.
     token = liveliness.declare_token(mine)
-    replies = liveliness.get(f"{vehicle}/owner/*", timeout=1.0)
-    if others := {str(reply.ok.key_expr) for reply in replies if reply.ok is not None} - {mine}:
+    claims = liveliness.get(f"{vehicle}/owner/*", timeout=1.0)
+    others = {str(claim.ok.key_expr) for claim in claims if claim.ok is not None} - {mine}
+    if others:
         close_all(token.undeclare)
         owned = f"another daemon owns this vehicle ({', '.join(sorted(others))})"
         raise LinkError(f"{vehicle}: {owned}; end it first, only one may fly it")
@@ -108,7 +112,10 @@ def control_bus(
         OutputError: If the token cannot be written.
         LinkError: If no session can be opened, or another daemon owns the vehicle.
     """
-    shown = {"name": name} | ({"team": team, "vehicles": sorted({name, *mates})} if team else {})
+    about: dict[str, Any] = {"name": name}
+    if team:
+        about["team"] = team
+        about["vehicles"] = sorted({name, *mates})
     orders = threading.BoundedSemaphore(MOST_ORDERS)
     queries = threading.BoundedSemaphore(MOST_QUERIES)
 
@@ -121,8 +128,10 @@ def control_bus(
         local.begin(queries if word in QUERIES else orders, reply, query, word)
 
     def reply(query: "zenoh.Query", order: str) -> None:
-        by = "" if query.payload is None else local.name_in(query.payload.to_bytes())
-        answer = written({**shown, **mailbox.answer(order, by)})
+        by = ""
+        if query.payload is not None and len(query.payload) <= _MAX_SENDER_BYTES:
+            by = local.name_in(query.payload.to_bytes())
+        answer = written({**about, **mailbox.answer(order, by)})
         with contextlib.suppress(zenoh.ZError):  # who asked may be gone
             # Under our own key: one query may be answered by several daemons.
             query.reply(control_key(name, order), answer, encoding=zenoh.Encoding.APPLICATION_JSON)
@@ -130,7 +139,9 @@ def control_bus(
 
     with contextlib.ExitStack() as closing:
         if control.host:
-            path = control.token_file or local.token_path(control.endpoint)
+            path = control.token_file
+            if path is None:
+                path = local.token_path(control.endpoint)
             token = local.draw_token(path)
             closing.callback(lambda: local.discard_token(token))
             session = host_session(control.endpoint, token)
@@ -169,7 +180,10 @@ def opened(
     """
     buses: dict[str, Session] = {}
     with contextlib.ExitStack() as closing:
-        for name, mailbox in mailboxes.items() if endpoint is not None else ():
+        if endpoint is None:
+            yield buses
+            return
+        for name, mailbox in mailboxes.items():
             bus = partial(
                 control_bus, name, mailbox, credentials=NO_CREDENTIALS, team=team, mates=mailboxes
             )
@@ -180,8 +194,7 @@ def opened(
                     raise
                 endpoint = free_endpoint()
                 buses[name] = closing.enter_context(bus(Control(endpoint=endpoint)))
-        if endpoint is not None:
-            on_open(endpoint)
+        on_open(endpoint)
         yield buses
 
 
@@ -214,9 +227,9 @@ def join_session(
         return open_session(endpoint, timeout_s=timeout_s, credentials=shown)
     except LinkError as error:
         used = f"there is no token in {path}" if token is None else f"the token in {path} was shown"
-        there = f"no session within {timeout_s:g} s: no daemon is there, or it does not let us in ({used})"
+        silence = f"no session within {timeout_s:g} s: no daemon is there, or it does not let us in ({used})"
         mend = "is `guidance run` running, by the same user? --token-file says where another daemon's token lies"
-        raise LinkError(f"control {endpoint}: {there}; {mend}") from error
+        raise LinkError(f"control {endpoint}: {silence}; {mend}") from error
 
 
 def ask(
@@ -252,7 +265,8 @@ def ask(
         if len(names) > 1:
             raise ConfigError(f"--name: which vehicle? daemons at {endpoint}: {', '.join(names)}")
         name = names[0]
-    if not (answered := answers(session, name, order, timeout_s, by)):
+    answered = answers(session, name, order, timeout_s, by)
+    if not answered:
         raise LinkError(
             f"{name} at {endpoint}: no answer within {timeout_s:g} s; is its daemon running?"
         )
@@ -305,8 +319,9 @@ def _team_answers(
 ) -> dict[str, Answer]:
     """Return an answer for each vehicle of a team, or for each of `names`, sorted; some may say "not heard"."""
     heard = dict[str, Answer]()
-    for key in names or "*":
-        for answer in replies(session, key, order, timeout_s, by, team):
+    asked = names if names else ("*",)
+    for name in asked:
+        for answer in replies(session, name, order, timeout_s, by, team):
             heard.setdefault(answer["name"], answer)
     if not heard:
         raise LinkError(f"--team {team}: no vehicle of it answers; is `guidance run` running?")
@@ -316,10 +331,9 @@ def _team_answers(
         for answer in heard.values():
             listed = filter(is_vehicle_name, answer.get("vehicles", ()))
             expected |= {answer["name"], *listed}
+    silence = f"no answer in {timeout_s:g} s"
     return {
-        name: heard[name]
-        if name in heard
-        else refused(name, order, "not heard", f"no answer in {timeout_s:g} s")
+        name: heard.get(name, refused(name, order, "not heard", silence))
         for name in sorted(expected)[:_MAX_VEHICLES]
     }
 

@@ -111,7 +111,8 @@ def draw_token(path: Path) -> ControlToken:
     with writing(f"control.token_file = {str(path)!r}"):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         _check_folder(path.parent, {os.getuid(), 0})
-        if path.exists() and not _is_private(path) and (kept := read_token(path)) is not None:
+        kept = read_token(path) if path.exists() and not _is_private(path) else None
+        if kept is not None:
             return kept
         token = ControlToken(path.with_name(f".{path.name}.{os.getpid()}"), secrets.token_hex(32))
         private_file(token.path).write_text(f"{USER}:{token.secret}\n", encoding="ascii")
@@ -202,7 +203,8 @@ def ask_here(
     if data is None:
         return None
     reply = _opened(data, endpoint)
-    return read_reply(data, str(reply.get("name", name or "the daemon")), order)
+    unnamed = "the daemon" if name is None else name
+    return read_reply(data, str(reply.get("name", unnamed)), order)
 
 
 def ask_team_here(

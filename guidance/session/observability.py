@@ -121,7 +121,10 @@ class Log(Logger, logging.Handler):
             if self._live
             else contextlib.nullcontext()
         ):
-            while (record := self._waiting.get()) is not None:
+            while True:
+                record = self._waiting.get()
+                if record is None:
+                    return
                 with contextlib.suppress(OSError, ValueError):  # a terminal that was closed
                     self._console.print(self._line_of(record, getattr(record, "fields", {})))
 
@@ -153,14 +156,14 @@ def say_outputs(log: Logger, outputs: Outputs) -> None:
         log.say(logging.WARNING, str(outputs.alarm.violation), by=outputs.alarm.by or "-")
     if outputs.fault is not None:
         log.say(logging.ERROR, "an error of guidance itself", error=outputs.fault)
-    for one in outputs.happenings:
-        level = (
-            logging.WARNING
-            if one.event in _SEVERE and one.after is not one.before
-            else logging.INFO
-        )
+    for happening in outputs.happenings:
+        changes = happening.after is not happening.before
         log.say(
-            level, str(one.event), before=one.before, state=one.after, now_s=round(one.now_s, 3)
+            logging.WARNING if happening.event in _SEVERE and changes else logging.INFO,
+            str(happening.event),
+            before=happening.before,
+            state=happening.after,
+            now_s=round(happening.now_s, 3),
         )
 
 
@@ -270,8 +273,9 @@ class Metrics:
             self.happened(str(happening.event))
         if outputs.alarm is not None:
             self._alarms.labels(self._name, str(outputs.alarm.violation)).inc()
-        for limit in () if outputs.certificate is None else outputs.certificate.active_limits:
-            self._acted.labels(self._name, limit).inc()
+        if outputs.certificate is not None:
+            for limit in outputs.certificate.active_limits:
+                self._acted.labels(self._name, limit).inc()
 
     def show(
         self,

@@ -72,11 +72,13 @@ class Mailbox:
     def ask(self, order: str, by: str = "", authority: Authority = Authority.OPERATOR) -> Question:
         """Put an order or a query to the loop. It is answered at once if the queue is full or no loop runs yet."""
         question = Question(order, by, authority)
-        if (meanwhile := self.meanwhile) is not None:
+        meanwhile = self.meanwhile
+        if meanwhile is not None:
             question.set_result(meanwhile(order))
             return question
         try:
-            (self._queries if order in QUERIES else self._orders).put_nowait(question)
+            waiting = self._queries if order in QUERIES else self._orders
+            waiting.put_nowait(question)
         except queue.Full:
             reason = "too many wait already; does the loop run?"
             question.set_result({"accepted": False, "order": order, "reason": reason})
@@ -92,11 +94,9 @@ class Mailbox:
 
     def take(self) -> tuple[Sequence[Question], Sequence[Question]]:
         """Take all orders and all queries that wait, each oldest first."""
-        orders = self._orders
-        queries = self._queries
-        return [orders.get() for _ in range(orders.qsize())], [
-            queries.get() for _ in range(queries.qsize())
-        ]
+        orders = [self._orders.get() for _ in range(self._orders.qsize())]
+        queries = [self._queries.get() for _ in range(self._queries.qsize())]
+        return orders, queries
 
 
 def startup_answers(
@@ -112,22 +112,24 @@ def startup_answers(
     """
     since_s = clock.now_s()
 
-    def answer(order: str) -> Answer:
+    def answer_of(order: str) -> Answer:
         waited_s = round(clock.now_s() - since_s, 1)
-        shown: dict[str, Any] = {
+        answer: dict[str, Any] = {
             "order": order,
             "name": name,
             "state": "waiting",
             "waiting_for": waiting_for,
+            "waited_s": waited_s,
+            "connect_timeout_s": limit_s,
+            "accepted": order == STATUS,
         }
-        shown |= {"waited_s": waited_s, "connect_timeout_s": limit_s, "accepted": order == STATUS}
         if order not in WORDS:
-            shown["reason"] = f"order = {order!r}: allowed are {', '.join(WORDS)}"
+            answer["reason"] = f"order = {order!r}: allowed are {', '.join(WORDS)}"
         elif order != STATUS:
-            shown["reason"] = f"waiting for {waiting_for}, {waited_s:g} s so far"
-        return shown
+            answer["reason"] = f"waiting for {waiting_for}, {waited_s:g} s so far"
+        return answer
 
-    return answer
+    return answer_of
 
 
 class ShutdownHandover:
@@ -232,7 +234,9 @@ class Engaging:
         """Names of what keeps a pilot's switch to the guided mode from engaging."""
         if not self._for_a_pilot:
             return ()
-        return ("parameters read again",) if self._to_pilot is None else self._to_pilot
+        if self._to_pilot is None:
+            return ("parameters read again",)
+        return self._to_pilot
 
     def _read(self, now_s: float) -> None:
         if self.asked_s is not None:

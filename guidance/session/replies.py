@@ -70,7 +70,9 @@ def _record(needed: Mapping[str, Check], optional: Mapping[str, Check] | None = 
     def checked(value: object) -> bool:
         if not isinstance(value, dict) or not needed.keys() <= value.keys():
             return False
-        checks = {**needed, **(optional or {})}
+        checks = dict(needed)
+        if optional is not None:
+            checks.update(optional)
         return all(checks[name](part) for name, part in value.items() if name in checks)
 
     return checked
