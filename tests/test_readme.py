@@ -61,6 +61,18 @@ def test_every_file_and_picture_it_names_is_there():
     assert missing == []
 
 
+def test_every_row_of_its_safety_table_names_a_test_that_exists():
+    table = README.partition("| what happens | who notices |")[2].partition("\n\n")[0]
+    rows = re.findall(r"^\| ([^|]+?) \|", table, re.MULTILINE)
+    assert len(rows) > 10
+    page = (ROOT / "docs" / "explanation" / "when-things-fail.md").read_text(encoding="utf-8")
+    tested = re.findall(r"^\| ([^|`]+) \| `(tests/[^`]+)` \| `(test_\w+)` \|$", page, re.MULTILINE)
+    for row in rows:
+        assert any(row.startswith(promise) for promise, _, _ in tested), row
+    for promise, file, test in tested:
+        assert f"def {test}(" in (ROOT / file).read_text(encoding="utf-8"), promise
+
+
 def test_every_section_it_points_to_is_there():
     sections = {
         title.lower().replace(" ", "-") for title in re.findall(r"^## (.+)$", README, re.MULTILINE)
