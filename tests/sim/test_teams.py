@@ -263,14 +263,13 @@ def test_a_team_defends_the_targets_shape_and_promises_what_one_pursuer_would():
 
 
 def test_the_distance_that_a_team_promises_and_takes_is_that_of_the_shape():
-    target = {"position_m": [0.0, 0.0], "radius_m": 5.0}
-    for wide, row in (
-        (False, play_teams([built()])[0][0]),
-        (True, play_teams([built(target=target)])[0][0]),
-    ):
+    round_target = {"position_m": [0.0, 0.0], "radius_m": 5.0}
+    point = play_teams([built()])[0][0]
+    disc = play_teams([built(target=round_target)])[0][0]
+    for row in (point, disc):
         assert row.end == "captured"
         assert row.evader_to_target_m == pytest.approx(row.predicted, abs=0.05)
-        assert (row.predicted < 3.0) == wide
+    assert disc.predicted == pytest.approx(point.predicted - 5.0, abs=1e-9)
 
 
 def test_two_scenarios_that_differ_in_their_targets_shape_are_played_each_by_itself():

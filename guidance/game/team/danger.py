@@ -21,10 +21,10 @@ from guidance.game.tad import guard_time
 TRIED = 33
 """Points of a piece that are tried first."""
 
-CLOSER = 17
+CLOSER = 33
 """Points between both neighbours of the best one, in each further round."""
 
-ROUNDS = 7
+ROUNDS = 5
 """Rounds: the point is found to 1e-8 of its piece, the least margin to the square of that."""
 
 ON_THE_LINE = 1e-9
@@ -64,6 +64,8 @@ class Pieces(NamedTuple):
     def at(self, angle: Array) -> Plane:
         """Return the points at some angles, (p, k, ...), from the target's position, m."""
         position = np.clip(self.foot + self.apart * np.tan(angle), 0.0, self.length)
+        if not self.radius.any():
+            return plus2(self.begin, position, self.along)
         position = np.where(self.radius > 0.0, 0.0, position)
         straight = plus2(self.begin, position, self.along)
         return straight[0] + self.radius * np.cos(angle), straight[1] + self.radius * np.sin(angle)

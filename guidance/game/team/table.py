@@ -20,9 +20,16 @@ from guidance.game.extent import Extent, to_set
 from guidance.game.game import Ball, Game, StandOff
 from guidance.game.pe import Geometry, fly_to, take_apart
 from guidance.game.records import is_zero
-from guidance.game.rows import fitting
+from guidance.game.rows import fitting, simplified
 from guidance.game.solution import Solution, solve
-from guidance.game.team.arguments import Games, in_play_of, joined, pair_axes, vectors
+from guidance.game.team.arguments import (
+    Games,
+    TeamGame,
+    in_play_of,
+    joined,
+    pair_axes,
+    vectors,
+)
 from guidance.game.team.regions import (
     Edge,
     Point,
@@ -361,6 +368,8 @@ def table_of(
     def spread(value: Array, *axes: int) -> Array:
         return np.broadcast_to(value, (*shape, *axes)).reshape((b, *axes))
 
+    # Numbers that all pairs share are taken as one, which spares arrays
+    team = TeamGame(simplified(team.game), team.plays)
     team = team.rows(lambda value: spread(value, n, m).swapaxes(1, 2))
     P = spread(P, n, 3)
     E = spread(E, m, 3)
