@@ -96,12 +96,13 @@ class Measurement(NamedTuple):
 
     def is_usable(self) -> bool:
         """Return whether all numbers, including the spreads, are finite and of a possible size."""
-        size = math.hypot(*self[:2], *self.position_ned_m, *(self.velocity_ned_m_s or ()))
-        fits = (
-            _LEAST_SD <= self.position_sd_m <= _LARGEST_SD
-            and _LEAST_SD <= self.velocity_sd_m_s <= _LARGEST_SD
-        )
-        return fits and size < _LARGEST
+        numbers = [self.time_s, self.received_s, *self.position_ned_m]
+        if self.velocity_ned_m_s is not None:
+            numbers += self.velocity_ned_m_s
+        if not math.hypot(*numbers) < _LARGEST:  # NaN fails this too
+            return False
+        spreads = (self.position_sd_m, self.velocity_sd_m_s)
+        return all(_LEAST_SD <= spread <= _LARGEST_SD for spread in spreads)
 
     def plane(self) -> tuple[Sequence[float], Sequence[float]]:
         """Return the measured values in the plane, (2,) or with velocity (4,), and their variances."""
@@ -132,23 +133,27 @@ def measure(
         clock: The sender's; None before the first report with a time.
         settings: For missing spreads.
     """
-    place_ned_m = frame.ned_from_wgs84(
-        report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)
-    )
+    altitude = Amsl(report.altitude_amsl_m)
+    position_ned_m = frame.ned_from_wgs84(report.latitude_deg, report.longitude_deg, altitude)
+    time_s = report.received_s
+    if clock is not None and not math.isnan(report.sent_s):
+        time_s = clock.ours(report.sent_s)
+    velocity_ned_m_s = None
+    if not any(map(math.isnan, report.velocity_ned_m_s)):
+        velocity_ned_m_s = report.velocity_ned_m_s
     return Measurement(
-        report.received_s
-        if clock is None or math.isnan(report.sent_s)
-        else clock.ours(report.sent_s),
+        time_s,
         report.received_s,
-        difference(place_ned_m, shift_ned_m),
-        None if any(map(math.isnan, report.velocity_ned_m_s)) else report.velocity_ned_m_s,
-        max(_LEAST_SD, report.position_sd_m)
-        if report.position_sd_m > 0.0
-        else settings.position_sd_m,
-        max(_LEAST_SD, report.velocity_sd_m_s)
-        if report.velocity_sd_m_s > 0.0
-        else settings.velocity_sd_m_s,
+        difference(position_ned_m, shift_ned_m),
+        velocity_ned_m_s,
+        _spread(report.position_sd_m, settings.position_sd_m),
+        _spread(report.velocity_sd_m_s, settings.velocity_sd_m_s),
     )
+
+
+def _spread(reported: float, default: float) -> float:
+    """Return a reported standard deviation, not below a centimetre; the default if there is none."""
+    return max(_LEAST_SD, reported) if reported > 0.0 else default
 
 
 class ClockOffset(NamedTuple):
@@ -189,8 +194,9 @@ def hear(clock: ClockOffset | None, sent_s: float, received_s: float) -> ClockOf
         return clock
     if clock is None:
         return ClockOffset(sample_s, received_s)
-    believed = clock.measured and received_s - clock.synced_s <= _BELIEVED_S
-    grown_s = clock.offset_s + (0.0 if believed else _DRIFT * max(0.0, received_s - clock.at_s))
+    grown_s = clock.offset_s
+    if not clock.measured or received_s - clock.synced_s > _BELIEVED_S:
+        grown_s += _DRIFT * max(0.0, received_s - clock.at_s)
     if abs(sample_s - grown_s) > _STEP_S:
         return _suspect(clock, sample_s, received_s)
     offset_s = min(grown_s, sample_s)
@@ -228,11 +234,9 @@ def _suspect(clock: ClockOffset, sample_s: float, received_s: float) -> ClockOff
         return clock._replace(
             candidate_s=sample_s, candidate_since_s=received_s, candidate_reports=1
         )
-    agreed = clock._replace(
-        candidate_s=min(sample_s, clock.candidate_s), candidate_reports=clock.candidate_reports + 1
-    )
-    lasting = (
-        received_s - clock.candidate_since_s >= _LASTING_S
-        and agreed.candidate_reports >= _LASTING_REPORTS
-    )
-    return ClockOffset(agreed.candidate_s, received_s) if lasting else agreed
+    candidate_s = min(sample_s, clock.candidate_s)
+    reports = clock.candidate_reports + 1
+    lasted_s = received_s - clock.candidate_since_s
+    if lasted_s >= _LASTING_S and reports >= _LASTING_REPORTS:
+        return ClockOffset(candidate_s, received_s)
+    return clock._replace(candidate_s=candidate_s, candidate_reports=reports)

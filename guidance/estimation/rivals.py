@@ -85,48 +85,48 @@ class Rivals(NamedTuple):
         return now_s - self.seen_s <= LASTS_S
 
 
-def listen(rivals: Rivals, one: Report, settings: TrackSettings) -> Rivals:
+def listen(rivals: Rivals, report: Report, settings: TrackSettings) -> Rivals:
     """Add one report and judge. Two reports agree if one evader of twice the declared speed can reach both places."""
-    now_s = one.told.received_s
-    recent = (*rivals.recent[-_MAX_REPORTS + 1 :], one)
-    odd_s = now_s if _is_odd(recent[-2:][0], one) else rivals.odd_s
+    now_s = report.told.received_s
+    recent = (*rivals.recent[-_MAX_REPORTS + 1 :], report)
+    odd_s = now_s if _is_odd(recent[-2:][0], report) else rivals.odd_s
     since_s = now_s if math.isnan(rivals.since_s) else rivals.since_s
     if now_s - rivals.judged_s < _JUDGE_EVERY_S:
         return rivals._replace(recent=recent, odd_s=odd_s)
-    recent = tuple([each for each in recent if now_s - each.told.received_s <= _WINDOW_S])
+    recent = tuple([past for past in recent if now_s - past.told.received_s <= _WINDOW_S])
     learning = now_s - since_s <= _RATE_LEARNED_S
     usual = max(rivals.usual, len(_untimed(recent, now_s))) if learning else rivals.usual
     rivals = Rivals(recent, now_s, since_s, usual, odd_s, rivals.seen_s, rivals.why)
     if now_s - odd_s > _WINDOW_S:
         return rivals
-    why = next((sign for sign, shows in _SIGNS.items() if shows(rivals, now_s, settings)), None)
-    return rivals if why is None else rivals._replace(seen_s=now_s, why=why)
+    for sign, shows in _SIGNS.items():
+        if shows(rivals, now_s, settings):
+            return rivals._replace(seen_s=now_s, why=sign)
+    return rivals
 
 
-def _is_odd(before: Report, one: Report) -> bool:
+def _is_odd(before: Report, report: Report) -> bool:
     """Return whether a report, after the one before it, can count as a sign of a second source."""
-    told = one.told
-    last = before.told
-    strange = (
-        one.fits is False
-        or abs(told.received_s - one.measured.time_s) > _CLOCKS_APART_S
-        or bool(told.impostors)
-    )
-    return strange or math.isnan(told.sent_s) or told.peer != last.peer or _contradict(last, told)
+    told = report.told
+    if report.fits is False or told.impostors or math.isnan(told.sent_s):
+        return True
+    if abs(told.received_s - report.measured.time_s) > _CLOCKS_APART_S:
+        return True
+    return told.peer != before.told.peer or _contradict(before.told, told)
 
 
 def _in_place(recent: Sequence[Report], settings: TrackSettings) -> bool:
-    if sum(one.fits is False for one in recent) <= _TURNS:
+    if sum(report.fits is False for report in recent) <= _TURNS:
         return False
-    ordered = sorted(
-        (one for one in recent if one.fits is not None), key=lambda one: one.measured.time_s
-    )
+    placed = [report for report in recent if report.fits is not None]
+    ordered = sorted(placed, key=lambda report: report.measured.time_s)
     speed_m_s = 2.0 * settings.declared_speed_m_s
     margin_m = settings.reach_m
     noise_m = _NOISE_SIGMAS * math.hypot(settings.position_sd_m, settings.position_sd_m)
-    strangers = [one for one in ordered if not one.fits]
+    strangers = [report for report in ordered if not report.fits]
     agreeing = sum(
-        _can_follow(one, other, speed_m_s, margin_m) for one, other in itertools.pairwise(strangers)
+        _can_follow(earlier, later, speed_m_s, margin_m)
+        for earlier, later in itertools.pairwise(strangers)
     )
     return agreeing >= _TURNS and _leaps(ordered, speed_m_s, noise_m) >= _TURNS
 
@@ -134,61 +134,63 @@ def _in_place(recent: Sequence[Report], settings: TrackSettings) -> bool:
 def _leaps(ordered: Sequence[Report], speed_m_s: float, noise_m: float) -> int:
     """Count changes to reports that do not fit and back, with an impossible step in at least one direction."""
     leaps = 0
-    out = None
-    for one, other in itertools.pairwise(ordered):
-        if one.fits and not other.fits:
-            out = not _can_follow(one, other, speed_m_s, noise_m)
-        elif other.fits and not one.fits and out is not None:
-            leaps += out or not _can_follow(one, other, speed_m_s, noise_m)
+    leapt_away = None
+    for earlier, later in itertools.pairwise(ordered):
+        reachable = _can_follow(earlier, later, speed_m_s, noise_m)
+        if earlier.fits and not later.fits:
+            leapt_away = not reachable
+        elif later.fits and not earlier.fits and leapt_away is not None:
+            leaps += leapt_away or not reachable
     return leaps
 
 
-def _can_follow(one: Report, other: Report, speed_m_s: float, margin_m: float) -> bool:
-    far_m = math.dist(one.measured.position_ned_m[:2], other.measured.position_ned_m[:2])
-    return far_m <= margin_m + speed_m_s * (other.measured.time_s - one.measured.time_s)
+def _can_follow(earlier: Report, later: Report, speed_m_s: float, margin_m: float) -> bool:
+    before = earlier.measured
+    after = later.measured
+    distance_m = math.dist(before.position_ned_m[:2], after.position_ned_m[:2])
+    return distance_m <= margin_m + speed_m_s * (after.time_s - before.time_s)
 
 
 def _in_clock(recent: Sequence[Report]) -> bool:
-    ages_s = (one.told.received_s - one.measured.time_s for one in recent)
-    runs = [
-        apart for apart, _ in itertools.groupby(abs(age_s) > _CLOCKS_APART_S for age_s in ages_s)
-    ]
+    ages_s = [report.told.received_s - report.measured.time_s for report in recent]
+    are_apart = [abs(age_s) > _CLOCKS_APART_S for age_s in ages_s]
+    runs = [is_apart for is_apart, _ in itertools.groupby(are_apart)]
     return sum(runs[1:-1]) >= _TURNS
 
 
 def _in_sequence(recent: Sequence[Report]) -> bool:
-    if len({one.told.sequence for one in recent}) < 2:
+    if len({report.told.sequence for report in recent}) < 2:
         return False  # the sender does not count
-    return (
-        sum(_contradict(one.told, other.told) for one, other in itertools.pairwise(recent))
-        >= _CONTRADICTIONS
+    contradictions = sum(
+        _contradict(earlier.told, later.told) for earlier, later in itertools.pairwise(recent)
     )
+    return contradictions >= _CONTRADICTIONS
 
 
-def _contradict(one: EvaderReport, other: EvaderReport) -> bool:
+def _contradict(first: EvaderReport, second: EvaderReport) -> bool:
     """Return whether frame number and time of two close reports change in opposite directions."""
-    if one.sequence is None or other.sequence is None:
+    if first.sequence is None or second.sequence is None:
         return False
-    later_s = other.sent_s - one.sent_s
-    if not (other.received_s - one.received_s <= _CLOSE_S and abs(later_s) <= _CLOSE_S):
+    later_s = second.sent_s - first.sent_s
+    if not (second.received_s - first.received_s <= _CLOSE_S and abs(later_s) <= _CLOSE_S):
         return False
-    on = (other.sequence - one.sequence) % 256
+    frames = (second.sequence - first.sequence) % 256
     if abs(later_s) < _SAME_S:
-        return on == 0 and (other.latitude_deg, other.longitude_deg) != (
-            one.latitude_deg,
-            one.longitude_deg,
-        )
-    return on == 0 or (on < 128) is not (later_s > 0.0)
+        first_deg = (first.latitude_deg, first.longitude_deg)
+        second_deg = (second.latitude_deg, second.longitude_deg)
+        return frames == 0 and first_deg != second_deg
+    return frames == 0 or (frames < 128) is not (later_s > 0.0)
 
 
 def _in_sender(recent: Sequence[Report], now_s: float) -> bool:
     """Return whether the sender changes to and fro; a sender that restarts changes once."""
-    lately = [one.told for one in recent if now_s - one.told.received_s <= _SENDER_WINDOW_S]
+    reports = [past.told for past in recent if now_s - past.told.received_s <= _SENDER_WINDOW_S]
     changes = sum(
-        bool(one.peer and other.peer and one.peer != other.peer)
-        for one, other in itertools.pairwise(lately)
+        bool(earlier.peer and later.peer and earlier.peer != later.peer)
+        for earlier, later in itertools.pairwise(reports)
     )
-    return changes >= _SENDER_CHANGES or sum(bool(one.impostors) for one in lately) >= _TURNS
+    beside_others = sum(bool(report.impostors) for report in reports)
+    return changes >= _SENDER_CHANGES or beside_others >= _TURNS
 
 
 def _untimed(recent: Sequence[Report], now_s: float) -> list[float]:

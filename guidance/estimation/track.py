@@ -90,8 +90,9 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
     if estimate is None:
         return _begun(track, measurement, settings)
     if measurement.received_s - estimate.received_s > settings.silence_s:
-        anew = _begun(track, measurement, settings)
-        return _begun_anew(track, replace(anew, outcome=ReportOutcome.REACQUIRED), settings)
+        restarted = _begun(track, measurement, settings)
+        reacquired = replace(restarted, outcome=ReportOutcome.REACQUIRED)
+        return _begun_anew(track, reacquired, settings)
 
     earlier = len(track.history)
     while track.history[earlier - 1].measurement.time_s > measurement.time_s:
@@ -100,12 +101,13 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
     if taken is None:
         return _outlier(track, measurement, settings)
     history = (*track.history[:earlier], Accepted(measurement, taken))
-    for one in track.history[earlier:]:  # again, without those that no longer fit
-        if (again := _take(history[-1].estimate, one.measurement, settings)) is not None:
-            history = (*history, Accepted(one.measurement, again))
+    for later in track.history[earlier:]:  # again, without those that no longer fit
+        corrected = _take(history[-1].estimate, later.measurement, settings)
+        if corrected is not None:
+            history = (*history, Accepted(later.measurement, corrected))
     outcome = ReportOutcome.REORDERED if earlier < len(track.history) else ReportOutcome.ACCEPTED
     oldest_s = history[-1].measurement.time_s - settings.history_s
-    recent = tuple([one for one in history if one.measurement.time_s >= oldest_s])
+    recent = tuple([report for report in history if report.measurement.time_s >= oldest_s])
     return _anchored(replace(track, history=recent, rival=None, outcome=outcome), settings)
 
 
@@ -115,8 +117,12 @@ def _anchored(track: Track, settings: TrackSettings) -> Track:
     anchors = track.anchors
     if estimate is None or (anchors and estimate.time_s - anchors[-1].time_s < _ANCHOR_EVERY_S):
         return track
-    kept = tuple(one for one in anchors if estimate.time_s - one.time_s <= settings.history_s)
-    return replace(track, anchors=(*(kept or anchors[-1:]), estimate))
+    recent = tuple(
+        anchor for anchor in anchors if estimate.time_s - anchor.time_s <= settings.history_s
+    )
+    if not recent:
+        recent = anchors[-1:]
+    return replace(track, anchors=(*recent, estimate))
 
 
 def _is_within(way_m: float, estimate: Estimate, measurement: Measurement) -> bool:
@@ -146,8 +152,8 @@ def _refusal(
 
 
 def _repetition(track: Track, measurement: Measurement) -> ReportOutcome | None:
-    for one in reversed(track.history):
-        since_s = measurement.time_s - one.measurement.time_s
+    for accepted in reversed(track.history):
+        since_s = measurement.time_s - accepted.measurement.time_s
         if abs(since_s) < _SAME_TIME_S:
             return ReportOutcome.DUPLICATE
         if since_s > 0.0:
@@ -201,23 +207,22 @@ def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) ->
     lasting_s = rival.history[-1].measurement.time_s - rival.history[0].measurement.time_s
     if len(rival.history) < settings.jump_reports and lasting_s < settings.jump_s:
         return replace(track, rival=rival, outcome=ReportOutcome.OUTLIER)
-    anew = replace(track, history=rival.history, rival=None, outcome=ReportOutcome.JUMPED)
-    return _begun_anew(replace(track, rival=rival), anew, settings)
+    restarted = replace(track, history=rival.history, rival=None, outcome=ReportOutcome.JUMPED)
+    return _begun_anew(replace(track, rival=rival), restarted, settings)
 
 
-def _begun_anew(track: Track, anew: Track, settings: TrackSettings) -> Track:
+def _begun_anew(track: Track, restarted: Track, settings: TrackSettings) -> Track:
     """Return the new track if the evader can have reached it since the last estimate, at its declared speed.
 
     Else keep the old one.
     """
     estimate = track.estimate
-    measurement = anew.history[-1].measurement
+    measurement = restarted.history[-1].measurement
     if estimate is not None:
         moved = advance(estimate, measurement.time_s, settings)
         spread_m = _JUMP_SIGMAS * math.hypot(settings.position_sd_m, measurement.position_sd_m)
-        way_m = settings.jump_m_s * max(0.0, measurement.time_s - estimate.time_s) + max(
-            settings.reach_m, spread_m
-        )
+        moved_m = settings.jump_m_s * max(0.0, measurement.time_s - estimate.time_s)
+        way_m = moved_m + max(settings.reach_m, spread_m)
         if not _is_within(way_m, moved, measurement):
             return replace(track, outcome=ReportOutcome.TOO_FAR)
-    return _anchored(anew, settings)
+    return _anchored(restarted, settings)

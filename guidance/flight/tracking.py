@@ -53,21 +53,22 @@ class Tracking:
         sigmas = settings.cycle.speed_sigmas
         speeds = {"": declared_m_s, **settings.evaders}
         self._free = {
-            name: TrackSettings(declared_speed_m_s=own, sigmas=sigmas)
-            for name, own in speeds.items()
+            name: TrackSettings(declared_speed_m_s=speed_m_s, sigmas=sigmas)
+            for name, speed_m_s in speeds.items()
         }
         # A wrong declaration is tolerated up to the pursuer's speed; a faster evader is no game.
         way_m_s = max(declared_m_s, settings.cycle.game.pursuer.horizontal_m_s)
         self._bounded = {
-            name: replace(one, jump_m_s=declared_m_s, way_m_s=way_m_s)
-            for name, one in self._free.items()
+            name: replace(track, jump_m_s=declared_m_s, way_m_s=way_m_s)
+            for name, track in self._free.items()
         }
         self._observers: dict[str, Observer] = {}
         self._dropped: dict[str, Counter[str]] = {}
         self._reported_s: dict[str, float] = {}
         self.news: list[str] = []
         self.refused: dict[str, str] = {}
-        self._told: tuple[Message | None, Message | None, LocalFrame | None] = (None, None, None)
+        self._reported: tuple[Message | None, Message | None] = (None, None)
+        self._reported_frame: LocalFrame | None = None
         self._jumped_ned_m = NOWHERE
         self._home: Home | None = None
         self.held_back_ned_m = NOWHERE
@@ -117,7 +118,8 @@ class Tracking:
             counts[str(outcome)] += 1
         called = f"evader {name}" if name else "evader"
         if after.pace.usable is not before.pace.usable:
-            self.news.append(f"{called}: {_pace_words(after) or 'its stamps are used again'}")
+            words = "its stamps are used again" if after.pace.usable else _pace_words(after)
+            self.news.append(f"{called}: {words}")
         if after.velocity_check.believed is not before.velocity_check.believed:
             self.news.append(
                 f"{called}: {_velocity_words(after) or 'its velocities are used again'}"
@@ -127,44 +129,47 @@ class Tracking:
         """Return the frame about the accepted origin; None until the vehicle has reported one."""
         home = vehicle.latest.get(Home)
         origin = vehicle.latest.get(Origin)
-        told = self._told[2]
-        if (home, origin) != self._told[:2]:  # only a new report is computed
-            told = local_frame(vehicle, self._settings.autopilot.projection)
-            # Heights above home may change; the frame is the same.
-            told = None if told is None else replace(told, home=None)
-            self._told = home, origin, told
-        held = self.local_frame
-        if told is None:
-            return held
+        if (home, origin) != self._reported:  # only a new report is computed
+            self._reported = (home, origin)
+            self._reported_frame = local_frame(vehicle, self._settings.autopilot.projection)
+            if self._reported_frame is not None:
+                # Heights above home may change; the frame is the same.
+                self._reported_frame = replace(self._reported_frame, home=None)
+        reported = self._reported_frame
+        before = self.local_frame
+        if reported is None:
+            return before
         if vehicle.jumped_ned_m != self._jumped_ned_m:
             jump = difference(total(self.held_back_ned_m, vehicle.jumped_ned_m), self._jumped_ned_m)
             self._jumped_ned_m = vehicle.jumped_ned_m
             self.held_back_ned_m = jump
-        if held is None or (
-            told is not held and told != held and math.hypot(*told.ned_in(held, NOWHERE)) <= _SAME_M
-        ):
-            held = told
-        if told != held or self.held_back_ned_m != NOWHERE:
-            return self._judged(held, told, vehicle)
-        return held
+        if before is None or _is_same(before, reported):
+            before = reported
+        if reported != before or self.held_back_ned_m != NOWHERE:
+            return self._judged(before, reported, vehicle)
+        return before
 
-    def _judged(self, held: LocalFrame, told: LocalFrame, vehicle: VehicleState) -> LocalFrame:
+    def _judged(
+        self, before: LocalFrame, reported: LocalFrame, vehicle: VehicleState
+    ) -> LocalFrame:
         """Choose between the old origin, the reported one, and the one that explains the jump."""
-        place = vehicle.latest.get(GlobalPosition)
+        position = vehicle.latest.get(GlobalPosition)
         local = vehicle.latest.get(LocalPosition)
-        if place is None or local is None or local.received_s - place.received_s > _JUDGE_AGE_S:
+        if position is None or local is None:
             self.held_back_ned_m = NOWHERE
-            return told
-        if place.time_boot_s < vehicle.jumped_boot_s:
-            return held  # older than the jump
+            return reported
+        if local.received_s - position.received_s > _JUDGE_AGE_S:
+            self.held_back_ned_m = NOWHERE
+            return reported
+        if position.time_boot_s < vehicle.jumped_boot_s:
+            return before  # older than the jump
         north, east, down = self.held_back_ned_m
-        latitude_deg, longitude_deg, altitude = held.wgs84_from_ned((-north, -east, -down))
+        latitude_deg, longitude_deg, altitude = before.wgs84_from_ned((-north, -east, -down))
         jumped = replace(
-            held, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude
+            before, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude
         )
-        possible = (held, told, jumped)
         self.held_back_ned_m = NOWHERE
-        return min(possible, key=lambda frame: _apart_m(frame, place, local))
+        return min((before, reported, jumped), key=lambda frame: _apart_m(frame, position, local))
 
     def rival(self, now_s: float) -> str:
         """Return the evidence of a second source of evader reports; empty if there is none."""
@@ -221,7 +226,8 @@ class Tracking:
         """Return the estimate of an evader, by default the game's, at `now_s`; None before the first report."""
         name = self.playing if evader is None else evader
         observer = self._observers.get(name, _UNHEARD)
-        if (last := observer.track.estimate) is None:
+        last = observer.track.estimate
+        if last is None:
             return None
         return predict(
             last, observer.shift_ned_m, now_s, self._bounded.get(name, self._bounded[""])
@@ -261,14 +267,20 @@ def _velocity_words(observer: Observer) -> str:
     )
 
 
-def _apart_m(frame: LocalFrame, place: GlobalPosition, local: LocalPosition) -> float:
+def _is_same(before: LocalFrame, reported: LocalFrame) -> bool:
+    """Return whether a reported frame replaces the one before: a rounded origin, say."""
+    if reported is before or reported == before:
+        return False
+    return math.hypot(*reported.ned_in(before, NOWHERE)) <= _SAME_M
+
+
+def _apart_m(frame: LocalFrame, position: GlobalPosition, local: LocalPosition) -> float:
     """Distance between the vehicle's local and global positions in this frame."""
-    step_s = place.time_boot_s - local.time_boot_s
-    then = [
-        at + step_s * rate
-        for at, rate in zip(local.position_ned_m, local.velocity_ned_m_s, strict=True)
+    step_s = position.time_boot_s - local.time_boot_s
+    advanced_ned_m = [
+        metres + step_s * rate
+        for metres, rate in zip(local.position_ned_m, local.velocity_ned_m_s, strict=True)
     ]
-    return math.dist(
-        then,
-        frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, Amsl(place.altitude_amsl_m)),
-    )
+    altitude = Amsl(position.altitude_amsl_m)
+    measured_ned_m = frame.ned_from_wgs84(position.latitude_deg, position.longitude_deg, altitude)
+    return math.dist(advanced_ned_m, measured_ned_m)

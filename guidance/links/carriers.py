@@ -99,7 +99,7 @@ class Carrier(NamedTuple):
     period_s: float = 2.0**32 / 1e3
 
 
-def _follow_target(zero: Zero, m: Fields, received_s: float) -> EvaderReport:
+def _follow_target(zero: Zero, fields: Fields, received_s: float) -> EvaderReport:
     """Convert FOLLOW_TARGET, which phones, ground stations and beacons send.
 
     * Position: WGS-84 degrees; altitude above mean sea level, metres. QGroundControl on Android sends heights above
@@ -109,17 +109,25 @@ def _follow_target(zero: Zero, m: Fields, received_s: float) -> EvaderReport:
     * Accuracy: `position_cov` carries standard deviations (ground stations fill in "eph, epv"), zero for unknown.
     * Clock: milliseconds since the sender's boot, which wrap at 2^32 since many senders count in 32 bits.
     """
-    place = (*codec.degrees(m.lat, m.lon), zero.amsl_m(m.alt))
-    said = zero.said(m.alt)
-    known = m.est_capabilities == 0 or m.est_capabilities & CAPABILITY_VELOCITY
-    velocity = known_velocity(m.vel) if known and any(m.vel) else UNKNOWN_VELOCITY
-    sd_m = standard_deviation(*(value * abs(value) for value in m.position_cov))
+    position = (*codec.degrees(fields.lat, fields.lon), zero.amsl_m(fields.alt))
+    altitude = zero.said(fields.alt)
+    velocity = UNKNOWN_VELOCITY
+    without_capabilities = fields.est_capabilities == 0
+    if any(fields.vel) and (without_capabilities or fields.est_capabilities & CAPABILITY_VELOCITY):
+        velocity = known_velocity(fields.vel)
+    sd_m = standard_deviation(*(value * abs(value) for value in fields.position_cov))
     return EvaderReport(
-        received_s, m.timestamp % 2**32 / 1e3, m.msgname, *place, velocity, sd_m, said=said
+        received_s,
+        fields.timestamp % 2**32 / 1e3,
+        fields.msgname,
+        *position,
+        velocity,
+        sd_m,
+        said=altitude,
     )
 
 
-def _global_position(zero: Zero, m: Fields, received_s: float) -> EvaderReport:
+def _global_position(zero: Zero, fields: Fields, received_s: float) -> EvaderReport:
     """Convert GLOBAL_POSITION_INT of another vehicle.
 
     * Position: WGS-84 degrees; `alt` above mean sea level unless `zero` says otherwise, millimetres. `relative_alt` is
@@ -127,14 +135,19 @@ def _global_position(zero: Zero, m: Fields, received_s: float) -> EvaderReport:
     * Velocity: north, east, down, cm/s. Always known: zero means at rest.
     * Clock: `time_boot_ms`, which wraps at 2^32.
     """
-    place = (*codec.degrees(m.lat, m.lon), zero.amsl_m(m.alt / 1e3))
-    said = zero.said(m.alt / 1e3)
+    position = (*codec.degrees(fields.lat, fields.lon), zero.amsl_m(fields.alt / 1e3))
+    altitude = zero.said(fields.alt / 1e3)
     return EvaderReport(
-        received_s, m.time_boot_ms / 1e3, m.msgname, *place, codec.velocity_in_cm_s(m), said=said
+        received_s,
+        fields.time_boot_ms / 1e3,
+        fields.msgname,
+        *position,
+        codec.velocity_in_cm_s(fields),
+        said=altitude,
     )
 
 
-def _odometry(frame: LocalFrame, m: Fields, received_s: float) -> EvaderReport:
+def _odometry(frame: LocalFrame, fields: Fields, received_s: float) -> EvaderReport:
     """Convert ODOMETRY, another vehicle's pose in its own local frame; `frame` must have the same origin.
 
     * Position: metres in MAV_FRAME_LOCAL_NED about that origin (the evader's GPS_GLOBAL_ORIGIN, altitude above mean
@@ -143,26 +156,31 @@ def _odometry(frame: LocalFrame, m: Fields, received_s: float) -> EvaderReport:
     * Accuracy: the largest of the three axes' variances, NaN for unknown (MAVLink's NaN or zero).
     * Clock: `time_usec` of the sender, 64 bits.
     """
-    if m.frame_id != mavlink.MAV_FRAME_LOCAL_NED:
+    if fields.frame_id != mavlink.MAV_FRAME_LOCAL_NED:
         raise Refused("frame")
-    place = place_in(frame, (m.x, m.y, m.z))
-    said = AltitudeSaid(-m.z, Datum.ORIGIN)
-    velocity = known_velocity((m.vx, m.vy, m.vz))
-    if m.child_frame_id != mavlink.MAV_FRAME_LOCAL_NED:
-        velocity = (
-            rotate(m.q, velocity)
-            if m.child_frame_id == mavlink.MAV_FRAME_BODY_FRD
-            else UNKNOWN_VELOCITY
-        )
-    sd_m = standard_deviation(*(m.pose_covariance[index] for index in _DIAGONAL))
-    sd_m_s = standard_deviation(*(m.velocity_covariance[index] for index in _DIAGONAL))
+    position = place_in(frame, (fields.x, fields.y, fields.z))
+    altitude = AltitudeSaid(-fields.z, Datum.ORIGIN)
+    velocity = known_velocity((fields.vx, fields.vy, fields.vz))
+    if fields.child_frame_id == mavlink.MAV_FRAME_BODY_FRD:
+        velocity = rotate(fields.q, velocity)
+    elif fields.child_frame_id != mavlink.MAV_FRAME_LOCAL_NED:
+        velocity = UNKNOWN_VELOCITY
+    sd_m = standard_deviation(*(fields.pose_covariance[index] for index in _DIAGONAL))
+    sd_m_s = standard_deviation(*(fields.velocity_covariance[index] for index in _DIAGONAL))
     return EvaderReport(
-        received_s, m.time_usec / 1e6, m.msgname, *place, velocity, sd_m, sd_m_s, said=said
+        received_s,
+        fields.time_usec / 1e6,
+        fields.msgname,
+        *position,
+        velocity,
+        sd_m,
+        sd_m_s,
+        said=altitude,
     )
 
 
 def _adsb(
-    undulation_m: float, icao_address: int | None, m: Fields, received_s: float
+    undulation_m: float, icao_address: int | None, fields: Fields, received_s: float
 ) -> EvaderReport:
     """Convert ADSB_VEHICLE of one aircraft.
 
@@ -171,28 +189,29 @@ def _adsb(
     * Velocity: course over ground and speeds, up positive; known only if the flags say so.
     * Clock: none (`sent_s` is NaN). `tslc` counts whole seconds since the aircraft was received; old ones are refused.
     """
-    for refused, reason in (
-        (m.ICAO_address != icao_address, "other_id"),
-        (m.tslc > OLDEST_S, "old"),
-        (not m.flags & mavlink.ADSB_FLAGS_VALID_COORDS, "position"),
-        (not m.flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE, "altitude"),
+    for is_refused, reason in (
+        (fields.ICAO_address != icao_address, "other_id"),
+        (fields.tslc > OLDEST_S, "old"),
+        (not fields.flags & mavlink.ADSB_FLAGS_VALID_COORDS, "position"),
+        (not fields.flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE, "altitude"),
     ):
-        if refused:
+        if is_refused:
             raise Refused(reason)
-    geometric = m.altitude_type == mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
+    geometric = fields.altitude_type == mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
     zero = Zero(Datum.ELLIPSOID, undulation_m) if geometric else SEA_LEVEL
-    said = zero.said(m.altitude / 1e3)
-    place = (*codec.degrees(m.lat, m.lon), zero.amsl_m(said.altitude_m))
-    known = m.flags & codec.VALID_MOTION == codec.VALID_MOTION
-    velocity = (
-        codec.velocity_over_ground(m.heading, m.hor_velocity, m.ver_velocity)
-        if known
-        else UNKNOWN_VELOCITY
-    )
-    return EvaderReport(received_s, math.nan, m.msgname, *place, velocity, said=said)
+    altitude = zero.said(fields.altitude / 1e3)
+    position = (*codec.degrees(fields.lat, fields.lon), zero.amsl_m(altitude.altitude_m))
+    velocity = UNKNOWN_VELOCITY
+    if fields.flags & codec.VALID_MOTION == codec.VALID_MOTION:
+        velocity = codec.velocity_over_ground(
+            fields.heading, fields.hor_velocity, fields.ver_velocity
+        )
+    return EvaderReport(received_s, math.nan, fields.msgname, *position, velocity, said=altitude)
 
 
-def _open_drone_id(zero: Zero, id_or_mac: str | None, m: Fields, received_s: float) -> EvaderReport:
+def _open_drone_id(
+    zero: Zero, id_or_mac: str | None, fields: Fields, received_s: float
+) -> EvaderReport:
     """Convert OPEN_DRONE_ID_LOCATION: remote identification, about once a second (ASTM F3411).
 
     * Identity: `id_or_mac` (hexadecimal) selects one of the drones that are relayed.
@@ -202,19 +221,24 @@ def _open_drone_id(zero: Zero, id_or_mac: str | None, m: Fields, received_s: flo
     * Accuracy: classes that bound 95 % of the errors; half of the bound is taken as the standard deviation.
     * Clock: seconds of the hour UTC, which wrap at 3600; 0xFFFF for unknown.
     """
-    if id_or_mac is not None and bytes(m.id_or_mac) != bytes.fromhex(id_or_mac).ljust(20, b"\0"):
+    if id_or_mac is not None and bytes(fields.id_or_mac) != bytes.fromhex(id_or_mac).ljust(
+        20, b"\0"
+    ):
         raise Refused("other_id")
-    said = zero.said(m.altitude_geodetic)
-    if not said.altitude_m > UNKNOWN_ALTITUDE_M:
+    altitude = zero.said(fields.altitude_geodetic)
+    if not altitude.altitude_m > UNKNOWN_ALTITUDE_M:
         raise Refused("altitude")
-    place = (*codec.degrees(m.latitude, m.longitude), zero.amsl_m(said.altitude_m))
-    motion = m.direction, m.speed_horizontal, m.speed_vertical
-    known = all(value < unknown for value, unknown in zip(motion, UNKNOWN_MOTION, strict=True))
-    velocity = codec.velocity_over_ground(*motion) if known else UNKNOWN_VELOCITY
-    sent_s = m.timestamp if 0.0 <= m.timestamp <= _HOUR_S else math.nan
-    sd_m = _half(HORIZONTAL_BOUNDS_M, m.horizontal_accuracy)
-    sd_m_s = _half(SPEED_BOUNDS_M_S, m.speed_accuracy)
-    return EvaderReport(received_s, sent_s, m.msgname, *place, velocity, sd_m, sd_m_s, said=said)
+    position = (*codec.degrees(fields.latitude, fields.longitude), zero.amsl_m(altitude.altitude_m))
+    motion = fields.direction, fields.speed_horizontal, fields.speed_vertical
+    velocity = UNKNOWN_VELOCITY
+    if all(value < unknown for value, unknown in zip(motion, UNKNOWN_MOTION, strict=True)):
+        velocity = codec.velocity_over_ground(*motion)
+    sent_s = fields.timestamp if 0.0 <= fields.timestamp <= _HOUR_S else math.nan
+    sd_m = _half(HORIZONTAL_BOUNDS_M, fields.horizontal_accuracy)
+    sd_m_s = _half(SPEED_BOUNDS_M_S, fields.speed_accuracy)
+    return EvaderReport(
+        received_s, sent_s, fields.msgname, *position, velocity, sd_m, sd_m_s, said=altitude
+    )
 
 
 FOLLOW_TARGET: Final = Carrier("FOLLOW_TARGET", partial(_follow_target, SEA_LEVEL))
@@ -285,8 +309,8 @@ def known_velocity(velocity: Sequence[float]) -> Vector:
 
 def standard_deviation(*variances: float) -> float:
     """Return the largest standard deviation; NaN if no variance is known (positive and finite)."""
-    known = [variance for variance in variances if math.isfinite(variance) and variance > 0.0]
-    return math.sqrt(max(known)) if known else math.nan
+    positive = [variance for variance in variances if math.isfinite(variance) and variance > 0.0]
+    return math.sqrt(max(positive)) if positive else math.nan
 
 
 def rotate(quaternion_wxyz: Sequence[float], vector: Vector) -> Vector:

@@ -1,6 +1,6 @@
 """Reports of an evader from the MAVLink messages of one system, which may have to be asked for.
 
-TIMESYNC reads the evader's clock once a second, so the age of a report is measured. Its answer is
+TIMESYNC reads the evader's clock four times a second, so the age of a report is measured. Its answer is
 attached to the next report if the report's own time agrees with it: some messages carry another clock than TIMESYNC.
 """
 
@@ -58,19 +58,23 @@ class MavlinkEvader:
 
     def __post_init__(self) -> None:
         """Begin with nothing heard."""
-        polled = self.request_rate_hz is not None
-        self._frames = FrameReader(
-            (self.carrier.message, "TIMESYNC", *(("COMMAND_ACK",) if polled else ()))
-        )
-        own_id = GROUND_STATION_ID if polled else self.system_id
+        names = [self.carrier.message, "TIMESYNC"]
+        our_system_id = self.system_id
+        if self.request_rate_hz is not None:
+            names.append("COMMAND_ACK")
+            our_system_id = GROUND_STATION_ID
+        self._frames = FrameReader(names)
         self._station = Station(
-            own_id, OWN_COMPONENT_ID, signing_key=self.signing_key, clock=self.clock
+            our_system_id, OWN_COMPONENT_ID, signing_key=self.signing_key, clock=self.clock
         )
+        autopilot_id = 1
+        self._asked_component_id = autopilot_id if self.component_id is None else self.component_id
         self._timesync = TimesyncPeer()
         self._answer: Timesync | None = None
         self._sent_s: float | None = None
         self._requests = RequestQueue()
-        self._asked_s = self._beat_s = -math.inf
+        self._asked_s = -math.inf
+        self._beat_s = -math.inf
         self._impostors = 0
         self._counts: Counter[str] = Counter()
 
@@ -79,9 +83,10 @@ class MavlinkEvader:
         reports = []
         for data in self.wire.impostors():
             frame = self._frames.first(data)
-            self._impostors += (
-                frame is not None and frame.name == self.carrier.message and self._is_meant(frame)
-            )
+            if frame is None or frame.name != self.carrier.message:
+                continue
+            if self._is_meant(frame):
+                self._impostors += 1
         for received_s, data in self.wire.receive():
             for frame in self._frames.read(data, stream=self.wire.stream):
                 if self._is_meant(frame):
@@ -108,7 +113,9 @@ class MavlinkEvader:
             self._requests.add(Command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, params))
         for request, attempt in self._requests.due(now_s):
             self._send(
-                codec.request(request, attempt=attempt, to=(self.system_id, self.component_id or 1))
+                codec.request(
+                    request, attempt=attempt, to=(self.system_id, self._asked_component_id)
+                )
             )
             self._counts["requests_sent"] += 1
 
@@ -117,12 +124,15 @@ class MavlinkEvader:
 
     def _is_meant(self, frame: Frame) -> bool:
         """Return whether a frame is the evader's, validly signed if there is a key."""
-        foreign = frame.system_id != self.system_id or self.component_id not in (
+        check = self._station.check
+        problem = None
+        if frame.system_id != self.system_id or self.component_id not in {
             None,
             frame.component_id,
-        )
-        check = self._station.check
-        problem = "foreign" if foreign else None if check is None else check.problem(frame)
+        }:
+            problem = "foreign"
+        elif check is not None:
+            problem = check.problem(frame)
         # The vehicle's arrive on a shared wire
         if problem is not None and frame.name != "COMMAND_ACK":
             self._counts[problem] += 1
@@ -132,16 +142,16 @@ class MavlinkEvader:
         fields = frame.fields
         if frame.name == "TIMESYNC":
             answer, reply = self._timesync.hear(fields, received_s)
-            self._answer = answer or self._answer
+            if answer is not None:
+                self._answer = answer
             if reply is not None and self.request_rate_hz is not None:
                 self._send(reply)
             return []
         if frame.name == "COMMAND_ACK":
-            ours = fields.target_system in (0, GROUND_STATION_ID) and fields.target_component in (
-                0,
-                OWN_COMPONENT_ID,
-            )
-            if ours and frame.component_id == (self.component_id or 1):
+            to_us = fields.target_system in {0, GROUND_STATION_ID}
+            to_our_component = fields.target_component in {0, OWN_COMPONENT_ID}
+            from_asked = frame.component_id == self._asked_component_id
+            if to_us and to_our_component and from_asked:
                 self._requests.hear(CommandAck(received_s, fields.command, fields.result))
             return []
         report = accepted(self._counts, self.carrier.report, fields, received_s)
@@ -149,26 +159,27 @@ class MavlinkEvader:
             return []
         impostors = self._impostors
         self._impostors = 0
-        sent_s = report.sent_s
-        period_s = self.carrier.period_s
-        # The reading nearest to the last one: a late report from before a wrap stays there
-        if not math.isnan(sent_s):
-            sent_s += (
-                0.0
-                if self._sent_s is None
-                else period_s * round((self._sent_s - sent_s) / period_s)
-            )
-            self._sent_s = sent_s
         report = report._replace(
-            sent_s=sent_s, sequence=frame.sequence, impostors=impostors or None
+            sent_s=self._unwrapped(report.sent_s),
+            sequence=frame.sequence,
+            impostors=impostors if impostors > 0 else None,
         )
         return [report if self._answer is None else self._with_answer(report, self._answer)]
 
+    def _unwrapped(self, sent_s: float) -> float:
+        """Return the clock reading nearest to the last one, so that a late report stays before a wrap."""
+        if math.isnan(sent_s):
+            return sent_s
+        if self._sent_s is not None:
+            period_s = self.carrier.period_s
+            sent_s += period_s * round((self._sent_s - sent_s) / period_s)
+        self._sent_s = sent_s
+        return sent_s
+
     def _with_answer(self, report: EvaderReport, answer: Timesync) -> EvaderReport:
         self._answer = None
-        theirs_less_ours_s = answer.remote_ns / 1e9 - 0.5 * (
-            answer.local_ns / 1e9 + answer.received_s
-        )
+        ours_s = 0.5 * (answer.local_ns / 1e9 + answer.received_s)
+        theirs_less_ours_s = answer.remote_ns / 1e9 - ours_s
         delay_s = report.received_s - (report.sent_s - theirs_less_ours_s)
         if not -_CLOCKS_AGREE_S < delay_s < _MAX_DELAY_S:
             self._counts["clock_disagrees"] += 1
@@ -178,13 +189,13 @@ class MavlinkEvader:
 
     def counters(self) -> Mapping[str, int]:
         """Return the number of reports, of refused ones by reason, and the wire's counts."""
-        own = {
+        return {
             "reports": 0,
             "foreign": 0,
             "garbage_bytes": self._frames.garbage_bytes,
             **self._counts,
+            **self.wire.counters(),
         }
-        return {**own, **self.wire.counters()}
 
     def close(self) -> None:
         """Close the wire."""

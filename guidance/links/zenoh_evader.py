@@ -112,7 +112,8 @@ class ZenohEvader:
         reports = []
         for received_s, payload, peer in self._arrivals.take():
             report = accepted(self._counts, self._read, payload, received_s)
-            reports += [] if report is None else [report._replace(peer=peer)]
+            if report is not None:
+                reports.append(report._replace(peer=peer))
         return reports
 
     def counters(self) -> Mapping[str, int]:
@@ -181,8 +182,9 @@ def sender(sample: "zenoh.Sample") -> str:
     if source is not None:
         return f"{sample.key_expr} {source.source_id}"
     attached = b"" if attachment is None else attachment.to_bytes()
-    known = len(attached) == _RMW_BYTES
-    return f"{sample.key_expr} {attached[-_GID_BYTES:].hex()}" if known else str(sample.key_expr)
+    if len(attached) == _RMW_BYTES:
+        return f"{sample.key_expr} {attached[-_GID_BYTES:].hex()}"
+    return str(sample.key_expr)
 
 
 Spread = Annotated[float, Field(gt=0.0, lt=1e6)]
@@ -233,21 +235,25 @@ def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: s
     if payload.count(b'"') > _MOST_QUOTES:
         raise Refused("schema")
     try:
-        given = JsonReport.model_validate_json(payload)
+        message = JsonReport.model_validate_json(payload)
     except ValidationError as error:
         raise Refused("schema") from error
-    if given.latitude_deg == 0.0 and given.longitude_deg == 0.0:
+    if message.latitude_deg == 0.0 and message.longitude_deg == 0.0:
         raise Refused("position")
-    altitude: Altitude = _DATUMS[given.altitude_datum](given.altitude_m)
+    altitude: Altitude = _DATUMS[message.altitude_datum](message.altitude_m)
     try:
-        place = given.latitude_deg, given.longitude_deg, frame.amsl(altitude).metres
+        position = message.latitude_deg, message.longitude_deg, frame.amsl(altitude).metres
     except ConfigError as error:
         raise Refused("datum") from error
-    numbers = (given.sent_s, given.position_sd_m, given.velocity_sd_m_s)
+    numbers = (message.sent_s, message.position_sd_m, message.velocity_sd_m_s)
     sent_s, sd_m, sd_m_s = (math.nan if number is None else number for number in numbers)
-    velocity = given.velocity_ned_m_s or UNKNOWN_VELOCITY
-    said = AltitudeSaid(given.altitude_m, Datum(given.altitude_datum))
-    return EvaderReport(received_s, sent_s, source, *place, velocity, sd_m, sd_m_s, said=said)
+    velocity = UNKNOWN_VELOCITY
+    if message.velocity_ned_m_s is not None:
+        velocity = message.velocity_ned_m_s
+    altitude_said = AltitudeSaid(message.altitude_m, Datum(message.altitude_datum))
+    return EvaderReport(
+        received_s, sent_s, source, *position, velocity, sd_m, sd_m_s, said=altitude_said
+    )
 
 
 def rmw_key(topic: str, dds_type: str) -> str:
@@ -302,14 +308,20 @@ def read_ros(
     velocity = ned_from_game(
         known_velocity(rotate((q_w, q_x, q_y, q_z), (more[36], more[37], more[38])))
     )
-    sd_m, sd_m_s = (
-        standard_deviation(*(given[index] for index in _DIAGONAL))
-        for given in (more[:36], more[42:])
+    sd_m = _largest_sd(more[:36])
+    sd_m_s = _largest_sd(more[42:])
+    position = place_in(frame, ned_from_game((east, north, up)))
+    altitude_said = AltitudeSaid(up, Datum.ORIGIN)
+    sent_s = seconds + nanoseconds / 1e9
+    if sent_s == 0.0:
+        sent_s = math.nan
+    return EvaderReport(
+        received_s, sent_s, "ROS 2", *position, velocity, sd_m, sd_m_s, said=altitude_said
     )
-    place = place_in(frame, ned_from_game((east, north, up)))
-    said = AltitudeSaid(up, Datum.ORIGIN)
-    sent_s = seconds + nanoseconds / 1e9 or math.nan
-    return EvaderReport(received_s, sent_s, "ROS 2", *place, velocity, sd_m, sd_m_s, said=said)
+
+
+def _largest_sd(covariance: Sequence[float]) -> float:
+    return standard_deviation(*(covariance[index] for index in _DIAGONAL))
 
 
 def _quoted(name: bytes) -> str:
