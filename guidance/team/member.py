@@ -6,7 +6,7 @@ time from the caller. A wrong assignment costs captures, never distance: the veh
 
 import math
 from collections.abc import Collection, Sequence
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from guidance.flight import Event, Flight, Outputs, State
 from guidance.frames import Amsl
@@ -14,7 +14,14 @@ from guidance.game import Cylinder
 from guidance.messages import EvaderReport, LocalPosition, MateState, Role
 from guidance.team.board import Board
 from guidance.team.coordinator import ROUNDING_S, SLOT_MARGIN_M, Coordinator, EvaderSeen, Scene
-from guidance.team.messages import EvaderMessage, RolesMessage, StateMessage, Transport, encode
+from guidance.team.messages import (
+    EvaderMessage,
+    Promise,
+    RolesMessage,
+    StateMessage,
+    Transport,
+    encode,
+)
 
 EVERY_S: Final = 0.1
 """Period of the states, and least time between reports of one evader."""
@@ -85,19 +92,26 @@ class Member:
             flight: The vehicle's.
             reports: Of evaders that the vehicle heard itself in this cycle.
         """
-        news = [self.board.hear(*message) for message in self._transport.receive()]
+        mates = dict[str, MateState]()
+        relayed = list[EvaderReport]()
+        for message in self._transport.receive():
+            news = self.board.hear(*message)
+            if isinstance(news, MateState):
+                mates[news.name] = news
+            elif isinstance(news, EvaderReport):
+                relayed.append(news)
         for report in reports:
             if report.evader is not None:
                 self._heard_s[report.evader] = now_s
                 self._reports[report.evader] = report
-        mates = {one.name: one for one in news if isinstance(one, MateState)}
-        relayed = [one for one in news if isinstance(one, EvaderReport)]
-        unheard = [
-            one
-            for one in relayed
-            if now_s - self._heard_s.get(one.evader or "", -math.inf) > _RELAYED_S
-        ]
-        return tuple(mates.values()) or None, self._role(now_s, flight), unheard
+        unheard = [report for report in relayed if not self._hears(report.evader, now_s)]
+        states = tuple(mates.values()) if mates else None
+        return states, self._role(now_s, flight), unheard
+
+    def _hears(self, evader: str | None, now_s: float) -> bool:
+        """Whether the vehicle has heard an evader itself lately."""
+        heard_s = -math.inf if evader is None else self._heard_s.get(evader, -math.inf)
+        return now_s - heard_s <= _RELAYED_S
 
     def _role(self, now_s: float, flight: Flight) -> Role | None:
         """Return a new role; None keeps the present one. An assignment to an unseen evader is ignored."""
@@ -122,36 +136,38 @@ class Member:
         """Return the assignment if it differs from that of the last call, or if the vehicle begins to play."""
         roles = self.board.roles
         begins = any(
-            one.after is State.ENGAGED and one.before is not State.ENGAGED
-            for one in outputs.happenings
+            happening.after is State.ENGAGED and happening.before is not State.ENGAGED
+            for happening in outputs.happenings
         )
         if roles is None or (roles is self._noted and not begins):
             return None
         before = self._noted
         self._noted = roles
-        return roles if begins or before is None or _contents(before) != _contents(roles) else None
+        if begins or before is None or _contents(before) != _contents(roles):
+            return roles
+        return None
 
     def assignment(self, flight: Flight) -> dict[str, Any]:
         """Return its role, the coordinator, all promises and the evaders out of play, for displays."""
         roles = self.board.roles
         role = flight.heard.role or self._first
         unit = "s" if flight.settings.cycle.target_game_m is None else "m"
+        promises = [] if roles is None else [_shown(promise, unit) for promise in roles.promises]
         return {
             "evader": role.evader,
             "above_m": role.above_m,
             "coordinator": "" if roles is None else roles.vehicle,
             "over": sorted(self.board.over),
-            "promises": [
-                {"evader": one.evader, "first": one.first, "second": one.second}
-                | {"standing": one.standing, "words": one.words(unit)}
-                for one in (() if roles is None else roles.promises)
-            ],
+            "promises": promises,
         }
 
     def tell(self, now_s: float, flight: Flight, outputs: Outputs) -> None:
         """Tell the mates about the vehicle and the evaders, and assign roles as the coordinator."""
         ends = {Event.CAPTURED, Event.ESCAPED}
-        ended = any(one.event in ends and one.after is not one.before for one in outputs.happenings)
+        ended = any(
+            happening.event in ends and happening.after is not happening.before
+            for happening in outputs.happenings
+        )
         if ended and flight.heard.role is not None:
             self.board.close((flight.heard.role.evader,), now_s)
         if now_s - self._told_s >= EVERY_S - ROUNDING_S:
@@ -160,61 +176,40 @@ class Member:
         elif not ended:
             return
         alive = self.board.alive(now_s, self._transport.present())
-        if (
-            self.coordinator.elect(now_s, alive)
-            and (scene := self._scene(now_s, flight, alive)) is not None
-        ):
-            made = self.coordinator.assign(now_s, scene)
-            if made is not None:
-                self._transport.publish(made.key, encode(made))
+        if not self.coordinator.elect(now_s, alive):
+            return
+        scene = self._scene(now_s, flight, alive)
+        assignment = None if scene is None else self.coordinator.assign(now_s, scene)
+        if assignment is not None:
+            self._transport.publish(assignment.key, encode(assignment))
 
     def _publish(self, flight: Flight, outputs: Outputs) -> None:
+        """Send the vehicle's state, and the newest report of each evader that it heard since the last time."""
         self._seq += 1
-        common: dict[str, Any] = {"vehicle": self.vehicle, "epoch": self._epoch, "seq": self._seq}
+        sender: dict[str, Any] = {"vehicle": self.vehicle, "epoch": self._epoch, "seq": self._seq}
         local = flight.vehicle.latest.get(LocalPosition)
         frame = flight.tracking.local_frame
         if local is not None and frame is not None:
-            speeds = flight.settings.cycle.game.pursuer
-            certificate = outputs.certificate
-            state = flight.state
-            value = math.nan if certificate is None else certificate.value
-            self.board.own = told = StateMessage(
-                **common,
-                **_placed(
-                    local.received_s - flight.vehicle.delay_s,
-                    frame.wgs84_from_ned(local.position_ned_m),
-                ),
+            measured_s = local.received_s - flight.vehicle.delay_s
+            place = _placed(measured_s, frame.wgs84_from_ned(local.position_ned_m))
+            state = StateMessage(
+                **sender,
+                **place,
+                **_speeds(flight),
                 velocity_ned_m_s=local.velocity_ned_m_s,
-                state=str(state),
-                part="playing" if state in _PLAYING else "ready" if state in _READY else "out",
+                state=str(flight.state),
+                part=_part_of(flight.state),
                 airborne=flight.vehicle.armed and not flight.vehicle.on_ground,
-                speed_m_s=float(speeds.horizontal_m_s),
-                climb_m_s=float(
-                    speeds.climb_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s
-                ),
-                descent_m_s=float(
-                    speeds.descent_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s
-                ),
                 evader=None if flight.heard.role is None else flight.heard.role.evader,
-                value=value if math.isfinite(value) and value >= 0.0 else None,
+                value=_value_of(outputs),
                 term=self.board.term,
                 over=tuple(sorted(self.board.over)),
             )
-            self._transport.publish(told.key, encode(told))
+            self.board.own = state
+            self._transport.publish(state.key, encode(state))
         for name, report in self._reports.items():
-            place = report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m)
-            told_by = (
-                common
-                | _placed(report.received_s, place)
-                | {"evader": name, "source": report.source[:120]}
-            )
-            velocity = (
-                report.velocity_ned_m_s
-                if all(map(math.isfinite, report.velocity_ned_m_s))
-                else None
-            )
-            heard = EvaderMessage(**told_by, velocity_ned_m_s=velocity)
-            self._transport.publish(heard.key, encode(heard))
+            message = _relayed(sender, name, report)
+            self._transport.publish(message.key, encode(message))
         self._reports.clear()
 
     def _scene(self, now_s: float, flight: Flight, alive: Collection[str]) -> Scene | None:
@@ -259,6 +254,59 @@ def _contents(roles: RolesMessage) -> tuple[Any, ...]:
         (one.evader, one.first, one.second, one.cause, one.value is None) for one in roles.promises
     ]
     return roles.term, roles.roles, promises
+
+
+def _shown(promise: Promise, unit: str) -> dict[str, Any]:
+    """Return a promise for displays."""
+    return {
+        "evader": promise.evader,
+        "first": promise.first,
+        "second": promise.second,
+        "standing": promise.standing,
+        "words": promise.words(unit),
+    }
+
+
+def _part_of(state: State) -> Literal["out", "ready", "playing"]:
+    """Return whether a vehicle in this state can be engaged, or plays."""
+    if state in _PLAYING:
+        return "playing"
+    return "ready" if state in _READY else "out"
+
+
+def _value_of(outputs: Outputs) -> float | None:
+    """Return the value of the vehicle's own game; None without one."""
+    if outputs.certificate is None:
+        return None
+    value = outputs.certificate.value
+    return value if math.isfinite(value) and value >= 0.0 else None
+
+
+def _speeds(flight: Flight) -> dict[str, Any]:
+    """Return the vehicle's speeds in the game."""
+    speeds = flight.settings.cycle.game.pursuer
+    climb_m_s = speeds.climb_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s
+    descent_m_s = speeds.descent_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s
+    return {
+        "speed_m_s": float(speeds.horizontal_m_s),
+        "climb_m_s": float(climb_m_s),
+        "descent_m_s": float(descent_m_s),
+    }
+
+
+def _relayed(sender: dict[str, Any], evader: str, report: EvaderReport) -> EvaderMessage:
+    """Return a report of an evader for the mates."""
+    altitude = Amsl(report.altitude_amsl_m)
+    place = _placed(report.received_s, (report.latitude_deg, report.longitude_deg, altitude))
+    velocity = report.velocity_ned_m_s
+    is_known = all(map(math.isfinite, velocity))
+    return EvaderMessage(
+        **sender,
+        **place,
+        evader=evader,
+        source=report.source[:120],
+        velocity_ned_m_s=velocity if is_known else None,
+    )
 
 
 def _placed(sent_s: float, place: tuple[float, float, Amsl]) -> dict[str, Any]:
