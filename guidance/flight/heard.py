@@ -209,18 +209,17 @@ class Heard:
         home = self.tracking.home_ned_m
         if in_flight and reserve is not None and here is not None and home is not None:
             self.battery_needed = reserve.needed(math.dist(here[:2], home[:2]), home[2] - here[2])
-        self._count_low_battery(self.messages)
         self.new_aircraft = []
-        if self._settings.team is not None:
-            for message in inputs.messages:
-                if isinstance(message, messages.Aircraft):
-                    self._take_aircraft(message)
-
-    def _count_low_battery(self, arrived: Sequence[Message]) -> None:
-        for message in arrived:
+        has_team = self._settings.team is not None
+        for message in self.messages:
             if isinstance(message, messages.SystemStatus):
-                is_low = message.battery_remaining < self.battery_needed
-                self.low_battery_reports = self.low_battery_reports + 1 if is_low else 0
+                self._count_low_battery(message)
+            elif has_team and isinstance(message, messages.Aircraft):
+                self._take_aircraft(message)
+
+    def _count_low_battery(self, status: messages.SystemStatus) -> None:
+        is_low = status.battery_remaining < self.battery_needed
+        self.low_battery_reports = self.low_battery_reports + 1 if is_low else 0
 
     def _react_late(self) -> None:
         """Add a delay beyond the ordinary to the reaction time, by which the vehicle brakes before every wall."""
