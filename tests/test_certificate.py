@@ -1,24 +1,27 @@
 """The vehicle's verdict beside the ideal game's: closed forms, and what makes it stricter."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from guidance.autopilots import PX4
 from guidance.control import Acceleration
 from guidance.control.braking_law import approach_speed
 from guidance.control.follow import gaps_to_disc
 from guidance.cycle import Course, Players, Vehicle, certify
-from guidance.cycle.certificate import GUARD_LAG_S, UNSURE, UNSURE_S
+from guidance.cycle.guarding import GUARD_LAG_S, UNSURE, UNSURE_S, guard
 from guidance.frames import ned_from_game
-from guidance.game import Cylinder, Game, StandOff, Winner
+from guidance.game import Cylinder, Extent, Game, StandOff, Winner, solve_state
 from tests.control.scenes import MULTICOPTER as ENVELOPE
 
 GAME = Game(Cylinder(6.0, 3.0, 1.5), 3.0, standoff=StandOff(3.0, 5.0))
 ACCELERATION = Acceleration(3.0, 2.0)
 TARGET = (0.0, 0.0, 0.0)
-FULL = Vehicle(ACCELERATION, ENVELOPE, 6.0, 0.5)
+APPROACH = PX4.handling.approach
+FULL = Vehicle(ACCELERATION, ENVELOPE, APPROACH, 6.0, 0.5)
 
 lengths = st.floats(-80.0, 80.0)
 speeds = st.floats(-4.0, 4.0)
@@ -132,7 +135,7 @@ def test_a_vehicle_at_the_height_of_the_disc_does_not_wait():
 )
 @settings(max_examples=25)
 def test_waiting_costs_nothing_in_the_ideal_game_however_the_evader_turns(x, y, z, headings):
-    at_once = Vehicle(Acceleration(1e9, 1e9), ENVELOPE, 6.0, 0.5)
+    at_once = Vehicle(Acceleration(1e9, 1e9), ENVELOPE, APPROACH, 6.0, 0.5)
     step_s = 0.05
     pursuer_m = (x, y, z)
     evader_m = (35.0, 0.0, 0.0)
@@ -182,3 +185,48 @@ def test_without_a_target_the_pursuer_wins_and_no_distance_is_assured():
     assert says.vehicle_winner == Winner.PURSUER
     assert math.isnan(says.assured_distance_m)
     assert says.time_needed_s == pytest.approx(says.value + says.allowance)
+
+
+@pytest.mark.parametrize("radius_m", [10.0, 15.0, 25.0])
+@pytest.mark.parametrize("aside_m", [-2.0, 0.0, 2.0, 4.0])
+def test_a_vehicle_before_a_target_with_a_radius_does_not_fly_to_its_centre(radius_m, aside_m):
+    game = replace(GAME, target_extent=Extent(radius_m=radius_m))
+    pursuer_m = (0.0, radius_m + 1.0, 6.0)
+    evader_m = (aside_m, radius_m + 7.5, 0.0)
+    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
+    velocity_m_s = (0.0, 0.0, -1.5)
+    players = Players(pursuer_m, velocity_m_s, evader_m, (0.0, -3.0, 0.0), TARGET, gaps, 0.0)
+    certified = certify(game, players, FULL, None)
+    assert certified.certificate.winner == Winner.PURSUER
+    assert certified.velocity_m_s[1] > 0.0
+
+
+def test_a_target_that_moves_is_guarded_where_it_will_be():
+    # Vehicle and target move with the same velocity, the one above the other: nothing is left to fly.
+    moving = replace(GAME, target_velocity_m_s=(1.0, 0.5))
+    pursuer_m = (0.0, 0.0, 5.0)
+    evader_m = (0.0, 12.0, 0.0)
+    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
+    players = Players(pursuer_m, (1.0, 0.5, 0.0), evader_m, (0.0, -3.0, 0.0), TARGET, gaps, 0.0)
+    solution = solve_state(moving, pursuer_m, evader_m, TARGET)
+    guarding = guard(moving, moving, solution, players, FULL, 0.0)
+    assert guarding.velocity_m_s[:2] == pytest.approx((1.0, 0.5))
+    resting = solve_state(GAME, pursuer_m, evader_m, TARGET)
+    still = players._replace(pursuer_m_s=(0.0, 0.0, 0.0))
+    assert guard(GAME, GAME, resting, still, FULL, 0.0).velocity_m_s[:2] == (0.0, 0.0)
+
+
+def test_a_vehicle_that_flies_along_a_target_guards_less_of_it_behind():
+    game = replace(GAME, target_extent=Extent(((-20.0, 0.0), (20.0, 0.0))))
+    evader_m = (0.0, 25.0, 0.0)
+    pursuer_m = (0.0, 0.0, 5.0)
+    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
+    solution = solve_state(game, pursuer_m, evader_m, TARGET)
+    margins = []
+    for along_m_s in (0.0, 3.0, 6.0):
+        velocity_m_s = (along_m_s, 0.0, 0.0)
+        players = Players(pursuer_m, velocity_m_s, evader_m, (0.0, -3.0, 0.0), TARGET, gaps, 0.0)
+        margins.append(guard(game, game, solution, players, FULL, 0.0).margin_s)
+    # A reversal from w to full speed u takes ((u + w)² - u²)/(2 a u) longer than a start from rest, with a = 3 m/s².
+    assert margins[0] > margins[1] > margins[2]
+    assert margins[0] - margins[2] > (12.0**2 - 6.0**2) / (2.0 * 3.0 * 6.0) - 2.0

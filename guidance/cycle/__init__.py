@@ -6,15 +6,17 @@ Cycle (`steps`):
 
 Certificate (`certificate`):
     certify: what the game says from here, what this vehicle can promise, and the `Course` that it flies: a `Certified`.
-    Certificate: the statement of one cycle. Players, Vehicle: what it is made from.
+    Certificate: the statement of one cycle. Players, Vehicle (`players`): what it is made from.
+    Guarding of the target in TAD: `guarding`.
 
 Monitor (`monitor`):
     watch: compare a certificate with the promises before it, which a `MonitorMemory` keeps.
     Alarm: a promise that was not kept. Violation: which one.
 """
 
-from guidance.cycle.certificate import Certificate, Certified, Course, Players, Vehicle, certify
+from guidance.cycle.certificate import Certificate, Certified, Course, certify
 from guidance.cycle.monitor import Alarm, MonitorMemory, Violation, watch
+from guidance.cycle.players import Players, Vehicle
 from guidance.cycle.steps import (
     CycleInputs,
     CycleMemory,

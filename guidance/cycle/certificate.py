@@ -28,12 +28,12 @@ import math
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from guidance.control import Acceleration, Envelope, Gaps
 from guidance.control.braking_law import approach_speed
+from guidance.cycle.guarding import Guard, guard
+from guidance.cycle.players import Players, Vehicle, late_start
 from guidance.frames import Vector
 from guidance.game import Ball, Game, StateSolution, Winner, solve_state
 from guidance.game.arrays import FLOATS
-from guidance.game.extent import nearest
 from guidance.game.pe import escape, take_apart
 
 _NOWHERE: Final[Vector] = (math.nan, math.nan, math.nan)
@@ -52,30 +52,8 @@ SPARE_S: Final = 2.0
 AHEAD_S: Final = 0.5
 """Time by which the play looks further ahead than the verdict."""
 
-GUARD_LAG_S: Final = 1.0
-"""Time constant of the stop above the target; with the reaction time, commands that change late make it overshoot."""
-
-UNSURE_S: Final = 0.25
-UNSURE: Final = 0.03
-"""Time that the estimates may be wrong by, and share of the time to the meeting."""
-
 _SURELY: Final = 0.999
 """Share of the way within reach; at 1, the ground decides."""
-
-
-class Players(NamedTuple):
-    """Positions in the game frame, m, velocities, m/s, distances to the disc, and the age of the evader's last report.
-
-    `target_m` is T of the TAD game, None in PE.
-    """
-
-    pursuer_m: Vector
-    pursuer_m_s: Vector
-    evader_m: Vector
-    evader_m_s: Vector
-    target_m: Vector | None
-    gaps: Gaps
-    evader_age_s: float
 
 
 class Certificate(NamedTuple):
@@ -103,7 +81,8 @@ class Certificate(NamedTuple):
         strayed: Whether it is more than three tolerances away.
         evader_arrived: Whether the evader is at its target, uncaptured.
         no_game: Whether the evader is too fast for this vehicle.
-        time_needed_s: Promise of this vehicle: time to the meeting.
+        time_needed_s: Promise of this vehicle: time to the meeting, if the evader runs away from now on (PE), or to the
+            game's meeting point (TAD). An evader that turns, or passes below the vehicle, can make it later.
         assured_distance_m: Promise of this vehicle in TAD: the evader's final distance from its target, negative if
             the evader gets there.
         reason: `guidance.game.Reason`. With TOO_OLD there is no guarantee. In TAD all values are computed for a disc
@@ -145,18 +124,6 @@ class Certificate(NamedTuple):
     reachable_speed_m_s: float = math.nan
 
 
-class Vehicle(NamedTuple):
-    """Guaranteed acceleration, limits with braking and reaction, and the largest speed flown over the ground.
-
-    `tolerance_m`: distance from the disc that counts as captured.
-    """
-
-    acceleration: Acceleration
-    envelope: Envelope
-    shown_m_s: float
-    tolerance_m: float
-
-
 class Course(StrEnum):
     """What the vehicle flies, and why."""
 
@@ -182,13 +149,6 @@ class Certified(NamedTuple):
     course: Course
     velocity_m_s: Vector
     certificate: Certificate
-
-
-class Guard(NamedTuple):
-    """Velocity of a flight to the target, and how much sooner it can guard the target than the evader is there, s."""
-
-    velocity_m_s: Vector
-    margin_s: float
 
 
 def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Vector | None) -> Certified:
@@ -272,8 +232,8 @@ def _defended(
     late = solve_state(shown, late_m, E, T, evader_velocity_m_s=players.evader_m_s)
     assured_m = -late.value if late.winner == Winner.EVADER else late.value
     reaction_s = vehicle.envelope.reaction_s
-    guard = _guard(game, shown, solution, players, vehicle, reaction_s)
-    ahead = _guard(game, shown, solution, players, vehicle, reaction_s + AHEAD_S)
+    near = guard(game, shown, solution, players, vehicle, reaction_s)
+    ahead = guard(game, shown, solution, players, vehicle, reaction_s + AHEAD_S)
     course, velocity_m_s = _course(game, players, vehicle, solution, ahead, trusted_m_s)
     arrived = game.target_extent.distance_m(T, E) <= vehicle.tolerance_m
     certificate = certificate._replace(
@@ -281,8 +241,8 @@ def _defended(
         time_needed_s=late.meeting_time_s,
         assured_distance_m=assured_m,
         allowance=solution.value - assured_m,
-        vehicle_winner=int(_verdict(solution, certificate, guard.margin_s)),
-        vehicle_margin_s=guard.margin_s,
+        vehicle_winner=int(_verdict(solution, certificate, near.margin_s)),
+        vehicle_margin_s=near.margin_s,
     )
     return Certified(solution, course, velocity_m_s, certificate)
 
@@ -313,32 +273,12 @@ def _course(
             course = Course.WAITING
             velocity_m_s = waiting_m_s
     share = min(1.0, max(0.0, 1.0 - (ahead.margin_s + AHEAD_S) / SPARE_S))
-    if share > 0.0 and solution.winner == Winner.PURSUER:
+    if share > 0.0 and solution.winner == Winner.PURSUER and ahead.holds_target:
         course = Course.GUARDING
         x = velocity_m_s[0] + share * (ahead.velocity_m_s[0] - velocity_m_s[0])
         y = velocity_m_s[1] + share * (ahead.velocity_m_s[1] - velocity_m_s[1])
         velocity_m_s = (x, y, solution.pursuer_velocity_m_s[2])
     return course, velocity_m_s
-
-
-def late_start(
-    position_m: Vector, desired_m_s: Vector, flown_m_s: Vector, acceleration: Acceleration
-) -> Vector:
-    """Return where a pursuer of the game would have to start to do as well as this vehicle, m.
-
-    Args:
-        position_m: Position of the vehicle; any frame, third axis vertical.
-        desired_m_s: Velocity of the game's solution, same axes.
-        flown_m_s: Velocity of the vehicle.
-        acceleration: Of the vehicle.
-    """
-    east, north, up = (
-        desired - flown for desired, flown in zip(desired_m_s, flown_m_s, strict=True)
-    )
-    over_ground_s = math.hypot(east, north) / (2.0 * acceleration.ground_m_s2)
-    vertical_s = abs(up) / (2.0 * acceleration.vertical_m_s2)
-    x, y, z = position_m
-    return (x - east * over_ground_s, y - north * over_ground_s, z - up * vertical_s)
 
 
 def _waiting(
@@ -357,54 +297,3 @@ def _waiting(
     late = late_start(P, waiting_m_s, players.pursuer_m_s, vehicle.acceleration)
     missing_m = max(away_m, math.dist(late[:2], X[:2])) - game.standoff.radius_m
     return waiting_m_s if missing_m < _SURELY * trusted_m_s * here.meeting_time_s else None
-
-
-def _guard(
-    game: Game,
-    shown: Game,
-    here: StateSolution,
-    players: Players,
-    vehicle: Vehicle,
-    flies_on_s: float,
-) -> Guard:
-    """Return the flight to the target of a vehicle that flies on at its present velocity before. It stops there."""
-    P = players.pursuer_m
-    E = players.evader_m
-    T = players.target_m or _NOWHERE
-    envelope = vehicle.envelope
-    u = game.pursuer.horizontal_m_s
-    braking_m_s2 = envelope.braking_m_s2
-    flown = players.pursuer_m_s
-    near, _ = nearest(FLOATS, game.target_extent, (E[0] - T[0], E[1] - T[1]))
-    from_m = (P[0] + flies_on_s * flown[0], P[1] + flies_on_s * flown[1], P[2])
-    x = T[0] + near[0] - from_m[0]
-    y = T[1] + near[1] - from_m[1]
-    away_m = math.hypot(x, y)
-    up = here.pursuer_velocity_m_s[2]
-    pace = (
-        min(u, approach_speed(away_m, braking_m_s2, GUARD_LAG_S)) / away_m if away_m > 0.0 else 0.0
-    )
-    guarding_m_s = (pace * x, pace * y, up)
-    late = late_start(from_m, guarding_m_s, flown, vehicle.acceleration)
-    rim_m_s = min(u, max(0.1, approach_speed(game.standoff.radius_m, braking_m_s2, GUARD_LAG_S)))
-    missing_m = (
-        math.hypot(T[0] + near[0] - late[0], T[1] + near[1] - late[1]) - game.standoff.radius_m
-    )
-    braking_s = (u - rim_m_s) ** 2 / (2.0 * braking_m_s2 * u)
-    braking_s += GUARD_LAG_S * (math.log(u / rim_m_s) - 1.0 + rim_m_s / u)
-    braking_s = braking_s if missing_m > 0.0 else 0.0
-    levelling_s = 0.0
-    if up:
-        # Braking to the height of the disc costs time, until the vehicle is within tolerance.
-        excess_m_s = max(
-            0.0, abs(up) - math.sqrt(2.0 * envelope.vertical_braking_m_s2 * vehicle.tolerance_m)
-        )
-        levelling_s = excess_m_s**2 / (2.0 * envelope.vertical_braking_m_s2 * abs(up))
-        levelling_s += (
-            (1.0 - vehicle.acceleration.descent_share)
-            * abs(P[2] - E[2] - game.standoff.height_m)
-            / abs(up)
-        )
-    margin_s = solve_state(shown, late, E, T, evader_velocity_m_s=players.evader_m_s).margin_s
-    needed_s = flies_on_s + max(braking_s, levelling_s) + UNSURE_S + UNSURE * here.meeting_time_s
-    return Guard(guarding_m_s, min(margin_s, here.margin_s) - needed_s)

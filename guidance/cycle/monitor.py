@@ -2,7 +2,8 @@
 
 Under optimal play V + t never rises and L never falls. For this vehicle that holds of `time_needed_s` and
 `assured_distance_m`. If it does not, an assumption is wrong: the evader is faster than its bound, the vehicle slower
-than the game's pursuer, or the evader's reports are old. Alarms are reported and never acted upon.
+than the game's pursuer, or the evader's reports are old. Or the evader has turned: `time_needed_s` does not count that
+the vehicle turns again. Alarms are reported and never acted upon.
 
 A promise may change without any of that. This much is allowed before an alarm:
 

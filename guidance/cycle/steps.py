@@ -32,11 +32,10 @@ from guidance.cycle.certificate import (
     Certificate,
     Certified,
     Course,
-    Players,
-    Vehicle,
     certify,
     without_game,
 )
+from guidance.cycle.players import Players, Vehicle
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
 from guidance.frames import (
@@ -260,6 +259,7 @@ def _aim(
     vehicle = Vehicle(
         settings.handling.acceleration,
         settings.envelope,
+        settings.handling.approach,
         memory.speed.shown_m_s,
         settings.tolerance_m,
     )

@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property, lru_cache
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -59,7 +59,6 @@ class Parameter(NamedTuple):
         minimum: Documented lower limit.
         maximum: Documented upper limit.
         meaning: Short description.
-        behind: Parameter that must not be 0 for this one to be listed; "" if it is always listed.
     """
 
     name: str
@@ -69,7 +68,6 @@ class Parameter(NamedTuple):
     minimum: float
     maximum: float
     meaning: str
-    behind: str = ""
 
 
 class Renamed(NamedTuple):
@@ -94,18 +92,14 @@ class ParameterTable(tuple[Parameter, ...]):
         return {item.name: item for item in self}
 
     @cached_property
-    def switches(self) -> frozenset[str]:
-        """Parameters that show others."""
-        return frozenset(item.behind for item in self if item.behind)
-
-    def listed(self, values: Mapping[str, float]) -> tuple[str, ...]:
-        """Names in their order, without those behind a parameter that is 0."""
-        return tuple(item.name for item in self if not item.behind or values[item.behind])
+    def names(self) -> tuple[str, ...]:
+        """In their order."""
+        return tuple(self.definitions)
 
     @cached_property
-    def first_listed(self) -> tuple[str, ...]:
-        """Names that are listed with the defaults."""
-        return self.listed(self.values)
+    def places(self) -> Mapping[str, int]:
+        """Index by name."""
+        return {name: index for index, name in enumerate(self.names)}
 
     @cached_property
     def values(self) -> Mapping[str, float]:
@@ -116,9 +110,8 @@ class ParameterTable(tuple[Parameter, ...]):
 class ParameterStore(Mapping[str, float]):
     """The values of one vehicle, read like a dict.
 
-    `names` are the listed ones, and `index` their places in the list; the others are behind a parameter that is 0, and
-    can be read and set by name. A value can also be read by its name, and in its unit, of the version with recorded
-    data; `definitions` has only the names of this version.
+    A value can also be read by its name, and in its unit, of the version with recorded data; `definitions` has only
+    the names of this version.
 
     Args:
         parameters: Definitions; their order gives the indices.
@@ -132,10 +125,9 @@ class ParameterStore(Mapping[str, float]):
         self, parameters: Iterable[Parameter], overrides: Mapping[str, float] | None = None
     ) -> None:
         table = parameters if isinstance(parameters, ParameterTable) else ParameterTable(parameters)
-        self._table = table
         self.definitions: Final = table.definitions
-        self.names = table.first_listed
-        self.index = _indices(self.names)
+        self.names: Final = table.names
+        self.index: Final = table.places
         self.revision = 0
         self.reset_at_boot = False
         self._renamed = table.renamed
@@ -180,9 +172,6 @@ class ParameterStore(Mapping[str, float]):
         if stored != self._values[name]:
             self._values[name] = stored
             self.revision += 1
-            if name in self._table.switches:
-                self.names = self._table.listed(self._values)
-                self.index = _indices(self.names)
         return stored
 
     def reset(self, keep: Callable[[str], bool] = lambda _: False) -> None:
@@ -206,12 +195,6 @@ class ParameterStore(Mapping[str, float]):
             )
             crc = zlib.crc32(name.encode() + packed, crc)
         return crc ^ 0xFFFFFFFF
-
-
-@lru_cache
-def _indices(names: tuple[str, ...]) -> Mapping[str, int]:
-    """Return the place of each name in a list."""
-    return {name: index for index, name in enumerate(names)}
 
 
 def rounded(kind: ParamKind, value: float) -> float:
@@ -339,7 +322,7 @@ class ParameterProtocol:
 
     def _hash_reply(self) -> Reply:
         value = struct.unpack("<f", struct.pack("<I", self._store.hash()))[0]
-        return ("PARAM_VALUE", HASH_NAME, value, UINT32, len(self._store.names), NO_INDEX)
+        return ("PARAM_VALUE", HASH_NAME, value, UINT32, len(self._store), NO_INDEX)
 
 
 def named(store: ParameterStore, rules: ParameterRules, name: str) -> Reply:
@@ -353,5 +336,4 @@ def _value(store: ParameterStore, rules: ParameterRules, name: str) -> Reply:
     kind = store.definitions[name].kind
     if rules.bytewise and kind is not ParamKind.REAL32:
         value = struct.unpack("<f", struct.pack("<i", int(value)))[0]
-    index = store.index.get(name, NO_INDEX)
-    return ("PARAM_VALUE", name, value, int(kind), len(store.names), index)
+    return ("PARAM_VALUE", name, value, int(kind), len(store), store.index[name])

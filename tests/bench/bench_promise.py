@@ -2,7 +2,7 @@
 
 The evader first runs on a random course for up to four seconds, and then away from the pursuer. The promise is made at
 that moment, when the pursuer flies with a velocity that the game would not choose. Compared with the time flown are the
-game's value and the promise of the certificate (`guidance.cycle.certificate.late_start`). Positive errors are captures
+game's value and the promise of the certificate (`guidance.cycle.players.late_start`). Positive errors are captures
 that came later than predicted.
 """
 

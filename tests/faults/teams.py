@@ -395,9 +395,13 @@ class Sortie:
             cycle = flight.settings.cycle
             here = one.position_game_m
             self.first[name] = one.evader
-            acceleration = cycle.handling.acceleration
-            fastest_m_s = cycle.game.pursuer.horizontal_m_s
-            vehicle = Vehicle(acceleration, cycle.envelope, fastest_m_s, cycle.tolerance_m)
+            vehicle = Vehicle(
+                cycle.handling.acceleration,
+                cycle.envelope,
+                cycle.handling.approach,
+                cycle.game.pursuer.horizontal_m_s,
+                cycle.tolerance_m,
+            )
             for evader, speed_m_s in flight.settings.evaders.items():
                 there = self.world.players[evader].position_game_m
                 if here is None or there is None:

@@ -89,7 +89,7 @@ class Runner:
         east, north = scenario.evader.position_m
         self.place_m = (north, east)
         self.velocity_m_s = (0.0, 0.0)
-        self._speed_m_s = scenario.evader.speed_m_s
+        self.speed_m_s = scenario.evader.speed_m_s
         self._random = Random(scenario.seed)
         self._now_s = 0.0
         self._next_s = 0.0
@@ -108,7 +108,7 @@ class Runner:
         self._has_turned |= running and math.hypot(*away) < self._turn_at_m
         if self.goal_m is not None:
             away = [goal - mine for goal, mine in zip(self.goal_m, self.place_m, strict=True)]
-        pace = self.share * self._speed_m_s / math.hypot(*away) if running else 0.0
+        pace = self.share * self.speed_m_s / math.hypot(*away) if running else 0.0
         pace *= self._turned if self._has_turned else 1.0
         self.velocity_m_s = (away[0] * pace, away[1] * pace)
         dt_s = now_s - self._now_s

@@ -1,0 +1,60 @@
+"""Both players of a cycle, what the vehicle can do, and where a pursuer of the game does as well as it."""
+
+import math
+from typing import NamedTuple
+
+from guidance.control import Acceleration, Approach, Envelope, Gaps
+from guidance.frames import Vector
+
+
+class Players(NamedTuple):
+    """Positions in the game frame, m, velocities, m/s, distances to the disc, and the age of the evader's last report.
+
+    `target_m` is T of the TAD game, None in PE.
+    """
+
+    pursuer_m: Vector
+    pursuer_m_s: Vector
+    evader_m: Vector
+    evader_m_s: Vector
+    target_m: Vector | None
+    gaps: Gaps
+    evader_age_s: float
+
+
+class Vehicle(NamedTuple):
+    """What the vehicle can do.
+
+    Attributes:
+        acceleration: Guaranteed acceleration.
+        envelope: Limits, with braking and reaction.
+        approach: How it brakes at the disc.
+        shown_m_s: Largest speed flown over the ground.
+        tolerance_m: Distance from the disc that counts as captured.
+    """
+
+    acceleration: Acceleration
+    envelope: Envelope
+    approach: Approach
+    shown_m_s: float
+    tolerance_m: float
+
+
+def late_start(
+    position_m: Vector, desired_m_s: Vector, flown_m_s: Vector, acceleration: Acceleration
+) -> Vector:
+    """Return where a pursuer of the game would have to start to do as well as this vehicle, m.
+
+    Args:
+        position_m: Position of the vehicle; any frame, third axis vertical.
+        desired_m_s: Velocity of the game's solution, same axes.
+        flown_m_s: Velocity of the vehicle.
+        acceleration: Of the vehicle.
+    """
+    east = desired_m_s[0] - flown_m_s[0]
+    north = desired_m_s[1] - flown_m_s[1]
+    up = desired_m_s[2] - flown_m_s[2]
+    over_ground_s = math.hypot(east, north) / (2.0 * acceleration.ground_m_s2)
+    vertical_s = abs(up) / (2.0 * acceleration.vertical_m_s2)
+    x, y, z = position_m
+    return (x - east * over_ground_s, y - north * over_ground_s, z - up * vertical_s)
