@@ -14,6 +14,9 @@ from guidance.messages import Timesync
 LATE_S: Final = 0.5
 """Telemetry with a larger delay keeps the vehicle on the ground and ends a game."""
 
+LONGEST_S: Final = 60.0
+"""A computed delay is bounded by this. No link stores telemetry that long: a larger one is a wrong or hostile clock."""
+
 CONFIRMED_S: Final = 0.5
 """A delay counts as late after this time: two TIMESYNC exchanges. A simulator that paused is not late."""
 
@@ -33,7 +36,8 @@ class BootClock(NamedTuple):
     Attributes:
         offset_s: Least difference of our clock and the vehicle's; -inf before the first answer to TIMESYNC.
         answered_s: When that was computed.
-        delay_s: Largest possible age of the last position when it arrived; NaN while the offset is unknown.
+        delay_s: Largest possible age of the last position when it arrived, at most `LONGEST_S`; NaN while the offset
+            is unknown.
         late_since_s: Since when the delay exceeds `LATE_S`; inf if it does not.
     """
 
@@ -69,4 +73,5 @@ def with_position(clock: BootClock, received_s: float, time_boot_s: float) -> Bo
     since_s = math.inf
     if late_s > LATE_S:
         since_s = min(clock.late_since_s, received_s)
-    return clock._replace(delay_s=max(0.0, late_s), late_since_s=since_s)
+    delay_s = min(max(0.0, late_s), LONGEST_S)
+    return clock._replace(delay_s=delay_s, late_since_s=since_s)

@@ -5,7 +5,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.boot_clock import LATE_S, BootClock, with_answer, with_position
+from guidance.boot_clock import LATE_S, LONGEST_S, BootClock, with_answer, with_position
 from guidance.messages import Timesync
 
 AHEAD_S = 1234.5
@@ -92,3 +92,16 @@ def test_a_simulator_that_paused_is_not_late():
     assert not clock.is_late(101.1)
     clock = with_answer(clock, exchange(101.1, 0.0, 0.0, AHEAD_S + 0.8))
     assert heard(clock, 101.2, 0.02, AHEAD_S + 0.8).late_since_s == math.inf
+
+
+@given(
+    st.integers(-(2**63), 2**63 - 1), st.floats(0.0, 2.0**32 / 1e3), st.floats(0.0, 2.0**32 / 1e3)
+)
+def test_no_stamp_makes_a_delay_longer_than_a_link_can_be(remote_ns, first_s, last_s):
+    clock = with_answer(BootClock(), Timesync(100.0, remote_ns, 100_000_000_000))
+    for time_boot_s in (first_s, last_s):
+        clock = with_position(clock, 100.1, time_boot_s)
+        assert math.isnan(clock.delay_s) or 0.0 <= clock.delay_s <= LONGEST_S
+        assert math.isnan(clock.delay_s) or (clock.late_since_s == 100.1) == (
+            clock.delay_s > LATE_S
+        )

@@ -29,6 +29,9 @@ ASK_AGAIN_S: Final = 3.0
 """Ask for reports after this time without one: the evader may have restarted. Not more often once it has acknowledged,
 since an autopilot may begin its interval again with each request."""
 
+TIMESYNC_EVERY_S: Final = 1.0
+"""The evader's clock is only compared with ours, so a growing delay need not be noticed within a second."""
+
 _CLOCKS_AGREE_S: Final = 0.1
 _MAX_DELAY_S: Final = 5.0
 
@@ -69,7 +72,7 @@ class MavlinkEvader:
         )
         autopilot_id = 1
         self._asked_component_id = autopilot_id if self.component_id is None else self.component_id
-        self._timesync = TimesyncPeer()
+        self._timesync = TimesyncPeer(TIMESYNC_EVERY_S)
         self._answer: Timesync | None = None
         self._sent_s: float | None = None
         self._requests = RequestQueue()

@@ -35,7 +35,7 @@ QUEUE_LENGTH: Final = 64
 _REPEATABLE: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESSAGE
 
 TIMESYNC_EVERY_S: Final = 0.25
-"""Often enough to notice a growing delay before a position is a second old."""
+"""Often enough to notice a growing delay of the vehicle before a position is a second old."""
 
 Key = tuple[type[Request], int | str | None]
 """What an answer will name: a command's number or a parameter's name. The fence is read in steps."""
@@ -119,12 +119,16 @@ class RequestQueue:
 
 @dataclass(slots=True)
 class TimesyncPeer:
-    """TIMESYNC: answers the other side's questions, and asks our own four times a second.
+    """TIMESYNC: answers the other side's questions, and asks our own.
 
     Times are our injected clock in nanoseconds. An answer counts only if it repeats one of our last few questions;
     answers to other companions on the link are ignored.
+
+    Args:
+        every_s: Time between two of our questions.
     """
 
+    every_s: float = TIMESYNC_EVERY_S
     asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=8))
     next_ask_s: float = float("-inf")
 
@@ -139,6 +143,6 @@ class TimesyncPeer:
 
     def ask(self, now_s: float) -> Fields:
         """Return a question; the next is due at `next_ask_s`. Its time is never 0, which would mark an answer."""
-        self.next_ask_s = now_s + TIMESYNC_EVERY_S
+        self.next_ask_s = now_s + self.every_s
         self.asked_ns.append(round(now_s * 1e9) or 1)
         return mavlink.MAVLink_timesync_message(0, self.asked_ns[-1])

@@ -445,7 +445,7 @@ def test_the_evaders_clock_is_asked_for_and_goes_along_with_a_report():
     world = AskedWorld(GLOBAL_POSITION)
     reports = [report for _ in range(3) for report in world.second()]
     answers = [report.timesync for report in reports if report.timesync is not None]
-    assert 8 <= len(answers) <= 12
+    assert 2 <= len(answers) <= 4  # once a second
     for answer in answers:
         middle_s = 0.5 * (answer.local_ns / 1e9 + answer.received_s)
         assert answer.remote_ns / 1e9 - middle_s == pytest.approx(-2.0, abs=0.06)
