@@ -207,12 +207,9 @@ def vectors(
         for value in (*given.values(), *parameters)
     ):
         return NUMPY, given
-    known = [value for value in given.values() if is_array_api_obj(value)]
-    try:
-        module = array_namespace(*known) if known else np
-    except TypeError:
-        kinds = ", ".join(f"{name}: {type(value).__name__}" for name, value in given.items())
-        raise ConfigError(f"arrays of different libraries cannot be mixed: {kinds}") from None
+    known = {name: value for name, value in given.items() if is_array_api_obj(value)}
+    known |= {f"parameter {number + 1}": value for number, value in enumerate(parameters)}
+    module = library_of(known) if known else np
     xp = NUMPY if is_numpy_namespace(module) else Differentiating(module)
     taken = {name: _as_array(xp, name, value) for name, value in given.items()}
     wide = xp.result_type(*(array.dtype for array in (*taken.values(), *parameters)))
@@ -220,6 +217,21 @@ def vectors(
         name: array if array.dtype == wide else xp.astype(array, wide)
         for name, array in taken.items()
     }
+
+
+def library_of(arrays: dict[str, Array]) -> Any:  # noqa: ANN401 - a module has no type of its own
+    """Return the module of named arrays.
+
+    Raises:
+        ConfigError: they belong to different libraries.
+    """
+    try:
+        return array_namespace(*arrays.values())
+    except TypeError:
+        kinds = ", ".join(f"{name}: {type(value).__name__}" for name, value in arrays.items())
+        raise ConfigError(
+            f"arrays of different libraries cannot be mixed: {kinds}; convert states and parameters to one library"
+        ) from None
 
 
 def _as_array(xp: Library, name: str, value: object) -> Array:

@@ -10,7 +10,15 @@ from enum import IntEnum
 from typing import Literal, TypeAlias
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Plane, Real, Record, is_array, less_length, pair_length
+from guidance.game.arrays import (
+    Plane,
+    Real,
+    Record,
+    is_array,
+    less_length,
+    library_of,
+    pair_length,
+)
 from guidance.game.extent import POINT, Extent
 from guidance.game.records import Numbers, is_zero, require, require_kind, take, take_pair
 
@@ -172,9 +180,10 @@ class Game(Numbers):
         take(self, "information_age_s", zero_allowed=True)
         take_pair(self, "wind_m_s", rows_allowed=True)
         take_pair(self, "target_velocity_m_s")
-        object.__setattr__(
-            self, "varies", any(is_array(value) for value in parameters(self).values())
-        )
+        arrays = {name: value for name, value in parameters(self).items() if is_array(value)}
+        if arrays:
+            library_of(arrays)
+        object.__setattr__(self, "varies", bool(arrays))
         object.__setattr__(self, "calm", all(map(is_zero, self.wind_m_s)))
         self._require_speeds()
         self._require_space()

@@ -77,7 +77,7 @@ def take(record: Numbers, name: str, *, zero_allowed: bool = False) -> None:
     if not is_array(value):
         require(name, value, zero_allowed=zero_allowed)
     if type(value) is not float:
-        object.__setattr__(record, name, as_reals(value) if is_array(value) else float(value))
+        object.__setattr__(record, name, _reals(name, value) if is_array(value) else float(value))
 
 
 def take_pair(record: Numbers, name: str, *, rows_allowed: bool = False) -> None:
@@ -90,8 +90,17 @@ def take_pair(record: Numbers, name: str, *, rows_allowed: bool = False) -> None
     if [(rows_allowed and is_array(part)) or is_finite(part) for part in parts] != [True, True]:
         raise ConfigError(f"{name} = {pair!r}: must be two finite numbers (x, y), m/s")
     object.__setattr__(
-        record, name, tuple(as_reals(part) if is_array(part) else float(part) for part in parts)
+        record, name, tuple(_reals(name, part) if is_array(part) else float(part) for part in parts)
     )
+
+
+def _reals(name: str, value: Array) -> Array:
+    try:
+        return as_reals(value)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(
+            f"{name} = {value!r}: must be an array of real numbers; {error}"
+        ) from None
 
 
 def require_kind(name: str, value: object, kinds: tuple[type, ...], allowed: str) -> None:

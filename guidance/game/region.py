@@ -13,7 +13,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from guidance.game.arrays import Library, Plane, Real, Truth, cross2, dot2, in_plane, plus2, times2
+from guidance.game.arrays import (
+    Library,
+    Plane,
+    Real,
+    Truth,
+    cross2,
+    dot2,
+    in_plane,
+    is_array,
+    plus2,
+    times2,
+)
 from guidance.game.game import STILL, Game
 from guidance.game.headings import Aim, Hunt, Way, aimed_at, bounded, follow, hunt_for, judge
 from guidance.game.pe import Geometry
@@ -37,12 +48,6 @@ DISC_STEPS = 5
 HEADINGS = 32
 """Intervals of the headings over which the distance from the target may fall and rise once."""
 
-ROUNDING = 1e-12
-"""Share of a distance that is no change between headings."""
-
-CLOSE = 1e-9
-"""Share of the least distance by which another is no less."""
-
 TRACED_STEPS = 12
 """Steps for libraries that trace and cannot stop early."""
 
@@ -62,6 +67,9 @@ def is_circle(game: Game) -> Truth:
     lengths = (game.capture_radius_m, game.standoff.radius_m, game.information_age_s)
     if all(is_zero(length) for length in lengths):
         return True
+    if any(is_array(length) and not isinstance(length, np.ndarray) for length in lengths):
+        # The paper's formulas do not depend on these lengths, so their derivatives would be zero.
+        return False
     return (lengths[0] == 0) & (lengths[1] == 0) & (lengths[2] == 0)
 
 
@@ -113,14 +121,16 @@ def _missed(xp: Library, hunt: Hunt, least: Real) -> Truth:
     _, way = _settled(xp, hunt, aim, DISC_STEPS)
     before = xp.norm2(way.left)
     rises: Truth = False
-    missed = before < least * (1.0 - CLOSE)
+    # Less than this share of a distance is no change.
+    less = 1.0 - xp.half_of_digits(before)
+    missed = before < least * less
     for number in range(1, HEADINGS + 1):
         aim = Aim(zero + (2.0 * number / HEADINGS - 1.0), way.to)
         _, way = _settled(xp, hunt, aim, 2)
         left = xp.norm2(way.left)
-        missed = missed | (left < least * (1.0 - CLOSE))
-        missed = missed | (rises & (left < before * (1.0 - ROUNDING)))
-        rises = rises | (left > before * (1.0 + ROUNDING))
+        missed = missed | (left < least * less)
+        missed = missed | (rises & (left < before * less))
+        rises = rises | (left * less > before)
         before = left
     return missed
 

@@ -24,7 +24,7 @@ from guidance.game.game import Ball, Game
 from guidance.game.pe import TOUCH_M, take_apart, to_target, vertical_speed
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy, policy_of
 from guidance.game.records import is_zero, require
-from guidance.game.rows import leading_shape
+from guidance.game.rows import leading_shape, varying
 from guidance.game.solution import solve
 
 SHARE = {1: 1.0, 4: 0.5}
@@ -154,7 +154,8 @@ def rollout(
         allowed = "must be 0, because a rollout keeps no past positions"
         raise ConfigError(f"information_age_s = {game.information_age_s!r}: {allowed}")
     xp, given = vectors(
-        {"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target})
+        {"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}),
+        varying(game),
     )
     P = given["pursuer"]
     E = given["evader"]
@@ -219,7 +220,8 @@ def _located(
     """Return the end of each game and its next step, s; capture counts before arrival at the same instant."""
     ahead = look_ahead(xp, game, sample.pursuer_m, sample.evader_m, sample.target_m)
     now = xp.where(sample.time_s >= duration_s, int(End.TIME_UP), int(End.RUNNING))
-    now = xp.where(ahead.arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
+    if sample.target_m is not None:
+        now = xp.where(ahead.arrival_s <= NANOSECOND_S, int(End.ARRIVED), now)
     now = xp.where(ahead.capture_s <= NANOSECOND_S, int(End.CAPTURED), now)
     now = xp.where(ahead.capture_s - ahead.capture_s == 0, now, int(End.NO_ANSWER))
     h = duration_s - sample.time_s

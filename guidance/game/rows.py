@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import Array, Library, Real, Space, components, dot3, vectors
+from guidance.game.arrays import Array, Library, Real, Space, components, dot3, is_array, vectors
 from guidance.game.game import Game, Reason, parameters, speed_in_hand
 from guidance.game.records import rows_of
 
@@ -56,11 +56,18 @@ def vector_of(
     Raises:
         ConfigError: one is no array (..., 3) of numbers, or the shapes do not fit each other.
     """
-    xp, arrays = vectors({name: value for name, value in given.items() if value is not None})
+    xp, arrays = vectors(
+        {name: value for name, value in given.items() if value is not None}, varying(game)
+    )
     shape = leading_shape(game, arrays)
     with np.errstate(all="ignore"):
         parts = (components(arrays[name]) if name in arrays else None for name in given)
         return xp.pack(shape, next(iter(arrays.values())), kernel(xp, game, *parts))
+
+
+def varying(game: Game) -> list[Array]:
+    """Return the parameters of a game that are arrays."""
+    return [value for value in parameters(game).values() if is_array(value)] if game.varies else []
 
 
 def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:

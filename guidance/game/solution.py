@@ -23,10 +23,9 @@ from guidance.game.arrays import (
     Space,
     Truth,
     components,
-    is_array,
     vectors,
 )
-from guidance.game.game import Game, Reason, Winner, guaranteed_age_s, parameters
+from guidance.game.game import Game, Reason, Winner, guaranteed_age_s
 from guidance.game.pe import StateSolution, pursuit, take_apart
 from guidance.game.records import is_finite
 from guidance.game.rows import (
@@ -36,6 +35,7 @@ from guidance.game.rows import (
     refused_rows,
     simplified,
     squares,
+    varying,
 )
 from guidance.game.tad import defence
 
@@ -99,6 +99,12 @@ def solve(
 
     Integers and lists are allowed; the answer has the widest precision among the arguments.
 
+    PyTorch and JAX differentiate `value` and `margin_s` by positions and parameters, also where a parameter is an array
+    with zeros. There is no derivative where the winner changes (`value`), where the evader is captured or at its
+    target, right above the evader, and where two headings or two points of a target's shape are equally good; one
+    side's, or zero, is returned. Numbers that are not arrays are constants, winner and reason are codes. Meeting point
+    and velocities can be differentiated only if the target is a point.
+
     Returns:
         Both players' optimal play from here. The strategies are feedback: solve again at every step.
 
@@ -110,10 +116,7 @@ def solve(
     given: dict[str, Any] = {
         name: value for name, value in zip(NAMES, state, strict=True) if value is not None
     }
-    varying = (
-        [value for value in parameters(game).values() if is_array(value)] if game.varies else []
-    )
-    xp, given = vectors(given, varying)
+    xp, given = vectors(given, varying(game))
     shape = leading_shape(game, given)
     if out is not None and out.value.shape != shape:
         raise ConfigError(

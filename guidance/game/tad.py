@@ -253,15 +253,16 @@ def race(
     far = dot2(way, way) + z * z
     b = (u * u) * near - (v * v) * far
     left = xp.sqrt(near)
-    drawn = b == 0
     both = u * left + v * xp.sqrt(far)
-    final = b / xp.select(drawn, 1.0, d_delta + span)
+    lengths = d_delta + span
+    # Zero is divided by the same length, because its derivative is not zero
+    final = b / xp.select(lengths > 0, lengths, 1.0)
     inverse = 1.0 / xp.select(d_delta > 0, d_delta, 1.0)
     lead = (v * v) * (final * inverse)
     share = span * inverse
     run = (lead * to_evader[0] + share * to_target[0], lead * to_evader[1] + share * to_target[1])
     arrival = left / v
-    margin = b / (u * v * xp.select(drawn, 1.0, both))
+    margin = b / (u * v * xp.select(both > 0, both, 1.0))
     edge = Closest(run, xp.norm2(run) / v, final)
     return Contest(to_target, arrival, arrival - margin, margin, -u * margin, edge)
 

@@ -26,8 +26,11 @@ def fleet(flown: Flown) -> dict[str, Any]:
         vehicles[vehicle] = _parked(
             autopilot.mock, scenario.home_m, 0.0, autopilot.mock_speeds(speeds)
         )
-        own = {} if rover.acceleration_m_s2 is None else {"ATC_ACCEL_MAX": rover.acceleration_m_s2}
-        vehicles.setdefault(evader, _parked("rover", rover.position_m, -rover.height_m, own))
+        parameters = dict[str, float]()
+        if rover.acceleration_m_s2 is not None:
+            parameters["ATC_ACCEL_MAX"] = rover.acceleration_m_s2
+        parked = _parked("rover", rover.position_m, -rover.height_m, parameters)
+        vehicles.setdefault(evader, parked)
     return {
         "seed": pursuits[0].scenario.seed,
         "home": {

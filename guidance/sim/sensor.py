@@ -7,7 +7,6 @@ starts with the game: earlier reports pass unchanged. Mathematics and flights us
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from itertools import takewhile
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -68,11 +67,16 @@ class Received(NamedTuple):
     on_the_way: Array
 
 
+def _rate_hz(sensor: Sensor) -> float:
+    return FASTEST_HZ if sensor.rate_hz is None else sensor.rate_hz
+
+
 def begin(sensor: Sensor, evader_m: Array) -> Received:
     """Return the knowledge at the begin: the evader stands at `evader_m`, (n, 3)."""
     count = len(evader_m)
     none = np.zeros(count, dtype=np.int64)
-    ring = np.zeros((count, math.floor(sensor.latency_s * (sensor.rate_hz or FASTEST_HZ)) + 2, 6))
+    in_transit = math.floor(sensor.latency_s * _rate_hz(sensor)) + 2
+    ring = np.zeros((count, in_transit, 6))
     return Received(
         evader_m.copy(), np.zeros_like(evader_m), np.zeros(count), none, none.copy(), ring
     )
@@ -80,7 +84,7 @@ def begin(sensor: Sensor, evader_m: Array) -> Received:
 
 def next_event_s(sensor: Sensor, heard: Received) -> Array:
     """Return the times, (n,), of the next measurement or arrival."""
-    period_s = 1.0 / (sensor.rate_hz or FASTEST_HZ)
+    period_s = 1.0 / _rate_hz(sensor)
     return np.asarray(
         np.minimum(heard.measurements * period_s, heard.arrivals * period_s + sensor.latency_s)
     )
@@ -99,34 +103,31 @@ def listen(
         evader_m: Position of the evader, (n, 3), m.
         run_m_s: Velocity of the evader, (n, 3).
     """
-    period_s = 1.0 / (sensor.rate_hz or FASTEST_HZ)
+    period_s = 1.0 / _rate_hz(sensor)
     near_s = now_s + 1e-9
     ring = heard.on_the_way
     rows = np.flatnonzero(heard.measurements * period_s <= near_s)
     number = heard.measurements[rows]
     report = np.concatenate([evader_m[rows], run_m_s[rows]], axis=1)
-    for place, stream in _STREAMS.items():
-        spread = noise.position_m if place < 3 else noise.velocity_m_s
-        report[:, place] += np.broadcast_to(spread, now_s.shape)[rows] * normal(
-            noise.seed[rows], stream, number
-        )
+    for column, stream in _STREAMS.items():
+        spread = noise.position_m if column < 3 else noise.velocity_m_s
+        spreads = np.broadcast_to(spread, now_s.shape)[rows]
+        report[:, column] += spreads * normal(noise.seed[rows], stream, number)
     ring[rows, number % ring.shape[1]] = report
     heard.measurements[rows] += 1
     # Each of these has been measured
     rows = np.flatnonzero(heard.arrivals * period_s + sensor.latency_s <= near_s)
     number = heard.arrivals[rows]
-    comes = (
-        uniform(noise.seed[rows], DROPOUT_STREAM, number)
-        >= np.broadcast_to(noise.dropout, now_s.shape)[rows]
-    )
+    dropout = np.broadcast_to(noise.dropout, now_s.shape)[rows]
+    arrives = uniform(noise.seed[rows], DROPOUT_STREAM, number) >= dropout
     for begin_s, end_s in sensor.outages_s:
-        comes &= ~((now_s[rows] >= begin_s) & (now_s[rows] < end_s))
+        arrives &= ~((now_s[rows] >= begin_s) & (now_s[rows] < end_s))
     heard.arrivals[rows] += 1
-    rows = rows[comes]
-    number = number[comes]
-    heard.position_m[rows], heard.velocity_m_s[rows] = np.split(
-        ring[rows, number % ring.shape[1]], 2, axis=1
-    )
+    rows = rows[arrives]
+    number = number[arrives]
+    arrived = ring[rows, number % ring.shape[1]]
+    heard.position_m[rows] = arrived[:, :3]
+    heard.velocity_m_s[rows] = arrived[:, 3:]
     heard.measured_s[rows] = number * period_s
 
 
@@ -188,10 +189,9 @@ class SensedEvader:
             return reports
         for report in reports:
             self._measure(report)
-        arrived = [
-            *takewhile(lambda late: late.received_s <= self._clock() + _SLACK_S, self._on_the_way)
-        ]
-        del self._on_the_way[: len(arrived)]
+        arrived = []
+        while self._on_the_way and self._on_the_way[0].received_s <= self._clock() + _SLACK_S:
+            arrived.append(self._on_the_way.pop(0))
         return arrived
 
     def counters(self) -> Mapping[str, int]:

@@ -2,8 +2,9 @@
 
 PX4 and ArduCopter: all parameters that PX4 v1.17.0 (SIH quadrotor) and ArduCopter 4.5.7 (its own simulated quadrotor,
 ``copter.parm``) list, with type and value as on the wire. Rover: a selection of Rover 4.5's defaults.
-``unit``, ``minimum``, ``maximum`` and ``meaning`` are given where they are documented and matter here. The limits apply
-to settings of the mock; over MAVLink neither autopilot enforces them.
+ArduCopter's parameters that are listed only while another one is not 0 are in ``arducopter_hidden.csv``, as 4.5.7 lists
+them. ``unit``, ``minimum``, ``maximum`` and ``meaning`` are given where they are documented and matter here. The limits
+apply to settings of the mock; over MAVLink neither autopilot enforces them.
 
 Changes of PX4 v1.18: its release notes. Changes of ArduCopter 4.6 and 4.7: the release notes, the pull requests that
 rename (31970, 31990, 32147) and the list of the 4.7.0 beta. Only changes whose default is known are listed.
@@ -19,6 +20,8 @@ from typing import Final, NamedTuple
 from sitl_mock.protocols import Parameter, ParameterTable, ParamKind, Renamed
 
 _PACKAGE: Final = "sitl_mock.parameters"
+_WITH_HIDDEN: Final = frozenset({"arducopter"})
+"""Flavours with a file of parameters that appear when another one is set."""
 
 
 class Change(NamedTuple):
@@ -57,7 +60,7 @@ def parameters_of(flavour: str, version: str = "") -> ParameterTable:
         flavour: Name of the flavour.
         version: A version with a file of changes; "" for the one with recorded data.
     """
-    recorded = [_parameter(*row) for row in _rows(flavour)]
+    recorded = list(_recorded(flavour))
     if not version:
         return ParameterTable(recorded)
     changes = [Change(*row) for row in _rows(f"{flavour}_{version}")]
@@ -69,12 +72,31 @@ def parameters_of(flavour: str, version: str = "") -> ParameterTable:
         for item in recorded
         if item.name not in removed
     ]
+    kept = [
+        item._replace(behind=renamed[item.behind].name) if item.behind in renamed else item
+        for item in kept
+    ]
     added = [_added(change) for change in changes if change.change == "added"]
     table = ParameterTable([*kept, *added])
     table.renamed = {
         was: Renamed(change.name, float(change.factor)) for was, change in renamed.items()
     }
     return table
+
+
+def _recorded(flavour: str) -> Iterator[Parameter]:
+    """Yield the recorded parameters, each followed by those that are behind it."""
+    behind: dict[str, list[Parameter]] = {}
+    if flavour in _WITH_HIDDEN:
+        for switch, name, kind, value in _rows(f"{flavour}_hidden"):
+            item = Parameter(
+                name, ParamKind(int(kind)), float(value), "", -math.inf, math.inf, "", switch
+            )
+            behind.setdefault(switch, []).append(item)
+    for row in _rows(flavour):
+        item = _parameter(*row)
+        yield item
+        yield from behind.get(item.name, ())
 
 
 def _rows(name: str) -> Iterator[list[str]]:
@@ -95,6 +117,7 @@ def _redefined(item: Parameter, change: Change) -> Parameter:
         float(change.minimum) if change.minimum else item.minimum * factor,
         float(change.maximum) if change.maximum else item.maximum * factor,
         change.meaning if change.meaning else item.meaning,
+        item.behind,
     )
 
 

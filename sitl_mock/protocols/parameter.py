@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -59,6 +59,7 @@ class Parameter(NamedTuple):
         minimum: Documented lower limit.
         maximum: Documented upper limit.
         meaning: Short description.
+        behind: Parameter that must not be 0 for this one to be listed; "" if it is always listed.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Parameter(NamedTuple):
     minimum: float
     maximum: float
     meaning: str
+    behind: str = ""
 
 
 class Renamed(NamedTuple):
@@ -92,14 +94,18 @@ class ParameterTable(tuple[Parameter, ...]):
         return {item.name: item for item in self}
 
     @cached_property
-    def names(self) -> tuple[str, ...]:
-        """In their order."""
-        return tuple(self.definitions)
+    def switches(self) -> frozenset[str]:
+        """Parameters that show others."""
+        return frozenset(item.behind for item in self if item.behind)
+
+    def listed(self, values: Mapping[str, float]) -> tuple[str, ...]:
+        """Names in their order, without those behind a parameter that is 0."""
+        return tuple(item.name for item in self if not item.behind or values[item.behind])
 
     @cached_property
-    def places(self) -> Mapping[str, int]:
-        """Index by name."""
-        return {name: index for index, name in enumerate(self.names)}
+    def first_listed(self) -> tuple[str, ...]:
+        """Names that are listed with the defaults."""
+        return self.listed(self.values)
 
     @cached_property
     def values(self) -> Mapping[str, float]:
@@ -110,8 +116,9 @@ class ParameterTable(tuple[Parameter, ...]):
 class ParameterStore(Mapping[str, float]):
     """The values of one vehicle, read like a dict.
 
-    A value can also be read by its name, and in its unit, of the version with recorded data; `definitions` has only
-    the names of this version.
+    `names` are the listed ones, and `index` their places in the list; the others are behind a parameter that is 0, and
+    can be read and set by name. A value can also be read by its name, and in its unit, of the version with recorded
+    data; `definitions` has only the names of this version.
 
     Args:
         parameters: Definitions; their order gives the indices.
@@ -125,9 +132,10 @@ class ParameterStore(Mapping[str, float]):
         self, parameters: Iterable[Parameter], overrides: Mapping[str, float] | None = None
     ) -> None:
         table = parameters if isinstance(parameters, ParameterTable) else ParameterTable(parameters)
+        self._table = table
         self.definitions: Final = table.definitions
-        self.names: Final = table.names
-        self.index: Final = table.places
+        self.names = table.first_listed
+        self.index = _indices(self.names)
         self.revision = 0
         self.reset_at_boot = False
         self._renamed = table.renamed
@@ -172,6 +180,9 @@ class ParameterStore(Mapping[str, float]):
         if stored != self._values[name]:
             self._values[name] = stored
             self.revision += 1
+            if name in self._table.switches:
+                self.names = self._table.listed(self._values)
+                self.index = _indices(self.names)
         return stored
 
     def reset(self, keep: Callable[[str], bool] = lambda _: False) -> None:
@@ -195,6 +206,12 @@ class ParameterStore(Mapping[str, float]):
             )
             crc = zlib.crc32(name.encode() + packed, crc)
         return crc ^ 0xFFFFFFFF
+
+
+@lru_cache
+def _indices(names: tuple[str, ...]) -> Mapping[str, int]:
+    """Return the place of each name in a list."""
+    return {name: index for index, name in enumerate(names)}
 
 
 def rounded(kind: ParamKind, value: float) -> float:
@@ -322,7 +339,7 @@ class ParameterProtocol:
 
     def _hash_reply(self) -> Reply:
         value = struct.unpack("<f", struct.pack("<I", self._store.hash()))[0]
-        return ("PARAM_VALUE", HASH_NAME, value, UINT32, len(self._store), NO_INDEX)
+        return ("PARAM_VALUE", HASH_NAME, value, UINT32, len(self._store.names), NO_INDEX)
 
 
 def named(store: ParameterStore, rules: ParameterRules, name: str) -> Reply:
@@ -336,4 +353,5 @@ def _value(store: ParameterStore, rules: ParameterRules, name: str) -> Reply:
     kind = store.definitions[name].kind
     if rules.bytewise and kind is not ParamKind.REAL32:
         value = struct.unpack("<f", struct.pack("<i", int(value)))[0]
-    return ("PARAM_VALUE", name, value, int(kind), len(store), store.index[name])
+    index = store.index.get(name, NO_INDEX)
+    return ("PARAM_VALUE", name, value, int(kind), len(store.names), index)

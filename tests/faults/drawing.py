@@ -19,6 +19,9 @@ SHARED = 5
 """Number of flights with the same game; the flight to its start is flown once and copied."""
 
 AUTOPILOTS = ("px4", "arducopter")
+FASTEST_BALL_M_S = 4.0
+"""PX4 descends no faster (MPC_Z_VEL_MAX_DN), so a faster vehicle has no ball for its speed set."""
+
 PILOT_MODES = {
     "px4": ("POSCTL", "ALTCTL", "STABILIZED"),
     "arducopter": ("LOITER", "ALT_HOLD", "STABILIZE"),
@@ -303,10 +306,13 @@ def _game(draw: Draw, autopilot: str) -> Keys:
     speed_m_s = draw.between(3.0, 7.0)
     evader_m_s = round(speed_m_s * draw.between(0.2, 0.6), 2)
     policy = draw.one(*POLICIES)
+    speed_set = draw.one("ball", "cylinder")
+    if speed_m_s > FASTEST_BALL_M_S:
+        speed_set = "cylinder"
     pursuer = {
         "position_m": (0.0, 0.0, start_m),
         "speed_m_s": speed_m_s,
-        "speed_set": draw.one("ball", "cylinder"),
+        "speed_set": speed_set,
         "autopilot": autopilot,
         "takeoff_height_m": max(2.0, round(start_m - 0.8, 2)),
     }

@@ -37,6 +37,12 @@ class Torch:
     def array(self, values, precision="double"):
         return self.torch.asarray(np.array(values), dtype=self.dtypes[precision])
 
+    def slopes(self, function, values):
+        """Derivatives of the sum of a function's values by an array."""
+        array = self.array(values).requires_grad_()
+        function(array).sum().backward()
+        return array.grad.numpy()
+
 
 class Jax:
     """JAX, on the CPU, with double precision."""
@@ -49,6 +55,12 @@ class Jax:
 
     def array(self, values, precision="double"):
         return self.numpy.asarray(values, dtype=self.dtypes[precision])
+
+    def slopes(self, function, values):
+        """Derivatives of the sum of a function's values by an array."""
+        import jax
+
+        return np.asarray(jax.grad(lambda array: function(array).sum())(self.array(values)))
 
 
 @pytest.fixture(scope="module", params=[Torch, Jax])
@@ -275,3 +287,60 @@ def test_arrays_of_different_libraries_are_refused_by_name(library):
         ConfigError, match=r"different libraries cannot be mixed: pursuer: ndarray, evader: "
     ):
         solve(Game(Ball(2.0), 1.0), pursuer, evader)
+
+
+PAPER_TAD = ([[6.97, 5.83, 9.15]] * 2, [[9.8, 0.33, 0.0]] * 2, [[0.0, 0.0, 0.0]] * 2)
+
+
+@pytest.mark.parametrize("parameter", ["radius", "capture", "age"])
+def test_a_parameter_of_zero_has_the_derivative_of_its_neighbours(library, parameter):
+    def game(array):
+        return Game(
+            Ball(2.0),
+            1.0,
+            array if parameter == "capture" else 0.0,
+            StandOff(array if parameter == "radius" else (3.0 if parameter == "age" else 0.0), 0.0),
+            array if parameter == "age" else 0.0,
+        )
+
+    states = [library.array(array) for array in PAPER_TAD]
+    slopes = library.slopes(lambda array: solve(game(array), *states).value, [0.0, 0.2])
+    h = 1e-6
+    here = solve(game(np.array([0.0, 0.2])), *PAPER_TAD).value
+    there = solve(game(np.array([h, 0.2 + h])), *PAPER_TAD).value
+    np.testing.assert_allclose(slopes, (there - here) / h, atol=1e-5)
+
+
+def test_the_margin_has_its_derivative_on_the_barrier(library):
+    E = library.array([[2.0, 0.0, 0.0]])
+    T = library.array([[4.0, 0.0, 0.0]])
+    slopes = library.slopes(
+        lambda P: solve(Game(Ball(2.0), 1.0), P, E, T).margin_s, [[0.0, 0.0, 0.0]]
+    )
+    np.testing.assert_allclose(slopes, [[0.5, 0.0, 0.0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("speeds", [Ball(2.0), Cylinder(3.0, 2.0, 1.0)])
+def test_a_rollout_without_a_target_ends_in_a_capture(library, speeds):
+    P = [[8.0, 1.42, 9.41]]
+    E = [[7.92, 9.6, 0.0]]
+    game = Game(speeds, 1.0)
+    there = rollout(game, library.array(P), library.array(E), stepping=Exact(0.5))
+    here = rollout(game, P, E, stepping=Exact(0.5))
+    np.testing.assert_allclose(np.asarray(there.time_s), here.time_s, atol=1e-6)
+
+
+def test_states_and_parameters_of_different_libraries_are_refused_by_name(library):
+    P = np.array([[8.0, 1.42, 9.41]] * 2)
+    E = np.array([[7.92, 9.6, 0.0]] * 2)
+    foreign = Game(Ball(library.array([2.0, 3.0])), 1.0)
+    own = Game(Ball(np.array([2.0, 3.0])), 1.0)
+    for call in (
+        lambda: solve(foreign, P, E),
+        lambda: solve(own, library.array(P), library.array(E)),
+        lambda: rollout(foreign, P, E),
+        lambda: PURSUER_POLICIES["pure_pursuit"](foreign, P, E),
+        lambda: Game(Ball(library.array([2.0, 3.0])), np.array([1.0, 1.0])),
+    ):
+        with pytest.raises(ConfigError, match="different libraries cannot be mixed"):
+            call()

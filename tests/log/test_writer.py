@@ -58,7 +58,8 @@ def test_messages_are_read_back_with_time_topic_and_schema(tmp_path):
             (schema and schema.name, channel.topic, message)
             for schema, channel, message in reader.iter_messages()
         ]
-        assert [metadata.metadata for metadata in reader.iter_metadata()] == [{"seed": "3"}]
+        metadata = {entry.name: entry.metadata for entry in reader.iter_metadata()}
+    assert metadata == {"run": {"seed": "3"}, "end": {"last": "yes"}}
     assert [(schema, topic) for schema, topic, _ in found] == [
         (None, "uav1/mavlink_raw/in"),
         ("guidance.Cycle", CYCLE.topic),

@@ -204,7 +204,8 @@ def test_a_target_polygon_in_degrees_has_its_zero_in_the_middle_of_the_corners(r
 
 def test_the_target_is_the_zero_of_the_game(read):
     place = {"latitude_deg": 47.4, "longitude_deg": 8.55, "altitude_amsl_m": 480.0}
-    cycle = plan_of(read(game={"kind": "tad", "target": place, "speed_set": "ball"})).flight.cycle
+    ball = {"speed_set": "ball", "climb_m_s": 6.0, "descent_m_s": 6.0}
+    cycle = plan_of(read(game={"kind": "tad", "target": place, **ball})).flight.cycle
     assert cycle.target_game_m == (0.0, 0.0, 0.0)
     assert cycle.site[:2] == (47.4, 8.55)
     assert cycle.game.pursuer == Ball(6.0)
@@ -397,3 +398,21 @@ def test_a_file_read_again_may_change_the_flight_and_not_the_links(px4_file):
         ConfigError, match="name, vehicle changed: end the daemon and start it again for that"
     ):
         reload(px4_file, before)
+
+
+def test_a_ball_that_the_vehicle_does_not_fly_is_refused_with_what_to_do(read):
+    with pytest.raises(
+        ConfigError, match=r'game\.speed_set = "ball": its game climbs .* = 6, but'
+    ) as told:
+        plan_of(read(game={"speed_set": "ball"}))
+    assert 'Use "cylinder", or raise both to 6' in str(told.value)
+
+
+def test_a_moving_target_is_refused_for_a_team(read):
+    team = {"name": "north", "mates": ["uav2"], "evader": "rover1"}
+    target = {"latitude_deg": 47.0, "longitude_deg": 8.0}
+    game = {"kind": "tad", "target": target, "target_velocity_m_s": [0.5, 0.0]}
+    with pytest.raises(
+        ConfigError, match=r"game\.target_velocity_m_s = .*: must be zero with \[team\]"
+    ):
+        read(game=game, team=team)

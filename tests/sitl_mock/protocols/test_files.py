@@ -115,7 +115,8 @@ def test_row_14_arducopters_packed_parameters_are_those_of_the_parameter_protoco
         name = name[:common] + packed[at + 2 : at + 2 + rest].decode()
         (values[name],) = struct.unpack_from(form, packed, at + 2 + rest)
         at += 2 + rest + struct.calcsize(form)
-    assert values == dict(client.vehicle.autopilot.parameters)
+    parameters = client.vehicle.autopilot.parameters
+    assert values == {name: parameters[name] for name in parameters.names}
     assert client.read(b"@PARAM/param.pck?withdefaults=1") == packed
 
 
