@@ -188,18 +188,18 @@ def _mocked(scenario: "Scenario") -> _Terms:
     rules = batch.rules_of([scenario.as_flown()])._replace(
         evader_speed_m_s=scenario.evader.believed_speed_m_s, capture_radius_m=0.0
     )
-    played = _played(scenario, rules.pursuer)
+    game = _played(scenario, rules.pursuer)
     takeoff_height_m = scenario.pursuer.takeoff_height_m
     evader = EvaderSection(kind="global_position", url=SIMULATED_URL, system_id=EVADER_ID)
     return _Terms(
         source="pursuer",
         autopilot=autopilot_named(scenario.pursuer.autopilot),
         rules=rules,
-        strategy=played.strategy,
+        strategy=game.strategy,
         tolerance_m=scenario.standoff.tolerance_m,
-        target_game_m=played.target_game_m,
+        target_game_m=game.target_game_m,
         site=batch.site(scenario),
-        start_game_m=played.start_game_m,
+        start_game_m=game.start_game_m,
         limits=scenario.limits,
         speed_limits=scenario.speed_limits,
         flight=FlightSection(takeoff_height_m=takeoff_height_m, on_terminate="land"),
@@ -266,14 +266,14 @@ def _by_both(config: Config, scenario: "Scenario") -> _Terms:
 
     terms = _by_file(config)
     rules = terms.rules._replace(target_extent=batch.target_extent(scenario))
-    played = _played(scenario, rules.pursuer)
+    game = _played(scenario, rules.pursuer)
     return replace(
         terms,
         rules=rules,
-        strategy=played.strategy,
-        target_game_m=played.target_game_m,
+        strategy=game.strategy,
+        target_game_m=game.target_game_m,
         site=batch.site(scenario) if "site" in scenario.model_fields_set else None,
-        start_game_m=played.start_game_m,
+        start_game_m=game.start_game_m,
     )
 
 
@@ -293,10 +293,12 @@ def _require_flown(terms: _Terms) -> None:
     if terms.rules.speed_set != "ball" or min(climb_m_s, descent_m_s) >= level_m_s:
         return
     section = terms.source
-    flown = f"{section}.climb_m_s = {climb_m_s:g} and {section}.descent_m_s = {descent_m_s:g}"
+    speeds_words = (
+        f"{section}.climb_m_s = {climb_m_s:g} and {section}.descent_m_s = {descent_m_s:g}"
+    )
     raise ConfigError(
         f'{section}.speed_set = "ball": its game climbs and descends at up to {section}.speed_m_s = {level_m_s:g}, '
-        f"but the vehicle flies {flown}; what it could not keep would be promised. "
+        f"but the vehicle flies {speeds_words}; what it could not keep would be promised. "
         f'Use "cylinder", or raise both to {level_m_s:g} if the autopilot flies that'
     )
 
@@ -339,13 +341,13 @@ def merged(scenario: "Scenario", config: Config) -> Config:
         lines = "\n".join(f"  {line}" for line in contradictions)
         raise ConfigError(f"{scenario.title!r} cannot be flown by {config.name!r}:\n{lines}")
     speeds = zip(scenario.pursuer.speeds, config.game.speeds, strict=True)
-    slower = Speeds(*(min(both) for both in speeds))
-    own, theirs = (
+    slower = Speeds(*(min(pair) for pair in speeds))
+    game_speeds, vehicle_speeds = (
         file.limits.model_copy(update=file.speed_limits._asdict()) for file in (config, scenario)
     )
     document = config.model_dump(mode="json")
     document["game"] = {"speed_set": config.game.speed_set, **_game(scenario), **slower._asdict()}
-    document["limits"] = own.tighter(theirs).model_dump(mode="json")
+    document["limits"] = game_speeds.tighter(vehicle_speeds).model_dump(mode="json")
     document["flight"]["takeoff_height_m"] = scenario.pursuer.takeoff_height_m
     document["flight"]["after_capture"] = "hold"
     document["flight"]["engage_on"] = "command"

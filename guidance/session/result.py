@@ -100,7 +100,8 @@ class FlightResult:
             self.latest = certificate
             reachable = (self.reachable_speed_m_s, certificate.reachable_speed_m_s)
             self.reachable_speed_m_s = min(
-                (each for each in reachable if not math.isnan(each)), default=math.nan
+                (speed_m_s for speed_m_s in reachable if not math.isnan(speed_m_s)),
+                default=math.nan,
             )
             self.limits.extend(
                 name for name in certificate.active_limits if name not in self.limits
@@ -138,12 +139,16 @@ class MissionResult(NamedTuple):
 
     def least_distance_m(self, height_m: float) -> float:
         """Return the least horizontal distance of two flying vehicles at less than `height_m` of height."""
-        flown = (
-            [one for one in each.samples if one.state in SETPOINT_STATES]
-            for each in self.vehicles.values()
+        samples = (
+            [sample for sample in vehicle.samples if sample.state in SETPOINT_STATES]
+            for vehicle in self.vehicles.values()
         )
         return least_distance_m(
-            [{one.now_s: one.pursuer_m for one in each} for each in flown], height_m
+            [
+                {sample.now_s: sample.pursuer_m for sample in vehicle_samples}
+                for vehicle_samples in samples
+            ],
+            height_m,
         )
 
 
@@ -158,12 +163,14 @@ def least_distance_m(tracks: Sequence[Mapping[float, Vector]], height_m: float) 
         Infinity if heights always separated them.
     """
     pairs = (
-        (one[at_s], other[at_s])
-        for one, other in combinations(tracks, 2)
-        for at_s in one.keys() & other.keys()
+        (track[at_s], second_track[at_s])
+        for track, second_track in combinations(tracks, 2)
+        for at_s in track.keys() & second_track.keys()
     )
     level_m = (
-        math.dist(one[:2], other[:2]) for one, other in pairs if abs(one[2] - other[2]) < height_m
+        math.dist(first_m[:2], second_m[:2])
+        for first_m, second_m in pairs
+        if abs(first_m[2] - second_m[2]) < height_m
     )
     return min(level_m, default=math.inf)
 
@@ -172,10 +179,14 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     """Return the row of a flight; `way` is "fast", "live" or "vehicle"."""
     scenario = result.scenario
     if (
-        began := next((each for each in reversed(result.happenings) if begins_game(each)), None)
+        began := next(
+            (happening for happening in reversed(result.happenings) if begins_game(happening)), None
+        )
     ) is None:
         return _never_engaged(result, way)
-    since_engagement = [each for each in result.happenings if each.now_s > began.now_s]
+    since_engagement = [
+        happening for happening in result.happenings if happening.now_s > began.now_s
+    ]
     end, end_s, reason = _ending(result, since_engagement)
     game = [sample for sample in result.samples if began.now_s <= sample.now_s <= end_s]
     (predicted, winner) = _predicted(result)
@@ -190,7 +201,8 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
         predicted_winner=winner,
         time_needed_s=math.nan if result.engaged is None else result.engaged.time_needed_s,
         min_standoff_m=min(
-            (math.dist(one.pursuer_m[:2], one.evader_m[:2]) for one in game), default=math.nan
+            (math.dist(sample.pursuer_m[:2], sample.evader_m[:2]) for sample in game),
+            default=math.nan,
         ),
         min_altitude_m=min((sample.pursuer_m[2] for sample in game), default=math.nan)
         + scenario.evader.height_m,
@@ -198,7 +210,7 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
         reachable_speed_m_s=result.reachable_speed_m_s,
         limits=tuple(result.limits),
         alarms=len(result.alarms),
-        events=tuple(dict.fromkeys(str(each.event) for each in since_engagement)),
+        events=tuple(dict.fromkeys(str(happening.event) for happening in since_engagement)),
         reason=reason,
     )
 
@@ -207,8 +219,8 @@ def closing_detail(
     result: FlightResult, way: str, record: Record | None, folder: Path | None
 ) -> str:
     """Return the detail of a broadcast's last event, as `guidance.log.entries.FLIGHT_OVER` describes it."""
-    ended = "interrupted" if result.interrupted else ending_words(outcome_of_flight(result, way))
-    detail = {"ended": f"{ended}; {result.ended}"}
+    ending = "interrupted" if result.interrupted else ending_words(outcome_of_flight(result, way))
+    detail = {"ended": f"{ending}; {result.ended}"}
     if isinstance(record, Recorder) and folder is not None:
         replay = record.path.absolute().relative_to(folder.absolute().parent)
         detail |= {"record": str(record.path), "replay": replay.as_posix()}
@@ -237,7 +249,12 @@ def begins_game(happening: Happening) -> bool:
 def _ending(result: FlightResult, happenings: list[Happening]) -> tuple[str, float, str]:
     """Find the event that ended the game; return `Outcome.end`, its time, and the reason of a failure."""
     last = next(
-        (each for each in happenings if each.before in PLAYING and each.after not in PLAYING), None
+        (
+            happening
+            for happening in happenings
+            if happening.before in PLAYING and happening.after not in PLAYING
+        ),
+        None,
     )
     if last is None:
         return (
@@ -253,7 +270,9 @@ def _ending(result: FlightResult, happenings: list[Happening]) -> tuple[str, flo
         return (end, last.now_s, str(last.event) if end == "yielded" else "")
     # After a pause that lasted too long, the reason is the missing input.
     paused = [
-        each.event for each in happenings if each.after is State.PAUSED and each.now_s < last.now_s
+        happening.event
+        for happening in happenings
+        if happening.after is State.PAUSED and happening.now_s < last.now_s
     ]
     return (
         end,
@@ -264,12 +283,16 @@ def _ending(result: FlightResult, happenings: list[Happening]) -> tuple[str, flo
 
 def _never_engaged(result: FlightResult, way: str) -> Outcome:
     ends = {State.HOLDING, State.LANDING, State.RETURNING, State.YIELDED, State.FAILED}
-    cause = next((each for each in result.happenings if each.after in ends), None)
+    cause = next((happening for happening in result.happenings if happening.after in ends), None)
     end = "yielded" if cause is not None and cause.event is Event.PILOT else "failed"
-    why = _unfinished(result) if cause is None else f"{cause.event} while {cause.before}"
-    why += f'; the autopilot said "{result.said}"' if result.said else ""
+    reason = _unfinished(result) if cause is None else f"{cause.event} while {cause.before}"
+    reason += f'; the autopilot said "{result.said}"' if result.said else ""
     return outcome_of(
-        result.scenario, way, end=end, duration_s=result.duration_s, reason=f"never engaged: {why}"
+        result.scenario,
+        way,
+        end=end,
+        duration_s=result.duration_s,
+        reason=f"never engaged: {reason}",
     )
 
 
@@ -306,13 +329,13 @@ def distance_to_target_m(cycle: CycleSettings, evader_m: Vector) -> float:
 
 def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[TeamOutcome]:
     """Return the rows, one for each evader; the game began when the last vehicle engaged. Without a game: none."""
-    begun = [
-        [one.now_s for one in each.happenings if one.event is Event.GUIDED]
-        for each in result.vehicles.values()
+    engagements_s = [
+        [happening.now_s for happening in vehicle.happenings if happening.event is Event.GUIDED]
+        for vehicle in result.vehicles.values()
     ]
-    if not all(begun):
+    if not all(engagements_s):
         return []
-    began_s = max(times[0] for times in begun)
+    began_s = max(times[0] for times in engagements_s)
     names = sorted(result.evaders)
     flights = list(result.vehicles.values())
     ends = [_team_end(result, name, began_s) for name in names]
@@ -348,4 +371,4 @@ def _team_end(result: MissionResult, name: str, began_s: float) -> tuple[str, fl
 
 def _at(track: Sequence[tuple[float, Vector]], now_s: float) -> Vector:
     """Return the last place of a track until a time."""
-    return next((place for at_s, place in reversed(track) if at_s <= now_s), track[0][1])
+    return next((position_m for at_s, position_m in reversed(track) if at_s <= now_s), track[0][1])

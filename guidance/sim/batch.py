@@ -98,10 +98,10 @@ def by_kind(
     kinds: dict[Hashable, list[int]] = {}
     for index, game in enumerate(games):
         kinds.setdefault(kind_of(game), []).append(index)
-    played: dict[int, R] = {}
+    results: dict[int, R] = {}
     for indices in kinds.values():
-        played |= zip(indices, play([games[index] for index in indices]), strict=True)
-    return [played[index] for index in range(len(games))]
+        results |= zip(indices, play([games[index] for index in indices]), strict=True)
+    return [results[index] for index in range(len(games))]
 
 
 def rules_of(scenarios: Sequence[Scenario]) -> Rules:
@@ -148,11 +148,13 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
     kind = scenarios[0]
     rules = rules_of(scenarios)
     ground_m = column(scenarios, "evader.height_m")
-    P = np.array([each.pursuer.position_m for each in scenarios])
+    P = np.array([scenario.pursuer.position_m for scenario in scenarios])
     P[:, 2] -= ground_m
-    E = np.array([(*each.evader.position_m, 0.0) for each in scenarios])
-    seed = np.array([each.seed for each in scenarios], dtype=np.int64)
-    targets = [(*each.target.position_m, 0.0) for each in scenarios if each.target is not None]
+    E = np.array([(*scenario.evader.position_m, 0.0) for scenario in scenarios])
+    seed = np.array([scenario.seed for scenario in scenarios], dtype=np.int64)
+    targets = [
+        (*scenario.target.position_m, 0.0) for scenario in scenarios if scenario.target is not None
+    ]
     return Batch(
         kind=kind,
         game=game_by(rules),
@@ -163,7 +165,7 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
         lowest_m=column(scenarios, "limits.floor_m") - ground_m,
         highest_m=column(scenarios, "limits.ceiling_m") - ground_m,
         fence_m=column(scenarios, "limits.fence_radius_m"),
-        home_m=np.array([each.home_m for each in scenarios]),
+        home_m=np.array([scenario.home_m for scenario in scenarios]),
         limit_s=column(scenarios, "time_limit_s"),
         noise=Noise(
             seed,
@@ -193,11 +195,11 @@ def target_extent(scenario: AnyScenario) -> Extent:
 
 def site(scenario: Scenario) -> tuple[float, float, Amsl]:
     """Return the origin of the game frame, on the evader's plane."""
-    where = scenario.site
+    site = scenario.site
     return (
-        where.latitude_deg,
-        where.longitude_deg,
-        Amsl(where.altitude_amsl_m + scenario.evader.height_m),
+        site.latitude_deg,
+        site.longitude_deg,
+        Amsl(site.altitude_amsl_m + scenario.evader.height_m),
     )
 
 

@@ -97,6 +97,11 @@ class EvaderPilot:
         if now_s - self._requested_s < REPEAT_S:
             return
         self._requested_s = now_s
-        asked = map(ROVER.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN))
-        for request in (*ROVER.stream_requests(), *asked, ROVER.set_mode(Mode.GUIDED), ROVER.arm()):
+        requests = map(ROVER.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN))
+        for request in (
+            *ROVER.stream_requests(),
+            *requests,
+            ROVER.set_mode(Mode.GUIDED),
+            ROVER.arm(),
+        ):
             self._link.request(request)

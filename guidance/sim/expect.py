@@ -53,20 +53,20 @@ class Ranges(Section):
 
     def verdicts(self, values: Mapping[str, Any]) -> Iterator[CheckedExpectation]:
         """Yield the verdict on everything that is expected, from the values of all columns."""
-        for column, each in self:
+        for column, expected in self:
             value: Any = values.get(column)
-            match each:
+            match expected:
                 case Range():
-                    yield CheckedExpectation(column, str(each), value, each.holds(value))
+                    yield CheckedExpectation(column, str(expected), value, expected.holds(value))
                 case str():
-                    yield CheckedExpectation(column, each, value, value == each)
+                    yield CheckedExpectation(column, expected, value, value == expected)
                 case tuple():
-                    for one in each:
+                    for check in expected:
                         yield CheckedExpectation(
-                            column, f"has {one!r}", ", ".join(value), one in value
+                            column, f"has {check!r}", ", ".join(value), check in value
                         )
                 case Ranges() if (column == "maths") == (values["run"] == "maths"):
-                    yield from each.verdicts(values)
+                    yield from expected.verdicts(values)
 
 
 RENAMED_COLUMNS: Final[Mapping[str, str]] = {
@@ -113,12 +113,12 @@ class Expectations(Ranges):
 
     @model_validator(mode="before")
     @classmethod
-    def _check_columns(cls, given: Any) -> Any:  # noqa: ANN401 - whatever a file holds
-        for column, name in RENAMED_COLUMNS.items() if isinstance(given, dict) else ():
-            if given.get(column) is not None:
+    def _check_columns(cls, document: Any) -> Any:  # noqa: ANN401 - whatever a file holds
+        for column, name in RENAMED_COLUMNS.items() if isinstance(document, dict) else ():
+            if document.get(column) is not None:
                 raise ValueError(f"expect.{column} is named {name} now")
-            given = {key: value for key, value in given.items() if key != column}
-        return given
+            document = {key: value for key, value in document.items() if key != column}
+        return document
 
     @field_validator("events")
     @classmethod

@@ -29,16 +29,18 @@ class LiveWorld(world.World):
         LinkError: If the mock cannot start (the port is in use, say), or cannot be heard.
     """
 
-    def __init__(self, flown: Flown, clock: Clock, *, link: str, port: int, over: str) -> None:
+    def __init__(
+        self, flight_scenario: Flown, clock: Clock, *, link: str, port: int, over: str
+    ) -> None:
         super().__init__()
         self._clock = clock
-        self._pursuits = pursuits_of(flown)
+        self._pursuits = pursuits_of(flight_scenario)
         self._sources: dict[str, dict[str, EvaderSource]] = {
-            one.vehicle: {} for one in self._pursuits
+            pursuit.vehicle: {} for pursuit in self._pursuits
         }
         self.evaders |= self._sources
         with self.closing:
-            self._mock = _mock(self.closing, flown, over, port)
+            self._mock = _mock(self.closing, flight_scenario, over, port)
             for scenario, vehicle, evader in self._pursuits:
                 self.links[vehicle] = self._open_link(link, self._wires(vehicle, 1)[0], vehicle)
                 if evader not in self.players:
@@ -59,7 +61,9 @@ class LiveWorld(world.World):
     def engage(self, vehicle: str) -> None:
         """Put the faults of a vehicle's game in place that count from its engagement."""
         if faults := list(
-            faults_after([one for one in self._pursuits if one.vehicle == vehicle], "engaged")
+            faults_after(
+                [pursuit for pursuit in self._pursuits if pursuit.vehicle == vehicle], "engaged"
+            )
         ):
             # on its own thread: the loop must not wait
             threading.Thread(target=_inject, args=(self._mock[vehicle].zenoh, faults)).start()
@@ -77,11 +81,11 @@ class LiveWorld(world.World):
 
     def _open_link(self, kind: str, bare: Wire, name: str) -> VehicleLink:
         now_s = self._clock.now_s
-        who = f"the mock's {name}"
+        vehicle_words = f"the mock's {name}"
         system_id = self._mock[name].system_id
         self.taps.append(wires.TappedWire(bare, now_s, name))
         link = opening.open_link(
-            self.taps[-1], kind, system_id=system_id, clock=now_s, who=who, timeout_s=5.0
+            self.taps[-1], kind, system_id=system_id, clock=now_s, who=vehicle_words, timeout_s=5.0
         )
         self.closing.callback(link.close)
         return link
@@ -98,10 +102,10 @@ class LiveWorld(world.World):
             self.closing.callback(sources[name].close)
 
 
-def _mock(closing: contextlib.ExitStack, flown: Flown, over: str, port: int) -> RunningFleet:
+def _mock(closing: contextlib.ExitStack, scenario: Flown, over: str, port: int) -> RunningFleet:
     """Start the mock; the stack ends it. Its Zenoh session is there over UDP too: faults are injected by it."""
-    tables = fleet(flown)
-    faults = script(flown)
+    tables = fleet(scenario)
+    faults = script(scenario)
     vehicles = tables.pop("vehicle")
     mock = running(
         vehicles,

@@ -147,23 +147,23 @@ def begun(batch: Batch) -> Moment:
     )
 
 
-def _level(way: Array) -> Array:
+def _level(vector: Array) -> Array:
     """Return the horizontal lengths, (n,), of vectors."""
-    return np.asarray(np.sqrt(way[:, 0] ** 2 + way[:, 1] ** 2))
+    return np.asarray(np.sqrt(vector[:, 0] ** 2 + vector[:, 1] ** 2))
 
 
 def _play_kind(scenarios: Sequence[Scenario]) -> list[Outcome]:
     batch = stack(scenarios)
     first = list(_one_by_one(opening(batch)))
-    found = dict[int, Outcome]()
-    done = np.zeros(len(scenarios), dtype=bool)
+    outcomes = dict[int, Outcome]()
+    finished = np.zeros(len(scenarios), dtype=bool)
     for moment in moments(batch):
-        new = (moment.end != End.RUNNING) & ~done[moment.row]
+        new = (moment.end != End.RUNNING) & ~finished[moment.row]
         if new.any():
-            done[moment.row[new]] = True
-            for ended in _one_by_one(rows_of(moment, itemgetter(new))):
-                found[ended.row] = _outcome(scenarios[ended.row], first[ended.row], ended)
-    return [found[row] for row in range(len(scenarios))]
+            finished[moment.row[new]] = True
+            for row in _one_by_one(rows_of(moment, itemgetter(new))):
+                outcomes[row.row] = _outcome(scenarios[row.row], first[row.row], row)
+    return [outcomes[row] for row in range(len(scenarios))]
 
 
 def _one_by_one(arrays: Any) -> Iterator[Any]:  # noqa: ANN401 - a named tuple
@@ -206,9 +206,10 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
     if (long := h > CYCLE_S).any():
         mean = _mean_slope(batch, moment, h, first)
         slope = tuple(
-            np.where(long[:, None], over, held) for over, held in zip(mean, first, strict=True)
+            np.where(long[:, None], average, before)
+            for average, before in zip(mean, first, strict=True)
         )
-    P, left = _held_back(batch, P + h[:, None] * slope[0])
+    P, remaining = _held_back(batch, P + h[:, None] * slope[0])
     E = E + h[:, None] * slope[1]
     return moment._replace(
         now_s=moment.now_s + h,
@@ -221,7 +222,7 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
         lost_s=np.where(waiting, moment.lost_s + h, 0.0),
         standoff_m=np.minimum(moment.standoff_m, _level(P - E)),
         altitude_m=np.minimum(moment.altitude_m, P[:, 2]),
-        happened=moment.happened | np.stack([*left, waiting, no_game], axis=-1),
+        happened=moment.happened | np.stack([*remaining, waiting, no_game], axis=-1),
     )
 
 
@@ -383,23 +384,23 @@ def _promised(scenario: Scenario, first: Any) -> str:  # noqa: ANN401 - one row
     return winner_name(first.winner)
 
 
-def _outcome(scenario: Scenario, first: Any, ended: Any) -> Outcome:  # noqa: ANN401 - one row each
+def _outcome(scenario: Scenario, first: Any, last: Any) -> Outcome:  # noqa: ANN401 - one row each
     """Return the outcome of one game, from its solution at engagement and its last moment."""
-    end = _NAMES[ended.end]
-    *met, lost, no_game = ended.happened
+    end = _NAMES[last.end]
+    *met, lost, no_game = last.happened
     happened = (lost, no_game, end == "captured", end == "arrived")
     return outcome_of(
         scenario,
         "maths",
         end=end,
-        game_time_s=ended.now_s,
-        **distances_of(scenario, ended.pursuer_m, ended.evader_m),
+        game_time_s=last.now_s,
+        **distances_of(scenario, last.pursuer_m, last.evader_m),
         predicted=first.value,
         predicted_winner=_promised(scenario, first),
         time_needed_s=first.meeting_time_s,
-        min_standoff_m=ended.standoff_m,
-        min_altitude_m=ended.altitude_m + scenario.evader.height_m,
-        duration_s=ended.now_s,
+        min_standoff_m=last.standoff_m,
+        min_altitude_m=last.altitude_m + scenario.evader.height_m,
+        duration_s=last.now_s,
         limits=tuple(itertools.compress(LIMITS, met)),
         events=tuple(map(str, itertools.compress(_EVENTS, happened))),
         reason="" if end != "failed" else str(Event.NO_GAME if no_game else Event.EVADER_LOST),

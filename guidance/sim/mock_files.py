@@ -14,9 +14,9 @@ from sitl_mock.faults import Faulted, parse_script
 from sitl_mock.fleet import build, checked
 
 
-def fleet(flown: Flown) -> dict[str, Any]:
+def fleet(flight_scenario: Flown) -> dict[str, Any]:
     """Return the fleet: every pursuer on the ground near its start, with its speeds, and every evader at its start."""
-    pursuits = pursuits_of(flown)
+    pursuits = pursuits_of(flight_scenario)
     site = pursuits[0].scenario.site
     vehicles = dict[str, dict[str, Any]]()
     for scenario, vehicle, evader in pursuits:
@@ -57,19 +57,21 @@ def _parked(
     }
 
 
-def faults_after(flown: Flown, *events: str) -> Iterator[tuple[str, dict[str, Any]]]:
+def faults_after(flight_scenario: Flown, *events: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield vehicle and keys of every fault that counts from one of `events`: "start" and "engaged"."""
-    for scenario, vehicle, evader in pursuits_of(flown):
+    for scenario, vehicle, evader in pursuits_of(flight_scenario):
         for fault in scenario.fault:
             if fault.after in events:
                 keys = fault.model_dump(exclude={"vehicle", "after"}, exclude_none=True)
                 yield {PURSUER: vehicle, EVADER: evader}[fault.vehicle], keys
 
 
-def script(flown: Flown, events: Sequence[str] = ("start",)) -> dict[str, Any]:
+def script(flight_scenario: Flown, events: Sequence[str] = ("start",)) -> dict[str, Any]:
     """Return the fault script with the faults that count from one of `events`, and the wind."""
-    faults = [{**keys, "vehicle": vehicle} for vehicle, keys in faults_after(flown, *events)]
-    for scenario, vehicle, _ in pursuits_of(flown):
+    faults = [
+        {**keys, "vehicle": vehicle} for vehicle, keys in faults_after(flight_scenario, *events)
+    ]
+    for scenario, vehicle, _ in pursuits_of(flight_scenario):
         east, north = scenario.wind.velocity_m_s
         if east or north:
             # for the whole flight
@@ -82,16 +84,16 @@ def script(flown: Flown, events: Sequence[str] = ("start",)) -> dict[str, Any]:
                     "vehicle": vehicle,
                 }
             )
-    return {"seed": pursuits_of(flown)[0].scenario.seed, "fault": faults}
+    return {"seed": pursuits_of(flight_scenario)[0].scenario.seed, "fault": faults}
 
 
-def faulted_fleet(flown: Flown) -> dict[str, Faulted]:
+def faulted_fleet(scenario: Flown) -> dict[str, Faulted]:
     """Make all vehicles, with the faults that count from the start.
 
     Raises:
         ConfigError: If a vehicle cannot have one of its faults: with the key, the value and what is allowed.
     """
-    title = pursuits_of(flown)[0].scenario.title
+    title = pursuits_of(scenario)[0].scenario.title
     faulted = dict[str, Faulted]()
     try:
         # Those that count from engagement are only checked
@@ -99,8 +101,8 @@ def faulted_fleet(flown: Flown) -> dict[str, Faulted]:
             ("start", "engaged"),
             ("start",),
         ):
-            vehicles = build(checked(fleet(flown), title), links={"onboard": "quiet"})
-            faults = parse_script(script(flown, events), title)
+            vehicles = build(checked(fleet(scenario), title), links={"onboard": "quiet"})
+            faults = parse_script(script(scenario, events), title)
             faulted = {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}
     except MockConfigError as error:
         raise ConfigError(str(error)) from error

@@ -70,10 +70,10 @@ class Player(Section):
 
     def _faults(self) -> Iterator[str]:
         for policy, key in (("waypoints", "waypoints_m"), ("recorded", "track")):
-            given = bool(getattr(self, key))
-            if (self.policy == policy) != given:
+            is_set = bool(getattr(self, key))
+            if (self.policy == policy) != is_set:
                 fault = (
-                    f"{key}: {'not allowed' if given else 'missing'} with policy = {self.policy!r}"
+                    f"{key}: {'not allowed' if is_set else 'missing'} with policy = {self.policy!r}"
                 )
                 yield f"{fault}; it is the course of policy = {policy!r}"
         times = [row[0] for row in self.track]
@@ -254,18 +254,18 @@ class AnyScenario(Section):
             yield 'target.position_m: missing; game = "tad" needs a target'
         if self.game == "pe" and self.target is not None:
             yield 'target: not allowed with game = "pe"; use game = "tad"'
-        for player, known in policies.items():
-            given = getattr(self, player)
+        for player, allowed in policies.items():
+            section = getattr(self, player)
             named = (
-                {f"{player}[{number}]": one for number, one in enumerate(given)}
-                if isinstance(given, tuple)
+                {f"{player}[{number}]": group for number, group in enumerate(section)}
+                if isinstance(section, tuple)
                 else {}
             )
-            for key, one in (named or {player: given}).items():
-                if one.policy not in known:
-                    yield f"{key}.policy = {one.policy!r}: allowed are {', '.join(known)}"
-                if one.policy == "task_oriented" and self.target is None:
-                    yield f"{key}.policy = {one.policy!r}: needs target.position_m"
+            for key, group in (named or {player: section}).items():
+                if group.policy not in allowed:
+                    yield f"{key}.policy = {group.policy!r}: allowed are {', '.join(allowed)}"
+                if group.policy == "task_oriented" and self.target is None:
+                    yield f"{key}.policy = {group.policy!r}: needs target.position_m"
 
 
 class Scenario(AnyScenario):
@@ -355,6 +355,6 @@ Flown = Scenario | Sequence[Pursuit]
 """What is flown: one scenario with its two players, or several pursuits at the same time."""
 
 
-def pursuits_of(flown: Flown) -> Sequence[Pursuit]:
+def pursuits_of(scenario: Flown) -> Sequence[Pursuit]:
     """Return the pursuits of a flight; a scenario is one."""
-    return (Pursuit(flown),) if isinstance(flown, Scenario) else flown
+    return (Pursuit(scenario),) if isinstance(scenario, Scenario) else scenario

@@ -161,13 +161,13 @@ def _track_row(header: Sequence[str], cells: Sequence[str], number: int) -> Trac
 
 
 def _number(text: str, column: str, row: int) -> float:
-    where = f"row {row}, column {column}: {text[:40]!r}"
+    cell = f"row {row}, column {column}: {text[:40]!r}"
     try:
         value = float(text)
     except ValueError:
-        raise ValueError(f"{where} is not a number") from None
+        raise ValueError(f"{cell} is not a number") from None
     if not math.isfinite(value):
-        raise ValueError(f"{where} is not finite")
+        raise ValueError(f"{cell} is not finite")
     return value
 
 

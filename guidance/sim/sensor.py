@@ -252,6 +252,6 @@ class SensedEvader:
         )
 
 
-def _grown(said: float, default: float, noise: float) -> float:
+def _grown(stated: float, default: float, noise: float) -> float:
     """Return the standard deviation of a report with the sensor's noise."""
-    return math.hypot(said if math.isfinite(said) else default, noise)
+    return math.hypot(stated if math.isfinite(stated) else default, noise)

@@ -53,11 +53,11 @@ class SteppedWorld(World):
 
     real_time = False
 
-    def __init__(self, flown: Flown, clock: Clock) -> None:
+    def __init__(self, scenario: Flown, clock: Clock) -> None:
         super().__init__()
         self._clock = clock
-        self._pursuits = pursuits_of(flown)
-        self.faulted = faulted_fleet(flown)
+        self._pursuits = pursuits_of(scenario)
+        self.faulted = faulted_fleet(scenario)
         self.vehicles = {name: faulted.vehicle for name, faulted in self.faulted.items()}
         self._mocks = {name: SteppedMock(faulted, clock) for name, faulted in self.faulted.items()}
         chased = {evader: scenario for scenario, _, evader in reversed(self._pursuits)}
@@ -89,7 +89,7 @@ class SteppedWorld(World):
     def engage(self, vehicle: str) -> None:
         """Put the faults of a vehicle's game in place that count from its engagement."""
         for name, keys in faults_after(
-            [one for one in self._pursuits if one.vehicle == vehicle], "engaged"
+            [pursuit for pursuit in self._pursuits if pursuit.vehicle == vehicle], "engaged"
         ):
             self.faulted[name].inject(keys)
 

@@ -23,7 +23,13 @@ def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
     chased = opening_of(scenario).evader_of.tolist()
     # One of those that share an evader goes to it
     for evader in sorted({*range(evaders)} - {*chased}):
-        chased[next(number for number, one in enumerate(chased) if chased.count(one) > 1)] = evader
+        chased[
+            next(
+                number
+                for number, evader_number in enumerate(chased)
+                if chased.count(evader_number) > 1
+            )
+        ] = evader
     game = {
         name: getattr(scenario, name)
         for name in ("title", "game", "target", "seed", "time_limit_s")
@@ -31,7 +37,7 @@ def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
     game |= {
         name: getattr(flight, name) for name in ("standoff", "limits", "sensor", "site", "hold_s")
     }
-    own = {name: getattr(flight, name) for name in ("autopilot", "takeoff_height_m")}
+    vehicle_settings = {name: getattr(flight, name) for name in ("autopilot", "takeoff_height_m")}
     pursuits = []
     for number, evader in enumerate(chased):
         vehicle = f"uav{number + 1}"
@@ -44,9 +50,11 @@ def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
             "position_m": teams.evaders_m[evader, :2].tolist(),
         }
         document = game | {
-            "pursuer": own | pursuer | {"speed_m_s": float(teams.pursuer_speed_m_s[number])},
+            "pursuer": vehicle_settings
+            | pursuer
+            | {"speed_m_s": float(teams.pursuer_speed_m_s[number])},
             "evader": fleeing | {"speed_m_s": float(teams.evader_speed_m_s[evader])},
         }
-        flown = parse(Scenario, document, source=f"{scenario.title}, {vehicle} in flight")
-        pursuits.append(Pursuit(flown, vehicle, f"rover{evader + 1}"))
+        member_scenario = parse(Scenario, document, source=f"{scenario.title}, {vehicle} in flight")
+        pursuits.append(Pursuit(member_scenario, vehicle, f"rover{evader + 1}"))
     return tuple(pursuits)

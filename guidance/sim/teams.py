@@ -114,8 +114,8 @@ class TeamScenario(AnyScenario):
 
     def _faults(self) -> Iterator[str]:
         yield from self._shared_faults(pursuer=PURSUER_POLICIES, evader=EVADER_POLICIES)
-        slowest = min(one.speed_m_s for one in self.pursuer)
-        fastest = max(one.speed_m_s for one in self.evader)
+        slowest = min(group.speed_m_s for group in self.pursuer)
+        fastest = max(group.speed_m_s for group in self.evader)
         if slowest <= fastest:
             ratio = f"speed ratio of the slowest pursuer to the fastest evader = {slowest:g} / {fastest:g}"
             yield f"{ratio}: must be above 1"
@@ -260,8 +260,8 @@ def played_teams(
     scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: bool = False
 ) -> TeamRollout:
     """Simulate several teams of one kind as a batch, with the settings of a scenario."""
-    target = None if teams[0].target_m is None else np.array([[one.target_m] for one in teams])
-    P, E, u, v = (np.array(part) for part in zip(*(one[:4] for one in teams), strict=True))
+    target = None if teams[0].target_m is None else np.array([[team.target_m] for team in teams])
+    P, E, u, v = (np.array(part) for part in zip(*(team[:4] for team in teams), strict=True))
     game = game_of(scenario, u[..., None], v[:, None])
     policies = {name: getattr(teams[0], name) for name in ("pursuer_policy", "evader_policy")}
     steps = {name: getattr(scenario, name) for name in ("capture_m", "hysteresis", "step_s")}
@@ -300,7 +300,7 @@ def summary_of(rows: Sequence[TeamOutcome]) -> dict[str, Any]:
 def _kind_of(scenario: TeamScenario) -> Hashable:
     """Return a key that is equal for scenarios of one batch."""
     sides = (
-        tuple((one.policy, one.count) for one in side)
+        tuple((group.policy, group.count) for group in side)
         for side in (scenario.pursuer, scenario.evader)
     )
     return (
@@ -316,13 +316,13 @@ def _kind_of(scenario: TeamScenario) -> Hashable:
 
 def _play_kind(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
     teams = [teams_of(scenario) for scenario in scenarios]
-    played = played_teams(scenarios[0], teams)
-    names = np.array([end.name.lower() for end in End])[played.end]
+    rollout = played_teams(scenarios[0], teams)
+    names = np.array([end.name.lower() for end in End])[rollout.end]
     rows = []
     for row, scenario in enumerate(scenarios):
         fields = (
             field[row].tolist()
-            for field in (names, played.time_s, played.distance_m, played.captor)
+            for field in (names, rollout.time_s, rollout.distance_m, rollout.captor)
         )
         ends = list(zip(*fields, strict=True))
         rows.append(
@@ -330,7 +330,7 @@ def _play_kind(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
                 scenario,
                 "maths",
                 teams[row],
-                Matching(*(field[row] for field in played.first)),
+                Matching(*(field[row] for field in rollout.first)),
                 ends,
             )
         )

@@ -79,30 +79,30 @@ def joined(games: Games, shape: str) -> TeamGame:
     if isinstance(games, Game):
         return TeamGame(_played(games), np.array(True))
     table = np.array(games, dtype=object)
-    known = [game for game in table.flat if game is not None]
-    nested = table.ndim == len(shape) // 3 and (table.ndim > 1 or len(known) == table.size)
-    if not nested or not known or not all(isinstance(game, Game) for game in known):
+    present_games = [game for game in table.flat if game is not None]
+    nested = table.ndim == len(shape) // 3 and (table.ndim > 1 or len(present_games) == table.size)
+    if not nested or not present_games or not all(isinstance(game, Game) for game in present_games):
         raise ConfigError(
             f"game = {games!r}: must be one Game, or lists {shape} of games, None where two do not play"
         )
-    first = known[0]
+    first = present_games[0]
     shared = attrgetter("varies", "evader_space", "target_velocity_m_s", "target_extent")
-    if first.varies or len({(type(game.pursuer), *shared(game)) for game in known}) > 1:
+    if first.varies or len({(type(game.pursuer), *shared(game)) for game in present_games}) > 1:
         same = "speed set (Ball or Cylinder), target_velocity_m_s, target_extent and evader_space"
         raise ConfigError(
             f"game: the games of a team must have the same {same}, and single numbers"
         )
     rows = table.reshape(len(table), -1)
     alike = [next(filter(None, column), first) for column in rows.T]
-    each = [
-        attrgetter(*DIFFERENT)(game or other)
+    numbers_of_games = [
+        attrgetter(*DIFFERENT)(game or template)
         for row in rows
-        for game, other in zip(row, alike, strict=True)
+        for game, template in zip(row, alike, strict=True)
     ]
-    numbers = mapped(lambda *every: np.array(every).reshape(table.shape), *each)
-    whole = replace(first, **dict(zip(DIFFERENT, numbers, strict=True)))
+    numbers = mapped(lambda *every: np.array(every).reshape(table.shape), *numbers_of_games)
+    joined_game = replace(first, **dict(zip(DIFFERENT, numbers, strict=True)))
     plays = np.array([game is not None for game in table.flat]).reshape(table.shape)
-    return TeamGame(_played(simplified(whole)), plays)
+    return TeamGame(_played(simplified(joined_game)), plays)
 
 
 def _played(game: Game) -> Game:
@@ -131,38 +131,43 @@ def vectors(name: str, array: ArrayLike, shape: str) -> Array:
     Raises:
         ConfigError: If it is not an array of numbers of this shape, has masked elements, or holds no player.
     """
-    found = _array(array)
+    numbers = _array(array)
     axes = shape.count(",")
-    nobody = axes > 1 and 0 in found.shape[-2:-1]
+    nobody = axes > 1 and 0 in numbers.shape[-2:-1]
     if isinstance(array, np.ma.MaskedArray):
         raise ConfigError(
             f"{name} = {array!r}: must not be a masked array; leave those players out"
         )
-    if found.ndim < axes or nobody or found.shape[-1:] != (3,) or found.dtype.kind not in "fiu":
+    if (
+        numbers.ndim < axes
+        or nobody
+        or numbers.shape[-1:] != (3,)
+        or numbers.dtype.kind not in "fiu"
+    ):
         raise ConfigError(f"{name} = {array!r}: must be an array of numbers of shape {shape}")
-    return found if found.dtype.kind == "f" else found.astype(np.float64)
+    return numbers if numbers.dtype.kind == "f" else numbers.astype(np.float64)
 
 
-def _array(given: ArrayLike) -> Array:
+def _array(values: ArrayLike) -> Array:
     try:
-        return np.asarray(given)
+        return np.asarray(values)
     except ValueError:  # lists of different lengths
         return np.empty(0)
 
 
-def in_play_of(given: ArrayLike | None, m: int) -> Array:
+def in_play_of(mask: ArrayLike | None, m: int) -> Array:
     """Return which evaders are in play, as truths."""
-    if given is None:
+    if mask is None:
         return np.ones(m, dtype=bool)
-    present = _array(given)
+    present = _array(mask)
     truths = (present == 0) | (present == 1)
-    if isinstance(given, np.ma.MaskedArray) or present.shape[-1:] != (m,) or not truths.all():
+    if isinstance(mask, np.ma.MaskedArray) or present.shape[-1:] != (m,) or not truths.all():
         allowed = f"must say for each of {m} evaders whether it is in play, by true or false"
-        raise ConfigError(f"in_play = {given!r}: {allowed}")
+        raise ConfigError(f"in_play = {mask!r}: {allowed}")
     return present.astype(bool)
 
 
-def judged(answer: Answer, fault: Array, what: Callable[[], str]) -> Answer:
+def judged(answer: Answer, fault: Array, fault_words: Callable[[], str]) -> Answer:
     """Return an answer with nothing in the rows that have a fault, or refuse a single state that has one.
 
     Nothing is NaN, −1 for numbers of players, and 0 for other whole numbers.
@@ -170,7 +175,7 @@ def judged(answer: Answer, fault: Array, what: Callable[[], str]) -> Answer:
     Args:
         answer: of the leading shape of `fault`.
         fault: why a row has no answer, as `Reason`; 0 if it has one.
-        what: what has none, for the message.
+        fault_words: what has none, for the message.
 
     Raises:
         ConfigError: If a single state has no answer.
@@ -178,7 +183,7 @@ def judged(answer: Answer, fault: Array, what: Callable[[], str]) -> Answer:
     if not fault.any():
         return answer
     if fault.ndim == 0:
-        raise ConfigError(f"{what()} no answer: {Reason(int(fault)).word.replace('_', ' ')}")
+        raise ConfigError(f"{fault_words()} no answer: {Reason(int(fault)).word.replace('_', ' ')}")
     nothing = dict.fromkeys(("first", "second", "evader_of"), -1)
     parts = {}
     for name, part in answer._asdict().items():

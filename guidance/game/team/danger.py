@@ -104,8 +104,8 @@ def most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Danger:
     arrived = dot2(inside, inside) == 0.0
     x = np.where(arrived, evader[0], x)
     y = np.where(arrived, evader[1], y)
-    here = _margins(game, state, plus2(to_target, 1.0, (x, y)))
-    return Danger(np.stack([T[..., 0] + x, T[..., 1] + y, T[..., 2]], axis=-1), here)
+    margin_here = _margins(game, state, plus2(to_target, 1.0, (x, y)))
+    return Danger(np.stack([T[..., 0] + x, T[..., 1] + y, T[..., 2]], axis=-1), margin_here)
 
 
 def _spread(low: Array, high: Array, count: int) -> tuple[Array, Array]:
@@ -114,9 +114,9 @@ def _spread(low: Array, high: Array, count: int) -> tuple[Array, Array]:
     return low + share * (high - low), (high - low) / (count - 1)
 
 
-def _margins(game: Game, state: Geometry, way: Plane) -> Array:
+def _margins(game: Game, state: Geometry, heading: Plane) -> Array:
     """Return the margin of the best pursuer, (...), s, at points given from the evader, m."""
-    x, y = (np.asarray(part)[..., None] for part in way)
+    x, y = (np.asarray(part)[..., None] for part in heading)
     v = game.evader_speed_m_s
     adrift = game.target_velocity_m_s
     if adrift == STILL:
@@ -196,5 +196,5 @@ def _stacked(pieces: list[Pieces]) -> Pieces:
 
     begin = tuple(joined(*(piece.begin[axis] for piece in pieces)) for axis in (0, 1))
     along = tuple(joined(*(piece.along[axis] for piece in pieces)) for axis in (0, 1))
-    rest = (joined(*parts) for parts in zip(*(piece[2:] for piece in pieces), strict=True))
-    return Pieces((begin[0], begin[1]), (along[0], along[1]), *rest)
+    columns = (joined(*parts) for parts in zip(*(piece[2:] for piece in pieces), strict=True))
+    return Pieces((begin[0], begin[1]), (along[0], along[1]), *columns)

@@ -127,23 +127,30 @@ def match_teams(
     require("hysteresis", hysteresis, zero_allowed=True)
     with np.errstate(all="ignore"):
         table = table_of(game, pursuers, evaders, target, in_play)
-        kept = None if previous is None else kept_of(table, (previous.first, previous.second))
+        previous_pairs = (
+            None if previous is None else kept_of(table, (previous.first, previous.second))
+        )
         if target is not None:
             table = _with_spare(table, np.asarray(spare_m))
-        edges = _edges(table, kept, hysteresis)
-        first = assigned(edges, None if kept is None else kept.first >= 0)
+        edges = _edges(table, previous_pairs, hysteresis)
+        first = assigned(edges, None if previous_pairs is None else previous_pairs.first >= 0)
         if table.target is None:
             answer = _chased(table, first)
         else:
-            first, mate = _with_pairs(table, edges, kept, first)
-            pairs = kept.pairs if kept is not None and np.array_equal(first, kept.asked) else None
-            pairs = pairs or pairs_with(table, first)
-            second = _seconds(table, pairs, first, mate, kept, hysteresis)
+            first, mate = _with_pairs(table, edges, previous_pairs, first)
+            pairs = None
+            if previous_pairs is not None and np.array_equal(first, previous_pairs.asked):
+                pairs = previous_pairs.pairs
+            if not pairs:
+                pairs = pairs_with(table, first)
+            second = _seconds(table, pairs, first, mate, previous_pairs, hysteresis)
             answer = _defended(table, table.target, pairs, first, second)
     worst = table.all.alone.reason.max(axis=(1, 2)).reshape(table.shape)
-    whole = Matching(*(part.reshape((*table.shape, *part.shape[1:])) for part in answer))
+    shaped = Matching(*(part.reshape((*table.shape, *part.shape[1:])) for part in answer))
     return judged(
-        whole, np.where(worst < int(Reason.NOT_FINITE), 0, worst), lambda: "pursuers, evaders: have"
+        shaped,
+        np.where(worst < int(Reason.NOT_FINITE), 0, worst),
+        lambda: "pursuers, evaders: have",
     )
 
 
@@ -151,31 +158,39 @@ def _with_spare(table: Table, spare_m: Array) -> Table:
     """Return the table in which a pursuer beats an evader only with some distance to spare."""
     n = table.worth.shape[-1]
     least = np.broadcast_to(spare_m, (*spare_m.shape[:-2], n, table.worth.shape[1]))
-    each = np.broadcast_to(least, (*table.shape, *least.shape[-2:])).reshape(-1, *least.shape[-2:])
-    spare = each.swapaxes(1, 2)
+    least_of_teams = np.broadcast_to(least, (*table.shape, *least.shape[-2:])).reshape(
+        -1, *least.shape[-2:]
+    )
+    spare = least_of_teams.swapaxes(1, 2)
     beats = table.beats & ((spare <= 0.0) | (table.worth >= spare))
     return table._replace(beats=beats, spare_m=spare)
 
 
-def _edges(table: Table, kept: Kept | None, hysteresis: float) -> Array:
+def _edges(table: Table, previous_pairs: Kept | None, hysteresis: float) -> Array:
     """Return the profit of each pursuer that may guarantee the capture of an evader, (b, m, n), −∞ where it may not."""
     every = np.arange(table.worth.shape[-1])
     least = np.where(table.beats, table.worth, np.inf).min(axis=(1, 2), keepdims=True)
     profit = table.worth - np.minimum(np.where(np.isfinite(least), least, 0.0), 0.0)
-    if kept is None:
+    if previous_pairs is None:
         return np.where(table.beats, profit, -np.inf)
-    promised = (kept.first >= 0)[..., None]
-    old = promised & (every == kept.first[..., None])
-    needed = (kept.second >= 0) & (taken(table.worth, kept.first) < kept.worth)
-    partner = needed[..., None] & (every == kept.second[..., None])
-    as_good = ~promised | (table.worth >= kept.worth[..., None] + hysteresis)
+    promised = (previous_pairs.first >= 0)[..., None]
+    old = promised & (every == previous_pairs.first[..., None])
+    needed = (previous_pairs.second >= 0) & (
+        taken(table.worth, previous_pairs.first) < previous_pairs.worth
+    )
+    partner = needed[..., None] & (every == previous_pairs.second[..., None])
+    as_good = ~promised | (table.worth >= previous_pairs.worth[..., None] + hysteresis)
     free = ~partner.any(axis=1)[:, None] | partner
     edges = old | (table.beats & as_good & free)
-    profit = np.where(old, profit + (kept.worth[..., None] - table.worth) + hysteresis, profit)
+    profit = np.where(
+        old, profit + (previous_pairs.worth[..., None] - table.worth) + hysteresis, profit
+    )
     return np.where(edges, np.maximum(profit, 0.0), -np.inf)
 
 
-def _with_pairs(table: Table, edges: Array, kept: Kept | None, first: Array) -> tuple[Array, Array]:
+def _with_pairs(
+    table: Table, edges: Array, previous_pairs: Kept | None, first: Array
+) -> tuple[Array, Array]:
     """Return firsts and mates, (b, m), where two pursuers may guarantee a capture that neither guarantees alone.
 
     Only a target with an extent has such pairs. They are looked for where an evader would be left over.
@@ -183,7 +198,7 @@ def _with_pairs(table: Table, edges: Array, kept: Kept | None, first: Array) -> 
     Args:
         table: everybody against everybody.
         edges: profit of each pursuer alone, (b, m, n).
-        kept: promises.
+        previous_pairs: promises.
         first: matched by these edges, (b, m).
 
     Returns:
@@ -195,28 +210,30 @@ def _with_pairs(table: Table, edges: Array, kept: Kept | None, first: Array) -> 
         return first, np.full_like(first, -1)
     promised = np.zeros((b, m), dtype=bool)
     partners = np.zeros((b, n), dtype=bool)
-    if kept is not None:
-        promised = kept.first >= 0
-        partners = are(n, *kept.second.T)
+    if previous_pairs is not None:
+        promised = previous_pairs.first >= 0
+        partners = are(n, *previous_pairs.second.T)
     paired = np.full_like(first, -1)
-    left = ((first < 0) & table.present).any(axis=1)
-    if left.any():
+    unmatched = ((first < 0) & table.present).any(axis=1)
+    if unmatched.any():
         numbers = pairs_of(n)
         worth = together(table.all, (..., numbers)).worth
         alone = (table.beats | partners[:, None])[..., numbers].any(axis=-1)
         plays = (table.present[..., None] & table.plays)[..., numbers].all(axis=-1)
         enough = worth > table.spare_m[..., numbers].max(axis=-1)
         wins = plays & enough & ~alone & ~promised[..., None]
-        for row in np.flatnonzero(left & wins.any(axis=(1, 2))):
+        for row in np.flatnonzero(unmatched & wins.any(axis=(1, 2))):
             profit = np.where(wins[row], worth[row], -np.inf)
             singles, mates = packed(edges[row], profit, numbers, promised[row])
             if np.count_nonzero(singles >= 0) > np.count_nonzero(first[row] >= 0):
                 first[row] = singles
                 paired[row] = mates
-    if kept is None:
+    if previous_pairs is None:
         return first, paired
-    together_only = promised & (first == kept.first) & ~taken(table.beats, kept.first)
-    return first, np.where(together_only, kept.second, paired)
+    together_only = (
+        promised & (first == previous_pairs.first) & ~taken(table.beats, previous_pairs.first)
+    )
+    return first, np.where(together_only, previous_pairs.second, paired)
 
 
 def _seconds(
@@ -224,7 +241,7 @@ def _seconds(
     pairs: Meeting,
     first: Array,
     mate: Array,
-    kept: Kept | None,
+    previous_pairs: Kept | None,
     hysteresis: float,
 ) -> Array:
     """Return the pursuer that supports the first of each evader, (b, m), −1 for none."""
@@ -235,11 +252,11 @@ def _seconds(
         return mate
     gain = pairs.worth - taken(table.worth, first)[..., None]
     useful = (matched & (mate < 0))[..., None] & ~busy[:, None] & (gain > 0)
-    if kept is None:
+    if previous_pairs is None:
         return np.where(mate < 0, assigned(np.where(useful, gain, -np.inf)), mate)
-    old = every == kept.second[..., None]
-    promised = (first == kept.first) & (useful & old).any(axis=-1)
-    as_good = gain >= taken(gain, kept.second)[..., None] + hysteresis
+    old = every == previous_pairs.second[..., None]
+    promised = (first == previous_pairs.first) & (useful & old).any(axis=-1)
+    as_good = gain >= taken(gain, previous_pairs.second)[..., None] + hysteresis
     useful &= old | as_good | ~promised[..., None]
     profit = np.where(useful, gain + np.where(old, hysteresis, 0.0), -np.inf)
     return np.where(mate < 0, assigned(profit, promised), mate)
@@ -281,9 +298,9 @@ def _answer(table: Table, first: Array, second: Array, play: TeamSolution) -> Ma
     alone = table.all.alone
     present = table.present
     guarded = first >= 0
-    there = np.where(present, 0.0, np.nan)
+    zero_if_present = np.where(present, 0.0, np.nan)
     evader_of = _evader_of(table, first, second)
-    flown = taken(play.pursuer_velocity_m_s.swapaxes(1, 2), evader_of)
+    velocity_m_s = taken(play.pursuer_velocity_m_s.swapaxes(1, 2), evader_of)
     lost = 0 if table.target is None else int(Winner.EVADER)
     return Matching(
         guaranteed=guarded.sum(axis=-1),
@@ -293,12 +310,12 @@ def _answer(table: Table, first: Array, second: Array, play: TeamSolution) -> Ma
         second=second,
         evader_of=evader_of,
         beats=table.beats.swapaxes(1, 2),
-        alone=(alone.value + there[..., None]).swapaxes(1, 2),
+        alone=(alone.value + zero_if_present[..., None]).swapaxes(1, 2),
         winner=np.where(guarded, int(Winner.PURSUER), np.where(present, lost, 0)).astype(np.int8),
-        value=play.value + there,
-        lower_bound=play.lower_bound + there,
-        meeting_point_m=play.meeting_point_m + there[..., None],
-        pursuer_velocity_m_s=np.where((evader_of < 0)[..., None], 0.0 * flown, flown),
+        value=play.value + zero_if_present,
+        lower_bound=play.lower_bound + zero_if_present,
+        meeting_point_m=play.meeting_point_m + zero_if_present[..., None],
+        pursuer_velocity_m_s=np.where((evader_of < 0)[..., None], 0.0 * velocity_m_s, velocity_m_s),
         evader_velocity_m_s=np.where(present[..., None], play.evader_velocity_m_s, 0.0),
         reason=play.reason,
     )
@@ -306,13 +323,13 @@ def _answer(table: Table, first: Array, second: Array, play: TeamSolution) -> Ma
 
 def _evader_of(table: Table, first: Array, second: Array) -> Array:
     """Return the evader of each pursuer: its own, or else the one that it is closest to capturing."""
-    mine = are(table.worth.shape[-1], first, second)
-    left = table.present & (first < 0)
-    pool = np.where(left.any(axis=1, keepdims=True), left, table.present)[..., None]
+    member = are(table.worth.shape[-1], first, second)
+    unmatched = table.present & (first < 0)
+    pool = np.where(unmatched.any(axis=1, keepdims=True), unmatched, table.present)[..., None]
     score = table.worth if table.target is None else table.all.alone.margin_s
     closest = np.argmax(np.where(pool & table.plays, score, -np.inf), axis=1)
-    own = np.where(mine.any(axis=1), np.argmax(mine, axis=1), closest)
-    return np.where((table.present[..., None] & table.plays).any(axis=1), own, -1)
+    evader_of_pursuer = np.where(member.any(axis=1), np.argmax(member, axis=1), closest)
+    return np.where((table.present[..., None] & table.plays).any(axis=1), evader_of_pursuer, -1)
 
 
 def _to_target(table: Table, target: Array) -> Array:

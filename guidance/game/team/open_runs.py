@@ -81,12 +81,12 @@ def _gaps(regions: Regions, length: Array) -> tuple[Array, Array, Array, Array]:
     begins = np.concatenate([begin, begin + 2.0 * np.pi], axis=-1)
     ends = begins + np.where(np.tile(closing, 2), np.tile(width, 2), -np.inf)
     farthest = np.maximum.accumulate(ends, axis=-1)
-    who = np.maximum.accumulate(np.where(ends >= farthest, np.arange(2 * count), 0), axis=-1)
+    leader = np.maximum.accumulate(np.where(ends >= farthest, np.arange(2 * count), 0), axis=-1)
     gap = begins[..., count:] - farthest[..., count - 1 : -1]
     gap = np.where(closing, gap, -np.inf)
     # Without any pursuer that closes headings, all are open
     nobody = ~closing.any(axis=-1, keepdims=True)
     gap = np.where(nobody, 2.0 * np.pi, gap)
     middle = np.where(nobody, 0.0, begins[..., count:] - 0.5 * gap)
-    before = np.take_along_axis(order, who[..., count - 1 : -1] % count, axis=-1)
+    before = np.take_along_axis(order, leader[..., count - 1 : -1] % count, axis=-1)
     return gap, middle, before, order

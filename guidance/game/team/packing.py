@@ -27,15 +27,15 @@ def assigned(profit: Array, first: Array | None = None) -> Array:
     edges = profit > -np.inf
     # One pair more is worth more than all profits together.
     profit = np.where(edges, profit, 0.0)
-    one = 1.0 + min(n, m) * profit.max(axis=(1, 2), keepdims=True)
+    bonus = 1.0 + min(n, m) * profit.max(axis=(1, 2), keepdims=True)
     worth = np.where(
-        edges, (one if first is None else one * (1.0 + first[..., None])) + profit, 0.0
+        edges, (bonus if first is None else bonus * (1.0 + first[..., None])) + profit, 0.0
     )
-    found = np.full((b, m), -1)
+    chosen = np.full((b, m), -1)
     for row in np.flatnonzero(np.isfinite(worth.sum(axis=(1, 2)))):
         evader, pursuer = linear_sum_assignment(worth[row], maximize=True)
-        found[row, evader] = pursuer
-    return np.where((found >= 0) & taken(edges, found), found, -1)
+        chosen[row, evader] = pursuer
+    return np.where((chosen >= 0) & taken(edges, chosen), chosen, -1)
 
 
 def packed(singles: Array, pairs: Array, numbers: Array, promised: Array) -> tuple[Array, Array]:
@@ -62,13 +62,13 @@ def packed(singles: Array, pairs: Array, numbers: Array, promised: Array) -> tup
     ).astype(float)
     matched = np.where(promised[evaders], m + 1.0, 1.0)
     one_each = LinearConstraint(uses, 0.0, 1.0)
-    whole = {"integrality": np.ones(len(evaders)), "bounds": Bounds(0.0, 1.0)}
+    binary = {"integrality": np.ones(len(evaders)), "bounds": Bounds(0.0, 1.0)}
     exact = {"mip_rel_gap": 0.0}
-    most = milp(-matched, constraints=one_each, options=exact, **whole)
-    as_many = LinearConstraint(matched, round(-most.fun) - 0.5, np.inf)
-    best = milp(-profit, constraints=[one_each, as_many], options=exact, **whole)
+    optimum = milp(-matched, constraints=one_each, options=exact, **binary)
+    as_many = LinearConstraint(matched, round(-optimum.fun) - 0.5, np.inf)
+    best = milp(-profit, constraints=[one_each, as_many], options=exact, **binary)
     rows = np.flatnonzero(best.x > 0.5)
-    found = np.full((2, m), -1)
-    found[0, evaders[rows]] = first[rows]
-    found[1, evaders[rows]] = second[rows]
-    return found[0], found[1]
+    team = np.full((2, m), -1)
+    team[0, evaders[rows]] = first[rows]
+    team[1, evaders[rows]] = second[rows]
+    return team[0], team[1]

@@ -120,23 +120,23 @@ def edge(regions: Regions, heading: Point) -> Edge:
         ny = ny - wind[1]
     behind_x = x
     behind_y = y
-    over = not is_zero(radius)
+    open_region = not is_zero(radius)
     lead = ratio * capture
     beyond = z * z - capture * capture
-    for _ in range(ROUNDS if over else 1):
+    for _ in range(ROUNDS if open_region else 1):
         power = x * x + y * y + beyond
         half = x * nx + y * ny + lead
         root = np.sqrt(half * half + curvature * power)
         ahead = half > 0
-        both = abs(half) + root
-        reach = np.where(ahead, power, both) / np.where(ahead, both, curvature)
+        roots = abs(half) + root
+        reach = np.where(ahead, power, roots) / np.where(ahead, roots, curvature)
         away = reach * nx - behind_x, reach * ny - behind_y
-        if over:
+        if open_region:
             far = NUMPY.norm2(away)
             share = radius / np.where(far > 0, far, 1.0)
             x = behind_x + share * away[0]
             y = behind_y + share * away[1]
-    if over:
+    if open_region:
         met = np.maximum(abs(z) - capture, 0.0) / ratio
         within = radius + np.sqrt(np.maximum(-beyond, 0.0))
         above = NUMPY.norm2((met * nx - behind_x, met * ny - behind_y)) <= within
@@ -163,7 +163,7 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
     mx, my = middle
     low, high = (cross2(middle, to) / (1.0 + mx * to[0] + my * to[1]) for to in (begin, end))
     s = _without_disc(pairs, middle)
-    done = low == high
+    settled = low == high
     half = NUMPY.half_of_digits(mx)
     s = np.where((s - low) * (s - high) < 0, s, 0.0)
     for _ in range(STEPS):
@@ -178,9 +178,9 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
         sound = ((new - low) * (new - high) < 0) | (gap == 0)
         new = np.where(gap == 0, s, np.where(sound, new, 0.5 * (low + high)))
         near = abs(new - s) <= half * (sound + half)
-        s = np.where(done, s, new)
-        done = done | near
-        if done.all():
+        s = np.where(settled, s, new)
+        settled = settled | near
+        if settled.all():
             break
     return _turned(middle, s)
 

@@ -160,20 +160,20 @@ def rollout_teams(  # noqa: PLR0915 - one loop
             path.append(TeamSample(now, P, E, end, matching))
         if not running.any():
             break
-        flown, run = _played(pairs.game, (chase, flee), P, E, T, matching)
+        velocity_m_s, run = _played(pairs.game, (chase, flee), P, E, T, matching)
         free = np.where(running, np.minimum(soonest, arrival), np.inf)
         least = np.minimum(np.min(free, axis=-1), np.min(taken(turn, matching.evader_of), axis=-1))
         h = np.where(
             running.any(axis=-1), np.minimum(np.minimum(least, step_s), duration_s - now), 0.0
         )
-        P = P + h[..., None, None] * flown
+        P = P + h[..., None, None] * velocity_m_s
         moved = np.where(running, h[..., None], 0.0)[..., None]
         E = E + moved * run
         T = None if T is None else T + moved * [*pairs.game.target_velocity_m_s, 0.0]
         now = now + h
     end = np.where(end == End.RUNNING, int(End.TIME_UP), end)
-    left = None if T is None else to_target(NUMPY, pairs.game, components(E), components(T))
-    distance = np.full(when.shape, math.nan) if left is None else NUMPY.norm2(left[:2])
+    to_targets = None if T is None else to_target(NUMPY, pairs.game, components(E), components(T))
+    distance = np.full(when.shape, math.nan) if to_targets is None else NUMPY.norm2(to_targets[:2])
     return TeamRollout(end, when, captor, distance, P, E, first, tuple(path))
 
 
@@ -191,33 +191,38 @@ def _played(
     """
     chased = matching.evader_of
     near = np.argmin(np.sum((P[..., :, None, :] - E[..., None, :, :]) ** 2, axis=-1), axis=-2)
-    at, by = (place_of(who, who.ndim - 1) for who in (chased, near))
+    at, by = (place_of(index, index.ndim - 1) for index in (chased, near))
     ours = for_rows(game, lambda value: taken(value, chased))
-    theirs = for_rows(game, lambda value: taken(value.swapaxes(-1, -2), near))
-    found = []
+    nearest_games = for_rows(game, lambda value: taken(value.swapaxes(-1, -2), near))
+    velocities = []
     optimal = (matching.pursuer_velocity_m_s, matching.evader_velocity_m_s)
-    places = ((ours, P, E[at], None if T is None else T[at]), (theirs, P[by], E, T))
+    places = ((ours, P, E[at], None if T is None else T[at]), (nearest_games, P[by], E, T))
     for policies, velocity_m_s, state in zip(sides, optimal, places, strict=True):
         velocity = np.array(velocity_m_s, dtype=np.float64)
         for policy in dict.fromkeys(policies):
             if not isinstance(policy, str):
-                mine = np.array([other == policy for other in policies])
-                velocity[..., mine, :] = policy(*state)[..., mine, :]
-        found.append(velocity)
-    return found[0], found[1]
+                uses_policy = np.array([player_policy == policy for player_policy in policies])
+                velocity[..., uses_policy, :] = policy(*state)[..., uses_policy, :]
+        velocities.append(velocity)
+    return velocities[0], velocities[1]
 
 
 def _named(
-    name: str, given: Policies, count: int, catalogue: Mapping[str, Policy]
+    name: str, policies: Policies, count: int, catalogue: Mapping[str, Policy]
 ) -> list[str | Policy]:
     """Return a policy for each player, "optimal" by its name.
 
     Raises:
         ConfigError: If one is unknown, or there are not as many as players.
     """
-    each = [given] * count if isinstance(given, str) or callable(given) else list(given)
-    if len(each) != count:
+    player_policies = (
+        [policies] * count if isinstance(policies, str) or callable(policies) else list(policies)
+    )
+    if len(player_policies) != count:
         raise ConfigError(
-            f"{name}: {len(each)} policies for {count} players; give one for all, or one for each"
+            f"{name}: {len(player_policies)} policies for {count} players; give one for all, or one for each"
         )
-    return [policy if policy == OPTIMAL else policy_of(name, policy, catalogue) for policy in each]
+    return [
+        policy if policy == OPTIMAL else policy_of(name, policy, catalogue)
+        for policy in player_policies
+    ]

@@ -139,13 +139,17 @@ def solve_team(
             each other, or a single state has no answer. In a batch such a row is NaN instead.
     """
     team_game = joined(game, "(n,)")
-    given = {"evader": evader, "target": target, "evader_velocity_m_s": evader_velocity_m_s}
+    arguments = {"evader": evader, "target": target, "evader_velocity_m_s": evader_velocity_m_s}
     P = vectors("pursuers", pursuers, "(..., n, 3)")
-    rest = {name: vectors(name, one, "(..., 3)") for name, one in given.items() if one is not None}
+    others = {
+        name: vectors(name, value, "(..., 3)")
+        for name, value in arguments.items()
+        if value is not None
+    }
     axes = {"pursuers": P.shape[:-2], "game": pair_axes(team_game)[:-1]}
-    shape = fitting(axes | {name: one.shape[:-1] for name, one in rest.items()})
+    shape = fitting(axes | {name: value.shape[:-1] for name, value in others.items()})
     P = np.broadcast_to(P, (*shape, *P.shape[-2:]))
-    rest = {name: np.broadcast_to(one, (*shape, 3)) for name, one in rest.items()}
+    others = {name: np.broadcast_to(value, (*shape, 3)) for name, value in others.items()}
     game = team_game.rows(lambda value: np.broadcast_to(value, P.shape[:-1])).game
     v = game.evader_speed_m_s
     if np.ndim(v) and np.ptp(v, axis=-1).any():
@@ -153,9 +157,9 @@ def solve_team(
             f"evader_speed_m_s = {v!r}: must be one number, or an array (..., 1), for one evader"
         )
     with np.errstate(all="ignore"):
-        team = _team(game, P, rest)
+        team = _team(game, P, others)
         answer, best = (chase if target is None else defence)(
-            team, rest["evader"], _best_pair(team)
+            team, others["evader"], _best_pair(team)
         )
         answer = answer._replace(
             multipliers=np.where((answer.winner > 0)[..., None], _multipliers(team, best), 0.0)
@@ -164,10 +168,10 @@ def solve_team(
     none = int(Reason.NOT_FINITE)
     fault = np.where(worst >= none, worst, np.where(np.isfinite(answer.value), 0, none))
     if target is not None and not game.target_extent.is_point and P.shape[-2] > 1:
-        answer = _against_a_set(game, P, rest, answer, np.asarray(fault))
+        answer = _against_a_set(game, P, others, answer, np.asarray(fault))
 
     def refused() -> str:
-        places = {"pursuers": P} | rest
+        places = {"pursuers": P} | others
         wrong = [
             f"{name} = {array!r}" for name, array in places.items() if not np.isfinite(array).all()
         ]
@@ -176,14 +180,14 @@ def solve_team(
     return judged(answer, np.asarray(fault), refused)
 
 
-def _team(game: Game, P: Array, rest: Mapping[str, Array]) -> Team:
+def _team(game: Game, P: Array, others: Mapping[str, Array]) -> Team:
     """Return the pursuers' games against the evader; `rest` has the other positions by the arguments' names."""
-    lone = {name: place[..., None, :] for name, place in rest.items()}
+    lone = {name: value[..., None, :] for name, value in others.items()}
     return team_of(game, P, lone["evader"], lone.get("target"), lone.get("evader_velocity_m_s"))
 
 
 def _against_a_set(
-    game: Game, P: Array, rest: Mapping[str, Array], answer: TeamSolution, fault: Array
+    game: Game, P: Array, others: Mapping[str, Array], answer: TeamSolution, fault: Array
 ) -> TeamSolution:
     """Return the answer for a target with an extent, with the margin over its whole set.
 
@@ -191,19 +195,21 @@ def _against_a_set(
     answer is that of the game with this point as target.
     """
     with np.errstate(all="ignore"):
-        danger = most_in_danger(game, P, rest["evader"], rest["target"])
+        danger = most_in_danger(game, P, others["evader"], others["target"])
     margin_s = np.where(fault == 0, danger.margin_s, answer.margin_s)
     lost = np.asarray((answer.winner <= 0) & (fault == 0))
     if not lost.any():
         return answer._replace(margin_s=margin_s)
-    few = for_rows(replace(game, target_extent=POINT), lambda value: value[lost])
-    there = {name: place[lost] for name, place in rest.items()} | {"target": danger.point_m[lost]}
-    team = _team(few, P[lost], there)
+    lost_games = for_rows(replace(game, target_extent=POINT), lambda value: value[lost])
+    lost_others = {name: value[lost] for name, value in others.items()} | {
+        "target": danger.point_m[lost]
+    }
+    team = _team(lost_games, P[lost], lost_others)
     with np.errstate(all="ignore"):
-        run, _ = defence(team, there["evader"], _best_pair(team))
+        run, _ = defence(team, lost_others["evader"], _best_pair(team))
     parts = [np.array(part) for part in answer._replace(margin_s=margin_s)]
-    for whole, part in zip(parts, run, strict=True):
-        whole[lost] = part
+    for column, part in zip(parts, run, strict=True):
+        column[lost] = part
     return TeamSolution(*parts)
 
 
@@ -260,7 +266,13 @@ def placed(team: Team, evader: Array, best: Meeting) -> Meeting:
     )
 
 
-def nearest_run(team: Team, evader: Array, best: Meeting, won: Array, who: Any = ...) -> Meeting:  # noqa: ANN401
+def nearest_run(
+    team: Team,
+    evader: Array,
+    best: Meeting,
+    won: Array,
+    pursuers: Any = ...,  # noqa: ANN401 - an index
+) -> Meeting:
     """Return the straight run of TAD that ends closest to the target, and its worth.
 
     If no pursuer has a height to reach, it is the run of the best pair. Else runs are tried to the pursuers' own ends
@@ -272,13 +284,13 @@ def nearest_run(team: Team, evader: Array, best: Meeting, won: Array, who: Any =
         evader: position of the evader, (..., 3), m.
         best: what two of them guarantee.
         won: where they win, (...); elsewhere the run is that of `best`.
-        who: what takes the pursuers that play from arrays (..., n); all by default.
+        pursuers: what takes the pursuers that play from arrays (..., n); all by default.
     """
     goal = team.goal
     if goal is None or is_zero(team.regions.safe):
         return best
-    regions = team.regions.pick(who)
-    ends = team.alone.meeting_point_m[who] - evader[..., None, :]
+    regions = team.regions.pick(pursuers)
+    ends = team.alone.meeting_point_m[pursuers] - evader[..., None, :]
     straight = goal.towards(regions.safe)
     x, y = (
         np.concatenate([ends[..., i], best[i][..., None], straight[i]], axis=-1) for i in (0, 1)
@@ -287,9 +299,9 @@ def nearest_run(team: Team, evader: Array, best: Meeting, won: Array, who: Any =
     far = np.min(survived(regions.beside(), (to[0][..., None], to[1][..., None])), axis=-1)
     x = far * to[0]
     y = far * to[1]
-    left = np.fmin(goal.left((x, y)), np.inf)
-    least = place_of(np.argmin(left, axis=-1))
-    worth = left[least]
+    distance = np.fmin(goal.left((x, y)), np.inf)
+    least = place_of(np.argmin(distance, axis=-1))
+    worth = distance[least]
     worth = np.where(worth <= best.worth * (1.0 + ROUNDING), best.worth, worth)
     open_ = np.where(worth > best.worth, -1, best.first)
     run = Meeting(x[least], y[least], worth, open_, np.where(worth > best.worth, -2, best.second))
@@ -304,19 +316,19 @@ def longest_run(team: Team) -> Meeting:
     does. A crossing that is not between the own ends of two pursuers can matter if a third cuts off both. So it is
     checked whether a longer run leaves a heading open, and then the longest one is found by its length (`open_runs`).
     """
-    found = _longest_found(team)
+    longest_run = _longest_found(team)
     if team.own.shape[-1] < 3:
-        return found
-    longest = np.asarray(NUMPY.norm2((found.x, found.y)))
+        return longest_run
+    longest = np.asarray(NUMPY.norm2((longest_run.x, longest_run.y)))
     runs = (longest > 0.0) & np.isfinite(longest)
     missed = runs & leaves_open(team.regions, longest * (1.0 + MISSED))
     if not missed.any():
-        return found
+        return longest_run
     run, first, second = longest_open(team.regions.pick(missed), longest[missed])
-    parts = [np.array(part) for part in found]
+    parts = [np.array(part) for part in longest_run]
     time = NUMPY.norm2(run) / team.v[missed]
-    for whole, part in zip(parts, (*run, -time, first, second), strict=True):
-        whole[missed] = part
+    for column, part in zip(parts, (*run, -time, first, second), strict=True):
+        column[missed] = part
     return Meeting(*parts)
 
 
@@ -328,11 +340,11 @@ def _longest_found(team: Team) -> Meeting:
     if count <= FEW:
         return _among(team, headings, reach)
     chosen = np.argmin(reach, axis=-1)[..., None]
-    found = _among(team, headings, reach, chosen)
+    longest = _among(team, headings, reach, chosen)
     while chosen.shape[-1] < count:
-        far = NUMPY.norm2((found.x, found.y))
-        x = found.x / far
-        y = found.y / far
+        far = NUMPY.norm2((longest.x, longest.y))
+        x = longest.x / far
+        y = longest.y / far
         ends = survived(team.regions, (x[..., None], y[..., None]))
         np.put_along_axis(ends, chosen, np.inf, axis=-1)
         worst = np.argmin(ends, axis=-1)
@@ -340,11 +352,13 @@ def _longest_found(team: Team) -> Meeting:
         if not cut.any():
             break
         chosen = np.concatenate([chosen, np.where(cut, worst, chosen[..., 0])[..., None]], axis=-1)
-        found = NUMPY.select_all(cut, _among(team, headings, reach, chosen), found)
-    return found
+        longest = NUMPY.select_all(cut, _among(team, headings, reach, chosen), longest)
+    return longest
 
 
-def _among(team: Team, own: Sequence[Array], reach: Array, chosen: Array | None = None) -> Meeting:
+def _among(
+    team: Team, own_ends: Sequence[Array], reach: Array, chosen: Array | None = None
+) -> Meeting:
     """Return the longest run before all pursuers, or before some, whose numbers are (..., k).
 
     It leads to a pursuer's own end of the game, or to one of both crossings of two edges. Of equally long runs the one
@@ -352,34 +366,37 @@ def _among(team: Team, own: Sequence[Array], reach: Array, chosen: Array | None 
     """
     regions = team.regions
     if chosen is not None:
-        few = place_of(chosen, chosen.ndim - 1)
-        regions = regions.pick(few)
-        own = [part[few] for part in own]
-        reach = reach[few]
+        chosen_rows = place_of(chosen, chosen.ndim - 1)
+        regions = regions.pick(chosen_rows)
+        own_ends = [part[chosen_rows] for part in own_ends]
+        reach = reach[chosen_rows]
     count = reach.shape[-1]
     every = np.arange(count)
     pairs = pairs_of(count)
     i, j = pairs.T
     decide = np.concatenate([every[:, None].repeat(2, axis=1), pairs, pairs])
-    reached = edge(regions.beside(), (own[0][..., None], own[1][..., None])).reach
+    reached = edge(regions.beside(), (own_ends[0][..., None], own_ends[1][..., None])).reach
     crossed = (reached[..., i, i] > reached[..., i, j]) & (reached[..., j, j] > reached[..., j, i])
     x, y = np.full((2, *reach.shape[:-1], len(decide)), np.nan, dtype=reach.dtype)
     ends = np.full((*x.shape, count), np.nan, dtype=reach.dtype)
-    x[..., :count], y[..., :count] = own
+    x[..., :count], y[..., :count] = own_ends
     ends[..., :count, :] = np.maximum(reached, regions.beside().safe)
     ends[..., every, every] = reach
     *rows, pair = np.nonzero(np.concatenate([crossed, crossed], axis=-1))
     if len(pair):
-        place = (*rows, count + pair)
+        entry = (*rows, count + pair)
         # The crossing between both own headings, or that on the other side.
-        begin, end = ((own[0][*rows, who], own[1][*rows, who]) for who in decide[count + pair].T)
+        begin, end = (
+            (own_ends[0][*rows, pursuer], own_ends[1][*rows, pursuer])
+            for pursuer in decide[count + pair].T
+        )
         middle = halfway(begin, end)
         side = np.where(pair < len(i), 1.0, -1.0)
         two = regions.pick((*(row[:, None] for row in rows), decide[count + pair]))
-        x[place], y[place] = heading = crossing(
+        x[entry], y[entry] = heading = crossing(
             two, begin, end, (side * middle[0], side * middle[1])
         )
-        ends[place] = survived(
+        ends[entry] = survived(
             regions.pick(tuple(rows)), (heading[0][:, None], heading[1][:, None])
         )
     far = np.fmax(ends.min(axis=-1), -np.inf)
@@ -413,9 +430,9 @@ def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flies: Arr
     at = place_of(run.first)
     single = run.first == run.second
     flies = flies & ~are(alone.value.shape[-1], np.where(best.first == best.second, best.first, -1))
-    flown = alone.pursuer_velocity_m_s
+    velocity_m_s = alone.pursuer_velocity_m_s
     if flies.any():
-        flown = np.where(flies[..., None], team.straight((best.x, best.y)), flown)
+        velocity_m_s = np.where(flies[..., None], team.straight((best.x, best.y)), velocity_m_s)
     far = NUMPY.norm2((run.x, run.y))
     sign = 1.0 if team.goal is not None else -1.0
     to = np.zeros(evader.shape, evader.dtype)
@@ -432,7 +449,7 @@ def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flies: Arr
         meeting_time_s=np.where(single, alone.meeting_time_s[at], far / team.v),
         binds=are(alone.value.shape[-1], best.first, best.second),
         multipliers=np.zeros(alone.value.shape),
-        pursuer_velocity_m_s=flown,
+        pursuer_velocity_m_s=velocity_m_s,
         evader_velocity_m_s=np.where(single[..., None], alone.evader_velocity_m_s[at], velocity),
         reason=np.where(best.worth == run.worth, reason, np.int8(Reason.BRACKET)),
     )
@@ -458,24 +475,24 @@ def _multipliers(team: Team, best: Meeting) -> Array:
     level = (met.reach <= team.regions.safe) | height[..., None]
     x, y = costs_of(team.regions, team.v, run, met, level)
     q = (taken(x, best.first), taken(y, best.first)), (taken(x, best.second), taken(y, best.second))
-    both = shares_of(pull, q)
+    shares = shares_of(pull, q)
     single = best.first == best.second
-    own = dot2(pull, q[0]) / dot2(q[0], q[0])
-    first = np.where(single, own, both[0])
-    second = np.where(single, own, both[1])
+    share = dot2(pull, q[0]) / dot2(q[0], q[0])
+    first = np.where(single, share, shares[0])
+    second = np.where(single, share, shares[1])
     every = np.arange(team.own.shape[-1])
-    found = np.where(every == best.second[..., None], second[..., None], 0.0)
-    found = np.where(every == best.first[..., None], first[..., None], found)
-    return np.where(np.isfinite(found), np.maximum(found, 0.0), 0.0)
+    multiplier = np.where(every == best.second[..., None], second[..., None], 0.0)
+    multiplier = np.where(every == best.first[..., None], first[..., None], multiplier)
+    return np.where(np.isfinite(multiplier), np.maximum(multiplier, 0.0), 0.0)
 
 
 def _at_height(team: Team, best: Meeting) -> tuple[Meeting, Array]:
     """Return the meeting at the height of the later of two Cylinders where that decides, and where it does."""
     safe = team.regions.safe
-    who = np.stack(best[3:], axis=-1)
+    pair = np.stack(best[3:], axis=-1)
     if is_zero(safe):
         return best, np.zeros(best.worth.shape, dtype=bool)
-    later = taken(who, np.argmax(np.take_along_axis(safe, who, axis=-1), axis=-1))[..., None]
+    later = taken(pair, np.argmax(np.take_along_axis(safe, pair, axis=-1), axis=-1))[..., None]
     reach = np.take_along_axis(safe, later, axis=-1)
     worth = -reach / team.v[..., None] if team.goal is None else team.goal.beyond(reach)
     decides = (best.first != best.second) & (reach > 0)[..., 0] & (best.worth == worth[..., 0])

@@ -146,7 +146,9 @@ class Meeting(NamedTuple):
     second: Array
 
 
-def team_of(game: Game, P: Array, E: Array, T: Array | None, seen: Array | None = None) -> Team:
+def team_of(
+    game: Game, P: Array, E: Array, T: Array | None, evader_velocity_m_s: Array | None = None
+) -> Team:
     """Return the team whose pursuers are along the last axis but one of P.
 
     Args:
@@ -154,14 +156,14 @@ def team_of(game: Game, P: Array, E: Array, T: Array | None, seen: Array | None 
         P: positions of the pursuers, (..., n, 3), m.
         E: position of the evader, (..., 1, 3), m.
         T: position of its target, (..., 1, 3), m, or None for PE.
-        seen: velocity of the evader as observed, (..., 1, 3), m/s, or None.
+        evader_velocity_m_s: velocity of the evader as observed, (..., 1, 3), m/s, or None.
     """
-    alone = solve(game, P, E, T, evader_velocity_m_s=seen)
-    own = worth_in(alone, T)
+    alone = solve(game, P, E, T, evader_velocity_m_s=evader_velocity_m_s)
+    own_worth = worth_in(alone, T)
     regions = regions_of(game, P, E)
     v = (game.evader_speed_m_s + 0.0 * regions.x)[..., 0]
     level = alone
-    worth = own
+    worth = own_worth
     if not is_zero(regions.safe):
         reach = game.standoff.radius_m + game.capture_radius_m
         ground = np.array([1.0, 1.0, 0.0])
@@ -185,7 +187,7 @@ def team_of(game: Game, P: Array, E: Array, T: Array | None, seen: Array | None 
             (drift_x / v[..., None], drift_y / v[..., None]),
         )
     state = take_apart(NUMPY, game, components(P), components(E), None)
-    return Team(game, v, regions, state, end[..., 0], end[..., 1], worth, alone, own, goal)
+    return Team(game, v, regions, state, end[..., 0], end[..., 1], worth, alone, own_worth, goal)
 
 
 def costs_of(regions: Regions, v: Array, run: Point, met: Edge, level: Array | bool) -> Point:
@@ -202,8 +204,8 @@ def costs_of(regions: Regions, v: Array, run: Point, met: Edge, level: Array | b
     speed = v[..., None]
     wind = regions.wind_x * speed, regions.wind_y * speed
     rate = NUMPY.norm3((*met.away, regions.z)) * u * speed + dot2(met.away, wind)
-    flown = [np.where(level, 0.0, part / np.where(rate > 0, rate, 1.0)) for part in met.away]
-    return (run[0] / v)[..., None] - flown[0], (run[1] / v)[..., None] - flown[1]
+    away_shares = [np.where(level, 0.0, part / np.where(rate > 0, rate, 1.0)) for part in met.away]
+    return (run[0] / v)[..., None] - away_shares[0], (run[1] / v)[..., None] - away_shares[1]
 
 
 def shares_of(pull: Point, costs: tuple[Point, Point]) -> tuple[Array, Array]:
@@ -224,20 +226,20 @@ def together(team: Team, index: tuple[Any, ...]) -> Meeting:
         team: the pursuers.
         index: what takes both from arrays (..., n); the last part has their numbers, (..., k, 2) or (k, 2).
     """
-    who = index[-1]
+    pursuers = index[-1]
     regions = team.regions.pick(index)
     end = (team.x[index], team.y[index])
     worth = team.worth[index]
-    own = team.own[index]
+    own_worth = team.own[index]
     far = NUMPY.norm2(end)
     heading = end[0] / far, end[1] / far
     crossed = edge(regions, (heading[0][..., ::-1], heading[1][..., ::-1])).reach[..., ::-1]
-    bind = (crossed < far).all(axis=-1) & (who[..., 0] != who[..., 1])
+    bind = (crossed < far).all(axis=-1) & (pursuers[..., 0] != pursuers[..., 1])
     # No value of PE with two pursuers is proven in wind
     bind &= team.goal is not None or team.game.calm
     better = worth[..., 1] > worth[..., 0]
     x, y = (np.where(better, part[..., 1], part[..., 0]) for part in end)
-    found = worth.max(axis=-1)
+    bounded = worth.max(axis=-1)
     rows = np.nonzero(bind)
     if len(rows[0]):
         two = regions.pick(rows)
@@ -247,26 +249,26 @@ def together(team: Team, index: tuple[Any, ...]) -> Meeting:
         x[rows] = far * to[0]
         y[rows] = far * to[1]
         far = NUMPY.norm2((x, y))
-        found = np.where(
-            bind, -far / team.v[..., None] if team.goal is None else team.goal.left((x, y)), found
+        bounded = np.where(
+            bind, -far / team.v[..., None] if team.goal is None else team.goal.left((x, y)), bounded
         )
         if team.goal is not None and not team.goal.is_point:
             lost = bind & (worth.max(axis=-1) <= 0.0)
             lost[rows] &= ~_keeps(two, team.v[rows[:-1]], to, team.goal.pick(rows[:-1]))
-            found = np.where(lost, 0.0, found)
+            bounded = np.where(lost, 0.0, bounded)
     if not is_zero(regions.safe):
         safe = regions.safe.max(axis=-1)
-        found = np.minimum(
-            found, -safe / team.v[..., None] if team.goal is None else team.goal.beyond(safe)
+        bounded = np.minimum(
+            bounded, -safe / team.v[..., None] if team.goal is None else team.goal.beyond(safe)
         )
-    alone = own.max(axis=-1)
-    single = ~bind | (alone >= found)
-    one = who[..., 0]
-    other = who[..., 1]
-    chosen = np.where(own[..., 1] > own[..., 0], other, one)
-    first = np.where(single, chosen, one)
-    second = np.where(single, chosen, other)
-    return Meeting(x, y, np.where(single, alone, found), first, second)
+    alone = own_worth.max(axis=-1)
+    single = ~bind | (alone >= bounded)
+    first_member = pursuers[..., 0]
+    second_member = pursuers[..., 1]
+    chosen = np.where(own_worth[..., 1] > own_worth[..., 0], second_member, first_member)
+    first = np.where(single, chosen, first_member)
+    second = np.where(single, chosen, second_member)
+    return Meeting(x, y, np.where(single, alone, bounded), first, second)
 
 
 def _keeps(two: Regions, v: Array, run: Point, goal: Goal) -> Array:
@@ -353,15 +355,15 @@ def table_of(
         raise ConfigError(
             f"evader_speed_m_s = {v!r}: must be the same for all pursuers of an evader, (..., 1, m)"
         )
-    one = {"pursuers": (n, 1), "evaders": (1, m), "game": pair_axes(team)}
-    one |= {} if T is None else {"target": (1, *T.shape[-2:-1])}
-    if fitting(one)[-2:] != (n, m) or team.plays.shape not in {(), (n, m)}:
+    axes = {"pursuers": (n, 1), "evaders": (1, m), "game": pair_axes(team)}
+    axes |= {} if T is None else {"target": (1, *T.shape[-2:-1])}
+    if fitting(axes)[-2:] != (n, m) or team.plays.shape not in {(), (n, m)}:
         raise ConfigError(
-            f"game: its numbers have the shape {one['game']}; must fit {n} pursuers and {m} evaders"
+            f"game: its numbers have the shape {axes['game']}; must fit {n} pursuers and {m} evaders"
         )
     leading = {"pursuers": P.shape[:-2], "evaders": E.shape[:-2], "in_play": present.shape[:-1]}
     shape = fitting(
-        leading | {"game": one["game"][:-2], "target": () if T is None else T.shape[:-2]}
+        leading | {"game": axes["game"][:-2], "target": () if T is None else T.shape[:-2]}
     )
     b = math.prod(shape)
 
@@ -375,30 +377,33 @@ def table_of(
     E = spread(E, m, 3)
     present = spread(present, m)
     T = None if T is None else spread(T, m, 3)
-    each = team_of(team.game, P[:, None], E[:, :, None], None if T is None else T[:, :, None])
+    pair_teams = team_of(team.game, P[:, None], E[:, :, None], None if T is None else T[:, :, None])
     if not team.plays.all():
-        each = _without(each, team.plays)
-    worth = each.own if T is None else np.where(team.plays, each.own, -np.inf)
-    beats = (each.alone.winner > 0) & present[..., None] & team.plays
-    return Table(shape, E, T, present, team.plays, each, worth, beats, np.zeros(worth.shape))
+        pair_teams = _without(pair_teams, team.plays)
+    worth = pair_teams.own if T is None else np.where(team.plays, pair_teams.own, -np.inf)
+    beats = (pair_teams.alone.winner > 0) & present[..., None] & team.plays
+    return Table(shape, E, T, present, team.plays, pair_teams, worth, beats, np.zeros(worth.shape))
 
 
 def _without(team: Team, plays: Array) -> Team:
     """Return a team in which pairs that do not play capture nobody."""
     regions = team.regions._replace(safe=np.where(plays, team.regions.safe, FAR_M))
     nothing = -np.inf if team.goal is None else 0.0
-    worth, own = (np.where(plays, part, nothing) for part in (team.worth, team.own))
+    worth, own_worth = (np.where(plays, part, nothing) for part in (team.worth, team.own))
     value = np.where(plays, team.alone.value, np.nan)
     reason = np.where(plays, team.alone.reason, 0)
     return team._replace(
-        regions=regions, worth=worth, own=own, alone=team.alone._replace(value=value, reason=reason)
+        regions=regions,
+        worth=worth,
+        own=own_worth,
+        alone=team.alone._replace(value=value, reason=reason),
     )
 
 
 def kept_of(table: Table, teams: tuple[Array, Array]) -> Kept:
     """Return the teams of an earlier matching that still win, with their worth now, from its `first` and `second`."""
     b, m, n = table.worth.shape
-    first, second = (np.broadcast_to(who, (*table.shape, m)).reshape(b, m) for who in teams)
+    first, second = (np.broadcast_to(members, (*table.shape, m)).reshape(b, m) for members in teams)
     first = np.where((first < n) & table.present, first, -1)
     second = np.where((second < n) & (first >= 0), second, -1)
     worth = taken(table.worth, first)
@@ -416,17 +421,17 @@ def pairs_with(table: Table, first: Array) -> Meeting:
     """Return what the first of each evader guarantees with each pursuer, (b, m, n); alone beside another's first."""
     b, m, n = table.worth.shape
     every = np.arange(n)
-    own = np.maximum(first, 0)[..., None]
+    own_index = np.maximum(first, 0)[..., None]
     busy = (every == first[..., None]).any(axis=1)[:, None] | (first < 0)[..., None]
-    who = np.empty((b, m, n, 2), dtype=first.dtype)
-    who[..., 0] = own
-    who[..., 1] = np.where(busy, own, every)
-    return together(table.all, place_of(who, 2))
+    members = np.empty((b, m, n, 2), dtype=first.dtype)
+    members[..., 0] = own_index
+    members[..., 1] = np.where(busy, own_index, every)
+    return together(table.all, place_of(members, 2))
 
 
-def are(count: int, *who: Array) -> Array:
+def are(count: int, *members: Array) -> Array:
     """Return which of some players, (..., count), one of some numbers (...) stands for."""
-    return np.asarray((np.stack(who, axis=-1)[..., None] == np.arange(count)).any(axis=-2))
+    return np.asarray((np.stack(members, axis=-1)[..., None] == np.arange(count)).any(axis=-2))
 
 
 def taken(array: Array, index: Array) -> Array:
