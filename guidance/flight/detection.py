@@ -69,27 +69,27 @@ def checks(
     """
     beat = vehicle.latest.get(Heartbeat)
     status = vehicle.latest.get(SystemStatus)
-    found = (
+    value = (
         "not heard"
         if beat is None
         else f"MAV_AUTOPILOT {beat.autopilot}, want {profile.autopilot_id}"
     )
-    rows = [("autopilot", beat is not None and beat.autopilot == profile.autopilot_id, found)]
+    rows = [("autopilot", beat is not None and beat.autopilot == profile.autopilot_id, value)]
     for kind, (limit_s, _) in _NEEDED.items():
         age_s = vehicle.age_s(kind, now_s)
-        found = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
-        rows.append((kind.__name__, math.isfinite(age_s) and age_s <= limit_s, found))
+        value = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
+        rows.append((kind.__name__, math.isfinite(age_s) and age_s <= limit_s, value))
     alone = not vehicle.has_second_sender(now_s)
     rows.append(("sender", alone, "alone" if alone else "positions of two senders"))
     delay_s = vehicle.clock.delay_s
-    found = "unknown: TIMESYNC is not answered" if math.isnan(delay_s) else f"{delay_s:.2f} s"
-    rows.append(("delay", delay_s <= LATE_S, found))
+    value = "unknown: TIMESYNC is not answered" if math.isnan(delay_s) else f"{delay_s:.2f} s"
+    rows.append(("delay", delay_s <= LATE_S, value))
     if status is None:
         rows += [("prearm", False, "not heard"), ("battery", False, "not heard")]
     else:
         reported = profile.prearm_always_told or bool(status.sensors_present & _PREARM_CHECK)
         healthy = bool(status.sensors_health & _PREARM_CHECK)
-        found = "healthy" if healthy else "the autopilot's own checks fail"
+        value = "healthy" if healthy else "the autopilot's own checks fail"
         guided = (
             beat is not None and not beat.armed and profile.mode_of(beat.custom_mode) is Mode.GUIDED
         )
@@ -97,14 +97,14 @@ def checks(
             # PX4 keeps OFFBOARD after a landing, and its checks then miss our setpoints. We arm in its hold, where it
             # refuses by itself what really is wrong.
             reported = False
-            found = "of a mode that misses setpoints; asked again as it arms"
+            value = "of a mode that misses setpoints; asked again as it arms"
         battery = status.battery_remaining
-        left = "unknown" if math.isnan(battery) else f"{battery:.0%} left"
+        charge = "unknown" if math.isnan(battery) else f"{battery:.0%} left"
         rows += [
-            ("prearm", healthy or not reported, found),
-            ("battery", not battery < battery_minimum, left),
+            ("prearm", healthy or not reported, value),
+            ("battery", not battery < battery_minimum, charge),
         ]
-    return tuple(Finding.of(passed, name, found, "", _TO_DO[name]) for name, passed, found in rows)
+    return tuple(Finding.of(passed, name, value, "", _TO_DO[name]) for name, passed, value in rows)
 
 
 def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:

@@ -205,10 +205,12 @@ class Heard:
         self.foreign = strange and self.echo.foreign
         self._place()
         reserve = self._settings.reserve
-        here = self.position_ned_m
+        position_ned_m = self.position_ned_m
         home = self.tracking.home_ned_m
-        if in_flight and reserve is not None and here is not None and home is not None:
-            self.battery_needed = reserve.needed(math.dist(here[:2], home[:2]), home[2] - here[2])
+        if in_flight and reserve is not None and position_ned_m is not None and home is not None:
+            self.battery_needed = reserve.needed(
+                math.dist(position_ned_m[:2], home[:2]), home[2] - position_ned_m[2]
+            )
         self.new_aircraft = []
         has_team = self._settings.team is not None
         for message in self.messages:
@@ -334,34 +336,36 @@ class Heard:
         if self.seen is None and local is not None and self.position_ned_m is not None:
             evader = self.tracking.evader(now_s)
             estimator = vehicle.latest.get(messages.EstimatorStatus)
-            flown = local.velocity_ned_m_s
+            velocity_ned_m_s = local.velocity_ned_m_s
             yaw_rad = vehicle.yaw_rad
             gained = vehicle.acceleration_ned_m_s2
             its: tuple[Vector | None, Vector | None] = (
                 (None, None) if evader is None else evader[:2]
             )
             height_sd_m = 0.0 if estimator is None else estimator.height_sd_m
-            here = Situation(self.position_ned_m, flown, yaw_rad, *its, gained, height_sd_m)
+            situation = Situation(
+                self.position_ned_m, velocity_ned_m_s, yaw_rad, *its, gained, height_sd_m
+            )
             others = self.mates | self.aircraft if self.aircraft else self.mates
             mates = [around for _, around in self._near(now_s, others)] if others else ()
-            walls = measure_walls(here, self.cycle.envelope, mates)
+            walls = measure_walls(situation, self.cycle.envelope, mates)
             guided = bool(self.beats) and self.mode is Mode.GUIDED
             frame = self.tracking.game_frame
-            self.seen = CycleInputs(self.dt_s, here, walls, evader, frame, guided)
+            self.seen = CycleInputs(self.dt_s, situation, walls, evader, frame, guided)
         return self.seen
 
     def silent_mate(self, now_s: float) -> str:
         """Return the name of a mate nearby that is silent for longer than `HOLD_S`; empty if there is none."""
         envelope = self.cycle.envelope
-        here = self.position_ned_m
+        position_ned_m = self.position_ned_m
         stop_m = envelope.speed_m_s * (
             envelope.reaction_s + envelope.speed_m_s / (2.0 * envelope.braking_m_s2)
         )
         for mate, around in self._near(now_s, self.mates):
             beside_m = (
                 math.inf
-                if here is None
-                else math.dist(here[:2], around.position_ned_m[:2]) - around.radius_m
+                if position_ned_m is None
+                else math.dist(position_ned_m[:2], around.position_ned_m[:2]) - around.radius_m
             )
             if now_s - mate.at_s > HOLD_S and beside_m < 2.0 * stop_m:
                 return mate.name
@@ -384,11 +388,11 @@ class Heard:
         team = self._settings.team or TeamSection()
         age_s = max(0.0, now_s - mate.at_s)
         known_s = min(age_s, SILENT_S)
-        place = frame.ned_from_wgs84(
+        last_ned_m = frame.ned_from_wgs84(
             mate.latitude_deg, mate.longitude_deg, Amsl(mate.altitude_amsl_m)
         )
         north, east, down = (
-            at + known_s * rate for at, rate in zip(place, mate.velocity_ned_m_s, strict=True)
+            at + known_s * rate for at, rate in zip(last_ned_m, mate.velocity_ned_m_s, strict=True)
         )
         spread_m = (
             mate.doubt_m
@@ -475,8 +479,8 @@ class Echo:
             while self.strange_s and now_s - self.strange_s[0] > WINDOW_S + _ROUNDING_S:
                 self.strange_s.popleft()
             counted = self.strange_s and now_s - self.strange_s[-1] < APART_S - _ROUNDING_S
-            begun = self._sent and now_s - self._sent[0][0] > remembered_s
-            if begun and not counted and not self._is_ours(message, remembered_s):
+            streaming = self._sent and now_s - self._sent[0][0] > remembered_s
+            if streaming and not counted and not self._is_ours(message, remembered_s):
                 self.strange_s.append(now_s)
 
     def _is_ours(self, message: PositionTarget, remembered_s: float) -> bool:

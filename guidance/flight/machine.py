@@ -78,8 +78,8 @@ class Flight:
     @property
     def leaving_mode(self) -> bool:
         """Whether HEARTBEAT still shows a foreign mode that an order is ending."""
-        left = self._stage.mode_left
-        return left is not None and left not in OUR_MODES[State.ENTERING]
+        mode = self._stage.mode_left
+        return mode is not None and mode not in OUR_MODES[State.ENTERING]
 
     @property
     def mode_name(self) -> str:
@@ -107,14 +107,14 @@ class Flight:
         silence_s = self.tracking.silence_s(now_s)
         limit_s = self.settings.cycle.evader_timeout_s
         if silence_s > limit_s:
-            heard = (
+            last_report = (
                 "was never heard"
                 if math.isinf(silence_s)
                 else f"was last heard {silence_s:.1f} s ago"
             )
             dropped = self.tracking.unusable_words(now_s)
             allowed = f"at most {limit_s:g} s is allowed"
-            return "; ".join(filter(None, (f"the evader {heard}", dropped, allowed)))
+            return "; ".join(filter(None, (f"the evader {last_report}", dropped, allowed)))
         rival = self.tracking.rival(now_s)
         if rival and self.settings.hold_on_rival:
             return f"two sources report as the evader (told apart by {rival}); silence one, or set evader.second_source"
@@ -169,8 +169,8 @@ class Flight:
         if self.fault is not None:
             return self._hand_over(now_s, inputs)
         frames = traceback.extract_tb(error.__traceback__)
-        where = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
-        self.fault = f"{type(error).__name__}: {error}{where}"
+        location = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
+        self.fault = f"{type(error).__name__}: {error}{location}"
         before = self._stage.state
         after = table.next_state(self._stage.state, Event.FAULT)
         ours = before in SETPOINT_STATES or (before is not after and self.heard.mode is Mode.GUIDED)
@@ -253,7 +253,8 @@ class Flight:
                 or self.leaving_mode
                 or refusals
                 or not (
-                    self.checked or all(one.verdict is Verdict.PASS for one in self.checks(now_s))
+                    self.checked
+                    or all(check.verdict is Verdict.PASS for check in self.checks(now_s))
                 )
             ):
                 return None
@@ -285,8 +286,8 @@ class Flight:
                 stage.chase_began_s = now_s
             self.checked |= before is State.READY and after is not State.CHECKING
             self._claimed |= after not in BEFORE_FLIGHT | HANDING_OVER | table.FINAL
-            known = before in BEFORE_FLIGHT or self.heard.mode in OUR_MODES[before]
-            stage.mode_left = self.heard.mode if known and after in HANDING_OVER else None
+            mode_is_ours = before in BEFORE_FLIGHT or self.heard.mode in OUR_MODES[before]
+            stage.mode_left = self.heard.mode if mode_is_ours and after in HANDING_OVER else None
             self._playing.change(before, after)
             lost = after is State.YIELDED and event in {Event.TELEMETRY_LOST, Event.LOOP_STOPPED}
             if lost and before in SETPOINT_STATES and self.settings.autopilot.waits_in_guided:
@@ -302,17 +303,17 @@ class Flight:
         heard = self.heard
         inviting = state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
         leaving = state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed
-        due = (
+        needs_setpoint = (
             state in SETPOINT_STATES
             or leaving
             or (inviting and now_s - self._stage.since_s > INVITE_AFTER_S)
         )
         setpoint = None
         self._playing.alarm = None
-        seen = (heard.seen or heard.view(now_s)) if due else None
+        view = (heard.seen or heard.view(now_s)) if needs_setpoint else None
         age_s = heard.vehicle.age_s(LocalPosition, now_s)
-        if seen is not None and age_s <= TELEMETRY_LIMIT_S:
-            setpoint = self._playing.setpoint(seen, heard, state, now_s)
+        if view is not None and age_s <= TELEMETRY_LIMIT_S:
+            setpoint = self._playing.setpoint(view, heard, state, now_s)
         if setpoint is None or inviting:
             heard.echo.silent()  # while inviting, the autopilot reports setpoints of its own mode
         else:

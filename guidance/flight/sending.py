@@ -55,8 +55,10 @@ def requests_in(state: State, settings: FlightSettings, heard: Heard) -> tuple[R
     frame = heard.tracking.local_frame
     match state:
         case State.CHECKING:
-            asked = (autopilot.request_message(one) for one in (HOME_POSITION, GPS_GLOBAL_ORIGIN))
-            return (*autopilot.stream_requests(), *asked)
+            positions = (
+                autopilot.request_message(message) for message in (HOME_POSITION, GPS_GLOBAL_ORIGIN)
+            )
+            return (*autopilot.stream_requests(), *positions)
         case State.ARMING:
             return (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
         case State.CLIMBING if home is not None and heard.vehicle.on_ground:
@@ -77,8 +79,8 @@ def requests_in(state: State, settings: FlightSettings, heard: Heard) -> tuple[R
         ):
             # PX4 returns to OFFBOARD by itself when setpoints return after a loss, unless Hold was requested.
             return (autopilot.set_mode(Mode.HOLD),)
-    wanted = _MODE_OF_STATE.get(state)
-    return () if wanted is None or heard.mode is wanted else (autopilot.set_mode(wanted),)
+    mode = _MODE_OF_STATE.get(state)
+    return () if mode is None or heard.mode is mode else (autopilot.set_mode(mode),)
 
 
 class Asking:
@@ -108,7 +110,7 @@ class Asking:
             heard: Everything received so far.
             now_s: Time.
         """
-        asked: tuple[Request, ...] = ()
+        requests: tuple[Request, ...] = ()
         # A request is repeated only in a cycle with a HEARTBEAT.
         due = heard.beats or self._asked_s < stage.since_s
         if (
@@ -117,24 +119,24 @@ class Asking:
             and self._is_due(stage, now_s, fresh_heartbeat=bool(heard.beats))
         ):
             self._asked_s = now_s
-            asked = requests_in(stage.state, self._settings, heard)
+            requests = requests_in(stage.state, self._settings, heard)
         uncertain = stage.state is State.ENTERING or (
             stage.state in SETPOINT_STATES and heard.echo.strange_s
         )
         if uncertain and now_s - self._beat_asked_s >= BEAT_EVERY_S - _SAME_S:
             self._beat_asked_s = now_s
-            asked = (*asked, self._settings.autopilot.request_message(HEARTBEAT))
+            requests = (*requests, self._settings.autopilot.request_message(HEARTBEAT))
         if self._handing_over:
             fresh = [message for message in heard.messages if message.received_s > stage.since_s]
-            asked = (*asked, *self.hold_requests(now_s, fresh))
-        return asked
+            requests = (*requests, *self.hold_requests(now_s, fresh))
+        return requests
 
     def hold_requests(self, now_s: float, messages: Sequence[Message]) -> tuple[Request, ...]:
         """Return the requests of a handover in one cycle."""
         modes = [
-            self._settings.autopilot.mode_of(one.custom_mode)
-            for one in messages
-            if isinstance(one, Heartbeat)
+            self._settings.autopilot.mode_of(message.custom_mode)
+            for message in messages
+            if isinstance(message, Heartbeat)
         ]
         if not self._at_once and any(mode is not Mode.GUIDED for mode in modes):
             self._handing_over = False
@@ -203,14 +205,14 @@ class Playing:
         (north_m, east_m, down_m) = by_ned_m
         memory = self._memory
         drift = memory.follow.drift
-        place = memory.place
+        place_m = memory.place
         height = memory.height
         if drift.position_ned_m is not None:
             drift = drift._replace(position_ned_m=total(drift.position_ned_m, by_ned_m))
-        place = None if place is None else (place[0] + north_m, place[1] + east_m)
+        place_m = None if place_m is None else (place_m[0] + north_m, place_m[1] + east_m)
         height = None if height is None else height._replace(down_m=height.down_m + down_m)
         self._memory = memory._replace(
-            follow=memory.follow._replace(drift=drift), place=place, height=height
+            follow=memory.follow._replace(drift=drift), place=place_m, height=height
         )
 
     def setpoint(self, inputs: CycleInputs, heard: Heard, state: State, now_s: float) -> Setpoint:
@@ -227,10 +229,10 @@ class Playing:
             # Neutral stream: do not remember a height while the pilot flies.
             self._memory = CycleMemory(limits=self._memory.limits)
         shadowing = state is State.ON_STATION and settings.after_capture is AfterCapture.SHADOW
-        played = (
+        guide = (
             play if (state is State.ENGAGED or shadowing) and inputs.evader is not None else hover
         )
-        output = played(inputs, heard.cycle, self._memory)
+        output = guide(inputs, heard.cycle, self._memory)
         self._memory = output.memory
         if (certificate := output.certificate) is not None:
             if settings.reserve is not None:

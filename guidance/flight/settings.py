@@ -61,8 +61,8 @@ class Reserve(Section):
     def _faults(self) -> Iterator[str]:
         if self.wind_m_s >= self.return_speed_m_s:
             allowed = f"must be below flight.reserve.return_speed_m_s = {self.return_speed_m_s:g}"
-            why = "otherwise the vehicle cannot fly home against the wind"
-            yield f"flight.reserve.wind_m_s = {self.wind_m_s:g}: {allowed}; {why}"
+            reason = "otherwise the vehicle cannot fly home against the wind"
+            yield f"flight.reserve.wind_m_s = {self.wind_m_s:g}: {allowed}; {reason}"
 
     def needed(self, away_m: float, height_m: float) -> float:
         """Return the share of the charge, 0 to 1, needed to fly home and land.

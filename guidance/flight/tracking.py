@@ -238,7 +238,9 @@ class Tracking:
         self.local_frame = frame
         if before is not None:
             for name, observer in self._observers.items():
-                self._observers[name] = moved(observer, lambda place: before.ned_in(frame, place))
+                self._observers[name] = moved(
+                    observer, lambda position_ned_m: before.ned_in(frame, position_ned_m)
+                )
             if self.home_ned_m is not None:
                 self.home_ned_m = before.ned_in(frame, self.home_ned_m)
         if (site := self._settings.cycle.site) is not None:

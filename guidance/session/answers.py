@@ -80,8 +80,8 @@ def shown_state(flight: Flight) -> str:
 def next_words(flight: Flight) -> str:
     """Return the orders that continue, if the flight waits for a person; else an empty string."""
     if flight.ordered_by_operator and flight.state in _GOES_ON:
-        what, orders = _GOES_ON[flight.state]
-        return f"{what} by operator: continue with guidance ctl {orders}"
+        pause, orders = _GOES_ON[flight.state]
+        return f"{pause} by operator: continue with guidance ctl {orders}"
     if flight.state is State.OUT_OF_CONTACT:
         return "it stands by again when telemetry and checks are good; guidance ctl hold, return or land work too"
     if flight.cause is not None and flight.cause.event is Event.CONTACT:
@@ -173,7 +173,7 @@ def status(
     settings = flight.settings
     certificate = outputs.certificate
     cause = flight.cause
-    shown = {
+    fields = {
         "state": shown_state(flight),
         "mode": flight.mode_name,
         "autopilot_mode": flight.mode_title,
@@ -202,7 +202,7 @@ def status(
     }
     # Numbers get four decimals.
     rounded: dict[str, Any] = json.loads(
-        json.dumps(plain(shown)), parse_float=lambda text: round(float(text), 4)
+        json.dumps(plain(fields)), parse_float=lambda text: round(float(text), 4)
     )
     if certificate is not None:
         game = rounded["certificate"]
@@ -251,12 +251,12 @@ def flight_line(flight: Flight, outputs: Outputs, now_s: float) -> str:
         shown_state(flight),
         f"{flight.mode_title}, {'armed' if vehicle.armed else 'disarmed'}",
     ]
-    flown = _flown(vehicle)
-    if flown:
-        north_m_s, east_m_s, _ = flown["velocity_ned_m_s"]
-        height_m = round(flown["height_m"], 1) + 0.0
+    motion = _flown(vehicle)
+    if motion:
+        north_m_s, east_m_s, _ = motion["velocity_ned_m_s"]
+        height_m = round(motion["height_m"], 1) + 0.0
         parts.append(f"{height_m:.1f} m up, {math.hypot(north_m_s, east_m_s):.1f} m/s")
-        battery = flown["battery"]
+        battery = motion["battery"]
         if not math.isnan(battery):
             parts.append(f"battery {battery:.0%}")
         parts.append(f"position {vehicle.age_s(LocalPosition, now_s):.1f} s old")

@@ -198,8 +198,8 @@ def examine(config: Config | None = None) -> Sequence[Finding]:
     """
     folder = Path.cwd() if config is None or config.record.folder is None else config.record.folder
     system = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"
-    there = [extra for extra in EXTRAS if how_to_add(extra) is None]
-    absent = ",".join(extra for extra in EXTRAS if extra not in there)
+    installed = [extra for extra in EXTRAS if how_to_add(extra) is None]
+    absent = ",".join(extra for extra in EXTRAS if extra not in installed)
     lacking = f"pip install 'pursuit-guidance[{absent}]'" if absent else ""
     return (
         Finding.of(
@@ -217,23 +217,23 @@ def examine(config: Config | None = None) -> Sequence[Finding]:
         _control(Control() if config is None else config.control),
         *_serial_ports(config),
         *_record_folder(folder),
-        Finding("extras", ", ".join(there) or "none", "as you like", Verdict.PASS, lacking),
+        Finding("extras", ", ".join(installed) or "none", "as you like", Verdict.PASS, lacking),
     )
 
 
 def _calendar() -> Finding:
     """Whether a time service keeps the system clock: signing and the evader's time stamps need the date."""
     try:
-        kept = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(1024)) != _TIME_ERROR
+        synchronized = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(1024)) != _TIME_ERROR
     except (AttributeError, OSError):
         return Finding(
             "calendar", "not known", "synchronized", WARN, "see that a time service runs"
         )
     advice = "timedatectl set-ntp true, or the time from GPS"
     return Finding.of(
-        kept,
+        synchronized,
         "calendar",
-        "synchronized" if kept else "not synchronized",
+        "synchronized" if synchronized else "not synchronized",
         "synchronized",
         advice,
         WARN,
@@ -248,28 +248,32 @@ def _cadence() -> Finding:
         due_s += PERIOD_S
         time.sleep(max(0.0, due_s - time.monotonic()))
         worst_s = max(worst_s, time.monotonic() - due_s)
-    found = f"{1e3 * worst_s:.1f} ms late at worst in {CYCLES} cycles"
+    delay = f"{1e3 * worst_s:.1f} ms late at worst in {CYCLES} cycles"
     advice = "end what else runs, or allow real-time scheduling (the next row)"
     return Finding.of(
-        worst_s <= LATE_S, "cadence", found, f"at most {1e3 * LATE_S:g} ms", advice, WARN
+        worst_s <= LATE_S, "cadence", delay, f"at most {1e3 * LATE_S:g} ms", advice, WARN
     )
 
 
 def _scheduling() -> Finding:
     name = "scheduling"
-    wanted = f"realtime {PRIORITY}"
+    expected = f"realtime {PRIORITY}"
     if not hasattr(os, "sched_setscheduler"):
-        return Finding(name, "none on this system", wanted, WARN, "fly on Linux")
+        return Finding(name, "none on this system", expected, WARN, "fly on Linux")
     policy = os.sched_getscheduler(0)
     parameter = os.sched_getparam(0)
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
     except PermissionError:
         return Finding(
-            name, "not permitted", wanted, WARN, "CPUSchedulingPolicy=rr, or rtprio in limits.conf"
+            name,
+            "not permitted",
+            expected,
+            WARN,
+            "CPUSchedulingPolicy=rr, or rtprio in limits.conf",
         )
     os.sched_setscheduler(0, policy, parameter)
-    return Finding(name, "permitted", wanted, Verdict.PASS)
+    return Finding(name, "permitted", expected, Verdict.PASS)
 
 
 def _urls(config: Config | None) -> Iterator[Finding]:
@@ -319,7 +323,7 @@ def _port(name: str, host: str, port: int, kind: socket.SocketKind, advice: str)
 
 
 def _serial_ports(config: Config | None) -> Iterator[Finding]:
-    wanted = "readable and writable"
+    expected = "readable and writable"
     advice = "usermod -aG dialout USER, and log in again"
     device = ""
     if config is not None:
@@ -327,12 +331,12 @@ def _serial_ports(config: Config | None) -> Iterator[Finding]:
         device = endpoint.host if endpoint.scheme == "serial" else ""
     if device and not Path(device).exists():
         remedy = "plug it in; ls /dev/serial/by-id lists what is"
-        yield Finding(device, "not there", wanted, Verdict.REFUSE, remedy)
+        yield Finding(device, "not there", expected, Verdict.REFUSE, remedy)
     for port in sorted(listed.device for listed in list_ports.comports()):
         usable = os.access(port, os.R_OK | os.W_OK)
         verdict = Verdict.REFUSE if port == device else WARN
-        value = wanted if usable else "no rights"
-        yield Finding.of(usable, port, value, wanted, advice, verdict)
+        value = expected if usable else "no rights"
+        yield Finding.of(usable, port, value, expected, advice, verdict)
 
 
 def _record_folder(folder: Path) -> Iterator[Finding]:
@@ -343,6 +347,6 @@ def _record_folder(folder: Path) -> Iterator[Finding]:
     yield Finding.of(writable, "record folder", value, "writable", advice)
     free_bytes = shutil.disk_usage(existing).free
     value = f"{free_bytes / 1e9:.1f} GB free"
-    wanted = f"{FLIGHT_BYTES / 1e6:g} MB for an hour"
+    expected = f"{FLIGHT_BYTES / 1e6:g} MB for an hour"
     advice = "make room: a full disk ends the record, never the flight"
-    yield Finding.of(free_bytes >= FLIGHT_BYTES, "disk", value, wanted, advice, WARN)
+    yield Finding.of(free_bytes >= FLIGHT_BYTES, "disk", value, expected, advice, WARN)

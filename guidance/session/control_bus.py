@@ -58,12 +58,14 @@ def host_session(endpoint: str, token: local.ControlToken) -> Session:
     try:
         return direct_session("router", {"listen": listening}, auth=auth)
     except zenoh.ZError as error:
-        who = "another program has the port"
+        holder = "another program has the port"
         with contextlib.suppress(GuidanceError):
             answer = local.ask_here(local.STATUS, endpoint=endpoint, name=None)
             if answer is not None:
-                who = f"a daemon or `guidance fly` has it and flies {answer.get('name')!r}"
-        words = f"cannot listen there: {who}; end it, or choose another port with control.endpoint"
+                holder = f"a daemon or `guidance fly` has it and flies {answer.get('name')!r}"
+        words = (
+            f"cannot listen there: {holder}; end it, or choose another port with control.endpoint"
+        )
         raise LinkError(f"control.endpoint = {endpoint!r}: {words}") from error
 
 
@@ -73,12 +75,12 @@ def owner_token(session: Session, vehicle: str) -> zenoh.LivelinessToken:
     Raises:
         LinkError: If another daemon owns it already.
     """
-    mine = f"{vehicle}/owner/{session.zid()}"
+    owner_key = f"{vehicle}/owner/{session.zid()}"
     liveliness = session.liveliness()
     # Claim first, then look: of two that start together at least one sees the other.
-    token = liveliness.declare_token(mine)
+    token = liveliness.declare_token(owner_key)
     claims = liveliness.get(f"{vehicle}/owner/*", timeout=1.0)
-    others = {str(claim.ok.key_expr) for claim in claims if claim.ok is not None} - {mine}
+    others = {str(claim.ok.key_expr) for claim in claims if claim.ok is not None} - {owner_key}
     if others:
         close_all(token.undeclare)
         owned = f"another daemon owns this vehicle ({', '.join(sorted(others))})"
@@ -223,11 +225,13 @@ def join_session(
     path = local.token_path(endpoint) if token_file is None else token_file
     token = local.read_token(path)
     try:
-        shown = Credentials(auth=None if token is None else token.auth())
-        return open_session(endpoint, timeout_s=timeout_s, credentials=shown)
+        by_token = Credentials(auth=None if token is None else token.auth())
+        return open_session(endpoint, timeout_s=timeout_s, credentials=by_token)
     except LinkError as error:
-        used = f"there is no token in {path}" if token is None else f"the token in {path} was shown"
-        silence = f"no session within {timeout_s:g} s: no daemon is there, or it does not let us in ({used})"
+        token_words = (
+            f"there is no token in {path}" if token is None else f"the token in {path} was shown"
+        )
+        silence = f"no session within {timeout_s:g} s: no daemon is there, or it does not let us in ({token_words})"
         mend = "is `guidance run` running, by the same user? --token-file says where another daemon's token lies"
         raise LinkError(f"control {endpoint}: {silence}; {mend}") from error
 
@@ -318,22 +322,22 @@ def _team_answers(
     session: Session, order: str, team: str, names: Collection[str], by: str, timeout_s: float
 ) -> dict[str, Answer]:
     """Return an answer for each vehicle of a team, or for each of `names`, sorted; some may say "not heard"."""
-    heard = dict[str, Answer]()
-    asked = names if names else ("*",)
-    for name in asked:
+    answers = dict[str, Answer]()
+    targets = names if names else ("*",)
+    for name in targets:
         for answer in replies(session, name, order, timeout_s, by, team):
-            heard.setdefault(answer["name"], answer)
-    if not heard:
+            answers.setdefault(answer["name"], answer)
+    if not answers:
         raise LinkError(f"--team {team}: no vehicle of it answers; is `guidance run` running?")
     expected = set(names)
     if not names:
         # Each vehicle names the team: one that leaves names out hides nobody that another one names.
-        for answer in heard.values():
+        for answer in answers.values():
             listed = filter(is_vehicle_name, answer.get("vehicles", ()))
             expected |= {answer["name"], *listed}
     silence = f"no answer in {timeout_s:g} s"
     return {
-        name: heard.get(name, refused(name, order, "not heard", silence))
+        name: answers.get(name, refused(name, order, "not heard", silence))
         for name in sorted(expected)[:_MAX_VEHICLES]
     }
 

@@ -86,10 +86,10 @@ def token_path(endpoint: str) -> Path:
     Raises:
         ConfigError: If there is no runtime folder, and another user owns or may write to the fallback.
     """
-    given = os.environ.get("RUNTIME_DIRECTORY")
+    runtime_folder = os.environ.get("RUNTIME_DIRECTORY")
     user = os.environ.get("XDG_RUNTIME_DIR")
-    if given:
-        folder = Path(given.split(":")[0])
+    if runtime_folder:
+        folder = Path(runtime_folder.split(":")[0])
     elif user:
         folder = Path(user) / "guidance"
     else:
@@ -111,9 +111,9 @@ def draw_token(path: Path) -> ControlToken:
     with writing(f"control.token_file = {str(path)!r}"):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         _check_folder(path.parent, {os.getuid(), 0})
-        kept = read_token(path) if path.exists() and not _is_private(path) else None
-        if kept is not None:
-            return kept
+        token_of_person = read_token(path) if path.exists() and not _is_private(path) else None
+        if token_of_person is not None:
+            return token_of_person
         token = ControlToken(path.with_name(f".{path.name}.{os.getpid()}"), secrets.token_hex(32))
         private_file(token.path).write_text(f"{USER}:{token.secret}\n", encoding="ascii")
     return token
@@ -133,7 +133,7 @@ def read_token(path: Path) -> ControlToken | None:
         ConfigError: If others may write to its folder, we may not read it, or it is no token.
     """
     try:
-        found = _LINE.fullmatch(path.read_text(encoding="ascii"))
+        match = _LINE.fullmatch(path.read_text(encoding="ascii"))
         _check_folder(path.parent, {path.parent.stat().st_uid})
     except (FileNotFoundError, NotADirectoryError):
         return None
@@ -142,11 +142,11 @@ def read_token(path: Path) -> ControlToken | None:
         raise ConfigError(
             f"control token {path}: cannot be read ({reason}); only who can read it may order"
         ) from error
-    if found is None:
+    if match is None:
         raise ConfigError(
             f"control token {path}: not a token file: expected one line, {USER}:<hexadecimal digits>"
         )
-    return ControlToken(path, found[1])
+    return ControlToken(path, match[1])
 
 
 def _is_private(path: Path) -> bool:
@@ -155,8 +155,8 @@ def _is_private(path: Path) -> bool:
 
 def _check_folder(folder: Path, owners: Collection[int]) -> None:
     """Refuse a folder in which another user could put or replace a token file; a sticky bit does not help."""
-    found = folder.stat()
-    if found.st_uid not in owners or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+    status = folder.stat()
+    if status.st_uid not in owners or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
         mend = "run chmod go-w on it, or give another path"
         raise ConfigError(f"control.token_file: others may write to {folder}; {mend}")
 
@@ -176,7 +176,9 @@ def own_name(program: str) -> str:
 def name_in(data: bytes) -> str:
     """Return the sender's name as printable text of bounded length; the data may be anything."""
     text = data[: 4 * LONGEST_NAME].decode("utf-8", errors="replace")
-    return "".join(one for one in text if one.isprintable())[:LONGEST_NAME].strip()
+    return "".join(character for character in text if character.isprintable())[
+        :LONGEST_NAME
+    ].strip()
 
 
 def ask_here(
@@ -198,8 +200,8 @@ def ask_here(
         ConfigError: If there is no such order, or we may not read the token.
         LinkError: If the daemon has another name, does not know the token or does not answer.
     """
-    asked = {"order": _known(order), "name": name, "by": by}
-    data = _exchanged(asked, endpoint, token_file, TIMEOUT_S)
+    request = {"order": _known(order), "name": name, "by": by}
+    data = _exchanged(request, endpoint, token_file, TIMEOUT_S)
     if data is None:
         return None
     reply = _opened(data, endpoint)
@@ -234,8 +236,8 @@ def ask_team_here(
         LinkError: If no vehicle of the team answers, or the daemon does not.
     """
     # Not named `order`: a daemon of an older version would take it for an order to itself alone.
-    asked = {"team_order": _known(order), "team": team, "names": list(names), "by": by}
-    data = _exchanged(asked, endpoint, token_file, TEAM_TIMEOUT_S)
+    request = {"team_order": _known(order), "team": team, "names": list(names), "by": by}
+    data = _exchanged(request, endpoint, token_file, TEAM_TIMEOUT_S)
     if data is None:
         return None
     answers = _opened(data, endpoint).get("answers")
@@ -251,14 +253,14 @@ def _known(order: str) -> str:
 
 
 def _exchanged(
-    asked: Mapping[str, Any], endpoint: str, token_file: Path | None, timeout_s: float
+    request: Mapping[str, Any], endpoint: str, token_file: Path | None, timeout_s: float
 ) -> bytes | None:
     """Send a line to the daemon of an endpoint and return its line; None if no daemon listens there."""
     path = token_path(endpoint) if token_file is None else token_file
     token = read_token(path)
     if token is None:
         return None
-    line = json.dumps({"token": token.secret, **asked}).encode() + b"\n"
+    line = json.dumps({"token": token.secret, **request}).encode() + b"\n"
     try:
         with (
             socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection,
@@ -293,7 +295,9 @@ def _opened(data: bytes, endpoint: str) -> Mapping[str, Any]:
     return reply
 
 
-def begin(free: threading.BoundedSemaphore, exchange: Callable[..., None], *given: object) -> bool:
+def begin(
+    free: threading.BoundedSemaphore, exchange: Callable[..., None], *arguments: object
+) -> bool:
     """Start an exchange with a client on a thread of its own; False if `free` says that too many are under way.
 
     No exchange waits for another one: an abort does not wait until an engage order is answered.
@@ -303,7 +307,7 @@ def begin(free: threading.BoundedSemaphore, exchange: Callable[..., None], *give
 
     def run() -> None:
         try:
-            exchange(*given)
+            exchange(*arguments)
         finally:
             free.release()
 
@@ -398,29 +402,29 @@ class ControlSocket:
             contextlib.suppress(OSError, ValueError, TypeError, AttributeError, RecursionError),
         ):
             connection.settimeout(_ASKED_WITHIN_S)
-            asked = json.loads(connection.makefile("rb", _BUFFER_BYTES).readline(_LONGEST_ORDER))
-            connection.sendall(written(self._answer_to(asked)) + b"\n")
+            request = json.loads(connection.makefile("rb", _BUFFER_BYTES).readline(_LONGEST_ORDER))
+            connection.sendall(written(self._answer_to(request)) + b"\n")
 
-    def _answer_to(self, asked: Mapping[str, Any]) -> Mapping[str, Any]:
-        if not hmac.compare_digest(str(asked.get("token")).encode(), self._token.secret.encode()):
+    def _answer_to(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
+        if not hmac.compare_digest(str(request.get("token")).encode(), self._token.secret.encode()):
             return {"error": "the token is not this daemon's"}
-        by = name_in(str(asked.get("by", "")).encode())
-        if self._pass_on is not None and "team_order" in asked:
-            return self._answer_of_team(asked, self._pass_on, by)
-        if asked.get("name") not in {None, self._name}:
-            return {"error": f"--name {asked['name']}: the daemon there is {self._name}"}
-        answer = self._answer(str(asked.get("order")), by)
+        by = name_in(str(request.get("by", "")).encode())
+        if self._pass_on is not None and "team_order" in request:
+            return self._answer_of_team(request, self._pass_on, by)
+        if request.get("name") not in {None, self._name}:
+            return {"error": f"--name {request['name']}: the daemon there is {self._name}"}
+        answer = self._answer(str(request.get("order")), by)
         return {"name": self._name, **answer} | {"name": self._name}
 
     def _answer_of_team(
-        self, asked: Mapping[str, Any], pass_on: PassOn, by: str
+        self, request: Mapping[str, Any], pass_on: PassOn, by: str
     ) -> Mapping[str, Any]:
-        order = str(asked["team_order"])
-        names = [str(name) for name in asked.get("names", ())]
+        order = str(request["team_order"])
+        names = [str(name) for name in request.get("names", ())]
         if order not in WORDS:
             return {"error": f"order = {order!r}: allowed are {', '.join(WORDS)}"}
         try:
-            answers = pass_on(order, str(asked.get("team", "")), names, by=by)
+            answers = pass_on(order, str(request.get("team", "")), names, by=by)
         except GuidanceError as error:
             return {"error": str(error)}
         return {"answers": {answer["name"]: answer for answer in answers}}

@@ -61,20 +61,22 @@ class Daemon:
     """One vehicle's guidance, in real or virtual time, against one evader or, in a team, several by name."""
 
     def __init__(
-        self, name: str, plan: FlightPlan, link: VehicleLink, evaders: Evaders, used: Equipment
+        self, name: str, plan: FlightPlan, link: VehicleLink, evaders: Evaders, equipment: Equipment
     ) -> None:
         self.name = name
         self._link = link
         self._evaders = evaders
         self._problems: dict[str, str] = {}
         self._refused_reports = {source_name: RefusedReports() for source_name in evaders}
-        self.team = used.team
-        self.mailbox = used.mailbox
-        self.metrics = used.metrics or Metrics(name)
+        self.team = equipment.team
+        self.mailbox = equipment.mailbox
+        self.metrics = equipment.metrics or Metrics(name)
         self.mailbox.meanwhile = None  # orders wait for the loop from now on
-        self._log = used.log
-        self._notifier = used.notifier
-        self.recording = Recording(name, used.record, used.broadcast, required=used.record_required)
+        self._log = equipment.log
+        self._notifier = equipment.notifier
+        self.recording = Recording(
+            name, equipment.record, equipment.broadcast, required=equipment.record_required
+        )
         self._leaving: ShutdownHandover | None = None
         self._heartbeat_s = self._shown_s = float("-inf")
         self._refused: tuple[str, ...] = ()
@@ -109,8 +111,8 @@ class Daemon:
 
     def step(self, now_s: float, timing: Timing = IN_TIME) -> Outputs:
         """Run one cycle; `timing` is how the loop kept time."""
-        asked, queries = self.mailbox.take()
-        orders = self._orders(asked, now_s)
+        questions, queries = self.mailbox.take()
+        orders = self._orders(questions, now_s)
         self.inputs = self._read(now_s, queries, orders)
         outputs = self.outputs = self.flight.step(now_s, self.inputs)
         self._write(now_s, outputs, timing)
@@ -123,17 +125,17 @@ class Daemon:
         self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
         return outputs
 
-    def _orders(self, asked: Sequence[Question], now_s: float) -> Sequence[Question]:
+    def _orders(self, questions: Sequence[Question], now_s: float) -> Sequence[Question]:
         """Return the orders for this cycle's flight, people's first; all others are answered here."""
-        orders = [question for question in asked if self._is_for_the_flight(question, now_s)]
+        orders = [question for question in questions if self._is_for_the_flight(question, now_s)]
         if (
-            due := self._engaging.due(now_s)
+            due_orders := self._engaging.due(now_s)
         ) is not None:  # its parameters were read again or did not answer
             fresh = {row.name: row for row in self._engaging.rows}
             self.rows = tuple(fresh.get(row.name, row) for row in self.rows)
-            if refusals(self._engaging.rows) and not due:
+            if refusals(self._engaging.rows) and not due_orders:
                 self._log.say(logging.WARNING, "not engaged", reason=advice(self._engaging.rows))
-            orders += due
+            orders += due_orders
         if self._leaving is not None:
             orders += self._leaving.orders(self.flight)
         return sorted(orders, key=lambda question: question.authority is Authority.MISSION)
@@ -176,11 +178,12 @@ class Daemon:
         self, now_s: float, queries: Sequence[Question], orders: Sequence[Question]
     ) -> Inputs:
         """Read everything that one cycle sees, and send our HEARTBEAT once a second."""
-        given = {
-            by: [Event(one.order) for one in orders if one.authority is by] for by in Authority
+        orders_by = {
+            by: [Event(question.order) for question in orders if question.authority is by]
+            for by in Authority
         }
-        people = given[Authority.OPERATOR]
-        mission = given[Authority.MISSION]
+        people = orders_by[Authority.OPERATOR]
+        mission = orders_by[Authority.MISSION]
         alive = any(query.order == ALIVE for query in queries) or None
         bars = (
             refusals(self._engaging.rows)
@@ -189,14 +192,14 @@ class Daemon:
         )
         messages = self._link.receive()
         sources = self._evaders.items()
-        came = [(name, report) for name, source in sources for report in source.receive()]
-        reports = [report for _, report in came]  # without a team an evader needs no name
+        named_reports = [(name, report) for name, source in sources for report in source.receive()]
+        reports = [report for _, report in named_reports]  # without a team an evader needs no name
         if now_s - self._heartbeat_s >= HEARTBEAT_EVERY_S:
             self._heartbeat_s = now_s
             self._link.send_heartbeat()
         mates = role = None
         if self.team is not None:
-            reports = [report._replace(evader=name) for name, report in came]
+            reports = [report._replace(evader=name) for name, report in named_reports]
             mates, role, relayed = self.team.hear(now_s, self.flight, reports)
             reports += relayed
         return Inputs(messages, reports, people, self._barred() + bars, alive, mission, mates, role)
@@ -341,16 +344,16 @@ class Daemon:
         """Answer the orders, and all queries with one status. The first happenings are one for each order, in order."""
         for question, happening in zip(orders, outputs.happenings, strict=False):
             order = Event(question.order)
-            done = happening.after is not happening.before or is_done(order, happening.after)
+            followed = happening.after is not happening.before or is_done(order, happening.after)
             self._reply(
-                question, now_s, "" if done else refusal(order, self.flight, now_s, self.rows)
+                question, now_s, "" if followed else refusal(order, self.flight, now_s, self.rows)
             )
         if queries:
-            shown = status(self.flight, outputs, self.rows, self._barred(), now_s)
-            shown |= {"name": self.name, "recording": self.recording.words}
-            shown |= {} if self.team is None else {"assignment": self.team.assignment(self.flight)}
+            fields = status(self.flight, outputs, self.rows, self._barred(), now_s)
+            fields |= {"name": self.name, "recording": self.recording.words}
+            fields |= {} if self.team is None else {"assignment": self.team.assignment(self.flight)}
             for query in queries:
-                query.set_result({"accepted": True, "order": query.order, **shown})
+                query.set_result({"accepted": True, "order": query.order, **fields})
 
     def _reply(self, question: Question, now_s: float, reason: str) -> None:
         """Answer an order, accepted if there is no reason against it; log it and record who gave it.
@@ -359,15 +362,15 @@ class Daemon:
         """
         order = question.order
         accepted = not reason
-        known = order if order in WORDS else "unknown"
+        word = order if order in WORDS else "unknown"
         words = re.sub(r"\d+(\.\d+)?", "", reason)
-        self.metrics.order(known, accepted=accepted)
+        self.metrics.order(word, accepted=accepted)
         repeated = (
             not accepted
             and question.authority is Authority.MISSION
-            and words == self._refused_for.get(known)
+            and words == self._refused_for.get(word)
         )
-        self._refused_for[known] = words
+        self._refused_for[word] = words
         answer: dict[str, Any] = {
             "accepted": accepted,
             "order": order,

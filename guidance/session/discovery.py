@@ -92,7 +92,7 @@ def autopilot_at(
 
     with closing(open_wire(url, clock=clock.now_s)) as wire:
         try:
-            found = find_autopilot(
+            sender = find_autopilot(
                 wire,
                 clock=clock.now_s,
                 timeout_s=FOUND_WITHIN_S,
@@ -104,7 +104,7 @@ def autopilot_at(
             if not refusals:
                 raise
             raise ConfigError("; ".join(refusals.values())) from None
-        yield wire, found, identify(found, url, asked)
+        yield wire, sender, identify(sender, url, asked)
 
 
 def identify(found: Found, url: str, asked: str | None) -> Autopilot:
@@ -119,25 +119,27 @@ def identify(found: Found, url: str, asked: str | None) -> Autopilot:
         ConfigError: If it is an unknown autopilot or vehicle type, or not the expected one.
     """
     expected = None if asked is None else autopilot_named(asked)
-    who = f"{url}: system {found.system_id}"
+    sender = f"{url}: system {found.system_id}"
     if found.component_id != _AUTOPILOT_COMPONENT:
-        who += f", component {found.component_id}"
+        sender += f", component {found.component_id}"
     matching = autopilots_of(found.autopilot)
     if not matching:
         supported = " and ".join(
             f"{autopilot.name} ({autopilot.autopilot_id})" for autopilot in AUTOPILOTS.values()
         )
-        raise ConfigError(f"{who} is MAV_AUTOPILOT {found.autopilot}; supported are {supported}")
-    flown = [autopilot for autopilot in matching if found.vehicle_type in autopilot.vehicle_types]
-    if not flown:
+        raise ConfigError(f"{sender} is MAV_AUTOPILOT {found.autopilot}; supported are {supported}")
+    supporting = [
+        autopilot for autopilot in matching if found.vehicle_type in autopilot.vehicle_types
+    ]
+    if not supporting:
         raise ConfigError(
-            f"{who} is MAV_TYPE {found.vehicle_type}: {matching[0].name} is flown as a multicopter only"
+            f"{sender} is MAV_TYPE {found.vehicle_type}: {matching[0].name} is flown as a multicopter only"
         )
     if expected is None:
-        return flown[0]
-    if expected not in flown:
+        return supporting[0]
+    if expected not in supporting:
         raise ConfigError(
-            f"{who} is {flown[0].name}, not --autopilot {asked}: omit it, or give another --vehicle"
+            f"{sender} is {supporting[0].name}, not --autopilot {asked}: omit it, or give another --vehicle"
         )
     return expected
 
@@ -255,12 +257,14 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
         LinkError: If nothing answers.
     """
     clock = MonotonicClock()
-    with autopilot_at(url, asked, clock, who=url) as (wire, found, profile):
+    with autopilot_at(url, asked, clock, who=url) as (wire, sender, profile):
         memory = PreflightMemory(profile, bound_parameters)
-        who = f"{url}: system {found.system_id}"
-        ids: dict[str, Any] = {"system_id": found.system_id, "component_id": found.component_id}
+        sender_words = f"{url}: system {sender.system_id}"
+        ids: dict[str, Any] = {"system_id": sender.system_id, "component_id": sender.component_id}
         ids["autopilot"] = profile.autopilot_id
-        with closing(open_link(wire, "pymavlink", clock=clock.now_s, who=who, **ids)) as link:
+        with closing(
+            open_link(wire, "pymavlink", clock=clock.now_s, who=sender_words, **ids)
+        ) as link:
             link.send_heartbeat()
             # An old firmware may lack a parameter
             for now_s, messages in _heard(link, clock, READ_WITHIN_S):
@@ -270,7 +274,7 @@ def survey(url: str, asked: str | None = None) -> Surveyed:
                 for request in memory.requests(now_s):
                     link.request(request)
     facts = memory.facts(VehicleState(), clock.now_s())
-    return Surveyed(profile.name, found, facts.parameters, memory.version)
+    return Surveyed(profile.name, sender, facts.parameters, memory.version)
 
 
 def bound_parameters(version: Version) -> tuple[str, ...]:

@@ -38,15 +38,15 @@ def flight_metadata(
     scenario: "Scenario | None", config: Config | None, clock: Clock | None
 ) -> dict[str, str]:
     """Return a record's metadata: files, seed, versions and, in real time, the start."""
-    said = {}
+    metadata = {}
     if scenario is not None:
-        said = {
+        metadata = {
             "scenario": scenario.model_dump_json(exclude_unset=config is not None),
             "seed": str(scenario.seed),
         }
-    said |= {} if config is None else {"config": config.model_dump_json()}
+    metadata |= {} if config is None else {"config": config.model_dump_json()}
     return {
-        **said,
+        **metadata,
         **versions(),
         **({} if clock is None else {"started_utc": started_utc(clock.now_s())}),
     }
@@ -127,7 +127,7 @@ class Recording:
         self._record = record
         self._required = required
         self.begun = False
-        self._each = [one for one in (record, broadcast) if one is not None]
+        self._each = [sink for sink in (record, broadcast) if sink is not None]
         self.stopped = ""
 
     def cycle(
@@ -140,8 +140,8 @@ class Recording:
             self.begun = True
             self.event(now_s, BEGUN)
         entry = cycle_entry(now_s, inputs, outputs, timing, self._vehicle)
-        for one in self._each:
-            one.cycle(entry)
+        for sink in self._each:
+            sink.cycle(entry)
         for happening in outputs.happenings:
             by = "" if happening.by is Authority.FLIGHT else f"by {happening.by}"
             details = (f"{happening.before} -> {happening.after}", by or happening.detail)
@@ -157,8 +157,8 @@ class Recording:
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
         """Keep an event."""
-        for one in self._each:
-            one.event(now_s, event, detail)
+        for sink in self._each:
+            sink.event(now_s, event, detail)
 
     def frames(self, passed: Sequence[CapturedFrame]) -> None:
         """Keep raw frames; a broadcast has none."""
@@ -194,9 +194,9 @@ def recorded_settings(
         ConfigError: If the record has neither, or a changed key is unknown or out of range.
     """
     if (kind := next((kind for kind in (SCENARIO, CONFIG) if kind in metadata), None)) is None:
-        known = ", ".join(sorted(metadata)) or "nothing"
+        keys = ", ".join(sorted(metadata)) or "nothing"
         raise ConfigError(
-            f"the record's metadata has no scenario and no config, only {known}: it cannot be replayed"
+            f"the record's metadata has no scenario and no config, only {keys}: it cannot be replayed"
         )
     document = json.loads(metadata[kind])
     changes = changes or {}

@@ -116,14 +116,14 @@ class MockOptions:
         (pursuits, team) = _players(scenario)
         clock = VirtualClock() if self.fast else MonotonicClock()
         mock_files.faulted_fleet(pursuits)  # refuses faults that a vehicle cannot have
-        mailboxes = {one.vehicle: Mailbox() for one in pursuits}
-        used = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
+        mailboxes = {pursuit.vehicle: Mailbox() for pursuit in pursuits}
+        equipment = {name: Equipment(mailbox=mailbox) for name, mailbox in mailboxes.items()}
         buses = stack.enter_context(
             control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team)
         )
         in_real_time = partial(live.LiveWorld, link=self.link, port=self.port, over=self.over)
         world = (stepped.SteppedWorld if self.fast else in_real_time)(pursuits, clock)
-        return Opened(pursuits, stack.enter_context(closing(world)), clock, buses, used, {})
+        return Opened(pursuits, stack.enter_context(closing(world)), clock, buses, equipment, {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,25 +149,25 @@ class ByFile:
             ConfigError: If file and scenario contradict each other, or a team plays.
             LinkError: If vehicle or evader cannot be reached.
         """
-        own = self.config
+        config = self.config
         clock = MonotonicClock()
         if isinstance(scenario, TeamScenario):
             raise ConfigError(
                 "--config: one vehicle; a team needs --vehicle URL for each of its vehicles"
             )
-        plan_of(own, scenario)  # refused before anything is opened
-        name = own.name
-        hand_over = ORDER_OF[own.flight.on_terminate]
+        plan_of(config, scenario)  # refused before anything is opened
+        name = config.name
+        hand_over = ORDER_OF[config.flight.on_terminate]
         signals = stack.enter_context(Signals(hand_over).installed())
-        world, bus, used = open_vehicle(own, clock, stack, tapped=True)
+        world, bus, equipment = open_vehicle(config, clock, stack, tapped=True)
         policy = MissionPolicy(self.engage, hand_over=hand_over)
         return Opened(
             (Pursuit(scenario, name),),
             world,
             clock,
             {name: bus},
-            {name: used},
-            {name: own},
+            {name: equipment},
+            {name: config},
             policy,
             signals,
         )
@@ -233,12 +233,14 @@ class Asked:
             site = laid[0].scenario.site if laid else here.site
             laid.append(pursuit._replace(scenario=here.model_copy(update={"site": site})))
         for name, radio in radios.items():
-            chased = next(one.scenario for one in laid if one.evader == name)
+            chased = next(pursuit.scenario for pursuit in laid if pursuit.evader == name)
             world.players[name] = stepped.EvaderHere(chased, clock, radio)
         policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=Event.LAND)
         signals = stack.enter_context(Signals(Event.LAND).installed())
-        used = {name: open_equipment(box, configs[name], stack) for name, box in mailboxes.items()}
-        return Opened(laid, world, clock, buses, used, configs, policy, signals)
+        equipment = {
+            name: open_equipment(box, configs[name], stack) for name, box in mailboxes.items()
+        }
+        return Opened(laid, world, clock, buses, equipment, configs, policy, signals)
 
     def reach(
         self, scenario: Played, clock: Clock, world: World
@@ -336,29 +338,40 @@ def fly_recorded(
         show = onlooker.show
         team = team_plan(scenario, pursuits) if isinstance(scenario, TeamScenario) else None
         plans = {
-            one.vehicle: plan_of(flight.configs.get(one.vehicle), one.scenario, team)
-            for one in pursuits
+            pursuit.vehicle: plan_of(flight.configs.get(pursuit.vehicle), pursuit.scenario, team)
+            for pursuit in pursuits
         }
         _equip(flight, scenario, folder, stack)
         if folder is not None:
             onlooker.on_record(folder if team else folder / RECORD)
-        used = flight.equipment
+        equipment = flight.equipment
         mission = Mission(
-            pursuits, flight.world, clock, plans=plans, equipment=used, policy=policy, show=show
+            pursuits,
+            flight.world,
+            clock,
+            plans=plans,
+            equipment=equipment,
+            policy=policy,
+            show=show,
         )
         result = mission.fly(flight.signals)
-        for name, flown in result.vehicles.items():
-            if (told := used[name].broadcast) is not None:
-                told.event(
+        for name, flight_result in result.vehicles.items():
+            if (broadcast := equipment[name].broadcast) is not None:
+                broadcast.event(
                     clock.now_s(),
                     FLIGHT_OVER,
-                    closing_detail(flown, how.way, used[name].record, folder),
+                    closing_detail(flight_result, how.way, equipment[name].record, folder),
                 )
-    for name, flown in result.vehicles.items():  # the records are closed: note what is missing
-        if (record := used[name].record) is not None:
-            flown.record_dropped = record.dropped
-            if record.failed is not None and not flown.record_stopped:
-                flown.record_stopped = stopped_words(flown.duration_s, record.failed)
+    for (
+        name,
+        flight_result,
+    ) in result.vehicles.items():  # the records are closed: note what is missing
+        if (record := equipment[name].record) is not None:
+            flight_result.record_dropped = record.dropped
+            if record.failed is not None and not flight_result.record_stopped:
+                flight_result.record_stopped = stopped_words(
+                    flight_result.duration_s, record.failed
+                )
     return result
 
 
@@ -373,7 +386,9 @@ def _separation(scenario: Played) -> dict[str, float] | None:
 
 def _declared_m_s(pursuits: Sequence[Pursuit]) -> dict[str, float]:
     """Return the declared speeds of the evaders, by name."""
-    return {one.evader: one.scenario.evader.believed_speed_m_s for one in reversed(pursuits)}
+    return {
+        pursuit.evader: pursuit.scenario.evader.believed_speed_m_s for pursuit in reversed(pursuits)
+    }
 
 
 def team_plan(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> TeamPlan:
@@ -391,8 +406,8 @@ def _equip(flight: Opened, scenario: Played, folder: Path | None, stack: ExitSta
     Those of a team are connected until the stack is closed: over the control buses, or in virtual time by a network in
     this process.
     """
-    names = [one.vehicle for one in flight.pursuits]
-    evaders = sorted({one.evader for one in flight.pursuits})
+    names = [pursuit.vehicle for pursuit in flight.pursuits]
+    evaders = sorted({pursuit.evader for pursuit in flight.pursuits})
     now_s = flight.clock.now_s
     stamp = flight.clock if flight.world.real_time else None
     ends = dict[str, MemoryTransport]()
@@ -435,10 +450,13 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
     clock = MonotonicClock()
     with closing(World()) as world:
         configs, _ = asked.reach(scenario, clock, world)
-        own = configs[PURSUER]
-        pursuer = scenario.pursuer.model_copy(update={"autopilot": own.vehicle.autopilot})
+        config = configs[PURSUER]
+        pursuer = scenario.pursuer.model_copy(update={"autopilot": config.vehicle.autopilot})
         yield Checkup(
-            own.name, plan_of(own, scenario.model_copy(update={"pursuer": pursuer})), world, clock
+            config.name,
+            plan_of(config, scenario.model_copy(update={"pursuer": pursuer})),
+            world,
+            clock,
         )
 
 
@@ -476,7 +494,7 @@ def left_out(scenario: Played, how: Way) -> Sequence[str]:
         return ()
     faults = any(fault.vehicle != EVADER or isinstance(how, ByFile) for fault in scenario.fault)
     return [
-        what
-        for what, lost in (("faults", faults), ("wind", any(scenario.wind.velocity_m_s)))
+        feature
+        for feature, lost in (("faults", faults), ("wind", any(scenario.wind.velocity_m_s)))
         if lost
     ]

@@ -95,13 +95,13 @@ class Signals:
     def act(self, daemons: Sequence[Daemon], now_s: float) -> None:
         """Pass the signals since the last call to the daemons."""
         ends = self._ends
-        again = self._again
+        reload = self._again
         self._ends = 0
         self._again = False
         for daemon in daemons:
             for _ in range(ends):
                 daemon.leave(self._hand_over, now_s)
-            if again:
+            if reload:
                 daemon.exchange(self._load, now_s)
 
 
@@ -208,7 +208,9 @@ def run(
     due_s = clock.now_s()
     garbage = GcScheduler(due_s, collect=world.real_time)
     try:
-        while (flying := [one for one in daemons if not one.finished]) and not mission.finished:
+        while (
+            flying := [daemon for daemon in daemons if not daemon.finished]
+        ) and not mission.finished:
             clock.sleep_until(due_s)
             world.advance()
             now_s = clock.now_s()
@@ -240,7 +242,9 @@ def _record_frames(world: World, daemons: Sequence[Daemon]) -> None:
     """Give every record the frames of its own vehicle, and of the evaders; topics begin with the name."""
     passed = world.drain()
     for daemon in daemons:
-        others = tuple(f"{one.name}/" for one in daemons if one is not daemon)
+        others = tuple(
+            f"{other_daemon.name}/" for other_daemon in daemons if other_daemon is not daemon
+        )
         daemon.recording.frames([frame for frame in passed if not frame.topic.startswith(others)])
 
 

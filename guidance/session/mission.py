@@ -153,12 +153,12 @@ class Mission(CycleHooks):
 
     def __post_init__(self) -> None:
         """Begin with nothing flown."""
-        self._vehicles = [VehicleMission(self, one) for one in pursuits_of(self.flown)]
-        self.daemons = [one.daemon for one in self._vehicles]
+        self._vehicles = [VehicleMission(self, pursuit) for pursuit in pursuits_of(self.flown)]
+        self.daemons = [vehicle.daemon for vehicle in self._vehicles]
         self.result = MissionResult(
-            {one.pursuit.vehicle: one.result for one in self._vehicles},
-            {one.pursuit.evader: EvaderResult() for one in self._vehicles},
-            {one.name: one.team for one in self.daemons if one.team is not None},
+            {vehicle.pursuit.vehicle: vehicle.result for vehicle in self._vehicles},
+            {vehicle.pursuit.evader: EvaderResult() for vehicle in self._vehicles},
+            {daemon.name: daemon.team for daemon in self.daemons if daemon.team is not None},
         )
 
     def fly(self, signals: Signals | None = None) -> MissionResult:
@@ -178,25 +178,35 @@ class Mission(CycleHooks):
     @property
     def finished(self) -> bool:
         """True when the flights of all mocks are over. A real vehicle's flight ends when its daemon hands it over."""
-        return all(one.over for one in self._vehicles)
+        return all(vehicle.over for vehicle in self._vehicles)
 
     def before(self, now_s: float) -> None:
         """Move the evaders to the present, and give the orders that are due."""
-        for one in self._vehicles:
-            one.locate()
+        for vehicle in self._vehicles:
+            vehicle.locate()
         for name, player in self.world.players.items():
             pursuers = [
-                one for one in self._vehicles if self.result.members or one.pursuit.evader == name
+                vehicle
+                for vehicle in self._vehicles
+                if self.result.members or vehicle.pursuit.evader == name
             ]
-            places = [one.position_game_m for one in pursuers if one.position_game_m is not None]
-            over = any(name in member.board.over for member in self.result.members.values())
-            player.step(now_s, places, playing=not over and any(one.playing for one in pursuers))
+            places = [
+                vehicle.position_game_m
+                for vehicle in pursuers
+                if vehicle.position_game_m is not None
+            ]
+            arrived = any(name in member.board.over for member in self.result.members.values())
+            player.step(
+                now_s, places, playing=not arrived and any(vehicle.playing for vehicle in pursuers)
+            )
         states = (
-            {one.daemon.flight.state for one in self._vehicles} if self.result.members else set()
+            {vehicle.daemon.flight.state for vehicle in self._vehicles}
+            if self.result.members
+            else set()
         )
-        for one in self._vehicles:
-            if not states & _WAITS_FOR.get(one.daemon.flight.state, frozenset()):
-                one.before(now_s)
+        for vehicle in self._vehicles:
+            if not states & _WAITS_FOR.get(vehicle.daemon.flight.state, frozenset()):
+                vehicle.before(now_s)
 
     def after(self, now_s: float, late_s: float = 0.0) -> None:
         """Follow a cycle.
@@ -204,28 +214,30 @@ class Mission(CycleHooks):
         Raises:
             FlightError: As `VehicleMission.after`.
         """
-        for one in self._vehicles:
-            if one.over:
+        for vehicle in self._vehicles:
+            if vehicle.over:
                 continue
-            evader_m = one.evader_game_m(now_s)
-            evader = self.result.evaders[one.evader]
-            one.after(now_s, late_s, evader_m)
+            evader_m = vehicle.evader_game_m(now_s)
+            evader = self.result.evaders[vehicle.evader]
+            vehicle.after(now_s, late_s, evader_m)
             # Others may chase it too
             if evader_m is not None and (not evader.track or evader.track[-1][0] < now_s):
                 evader.track.append((now_s, evader_m))
-            captures = any(each.event is Event.CAPTURED for each in one.daemon.outputs.happenings)
-            certificate = one.result.latest
+            captures = any(
+                happening.event is Event.CAPTURED for happening in vehicle.daemon.outputs.happenings
+            )
+            certificate = vehicle.result.latest
             if captures and certificate is not None and evader.capture is None:
-                evader.capture = Capture(one.pursuit.vehicle, now_s, certificate.evader_game_m)
+                evader.capture = Capture(vehicle.pursuit.vehicle, now_s, certificate.evader_game_m)
 
     def stop(self, wall_s: float) -> MissionResult:
         """Stop the evaders that this process plays, and return the result of the run, which took `wall_s`."""
         for player in self.world.players.values():
             player.stop()
-        for one in self._vehicles:
-            left = one.over or one.daemon.leaving is Authority.MISSION
-            one.result.interrupted = not left
-            one.result.wall_s = wall_s
+        for vehicle in self._vehicles:
+            complete = vehicle.over or vehicle.daemon.leaving is Authority.MISSION
+            vehicle.result.interrupted = not complete
+            vehicle.result.wall_s = wall_s
         return self.result
 
 
@@ -251,7 +263,7 @@ class VehicleMission:
 
     def __init__(self, mission: Mission, pursuit: Pursuit) -> None:
         scenario, vehicle, evader = self.pursuit = pursuit
-        used = mission.equipment.get(vehicle, Equipment())
+        equipment = mission.equipment.get(vehicle, Equipment())
         self._mission = mission
         self._policy = mission.policy
         world = mission.world
@@ -263,9 +275,9 @@ class VehicleMission:
         self._heard = {
             name: SensedEvader(source, scenario.sensor, scenario.seed, mission.clock.now_s)
             for name, source in world.evaders[vehicle].items()
-            if used.team is not None or name == evader
+            if equipment.team is not None or name == evader
         }
-        self.daemon = Daemon(vehicle, plan, world.links[vehicle], self._heard, used)
+        self.daemon = Daemon(vehicle, plan, world.links[vehicle], self._heard, equipment)
         self._begun_s = mission.clock.now_s()
         self._limit_from_s = 0.0
         self._refused_s = math.inf
@@ -327,10 +339,10 @@ class VehicleMission:
             State.HOLDING: LINGER_S,
             State.STANDING_BY: patience_s,
         }
-        over = self._in_state_s(now_s) >= stays_s.get(flight.state, math.inf)
+        time_is_up = self._in_state_s(now_s) >= stays_s.get(flight.state, math.inf)
         if self.engaged_s is not None and flight.state in PLAYING:
-            over = now_s - self.engaged_s > scenario.time_limit_s
-        return (self._policy.end_with or Event.LAND) if over else None
+            time_is_up = now_s - self.engaged_s > scenario.time_limit_s
+        return (self._policy.end_with or Event.LAND) if time_is_up else None
 
     def _in_state_s(self, now_s: float) -> float:
         """Return how long the flight has been in its state, s; if an operator ordered it again, since then."""
@@ -379,8 +391,8 @@ class VehicleMission:
     def _engage(self, now_s: float) -> None:
         """Note a game that begins. The times of the sensor and of the faults count from the first one."""
         if self.engaged_s is None:
-            for heard in self._heard.values():
-                heard.engage(now_s)
+            for source in self._heard.values():
+                source.engage(now_s)
             self._mission.world.engage(self.pursuit.vehicle)
         self.engaged_s = now_s
 
@@ -389,10 +401,12 @@ class VehicleMission:
         team = self.daemon.team
         unit = "s" if self.pursuit.scenario.target is None else "m"
         promises = () if team is None or team.board.roles is None else team.board.roles.promises
-        promise = next((one.words(unit) for one in promises if one.evader == self.evader), "")
-        why = "" if outputs.cause is None else outputs.cause.words
+        promise = next(
+            (promise.words(unit) for promise in promises if promise.evader == self.evader), ""
+        )
+        cause = "" if outputs.cause is None else outputs.cause.words
         against = "" if team is None else self.evader
-        seen = (
+        flight_fields = (
             now_s,
             outputs.state,
             flight.mode_title,
@@ -401,9 +415,9 @@ class VehicleMission:
             self.result.record_stopped,
         )
         return Progress(
-            *seen,
+            *flight_fields,
             self._waiting(now_s),
-            why,
+            cause,
             next_words(flight),
             self.pursuit.vehicle,
             against,
@@ -421,8 +435,8 @@ class VehicleMission:
             return "its parameters are being read"
         return f"preflight refuses {', '.join(refusals(self.daemon.rows)) or 'nothing any more'}"
 
-    def _said(self, who: str) -> str:
-        return f'; {who} "{self.result.said}"' if self.result.said else ""
+    def _said(self, speaker: str) -> str:
+        return f'; {speaker} "{self.result.said}"' if self.result.said else ""
 
     def evader_game_m(self, now_s: float) -> Vector | None:
         """Return the evader's position in the game frame: the true one, or as the vehicle estimates it."""

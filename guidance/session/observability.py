@@ -146,8 +146,8 @@ def _console_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:
     """Return a line for people: time of day, message, and the fields behind it."""
     clock = time.strftime("%H:%M:%S", time.localtime(record.created))
     mark = "" if record.levelno < logging.WARNING else f"{record.levelname} "
-    rest = "".join(f"  {name}={value}" for name, value in fields.items())
-    return f"{clock} {mark}{printable(record.getMessage() + rest)}"
+    details = "".join(f"  {name}={value}" for name, value in fields.items())
+    return f"{clock} {mark}{printable(record.getMessage() + details)}"
 
 
 def say_outputs(log: Logger, outputs: Outputs) -> None:
@@ -209,9 +209,9 @@ class Notifier:
         if self._address:
             with (
                 contextlib.suppress(OSError),
-                socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as there,
+                socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as client,
             ):
-                there.sendto(text.encode(), socket.MSG_DONTWAIT, self._address)
+                client.sendto(text.encode(), socket.MSG_DONTWAIT, self._address)
 
 
 MAX_CONNECTIONS: Final = 16
@@ -294,17 +294,17 @@ class Metrics:
         """
         for state in State:
             self._state.labels(self._name, str(state)).set(state is outputs.state)
-        for what, kind in (("heartbeat", Heartbeat), ("position", LocalPosition)):
-            self._ages.labels(self._name, what).set(flight.vehicle.age_s(kind, now_s))
+        for counter, kind in (("heartbeat", Heartbeat), ("position", LocalPosition)):
+            self._ages.labels(self._name, counter).set(flight.vehicle.age_s(kind, now_s))
         self._ages.labels(self._name, "evader").set(flight.tracking.silence_s(now_s))
         certificate = outputs.certificate
-        for what in _GAME_METRICS:
-            self._game.labels(self._name, what).set(
-                math.nan if certificate is None else getattr(certificate, what)
+        for counter in _GAME_METRICS:
+            self._game.labels(self._name, counter).set(
+                math.nan if certificate is None else getattr(certificate, counter)
             )
         for link, counts in counters.items():
-            for what, count in counts.items():
-                self._links.labels(self._name, link, what).set(count)
+            for counter, count in counts.items():
+                self._links.labels(self._name, link, counter).set(count)
 
     def happened(self, event: str) -> None:
         """Count an event of the daemon, such as a failed record."""

@@ -108,9 +108,13 @@ def open_all(
         closed.callback(close_all, owner_token(session, owned).undeclare)
     if (wire := opened.get(config.name)) is None:
         # The evader's reports arrive on it too, unless they have a URL of their own.
-        both = (vehicle.system_id, evader.system_id if evader.url is None else None)
+        systems = (vehicle.system_id, evader.system_id if evader.url is None else None)
         wire = open_wire(
-            vehicle.url, clock=clock.now_s, systems=both, signing_key=key, credentials=credentials
+            vehicle.url,
+            clock=clock.now_s,
+            systems=systems,
+            signing_key=key,
+            credentials=credentials,
         )
     closed.callback(wire.close)
     if tapped:
@@ -118,12 +122,18 @@ def open_all(
         world.taps.append(wire)
     if evader.url is None:
         wire, opened[next(iter(config.evaders))] = share(wire, 2)
-    who = f"{vehicle.url}: system {vehicle.system_id}"
+    sender_words = f"{vehicle.url}: system {vehicle.system_id}"
     limit_s = vehicle.connect_timeout_s
     ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}
     ids["autopilot"] = autopilot_named(vehicle.autopilot).autopilot_id
     link = open_link(
-        wire, vehicle.link, clock=clock.now_s, who=who, **ids, signing_key=key, timeout_s=limit_s
+        wire,
+        vehicle.link,
+        clock=clock.now_s,
+        who=sender_words,
+        **ids,
+        signing_key=key,
+        timeout_s=limit_s,
     )
     closed.callback(link.close)
     world.links[config.name] = link
@@ -214,18 +224,18 @@ def open_vehicle(
         GuidanceError: For everything that the user can mend.
     """
     mailbox = Mailbox()
-    wanted = config.vehicle
+    vehicle = config.vehicle
     limit_s = config.vehicle.connect_timeout_s
-    mailbox.meanwhile = startup_answers(config.name, wanted.awaited, limit_s, clock)
-    used = open_equipment(mailbox, config, stack)
+    mailbox.meanwhile = startup_answers(config.name, vehicle.awaited, limit_s, clock)
+    equipment = open_equipment(mailbox, config, stack)
     session = stack.enter_context(open_control(config, mailbox))
-    fields = {"url": wanted.url, "system": wanted.system_id, "component": wanted.component_id}
-    used.log.say(
+    fields = {"url": vehicle.url, "system": vehicle.system_id, "component": vehicle.component_id}
+    equipment.log.say(
         logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=limit_s
     )
     world = stack.enter_context(closing(World()))
     open_all(config, clock, world, tapped=tapped)
-    return world, session, used
+    return world, session, equipment
 
 
 _COMES_DOWN: Final = frozenset({Mode.LAND, Mode.RETURN})
@@ -251,30 +261,30 @@ def run_vehicle(path: Path, config: Config) -> bool:
         signals = stack.enter_context(Signals(hand_over, lambda: reload(path, config)).installed())
         if config.metrics.port is not None:
             stack.enter_context(closing(MetricsServer(metrics, config.metrics.port)))
-        world, session, used = open_vehicle(
+        world, session, equipment = open_vehicle(
             config, clock, stack, tapped=config.record.folder is not None
         )
         metadata = flight_metadata(None, config, clock)
         daemons = list[Daemon]()
         stack.callback(
-            _say_ended, used.log, daemons
+            _say_ended, equipment.log, daemons
         )  # the last line: what is opened later has closed before
-        used.metrics = metrics
-        used.record_required = config.record.required
-        used.record = stack.enter_context(daemon_recording(config, metadata, used.log))
-        used.broadcast = broadcast = stack.enter_context(
+        equipment.metrics = metrics
+        equipment.record_required = config.record.required
+        equipment.record = stack.enter_context(daemon_recording(config, metadata, equipment.log))
+        equipment.broadcast = broadcast = stack.enter_context(
             closing(Broadcast(name, session, metadata))
         )
-        used.team = _member(config, session, clock, stack)
-        daemon = Daemon(name, plan, world.links[name], world.evaders[name], used)
+        equipment.team = _member(config, session, clock, stack)
+        daemon = Daemon(name, plan, world.links[name], world.evaders[name], equipment)
         daemons.append(daemon)
-        used.notifier.say("READY=1")
+        equipment.notifier.say("READY=1")
         started = {
             "name": name,
             "control": config.control.endpoint,
             "autopilot": plan.flight.autopilot.name,
         }
-        used.log.say(logging.INFO, "running", **started, scheduling=claim())
+        equipment.log.say(logging.INFO, "running", **started, scheduling=claim())
         run([daemon], world, clock, signals=signals)
         broadcast.event(
             clock.now_s(),
@@ -306,17 +316,17 @@ def daemon_recording(
     if config.record.folder is None:
         yield None
         return
-    own = config.record
+    section = config.record
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     path = config.record.folder / f"{config.name}-{stamp}-{os.getpid()}.mcap"
-    size = round(own.rotate_mb * 1e6)
+    size = round(section.rotate_mb * 1e6)
     try:
         recorder: Record = Recorder(
-            path, metadata, threaded=True, rotate_s=own.rotate_s, rotate_bytes=size
+            path, metadata, threaded=True, rotate_s=section.rotate_s, rotate_bytes=size
         )
     except OSError as error:
         recorder = Record(
-            f"record.folder = {str(own.folder)!r}: cannot be written ({error.strerror})"
+            f"record.folder = {str(section.folder)!r}: cannot be written ({error.strerror})"
         )
     try:
         yield recorder

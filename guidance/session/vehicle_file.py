@@ -63,17 +63,17 @@ class Target(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _place_in_the_middle(cls, given: Any) -> Any:  # noqa: ANN401 - whatever a file holds
+    def _place_in_the_middle(cls, document: Any) -> Any:  # noqa: ANN401 - whatever a file holds
         """Without a place, take the middle of the corners."""
-        corners = given.get("polygon_deg") if isinstance(given, dict) else None
-        if not corners or {"latitude_deg", "longitude_deg"} & given.keys():
-            return given
+        corners = document.get("polygon_deg") if isinstance(document, dict) else None
+        if not corners or {"latitude_deg", "longitude_deg"} & document.keys():
+            return document
         middle = [sum(numbers) / len(corners) for numbers in zip(*corners, strict=True)]
-        return {"latitude_deg": middle[0], "longitude_deg": middle[1], **given}
+        return {"latitude_deg": middle[0], "longitude_deg": middle[1], **document}
 
     def _faults(self) -> Iterator[str]:
-        what = "game.target.polygon_deg, in metres east and north of the place"
-        yield from faults_of(what, lambda: self.extent)
+        key = "game.target.polygon_deg, in metres east and north of the place"
+        yield from faults_of(key, lambda: self.extent)
 
 
 _PLANS: Final = {
@@ -92,27 +92,27 @@ def corners_deg(path: Path, key: str) -> list[tuple[float, float]]:
     Raises:
         ConfigError: If the file is not a plan, or its fence is anything but one inclusion polygon.
     """
-    said = f"{key} = {str(path)!r}"
+    setting = f"{key} = {str(path)!r}"
     try:
         plan = json.loads(read_text(path))
     except OSError as error:
-        raise ConfigError(f"{said}: cannot be read ({error.strerror})") from error
+        raise ConfigError(f"{setting}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{said}: not JSON ({error})") from error
+        raise ConfigError(f"{setting}: not JSON ({error})") from error
     fence = plan.get("geoFence") if isinstance(plan, dict) else None
     if not isinstance(fence, dict):
         raise ConfigError(
-            f"{said}: has no geoFence; save it from QGroundControl's Plan view with a fence drawn"
+            f"{setting}: has no geoFence; save it from QGroundControl's Plan view with a fence drawn"
         )
     try:
         polygon = _polygon_of_plan(fence)
     except ValueError as error:
-        raise ConfigError(f"{said}: {error}") from error
+        raise ConfigError(f"{setting}: {error}") from error
     try:
         corners = [_corner_deg(corner) for corner in polygon]
     except (TypeError, ValueError) as error:
         raise ConfigError(
-            f"{said}: its polygon is not a list of latitude and longitude ({error})"
+            f"{setting}: its polygon is not a list of latitude and longitude ({error})"
         ) from error
     return _without_repeats(corners)
 
@@ -280,12 +280,12 @@ class EvaderSection(Section):
 
     def _given(self) -> dict[str, Any]:
         """Return the keys that are set and not None; a dot leads into the frame."""
-        given = {name: getattr(self, name) for name in self.model_fields_set - {"frame"}}
+        values = {name: getattr(self, name) for name in self.model_fields_set - {"frame"}}
         if self.frame is not None:
-            given |= {
+            values |= {
                 f"frame.{name}": getattr(self.frame, name) for name in self.frame.model_fields_set
             }
-        return {name: value for name, value in given.items() if value is not None}
+        return {name: value for name, value in values.items() if value is not None}
 
     @field_validator("url")
     @classmethod
@@ -301,13 +301,13 @@ class EvaderSection(Section):
     def _faults(self) -> Iterator[str]:
         kind = evader_kind(self.kind)
         says = f'kind = "{self.kind}"'
-        given = self._given()
-        for key, why in self._needed(kind).items():
-            if key not in given:
-                yield f"evader.{key}: missing; {says} {why}"
-        for key in sorted(given.keys() - kind.keys):
+        values = self._given()
+        for key, reason in self._needed(kind).items():
+            if key not in values:
+                yield f"evader.{key}: missing; {says} {reason}"
+        for key in sorted(values.keys() - kind.keys):
             yield f"evader.{key}: not allowed; {says} {_UNUSED.get(key, 'does not use it')}"
-        if "signing_key_file" in given and kind.transport == "mavlink" and self.url is None:
+        if "signing_key_file" in values and kind.transport == "mavlink" and self.url is None:
             yield f"evader.signing_key_file: not allowed; {_OWN_URL}"
         if "altitude_datum" in kind.keys:
             yield from self._datum_faults(says)
@@ -316,17 +316,17 @@ class EvaderSection(Section):
         """Return the needed keys and why; the whole frame instead of its keys if it is missing."""
         if self.frame is not None:
             return dict(kind.needs)
-        return {key.partition(".")[0]: why for key, why in kind.needs.items()}
+        return {key.partition(".")[0]: reason for key, reason in kind.needs.items()}
 
     def _datum_faults(self, says: str) -> Iterator[str]:
         undulation_m = None if self.frame is None else self.frame.undulation_m
         if self.datum is Datum.ELLIPSOID and undulation_m is None:
-            why = f"altitudes of {says} above the ellipsoid need the geoid's height there"
-            yield f'evader.frame.undulation_m: missing; {why}, or set evader.altitude_datum = "amsl"'
+            reason = f"altitudes of {says} above the ellipsoid need the geoid's height there"
+            yield f'evader.frame.undulation_m: missing; {reason}, or set evader.altitude_datum = "amsl"'
         if self.datum is Datum.AMSL and undulation_m is not None:
-            why = "altitudes above mean sea level do not use it"
+            reason = "altitudes above mean sea level do not use it"
             remedy = 'remove it, or set evader.altitude_datum = "ellipsoid"'
-            yield f"evader.frame.undulation_m = {undulation_m:g}: not allowed; {why}: {remedy}"
+            yield f"evader.frame.undulation_m = {undulation_m:g}: not allowed; {reason}: {remedy}"
 
 
 _OWN_URL: Final = (
@@ -559,12 +559,12 @@ class Config(Section):
         disc_m = self.game.standoff_height_m
         if self.evader_height_limit_m >= disc_m:
             key = f"preflight.evader_height_limit_m = {self.evader_height_limit_m:g}"
-            why = "an evader whose reports are so much too low would be at the vehicle's height"
-            yield f"{key}: must be below game.standoff_height_m = {disc_m:g}: {why}"
+            reason = "an evader whose reports are so much too low would be at the vehicle's height"
+            yield f"{key}: must be below game.standoff_height_m = {disc_m:g}: {reason}"
         if low <= takeoff_m < low + _ABOVE_THE_FLOOR_M:
             above = f"{_ABOVE_THE_FLOOR_M:g} m above limits.floor_m = {low:g} at least"
-            why = "the vehicle sinks slightly when the game begins"
-            yield f"flight.takeoff_height_m = {takeoff_m:g}: must be {above}: {why}"
+            reason = "the vehicle sinks slightly when the game begins"
+            yield f"flight.takeoff_height_m = {takeoff_m:g}: must be {above}: {reason}"
         for key, height_m in {
             "flight.takeoff_height_m": takeoff_m,
             "game.standoff_height_m": disc_m,
@@ -579,13 +579,13 @@ class Config(Section):
             yield f"team.evaders.{team.evader}: is [evader] already (team.evader); name only the others"
         if any(self.game.target_velocity_m_s):
             moves = f"game.target_velocity_m_s = {list(self.game.target_velocity_m_s)}"
-            why = "the vehicles would count the target's way from different moments"
-            yield f"{moves}: must be zero with [team]: {why}"
-        for name, one in team.evaders.items():
-            if one.speed_m_s >= self.game.speed_m_s:
+            reason = "the vehicles would count the target's way from different moments"
+            yield f"{moves}: must be zero with [team]: {reason}"
+        for name, evader in team.evaders.items():
+            if evader.speed_m_s >= self.game.speed_m_s:
                 key = f"team.evaders.{name}.speed_m_s"
                 allowed = f"game.speed_m_s = {self.game.speed_m_s:g}"
-                yield f"{key} = {one.speed_m_s:g}: must be below {allowed}"
+                yield f"{key} = {evader.speed_m_s:g}: must be below {allowed}"
 
 
 def load_vehicle(path: Path) -> Config:
