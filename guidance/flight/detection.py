@@ -7,7 +7,7 @@ game, and the progress of the phase.
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from guidance.autopilots import Autopilot, Finding, Mode, Verdict
 from guidance.autopilots.description import type_name
@@ -26,6 +26,9 @@ from guidance.flight.table import (
 )
 from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
 from guidance.vehicle import VehicleState
+
+if TYPE_CHECKING:
+    from guidance.control.braking_law import Wall
 
 # MAV_SYS_STATUS_SENSOR bits that must be healthy if the autopilot reports them.
 _PREARM_CHECK = 1 << 28
@@ -77,8 +80,10 @@ def checks(
     rows = [("autopilot", beat is not None and beat.autopilot == profile.autopilot_id, value)]
     for kind, (limit_s, _) in _NEEDED.items():
         age_s = vehicle.age_s(kind, now_s)
-        value = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
-        rows.append((kind.__name__, math.isfinite(age_s) and age_s <= limit_s, value))
+        if math.isfinite(age_s):
+            rows.append((kind.__name__, age_s <= limit_s, f"{age_s:.1f} s old"))
+        else:
+            rows.append((kind.__name__, False, "not heard"))
     alone = not vehicle.has_second_sender(now_s)
     rows.append(("sender", alone, "alone" if alone else "positions of two senders"))
     delay_s = vehicle.clock.delay_s
@@ -87,24 +92,31 @@ def checks(
     if status is None:
         rows += [("prearm", False, "not heard"), ("battery", False, "not heard")]
     else:
-        reported = profile.prearm_always_told or bool(status.sensors_present & _PREARM_CHECK)
-        healthy = bool(status.sensors_health & _PREARM_CHECK)
-        value = "healthy" if healthy else "the autopilot's own checks fail"
-        guided = (
-            beat is not None and not beat.armed and profile.mode_of(beat.custom_mode) is Mode.GUIDED
-        )
-        if reported and not healthy and guided and profile.stream_before_guided:
-            # PX4 keeps OFFBOARD after a landing, and its checks then miss our setpoints. We arm in its hold, where it
-            # refuses by itself what really is wrong.
-            reported = False
-            value = "of a mode that misses setpoints; asked again as it arms"
+        healthy, value = _prearm_check(status, profile, beat)
+        rows.append(("prearm", healthy, value))
         battery = status.battery_remaining
         charge = "unknown" if math.isnan(battery) else f"{battery:.0%} left"
-        rows += [
-            ("prearm", healthy or not reported, value),
-            ("battery", not battery < battery_minimum, charge),
-        ]
+        rows.append(("battery", not battery < battery_minimum, charge))
     return tuple(Finding.of(passed, name, value, "", _TO_DO[name]) for name, passed, value in rows)
+
+
+def _prearm_check(
+    status: SystemStatus, profile: Autopilot, beat: Heartbeat | None
+) -> tuple[bool, str]:
+    """Return whether the autopilot's own checks do not bar arming, and what they say."""
+    if status.sensors_health & _PREARM_CHECK:
+        return True, "healthy"
+    failure = "the autopilot's own checks fail"
+    if not (profile.prearm_always_told or status.sensors_present & _PREARM_CHECK):
+        return True, failure
+    guided = (
+        beat is not None and not beat.armed and profile.mode_of(beat.custom_mode) is Mode.GUIDED
+    )
+    if guided and profile.stream_before_guided:
+        # PX4 keeps OFFBOARD after a landing, and its checks then miss our setpoints. We arm in its hold, where it
+        # refuses by itself what really is wrong.
+        return True, "of a mode that misses setpoints; asked again as it arms"
+    return False, failure
 
 
 def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
@@ -119,8 +131,8 @@ def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
         ("HEARTBEAT", beat_s, HEARTBEAT_LIMIT_S),
         ("LOCAL_POSITION_NED", local_s, TELEMETRY_LIMIT_S),
     )
-    late = (f"no {name} for {age_s:.1f} s" for name, age_s, limit_s in rows if age_s > limit_s)
-    return "; ".join(late) or "telemetry is back"
+    late = [f"no {name} for {age_s:.1f} s" for name, age_s, limit_s in rows if age_s > limit_s]
+    return "; ".join(late) if late else "telemetry is back"
 
 
 LATE_LOOP_S = 0.25
@@ -207,10 +219,12 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     yield Event.SECOND_SENDER, vehicle.has_second_sender(now.now_s)
     yield Event.FOREIGN, heard.foreign
     # Its position.
-    view = (heard.seen or heard.view(now.now_s)) if playing else None
-    beyond = (
-        () if view is None else [wall for wall in view.walls if wall.gap_m + wall.margin_m < 0.0]
-    )
+    view = heard.seen
+    if view is None and playing:
+        view = heard.view(now.now_s)
+    beyond: list[Wall] = []
+    if playing and view is not None:
+        beyond = [wall for wall in view.walls if wall.gap_m + wall.margin_m < 0.0]
     for event, (limiters, allowed_m) in _BREACHES.items():
         yield (
             event,
@@ -270,8 +284,10 @@ def detail_of(event: Event, now: Moment) -> str:
 
 def fit(now: Moment) -> bool:
     """Whether every readiness check passes and preflight refuses nothing."""
+    if now.refusals:
+        return False
     rows = checks(now.heard.vehicle, now.settings.autopilot, now.now_s, now.heard.battery_needed)
-    return not now.refusals and all(row.verdict is Verdict.PASS for row in rows)
+    return all(row.verdict is Verdict.PASS for row in rows)
 
 
 def is_low(heard: Heard) -> bool:
@@ -284,8 +300,9 @@ def is_low(heard: Heard) -> bool:
 
 def is_late(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether the telemetry is too late to fly by, or its last position is too old."""
-    too_old = vehicle.age_s(LocalPosition, now_s) > TELEMETRY_LIMIT_S
-    return too_old or vehicle.clock.is_late(now_s)
+    if vehicle.age_s(LocalPosition, now_s) > TELEMETRY_LIMIT_S:
+        return True
+    return vehicle.clock.is_late(now_s)
 
 
 def lateness(vehicle: VehicleState) -> str:
@@ -324,16 +341,18 @@ def _telemetry_lost(now: Moment) -> bool:
     if beat is None or now.now_s - beat.received_s > HEARTBEAT_LIMIT_S:
         return True
     # Before the checks pass, the streams have just been requested.
-    flying = now.stage.state not in {State.CHECKING, State.READY}
+    if now.stage.state in {State.CHECKING, State.READY}:
+        return False
     if local is None:  # found armed and handed over: only its modes matter
-        return flying and now.stage.state not in HANDING_OVER
-    return flying and now.now_s - local.received_s > TELEMETRY_LIMIT_S
+        return now.stage.state not in HANDING_OVER
+    return now.now_s - local.received_s > TELEMETRY_LIMIT_S
 
 
 def _invited(now: Moment) -> bool:
     # Only a change of mode counts.
-    chosen = now.stage.other_mode_seen and now.heard.mode is Mode.GUIDED
-    if not (chosen and _waits_for_pilot(now)):
+    if not now.stage.other_mode_seen or now.heard.mode is not Mode.GUIDED:
+        return False
+    if not _waits_for_pilot(now):
         return False
     if now.refusals or telemetry_refusal(now.heard.vehicle, now.now_s):
         return False
@@ -358,8 +377,9 @@ def _at_start(now: Moment) -> bool:
     local = now.heard.vehicle.latest.get(LocalPosition)
     if start_ned_m is None or local is None:
         return start_ned_m is None
-    near = math.dist(local.position_ned_m, start_ned_m) < _AT_START_M
-    return near and math.hypot(*local.velocity_ned_m_s) < _AT_START_M_S
+    distance_m = math.dist(local.position_ned_m, start_ned_m)
+    speed_m_s = math.hypot(*local.velocity_ned_m_s)
+    return distance_m < _AT_START_M and speed_m_s < _AT_START_M_S
 
 
 def _guided(now: Moment) -> bool:
@@ -369,17 +389,33 @@ def _guided(now: Moment) -> bool:
     )
 
 
+def _is_armed(now: Moment) -> bool:
+    """Whether one HEARTBEAT shows it armed in a mode of the climb, which is then not taken for a pilot's."""
+    if not now.heard.vehicle.armed:
+        return False
+    return now.heard.mode in OUR_MODES[State.CLIMBING]
+
+
 def _in_contact(now: Moment) -> bool:
-    return now.in_state_s >= now.settings.settle_s and not _telemetry_lost(now) and fit(now)
+    if now.in_state_s < now.settings.settle_s or _telemetry_lost(now):
+        return False
+    return fit(now)
 
 
 def _clear(now: Moment) -> bool:
     settings = now.settings
-    waited = now.in_state_s >= settings.settle_s
-    settled = now.now_s - now.heard.vehicle.reset_s >= settings.settle_s
-    silent = now.heard.tracking.silence_s(now.now_s) > settings.cycle.evader_timeout_s
-    missing = silent or _telemetry_lost(now) or now.heard.silent_mate(now.now_s)
-    return waited and settled and not missing
+    since_reset_s = now.now_s - now.heard.vehicle.reset_s
+    if min(now.in_state_s, since_reset_s) < settings.settle_s:
+        return False
+    if now.heard.tracking.silence_s(now.now_s) > settings.cycle.evader_timeout_s:
+        return False
+    return not (_telemetry_lost(now) or now.heard.silent_mate(now.now_s))
+
+
+def _pilot_words(now: Moment) -> str:
+    mode = Mode.OTHER if now.heard.mode is None else now.heard.mode
+    title = now.settings.autopilot.mode_title(mode)
+    return f"the vehicle is in {title}: a pilot or the autopilot chose that mode"
 
 
 _BREACHES: Final[Mapping[Event, tuple[Collection[Limiter], float]]] = {
@@ -391,10 +427,7 @@ _BREACHES: Final[Mapping[Event, tuple[Collection[Limiter], float]]] = {
 """Walls that a vehicle may not cross by more than some distance, m."""
 
 _DETAILS: Final[Mapping[Event, Callable[[Moment], str]]] = {
-    Event.PILOT: lambda now: (
-        f"the vehicle is in {now.settings.autopilot.mode_title(now.heard.mode or Mode.OTHER)}: "
-        "a pilot or the autopilot chose that mode"
-    ),
+    Event.PILOT: _pilot_words,
     Event.REBOOTED: lambda _: "the autopilot rebooted",
     Event.TELEMETRY_LOST: lambda now: (
         f"{telemetry_gap(now.heard.vehicle, now.now_s)}{_other_autopilot(now)}"
@@ -420,11 +453,7 @@ _PROGRESS: Final[Mapping[State, tuple[Event, Callable[[Moment], bool]]]] = {
     ),
     State.CHECKING: (Event.FIT, fit),
     State.READY: (Event.UNFIT, lambda now: not fit(now)),
-    # One HEARTBEAT must show both, so that the climb is not taken for a pilot's mode change.
-    State.ARMING: (
-        Event.ARMED,
-        lambda now: now.heard.vehicle.armed and now.heard.mode in OUR_MODES[State.CLIMBING],
-    ),
+    State.ARMING: (Event.ARMED, _is_armed),
     State.CLIMBING: (Event.AT_HEIGHT, _at_height),
     State.POSITIONING: (Event.AT_START, _at_start),
     State.STANDING_BY: (Event.INVITED, _invited),

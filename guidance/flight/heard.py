@@ -199,10 +199,10 @@ class Heard:
         self.vehicle_says(inputs.messages)
         self._react_late()
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
-        strange = bool(self.beats) and self.echo.foreign
+        was_foreign = self.echo.foreign if self.beats else False
         self.echo.hear(inputs.messages, guided=self.mode is Mode.GUIDED, late_s=self._late_s)
         # A pilot's takeover shows as foreign setpoints before HEARTBEAT shows it, so wait for the next HEARTBEAT.
-        self.foreign = strange and self.echo.foreign
+        self.foreign = self.echo.foreign if was_foreign else False
         self._place()
         reserve = self._settings.reserve
         position_ned_m = self.position_ned_m
@@ -325,9 +325,9 @@ class Heard:
             self._game_frame = game_frame
             self.start_ned_m = game_frame.position_to_ned(start_game_m)
         if (local := self.vehicle.latest.get(LocalPosition)) is not None:
-            here = local.position_ned_m
-            back = held_back_ned_m
-            self.position_ned_m = here if back == NOWHERE else difference(here, back)
+            self.position_ned_m = local.position_ned_m
+            if held_back_ned_m != NOWHERE:
+                self.position_ned_m = difference(local.position_ned_m, held_back_ned_m)
 
     def view(self, now_s: float) -> CycleInputs | None:
         """Return the inputs of the guidance in this cycle, computed once; None before the first position."""
@@ -336,20 +336,27 @@ class Heard:
         if self.seen is None and local is not None and self.position_ned_m is not None:
             evader = self.tracking.evader(now_s)
             estimator = vehicle.latest.get(messages.EstimatorStatus)
-            velocity_ned_m_s = local.velocity_ned_m_s
-            yaw_rad = vehicle.yaw_rad
-            gained = vehicle.acceleration_ned_m_s2
-            its: tuple[Vector | None, Vector | None] = (
-                (None, None) if evader is None else evader[:2]
-            )
+
             height_sd_m = 0.0 if estimator is None else estimator.height_sd_m
+            evader_ned_m: Vector | None = None
+            evader_velocity_ned_m_s: Vector | None = None
+            if evader is not None:
+                evader_ned_m, evader_velocity_ned_m_s = evader[:2]
             situation = Situation(
-                self.position_ned_m, velocity_ned_m_s, yaw_rad, *its, gained, height_sd_m
+                self.position_ned_m,
+                local.velocity_ned_m_s,
+                vehicle.yaw_rad,
+                evader_ned_m,
+                evader_velocity_ned_m_s,
+                vehicle.acceleration_ned_m_s2,
+                height_sd_m,
             )
             others = self.mates | self.aircraft if self.aircraft else self.mates
-            mates = [around for _, around in self._near(now_s, others)] if others else ()
+            mates: list[Separation] = []
+            if others:
+                mates = [cylinder for _, cylinder in self._near(now_s, others)]
             walls = measure_walls(situation, self.cycle.envelope, mates)
-            guided = bool(self.beats) and self.mode is Mode.GUIDED
+            guided = self.mode is Mode.GUIDED if self.beats else False
             frame = self.tracking.game_frame
             self.seen = CycleInputs(self.dt_s, situation, walls, evader, frame, guided)
         return self.seen
@@ -385,7 +392,9 @@ class Heard:
 
     def _around(self, mate: MateState, now_s: float, frame: LocalFrame) -> Separation:
         """Return the cylinder that contains a mate with its separation, wherever it went since its last state."""
-        team = self._settings.team or TeamSection()
+        team = self._settings.team
+        if team is None:
+            team = TeamSection()
         age_s = max(0.0, now_s - mate.at_s)
         known_s = min(age_s, SILENT_S)
         last_ned_m = frame.ned_from_wgs84(
@@ -478,9 +487,11 @@ class Echo:
             now_s = message.received_s
             while self.strange_s and now_s - self.strange_s[0] > WINDOW_S + _ROUNDING_S:
                 self.strange_s.popleft()
-            counted = self.strange_s and now_s - self.strange_s[-1] < APART_S - _ROUNDING_S
-            streaming = self._sent and now_s - self._sent[0][0] > remembered_s
-            if streaming and not counted and not self._is_ours(message, remembered_s):
+            if self.strange_s and now_s - self.strange_s[-1] < APART_S - _ROUNDING_S:
+                continue  # counted already
+            if not self._sent or now_s - self._sent[0][0] <= remembered_s:
+                continue  # our setpoints have just begun
+            if not self._is_ours(message, remembered_s):
                 self.strange_s.append(now_s)
 
     def _is_ours(self, message: PositionTarget, remembered_s: float) -> bool:

@@ -173,9 +173,11 @@ class Flight:
         self.fault = f"{type(error).__name__}: {error}{location}"
         before = self._stage.state
         after = table.next_state(self._stage.state, Event.FAULT)
-        ours = before in SETPOINT_STATES or (before is not after and self.heard.mode is Mode.GUIDED)
+        follows_us = after is State.YIELDED and (
+            before in SETPOINT_STATES or (before is not after and self.heard.mode is Mode.GUIDED)
+        )
         self._stage.state = after
-        self._asking.hand_over(flown=ours and after is State.YIELDED, at_once=True)
+        self._asking.hand_over(flown=follows_us, at_once=True)
         outputs = self._hand_over(now_s, inputs)
         self.cause = Happening(now_s, Event.FAULT, before, after, detail=self.fault)
         return outputs._replace(
@@ -184,12 +186,14 @@ class Flight:
 
     def _hand_over(self, now_s: float, inputs: Inputs) -> Outputs:
         state = self._stage.state
-        given = ((Authority.OPERATOR, inputs.orders), (Authority.MISSION, inputs.mission))
-        unheeded = tuple(
-            Happening(now_s, order, state, state, by) for by, orders in given for order in orders
+        unheeded = [
+            Happening(now_s, order, state, state, Authority.OPERATOR) for order in inputs.orders
+        ]
+        unheeded.extend(
+            Happening(now_s, order, state, state, Authority.MISSION) for order in inputs.mission
         )
         requests = self._asking.hold_requests(now_s, inputs.messages)
-        return Outputs(state, None, requests, unheeded, None, cause=self.cause)
+        return Outputs(state, None, requests, tuple(unheeded), None, cause=self.cause)
 
     def _take_in(self, now_s: float, inputs: Inputs) -> None:
         """Update with the inputs."""
@@ -220,8 +224,9 @@ class Flight:
             (Authority.MISSION, inputs.mission),
         ):
             for order in orders:
-                stands = by is Authority.MISSION and self.ordered_by_operator
-                event = None if stands else self._meant(order, now_s, refusals)
+                event = None
+                if by is not Authority.MISSION or not self.ordered_by_operator:
+                    event = self._meant(order, now_s, refusals)
                 refused = Happening(now_s, order, stage.state, stage.state, by)
                 yield refused if event is None else self._change(now_s, event, by)
         for words in self.heard.new_aircraft:
@@ -246,21 +251,21 @@ class Flight:
             return (
                 Event.ALOFT if piloted or self.heard.mode in OUR_MODES[State.STANDING_BY] else None
             )
-        if order is Event.ENGAGE:
-            doubt = self.telemetry_refusal(now_s) or self.evader_refusal(now_s)
-            if (
-                doubt
-                or self.leaving_mode
-                or refusals
-                or not (
-                    self.checked
-                    or all(check.verdict is Verdict.PASS for check in self.checks(now_s))
-                )
-            ):
-                return None
+        if order is Event.ENGAGE and not self._may_engage(now_s, refusals):
+            return None
         if self._stage.state in BEFORE_FLIGHT and vehicle.armed:
             return _FOUND_ARMED.get(order, order)
         return order
+
+    def _may_engage(self, now_s: float, refusals: Sequence[str]) -> bool:
+        """Whether telemetry, evader, mode, preflight and checks allow an engagement now."""
+        if self.telemetry_refusal(now_s) or self.evader_refusal(now_s):
+            return False
+        if self.leaving_mode or refusals:
+            return False
+        if self.checked:
+            return True
+        return all(check.verdict is Verdict.PASS for check in self.checks(now_s))
 
     def _change(
         self, now_s: float, event: Event, by: Authority = Authority.FLIGHT, detail: str = ""
@@ -269,13 +274,13 @@ class Flight:
         before = self._stage.state
         after = table.next_state(self._stage.state, event)
         happening = Happening(now_s, event, before, after, by, detail)
-        ordered = by is Authority.OPERATOR and table.is_done(event, after)
+        ordered = table.is_done(event, after) if by is Authority.OPERATOR else False
         if after is not before or ordered:
             self.cause = happening
-            # A hold ordered while the battery is already low stands.
-            stage.battery_was_low = (
-                ordered and after is State.HOLDING and detection.is_low(self.heard)
-            )
+            stage.battery_was_low = False
+            if ordered and after is State.HOLDING:
+                # A hold ordered while the battery is already low stands.
+                stage.battery_was_low = detection.is_low(self.heard)
         if after is not before:
             stage.state = after
             stage.since_s = now_s
@@ -302,17 +307,18 @@ class Flight:
         state = self._stage.state
         heard = self.heard
         inviting = state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
-        leaving = state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed
-        needs_setpoint = (
-            state in SETPOINT_STATES
-            or leaving
-            or (inviting and now_s - self._stage.since_s > INVITE_AFTER_S)
-        )
+        needs_setpoint = state in SETPOINT_STATES
+        if state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed:
+            needs_setpoint = True
+        if inviting and now_s - self._stage.since_s > INVITE_AFTER_S:
+            needs_setpoint = True
         setpoint = None
         self._playing.alarm = None
-        view = (heard.seen or heard.view(now_s)) if needs_setpoint else None
+        view = heard.seen
+        if view is None and needs_setpoint:
+            view = heard.view(now_s)
         age_s = heard.vehicle.age_s(LocalPosition, now_s)
-        if view is not None and age_s <= TELEMETRY_LIMIT_S:
+        if needs_setpoint and view is not None and age_s <= TELEMETRY_LIMIT_S:
             setpoint = self._playing.setpoint(view, heard, state, now_s)
         if setpoint is None or inviting:
             heard.echo.silent()  # while inviting, the autopilot reports setpoints of its own mode

@@ -112,17 +112,16 @@ class Asking:
         """
         requests: tuple[Request, ...] = ()
         # A request is repeated only in a cycle with a HEARTBEAT.
-        due = heard.beats or self._asked_s < stage.since_s
         if (
-            due
+            (heard.beats or self._asked_s < stage.since_s)
             and stage.state not in FINAL
             and self._is_due(stage, now_s, fresh_heartbeat=bool(heard.beats))
         ):
             self._asked_s = now_s
             requests = requests_in(stage.state, self._settings, heard)
-        uncertain = stage.state is State.ENTERING or (
-            stage.state in SETPOINT_STATES and heard.echo.strange_s
-        )
+        uncertain = stage.state is State.ENTERING
+        if stage.state in SETPOINT_STATES and heard.echo.strange_s:
+            uncertain = True
         if uncertain and now_s - self._beat_asked_s >= BEAT_EVERY_S - _SAME_S:
             self._beat_asked_s = now_s
             requests = (*requests, self._settings.autopilot.request_message(HEARTBEAT))
@@ -140,8 +139,9 @@ class Asking:
         ]
         if not self._at_once and any(mode is not Mode.GUIDED for mode in modes):
             self._handing_over = False
-        due = self._at_once or (modes and now_s - self._hold_asked_s >= REPEAT_S)
-        if not (self._handing_over and due):
+        if not self._handing_over:
+            return ()
+        if not self._at_once and (not modes or now_s - self._hold_asked_s < REPEAT_S):
             return ()
         self._at_once = False
         self._hold_asked_s = now_s
@@ -159,9 +159,9 @@ class Asking:
         # The HEARTBEAT of the order's own cycle may be older than the order.
         streamed_s = STREAM_FIRST_S if self._settings.autopilot.stream_before_guided else 0.0
         in_state_s = now_s - stage.since_s
-        return in_state_s > streamed_s + _SAME_S and (
-            fresh_heartbeat or in_state_s >= UNHEARD_S - _SAME_S
-        )
+        if in_state_s <= streamed_s + _SAME_S:
+            return False
+        return True if fresh_heartbeat else in_state_s >= UNHEARD_S - _SAME_S
 
 
 class Playing:
@@ -202,15 +202,17 @@ class Playing:
 
         The vehicle is then held where it is, not sent to where it now believes that it was.
         """
-        (north_m, east_m, down_m) = by_ned_m
+        north_m, east_m, down_m = by_ned_m
         memory = self._memory
         drift = memory.follow.drift
-        place_m = memory.place
-        height = memory.height
         if drift.position_ned_m is not None:
             drift = drift._replace(position_ned_m=total(drift.position_ned_m, by_ned_m))
-        place_m = None if place_m is None else (place_m[0] + north_m, place_m[1] + east_m)
-        height = None if height is None else height._replace(down_m=height.down_m + down_m)
+        place_m = memory.place
+        if place_m is not None:
+            place_m = (place_m[0] + north_m, place_m[1] + east_m)
+        height = memory.height
+        if height is not None:
+            height = height._replace(down_m=height.down_m + down_m)
         self._memory = memory._replace(
             follow=memory.follow._replace(drift=drift), place=place_m, height=height
         )

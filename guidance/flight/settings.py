@@ -218,7 +218,7 @@ class Happening(NamedTuple):
     @property
     def words(self) -> str:
         """The cause for people: the detail if there is one, else the event."""
-        return self.detail or str(self.event)
+        return self.detail if self.detail else str(self.event)
 
 
 class Outputs(NamedTuple):

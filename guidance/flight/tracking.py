@@ -102,7 +102,7 @@ class Tracking:
                 )
         settings = self._bounded if in_flight else self._free
         for report in reports:
-            name = report.evader or ""
+            name = "" if report.evader is None else report.evader
             self._take(name, report, frame, settings.get(name, settings[""]))
 
     def _take(
