@@ -67,7 +67,9 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
         if flight.leaving_mode:
             return f"its autopilot is still in {flight.mode_title}: order again once it holds"
         doubt = flight.telemetry_refusal(now_s)
-        return doubt or flight.evader_refusal(now_s) or f"not ready: {missing(flight, now_s, rows)}"
+        if not doubt:
+            doubt = flight.evader_refusal(now_s)
+        return doubt if doubt else f"not ready: {missing(flight, now_s, rows)}"
     return f"under way already: {_WHY[state]}" if order is Event.START else _WHY[state]
 
 

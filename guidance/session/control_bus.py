@@ -323,7 +323,9 @@ def _team_answers(
 ) -> dict[str, Answer]:
     """Return an answer for each vehicle of a team, or for each of `names`, sorted; some may say "not heard"."""
     answers = dict[str, Answer]()
-    targets = names if names else ("*",)
+    targets: Collection[str] = names
+    if not names:
+        targets = ("*",)
     for name in targets:
         for answer in replies(session, name, order, timeout_s, by, team):
             answers.setdefault(answer["name"], answer)

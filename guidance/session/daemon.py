@@ -70,7 +70,7 @@ class Daemon:
         self._refused_reports = {source_name: RefusedReports() for source_name in evaders}
         self.team = equipment.team
         self.mailbox = equipment.mailbox
-        self.metrics = equipment.metrics or Metrics(name)
+        self.metrics = Metrics(name) if equipment.metrics is None else equipment.metrics
         self.mailbox.meanwhile = None  # orders wait for the loop from now on
         self._log = equipment.log
         self._notifier = equipment.notifier
@@ -142,7 +142,7 @@ class Daemon:
 
     def _is_for_the_flight(self, question: Question, now_s: float) -> bool:
         word = question.order
-        may_read = self.judged and self.in_flight
+
         if word in WORDS and word != Event.ENGAGE:
             self._give_up_engaging(f"{word} was ordered meanwhile", now_s)
         if word == RESET:
@@ -160,7 +160,8 @@ class Daemon:
             self._reply(question, now_s, "the daemon is ending")
         elif (
             word == Event.ENGAGE
-            and may_read
+            and self.judged
+            and self.in_flight
             and self.flight.follows(Event.ENGAGE, now_s, self._barred())
         ):
             self._engaging.wait(question, now_s)
@@ -184,7 +185,7 @@ class Daemon:
         }
         people = orders_by[Authority.OPERATOR]
         mission = orders_by[Authority.MISSION]
-        alive = any(query.order == ALIVE for query in queries) or None
+        alive = True if any(query.order == ALIVE for query in queries) else None
         bars = (
             refusals(self._engaging.rows)
             if Event.ENGAGE in (*people, *mission)
@@ -208,7 +209,9 @@ class Daemon:
         """Names of what preflight refuses; before its first verdict, preflight itself."""
         if not self.judged or not self._judging:
             return ()
-        return refusals(self.rows) if self.rows else ("preflight",)
+        if not self.rows:
+            return ("preflight",)
+        return refusals(self.rows)
 
     @property
     def _judging(self) -> bool:
@@ -246,7 +249,7 @@ class Daemon:
             refused = self._refused_reports[source_name].note(now_s, counted)
             problem = source.problem() if isinstance(source, TellsProblem) else ""
             self._tell_problem(source_name, problem)
-            tracking.refused[evader] = problem or refused
+            tracking.refused[evader] = problem if problem else refused
             dropped = {
                 f"dropped_{outcome}": count for outcome, count in tracking.dropped(evader).items()
             }
@@ -257,8 +260,10 @@ class Daemon:
         """Log why no report of an evader can arrive, once."""
         if problem != self._problems.get(evader, ""):
             self._problems[evader] = problem
-            level = logging.WARNING if problem else logging.INFO
-            self._log.say(level, problem or "the evader's source answers", evader=evader)
+            if problem:
+                self._log.say(logging.WARNING, problem, evader=evader)
+            else:
+                self._log.say(logging.INFO, "the evader's source answers", evader=evader)
 
     def _evader_rows(self) -> list[Finding]:
         """Return a warning for every evader whose source cannot deliver reports yet."""
@@ -344,14 +349,16 @@ class Daemon:
         """Answer the orders, and all queries with one status. The first happenings are one for each order, in order."""
         for question, happening in zip(orders, outputs.happenings, strict=False):
             order = Event(question.order)
-            followed = happening.after is not happening.before or is_done(order, happening.after)
-            self._reply(
-                question, now_s, "" if followed else refusal(order, self.flight, now_s, self.rows)
-            )
+            if happening.after is not happening.before or is_done(order, happening.after):
+                reason = ""
+            else:
+                reason = refusal(order, self.flight, now_s, self.rows)
+            self._reply(question, now_s, reason)
         if queries:
             fields = status(self.flight, outputs, self.rows, self._barred(), now_s)
             fields |= {"name": self.name, "recording": self.recording.words}
-            fields |= {} if self.team is None else {"assignment": self.team.assignment(self.flight)}
+            if self.team is not None:
+                fields["assignment"] = self.team.assignment(self.flight)
             for query in queries:
                 query.set_result({"accepted": True, "order": query.order, **fields})
 
@@ -376,15 +383,17 @@ class Daemon:
             "order": order,
             "state": shown_state(self.flight),
         }
-        answer |= {} if accepted else {"reason": reason}
+        if not accepted:
+            answer["reason"] = reason
         if not repeated:
-            by = {"by": question.by} if question.by else {}
-            self._log.say(logging.INFO if accepted else logging.WARNING, "order", **answer, **by)
+            fields = dict(answer)
+            if question.by:
+                fields["by"] = question.by
+            self._log.say(logging.INFO if accepted else logging.WARNING, "order", **fields)
         question.set_result({"name": self.name, **answer})
         if question.by:
-            self.recording.event(
-                now_s, ORDERED, f"{order} by {question.by}: {reason or 'accepted'}"
-            )
+            verdict = "accepted" if accepted else reason
+            self.recording.event(now_s, ORDERED, f"{order} by {question.by}: {verdict}")
 
     def _preflight(self, now_s: float) -> None:
         """Read and judge parameters and fence on the ground, and read them again before the game begins."""

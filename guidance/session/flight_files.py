@@ -44,12 +44,12 @@ def flight_metadata(
             "scenario": scenario.model_dump_json(exclude_unset=config is not None),
             "seed": str(scenario.seed),
         }
-    metadata |= {} if config is None else {"config": config.model_dump_json()}
-    return {
-        **metadata,
-        **versions(),
-        **({} if clock is None else {"started_utc": started_utc(clock.now_s())}),
-    }
+    if config is not None:
+        metadata["config"] = config.model_dump_json()
+    metadata |= versions()
+    if clock is not None:
+        metadata["started_utc"] = started_utc(clock.now_s())
+    return metadata
 
 
 @contextlib.contextmanager
@@ -143,8 +143,10 @@ class Recording:
         for sink in self._each:
             sink.cycle(entry)
         for happening in outputs.happenings:
-            by = "" if happening.by is Authority.FLIGHT else f"by {happening.by}"
-            details = (f"{happening.before} -> {happening.after}", by or happening.detail)
+            cause = happening.detail
+            if happening.by is not Authority.FLIGHT:
+                cause = f"by {happening.by}"
+            details = (f"{happening.before} -> {happening.after}", cause)
             self.event(happening.now_s, str(happening.event), ": ".join(filter(None, details)))
         if outputs.alarm is not None:
             self.event(now_s, str(outputs.alarm.violation), outputs.alarm.by)
@@ -193,26 +195,19 @@ def recorded_settings(
     Raises:
         ConfigError: If the record has neither, or a changed key is unknown or out of range.
     """
-    if (kind := next((kind for kind in (SCENARIO, CONFIG) if kind in metadata), None)) is None:
-        keys = ", ".join(sorted(metadata)) or "nothing"
+    kind = next((kind for kind in (SCENARIO, CONFIG) if kind in metadata), None)
+    if kind is None:
+        keys = ", ".join(sorted(metadata))
+        if not keys:
+            keys = "nothing"
         raise ConfigError(
             f"the record's metadata has no scenario and no config, only {keys}: it cannot be replayed"
         )
     document = json.loads(metadata[kind])
-    changes = changes or {}
+    if changes is None:
+        changes = {}
     for short, value in changes.items():
-        section = document
-        key = _SHORT[kind].get(short, short)
-        *names, last = key.split(".")
-        for name in names:
-            if section.get(name) is None:
-                section[name] = {}
-            section = section[name]
-            if not isinstance(section, dict):
-                raise ConfigError(
-                    f"--with {key}={value}: {name} is not a section; its value is {section!r}"
-                )
-        section[last] = value
+        _change(document, _SHORT[kind].get(short, short), value)
     source = f"the record's {kind}" + (f" with {', '.join(changes)} changed" if changes else "")
     if kind == CONFIG:
         return settings_of(parse(Config, document, source=source), None, None)
@@ -227,6 +222,21 @@ def recorded_settings(
     if TEAM in metadata:
         team = parse(TeamPlan, json.loads(metadata[TEAM]), source="the record's team")
     return settings_of(config, parse(Scenario, document, source=source), team)
+
+
+def _change(document: dict[str, Any], key: str, value: object) -> None:
+    """Set a dotted key of a document, with the sections on its way."""
+    section = document
+    *names, last = key.split(".")
+    for name in names:
+        if section.get(name) is None:
+            section[name] = {}
+        section = section[name]
+        if not isinstance(section, dict):
+            raise ConfigError(
+                f"--with {key}={value}: {name} is not a section; its value is {section!r}"
+            )
+    section[last] = value
 
 
 def changes_of(words: Sequence[str]) -> dict[str, Any]:

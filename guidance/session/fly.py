@@ -212,26 +212,10 @@ class Asked:
         buses = stack.enter_context(
             control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team)
         )
-        for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
-            for_whom = f"a HEARTBEAT at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
-            onlooker.show(
-                Progress(
-                    0.0, State.CONNECTING, "unknown", None, "s", waiting=for_whom, vehicle=name
-                )
-            )
-            mailbox.meanwhile = startup_answers(name, for_whom, discovery.FOUND_WITHIN_S, clock)
+        self._announce(mailboxes, onlooker, clock)
         world = stack.enter_context(closing(World()))
         configs, radios = self.reach(scenario, clock, world)
-        laid = list[Pursuit]()
-        for pursuit in pursuits:
-            name = pursuit.vehicle
-            autopilot = autopilot_named(configs[name].vehicle.autopilot)
-            home, frame = discovery.wait_until_placed(
-                world.links[name], autopilot, clock, onlooker.show, name
-            )
-            here = laid_about(pursuit.scenario, home, frame, autopilot.name)
-            site = laid[0].scenario.site if laid else here.site
-            laid.append(pursuit._replace(scenario=here.model_copy(update={"site": site})))
+        laid = _laid_where_they_stand(pursuits, configs, world, clock, onlooker.show)
         for name, radio in radios.items():
             chased = next(pursuit.scenario for pursuit in laid if pursuit.evader == name)
             world.players[name] = stepped.EvaderHere(chased, clock, radio)
@@ -241,6 +225,15 @@ class Asked:
             name: open_equipment(box, configs[name], stack) for name, box in mailboxes.items()
         }
         return Opened(laid, world, clock, buses, equipment, configs, policy, signals)
+
+    def _announce(self, mailboxes: Mapping[str, Mailbox], onlooker: Onlooker, clock: Clock) -> None:
+        """Show which HEARTBEATs are awaited; orders are answered with that meanwhile."""
+        for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
+            waiting = f"a HEARTBEAT at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
+            onlooker.show(
+                Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=waiting, vehicle=name)
+            )
+            mailbox.meanwhile = startup_answers(name, waiting, discovery.FOUND_WITHIN_S, clock)
 
     def reach(
         self, scenario: Played, clock: Clock, world: World
@@ -259,53 +252,80 @@ class Asked:
             ConfigError: If another autopilot is there.
             LinkError: If there is no vehicle.
         """
-        (pursuits, _) = _players(scenario)
+        pursuits, _ = _players(scenario)
         separation = _separation(scenario)
         speeds_m_s = _declared_m_s(pursuits)
         configs = dict[str, Config]()
         radios = dict[str, Wire]()
-        heard = dict[str, Iterator[Wire]]()
+        receivers = dict[str, Iterator[Wire]]()
         for name in speeds_m_s:
-            radios[name], ears = MemoryWire.pair(clock.now_s)
-            heard[name] = iter(share(ears, len(pursuits)))
-        for (own, vehicle, evader), url in zip(pursuits, self.urls, strict=True):
-            at_url = discovery.autopilot_at(url, self.autopilot, clock, who=f"--vehicle {url}")
-            wire, found, autopilot = world.closing.enter_context(at_url)
-            ids = {"system_id": found.system_id, "component_id": found.component_id}
-            there = Vehicle(autopilot=autopilot.name, link=self.link, url=url, **ids)
+            radios[name], receiver = MemoryWire.pair(clock.now_s)
+            receivers[name] = iter(share(receiver, len(pursuits)))
+        for pursuit, url in zip(pursuits, self.urls, strict=True):
+            wire, vehicle = self._vehicle_at(url, clock, world)
             team = None
             if separation is not None:
-                simulated = {
-                    "kind": "global_position",
-                    "url": SIMULATED_URL,
-                    "system_id": EVADER_ID,
-                }
-                others = {
-                    name: {**simulated, "speed_m_s": m_s}
-                    for name, m_s in speeds_m_s.items()
-                    if name != evader
-                }
-                mates = [mate.vehicle for mate in pursuits if mate.vehicle != vehicle]
-                team = {
-                    "name": TEAM,
-                    "mates": mates,
-                    "evader": evader,
-                    "evaders": others,
-                    **separation,
-                }
-            config = configs[vehicle] = config_of(own, vehicle, there, team)
-            wires = {vehicle: wire} | {name: next(shares) for name, shares in heard.items()}
+                team = {**_team_keys(pursuit, pursuits, speeds_m_s), **separation}
+            config = config_of(pursuit.scenario, pursuit.vehicle, vehicle, team)
+            configs[pursuit.vehicle] = config
+            wires = {pursuit.vehicle: wire}
+            for name, shares in receivers.items():
+                wires[name] = next(shares)
             open_all(config, clock, world, tapped=True, wires=wires)
         return configs, radios
+
+    def _vehicle_at(self, url: str, clock: Clock, world: World) -> tuple[Wire, Vehicle]:
+        """Find the autopilot at a URL; return its wire, which the world closes, and its [vehicle] section."""
+        at_url = discovery.autopilot_at(url, self.autopilot, clock, who=f"--vehicle {url}")
+        wire, sender, autopilot = world.closing.enter_context(at_url)
+        vehicle = Vehicle(
+            autopilot=autopilot.name,
+            link=self.link,
+            url=url,
+            system_id=sender.system_id,
+            component_id=sender.component_id,
+        )
+        return wire, vehicle
+
+
+def _team_keys(
+    pursuit: Pursuit, pursuits: Sequence[Pursuit], speeds_m_s: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return the keys of a vehicle file's [team] section for one vehicle of a scenario's team."""
+    simulated = {"kind": "global_position", "url": SIMULATED_URL, "system_id": EVADER_ID}
+    others = {
+        name: {**simulated, "speed_m_s": speed_m_s}
+        for name, speed_m_s in speeds_m_s.items()
+        if name != pursuit.evader
+    }
+    mates = [mate.vehicle for mate in pursuits if mate.vehicle != pursuit.vehicle]
+    return {"name": TEAM, "mates": mates, "evader": pursuit.evader, "evaders": others}
+
+
+def _laid_where_they_stand(
+    pursuits: Sequence[Pursuit],
+    configs: Mapping[str, Config],
+    world: World,
+    clock: Clock,
+    show: Show,
+) -> list[Pursuit]:
+    """Wait until the vehicles know their places; return the pursuits about the home of the first one."""
+    laid = list[Pursuit]()
+    for pursuit in pursuits:
+        name = pursuit.vehicle
+        autopilot = autopilot_named(configs[name].vehicle.autopilot)
+        home, frame = discovery.wait_until_placed(world.links[name], autopilot, clock, show, name)
+        scenario = laid_about(pursuit.scenario, home, frame, autopilot.name)
+        site = laid[0].scenario.site if laid else scenario.site
+        laid.append(pursuit._replace(scenario=scenario.model_copy(update={"site": site})))
+    return laid
 
 
 def _players(scenario: Played) -> tuple[Sequence[Pursuit], str]:
     """Return who pursues whom, and the name of the team; empty without one."""
-    return (
-        ((Pursuit(scenario),), "")
-        if isinstance(scenario, Scenario)
-        else (pursuits_of_team(scenario), TEAM)
-    )
+    if isinstance(scenario, Scenario):
+        return (Pursuit(scenario),), ""
+    return pursuits_of_team(scenario), TEAM
 
 
 def _check(option: str, value: str, allowed: Sequence[str]) -> None:

@@ -203,7 +203,8 @@ def run(
     """
     daemons = sorted(daemons, key=lambda daemon: daemon.name)
     worked_s = 0.0
-    signals = signals or Signals(Event.HOLD)
+    if signals is None:
+        signals = Signals(Event.HOLD)
     signals.looping = True
     due_s = clock.now_s()
     garbage = GcScheduler(due_s, collect=world.real_time)

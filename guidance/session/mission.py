@@ -235,8 +235,9 @@ class Mission(CycleHooks):
         for player in self.world.players.values():
             player.stop()
         for vehicle in self._vehicles:
-            complete = vehicle.over or vehicle.daemon.leaving is Authority.MISSION
-            vehicle.result.interrupted = not complete
+            vehicle.result.interrupted = not (
+                vehicle.over or vehicle.daemon.leaving is Authority.MISSION
+            )
             vehicle.result.wall_s = wall_s
         return self.result
 
@@ -342,7 +343,9 @@ class VehicleMission:
         time_is_up = self._in_state_s(now_s) >= stays_s.get(flight.state, math.inf)
         if self.engaged_s is not None and flight.state in PLAYING:
             time_is_up = now_s - self.engaged_s > scenario.time_limit_s
-        return (self._policy.end_with or Event.LAND) if time_is_up else None
+        if not time_is_up:
+            return None
+        return Event.LAND if self._policy.end_with is None else self._policy.end_with
 
     def _in_state_s(self, now_s: float) -> float:
         """Return how long the flight has been in its state, s; if an operator ordered it again, since then."""
@@ -400,10 +403,12 @@ class VehicleMission:
         flight = self.daemon.flight
         team = self.daemon.team
         unit = "s" if self.pursuit.scenario.target is None else "m"
-        promises = () if team is None or team.board.roles is None else team.board.roles.promises
-        promise = next(
-            (promise.words(unit) for promise in promises if promise.evader == self.evader), ""
-        )
+        promise_words = ""
+        if team is not None and team.board.roles is not None:
+            promises = team.board.roles.promises
+            promise_words = next(
+                (promise.words(unit) for promise in promises if promise.evader == self.evader), ""
+            )
         cause = "" if outputs.cause is None else outputs.cause.words
         against = "" if team is None else self.evader
         flight_fields = (
@@ -421,7 +426,7 @@ class VehicleMission:
             next_words(flight),
             self.pursuit.vehicle,
             against,
-            promise,
+            promise_words,
         )
 
     def _waiting(self, now_s: float) -> str:
@@ -433,7 +438,8 @@ class VehicleMission:
             return failed + self._said("it says")
         if not self.daemon.survey.complete:
             return "its parameters are being read"
-        return f"preflight refuses {', '.join(refusals(self.daemon.rows)) or 'nothing any more'}"
+        refused = ", ".join(refusals(self.daemon.rows))
+        return f"preflight refuses {refused if refused else 'nothing any more'}"
 
     def _said(self, speaker: str) -> str:
         return f'; {speaker} "{self.result.said}"' if self.result.said else ""
@@ -462,10 +468,9 @@ class VehicleMission:
                 isinstance(message, CommandAck)
                 and message.command == MAV_CMD_COMPONENT_ARM_DISARM
                 and message.result
+                and not self.result.said
             ):
-                self.result.said = (
-                    self.result.said or f"arming refused (MAV_RESULT {message.result})"
-                )
+                self.result.said = f"arming refused (MAV_RESULT {message.result})"
 
     def _leave(self, now_s: float) -> None:
         if self._policy.hand_over is None:

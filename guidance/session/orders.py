@@ -202,8 +202,11 @@ class Engaging:
 
     def due(self, now_s: float) -> tuple[Question, ...] | None:
         """Judge the parameters once all were read or the time is up; return the orders due then, None before that."""
-        on_mode = self._wants is not None and self._flight.settings.engage_on is EngageOn.PILOT_MODE
-        self._for_a_pilot = on_mode and self._flight.state is State.STANDING_BY
+        self._for_a_pilot = (
+            self._wants is not None
+            and self._flight.settings.engage_on is EngageOn.PILOT_MODE
+            and self._flight.state is State.STANDING_BY
+        )
         piloted = self._for_a_pilot and self._flight.mode_name == Mode.GUIDED
         if not piloted:
             self._to_pilot = None

@@ -342,12 +342,12 @@ def merged(scenario: "Scenario", config: Config) -> Config:
         raise ConfigError(f"{scenario.title!r} cannot be flown by {config.name!r}:\n{lines}")
     speeds = zip(scenario.pursuer.speeds, config.game.speeds, strict=True)
     slower = Speeds(*(min(pair) for pair in speeds))
-    game_speeds, vehicle_speeds = (
+    vehicle_limits, scenario_limits = (
         file.limits.model_copy(update=file.speed_limits._asdict()) for file in (config, scenario)
     )
     document = config.model_dump(mode="json")
     document["game"] = {"speed_set": config.game.speed_set, **_game(scenario), **slower._asdict()}
-    document["limits"] = game_speeds.tighter(vehicle_speeds).model_dump(mode="json")
+    document["limits"] = vehicle_limits.tighter(scenario_limits).model_dump(mode="json")
     document["flight"]["takeoff_height_m"] = scenario.pursuer.takeoff_height_m
     document["flight"]["after_capture"] = "hold"
     document["flight"]["engage_on"] = "command"

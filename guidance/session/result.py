@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -139,17 +139,15 @@ class MissionResult(NamedTuple):
 
     def least_distance_m(self, height_m: float) -> float:
         """Return the least horizontal distance of two flying vehicles at less than `height_m` of height."""
-        samples = (
-            [sample for sample in vehicle.samples if sample.state in SETPOINT_STATES]
-            for vehicle in self.vehicles.values()
-        )
-        return least_distance_m(
-            [
-                {sample.now_s: sample.pursuer_m for sample in vehicle_samples}
-                for vehicle_samples in samples
-            ],
-            height_m,
-        )
+        tracks = []
+        for flight in self.vehicles.values():
+            track = {
+                sample.now_s: sample.pursuer_m
+                for sample in flight.samples
+                if sample.state in SETPOINT_STATES
+            }
+            tracks.append(track)
+        return least_distance_m(tracks, height_m)
 
 
 def least_distance_m(tracks: Sequence[Mapping[float, Vector]], height_m: float) -> float:
@@ -162,17 +160,14 @@ def least_distance_m(tracks: Sequence[Mapping[float, Vector]], height_m: float) 
     Returns:
         Infinity if heights always separated them.
     """
-    pairs = (
-        (track[at_s], second_track[at_s])
-        for track, second_track in combinations(tracks, 2)
-        for at_s in track.keys() & second_track.keys()
-    )
-    level_m = (
-        math.dist(first_m[:2], second_m[:2])
-        for first_m, second_m in pairs
-        if abs(first_m[2] - second_m[2]) < height_m
-    )
-    return min(level_m, default=math.inf)
+    least_m = math.inf
+    for first, second in combinations(tracks, 2):
+        for at_s in first.keys() & second.keys():
+            first_m = first[at_s]
+            second_m = second[at_s]
+            if abs(first_m[2] - second_m[2]) < height_m:
+                least_m = min(least_m, math.dist(first_m[:2], second_m[:2]))
+    return least_m
 
 
 def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
@@ -189,14 +184,16 @@ def outcome_of_flight(result: FlightResult, way: str) -> Outcome:
     ]
     end, end_s, reason = _ending(result, since_engagement)
     game = [sample for sample in result.samples if began.now_s <= sample.now_s <= end_s]
-    (predicted, winner) = _predicted(result)
-    last = game[-1] if game else None
+    predicted, winner = _predicted(result)
+    distances: Mapping[str, Any] = {}
+    if game:
+        distances = distances_of(scenario, game[-1].pursuer_m, game[-1].evader_m)
     return outcome_of(
         scenario,
         way,
         end=end,
         game_time_s=end_s - began.now_s,
-        **(distances_of(scenario, last.pursuer_m, last.evader_m) if last else {}),
+        **distances,
         predicted=predicted,
         predicted_winner=winner,
         time_needed_s=math.nan if result.engaged is None else result.engaged.time_needed_s,
@@ -329,13 +326,10 @@ def distance_to_target_m(cycle: CycleSettings, evader_m: Vector) -> float:
 
 def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[TeamOutcome]:
     """Return the rows, one for each evader; the game began when the last vehicle engaged. Without a game: none."""
-    engagements_s = [
-        [happening.now_s for happening in vehicle.happenings if happening.event is Event.GUIDED]
-        for vehicle in result.vehicles.values()
-    ]
-    if not all(engagements_s):
+    engaged_s = [_engaged_s(flight) for flight in result.vehicles.values()]
+    if any(map(math.isinf, engaged_s)):
         return []
-    began_s = max(times[0] for times in engagements_s)
+    began_s = max(engaged_s)
     names = sorted(result.evaders)
     flights = list(result.vehicles.values())
     ends = [_team_end(result, name, began_s) for name in names]
@@ -351,6 +345,12 @@ def team_rows(scenario: TeamScenario, way: str, result: MissionResult) -> list[T
     E = np.array([_at(result.evaders[name].track, began_s) for name in names]) * [1.0, 1.0, 0.0]
     first = match_teams(game, P, E, cycle.target_game_m)
     return outcomes_of(scenario, way, teams, first, ends)
+
+
+def _engaged_s(flight: FlightResult) -> float:
+    """Return when a vehicle first engaged; infinity if it never did."""
+    times = (happening.now_s for happening in flight.happenings if happening.event is Event.GUIDED)
+    return next(times, math.inf)
 
 
 def _team_end(result: MissionResult, name: str, began_s: float) -> tuple[str, float, float, int]:

@@ -67,8 +67,10 @@ def open_control(config: Config, mailbox: Mailbox) -> AbstractContextManager[Ses
         LinkError: If no session can be opened, or another daemon owns the vehicle.
     """
     credentials = credentials_of(config.zenoh) if config.control.by_tls else NO_CREDENTIALS
-    team, mates = ("", ()) if config.team is None else (config.team.name, config.team.mates)
-    return control_bus(config.name, mailbox, config.control, credentials, team, mates)
+    team = config.team
+    if team is None:
+        return control_bus(config.name, mailbox, config.control, credentials, "", ())
+    return control_bus(config.name, mailbox, config.control, credentials, team.name, team.mates)
 
 
 def open_all(
@@ -95,17 +97,12 @@ def open_all(
     vehicle = config.vehicle
     evader = config.evader
     closed = world.closing
-    opened = dict(wires or {})
+    opened = {} if wires is None else dict(wires)
     credentials = credentials_of(config.zenoh)
     key = signing_key(vehicle.signing_key_file)
     if key is not None and key.streams is not None:
         closed.callback(key.streams.close)
-    endpoint = parse(vehicle.url)
-    # Claim the vehicle on its own bus: all possible owners are there
-    if endpoint.scheme == "zenoh":
-        session = closed.enter_context(session_to(endpoint, credentials, timeout_s=5.0))
-        owned = f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance"
-        closed.callback(close_all, owner_token(session, owned).undeclare)
+    _claim_on_its_bus(vehicle.url, credentials, closed)
     if (wire := opened.get(config.name)) is None:
         # The evader's reports arrive on it too, unless they have a URL of their own.
         systems = (vehicle.system_id, evader.system_id if evader.url is None else None)
@@ -144,6 +141,15 @@ def open_all(
         closed.callback(sources[name].close)
 
 
+def _claim_on_its_bus(url: str, credentials: Credentials, closed: ExitStack) -> None:
+    """Claim a vehicle behind Zenoh on its own bus: all possible owners are there."""
+    endpoint = parse(url)
+    if endpoint.scheme == "zenoh":
+        session = closed.enter_context(session_to(endpoint, credentials, timeout_s=5.0))
+        owned = f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance"
+        closed.callback(close_all, owner_token(session, owned).undeclare)
+
+
 def _open_source(
     vehicle: Vehicle,
     evader: EvaderSection,
@@ -152,7 +158,7 @@ def _open_source(
     wire: Wire | None,
 ) -> EvaderSource:
     """Open an evader's source, on this wire if there is one, and have it ask for reports if they must be requested."""
-    url = evader.url or vehicle.url
+    url = vehicle.url if evader.url is None else evader.url
     kind = evader_kind(evader.kind)
     key = None
     if kind.transport == "mavlink":

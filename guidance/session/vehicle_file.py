@@ -57,9 +57,9 @@ class Target(Section):
         """The shape about the place, x east and y north."""
         frame = LocalFrame(self.latitude_deg, self.longitude_deg, Amsl(0.0))
         places = [frame.ned_from_wgs84(*corner, frame.altitude) for corner in self.polygon_deg]
-        return Extent(
-            tuple((east, north) for north, east, _ in places) or ((0.0, 0.0),), self.radius_m
-        )
+        if not places:
+            return Extent(((0.0, 0.0),), self.radius_m)
+        return Extent(tuple((east, north) for north, east, _ in places), self.radius_m)
 
     @model_validator(mode="before")
     @classmethod
@@ -276,7 +276,8 @@ class EvaderSection(Section):
     @property
     def local_frame(self) -> LocalFrame:
         """The evader's local frame."""
-        return (self.frame or EvaderFrame()).local_frame
+        frame = EvaderFrame() if self.frame is None else self.frame
+        return frame.local_frame
 
     def _given(self) -> dict[str, Any]:
         """Return the keys that are set and not None; a dot leads into the frame."""
