@@ -77,7 +77,7 @@ class TeamRollout(NamedTuple):
     path: tuple[TeamSample, ...]
 
 
-def rollout_teams(  # noqa: PLR0915 - one loop
+def rollout_teams(
     game: Games,
     pursuers: ArrayLike,
     evaders: ArrayLike,
@@ -121,60 +121,101 @@ def rollout_teams(  # noqa: PLR0915 - one loop
     ends = replace(pairs.game, capture_radius_m=pairs.game.capture_radius_m + capture_m)
     chase = _named("pursuer_policy", pursuer_policy, n, PURSUER_POLICIES)
     flee = _named("evader_policy", evader_policy, m, EVADER_POLICIES)
-    T = (
-        None
-        if target is None
-        else np.array(np.broadcast_to(target, (*shape, m, 3)), dtype=np.float64)
-    )
+    T = None
+    if target is not None:
+        T = np.array(np.broadcast_to(target, (*shape, m, 3)), dtype=np.float64)
     P = np.array(np.broadcast_to(pursuers, (*shape, n, 3)), dtype=np.float64)
     E = np.array(np.broadcast_to(evaders, (*shape, m, 3)), dtype=np.float64)
-    end = np.where(first.reason >= int(Reason.NOT_FINITE), int(End.NO_ANSWER), int(End.RUNNING))
-    now = np.zeros(shape)
-    when = np.zeros((*shape, m))
-    captor = np.full((*shape, m), -1)
+    outcomes = _Outcomes(
+        np.where(first.reason >= int(Reason.NOT_FINITE), int(End.NO_ANSWER), int(End.RUNNING)),
+        np.zeros((*shape, m)),
+        np.full((*shape, m), -1),
+    )
+    now_s = np.zeros(shape)
     matching = first
     path = []
     for _ in range(math.ceil(duration_s / step_s) + SPARE_STEPS):
-        goal = None if T is None else T[..., None, :, :]
-        capture, arrival, turn = look_ahead(
-            NUMPY, ends, P[..., :, None, :], E[..., None, :, :], goal
-        )
-        capture = np.where(pairs.plays, capture, math.inf)
-        arrival = np.broadcast_to(arrival, capture.shape)[..., 0, :]
-        turn = np.broadcast_to(turn, capture.shape)
-        soonest = np.min(capture, axis=-2)
-        running = end == End.RUNNING
-        caught = running & (soonest <= NANOSECOND_S)
-        arrived = running & (arrival <= NANOSECOND_S)
-        captor = np.where(caught, np.argmin(capture, axis=-2), captor)
-        late = running & (now >= duration_s)[..., None]
-        end = np.select(
-            [caught, arrived, late], [int(End.CAPTURED), int(End.ARRIVED), int(End.TIME_UP)], end
-        )
-        when = np.where(running, now[..., None], when)
-        running = end == End.RUNNING
+        foreseen = _foresee(ends, pairs.plays, P, E, T)
+        outcomes = _judged(outcomes, foreseen, now_s, duration_s)
+        running = outcomes.end == End.RUNNING
         matching = match_teams(
             game, P, E, T, in_play=running, previous=matching, hysteresis=hysteresis
         )
         if keep_path:
-            path.append(TeamSample(now, P, E, end, matching))
+            path.append(TeamSample(now_s, P, E, outcomes.end, matching))
         if not running.any():
             break
-        velocity_m_s, run = _played(pairs.game, (chase, flee), P, E, T, matching)
-        free = np.where(running, np.minimum(soonest, arrival), np.inf)
-        least = np.minimum(np.min(free, axis=-1), np.min(taken(turn, matching.evader_of), axis=-1))
-        h = np.where(
-            running.any(axis=-1), np.minimum(np.minimum(least, step_s), duration_s - now), 0.0
-        )
+        velocity_m_s, run_m_s = _played(pairs.game, (chase, flee), P, E, T, matching)
+        h = _step_s(foreseen, running, matching, np.minimum(step_s, duration_s - now_s))
         P = P + h[..., None, None] * velocity_m_s
         moved = np.where(running, h[..., None], 0.0)[..., None]
-        E = E + moved * run
-        T = None if T is None else T + moved * [*pairs.game.target_velocity_m_s, 0.0]
-        now = now + h
-    end = np.where(end == End.RUNNING, int(End.TIME_UP), end)
-    to_targets = None if T is None else to_target(NUMPY, pairs.game, components(E), components(T))
-    distance = np.full(when.shape, math.nan) if to_targets is None else NUMPY.norm2(to_targets[:2])
-    return TeamRollout(end, when, captor, distance, P, E, first, tuple(path))
+        E = E + moved * run_m_s
+        if T is not None:
+            T = T + moved * [*pairs.game.target_velocity_m_s, 0.0]
+        now_s = now_s + h
+    end = np.where(outcomes.end == End.RUNNING, int(End.TIME_UP), outcomes.end)
+    distance_m = np.full(outcomes.time_s.shape, math.nan)
+    if T is not None:
+        to_targets = to_target(NUMPY, pairs.game, components(E), components(T))
+        distance_m = np.asarray(NUMPY.norm2(to_targets[:2]))
+    return TeamRollout(end, outcomes.time_s, outcomes.captor, distance_m, P, E, first, tuple(path))
+
+
+class _Outcomes(NamedTuple):
+    """Of each evader, (..., m): how its game ended, or that it runs, when, and by which pursuer (−1: by none)."""
+
+    end: Array
+    time_s: Array
+    captor: Array
+
+
+class _Foreseen(NamedTuple):
+    """What would happen next at the present velocities, s from now; inf for never.
+
+    Attributes:
+        capture_s: of an evader by a pursuer, (..., n, m).
+        arrival_s: of an evader at its target, (..., m).
+        turn_s: a change of a pursuer's best velocity, (..., n, m).
+    """
+
+    capture_s: Array
+    arrival_s: Array
+    turn_s: Array
+
+
+def _foresee(ends: Game, plays: Array, P: Array, E: Array, T: Array | None) -> _Foreseen:
+    """Look ahead for every pair of players."""
+    goal = None if T is None else T[..., None, :, :]
+    capture_s, arrival_s, turn_s = look_ahead(
+        NUMPY, ends, P[..., :, None, :], E[..., None, :, :], goal
+    )
+    capture_s = np.where(plays, capture_s, math.inf)
+    arrival_s = np.broadcast_to(arrival_s, capture_s.shape)[..., 0, :]
+    return _Foreseen(capture_s, arrival_s, np.broadcast_to(turn_s, capture_s.shape))
+
+
+def _judged(outcomes: _Outcomes, foreseen: _Foreseen, now_s: Array, duration_s: float) -> _Outcomes:
+    """End the games of the evaders that are captured, have arrived, or have no time left."""
+    running = outcomes.end == End.RUNNING
+    caught = running & (np.min(foreseen.capture_s, axis=-2) <= NANOSECOND_S)
+    arrived = running & (foreseen.arrival_s <= NANOSECOND_S)
+    late = running & (now_s >= duration_s)[..., None]
+    end = np.select(
+        [caught, arrived, late],
+        [int(End.CAPTURED), int(End.ARRIVED), int(End.TIME_UP)],
+        outcomes.end,
+    )
+    time_s = np.where(running, now_s[..., None], outcomes.time_s)
+    captor = np.where(caught, np.argmin(foreseen.capture_s, axis=-2), outcomes.captor)
+    return _Outcomes(end, time_s, captor)
+
+
+def _step_s(foreseen: _Foreseen, running: Array, matching: Matching, longest_s: Array) -> Array:
+    """Return the length of the next step, s: to the next event, at most `longest_s`, and 0 where no game runs."""
+    soonest_s = np.minimum(np.min(foreseen.capture_s, axis=-2), foreseen.arrival_s)
+    end_s = np.min(np.where(running, soonest_s, np.inf), axis=-1)
+    turn_s = np.min(taken(foreseen.turn_s, matching.evader_of), axis=-1)
+    return np.where(running.any(axis=-1), np.minimum(np.minimum(end_s, turn_s), longest_s), 0.0)
 
 
 def held_m(game: Game, step_s: float) -> Array:
