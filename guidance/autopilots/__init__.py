@@ -58,7 +58,9 @@ def autopilot_named(name: str) -> Autopilot:
 
 def autopilots_of(autopilot_id: int) -> tuple[Autopilot, ...]:
     """Return the autopilots with a MAV_AUTOPILOT number."""
-    return tuple(one for one in AUTOPILOTS.values() if one.autopilot_id == autopilot_id)
+    return tuple(
+        autopilot for autopilot in AUTOPILOTS.values() if autopilot.autopilot_id == autopilot_id
+    )
 
 
 def _registered(name: str) -> str:

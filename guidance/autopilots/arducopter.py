@@ -94,15 +94,17 @@ _CENTI: Final = 0.01
 
 
 def _fence_type(value: float, wants: Wants, quantities: Quantities) -> Judgement:
-    why = "a height and a circle (or an uploaded polygon) are to stand behind ours"
+    advice = "a height and a circle (or an uploaded polygon) are to stand behind ours"
     mask = round(value)
-    polygon = bool(mask & _POLYGON) and quantities.get(Quantity.UPLOADED_INCLUSION) == 1.0
-    held = bool(mask & _HEIGHT) and (bool(mask & _CIRCLE) or polygon)
+    horizontal = bool(mask & _CIRCLE)
+    if mask & _POLYGON and quantities.get(Quantity.UPLOADED_INCLUSION) == 1.0:
+        horizontal = True
+    encloses = bool(mask & _HEIGHT) and horizontal
     return passes(
-        held,
+        encloses,
         "with height and circle",
         mask | _HEIGHT | _CIRCLE,
-        why,
+        advice,
         otherwise=rules.fence_verdict(wants),
     )
 
@@ -115,17 +117,17 @@ def _fence_radius(value: float, wants: Wants, quantities: Quantities) -> Judgeme
 
 def _not_enforced(quantity: str) -> rules.Judge:
     # Measured: WPNAV_SPEED 500 still gave 15.2 m/s, and D ±10 gave ±9.7 despite 250/150.
-    wanted = (
+    expected = (
         "any; the game asks {:g} m/s (not enforced on GUIDED velocities: only our own limits are)"
     )
     return lambda _, wants, __: Judgement(
-        Verdict.PASS, wanted.format(getattr(wants.game_speeds, quantity))
+        Verdict.PASS, expected.format(getattr(wants.game_speeds, quantity))
     )
 
 
 def _lean(value: float, wants: Wants, _: Quantities) -> Judgement:
-    why = f"too flat to fly {wants.game_speeds.speed_m_s:g} m/s against drag"
-    return passes(value >= 20.0, "at least 20°", 30.0, why, otherwise=Verdict.WARN)
+    advice = f"too flat to fly {wants.game_speeds.speed_m_s:g} m/s against drag"
+    return passes(value >= 20.0, "at least 20°", 30.0, advice, otherwise=Verdict.WARN)
 
 
 _OPTIONS: Final = rules.mask(

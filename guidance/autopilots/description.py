@@ -138,8 +138,9 @@ class Autopilot:
 
     def speaks(self, beat: Heartbeat) -> bool:
         """Return whether a HEARTBEAT is from this autopilot, in a vehicle that may be flown."""
-        flown = beat.vehicle_type is None or beat.vehicle_type in self.vehicle_types
-        return flown and beat.autopilot == self.autopilot_id
+        if beat.autopilot != self.autopilot_id:
+            return False
+        return beat.vehicle_type is None or beat.vehicle_type in self.vehicle_types
 
     def version_of(self, number: tuple[int, int] | None) -> Version:
         """Return the description of a version by its major and minor number; the oldest for an unknown one."""
@@ -163,7 +164,11 @@ class Autopilot:
     def set_mode(self, mode: Mode) -> Command:
         """DO_SET_MODE with the custom flag (base mode 1)."""
         number = self.custom_modes[mode]
-        main, sub = (number >> 16 & 0xFF, number >> 24) if number > 0xFFFF else (number, 0)
+        main = number
+        sub = 0
+        if number > 0xFFFF:
+            main = number >> 16 & 0xFF
+            sub = number >> 24
         return _command(self.unused, MAV_CMD_DO_SET_MODE, 1, main, sub)
 
     def arm(self) -> Command:
@@ -197,8 +202,8 @@ class Autopilot:
     def stream_requests(self) -> tuple[Command, ...]:
         """SET_MESSAGE_INTERVAL for every stream in `streams_hz`."""
         return tuple(
-            _command(0.0, MAV_CMD_SET_MESSAGE_INTERVAL, one, 1e6 / hz)
-            for one, hz in self.streams_hz.items()
+            _command(0.0, MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / hz)
+            for message_id, hz in self.streams_hz.items()
         )
 
     def request_message(self, message_id: int) -> Command:

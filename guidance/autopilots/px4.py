@@ -129,7 +129,7 @@ _OVERRIDES: Final = {0: "auto modes", 1: "Offboard"}
 
 
 def _loss_action(value: float, _: Wants, __: Quantities) -> Judgement:
-    wanted = "5 (Hold), 3 (Return) or 4 (Land)"
+    expected = "5 (Hold), 3 (Return) or 4 (Land)"
     action = round(value)
     reason = {
         # Measured: with a radio the pilot has it in Position; without one PX4 falls through to Return.
@@ -140,17 +140,21 @@ def _loss_action(value: float, _: Wants, __: Quantities) -> Judgement:
         7: "Disarm lets the vehicle fall",
     }.get(action, "nothing would be done when setpoints stop")
     return passes(
-        action in {3, 4, 5}, wanted, 5, reason, otherwise=Verdict.REFUSE if action else Verdict.WARN
+        action in {3, 4, 5},
+        expected,
+        5,
+        reason,
+        otherwise=Verdict.REFUSE if action else Verdict.WARN,
     )
 
 
 def _fence_action(value: float, wants: Wants, quantities: Quantities) -> Judgement:
-    why = (
+    consequence = (
         "Terminate lets the vehicle fall"
         if round(value) == 4
         else "the autopilot's fence would not act"
     )
-    return rules.one_of({2, 3, 5}, "2 (Hold), 3 (Return) or 5 (Land)", 2, why)(
+    return rules.one_of({2, 3, 5}, "2 (Hold), 3 (Return) or 5 (Land)", 2, consequence)(
         value, wants, quantities
     )
 
@@ -199,14 +203,14 @@ _OVERRIDE: Final = rules.mask("with Offboard", _NO_STICKS, set_bits=2)
 
 
 def _override_speed(value: float, _: Wants, __: Quantities) -> Judgement:
-    wanted = "a stick speed; a negative one disables it"
-    return passes(value >= 0.0, wanted, 1.0, _NO_STICKS, otherwise=Verdict.WARN)
+    expected = "a stick speed; a negative one disables it"
+    return passes(value >= 0.0, expected, 1.0, _NO_STICKS, otherwise=Verdict.WARN)
 
 
 def _radio_loss(value: float, wants: Wants, quantities: Quantities) -> Judgement:
-    why = _IGNORED if round(value) == _HOLD_WITHOUT_FAILSAFE else ""
+    consequence = _IGNORED if round(value) == _HOLD_WITHOUT_FAILSAFE else ""
     judge = rules.one_of(
-        {1, 2, 3}, "1 (Hold), 2 (Return) or 3 (Land)", 2, why, otherwise=Verdict.WARN
+        {1, 2, 3}, "1 (Hold), 2 (Return) or 3 (Land)", 2, consequence, otherwise=Verdict.WARN
     )
     return judge(value, wants, quantities)
 

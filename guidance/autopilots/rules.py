@@ -214,9 +214,12 @@ def one_of(
         why: The consequence of failing.
         otherwise: The verdict of failing; None for a setting of the autopilot's fence, see `fence_verdict`.
     """
-    return lambda value, wants, _: passes(
-        round(value) in good, wanted, set_to, why, otherwise=otherwise or fence_verdict(wants)
-    )
+
+    def judged(value: float, wants: Wants, _: Quantities) -> Judgement:
+        failed = fence_verdict(wants) if otherwise is None else otherwise
+        return passes(round(value) in good, wanted, set_to, why, otherwise=failed)
+
+    return judged
 
 
 def mask(
@@ -238,12 +241,13 @@ def mask(
 
 def loss_time(usual: str = "") -> Judge:
     """Judge how long the last setpoint is flown when setpoints stop; `usual` adds the default."""
-    why = f"the last velocity is flown for this long when setpoints stop{usual}"
+    consequence = f"the last velocity is flown for this long when setpoints stop{usual}"
 
     def judged(value: float, wants: Wants, _: Quantities) -> Judgement:
         limit_s = wants.preflight.loss_time_limit_s
-        wanted = f"{SHORTEST_LOSS_S:g} to {limit_s:g} s"
-        return passes(SHORTEST_LOSS_S <= value <= limit_s, wanted, min(1.0, limit_s), why)
+        expected = f"{SHORTEST_LOSS_S:g} to {limit_s:g} s"
+        within = SHORTEST_LOSS_S <= value <= limit_s
+        return passes(within, expected, min(1.0, limit_s), consequence)
 
     return judged
 
@@ -262,9 +266,10 @@ def return_height(fence: str, action: str) -> Judge:
             return Judgement(Verdict.REFUSE, f"below {fence}, which is unknown")
         if fence_m <= 0.0:
             return Judgement(Verdict.PASS, "below the fence, where there is one")
-        wanted = f"below {fence} = {fence_m:g} m"
-        why = f"{action} would climb through the fence"
-        return passes(height_m < fence_m, wanted, fence_m - 5.0, why, otherwise=Verdict.WARN)
+        expected = f"below {fence} = {fence_m:g} m"
+        consequence = f"{action} would climb through the fence"
+        below = height_m < fence_m
+        return passes(below, expected, fence_m - 5.0, consequence, otherwise=Verdict.WARN)
 
     return judged
 
@@ -284,10 +289,11 @@ def fence_size(ours: str, off: str = "") -> Judge:
 
     def judged(size_m: float, wants: Wants, _: Quantities) -> Judgement:
         least_m = getattr(wants.limits, ours)
-        why = off if off and size_m == 0.0 else "it would act inside ours"
-        wanted = f"at least {least_m:g} m, ours"
+        consequence = off if off and size_m == 0.0 else "it would act inside ours"
+        expected = f"at least {least_m:g} m, ours"
         set_to = math.ceil(least_m + 5.0)
-        return passes(size_m >= least_m, wanted, set_to, why, otherwise=fence_verdict(wants))
+        encloses = size_m >= least_m
+        return passes(encloses, expected, set_to, consequence, otherwise=fence_verdict(wants))
 
     return judged
 
@@ -303,6 +309,7 @@ def bits(names: Mapping[int, str]) -> Callable[[float], str]:
     def read(value: float) -> str:
         mask = round(value)
         listed = [names.get(bit, f"bit {bit}") for bit in range(32) if mask >> bit & 1]
-        return f"{mask} ({', '.join(listed) or 'none'})"
+        words = ", ".join(listed) if listed else "none"
+        return f"{mask} ({words})"
 
     return read

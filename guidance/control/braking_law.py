@@ -84,19 +84,19 @@ class Separation(NamedTuple):
 
 
 def measure_walls(
-    here: Situation, envelope: Envelope, mates: Sequence[Separation] = ()
+    situation: Situation, envelope: Envelope, mates: Sequence[Separation] = ()
 ) -> tuple[Wall, ...]:
     """Return all walls as seen from a position. The circle comes last; see `constraints_of`."""
-    (north, east, down) = here.position_ned_m
+    (north, east, down) = situation.position_ned_m
     home = envelope.home_ned_m
     point = (north - home[0], east - home[1])
     margin_m = envelope.fence_margin_m
     height_m = home[2] - down
-    spare_m = min(envelope.floor_margin_m, max(0.0, here.height_sd_m))
-    walls = _stand_off(here, envelope)
+    spare_m = min(envelope.floor_margin_m, max(0.0, situation.height_sd_m))
+    walls = _stand_off(situation, envelope)
     above_floor_m = height_m - envelope.floor_m - spare_m
     for mate in mates:
-        walls += _separation(here, mate, climbs_back=above_floor_m < 0.0)
+        walls += _separation(situation, mate, climbs_back=above_floor_m < 0.0)
     if envelope.fence_polygon is not None:
         edges = _edges(envelope.fence_polygon, point)
         walls += [
@@ -108,12 +108,14 @@ def measure_walls(
     if envelope.fence_radius_m is not None:
         radius_m = envelope.fence_radius_m - margin_m
         away_m = math.hypot(*point)
-        outward = (point[0] / away_m, point[1] / away_m, 0.0) if away_m > 0.0 else STILL
+        outward = STILL
+        if away_m > 0.0:
+            outward = (point[0] / away_m, point[1] / away_m, 0.0)
         walls.append(Wall(Limiter.FENCE_RADIUS, outward, radius_m - away_m, margin_m, radius_m))
     return tuple(walls)
 
 
-def _stand_off(here: Situation, envelope: Envelope) -> list[Wall]:
+def _stand_off(situation: Situation, envelope: Envelope) -> list[Wall]:
     """Return the wall at the nearest point of the stand-off cylinder; inside, its side and its top.
 
     Above the cylinder, the wall moves with an evader that flees: if the evader stops dead, the vehicle flies past above
@@ -121,14 +123,16 @@ def _stand_off(here: Situation, envelope: Envelope) -> list[Wall]:
     gradually over the first `COVER_M` above the top. An evader that comes nearer counts as standing still.
     """
     zone = envelope.stand_off
-    evader = here.evader_position_ned_m
+    evader = situation.evader_position_ned_m
     if zone is None or evader is None:
         return []
-    offset_m = difference(evader, here.position_ned_m)
+    offset_m = difference(evader, situation.position_ned_m)
     above_m = offset_m[2] - zone.height_m
     gap_m, (to_north, to_east), normals = _cylinder(offset_m, zone.radius_m, above_m, 1.0)
-    flight = here.evader_velocity_ned_m_s or STILL
-    fleeing = max(0.0, flight[0] * to_north + flight[1] * to_east) if usable(*flight) else 0.0
+    flight = situation.evader_velocity_ned_m_s
+    fleeing = 0.0
+    if flight is not None and usable(*flight):
+        fleeing = max(0.0, flight[0] * to_north + flight[1] * to_east)
     fleeing *= min(1.0, max(0.0, above_m) / COVER_M)
     moving = (fleeing * to_north, fleeing * to_east, 0.0)
     return [
@@ -137,14 +141,14 @@ def _stand_off(here: Situation, envelope: Envelope) -> list[Wall]:
     ]
 
 
-def _separation(here: Situation, mate: Separation, *, climbs_back: bool) -> list[Wall]:
+def _separation(situation: Situation, mate: Separation, *, climbs_back: bool) -> list[Wall]:
     """Return the walls halfway to a mate's cylinder.
 
     Both vehicles stop within their halves, so nobody has to know what the other will do. Braking for a distance that
     shrinks from both sides, the faster of two equal vehicles reaches its bound first. A vehicle below the floor
     `climbs_back` also towards a mate above.
     """
-    offset_m = difference(mate.position_ned_m, here.position_ned_m)
+    offset_m = difference(mate.position_ned_m, situation.position_ned_m)
     towards = 0.0 if climbs_back and offset_m[2] < 0.0 else math.copysign(1.0, offset_m[2])
     gap_m, _, normals = _cylinder(
         offset_m, mate.radius_m, abs(offset_m[2]) - mate.height_m, towards
@@ -164,7 +168,11 @@ def _cylinder(
         downward: 1 above, -1 below, 0 if height does not count.
     """
     away_m = math.hypot(*offset_m[:2])
-    to_north, to_east = (offset_m[0] / away_m, offset_m[1] / away_m) if away_m > 0.0 else (0.0, 0.0)
+    to_north = 0.0
+    to_east = 0.0
+    if away_m > 0.0:
+        to_north = offset_m[0] / away_m
+        to_east = offset_m[1] / away_m
     beside_m = away_m - radius_m
     gap_m = max(beside_m, above_m)
     parts = [(1.0, 0.0), (0.0, 1.0)]
@@ -186,15 +194,15 @@ def _edges(polygon: Polygon, point: Point) -> list[tuple[Point, float]]:
     offsets = [(north - point[0], east - point[1]) for north, east in polygon.nearest_points(point)]
     distances = [math.hypot(*offset) for offset in offsets]
     reach_m = math.inf if inside else min(distances) + _ON_THE_LINE_M
-    found = []
+    walls = []
     for index, ((north, east), distance_m) in enumerate(zip(offsets, distances, strict=True)):
         if distance_m <= _ON_THE_LINE_M:
             outward = polygon.outward(index)
-            found.append((outward, north * outward[0] + east * outward[1]))
+            walls.append((outward, north * outward[0] + east * outward[1]))
         elif distance_m <= reach_m:
             gap_m = distance_m if inside else -distance_m
-            found.append(((north / gap_m, east / gap_m), gap_m))
-    return found
+            walls.append(((north / gap_m, east / gap_m), gap_m))
+    return walls
 
 
 RETURN_PER_S: Final = 0.5
@@ -290,40 +298,47 @@ class Constraint(NamedTuple):
 
     def tangent(self, velocity_ned_m_s: Vector) -> "Constraint":
         """Return the half-space that touches the circle on the way to the stop point."""
-        north, east = self.about_m or (0.0, 0.0)
+        north = 0.0
+        east = 0.0
+        if self.about_m is not None:
+            north, east = self.about_m
         stop_m = (
             north + velocity_ned_m_s[0] * self.ground_s,
             east + velocity_ned_m_s[1] * self.ground_s,
         )
         away_m = math.hypot(*stop_m)
-        normal = (stop_m[0] / away_m, stop_m[1] / away_m, 0.0) if away_m > 0.0 else STILL
+        normal = STILL
+        if away_m > 0.0:
+            normal = (stop_m[0] / away_m, stop_m[1] / away_m, 0.0)
         distance_m = self.distance_m - north * normal[0] - east * normal[1]
         return self._replace(normal_ned=normal, distance_m=distance_m, about_m=None)
 
 
 def constraints_of(
-    asked_ned_m_s: Vector, here: Situation, walls: tuple[Wall, ...], envelope: Envelope
+    asked_ned_m_s: Vector, situation: Situation, walls: tuple[Wall, ...], envelope: Envelope
 ) -> tuple[Constraint, ...]:
     """Return the constraints of the walls within reach; the circle's is last, as `obey` needs it.
 
     Args:
         asked_ned_m_s: Velocity asked for.
-        here: State of the vehicle.
+        situation: State of the vehicle.
         walls: Of this cycle.
         envelope: Braking and reaction of the vehicle.
     """
-    surge_ned_m = surge(here.velocity_ned_m_s, here.acceleration_ned_m_s2, envelope)
+    surge_ned_m = surge(situation.velocity_ned_m_s, situation.acceleration_ned_m_s2, envelope)
     speed = math.hypot(*asked_ned_m_s)
     braking_m_s2 = min(envelope.braking_m_s2, envelope.vertical_braking_m_s2)
-    drift_m = math.hypot(*here.velocity_ned_m_s) * envelope.reaction_s + math.hypot(*surge_ned_m)
+    drift_m = math.hypot(*situation.velocity_ned_m_s) * envelope.reaction_s + math.hypot(
+        *surge_ned_m
+    )
     reach_m = drift_m + speed * (envelope.reaction_s + speed / (2.0 * braking_m_s2))
     near = (wall for wall in walls if wall.gap_m <= reach_m)
-    flown = here.velocity_ned_m_s
-    return tuple(_constraint(wall, asked_ned_m_s, flown, surge_ned_m, envelope) for wall in near)
+    velocity = situation.velocity_ned_m_s
+    return tuple(_constraint(wall, asked_ned_m_s, velocity, surge_ned_m, envelope) for wall in near)
 
 
 def _constraint(
-    wall: Wall, asked: Vector, flown: Vector, surge_ned_m: Vector, envelope: Envelope
+    wall: Wall, desired: Vector, velocity: Vector, surge_ned_m: Vector, envelope: Envelope
 ) -> Constraint:
     """Make the constraint of a wall, from the velocities relative to it.
 
@@ -333,12 +348,13 @@ def _constraint(
     normal = wall.normal_ned
     reaction_s = envelope.reaction_s
     about_m = None
-    speed = math.hypot(asked[0] - moving[0], asked[1] - moving[1])
+    speed = math.hypot(desired[0] - moving[0], desired[1] - moving[1])
     ground_s = reaction_s + speed / (2.0 * envelope.braking_m_s2)
-    vertical_s = reaction_s + abs(asked[2] - moving[2]) / (2.0 * envelope.vertical_braking_m_s2)
+    vertical_s = reaction_s + abs(desired[2] - moving[2]) / (2.0 * envelope.vertical_braking_m_s2)
     # The approach to the evader brakes by itself, so an acceleration that it is about to end is not counted.
-    rows = zip(flown, moving, STILL if wall.approached else surge_ned_m, strict=True)
-    north_m, east_m, down_m = ((mine - its) * reaction_s + more for mine, its, more in rows)
+    extra_ned_m = STILL if wall.approached else surge_ned_m
+    rows = zip(velocity, moving, extra_ned_m, strict=True)
+    north_m, east_m, down_m = ((v - v_wall) * reaction_s + extra_m for v, v_wall, extra_m in rows)
     if math.isinf(wall.radius_m):
         drift_m = max(0.0, normal[0] * north_m + normal[1] * east_m) + max(0.0, normal[2] * down_m)
         receding_m_s = normal[0] * moving[0] + normal[1] * moving[1]
@@ -366,28 +382,29 @@ def obey(
     """
     result = vector_ned
     active = []
-    for one in constraints:
-        slid = reduced(result, one, along=True)
+    for constraint in constraints:
+        slid = reduced(result, constraint, along=True)
         if slid is not result:
-            active.append(one)
+            active.append(constraint)
             result = slid
-    for one in constraints if active else ():
-        result = reduced(result, one, along=False)
+    if active:
+        for constraint in constraints:
+            result = reduced(result, constraint, along=False)
     return result, tuple(active)
 
 
-def reduced(vector_ned: Vector, one: Constraint, *, along: bool) -> Vector:
+def reduced(vector_ned: Vector, constraint: Constraint, *, along: bool) -> Vector:
     """Take away what exceeds a constraint and keep the part along the wall, or scale the closing parts down."""
-    if one.about_m is not None:
-        one = one.tangent(vector_ned)
+    if constraint.about_m is not None:
+        constraint = constraint.tangent(vector_ned)
     (north, east, down) = vector_ned
-    (normal_north, normal_east, normal_down) = one.normal_ned
+    (normal_north, normal_east, normal_down) = constraint.normal_ned
     ground = max(0.0, north * normal_north + east * normal_east)
     vertical = max(0.0, down * normal_down)
-    used_m = ground * one.ground_s + vertical * one.vertical_s
-    if used_m <= one.distance_m + ROUNDING_M:
+    used_m = ground * constraint.ground_s + vertical * constraint.vertical_s
+    if used_m <= constraint.distance_m + ROUNDING_M:
         return vector_ned
-    share = one.distance_m / used_m
+    share = constraint.distance_m / used_m
     if ground > 0.0 and along:
         size = math.hypot(normal_north, normal_east)
         part = (1.0 - share) * ground / size
@@ -400,32 +417,32 @@ def reduced(vector_ned: Vector, one: Constraint, *, along: bool) -> Vector:
 
 
 def braked(
-    fed_ned_m_s2: Vector | None, here: Situation, walls: tuple[Wall, ...], envelope: Envelope
+    fed_ned_m_s2: Vector | None, situation: Situation, walls: tuple[Wall, ...], envelope: Envelope
 ) -> Vector | None:
     """Return a feed-forward that decelerates at least as every wall requires; unchanged if none does.
 
     Args:
         fed_ned_m_s2: Feed-forward without walls; None for none.
-        here: State of the vehicle.
+        situation: State of the vehicle.
         walls: Of this cycle; the evader's are left to the approach.
         envelope: Braking and reaction of the vehicle.
     """
-    flown = here.velocity_ned_m_s
+    velocity = situation.velocity_ned_m_s
     fed = fed_ned_m_s2
     drift_s = 2.0 * envelope.reaction_s
     for wall in walls:
         north, east, down = wall.normal_ned
-        closing = flown[0] * north + flown[1] * east + flown[2] * down
+        closing = velocity[0] * north + velocity[1] * east + velocity[2] * down
         braking_m_s2 = envelope.vertical_braking_m_s2 if down else envelope.braking_m_s2
         stop_m = closing * (drift_s + closing / (2.0 * braking_m_s2))
         if wall.approached or closing <= 0.0 or stop_m <= wall.gap_m:
             continue
-        a_north, a_east, a_down = fed or STILL
+        a_north, a_east, a_down = STILL if fed is None else fed
         # The excess over the allowed closing speed has to be gone within half the reaction time.
         allowed = approach_speed(
             wall.gap_m - closing * envelope.reaction_s, braking_m_s2, envelope.reaction_s
         )
-        wanted = 2.0 * (closing - allowed) / envelope.reaction_s
-        missing = max(0.0, a_north * north + a_east * east + a_down * down + wanted)
+        needed = 2.0 * (closing - allowed) / envelope.reaction_s
+        missing = max(0.0, a_north * north + a_east * east + a_down * down + needed)
         fed = (a_north - missing * north, a_east - missing * east, a_down - missing * down)
     return fed

@@ -128,7 +128,7 @@ class Envelope(Dynamics):
 
     def __post_init__(self) -> None:
         for name in (
-            *(one.name for one in fields(Dynamics)),
+            *(entry.name for entry in fields(Dynamics)),
             *Speeds._fields,
             "yaw_rate_rad_s",
             "fence_radius_m",
@@ -189,10 +189,10 @@ class Limits(Section):
             yield f"limits.floor_m = {self.floor_m:g}: must be below limits.ceiling_m = {self.ceiling_m:g}"
         keys = ("fence_polygon_ne_m", "fence_polygon_deg", "fence_plan_file")
         polygons = {f"limits.{key}": getattr(self, key) for key in keys}
-        given = [key for key, value in polygons.items() if value is not None]
-        if len(given) > 1:
-            yield f"{' and '.join(given)}: only one polygon is allowed; remove the others"
-        if self.fence_radius_m is None and not given:
+        present = [key for key, value in polygons.items() if value is not None]
+        if len(present) > 1:
+            yield f"{' and '.join(present)}: only one polygon is allowed; remove the others"
+        if self.fence_radius_m is None and not present:
             others = ", ".join(polygons)
             yield f"limits.fence_radius_m: missing; give it or one of {others}: every flight needs a fence"
         if self.fence_polygon_deg is not None:
@@ -201,10 +201,12 @@ class Limits(Section):
     @property
     def reach_m(self) -> float:
         """Greatest distance from home inside the fence; infinite for corners in degrees, until home is known."""
-        farthest_m = max(
-            (math.hypot(*corner) for corner in self.fence_polygon_ne_m or ()), default=math.inf
-        )
-        return min(farthest_m, math.inf if self.fence_radius_m is None else self.fence_radius_m)
+        reach_m = math.inf
+        if self.fence_polygon_ne_m:
+            reach_m = max(math.hypot(*corner) for corner in self.fence_polygon_ne_m)
+        if self.fence_radius_m is not None:
+            reach_m = min(reach_m, self.fence_radius_m)
+        return reach_m
 
     def speeds(self, game: Speeds, *, section: str) -> Speeds:
         """Return the speed limits of a flight that plays the game with these speeds.
@@ -220,10 +222,10 @@ class Limits(Section):
         for name, played_m_s in game._asdict().items():
             limit_m_s: float | None = getattr(self, name)
             if limit_m_s is not None and limit_m_s < played_m_s:
-                played = f"{section}.{name} = {played_m_s:g}, the game's own speed"
+                game_speed = f"{section}.{name} = {played_m_s:g}, the game's own speed"
                 mend = f"raise limits.{name} or lower {section}.{name}"
                 raise ValueError(
-                    f"limits.{name} = {limit_m_s:g}: must be at least {played}; {mend}"
+                    f"limits.{name} = {limit_m_s:g}: must be at least {game_speed}; {mend}"
                 )
             limits.append(CATCH_UP_RATIO * played_m_s if limit_m_s is None else limit_m_s)
         return Speeds(*limits)

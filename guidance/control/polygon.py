@@ -64,14 +64,14 @@ class Polygon:
 
     def nearest_points(self, point: Point) -> tuple[Point, ...]:
         """The nearest point of every edge."""
-        found = []
+        points = []
         for (north1, east1), (north2, east2) in self.edges():
             along_north = north2 - north1
             along_east = east2 - east1
-            way = (point[0] - north1) * along_north + (point[1] - east1) * along_east
-            share = min(1.0, max(0.0, way / (along_north**2 + along_east**2)))
-            found.append((north1 + share * along_north, east1 + share * along_east))
-        return tuple(found)
+            projected = (point[0] - north1) * along_north + (point[1] - east1) * along_east
+            share = min(1.0, max(0.0, projected / (along_north**2 + along_east**2)))
+            points.append((north1 + share * along_north, east1 + share * along_east))
+        return tuple(points)
 
 
 def _check_corners(corners: Sequence[Point]) -> None:
@@ -125,10 +125,11 @@ def _turn(a: Point, b: Point, c: Point) -> float:
 
 def _on(edge: Edge, point: Point) -> bool:
     a, b = edge
-    within = min(a[0], b[0]) <= point[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= point[1] <= max(
-        a[1], b[1]
-    )
-    return within and _turn(a, b, point) == 0.0
+    if not min(a[0], b[0]) <= point[0] <= max(a[0], b[0]):
+        return False
+    if not min(a[1], b[1]) <= point[1] <= max(a[1], b[1]):
+        return False
+    return _turn(a, b, point) == 0.0
 
 
 def crossing_edges(edges: Sequence[Edge]) -> tuple[int, int] | None:
@@ -144,14 +145,14 @@ def crossing_edges(edges: Sequence[Edge]) -> tuple[int, int] | None:
     # An edge that begins where another one ends meets it, so that beginnings come first.
     for _, is_end, index in sorted(begins + ends):
         if is_end:
-            place = swept.index(index)
-            del swept[place]
-            pairs = list(pairwise(swept[max(0, place - 1) : place + 1]))
+            position = swept.index(index)
+            del swept[position]
+            pairs = list(pairwise(swept[max(0, position - 1) : position + 1]))
         else:
             span = spans[index]
-            place = bisect_left(swept, 1, key=lambda other: int(_is_above(spans[other], span)))
-            swept.insert(place, index)
-            pairs = list(pairwise(swept[max(0, place - 1) : place + 2]))
+            position = bisect_left(swept, 1, key=lambda number: int(_is_above(spans[number], span)))
+            swept.insert(position, index)
+            pairs = list(pairwise(swept[max(0, position - 1) : position + 2]))
         for pair in pairs:
             first = min(pair)
             second = max(pair)
@@ -166,27 +167,28 @@ def _cross(edges: Sequence[Edge], first: int, second: int) -> bool:
     return _meet(edges[first], edges[second], neighbours=neighbours)
 
 
-def _is_above(span: Edge, begun: Edge) -> bool:
+def _is_above(span: Edge, beginning: Edge) -> bool:
     """Whether an edge on the sweeping line is above the edge that begins there; where both meet, beyond it."""
-    turn = _turn(*span, begun[0])
+    turn = _turn(*span, beginning[0])
     if turn == 0.0:
-        turn = _turn(*span, begun[1])
+        turn = _turn(*span, beginning[1])
     return turn < 0.0
 
 
-def _meet(edge: Edge, other: Edge, *, neighbours: bool) -> bool:
+def _meet(edge: Edge, second_edge: Edge, *, neighbours: bool) -> bool:
     """Return whether two edges cross or touch; neighbours, with a common corner, whether they fold back."""
     a, b = edge
-    c, d = other
+    c, d = second_edge
     if neighbours:
         shared = {a, b} & {c, d}
         return any(
             _on(line, end)
-            for line, end in ((edge, c), (edge, d), (other, a), (other, b))
+            for line, end in ((edge, c), (edge, d), (second_edge, a), (second_edge, b))
             if end not in shared
         )
     if (_turn(a, b, c) > 0.0) != (_turn(a, b, d) > 0.0) and (_turn(c, d, a) > 0.0) != (
         _turn(c, d, b) > 0.0
     ):
         return True
-    return _on(edge, c) or _on(edge, d) or _on(other, a) or _on(other, b)
+    ends = ((edge, c), (edge, d), (second_edge, a), (second_edge, b))
+    return any(_on(line, end) for line, end in ends)

@@ -190,7 +190,9 @@ class PreflightMemory:
         """Whether everything was read, or was asked for so long that it may never be."""
         if self._begun_s is None:
             return False
-        return (self.complete and self.fence_known) or now_s - self._begun_s > 2.0 * ASK_AGAIN_S
+        if self.complete and self.fence_known:
+            return True
+        return now_s - self._begun_s > 2.0 * ASK_AGAIN_S
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -209,10 +211,10 @@ class PreflightMemory:
         self, vehicle: VehicleState, now_s: float, other_beat: Heartbeat | None = None
     ) -> Facts:
         """Return the facts at `now_s`; `other_beat` is a HEARTBEAT that the flight did not accept."""
-        rates_hz = {
-            kind: sum(now_s - at_s <= COUNTED_S for at_s in times_s) / COUNTED_S
-            for kind, times_s in self._arrivals.items()
-        }
+        rates_hz = {}
+        for kind, times_s in self._arrivals.items():
+            arrivals = sum(now_s - at_s <= COUNTED_S for at_s in times_s)
+            rates_hz[kind] = arrivals / COUNTED_S
         read = self._parameters.items()
         return Facts(
             parameters={name: parameter.value for name, parameter in read},
@@ -230,8 +232,10 @@ class PreflightMemory:
         )
 
 
-def _version_of(autopilot: Autopilot, heard: AutopilotVersion | None) -> Version:
-    return autopilot.version_of(None if heard is None else (heard.major, heard.minor))
+def _version_of(autopilot: Autopilot, firmware: AutopilotVersion | None) -> Version:
+    if firmware is None:
+        return autopilot.version_of(None)
+    return autopilot.version_of((firmware.major, firmware.minor))
 
 
 _SILENT_S: Final = 3.0
@@ -301,13 +305,13 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
         projection=projection,
     )
     yield from _home_rows(home, frame, wants.preflight.origin_distance_limit_m)
-    place = latest.get(messages.GlobalPosition)
+    on_map = latest.get(messages.GlobalPosition)
     local = latest.get(messages.LocalPosition)
-    if place is None or local is None:
-        wanted = "GLOBAL_POSITION_INT and LOCAL_POSITION_NED heard"
-        yield Finding("position", "unknown", wanted, Verdict.REFUSE)
+    if on_map is None or local is None:
+        expected = "GLOBAL_POSITION_INT and LOCAL_POSITION_NED heard"
+        yield Finding("position", "unknown", expected, Verdict.REFUSE)
         return
-    yield from _datum_rows(place, local, home, frame)
+    yield from _datum_rows(on_map, local, home, frame)
     yield _evader_height(facts.evader_amsl_m, home, wants.evader_height_limit_m)
 
 
@@ -323,8 +327,8 @@ def _frame_unknown(origin: messages.Origin | None, home: messages.Home | None) -
         missing.append("GPS_GLOBAL_ORIGIN")
     if home is None:
         missing.append("HOME_POSITION")
-    wanted = f"{' and '.join(missing)} heard"
-    return Finding("local frame", "unknown", wanted, Verdict.REFUSE, "wait for a position fix")
+    expected = f"{' and '.join(missing)} heard"
+    return Finding("local frame", "unknown", expected, Verdict.REFUSE, "wait for a position fix")
 
 
 def _home_rows(home: messages.Home, frame: LocalFrame, limit_m: float) -> Iterator[Finding]:
@@ -340,18 +344,18 @@ def _home_rows(home: messages.Home, frame: LocalFrame, limit_m: float) -> Iterat
 
 
 def _datum_rows(
-    place: messages.GlobalPosition,
+    on_map: messages.GlobalPosition,
     local: messages.LocalPosition,
     home: messages.Home,
     frame: LocalFrame,
 ) -> Iterator[Finding]:
     """Compare the position on the map with the one in the local frame, and the heights above sea level and home."""
-    altitude = Amsl(place.altitude_amsl_m)
-    place_ned_m = frame.ned_from_wgs84(place.latitude_deg, place.longitude_deg, altitude)
-    apart_m = math.dist(place_ned_m, local.position_ned_m)
+    altitude = Amsl(on_map.altitude_amsl_m)
+    on_map_ned_m = frame.ned_from_wgs84(on_map.latitude_deg, on_map.longitude_deg, altitude)
+    apart_m = math.dist(on_map_ned_m, local.position_ned_m)
     advice = "LOCAL_POSITION_NED and GLOBAL_POSITION_INT contradict each other: restart the autopilot here"
     yield _within("local = global", apart_m, _AGREEMENT_M, "m apart", advice)
-    home_amsl_m = place.altitude_amsl_m - place.altitude_above_home_m
+    home_amsl_m = on_map.altitude_amsl_m - on_map.altitude_above_home_m
     difference_m = abs(home_amsl_m - home.altitude_amsl_m)
     advice = "the altitudes have different datums (sea level, ellipsoid, home?)"
     yield _within("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
@@ -360,8 +364,8 @@ def _datum_rows(
 def _evader_height(altitude_amsl_m: float | None, home: messages.Home, limit_m: float) -> Finding:
     name = "evader's altitude"
     if altitude_amsl_m is None:
-        wanted = f"within {limit_m:g} m of home"
-        return Finding(name, "not heard", wanted, Verdict.WARN, "is it sending?")
+        expected = f"within {limit_m:g} m of home"
+        return Finding(name, "not heard", expected, Verdict.WARN, "is it sending?")
     difference_m = abs(altitude_amsl_m - home.altitude_amsl_m)
     advice = (
         "a different datum? The geoid is about 50 m above the ellipsoid: see evader.altitude_datum"
@@ -372,13 +376,13 @@ def _evader_height(altitude_amsl_m: float | None, home: messages.Home, limit_m: 
 def _battery(status: messages.SystemStatus | None, needed: float) -> Finding:
     """Judge the charge against the configured reserve, which cannot act on an unknown charge."""
     name = "battery reserve"
-    wanted = f"at least {needed:.0%}, to fly home from the edge of the fence"
+    expected = f"at least {needed:.0%}, to fly home from the edge of the fence"
     if status is None or math.isnan(status.battery_remaining):
         advice = "the autopilot does not report the battery: set up its monitor, or remove flight.reserve"
-        return Finding(name, "unknown", wanted, Verdict.REFUSE, advice)
-    left = status.battery_remaining
+        return Finding(name, "unknown", expected, Verdict.REFUSE, advice)
+    charge = status.battery_remaining
     advice = "charge the battery or make the fence smaller; see flight.reserve"
-    return Finding.of(left >= needed, name, f"{left:.0%}", wanted, advice)
+    return Finding.of(charge >= needed, name, f"{charge:.0%}", expected, advice)
 
 
 def _within(name: str, value_m: float, limit_m: float, words: str, advice: str) -> Finding:
@@ -412,9 +416,9 @@ def _stream_rows(facts: Facts, autopilot: Autopilot) -> Iterator[Finding]:
             continue
         rate_hz = facts.rates_hz.get(kind, 0.0)
         value = f"{rate_hz:.1f} Hz"
-        wanted = f"at least {least_hz:g} Hz ({requested_hz:g} requested)"
+        expected = f"at least {least_hz:g} Hz ({requested_hz:g} requested)"
         advice = f"{reader} needs it: is the link fast enough for {requested_hz:g} Hz?"
-        yield Finding.of(rate_hz >= least_hz, name, value, wanted, advice, otherwise)
+        yield Finding.of(rate_hz >= least_hz, name, value, expected, advice, otherwise)
 
 
 def engage_rows(
@@ -445,23 +449,23 @@ def engage_rows(
     return (*rows, fence_row)
 
 
-def _version_row(heard: AutopilotVersion | None, autopilot: Autopilot) -> Finding:
+def _version_row(firmware: AutopilotVersion | None, autopilot: Autopilot) -> Finding:
     """Judge the firmware's version: the names and units of parameters depend on it."""
     name = "autopilot version"
     oldest = autopilot.versions[0]
     newest = autopilot.versions[-1]
-    wanted = f"{oldest.words} to {newest.words}"
-    if heard is None:
+    expected = f"{oldest.words} to {newest.words}"
+    if firmware is None:
         advice = "the names and units of parameters depend on it; requested again every few seconds"
-        return Finding(name, "not read", wanted, Verdict.REFUSE, advice)
-    number = (heard.major, heard.minor)
+        return Finding(name, "not read", expected, Verdict.REFUSE, advice)
+    number = (firmware.major, firmware.minor)
     if number > newest.number:
         advice = f"newer than {newest.words}, the newest known one, as which it is judged"
-        return Finding(name, heard.words, wanted, Verdict.WARN, advice)
+        return Finding(name, firmware.words, expected, Verdict.WARN, advice)
     if number < oldest.number:
         advice = f"older than {oldest.words}, the oldest known one, as which it is judged"
-        return Finding(name, heard.words, wanted, Verdict.WARN, advice)
-    return Finding(name, heard.words, wanted, Verdict.PASS)
+        return Finding(name, firmware.words, expected, Verdict.WARN, advice)
+    return Finding(name, firmware.words, expected, Verdict.PASS)
 
 
 def _quantities(
@@ -503,8 +507,8 @@ def another_autopilot(facts: Facts, autopilot: Autopilot) -> Finding | None:
         name = sender.name
         advice = f'set vehicle.autopilot = "{name}", or check vehicle.url and vehicle.system_id'
     value = f"{name} (MAV_AUTOPILOT {beat.autopilot}), {type_name(beat.vehicle_type)}"
-    wanted = f"{autopilot.name} ({autopilot.autopilot_id}) in a vehicle that it may fly"
-    return Finding("autopilot", value, wanted, Verdict.REFUSE, advice)
+    expected = f"{autopilot.name} ({autopilot.autopilot_id}) in a vehicle that it may fly"
+    return Finding("autopilot", value, expected, Verdict.REFUSE, advice)
 
 
 def changes(
@@ -522,7 +526,9 @@ def changes(
     """
     version = _version_of(autopilot, facts.version)
     wants = fence.about_home(wants, facts.vehicle, autopilot.projection)
-    fit = {Verdict.PASS} if advised else {Verdict.PASS, Verdict.WARN}
+    fit = {Verdict.PASS}
+    if not advised:
+        fit.add(Verdict.WARN)
     rules = [rule for rule in version.rules if rule.name in facts.parameters]
     after = dict(facts.parameters)
     wrong = dict[str, Judgement]()

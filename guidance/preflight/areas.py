@@ -111,7 +111,7 @@ def acts_inside(
         edge_m = _middles(area.corners_m, [*ours, *_rings(areas)])
         edge_m = edge_m[_inside_ours(ours, edge_m, TOLERANCE_M)]
         if len(edge_m) and area.inclusion and one_inclusion_is_enough:
-            others = [other for other in areas[:index] + areas[index + 1 :] if other.inclusion]
+            others = [ring for ring in areas[:index] + areas[index + 1 :] if ring.inclusion]
             edge_m = edge_m[~_in_any(others, edge_m)]
         if len(edge_m):
             return _first(edge_m)
@@ -151,9 +151,9 @@ def _inside_ours(ours: Sequence[Sequence[Point]], points_m: Points, depth_m: flo
     for ring in ours:
         within = contains(ring, points_m)
         # Only near the outline does the distance decide.
-        asked = within if depth_m > 0.0 else ~within
-        near = distance_m(ring, points_m[asked]) <= abs(depth_m)
-        within[asked] = ~near if depth_m > 0.0 else near
+        judged = within if depth_m > 0.0 else ~within
+        near = distance_m(ring, points_m[judged]) <= abs(depth_m)
+        within[judged] = ~near if depth_m > 0.0 else near
         inside &= within
     return inside
 
@@ -170,7 +170,7 @@ def _edges(ring: Sequence[Point]) -> tuple[Points, Points]:
 def _middles(ring: Sequence[Point], cutting: Sequence[Sequence[Point]]) -> Points:
     """Return the middle of every piece into which the other rings cut the edges of a ring."""
     starts, ends = _edges(ring)
-    others = [_edges(other) for other in cutting]
+    others = [_edges(cutter) for cutter in cutting]
     other_starts = np.concatenate([start for start, _ in others])
     other_along = np.concatenate([end - start for start, end in others])
     middles = [

@@ -79,7 +79,8 @@ class Uploaded(NamedTuple):
     def words(self) -> str:
         """Short description."""
         if self.areas is not None:
-            return ", ".join(area.words for area in self.areas) or "none"
+            listed = [area.words for area in self.areas]
+            return ", ".join(listed) if listed else "none"
         if self.problem:
             return self.problem
         return "not read" if self.refused is None else f"not read (MISSION_ACK {self.refused})"
@@ -126,11 +127,15 @@ class Reading:
             if message.items > MOST_ITEMS:
                 problem = f"has {message.items} items, more than {MOST_ITEMS}"
                 self._end(Uploaded(problem=problem))
-        elif isinstance(message, FenceItem) and message.sequence < (self._count or 0):
+        elif isinstance(message, FenceItem) and message.sequence in self._sequence():
             self._items[message.sequence] = message
 
-    def _end(self, found: Uploaded) -> None:
-        self.found = found
+    def _sequence(self) -> range:
+        """Return the numbers of the items; none until their count is known."""
+        return range(0 if self._count is None else self._count)
+
+    def _end(self, uploaded: Uploaded) -> None:
+        self.found = uploaded
         self.found_begun_s = self._begun_s
         self.over = True
 
@@ -143,15 +148,15 @@ class Reading:
         if self._count is not None and len(self._items) == self._count:
             self._end(uploaded_of([self._items[number] for number in range(self._count)]))
             return (FenceReceived(),)
-        missing = (number for number in range(self._count or 0) if number not in self._items)
-        wanted = FenceRequest(next(missing, None))
-        if wanted == self._asked and now_s - self._asked_s < _ASK_AGAIN_S:
+        missing = (number for number in self._sequence() if number not in self._items)
+        request = FenceRequest(next(missing, None))
+        if request == self._asked and now_s - self._asked_s < _ASK_AGAIN_S:
             return ()
         if self._asked is None:
             self._begun_s = now_s
-        self._asked = wanted
+        self._asked = request
         self._asked_s = now_s
-        return (wanted,)
+        return (request,)
 
 
 def uploaded_of(items: Sequence[FenceItem]) -> Uploaded:
@@ -160,14 +165,14 @@ def uploaded_of(items: Sequence[FenceItem]) -> Uploaded:
     corners: list[Point] = []
     first: FenceItem | None = None
     for item in items:
-        place = (item.latitude_deg, item.longitude_deg)
+        corner = (item.latitude_deg, item.longitude_deg)
         if first is not None and (item.command, item.size) != (first.command, first.size):
             return Uploaded(problem=_unfinished(first, corners))
         if item.command in _CIRCLES:
-            areas.append(Area(_CIRCLES[item.command], (place,), item.size))
+            areas.append(Area(_CIRCLES[item.command], (corner,), item.size))
         elif item.command in _POLYGONS:
             first = item
-            corners.append(place)
+            corners.append(corner)
             if len(corners) >= item.size:
                 areas.append(Area(_POLYGONS[item.command], without_repeats(corners)))
                 corners = []
