@@ -85,21 +85,30 @@ class Distribution(Section):
             for name, field in type(self).model_fields.items()
             if name != "about_m"
         }
-        kind, *extra_keys = [*self.model_fields_set - {"about_m"}] or [""]
-        if extra_keys or not kind:
+        kinds = [*self.model_fields_set - {"about_m"}]
+        if len(kinds) != 1:
             yield f"must be one of {'; '.join(map(str, forms.values()))}"
         if "about_m" in self.model_fields_set and not self.radii_m:
             yield "about_m: only with disc or annulus"
-        inner, outer = self.radii_m or (0.0, 1.0)
-        if not 0.0 <= inner < outer or (
-            self.law is not None and not math.isfinite(self.law.median())
-        ):
-            yield f"must be {forms[kind]}"
+        if not self._has_valid_numbers:
+            yield f"must be {forms[kinds[0]]}"
+
+    @property
+    def _has_valid_numbers(self) -> bool:
+        if self.radii_m:
+            inner, outer = self.radii_m
+            if not 0.0 <= inner < outer:
+                return False
+        if self.law is None:
+            return True
+        return math.isfinite(self.law.median())
 
     @property
     def radii_m(self) -> Two | None:
         """Radii between which a position (x, y) is uniform by area; None if a value is no position."""
-        return self.annulus if self.disc is None else (0.0, self.disc)
+        if self.disc is not None:
+            return 0.0, self.disc
+        return self.annulus
 
     @cached_property
     def law(self) -> Any:  # noqa: ANN401 - SciPy has no type for it
@@ -120,11 +129,9 @@ class Distribution(Section):
             return [[x + outer, y], [x - outer, y], [x, y + outer], [x, y - outer]]
         if self.choice:
             return self.choice
-        return (
-            [float(self.law.median())]
-            if self.normal
-            else [float(end) for end in self.law.support()]
-        )
+        if self.normal:
+            return [float(self.law.median())]
+        return [float(end) for end in self.law.support()]
 
     def draw(self, first: Array, second: Array) -> list[Any]:
         """Make a value for each seed from two random numbers for each, from 0 to 1."""
@@ -133,11 +140,12 @@ class Distribution(Section):
             (x, y) = self.about_m
             radius = np.sqrt(inner**2 + (outer**2 - inner**2) * first)
             angle = 2.0 * np.pi * second
-            return list(
-                np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], axis=-1).tolist()
-            )
+            east_m = x + radius * np.cos(angle)
+            north_m = y + radius * np.sin(angle)
+            return list(np.stack([east_m, north_m], axis=-1).tolist())
         if self.choice:
-            return [self.choice[index] for index in (first * len(self.choice)).astype(int).tolist()]
+            indices = (first * len(self.choice)).astype(int)
+            return [self.choice[index] for index in indices.tolist()]
         # Rounding can put a draw just outside the support.
         return list(np.clip(self.law.ppf(first), *self.law.support()).tolist())
 
@@ -179,10 +187,7 @@ class Axis:
 
     def columns(self) -> dict[str, pa.DataType]:
         """Return names and types of the columns of the values; vectors of one length have one for each element."""
-        sizes = {
-            len(extreme) if isinstance(extreme, list) and _type_of(extreme) != pa.string() else 0
-            for extreme in self.extremes
-        }
+        sizes = {_elements_in(extreme) for extreme in self.extremes}
         if len(sizes) == 1 and (size := sizes.pop()):
             return {f"{self.key}[{index}]": pa.float64() for index in range(size)}
         return {self.key: _type_of(self.extremes)}
@@ -192,16 +197,16 @@ class Axis:
         kind = self.columns().get(self.key)
         if kind is None:
             return [pa.array(column) for column in np.array(values, dtype=np.float64).T]
-        texts = kind == pa.string()
-        return [
-            pa.array(
-                [
-                    json.dumps(value) if texts and not isinstance(value, str) else value
-                    for value in values
-                ],
-                kind,
-            )
-        ]
+        if kind == pa.string():
+            texts = [value if isinstance(value, str) else json.dumps(value) for value in values]
+            return [pa.array(texts, kind)]
+        return [pa.array(values, kind)]
+
+
+def _elements_in(value: Any) -> int:  # noqa: ANN401 - any value of a key
+    """Return the number of elements of a vector; 0 for other values."""
+    is_vector = isinstance(value, list) and _type_of(value) != pa.string()
+    return len(value) if is_vector else 0
 
 
 def _type_of(values: Sequence[Any]) -> pa.DataType:

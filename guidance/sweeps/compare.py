@@ -52,9 +52,8 @@ def share(successes: int, of: int) -> Interval:
     """Return a probability with Wilson's interval."""
     if of == 0:
         return Interval()
-    return Interval(
-        successes / of, *stats.binomtest(successes, of).proportion_ci(CONFIDENCE, method="wilson")
-    )
+    low, high = stats.binomtest(successes, of).proportion_ci(CONFIDENCE, method="wilson")
+    return Interval(successes / of, low, high)
 
 
 def known(numbers: Array) -> Array:
@@ -66,26 +65,32 @@ def mean(numbers: Array) -> Interval:
     """Return the mean of the known numbers with Student's t interval."""
     numbers = known(numbers)
     average = float(numbers.mean()) if numbers.size else math.nan
-    return _interval(
-        average, float(stats.sem(numbers)) if numbers.size > 1 else math.nan, numbers.size - 1
-    )
+    error = float(stats.sem(numbers)) if numbers.size > 1 else math.nan
+    return _interval(average, error, numbers.size - 1)
 
 
 def difference_of_means(a: Array, b: Array) -> Interval:
     """Return mean b − mean a of the known numbers of independent samples with Welch's t interval."""
     a = known(a)
     b = known(b)
-    if min(a.size, b.size) < 2:
-        return Interval(float(b.mean() - a.mean()) if a.size and b.size else math.nan)
+    if min(a.size, b.size) == 0:
+        return Interval()
     apart = float(b.mean() - a.mean())
-    errors = np.array([stats.sem(a), stats.sem(b)]) ** 2
-    total = float(errors.sum())
-    freedom = total**2 / float((errors**2 / [a.size - 1, b.size - 1]).sum()) if total else 1.0
+    if min(a.size, b.size) == 1:
+        return Interval(apart)
+    variances = np.array([stats.sem(a), stats.sem(b)]) ** 2
+    total = float(variances.sum())
+    freedom = 1.0
+    if total:
+        # Welch and Satterthwaite
+        freedom = total**2 / float((variances**2 / [a.size - 1, b.size - 1]).sum())
     return _interval(apart, math.sqrt(total), freedom)
 
 
 def _interval(estimate: float, error: float, freedom: float) -> Interval:
-    half = error * float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, freedom)) if freedom > 0 else math.nan
+    half = math.nan
+    if freedom > 0:
+        half = error * float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, freedom))
     return Interval(estimate, estimate - half, estimate + half)
 
 
@@ -109,57 +114,60 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
                 f"{folder.path}: has teams, whose rows are evaders; use guidance sweep report for each"
             )
     matched = matched_pairs(a.plan, b.plan)
-    paired = bool(matched) and a.plan.axes == b.plan.axes
-    both = [folder.columns(COLUMNS) for folder in (a, b)]
+    paired = len(matched) > 0 and a.plan.axes == b.plan.axes
+    rows_a = a.columns(COLUMNS)
+    rows_b = b.columns(COLUMNS)
     groups = []
     largest = list[dict[str, Any]]()
     if not matched:
-        groups.append(_group("all rows", "all rows", *both, paired=False))
-    for numbers in matched.items():
-        first, second = (
-            _some(each, each[PAIR] == one) for each, one in zip(both, numbers, strict=True)
-        )
+        groups.append(_group("all rows", "all rows", rows_a, rows_b, paired=False))
+    for number_a, number_b in matched.items():
+        first = _selected(rows_a, rows_a[PAIR] == number_a)
+        second = _selected(rows_b, rows_b[PAIR] == number_b)
         if paired:
             first, second = _paired(first, second)
             largest += _largest(first, second, column, rows)
         if first[ROW].size or second[ROW].size:
-            name_a, name_b = (
-                " / ".join(of.plan.pairs[one]) for of, one in zip((a, b), numbers, strict=True)
-            )
+            name_a = " / ".join(a.plan.pairs[number_a])
+            name_b = " / ".join(b.plan.pairs[number_b])
             groups.append(_group(name_a, name_b, first, second, paired=paired))
-    largest.sort(
-        key=lambda row: (row["end_a"] == row["end_b"], -abs(np.nan_to_num(row["difference"])))
-    )
+    largest.sort(key=_ends_and_difference)
     means = "Student's t of the paired differences" if paired else "Welch's t"
-    return dict(
-        plain(
-            {
-                "paired": paired,
-                "intervals": f"95 %: {means}",
-                "groups": groups,
-                "largest": largest[:rows],
-            }
-        )
-    )
+    comparison = {
+        "paired": paired,
+        "intervals": f"95 %: {means}",
+        "groups": groups,
+        "largest": largest[:rows],
+    }
+    return dict(plain(comparison))
 
 
-def _some(rows: Columns, which: NDArray[Any]) -> Columns:
-    return {name: column[which] for name, column in rows.items()}
+def _ends_and_difference(row: Mapping[str, Any]) -> tuple[bool, float]:
+    """Order rows with different ends first, then those with the largest difference."""
+    return row["end_a"] == row["end_b"], -abs(np.nan_to_num(row["difference"]))
+
+
+def _selected(rows: Columns, selection: NDArray[Any]) -> Columns:
+    """Return the rows of a mask or of indices."""
+    return {name: column[selection] for name, column in rows.items()}
 
 
 def _paired(a: Columns, b: Columns) -> tuple[Columns, Columns]:
     """Return the rows whose grid point and seed occur in both, in order."""
-    of_a, of_b = (np.rec.fromarrays([rows[POINT], rows[SEED]]) for rows in (a, b))
-    _, first, second = np.intersect1d(of_a, of_b, assume_unique=True, return_indices=True)
-    return _some(a, first), _some(b, second)
+    cases_a = np.rec.fromarrays([a[POINT], a[SEED]])
+    cases_b = np.rec.fromarrays([b[POINT], b[SEED]])
+    _, first, second = np.intersect1d(cases_a, cases_b, assume_unique=True, return_indices=True)
+    return _selected(a, first), _selected(b, second)
 
 
 def matched_pairs(a: Plan, b: Plan) -> dict[int, int]:
     """Match the pairs of policies of two sweeps: by name if they share any, otherwise by place; empty if neither."""
     shared = {a.pairs.index(pair): b.pairs.index(pair) for pair in a.pairs if pair in b.pairs}
-    return shared or {
-        number: number for number in range(len(a.pairs)) if len(a.pairs) == len(b.pairs)
-    }
+    if shared:
+        return shared
+    if len(a.pairs) != len(b.pairs):
+        return {}
+    return {number: number for number in range(len(a.pairs))}
 
 
 def _group(name_a: str, name_b: str, a: Columns, b: Columns, *, paired: bool) -> dict[str, Any]:
@@ -186,24 +194,35 @@ def _largest(a: Columns, b: Columns, column: str, count: int) -> list[dict[str, 
     same = a[END] == b[END]
     order = np.lexsort((-size, same))[:count]
     order = order[~same[order] | (size[order] > 0.0)]
-    values = [rows[name][order].tolist() for name in (ROW, END, column) for rows in (a, b)]
-    return [
-        {"row_a": row_a, "row_b": row_b, "end_a": end_a, "end_b": end_b, "column": column}
-        | {"a": of_a, "b": of_b, "difference": of_b - of_a}
-        for row_a, row_b, end_a, end_b, of_a, of_b in zip(*values, strict=True)
-    ]
+    rows = []
+    for index in order.tolist():
+        value_a = a[column][index].item()
+        value_b = b[column][index].item()
+        row = {
+            "row_a": a[ROW][index].item(),
+            "row_b": b[ROW][index].item(),
+            "end_a": a[END][index],
+            "end_b": b[END][index],
+            "column": column,
+            "a": value_a,
+            "b": value_b,
+            "difference": value_b - value_a,
+        }
+        rows.append(row)
+    return rows
 
 
 def compare_outcomes(a: dict[str, Any], b: dict[str, Any]) -> dict[str, Any]:
     """Compare two outcomes column by column; the difference of values that are not numbers is None."""
-    return {
-        name: {
-            "a": one,
-            "b": other,
-            "difference": other - one if {type(one), type(other)} <= {int, float} else None,
-        }
-        for name, one, other in ((name, one, b[name]) for name, one in a.items() if name in b)
-    }
+    columns = {}
+    for name, value_a in a.items():
+        if name not in b:
+            continue
+        value_b = b[name]
+        are_numbers = {type(value_a), type(value_b)} <= {int, float}
+        difference = value_b - value_a if are_numbers else None
+        columns[name] = {"a": value_a, "b": value_b, "difference": difference}
+    return columns
 
 
 def compare_teams(
@@ -214,7 +233,8 @@ def compare_teams(
     Raises:
         ConfigError: If they have different evaders.
     """
-    rows_a, rows_b = ({row["evader"]: row for row in rows} for rows in (a, b))
+    rows_a = {row["evader"]: row for row in a}
+    rows_b = {row["evader"]: row for row in b}
     if rows_a.keys() != rows_b.keys():
         raise ConfigError(
             f"the outcomes are of {len(a)} and {len(b)} evaders: must be games of the same evaders"
@@ -243,8 +263,10 @@ def read_outcome(path: Path) -> dict[str, Any] | list[dict[str, Any]]:
     )
 
 
-def _is_row(row: Any, *more: str) -> bool:  # noqa: ANN401 - whatever a file holds
-    return isinstance(row, dict) and {"end", "winner", "game_time_s", "run", *more} <= row.keys()
+def _is_row(row: Any, *further_columns: str) -> bool:  # noqa: ANN401 - whatever a file holds
+    if not isinstance(row, dict):
+        return False
+    return {"end", "winner", "game_time_s", "run", *further_columns} <= row.keys()
 
 
 def notes_of(a: str, b: str) -> Iterator[str]:
@@ -327,45 +349,40 @@ def _teams(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table | Text]:
 def _valued(compared: Mapping[str, Mapping[str, Any]]) -> list[tuple[Any, ...]]:
     """Return name, A, B and difference of the columns with a value."""
     return [
-        (name, *row.values()) for name, row in compared.items() if not row["a"] is row["b"] is None
+        (name, *row.values())
+        for name, row in compared.items()
+        if row["a"] is not None or row["b"] is not None
     ]
 
 
 def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
     """Yield a table of numbers, and one of texts, whose cells may be long."""
     rows = [tuple(map(cell, row)) for row in _valued(compared)]
-    yield sheet(("column", "A", "B", "B − A"), [row for row in rows if row[3] != "-"])
-    yield sheet(
-        ("column", "A", "B"), [row[:3] for row in rows if row[3] == "-"], left=range(3), title=" "
-    )
+    numbers = [row for row in rows if row[3] != "-"]
+    texts = [row[:3] for row in rows if row[3] == "-"]
+    yield sheet(("column", "A", "B", "B − A"), numbers)
+    yield sheet(("column", "A", "B"), texts, left=range(3), title=" ")
 
 
 def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | Text]:
-    kind = (
-        "paired rows"
-        if compared["paired"]
-        else "independent rows (the sweeps vary different values)"
-    )
     for group in compared["groups"]:
+        count = f"{group['rows_a']} and {group['rows_b']}"
+        kind = "independent rows (the sweeps vary different values)"
+        if compared["paired"]:
+            count = group["rows_a"]
+            kind = "paired rows"
+        yield Text(f"\n{_both(group, '')}: {count} {kind}", "italic")
         rows = [
             (name, cell(a, 4), cell(b, 4), spread(apart))
             for name, a, b, apart in _valued(group["columns"])
         ]
-        count = (
-            group["rows_a"] if compared["paired"] else f"{group['rows_a']} and {group['rows_b']}"
-        )
-        yield Text(f"\n{_both(group, '')}: {count} {kind}", "italic")
         yield sheet(("mean of", "A", "B", "B − A (95 %)"), rows)
     if compared["largest"]:
         yield Text(f"\nthe rows that differ most in {compared['largest'][0]['column']}", "italic")
-        largest = [
-            (
-                _both(row, "row_"),
-                _both(row, "end_"),
-                *(cell(row[key]) for key in ("a", "b", "difference")),
-            )
-            for row in compared["largest"]
-        ]
+        largest = []
+        for row in compared["largest"]:
+            values = [cell(row[key]) for key in ("a", "b", "difference")]
+            largest.append((_both(row, "row_"), _both(row, "end_"), *values))
         yield sheet(("row", "end", "A", "B", "B − A"), largest, left=(0, 1))
 
 
@@ -385,8 +402,11 @@ def spread(interval: Mapping[str, float | None], rounding: float = _ROUNDING) ->
     """
     low = interval["low"]
     high = interval["high"]
-    half = 0.0 if low is None or high is None else 0.5 * (high - low)
-    return cell(interval["estimate"], 3, rounding) + (f" ± {half:.2g}" if half > rounding else "")
+    estimate = cell(interval["estimate"], 3, rounding)
+    if low is None or high is None:
+        return estimate
+    half = 0.5 * (high - low)
+    return f"{estimate} ± {half:.2g}" if half > rounding else estimate
 
 
 def cell(value: Any, digits: int = 5, rounding: float = _ROUNDING) -> str:  # noqa: ANN401 - any column
@@ -394,5 +414,5 @@ def cell(value: Any, digits: int = 5, rounding: float = _ROUNDING) -> str:  # no
     if isinstance(value, float):
         return f"{0.0 if abs(value) < rounding else value:.{digits}g}"
     if isinstance(value, list):
-        return ", ".join(map(str, value)) or "none"
+        return ", ".join(map(str, value)) if value else "none"
     return "-" if value is None else str(value)

@@ -20,16 +20,38 @@ _STYLES: Final = (
     {"color": "0.45", "linestyle": (0, (6, 2)), "marker": "v"},
     {"color": "#7b4fa3", "linestyle": (0, (1, 1)), "marker": "x"},
 )
+
+
+class _Measure(NamedTuple):
+    """What the curves show.
+
+    Attributes:
+        label: With a place for the unit.
+        games: Column of the number of games that have the measure.
+        column: Of the measure.
+        band: Keys of the low end, the middle and the high end of its band.
+    """
+
+    label: str
+    games: str
+    column: str
+    band: tuple[str, str, str]
+
+
 _MEASURES: Final = (
-    ("share captured, with its 95 % interval", "games", "capture", ("low", "estimate", "high")),
-    (
+    _Measure(
+        "share captured, with its 95 % interval",
+        "games",
+        "capture",
+        ("low", "estimate", "high"),
+    ),
+    _Measure(
         "regret, {}: median, 5 % to 95 %",
         "regret_games",
         "regret_quantiles",
         ("0.05", "0.5", "0.95"),
     ),
 )
-"""What the curves show: label, number of games, and the keys of the measure and of the ends and middle of its band."""
 
 _MOST_KEYS: Final = 6
 _SHARES: Final = np.linspace(0.0, 1.0, 400)
@@ -70,18 +92,17 @@ def draw_all(
         OSError: If a file cannot be written.
     """
     grid = [key for key in keys if key.grid]
-    figures = {"regret": _regret(report, [numbers for numbers in regrets if numbers.size])}
+    figures = {"regret": _regret(report, regrets)}
     figures["keys"] = _curves(report, keys[:_MOST_KEYS])
     if len(grid) == 2:
         down, across = grid
         figures["map"] = _map(report, down, across, "regret_mean", f"mean regret, {report['unit']}")
         figures["map-captures"] = _map(report, down, across, "capture", "share captured")
-    drawn = {name: figure for name, figure in figures.items() if figure is not None}
-    return [
-        path
-        for name, figure in drawn.items()
-        for path in save_twice(figure, out / name, dpi=160, private=True)
-    ]
+    paths: list[Path] = []
+    for name, figure in figures.items():
+        if figure is not None:
+            paths.extend(save_twice(figure, out / name, dpi=160, private=True))
+    return paths
 
 
 def key_label(column: str) -> str:
@@ -89,8 +110,11 @@ def key_label(column: str) -> str:
     for ending, unit in (("_m_s", "m/s"), ("_deg", "deg"), ("_hz", "Hz"), ("_m", "m"), ("_s", "s")):
         name, bracket, index = column.partition("[")
         if name.endswith(ending):
-            axis = f" {'xyz'[int(index[:-1])]}" if bracket and index[:-1] in {"0", "1", "2"} else ""
-            return f"{name.removesuffix(ending).replace('.', ' ').replace('_', ' ')}{axis}, {unit}"
+            quantity = name.removesuffix(ending).replace(".", " ").replace("_", " ")
+            number = index.removesuffix("]")
+            if bracket and number in {"0", "1", "2"}:
+                return f"{quantity} {'xyz'[int(number)]}, {unit}"
+            return f"{quantity}, {unit}"
     return column.replace(".", " ").replace("_", " ")
 
 
@@ -105,16 +129,13 @@ def _names(report: Mapping[str, Any], player: str) -> list[str]:
 
 
 def _styles(report: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    # Wide lines below narrow ones, so that equal curves remain visible.
-    return {
-        pursuer: {
-            **_STYLES[row % len(_STYLES)],
-            "linewidth": max(1.0, 3.0 - 0.6 * row),
-            "label": pursuer,
-            "ms": 4,
-        }
-        for row, pursuer in enumerate(_names(report, "pursuer"))
-    }
+    styles = {}
+    for number, pursuer in enumerate(_names(report, "pursuer")):
+        # Wide lines below narrow ones, so that equal curves remain visible.
+        width = max(1.0, 3.0 - 0.6 * number)
+        style = _STYLES[number % len(_STYLES)]
+        styles[pursuer] = {**style, "linewidth": width, "label": pursuer, "ms": 4}
+    return styles
 
 
 def _legend(figure: Figure, axes: Any) -> None:  # noqa: ANN401 - Matplotlib has no types for it
@@ -125,27 +146,26 @@ def _legend(figure: Figure, axes: Any) -> None:  # noqa: ANN401 - Matplotlib has
 
 def _regret(report: Mapping[str, Any], regrets: Sequence[Array]) -> Figure | None:
     """Draw the share of games with at most a given regret; one panel for each evader."""
-    played_pairs = [one for one in report["policies"] if one["regret_games"]]
+    regrets = [numbers for numbers in regrets if numbers.size]
+    played_pairs = [pair for pair in report["policies"] if pair["regret_games"]]
     if not played_pairs:
         return None
     evaders = list(dict.fromkeys(pair["evader"] for pair in played_pairs))
     styles = _styles(report)
     figure, axes = _figure(f"{report['title']}: regret against the game's value", 1, len(evaders))
     for panel, evader in zip(axes[0], evaders, strict=True):
-        group = [
-            (pair, numbers)
+        of_pursuers = [
+            (pair["pursuer"], numbers)
             for pair, numbers in zip(played_pairs, regrets, strict=True)
             if pair["evader"] == evader
         ]
-        ends = np.quantile(
-            np.concatenate([numbers for _, numbers in group]), [1.0 - _SHOWN, _SHOWN]
-        )
+        all_regrets = np.concatenate([numbers for _, numbers in of_pursuers])
+        ends = np.quantile(all_regrets, [1.0 - _SHOWN, _SHOWN])
         margin = max(0.03 * float(np.ptp(ends)), 1e-6)
-        for pair, numbers in group:
+        for pursuer, numbers in of_pursuers:
             quantiles = np.quantile(numbers, _SHARES, method="inverted_cdf")
-            panel.plot(
-                quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **styles[pair["pursuer"]]
-            )
+            style = styles[pursuer]
+            panel.plot(quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **style)
         panel.set(xlim=(ends[0] - margin, ends[1] + margin), ylim=(0.0, 1.02))
         panel.set(xlabel=f"regret, {report['unit']}", title=f"evader: {evader}")
         panel.axvline(0.0, color="0.5", linewidth=0.8)
@@ -160,44 +180,63 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
         return None
     evaders = _names(report, "evader")
     styles = _styles(report)
-    groups = [
-        group
-        for policies in report["policies"]
-        for key in keys
-        for group in policies["by_key"][key.column]
-    ]
-    differ = len({group["capture"]["estimate"] for group in groups if group["games"]}) > 1
-    rows = list(itertools.product(evaders, _MEASURES if differ else _MEASURES[1:]))
-    shape = (len(rows) // len(evaders), len(evaders)) if len(keys) == 1 else (len(rows), len(keys))
-    figure, axes = _figure(f"{report['title']}: results by swept key", *shape)
-    panels = axes.T.ravel() if len(keys) == 1 else axes.ravel()
-    for panel, ((evader, (name, count, measure, band)), key) in zip(
-        panels, itertools.product(rows, keys), strict=True
-    ):
-        for one in (pair for pair in report["policies"] if pair["evader"] == evader):
-            known_groups = [group for group in one["by_key"][key.column] if group[count]]
-            style = styles[one["pursuer"]]
-            centres = [
-                key.centres[key.labels.index(group["at"][key.column])] for group in known_groups
-            ]
-            numbers = np.array(
-                [[group[measure][part] for part in band] for group in known_groups],
-                dtype=np.float64,
-            )
-            low, middle, high = numbers.reshape(-1, 3).T
-            panel.plot(centres, middle, **style)
-            panel.fill_between(centres, low, high, color=style["color"], alpha=0.12, linewidth=0.0)
+    measures = _MEASURES if _captures_differ(report, keys) else _MEASURES[1:]
+    title = f"{report['title']}: results by swept key"
+    if len(keys) == 1:
+        figure, axes = _figure(title, len(measures), len(evaders))
+        panels = axes.T.ravel()
+    else:
+        figure, axes = _figure(title, len(evaders) * len(measures), len(keys))
+        panels = axes.ravel()
+    contents = itertools.product(evaders, measures, keys)
+    for panel, (evader, measure, key) in zip(panels, contents, strict=True):
+        for pair in report["policies"]:
+            if pair["evader"] == evader:
+                _draw_curve(
+                    panel, pair["by_key"][key.column], key, measure, styles[pair["pursuer"]]
+                )
         panel.set(
             xlabel=key_label(key.column),
-            ylabel=name.format(report["unit"]),
+            ylabel=measure.label.format(report["unit"]),
             title=f"evader: {evader}",
         )
-        if measure == "capture":
+        if measure.column == "capture":
             panel.set_ylim(-0.03, 1.03)
         if [*key.centres] == [*range(len(key.labels))]:
             panel.set_xticks(key.centres, key.labels)
     _legend(figure, axes)
     return figure
+
+
+def _captures_differ(report: Mapping[str, Any], keys: Sequence[Key]) -> bool:
+    """Return True if the share of captures is not the same for all pairs and groups."""
+    shares = set()
+    for policies in report["policies"]:
+        for key in keys:
+            groups = policies["by_key"][key.column]
+            shares |= {group["capture"]["estimate"] for group in groups if group["games"]}
+    return len(shares) > 1
+
+
+def _draw_curve(
+    panel: Any,  # noqa: ANN401 - Matplotlib has no types for it
+    groups: Sequence[Mapping[str, Any]],
+    key: Key,
+    measure: _Measure,
+    style: Mapping[str, Any],
+) -> None:
+    """Draw a measure of the groups that have one, with its band."""
+    centres = []
+    bands = []
+    for group in groups:
+        if not group[measure.games]:
+            continue
+        number = key.labels.index(group["at"][key.column])
+        centres.append(key.centres[number])
+        bands.append([group[measure.column][part] for part in measure.band])
+    low, middle, high = np.array(bands, dtype=np.float64).reshape(-1, 3).T
+    panel.plot(centres, middle, **style)
+    panel.fill_between(centres, low, high, color=style["color"], alpha=0.12, linewidth=0.0)
 
 
 def _map(
@@ -208,11 +247,14 @@ def _map(
     pursuers = _names(report, "pursuer")
     maps = {}
     for pair in report["policies"]:
-        cells = {
-            tuple(group["at"].values()): group[measure]["estimate"] for group in pair["by_point"]
-        }
-        rows = [[cells.get((first, second)) for second in across.labels] for first in down.labels]
-        maps[pair["pursuer"], pair["evader"]] = np.array(rows, dtype=np.float64)
+        cells = {}
+        for group in pair["by_point"]:
+            labels = tuple(group["at"].values())
+            cells[labels] = group[measure]["estimate"]
+        points = list(itertools.product(down.labels, across.labels))
+        values = np.array([cells.get(point) for point in points], dtype=np.float64)
+        shape = (len(down.labels), len(across.labels))
+        maps[pair["pursuer"], pair["evader"]] = values.reshape(shape)
     finite_values = np.concatenate([values[np.isfinite(values)] for values in maps.values()])
     if not finite_values.size or not np.ptp(finite_values):
         return None

@@ -110,7 +110,8 @@ class Folder:
     @property
     def rows_there(self) -> int:
         """Number of rows in the other chunks."""
-        return self.plan.rows - sum(len(self.rows(chunk)) for chunk in self.missing)
+        missing = sum(len(self.rows(chunk)) for chunk in self.missing)
+        return self.plan.rows - missing
 
     def keep(self, chunk: int, content: bytes) -> None:
         """Write a chunk's file.
@@ -133,12 +134,9 @@ class Folder:
         """Read `ROW`, `END` and other columns of all rows, and add `PAIR`, `POINT`, `SEED` and `CAPTURED`."""
         table = parquet.read_table(self.parts, columns=[ROW, END, *names])
         read = {name: table[name].to_numpy() for name in table.column_names}
-        placed = dict(zip((PAIR, POINT, SEED), self.plan.places(read[ROW]), strict=True))
-        return (
-            read
-            | placed
-            | {CAPTURED: np.where(read[END] == "invalid", math.nan, read[END] == CAPTURED)}
-        )
+        read[PAIR], read[POINT], read[SEED] = self.plan.places(read[ROW])
+        read[CAPTURED] = np.where(read[END] == "invalid", math.nan, read[END] == CAPTURED)
+        return read
 
 
 def begun(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> Folder:
@@ -159,21 +157,31 @@ def begun(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> F
         private_folder(path)
         if (path / MANIFEST).is_file():
             return _resumed(path, plan, chunk_rows)
-        if any(
-            child
-            for child in path.iterdir()
-            if not child.name.startswith(".") and child.name != ROWS
-        ):
+        visible = [child.name for child in path.iterdir() if not child.name.startswith(".")]
+        if any(name != ROWS for name in visible):
             raise ConfigError(
                 f"--out {path}: has files but no sweep ({MANIFEST}); choose a new folder"
             )
         private_folder(path / ROWS)
-        fair = plan.rows if workers == 1 else math.ceil(plan.rows / (_CHUNKS_A_WORKER * workers))
-        rows = chunk_rows or min(fair, _LARGEST_CHUNK["teams" if plan.teams else plan.way])
-        manifest = {"format": _FORMAT, "digest": plan.digest, "rows": plan.rows, "chunk_rows": rows}
-        manifest |= {"versions": versions_of(DETERMINING), "commit": commit(), **plan.document}
+        rows = chunk_rows if chunk_rows else _default_chunk_rows(plan, workers)
+        manifest = {
+            "format": _FORMAT,
+            "digest": plan.digest,
+            "rows": plan.rows,
+            "chunk_rows": rows,
+            "versions": versions_of(DETERMINING),
+            "commit": commit(),
+            **plan.document,
+        }
         write_whole(path / MANIFEST, json.dumps(manifest, indent=1).encode())
     return Folder(path, plan, rows)
+
+
+def _default_chunk_rows(plan: Plan, workers: int) -> int:
+    largest = _LARGEST_CHUNK["teams" if plan.teams else plan.way]
+    if workers == 1:
+        return min(plan.rows, largest)
+    return min(math.ceil(plan.rows / (_CHUNKS_A_WORKER * workers)), largest)
 
 
 def read_folder(path: Path) -> Folder:
@@ -214,17 +222,20 @@ def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
     manifest = _manifest(path)
     was = plan_of(manifest).decisive
     now = plan.decisive
-    if differing := [name for name in {**was, **now} if was.get(name) != now.get(name)]:
-        differ = f"{', '.join(differing)} differ{'s' * (len(differing) == 1)}"
+    differing = [name for name in {**was, **now} if was.get(name) != now.get(name)]
+    if differing:
+        verb = "differs" if len(differing) == 1 else "differ"
+        differ = f"{', '.join(differing)} {verb}"
         raise ConfigError(f"--out {path}: holds another sweep ({differ}); choose another folder")
-    if (recorded := manifest["versions"]) != (present := versions_of(DETERMINING)):
-        changed = "; ".join(
-            f"{package} {recorded.get(package)}, now {present[package]}"
-            for package in present
-            if recorded.get(package) != present[package]
-        )
+    recorded = manifest["versions"]
+    present = versions_of(DETERMINING)
+    if recorded != present:
+        changed = [package for package in present if recorded.get(package) != present[package]]
+        words = [
+            f"{package} {recorded.get(package)}, now {present[package]}" for package in changed
+        ]
         raise ConfigError(
-            f"--out {path}: was begun with {changed}: rows could differ; choose another folder"
+            f"--out {path}: was begun with {'; '.join(words)}: rows could differ; choose another folder"
         )
     if chunk_rows not in {None, manifest["chunk_rows"]}:
         raise ConfigError(
@@ -252,4 +263,6 @@ def read_json(path: Path) -> dict[str, Any]:
         document = json.loads(text_of(path, str(path), secret=False))
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not valid JSON ({error})") from error
-    return document if isinstance(document, dict) else {}
+    if not isinstance(document, dict):
+        return {}
+    return document

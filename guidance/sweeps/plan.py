@@ -59,7 +59,7 @@ class Seeds(Section):
 
     def __len__(self) -> int:
         """Number of seeds."""
-        return len(self.values) or self.count
+        return len(self.values) if self.values else self.count
 
     def at(self, number: Integers) -> Integers:
         """Return the seeds with these numbers."""
@@ -68,7 +68,9 @@ class Seeds(Section):
 
 def _seeds(seeds: Any) -> Any:  # noqa: ANN401 - from a file
     keys = {int: "count", list: "list"}
-    return {keys[type(seeds)]: seeds} if type(seeds) in keys else seeds
+    if type(seeds) in keys:
+        return {keys[type(seeds)]: seeds}
+    return seeds
 
 
 AnySeeds = Annotated[Seeds, BeforeValidator(_seeds, json_schema_input_type=int | list[int] | Seeds)]
@@ -127,8 +129,11 @@ class Plan(Section):
     @field_validator("grid", "random", mode="before", json_schema_input_type=dict[str, Any])
     @classmethod
     def _flatten(cls, document: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - from a file
-        inner = (Mapping,) if info.field_name == "random" else (Mapping, list)
-        return dict(flat(document, inner)) if isinstance(document, Mapping) else document
+        if not isinstance(document, Mapping):
+            return document
+        if info.field_name == "random":
+            return dict(flat(document, Mapping))
+        return dict(flat(document, (Mapping, list)))
 
     def _faults(self) -> Iterator[str]:
         if self.teams and self.way != "maths":
@@ -140,7 +145,7 @@ class Plan(Section):
                 use = "use it for pursuer.position_m or evader.position_m as a whole"
                 advice = "give each number of another key its own distribution"
                 yield f"random.{key}: a disc or an annulus is a position: {use}; {advice}"
-        columns = [name for axis in self.axes for name in axis.columns()]
+        columns = list(itertools.chain.from_iterable(axis.columns() for axis in self.axes))
         pairs = [" against ".join(pair) for pair in self.pairs]
         for key, names in (
             ("policies", pairs),
@@ -168,34 +173,36 @@ class Plan(Section):
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
         """The axes of the grid, then the random ones."""
-        return (
-            *(Axis(key, path_of(key), values) for key, values in self.grid.items()),
-            *(Axis(key, path_of(key), random=random) for key, random in self.random.items()),
-        )
+        grid = [Axis(key, path_of(key), values) for key, values in self.grid.items()]
+        random = [Axis(key, path_of(key), random=draws) for key, draws in self.random.items()]
+        return (*grid, *random)
 
     @cached_property
     def pairs(self) -> tuple[Pair, ...]:
         """The pairs of policies."""
-        scenario_policies = [policy_in(self.scenario[player]) for player in Pair._fields]
-        return tuple(
-            Pair(*names)
-            for policies in self.policies or (Policies(),)
-            for names in itertools.product(
-                _several(policies.pursuer, scenario_policies[0]),
-                _several(policies.evader, scenario_policies[1]),
-            )
-        )
+        scenario_pursuer = policy_in(self.scenario["pursuer"])
+        scenario_evader = policy_in(self.scenario["evader"])
+        if not self.policies:
+            return (Pair(scenario_pursuer, scenario_evader),)
+        pairs: list[Pair] = []
+        for policies in self.policies:
+            pursuers = _several(policies.pursuer, scenario_pursuer)
+            evaders = _several(policies.evader, scenario_evader)
+            pairs.extend(itertools.starmap(Pair, itertools.product(pursuers, evaders)))
+        return tuple(pairs)
 
     @cached_property
     def shape(self) -> tuple[int, int, int]:
         """Numbers of pairs of policies, of grid points and of seeds."""
         pairs = len(self.pairs)
-        points = math.prod(len(axis.values) or 1 for axis in self.axes)
-        return (
-            pairs,
-            points,
-            len(self.seeds) if self.number is None else self.number // (points * pairs),
-        )
+        points = math.prod(self._lengths)
+        seeds = len(self.seeds) if self.number is None else self.number // (points * pairs)
+        return pairs, points, seeds
+
+    @property
+    def _lengths(self) -> tuple[int, ...]:
+        """Number of values on every axis; 1 on a random axis."""
+        return tuple(max(1, len(axis.values)) for axis in self.axes)
 
     @property
     def rows(self) -> int:
@@ -209,29 +216,27 @@ class Plan(Section):
 
     def on_axes(self, point: Integers) -> tuple[Integers, ...]:
         """Return the place of grid points on every axis, (n,) each; 0 on a random axis."""
-        return np.unravel_index(point, (1, *(len(axis.values) or 1 for axis in self.axes)))[1:]
+        # The leading 1 also serves a plan without axes
+        return np.unravel_index(point, (1, *self._lengths))[1:]
 
     def cases(self, row: Integers) -> Cases:
         """Return policies, seeds and values of rows, by their numbers (n,)."""
         pair, point, seed = self.places(row)
-        values = (
-            axis.at(index, seed) for axis, index in zip(self.axes, self.on_axes(point), strict=True)
-        )
-        return Cases(row, pair, seed, tuple(values))
+        places = zip(self.axes, self.on_axes(point), strict=True)
+        values = tuple(axis.at(index, seed) for axis, index in places)
+        return Cases(row, pair, seed, values)
 
     @cached_property
     def schema(self) -> pa.Schema:
         """Columns of the table: number of the row, swept values, outcome."""
-        swept = (column for axis in self.axes for column in axis.columns().items())
-        outcome = (TeamOutcome if self.teams else Outcome).__annotations__.items()
+        columns: list[tuple[str, pa.DataType]] = [(ROW, pa.int64())]
+        for axis in self.axes:
+            columns.extend(axis.columns().items())
+        outcome = TeamOutcome if self.teams else Outcome
         texts = pa.list_(pa.string())
-        return pa.schema(
-            [
-                (ROW, pa.int64()),
-                *swept,
-                *((name, _TYPES.get(kind, texts)) for name, kind in outcome),
-            ]
-        )
+        for name, kind in outcome.__annotations__.items():
+            columns.append((name, _TYPES.get(kind, texts)))
+        return pa.schema(columns)
 
     @property
     def document(self) -> dict[str, Any]:
@@ -254,13 +259,16 @@ class Plan(Section):
 
 
 def _several(names: str | tuple[str, ...], default: str) -> tuple[str, ...]:
-    return (names,) if isinstance(names, str) else names or (default,)
+    if isinstance(names, str):
+        return (names,)
+    return names if names else (default,)
 
 
 def policy_in(section: Any) -> str:  # noqa: ANN401 - a player's section, or the tables of a team
     """Return the policy of a player or a team; different policies of a team are joined by "+"."""
-    groups = section if isinstance(section, (list, tuple)) else [section]
-    return "+".join(dict.fromkeys(str(group["policy"]) for group in groups))
+    if not isinstance(section, (list, tuple)):
+        return str(section["policy"])
+    return "+".join(dict.fromkeys(str(group["policy"]) for group in section))
 
 
 def plan_of(document: Mapping[str, Any]) -> Plan:

@@ -11,12 +11,13 @@ from typing import Any, Final
 
 import numpy as np
 import tomli_w
+from numpy.typing import NDArray
 from rich.console import Console
 
 from guidance.files import private_folder, writing
 from guidance.log.codec import plain
 from guidance.screen import console, sheet
-from guidance.sweeps.axes import Axis
+from guidance.sweeps.axes import Array, Axis
 from guidance.sweeps.compare import Interval, cell, known, mean, share, spread
 from guidance.sweeps.drawing import Key, draw_all, key_label
 from guidance.sweeps.folder import CAPTURED, END, PAIR, POINT, Columns, read_folder, write_whole
@@ -52,18 +53,24 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
     """
     folder = read_folder(path)
     plan = folder.plan
-    swept = [column for axis in plan.axes for column in axis.columns()]
-    of_game = ("predicted", "evader_to_target_m") if plan.teams else _OF_GAME[plan.scenario["game"]]
-    rows = folder.columns([*swept, *_COLUMNS, *of_game])
-    rows["predicted"], rows["away_m"] = (rows[name] for name in of_game)
-    keys = [key for axis in plan.axes for key in _keys(plan, axis, rows)]
+    swept: list[str] = []
+    for axis in plan.axes:
+        swept.extend(axis.columns())
+    predicted, away_m = _columns_of_game(plan)
+    rows = folder.columns([*swept, *_COLUMNS, predicted, away_m])
+    rows["predicted"] = rows[predicted]
+    rows["away_m"] = rows[away_m]
+    keys: list[Key] = []
+    for axis in plan.axes:
+        keys.extend(_keys(plan, axis, rows))
     with writing(f"--out {out}"):
         private_folder(out)
         cases = list(_written_worst(plan, rows, out, worst))
         report = summed_up(plan, rows, keys, cases)
         text = json.dumps(report, indent=1) + "\n"
         write_whole(out / "report.json", text.encode())
-        regrets = [known(rows["regret"][rows[PAIR] == number]) for number in range(len(plan.pairs))]
+        of_pairs = [rows[PAIR] == number for number in range(len(plan.pairs))]
+        regrets = [known(rows["regret"][of_pair]) for of_pair in of_pairs]
         pictures = draw_all(report, keys, regrets, out)
     if as_json:
         sys.stdout.write(text)
@@ -72,29 +79,41 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
     return [out / "report.json", *pictures, *(out / case["file"] for case in cases)]
 
 
+def _columns_of_game(plan: Plan) -> tuple[str, str]:
+    """Return the columns of the predicted value, and of the distance that orders lost games."""
+    if plan.teams:
+        return "predicted", "evader_to_target_m"
+    return _OF_GAME[plan.scenario["game"]]
+
+
 def _keys(plan: Plan, axis: Axis, rows: Columns) -> Iterator[Key]:
     """Yield groups of rows: by the values of a grid, or by ten even bins of each random number."""
-    if axis.random is None and len(axis.values) > 1:
+    if axis.random is not None:
+        for column in axis.columns():
+            yield _bins(column, rows[column])
+    elif len(axis.values) > 1:
         places = plan.on_axes(rows[POINT])[plan.axes.index(axis)]
-        labels = [
-            f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values
-        ]
-        centres = (
-            axis.values
-            if all(isinstance(value, (int, float)) for value in axis.values)
-            else range(len(labels))
-        )
+        labels = [_value_label(value) for value in axis.values]
+        centres: Sequence[float] = range(len(labels))
+        if all(isinstance(value, (int, float)) for value in axis.values):
+            centres = axis.values
         yield Key(axis.key, labels, centres, places, grid=True)
-    for column in axis.columns() if axis.random is not None else ():
-        numbers = rows[column]
-        if numbers.dtype.kind != "f":
-            texts, places = np.unique(numbers.astype(str), return_inverse=True)
-            yield Key(column, texts.tolist(), range(len(texts)), places, grid=False)
-            continue
-        edges = np.linspace(numbers.min(), numbers.max(), _BINS + 1)
-        labels = [f"{low:.4g} to {high:.4g}" for low, high in itertools.pairwise(edges.tolist())]
-        places = np.searchsorted(edges[1:-1], numbers, side="right")
-        yield Key(column, labels, (0.5 * (edges[1:] + edges[:-1])).tolist(), places, grid=False)
+
+
+def _bins(column: str, numbers: NDArray[Any]) -> Key:
+    """Group the values of a random column: numbers by ten even bins, others by value."""
+    if numbers.dtype.kind != "f":
+        texts, places = np.unique(numbers.astype(str), return_inverse=True)
+        return Key(column, texts.tolist(), range(len(texts)), places, grid=False)
+    edges = np.linspace(numbers.min(), numbers.max(), _BINS + 1)
+    labels = [f"{low:.4g} to {high:.4g}" for low, high in itertools.pairwise(edges.tolist())]
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    places = np.searchsorted(edges[1:-1], numbers, side="right")
+    return Key(column, labels, centres.tolist(), places, grid=False)
+
+
+def _value_label(value: Any) -> str:  # noqa: ANN401 - any value of a key
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def summed_up(
@@ -110,11 +129,23 @@ def summed_up(
     """
     grid = [key for key in keys if key.grid]
     by_key = {key.column: _groups(plan, rows, [key]) for key in keys}
-    by_point = _groups(plan, rows, grid) if len(grid) == 2 else {}
+    by_point: dict[int, list[dict[str, Any]]] = {}
+    if len(grid) == 2:
+        by_point = _groups(plan, rows, grid)
     everything = _groups(plan, rows, [])
-    return dict(plain({
-        "title": plan.title or plan.scenario["title"],
-        "scenario": plan.scenario["title"],
+    policies = []
+    for number, pair in enumerate(plan.pairs):
+        if number not in everything:
+            continue
+        ends = rows[END][rows[PAIR] == number]
+        results = {**pair._asdict(), "ends": Counter(ends.tolist()), **everything[number][0]}
+        results["by_key"] = {column: groups[number] for column, groups in by_key.items()}
+        results["by_point"] = by_point.get(number, [])
+        policies.append(results)
+    scenario_title = plan.scenario["title"]
+    report = {
+        "title": plan.title if plan.title else scenario_title,
+        "scenario": scenario_title,
         "as": plan.way,
         "digest": plan.digest,
         "rows": rows[ROW].size,
@@ -122,58 +153,65 @@ def summed_up(
         "teams": plan.teams,
         "unit": "s" if plan.scenario["game"] == "pe" else "m",
         "intervals": "95 %, of random draws only: Wilson's for probabilities, Student's t for means",
-        "policies": [
-            {**pair._asdict(), "ends": Counter(rows[END][rows[PAIR] == number].tolist()), **everything[number][0]}
-            | {"by_key": {column: groups[number] for column, groups in by_key.items()}}
-            | {"by_point": by_point.get(number, [])}
-            for number, pair in enumerate(plan.pairs)
-            if number in everything
-        ],
+        "policies": policies,
         "invalid": _reasons(rows),
         "worst": worst,
-    }))  # fmt: skip
+    }
+    return dict(plain(report))
 
 
 def _groups(plan: Plan, rows: Columns, keys: Sequence[Key]) -> dict[int, list[dict[str, Any]]]:
     """Return for every pair of policies the summaries of its groups, in the order of the keys' values."""
-    numbers = np.stack(
-        [rows[name] for name in (CAPTURED, "regret", "predicted", "game_time_s")], axis=-1
-    )
+    columns = [rows[name] for name in (CAPTURED, "regret", "predicted", "game_time_s")]
+    numbers = np.stack(columns, axis=-1)
     shape = (len(plan.pairs), *(len(key.labels) for key in keys))
     group = np.ravel_multi_index((rows[PAIR], *(key.places for key in keys)), shape)
-    mixed = sum(len(axis.values) > 1 for axis in plan.axes) > len([key for key in keys if key.grid])
-    groups_of: dict[int, list[dict[str, Any]]] = {}
     order = np.argsort(group, kind="stable")
     groups, begins = np.unique(group[order], return_index=True)
-    for number, members in zip(groups.tolist(), np.split(numbers[order], begins[1:]), strict=True):
+    games_of = np.split(numbers[order], begins[1:])
+    with_intervals = not (plan.teams or _mixes_grid_values(plan, keys))
+    groups_of: dict[int, list[dict[str, Any]]] = {}
+    for number, games in zip(groups.tolist(), games_of, strict=True):
         pair, *places = np.unravel_index(number, shape)
-        captures, regrets, predicted, times_s = members.T
-        captures = known(captures)
-        regrets = known(regrets)
-        drawn = (
-            any(axis.random is not None for axis in plan.axes)
-            or np.unique(known(times_s)).size != 1
-        )
-        captured = share(int(captures.sum()), captures.size)
-        regret = mean(regrets)
-        if not drawn or mixed or plan.teams:
-            captured = Interval(captured.estimate)
-            regret = Interval(regret.estimate)
-        quantiles = np.quantile(regrets, QUANTILES).tolist() if regrets.size else []
-        summary = {
-            "games": captures.size,
-            "capture": captured,
-            "predicted_mean": float(predicted.mean()),
-            "regret_games": regrets.size,
-            "regret_mean": regret,
-            "regret_quantiles": {
-                f"{quantile:g}": value
-                for quantile, value in zip(QUANTILES, quantiles, strict=False)
-            },
-        }
-        at = {key.column: key.labels[index] for key, index in zip(keys, places, strict=True)}
-        groups_of.setdefault(int(pair), []).append(({"at": at} if keys else {}) | summary)
+        summary: dict[str, Any] = {}
+        if keys:
+            places_of = zip(keys, places, strict=True)
+            summary["at"] = {key.column: key.labels[index] for key, index in places_of}
+        summary.update(_summary(plan, games, with_intervals=with_intervals))
+        groups_of.setdefault(int(pair), []).append(summary)
     return groups_of
+
+
+def _mixes_grid_values(plan: Plan, keys: Sequence[Key]) -> bool:
+    """Return True if the plan varies more keys of its grid than these."""
+    varied = [axis for axis in plan.axes if len(axis.values) > 1]
+    return len(varied) > len([key for key in keys if key.grid])
+
+
+def _summary(plan: Plan, games: Array, *, with_intervals: bool) -> dict[str, Any]:
+    """Return captures and regrets of a group of games (n, 4): captured, regret, predicted value and time."""
+    captures, regrets, predicted, times_s = games.T
+    captures = known(captures)
+    regrets = known(regrets)
+    captured = share(int(captures.sum()), captures.size)
+    regret = mean(regrets)
+    has_draws = any(axis.random is not None for axis in plan.axes)
+    are_equal = not has_draws and np.unique(known(times_s)).size == 1
+    if are_equal or not with_intervals:
+        captured = Interval(captured.estimate)
+        regret = Interval(regret.estimate)
+    quantiles: dict[str, float] = {}
+    if regrets.size:
+        values = np.quantile(regrets, QUANTILES).tolist()
+        quantiles = {f"{part:g}": value for part, value in zip(QUANTILES, values, strict=True)}
+    return {
+        "games": captures.size,
+        "capture": captured,
+        "predicted_mean": float(predicted.mean()),
+        "regret_games": regrets.size,
+        "regret_mean": regret,
+        "regret_quantiles": quantiles,
+    }
 
 
 def _reasons(rows: Columns) -> list[dict[str, Any]]:
@@ -192,33 +230,36 @@ def _written_worst(plan: Plan, rows: Columns, out: Path, count: int) -> Iterator
     A game that the pursuer should have won and lost is worse than any regret; the evader's distance from its
     target (TAD) or the pursuer's from the disc (PE) orders it.
     """
-    row, pair, end, regret = (rows[name] for name in (ROW, PAIR, END, "regret"))
+    for number, index in enumerate(_worst(plan, rows, count), 1):
+        row = int(rows[ROW][index])
+        end = str(rows[END][index])
+        scenario = scenario_of(plan, row)
+        if isinstance(scenario, str):
+            continue
+        names = plan.pairs[rows[PAIR][index]]
+        document = scenario.model_dump(mode="json", exclude={"expect"}, exclude_none=True)
+        sweep = plan.digest[:12]
+        document["description"] = (
+            f"Row {row} of the sweep {sweep}, {' against '.join(names)}: {end}."
+        )
+        path = out / f"worst-{number:03d}.toml"
+        write_whole(path, tomli_w.dumps(document).encode())
+        result = {"row": row, "end": end, "regret": float(rows["regret"][index])}
+        yield {"file": path.name, **result, **names._asdict()}
+
+
+def _worst(plan: Plan, rows: Columns, count: int) -> list[int]:
+    """Return the indices of the worst `count` rows of every pair of policies, the worst first."""
+    pair = rows[PAIR]
+    end = rows[END]
+    regret = rows["regret"]
     lost = (rows["predicted_winner"] == "pursuer") & (end != CAPTURED) & (end != "invalid")
     badness = np.nan_to_num(np.where(lost, rows["away_m"], regret))
-    order = np.lexsort((row, -badness, ~lost))
+    order = np.lexsort((rows[ROW], -badness, ~lost))
     order = order[(lost | np.isfinite(regret))[order]]
-    best = np.sort(
-        np.concatenate(
-            [np.flatnonzero(pair[order] == number)[:count] for number in range(len(plan.pairs))]
-        )
-    )
-    for number, place in enumerate(order[best.astype(int)].tolist(), 1):
-        scenario = scenario_of(plan, int(row[place]))
-        names = plan.pairs[pair[place]]
-        path = out / f"worst-{number:03d}.toml"
-        about = f"Row {row[place]} of the sweep {plan.digest[:12]}, {' against '.join(names)}: {end[place]}."
-        if not isinstance(scenario, str):
-            document = {
-                **scenario.model_dump(mode="json", exclude={"expect"}, exclude_none=True),
-                "description": about,
-            }
-            write_whole(path, tomli_w.dumps(document).encode())
-            result = {
-                "row": int(row[place]),
-                "end": str(end[place]),
-                "regret": float(regret[place]),
-            }
-            yield {"file": path.name, **result, **names._asdict()}
+    ranks_of_pairs = [np.flatnonzero(pair[order] == number) for number in range(len(plan.pairs))]
+    ranks = np.sort(np.concatenate([ranks[:count] for ranks in ranks_of_pairs]))
+    return list(order[ranks.astype(int)].tolist())
 
 
 def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> None:
@@ -235,24 +276,22 @@ def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> No
     )
     ends = []
     regrets = []
-    for invalid in report["policies"]:
-        others = ", ".join(
-            f"{count} {end}" for end, count in sorted(invalid["ends"].items()) if end != CAPTURED
-        )
-        ends.append(
-            (_names(invalid), str(invalid["games"]), _share(invalid["capture"]), others or "-")
-        )
-        regrets.append((_names(invalid), *_regret(invalid, _SHOWN)))
+    for policies in report["policies"]:
+        counts = sorted(policies["ends"].items())
+        others = [f"{count} {end}" for end, count in counts if end != CAPTURED]
+        other_ends = ", ".join(others) if others else "-"
+        games = str(policies["games"])
+        ends.append((_names(policies), games, _share(policies["capture"]), other_ends))
+        regrets.append((_names(policies), *_regret(policies, _SHOWN)))
     target.print(sheet(("policies", "games", "captured", "other ends"), ends, left=(0, 3)))
     target.print()
     target.print(sheet(("policies", "mean regret", *_SHOWN), regrets))
-    for invalid in report["policies"]:
-        for title, headings, rows in _by_key(invalid, grid):
-            target.print(f"\n{_names(invalid)}{title}", style="italic")
-            equal = len({row[1:] for row in rows}) == 1
-            target.print(
-                sheet(("", *headings), [("all", *rows[0][1:])] if equal else rows, left=())
-            )
+    for policies in report["policies"]:
+        for title, headings, rows in _by_key(policies, grid):
+            target.print(f"\n{_names(policies)}{title}", style="italic")
+            if len({row[1:] for row in rows}) == 1:
+                rows = [("all", *rows[0][1:])]  # noqa: PLW2901 - equal rows are shown once
+            target.print(sheet(("", *headings), rows, left=()))
     for invalid in report["invalid"]:
         target.print(
             f"\n{invalid['rows']} rows are invalid or failed, as row {invalid['row']}: {invalid['reason']}",
@@ -275,14 +314,14 @@ def _by_key(
             ("capture", "captured", _percent),
             ("regret_mean", "mean regret", _number),
         ):
-            cells = {
-                tuple(point["at"].values()): cell_of(point[measure]["estimate"])
-                for point in policies["by_point"]
-            }
-            rows = [
-                (down, *(cells.get((down, across), "") for across in second.labels))
-                for down in first.labels
-            ]
+            cells = {}
+            for point in policies["by_point"]:
+                labels = tuple(point["at"].values())
+                cells[labels] = cell_of(point[measure]["estimate"])
+            rows = []
+            for down in first.labels:
+                cells_across = [cells.get((down, across), "") for across in second.labels]
+                rows.append((down, *cells_across))
             yield f": {name} by {keys}", second.labels, rows
         return
     names = list(_SHOWN)[:3]

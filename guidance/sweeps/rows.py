@@ -6,7 +6,7 @@ import hashlib
 import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cache, partial
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -44,10 +44,11 @@ def bases_of(plan: Plan, source: str = "") -> list[dict[str, Any]]:
     bases = []
     for pair in plan.pairs:
         document = _with_policies(plan.scenario, pair)
-        checked = parse(
-            plan.model, document, source=f"{source}: policies {pair.pursuer} and {pair.evader}"
-        )
-        bases.append({name: document[name] if name in swept else part for name, part in checked})
+        named_source = f"{source}: policies {pair.pursuer} and {pair.evader}"
+        base = dict(parse(plan.model, document, source=named_source))
+        for name in swept & base.keys():
+            base[name] = document[name]
+        bases.append(base)
     return bases
 
 
@@ -57,12 +58,13 @@ def scenarios_of(plan: Plan, cases: Cases) -> Iterator[Scenario | TeamScenario |
     Sections with a swept key, and all checks between sections, are validated for every row.
     """
     bases = bases_of(plan)
-    drawn = list(zip(*cases.values, strict=True)) if cases.values else [()] * len(cases.row)
+    drawn: list[tuple[Any, ...]] = [()] * len(cases.row)
+    if cases.values:
+        drawn = list(zip(*cases.values, strict=True))
     for pair, seed, values in zip(cases.pair.tolist(), cases.seed.tolist(), drawn, strict=True):
+        document = _with_values(bases[pair], plan.axes, values)
         try:
-            yield plan.model.model_validate(
-                {**_with_values(bases[pair], plan.axes, values), "seed": seed}
-            )
+            yield plan.model.model_validate({**document, "seed": seed})
         except ValidationError as error:
             yield "; ".join(explain(plan.model, fault) for fault in error.errors())
 
@@ -79,9 +81,8 @@ def _with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:
         section = document[player]
         if not isinstance(section, list):
             others = {key for of, key in _COURSE_KEYS.items() if policy != of}
-            document[player] = {
-                name: part for name, part in section.items() if name not in others
-            } | {"policy": policy}
+            kept = {name: part for name, part in section.items() if name not in others}
+            document[player] = {**kept, "policy": policy}
         elif policy != policy_in(section):
             document[player] = [{**group, "policy": policy} for group in section]
     return document
@@ -107,7 +108,7 @@ def _placed(node: Any, path: Sequence[str | int], value: Any) -> Any:  # noqa: A
         if not isinstance(node, (list, tuple)) or head >= len(node):
             raise LookupError(head)
         return [*node[:head], _placed(node[head], inner_path, value), *node[head + 1 :]]
-    section = node or {}
+    section = node if node else {}
     return {**section, head: _placed(section.get(head), inner_path, value)}
 
 
@@ -127,24 +128,23 @@ def planned(name: str, way: str | None = None) -> Plan:
     """
     path = find(name, FOLDER)
     text, document = read(path)
-    document |= {} if way is None else {"as": way}
-    if isinstance(scenario := document.get("scenario"), str):
+    if way is not None:
+        document["as"] = way
+    scenario = document.get("scenario")
+    if isinstance(scenario, str):
         beside = path.parent / scenario
-        document["scenario"] = load_any(str(beside) if beside.is_file() else scenario)[
-            1
-        ].model_dump(mode="json")
+        _, loaded = load_any(str(beside) if beside.is_file() else scenario)
+        document["scenario"] = loaded.model_dump(mode="json")
     elif scenario is not None:
         raise ConfigError(
             f"{path}: scenario = {as_toml(scenario)}: must be a scenario's name or path"
         )
     plan = parse(Plan, document, source=str(path), text=text)
     base = _with_policies(plan.scenario, plan.pairs[0])
-    faults = [
-        fault
-        for axis in plan.axes
-        for value in axis.extremes
-        for fault in _faults(plan.model, base, axis, value)
-    ]
+    faults: list[str] = []
+    for axis in plan.axes:
+        for value in axis.extremes:
+            faults.extend(_faults(plan.model, base, axis, value))
     if faults:
         raise ConfigError(f"{name}:\n" + "\n".join(f"  {fault}" for fault in dict.fromkeys(faults)))
     bases_of(plan, name)
@@ -232,15 +232,14 @@ def table_of(plan: Plan, rows: range) -> pa.Table:
     """Play rows and return their table."""
     cases = plan.cases(np.arange(rows.start, rows.stop, dtype=np.int64))
     scenarios = list(scenarios_of(plan, cases))
-    outcomes_played = iter(
-        _played(plan, [scenario for scenario in scenarios if not isinstance(scenario, str)])
-    )
-    outcomes = [
-        [_invalid(plan, cases, row, scenario)]
-        if isinstance(scenario, str)
-        else next(outcomes_played)
-        for row, scenario in enumerate(scenarios)
-    ]
+    valid = [scenario for scenario in scenarios if not isinstance(scenario, str)]
+    outcomes_played = iter(_played(plan, valid))
+    outcomes: list[Sequence[Any]] = []
+    for row, scenario in enumerate(scenarios):
+        if isinstance(scenario, str):
+            outcomes.append([_invalid(plan, cases, row, scenario)])
+        else:
+            outcomes.append(next(outcomes_played))
     return as_table(plan, cases, outcomes)
 
 
@@ -249,32 +248,35 @@ def as_table(plan: Plan, cases: Cases, outcomes: Sequence[Sequence[Any]]) -> pa.
     swept = [pa.array(cases.row)]
     for axis, values in zip(plan.axes, cases.values, strict=True):
         swept.extend(axis.cells(values))
-    places = np.repeat(np.arange(len(outcomes)), [len(rows) for rows in outcomes])
+    counts = [len(rows) for rows in outcomes]
+    places = pa.array(np.repeat(np.arange(len(outcomes)), counts))
     columns = zip(*itertools.chain.from_iterable(outcomes), strict=True)
     fields = list(plan.schema)[len(swept) :]
     cells = [pa.array(column, field.type) for column, field in zip(columns, fields, strict=True)]
-    return pa.Table.from_arrays(
-        [*(column.take(pa.array(places)) for column in swept), *cells], schema=plan.schema
-    )
+    repeated = [column.take(places) for column in swept]
+    return pa.Table.from_arrays([*repeated, *cells], schema=plan.schema)
 
 
 def _played(plan: Plan, games: list[Any]) -> Iterable[Sequence[Any]]:
     """Return the outcomes of each game: one, or of teams one for every evader."""
     if plan.teams:
         return play_teams(games)
-    return ([outcome] for outcome in (play(games) if plan.way == "maths" else map(flown, games)))
+    outcomes = play(games) if plan.way == "maths" else map(flown, games)
+    return ([outcome] for outcome in outcomes)
 
 
 def _invalid(plan: Plan, cases: Cases, row: int, reason: str) -> Outcome | TeamOutcome:
-    (pursuer, evader) = plan.pairs[cases.pair[row]]
-    seed = int(cases.seed[row])
-    kind = partial(
-        TeamOutcome if plan.teams else Outcome,
+    pair = plan.pairs[cases.pair[row]]
+    kind = TeamOutcome if plan.teams else Outcome
+    return kind(
         plan.scenario["title"],
         plan.way,
         plan.scenario["game"],
+        pursuer_policy=pair.pursuer,
+        evader_policy=pair.evader,
+        seed=int(cases.seed[row]),
+        reason=reason,
     )
-    return kind(pursuer_policy=pursuer, evader_policy=evader, seed=seed, reason=reason)
 
 
 def flown(scenario: Scenario) -> Outcome:
@@ -286,8 +288,7 @@ def flown(scenario: Scenario) -> Outcome:
     clock = VirtualClock()
     try:
         with contextlib.closing(SteppedWorld(scenario, clock)) as world:
-            return outcome_of_flight(
-                Mission(scenario, world, clock).fly().vehicles[PURSUER], "fast"
-            )
+            result = Mission(scenario, world, clock).fly()
+            return outcome_of_flight(result.vehicles[PURSUER], "fast")
     except GuidanceError as error:
         return outcome_of(scenario, "fast", end="failed", reason=str(error))

@@ -108,7 +108,9 @@ def _client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no types
             f"--scheduler {scheduler}: TLS needs a certificate; {mend} ({error})"
         ) from error
     except (OSError, ValueError, AssertionError) as error:
-        reason = str(error) or "check the protocol, tcp:// or tls://, and the certificates"
+        reason = str(error)
+        if not reason:
+            reason = "check the protocol, tcp:// or tls://, and the certificates"
         raise LinkError(
             f"--scheduler {scheduler}: no answer from a Dask scheduler ({reason})"
         ) from error
@@ -147,8 +149,9 @@ def finish(
     if scheduler is not None:
         with _client(scheduler) as client:
             size = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+            start = partial(client.get_executor, pure=False, retries=0)
             try:
-                _spread(folder, on_kept, size, partial(client.get_executor, pure=False, retries=0))
+                _spread(folder, on_kept, size, start)
             except (CancelledError, OSError, TimeoutError) as error:
                 mend = "earlier rows are kept: run the same command to continue"
                 raise LinkError(
@@ -226,6 +229,11 @@ def _deadly(chunk: int) -> GuidanceError:
     )
 
 
+def _processors() -> int:
+    count = os.cpu_count()
+    return 1 if count is None else count
+
+
 def run_sweep(
     name: str,
     *,
@@ -252,9 +260,10 @@ def run_sweep(
     plan = planned(name, way)
     path = out if out is not None else Path("sweeps") / f"{Path(name).stem}-{plan.way}"
     unit = "games" if plan.way == "maths" else "flights"
-    size = workers if workers is not None else os.cpu_count() or 1
+    size = workers if workers is not None else _processors()
+    title = plan.title if plan.title else Path(name).stem
     with alone(path):
-        target.print(headed(plan.title or Path(name).stem, f": {plan.rows} {unit}"))
+        target.print(headed(title, f": {plan.rows} {unit}"))
         folder = begun(path, plan, chunk, size)
         count = len(folder.missing)
         if folder.rows_there:
@@ -262,9 +271,12 @@ def run_sweep(
         if not count:
             return path
         size = min(size, count)
-        by = "in this process" if size == 1 else f"in {size} processes"
-        by = by if scheduler is None else f"on the cluster at {scheduler}"
-        target.print(f"{count} chunks of {folder.chunk_rows}, {by}")
+        location = f"in {size} processes"
+        if size == 1:
+            location = "in this process"
+        if scheduler is not None:
+            location = f"on the cluster at {scheduler}"
+        target.print(f"{count} chunks of {folder.chunk_rows}, {location}")
         begun_s = time.monotonic()
         with Shown(folder, unit) as progress:
             try:

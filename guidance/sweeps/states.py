@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -25,7 +25,7 @@ from guidance.errors import ConfigError
 from guidance.files import writing
 from guidance.game import Ball, Game, Reason, Winner, solve
 from guidance.game.records import rows_of
-from guidance.game.team import match_teams
+from guidance.game.team import Matching, match_teams
 from guidance.screen import console, redraws
 
 ROWS = 65536
@@ -67,6 +67,14 @@ Cell = tuple[int, str, str]
 """A cell that should hold a number: its row, counted from 1, its column and its text."""
 
 
+class _Teams(NamedTuple):
+    """Rows of a file in which the same players are present, by their numbers."""
+
+    rows: Array
+    pursuers: Array
+    evaders: Array
+
+
 def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool) -> None:
     """Solve every row of a file and write the rows with their answers to another.
 
@@ -93,15 +101,12 @@ def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool)
             for chunk in _chunks(states):
                 numbers, cells = _with_numbers(chunk, first_row=rows_done + 1)
                 strange += cells
-                answered = _answered(
-                    game,
-                    numbers,
-                    {row - rows_done - 1 for row, *_ in cells},
-                    ratio_given=ratio_given,
-                )
+                lost = {row - rows_done - 1 for row, *_ in cells}
+                answered = _answered(game, numbers, lost, ratio_given=ratio_given)
                 rows_done += chunk.num_rows
                 with writing(out):
-                    writer = writer or _writer(out, answered.schema)
+                    if writer is None:
+                        writer = _writer(out, answered.schema)
                     writer.write_table(answered)
                 bar.update(task, completed=rows_done)
     except pa.ArrowInvalid as error:
@@ -112,8 +117,9 @@ def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool)
                 writer.close()
     target.print(f"{out}: {rows_done} rows", soft_wrap=True)
     if strange:
-        lost = f"{len({row for row, *_ in strange})} of {rows_done} rows have no answer, because a cell is not a number"
-        target.print(f"{states}: {lost}: {_listed(strange)}", soft_wrap=True, markup=False)
+        count = len({row for row, *_ in strange})
+        fault = f"{count} of {rows_done} rows have no answer, because a cell is not a number"
+        target.print(f"{states}: {fault}: {_listed(strange)}", soft_wrap=True, markup=False)
 
 
 def _checked_out(states: Path, out: Path | None) -> Path:
@@ -133,21 +139,21 @@ def _checked_out(states: Path, out: Path | None) -> Path:
 
 
 def _listed(cells: list[Cell]) -> str:
-    remainder = f"; and {len(cells) - _SHOWN} more" if len(cells) > _SHOWN else ""
-    return (
-        "; ".join(f"row {row}, {column} = {text!r}" for row, column, text in cells[:_SHOWN])
-        + remainder
-    )
+    words = [f"row {row}, {column} = {text!r}" for row, column, text in cells[:_SHOWN]]
+    if len(cells) > _SHOWN:
+        words.append(f"and {len(cells) - _SHOWN} more")
+    return "; ".join(words)
 
 
 def _rows_of(path: Path) -> int:
     """Return the number of rows; of a CSV file the number of its lines, for the progress bar."""
     if path.suffix == ".parquet":
         return int(parquet.read_metadata(path).num_rows)
+    lines = 0
     with path.open("rb") as file:
-        return max(
-            0, sum(block.count(b"\n") for block in iter(lambda: file.read(1 << 20), b"")) - 1
-        )
+        while block := file.read(1 << 20):
+            lines += block.count(b"\n")
+    return max(0, lines - 1)  # without the heading
 
 
 def _chunks(path: Path) -> Iterator[pa.Table]:
@@ -172,9 +178,9 @@ def _chunks(path: Path) -> Iterator[pa.Table]:
 
 def _writer(out: Path, schema: pa.Schema) -> csv.CSVWriter | parquet.ParquetWriter:
     out.parent.mkdir(parents=True, exist_ok=True)
-    return (
-        csv.CSVWriter(out, schema) if out.suffix == ".csv" else parquet.ParquetWriter(out, schema)
-    )
+    if out.suffix == ".csv":
+        return csv.CSVWriter(out, schema)
+    return parquet.ParquetWriter(out, schema)
 
 
 def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Cell]]:
@@ -200,16 +206,10 @@ def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool)
     if any(map(_PLAYER.fullmatch, names)):
         fields = _team_answers(game, chunk, target, lost)
     else:
-        answer = (
-            solve(game, _place(chunk, "pursuer"), _place(chunk, "evader"), target)._asdict().items()
-        )
-        fields = {
-            re.sub(r"(_m_s|_m)$", r"_{}\1", name) if values.ndim > 1 else name: values
-            for name, values in answer
-        }
-    columns = {
-        name: values for column, field in fields.items() for name, values in _flat(column, field)
-    }
+        fields = _answers(game, chunk, target)
+    columns: dict[str, Any] = {}
+    for column, field in fields.items():
+        columns.update(_flat(column, field))
     taken = names & set(columns)
     if taken and taken != set(columns):
         fault = f"the column {min(taken)} has the name of an answer and would be overwritten"
@@ -219,10 +219,21 @@ def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool)
     for name, values in columns.items():
         if name.endswith("reason"):
             values = ["not_a_number" if row in lost else word for row, word in enumerate(values)]  # noqa: PLW2901
-        chunk = (chunk.drop_columns([name]) if name in names else chunk).append_column(
-            name, pa.array(values)
-        )
+        if name in names:
+            chunk = chunk.drop_columns([name])
+        chunk = chunk.append_column(name, pa.array(values))
     return chunk
+
+
+def _answers(game: Game, chunk: pa.Table, target: Array | None) -> dict[str, Any]:
+    """Return the answers to the rows of a file of single games: name of the columns, and a field (rows, ...)."""
+    solution = solve(game, _place(chunk, "pursuer"), _place(chunk, "evader"), target)
+    fields = {}
+    for name, values in solution._asdict().items():
+        # A vector has a column for each axis, before its unit
+        column = re.sub(r"(_m_s|_m)$", r"_{}\1", name) if values.ndim > 1 else name
+        fields[column] = values
+    return fields
 
 
 def _with_ratios(game: Game, chunk: pa.Table, *, ratio_given: bool) -> Game:
@@ -236,17 +247,17 @@ def _with_ratios(game: Game, chunk: pa.Table, *, ratio_given: bool) -> Game:
         raise ConfigError(
             f"--speed-ratio, --cylinder: one must be given, since the file has no column {_RATIO}"
         )
-    return (
-        replace(game, pursuer=Ball(_column(chunk, _RATIO) * game.evader_speed_m_s))
-        if has_ratio
-        else game
-    )
+    if not has_ratio:
+        return game
+    return replace(game, pursuer=Ball(_column(chunk, _RATIO) * game.evader_speed_m_s))
 
 
 def _place(chunk: pa.Table, player: str) -> Array:
     """Return the positions of a player or of the target, (n, 3); those without a height are at z = 0."""
-    columns = [_column(chunk, f"{player}_{axis}_m") for axis in _AXES[player.partition("_")[0]]]
-    return np.stack([*columns, 0.0 * np.abs(columns[0])][:3], axis=-1)
+    kind, _, _ = player.partition("_")
+    columns = [_column(chunk, f"{player}_{axis}_m") for axis in _AXES[kind]]
+    level = 0.0 * np.abs(columns[0])  # NaN where the position is unknown
+    return np.stack([*columns, level][:3], axis=-1)
 
 
 def _column(chunk: pa.Table, name: str) -> Array:
@@ -266,11 +277,14 @@ def _flat(column: str, field: Array) -> Iterator[tuple[str, Any]]:
     words = _WORDS.get(column.rpartition("_")[2])
     for index in np.ndindex(field.shape[1:]):
         values = field[:, *index]
-        labels = (*index[:-1], "xyz"[index[-1]]) if column.endswith(("_m", "_m_s")) else index
-        yield (
-            column.format(*labels),
-            values if words is None else [words(code).word for code in values.tolist()],
-        )
+        labels: list[int | str] = list(index)
+        if column.endswith(("_m", "_m_s")):
+            labels[-1] = "xyz"[index[-1]]
+        name = column.format(*labels)
+        if words is None:
+            yield name, values
+        else:
+            yield name, [words(code).word for code in values.tolist()]
 
 
 def _team_answers(
@@ -287,46 +301,68 @@ def _team_answers(
     Raises:
         ConfigError: Players are not numbered from 0 on, there are too many, or a side has none; or as `match_teams`.
     """
-    P = _players(chunk, "pursuer")
-    E = _players(chunk, "evader")
-    rows = len(P)
-    n = P.shape[1]
-    m = E.shape[1]
-    shapes = {"guaranteed": (), "total": (), "evader_of": (n,), "pursuer_velocity_m_s": (n, 3)}
-    shapes |= {"meeting_point_m": (m, 2), "evader_velocity_m_s": (m, 2)}
-    answers = {
-        name: np.full((rows, *shapes.get(name, (m,))), blank)
-        for name, (_, blank) in _TEAM_COLUMNS.items()
+    pursuers_m = _players(chunk, "pursuer")
+    evaders_m = _players(chunk, "evader")
+    answers = _blank_team_answers(len(pursuers_m), pursuers_m.shape[1], evaders_m.shape[1])
+    for teams in _teams_in(pursuers_m, evaders_m, lost):
+        row_games = rows_of(game, itemgetter((teams.rows, None, None)))
+        P = pursuers_m[np.ix_(teams.rows, teams.pursuers)]
+        E = evaders_m[np.ix_(teams.rows, teams.evaders)]
+        goal = None if target is None else target[teams.rows][:, None]
+        _fill_in(answers, teams, match_teams(row_games, P, E, goal))
+    return {_TEAM_COLUMNS[name][0]: field for name, field in answers.items()}
+
+
+def _blank_team_answers(rows: int, pursuers: int, evaders: int) -> dict[str, Array]:
+    """Return the fields of `_TEAM_COLUMNS` of rows without an answer."""
+    shapes: dict[str, tuple[int, ...]] = {
+        "guaranteed": (),
+        "total": (),
+        "evader_of": (pursuers,),
+        "pursuer_velocity_m_s": (pursuers, 3),
+        "meeting_point_m": (evaders, 2),
+        "evader_velocity_m_s": (evaders, 2),
     }
-    present = np.concatenate([np.isfinite(places).any(axis=-1) for places in (P, E)], axis=1)
+    answers = {}
+    for name, (_, blank) in _TEAM_COLUMNS.items():
+        shape = shapes.get(name, (evaders,))
+        answers[name] = np.full((rows, *shape), blank)
+    return answers
+
+
+def _teams_in(pursuers_m: Array, evaders_m: Array, lost: set[int]) -> Iterator[_Teams]:
+    """Group the rows by the players that are present; skip lost rows and those that lack a side."""
+    has_pursuer = np.isfinite(pursuers_m).any(axis=-1)
+    has_evader = np.isfinite(evaders_m).any(axis=-1)
+    present = np.concatenate([has_pursuer, has_evader], axis=1)
     patterns, kinds = np.unique(present, axis=0, return_inverse=True)
     for number, pattern in enumerate(patterns):
-        row = np.setdiff1d(np.flatnonzero(kinds.reshape(-1) == number), list(lost))
-        pursuers = np.flatnonzero(pattern[:n])
-        evaders = np.flatnonzero(pattern[n:])
-        if not (len(row) and len(pursuers) and len(evaders)):
+        rows = np.setdiff1d(np.flatnonzero(kinds.reshape(-1) == number), list(lost))
+        pursuers = np.flatnonzero(pattern[: has_pursuer.shape[1]])
+        evaders = np.flatnonzero(pattern[has_pursuer.shape[1] :])
+        if rows.size and pursuers.size and evaders.size:
+            yield _Teams(rows, pursuers, evaders)
+
+
+def _fill_in(answers: dict[str, Array], teams: _Teams, match: Matching) -> None:
+    """Write the answers to some rows, with the players numbered as in the file."""
+    numbers = {"first": teams.pursuers, "second": teams.pursuers, "evader_of": teams.evaders}
+    for name, column in answers.items():
+        part = getattr(match, name)
+        if name in numbers:
+            # -1 means none; it takes the last place
+            part = np.append(numbers[name], -1)[part]
+        if column.ndim == 1:
+            column[teams.rows] = part
             continue
-        goal = None if target is None else target[row][:, None]
-        row_games = rows_of(game, itemgetter((row, None, None)))
-        match = match_teams(row_games, P[np.ix_(row, pursuers)], E[np.ix_(row, evaders)], goal)
-        # By the players of the file
-        numbered = {
-            "first": pursuers,
-            "second": pursuers,
-            "evader_of": evaders,
-        }
-        for name, column in answers.items():
-            part = getattr(match, name)
-            part = np.append(numbered[name], -1)[part] if name in numbered else part
-            of = pursuers if "pursuer" in _TEAM_COLUMNS[name][0] else evaders
-            column[row if column.ndim == 1 else np.ix_(row, of)] = part[..., : column.shape[-1]]
-    return {_TEAM_COLUMNS[name][0]: field for name, field in answers.items()}
+        players = teams.pursuers if "pursuer" in _TEAM_COLUMNS[name][0] else teams.evaders
+        column[np.ix_(teams.rows, players)] = part[..., : column.shape[-1]]
 
 
 def _players(chunk: pa.Table, player: str) -> Array:
     """Return the positions of a side, (n, players, 3)."""
-    found = filter(None, map(_PLAYER.fullmatch, chunk.column_names))
-    numbers = {int(name[2]) for name in found if name[1] == player}
+    matches = filter(None, map(_PLAYER.fullmatch, chunk.column_names))
+    numbers = {int(name[2]) for name in matches if name[1] == player}
     if not numbers or numbers != set(range(len(numbers))) or len(numbers) > MAX_PLAYERS:
         names = ", ".join(f"{player}_0_{axis}_m" for axis in _AXES[player])
         allowed = (
