@@ -105,23 +105,19 @@ def limit(
         already_shaped: Whether the servo has shaped the velocity; then its jerk is not limited.
     """
     active: list[Limiter] = []
-    memory = memory or start(situation, envelope)
-    place, flown, yaw_rad, evader, _, gaining, _ = situation
-    known = (*place, *flown, yaw_rad, *(evader or ()))
+    memory = start(situation, envelope) if memory is None else memory
+    gaining = situation.acceleration_ned_m_s2
+    state = _numbers_of_situation(situation)
     last = (*memory[0], *memory[1], *memory[2], memory.yaw_rad)
-    asked = (
-        *command.velocity_ned_m_s,
-        *(command.acceleration_ned_m_s2 or ()),
-        command.yaw_rad or 0.0,
-    )
-    if not usable(*known, *gaining, *asked, *last):
+    demands = _numbers_of_command(command)
+    if not usable(*state, *gaining, *demands, *last):
         memory = memory if usable(*last) else start(situation, envelope)
-        if not usable(*known):
+        if not usable(*state):
             return Limited(
                 Setpoint(STILL), (Limiter.SITUATION,), LimitMemory(STILL, yaw_rad=memory.yaw_rad)
             )
         situation = situation._replace(acceleration_ned_m_s2=gaining if usable(*gaining) else STILL)
-        if not usable(*asked):
+        if not usable(*demands):
             active.append(Limiter.COMMAND)
             command = Setpoint(STILL, yaw_rad=memory.yaw_rad)
     if not 0.0 <= dt_s <= LONGEST_STEP_S:
@@ -143,16 +139,19 @@ def limit(
         shaped = clamp(shaped, *speeds)
         _note(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
     velocity, holding = obey(shaped, constraints_of(shaped, situation, walls, envelope))
-    active.extend(dict.fromkeys(one.limiter for one in holding))
-    at_speed = _at_speed_limit(velocity, flown, envelope)
-    closed = tuple(one._replace(distance_m=0.0, about_m=None) for one in (*holding, *at_speed))
+    active.extend(dict.fromkeys(constraint.limiter for constraint in holding))
+    at_speed = _at_speed_limit(velocity, situation.velocity_ned_m_s, envelope)
+    closed = tuple(
+        constraint._replace(distance_m=0.0, about_m=None) for constraint in (*holding, *at_speed)
+    )
 
-    wanted = command.acceleration_ned_m_s2
-    if wanted is not None:
-        wanted = slew(
-            clamp(wanted, *accelerations), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s
+    demanded = command.acceleration_ned_m_s2
+    slewed = None
+    if demanded is not None:
+        slewed = slew(
+            clamp(demanded, *accelerations), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s
         )
-    feed_forward = braked(wanted, situation, walls, envelope)
+    feed_forward = braked(slewed, situation, walls, envelope)
     if feed_forward is not None:
         # Before the stand-off the approach is about to brake. Until then the feed-forward is still needed against drag,
         # so it goes as the wall takes speed away: all of it at `EASED_M_S`.
@@ -160,10 +159,10 @@ def limit(
             0.0, 1.0 - math.dist(velocity, shaped) / EASED_M_S
         )
         at_walls = (
-            Constraint(one.limiter, one.normal_ned, eased_m_s2)
-            if one.limiter is Limiter.STAND_OFF
-            else one
-            for one in closed[: len(holding)]
+            Constraint(constraint.limiter, constraint.normal_ned, eased_m_s2)
+            if constraint.limiter is Limiter.STAND_OFF
+            else constraint
+            for constraint in closed[: len(holding)]
         )
         feed_forward, _ = obey(clamp(feed_forward, *accelerations), (*at_walls, *at_speed))
         _note(
@@ -171,7 +170,7 @@ def limit(
             Limiter.FEED_FORWARD,
             Limiter.FEED_FORWARD,
             feed_forward,
-            command.acceleration_ned_m_s2 or STILL,
+            STILL if demanded is None else demanded,
         )
     turned_rad = (
         None
@@ -179,21 +178,36 @@ def limit(
         else _turn(command.yaw_rad, memory.yaw_rad, envelope, dt_s, active)
     )
     gained, _ = obey(acceleration, closed)
-    heading_rad = yaw_rad if turned_rad is None else turned_rad
-    sent = LimitMemory(velocity, gained, feed_forward or STILL, heading_rad, bool(holding))
+    heading_rad = situation.yaw_rad if turned_rad is None else turned_rad
+    sent_feed_forward = STILL if feed_forward is None else feed_forward
+    sent = LimitMemory(velocity, gained, sent_feed_forward, heading_rad, bool(holding))
     return Limited(Setpoint(velocity, feed_forward, turned_rad), tuple(active), sent)
 
 
+def _numbers_of_situation(situation: Situation) -> tuple[float, ...]:
+    """Return the numbers without which no limit can be checked."""
+    numbers = (*situation.position_ned_m, *situation.velocity_ned_m_s, situation.yaw_rad)
+    evader = situation.evader_position_ned_m
+    return numbers if evader is None else (*numbers, *evader)
+
+
+def _numbers_of_command(command: Setpoint) -> tuple[float, ...]:
+    numbers: tuple[float, ...] = command.velocity_ned_m_s
+    if command.acceleration_ned_m_s2 is not None:
+        numbers = (*numbers, *command.acceleration_ned_m_s2)
+    return numbers if command.yaw_rad is None else (*numbers, command.yaw_rad)
+
+
 def _accelerated(
-    allowed: Vector, before: Vector, most: Agility, dt_s: float, active: list[Limiter]
+    allowed: Vector, before: Vector, agility: Agility, dt_s: float, active: list[Limiter]
 ) -> tuple[Vector, Vector]:
     """Approach the allowed velocity within the acceleration alone; return the velocity and the acceleration."""
     acceleration = STILL
     reached = before
     if dt_s > 0.0:
         change = difference(allowed, before)
-        vertical = most.vertical_acceleration_m_s2 * dt_s
-        step = clamp(change, most.acceleration_m_s2 * dt_s, vertical, vertical)
+        vertical = agility.vertical_acceleration_m_s2 * dt_s
+        step = clamp(change, agility.acceleration_m_s2 * dt_s, vertical, vertical)
         acceleration = (step[0] / dt_s, step[1] / dt_s, step[2] / dt_s)
         if step == change:
             return allowed, acceleration
@@ -225,25 +239,28 @@ def _at_speed_limit(
     (north, east, down) = velocity_ned_m_s
     vertical_m_s2 = envelope.vertical_acceleration_m_s2
     size = math.hypot(north, east)
-    along = (north / size, east / size, 0.0) if size > 0.0 else STILL
+    along = STILL
+    if size > 0.0:
+        along = (north / size, east / size, 0.0)
     rows = (
         (Limiter.SPEED, along, size, envelope.speed_m_s, envelope.acceleration_m_s2),
         (Limiter.VERTICAL_SPEED, (0.0, 0.0, 1.0), down, envelope.descent_m_s, vertical_m_s2),
         (Limiter.VERTICAL_SPEED, (0.0, 0.0, -1.0), -down, envelope.climb_m_s, vertical_m_s2),
     )
-    found = []
+    constraints = []
     for limiter, normal, speed_m_s, limit_m_s, most_m_s2 in rows:
         if speed_m_s >= limit_m_s * (1.0 - 1e-9):
             flown_m_s = sum(v * n for v, n in zip(flown_ned_m_s, normal, strict=True))
-            over = (flown_m_s - limit_m_s) / (OVER_SPEED * limit_m_s)
-            found.append(Constraint(limiter, normal, most_m_s2 * min(1.0, max(0.0, 1.0 - over))))
-    return tuple(found)
+            excess = (flown_m_s - limit_m_s) / (OVER_SPEED * limit_m_s)
+            share = min(1.0, max(0.0, 1.0 - excess))
+            constraints.append(Constraint(limiter, normal, most_m_s2 * share))
+    return tuple(constraints)
 
 
 def _note(
-    active: list[Limiter], ground: Limiter, vertical: Limiter, got: Vector, wanted: Vector
+    active: list[Limiter], ground: Limiter, vertical: Limiter, limited: Vector, demanded: Vector
 ) -> None:
-    if abs(got[0] - wanted[0]) > NOTED or abs(got[1] - wanted[1]) > NOTED:
+    if abs(limited[0] - demanded[0]) > NOTED or abs(limited[1] - demanded[1]) > NOTED:
         active.append(ground)
-    if abs(got[2] - wanted[2]) > NOTED and vertical not in active:
+    if abs(limited[2] - demanded[2]) > NOTED and vertical not in active:
         active.append(vertical)
