@@ -112,7 +112,7 @@ def _sphere(
 
 
 def play_in_space(
-    xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None
+    xp: Library, game: Game, P: Space, E: Space, T: Space | None, observed: Space | None
 ) -> StateSolution:
     """Solve the game of an evader in space; see `solve` for the meaning of the answer.
 
@@ -122,7 +122,7 @@ def play_in_space(
         P: position of the pursuer, m.
         E: position of the evader, m.
         T: position of the target, m, or None for PE.
-        seen: the evader's observed velocity, m/s, or None.
+        observed: the evader's observed velocity, m/s, or None.
     """
     to_evader = plus3(E, -1.0, P)
     first, far = _unit(xp, to_evader if T is None else plus3(T, -1.0, E))
@@ -137,20 +137,20 @@ def play_in_space(
         return plus3(times3(v[0], first), v[1], second)
 
     meeting = plus3(E, 1.0, unfold(play.meeting_point_m))
-    flown = unfold(play.pursuer_velocity_m_s)
-    if seen is not None:  # a captured evader is followed, at most at its speed bound
-        direction, length = _unit(xp, seen)
+    velocity = unfold(play.pursuer_velocity_m_s)
+    if observed is not None:  # a captured evader is followed, at most at its speed bound
+        direction, length = _unit(xp, observed)
         pace = xp.select(length > game.evader_speed_m_s, game.evader_speed_m_s, length)
-        flown = xp.select_all(play.meeting_time_s <= 0, times3(pace, direction), flown)
+        velocity = xp.select_all(play.meeting_time_s <= 0, times3(pace, direction), velocity)
     evading = unfold(play.evader_velocity_m_s)
     return play._replace(
-        meeting_point_m=meeting, pursuer_velocity_m_s=flown, evader_velocity_m_s=evading
+        meeting_point_m=meeting, pursuer_velocity_m_s=velocity, evader_velocity_m_s=evading
     )
 
 
 def _unit(xp: Library, v: Space) -> tuple[Space, Real]:
     """Direction and length; the x axis where the length is zero."""
     length = xp.norm3(v)
-    some = length > 0
-    x, y, z = times3(1.0 / xp.select(some, length, 1.0), v)
-    return (xp.select(some, x, 1.0), y, z), length
+    nonzero = length > 0
+    x, y, z = times3(1.0 / xp.select(nonzero, length, 1.0), v)
+    return (xp.select(nonzero, x, 1.0), y, z), length

@@ -77,9 +77,9 @@ class Library:
 
     def unit2(self, v: Plane, length: Real) -> Plane:
         """Return the direction of a plane vector of known length; the x axis if the length is zero."""
-        some = length > 0
-        inverse = 1.0 / self.select(some, length, 1.0)
-        return self.select(some, v[0] * inverse, 1.0), v[1] * inverse
+        nonzero = length > 0
+        inverse = 1.0 / self.select(nonzero, length, 1.0)
+        return self.select(nonzero, v[0] * inverse, 1.0), v[1] * inverse
 
     def half_of_digits(self, value: Any) -> float:  # noqa: ANN401 - an array
         """Return √ε: after a Newton step this small the next is below ε, so none is needed."""
@@ -87,8 +87,10 @@ class Library:
 
     def constant(self, like: Array, value: Real | Sequence[float]) -> Array:
         """Return a value as an array in the precision and on the device of `like`; an array stays as it is."""
-        place = {} if is_jax_array(like) else {"device": device_of(like)}
-        return value if hasattr(value, "dtype") else self.asarray(value, dtype=like.dtype, **place)
+        options = {} if is_jax_array(like) else {"device": device_of(like)}
+        return (
+            value if hasattr(value, "dtype") else self.asarray(value, dtype=like.dtype, **options)
+        )
 
     def pack(
         self, shape: tuple[int, ...], like: Array, value: Real | tuple[Real, ...], plus: Real = 0.0
@@ -115,8 +117,8 @@ class Differentiating(Library):
         """Return a square root whose derivative at zero is finite."""
         if isinstance(square, float):
             return math.sqrt(square)
-        some = square > 0
-        return self.select(some, self.module.sqrt(self.select(some, square, 1.0)), square)
+        positive = square > 0
+        return self.select(positive, self.module.sqrt(self.select(positive, square, 1.0)), square)
 
     def maximum(self, a: Array, b: Real) -> Array:
         """Return the larger of two numbers elementwise; the second may be a float."""
@@ -149,15 +151,15 @@ class NumPy(Library):
         self.fill(packed, value, plus)
         return packed
 
-    def fill(self, place: Array, value: Real | tuple[Real, ...], plus: Real) -> None:
+    def fill(self, array: Array, value: Real | tuple[Real, ...], plus: Real) -> None:
         """Write value + plus to an array, in one pass for a batch."""
         if isinstance(value, tuple):
             for index, part in enumerate(value):
-                self.fill(place[..., index], part, plus)
-        elif place.ndim and place.dtype.kind == "f":
-            np.add(value, plus, out=place, casting="same_kind")
+                self.fill(array[..., index], part, plus)
+        elif array.ndim and array.dtype.kind == "f":
+            np.add(value, plus, out=array, casting="same_kind")
         else:
-            place[...] = value + plus
+            array[...] = value + plus
 
 
 class Floats(Library):
@@ -192,7 +194,7 @@ DOUBLE = np.dtype(np.float64)
 
 
 def vectors(
-    given: dict[str, Any], parameters: Sequence[Array] = ()
+    named: dict[str, Any], parameters: Sequence[Array] = ()
 ) -> tuple[Library, dict[str, Array]]:
     """Convert named vectors to real arrays of the widest precision among them and some arrays of parameters.
 
@@ -204,14 +206,14 @@ def vectors(
     """
     if all(
         type(value) is np.ndarray and value.dtype is DOUBLE
-        for value in (*given.values(), *parameters)
+        for value in (*named.values(), *parameters)
     ):
-        return NUMPY, given
-    known = {name: value for name, value in given.items() if is_array_api_obj(value)}
-    known |= {f"parameter {number + 1}": value for number, value in enumerate(parameters)}
-    module = library_of(known) if known else np
+        return NUMPY, named
+    arrays = {name: value for name, value in named.items() if is_array_api_obj(value)}
+    arrays |= {f"parameter {number + 1}": value for number, value in enumerate(parameters)}
+    module = library_of(arrays) if arrays else np
     xp = NUMPY if is_numpy_namespace(module) else Differentiating(module)
-    taken = {name: _as_array(xp, name, value) for name, value in given.items()}
+    taken = {name: _as_array(xp, name, value) for name, value in named.items()}
     wide = xp.result_type(*(array.dtype for array in (*taken.values(), *parameters)))
     return xp, {
         name: array if array.dtype == wide else xp.astype(array, wide)
@@ -264,21 +266,24 @@ def as_reals(array: Array) -> Array:
     return array
 
 
-def mapped(function: Callable[..., Any], first: Record, *more: Record) -> Record:
+def mapped(function: Callable[..., Any], first: Record, *others: Record) -> Record:
     """Return a record of what a function makes of the numbers at the same place of each record.
 
     A record is a tuple, named or not, or a dataclass. It has numbers and records in it.
     """
     if isinstance(first, tuple):
-        parts = tuple(mapped(function, *each) for each in zip(first, *more, strict=True))
+        parts = tuple(
+            mapped(function, *fields_at) for fields_at in zip(first, *others, strict=True)
+        )
         return cast("Record", type(first)(*parts) if hasattr(first, "_fields") else parts)
     if hasattr(first, "__dataclass_fields__"):
         names = [part.name for part in fields(first) if part.init]
         parts = mapped(
-            function, *(tuple(getattr(record, name) for name in names) for record in (first, *more))
+            function,
+            *(tuple(getattr(record, name) for name in names) for record in (first, *others)),
         )
         return replace(first, **dict(zip(names, parts, strict=True)))
-    return cast("Record", function(first, *more))
+    return cast("Record", function(first, *others))
 
 
 def component(array: Array, index: int) -> Real:
@@ -311,10 +316,10 @@ def less_length(u: Real, v: Real, w: Plane) -> Real:
     back = u - difference
     lost = (u - (difference + back)) + (back - v)
     (a, a_lost), (b, b_lost), (c, c_lost) = (_square(part) for part in (difference, *w))
-    both = b + c
-    both_lost = b - (both - (both - b)) + (c - (both - b))
-    rest = (a - both) + (a_lost - b_lost - c_lost - both_lost + 2.0 * difference * lost)
-    return rest / (difference + pair_length(w))
+    total = b + c
+    total_lost = b - (total - (total - b)) + (c - (total - b))
+    remainder = (a - total) + (a_lost - b_lost - c_lost - total_lost + 2.0 * difference * lost)
+    return remainder / (difference + pair_length(w))
 
 
 def _square(value: Real) -> tuple[Real, Real]:

@@ -235,8 +235,8 @@ def most_in_danger(xp: Library, extent: Extent, rivals: Rivals) -> Plane:
         return best.at
     judged = [_judged(xp, rivals, corner) for corner in corners]
     best = _corner(corners[0], judged[0])
-    for corner, there in zip(corners[1:], judged[1:], strict=True):
-        best = _lesser(xp, best, _corner(corner, there))
+    for corner, corner_margin in zip(corners[1:], judged[1:], strict=True):
+        best = _lesser(xp, best, _corner(corner, corner_margin))
     # A segment has one line.
     for index, (begin, end) in enumerate(sides if len(corners) > 2 else sides[:1]):
         ends = (judged[index], judged[(index + 1) % len(corners)])
@@ -254,17 +254,17 @@ def _sides(corners: tuple[tuple[float, float], ...]) -> list[tuple[Plane, Plane]
 
 def _line(begin: Plane, end: Plane, outward: float, *, is_open: bool = False) -> Line:
     """Return a side, moved outward."""
-    way = plus2(end, -1.0, begin)
-    length = math.hypot(*way)
-    along = (way[0] / length, way[1] / length)
+    side = plus2(end, -1.0, begin)
+    length = math.hypot(*side)
+    along = (side[0] / length, side[1] / length)
     return Line(plus2(begin, outward, (along[1], -along[0])), along, length, is_open)
 
 
-def _lesser(xp: Library, best: Point, other: Point) -> Point:
+def _lesser(xp: Library, best: Point, rival: Point) -> Point:
     """Return the point with the lesser margin."""
-    closer = other.margin < best.margin
+    closer = rival.margin < best.margin
     return Point(
-        xp.select2(closer, other.at, best.at), xp.select(closer, other.margin, best.margin)
+        xp.select2(closer, rival.at, best.at), xp.select(closer, rival.margin, best.margin)
     )
 
 
@@ -343,8 +343,8 @@ def _to_disc(xp: Library, rivals: Rivals, away: Plane) -> tuple[Real, Plane]:
     beside = xp.norm2(away)
     short = xp.maximum(beside - rivals.radius, 0.0)
     distance = xp.sqrt(short * short + rivals.z * rivals.z)
-    both = distance * beside
-    return distance, times2(short / xp.select(both > 0.0, both, 1.0), away)
+    product = distance * beside
+    return distance, times2(short / xp.select(product > 0.0, product, 1.0), away)
 
 
 def _corner(at: Plane, judged: Judged) -> Point:
@@ -378,8 +378,8 @@ def _on(xp: Library, piece: Piece, position: Real, rivals: Rivals) -> Pose:
     if isinstance(piece, Arc):
         # Towards the centre, by a right angle from the direction of the piece
         inward = (-along[1], along[0])
-        both = plus2(judged.arrives, -1.0, judged.guards)
-        bend = bend + dot2(both, inward) / piece.radius
+        gradient = plus2(judged.arrives, -1.0, judged.guards)
+        bend = bend + dot2(gradient, inward) / piece.radius
         bend = 2.0 * piece.radius / (1.0 + position * position) * bend
     return Pose(Point(at, judged.margin), slope, bend)
 
@@ -414,10 +414,10 @@ def _along(
         trial=xp.select(forward, foot - TRIED * window, foot + TRIED * window),
     )
     # From the inside of an edge, others are closer. A segment is seen from both sides.
-    seen = (outside > 0.0) | line.is_open
-    enclosed = seen & (first < 0.0) & (last > 0.0)
+    visible = (outside > 0.0) | line.is_open
+    enclosed = visible & (first < 0.0) & (last > 0.0)
     best = _lesser(xp, best, _bracketed(xp, line, bracket, rivals, (enclosed, best)))
-    near = seen & _is_near(xp, rivals, apart, beside)
+    near = visible & _is_near(xp, rivals, apart, beside)
     places = (foot, passed, apart, beside)
     return _lesser(
         xp, best, in_rows(near, best, partial(_both_sides, xp), line, places, rivals, best)
@@ -535,14 +535,14 @@ def _behind(xp: Library, rivals: Rivals, between: Real, apart: Real, beside: Rea
     fourth = xp.sqrt(xp.sqrt(ratio))
     sixteenth = xp.sqrt(xp.sqrt(fourth))
     root = fourth * sixteenth * xp.sqrt(xp.sqrt(sixteenth))
-    more = root * root - 1.0
-    turns = more > 0.0
-    more = xp.select(turns, more, 1.0)
+    excess = root * root - 1.0
+    turns = excess > 0.0
+    excess = xp.select(turns, excess, 1.0)
     half = xp.maximum(
-        between * between + more * (between * between + square - root * root * height),
+        between * between + excess * (between * between + square - root * root * height),
         0.0 * between,
     )
-    return xp.select(turns, (between + xp.sqrt(half)) / more, 0.0 * half)
+    return xp.select(turns, (between + xp.sqrt(half)) / excess, 0.0 * half)
 
 
 def _scanned(
@@ -606,10 +606,10 @@ def _stepped(
         rivals: both players.
         progress: the sign of the last slope (0 at first), and how many steps are allowed.
     """
-    sign, left = progress
+    sign, steps = progress
     low, high, falling, rising, new = bracket
-    done: Truth = False
-    for number in range(left if xp.differentiates else min(left, TOGETHER)):
+    converged: Truth = False
+    for number in range(steps if xp.differentiates else min(steps, TOGETHER)):
         pose = _on(xp, piece, new, rivals)
         slope = pose.slope
         falls = slope < 0.0
@@ -617,8 +617,10 @@ def _stepped(
         low = xp.select(falls, new, low)
         high = xp.select(rises, new, high)
         middle = 0.5 * (low + high)
-        done = done | (abs(slope) * rivals.v <= STEEP) | (middle <= low) | (middle >= high)
-        if not xp.differentiates and np.all(done):
+        converged = (
+            converged | (abs(slope) * rivals.v <= STEEP) | (middle <= low) | (middle >= high)
+        )
+        if not xp.differentiates and np.all(converged):
             return pose.point
         if pose.bend is None:
             falling = xp.select(
@@ -632,15 +634,15 @@ def _stepped(
             convex = pose.bend > 0.0
             to = new - slope / xp.select(convex, pose.bend, 1.0)
             to = xp.select(convex & (to > low) & (to < high), to, middle)
-        new = xp.select(done, new, to)
-    if xp.differentiates or left <= TOGETHER:
+        new = xp.select(converged, new, to)
+    if xp.differentiates or steps <= TOGETHER:
         return pose.point
     bracket = Bracket(low, high, falling, rising, new)
     return in_rows(
-        done == 0,
+        converged == 0,
         pose.point,
         lambda piece, bracket, rivals, sign: _stepped(
-            xp, piece, bracket, rivals, (sign, left - TOGETHER)
+            xp, piece, bracket, rivals, (sign, steps - TOGETHER)
         ),
         piece,
         bracket,

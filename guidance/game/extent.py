@@ -47,19 +47,19 @@ class Extent:
 
     def __post_init__(self) -> None:
         require("radius_m", self.radius_m, zero_allowed=True)
-        given = [tuple(corner) for corner in self.corners_m]
-        if not given or any(
-            len(corner) != 2 or not all(map(is_finite, corner)) for corner in given
+        pairs = [tuple(corner) for corner in self.corners_m]
+        if not pairs or any(
+            len(corner) != 2 or not all(map(is_finite, corner)) for corner in pairs
         ):
             raise ConfigError(
                 f"corners_m = {self.corners_m!r}: must be one or more pairs of finite numbers (x, y), m"
             )
         # Counterclockwise, as seen from the first, beyond which there is none.
-        first, *others = sorted((float(x), float(y)) for x, y in given)
+        first, *others = sorted((float(x), float(y)) for x, y in pairs)
         others.sort(
-            key=lambda one: (
-                math.atan2(one[1] - first[1], one[0] - first[0]),
-                math.dist(one, first),
+            key=lambda corner: (
+                math.atan2(corner[1] - first[1], corner[0] - first[0]),
+                math.dist(corner, first),
             )
         )
         corners = (first, *others)
@@ -86,31 +86,31 @@ class Extent:
 
     def outline_m(self) -> list[tuple[float, float]]:
         """Return points around the set's edge, for pictures: x and y from the target's position; of a point none."""
-        found: list[tuple[float, float]] = []
+        outline: list[tuple[float, float]] = []
         if self.is_point:
-            return found
+            return outline
         for number in range(OUTLINE):
             x = math.cos(math.tau * number / OUTLINE)
             y = math.sin(math.tau * number / OUTLINE)
             corner = max(self.corners_m, key=lambda corner: corner[0] * x + corner[1] * y)
-            found.append((corner[0] + self.radius_m * x, corner[1] + self.radius_m * y))
-        return list(dict.fromkeys(found))
+            outline.append((corner[0] + self.radius_m * x, corner[1] + self.radius_m * y))
+        return list(dict.fromkeys(outline))
 
 
 POINT = Extent()
 ORIGIN = (0.0, 0.0)
 
 
-def nearest(xp: Library, extent: Extent, place: Plane) -> tuple[Plane, Truth]:
-    """Return the nearest point of the polygon to a place, and whether it lies on a line and not at a corner.
+def nearest(xp: Library, extent: Extent, point: Plane) -> tuple[Plane, Truth]:
+    """Return the point of the polygon nearest to a point, and whether it lies on a line and not at a corner.
 
     Args:
         xp: array library.
         extent: the polygon, whose radius is not used.
-        place: from the target's position, m.
+        point: from the target's position, m.
     """
     corners = extent.corners_m
-    found: Plane = corners[0]
+    closest: Plane = corners[0]
     flat: Truth = False
     least: Real = math.inf
     inside: Truth = len(corners) > 2
@@ -118,20 +118,22 @@ def nearest(xp: Library, extent: Extent, place: Plane) -> tuple[Plane, Truth]:
     for (a_x, a_y), (b_x, b_y) in zip(corners, ends, strict=False):
         way_x = b_x - a_x
         way_y = b_y - a_y
-        x = place[0] - a_x
-        y = place[1] - a_y
+        x = point[0] - a_x
+        y = point[1] - a_y
         share = (x * way_x + y * way_y) / (way_x * way_x + way_y * way_y)
-        held = xp.select(share < 0.0, 0.0 * share, xp.select(share > 1.0, 0.0 * share + 1.0, share))
-        foot = (a_x + held * way_x, a_y + held * way_y)
-        apart = (place[0] - foot[0]) * (place[0] - foot[0]) + (place[1] - foot[1]) * (
-            place[1] - foot[1]
+        clamped = xp.select(
+            share < 0.0, 0.0 * share, xp.select(share > 1.0, 0.0 * share + 1.0, share)
+        )
+        foot = (a_x + clamped * way_x, a_y + clamped * way_y)
+        apart = (point[0] - foot[0]) * (point[0] - foot[0]) + (point[1] - foot[1]) * (
+            point[1] - foot[1]
         )
         closer = apart < least
         flat = xp.select(closer, (share > 0.0) & (share < 1.0), flat)
-        found = xp.select2(closer, foot, found)
+        closest = xp.select2(closer, foot, closest)
         least = xp.select(closer, apart, least)
         inside = inside & (way_x * y - way_y * x >= 0.0)
-    return xp.select2(inside, place, found), flat
+    return xp.select2(inside, point, closest), flat
 
 
 def from_set(centre: Plane, offset: Plane) -> Plane:
@@ -141,42 +143,42 @@ def from_set(centre: Plane, offset: Plane) -> Plane:
     return centre[0] + offset[0], centre[1] + offset[1]
 
 
-def to_set(xp: Library, extent: Extent, place: Plane) -> Plane:
-    """Return the vector from a place, which is given from the target's position, to the nearest point of the set."""
-    (x, y), _ = nearest(xp, extent, place)
-    way = (x - place[0], y - place[1])
-    length = xp.norm2(way)
+def to_set(xp: Library, extent: Extent, point: Plane) -> Plane:
+    """Return the vector from a point, which is given from the target's position, to the nearest point of the set."""
+    (x, y), _ = nearest(xp, extent, point)
+    offset = (x - point[0], y - point[1])
+    length = xp.norm2(offset)
     outside = length > extent.radius_m
     share = xp.select(
         outside, 1.0 - extent.radius_m / xp.select(outside, length, 1.0), 0.0 * length
     )
-    return times2(share, way)
+    return times2(share, offset)
 
 
-def least_at(xp: Library, extent: Extent, place: Plane, value: Callable[[Plane], Real]) -> Plane:
+def least_at(xp: Library, extent: Extent, start: Plane, value: Callable[[Plane], Real]) -> Plane:
     """Return where on the set's edge a function is least, from the target's position.
 
-    The function grows along every ray from a place outside the set, and the points where it is at most some number are
-    a convex set around this place. So its least value on the set is where a ray enters the set, and there is one
+    The function grows along every ray from a start outside the set, and the points where it is at most some number are
+    a convex set around this start. So its least value on the set is where a ray enters the set, and there is one
     minimum over the slope of the ray against the direction to the nearest point.
 
     Args:
         xp: array library.
         extent: the set.
-        place: from the target's position, m.
+        start: from the target's position, m.
         value: of points from the target's position.
     """
-    way = to_set(xp, extent, place)
-    ahead = xp.unit2(way, xp.norm2(way))
-    corners = [along2(ahead, (x - place[0], y - place[1])) for x, y in extent.corners_m]
+    offset = to_set(xp, extent, start)
+    ahead = xp.unit2(offset, xp.norm2(offset))
+    corners = [along2(ahead, (x - start[0], y - start[1])) for x, y in extent.corners_m]
     low, high = _slopes(xp, extent.radius_m, corners)
 
     def entered(slope: Real) -> Plane:
         far = _entry(xp, extent.radius_m, corners, slope)
         x, y = along2((ahead[0], -ahead[1]), (far, far * slope))
-        return place[0] + x, place[1] + y
+        return start[0] + x, start[1] + y
 
-    best: Plane = (place[0] + way[0], place[1] + way[1])
+    best: Plane = (start[0] + offset[0], start[1] + offset[1])
     least = value(best)
     tried = []
     if extent.radius_m == 0.0:
@@ -222,24 +224,24 @@ def _slopes(xp: Library, radius: float, corners: list[Plane]) -> tuple[Real, Rea
         square = x * x - radius * radius
         square = xp.select(square > 0.0, square, 1.0)
         right = (x * y - spread) / square
-        left = (x * y + spread) / square
+        upper = (x * y + spread) / square
         low = xp.select(right < low, right, low)
-        high = xp.select(left > high, left, high)
+        high = xp.select(upper > high, upper, high)
     return low, high
 
 
 def _entry(xp: Library, radius: float, corners: list[Plane], slope: Real) -> Real:
     """Return how far along a ray (1, slope) enters a set; its farthest end if it misses the set by rounding."""
-    found: Real = -math.inf
+    entry: Real = -math.inf
     for x, _ in corners:
-        found = xp.select(x + radius > found, x + radius, found)
+        entry = xp.select(x + radius > entry, x + radius, entry)
     scale = 1.0 / (1.0 + slope * slope)
     for (x, y), (end_x, end_y) in zip(corners, corners[1:] + corners[:1], strict=True):
         if radius > 0.0:
             foot = (x + slope * y) * scale
-            rest = foot * foot - (x * x + y * y - radius * radius) * scale
-            met = foot - xp.sqrt(xp.maximum(rest, 0.0))
-            found = xp.select((rest >= 0.0) & (met < found), met, found)
+            discriminant = foot * foot - (x * x + y * y - radius * radius) * scale
+            met = foot - xp.sqrt(xp.maximum(discriminant, 0.0))
+            entry = xp.select((discriminant >= 0.0) & (met < entry), met, entry)
         if len(corners) > 1:
             way_x = end_x - x
             way_y = end_y - y
@@ -247,9 +249,9 @@ def _entry(xp: Library, radius: float, corners: list[Plane], slope: Real) -> Rea
             begin_x = x + out * way_y
             begin_y = y - out * way_x
             turn = way_y - slope * way_x
-            some = turn != 0.0
-            turn = xp.select(some, turn, 1.0)
+            crosses = turn != 0.0
+            turn = xp.select(crosses, turn, 1.0)
             met = (begin_x * way_y - begin_y * way_x) / turn
             share = (begin_x * slope - begin_y) / turn
-            found = xp.select(some & (share >= 0.0) & (share <= 1.0) & (met < found), met, found)
-    return found
+            entry = xp.select(crosses & (share >= 0.0) & (share <= 1.0) & (met < entry), met, entry)
+    return entry

@@ -208,11 +208,11 @@ class Game(Numbers):
             pursuer = _exchanged(pursuer, **{name: horizontal_m_s})
         speed_m_s = float(evader_speed_m_s)
         age_s = float(information_age_s)
-        other = _exchanged(
+        changed = _exchanged(
             self, pursuer=pursuer, evader_speed_m_s=speed_m_s, information_age_s=age_s
         )
-        Game._require_speeds(other)
-        return other
+        Game._require_speeds(changed)
+        return changed
 
     def within_spread(self) -> "Game":
         """Return the game without information age whose disc is smaller by vτ, the distance that E may have run unseen.
@@ -260,10 +260,10 @@ class Game(Numbers):
 
 def _exchanged(record: Record, **values: object) -> Record:
     """Return a record with other values, without checking them."""
-    other: Record = object.__new__(type(record))
+    copy: Record = object.__new__(type(record))
     for name in record.__dataclass_fields__:
-        object.__setattr__(other, name, values[name] if name in values else getattr(record, name))
-    return other
+        object.__setattr__(copy, name, values[name] if name in values else getattr(record, name))
+    return copy
 
 
 def speed_in_hand(game: Game) -> Real:
@@ -321,11 +321,11 @@ def parameters(game: Game) -> dict[str, Real]:
     """Return every number of a game that may be an array, by name."""
     names = ("evader_speed_m_s", "capture_radius_m", "information_age_s")
     wind_x, wind_y = game.wind_m_s
-    own = {name: getattr(game, name) for name in names} | {
+    numbers = {name: getattr(game, name) for name in names} | {
         "wind_x_m_s": wind_x,
         "wind_y_m_s": wind_y,
     }
     others = (game.standoff, game.pursuer)
-    return own | {
+    return numbers | {
         name: getattr(record, name) for record in others for name in record.__dataclass_fields__
     }

@@ -76,13 +76,13 @@ class Way(NamedTuple):
     t: Real
     rho: Real
     """Length of the run."""
-    left: Plane
+    from_target: Plane
     """From the nearest point of the target to the end ..."""
     flat: Truth
     """... which lies on a straight line of its edge."""
     air: Plane
     """The evader's velocity through the air."""
-    flown: Plane
+    flight: Plane
     """From the virtual pursuer to the end, through the air."""
     disc: Plane
     """Direction from the pursuer to the end, through the air ..."""
@@ -131,14 +131,14 @@ def hunt_for(xp: Library, game: Game, state: Geometry, target: Plane, goal: Plan
     return Hunt(u, v, capture, radius, lag, hand, z2, *places, met_s, met_m)
 
 
-def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
+def follow(xp: Library, hunt: Hunt, aim: Aim, *, with_height: bool = False) -> Way:
     """Follow a heading to the capture.
 
     Args:
         xp: array library.
         hunt: the state of the search.
         aim: the heading.
-        held: also if the pursuer's height alone decides the time of the capture.
+        with_height: also if the pursuer's height alone decides the time of the capture.
     """
     v = hunt.v
     wind = hunt.wind
@@ -148,7 +148,7 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
     cosine = (1.0 - square) * scale
     sine = (s + s) * scale
     n = in_plane(hunt.ahead, (cosine, sine))
-    whole = (dot2(hunt.to_evader, n) + hunt.lag, cross2(n, hunt.to_evader))
+    to_end = (dot2(hunt.to_evader, n) + hunt.lag, cross2(n, hunt.to_evader))
     air = (v, 0.0)
     hand = hunt.hand
     if wind is not None:
@@ -156,47 +156,49 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, held: bool = False) -> Way:
         hand = hand + 2.0 * v * head_wind(wind, n)
     flat = is_zero(hunt.radius)
     disc = STILL if flat else along2(n, aim.disc)
-    y = whole if flat else plus2(whole, -hunt.radius, disc)
+    y = to_end if flat else plus2(to_end, -hunt.radius, disc)
     beyond = dot2(y, y) + hunt.z2 - hunt.capture * hunt.capture
     t, delta = ball_time(xp, hand, _along(hunt, air, y) - hunt.u * hunt.capture, beyond)
-    if held:
-        at = _after(hunt, air, hunt.met_s, whole)
+    if with_height:
+        at = _after(hunt, air, hunt.met_s, to_end)
         inside = dot2(at, at) <= hunt.met_m * hunt.met_m
         t = xp.select(inside, hunt.met_s, t)
         delta = xp.select(inside, float("inf"), delta)
     if flat:
-        flown = _after(hunt, air, t, y)
+        flight = _after(hunt, air, t, y)
         bent = 0.0
         to = aim.disc
     else:
-        whole = _after(hunt, air, t, whole)
-        far = xp.norm2(whole)
-        some = far > 0
-        inverse = 1.0 / xp.select(some, far, 1.0)
-        disc = (xp.select(some, whole[0] * inverse, 1.0), whole[1] * inverse)
+        to_end = _after(hunt, air, t, to_end)
+        far = xp.norm2(to_end)
+        apart = far > 0
+        inverse = 1.0 / xp.select(apart, far, 1.0)
+        disc = (xp.select(apart, to_end[0] * inverse, 1.0), to_end[1] * inverse)
         bent = hunt.radius * inverse
-        flown = times2(far - hunt.radius, disc)
+        flight = times2(far - hunt.radius, disc)
         to = in_plane(n, disc)
-        slower = hunt.u * (hunt.u * t + hunt.capture) - _along(hunt, air, flown)
-        delta = xp.select(delta < float("inf"), slower, delta) if held else slower
+        slower = hunt.u * (hunt.u * t + hunt.capture) - _along(hunt, air, flight)
+        delta = xp.select(delta < float("inf"), slower, delta) if with_height else slower
     rho = v * t + hunt.lag
-    left, flat_edge = left_over(xp, hunt, n, rho, t)
-    return Way(n, t, rho, left, flat_edge, air, flown, disc, to, bent, hand, delta)
+    from_target, flat_edge = left_over(xp, hunt, n, rho, t)
+    return Way(n, t, rho, from_target, flat_edge, air, flight, disc, to, bent, hand, delta)
 
 
-def aimed_at(xp: Library, hunt: Hunt, t: Real, place: Plane = ORIGIN) -> tuple[Plane, Truth]:
-    """Return the vector from E to the target's point nearest to a place (E) after t, and whether that is on a line."""
+def aimed_at(xp: Library, hunt: Hunt, t: Real, point: Plane = ORIGIN) -> tuple[Plane, Truth]:
+    """Return the vector from E to the target's point nearest to a point (E) after t, and whether that is on a line."""
     target = hunt.target if hunt.drift is None else plus2(hunt.target, t, hunt.drift)
-    near, flat = nearest(xp, hunt.extent, plus2(place, -1.0, target))
+    near, flat = nearest(xp, hunt.extent, plus2(point, -1.0, target))
     return from_set(target, near), flat
 
 
 def left_over(xp: Library, hunt: Hunt, n: Plane, rho: Real, t: Real) -> tuple[Plane, Truth]:
     """Return the vector from the target to the end of a run, along and across it; see `Way`."""
     if len(hunt.extent.corners_m) == 1:
-        place = from_set(hunt.target, hunt.extent.corners_m[0])
-        left = (rho - dot2(place, n), cross2(place, n))
-        return (left if hunt.drift is None else plus2(left, -t, along2(n, hunt.drift))), False
+        corner = from_set(hunt.target, hunt.extent.corners_m[0])
+        from_target = (rho - dot2(corner, n), cross2(corner, n))
+        return (
+            from_target if hunt.drift is None else plus2(from_target, -t, along2(n, hunt.drift))
+        ), False
     end = times2(rho, n)
     goal, flat = aimed_at(xp, hunt, t, end)
     return along2(n, plus2(end, -1.0, goal)), flat
@@ -212,7 +214,7 @@ def _after(hunt: Hunt, air: Plane, t: Real, p: Plane) -> Plane:
     return p[0] + air[0] * t, p[1] if hunt.wind is None else p[1] + air[1] * t
 
 
-def judge(hunt: Hunt, way: Way) -> tuple[Real, Real, Truth]:
+def judge(hunt: Hunt, path: Way) -> tuple[Real, Real, Truth]:
     """Return Newton's turn towards the least distance, rad, the slope of the distance, and whether the turn is sound.
 
     The first and second derivative of t by the heading are those of H = (‖y + m t − q‖² + z² − (u t + l)²)/2 = 0, for
@@ -220,28 +222,30 @@ def judge(hunt: Hunt, way: Way) -> tuple[Real, Real, Truth]:
     derivative is positive if the edge is convex and the target lies beyond its tangent.
     """
     v = hunt.v
-    rho = way.rho
-    (along, aside) = way.flown
-    left = way.left
-    first = rho * aside / way.delta
+    rho = path.rho
+    (along, aside) = path.flight
+    from_target = path.from_target
+    first = rho * aside / path.delta
     calm = hunt.wind is None
-    pushed = v * aside if calm else v * aside + rho * way.air[1]
-    second = rho * (rho - along) + first * (2.0 * pushed - way.hand * first)
+    pushed = v * aside if calm else v * aside + rho * path.air[1]
+    second = rho * (rho - along) + first * (2.0 * pushed - path.hand * first)
     if not is_zero(hunt.radius):
-        swing = rho * way.disc[0] - (v * way.disc[1] if calm else cross2(way.air, way.disc)) * first
-        second = second - way.bent * swing * swing
-    second = second / way.delta
+        swing = (
+            rho * path.disc[0] - (v * path.disc[1] if calm else cross2(path.air, path.disc)) * first
+        )
+        second = second - path.bent * swing * swing
+    second = second / path.delta
     edge = (v * first, rho)
     bend = (v * second - rho, 2.0 * v * first)
     if hunt.drift is not None:
-        pulled = along2(way.n, hunt.drift)
+        pulled = along2(path.n, hunt.drift)
         edge = plus2(edge, -first, pulled)
         bend = plus2(bend, -second, pulled)
-    slope = dot2(left, edge)
+    slope = dot2(from_target, edge)
     square = dot2(edge, edge)
-    before = cross2(left, edge)
+    before = cross2(from_target, edge)
     # Seen from a line it keeps its direction
-    turns = square if way.flat is False else square * (1.0 - 1.0 * way.flat)
+    turns = square if path.flat is False else square * (1.0 - 1.0 * path.flat)
     rate = turns + before * cross2(bend, edge) / square
     return -slope / rate, slope, (rate > 0) & (before <= 0)
 

@@ -72,7 +72,7 @@ class StateSolution(NamedTuple):
     reason: int | Any
 
 
-def take_apart(xp: Library, game: Game, P: Space, E: Space, seen: Space | None) -> Geometry:
+def take_apart(xp: Library, game: Game, P: Space, E: Space, observed: Space | None) -> Geometry:
     """Return a state by components.
 
     Args:
@@ -80,15 +80,15 @@ def take_apart(xp: Library, game: Game, P: Space, E: Space, seen: Space | None) 
         game: the stand-off's height, and the evader's speed bound.
         P: position of the pursuer, m.
         E: position of the evader, m.
-        seen: the evader's observed velocity, m/s, or None.
+        observed: the evader's observed velocity, m/s, or None.
     """
     (x, y, height) = P
     (east, north, ground) = E
     to_evader = (east - x, north - y)
     z = height - ground - game.standoff.height_m
-    if seen is None:
+    if observed is None:
         return Geometry((east, north), ground, to_evader, z, (0.0, 0.0))
-    (seen_x, seen_y, _) = seen
+    (seen_x, seen_y, _) = observed
     bound = game.evader_speed_m_s
     share = bound / xp.maximum(xp.sqrt(seen_x * seen_x + seen_y * seen_y), bound)
     return Geometry((east, north), ground, to_evader, z, (share * seen_x, share * seen_y))
@@ -133,8 +133,8 @@ def cover_time(xp: Library, game: Game, gap: Real, spare: Real, z: Real) -> Real
     delta = xp.sqrt(hand * (z * z) + cross * cross)
     beyond = gap * gap + z * z - capture * capture
     # The positive root of hand·t² − 2 half·t − beyond = 0, by the form that does not cancel.
-    kept = half >= 0
-    t = xp.select(kept, (half + delta) / hand, beyond / xp.select(kept, 1.0, delta - half))
+    receding = half >= 0
+    t = xp.select(receding, (half + delta) / hand, beyond / xp.select(receding, 1.0, delta - half))
     return xp.maximum(xp.select(gap + run * above > 0, t, above), 0.0)
 
 
@@ -176,14 +176,14 @@ def climb(
         return xp.unit2(then, distance), distance
 
     t = cover(xp.unit2(y, xp.norm2(y)))
-    done: Truth = False
+    converged: Truth = False
     for _ in range(NEWTON_STEPS - 1):
         further = cover(towards(t)[0])
         if not xp.differentiates:
-            further = xp.select(done, t, further)
-            done = done | (further - t <= xp.half_of_digits(further) * further)
+            further = xp.select(converged, t, further)
+            converged = converged | (further - t <= xp.half_of_digits(further) * further)
         t = further
-        if done is True or (done is not False and done.all()):
+        if converged is True or (converged is not False and converged.all()):
             break
     return t, *towards(t)
 
@@ -220,13 +220,13 @@ def ball_time(xp: Library, hand: Real, half: Real, beyond: Real) -> tuple[Real, 
         beyond: squared distance less squared reach now, m².
     """
     inside = beyond <= 0
-    kept = half >= 0
+    receding = half >= 0
     out = xp.select(inside, 0.0, beyond)
     delta = xp.sqrt(half * half + hand * out)
     # Libraries that differentiate take the derivative of |half| at zero for zero.
-    size = abs(half) if not xp.differentiates else xp.select(kept, half, -half)
-    both = size + delta
-    t = xp.select(kept, both, out) / xp.select(kept, hand, both)
+    size = abs(half) if not xp.differentiates else xp.select(receding, half, -half)
+    root = size + delta
+    t = xp.select(receding, root, out) / xp.select(receding, hand, root)
     return xp.select(inside, 0.0 * t, t), delta
 
 
@@ -251,12 +251,12 @@ def steer(xp: Library, game: Game, to: Plane, gap: Real, t: Real, z: Real, hold:
         vertical = xp.select(z > 0, -game.pursuer.descent_m_s, game.pursuer.climb_m_s)
     else:
         air, vertical = _aim(xp, game, game.pursuer, y, z)
-    flown = air if game.calm else (air[0] + wind[0], air[1] + wind[1])
+    ground = air if game.calm else (air[0] + wind[0], air[1] + wind[1])
     if isinstance(game.pursuer, Ball):
         met = t <= 0
-        return *xp.select2(met, hold, flown), xp.select(met, 0.0, vertical)
-    over = abs(z) - game.capture_radius_m
-    return *xp.select2(gap > TOUCH_M, flown, hold), xp.select(over > TOUCH_M, vertical, 0.0)
+        return *xp.select2(met, hold, ground), xp.select(met, 0.0, vertical)
+    above = abs(z) - game.capture_radius_m
+    return *xp.select2(gap > TOUCH_M, ground, hold), xp.select(above > TOUCH_M, vertical, 0.0)
 
 
 def fly_to(xp: Library, game: Game, state: Geometry, to: Plane, t: Real) -> Space:
@@ -299,16 +299,16 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
     if isinstance(game.pursuer, Cylinder):
         gap = gap - game.capture_radius_m
     to = (state.to_evader[0] + dash[0], state.to_evader[1] + dash[1])
-    flown = steer(xp, game, to, gap, t, state.z, state.hold)
+    velocity = steer(xp, game, to, gap, t, state.z, state.hold)
     reason: Real = int(Reason.SOLVED)
     if free is not False and (xp is not NUMPY or np.any(free)):
         above = free & (t > 0) & (gap + v * t > 0)
         reason = xp.select(above, int(Reason.OVERHEAD), int(Reason.SOLVED))
         if isinstance(game.pursuer, Ball):
             copied, vertical = _overhead(xp, game, game.pursuer, state)
-            flown = (
-                *xp.select2(above, copied, (flown[0], flown[1])),
-                xp.select(above, vertical, flown[2]),
+            velocity = (
+                *xp.select2(above, copied, (velocity[0], velocity[1])),
+                xp.select(above, vertical, velocity[2]),
             )
     return StateSolution(
         winner=int(Winner.PURSUER),
@@ -316,7 +316,7 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
         margin_s=float("inf"),
         meeting_point_m=(state.evader[0] + dash[0], state.evader[1] + dash[1], state.ground),
         meeting_time_s=t,
-        pursuer_velocity_m_s=flown,
+        pursuer_velocity_m_s=velocity,
         evader_velocity_m_s=(v * direction[0], v * direction[1], 0.0),
         reason=xp.select(t > 0, reason, int(Reason.CAPTURED)),
     )
@@ -344,6 +344,6 @@ def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]
 
 def _overhead(xp: Library, game: Game, pursuer: Ball, state: Geometry) -> tuple[Plane, Real]:
     """Above the evader a Ball copies its velocity, and uses the rest of its speed vertically."""
-    rest = xp.sqrt(pursuer.speed_m_s * pursuer.speed_m_s - dot2(state.hold, state.hold))
+    spare = xp.sqrt(pursuer.speed_m_s * pursuer.speed_m_s - dot2(state.hold, state.hold))
     copied = (state.hold[0] + game.wind_m_s[0], state.hold[1] + game.wind_m_s[1])
-    return copied, xp.select(state.z > 0, -rest, xp.select(state.z < 0, rest, 0.0))
+    return copied, xp.select(state.z > 0, -spare, xp.select(state.z < 0, spare, 0.0))

@@ -79,13 +79,13 @@ def _goal(xp: Library, game: Game, E: Space, T: Space | None) -> Plane:
         raise ConfigError("target = None: the strategy 'task_oriented' needs a target")
     if game.target_extent == POINT:
         return T[:2]
-    way = to_target(xp, game, E, T)
-    return E[0] + way[0], E[1] + way[1]
+    offset = to_target(xp, game, E, T)
+    return E[0] + offset[0], E[1] + offset[1]
 
 
-def _fly(xp: Library, game: Game, P: Space, E: Space, aim: Plane, seen: Space | None) -> Space:
-    """Fly the pursuer straight to the disc around `aim`; there hold, or follow `seen`."""
-    state = take_apart(xp, game, P, E, seen)
+def _fly(xp: Library, game: Game, P: Space, E: Space, aim: Plane, observed: Space | None) -> Space:
+    """Fly the pursuer straight to the disc around `aim`; there hold, or follow `observed`."""
+    state = take_apart(xp, game, P, E, observed)
     goal = plus2(aim, -1.0, state.evader)
     return fly_to(
         xp, game, state, plus2(state.to_evader, 1.0, goal), guard_time(xp, game, state, goal)
@@ -94,9 +94,9 @@ def _fly(xp: Library, game: Game, P: Space, E: Space, aim: Plane, seen: Space | 
 
 def _run(xp: Library, game: Game, E: Space, point: Plane, *, away: bool) -> Space:
     """Run the evader away from a point, or to it; along the x axis if it is there and runs away."""
-    way = (point[0] - E[0], point[1] - E[1])
-    length = xp.norm2(way)
-    direction = xp.unit2(way, length)
+    offset = (point[0] - E[0], point[1] - E[1])
+    length = xp.norm2(offset)
+    direction = xp.unit2(offset, length)
     pace: Real = (
         -game.evader_speed_m_s if away else xp.select(length > 0, game.evader_speed_m_s, 0.0)
     )
@@ -104,16 +104,16 @@ def _run(xp: Library, game: Game, E: Space, point: Plane, *, away: bool) -> Spac
 
 
 def _lead(
-    xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None
+    xp: Library, game: Game, P: Space, E: Space, T: Space | None, observed: Space | None
 ) -> Space:
     """Fly the pursuer to the point of capture of an evader that keeps its velocity."""
-    state = take_apart(xp, game, P, E, seen or (0.0 * E[0], 0.0 * E[1], 0.0))
+    state = take_apart(xp, game, P, E, observed or (0.0 * E[0], 0.0 * E[1], 0.0))
     t = catch_time(xp, game, state.to_evader, plus2(state.hold, -1.0, game.wind_m_s), state.z)
     return fly_to(xp, game, state, plus2(state.to_evader, t, state.hold), t)
 
 
 def _stay(
-    xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None
+    xp: Library, game: Game, P: Space, E: Space, T: Space | None, observed: Space | None
 ) -> Space:
     return 0.0 * (P[0] + E[0]), 0.0 * (P[1] + E[1]), 0.0 * (P[2] + E[2])
 
@@ -123,10 +123,12 @@ PURSUER_POLICIES: Mapping[str, Policy] = MappingProxyType(
         # The pursuer's part of `solve`: eq. (20) of the paper in PE, eq. (49) in TAD, straight to T if E wins.
         "optimal": _policy(lambda game, state: solve(game, **state).pursuer_velocity_m_s),
         # Straight at the evader, to the stand-off disc around it.
-        "pure_pursuit": _moving(lambda xp, game, P, E, T, seen: _fly(xp, game, P, E, E[:2], seen)),
+        "pure_pursuit": _moving(
+            lambda xp, game, P, E, T, observed: _fly(xp, game, P, E, E[:2], observed)
+        ),
         # Straight to the target, to the stand-off disc around it.
         "task_oriented": _moving(
-            lambda xp, game, P, E, T, seen: _fly(xp, game, P, E, _goal(xp, game, E, T), None)
+            lambda xp, game, P, E, T, observed: _fly(xp, game, P, E, _goal(xp, game, E, T), None)
         ),
         "hold": _moving(_stay),
         # To where an evader that keeps its velocity is captured; pure pursuit if its velocity is unknown.
@@ -140,10 +142,12 @@ EVADER_POLICIES: Mapping[str, Policy] = MappingProxyType(
         # The evader's part of `solve`: eq. (20) of the paper in PE, eq. (44) in TAD, straight to T if it wins.
         "optimal": _policy(lambda game, state: solve(game, **state).evader_velocity_m_s),
         # Straight away from the pursuer, in the plane.
-        "pure_evade": _moving(lambda xp, game, P, E, T, seen: _run(xp, game, E, P[:2], away=True)),
+        "pure_evade": _moving(
+            lambda xp, game, P, E, T, observed: _run(xp, game, E, P[:2], away=True)
+        ),
         # Straight to the target, and stay there.
         "task_oriented": _moving(
-            lambda xp, game, P, E, T, seen: _run(xp, game, E, _goal(xp, game, E, T), away=False)
+            lambda xp, game, P, E, T, observed: _run(xp, game, E, _goal(xp, game, E, T), away=False)
         ),
         "hold": _moving(_stay),
     }

@@ -45,30 +45,35 @@ def rows_of(value: Any, rows: Callable[[Array], Array]) -> Any:  # noqa: ANN401 
     return mapped(lambda part: rows(part) if is_array(part) else part, value)
 
 
-def in_rows(wanted: Truth, whole: Record, function: Callable[..., Record], *records: Any) -> Record:  # noqa: ANN401
-    """Replace the wanted rows of a record by a function of the same rows of other records.
+def in_rows(
+    selected: Truth,
+    default: Record,
+    function: Callable[..., Record],
+    *records: Any,  # noqa: ANN401
+) -> Record:
+    """Replace the selected rows of a record by a function of the same rows of other records.
 
     Without NumPy, the function is applied to all rows.
     """
-    if isinstance(wanted, (bool, np.bool_)):
-        return function(*records) if wanted else whole
-    if not isinstance(wanted, np.ndarray) or wanted.all():
+    if isinstance(selected, (bool, np.bool_)):
+        return function(*records) if selected else default
+    if not isinstance(selected, np.ndarray) or selected.all():
         return function(*records)
-    if not wanted.any():
-        return whole
-    shape = wanted.shape
-    rows = np.nonzero(wanted)
+    if not selected.any():
+        return default
+    shape = selected.shape
+    rows = np.nonzero(selected)
 
     def few(array: Array) -> Array:
         return (array if array.shape == shape else np.broadcast_to(array, shape))[rows]
 
-    def filled(all_rows: Real, some: Array) -> Array:
-        found = np.empty(shape, dtype=np.result_type(some))
-        found[...] = all_rows
-        found[rows] = some
-        return found
+    def filled(all_rows: Real, values: Array) -> Array:
+        full = np.empty(shape, dtype=np.result_type(values))
+        full[...] = all_rows
+        full[rows] = values
+        return full
 
-    return mapped(filled, whole, function(*(rows_of(record, few) for record in records)))
+    return mapped(filled, default, function(*(rows_of(record, few) for record in records)))
 
 
 def take(record: Numbers, name: str, *, zero_allowed: bool = False) -> None:

@@ -57,7 +57,7 @@ class Closest(NamedTuple):
 
     run: Plane
     time: Real
-    left: Real
+    distance: Real
 
 
 def is_circle(game: Game) -> Truth:
@@ -74,7 +74,7 @@ def is_circle(game: Game) -> Truth:
 
 
 def closest_point(
-    xp: Library, game: Game, state: Geometry, target: Plane, goal: Plane, wanted: Truth
+    xp: Library, game: Game, state: Geometry, target: Plane, goal: Plane, selected: Truth
 ) -> Closest:
     """Return the closest point of the evader's region (for a Cylinder its planar part) to its target.
 
@@ -84,16 +84,16 @@ def closest_point(
         state: the state.
         target: vector from the evader to the target's position now, m.
         goal: vector from the evader to the point where it could meet its target, m.
-        wanted: which rows to compute; the others have an arbitrary answer.
+        selected: which rows to compute; the others have an arbitrary answer.
     """
-    if wanted is False:
+    if selected is False:
         return Closest(target, 0.0, 0.0)
     hunt = hunt_for(xp, game, state, target, goal)
-    return in_rows(wanted, Closest(target, 0.0, 0.0), lambda hunt: _closest(xp, hunt), hunt)
+    return in_rows(selected, Closest(target, 0.0, 0.0), lambda hunt: _closest(xp, hunt), hunt)
 
 
 def is_missed(
-    xp: Library, game: Game, state: Geometry, ways: tuple[Plane, Plane, Real], wanted: Truth
+    xp: Library, game: Game, state: Geometry, ways: tuple[Plane, Plane, Real], selected: Truth
 ) -> Truth:
     """Return whether the region may have a closer point: its distance has several minima, or is less elsewhere.
 
@@ -103,35 +103,36 @@ def is_missed(
         state: the state.
         ways: vectors from the evader to the target's position now and to the point where it could meet its target,
             and the least distance that was found, m.
-        wanted: which rows to judge; the others have been found.
+        selected: which rows to judge; the others have been found.
     """
-    if wanted is False:
+    if selected is False:
         return False
     target, goal, least = ways
     hunt = hunt_for(xp, game, state, target, goal)
-    found = least < 0.0
+    nothing = least < 0.0
     return (
-        in_rows(wanted, found, lambda hunt, least: _missed(xp, hunt, least), hunt, least) & wanted
+        in_rows(selected, nothing, lambda hunt, least: _missed(xp, hunt, least), hunt, least)
+        & selected
     )
 
 
 def _missed(xp: Library, hunt: Hunt, least: Real) -> Truth:
     zero = 0.0 * (hunt.to_evader[0] + hunt.target[0] + hunt.ahead[0])
     aim = Aim(zero - 1.0, hunt.ahead)
-    _, way = _settled(xp, hunt, aim, DISC_STEPS)
-    before = xp.norm2(way.left)
+    _, path = _settled(xp, hunt, aim, DISC_STEPS)
+    before = xp.norm2(path.from_target)
     rises: Truth = False
     # Less than this share of a distance is no change.
     less = 1.0 - xp.half_of_digits(before)
     missed = before < least * less
     for number in range(1, HEADINGS + 1):
-        aim = Aim(zero + (2.0 * number / HEADINGS - 1.0), way.to)
-        _, way = _settled(xp, hunt, aim, 2)
-        left = xp.norm2(way.left)
-        missed = missed | (left < least * less)
-        missed = missed | (rises & (left < before * less))
-        rises = rises | (left * less > before)
-        before = left
+        aim = Aim(zero + (2.0 * number / HEADINGS - 1.0), path.to)
+        _, path = _settled(xp, hunt, aim, 2)
+        distance = xp.norm2(path.from_target)
+        missed = missed | (distance < least * less)
+        missed = missed | (rises & (distance < before * less))
+        rises = rises | (distance * less > before)
+        before = distance
     return missed
 
 
@@ -149,11 +150,11 @@ def _closest(xp: Library, hunt: Hunt) -> Closest:
         # Rows within do not use the search; a state with finite derivatives replaces theirs.
         beyond = hunt.met_m + hunt.lag + hunt.v * hunt.met_s + 1.0
         hunt = hunt._replace(to_evader=xp.select2(within, (beyond, 0.0 * beyond), hunt.to_evader))
-    way = follow(xp, hunt, _search(xp, hunt, within))
+    path = follow(xp, hunt, _search(xp, hunt, within))
     return Closest(
-        xp.select2(within, times2(rho, straight), times2(way.rho, way.n)),
-        xp.select(within, hunt.met_s, way.t),
-        xp.select(within, abs(far - rho), xp.norm2(way.left)),
+        xp.select2(within, times2(rho, straight), times2(path.rho, path.n)),
+        xp.select(within, hunt.met_s, path.t),
+        xp.select(within, abs(far - rho), xp.norm2(path.from_target)),
     )
 
 
@@ -162,29 +163,29 @@ def _search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
     start = _touch(xp, hunt)
     if xp.differentiates:
         return _bracket(xp, hunt, start, TRACED_STEPS)
-    aim, there = _newton(xp, hunt, start, within, 1 if _is_bare(hunt) else STEPS, NEWTON_STEPS)
-    there = within | (there & (abs(aim.s - start.s) <= 2.0))
+    aim, converged = _newton(xp, hunt, start, within, 1 if _is_bare(hunt) else STEPS, NEWTON_STEPS)
+    converged = within | (converged & (abs(aim.s - start.s) <= 2.0))
     return in_rows(
-        there == 0, aim, lambda hunt, aim: _bracket(xp, hunt, aim, MORE_STEPS), hunt, start
+        converged == 0, aim, lambda hunt, aim: _bracket(xp, hunt, aim, MORE_STEPS), hunt, start
     )
 
 
 def _newton(
-    xp: Library, hunt: Hunt, aim: Aim, there: Truth, steps: int, most: int
+    xp: Library, hunt: Hunt, aim: Aim, converged: Truth, steps: int, limit: int
 ) -> tuple[Aim, Truth]:
-    """Take some steps, then single steps, up to `most`, in rows that have not converged; return which have."""
+    """Take some steps, then single steps, up to `limit`, in rows that have not converged; return which have."""
     for _ in range(steps):
-        way = follow(xp, hunt, aim)
-        turn, _, sound = judge(hunt, way)
-        aim = Aim(aim.s + 0.5 * turn * (1.0 + aim.s * aim.s), way.to)
-    there = there | (sound & (abs(turn) <= xp.half_of_digits(turn)))
-    if steps == most:
-        return aim, there
-    again = (aim, there)
+        path = follow(xp, hunt, aim)
+        turn, _, sound = judge(hunt, path)
+        aim = Aim(aim.s + 0.5 * turn * (1.0 + aim.s * aim.s), path.to)
+    converged = converged | (sound & (abs(turn) <= xp.half_of_digits(turn)))
+    if steps == limit:
+        return aim, converged
+    result = (aim, converged)
     return in_rows(
-        there == 0,
-        again,
-        lambda hunt, aim: _newton(xp, hunt, aim, False, 1, most - steps),
+        converged == 0,
+        result,
+        lambda hunt, aim: _newton(xp, hunt, aim, False, 1, limit - steps),
         hunt,
         aim,
     )
@@ -216,19 +217,19 @@ def _touch(xp: Library, hunt: Hunt) -> Aim:
             end = plus2(run, 1.0, away)
             disc = xp.unit2(end, xp.norm2(end))
         return Aim(_half_angle(xp, hunt, run), disc)
-    way = follow(xp, hunt, Aim(0.0 * end[0], disc))
-    e0, z2 = _virtual(xp, hunt, way)
-    lag = times2(hunt.lag, way.n)
+    path = follow(xp, hunt, Aim(0.0 * end[0], disc))
+    e0, z2 = _virtual(xp, hunt, path)
+    lag = times2(hunt.lag, path.n)
     goal = plus2(to_target, -1.0, lag)
     if hunt.drift is not None:
-        goal = plus2(goal, way.t, hunt.drift)
+        goal = plus2(goal, path.t, hunt.drift)
     run = plus2(_circle(xp, hunt, plus2(e0, 1.0, lag), hand * z2, times2(hand, goal)), hand, lag)
     s = _half_angle(xp, hunt, run)
     if is_zero(hunt.radius):
-        return Aim(s, way.to)
+        return Aim(s, path.to)
     end = plus2(run, hand, hunt.to_evader)
     if hunt.wind is not None:
-        end = plus2(end, -hand * way.t, hunt.wind)
+        end = plus2(end, -hand * path.t, hunt.wind)
     return Aim(s, xp.unit2(end, xp.norm2(end)))
 
 
@@ -248,48 +249,48 @@ def _circle(xp: Library, hunt: Hunt, to_evader: Plane, height: Real, goal: Plane
 
 def _half_angle(xp: Library, hunt: Hunt, run: Plane) -> Real:
     """Return the heading of a run, at most 90° from straight ahead."""
-    over = xp.norm2(run) + dot2(run, hunt.ahead)
-    return bounded(xp, cross2(hunt.ahead, run) / xp.select(over > 0, over, 1.0))
+    divisor = xp.norm2(run) + dot2(run, hunt.ahead)
+    return bounded(xp, cross2(hunt.ahead, run) / xp.select(divisor > 0, divisor, 1.0))
 
 
-def _virtual(xp: Library, hunt: Hunt, way: Way) -> tuple[Plane, Real]:
+def _virtual(xp: Library, hunt: Hunt, path: Way) -> tuple[Plane, Real]:
     """Return the vector from the virtual pursuer without lead to the evader, and its height squared."""
     e0 = hunt.to_evader
     z2 = hunt.z2
     if not is_zero(hunt.radius):
-        e0 = plus2(e0, -hunt.radius, way.to)
+        e0 = plus2(e0, -hunt.radius, path.to)
     if not is_zero(hunt.capture):
-        near = xp.norm2(way.flown)
+        near = xp.norm2(path.flight)
         distance = xp.sqrt(near * near + z2)
         share = hunt.capture / xp.select(distance > 0, distance, 1.0)
-        e0 = plus2(e0, -share, in_plane(way.n, way.flown))
+        e0 = plus2(e0, -share, in_plane(path.n, path.flight))
         z2 = ((1.0 - share) * (1.0 - share)) * z2
-    return e0 if hunt.wind is None else plus2(e0, -way.t, hunt.wind), z2
+    return e0 if hunt.wind is None else plus2(e0, -path.t, hunt.wind), z2
 
 
 def _bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
     """Find the heading by Newton's method in a bracket, with bisection if a step would leave it."""
     aim = start
     before = 2.0
-    done = start.s != start.s
+    converged = start.s != start.s
     ends = not xp.differentiates
     low = 0.0 * start.s - 1.0
     high = 0.0 * start.s + 1.0
     for _ in range(steps):
-        _, way = _settled(xp, hunt, aim, DISC_STEPS if ends else 2)
-        turn, slope, sound = judge(hunt, way)
-        done = done | (sound & (slope == 0))
+        _, path = _settled(xp, hunt, aim, DISC_STEPS if ends else 2)
+        turn, slope, sound = judge(hunt, path)
+        converged = converged | (sound & (slope == 0))
         falls = slope < 0
         low = xp.select(falls, aim.s, low)
         high = xp.select(falls, high, aim.s)
         new = aim.s + 0.5 * turn * (1.0 + aim.s * aim.s)
         near = sound & (abs(turn) <= xp.half_of_digits(turn))
         taken = near | (sound & (new > low) & (new < high) & (abs(new - aim.s) <= 0.5 * before))
-        new = xp.select(done, aim.s, xp.select(taken, new, 0.5 * (low + high)))
+        new = xp.select(converged, aim.s, xp.select(taken, new, 0.5 * (low + high)))
         before = abs(new - aim.s)
-        aim = Aim(new, xp.select2(done, aim.disc, way.to))
-        done = done | near
-        if ends and np.all(done):
+        aim = Aim(new, xp.select2(converged, aim.disc, path.to))
+        converged = converged | near
+        if ends and np.all(converged):
             break
     return aim
 
@@ -297,6 +298,6 @@ def _bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
 def _settled(xp: Library, hunt: Hunt, aim: Aim, rounds: int) -> tuple[Aim, Way]:
     """Follow a heading and find the best point of the stand-off disc, which gives the slope of the edge."""
     for _ in range(1 if is_zero(hunt.radius) else rounds):
-        way = follow(xp, hunt, aim, held=True)
-        aim = Aim(aim.s, way.to)
-    return aim, way
+        path = follow(xp, hunt, aim, with_height=True)
+        aim = Aim(aim.s, path.to)
+    return aim, path

@@ -153,14 +153,14 @@ def rollout(
     if not is_zero(game.information_age_s):
         allowed = "must be 0, because a rollout keeps no past positions"
         raise ConfigError(f"information_age_s = {game.information_age_s!r}: {allowed}")
-    xp, given = vectors(
+    xp, named = vectors(
         {"pursuer": pursuer, "evader": evader} | ({} if target is None else {"target": target}),
         varying(game),
     )
-    P = given["pursuer"]
-    E = given["evader"]
-    T = given.get("target")
-    shape = leading_shape(game, given)
+    P = named["pursuer"]
+    E = named["evader"]
+    T = named.get("target")
+    shape = leading_shape(game, named)
     chase = policy_of("pursuer_policy", pursuer_policy, PURSUER_POLICIES)
     flee = policy_of("evader_policy", evader_policy, EVADER_POLICIES)
     zero = xp.pack(shape, P, 0.0)
@@ -174,9 +174,9 @@ def rollout(
                 path.append(last)
         distance = zero * math.nan
         if last.target_m is not None:
-            place = last.evader_m if isinstance(stepping, Exact) else last.pursuer_m
-            x, y, _ = to_target(xp, game, components(place), components(last.target_m))
-            distance = xp.norm3((x, y, component(last.target_m, 2) - component(place, 2)))
+            player_m = last.evader_m if isinstance(stepping, Exact) else last.pursuer_m
+            x, y, _ = to_target(xp, game, components(player_m), components(last.target_m))
+            distance = xp.norm3((x, y, component(last.target_m, 2) - component(player_m, 2)))
     return Rollout(last.end, last.time_s, last.pursuer_m, last.evader_m, distance, tuple(path))
 
 
@@ -189,7 +189,7 @@ def _samples(
     duration_s: float,
 ) -> Iterator[Sample]:
     """Yield every sample until all games have ended: `Exact` steps up to the end, `Paper` steps and then checks."""
-    seen = 0.0 * sample.evader_m
+    observed = 0.0 * sample.evader_m
     last = math.ceil(duration_s / stepping.step_s)
     if isinstance(stepping, Exact):
         last += SPARE_STEPS + 1
@@ -211,7 +211,9 @@ def _samples(
         running = sample.end == End.RUNNING
         if not bool(xp.any(running)):
             return
-        sample, seen = _advance(xp, game, sample, policies, xp.where(running, h, 0.0), seen, order)
+        sample, observed = _advance(
+            xp, game, sample, policies, xp.where(running, h, 0.0), observed, order
+        )
 
 
 def _located(
@@ -232,18 +234,24 @@ def _located(
 
 
 def _advance(
-    xp: Library, game: Game, sample: Sample, policies: Policies, h: Array, seen: Array, order: int
+    xp: Library,
+    game: Game,
+    sample: Sample,
+    policies: Policies,
+    h: Array,
+    observed: Array,
+    order: int,
 ) -> tuple[Sample, Array]:
     """Advance every game by its own h; return also the evader's velocity."""
     time, P, E, T, end = sample
     drift = xp.constant(P, (*game.target_velocity_m_s, 0.0))
     step = h[..., None]
-    slopes = [_velocities(game, policies, P, E, T, seen)]
+    slopes = [_velocities(game, policies, P, E, T, observed)]
     for share in STAGES[: order - 1]:
         v, w = slopes[-1]
         then = None if T is None else T + share * step * drift
         slopes.append(
-            _velocities(game, policies, P + share * step * v, E + share * step * w, then, seen)
+            _velocities(game, policies, P + share * step * v, E + share * step * w, then, observed)
         )
     v, w = slopes[0]
     if order != 1:
@@ -254,14 +262,14 @@ def _advance(
 
 
 def _velocities(
-    game: Game, played: Policies, P: Array, E: Array, T: Array | None, seen: Array
+    game: Game, policies: Policies, P: Array, E: Array, T: Array | None, observed: Array
 ) -> tuple[Array, Array]:
     """Return both players' velocities; two optimal players are solved once."""
-    if played == OPTIMAL:
-        both = solve(game, P, E, T, evader_velocity_m_s=seen)
-        return both.pursuer_velocity_m_s, both.evader_velocity_m_s
-    chase, flee = played
-    return chase(game, P, E, T, seen), flee(game, P, E, T, seen)
+    if policies == OPTIMAL:
+        answer = solve(game, P, E, T, evader_velocity_m_s=observed)
+        return answer.pursuer_velocity_m_s, answer.evader_velocity_m_s
+    chase, flee = policies
+    return chase(game, P, E, T, observed), flee(game, P, E, T, observed)
 
 
 class Ahead(NamedTuple):
@@ -303,10 +311,10 @@ def look_ahead(
         met = capture + 2.0 * TOUCH_M
         above = (abs(state.z) - met) / vertical_speed(xp, game.pursuer, state.z)
         ahead = xp.maximum(xp.maximum((beside - met) / closing, above), 0.0)
-        over = abs(state.z) - capture
+        above_m = abs(state.z) - capture
         turn = xp.select(
-            over > TOUCH_M,
-            (over - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z),
+            above_m > TOUCH_M,
+            (above_m - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z),
             math.inf,
         )
     if target is None:

@@ -14,14 +14,14 @@ SIGNED = ("wind_x_m_s", "wind_y_m_s")
 ZERO_ALLOWED = ("capture_radius_m", "information_age_s", "radius_m", "height_m")
 
 
-def leading_shape(game: Game, given: dict[str, Array]) -> tuple[int, ...]:
+def leading_shape(game: Game, named: dict[str, Array]) -> tuple[int, ...]:
     """Return the common leading shape of named vectors and of parameters that are arrays.
 
     Raises:
         ConfigError: a vector is not an array (..., 3), or the shapes do not broadcast.
     """
     shapes = {}
-    for name, array in given.items():
+    for name, array in named.items():
         shape = array.shape
         if not shape or shape[-1] != 3:
             raise ConfigError(
@@ -49,7 +49,7 @@ def fitting(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
 
 
 def vector_of(
-    kernel: Callable[..., Space], game: Game, given: Mapping[str, ArrayLike | None]
+    kernel: Callable[..., Space], game: Game, named: Mapping[str, ArrayLike | None]
 ) -> Array:
     """Return the vector, (..., 3), that a kernel computes from the components of named vectors; None stays None.
 
@@ -57,11 +57,11 @@ def vector_of(
         ConfigError: one is no array (..., 3) of numbers, or the shapes do not fit each other.
     """
     xp, arrays = vectors(
-        {name: value for name, value in given.items() if value is not None}, varying(game)
+        {name: value for name, value in named.items() if value is not None}, varying(game)
     )
     shape = leading_shape(game, arrays)
     with np.errstate(all="ignore"):
-        parts = (components(arrays[name]) if name in arrays else None for name in given)
+        parts = (components(arrays[name]) if name in arrays else None for name in named)
         return xp.pack(shape, next(iter(arrays.values())), kernel(xp, game, *parts))
 
 
@@ -72,8 +72,8 @@ def varying(game: Game) -> list[Array]:
 
 def for_rows(game: Game, rows: Callable[[Array], Array]) -> Game:
     """Return the game of some rows; `rows` takes them from each parameter that is an array."""
-    few: Game = rows_of(game, rows) if game.varies else game
-    return few
+    selected: Game = rows_of(game, rows) if game.varies else game
+    return selected
 
 
 def simplified(game: Game) -> Game:
@@ -113,12 +113,12 @@ def refused_rows(xp: Library, game: Game, fault: Real) -> Real:
     return fault
 
 
-def squares(given: dict[str, Array]) -> Real:
+def squares(named: dict[str, Array]) -> Real:
     """Return the sum of the squares of all components, row by row."""
-    return sum(dot3(place, place) for place in map(components, given.values()))
+    return sum(dot3(vector, vector) for vector in map(components, named.values()))
 
 
-def most_squares(given: dict[str, Array]) -> Real:
+def most_squares(named: dict[str, Array]) -> Real:
     """Return an upper bound of `squares` for all rows of NumPy arrays, which takes a tenth of the time."""
-    largest = [2.0 * np.abs(array).max(initial=0.0) for array in given.values()]
-    return sum(most * most for most in largest)
+    largest = [2.0 * np.abs(array).max(initial=0.0) for array in named.values()]
+    return sum(bound * bound for bound in largest)

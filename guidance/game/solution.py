@@ -113,39 +113,39 @@ def solve(
             not finite. In a batch (and for a single JAX state, which may be traced) such a row is NaN instead.
     """
     state = (pursuer, evader, target, evader_velocity_m_s)
-    given: dict[str, Any] = {
+    named: dict[str, Any] = {
         name: value for name, value in zip(NAMES, state, strict=True) if value is not None
     }
-    xp, given = vectors(given, varying(game))
-    shape = leading_shape(game, given)
+    xp, named = vectors(named, varying(game))
+    shape = leading_shape(game, named)
     if out is not None and out.value.shape != shape:
         raise ConfigError(
             f"out: its leading shape is {tuple(out.value.shape)}; must be that of the states, {shape}"
         )
     if xp is NUMPY and shape:
-        return _solve_rows(simplified(game), shape, given, out)
-    if xp is not NUMPY or given["pursuer"].dtype != np.float64:
-        return _solve(xp, game, shape, given, out)
+        return _solve_rows(simplified(game), shape, named, out)
+    if xp is not NUMPY or named["pursuer"].dtype != np.float64:
+        return _solve(xp, game, shape, named, out)
     # Ten times faster
-    answer = solve_state(game, **{name: tuple(value.tolist()) for name, value in given.items()})
-    _refuse(answer.reason, given)
-    out = out or _empty((), given["pursuer"])
+    answer = solve_state(game, **{name: tuple(value.tolist()) for name, value in named.items()})
+    _refuse(answer.reason, named)
+    out = out or _empty((), named["pursuer"])
     for field, value in zip(out, answer, strict=True):
         field[...] = value
     return out
 
 
 def _solve(
-    xp: Library, game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None
+    xp: Library, game: Game, shape: tuple[int, ...], named: dict[str, Array], out: Solution | None
 ) -> Solution:
     """Solve in one piece, with NaN in rows without an answer."""
-    like = given["pursuer"]
+    like = named["pursuer"]
     with np.errstate(all="ignore"):
-        T, seen = (components(given[name]) if name in given else None for name in NAMES[2:])
-        play = _play(xp, game, components(like), components(given["evader"]), T, seen)
-        reason = _reason(xp, game, given, play)
+        T, observed = (components(named[name]) if name in named else None for name in NAMES[2:])
+        play = _play(xp, game, components(like), components(named["evader"]), T, observed)
+        reason = _reason(xp, game, named, play)
         if shape == () and not is_jax_array(like):
-            _refuse(int(reason), given)
+            _refuse(int(reason), named)
         answered = reason < int(Reason.NOT_FINITE)
         spoil = xp.select(answered, 0.0, math.nan)
         winner = xp.select(answered, play.winner, int(Winner.UNDECIDED))
@@ -192,19 +192,20 @@ def solve_state(
     P = _floats(pursuer)
     E = _floats(evader)
     T = None if target is None else _floats(target)
-    seen = None if evader_velocity_m_s is None else _floats(evader_velocity_m_s)
-    known = (P, E, T, seen)
-    squares = sum(x * x + y * y + z * z for x, y, z in filter(None, known))
+    observed = None if evader_velocity_m_s is None else _floats(evader_velocity_m_s)
+    state = (P, E, T, observed)
+    squares = sum(x * x + y * y + z * z for x, y, z in filter(None, state))
     try:
-        play = _play(FLOATS, game, P, E, T, seen)
+        play = _play(FLOATS, game, P, E, T, observed)
     except (ZeroDivisionError, ValueError):  # what NumPy answers where a number is divided by zero
-        return _row_of_one(game, known)
+        return _row_of_one(game, state)
     reason = _aged(FLOATS, game, play, in_pe=target is None)
     if reason == Reason.NO_REGION or not _is_sound(game, play, squares, in_pe=target is None):
-        return _row_of_one(game, known)
+        return _row_of_one(game, state)
     # Zero is added because a batch has no negative zeros.
     plain: list[Any] = [
-        tuple([v + 0.0 for v in one]) if isinstance(one, tuple) else one + 0.0 for one in play[1:-1]
+        tuple([v + 0.0 for v in part]) if isinstance(part, tuple) else part + 0.0
+        for part in play[1:-1]
     ]
     return StateSolution._make((int(play.winner), *plain, int(reason)))
 
@@ -217,65 +218,65 @@ def _floats(vector: Space) -> Space:
     return float(x), float(y), float(z)
 
 
-def _row_of_one(game: Game, known: tuple[Space | None, ...]) -> StateSolution:
+def _row_of_one(game: Game, state: tuple[Space | None, ...]) -> StateSolution:
     """Solve a single state as a batch of one."""
-    given = {
-        name: np.array([place], float)
-        for name, place in zip(NAMES, known, strict=True)
-        if place is not None
+    named = {
+        name: np.array([vector], float)
+        for name, vector in zip(NAMES, state, strict=True)
+        if vector is not None
     }
-    row = (column[0].tolist() for column in _solve(NUMPY, game, (1,), given, None))
+    row = (column[0].tolist() for column in _solve(NUMPY, game, (1,), named, None))
     plain: list[Any] = [tuple(value) if isinstance(value, list) else value for value in row]
     return StateSolution(*plain)
 
 
 def _solve_rows(
-    game: Game, shape: tuple[int, ...], given: dict[str, Array], out: Solution | None
+    game: Game, shape: tuple[int, ...], named: dict[str, Array], out: Solution | None
 ) -> Solution:
     """Solve a batch, a long one chunk by chunk."""
     count = math.prod(shape)
     if count <= ROWS:
-        return _solve(NUMPY, game, shape, given, out)
-    like = given["pursuer"]
+        return _solve(NUMPY, game, shape, named, out)
+    like = named["pursuer"]
     out = out or _empty(shape, like)
     rows = {
-        name: np.broadcast_to(value, (*shape, 3)).reshape(count, 3) for name, value in given.items()
+        name: np.broadcast_to(value, (*shape, 3)).reshape(count, 3) for name, value in named.items()
     }
     game = for_rows(game, lambda value: np.broadcast_to(value, shape).reshape(count))
-    whole = out if len(shape) == 1 else _empty((count,), like)
+    flat_out = out if len(shape) == 1 else _empty((count,), like)
     for start in range(0, count, ROWS):
         part = slice(start, start + ROWS)
         chunk = {name: value[part] for name, value in rows.items()}
-        few = for_rows(game, itemgetter(part))
+        chunk_game = for_rows(game, itemgetter(part))
         _solve(
             NUMPY,
-            few,
+            chunk_game,
             chunk["pursuer"].shape[:1],
             chunk,
-            Solution(*(field[part] for field in whole)),
+            Solution(*(field[part] for field in flat_out)),
         )
-    if whole is not out:
-        for field, flat in zip(out, whole, strict=True):
+    if flat_out is not out:
+        for field, flat in zip(out, flat_out, strict=True):
             field[...] = flat.reshape(field.shape)
     return out
 
 
 def _play(
-    xp: Library, game: Game, P: Space, E: Space, T: Space | None, seen: Space | None
+    xp: Library, game: Game, P: Space, E: Space, T: Space | None, observed: Space | None
 ) -> StateSolution:
     if game.evader_space == "space":
-        return play_in_space(xp, game, P, E, T, seen)
-    state = take_apart(xp, game, P, E, seen)
+        return play_in_space(xp, game, P, E, T, observed)
+    state = take_apart(xp, game, P, E, observed)
     return pursuit(xp, game, state) if T is None else defence(xp, game, state, T[:2])
 
 
-def _reason(xp: Library, game: Game, given: dict[str, Array], play: StateSolution) -> Real:
+def _reason(xp: Library, game: Game, named: dict[str, Array], play: StateSolution) -> Real:
     """Return the kind of each row's answer, or why it has none."""
-    in_pe = "target" not in given
+    in_pe = "target" not in named
     reason = _aged(xp, game, play, in_pe=in_pe)
-    if xp is not NUMPY or not np.all(_is_sound(game, play, most_squares(given), in_pe=in_pe)):
-        sound = _is_sound(game, play, squares(given), in_pe=in_pe)
-        zero = sum(0.0 * part for array in given.values() for part in components(array))
+    if xp is not NUMPY or not np.all(_is_sound(game, play, most_squares(named), in_pe=in_pe)):
+        sound = _is_sound(game, play, squares(named), in_pe=in_pe)
+        zero = sum(0.0 * part for array in named.values() for part in components(array))
         reason = xp.select(
             sound, reason, xp.select(zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE))
         )
@@ -303,12 +304,12 @@ def _is_sound(game: Game, play: StateSolution, squares: Real, *, in_pe: bool) ->
     return total - total == 0
 
 
-def _refuse(fault: Real, given: dict[str, Array]) -> None:
+def _refuse(fault: Real, named: dict[str, Array]) -> None:
     """Refuse a single state that is not finite, with the argument's name."""
     if fault == Reason.NOT_FINITE:
         wrong = [
             f"{name} = {array!r}"
-            for name, array in given.items()
+            for name, array in named.items()
             if not all(map(is_finite, array.tolist()))
         ]
         raise ConfigError(f"{', '.join(wrong)}: must be finite numbers")

@@ -90,28 +90,30 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     )
     pace = xp.select(arrived, 0.0, v)
     caught = is_caught(xp, game, state)
-    flown = pe.fly_to(
+    velocity = pe.fly_to(
         xp, game, state._replace(hold=hold), to, xp.select(won, lead.time, contest.guard)
     )
     if not is_zero(age):
         # With old information, a pursuer at the meeting point may find that the evader has not run there. One that
         # stayed would let it pass, so it plays PE.
-        over = won & (lead.time <= 0) & (caught == 0)
-        if xp.differentiates or np.any(over):
-            flown = xp.select_all(over, pe.pursuit(xp, game, state).pursuer_velocity_m_s, flown)
+        stale = won & (lead.time <= 0) & (caught == 0)
+        if xp.differentiates or np.any(stale):
+            velocity = xp.select_all(
+                stale, pe.pursuit(xp, game, state).pursuer_velocity_m_s, velocity
+            )
     reason = xp.select(margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
     if not is_zero(age):
         unsure = won & (surely_convex(xp, game, state) == 0)
-        dented = is_missed(xp, game, state, (to_target, goal, contest.edge.left), unsure)
+        dented = is_missed(xp, game, state, (to_target, goal, contest.edge.distance), unsure)
         reason = xp.select(dented, int(Reason.NO_REGION), reason)
     reason = xp.select(arrived, int(Reason.ARRIVED), reason)
     return StateSolution(
         winner=xp.sign(margin),
-        value=xp.select(won, edge.left - game.target_extent.radius_m, contest.short),
+        value=xp.select(won, edge.distance - game.target_extent.radius_m, contest.short),
         margin_s=margin,
         meeting_point_m=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
         meeting_time_s=time,
-        pursuer_velocity_m_s=flown,
+        pursuer_velocity_m_s=velocity,
         evader_velocity_m_s=(pace * heading[0], pace * heading[1], 0.0),
         reason=xp.select(caught, int(Reason.CAPTURED), reason),
     )
@@ -123,16 +125,16 @@ def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) 
     if extent.is_point:
         return from_set(to_target, extent.corners_m[0])
     flat = isinstance(game.pursuer, Cylinder)
-    way = to_set(xp, extent, (-to_target[0], -to_target[1]))
+    offset = to_set(xp, extent, (-to_target[0], -to_target[1]))
     rivals = rivals_of(xp, game, state, to_target, flat=flat)
-    found = from_set(to_target, most_in_danger(xp, extent, rivals))
+    point = from_set(to_target, most_in_danger(xp, extent, rivals))
     if flat:
         # Until the pursuer is at its height, the margin is least where the evader arrives first.
-        first = _first_reached(xp, game, to_target, way)
-        found = xp.select2(
-            _margin(xp, game, state, first) < _margin(xp, game, state, found), first, found
+        first = _first_reached(xp, game, to_target, offset)
+        point = xp.select2(
+            _margin(xp, game, state, first) < _margin(xp, game, state, point), first, point
         )
-    return xp.select2(dot2(way, way) == 0, way, found)
+    return xp.select2(dot2(offset, offset) == 0, offset, point)
 
 
 def _margin(xp: Library, game: Game, state: Geometry, to_point: Plane) -> Real:
@@ -141,19 +143,19 @@ def _margin(xp: Library, game: Game, state: Geometry, to_point: Plane) -> Real:
     return arrival - guard_time(xp, game, state, goal)
 
 
-def _first_reached(xp: Library, game: Game, to_target: Plane, way: Plane) -> Plane:
+def _first_reached(xp: Library, game: Game, to_target: Plane, offset: Plane) -> Plane:
     """Return the vector from E to the point of the target's set that it can reach first.
 
     Args:
         xp: array library.
         game: the game.
         to_target: vector from the evader to the target's position now, m.
-        way: vector to the point of the set that is nearest now, m.
+        offset: vector to the point of the set that is nearest now, m.
     """
     adrift = game.target_velocity_m_s
     if adrift == STILL:
-        return way
-    first = way
+        return offset
+    first = offset
     for _ in range(REACHED):
         # The nearest point when this one is reached can be reached no later.
         arrival, _ = _arrive(xp, game, first)
@@ -191,19 +193,19 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
     short = _shortfall(xp, game, state, goal, arrival, margin < 0)
     if paper is not None and circle is True:
         return Contest(goal, arrival, guard, margin, short, paper.edge)
-    wanted = margin > 0 if paper is None else (margin > 0) & ~circle
+    selected = margin > 0 if paper is None else (margin > 0) & ~circle
     near = goal
     # Where it can meet the point of its target that is nearest now
     if not game.target_extent.is_point:
         near = _arrive(
             xp, game, from_set(centre, nearest(xp, game.target_extent, (-centre[0], -centre[1]))[0])
         )[1]
-    edge = closest_point(xp, game, state, centre, near, wanted)
-    found = Contest(goal, arrival, guard, margin, short, edge)
+    edge = closest_point(xp, game, state, centre, near, selected)
+    contest = Contest(goal, arrival, guard, margin, short, edge)
     if paper is None:
-        return found
-    both = xp.select_all(circle, paper, found)
-    return found._replace(edge=both.edge) if flat else both
+        return contest
+    merged = xp.select_all(circle, paper, contest)
+    return contest._replace(edge=merged.edge) if flat else merged
 
 
 def _paper(
@@ -211,14 +213,14 @@ def _paper(
 ) -> Contest:
     u = game.pursuer.horizontal_m_s
     v = game.evader_speed_m_s
-    ended = race(xp, (u, v), state.to_evader, z, to_target)
+    contest = race(xp, (u, v), state.to_evader, z, to_target)
     if game.target_extent.is_point:
-        return ended
+        return contest
     # The point of the target closest to the circle is the one closest to the circle's centre c.
     lead = v * v / ((u - v) * (u + v))
-    place = (lead * state.to_evader[0] - centre[0], lead * state.to_evader[1] - centre[1])
-    near, _ = nearest(xp, game.target_extent, place)
-    return ended._replace(edge=race(xp, (u, v), state.to_evader, z, from_set(centre, near)).edge)
+    centre_c = (lead * state.to_evader[0] - centre[0], lead * state.to_evader[1] - centre[1])
+    near, _ = nearest(xp, game.target_extent, centre_c)
+    return contest._replace(edge=race(xp, (u, v), state.to_evader, z, from_set(centre, near)).edge)
 
 
 def race(
@@ -248,12 +250,12 @@ def race(
     )
     d_delta = xp.norm2(from_target)
     span = v * xp.sqrt(hand * (z * z) + (u * u) * dot2(to_evader, to_evader))
-    way = (to_evader[0] + to_target[0], to_evader[1] + to_target[1])
+    to_pursued = (to_evader[0] + to_target[0], to_evader[1] + to_target[1])
     near = dot2(to_target, to_target)
-    far = dot2(way, way) + z * z
+    far = dot2(to_pursued, to_pursued) + z * z
     b = (u * u) * near - (v * v) * far
-    left = xp.sqrt(near)
-    both = u * left + v * xp.sqrt(far)
+    distance = xp.sqrt(near)
+    total = u * distance + v * xp.sqrt(far)
     lengths = d_delta + span
     # Zero is divided by the same length, because its derivative is not zero
     final = b / xp.select(lengths > 0, lengths, 1.0)
@@ -261,8 +263,8 @@ def race(
     lead = (v * v) * (final * inverse)
     share = span * inverse
     run = (lead * to_evader[0] + share * to_target[0], lead * to_evader[1] + share * to_target[1])
-    arrival = left / v
-    margin = b / (u * v * xp.select(both > 0, both, 1.0))
+    arrival = distance / v
+    margin = b / (u * v * xp.select(total > 0, total, 1.0))
     edge = Closest(run, xp.norm2(run) / v, final)
     return Contest(to_target, arrival, arrival - margin, margin, -u * margin, edge)
 
@@ -388,7 +390,7 @@ def _widened(
     far = xp.norm2(goal)
     towards = xp.unit2(goal, far)
     fallen = Closest((radius * towards[0], radius * towards[1]), falling, abs(far - radius))
-    return xp.select_all(far - radius < level.left, fallen, level)
+    return xp.select_all(far - radius < level.distance, fallen, level)
 
 
 def _shortfall(
@@ -404,7 +406,7 @@ def _shortfall(
         y = (y[0] - game.wind_m_s[0] * arrival, y[1] - game.wind_m_s[1] * arrival)
     beside = xp.norm2(y) - game.standoff.radius_m
     if isinstance(game.pursuer, Ball):
-        flown = game.pursuer.speed_m_s * arrival + game.capture_radius_m
+        reach = game.pursuer.speed_m_s * arrival + game.capture_radius_m
         above = state.z
     else:
         beside = beside - game.capture_radius_m - game.pursuer.horizontal_m_s * arrival
@@ -413,7 +415,7 @@ def _shortfall(
             - game.capture_radius_m
             - pe.vertical_speed(xp, game.pursuer, state.z) * arrival
         )
-        flown = 0.0
+        reach = 0.0
         above = xp.maximum(above, 0.0)
-    short = xp.norm2((xp.select(lost, xp.maximum(beside, 0.0), 1.0), above)) - flown
+    short = xp.norm2((xp.select(lost, xp.maximum(beside, 0.0), 1.0), above)) - reach
     return xp.select(lost, short, 0.0)

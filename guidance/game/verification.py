@@ -63,11 +63,11 @@ def value_gradient(
     Raises:
         ConfigError: as `solve`.
     """
-    places = [np.asarray(place, float) for place in (pursuer, evader)]
+    places = [np.asarray(position, float) for position in (pursuer, evader)]
     if target is not None:
         places.append(np.asarray(target, float))
     places = list(np.broadcast_arrays(*places))
-    slopes = [np.zeros(place.shape) for place in places]
+    slopes = [np.zeros(position.shape) for position in places]
     for number in range(len(places)):
         flat = number > 0 and game.evader_space == "plane"
         for axis in range(2 if flat else 3):
@@ -131,9 +131,9 @@ def angles(
         ConfigError: as `solve`.
     """
     answer = solve(game, pursuer, evader, target)
-    flown = answer.pursuer_velocity_m_s
+    velocity = answer.pursuer_velocity_m_s
     run = answer.evader_velocity_m_s
-    beta = np.arctan2(flown[..., 1], flown[..., 0])
+    beta = np.arctan2(velocity[..., 1], velocity[..., 0])
     psi = np.full(beta.shape, np.nan)
     if target is not None:
         speed_ratio = game.pursuer.horizontal_m_s / game.evader_speed_m_s
@@ -143,7 +143,7 @@ def angles(
     return Angles(
         alpha=np.arctan2(run[..., 1], run[..., 0]),
         beta=beta,
-        gamma=np.arctan2(-flown[..., 2], np.hypot(flown[..., 0], flown[..., 1])),
+        gamma=np.arctan2(-velocity[..., 2], np.hypot(velocity[..., 0], velocity[..., 1])),
         psi=psi,
     )
 
