@@ -29,7 +29,6 @@ DEPARTURES = {
         "ATTITUDE_TARGET": LEVEL,
         "BATTERY_STATUS": SIMULATOR,
         "CURRENT_EVENT_SEQUENCE": CLIENT,
-        "CURRENT_MODE standard_mode": "only Hold and Return have a standard mode in the mock's messages",
         "ESTIMATOR_STATUS": SENSORS,
         "EVENT": "health reports are no events of the mock's",
         "GLOBAL_POSITION_INT": "a unit of the last place, and north is a matter of noise",
