@@ -98,11 +98,12 @@ def ask(
     """
     from guidance.session import control_socket  # noqa: PLC0415 - only orders
 
-    names = [] if name is None else name.split(",")
-    details: dict[str, Any] = {
-        "endpoint": endpoint or control_socket.ENDPOINT,
-        "token_file": token_file,
-    }
+    names: list[str] = []
+    if name is not None:
+        names = name.split(",")
+    if not endpoint:
+        endpoint = control_socket.ENDPOINT
+    details: dict[str, Any] = {"endpoint": endpoint, "token_file": token_file}
     by = control_socket.own_name("ctl")
     if zenoh is None and team is not None:
         answers = _asked_team_here(order, team, names, by=by, **details)

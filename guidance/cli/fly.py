@@ -123,7 +123,9 @@ def fly(
         arguments.refuse(ctx, "--fast", "in real time", "--link", "--port", "--panel")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     team = isinstance(load_any(scenario)[1], TeamScenario)
-    page = panel or (team and not (fast or as_json) and how_to_add("panel") is None)
+    page = panel
+    if team and not fast and not as_json and how_to_add("panel") is None:
+        page = True
     with _Beside(
         view=view, panel=page, folder=Path("flights") if out is None else out.parent
     ) as beside:
@@ -165,7 +167,8 @@ class _Beside(contextlib.ExitStack):
 
     def record(self, path: Path) -> None:
         """Show a record that is being written."""
-        self.recorded = self.recorded or path
+        if self.recorded is None:
+            self.recorded = path
         if self._view:
             self._add(
                 CommandBeside("view", str(path), "--follow", "--port", "0", "--web-port", "0")
@@ -214,7 +217,7 @@ def fly_scenario(
     flights = [*result.vehicles.values()]
     unwritten = [flight.record_stopped for flight in flights if flight.record_stopped]
     if isinstance(scenario, TeamScenario):
-        succeeded = bool(rows) and rows[0].captured >= rows[0].guaranteed
+        succeeded = len(rows) > 0 and rows[0].captured >= rows[0].guaranteed
     else:
         unwritten += report(target, flights[0], rows[0], folder)
         succeeded = flights[0].captured
@@ -345,10 +348,12 @@ def words(progress: Progress) -> str:
     game = progress.certificate
     unit = progress.unit
     if progress.evader:
-        to_go = (
-            "" if game is None else f", {game.gap_m:5.1f} m to go, value {game.value:5.1f} {unit}"
-        )
-        return f"{words} {progress.evader}{to_go}{progress.promise and f'; {progress.promise}'}"
+        against = f"{words} {progress.evader}"
+        if game is not None:
+            against += f", {game.gap_m:5.1f} m to go, value {game.value:5.1f} {unit}"
+        if progress.promise:
+            against += f"; {progress.promise}"
+        return against
     if game is None:
         return words
     times = f"value to go {game.value:5.1f} {unit}, time needed {game.time_needed_s:5.1f} s"
@@ -405,9 +410,10 @@ def report(target: Console, result: FlightResult, outcome: Outcome, folder: Path
         except (ConfigError, OutputError) as error:
             unwritten.append(str(error))
             advice = str(error)
-    target.print(
-        Text(f"picture  {advice or folder / PICTURE}", "yellow" if advice else ""), soft_wrap=True
-    )
+    picture = Text(f"picture  {folder / PICTURE}")
+    if advice:
+        picture = Text(f"picture  {advice}", "yellow")
+    target.print(picture, soft_wrap=True)
     return unwritten
 
 
@@ -440,11 +446,11 @@ def _number(value: float, digits: int, unit: str = "") -> str:
 
 
 def _table(result: FlightResult, outcome: Outcome) -> Table:
-    unit, quantity = (
-        ("s", "time to capture")
-        if outcome.game == "pe"
-        else ("m", "evader's distance from its target")
-    )
+    unit = "m"
+    quantity = "evader's distance from its target"
+    if outcome.game == "pe":
+        unit = "s"
+        quantity = "time to capture"
     rows = {
         "value predicted at engagement": _number(outcome.predicted, 2, unit),
         "time this vehicle needs, at engagement": _number(outcome.time_needed_s, 2, "s"),
@@ -455,7 +461,7 @@ def _table(result: FlightResult, outcome: Outcome) -> Table:
         "late cycles": f"{result.late_cycles} of {result.cycles}",
         "guarantee alarms": f"{outcome.alarms}",
         "flight ended": f"{result.ended}, after {outcome.duration_s:.1f} s",
-        "record": result.record_stopped or "whole",
+        "record": result.record_stopped if result.record_stopped else "whole",
     }
     return pairs(
         rows.items(), title=f"{ending_words(outcome)}; value is the {quantity}", right=True

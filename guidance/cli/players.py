@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from rich.console import Console
@@ -35,84 +35,98 @@ def tell_players(
         console: Where to.
         result: Of a flight; None in mathematics.
     """
-    vehicles = (
-        [f"uav{number + 1}" for number in range(rows[0].pursuers)]
-        if result is None
-        else list(result.vehicles)
-    )
-    evaders = [f"rover{row.evader + 1}" for row in rows]
-    cells = list[Sequence[Cell]]()
-    for number, name in enumerate(vehicles):
-        roles = [
-            f"{evaders[row.evader]}, {role}"
-            for role in _ROLES
-            for row in rows
-            if getattr(row, role) == number
-        ]
-        captured = [evaders[row.evader] for row in rows if row.captor == number]
-        flight = None if result is None else result.vehicles[name]
-        flight_cells = (
-            []
-            if flight is None
-            else [str(flight.ended), str(len(flight.alarms)), ", ".join(flight.limits) or "-"]
-        )
-        cells.append([name, "; ".join(roles) or "-", ", ".join(captured) or "-", *flight_cells])
-    headings = (
-        "vehicle",
-        "assigned",
-        "captured",
-        *(() if result is None else ("ended", "alarms", "limits")),
-    )
-    print_sheet(console, headings, cells, left=range(len(headings)))
+    vehicles = _vehicle_names(rows, result)
+    _tell_vehicles(rows, vehicles, console, result)
     if not rows:
         return
-    names = [*vehicles, "-"]  # number -1 means none
-    cells = []
-    for row, evader in zip(rows, evaders, strict=True):
-        who = (names[number] for number in (row.first, row.second, row.captor))
-        promise = [] if result is None else [_promise(result, row, evader)]
-        cells.append(
-            [evader, row.end, *who, *(as_text(getattr(row, name)) for name in _NUMBERS), *promise]
-        )
-    headings = (
-        "evader",
-        "end",
-        *_ROLES,
-        "captor",
-        *_NUMBERS,
-        *(() if result is None else ("promise",)),
-    )
-    text_columns = [column for column, heading in enumerate(headings) if heading not in _NUMBERS]
-    print_sheet(console, headings, cells, left=text_columns)
+    _tell_evaders(rows, vehicles, console, result)
     summary = summary_of(rows)
     team = [(rows[0].game, *map(as_text, summary.values()))]
     print_sheet(console, ("team", *summary), team, left=(0,))
 
 
+def _vehicle_names(rows: Sequence[TeamOutcome], result: "MissionResult | None") -> list[str]:
+    if result is not None:
+        return list(result.vehicles)
+    return [f"uav{number + 1}" for number in range(rows[0].pursuers)]
+
+
+def _evader_name(row: TeamOutcome) -> str:
+    return f"rover{row.evader + 1}"
+
+
+def _tell_vehicles(
+    rows: Sequence[TeamOutcome],
+    vehicles: Sequence[str],
+    console: Console,
+    result: "MissionResult | None",
+) -> None:
+    headings = ["vehicle", "assigned", "captured"]
+    if result is not None:
+        headings += ["ended", "alarms", "limits"]
+    cells = list[Sequence[Cell]]()
+    for number, name in enumerate(vehicles):
+        assigned = []
+        for role in _ROLES:
+            of_vehicle = [row for row in rows if getattr(row, role) == number]
+            assigned += [f"{_evader_name(row)}, {role}" for row in of_vehicle]
+        captured = [_evader_name(row) for row in rows if row.captor == number]
+        line = [name, _joined("; ", assigned), _joined(", ", captured)]
+        if result is not None:
+            flight = result.vehicles[name]
+            line += [str(flight.ended), str(len(flight.alarms)), _joined(", ", flight.limits)]
+        cells.append(line)
+    print_sheet(console, headings, cells, left=range(len(headings)))
+
+
+def _tell_evaders(
+    rows: Sequence[TeamOutcome],
+    vehicles: Sequence[str],
+    console: Console,
+    result: "MissionResult | None",
+) -> None:
+    headings = ["evader", "end", *_ROLES, "captor", *_NUMBERS]
+    if result is not None:
+        headings.append("promise")
+    names = [*vehicles, "-"]  # number -1 means none
+    cells = list[Sequence[Cell]]()
+    for row in rows:
+        evader = _evader_name(row)
+        pursuers = [names[number] for number in (row.first, row.second, row.captor)]
+        numbers = [as_text(getattr(row, name)) for name in _NUMBERS]
+        line = [evader, row.end, *pursuers, *numbers]
+        if result is not None:
+            line.append(_promise(result, row, evader))
+        cells.append(line)
+    text_columns = [column for column, heading in enumerate(headings) if heading not in _NUMBERS]
+    print_sheet(console, headings, cells, left=text_columns)
+
+
+def _joined(separator: str, words: Iterable[str]) -> str:
+    """Return words as a cell; "-" if there are none."""
+    text = separator.join(words)
+    return text if text else "-"
+
+
 def _promise(result: "MissionResult", row: TeamOutcome, evader: str) -> str:
     """Say whether the last promise about an evader was kept."""
-    roles = [
-        member.board.roles for member in result.members.values() if member.board.roles is not None
-    ]
-    promises = [
-        promise
-        for member_roles in roles
-        for promise in member_roles.promises
-        if promise.evader == evader
-    ]
     unit = "s" if row.game == "pe" else "m"
     captured = row.end == "captured"
-    return (
-        promises[0].verdict(row.predicted, row.achieved, unit, captured=captured)
-        if promises
-        else "-"
-    )
+    for member in result.members.values():
+        roles = member.board.roles
+        if roles is None:
+            continue
+        for promise in roles.promises:
+            if promise.evader == evader:
+                return promise.verdict(row.predicted, row.achieved, unit, captured=captured)
+    return "-"
 
 
 def as_text(value: Any, unit: str = "") -> str:  # noqa: ANN401 - any column
     """Return a column's value as text; a number gets three places and its unit."""
     if isinstance(value, tuple):
-        return ", ".join(value) or "none"
+        return ", ".join(value) if value else "none"
     if isinstance(value, float):
         return "-" if math.isnan(value) else f"{value:z.3f} {unit}".rstrip()
-    return str(value) or "-"
+    text = str(value)
+    return text if text else "-"

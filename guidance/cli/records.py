@@ -5,7 +5,7 @@ import math
 from collections import Counter
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.text import Text
@@ -24,7 +24,7 @@ from guidance.log import (
 )
 from guidance.log import export as exports
 from guidance.log.entries import CYCLE, cycle_entry
-from guidance.log.replay import Difference
+from guidance.log.replay import Comparison, Difference
 from guidance.messages import EvaderReport
 from guidance.screen import console, pairs, sheet
 from guidance.session.flight_files import RECORD, changes_of, recorded_settings
@@ -155,15 +155,9 @@ def replay(
         typer.echo(f"the record is not whole: {printable(fault)}", err=True)
     if not comparison.cycles:
         raise ConfigError(f"{file}: has no cycle: nothing was replayed")
-    counts = {name: getattr(comparison, name) for name in ("cycles", "setpoints", "differing")}
-    differences = (
-        {name: getattr(comparison, name)._asdict() for name in ("wanted", "commanded")}
-        if changed
-        else {}
-    )
     first = None if changed else comparison.first
     if as_json:
-        typer.echo(json.dumps(counts | differences, indent=2))
+        typer.echo(json.dumps(_as_document(comparison, what_if=bool(changed)), indent=2))
     else:
         typer.echo(f"{comparison.cycles} cycles, {comparison.setpoints} setpoints recorded")
         if changed:
@@ -178,6 +172,15 @@ def replay(
             typer.echo("no setpoint was recorded, so none was compared; every state came back")
     if first is not None or not (changed or comparison.setpoints):
         raise typer.Exit(1)
+
+
+def _as_document(comparison: Comparison, *, what_if: bool) -> dict[str, Any]:
+    names = ("cycles", "setpoints", "differing")
+    document = {name: getattr(comparison, name) for name in names}
+    if what_if:
+        document["wanted"] = comparison.wanted._asdict()
+        document["commanded"] = comparison.commanded._asdict()
+    return document
 
 
 def _difference(quantity: str, difference: Difference) -> str:
@@ -196,10 +199,10 @@ def _first(step: ReplayedCycle) -> str:
         lines.append(f"    now       {json.dumps(present.get(name))}")
     lines.append("  inputs")
     for name, value in recorded["inputs"].items():
-        lines += [
-            f"    {name}  {json.dumps(part)}"
-            for part in (value if isinstance(value, list) else [value])
-        ]
+        parts = value
+        if not isinstance(value, list):
+            parts = [value]
+        lines.extend(f"    {name}  {json.dumps(part)}" for part in parts)
     return "\n".join(lines)
 
 

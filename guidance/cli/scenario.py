@@ -238,12 +238,16 @@ def show(
     facts = list(facts_of(shown))
     there = console(stderr=as_json)
     if as_json:
-        said = {fact: [words for name, words in facts if name == fact] for fact, _ in facts}
-        typer.echo(
-            json.dumps(
-                {"file": path.name, "title": title, "description": about, "facts": said}, indent=2
-            )
-        )
+        facts_by_name: dict[str, list[str]] = {}
+        for fact, words in facts:
+            facts_by_name.setdefault(fact, []).append(words)
+        document = {
+            "file": path.name,
+            "title": title,
+            "description": about,
+            "facts": facts_by_name,
+        }
+        typer.echo(json.dumps(document, indent=2))
     else:  # the file may be a stranger's
         there.print(printable(title), style="bold", markup=False, end="")
         there.print(f"  ({printable(path.name)})\n{printable(about)}\n", markup=False)
@@ -264,8 +268,8 @@ def names() -> list[str]:
 def listed() -> Iterator[tuple[str, str, str, str]]:
     """Yield the bundled scenarios: name, game, title and expectations."""
     for name in names():
-        one = load_any(name)[1]
-        yield name, one.game, one.title, expected(one)
+        _, scenario = load_any(name)
+        yield name, scenario.game, scenario.title, expected(scenario)
 
 
 def listing(width: int) -> Table:
@@ -292,7 +296,8 @@ def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
         )
     else:
         yield from _conditions(scenario)
-    yield "expected", expected(scenario) or "nothing"
+    expectations = expected(scenario)
+    yield "expected", expectations if expectations else "nothing"
 
 
 def _shape_words(target: Target) -> str:

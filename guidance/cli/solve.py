@@ -83,9 +83,10 @@ def solve(
         raise ConfigError("--pursuer, --evader: both must be given, or --states")
     P = _numbers("--pursuer", pursuer, 3)
     E = (*_numbers("--evader", evader, 2), 0.0)
-    answer = solve_game(
-        game, P, E, None if target is None else (*_numbers("--target", target, 2), 0.0)
-    )
+    T: tuple[float, ...] | None = None
+    if target is not None:
+        T = (*_numbers("--target", target, 2), 0.0)
+    answer = solve_game(game, P, E, T)
     if as_json:
         sys.stdout.write(json.dumps(_as_record(answer)) + "\n")
     else:
@@ -160,7 +161,9 @@ def paper(
             out.mkdir(parents=True, exist_ok=True)
     target = console(stderr=as_json)
     computed = tables()
-    cases = [(table, case) for table in computed for case in table.cases]
+    cases = []
+    for table in computed:
+        cases += [(table, case) for case in table.cases]
     wrong = sum(not case.matches for _, case in cases)
     if as_json:
         rows = [
@@ -185,7 +188,8 @@ def paper(
                 sheet(headings, cells, left=(0, 1), title=f"{table.title}; {table.quantity}")
             )
         target.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
-    for path in draw_figures(*computed, out) if figures else ():
-        target.print(f"drawn: {path}", soft_wrap=True)
+    if figures:
+        for path in draw_figures(*computed, out):
+            target.print(f"drawn: {path}", soft_wrap=True)
     if wrong:
         raise typer.Exit(1)

@@ -31,8 +31,12 @@ def _in_plain_letters(error: UnicodeError) -> tuple[str, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
     letter = error.object[error.start]
-    bare = unicodedata.normalize("NFKD", letter).encode("ascii", "ignore").decode()
-    return _PLAIN.get(letter) or bare or f"\\u{ord(letter):04x}", error.start + 1
+    plain = _PLAIN.get(letter)
+    if not plain:
+        plain = unicodedata.normalize("NFKD", letter).encode("ascii", "ignore").decode()
+    if not plain:
+        plain = f"\\u{ord(letter):04x}"
+    return plain, error.start + 1
 
 
 codecs.register_error("plain-letters", _in_plain_letters)

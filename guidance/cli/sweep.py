@@ -109,7 +109,10 @@ def run(
             )
         )
     except KeyboardInterrupt as interruption:
-        typer.echo(str(interruption) or "interrupted before anything was computed", err=True)
+        words = str(interruption)
+        if not words:
+            words = "interrupted before anything was computed"
+        typer.echo(words, err=True)
         raise typer.Exit(128 + signal.SIGINT) from None
 
 

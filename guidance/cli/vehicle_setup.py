@@ -133,7 +133,8 @@ def check(
     if vehicle is not None:
         awaited = f"a HEARTBEAT at {vehicle}"
         limit_s = discovery.FOUND_WITHIN_S
-        opening = checkup_at(load_scenario(name or "pe")[1], Asked((vehicle,), autopilot, link))
+        _, scenario = load_scenario(name if name else "pe")
+        opening = checkup_at(scenario, Asked((vehicle,), autopilot, link))
     else:
         arguments.refuse(
             ctx, "a vehicle file, which has this key", "with --vehicle", "--autopilot", "--link"
@@ -190,7 +191,9 @@ def _show(rows: Sequence[Finding], *, as_json: bool, all_rows: bool) -> int:
     else:
         screen = console()
         order = list(_STYLE)[: 3 if all_rows else 2]
-        shown = [row for verdict in order for row in rows if row.verdict == verdict]
+        shown: list[Finding] = []
+        for verdict in order:
+            shown += [row for row in rows if row.verdict == verdict]
         _print_table(screen, ((row.verdict, row.name, _explained(row)) for row in shown))
         if len(shown) < len(rows):
             screen.print(
@@ -277,7 +280,10 @@ def keys(
     begin = datetime.datetime.fromtimestamp(time.time_ns() / 1e9, datetime.UTC)
     validity = begin - datetime.timedelta(hours=1), begin + datetime.timedelta(days=365)
     with writing(out):
-        written = make_keys(out, names, ["localhost", "127.0.0.1", *(host or ())], validity)
+        hosts = ["localhost", "127.0.0.1"]
+        if host:
+            hosts += host
+        written = make_keys(out, names, hosts, validity)
     for path in written:
         typer.echo(path)
 

@@ -90,8 +90,9 @@ def view(
             sources: dict[str, viewer.Source] = {"": LiveFlight(session, name)}
         else:
             folder_record = file / RECORD
-            alone = folder_record if folder_record.exists() else file
-            records = sorted(file.glob(f"*/{RECORD}")) or [alone]
+            records = sorted(file.glob(f"*/{RECORD}"))
+            if not records:
+                records = [folder_record if folder_record.exists() else file]
             sources = {path.parent.name: viewer.RecordFile(path, live=follow) for path in records}
         count = viewer.view(sources, save, (port, web_port), typer.echo, ended)
     typer.echo(f"{count} cycles shown" if save is None else f"{save}: {count} cycles")
@@ -144,8 +145,9 @@ def panel(
         os.nice(NICE)
         clock = MonotonicClock()
         access = Access(host, listening.getsockname()[1], security, clock, typer.echo)
-        endpoints = endpoint if endpoint else [ENDPOINT]
-        buses = [DaemonBus(each, token_file, clock, credentials) for each in endpoints]
+        if not endpoint:
+            endpoint = [ENDPOINT]
+        buses = [DaemonBus(address, token_file, clock, credentials) for address in endpoint]
         with contextlib.closing(Hub(buses, clock)) as hub:
             asyncio.run(
                 PanelServer(hub, access, look=look, records=records, tiles=tiles).serve(listening)
