@@ -299,8 +299,11 @@ def is_low(heard: Heard) -> bool:
 
 
 def is_late(vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether the telemetry is too late to fly by, or its last position is too old."""
-    if vehicle.age_s(LocalPosition, now_s) > TELEMETRY_LIMIT_S:
+    """Return whether the telemetry is too late to fly by, or its last position came late and is too old.
+
+    A position that came in time is too old because nothing arrives; that is lost telemetry.
+    """
+    if vehicle.age_s(LocalPosition, now_s) > TELEMETRY_LIMIT_S and vehicle.delay_s > LATE_S:
         return True
     return vehicle.clock.is_late(now_s)
 
@@ -345,7 +348,11 @@ def _telemetry_lost(now: Moment) -> bool:
         return False
     if local is None:  # found armed and handed over: only its modes matter
         return now.stage.state not in HANDING_OVER
-    return now.now_s - local.received_s > TELEMETRY_LIMIT_S
+    if now.now_s - local.received_s > TELEMETRY_LIMIT_S:
+        return True
+    vehicle = now.heard.vehicle
+    is_old = vehicle.age_s(LocalPosition, now.now_s) > TELEMETRY_LIMIT_S
+    return is_old and not vehicle.delay_s > LATE_S
 
 
 def _invited(now: Moment) -> bool:

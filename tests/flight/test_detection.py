@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
+from guidance.boot_clock import BootClock
 from guidance.flight import EngageOn, Event, State
 from guidance.flight.detection import checks, events, fit
 from guidance.flight.heard import Heard
@@ -359,7 +360,7 @@ def test_of_all_that_happens_at_once_the_most_severe_comes_first():
         "vehicle": observe(
             VehicleState(),
             [heartbeat(mode=Mode.OTHER, armed=False), local(NOW_S - 1.1), status(battery=0.1)],
-        )._replace(resets=1, reboots=1),
+        )._replace(resets=1, reboots=1, clock=BootClock(delay_s=0.6, late_since_s=NOW_S - 1.1)),
         "dt_s": 2.0,
         "low_battery_reports": 3,
         "since_s": NOW_S - 60.0,
@@ -402,6 +403,26 @@ def test_of_all_that_happens_at_once_the_most_severe_comes_first():
     assert list(events(context(State.PAUSED, **back))) == [Event.CLEAR, Event.TIMED_OUT]
     assert list(events(context(State.ENTERING, **back))) == [Event.GUIDED, Event.TIMED_OUT]
     assert list(events(context(State.ARMING, since_s=0.0))) == [Event.ARMED, Event.TIMED_OUT]
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "silence_s", "happening"),
+    [
+        (0.0, 0.9, []),
+        (0.0, 1.1, [Event.TELEMETRY_LOST]),
+        (0.4, 0.7, [Event.TELEMETRY_LOST]),
+        (0.6, 0.3, []),
+        (0.6, 0.5, [Event.LATE]),
+    ],
+)
+def test_telemetry_that_stops_is_lost_and_telemetry_that_is_old_on_arrival_is_late(
+    delay_s, silence_s, happening
+):
+    messages = [heartbeat(armed=True), local(NOW_S - silence_s)]
+    vehicle = observe(VehicleState(), messages)._replace(clock=BootClock(delay_s=delay_s))
+    moment = context(State.ENGAGED, vehicle=vehicle)
+    telemetry = {Event.TELEMETRY_LOST, Event.LATE}
+    assert [event for event in events(moment) if event in telemetry] == happening
 
 
 def test_what_is_done_in_time_has_not_taken_too_long():
