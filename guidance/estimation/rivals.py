@@ -112,7 +112,9 @@ def _is_odd(before: Report, report: Report) -> bool:
         return True
     if abs(told.received_s - report.measured.time_s) > _CLOCKS_APART_S:
         return True
-    return told.peer != before.told.peer or _contradict(before.told, told)
+    if told.peer != before.told.peer:
+        return True
+    return _contradict(before.told, told)
 
 
 def _in_place(recent: Sequence[Report], settings: TrackSettings) -> bool:
@@ -208,8 +210,9 @@ def _in_rate(rivals: Rivals, now_s: float) -> bool:
         return False
     arrivals_s = _untimed(rivals.recent, now_s)
     # A queue delivers everything at once
-    spread = 2 * len(set(arrivals_s)) >= min(rivals.usual, _RATE_SPREAD)
-    return spread and len(arrivals_s) > _RATE_FACTOR * rivals.usual + _RATE_SPARE
+    if 2 * len(set(arrivals_s)) < min(rivals.usual, _RATE_SPREAD):
+        return False
+    return len(arrivals_s) > _RATE_FACTOR * rivals.usual + _RATE_SPARE
 
 
 _SIGNS: Final[Mapping[str, Callable[[Rivals, float, TrackSettings], bool]]] = {
