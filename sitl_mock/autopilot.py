@@ -111,11 +111,13 @@ class Autopilot:
             raise ConfigError(f"parameters: {error}") from None
         start = LocalFrame(settings.home).to_geodetic(*settings.start_ned)
         self.frame = LocalFrame(settings.origin or start)
-        place = self.frame.to_local(*start)
-        self.ground_m = place[2]
+        position_m = self.frame.to_local(*start)
+        self.ground_m = position_m[2]
         self.plant: Vehicle = self.flavour.plant(self.parameters)
         self._plant_revision = self.parameters.revision
-        self.motion: Motion = self.plant.initial(place, wrap_pi(math.radians(settings.yaw_deg)))
+        self.motion: Motion = self.plant.initial(
+            position_m, wrap_pi(math.radians(settings.yaw_deg))
+        )
         self.texts = self.flavour.texts if settings.texts is None else settings.texts
         self._status_texts = StatusTexts()
         self.events = EventLog()
@@ -215,10 +217,10 @@ class Autopilot:
         changed = state.parameter_news
         if not (texts or reached or news or changed):
             return None
-        said: list[Reply] = []
+        replies: list[Reply] = []
         everywhere: list[Reply] = [("MISSION_ITEM_REACHED", seq) for seq in reached]
         for severity, text in texts:
-            said += self._status_texts.replies(severity, text)
+            replies += self._status_texts.replies(severity, text)
             event = (
                 self.flavour.event_of(severity, text) if self.flavour.event_of is not None else None
             )
@@ -233,7 +235,7 @@ class Autopilot:
                 everywhere.append((name, *fields))
         for queue in (news, changed, texts, reached):
             queue.clear()
-        return Announcements(everywhere, said)
+        return Announcements(everywhere, replies)
 
     def set_mission_item(self, _now_s: float, seq: int) -> list[Reply]:
         """MISSION_SET_CURRENT: continue at this item; MISSION_CURRENT follows at its own rate."""
@@ -261,11 +263,11 @@ class Autopilot:
         state = self.state
         old = self.frame
         self.frame = state.frame = LocalFrame(Home(*place))
-        here = self.frame.to_local(*old.to_geodetic(*body.position_ned_m))
-        self.ground_m = state.ground_m = here[2]
-        self.motion = self.plant.initial(here, body.yaw_rad)
+        position_m = self.frame.to_local(*old.to_geodetic(*body.position_ned_m))
+        self.ground_m = state.ground_m = position_m[2]
+        self.motion = self.plant.initial(position_m, body.yaw_rad)
         state.body = self.motion.body
-        state.position_m = here
+        state.position_m = position_m
         if state.home_m is not None:
             moved = self.frame.to_local(*old.to_geodetic(*state.home_m))
             state.set_home(moved, attitude=state.home_attitude, given=state.home_given)

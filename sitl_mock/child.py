@@ -133,10 +133,12 @@ def running(
     unknown = sorted(set(over) - {"udp", "zenoh"})
     if unknown or not over:
         raise ConfigError(f"over = {tuple(over)!r}: allowed are udp and zenoh")
-    flavours = {str(each.get("name")): str(each.get("flavour", "px4")) for each in vehicles}
+    flavours = {
+        str(vehicle.get("name")): str(vehicle.get("flavour", "px4")) for vehicle in vehicles
+    }
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        tables = {"seed": seed, **fleet, "vehicle": [_given(each) for each in vehicles]}
+        tables = {"seed": seed, **fleet, "vehicle": [_given(vehicle) for vehicle in vehicles]}
         (folder / "fleet.toml").write_text(tomli_w.dumps(tables), encoding="utf-8")
         (folder / "faults.toml").write_text(tomli_w.dumps(faults or {}), encoding="utf-8")
         for _ in range(1 if port else _ATTEMPTS):
@@ -194,8 +196,8 @@ def _start(
 
 def _last_words(log: Path) -> str:
     """Return the last error or line in a child's log."""
-    said = log.read_text(encoding="utf-8", errors="replace").strip()
-    return said.rpartition("error: ")[2] if "error: " in said else said.rpartition("\n")[2]
+    output = log.read_text(encoding="utf-8", errors="replace").strip()
+    return output.rpartition("error: ")[2] if "error: " in output else output.rpartition("\n")[2]
 
 
 def _first_line(process: subprocess.Popen[str]) -> str:
@@ -216,15 +218,18 @@ def _targets(port: int | None, flavours: Mapping[str, str]) -> dict[str, int]:
 
 def _addresses(ready: Mapping[str, Any], targets: Mapping[str, int]) -> dict[str, RunningVehicle]:
     vehicles = {}
-    for each in ready["vehicles"]:
-        name = each["name"]
-        places = each["endpoints"]
-        zenoh = next((place.split()[0] for place in places if "mavlink_raw" in place), None)
+    for vehicle in ready["vehicles"]:
+        name = vehicle["name"]
+        places = vehicle["endpoints"]
+        zenoh = next(
+            (endpoint.split()[0] for endpoint in places if "mavlink_raw" in endpoint), None
+        )
         listens = next(
-            (int(place.rsplit(":", 1)[1]) for place in places if place.startswith("udp:")), None
+            (int(endpoint.rsplit(":", 1)[1]) for endpoint in places if endpoint.startswith("udp:")),
+            None,
         )
         vehicles[name] = RunningVehicle(
-            name, each["flavour"], each["system_id"], targets.get(name), listens, zenoh
+            name, vehicle["flavour"], vehicle["system_id"], targets.get(name), listens, zenoh
         )
     return vehicles
 
@@ -235,8 +240,8 @@ def free_udp_port(flavours: Mapping[str, str]) -> int:
     Raises:
         TransportError: None is found.
     """
-    with contextlib.ExitStack() as held:
-        return _free_ports(flavours, held)
+    with contextlib.ExitStack() as stack:
+        return _free_ports(flavours, stack)
 
 
 def _free_ports(flavours: Mapping[str, str], stack: contextlib.ExitStack) -> int:
@@ -250,13 +255,13 @@ def _free_ports(flavours: Mapping[str, str], stack: contextlib.ExitStack) -> int
     for start in itertools.chain(
         range(first, _LAST_PORT, spread), range(_FIRST_PORT, first, spread)
     ):
-        wanted = [port for pair in udp_ports(start, flavours).values() for port in pair if port]
-        if len(set(wanted)) < len(wanted):
+        ports = [port for pair in udp_ports(start, flavours).values() for port in pair if port]
+        if len(set(ports)) < len(ports):
             raise TransportError(
                 f"{', '.join(flavours)}: their UDP ports would clash; start them as two fleets"
             )
         with contextlib.ExitStack() as held:
-            if all(_is_free(port) and _held(port, held) for port in wanted):
+            if all(_is_free(port) and _held(port, held) for port in ports):
                 stack.push(held.pop_all())
                 return start
     raise TransportError(f"no free UDP ports from {_FIRST_PORT} to {_LAST_PORT} on 127.0.0.1")

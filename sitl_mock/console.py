@@ -138,7 +138,9 @@ def status_of(vehicle: Faulted) -> Status:
     """Return a vehicle's state."""
     mock = vehicle.vehicle
     now_s = mock.autopilot.state.now_s
-    heard = dict.fromkeys(client for link in mock.links.values() for client in link.clients(now_s))
+    clients = dict.fromkeys(
+        client for link in mock.links.values() for client in link.clients(now_s)
+    )
     acting = dict.fromkeys(
         str(fault["kind"]) for fault in vehicle.faults() if fault["state"] == "acting"
     )
@@ -149,7 +151,7 @@ def status_of(vehicle: Faulted) -> Status:
         mock.mode,
         mock.armed,
         round(mock.autopilot.report.relative_m, 1) + 0.0,  # no minus zero
-        " ".join(f"{system}/{component}" for system, component in heard),
+        " ".join(f"{system}/{component}" for system, component in clients),
         " ".join(acting),
     )
 
@@ -178,7 +180,9 @@ class LiveTable:
         if now_s < self._next_s:
             return
         self._next_s = now_s + TABLE_S
-        self._live.update(table_of([status_of(each) for each in self._vehicles]), refresh=True)
+        self._live.update(
+            table_of([status_of(vehicle) for vehicle in self._vehicles]), refresh=True
+        )
 
     def close(self) -> None:
         """Leave the last table where it is."""
@@ -200,15 +204,15 @@ def table_of(fleet: Sequence[Status]) -> Table:
     table.add_column("height", justify="right", no_wrap=True, min_width=8)
     table.add_column("clients", overflow="ellipsis", no_wrap=True)
     table.add_column("faults", overflow="ellipsis", no_wrap=True, style="red")
-    for each in fleet:
+    for vehicle in fleet:
         table.add_row(
-            each.name,
-            each.flavour,
-            each.mode,
-            "[bold]armed[/]" if each.armed else "-",
-            f"{each.height_m:.1f} m",
-            each.clients or "[dim]none[/]",
-            each.faults,
+            vehicle.name,
+            vehicle.flavour,
+            vehicle.mode,
+            "[bold]armed[/]" if vehicle.armed else "-",
+            f"{vehicle.height_m:.1f} m",
+            vehicle.clients or "[dim]none[/]",
+            vehicle.faults,
         )
     return table
 
@@ -230,12 +234,12 @@ class ChangeLines:
         self._next_s = now_s + LINES_S
         if self._first_s < 0.0:
             self._first_s = now_s
-        for each in self._vehicles:
-            status = status_of(each)
-            known = self._known.get(each.name)
-            changed = known is None or known._replace(height_m=status.height_m) != status
+        for vehicle in self._vehicles:
+            status = status_of(vehicle)
+            previous = self._known.get(vehicle.name)
+            changed = previous is None or previous._replace(height_m=status.height_m) != status
             if changed and self._out is not None and select.select([], [self._out], [], 0.0)[1]:
-                self._known[each.name] = status
+                self._known[vehicle.name] = status
                 if not write(self._out, line_of(status, now_s - self._first_s)):
                     self._out = None
 

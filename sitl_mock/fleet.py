@@ -119,8 +119,8 @@ def checked(values: object, source: str) -> FleetConfig:
     Raises:
         ConfigError: A key is unknown or wrong; the message has the key, its value and the allowed ones.
     """
-    given = table(values, _FLEET, source)
-    entries = given["vehicle"]
+    document = table(values, _FLEET, source)
+    entries = document["vehicle"]
     if not isinstance(entries, (list, tuple)) or not 1 <= len(entries) <= _MOST:
         raise ConfigError(
             f"{source}: vehicle = {entries!r}: allowed are 1 to {_MOST} tables, written as [[vehicle]]"
@@ -128,7 +128,7 @@ def checked(values: object, source: str) -> FleetConfig:
     vehicles = tuple(
         _vehicle_of(entry, f"{source}: vehicle.{index}") for index, entry in enumerate(entries)
     )
-    names = [each.name for each in vehicles]
+    names = [vehicle.name for vehicle in vehicles]
     doubled = sorted({name for name in names if names.count(name) > 1})
     if doubled:
         raise ConfigError(
@@ -136,21 +136,21 @@ def checked(values: object, source: str) -> FleetConfig:
         )
     home = (
         DEFAULT_HOME
-        if given["home"] is None
-        else Home(**table(given["home"], _HOME, f"{source}: home"))
+        if document["home"] is None
+        else Home(**table(document["home"], _HOME, f"{source}: home"))
     )
-    return FleetConfig(vehicles, given["seed"], home)
+    return FleetConfig(vehicles, document["seed"], home)
 
 
 def _vehicle_of(values: object, where: str) -> VehicleConfig:
-    given = table(values, _VEHICLE, where)
-    origin = given["origin"]
-    signing = given["signing"]
-    given["origin"] = None if origin is None else Home(**table(origin, _HOME, f"{where}.origin"))
-    given["signing"] = (
+    document = table(values, _VEHICLE, where)
+    origin = document["origin"]
+    signing = document["signing"]
+    document["origin"] = None if origin is None else Home(**table(origin, _HOME, f"{where}.origin"))
+    document["signing"] = (
         None if signing is None else SigningConfig(**table(signing, _SIGNING, f"{where}.signing"))
     )
-    return VehicleConfig(**given)
+    return VehicleConfig(**document)
 
 
 def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
@@ -201,7 +201,7 @@ def with_settings(
         name: checked_value(f"--{name.replace('_', '-')}", value, _VEHICLE[name])
         for name, value in settings.items()
     }
-    vehicles = tuple(replace(each, **values) for each in config.vehicle)
+    vehicles = tuple(replace(vehicle, **values) for vehicle in config.vehicle)
     return replace(config, vehicle=vehicles, seed=config.seed if seed is None else seed)
 
 
@@ -211,16 +211,16 @@ def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetCon
     Raises:
         ConfigError: The form is wrong, the vehicle is not in the fleet, or the value is not a number.
     """
-    vehicles = {each.name: each for each in config.vehicle}
+    vehicles = {vehicle.name: vehicle for vehicle in config.vehicle}
     for text in assignments:
-        where, name, value = _assignment(text)
-        if where and where not in vehicles:
+        vehicle_name, name, value = _assignment(text)
+        if vehicle_name and vehicle_name not in vehicles:
             raise ConfigError(
-                f"--param {text}: there is no vehicle {where!r}; allowed are {', '.join(vehicles)}"
+                f"--param {text}: there is no vehicle {vehicle_name!r}; allowed are {', '.join(vehicles)}"
             )
-        for each in [where] if where else list(vehicles):
-            parameters = {**vehicles[each].parameters, name: value}
-            vehicles[each] = replace(vehicles[each], parameters=parameters)
+        for vehicle in [vehicle_name] if vehicle_name else list(vehicles):
+            parameters = {**vehicles[vehicle].parameters, name: value}
+            vehicles[vehicle] = replace(vehicles[vehicle], parameters=parameters)
     return replace(config, vehicle=tuple(vehicles.values()))
 
 
@@ -263,9 +263,9 @@ def build(
 
 
 def _system_ids(config: FleetConfig) -> dict[str, int]:
-    given = {each.system_id for each in config.vehicle}
-    free = iter([number for number in range(1, 256) if number not in given])
-    return {each.name: each.system_id or next(free) for each in config.vehicle}
+    taken = {vehicle.system_id for vehicle in config.vehicle}
+    free = iter([number for number in range(1, 256) if number not in taken])
+    return {vehicle.name: vehicle.system_id or next(free) for vehicle in config.vehicle}
 
 
 def _vehicle(

@@ -127,13 +127,15 @@ class Link:
 
     def clients(self, now_s: float) -> list[tuple[int, int]]:
         """Return (system id, component id) of the senders of the last seconds."""
-        return [who for who, heard_s in self._heard.items() if now_s - heard_s <= _CLIENT_HEARD_S]
+        return [
+            client for client, heard_s in self._heard.items() if now_s - heard_s <= _CLIENT_HEARD_S
+        ]
 
     def _hear(self, now_s: float, message: Message) -> None:
-        who = (message.get_srcSystem(), message.get_srcComponent())
-        if who not in self._heard and len(self._heard) >= _CLIENTS_MOST:
+        client = (message.get_srcSystem(), message.get_srcComponent())
+        if client not in self._heard and len(self._heard) >= _CLIENTS_MOST:
             del self._heard[next(iter(self._heard))]
-        self._heard[who] = now_s
+        self._heard[client] = now_s
 
     def send(self, now_s: float, tick: int) -> list[bytes]:
         """Return the frames that are due by now."""
@@ -170,10 +172,10 @@ class Link:
             return (CommandAnswer(Result.UNSUPPORTED),)
         if command.number == _SET_GLOBAL_ORIGIN and command.number in flavour.more_commands:
             return (CommandAnswer(self._set_origin(now_s, command)),)
-        asked = self.streams.rules.old_requests.get(command.number)
-        if asked is not None:
+        message = self.streams.rules.old_requests.get(command.number)
+        if message is not None:
             command = command._replace(
-                number=_REQUEST_MESSAGE, params=(float(asked), *command.params[1:])
+                number=_REQUEST_MESSAGE, params=(float(message), *command.params[1:])
             )
         handler = _REQUESTS.get(command.number)
         if handler is None:
@@ -207,10 +209,10 @@ class Link:
 
     def _set_origin(self, now_s: float, command: Command) -> Result:
         """DO_SET_GLOBAL_ORIGIN, as SET_GPS_GLOBAL_ORIGIN."""
-        place = Place(*command.params[4:7])
-        if not (command.is_int and on_earth(place)):
+        position = Place(*command.params[4:7])
+        if not (command.is_int and on_earth(position)):
             return Result.DENIED
-        moved = self.autopilot.set_origin(now_s, place)
+        moved = self.autopilot.set_origin(now_s, position)
         return Result.ACCEPTED if moved else Result.TEMPORARILY_REJECTED
 
     def _message(self, message_id: int, argument: int) -> list[Reply]:

@@ -293,10 +293,10 @@ class MissionFlight:
         goal = int(item.param1)
         if item.command == DO_JUMP_TAG:
             goal = self._tagged(goal)
-        done = self._jumps.get(item.seq, 0)
-        if not (done < item.param2 and 0 <= goal < self.count):
+        jumps = self._jumps.get(item.seq, 0)
+        if not (jumps < item.param2 and 0 <= goal < self.count):
             return False
-        self._jumps[item.seq] = done + 1
+        self._jumps[item.seq] = jumps + 1
         self.current = goal
         return True
 
@@ -355,16 +355,16 @@ class MissionFlight:
         self.current += 1
 
     def _leg_to(self, state: VehicleState, item: PlanItem) -> Leg:
-        here = state.position_m
+        position_m = state.position_m
         origin = state.frame.origin
         altitude = item.z
         if item.frame in _RELATIVE_FRAMES:
             altitude += origin.alt_amsl_m - (state.home_m[2] if state.home_m else 0.0)
-        place = state.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
-        if not math.isfinite(place[0] + place[1]) or (item.x == 0 and item.y == 0):
-            place = (here[0], here[1], place[2])
+        target_m = state.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
+        if not math.isfinite(target_m[0] + target_m[1]) or (item.x == 0 and item.y == 0):
+            target_m = (position_m[0], position_m[1], target_m[2])
         if item.command == TAKEOFF and state.on_ground:
-            place = (here[0], here[1], place[2])
+            target_m = (position_m[0], position_m[1], target_m[2])
         yaw = (
             math.radians(item.param4)
             if math.isfinite(item.param4) and item.param4 != 0.0
@@ -372,7 +372,7 @@ class MissionFlight:
         )
         circles = item.command == LOITER_TURNS and self.clocked
         return Leg(
-            place,
+            target_m,
             yaw,
             self.speed_m_s,
             landing=item.command == LAND,

@@ -148,11 +148,11 @@ def _follow_target(
     state: VehicleState, _commander: Commander, now_s: float, message: Message
 ) -> None:
     """FOLLOW_TARGET: position and velocity, regardless of est_capabilities; implausible values are dropped."""
-    place = Place(message.lat * 1e-7, message.lon * 1e-7, message.alt)
+    position = Place(message.lat * 1e-7, message.lon * 1e-7, message.alt)
     velocity = tuple(message.vel)
-    if on_earth(place) and all(abs(value) < _FASTEST_M_S for value in velocity):
+    if on_earth(position) and all(abs(value) < _FASTEST_M_S for value in velocity):
         state.target = Reported(
-            now_s, state.frame.to_local(*place), (velocity[0], velocity[1], velocity[2])
+            now_s, state.frame.to_local(*position), (velocity[0], velocity[1], velocity[2])
         )
 
 

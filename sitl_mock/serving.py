@@ -114,7 +114,7 @@ def serve(
             {}
             if wires.udp is None
             else udp_ports(
-                wires.udp, {name: each.vehicle.flavour for name, each in faulted.items()}
+                wires.udp, {name: vehicle.vehicle.flavour for name, vehicle in faulted.items()}
             )
         )
         endpoints = _opened(wires, ports, faulted, stack)
@@ -226,12 +226,12 @@ def _say_ready(
         addresses = [
             {
                 "name": name,
-                "flavour": each.vehicle.flavour,
-                "system_id": each.vehicle.system_id,
+                "flavour": vehicle.vehicle.flavour,
+                "system_id": vehicle.vehicle.system_id,
                 "endpoints": [endpoint.describe()[name] for endpoint in endpoints],
                 "clients": console.client_lines(targets[name]) if name in targets else {},
             }
-            for name, each in vehicles.items()
+            for name, vehicle in vehicles.items()
         ]
         lines = [json.dumps({"event": "ready", "vehicles": addresses})]
     else:
@@ -239,8 +239,8 @@ def _say_ready(
         zenoh = next(
             (
                 place.split()[0]
-                for each in endpoints
-                if "mavlink_raw" in (place := each.describe()[first])
+                for endpoint in endpoints
+                if "mavlink_raw" in (place := endpoint.describe()[first])
             ),
             None,
         )

@@ -65,15 +65,15 @@ def filled(values: Mapping[str, Any], options: Mapping[str, Option], where: str)
     Raises:
         ConfigError: A key is missing, or its value is not allowed.
     """
-    found = {}
+    result = {}
     for name, option in options.items():
         if name in values:
-            found[name] = checked(f"{where}.{name}", values[name], option)
+            result[name] = checked(f"{where}.{name}", values[name], option)
         elif option.default is REQUIRED:
             raise ConfigError(f"{where}.{name} is missing: {option.meaning}")
         else:
-            found[name] = option.default
-    return found
+            result[name] = option.default
+    return result
 
 
 def table(values: Any, options: Mapping[str, Option], where: str) -> dict[str, Any]:  # noqa: ANN401 - as below

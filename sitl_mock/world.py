@@ -56,8 +56,8 @@ class LocalFrame:
         lon_deg += east_m / self._east_m_per_deg
         if not -180.0 <= lon_deg < 180.0:
             lon_deg = wrap_deg(lon_deg)
-        place = (lat_deg + north_m / self._north_m_per_deg, lon_deg, alt_amsl_m - down_m)
-        return _home(Home, place)
+        position = (lat_deg + north_m / self._north_m_per_deg, lon_deg, alt_amsl_m - down_m)
+        return _home(Home, position)
 
     def to_local(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> Vector:
         """Turn latitude, longitude (degrees) and height above mean sea level (metres) into local metres.

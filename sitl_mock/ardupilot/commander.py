@@ -148,9 +148,9 @@ class ArduPilot:
         if mode == self.mode:
             return True
         self._look()
-        why = self._against(mode)
-        if why:
-            self.state.say(Severity.WARNING, f"Mode change to {mode} failed: {why}")
+        objection = self._against(mode)
+        if objection:
+            self.state.say(Severity.WARNING, f"Mode change to {mode} failed: {objection}")
             return False
         self.enter(mode)
         return True
@@ -205,8 +205,8 @@ class ArduPilot:
         now_s = self.state.now_s
         pilot = self.state.pilot
         rest = AT_REST if self.firmware.flies else CENTRED
-        held = now_s - pilot.heard_s <= RADIO_HELD_S
-        radio = pilot.sticks if held else rest
+        radio_held = now_s - pilot.heard_s <= RADIO_HELD_S
+        radio = pilot.sticks if radio_held else rest
         return pilot.overriding(radio, now_s, override_time_s(self.state.parameters))
 
     def guided_setpoint(self) -> Setpoint:

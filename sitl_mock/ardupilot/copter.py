@@ -158,12 +158,12 @@ def _return(commander: ArduPilot) -> Setpoint:
         flight.stage = "land"
     if flight.stage == "land":
         return _land_over(commander, home[0], home[1])
-    place = flight.entered_m if flight.stage == "climb" else home
+    target_m = flight.entered_m if flight.stage == "climb" else home
     yaw_rad = (
         flight.entered_yaw_rad if int(state.parameters["WP_YAW_BEHAVIOR"]) == _NOT_IN_RTL else _NAN
     )
     speed = float(state.parameters["RTL_SPEED"]) * 0.01 or _NAN
-    goal = (place[0], place[1], height_m)
+    goal = (target_m[0], target_m[1], height_m)
     return flight.legs.onwards(state, goal, speed)._replace(yaw_rad=yaw_rad)
 
 

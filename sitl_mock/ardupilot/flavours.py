@@ -73,9 +73,11 @@ def packed_parameters(parameters: ParameterStore) -> bytes:
     for name in parameters.names:
         kind, form = _TYPES[parameters.definitions[name].kind]
         common = min(_shared(last, name), len(name) - 1, 15)
-        rest = name[common:].encode()
+        suffix = name[common:].encode()
         packed.append(
-            bytes((kind, len(rest) - 1 << 4 | common)) + rest + struct.pack(form, parameters[name])
+            bytes((kind, len(suffix) - 1 << 4 | common))
+            + suffix
+            + struct.pack(form, parameters[name])
         )
         last = name
     return b"".join(packed)

@@ -94,8 +94,8 @@ def item_setpoint(state: VehicleState, item: PlanItem) -> Setpoint | None:
         altitude += state.frame.origin.alt_amsl_m - (
             state.home_m[2] if state.home_m is not None else 0.0
         )
-    place = state.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
-    return Setpoint(Kind.TRAVEL, place) if all(map(math.isfinite, place)) else None
+    position_m = state.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
+    return Setpoint(Kind.TRAVEL, position_m) if all(map(math.isfinite, position_m)) else None
 
 
 def _finite(value: float) -> float:

@@ -66,12 +66,12 @@ class Rise:
         if after_s <= bend_s:
             return Along(jerk * after_s**3 / 6.0, jerk * after_s**2 / 2.0, jerk * after_s)
         if left_s <= bend_s:
-            way = self.speed_m_s * (self.lasts_s / 2.0 - left_s) + jerk * left_s**3 / 6.0
-            return Along(way, self.speed_m_s - jerk * left_s**2 / 2.0, jerk * left_s)
+            distance_m = self.speed_m_s * (self.lasts_s / 2.0 - left_s) + jerk * left_s**3 / 6.0
+            return Along(distance_m, self.speed_m_s - jerk * left_s**2 / 2.0, jerk * left_s)
         even_s = after_s - bend_s
         start = jerk * bend_s**2 / 2.0
-        way = jerk * bend_s**3 / 6.0 + start * even_s + peak * even_s**2 / 2.0
-        return Along(way, start + peak * even_s, peak)
+        distance_m = jerk * bend_s**3 / 6.0 + start * even_s + peak * even_s**2 / 2.0
+        return Along(distance_m, start + peak * even_s, peak)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +104,8 @@ class Curve:
         after_s = max(now_s - self.begun_s, 0.0)
         left_s = max(self.end_s - now_s, 0.0)
         if left_s < rise.lasts_s:
-            way, speed, accel = rise.at(left_s)
-            return Along(self.length_m - way, speed, -accel)
+            distance_m, speed, accel = rise.at(left_s)
+            return Along(self.length_m - distance_m, speed, -accel)
         if after_s < rise.lasts_s:
             return rise.at(after_s)
         half_m = rise.speed_m_s * rise.lasts_s / 2.0
@@ -252,20 +252,20 @@ class Legs:
 
     def _sum(self, now_s: float) -> Setpoint:
         curves = [
-            each for each in (self._before, self._present, self._following) if each is not None
+            curve for curve in (self._before, self._present, self._following) if curve is not None
         ]
-        place = list(curves[0].start_m)
+        position_m = list(curves[0].start_m)
         speed = [0.0, 0.0, 0.0]
         accel = [0.0, 0.0, 0.0]
-        for each in curves:
-            way, fast, harder = each.along(now_s)
-            for axis, share in enumerate(each.direction):
-                place[axis] += share * way
+        for curve in curves:
+            offset_m, fast, harder = curve.along(now_s)
+            for axis, share in enumerate(curve.direction):
+                position_m[axis] += share * offset_m
                 speed[axis] += share * fast
                 accel[axis] += share * harder
         return Setpoint(
             Kind.TRACK,
-            (place[0], place[1], place[2]),
+            (position_m[0], position_m[1], position_m[2]),
             (speed[0], speed[1], speed[2]),
             (accel[0], accel[1], accel[2]),
         )

@@ -77,8 +77,8 @@ def _circle(
     change = max(abs(rate), math.radians(2.0))
     if radius > 0.0:
         change = min(change, 0.5 * accel / radius)
-        most = min(speed, math.sqrt(0.5 * accel * radius)) / radius
-        rate = min(max(rate, -most), most)
+        max_rate = min(speed, math.sqrt(0.5 * accel * radius)) / radius
+        rate = min(max(rate, -max_rate), max_rate)
     return Circle(centre, radius, angle_rad, rate, change)
 
 
@@ -174,15 +174,15 @@ def turn_from(
         slew_deg_s: ATC_SLEW_YAW in degrees a second.
     """
     if relative:
-        left = -angle_deg if direction < 0 else angle_deg
+        turn_deg = -angle_deg if direction < 0 else angle_deg
     else:
-        left = math.remainder(angle_deg - math.degrees(yaw_rad), _FULL)
-        if direction < 0 < left:
-            left -= _FULL
-        elif left < 0 < direction:
-            left += _FULL
+        turn_deg = math.remainder(angle_deg - math.degrees(yaw_rad), _FULL)
+        if direction < 0 < turn_deg:
+            turn_deg -= _FULL
+        elif turn_deg < 0 < direction:
+            turn_deg += _FULL
     rate = min(rate_deg_s, slew_deg_s) if rate_deg_s > 0.0 else slew_deg_s
-    return Turn(yaw_rad, math.radians(left), math.radians(rate))
+    return Turn(yaw_rad, math.radians(turn_deg), math.radians(rate))
 
 
 @dataclass(slots=True)

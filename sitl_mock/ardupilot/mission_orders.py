@@ -64,6 +64,6 @@ def _turning(commander: ArduPilot) -> bool:
 def _command(commander: ArduPilot, item: PlanItem) -> Command:
     """Return the command of the same number."""
     fields = (item.param1, item.param2, item.param3, item.param4)
-    place = (item.latitude_deg, item.longitude_deg, item.z)
+    position = (item.latitude_deg, item.longitude_deg, item.z)
     source = (commander.state.system_id, _AUTOPILOT)
-    return Command(item.command, (*fields, *place), item.frame, True, source, 0)
+    return Command(item.command, (*fields, *position), item.frame, True, source, 0)

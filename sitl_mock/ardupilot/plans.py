@@ -47,7 +47,9 @@ def return_target(state: VehicleState, plans: PlanStore) -> Vector:
     places = list(_rally_points(state, plans, home))
     if not places or int(parameters["RALLY_INCL_HOME"]):
         places.append((home[0], home[1], 0.0))
-    north, east, above_m = nearest = min(places, key=lambda place: _away_m(state, place))
+    north, east, above_m = nearest = min(
+        places, key=lambda rally_point: _away_m(state, rally_point)
+    )
     climb_m = max(0.0, float(parameters["RTL_CLIMB_MIN"]) * 0.01)
     least_m = max(_LEAST_RETURN_M, home[2] - state.position_m[2] + climb_m)
     height_m = max(above_m, float(parameters["RTL_ALT"]) * 0.01, least_m)
@@ -94,10 +96,10 @@ def avoiding(state: VehicleState, plans: PlanStore, setpoint: Setpoint) -> Setpo
             north = -back * to_n
             east = -back * to_e
             break
-        over = north * to_n + east * to_e - root_law(max(room_m, 0.0), gain, _SLOWING_M_S2)
-        if over > 0.0:
-            north = north - over * to_n
-            east = east - over * to_e
+        excess_m_s = north * to_n + east * to_e - root_law(max(room_m, 0.0), gain, _SLOWING_M_S2)
+        if excess_m_s > 0.0:
+            north = north - excess_m_s * to_n
+            east = east - excess_m_s * to_e
     return setpoint._replace(velocity_ned_m_s=(north, east, down))
 
 

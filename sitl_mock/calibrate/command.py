@@ -17,9 +17,10 @@ from sitl_mock.errors import ConfigError
 
 def table_of(comparison: Comparison) -> Table:
     """Return a table with one row per segment and axis; cells with two numbers are real / mock."""
-    how = f", guessed by {comparison.guessed_by}" if comparison.guessed_by else ""
+    guess_words = f", guessed by {comparison.guessed_by}" if comparison.guessed_by else ""
     table = Table(
-        title=f"{comparison.flavour.value}{how}: real / mock", caption="m/s, s; -: not measurable"
+        title=f"{comparison.flavour.value}{guess_words}: real / mock",
+        caption="m/s, s; -: not measurable",
     )
     for name in (
         "from",

@@ -43,15 +43,15 @@ def segments_of(time_s: Samples, command_ned_m_s: Samples) -> list[Segment]:
     edges = np.flatnonzero(np.any(np.diff(command_ned_m_s, axis=0) != 0.0, axis=1)) + 1
     firsts = [0, *edges.tolist()]
     lasts = [*edges.tolist(), len(time_s)]
-    found: list[Segment] = []
+    segments: list[Segment] = []
     for first, last in zip(firsts, lasts, strict=True):
         until_s = time_s[last] if last < len(time_s) else time_s[-1]
         varying = bool(until_s - time_s[first] < _STEP_LEAST_S)
-        if varying and found and found[-1].varying:
-            found[-1] = found[-1]._replace(last=last)
+        if varying and segments and segments[-1].varying:
+            segments[-1] = segments[-1]._replace(last=last)
         else:
-            found.append(Segment(first, last, varying))
-    return found
+            segments.append(Segment(first, last, varying))
+    return segments
 
 
 def response_of(

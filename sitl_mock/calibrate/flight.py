@@ -52,8 +52,8 @@ def guess(path: Path, log: StepLog) -> tuple[FlavourName, str]:
     if "ardu" in name or "copter" in name:
         return FlavourName.ARDUCOPTER, "the file's name"
     misfit = {
-        one: float(np.mean((replay(log, vehicle_of(one)) - log.velocity_ned_m_s) ** 2))
-        for one in FlavourName
+        flavour: float(np.mean((replay(log, vehicle_of(flavour)) - log.velocity_ned_m_s) ** 2))
+        for flavour in FlavourName
     }
     return min(FlavourName, key=misfit.__getitem__), "the better fit"
 
@@ -150,10 +150,10 @@ def fly_log(log: StepLog, flavour: FlavourName) -> Samples:
     while client.now_s - begun_s < end_s + 2 * _STEP_S:
         row = int(np.searchsorted(log.time_s - log.time_s[0], client.now_s - begun_s + 1e-9)) - 1
         client.step(commands[max(row, 0)])
-    heard = np.array(client.heard)
-    since_s = heard[:, 0] - begun_s + log.time_s[0]
+    samples = np.array(client.heard)
+    since_s = samples[:, 0] - begun_s + log.time_s[0]
     return np.stack(
-        [np.interp(log.time_s, since_s, heard[:, 1 + axis]) for axis in range(3)], axis=1
+        [np.interp(log.time_s, since_s, samples[:, 1 + axis]) for axis in range(3)], axis=1
     )
 
 

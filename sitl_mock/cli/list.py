@@ -27,7 +27,7 @@ def list_(
 ) -> None:
     """List flavours, faults, conditions, or a flavour's parameters or streams."""
     subjects = (Subject.FLAVOURS, Subject.FAULTS) if subject is None else (subject,)
-    typer.echo("\n\n".join("\n".join(_LISTS[each](flavour)) for each in subjects))
+    typer.echo("\n\n".join("\n".join(_LISTS[subject](flavour)) for subject in subjects))
 
 
 def _flavours(_flavour: str) -> "Iterator[str]":
@@ -35,8 +35,8 @@ def _flavours(_flavour: str) -> "Iterator[str]":
 
     yield "flavours (--vehicles flavour:name)"
     for name in NAMES:
-        each = flavour_named(name)
-        yield f"  {name:<12} {each.title}; can be armed {each.ready_s:g} s after boot"
+        flavour = flavour_named(name)
+        yield f"  {name:<12} {flavour.title}; can be armed {flavour.ready_s:g} s after boot"
 
 
 def _faults(_flavour: str) -> "Iterator[str]":

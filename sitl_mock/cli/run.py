@@ -129,8 +129,8 @@ def run(
     if lockstep and speed != 1.0:
         raise ConfigError(f"--lockstep and --speed {speed:g}: give one of them")
 
-    given = {"ready_after_s": ready_after_s, "noise": noise}
-    settings = {key: value for key, value in given.items() if value is not None}
+    options = {"ready_after_s": ready_after_s, "noise": noise}
+    settings = {key: value for key, value in options.items() if value is not None}
     config = _configured(vehicles or [], flavour, fleet, settings, seed, param or [])
     script = FaultScript() if faults is None else read_script(faults)
     serve(

@@ -32,14 +32,20 @@ def versions(
     if not other:
         name = first.partition("@")[0]
         other = first if name not in NAMES else specs_of(name)[0]
-    found = differences_of(first, other)
+    differences = differences_of(first, other)
     if as_json:
-        typer.echo(json.dumps([each._asdict() for each in found], indent=1, ensure_ascii=False))
+        typer.echo(
+            json.dumps(
+                [difference._asdict() for difference in differences], indent=1, ensure_ascii=False
+            )
+        )
         return
-    typer.echo(f"{len(found)} differences of {first} and {other}")
-    for each in found:
-        note = f"  ({each.note})" if each.note else ""
-        typer.echo(f"{each.subject:<12} {_or_none(each.first):<34} {_or_none(each.second)}{note}")
+    typer.echo(f"{len(differences)} differences of {first} and {other}")
+    for difference in differences:
+        note = f"  ({difference.note})" if difference.note else ""
+        typer.echo(
+            f"{difference.subject:<12} {_or_none(difference.first):<34} {_or_none(difference.second)}{note}"
+        )
 
 
 def _or_none(text: str) -> str:

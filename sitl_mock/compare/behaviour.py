@@ -86,8 +86,8 @@ def _take(values: dict[str, FieldRange], label: str, value: object) -> None:
     if isinstance(value, int | float):
         values.setdefault(label, FieldRange()).take(float(value))
     elif isinstance(value, list | tuple):
-        for index, each in enumerate(value):
-            _take(values, f"{label}[{index}]", each)
+        for index, element in enumerate(value):
+            _take(values, f"{label}[{index}]", element)
 
 
 RATE_SHARE = 0.2
@@ -127,17 +127,17 @@ class Difference(NamedTuple):
 
 def differences(recorded: Behaviour, mock: Behaviour) -> list[Difference]:
     """Return all differences of two behaviours."""
-    found = []
+    lines = []
     for name in sorted({*recorded, *mock}):
         real = recorded.get(name)
         ours = mock.get(name)
         if ours is None and real is not None:
-            found.append(Difference("missing", name, "", _often(real), "none"))
+            lines.append(Difference("missing", name, "", _often(real), "none"))
         elif real is None and ours is not None:
-            found.append(Difference("extra", name, "", "none", _often(ours)))
+            lines.append(Difference("extra", name, "", "none", _often(ours)))
         elif real is not None and ours is not None:
-            found += _of_stream(name, real, ours)
-    return found
+            lines += _of_stream(name, real, ours)
+    return lines
 
 
 def _often(stream: Stream) -> str:

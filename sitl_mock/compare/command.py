@@ -20,9 +20,9 @@ def compare_file(file: Path, *, as_json: bool, ranges: bool) -> int:
     recording = read_tlog(file)
     recorded = behaviour_of(recording.said)
     mock = behaviour_of(fly_recording(recording))
-    found = differences(recorded, mock)
+    departures = differences(recorded, mock)
     if as_json:
-        typer.echo(json.dumps(_plain(recording, recorded, mock, found), indent=1))
+        typer.echo(json.dumps(_plain(recording, recorded, mock, departures), indent=1))
     else:
         console = Console()
         for note in recording.notes:
@@ -30,8 +30,8 @@ def compare_file(file: Path, *, as_json: bool, ranges: bool) -> int:
         console.print(_streams(recording, recorded, mock))
         if ranges:
             console.print(_ranges(recorded, mock))
-        console.print(_differences(found) if found else "No difference.")
-    return 1 if found else 0
+        console.print(_differences(departures) if departures else "No difference.")
+    return 1 if departures else 0
 
 
 def _streams(recording: Recording, recorded: Behaviour, mock: Behaviour) -> Table:
@@ -64,8 +64,8 @@ def _differences(found: list[Difference]) -> Table:
     table = Table(title=f"{len(found)} differences")
     for column in ("what", "message", "field", "recorded", "mock"):
         table.add_column(column)
-    for each in found:
-        table.add_row(*each)
+    for difference in found:
+        table.add_row(*difference)
     return table
 
 
@@ -94,5 +94,5 @@ def _plain(
             }
             for name in sorted(recorded.keys() & mock.keys())
         },
-        "differences": [each._asdict() for each in found],
+        "differences": [difference._asdict() for difference in found],
     }

@@ -87,21 +87,21 @@ def read_tlog(path: Path) -> Recording:
         notes.append(
             f"the clock of the recording steps {steps} times; the vehicle's clock is used there"
         )
-    said: list[tuple[float, Message]] = []
+    messages: list[tuple[float, Message]] = []
     heard: list[tuple[float, bytes]] = []
     for time_s, frame in zip(times_s, frames, strict=True):
         message = frame.message
         if (message.get_srcSystem(), message.get_srcComponent()) == ids:
-            said.append((time_s, message))
+            messages.append((time_s, message))
         else:
             heard.append((time_s, frame.frame))
     if not heard:
         notes.append(
             "one-sided: only the vehicle's messages are recorded, so the mock hears no client"
         )
-    if _home(said) is None:
+    if _home(messages) is None:
         notes.append("no home and no position in it; the mock flies at its default home")
-    return Recording(flavour, ids[0], said, heard, times_s[-1], tuple(notes))
+    return Recording(flavour, ids[0], messages, heard, times_s[-1], tuple(notes))
 
 
 def _vehicle(path: Path, frames: list[TimedFrame]) -> tuple[Message, str]:
@@ -117,9 +117,9 @@ def _vehicle(path: Path, frames: list[TimedFrame]) -> tuple[Message, str]:
         if message.autopilot in _AUTOPILOTS:
             kind = _TYPE_NAMES.get(message.type, "not a vehicle of the mock")
             others[f"{_AUTOPILOTS[message.autopilot]}, MAV_TYPE {message.type} ({kind})"] = None
-    found = f"; it has {', '.join(others)}" if others else ""
+    others_words = f"; it has {', '.join(others)}" if others else ""
     raise ConfigError(
-        f"{path}: no HEARTBEAT of a PX4 multicopter, ArduCopter or Rover in {len(frames)} messages{found}"
+        f"{path}: no HEARTBEAT of a PX4 multicopter, ArduCopter or Rover in {len(frames)} messages{others_words}"
     )
 
 
@@ -145,11 +145,11 @@ def fly_recording(recording: Recording, *, seed: int = 0) -> list[tuple[float, M
     vehicle.step(-BOOTED_S)
     vehicle.step(-STEP_S)
     decoder = Decoder()
-    said: list[tuple[float, Message]] = []
+    messages: list[tuple[float, Message]] = []
     for at_s, frames in _steps(recording):
         for frame in vehicle.step(at_s, frames):
-            said += [(at_s, message) for message in decoder.feed(frame, whole=True)]
-    return said
+            messages += [(at_s, message) for message in decoder.feed(frame, whole=True)]
+    return messages
 
 
 def _steps(recording: Recording) -> Iterator[tuple[float, list[bytes]]]:

@@ -143,9 +143,9 @@ def _next_known(raw: bytes, at: int) -> _Read | None:
 
 def _magics(raw: bytes, start: int) -> Iterator[int]:
     """Yield every place at which a frame may begin."""
-    for place in range(start, len(raw)):
-        if raw[place] in {_V1, _V2}:
-            yield place
+    for offset in range(start, len(raw)):
+        if raw[offset] in {_V1, _V2}:
+            yield offset
 
 
 def _clock(raw: bytes, reads: Sequence[_Read]) -> struct.Struct:

@@ -190,8 +190,8 @@ class ArduControl:
         d_e = wanted[1] - a_e
         d_d = wanted[2] - a_d
         change = math.hypot(d_n, d_e)
-        most = self.gains.jerk_m_s3 * dt_s
-        keep = most / change if change > most else 1.0
+        max_change = self.gains.jerk_m_s3 * dt_s
+        keep = max_change / change if change > max_change else 1.0
         most_z = self.gains.jerk_z_m_s3 * dt_s
         down = a_d + within(d_d, -most_z, most_z)
         return advance(reference, (a_n + d_n * keep, a_e + d_e * keep, down), dt_s)
@@ -228,8 +228,8 @@ class ArduControl:
 
     def _overspeed(self, down_m_s: float) -> float:
         limits = self.travel_limits
-        over = down_m_s / limits.sink_m_s if down_m_s > 0.0 else -down_m_s / limits.climb_m_s
-        return self.gains.overspeed_gain * over if over > 1.0 else 1.0
+        excess = down_m_s / limits.sink_m_s if down_m_s > 0.0 else -down_m_s / limits.climb_m_s
+        return self.gains.overspeed_gain * excess if excess > 1.0 else 1.0
 
     def _track(
         self, reference: Reference, integral: Ned, body: Body, estimate: Estimate, dt_s: float
@@ -244,21 +244,21 @@ class ArduControl:
         err_e = w_e + gains.xy_p_1_s * (r_e - p_e) - v_e
         a_n = gains.xy_vel_p_1_s * err_n + i_n + gains.xy_vel_d * (f_n - b_n) + f_n
         a_e = gains.xy_vel_p_1_s * err_e + i_e + gains.xy_vel_d * (f_e - b_e) + f_e
-        most = GRAVITY_M_S2 * math.tan(gains.lean_max_rad)
+        max_accel_m_s2 = GRAVITY_M_S2 * math.tan(gains.lean_max_rad)
         limited = UNLIMITED
-        if a_n * a_n + a_e * a_e > most * most:
+        if a_n * a_n + a_e * a_e > max_accel_m_s2 * max_accel_m_s2:
             limited = Limited((a_n, a_e), (r_n - p_n, r_e - p_e), (err_n, err_e))
-            a_n, a_e = turning_first((a_n, a_e), (w_n, w_e), most)
+            a_n, a_e = turning_first((a_n, a_e), (w_n, w_e), max_accel_m_s2)
         i_n, i_e = _integrated((i_n, i_e), (err_n, err_e), gains.xy_vel_i_1_s2 * dt_s, limited)
         lean_tan = math.hypot(a_n, a_e) / GRAVITY_M_S2
 
         a_d = f_d + gains.z_vel_p_1_s * (w_d + gains.z_p_1_s * (r_d - p_d) - v_d)
         lift = GRAVITY_M_S2 - gains.z_acc_p * (a_d - b_d) - i_d
         least = gains.thrust_min_m_s2
-        most = self.thrust_max_m_s2
-        if (lift > least or a_d < b_d) and (lift < most or a_d > b_d):
+        max_accel_m_s2 = self.thrust_max_m_s2
+        if (lift > least or a_d < b_d) and (lift < max_accel_m_s2 or a_d > b_d):
             i_d += gains.z_acc_i_1_s * (a_d - b_d) * dt_s
-        lift = within(lift, least, most)
+        lift = within(lift, least, max_accel_m_s2)
         lean = math.atan(lean_tan)
         per = lean / (lean_tan * GRAVITY_M_S2) if lean_tan > 1e-9 else 1.0 / GRAVITY_M_S2
         # Angle boost: thrust is increased by the actual lean so that the lift stays constant.
@@ -323,7 +323,7 @@ def _integrated(
     limit_n, limit_e = limited.accel_ne_m_s2
     if e_n * limit_n + e_e * limit_e > 0.0:
         size = math.hypot(n, e)
-        most = math.hypot(i_n, i_e)
-        if size > most:
-            return n * most / size, e * most / size
+        max_length = math.hypot(i_n, i_e)
+        if size > max_length:
+            return n * max_length / size, e * max_length / size
     return n, e

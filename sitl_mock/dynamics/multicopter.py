@@ -123,17 +123,17 @@ def _turned(
     rate_n = body.lean_rate_n_rad_s
     rate_e = body.lean_rate_e_rad_s
     part = 1.0 - math.exp(-airframe.rate_gain_1_s * dt_s)
-    whole = airframe.lean_accel_rad_s2 * dt_s
+    full_change = airframe.lean_accel_rad_s2 * dt_s
     more_n = (ask_n - rate_n) * part
     more_e = (ask_e - rate_e) * part
-    if whole == math.inf:
+    if full_change == math.inf:
         return rate_n + more_n, rate_e + more_e, 0.0
-    share = math.hypot(more_n, more_e) / whole
-    most = min(throttle, 0.5)
-    if share > most:
-        more_n = more_n * most / share
-        more_e = more_e * most / share
-        share = most
+    share = math.hypot(more_n, more_e) / full_change
+    max_throttle = min(throttle, 0.5)
+    if share > max_throttle:
+        more_n = more_n * max_throttle / share
+        more_e = more_e * max_throttle / share
+        share = max_throttle
     return rate_n + more_n, rate_e + more_e, share
 
 
@@ -345,11 +345,11 @@ class Multicopter(Generic[MemoryT]):
         pending, memory = self._memory(motion, estimate)
         count = 1 if dt_s <= self.step_max_s else math.ceil(dt_s / self.step_max_s - 1e-9)
         inner_s = dt_s / count
-        for left in range(count, 0, -1):
+        for steps_left in range(count, 0, -1):
             pending = take(pending, setpoint, self.setpoint_delay_s, inner_s)
             memory, demand = self.control.step(memory, body, estimate, pending.obeyed, inner_s)
             body = step_body(self.airframe, body, demand, around, inner_s)
-            if left > 1:
+            if steps_left > 1:
                 estimate = self.estimate(body, around)
         return _motion((body, (pending, memory)))
 

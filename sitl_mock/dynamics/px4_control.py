@@ -166,8 +166,10 @@ class Px4Control:
 
     def _tilt_max(self, tilt_max_rad: float, dt_s: float) -> float:
         """Advance the tilt limit, which opens slowly after a take-off."""
-        most = self.gains.tilt_max_rad
-        return most if tilt_max_rad == most else min(tilt_max_rad + _TILT_OPENS_RAD_S * dt_s, most)
+        max_tilt_rad = self.gains.tilt_max_rad
+        if tilt_max_rad == max_tilt_rad:
+            return max_tilt_rad
+        return min(tilt_max_rad + _TILT_OPENS_RAD_S * dt_s, max_tilt_rad)
 
     def _travelled(
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
@@ -253,10 +255,10 @@ class Px4Control:
     def _truncated(self, n: float, e: float, d: float) -> Ned:
         gains = self.gains
         speed = math.hypot(n, e)
-        most = gains.xy_vel_max_m_s
-        if speed > most:
-            n *= most / speed
-            e *= most / speed
+        max_speed_m_s = gains.xy_vel_max_m_s
+        if speed > max_speed_m_s:
+            n *= max_speed_m_s / speed
+            e *= max_speed_m_s / speed
         return n, e, within(d, -gains.up_max_m_s, gains.down_max_m_s)
 
     def _track(self, estimate: Estimate, reference: Reference) -> tuple[Ned, Ned]:
@@ -309,10 +311,10 @@ class Px4Control:
         lift = min(lift, math.sqrt(most * most - side * side))
         tan_max = min(tan_max, math.sqrt(most * most - lift * lift) / lift)
         shrink = tan_max / tilt_tan if tilt_tan > tan_max else 1.0
-        made = shrink * lift / hover_m_s2
-        if made < 1.0:
+        throttle = shrink * lift / hover_m_s2
+        if throttle < 1.0:
             # Tracking anti-windup with gain 2/P on the part of the acceleration that exceeds the limits.
-            back = 2.0 / gains.xy_vel_p_1_s * (1.0 - made)
+            back = 2.0 / gains.xy_vel_p_1_s * (1.0 - throttle)
             err_n -= back * a_n
             err_e -= back * a_e
         a_n = a_n * shrink
@@ -357,10 +359,12 @@ class Px4Control:
                 0.0 if math.isnan(yaw_rate) else yaw_rate
             )
         elif not math.isnan(yaw_rate):
-            most = gains.yaw_rate_max_rad_s
-            return within(yaw_rate, -most, most)
+            max_rate_rad_s = gains.yaw_rate_max_rad_s
+            return within(yaw_rate, -max_rate_rad_s, max_rate_rad_s)
         else:
             return gains.yaw_drift_rad_s if kind is _STREAM else 0.0
-        own = kind is not _STREAM and kind is not _DIRECT
-        most = gains.yaw_auto_rate_max_rad_s if own else gains.yaw_rate_max_rad_s
-        return within(rate, -most, most)
+        autopilots_own = kind is not _STREAM and kind is not _DIRECT
+        max_rate_rad_s = (
+            gains.yaw_auto_rate_max_rad_s if autopilots_own else gains.yaw_rate_max_rad_s
+        )
+        return within(rate, -max_rate_rad_s, max_rate_rad_s)

@@ -68,13 +68,13 @@ class Rover:
         """
         body = motion.body
         wanted_n, wanted_e = self._wanted(body, setpoint, around)
-        wanted = math.hypot(wanted_n, wanted_e)
+        wanted_m_s = math.hypot(wanted_n, wanted_e)
         forward_n = math.cos(body.yaw_rad)
         forward_e = math.sin(body.yaw_rad)
         yaw_rate = 0.0
         if not math.isnan(setpoint.yaw_rate_rad_s):
             yaw_rate = setpoint.yaw_rate_rad_s
-        elif wanted > 0.05:
+        elif wanted_m_s > 0.05:
             yaw_rate = self.heading_gain_1_s * wrap_rad(
                 math.atan2(wanted_e, wanted_n) - body.yaw_rad
             )
@@ -82,7 +82,9 @@ class Rover:
             yaw_rate = self.heading_gain_1_s * wrap_rad(setpoint.yaw_rad - body.yaw_rad)
         yaw_rate = within(yaw_rate, -self.turn_rate_max_rad_s, self.turn_rate_max_rad_s)
         yaw_rate = yaw_rate + (body.yaw_rate_rad_s - yaw_rate) * math.exp(-dt_s / self.turn_lag_s)
-        moving = wanted or yaw_rate or any(body.velocity_ned_m_s) or any(body.acceleration_ned_m_s2)
+        moving = (
+            wanted_m_s or yaw_rate or any(body.velocity_ned_m_s) or any(body.acceleration_ned_m_s2)
+        )
         if not moving and body.position_ned_m[2] == around.ground_down_m:
             return motion
         yaw = math.remainder(body.yaw_rad + yaw_rate * dt_s, math.tau)
@@ -90,16 +92,16 @@ class Rover:
         # The component along the nose is not negative, so the rover turns on the spot before it drives back.
         along = within(wanted_n * forward_n + wanted_e * forward_e, 0.0, self.speed_max_m_s)
         speed = body.velocity_ned_m_s[0] * forward_n + body.velocity_ned_m_s[1] * forward_e
-        most = self.accel_m_s2 * dt_s
-        speed += within(along - speed, -most, most)
+        max_change_m_s = self.accel_m_s2 * dt_s
+        speed += within(along - speed, -max_change_m_s, max_change_m_s)
         velocity = (speed * math.cos(yaw), speed * math.sin(yaw), 0.0)
         was = body.velocity_ned_m_s
-        place = body.position_ned_m
+        position_m = body.position_ned_m
         return Motion(
             Body(
                 (
-                    place[0] + 0.5 * (was[0] + velocity[0]) * dt_s,
-                    place[1] + 0.5 * (was[1] + velocity[1]) * dt_s,
+                    position_m[0] + 0.5 * (was[0] + velocity[0]) * dt_s,
+                    position_m[1] + 0.5 * (was[1] + velocity[1]) * dt_s,
                     around.ground_down_m,
                 ),
                 velocity,
@@ -123,9 +125,9 @@ class Rover:
         n, e, _ = zero_where_ignored(setpoint.velocity_ned_m_s)
         to_n, to_e = setpoint.position_ned_m[:2]
         if not math.isnan(to_n + to_e):
-            here = self.estimate(body, around).position_ned_m
-            gone_n = to_n - here[0]
-            gone_e = to_e - here[1]
+            position_m = self.estimate(body, around).position_ned_m
+            gone_n = to_n - position_m[0]
+            gone_e = to_e - position_m[1]
             if math.hypot(gone_n, gone_e) > self.reached_m:
                 n += self.place_gain_1_s * gone_n
                 e += self.place_gain_1_s * gone_e

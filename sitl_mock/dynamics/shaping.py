@@ -75,10 +75,10 @@ def shape_pair(
     d_n = err_n * scale + forward[0] - acceleration[0]
     d_e = err_e * scale + forward[1] - acceleration[1]
     change = math.hypot(d_n, d_e)
-    most = jerk_m_s3 * dt_s
-    if change > most:
-        d_n *= most / change
-        d_e *= most / change
+    max_change = jerk_m_s3 * dt_s
+    if change > max_change:
+        d_n *= max_change / change
+        d_e *= max_change / change
     return acceleration[0] + d_n, acceleration[1] + d_e
 
 
@@ -116,10 +116,10 @@ def shape_turn(
     d_n = a_n + forward[0] - acceleration[0]
     d_e = a_e + forward[1] - acceleration[1]
     change = math.hypot(d_n, d_e)
-    most = jerk_m_s3 * dt_s
-    if change > most:
-        d_n *= most / change
-        d_e *= most / change
+    max_change = jerk_m_s3 * dt_s
+    if change > max_change:
+        d_n *= max_change / change
+        d_e *= max_change / change
     return acceleration[0] + d_n, acceleration[1] + d_e
 
 
@@ -144,8 +144,8 @@ def _cornered(
     if across > cross:
         c_n = c_n * cross / across
         c_e = c_e * cross / across
-    most = math.sqrt(accel_m_s2 * accel_m_s2 - cross * cross)
-    along = within(along, -most, most)
+    max_along = math.sqrt(accel_m_s2 * accel_m_s2 - cross * cross)
+    along = within(along, -max_along, max_along)
     return c_n + w_n * along, c_e + w_e * along
 
 
@@ -196,8 +196,8 @@ def shape_one(
     err = wanted - velocity
     size = min(root_law(abs(err), settle_1_s, jerk_m_s3), accel_m_s2, abs(err) / dt_s)
     change = math.copysign(size, err) + forward - acceleration
-    most = jerk_m_s3 * dt_s
-    return acceleration + within(change, -most, most)
+    max_change = jerk_m_s3 * dt_s
+    return acceleration + within(change, -max_change, max_change)
 
 
 def approach_gain_1_s(accel_m_s2: float, jerk_m_s3: float, settle_1_s: float) -> float:
@@ -249,8 +249,8 @@ def advance(reference: Reference, acceleration: Ned, dt_s: float) -> Reference:
     e = v_e + a_e * dt_s
     d = v_d + a_d * dt_s
     half = 0.5 * dt_s
-    place = (p_n + (v_n + n) * half, p_e + (v_e + e) * half, p_d + (v_d + d) * half)
-    return _reference((place, (n, e, d), acceleration))
+    middle = (p_n + (v_n + n) * half, p_e + (v_e + e) * half, p_d + (v_d + d) * half)
+    return _reference((middle, (n, e, d), acceleration))
 
 
 _ALIGNED_M: Final = 0.05

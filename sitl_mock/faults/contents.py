@@ -73,9 +73,9 @@ def _bad_fields(inputs: EffectInputs) -> Effect:
         SPEC_BY_NAME[name].message_id: _changes(name, options["fields"], options["value"])
         for name in inputs.messages
     }
-    found = {name for changes in by_id.values() for name in changes}
+    names = {name for changes in by_id.values() for name in changes}
     for name in options["fields"]:
-        if name not in found:
+        if name not in names:
             raise ConfigError(
                 f"fields = {name!r}: no message of {', '.join(inputs.messages)} has such a field that can be "
                 f"{options['value']} (whole numbers: zero, int_max, int_min; others: nan, inf, zero)"

@@ -117,11 +117,11 @@ def _forger(inputs: EffectInputs) -> Effect:
         place[:] = [autopilot.frame.to_geodetic(*autopilot.state.position_m)]
 
     def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
-        said = []
+        frames = []
         while next_s[0] <= now_s + 1e-9:
-            said.append((link, encoder.pack("GLOBAL_POSITION_INT", *report(next_s[0], now_s))))
+            frames.append((link, encoder.pack("GLOBAL_POSITION_INT", *report(next_s[0], now_s))))
             next_s[0] += period_s
-        return said
+        return frames
 
     def report(at_s: float, now_s: float) -> tuple[int, ...]:
         since_s = at_s - begun_s[0]

@@ -144,10 +144,11 @@ class Faulted:
         Raises:
             ConfigError: There is no fault of that number.
         """
-        known = {shown["number"] for shown in self._shown}
-        if number is not None and (not isinstance(number, int) or number not in known):
+        numbers = {fault["number"] for fault in self._shown}
+        if number is not None and (not isinstance(number, int) or number not in numbers):
             allowed = (
-                ", ".join(str(each) for each in sorted(known)) or "none, because there is no fault"
+                ", ".join(str(number) for number in sorted(numbers))
+                or "none, because there is no fault"
             )
             raise ConfigError(f"number = {number!r}: allowed are {allowed}")
 
@@ -247,8 +248,8 @@ class Faulted:
         self._now_s = now_s
         inward: dict[str, list[bytes]] = {link: [] for link in self.vehicle.links}
         self._pass(Direction.IN, now_s, _flat(frames_in), inward)
-        said = self.vehicle.step_links(now_s, inward)
-        self._pass(Direction.OUT, now_s, _flat(said), out)
+        outward = self.vehicle.step_links(now_s, inward)
+        self._pass(Direction.OUT, now_s, _flat(outward), out)
         for live in self._live:
             if live.acting and live.effect.advance is not None:
                 self._pass(Direction.OUT, now_s, live.effect.advance(now_s), out)
@@ -319,7 +320,7 @@ def _flat(by_link: Mapping[str, Sequence[bytes]]) -> Iterator[tuple[str, bytes]]
 
 def _as_shown(live: Live) -> dict[str, Any]:
     fault = live.fault
-    shown: dict[str, Any] = {
+    description: dict[str, Any] = {
         "number": live.number,
         "kind": fault.kind,
         "state": "acting" if live.acting else "waiting",
@@ -328,7 +329,7 @@ def _as_shown(live: Live) -> dict[str, Any]:
         "for_s": fault.for_s if math.isfinite(fault.for_s) else None,
     }
     for name, value in fault.options.items():
-        shown[name] = sorted(value) if isinstance(value, frozenset) else value
+        description[name] = sorted(value) if isinstance(value, frozenset) else value
     if fault.messages:
-        shown |= {"direction": str(fault.direction), "messages": list(fault.messages)}
-    return shown
+        description |= {"direction": str(fault.direction), "messages": list(fault.messages)}
+    return description

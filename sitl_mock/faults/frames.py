@@ -90,9 +90,9 @@ def layout(message: int) -> Mapping[str, PayloadField]:
     fields = {}
     at = 0
     for name, length in zip(cls.ordered_fieldnames, cls.array_lengths, strict=True):
-        one = PayloadField(at, _FORMATS[kinds[name]], max(1, length))
-        fields[name] = one
-        at += struct.calcsize(one.format) * one.length
+        field = PayloadField(at, _FORMATS[kinds[name]], max(1, length))
+        fields[name] = field
+        at += struct.calcsize(field.format) * field.length
     return fields
 
 
@@ -100,10 +100,10 @@ def value(frame: bytes, name: str) -> Any:  # noqa: ANN401 - number or bytes, by
     """Return one field of a frame: a number, a text, or the first element of an array."""
     number = message_id(frame)
     payload = _payload(frame, SPEC_BY_ID[number])
-    found = layout(number)[name]
-    if found.format == "c":
-        return bytes(payload[found.at : found.at + found.length]).rstrip(b"\0")
-    return struct.unpack_from("<" + found.format, payload, found.at)[0]
+    field = layout(number)[name]
+    if field.format == "c":
+        return bytes(payload[field.at : field.at + field.length]).rstrip(b"\0")
+    return struct.unpack_from("<" + field.format, payload, field.at)[0]
 
 
 def changed(frame: bytes, changes: Mapping[str, float], key: bytes | None = None) -> bytes:
@@ -115,10 +115,10 @@ def changed(frame: bytes, changes: Mapping[str, float], key: bytes | None = None
     spec = SPEC_BY_ID[number]
     payload = _payload(frame, spec)
     for name, new in changes.items():
-        found = layout(number)[name]
-        for index in range(found.length):
-            at = found.at + index * struct.calcsize(found.format)
-            struct.pack_into("<" + found.format, payload, at, _fitting(found, new))
+        field = layout(number)[name]
+        for index in range(field.length):
+            at = field.at + index * struct.calcsize(field.format)
+            struct.pack_into("<" + field.format, payload, at, _fitting(field, new))
     return _closed(frame, payload, spec, key)
 
 
@@ -170,16 +170,16 @@ def base_size(message: int) -> int:
     spec = SPEC_BY_ID[message]
     cls = spec.message_class
     kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
-    seen = spec.name.encode() + b" "
+    hashed = spec.name.encode() + b" "
     size = 0
-    found = spec.size
+    matched = spec.size
     for name, length in zip(cls.ordered_fieldnames, cls.array_lengths, strict=True):
-        seen += f"{kinds[name]} {name} ".encode() + (bytes((length,)) if length else b"")
+        hashed += f"{kinds[name]} {name} ".encode() + (bytes((length,)) if length else b"")
         size += struct.calcsize(_FORMATS[kinds[name]]) * max(1, length)
-        crc = mcrf4xx(seen)
+        crc = mcrf4xx(hashed)
         if bytes(((crc & 0xFF) ^ (crc >> 8),)) == spec.crc_extra:
-            found = size  # the last match: a shorter one is chance and would cut off fields
-    return found
+            matched = size  # the last match: a shorter one is chance and would cut off fields
+    return matched
 
 
 def _payload(frame: bytes, spec: MessageSpec) -> bytearray:

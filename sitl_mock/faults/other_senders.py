@@ -45,10 +45,10 @@ def mode_named(vehicle: MockVehicle, name: str) -> str:
     Raises:
         ConfigError: It has no such mode.
     """
-    known = GUIDED_OF[vehicle.flavour] if name in {"OFFBOARD", "GUIDED"} else name
-    if known not in vehicle.modes:
+    mode = GUIDED_OF[vehicle.flavour] if name in {"OFFBOARD", "GUIDED"} else name
+    if mode not in vehicle.modes:
         raise ConfigError(f"mode = {name!r}: allowed are {', '.join(vehicle.modes)}")
-    return known
+    return mode
 
 
 def _foreign_heartbeat(inputs: EffectInputs) -> Effect:
@@ -77,7 +77,7 @@ def _sysid_clash(inputs: EffectInputs) -> Effect:
     settings = vehicle.autopilot.settings
     link = next(iter(vehicle.links))
     start = settings.start_ned
-    other = MockVehicle(
+    sender = MockVehicle(
         vehicle.flavour,
         system_id=vehicle.system_id,
         home=settings.home,
@@ -93,9 +93,9 @@ def _sysid_clash(inputs: EffectInputs) -> Effect:
         return ((0.0, frame),)
 
     def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
-        came = list(inbox)
+        frames = list(inbox)
         inbox[:] = []
-        return [(link, frame) for frame in other.step(now_s, came)]
+        return [(link, frame) for frame in sender.step(now_s, frames)]
 
     return Effect(alter=hear, advance=advance)
 
@@ -152,9 +152,9 @@ def _statustext(inputs: EffectInputs) -> Effect:
             waiting.extend((name, frame) for frame in link.pack(relabelled))
 
     def advance(_now_s: float) -> Iterable[tuple[str, bytes]]:
-        came = list(waiting)
+        frames = list(waiting)
         waiting[:] = []
-        return came
+        return frames
 
     def alter(_now_s: float, frame: bytes) -> Delayed:
         lost = (

@@ -131,12 +131,12 @@ def _origin_jump(inputs: EffectInputs) -> Effect:
 
 def _origin_move(inputs: EffectInputs) -> Effect:
     signing = inputs.vehicle.autopilot.signing
-    told = inputs.options["told"]
+    error = inputs.options["told"]
     north, east, down = by_m = vector(inputs)
     back_m = (-north, -east, -down)
     effect = (
         _repeated(inputs.vehicle, "GPS_GLOBAL_ORIGIN", "HOME_POSITION")
-        if told == "yes"
+        if error == "yes"
         else Effect()
     )
 
@@ -146,7 +146,7 @@ def _origin_move(inputs: EffectInputs) -> Effect:
             changes = in_local_frame(frame, back_m)
         elif number_ == _ASKED:
             changes = in_local_frame(frame, by_m)
-        elif number_ == _ORIGIN and told == "yes":
+        elif number_ == _ORIGIN and error == "yes":
             changes = on_earth(frame, by_m)
         else:
             return ((0.0, frame),)

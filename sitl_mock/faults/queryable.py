@@ -79,11 +79,11 @@ def _answerer(faulted: Faulted, key: str) -> Callable[[zenoh.Query], None]:
         encoding = zenoh.Encoding.APPLICATION_JSON
         try:
             payload = None if query.payload is None else bytes(query.payload)
-            told = answer(faulted, read_request(str(query.parameters), payload))
+            reply = answer(faulted, read_request(str(query.parameters), payload))
         except ConfigError as error:
             query.reply_err(json.dumps({"error": str(error)}), encoding=encoding)
         else:
-            query.reply(key, json.dumps(told), encoding=encoding)
+            query.reply(key, json.dumps(reply), encoding=encoding)
 
     return take
 

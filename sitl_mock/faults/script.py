@@ -202,8 +202,8 @@ def _common_options(kind: FaultKind) -> dict[str, Option]:
     if kind.scope is None:
         return options
     options |= _FRAMES
-    own = {"direction": kind.scope.direction, "messages": kind.scope.messages}
+    scope = {"direction": kind.scope.direction, "messages": kind.scope.messages}
     for name, option in _OPEN.items():
         check = option.check if kind.scope.open else choice()
-        options[name] = Option(option.meaning, own[name], check)
+        options[name] = Option(option.meaning, scope[name], check)
     return options

@@ -102,14 +102,14 @@ def _truncation(inputs: EffectInputs) -> Effect:
         north, east, down = (frames.value(frame, name) for name in ("vx", "vy", "vz"))
         speed_m_s = math.hypot(north, east)
         scale = min(1.0, options["horizontal_m_s"] / speed_m_s) if speed_m_s > 0.0 else 1.0
-        kept = {
+        parameters = {
             "vx": north * scale,
             "vy": east * scale,
             "vz": min(max(down, -options["up_m_s"]), options["down_m_s"])
             if math.isfinite(down)
             else down,
         }
-        return ((0.0, frames.changed(frame, kept, signing.secret_key)),)
+        return ((0.0, frames.changed(frame, parameters, signing.secret_key)),)
 
     return Effect(alter=alter)
 

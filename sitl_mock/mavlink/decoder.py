@@ -154,8 +154,8 @@ class Decoder:
         return _filled(spec, data, data[_HEADER_V2:-2], (sequence, system, component))
 
     def _skip_garbage(self, buffer: bytes, at: int) -> int:
-        found = _MAGIC.search(buffer, at)
-        end = found.start() if found else len(buffer)
+        magic = _MAGIC.search(buffer, at)
+        end = magic.start() if magic else len(buffer)
         self.counts.garbage_bytes += max(0, end - max(at, self._reject_end))
         return end
 

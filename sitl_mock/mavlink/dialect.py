@@ -94,8 +94,8 @@ def _arranger(
 
     def arranged(values: Sequence[Any]) -> Sequence[Any]:
         flat = list(take(values))
-        for place, as_bytes in converters:
-            flat[place] = as_bytes(flat[place])
+        for index, as_bytes in converters:
+            flat[index] = as_bytes(flat[index])
         return flat
 
     return arranged
@@ -144,8 +144,8 @@ def _spec(message_class: type[Any]) -> MessageSpec:
     wire = struct.Struct(message_class.unpacker.format)
     tokens = re.findall(r"\d*[a-zA-Z]", message_class.unpacker.format)
     converters = tuple(
-        (place, _text_bytes if kind == "char" else _array_bytes(token))
-        for place, ((kind, length), token) in enumerate(zip(kinds, tokens, strict=True))
+        (index, _text_bytes if kind == "char" else _array_bytes(token))
+        for index, ((kind, length), token) in enumerate(zip(kinds, tokens, strict=True))
         if length or kind == "char"
     )
     sized = "".join(

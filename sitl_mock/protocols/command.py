@@ -120,9 +120,9 @@ class CommandProtocol:
         if command is None or not self._is_ours(message, command):
             return []
         key = (command.source, command.number)
-        known = self._tracked.get(key)
-        if known is not None and _is_resend(now_s, command, known):
-            return [_ack(command.number, answer, command.source) for answer in known.sent[-1:]]
+        tracked = self._tracked.get(key)
+        if tracked is not None and _is_resend(now_s, command, tracked):
+            return [_ack(command.number, answer, command.source) for answer in tracked.sent[-1:]]
         answers = self._execute(now_s, command)
         if key not in self._tracked and len(self._tracked) >= MAX_TRACKED:
             del self._tracked[next(iter(self._tracked))]
@@ -143,11 +143,11 @@ class CommandProtocol:
 
     def _due(self, now_s: float, key: tuple[tuple[int, int], int]) -> list[Reply]:
         tracked = self._tracked[key]
-        due = [answer for at_s, answer in tracked.pending if at_s <= now_s]
+        answers = [answer for at_s, answer in tracked.pending if at_s <= now_s]
         tracked.pending = [late for late in tracked.pending if late[0] > now_s]
-        tracked.sent += due
+        tracked.sent += answers
         source, number = key
-        return [_ack(number, answer, source) for answer in due]
+        return [_ack(number, answer, source) for answer in answers]
 
     def _is_ours(self, message: Message, command: Command) -> bool:
         system, component = self._ids

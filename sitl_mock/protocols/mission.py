@@ -140,8 +140,8 @@ class MissionProtocol:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
         if self._upload.active or self._upload.busy(now_s, partner):
             return [acknowledge(partner, MissionResult.ERROR, kind)]
-        for each in PlanKind if kind == ALL_KINDS else (PlanKind(kind),):
-            self._plans.set_plan(each, ())
+        for plan_kind in PlanKind if kind == ALL_KINDS else (PlanKind(kind),):
+            self._plans.set_plan(plan_kind, ())
         return [acknowledge(partner, MissionResult.ACCEPTED, kind)]
 
 

@@ -250,11 +250,11 @@ class MissionUpload:
         return [(self._rules.asks_with, *transfer.partner, transfer.wanted, int(transfer.kind))]
 
     def _finish(self, transfer: _Transfer) -> list[Reply]:
-        whole = (*transfer.head, *transfer.items, *transfer.tail)
+        plan_items = (*transfer.head, *transfer.items, *transfer.tail)
         self._end()
-        fault = plan_fault(transfer.kind, whole, any_radius=self._rules.any_radius)
+        fault = plan_fault(transfer.kind, plan_items, any_radius=self._rules.any_radius)
         if fault is MissionResult.ACCEPTED:
-            self._plans.set_plan(transfer.kind, whole)
+            self._plans.set_plan(transfer.kind, plan_items)
             self._finished = _Finished(transfer.kind, transfer.partner, transfer.last)
         texts = _REFUSED if fault is MissionResult.ERROR else ()
         return [*texts, acknowledge(transfer.partner, fault, transfer.kind)]

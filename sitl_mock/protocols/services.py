@@ -76,13 +76,13 @@ class HomeProtocol:
         kind = message.get_type()
         if kind not in {"SET_GPS_GLOBAL_ORIGIN", "SET_HOME_POSITION"}:
             return []
-        place = Place(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3)
-        if not on_earth(place):
+        position = Place(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3)
+        if not on_earth(position):
             return []
         if kind == "SET_HOME_POSITION":
-            self._set_home(now_s, place)
+            self._set_home(now_s, position)
             return []
-        if not self._set_origin(now_s, place):
+        if not self._set_origin(now_s, position):
             return []
         return [
             (

@@ -120,15 +120,15 @@ class Calibration:
 
     def execute(self, state: VehicleState, now_s: float, command: Command) -> Answers:
         """Begin, cancel or refuse a calibration."""
-        given = [int(value) if math.isfinite(value) else None for value in command.params]
+        numbers = [int(value) if math.isfinite(value) else None for value in command.params]
         if state.armed:
             return _answer(Result.TEMPORARILY_REJECTED)
-        if given == [0] * 7:
+        if numbers == [0] * 7:
             return self._cancel(state)
         if self.kind:
             return _answer(Result.TEMPORARILY_REJECTED)
         return self._begin(
-            state, now_s, next((_KINDS[at] for at in _KINDS if given[at[0]] == at[1]), "")
+            state, now_s, next((_KINDS[at] for at in _KINDS if numbers[at[0]] == at[1]), "")
         )
 
     def _begin(self, state: VehicleState, now_s: float, kind: str) -> Answers:

@@ -77,8 +77,8 @@ def reposition(px4: Px4, now_s: float, command: Command) -> Answers:
     _, flags, _, _, lat, lon, alt = command.params
     if not math.isfinite(flags) or int(flags) != 1:
         return UNSUPPORTED
-    given = Place(*(0.0 if math.isnan(value) else value for value in (lat, lon, alt)))
-    if not on_earth(given):
+    position = Place(*(0.0 if math.isnan(value) else value for value in (lat, lon, alt)))
+    if not on_earth(position):
         return DENIED
     if px4.mode != "HOLD" and not px4.request(now_s, "HOLD"):
         return REFUSED

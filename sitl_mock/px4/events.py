@@ -61,10 +61,10 @@ _NAMES: Final[Mapping[str, tuple[str, bytes]]] = MappingProxyType(
 
 def event_of(severity: int, text: str) -> Event | None:
     """Return the event of a text; None for texts without one."""
-    known = _NAMES.get(text)
-    if known is None:
+    event = _NAMES.get(text)
+    if event is None:
         return None
-    name, arguments = known
+    name, arguments = event
     return Event(event_id(name), _LEVELS.get(severity, 0x66), arguments.ljust(_ARGUMENTS, b"\0"))
 
 

@@ -225,8 +225,8 @@ class Follow:
         wanted = wrap_pi(self.course_rad + math.radians(float(parameters["FLW_TGT_FA"])))
         if math.isnan(self.angle_rad):
             self.angle_rad = 0.0
-        most = float(parameters["FLW_TGT_MAX_VEL"]) / distance_m
-        rate = min(max(wrap_pi(wanted - self.angle_rad) / dt_s, -most), most)
+        max_rate = float(parameters["FLW_TGT_MAX_VEL"]) / distance_m
+        rate = min(max(wrap_pi(wanted - self.angle_rad) / dt_s, -max_rate), max_rate)
         self.angle_rad = wrap_pi(self.angle_rad + rate * dt_s)
         n = math.cos(self.angle_rad)
         e = math.sin(self.angle_rad)

@@ -174,8 +174,8 @@ def position_target_global_int(report: Report) -> Fields | None:
     lat, lon, alt = state.frame.to_geodetic(*goal)
     still = setpoint.kind is Kind.IDLING
     moving = _STILL[3:] if still else _trajectory(report)[3:]
-    place = (round(lat * 1e7), round(lon * 1e7), alt)
-    return (report.boot_ms, _GLOBAL_INT, 0, *place, *moving, setpoint.yaw_rad, 0.0)
+    position = (round(lat * 1e7), round(lon * 1e7), alt)
+    return (report.boot_ms, _GLOBAL_INT, 0, *position, *moving, setpoint.yaw_rad, 0.0)
 
 
 def highres_imu(report: Report) -> Fields:
@@ -341,8 +341,8 @@ def open_drone_id_location(report: Report) -> Fields:
     barometer = state.frame.origin.alt_amsl_m - state.sensors.barometer_down_m
     course = int(math.degrees(math.atan2(v_e, v_n)) % 360.0) * 100
     moving = (course, int(math.hypot(v_n, v_e) * 100.0) & 0xFFFF, int(-v_d * 100.0))
-    place = (round(lat * 1e7), round(lon * 1e7), barometer, round(alt), 0, report.relative_m)
-    return (0, 0, _NOBODY, 1 if state.on_ground else 2, *moving, *place, 12, 5, 0, 3, 65535.0, 0)
+    position = (round(lat * 1e7), round(lon * 1e7), barometer, round(alt), 0, report.relative_m)
+    return (0, 0, _NOBODY, 1 if state.on_ground else 2, *moving, *position, 12, 5, 0, 3, 65535.0, 0)
 
 
 def open_drone_id_system(report: Report) -> Fields | None:

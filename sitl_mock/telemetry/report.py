@@ -46,7 +46,7 @@ class Report:
     @property
     def standard_modes(self) -> dict[int, int]:
         """MAV_STANDARD_MODE by custom_mode."""
-        return {each.number: each.standard for each in self.flavour.modes.available()}
+        return {mode.number: mode.standard for mode in self.flavour.modes.available()}
 
     @property
     def unix_us(self) -> int:

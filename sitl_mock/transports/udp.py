@@ -68,10 +68,10 @@ class UdpEndpoint:
         arrivals = []
         for key, _ in self._readable.select(0.0) if self._sockets else ():
             name = key.data
-            each = self._sockets[key.data]
+            endpoint = self._sockets[key.data]
             for _ in range(_READS_MAX):
                 try:
-                    data, address = each.recvfrom(_DATAGRAM_MAX)
+                    data, address = endpoint.recvfrom(_DATAGRAM_MAX)
                 except BlockingIOError:
                     break
                 except OSError:
@@ -89,19 +89,20 @@ class UdpEndpoint:
         """
         if link != self._link:
             return
-        each = self._sockets[vehicle]
+        endpoint = self._sockets[vehicle]
         targets = self._targets(vehicle)
         for datagram in _datagrams(frames):
             for target in targets:
                 try:
-                    each.sendto(datagram, target)
+                    endpoint.sendto(datagram, target)
                 except OSError:
                     self.dropped += 1
 
     def describe(self) -> dict[str, str]:
         """Return each vehicle's own address."""
         return {
-            name: f"udp://{_HOST}:{each.getsockname()[1]}" for name, each in self._sockets.items()
+            name: f"udp://{_HOST}:{endpoint.getsockname()[1]}"
+            for name, endpoint in self._sockets.items()
         }
 
     def change_port(self, vehicle: str) -> None:
@@ -115,9 +116,9 @@ class UdpEndpoint:
     def close(self) -> None:
         """Close every socket."""
         self._readable.close()
-        for each in self._sockets.values():
+        for endpoint in self._sockets.values():
             with contextlib.suppress(OSError):
-                each.close()
+                endpoint.close()
         self._sockets = {}
 
     def _learn(self, name: str, address: Address) -> None:

@@ -267,31 +267,31 @@ def read_keys(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: The file, or one that it names, is missing or wrong; the message names both and the key.
     """
-    given = _table(path)
+    document = _table(path)
     for key in _FILES:
-        if key in given:
-            given[key] = str((path.parent / given[key]).absolute())
-            _readable(path, key, given[key])
+        if key in document:
+            document[key] = str((path.parent / document[key]).absolute())
+            _readable(path, key, document[key])
     settings: dict[str, Any] = {}
-    if "user" in given:
-        password = Path(given["password_file"]).read_text(encoding="utf-8").rstrip("\n")
-        settings["auth"] = {"usrpwd": {"user": given["user"], "password": password}}
-    if "tls_ca_file" in given:
-        settings["link"] = {"tls": _tls(path, given)}
+    if "user" in document:
+        password = Path(document["password_file"]).read_text(encoding="utf-8").rstrip("\n")
+        settings["auth"] = {"usrpwd": {"user": document["user"], "password": password}}
+    if "tls_ca_file" in document:
+        settings["link"] = {"tls": _tls(path, document)}
     return settings
 
 
 def _table(path: Path) -> dict[str, Any]:
-    given = read_toml(path, "--zenoh-keys")
-    for key, value in given.items():
+    document = read_toml(path, "--zenoh-keys")
+    for key, value in document.items():
         if key not in _KEYS or not isinstance(value, str):
             raise ConfigError(
                 f"{path}: {key} = {value!r}: allowed are {', '.join(_KEYS)}, each a text"
             )
-        missing = [other for other in _NEEDS.get(key, ()) if other not in given]
+        missing = [partner for partner in _NEEDS.get(key, ()) if partner not in document]
         if missing:
             raise ConfigError(f"{path}: {missing[0]} is missing: {key} = {value!r} needs it")
-    return given
+    return document
 
 
 def _readable(path: Path, key: str, value: str) -> None:

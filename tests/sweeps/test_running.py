@@ -390,7 +390,7 @@ def die(_plan, _rows):
 
 @pytest.mark.slow
 def test_a_chunk_that_kills_every_worker_is_given_up(plan_from, tmp_path, monkeypatch):
-    monkeypatch.setattr(running, "computed", die)
+    monkeypatch.setattr(running, "made", die)
     with pytest.raises(GuidanceError, match="ended 5 workers"):
         run(plan_from(), tmp_path / "out", chunk=12, workers=2)
 
