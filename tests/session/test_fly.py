@@ -75,14 +75,13 @@ def test_the_predicted_value_is_the_closed_form_of_the_stand_off_game(pe):
     x, y, z = result.engaged.pursuer_game_m
     d = math.dist((x, y), result.engaged.evader_game_m[:2]) - 3.0
     v = 1.5
-    delta2 = 4.0
-    closed_form = (d + math.sqrt((delta2 - 1) * (z - 5.0) ** 2 + delta2 * d * d)) / (
-        v * (delta2 - 1)
-    )
+    # A flight's speed set is a cylinder: 3 m/s over the ground and 2 m/s down, both at once.
+    closed_form = d / (3.0 - v)
+    assert (z - 5.0) / 2.0 < closed_form
     # Slightly more, because the evader's position is some 0.01 s old and the evader may have moved since.
     assert closed_form <= result.engaged.value <= closed_form + 0.1
     # The outcome's is to where the disc counts as reached, 0.5 m before it, from a pursuer that knows all.
-    assert closed_form - 0.5 / (3.0 - v) <= outcome(result).predicted < closed_form
+    assert outcome(result).predicted == pytest.approx(closed_form - 0.5 / (3.0 - v), abs=1e-6)
 
 
 def test_the_papers_tad_game_ends_about_as_far_from_the_target_as_its_value(tad):
@@ -199,8 +198,8 @@ def test_on_the_isochron_both_players_arrive_at_once():
     for x, y in isochron(game(scenario), P, E, points=25):
         evader_s = math.hypot(x - E[0], y - E[1]) / 1.5
         ground = max(0.0, math.hypot(x - P[0], y - P[1]) - standoff.radius_m)
-        # A flight's speed set is a cylinder: 3 m/s over the ground and 1.5 m/s down, both at once.
-        pursuer_s = max(ground / 3.0, (P[2] - standoff.height_m) / 1.5)
+        # A flight's speed set is a cylinder: 3 m/s over the ground and 2 m/s down, both at once.
+        pursuer_s = max(ground / 3.0, (P[2] - standoff.height_m) / 2.0)
         assert pursuer_s == pytest.approx(evader_s, rel=1e-6)
 
 
