@@ -22,6 +22,7 @@ from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add, require
 from guidance.files import private_folder, whole_file, writing
 from guidance.flight import State
+from guidance.log.entries import OUTCOME
 from guidance.screen import aged, console, headed, live, pairs, redraws
 from guidance.session.control_socket import ENDPOINT
 from guidance.session.flight_files import PICTURE, RECORD, TEAM, flight_folder
@@ -43,7 +44,7 @@ from guidance.session.result import (
     outcome_of_flight,
     team_rows,
 )
-from guidance.sim.outcome import OUTCOME, Outcome
+from guidance.sim.outcome import Outcome
 from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import TeamScenario
 

@@ -39,6 +39,9 @@ STOPPED: Final = "recording has stopped; the flight goes on"
 """Event of a failed record; it goes to the log, the metrics and the bus."""
 
 
+OUTCOME: Final = "outcome.json"
+"""Name of the file with the outcome of a run, beside its record."""
+
 RUN: Final = "run"
 """Name of the metadata record: vehicle file or scenario, versions, start time."""
 

@@ -15,11 +15,10 @@ from guidance.errors import ConfigError
 from guidance.files import private_folder, writing
 from guidance.flight import Authority, FlightSettings, Inputs, Outputs
 from guidance.links.wires import CapturedFrame
-from guidance.log.entries import BEGUN, CONFIG, SCENARIO, STOPPED, cycle_entry
+from guidance.log.entries import BEGUN, CONFIG, OUTCOME, SCENARIO, STOPPED, cycle_entry
 from guidance.log.writer import Record, Recorder, started_utc, versions
 from guidance.session.plan import TeamPlan, settings_of
 from guidance.session.vehicle_file import Config
-from guidance.sim.outcome import OUTCOME
 
 if TYPE_CHECKING:
     from guidance.sim.scenario import Scenario

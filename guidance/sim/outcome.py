@@ -2,14 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 from guidance.game import Winner
 from guidance.sim.expect import WINNERS
 from guidance.sim.scenario import Scenario
-
-OUTCOME: Final = "outcome.json"
-"""Name of the file with the rows of a run, in its folder."""
 
 
 class Outcome(NamedTuple):

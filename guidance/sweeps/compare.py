@@ -16,8 +16,9 @@ from scipy import stats
 from guidance.errors import ConfigError
 from guidance.files import text_of
 from guidance.log.codec import plain
+from guidance.log.entries import OUTCOME
 from guidance.screen import console, sheet
-from guidance.sim.outcome import OUTCOME, Outcome
+from guidance.sim.outcome import Outcome
 from guidance.sim.scenario import WIND_WORDS
 from guidance.sweeps.axes import Array
 from guidance.sweeps.folder import (

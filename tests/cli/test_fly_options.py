@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 from guidance.cli import fly
 from guidance.cli.program import app
 from guidance.errors import ConfigError, FlightError
-from guidance.session.flight_files import OUTCOME, PICTURE, RECORD
+from guidance.log.entries import OUTCOME
+from guidance.session.flight_files import PICTURE, RECORD
 from guidance.session.fly import NOBODY, Asked, MockOptions
 
 PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2")

@@ -77,7 +77,7 @@ def test_show_says_both_games_where_mathematics_and_flights_differ():
     )
     paper = " ".join(guidance("show", "pe").output.split())
     assert (
-        "3 m/s (ball) in mathematics, and in flight 3 m/s level, 3 up, 1.5 down (cylinder)" in paper
+        "3 m/s (ball) in mathematics, and in flight 3 m/s level, 3 up, 2 down (cylinder)" in paper
     )
     assert "value in mathematics " in paper
     assert "; in flight " in paper
