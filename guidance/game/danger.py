@@ -582,7 +582,9 @@ def _bracketed(
         otherwise: which brackets enclose such a point, and what to return in the other rows.
     """
     enclosed, best = otherwise
-    return in_rows(enclosed, best, partial(_level, xp), piece, bracket, rivals)
+    level = in_rows(enclosed, best, partial(_level, xp), piece, bracket, rivals)
+    # Libraries that trace compute all rows; a bracket that encloses nothing may lead off the piece.
+    return xp.select_all(enclosed, level, best) if xp.differentiates else level
 
 
 def _level(xp: Library, piece: Piece, bracket: Bracket, rivals: Rivals) -> Point:
