@@ -13,6 +13,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "panel": ("aiohttp",),
     "cluster": ("distributed",),
     "keys": ("cryptography",),
+    "ros": ("rosbags",),
 }
 """Import names of each extra."""
 

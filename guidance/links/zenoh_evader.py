@@ -12,7 +12,6 @@ and nav_msgs/Odometry:
 
 import json
 import math
-import struct
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -23,7 +22,16 @@ import zenoh
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from guidance.errors import ConfigError, LinkError
-from guidance.frames import Altitude, Amsl, Ellipsoid, LocalFrame, Relative, ned_from_game
+from guidance.frames import (
+    Altitude,
+    Amsl,
+    Ellipsoid,
+    LocalFrame,
+    Relative,
+    Vector,
+    ned_from_game,
+)
+from guidance.links import ros_types
 from guidance.links.carriers import (
     Refused,
     accepted,
@@ -38,16 +46,13 @@ from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderRepor
 
 PayloadReader = Callable[[bytes, float], EvaderReport]
 
-POSE_TYPE: Final = "geometry_msgs::msg::dds_::PoseStamped_"
-ODOMETRY_TYPE: Final = "nav_msgs::msg::dds_::Odometry_"
-MAX_STRING: Final = 256
 RETRY_S: Final = 2.0
 """Pause between two attempts to reach a router."""
 
 MAP: Final = "map"
 """The frame of ROS messages by default."""
 
-_SHOWN_BYTES: Final = 64
+_SHOWN_LETTERS: Final = 64
 MOST_REPORT_BYTES: Final = 4096
 """A larger report is dropped unread. The largest Odometry has 1.3 kB."""
 
@@ -55,11 +60,6 @@ _MOST_QUOTES: Final = 64
 """A report has 32. Every unknown key has two and costs an error."""
 
 _DIAGONAL: Final = (0, 7, 14)  # of a 6 x 6 matrix, row by row
-_POSE = 7
-_ODOMETRY = 7 + 36 + 6 + 36
-"""Numbers of each message: position and orientation, their covariance, twist, its covariance."""
-
-_ORDERS: Final = {b"\x00\x00": ">", b"\x00\x01": "<"}  # CDR_BE, CDR_LE
 _GID_BYTES = 16
 _RMW_BYTES = 33
 """rmw_zenoh attaches a number, a time, and the publisher's identity after its length."""
@@ -256,9 +256,9 @@ def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: s
     )
 
 
-def rmw_key(topic: str, dds_type: str) -> str:
+def rmw_key(topic: str, type_name: str) -> str:
     """Return the key of a topic in rmw_zenoh, for any ROS domain and type hash."""
-    return f"*/{topic.strip('/')}/{dds_type}/*"
+    return f"*/{topic.strip('/')}/{ros_types.dds_name(type_name)}/*"
 
 
 def read_ros(
@@ -267,52 +267,37 @@ def read_ros(
     """Convert a geometry_msgs/PoseStamped, or a nav_msgs/Odometry.
 
     Args:
-        data: Plain CDR version 1 (OMG DDS-RTPS 2.x): four bytes of encapsulation, then values aligned to their own
-            size, counted from after those four. A string is its length with the closing zero, then its bytes.
+        data: Plain CDR version 1 (OMG DDS-RTPS 2.x), of either byte order.
         received_s: By our clock.
         frame: The frame that ROS calls `frame_id`.
         moves: Whether it is an Odometry.
         frame_id: Poses in other frames are refused.
 
     Raises:
-        Refused: If the bytes end early or are not one, or it is in another frame.
+        Refused: If the bytes are not one, or it is in another frame.
     """
-    order = _ORDERS.get(data[:2])
-    body = data[4:]
-    strings = 2 if moves else 1
-    if order is None:
-        raise Refused("encoding")
-    layout = f"{order}iI"
     try:
-        for _ in range(strings):  # frame_id, and child_frame_id of an Odometry
-            layout += f"{-struct.calcsize(layout) % 4}xI"
-            *_, length = struct.unpack_from(layout, body)
-            if not 1 <= length <= MAX_STRING:
-                raise Refused("length")
-            layout += f"{length}s"
-        layout += f"{-struct.calcsize(layout) % 8}x{_ODOMETRY if moves else _POSE}d"
-        seconds, nanoseconds, *values = struct.unpack_from(layout, body)
-    except struct.error as error:
-        raise Refused("length") from error
-    texts = values[1 : 2 * strings : 2]
-    numbers = values[2 * strings :]
-    if not all(text.endswith(b"\0") for text in texts):
-        raise Refused("encoding")
-    if texts[0][:-1] != frame_id.encode():
+        message = ros_types.decode(data, ros_types.ODOMETRY if moves else ros_types.POSE_STAMPED)
+    except ValueError as error:
+        raise Refused("encoding") from error
+    header = message.header
+    if header.frame_id != frame_id:
         raise Refused(
-            f"frame_id {_quoted(texts[0][:-1])} instead of evader.frame_id = {_quoted(frame_id.encode())}"
+            f"frame_id {_quoted(header.frame_id)} instead of evader.frame_id = {_quoted(frame_id)}"
         )
-    # A pose is an odometry whose other numbers are unknown
-    numbers += [math.nan] * (_ODOMETRY - len(numbers))
-    east, north, up, q_x, q_y, q_z, q_w, *more = numbers
-    velocity = ned_from_game(
-        known_velocity(rotate((q_w, q_x, q_y, q_z), (more[36], more[37], more[38])))
-    )
-    sd_m = _largest_sd(more[:36])
-    sd_m_s = _largest_sd(more[42:])
-    position = place_in(frame, ned_from_game((east, north, up)))
-    altitude_said = AltitudeSaid(up, Datum.ORIGIN)
-    sent_s = seconds + nanoseconds / 1e9
+    velocity = UNKNOWN_VELOCITY
+    sd_m = math.nan
+    sd_m_s = math.nan
+    pose = message.pose
+    if moves:
+        velocity = _velocity_ned_m_s(message.pose.pose.orientation, message.twist.twist.linear)
+        sd_m = _largest_sd(message.pose.covariance)
+        sd_m_s = _largest_sd(message.twist.covariance)
+        pose = message.pose.pose
+    up_m = pose.position.z
+    position = place_in(frame, ned_from_game((pose.position.x, pose.position.y, up_m)))
+    altitude_said = AltitudeSaid(up_m, Datum.ORIGIN)
+    sent_s = header.stamp.sec + header.stamp.nanosec / 1e9
     if sent_s == 0.0:
         sent_s = math.nan
     return EvaderReport(
@@ -320,13 +305,19 @@ def read_ros(
     )
 
 
+def _velocity_ned_m_s(turned: ros_types.Message, linear: ros_types.Message) -> Vector:
+    """Return a velocity in the axes of a body, turned by its orientation."""
+    quaternion = (turned.w, turned.x, turned.y, turned.z)
+    return ned_from_game(known_velocity(rotate(quaternion, (linear.x, linear.y, linear.z))))
+
+
 def _largest_sd(covariance: Sequence[float]) -> float:
-    return standard_deviation(*(covariance[index] for index in _DIAGONAL))
+    return standard_deviation(*(float(covariance[index]) for index in _DIAGONAL))
 
 
-def _quoted(name: bytes) -> str:
+def _quoted(name: str) -> str:
     """Return a name from the wire between quotes, without control characters and not too long."""
-    return json.dumps(name[:_SHOWN_BYTES].decode(errors="replace"))
+    return json.dumps(name[:_SHOWN_LETTERS])
 
 
 def _of_json(frame: LocalFrame, key: str, _frame_id: str = MAP) -> tuple[str, PayloadReader]:
@@ -334,13 +325,15 @@ def _of_json(frame: LocalFrame, key: str, _frame_id: str = MAP) -> tuple[str, Pa
 
 
 def _of_poses(frame: LocalFrame, topic: str, frame_id: str = MAP) -> tuple[str, PayloadReader]:
+    ros_types.prepare('evader.kind = "ros_pose"', ros_types.POSE_STAMPED)
     reader = partial(read_ros, frame=frame, moves=False, frame_id=frame_id)
-    return rmw_key(topic, POSE_TYPE), reader
+    return rmw_key(topic, ros_types.POSE_STAMPED), reader
 
 
 def _of_odometry(frame: LocalFrame, topic: str, frame_id: str = MAP) -> tuple[str, PayloadReader]:
+    ros_types.prepare('evader.kind = "ros_odometry"', ros_types.ODOMETRY)
     reader = partial(read_ros, frame=frame, moves=True, frame_id=frame_id)
-    return rmw_key(topic, ODOMETRY_TYPE), reader
+    return rmw_key(topic, ros_types.ODOMETRY), reader
 
 
 KEYS: Final[Mapping[str, Callable[..., tuple[str, PayloadReader]]]] = {

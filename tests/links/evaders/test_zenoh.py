@@ -217,8 +217,8 @@ def test_a_ros_stamp_of_zero_is_no_stamp():
         (pose_stamped(position=(math.nan, 0.0, 0.0)), "position"),
         (pose_stamped(position=(1e300, 0.0, 0.0)), "position"),
         (b"\x00\x07" + pose_stamped()[2:], "encoding"),
-        (pose_stamped()[:12] + b"\xff\xff\xff\xff" + pose_stamped()[16:], "length"),
-        (pose_stamped()[:12] + b"\x00\x00\x00\x00" + pose_stamped()[16:], "length"),
+        (pose_stamped()[:12] + b"\xff\xff\xff\xff" + pose_stamped()[16:], "encoding"),
+        (pose_stamped()[:12] + b"\x00\x00\x00\x00" + pose_stamped()[16:], "encoding"),
         (pose_stamped()[:16] + b"mapX" + pose_stamped()[20:], "encoding"),
     ],
 )
@@ -278,6 +278,13 @@ def test_an_evader_is_received_from_its_zenoh_key_only(router, kind, path, key, 
     assert source.receive() == []
 
 
+@pytest.mark.parametrize("kind", ["ros_pose", "ros_odometry"])
+def test_ros_messages_without_the_package_that_reads_them_are_a_clear_error(monkeypatch, kind):
+    monkeypatch.setattr("guidance.extras.find_spec", lambda _: None)
+    with pytest.raises(ConfigError, match=rf"{kind}.*needs rosbags.*pursuit-guidance\[ros\]"):
+        open_source(kind, "zenoh://127.0.0.1:7447/evader", clock=clock, frame=FRAME)
+
+
 def test_a_bad_url_of_a_source_is_named():
     with pytest.raises(ConfigError, match="nonsense"):
         open_source("json", "nonsense", clock=clock, frame=FRAME)
@@ -300,7 +307,7 @@ def test_a_key_that_is_none_is_a_config_error(router):
 
 
 def test_rmw_keys_hold_any_domain_and_any_hash():
-    key = zenoh.KeyExpr(rmw_key("/evader/pose/", "geometry_msgs::msg::dds_::PoseStamped_"))
+    key = zenoh.KeyExpr(rmw_key("/evader/pose/", "geometry_msgs/msg/PoseStamped"))
     assert key.intersects(
         zenoh.KeyExpr("42/evader/pose/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_00")
     )
