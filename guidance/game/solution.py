@@ -236,6 +236,8 @@ def _solve_rows(
     """Solve a batch, a long one chunk by chunk."""
     count = math.prod(shape)
     if count <= ROWS:
+        if not game.target_extent.is_point:
+            game, named = _spread(game, shape, named)
         return _solve(NUMPY, game, shape, named, out)
     like = named["pursuer"]
     out = out or _empty(shape, like)
@@ -259,6 +261,15 @@ def _solve_rows(
         for field, flat in zip(out, flat_out, strict=True):
             field[...] = flat.reshape(field.shape)
     return out
+
+
+def _spread(
+    game: Game, shape: tuple[int, ...], named: dict[str, Array]
+) -> tuple[Game, dict[str, Array]]:
+    """Return a game and vectors with the whole leading shape, for kernels that choose rows by some of them."""
+    if any(vector.shape[:-1] != shape for vector in named.values()):
+        named = {name: np.broadcast_to(vector, (*shape, 3)) for name, vector in named.items()}
+    return for_rows(game, lambda value: np.broadcast_to(value, shape)), named
 
 
 def _play(

@@ -187,3 +187,15 @@ def test_a_large_shape_has_the_answer_of_its_nearest_edge(size_m):
         np.testing.assert_array_equal(small.winner, large.winner)
         np.testing.assert_allclose(large.margin_s, small.margin_s, atol=1e-8)
         np.testing.assert_allclose(large.value, small.value, atol=1e-7)
+
+
+@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+def test_several_pursuers_against_each_evader_are_their_single_states(shape):
+    # Some evaders are inside the shape, so that rows are chosen by the evader alone.
+    game = replace(GAMES["stand-off"], target_extent=shape)
+    P, E, _ = states(12, seed=4)
+    E[:2] = 5.0, 2.0, 0.0
+    answer = solve(game, P[:, None], E, np.zeros(3))
+    for index in np.ndindex(4, 4):
+        single = solve(game, P[index[0]], E[index[1]], np.zeros(3))
+        np.testing.assert_array_equal(answer.margin_s[index], single.margin_s)
