@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
-import tomli_w
+import tomlkit
 
 from sitl_mock.errors import ConfigError, TransportError
 from sitl_mock.serving import udp_ports
@@ -139,8 +139,8 @@ def running(
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         tables = {"seed": seed, **fleet, "vehicle": [_given(vehicle) for vehicle in vehicles]}
-        (folder / "fleet.toml").write_text(tomli_w.dumps(tables), encoding="utf-8")
-        (folder / "faults.toml").write_text(tomli_w.dumps(faults or {}), encoding="utf-8")
+        (folder / "fleet.toml").write_text(tomlkit.dumps(tables), encoding="utf-8")
+        (folder / "faults.toml").write_text(tomlkit.dumps(faults or {}), encoding="utf-8")
         for _ in range(1 if port else _ATTEMPTS):
             udp = port or _free_ports(flavours, stack) if "udp" in over else None
             zenoh = (port if udp is None else 0) if "zenoh" in over else None

@@ -17,8 +17,12 @@ import uuid
 from collections.abc import Iterable, Sequence
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
-from typing import Any
 
+from cyclonedx.contrib.license.factories import LicenseFactory
+from cyclonedx.model.bom import Bom
+from cyclonedx.model.component import Component, ComponentType
+from cyclonedx.output.json import JsonV1Dot6
+from packageurl import PackageURL
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -53,47 +57,46 @@ def installed(extras: Iterable[str], tools: Iterable[str] = ()) -> Packages:
     return dict(sorted(found.items()))
 
 
-def bill(packages: Packages) -> dict[str, Any]:
-    """Return the bill of materials. Equal packages give an equal bill."""
-    refs = {name: f"pkg:pypi/{name}@{package.version}" for name, (package, _) in packages.items()}
-    parts = {
-        name: {
-            "type": "application" if name == PROJECT else "library",
-            "bom-ref": refs[name],
-            "name": name,
-            "version": package.version,
-            "purl": refs[name],
-            **_licence(package),
-        }
-        for name, (package, _) in packages.items()
-    }
-    return {
-        "$schema": "http://cyclonedx.org/schema/bom-1.6.schema.json",
-        "bomFormat": "CycloneDX",
-        "specVersion": "1.6",
-        "serialNumber": f"urn:uuid:{uuid.uuid5(uuid.NAMESPACE_URL, ' '.join(refs.values()))}",
-        "version": 1,
-        "metadata": {"component": parts.pop(PROJECT)},
-        "components": list(parts.values()),
-        "dependencies": [
-            {"ref": refs[name], "dependsOn": sorted(refs[need] for need in needs if need in refs)}
-            for name, (_, needs) in packages.items()
-        ],
-    }
+def bill(packages: Packages) -> str:
+    """Return the bill of materials as CycloneDX 1.6 in JSON. Equal packages give an equal bill."""
+    components = {name: _component(name, package) for name, (package, _) in packages.items()}
+    content = " ".join(component.purl.to_string() for component in components.values())
+    document = Bom(serial_number=uuid.uuid5(uuid.NAMESPACE_URL, content))
+    document.metadata.timestamp = None
+    document.metadata.component = components[PROJECT]
+    document.components.update(components[name] for name in components if name != PROJECT)
+    for name, (_, needs) in packages.items():
+        requirements = [components[need] for need in needs if need in components]
+        document.register_dependency(components[name], requirements)
+    return JsonV1Dot6(document).output_as_string(indent=2)
 
 
-def _licence(package: Distribution) -> dict[str, Any]:
-    """Return the SPDX expression, or else the licence's name from the classifiers or the older field."""
-    if expressions := package.metadata.get_all("License-Expression"):
-        return {"licenses": [{"expression": expressions[0]}]}
-    lines = package.metadata.get_all("Classifier") or []
-    names = [line.rpartition(" :: ")[2] for line in lines if line.startswith("License ::")]
+def _component(name: str, package: Distribution) -> Component:
+    purl = PackageURL("pypi", None, name, package.version)
+    kind = ComponentType.APPLICATION if name == PROJECT else ComponentType.LIBRARY
+    return Component(
+        name=name,
+        version=package.version,
+        type=kind,
+        purl=purl,
+        bom_ref=purl.to_string(),
+        licenses=[LicenseFactory().make_from_string(licence) for licence in _licences(package)],
+    )
+
+
+def _licences(package: Distribution) -> list[str]:
+    """Return the SPDX expression, or else the licences' names from the classifiers or the older field."""
+    expressions = package.metadata.get_all("License-Expression")
+    if expressions:
+        return expressions[:1]
+    classifiers = package.metadata.get_all("Classifier") or []
+    names = [line.rpartition(" :: ")[2] for line in classifiers if line.startswith("License ::")]
+    if names:
+        return names
     fields = package.metadata.get_all("License") or []
-    if not names:
-        names = [
-            field.strip().splitlines()[0] for field in fields if field.strip()
-        ]  # it may be a whole text
-    return {"licenses": [{"license": {"name": name}} for name in names]} if names else {}
+    return [
+        field.strip().splitlines()[0] for field in fields if field.strip()
+    ]  # it may be a whole text
 
 
 def constraints(packages: Packages) -> str:
@@ -157,9 +160,7 @@ def main(arguments: Sequence[str]) -> int:
     packages = installed(given.extras.split(","), BUILT_WITH if given.constraints else ())
     if given.audit:
         return audit(packages)
-    text = (
-        constraints(packages) if given.constraints else json.dumps(bill(packages), indent=2) + "\n"
-    )
+    text = constraints(packages) if given.constraints else bill(packages) + "\n"
     if given.out is None:
         print(text, end="")
     else:

@@ -22,22 +22,27 @@ def declared():
         *project["dependencies"],
         *(line for name in extras if name not in {"dev", "torch", "jax"} for line in extras[name]),
     ]
-    wanted = [Requirement(line) for line in lines]
-    return [one for one in wanted if one.name != supply.PROJECT]
+    requirements = [Requirement(line) for line in lines]
+    return [requirement for requirement in requirements if requirement.name != supply.PROJECT]
 
 
 def test_the_bill_names_every_package_with_its_version_and_what_it_requires(capsys):
     assert supply.main([]) == 0
     bill = json.loads(capsys.readouterr().out)
-    found = {one["name"]: one for one in bill["components"]}
-    assert {canonicalize_name(one.name) for one in declared()} <= set(found)
-    assert all(one["version"] == version(name) for name, one in found.items())
-    assert [one["name"] for one in bill["components"] if not one.get("licenses")] == []
-    refs = {one["bom-ref"] for one in [bill["metadata"]["component"], *bill["components"]]}
-    assert refs == {one["ref"] for one in bill["dependencies"]}
-    assert all(set(one["dependsOn"]) <= refs for one in bill["dependencies"])
-    requires = {one["ref"]: one["dependsOn"] for one in bill["dependencies"]}
-    assert found["pydantic-core"]["bom-ref"] in requires[found["pydantic"]["bom-ref"]]
+    components = {part["name"]: part for part in bill["components"]}
+    names = {canonicalize_name(requirement.name) for requirement in declared()}
+    assert names <= set(components)
+    assert all(part["version"] == version(name) for name, part in components.items())
+    assert [name for name, part in components.items() if not part.get("licenses")] == []
+    refs = {part["bom-ref"] for part in [bill["metadata"]["component"], *bill["components"]]}
+    needs = {entry["ref"]: set(entry.get("dependsOn", ())) for entry in bill["dependencies"]}
+    assert set(needs) == refs
+    assert set().union(*needs.values()) <= refs
+    assert components["pydantic-core"]["bom-ref"] in needs[components["pydantic"]["bom-ref"]]
+
+
+def test_equal_installations_have_equal_bills():
+    assert supply.bill(supply.installed([])) == supply.bill(supply.installed([]))
 
 
 def test_the_bill_of_a_base_installation_has_no_extras():
@@ -49,7 +54,10 @@ def test_the_bill_of_a_base_installation_has_no_extras():
 def test_the_containers_constraints_pin_every_declared_package_to_an_allowed_version():
     text = (ROOT / "docs" / "how-to" / "constraints.txt").read_text(encoding="utf-8")
     pinned = dict(line.split("==") for line in text.splitlines() if not line.startswith("#"))
-    assert all(one.specifier.contains(pinned[canonicalize_name(one.name)]) for one in declared())
+    assert all(
+        requirement.specifier.contains(pinned[canonicalize_name(requirement.name)])
+        for requirement in declared()
+    )
 
 
 @pytest.mark.parametrize(

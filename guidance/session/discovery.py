@@ -4,12 +4,14 @@ The vehicle file is the bundled one with the limits of the autopilot.
 """
 
 import math
-import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
+
+import tomlkit
+from tomlkit import TOMLDocument
 
 from guidance.autopilots import (
     AUTOPILOTS,
@@ -297,13 +299,13 @@ def vehicle_file(
         ConfigError: If the name, the URL or the autopilot is wrong.
     """
     autopilot_named(autopilot)
-    text = _template(autopilot)
+    document = tomlkit.parse(_template(autopilot))
     changes = [
-        _Line("", "name", _quoted(name), "in orders, metrics and records"),
-        _Line("vehicle", "autopilot", _quoted(autopilot)),
+        _Change("", "name", name, "in orders, metrics and records"),
+        _Change("vehicle", "autopilot", autopilot),
     ]
     if url is not None:
-        changes.append(_Line("vehicle", "url", _quoted(url)))
+        changes.append(_Change("vehicle", "url", url))
     head = [
         "A vehicle file of pursuit guidance. Every key has its unit; `guidance schema vehicle` describes all keys."
     ]
@@ -311,26 +313,27 @@ def vehicle_file(
         head.append(f"Written without a vehicle: the limits are the bundled ones for {autopilot}.")
     else:
         system_id = surveyed.found.system_id
-        changes.append(_Line("vehicle", "system_id", str(system_id), "from its HEARTBEAT"))
-        changes += _bounded(tomllib.loads(text), surveyed)
+        changes.append(_Change("vehicle", "system_id", system_id, "from its HEARTBEAT"))
+        changes += _bounded(document.unwrap(), surveyed)
         head.append(f"Read from system {system_id}, {autopilot}:")
         for parameter in bound_parameters(surveyed.version):
             value = surveyed.parameters.get(parameter)
             head.append(f"  {parameter:<18} {'not read' if value is None else f'{value:g}'}")
-    comments = "".join(f"# {line}\n" for line in head)
-    text = f"{comments}\n{text[text.index('name = ') :]}"
     for change in changes:
-        text = _changed(text, change)
-    parse(Config, tomllib.loads(text), source="the vehicle file")
-    return text
+        _apply(change, document)
+    keys = document.as_string()
+    keys = keys[keys.index("name = ") :]
+    comments = "".join(f"# {line}\n" for line in head)
+    parse(Config, tomllib.loads(keys), source="the vehicle file")
+    return f"{comments}\n{keys}"
 
 
-class _Line(NamedTuple):
-    """A key of the template that gets another value, and the comment on it; without one its own comment stays."""
+class _Change(NamedTuple):
+    """Another value of a key, and the comment on it; without one, the key's present comment stays."""
 
     section: str
     key: str
-    value: str
+    value: str | int | float
     comment: str = ""
 
 
@@ -343,17 +346,14 @@ def _template(autopilot: str) -> str:
     return template.read_text(encoding="utf-8")
 
 
-def _changed(text: str, change: _Line) -> str:
-    """Return the text with another value of a key. A TOML writer would lose the comments beside the values."""
-    before = ""
-    header = ""
-    keys = text
-    if change.section:
-        before, header, keys = text.partition(f"\n[{change.section}]\n")
-    replacement = rf"\g<1>{change.value}"
-    replacement += f"  # {change.comment}" if change.comment else r"\g<2>"
-    line = rf"^({change.key} = )[^#\n]*?( *#[^\n]*)?$"
-    return before + header + re.sub(line, replacement, keys, count=1, flags=re.MULTILINE)
+def _apply(change: _Change, document: TOMLDocument) -> None:
+    """Give a key its other value, where it stands."""
+    table: Any = document[change.section] if change.section else document
+    table[change.key] = change.value
+    if change.comment:
+        item = table[change.key]
+        item.comment(change.comment)
+        item.trivia.comment_ws = "  "
 
 
 def write_new(path: Path, text: str) -> None:
@@ -374,7 +374,7 @@ def write_new(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
 
 
-def _bounded(template: Mapping[str, Any], surveyed: Surveyed) -> Iterator[_Line]:
+def _bounded(template: Mapping[str, Any], surveyed: Surveyed) -> Iterator[_Change]:
     """Yield the keys whose bound was read, with the largest allowed value, at most the template's own."""
     for section, key, parameter, scale in surveyed.version.bounds:
         read = surveyed.parameters.get(parameter)
@@ -389,24 +389,16 @@ def _bounded(template: Mapping[str, Any], surveyed: Surveyed) -> Iterator[_Line]
             value = min(value, math.floor(bound - _BEHIND_M))
         if section == "limits" and read == 0.0:
             comment += ", which is off: guidance check refuses it"
-        yield _Line(section, key, f"{value:.1f}", comment)
+        yield _Change(section, key, round(value, 1), comment)
         yield from _bounded_by(key, value, template)
 
 
-def _bounded_by(key: str, value: float, template: Mapping[str, Any]) -> Iterator[_Line]:
+def _bounded_by(key: str, value: float, template: Mapping[str, Any]) -> Iterator[_Change]:
     """Yield the keys that have to follow another one."""
     if key == "ceiling_m" and value < template["flight"]["takeoff_height_m"]:
         comment = "not above limits.ceiling_m"
-        yield _Line("flight", "takeoff_height_m", f"{value:.1f}", comment)
-        yield _Line("game", "standoff_height_m", f"{value:.1f}", comment)
+        yield _Change("flight", "takeoff_height_m", round(value, 1), comment)
+        yield _Change("game", "standoff_height_m", round(value, 1), comment)
     if key == "speed_m_s" and value <= template["game"]["evader_speed_m_s"]:
         comment = "must be slower than the pursuer"
-        yield _Line("game", "evader_speed_m_s", f"{value / 2.0:.2f}", comment)
-
-
-def _quoted(text: str) -> str:
-    if re.search(r'["\\\x00-\x1f]', text):
-        raise ConfigError(
-            f"{text!r}: quotation marks, backslashes and control characters are not allowed"
-        )
-    return f'"{text}"'
+        yield _Change("game", "evader_speed_m_s", round(value / 2.0, 2), comment)

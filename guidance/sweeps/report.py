@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import tomli_w
+import tomlkit
 from numpy.typing import NDArray
 from rich.console import Console
 
@@ -243,7 +243,7 @@ def _written_worst(plan: Plan, rows: Columns, out: Path, count: int) -> Iterator
             f"Row {row} of the sweep {sweep}, {' against '.join(names)}: {end}."
         )
         path = out / f"worst-{number:03d}.toml"
-        write_whole(path, tomli_w.dumps(document).encode())
+        write_whole(path, tomlkit.dumps(document).encode())
         result = {"row": row, "end": end, "regret": float(rows["regret"][index])}
         yield {"file": path.name, **result, **names._asdict()}
 

@@ -17,7 +17,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-import tomli_w
+import tomlkit
 
 from guidance.autopilots import Mode
 from guidance.clock import MonotonicClock
@@ -253,7 +253,7 @@ class Team:
         }
         for name in NAMES:
             document = vehicle_file(name, relays[name], case, ports, port, folder.absolute())
-            (folder / f"{name}.toml").write_text(tomli_w.dumps(document), encoding="utf-8")
+            (folder / f"{name}.toml").write_text(tomlkit.dumps(document), encoding="utf-8")
         credentials = read_credentials(folder / "keys" / "uav1-guidance.toml")
         session = closing_.enter_context(open_session(self._endpoint, credentials=credentials))
         told = closing_.enter_context(closing(_Listener(session)))

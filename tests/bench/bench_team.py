@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 
-import tomli_w
+import tomlkit
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.frames import Amsl, LocalFrame
@@ -181,7 +181,7 @@ def vehicle_file(folder: Path, fleet: RunningFleet, endpoint: str, ports: dict[s
             "evaders": {"rover2": evaders["rover2"] | {"speed_m_s": 3.0}},
         },
     )
-    path.write_text(tomli_w.dumps(written), encoding="utf-8")
+    path.write_text(tomlkit.dumps(written), encoding="utf-8")
     return path
 
 

@@ -23,7 +23,9 @@ FLOWN = AIRBORNE | {LOST} | COMMANDING | LEAVING
 def test_a_pair_that_is_not_listed_changes_nothing():
     unlisted = set(itertools.product(State, Event)) - set(TRANSITIONS)
     assert len(unlisted) + len(TRANSITIONS) == len(State) * len(Event)
-    assert not [(state, event) for state, event in unlisted if next_state(state, event) is not state]
+    assert not [
+        (state, event) for state, event in unlisted if next_state(state, event) is not state
+    ]
 
 
 def test_a_vehicle_found_in_the_air_is_not_called_ready():

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import tomli_w
+import tomlkit
 
 from sitl_mock.child import RunningFleet
 
@@ -70,7 +70,7 @@ def write_file(
         record={"folder": str(folder)},
     )
     path = folder / f"{name}.toml"
-    path.write_text(tomli_w.dumps(_merged(here, sections)), encoding="utf-8")
+    path.write_text(tomlkit.dumps(_merged(here, sections)), encoding="utf-8")
     return path, control
 
 

@@ -4,7 +4,7 @@ import math
 import tomllib
 
 import pytest
-import tomli_w
+import tomlkit
 
 from guidance.config import parse
 from guidance.errors import ConfigError
@@ -105,7 +105,7 @@ def test_the_files_for_a_child_process_say_what_is_flown_in_this_one():
         fault=[{"kind": "loss", "after": "start", "messages": ["HEARTBEAT"]}],
     )
     for document in (fleet(windy), script(windy)):
-        assert tomllib.loads(tomli_w.dumps(document)) == document
+        assert tomllib.loads(tomlkit.dumps(document)) == document
 
 
 @pytest.mark.parametrize(
