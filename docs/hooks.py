@@ -22,7 +22,7 @@ from guidance.control import Limiter
 from guidance.cycle import Violation
 from guidance.flight import ORDERS, Event, State
 from guidance.flight.table import FINAL, SETPOINT_STATES, TRANSITIONS
-from guidance.links.zenoh_evader import ODOMETRY_TYPE, POSE_TYPE
+from guidance.links.ros_types import ODOMETRY, POSE_STAMPED
 from guidance.log.broadcast import broadcast_key
 from guidance.log.entries import CYCLE, EVENT, REPORT
 from guidance.session.control_bus import control_key
@@ -347,7 +347,7 @@ def zenoh_keys() -> str:
         (
             "the key of `evader.url`",
             "listened to",
-            f"reports: JSON (config/zenoh), `{POSE_TYPE}` or `{ODOMETRY_TYPE}`",
+            f"reports: JSON (config/zenoh), `{POSE_STAMPED}` or `{ODOMETRY}`",
         ),
     ]
     words = "The session for orders is on loopback and requires the token (`control.token_file`).\n"
