@@ -97,6 +97,9 @@ class Wire(Protocol):
         They are not part of `receive`. Their rate is bounded. Wires without addresses return none.
         """
 
+    def impostors_of(self, system_id: int, /) -> int:
+        """Return how many frames with a system's id were refused, because they came from another address."""
+
     def send(self, frame: bytes) -> None:
         """Send one whole frame, from any thread. Never blocks; frames that cannot be sent are counted, not raised."""
 

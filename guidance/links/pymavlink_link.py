@@ -260,6 +260,7 @@ class PymavlinkLink:
         return {
             **dict.fromkeys(_COUNTED, 0),
             **self.counts,
+            "impostors": self._wire.impostors_of(self._vehicle[0]),
             "garbage_bytes": self._frames.garbage_bytes,
             "unknown": self._frames.unknown,
             "unused": self._frames.unused,

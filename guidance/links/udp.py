@@ -77,6 +77,8 @@ class AddressPins:
         self._second = -1
         self._budget: Counter[int] = Counter()
         self.refused = Counter(garbage=0, impostor=0, stranger=0, unsigned=0)
+        self.impostors_of: Counter[int] = Counter()
+        """Number of refused frames with a pinned system's id from another address, by system."""
         self.impostors: deque[bytes] = deque(maxlen=256)
         """Frames with a pinned system's id from another address, at most `IMPOSTORS_PER_S` per message id."""
 
@@ -100,16 +102,16 @@ class AddressPins:
         header = header_of(data)
         if header is None or not self._is_expected(header[0], now_s):
             return self._stranger(now_s, data)
-        system_id, message_id = header
+        system_id = header[0]
         if system_id not in self._checks and not self._may_take(now_s, address, system_id):
-            return self._impostor(now_s, message_id, data)
+            return self._impostor(now_s, data)
         frame = self._reader.first(data)
         if frame is None:
             return self._refuse("garbage")
         check = self._checks.get(system_id)
         if check is not None and check.problem(frame, remember=False) is not None:
             if system_id in self._pins:
-                return self._impostor(now_s, message_id, data)
+                return self._impostor(now_s, data)
             return self._refuse("unsigned")
         return None
 
@@ -133,7 +135,7 @@ class AddressPins:
             if self._is_expected(system_id, now_s):
                 self._pin(now_s, address, system_id)
             return True
-        self._impostor(now_s, _message_id(frame.data), frame.data)
+        self._impostor(now_s, frame.data)
         return False
 
     def _may_take(self, now_s: float, address: Address, system_id: int) -> bool:
@@ -169,8 +171,13 @@ class AddressPins:
         self.refused[reason] += 1
         return b""
 
-    def _impostor(self, now_s: float, message_id: int, data: bytes) -> bytes:
+    def _impostor(self, now_s: float, data: bytes) -> bytes:
         """Count it, whatever its checksum, and keep a few for the detection of a second source."""
+        header = header_of(data)
+        if header is None:
+            return self._refuse("garbage")
+        system_id, message_id = header
+        self.impostors_of[system_id] += 1
         if message_id in KNOWN and self._within_budget(now_s, message_id, IMPOSTORS_PER_S):
             self.impostors.append(data)
         return self._refuse("impostor")
@@ -187,12 +194,6 @@ class AddressPins:
             self._budget.clear()
         self._budget[key] += 1
         return self._budget[key] <= per_s
-
-
-def _message_id(frame: bytes) -> int:
-    """Return the message id of a valid frame."""
-    header = header_of(frame)
-    return -1 if header is None else header[1]
 
 
 class UdpWire(QueuedWire):
@@ -259,6 +260,10 @@ class UdpWire(QueuedWire):
         """
         self._take_in()
         return self._arrivals.take()
+
+    def impostors_of(self, system_id: int) -> int:
+        """Return how many frames with a system's id came from another address."""
+        return 0 if self._pins is None else self._pins.impostors_of[system_id]
 
     def impostors(self) -> Sequence[bytes]:
         """Return datagrams since the last call with a pinned system's id from another address."""

@@ -101,6 +101,10 @@ class QueuedWire(ABC):
         """Return none: this wire has no addresses."""
         return ()
 
+    def impostors_of(self, _system_id: int) -> int:
+        """Return 0: this wire has no addresses."""
+        return 0
+
     def send(self, frame: bytes) -> None:
         """Send one frame; if that fails, or the wire is closed, count it."""
         with self._lock:
@@ -156,6 +160,7 @@ class WireShare:
         self.arrivals = Arrivals[Packet]()
         self.stream = wire.stream
         self.impostors = wire.impostors  # impostors: for the first reader that asks
+        self.impostors_of = wire.impostors_of
         shares.append(self)
 
     def receive(self) -> Sequence[Packet]:
@@ -208,6 +213,7 @@ class TappedWire:
         self._captured: deque[CapturedFrame] = deque(maxlen=_MAX_CAPTURED)
         self.stream = wire.stream
         self.impostors = wire.impostors
+        self.impostors_of = wire.impostors_of
         self.counters = wire.counters
         self.close = wire.close
 

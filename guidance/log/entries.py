@@ -32,6 +32,9 @@ TEAM_NEWS: Final = "team"
 EVADER_NEWS: Final = "evader's reports"
 """Event of what of the evader's reports is no longer used, or used again: its stamps, or its velocities."""
 
+LINK_NEWS: Final = "vehicle's link"
+"""Event of frames in the vehicle's name that its link refused."""
+
 ASSIGNED: Final = "team assignment"
 """Event of a changed assignment, and of the one that is valid when the vehicle engages; the detail is its JSON."""
 

@@ -11,7 +11,15 @@ from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, Authority, Event, Flight, Inputs, Outputs, is_done
 from guidance.links.port import EvaderSource, TellsProblem, VehicleLink
-from guidance.log.entries import ASSIGNED, EVADER_NEWS, ORDERED, RELOADED, STOPPED, TEAM_NEWS
+from guidance.log.entries import (
+    ASSIGNED,
+    EVADER_NEWS,
+    LINK_NEWS,
+    ORDERED,
+    RELOADED,
+    STOPPED,
+    TEAM_NEWS,
+)
 from guidance.log.writer import Record
 from guidance.preflight import PreflightMemory, advice, refusals, rows
 from guidance.session.answers import flight_line, missing, refusal, shown_state, status
@@ -20,6 +28,7 @@ from guidance.session.flight_files import Recording
 from guidance.session.observability import Logger, Metrics, Notifier, say_outputs
 from guidance.session.orders import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
 from guidance.session.plan import FlightPlan
+from guidance.session.refused_frames import RefusedFrames
 from guidance.session.refused_reports import RefusedReports
 from guidance.team import Member
 
@@ -67,6 +76,7 @@ class Daemon:
         self._link = link
         self._evaders = evaders
         self._problems: dict[str, str] = {}
+        self._refused_frames = RefusedFrames()
         self._refused_reports = {source_name: RefusedReports() for source_name in evaders}
         self.team = equipment.team
         self.mailbox = equipment.mailbox
@@ -282,6 +292,14 @@ class Daemon:
             self.recording.event(now_s, EVADER_NEWS, words)
         news.clear()
 
+    def _tell_refused_frames(self, now_s: float, counters: Mapping[str, int]) -> None:
+        """Log and record that somebody else sends in the vehicle's name."""
+        words = self._refused_frames.note(now_s, counters)
+        if words:
+            self._log.say(logging.WARNING, words)
+            self.metrics.happened(LINK_NEWS)
+            self.recording.event(now_s, LINK_NEWS, words)
+
     def survive(self, error: Exception, now_s: float) -> None:
         """Go on after a cycle that failed: the vehicle is handed over, the record kept, and orders are answered.
 
@@ -434,6 +452,7 @@ class Daemon:
             **self._link.counters(),
             "other_heartbeats": self.flight.heard.other_beats,
         }
+        self._tell_refused_frames(now_s, vehicle_counters)
         counters = {"vehicle": vehicle_counters, **self._evader_counters(now_s)}
         if self.team is not None:
             counters["team"] = self.team.board.counts

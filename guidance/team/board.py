@@ -3,7 +3,8 @@
 Bytes are never trusted. A message is used only if it matches its schema, names the vehicle of its key, and continues
 the stream of its sender (`guidance.team.senders`). A mate whose messages are refused counts as silent. The time of a
 state is the sender's; it is converted to our clock by arrival times and the smallest difference seen. A jump that no
-motion explains is doubt: the mate may be at either end of it.
+motion explains is doubt: the mate may be at either end of it. A mate for whom two senders speak counts as silent while
+both do, and its doubt covers every place that either of them reports.
 """
 
 import math
@@ -16,6 +17,7 @@ from guidance.estimation.measurement import ClockOffset, hear
 from guidance.frames import LocalFrame, Vector
 from guidance.messages import UNKNOWN_VELOCITY, EvaderReport, MateState
 from guidance.team.messages import (
+    STATE,
     EvaderMessage,
     Message,
     Refused,
@@ -23,7 +25,7 @@ from guidance.team.messages import (
     StateMessage,
     decode,
 )
-from guidance.team.senders import Sender
+from guidance.team.senders import TWO_SENDERS, Sender
 
 SILENT_S: Final = 1.0
 """A mate or a coordinator that was not heard for so long is not there."""
@@ -33,6 +35,12 @@ MOST_TERMS: Final = 1000
 
 TOLD_EVERY_S: Final = 10.0
 """Least time between two notes about refused messages in one mate's name."""
+
+DISPUTED_AGE_S: Final = 5.0
+"""Largest age of a mate for whom two senders speak: a flight counts it as silent, and does not forget it."""
+
+_MOVED_S: Final = 0.5
+"""A flight does not let a silent mate's disc grow before this time, in which it moves it by its velocity."""
 
 _ORDINARY: Final = frozenset({"order", "evader"})
 
@@ -55,6 +63,10 @@ class Mate:
         doubt_ned_m: Sum of its jumps that no motion explains.
         senders: Its streams, by the key.
         refused_s: When people were last told that a message in its name was refused.
+        disputed_s: When people were last told that two senders speak for it.
+        claims_m: While two senders speak for it, the largest distance of a place that either reported from the last
+            accepted one.
+        fastest_m_s: While two senders speak for it, the largest speed that either reported.
     """
 
     state: StateMessage | None = None
@@ -64,6 +76,9 @@ class Mate:
     clock: ClockOffset | None = None
     senders: dict[str, Sender] = field(default_factory=dict)
     refused_s: float = -math.inf
+    disputed_s: float = -math.inf
+    claims_m: float = 0.0
+    fastest_m_s: float = 0.0
 
 
 class Board:
@@ -115,7 +130,7 @@ class Board:
         except Refused as refused:
             self.counts[f"refused_{refused}"] += 1
             self._note_refused(arrived_s, key, str(refused))
-            return None
+            return self._disputed(arrived_s, key)
         self.counts["accepted"] += 1
         return news
 
@@ -123,10 +138,15 @@ class Board:
         """Tell people that something sends in a mate's name; what is late or repeated is ordinary."""
         name = key.rpartition("/")[2]
         mate = self.mates.get(name)
-        if mate is None or reason in _ORDINARY or now_s - mate.refused_s < TOLD_EVERY_S:
+        if mate is None or reason in _ORDINARY:
             return
-        mate.refused_s = now_s
-        self.news.append(f"{name}: a message in its name was refused ({reason})")
+        if reason == TWO_SENDERS:
+            if now_s - mate.disputed_s >= TOLD_EVERY_S:
+                mate.disputed_s = now_s
+                self.news.append(f"{name}: two senders speak in its name; it counts as silent")
+        elif now_s - mate.refused_s >= TOLD_EVERY_S:
+            mate.refused_s = now_s
+            self.news.append(f"{name}: a message in its name was refused ({reason})")
 
     def _read(self, now_s: float, key: str, payload: bytes) -> Message:
         """Read a message. Strangers, old messages and those of another stream are refused."""
@@ -138,7 +158,10 @@ class Board:
             raise Refused("identity")
         if isinstance(message, EvaderMessage) and message.evader not in self._evaders:
             raise Refused("evader")
-        reason = mate.senders.setdefault(key, Sender()).refuses(now_s, message.epoch, message.seq)
+        sender = mate.senders.setdefault(key, Sender())
+        reason = sender.refuses(now_s, message.epoch, message.seq, hash(payload))
+        if reason == TWO_SENDERS and isinstance(message, StateMessage):
+            _cover(mate, message)
         if reason:
             raise Refused(reason)
         return message
@@ -163,21 +186,38 @@ class Board:
             self._note_refused(arrived_s, state.key, "term")
         if state.airborne:  # on the ground a mate may still know the last game's
             self.close(state.over, arrived_s)
+        mate.claims_m = 0.0
+        mate.fastest_m_s = 0.0
         place = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m)
-        velocity = state.velocity_ned_m_s
-        top_m_s = max(
-            math.hypot(state.speed_m_s, max(state.climb_m_s, state.descent_m_s)),
-            math.hypot(*velocity),
-        )
         return MateState(
             state.vehicle,
             at_s,
             *place,
-            velocity,
-            top_m_s,
+            state.velocity_ned_m_s,
+            _fastest_m_s(state),
             math.hypot(*mate.doubt_ned_m),
             state.airborne,
         )
+
+    def _disputed(self, now_s: float, key: str) -> MateState | None:
+        """Return what is sure about a mate for whom two senders speak; None for others.
+
+        Its age grows to `DISPUTED_AGE_S`, and then its doubt grows as fast as it may fly.
+        """
+        kind, _, name = key.partition("/")
+        mate = self.mates.get(name)
+        if kind != STATE or mate is None or mate.state is None:
+            return None
+        if not mate.senders[key].is_disputed(now_s):
+            return None
+        state = mate.state
+        fastest_m_s = max(_fastest_m_s(state), mate.fastest_m_s)
+        at_s = max(mate.at_s, now_s - DISPUTED_AGE_S)
+        unseen_s = at_s - mate.at_s + _MOVED_S
+        doubt_m = math.hypot(*mate.doubt_ned_m) + mate.claims_m + fastest_m_s * unseen_s
+        place = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m)
+        velocity = (0.0, 0.0, 0.0)
+        return MateState(name, at_s, *place, velocity, fastest_m_s, doubt_m, airborne=True)
 
     def _doubt(self, mate: Mate, before: StateMessage, after: StateMessage, dt_s: float) -> None:
         """Add what of a step no motion explains."""
@@ -241,3 +281,17 @@ class Board:
         return sorted(
             [self.vehicle, *(name for name in heard if present is None or name in present)]
         )
+
+
+def _fastest_m_s(state: StateMessage) -> float:
+    """Return the largest speed that a vehicle may have, by its own state."""
+    game_m_s = math.hypot(state.speed_m_s, max(state.climb_m_s, state.descent_m_s))
+    return max(game_m_s, math.hypot(*state.velocity_ned_m_s))
+
+
+def _cover(mate: Mate, claim: StateMessage) -> None:
+    """Note a place and a speed that one of two senders reports."""
+    mate.fastest_m_s = max(mate.fastest_m_s, _fastest_m_s(claim))
+    if mate.state is not None:
+        away_m = math.hypot(*LocalFrame(*mate.state.place).ned_from_wgs84(*claim.place))
+        mate.claims_m = max(mate.claims_m, away_m)

@@ -17,6 +17,7 @@ from sitl_mock.faults.effect import (
     Group,
     Scope,
 )
+from sitl_mock.faults.links import always
 from sitl_mock.faults.places import along, vector
 from sitl_mock.mavlink import Encoder
 from sitl_mock.protocols import StatusTexts
@@ -98,6 +99,19 @@ def _sysid_clash(inputs: EffectInputs) -> Effect:
         return [(link, frame) for frame in sender.step(now_s, frames)]
 
     return Effect(alter=hear, advance=advance)
+
+
+def _position_forger(inputs: EffectInputs) -> Effect:
+    """After each position of the vehicle another sender reports a displaced one, stamped later, with its ids."""
+    ahead_ms = 1e3 * inputs.options["ahead_s"]
+    displaced = dict(zip(("x", "y", "z"), vector(inputs), strict=True))
+
+    def alter(_now_s: float, frame: bytes) -> Delayed:
+        values = {name: frames.value(frame, name) + metres for name, metres in displaced.items()}
+        values["time_boot_ms"] = frames.value(frame, "time_boot_ms") + ahead_ms
+        return ((0.0, frame), (0.0, frames.changed(frame, values)))
+
+    return Effect(alter=always(alter, inputs))
 
 
 def _second_source(inputs: EffectInputs) -> Effect:
@@ -188,6 +202,17 @@ OTHER_SENDER_KINDS: Mapping[str, FaultKind] = MappingProxyType(
                 "east_m": Option("as above", 0.0, number(-1e5, 1e5)),
             },
             Scope(Direction.IN),
+        ),
+        "position_forger": FaultKind(
+            Group.LINK,
+            "another sender reports displaced positions with the vehicle's ids, stamped ahead of the true ones",
+            _position_forger,
+            {
+                **along(Option("metres", 0.0, number(-1e5, 1e5))),
+                "ahead_s": Option("seconds by which its stamps are ahead", 0.3, number(0.0, 60.0)),
+                "probability": Option("share of positions that it follows", 1.0, number(0.0, 1.0)),
+            },
+            Scope(Direction.OUT, ("LOCAL_POSITION_NED",)),
         ),
         "second_source": FaultKind(
             Group.LINK,

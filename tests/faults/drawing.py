@@ -214,6 +214,9 @@ PURSUER_FAULTS: Mapping[str, Callable[[Draw], Keys]] = {
     "gps_drift": lambda draw: {**draw.vector(0.05, 0.5), "for_s": draw.between(3.0, 15.0)},
     "barometer_drift": lambda draw: {"down_m_s": draw.between(-0.3, 0.3), "for_s": draw.between(3.0, 15.0)},
     "thrust_loss": lambda draw: {"share": draw.between(0.4, 0.95), "for_s": draw.between(0.3, 4.0)},
+    "position_forger": lambda draw: {
+        **draw.vector(0.5, 30.0, down=0.2), "ahead_s": draw.between(0.0, 1.0), "probability": draw.between(0.1, 1.0),
+    },
 }  # fmt: skip
 """Faults of the vehicle and its link, each with the draw of its keys. Times count from engagement."""
 

@@ -122,10 +122,12 @@ class Watch:
 
     Attributes:
         case: The flight's case; replaced when a copied flight continues with another case.
+        is_forged: Whether another sender reports the vehicle's position. Its error is not the estimator's.
     """
 
     def __init__(self, case: Case, world: SteppedWorld) -> None:
         self.case = case
+        self.is_forged = False
         self._pursuer = world.vehicles[PURSUER]
         self._rover = world.vehicles[EVADER]
         self._heard = Heard(self._pursuer)
@@ -395,8 +397,10 @@ class Watch:
         believed = flight.tracking.local_frame
         self._flown.append((pursuer.autopilot.since_boot_s(now_s), here))
         if local is not None and believed is not None:
-            was_m = self._was_at(local.time_boot_s)
-            level, height = _apart(_in_frame(frame, believed, local.position_ned_m), was_m)
+            level = height = 0.0
+            if not self.is_forged and "position_forger" not in self.case.kinds:
+                was_m = self._was_at(local.time_boot_s)
+                level, height = _apart(_in_frame(frame, believed, local.position_ned_m), was_m)
             unheard_s = flight.vehicle.silence_s(LocalPosition, now_s)
             if unheard_s > BLIND_AFTER_S:
                 flown_m = math.hypot(*pursuer.truth.velocity_ned_m_s) * unheard_s

@@ -51,10 +51,16 @@ STILL: Final = (0.0, 0.0, 0.0)
 
 KINDS: Final = (
     "mate killed", "coordinator killed", "cut 1 s", "cut 3 s", "cut 10 s", "loss", "clock", "forged", "misreport",
-    "heard by one", "crossing", "pilot lands",
+    "heard by one", "crossing", "pilot lands", "late", "estimate jumps", "position forged", "mate forged",
+    "mate swings", "mate hurries", "mate misnumbers",
 )  # fmt: skip
-EXPLAINED: Final = frozenset(KINDS) - {"forged", "crossing", "heard by one", "misreport"}
+EXPLAINED: Final = frozenset(KINDS) - {
+    "forged", "crossing", "heard by one", "misreport", "mate swings", "mate hurries",
+}  # fmt: skip
 """Faults after which a vehicle is lost to its coordinator, or seems to be."""
+
+MATE_FORGED_S: Final = 6.0
+LATEST_S: Final = 3.0
 
 
 class TeamCase(NamedTuple):
@@ -147,16 +153,19 @@ class Bent:
     def __init__(self, transport: Any) -> None:
         self._transport = transport
         self.change: Callable[[dict[str, Any]], None] | None = None
+        self.last: dict[str, Any] = {}
         self.receive = transport.receive
         self.present = transport.present
         self.close = transport.close
 
     def publish(self, key: str, payload: bytes) -> None:
         """Send, changed if it is a state."""
-        if self.change is not None and key.startswith("state/"):
+        if key.startswith("state/"):
             said = json.loads(payload)
-            self.change(said)
-            payload = json.dumps(said).encode()
+            if self.change is not None:
+                self.change(said)
+                payload = json.dumps(said).encode()
+            self.last = said
         self._transport.publish(key, payload)
 
 
@@ -207,6 +216,7 @@ class Sortie:
         self.engaged_s = self.over_s = math.inf
         self.due = sorted(case.faults, key=lambda fault: fault[1])
         self.later: list[tuple[float, Callable[[], None]]] = []
+        self.forger: _Forger | None = None
         self.unable: set[str] = set()
         self.stopped: set[str] = set()
         self.unseen: set[str] = set()
@@ -225,6 +235,16 @@ class Sortie:
             self.wrong("nothing ends the loop", 1.0, f"{type(error).__name__}: {error}")
         self.world.close()
         self._judge_end()
+
+    def _judge_forger(self, cut_off: set[str]) -> None:
+        """Check that every mate noticed two senders in one name."""
+        if self.forger is None or self.clock.now_s() - self.forger.begun_s < 3.0:
+            return
+        if {"loss", "mate misnumbers"} & set(self.case.kinds) or self.forger.mate in cut_off:
+            return
+        for name in self.members.keys() - self.unable - cut_off - {self.forger.mate}:
+            if not self.members[name].board.counts["refused_two senders"]:
+                self.wrong("two senders in one name are noticed", 1.0, name)
 
     def wrong(self, invariant: str, amount: float, said: str = "") -> None:
         """Note a violation."""
@@ -252,6 +272,8 @@ class Sortie:
         for due in [one for one in self.later if one[0] <= now_s]:
             self.later.remove(due)
             due[1]()
+        if self.forger is not None:
+            self.forger.speak(now_s, self.network, self.bent[self.forger.mate].last)
         while self.due and now_s - self.engaged_s >= self.due[0][1]:
             kind, _, vehicle = self.due.pop(0)
             self._begin(kind, vehicle, now_s)
@@ -285,6 +307,20 @@ class Sortie:
                 )
             case "forged":
                 self._forge(now_s)
+            case _:
+                self._begin_drawn(kind, vehicle, now_s)
+
+    def _begin_drawn(self, kind: str, vehicle: str, now_s: float) -> None:
+        """Begin a fault whose size is drawn."""
+        chance = random.Random(f"{kind} {self.case.seed} {self.case.number}")
+        match kind:
+            case "mate forged":
+                self.forger = _Forger(vehicle, now_s, chance)
+            case "mate swings" | "mate hurries" | "mate misnumbers":
+                self.bent[vehicle].change = _lie(kind, chance)
+            case "late" | "estimate jumps" | "position forged":
+                self.world.faulted[vehicle].inject(_own_fault(kind, chance))
+                self.watches[vehicle].is_forged |= kind == "position forged"
 
     def _victim(self, kind: str, vehicle: str) -> str:
         """Return the coordinator, or another vehicle that still flies."""
@@ -473,9 +509,77 @@ class Sortie:
             for name in self.members.keys() - self.unable - cut_off:
                 if not self.members[name].board.counts["refused_identity"]:
                     self.wrong("forged messages are refused and counted", 1.0, name)
+        self._judge_forger(cut_off)
         for name, watch in self.watches.items():
             for violation in watch.worst.values():
                 self.wrongs.append(violation._replace(said=f"{name} {violation.said}"))
+
+
+class _Forger:
+    """A stranger without a certificate that speaks for a mate and continues its numbers."""
+
+    def __init__(self, mate: str, now_s: float, chance: random.Random) -> None:
+        self.mate = mate
+        self.begun_s = now_s
+        self.spoken = 0
+        self._ahead = chance.choice((1, 1, 5, 15))
+        self._step = chance.choice((1, 1, 2, 4))
+        self._off_deg = chance.uniform(5.0, 60.0) / 111_195.0
+        self._airborne = chance.random() < 0.5
+
+    def speak(self, now_s: float, network: LossyNetwork, last: Mapping[str, Any]) -> None:
+        """Send the next message when it is due."""
+        since_s = now_s - self.begun_s
+        if not last or since_s > MATE_FORGED_S or since_s < 0.1 * self.spoken:
+            return
+        if self.spoken == 0:
+            self._first = last["seq"] + self._ahead
+        said = {
+            **last,
+            "seq": self._first + self._step * self.spoken,
+            "latitude_deg": last["latitude_deg"] + self._off_deg,
+            "airborne": self._airborne,
+        }
+        self.spoken += 1
+        network.send("stranger", f"state/{self.mate}", json.dumps(said).encode())
+
+
+def _lie(kind: str, chance: random.Random) -> Callable[[dict[str, Any]], None]:
+    """Return how a mate changes its own state: it jumps to and fro, or lies about its velocity or numbers."""
+    off_deg = chance.uniform(5.0, 40.0) / 111_195.0
+    off_m_s = chance.uniform(-6.0, 6.0)
+    each = chance.randint(2, 12)
+    numbers = chance.choice(("huge", "epochs"))
+
+    def swing(said: dict[str, Any]) -> None:
+        if said["seq"] // each % 2:
+            said["longitude_deg"] += off_deg
+
+    def hurry(said: dict[str, Any]) -> None:
+        north, east, down = said["velocity_ned_m_s"]
+        said["velocity_ned_m_s"] = (north + off_m_s, east - off_m_s, down)
+
+    def misnumber(said: dict[str, Any]) -> None:
+        if said["seq"] % each == 0:
+            said["seq" if numbers == "huge" else "epoch"] += 10**9
+
+    return {"mate swings": swing, "mate hurries": hurry, "mate misnumbers": misnumber}[kind]
+
+
+def _own_fault(kind: str, chance: random.Random) -> dict[str, Any]:
+    """Return a fault of one vehicle or its link, as the mock takes it."""
+    bearing = chance.uniform(-math.pi, math.pi)
+    jump_m = chance.uniform(0.5, 8.0)
+    place = {"north": jump_m * math.cos(bearing), "east": jump_m * math.sin(bearing)}
+    if kind == "estimate jumps":
+        return {"kind": "ekf_jump", "at_s": 0.0, **place}
+    if kind == "position forged":
+        ahead_s = chance.uniform(0.0, 1.0)
+        return {"kind": "position_forger", "at_s": 0.0, "ahead_s": ahead_s, **place}
+    late = {"kind": "delay", "at_s": 0.0, "delay_s": chance.uniform(0.1, LATEST_S)}
+    if chance.random() < 0.5:
+        late["grows_s"] = chance.uniform(0.5, 15.0)
+    return {**late, "direction": chance.choice(("out", "both"))}
 
 
 class _Named:

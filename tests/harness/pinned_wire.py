@@ -47,6 +47,10 @@ class PinnedWire:
         kept = self._pins.impostors
         return [kept.popleft() for _ in range(len(kept))]
 
+    def impostors_of(self, system_id: int) -> int:
+        """Return how many frames with a system's id came from another address."""
+        return self._pins.impostors_of[system_id]
+
     def send(self, frame: bytes) -> None:
         """Send on the wire."""
         self._wire.send(frame)

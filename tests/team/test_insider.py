@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from guidance.team.board import MOST_TERMS, Board
 from guidance.team.messages import MOST_BYTES, Refused, RolesMessage, decode, encode
-from guidance.team.senders import MOST_EPOCHS, STEADY, TAKES_OVER_S, Sender
-from tests.team.virtual_team import VirtualTeam, state_of
+from guidance.team.senders import ALONE_AFTER_S, MOST_EPOCHS, STEADY, TAKES_OVER_S, Sender
+from tests.team.virtual_team import SITE, VirtualTeam, state_of
 
 NAMES = ("alpha", "bravo", "charlie")
 HUGE = 2**53 - 1
@@ -63,7 +63,56 @@ def test_a_flood_of_forged_epochs_takes_over_nothing_while_the_mate_speaks():
             tell(here, at_s, state_of("bravo", TRUE_M, seq=number, sent_s=at_s))
         tell(here, at_s, state_of("bravo", FORGED_M, epoch=5 + number // 50, seq=number))
         assert north_m(here)
-    assert len(here.news) == math.ceil(20.0 / 10.0)  # told, and not in every cycle
+    kinds = {words.partition(":")[2]: here.news.count(words) for words in here.news}
+    assert max(kinds.values()) == math.ceil(20.0 / 10.0)  # told, and not in every cycle
+
+
+@pytest.mark.parametrize(
+    ("first", "step", "ahead_s"),
+    [(1, 1, 0.01), (1, 1, -0.01), (15, 1, 0.05), (20, 4, 0.05), (HUGE - 999, 1, 0.05)],
+    ids=["same number first", "same number second", "ahead", "ever further ahead", "far ahead"],
+)
+def test_a_mate_whose_numbers_a_forger_continues_is_silent_and_its_disc_holds_both(
+    first, step, ahead_s
+):
+    here = board()
+    states = []
+    for number in range(160):
+        at_s = 10.0 + 0.1 * number
+        heard = [(at_s, state_of("bravo", TRUE_M, seq=number + 1, sent_s=at_s))]
+        if 20 <= number < 80:
+            seq = 20 + first + step * (number - 20)
+            forged = state_of("bravo", FORGED_M, seq=seq, sent_s=at_s, airborne=False)
+            heard.append((at_s - ahead_s, forged))
+        heard.sort(key=lambda row: row[0])
+        states += [(arrived_s, tell(here, arrived_s, message)) for arrived_s, message in heard]
+    disputed = [(at_s, state) for at_s, state in states if state is not None and 13 < at_s < 18]
+    for at_s, state in disputed:
+        place = SITE.ned_from_wgs84(state.latitude_deg, state.longitude_deg, SITE.altitude)
+        for claim_m in (TRUE_M, FORGED_M):
+            assert math.dist(place[:2], claim_m[:2]) <= state.doubt_m + 0.1
+        assert state.airborne
+        assert min(at_s - state.at_s, 5.0) >= min(at_s - 12.6, 4.9)
+    assert len(disputed) > 80
+    assert any("bravo: two senders speak in its name" in words for words in here.news)
+    after = [state for at_s, state in states if at_s > 18.0 + ALONE_AFTER_S + TAKES_OVER_S]
+    assert after[0] is not None
+    assert north_m(here)
+
+
+def test_late_and_repeated_messages_are_no_second_sender():
+    here = board()
+    sent = [state_of("bravo", TRUE_M, seq=number, sent_s=0.1 * number) for number in range(60)]
+    for number, state in enumerate(sent):
+        at_s = 0.1 * number
+        if number % 7 != 3:
+            tell(here, at_s, state)
+        if number > 30:
+            tell(here, at_s + 0.01, sent[number - 30])
+        if number % 7 == 4:
+            tell(here, at_s + 0.02, sent[number - 1])
+    assert not any("two senders" in words for words in here.news)
+    assert here.counts["refused_two senders"] == 0
 
 
 def test_a_mate_that_restarts_is_heard_again():
@@ -84,7 +133,7 @@ def test_what_is_remembered_is_bounded(messages):
     for waited_s, epoch, number in messages:
         now_s += waited_s
         for step in range(4):
-            sender.refuses(now_s + 0.01 * step, epoch, number + step)
+            sender.refuses(now_s + 0.01 * step, epoch, number + step, step)
     assert len(sender.ended) <= MOST_EPOCHS
 
 

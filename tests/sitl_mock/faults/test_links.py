@@ -235,6 +235,17 @@ def test_two_vehicles_with_the_same_id_answer_the_same_command(rig):
     assert len(places) == 2
 
 
+def test_a_forger_reports_displaced_positions_between_the_true_ones(rig):
+    flight = rig({"kind": "position_forger", "north": 40.0, "ahead_s": 0.3, "at_s": 1.0}).run(2.0)
+    said = [m for at_s, m in flight.all("LOCAL_POSITION_NED") if at_s > 1.1]
+    pairs = list(zip(said[::2], said[1::2], strict=False))
+    assert len(pairs) > 10
+    for true, forged in pairs:
+        assert forged.x - true.x == pytest.approx(40.0, abs=0.01)
+        assert forged.time_boot_ms - true.time_boot_ms == 300
+        assert forged.get_srcSystem() == true.get_srcSystem()
+
+
 @pytest.mark.parametrize("lost", [-1, 1])
 def test_a_long_text_comes_in_chunks_of_which_one_may_be_missing(rig, lost):
     flight = rig({"kind": "statustext", "text": LONG, "lost_chunk": lost, "at_s": 1.0}).run(2.0)
