@@ -117,6 +117,11 @@ ASKED_FOR = {
         "more flights, and longer ones, than every change needs",
         (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "long"),
     ),
+    "mutants": Step(
+        "mutants of the code that keeps people safe, which tests have to notice",
+        (sys.executable, "-m", "tests.mutants"),
+        arguments="guidance/flight/detection.py",
+    ),
     "install": Step(
         "the wheel in an empty environment of every installed Python, and a flight there",
         (sys.executable, "-m", "tests.install"),

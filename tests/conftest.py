@@ -6,7 +6,7 @@ A share of them by default, all in the profile `all`; `HYPOTHESIS_PROFILE=search
 import gc
 
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, settings
 
 from tests.harness.examples import PROFILE, drawn
 from tests.harness.starved import Waiting
@@ -19,6 +19,11 @@ REAL = {"asyncio", "running", "slow", "socket", "subprocess", "threading", "time
 settings.register_profile("same", derandomize=True, deadline=None, max_examples=drawn(100))
 settings.register_profile("all", derandomize=True, deadline=None)
 settings.register_profile("search", deadline=None)
+settings.register_profile(
+    "mutants",
+    settings.get_profile("same"),
+    phases=(Phase.explicit, Phase.generate),  # a failure is enough; nobody reads the smallest one
+)
 settings.load_profile(PROFILE)
 
 

@@ -9,6 +9,7 @@ from guidance.flight.table import (
     OUR_MODES,
     SETPOINT_STATES,
     TRANSITIONS,
+    is_done,
     next_state,
     state_words,
 )
@@ -104,6 +105,19 @@ def test_every_state_can_be_reached_and_every_event_does_something():
 
 def test_orders_are_events_of_the_table():
     assert set(Event) >= ORDERS
+
+
+@pytest.mark.parametrize("order", sorted(ORDERS))
+def test_an_order_is_done_in_the_states_to_which_it_leads(order):
+    done = {
+        Event.START: {State.ARMING},
+        Event.ENGAGE: {State.ENTERING},
+        Event.HOLD: {State.HOLDING},
+        Event.RETURN: {State.RETURNING},
+        Event.LAND: {State.LANDING},
+        Event.ABORT: {State.LANDING, State.FAILED},
+    }
+    assert {state for state in State if is_done(order, state)} == done[order]
 
 
 S = State

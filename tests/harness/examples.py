@@ -7,7 +7,7 @@ import math
 import os
 
 LEAST = 5
-SHARE = {"same": 0.25}
+SHARE = {"same": 0.25, "mutants": 0.25}
 PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "same")
 
 

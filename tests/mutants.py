@@ -1,0 +1,263 @@
+"""Mutation tests of the code that keeps people safe: `python -m tests mutants [FILE ...]`.
+
+mutmut 3 changes one operator, number, argument or word at a time, and a test has to notice. `tests/mutants.toml` lists
+the mutants that no test can notice, each with the reason. The step fails if another one survives, and if a listed one
+does not exist any more or is noticed.
+
+Each file is mutated in a temporary copy of the project and judged by the tests that concern it (`TESTS`), the fastest
+first, up to the first failure.
+"""
+
+import argparse
+import ast
+import difflib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parent.parent
+LISTED = Path(__file__).with_suffix(".toml")
+COPIED = ("guidance", "sitl_mock", "config", "tests")
+
+WALLS = (
+    "tests/control/test_walls.py",
+    "tests/control/test_constraints.py",
+    "tests/control/test_held_back.py",
+    "tests/control/test_braked.py",
+)
+LIMITER = (
+    "tests/control/test_setpoint_limiter.py",
+    "tests/control/test_setpoint_limiter_any_input.py",
+)
+PREFLIGHT = (
+    "tests/preflight/test_judging_parameters.py",
+    "tests/preflight/test_judging_mending.py",
+    "tests/preflight/test_telemetry.py",
+    "tests/preflight/test_fence.py",
+)
+TESTS: Mapping[str, Sequence[str]] = {
+    "guidance/control/braking_law.py": WALLS,
+    "guidance/control/polygon.py": ("tests/control/test_polygon.py", *WALLS),
+    "guidance/control/setpoint_limiter.py": LIMITER,
+    "guidance/flight/table.py": ("tests/flight/test_table.py",),
+    "guidance/flight/detection.py": ("tests/flight/test_detection.py",),
+    "guidance/autopilots/rules.py": PREFLIGHT,
+    "guidance/preflight/__init__.py": PREFLIGHT,
+    "guidance/preflight/areas.py": ("tests/preflight/test_fence.py",),
+    "guidance/preflight/fence.py": ("tests/preflight/test_fence.py",),
+}
+"""The tests that judge the mutants of each file."""
+
+SETTINGS = """
+[tool.mutmut]
+source_paths = ["guidance"]
+only_mutate = [{file}]
+also_copy = ["sitl_mock", "config"]
+pytest_add_cli_args = [
+    "-p", "pytest_asyncio.plugin", "-p", "_hypothesis_pytestplugin", "-p", "no:cacheprovider", "-m", {marks},
+]
+pytest_add_cli_args_test_selection = {tests}
+timeout_multiplier = 4.0
+use_git_change_detection = false
+"""
+SPINNER = "⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏"
+MARKS = "not slow and not flight and not long and not arrays"
+ENVIRONMENT = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "HYPOTHESIS_PROFILE": "mutants"}
+
+SURVIVED = {None: "not judged", 0: "survives", 2: "not judged", 5: "has no test", 33: "has no test"}
+"""mutmut's exit codes of a mutant that was not noticed; the others are failures and time-outs."""
+
+
+class Mutant(NamedTuple):
+    """A change in a function: the lines before and after."""
+
+    function: str
+    line: str
+    becomes: str
+
+
+class Outcome(NamedTuple):
+    """What became of a file's mutants: how many there are of each, and those that survived, with the reason."""
+
+    mutants: Counter[Mutant]
+    survivors: Mapping[Mutant, str]
+    seconds: float
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Judge the files named, or all; return 1 if a survivor is not listed, or a listed mutant is none."""
+    parser = argparse.ArgumentParser(prog="python -m tests mutants", description=__doc__)
+    parser.add_argument("files", nargs="*", metavar="FILE", help="all of them if none is named")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
+    parser.add_argument("--only", default="*", metavar="PATTERN", help="names of functions")
+    options = parser.parse_args(arguments)
+    names = [os.path.relpath(Path(name).resolve(), ROOT) for name in options.files]
+    unknown = [name for name in names if name not in TESTS]
+    if unknown:
+        print(f"no tests of mutants for {', '.join(unknown)}: choose from {', '.join(TESTS)}")
+        return 2
+    listed = listed_mutants()
+    faults: list[str] = []
+    for name in names or TESTS:
+        outcome = _judged(name, options.jobs, options.only)
+        equivalent = [mutant for mutant in listed.get(name, ()) if mutant in outcome.survivors]
+        print(
+            f"{name}: {outcome.mutants.total()} mutants, {len(outcome.survivors)} survive, "
+            f"{len(equivalent)} of them are listed; {outcome.seconds:.0f} s",
+            flush=True,
+        )
+        whole = options.only == "*"
+        faults += faults_of(
+            name, outcome.mutants, outcome.survivors, listed.get(name, ()), whole=whole
+        )
+    print("\n".join(faults) or "every mutant is noticed or listed")
+    return int(bool(faults))
+
+
+def listed_mutants() -> dict[str, list[Mutant]]:
+    """Return the mutants that are listed as equivalent, by file."""
+    entries = tomllib.loads(LISTED.read_text(encoding="utf-8"))
+    listed: dict[str, list[Mutant]] = {}
+    for entry in entries.get("mutant", ()):
+        if not entry["why"]:
+            raise ValueError(f"{LISTED.name}: {entry}: has no reason")
+        mutant = Mutant(entry["function"], entry["line"].strip(), entry["becomes"].strip())
+        listed.setdefault(entry["file"], []).append(mutant)
+    return listed
+
+
+def faults_of(
+    name: str,
+    mutants: Mapping[Mutant, int],
+    survivors: Mapping[Mutant, str],
+    listed: Sequence[Mutant],
+    *,
+    whole: bool,
+) -> Iterator[str]:
+    """Yield the survivors that are not listed, and the listed mutants that do not survive.
+
+    Args:
+        name: Of the file.
+        mutants: The mutants that were judged.
+        survivors: Those that no test noticed, with the reason.
+        listed: Those that no test can notice.
+        whole: Whether all functions of the file were mutated.
+    """
+    for mutant, reason in survivors.items():
+        if mutant not in listed:
+            yield f"{name}: {reason}: in {mutant.function}\n  - {mutant.line}\n  + {mutant.becomes}"
+    for mutant, count in Counter(listed).items():
+        if mutant in mutants and mutant not in survivors:
+            yield f"{name}: listed, but noticed: in {mutant.function}: {mutant.becomes}"
+        elif whole and mutant not in mutants:
+            yield f"{name}: listed, but no mutant: in {mutant.function}: {mutant.becomes}"
+        elif count > 1:
+            yield f"{name}: listed {count} times: in {mutant.function}: {mutant.becomes}"
+
+
+def _judged(name: str, jobs: int, pattern: str) -> Outcome:
+    """Run mutmut on one file in a temporary copy of the project."""
+    started_s = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+        copy = Path(folder)
+        for package in COPIED:
+            ignored = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(ROOT / package, copy / package, ignore=ignored)
+        source = copy / name
+        source.write_text(undecorated(source.read_text(encoding="utf-8")), encoding="utf-8")
+        settings = SETTINGS.format(
+            file=json.dumps(name), tests=json.dumps(list(TESTS[name])), marks=json.dumps(MARKS)
+        )
+        project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+        (copy / "pyproject.toml").write_text(project + settings, encoding="utf-8")
+        command = [str(Path(sys.executable).parent / "mutmut"), "run", "--max-children", str(jobs)]
+        if pattern != "*":
+            command.append(f"*x[_ǁ]{pattern}__mutmut_*")
+        done = subprocess.run(
+            command,
+            cwd=copy,
+            env=os.environ | ENVIRONMENT,
+            check=False,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        )
+        if done.returncode != 0:
+            shown = done.stdout.decode(errors="replace").splitlines()
+            words = "\n".join(line for line in shown if line[:1] not in SPINNER)
+            raise RuntimeError(f"mutmut failed on {name}:\n{words}")
+        mutated = copy / "mutants" / name
+        codes = json.loads(Path(f"{mutated}.meta").read_text(encoding="utf-8"))["exit_code_by_key"]
+        changes = changes_of(mutated.read_text(encoding="utf-8"))
+    judged = {key.rpartition(".")[2]: code for key, code in codes.items()}
+    if pattern != "*":
+        judged = {key: code for key, code in judged.items() if code is not None}
+    survivors = {changes[key]: SURVIVED[code] for key, code in judged.items() if code in SURVIVED}
+    mutants = Counter(changes[key] for key in judged)
+    return Outcome(mutants, survivors, time.perf_counter() - started_s)
+
+
+def undecorated(source: str) -> str:
+    """Return the source with its properties and caches written without a decorator, for mutmut leaves those out.
+
+    A property is assigned after its function. A cache is left out, because it would keep what another mutant returned.
+    """
+    lines = source.splitlines()
+    decorated = [
+        node
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.FunctionDef) and len(node.decorator_list) == 1
+    ]
+    for node in sorted(decorated, key=lambda node: node.lineno, reverse=True):
+        decorator = ast.unparse(node.decorator_list[0])
+        if decorator == "property":
+            lines.insert(
+                node.end_lineno, f"{' ' * node.col_offset}{node.name} = property({node.name})"
+            )
+        elif not decorator.startswith("lru_cache"):
+            continue
+        del lines[node.decorator_list[0].lineno - 1]
+    return "\n".join(lines) + "\n"
+
+
+def changes_of(mutated: str) -> dict[str, Mutant]:
+    """Return the change of every mutant in a file that mutmut wrote, by mutmut's name for it."""
+    lines = mutated.splitlines()
+    functions = {
+        node.name: lines[node.lineno - 1 : node.end_lineno]
+        for node in ast.walk(ast.parse(mutated))
+        if isinstance(node, ast.FunctionDef) and "__mutmut_" in node.name
+    }
+    changes = {}
+    for name, body in functions.items():
+        mangled, _, number = name.partition("__mutmut_")
+        if number == "orig":
+            continue
+        function = mangled.removeprefix("x_").removeprefix("xǁ").replace("ǁ", ".")
+        before = functions[f"{mangled}__mutmut_orig"]
+        changes[name] = _change(function, before[1:], body[1:])
+    return changes
+
+
+def _change(function: str, before: Sequence[str], after: Sequence[str]) -> Mutant:
+    """Return what differs between two bodies. Of several lines the blanks at the ends go."""
+    removed = []
+    added = []
+    for row in difflib.ndiff(before, after):
+        if row.startswith("- "):
+            removed.append(row[2:].strip())
+        elif row.startswith("+ "):
+            added.append(row[2:].strip())
+    return Mutant(function, " ".join(removed), " ".join(added))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,86 @@
+"""The step `mutants`: what is listed as equivalent still exists, and no function is left out of the mutation."""
+
+import ast
+from collections import Counter
+
+import pytest
+
+from tests.mutants import ROOT, TESTS, Mutant, changes_of, faults_of, listed_mutants, undecorated
+
+
+def test_every_mutated_file_and_every_judging_test_exists():
+    files = {*TESTS, *(test for tests in TESTS.values() for test in tests)}
+    assert [name for name in sorted(files) if not (ROOT / name).is_file()] == []
+
+
+def test_the_line_of_every_listed_mutant_is_still_in_its_file():
+    listed = listed_mutants()
+    assert set(listed) <= set(TESTS)
+    for name, mutants in listed.items():
+        words = "".join((ROOT / name).read_text(encoding="utf-8").split())
+        lost = [mutant for mutant in mutants if "".join(mutant.line.split()) not in words]
+        assert lost == []
+
+
+@pytest.mark.parametrize("name", TESTS)
+def test_no_decorator_hides_a_function_from_mutation(name):
+    source = undecorated((ROOT / name).read_text(encoding="utf-8"))
+    decorated = [
+        node.name
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.FunctionDef)
+        and {ast.unparse(decorator) for decorator in node.decorator_list} - {"classmethod"}
+    ]
+    assert decorated == []
+
+
+def test_a_property_without_its_decorator_is_one_and_a_cache_is_gone():
+    source = "class A:\n    @property\n    def b(self):\n        return 1\n\n@lru_cache\ndef c(): return []\n"
+    names = {}
+    exec(undecorated(source), names)
+    assert names["A"]().b == 1
+    assert names["c"]() is not names["c"]()
+
+
+MUTATED = """
+class A:
+    def xǁAǁb__mutmut_orig(self):
+        return (
+            1 + 2
+        )
+
+    def xǁAǁb__mutmut_1(self):
+        return (
+            1 - 2
+        )
+
+
+def x_c__mutmut_orig():
+    return 1
+
+
+def x_c__mutmut_1():
+    return 2
+"""
+
+
+def test_a_mutant_is_known_by_its_function_and_its_lines():
+    assert changes_of(MUTATED) == {
+        "xǁAǁb__mutmut_1": Mutant("A.b", "1 + 2", "1 - 2"),
+        "x_c__mutmut_1": Mutant("c", "return 1", "return 2"),
+    }
+
+
+def test_a_survivor_has_to_be_listed_and_a_listed_mutant_has_to_survive():
+    first = Mutant("f", "a < b", "a <= b")
+    second = Mutant("f", "a < b", "a > b")
+
+    def faults(survivors, listed):
+        words = dict.fromkeys(survivors, "survives")
+        return len(list(faults_of("file", Counter([first, second]), words, listed, whole=True)))
+
+    assert faults([first], [first]) == 0
+    assert faults([first, second], [first]) == 1
+    assert faults([], [first]) == 1
+    assert faults([], [Mutant("f", "gone", "gone for good")]) == 1
+    assert faults([first], [first, first]) == 1
