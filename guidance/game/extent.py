@@ -9,20 +9,12 @@ by most. That point lies on the edge of the set, which consists of straight line
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from guidance.errors import ConfigError
-from guidance.game.arrays import FLOATS, Library, Plane, Real, Truth, along2, cross2, times2
+from guidance.game.arrays import FLOATS, Library, Plane, Real, Truth, cross2, times2
 from guidance.game.records import is_finite, require
-
-GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-RAYS = 8
-"""Intervals between the rays that are tried first."""
-
-SEARCHED = 29
-"""Steps of a golden section search: a place is right to 2e-7 of its line's length, the least value to 1e-13 of that."""
-
 
 OUTLINE = 64
 """Directions in which the outermost points make up the outline of a set."""
@@ -153,105 +145,3 @@ def to_set(xp: Library, extent: Extent, point: Plane) -> Plane:
         outside, 1.0 - extent.radius_m / xp.select(outside, length, 1.0), 0.0 * length
     )
     return times2(share, offset)
-
-
-def least_at(xp: Library, extent: Extent, start: Plane, value: Callable[[Plane], Real]) -> Plane:
-    """Return where on the set's edge a function is least, from the target's position.
-
-    The function grows along every ray from a start outside the set, and the points where it is at most some number are
-    a convex set around this start. So its least value on the set is where a ray enters the set, and there is one
-    minimum over the slope of the ray against the direction to the nearest point.
-
-    Args:
-        xp: array library.
-        extent: the set.
-        start: from the target's position, m.
-        value: of points from the target's position.
-    """
-    offset = to_set(xp, extent, start)
-    ahead = xp.unit2(offset, xp.norm2(offset))
-    corners = [along2(ahead, (x - start[0], y - start[1])) for x, y in extent.corners_m]
-    low, high = _slopes(xp, extent.radius_m, corners)
-
-    def entered(slope: Real) -> Plane:
-        far = _entry(xp, extent.radius_m, corners, slope)
-        x, y = along2((ahead[0], -ahead[1]), (far, far * slope))
-        return start[0] + x, start[1] + y
-
-    best: Plane = (start[0] + offset[0], start[1] + offset[1])
-    least = value(best)
-    tried = []
-    if extent.radius_m == 0.0:
-        tried = [(x + 0.0 * least, y + 0.0 * least) for x, y in extent.corners_m]
-    step = (high - low) / RAYS
-    middle = low
-    lowest = value(entered(low))
-    for number in range(1, RAYS + 1):
-        reached = value(entered(low + number * step))
-        closer = reached < lowest
-        middle = xp.select(closer, low + number * step, middle)
-        lowest = xp.select(closer, reached, lowest)
-    before = middle - step
-    after = middle + step
-    low = xp.select(before > low, before, low)
-    high = xp.select(after < high, after, high)
-    left = high - GOLDEN * (high - low)
-    right = low + GOLDEN * (high - low)
-    at_left = value(entered(left))
-    at_right = value(entered(right))
-    for _ in range(SEARCHED):
-        falls = at_right < at_left
-        low = xp.select(falls, left, low)
-        high = xp.select(falls, high, right)
-        new = xp.select(falls, low + GOLDEN * (high - low), high - GOLDEN * (high - low))
-        at_new = value(entered(new))
-        left, right = xp.select(falls, right, new), xp.select(falls, new, left)
-        at_left, at_right = xp.select(falls, at_right, at_new), xp.select(falls, at_new, at_left)
-    for point in (entered(left), *tried):
-        reached = value(point)
-        closer = reached < least
-        best = xp.select2(closer, point, best)
-        least = xp.select(closer, reached, least)
-    return best
-
-
-def _slopes(xp: Library, radius: float, corners: list[Plane]) -> tuple[Real, Real]:
-    """Return the least and the largest slope of a ray that meets a set, whose corners are given along and across."""
-    low = math.inf
-    high = -math.inf
-    for x, y in corners:
-        spread = radius * xp.sqrt(xp.maximum(x * x + y * y - radius * radius, 0.0))
-        square = x * x - radius * radius
-        square = xp.select(square > 0.0, square, 1.0)
-        right = (x * y - spread) / square
-        upper = (x * y + spread) / square
-        low = xp.select(right < low, right, low)
-        high = xp.select(upper > high, upper, high)
-    return low, high
-
-
-def _entry(xp: Library, radius: float, corners: list[Plane], slope: Real) -> Real:
-    """Return how far along a ray (1, slope) enters a set; its farthest end if it misses the set by rounding."""
-    entry: Real = -math.inf
-    for x, _ in corners:
-        entry = xp.select(x + radius > entry, x + radius, entry)
-    scale = 1.0 / (1.0 + slope * slope)
-    for (x, y), (end_x, end_y) in zip(corners, corners[1:] + corners[:1], strict=True):
-        if radius > 0.0:
-            foot = (x + slope * y) * scale
-            discriminant = foot * foot - (x * x + y * y - radius * radius) * scale
-            met = foot - xp.sqrt(xp.maximum(discriminant, 0.0))
-            entry = xp.select((discriminant >= 0.0) & (met < entry), met, entry)
-        if len(corners) > 1:
-            way_x = end_x - x
-            way_y = end_y - y
-            out = radius / xp.sqrt(way_x * way_x + way_y * way_y)
-            begin_x = x + out * way_y
-            begin_y = y - out * way_x
-            turn = way_y - slope * way_x
-            crosses = turn != 0.0
-            turn = xp.select(crosses, turn, 1.0)
-            met = (begin_x * way_y - begin_y * way_x) / turn
-            share = (begin_x * slope - begin_y) / turn
-            entry = xp.select(crosses & (share >= 0.0) & (share <= 1.0) & (met < entry), met, entry)
-    return entry

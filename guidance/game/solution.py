@@ -44,6 +44,9 @@ NAMES = ("pursuer", "evader", "target", "evader_velocity_m_s")
 ROWS = 12288
 """Rows of a chunk: about forty intermediate arrays of 96 KiB stay in the processor's cache."""
 
+FEW = 6
+"""Rows that are solved one by one, because Python's floats are faster than NumPy's arrays then."""
+
 # Glibc keeps freed memory for the next chunk only after it has seen a block of this size freed
 np.empty(64 * ROWS)
 
@@ -233,8 +236,10 @@ def _row_of_one(game: Game, state: tuple[Space | None, ...]) -> StateSolution:
 def _solve_rows(
     game: Game, shape: tuple[int, ...], named: dict[str, Array], out: Solution | None
 ) -> Solution:
-    """Solve a batch, a long one chunk by chunk."""
+    """Solve a batch, a short one row by row and a long one chunk by chunk."""
     count = math.prod(shape)
+    if 0 < count <= FEW and not game.varies and named["pursuer"].dtype == np.float64:
+        return _solve_each(game, shape, named, out)
     if count <= ROWS:
         if not game.target_extent.is_point:
             game, named = _spread(game, shape, named)
@@ -260,6 +265,27 @@ def _solve_rows(
     if flat_out is not out:
         for field, flat in zip(out, flat_out, strict=True):
             field[...] = flat.reshape(field.shape)
+    return out
+
+
+def _solve_each(
+    game: Game, shape: tuple[int, ...], named: dict[str, Array], out: Solution | None
+) -> Solution:
+    """Solve a few states, each by itself."""
+    count = math.prod(shape)
+    vectors_of_rows = [
+        np.broadcast_to(named[name], (*shape, 3)).reshape(count, 3).tolist()
+        if name in named
+        else [None] * count
+        for name in NAMES
+    ]
+    answers = [
+        solve_state(game, P, E, T, evader_velocity_m_s=observed)
+        for P, E, T, observed in zip(*vectors_of_rows, strict=True)
+    ]
+    out = out or _empty(shape, named["pursuer"])
+    for field, column in zip(out, zip(*answers, strict=True), strict=True):
+        field[...] = np.array(column).reshape(field.shape)
     return out
 
 
