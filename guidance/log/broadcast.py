@@ -18,8 +18,19 @@ from guidance.errors import ConfigError, LinkError
 from guidance.flight import Inputs
 from guidance.links.zenoh_wire import close_all, is_over, is_small
 from guidance.log.codec import Codec
-from guidance.log.entries import CONFIG, CYCLE, EVENT, RELOADED, CycleEntry, EventEntry, Idle, Item
-from guidance.log.writer import Entry, Record
+from guidance.log.entries import (
+    CONFIG,
+    CYCLE,
+    EVENT,
+    FLIGHT_OVER,
+    RELOADED,
+    CycleEntry,
+    EventEntry,
+    Idle,
+    Item,
+)
+from guidance.log.sink import Entry
+from guidance.log.writer import Record
 
 MAX_WAITING: Final = 256
 """Five seconds of cycles; further entries are dropped and counted."""
@@ -82,6 +93,10 @@ class Broadcast(Record):
                 self.dropped += 1
             elif not isinstance(entry, bytes):
                 self._waiting.append(entry)
+
+    def over(self, now_s: float, detail: str) -> None:
+        """Publish how the flight ended."""
+        self.event(now_s, FLIGHT_OVER, detail)
 
     def close(self) -> None:
         """Stop publishing; may be called twice."""

@@ -28,6 +28,7 @@ from guidance.files import private_file, private_folder
 from guidance.log.codec import Schema
 from guidance.log.entries import CYCLE, EVENT, REPORT, CycleEntry, EventEntry
 from guidance.log.scene import Scene
+from guidance.log.sink import Entry, Sink
 
 CHUNK_S: Final = 0.1
 """Period of the recorder's thread, which writes a chunk each time. A killed process loses what it had not written."""
@@ -52,11 +53,7 @@ _RECORDED: Final = (PACKAGE, "numpy", "pymavlink", "mavsdk", "eclipse-zenoh", "m
 _HASH: Final = re.compile(r"[0-9a-f]{40}([0-9a-f]{24})?")
 
 
-Entry = tuple[float, str, bytes | CycleEntry | EventEntry]
-"""Time, topic (of a frame the Zenoh key), and a raw MAVLink frame, a cycle or an event."""
-
-
-class Record:
+class Record(Sink):
     """A store for the cycles, events and frames of a flight, which keeps nothing. No method raises or waits.
 
     Args:

@@ -11,21 +11,14 @@ from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
 from guidance.flight import FINAL, Authority, Event, Flight, Inputs, Outputs, is_done
 from guidance.links.port import EvaderSource, TellsProblem, VehicleLink
-from guidance.log.entries import (
-    ASSIGNED,
-    EVADER_NEWS,
-    LINK_NEWS,
-    ORDERED,
-    RELOADED,
-    STOPPED,
-    TEAM_NEWS,
-)
+from guidance.log.entries import ASSIGNED, EVADER_NEWS, LINK_NEWS, ORDERED, RELOADED, TEAM_NEWS
+from guidance.log.sink import AnsweredOrder, FlightIdentity, Sink
 from guidance.log.writer import Record
 from guidance.preflight import PreflightMemory, advice, refusals, rows
-from guidance.session.answers import flight_line, missing, refusal, shown_state, status
+from guidance.session.answers import missing, refusal, shown_state, status
 from guidance.session.control_socket import ALIVE, RESET, WORDS
 from guidance.session.flight_files import Recording
-from guidance.session.observability import Logger, Metrics, Notifier, say_outputs
+from guidance.session.observability import ENDING
 from guidance.session.orders import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
 from guidance.session.plan import FlightPlan
 from guidance.session.refused_frames import RefusedFrames
@@ -43,23 +36,22 @@ class Equipment:
 
     Attributes:
         mailbox: Orders of people.
-        log: Its log.
-        metrics: Its metrics.
-        notifier: Signs of life to systemd.
         record: On disk.
-        broadcast: To views and panels.
         record_required: Whether nothing flies without the record.
+        sinks: The other outputs of the flight: log, metrics, signs of life, broadcast, another program's messages.
         team: Its part in a team; None if it flies alone.
     """
 
     mailbox: Mailbox = field(default_factory=Mailbox)
-    log: Logger = field(default_factory=Logger)
-    metrics: Metrics | None = None
-    notifier: Notifier = field(default_factory=Notifier)
     record: Record | None = None
-    broadcast: Record | None = None
     record_required: bool = False
+    sinks: list[Sink] = field(default_factory=list)
     team: Member | None = None
+
+    def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
+        """Say something to people before or after there is a daemon; `level` is as in `logging`."""
+        for sink in self.sinks:
+            sink.say(level, message, fields)
 
 
 Evaders = Mapping[str, EvaderSource]
@@ -80,12 +72,9 @@ class Daemon:
         self._refused_reports = {source_name: RefusedReports() for source_name in evaders}
         self.team = equipment.team
         self.mailbox = equipment.mailbox
-        self.metrics = Metrics(name) if equipment.metrics is None else equipment.metrics
         self.mailbox.meanwhile = None  # orders wait for the loop from now on
-        self._log = equipment.log
-        self._notifier = equipment.notifier
         self.recording = Recording(
-            name, equipment.record, equipment.broadcast, required=equipment.record_required
+            name, equipment.record, equipment.sinks, required=equipment.record_required
         )
         self._leaving: ShutdownHandover | None = None
         self._heartbeat_s = self._shown_s = float("-inf")
@@ -104,7 +93,7 @@ class Daemon:
             self.team.begin()
         self.survey = PreflightMemory(plan.flight.autopilot)
         self._engaging = Engaging(self.flight, self.survey, plan.wants)
-        self.recording.begun = False
+        self.recording.begin(FlightIdentity(self.name, tuple(self._evaders), plan.flight))
         self._judged_s = float("-inf")
         self.rows: tuple[Finding, ...] = ()  # preflight's, as last judged
         self._refused_for: dict[str, str] = {}
@@ -144,7 +133,9 @@ class Daemon:
             fresh = {row.name: row for row in self._engaging.rows}
             self.rows = tuple(fresh.get(row.name, row) for row in self.rows)
             if refusals(self._engaging.rows) and not due_orders:
-                self._log.say(logging.WARNING, "not engaged", reason=advice(self._engaging.rows))
+                self.recording.say(
+                    logging.WARNING, "not engaged", reason=advice(self._engaging.rows)
+                )
             orders += due_orders
         if self._leaving is not None:
             orders += self._leaving.orders(self.flight)
@@ -234,10 +225,7 @@ class Daemon:
             self._link.send_setpoint(outputs.setpoint)
         for request in outputs.requests:
             self._link.request(request)
-        failed = self.recording.cycle(now_s, self.inputs, outputs, timing)
-        if failed is not None:
-            self.metrics.happened(STOPPED)
-            self._log.say(logging.WARNING, STOPPED, reason=failed)
+        self.recording.cycle(now_s, self.inputs, outputs, timing)
 
     def _tell(self, team: Member, now_s: float, outputs: Outputs) -> None:
         """Tell the mates about this cycle, and people what the mates told."""
@@ -245,7 +233,7 @@ class Daemon:
         if (assigned := team.changed(outputs)) is not None:
             self.recording.event(now_s, ASSIGNED, assigned.model_dump_json())
         for words in team.board.news:
-            self._log.say(logging.WARNING, words)
+            self.recording.say(logging.WARNING, words)
             self.recording.event(now_s, TEAM_NEWS, words)
         team.board.news.clear()
 
@@ -271,9 +259,9 @@ class Daemon:
         if problem != self._problems.get(evader, ""):
             self._problems[evader] = problem
             if problem:
-                self._log.say(logging.WARNING, problem, evader=evader)
+                self.recording.say(logging.WARNING, problem, evader=evader)
             else:
-                self._log.say(logging.INFO, "the evader's source answers", evader=evader)
+                self.recording.say(logging.INFO, "the evader's source answers", evader=evader)
 
     def _evader_rows(self) -> list[Finding]:
         """Return a warning for every evader whose source cannot deliver reports yet."""
@@ -287,8 +275,7 @@ class Daemon:
         """Log and record what of the evaders' reports is no longer used."""
         news = self.flight.tracking.news
         for words in news:
-            self._log.say(logging.WARNING, words)
-            self.metrics.happened(EVADER_NEWS)
+            self.recording.say(logging.WARNING, words)
             self.recording.event(now_s, EVADER_NEWS, words)
         news.clear()
 
@@ -296,8 +283,7 @@ class Daemon:
         """Log and record that somebody else sends in the vehicle's name."""
         words = self._refused_frames.note(now_s, counters)
         if words:
-            self._log.say(logging.WARNING, words)
-            self.metrics.happened(LINK_NEWS)
+            self.recording.say(logging.WARNING, words)
             self.recording.event(now_s, LINK_NEWS, words)
 
     def survive(self, error: Exception, now_s: float) -> None:
@@ -311,10 +297,8 @@ class Daemon:
         for request in outputs.requests:
             self._link.request(request)
         if outputs.fault is not None:
-            say_outputs(self._log, outputs)
-            self.metrics.follow(outputs)
             self.recording.event(now_s, str(Event.FAULT), outputs.fault)
-        self._notifier.alive(now_s)
+        self.recording.report(now_s, self.flight, outputs, None, None)
 
     def leave(self, order: Event, now_s: float, authority: Authority = Authority.OPERATOR) -> None:
         """Hand the vehicle to the autopilot and finish. An operator who asks a second time finishes at once.
@@ -325,18 +309,19 @@ class Daemon:
             authority: Who asks. A mission asks once, and an operator's order keeps the daemon going.
         """
         if self.leaving is Authority.OPERATOR:
-            self._log.say(logging.WARNING, "ending at once: asked twice", state=self.flight.state)
+            self.recording.say(
+                logging.WARNING, "ending at once: asked twice", state=self.flight.state
+            )
             self.finished = True
             return
-        self._log.say(logging.INFO, "ending", by=order, state=self.flight.state)
-        self._notifier.say("STOPPING=1")
+        self.recording.say(logging.INFO, ENDING, by=order, state=self.flight.state)
         self._leaving = ShutdownHandover(order, now_s, authority)
         self._give_up_engaging("the daemon is ending", now_s)
 
     def exchange(self, load: Callable[[], FlightPlan], now_s: float) -> None:
         """Take another plan, on the ground only; in flight it is refused, and said so."""
         if self.in_flight:
-            self._log.say(
+            self.recording.say(
                 logging.WARNING,
                 "configuration not read again: refused in flight",
                 state=self.flight.state,
@@ -345,12 +330,11 @@ class Daemon:
         try:
             self._begin(load())
         except ConfigError as error:
-            self._log.say(
+            self.recording.say(
                 logging.ERROR, "configuration not read again: the old one stays", error=str(error)
             )
         else:
-            self._log.say(logging.INFO, RELOADED)
-            self.metrics.happened(RELOADED)
+            self.recording.say(logging.INFO, RELOADED)
             self.recording.event(now_s, RELOADED, self._plan.document)
 
     def _give_up_engaging(self, reason: str, now_s: float) -> None:
@@ -389,7 +373,7 @@ class Daemon:
         accepted = not reason
         word = order if order in WORDS else "unknown"
         words = re.sub(r"\d+(\.\d+)?", "", reason)
-        self.metrics.order(word, accepted=accepted)
+        self.recording.ordered(AnsweredOrder(word, accepted, question.by, reason))
         repeated = (
             not accepted
             and question.authority is Authority.MISSION
@@ -407,7 +391,7 @@ class Daemon:
             fields = dict(answer)
             if question.by:
                 fields["by"] = question.by
-            self._log.say(logging.INFO if accepted else logging.WARNING, "order", **fields)
+            self.recording.say(logging.INFO if accepted else logging.WARNING, "order", **fields)
         question.set_result({"name": self.name, **answer})
         if question.by:
             verdict = "accepted" if accepted else reason
@@ -435,27 +419,28 @@ class Daemon:
         if refused != self._refused and self.survey.settled(now_s):
             self._refused = refused
             if refused:
-                self._log.say(
+                self.recording.say(
                     logging.WARNING, "not ready", missing=missing(self.flight, now_s, self.rows)
                 )
 
     def _report(self, now_s: float, outputs: Outputs, timing: Timing) -> None:
-        """Log the cycle's events, count it, and show the flight once a second and when its state changes."""
-        say_outputs(self._log, outputs)
-        self.metrics.follow(outputs, timing.late_s)
-        self._notifier.alive(now_s)
+        """Report the cycle, with counters once a second and when the state changes."""
         changed = any(happening.after is not happening.before for happening in outputs.happenings)
-        if now_s - self._shown_s < SHOWN_EVERY_S and not changed:
-            return
-        self._shown_s = now_s
+        counters = None
+        if now_s - self._shown_s >= SHOWN_EVERY_S or changed:
+            self._shown_s = now_s
+            counters = self._counters(now_s)
+        self.recording.report(now_s, self.flight, outputs, timing, counters)
+
+    def _counters(self, now_s: float) -> Mapping[str, Mapping[str, int]]:
+        """Return the counters of the vehicle's link, of each evader's source and of the team."""
         vehicle_counters = {
             **self._link.counters(),
             "other_heartbeats": self.flight.heard.other_beats,
         }
         self._tell_refused_frames(now_s, vehicle_counters)
+        self._tell_refused_frames(now_s, vehicle_counters)
         counters = {"vehicle": vehicle_counters, **self._evader_counters(now_s)}
         if self.team is not None:
             counters["team"] = self.team.board.counts
-        self.metrics.show(now_s, self.flight, outputs, counters)
-        self._notifier.status(f"{shown_state(self.flight)}, mode {self.flight.mode_name}")
-        self._log.show(flight_line(self.flight, outputs, now_s))
+        return counters

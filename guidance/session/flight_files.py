@@ -3,8 +3,9 @@
 import contextlib
 import itertools
 import json
+import logging
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,9 +14,10 @@ from guidance.clock import Clock, Timing
 from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.files import private_folder, writing
-from guidance.flight import Authority, FlightSettings, Inputs, Outputs
+from guidance.flight import Authority, Flight, FlightSettings, Inputs, Outputs
 from guidance.links.wires import CapturedFrame
 from guidance.log.entries import BEGUN, CONFIG, OUTCOME, SCENARIO, STOPPED, cycle_entry
+from guidance.log.sink import AnsweredOrder, FlightIdentity, Report, Sink
 from guidance.log.writer import Record, Recorder, started_utc, versions
 from guidance.session.plan import TeamPlan, settings_of
 from guidance.session.vehicle_file import Config
@@ -28,6 +30,8 @@ PICTURE: Final = "flight.png"
 
 TEAM: Final = "team"
 """Metadata of a record: the separation and the evaders of a vehicle in a team, as JSON."""
+
+OUTPUT_FAILED: Final = "an output has failed and is told nothing more; the flight goes on"
 
 _SHORT: Final = {SCENARIO: {"policy": "pursuer.policy"}, CONFIG: {"policy": "game.policy"}}
 """Short forms of keys."""
@@ -101,46 +105,48 @@ def stopped_words(now_s: float, reason: str) -> str:
 
 
 class Recording:
-    """The record and the broadcast of one vehicle; either may be left out.
+    """Everything that is told of a vehicle's flight: its record, and any number of other outputs.
 
     Args:
         vehicle: Its name.
-        record: On disk.
-        broadcast: To views and panels.
+        record: On disk; None keeps none.
+        sinks: The other outputs.
         required: Whether nothing flies without the record.
 
     Attributes:
-        begun: Whether a cycle of the present flight was kept; False begins another flight.
         stopped: Time and reason of the record's end, in words; empty before it.
     """
 
     def __init__(
         self,
         vehicle: str,
-        record: Record | None,
-        broadcast: Record | None,
+        record: Record | None = None,
+        sinks: Sequence[Sink] = (),
         *,
         required: bool = False,
     ) -> None:
         self._vehicle = vehicle
         self._record = record
         self._required = required
-        self.begun = False
-        self._each = [sink for sink in (record, broadcast) if sink is not None]
+        self._begun = False
+        self._orders = list[AnsweredOrder]()
+        self._sinks = [*sinks] if record is None else [record, *sinks]
         self.stopped = ""
 
-    def cycle(
-        self, now_s: float, inputs: Inputs, outputs: Outputs, timing: Timing | None
-    ) -> str | None:
-        """Keep a cycle with its events; return the reason once, when the record stops."""
-        if not self._each:
-            return None
-        if not self.begun:
-            self.begun = True
+    def begin(self, identity: FlightIdentity) -> None:
+        """Begin another flight with the next cycle."""
+        self._begun = False
+        self._tell(lambda sink: sink.begin(identity))
+
+    def cycle(self, now_s: float, inputs: Inputs, outputs: Outputs, timing: Timing | None) -> None:
+        """Tell of a cycle with its events, and once why the record has stopped."""
+        if not self._sinks:
+            return
+        if not self._begun:
+            self._begun = True
             self.event(now_s, BEGUN)
         entry = cycle_entry(now_s, inputs, outputs, timing, self._vehicle)
-        for sink in self._each:
-            sink.cycle(entry)
+        self._tell(lambda sink: sink.cycle(entry))
         for happening in outputs.happenings:
             cause = happening.detail
             if happening.by is not Authority.FLIGHT:
@@ -150,21 +156,65 @@ class Recording:
         if outputs.alarm is not None:
             self.event(now_s, str(outputs.alarm.violation), outputs.alarm.by)
         failed = None if self._record is None else self._record.failed
-        if failed is None or self.stopped:
-            return None
-        self.stopped = stopped_words(now_s, failed)
-        self.event(now_s, STOPPED, failed)
-        return failed
+        if failed is not None and not self.stopped:
+            self.stopped = stopped_words(now_s, failed)
+            self.event(now_s, STOPPED, failed)
+            self.say(logging.WARNING, STOPPED, reason=failed)
 
     def event(self, now_s: float, event: str, detail: str = "") -> None:
-        """Keep an event."""
-        for sink in self._each:
-            sink.event(now_s, event, detail)
+        """Tell of an event."""
+        self._tell(lambda sink: sink.event(now_s, event, detail))
 
     def frames(self, passed: Sequence[CapturedFrame]) -> None:
-        """Keep raw frames; a broadcast has none."""
-        if self._record is not None:
-            self._record.frames(passed)
+        """Tell of raw frames."""
+        self._tell(lambda sink: sink.frames(passed))
+
+    def ordered(self, order: AnsweredOrder) -> None:
+        """Keep an answered order for the next report."""
+        if self._sinks:
+            self._orders.append(order)
+
+    def report(
+        self,
+        now_s: float,
+        flight: Flight,
+        outputs: Outputs,
+        timing: Timing | None,
+        counters: Mapping[str, Mapping[str, int]] | None,
+    ) -> None:
+        """Tell of the end of a cycle; the arguments are those of `Report`."""
+        if not self._sinks:
+            return
+        report = Report(now_s, flight, outputs, timing, tuple(self._orders), counters)
+        self._orders.clear()
+        self._tell(lambda sink: sink.report(report))
+
+    def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
+        """Say something to people; `level` is as in `logging`."""
+        self._tell(lambda sink: sink.say(level, message, fields))
+
+    def worked(self, work_s: float, missed: int) -> None:
+        """Tell of the working time of a cycle, s, and of how many cycles it made late."""
+        self._tell(lambda sink: sink.worked(work_s, missed))
+
+    def over(self, now_s: float, detail: str) -> None:
+        """Tell how the flight ended."""
+        self._tell(lambda sink: sink.over(now_s, detail))
+
+    def _tell(self, tell: Callable[[Sink], None]) -> None:
+        for sink in tuple(self._sinks):
+            try:
+                tell(sink)
+            except Exception as error:  # an output of any kind must not end the flight
+                self._give_up(sink, error)
+
+    def _give_up(self, sink: Sink, error: Exception) -> None:
+        """Tell an output that raised nothing more, and say so to the others."""
+        self._sinks.remove(sink)
+        reason = f"{type(error).__name__}: {error}"
+        if sink is self._record:
+            self._record.failed = reason
+        self.say(logging.WARNING, OUTPUT_FAILED, output=type(sink).__name__, error=reason)
 
     @property
     def words(self) -> str:

@@ -23,8 +23,6 @@ from guidance.links.wires import MemoryWire, share
 from guidance.links.world import World
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import Session
-from guidance.log.broadcast import Broadcast
-from guidance.log.entries import FLIGHT_OVER
 from guidance.messages import Home
 from guidance.session import control_bus, discovery
 from guidance.session.checkup import Checkup
@@ -33,6 +31,7 @@ from guidance.session.flight_files import RECORD, TEAM, flight_metadata, recordi
 from guidance.session.loop import Signals
 from guidance.session.mission import MOCKED, Mission, MissionPolicy, Progress, Show
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
+from guidance.session.outputs import OutputOrder, open_outputs
 from guidance.session.plan import SIMULATED_URL, TeamPlan, config_of, plan_of
 from guidance.session.result import MissionResult, closing_detail
 from guidance.session.service import open_all, open_equipment, open_vehicle
@@ -375,13 +374,12 @@ def fly_recorded(
             show=show,
         )
         result = mission.fly(flight.signals)
-        for name, flight_result in result.vehicles.items():
-            if (broadcast := equipment[name].broadcast) is not None:
-                broadcast.event(
-                    clock.now_s(),
-                    FLIGHT_OVER,
-                    closing_detail(flight_result, how.way, equipment[name].record, folder),
-                )
+        for daemon in mission.daemons:
+            if equipment[daemon.name].sinks:
+                flight_result = result.vehicles[daemon.name]
+                record = equipment[daemon.name].record
+                detail = closing_detail(flight_result, how.way, record, folder)
+                daemon.recording.over(clock.now_s(), detail)
     for (
         name,
         flight_result,
@@ -456,8 +454,10 @@ def _equip(flight: Opened, scenario: Played, folder: Path | None, stack: ExitSta
             used.record = stack.enter_context(
                 recording(path, metadata, real_time=flight.world.real_time)
             )
-        if bus is not None:
-            used.broadcast = stack.enter_context(closing(Broadcast(name, bus, metadata)))
+        link = flight.world.links[name]
+        config = flight.configs.get(name)
+        order = OutputOrder(name, metadata, flight.clock, link, used.mailbox, config, bus)
+        used.sinks += open_outputs(order, stack)
 
 
 @contextmanager

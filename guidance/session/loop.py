@@ -233,7 +233,7 @@ def run(
                 else 0.0
             )
             for daemon in flying:
-                daemon.metrics.worked(worked_s, missed)
+                daemon.recording.worked(worked_s, missed)
             garbage.between(done_s, due_s - done_s if world.real_time else 0.0)
     finally:
         garbage.end()

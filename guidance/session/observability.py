@@ -31,9 +31,15 @@ from prometheus_client import (
 from guidance.errors import LinkError
 from guidance.flight import Event, Flight, Outputs, State
 from guidance.log.codec import plain
+from guidance.log.entries import EVADER_NEWS, LINK_NEWS, RELOADED, STOPPED
+from guidance.log.sink import FlightIdentity, Report, Sink
 from guidance.messages import Heartbeat, LocalPosition
 from guidance.screen import PrintableConsole, aged, live
+from guidance.session.answers import flight_line, shown_state
 from guidance.texts import printable
+
+ENDING: Final = "ending"
+"""What a daemon says when it begins to end."""
 
 LOGGER: Final = "guidance"
 MOST_WAITING: Final = 1000
@@ -51,17 +57,7 @@ _SEVERE: Final = frozenset({
 """Events that end, interrupt or forbid a game: warnings if they change the state."""
 
 
-class Logger:
-    """The interface of the log, and one that logs nothing: who flies a mock sees it."""
-
-    def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
-        """Log a message with fields."""
-
-    def show(self, words: str) -> None:
-        """Show a live line below the log."""
-
-
-class Log(Logger, logging.Handler):
+class Log(logging.Handler, Sink):
     """Structured logging for one process, as the handler of `LOGGER`.
 
     Args:
@@ -91,9 +87,15 @@ class Log(Logger, logging.Handler):
         self._logger.propagate = False
         self._logger.addHandler(self)
 
-    def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
+    def say(self, level: int, message: str, fields: Mapping[str, Any]) -> None:
         """Log a message with fields."""
         self._logger.log(level, message, extra={"fields": fields})
+
+    def report(self, report: Report) -> None:
+        """Log the results of a cycle; once a second show the live line."""
+        say_outputs(self, report.outputs)
+        if report.counters is not None:
+            self.show(flight_line(report.flight, report.outputs, report.now_s))
 
     def show(self, words: str) -> None:
         """Show the live line below the log, on a terminal only."""
@@ -132,7 +134,7 @@ class Log(Logger, logging.Handler):
         return aged(self._shown, time.monotonic() - self._shown_s, _STALLED_S)
 
 
-def _json_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:
+def _json_line(record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
     """Return one object: time (Unix seconds), level, message, and the fields that came with it."""
     row = {
         "time": round(record.created, 3),
@@ -142,7 +144,7 @@ def _json_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:
     return json.dumps({**row, **plain(fields)}, default=str)
 
 
-def _console_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:
+def _console_line(record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
     """Return a line for people: time of day, message, and the fields behind it."""
     clock = time.strftime("%H:%M:%S", time.localtime(record.created))
     mark = "" if record.levelno < logging.WARNING else f"{record.levelname} "
@@ -150,28 +152,30 @@ def _console_line(record: logging.LogRecord, fields: dict[str, Any]) -> str:
     return f"{clock} {mark}{printable(record.getMessage() + details)}"
 
 
-def say_outputs(log: Logger, outputs: Outputs) -> None:
+def say_outputs(log: Sink, outputs: Outputs) -> None:
     """Log the results of a cycle: alarm, internal error and happenings."""
-    if outputs.alarm is not None:
-        log.say(logging.WARNING, str(outputs.alarm.violation), by=outputs.alarm.by or "-")
+    alarm = outputs.alarm
+    if alarm is not None:
+        by = alarm.by if alarm.by else "-"
+        log.say(logging.WARNING, str(alarm.violation), {"by": by})
     if outputs.fault is not None:
-        log.say(logging.ERROR, "an error of guidance itself", error=outputs.fault)
+        log.say(logging.ERROR, "an error of guidance itself", {"error": outputs.fault})
     for happening in outputs.happenings:
         changes = happening.after is not happening.before
-        log.say(
-            logging.WARNING if happening.event in _SEVERE and changes else logging.INFO,
-            str(happening.event),
-            before=happening.before,
-            state=happening.after,
-            now_s=round(happening.now_s, 3),
-        )
+        level = logging.WARNING if happening.event in _SEVERE and changes else logging.INFO
+        fields = {
+            "before": happening.before,
+            "state": happening.after,
+            "now_s": round(happening.now_s, 3),
+        }
+        log.say(level, str(happening.event), fields)
 
 
 _WATCHDOG_SHARE: Final = 3.0
 """Signs of life per watchdog time."""
 
 
-class Notifier:
+class Notifier(Sink):
     """Sends sd_notify messages; does nothing without NOTIFY_SOCKET. Never waits.
 
     Args:
@@ -191,21 +195,39 @@ class Notifier:
         self._every_s = int(microseconds) * 1e-6 / _WATCHDOG_SHARE if watched else None
         self._alive_s = -math.inf
         self._status = ""
+        self._ready = False
+
+    def begin(self, _identity: FlightIdentity) -> None:
+        """Send READY=1 with the first flight: the daemon hears its vehicle and takes orders."""
+        if not self._ready:
+            self._ready = True
+            self.send("READY=1")
+
+    def report(self, report: Report) -> None:
+        """Send a sign of life, and a line for `systemctl status` when it changes."""
+        self.alive(report.now_s)
+        if report.counters is not None:
+            self.status(f"{shown_state(report.flight)}, mode {report.flight.mode_name}")
+
+    def say(self, _level: int, message: str, _fields: Mapping[str, Any]) -> None:
+        """Send STOPPING=1 when the daemon begins to end."""
+        if message == ENDING:
+            self.send("STOPPING=1")
 
     def alive(self, now_s: float) -> None:
         """Say so, as often as the watchdog wants it; called by the loop, so that a loop that hangs says nothing."""
         if self._every_s is not None and now_s - self._alive_s >= self._every_s:
             self._alive_s = now_s
-            self.say("WATCHDOG=1")
+            self.send("WATCHDOG=1")
 
     def status(self, text: str) -> None:
         """Show a line in `systemctl status`, when it changes."""
         if text != self._status:
             self._status = text
-            self.say(f"STATUS={text}")
+            self.send(f"STATUS={text}")
 
-    def say(self, text: str) -> None:
-        """Send a message: READY=1 once the daemon hears its vehicle and takes orders, STOPPING=1 when it ends."""
+    def send(self, text: str) -> None:
+        """Send a message."""
         if self._address:
             with (
                 contextlib.suppress(OSError),
@@ -215,13 +237,14 @@ class Notifier:
 
 
 MAX_CONNECTIONS: Final = 16
+_DAEMON_EVENTS: Final = frozenset({EVADER_NEWS, LINK_NEWS, RELOADED, STOPPED})
 _GAME_METRICS: Final = (
     "value", "time_needed_s", "assured_distance_m", "margin_s", "vehicle_margin_s", "reachable_speed_m_s",
     "meeting_time_s", "speed_ratio", "evader_age_s", "gap_m", "height_gap_m",
 )  # fmt: skip
 
 
-class Metrics:
+class Metrics(Sink):
     """All metrics of one vehicle, in a separate registry."""
 
     def __init__(self, name: str) -> None:
@@ -262,6 +285,20 @@ class Metrics:
         """Count a cycle of the loop: its working time, and how many cycles it made late."""
         self._work.observe(work_s)
         self._late.inc(missed)
+
+    def event(self, _now_s: float, event: str, _detail: str = "") -> None:
+        """Count an event of the daemon; those of the flight are counted with the cycle's outputs."""
+        if event in _DAEMON_EVENTS:
+            self.happened(event)
+
+    def report(self, report: Report) -> None:
+        """Count a cycle and its answered orders; set the gauges once a second."""
+        for order in report.orders:
+            self.order(order.order, accepted=order.accepted)
+        timing = report.timing
+        self.follow(report.outputs, None if timing is None else timing.late_s)
+        if report.counters is not None:
+            self.show(report.now_s, report.flight, report.outputs, report.counters)
 
     def follow(self, outputs: Outputs, late_s: float | None = None) -> None:
         """Count the outputs of one cycle that began `late_s` late; None: of one that failed."""

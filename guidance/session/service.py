@@ -26,15 +26,14 @@ from guidance.links.world import World
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import Session, close_all, session_to
-from guidance.log.broadcast import Broadcast
-from guidance.log.entries import FLIGHT_OVER
 from guidance.log.writer import Record, Recorder
 from guidance.session.control_bus import control_bus, owner_token
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import flight_metadata
 from guidance.session.loop import Signals, claim, run
-from guidance.session.observability import Log, Logger, Metrics, MetricsServer, Notifier
+from guidance.session.observability import Log, Metrics, MetricsServer, Notifier
 from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
+from guidance.session.outputs import OutputOrder, open_outputs
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.vehicle_file import (
     Config,
@@ -209,7 +208,7 @@ def signing_key(path: Path | None, section: str = "vehicle") -> SigningKey | Non
 def open_equipment(mailbox: Mailbox, config: Config, stack: ExitStack) -> Equipment:
     """Open the log according to a vehicle file, and signs of life to systemd."""
     log = stack.enter_context(closing(Log(config.log.format, config.log.level)))
-    return Equipment(mailbox=mailbox, log=log, notifier=Notifier(os.environ, os.getpid()))
+    return Equipment(mailbox=mailbox, sinks=[log, Notifier(os.environ, os.getpid())])
 
 
 def open_vehicle(
@@ -236,7 +235,7 @@ def open_vehicle(
     equipment = open_equipment(mailbox, config, stack)
     session = stack.enter_context(open_control(config, mailbox))
     fields = {"url": vehicle.url, "system": vehicle.system_id, "component": vehicle.component_id}
-    equipment.log.say(
+    equipment.say(
         logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=limit_s
     )
     world = stack.enter_context(closing(World()))
@@ -273,34 +272,29 @@ def run_vehicle(path: Path, config: Config) -> bool:
         metadata = flight_metadata(None, config, clock)
         daemons = list[Daemon]()
         stack.callback(
-            _say_ended, equipment.log, daemons
+            _say_ended, equipment, daemons
         )  # the last line: what is opened later has closed before
-        equipment.metrics = metrics
         equipment.record_required = config.record.required
-        equipment.record = stack.enter_context(daemon_recording(config, metadata, equipment.log))
-        equipment.broadcast = broadcast = stack.enter_context(
-            closing(Broadcast(name, session, metadata))
-        )
+        equipment.record = stack.enter_context(daemon_recording(config, metadata, equipment))
+        link = world.links[name]
+        order = OutputOrder(name, metadata, clock, link, equipment.mailbox, config, session)
+        equipment.sinks += (metrics, *open_outputs(order, stack))
         equipment.team = _member(config, session, clock, stack)
-        daemon = Daemon(name, plan, world.links[name], world.evaders[name], equipment)
+        daemon = Daemon(name, plan, link, world.evaders[name], equipment)
         daemons.append(daemon)
-        equipment.notifier.say("READY=1")
         started = {
             "name": name,
             "control": config.control.endpoint,
             "autopilot": plan.flight.autopilot.name,
         }
-        equipment.log.say(logging.INFO, "running", **started, scheduling=claim())
+        equipment.say(logging.INFO, "running", **started, scheduling=claim())
         run([daemon], world, clock, signals=signals)
-        broadcast.event(
-            clock.now_s(),
-            FLIGHT_OVER,
-            json.dumps({"ended": f"the daemon ended; {daemon.flight.state}"}),
-        )
+        ended = {"ended": f"the daemon ended; {daemon.flight.state}"}
+        daemon.recording.over(clock.now_s(), json.dumps(ended))
     return signals.interrupted
 
 
-def _say_ended(log: Logger, daemons: Sequence[Daemon]) -> None:
+def _say_ended(equipment: Equipment, daemons: Sequence[Daemon]) -> None:
     """Log how the daemon leaves its vehicle; there is none if it was not heard."""
     for daemon in daemons:
         flight = daemon.flight
@@ -311,12 +305,12 @@ def _say_ended(log: Logger, daemons: Sequence[Daemon]) -> None:
         elif flight.vehicle.armed:
             level = logging.WARNING
             fields["vehicle"] = f"STILL ARMED in {flight.mode_title}: {_TO_LAND}"
-        log.say(level, "ended", **fields)
+        equipment.say(level, "ended", **fields)
 
 
 @contextmanager
 def daemon_recording(
-    config: Config, metadata: Mapping[str, str], log: Logger
+    config: Config, metadata: Mapping[str, str], equipment: Equipment
 ) -> Iterator[Record | None]:
     """Open the daemon's record. Preflight reports an unwritable one; a flight continues without it."""
     if config.record.folder is None:
@@ -339,7 +333,7 @@ def daemon_recording(
     finally:
         recorder.close()
         if recorder.failed is not None or recorder.dropped:
-            log.say(
+            equipment.say(
                 logging.WARNING,
                 "the record is incomplete",
                 failed=recorder.failed,

@@ -47,10 +47,12 @@ from guidance.log import compare
 from guidance.log.broadcast import FoundFlight
 from guidance.log.entries import CONFIG as CONFIG_KEY
 from guidance.log.entries import CYCLE, EVENT, CycleEntry, EventEntry, Item
+from guidance.log.sink import Sink
 from guidance.log.writer import Recorder, part_path
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import recorded_settings
 from guidance.session.loop import run
+from guidance.session.observability import Metrics
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.stepped import SteppedMock
@@ -123,16 +125,15 @@ def cycles_in(path: Path) -> int:
     )
 
 
-class Page:
+class Page(Sink):
     """The operator's page without a browser: the daemon's broadcasts go to the panel's hub.
 
-    It is the daemon's `Record` for broadcasts and the hub's bus. The hub gets every fifth cycle, as often as it
+    It is the daemon's output in place of a broadcast, and the hub's bus. The hub gets every fifth cycle, as often as it
     makes messages.
     """
 
     endpoint = "virtual"
     reason = ""
-    failed = None
 
     def __init__(self, name: str, clock: VirtualClock, metadata: dict[str, str]) -> None:
         self._name = name
@@ -140,9 +141,6 @@ class Page:
         self._waiting: list[News] = [News(name, clock.now_s(), FoundFlight(name, metadata, ()))]
         self._hub = Hub([self], clock)
         self._cycles = self.messages = self.sent_mb = 0
-
-    def frames(self, passed: Sequence[tuple[float, str, bytes]]) -> None:
-        """Raw frames are not broadcast."""
 
     def cycle(self, entry: CycleEntry) -> None:
         self._cycles += 1
@@ -173,8 +171,15 @@ class Person:
     """Gives a person's orders between cycles and measures the process."""
 
     def __init__(
-        self, daemon: Daemon, page: Page, record: Path, hours: float, within_s: float
+        self,
+        daemon: Daemon,
+        metrics: Metrics,
+        page: Page,
+        record: Path,
+        hours: float,
+        within_s: float,
     ) -> None:
+        self._metrics = metrics
         self._page = page
         self._scrape_s = SCRAPE_EVERY_S
         self.scrapes = 0
@@ -218,9 +223,7 @@ class Person:
             raise SystemExit(f"{now_s:.1f} s: {self._daemon.flight.state}: {outputs.happenings}")
         if now_s >= self._scrape_s:
             self._scrape_s += SCRAPE_EVERY_S
-            self.scrapes += b"guidance_cycles_total" in generate_latest(
-                self._daemon.metrics.registry
-            )
+            self.scrapes += b"guidance_cycles_total" in generate_latest(self._metrics.registry)
             self._page.open(whole=True)
         if now_s >= self._look_s:
             self._look_s += self._every_s
@@ -261,11 +264,12 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
         path = Path(folder) / "flight.mcap"
         record = Recorder(path, {CONFIG_KEY: config.model_dump_json()}, rotate_s=rotate_s)
         page = Page(config.name, clock, {CONFIG_KEY: config.model_dump_json()})
+        metrics = Metrics(config.name)
         link = world.links["bench"]
         evader = world.evaders["bench"]["evader"]
-        used = Equipment(record=record, broadcast=page)
+        used = Equipment(record=record, sinks=[metrics, page])
         flown = Daemon(config.name, plan_of(config), link, {"evader": evader}, used)
-        person = Person(flown, page, path, hours, within_s)
+        person = Person(flown, metrics, page, path, hours, within_s)
         run([flown], world, clock, mission=person)
         record.close()
         world.close()

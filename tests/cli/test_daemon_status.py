@@ -91,7 +91,7 @@ def test_a_live_line_is_drawn_where_it_can_be_redrawn_and_none_stays(form, term,
     terminal = Terminal()
     log = Log(form, "info", terminal)
     log.show("engaged")
-    log.say(logging.INFO, "order")
+    log.say(logging.INFO, "order", {})
     log.close()
     written = terminal.getvalue()
     assert "order" in written

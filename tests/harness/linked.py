@@ -19,7 +19,7 @@ class FlownByHand:
         self.flight = flight
         self._link = link
         self._evader = evader
-        self._recording = Recording("pursuer", record, None)
+        self._recording = Recording("pursuer", record)
         self._heartbeat_s = float("-inf")
 
     def run(

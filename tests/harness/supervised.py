@@ -39,7 +39,7 @@ class Supervised(Sortie):
     ) -> None:
         self.mailbox = Mailbox()
         self.log = Log("json", "error")
-        used = {PURSUER: Equipment(mailbox=self.mailbox, log=self.log)}
+        used = {PURSUER: Equipment(mailbox=self.mailbox, sinks=[self.log])}
         self.mission = Mission(
             scenario, world, clock, plans={PURSUER: plan}, equipment=used, policy=policy, **more
         )

@@ -16,8 +16,9 @@ from guidance.links.frames import ticks
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import TappedWire
+from guidance.log.sink import Sink
 from guidance.session.daemon import Daemon, Equipment
-from guidance.session.observability import Logger, Metrics, Notifier
+from guidance.session.observability import Metrics, Notifier, say_outputs
 from guidance.session.orders import Mailbox
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
@@ -36,14 +37,17 @@ def vehicle_document():
     return document
 
 
-class KeptLog(Logger):
+class KeptLog(Sink):
     """A log that stores its lines for tests."""
 
     def __init__(self):
         self.lines = []
 
-    def say(self, level, message, **fields):
+    def say(self, level, message, fields):
         self.lines.append((level, message, fields))
+
+    def report(self, report):
+        say_outputs(self, report.outputs)
 
     def messages(self, at_least=logging.DEBUG):
         return [message for level, message, _ in self.lines if level >= at_least]
@@ -54,7 +58,7 @@ class KeptNotifier(Notifier):
         super().__init__({"WATCHDOG_USEC": "2000000"})
         self.said = []
 
-    def say(self, text):
+    def send(self, text):
         self.said.append(text)
 
 
@@ -97,12 +101,9 @@ class Ordered(Sortie):
         self.injected = []
         used = Equipment(
             mailbox=self.mailbox,
-            log=self.log,
-            metrics=self.metrics,
-            notifier=self.notifier,
             record=record,
-            broadcast=broadcast,
             record_required=record_required,
+            sinks=[self.log, self.metrics, self.notifier, *([broadcast] if broadcast else ())],
         )
         self.daemon = Daemon(config.name, plan_of(config), self.link, {"evader": self.evader}, used)
         super().__init__(clock, self.daemon)

@@ -8,6 +8,7 @@ from guidance.config import parse
 from guidance.cycle import Alarm, Violation
 from guidance.errors import ConfigError
 from guidance.flight import Event, State
+from guidance.log.writer import Record
 from guidance.session.control_socket import WORDS
 from guidance.session.daemon import Daemon, Equipment
 from guidance.session.plan import plan_of
@@ -33,7 +34,7 @@ ENDED_BY = [
 
 def test_a_daemon_restarted_in_the_air_does_not_say_that_its_vehicle_is_ready(base):
     base = base.standing_by()
-    used = Equipment(mailbox=base.mailbox, log=base.log)
+    used = Equipment(mailbox=base.mailbox, sinks=[base.log])
     base.daemon = base.pilot = Daemon(
         base.config.name, plan_of(base.config), base.link, {"evader": base.evader}, used
     )
@@ -367,25 +368,15 @@ def test_the_metrics_follow_the_flight(base):
     assert read("guidance_events_total", {**labels, "event": "armed"}) == 1.0
 
 
-class CountingRecord:
+class CountingRecord(Record):
     """A record that counts its rows."""
 
-    failed = None
-
     def __init__(self):
+        super().__init__()
         self.rows = 0
 
-    def frames(self, *_):
-        self.rows += 1
-
-    def cycle(self, *_):
-        self.rows += 1
-
-    def event(self, *_):
-        self.rows += 1
-
-    def report(self, *_):
-        self.rows += 1
+    def frames(self, passed):
+        self.rows += len(passed)
 
 
 def test_every_cycle_and_event_is_recorded(base):

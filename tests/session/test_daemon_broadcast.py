@@ -15,6 +15,7 @@ from guidance.flight import State
 from guidance.links.zenoh_wire import open_session
 from guidance.log.broadcast import FLIGHT, MAX_WAITING, Broadcast, broadcast_key, is_watched
 from guidance.log.entries import CYCLE, EVENT, RELOADED, STOPPED
+from guidance.log.writer import Record
 from guidance.session.control_bus import free_endpoint
 from tests.harness.bus import open_to_all
 
@@ -165,22 +166,15 @@ def test_who_joins_late_is_told_what_the_vehicle_said_before(base, bus):
 
 
 def test_a_record_that_stops_is_an_event_on_the_bus(base, bus):
-    class Full:
-        failed = "No space left on device"
-
-        def frames(self, *_):
-            pass
-
-        cycle = event = report = frames
-
+    full = Record("No space left on device")
     broadcast, endpoint = bus
     heard = []
     with open_session(endpoint) as session:
         session.declare_subscriber(broadcast_key("uav1", "event"), heard.append)
         until(lambda: is_watched(broadcast._publishers["event"]))
-        base(broadcast=broadcast, record=Full()).run(0.2)
+        base(broadcast=broadcast, record=full).run(0.2)
         until(lambda: STOPPED in [said(sample)["event"] for sample in heard])
-    assert [said(sample)["detail"] for sample in heard].count(Full.failed) == 1
+    assert [said(sample)["detail"] for sample in heard].count(full.failed) == 1
 
 
 def test_who_joins_after_a_configuration_was_read_again_is_told_the_new_one(bus):

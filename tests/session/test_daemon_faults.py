@@ -12,7 +12,6 @@ from guidance.flight import State
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.session.flight_files import Recording
 from guidance.session.loop import run
-from guidance.session.observability import Metrics
 
 BAD_FLOATS = (math.nan, math.inf, -math.inf, 1e38, -1e38)
 BAD_INTEGERS = (0, -1, 2**31 - 1, -(2**31), 255, 65535)
@@ -109,12 +108,11 @@ def test_the_loop_goes_on_after_a_cycle_that_failed():
         name = "uav1"
         finished = False
         flight = SimpleNamespace(vehicle=SimpleNamespace(silence_s=lambda *_: math.inf))
-        recording = Recording(name, None, None)
+        recording = Recording(name)
 
         def __init__(self):
             self.cycles = 0
             self.survived = []
-            self.metrics = Metrics("uav1")
 
         def step(self, now_s, _):
             self.cycles += 1

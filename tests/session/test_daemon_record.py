@@ -14,6 +14,7 @@ from guidance.log import compare, cycles_of, events_of, writer
 from guidance.log.entries import BEGUN, RELOADED, STOPPED
 from guidance.log.export import export
 from guidance.log.writer import VIRTUAL_CHUNK_S, Recorder
+from guidance.session.daemon import Equipment
 from guidance.session.flight_files import recorded_settings
 from guidance.session.plan import plan_of
 from guidance.session.service import daemon_recording
@@ -126,7 +127,9 @@ def test_a_required_record_that_cannot_be_opened_prevents_the_start(
     (tmp_path / "file").write_text("")
     document = vehicle_document(record={"folder": str(tmp_path / "file" / "records")})
     bare = base()
-    with daemon_recording(parse(Config, document, source="test"), {}, bare.log) as unwritten:
+    with daemon_recording(
+        parse(Config, document, source="test"), {}, Equipment(sinks=[bare.log])
+    ) as unwritten:
         one = base(record=unwritten, record_required=required).until(
             State.CHECKING if required else State.READY
         )

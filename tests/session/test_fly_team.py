@@ -9,7 +9,7 @@ from guidance.config import parse
 from guidance.flight import Event, State
 from guidance.log.reader import cycles_of
 from guidance.log.replay import compare
-from guidance.session import fly
+from guidance.session import fly, outputs
 from guidance.session.flight_files import recorded_settings
 from guidance.session.fly import MockOptions, Onlooker, fly_recorded
 from guidance.session.result import distance_to_target_m, team_rows
@@ -19,6 +19,7 @@ from guidance.sim.teams import TeamScenario
 from guidance.viz.panel.snapshot import replay_of
 from guidance.viz.report import write_team_report
 from guidance.viz.story import captures_of, team_opening, team_story, team_summary
+from tests.harness.witness import Witness
 from tests.team.lossy import LossyNetwork
 
 GUARD = load_any("teams_guard")[1]
@@ -26,21 +27,34 @@ GUARD = load_any("teams_guard")[1]
 
 @pytest.fixture(scope="module")
 def guard(tmp_path_factory):
-    """Three vehicles against two evaders, with a record of each vehicle."""
+    """Three vehicles against two evaders, with a record of each vehicle, and an output from outside."""
     folder = tmp_path_factory.mktemp("guard")
-    return fly_recorded(GUARD, folder, MockOptions(fast=True)), folder
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(outputs, "OUTPUTS", dict(outputs.OUTPUTS))
+        witnesses = []
+        outputs.register("witness", lambda order: witnesses.append(Witness(order)) or witnesses[-1])
+        flown = fly_recorded(GUARD, folder, MockOptions(fast=True))
+    return flown, folder, {witness.order.vehicle: witness for witness in witnesses}
+
+
+@pytest.mark.flight
+def test_an_output_from_outside_sees_every_vehicle_of_a_team(guard):
+    flown, _, witnesses = guard
+    assert sorted(witnesses) == sorted(flown.vehicles)
+    for vehicle, witness in witnesses.items():
+        witness.saw_the_whole(flown.vehicles[vehicle])
 
 
 @pytest.fixture(scope="module")
 def story(guard):
     """Return what the vehicles' records tell together."""
-    flown, folder = guard
+    flown, folder, _ = guard
     return team_story({name: folder / name / "record.mcap" for name in flown.vehicles})
 
 
 @pytest.mark.flight
 def test_the_team_captures_what_it_guarantees_and_lands(guard):
-    flown, _ = guard
+    flown, _, _ = guard
     rows = team_rows(GUARD, "fast", flown)
     assert [row.end for row in rows] == ["captured", "captured"]
     assert {row.guaranteed for row in rows} == {2}
@@ -52,7 +66,7 @@ def test_the_team_captures_what_it_guarantees_and_lands(guard):
 
 @pytest.mark.flight
 def test_nobody_arms_before_all_are_ready_and_nobody_engages_before_all_stand_by(guard):
-    flown, _ = guard
+    flown, _, _ = guard
     times = {
         event: [
             one.now_s
@@ -68,7 +82,7 @@ def test_nobody_arms_before_all_are_ready_and_nobody_engages_before_all_stand_by
 
 @pytest.mark.flight
 def test_the_separation_is_kept(guard):
-    flown, _ = guard
+    flown, _, _ = guard
     assert (
         flown.least_distance_m(GUARD.flight.separation_height_m) > GUARD.flight.separation_m - 0.5
     )
@@ -76,7 +90,7 @@ def test_the_separation_is_kept(guard):
 
 @pytest.mark.flight
 def test_one_vehicle_coordinates_and_no_promise_is_lost_without_a_cause(guard):
-    flown, _ = guard
+    flown, _, _ = guard
     boards = [member.board for member in flown.members.values()]
     assert {(board.roles.vehicle, board.roles.term) for board in boards} == {("uav1", 1)}
     assert all(set(board.over) == {"rover1", "rover2"} for board in boards)
@@ -88,7 +102,7 @@ def test_one_vehicle_coordinates_and_no_promise_is_lost_without_a_cause(guard):
 
 @pytest.mark.flight
 def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard):
-    flown, folder = guard
+    flown, folder, _ = guard
     for pursuit in pursuits_of_team(GUARD):
         path = folder / pursuit.vehicle / "record.mcap"
         rows = list(cycles_of(path))
@@ -101,7 +115,7 @@ def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard):
 
 @pytest.mark.flight
 def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path):
-    flown, folder = guard
+    flown, folder, _ = guard
     assert story.evaders == ["rover1", "rover2"]
     for name, evader in flown.evaders.items():
         capture = story.captures[name]
@@ -120,7 +134,7 @@ def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path):
 
 @pytest.mark.flight
 def test_the_replay_of_one_vehicle_has_all_vehicles_of_the_flight(guard, tmp_path):
-    _, folder = guard
+    _, folder, _ = guard
     replay = replay_of(folder / "uav3" / "record.mcap")
     assert (replay["vehicle"], [mate["vehicle"] for mate in replay["mates"]]) == (
         "uav3",

@@ -11,8 +11,9 @@ from guidance.session.observability import Log
 def test_json_lines_carry_the_fields_as_they_are(text_log):
     stream, rows = text_log
     log = Log("json", "info", stream)
-    log.say(logging.WARNING, "battery low", state=State.RETURNING, left=0.19, unknown=float("nan"))
-    log.say(logging.DEBUG, "not written")
+    fields = {"state": State.RETURNING, "left": 0.19, "unknown": float("nan")}
+    log.say(logging.WARNING, "battery low", fields)
+    log.say(logging.DEBUG, "not written", {})
     log.close()
     (row,) = rows()
     assert row.pop("time") > 1.7e9
@@ -28,8 +29,8 @@ def test_json_lines_carry_the_fields_as_they_are(text_log):
 def test_console_lines_are_for_people(text_log):
     stream, _ = text_log
     log = Log("console", "debug", stream)
-    log.say(logging.INFO, "armed", state=State.CLIMBING)
-    log.say(logging.ERROR, "gone")
+    log.say(logging.INFO, "armed", {"state": State.CLIMBING})
+    log.say(logging.ERROR, "gone", {})
     log.close()
     first, second = stream.getvalue().splitlines()
     assert first[8:] == " armed  state=climbing"
@@ -57,7 +58,7 @@ def test_a_terminal_that_stands_still_costs_lines_and_never_the_loop(monkeypatch
     stream = StandingStill()
     log = Log("console", "info", stream)
     for _ in range(observability.MOST_WAITING + 50):
-        log.say(logging.INFO, "on and on")
+        log.say(logging.INFO, "on and on", {})
         log.show("on and on")
     assert log.dropped >= 49
     stream.go.set()
@@ -67,7 +68,7 @@ def test_a_terminal_that_stands_still_costs_lines_and_never_the_loop(monkeypatch
 def test_a_console_line_stays_one_line_whatever_a_field_says(text_log):
     stream, _ = text_log
     log = Log("console", "debug", stream)
-    log.say(logging.INFO, "refused", reason="\x1b[2J\n12:00:00 armed\u202e")
+    log.say(logging.INFO, "refused", {"reason": "\x1b[2J\n12:00:00 armed\u202e"})
     log.close()
     (line,) = stream.getvalue().splitlines()
     assert line.endswith("refused  reason=\\x1b[2J\\n12:00:00 armed\\u202e")

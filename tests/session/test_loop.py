@@ -49,14 +49,14 @@ class ScriptedDaemon:
     name = "uav1"
 
     def __init__(self, clock, works_s, ages_s=None, record=None):
-        self.recording = Recording(self.name, record, None)
+        self.metrics = Metrics("uav1")
+        self.recording = Recording(self.name, record, [self.metrics])
         self.clock = clock
         self.ages_s = ages_s or (lambda now_s: math.inf)
         self.works_s = list(works_s)
         self.begun_s = []
         self.asked = []
         self.finished = False
-        self.metrics = Metrics("uav1")
 
     def step(self, now_s, _):
         self.begun_s.append(round(now_s, 6))

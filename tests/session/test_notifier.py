@@ -30,11 +30,11 @@ def test_systemd_hears_readiness_life_status_and_the_end(systemd):
     path, read = systemd
     environment = {"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "3000000", "WATCHDOG_PID": "77"}
     notifier = Notifier(environment, 77)
-    notifier.say("READY=1")
+    notifier.send("READY=1")
     for cycle in range(100):
         notifier.alive(0.02 * cycle)
         notifier.status("ready, mode hold")
-    notifier.say("STOPPING=1")
+    notifier.send("STOPPING=1")
     assert read() == [
         "READY=1",
         "WATCHDOG=1",
@@ -55,7 +55,7 @@ def test_systemd_hears_readiness_life_status_and_the_end(systemd):
 )
 def test_without_systemd_nothing_is_said_and_nothing_fails(environment):
     notifier = Notifier(environment, 1)
-    notifier.say("READY=1")
+    notifier.send("READY=1")
     notifier.alive(1.0)
 
 

@@ -6,24 +6,19 @@ import pytest
 
 from guidance.flight import ORDERS, State
 from guidance.log.entries import ORDERED
+from guidance.log.writer import Record
 from guidance.session.control_socket import LONGEST_NAME, WORDS, name_in
 
 
-class KeptRecord:
+class KeptRecord(Record):
     """A record that keeps its events."""
 
-    failed = None
-
     def __init__(self):
+        super().__init__()
         self.events = []
 
     def event(self, now_s, event, detail=""):
         self.events.append((event, detail))
-
-    def frames(self, *_):
-        pass
-
-    report = cycle = frames
 
 
 def refused_are_refused_for_that_reason(base):

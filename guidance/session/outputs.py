@@ -1,0 +1,85 @@
+"""Further outputs of a flight. Each is one module: it opens a sink (`guidance.log.sink`) and registers that.
+
+`register` adds one from outside. Its `open` gets everything that a flight has open, and returns None for a vehicle that
+does not want it.
+"""
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, closing
+from importlib.metadata import entry_points
+from typing import Final, NamedTuple
+
+from guidance.clock import Clock
+from guidance.errors import ConfigError
+from guidance.links.port import VehicleLink
+from guidance.links.zenoh_wire import Session
+from guidance.log.broadcast import Broadcast
+from guidance.log.sink import Sink
+from guidance.session.orders import Mailbox
+from guidance.session.vehicle_file import Config
+
+ENTRY_POINTS: Final = "pursuit_guidance.outputs"
+
+
+class OutputOrder(NamedTuple):
+    """What an output is opened with.
+
+    Attributes:
+        vehicle: Its name.
+        metadata: As in a record: vehicle file, scenario, versions and, in real time, the start.
+        clock: Of the flight.
+        link: To the vehicle.
+        mailbox: For orders of people.
+        config: The vehicle file; None for a mock.
+        bus: The Zenoh session of orders and broadcasts; None without one. It is not closed by the output.
+    """
+
+    vehicle: str
+    metadata: Mapping[str, str]
+    clock: Clock
+    link: VehicleLink
+    mailbox: Mailbox
+    config: Config | None = None
+    bus: Session | None = None
+
+
+OpenOutput = Callable[[OutputOrder], Sink | None]
+"""Opens an output; None if the vehicle file does not ask for it. Raises GuidanceError if the user can mend it."""
+
+
+def _open_broadcast(order: OutputOrder) -> Sink | None:
+    if order.bus is None:
+        return None
+    return Broadcast(order.vehicle, order.bus, order.metadata)
+
+
+OUTPUTS: Final[dict[str, OpenOutput]] = {"broadcast": _open_broadcast}
+"""How outputs open, by name. Add one with `register`."""
+
+
+def register(name: str, open_output: OpenOutput) -> None:
+    """Add an output to every flight that is opened from now on.
+
+    A package can do this when it is imported, or name its function in the entry point group `pursuit_guidance.outputs`.
+
+    Raises:
+        ConfigError: If another output has this name.
+    """
+    if OUTPUTS.setdefault(name, open_output) is not open_output:
+        raise ConfigError(f"output {name!r}: another one has this name; choose a new name")
+
+
+def open_outputs(order: OutputOrder, stack: ExitStack) -> list[Sink]:
+    """Open all outputs of a vehicle; the stack closes them.
+
+    Raises:
+        GuidanceError: For everything that the user can mend.
+    """
+    for installed in entry_points(group=ENTRY_POINTS):
+        register(installed.name, installed.load())
+    sinks = list[Sink]()
+    for open_output in OUTPUTS.values():
+        sink = open_output(order)
+        if sink is not None:
+            sinks.append(stack.enter_context(closing(sink)))
+    return sinks
