@@ -3,10 +3,6 @@ import pytest
 from tests import statements
 
 
-def test_no_assignment_of_the_project_packs_several_values(capsys):
-    assert statements.main() == 0, capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     "statement",
     [

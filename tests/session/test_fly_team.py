@@ -231,6 +231,7 @@ def test_terminal_and_report_have_one_distance_to_a_targets_shape_and_one_captor
         assert row.evader_to_target_m == pytest.approx(apart_m - 6.0, abs=1e-9)
 
 
+@pytest.mark.flight
 def test_the_first_capture_of_an_evader_counts_whichever_record_is_read_first(story):
     first = story.captures["rover1"]
     flight = story.flights[first.vehicle]
