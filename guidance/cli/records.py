@@ -3,6 +3,7 @@
 import json
 import math
 from collections import Counter
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -26,7 +27,7 @@ from guidance.log import export as exports
 from guidance.log.entries import CYCLE, cycle_entry
 from guidance.log.replay import Comparison, Difference
 from guidance.messages import EvaderReport
-from guidance.screen import console, pairs, sheet
+from guidance.screen import console, live, pairs, sheet
 from guidance.session.flight_files import RECORD, changes_of, recorded_settings
 from guidance.texts import printable
 
@@ -147,31 +148,52 @@ def replay(
     - `guidance replay record.mcap --with pursuer.speed_m_s=4.0`: another speed
     """
     changed = changes_of(changes or [])
-    with record_errors(file):
-        comparison, survey = compare(
-            file, partial(recorded_settings, changes=changed), what_if=bool(changed)
-        )
+    comparison, survey = _compared(file, changed)
     for fault in survey.faults:
         typer.echo(f"the record is not whole: {printable(fault)}", err=True)
     if not comparison.cycles:
         raise ConfigError(f"{file}: has no cycle: nothing was replayed")
-    first = None if changed else comparison.first
     if as_json:
         typer.echo(json.dumps(_as_document(comparison, what_if=bool(changed)), indent=2))
     else:
         typer.echo(f"{comparison.cycles} cycles, {comparison.setpoints} setpoints recorded")
-        if changed:
-            typer.echo(f"{comparison.differing} cycles differ")
-            typer.echo(_difference("wanted by the policy", comparison.wanted))
-            typer.echo(_difference("commanded", comparison.commanded))
-        elif first is not None:
-            typer.echo(f"{comparison.differing} cycles differ; the first:\n{_first(first)}")
-        elif comparison.setpoints:
-            typer.echo("every setpoint, state and request came back bit for bit")
-        else:
-            typer.echo("no setpoint was recorded, so none was compared; every state came back")
-    if first is not None or not (changed or comparison.setpoints):
+        typer.echo(_what_if(comparison) if changed else _same_or_first(comparison))
+    if not changed and (comparison.first is not None or not comparison.setpoints):
         raise typer.Exit(1)
+
+
+def _compared(file: Path, changes: Mapping[str, Any]) -> tuple[Comparison, Survey]:
+    """Replay a record and show on a terminal how far it is."""
+    replayed_s = 0.0
+
+    def note(now_s: float) -> None:
+        nonlocal replayed_s
+        replayed_s = now_s
+
+    def progress() -> str:
+        return f"replaying: {replayed_s:.0f} s of flight time"
+
+    settings_of = partial(recorded_settings, changes=changes)
+    with record_errors(file), live(console(stderr=True), progress):
+        return compare(file, settings_of, what_if=bool(changes), watch=note)
+
+
+def _what_if(comparison: Comparison) -> str:
+    return "\n".join(
+        (
+            f"{comparison.differing} cycles differ",
+            _difference("wanted by the policy", comparison.wanted),
+            _difference("commanded", comparison.commanded),
+        )
+    )
+
+
+def _same_or_first(comparison: Comparison) -> str:
+    if comparison.first is not None:
+        return f"{comparison.differing} cycles differ; the first:\n{_first(comparison.first)}"
+    if comparison.setpoints:
+        return "every setpoint, state and request came back bit for bit"
+    return "no setpoint was recorded, so none was compared; every state came back"
 
 
 def _as_document(comparison: Comparison, *, what_if: bool) -> dict[str, Any]:

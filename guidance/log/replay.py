@@ -6,7 +6,7 @@ moment, not how the flight would have continued.
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -119,7 +119,11 @@ def replay(
 
 
 def compare(
-    path: Path, settings_of: SettingsOf, *, what_if: bool = False
+    path: Path,
+    settings_of: SettingsOf,
+    *,
+    what_if: bool = False,
+    watch: Callable[[float], None] = lambda _: None,
 ) -> tuple[Comparison, Survey]:
     """Replay a whole record and count the differences.
 
@@ -127,6 +131,7 @@ def compare(
         path: The record.
         settings_of: Makes a flight's settings from a record's metadata.
         what_if: See `replay`.
+        watch: Called with the flight's time (s) of each replayed cycle, to show progress.
 
     Raises:
         ConfigError: As `replay`.
@@ -141,11 +146,12 @@ def compare(
     for step in replay(path, settings_of, survey, what_if=what_if):
         row = step.row
         outputs = step.outputs
+        watch(row.now_s)
         cycles += 1
         setpoints += row.setpoint is not None
         if step.differing:
             first = first or step
-            differing = differing + 1
+            differing += 1
         if row.setpoint is not None and outputs.setpoint is not None:
             commanded.append((row.setpoint.velocity_ned_m_s, outputs.setpoint.velocity_ned_m_s))
         if row.certificate is not None and outputs.certificate is not None:

@@ -23,14 +23,19 @@ export class Replay {
   }
 
   async load(record) {
-    this.say(TEXTS.loading);
+    const begunMs = performance.now();
+    const tell = () => this.say(TEXTS.loading((performance.now() - begunMs) / 1000));
+    const telling = setInterval(tell, 1000);
+    tell();
     try {
       const answer = await fetch(`records/frames?record=${encodeURIComponent(record)}`);
       if (!answer.ok) throw new Error(await answer.text());
       const flight = await answer.json();
+      clearInterval(telling);
       if (flight.error) throw new Error(flight.error);
       this.begin(flight);
     } catch (error) {
+      clearInterval(telling);
       this.say(String(error));
     }
   }

@@ -23,7 +23,7 @@ export const TEXTS = {
   pause: "Pause",
   look: "LOOK ONLY",
   replay: "REPLAY, not live",
-  loading: "Reading the record…",
+  loading: (seconds) => `Reading the record… ${seconds.toFixed(0)} s`,
   noRecords: (folder) => `No records in ${folder} yet.`,
   recordsIn: (folder) => `Records in ${folder}`,
   reading: "Reading…",
