@@ -7,6 +7,7 @@ file.
 import contextlib
 import errno
 import os
+import shutil
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -71,6 +72,29 @@ def whole_file(path: Path) -> Iterator[Path]:
         unfinished.replace(path)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Yield the name of a folder that the body creates, with the same last part. It becomes `path` when the body ends.
+
+    The folder, and the files in it, are private then. If the body fails, it is removed.
+
+    Raises:
+        OSError: If it cannot be written, or `path` exists.
+    """
+    if path.exists() or path.is_symlink():
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+    parent = private_folder(path.with_name(f".{path.name}.{os.getpid()}"))
+    unfinished = parent / path.name
+    try:
+        yield unfinished
+        for file in unfinished.iterdir():
+            file.chmod(_FILE)
+        unfinished.chmod(_FOLDER)
+        unfinished.replace(path)
+    finally:
+        shutil.rmtree(parent, ignore_errors=True)
 
 
 def open_regular(path: Path) -> BinaryIO:

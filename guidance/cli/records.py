@@ -24,6 +24,7 @@ from guidance.log import (
     title_of,
 )
 from guidance.log import export as exports
+from guidance.log.bag import FOLDER, write_bag
 from guidance.log.entries import CYCLE, cycle_entry
 from guidance.log.replay import Comparison, Difference
 from guidance.messages import EvaderReport
@@ -46,6 +47,27 @@ def record_file(path: Path) -> Path:
     if vehicles:
         raise ConfigError(f"{path}: a team flight; name a vehicle's folder: {', '.join(vehicles)}")
     raise ConfigError(f"{path}: contains no {RECORD}; give a record or a flight's folder")
+
+
+def team_records(path: Path) -> dict[str, Path]:
+    """Return the records of a flight by vehicle; of a single one by an empty name.
+
+    Raises:
+        ConfigError: If the folder contains no record.
+    """
+    if path.is_dir() and not (path / RECORD).exists():
+        team = {record.parent.name: record for record in sorted(path.glob(f"*/{RECORD}"))}
+        if team:
+            return team
+    return {"": record_file(path)}
+
+
+def bag_folder(path: Path) -> Path:
+    """Return the default folder of a bag: in a flight's folder, or beside a record under its name."""
+    if path.is_dir() or path.name == RECORD:
+        folder = path if path.is_dir() else path.parent
+        return folder / FOLDER
+    return path.with_name(f"{path.stem}-{FOLDER}")
 
 
 File = Annotated[
@@ -118,16 +140,34 @@ def events(file: File, as_json: Json = False) -> None:
 
 @log.command()
 def export(
-    file: File, out: Annotated[Path, typer.Argument(help="Name with one of the endings below.")]
+    file: Annotated[
+        Path,
+        typer.Argument(help="A record.mcap of a flight, or a flight's folder, also of a team."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Name with one of the endings below; default: a bag in the flight's folder."
+        ),
+    ] = None,
 ) -> None:
     """Write a record in another format, chosen by the ending of OUT.
 
+    - no ending: a folder with a ROS 2 bag (MCAP), for RViz, Foxglove and `ros2 bag`; of a team all vehicles
     - `.tlog`: the raw frames, for QGroundControl, Mission Planner and mavlogdump
     - `.csv`, `.parquet`: one row per cycle, for spreadsheets and pandas
     - `.geojson`, `.kml`: tracks, fence and state changes on a map
     """
-    with record_errors(file):
-        written = exports.export(file, out, recorded_settings)
+    if out is None or not out.suffix:
+        records = team_records(file)
+        bag = bag_folder(file) if out is None else out
+        with record_errors(file):
+            written = write_bag(records, bag, recorded_settings)
+        typer.echo(f"{bag}: {written}")
+        return
+    record = record_file(file)
+    with record_errors(record):
+        written = exports.export(record, out, recorded_settings)
     typer.echo(f"{out}: {written}")
 
 

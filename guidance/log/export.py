@@ -84,7 +84,10 @@ def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
         OutputError: If `out` cannot be written.
     """
     if out.suffix not in EXPORTS:
-        raise ConfigError(f"{out}: must end in {', '.join(EXPORTS)}")
+        endings = ", ".join(EXPORTS)
+        raise ConfigError(
+            f"{out}: must end in {endings}, or have no ending: a folder for a ROS 2 bag"
+        )
     with writing(out):
         private_folder(out.parent)
         with whole_file(out) as unfinished:
