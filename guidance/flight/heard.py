@@ -41,11 +41,14 @@ APART_S: Final = 0.2
 
 _ROUNDING_S: Final = 1e-6
 
-ORDINARY_DELAY_S: Final = 0.1
-"""Delay of the telemetry that the configured reaction time includes."""
+ORDINARY_AGE_S: Final = 0.1
+"""Age of a position that the configured reaction time includes."""
+
+OLDEST_S: Final = 2.0
+"""The reaction time grows no further with an older position. No setpoint uses one of half that age."""
 
 _LATE_STEP_S: Final = 0.05
-"""The reaction time follows the delay in steps, so that it rests while the delay is steady."""
+"""The reaction time follows the age in steps, so that it rests while the delay is steady."""
 
 _LEAST_SHARE: Final = 0.5
 """An autopilot may reduce a setpoint to its speed limits; down to this share it counts as ours."""
@@ -172,11 +175,12 @@ class Heard:
             message for message in messages if not isinstance(message, Heartbeat) or speaks(message)
         ]
 
-    def take_in(self, inputs: Inputs, dt_s: float = 0.0, *, in_flight: bool) -> None:
+    def take_in(self, now_s: float, inputs: Inputs, dt_s: float = 0.0, *, in_flight: bool) -> None:
         """Update everything with the inputs of one cycle.
 
         Args:
-            inputs: Inputs of the cycle.
+            now_s: Time of the cycle.
+            inputs: Its inputs.
             dt_s: Time since the last one.
             in_flight: Whether jumps of the evader are bounded by the distance it can have covered.
         """
@@ -197,10 +201,14 @@ class Heard:
                 self.cycle, game=replace(game, evader_speed_m_s=speed_m_s, standoff=disc)
             )
         self.vehicle_says(inputs.messages)
-        self._react_late()
+        self._react_late(now_s)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         was_foreign = self.echo.foreign if self.beats else False
-        self.echo.hear(inputs.messages, guided=self.mode is Mode.GUIDED, late_s=self._late_s)
+        self.echo.hear(
+            inputs.messages,
+            guided=self.mode is Mode.GUIDED,
+            late_s=_beyond_ordinary(self.vehicle.delay_s),
+        )
         # A pilot's takeover shows as foreign setpoints before HEARTBEAT shows it, so wait for the next HEARTBEAT.
         self.foreign = self.echo.foreign if was_foreign else False
         self._place()
@@ -223,10 +231,12 @@ class Heard:
         is_low = status.battery_remaining < self.battery_needed
         self.low_battery_reports = self.low_battery_reports + 1 if is_low else 0
 
-    def _react_late(self) -> None:
-        """Add a delay beyond the ordinary to the reaction time, by which the vehicle brakes before every wall."""
-        late_s = _LATE_STEP_S * math.ceil((self.vehicle.delay_s - ORDINARY_DELAY_S) / _LATE_STEP_S)
-        late_s = max(0.0, late_s)
+    def _react_late(self, now_s: float) -> None:
+        """Add a position's age beyond the ordinary to the reaction time, by which the vehicle brakes before every wall.
+
+        The age counts from the measurement: the delay of the link, and the silence since the last position.
+        """
+        late_s = _beyond_ordinary(self.vehicle.age_s(LocalPosition, now_s))
         if late_s != self._late_s:
             self._late_s = late_s
             reaction_s = self._settings.cycle.envelope.reaction_s + late_s
@@ -411,6 +421,12 @@ class Heard:
         return Separation(
             (north, east, down), team.separation_m + spread_m, team.separation_height_m + spread_m
         )
+
+
+def _beyond_ordinary(age_s: float) -> float:
+    """Return the part of an age that the configured reaction time does not include, in steps."""
+    beyond_s = min(age_s, OLDEST_S) - ORDINARY_AGE_S
+    return max(0.0, _LATE_STEP_S * math.ceil(beyond_s / _LATE_STEP_S))
 
 
 def _state_of(report: messages.Aircraft, own_altitude_m: float) -> MateState:

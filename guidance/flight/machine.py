@@ -205,7 +205,7 @@ class Flight:
         self._last_s = now_s
         if inputs.alive or inputs.orders or stage.operator_s == math.inf:
             stage.operator_s = now_s
-        heard.take_in(inputs, dt_s, in_flight=stage.state not in BEFORE_FLIGHT)
+        heard.take_in(now_s, inputs, dt_s, in_flight=stage.state not in BEFORE_FLIGHT)
         if heard.switched:
             self._playing.switch()
         if heard.moved_ned_m != NOWHERE:

@@ -194,7 +194,7 @@ class SigningKey:
     Args:
         secret: 32 bytes.
         unix_s: The Unix time of the first use; None reads it then.
-        streams: The last timestamps of earlier runs; None for none.
+        streams: Bounds on the timestamps of earlier runs; None for none.
     """
 
     secret: bytes = field(repr=False)
@@ -216,7 +216,7 @@ class SigningKey:
 
         Args:
             text: The digits.
-            streams: Folder for the last timestamps of this key; None remembers none.
+            streams: Folder for the bounds on timestamps of this key; None remembers none.
 
         Raises:
             ConfigError: If the text is anything else. The message does not repeat it, because it may be a secret.
@@ -259,8 +259,13 @@ class SignatureCheck:
         self.latest = ticks(time.time_ns() / 1e9 if key.unix_s is None else key.unix_s)
         """Our time at the start, or the latest timestamp accepted since."""
 
+    @property
+    def unsaved(self) -> int:
+        """Number of frames that were used although the disk keeps no bound for their timestamps."""
+        return 0 if self._streams is None else self._streams.unsaved
+
     def problem(self, frame: Frame, *, remember: bool = True) -> str | None:
-        """Return "unsigned", "refused" (wrong or old), or None if the frame is genuine.
+        """Return "unsigned", "refused" (wrong or old), "unsaved" (no bound on disk yet), or None if it is genuine.
 
         The timestamp of a genuine frame is remembered, and the same frame is old from then on.
         """
@@ -273,10 +278,10 @@ class SignatureCheck:
         signature = hashlib.sha256(self._secret + data[:-6]).digest()[:6]
         if sent_at <= last or not hmac.compare_digest(signature, data[-6:]):
             return "refused"
+        if self._streams is not None and not self._streams.may_use(stream, sent_at):
+            return "unsaved"
         if remember:
             self._last[stream] = sent_at
-            if self._streams is not None:
-                self._streams.note(stream, sent_at)
             self.latest = max(self.latest, sent_at)
         return None
 

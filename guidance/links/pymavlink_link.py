@@ -31,7 +31,16 @@ AIRCRAFT_PER_S: Final = 100
 _TEXT_CHUNK_BYTES: Final = 50
 _TEXT_TIMEOUT_S: Final = 1.0
 _LONGEST_TEXT: Final = 800
-_REASONS: Final = ("foreign", "unsigned", "refused", "unsent", "received", "invalid", "for_others")
+_REASONS: Final = (
+    "foreign",
+    "unsigned",
+    "refused",
+    "unsaved",
+    "unsent",
+    "received",
+    "invalid",
+    "for_others",
+)
 _COUNTED: Final = (*_REASONS, "overflowed", "requests_sent", "setpoints_sent")
 
 
@@ -257,9 +266,11 @@ class PymavlinkLink:
 
     def counters(self) -> Mapping[str, int]:
         """Return how many messages were received, sent and dropped, by reason."""
+        check = self._station.check
         return {
             **dict.fromkeys(_COUNTED, 0),
             **self.counts,
+            "used_unsaved": 0 if check is None else check.unsaved,
             "impostors": self._wire.impostors_of(self._vehicle[0]),
             "garbage_bytes": self._frames.garbage_bytes,
             "unknown": self._frames.unknown,

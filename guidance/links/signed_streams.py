@@ -1,11 +1,17 @@
-"""The last timestamp of every signed stream, kept in a file across restarts.
+"""A bound on the timestamps of every signed stream, kept in a file across restarts.
 
 A recorded frame has a valid signature. It is refused because it is not newer than the last one of its stream, and a
-program that has just started knows that only from this file. It is written by a thread of its own, once a second while
-frames arrive and at the end, so that no cycle waits for a disk.
+program that has just started knows that only from this file. The file is ahead: no frame is used before the file has a
+bound that is not below its timestamp. After a crash, every frame that was ever used is therefore refused, and so are
+the vehicle's own ones until their timestamps pass the bound: for `LEAD_S` at most, since they run with time. A program
+that ends in order leaves the last timestamp itself, and nobody waits.
+
+A thread writes the file, so that no cycle waits for a disk. A disk that does not answer ends no flight: then a stream
+is used after `MOST_WAITING` frames, and counted.
 """
 
 import contextlib
+import fcntl
 import json
 import os
 import threading
@@ -18,7 +24,17 @@ from guidance.files import private_file, private_folder, text_of
 Stream = tuple[int, int, int]
 """Link id, system id and component id."""
 
-_EVERY_S: Final = 1.0
+LEAD_S: Final = 5.0
+"""The bound is so far ahead of the last timestamp."""
+
+MOST_WAITING: Final = 100
+"""So many frames of a stream wait for a bound; the next one is used without."""
+
+_TICKS_PER_S: Final = 100_000
+_LEAD: Final = round(LEAD_S * _TICKS_PER_S)
+_RENEWED: Final = _LEAD - _TICKS_PER_S
+"""The bound is renewed when it is less than this ahead: once a second. A disk may take four seconds."""
+
 _MOST_BYTES: Final = 65536
 _MOST_TIMESTAMP: Final = 2**48
 
@@ -33,13 +49,14 @@ def state_folder() -> Path:
 
 
 class SignedStreams:
-    """The last timestamps of the streams of one key.
+    """The bounds of the streams of one key.
 
     Args:
         path: The file; it need not exist.
 
     Attributes:
         at_start: What the file had when it was opened.
+        unsaved: Number of frames that were used although the disk has no bound for them.
 
     Raises:
         ConfigError: If the file exists and cannot be used.
@@ -48,48 +65,83 @@ class SignedStreams:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.at_start = _read(path)
-        self._latest = dict(self.at_start)
-        self._written = dict(self.at_start)
+        self.unsaved = 0
+        self._latest: dict[Stream, int] = {}
+        self._bounds: dict[Stream, int] = {}
+        self._waited: dict[Stream, int] = {}
         self._lock = threading.Lock()
-        self._ended = threading.Event()
+        self._writing = threading.Lock()
+        self._due = threading.Event()
+        self._ended = False
         self._thread: threading.Thread | None = None
 
-    def note(self, stream: Stream, timestamp: int) -> None:
-        """Remember the timestamp of a genuine frame."""
+    def may_use(self, stream: Stream, timestamp: int) -> bool:
+        """Whether a genuine frame may be used: the file bounds its timestamp. If not, it is written at once."""
         with self._lock:
             self._latest[stream] = max(timestamp, self._latest.get(stream, 0))
-            if self._thread is None and not self._ended.is_set():
-                self._thread = threading.Thread(
-                    target=self._keep, name="signed streams", daemon=True
-                )
-                self._thread.start()
+            ahead = self._bounds.get(stream, -1) - timestamp
+            if ahead < _RENEWED:
+                self._renew()
+            if ahead >= 0:
+                self._waited[stream] = 0
+                return True
+            waited = self._waited.get(stream, 0) + 1
+            self._waited[stream] = waited
+            if waited <= MOST_WAITING:
+                return False
+            self.unsaved += 1
+            return True
 
-    def write(self) -> None:
-        """Write the file now, unless nothing has changed or the disk refuses."""
-        with self._lock:
-            latest = dict(self._latest)
-        if latest == self._written:
-            return
-        with contextlib.suppress(OSError, ConfigError):
+    def _renew(self) -> None:
+        """Have the thread write the file."""
+        if self._thread is None and not self._ended:
+            self._thread = threading.Thread(target=self._keep, name="signed streams", daemon=True)
+            self._thread.start()
+        self._due.set()
+
+    def write(self, lead: int = _LEAD) -> None:
+        """Write the file now, with bounds so far ahead of the last timestamps, unless the disk refuses."""
+        with self._writing, contextlib.suppress(OSError, ConfigError):
+            with self._lock:
+                own = {stream: timestamp + lead for stream, timestamp in self._latest.items()}
+            if own == self._bounds:
+                return
             private_folder(self.path.parent)
-            for stream, timestamp in _read(self.path).items():  # another daemon with this key
-                latest[stream] = max(timestamp, latest.get(stream, 0))
-            draft = private_file(self.path.with_suffix(f".{os.getpid()}"))
-            rows = {"/".join(map(str, stream)): latest[stream] for stream in sorted(latest)}
-            draft.write_text(json.dumps(rows), encoding="utf-8")
-            draft.replace(self.path)
-            self._written = latest
+            with private_file(self.path.with_suffix(".lock")).open("w") as alone:
+                fcntl.flock(alone, fcntl.LOCK_EX)
+                self._replace(own)
+            with self._lock:
+                self._bounds = own
+
+    def _replace(self, own: dict[Stream, int]) -> None:
+        """Write these bounds, and those of other daemons with this key."""
+        rows = dict(own)
+        for stream, bound in _read(self.path).items():
+            if bound != self._bounds.get(stream):
+                rows[stream] = max(bound, rows.get(stream, 0))
+        named = {"/".join(map(str, stream)): rows[stream] for stream in sorted(rows)}
+        draft = private_file(self.path.with_suffix(".new"))
+        with draft.open("w", encoding="utf-8") as file:
+            file.write(json.dumps(named))
+            file.flush()
+            os.fsync(file.fileno())
+        draft.replace(self.path)
 
     def close(self) -> None:
-        """End the thread and write the file. May be called twice."""
-        self._ended.set()
+        """End the thread and write the last timestamps. May be called twice."""
+        self._ended = True
+        self._due.set()
         if self._thread is not None:
             self._thread.join()
-        self.write()
+        if self._latest:
+            self.write(lead=0)
 
     def _keep(self) -> None:
-        while not self._ended.wait(_EVERY_S):
-            self.write()
+        while not self._ended:
+            self._due.wait()
+            self._due.clear()
+            if not self._ended:
+                self.write()
 
 
 def _read(path: Path) -> dict[Stream, int]:
@@ -100,7 +152,7 @@ def _read(path: Path) -> dict[Stream, int]:
     """
     if not path.exists():
         return {}
-    said = f"last timestamps of signed streams, {path}"
+    said = f"timestamps of signed streams, {path}"
     damaged = f"{said}: damaged; see that nobody replays recorded frames, and remove it"
     text = text_of(path, said, secret=True)
     try:

@@ -76,7 +76,7 @@ class AddressPins:
         self._reader = FrameReader(())
         self._second = -1
         self._budget: Counter[int] = Counter()
-        self.refused = Counter(garbage=0, impostor=0, stranger=0, unsigned=0)
+        self.refused = Counter(garbage=0, impostor=0, stranger=0, unsigned=0, unsaved=0)
         self.impostors_of: Counter[int] = Counter()
         """Number of refused frames with a pinned system's id from another address, by system."""
         self.impostors: deque[bytes] = deque(maxlen=256)
@@ -109,11 +109,12 @@ class AddressPins:
         if frame is None:
             return self._refuse("garbage")
         check = self._checks.get(system_id)
-        if check is not None and check.problem(frame, remember=False) is not None:
-            if system_id in self._pins:
-                return self._impostor(now_s, data)
-            return self._refuse("unsigned")
-        return None
+        problem = None if check is None else check.problem(frame, remember=False)
+        if problem == "unsaved":
+            return self._refuse("unsaved")
+        if problem is None:
+            return None
+        return self._impostor(now_s, data) if system_id in self._pins else self._refuse("unsigned")
 
     def _admits(self, now_s: float, address: Address, frame: Frame) -> bool:
         """Judge one valid frame by its own system's pin."""

@@ -135,7 +135,7 @@ class Aggregator:
         if local is not None:
             columns |= {
                 "flown_ned_m_s": local.velocity_ned_m_s,
-                "telemetry_age_s": row.now_s - local.received_s,
+                "telemetry_age_s": self.vehicle.age_s(LocalPosition, row.now_s),
             }
             columns["pursuer_m"] = (
                 _UNKNOWN if frame is None else frame.position_from_ned(local.position_ned_m)

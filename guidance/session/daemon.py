@@ -271,6 +271,17 @@ class Daemon:
             if problem
         ]
 
+    def _signing_rows(self) -> list[Finding]:
+        """Return a warning if the disk does not keep the timestamps of signed frames."""
+        unsaved = self._link.counters().get("used_unsaved", 0)
+        if unsaved == 0:
+            return []
+        words = f"{unsaved} frames were used whose timestamps are not on disk"
+        advice = (
+            "after a crash they can be replayed: make $STATE_DIRECTORY or ~/.local/state writable"
+        )
+        return [Finding("signing", words, "on disk", Verdict.WARN, advice)]
+
     def _tell_evader_news(self, now_s: float) -> None:
         """Log and record what of the evaders' reports is no longer used."""
         news = self.flight.tracking.news
@@ -414,6 +425,7 @@ class Daemon:
             *rows(facts, self._plan.flight.autopilot, wants),
             *self.recording.rows(),
             *self._evader_rows(),
+            *self._signing_rows(),
         )
         refused = refusals(self.rows)
         if refused != self._refused and self.survey.settled(now_s):

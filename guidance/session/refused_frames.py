@@ -14,7 +14,7 @@ TOLD_EVERY_S: Final = 10.0
 _REASONS: Final[Mapping[str, str]] = {
     "impostors": "from another address",
     "unsigned": "without a signature",
-    "refused": "with a wrong or repeated signature",
+    "refused": "with a wrong signature or an old one",
 }
 """The link's counters of such frames, and what is wrong with them."""
 

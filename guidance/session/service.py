@@ -98,9 +98,8 @@ def open_all(
     closed = world.closing
     opened = {} if wires is None else dict(wires)
     credentials = credentials_of(config.zenoh)
-    key = signing_key(vehicle.signing_key_file)
-    if key is not None and key.streams is not None:
-        closed.callback(key.streams.close)
+    keys = _Keys(closed)
+    key = keys.open(vehicle.signing_key_file, "vehicle")
     _claim_on_its_bus(vehicle.url, credentials, closed)
     if (wire := opened.get(config.name)) is None:
         # The evader's reports arrive on it too, unless they have a URL of their own.
@@ -136,7 +135,7 @@ def open_all(
     sources = dict[str, EvaderSource]()
     world.evaders[config.name] = sources
     for name, section in config.evaders.items():
-        sources[name] = _open_source(vehicle, section, clock, credentials, opened.get(name))
+        sources[name] = _open_source(vehicle, section, clock, credentials, keys, opened.get(name))
         closed.callback(sources[name].close)
 
 
@@ -154,6 +153,7 @@ def _open_source(
     evader: EvaderSection,
     clock: Clock,
     credentials: Credentials,
+    keys: "_Keys",
     wire: Wire | None,
 ) -> EvaderSource:
     """Open an evader's source, on this wire if there is one, and have it ask for reports if they must be requested."""
@@ -162,9 +162,9 @@ def _open_source(
     key = None
     if kind.transport == "mavlink":
         if evader.url is None:
-            key = signing_key(vehicle.signing_key_file)
+            key = keys.open(vehicle.signing_key_file, "vehicle")
         else:
-            key = signing_key(evader.signing_key_file, "evader")
+            key = keys.open(evader.signing_key_file, "evader")
         if wire is None:
             wire = open_wire(
                 url,
@@ -191,6 +191,29 @@ def _open_source(
             credentials=credentials,
         )
     )
+
+
+class _Keys:
+    """The signing keys of one world, each with one list of streams, which is closed with the world."""
+
+    def __init__(self, closed: ExitStack) -> None:
+        self._closed = closed
+        self._keys: dict[bytes, SigningKey] = {}
+
+    def open(self, path: Path | None, section: str) -> SigningKey | None:
+        """Return the key of a file; None without one.
+
+        Raises:
+            ConfigError: As `signing_key`.
+        """
+        key = signing_key(path, section)
+        if key is None:
+            return None
+        if key.secret not in self._keys:
+            self._keys[key.secret] = key
+            if key.streams is not None:
+                self._closed.callback(key.streams.close)
+        return self._keys[key.secret]
 
 
 def signing_key(path: Path | None, section: str = "vehicle") -> SigningKey | None:

@@ -257,7 +257,7 @@ def test_without_a_stand_off_or_an_evader_there_is_none_to_break():
 def test_a_battery_is_low_when_three_reports_in_succession_are_below_the_minimum(batteries, low):
     heard = Heard(SETTINGS)
     for number, battery in enumerate(batteries):
-        heard.take_in(Inputs([status(float(number), battery)]), in_flight=True)
+        heard.take_in(float(number), Inputs([status(float(number), battery)]), in_flight=True)
     reports = heard.low_battery_reports
     assert happens(Event.BATTERY_LOW, State.ENGAGED, low_battery_reports=reports) is low
 

@@ -34,9 +34,9 @@ def mate(north_m, *, at_s=AT_S, velocity=(0.0, 0.0, 0.0), airborne=True, doubt_m
 def heard(*mates, now_s=AT_S, role=None, reports=()):
     one = Heard(TEAM)
     messages = [home(AT_S), Origin(AT_S, *HERE, 488.0), local(AT_S, (0.0, 0.0, UP_M))]
-    one.take_in(Inputs(messages, reports, mates=mates, role=role), in_flight=True)
+    one.take_in(AT_S, Inputs(messages, reports, mates=mates, role=role), in_flight=True)
     if now_s != AT_S:
-        one.take_in(Inputs(), in_flight=True)
+        one.take_in(now_s, Inputs(), in_flight=True)
     return one
 
 
@@ -60,9 +60,9 @@ def aircraft(north_m, *, name="ICAO 3C6444", velocity=(0.0, 0.0, 0.0), error_m=0
 def flown_beside(*others, mates=(), now_s=AT_S, reports=(), settings=TEAM):
     one = Heard(settings)
     messages = [home(AT_S), Origin(AT_S, *HERE, 488.0), local(AT_S, (0.0, 0.0, UP_M)), *others]
-    one.take_in(Inputs(messages, reports, mates=mates, role=Role("red")), in_flight=True)
+    one.take_in(AT_S, Inputs(messages, reports, mates=mates, role=Role("red")), in_flight=True)
     if now_s != AT_S:
-        one.take_in(Inputs(), in_flight=True)
+        one.take_in(now_s, Inputs(), in_flight=True)
     return one
 
 
@@ -139,7 +139,7 @@ def test_a_role_chooses_the_evader_its_speed_and_the_height():
         assert math.copysign(1.0, one.view(AT_S).evader.position_ned_m[0]) == sign
         assert one.cycle.game.evader_speed_m_s == speed_m_s
         assert one.cycle.game.standoff.height_m == TEAM.cycle.game.standoff.height_m + 4.0
-        one.take_in(Inputs(), in_flight=True)
+        one.take_in(AT_S, Inputs(), in_flight=True)
         assert not one.switched
 
 
@@ -148,12 +148,14 @@ def test_of_a_crowd_of_phantoms_only_the_nearest_count_and_each_is_told_once():
     assert [words.split(",")[0] for words in one.new_aircraft] == ["near"]
     for number in range(500):
         one.take_in(
-            Inputs(messages=[aircraft(100.0 + number, name=f"system {number}")]), in_flight=True
+            AT_S,
+            Inputs(messages=[aircraft(100.0 + number, name=f"system {number}")]),
+            in_flight=True,
         )
         assert len(one.aircraft) <= MOST_AIRCRAFT
         assert one.new_aircraft == []  # one note a second
     assert one.aircraft.keys() == {"near", *(f"system {number}" for number in range(7))}
-    one.take_in(Inputs(messages=[aircraft(100.0, name="system 0")]), in_flight=True)
+    one.take_in(AT_S, Inputs(messages=[aircraft(100.0, name="system 0")]), in_flight=True)
     assert one.new_aircraft == []
 
 
@@ -161,10 +163,10 @@ def test_what_leaps_as_no_aircraft_can_is_none():
     one = flown_beside(aircraft(40.0))
     for number in range(50):
         leaping = aircraft(40.0 if number % 2 else 900.0)._replace(received_s=AT_S + 0.1 * number)
-        one.take_in(Inputs(messages=[leaping]), in_flight=True)
+        one.take_in(AT_S, Inputs(messages=[leaping]), in_flight=True)
     assert one.aircraft == {}
     later = aircraft(40.0)._replace(received_s=AT_S + 20.0)
-    one.take_in(Inputs(messages=[later]), in_flight=True)
+    one.take_in(AT_S, Inputs(messages=[later]), in_flight=True)
     assert one.aircraft.keys() == {"ICAO 3C6444"}
 
 

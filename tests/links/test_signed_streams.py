@@ -1,14 +1,18 @@
-"""Signed frames of an earlier run are refused by the next one: the last timestamps are on disk."""
+"""Signed frames of an earlier run are refused by the next one: bounds on their timestamps are on disk."""
 
 import json
 import stat
+import tempfile
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError
 from guidance.links.frames import FrameReader, SignatureCheck, SigningKey, ticks
-from guidance.links.signed_streams import SignedStreams, state_folder
+from guidance.links.signed_streams import LEAD_S, MOST_WAITING, SignedStreams, state_folder
 from guidance.links.udp import AddressPins
 from tests.links.peer import Peer
 
@@ -16,6 +20,7 @@ KEY = bytes(range(32))
 UNIX_S = 1_800_000_000.0
 VEHICLE = ("127.0.0.1", 14580)
 FORGER = ("127.0.0.1", 666)
+LEAD = round(LEAD_S * 100_000)
 
 
 class Signing(Peer):
@@ -43,18 +48,72 @@ def problem(check, frame):
     return check.problem(FrameReader().first(frame))
 
 
-def test_recorded_frames_take_no_place_after_a_restart(tmp_path):
+def written(key, check, frame):
+    """Offer the first frame of a stream until the file has a bound for it; the thread writes it."""
+    for _ in range(MOST_WAITING // 2):
+        reason = problem(check, frame)
+        if reason is None:
+            return
+        assert reason == "unsaved"
+        key.streams.write()
+    raise AssertionError
+
+
+@pytest.mark.parametrize("ending", ["in order", "crash"])
+def test_recorded_frames_take_no_place_after_a_restart(tmp_path, ending):
     vehicle = Signing()
     key = key_in(tmp_path)
+    written(key, SignatureCheck(key), vehicle.beat())
     pins = AddressPins({1}, {1: SignatureCheck(key)})
     recorded = [vehicle.beat() for _ in range(5)]
     assert all(pins.admit(0.1 * number, VEHICLE, frame) for number, frame in enumerate(recorded))
-    key.streams.close()
-    restarted = AddressPins({1}, {1: SignatureCheck(key_in(tmp_path))})
+    if ending == "in order":
+        key.streams.close()
+    key = key_in(tmp_path)
+    check = SignatureCheck(key)
+    restarted = AddressPins({1}, {1: check})
     for number, frame in enumerate(recorded):
         assert restarted.admit(float(number), FORGER, frame) == b""
     assert restarted.addresses == ()
+    if ending == "crash":
+        assert problem(check, vehicle.beat()) == "refused"
+        vehicle.mavlink.signing.timestamp += LEAD
+    written(key, check, vehicle.beat())
     assert restarted.admit(9.0, VEHICLE, vehicle.beat())
+
+
+@given(st.lists(st.tuples(st.integers(0, 3 * LEAD), st.booleans()), min_size=1, max_size=30))
+def test_whenever_a_program_dies_every_frame_that_it_used_is_refused_and_no_fresh_one_waits_longer(
+    steps,
+):
+    vehicle = Signing()
+    with tempfile.TemporaryDirectory() as folder:
+        key = key_in(Path(folder))
+        check = SignatureCheck(key)
+        used = []
+        for ticks_later, is_slow in steps:
+            vehicle.mavlink.signing.timestamp += ticks_later
+            frame = vehicle.beat()
+            if problem(check, frame) is None:
+                used.append(frame)
+            elif not is_slow:
+                key.streams.write()
+        restarted = SignatureCheck(key_in(Path(folder)))
+        key.streams.close()
+    assert {problem(restarted, frame) for frame in used} <= {"refused"}
+    vehicle.mavlink.signing.timestamp += LEAD
+    assert problem(restarted, vehicle.beat()) in {None, "unsaved"}
+
+
+def test_the_bound_is_renewed_long_before_it_is_reached(tmp_path):
+    vehicle = Signing()
+    key = key_in(tmp_path)
+    check = SignatureCheck(key)
+    written(key, check, vehicle.beat())
+    for _ in range(20):
+        vehicle.mavlink.signing.timestamp += LEAD // 2
+        assert problem(check, vehicle.beat()) is None
+        key.streams.write()  # as the thread does
 
 
 def test_every_stream_has_a_timestamp_of_its_own(tmp_path):
@@ -62,21 +121,21 @@ def test_every_stream_has_a_timestamp_of_its_own(tmp_path):
     cable = Signing(2)
     key = key_in(tmp_path)
     check = SignatureCheck(key)
-    assert problem(check, radio.beat()) is None
+    written(key, check, radio.beat())
     old = cable.beat()
-    new = cable.beat()
-    assert problem(check, new) is None
+    written(key, check, cable.beat())
     key.streams.close()
-    check = SignatureCheck(key_in(tmp_path))
+    key = key_in(tmp_path)
+    check = SignatureCheck(key)
     assert problem(check, old) == "refused"
-    assert problem(check, radio.beat()) is None
+    written(key, check, radio.beat())
 
 
 def test_the_file_is_private_and_two_programs_with_one_key_keep_both_their_streams(tmp_path):
     one = SignedStreams(tmp_path / "new" / "signed.json")
     other = SignedStreams(one.path)
-    one.note((0, 1, 1), 7)
-    other.note((0, 2, 1), 8)
+    one.may_use((0, 1, 1), 7)
+    other.may_use((0, 2, 1), 8)
     one.close()
     other.close()
     assert json.loads(one.path.read_text()) == {"0/1/1": 7, "0/2/1": 8}
@@ -98,7 +157,9 @@ def test_a_damaged_file_is_named_and_never_taken_for_none(tmp_path, text):
 def test_a_disk_that_refuses_stops_no_flight(tmp_path):
     (tmp_path / "file").write_text("")
     streams = SignedStreams(tmp_path / "file" / "signed.json")
-    streams.note((0, 1, 1), 7)
+    uses = [streams.may_use((0, 1, 1), number) for number in range(MOST_WAITING + 50)]
+    assert uses == [False] * MOST_WAITING + [True] * 50
+    assert streams.unsaved == 50
     streams.close()
 
 
