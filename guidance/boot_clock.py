@@ -26,6 +26,12 @@ _DRIFT: Final = 2e-4
 _ROUNDING_S: Final = 0.1
 """Stamps are whole milliseconds, and some are rounded up or taken late. More than this contradicts the offset."""
 
+_PACED_S: Final = 1.0
+"""Least time between two answers whose times are compared."""
+
+_REAL_TIME: Final = 0.2
+"""A clock whose pace differs from ours by a larger share is no real-time clock. Round trips change it by less."""
+
 _WRAP_S: Final = 2.0**32 / 1e3
 """time_boot_ms has 32 bits; TIMESYNC has 64."""
 
@@ -39,16 +45,27 @@ class BootClock(NamedTuple):
         delay_s: Largest possible age of the last position when it arrived, at most `LONGEST_S`; NaN while the offset
             is unknown.
         late_since_s: Since when the delay exceeds `LATE_S`; inf if it does not.
+        paced: An answer a while ago, as (our time, the vehicle's); None before the first one.
+        pace: The vehicle's time that passes in a second of ours, by the last answers.
     """
 
     offset_s: float = -math.inf
     answered_s: float = 0.0
     delay_s: float = math.nan
     late_since_s: float = math.inf
+    paced: tuple[float, float] | None = None
+    pace: float = 1.0
 
     def is_late(self, now_s: float) -> bool:
         """Whether the delay has exceeded `LATE_S` for `CONFIRMED_S`."""
         return now_s - self.late_since_s >= CONFIRMED_S
+
+    @property
+    def unknown_words(self) -> str:
+        """Why the delay is unknown."""
+        if abs(self.pace - 1.0) > _REAL_TIME:
+            return f"unknown: the vehicle's clock runs {self.pace:.1f} times as fast as ours"
+        return "unknown: TIMESYNC is not answered"
 
 
 def with_answer(clock: BootClock, answer: Timesync) -> BootClock:
@@ -60,7 +77,20 @@ def with_answer(clock: BootClock, answer: Timesync) -> BootClock:
     held_s = clock.offset_s - _DRIFT * max(0.0, answer.received_s - clock.answered_s)
     if held_s <= most_s:
         least_s = max(least_s, held_s)
+    clock = _paced(clock, answer.received_s, vehicle_s)
     return clock._replace(offset_s=least_s, answered_s=answer.received_s)
+
+
+def _paced(clock: BootClock, received_s: float, vehicle_s: float) -> BootClock:
+    """Compare the times of two answers."""
+    if clock.paced is None:
+        return clock._replace(paced=(received_s, vehicle_s))
+    before_s, vehicle_before_s = clock.paced
+    passed_s = received_s - before_s
+    if passed_s < _PACED_S:
+        return clock
+    pace = (vehicle_s - vehicle_before_s) / passed_s
+    return clock._replace(paced=(received_s, vehicle_s), pace=pace)
 
 
 def with_position(clock: BootClock, received_s: float, time_boot_s: float) -> BootClock:
@@ -69,7 +99,7 @@ def with_position(clock: BootClock, received_s: float, time_boot_s: float) -> Bo
         return clock
     late_s = math.remainder(received_s - time_boot_s - clock.offset_s, _WRAP_S)
     if late_s < -_ROUNDING_S:
-        return BootClock()
+        return BootClock(paced=clock.paced, pace=clock.pace)
     since_s = math.inf
     if late_s > LATE_S:
         since_s = min(clock.late_since_s, received_s)

@@ -2,6 +2,7 @@
 
 import math
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -83,6 +84,26 @@ def test_a_clock_that_was_set_is_unknown_until_the_next_answer():
     assert math.isnan(clock.delay_s)
     clock = with_answer(clock, exchange(100.3, 0.02, 0.02, AHEAD_S - 50.0))
     assert heard(clock, 100.4, 0.02, AHEAD_S - 50.0).delay_s < 0.05
+
+
+@pytest.mark.parametrize("pace", [2.0, 5.0, 20.0])
+def test_a_simulator_faster_than_real_time_is_named(pace):
+    clock = BootClock()
+    for cycle in range(400):
+        now_s = 100.0 + 0.02 * cycle
+        ahead_s = AHEAD_S - (pace - 1.0) * 0.02 * cycle
+        if cycle % 12 == 0:
+            clock = with_answer(clock, exchange(now_s, 0.002, 0.002, ahead_s))
+        clock = heard(clock, now_s, 0.01, ahead_s)
+    for _ in range(12):  # until a stamp contradicts the last answer
+        now_s += 0.02
+        ahead_s -= (pace - 1.0) * 0.02
+        clock = heard(clock, now_s, 0.01, ahead_s)
+    assert math.isnan(clock.delay_s)
+    assert (
+        clock.unknown_words == f"unknown: the vehicle's clock runs {pace:.1f} times as fast as ours"
+    )
+    assert BootClock().unknown_words == "unknown: TIMESYNC is not answered"
 
 
 def test_a_simulator_that_paused_is_not_late():

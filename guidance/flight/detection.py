@@ -52,7 +52,8 @@ _TO_DO: Final[Mapping[str, str]] = {
     "autopilot": "check the vehicle's power, the link's URL, vehicle.system_id and vehicle.autopilot",
     **{kind.__name__: advice for kind, (_, advice) in _NEEDED.items()},
     "sender": "find what else sends with the vehicle's system id, or sign MAVLink",
-    "delay": "use a faster link or request fewer streams on it; routers must pass TIMESYNC on",
+    "delay": "use a faster link or request fewer streams on it; routers must pass TIMESYNC on; "
+    "a simulator must run at the pace of real time",
     "prearm": "read the autopilot's own messages in the ground station, and mend what they name",
     "battery": "change or charge the battery",
 }
@@ -87,7 +88,7 @@ def checks(
     alone = not vehicle.has_second_sender(now_s)
     rows.append(("sender", alone, "alone" if alone else "positions of two senders"))
     delay_s = vehicle.clock.delay_s
-    value = "unknown: TIMESYNC is not answered" if math.isnan(delay_s) else f"{delay_s:.2f} s"
+    value = vehicle.clock.unknown_words if math.isnan(delay_s) else f"{delay_s:.2f} s"
     rows.append(("delay", delay_s <= LATE_S, value))
     if status is None:
         rows += [("prearm", False, "not heard"), ("battery", False, "not heard")]

@@ -12,7 +12,6 @@ relative, and the cookie is set by an answer below the secret path, without nami
 
 import asyncio
 import contextlib
-import hashlib
 import hmac
 import ipaddress
 import math
@@ -22,7 +21,7 @@ import socket
 import ssl
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
 from aiohttp import web
@@ -34,7 +33,11 @@ from guidance.links.port import is_loopback
 
 MIN_PASSWORD_LENGTH: Final = 12
 PASSWORD_INTERVAL_S: Final = 1.0
-"""Pause after a wrong password, for the address that sent it."""
+"""After a wrong password, the answers to its address are so late for so long, whatever the password is.
+
+The right one always gets in. Who guesses needs a connection for each guess meanwhile: at most `MAX_CONNECTIONS` guesses
+in this time.
+"""
 
 MAX_CONNECTIONS: Final = 256
 LOGIN_DEADLINE_S: Final = 10.0
@@ -46,8 +49,6 @@ _PUBLIC: Final = frozenset({"/", "/login", _STYLE})
 _MAX_ADDRESSES: Final = 1024
 _MAX_TICKETS: Final = 16
 _TICKET_S: Final = 30.0
-_KNOWN_FOR_S: Final = 365 * 24 * 3600
-_SALT: Final = b"guidance panel: browsers that gave the password"
 
 _DOORS: Final = {403: "denied.html", 421: "elsewhere.html"}
 """The page that explains a refusal to a person."""
@@ -78,6 +79,7 @@ class Access:
         scheme: http or https.
         listener: Passes on the connections; set when they are served.
         clock: As given.
+        pause: Waits for some seconds.
     """
 
     listener: "Listener"
@@ -92,21 +94,18 @@ class Access:
         self._cookie = f"guidance-panel-{port}"
         self.tls = None
         self._password = ""
-        self._known = f"guidance-known-{port}"
-        self._known_key = b""
         if remote is not None:
             (tls, password) = remote
             self.tls = tls
             self._password = password
-            # Slow on purpose: the cookie of a known browser must not help to guess the password.
-            self._known_key = hashlib.scrypt(self._password.encode(), salt=_SALT, n=2**14, r=8, p=1)
         self._tickets = dict[str, float]()
         self.scheme = "http" if remote is None else "https"
         self._hosts = frozenset(f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]"))
         self._address = f"{self.scheme}://{f'[{host}]' if ':' in host else host}:{port}/"
         self.clock = clock
+        self.pause: Callable[[float], Awaitable[None]] = asyncio.sleep
         self._say = say
-        self._blocked_until_s = dict[str, float]()  # by network, after a wrong password
+        self._late_until_s = dict[str, float]()  # by network, after a wrong password
 
     def announce(self, remark: str = "") -> None:
         """Print the URL of the page. Its token works once, so each use prints the next."""
@@ -169,31 +168,14 @@ class Access:
         """Exchange the password for the cookie."""
         if self.tls is None:
             return web.Response(status=404)
-        browser = self._known_browser(request)
-        sender = browser if browser else str(request.remote)
-        if self.is_blocked(sender):
-            return self._door(request, 429, "Wait a second between two passwords.")
+        sender = str(request.remote)
         form = parse_qs((await request.read()).decode(errors="replace"))
-        if not _is_same(form.get("password", [""])[0], self._password):
-            self.block(sender)
-            return self._door(request, 403, "That was not the password.")
-        answer = self._let_in()
-        if not browser:
-            browser = secrets.token_hex(16)
-        mark = f"{browser}.{self._mark_of(browser)}"
-        answer.set_cookie(self._known, mark, max_age=_KNOWN_FOR_S, **self._cookie_rules("Strict"))
-        return answer
-
-    def _known_browser(self, request: web.Request) -> str:
-        """Return the name of a browser that gave the password before; empty for the others.
-
-        It has attempts of its own, so somebody who guesses from the same address does not keep it out.
-        """
-        browser, _, mark = request.cookies.get(self._known, "").partition(".")
-        return browser if _is_same(mark, self._mark_of(browser)) else ""
-
-    def _mark_of(self, browser: str) -> str:
-        return hmac.digest(self._known_key, _bytes_of(browser), "sha256").hex()
+        if self.is_late(sender):
+            await self.pause(PASSWORD_INTERVAL_S)
+        if _is_same(form.get("password", [""])[0], self._password):
+            return self._let_in()
+        self.note_wrong(sender)
+        return self._door(request, 403, "That was not the password.")
 
     def _let_in(self) -> web.Response:
         ticket = secrets.token_urlsafe(24)
@@ -209,25 +191,24 @@ class Access:
             return self._door(request, 403)
         answer = web.Response(status=303, headers={"Location": "./"})
         # With Strict, a URL that was clicked in a terminal inside a browser would lose the cookie on the redirect.
-        answer.set_cookie(self._cookie, self._session, **self._cookie_rules("Lax"))
-        return answer
-
-    def _cookie_rules(self, same_site: str) -> dict[str, Any]:
         # Without a path: the browser takes the folder of the address that it asked for, also behind a proxy.
         is_secure = self.tls is not None
-        return {"path": "", "httponly": True, "samesite": same_site, "secure": is_secure}
+        answer.set_cookie(
+            self._cookie, self._session, path="", httponly=True, samesite="Lax", secure=is_secure
+        )
+        return answer
 
-    def is_blocked(self, address: str) -> bool:
-        """True while an address or a known browser must wait: each may send one wrong password a second."""
-        return self.clock.now_s() < self._blocked_until_s.get(_network(address), 0.0)
+    def is_late(self, address: str) -> bool:
+        """Whether an address sent a wrong password just now."""
+        return self.clock.now_s() < self._late_until_s.get(_network(address), 0.0)
 
-    def block(self, address: str) -> None:
-        """Block an address or a known browser after a wrong password."""
+    def note_wrong(self, address: str) -> None:
+        """Note a wrong password of an address."""
         network = _network(address)
-        self._blocked_until_s.pop(network, None)
-        self._blocked_until_s[network] = self.clock.now_s() + PASSWORD_INTERVAL_S
-        if len(self._blocked_until_s) > _MAX_ADDRESSES:
-            del self._blocked_until_s[next(iter(self._blocked_until_s))]
+        self._late_until_s.pop(network, None)
+        self._late_until_s[network] = self.clock.now_s() + PASSWORD_INTERVAL_S
+        if len(self._late_until_s) > _MAX_ADDRESSES:
+            del self._late_until_s[next(iter(self._late_until_s))]
 
 
 def _is_for_a_person(request: web.Request) -> bool:
