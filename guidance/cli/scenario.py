@@ -16,12 +16,19 @@ from guidance.cli.players import as_text, rows_json, tell_players
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require
+from guidance.game.speed_sets import speed_set_named
 from guidance.screen import console, headed, pairs, sheet
 from guidance.sim.batch import stack
 from guidance.sim.expect import CheckedExpectation, Ranges
 from guidance.sim.maths import opening, play
 from guidance.sim.outcome import winner_name
-from guidance.sim.scenario import WIND_WORDS, Scenario, Target
+from guidance.sim.scenario import (
+    FLOWN_SPEED_SET,
+    MATHS_SPEED_SET,
+    WIND_WORDS,
+    Scenario,
+    Target,
+)
 from guidance.sim.scenario_file import FOLDER, load_any
 from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of
 from guidance.texts import printable
@@ -325,14 +332,12 @@ def _groups(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
 def _players(scenario: Scenario) -> Iterator[tuple[str, str]]:
     pursuer = scenario.pursuer
     evader = scenario.evader
-    level = f"{pursuer.speed_m_s:g} m/s"
-    apart = f"{level} level, {pursuer.climb_m_s:g} up, {pursuer.descent_m_s:g} down (cylinder)"
-    by_set = {
-        "ball": f"{level} (ball)",
-        "cylinder": apart,
-        None: f"{level} (ball) in mathematics, and in flight {apart}",
-    }
-    speeds = by_set[pursuer.speed_set]
+    if pursuer.speed_set is None:
+        played = speed_set_named(MATHS_SPEED_SET).of(*pursuer.speeds).words()
+        flown = speed_set_named(FLOWN_SPEED_SET).of(*pursuer.speeds).words()
+        speeds = f"{played} in mathematics, and in flight {flown}"
+    else:
+        speeds = speed_set_named(pursuer.speed_set).of(*pursuer.speeds).words()
     yield (
         "pursuer",
         f"at {_place(pursuer.position_m)} m, {speeds}, plays {pursuer.policy}",

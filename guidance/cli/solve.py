@@ -76,7 +76,8 @@ def solve(
         require("--states", "sim")
         from guidance.sweeps.states import solve_file  # noqa: PLC0415 - pyarrow is optional
 
-        solve_file(game, states, out, ratio_given=speed_ratio is not None)
+        speeds_given = speed_ratio is not None or cylinder is not None
+        solve_file(game, states, out, speeds_given=speeds_given)
         return
     refuse(ctx, "one state", "with --states", "--out")
     if pursuer is None or evader is None:

@@ -32,7 +32,7 @@ from guidance.control.braking_law import approach_speed
 from guidance.cycle.guarding import Guard, guard
 from guidance.cycle.players import Players, Vehicle, late_start
 from guidance.frames import Vector
-from guidance.game import Ball, Game, StateSolution, Winner, solve_state
+from guidance.game import Game, StateSolution, Winner, solve_state
 from guidance.game.arrays import FLOATS
 from guidance.game.pe import escape, take_apart
 
@@ -285,7 +285,7 @@ def _waiting(
     game: Game, here: StateSolution, players: Players, vehicle: Vehicle, trusted_m_s: float
 ) -> Vector | None:
     """Return the velocity of a vehicle that waits at the meeting point for its height; None if the ground decides."""
-    if here.winner != Winner.PURSUER or isinstance(game.pursuer, Ball):
+    if here.winner != Winner.PURSUER or not game.pursuer.separate:
         return None
     P = players.pursuer_m
     X = here.meeting_point_m

@@ -23,7 +23,8 @@ from guidance.frames import Vector
 from guidance.game import Extent, Game, StateSolution
 from guidance.game.arrays import FLOATS
 from guidance.game.extent import to_set
-from guidance.game.pe import catch_in_ball, take_apart
+from guidance.game.meeting_times import catch_in_ball
+from guidance.game.pe import take_apart
 from guidance.game.tad import guard_time
 
 Point = tuple[float, float]

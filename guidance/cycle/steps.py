@@ -3,7 +3,6 @@
 Pure: the same inputs, settings and memory give the same setpoint, bit for bit: in flight, in virtual time, in replay.
 """
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -46,7 +45,7 @@ from guidance.frames import (
     ned_from_game,
     total,
 )
-from guidance.game import Ball, Game, Reason, guaranteed_age_s
+from guidance.game import Game, Reason, guaranteed_age_s
 from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
 
@@ -270,16 +269,14 @@ def _aim(
         asked_m_s = _ask_strategy(settings.strategy, game, players, memory.strategy, dt_s)
         hurried = True
     x, y, z = asked_m_s
-    is_ball = isinstance(game.pursuer, Ball)
     reached_m_s = game.pursuer.horizontal_m_s
-    asked_speed_m_s = math.hypot(x, y, z if is_ball else 0.0)
-    if asked_speed_m_s >= reached_m_s * (1.0 - 1e-6):
+    if game.pursuer.pace(asked_m_s) >= reached_m_s * (1.0 - 1e-6):
         # It is flown at the configured speed, which shows whether the vehicle can fly faster. A vehicle that waits for
         # its height, or keeps up with the evader, asks for less than the game's speed.
         scale = settings.game.pursuer.horizontal_m_s / reached_m_s
         x = scale * x
         y = scale * y
-        z = scale * z if is_ball else z
+        z = z if game.pursuer.separate else scale * z
     played = StrategyMemory(np.array(asked_m_s), memory.strategy.played_s + dt_s)
     return Aim(certified, ned_from_game((x, y, z)), hurried, played)
 

@@ -2,7 +2,7 @@
 
 The game:
     Game: one pursuer against one evader, with the extensions of a vehicle: stand-off, wind, old information.
-    Ball, Cylinder: the pursuer's speed set; `SpeedSet` is either, `horizontal_m_s` its largest horizontal speed.
+    Ball, Cylinder: the pursuer's speed set; `SpeedSet` is what each of them is, `guidance.game.speed_sets` their room.
     StandOff: the disc around the evader that the pursuer aims for.
     Extent: the shape of the evader's target about its position: a disc, a segment, a convex polygon.
     guaranteed_age_s: the largest age of the evader's position with a guaranteed value of PE.
@@ -35,20 +35,12 @@ Examples:
 from guidance.game.apollonius import Apollonius, apollonius_circle, apollonius_sphere, barrier
 from guidance.game.arrays import Array
 from guidance.game.extent import Extent
-from guidance.game.game import (
-    Ball,
-    Cylinder,
-    Game,
-    Reason,
-    SpeedSet,
-    StandOff,
-    Winner,
-    guaranteed_age_s,
-)
+from guidance.game.game import Game, Reason, StandOff, Winner, guaranteed_age_s
 from guidance.game.pe import StateSolution
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.rollout import End, Exact, Paper, Rollout, rollout
 from guidance.game.solution import Solution, solve, solve_state
+from guidance.game.speed_sets import Ball, Cylinder, SpeedSet
 
 __all__ = [
     "EVADER_POLICIES",

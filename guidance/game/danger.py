@@ -33,7 +33,8 @@ from guidance.game.arrays import (
 )
 from guidance.game.extent import Extent
 from guidance.game.game import STILL, Game, least_square_in_hand
-from guidance.game.pe import Geometry, ball_time
+from guidance.game.meeting_times import ball_time
+from guidance.game.pe import Geometry
 from guidance.game.records import in_rows, is_zero
 
 STEEP = 1e-7
@@ -178,7 +179,7 @@ class Bracket(NamedTuple):
     """The first position to try."""
 
 
-def rivals_of(xp: Library, game: Game, state: Geometry, to_target: Plane, *, flat: bool) -> Rivals:
+def rivals_of(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Rivals:
     """Return both players.
 
     Args:
@@ -186,15 +187,10 @@ def rivals_of(xp: Library, game: Game, state: Geometry, to_target: Plane, *, fla
         game: speeds, capture radius, stand-off, age, wind and drift.
         state: the state.
         to_target: vector from the evader to the target's position, m.
-        flat: whether only the horizontal game is played.
     """
-    radius = game.standoff.radius_m
-    capture = game.capture_radius_m
-    z = state.z
-    if flat:
-        capture = radius + capture
-        radius = 0.0
-        z = 0.0
+    radius, capture, z = game.pursuer.planar(
+        xp, game.standoff.radius_m, game.capture_radius_m, state.z
+    )
     v = game.evader_speed_m_s
     hand = least_square_in_hand(game)
     evader = (-to_target[0], -to_target[1])

@@ -7,57 +7,35 @@ arrays. Two games are equal if their numbers are, whatever type they were given 
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Literal, TypeAlias
+from typing import Final, Literal
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import (
     Plane,
     Real,
-    Record,
     is_array,
     less_length,
     library_of,
     pair_length,
 )
 from guidance.game.extent import POINT, Extent
-from guidance.game.records import Numbers, is_zero, require, require_kind, take, take_pair
+from guidance.game.records import (
+    Numbers,
+    exchanged,
+    is_zero,
+    names_of,
+    require,
+    require_kind,
+    take,
+    take_pair,
+)
+from guidance.game.speed_sets import SpeedSet
 
 STILL = (0.0, 0.0)
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Ball(Numbers):
-    """The paper's speed set, eq. (2): the pursuer flies in any direction at up to `speed_m_s`.
-
-    Raises:
-        ConfigError: the speed is not a positive, finite number.
-    """
-
-    speed_m_s: Real
-
-    @property
-    def horizontal_m_s(self) -> Real:
-        """The largest horizontal speed, m/s; δ compares it with the evader's, as that of a `Cylinder`."""
-        return self.speed_m_s
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Cylinder(Numbers):
-    """A multicopter's speed set: horizontal and vertical speed bounded each by itself, climb and descent apart.
-
-    PX4 calls the bounds MPC_XY_VEL_MAX (12 m/s), MPC_Z_VEL_MAX_UP (3 m/s) and MPC_Z_VEL_MAX_DN (1.5 m/s). The capture
-    radius of a game on this set is measured in the same way: horizontal and vertical distance each by itself.
-
-    Raises:
-        ConfigError: a speed is not a positive, finite number.
-    """
-
-    horizontal_m_s: Real
-    climb_m_s: Real
-    descent_m_s: Real
-
-
-SpeedSet: TypeAlias = Ball | Cylinder
+_SPEED_SETS: Final = (
+    "a speed set, as Ball(speed_m_s) or Cylinder(horizontal_m_s, climb_m_s, descent_m_s)"
+)
 
 
 class Code(IntEnum):
@@ -167,10 +145,7 @@ class Game(Numbers):
     """True without wind."""
 
     def __post_init__(self) -> None:
-        speed_sets = (
-            "a speed set, Ball(speed_m_s) or Cylinder(horizontal_m_s, climb_m_s, descent_m_s)"
-        )
-        require_kind("pursuer", self.pursuer, (Ball, Cylinder), speed_sets)
+        require_kind("pursuer", self.pursuer, (SpeedSet,), _SPEED_SETS)
         require_kind("standoff", self.standoff, (StandOff,), "a disc, StandOff(radius_m, height_m)")
         require_kind(
             "target_extent", self.target_extent, (Extent,), "a shape, Extent(corners_m, radius_m)"
@@ -203,12 +178,11 @@ class Game(Numbers):
             require("evader_speed_m_s", evader_speed_m_s)
             require("information_age_s", information_age_s, zero_allowed=True)
         pursuer = self.pursuer
-        if horizontal_m_s not in (None, pursuer.horizontal_m_s):
-            name = "speed_m_s" if isinstance(pursuer, Ball) else "horizontal_m_s"
-            pursuer = _exchanged(pursuer, **{name: horizontal_m_s})
+        if horizontal_m_s is not None and horizontal_m_s != pursuer.horizontal_m_s:
+            pursuer = pursuer.at(horizontal_m_s)
         speed_m_s = float(evader_speed_m_s)
         age_s = float(information_age_s)
-        changed = _exchanged(
+        changed = exchanged(
             self, pursuer=pursuer, evader_speed_m_s=speed_m_s, information_age_s=age_s
         )
         Game._require_speeds(changed)
@@ -220,8 +194,8 @@ class Game(Numbers):
         A pursuer that is on the smaller disc around the last known position is on the larger disc around the evader.
         """
         spread_m = self.evader_speed_m_s * self.information_age_s
-        smaller = _exchanged(self.standoff, radius_m=max(self.standoff.radius_m - spread_m, 0.0))
-        return _exchanged(self, standoff=smaller, information_age_s=0.0)
+        smaller = exchanged(self.standoff, radius_m=max(self.standoff.radius_m - spread_m, 0.0))
+        return exchanged(self, standoff=smaller, information_age_s=0.0)
 
     def _require_speeds(self) -> None:
         hand = speed_in_hand(self)
@@ -247,23 +221,12 @@ class Game(Numbers):
             and self.target_extent == POINT
         )
         if not (
-            plain
-            and isinstance(self.pursuer, Ball)
-            and self.calm
-            and self.target_velocity_m_s == STILL
+            plain and self.pursuer.isotropic and self.calm and self.target_velocity_m_s == STILL
         ):
             allowed = "the speed set Ball, without stand-off, wind, or a target that moves or has an extent"
             raise ConfigError(
                 f"evader_space = 'space': an evader that flies is defined for {allowed}"
             )
-
-
-def _exchanged(record: Record, **values: object) -> Record:
-    """Return a record with other values, without checking them."""
-    copy: Record = object.__new__(type(record))
-    for name in record.__dataclass_fields__:
-        object.__setattr__(copy, name, values[name] if name in values else getattr(record, name))
-    return copy
 
 
 def speed_in_hand(game: Game) -> Real:
@@ -290,9 +253,9 @@ def guaranteed_age_s(game: Game) -> Real:
     """
     capture = game.capture_radius_m
     v = game.evader_speed_m_s
-    if isinstance(game.pursuer, Ball) and game.evader_space == "plane":
-        return game.standoff.radius_m / v + capture / game.pursuer.speed_m_s
-    return (game.standoff.radius_m + capture) / v
+    if game.evader_space == "space":
+        return (game.standoff.radius_m + capture) / v
+    return game.pursuer.guaranteed_age_s(game.standoff.radius_m, capture, v)
 
 
 def head_wind(wind: Plane, n: Plane) -> Real:
@@ -326,6 +289,4 @@ def parameters(game: Game) -> dict[str, Real]:
         "wind_y_m_s": wind_y,
     }
     others = (game.standoff, game.pursuer)
-    return numbers | {
-        name: getattr(record, name) for record in others for name in record.__dataclass_fields__
-    }
+    return numbers | {name: getattr(record, name) for record in others for name in names_of(record)}

@@ -27,8 +27,9 @@ from guidance.game.arrays import (
     times2,
 )
 from guidance.game.extent import ORIGIN, Extent, from_set, nearest
-from guidance.game.game import STILL, Cylinder, Game, head_wind, least_square_in_hand
-from guidance.game.pe import Geometry, ball_time
+from guidance.game.game import STILL, Game, head_wind, least_square_in_hand
+from guidance.game.meeting_times import ball_time
+from guidance.game.pe import Geometry
 from guidance.game.records import is_zero
 
 
@@ -107,16 +108,15 @@ def hunt_for(xp: Library, game: Game, state: Geometry, target: Plane, goal: Plan
     """
     u = game.pursuer.horizontal_m_s
     v = game.evader_speed_m_s
-    radius = game.standoff.radius_m
-    capture = game.capture_radius_m
-    if isinstance(game.pursuer, Cylinder):
-        radius, capture = 0.0, radius + capture
-        z2 = 0.0
-        met_s = 0.0
-        met_m = capture
+    radius, capture, z = game.pursuer.planar(
+        xp, game.standoff.radius_m, game.capture_radius_m, state.z
+    )
+    z2 = z * z
+    if type(z) is float and z == 0.0:
+        met_s: Real = 0.0
+        met_m = radius + capture
     else:
-        z2 = state.z * state.z
-        met_s = xp.maximum(abs(state.z) - capture, 0.0) / u
+        met_s = xp.maximum(abs(z) - capture, 0.0) / u
         met_m = (
             radius
             if is_zero(capture)

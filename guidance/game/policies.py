@@ -18,7 +18,7 @@ from guidance.game.game import Game
 from guidance.game.pe import fly_to, take_apart, to_target
 from guidance.game.rows import vector_of
 from guidance.game.solution import solve
-from guidance.game.tad import catch_time, guard_time
+from guidance.game.tad import guard_time
 
 Known: TypeAlias = ArrayLike | None
 
@@ -108,7 +108,14 @@ def _lead(
 ) -> Space:
     """Fly the pursuer to the point of capture of an evader that keeps its velocity."""
     state = take_apart(xp, game, P, E, observed or (0.0 * E[0], 0.0 * E[1], 0.0))
-    t = catch_time(xp, game, state.to_evader, plus2(state.hold, -1.0, game.wind_m_s), state.z)
+    t = game.pursuer.catch_time(
+        xp,
+        game.standoff.radius_m,
+        game.capture_radius_m,
+        state.to_evader,
+        plus2(state.hold, -1.0, game.wind_m_s),
+        state.z,
+    )
     return fly_to(xp, game, state, plus2(state.to_evader, t, state.hold), t)
 
 

@@ -6,7 +6,7 @@ Records are equal, and have the same hash, if their numbers are equal, whatever 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -32,6 +32,28 @@ class Numbers:
 
     def _key(self) -> tuple[Any, ...]:
         return tuple(_key(getattr(self, part.name)) for part in fields(self) if part.init)
+
+
+def names_of(record: Numbers) -> tuple[str, ...]:
+    """Return the names of a record's fields."""
+    kind: Any = type(record)
+    names = _NAMES.get(kind)
+    if names is None:
+        names = tuple(part.name for part in fields(kind))
+        _NAMES[kind] = names
+    return names
+
+
+_NAMES: Final[dict[Any, tuple[str, ...]]] = {}
+"""Of each kind of record; a flight asks for them in every cycle."""
+
+
+def exchanged(record: Record, **values: object) -> Record:
+    """Return a record with other values, without checking them."""
+    copy: Record = object.__new__(type(record))
+    for name in names_of(record):
+        object.__setattr__(copy, name, values[name] if name in values else getattr(record, name))
+    return copy
 
 
 def _key(value: Any) -> Any:  # noqa: ANN401 - whatever a record holds

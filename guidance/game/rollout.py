@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import Array, Library, component, components, pair_length, vectors
-from guidance.game.game import Ball, Game
-from guidance.game.pe import TOUCH_M, take_apart, to_target, vertical_speed
+from guidance.game.game import Game
+from guidance.game.pe import take_apart, to_target
 from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy, policy_of
 from guidance.game.records import is_zero, require
 from guidance.game.rows import leading_shape, varying
@@ -278,7 +278,7 @@ class Ahead(NamedTuple):
     Attributes:
         capture_s: until the evader can be captured.
         arrival_s: until the evader can be at its target; infinite without a target.
-        turn_s: until a Cylinder reaches the height of its disc and holds it; infinite for a Ball.
+        turn_s: until a separate speed set reaches the height of its disc and holds it; else infinite.
     """
 
     capture_s: Array
@@ -291,8 +291,6 @@ def look_ahead(
 ) -> Ahead:
     """Return the least times to the ends of a game, from positions (..., 3).
 
-    A Cylinder is captured slightly outside the distance at which it holds, so that it gets there.
-
     Args:
         xp: array library.
         game: speeds, capture radius, stand-off, wind and drift.
@@ -303,23 +301,13 @@ def look_ahead(
     state = take_apart(xp, game, components(pursuer), components(evader), None)
     closing = game.pursuer.horizontal_m_s + game.evader_speed_m_s + pair_length(game.wind_m_s)
     capture = game.capture_radius_m
-    turn = math.inf
     beside = xp.norm2(state.to_evader) - game.standoff.radius_m
-    if isinstance(game.pursuer, Ball):
-        ahead = xp.maximum(xp.norm2((xp.maximum(beside, 0.0), state.z)) - capture, 0.0) / closing
-    else:
-        met = capture + 2.0 * TOUCH_M
-        above = (abs(state.z) - met) / vertical_speed(xp, game.pursuer, state.z)
-        ahead = xp.maximum(xp.maximum((beside - met) / closing, above), 0.0)
-        above_m = abs(state.z) - capture
-        turn = xp.select(
-            above_m > TOUCH_M,
-            (above_m - 0.5 * TOUCH_M) / vertical_speed(xp, game.pursuer, state.z),
-            math.inf,
-        )
+    capture_s, turn_s = game.pursuer.soonest(xp, capture, beside, state.z, closing)
     if target is None:
-        return Ahead(ahead, math.inf, turn)
+        return Ahead(capture_s, math.inf, turn_s)
     speed = game.evader_speed_m_s + math.hypot(*game.target_velocity_m_s)
     return Ahead(
-        ahead, xp.norm3(to_target(xp, game, components(evader), components(target))) / speed, turn
+        capture_s,
+        xp.norm3(to_target(xp, game, components(evader), components(target))) / speed,
+        turn_s,
     )

@@ -4,14 +4,28 @@
 forgets would silently be another game. So every part of `Rules` has to be given.
 """
 
-from typing import Literal, NamedTuple
+from typing import Annotated, NamedTuple
 
+from pydantic import AfterValidator, Field
+
+from guidance.errors import ConfigError
 from guidance.game.arrays import Plane, Real
 from guidance.game.extent import Extent
-from guidance.game.game import Ball, Cylinder, Game, SpeedSet, StandOff
+from guidance.game.game import Game, StandOff
+from guidance.game.speed_sets import SPEED_SETS, SpeedSet, speed_set_named
 
-SpeedSetName = Literal["ball", "cylinder"]
-"""A speed set in files."""
+
+def _registered(name: str) -> str:
+    try:
+        return speed_set_named(name).name
+    except ConfigError:
+        raise ValueError(f"must be one of {', '.join(SPEED_SETS)}") from None
+
+
+_NAMES = Field(json_schema_extra=lambda schema: schema.update(enum=list(SPEED_SETS)))
+
+SpeedSetName = Annotated[str, AfterValidator(_registered), _NAMES]
+"""Type of a key that names a speed set."""
 
 
 class Rules(NamedTuple):
@@ -19,7 +33,7 @@ class Rules(NamedTuple):
 
     Attributes:
         speed_set: name of the pursuer's speed set.
-        speeds_m_s: horizontal speed, climb and descent of the pursuer; a ball has the first one only.
+        speeds_m_s: horizontal speed, climb and descent of the pursuer; a ball uses the first one only.
         evader_speed_m_s: bound of the evader's speed.
         capture_radius_m: distance from the stand-off disc that counts as capture.
         standoff_radius_m: radius of the disc.
@@ -42,7 +56,7 @@ class Rules(NamedTuple):
     @property
     def pursuer(self) -> SpeedSet:
         """The pursuer's speed set."""
-        return Ball(self.speeds_m_s[0]) if self.speed_set == "ball" else Cylinder(*self.speeds_m_s)
+        return speed_set_named(self.speed_set).of(*self.speeds_m_s)
 
 
 def game_by(rules: Rules) -> Game:

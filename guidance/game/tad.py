@@ -22,10 +22,11 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.game import pe
-from guidance.game.arrays import NUMPY, Library, Plane, Real, Truth, dot2, pair_length, plus2
+from guidance.game.arrays import Library, Plane, Real, Truth, dot2, pair_length, plus2
 from guidance.game.danger import most_in_danger, rivals_of
 from guidance.game.extent import from_set, nearest, to_set
-from guidance.game.game import STILL, Ball, Cylinder, Game, Reason
+from guidance.game.game import STILL, Game, Reason
+from guidance.game.meeting_times import catch_in_ball
 from guidance.game.pe import Geometry, StateSolution
 from guidance.game.records import is_zero
 from guidance.game.region import Closest, closest_point, is_circle, is_missed
@@ -68,11 +69,7 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     goal = contest.goal
     margin = contest.margin
     lead = contest.edge
-    edge = (
-        _widened(xp, game, game.pursuer, state, to_target, lead)
-        if isinstance(game.pursuer, Cylinder)
-        else lead
-    )
+    edge = _widened(xp, game, state, to_target, lead) if game.pursuer.separate else lead
     won = margin > 0
     arrived = contest.arrival <= 0
     run = leading = xp.select2(won, edge.run, goal)
@@ -124,11 +121,10 @@ def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) 
     extent = game.target_extent
     if extent.is_point:
         return from_set(to_target, extent.corners_m[0])
-    flat = isinstance(game.pursuer, Cylinder)
     offset = to_set(xp, extent, (-to_target[0], -to_target[1]))
-    rivals = rivals_of(xp, game, state, to_target, flat=flat)
+    rivals = rivals_of(xp, game, state, to_target)
     point = from_set(to_target, most_in_danger(xp, extent, rivals))
-    if flat:
+    if game.pursuer.separate:
         # Until the pursuer is at its height, the margin is least where the evader arrives first.
         first = _first_reached(xp, game, to_target, offset)
         point = xp.select2(
@@ -179,12 +175,8 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
         to_target: to the point of the target that is most in danger, m.
     """
     circle = is_circle(game)
-    flat = isinstance(game.pursuer, Cylinder)
-    paper = (
-        None
-        if circle is False
-        else _paper(xp, game, state, centre, to_target, 0.0 if flat else state.z)
-    )
+    flat = game.pursuer.separate
+    paper = None if circle is False else _paper(xp, game, state, centre, to_target)
     if paper is not None and circle is True and not flat:
         return paper
     arrival, goal = _arrive(xp, game, to_target)
@@ -208,9 +200,8 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
     return contest._replace(edge=merged.edge) if flat else merged
 
 
-def _paper(
-    xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane, z: Real
-) -> Contest:
+def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane) -> Contest:
+    z = game.pursuer.planar(xp, game.standoff.radius_m, game.capture_radius_m, state.z).z
     u = game.pursuer.horizontal_m_s
     v = game.evader_speed_m_s
     contest = race(xp, (u, v), state.to_evader, z, to_target)
@@ -276,32 +267,8 @@ def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Real, Plane]:
     adrift = game.target_velocity_m_s
     if adrift == STILL:
         return xp.maximum(xp.norm2(to_target) / v - age, 0.0), to_target
-    arrival = pe.catch_in_ball(xp, v, v * age, to_target, adrift, 0.0)
+    arrival = catch_in_ball(xp, v, v * age, to_target, adrift, 0.0)
     return arrival, (to_target[0] + adrift[0] * arrival, to_target[1] + adrift[1] * arrival)
-
-
-def catch_time(xp: Library, game: Game, y: Plane, m: Plane, z: Real) -> Real:
-    """Return the time from now, s, until an evader at `y` from the pursuer, moving at `m` in the air, is captured.
-
-    Args:
-        xp: array library.
-        game: speed set, capture radius, stand-off disc.
-        y: horizontal vector from the pursuer to the evader, m.
-        m: the evader's velocity less the wind, m/s.
-        z: height of the pursuer above the stand-off disc, m, of either sign.
-    """
-    pursuer = game.pursuer
-    radius = game.standoff.radius_m
-    capture = game.capture_radius_m
-    if isinstance(pursuer, Cylinder):
-        level = pe.catch_in_ball(xp, pursuer.horizontal_m_s, radius + capture, y, m, 0.0)
-        return xp.maximum(level, pe.level_time(xp, game, pursuer, z))
-    u = pursuer.speed_m_s
-    if is_zero(radius):
-        return pe.catch_in_ball(xp, u, capture, y, m, z)
-    return pe.climb(
-        xp, y, m, lambda n: pe.cover_time(xp, game, dot2(n, y) - radius, u - dot2(n, m), z)
-    )[0]
 
 
 def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
@@ -313,12 +280,15 @@ def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
         state: the state.
         goal: vector from the evader to that point, m.
     """
+    pursuer = game.pursuer
+    radius = game.standoff.radius_m
+    capture = game.capture_radius_m
     y = (state.to_evader[0] + goal[0], state.to_evader[1] + goal[1])
     if game.calm:
-        return pe.cover_time(
-            xp, game, xp.norm2(y) - game.standoff.radius_m, game.pursuer.horizontal_m_s, state.z
-        )
-    return catch_time(xp, game, y, (-game.wind_m_s[0], -game.wind_m_s[1]), state.z)
+        gap = xp.norm2(y) - radius
+        return pursuer.cover_time(xp, radius, capture, gap, pursuer.horizontal_m_s, state.z)
+    drift = (-game.wind_m_s[0], -game.wind_m_s[1])
+    return pursuer.catch_time(xp, radius, capture, y, drift, state.z)
 
 
 def surely_convex(xp: Library, game: Game, state: Geometry) -> Truth:
@@ -341,14 +311,10 @@ def surely_convex(xp: Library, game: Game, state: Geometry) -> Truth:
     u = game.pursuer.horizontal_m_s
     v = game.evader_speed_m_s
     age = game.information_age_s
-    capture = game.capture_radius_m
-    radius = game.standoff.radius_m
-    z = state.z
-    level = isinstance(game.pursuer, Cylinder) or game.evader_space == "space"
-    if level:
-        capture = capture + radius
-        radius = 0.0
-        z = 0.0
+    radius, capture, z = game.pursuer.planar(
+        xp, game.standoff.radius_m, game.capture_radius_m, state.z
+    )
+    level = game.pursuer.separate or game.evader_space == "space"
     beside = xp.norm2(state.to_evader)
     spread = v * age
     apart = xp.maximum(beside - spread - radius, 0.0 * beside)
@@ -365,23 +331,18 @@ def surely_convex(xp: Library, game: Game, state: Geometry) -> Truth:
 
 def is_caught(xp: Library, game: Game, state: Geometry) -> Truth:
     """Return whether the evader is captured now, anywhere within v τ of its last position."""
-    capture = game.capture_radius_m
-    level = abs(state.z) <= capture
-    if level is False or (xp is NUMPY and not level.any()):
-        return False
-    beside = xp.norm2(state.to_evader) + (
-        game.evader_speed_m_s * game.information_age_s - game.standoff.radius_m
-    )
-    if isinstance(game.pursuer, Cylinder):
-        return (beside <= capture) & level
-    return xp.norm2((xp.maximum(beside, 0.0), state.z)) <= capture
+
+    def beside() -> Real:
+        return xp.norm2(state.to_evader) + (
+            game.evader_speed_m_s * game.information_age_s - game.standoff.radius_m
+        )
+
+    return game.pursuer.captured(xp, game.capture_radius_m, state.z, beside)
 
 
-def _widened(
-    xp: Library, game: Game, pursuer: Cylinder, state: Geometry, to_target: Plane, level: Closest
-) -> Closest:
+def _widened(xp: Library, game: Game, state: Geometry, to_target: Plane, level: Closest) -> Closest:
     """Add to the planar region the disc that the evader reaches before the pursuer reaches its height."""
-    falling = xp.maximum(pe.level_time(xp, game, pursuer, state.z), 0.0)
+    falling = xp.maximum(game.pursuer.level_time(xp, game.capture_radius_m, state.z), 0.0)
     adrift = game.target_velocity_m_s
     radius = game.evader_speed_m_s * (falling + game.information_age_s)
     drifted = (to_target[0] + adrift[0] * falling, to_target[1] + adrift[1] * falling)
@@ -405,17 +366,6 @@ def _shortfall(
     if not game.calm:
         y = (y[0] - game.wind_m_s[0] * arrival, y[1] - game.wind_m_s[1] * arrival)
     beside = xp.norm2(y) - game.standoff.radius_m
-    if isinstance(game.pursuer, Ball):
-        reach = game.pursuer.speed_m_s * arrival + game.capture_radius_m
-        above = state.z
-    else:
-        beside = beside - game.capture_radius_m - game.pursuer.horizontal_m_s * arrival
-        above = (
-            abs(state.z)
-            - game.capture_radius_m
-            - pe.vertical_speed(xp, game.pursuer, state.z) * arrival
-        )
-        reach = 0.0
-        above = xp.maximum(above, 0.0)
-    short = xp.norm2((xp.select(lost, xp.maximum(beside, 0.0), 1.0), above)) - reach
-    return xp.select(lost, short, 0.0)
+    left = game.pursuer.shortfall(xp, game.capture_radius_m, beside, state.z, arrival)
+    level = xp.select(lost, xp.maximum(left.level, 0.0), 1.0)
+    return xp.select(lost, xp.norm2((level, left.vertical)) - left.reach, 0.0)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from guidance.game.arrays import Array
-from guidance.game.game import Ball, Game, Winner
+from guidance.game.game import Game, Winner
 from guidance.game.solution import solve
 
 
@@ -109,10 +109,10 @@ def hji_residual(
     carried = gradient.pursuer @ wind + gradient.target @ drift
     evading = game.evader_speed_m_s * np.linalg.norm(gradient.evader, axis=-1)
     if target is None:
-        return 1.0 + carried + evading - _fastest(game, -gradient.pursuer)
+        return 1.0 + carried + evading - game.pursuer.support(-gradient.pursuer)
     won = solve(game, pursuer, evader, target).winner == Winner.PURSUER
     sign = np.where(won, 1.0, -1.0)
-    pursuing = _fastest(game, sign[..., None] * gradient.pursuer)
+    pursuing = game.pursuer.support(sign[..., None] * gradient.pursuer)
     return np.asarray(carried + sign * (pursuing - evading))
 
 
@@ -145,16 +145,4 @@ def angles(
         beta=beta,
         gamma=np.arctan2(-velocity[..., 2], np.hypot(velocity[..., 0], velocity[..., 1])),
         psi=psi,
-    )
-
-
-def _fastest(game: Game, direction: Array) -> Array:
-    """Return the largest product of a direction and a velocity of the speed set."""
-    speeds = game.pursuer
-    if isinstance(speeds, Ball):
-        return np.asarray(speeds.speed_m_s * np.linalg.norm(direction, axis=-1))
-    rise = direction[..., 2]
-    vertical = np.where(rise > 0.0, speeds.climb_m_s * rise, -speeds.descent_m_s * rise)
-    return np.asarray(
-        speeds.horizontal_m_s * np.hypot(direction[..., 0], direction[..., 1]) + vertical
     )

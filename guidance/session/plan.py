@@ -20,10 +20,11 @@ from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
 from guidance.flight.settings import LIMITS_S, FlightSection, TeamSection
 from guidance.frames import Amsl, Place, Vector
-from guidance.game import SpeedSet
+from guidance.game.arrays import FLOATS
 from guidance.game.extent import POINT
 from guidance.game.game import STILL
 from guidance.game.rules import Rules, game_by
+from guidance.game.speed_sets import SpeedSet
 from guidance.session.vehicle_file import Config, EvaderSection, Vehicle
 from guidance.strategies import Strategy
 
@@ -288,18 +289,24 @@ def _played(scenario: "Scenario", pursuer: SpeedSet) -> _Played:
 
 
 def _require_flown(terms: _Terms) -> None:
-    """Refuse a game whose pursuer climbs or descends faster than the vehicle."""
-    level_m_s, climb_m_s, descent_m_s = terms.rules.speeds_m_s
-    if terms.rules.speed_set != "ball" or min(climb_m_s, descent_m_s) >= level_m_s:
+    """Refuse a game that its speed set cannot play, or whose pursuer climbs or descends faster than the vehicle."""
+    rules = terms.rules
+    pursuer = rules.pursuer
+    if terms.target_game_m is not None:
+        # A speed set without the evader's region says so
+        pursuer.planar(FLOATS, rules.standoff_radius_m, rules.capture_radius_m, 0.0)
+    level_m_s, climb_m_s, descent_m_s = rules.speeds_m_s
+    if climb_m_s >= pursuer.climb_m_s and descent_m_s >= pursuer.descent_m_s:
         return
     section = terms.source
     speeds_words = (
         f"{section}.climb_m_s = {climb_m_s:g} and {section}.descent_m_s = {descent_m_s:g}"
     )
+    fastest_m_s = max(pursuer.climb_m_s, pursuer.descent_m_s)
     raise ConfigError(
-        f'{section}.speed_set = "ball": its game climbs and descends at up to {section}.speed_m_s = {level_m_s:g}, '
-        f"but the vehicle flies {speeds_words}; what it could not keep would be promised. "
-        f'Use "cylinder", or raise both to {level_m_s:g} if the autopilot flies that'
+        f'{section}.speed_set = "{rules.speed_set}": its game climbs and descends at up to '
+        f"{section}.speed_m_s = {level_m_s:g}, but the vehicle flies {speeds_words}; what it could not keep would be "
+        f'promised. Use "cylinder", or raise both to {fastest_m_s:g} if the autopilot flies that'
     )
 
 

@@ -25,6 +25,7 @@ from guidance.files import read_text
 from guidance.flight.settings import FlightSection, TeamSection
 from guidance.frames import Amsl, LocalFrame
 from guidance.game import Extent
+from guidance.game.rules import SpeedSetName
 from guidance.links.evader_sources import EvaderKind, EvaderKindName, evader_kind
 from guidance.links.port import taken_apart
 from guidance.links.zenoh_access import ZenohSection
@@ -347,8 +348,8 @@ class GameSection(Section):
     kind: Literal["pe", "tad"] = Field(
         "pe", description="pursuit-evasion, or target-attacker-defender"
     )
-    speed_set: Literal["ball", "cylinder"] = Field(
-        "cylinder", description="one speed, or own climb and descent rates"
+    speed_set: SpeedSetName = Field(
+        "cylinder", description="one speed (ball), or own climb and descent rates"
     )
     speed_m_s: float = Field(
         gt=0.0, le=30.0, description="the pursuer's horizontal speed in the game"

@@ -16,7 +16,14 @@ from guidance.game import Ball, Extent, Game, SpeedSet
 from guidance.game.arrays import Real
 from guidance.game.game import STILL
 from guidance.game.rules import Rules, game_by
-from guidance.sim.scenario import EVADER, PURSUER, AnyScenario, Player, Scenario
+from guidance.sim.scenario import (
+    EVADER,
+    MATHS_SPEED_SET,
+    PURSUER,
+    AnyScenario,
+    Player,
+    Scenario,
+)
 from guidance.sim.sensor import PERFECT, Noise
 from guidance.strategies import Strategy, random_turns, recorded, waypoints
 
@@ -110,7 +117,7 @@ def rules_of(scenarios: Sequence[Scenario]) -> Rules:
     pursuer = kind.pursuer
     heights_m = column(scenarios, "standoff.height_m") - column(scenarios, "evader.height_m")
     return Rules(
-        speed_set=pursuer.speed_set or "ball",
+        speed_set=MATHS_SPEED_SET if pursuer.speed_set is None else pursuer.speed_set,
         speeds_m_s=(
             column(scenarios, "pursuer.speed_m_s"),
             column(scenarios, "pursuer.climb_m_s"),

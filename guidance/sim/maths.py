@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from guidance.flight import Event, State
 from guidance.flight.settings import LIMITS_S
-from guidance.game import Ball, Solution, Winner, solve
+from guidance.game import Solution, Winner, solve
 from guidance.game.arrays import NUMPY, Real, pair_length
-from guidance.game.pe import TOUCH_M
 from guidance.game.records import rows_of
 from guidance.game.rollout import NANOSECOND_S, Ahead, End, look_ahead
 from guidance.game.team.rollout import HELD
@@ -238,11 +237,8 @@ def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, slope: Slope, captured
     (v, w) = slope[:2]
     speeds = game.pursuer
     level_m_s = game.pursuer.horizontal_m_s + pair_length(game.wind_m_s)
-    vertical_m_s = (
-        0.0 if isinstance(speeds, Ball) else np.maximum(speeds.climb_m_s, speeds.descent_m_s)
-    )
     apart = _level(P - moment.evader_m)
-    if not isinstance(speeds, Ball):  # it holds its place when it is beside the evader
+    if speeds.separate:  # it holds its place when it is beside the evader
         apart = apart - game.standoff.radius_m - game.capture_radius_m
     bend_m_s = np.abs(v - moment.flown_m_s).max(axis=-1) + np.abs(w - moment.run_m_s).max(axis=-1)
     straight = bend_m_s <= _STRAIGHT * level_m_s
@@ -250,7 +246,7 @@ def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, slope: Slope, captured
     out, outwards_m_s = _stretched(P[:, :2] - batch.home_m, v)
     room_m = np.stack([batch.fence_m - out, P[:, 2] - batch.lowest_m, batch.highest_m - P[:, 2]])
     rate_m_s = np.where(
-        straight, [-outwards_m_s, v[:, 2], -v[:, 2]], -np.sqrt(level_m_s**2 + vertical_m_s**2)
+        straight, [-outwards_m_s, v[:, 2], -v[:, 2]], -speeds.top_speed_m_s(NUMPY, level_m_s)
     )
     least_s = np.minimum(
         np.where(straight, captured_s, beside_s), _zero_s(room_m, rate_m_s).min(axis=0)
@@ -265,18 +261,13 @@ def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
     Newton's method does not pass the capture.
     """
     game = batch.game
-    z = moment.pursuer_m[:, 2] - batch.game.standoff.height_m
+    z = moment.pursuer_m[:, 2] - game.standoff.height_m
     apart, rate = _stretched(moment.pursuer_m - moment.evader_m, closing_m_s)
-    outside = apart - game.standoff.radius_m
-    if isinstance(game.pursuer, Ball):
-        reach = np.maximum(outside, 0.0)
-        far = np.sqrt(reach**2 + z**2)
-        return _zero_s(far - game.capture_radius_m, (reach * rate + z * closing_m_s[:, 2]) / far)
-    capture = game.capture_radius_m + 2.0 * TOUCH_M
-    return np.maximum(
-        _zero_s(outside - capture, rate),
-        _zero_s(np.abs(z) - capture, np.sign(z) * closing_m_s[:, 2]),
-    )
+    beside = (apart - game.standoff.radius_m, rate)
+    height = (z, closing_m_s[:, 2])
+    distances = game.pursuer.distances(NUMPY, game.capture_radius_m, beside, height)
+    times_s = [_zero_s(distance_m, rate_m_s) for distance_m, rate_m_s in distances]
+    return np.asarray(np.max(times_s, axis=0))
 
 
 def _stretched(way_m: Array, rate_m_s: Array) -> tuple[Array, Array]:
@@ -287,7 +278,7 @@ def _stretched(way_m: Array, rate_m_s: Array) -> tuple[Array, Array]:
     )
 
 
-def _zero_s(distance_m: Array, rate_m_s: Array) -> Array:
+def _zero_s(distance_m: Real, rate_m_s: Real) -> Array:
     """Return when a distance is zero that changes at a constant rate; infinite if it does not shrink."""
     return np.where(
         distance_m <= 0.0, 0.0, np.where(rate_m_s < 0.0, distance_m / -rate_m_s, np.inf)

@@ -15,6 +15,7 @@ from guidance.config import Latitude, Longitude, Section, faults_of
 from guidance.control import Limits, Speeds
 from guidance.control.limits import AtLeast, AtMost
 from guidance.game import Extent
+from guidance.game.rules import SpeedSetName
 from guidance.sim.expect import Expect
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
 
@@ -28,6 +29,7 @@ EVADER_ID = 2
 """Names and MAVLink system ids of the players of a scenario with one of each."""
 
 FLOWN_SPEED_SET: Final = "cylinder"
+MATHS_SPEED_SET: Final = "ball"
 """The speed set of a vehicle, where a scenario names none. An autopilot bounds climb and descent by themselves."""
 
 PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_STRATEGIES]})]
@@ -87,9 +89,9 @@ class Pursuer(Player):
     policy: PursuerPolicy = Field("optimal", description="the pursuer's strategy")
     position_m: Point3 = Field(description="start of the game: x east, y north, z up")
     speed_m_s: Speed = Field(description="horizontal speed in the game")
-    speed_set: Literal["ball", "cylinder"] | None = Field(
+    speed_set: SpeedSetName | None = Field(
         None,
-        description="one speed in every direction, or own climb and descent rates; "
+        description="ball: one speed in every direction; cylinder: own climb and descent rates; "
         "default: ball in mathematics, and in flight the vehicle's own, cylinder",
     )
     climb_m_s: SlowSpeed = Field(3.0, description="climb rate, with the cylinder")

@@ -9,6 +9,7 @@ Contents:
     uniform, normal: random numbers that depend on a seed and a place in its stream only.
 """
 
+from guidance.game.speed_sets import bounded
 from guidance.strategies.catalogue import (
     EVADER_STRATEGIES,
     OPTIMAL,
@@ -20,7 +21,6 @@ from guidance.strategies.catalogue import (
 from guidance.strategies.course import (
     COURSES,
     Course,
-    bounded,
     normal,
     random_turns,
     recorded,

@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
 from guidance.errors import ConfigError
-from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Ball, Game, SpeedSet
+from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Game
 from guidance.game.arrays import Array, Real
-from guidance.strategies.course import COURSES, Course, bounded
+from guidance.game.speed_sets import bounded
+from guidance.strategies.course import COURSES, Course
 from guidance.strategies.navigation import StrategyMemory, proportional_navigation
 
 OPTIMAL: Final = "optimal"
@@ -67,7 +66,7 @@ def pursue(
         dt_s: Time since the last command, one number or one for each row.
     """
     if strategy.course is not None:
-        return _flyable(game.pursuer, strategy.course.velocity_m_s(memory.played_s, pursuer))
+        return game.pursuer.flyable(strategy.course.velocity_m_s(memory.played_s, pursuer))
     if strategy.name == PROPORTIONAL:
         return proportional_navigation(
             game, pursuer, evader, seen_m_s, memory, dt_s=dt_s, gain=strategy.gain
@@ -96,12 +95,3 @@ def evade(
     if strategy.course is not None:
         return bounded(strategy.course.velocity_m_s(memory.played_s, evader), game.evader_speed_m_s)
     return EVADER_POLICIES[strategy.name](game, pursuer, evader, target)
-
-
-def _flyable(speeds: SpeedSet, velocity_m_s: Array) -> Array:
-    """Shorten a velocity so that it is in the speed set."""
-    if isinstance(speeds, Ball):
-        return bounded(velocity_m_s, speeds.speed_m_s)
-    level = bounded(velocity_m_s * np.array([1.0, 1.0, 0.0]), speeds.horizontal_m_s)
-    climb = np.clip(velocity_m_s[..., 2], -np.asarray(speeds.descent_m_s), speeds.climb_m_s)
-    return np.concatenate([level[..., :2], climb[..., None]], axis=-1)

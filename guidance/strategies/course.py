@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from guidance.game import Ball, SpeedSet
+from guidance.game.records import rows_of
+from guidance.game.speed_sets import SpeedSet
 
 Array = NDArray[np.float64]
 
@@ -77,14 +78,9 @@ def waypoints(start_m: Array, points_m: ArrayLike, speeds: SpeedSet) -> Course:
 
 def _durations_s(legs_m: Array, speeds: SpeedSet) -> Array:
     """Return the least duration of each leg (..., k, 3)."""
-    level = np.sqrt(np.sum(legs_m[..., :2] ** 2, axis=-1))
-    if isinstance(speeds, Ball):
-        return np.asarray(np.hypot(level, legs_m[..., 2]) / np.asarray(speeds.speed_m_s)[..., None])
-    up = legs_m[..., 2] / np.asarray(speeds.climb_m_s)[..., None]
-    down = -legs_m[..., 2] / np.asarray(speeds.descent_m_s)[..., None]
-    return np.asarray(
-        np.maximum(level / np.asarray(speeds.horizontal_m_s)[..., None], np.maximum(up, down))
-    )
+    level_m = np.sqrt(np.sum(legs_m[..., :2] ** 2, axis=-1))
+    for_legs: SpeedSet = rows_of(speeds, lambda numbers: numbers[..., None])
+    return for_legs.duration_s(level_m, legs_m[..., 2])
 
 
 def random_turns(
@@ -131,14 +127,6 @@ def recorded(start_m: Array, track: Sequence[Sequence[float]]) -> Course:
     table = np.asarray(track, dtype=np.float64)
     places = start_m[..., None, :] + (table[:, 1:] - table[0, 1:])
     return Course(np.broadcast_to(table[:, 0] - table[0, 0], places.shape[:-1]), places)
-
-
-def bounded(velocity_m_s: Array, speed_m_s: ArrayLike) -> Array:
-    """Shorten velocities (..., 3) to a speed (...), keeping their direction."""
-    limit = np.asarray(speed_m_s, dtype=np.float64)
-    speed = np.sqrt(np.sum(velocity_m_s * velocity_m_s, axis=-1))
-    scale = np.where(speed > limit, limit / np.where(speed > 0.0, speed, 1.0), 1.0)
-    return np.asarray(velocity_m_s * scale[..., None])
 
 
 def uniform(seed: ArrayLike, stream: int, index: ArrayLike) -> Array:

@@ -19,14 +19,13 @@ from guidance.game.arrays import (
     Library,
     Real,
     Space,
-    dot2,
     dot3,
     plus2,
     plus3,
     times2,
     times3,
 )
-from guidance.game.game import Ball, Game
+from guidance.game.game import Game
 from guidance.game.pe import Geometry, fly_to, take_apart
 from guidance.game.rows import vector_of
 from guidance.game.tad import guard_time
@@ -80,9 +79,9 @@ def proportional_navigation(
         state = take_apart(xp, game, P, E, evader_velocity)
         before = last or (0.0, 0.0, 0.0)
         turn = times3(dt_s, rate or _rate(xp, game, state, before, gain))
-        if isinstance(game.pursuer, Ball):
-            return _in_space(xp, game, game.pursuer, state, before, turn)
-        return _in_the_plane(xp, game, state, before, turn)
+        if game.pursuer.separate:
+            return _in_the_plane(xp, game, state, before, turn)
+        return _in_space(xp, game, state, before, turn)
 
     arguments = {"pursuer": pursuer, "evader": evader, "evader_velocity_m_s": seen_m_s}
     remembered = {"previous_m_s": memory.velocity_m_s, "turning_rad_s": memory.turning_rad_s}
@@ -104,12 +103,12 @@ def turning(
 
 
 def _rate(xp: Library, game: Game, state: Geometry, velocity: Space, gain: float) -> Space:
-    """Return N r × (v_E − v_P) / ‖r‖², of a Cylinder in the plane."""
+    """Return N r × (v_E − v_P) / ‖r‖², of a separate speed set in the plane."""
     (x, y, z) = velocity
     (run, rise) = state.hold
     sight = (*state.to_evader, 0.0 * state.z)
     climb = 0.0
-    if isinstance(game.pursuer, Ball):
+    if not game.pursuer.separate:
         sight = _sight(xp, game, state)
         climb = z
     square = dot3(sight, sight)
@@ -117,31 +116,28 @@ def _rate(xp: Library, game: Game, state: Geometry, velocity: Space, gain: float
 
 
 def _sight(xp: Library, game: Game, state: Geometry) -> Space:
-    """Return the vector from a Ball to the nearest point of the disc."""
+    """Return the vector from the pursuer to the nearest point of the disc."""
     distance = xp.norm2(state.to_evader)
     e = xp.unit2(state.to_evader, distance)
     reach = xp.maximum(distance - game.standoff.radius_m, 0.0)
     return reach * e[0], reach * e[1], -state.z
 
 
-def _in_space(
-    xp: Library, game: Game, pursuer: Ball, state: Geometry, previous: Space, turn: Space
-) -> Space:
-    """Turn a Ball's velocity."""
+def _in_space(xp: Library, game: Game, state: Geometry, previous: Space, turn: Space) -> Space:
+    """Turn the whole velocity."""
     sight = _sight(xp, game, state)
     wind = game.wind_m_s
     course = _turned(xp, sight, previous, turn)
-    headwind = dot2(course[:2], wind)
-    pace = headwind + xp.sqrt(
-        pursuer.speed_m_s * pursuer.speed_m_s - dot2(wind, wind) + headwind * headwind
+    pace = game.pursuer.ground_pace(xp, course, wind)
+    met = game.pursuer.captured(
+        xp, game.capture_radius_m, state.z, lambda: xp.norm2((sight[0], sight[1]))
     )
-    met = xp.norm3(sight) <= game.capture_radius_m
     level = xp.select2(met, state.hold, (pace * course[0], pace * course[1]))
     return *level, xp.select(met, 0.0, pace * course[2])
 
 
 def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, turn: Space) -> Space:
-    """Turn a Cylinder's horizontal velocity, and fly to the disc's height."""
+    """Turn the horizontal velocity, and fly to the disc's height."""
     zero = 0.0 * state.z
     course = _turned(xp, (*state.to_evader, zero), (previous[0], previous[1], zero), turn)
     to = times2(xp.norm2(state.to_evader), course[:2])

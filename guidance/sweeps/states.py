@@ -75,14 +75,14 @@ class _Teams(NamedTuple):
     evaders: Array
 
 
-def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool) -> None:
+def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool) -> None:
     """Solve every row of a file and write the rows with their answers to another.
 
     Args:
         game: the game; a column speed_ratio replaces its pursuer's speed, row by row.
         states: CSV or Parquet file of states.
         out: CSV or Parquet file to write.
-        ratio_given: whether the user gave a speed ratio; if not, the file must have the column.
+        speeds_given: whether the user gave the pursuer's speeds; if not, the file must have the column.
 
     Raises:
         ConfigError: a file is missing or neither CSV nor Parquet, a column is missing, can hold no numbers or has the
@@ -102,7 +102,7 @@ def solve_file(game: Game, states: Path, out: Path | None, *, ratio_given: bool)
                 numbers, cells = _with_numbers(chunk, first_row=rows_done + 1)
                 strange += cells
                 lost = {row - rows_done - 1 for row, *_ in cells}
-                answered = _answered(game, numbers, lost, ratio_given=ratio_given)
+                answered = _answered(game, numbers, lost, speeds_given=speeds_given)
                 rows_done += chunk.num_rows
                 with writing(out):
                     if writer is None:
@@ -198,10 +198,10 @@ def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Ce
     return chunk, sorted(strange)
 
 
-def _answered(game: Game, chunk: pa.Table, lost: set[int], *, ratio_given: bool) -> pa.Table:
+def _answered(game: Game, chunk: pa.Table, lost: set[int], *, speeds_given: bool) -> pa.Table:
     """Append the answers to a chunk of states; the rows in `lost` have a cell without a number."""
     names = set(chunk.column_names)
-    game = _with_ratios(game, chunk, ratio_given=ratio_given)
+    game = _with_ratios(game, chunk, speeds_given=speeds_given)
     target = _place(chunk, "target") if names & {"target_x_m", "target_y_m"} else None
     if any(map(_PLAYER.fullmatch, names)):
         fields = _team_answers(game, chunk, target, lost)
@@ -236,14 +236,14 @@ def _answers(game: Game, chunk: pa.Table, target: Array | None) -> dict[str, Any
     return fields
 
 
-def _with_ratios(game: Game, chunk: pa.Table, *, ratio_given: bool) -> Game:
+def _with_ratios(game: Game, chunk: pa.Table, *, speeds_given: bool) -> Game:
     """Return the game with the speed ratios of the file, if there is such a column."""
     has_ratio = _RATIO in chunk.column_names
-    if has_ratio and (ratio_given or not isinstance(game.pursuer, Ball)):
+    if has_ratio and speeds_given:
         raise ConfigError(
             f"--speed-ratio, --cylinder: must not be given, since the file has the column {_RATIO}"
         )
-    if not has_ratio and isinstance(game.pursuer, Ball) and not ratio_given:
+    if not has_ratio and not speeds_given:
         raise ConfigError(
             f"--speed-ratio, --cylinder: one must be given, since the file has no column {_RATIO}"
         )

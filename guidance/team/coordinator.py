@@ -16,7 +16,7 @@ import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.frames import Vector
-from guidance.game import Ball, Cylinder, Game, SpeedSet
+from guidance.game import Game
 from guidance.game.team import Matching, between, match_teams
 from guidance.team.board import SILENT_S, Board
 from guidance.team.messages import Promise, RolesMessage, StateMessage, VehicleRole
@@ -63,13 +63,6 @@ class Scene(NamedTuple):
     evaders: Mapping[str, EvaderSeen]
     target_m: Vector | None
     game: Game
-
-
-def _speed_set(game: Game, state: StateMessage) -> SpeedSet:
-    """Return a vehicle's speed set, of the kind that the team plays with."""
-    if isinstance(game.pursuer, Ball):
-        return Ball(state.speed_m_s)
-    return Cylinder(state.speed_m_s, state.climb_m_s, state.descent_m_s)
 
 
 class Coordinator:
@@ -148,7 +141,8 @@ class Coordinator:
             return None
         states = [scene.vehicles[name] for name in vehicles]
         seen = [scene.evaders[name] for name in evaders]
-        pursuers = [_speed_set(scene.game, state) for _, state in states]
+        of = type(scene.game.pursuer).of
+        pursuers = [of(state.speed_m_s, state.climb_m_s, state.descent_m_s) for _, state in states]
         game = between(scene.game, pursuers, [evader.speed_m_s for evader in seen])
         kept = {
             one.evader: (one.first, one.second) for one in self._promised if one.value is not None

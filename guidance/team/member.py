@@ -10,7 +10,6 @@ from typing import Any, Final, Literal
 
 from guidance.flight import Event, Flight, Outputs, State
 from guidance.frames import Amsl
-from guidance.game import Cylinder
 from guidance.messages import EvaderReport, LocalPosition, MateState, Role
 from guidance.team.board import Board
 from guidance.team.coordinator import ROUNDING_S, SLOT_MARGIN_M, Coordinator, EvaderSeen, Scene
@@ -285,12 +284,10 @@ def _value_of(outputs: Outputs) -> float | None:
 def _speeds(flight: Flight) -> dict[str, Any]:
     """Return the vehicle's speeds in the game."""
     speeds = flight.settings.cycle.game.pursuer
-    climb_m_s = speeds.climb_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s
-    descent_m_s = speeds.descent_m_s if isinstance(speeds, Cylinder) else speeds.speed_m_s
     return {
         "speed_m_s": float(speeds.horizontal_m_s),
-        "climb_m_s": float(climb_m_s),
-        "descent_m_s": float(descent_m_s),
+        "climb_m_s": float(speeds.climb_m_s),
+        "descent_m_s": float(speeds.descent_m_s),
     }
 
 

@@ -26,9 +26,10 @@ from array_api_compat import is_jax_array, is_torch_array
 from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
+from guidance.game import Ball, Cylinder
 from guidance.game.arrays import Array, Library, Plane, Space, component, components, dot2, vectors
-from guidance.game.game import Ball, Cylinder, Game
-from guidance.game.pe import Geometry, level_time, take_apart, vertical_speed
+from guidance.game.game import Game
+from guidance.game.pe import Geometry, take_apart
 from guidance.game.rows import leading_shape
 from guidance.game.solution import Solution, solve
 
@@ -139,14 +140,14 @@ def _by_meeting_point(
     e = xp.unit2(y, length)
     if isinstance(game.pursuer, Cylinder):
         rate = 1.0 / (game.pursuer.horizontal_m_s + dot2(e, wind))
-        above = t <= xp.maximum(level_time(xp, game, game.pursuer, state.z), 0.0)
-        lift = _sign(xp, state.z) / vertical_speed(xp, game.pursuer, state.z)
+        above = t <= xp.maximum(game.pursuer.level_time(xp, game.capture_radius_m, state.z), 0.0)
+        lift = _sign(xp, state.z) / abs(game.pursuer.vertical(xp, (0.0, 0.0), state.z))
         return xp.select2(above, (0.0, 0.0), (rate * e[0], rate * e[1])), xp.select(
             above, lift, 0.0
         )
     reach = xp.maximum(length - game.standoff.radius_m, 0.0)
     distance = xp.norm2((reach, state.z))
-    rate = 1.0 / (game.pursuer.speed_m_s * distance + reach * dot2(e, wind))
+    rate = 1.0 / (game.pursuer.horizontal_m_s * distance + reach * dot2(e, wind))
     return (rate * reach * e[0], rate * reach * e[1]), rate * state.z
 
 
@@ -164,7 +165,7 @@ def _short(
     beside = length - game.standoff.radius_m
     above = abs(state.z)
     if isinstance(game.pursuer, Cylinder):
-        fall = vertical_speed(xp, game.pursuer, state.z)
+        fall = abs(game.pursuer.vertical(xp, (0.0, 0.0), state.z))
         beside = beside - game.capture_radius_m - game.pursuer.horizontal_m_s * t
         above = xp.maximum(above - game.capture_radius_m - fall * t, 0.0)
     beside = xp.maximum(beside, 0.0)
@@ -174,7 +175,7 @@ def _short(
     if isinstance(game.pursuer, Cylinder):
         closing = share * game.pursuer.horizontal_m_s + rise * fall
     else:
-        closing = game.pursuer.speed_m_s
+        closing = game.pursuer.horizontal_m_s
     by_time = share * (dot2(e, adrift) - dot2(e, wind)) - closing
     later = by_time / (v - dot2(n, adrift))
     return (
@@ -305,7 +306,7 @@ def _saddle(xp: Library, game: Game, gradient: Gradient, minimises: Array) -> Ar
     """Change of the value by both optimal velocities, with the sign for a minimising pursuer."""
     x, y, z = (-minimises * component(gradient.pursuer, index) for index in range(3))
     if isinstance(game.pursuer, Ball):
-        pursuer = game.pursuer.speed_m_s * xp.sqrt(x * x + y * y + z * z)
+        pursuer = game.pursuer.horizontal_m_s * xp.sqrt(x * x + y * y + z * z)
     else:
         vertical = xp.select(z > 0, game.pursuer.climb_m_s * z, -game.pursuer.descent_m_s * z)
         pursuer = game.pursuer.horizontal_m_s * xp.norm2((x, y)) + vertical

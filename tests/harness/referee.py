@@ -14,7 +14,7 @@ from guidance.cycle.monitor import GUARDED_S, LASTING_S
 from guidance.frames import Vector, game_from_ned, ned_from_game
 from guidance.game import Winner
 from guidance.game.arrays import FLOATS
-from guidance.game.pe import catch_in_ball
+from guidance.game.meeting_times import catch_in_ball
 from tests.harness.guarded import LONGEST_S, Drawn, Guarded, Point, cycle_settings
 
 STEP_S: Final = 0.1

@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import Array, mapped
-from guidance.game.game import Game, Reason, SpeedSet, parameters
+from guidance.game.game import Game, Reason, parameters
 from guidance.game.records import is_zero
 from guidance.game.rows import fitting, for_rows, simplified
+from guidance.game.speed_sets import SpeedSet
 
 Answer = TypeVar("Answer", bound=Any)
 
@@ -88,7 +89,7 @@ def joined(games: Games, shape: str) -> TeamGame:
     first = present_games[0]
     shared = attrgetter("varies", "evader_space", "target_velocity_m_s", "target_extent")
     if first.varies or len({(type(game.pursuer), *shared(game)) for game in present_games}) > 1:
-        same = "speed set (Ball or Cylinder), target_velocity_m_s, target_extent and evader_space"
+        same = "speed set (Ball, Cylinder …), target_velocity_m_s, target_extent and evader_space"
         raise ConfigError(
             f"game: the games of a team must have the same {same}, and single numbers"
         )

@@ -15,6 +15,7 @@ from guidance.game import pe
 from guidance.game.arrays import NUMPY, Array, Plane, components, cross2, dot2, plus2
 from guidance.game.extent import Extent, to_set
 from guidance.game.game import STILL, Game
+from guidance.game.meeting_times import catch_in_ball
 from guidance.game.pe import Geometry
 from guidance.game.tad import guard_time
 
@@ -123,7 +124,7 @@ def _margins(game: Game, state: Geometry, heading: Plane) -> Array:
         arrival = NUMPY.norm2((x, y)) / v
         goal = (x, y)
     else:
-        arrival = pe.catch_in_ball(NUMPY, v, 0.0, (x, y), adrift, 0.0)
+        arrival = catch_in_ball(NUMPY, v, 0.0, (x, y), adrift, 0.0)
         goal = (x + adrift[0] * arrival, y + adrift[1] * arrival)
     return np.asarray(arrival - guard_time(NUMPY, game, state, goal)).max(axis=-1)
 

@@ -109,7 +109,7 @@ def match_teams(
         game: without information age, for evaders in the plane. Its numbers may be arrays that broadcast with the
             pairs, (..., n, m): (n, 1) where pursuers differ, (m,) where evaders do. Or n lists of m games, one for
             each pursuer and evader, and None where a pursuer has no game against an evader: it is not matched with it.
-            All these games have the same speed set (Ball or Cylinder), the same target's velocity and shape, and one
+            All these games have the same speed set (Ball, Cylinder …), the same target's velocity and shape, and one
             speed of each evader.
         pursuers: positions, (..., n, 3), NumPy, m.
         evaders: positions, (..., m, 3), m.

@@ -23,8 +23,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from guidance.game.arrays import NUMPY, Array, cross2, in_plane, is_array
-from guidance.game.game import Cylinder, Game, head_wind, least_square_in_hand
-from guidance.game.pe import level_time
+from guidance.game.game import Game, head_wind, least_square_in_hand
 from guidance.game.records import is_zero
 
 Point: TypeAlias = tuple[Any, Any]
@@ -94,15 +93,14 @@ def regions_of(game: Game, P: Array, E: Array) -> Regions:
     """Return the regions of evaders E against pursuers P, (..., n, 3); numbers of the game may be arrays (..., n)."""
     w = P - E
     v = game.evader_speed_m_s
-    z: Array = w[..., 2] - game.standoff.height_m
-    capture = game.capture_radius_m
-    radius = game.standoff.radius_m
+    height: Array = w[..., 2] - game.standoff.height_m
+    radius, capture, z = game.pursuer.planar(
+        NUMPY, game.standoff.radius_m, game.capture_radius_m, height
+    )
     safe = 0.0
-    if isinstance(game.pursuer, Cylinder):
-        safe = np.maximum(v * level_time(NUMPY, game, game.pursuer, z), 0.0)
-        capture = capture + radius
-        radius = 0.0
-        z = 0.0
+    if game.pursuer.separate:
+        safe_s = game.pursuer.level_time(NUMPY, game.capture_radius_m, height)
+        safe = np.maximum(v * safe_s, 0.0)
     least = least_square_in_hand(game) / (v * v)
     wind_x = game.wind_m_s[0] / v
     wind_y = game.wind_m_s[1] / v

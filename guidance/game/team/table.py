@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike
 from guidance.errors import ConfigError
 from guidance.game.arrays import NUMPY, Array, components, cross2, dot2, plus2
 from guidance.game.extent import Extent, to_set
-from guidance.game.game import Ball, Game, StandOff
+from guidance.game.game import Game, StandOff
 from guidance.game.pe import Geometry, fly_to, take_apart
 from guidance.game.records import is_zero
 from guidance.game.rows import fitting, simplified
 from guidance.game.solution import Solution, solve
+from guidance.game.speed_sets import Ball
 from guidance.game.team.arguments import (
     Games,
     TeamGame,

@@ -1,0 +1,67 @@
+"""The pursuer's speed sets. One module describes each; `register` adds another from outside.
+
+    SpeedSet: what a game, a flight and a simulation ask of a speed set.
+    Ball, Cylinder: the paper's set, and a multicopter's.
+    Planar, Short: answers of a speed set.
+    SPEED_SETS: every speed set by name. `speed_set_named` looks one up.
+    bounded: shortens velocities to a speed.
+
+Examples:
+    A scenario or a vehicle file names a set and gives three speeds:
+
+    >>> from guidance.game.speed_sets import speed_set_named
+    >>> speed_set_named("ball").of(12.0, 3.0, 1.5)
+    Ball(speed_m_s=12.0)
+"""
+
+from importlib.metadata import entry_points
+
+from guidance.errors import ConfigError
+from guidance.game.speed_sets.ball import Ball
+from guidance.game.speed_sets.cylinder import Cylinder
+from guidance.game.speed_sets.speed_set import Planar, Short, SpeedSet, bounded
+
+ENTRY_POINTS = "pursuit_guidance.speed_sets"
+
+SPEED_SETS: dict[str, type[SpeedSet]] = {Ball.name: Ball, Cylinder.name: Cylinder}
+"""The speed sets that files can name. Add one with `register`."""
+
+
+def register(kind: type[SpeedSet]) -> None:
+    """Add a speed set to those that scenarios, sweeps, vehicle files and teams know.
+
+    A package can do this when it is imported, or name its class in the entry point group `pursuit_guidance.speed_sets`,
+    which is read when an unknown name is looked up.
+
+    Raises:
+        ConfigError: another speed set has this name.
+    """
+    if SPEED_SETS.setdefault(kind.name, kind) is not kind:
+        raise ConfigError(f"speed set {kind.name!r}: another one has this name; choose a new name")
+
+
+def speed_set_named(name: str) -> type[SpeedSet]:
+    """Return a speed set by its name in files.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    if name not in SPEED_SETS:
+        for installed in entry_points(group=ENTRY_POINTS, name=name):
+            register(installed.load())
+    if name not in SPEED_SETS:
+        raise ConfigError(f"speed_set = {name!r}: allowed are {', '.join(SPEED_SETS)}")
+    return SPEED_SETS[name]
+
+
+__all__ = [
+    "SPEED_SETS",
+    "Ball",
+    "Cylinder",
+    "Planar",
+    "Short",
+    "SpeedSet",
+    "bounded",
+    "register",
+    "speed_set_named",
+]
