@@ -13,7 +13,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "panel": ("aiohttp",),
     "cluster": ("distributed",),
     "keys": ("cryptography",),
-    "ros": ("rosbags",),
+    "ros": ("rosbags", "xxhash"),
 }
 """Import names of each extra."""
 

@@ -14,7 +14,7 @@ from guidance.links import ros_types
 from guidance.log.aggregator import SettingsOf
 from guidance.log.entries import EventEntry
 from guidance.log.export import started_unix_s
-from guidance.log.reader import Survey, cycles_of, metadata_of, row_of, scan
+from guidance.log.reader import cycles_of, metadata_of, row_of, scan
 from guidance.log.ros import RosFlight, nanoseconds_of, ros_name
 
 BAG_VERSION: Final = 8
@@ -70,7 +70,7 @@ def _name_of(name: str, path: Path) -> str:
 def _messages(name: str, path: Path, settings_of: SettingsOf) -> Iterator[_Timed]:
     """Yield the messages of a record in the order of time."""
     metadata = metadata_of(path)
-    started_s = started_unix_s(Survey(metadata=dict(metadata)))
+    started_s = started_unix_s(metadata)
     flight = RosFlight(name, settings_of, metadata, started_s)
     for item in scan(path):
         row = row_of(item, path)

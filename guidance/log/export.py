@@ -13,7 +13,7 @@ import heapq
 import json
 import math
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from itertools import islice
 from pathlib import Path
@@ -115,16 +115,17 @@ def write_tlog(path: Path, out: Path) -> int:
     with out.open("wb") as stream:
         for now_s, frame in _ordered(_frames(path, survey)):
             stream.write(
-                struct.pack(">Q", max(0, round((now_s + started_unix_s(survey)) * 1e6))) + frame
+                struct.pack(">Q", max(0, round((now_s + started_unix_s(survey.metadata)) * 1e6)))
+                + frame
             )
             count += 1
     return count
 
 
-def started_unix_s(survey: Survey) -> float:
+def started_unix_s(metadata: Mapping[str, str]) -> float:
     """Return the Unix time of the record clock's zero; 0 if unknown."""
     try:
-        return datetime.fromisoformat(survey.metadata.get("started_utc", "")).timestamp()
+        return datetime.fromisoformat(metadata.get("started_utc", "")).timestamp()
     except ValueError:
         return 0.0
 

@@ -5,7 +5,6 @@ owner. In real time chunks are small and written at once: a killed process loses
 cannot be written never disturbs the flight: recording stops and `failed` says why.
 """
 
-import calendar
 import json
 import math
 import os
@@ -17,6 +16,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Final
@@ -207,10 +207,9 @@ def part_path(path: Path, part: int) -> Path:
 
 
 def started_utc(now_s: float) -> str:
-    """Return the UTC time of a real-time clock's zero, ISO 8601 to the second; the clock now shows `now_s`."""
-    return time.strftime(
-        "%Y-%m-%dT%H:%M:%S+00:00", time.gmtime(calendar.timegm(time.gmtime()) - now_s)
-    )
+    """Return the UTC time of a real-time clock's zero, ISO 8601 to the millisecond; the clock now shows `now_s`."""
+    started_ns = time.time_ns() - round(now_s * 1e9)
+    return datetime.fromtimestamp(started_ns * 1e-9, UTC).isoformat(timespec="milliseconds")
 
 
 def versions() -> dict[str, str]:

@@ -53,7 +53,15 @@ def _open_broadcast(order: OutputOrder) -> Sink | None:
     return Broadcast(order.vehicle, order.bus, order.metadata)
 
 
-OUTPUTS: Final[dict[str, OpenOutput]] = {"broadcast": _open_broadcast}
+def _open_ros(order: OutputOrder) -> Sink | None:
+    if order.config is None or order.config.ros is None:
+        return None
+    from guidance.session.ros import open_ros  # noqa: PLC0415 - of an extra
+
+    return open_ros(order.vehicle, order.metadata, order.clock, order.mailbox, order.config)
+
+
+OUTPUTS: Final[dict[str, OpenOutput]] = {"broadcast": _open_broadcast, "ros": _open_ros}
 """How outputs open, by name. Add one with `register`."""
 
 

@@ -52,6 +52,7 @@ _FIXED: Final = (
     "log",
     "metrics",
     "record",
+    "ros",
     "team",
 )
 """Sections that are opened at the start: a change of these needs a restart."""

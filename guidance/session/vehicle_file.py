@@ -489,6 +489,27 @@ class RecordSection(Section):
     rotate_mb: float = Field(256.0, ge=1.0, description="a new file begins at this size")
 
 
+class RosSection(Section):
+    """The flight as ROS 2 topics, through a Zenoh router as rmw_zenoh uses it."""
+
+    endpoint: str = Field(
+        "tcp/127.0.0.1:7447",
+        pattern=r"^(tcp|tls)/[^\s/]+:\d+$",
+        description="the Zenoh router of the ROS graph, such as rmw_zenohd; with tls/ by [zenoh]",
+    )
+    domain_id: int = Field(0, ge=0, le=232, description="ROS_DOMAIN_ID")
+    orders: bool = Field(
+        False,
+        description="services hold, land, return and engage: whoever reaches the router may order; "
+        "only on loopback, or by TLS with a certificate",
+    )
+
+    @property
+    def by_tls(self) -> bool:
+        """Whether the router is reached by TLS."""
+        return _BY_TLS.fullmatch(self.endpoint) is not None
+
+
 class TeamEvader(EvaderSection):
     """An evader besides `[evader]`. On the vehicle's link only that one may report."""
 
@@ -526,6 +547,7 @@ class Config(Section):
     log: LogSection = LogSection()
     metrics: MetricsSection = MetricsSection()
     record: RecordSection = RecordSection()
+    ros: RosSection | None = None
     team: Team | None = None
 
     @property
@@ -553,6 +575,8 @@ class Config(Section):
         if self.control.by_tls and self.zenoh.tls_certificate_file is None:
             needs = "needs zenoh.tls_certificate_file; without mutual TLS anyone could command the vehicle"
             yield f"control.endpoint = {self.control.endpoint!r}: {needs}"
+        if self.ros is not None:
+            yield from self._ros_faults(self.ros)
         if self.team is not None:
             yield from self._team_faults(self.team)
         low = self.limits.floor_m
@@ -573,6 +597,15 @@ class Config(Section):
         }.items():
             if not low <= height_m <= high:
                 yield f"{key} = {height_m:g}: allowed is limits.floor_m = {low:g} to limits.ceiling_m = {high:g}"
+
+    def _ros_faults(self, ros: RosSection) -> Iterator[str]:
+        key = f"ros.endpoint = {ros.endpoint!r}"
+        if ros.by_tls and self.zenoh.tls_ca_file is None:
+            yield f"{key}: needs zenoh.tls_ca_file, which signed the router's certificate"
+        proven = ros.by_tls and self.zenoh.tls_certificate_file is not None
+        if ros.orders and not proven and _LOOPBACK.fullmatch(ros.endpoint) is None:
+            allowed = "a router on loopback, or tls/ with zenoh.tls_certificate_file"
+            yield f"{key}: with ros.orders = true must be {allowed}; else anyone could command the vehicle"
 
     def _team_faults(self, team: Team) -> Iterator[str]:
         if len({self.name, *team.mates}) <= len(team.mates):

@@ -266,7 +266,7 @@ def test_the_log_begins_at_the_utc_start_of_the_record(flight, tmp_path):
     )
     survey = survey_of(path)
     survey.metadata["started_utc"] = "yesterday"
-    assert started_unix_s(survey) == 0.0
+    assert started_unix_s(survey.metadata) == 0.0
 
 
 def test_an_unknown_ending_or_an_unwritable_path_is_refused(flight, tmp_path):

@@ -1,0 +1,218 @@
+"""The flight as a node of ROS 2: topics of one vehicle, and services for orders where the vehicle file allows them.
+
+The loop only appends to a bounded queue. A separate thread connects to the router, follows the flight, and makes and
+publishes the messages for which there are subscribers. It waits for nobody: what does not fit is dropped and counted, a
+router that is gone is joined again, and a message that cannot be sent at once is lost.
+"""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Mapping
+from functools import partial
+from typing import Final
+
+import zenoh
+
+from guidance.clock import Clock
+from guidance.errors import ConfigError, LinkError
+from guidance.flight import Event
+from guidance.links import ros_types
+from guidance.links.rmw_zenoh import DEPTH, Request, RosNode, RosPublisher
+from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
+from guidance.links.zenoh_wire import Session, close_all, is_over, open_session
+from guidance.log.entries import CycleEntry, EventEntry
+from guidance.log.export import started_unix_s
+from guidance.log.ros import (
+    TOPICS,
+    TRANSFORMS,
+    RosFlight,
+    Topic,
+    nanoseconds_of,
+    ros_name,
+    topic_name,
+)
+from guidance.log.sink import Sink
+from guidance.session.control_socket import begin
+from guidance.session.flight_files import recorded_settings
+from guidance.session.observability import LOGGER
+from guidance.session.orders import MOST_ORDERS, Mailbox
+from guidance.session.vehicle_file import Config, RosSection
+
+NODE: Final = "guidance"
+"""Name of the node; its namespace is the vehicle's name."""
+
+ORDERS: Final = (Event.HOLD, Event.LAND, Event.RETURN, Event.ENGAGE)
+"""Orders that are services, std_srvs/Trigger, under their own words."""
+
+MOST_WAITING: Final = 256
+"""Five seconds of cycles; further entries are dropped and counted."""
+
+_EVERY_S: Final = 0.02
+_RETRY_S: Final = 2.0
+_ROUTER_S: Final = 1.0
+"""Time limit of one attempt to reach the router."""
+
+_TRANSFORMS_DEPTH: Final = 100
+"""As the tf2 library keeps."""
+
+
+class RosOutput(Sink):
+    """The node of one vehicle.
+
+    Args:
+        flight: Makes the messages.
+        section: Router, domain, and whether there are services.
+        credentials: For the router.
+        clock: Of the flight.
+        started_unix_s: Unix time of the clock's zero.
+        mailbox: Where orders go.
+    """
+
+    def __init__(
+        self,
+        flight: RosFlight,
+        section: RosSection,
+        credentials: Credentials,
+        clock: Clock,
+        started_unix_s: float,
+        mailbox: Mailbox,
+    ) -> None:
+        self._flight = flight
+        self._section = section
+        self._credentials = credentials
+        self._clock = clock
+        self._started_unix_s = started_unix_s
+        self._mailbox = mailbox
+        self._log = logging.getLogger(LOGGER)
+        self._orders = threading.BoundedSemaphore(MOST_ORDERS)
+        self._waiting = deque[CycleEntry | EventEntry]()
+        self._publishers: dict[Topic, RosPublisher] = {}
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="ros")
+        self._thread.start()
+
+    def cycle(self, entry: CycleEntry) -> None:
+        """Keep a cycle for the thread."""
+        self._keep(entry)
+
+    def event(self, now_s: float, event: str, detail: str = "") -> None:
+        """Keep an event for the thread."""
+        self._keep(EventEntry(now_s, event, detail))
+
+    def close(self) -> None:
+        """Publish what waits and leave the ROS graph; may be called twice."""
+        self._stop.set()
+        self._thread.join()
+
+    def _keep(self, entry: CycleEntry | EventEntry) -> None:
+        if len(self._waiting) >= MOST_WAITING:
+            self.dropped += 1
+        else:
+            self._waiting.append(entry)
+
+    def _run(self) -> None:
+        session = self._joined()
+        if session is None:
+            return
+        try:
+            node = RosNode(session, self._section.domain_id, f"/{self._flight.name}", NODE)
+            for topic in TOPICS:
+                depth = _TRANSFORMS_DEPTH if topic is TRANSFORMS else DEPTH
+                name = topic_name(self._flight.name, topic)
+                self._publishers[topic] = node.publisher(name, topic.type_name, depth)
+            if self._section.orders:
+                for order in ORDERS:
+                    node.service(f"/{self._flight.name}/{order}", partial(self._hear, order))
+            stopped = False
+            while not stopped:
+                stopped = is_over(
+                    self._stop, _EVERY_S
+                )  # the last entries are published after the end
+                self._publish()
+            node.close()
+        except zenoh.ZError as error:
+            self._log.warning("no more ROS 2 topics: %s", error)
+        finally:
+            close_all(session.close)
+
+    def _joined(self) -> Session | None:
+        """Return a session on the router as soon as it answers; None at the end."""
+        told = False
+        while not is_over(self._stop):
+            try:
+                return open_session(
+                    self._section.endpoint, timeout_s=_ROUTER_S, credentials=self._credentials
+                )
+            except LinkError as error:
+                if not told:
+                    told = True
+                    self._log.warning("no ROS 2 topics yet, trying again: %s", error)
+            if is_over(self._stop, _RETRY_S):
+                return None
+            self._publish()  # the flight is followed from its beginning
+        return None
+
+    def _publish(self) -> None:
+        """Make and send the messages of all entries that wait, as far as somebody subscribes."""
+        wanted = {topic for topic, publisher in self._publishers.items() if publisher.watched}
+        by_name = {
+            topic_name(self._flight.name, topic): publisher
+            for topic, publisher in self._publishers.items()
+        }
+        while self._waiting:
+            entry = self._waiting.popleft()
+            try:
+                if isinstance(entry, EventEntry):
+                    self._flight.event(entry)
+                    continue
+                source_ns = nanoseconds_of(self._started_unix_s + entry.now_s)
+                for topic, content in self._flight.cycle(entry, wanted):
+                    by_name[topic].put(ros_types.encode(content), source_ns)
+            except (ConfigError, ValueError, TypeError, ArithmeticError):
+                self.dropped += 1  # an entry that cannot be a message
+
+    def _hear(self, order: Event, request: Request) -> None:
+        """Answer on a thread of its own, since the answer waits for the loop."""
+        if not begin(self._orders, self._answer, order, request):
+            request.reply(self._now_ns(), success=False, message="too many orders wait already")
+
+    def _answer(self, order: Event, request: Request) -> None:
+        answer = self._mailbox.answer(order, f"ROS 2 client {request.sender[:8]}")
+        accepted = bool(answer["accepted"])
+        words = answer.get("state") if accepted else answer.get("reason")
+        request.reply(self._now_ns(), success=accepted, message=str(words))
+
+    def _now_ns(self) -> int:
+        return nanoseconds_of(self._started_unix_s + self._clock.now_s())
+
+
+def open_ros(
+    vehicle: str, metadata: Mapping[str, str], clock: Clock, mailbox: Mailbox, config: Config
+) -> RosOutput | None:
+    """Open the ROS 2 output of a vehicle file; None if it has no `[ros]`.
+
+    Args:
+        vehicle: Its name.
+        metadata: As in a record.
+        clock: Of the flight.
+        mailbox: For orders.
+        config: The vehicle file.
+
+    Raises:
+        ConfigError: If the extra is missing, a certificate is wrong, or a mate has the same name in ROS.
+    """
+    section = config.ros
+    if section is None:
+        return None
+    ros_types.prepare("[ros]", ros_types.TRIGGER_RESPONSE)
+    started_s = started_unix_s(metadata)
+    flight = RosFlight(vehicle, recorded_settings, metadata, started_s)
+    mates = () if config.team is None else config.team.mates
+    for mate in mates:
+        if ros_name(mate) == flight.name:
+            raise ConfigError(
+                f"team.mates: {mate!r} is {flight.name!r} in ROS, as {vehicle!r} is: rename one"
+            )
+    credentials = credentials_of(config.zenoh) if section.by_tls else NO_CREDENTIALS
+    return RosOutput(flight, section, credentials, clock, started_s, mailbox)
