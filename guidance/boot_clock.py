@@ -45,6 +45,7 @@ class BootClock(NamedTuple):
         delay_s: Largest possible age of the last position when it arrived, at most `LONGEST_S`; NaN while the offset
             is unknown.
         late_since_s: Since when the delay exceeds `LATE_S`; inf if it does not.
+        former_offset_s: The offset that a message from the future discarded since the last answer; NaN if none did.
         paced: An answer a while ago, as (our time, the vehicle's); None before the first one.
         pace: The vehicle's time that passes in a second of ours, by the last answers.
     """
@@ -53,6 +54,7 @@ class BootClock(NamedTuple):
     answered_s: float = 0.0
     delay_s: float = math.nan
     late_since_s: float = math.inf
+    former_offset_s: float = math.nan
     paced: tuple[float, float] | None = None
     pace: float = 1.0
 
@@ -78,7 +80,13 @@ def with_answer(clock: BootClock, answer: Timesync) -> BootClock:
     if held_s <= most_s:
         least_s = max(least_s, held_s)
     clock = _paced(clock, answer.received_s, vehicle_s)
-    return clock._replace(offset_s=least_s, answered_s=answer.received_s)
+    return clock._replace(offset_s=least_s, answered_s=answer.received_s, former_offset_s=math.nan)
+
+
+def fits_former(clock: BootClock, received_s: float, time_boot_s: float) -> bool:
+    """Whether a message is in time by the offset that one from the future discarded: its sender's clock was not set."""
+    late_s = math.remainder(received_s - time_boot_s - clock.former_offset_s, _WRAP_S)
+    return -_ROUNDING_S <= late_s <= LATE_S
 
 
 def _paced(clock: BootClock, received_s: float, vehicle_s: float) -> BootClock:
@@ -99,7 +107,7 @@ def with_position(clock: BootClock, received_s: float, time_boot_s: float) -> Bo
         return clock
     late_s = math.remainder(received_s - time_boot_s - clock.offset_s, _WRAP_S)
     if late_s < -_ROUNDING_S:
-        return BootClock(paced=clock.paced, pace=clock.pace)
+        return BootClock(former_offset_s=clock.offset_s, paced=clock.paced, pace=clock.pace)
     since_s = math.inf
     if late_s > LATE_S:
         since_s = min(clock.late_since_s, received_s)

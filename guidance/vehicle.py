@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from guidance import messages
-from guidance.boot_clock import BootClock, with_answer, with_position
+from guidance.boot_clock import BootClock, fits_former, with_answer, with_position
 from guidance.frames import Amsl, LocalFrame, Projection, Vector, total
 from guidance.messages import (
     GlobalPosition,
@@ -186,7 +186,7 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
     if previous is None:
         return state._replace(clock=clock)
     step_s = now.time_boot_s - previous.time_boot_s
-    if step_s < -_REBOOT_S:
+    if step_s < -_REBOOT_S and not fits_former(state.clock, now.received_s, now.time_boot_s):
         return state._replace(reboots=state.reboots + 1, clock=BootClock())
     if step_s <= 0.0:
         return None
@@ -217,9 +217,13 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
 
 
 def _contradicts(now: LocalPosition, state: VehicleState) -> bool:
-    """Whether a position that came after a newer one is not on the way to it."""
+    """Whether a position that came after a newer one is not on the way to it, or the newer one has another clock."""
     previous = state.latest.get(LocalPosition)
-    if previous is None or now.time_boot_s < state.jumped_boot_s:
+    if previous is None:
+        return False
+    if fits_former(state.clock, now.received_s, now.time_boot_s):
+        return True
+    if now.time_boot_s < state.jumped_boot_s:
         return False  # older than a jump of the estimate
     step_s = previous.time_boot_s - now.time_boot_s
     steps = zip(previous.position_ned_m, now.position_ned_m, previous.velocity_ned_m_s, strict=True)

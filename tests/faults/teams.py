@@ -240,8 +240,10 @@ class Sortie:
         """Check that every mate noticed two senders in one name."""
         if self.forger is None or self.clock.now_s() - self.forger.begun_s < 3.0:
             return
-        if {"loss", "mate misnumbers"} & set(self.case.kinds) or self.forger.mate in cut_off:
+        if {"loss", "mate misnumbers"} & set(self.case.kinds):
             return
+        if self.forger.mate in cut_off | self.unable:
+            return  # then only one sender is heard
         for name in self.members.keys() - self.unable - cut_off - {self.forger.mate}:
             if not self.members[name].board.counts["refused_two senders"]:
                 self.wrong("two senders in one name are noticed", 1.0, name)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from guidance.flight import Event, State
-from guidance.messages import LocalPosition
+from guidance.flight import Event, Inputs, State
+from guidance.messages import LocalPosition, Timesync
 from guidance.session.answers import failed_checks, refusal
 from tests.flight.flown import Flown
 
@@ -34,6 +34,40 @@ def test_positions_that_jump_between_two_senders_end_the_game(ahead_s):
     doubled.cycles(ahead_s + 0.2)
     assert doubled.state is State.HOLDING
     assert doubled.flight.cause.event is Event.SECOND_SENDER
+
+
+@pytest.mark.parametrize("ahead_s", [0.2, 0.9, 5.0])
+def test_stamps_of_two_clocks_end_the_game_however_small_the_step_is(ahead_s):
+    doubled = Doubled().engaged()
+    doubled.ahead_s = ahead_s
+    doubled.away_m = 0.2
+    doubled.cycles(1.5)
+    assert doubled.state is State.HOLDING
+    assert doubled.flight.cause.event is Event.SECOND_SENDER
+    assert doubled.flight.vehicle.reboots == 0
+
+
+def test_a_simulator_that_catches_up_after_a_pause_is_no_second_sender():
+    flown = Flown().engaged()
+    flown.cycles(2.0)
+    pause_s = 0.8
+
+    def inputs(said, *rest):
+        stamped = [
+            message._replace(time_boot_s=message.time_boot_s - pause_s)
+            if isinstance(message, LocalPosition)
+            else message._replace(remote_ns=message.remote_ns - round(pause_s * 1e9))
+            if isinstance(message, Timesync)
+            else message
+            for message in said
+        ]
+        return Inputs(stamped, *rest)
+
+    flown.inputs = inputs
+    while pause_s > 0.0:
+        pause_s -= 0.04
+        flown.cycle(beat=True)
+        assert not flown.flight.vehicle.contradicted_s
 
 
 def test_they_keep_the_vehicle_on_the_ground_and_bar_an_engagement():
