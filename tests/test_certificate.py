@@ -15,6 +15,7 @@ from guidance.cycle import Course, Players, Vehicle, certify
 from guidance.cycle.guarding import GUARD_LAG_S, UNSURE, UNSURE_S, guard
 from guidance.frames import ned_from_game
 from guidance.game import Cylinder, Extent, Game, StandOff, Winner, solve_state
+from tests.bench.bench_promise_turns import played as played_turns
 from tests.control.scenes import MULTICOPTER as ENVELOPE
 
 GAME = Game(Cylinder(6.0, 3.0, 1.5), 3.0, standoff=StandOff(3.0, 5.0))
@@ -184,7 +185,28 @@ def test_without_a_target_the_pursuer_wins_and_no_distance_is_assured():
     says = certified((0.0, 0.0, 20.0), (0.0, 0.0, 0.0), (0.0, 60.0, 0.0), target_m=None)
     assert says.vehicle_winner == Winner.PURSUER
     assert math.isnan(says.assured_distance_m)
-    assert says.time_needed_s == pytest.approx(says.value + says.allowance)
+    assert says.time_needed_s == pytest.approx(says.value + 6.0**2 / (2.0 * 3.0) / (6.0 - 3.0))
+    reacting_s = ENVELOPE.reaction_s * 6.0 / (6.0 - 3.0)
+    assert says.allowance == pytest.approx(says.time_needed_s - says.value + reacting_s)
+
+
+def test_a_vehicle_above_the_disc_promises_the_pursuit_of_an_evader_that_runs_out_from_below():
+    says = certified((0.0, 0.0, 5.1), (0.0, 0.0, 0.0), (2.0, 0.0, 0.0), target_m=None)
+    accelerating_m = 6.0**2 / (2.0 * 3.0)
+    assert says.time_needed_s == pytest.approx((2.0 - 3.0 + accelerating_m) / (6.0 - 3.0))
+
+
+def test_a_descent_that_is_slower_than_commanded_is_promised_as_such():
+    says = certified((0.0, 0.0, 20.0), (0.0, 0.0, -1.5), (2.0, 0.0, 0.0), target_m=None)
+    assert says.value == pytest.approx(15.0 / 1.5)
+    assert says.time_needed_s == pytest.approx(15.0 / (ACCELERATION.descent_share * 1.5))
+
+
+@pytest.mark.parametrize("number", [82, 297, 418, 544, 787, 886, 952, 985])
+def test_a_capture_comes_in_the_promised_time_after_turns_near_the_disc(number):
+    play = played_turns(77, number)
+    assert play is not None
+    assert play.late_s <= 0.0
 
 
 @pytest.mark.parametrize("radius_m", [10.0, 15.0, 25.0])

@@ -55,6 +55,9 @@ AHEAD_S: Final = 0.5
 _SURELY: Final = 0.999
 """Share of the way within reach; at 1, the ground decides."""
 
+_TURNS: Final = 4
+"""Rounds to the direction of a pursuit that turns with the late start."""
+
 
 class Certificate(NamedTuple):
     """Result of the game and promises of this vehicle in one cycle; NaN if there is none.
@@ -168,7 +171,6 @@ def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Vector |
     solution = solve_state(game, P, E, T, evader_velocity_m_s=players.evader_m_s)
     optimal_m_s = solution.pursuer_velocity_m_s
     desired_m_s = optimal_m_s if before_m_s is None else before_m_s
-    late_m = late_start(P, desired_m_s, players.pursuer_m_s, vehicle.acceleration)
     farthest_m = max(players.gaps.ground_m, abs(players.gaps.height_m))
     u = game.pursuer.horizontal_m_s
     certificate = statement(players, solution)._replace(
@@ -180,11 +182,54 @@ def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Vector |
         reachable_speed_m_s=u,
     )
     if T is not None:
+        late_m = late_start(P, desired_m_s, players.pursuer_m_s, vehicle.acceleration)
         return _defended(game, players, vehicle, late_m, solution, certificate)
-    late_state = take_apart(FLOATS, game, late_m, E, None)
-    time_s, _, _ = escape(FLOATS, game, late_state)
-    certificate = certificate._replace(time_needed_s=time_s, allowance=time_s - solution.value)
+    time_s = _pursuit_s(game, players, vehicle, desired_m_s, 0.0)
+    slow_s = _pursuit_s(game, players, vehicle, desired_m_s, vehicle.envelope.reaction_s)
+    certificate = certificate._replace(time_needed_s=time_s, allowance=slow_s - solution.value)
     return Certified(solution, Course.SOLUTION, optimal_m_s, certificate)
+
+
+def _pursuit_s(
+    game: Game, players: Players, vehicle: Vehicle, desired_m_s: Vector, reaction_s: float
+) -> float:
+    """Return the time in which this vehicle captures an evader that runs straight away from it.
+
+    The vehicle drifts on while it accelerates, so near the evader the direction of the pursuit turns with the late
+    start. Above the disc, the pursuer of the game only copies the evader's velocity, but once the evader has run out
+    from below, the vehicle needs its full speed. A descent that is slower than commanded counts as a longer one.
+
+    Args:
+        game: What is played.
+        players: From where.
+        vehicle: What it can do.
+        desired_m_s: Velocity of the game's solution.
+        reaction_s: Time for which the vehicle keeps its present velocity before it accelerates.
+    """
+    P = players.pursuer_m
+    E = players.evader_m
+    flown_m_s = players.pursuer_m_s
+    u = game.pursuer.horizontal_m_s
+    if not game.pursuer.separate:
+        u = math.hypot(*desired_m_s[:2])
+    slower_m = max(0.0, players.gaps.height_m) * (1.0 / vehicle.acceleration.descent_share - 1.0)
+    late_m = P
+    for _ in range(_TURNS):
+        x_m = E[0] - late_m[0]
+        y_m = E[1] - late_m[1]
+        away_m = math.hypot(x_m, y_m)
+        pace = u / away_m if away_m > 0.0 else 0.0
+        x_m_s = pace * x_m
+        y_m_s = pace * y_m
+        behind_m = (
+            P[0] + reaction_s * (flown_m_s[0] - x_m_s),
+            P[1] + reaction_s * (flown_m_s[1] - y_m_s),
+            P[2] + slower_m,
+        )
+        pursuit_m_s = (x_m_s, y_m_s, desired_m_s[2])
+        late_m = late_start(behind_m, pursuit_m_s, flown_m_s, vehicle.acceleration)
+    time_s, _, _ = escape(FLOATS, game, take_apart(FLOATS, game, late_m, E, None))
+    return time_s
 
 
 def statement(players: Players, solution: StateSolution) -> Certificate:

@@ -73,8 +73,11 @@ class Alarm(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The violation and its amount in one line."""
-        return f"{self.violation}, {self.by}" if self.by else str(self.violation)
+        """The violation and its amount in one line; a promised time does not hold for an evader that turns."""
+        if not self.by:
+            return str(self.violation)
+        cause = "; the evader may have turned" if self.violation is Violation.CAPTURE_LATER else ""
+        return f"{self.violation}, {self.by}{cause}"
 
 
 class MonitorMemory(NamedTuple):

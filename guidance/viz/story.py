@@ -164,6 +164,8 @@ def _promise(story: Story) -> str:
         if math.isfinite(engaged.time_needed_s)
         else "without a time"
     )
+    if not story.with_target:
+        within += " if the evader runs away from it"
     promise_words = (
         f", at least {engaged.assured_distance_m:.1f} m from the target"
         if story.with_target

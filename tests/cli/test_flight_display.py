@@ -62,7 +62,10 @@ def test_a_hold_by_an_operator_says_so_and_how_to_continue():
 @pytest.mark.parametrize(
     ("violation", "words"),
     [
-        (Violation.CAPTURE_LATER, "guarantee: the time of capture has risen, 1.79 s"),
+        (
+            Violation.CAPTURE_LATER,
+            "guarantee: the time of capture has risen, 1.79 s; the evader may have turned",
+        ),
         (
             Violation.EVADER_CLOSER,
             "guarantee: the evader's final distance to its target has fallen, 1.79 m",

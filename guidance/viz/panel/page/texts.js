@@ -124,7 +124,7 @@ export const TEXTS = {
   tooShort: (order) => `${order}: not given. Keep it pressed for one second.`,
   charts: {
     range: "Range to the disc, m", speed: "Speed, m/s", age: "Age, ms",
-    reach: { s: "Time to reach it, s", m: "Keeps it from T by, m" },
+    reach: { s: "Time to reach it if it runs away, s", m: "Keeps it from T by, m" },
     gap_m: "rim", height_gap_m: "height",
     "game.value": "ideal", "game.time_needed_s": "vehicle", "game.assured_distance_m": "vehicle",
     "speed_m_s.flown": "flown", "speed_m_s.commanded": "sent", "speed_m_s.desired": "game",
