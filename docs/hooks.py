@@ -25,9 +25,9 @@ from guidance.flight.table import FINAL, SETPOINT_STATES, TRANSITIONS
 from guidance.links.ros_types import ODOMETRY, POSE_STAMPED
 from guidance.log.broadcast import broadcast_key
 from guidance.log.entries import CYCLE, EVENT, REPORT
-from guidance.session.control_bus import control_key
-from guidance.session.control_socket import WORDS
-from guidance.session.observability import Metrics
+from guidance.session.observe.metrics import Metrics
+from guidance.session.orders.control_bus import control_key
+from guidance.session.orders.control_socket import WORDS
 from guidance.sim.outcome import Outcome
 from guidance.sim.teams import TeamOutcome
 from sitl_mock.cli import app as mock_app

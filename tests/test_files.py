@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 from guidance.cli.fly import fly_scenario
 from guidance.cli.program import app
 from guidance.files import private_file, private_folder, whole_file
-from guidance.session.fly import NOBODY, MockOptions
+from guidance.session.open.mock import MockOptions
+from guidance.session.open.opened import NOBODY
 from guidance.sweeps.folder import alone, write_whole
 from guidance.viz import report as page
 

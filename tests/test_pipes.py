@@ -8,7 +8,7 @@ import pytest
 from guidance.config import read
 from guidance.errors import ConfigError
 from guidance.log.reader import survey_of
-from guidance.session import control_socket
+from guidance.session.orders import control_socket
 from guidance.session.vehicle_file import corners_deg
 from guidance.sim.scenario_file import load_any
 

@@ -96,7 +96,7 @@ def ask(
         ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
         LinkError: If the daemon has another name, does not know the token or does not answer.
     """
-    from guidance.session import control_socket  # noqa: PLC0415 - only orders
+    from guidance.session.orders import control_socket  # noqa: PLC0415 - only orders
 
     names: list[str] = []
     if name is not None:
@@ -114,7 +114,7 @@ def ask(
         if answer is not None:
             return [answer]
     from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - zenoh takes a second
-    from guidance.session import control_bus  # noqa: PLC0415
+    from guidance.session.orders import control_bus  # noqa: PLC0415
 
     details["credentials"] = read_credentials(zenoh)
     with control_bus.join_session(**details) as session:
@@ -133,7 +133,7 @@ def _asked_team_here(
 
     A daemon that hangs keeps no order from the others: they are reached over Zenoh then.
     """
-    from guidance.session.control_socket import SilentDaemonError, ask_team_here  # noqa: PLC0415 - only orders
+    from guidance.session.orders.control_socket import SilentDaemonError, ask_team_here  # noqa: PLC0415 - only orders
 
     try:
         return ask_team_here(order, team, names, **given)

@@ -6,7 +6,7 @@ from typing import Any, Final, NamedTuple
 
 import typer
 
-from guidance.session.replies import refused
+from guidance.session.orders.replies import refused
 
 POLL_S: Final = 0.2
 

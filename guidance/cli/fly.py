@@ -24,26 +24,21 @@ from guidance.files import private_folder, whole_file, writing
 from guidance.flight import State
 from guidance.log.entries import OUTCOME
 from guidance.screen import aged, console, headed, live, pairs, redraws
-from guidance.session.control_socket import ENDPOINT
 from guidance.session.flight_files import PICTURE, RECORD, TEAM, flight_folder
-from guidance.session.fly import (
-    Asked,
-    ByFile,
-    MockOptions,
-    Onlooker,
-    Played,
-    Way,
-    fly_recorded,
-    left_out,
-)
-from guidance.session.mission import Progress
-from guidance.session.result import (
+from guidance.session.fly.mission import Progress
+from guidance.session.fly.result import (
     FlightResult,
     MissionResult,
     ending_words,
     outcome_of_flight,
     team_rows,
 )
+from guidance.session.open.file import ByFile
+from guidance.session.open.mock import MockOptions
+from guidance.session.open.opened import Onlooker, Played, Way
+from guidance.session.open.url import Asked
+from guidance.session.orders.control_socket import ENDPOINT
+from guidance.session.recorded_flight import fly_recorded
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import TeamScenario
@@ -258,7 +253,7 @@ def fly_rows(
         on_control(endpoint)
 
     with flight_folder(out, stem) as folder:
-        for part in left_out(scenario, how):
+        for part in how.left_out(scenario):
             target.print(f"{part}: only a mock can have that; the vehicle flies without")
         with contextlib.ExitStack() as stack:
             if not isinstance(how, ByFile):

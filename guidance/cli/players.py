@@ -13,7 +13,7 @@ from guidance.sim.scenario import Scenario
 from guidance.sim.teams import TeamOutcome, TeamScenario, summary_of
 
 if TYPE_CHECKING:
-    from guidance.session.result import MissionResult
+    from guidance.session.fly.result import MissionResult
 
 _ROLES: Final = ("first", "second")
 _NUMBERS: Final = ("game_time_s", "predicted", "achieved", "regret")

@@ -34,7 +34,7 @@ from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of
 from guidance.texts import printable
 
 if TYPE_CHECKING:
-    from guidance.session.fly import Way
+    from guidance.session.open.opened import Way
 
 scenario = typer.Typer(
     cls=arguments.CommandGroup,
@@ -104,7 +104,9 @@ def run(
     arguments.may_fly(vehicle or [], yes=yes)
     rows: Sequence[Any]
     if way != "maths":
-        from guidance.session.fly import Asked, ByFile, MockOptions  # noqa: PLC0415 - slow imports
+        from guidance.session.open.file import ByFile  # noqa: PLC0415 - slow imports
+        from guidance.session.open.mock import MockOptions  # noqa: PLC0415 - slow imports
+        from guidance.session.open.url import Asked  # noqa: PLC0415 - slow imports
         from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
         mock = MockOptions(fast=way == "fast", link=link, port=port, over=over)
@@ -154,7 +156,8 @@ def _fly(
 ) -> tuple[Sequence[Any], Path]:
     """Fly a scenario; return its rows and the flight's folder."""
     from guidance.cli.fly import fly_rows  # noqa: PLC0415 - slow imports
-    from guidance.session.fly import ByFile, Onlooker  # noqa: PLC0415
+    from guidance.session.open.file import ByFile  # noqa: PLC0415
+    from guidance.session.open.opened import Onlooker  # noqa: PLC0415
 
     def on_record(path: Path) -> None:
         there.print(f"record   {path}", soft_wrap=True)

@@ -23,8 +23,8 @@ from guidance.extras import require
 from guidance.files import writing
 from guidance.links.port import parse
 from guidance.screen import console, sheet, waiting
-from guidance.session import discovery
 from guidance.session.checkup import SURVEY_LIMIT_S, Checkup, checkup_of, examine
+from guidance.session.open import discovery
 from guidance.session.vehicle_file import load_vehicle
 
 _STYLE: Final = {"refuse": "bold red", "warn": "yellow", "pass": "green"}
@@ -127,7 +127,8 @@ def check(
         raise typer.BadParameter("only with --apply", param_hint="--yes" if yes else "--advised")
     if as_json and apply and not yes:
         raise typer.BadParameter("asks a question with --apply; add --yes", param_hint="--json")
-    from guidance.session.fly import Asked, checkup_at  # noqa: PLC0415 - slow imports
+    from guidance.session.open.url import Asked  # noqa: PLC0415 - slow imports
+    from guidance.session.scenario_checkup import checkup_at  # noqa: PLC0415 - slow imports
     from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
 
     if vehicle is not None:

@@ -18,7 +18,7 @@ from guidance.cli.arguments import TokenFile, ZenohFile, refuse
 from guidance.clock import MonotonicClock
 from guidance.errors import ConfigError
 from guidance.extras import require
-from guidance.session.control_socket import ENDPOINT
+from guidance.session.orders.control_socket import ENDPOINT
 
 Port = partial(typer.Option, min=0, max=65535)
 STOP_LIMIT_S: Final = 5.0
@@ -67,8 +67,8 @@ def view(
     """
     from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - slow imports
     from guidance.log.broadcast import LiveFlight  # noqa: PLC0415
-    from guidance.session.control_bus import join_session  # noqa: PLC0415
     from guidance.session.flight_files import RECORD  # noqa: PLC0415
+    from guidance.session.orders.control_bus import join_session  # noqa: PLC0415
 
     if live == (file is not None):
         raise ConfigError("give either the FILE of a record or --live")

@@ -26,11 +26,11 @@ from guidance.extras import EXTRAS, how_to_add
 from guidance.links.port import parse
 from guidance.links.world import World
 from guidance.preflight import COUNTED_S, Facts, ParameterChange, another_autopilot, changes, single
-from guidance.session.control_socket import token_path
-from guidance.session.daemon import Daemon, Equipment
-from guidance.session.loop import PERIOD_S, PRIORITY
+from guidance.session.fly.daemon import Daemon, Equipment
+from guidance.session.fly.loop import PERIOD_S, PRIORITY
+from guidance.session.open.links import open_all
+from guidance.session.orders.control_socket import token_path
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.service import open_all
 from guidance.session.vehicle_file import Config, Control
 
 SURVEY_LIMIT_S: Final = 20.0

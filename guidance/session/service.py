@@ -9,36 +9,26 @@ import os
 import secrets
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from guidance.autopilots import Mode, autopilot_named
+from guidance.autopilots import Mode
 from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
-from guidance.files import text_of
-from guidance.links import EvaderSource, SigningKey, Wire, parse
-from guidance.links.evader_sources import SourceOrder, evader_kind
-from guidance.links.opening import open_link, open_wire
-from guidance.links.signed_streams import state_folder
-from guidance.links.wires import TappedWire, share
-from guidance.links.world import World
-from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
 from guidance.links.zenoh_team import ZenohTeam
-from guidance.links.zenoh_wire import Session, close_all, session_to
+from guidance.links.zenoh_wire import Session
 from guidance.log.writer import Record, Recorder
-from guidance.session.control_bus import control_bus, owner_token
-from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import flight_metadata
-from guidance.session.loop import Signals, claim, run
-from guidance.session.observability import Log, Metrics, MetricsServer, Notifier
-from guidance.session.orders import ORDER_OF, Mailbox, startup_answers
-from guidance.session.outputs import OutputOrder, open_outputs
+from guidance.session.fly.daemon import Daemon, Equipment
+from guidance.session.fly.loop import Signals, claim, run
+from guidance.session.observe.metrics import Metrics, MetricsServer
+from guidance.session.observe.outputs import OutputOrder, open_outputs
+from guidance.session.open.links import open_vehicle
+from guidance.session.orders.mailbox import ORDER_OF
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.vehicle_file import (
     Config,
-    EvaderSection,
-    Vehicle,
     load_vehicle,
 )
 from guidance.team import Member
@@ -56,215 +46,6 @@ _FIXED: Final = (
     "team",
 )
 """Sections that are opened at the start: a change of these needs a restart."""
-
-
-def open_control(config: Config, mailbox: Mailbox) -> AbstractContextManager[Session]:
-    """Take orders where a configuration says, by the certificates of its router where that judges who may order.
-
-    Raises:
-        ConfigError: If a certificate or its key is wrong.
-        OutputError: If the token cannot be written.
-        LinkError: If no session can be opened, or another daemon owns the vehicle.
-    """
-    credentials = credentials_of(config.zenoh) if config.control.by_tls else NO_CREDENTIALS
-    team = config.team
-    if team is None:
-        return control_bus(config.name, mailbox, config.control, credentials, "", ())
-    return control_bus(config.name, mailbox, config.control, credentials, team.name, team.mates)
-
-
-def open_all(
-    config: Config,
-    clock: Clock,
-    world: World,
-    *,
-    tapped: bool,
-    wires: Mapping[str, Wire] | None = None,
-) -> None:
-    """Claim the vehicle, open its link and the evaders' sources in a world, and wait until the vehicle was heard.
-
-    Args:
-        config: Of vehicle and evader.
-        clock: Arrival times are its.
-        world: Closes what was opened.
-        tapped: Whether raw frames are passed on.
-        wires: What is open already, by the names of vehicle and evaders; it is closed with the world.
-
-    Raises:
-        ConfigError: If a URL or the signing key is wrong.
-        LinkError: If something cannot be opened, the vehicle is not heard, or another daemon owns it.
-    """
-    vehicle = config.vehicle
-    evader = config.evader
-    closed = world.closing
-    opened = {} if wires is None else dict(wires)
-    credentials = credentials_of(config.zenoh)
-    keys = _Keys(closed)
-    key = keys.open(vehicle.signing_key_file, "vehicle")
-    _claim_on_its_bus(vehicle.url, credentials, closed)
-    if (wire := opened.get(config.name)) is None:
-        # The evader's reports arrive on it too, unless they have a URL of their own.
-        systems = (vehicle.system_id, evader.system_id if evader.url is None else None)
-        wire = open_wire(
-            vehicle.url,
-            clock=clock.now_s,
-            systems=systems,
-            signing_key=key,
-            credentials=credentials,
-        )
-    closed.callback(wire.close)
-    if tapped:
-        wire = TappedWire(wire, clock.now_s, config.name)
-        world.taps.append(wire)
-    if evader.url is None:
-        wire, opened[next(iter(config.evaders))] = share(wire, 2)
-    sender_words = f"{vehicle.url}: system {vehicle.system_id}"
-    limit_s = vehicle.connect_timeout_s
-    ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}
-    ids["autopilot"] = autopilot_named(vehicle.autopilot).autopilot_id
-    link = open_link(
-        wire,
-        vehicle.link,
-        clock=clock.now_s,
-        who=sender_words,
-        **ids,
-        signing_key=key,
-        timeout_s=limit_s,
-    )
-    closed.callback(link.close)
-    world.links[config.name] = link
-    sources = dict[str, EvaderSource]()
-    world.evaders[config.name] = sources
-    for name, section in config.evaders.items():
-        sources[name] = _open_source(vehicle, section, clock, credentials, keys, opened.get(name))
-        closed.callback(sources[name].close)
-
-
-def _claim_on_its_bus(url: str, credentials: Credentials, closed: ExitStack) -> None:
-    """Claim a vehicle behind Zenoh on its own bus: all possible owners are there."""
-    endpoint = parse(url)
-    if endpoint.scheme == "zenoh":
-        session = closed.enter_context(session_to(endpoint, credentials, timeout_s=5.0))
-        owned = f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance"
-        closed.callback(close_all, owner_token(session, owned).undeclare)
-
-
-def _open_source(
-    vehicle: Vehicle,
-    evader: EvaderSection,
-    clock: Clock,
-    credentials: Credentials,
-    keys: "_Keys",
-    wire: Wire | None,
-) -> EvaderSource:
-    """Open an evader's source, on this wire if there is one, and have it ask for reports if they must be requested."""
-    url = vehicle.url if evader.url is None else evader.url
-    kind = evader_kind(evader.kind)
-    key = None
-    if kind.transport == "mavlink":
-        if evader.url is None:
-            key = keys.open(vehicle.signing_key_file, "vehicle")
-        else:
-            key = keys.open(evader.signing_key_file, "evader")
-        if wire is None:
-            wire = open_wire(
-                url,
-                clock=clock.now_s,
-                systems=(evader.system_id,),
-                signing_key=key,
-                credentials=credentials,
-            )
-    return kind.open(
-        SourceOrder(
-            kind=evader.kind,
-            url=url,
-            clock=clock.now_s,
-            frame=evader.local_frame,
-            wire=wire,
-            system_id=evader.system_id,
-            component_id=evader.component_id,
-            request_rate_hz=evader.request_rate_hz,
-            icao_address=evader.icao_address,
-            id_or_mac=evader.id_or_mac,
-            altitude_datum=evader.datum,
-            frame_id=evader.frame_id,
-            signing_key=key,
-            credentials=credentials,
-        )
-    )
-
-
-class _Keys:
-    """The signing keys of one world, each with one list of streams, which is closed with the world."""
-
-    def __init__(self, closed: ExitStack) -> None:
-        self._closed = closed
-        self._keys: dict[bytes, SigningKey] = {}
-
-    def open(self, path: Path | None, section: str) -> SigningKey | None:
-        """Return the key of a file; None without one.
-
-        Raises:
-            ConfigError: As `signing_key`.
-        """
-        key = signing_key(path, section)
-        if key is None:
-            return None
-        if key.secret not in self._keys:
-            self._keys[key.secret] = key
-            if key.streams is not None:
-                self._closed.callback(key.streams.close)
-        return self._keys[key.secret]
-
-
-def signing_key(path: Path | None, section: str = "vehicle") -> SigningKey | None:
-    """Read a signing key, None if there is none; `section` of the file names it.
-
-    Raises:
-        ConfigError: If it cannot be read, others may read it too, or it is not 64 hexadecimal digits.
-    """
-    if path is None:
-        return None
-    digits = text_of(path, f"{section}.signing_key_file = {str(path)!r}", secret=True)
-    return SigningKey.from_hex(digits, streams=state_folder())
-
-
-def open_equipment(mailbox: Mailbox, config: Config, stack: ExitStack) -> Equipment:
-    """Open the log according to a vehicle file, and signs of life to systemd."""
-    log = stack.enter_context(closing(Log(config.log.format, config.log.level)))
-    return Equipment(mailbox=mailbox, sinks=[log, Notifier(os.environ, os.getpid())])
-
-
-def open_vehicle(
-    config: Config, clock: Clock, stack: ExitStack, *, tapped: bool
-) -> tuple[World, Session, Equipment]:
-    """Open all that a vehicle file names, and wait until the vehicle was heard; orders are answered meanwhile.
-
-    Args:
-        config: The vehicle file.
-        clock: The process's.
-        stack: Closes all of it.
-        tapped: Whether raw frames are passed on.
-
-    Returns:
-        Its world, the Zenoh session of its orders, and a daemon's equipment with mailbox, log and notifier.
-
-    Raises:
-        GuidanceError: For everything that the user can mend.
-    """
-    mailbox = Mailbox()
-    vehicle = config.vehicle
-    limit_s = config.vehicle.connect_timeout_s
-    mailbox.meanwhile = startup_answers(config.name, vehicle.awaited, limit_s, clock)
-    equipment = open_equipment(mailbox, config, stack)
-    session = stack.enter_context(open_control(config, mailbox))
-    fields = {"url": vehicle.url, "system": vehicle.system_id, "component": vehicle.component_id}
-    equipment.say(
-        logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=limit_s
-    )
-    world = stack.enter_context(closing(World()))
-    open_all(config, clock, world, tapped=tapped)
-    return world, session, equipment
 
 
 _COMES_DOWN: Final = frozenset({Mode.LAND, Mode.RETURN})

@@ -281,8 +281,8 @@ def _invalid(plan: Plan, cases: Cases, row: int, reason: str) -> Outcome | TeamO
 
 def flown(scenario: Scenario) -> Outcome:
     """Fly a scenario against the mock in virtual time, in this process and without a record."""
-    from guidance.session.mission import Mission  # noqa: PLC0415 - flights only: imports the mock
-    from guidance.session.result import outcome_of_flight  # noqa: PLC0415
+    from guidance.session.fly.mission import Mission  # noqa: PLC0415 - flights only: imports the mock
+    from guidance.session.fly.result import outcome_of_flight  # noqa: PLC0415
     from guidance.sim.stepped import SteppedWorld  # noqa: PLC0415
 
     clock = VirtualClock()

@@ -23,12 +23,7 @@ from guidance.log.entries import ASSIGNED, EVENT, CycleEntry, EventEntry
 from guidance.log.scene import Array
 from guidance.messages import Home, Role
 from guidance.session.flight_files import recorded_settings
-from guidance.session.result import (
-    Capture,
-    distance_to_target_m,
-    least_distance_m,
-    predicted,
-)
+from guidance.session.fly.result import Capture, distance_to_target_m, least_distance_m, predicted
 from guidance.team.messages import Promise, RolesMessage
 
 Row = tuple[str, str]
@@ -101,7 +96,7 @@ class Story(NamedTuple):
 
     @property
     def game_lasted_s(self) -> float:
-        """Time from the state ENGAGED to ON STATION, as in `guidance.session.result`; NaN without one of them."""
+        """Time from the state ENGAGED to ON STATION, as in `guidance.session.fly.result`; NaN without one of them."""
         first_s = {row.state: row.now_s for row in reversed(self.rows)}
         return first_s.get(State.ON_STATION, math.nan) - first_s.get(State.ENGAGED, math.nan)
 

@@ -14,9 +14,10 @@ from guidance.errors import ConfigError
 from guidance.game import StandOff
 from guidance.links.opening import Found
 from guidance.preflight import Facts, changes, parameter_names, rows
-from guidance.session.discovery import identify, vehicle_file
-from guidance.session.fly import MockOptions, fly_recorded
+from guidance.session.open.discovery import identify, vehicle_file
+from guidance.session.open.mock import MockOptions
 from guidance.session.plan import plan_of
+from guidance.session.recorded_flight import fly_recorded
 from guidance.session.vehicle_file import Config, load_vehicle
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_scenario

@@ -109,7 +109,7 @@ class Watch(Stopwatch):
 
 def vehicle(wire: str, port: int, evader_port: int) -> None:
     """Step the mock in real time; `measure` and `report` come on standard input, whose end is ours."""
-    from guidance.session.loop import claim
+    from guidance.session.fly.loop import claim
     from sitl_mock import MockVehicle
 
     parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}
@@ -277,7 +277,7 @@ class Cycle(NamedTuple):
 
 def timing_cycles(path: str) -> None:
     """Have this process write a `Cycle` of each of its cycles, once it ends."""
-    from guidance.session import loop
+    from guidance.session.fly import loop
 
     cycle = loop._cycle
     rows = array("d")

@@ -49,10 +49,10 @@ from guidance.log.entries import CONFIG as CONFIG_KEY
 from guidance.log.entries import CYCLE, EVENT, CycleEntry, EventEntry, Item
 from guidance.log.sink import Sink
 from guidance.log.writer import Recorder, part_path
-from guidance.session.daemon import Daemon, Equipment
 from guidance.session.flight_files import recorded_settings
-from guidance.session.loop import run
-from guidance.session.observability import Metrics
+from guidance.session.fly.daemon import Daemon, Equipment
+from guidance.session.fly.loop import run
+from guidance.session.observe.metrics import Metrics
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from guidance.sim.stepped import SteppedMock

@@ -19,8 +19,8 @@ from unittest import mock
 from guidance.clock import VirtualClock
 from guidance.flight import Flight
 from guidance.log.writer import Recorder
-from guidance.session.daemon import Equipment
-from guidance.session.mission import Mission
+from guidance.session.fly.daemon import Equipment
+from guidance.session.fly.mission import Mission
 from guidance.sim.scenario_file import load_scenario
 from guidance.sim.stepped import SteppedWorld
 

@@ -33,8 +33,8 @@ from playwright.sync_api import Page, sync_playwright
 from guidance.log import cycles_of
 from guidance.log.broadcast import broadcast_key
 from guidance.log.replay import compare
-from guidance.session.control_bus import join_session
 from guidance.session.flight_files import recorded_settings
+from guidance.session.orders.control_bus import join_session
 from sitl_mock.child import running
 from tests.bench.bench_view import PROGRAM, VEHICLES, daemon, memory_mb
 

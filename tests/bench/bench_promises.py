@@ -41,7 +41,7 @@ from guidance.links.mavlink_evader import MavlinkEvader  # noqa: E402
 from guidance.links.pymavlink_link import PymavlinkLink  # noqa: E402
 from guidance.links.zenoh_evader import read_json  # noqa: E402
 from guidance.log import record_errors, survey_of  # noqa: E402
-from guidance.session.observability import Metrics, MetricsServer  # noqa: E402
+from guidance.session.observe.metrics import Metrics, MetricsServer  # noqa: E402
 from guidance.session.vehicle_file import Config  # noqa: E402
 from sitl_mock import MockVehicle  # noqa: E402
 from tests.faults.drawing import draw_case  # noqa: E402

@@ -21,9 +21,9 @@ from guidance.flight import Flight
 from guidance.log import compare, cycles_of, metadata_of, scan
 from guidance.log.entries import CYCLE
 from guidance.log.writer import Recorder
-from guidance.session.daemon import Equipment
 from guidance.session.flight_files import recorded_settings
-from guidance.session.mission import Mission
+from guidance.session.fly.daemon import Equipment
+from guidance.session.fly.mission import Mission
 from guidance.sim.scenario_file import load_scenario
 from guidance.sim.stepped import SteppedWorld
 

@@ -32,8 +32,8 @@ from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import open_session
 from guidance.log.entries import CYCLE
 from guidance.log.reader import scan
-from guidance.session.control_bus import free_endpoint, join_session
-from guidance.session.control_socket import token_path
+from guidance.session.orders.control_bus import free_endpoint, join_session
+from guidance.session.orders.control_socket import token_path
 from guidance.team.messages import (
     EvaderMessage,
     Message,

@@ -27,8 +27,8 @@ from guidance.clock import VirtualClock
 from guidance.flight import State
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.udp import AddressPins, UdpWire
-from guidance.session.daemon import Daemon, Equipment
-from guidance.session.loop import PERIOD_S
+from guidance.session.fly.daemon import Daemon, Equipment
+from guidance.session.fly.loop import PERIOD_S
 from guidance.session.plan import plan_of
 from sitl_mock.vehicle import MockVehicle
 from tests.harness.chase import ORDERS, Runner, hover_chase

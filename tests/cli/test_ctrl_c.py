@@ -12,8 +12,9 @@ from guidance.cli import fly
 from guidance.cli.fly import LiveLine
 from guidance.errors import FlightError
 from guidance.flight import State
-from guidance.session.fly import NOBODY, MockOptions
-from guidance.session.mission import Progress
+from guidance.session.fly.mission import Progress
+from guidance.session.open.mock import MockOptions
+from guidance.session.open.opened import NOBODY
 from tests.harness.flights import NEAR
 
 

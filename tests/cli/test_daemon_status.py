@@ -10,7 +10,7 @@ from guidance.cli import show
 from guidance.cli.daemon import status_table
 from guidance.errors import FlightError
 from guidance.screen import aged
-from guidance.session.observability import Log
+from guidance.session.observe.log import Log
 
 STATUS = {
     "accepted": True, "order": "status", "name": "px4", "state": "engaged", "mode": "guided",

@@ -11,7 +11,7 @@ from guidance.cli.program import app
 from guidance.config import find
 from guidance.flight import State
 from guidance.screen import PrintableConsole, sheet, waiting
-from guidance.session.mission import Progress
+from guidance.session.fly.mission import Progress
 
 EVIL = "\x1b]0;owned [/bold] [red]x[/red] :smile: \u202eabc"
 SHOWN = "\\x1b]0;owned [/bold] [red]x[/red] :smile: \\u202eabc"

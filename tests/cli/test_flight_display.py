@@ -9,9 +9,9 @@ from rich.console import Console
 from guidance.cli.fly import _table, plain, score, words
 from guidance.cycle import Alarm, Violation
 from guidance.flight import State
-from guidance.session.mission import Progress
+from guidance.session.fly.mission import Progress
+from guidance.session.fly.result import FlightResult
 from guidance.session.plan import plan_of
-from guidance.session.result import FlightResult
 from guidance.sim.outcome import outcome_of
 from guidance.sim.scenario_file import load_scenario
 

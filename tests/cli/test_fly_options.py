@@ -12,7 +12,9 @@ from guidance.cli.program import app
 from guidance.errors import ConfigError, FlightError
 from guidance.log.entries import OUTCOME
 from guidance.session.flight_files import PICTURE, RECORD
-from guidance.session.fly import NOBODY, Asked, MockOptions
+from guidance.session.open.mock import MockOptions
+from guidance.session.open.opened import NOBODY
+from guidance.session.open.url import Asked
 
 PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2")
 

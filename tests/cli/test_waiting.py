@@ -8,7 +8,7 @@ from rich.console import Console
 from guidance.cli.fly import LiveLine
 from guidance.flight import State
 from guidance.screen import counted, print_sheet, sheet, waiting
-from guidance.session.mission import Progress
+from guidance.session.fly.mission import Progress
 
 
 class Terminal(io.StringIO):

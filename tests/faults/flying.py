@@ -18,10 +18,10 @@ from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.log.replay import compare
 from guidance.log.writer import Record, Recorder
-from guidance.session.daemon import Equipment
 from guidance.session.flight_files import flight_metadata
-from guidance.session.loop import PERIOD_S, run
-from guidance.session.mission import Mission, MissionPolicy
+from guidance.session.fly.daemon import Equipment
+from guidance.session.fly.loop import PERIOD_S, run
+from guidance.session.fly.mission import Mission, MissionPolicy
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.sim.mock_files import faults_after
 from guidance.sim.scenario import EVADER_ID, PURSUER

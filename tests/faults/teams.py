@@ -23,11 +23,11 @@ from guidance.frames import ned_from_game
 from guidance.game import Game, Winner
 from guidance.links.port import EvaderSource
 from guidance.messages import EvaderReport
-from guidance.session.daemon import Daemon, Equipment
-from guidance.session.fly import team_plan
-from guidance.session.loop import run
-from guidance.session.mission import Mission, MissionPolicy
+from guidance.session.fly.daemon import Daemon, Equipment
+from guidance.session.fly.loop import run
+from guidance.session.fly.mission import Mission, MissionPolicy
 from guidance.session.plan import plan_of
+from guidance.session.recorded_flight import team_plan
 from guidance.sim.scenario import EVADER, PURSUER, Pursuit, Wind
 from guidance.sim.stepped import SteppedWorld
 from guidance.sim.team_flight import pursuits_of_team

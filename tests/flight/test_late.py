@@ -6,7 +6,7 @@ from guidance.autopilots import Mode
 from guidance.flight import EngageOn, Event, State
 from guidance.flight.heard import ORDINARY_AGE_S
 from guidance.messages import LocalPosition
-from guidance.session.answers import failed_checks, refusal
+from guidance.session.orders.answers import failed_checks, refusal
 from tests.flight.flown import CYCLE_S, Flown
 from tests.flight.scenes import settings_of
 

@@ -4,7 +4,7 @@ import pytest
 
 from guidance.flight import Event, Inputs, State
 from guidance.messages import LocalPosition, Timesync
-from guidance.session.answers import failed_checks, refusal
+from guidance.session.orders.answers import failed_checks, refusal
 from tests.flight.flown import Flown
 
 

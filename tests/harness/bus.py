@@ -4,8 +4,8 @@ import contextlib
 
 from guidance.links.zenoh_access import NO_CREDENTIALS
 from guidance.links.zenoh_wire import direct_session
-from guidance.session import control_bus
-from guidance.session.control_socket import TIMEOUT_S, draw_token
+from guidance.session.orders import control_bus
+from guidance.session.orders.control_socket import TIMEOUT_S, draw_token
 
 
 class ControlBus:

@@ -17,7 +17,7 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import EvaderReport, Setpoint
-from guidance.session.loop import PERIOD_S
+from guidance.session.fly.loop import PERIOD_S
 from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario, Target
 from guidance.sim.scenario_file import load_scenario

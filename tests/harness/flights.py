@@ -6,9 +6,9 @@ from pathlib import Path
 from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.log.writer import Recorder
-from guidance.session.daemon import Equipment
-from guidance.session.mission import Mission, Progress
-from guidance.session.result import FlightResult
+from guidance.session.fly.daemon import Equipment
+from guidance.session.fly.mission import Mission, Progress
+from guidance.session.fly.result import FlightResult
 from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.stepped import SteppedWorld
 

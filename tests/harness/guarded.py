@@ -20,7 +20,7 @@ from guidance.game import Extent, Winner, solve_state
 from guidance.game.arrays import FLOATS
 from guidance.game.extent import to_set
 from guidance.game.meeting_times import catch_in_ball
-from guidance.session.loop import PERIOD_S
+from guidance.session.fly.loop import PERIOD_S
 from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario, Target
 from tests.harness.chase import Chase, hover_chase

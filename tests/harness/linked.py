@@ -6,8 +6,8 @@ from guidance.clock import Timing
 from guidance.flight import Event, Flight, Inputs, Outputs
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.log.writer import Record
-from guidance.session.daemon import HEARTBEAT_EVERY_S
-from guidance.session.flight_files import Recording
+from guidance.session.fly.daemon import HEARTBEAT_EVERY_S
+from guidance.session.observe.recording import Recording
 
 
 class FlownByHand:

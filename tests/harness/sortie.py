@@ -9,7 +9,7 @@ from guidance.clock import VirtualClock
 from guidance.config import load
 from guidance.flight import Event, Flight, State
 from guidance.messages import LocalPosition
-from guidance.session.loop import PERIOD_S
+from guidance.session.fly.loop import PERIOD_S
 from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld

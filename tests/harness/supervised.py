@@ -6,10 +6,10 @@ from typing import Any
 from guidance.clock import Clock
 from guidance.flight import Event, Outputs
 from guidance.links.world import World
-from guidance.session.daemon import Equipment
-from guidance.session.mission import Mission, MissionPolicy
-from guidance.session.observability import Log
-from guidance.session.orders import Mailbox
+from guidance.session.fly.daemon import Equipment
+from guidance.session.fly.mission import Mission, MissionPolicy
+from guidance.session.observe.log import Log
+from guidance.session.orders.mailbox import Mailbox
 from guidance.session.plan import FlightPlan
 from guidance.sim.scenario import PURSUER, Scenario
 from tests.harness.sortie import Sortie

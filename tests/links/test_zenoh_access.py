@@ -27,8 +27,8 @@ from guidance.links.zenoh_access import (
 )
 from guidance.links.zenoh_wire import open_router, open_session, session_to
 from guidance.log.broadcast import Broadcast, LiveFlight
-from guidance.session.control_bus import join_session, owner_token
-from guidance.session.orders import Mailbox
+from guidance.session.orders.control_bus import join_session, owner_token
+from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Control
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.transports.zenoh_session import ZenohEndpoint, read_keys

@@ -14,8 +14,8 @@ from guidance.links.keys import make_keys
 from guidance.links.opening import open_source, open_wire
 from guidance.links.zenoh_access import Credentials, read_credentials
 from guidance.links.zenoh_wire import open_router, open_session
-from guidance.session.control_bus import owner_token
-from guidance.session.orders import Mailbox
+from guidance.session.orders.control_bus import owner_token
+from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Control
 from tests.harness.bus import ControlBus, ask
 from tests.links.peer import until

@@ -13,8 +13,8 @@ from guidance.links.keys import make_keys
 from guidance.links.zenoh_access import read_credentials
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.links.zenoh_wire import open_router, open_session
-from guidance.session.control_bus import join_session, order_team, owner_token
-from guidance.session.orders import Mailbox
+from guidance.session.orders.control_bus import join_session, order_team, owner_token
+from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Control
 from guidance.team.board import Board
 from guidance.team.messages import encode

@@ -15,8 +15,8 @@ from guidance.flight import State
 from guidance.log import cycles_of, scan
 from guidance.log.entries import CYCLE, EVENT
 from guidance.log.writer import Recorder
-from guidance.session.daemon import Equipment
-from guidance.session.mission import Mission
+from guidance.session.fly.daemon import Equipment
+from guidance.session.fly.mission import Mission
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
 

@@ -14,9 +14,9 @@ from guidance.log import Survey, compare, cycles_of, metadata_of, scan
 from guidance.log.entries import CYCLE, CycleEntry
 from guidance.log.replay import Comparison
 from guidance.log.writer import Recorder, part_path
-from guidance.session.daemon import Equipment
 from guidance.session.flight_files import recorded_settings
-from guidance.session.mission import Mission
+from guidance.session.fly.daemon import Equipment
+from guidance.session.fly.mission import Mission
 from guidance.session.vehicle_file import RecordSection
 from guidance.sim.stepped import SteppedWorld
 

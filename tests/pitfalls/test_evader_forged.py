@@ -19,8 +19,8 @@ from guidance.links import MemoryWire
 from guidance.links.carriers import FOLLOW_TARGET, carrier_of
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.zenoh_evader import KEYS
-from guidance.session.loop import run
-from guidance.session.mission import Mission
+from guidance.session.fly.loop import run
+from guidance.session.fly.mission import Mission
 from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld

@@ -12,8 +12,8 @@ from guidance.clock import VirtualClock
 from guidance.flight import Event
 from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.session.loop import run
-from guidance.session.mission import Mission
+from guidance.session.fly.loop import run
+from guidance.session.fly.mission import Mission
 from guidance.sim.scenario import EVADER_ID
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.pinned_wire import PinnedWire, evader_wire

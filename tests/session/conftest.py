@@ -17,9 +17,11 @@ from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import TappedWire
 from guidance.log.sink import Sink
-from guidance.session.daemon import Daemon, Equipment
-from guidance.session.observability import Metrics, Notifier, say_outputs
-from guidance.session.orders import Mailbox
+from guidance.session.fly.daemon import Daemon, Equipment
+from guidance.session.observe.log import say_outputs
+from guidance.session.observe.metrics import Metrics
+from guidance.session.observe.signs_of_life import Notifier
+from guidance.session.orders.mailbox import Mailbox
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 from sitl_mock import Home, MockVehicle

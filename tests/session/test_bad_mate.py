@@ -10,9 +10,9 @@ import pytest
 from guidance.clock import MonotonicClock
 from guidance.links.zenoh_access import NO_CREDENTIALS
 from guidance.log.broadcast import FLIGHT, broadcast_key
-from guidance.session.control_bus import control_key, free_endpoint, join_session, order_team
-from guidance.session.control_socket import ask_team_here
-from guidance.session.orders import Mailbox
+from guidance.session.orders.control_bus import control_key, free_endpoint, join_session, order_team
+from guidance.session.orders.control_socket import ask_team_here
+from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Control
 from guidance.viz.panel.hub import DaemonBus, Hub
 from tests.harness.bus import ControlBus

@@ -11,8 +11,13 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from guidance.errors import ConfigError, LinkError
-from guidance.session.control_socket import ControlSocket, ask_here, ask_team_here, socket_path
-from guidance.session.orders import Mailbox
+from guidance.session.orders.control_socket import (
+    ControlSocket,
+    ask_here,
+    ask_team_here,
+    socket_path,
+)
+from guidance.session.orders.mailbox import Mailbox
 from tests.harness.bus import published
 
 ENDPOINT = "tcp/127.0.0.1:7448"

@@ -9,8 +9,8 @@ from guidance.cycle import Alarm, Violation
 from guidance.errors import ConfigError
 from guidance.flight import Event, State
 from guidance.log.writer import Record
-from guidance.session.control_socket import WORDS
-from guidance.session.daemon import Daemon, Equipment
+from guidance.session.fly.daemon import Daemon, Equipment
+from guidance.session.orders.control_socket import WORDS
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 

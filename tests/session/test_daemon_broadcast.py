@@ -16,7 +16,7 @@ from guidance.links.zenoh_wire import open_session
 from guidance.log.broadcast import FLIGHT, MAX_WAITING, Broadcast, broadcast_key, is_watched
 from guidance.log.entries import CYCLE, EVENT, RELOADED, STOPPED
 from guidance.log.writer import Record
-from guidance.session.control_bus import free_endpoint
+from guidance.session.orders.control_bus import free_endpoint
 from tests.harness.bus import open_to_all
 
 ONLOOKER = """

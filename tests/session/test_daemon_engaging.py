@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.autopilots import AUTOPILOTS
 from guidance.flight import Authority, State
 from guidance.preflight import parameter_names
-from guidance.session.orders import READ_WITHIN_S
+from guidance.session.orders.mailbox import READ_WITHIN_S
 
 SET_UP = {"GUID_TIMEOUT": 1.0, "FENCE_ENABLE": 1}
 CHANGED = {

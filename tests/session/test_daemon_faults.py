@@ -10,8 +10,8 @@ import pytest
 from guidance.clock import VirtualClock
 from guidance.flight import State
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.session.flight_files import Recording
-from guidance.session.loop import run
+from guidance.session.fly.loop import run
+from guidance.session.observe.recording import Recording
 
 BAD_FLOATS = (math.nan, math.inf, -math.inf, 1e38, -1e38)
 BAD_INTEGERS = (0, -1, 2**31 - 1, -(2**31), 255, 65535)

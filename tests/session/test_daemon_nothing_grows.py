@@ -12,8 +12,8 @@ import pytest
 from guidance.clock import VirtualClock
 from guidance.flight import State
 from guidance.log.writer import Recorder
-from guidance.session.daemon import Daemon, Equipment
-from guidance.session.mission import Mission
+from guidance.session.fly.daemon import Daemon, Equipment
+from guidance.session.fly.mission import Mission
 from guidance.session.plan import plan_of
 from guidance.session.service import reload
 from guidance.session.vehicle_file import Config

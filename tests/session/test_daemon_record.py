@@ -14,8 +14,8 @@ from guidance.log import compare, cycles_of, events_of, writer
 from guidance.log.entries import BEGUN, RELOADED, STOPPED
 from guidance.log.export import export
 from guidance.log.writer import VIRTUAL_CHUNK_S, Recorder
-from guidance.session.daemon import Equipment
 from guidance.session.flight_files import recorded_settings
+from guidance.session.fly.daemon import Equipment
 from guidance.session.plan import plan_of
 from guidance.session.service import daemon_recording
 from guidance.session.vehicle_file import Config

@@ -13,7 +13,7 @@ from guidance.flight import Event, State
 from guidance.log.entries import CYCLE, EVENT
 from guidance.log.scene import isochron
 from guidance.session.flight_files import flight_folder
-from guidance.session.result import ending_words, outcome_of_flight
+from guidance.session.fly.result import ending_words, outcome_of_flight
 from guidance.sim.batch import game
 from guidance.sim.scenario_file import load_scenario
 from tests.harness.flights import NEAR, flown

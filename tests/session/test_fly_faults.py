@@ -8,8 +8,9 @@ import tomlkit
 
 from guidance.config import parse
 from guidance.errors import ConfigError
-from guidance.session.fly import MockOptions, fly_recorded
-from guidance.session.result import outcome_of_flight
+from guidance.session.fly.result import outcome_of_flight
+from guidance.session.open.mock import MockOptions
+from guidance.session.recorded_flight import fly_recorded
 from guidance.sim.maths import play
 from guidance.sim.mock_files import faulted_fleet, fleet, script
 from guidance.sim.scenario import Scenario

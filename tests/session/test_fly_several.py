@@ -9,10 +9,10 @@ from guidance.flight import State
 from guidance.log.reader import cycles_of, scan
 from guidance.log.replay import compare
 from guidance.log.writer import Recorder
-from guidance.session.daemon import Equipment
-from guidance.session.mission import Mission
+from guidance.session.fly.daemon import Equipment
+from guidance.session.fly.mission import Mission
+from guidance.session.fly.result import outcome_of_flight
 from guidance.session.plan import plan_of
-from guidance.session.result import outcome_of_flight
 from guidance.sim.scenario import Pursuit
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.flights import NEAR, flown

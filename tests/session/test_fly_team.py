@@ -9,10 +9,13 @@ from guidance.config import parse
 from guidance.flight import Event, State
 from guidance.log.reader import cycles_of
 from guidance.log.replay import compare
-from guidance.session import fly, outputs
+from guidance.session import recorded_flight
 from guidance.session.flight_files import recorded_settings
-from guidance.session.fly import MockOptions, Onlooker, fly_recorded
-from guidance.session.result import distance_to_target_m, team_rows
+from guidance.session.fly.result import distance_to_target_m, team_rows
+from guidance.session.observe import outputs
+from guidance.session.open.mock import MockOptions
+from guidance.session.open.opened import Onlooker
+from guidance.session.recorded_flight import fly_recorded
 from guidance.sim.scenario_file import load_any
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.sim.teams import TeamScenario
@@ -191,7 +194,7 @@ def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_ca
             networks.append(LossyNetwork(clock, delay_s=0.05, jitter_s=0.05, loss=0.3, seed=1))
         return networks[0].join(name)
 
-    monkeypatch.setattr(fly, "MemoryTransport", joined)
+    monkeypatch.setattr(recorded_flight, "MemoryTransport", joined)
 
     def cut(progress):
         if progress.state is State.ENGAGED and not engaged_s:

@@ -24,11 +24,11 @@ from guidance.links.opening import Found, find_autopilot
 from guidance.links.port import parse
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import TappedWire
-from guidance.session.discovery import identify, wait_until_placed
-from guidance.session.fly import laid_about
-from guidance.session.mission import MissionPolicy
+from guidance.session.fly.mission import MissionPolicy
+from guidance.session.fly.result import outcome_of_flight
+from guidance.session.open.discovery import identify, wait_until_placed
+from guidance.session.open.url import laid_about
 from guidance.session.plan import config_of, plan_of
-from guidance.session.result import outcome_of_flight
 from guidance.session.vehicle_file import Vehicle
 from guidance.sim.scenario import EVADER_ID, Scenario
 from guidance.sim.stepped import EvaderHere, SteppedMock
@@ -210,7 +210,7 @@ def test_an_arducopter_that_has_just_been_switched_on_is_waited_for(sortie):
 def test_a_vehicle_that_never_gets_ready_is_given_up_with_the_reason_and_nothing_armed(
     sortie, monkeypatch
 ):
-    monkeypatch.setattr("guidance.session.mission.READY_WITHIN_S", 20.0)
+    monkeypatch.setattr("guidance.session.fly.mission.READY_WITHIN_S", 20.0)
     world = World()
     flown = sortie(world)
     world.faulted.inject({"kind": "arm_refused", "text": "Compass not calibrated"})
@@ -223,7 +223,7 @@ def test_a_vehicle_that_never_gets_ready_is_given_up_with_the_reason_and_nothing
 
 
 def test_a_vehicle_that_does_not_know_its_place_is_given_up(monkeypatch):
-    monkeypatch.setattr("guidance.session.discovery.PLACED_WITHIN_S", 6.0)
+    monkeypatch.setattr("guidance.session.open.discovery.PLACED_WITHIN_S", 6.0)
     world = World()
     world.sleep_until(0.1)
     world.faulted.inject(

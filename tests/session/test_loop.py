@@ -19,8 +19,7 @@ from guidance.clock import VirtualClock
 from guidance.flight import Event
 from guidance.links.wires import CapturedFrame
 from guidance.log.writer import Recorder
-from guidance.session.flight_files import Recording
-from guidance.session.loop import (
+from guidance.session.fly.loop import (
     AGE_S,
     MOST_NUDGE_S,
     PERIOD_S,
@@ -31,7 +30,8 @@ from guidance.session.loop import (
     nudge_s,
     run,
 )
-from guidance.session.observability import Metrics
+from guidance.session.observe.metrics import Metrics
+from guidance.session.observe.recording import Recording
 
 
 @given(st.floats(0.0, 1e5), st.floats(0.0, 3.0))

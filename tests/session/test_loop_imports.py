@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-MODULES = ("loop", "daemon", "service", "checkup")
+MODULES = ("fly.loop", "fly.daemon", "service", "checkup")
 
 
 def test_the_loop_and_daemon_of_a_real_vehicle_import_no_simulator():

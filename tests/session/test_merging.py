@@ -16,9 +16,9 @@ from guidance.errors import ConfigError, FlightError
 from guidance.flight import Event, State
 from guidance.log import replay
 from guidance.session.flight_files import recorded_settings
-from guidance.session.mission import MissionPolicy
+from guidance.session.fly.mission import MissionPolicy
+from guidance.session.fly.result import outcome_of_flight
 from guidance.session.plan import merged, plan_of
-from guidance.session.result import outcome_of_flight
 from guidance.session.vehicle_file import Config
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_scenario

@@ -9,7 +9,7 @@ import urllib.request
 import pytest
 
 from guidance.errors import LinkError
-from guidance.session.observability import MAX_CONNECTIONS, Metrics, MetricsServer
+from guidance.session.observe.metrics import MAX_CONNECTIONS, Metrics, MetricsServer
 
 
 @pytest.fixture

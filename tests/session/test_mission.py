@@ -6,7 +6,7 @@ import pytest
 
 from guidance.clock import VirtualClock
 from guidance.flight import Event, Happening, Outputs, State
-from guidance.session.mission import Mission
+from guidance.session.fly.mission import Mission
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.flights import NEAR
 

@@ -10,7 +10,13 @@ from guidance.cli.program import app
 from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
 from guidance.links.opening import Found
-from guidance.session.discovery import Surveyed, bound_parameters, survey, vehicle_file, write_new
+from guidance.session.open.discovery import (
+    Surveyed,
+    bound_parameters,
+    survey,
+    vehicle_file,
+    write_new,
+)
 from guidance.session.vehicle_file import Config, load_vehicle
 
 QUADROTOR = 2
@@ -115,6 +121,6 @@ def test_the_limits_of_a_vehicle_that_runs_are_read(flavour, mock_vehicle):
 
 
 def test_a_port_where_nobody_is_is_said(monkeypatch):
-    monkeypatch.setattr("guidance.session.discovery.FOUND_WITHIN_S", 0.2)
+    monkeypatch.setattr("guidance.session.open.discovery.FOUND_WITHIN_S", 0.2)
     with pytest.raises(LinkError, match="no autopilot's HEARTBEAT"):
         survey("udpout://127.0.0.1:9")

@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from guidance.session.observability import Notifier
+from guidance.session.observe.signs_of_life import Notifier
 
 
 @pytest.fixture

@@ -4,11 +4,11 @@ import pytest
 
 from guidance.clock import VirtualClock
 from guidance.flight import Authority, Event, State
-from guidance.session import mission
-from guidance.session.daemon import Equipment
-from guidance.session.mission import MOCKED, Mission, MissionPolicy
-from guidance.session.orders import Mailbox
-from guidance.session.result import outcome_of_flight
+from guidance.session.fly import mission
+from guidance.session.fly.daemon import Equipment
+from guidance.session.fly.mission import MOCKED, Mission, MissionPolicy
+from guidance.session.fly.result import outcome_of_flight
+from guidance.session.orders.mailbox import Mailbox
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.flights import NEAR
 from tests.harness.vehicle import FENCED

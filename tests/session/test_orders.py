@@ -1,7 +1,7 @@
 """Orders' mailbox: an order is answered once, by whom it was asked, before the loop runs and when it hangs."""
 
 from guidance.clock import VirtualClock
-from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, Mailbox, startup_answers
+from guidance.session.orders.mailbox import MOST_ORDERS, MOST_QUERIES, Mailbox, startup_answers
 
 
 def test_an_order_is_taken_once_and_its_answer_reaches_who_asked():

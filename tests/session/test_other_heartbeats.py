@@ -10,7 +10,7 @@ from guidance.links import MemoryWire
 from guidance.links.opening import Found
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import ParameterSet
-from guidance.session import discovery
+from guidance.session.open import discovery
 from tests.harness.vehicle import FENCED
 
 FENCED_ARDUCOPTER = {"FENCE_ENABLE": 1, "FENCE_RADIUS": 230, "FENCE_ALT_MAX": 90, "GUID_TIMEOUT": 1}

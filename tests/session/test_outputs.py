@@ -6,8 +6,9 @@ from guidance.errors import ConfigError
 from guidance.log.entries import CYCLE
 from guidance.log.reader import scan
 from guidance.log.sink import Sink
-from guidance.session import outputs
-from guidance.session.fly import MockOptions, fly_recorded
+from guidance.session.observe import outputs
+from guidance.session.open.mock import MockOptions
+from guidance.session.recorded_flight import fly_recorded
 from tests.harness.flights import NEAR
 from tests.harness.witness import Witness
 

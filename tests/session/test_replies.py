@@ -9,7 +9,7 @@ import pytest
 from guidance.cli import show
 from guidance.cli.daemon import status_table
 from guidance.screen import console
-from guidance.session.replies import BAD_REPLY, MAX_REPLY_BYTES, is_bad, read_reply, written
+from guidance.session.orders.replies import BAD_REPLY, MAX_REPLY_BYTES, is_bad, read_reply, written
 from tests.harness.examples import drawn
 
 STATUS = {

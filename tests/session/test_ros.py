@@ -23,8 +23,8 @@ from guidance.links.opening import open_source
 from guidance.log import cycles_of, metadata_of
 from guidance.log.ros import TOPICS, RosFlight, topic_name
 from guidance.session.flight_files import recorded_settings
-from guidance.session.orders import Mailbox
-from guidance.session.ros import MOST_WAITING, ORDERS, open_ros
+from guidance.session.observe.ros import MOST_WAITING, ORDERS, open_ros
+from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Config
 from tests.harness.ros_client import TRIGGER, hash_of, ros_client, service_hash
 from tests.harness.ros_witness import NAME, Witness
@@ -257,7 +257,7 @@ def test_the_hashes_of_the_independent_sdk_are_those_in_rmw_zenohs_documentation
 
 
 def test_a_router_that_comes_late_and_one_that_restarts_are_joined(short_flight, monkeypatch):
-    monkeypatch.setattr("guidance.session.ros._RETRY_S", 0.1)
+    monkeypatch.setattr("guidance.session.observe.ros._RETRY_S", 0.1)
     port = free_port()
     entries = list(islice(cycles_of(short_flight[1]), MOST_WAITING))
     later_s = count(entries[-1].now_s, 0.04)

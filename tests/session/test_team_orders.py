@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from guidance.cli.program import app
 from guidance.errors import LinkError
 from guidance.links.zenoh_wire import open_session
-from guidance.session.control_bus import free_endpoint, join_session, order_team
-from guidance.session.orders import Mailbox
+from guidance.session.orders.control_bus import free_endpoint, join_session, order_team
+from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Control
 from tests.harness.bus import ControlBus, ask
 

@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.flight import State
-from guidance.session.orders import READ_WITHIN_S
+from guidance.session.orders.mailbox import READ_WITHIN_S
 from tests.harness.vehicle import FENCED
 from tests.session.conftest import HERE
 

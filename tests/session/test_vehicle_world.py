@@ -14,8 +14,8 @@ from guidance.errors import ConfigError, LinkError
 from guidance.links.world import World
 from guidance.messages import Heartbeat, Setpoint
 from guidance.session import service
-from guidance.session.orders import Mailbox
-from guidance.session.service import open_all, open_control, signing_key
+from guidance.session.open.links import open_all, open_control, signing_key
+from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Config
 
 

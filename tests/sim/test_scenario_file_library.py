@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from guidance.config import config_folder
-from guidance.session.result import outcome_of_flight
+from guidance.session.fly.result import outcome_of_flight
 from guidance.sim.maths import play
 from guidance.sim.scenario_file import FOLDER, load_any, load_scenario
 from guidance.sim.teams import TeamScenario, play_teams, summary_of

@@ -15,7 +15,7 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.log import compare
 from guidance.messages import EvaderReport
 from guidance.session.flight_files import recorded_settings
-from guidance.session.result import outcome_of_flight
+from guidance.session.fly.result import outcome_of_flight
 from guidance.sim.scenario import Scenario, Sensor
 from guidance.sim.sensor import Noise, SensedEvader, begin, listen
 from tests.harness.examples import drawn

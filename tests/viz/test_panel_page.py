@@ -15,7 +15,8 @@ import psutil
 import pytest
 
 import guidance.viz.panel
-from guidance.session.fly import MockOptions, fly_recorded
+from guidance.session.open.mock import MockOptions
+from guidance.session.recorded_flight import fly_recorded
 from guidance.sim.scenario_file import load_any
 from sitl_mock.child import running
 from tests.harness.vehicle import FENCED, mocked, write_file

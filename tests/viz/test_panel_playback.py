@@ -15,9 +15,11 @@ from guidance.errors import OutputError
 from guidance.links.zenoh_access import NO_CREDENTIALS
 from guidance.log import cycles_of
 from guidance.log.entries import Item
-from guidance.session.control_bus import free_endpoint
 from guidance.session.flight_files import RECORD
-from guidance.session.fly import MockOptions, Onlooker, fly_recorded
+from guidance.session.open.mock import MockOptions
+from guidance.session.open.opened import Onlooker
+from guidance.session.orders.control_bus import free_endpoint
+from guidance.session.recorded_flight import fly_recorded
 from guidance.viz.panel import records, snapshot
 from guidance.viz.panel.hub import DaemonBus, Hub
 from guidance.viz.panel.records import RecordFolder

@@ -19,7 +19,7 @@ from guidance.log.entries import BEGUN, CYCLE, EVENT, FLIGHT_OVER, RELOADED, Ite
 from guidance.log.scene import isochron_at
 from guidance.messages import Heartbeat
 from guidance.session.flight_files import recorded_settings
-from guidance.session.replies import read_reply
+from guidance.session.orders.replies import read_reply
 from guidance.session.vehicle_file import load_vehicle
 from guidance.viz.panel.hub import (
     FAULT_SHOWN_S,

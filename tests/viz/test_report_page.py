@@ -21,7 +21,7 @@ from guidance.errors import ConfigError, OutputError
 from guidance.log import cycles_of, metadata_of
 from guidance.log.writer import Recorder
 from guidance.messages import Home
-from guidance.session.result import outcome_of_flight
+from guidance.session.fly.result import outcome_of_flight
 from guidance.viz import report as written
 from guidance.viz.report import PICTURES, tracks, write_report
 from guidance.viz.story import opening, story_of, summary

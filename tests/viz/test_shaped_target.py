@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from guidance.session.result import outcome_of_flight
+from guidance.session.fly.result import outcome_of_flight
 from guidance.sim.maths import play
 from guidance.sim.scenario import Scenario
 from guidance.viz.figures import draw_scenario

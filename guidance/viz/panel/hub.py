@@ -24,9 +24,15 @@ from guidance.links.zenoh_access import Credentials
 from guidance.links.zenoh_wire import close_all, is_over
 from guidance.log.broadcast import FLIGHT, FoundFlight, broadcast_key, flight_of, item_of
 from guidance.log.entries import BEGUN, FLIGHT_OVER, EventEntry, Item
-from guidance.session.control_bus import answers, join_session, order_team, replies, say_alive
-from guidance.session.control_socket import STATUS
-from guidance.session.replies import is_bad, is_vehicle_name
+from guidance.session.orders.control_bus import (
+    answers,
+    join_session,
+    order_team,
+    replies,
+    say_alive,
+)
+from guidance.session.orders.control_socket import STATUS
+from guidance.session.orders.replies import is_bad, is_vehicle_name
 from guidance.texts import printable
 from guidance.viz.panel.snapshot import (
     HISTORY,

@@ -15,7 +15,7 @@ from guidance.links.port import VehicleLink
 from guidance.links.zenoh_wire import Session
 from guidance.log.broadcast import Broadcast
 from guidance.log.sink import Sink
-from guidance.session.orders import Mailbox
+from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Config
 
 ENTRY_POINTS: Final = "pursuit_guidance.outputs"
@@ -56,7 +56,7 @@ def _open_broadcast(order: OutputOrder) -> Sink | None:
 def _open_ros(order: OutputOrder) -> Sink | None:
     if order.config is None or order.config.ros is None:
         return None
-    from guidance.session.ros import open_ros  # noqa: PLC0415 - of an extra
+    from guidance.session.observe.ros import open_ros  # noqa: PLC0415 - of an extra
 
     return open_ros(order.vehicle, order.metadata, order.clock, order.mailbox, order.config)
 

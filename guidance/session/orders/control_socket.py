@@ -27,7 +27,7 @@ from typing import Any, Final, NamedTuple, Protocol
 
 from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
 from guidance.files import private_file, writing
-from guidance.session.replies import MAX_REPLY_BYTES, Answer, read_reply, written
+from guidance.session.orders.replies import MAX_REPLY_BYTES, Answer, read_reply, written
 from guidance.texts import printable
 
 STATUS = "status"

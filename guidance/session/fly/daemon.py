@@ -15,14 +15,14 @@ from guidance.log.entries import ASSIGNED, EVADER_NEWS, LINK_NEWS, ORDERED, RELO
 from guidance.log.sink import AnsweredOrder, FlightIdentity, Sink
 from guidance.log.writer import Record
 from guidance.preflight import PreflightMemory, advice, refusals, rows
-from guidance.session.answers import missing, refusal, shown_state, status
-from guidance.session.control_socket import ALIVE, RESET, WORDS
-from guidance.session.flight_files import Recording
-from guidance.session.observability import ENDING
-from guidance.session.orders import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
+from guidance.session.observe.recording import Recording
+from guidance.session.observe.refused_frames import RefusedFrames
+from guidance.session.observe.refused_reports import RefusedReports
+from guidance.session.observe.signs_of_life import ENDING
+from guidance.session.orders.answers import missing, refusal, shown_state, status
+from guidance.session.orders.control_socket import ALIVE, RESET, WORDS
+from guidance.session.orders.mailbox import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
 from guidance.session.plan import FlightPlan
-from guidance.session.refused_frames import RefusedFrames
-from guidance.session.refused_reports import RefusedReports
 from guidance.team import Member
 
 HEARTBEAT_EVERY_S: Final = 1.0
@@ -450,7 +450,6 @@ class Daemon:
             **self._link.counters(),
             "other_heartbeats": self.flight.heard.other_beats,
         }
-        self._tell_refused_frames(now_s, vehicle_counters)
         self._tell_refused_frames(now_s, vehicle_counters)
         counters = {"vehicle": vehicle_counters, **self._evader_counters(now_s)}
         if self.team is not None:

@@ -23,9 +23,9 @@ from guidance.links.zenoh_wire import (
     is_small,
     open_session,
 )
-from guidance.session import control_socket as local
-from guidance.session.orders import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
-from guidance.session.replies import (
+from guidance.session.orders import control_socket as local
+from guidance.session.orders.mailbox import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
+from guidance.session.orders.replies import (
     MAX_REPLY_BYTES,
     NAME_RULE,
     Answer,

@@ -16,7 +16,7 @@ from guidance.autopilots import Finding, Mode, Wants
 from guidance.clock import Clock
 from guidance.flight import FINAL, Authority, EngageOn, Event, Flight, State
 from guidance.preflight import PreflightMemory, engage_rows, parameter_names, refusals
-from guidance.session.control_socket import ALIVE, STATUS, WORDS
+from guidance.session.orders.control_socket import ALIVE, STATUS, WORDS
 
 MOST_ORDERS: Final = 64
 MOST_QUERIES: Final = 256

@@ -26,7 +26,7 @@ from guidance.errors import ConfigError
 from guidance.flight import Event
 from guidance.links.world import World
 from guidance.messages import LocalPosition
-from guidance.session.daemon import Daemon
+from guidance.session.fly.daemon import Daemon
 from guidance.session.plan import FlightPlan
 
 PERIOD_S: Final = 0.02

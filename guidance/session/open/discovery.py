@@ -32,7 +32,7 @@ from guidance.links.opening import Found, find_autopilot, open_link, open_wire
 from guidance.links.port import VehicleLink, Wire
 from guidance.messages import Heartbeat, Home, LandedState, Message, Origin, StatusText
 from guidance.preflight import PreflightMemory
-from guidance.session.mission import Progress
+from guidance.session.fly.mission import Progress
 from guidance.session.vehicle_file import Config
 from guidance.vehicle import VehicleState, local_frame, observe
 

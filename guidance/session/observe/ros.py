@@ -33,10 +33,10 @@ from guidance.log.ros import (
     topic_name,
 )
 from guidance.log.sink import Sink
-from guidance.session.control_socket import begin
 from guidance.session.flight_files import recorded_settings
-from guidance.session.observability import LOGGER
-from guidance.session.orders import MOST_ORDERS, Mailbox
+from guidance.session.observe.log import LOGGER
+from guidance.session.orders.control_socket import begin
+from guidance.session.orders.mailbox import MOST_ORDERS, Mailbox
 from guidance.session.vehicle_file import Config, RosSection
 
 NODE: Final = "guidance"

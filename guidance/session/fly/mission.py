@@ -20,12 +20,9 @@ from guidance.frames import Vector
 from guidance.links.world import World
 from guidance.messages import CommandAck, Home, LocalPosition, StatusText
 from guidance.preflight import advice, refusals
-from guidance.session.answers import failed_checks, missing, next_words
-from guidance.session.daemon import Daemon, Equipment
-from guidance.session.loop import PERIOD_S, CycleHooks, Signals, run
-from guidance.session.orders import ON_GROUND
-from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.result import (
+from guidance.session.fly.daemon import Daemon, Equipment
+from guidance.session.fly.loop import PERIOD_S, CycleHooks, Signals, run
+from guidance.session.fly.result import (
     PLAYING,
     Capture,
     EvaderResult,
@@ -33,6 +30,9 @@ from guidance.session.result import (
     MissionResult,
     begins_game,
 )
+from guidance.session.orders.answers import failed_checks, missing, next_words
+from guidance.session.orders.mailbox import ON_GROUND
+from guidance.session.plan import FlightPlan, plan_of
 from guidance.sim.scenario import Flown, Pursuit, pursuits_of
 from guidance.sim.sensor import SensedEvader
 

@@ -1,0 +1,230 @@
+"""Vehicles that run at URLs."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final
+
+from guidance.autopilots import autopilot_named
+from guidance.clock import Clock, MonotonicClock
+from guidance.errors import ConfigError
+from guidance.flight import Event, State
+from guidance.flight.settings import TeamSection
+from guidance.frames import Amsl, GameFrame, LocalFrame
+from guidance.links.opening import KINDS
+from guidance.links.port import Wire, parse
+from guidance.links.wires import MemoryWire, share
+from guidance.links.world import World
+from guidance.messages import Home
+from guidance.session.flight_files import TEAM
+from guidance.session.fly.loop import Signals
+from guidance.session.fly.mission import MissionPolicy, Progress, Show
+from guidance.session.open import discovery
+from guidance.session.open.links import open_all, open_equipment
+from guidance.session.open.opened import (
+    Onlooker,
+    Opened,
+    Played,
+    check_option,
+    declared_m_s,
+    lost_features,
+    players_of,
+)
+from guidance.session.orders import control_bus
+from guidance.session.orders.mailbox import ORDER_OF, Mailbox, startup_answers
+from guidance.session.plan import SIMULATED_URL, config_of
+from guidance.session.vehicle_file import Config, Vehicle
+from guidance.sim import stepped
+from guidance.sim.scenario import EVADER, EVADER_ID, Pursuit, Scenario, Site, Wind
+
+ENDS: Final = ("return", "land")
+"""Endings of a flight at a URL: fly home and land, or land at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Vehicles that run at URLs, one for each of the scenario; their evaders are simulated here. Ctrl-C lands them.
+
+    See `guidance fly --help`.
+
+    Raises:
+        ConfigError: If an option has an unknown value.
+    """
+
+    urls: tuple[str, ...]
+    autopilot: str | None = None
+    link: str = "mavsdk"
+    end: str = "return"
+    way: ClassVar[str] = "vehicle"
+
+    def __post_init__(self) -> None:
+        check_option("--link", self.link, KINDS)
+        check_option("--end", self.end, ENDS)
+        for url in self.urls:
+            parse(url)
+
+    def open(self, scenario: Played, onlooker: Onlooker, stack: ExitStack) -> Opened:
+        """Find the vehicles, wait until they know their places, and lay the scenario about the home of the first.
+
+        Raises:
+            ConfigError: If another autopilot is there, or the number of URLs is wrong.
+            LinkError: If there is no vehicle.
+            FlightError: If one is in the air, armed or does not get ready.
+        """
+        (pursuits, team) = players_of(scenario)
+        clock = MonotonicClock()
+        if len(self.urls) != len(pursuits):
+            words = f"the scenario has {len(pursuits)} vehicles: give one URL each"
+            raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
+        mailboxes = {one.vehicle: Mailbox() for one in pursuits}
+        buses = stack.enter_context(
+            control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team)
+        )
+        self._announce(mailboxes, onlooker, clock)
+        world = stack.enter_context(closing(World()))
+        configs, radios = self.reach(scenario, clock, world)
+        laid = _laid_where_they_stand(pursuits, configs, world, clock, onlooker.show)
+        for name, radio in radios.items():
+            chased = next(pursuit.scenario for pursuit in laid if pursuit.evader == name)
+            world.players[name] = stepped.EvaderHere(chased, clock, radio)
+        policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=Event.LAND)
+        signals = stack.enter_context(Signals(Event.LAND).installed())
+        equipment = {
+            name: open_equipment(box, configs[name], stack) for name, box in mailboxes.items()
+        }
+        return Opened(laid, world, clock, buses, equipment, configs, policy, signals)
+
+    def left_out(self, scenario: Played) -> Sequence[str]:
+        """Name what of a scenario these vehicles fly without."""
+        return lost_features(scenario, evader_simulated=True)
+
+    def _announce(self, mailboxes: Mapping[str, Mailbox], onlooker: Onlooker, clock: Clock) -> None:
+        """Show which HEARTBEATs are awaited; orders are answered with that meanwhile."""
+        for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
+            waiting = f"a HEARTBEAT at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
+            onlooker.show(
+                Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=waiting, vehicle=name)
+            )
+            mailbox.meanwhile = startup_answers(name, waiting, discovery.FOUND_WITHIN_S, clock)
+
+    def reach(
+        self, scenario: Played, clock: Clock, world: World
+    ) -> tuple[Mapping[str, Config], Mapping[str, Wire]]:
+        """Find the vehicles and open their links in a world, and a wire in memory for each evader's reports.
+
+        Args:
+            scenario: Who pursues whom, and the separation of a team.
+            clock: Of the process.
+            world: Closes what was opened.
+
+        Returns:
+            The vehicles' configurations by name, and the evaders' ends of the wires by name.
+
+        Raises:
+            ConfigError: If another autopilot is there.
+            LinkError: If there is no vehicle.
+        """
+        pursuits, _ = players_of(scenario)
+        separation = _separation(scenario)
+        speeds_m_s = declared_m_s(pursuits)
+        configs = dict[str, Config]()
+        radios = dict[str, Wire]()
+        receivers = dict[str, Iterator[Wire]]()
+        for name in speeds_m_s:
+            radios[name], receiver = MemoryWire.pair(clock.now_s)
+            receivers[name] = iter(share(receiver, len(pursuits)))
+        for pursuit, url in zip(pursuits, self.urls, strict=True):
+            wire, vehicle = self._vehicle_at(url, clock, world)
+            team = None
+            if separation is not None:
+                team = {**_team_keys(pursuit, pursuits, speeds_m_s), **separation}
+            config = config_of(pursuit.scenario, pursuit.vehicle, vehicle, team)
+            configs[pursuit.vehicle] = config
+            wires = {pursuit.vehicle: wire}
+            for name, shares in receivers.items():
+                wires[name] = next(shares)
+            open_all(config, clock, world, tapped=True, wires=wires)
+        return configs, radios
+
+    def _vehicle_at(self, url: str, clock: Clock, world: World) -> tuple[Wire, Vehicle]:
+        """Find the autopilot at a URL; return its wire, which the world closes, and its [vehicle] section."""
+        at_url = discovery.autopilot_at(url, self.autopilot, clock, who=f"--vehicle {url}")
+        wire, sender, autopilot = world.closing.enter_context(at_url)
+        vehicle = Vehicle(
+            autopilot=autopilot.name,
+            link=self.link,
+            url=url,
+            system_id=sender.system_id,
+            component_id=sender.component_id,
+        )
+        return wire, vehicle
+
+
+def _team_keys(
+    pursuit: Pursuit, pursuits: Sequence[Pursuit], speeds_m_s: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return the keys of a vehicle file's [team] section for one vehicle of a scenario's team."""
+    simulated = {"kind": "global_position", "url": SIMULATED_URL, "system_id": EVADER_ID}
+    others = {
+        name: {**simulated, "speed_m_s": speed_m_s}
+        for name, speed_m_s in speeds_m_s.items()
+        if name != pursuit.evader
+    }
+    mates = [mate.vehicle for mate in pursuits if mate.vehicle != pursuit.vehicle]
+    return {"name": TEAM, "mates": mates, "evader": pursuit.evader, "evaders": others}
+
+
+def _laid_where_they_stand(
+    pursuits: Sequence[Pursuit],
+    configs: Mapping[str, Config],
+    world: World,
+    clock: Clock,
+    show: Show,
+) -> list[Pursuit]:
+    """Wait until the vehicles know their places; return the pursuits about the home of the first one."""
+    laid = list[Pursuit]()
+    for pursuit in pursuits:
+        name = pursuit.vehicle
+        autopilot = autopilot_named(configs[name].vehicle.autopilot)
+        home, frame = discovery.wait_until_placed(world.links[name], autopilot, clock, show, name)
+        scenario = laid_about(pursuit.scenario, home, frame, autopilot.name)
+        site = laid[0].scenario.site if laid else scenario.site
+        laid.append(pursuit._replace(scenario=scenario.model_copy(update={"site": site})))
+    return laid
+
+
+def _separation(scenario: Played) -> dict[str, float] | None:
+    """Return how far the vehicles of a team stay from each other; None without a team."""
+    return (
+        None
+        if isinstance(scenario, Scenario)
+        else scenario.flight.model_dump(include={*TeamSection.model_fields})
+    )
+
+
+def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str) -> Scenario:
+    """Return the scenario where the vehicle stands: its home is the scenario's, and the autopilot is its own.
+
+    Faults and wind of the vehicle are a mock's and fall away; those of the evader stay, since it is a mock.
+
+    Args:
+        scenario: With a site of its own.
+        home: Of the vehicle.
+        frame: Its local frame.
+        autopilot: The name of the one that is there.
+    """
+    x, y = scenario.home_m
+    home_ned_m = frame.ned_from_wgs84(
+        home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m)
+    )
+    site_ned_m = GameFrame(home_ned_m).position_to_ned((-x, -y, 0.0))
+    latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(site_ned_m)
+    update: dict[str, Any] = {
+        "site": Site(
+            latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres
+        ),
+        "pursuer": scenario.pursuer.model_copy(update={"autopilot": autopilot}),
+        "fault": tuple(fault for fault in scenario.fault if fault.vehicle == EVADER),
+        "wind": Wind(),
+    }
+    return scenario.model_copy(update=update)
