@@ -14,6 +14,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "cluster": ("distributed",),
     "keys": ("cryptography",),
     "ros": ("rosbags", "xxhash"),
+    "league": ("gymnasium", "pettingzoo"),
 }
 """Import names of each extra."""
 

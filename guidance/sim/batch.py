@@ -76,6 +76,13 @@ class Batch(NamedTuple):
         """The games with the evader speeds that the pursuers assume."""
         return replace(self.game, evader_speed_m_s=self.believed_m_s)
 
+    @property
+    def is_agreed(self) -> bool:
+        """Whether the pursuers see the evaders and know their true speeds, the same in all games of a kind."""
+        evader = self.kind.evader
+        agreed = evader.believed_speed_m_s == evader.speed_m_s
+        return self.kind.sensor == PERFECT and agreed
+
 
 _ALIKE: Final = attrgetter(
     *("game", "pursuer.speed_set", "pursuer.navigation_gain"),

@@ -6,6 +6,7 @@ flight. No step passes the end of a game, and a game has the same bits alone and
 """
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
@@ -17,8 +18,9 @@ from numpy.typing import NDArray
 
 from guidance.flight import Event, State
 from guidance.flight.settings import LIMITS_S
-from guidance.game import Solution, Winner, solve
-from guidance.game.arrays import NUMPY, Real, pair_length
+from guidance.game import Game, Solution, Winner, solve
+from guidance.game.arrays import NUMPY, Real, components, pair_length
+from guidance.game.pe import to_target
 from guidance.game.records import rows_of
 from guidance.game.rollout import NANOSECOND_S, Ahead, End, look_ahead
 from guidance.game.team.rollout import HELD
@@ -107,7 +109,7 @@ def moments(batch: Batch) -> Iterator[Moment]:
     with np.errstate(all="ignore"):
         while len(moment.row):
             ahead = look_ahead(NUMPY, batch.game, moment.pursuer_m, moment.evader_m, batch.target_m)
-            moment = moment._replace(end=_judge(batch, moment, ahead))
+            moment = moment._replace(end=judged(batch, moment, ahead))
             yield moment
             running = moment.end == End.RUNNING
             if np.count_nonzero(running) <= _SHARE_LEFT * len(running):
@@ -173,7 +175,7 @@ def _one_by_one(arrays: Any) -> Iterator[Any]:  # noqa: ANN401 - a named tuple
     return map(type(arrays)._make, zip(*columns, strict=False))
 
 
-def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
+def judged(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
     """Return the end of each game; a capture counts before an arrival at the same time."""
     now = np.where(moment.now_s >= batch.limit_s, End.TIME_UP, End.RUNNING)
     now = np.where(
@@ -186,39 +188,87 @@ def _judge(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
 
 def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
     """Ask both players for velocities and move both by one step; finished games stay where they are."""
-    P = moment.pursuer_m
-    E = moment.evader_m
-    waiting = np.zeros(len(moment.row), dtype=bool)
-    if (heard := moment.heard) is not None:
-        listen(batch.kind.sensor, batch.noise, heard, moment.now_s, E, moment.run_m_s)
-        waiting = moment.now_s - heard.measured_s > TIMEOUT_S
-    slope = first = _slope(batch, moment, P, E)
+    waiting = heard_nothing(batch, moment)
+    slope = first = _slope(batch, moment, moment.pursuer_m, moment.evader_m)
     v, w = first[:2]
     no_game = ~np.isfinite(v[:, 0])
     v[no_game | waiting] = 0.0
     captured_s = _captured_s(batch, moment, v - w)
-    ends_s = batch.limit_s - moment.now_s, captured_s, ahead.arrival_s, ahead.turn_s
-    h = np.maximum(CYCLE_S, _smooth_s(batch, moment, ahead, first, captured_s))
-    h = np.where(
-        moment.end == End.RUNNING, reduce(np.minimum, (*ends_s, *_changes_s(batch, moment)), h), 0.0
-    )
+    longest_s = np.maximum(CYCLE_S, _smooth_s(batch, moment, ahead, first, captured_s))
+    h = _step_s(batch, moment, ahead, captured_s, longest_s)
     if (long := h > CYCLE_S).any():
         mean = _mean_slope(batch, moment, h, first)
         slope = tuple(
             np.where(long[:, None], average, before)
             for average, before in zip(mean, first, strict=True)
         )
-    P, remaining = _held_back(batch, P + h[:, None] * slope[0])
-    E = E + h[:, None] * slope[1]
+    moved = _moved(batch, moment, h, slope, (waiting, no_game))
+    return moved._replace(flown_m_s=v, run_m_s=w)
+
+
+def heard_nothing(batch: Batch, moment: Moment) -> NDArray[np.bool_]:
+    """Make the measurements and receive the reports that are due; return who has waited too long for one, (n,)."""
+    heard = moment.heard
+    if heard is None:
+        return np.zeros(len(moment.row), dtype=bool)
+    sensor = batch.kind.sensor
+    listen(sensor, batch.noise, heard, moment.now_s, moment.evader_m, moment.run_m_s)
+    return np.asarray(moment.now_s - heard.measured_s > TIMEOUT_S)
+
+
+def advance_held(
+    batch: Batch, moment: Moment, ahead: Ahead, held: Slope, longest_s: Real
+) -> Moment:
+    """Fly velocities of both players for one step, no longer than to the next event of a game.
+
+    Args:
+        batch: The games.
+        moment: The present one, after `heard_nothing`. A pursuer that hears nothing waits, whatever is asked for.
+        ahead: Of the present moment.
+        held: Velocities over the ground, (n, 3), m/s, and where the moment has one, the rate of turn.
+        longest_s: Longest step, one number or (n,).
+    """
+    v, w, *turn = held
+    no_game = ~np.isfinite(v[:, 0])
+    waiting = np.zeros(len(v), dtype=bool)
+    if moment.heard is not None:
+        waiting = moment.now_s - moment.heard.measured_s > TIMEOUT_S
+    stopped = no_game | waiting
+    if stopped.any():
+        v = np.where(stopped[:, None], 0.0, v)
+    ahead = ahead._replace(arrival_s=_arrived_s(batch, moment, w))
+    h = _step_s(batch, moment, ahead, _captured_s(batch, moment, v - w), longest_s)
+    moved = _moved(batch, moment, h, (v, w, *turn), (waiting, no_game))
+    return moved._replace(flown_m_s=v, run_m_s=w)
+
+
+def _step_s(
+    batch: Batch, moment: Moment, ahead: Ahead, captured_s: Array, longest_s: Real
+) -> Array:
+    """Return the next step, (n,): to the next end, change or event, at most `longest_s`; 0 of a finished game."""
+    ends_s = batch.limit_s - moment.now_s, captured_s, ahead.arrival_s, ahead.turn_s
+    steps_s = reduce(np.minimum, (longest_s, *ends_s, *_changes_s(batch, moment)))
+    return np.where(moment.end == End.RUNNING, steps_s, 0.0)
+
+
+def _moved(
+    batch: Batch,
+    moment: Moment,
+    step_s: Array,
+    slope: Slope,
+    troubles: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+) -> Moment:
+    """Return the moment after a step, inside the limits; `troubles` is who waits for a report, and who has no game."""
+    P, remaining = _held_back(batch, moment.pursuer_m + step_s[:, None] * slope[0])
+    E = moment.evader_m + step_s[:, None] * slope[1]
+    waiting, no_game = troubles
     return moment._replace(
-        now_s=moment.now_s + h,
+        now_s=moment.now_s + step_s,
         pursuer_m=P,
         evader_m=E,
-        flown_m_s=v,
-        run_m_s=w,
-        step_s=h,
+        step_s=step_s,
         turning_rad_s=slope[2] if len(slope) > 2 else None,
-        lost_s=np.where(waiting, moment.lost_s + h, 0.0),
+        lost_s=np.where(waiting, moment.lost_s + step_s, 0.0),
         standoff_m=np.minimum(moment.standoff_m, _level(P - E)),
         altitude_m=np.minimum(moment.altitude_m, P[:, 2]),
         happened=moment.happened | np.stack([*remaining, waiting, no_game], axis=-1),
@@ -270,6 +320,17 @@ def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
     return np.asarray(np.max(times_s, axis=0))
 
 
+def _arrived_s(batch: Batch, moment: Moment, run_m_s: Array) -> Real:
+    """Return a lower bound, (n,), of the time until a straight run is at the target, as `_captured_s` does."""
+    if batch.target_m is None:
+        return math.inf
+    evader = components(moment.evader_m)
+    x, y, _ = to_target(NUMPY, batch.game, evader, components(batch.target_m))
+    away_m = np.sqrt(x**2 + y**2)
+    closing_m_s = x * run_m_s[:, 0] + y * run_m_s[:, 1]
+    return _zero_s(away_m, -closing_m_s / np.where(away_m > 0.0, away_m, 1.0))
+
+
 def _stretched(way_m: Array, rate_m_s: Array) -> tuple[Array, Array]:
     """Return the horizontal lengths, (n,), of vectors that change at a rate, and the rate of change of the lengths."""
     length = _level(way_m)
@@ -310,40 +371,73 @@ def _slope(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope | None
         E: Positions of the evaders, (n, 3).
         first: Velocities at the begin of the step, kept by players on a course; None at the begin.
     """
-    T = batch.target_m
-    game = batch.game
-    evader = batch.kind.evader
-    # In all games of a kind
-    agreed = moment.heard is None and evader.believed_speed_m_s == evader.speed_m_s
-    if agreed and batch.pursuer.name == batch.evader.name == OPTIMAL:
-        solution = solve(game, P, E, T, evader_velocity_m_s=moment.run_m_s)
+    if batch.is_agreed and batch.pursuer.name == batch.evader.name == OPTIMAL:
+        solution = solve(batch.game, P, E, batch.target_m, evader_velocity_m_s=moment.run_m_s)
         return solution.pursuer_velocity_m_s, solution.evader_velocity_m_s
-    memory = StrategyMemory(moment.flown_m_s, moment.now_s, moment.turning_rad_s)
-    w = (
-        evade(batch.evader, game, P, E, T, memory)
-        if first is None or batch.evader.course is None
-        else first[1]
-    )
+    w = fled(batch, moment, P, E) if first is None or batch.evader.course is None else first[1]
     if first is not None and batch.pursuer.course is not None:
         return first[0], w
-    seen_m = E
-    seen_m_s = w
+    v = chased(batch, moment, P, E, w)
+    if moment.turning_rad_s is None:
+        return v, w
+    return v, w, turning(batch.game, P, E, w, v, batch.pursuer.gain)
+
+
+def fled(batch: Batch, moment: Moment, P: Array, E: Array) -> Array:
+    """Return the velocities, (n, 3), that the evaders' strategy asks for at positions (n, 3)."""
+    return evade(batch.evader, batch.game, P, E, batch.target_m, _memory(moment))
+
+
+def chased(batch: Batch, moment: Moment, P: Array, E: Array, run_m_s: Array) -> Array:
+    """Return the velocities, (n, 3), that the pursuers' strategy asks for at positions (n, 3).
+
+    Args:
+        batch: The games.
+        moment: For the clocks, the memory of the strategy, and the reports that were heard.
+        P: Positions of the pursuers.
+        E: Positions of the evaders.
+        run_m_s: Velocities of the evaders, (n, 3).
+    """
+    view = view_of(batch, moment, E, run_m_s)
+    memory = _memory(moment)
+    return pursue(
+        batch.pursuer,
+        view.game,
+        P,
+        view.evader_m,
+        batch.target_m,
+        view.evader_m_s,
+        memory,
+        dt_s=moment.step_s,
+    )
+
+
+class View(NamedTuple):
+    """What the pursuers know: the games that they play, and position and velocity of the evaders, (n, 3)."""
+
+    game: Game
+    evader_m: Array
+    evader_m_s: Array
+
+
+def view_of(batch: Batch, moment: Moment, E: Array, run_m_s: Array) -> View:
+    """Return what the pursuers know of evaders at E that run; late and noisy where the scenario has a sensor."""
     if moment.heard is not None:
-        seen_m, bound_m_s, age_s = known(
+        known_m, bound_m_s, age_s = known(
             batch.noise, moment.heard, batch.believed_m_s, moment.now_s
         )
-        game = replace(
-            game, evader_speed_m_s=bound_m_s, information_age_s=np.minimum(age_s, TIMEOUT_S)
+        aged = replace(
+            batch.game, evader_speed_m_s=bound_m_s, information_age_s=np.minimum(age_s, TIMEOUT_S)
         )
-        seen_m_s = moment.heard.velocity_m_s
-    elif not agreed:
-        game = replace(game, evader_speed_m_s=np.maximum(batch.believed_m_s, _level(w)))
-    v = pursue(batch.pursuer, game, P, seen_m, T, seen_m_s, memory, dt_s=moment.step_s)
-    return (
-        (v, w)
-        if moment.turning_rad_s is None
-        else (v, w, turning(batch.game, P, E, w, v, batch.pursuer.gain))
-    )
+        return View(aged, known_m, moment.heard.velocity_m_s)
+    if batch.is_agreed:
+        return View(batch.game, E, run_m_s)
+    fastest_m_s = np.maximum(batch.believed_m_s, _level(run_m_s))
+    return View(replace(batch.game, evader_speed_m_s=fastest_m_s), E, run_m_s)
+
+
+def _memory(moment: Moment) -> StrategyMemory:
+    return StrategyMemory(moment.flown_m_s, moment.now_s, moment.turning_rad_s)
 
 
 def _changes_s(batch: Batch, moment: Moment) -> Iterator[Array]:

@@ -126,7 +126,7 @@ def rollout_teams(
         T = np.array(np.broadcast_to(target, (*shape, m, 3)), dtype=np.float64)
     P = np.array(np.broadcast_to(pursuers, (*shape, n, 3)), dtype=np.float64)
     E = np.array(np.broadcast_to(evaders, (*shape, m, 3)), dtype=np.float64)
-    outcomes = _Outcomes(
+    outcomes = Outcomes(
         np.where(first.reason >= int(Reason.NOT_FINITE), int(End.NO_ANSWER), int(End.RUNNING)),
         np.zeros((*shape, m)),
         np.full((*shape, m), -1),
@@ -135,8 +135,8 @@ def rollout_teams(
     matching = first
     path = []
     for _ in range(math.ceil(duration_s / step_s) + SPARE_STEPS):
-        foreseen = _foresee(ends, pairs.plays, P, E, T)
-        outcomes = _judged(outcomes, foreseen, now_s, duration_s)
+        foreseen = foresee(ends, pairs.plays, P, E, T)
+        outcomes = judged_ends(outcomes, foreseen, now_s, duration_s)
         running = outcomes.end == End.RUNNING
         matching = match_teams(
             game, P, E, T, in_play=running, previous=matching, hysteresis=hysteresis
@@ -146,12 +146,11 @@ def rollout_teams(
         if not running.any():
             break
         velocity_m_s, run_m_s = _played(pairs.game, (chase, flee), P, E, T, matching)
-        h = _step_s(foreseen, running, matching, np.minimum(step_s, duration_s - now_s))
-        P = P + h[..., None, None] * velocity_m_s
-        moved = np.where(running, h[..., None], 0.0)[..., None]
-        E = E + moved * run_m_s
+        h = step_of(foreseen, running, matching, np.minimum(step_s, duration_s - now_s))
+        P, E = moved(P, E, velocity_m_s, run_m_s, h, running)
         if T is not None:
-            T = T + moved * [*pairs.game.target_velocity_m_s, 0.0]
+            drift_m = np.where(running, h[..., None], 0.0)[..., None]
+            T = T + drift_m * [*pairs.game.target_velocity_m_s, 0.0]
         now_s = now_s + h
     end = np.where(outcomes.end == End.RUNNING, int(End.TIME_UP), outcomes.end)
     distance_m = np.full(outcomes.time_s.shape, math.nan)
@@ -161,7 +160,7 @@ def rollout_teams(
     return TeamRollout(end, outcomes.time_s, outcomes.captor, distance_m, P, E, first, tuple(path))
 
 
-class _Outcomes(NamedTuple):
+class Outcomes(NamedTuple):
     """Of each evader, (..., m): how its game ended, or that it runs, when, and by which pursuer (−1: by none)."""
 
     end: Array
@@ -169,7 +168,7 @@ class _Outcomes(NamedTuple):
     captor: Array
 
 
-class _Foreseen(NamedTuple):
+class Foreseen(NamedTuple):
     """What would happen next at the present velocities, s from now; inf for never.
 
     Attributes:
@@ -183,7 +182,7 @@ class _Foreseen(NamedTuple):
     turn_s: Array
 
 
-def _foresee(ends: Game, plays: Array, P: Array, E: Array, T: Array | None) -> _Foreseen:
+def foresee(ends: Game, plays: Array, P: Array, E: Array, T: Array | None) -> Foreseen:
     """Look ahead for every pair of players."""
     goal = None if T is None else T[..., None, :, :]
     capture_s, arrival_s, turn_s = look_ahead(
@@ -191,10 +190,12 @@ def _foresee(ends: Game, plays: Array, P: Array, E: Array, T: Array | None) -> _
     )
     capture_s = np.where(plays, capture_s, math.inf)
     arrival_s = np.broadcast_to(arrival_s, capture_s.shape)[..., 0, :]
-    return _Foreseen(capture_s, arrival_s, np.broadcast_to(turn_s, capture_s.shape))
+    return Foreseen(capture_s, arrival_s, np.broadcast_to(turn_s, capture_s.shape))
 
 
-def _judged(outcomes: _Outcomes, foreseen: _Foreseen, now_s: Array, duration_s: float) -> _Outcomes:
+def judged_ends(
+    outcomes: Outcomes, foreseen: Foreseen, now_s: Array, duration_s: float
+) -> Outcomes:
     """End the games of the evaders that are captured, have arrived, or have no time left."""
     running = outcomes.end == End.RUNNING
     caught = running & (np.min(foreseen.capture_s, axis=-2) <= NANOSECOND_S)
@@ -207,15 +208,23 @@ def _judged(outcomes: _Outcomes, foreseen: _Foreseen, now_s: Array, duration_s: 
     )
     time_s = np.where(running, now_s[..., None], outcomes.time_s)
     captor = np.where(caught, np.argmin(foreseen.capture_s, axis=-2), outcomes.captor)
-    return _Outcomes(end, time_s, captor)
+    return Outcomes(end, time_s, captor)
 
 
-def _step_s(foreseen: _Foreseen, running: Array, matching: Matching, longest_s: Array) -> Array:
+def step_of(foreseen: Foreseen, running: Array, matching: Matching, longest_s: Array) -> Array:
     """Return the length of the next step, s: to the next event, at most `longest_s`, and 0 where no game runs."""
     soonest_s = np.minimum(np.min(foreseen.capture_s, axis=-2), foreseen.arrival_s)
     end_s = np.min(np.where(running, soonest_s, np.inf), axis=-1)
     turn_s = np.min(taken(foreseen.turn_s, matching.evader_of), axis=-1)
     return np.where(running.any(axis=-1), np.minimum(np.minimum(end_s, turn_s), longest_s), 0.0)
+
+
+def moved(
+    P: Array, E: Array, velocity_m_s: Array, run_m_s: Array, step_s: Array, running: Array
+) -> tuple[Array, Array]:
+    """Return the positions after a step (...), s; an evader that does not run, (..., m), stays."""
+    moves_s = np.where(running, step_s[..., None], 0.0)[..., None]
+    return P + step_s[..., None, None] * velocity_m_s, E + moves_s * run_m_s
 
 
 def held_m(game: Game, step_s: float) -> Array:

@@ -1,0 +1,208 @@
+"""Many games of one scenario at once, stepped by the velocities of one side or both: what the environments share.
+
+The players are those of `guidance.sim.maths`: the same game, ends, limits, sensor and strategies. A velocity is held
+for a period. Only a pursuer of the scenario's chooses anew within it, where something happens: a report arrives, or the
+height is reached. A step ends exactly where a game ends.
+
+The score of a game is what the pursuer gets, as far as it is decided, plus the exact value of the rest: in PE minus
+the time of the capture, s; in TAD the distance of the evader from its target at the capture, m, and where the evader
+wins minus the distance by which the pursuer is short of a capture. Where both play optimally it does not change. A
+change is what a player lost. A game of TAD that the pursuer could win counts 0 for an arrival, as in outcomes.
+"""
+
+from dataclasses import fields, is_dataclass
+from operator import itemgetter
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guidance.game import End, Game, Solution, Winner, solve
+from guidance.game.arrays import NUMPY, components, mapped
+from guidance.game.pe import to_target
+from guidance.game.records import rows_of
+from guidance.game.rollout import Ahead, look_ahead
+from guidance.league.states import Arena, Seeds, batch_at, draw
+from guidance.sim.batch import Array, Batch
+from guidance.sim.maths import (
+    Moment,
+    Slope,
+    advance_held,
+    begun,
+    chased,
+    fled,
+    heard_nothing,
+    judged,
+)
+from guidance.strategies import OPTIMAL
+from guidance.strategies.navigation import turning
+
+LEAST_S: Final = 1e-9
+"""A rest of a period that is not flown."""
+
+WINNERS: Final = np.zeros(len(End), dtype=np.int8)
+"""`Winner` of each `End`."""
+WINNERS[End.CAPTURED] = Winner.PURSUER
+WINNERS[End.ARRIVED] = Winner.EVADER
+
+
+class Games:
+    """Games of one scenario, each at a moment of its own.
+
+    Args:
+        arena: The scenario, with the policies of players that are not steered.
+        seeds: Of the initial states, (n,).
+        period_s: How long a velocity is held.
+
+    Attributes:
+        batch: Constants of the games.
+        moment: Where they are.
+        solution: Optimal play from there.
+        score: Of each game, (n,).
+        opening_score: The score at the beginning, (n,).
+    """
+
+    def __init__(self, arena: Arena, seeds: Seeds, period_s: float) -> None:
+        self._arena = arena
+        self._period_s = period_s
+        self.batch = _owned(batch_at(arena.template, draw(arena, seeds)))
+        self.moment = _owned(begun(self.batch))
+        heard_nothing(self.batch, self.moment)
+        self.solution = _solved(self._arena.valued, self.batch, self.moment)
+        self.score = _scores(self._arena, self.batch, self.moment, self.solution)
+        self.opening_score = self.score.copy()
+
+    @property
+    def count(self) -> int:
+        """Number of games."""
+        return len(self.moment.row)
+
+    @property
+    def value(self) -> Array:
+        """Exact value of each state, (n,): s in PE; in TAD m, negative where the evader wins."""
+        if self.batch.target_m is None:
+            return self.solution.value
+        return np.asarray(self.solution.winner * self.solution.value)
+
+    def restart(self, rows: NDArray[np.intp], seeds: Seeds) -> None:
+        """Begin some games anew, in the states of seeds."""
+        batch = batch_at(self._arena.template, draw(self._arena, seeds))
+        moment = begun(batch)
+        heard_nothing(batch, moment)
+        solution = _solved(self._arena.valued, batch, moment)
+        score = _scores(self._arena, batch, moment, solution)
+        put(self.batch, batch, rows)
+        put(self.moment, moment._replace(row=rows), rows)
+        put(self.solution, solution, rows)
+        self.score[rows] = score
+        self.opening_score[rows] = score
+
+    def step(self, pursuer_m_s: Array | None, evader_m_s: Array | None) -> None:
+        """Hold velocities, (n, 3), for a period, or to the end of a game. None is the scenario's own policy."""
+        with np.errstate(all="ignore"):
+            self._fly(pursuer_m_s, evader_m_s)
+        self.solution = _solved(self._arena.valued, self.batch, self.moment)
+        score = _scores(self._arena, self.batch, self.moment, self.solution)
+        if self.batch.target_m is not None:
+            score = np.where(self.opening_score > 0.0, np.maximum(score, 0.0), score)
+        self.score = np.where(np.isfinite(score), score, self.score)
+
+    def _fly(self, pursuer_m_s: Array | None, evader_m_s: Array | None) -> None:
+        """Fly a period. Only games in which something happened within it, a few, need more than one step."""
+        batch = self.batch
+        moment = self.moment
+        steered = _Steered(pursuer_m_s, evader_m_s, self.solution)
+        ahead = _look(batch, moment)
+        left_s: Any = self._period_s
+        rows = moment.row
+        while True:
+            held = _velocities(batch, moment, steered)
+            moment = advance_held(batch, moment, ahead, held, left_s)
+            heard_nothing(batch, moment)
+            left_s = left_s - moment.step_s
+            ahead = _look(batch, moment)
+            moment = moment._replace(end=judged(batch, moment, ahead))
+            if len(rows) == self.count:
+                self.moment = moment
+            else:
+                put(self.moment, moment, rows)
+            unfinished = np.flatnonzero((moment.end == End.RUNNING) & (left_s > LEAST_S))
+            if len(unfinished) == 0:
+                return
+            take = itemgetter(unfinished)
+            rows = rows[unfinished]
+            left_s = left_s[unfinished]
+            batch, moment, ahead = (rows_of(part, take) for part in (batch, moment, ahead))
+            steered = rows_of(steered, take)
+            if pursuer_m_s is None:
+                steered = steered._replace(solution=_solved(self._arena.valued, batch, moment))
+
+
+class _Steered(NamedTuple):
+    """Velocities of the players that are steered, (n, 3), None of the others; and optimal play."""
+
+    pursuer_m_s: Array | None
+    evader_m_s: Array | None
+    solution: Solution
+
+
+def _velocities(batch: Batch, moment: Moment, steered: _Steered) -> Slope:
+    """Return the velocities of both players, and the turn of a pursuer that navigates."""
+    P = moment.pursuer_m
+    E = moment.evader_m
+    w = steered.evader_m_s
+    if w is None:
+        is_optimal = batch.evader.name == OPTIMAL
+        w = steered.solution.evader_velocity_m_s if is_optimal else fled(batch, moment, P, E)
+    v = steered.pursuer_m_s
+    if v is None:
+        is_optimal = batch.pursuer.name == OPTIMAL and batch.is_agreed
+        v = steered.solution.pursuer_velocity_m_s
+        if not is_optimal:
+            v = chased(batch, moment, P, E, w)
+    if moment.turning_rad_s is None:
+        return v, w
+    return v, w, turning(batch.game, P, E, w, v, batch.pursuer.gain)
+
+
+def _look(batch: Batch, moment: Moment) -> Ahead:
+    return look_ahead(NUMPY, batch.game, moment.pursuer_m, moment.evader_m, batch.target_m)
+
+
+def _solved(game: Game, batch: Batch, moment: Moment) -> Solution:
+    return solve(
+        game,
+        moment.pursuer_m,
+        moment.evader_m,
+        batch.target_m,
+        evader_velocity_m_s=moment.run_m_s,
+    )
+
+
+def _scores(arena: Arena, batch: Batch, moment: Moment, solution: Solution) -> Array:
+    """Return the score of each game, (n,); NaN where the state has no value."""
+    if batch.target_m is None:
+        return -(moment.now_s + solution.value)
+    score = solution.winner * solution.value
+    captured = moment.end == End.CAPTURED
+    if arena.between_points or not captured.any():
+        return np.asarray(score)
+    offset = to_target(NUMPY, batch.game, components(moment.evader_m), components(batch.target_m))
+    return np.where(captured, NUMPY.norm2(offset[:2]), score)
+
+
+def put(whole: Any, part: Any, rows: NDArray[np.intp]) -> None:  # noqa: ANN401 - a record of arrays
+    """Write the arrays of a record into rows of the same arrays of another, also in records in it."""
+    if isinstance(whole, np.ndarray):
+        whole[rows] = part
+    elif isinstance(whole, tuple):
+        for field, value in zip(whole, part, strict=True):
+            put(field, value, rows)
+    elif is_dataclass(whole):
+        for field in fields(whole):
+            put(getattr(whole, field.name), getattr(part, field.name), rows)
+
+
+def _owned(record: Any) -> Any:  # noqa: ANN401 - a record of arrays
+    """Return a record each of whose arrays is its own, so that rows of one can be written."""
+    return mapped(lambda part: part.copy() if isinstance(part, np.ndarray) else part, record)

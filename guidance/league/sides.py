@@ -1,0 +1,169 @@
+"""One side of a scenario's games as an agent: its observations and actions with their bounds, and its reward.
+
+Observations and actions are those of `guidance.strategies.own`, which a policy also flies by.
+"""
+
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from guidance.errors import ConfigError
+from guidance.game.arrays import pair_length
+from guidance.league.play import Games
+from guidance.league.states import Arena, arena_of, with_policies
+from guidance.sim.batch import Array
+from guidance.sim.maths import view_of
+from guidance.sim.scenario import EVADER, PURSUER, Scenario
+from guidance.sim.scenario_file import load_scenario
+from guidance.strategies.own import (
+    EVADER_SHARES,
+    PURSUER_SHARES,
+    evader_velocity,
+    observe_evasion,
+    observe_pursuit,
+    pursuer_velocity,
+)
+
+SIDES: Final = (PURSUER, EVADER)
+
+STEP_S: Final = 0.1
+"""How long an action is held, if nothing else is asked for."""
+
+FARTHEST_SIGMAS: Final = 9.0
+"""Normal noise that is drawn from 53 random bits is never farther out."""
+
+
+class Bounds(NamedTuple):
+    """Least and greatest values of each column."""
+
+    low: Array
+    high: Array
+
+
+class Side(NamedTuple):
+    """An agent. `name` is "pursuer" or "evader", `arena` its games."""
+
+    name: str
+    arena: Arena
+
+    @property
+    def shares(self) -> int:
+        """Columns of an action."""
+        return PURSUER_SHARES if self.name == PURSUER else EVADER_SHARES
+
+    @property
+    def sign(self) -> float:
+        """Share of the score's change that is this side's reward: 1 of the pursuer, −1 of the evader."""
+        return 1.0 if self.name == PURSUER else -1.0
+
+    def observe(self, games: Games) -> Array:
+        """Return the observations of all games, (n, k)."""
+        moment = games.moment
+        batch = games.batch
+        P = moment.pursuer_m
+        E = moment.evader_m
+        if self.name == EVADER:
+            return observe_evasion(
+                batch.game, P, E, moment.flown_m_s, moment.run_m_s, batch.target_m
+            )
+        view = view_of(batch, moment, E, moment.run_m_s)
+        return observe_pursuit(
+            batch.game, P, view.evader_m, view.evader_m_s, moment.flown_m_s, batch.target_m
+        )
+
+    def velocity(self, action: Array) -> Array:
+        """Return the velocities, (n, 3), m/s, of actions."""
+        game = self.arena.template.game
+        return (
+            pursuer_velocity(game, action)
+            if self.name == PURSUER
+            else evader_velocity(game, action)
+        )
+
+    def checked(self, action: object, count: int) -> Array:
+        """Return actions as numbers.
+
+        Raises:
+            ConfigError: If they are not finite real numbers of shape (count, `shares`).
+        """
+        given = np.asarray(action)
+        shape = (count, self.shares)
+        allowed = f"must be real, finite numbers of shape {shape}, shares of the {self.name}'s speed from -1 to 1"
+        if given.dtype.kind not in "fiu" or given.shape != shape:
+            raise ConfigError(f"actions: shape {given.shape}, dtype {given.dtype}: {allowed}")
+        if not np.isfinite(given).all():
+            row = int(np.flatnonzero(~np.isfinite(given).all(axis=1))[0])
+            raise ConfigError(f"actions[{row}] = {given[row].tolist()}: {allowed}")
+        return given
+
+    def bounds(self) -> Bounds:
+        """Return the bounds of an observation, wide enough for every state that a game can reach.
+
+        Positions: the arena's diameter, and the way of both players, with the sensor's noise, until the time limit.
+        """
+        kind = self.arena.template.kind
+        game = self.arena.template.game
+        sensor = kind.sensor
+        run_m_s = float(game.evader_speed_m_s)
+        seen_m_s = run_m_s
+        noise_m = 0.0
+        if self.name == PURSUER:
+            seen_m_s += FARTHEST_SIGMAS * sensor.velocity_noise_m_s
+            noise_m = FARTHEST_SIGMAS * sensor.position_noise_m
+        level_m_s = float(game.pursuer.horizontal_m_s + pair_length(game.wind_m_s))
+        vertical_m_s = float(max(game.pursuer.climb_m_s, game.pursuer.descent_m_s))
+        limit_s = kind.time_limit_s
+        away_m = 2.0 * self.arena.radius_m + (level_m_s + seen_m_s) * limit_s + noise_m
+        rise_m = self.arena.heights_m[1] + float(game.standoff.height_m) + vertical_m_s * limit_s
+        flown = [level_m_s, level_m_s, vertical_m_s]
+        if self.name == PURSUER:
+            high = [away_m, away_m, rise_m, seen_m_s, seen_m_s, *flown]
+        else:
+            high = [away_m, away_m, rise_m, *flown, run_m_s, run_m_s]
+        if kind.target is not None:
+            high += [away_m, away_m]
+        upper = np.array(high)
+        return Bounds(-upper, upper)
+
+
+def scenario_of(scenario: str | Path | Scenario) -> Scenario:
+    """Return a scenario of two players that is given by its name, its path or itself.
+
+    Raises:
+        ConfigError: If there is none, or it is one of teams.
+    """
+    if isinstance(scenario, Scenario):
+        return scenario
+    return load_scenario(str(scenario))[1]
+
+
+def side_of(
+    scenario: str | Path | Scenario, name: str, opponent: str | None, *, between_points: bool
+) -> Side:
+    """Return one side of a scenario against an opponent, whose policy is the scenario's if none is named.
+
+    Raises:
+        ConfigError: If the side, the scenario or the opponent's policy is unknown.
+    """
+    if name not in SIDES:
+        raise ConfigError(f"side = {name!r}: must be one of {', '.join(SIDES)}")
+    other = EVADER if name == PURSUER else PURSUER
+    # The steered side's own policy is not played
+    policies = {name: "hold"}
+    if opponent is not None:
+        policies[other] = opponent
+    played = with_policies(scenario_of(scenario), **policies)
+    return Side(name, arena_of(played, between_points=between_points))
+
+
+def require_steps(step_s: float, count: int) -> None:
+    """Check the length of a step and the number of games.
+
+    Raises:
+        ConfigError: If one is out of range.
+    """
+    if not 1e-3 <= step_s <= 10.0:
+        raise ConfigError(f"step_s = {step_s!r}: must be from 0.001 to 10 s")
+    if not isinstance(count, int) or count < 1:
+        raise ConfigError(f"num_envs = {count!r}: must be a whole number, 1 or more")

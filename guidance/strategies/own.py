@@ -1,0 +1,237 @@
+"""Policies that a user writes: functions from observations to actions, the same in a batch and in flight.
+
+A policy is a function of observations (n, k) that returns actions (n, a); n is 1 in flight. Its name is where it is:
+`module:function`, or `path/to/file.py:function`. The code is the user's own and runs with the user's rights: nothing
+here limits what it may do. It is imported when it is first played or when a command loads it, never when a file that
+names it is only read, shown or replayed.
+
+Observations of the pursuer, in m and m/s in the game frame (x east, y north, z up):
+
+| columns | quantity |
+|---|---|
+| 0, 1, 2 | centre of the stand-off disc about the evader, as the pursuer knows it, relative to the pursuer |
+| 3, 4 | velocity of the evader, as the pursuer knows it |
+| 5, 6, 7 | velocity that the pursuer asked for last |
+| 8, 9 | TAD only: position of the target relative to the pursuer |
+
+Observations of the evader, which sees the pursuer exactly:
+
+| columns | quantity |
+|---|---|
+| 0, 1, 2 | position of the pursuer relative to the centre of the stand-off disc about the evader |
+| 3, 4, 5 | velocity of the pursuer |
+| 6, 7 | velocity that the evader ran last |
+| 8, 9 | TAD only: position of the target relative to the evader |
+
+Actions are shares of the speeds through the air, from −1 to 1: of the pursuer (x, y, z), of the evader (x, y). Those of
+x and y are of the horizontal speed, that of z is of the climb or, if it is negative, of the descent. A velocity beyond
+the speed set is brought into it: a Ball's is shortened as a whole, a Cylinder's level part by itself.
+"""
+
+import importlib
+import importlib.util
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from guidance.errors import ConfigError
+from guidance.game import Game
+from guidance.game.arrays import Real
+from guidance.game.speed_sets import bounded
+
+Array = NDArray[np.float64]
+
+Choose: TypeAlias = Callable[[Array], Any]
+"""A policy: observations (n, k) to actions (n, a)."""
+
+PURSUER_COLUMNS: Final = 8
+TARGET_COLUMNS: Final = 2
+"""Columns of an observation, of either player, and those that TAD adds."""
+
+PURSUER_SHARES: Final = 3
+EVADER_SHARES: Final = 2
+"""Columns of an action."""
+
+_FORM: Final = re.compile(
+    r"(?P<file>[^:\0]+\.py|[A-Za-z_]\w*(\.[A-Za-z_]\w*)*):(?P<name>[A-Za-z_]\w*)"
+)
+_FORM_WORDS: Final = "module:function or path/to/file.py:function"
+
+_LOADED: Final[dict[str, Choose]] = {}
+"""Every policy that was registered or imported, by its name."""
+
+
+class PolicyError(Exception):
+    """A policy raised, or its answer is no action; the message says which."""
+
+
+def is_own(name: str) -> bool:
+    """Return whether a strategy's name has the form of a user's policy."""
+    return name in _LOADED or _FORM.fullmatch(name) is not None
+
+
+def register(name: str, choose: Choose) -> None:
+    """Give a policy a name, under which scenarios and commands play it.
+
+    Raises:
+        ConfigError: If the name has not the form `module:function`, or there is no function.
+    """
+    if _FORM.fullmatch(name) is None:
+        raise ConfigError(f"policy = {name!r}: must be {_FORM_WORDS}")
+    if not callable(choose):
+        raise ConfigError(f"policy = {name!r}: {choose!r} is no function of observations")
+    _LOADED[name] = choose
+
+
+def load(name: str) -> Choose:
+    """Return a policy by its name; import its file or its module the first time. A file's path is as of the shell.
+
+    Raises:
+        ConfigError: If the name has another form, or there is no such file, module or function.
+    """
+    if name in _LOADED:
+        return _LOADED[name]
+    parts = _FORM.fullmatch(name)
+    if parts is None:
+        raise ConfigError(f"policy = {name!r}: must be {_FORM_WORDS}")
+    source = parts["file"] if parts["file"] is not None else name.partition(":")[0]
+    module = _imported(name, source)
+    choose: Choose | None = getattr(module, parts["name"], None)
+    if choose is None or not callable(choose):
+        functions = [key for key, value in vars(module).items() if callable(value)]
+        allowed = ", ".join(key for key in functions if not key.startswith("_"))
+        raise ConfigError(
+            f"policy = {name!r}: {source} has no function {parts['name']}; it has: {allowed}"
+        )
+    _LOADED[name] = choose
+    return choose
+
+
+def _imported(name: str, source: str) -> Any:  # noqa: ANN401 - a module has no type of its own
+    path = Path(source)
+    is_file = source.endswith(".py")
+    if is_file and not path.is_file():
+        raise ConfigError(f"policy = {name!r}: there is no file {path} in {Path.cwd()}")
+    try:
+        return _run_file(path) if is_file else importlib.import_module(source)
+    except Exception as error:
+        raise ConfigError(
+            f"policy = {name!r}: {source} cannot be imported: {type(error).__name__}: {error}"
+        ) from error
+
+
+def _run_file(path: Path) -> Any:  # noqa: ANN401 - a module has no type of its own
+    spec = importlib.util.spec_from_file_location(f"own_policy_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise ImportError("it is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def observe_pursuit(
+    game: Game,
+    pursuer_m: Array,
+    evader_m: Array,
+    evader_m_s: Array,
+    last_m_s: Array,
+    target_m: Array | None,
+) -> Array:
+    """Return the pursuer's observations, (n, 8), or (n, 10) with a target.
+
+    Args:
+        game: Height of the disc.
+        pursuer_m: (n, 3).
+        evader_m: As the pursuer knows it, (n, 3).
+        evader_m_s: As the pursuer knows it, (n, 3).
+        last_m_s: Velocity that the pursuer asked for last, (n, 3).
+        target_m: (n, 3), or None in PE.
+    """
+    seen = _blank(len(pursuer_m), target_m)
+    np.subtract(evader_m, pursuer_m, out=seen[:, 0:3])
+    seen[:, 2] += game.standoff.height_m
+    seen[:, 3:5] = evader_m_s[:, :2]
+    seen[:, 5:8] = last_m_s
+    if target_m is not None:
+        np.subtract(target_m[:, :2], pursuer_m[:, :2], out=seen[:, 8:10])
+    return seen
+
+
+def observe_evasion(
+    game: Game,
+    pursuer_m: Array,
+    evader_m: Array,
+    pursuer_m_s: Array,
+    last_m_s: Array,
+    target_m: Array | None,
+) -> Array:
+    """Return the evader's observations, (n, 8), or (n, 10) with a target; arguments as of `observe_pursuit`."""
+    seen = _blank(len(pursuer_m), target_m)
+    np.subtract(pursuer_m, evader_m, out=seen[:, 0:3])
+    seen[:, 2] -= game.standoff.height_m
+    seen[:, 3:6] = pursuer_m_s
+    seen[:, 6:8] = last_m_s[:, :2]
+    if target_m is not None:
+        np.subtract(target_m[:, :2], evader_m[:, :2], out=seen[:, 8:10])
+    return seen
+
+
+def _blank(rows: int, target_m: Array | None) -> Array:
+    columns = PURSUER_COLUMNS + (0 if target_m is None else TARGET_COLUMNS)
+    return np.empty((rows, columns))
+
+
+def pursuer_velocity(game: Game, action: Array) -> Array:
+    """Return the velocity over the ground, (n, 3), m/s, of a pursuer's action (n, 3); NaN stays NaN."""
+    speeds = game.pursuer
+    level_m_s = _rows(speeds.horizontal_m_s)
+    share = action[:, 2]
+    asked = np.empty(action.shape)
+    np.multiply(action[:, :2], level_m_s[:, None], out=asked[:, :2])
+    asked[:, 2] = share * np.where(share > 0.0, speeds.climb_m_s, speeds.descent_m_s)
+    velocity = speeds.flyable(asked)
+    if not game.calm:
+        velocity[:, 0] += game.wind_m_s[0]
+        velocity[:, 1] += game.wind_m_s[1]
+    return velocity
+
+
+def evader_velocity(game: Game, action: Array) -> Array:
+    """Return the velocity, (n, 3), m/s, of an evader's action (n, 2)."""
+    velocity = np.zeros((len(action), 3))
+    speed_m_s = _rows(game.evader_speed_m_s)
+    np.multiply(action[:, :2], speed_m_s[:, None], out=velocity[:, :2])
+    return bounded(velocity, speed_m_s)
+
+
+def _rows(speed_m_s: Real) -> Array:
+    return np.atleast_1d(np.asarray(speed_m_s, dtype=np.float64))
+
+
+def action_of(name: str, choose: Choose, observation: Array, shares: int) -> Array:
+    """Ask a policy; its answer may have rows that are not finite.
+
+    Args:
+        name: The policy's.
+        choose: The policy.
+        observation: (n, k).
+        shares: Columns of an action.
+
+    Raises:
+        PolicyError: If it raises, or does not return n real actions.
+    """
+    try:
+        answer = np.asarray(choose(observation))
+    except Exception as error:
+        raise PolicyError(f"{name} raised {type(error).__name__}: {error}") from error
+    needed = (len(observation), shares)
+    if answer.dtype.kind not in "fiu" or answer.shape != needed:
+        raise PolicyError(
+            f"{name} answers shape {answer.shape} of {answer.dtype} to observations of shape {observation.shape}; "
+            f"must be real numbers of shape {needed}, shares of the speed from −1 to 1"
+        )
+    return answer.astype(np.float64)
