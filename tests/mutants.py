@@ -2,17 +2,20 @@
 
 mutmut 3 changes one operator, number, argument or word at a time, and a test has to notice. `tests/mutants.toml` lists
 the mutants that no test can notice, each with the reason. The step fails if another one survives, and if a listed one
-does not exist any more or is noticed.
+does not exist any more or is noticed. A mutant that only changes the letters of a text for people, a string with a
+blank in it, may survive: tests do not repeat texts.
 
 Each file is mutated in a temporary copy of the project and judged by the tests that concern it (`TESTS`), the fastest
-first, up to the first failure.
+first, up to the first failure. mutmut switches functions only. What a module computes when it is imported (its tables,
+constants and defaults) has the same mutants, but each of them needs a process that imports it.
 """
 
 import argparse
 import ast
-import difflib
+import contextlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -21,7 +24,10 @@ import time
 import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from importlib.util import cache_from_source
 from pathlib import Path
+from queue import Queue
 from typing import NamedTuple
 
 ROOT = Path(__file__).parent.parent
@@ -50,7 +56,7 @@ TESTS: Mapping[str, Sequence[str]] = {
     "guidance/control/setpoint_limiter.py": LIMITER,
     "guidance/flight/table.py": ("tests/flight/test_table.py",),
     "guidance/flight/detection.py": ("tests/flight/test_detection.py",),
-    "guidance/autopilots/rules.py": PREFLIGHT,
+    "guidance/autopilots/rules.py": ("tests/autopilots/test_rules.py", *PREFLIGHT),
     "guidance/preflight/__init__.py": PREFLIGHT,
     "guidance/preflight/areas.py": ("tests/preflight/test_fence.py",),
     "guidance/preflight/fence.py": ("tests/preflight/test_fence.py",),
@@ -70,8 +76,18 @@ timeout_multiplier = 4.0
 use_git_change_detection = false
 """
 SPINNER = "⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏"
+PYTEST = (
+    sys.executable, "-m", "pytest", "-x", "-q", "-p", "pytest_asyncio.plugin", "-p", "_hypothesis_pytestplugin",
+    "-p", "no:cacheprovider",
+)  # fmt: skip
+LONGEST_S = 120.0
+MODULE = "module"
+"""Stands for the function of a mutant that is in none."""
+
 MARKS = "not slow and not flight and not long and not arrays"
 ENVIRONMENT = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "HYPOTHESIS_PROFILE": "mutants"}
+
+STRING = re.compile(r"""(?:"[^"]*"|'[^']*')""")
 
 SURVIVED = {None: "not judged", 0: "survives", 2: "not judged", 5: "has no test", 33: "has no test"}
 """mutmut's exit codes of a mutant that was not noticed; the others are failures and time-outs."""
@@ -98,7 +114,9 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests mutants", description=__doc__)
     parser.add_argument("files", nargs="*", metavar="FILE", help="all of them if none is named")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
-    parser.add_argument("--only", default="*", metavar="PATTERN", help="names of functions")
+    parser.add_argument(
+        "--only", default="*", metavar="PATTERN", help=f"names of functions, or {MODULE}"
+    )
     options = parser.parse_args(arguments)
     names = [os.path.relpath(Path(name).resolve(), ROOT) for name in options.files]
     unknown = [name for name in names if name not in TESTS]
@@ -110,9 +128,11 @@ def main(arguments: Sequence[str]) -> int:
     for name in names or TESTS:
         outcome = _judged(name, options.jobs, options.only)
         equivalent = [mutant for mutant in listed.get(name, ()) if mutant in outcome.survivors]
+        worded = [mutant for mutant in outcome.survivors if changes_letters(mutant)]
         print(
             f"{name}: {outcome.mutants.total()} mutants, {len(outcome.survivors)} survive, "
-            f"{len(equivalent)} of them are listed; {outcome.seconds:.0f} s",
+            f"{len(equivalent)} of them are listed, {len(worded)} change the letters of a text; "
+            f"{outcome.seconds:.0f} s",
             flush=True,
         )
         whole = options.only == "*"
@@ -153,7 +173,7 @@ def faults_of(
         whole: Whether all functions of the file were mutated.
     """
     for mutant, reason in survivors.items():
-        if mutant not in listed:
+        if mutant not in listed and not changes_letters(mutant):
             yield f"{name}: {reason}: in {mutant.function}\n  - {mutant.line}\n  + {mutant.becomes}"
     for mutant, count in Counter(listed).items():
         if mutant in mutants and mutant not in survivors:
@@ -164,9 +184,20 @@ def faults_of(
             yield f"{name}: listed {count} times: in {mutant.function}: {mutant.becomes}"
 
 
+def changes_letters(mutant: Mutant) -> bool:
+    """Whether a mutant changes nothing but the letters of a text for people: a string with a blank in it."""
+    before = STRING.findall(mutant.line)
+    after = STRING.findall(mutant.becomes)
+    if STRING.sub("", mutant.line) != STRING.sub("", mutant.becomes) or len(before) != len(after):
+        return False
+    changed = [text for text, mutated in zip(before, after, strict=True) if text != mutated]
+    return bool(changed) and all(" " in text for text in changed)
+
+
 def _judged(name: str, jobs: int, pattern: str) -> Outcome:
-    """Run mutmut on one file in a temporary copy of the project."""
+    """Judge the mutants of one file in a temporary copy of the project."""
     started_s = time.perf_counter()
+    judged: list[tuple[Mutant, str]] = []
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
         copy = Path(folder)
         for package in COPIED:
@@ -179,30 +210,101 @@ def _judged(name: str, jobs: int, pattern: str) -> Outcome:
         )
         project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
         (copy / "pyproject.toml").write_text(project + settings, encoding="utf-8")
-        command = [str(Path(sys.executable).parent / "mutmut"), "run", "--max-children", str(jobs)]
-        if pattern != "*":
-            command.append(f"*x[_ǁ]{pattern}__mutmut_*")
-        done = subprocess.run(
-            command,
-            cwd=copy,
-            env=os.environ | ENVIRONMENT,
-            check=False,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-        )
-        if done.returncode != 0:
-            shown = done.stdout.decode(errors="replace").splitlines()
-            words = "\n".join(line for line in shown if line[:1] not in SPINNER)
-            raise RuntimeError(f"mutmut failed on {name}:\n{words}")
-        mutated = copy / "mutants" / name
-        codes = json.loads(Path(f"{mutated}.meta").read_text(encoding="utf-8"))["exit_code_by_key"]
-        changes = changes_of(mutated.read_text(encoding="utf-8"))
-    judged = {key.rpartition(".")[2]: code for key, code in codes.items()}
-    if pattern != "*":
-        judged = {key: code for key, code in judged.items() if code is not None}
-    survivors = {changes[key]: SURVIVED[code] for key, code in judged.items() if code in SURVIVED}
-    mutants = Counter(changes[key] for key in judged)
+        if pattern in {"*", MODULE}:
+            judged += _judged_modules(copy, name, jobs)
+        if pattern != MODULE:
+            judged += _judged_functions(copy, name, jobs, pattern)
+    mutants = Counter(mutant for mutant, _ in judged)
+    survivors = {mutant: reason for mutant, reason in judged if reason}
     return Outcome(mutants, survivors, time.perf_counter() - started_s)
+
+
+def _judged_functions(
+    copy: Path, name: str, jobs: int, pattern: str
+) -> Iterator[tuple[Mutant, str]]:
+    """Run mutmut; yield each mutant and how it survived, or nothing."""
+    command = [str(Path(sys.executable).parent / "mutmut"), "run", "--max-children", str(jobs)]
+    if pattern != "*":
+        command.append(f"*x[_ǁ]{pattern}__mutmut_*")
+    done = subprocess.run(
+        command,
+        cwd=copy,
+        env=os.environ | ENVIRONMENT,
+        check=False,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
+    if done.returncode != 0:
+        shown = done.stdout.decode(errors="replace").splitlines()
+        words = "\n".join(line for line in shown if line[:1] not in SPINNER)
+        raise RuntimeError(f"mutmut failed on {name}:\n{words}")
+    mutated = copy / "mutants" / name
+    codes = json.loads(Path(f"{mutated}.meta").read_text(encoding="utf-8"))["exit_code_by_key"]
+    changes = changes_of(mutated.read_text(encoding="utf-8"))
+    for key, code in codes.items():
+        if code is not None or pattern == "*":
+            yield changes[key.rpartition(".")[2]], SURVIVED.get(code, "")
+
+
+def _judged_modules(copy: Path, name: str, jobs: int) -> list[tuple[Mutant, str]]:
+    """Judge what a module computes when it is imported; return each mutant and how it survived, or nothing."""
+    source = (copy / name).read_text(encoding="utf-8")
+    copies = Queue[Path]()
+    for number in range(jobs):
+        folder = copy / f"copy {number}"
+        for package in COPIED:
+            shutil.copytree(copy / package, folder / package)
+        shutil.copy(copy / "pyproject.toml", folder)
+        if not _passes(folder, name, {}):
+            raise RuntimeError(f"the tests of {name} fail without a mutant")
+        Path(cache_from_source(folder / name)).unlink()  # of another source
+        copies.put(folder)
+
+    def judged(mutated: str) -> tuple[Mutant, str]:
+        folder = copies.get()
+        (folder / name).write_text(mutated, encoding="utf-8")
+        passed = _passes(folder, name, {"PYTHONDONTWRITEBYTECODE": "1"})
+        copies.put(folder)
+        change = _change(MODULE, source.splitlines(), mutated.splitlines())
+        return change, "survives" if passed else ""
+
+    with ThreadPoolExecutor(jobs) as executor:
+        return list(executor.map(judged, mutated_modules(copy, name)))
+
+
+def mutated_modules(copy: Path, name: str) -> list[str]:
+    """Return the mutants of a file in a project with settings of mutmut that are outside of functions.
+
+    Texts are left out, and so are assignments of None, which would stop the import.
+    """
+    import libcst
+    from mutmut.mutation.file_mutation import create_mutations, deep_replace
+
+    left_out = (libcst.BaseString, libcst.Assign, libcst.AnnAssign)
+    with contextlib.chdir(copy):
+        module, mutations, *_ = create_mutations(name, Path(name).read_text(encoding="utf-8"))
+    return [
+        deep_replace(module, mutation.original_node, mutation.mutated_node).code
+        for mutation in mutations
+        if not isinstance(mutation.contained_by_top_level_function, libcst.FunctionDef)
+        and not isinstance(mutation.original_node, left_out)
+    ]
+
+
+def _passes(folder: Path, name: str, environment: Mapping[str, str]) -> bool:
+    """Run the tests of a file in a copy of the project."""
+    try:
+        done = subprocess.run(
+            [*PYTEST, "-m", MARKS, *TESTS[name]],
+            cwd=folder,
+            env=os.environ | ENVIRONMENT | environment,
+            check=False,
+            capture_output=True,
+            timeout=LONGEST_S,
+        )
+    except subprocess.TimeoutExpired:
+        return False
+    return done.returncode == 0
 
 
 def undecorated(source: str) -> str:
@@ -248,15 +350,14 @@ def changes_of(mutated: str) -> dict[str, Mutant]:
 
 
 def _change(function: str, before: Sequence[str], after: Sequence[str]) -> Mutant:
-    """Return what differs between two bodies. Of several lines the blanks at the ends go."""
-    removed = []
-    added = []
-    for row in difflib.ndiff(before, after):
-        if row.startswith("- "):
-            removed.append(row[2:].strip())
-        elif row.startswith("+ "):
-            added.append(row[2:].strip())
-    return Mutant(function, " ".join(removed), " ".join(added))
+    """Return what differs between two bodies."""
+    shorter = min(len(before), len(after))
+    first = next((n for n in range(shorter) if before[n] != after[n]), shorter)
+    rest = shorter - first
+    kept = next((n for n in range(rest) if before[-1 - n] != after[-1 - n]), rest)
+    removed = " ".join(line.strip() for line in before[first : len(before) - kept])
+    added = " ".join(line.strip() for line in after[first : len(after) - kept])
+    return Mutant(function, removed, added)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,16 @@ from collections import Counter
 
 import pytest
 
-from tests.mutants import ROOT, TESTS, Mutant, changes_of, faults_of, listed_mutants, undecorated
+from tests.mutants import (
+    ROOT,
+    TESTS,
+    Mutant,
+    changes_letters,
+    changes_of,
+    faults_of,
+    listed_mutants,
+    undecorated,
+)
 
 
 def test_every_mutated_file_and_every_judging_test_exists():
@@ -84,3 +93,17 @@ def test_a_survivor_has_to_be_listed_and_a_listed_mutant_has_to_survive():
     assert faults([], [first]) == 1
     assert faults([], [Mutant("f", "gone", "gone for good")]) == 1
     assert faults([first], [first, first]) == 1
+
+
+@pytest.mark.parametrize(
+    ("becomes", "only_letters"),
+    [
+        ('f("key", "XXsome wordsXX")', True),
+        ('f("key", "SOME WORDS")', True),
+        ('f("KEY", "some words")', False),
+        ('f("key", None)', False),
+        ('f("some words")', False),
+    ],
+)
+def test_only_texts_for_people_may_change_unnoticed(becomes, only_letters):
+    assert changes_letters(Mutant("f", 'f("key", "some words")', becomes)) is only_letters

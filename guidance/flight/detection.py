@@ -220,11 +220,11 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     yield Event.SECOND_SENDER, vehicle.has_second_sender(now.now_s)
     yield Event.FOREIGN, heard.foreign
     # Its position.
-    view = heard.seen
-    if view is None and playing:
+    view = None
+    if playing:
         view = heard.view(now.now_s)
     beyond: list[Wall] = []
-    if playing and view is not None:
+    if view is not None:
         beyond = [wall for wall in view.walls if wall.gap_m + wall.margin_m < 0.0]
     for event, (limiters, allowed_m) in _BREACHES.items():
         yield (

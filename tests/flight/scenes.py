@@ -111,10 +111,12 @@ def well(*changes, at_s=NOW_S):
 
 
 class Told:
-    """A tracking that says what a test wants."""
+    """A tracking that says what a test wants, of the present only."""
 
     local_frame = game_frame = None
     held_back_ned_m = NOWHERE
+    playing = "red"
+    too_high = ""
 
     def __init__(self, evader_ned_m, silence_s, rival, home_ned_m):
         self.home_ned_m = home_ned_m
@@ -124,14 +126,21 @@ class Told:
         self._silence_s = silence_s
         self._rival = rival
 
-    def evader(self, _now_s):
+    def evader(self, now_s):
+        assert now_s == NOW_S
         return self._evader
 
-    def silence_s(self, _now_s):
+    def silence_s(self, now_s):
+        assert now_s == NOW_S
         return self._silence_s
 
-    def rival(self, _now_s):
+    def rival(self, now_s):
+        assert now_s == NOW_S
         return self._rival
+
+    def height_refusal(self, now_s):
+        assert now_s == NOW_S
+        return self.too_high
 
 
 STAGE = {"since_s": NOW_S - 0.1, "chase_began_s": NOW_S, "operator_s": NOW_S}

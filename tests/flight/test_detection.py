@@ -8,7 +8,15 @@ import pytest
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.boot_clock import BootClock
 from guidance.flight import EngageOn, Event, State
-from guidance.flight.detection import checks, events, fit
+from guidance.flight.detection import (
+    checks,
+    detail_of,
+    events,
+    fit,
+    is_late,
+    telemetry_gap,
+    telemetry_refusal,
+)
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, Inputs
 from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS
@@ -454,6 +462,7 @@ def row(name, vehicle, autopilot=PX4):
 @pytest.mark.parametrize(
     ("name", "changes", "expected"),
     [
+        ("sender", [], (True, "alone")),
         ("autopilot", [], (True, "MAV_AUTOPILOT 12, want 12")),
         ("autopilot", [heartbeat(autopilot=ARDUCOPTER)], (False, "MAV_AUTOPILOT 3, want 12")),
         ("Heartbeat", [heartbeat(NOW_S - 3.0)], (True, "3.0 s old")),
@@ -533,3 +542,205 @@ def test_checks_that_miss_our_setpoints_keep_nobody_on_the_ground(autopilot, mod
     """A real PX4 stays in OFFBOARD after a landing, and its checks fail until it is asked for another mode."""
     vehicle = well(heartbeat(mode=mode, armed=armed, autopilot=autopilot), status(healthy=0))
     assert row("prearm", vehicle, autopilot)[0] is passed
+
+
+CONTRADICTED = (NOW_S - 1.0, NOW_S - 0.5, NOW_S - 0.1)
+LATE = BootClock(delay_s=0.6, late_since_s=NOW_S - 1.0)
+
+
+def test_a_second_sender_ends_a_game_and_bars_an_engagement_until_it_is_gone():
+    two = well()._replace(contradicted_s=CONTRADICTED)
+    gone = well()._replace(contradicted_s=tuple(at_s - 4.0 for at_s in CONTRADICTED))
+    assert happens(Event.SECOND_SENDER, State.ENGAGED, vehicle=two)
+    assert not happens(Event.SECOND_SENDER, State.ENGAGED, vehicle=gone)
+    assert row("sender", two)[0] is False
+    assert row("sender", gone)[0] is True
+    assert "two senders" in row("sender", two)[1]
+    assert "two senders" in telemetry_refusal(two, NOW_S)
+    assert telemetry_refusal(gone, NOW_S) == ""
+    assert telemetry_refusal(well()._replace(clock=LATE), NOW_S) == (
+        "telemetry is 0.6 s late; at most 0.5 s is allowed"
+    )
+
+
+def test_a_check_that_fails_says_what_to_do_and_one_that_passes_does_not():
+    for vehicle in (VehicleState(), well(), well()._replace(contradicted_s=CONTRADICTED)):
+        for check in checks(vehicle, PX4, NOW_S, battery_minimum=0.25):
+            assert isinstance(check.advice, str)
+            assert (check.advice == "") is (check.verdict == "pass")
+            assert check.wanted == ""
+
+
+def test_half_a_second_of_delay_is_the_most_that_counts_as_in_time():
+    for delay_s, late in ((0.5, False), (0.51, True)):
+        vehicle = observe(VehicleState(), [heartbeat(), local(NOW_S - 0.9)])
+        vehicle = vehicle._replace(clock=BootClock(delay_s=delay_s))
+        assert is_late(vehicle, NOW_S) is late
+        assert row("delay", vehicle)[0] is not late
+        assert happens(Event.TELEMETRY_LOST, State.ENGAGED, vehicle=vehicle) is not late
+    # A position as old as is allowed is not too old, however late it came.
+    vehicle = observe(VehicleState(), [heartbeat(), local(NOW_S - 0.25)])
+    assert not is_late(vehicle._replace(clock=BootClock(delay_s=0.75)), NOW_S)
+
+
+@pytest.mark.parametrize(
+    ("beat_s", "local_s", "attitude_s", "words"),
+    [
+        (3.0, 1.0, 0.1, "telemetry is back"),
+        (0.1, 1.5, 0.1, "no LOCAL_POSITION_NED for 1.5 s"),
+        (3.5, 0.1, 0.1, "no HEARTBEAT for 3.5 s"),
+        (3.5, 1.5, 0.5, "no HEARTBEAT for 3.5 s; no LOCAL_POSITION_NED for 1.5 s"),
+        (4.0, 3.0, 2.0, "no telemetry for 2.0 s"),
+        (4.0, 2.0, 3.0, "no telemetry for 2.0 s"),
+        (2.0, 4.0, 3.0, "no telemetry for 2.0 s"),
+        (9.0, 0.75, 9.0, "no telemetry for 0.8 s"),
+    ],
+)
+def test_a_gap_of_telemetry_names_what_is_missing_and_for_how_long(
+    beat_s, local_s, attitude_s, words
+):
+    messages = [heartbeat(NOW_S - beat_s), Attitude(NOW_S - attitude_s, 0.0, 0.0)]
+    vehicle = observe(VehicleState(), [*messages, local(NOW_S - local_s)])
+    assert telemetry_gap(vehicle, NOW_S) == words
+
+
+@pytest.mark.parametrize(
+    ("mode", "words"),
+    [
+        (Mode.LAND, f"the vehicle is in {PX4.mode_title(Mode.LAND)}: "),
+        (Mode.OTHER, "the vehicle is in another mode: "),
+        (None, "the vehicle is in another mode: "),
+    ],
+)
+def test_a_takeover_names_the_mode(mode, words):
+    moment = context(State.ENGAGED)
+    moment.heard.mode = mode
+    assert detail_of(Event.PILOT, moment) == f"{words}a pilot or the autopilot chose that mode"
+
+
+def test_lost_telemetry_names_another_autopilot_that_is_heard_instead():
+    moment = context(State.ENGAGED, vehicle=VehicleState())
+    assert detail_of(Event.TELEMETRY_LOST, moment) == "no telemetry for inf s"
+    for age_s, named in ((3.0, True), (3.1, False)):
+        moment.heard.other_beat = heartbeat(NOW_S - age_s, autopilot=ARDUCOPTER)._replace(
+            vehicle_type=1
+        )
+        other = "; MAV_AUTOPILOT 3, fixed wing (MAV_TYPE 1), is heard instead"
+        words = f"no telemetry for inf s{other if named else ''}"
+        assert detail_of(Event.TELEMETRY_LOST, moment) == words
+
+
+def test_every_detail_is_a_sentence_of_its_moment_and_most_events_need_none():
+    moment = context(State.ENGAGED, vehicle=well()._replace(clock=LATE), dt_s=2.04)
+    moment.heard.silent_mate = lambda now_s: "bravo" if now_s == NOW_S else ""
+    assert detail_of(Event.REBOOTED, moment) == "the autopilot rebooted"
+    assert detail_of(Event.LATE, moment) == telemetry_refusal(moment.heard.vehicle, NOW_S)
+    assert "disarmed" in detail_of(Event.DISARMED, moment)
+    assert detail_of(Event.DISARMED, context(State.LANDING)) == ""
+    assert "stood still for 2.0 s" in detail_of(Event.LOOP_STOPPED, moment)
+    assert detail_of(Event.MATE_SILENT, moment) == "bravo is near and was not heard for 2 s"
+    assert detail_of(Event.ASSIGNED, moment) == "plays against red now"
+    assert detail_of(Event.CAPTURED, moment) == ""
+
+
+@pytest.mark.parametrize(
+    ("silent_s", "lost", "gone"),
+    [(5.0, False, False), (5.1, True, False), (35.0, True, False), (35.1, True, True)],
+)
+def test_an_operator_is_missed_after_the_configured_time_and_given_up_after_more(
+    silent_s, lost, gone
+):
+    settings = settings_of(operator_timeout_s=5.0, operator_return_s=30.0)
+    changes = {"settings": settings, "operator_s": NOW_S - silent_s}
+    assert happens(Event.OPERATOR_LOST, State.ENGAGED, **changes) is lost
+    assert happens(Event.OPERATOR_GONE, State.HOLDING, **changes) is gone
+
+
+@pytest.mark.parametrize(("chased_s", "over"), [(60.0, False), (60.1, True)])
+def test_a_chase_has_a_longest_time_where_one_is_configured(chased_s, over):
+    chase = {"chase_began_s": NOW_S - chased_s, "vehicle": GUIDED}
+    limited = settings_of(longest_chase_s=60.0)
+    assert happens(Event.CHASE_TIMED_OUT, State.ENGAGED, settings=limited, **chase) is over
+    assert not happens(Event.CHASE_TIMED_OUT, State.ENGAGED, **chase)
+
+
+def silent(moment, name="bravo", mates=("bravo",)):
+    """Return the moment with these mates, of which one is silent."""
+    moment.heard.mates = dict.fromkeys(mates)
+    moment.heard.view = lambda _: None
+    moment.heard.silent_mate = lambda now_s: name if now_s == NOW_S else ""
+    return moment
+
+
+def test_a_silent_mate_pauses_a_game_and_keeps_it_paused():
+    def engaged():
+        return context(State.ENGAGED, vehicle=GUIDED)
+
+    def paused():
+        return context(State.PAUSED, vehicle=GUIDED, since_s=NOW_S - 5.0)
+
+    assert Event.MATE_SILENT in set(events(silent(engaged())))
+    assert Event.MATE_SILENT not in set(events(silent(engaged(), name="")))
+    assert Event.MATE_SILENT not in set(events(silent(engaged(), mates=())))
+    assert Event.CLEAR in set(events(silent(paused(), name="")))
+    assert Event.CLEAR not in set(events(silent(paused())))
+
+
+def test_rivals_end_a_game_where_that_is_configured():
+    given = {"vehicle": GUIDED, "rival": "second source"}
+    assert happens(Event.RIVAL, State.ENGAGED, **given)
+    assert not happens(Event.RIVAL, State.ENGAGED, **(given | {"rival": ""}))
+    assert not happens(
+        Event.RIVAL, State.ENGAGED, settings=settings_of(hold_on_rival=False), **given
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "too_high", "invited"),
+    [
+        ({}, "", True),
+        ({"refusals": ("COM_OF_LOSS_T",)}, "", False),
+        ({"vehicle": GUIDED._replace(contradicted_s=CONTRADICTED)}, "", False),
+        ({"settings": INVITING.model_copy(update={"evader_height_limit_m": 5.0})}, "", True),
+        ({"settings": INVITING.model_copy(update={"evader_height_limit_m": 5.0})}, "9 m", False),
+        ({}, "9 m", True),
+    ],
+)
+def test_what_bars_an_engagement_bars_a_pilots_too(changes, too_high, invited):
+    given = {"settings": INVITING, "vehicle": GUIDED, "other_mode_seen": True}
+    moment = context(State.STANDING_BY, **(given | changes))
+    moment.heard.tracking.too_high = too_high
+    assert (Event.INVITED in set(events(moment))) is invited
+
+
+@pytest.mark.parametrize(
+    ("changes", "contact"),
+    [
+        ({}, True),
+        ({"since_s": NOW_S - 0.9}, False),
+        ({"since_s": NOW_S - 0.9, "vehicle": VehicleState()}, False),
+        ({"vehicle": VehicleState()}, False),
+        ({"vehicle": well(local(NOW_S - 0.01), heartbeat(NOW_S - 3.1))}, False),
+        ({"refusals": ("COM_OF_LOSS_T",)}, False),
+        ({"vehicle": well(status(healthy=0))}, False),
+    ],
+)
+def test_contact_is_back_once_telemetry_and_checks_were_good_for_a_while(changes, contact):
+    moment = context(State.OUT_OF_CONTACT, **({"since_s": NOW_S - 1.0} | changes))
+    assert (Event.CONTACT in set(events(moment))) is contact
+
+
+def test_a_request_to_hand_over_without_contact_has_a_second_to_be_sent():
+    for since_s, lost in ((0.99, False), (1.0, True)):
+        vehicle = observe(VehicleState(), [heartbeat(NOW_S - 3.1)])
+        changes = {"vehicle": vehicle, "since_s": NOW_S - since_s}
+        for state in HANDING_OVER:
+            assert happens(Event.TELEMETRY_LOST, state, **changes) is lost
+
+
+def test_a_fence_is_left_beyond_the_fence_and_not_where_commands_end():
+    margin = replace(ABOUT_HOME, fence_margin_m=50.0)
+    for north_m, left in ((304.9, False), (305.0, False), (305.1, True)):
+        place = (north_m, 0.0, HIGH_M)
+        given = {"vehicle": GUIDED, "envelope": margin, "position_ned_m": place}
+        assert happens(Event.FENCE, State.ENGAGED, **given) is left
