@@ -58,7 +58,10 @@ TESTS: Mapping[str, Sequence[str]] = {
     "guidance/flight/detection.py": ("tests/flight/test_detection.py",),
     "guidance/autopilots/rules.py": ("tests/autopilots/test_rules.py", *PREFLIGHT),
     "guidance/preflight/__init__.py": PREFLIGHT,
-    "guidance/preflight/areas.py": ("tests/preflight/test_fence.py",),
+    "guidance/preflight/areas.py": (
+        "tests/preflight/test_areas.py",
+        "tests/preflight/test_fence.py",
+    ),
     "guidance/preflight/fence.py": ("tests/preflight/test_fence.py",),
 }
 """The tests that judge the mutants of each file."""

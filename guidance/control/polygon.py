@@ -139,8 +139,8 @@ def crossing_edges(edges: Sequence[Edge]) -> tuple[int, int] | None:
     M. Shamos and D. Hoey, Geometric intersection problems, 1976.
     """
     spans = [(min(edge), max(edge)) for edge in edges]
-    begins = [(span[0], 0, index) for index, span in enumerate(spans)]
-    ends = [(span[1], 1, index) for index, span in enumerate(spans)]
+    begins = [(span[0], False, index) for index, span in enumerate(spans)]
+    ends = [(span[1], True, index) for index, span in enumerate(spans)]
     swept: list[int] = []
     # An edge that begins where another one ends meets it, so that beginnings come first.
     for _, is_end, index in sorted(begins + ends):

@@ -1,7 +1,8 @@
 """The polygon fence: its limit on corners, and the check that its edges do not cross."""
 
 import math
-from itertools import combinations
+import random
+from itertools import combinations, product
 
 import pytest
 from hypothesis import given
@@ -59,6 +60,81 @@ def test_the_sweep_agrees_with_the_comparison_of_all_pairs(corners):
     assert crossing is None or crossing in pairs
 
 
+def test_any_two_edges_meet_where_they_share_a_point():
+    points = list(product(range(3), repeat=2))
+    for a, b, c, d in product(points, repeat=4):
+        if a != b and c != d:
+            met = polygon._meet((a, b), (c, d), neighbours=False)
+            assert met is meet_by_definition((a, b), (c, d), neighbours=False)
+        if len({a, b, d}) == 3 and b == c:
+            met = polygon._meet((a, b), (c, d), neighbours=True)
+            assert met is meet_by_definition((a, b), (c, d), neighbours=True)
+
+
+def test_no_crossing_is_missed_and_none_is_made_up():
+    draw = random.Random(45)
+    points = list(product(range(6), repeat=2))
+    simple = 0
+    for _ in range(1500):
+        corners = draw.sample(points, draw.randint(3, 8))
+        edges = list(zip(corners, [*corners[1:], corners[0]], strict=True))
+        pairs = {
+            (i, j)
+            for i, j in combinations(range(len(edges)), 2)
+            if meet_by_definition(edges[i], edges[j], neighbours=j - i in (1, len(edges) - 1))
+        }
+        assert crossing_edges(edges) in (pairs or {None})
+        simple += not pairs
+    assert simple > 100
+
+
+@pytest.mark.parametrize(
+    ("corners", "words"),
+    [
+        (((0.0, 0.0), (1.0, 0.0)), "fence_polygon has 2 corners: needs at least 3"),
+        (
+            ((0.0, 0.0), (1.0, 0.0), (math.nan, 1.0)),
+            r"corner \(nan, 1.0\): must be two finite numbers",
+        ),
+        (
+            ((0.0, 0.0), (0.0, 0.009), (1.0, 0.0)),
+            r"edge 0 \(\(0.0, 0.0\), \(0.0, 0.009\)\) is shorter than 0.01 m: omit it",
+        ),
+        (
+            ((0.0, 0.0), (0.0, 4.0), (-1.0, 4.0), (3.0, 1.0), (-1.0, 1.0)),
+            "edges 0 and 2 cross or touch; give the corners in order",
+        ),
+    ],
+)
+def test_a_polygon_that_is_none_is_refused_in_words(corners, words):
+    with pytest.raises(ConfigError, match=words):
+        Polygon(corners)
+
+
+def test_an_edge_of_a_centimetre_is_long_enough():
+    assert len(Polygon(((0.0, 0.0), (0.0, 0.01), (1.0, 0.0))).edges()) == 3
+
+
+coordinates = st.floats(-100.0, 100.0)
+
+
+@given(st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=3), coordinates)
+def test_an_edge_points_out_of_the_polygon_by_its_unit_normal(corners, share):
+    if min(math.dist(a, b) for a, b in combinations(corners, 2)) < 1.0:
+        return
+    if abs(turn(*corners)) < 10.0:
+        return
+    triangle = Polygon(tuple(corners))
+    for index, ((north1, east1), (north2, east2)) in enumerate(triangle.edges()):
+        north, east = triangle.outward(index)
+        assert math.hypot(north, east) == pytest.approx(1.0)
+        across = north * (north2 - north1) + east * (east2 - east1)
+        assert across == pytest.approx(0.0, abs=1e-9)
+        middle = (0.5 * (north1 + north2), 0.5 * (east1 + east2))
+        assert not triangle.contains((middle[0] + 1e-3 * north, middle[1] + 1e-3 * east))
+        assert triangle.contains((middle[0] - 1e-3 * north, middle[1] - 1e-3 * east))
+
+
 def comparisons(monkeypatch, count):
     """The number of pairs of edges that are compared."""
     compared = []
@@ -97,4 +173,7 @@ def test_a_new_home_in_flight_does_not_check_the_polygon_again(monkeypatch):
 
     monkeypatch.setattr(polygon, "crossing_edges", never)
     fenced = limits.about_home(envelope, (3.0, 4.0, 0.0), frame)
-    assert len(fenced.fence_polygon.corners_ne_m) == MOST_CORNERS
+    for place, (north, east) in zip(
+        fenced.fence_polygon.corners_ne_m, star(MOST_CORNERS), strict=True
+    ):
+        assert place == pytest.approx((north - 3.0, east - 4.0), abs=1e-3)

@@ -21,13 +21,21 @@ from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, Inputs
 from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS
 from guidance.game import StandOff
-from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition
+from guidance.messages import (
+    Attitude,
+    EstimatorStatus,
+    Heartbeat,
+    Home,
+    LandedState,
+    LocalPosition,
+)
 from guidance.vehicle import VehicleState, observe
 from tests.flight.scenes import (
     BOTH,
     ENVELOPE,
     HOME_DOWN_M,
     NOW_S,
+    NOWHERE,
     PREARM,
     QUIET,
     SETTINGS,
@@ -212,6 +220,7 @@ ABOUT_HOME = replace(ENVELOPE, home_ned_m=(5.0, 0.0, HOME_DOWN_M), stand_off=STA
         (Event.FENCE, (304.9, 0.0, HIGH_M), False),
         (Event.FENCE, (305.1, 0.0, HIGH_M), True),
         (Event.FLOOR, (0.0, 0.0, HOME_DOWN_M - 2.6), False),
+        (Event.FLOOR, (0.0, 0.0, HOME_DOWN_M - 2.5), False),
         (Event.FLOOR, (0.0, 0.0, HOME_DOWN_M - 2.4), True),
         (Event.CEILING, (0.0, 0.0, HOME_DOWN_M - 60.4), False),
         (Event.CEILING, (0.0, 0.0, HOME_DOWN_M - 60.6), True),
@@ -302,6 +311,8 @@ def test_the_take_off_height_is_above_home_and_reached_once_the_autopilot_is_don
     high = observe(VehicleState(), [heartbeat(), local(position=(0.0, 0.0, -50.0))])
     assert happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=high)
     assert not happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=high, home_ned_m=None)
+    just_below = well(heartbeat(), local(position=(0.0, 0.0, -(10.0 - 0.7))))
+    assert not happens(Event.AT_HEIGHT, State.CLIMBING, vehicle=just_below, home_ned_m=NOWHERE)
     assert not happens(
         Event.AT_HEIGHT, State.CLIMBING, vehicle=observe(VehicleState(), [heartbeat(), home()])
     )
@@ -325,6 +336,7 @@ def test_the_start_is_reached_at_rest_within_a_metre(off_m, speed_m_s, there):
     [
         ({}, True),
         ({"since_s": NOW_S - 0.99}, False),
+        ({"evader_silence_s": 1.5}, True),
         ({"evader_silence_s": 1.6}, False),
         ({"vehicle": GUIDED._replace(resets=1, reset_s=NOW_S - 1.0)}, True),
         ({"vehicle": GUIDED._replace(resets=1, reset_s=NOW_S - 0.99)}, False),
@@ -744,3 +756,12 @@ def test_a_fence_is_left_beyond_the_fence_and_not_where_commands_end():
         place = (north_m, 0.0, HIGH_M)
         given = {"vehicle": GUIDED, "envelope": margin, "position_ned_m": place}
         assert happens(Event.FENCE, State.ENGAGED, **given) is left
+
+
+def test_the_floor_is_broken_below_the_floor_and_not_within_the_doubt_of_the_height():
+    doubt = observe(GUIDED, [EstimatorStatus(NOW_S, 1.0)])
+    envelope = replace(ABOUT_HOME, floor_margin_m=1.0)
+    given = {"vehicle": doubt, "envelope": envelope}
+    for height_m, broken in ((2.6, False), (2.4, True)):
+        place = (0.0, 0.0, HOME_DOWN_M - height_m)
+        assert happens(Event.FLOOR, State.ENGAGED, position_ned_m=place, **given) is broken
