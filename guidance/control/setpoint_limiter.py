@@ -237,6 +237,7 @@ def _at_speed_limit(
     vehicle flies faster than the limit, and less and less up to `OVER_SPEED` above.
     """
     (north, east, down) = velocity_ned_m_s
+    (flown_north, flown_east, flown_down) = flown_ned_m_s
     vertical_m_s2 = envelope.vertical_acceleration_m_s2
     size = math.hypot(north, east)
     along = STILL
@@ -250,10 +251,9 @@ def _at_speed_limit(
     constraints = []
     for limiter, normal, speed_m_s, limit_m_s, most_m_s2 in rows:
         if speed_m_s >= limit_m_s * (1.0 - 1e-9):
-            flown_m_s = sum(v * n for v, n in zip(flown_ned_m_s, normal, strict=True))
+            flown_m_s = flown_north * normal[0] + flown_east * normal[1] + flown_down * normal[2]
             excess = (flown_m_s - limit_m_s) / (OVER_SPEED * limit_m_s)
-            share = min(1.0, max(0.0, 1.0 - excess))
-            constraints.append(Constraint(limiter, normal, most_m_s2 * share))
+            constraints.append(Constraint(limiter, normal, most_m_s2 * max(0.0, 1.0 - excess)))
     return tuple(constraints)
 
 

@@ -38,7 +38,7 @@ class Ring(NamedTuple):
     """A closed outline: its corners, and whether the autopilot keeps the vehicle inside it or outside."""
 
     corners_m: tuple[Point, ...]
-    inclusion: bool = True
+    inclusion: bool
 
 
 def circle_sides(radius_m: float) -> int:
@@ -163,7 +163,7 @@ def _rings(areas: Sequence[Ring]) -> list[tuple[Point, ...]]:
 
 
 def _edges(ring: Sequence[Point]) -> tuple[Points, Points]:
-    starts = np.array(ring, dtype=float)
+    starts = np.array(ring)
     return starts, np.roll(starts, -1, axis=0)
 
 
@@ -195,9 +195,9 @@ def _middles_of_edges(
     cuts = ~parallel & (other_share >= -1e-9) & (other_share <= 1.0 + 1e-9)
     # A share beyond the edge, or of no crossing, becomes its end: a piece without length changes nothing.
     shares = np.where(cuts, np.clip(share, 0.0, 1.0), 1.0)
-    bounds = np.sort(np.concatenate([np.zeros((len(starts), 1)), shares], axis=1), axis=1)
+    bounds = np.sort(np.concatenate([np.zeros((len(starts), 1)), shares], axis=1))
     bounds = np.concatenate([bounds, np.ones((len(starts), 1))], axis=1)
-    rows, columns = np.nonzero(np.diff(bounds, axis=1) > 1e-9)
+    rows, columns = np.nonzero(np.diff(bounds) > 1e-9)
     middle = 0.5 * (bounds[rows, columns] + bounds[rows, columns + 1])
     points: Points = starts[rows] + middle[:, np.newaxis] * along[rows]
     return points

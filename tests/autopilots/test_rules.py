@@ -3,8 +3,9 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
-from guidance.autopilots import Finding, Verdict
+from guidance.autopilots import Finding, Preflight, Verdict
 from guidance.autopilots.rules import (
     Judgement,
     Quantity,
@@ -174,3 +175,32 @@ def test_a_value_that_was_not_read_refuses_if_it_is_needed(needed, verdict):
     row = row_of(IN_CENTIMETRES._replace(needed=needed), {}, WANTS, {})
     assert row[:4] == ("HEIGHT", "not read", "a value", verdict)
     assert row.advice.startswith("a height is unknown")
+
+
+def test_a_rule_that_says_nothing_else_matters_for_safety():
+    assert Rule("a height", "HEIGHT", at_most_two).needed
+
+
+def test_preflight_demands_a_fence_and_a_short_wait_unless_it_is_told_otherwise():
+    usual = Preflight()
+    assert usual.fence_required is True
+    assert usual.loss_time_limit_s == 1.5
+    assert usual.origin_distance_limit_m == 1000.0
+    assert usual.evader_height_limit_m is None
+    assert all(field.description for field in Preflight.model_fields.values())
+
+
+@pytest.mark.parametrize(
+    ("key", "allowed", "refused"),
+    [
+        ("loss_time_limit_s", [0.21, 5.0], [0.2, 5.01]),
+        ("origin_distance_limit_m", [0.1, 1e4], [0.0, -1.0]),
+        ("evader_height_limit_m", [0.1, 1e3], [0.0, -1.0]),
+    ],
+)
+def test_what_preflight_demands_has_a_range(key, allowed, refused):
+    for value in allowed:
+        assert getattr(Preflight(**{key: value}), key) == value
+    for value in refused:
+        with pytest.raises(ValidationError):
+            Preflight(**{key: value})

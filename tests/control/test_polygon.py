@@ -73,7 +73,7 @@ def test_any_two_edges_meet_where_they_share_a_point():
 
 def test_no_crossing_is_missed_and_none_is_made_up():
     draw = random.Random(45)
-    points = list(product(range(6), repeat=2))
+    points = [(north / 8, east / 8) for north, east in product(range(6), repeat=2)]
     simple = 0
     for _ in range(1500):
         corners = draw.sample(points, draw.randint(3, 8))
@@ -152,7 +152,7 @@ def comparisons(monkeypatch, count):
 
 def test_the_check_compares_each_edge_with_a_few_others(monkeypatch):
     few = comparisons(monkeypatch, 100)
-    assert few <= 300
+    assert few <= 250
     assert comparisons(monkeypatch, 200) <= 2.2 * few
 
 

@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from guidance.control import Limiter, Situation
 from guidance.control.braking_law import approach_speed
 from guidance.control.limits import Agility
+from guidance.control.polygon import Polygon
 from guidance.control.servo import shape
 from guidance.control.setpoint_limiter import NOTED, LimitMemory, limit, start
+from guidance.game import StandOff
 from guidance.messages import Setpoint
 from tests.control.scenes import DT_S, HOVER, OPEN, settled
 from tests.harness.examples import drawn
@@ -99,6 +101,14 @@ def test_a_nan_acceleration_is_zero_and_a_known_one_needs_no_evader_velocity():
     unknown = (NAN, NAN, NAN)
     assert allowed(unknown) == allowed((0.0, 0.0, 0.0))
     assert allowed((3.0, 1.0, 0.0), unknown) == allowed((3.0, 1.0, 0.0)) != allowed((0.0, 0.0, 0.0))
+
+    def stopping(acceleration):
+        at = HOVER._replace(acceleration_ned_m_s2=acceleration)
+        limited = settled(velocity, at, fenced, yaw_rad=NAN)
+        assert Limiter.COMMAND in limited.active
+        return limited.setpoint.velocity_ned_m_s
+
+    assert stopping((3.0, 1.0, 0.0)) != stopping((0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(("asked", "flown"), [((5.0, 0.0, 0.0), (10.6, 0.0, 0.0)), ((0.0, 0.0, 1.0), (0.0, 0.0, 2.2)),
@@ -240,6 +250,8 @@ def test_a_late_or_impossible_step_is_not_made_up_for(dt_s, counted):
         LimitMemory((NAN, 0.0, 0.0)),
         LimitMemory((1.0, 0.0, 0.0), yaw_rad=math.inf),
         LimitMemory((0.0, 0.0, 1e9)),
+        LimitMemory((1.0, 0.0, 0.0), (NAN, 0.0, 0.0)),
+        LimitMemory((1.0, 0.0, 0.0), feed_forward_ned_m_s2=(NAN, 0.0, 0.0)),
     ],
 )
 def test_without_a_usable_memory_the_vehicle_s_own_motion_is_the_start(memory):
@@ -254,6 +266,8 @@ def test_a_start_from_nothing_known_is_at_rest_and_says_nothing_of_the_heading()
     unknown = Situation((0.0, 0.0, -20.0), (math.nan, 0.0, 0.0), 1.0)
     assert start(unknown, OPEN) == LimitMemory(still, still, still, 0.0)
     assert Situation(still, still) == Situation(still, still, 0.0, None, None)
+    turned_nowhere = Situation((0.0, 0.0, -20.0), (1.0, 2.0, 0.5), math.nan)
+    assert start(turned_nowhere, OPEN) == LimitMemory(still)
     moving = Situation((0.0, 0.0, -20.0), (1.0, 2.0, 0.5), 1.0)
     assert start(moving, OPEN) == LimitMemory((1.0, 2.0, 0.5), still, still, 1.0)
 
@@ -386,3 +400,55 @@ def test_nothing_winds_up_behind_a_wall():
     assert memory.acceleration_ned_m_s2 == (0.0, 0.0, 0.0)
     released = limit(Setpoint((-8.0, 0.0, 0.0)), at_fence, fenced, memory, DT_S)
     assert released.setpoint.velocity_ned_m_s[0] == pytest.approx(-20.0 * DT_S**2)
+
+
+def test_the_longest_step_is_no_late_one():
+    limited = limit(Setpoint((0.5, 0.0, 0.0)), HOVER, OPEN, LimitMemory((0.0, 0.0, 0.0)), 0.1)
+    assert limited.active == ()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        Setpoint((NOTED, 0.0, 0.0)),
+        Setpoint((0.0, NOTED, 0.0)),
+        Setpoint((0.0, 0.0, NOTED)),
+        Setpoint((0.0, 0.0, 0.0), yaw_rad=NOTED),
+    ],
+)
+def test_a_change_of_just_what_is_noted_is_not_named(command):
+    assert limit(command, HOVER, OPEN, LimitMemory((0.0, 0.0, 0.0)), 0.0).active == ()
+
+
+def test_walls_that_were_measured_already_are_not_measured_again():
+    fenced = replace(OPEN, fence_radius_m=1.0)
+    memory = LimitMemory((8.0, 0.0, 0.0))
+    command = Setpoint((8.0, 0.0, 0.0))
+    assert limit(command, HOVER, fenced, memory, DT_S).active == (Limiter.FENCE_RADIUS,)
+    assert limit(command, HOVER, fenced, memory, DT_S, walls=()).active == ()
+
+
+@pytest.mark.parametrize("asked_m_s", [7.0, 7.2, 7.4, 7.6, 9.0])
+def test_the_stand_off_ends_the_push_towards_it_as_it_takes_speed_away(asked_m_s):
+    zone = replace(OPEN, stand_off=StandOff(radius_m=4.0, height_m=6.0))
+    at = HOVER._replace(evader_position_ned_m=(20.0, 0.0, 0.0))
+    limited = settled((asked_m_s, 0.0, 0.0), at, zone, acceleration_ned_m_s2=(4.0, 1.0, 0.0))
+    taken_m_s = asked_m_s - limited.setpoint.velocity_ned_m_s[0]
+    north, east, _ = limited.setpoint.acceleration_ned_m_s2
+    assert (taken_m_s > 0.0) is (asked_m_s > 7.1)
+    assert north == pytest.approx(min(4.0, 5.0 * max(0.0, 1.0 - taken_m_s)))
+    assert east == pytest.approx(1.0)
+
+
+def test_a_fence_ends_the_push_towards_it_at_once():
+    square = Polygon(((-16.0, -16.0), (-16.0, 16.0), (16.0, 16.0), (16.0, -16.0)))
+    fenced = replace(OPEN, fence_polygon=square)
+    limited = settled((7.2, 0.0, 0.0), HOVER, fenced, acceleration_ned_m_s2=(4.0, 1.0, 0.0))
+    assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((0.0, 1.0, 0.0))
+
+
+def test_a_slow_vehicles_speed_limit_is_one_too():
+    slow = replace(OPEN, speed_m_s=0.5)
+    at = HOVER._replace(velocity_ned_m_s=(0.6, 0.0, 0.0))
+    limited = settled((0.5, 0.0, 0.0), at, slow, acceleration_ned_m_s2=(4.0, 1.0, 0.0))
+    assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((0.0, 1.0, 0.0))

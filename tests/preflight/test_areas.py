@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from guidance.control.polygon import Polygon
 from guidance.preflight.areas import (
     Ring,
+    _middles,
     acts_inside,
     circle,
     circle_sides,
@@ -21,11 +22,19 @@ from guidance.preflight.areas import (
 
 TOUCHING_M = 0.1
 numbers = st.floats(-50.0, 50.0)
-points = st.tuples(numbers, numbers)
+whole = st.integers(-3, 3).map(float)
+places_of = st.one_of(
+    st.tuples(
+        st.lists(st.tuples(kind, kind), min_size=3, max_size=7),
+        st.lists(st.tuples(kind, kind), min_size=1, max_size=9),
+    )
+    for kind in (numbers, whole)
+)
 
 
-@given(st.lists(points, min_size=3, max_size=7), st.lists(points, min_size=1, max_size=9))
-def test_inside_and_distance_are_those_of_the_polygon_fence(corners, places):
+@given(places_of)
+def test_inside_and_distance_are_those_of_the_polygon_fence(drawn):
+    corners, places = drawn
     ring = Polygon(tuple(corners), unchecked=True)
     if min(math.dist(*edge) for edge in ring.edges()) < 1e-3:
         return
@@ -42,9 +51,54 @@ def test_the_distance_to_an_edge_without_a_length_is_that_to_its_corner():
     assert distance_m([(1.0, 2.0), (1.0, 2.0)], np.array([(4.0, 6.0)])) == pytest.approx([5.0])
 
 
-def test_corners_of_whole_numbers_are_judged_like_any_other():
-    ring = [(0, 0), (0, 3), (3, 0)]
-    assert distance_m(ring, np.array([(0.25, 0.25)])) == pytest.approx([0.25])
+def test_the_distance_to_a_short_edge_is_measured_along_it():
+    ring = [(0.0, 0.0), (0.0, 0.5), (0.5, 0.0)]
+    assert distance_m(ring, np.array([(-1.0, 0.25)])) == pytest.approx([1.0])
+
+
+def test_a_ray_through_a_corner_counts_it_once():
+    ring = [(0.0, -2.0), (1.0, 0.0), (0.0, 2.0), (-1.0, 0.0)]
+    places = [(0.0, -3.0), (0.0, 0.0), (0.0, 3.0), (1.0, -3.0), (-1.0, -3.0)]
+    assert list(contains(ring, np.array(places))) == [False, True, False, False, False]
+
+
+SQUARE = ((0.0, 0.0), (0.0, 4.0), (4.0, 4.0), (4.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("cutters", "middles"),
+    [
+        ([SQUARE], {(0.0, 2.0), (2.0, 4.0), (4.0, 2.0), (2.0, 0.0)}),
+        (
+            [SQUARE, ((1.0, 1.0), (1.0, 2.0), (3.0, 1.5))],
+            {(0.0, 2.0), (2.0, 4.0), (4.0, 2.0), (2.0, 0.0)},
+        ),
+        (
+            [((-1.0, 1.0), (-1.0, 1.5), (5.0, 3.0), (5.0, 1.0))],
+            {
+                (0.0, 0.5), (0.0, 1.375), (0.0, 2.875),
+                (2.0, 4.0),
+                (4.0, 3.375), (4.0, 1.875), (4.0, 0.5),
+                (2.0, 0.0),
+            },
+        ),
+        (
+            [((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0)), ((3.0, 3.0), (3.0, 9.0), (2.0, 9.0))],
+            {(0.0, 2.0), (1.416666667, 4.0), (2.916666667, 4.0), (3.5, 4.0), (4.0, 2.0), (2.0, 0.0)},
+        ),
+    ],
+)  # fmt: skip
+def test_a_ring_is_cut_where_other_edges_cross_it_and_nowhere_else(cutters, middles):
+    cut = [(round(float(n), 9), round(float(e), 9)) for n, e in _middles(SQUARE, cutters)]
+    assert sorted(cut) == sorted(middles)
+
+
+def test_every_edge_of_a_ring_with_many_is_cut():
+    ring = circle((0.0, 0.0), 1000.0, larger=False)
+    assert len(ring) > 400
+    halves = _middles(ring, [((-2000.0, 0.1), (2000.0, 0.2), (2000.0, 9000.0))])
+    assert len(halves) == len(ring) + 2
+    assert distance_m(ring, halves).max() < 1e-9
 
 
 @pytest.mark.parametrize("radius_m", [0.1, 1.0, 30.0, 100.0, 333.0, 1000.0])
@@ -64,6 +118,10 @@ def test_a_circles_ring_is_two_centimetres_from_it_and_on_the_asked_side(radius_
     assert inner[0] == (20.0 + radius_m, -30.0)
 
 
+def test_the_smallest_circle_still_has_a_shape():
+    assert circle_sides(1e-3) == 36
+
+
 def test_the_largest_fence_has_the_most_sides_and_is_still_within_the_tolerance():
     sides = circle_sides(10_000.0)
     assert sides == circle_sides(1e9) == 720
@@ -72,14 +130,14 @@ def test_the_largest_fence_has_the_most_sides_and_is_still_within_the_tolerance(
 
 def acts_at(areas, place, *, one_is_enough):
     """Whether the autopilot acts at a place, by the definition of areas."""
-    inclusions = [inside(area, place) for area in areas if area.inclusion]
+    inclusions = [inside(area.corners_m, place) for area in areas if area.inclusion]
     if inclusions and not (any(inclusions) if one_is_enough else all(inclusions)):
         return True
-    return any(inside(area, place) for area in areas if not area.inclusion)
+    return any(inside(area.corners_m, place) for area in areas if not area.inclusion)
 
 
-def inside(area, place):
-    return Polygon(area.corners_m, unchecked=True).contains(place)
+def inside(ring, place):
+    return Polygon(ring, unchecked=True).contains(place)
 
 
 def far_m(ring, place):
@@ -116,15 +174,14 @@ def test_an_area_acts_inside_ours_where_a_point_shows_it_and_nowhere_else(one_is
         shown = [
             place
             for place in places
-            if all(inside(Ring(ring), place) and far_m(ring, place) > 0.2 for ring in ours)
+            if all(inside(ring, place) and far_m(ring, place) > 0.2 for ring in ours)
             and all(far_m(area.corners_m, place) > 0.2 for area in areas)
             and acts_at(areas, place, one_is_enough=one_is_enough)
         ]
         assert point is not None or shown == []
         if point is not None:
             assert all(
-                inside(Ring(ring), point) or far_m(ring, point) <= TOUCHING_M + 1e-6
-                for ring in ours
+                inside(ring, point) or far_m(ring, point) <= TOUCHING_M + 1e-6 for ring in ours
             )
             around = [
                 (point[0] + size * math.cos(turn), point[1] + size * math.sin(turn))
