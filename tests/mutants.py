@@ -47,6 +47,7 @@ LIMITER = (
 PREFLIGHT = (
     "tests/preflight/test_judging_parameters.py",
     "tests/preflight/test_judging_mending.py",
+    "tests/preflight/test_rows.py",
     "tests/preflight/test_telemetry.py",
     "tests/preflight/test_fence.py",
 )

@@ -301,7 +301,6 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
         origin.latitude_deg,
         origin.longitude_deg,
         Amsl(origin.altitude_amsl_m),
-        Amsl(home.altitude_amsl_m),
         projection=projection,
     )
     yield from _home_rows(home, frame, wants.preflight.origin_distance_limit_m)
@@ -309,7 +308,8 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
     local = latest.get(messages.LocalPosition)
     if on_map is None or local is None:
         expected = "GLOBAL_POSITION_INT and LOCAL_POSITION_NED heard"
-        yield Finding("position", "unknown", expected, Verdict.REFUSE)
+        advice = "wait for the estimator's position; check that both are streamed"
+        yield Finding("position", "unknown", expected, Verdict.REFUSE, advice)
         return
     yield from _datum_rows(on_map, local, home, frame)
     yield _evader_height(facts.evader_amsl_m, home, wants.evader_height_limit_m)
