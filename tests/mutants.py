@@ -35,10 +35,12 @@ LISTED = Path(__file__).with_suffix(".toml")
 COPIED = ("guidance", "sitl_mock", "config", "tests")
 
 WALLS = (
+    "tests/control/test_braking_law.py",
     "tests/control/test_walls.py",
     "tests/control/test_constraints.py",
     "tests/control/test_held_back.py",
-    "tests/control/test_braked.py",
+    "tests/control/test_braked.py::test_a_vehicle_brakes_if_drift_and_stopping_distance_exceed_the_room",
+    "tests/control/test_braked.py::test_every_wall_is_braked_for_as_its_law_asks_and_nothing_along_it",
 )
 LIMITER = (
     "tests/control/test_setpoint_limiter.py",

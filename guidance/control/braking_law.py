@@ -195,7 +195,8 @@ def _edges(polygon: Polygon, point: Point) -> list[tuple[Point, float]]:
     distances = [math.hypot(*offset) for offset in offsets]
     reach_m = math.inf if inside else min(distances) + _ON_THE_LINE_M
     walls = []
-    for index, ((north, east), distance_m) in enumerate(zip(offsets, distances, strict=True)):
+    for index, (north, east) in enumerate(offsets):
+        distance_m = distances[index]
         if distance_m <= _ON_THE_LINE_M:
             outward = polygon.outward(index)
             walls.append((outward, north * outward[0] + east * outward[1]))
@@ -296,12 +297,9 @@ class Constraint(NamedTuple):
     vertical_s: float = 1.0
     about_m: Point | None = None
 
-    def tangent(self, velocity_ned_m_s: Vector) -> "Constraint":
-        """Return the half-space that touches the circle on the way to the stop point."""
-        north = 0.0
-        east = 0.0
-        if self.about_m is not None:
-            north, east = self.about_m
+    def tangent(self, velocity_ned_m_s: Vector, about_m: Point) -> "Constraint":
+        """Return the half-space that touches the circle about home on the way to the stop point."""
+        north, east = about_m
         stop_m = (
             north + velocity_ned_m_s[0] * self.ground_s,
             east + velocity_ned_m_s[1] * self.ground_s,
@@ -396,7 +394,7 @@ def obey(
 def reduced(vector_ned: Vector, constraint: Constraint, *, along: bool) -> Vector:
     """Take away what exceeds a constraint and keep the part along the wall, or scale the closing parts down."""
     if constraint.about_m is not None:
-        constraint = constraint.tangent(vector_ned)
+        constraint = constraint.tangent(vector_ned, constraint.about_m)
     (north, east, down) = vector_ned
     (normal_north, normal_east, normal_down) = constraint.normal_ned
     ground = max(0.0, north * normal_north + east * normal_east)
