@@ -65,7 +65,10 @@ TESTS: Mapping[str, Sequence[str]] = {
         "tests/preflight/test_areas.py",
         "tests/preflight/test_fence.py",
     ),
-    "guidance/preflight/fence.py": ("tests/preflight/test_fence.py",),
+    "guidance/preflight/fence.py": (
+        "tests/preflight/test_fence.py",
+        "tests/preflight/test_rows.py",
+    ),
 }
 """The tests that judge the mutants of each file."""
 

@@ -24,7 +24,17 @@ from guidance.messages import (
     Origin,
 )
 from guidance.preflight import Facts, PreflightMemory, rows
-from guidance.preflight.fence import MOST_ITEMS, READ_AGAIN_S, Area, Reading, Uploaded, uploaded_of
+from guidance.preflight.fence import (
+    MOST_ITEMS,
+    READ_AGAIN_S,
+    Area,
+    Reading,
+    Uploaded,
+    _ours,
+    _ring,
+    about_home,
+    uploaded_of,
+)
 from guidance.vehicle import VehicleState, observe
 from sitl_mock import MockVehicle
 from tests.preflight.wants import wants_of
@@ -308,6 +318,66 @@ def test_the_fence_is_read_item_by_item_and_again_later():
     reading.observe(FenceCount(30.0, 0))
     assert reading.requests(30.0) == (FenceReceived(),)
     assert reading.found == Uploaded(())
+
+
+def test_questions_and_readings_are_repeated_at_their_times_wherever_the_clock_began():
+    reading = Reading()
+    assert reading.requests(100.0) == (FenceRequest(),)
+    assert reading.requests(104.9) == ()
+    assert reading.requests(105.0) == (FenceRequest(),)
+    reading.observe(FenceCount(105.1, 0))
+    assert reading.requests(105.2) == (FenceReceived(),)
+    assert reading.requests(114.9) == ()
+    assert reading.requests(115.0) == (FenceRequest(),)
+
+
+def test_as_many_items_and_edges_as_can_be_judged_are_read():
+    reading = Reading()
+    reading.requests(0.0)
+    reading.observe(FenceCount(0.1, 1000))
+    assert not reading.over
+    sides = [(47.0 + 1e-3 * math.cos(n), 8.0 + 1e-3 * math.sin(n)) for n in range(1000)]
+    for corners, judged_too in ((1000, True), (1001, False)):
+        rings = [*[sides] * 2, (*sides, HERE)[:corners]]
+        items = []
+        for ring in rings:
+            items += polygon(float(len(ring)), *ring, first=len(items))
+        uploaded = uploaded_of(items)
+        assert (uploaded.areas is not None) is judged_too
+    assert uploaded.problem == "3001 edges are more than 3000, which can be judged"
+    small = uploaded_of([item(0, 5003, 0.5, HERE), item(1, 5003, 0.0, HERE)])
+    assert small.problem == "area 2 is a circle of 0 m: must be above 0"
+
+
+FAR_ORIGIN = observe(
+    VehicleState(), [Origin(0.0, -33.0, 18.0, 0.0), Home(0.0, *HERE, 488.0, (0.0, 0.0, 0.0))]
+)
+AT_HOME = observe(
+    VehicleState(), [Origin(0.0, *HERE, 488.0), Home(0.0, *HERE, 488.0, (0.0, 0.0, 0.0))]
+)
+
+
+def test_a_fence_is_compared_once_home_is_known_in_the_frame():
+    wants = wants_of(fence_radius_m=None, fence_polygon_deg=square(80.0))
+    for vehicle in (VehicleState(), FAR_ORIGIN):
+        assert about_home(wants, vehicle, PX4.projection) is wants
+        facts = Facts(parameters=SET["px4"], vehicle=vehicle, uploaded=Uploaded((WIDE,)))
+        row = next(row for row in rows(facts, PX4, WANTS) if row.name == "uploaded fence")
+        assert (row.verdict, row.advice) == (Verdict.REFUSE, "home is not known yet")
+    limits = about_home(wants, AT_HOME, PX4.projection).limits
+    assert limits.fence_polygon_deg is None
+    assert len(limits.fence_polygon_ne_m) == 4
+
+
+def test_circles_are_judged_as_tighter_than_they_are():
+    home = AT_HOME.latest[Home]
+    centre = (HERE,)
+    (ours,) = _ours(WANTS.limits)
+    kept_in = _ring(Area(True, centre, 100.0), home, FRAME).corners_m
+    kept_out = _ring(Area(False, centre, 100.0), home, FRAME).corners_m
+    assert max(math.hypot(*corner) for corner in ours) == pytest.approx(100.0, abs=1e-6)
+    assert max(math.hypot(*corner) for corner in kept_in) == pytest.approx(100.0, abs=1e-6)
+    assert min(math.hypot(*corner) for corner in kept_out) > 100.01
 
 
 def test_an_autopilot_without_a_fence_to_tell_of_is_not_asked_all_the_time():
