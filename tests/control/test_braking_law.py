@@ -116,8 +116,8 @@ def test_the_floors_margin_does_not_hide_a_vehicle_below_it():
 
 
 UNEVEN = (
-    replace(OPEN, braking_m_s2=2.0, vertical_braking_m_s2=0.8),
-    replace(OPEN, braking_m_s2=0.8, vertical_braking_m_s2=2.0),
+    replace(OPEN, braking_m_s2=2.0, vertical_braking_m_s2=0.4),
+    replace(OPEN, braking_m_s2=0.4, vertical_braking_m_s2=2.0),
 )
 wall_of = st.sampled_from([(NORTH, 0), (DOWN, 2), ((0.0, 0.0, -1.0), 2), ((0.0, -1.0, 0.0), 1)])
 
