@@ -20,6 +20,9 @@ LONGEST_S: Final = 60.0
 CONFIRMED_S: Final = 0.5
 """A delay counts as late after this time: two TIMESYNC exchanges. A simulator that paused is not late."""
 
+UNKNOWN_S: Final = 1.0
+"""Telemetry whose delay has become unknown counts as late after this time: four TIMESYNC exchanges."""
+
 _DRIFT: Final = 2e-4
 """Two quartz clocks drift apart by less than this share of the time."""
 
@@ -46,6 +49,7 @@ class BootClock(NamedTuple):
             is unknown.
         late_since_s: Since when the delay exceeds `LATE_S`; inf if it does not.
         former_offset_s: The offset that a message from the future discarded since the last answer; NaN if none did.
+        unknown_since_s: Since when that offset has no successor; inf if there is one, or never was one.
         paced: An answer a while ago, as (our time, the vehicle's); None before the first one.
         pace: The vehicle's time that passes in a second of ours, by the last answers.
     """
@@ -55,12 +59,14 @@ class BootClock(NamedTuple):
     delay_s: float = math.nan
     late_since_s: float = math.inf
     former_offset_s: float = math.nan
+    unknown_since_s: float = math.inf
     paced: tuple[float, float] | None = None
     pace: float = 1.0
 
     def is_late(self, now_s: float) -> bool:
-        """Whether the delay has exceeded `LATE_S` for `CONFIRMED_S`."""
-        return now_s - self.late_since_s >= CONFIRMED_S
+        """Whether the delay has exceeded `LATE_S` for `CONFIRMED_S`, or has been unknown for `UNKNOWN_S`."""
+        is_unknown = now_s - self.unknown_since_s >= UNKNOWN_S
+        return is_unknown or now_s - self.late_since_s >= CONFIRMED_S
 
     @property
     def unknown_words(self) -> str:
@@ -107,7 +113,12 @@ def with_position(clock: BootClock, received_s: float, time_boot_s: float) -> Bo
         return clock
     late_s = math.remainder(received_s - time_boot_s - clock.offset_s, _WRAP_S)
     if late_s < -_ROUNDING_S:
-        return BootClock(former_offset_s=clock.offset_s, paced=clock.paced, pace=clock.pace)
+        return BootClock(
+            former_offset_s=clock.offset_s,
+            unknown_since_s=received_s,
+            paced=clock.paced,
+            pace=clock.pace,
+        )
     since_s = math.inf
     if late_s > LATE_S:
         since_s = min(clock.late_since_s, received_s)

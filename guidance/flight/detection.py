@@ -311,6 +311,8 @@ def is_late(vehicle: VehicleState, now_s: float) -> bool:
 
 def lateness(vehicle: VehicleState) -> str:
     """Return in words how late the telemetry is."""
+    if math.isnan(vehicle.clock.delay_s):
+        return f"the delay of the telemetry is {vehicle.clock.unknown_words}"
     return f"telemetry is {vehicle.delay_s:.1f} s late; at most {LATE_S:g} s is allowed"
 
 

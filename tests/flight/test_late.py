@@ -1,8 +1,11 @@
 """Late telemetry: named, it keeps the vehicle on the ground, ends a game, and lengthens the reaction before walls."""
 
+import math
+
 import pytest
 
 from guidance.autopilots import Mode
+from guidance.boot_clock import UNKNOWN_S
 from guidance.flight import EngageOn, Event, State
 from guidance.flight.heard import ORDINARY_AGE_S
 from guidance.messages import LocalPosition
@@ -68,6 +71,18 @@ def test_no_setpoint_uses_a_position_older_than_a_second():
         sent.add((late.late_s <= 1.0, outputs.setpoint is not None))
     assert sent == {(True, True), (False, False)}
     assert late.state is State.HOLDING
+
+
+def test_a_delay_that_has_become_unknown_ends_the_game():
+    late = Late().engaged()
+    late.late_s = -5.0  # its clock was set
+    late.beat_s = math.inf  # and it answers nothing more
+    late.cycles(UNKNOWN_S - 0.1)
+    assert late.state is State.ENGAGED
+    late.cycles(0.2)
+    assert late.state is State.HOLDING
+    assert late.flight.cause.event is Event.LATE
+    assert "unknown: TIMESYNC is not answered" in late.flight.cause.words
 
 
 def test_a_late_vehicle_that_was_handed_over_is_still_ordered():

@@ -68,12 +68,18 @@ def test_a_flood_of_forged_epochs_takes_over_nothing_while_the_mate_speaks():
 
 
 @pytest.mark.parametrize(
-    ("first", "step", "ahead_s"),
-    [(1, 1, 0.01), (1, 1, -0.01), (15, 1, 0.05), (20, 4, 0.05), (HUGE - 999, 1, 0.05)],
-    ids=["same number first", "same number second", "ahead", "ever further ahead", "far ahead"],
+    ("first", "step", "ahead_s", "epoch"),
+    [
+        pytest.param(1, 1, 0.01, 1, id="same number first"),
+        pytest.param(1, 1, -0.01, 1, id="same number second"),
+        pytest.param(15, 1, 0.05, 1, id="ahead"),
+        pytest.param(20, 4, 0.05, 1, id="ever further ahead"),
+        pytest.param(HUGE - 999, 1, 0.05, 1, id="far ahead"),
+        pytest.param(1, 1, 0.05, 99, id="another epoch"),
+    ],
 )
-def test_a_mate_whose_numbers_a_forger_continues_is_silent_and_its_disc_holds_both(
-    first, step, ahead_s
+def test_a_mate_for_whom_a_forger_speaks_too_is_silent_and_its_disc_holds_both(
+    first, step, ahead_s, epoch
 ):
     here = board()
     states = []
@@ -82,7 +88,7 @@ def test_a_mate_whose_numbers_a_forger_continues_is_silent_and_its_disc_holds_bo
         heard = [(at_s, state_of("bravo", TRUE_M, seq=number + 1, sent_s=at_s))]
         if 20 <= number < 80:
             seq = 20 + first + step * (number - 20)
-            forged = state_of("bravo", FORGED_M, seq=seq, sent_s=at_s, airborne=False)
+            forged = state_of("bravo", FORGED_M, seq=seq, sent_s=at_s, airborne=False, epoch=epoch)
             heard.append((at_s - ahead_s, forged))
         heard.sort(key=lambda row: row[0])
         states += [(arrived_s, tell(here, arrived_s, message)) for arrived_s, message in heard]
