@@ -25,6 +25,7 @@ from guidance.flight.table import FINAL, SETPOINT_STATES, TRANSITIONS
 from guidance.links.ros_types import ODOMETRY, POSE_STAMPED
 from guidance.log.broadcast import broadcast_key
 from guidance.log.entries import CYCLE, EVENT, REPORT
+from guidance.log.ros import TOPICS, topic_name
 from guidance.session.observe.metrics import Metrics
 from guidance.session.orders.control_bus import control_key
 from guidance.session.orders.control_socket import WORDS
@@ -350,9 +351,19 @@ def zenoh_keys() -> str:
             f"reports: JSON (config/zenoh), `{POSE_STAMPED}` or `{ODOMETRY}`",
         ),
     ]
+    ros = [
+        (
+            f"`DOMAIN{topic_name('NAME', topic)}/TYPE/HASH`",
+            "published",
+            f"`{topic.type_name}` at `ros.endpoint`, with `[ros]`",
+        )
+        for topic in TOPICS
+    ]
+    ros.append(("`DOMAIN/NAME/ORDER/TYPE/HASH`", "asked", "`std_srvs/Trigger`, with `ros.orders`"))
+    ros.append(("`@ros2_lv/DOMAIN/…`", "published", "liveliness tokens of the ROS graph"))
     words = "The session for orders is on loopback and requires the token (`control.token_file`).\n"
     return "\n".join(
-        ("# Zenoh keys\n", words, table(("key", "how", "what"), [*orders, *live, *mavlink]))
+        ("# Zenoh keys\n", words, table(("key", "how", "what"), [*orders, *live, *mavlink, *ros]))
     )
 
 

@@ -1,7 +1,9 @@
 """The ROS 2 bag of a flight, read by rosbags and by Foxglove's own decoder, holds what the record holds."""
 
+import runpy
 from collections import Counter
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -38,7 +40,7 @@ def test_rosbags_reads_every_topic_and_each_message_is_the_records(short_flight,
     assert times == sorted(times)
     witness = Witness(short_flight[1])
     compared = witness.compare(messages)
-    assert set(compared) == {topic_name(NAME, topic) for topic in TOPICS}
+    assert set(compared) == {topic_name(NAME, topic) for topic in TOPICS} | {"isochron"}
     cycles = list(witness.cycles.values())
     assert compared[f"/{NAME}/setpoint"] > 0.4 * sum(entry.setpoint is not None for entry in cycles)
     assert compared["/diagnostics"] >= len({entry.state for entry in cycles})
@@ -54,7 +56,8 @@ def test_foxgloves_decoder_reads_the_bag_by_its_own_schemas(short_flight, bag):
     assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
     assert {channel.message_encoding for channel in summary.channels.values()} == {"cdr"}
     assert set(Witness(short_flight[1]).compare(messages)) == {
-        topic_name(NAME, topic) for topic in TOPICS
+        *(topic_name(NAME, topic) for topic in TOPICS),
+        "isochron",
     }
 
 
@@ -113,6 +116,14 @@ def test_an_alarm_is_told_at_once_and_for_five_seconds(short_flight):
     assert (warned_s[0], warned_s[-1]) == (0.0, pytest.approx(5.0, abs=1.0))
     assert {words for _, level, words in told if level == 1} == {alarm.words}
     assert told[-1][2] == "none now"
+
+
+def test_the_example_draws_a_bag(bag, tmp_path, capsys):
+    picture = tmp_path / "bag.png"
+    example = Path(__file__).parents[2] / "docs" / "examples" / "draw_bag.py"
+    runpy.run_path(str(example))["main"](str(bag), str(picture))
+    assert capsys.readouterr().out.strip() == str(picture)
+    assert picture.stat().st_size > 20_000
 
 
 def test_without_rosbags_the_extra_is_named(short_flight, tmp_path, monkeypatch):

@@ -3,7 +3,7 @@
 import struct
 import threading
 from collections import Counter
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from datetime import datetime
 from itertools import count, islice
 
@@ -21,9 +21,10 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.links import ros_types
 from guidance.links.opening import open_source
 from guidance.log import cycles_of, metadata_of
-from guidance.log.ros import TOPICS, RosFlight, topic_name
+from guidance.log.ros import ODOMETRY, TOPICS, RosFlight, topic_name
 from guidance.session.flight_files import recorded_settings
-from guidance.session.observe.ros import MOST_WAITING, ORDERS, open_ros
+from guidance.session.observe.outputs import OutputOrder, open_outputs
+from guidance.session.observe.ros import MOST_WAITING, ORDERS, RosOutput, open_ros
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Config
 from tests.harness.ros_client import TRIGGER, hash_of, ros_client, service_hash
@@ -90,11 +91,11 @@ def test_a_late_subscriber_hears_every_topic_as_the_record_has_it(graph, short_f
         for topic in TOPICS:
             name = topic_name(NAME, topic)
             client.subscribe(name, topic.type_name, lambda m, name=name: heard.append((name, m)))
-        assert until(lambda: all(one.watched for one in sink._publishers.values()))
+        assert until(lambda: sink._wanted == set(TOPICS))
         told(entries[engaged : engaged + 300], TOPICS)
         assert sink.dropped == 0
     compared = Witness(record, STARTED_NS).compare(heard)
-    assert set(compared) == {topic_name(NAME, topic) for topic in TOPICS}
+    assert set(compared) == {topic_name(NAME, topic) for topic in TOPICS} | {"isochron"}
     assert compared[f"/{NAME}/odometry"] >= 150
 
 
@@ -125,8 +126,7 @@ def _attachments(opened, record, sink):
     heard = []
     key = f"{DOMAIN}/{NAME}/odometry/nav_msgs::msg::dds_::Odometry_/{hash_of(ros_types.ODOMETRY)}"
     subscriber = opened.session.declare_subscriber(key, heard.append)
-    (publisher,) = [one for topic, one in sink._publishers.items() if topic.name == "odometry"]
-    assert until(lambda: publisher.watched)
+    assert until(lambda: ODOMETRY in sink._wanted)
     entries = list(cycles_of(record))[: MOST_WAITING - 1]
     for entry in entries:
         sink.cycle(entry)
@@ -291,6 +291,21 @@ def test_a_router_that_comes_late_and_one_that_restarts_are_joined(short_flight,
 def test_a_section_that_is_wrong_names_its_key(ros, words):
     with pytest.raises(ConfigError, match=words):
         parse(Config, document(ros=ros), source="test")
+
+
+def test_a_vehicle_file_with_the_section_opens_the_output_among_those_of_the_flight(short_flight):
+    order = OutputOrder(
+        "uav1",
+        metadata_of(short_flight[1]),
+        VirtualClock(),
+        link=None,
+        mailbox=Mailbox(),
+        config=config_of(free_port()),
+    )
+    with ExitStack() as stack:
+        (sink,) = open_outputs(order, stack)
+        assert isinstance(sink, RosOutput)
+    assert not sink._thread.is_alive()
 
 
 def test_without_the_section_nothing_of_ros_is_opened_and_without_the_extra_it_is_named(

@@ -24,6 +24,7 @@ from guidance.links.zenoh_wire import Session, close_all, is_over, open_session
 from guidance.log.entries import CycleEntry, EventEntry
 from guidance.log.export import started_unix_s
 from guidance.log.ros import (
+    MOTION_EVERY_S,
     TOPICS,
     TRANSFORMS,
     RosFlight,
@@ -48,7 +49,10 @@ ORDERS: Final = (Event.HOLD, Event.LAND, Event.RETURN, Event.ENGAGE)
 MOST_WAITING: Final = 256
 """Five seconds of cycles; further entries are dropped and counted."""
 
-_EVERY_S: Final = 0.02
+_EVERY_S: Final = MOTION_EVERY_S
+_LOOK_ROUNDS: Final = 6
+"""Rounds of the thread from one look at which topics have subscribers to the next."""
+
 _RETRY_S: Final = 2.0
 _ROUTER_S: Final = 1.0
 """Time limit of one attempt to reach the router."""
@@ -88,6 +92,8 @@ class RosOutput(Sink):
         self._orders = threading.BoundedSemaphore(MOST_ORDERS)
         self._waiting = deque[CycleEntry | EventEntry]()
         self._publishers: dict[Topic, RosPublisher] = {}
+        self._by_name: dict[str, RosPublisher] = {}
+        self._wanted: set[Topic] = set()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ros")
         self._thread.start()
@@ -116,25 +122,40 @@ class RosOutput(Sink):
         if session is None:
             return
         try:
-            node = RosNode(session, self._section.domain_id, f"/{self._flight.name}", NODE)
-            for topic in TOPICS:
-                depth = _TRANSFORMS_DEPTH if topic is TRANSFORMS else DEPTH
-                name = topic_name(self._flight.name, topic)
-                self._publishers[topic] = node.publisher(name, topic.type_name, depth)
-            if self._section.orders:
-                for order in ORDERS:
-                    node.service(f"/{self._flight.name}/{order}", partial(self._hear, order))
-            stopped = False
-            while not stopped:
-                stopped = is_over(
-                    self._stop, _EVERY_S
-                )  # the last entries are published after the end
-                self._publish()
+            node = self._appeared(session)
+            self._serve()
             node.close()
         except zenoh.ZError as error:
             self._log.warning("no more ROS 2 topics: %s", error)
         finally:
             close_all(session.close)
+
+    def _appeared(self, session: Session) -> RosNode:
+        """Appear in the ROS graph with all topics and services."""
+        vehicle = self._flight.name
+        node = RosNode(session, self._section.domain_id, f"/{vehicle}", NODE)
+        for topic in TOPICS:
+            depth = _TRANSFORMS_DEPTH if topic is TRANSFORMS else DEPTH
+            name = topic_name(vehicle, topic)
+            publisher = node.publisher(name, topic.type_name, depth)
+            self._by_name[name] = publisher
+            self._publishers[topic] = publisher
+        if self._section.orders:
+            for order in ORDERS:
+                node.service(f"/{vehicle}/{order}", partial(self._hear, order))
+        return node
+
+    def _serve(self) -> None:
+        rounds = 0
+        stopped = False
+        while not stopped:
+            # The last entries are published after the end
+            stopped = is_over(self._stop, _EVERY_S)
+            if rounds % _LOOK_ROUNDS == 0:
+                publishers = self._publishers.items()
+                self._wanted = {topic for topic, publisher in publishers if publisher.watched}
+            rounds += 1
+            self._publish()
 
     def _joined(self) -> Session | None:
         """Return a session on the router as soon as it answers; None at the end."""
@@ -155,11 +176,6 @@ class RosOutput(Sink):
 
     def _publish(self) -> None:
         """Make and send the messages of all entries that wait, as far as somebody subscribes."""
-        wanted = {topic for topic, publisher in self._publishers.items() if publisher.watched}
-        by_name = {
-            topic_name(self._flight.name, topic): publisher
-            for topic, publisher in self._publishers.items()
-        }
         while self._waiting:
             entry = self._waiting.popleft()
             try:
@@ -167,8 +183,8 @@ class RosOutput(Sink):
                     self._flight.event(entry)
                     continue
                 source_ns = nanoseconds_of(self._started_unix_s + entry.now_s)
-                for topic, content in self._flight.cycle(entry, wanted):
-                    by_name[topic].put(ros_types.encode(content), source_ns)
+                for topic, content in self._flight.cycle(entry, self._wanted):
+                    self._by_name[topic].put(ros_types.encode(content), source_ns)
             except (ConfigError, ValueError, TypeError, ArithmeticError):
                 self.dropped += 1  # an entry that cannot be a message
 
