@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
 from guidance.frames import Vector
+from guidance.links.ground_link import GroundLink
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.links.wires import CapturedFrame, TappedWire
 
@@ -36,6 +37,7 @@ class World:
         taps: Pass on the raw frames of the vehicles' wires.
         closing: Closes everything.
         players: The evaders that this process plays.
+        ground_links: To the ground stations of vehicles whose files ask for that.
     """
 
     links: dict[str, VehicleLink] = field(default_factory=dict)
@@ -43,6 +45,7 @@ class World:
     taps: list[TappedWire] = field(default_factory=list)
     closing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     players: dict[str, EvaderPlayer] = field(default_factory=dict)
+    ground_links: dict[str, GroundLink] = field(default_factory=dict)
     real_time: ClassVar[bool] = True
 
     def advance(self) -> None:

@@ -131,5 +131,14 @@ def _equip(flight: Opened, scenario: Played, folder: Path | None, stack: ExitSta
             )
         link = flight.world.links[name]
         config = flight.configs.get(name)
-        order = OutputOrder(name, metadata, flight.clock, link, used.mailbox, config, bus)
+        order = OutputOrder(
+            vehicle=name,
+            metadata=metadata,
+            clock=flight.clock,
+            link=link,
+            mailbox=used.mailbox,
+            config=config,
+            bus=bus,
+            ground_link=flight.world.ground_links.get(name),
+        )
         used.sinks += open_outputs(order, stack)

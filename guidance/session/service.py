@@ -43,6 +43,7 @@ _FIXED: Final = (
     "metrics",
     "record",
     "ros",
+    "ground_station",
     "team",
 )
 """Sections that are opened at the start: a change of these needs a restart."""
@@ -82,7 +83,16 @@ def run_vehicle(path: Path, config: Config) -> bool:
         equipment.record_required = config.record.required
         equipment.record = stack.enter_context(daemon_recording(config, metadata, equipment))
         link = world.links[name]
-        order = OutputOrder(name, metadata, clock, link, equipment.mailbox, config, session)
+        order = OutputOrder(
+            vehicle=name,
+            metadata=metadata,
+            clock=clock,
+            link=link,
+            mailbox=equipment.mailbox,
+            config=config,
+            bus=session,
+            ground_link=world.ground_links.get(name),
+        )
         equipment.sinks += (metrics, *open_outputs(order, stack))
         equipment.team = _member(config, session, clock, stack)
         daemon = Daemon(name, plan, link, world.evaders[name], equipment)

@@ -411,6 +411,9 @@ class Vehicle(Section):
     signing_key_file: Path | None = Field(
         None, description="64 hexadecimal digits; only the owner may read the file"
     )
+    announce: bool = Field(
+        False, description="show the evader on the maps of ground stations, as ADSB_VEHICLE"
+    )
 
     @property
     def awaited(self) -> str:
@@ -510,6 +513,17 @@ class RosSection(Section):
         return _BY_TLS.fullmatch(self.endpoint) is not None
 
 
+class GroundStationSection(Section):
+    """Guidance as ground stations on the vehicle's link see it: component 191, with texts and orders."""
+
+    orders_from: tuple[SystemId, ...] = Field(
+        (),
+        max_length=8,
+        description="system ids of the ground stations that may order hold, return and land; "
+        "with vehicle.signing_key_file start and engage, too",
+    )
+
+
 class TeamEvader(EvaderSection):
     """An evader besides `[evader]`. On the vehicle's link only that one may report."""
 
@@ -548,6 +562,7 @@ class Config(Section):
     metrics: MetricsSection = MetricsSection()
     record: RecordSection = RecordSection()
     ros: RosSection | None = None
+    ground_station: GroundStationSection | None = None
     team: Team | None = None
 
     @property
@@ -558,6 +573,16 @@ class Config(Section):
             if self.team is None
             else {self.team.evader: self.evader, **self.team.evaders}
         )
+
+    @property
+    def on_ground_stations(self) -> bool:
+        """Whether ground stations see anything of guidance."""
+        return self.ground_station is not None or self.vehicle.announce
+
+    @property
+    def ordering_stations(self) -> tuple[int, ...]:
+        """System ids of the ground stations that may give orders."""
+        return () if self.ground_station is None else self.ground_station.orders_from
 
     @property
     def evader_height_limit_m(self) -> float:
@@ -577,8 +602,14 @@ class Config(Section):
             yield f"control.endpoint = {self.control.endpoint!r}: {needs}"
         if self.ros is not None:
             yield from self._ros_faults(self.ros)
+        if self.vehicle.system_id in self.ordering_stations:
+            key = f"ground_station.orders_from = {list(self.ordering_stations)}"
+            yield f"{key}: has vehicle.system_id; name only ground stations, QGroundControl is 255"
         if self.team is not None:
             yield from self._team_faults(self.team)
+        yield from self._height_faults()
+
+    def _height_faults(self) -> Iterator[str]:
         low = self.limits.floor_m
         high = self.limits.ceiling_m
         takeoff_m = self.flight.takeoff_height_m

@@ -13,11 +13,13 @@ from guidance.flight import Authority, State
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.frames import ticks
+from guidance.links.ground_link import GroundLink
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires import TappedWire
+from guidance.links.wires import TappedWire, share
 from guidance.log.sink import Sink
 from guidance.session.fly.daemon import Daemon, Equipment
+from guidance.session.observe.ground_station import GroundStationOutput
 from guidance.session.observe.log import say_outputs
 from guidance.session.observe.metrics import Metrics
 from guidance.session.observe.signs_of_life import Notifier
@@ -65,7 +67,10 @@ class KeptNotifier(Notifier):
 
 
 class Ordered(Sortie):
-    """One daemon, its vehicle and its evader; `source` makes another evader, which needs no vehicle."""
+    """One daemon, its vehicle and its evader; `source` makes another evader, which needs no vehicle.
+
+    With `stations` ground stations see the flight, and those with these system ids may order.
+    """
 
     def __init__(
         self,
@@ -76,6 +81,7 @@ class Ordered(Sortie):
         record_required=False,
         source=None,
         key=None,
+        stations=None,
         **sections,
     ):
         config = self.config = parse(Config, document(**sections), source="test")
@@ -89,9 +95,14 @@ class Ordered(Sortie):
         self.prey = MockVehicle("px4", system_id=2, start_ned=(30.0, 0.0, 0.0), **options)
         ours, self._end = MemoryWire.pair(clock.now_s)
         theirs, self._prey_end = MemoryWire.pair(clock.now_s)
-        self.wire = TappedWire(ours, clock.now_s, "uav1")
+        self.wire = wire = TappedWire(ours, clock.now_s, "uav1")
         signing = {"signing_key": None if key is None else SigningKey(key, UNIX_S)}
-        self.link = PymavlinkLink(self.wire, clock.now_s, system_id=1, **signing)
+        self.ground = []
+        if stations is not None:
+            wire, ground_wire = share(wire, 2)
+            names = {"system_id": 1, "stations": stations, **signing}
+            self.ground.append(GroundLink(ground_wire, clock.now_s, **names))
+        self.link = PymavlinkLink(wire, clock.now_s, system_id=1, **signing)
         heard = MavlinkEvader(theirs, GLOBAL_POSITION, system_id=2, **signing)
         self.evader = heard if source is None else source(clock)
         self.mailbox = Mailbox()
@@ -101,11 +112,18 @@ class Ordered(Sortie):
         self.prey_silent = False
         self.evader_here = source is None
         self.injected = []
+        seen = [GroundStationOutput(link, self.mailbox, announce=True) for link in self.ground]
         used = Equipment(
             mailbox=self.mailbox,
             record=record,
             record_required=record_required,
-            sinks=[self.log, self.metrics, self.notifier, *([broadcast] if broadcast else ())],
+            sinks=[
+                self.log,
+                self.metrics,
+                self.notifier,
+                *seen,
+                *([broadcast] if broadcast else ()),
+            ],
         )
         self.daemon = Daemon(config.name, plan_of(config), self.link, {"evader": self.evader}, used)
         super().__init__(clock, self.daemon)

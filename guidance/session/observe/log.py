@@ -10,10 +10,11 @@ import time
 from collections.abc import Mapping
 from typing import Any, Final, TextIO
 
-from guidance.flight import Event, Outputs
+from guidance.flight import Outputs
 from guidance.log.codec import plain
 from guidance.log.sink import Report, Sink
 from guidance.screen import PrintableConsole, aged, live
+from guidance.session.observe.severe import SEVERE
 from guidance.session.orders.answers import flight_line
 from guidance.texts import printable
 
@@ -22,15 +23,6 @@ MOST_WAITING: Final = 1000
 STOP_LIMIT_S: Final = 2.0
 _STALLED_S: Final = 2.5
 """Age of the live line from which it is shown as old; it is updated once a second."""
-
-_SEVERE: Final = frozenset({
-    Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.LATE, Event.SECOND_SENDER,
-    Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
-    Event.OPERATOR_LOST, Event.OPERATOR_GONE, Event.RIVAL,
-    Event.BATTERY_LOW, Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF,
-    Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.CHASE_TIMED_OUT, Event.ABORT, Event.FAULT,
-})  # fmt: skip
-"""Events that end, interrupt or forbid a game: warnings if they change the state."""
 
 
 class Log(logging.Handler, Sink):
@@ -138,7 +130,7 @@ def say_outputs(log: Sink, outputs: Outputs) -> None:
         log.say(logging.ERROR, "an error of guidance itself", {"error": outputs.fault})
     for happening in outputs.happenings:
         changes = happening.after is not happening.before
-        level = logging.WARNING if happening.event in _SEVERE and changes else logging.INFO
+        level = logging.WARNING if happening.event in SEVERE and changes else logging.INFO
         fields = {
             "before": happening.before,
             "state": happening.after,

@@ -11,10 +11,12 @@ from typing import Final, NamedTuple
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError
+from guidance.links.ground_link import GroundLink
 from guidance.links.port import VehicleLink
 from guidance.links.zenoh_wire import Session
 from guidance.log.broadcast import Broadcast
 from guidance.log.sink import Sink
+from guidance.session.observe.ground_station import GroundStationOutput
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Config
 
@@ -32,6 +34,7 @@ class OutputOrder(NamedTuple):
         mailbox: For orders of people.
         config: The vehicle file; None for a mock.
         bus: The Zenoh session of orders and broadcasts; None without one. It is not closed by the output.
+        ground_link: To ground stations; None if the vehicle file does not ask for it.
     """
 
     vehicle: str
@@ -41,6 +44,7 @@ class OutputOrder(NamedTuple):
     mailbox: Mailbox
     config: Config | None = None
     bus: Session | None = None
+    ground_link: GroundLink | None = None
 
 
 OpenOutput = Callable[[OutputOrder], Sink | None]
@@ -61,7 +65,18 @@ def _open_ros(order: OutputOrder) -> Sink | None:
     return open_ros(order.vehicle, order.metadata, order.clock, order.mailbox, order.config)
 
 
-OUTPUTS: Final[dict[str, OpenOutput]] = {"broadcast": _open_broadcast, "ros": _open_ros}
+def _open_ground_station(order: OutputOrder) -> Sink | None:
+    if order.config is None or order.ground_link is None:
+        return None
+    announce = order.config.vehicle.announce
+    return GroundStationOutput(order.ground_link, order.mailbox, announce=announce)
+
+
+OUTPUTS: Final[dict[str, OpenOutput]] = {
+    "broadcast": _open_broadcast,
+    "ros": _open_ros,
+    "ground station": _open_ground_station,
+}
 """How outputs open, by name. Add one with `register`."""
 
 

@@ -12,6 +12,7 @@ from guidance.clock import Clock
 from guidance.files import text_of
 from guidance.links import EvaderSource, SigningKey, Wire, parse
 from guidance.links.evader_sources import SourceOrder, evader_kind
+from guidance.links.ground_link import GroundLink
 from guidance.links.opening import open_link, open_wire
 from guidance.links.signed_streams import state_folder
 from guidance.links.wires import TappedWire, share
@@ -90,6 +91,17 @@ def open_all(
         world.taps.append(wire)
     if evader.url is None:
         wire, opened[next(iter(config.evaders))] = share(wire, 2)
+    if config.on_ground_stations:
+        wire, ground_wire = share(wire, 2)
+        ground_link = GroundLink(
+            ground_wire,
+            clock.now_s,
+            system_id=vehicle.system_id,
+            stations=config.ordering_stations,
+            signing_key=key,
+        )
+        closed.callback(ground_link.close)
+        world.ground_links[config.name] = ground_link
     sender_words = f"{vehicle.url}: system {vehicle.system_id}"
     limit_s = vehicle.connect_timeout_s
     ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}

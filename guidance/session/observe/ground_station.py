@@ -1,0 +1,247 @@
+"""What ground stations on the vehicle's link see of a flight, and the orders that some of them may give.
+
+The service is an onboard computer there: it sends a HEARTBEAT once a second and a STATUSTEXT at each change of the
+state and at each alarm. `vehicle.announce` shows the evader on their maps. Custom actions of QGroundControl are orders.
+"""
+
+import json
+from collections import deque
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from guidance.cycle import Certificate
+from guidance.flight import Authority, Event, Flight, FlightSettings, Happening, Outputs, State
+from guidance.links.ground_link import GroundLink, StationCommand
+from guidance.log.sink import FlightIdentity, Report, Sink
+from guidance.session.observe.severe import SEVERE
+from guidance.session.orders.mailbox import Mailbox, Question
+
+ORDERS: Final[Mapping[int, Event]] = {
+    31010: Event.HOLD,
+    31011: Event.RETURN,
+    31012: Event.LAND,
+    31013: Event.START,
+    31014: Event.ENGAGE,
+}
+"""Orders by MAV_CMD_USER_1 to MAV_CMD_USER_5."""
+
+SIGNED_ONLY: Final = frozenset({Event.START, Event.ENGAGE})
+"""Orders that only a signed link brings: they begin something. The others end it."""
+
+CRITICAL: Final = 2
+WARNING: Final = 4
+NOTICE: Final = 5
+INFO: Final = 6
+"""MAV_SEVERITY."""
+
+ACCEPTED: Final = 0
+TEMPORARILY_REJECTED: Final = 1
+DENIED: Final = 2
+UNSUPPORTED: Final = 3
+"""MAV_RESULT."""
+
+HEARTBEAT_EVERY_S: Final = 1.0
+EVADER_EVERY_S: Final = 0.5
+TEXT_EVERY_S: Final = 0.2
+SAME_TEXT_EVERY_S: Final = 5.0
+REPEATED_WITHIN_S: Final = 10.0
+"""Time in which a sender repeats a command whose answer was lost; another order may have come since."""
+
+MOST_TEXTS: Final = 8
+MOST_ORDERS: Final = 8
+
+_WORDS: Final[Mapping[State, str]] = {
+    State.HOLDING: "held",
+    State.RETURNING: "returns",
+    State.LANDING: "lands",
+    State.FAILED: "failed",
+}
+"""What a ground station's operator calls a state; every other state has its own word."""
+
+_LOUD: Final = frozenset({State.ENGAGED, State.ON_STATION, State.HOLDING, State.YIELDED})
+"""States that an operator should notice, whatever led there."""
+
+
+class _Text(NamedTuple):
+    severity: int
+    words: str
+
+
+class GroundStationOutput(Sink):
+    """The output of one vehicle.
+
+    Args:
+        link: To the ground stations; closed with the output.
+        mailbox: Where orders go.
+        announce: Whether the evaders are shown on maps.
+    """
+
+    def __init__(self, link: GroundLink, mailbox: Mailbox, *, announce: bool) -> None:
+        self._link = link
+        self._mailbox = mailbox
+        self._announce = announce
+        self._call_sign = ""
+        self._unit = "s"
+        self._texts = deque[_Text]()
+        self._said_s: dict[str, float] = {}
+        self._asked: dict[StationCommand, Question] = {}
+        self._accepted_s: dict[StationCommand, float] = {}
+        self._heartbeat_s = float("-inf")
+        self._evader_s = float("-inf")
+        self._text_s = float("-inf")
+
+    def begin(self, identity: FlightIdentity) -> None:
+        """Take the stand-off and the kind of the game."""
+        self._call_sign = call_sign(identity.settings)
+        self._unit = "s" if identity.settings.cycle.target_game_m is None else "m"
+
+    def report(self, report: Report) -> None:
+        """Say what the cycle changed, and read and answer orders."""
+        now_s = report.now_s
+        if now_s - self._heartbeat_s >= HEARTBEAT_EVERY_S:
+            self._heartbeat_s = now_s
+            self._link.send_heartbeat()
+        for text in texts_of(report.outputs, self._unit):
+            self._keep(now_s, text)
+        self._answer(now_s)
+        for command in self._link.receive():
+            self._take(now_s, command)
+        self._say(now_s)
+        if self._announce and now_s - self._evader_s >= EVADER_EVERY_S:
+            self._evader_s = now_s
+            self._show_evaders(now_s, report.flight)
+
+    def over(self, _now_s: float, detail: str) -> None:
+        """Say how the flight ended."""
+        self._link.send_text(NOTICE, f"guidance: ended: {json.loads(detail)['ended']}")
+
+    def close(self) -> None:
+        """Leave the link; may be called twice."""
+        self._link.close()
+
+    def _keep(self, now_s: float, text: _Text) -> None:
+        """Keep a text to be sent, unless the same one was kept a moment ago; of too many the oldest is dropped."""
+        if now_s - self._said_s.get(text.words, float("-inf")) < SAME_TEXT_EVERY_S:
+            self.dropped += 1
+            return
+        self._said_s = {
+            words: said_s
+            for words, said_s in self._said_s.items()
+            if now_s - said_s < SAME_TEXT_EVERY_S
+        }
+        self._said_s[text.words] = now_s
+        self._texts.append(text)
+        if len(self._texts) > MOST_TEXTS:
+            self._texts.popleft()
+            self.dropped += 1
+
+    def _say(self, now_s: float) -> None:
+        if self._texts and now_s - self._text_s >= TEXT_EVERY_S:
+            self._text_s = now_s
+            self._link.send_text(*self._texts.popleft())
+
+    def _take(self, now_s: float, command: StationCommand) -> None:
+        """Pass an order on, or answer why not. A command that was given before and is repeated is no second order."""
+        first = command.first
+        if first in self._asked:
+            return
+        accepted_s = self._accepted_s.get(first, float("-inf"))
+        if command.repeated and now_s - accepted_s < REPEATED_WITHIN_S:
+            self._link.answer(command, ACCEPTED)
+            return
+        order = ORDERS.get(command.command)
+        if order is None:
+            self._link.answer(command, UNSUPPORTED)
+        elif order in SIGNED_ONLY and not command.signed:
+            self._link.answer(command, DENIED)
+            words = f"guidance: {order} refused: only over a signed link"
+            self._keep(now_s, _Text(WARNING, words))
+        elif len(self._asked) >= MOST_ORDERS:
+            self.dropped += 1
+            self._link.answer(command, TEMPORARILY_REJECTED)
+        else:
+            by = f"ground station {command.system_id}"
+            self._asked[first] = self._mailbox.ask(order, by)
+
+    def _answer(self, now_s: float) -> None:
+        """Answer the orders that the flight has answered."""
+        for command, question in list(self._asked.items()):
+            if not question.done():
+                continue
+            del self._asked[command]
+            answer = question.result()
+            if answer["accepted"]:
+                self._accepted_s[command] = now_s
+                self._link.answer(command, ACCEPTED)
+                continue
+            self._link.answer(command, TEMPORARILY_REJECTED)
+            words = f"guidance: {question.order} refused: {answer.get('reason', '')}"
+            self._keep(now_s, _Text(WARNING, words))
+
+    def _show_evaders(self, now_s: float, flight: Flight) -> None:
+        """Announce every evader that reports. One that is silent is not shown where it may no longer be."""
+        tracking = flight.tracking
+        frame = tracking.local_frame
+        if frame is None:
+            return
+        for name in evaders_of(flight.settings):
+            evader = tracking.evader(now_s, name)
+            if evader is None or evader.age_s > flight.settings.cycle.evader_timeout_s:
+                continue
+            place = frame.wgs84_from_ned(evader.position_ned_m)
+            velocity_ned_m_s = evader.velocity_ned_m_s
+            self._link.send_evader(name, place, velocity_ned_m_s, evader.age_s, self._call_sign)
+
+
+def evaders_of(settings: FlightSettings) -> tuple[str, ...]:
+    """Return the names of the evaders; the only one of a vehicle without a team has none."""
+    return tuple(settings.evaders) if settings.evaders else ("",)
+
+
+def call_sign(settings: FlightSettings) -> str:
+    """Return the stand-off as a call sign: radius and height in metres, as R8H10."""
+    standoff = settings.cycle.game.standoff
+    return f"R{standoff.radius_m:.3g}H{standoff.height_m:.3g}"
+
+
+def texts_of(outputs: Outputs, unit: str) -> list[_Text]:
+    """Return what a cycle has to say: each change of the state, and an alarm.
+
+    Args:
+        outputs: Of the cycle.
+        unit: Of the game's value: s in PE, m in TAD.
+    """
+    texts = []
+    if outputs.alarm is not None:
+        texts.append(_Text(WARNING, f"guidance: alarm: {outputs.alarm.words}"))
+    for happening in outputs.happenings:
+        if happening.after is not happening.before:
+            words = f"guidance: {_change_words(happening, outputs.certificate, unit)}"
+            texts.append(_Text(severity_of(happening), words))
+    return texts
+
+
+def severity_of(happening: Happening) -> int:
+    """Return the MAV_SEVERITY of a change of the state."""
+    if happening.event is Event.FAULT:
+        return CRITICAL
+    if happening.event in SEVERE:
+        return WARNING
+    return NOTICE if happening.after in _LOUD else INFO
+
+
+def _change_words(happening: Happening, certificate: Certificate | None, unit: str) -> str:
+    state = _WORDS.get(happening.after, str(happening.after))
+    if happening.by is Authority.OPERATOR:
+        return f"{state} by operator"
+    if happening.after is State.ENGAGED and certificate is not None:
+        return f"{state}, {_promise_words(certificate, unit)}"
+    if happening.event in SEVERE:
+        return f"{state}: {happening.words}"
+    return state
+
+
+def _promise_words(certificate: Certificate, unit: str) -> str:
+    if unit == "s":
+        return f"{certificate.time_needed_s:.0f} s to stand-off"
+    return f"evader {certificate.assured_distance_m:.0f} m from its target"

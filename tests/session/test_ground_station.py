@@ -1,0 +1,134 @@
+"""A ground station on the vehicle's link: what it hears of a flight, and which of its orders are obeyed."""
+
+import json
+from itertools import pairwise
+
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+
+from guidance.config import config_folder, parse
+from guidance.errors import ConfigError
+from guidance.flight import State
+from guidance.links.frames import ticks
+from guidance.links.ground_link import COMPONENT_ID, address_of
+from guidance.session.observe.ground_station import (
+    ACCEPTED,
+    DENIED,
+    ORDERS,
+    SIGNED_ONLY,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+)
+from guidance.session.vehicle_file import Config
+from tests.session.conftest import UNIX_S
+
+QGC = 255
+USER_1, USER_2, USER_3, USER_4, USER_5 = ORDERS
+KEY = bytes(range(32))
+
+
+class Station:
+    """A ground station that sends commands to component 191 and reads what comes from there."""
+
+    def __init__(self, base, system_id=QGC, key=None):
+        self.base = base
+        self.mavlink = mavlink.MAVLink(None, system_id, 190)
+        if key is not None:
+            self.mavlink.signing.secret_key = key
+            self.mavlink.signing.sign_outgoing = True
+            self.mavlink.signing.timestamp = ticks(UNIX_S) + 1_000_000
+
+    def heard(self, name):
+        return [
+            sent
+            for sent in self.base.sent
+            if sent.name == name and sent.message.get_srcComponent() == COMPONENT_ID
+        ]
+
+    @property
+    def texts(self):
+        return [sent.message.text for sent in self.heard("STATUSTEXT")]
+
+    def send(self, command, component_id=COMPONENT_ID, confirmation=0):
+        message = mavlink.MAVLink_command_long_message(
+            1, component_id, command, confirmation, 0, 0, 0, 0, 0, 0, 0
+        )
+        self.base.overheard(message.pack(self.mavlink))
+
+    def order(self, command):
+        """Send a command twice, as if the first answer were lost; return the answers' results."""
+        before = len(self.heard("COMMAND_ACK"))
+        self.send(command)
+        self.base.run(0.1)
+        self.send(command, confirmation=1)
+        self.base.run(0.1)
+        answers = [sent.message for sent in self.heard("COMMAND_ACK")[before:]]
+        assert {(answer.target_system, answer.command) for answer in answers} <= {
+            (self.mavlink.srcSystem, command)
+        }
+        return [answer.result for answer in answers]
+
+
+def test_a_ground_station_hears_a_heartbeat_a_second_each_state_once_and_the_evader(base):
+    base = base(stations=[QGC]).engaged().run(2.0)
+    station = Station(base)
+    beats_s = [sent.now_s for sent in station.heard("HEARTBEAT")]
+    gaps_s = [later - sooner for sooner, later in pairwise(beats_s)]
+    assert gaps_s == pytest.approx([1.0] * len(gaps_s), abs=0.021)
+    assert {sent.message.type for sent in station.heard("HEARTBEAT")} == {18}
+    changes = [str(change.after) for change in base.happenings if change.after != change.before]
+    assert len(station.texts) == len(changes)
+    assert station.texts[-1].startswith("guidance: engaged, ")
+    assert station.texts[-1].endswith(" s to stand-off")
+    shown = station.heard("ADSB_VEHICLE")[-1].message
+    assert (shown.ICAO_address, shown.callsign) == (address_of(""), "R6H5")
+    assert shown.emitter_type == mavlink.ADSB_EMITTER_TYPE_SERVICE_SURFACE
+    frame = base.flight.tracking.local_frame
+    north_m, east_m, _ = base.flight.tracking.evader(base.now_s).position_ned_m
+    latitude_deg, longitude_deg, _ = frame.wgs84_from_ned((north_m, east_m, 0.0))
+    assert shown.lat / 1e7 == pytest.approx(latitude_deg, abs=2e-5)
+    assert shown.lon / 1e7 == pytest.approx(longitude_deg, abs=2e-5)
+
+
+def test_a_station_that_may_order_ends_a_game_and_begins_none_without_signing(base):
+    base = base(stations=[QGC]).engaged()
+    station = Station(base)
+    assert station.order(USER_5) == [DENIED, DENIED]
+    assert station.order(USER_4) == [DENIED, DENIED]
+    assert station.order(512) == [UNSUPPORTED, UNSUPPORTED]
+    assert base.state is State.ENGAGED
+    assert Station(base, system_id=254).order(USER_1) == []
+    station.send(USER_1, component_id=190)
+    assert base.run(0.2).state is State.ENGAGED
+    assert station.order(USER_1) == [ACCEPTED, ACCEPTED]
+    assert base.state is State.HOLDING
+    base.run(1.0)
+    assert station.texts[-1] == "guidance: held by operator"
+    by = [fields.get("by") for _, message, fields in base.log.lines if message == "order"]
+    assert by.count("ground station 255") == 1
+
+
+def test_over_a_signed_link_a_station_starts_and_engages_and_unsigned_orders_are_dropped(base):
+    base = base(stations=[QGC], key=KEY).until(State.READY)
+    assert Station(base).order(USER_1) == []
+    station = Station(base, key=KEY)
+    assert station.order(USER_5) == [TEMPORARILY_REJECTED, TEMPORARILY_REJECTED]
+    assert station.order(USER_4) == [ACCEPTED, ACCEPTED]
+    assert base.until(State.CLIMBING).ground[0].counters()["unsigned"] == 2
+
+
+def test_the_custom_actions_of_qgroundcontrol_are_the_orders():
+    path = config_folder() / "qgroundcontrol" / "guidance.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    assert (document["version"], document["fileType"]) == (1, "MavlinkActions")
+    labels = {action["mavCmd"]: action["label"] for action in document["actions"]}
+    assert labels == {command: f"Guidance: {order}" for command, order in ORDERS.items()}
+    assert {action["compId"] for action in document["actions"]} == {COMPONENT_ID}
+    for action in document["actions"]:
+        assert ("signed" in action["description"]) == (ORDERS[action["mavCmd"]] in SIGNED_ONLY)
+
+
+def test_the_vehicle_is_no_ground_station(vehicle_document):
+    document = vehicle_document(ground_station={"orders_from": [255, 1]})
+    with pytest.raises(ConfigError, match=r"orders_from = \[255, 1\]: has vehicle.system_id"):
+        parse(Config, document, source="test")
