@@ -110,7 +110,8 @@ class Autopilot:
         except ParameterError as error:
             raise ConfigError(f"parameters: {error}") from None
         start = LocalFrame(settings.home).to_geodetic(*settings.start_ned)
-        self.frame = LocalFrame(settings.origin or start)
+        origin = start if settings.origin is None else settings.origin
+        self.frame = LocalFrame(origin)
         position_m = self.frame.to_local(*start)
         self.ground_m = position_m[2]
         self.plant: Vehicle = self.flavour.plant(self.parameters)
@@ -201,8 +202,10 @@ class Autopilot:
     def is_idle(self, count: int) -> bool:
         """True if tick `count` would only extrapolate telemetry: half way between two moves, without news."""
         state = self.state
-        news = state.texts or state.news or state.parameter_news or self.commander.mission.reached
-        return bool(count % MOVE_TICKS) and not (news or self.conditions.events)
+        if not count % MOVE_TICKS:
+            return False
+        news = (state.texts, state.news, state.parameter_news, self.commander.mission.reached)
+        return not any(news) and not self.conditions.events
 
     def take(self, now_s: float, message: Message) -> None:
         """Take a message outside the protocols."""

@@ -144,7 +144,10 @@ def running(
         for _ in range(1 if port else _ATTEMPTS):
             udp = port or _free_ports(flavours, stack) if "udp" in over else None
             zenoh = (port if udp is None else 0) if "zenoh" in over else None
-            pace = ["--lockstep"] if lockstep else ["--speed", f"{speed:g}"]
+            if lockstep:
+                pace = ["--lockstep"]
+            else:
+                pace = ["--speed", f"{speed:g}"]
             process = _start(folder, udp, zenoh, pace)
             stack.callback(end, process)
             line = _first_line(process)
@@ -180,8 +183,10 @@ def _start(
     command = [sys.executable, "-P", "-m", "sitl_mock", "run", "--json", "--parent-pipe"]
     command += ["--fleet", str(folder / "fleet.toml"), "--faults", str(folder / "faults.toml")]
     command += pace
-    command += ["--udp", str(udp)] if udp is not None else []
-    command += ["--zenoh", f"tcp/127.0.0.1:{zenoh}"] if zenoh is not None else []
+    if udp is not None:
+        command += ["--udp", str(udp)]
+    if zenoh is not None:
+        command += ["--zenoh", f"tcp/127.0.0.1:{zenoh}"]
     with (folder / _ERRORS).open("w", encoding="utf-8") as errors:  # an unread pipe would fill up
         return subprocess.Popen(
             command,
@@ -209,11 +214,9 @@ def _first_line(process: subprocess.Popen[str]) -> str:
 
 def _targets(port: int | None, flavours: Mapping[str, str]) -> dict[str, int]:
     """Return each vehicle's target port."""
-    return (
-        {}
-        if port is None
-        else {name: target for name, (_, target) in udp_ports(port, flavours).items()}
-    )
+    if port is None:
+        return {}
+    return {name: target for name, (_, target) in udp_ports(port, flavours).items()}
 
 
 def _addresses(ready: Mapping[str, Any], targets: Mapping[str, int]) -> dict[str, RunningVehicle]:
@@ -255,7 +258,8 @@ def _free_ports(flavours: Mapping[str, str], stack: contextlib.ExitStack) -> int
     for start in itertools.chain(
         range(first, _LAST_PORT, spread), range(_FIRST_PORT, first, spread)
     ):
-        ports = [port for pair in udp_ports(start, flavours).values() for port in pair if port]
+        pairs = udp_ports(start, flavours).values()
+        ports = [port for port in itertools.chain.from_iterable(pairs) if port]
         if len(set(ports)) < len(ports):
             raise TransportError(
                 f"{', '.join(flavours)}: their UDP ports would clash; start them as two fleets"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import select
+from itertools import chain
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, TextIO
 
 if TYPE_CHECKING:
@@ -139,7 +140,7 @@ def status_of(vehicle: Faulted) -> Status:
     mock = vehicle.vehicle
     now_s = mock.autopilot.state.now_s
     clients = dict.fromkeys(
-        client for link in mock.links.values() for client in link.clients(now_s)
+        chain.from_iterable(link.clients(now_s) for link in mock.links.values())
     )
     acting = dict.fromkeys(
         str(fault["kind"]) for fault in vehicle.faults() if fault["state"] == "acting"

@@ -93,7 +93,7 @@ def _described(item: Parameter) -> str:
 def _commands(flavour: Flavour) -> frozenset[int]:
     """Return those commands of a version that not all versions have."""
     versions = [flavour_named(spec) for spec in specs_of(flavour.name)]
-    refused = frozenset(number for version in versions for number in version.refused_commands)
+    refused = frozenset[int]().union(*(version.refused_commands for version in versions))
     return (refused - flavour.refused_commands) | flavour.more_commands
 
 

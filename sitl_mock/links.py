@@ -227,7 +227,9 @@ class Link:
         if spec is None or spec.name not in self._prepared or spec.name in _ONCE:
             return []
         fields = self._prepared[spec.name][0](autopilot.report)
-        return [] if fields is None else [(spec.name, *fields)]
+        if fields is None:
+            return []
+        return [(spec.name, *fields)]
 
     def _capabilities(self, _now_s: float, command: Command) -> Result:
         if command.params[0] != 1.0 and self.autopilot.flavour.autopilot == ARDUPILOT:

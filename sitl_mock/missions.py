@@ -211,17 +211,15 @@ class MissionFlight:
         stay = Leg(state.position_m if state.on_ground else entered_m)
         if self._revision != self.plans.mission.revision:
             self.start()
-        if not self._delaying and self._climbing(state) and self._climb is not None:
-            return self._climb
+        climb = self._first_climb(state)
+        if climb is not None:
+            return climb
         for _ in range(self.count + 1):
             item = self._item()
             if item is None:
-                self.over = self.over or "finished"
-                return stay
+                break
             if item.command not in _PLACES and item.command != NAV_DELAY:
                 self._do(item)
-                if self.over:
-                    return stay
                 continue
             leg = self._present(state, item, stay)
             self._look_behind(state, leg)
@@ -229,8 +227,15 @@ class MissionFlight:
                 self._stay = leg._replace(waiting=False)
                 return leg
             self._next(item)
-        self.over = "finished"
+        if not self.over:
+            self.over = "finished"
         return stay
+
+    def _first_climb(self, state: VehicleState) -> Leg | None:
+        """Return the climb to the first position's height, while it lasts."""
+        if not self._delaying and self._climbing(state):
+            return self._climb
+        return None
 
     def _present(self, state: VehicleState, item: PlanItem, stay: Leg) -> Leg:
         """Return the leg of an item; NAV_DELAY keeps the last one."""

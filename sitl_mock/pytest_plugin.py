@@ -56,7 +56,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     unknown = [name for name in flavours if name not in SPECS]
     if unknown:
         raise pytest.UsageError(f"mock_versions({unknown[0]!r}): allowed are {', '.join(SPECS)}")
-    specs = [spec for name in flavours for spec in (specs_of(name) if name in NAMES else [name])]
+    specs = list[str]()
+    for name in flavours:
+        if name in NAMES:
+            specs += specs_of(name)
+        else:
+            specs.append(name)
     metafunc.parametrize("mock_flavour", specs)
 
 

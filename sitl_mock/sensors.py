@@ -75,7 +75,10 @@ class Sensors:
     def normals(self, count: int) -> list[float]:
         """Return `count` normal deviates; they are drawn in pairs, and an odd one is kept for the next call."""
         uniform = self.random.random
-        drawn = [] if self._spare is None else [self._spare]
+        if self._spare is None:
+            drawn = []
+        else:
+            drawn = [self._spare]
         while len(drawn) < count:
             turn = uniform() * math.tau
             far = math.sqrt(-2.0 * math.log(1.0 - uniform()))

@@ -103,29 +103,21 @@ def serve(
         ConfigError: No transport is given, or the fleet or the faults are wrong.
         TransportError: An endpoint cannot be opened.
     """
-    if wires.zenoh_keys is not None and wires.zenoh_connect is None:
-        raise ConfigError(f"--zenoh-keys {wires.zenoh_keys}: needs --zenoh-connect")
-    if wires == Wires():
-        raise ConfigError("no transport: give --zenoh tcp/127.0.0.1:7447, --udp 14540 or both")
+    _require_transport(wires)
     with contextlib.ExitStack() as stack:
         stop = stack.enter_context(_stop_signals())
         faulted = _built(config, wires, faults, pace)
-        ports = (
-            {}
-            if wires.udp is None
-            else udp_ports(
-                wires.udp, {name: vehicle.vehicle.flavour for name, vehicle in faulted.items()}
-            )
-        )
+        ports = _ports(wires, faulted)
         endpoints = _opened(wires, ports, faulted, stack)
         disturbances = Disturbances(faulted, endpoints)
         targets = {name: target for name, (_, target) in ports.items()}
         screen = _say_ready(faulted, targets, endpoints, wires, as_json=as_json)
         if screen is not None:
             stack.callback(screen.close)
+        parent_fileno = sys.stdin.fileno() if parent_pipe else None
         watched = [stop.wake_fileno]
-        if parent_pipe:
-            watched.append(sys.stdin.fileno())
+        if parent_fileno is not None:
+            watched.append(parent_fileno)
         gc.collect()
         gc.freeze()  # a full collection would delay the loop by milliseconds
 
@@ -134,9 +126,9 @@ def serve(
             disturbances.carry_out(now_s)
             if screen is not None:
                 screen.update(now_s)
-            return stop.asked or (
-                parent_pipe and sys.stdin.fileno() in ready and _at_end(sys.stdin.fileno())
-            )
+            if parent_fileno is None or parent_fileno not in ready:
+                return stop.asked
+            return stop.asked or _at_end(parent_fileno)
 
         if pace.lockstep:
             run_lockstep(faulted, endpoints, ended, watched)
@@ -144,12 +136,31 @@ def serve(
             run(faulted, endpoints, pace.clock, ended, watched, pace.speed)
 
 
+def _require_transport(wires: Wires) -> None:
+    if wires.zenoh_keys is not None and wires.zenoh_connect is None:
+        raise ConfigError(f"--zenoh-keys {wires.zenoh_keys}: needs --zenoh-connect")
+    if wires == Wires():
+        raise ConfigError("no transport: give --zenoh tcp/127.0.0.1:7447, --udp 14540 or both")
+
+
+def _ports(wires: Wires, faulted: Mapping[str, Faulted]) -> dict[str, tuple[int, int]]:
+    """Return the UDP ports of each vehicle: its own and its client's; none without UDP."""
+    if wires.udp is None:
+        return {}
+    return udp_ports(
+        wires.udp, {name: vehicle.vehicle.flavour for name, vehicle in faulted.items()}
+    )
+
+
 def _built(
     config: FleetConfig, wires: Wires, faults: FaultScript, pace: Pace
 ) -> dict[str, Faulted]:
     """Make the vehicles with their faults; in lockstep their date does not depend on the present time."""
     unix_us = None if pace.lockstep else time.time_ns() // 1000 - round(pace.clock() * 1e6)
-    links = DEFAULT_LINKS if wires.gcs is None else {**DEFAULT_LINKS, "gcs": "gcs"}
+    if wires.gcs is None:
+        links = DEFAULT_LINKS
+    else:
+        links = {**DEFAULT_LINKS, "gcs": "gcs"}
     vehicles = build(config, unix_us=unix_us, links=links)
     if not pace.lockstep:
         for vehicle in vehicles.values():
@@ -184,7 +195,10 @@ def _opened(
         )
 
         connect = wires.zenoh_connect is not None
-        keys = {} if wires.zenoh_keys is None else read_keys(wires.zenoh_keys)
+        if wires.zenoh_keys is None:
+            keys = {}
+        else:
+            keys = read_keys(wires.zenoh_keys)
         endpoint = wires.zenoh_connect or with_port(wires.zenoh or "")
         mode = "client" if connect else "router"
         opened = ZenohEndpoint(names, endpoint, mode=mode, connect=connect, keys=keys)

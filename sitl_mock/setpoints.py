@@ -101,4 +101,4 @@ def added(first: Vector, second: Vector) -> Vector:
 
 def any_finite(vector: Vector) -> bool:
     """True if a component is finite."""
-    return math.isfinite(vector[0]) or math.isfinite(vector[1]) or math.isfinite(vector[2])
+    return any(math.isfinite(value) for value in vector)

@@ -141,7 +141,10 @@ def integers(low: int, high: int) -> Callable[[Any], frozenset[int]]:
     one = integer(low, high)
 
     def check(value: Any) -> frozenset[int]:  # noqa: ANN401 - anything may stand in a file
-        items = value if isinstance(value, (list, tuple)) else [value]
+        if isinstance(value, (list, tuple)):
+            items = value
+        else:
+            items = [value]
         try:
             return frozenset(one(item) for item in items)
         except ValueError:
@@ -159,7 +162,10 @@ def text(value: Any) -> str:  # noqa: ANN401 - anything may stand in a file
 
 def words(value: Any) -> tuple[str, ...]:  # noqa: ANN401 - anything may stand in a file
     """Accept a word or a list of them."""
-    items = [value] if isinstance(value, str) else value
+    if isinstance(value, str):
+        items = [value]
+    else:
+        items = value
     if not isinstance(items, (list, tuple)) or not all(
         isinstance(item, str) and item for item in items
     ):

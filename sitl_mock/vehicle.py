@@ -76,8 +76,8 @@ class MockVehicle:
             origin=origin,
             unix_us=Settings.unix_us if unix_us is None else unix_us,
         )
-        self.autopilot = Autopilot(settings, signing or Signing())
-        self._kinds = dict(links or DEFAULT_LINKS)
+        self.autopilot = Autopilot(settings, Signing() if signing is None else signing)
+        self._kinds = dict(DEFAULT_LINKS if links is None else links)
         for name, kind in self._kinds.items():
             if kind not in settings.flavour.rates_hz:
                 raise ConfigError(

@@ -188,7 +188,8 @@ class VehicleState:
         """Update the time of touchdown."""
         if not self.body.on_ground:
             self.landed_s = math.inf
-            self.flew = self.flew or self.armed
+            if not self.flew:
+                self.flew = self.armed
         elif self.landed_s == math.inf:
             self.landed_s = self.now_s
 

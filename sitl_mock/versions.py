@@ -1,6 +1,7 @@
 """The flavours and their versions by name; without imports, so that a test run can list them before it uses any."""
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from types import MappingProxyType
 
 VERSIONS: Mapping[str, Sequence[str]] = MappingProxyType(
@@ -20,5 +21,5 @@ def specs_of(name: str) -> list[str]:
     return [f"{name}@{version}" for version in VERSIONS[name]]
 
 
-SPECS: Sequence[str] = (*NAMES, *(spec for name in NAMES for spec in specs_of(name)))
+SPECS: Sequence[str] = (*NAMES, *chain.from_iterable(specs_of(name) for name in NAMES))
 """Everything that may name a flavour: its name for the default version, or name@version."""

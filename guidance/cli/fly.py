@@ -202,7 +202,9 @@ def fly_scenario(
         GuidanceError: For everything that the user can mend.
     """
     path, scenario = load_any(name, seed)
-    urls = () if isinstance(how, MockOptions) else how.urls
+    urls: tuple[str, ...] = ()
+    if not isinstance(how, MockOptions):
+        urls = how.urls
     target = console(stderr=as_json)
     words = "virtual time" if how.way == "fast" else ", ".join((how.link, *urls))
     target.print(headed(scenario.title, f"  ({path.name}, {words})"))

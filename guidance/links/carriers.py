@@ -304,7 +304,9 @@ def place_in(frame: LocalFrame, position_ned_m: Vector) -> Vector:
 def known_velocity(velocity: Sequence[float]) -> Vector:
     """Return a velocity; unknown (NaN) if any part is not finite."""
     x, y, z = velocity
-    return (x, y, z) if math.isfinite(x + y + z) else UNKNOWN_VELOCITY
+    if math.isfinite(x + y + z):
+        return (x, y, z)
+    return UNKNOWN_VELOCITY
 
 
 def standard_deviation(*variances: float) -> float:

@@ -180,11 +180,9 @@ def header_of(data: bytes) -> tuple[int, int] | None:
     """Return system id and message id from the header of a datagram, unchecked; None if no frame starts there."""
     if len(data) >= _SHORTEST and data[0] == MAGIC_V1:
         return data[3], data[5]
-    return (
-        (data[5], int.from_bytes(data[7:10], "little"))
-        if len(data) >= 10 and data[0] == MAGIC_V2
-        else None
-    )
+    if len(data) >= 10 and data[0] == MAGIC_V2:
+        return (data[5], int.from_bytes(data[7:10], "little"))
+    return None
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,7 +62,10 @@ class TextJoiner:
 
         A text with `id` 0 has one chunk. A chunk that is not full is the last one.
         """
-        done = [] if message.id == self._message_id else self.close()
+        if message.id == self._message_id:
+            done = []
+        else:
+            done = self.close()
         begun = self.open or messages.StatusText(received_s, message.severity, "")
         lost = message.id and message.chunk_seq != (self._next_sequence if self.open else 0)
         self.open = begun._replace(text=f"{begun.text}{'…' if lost else ''}{message.text}")

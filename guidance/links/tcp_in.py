@@ -102,7 +102,9 @@ class TcpInWire(StreamWire):
                 self._answer()
 
     def _all(self) -> Sequence[_Caller]:
-        return self._callers if self._proven is None else [*self._callers, self._proven]
+        if self._proven is None:
+            return self._callers
+        return [*self._callers, self._proven]
 
     def _answer(self) -> None:
         try:

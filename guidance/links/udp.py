@@ -268,12 +268,16 @@ class UdpWire(QueuedWire):
 
     def impostors(self) -> Sequence[bytes]:
         """Return datagrams since the last call with a pinned system's id from another address."""
-        kept = () if self._pins is None else self._pins.impostors
-        return [kept.popleft() for _ in range(len(kept))] if kept else ()
+        if self._pins is None:
+            return ()
+        kept = self._pins.impostors
+        return [kept.popleft() for _ in range(len(kept))]
 
     def _write(self, frame: bytes) -> bool:
         """Send one datagram to each pinned address; without any, the frame is not sent."""
-        addresses = (None,) if self._pins is None else self._pins.addresses
+        addresses: Sequence[Address | None] = (None,)
+        if self._pins is not None:
+            addresses = self._pins.addresses
         sent = 0
         for address in addresses:
             with contextlib.suppress(OSError):
@@ -282,7 +286,9 @@ class UdpWire(QueuedWire):
 
     def counters(self) -> Mapping[str, int]:
         """Return the counts of all wires, and how many datagrams of others were refused, by reason."""
-        refused = {} if self._pins is None else self._pins.refused
+        refused: Mapping[str, int] = {}
+        if self._pins is not None:
+            refused = self._pins.refused
         return {
             **super().counters(),
             **{f"wire_{reason}": count for reason, count in refused.items()},

@@ -44,7 +44,9 @@ class Arrivals(Generic[T]):
     def take(self) -> list[T]:
         """Return and remove all items, oldest first; none once closed."""
         waiting = self._waiting
-        return [] if self.closed else [waiting.popleft() for _ in range(len(waiting))]
+        if self.closed:
+            return []
+        return [waiting.popleft() for _ in range(len(waiting))]
 
     def close(self) -> None:
         """Accept no more items."""

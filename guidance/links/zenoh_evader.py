@@ -154,7 +154,9 @@ class RetriedSource:
 
     def receive(self) -> Sequence[EvaderReport]:
         """Return all reports since the last call; none before the router answers."""
-        return () if self._source is None else self._source.receive()
+        if self._source is None:
+            return ()
+        return self._source.receive()
 
     def counters(self) -> Mapping[str, int]:
         """Return the source's counters, and how often its router did not answer."""

@@ -89,7 +89,9 @@ class Aggregator:
     @property
     def fence_m(self) -> list[Array]:
         """The fence's closed edges, (n, 3) each, at the height of home; none until home is known."""
-        return [] if self.home_m is None else fence_edges(self.envelope, self.home_m)
+        if self.home_m is None:
+            return []
+        return fence_edges(self.envelope, self.home_m)
 
     def take(self, item: Item) -> EventEntry | CycleEntry | None:
         """Take the next item and return it decoded; items other than cycles and events are ignored.

@@ -167,7 +167,10 @@ def _array(kinds: tuple[Any, ...]) -> Form:
             {"type": "array", "items": items},
             writes,
         )
-    element = {"type": [items["type"], "null"]} if kinds[0] is float else items
+    if kinds[0] is float:
+        element = {"type": [items["type"], "null"]}
+    else:
+        element = items
     schema = {
         "type": "array",
         "items": items,
@@ -179,11 +182,17 @@ def _array(kinds: tuple[Any, ...]) -> Form:
 
 def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
     """One of several named tuples: messages name theirs in `kind`, others differ in their fields."""
-    tag = {_TAG: cs.typed_dict_field(cs.any_schema(), required=True)} if tagged else {}
+    if tagged:
+        tag = {_TAG: cs.typed_dict_field(cs.any_schema(), required=True)}
+    else:
+        tag = {}
     fields = {kind: tag | {name: _field(kind, name) for name in kind._fields} for kind in kinds}
-    properties: dict[str, Schema] = (
-        {_TAG: {"enum": [kind.__name__ for kind in kinds], "type": "string"}} if tag else {}
-    )
+    if tag:
+        properties: dict[str, Schema] = {
+            _TAG: {"enum": [kind.__name__ for kind in kinds], "type": "string"}
+        }
+    else:
+        properties = {}
     for kind in kinds:
         properties |= {name: form_of(hint).schema for name, hint in get_type_hints(kind).items()}
     required = set.intersection(
@@ -214,27 +223,41 @@ def _writer(kind: Any, *, tagged: bool) -> Callable[[Any], dict[str, Any]]:  # n
     """Return what makes a dictionary of a named tuple, without unknown values."""
     names = kind._fields
     hints = get_type_hints(kind)
-    keys, tag = ((_TAG, *names), (kind.__name__,)) if tagged else (names, ())
+    keys = names
+    tag: tuple[str, ...] = ()
+    if tagged:
+        keys = (_TAG, *names)
+        tag = (kind.__name__,)
     optional = [name for name in names if inside(hints[name]) is not hints[name]]
     numbers = [name for name in names if inside(hints[name]) is float]
-    parts = [
-        (name, form.write) for name in names if (form := form_of(hints[name])).write is not None
-    ]
+    parts = _written_parts(hints, names)
 
     def write(value: Any) -> dict[str, Any]:  # noqa: ANN401
         fields: dict[str, Any] = dict(zip(keys, tag + value, strict=True))
-        for name in optional:
-            if fields[name] is None:
-                del fields[name]
-        for name in numbers:
-            if not isfinite(fields.get(name, 0.0)):
-                del fields[name]
+        _drop_unknown(fields, optional, numbers)
         for name, write_part in parts:
             if name in fields:
                 fields[name] = write_part(fields[name])
         return fields
 
     return write
+
+
+def _drop_unknown(fields: dict[str, Any], optional: Sequence[str], numbers: Sequence[str]) -> None:
+    for name in optional:
+        if fields[name] is None:
+            del fields[name]
+    for name in numbers:
+        if not isfinite(fields.get(name, 0.0)):
+            del fields[name]
+
+
+def _written_parts(
+    hints: Mapping[str, Any], names: Sequence[str]
+) -> list[tuple[str, Callable[[Any], Any]]]:
+    """Return the fields that are not written as they are, each with what writes it."""
+    writers = {name: form_of(hints[name]).write for name in names}
+    return [(name, write) for name, write in writers.items() if write is not None]
 
 
 def _field(kind: Any, name: str) -> cs.TypedDictField:  # noqa: ANN401

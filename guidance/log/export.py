@@ -242,7 +242,9 @@ def _rounded(place: Coordinates) -> list[float]:
     """Return a place to 1e-8 degrees and to millimetres; an unknown altitude is left out."""
     longitude_deg, latitude_deg, altitude_m = place
     flat = [round(longitude_deg, 8), round(latitude_deg, 8)]
-    return [*flat, round(altitude_m, 3)] if math.isfinite(altitude_m) else flat
+    if math.isfinite(altitude_m):
+        return [*flat, round(altitude_m, 3)]
+    return flat
 
 
 def geojson(features: Sequence[Feature], title: str) -> str:

@@ -438,7 +438,8 @@ def _records(file: _LimitedFile, survey: Survey) -> Iterator[McapRecord]:
                 survey.torn = str(error)
                 return
             survey.damaged_chunks += 1
-            survey.damage = survey.damage or str(error)
+            if not survey.damage:
+                survey.damage = str(error)
             # The chunk may have been the one that describes a channel; the summary describes all of them again.
             records = [record for record in file.summary() if isinstance(record, Channel)]
         yield from records

@@ -150,7 +150,8 @@ def compare(
         cycles += 1
         setpoints += row.setpoint is not None
         if step.differing:
-            first = first or step
+            if not first:
+                first = step
             differing += 1
         if row.setpoint is not None and outputs.setpoint is not None:
             commanded.append((row.setpoint.velocity_ned_m_s, outputs.setpoint.velocity_ned_m_s))
@@ -170,12 +171,13 @@ def difference_of(pairs: Sequence[Pair]) -> Difference:
     )
     angles_rad = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.vecdot(a, b))
     speeds_m_s = np.linalg.norm(a - b, axis=-1)
-    sums = (
-        float(statistic)
-        for differences in (angles_rad, speeds_m_s)
-        for statistic in (differences.sum(), differences.max(initial=0.0))
+    return Difference(
+        len(a),
+        float(angles_rad.sum()),
+        float(angles_rad.max(initial=0.0)),
+        float(speeds_m_s.sum()),
+        float(speeds_m_s.max(initial=0.0)),
     )
-    return Difference(len(a), *sums)
 
 
 def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
@@ -184,7 +186,8 @@ def _differing(row: CycleEntry, outputs: Outputs) -> list[str]:
     same: dict[str, Any] = dict.fromkeys(("certificate", "alarm", "timing", "vehicle")) | {
         "inputs": Inputs()
     }
-    same |= {"by": None} if row.by is None else {}
+    if row.by is None:
+        same |= {"by": None}
     recorded_json, present_json = (CYCLE.encode(entry._replace(**same)) for entry in (row, present))
     if recorded_json == present_json:
         return []

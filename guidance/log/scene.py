@@ -128,14 +128,20 @@ def _ball(centre_m: Vector, diameter_m: float, color: Json) -> Json:
 
 def _fix(now_s: float, name: str, position: Vector, sd_m: float) -> Json:
     """A place on the map: latitude and longitude in degrees, altitude above mean sea level, left out if unknown."""
-    variance, kind = (0.0, _UNKNOWN) if math.isnan(sd_m) else (sd_m * sd_m, _DIAGONAL_KNOWN)
+    if math.isnan(sd_m):
+        variance = 0.0
+        kind = _UNKNOWN
+    else:
+        variance = sd_m * sd_m
+        kind = _DIAGONAL_KNOWN
     fix = {
         "timestamp": time_of(now_s),
         "frame_id": name,
         "latitude": position[0],
         "longitude": position[1],
     }
-    fix |= {"altitude": position[2]} if math.isfinite(position[2]) else {}
+    if math.isfinite(position[2]):
+        fix |= {"altitude": position[2]}
     covariance = [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]
     return fix | {"position_covariance": covariance, "position_covariance_type": kind}
 
@@ -212,24 +218,7 @@ class Scene:
 
     def of(self, entry: CycleEntry) -> Iterator[Drawn]:
         """Draw one cycle."""
-        for message in (*entry.inputs.messages, *entry.inputs.reports):
-            if isinstance(message, (GlobalPosition, EvaderReport)):
-                name, sd_m = (
-                    ("evader", message.position_sd_m)
-                    if isinstance(message, EvaderReport)
-                    else ("pursuer", math.nan)
-                )
-                if self._is_due(f"guidance/map/{name}", message.received_s, EVERY_S):
-                    position = (
-                        message.latitude_deg,
-                        message.longitude_deg,
-                        message.altitude_amsl_m,
-                    )
-                    yield (
-                        f"guidance/map/{name}",
-                        FIX,
-                        _fix(message.received_s, name, position, sd_m),
-                    )
+        yield from self._on_maps(entry)
         now_s = entry.now_s
         certificate = entry.certificate
         if certificate is None:
@@ -244,6 +233,22 @@ class Scene:
             if not certificate.no_game:
                 balls.append(_ball(certificate.meeting_point_game_m, 0.6, _MEETING))
             yield "guidance/scene", SCENE, _scene(now_s, balls, disc(certificate))
+
+    def _on_maps(self, entry: CycleEntry) -> Iterator[Drawn]:
+        for message in entry.inputs.messages:
+            if isinstance(message, GlobalPosition):
+                yield from self._on_map("pursuer", message, math.nan)
+        for report in entry.inputs.reports:
+            if isinstance(report, EvaderReport):
+                yield from self._on_map("evader", report, report.position_sd_m)
+
+    def _on_map(
+        self, name: str, message: GlobalPosition | EvaderReport, sd_m: float
+    ) -> Iterator[Drawn]:
+        topic = f"guidance/map/{name}"
+        if self._is_due(topic, message.received_s, EVERY_S):
+            position = (message.latitude_deg, message.longitude_deg, message.altitude_amsl_m)
+            yield topic, FIX, _fix(message.received_s, name, position, sd_m)
 
     def _is_due(self, topic: str, now_s: float, every_s: float) -> bool:
         # A tenth of a period early is accepted, since cycles do not fall on this grid.

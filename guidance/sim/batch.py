@@ -199,7 +199,9 @@ def game(scenario: Scenario) -> Game:
 
 def target_game_m(scenario: AnyScenario) -> Vector | None:
     """Return the evader's target in the game frame, None in the PE game."""
-    return None if scenario.target is None else (*scenario.target.position_m, 0.0)
+    if scenario.target is None:
+        return None
+    return (*scenario.target.position_m, 0.0)
 
 
 def target_extent(scenario: AnyScenario) -> Extent:

@@ -258,11 +258,10 @@ class AnyScenario(Section):
             yield 'target: not allowed with game = "pe"; use game = "tad"'
         for player, allowed in policies.items():
             section = getattr(self, player)
-            named = (
-                {f"{player}[{number}]": group for number, group in enumerate(section)}
-                if isinstance(section, tuple)
-                else {}
-            )
+            if isinstance(section, tuple):
+                named = {f"{player}[{number}]": group for number, group in enumerate(section)}
+            else:
+                named = {}
             for key, group in (named or {player: section}).items():
                 if group.policy not in allowed:
                     yield f"{key}.policy = {group.policy!r}: allowed are {', '.join(allowed)}"
@@ -359,4 +358,6 @@ Flown = Scenario | Sequence[Pursuit]
 
 def pursuits_of(scenario: Flown) -> Sequence[Pursuit]:
     """Return the pursuits of a flight; a scenario is one."""
-    return (Pursuit(scenario),) if isinstance(scenario, Scenario) else scenario
+    if isinstance(scenario, Scenario):
+        return (Pursuit(scenario),)
+    return scenario

@@ -46,7 +46,10 @@ def load_any(name: str, seed: int | None = None) -> tuple[Path, Scenario | TeamS
     """
     path = find(name, FOLDER)
     text, document = load_document(path)
-    document |= {} if seed is None else {"seed": seed}
+    if seed is None:
+        document |= {}
+    else:
+        document |= {"seed": seed}
     model: type[Scenario] | type[TeamScenario] = TeamScenario if has_teams(document) else Scenario
     return path, parse(model, document, source=str(path), text=text)
 
@@ -175,7 +178,10 @@ def _from_record(path: Path, part: str) -> list[TrackRow]:
     rows: list[TrackRow] = []
     with record_errors(path):
         for item in scan(path):
-            row = json.loads(item.data) if item.topic == CYCLE.topic else {}
+            if item.topic == CYCLE.topic:
+                row = json.loads(item.data)
+            else:
+                row = {}
             certificate = row.get("certificate")
             # 50 rows a second say no more than 5
             if certificate is not None and not (rows and row["now_s"] - rows[-1][0] < 0.2 - 1e-6):

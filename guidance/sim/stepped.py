@@ -32,9 +32,10 @@ class SteppedMock:
 
     def advance(self, now_s: float) -> None:
         """Step the vehicle with the frames sent to it, and send its frames to all wires."""
-        frames = self._vehicle.step(
-            now_s, [frame for end in self.ends for _, frame in end.receive()]
-        )
+        received = list[bytes]()
+        for end in self.ends:
+            received += [frame for _, frame in end.receive()]
+        frames = self._vehicle.step(now_s, received)
         for end in self.ends:
             for frame in frames:
                 end.send(frame)

@@ -297,12 +297,15 @@ def summary_of(rows: Sequence[TeamOutcome]) -> dict[str, Any]:
     }
 
 
+def _policies(
+    groups: Sequence[PursuerGroup] | Sequence[EvaderGroup],
+) -> tuple[tuple[str, int], ...]:
+    return tuple((group.policy, group.count) for group in groups)
+
+
 def _kind_of(scenario: TeamScenario) -> Hashable:
     """Return a key that is equal for scenarios of one batch."""
-    sides = (
-        tuple((group.policy, group.count) for group in side)
-        for side in (scenario.pursuer, scenario.evader)
-    )
+    sides = (_policies(scenario.pursuer), _policies(scenario.evader))
     return (
         scenario.game,
         target_extent(scenario),

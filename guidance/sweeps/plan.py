@@ -261,7 +261,9 @@ class Plan(Section):
 def _several(names: str | tuple[str, ...], default: str) -> tuple[str, ...]:
     if isinstance(names, str):
         return (names,)
-    return names if names else (default,)
+    if names:
+        return names
+    return (default,)
 
 
 def policy_in(section: Any) -> str:  # noqa: ANN401 - a player's section, or the tables of a team

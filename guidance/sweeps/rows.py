@@ -108,7 +108,10 @@ def _placed(node: Any, path: Sequence[str | int], value: Any) -> Any:  # noqa: A
         if not isinstance(node, (list, tuple)) or head >= len(node):
             raise LookupError(head)
         return [*node[:head], _placed(node[head], inner_path, value), *node[head + 1 :]]
-    section = node if node else {}
+    if node:
+        section = node
+    else:
+        section = {}
     return {**section, head: _placed(section.get(head), inner_path, value)}
 
 

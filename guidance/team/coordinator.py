@@ -117,13 +117,15 @@ class Coordinator:
         )
         if last is not None and not due and now_s - self._board.roles_s < SENT_EVERY_S - ROUNDING_S:
             return None
-        roles = () if last is None else last.roles
+        roles: tuple[VehicleRole, ...] = ()
+        if last is not None:
+            roles = last.roles
         matching = None
         if due:
             self._players = players
             self._matched_s = now_s
             matching = self._match(scene, *players)
-            roles = () if matching is None else self._roles(matching, *players)
+            roles = self._roles(matching, *players)
         self._seq += 1
         sent: dict[str, Any] = {
             "vehicle": self._board.vehicle,
@@ -164,8 +166,10 @@ class Coordinator:
             return None
 
     def _roles(
-        self, matching: Matching, vehicles: list[str], evaders: list[str]
+        self, matching: Matching | None, vehicles: list[str], evaders: list[str]
     ) -> tuple[VehicleRole, ...]:
+        if matching is None:
+            return ()
         roles = []
         everybody = range(len(vehicles))
         for number, evader in enumerate(evaders):
@@ -185,7 +189,9 @@ class Coordinator:
 
     @property
     def _promised(self) -> tuple[Promise, ...]:
-        return () if self._board.roles is None else self._board.roles.promises
+        if self._board.roles is None:
+            return ()
+        return self._board.roles.promises
 
     def _promises(
         self,
@@ -210,25 +216,37 @@ class Coordinator:
             second = numbered[int(matching.second[number])]
             value = None if first is None else float(matching.value[number])
             before = promises.get(evader) if begun else None
+            cause = ""
             if before is None:
-                cause = ""
                 if value is None or (scene.target_m is not None and value < _NOISE):
                     promises.pop(evader, None)  # an offer ends with its reason
                     continue
-            elif before.value is None:
-                cause = before.cause
             else:
-                kept = before.value
-                worse = (
-                    value is None
-                    or (value - kept if scene.target_m is None else kept - value) > _NOISE
-                )
-                cause = self._cause(scene, evader, vehicles) if worse else ""
-                value, cause = (value, cause) if cause else (kept, before.cause)
+                value, cause = self._kept_or_broken(scene, before, value, vehicles)
             promises[evader] = Promise(
                 evader=evader, value=value, first=first, second=second, cause=cause
             )
         return tuple(promises.values())
+
+    def _kept_or_broken(
+        self, scene: Scene, before: Promise, value: float | None, vehicles: list[str]
+    ) -> tuple[float | None, str]:
+        """Return the value and cause of a promise that was given: it stands until a cause explains a worse value."""
+        if before.value is None:
+            return value, before.cause
+        if self._is_worse(scene, value, before.value):
+            cause = self._cause(scene, before.evader, vehicles)
+            if cause:
+                return value, cause
+        return before.value, before.cause
+
+    @staticmethod
+    def _is_worse(scene: Scene, value: float | None, promised: float) -> bool:
+        """Return whether a value is worse for the team than the promised one: later (PE), or nearer the target."""
+        if value is None:
+            return True
+        loss = promised - value if scene.target_m is not None else value - promised
+        return loss > _NOISE
 
     def _cause(self, scene: Scene, evader: str, vehicles: list[str]) -> str:
         """Say why a promise cannot be kept; empty if nothing explains it, and then it stands."""

@@ -19,6 +19,7 @@ from guidance.team.messages import (
     RolesMessage,
     StateMessage,
     Transport,
+    VehicleRole,
     encode,
 )
 
@@ -114,7 +115,9 @@ class Member:
 
     def _role(self, now_s: float, flight: Flight) -> Role | None:
         """Return a new role; None keeps the present one. An assignment to an unseen evader is ignored."""
-        assigned = () if self.board.roles is None else self.board.roles.roles
+        assigned: tuple[VehicleRole, ...] = ()
+        if self.board.roles is not None:
+            assigned = self.board.roles.roles
         mine = next((role for role in assigned if role.vehicle == self.vehicle), None)
         before = flight.heard.role or self._first
         role = before if mine is None else Role(mine.evader, mine.above_m)
@@ -151,7 +154,10 @@ class Member:
         roles = self.board.roles
         role = flight.heard.role or self._first
         unit = "s" if flight.settings.cycle.target_game_m is None else "m"
-        promises = [] if roles is None else [_shown(promise, unit) for promise in roles.promises]
+        if roles is None:
+            promises = []
+        else:
+            promises = [_shown(promise, unit) for promise in roles.promises]
         return {
             "evader": role.evader,
             "above_m": role.above_m,

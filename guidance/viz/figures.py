@@ -230,11 +230,12 @@ def chase_figure(
         fence: The fence's closed edges, (n, 3) each.
         with_whole_fence: Draw a third view.
     """
-    size, widths = (
-        ((13.0, 5.8), [1.15, 0.08, 1.0, 0.7])
-        if with_whole_fence
-        else ((12.0, 6.4), [1.0, 0.06, 0.9])
-    )
+    if with_whole_fence:
+        size = (13.0, 5.8)
+        widths = [1.15, 0.08, 1.0, 0.7]
+    else:
+        size = (12.0, 6.4)
+        widths = [1.0, 0.06, 0.9]
     figure = figure_of(*size)
     # The second one is for the height's label
     grid = figure.add_gridspec(1, len(widths), width_ratios=widths)

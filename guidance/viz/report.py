@@ -21,6 +21,7 @@ from PIL import Image
 
 from guidance.errors import OutputError
 from guidance.files import private_folder, whole_file, writing
+from guidance.frames import Vector
 from guidance.log.scene import Array, circle, isochron_at, lifted
 from guidance.screen import counted
 from guidance.viz import figures
@@ -241,7 +242,12 @@ def events(story: Story) -> Figure:
         axes.axvspan(now_s[first], now_s[last], color=_SHADES[number % len(_SHADES)], linewidth=0.0)
     for row, event in enumerate(events):
         axes.plot([event.now_s], [row], "ko", ms=4)
-        side, shift = ("left", 7) if event.now_s < 0.5 * (now_s[0] + now_s[-1]) else ("right", -7)
+        if event.now_s < 0.5 * (now_s[0] + now_s[-1]):
+            side = "left"
+            shift = 7
+        else:
+            side = "right"
+            shift = -7
         words = f"{event.now_s:.2f} s  {event.event}" + (
             f"  ({event.words[:110]})" if event.detail else ""
         )
@@ -275,11 +281,9 @@ def plan(team: TeamStory) -> Figure:
         for name, story in team.flights.items()
     ]
     for name in team.evaders:
-        reported = [
-            position_m
-            for flight in team.flights.values()
-            for _, position_m in flight.evaders.get(name, ())
-        ]
+        reported = list[Vector]()
+        for flight in team.flights.values():
+            reported += [position_m for _, position_m in flight.evaders.get(name, ())]
         tracks.append((name, np.array(reported), dots, "evader"))
     for name, track, style, kind in tracks:
         track_m = thinned(track[np.isfinite(track).all(axis=1)])

@@ -190,13 +190,13 @@ def _happened(story: Story) -> str:
 
 def _limited(story: Story) -> str:
     """Say which limits changed the commands, and whether a promise was broken."""
-    acting = Counter(
-        name for row in story.game for name in row.certificate.active_limits
-    ).most_common(3)
+    acting = Counter[str]()
+    for row in story.game:
+        acting.update(row.certificate.active_limits)
     cycles = len(story.game)
     named = ", ".join(
         f"{name} ({count / cycles:.0%} of the game)"
-        for name, count in acting
+        for name, count in acting.most_common(3)
         if count >= 0.01 * cycles
     )
     limits = (
@@ -206,9 +206,8 @@ def _limited(story: Story) -> str:
     reached = (
         "" if math.isnan(slowest_m_s) else f" It was seen to reach at least {slowest_m_s:.1f} m/s."
     )
-    broken = ", ".join(
-        f"{what} ({count})" for what, count in Counter(alarm for _, alarm in story.alarms).items()
-    )
+    counts = Counter(alarm for _, alarm in story.alarms)
+    broken = ", ".join(f"{what} ({count})" for what, count in counts.items())
     return f"{limits}{reached} {f'Alarms: {broken}.' if broken else 'There was no alarm.'}"
 
 
@@ -324,7 +323,7 @@ class TeamStory(NamedTuple):
     @property
     def evaders(self) -> list[str]:
         """The names of the evaders."""
-        return sorted({name for flight in self.flights.values() for name in flight.evaders})
+        return sorted(set[str]().union(*(flight.evaders for flight in self.flights.values())))
 
     def verdict(self, evader: str) -> str:
         """Return the promise about an evader, its outcome and the reason."""
@@ -375,9 +374,9 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
         math.inf if flight.engaged is None else flight.engaged.now_s for flight in flights.values()
     )
     offered = [roles.promises for now_s, roles in announcements if now_s <= began_s]
-    causes = {
-        promise.evader: promise.cause for _, roles in announcements for promise in roles.promises
-    }
+    causes = dict[str, str]()
+    for _, roles in announcements:
+        causes |= {promise.evader: promise.cause for promise in roles.promises}
     promised = [
         promise.model_copy(update={"cause": causes[promise.evader]})
         for ones in offered[-1:]

@@ -408,7 +408,10 @@ def view(
             with writing(save):
                 private_folder(save.parent)
                 sink = rr.FileSink(private_file(save))  # Rerun only logs a failure
-        vehicles = tuple(sources) if len(sources) > 1 else ("",)
+        if len(sources) > 1:
+            vehicles = tuple(sources)
+        else:
+            vehicles = ("",)
         with_target = recorded_settings(first).cycle.target_game_m is not None
         recording.set_sinks(sink, default_blueprint=layout(vehicles, with_target=with_target))
         recording.send_recording_name(title_of(first))
@@ -433,7 +436,9 @@ def _paint(ended: Event, painter: Painter, source: Source) -> None:
         painter.flush()
         return ended.wait(REDRAWN_EVERY_S)
 
-    ignored = () if isinstance(source, RecordFile) else (ConfigError, KeyError, TypeError)
+    ignored: tuple[type[Exception], ...] = ()
+    if not isinstance(source, RecordFile):
+        ignored = (ConfigError, KeyError, TypeError)
     for item in source.items(idle):
         with contextlib.suppress(*ignored):
             painter.take(item)

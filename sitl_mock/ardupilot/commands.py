@@ -47,7 +47,9 @@ def execute(commander: ArduPilot, now_s: float, command: Command) -> Answers:
     result = ANSWERED.get(number) if commander.firmware.flies else None
     if commander.firmware.flies and command.params[0] == 1.0:
         result = ANSWERED_WITH_ONE.get(number, result)
-    return UNSUPPORTED if result is None else (CommandAnswer(result),)
+    if result is None:
+        return UNSUPPORTED
+    return (CommandAnswer(result),)
 
 
 def _done(done: bool) -> Answers:
@@ -82,7 +84,10 @@ def _arm_now(commander: ArduPilot, *, forced: bool) -> Answers:
     state = commander.state
     if state.armed:
         return ACCEPTED
-    reasons = [] if forced else safety.refusals(state, commander.by_name[commander.mode])
+    if forced:
+        reasons = []
+    else:
+        reasons = safety.refusals(state, commander.by_name[commander.mode])
     for text in (*safety.warnings(state.parameters), *reasons):
         state.say(Severity.CRITICAL, f"Arm: {text}")
     if reasons:
@@ -103,7 +108,7 @@ def _takeoff(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     ready = state.armed and state.on_ground and commander.mode in GUIDED_MODES
     if not (ready and 0.0 < height_m < HIGHEST_M):
         return FAILED
-    home = state.home_m or state.position_m
+    home = state.position_m if state.home_m is None else state.home_m
     commander.flight.take_off(state.now_s, state.position_m, home[2] - height_m)
     return ACCEPTED
 
@@ -156,7 +161,8 @@ def _reposition(commander: ArduPilot, _now_s: float, command: Command) -> Answer
     state = commander.state
     north, east, down = state.frame.to_local(lat, lon, alt)
     if command.frame in _RELATIVE:
-        down = (state.home_m or (0.0, 0.0, 0.0))[2] - alt
+        home_d = 0.0 if state.home_m is None else state.home_m[2]
+        down = home_d - alt
     commander.flight.follow(Setpoint(Kind.TRAVEL, (north, east, down)))
     return ACCEPTED
 

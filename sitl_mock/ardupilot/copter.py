@@ -59,22 +59,23 @@ def _guided(commander: ArduPilot) -> Setpoint:
             )
     if not state.on_ground:
         return commander.guided_setpoint()
-    return _lifting(commander) or IDLING
+    return _on_ground(commander)
 
 
-def _lifting(commander: ArduPilot) -> Setpoint | None:
-    """An attitude target with a climb, or a thrust, takes off; no other setpoint does."""
-    wanted = commander.flight.guided
-    if wanted is None or wanted.kind is not Kind.ATTITUDE:
-        return None
-    lifts = wanted.velocity_ned_m_s[2] < 0.0 or wanted.thrust > 0.0
-    return commander.guided_setpoint() if lifts else None
+def _on_ground(commander: ArduPilot) -> Setpoint:
+    """An attitude target with a climb, or a thrust, takes off; with any other setpoint the motors idle."""
+    target = commander.flight.guided
+    if target is None or target.kind is not Kind.ATTITUDE:
+        return IDLING
+    if target.velocity_ned_m_s[2] < 0.0 or target.thrust > 0.0:
+        return commander.guided_setpoint()
+    return IDLING
 
 
 def _attitude_only(commander: ArduPilot) -> Setpoint:
     """GUIDED_NOGPS: level until the first setpoint."""
     if commander.state.on_ground:
-        return _lifting(commander) or IDLING
+        return _on_ground(commander)
     return guided.LEVEL if commander.flight.guided is None else commander.guided_setpoint()
 
 
@@ -94,21 +95,22 @@ def _stick_climb(commander: ArduPilot) -> float:
     stick = commander.sticks.throttle
     if abs(stick) <= _DEAD_BAND:
         return 0.0
-    fastest = (
-        parameters["PILOT_SPEED_UP"]
-        if stick > 0.0
-        else parameters["PILOT_SPEED_DN"] or parameters["PILOT_SPEED_UP"]
-    )
-    return (
-        math.copysign((abs(stick) - _DEAD_BAND) / (1.0 - _DEAD_BAND), stick) * float(fastest) * 0.01
-    )
+    fastest_cm_s = float(parameters["PILOT_SPEED_UP"])
+    descent_cm_s = float(parameters["PILOT_SPEED_DN"])
+    if stick < 0.0 and descent_cm_s != 0.0:
+        fastest_cm_s = descent_cm_s
+    share = math.copysign((abs(stick) - _DEAD_BAND) / (1.0 - _DEAD_BAND), stick)
+    return share * fastest_cm_s * 0.01
 
 
 def _land_over(commander: ArduPilot, north_m: float, east_m: float) -> Setpoint:
     state = commander.state
     height = state.ground_m - state.position_m[2]
     parameters = state.parameters
-    fast = float(parameters["LAND_SPEED_HIGH"] or parameters["WPNAV_SPEED_DN"]) * 0.01
+    fast_cm_s = float(parameters["LAND_SPEED_HIGH"])
+    if fast_cm_s == 0.0:
+        fast_cm_s = float(parameters["WPNAV_SPEED_DN"])
+    fast = fast_cm_s * 0.01
     above_m = max(height - float(parameters["LAND_ALT_LOW"]) * 0.01, 0.0)
     speed = min(
         max(root_law(above_m, 1.0, _SLOWING_M_S2), float(parameters["LAND_SPEED"]) * 0.01), fast
@@ -162,7 +164,9 @@ def _return(commander: ArduPilot) -> Setpoint:
     yaw_rad = (
         flight.entered_yaw_rad if int(state.parameters["WP_YAW_BEHAVIOR"]) == _NOT_IN_RTL else _NAN
     )
-    speed = float(state.parameters["RTL_SPEED"]) * 0.01 or _NAN
+    speed = float(state.parameters["RTL_SPEED"]) * 0.01
+    if speed == 0.0:
+        speed = _NAN  # the speed of every travel
     goal = (target_m[0], target_m[1], height_m)
     return flight.legs.onwards(state, goal, speed)._replace(yaw_rad=yaw_rad)
 

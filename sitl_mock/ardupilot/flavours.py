@@ -126,7 +126,9 @@ def copter_plant(parameters: Mapping[str, float]) -> Vehicle:
         accel_m_s2=float(parameters["WPNAV_ACCEL"]) * 0.01,
         accel_z_m_s2=float(parameters["WPNAV_ACCEL_Z"]) * 0.01,
     )
-    lean_deg = float(parameters["PSC_ANGLE_MAX"]) or float(parameters["ANGLE_MAX"]) * 0.01
+    lean_deg = float(parameters["PSC_ANGLE_MAX"])
+    if lean_deg == 0.0:
+        lean_deg = float(parameters["ANGLE_MAX"]) * 0.01
     gains = ArduGains(
         accel_m_s2=travel.accel_m_s2,
         accel_z_m_s2=travel.accel_z_m_s2,
@@ -137,13 +139,19 @@ def copter_plant(parameters: Mapping[str, float]) -> Vehicle:
     return arducopter_quadrotor(gains, travel)
 
 
+_ROVER_ACCEL_M_S2: Final = 2.0
+_ROVER_TURN_RATE_DEG_S: Final = 90.0
+
+
 def rover_plant(parameters: Mapping[str, float]) -> Vehicle:
     """The rover; GUIDED velocities may exceed CRUISE_SPEED."""
-    return Rover(
-        accel_m_s2=float(parameters["ATC_ACCEL_MAX"]) or 2.0,
-        turn_rate_max_rad_s=math.radians(float(parameters["ATC_STR_RAT_MAX"]))
-        or math.radians(90.0),
-    )
+    accel_m_s2 = float(parameters["ATC_ACCEL_MAX"])
+    if accel_m_s2 == 0.0:
+        accel_m_s2 = _ROVER_ACCEL_M_S2
+    turn_rate_deg_s = float(parameters["ATC_STR_RAT_MAX"])
+    if turn_rate_deg_s == 0.0:
+        turn_rate_deg_s = _ROVER_TURN_RATE_DEG_S
+    return Rover(accel_m_s2=accel_m_s2, turn_rate_max_rad_s=math.radians(turn_rate_deg_s))
 
 
 def copter_commander(state: VehicleState, plans: PlanStore) -> ArduPilot:

@@ -161,7 +161,9 @@ def _lean(w: float, x: float, y: float, z: float) -> tuple[float, float]:
     up = 1.0 - 2.0 * (x * x + y * y)
     level = math.hypot(north, east)
     angle = math.atan2(level, up)
-    return (north * angle / level, east * angle / level) if level > 1e-9 else (0.0, 0.0)
+    if level > 1e-9:
+        return (north * angle / level, east * angle / level)
+    return (0.0, 0.0)
 
 
 def _vertical(parameters: Mapping[str, float], thrust: float) -> tuple[float, float]:

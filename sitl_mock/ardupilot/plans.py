@@ -43,7 +43,7 @@ def return_target(state: VehicleState, plans: PlanStore) -> Vector:
     count; home counts with RALLY_INCL_HOME, or without rally points.
     """
     parameters = state.parameters
-    home = state.home_m or state.position_m
+    home = state.position_m if state.home_m is None else state.home_m
     places = list(_rally_points(state, plans, home))
     if not places or int(parameters["RALLY_INCL_HOME"]):
         places.append((home[0], home[1], 0.0))

@@ -31,17 +31,17 @@ def _manual(commander: ArduPilot) -> Setpoint:
 
 def _speed(commander: ArduPilot) -> float:
     set_m_s = commander.flight.speeds.level_m_s
-    return (
-        set_m_s
-        if set_m_s > 0.0
-        else float(
-            commander.state.parameters["WP_SPEED"] or commander.state.parameters["CRUISE_SPEED"]
-        )
-    )
+    if set_m_s > 0.0:
+        return set_m_s
+    parameters = commander.state.parameters
+    plan_m_s = float(parameters["WP_SPEED"])
+    if plan_m_s == 0.0:
+        return float(parameters["CRUISE_SPEED"])
+    return plan_m_s
 
 
 def _return(commander: ArduPilot) -> Setpoint:
-    home = commander.state.home_m or commander.flight.entered_m
+    home = commander.flight.entered_m if commander.state.home_m is None else commander.state.home_m
     return Setpoint(Kind.TRAVEL, (home[0], home[1], math.nan), speed_m_s=_speed(commander))
 
 

@@ -129,7 +129,9 @@ def _checks_parameters(parameters: Mapping[str, float]) -> bool:
 def warnings(parameters: Mapping[str, float]) -> list[str]:
     """Return texts of the pre-arm checks that do not refuse arming."""
     removed = _checks_parameters(parameters) and int(parameters["FS_GCS_ENABLE"]) == _GCS_CONTINUE
-    return ["FS_GCS_ENABLE=2 removed, see FS_OPTIONS"] if removed else []
+    if removed:
+        return ["FS_GCS_ENABLE=2 removed, see FS_OPTIONS"]
+    return []
 
 
 def _bad_parameters(parameters: Mapping[str, float]) -> Iterator[str]:

@@ -114,7 +114,11 @@ def calibrate_file(
         ConfigError: The file is not a log, the flavour does not exist, or the plot cannot be written.
     """
     log = read_step_log(file)
-    chosen, guessed_by = guess(file, log) if flavour is None else (_flavour(flavour), "")
+    if flavour is None:
+        chosen, guessed_by = guess(file, log)
+    else:
+        chosen = _flavour(flavour)
+        guessed_by = ""
     answers = replay(log, vehicle_of(chosen)) if dynamics_only else fly_log(log, chosen)
     comparison = compare(log, chosen, answers, guessed_by)
     if plot is not None:

@@ -26,7 +26,9 @@ def list_(
     flavour: Annotated[str, typer.Option(help="Flavour of the parameters or streams.")] = "px4",
 ) -> None:
     """List flavours, faults, conditions, or a flavour's parameters or streams."""
-    subjects = (Subject.FLAVOURS, Subject.FAULTS) if subject is None else (subject,)
+    subjects = [Subject.FLAVOURS, Subject.FAULTS]
+    if subject is not None:
+        subjects = [subject]
     typer.echo("\n\n".join("\n".join(_LISTS[subject](flavour)) for subject in subjects))
 
 

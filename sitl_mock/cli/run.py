@@ -131,7 +131,9 @@ def run(
 
     options = {"ready_after_s": ready_after_s, "noise": noise}
     settings = {key: value for key, value in options.items() if value is not None}
-    config = _configured(vehicles or [], flavour, fleet, settings, seed, param or [])
+    specs = vehicles if vehicles is not None else []
+    changes = param if param is not None else []
+    config = _configured(specs, flavour, fleet, settings, seed, changes)
     script = FaultScript() if faults is None else read_script(faults)
     serve(
         config,

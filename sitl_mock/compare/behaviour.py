@@ -36,7 +36,8 @@ class FieldRange:
             return
         if math.isnan(self.first):
             self.first = value
-        self.moves = self.moves or value != self.first
+        if not self.moves:
+            self.moves = value != self.first
         self.least = min(self.least, value)
         self.most = max(self.most, value)
 

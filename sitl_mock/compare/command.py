@@ -41,7 +41,10 @@ def _streams(recording: Recording, recorded: Behaviour, mock: Behaviour) -> Tabl
     for name in sorted({*recorded, *mock}):
         cells = []
         for stream in (recorded.get(name), mock.get(name)):
-            cells += ["-", "-"] if stream is None else [str(stream.count), f"{stream.rate_hz:.2f}"]
+            if stream is None:
+                cells += ["-", "-"]
+            else:
+                cells += [str(stream.count), f"{stream.rate_hz:.2f}"]
         table.add_row(name, *cells)
     return table
 

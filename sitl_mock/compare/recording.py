@@ -4,8 +4,8 @@ A .tlog has frames of both directions, each behind its time (microseconds since 
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator
-from itertools import groupby
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -154,10 +154,9 @@ def fly_recording(recording: Recording, *, seed: int = 0) -> list[tuple[float, M
 
 def _steps(recording: Recording) -> Iterator[tuple[float, list[bytes]]]:
     """Yield the time of every step and the frames received until then."""
-    due = {
-        number: [frame for _, frame in frames]
-        for number, frames in groupby(recording.heard, key=lambda item: round(item[0] / STEP_S))
-    }
+    due = defaultdict[int, list[bytes]](list)
+    for heard_s, frame in recording.heard:
+        due[round(heard_s / STEP_S)].append(frame)
     for number in range(round(recording.end_s / STEP_S) + 1):
         yield number * STEP_S, due.get(number, [])
 

@@ -102,7 +102,9 @@ def px4_quadrotor(
     airframe: Airframe = PX4_AIRFRAME,
 ) -> Multicopter[Px4Memory]:
     """The quadrotor of PX4's SIH simulator, with PX4's default parameters unless given."""
-    control = Px4Control(gains or Px4Gains(), travel, airframe.thrust_max_m_s2)
+    if gains is None:
+        gains = Px4Gains()
+    control = Px4Control(gains, travel, airframe.thrust_max_m_s2)
     return Multicopter(control, Px4Memory, airframe, setpoint_delay_s=0.01)
 
 
@@ -112,7 +114,9 @@ def arducopter_quadrotor(
     airframe: Airframe = ARDUCOPTER_AIRFRAME,
 ) -> Multicopter[ArduMemory]:
     """The quadrotor of ArduPilot's simulator, with ArduCopter's default parameters unless given."""
-    control = ArduControl(gains or ArduGains(), travel, airframe.thrust_max_m_s2)
+    if gains is None:
+        gains = ArduGains()
+    control = ArduControl(gains, travel, airframe.thrust_max_m_s2)
     return Multicopter(
         control, ArduMemory, airframe, velocity_scale_ned=(1.0, 1.0, 0.971), setpoint_delay_s=0.03
     )

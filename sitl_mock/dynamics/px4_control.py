@@ -67,7 +67,10 @@ class Px4Control:
     def fresh(self, estimate: Estimate, *, flying: bool) -> Px4Memory:
         """Initial state: motors off on the ground, or trimmed in hover."""
         gains = self.gains
-        done = (gains.spool_s, gains.ramp_s) if flying else (0.0, 0.0)
+        if flying:
+            done = (gains.spool_s, gains.ramp_s)
+        else:
+            done = (0.0, 0.0)
         kind = Kind.BRAKE if flying else Kind.STOPPED
         return Px4Memory(kind, Reference(estimate.position_ned_m, ZERO), ZERO, ZERO, *done)
 

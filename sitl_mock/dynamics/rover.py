@@ -137,7 +137,9 @@ class Rover:
             else min(setpoint.speed_m_s, self.speed_max_m_s)
         )
         speed = math.hypot(n, e)
-        return (n * limit / speed, e * limit / speed) if speed > limit else (n, e)
+        if speed > limit:
+            return (n * limit / speed, e * limit / speed)
+        return (n, e)
 
 
 def _added(value: Ned, error: Ned) -> Ned:

@@ -73,7 +73,7 @@ def _bad_fields(inputs: EffectInputs) -> Effect:
         SPEC_BY_NAME[name].message_id: _changes(name, options["fields"], options["value"])
         for name in inputs.messages
     }
-    names = {name for changes in by_id.values() for name in changes}
+    names = set[str]().union(*by_id.values())
     for name in options["fields"]:
         if name not in names:
             raise ConfigError(

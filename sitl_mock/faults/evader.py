@@ -34,7 +34,10 @@ _JUMP: Final = Option("metres", 0.0, number(-1e5, 1e5))
 def _stamp(frame: bytes) -> tuple[str, float] | None:
     """Return the name of a report's time field, and its units per second."""
     number_ = frames.message_id(frame)
-    fields = frames.layout(number_) if number_ >= 0 else {}
+    if number_ >= 0:
+        fields = frames.layout(number_)
+    else:
+        fields = {}
     return next(((name, units) for name, units in _STAMPS.items() if name in fields), None)
 
 

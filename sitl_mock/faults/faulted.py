@@ -283,13 +283,13 @@ class Faulted:
             alter = live.effect.alter
             if alter is None or not live.strikes_link(direction, link):
                 continue
-            flows = [
-                (delay_s + more_s, changed)
-                for delay_s, passed in flows
-                for more_s, changed in (
-                    alter(now_s, passed) if live.strikes(passed) else ((0.0, passed),)
-                )
-            ][:MAX_COPIES]
+            altered = list[tuple[float, bytes]]()
+            for delay_s, passed in flows:
+                if not live.strikes(passed):
+                    altered.append((delay_s, passed))
+                    continue
+                altered += [(delay_s + more_s, changed) for more_s, changed in alter(now_s, passed)]
+            flows = altered[:MAX_COPIES]
         return flows
 
     def _notice(self, now_s: float) -> None:
@@ -315,7 +315,9 @@ class Faulted:
 
 
 def _flat(by_link: Mapping[str, Sequence[bytes]]) -> Iterator[tuple[str, bytes]]:
-    return ((link, frame) for link, frames_ in by_link.items() for frame in frames_)
+    for link, frames_ in by_link.items():
+        for frame in frames_:
+            yield link, frame
 
 
 def _as_shown(live: Live) -> dict[str, Any]:

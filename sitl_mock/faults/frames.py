@@ -200,7 +200,7 @@ def _closed(frame: bytes, payload: bytearray, spec: MessageSpec, key: bytes | No
     if frame[0] == V1:
         body = bytes(frame[1:6]) + bytes(payload[: frame[1]])
         return b"\xfe" + body + struct.pack("<H", mcrf4xx(body + spec.crc_extra))
-    short = bytes(payload).rstrip(b"\0") or b"\0"
+    short = bytes(payload[:1]) + bytes(payload[1:]).rstrip(b"\0")  # at least one byte
     body = bytes((len(short),)) + frame[2:10] + short
     closed = b"\xfd" + body + struct.pack("<H", mcrf4xx(body + spec.crc_extra))
     if not frame[2] & 1:

@@ -38,7 +38,9 @@ def always(alter: Alter, inputs: EffectInputs) -> Alter:
     share = inputs.options["probability"]
 
     def sometimes(now_s: float, frame: bytes) -> Delayed:
-        return alter(now_s, frame) if random() < share else ((0.0, frame),)
+        if random() < share:
+            return alter(now_s, frame)
+        return ((0.0, frame),)
 
     return sometimes
 
@@ -60,7 +62,9 @@ def _burst_loss(inputs: EffectInputs) -> Effect:
         while now_s >= until_s[0]:
             fading[0] = not fading[0]
             until_s[0] += random.expovariate(1.0 / means_s[fading[0]])
-        return () if fading[0] else ((0.0, frame),)
+        if fading[0]:
+            return ()
+        return ((0.0, frame),)
 
     return Effect(alter=alter)
 
@@ -120,7 +124,9 @@ def _as_v1(inputs: EffectInputs) -> Effect:
         if frames.message_id(frame) < 0:
             return ((0.0, frame),)
         short = frames.as_v1(frame)
-        return () if short is None else ((0.0, short),)
+        if short is None:
+            return ()
+        return ((0.0, short),)
 
     return Effect(alter=downgrade)
 
@@ -146,16 +152,19 @@ def _gap(inputs: EffectInputs) -> Effect:
         if math.isnan(until_s[0]):
             until_s[0] = now_s + gap_s
             return ((0.0, frame),)
-        return () if now_s < until_s[0] - _SLACK_S else ((0.0, frame),)
+        if now_s < until_s[0] - _SLACK_S:
+            return ()
+        return ((0.0, frame),)
 
     def advance(now_s: float) -> Iterable[tuple[str, bytes]]:
         if not (math.isfinite(until_s[0]) and now_s >= until_s[0] - _SLACK_S):
             return ()
         beat = ("HEARTBEAT", *heartbeat(vehicle.autopilot.report))
         until_s[0] = -math.inf
-        return [
-            (name, frame) for name, link in vehicle.links.items() for frame in link.pack([beat])
-        ]
+        sent = list[tuple[str, bytes]]()
+        for name, link in vehicle.links.items():
+            sent += [(name, frame) for frame in link.pack([beat])]
+        return sent
 
     return Effect(alter=alter, advance=advance)
 

@@ -174,7 +174,9 @@ def _statustext(inputs: EffectInputs) -> Effect:
         lost = (
             frames.value(frame, "id") and frames.value(frame, "chunk_seq") == options["lost_chunk"]
         )
-        return () if lost else ((0.0, frame),)
+        if lost:
+            return ()
+        return ((0.0, frame),)
 
     return Effect(begin=begin, advance=advance, alter=alter)
 

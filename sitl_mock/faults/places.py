@@ -122,7 +122,10 @@ def _origin_jump(inputs: EffectInputs) -> Effect:
     effect = _repeated(inputs.vehicle, "GPS_GLOBAL_ORIGIN")
 
     def alter(_now_s: float, frame: bytes) -> Delayed:
-        changes = on_earth(frame, by_m) if frames.message_id(frame) == _ORIGIN else {}
+        if frames.message_id(frame) == _ORIGIN:
+            changes = on_earth(frame, by_m)
+        else:
+            changes = {}
         return ((0.0, frames.changed(frame, changes, signing.secret_key) if changes else frame),)
 
     effect.alter = alter
@@ -161,7 +164,10 @@ def _velocity_lie(inputs: EffectInputs) -> Effect:
     by_m_s = vector(inputs)
 
     def alter(_now_s: float, frame: bytes) -> Delayed:
-        fields = frames.layout(frames.message_id(frame)) if frames.message_id(frame) >= 0 else {}
+        if frames.message_id(frame) >= 0:
+            fields = frames.layout(frames.message_id(frame))
+        else:
+            fields = {}
         if "vx" not in fields:
             return ((0.0, frame),)
         units = 100.0 if fields["vx"].whole else 1.0  # cm/s in whole numbers

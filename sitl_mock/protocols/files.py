@@ -268,4 +268,6 @@ class LogProtocol:
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:  # noqa: ARG002 - a Piece
         """Take LOG_REQUEST_LIST; requests for log data are not answered."""
-        return [NO_LOG] if message.get_type() == "LOG_REQUEST_LIST" else []
+        if message.get_type() == "LOG_REQUEST_LIST":
+            return [NO_LOG]
+        return []

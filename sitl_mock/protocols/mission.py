@@ -75,7 +75,9 @@ class MissionProtocol:
     def handle(self, now_s: float, message: Message) -> list[Reply]:
         """Take any message of the mission protocol."""
         handler = self._handlers.get(message.get_type())
-        return [] if handler is None else handler(now_s, message)
+        if handler is None:
+            return []
+        return handler(now_s, message)
 
     def advance(self, now_s: float) -> list[Reply]:
         """Request a missing item again, or give up the upload."""

@@ -184,22 +184,15 @@ class MissionUpload:
         transfer = self._transfer
         partner = source_of(message)
         if transfer is None:
-            repeated = self._finished == _Finished(message.mission_type, partner, message.seq)
-            return (
-                [acknowledge(partner, MissionResult.ACCEPTED, message.mission_type)]
-                if repeated
-                else []
-            )
+            return self._repeated(message)
         if partner != transfer.partner or message.mission_type != transfer.kind:
             return []
         self._heard(now_s, transfer)
         if message.seq != transfer.wanted:  # repeated or early: requested again in its turn
             wrong = message.seq > transfer.last
-            return (
-                [acknowledge(partner, MissionResult.INVALID_SEQUENCE, transfer.kind)]
-                if wrong
-                else []
-            )
+            if wrong:
+                return [acknowledge(partner, MissionResult.INVALID_SEQUENCE, transfer.kind)]
+            return []
         item = read_item(message)
         fault = item_fault(transfer.kind, item, self._rules.commands)
         if fault is not MissionResult.ACCEPTED:
@@ -211,6 +204,13 @@ class MissionUpload:
             if transfer.wanted <= transfer.last
             else self._finish(transfer)
         )
+
+    def _repeated(self, message: Message) -> list[Reply]:
+        """Acknowledge the last item of an upload that is finished once more: its answer was lost."""
+        partner = source_of(message)
+        if self._finished != _Finished(message.mission_type, partner, message.seq):
+            return []
+        return [acknowledge(partner, MissionResult.ACCEPTED, message.mission_type)]
 
     def cancel(self, message: Message) -> None:
         """Take a client's MISSION_ACK, which cancels the upload."""
@@ -229,10 +229,12 @@ class MissionUpload:
         if now_s - transfer.heard_s >= self._rules.timeout_s:
             self._end()
             answer = acknowledge(transfer.partner, MissionResult.OPERATION_CANCELLED, transfer.kind)
-            return [answer] if self._rules.cancel_on_timeout else []
-        return (
-            self._ask(now_s, transfer) if now_s - transfer.asked_s >= self._rules.resend_s else []
-        )
+            if self._rules.cancel_on_timeout:
+                return [answer]
+            return []
+        if now_s - transfer.asked_s >= self._rules.resend_s:
+            return self._ask(now_s, transfer)
+        return []
 
     def _begin(self, now_s: float, transfer: _Transfer) -> list[Reply]:
         self._transfer = transfer
@@ -256,7 +258,10 @@ class MissionUpload:
         if fault is MissionResult.ACCEPTED:
             self._plans.set_plan(transfer.kind, plan_items)
             self._finished = _Finished(transfer.kind, transfer.partner, transfer.last)
-        texts = _REFUSED if fault is MissionResult.ERROR else ()
+        if fault is MissionResult.ERROR:
+            texts = _REFUSED
+        else:
+            texts = ()
         return [*texts, acknowledge(transfer.partner, fault, transfer.kind)]
 
     def _end(self) -> None:

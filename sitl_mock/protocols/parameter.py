@@ -286,7 +286,9 @@ class ParameterProtocol:
         if kind == "PARAM_REQUEST_LIST":
             self._next_index = 0
             self._next_s = now_s
-            return [self._hash_reply()] if self._rules.hash_check else []
+            if self._rules.hash_check:
+                return [self._hash_reply()]
+            return []
         return []
 
     def advance(self, now_s: float) -> list[Reply]:
@@ -305,11 +307,15 @@ class ParameterProtocol:
         index = message.param_index
         if index >= 0:
             names = self._store.names
-            return [_value(self._store, self._rules, names[index])] if index < len(names) else []
+            if index < len(names):
+                return [_value(self._store, self._rules, names[index])]
+            return []
         name = message.param_id
         if name == HASH_NAME and self._rules.hash_check:
             return [self._hash_reply()]
-        return [named(self._store, self._rules, name)] if name in self._store.definitions else []
+        if name in self._store.definitions:
+            return [named(self._store, self._rules, name)]
+        return []
 
     def _set(self, message: Message) -> list[Reply]:
         name = message.param_id
@@ -345,7 +351,9 @@ class ParameterProtocol:
 def named(store: ParameterStore, rules: ParameterRules, name: str) -> Reply:
     """Return PARAM_VALUE for a name, as an answer or as an unsolicited update."""
     reply = _value(store, rules, name)
-    return (*reply[:-1], NO_INDEX) if rules.index_only_in_lists else reply
+    if rules.index_only_in_lists:
+        return (*reply[:-1], NO_INDEX)
+    return reply
 
 
 def _value(store: ParameterStore, rules: ParameterRules, name: str) -> Reply:

@@ -99,11 +99,11 @@ class Session:
         **pieces: Piece,
     ) -> None:
         self._ids = (system_id, component_id)
-        self._own_id_only = frozenset(kind for name in own_id_only for kind in MESSAGES[name])
+        self._own_id_only = frozenset[str]().union(*(MESSAGES[name] for name in own_id_only))
         self._late = [piece for piece in pieces.values() if isinstance(piece, LatePiece)]
-        self._by_message = {
-            kind: piece for name, piece in pieces.items() for kind in MESSAGES[name]
-        }
+        self._by_message: dict[str, Piece] = {}
+        for name, piece in pieces.items():
+            self._by_message |= dict.fromkeys(MESSAGES[name], piece)
 
     def handle(self, now_s: float, message: Message) -> list[Reply] | None:
         """Take one message; None if no protocol handles it, [] if it is for another vehicle."""

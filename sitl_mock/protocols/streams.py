@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from heapq import heapify, heapreplace
+from itertools import chain
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.mavlink import SPEC_BY_ID, Message
@@ -77,7 +78,11 @@ class Streams:
 
     def is_due(self, now_s: float) -> bool:
         """True if there is a message to send."""
-        return not self._started or (bool(self._queue) and self._queue[0][0] <= now_s + SLACK_S)
+        if not self._started:
+            return True
+        if not self._queue:
+            return False
+        return self._queue[0][0] <= now_s + SLACK_S
 
     def due(self, now_s: float) -> list[str]:
         """Return the names of the messages to send now, each at most once."""
@@ -140,9 +145,11 @@ class Streams:
             start: Send the messages (true) or silence them.
         """
         groups = self.rules.groups
-        chosen = groups.values() if stream == ALL_STREAMS else (groups.get(stream, ()),)
+        chosen = list(groups.values())
+        if stream != ALL_STREAMS:
+            chosen = [groups.get(stream, ())]
         interval_s = 1.0 / rate_hz if start and rate_hz > 0 else None
-        for name in dict.fromkeys(name for group in chosen for name in group):
+        for name in dict.fromkeys(chain.from_iterable(chosen)):
             if name in self._offered and name not in self.rules.fixed:
                 self._set(now_s, name, interval_s)
 

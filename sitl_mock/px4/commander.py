@@ -224,7 +224,8 @@ class Px4:
             if self.mode != "TERMINATION":
                 self.enter(self.intention)
             return
-        self.pilot_counts = self.pilot_counts or Need.PILOT in self.met_needs
+        if not self.pilot_counts:
+            self.pilot_counts = Need.PILOT in self.met_needs
         self._pilot_takes_over(now_s)
         action, new = self.failsafes.update(
             now_s,
@@ -275,7 +276,8 @@ class Px4:
         sticks = Need.PILOT in self.met_needs and not math.isfinite(self.state.pilot.radio_s)
         if sticks and not self._sticks_known and self.intention == "HOLD":
             self.intention = "POSCTL"
-        self._sticks_known = self._sticks_known or sticks
+        if not self._sticks_known:
+            self._sticks_known = sticks
 
     def enter(self, mode: str) -> None:
         """Start flying a mode."""
@@ -291,7 +293,7 @@ class Px4:
             if state.armed:
                 state.say(Severity.INFO, "Executing Mission")
         if mode == "FOLLOW":
-            home = state.home_m or state.position_m
+            home = state.position_m if state.home_m is None else state.home_m
             self.plan.follow = Follow(home[2])
         state.pilot.settle()
 

@@ -134,7 +134,8 @@ def orbit(px4: Px4, now_s: float, command: Command) -> Answers:
         return REFUSED
     state = px4.state
     plan = px4.plan
-    plan.orbit = plan.orbit or Orbit(state.position_m, state.yaw_rad)
+    if not plan.orbit:
+        plan.orbit = Orbit(state.position_m, state.yaw_rad)
     if not plan.orbit.change(state, radius, speed, facing, (lat, lon, alt)):
         state.say(Severity.CRITICAL, "Orbit radius limit exceeded")
     return ACCEPTED

@@ -128,7 +128,7 @@ def _descent_m_s(state: VehicleState) -> float:
 def return_home(state: VehicleState, plan: ModePlan) -> Setpoint:
     """Climb, fly home and land; `plan.stage` is the progress."""
     if not plan.stage:
-        home = state.home_m or plan.entered_m
+        home = plan.entered_m if state.home_m is None else state.home_m
         plan.stage = "climb"
         plan.height_m = _return_height(state, home, plan)
         plan.goal_m = home

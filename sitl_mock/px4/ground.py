@@ -46,7 +46,8 @@ class LandDetector:
             self._lift_s = math.inf
         elif setpoint.kind <= Kind.IDLING:
             self._lift_s = math.inf
-            self.left = self.left and self.just_down(state)
+            if self.left:
+                self.left = self.just_down(state)
         else:
             # The thrust of Hold: the landing is not detected, and the vehicle stays armed
             if self.just_down(state):

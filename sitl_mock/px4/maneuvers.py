@@ -93,7 +93,8 @@ class Orbit:
         if math.isfinite(alt):
             down = state.frame.origin.alt_amsl_m - alt
         self.centre_m = (north, east, down)
-        self._approaching = self._approaching or not self._on_circle(state)
+        if not self._approaching:
+            self._approaching = not self._on_circle(state)
         return True
 
     def fly(self, state: VehicleState, dt_s: float) -> Setpoint:
@@ -115,7 +116,10 @@ class Orbit:
 
     def _approach(self, state: VehicleState) -> Setpoint:
         north, east, away_m = self._from_centre(state)
-        unit = (north / away_m, east / away_m) if away_m > 1e-6 else (1.0, 0.0)
+        if away_m > 1e-6:
+            unit = (north / away_m, east / away_m)
+        else:
+            unit = (1.0, 0.0)
         point = (
             self.centre_m[0] + unit[0] * self.radius_m,
             self.centre_m[1] + unit[1] * self.radius_m,
@@ -130,7 +134,12 @@ class Orbit:
         step = float(state.parameters["MPC_ACC_HOR"]) * dt_s
         self._around_m_s += min(max(self.speed_m_s - self._around_m_s, -step), step)
         north, east, away_m = self._from_centre(state)
-        n, e = (north / away_m, east / away_m) if away_m > 1e-6 else (1.0, 0.0)
+        if away_m > 1e-6:
+            n = north / away_m
+            e = east / away_m
+        else:
+            n = 1.0
+            e = 0.0
         outward = self.radius_m - away_m
         inward_m_s2 = self._around_m_s**2 / self.radius_m
         yaw, rate = self._heading(n, e)
@@ -191,7 +200,10 @@ class Follow:
         if seen is None:
             return Setpoint(Kind.BRAKE)
         age_s = state.now_s - seen.at_s
-        velocity = seen.velocity_m_s if age_s < _STALE_S else (0.0, 0.0, 0.0)
+        if age_s < _STALE_S:
+            velocity = seen.velocity_m_s
+        else:
+            velocity = (0.0, 0.0, 0.0)
         carried_s = min(age_s, _STALE_S)
         here = (
             seen.position_m[0] + seen.velocity_m_s[0] * carried_s,

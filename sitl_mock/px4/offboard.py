@@ -93,8 +93,10 @@ def _followable(position: Vector, velocity: Vector, acceleration: Vector) -> boo
         return False
     if finite(velocity[0] + velocity[2]):
         return True
-    level = finite(position[0]) or finite(velocity[0]) or finite(acceleration[0])
-    return level and (finite(position[2]) or finite(velocity[2]) or finite(acceleration[2]))
+    vectors = (position, velocity, acceleration)
+    level = any(finite(vector[0]) for vector in vectors)
+    vertical = any(finite(vector[2]) for vector in vectors)
+    return level and vertical
 
 
 def _paired(vector: Vector) -> bool:

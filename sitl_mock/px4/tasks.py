@@ -203,7 +203,10 @@ def _level(
     push_n, push_e, _ = turned(
         (stick[0] / size * accel, stick[1] / size * accel, 0.0), state.yaw_rad
     )
-    n, e = plan.stick_m_s or state.velocity_m_s[:2]
+    if plan.stick_m_s is None:
+        n, e, _ = state.velocity_m_s
+    else:
+        n, e = plan.stick_m_s
     a_n = push_n - accel / fast * n
     a_e = push_e - accel / fast * e
     plan.stick_m_s = (n + a_n * dt_s, e + a_e * dt_s)

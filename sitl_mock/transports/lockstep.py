@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import select
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sitl_mock.mavlink import Decoder
@@ -181,7 +182,8 @@ def run_lockstep(
     ready: Collection[int] = ()
     while not stop(ready):
         lockstep.cycle(ready)
-        sources = [*watched, *(fileno for endpoint in endpoints for fileno in endpoint.filenos())]
+        filenos = (endpoint.filenos() for endpoint in endpoints)
+        sources = [*watched, *chain.from_iterable(filenos)]
         ready, _, _ = select.select(sources, [], [], HELLO_S)
         if not ready:
             lockstep.say_hello()

@@ -5,6 +5,7 @@ import select
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Final, NamedTuple, Protocol
 
 from sitl_mock.autopilot import TICK_S
@@ -148,6 +149,7 @@ def run(
     ready: Collection[int] = ()
     while not stop(ready):
         loop.cycle(ready)
-        sources = [*watched, *(fileno for endpoint in endpoints for fileno in endpoint.filenos())]
+        filenos = (endpoint.filenos() for endpoint in endpoints)
+        sources = [*watched, *chain.from_iterable(filenos)]
         # Not poll: too coarse for 100 Hz
         ready, _, _ = select.select(sources, [], [], loop.wait_s())

@@ -53,7 +53,10 @@ class UdpEndpoint:
             for name, (own, target) in ports.items():
                 self._sockets[name] = _bound(own, any_if_taken=any_if_taken)
                 self._readable.register(self._sockets[name], selectors.EVENT_READ, name)
-                self._fixed[name] = (_HOST, target) if target else None
+                if target:
+                    self._fixed[name] = (_HOST, target)
+                else:
+                    self._fixed[name] = None
                 self._peers[name] = {}
         except TransportError:
             self.close()

@@ -53,7 +53,12 @@ def configuration(
         connect: Whether it connects there instead of listening.
         keys: Who we are (`read_keys`).
     """
-    listens, connects = ([], [endpoint]) if connect else ([endpoint], [])
+    if connect:
+        listens = []
+        connects = [endpoint]
+    else:
+        listens = [endpoint]
+        connects = []
     return zenoh.Config.from_json5(
         json.dumps(
             {
