@@ -9,45 +9,51 @@ least margin is on the edge of the shape. A shape is covered by its straight edg
   pursuer. In other games the line is searched in small intervals then.
 * **On a circle** the same holds for the part that the evader sees, with angles for lengths.
 
-In each interval the zero of the slope is found by the secant method within a bracket. The slope has no unit of length,
-so the precision does not depend on the size of the shape.
+The first position that is tried for the minimum is that of the point nearest to the centre of Apollonius' circle. It is
+the right one where the margin is zero.
+
+A capture radius changes nothing where the pursuer cannot capture now: it shortens all of the pursuer's ways. Where it
+can, only the evader's time counts, and the nearest point of the shape is in most danger; see `tad`.
 """
 
 import math
-from functools import partial
-from typing import NamedTuple, TypeAlias
+from functools import lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
 from guidance.game.arrays import (
+    NUMPY,
+    Array,
     Library,
     Plane,
     Real,
+    Record,
     Truth,
+    along2,
     cross2,
     dot2,
     in_plane,
+    mapped,
     pair_length,
     plus2,
     times2,
+)
+from guidance.game.brackets import (
+    NOWHERE,
+    Bracket,
+    Pose,
+    Spot,
+    least_within,
+    lesser_spot,
+    scanned,
 )
 from guidance.game.extent import Extent
 from guidance.game.game import STILL, Game, least_square_in_hand
 from guidance.game.meeting_times import ball_time
 from guidance.game.pe import Geometry
 from guidance.game.records import in_rows, is_zero
-
-STEEP = 1e-7
-"""Slope of the margin, times v, that counts as zero: the margin is then right to 1e-14 of the time of the run."""
-
-STEPS = 80
-"""Most steps to a point of zero slope; Newton's method needs four, the secant method seven."""
-
-TOGETHER = 4
-"""Steps of all rows, before the rows that need more go on by themselves."""
-
-TRACED_STEPS = 16
-"""Steps for libraries that trace and cannot stop early."""
+from guidance.game.sight import SeenArc, SeenLine
 
 WIND_STEPS = 8
 """Newton steps to the time in which a stand-off disc is reached in wind; three are usual."""
@@ -58,18 +64,11 @@ CLOSE = 1e-14
 TRIES = 20
 """Intervals of a line that are searched in games with more than the paper's, if there may be several minima."""
 
-SEEN = tuple(
-    sign * share
-    for sign, shares in (
-        (-1.0, (1.0, 0.88, 0.72, 0.56, 0.42, 0.3, 0.2, 0.12, 0.05)),
-        (1.0, (0.0, 0.05, 0.12, 0.2, 0.3, 0.42, 0.56, 0.72, 0.88, 1.0)),
-    )
-    for share in shares
-)
+SEEN = (0.0, 0.05, 0.12, 0.2, 0.3, 0.42, 0.56, 0.72, 0.88, 1.0)
 """Positions that are tried on a circle, over that of its edge as the evader sees it."""
 
 TRIED = 0.3
-"""First position on a line behind the evader's foot, over the farthest."""
+"""First position on a line behind the evader's foot in games with more than the paper's, over the farthest."""
 
 LEAST = 1e-6
 """Least square of the pursuer's distance from a line, over that of the evader's."""
@@ -114,7 +113,7 @@ class Rivals(NamedTuple):
 
 
 class Line(NamedTuple):
-    """A straight edge, with the shape on its left; positions on it are metres from its begin.
+    """A straight edge, with the shape on its left; in arrays along the first axis it is several.
 
     Attributes:
         begin: from the target's position, m.
@@ -126,18 +125,14 @@ class Line(NamedTuple):
     begin: Plane
     along: Plane
     length: Real
-    is_open: bool
+    is_open: Truth
 
 
 class Arc(NamedTuple):
-    """A circle, m; positions on it are tangents of half the angle from `ahead`, the direction to the evader."""
+    """A circle around a corner, m; in arrays along the first axis it is several."""
 
     centre: Plane
-    ahead: Plane
     radius: Real
-
-
-Piece: TypeAlias = Line | Arc
 
 
 class Point(NamedTuple):
@@ -148,35 +143,60 @@ class Point(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """The margin at a point, s, the gradients of the evader's and the pursuer's time, s/m, and their ways, m."""
+    """The margin at a point, s, and its gradient, s/m."""
 
     margin: Real
-    arrives: Plane
-    guards: Plane
-    run: Real
-    flight: Real
+    gradient: Plane
 
 
-class Pose(NamedTuple):
-    """A point of a piece, the slope of the margin along the piece, s/m, and the rate of the slope by the position.
+class FollowedLine(NamedTuple):
+    """A straight edge in any game; positions are metres from its begin."""
 
-    The rate is None in games with more than the paper's.
-    """
+    line: Line
+    rivals: Rivals
 
-    point: Point
-    slope: Real
-    bend: Real | None
+    @property
+    def v(self) -> Real:
+        """Speed of the evader, m/s."""
+        return self.rivals.v
+
+    def at(self, position: Real) -> Plane:
+        """Return a point of the edge, from the target's position, m."""
+        return plus2(self.line.begin, position, self.line.along)
+
+    def pose(self, xp: Library, position: Real) -> Pose:
+        """Return the margin at a position and its slope."""
+        judged = _judged(xp, self.rivals, self.at(position))
+        return Pose(judged.margin, dot2(judged.gradient, self.line.along), None)
 
 
-class Bracket(NamedTuple):
-    """An interval of a piece, and the slopes at its ends, of which the first is negative and the second positive."""
+class FollowedArc(NamedTuple):
+    """A circle in any game; positions are tangents of half the angle from `ahead`, the direction to the evader."""
 
-    low: Real
-    high: Real
-    falling: Real
-    rising: Real
-    trial: Real
-    """The first position to try."""
+    arc: Arc
+    ahead: Plane
+    rivals: Rivals
+
+    @property
+    def v(self) -> Real:
+        """Speed of the evader, m/s."""
+        return self.rivals.v
+
+    def outward(self, position: Real) -> Plane:
+        """Return the direction from the centre."""
+        scale = 1.0 / (1.0 + position * position)
+        turn = ((1.0 - position * position) * scale, (position + position) * scale)
+        return in_plane(self.ahead, turn)
+
+    def at(self, position: Real) -> Plane:
+        """Return a point of the edge, from the target's position, m."""
+        return plus2(self.arc.centre, self.arc.radius, self.outward(position))
+
+    def pose(self, xp: Library, position: Real) -> Pose:
+        """Return the margin at a position and its slope."""
+        outward = self.outward(position)
+        judged = _judged(xp, self.rivals, plus2(self.arc.centre, self.arc.radius, outward))
+        return Pose(judged.margin, cross2(outward, judged.gradient), None)
 
 
 def rivals_of(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Rivals:
@@ -192,6 +212,13 @@ def rivals_of(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Riv
         xp, game.standoff.radius_m, game.capture_radius_m, state.z
     )
     v = game.evader_speed_m_s
+    lag = v * game.information_age_s
+    wind = None if game.calm else game.wind_m_s
+    drift = None if game.target_velocity_m_s == STILL else game.target_velocity_m_s
+    if wind is None and drift is None and is_zero(radius):
+        # The margin at every point, where no capture is possible now, changes by the same
+        capture = 0.0
+        lag = 0.0
     hand = least_square_in_hand(game)
     evader = (-to_target[0], -to_target[1])
     return Rivals(
@@ -200,12 +227,12 @@ def rivals_of(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Riv
         capture=capture,
         radius=radius,
         z=z,
-        lag=v * game.information_age_s,
+        lag=lag,
         reach=v / xp.sqrt(hand),
         evader=evader,
         pursuer=plus2(evader, -1.0, state.to_evader),
-        wind=None if game.calm else game.wind_m_s,
-        drift=None if game.target_velocity_m_s == STILL else game.target_velocity_m_s,
+        wind=wind,
+        drift=drift,
     )
 
 
@@ -217,43 +244,85 @@ def most_in_danger(xp: Library, extent: Extent, rivals: Rivals) -> Plane:
         extent: the shape, which is no point; the evader is outside.
         rivals: both players.
     """
-    corners = extent.corners_m
-    sides = _sides(corners)
+    points = []
+    lines = _several(xp, _lines(extent), rivals)
     if extent.radius_m > 0.0:
-        best = _around(xp, extent.radius_m, corners[0], rivals)
-        for corner in corners[1:]:
-            best = _lesser(xp, best, _around(xp, extent.radius_m, corner, rivals))
-        for begin, end in sides:
-            line = _line(begin, end, extent.radius_m)
+        for arc in _several(xp, _arcs(extent), rivals):
+            points.extend(_each(xp, extent, _around(xp, arc, rivals)))
+        for line in lines:
             last = plus2(line.begin, line.length, line.along)
             ends = (_judged(xp, rivals, line.begin), _judged(xp, rivals, last))
-            best = _along(xp, line, ends, rivals, best)
-        return best.at
-    judged = [_judged(xp, rivals, corner) for corner in corners]
-    best = _corner(corners[0], judged[0])
-    for corner, corner_margin in zip(corners[1:], judged[1:], strict=True):
-        best = _lesser(xp, best, _corner(corner, corner_margin))
-    # A segment has one line.
-    for index, (begin, end) in enumerate(sides if len(corners) > 2 else sides[:1]):
-        ends = (judged[index], judged[(index + 1) % len(corners)])
-        line = _line(begin, end, 0.0, is_open=len(corners) == 2)
-        best = _along(xp, line, ends, rivals, best)
+            points.extend(_each(xp, extent, _along(xp, line, ends, rivals)))
+    else:
+        corners = _several(xp, extent.corners_m, rivals)
+        judged = [_judged(xp, rivals, corner) for corner in corners]
+        for corner, margin in zip(corners, judged, strict=True):
+            points.extend(_each(xp, extent, _corner(xp, corner, margin)))
+        for line, ends in zip(lines, _ends(judged), strict=False):
+            points.extend(_each(xp, extent, _along(xp, line, ends, rivals)))
+    best = points[0]
+    for point in points[1:]:
+        best = _lesser(xp, best, point)
     return best.at
 
 
-def _sides(corners: tuple[tuple[float, float], ...]) -> list[tuple[Plane, Plane]]:
-    """Return begin and end of each side, counterclockwise; a segment has two."""
+@lru_cache(maxsize=64)
+def _lines(extent: Extent) -> tuple[Line, ...]:
+    """Return the straight edges, counterclockwise; a segment has one, which is seen from both sides."""
+    corners = extent.corners_m
+    is_open = len(corners) == 2 and extent.radius_m == 0.0
+    lines: list[Line] = []
     if len(corners) == 1:
+        return ()
+    for begin, end in zip(corners, corners[1:] + corners[:1], strict=True):
+        side = plus2(end, -1.0, begin)
+        length = math.hypot(*side)
+        along = (side[0] / length, side[1] / length)
+        outward = (along[1], -along[0])
+        lines.append(Line(plus2(begin, extent.radius_m, outward), along, length, is_open))
+    return tuple(lines[:1] if is_open else lines)
+
+
+def _arcs(extent: Extent) -> tuple[Arc, ...]:
+    """Return the circles around the corners."""
+    return tuple(Arc(corner, extent.radius_m) for corner in extent.corners_m)
+
+
+def _several(xp: Library, pieces: tuple[Record, ...], rivals: Rivals) -> list[Record]:
+    """Return pieces as records to go through; with NumPy all of them as one, along the first axis of arrays."""
+    if xp is not NUMPY or len(pieces) < 3:
+        return list(pieces)
+    return [_as_one(pieces, np.ndim(rivals.evader[0]))]
+
+
+@lru_cache(maxsize=64)
+def _as_one(pieces: tuple[Record, ...], dimensions: int) -> Record:
+    def array(*numbers: Real) -> Real:
+        return np.array(numbers).reshape(-1, *(1,) * dimensions)
+
+    return mapped(array, *pieces)
+
+
+def _each(xp: Library, extent: Extent, point: Point) -> list[Point]:
+    """Return the points of pieces that were one record, see `_several`."""
+    count = len(extent.corners_m)
+    if xp is not NUMPY or count < 3:
+        return [point]
+    if point.margin is NOWHERE.margin:
         return []
-    return list(zip(corners, corners[1:] + corners[:1], strict=True))
+    x: Array = point.at[0]
+    y: Array = point.at[1]
+    margin: Array = point.margin
+    return [Point((x[number], y[number]), margin[number]) for number in range(count)]
 
 
-def _line(begin: Plane, end: Plane, outward: float, *, is_open: bool = False) -> Line:
-    """Return a side, moved outward."""
-    side = plus2(end, -1.0, begin)
-    length = math.hypot(*side)
-    along = (side[0] / length, side[1] / length)
-    return Line(plus2(begin, outward, (along[1], -along[0])), along, length, is_open)
+def _ends(judged: list[Judged]) -> list[tuple[Judged, Judged]]:
+    """Return the begin and the end of each line from the corners."""
+    if len(judged) > 1:
+        return list(zip(judged, judged[1:] + judged[:1], strict=True))
+    gradient = judged[0].gradient
+    after = (np.roll(gradient[0], -1, axis=0), np.roll(gradient[1], -1, axis=0))
+    return [(judged[0], Judged(np.roll(judged[0].margin, -1, axis=0), after))]
 
 
 def _lesser(xp: Library, best: Point, rival: Point) -> Point:
@@ -272,17 +341,17 @@ def _judged(xp: Library, rivals: Rivals, at: Plane) -> Judged:
         length = xp.norm2(run)
         arrival = (length - rivals.lag) / rivals.v
         later = times2(1.0 / (rivals.v * xp.select(length > 0.0, length, 1.0)), run)
-        guard, guarded, distance = _guard(xp, rivals, plus2(at, -1.0, rivals.pursuer))
-        return Judged(arrival - guard, later, guarded, length, distance)
+        guard, guarded = _guard(xp, rivals, plus2(at, -1.0, rivals.pursuer))
+        return Judged(arrival - guard, plus2(later, -1.0, guarded))
     arrival = _arrival(xp, rivals, run, drift)
     run = plus2(run, arrival, drift)
     length = xp.norm2(run)
     rate = rivals.v * length - dot2(run, drift)
     later = times2(1.0 / xp.select(rate > 0.0, rate, 1.0), run)
     met = plus2(plus2(at, -1.0, rivals.pursuer), arrival, drift)
-    guard, guarded, distance = _guard(xp, rivals, met)
+    guard, guarded = _guard(xp, rivals, met)
     guarded = plus2(guarded, dot2(guarded, drift), later)
-    return Judged(arrival - guard, later, guarded, length, distance)
+    return Judged(arrival - guard, plus2(later, -1.0, guarded))
 
 
 def _arrival(xp: Library, rivals: Rivals, run: Plane, drift: Plane) -> Real:
@@ -293,8 +362,8 @@ def _arrival(xp: Library, rivals: Rivals, run: Plane, drift: Plane) -> Real:
     return ball_time(xp, hand, half, dot2(run, run) - rivals.lag * rivals.lag)[0]
 
 
-def _guard(xp: Library, rivals: Rivals, away: Plane) -> tuple[Real, Plane, Real]:
-    """Return the time until the pursuer could capture an evader at a place, s, its gradient, and the way, m.
+def _guard(xp: Library, rivals: Rivals, away: Plane) -> tuple[Real, Plane]:
+    """Return the time until the pursuer could capture an evader at a place, s, and its gradient.
 
     The time is zero if it can now.
     """
@@ -305,14 +374,14 @@ def _guard(xp: Library, rivals: Rivals, away: Plane) -> tuple[Real, Plane, Real]
         time = (distance - rivals.capture) / u
         guarded = times2(1.0 / u, towards)
         if is_zero(rivals.capture) and is_zero(rivals.radius):
-            return time, guarded, distance
+            return time, guarded
     else:
         time = _guard_in_wind(xp, rivals, away, wind)
         distance, towards = _to_disc(xp, rivals, plus2(away, -time, wind))
         guarded = times2(1.0 / (u + dot2(towards, wind)), towards)
     later = time > 0.0
     guarded = xp.select2(later, guarded, times2(0.0, guarded))
-    return xp.select(later, time, 0.0 * time), guarded, distance
+    return xp.select(later, time, 0.0 * time), guarded
 
 
 def _guard_in_wind(xp: Library, rivals: Rivals, away: Plane, wind: Plane) -> Real:
@@ -343,117 +412,171 @@ def _to_disc(xp: Library, rivals: Rivals, away: Plane) -> tuple[Real, Plane]:
     return distance, times2(short / xp.select(product > 0.0, product, 1.0), away)
 
 
-def _corner(at: Plane, judged: Judged) -> Point:
+def _corner(xp: Library, at: Plane, judged: Judged) -> Point:
+    if not xp.differentiates:
+        return Point(at, judged.margin)
     nothing = 0.0 * judged.margin
     return Point((at[0] + nothing, at[1] + nothing), judged.margin)
 
 
-def _place(piece: Piece, position: Real) -> tuple[Plane, Plane]:
-    """Return a point of a piece, and the direction in which it moves there."""
-    if isinstance(piece, Line):
-        return plus2(piece.begin, position, piece.along), piece.along
-    scale = 1.0 / (1.0 + position * position)
-    turn = ((1.0 - position * position) * scale, (position + position) * scale)
-    outward = in_plane(piece.ahead, turn)
-    return plus2(piece.centre, piece.radius, outward), (-outward[1], outward[0])
-
-
-def _on(xp: Library, piece: Piece, position: Real, rivals: Rivals) -> Pose:
-    """Return a point of a piece, and how the margin changes along the piece."""
-    at, along = _place(piece, position)
-    judged = _judged(xp, rivals, at)
-    arrives = dot2(judged.arrives, along)
-    guards = dot2(judged.guards, along)
-    slope = arrives - guards
-    if not rivals.plain:
-        return Pose(Point(at, judged.margin), slope, None)
-    across = (rivals.v * arrives, rivals.u * guards)
-    run = (1.0 - across[0] * across[0]) / (rivals.v * judged.run)
-    flight = (1.0 - across[1] * across[1]) / (rivals.u * judged.flight)
-    bend = run - flight
-    if isinstance(piece, Arc):
-        # Towards the centre, by a right angle from the direction of the piece
-        inward = (-along[1], along[0])
-        gradient = plus2(judged.arrives, -1.0, judged.guards)
-        bend = bend + dot2(gradient, inward) / piece.radius
-        bend = 2.0 * piece.radius / (1.0 + position * position) * bend
-    return Pose(Point(at, judged.margin), slope, bend)
-
-
-def _along(
-    xp: Library, line: Line, ends: tuple[Judged, Judged], rivals: Rivals, best: Point
-) -> Point:
-    """Return the least of a line's points and the best so far; the shape lies to the left of the line.
+def _along(xp: Library, line: Line, ends: tuple[Judged, Judged], rivals: Rivals) -> Point:
+    """Return the least margin within a line, with a margin of infinity where the least is at an end.
 
     Args:
         xp: array library.
         line: a straight edge.
         ends: its begin and end.
         rivals: both players.
-        best: the best so far, which counts the line's ends.
     """
-    first, last = (dot2(plus2(end.arrives, -1.0, end.guards), line.along) for end in ends)
-    from_begin = plus2(rivals.evader, -1.0, line.begin)
-    foot = dot2(from_begin, line.along)
-    outside = cross2(from_begin, line.along)
-    apart = abs(outside)
-    to_pursuer = plus2(rivals.pursuer, -1.0, line.begin)
-    passed = dot2(to_pursuer, line.along)
-    beside = abs(cross2(line.along, to_pursuer))
-    forward = passed >= foot
-    window = rivals.reach * apart
-    bracket = Bracket(
-        low=0.0 * foot,
-        high=0.0 * foot + line.length,
-        falling=first,
-        rising=last,
-        trial=xp.select(forward, foot - TRIED * window, foot + TRIED * window),
-    )
+    slopes = (dot2(ends[0].gradient, line.along), dot2(ends[1].gradient, line.along))
+    outside = cross2(plus2(rivals.evader, -1.0, line.begin), line.along)
+    beside = cross2(line.along, plus2(rivals.pursuer, -1.0, line.begin))
     # From the inside of an edge, others are closer. A segment is seen from both sides.
     visible = (outside > 0.0) | line.is_open
-    enclosed = visible & (first < 0.0) & (last > 0.0)
-    best = _lesser(xp, best, _bracketed(xp, line, bracket, rivals, (enclosed, best)))
-    near = visible & _is_near(xp, rivals, apart, beside)
-    places = (foot, passed, apart, beside)
-    return _lesser(
-        xp, best, in_rows(near, best, partial(_both_sides, xp), line, places, rivals, best)
-    )
+    enclosed = visible & (slopes[0] < 0.0) & (slopes[1] > 0.0)
+    near = visible & _is_near(xp, rivals, abs(outside), abs(beside))
+    if not rivals.plain:
+        return _followed(xp, line, slopes, rivals, (enclosed, near))
+    nowhere = Point((0.0, 0.0), NOWHERE.margin)
+    point = in_rows(enclosed | near, nowhere, partial(_seen, xp), line, slopes, near, rivals)
+    return xp.select_all(enclosed | near, point, nowhere) if xp.differentiates else point
 
 
-def _both_sides(
-    xp: Library, line: Line, places: tuple[Real, Real, Real, Real], rivals: Rivals, best: Point
-) -> Point:
-    """Return the least margin on both sides of a pursuer close to a line, or the best so far.
+def _seen(xp: Library, line: Line, slopes: tuple[Real, Real], near: Truth, rivals: Rivals) -> Point:
+    """Return the least margin within a line in the paper's game.
 
     Args:
         xp: array library.
         line: the line.
-        places: the positions of the evader's and of the pursuer's foot, and the distances of both, m.
+        slopes: of the margin at its begin and end, s/m.
+        near: whether there may be a second minimum behind the pursuer.
         rivals: both players.
-        best: the best so far.
     """
-    foot, passed, apart, beside = places
-    forward = passed >= foot
-    if not rivals.plain:
-        window = 2.0 * rivals.reach * apart + rivals.radius
-        low = _held(xp, xp.select(forward, foot, passed) - window, line.length)
-        high = _held(xp, xp.select(forward, passed, foot) + window, line.length)
-        tried = [low + (number / TRIES) * (high - low) for number in range(TRIES + 1)]
-        every = (0.0 * foot, *tried, 0.0 * foot + line.length)
-        return _scanned(xp, line, every, rivals, best)
+    from_begin = plus2(rivals.evader, -1.0, line.begin)
+    to_pursuer = plus2(rivals.pursuer, -1.0, line.begin)
+    foot = dot2(from_begin, line.along)
+    ahead = dot2(to_pursuer, line.along) - foot
+    apart = cross2(from_begin, line.along)
+    beside = cross2(line.along, to_pursuer)
+    forward = ahead >= 0.0
     sign = xp.select(forward, 0.0 * foot + 1.0, 0.0 * foot - 1.0)
-    step = sign * _behind(xp, rivals, abs(passed - foot), apart, beside)
-    turning = _held(xp, passed + step, line.length)
-    rate = sign * _on(xp, line, turning, rivals).slope
+    course = SeenLine(
+        u=rivals.u,
+        v=rivals.v,
+        apart_square=apart * apart,
+        between=abs(ahead),
+        height_square=beside * beside + rivals.z * rivals.z,
+    )
+    hand = (rivals.u - rivals.v) * (rivals.u + rivals.v)
+    bracket = Bracket(
+        low=xp.select(forward, -foot, foot - line.length),
+        high=xp.select(forward, line.length - foot, foot),
+        falling=xp.select(forward, slopes[0], -slopes[1]),
+        rising=xp.select(forward, slopes[1], -slopes[0]),
+        trial=(-rivals.v * rivals.v / hand) * course.between,
+    )
+    enclosed = (bracket.falling < 0.0) & (bracket.rising > 0.0)
+    spot = least_within(xp, course, bracket, enclosed)
+    spot = in_rows(near, spot, partial(_both_sides, xp), course, bracket, spot)
+    return Point(plus2(line.begin, foot + sign * spot.position, line.along), spot.margin)
 
-    def between(
-        line: Line, foot: Real, turning: Real, sign: Real, rivals: Rivals, best: Point
-    ) -> Point:
-        end = xp.select(sign > 0.0, 0.0 * foot + line.length, 0.0 * foot)
-        stops = (line.length - end, _held(xp, foot, line.length), turning, end)
-        return _scanned(xp, line, stops, rivals, best)
 
-    return in_rows(rate < 0.0, best, between, line, foot, turning, sign, rivals, best)
+def _both_sides(xp: Library, course: SeenLine, bracket: Bracket, spot: Spot) -> Spot:
+    """Return the least margin on both sides of a pursuer close to a line.
+
+    Args:
+        xp: array library.
+        course: the line.
+        bracket: the whole line.
+        spot: a minimum on it.
+    """
+    turning = course.between + _behind(xp, course)
+    turning = xp.maximum(xp.minimum(turning, bracket.high), bracket.low)
+    slope = course.pose(xp, turning).slope
+
+    def both(course: SeenLine, bracket: Bracket, turning: Real, slope: Real, spot: Spot) -> Spot:
+        nothing = 0.0 * turning
+        rising = course.pose(xp, nothing).slope
+        behind = bracket._replace(low=turning, falling=slope, trial=0.5 * (turning + bracket.high))
+        before = bracket._replace(high=nothing, rising=rising)
+        passed = least_within(xp, course, behind, behind.rising > 0.0)
+        ahead = (bracket.low < 0.0) & (bracket.high > 0.0) & (bracket.falling < 0.0)
+        other = least_within(xp, course, before, ahead & (rising > 0.0))
+        return lesser_spot(xp, lesser_spot(xp, spot, passed), other)
+
+    return in_rows(slope < 0.0, spot, both, course, bracket, turning, slope, spot)
+
+
+def _behind(xp: Library, course: SeenLine) -> Real:
+    """Return how far behind the pursuer's foot the margin falls fastest, m.
+
+    With the distances a and b of evader and pursuer from the line and D of their feet, the slope of the margin of the
+    paper's game is least where a²/(v A³) = b²/(u B³), A² = (x + D)² + a², B² = x² + b². The cube root is replaced by a
+    power of 21/64.
+    """
+    between = course.between
+    square = course.apart_square
+    height = course.height_square + LEAST * square
+    ratio = course.u * square / (course.v * xp.select(height > 0.0, height, 1.0))
+    fourth = xp.sqrt(xp.sqrt(ratio))
+    sixteenth = xp.sqrt(xp.sqrt(fourth))
+    root = fourth * sixteenth * xp.sqrt(xp.sqrt(sixteenth))
+    excess = root * root - 1.0
+    turns = excess > 0.0
+    excess = xp.select(turns, excess, 1.0)
+    half = xp.maximum(
+        between * between + excess * (between * between + square - root * root * height),
+        0.0 * between,
+    )
+    return xp.select(turns, (between + xp.sqrt(half)) / excess, 0.0 * half)
+
+
+def _followed(
+    xp: Library,
+    line: Line,
+    slopes: tuple[Real, Real],
+    rivals: Rivals,
+    judged: tuple[Truth, Truth],
+) -> Point:
+    """Return the least margin within a line in a game with more than the paper's.
+
+    Args:
+        xp: array library.
+        line: the line.
+        slopes: of the margin at its begin and end, s/m.
+        rivals: both players.
+        judged: whether the slopes enclose a minimum, and whether there may be more than one.
+    """
+    enclosed, near = judged
+    from_begin = plus2(rivals.evader, -1.0, line.begin)
+    foot = dot2(from_begin, line.along)
+    window = rivals.reach * abs(cross2(from_begin, line.along))
+    passed = dot2(plus2(rivals.pursuer, -1.0, line.begin), line.along)
+    forward = passed >= foot
+    bracket = Bracket(
+        low=0.0 * foot,
+        high=0.0 * foot + line.length,
+        falling=slopes[0],
+        rising=slopes[1],
+        trial=xp.select(forward, foot - TRIED * window, foot + TRIED * window),
+    )
+    course = FollowedLine(line, rivals)
+    spot = least_within(xp, course, bracket, enclosed)
+
+    def searched(course: FollowedLine, foot: Real, passed: Real, window: Real) -> Spot:
+        low = xp.select(passed >= foot, foot, passed) - (2.0 * window + course.rivals.radius)
+        high = xp.select(passed >= foot, passed, foot) + (2.0 * window + course.rivals.radius)
+        low = _held(xp, low, course.line.length)
+        high = _held(xp, high, course.line.length)
+        tried = [low + (number / TRIES) * (high - low) for number in range(TRIES + 1)]
+        ends = (0.0 * foot, 0.0 * foot + course.line.length)
+        return scanned(xp, course, (ends[0], *tried, ends[1]))
+
+    other = in_rows(near, NOWHERE, searched, course, foot, passed, window)
+    if xp.differentiates:
+        other = xp.select_all(near, other, NOWHERE)
+    spot = lesser_spot(xp, spot, other)
+    return Point(course.at(spot.position), spot.margin)
 
 
 def _held(xp: Library, position: Real, length: Real) -> Real:
@@ -462,34 +585,100 @@ def _held(xp: Library, position: Real, length: Real) -> Real:
     return xp.select(position < length, position, 0.0 * position + length)
 
 
-def _around(xp: Library, radius: float, corner: tuple[float, float], rivals: Rivals) -> Point:
+def _around(xp: Library, arc: Arc, rivals: Rivals) -> Point:
     """Return the point of a disc around a corner with the least margin, for an evader outside the disc."""
-    out = plus2(rivals.evader, -1.0, corner)
+    out = plus2(rivals.evader, -1.0, arc.centre)
     distance = xp.norm2(out)
-    apart = xp.maximum(distance - radius, 0.0 * distance)
-    arc = Arc(corner, xp.unit2(out, distance), radius)
-    edge = xp.sqrt(apart / (distance + radius))
-    middle = _on(xp, arc, 0.0 * distance, rivals)
-    ahead = middle.slope <= 0.0
-    # Where the evader sees the edge of the disc, the margin grows outwards at its steepest.
-    steepest = 1.0 / rivals.v
-    trial = 0.5 * xp.minimum(edge, rivals.reach * apart / radius)
+    apart = xp.maximum(distance - arc.radius, 0.0 * distance)
+    ahead = xp.unit2(out, distance)
+    edge = xp.sqrt(apart / (distance + arc.radius))
+    to_pursuer = plus2(rivals.pursuer, -1.0, arc.centre)
+    near = (apart > 0.0) & _is_near(xp, rivals, apart, abs(xp.norm2(to_pursuer) - arc.radius))
+    if not rivals.plain:
+        return _followed_around(xp, FollowedArc(arc, ahead, rivals), apart, edge, near)
+    to_pursuer = along2(ahead, to_pursuer)
+    course = SeenArc(
+        u=rivals.u,
+        v=rivals.v,
+        radius=arc.radius,
+        apart=apart,
+        pursuer=(to_pursuer[0], abs(to_pursuer[1])),
+        height_square=rivals.z * rivals.z + 0.0 * apart,
+    )
     bracket = Bracket(
-        low=xp.select(ahead, 0.0 * edge, -edge),
-        high=xp.select(ahead, edge, 0.0 * edge),
-        falling=xp.select(ahead, middle.slope, 0.0 * edge - steepest),
-        rising=xp.select(ahead, 0.0 * edge + steepest, middle.slope),
+        low=-edge,
+        high=0.0 * edge,
+        # Where the evader sees the edge of the disc, the margin grows outwards at its steepest.
+        falling=0.0 * edge - 1.0 / rivals.v,
+        rising=0.0 * edge,
+        trial=_towards_centre(xp, course),
+    )
+    spot = least_within(xp, course, bracket, apart > 0.0)
+    near = near & (_surely_convex(xp, rivals, spot.margin) == 0)
+
+    def passed(course: SeenArc, edge: Real, spot: Spot) -> Spot:
+        return lesser_spot(xp, spot, scanned(xp, course, tuple(share * edge for share in SEEN)))
+
+    spot = in_rows(near, spot, passed, course, edge, spot)
+    position = xp.select(to_pursuer[1] < 0.0, -spot.position, spot.position)
+    return Point(FollowedArc(arc, ahead, rivals).at(position), spot.margin)
+
+
+def _towards_centre(xp: Library, course: SeenArc) -> Real:
+    """Return the position towards the centre of Apollonius' circle, or zero if that is behind."""
+    lead = course.v * course.v / (course.u * course.u)
+    x = course.radius + course.apart - lead * course.pursuer[0]
+    y = -lead * course.pursuer[1]
+    total = xp.norm2((x, y)) + x
+    return xp.select(total > 0.0, y / xp.select(total > 0.0, total, 1.0), 0.0 * y)
+
+
+def _surely_convex(xp: Library, rivals: Rivals, margin: Real) -> Truth:
+    """Return whether the points with at most some margin are surely convex in the paper's game.
+
+    They are a section of a Cartesian oval of revolution, |XE|/v − |XP|/u ≤ margin, which has a dent in front of the
+    pursuer unless u v margin ≤ (u − v) |PE|.
+    """
+    to_evader = plus2(rivals.evader, -1.0, rivals.pursuer)
+    far = xp.sqrt(dot2(to_evader, to_evader) + rivals.z * rivals.z)
+    return rivals.u * rivals.v * margin <= (rivals.u - rivals.v) * far
+
+
+def _followed_around(
+    xp: Library, course: FollowedArc, apart: Real, edge: Real, near: Truth
+) -> Point:
+    """Return the least margin on a circle in a game with more than the paper's.
+
+    Args:
+        xp: array library.
+        course: the circle.
+        apart: distance of the evader from it, m.
+        edge: position of the edge that the evader sees.
+        near: whether there may be several minima.
+    """
+    rivals = course.rivals
+    nothing = 0.0 * edge
+    middle = course.pose(xp, nothing)
+    ahead = middle.slope <= 0.0
+    steepest = 1.0 / rivals.v
+    trial = 0.5 * xp.minimum(edge, rivals.reach * apart / course.arc.radius)
+    bracket = Bracket(
+        low=xp.select(ahead, nothing, -edge),
+        high=xp.select(ahead, edge, nothing),
+        falling=xp.select(ahead, middle.slope, nothing - steepest),
+        rising=xp.select(ahead, nothing + steepest, middle.slope),
         trial=xp.select(ahead, trial, -trial),
     )
-    enclosed = apart > 0.0
-    best = _lesser(xp, middle.point, _bracketed(xp, arc, bracket, rivals, (enclosed, middle.point)))
-    beside = abs(xp.norm2(plus2(rivals.pursuer, -1.0, corner)) - radius)
-    near = enclosed & _is_near(xp, rivals, apart, beside)
+    spot = least_within(xp, course, bracket, apart > 0.0)
+    spot = lesser_spot(xp, Spot(nothing, middle.margin), spot)
 
-    def seen(arc: Arc, edge: Real, rivals: Rivals, best: Point) -> Point:
-        return _scanned(xp, arc, tuple(share * edge for share in SEEN), rivals, best)
+    def searched(course: FollowedArc, edge: Real, spot: Spot) -> Spot:
+        positions = [-share * edge for share in reversed(SEEN[1:])]
+        positions.extend(share * edge for share in SEEN)
+        return lesser_spot(xp, spot, scanned(xp, course, tuple(positions)))
 
-    return _lesser(xp, best, in_rows(near, best, seen, arc, edge, rivals, best))
+    spot = in_rows(near, spot, searched, course, edge, spot)
+    return Point(course.at(spot.position), spot.margin)
 
 
 def _is_near(xp: Library, rivals: Rivals, apart: Real, beside: Real) -> Truth:
@@ -509,148 +698,3 @@ def _is_near(xp: Library, rivals: Rivals, apart: Real, beside: Real) -> Truth:
     slower = rivals.u if rivals.wind is None else rivals.u - pair_length(rivals.wind)
     height = short * short + rivals.z * rivals.z
     return slower * slower * height < rivals.v * rivals.v * (apart * apart)
-
-
-def _behind(xp: Library, rivals: Rivals, between: Real, apart: Real, beside: Real) -> Real:
-    """Return how far behind the pursuer's foot the margin falls fastest, m.
-
-    With the distances a and b of evader and pursuer from the line and D of their feet, the slope of the margin of the
-    paper's game is least where a²/(v A³) = b²/(u B³), A² = (x + D)² + a², B² = x² + b². The cube root is replaced by a
-    power of 21/64.
-
-    Args:
-        xp: array library.
-        rivals: both players.
-        between: distance of the feet, m.
-        apart: the evader's distance from the line, m.
-        beside: the pursuer's horizontal distance from the line, m.
-    """
-    square = apart * apart
-    height = beside * beside + rivals.z * rivals.z + LEAST * square
-    ratio = rivals.u * square / (rivals.v * xp.select(height > 0.0, height, 1.0))
-    fourth = xp.sqrt(xp.sqrt(ratio))
-    sixteenth = xp.sqrt(xp.sqrt(fourth))
-    root = fourth * sixteenth * xp.sqrt(xp.sqrt(sixteenth))
-    excess = root * root - 1.0
-    turns = excess > 0.0
-    excess = xp.select(turns, excess, 1.0)
-    half = xp.maximum(
-        between * between + excess * (between * between + square - root * root * height),
-        0.0 * between,
-    )
-    return xp.select(turns, (between + xp.sqrt(half)) / excess, 0.0 * half)
-
-
-def _scanned(
-    xp: Library, piece: Piece, positions: tuple[Real, ...], rivals: Rivals, best: Point
-) -> Point:
-    """Return the least margin between consecutive positions, in ascending or descending order, or the best so far."""
-    before = positions[0]
-    pose = _on(xp, piece, before, rivals)
-    for position in positions[1:]:
-        after = _on(xp, piece, position, rivals)
-        best = _lesser(xp, best, after.point)
-        ascends = position > before
-        bracket = Bracket(
-            low=xp.select(ascends, before, position),
-            high=xp.select(ascends, position, before),
-            falling=xp.select(ascends, pose.slope, after.slope),
-            rising=xp.select(ascends, after.slope, pose.slope),
-            trial=0.5 * (before + position),
-        )
-        enclosed = (bracket.falling < 0.0) & (bracket.rising > 0.0)
-        best = _lesser(xp, best, _bracketed(xp, piece, bracket, rivals, (enclosed, best)))
-        before = position
-        pose = after
-    return best
-
-
-def _bracketed(
-    xp: Library, piece: Piece, bracket: Bracket, rivals: Rivals, otherwise: tuple[Truth, Point]
-) -> Point:
-    """Return the point of a bracket whose slope is zero.
-
-    Args:
-        xp: array library.
-        piece: the piece.
-        bracket: the bracket.
-        rivals: both players.
-        otherwise: which brackets enclose such a point, and what to return in the other rows.
-    """
-    enclosed, best = otherwise
-    level = in_rows(enclosed, best, partial(_level, xp), piece, bracket, rivals)
-    # Libraries that trace compute all rows; a bracket that encloses nothing may lead off the piece.
-    return xp.select_all(enclosed, level, best) if xp.differentiates else level
-
-
-def _level(xp: Library, piece: Piece, bracket: Bracket, rivals: Rivals) -> Point:
-    """Find the zero of the slope in a bracket, from its trial if that is inside."""
-    new = _secant(xp, *bracket[:4])
-    inside = (bracket.trial > bracket.low) & (bracket.trial < bracket.high)
-    bracket = bracket._replace(trial=xp.select(inside, bracket.trial, new))
-    steps = TRACED_STEPS if xp.differentiates else STEPS
-    return _stepped(xp, piece, bracket, rivals, (0.0 * new, steps))
-
-
-def _stepped(
-    xp: Library, piece: Piece, bracket: Bracket, rivals: Rivals, progress: tuple[Real, int]
-) -> Point:
-    """Take some steps, and more in rows that need them: Newton's, or secant steps where an end that stays counts half.
-
-    Args:
-        xp: array library.
-        piece: the piece.
-        bracket: the bracket, with the position to try.
-        rivals: both players.
-        progress: the sign of the last slope (0 at first), and how many steps are allowed.
-    """
-    sign, steps = progress
-    low, high, falling, rising, new = bracket
-    converged: Truth = False
-    for number in range(steps if xp.differentiates else min(steps, TOGETHER)):
-        pose = _on(xp, piece, new, rivals)
-        slope = pose.slope
-        falls = slope < 0.0
-        rises = slope > 0.0
-        low = xp.select(falls, new, low)
-        high = xp.select(rises, new, high)
-        middle = 0.5 * (low + high)
-        converged = (
-            converged | (abs(slope) * rivals.v <= STEEP) | (middle <= low) | (middle >= high)
-        )
-        if not xp.differentiates and np.all(converged):
-            return pose.point
-        if pose.bend is None:
-            falling = xp.select(
-                falls, slope, xp.select(rises & (sign > 0.0), 0.5 * falling, falling)
-            )
-            rising = xp.select(rises, slope, xp.select(falls & (sign < 0.0), 0.5 * rising, rising))
-            sign = xp.select(falls, 0.0 * slope - 1.0, 0.0 * slope + 1.0)
-            halved = number % TOGETHER == TOGETHER - 1
-            to = middle if halved else _secant(xp, low, high, falling, rising)
-        else:
-            convex = pose.bend > 0.0
-            to = new - slope / xp.select(convex, pose.bend, 1.0)
-            to = xp.select(convex & (to > low) & (to < high), to, middle)
-        new = xp.select(converged, new, to)
-    if xp.differentiates or steps <= TOGETHER:
-        return pose.point
-    bracket = Bracket(low, high, falling, rising, new)
-    return in_rows(
-        converged == 0,
-        pose.point,
-        lambda piece, bracket, rivals, sign: _stepped(
-            xp, piece, bracket, rivals, (sign, steps - TOGETHER)
-        ),
-        piece,
-        bracket,
-        rivals,
-        sign,
-    )
-
-
-def _secant(xp: Library, low: Real, high: Real, falling: Real, rising: Real) -> Real:
-    """Return where a straight line through two slopes is zero."""
-    rise = rising - falling
-    share = -falling / xp.select(rise > 0.0, rise, 1.0)
-    return low + xp.select(rise > 0.0, share, 0.5) * (high - low)

@@ -128,6 +128,23 @@ def nearest(xp: Library, extent: Extent, point: Plane) -> tuple[Plane, Truth]:
     return xp.select2(inside, point, closest), flat
 
 
+def is_inside(xp: Library, extent: Extent, point: Plane) -> Truth:
+    """Return whether a point, which is given from the target's position, belongs to the set."""
+    corners = extent.corners_m
+    radius = extent.radius_m
+    if len(corners) == 1:
+        away = (point[0] - corners[0][0], point[1] - corners[0][1])
+        return away[0] * away[0] + away[1] * away[1] <= radius * radius
+    if radius > 0.0 or len(corners) == 2:
+        offset = to_set(xp, extent, point)
+        return (offset[0] == 0.0) & (offset[1] == 0.0)
+    inside: Truth = True
+    for (a_x, a_y), (b_x, b_y) in zip(corners, corners[1:] + corners[:1], strict=True):
+        left = (b_x - a_x) * (point[1] - a_y) - (b_y - a_y) * (point[0] - a_x)
+        inside = inside & (left >= 0.0)
+    return inside
+
+
 def from_set(centre: Plane, offset: Plane) -> Plane:
     """Return the vector to a point of the set, given from the target's position, from that to the position."""
     if type(offset[0]) is float and offset == ORIGIN:

@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.game import pe
-from guidance.game.arrays import Library, Plane, Real, Truth, dot2, pair_length, plus2
+from guidance.game.arrays import Library, Plane, Real, Truth, dot2, pair_length, plus2, times2
 from guidance.game.danger import most_in_danger, rivals_of
-from guidance.game.extent import from_set, nearest, to_set
+from guidance.game.extent import from_set, is_inside, nearest, to_set
 from guidance.game.game import STILL, Game, Reason
 from guidance.game.meeting_times import catch_in_ball
 from guidance.game.pe import Geometry, StateSolution
@@ -121,16 +121,16 @@ def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) 
     extent = game.target_extent
     if extent.is_point:
         return from_set(to_target, extent.corners_m[0])
-    offset = to_set(xp, extent, (-to_target[0], -to_target[1]))
     rivals = rivals_of(xp, game, state, to_target)
     point = from_set(to_target, most_in_danger(xp, extent, rivals))
-    if game.pursuer.separate:
-        # Until the pursuer is at its height, the margin is least where the evader arrives first.
+    if game.pursuer.separate or not is_zero(game.capture_radius_m):
+        # Until the pursuer is at its height, or where it can capture now, only the evader's time counts.
+        offset = to_set(xp, extent, rivals.evader)
         first = _first_reached(xp, game, to_target, offset)
-        point = xp.select2(
-            _margin(xp, game, state, first) < _margin(xp, game, state, point), first, point
-        )
-    return xp.select2(dot2(offset, offset) == 0, offset, point)
+        sooner = _margin(xp, game, state, first) < _margin(xp, game, state, point)
+        point = xp.select2(sooner, first, point)
+    inside = is_inside(xp, extent, rivals.evader)
+    return xp.select2(inside, times2(0.0, to_target), point)
 
 
 def _margin(xp: Library, game: Game, state: Geometry, to_point: Plane) -> Real:

@@ -1,0 +1,220 @@
+"""The least margin on an interval of a target's edge: the zero of its slope, within a bracket.
+
+The slope has no unit of length, so the precision does not depend on the size of the edge.
+"""
+
+import math
+from functools import partial
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from guidance.game.arrays import NUMPY, Array, Library, Real, Truth
+from guidance.game.records import in_rows
+
+STEEP = 1e-7
+"""Slope of the margin, times v, that counts as zero: the margin is then right to 1e-14 of the time of the run."""
+
+STEPS = 80
+"""Most steps to a point of zero slope; Newton's method needs three, the secant method seven."""
+
+TOGETHER = 4
+"""Steps of all rows, before the rows that need more go on by themselves."""
+
+TRACED_STEPS = 16
+"""Steps for libraries that trace and cannot stop early."""
+
+
+class Pose(NamedTuple):
+    """The margin at a position, s, its slope, s/m, and the rate of the slope by the position; None if not computed."""
+
+    margin: Real
+    slope: Real
+    bend: Real | None
+
+
+class Course(Protocol):
+    """An edge along which the margin is followed: a record whose numbers may be arrays, one for each row."""
+
+    @property
+    def v(self) -> Real:
+        """Speed of the evader, m/s."""
+
+    def pose(self, xp: Library, position: Real) -> Pose:
+        """Return the margin at a position and its derivatives."""
+
+
+class Bracket(NamedTuple):
+    """An interval of a course, and the slopes at its ends, of which the first is negative and the second positive."""
+
+    low: Real
+    high: Real
+    falling: Real
+    rising: Real
+    trial: Real
+    """The first position to try."""
+
+
+class Spot(NamedTuple):
+    """A position on a course, and the margin there, s."""
+
+    position: Real
+    margin: Real
+
+
+NOWHERE = Spot(0.0, math.inf)
+
+
+def lesser_spot(xp: Library, best: Spot, rival: Spot) -> Spot:
+    """Return the spot with the lesser margin."""
+    return xp.select_all(rival.margin < best.margin, rival, best)
+
+
+def least_within(xp: Library, course: Course, bracket: Bracket, enclosed: Truth) -> Spot:
+    """Return the spot of zero slope in the rows whose bracket encloses one, nowhere in the others."""
+    spot = in_rows(enclosed, NOWHERE, partial(_level, xp), course, bracket)
+    # Libraries that trace compute all rows; a bracket that encloses nothing may lead off the edge.
+    return xp.select_all(enclosed, spot, NOWHERE) if xp.differentiates else spot
+
+
+def scanned(xp: Library, course: Course, positions: tuple[Real, ...]) -> Spot:
+    """Return the least margin at and between positions, in ascending or descending order."""
+    if xp is NUMPY:
+        return _scanned_at_once(course, np.stack(np.broadcast_arrays(*positions)))
+    before = positions[0]
+    pose = course.pose(xp, before)
+    best = Spot(before, pose.margin)
+    for position in positions[1:]:
+        after = course.pose(xp, position)
+        best = lesser_spot(xp, best, Spot(position, after.margin))
+        bracket = _between(xp, (before, pose), (position, after))
+        enclosed = (bracket.falling < 0.0) & (bracket.rising > 0.0)
+        best = lesser_spot(xp, best, least_within(xp, course, bracket, enclosed))
+        before = position
+        pose = after
+    return best
+
+
+def _scanned_at_once(course: Course, positions: Array) -> Spot:
+    """Return the same with NumPy: positions are along the first axis."""
+    pose = course.pose(NUMPY, positions)
+    margins: Array = pose.margin
+    slopes: Array = pose.slope
+    before = (positions[:-1], Pose(margins[:-1], slopes[:-1], None))
+    after = (positions[1:], Pose(margins[1:], slopes[1:], None))
+    bracket = _between(NUMPY, before, after)
+    enclosed = (bracket.falling < 0.0) & (bracket.rising > 0.0)
+    between = least_within(NUMPY, course, bracket, enclosed)
+    best = Spot(positions[0], margins[0])
+    for number in range(1, len(positions)):
+        best = lesser_spot(NUMPY, best, Spot(positions[number], margins[number]))
+    if between is NOWHERE:
+        return best
+    places: Array = between.position
+    least: Array = between.margin
+    for number in range(len(positions) - 1):
+        best = lesser_spot(NUMPY, best, Spot(places[number], least[number]))
+    return best
+
+
+def _between(xp: Library, before: tuple[Real, Pose], after: tuple[Real, Pose]) -> Bracket:
+    """Return the interval between two positions, whichever is the lower one."""
+    position, pose = before
+    next_position, next_pose = after
+    ascends = next_position > position
+    return Bracket(
+        low=xp.select(ascends, position, next_position),
+        high=xp.select(ascends, next_position, position),
+        falling=xp.select(ascends, pose.slope, next_pose.slope),
+        rising=xp.select(ascends, next_pose.slope, pose.slope),
+        trial=0.5 * (position + next_position),
+    )
+
+
+def _level(xp: Library, course: Course, bracket: Bracket) -> Spot:
+    """Find the zero of the slope in a bracket, from its trial if that is inside."""
+    inside = (bracket.trial > bracket.low) & (bracket.trial < bracket.high)
+    trial = xp.select(inside, bracket.trial, _secant(xp, bracket))
+    steps = TRACED_STEPS if xp.differentiates else STEPS
+    return _stepped(xp, course, bracket._replace(trial=trial), 0.0 * trial, steps)
+
+
+def _stepped(xp: Library, course: Course, bracket: Bracket, sign: Real, steps: int) -> Spot:
+    """Take some steps, and more in rows that need them.
+
+    Args:
+        xp: array library.
+        course: the edge.
+        bracket: the interval, with the position to try.
+        sign: of the last slope; 0 at first.
+        steps: how many are allowed.
+    """
+    converged: Truth = False
+    spot = NOWHERE
+    for number in range(steps if xp.differentiates else min(steps, TOGETHER)):
+        pose = course.pose(xp, bracket.trial)
+        bracket = _narrowed(xp, bracket, pose, sign)
+        middle = 0.5 * (bracket.low + bracket.high)
+        last = bracket.trial
+        if pose.bend is not None:
+            position, inside = _newton(xp, bracket, pose.slope, pose.bend)
+            last = xp.select(inside, position, last)
+            position = xp.select(inside, position, middle)
+        else:
+            sign = xp.select(pose.slope < 0.0, 0.0 * middle - 1.0, 0.0 * middle + 1.0)
+            halved = number % TOGETHER == TOGETHER - 1
+            position = middle if halved else _secant(xp, bracket)
+        # Newton's last step counts too, but no step after a row has converged
+        spot = xp.select_all(converged, spot, Spot(last, pose.margin))
+        tight = (middle <= bracket.low) | (middle >= bracket.high)
+        converged = converged | tight | (abs(pose.slope) * course.v <= STEEP)
+        if not xp.differentiates and np.all(converged):
+            return spot
+        bracket = bracket._replace(trial=position)
+    if xp.differentiates or steps <= TOGETHER:
+        return spot
+    return in_rows(
+        converged == 0,
+        spot,
+        lambda course, bracket, sign: _stepped(xp, course, bracket, sign, steps - TOGETHER),
+        course,
+        bracket,
+        sign,
+    )
+
+
+def _narrowed(xp: Library, bracket: Bracket, pose: Pose, sign: Real) -> Bracket:
+    """Return the bracket with an end at the position that was tried.
+
+    For the secant method, the slope of an end that stays a second time counts half.
+    """
+    slope = pose.slope
+    falls = slope < 0.0
+    rises = slope > 0.0
+    low = xp.select(falls, bracket.trial, bracket.low)
+    high = xp.select(rises, bracket.trial, bracket.high)
+    if pose.bend is not None:
+        return bracket._replace(low=low, high=high)
+    falling = xp.select(rises & (sign > 0.0), 0.5 * bracket.falling, bracket.falling)
+    rising = xp.select(falls & (sign < 0.0), 0.5 * bracket.rising, bracket.rising)
+    return Bracket(
+        low=low,
+        high=high,
+        falling=xp.select(falls, slope, falling),
+        rising=xp.select(rises, slope, rising),
+        trial=bracket.trial,
+    )
+
+
+def _newton(xp: Library, bracket: Bracket, slope: Real, bend: Real) -> tuple[Real, Truth]:
+    """Return Newton's next position, and whether that is inside the bracket."""
+    convex = bend > 0.0
+    position = bracket.trial - slope / xp.select(convex, bend, 1.0)
+    return position, convex & (position > bracket.low) & (position < bracket.high)
+
+
+def _secant(xp: Library, bracket: Bracket) -> Real:
+    """Return where a straight line through the slopes at both ends is zero."""
+    rise = bracket.rising - bracket.falling
+    share = -bracket.falling / xp.select(rise > 0.0, rise, 1.0)
+    return bracket.low + xp.select(rise > 0.0, share, 0.5) * (bracket.high - bracket.low)
