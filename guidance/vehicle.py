@@ -190,20 +190,12 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
         return state._replace(reboots=state.reboots + 1, clock=BootClock())
     if step_s <= 0.0:
         return None
-    speeds = tuple(zip(previous.velocity_ned_m_s, now.velocity_ned_m_s, strict=True))
-    gained = (0.0, 0.0, 0.0)
-    share = min(1.0, step_s / _SMOOTHED_S)
-    if step_s <= _GAP_S:
-        rows = zip(state.acceleration_ned_m_s2, speeds, strict=True)
-        a_north, a_east, a_down = (a + share * ((v - was) / step_s - a) for a, (was, v) in rows)
-        gained = (a_north, a_east, a_down)
-    state = state._replace(acceleration_ned_m_s2=gained, clock=clock)
+    acceleration_ned_m_s2 = _smoothed(state.acceleration_ned_m_s2, previous, now)
+    state = state._replace(acceleration_ned_m_s2=acceleration_ned_m_s2, clock=clock)
     # What the velocities do not explain is a jump, if no manoeuvre explains it either.
-    steps = zip(now.position_ned_m, previous.position_ned_m, speeds, strict=True)
-    north, east, down = (to - at - 0.5 * step_s * (was + v) for to, at, (was, v) in steps)
-    if not math.hypot(north, east, down) > _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s:
+    jump = _unexplained(previous, now)
+    if not math.hypot(*jump) > _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s:
         return state
-    jump = (north, east, down)
     back_m = math.hypot(*total(state.jump_ned_m, jump))
     if now.received_s - state.reset_s <= _CONTRADICTED_WITHIN_S and back_m <= _ASTRAY_M:
         state = _contradicted(now, state)  # to and fro
@@ -214,6 +206,37 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
         jumped_boot_s=now.time_boot_s,
         jump_ned_m=jump,
     )
+
+
+def _smoothed(acceleration_ned_m_s2: Vector, previous: LocalPosition, now: LocalPosition) -> Vector:
+    """Return the acceleration that two positions' velocities show, low-pass filtered; zero after a gap."""
+    step_s = now.time_boot_s - previous.time_boot_s
+    if step_s > _GAP_S:
+        return (0.0, 0.0, 0.0)
+    share = min(1.0, step_s / _SMOOTHED_S)
+    rows = zip(acceleration_ned_m_s2, previous.velocity_ned_m_s, now.velocity_ned_m_s, strict=True)
+    north, east, down = (
+        smoothed + share * ((velocity - before) / step_s - smoothed)
+        for smoothed, before, velocity in rows
+    )
+    return (north, east, down)
+
+
+def _unexplained(previous: LocalPosition, now: LocalPosition) -> Vector:
+    """Return the way between two positions that is not the mean of their velocities."""
+    half_s = 0.5 * (now.time_boot_s - previous.time_boot_s)
+    rows = zip(
+        now.position_ned_m,
+        previous.position_ned_m,
+        previous.velocity_ned_m_s,
+        now.velocity_ned_m_s,
+        strict=True,
+    )
+    north, east, down = (
+        position - start - half_s * (before + velocity)
+        for position, start, before, velocity in rows
+    )
+    return (north, east, down)
 
 
 def _contradicts(now: LocalPosition, state: VehicleState) -> bool:

@@ -155,16 +155,13 @@ def serve(
         held_back: Whether a wall reduced the last command; the servo then learns nothing.
     """
     dt_s = min(max(dt_s, 0.0), LONGEST_STEP_S)
-    memory = memory or ServoMemory(flown_ned_m_s, STILL, flown_ned_m_s, gains.drag_per_s, STILL)
+    if memory is None:
+        memory = ServoMemory(flown_ned_m_s, STILL, flown_ned_m_s, gains.drag_per_s, STILL)
     before, gained_m_s2, delayed, drag_per_s, trim = memory
     reference, acceleration = shape(
         desired_ned_m_s, before, gained_m_s2, gains, dt_s, gains.settle_per_s
     )
-    share = 1.0 - math.exp(-dt_s / gains.lag_s)
-    north, east, down = (
-        now + (new - now) * share for now, new in zip(delayed, reference, strict=True)
-    )
-    expected = (north, east, down)
+    expected = _lagging(delayed, reference, 1.0 - math.exp(-dt_s / gains.lag_s))
     if not held_back:
         drag_per_s, trim = _learned(drag_per_s, trim, expected, flown_ned_m_s, gains, dt_s)
     a_north, a_east, a_down = acceleration
@@ -173,6 +170,14 @@ def serve(
     return (a_north, a_east, a_down), ServoMemory(
         reference, acceleration, expected, drag_per_s, trim
     )
+
+
+def _lagging(delayed: Vector, reference: Vector, share: float) -> Vector:
+    """Move the delayed reference by a share of the way to the present one."""
+    north, east, down = (
+        before + (now - before) * share for before, now in zip(delayed, reference, strict=True)
+    )
+    return (north, east, down)
 
 
 def _learned(

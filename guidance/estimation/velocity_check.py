@@ -123,12 +123,13 @@ def _judged(check: VelocityCheck, step_s: float) -> VelocityCheck:
     samples = check.samples
     time_s = samples[-1].time_s
     times_s = [sample.time_s - time_s for sample in samples]
-    north_m = [sample.position_m[0] for sample in samples]
-    east_m = [sample.position_m[1] for sample in samples]
-    rest_north_m = [sample.position_m[0] - sample.integrated_m[0] for sample in samples]
-    rest_east_m = [sample.position_m[1] - sample.integrated_m[1] for sample in samples]
-    error_m_s = math.hypot(_slope(times_s, rest_north_m), _slope(times_s, rest_east_m))
-    speed_m_s = math.hypot(_slope(times_s, north_m), _slope(times_s, east_m))
+    positions_m = [sample.position_m[:2] for sample in samples]
+    remainders_m = [
+        (north - sample.integrated_m[0], east - sample.integrated_m[1])
+        for (north, east), sample in zip(positions_m, samples, strict=True)
+    ]
+    error_m_s = _slope_2d(times_s, remainders_m)
+    speed_m_s = _slope_2d(times_s, positions_m)
     spread_m = max(sample.position_sd_m for sample in samples)
     allowed_m_s = max(_TOLERANCE_M_S, _SIGMAS * spread_m / math.sqrt(_spread_of(times_s)))
     check = check._replace(error_m_s=error_m_s)
@@ -151,6 +152,13 @@ def _judged(check: VelocityCheck, step_s: float) -> VelocityCheck:
         wrong_samples=wrong_samples,
         right_s=0.0,
     )
+
+
+def _slope_2d(times_s: Sequence[float], points_m: Sequence[tuple[float, float]]) -> float:
+    """Return the length of the slopes of both axes."""
+    north_m = [north for north, _ in points_m]
+    east_m = [east for _, east in points_m]
+    return math.hypot(_slope(times_s, north_m), _slope(times_s, east_m))
 
 
 def _slope(times_s: Sequence[float], values: Sequence[float]) -> float:

@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 from typing import Any, Final, Literal
 
 from guidance.flight import Event, Flight, Outputs, State
-from guidance.frames import Amsl
+from guidance.frames import Amsl, Vector
 from guidance.messages import EvaderReport, LocalPosition, MateState, Role
 from guidance.team.board import Board
 from guidance.team.coordinator import ROUNDING_S, SLOT_MARGIN_M, Coordinator, EvaderSeen, Scene
@@ -226,13 +226,6 @@ class Member:
         game_frame = tracking.game_frame
         if frame is None or game_frame is None or own is None:
             return None
-        known = {
-            name: (mate.state, mate.at_s)
-            for name, mate in self.board.mates.items()
-            if name in alive
-        }
-        known[self.vehicle] = (own, own.sent_s)
-        vehicles = {}
         evaders = {}
         heights_m = []
         for name in self._evaders:
@@ -244,13 +237,26 @@ class Member:
                 )
                 heights_m.append(z)
         plane_m = sum(heights_m) / len(heights_m) if heights_m else 0.0
-        for name, (state, at_s) in known.items():
+        states: dict[str, tuple[StateMessage | None, float]] = {
+            name: (mate.state, mate.at_s)
+            for name, mate in self.board.mates.items()
+            if name in alive
+        }
+        states[self.vehicle] = (own, own.sent_s)
+        vehicles = {}
+        for name, (state, at_s) in states.items():
             if state is not None and state.part != "out":
-                moved = zip(frame.ned_from_wgs84(*state.place), state.velocity_ned_m_s, strict=True)
-                north, east, down = (at + (now_s - at_s) * rate for at, rate in moved)
-                x, y, z = game_frame.position_from_ned((north, east, down))
+                position_ned_m = _moved(frame.ned_from_wgs84(*state.place), state, now_s - at_s)
+                x, y, z = game_frame.position_from_ned(position_ned_m)
                 vehicles[name] = (x, y, z - plane_m), state
         return Scene(vehicles, evaders, cycle.target_game_m, cycle.game)
+
+
+def _moved(position_ned_m: Vector, state: StateMessage, age_s: float) -> Vector:
+    """Return where a vehicle is if it kept its velocity since it said so."""
+    north, east, down = position_ned_m
+    v_north, v_east, v_down = state.velocity_ned_m_s
+    return (north + age_s * v_north, east + age_s * v_east, down + age_s * v_down)
 
 
 def _contents(roles: RolesMessage) -> tuple[Any, ...]:

@@ -418,7 +418,6 @@ def _draw_region(axes: Any, scenario: TeamScenario, matching: Matching, j: int) 
     """Draw the discs of an evader and its pursuers, shade their intersection, and mark the meeting point."""
     colour = _EVADERS[j % len(_EVADERS)]
     teams = teams_of(scenario)
-    target = scenario.target
     roles = {"first": (matching.first[j], "-"), "second": (matching.second[j], (0, (2, 1.5)))}
     team = {role: (int(i), style) for role, (i, style) in roles.items() if i >= 0}
     for i, _ in team.values():
@@ -433,17 +432,7 @@ def _draw_region(axes: Any, scenario: TeamScenario, matching: Matching, j: int) 
         label="before both: the intersection",
     )
     x, y, _ = matching.meeting_point_m[j]
-    if target is not None:
-        east, north = target.position_m
-        way_x, way_y = to_set(FLOATS, target.extent, (float(x) - east, float(y) - north))
-        axes.plot(
-            [x, x + way_x],
-            [y, y + way_y],
-            color=colour,
-            linewidth=1.0,
-            alpha=0.6,
-            label="L, guaranteed",
-        )
+    _draw_way_to_target(axes, scenario, (float(x), float(y)), colour)
     for role, (i, style) in team.items():
         line = {"color": "0.2", "linewidth": 1.4, "linestyle": style, "zorder": 4}
         axes.plot(
@@ -454,6 +443,23 @@ def _draw_region(axes: Any, scenario: TeamScenario, matching: Matching, j: int) 
         )
     star = {"markeredgecolor": "white", "markersize": 17, "zorder": 6, "linestyle": "none"}
     axes.plot([x], [y], "*", color=colour, **star, label="X*, meeting point")
+
+
+def _draw_way_to_target(
+    axes: Any,  # noqa: ANN401 - matplotlib's
+    scenario: TeamScenario,
+    meeting_m: tuple[float, float],
+    colour: str,
+) -> None:
+    """Draw the guaranteed distance: from the meeting point to the nearest point of the target."""
+    target = scenario.target
+    if target is None:
+        return
+    x, y = meeting_m
+    east, north = target.position_m
+    way_x, way_y = to_set(FLOATS, target.extent, (x - east, y - north))
+    line = {"color": colour, "linewidth": 1.0, "alpha": 0.6, "label": "L, guaranteed"}
+    axes.plot([x, x + way_x], [y, y + way_y], **line)
 
 
 def _draw_players(axes: Any, teams: Teams, rollout: TeamRollout) -> None:  # noqa: ANN401

@@ -22,6 +22,7 @@ from PIL import Image
 from guidance.errors import OutputError
 from guidance.files import private_folder, whole_file, writing
 from guidance.frames import Vector
+from guidance.game import StandOff
 from guidance.log.scene import Array, circle, isochron_at, lifted
 from guidance.screen import counted
 from guidance.viz import figures
@@ -351,10 +352,7 @@ def write_animation(story: Story, path: Path) -> None:
     low, high = figures.box_of(shapes)
     figures.label_plan(plan)
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    side.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")
-    side.set(xlim=(0.0, 1.08 * far_m), ylim=(0.0, 1.15 * high_m))
-    side.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **STANDOFF)
-    side.grid(visible=True, linewidth=0.3)
+    _label_height(side, far_m, high_m, standoff)
     players = (
         (plan, PURSUER, "o", "vehicle"),
         (plan, EVADER, "^", "evader"),
@@ -375,6 +373,11 @@ def write_animation(story: Story, path: Path) -> None:
         title.set_text(f"{story.title}: {max(0.0, now_s[cycles[number]] - begun_s):.1f} s")
         figure.canvas.draw()
         images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
+    _save_moving(images, path)
+
+
+def _save_moving(images: Sequence[Image.Image], path: Path) -> None:
+    """Write pictures as one that moves, in a loop, and stands still at its end."""
     times_ms = [FRAME_MS] * (len(images) - 1) + [20 * FRAME_MS]
     images[0].save(
         path,
@@ -385,6 +388,14 @@ def write_animation(story: Story, path: Path) -> None:
         quality=55,
         method=4,
     )
+
+
+def _label_height(axes: Any, far_m: float, high_m: float, standoff: StandOff) -> None:  # noqa: ANN401
+    """Label the picture of the height over the distance, and draw the stand-off disc from the side."""
+    axes.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")
+    axes.set(xlim=(0.0, 1.08 * far_m), ylim=(0.0, 1.15 * high_m))
+    axes.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **STANDOFF)
+    axes.grid(visible=True, linewidth=0.3)
 
 
 PICTURES: Final = {
