@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from guidance.game import Ball, Cylinder, Extent, Game, StandOff, Winner, solve
+from guidance.game.team import solve_team
 
 DISC = StandOff(3.0, 5.0)
 QUAD = ((0.0, 0.0), (15.0, 0.0), (18.0, 12.0), (4.0, 14.0))
@@ -100,15 +101,18 @@ def outline(shape, share):
     return corners[side] + straight[..., None] * ways[side] + shape.radius_m * outward
 
 
-def searched(game, P, E, T):
-    """The least margin: many points and the corners, then finer ones around the three best."""
-    P = P[:, None]
+def searched(game, P, E, T, rounds=8):
+    """The least margin of the best pursuer: many points and the corners, then finer ones around the three best."""
+    pursuers = np.atleast_3d(P).reshape(len(P), -1, 3).swapaxes(0, 1)[:, :, None]
     E = E[:, None]
     T = T[:, None]
     shape = game.target_extent
 
+    def margin_of_best(X):
+        return np.max([margins(game, pursuer, E, X) for pursuer in pursuers], axis=0)
+
     def judged(share):
-        return margins(game, P, E, T[..., :2] + outline(shape, share))
+        return margin_of_best(T[..., :2] + outline(shape, share))
 
     share = np.broadcast_to(np.arange(FINE) / FINE, (len(P), FINE))
     first = judged(share)
@@ -117,7 +121,7 @@ def searched(game, P, E, T):
     )
     least = first.min(axis=1)
     if shape.radius_m == 0.0:
-        at_corners = margins(game, P, E, T[..., :2] + np.array(shape.corners_m))
+        at_corners = margin_of_best(T[..., :2] + np.array(shape.corners_m))
         least = np.minimum(least, at_corners.min(axis=1))
     rows = np.arange(len(P))
     for _ in range(3):
@@ -125,7 +129,7 @@ def searched(game, P, E, T):
         local[rows, index] = np.inf
         middle = share[rows, index]
         width = 1.0 / FINE
-        for _ in range(8):
+        for _ in range(rounds):
             tried = middle[:, None] + width * np.linspace(-1.0, 1.0, 13)
             found = judged(tried)
             middle = tried[rows, found.argmin(axis=1)]
@@ -158,6 +162,34 @@ def test_the_margin_is_the_least_over_the_whole_shape(game, shape):
 @pytest.mark.parametrize("game", GAMES.values(), ids=GAMES)
 def test_the_margin_is_the_least_over_the_whole_shape_in_a_thousand_states(game, shape):
     compared(game, shape, 1000, seed=11)
+
+
+KINKS = {"paper": (10, 16, 27, 42), "everything": (19, 27, 75, 96, 116, 188)}
+"""States in which some shape's least margin is at a kink, where the margins of two pursuers are equal."""
+
+
+def compared_teams(game, shape, count, seed, rows=...):
+    game = replace(game, target_extent=shape)
+    P, E, T = (part[rows] for part in states(count, seed))
+    others = states(count, seed + 1)[0][rows]
+    P = np.stack([P, others], axis=1)
+    answer = solve_team(game, P, E, T)
+    outside = np.array([shape.distance_m(t, e) > 0.0 for t, e in zip(T, E, strict=True)])
+    expected = searched(game, P, E, T, rounds=14)
+    np.testing.assert_allclose(answer.margin_s[outside], expected[outside], atol=1e-8)
+
+
+@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+@pytest.mark.parametrize("name", KINKS)
+def test_the_margin_of_a_team_is_the_least_over_the_whole_shape(name, shape):
+    compared_teams(GAMES[name], shape, 600, seed=8, rows=list(KINKS[name]))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+@pytest.mark.parametrize("game", GAMES.values(), ids=GAMES)
+def test_the_margin_of_a_team_is_the_least_over_the_whole_shape_in_a_thousand_states(game, shape):
+    compared_teams(game, shape, 1000, seed=21)
 
 
 def test_a_moving_disc_is_lost_where_the_evader_meets_it_first():

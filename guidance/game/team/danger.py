@@ -12,21 +12,24 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.game import pe
-from guidance.game.arrays import NUMPY, Array, Plane, components, cross2, dot2, plus2
+from guidance.game.arrays import NUMPY, Array, Plane, components, cross2, dot2, mapped, plus2
 from guidance.game.extent import Extent, to_set
 from guidance.game.game import STILL, Game
 from guidance.game.meeting_times import catch_in_ball
 from guidance.game.pe import Geometry
 from guidance.game.tad import guard_time
 
-TRIED = 33
+TRIED = 65
 """Points of a piece that are tried first."""
+
+MINIMA = 4
+"""Lowest minima among these points that are followed; the margin of a team has kinks and several minima."""
 
 CLOSER = 33
 """Points between both neighbours of the best one, in each further round."""
 
-ROUNDS = 5
-"""Rounds: the point is found to 1e-8 of its piece, the least margin to the square of that."""
+ROUNDS = 7
+"""Rounds: the point is found to 1e-10 of its piece, and the least margin as exactly if it is a kink."""
 
 ON_THE_LINE = 1e-9
 """Least distance of the evader from a side's line that is used, over the side's length."""
@@ -85,28 +88,52 @@ def most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Danger:
     state = pe.take_apart(NUMPY, game, components(P), components(E[..., None, :]), None)
     to_target = T[..., 0] - E[..., 0], T[..., 1] - E[..., 1]
     evader = -to_target[0], -to_target[1]
-    pieces = _pieces(extent, evader)
-    angle, step = _spread(pieces.low, pieces.high, TRIED)
-    for number in range(ROUNDS):
-        points = pieces.at(angle)
-        margin = _margins(game, state, plus2(to_target, 1.0, points))
-        best = np.argmin(margin, axis=1)[:, None]
-        middle = np.take_along_axis(angle, best, axis=1)
-        if number < ROUNDS - 1:
-            low = np.maximum(middle - step, pieces.low)
-            high = np.minimum(middle + step, pieces.high)
-            angle, step = _spread(low, high, CLOSER)
-    least = np.take_along_axis(margin, best, axis=1)[:, 0]
-    piece = np.argmin(least, axis=0)[None]
-    points = pieces.at(middle)
-    x = np.take_along_axis(np.asarray(points[0])[:, 0], piece, axis=0)[0]
-    y = np.take_along_axis(np.asarray(points[1])[:, 0], piece, axis=0)[0]
+    x, y = _least(game, state, to_target, _pieces(extent, evader))
     inside = to_set(NUMPY, extent, evader)
     arrived = dot2(inside, inside) == 0.0
     x = np.where(arrived, evader[0], x)
     y = np.where(arrived, evader[1], y)
     margin_here = _margins(game, state, plus2(to_target, 1.0, (x, y)))
     return Danger(np.stack([T[..., 0] + x, T[..., 1] + y, T[..., 2]], axis=-1), margin_here)
+
+
+def _least(game: Game, state: Geometry, to_target: Plane, pieces: Pieces) -> Plane:
+    """Return the point of some pieces with the least margin, from the target's position, m."""
+    angle, step = _spread(pieces.low, pieces.high, TRIED)
+    margin = _margins(game, state, plus2(to_target, 1.0, pieces.at(angle)))
+    minima = _lowest_minima(margin)
+    middle = np.take_along_axis(_joined(angle), minima, axis=0)[:, None]
+    number = minima // TRIED
+    # Each minimum is followed on its piece
+    pieces = mapped(lambda part: np.take_along_axis(part[:, 0], number, axis=0)[:, None], pieces)
+    step = np.take_along_axis(step[:, 0], number, axis=0)[:, None]
+    for _ in range(ROUNDS):
+        low = np.maximum(middle - step, pieces.low)
+        high = np.minimum(middle + step, pieces.high)
+        angle, step = _spread(low, high, CLOSER)
+        margin = _margins(game, state, plus2(to_target, 1.0, pieces.at(angle)))
+        best = np.argmin(margin, axis=1)[:, None]
+        middle = np.take_along_axis(angle, best, axis=1)
+    least = np.take_along_axis(margin, best, axis=1)[:, 0]
+    piece = np.argmin(least, axis=0)[None]
+    points = pieces.at(middle)
+    x = np.take_along_axis(np.asarray(points[0])[:, 0], piece, axis=0)[0]
+    y = np.take_along_axis(np.asarray(points[1])[:, 0], piece, axis=0)[0]
+    return x, y
+
+
+def _lowest_minima(margin: Array) -> Array:
+    """Return the numbers of the lowest minima along the second axis, counted over both, (MINIMA, ...)."""
+    beyond = np.full_like(margin[:, :1], np.inf)
+    before = np.concatenate([beyond, margin[:, :-1]], axis=1)
+    after = np.concatenate([margin[:, 1:], beyond], axis=1)
+    lowest = np.where((margin <= before) & (margin <= after), margin, np.inf)
+    return np.argsort(_joined(lowest), axis=0)[:MINIMA]
+
+
+def _joined(array: Array) -> Array:
+    """Return an array with its first two axes made one."""
+    return array.reshape(-1, *array.shape[2:])
 
 
 def _spread(low: Array, high: Array, count: int) -> tuple[Array, Array]:
