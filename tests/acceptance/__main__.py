@@ -23,6 +23,7 @@ from rich.table import Table
 from guidance.errors import GuidanceError
 from sitl_mock.child import free_udp_port, running
 from sitl_mock.errors import MockError
+from tests.acceptance import ground_station
 from tests.acceptance.cases import Case, cases, toml
 from tests.acceptance.flying import GUIDANCE, Line, fly, fly_in_virtual_time
 from tests.acceptance.relay import LASTING, SET_UP, Relay, wait
@@ -155,6 +156,29 @@ def on_the_mock(autopilot: str, case: Case, folder: Path) -> list[Line]:
         ]
 
 
+def beside_a_ground_station(autopilot: str, folder: Path) -> list[Line]:
+    """Fly on a mock of its own with a ground station beside guidance."""
+    vehicle = {
+        "name": "uav1",
+        "flavour": autopilot,
+        "ready_after_s": 0.5,
+        "parameters": SET_UP[autopilot] | SOON_UP_AND_DOWN[autopilot],
+    }
+    try:
+        with running([vehicle], over=["udp"]) as fleet:
+            station_port = free_udp_port({"uav1": "px4"})
+            client_port = free_udp_port({"uav1": "px4"})
+            relay = Relay(fleet["uav1"].udp, client_port, station_port=station_port)
+            try:
+                station_url = f"udpin://127.0.0.1:{station_port}"
+                return ground_station.fly(autopilot, relay.client_url, station_url, folder)
+            finally:
+                relay.close()
+    except (GuidanceError, MockError) as error:
+        words = f"{type(error).__name__}: {error}"
+        return [Line(autopilot, ground_station.FLIGHT, "mavsdk", "a flight", words, held=False)]
+
+
 def _chosen(autopilot: str, height_m: float, only: str) -> list[Case]:
     return [case for case in cases(autopilot, height_m=height_m) if only in case.name]
 
@@ -163,6 +187,26 @@ def _slug(case: Case) -> str:
     return "".join(
         letter if letter.isalnum() else "-" for letter in f"{case.name} {case.link}"
     ).strip("-")
+
+
+def _beside_ground_stations(folder: Path, only: str) -> list[Line]:
+    """Fly each mock beside a ground station, one after the other, and again if that did not hold."""
+    lines = list[Line]()
+    for autopilot in AUTOPILOTS if only in ground_station.FLIGHT else ():
+        for again in ("", "-again"):
+            with Waiting() as waiting:
+                flown = beside_a_ground_station(
+                    autopilot, folder / f"{autopilot}-ground-station{again}"
+                )
+            if all(line.held for line in flown):
+                break
+            if starved := waiting.starved():
+                flown = [
+                    line if line.held else line._replace(got=f"{line.got}; {starved}", held=None)
+                    for line in flown
+                ]
+        lines += flown
+    return lines
 
 
 def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool) -> None:
@@ -188,6 +232,7 @@ def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool) -> None:
         return lines
 
     with ThreadPoolExecutor(AT_A_TIME) as pool:
+        watched = pool.submit(_beside_ground_stations, folder, only)
         for (autopilot, case), lines in zip(
             flights, pool.map(lambda flight: flown(*flight), flights), strict=True
         ):
@@ -200,6 +245,8 @@ def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool) -> None:
                 lines = pool.submit(flown, autopilot, case, "-again").result()  # noqa: PLW2901 - in its place
             for line in lines:
                 tell(line)
+        for line in watched.result():
+            tell(line)
 
 
 def main(arguments: Sequence[str]) -> int:

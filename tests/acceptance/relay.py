@@ -45,11 +45,15 @@ class Seen:
 class Relay:
     """A relay from the vehicle at a URL to a client on a loopback port.
 
+    With a `station_port` it forwards between the client and a ground station there too, as autopilots do.
+
     Raises:
         GuidanceError: If there is no vehicle, or its autopilot is not supported.
     """
 
-    def __init__(self, url: str, client_port: int, *, timeout_s: float = 20.0) -> None:
+    def __init__(
+        self, url: str, client_port: int, *, station_port: int = 0, timeout_s: float = 20.0
+    ) -> None:
         self.client_url = f"udpin://127.0.0.1:{client_port}"
         self.seen = Seen()
         self._over = threading.Event()
@@ -61,17 +65,34 @@ class Relay:
             one for one in AUTOPILOTS.values() if one.autopilot_id == self.found.autopilot
         )
         self._client = UdpWire(time.monotonic, "127.0.0.1", client_port)
+        self._station: UdpWire | None = None
+        if station_port:
+            self._station = UdpWire(time.monotonic, "127.0.0.1", station_port)
         self._down = FrameReader()
         self._up = FrameReader()
         self._pilot = mavlink.MAVLink(None, *PILOT)
         self._reader = mavlink.MAVLink(None)
         self._lock = threading.Lock()
         self._passing = [
-            threading.Thread(target=self._pass_on, args=way, daemon=True)
-            for way in ((self._wire, self._from_vehicle), (self._client, self._from_client))
+            threading.Thread(target=self._pass_on, args=way, daemon=True) for way in self._ways()
         ]
         for one in self._passing:
             one.start()
+
+    def _ways(self) -> list[tuple[Wire, Callable[[float, bytes], None]]]:
+        ways: list[tuple[Wire, Callable[[float, bytes], None]]] = [
+            (self._wire, self._from_vehicle),
+            (self._client, self._from_client),
+        ]
+        if self._station is not None:
+            ways.append((self._station, self._from_station))
+        return ways
+
+    def _from_station(self, _now_s: float, data: bytes) -> None:
+        """Forward a ground station's messages to the vehicle and to the client, as autopilots do between links."""
+        self._client.send(data)
+        with self._lock:
+            self._wire.send(data)
 
     def _pass_on(self, wire: Wire, pass_on: Callable[[float, bytes], None]) -> None:
         while not self._over.is_set():
@@ -82,6 +103,8 @@ class Relay:
     def _from_vehicle(self, now_s: float, data: bytes) -> None:
         for frame in self._down.read(data, stream=self._wire.stream):
             self._client.send(frame.data)
+            if self._station is not None:
+                self._station.send(frame.data)
             if (frame.system_id, frame.component_id) == self.found[:2]:
                 self._note(now_s, frame)
         # Messages outside the dialect are forwarded too, if a datagram holds them completely.
@@ -90,6 +113,8 @@ class Relay:
         for frame in self._up.read(data, stream=False):
             with self._lock:
                 self._wire.send(frame.data)
+            if self._station is not None:
+                self._station.send(frame.data)
             if frame.name == "SET_POSITION_TARGET_LOCAL_NED":
                 self.seen.setpoints_s.append(now_s)
 
@@ -157,6 +182,8 @@ class Relay:
         for one in self._passing:
             one.join()
         self._client.close()
+        if self._station is not None:
+            self._station.close()
         self._wire.close()
 
 

@@ -43,7 +43,7 @@ def read(vehicle_document):
         ),
         ({"evader": {"kind": "ros_pose", "url": "zenoh://127.0.0.1:7447"}}, "must be zenoh://host:port/key"),
         ({"vehicle": {"system_id": 0}}, "vehicle.system_id = 0: must be greater than or equal to 1"),
-        ({"vehicle": {"speed": 5.0}}, "vehicle.speed: unknown key; allowed here: autopilot"),
+        ({"vehicle": {"speed": 5.0}}, "vehicle.speed: unknown key; allowed here: announce, autopilot"),
         ({"vehicle": {"link": "mavsdk", "signing_key_file": "key"}}, "MAVSDK does not sign"),
         ({"vehicle": {"connect_timeout_s": 0.0}}, "vehicle.connect_timeout_s = 0.0"),
         ({"evader": {"kind": "radar"}}, "evader.kind = 'radar'"),

@@ -13,7 +13,7 @@ from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
 from guidance.links.world import World
 from guidance.messages import Heartbeat, Setpoint
-from guidance.session import service
+from guidance.session.open import links
 from guidance.session.open.links import open_all, open_control, signing_key
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Config
@@ -149,10 +149,10 @@ def test_orders_are_taken_by_certificates_where_a_router_judges_them(
     read = []
     opened = []
     monkeypatch.setattr(
-        service, "credentials_of", lambda zenoh: read.append(str(zenoh.tls_certificate_file))
+        links, "credentials_of", lambda zenoh: read.append(str(zenoh.tls_certificate_file))
     )
     monkeypatch.setattr(
-        service, "control_bus", lambda _name, _mailbox, control, *_: opened.append(control)
+        links, "control_bus", lambda _name, _mailbox, control, *_: opened.append(control)
     )
     tls = {"tls_certificate_file": "cert.pem", "tls_key_file": "key.pem", "tls_ca_file": "ca.pem"}
     control = {"endpoint": endpoint, "host": not shown}
