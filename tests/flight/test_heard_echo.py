@@ -234,7 +234,7 @@ def test_a_position_that_jumps_moves_the_frame_once_and_fences_are_measured_from
     moved = []
     for n, place in enumerate(places):
         said = [home(NOW_S), local(NOW_S + 0.02 * n, place)]
-        heard.take_in(Inputs(said), in_flight=True)
+        heard.take_in(NOW_S, Inputs(said), in_flight=True)
         moved.append(heard.moved_ned_m)
         assert heard.position_ned_m == place
         (circle,) = [
@@ -251,7 +251,9 @@ def test_the_floor_is_kept_by_the_error_that_the_estimator_reports(sd_m, margin_
     heard = Heard(settings_of(cycle=replace(SETTINGS.cycle, envelope=envelope)))
     said = [home(NOW_S), local(NOW_S)]
     heard.take_in(
-        Inputs(said if sd_m is None else [*said, EstimatorStatus(NOW_S, sd_m)]), in_flight=True
+        NOW_S,
+        Inputs(said if sd_m is None else [*said, EstimatorStatus(NOW_S, sd_m)]),
+        in_flight=True,
     )
     (floor,) = [wall for wall in heard.view(NOW_S).walls if wall.limiter is Limiter.FLOOR]
     assert (floor.margin_m, floor.gap_m) == pytest.approx(
