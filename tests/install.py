@@ -47,7 +47,17 @@ for one in distributions():
 print(json.dumps(weighed))
 """
 
-OF_EXTRAS = ("dask", "distributed", "matplotlib", "pandas", "pyarrow", "rerun", "scipy")
+OF_EXTRAS = (
+    "dask",
+    "distributed",
+    "matplotlib",
+    "pandas",
+    "pyarrow",
+    "rerun",
+    "rosbags",
+    "scipy",
+    "xxhash",
+)
 
 
 def pythons() -> list[str]:
