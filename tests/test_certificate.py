@@ -12,11 +12,13 @@ from guidance.control import Acceleration
 from guidance.control.braking_law import approach_speed
 from guidance.control.follow import gaps_to_disc
 from guidance.cycle import Course, Players, Vehicle, certify
-from guidance.cycle.guarding import GUARD_LAG_S, UNSURE, UNSURE_S, guard
+from guidance.cycle.guarding import UNSURE, UNSURE_S, guard
 from guidance.frames import ned_from_game
 from guidance.game import Cylinder, Extent, Game, StandOff, Winner, solve_state
 from tests.bench.bench_promise_turns import played as played_turns
 from tests.control.scenes import MULTICOPTER as ENVELOPE
+from tests.harness.guarded import draw_game
+from tests.harness.referee import referee
 
 GAME = Game(Cylinder(6.0, 3.0, 1.5), 3.0, standoff=StandOff(3.0, 5.0))
 ACCELERATION = Acceleration(3.0, 2.0)
@@ -67,16 +69,21 @@ def test_the_vehicle_never_does_better_than_the_ideal_pursuer(x, y, z, e_x, e_y,
 
 
 def test_at_full_speed_only_reacting_braking_and_doubt_are_subtracted():
-    # Both run along x, the evader to the target at 0. At the rim the vehicle can still stop above the target.
+    # Both run along x, the evader to the target at 0. The vehicle flies on for its reaction time and then brakes before
+    # the evader's disc as its approach does. That takes longer than to be slow enough there to stop above the target.
     says = certified((-60.0, 0.0, 5.0), (6.0, 0.0, 0.0), (-50.0, 0.0, 0.0), (3.0, 0.0, 0.0))
-    place_m = -60.0
+    lag_s = APPROACH.lag_s + APPROACH.settle_s
+    rest_m = -3.0 - APPROACH.margin_m
+    place_m = -60.0 + 6.0 * ENVELOPE.reaction_s
     time_s = 0.0
     step_s = 1e-3
-    while place_m < -3.0:
-        place_m += step_s * min(6.0, approach_speed(-place_m, ENVELOPE.braking_m_s2, GUARD_LAG_S))
+    while place_m < -3.0 - FULL.tolerance_m:
+        speed_m_s = min(6.0, approach_speed(rest_m - place_m, APPROACH.braking_m_s2, lag_s))
+        place_m += step_s * speed_m_s
         time_s += step_s
-    needed_s = time_s - 57.0 / 6.0 + ENVELOPE.reaction_s + UNSURE_S + UNSURE * says.meeting_time_s
-    assert says.vehicle_margin_s == pytest.approx(says.margin_s - needed_s, abs=0.01)
+    doubt_s = UNSURE_S + UNSURE * says.meeting_time_s
+    margin_s = min(50.0 / 3.0 - time_s, says.margin_s) - ENVELOPE.reaction_s - doubt_s
+    assert says.vehicle_margin_s == pytest.approx(margin_s, abs=0.01)
 
 
 def test_a_speed_that_was_not_flown_yet_is_counted_on_in_part_only():
@@ -248,7 +255,45 @@ def test_a_vehicle_that_flies_along_a_target_guards_less_of_it_behind():
     for along_m_s in (0.0, 3.0, 6.0):
         velocity_m_s = (along_m_s, 0.0, 0.0)
         players = Players(pursuer_m, velocity_m_s, evader_m, (0.0, -3.0, 0.0), TARGET, gaps, 0.0)
-        margins.append(guard(game, game, solution, players, FULL, 0.0).margin_s)
+        margins.append(
+            guard(game, game, solution, players, FULL, 0.0, descends_at_once=True).margin_s
+        )
     # A reversal from w to full speed u takes ((u + w)² - u²)/(2 a u) longer than a start from rest, with a = 3 m/s².
     assert margins[0] > margins[1] > margins[2]
     assert margins[0] - margins[2] > (12.0**2 - 6.0**2) / (2.0 * 3.0 * 6.0) - 2.0
+
+
+def test_a_vehicle_that_descends_already_loses_no_reaction_time_in_height():
+    pursuer_m = (1.0, 0.0, 11.0)
+    evader_m = (25.0, 0.0, 0.0)
+    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
+    players = Players(pursuer_m, (0.0, 0.0, -1.5), evader_m, (0.0, 0.0, 0.0), TARGET, gaps, 0.0)
+    solution = solve_state(GAME, pursuer_m, evader_m, TARGET)
+    descending, waiting = (
+        guard(GAME, GAME, solution, players, FULL, 0.6, descends_at_once=at_once).margin_s
+        for at_once in (True, False)
+    )
+    # Over the ground it loses the reaction, in height the braking and the slower descent, and no longer both.
+    lost_s = solution.margin_s - waiting
+    assert descending - waiting == pytest.approx(min(0.6, lost_s - 0.6 - UNSURE_S), abs=0.2)
+    assert descending > waiting + 0.1
+
+
+def test_a_vehicle_that_follows_closely_captures_before_a_wide_target_is_in_danger():
+    game = replace(GAME, target_extent=Extent(radius_m=15.0))
+    pursuer_m = (0.0, 25.0, 5.0)
+    evader_m = (0.0, 21.0, 0.0)
+    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
+    evader_m_s = (0.0, -3.0, 0.0)
+    players = Players(pursuer_m, (0.0, -4.0, 0.0), evader_m, evader_m_s, TARGET, gaps, 0.0)
+    certificate = certify(game, players, FULL, None).certificate
+    assert certificate.winner == Winner.PURSUER
+    assert certificate.vehicle_winner == Winner.PURSUER
+    slow = players._replace(pursuer_m_s=(0.0, 0.0, 0.0))
+    assert certify(game, slow, FULL, None).certificate.vehicle_winner != Winner.PURSUER
+
+
+def test_an_evader_that_runs_along_with_its_target_is_not_claimed_too_early():
+    result = referee(draw_game(7101, 50, "moving")).result
+    assert result.end == "arrived"
+    assert math.isnan(result.sustained_s)

@@ -277,7 +277,7 @@ def _defended(
     late = solve_state(shown, late_m, E, T, evader_velocity_m_s=players.evader_m_s)
     assured_m = -late.value if late.winner == Winner.EVADER else late.value
     reaction_s = vehicle.envelope.reaction_s
-    near = guard(game, shown, solution, players, vehicle, reaction_s)
+    near = guard(game, shown, solution, players, vehicle, reaction_s, descends_at_once=True)
     ahead = guard(game, shown, solution, players, vehicle, reaction_s + AHEAD_S)
     course, velocity_m_s = _course(game, players, vehicle, solution, ahead, trusted_m_s)
     arrived = game.target_extent.distance_m(T, E) <= vehicle.tolerance_m

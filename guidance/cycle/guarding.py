@@ -1,16 +1,27 @@
-"""How soon this vehicle can guard the target of TAD, against the time in which the evader can be there.
+"""The vehicle's margin in TAD: how much sooner it can guard the target than the evader can arrive.
 
-All velocities here are relative to the target, so that one that moves is met where it will be. The vehicle first flies
-on for a while, and then turns towards a point X of the target, where it stops in time. The margin of X is the evader's
-time to X less the vehicle's, and the margin of the target is the least over its outline. The vehicle's velocity counts
-for every X by itself: a vehicle that flies along a target has to reverse to guard the part behind it.
+All velocities here are relative to the target, so a target that moves is met where it will be. The vehicle first flies
+on for its reaction time. Then it flies to a point X of the target and stops there in time. The margin of X is the
+evader's time to X less the vehicle's time. The margin of the target is the smallest margin of the points of its
+outline. The vehicle's velocity counts for each X separately: a vehicle that flies along a target has to reverse before
+it can guard the part behind it.
 
-**Which point is guarded.** The vehicle flies to the point of the target that is closest to the game's meeting point.
-With a small margin the meeting point lies near the target, and near the point that is most in danger.
+**Guarded point.** The vehicle flies to the point of the target that is closest to the game's meeting point. With a
+small margin, the meeting point lies near the target, and near the point that is most in danger.
 
-**Reversing again.** A vehicle above a point guards everything within the disc's radius. If the target is larger, the
-guarded point moves with the evader, at its speed v at most. After that the vehicle may have to reverse: the reversal
-from v takes v/a longer than a start from rest, and costs v²/(2a) more metres, with the acceleration a.
+**Height.** A vehicle that descends already loses no reaction time if its height decides. So the vehicle's time is the
+larger of two: reaction and flight over the ground, and descent.
+
+**Braking.** Over the ground, the vehicle is slow enough at the rim of the disc about X to stop above X, and it brakes
+before an evader at X as its approach brakes. The slower of the two counts.
+
+**Wide targets.** A vehicle above a point guards everything within the disc's radius. On a larger target, the guarded
+point moves with the evader, and the vehicle does not wait above it. It meets the evader on its way instead. For each X
+its time is therefore the smaller of two: the time to the rim of the disc about X, and the time to a meeting with an
+evader that runs straight to X (`_interception_s`).
+
+**Capture.** A vehicle at the disc's height and near its rim captures the evader before any point of a wide target is
+in danger (`_capture_margin_s`). There an evader that runs straight away lasts longest: one that turns comes nearer.
 """
 
 import math
@@ -34,12 +45,15 @@ GUARD_LAG_S: Final = 1.0
 
 UNSURE_S: Final = 0.25
 UNSURE: Final = 0.03
-"""Time that the estimates may be wrong by, and share of the time to the meeting."""
+"""Allowance for errors of the estimates: a time, and a share of the time to the meeting."""
 
 _SLOWEST_M_S: Final = 0.1
 _TINY_M: Final = 1e-9
 _SPACING_M: Final = 3.0
 _FEWEST: Final = 8
+_ROUNDS: Final = 3
+_NEAR_RADII: Final = 3.0
+"""Largest gap, in radii of the disc; closer than this, an evader that turns is captured sooner than one that flees."""
 
 
 class Guard(NamedTuple):
@@ -47,7 +61,8 @@ class Guard(NamedTuple):
 
     Attributes:
         velocity_m_s: Of the flight, in the game frame.
-        margin_s: How much sooner the vehicle can guard the target than the evader is there.
+        margin_s: How much sooner the vehicle can guard the target than the evader is there. Infinite in the play on a
+            target that it does not hold, because the vehicle plays the game's solution there.
         holds_target: Whether a vehicle that stops above the guarded point guards all of the target.
     """
 
@@ -56,17 +71,26 @@ class Guard(NamedTuple):
     holds_target: bool
 
 
+class _Race(NamedTuple):
+    """A race to a point of the target: the pursuer's lead over the evader, and the time that the vehicle loses, s."""
+
+    sooner_s: float
+    lost_s: float
+
+
 class _Flight(NamedTuple):
     """A vehicle that begins to fly to the target.
 
     Attributes:
-        game: What is played.
+        game: The game.
         shown: The same with the speed that the vehicle has shown.
         players: Where both are now.
-        vehicle: What the vehicle can do.
-        from_m: Where the vehicle begins, after it has flown on.
+        vehicle: Description of the vehicle.
+        from_m: Position of the vehicle at the end of its reaction time.
         target_m: Where the target is then, x and y.
         up_m_s: Its vertical speed.
+        flies_on_s: Time at the present velocity before the vehicle turns.
+        descends_at_once: Whether it descends during this time, which is then lost over the ground only.
     """
 
     game: Game
@@ -76,6 +100,8 @@ class _Flight(NamedTuple):
     from_m: Vector
     target_m: Point
     up_m_s: float
+    flies_on_s: float
+    descends_at_once: bool
 
 
 def guard(
@@ -85,28 +111,37 @@ def guard(
     players: Players,
     vehicle: Vehicle,
     flies_on_s: float,
+    *,
+    descends_at_once: bool = False,
 ) -> Guard:
-    """Return the flight to the target of a vehicle that flies on at its present velocity before.
+    """Return the flight to the target of a vehicle that first flies on at its present velocity.
 
     Args:
-        game: What is played.
-        shown: The same with the speed that the vehicle has shown.
-        solution: Of the game.
-        players: From where.
-        vehicle: What it can do.
-        flies_on_s: Time for which it flies on.
+        game: The game.
+        shown: The game with the speed that the vehicle has shown.
+        solution: Solution of the game.
+        players: Positions and velocities.
+        vehicle: Description of the vehicle.
+        flies_on_s: Time at the present velocity before the vehicle turns.
+        descends_at_once: Whether it descends in this time. The verdict counts that; the play is more cautious.
     """
     flight = _begun(game, shown, solution, players, vehicle, flies_on_s)
+    flight = flight._replace(descends_at_once=descends_at_once and shown.pursuer.separate)
     holds_target = _width_m(game.target_extent) <= game.standoff.radius_m
+    guarding_m_s = _velocity_to(flight, _guarded_point(flight, solution), 0.0, GUARD_LAG_S)
+    if not holds_target and not descends_at_once:
+        return Guard(guarding_m_s, math.inf, holds_target)
     levelling_s = _levelling_s(flight)
     unsure_s = UNSURE * solution.meeting_time_s
     margin_s = math.inf
     race = _race_above if holds_target else _race_beside
-    for offset_m in _outline(game.target_extent):
-        sooner_s, lost_s = race(flight, offset_m, levelling_s)
-        needed_s = flies_on_s + lost_s + UNSURE_S + unsure_s
-        margin_s = min(margin_s, min(sooner_s, solution.margin_s) - needed_s)
-    guarding_m_s = _velocity_to(flight, _guarded_point(flight, solution), 0.0, GUARD_LAG_S)
+    for offset_m in outline(game.target_extent):
+        for sooner_s, lost_s in race(flight, offset_m, levelling_s):
+            needed_s = lost_s + UNSURE_S + unsure_s
+            margin_s = min(margin_s, min(sooner_s, solution.margin_s) - needed_s)
+    if not holds_target and _is_at_disc(flight):
+        sooner_s = min(_capture_margin_s(flight), solution.margin_s)
+        margin_s = max(margin_s, sooner_s - (UNSURE_S + unsure_s))
     return Guard(guarding_m_s, margin_s, holds_target)
 
 
@@ -126,55 +161,198 @@ def _begun(
     x_m_s, y_m_s = game.target_velocity_m_s
     target_m = (x_m + flies_on_s * x_m_s, y_m + flies_on_s * y_m_s)
     up_m_s = solution.pursuer_velocity_m_s[2]
-    return _Flight(game, shown, players, vehicle, from_m, target_m, up_m_s)
+    return _Flight(
+        game, shown, players, vehicle, from_m, target_m, up_m_s, flies_on_s, descends_at_once=False
+    )
 
 
-def _race_above(flight: _Flight, offset_m: Point, levelling_s: float) -> tuple[float, float]:
-    """Return how much sooner than the evader a vehicle is at a point above which it stops, and the time lost, s."""
+def _race_above(flight: _Flight, offset_m: Point, levelling_s: float) -> tuple[_Race, ...]:
+    """Return the races to a point above which the vehicle stops; over the ground and in height, if those are two."""
     game = flight.shown
-    braking_m_s2 = flight.vehicle.envelope.braking_m_s2
     late_m = _late(flight, _velocity_to(flight, offset_m, 0.0, GUARD_LAG_S))
     arrival_s, goal_m = _arrival(flight, offset_m)
     state = take_apart(FLOATS, game, late_m, flight.players.evader_m, flight.players.evader_m_s)
+    braking_s = 0.0
+    if _away_m(flight, offset_m, late_m) > game.standoff.radius_m:
+        braking_s = _braking_above_s(flight)
+    if flight.descends_at_once:
+        level_s = max(0.0, game.pursuer.level_time(FLOATS, 0.0, state.z)) + levelling_s
+        ground_s = guard_time(FLOATS, game, state._replace(z=0.0), goal_m)
+        ideal_s = max(ground_s, _ideal_ground_s(flight, goal_m))
+        ground_s = flight.flies_on_s + max(ideal_s + braking_s, _rim_s(flight, offset_m))
+        return (_Race(arrival_s - max(ground_s, level_s), 0.0),)
     sooner_s = arrival_s - guard_time(FLOATS, game, state, goal_m)
-    radius_m = game.standoff.radius_m
-    if _away_m(flight, offset_m, late_m) <= radius_m:
-        return sooner_s, levelling_s
-    # Of the whole way to the point at the game's speed, the last part is slower.
+    return (_Race(sooner_s, flight.flies_on_s + max(braking_s, levelling_s)),)
+
+
+def _ideal_ground_s(flight: _Flight, goal_m: Point) -> float:
+    """Return the ideal pursuer's time over the ground to a point, from where the vehicle is now.
+
+    So the reaction time is lost in full, also by a vehicle that flies to the point meanwhile.
+    """
+    players = flight.players
+    state = take_apart(FLOATS, flight.game, players.pursuer_m, players.evader_m, players.evader_m_s)
+    return guard_time(FLOATS, flight.game, state._replace(z=0.0), goal_m)
+
+
+def _rim_s(flight: _Flight, offset_m: Point) -> float:
+    """Return the time to a capture at the rim of the disc about an evader at a point, as the approach brakes."""
+    late_m = _late(flight, _velocity_to(flight, offset_m, _rest_m(flight), _approach_lag_s(flight)))
+    left_m = _away_m(flight, offset_m, late_m) - _rest_m(flight)
+    return _closing_s(flight, left_m, flight.shown.pursuer.horizontal_m_s)
+
+
+def _braking_above_s(flight: _Flight) -> float:
+    """Return the time that the slower last part of the way to a point costs, up to the rim of the disc about it."""
     u = flight.game.pursuer.horizontal_m_s
-    rim_m_s = approach_speed(radius_m, braking_m_s2, GUARD_LAG_S)
+    braking_m_s2 = flight.vehicle.envelope.braking_m_s2
+    rim_m_s = approach_speed(flight.shown.standoff.radius_m, braking_m_s2, GUARD_LAG_S)
     rim_m_s = min(u, max(_SLOWEST_M_S, rim_m_s))
     braking_s = (u - rim_m_s) ** 2 / (2.0 * braking_m_s2 * u)
-    braking_s += GUARD_LAG_S * (math.log(u / rim_m_s) - 1.0 + rim_m_s / u)
-    return sooner_s, max(braking_s, levelling_s)
+    return braking_s + GUARD_LAG_S * (math.log(u / rim_m_s) - 1.0 + rim_m_s / u)
 
 
-def _race_beside(flight: _Flight, offset_m: Point, levelling_s: float) -> tuple[float, float]:
-    """Return the same for a vehicle that stops at the rim of the disc of an evader at that point."""
+def _race_beside(flight: _Flight, offset_m: Point, levelling_s: float) -> tuple[_Race, ...]:
+    """Return the races of a vehicle that meets the evader at a point of the target or on its way there."""
     game = flight.shown
-    vehicle = flight.vehicle
-    approach = vehicle.approach
-    rest_m = game.standoff.radius_m + approach.margin_m
-    braking_m_s2 = approach.braking_m_s2
-    lag_s = approach.lag_s + approach.settle_s
+    rest_m = _rest_m(flight)
+    lag_s = _approach_lag_s(flight)
     late_m = _late(flight, _velocity_to(flight, offset_m, rest_m, lag_s))
     arrival_s, goal_m = _arrival(flight, offset_m)
-    state = take_apart(FLOATS, game, late_m, flight.players.evader_m, flight.players.evader_m_s)
-    ideal_s = guard_time(FLOATS, game, state, goal_m)
-    # It brakes as if to come to rest outside the rim, and captures before that.
     left_m = _away_m(flight, offset_m, late_m) - rest_m
-    capture_m = max(_TINY_M, vehicle.tolerance_m - approach.margin_m)
-    flown_s = 0.0
-    if left_m > capture_m:
-        u = game.pursuer.horizontal_m_s
-        fast_m_s = min(u, approach_speed(left_m, braking_m_s2, lag_s))
-        rim_m_s = min(u, max(_SLOWEST_M_S, approach_speed(capture_m, braking_m_s2, lag_s)))
-        flown_s = (fast_m_s - rim_m_s) / braking_m_s2 + lag_s * math.log(fast_m_s / rim_m_s)
-        slow_from_m = fast_m_s * lag_s + fast_m_s * fast_m_s / (2.0 * braking_m_s2)
-        flown_s += max(0.0, left_m - slow_from_m) / u
-    if abs(flight.players.gaps.height_m) <= vehicle.tolerance_m:
-        levelling_s = 0.0
-    return arrival_s - max(flown_s, ideal_s + levelling_s), 0.0
+    rim_s = _closing_s(flight, left_m, game.pursuer.horizontal_m_s)
+    is_level = abs(flight.players.gaps.height_m) <= flight.vehicle.tolerance_m
+    if not flight.descends_at_once:
+        state = take_apart(FLOATS, game, late_m, flight.players.evader_m, flight.players.evader_m_s)
+        ideal_s = guard_time(FLOATS, game, state, goal_m)
+        if not is_level:
+            ideal_s += levelling_s
+        return (_Race(arrival_s - max(rim_s, ideal_s), flight.flies_on_s),)
+    ground_s = min(rim_s, _interception_s(flight, goal_m))
+    ground = _Race(arrival_s - ground_s - flight.flies_on_s, 0.0)
+    if is_level:
+        return (ground,)
+    height_m = late_m[2] - flight.players.evader_m[2] - game.standoff.height_m
+    level_s = max(0.0, game.pursuer.level_time(FLOATS, 0.0, height_m)) + levelling_s
+    return ground, _Race(arrival_s - level_s, 0.0)
+
+
+def _rest_m(flight: _Flight) -> float:
+    """Return the distance from the evader where the approach ends at rest."""
+    return float(flight.shown.standoff.radius_m) + flight.vehicle.approach.margin_m
+
+
+def _approach_lag_s(flight: _Flight) -> float:
+    """Return the time constant of the approach to the rim."""
+    return flight.vehicle.approach.lag_s + flight.vehicle.approach.settle_s
+
+
+def _rim_speed_m_s(flight: _Flight, fastest_m_s: float) -> float:
+    """Return the closing speed at the distance from the rim that counts as captured."""
+    approach = flight.vehicle.approach
+    captured_m = max(_TINY_M, flight.vehicle.tolerance_m - approach.margin_m)
+    speed_m_s = approach_speed(captured_m, approach.braking_m_s2, _approach_lag_s(flight))
+    return min(fastest_m_s, max(_SLOWEST_M_S, speed_m_s))
+
+
+def _closing_s(flight: _Flight, left_m: float, fastest_m_s: float) -> float:
+    """Return the time to a capture for a vehicle that brakes as if to stop outside the rim.
+
+    Args:
+        flight: The flight.
+        left_m: Distance to its stop.
+        fastest_m_s: Its closing speed before it brakes.
+    """
+    approach = flight.vehicle.approach
+    braking_m_s2 = approach.braking_m_s2
+    lag_s = _approach_lag_s(flight)
+    if left_m <= max(_TINY_M, flight.vehicle.tolerance_m - approach.margin_m):
+        return 0.0
+    fast_m_s = min(fastest_m_s, approach_speed(left_m, braking_m_s2, lag_s))
+    rim_m_s = _rim_speed_m_s(flight, fastest_m_s)
+    braking_s = (fast_m_s - rim_m_s) / braking_m_s2 + lag_s * math.log(fast_m_s / rim_m_s)
+    slow_from_m = fast_m_s * lag_s + fast_m_s * fast_m_s / (2.0 * braking_m_s2)
+    return braking_s + max(0.0, left_m - slow_from_m) / fastest_m_s
+
+
+def _interception_s(flight: _Flight, goal_m: Point) -> float:
+    """Return the time to a meeting with an evader that runs straight to a point, after the reaction time.
+
+    The late start depends on the direction of the flight, and the direction on the meeting point, so both are computed
+    in rounds. Towards an evader that comes nearer the vehicle brakes to rest, else to the evader's speed.
+
+    Args:
+        flight: The flight.
+        goal_m: Vector from the evader to that point.
+    """
+    game = flight.shown
+    run_m = math.hypot(*goal_m)
+    if run_m == 0.0:
+        return math.inf
+    v = game.evader_speed_m_s
+    run_m_s = (v * goal_m[0] / run_m, v * goal_m[1] / run_m)
+    u = game.pursuer.horizontal_m_s
+    evader_x_m = flight.players.evader_m[0] + run_m_s[0] * flight.flies_on_s
+    evader_y_m = flight.players.evader_m[1] + run_m_s[1] * flight.flies_on_s
+    late_m = flight.from_m
+    meeting_s = 0.0
+    fleeing_m_s = 0.0
+    for _ in range(_ROUNDS):
+        to_evader_m = (evader_x_m - late_m[0], evader_y_m - late_m[1])
+        meeting_s = catch_in_ball(FLOATS, u, _rest_m(flight), to_evader_m, run_m_s, 0.0)
+        x_m = evader_x_m + run_m_s[0] * meeting_s - flight.from_m[0]
+        y_m = evader_y_m + run_m_s[1] * meeting_s - flight.from_m[1]
+        away_m = math.hypot(x_m, y_m)
+        if away_m == 0.0:
+            return math.inf
+        fleeing_m_s = max(0.0, (run_m_s[0] * x_m + run_m_s[1] * y_m) / away_m)
+        late_m = _late(flight, (u * x_m / away_m, u * y_m / away_m, flight.up_m_s))
+    closing_m_s = u - fleeing_m_s
+    rim_m_s = _rim_speed_m_s(flight, closing_m_s)
+    braking_m_s2 = flight.vehicle.approach.braking_m_s2
+    braking_s = (closing_m_s - rim_m_s) ** 2 / (2.0 * braking_m_s2 * closing_m_s)
+    lags = math.log(closing_m_s / rim_m_s) - 1.0 + rim_m_s / closing_m_s
+    return meeting_s + braking_s + _approach_lag_s(flight) * lags
+
+
+def _is_at_disc(flight: _Flight) -> bool:
+    """Return whether the vehicle is at the disc's height and near its rim."""
+    gaps = flight.players.gaps
+    is_level = abs(gaps.height_m) <= flight.vehicle.tolerance_m
+    return is_level and gaps.ground_m <= _NEAR_RADII * flight.shown.standoff.radius_m
+
+
+def _capture_margin_s(flight: _Flight) -> float:
+    """Return how much sooner a vehicle at the disc's height captures the evader than any evader is at the target."""
+    game = flight.shown
+    E = flight.players.evader_m
+    P = flight.players.pursuer_m
+    flown_m_s = flight.players.pursuer_m_s
+    v = game.evader_speed_m_s
+    closing_m_s = game.pursuer.horizontal_m_s - v
+    braking_m_s2 = flight.vehicle.approach.braking_m_s2
+    late_m = P
+    for _ in range(_ROUNDS):
+        x_m = E[0] - late_m[0]
+        y_m = E[1] - late_m[1]
+        away_m = math.hypot(x_m, y_m)
+        if away_m == 0.0:
+            return -math.inf
+        left_m = away_m - _rest_m(flight)
+        allowed_m_s = approach_speed(left_m, braking_m_s2, _approach_lag_s(flight))
+        pace = (v + min(closing_m_s, allowed_m_s)) / away_m
+        x_m_s = pace * x_m
+        y_m_s = pace * y_m
+        behind_m = (
+            P[0] + flight.flies_on_s * (flown_m_s[0] - x_m_s),
+            P[1] + flight.flies_on_s * (flown_m_s[1] - y_m_s),
+            P[2],
+        )
+        velocity_m_s = (x_m_s, y_m_s, flight.up_m_s)
+        late_m = late_start(behind_m, velocity_m_s, flown_m_s, flight.vehicle.acceleration)
+    left_m = math.dist(E[:2], late_m[:2]) - _rest_m(flight)
+    soonest_s = min(_arrival(flight, offset_m)[0] for offset_m in outline(game.target_extent))
+    return soonest_s - _closing_s(flight, left_m, closing_m_s)
 
 
 def _late(flight: _Flight, velocity_m_s: Vector) -> Vector:
@@ -252,7 +430,7 @@ def _guarded_point(flight: _Flight, solution: StateSolution) -> Point:
 
 
 @lru_cache
-def _outline(extent: Extent) -> tuple[Point, ...]:
+def outline(extent: Extent) -> tuple[Point, ...]:
     """Return points of the target's edge, from its position, at most `_SPACING_M` apart; of a point, itself."""
     corners = extent.corners_m
     radius_m = extent.radius_m

@@ -116,6 +116,8 @@ class Guarded(NamedTuple):
         claimed_s: Time when the verdict "pursuer" first lasted `LASTING_S`; NaN if never.
         reported_s: Time of the event that reports this verdict; NaN if never.
         sustained_s: Time when the verdict "pursuer" first lasted `GUARDED_S`; NaN if never.
+        was_certain: Of a capture without a verdict: whether the vehicle could have been certain of it. The referee
+            tries other evaders from the same states (`tests.harness.trials`); without a trial it counts as certain.
     """
 
     end: str
@@ -124,6 +126,7 @@ class Guarded(NamedTuple):
     claimed_s: float
     reported_s: float
     sustained_s: float
+    was_certain: bool = True
 
 
 def draw_game(seed: int, number: int, shape: str = "point") -> Drawn:

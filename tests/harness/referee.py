@@ -4,6 +4,7 @@ The vehicle has just the acceleration that its autopilot's description guarantee
 what the certificate of each step says, and brakes at the disc.
 """
 
+import copy
 import math
 from collections import deque
 from typing import Final, NamedTuple
@@ -51,6 +52,12 @@ class Referee:
         self.state = State(
             pursuer_m, (0.0, 0.0, 0.0), (*evader_m, 0.0), (0.0, 0.0, 0.0), settings.target_game_m
         )
+
+    def copy(self) -> "Referee":
+        """Return a game that goes on from here by itself."""
+        other = copy.copy(self)
+        other._commands = self._commands.copy()
+        return other
 
     def certify(self) -> Certified:
         """Certify the present state."""
@@ -124,7 +131,14 @@ def _moved(place_m: Vector, velocity_m_s: Vector) -> Vector:
     )
 
 
-def referee(drawn: Drawn) -> Guarded:
+class Played(NamedTuple):
+    """The result of a game, and copies of the game, one for each step."""
+
+    result: Guarded
+    states: list[Referee]
+
+
+def referee(drawn: Drawn) -> Played:
     """Play a game to its end."""
     settings = cycle_settings(drawn.setup)
     game = Referee(settings, drawn.setup.start_m, drawn.evader_m)
@@ -135,7 +149,9 @@ def referee(drawn: Drawn) -> Guarded:
     claimed_s = math.nan
     sustained_s = math.nan
     since_s = math.inf
+    states = []
     while end == "undecided" and game.now_s < LONGEST_S:
+        states.append(game.copy())
         certified = game.certify()
         certificate = certified.certificate
         margin_s = certificate.margin_s if math.isnan(margin_s) else margin_s
@@ -149,11 +165,12 @@ def referee(drawn: Drawn) -> Guarded:
             claimed_s = game.now_s
         if math.isnan(sustained_s) and game.now_s - since_s >= GUARDED_S:
             sustained_s = game.now_s
-        game.step(_runs(game.state, course, certified, speed_m_s, drawn.setup.aim.velocity_m_s))
-    return Guarded(end, game.now_s, margin_s, claimed_s, sustained_s, sustained_s)
+        game.step(runs(game.state, course, certified, speed_m_s, drawn.setup.aim.velocity_m_s))
+    result = Guarded(end, game.now_s, margin_s, claimed_s, sustained_s, sustained_s)
+    return Played(result, states)
 
 
-def _runs(
+def runs(
     state: State,
     course: list[Point],
     certified: Certified,
