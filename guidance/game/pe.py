@@ -35,6 +35,7 @@ from guidance.game.arrays import NUMPY, Library, Plane, Real, Space, dot2
 from guidance.game.extent import to_set
 from guidance.game.game import Game, Reason, Winner, head_wind, speed_in_hand
 from guidance.game.meeting_times import climb
+from guidance.game.records import is_zero
 
 
 class Geometry(NamedTuple):
@@ -78,7 +79,9 @@ def take_apart(xp: Library, game: Game, P: Space, E: Space, observed: Space | No
     (x, y, height) = P
     (east, north, ground) = E
     to_evader = (east - x, north - y)
-    z = height - ground - game.standoff.height_m
+    z = height - ground
+    if not is_zero(game.standoff.height_m):
+        z = z - game.standoff.height_m
     if observed is None:
         return Geometry((east, north), ground, to_evader, z, (0.0, 0.0))
     (seen_x, seen_y, _) = observed
@@ -129,18 +132,20 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
     v = game.evader_speed_m_s
     age = game.information_age_s
     t, direction, distance = escape(xp, game, state)
-    gap = (distance if game.calm else xp.norm2(state.to_evader)) + (
-        v * age - game.standoff.radius_m
-    )
     free = distance <= 0
     if free is not False:
         direction = xp.select2(free, xp.unit2(state.hold, xp.norm2(state.hold)), direction)
-    run = v * (t + age)
+    run = v * (t if is_zero(age) else t + age)
     dash = (run * direction[0], run * direction[1])
     to = (state.to_evader[0] + dash[0], state.to_evader[1] + dash[1])
+    overhead = free is not False and (xp is not NUMPY or np.any(free))
+    gap: Real = 0.0
+    if overhead or game.pursuer.separate:
+        beside = distance if game.calm else xp.norm2(state.to_evader)
+        gap = beside + (v * age - game.standoff.radius_m)
     velocity = steer(xp, game, to, gap, t, state.z, state.hold)
     reason: Real = int(Reason.SOLVED)
-    if free is not False and (xp is not NUMPY or np.any(free)):
+    if overhead:
         rim = gap - game.capture_radius_m if game.pursuer.separate else gap
         above = free & (t > 0) & (rim + v * t > 0)
         reason = xp.select(above, int(Reason.OVERHEAD), int(Reason.SOLVED))
@@ -174,7 +179,8 @@ def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]
         x, y = state.to_evader
         distance = xp.sqrt(x * x + y * y)
         spare = game.pursuer.horizontal_m_s - v
-        t = game.pursuer.cover_time(xp, radius, capture, distance + lead, spare, state.z)
+        gap = distance if is_zero(lead) else distance + lead
+        t = game.pursuer.cover_time(xp, radius, capture, gap, spare, state.z)
         return t, xp.unit2(state.to_evader, distance), distance
     wind = game.wind_m_s
     least = speed_in_hand(game)

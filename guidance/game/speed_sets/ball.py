@@ -114,7 +114,7 @@ class Ball(SpeedSet):
             share = reach / xp.select(length > 0, length, 1.0)
         distance = xp.sqrt(square + z * z)
         rate = self.speed_m_s / xp.select(distance > 0, distance, 1.0)
-        level = rate * share
+        level = rate if is_zero(radius) else rate * share
         return level * y[0], level * y[1], -z * rate
 
     def underway(
