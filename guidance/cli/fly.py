@@ -40,7 +40,7 @@ from guidance.session.open.url import Asked
 from guidance.session.orders.control_socket import ENDPOINT
 from guidance.session.recorded_flight import fly_recorded
 from guidance.sim.outcome import Outcome
-from guidance.sim.scenario_file import load_any
+from guidance.sim.scenario_file import load_any, with_policies
 from guidance.sim.teams import TeamScenario
 
 STALLED_S: Final = 1.0
@@ -78,6 +78,13 @@ def fly(
     port: arguments.Port = 0,
     out: arguments.FlightFolder = None,
     seed: arguments.Seed = None,
+    pursuer: Annotated[
+        str | None,
+        typer.Option(
+            help="Policy of the pursuer, in place of the scenario's; also your own: policy.py:choose.",
+            metavar="POLICY",
+        ),
+    ] = None,
     view: Annotated[
         bool, typer.Option("--view", help="Show the flight in Rerun (needs the extra viz).")
     ] = False,
@@ -100,6 +107,7 @@ def fly(
     - `guidance fly`: the paper's PE game, in real time
     - `guidance fly config/scenarios/tad.toml`: the paper's TAD game
     - `guidance fly --fast`: the same flight in virtual time
+    - `guidance fly --pursuer policy.py:choose --fast`: your own policy, **run as your own code**
     - `guidance fly --link pymavlink`: with pymavlink instead of MAVSDK
     - `guidance fly --view`: with a view of it in the browser, from a process of its own
     - `guidance fly --panel`: with the operator's page, its picture and its orders
@@ -129,7 +137,9 @@ def fly(
             mock = MockOptions(fast=fast, link=link, port=port)
             how = Asked(tuple(vehicle), autopilot, link, end) if vehicle else mock
             onlooker = Onlooker(on_record=beside.record, on_control=beside.control)
-            code = fly_scenario(scenario, how, out, seed, onlooker, as_json=as_json)
+            code = fly_scenario(
+                scenario, how, out, seed, onlooker, pursuer=pursuer, as_json=as_json
+            )
         except KeyboardInterrupt:
             nothing = "nothing was armed" if vehicle else "nothing was recorded"
             record_words = (
@@ -186,6 +196,7 @@ def fly_scenario(
     seed: int | None,
     onlooker: Onlooker,
     *,
+    pursuer: str | None = None,
     as_json: bool,
 ) -> int:
     """Fly a scenario; return the exit code: 0 when the game ended as it should have, or a team kept its guarantee.
@@ -196,12 +207,13 @@ def fly_scenario(
         out: Folder for the record and the picture.
         seed: In place of the scenario's.
         onlooker: Hears of the record (of a team, its folder) and, in real time, of the control endpoint.
+        pursuer: Policy in place of the scenario's.
         as_json: Print the outcome row as JSON, and text for people on standard error.
 
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    path, scenario = load_any(name, seed)
+    path, scenario = _loaded(name, seed, pursuer)
     urls: tuple[str, ...] = ()
     if not isinstance(how, MockOptions):
         urls = how.urls
@@ -230,6 +242,16 @@ def fly_scenario(
     if unwritten:
         raise OutputError(f"the flight is not recorded whole: {'; '.join(unwritten)}")
     return 0
+
+
+def _loaded(name: str, seed: int | None, pursuer: str | None) -> tuple[Path, Played]:
+    """Read a scenario, and give its pursuer another policy."""
+    path, scenario = load_any(name, seed)
+    if pursuer is None:
+        return path, scenario
+    if isinstance(scenario, TeamScenario):
+        raise ConfigError(f"--pursuer {pursuer}: only for a scenario of two players")
+    return path, with_policies(scenario, pursuer=pursuer)
 
 
 def fly_rows(

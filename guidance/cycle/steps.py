@@ -3,6 +3,7 @@
 Pure: the same inputs, settings and memory give the same setpoint, bit for bit: in flight, in virtual time, in replay.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -48,6 +49,7 @@ from guidance.frames import (
 from guidance.game import Game, Reason, guaranteed_age_s
 from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
+from guidance.strategies.own import PURSUER_SHARES, Ask, observe_pursuit, pursuer_velocity
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,7 @@ class CycleInputs(NamedTuple):
         walls: All walls around the vehicle, see `guidance.control.braking_law`.
         evader: The estimated evader.
         game_frame: The game's frame, if it is known.
+        ask: Asks the user's policy, if the strategy is one.
         guided: Whether a HEARTBEAT of this cycle shows the guided mode, so the vehicle has followed the setpoints.
     """
 
@@ -96,6 +99,7 @@ class CycleInputs(NamedTuple):
     evader: EvaderEstimate | None
     game_frame: GameFrame | None
     guided: bool = False
+    ask: Ask | None = None
 
 
 class CycleMemory(NamedTuple):
@@ -134,7 +138,15 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         played = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
     except ConfigError:
         return _without_game(inputs, settings, memory, players)
-    aim = _aim(played.game, players, settings, memory, inputs.dt_s)
+    own_m_s: Vector | None = None
+    if settings.strategy.is_own:
+        answer = _ask_own(inputs.ask, played.game, players, memory.strategy)
+        if isinstance(answer, str):
+            return _without_policy(
+                inputs, settings, memory, _certified(played.game, players, settings, memory), answer
+            )
+        own_m_s = answer
+    aim = _aim(played.game, players, settings, memory, inputs.dt_s, own_m_s)
     flight = _follow(aim, players.gaps, evader.speed_bound_m_s, inputs, settings, memory)
     limited = limit(
         flight.command,
@@ -244,7 +256,12 @@ class Aim(NamedTuple):
 
 
 def _aim(
-    game: Game, players: Players, settings: CycleSettings, memory: CycleMemory, dt_s: float
+    game: Game,
+    players: Players,
+    settings: CycleSettings,
+    memory: CycleMemory,
+    dt_s: float,
+    own_m_s: Vector | None,
 ) -> Aim:
     """Step 3: certify the game from here, and ask the strategy for a velocity.
 
@@ -254,18 +271,15 @@ def _aim(
         settings: Of the cycle.
         memory: Of the cycle.
         dt_s: Time since the last cycle.
+        own_m_s: What the user's policy asks for, if the strategy is one.
     """
-    vehicle = Vehicle(
-        settings.handling.acceleration,
-        settings.envelope,
-        settings.handling.approach,
-        memory.speed.shown_m_s,
-        settings.tolerance_m,
-    )
-    certified = certify(game, players, vehicle, memory.optimal_game_m_s)
+    certified = _certified(game, players, settings, memory)
     asked_m_s = certified.velocity_m_s
     hurried = certified.course is Course.SOLUTION
-    if settings.strategy.name != OPTIMAL:
+    if own_m_s is not None:
+        asked_m_s = own_m_s
+        hurried = True
+    elif settings.strategy.name != OPTIMAL:
         asked_m_s = _ask_strategy(settings.strategy, game, players, memory.strategy, dt_s)
         hurried = True
     x, y, z = asked_m_s
@@ -279,6 +293,20 @@ def _aim(
         z = z if game.pursuer.separate else scale * z
     played = StrategyMemory(np.array(asked_m_s), memory.strategy.played_s + dt_s)
     return Aim(certified, ned_from_game((x, y, z)), hurried, played)
+
+
+def _certified(
+    game: Game, players: Players, settings: CycleSettings, memory: CycleMemory
+) -> Certified:
+    """Return the game from here, seen from this vehicle."""
+    vehicle = Vehicle(
+        settings.handling.acceleration,
+        settings.envelope,
+        settings.handling.approach,
+        memory.speed.shown_m_s,
+        settings.tolerance_m,
+    )
+    return certify(game, players, vehicle, memory.optimal_game_m_s)
 
 
 def _ask_strategy(
@@ -297,6 +325,28 @@ def _ask_strategy(
         dt_s=dt_s,
     )
     return (float(x), float(y), float(z))
+
+
+def _ask_own(ask: Ask | None, game: Game, players: Players, memory: StrategyMemory) -> Vector | str:
+    """Return the velocity that the user's policy asks for, in the game frame; or why there is none."""
+    if ask is None:
+        return "there is no policy here to ask"
+    last_m_s = np.zeros(3) if memory.velocity_m_s is None else memory.velocity_m_s
+    observation = observe_pursuit(
+        game,
+        np.array([players.pursuer_m]),
+        np.array([players.evader_m]),
+        np.array([players.evader_m_s]),
+        last_m_s[None],
+        None if players.target_m is None else np.array([players.target_m]),
+    )
+    answer = ask(observation)
+    if isinstance(answer, str):
+        return answer
+    if len(answer) != PURSUER_SHARES or not all(map(math.isfinite, answer)):
+        return f"the policy's answer {answer} is not {PURSUER_SHARES} finite numbers"
+    x, y, z = pursuer_velocity(game, np.array([answer]))[0].tolist()
+    return (x, y, z)
 
 
 class Flight(NamedTuple):
@@ -356,6 +406,21 @@ def _without_game(
     """Hover, because the evader is too fast for this vehicle: there is no game, and none is extrapolated."""
     output = hover(inputs, settings, memory)
     certificate = without_game(players)._replace(command_ned_m_s=output.setpoint.velocity_ned_m_s)
+    return output._replace(certificate=certificate)
+
+
+def _without_policy(
+    inputs: CycleInputs,
+    settings: CycleSettings,
+    memory: CycleMemory,
+    certified: Certified,
+    fault: str,
+) -> CycleOutput:
+    """Hover, because the user's policy has no answer: none of an earlier cycle is flown."""
+    output = hover(inputs, settings, memory)
+    certificate = certified.certificate._replace(
+        policy_fault=fault, command_ned_m_s=output.setpoint.velocity_ned_m_s
+    )
     return output._replace(certificate=certificate)
 
 

@@ -255,6 +255,7 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     # The game.
     if certificate is not None:
         yield Event.NO_GAME, certificate.no_game
+        yield Event.POLICY_FAILED, certificate.policy_fault is not None
         yield Event.ESCAPED, certificate.evader_arrived
         yield Event.CAPTURED, certificate.captured
     yield Event.DONE, settings.after_capture is AfterCapture.RETURN
@@ -451,6 +452,9 @@ _DETAILS: Final[Mapping[Event, Callable[[Moment], str]]] = {
     ),
     Event.MATE_SILENT: lambda now: (
         f"{now.heard.silent_mate(now.now_s)} is near and was not heard for {HOLD_S:g} s"
+    ),
+    Event.POLICY_FAILED: lambda now: (
+        "" if now.certificate is None else now.certificate.policy_fault or ""
     ),
     Event.ASSIGNED: lambda now: f"plays against {now.heard.tracking.playing} now",
 }

@@ -25,6 +25,7 @@ from guidance.flight.table import (
 )
 from guidance.flight.tracking import NOWHERE, Tracking
 from guidance.messages import LocalPosition, Setpoint
+from guidance.strategies.own import Ask
 from guidance.vehicle import VehicleState
 
 INVITE_AFTER_S = 1.0
@@ -40,16 +41,21 @@ _FOUND_ARMED = {
 
 
 class Flight:
-    """One flight of one vehicle."""
+    """One flight of one vehicle.
 
-    def __init__(self, settings: FlightSettings) -> None:
+    Args:
+        settings: Of the flight.
+        ask: Asks the user's policy, if the strategy is one; None flies recorded answers only.
+    """
+
+    def __init__(self, settings: FlightSettings, ask: Ask | None = None) -> None:
         self.settings = settings
         self._stage = Stage()
         self.heard = Heard(settings)
         """Everything received."""
         self.tracking: Tracking = self.heard.tracking
         """The evader's track, home and the frames."""
-        self._playing = Playing(settings)
+        self._playing = Playing(settings, ask)
         self._asking = Asking(settings)
         self._last_s: float | None = None
         self._rival = ""
@@ -146,6 +152,7 @@ class Flight:
             if self.fault is not None:
                 self.heard.vehicle_says(inputs.messages)  # for display
                 return self._hand_over(now_s, inputs)
+            self._playing.begin(inputs.answer)
             self._take_in(now_s, inputs)
             happenings = tuple(self._follow(now_s, inputs))
             requests = self._asking.requests(self._stage, self.heard, now_s)
@@ -155,7 +162,14 @@ class Flight:
         certificate = self._playing.certificate
         alarm = self._playing.alarm
         return Outputs(
-            self._stage.state, setpoint, requests, happenings, certificate, alarm, cause=self.cause
+            self._stage.state,
+            setpoint,
+            requests,
+            happenings,
+            certificate,
+            alarm,
+            cause=self.cause,
+            answer=self._playing.answer,
         )
 
     def give_up(self, now_s: float, inputs: Inputs, error: Exception) -> Outputs:

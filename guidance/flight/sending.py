@@ -12,6 +12,7 @@ from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, SETPOINT_STATES, State
 from guidance.frames import Vector, total
 from guidance.messages import Heartbeat, Home, Message, Request, Setpoint
+from guidance.strategies.own import Answer, Array, Ask
 
 if TYPE_CHECKING:
     from guidance.cycle import Certificate
@@ -170,14 +171,34 @@ class Playing:
     Attributes:
         certificate: The last one of the present state.
         alarm: This cycle's.
+        answer: The action of the user's policy in this cycle.
     """
 
-    def __init__(self, settings: FlightSettings) -> None:
+    def __init__(self, settings: FlightSettings, ask: Ask | None = None) -> None:
         self._settings = settings
+        self._ask = ask
+        self._recorded: tuple[float, ...] | None = None
+        self.answer: tuple[float, ...] | None = None
         self._memory = CycleMemory()
         self._monitor = MonitorMemory()
         self.certificate: Certificate | None = None
         self.alarm: Alarm | None = None
+
+    def begin(self, recorded: tuple[float, ...] | None) -> None:
+        """Begin a cycle, with the action that was recorded in it if it is replayed."""
+        self._recorded = recorded
+        self.answer = None
+
+    def _asked(self, observation: Array) -> Answer:
+        """Ask the user's policy. A replay runs nobody's code: it has the recorded answers."""
+        if self._recorded is not None:
+            return self._recorded
+        if self._ask is None:
+            return "there is no policy here to ask"
+        answer = self._ask(observation)
+        if not isinstance(answer, str):
+            self.answer = answer
+        return answer
 
     def change(self, before: State, after: State) -> None:
         """Enter a state and drop the certificate of the last one."""
@@ -234,7 +255,7 @@ class Playing:
         guide = (
             play if (state is State.ENGAGED or shadowing) and inputs.evader is not None else hover
         )
-        output = guide(inputs, heard.cycle, self._memory)
+        output = guide(inputs._replace(ask=self._asked), heard.cycle, self._memory)
         self._memory = output.memory
         if (certificate := output.certificate) is not None:
             if settings.reserve is not None:

@@ -184,6 +184,7 @@ class Inputs(NamedTuple):
         mission: Orders of a mission. They have no effect while a person's order stands.
         mates: States of other vehicles of the team since the last cycle; None for none.
         role: A new role in the team, from this cycle on; None for no change.
+        answer: The action of the user's policy in this cycle, if it is one of an earlier flight that is replayed.
     """
 
     messages: Sequence[Message] = ()
@@ -194,6 +195,7 @@ class Inputs(NamedTuple):
     mission: Sequence[Event] = ()
     mates: Sequence[MateState] | None = None
     role: Role | None = None
+    answer: tuple[float, ...] | None = None
 
 
 class Happening(NamedTuple):
@@ -233,6 +235,7 @@ class Outputs(NamedTuple):
         alarm: If the game's promise was broken in this cycle.
         fault: An error of guidance itself. It ends the flight.
         cause: The happening that led to the present state; None in the first state.
+        answer: The action of the user's policy in this cycle; None without one.
     """
 
     state: State
@@ -243,3 +246,4 @@ class Outputs(NamedTuple):
     alarm: Alarm | None = None
     fault: str | None = None
     cause: Happening | None = None
+    answer: tuple[float, ...] | None = None

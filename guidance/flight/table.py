@@ -81,6 +81,7 @@ class Event(StrEnum):
     CEILING = "above the ceiling"
     STAND_OFF = "inside the stand-off"
     NO_GAME = "evader too fast for this vehicle"
+    POLICY_FAILED = "the user's policy has no answer"
     REBOOTED = "autopilot rebooted"
     DISARMED = "disarmed"
     TIMED_OUT = "phase took too long"
@@ -126,7 +127,7 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
     ((State.PAUSED,), (Event.CLEAR,), State.ENGAGED),
     ((State.ENTERING, State.PAUSED), (Event.TIMED_OUT,), State.HOLDING),
     ((State.ENGAGED, State.PAUSED), (Event.CHASE_TIMED_OUT,), State.HOLDING),
-    ((State.ENGAGED, State.ON_STATION), (Event.NO_GAME,), State.HOLDING),
+    ((State.ENGAGED, State.ON_STATION), (Event.NO_GAME, Event.POLICY_FAILED), State.HOLDING),
     ((State.ENGAGED,), (Event.ESCAPED,), State.HOLDING),
     # The end.
     ((*_AIRBORNE, State.OUT_OF_CONTACT, *_LEAVING), (Event.DISARMED,), State.LANDED),

@@ -12,11 +12,11 @@ from guidance.game import End
 from guidance.league.gymnasium_envs import spaces_of
 from guidance.league.play import WINNERS, Games
 from guidance.league.sides import SIDES, STEP_S, Side, require_steps
-from guidance.league.states import arena_of, seeds_of, with_policies
+from guidance.league.states import arena_of, seeds_of
 from guidance.league.teams import TeamGame
 from guidance.sim.batch import Array
 from guidance.sim.scenario import EVADER, PURSUER, Scenario
-from guidance.sim.scenario_file import load_any
+from guidance.sim.scenario_file import load_any, with_policies
 from guidance.sim.teams import TeamScenario
 
 Table = dict[str, Any]

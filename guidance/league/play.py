@@ -10,6 +10,7 @@ wins minus the distance by which the pursuer is short of a capture. Where both p
 change is what a player lost. A game of TAD that the pursuer could win counts 0 for an arrival, as in outcomes.
 """
 
+from collections.abc import Iterable
 from dataclasses import fields, is_dataclass
 from operator import itemgetter
 from typing import Any, Final, NamedTuple
@@ -189,6 +190,38 @@ def _scores(arena: Arena, batch: Batch, moment: Moment, solution: Solution) -> A
         return np.asarray(score)
     offset = to_target(NUMPY, batch.game, components(moment.evader_m), components(batch.target_m))
     return np.where(captured, NUMPY.norm2(offset[:2]), score)
+
+
+class Losses(NamedTuple):
+    """Of each game, (n,): what the pursuer lost from the opening on, the value at the opening, and the `End`."""
+
+    loss: Array
+    value: Array
+    end: NDArray[np.int8]
+
+
+def losses_of(arena: Arena, batch: Batch, played: Iterable[Moment]) -> Losses:
+    """Return the losses of games that are played to their ends.
+
+    Args:
+        arena: Whose value counts.
+        batch: The games.
+        played: All moments, as `guidance.sim.maths.moments` yields them.
+    """
+    opening = begun(batch)
+    solution = _solved(arena.valued, batch, opening)
+    before = _scores(arena, batch, opening, solution)
+    last = _owned(opening)
+    for moment in played:
+        ended = moment.end != End.RUNNING
+        if ended.any():
+            rows = moment.row[ended]
+            for name in ("now_s", "pursuer_m", "evader_m", "run_m_s", "end"):
+                getattr(last, name)[rows] = getattr(moment, name)[ended]
+    after = _scores(arena, batch, last, _solved(arena.valued, batch, last))
+    if batch.target_m is not None:
+        after = np.where(before > 0.0, np.maximum(after, 0.0), after)
+    return Losses(before - after, solution.value, last.end)
 
 
 def put(whole: Any, part: Any, rows: NDArray[np.intp]) -> None:  # noqa: ANN401 - a record of arrays

@@ -11,11 +11,11 @@ import numpy as np
 from guidance.errors import ConfigError
 from guidance.game.arrays import pair_length
 from guidance.league.play import Games
-from guidance.league.states import Arena, arena_of, with_policies
+from guidance.league.states import Arena, arena_of
 from guidance.sim.batch import Array
 from guidance.sim.maths import view_of
 from guidance.sim.scenario import EVADER, PURSUER, Scenario
-from guidance.sim.scenario_file import load_scenario
+from guidance.sim.scenario_file import load_scenario, with_policies
 from guidance.strategies.own import (
     EVADER_SHARES,
     PURSUER_SHARES,

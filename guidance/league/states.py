@@ -13,7 +13,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.game import Ball, Game, StandOff
 from guidance.game.arrays import NUMPY
@@ -33,9 +32,6 @@ TRIES: Final = 50
 
 HOME_SOUTH_M: Final = 2.0
 """The pursuer takes off so far south of its start, as in `Scenario.home_m`."""
-
-COURSE_KEYS: Final = ("waypoints_m", "track")
-"""Keys of a player that only its own policy may have."""
 
 Seeds = NDArray[np.int64]
 
@@ -180,24 +176,6 @@ def batch_at(template: Batch, states: States) -> Batch:
         speeds = Ball(template.game.evader_speed_m_s)
         batch = batch._replace(evader=strategy_of(kind, EVADER, E, speeds, states.seed))
     return batch
-
-
-def with_policies(scenario: Scenario, **policies: str) -> Scenario:
-    """Return a scenario whose players (`pursuer`, `evader`) have other policies, checked as a file's.
-
-    A course of the policy before is left out, and so are expectations, which were meant for the policies before.
-
-    Raises:
-        ConfigError: If a policy is unknown, or needs a key that the scenario does not have.
-    """
-    document = scenario.model_dump(mode="json", exclude_unset=True)
-    document.pop("expect", None)
-    for player, policy in policies.items():
-        section = document[player]
-        if policy != getattr(scenario, player).policy:
-            section = {key: value for key, value in section.items() if key not in COURSE_KEYS}
-        document[player] = section | {"policy": policy}
-    return parse(Scenario, document, source=scenario.title)
 
 
 def scenario_at(scenario: Scenario, states: States, row: int) -> Scenario:

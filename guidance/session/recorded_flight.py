@@ -9,6 +9,7 @@ from guidance.flight.settings import TeamSection
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.session.flight_files import RECORD, TEAM, flight_metadata
 from guidance.session.fly.mission import Mission
+from guidance.session.fly.own_policy import asked_in_flight, require_policies
 from guidance.session.fly.result import MissionResult, closing_detail
 from guidance.session.observe.outputs import OutputOrder, open_outputs
 from guidance.session.observe.recording import recording, stopped_words
@@ -21,7 +22,7 @@ from guidance.session.open.opened import (
     declared_m_s,
 )
 from guidance.session.plan import TeamPlan, plan_of
-from guidance.sim.scenario import Pursuit
+from guidance.sim.scenario import Pursuit, Scenario
 from guidance.sim.teams import TeamScenario
 from guidance.team import Member, MemoryTransport
 
@@ -40,6 +41,8 @@ def fly_recorded(
     Raises:
         GuidanceError: For everything that the user can mend.
     """
+    if isinstance(scenario, Scenario):
+        require_policies(scenario, beside_vehicle=how.way == "vehicle")
     with ExitStack() as stack:
         flight = how.open(scenario, onlooker, stack)
         pursuits = flight.pursuits
@@ -108,6 +111,7 @@ def _equip(flight: Opened, scenario: Played, folder: Path | None, stack: ExitSta
         metadata = flight_metadata(own, flight.configs.get(name), stamp)
         bus = flight.buses.get(name)
         used = flight.equipment[name]
+        used.ask = asked_in_flight(own, flight.clock, real_time=flight.world.real_time)
         if isinstance(scenario, TeamScenario):
             metadata |= {
                 TEAM: team_plan(scenario, flight.pursuits).model_dump_json(),

@@ -11,7 +11,7 @@ from guidance.frames import GameFrame, Vector, ned_from_game
 from guidance.game import Ball
 from guidance.links.port import VehicleLink
 from guidance.messages import Heartbeat, Home, LocalPosition, Origin, Setpoint
-from guidance.sim.batch import game, site, strategy_of, target_game_m
+from guidance.sim.batch import Array, game, site, strategy_of, target_game_m
 from guidance.sim.scenario import EVADER, Scenario
 from guidance.strategies import StrategyMemory, evade
 from guidance.vehicle import VehicleState, local_frame, observe
@@ -41,6 +41,8 @@ class EvaderPilot:
         speeds = Ball(scenario.evader.speed_m_s)
         self._strategy = strategy_of(scenario, EVADER, start_m, speeds, scenario.seed)
         self._began_s = math.inf
+        self._seen: tuple[float, Array] = (-math.inf, np.zeros(3))
+        self._last_m_s: Array = np.zeros(3)
         self._requested_s = -math.inf
         self._stood_s = -math.inf
         self.vehicle = VehicleState()
@@ -81,13 +83,31 @@ class EvaderPilot:
             self._began_s = min(self._began_s, now_s)
             P = np.array(min(pursuers_game_m, key=lambda pursuer: math.dist(pursuer, position)))
             E = np.array((*position[:2], 0.0))
-            memory = StrategyMemory(None, now_s - self._began_s)
-            x, y, _ = evade(self._strategy, self._game, P, E, self._target_m, memory).tolist()
+            memory = StrategyMemory(self._seen_m_s(now_s, P), now_s - self._began_s)
+            self._last_m_s = evade(
+                self._strategy,
+                self._game,
+                P,
+                E,
+                self._target_m,
+                memory,
+                last_m_s=self._last_m_s,
+            )
+            x, y, _ = self._last_m_s.tolist()
             self._link.send_setpoint(Setpoint(ned_from_game((x, y, 0.0))))
             self._stood_s = -math.inf
         elif now_s - self._stood_s >= REPEAT_S:
             self._stood_s = now_s
             self._link.send_setpoint(Setpoint((0.0, 0.0, 0.0)))
+
+    def _seen_m_s(self, now_s: float, pursuer_m: Array) -> Array:
+        """Return the pursuer's velocity, from its place in the cycle before; only a user's policy uses it."""
+        seen_s, seen_m = self._seen
+        self._seen = (now_s, pursuer_m)
+        passed_s = now_s - seen_s
+        if not 0.0 < passed_s < REPEAT_S:
+            return np.zeros(3)
+        return (pursuer_m - seen_m) / passed_s
 
     def stop(self) -> None:
         """Disarm the vehicle."""

@@ -31,6 +31,7 @@ from guidance.sim.sensor import PERFECT, TIMEOUT_S, Received, begin, known, list
 from guidance.strategies import COURSES, OPTIMAL, StrategyMemory, evade, pursue
 from guidance.strategies.catalogue import PROPORTIONAL
 from guidance.strategies.navigation import turning
+from guidance.strategies.own import is_own
 
 CYCLE_S = 0.02
 """A velocity is held for the cycle of a flight."""
@@ -53,7 +54,10 @@ _STRAIGHT = 1e-9
 
 _NAMES = {end: end.name.lower() for end in End} | {End.NO_ANSWER: "failed"}
 LIMITS = ("fence", "floor", "ceiling")
-_EVENTS = (Event.EVADER_LOST, Event.NO_GAME, Event.CAPTURED, Event.ESCAPED)
+_EVENTS = (
+    *(Event.EVADER_LOST, Event.NO_GAME, Event.CAPTURED, Event.ESCAPED),
+    Event.POLICY_FAILED,
+)
 
 
 Slope: TypeAlias = tuple[Array, ...]
@@ -385,7 +389,8 @@ def _slope(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope | None
 
 def fled(batch: Batch, moment: Moment, P: Array, E: Array) -> Array:
     """Return the velocities, (n, 3), that the evaders' strategy asks for at positions (n, 3)."""
-    return evade(batch.evader, batch.game, P, E, batch.target_m, _memory(moment))
+    memory = _memory(moment)
+    return evade(batch.evader, batch.game, P, E, batch.target_m, memory, last_m_s=moment.run_m_s)
 
 
 def chased(batch: Batch, moment: Moment, P: Array, E: Array, run_m_s: Array) -> Array:
@@ -469,11 +474,25 @@ def _promised(scenario: Scenario, first: Any) -> str:  # noqa: ANN401 - one row
     return winner_name(first.winner)
 
 
+def _failure(scenario: Scenario, *, no_game: bool) -> Event:
+    """Return why a game has no end."""
+    if not no_game:
+        return Event.EVADER_LOST
+    return Event.POLICY_FAILED if is_own(scenario.pursuer.policy) else Event.NO_GAME
+
+
 def _outcome(scenario: Scenario, first: Any, last: Any) -> Outcome:  # noqa: ANN401 - one row each
     """Return the outcome of one game, from its solution at engagement and its last moment."""
     end = _NAMES[last.end]
     *met, lost, no_game = last.happened
-    happened = (lost, no_game, end == "captured", end == "arrived")
+    failed = _failure(scenario, no_game=no_game)
+    happened = (
+        lost,
+        no_game and failed is Event.NO_GAME,
+        end == "captured",
+        end == "arrived",
+        no_game and failed is Event.POLICY_FAILED,
+    )
     return outcome_of(
         scenario,
         "maths",
@@ -488,5 +507,5 @@ def _outcome(scenario: Scenario, first: Any, last: Any) -> Outcome:  # noqa: ANN
         duration_s=last.now_s,
         limits=tuple(itertools.compress(LIMITS, met)),
         events=tuple(map(str, itertools.compress(_EVENTS, happened))),
-        reason="" if end != "failed" else str(Event.NO_GAME if no_game else Event.EVADER_LOST),
+        reason="" if end != "failed" else str(_failure(scenario, no_game=no_game)),
     )

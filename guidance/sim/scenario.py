@@ -18,6 +18,7 @@ from guidance.game import Extent
 from guidance.game.rules import SpeedSetName
 from guidance.sim.expect import Expect
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
+from guidance.strategies.own import FORM, is_own
 
 Point2 = tuple[float, float]
 Point3 = tuple[float, float, float]
@@ -32,8 +33,15 @@ FLOWN_SPEED_SET: Final = "cylinder"
 MATHS_SPEED_SET: Final = "ball"
 """The speed set of a vehicle, where a scenario names none. An autopilot bounds climb and descent by themselves."""
 
-PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_STRATEGIES]})]
-EvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_STRATEGIES]})]
+
+def _policy_schema(names: Sequence[str]) -> WithJsonSchema:
+    """Return the schema of a policy: a name, or a user's policy."""
+    own = {"type": "string", "pattern": FORM}
+    return WithJsonSchema({"anyOf": [{"type": "string", "enum": [*names]}, own]})
+
+
+PursuerPolicy = Annotated[str, _policy_schema(PURSUER_STRATEGIES)]
+EvaderPolicy = Annotated[str, _policy_schema(EVADER_STRATEGIES)]
 
 Speed = Annotated[float, Field(gt=0.0, le=30.0)]
 SlowSpeed = Annotated[float, Field(gt=0.0, le=10.0)]
@@ -86,7 +94,10 @@ class Player(Section):
 class Pursuer(Player):
     """The vehicle that the guidance flies."""
 
-    policy: PursuerPolicy = Field("optimal", description="the pursuer's strategy")
+    policy: PursuerPolicy = Field(
+        "optimal",
+        description="the pursuer's strategy; or module:function or file.py:function, your own code, run as yours",
+    )
     position_m: Point3 = Field(description="start of the game: x east, y north, z up")
     speed_m_s: Speed = Field(description="horizontal speed in the game")
     speed_set: SpeedSetName | None = Field(
@@ -113,7 +124,9 @@ class Pursuer(Player):
 class Evader(Player):
     """The cooperative evader, a ground vehicle."""
 
-    policy: EvaderPolicy = Field("optimal", description="the evader's strategy")
+    policy: EvaderPolicy = Field(
+        "optimal", description="the evader's strategy; or your own code, as the pursuer's"
+    )
     position_m: Point2 = Field(description="start of the game: x east, y north")
     height_m: float = Field(
         0.0, ge=0.0, description="height of the evader's antenna above its plane"
@@ -252,6 +265,7 @@ class AnyScenario(Section):
 
     def _shared_faults(self, **policies: Collection[str]) -> Iterator[str]:
         """Yield what is wrong with the keys of both kinds, from the policies that each player may have."""
+        may_be_own = isinstance(self, Scenario)
         if self.game == "tad" and self.target is None:
             yield 'target.position_m: missing; game = "tad" needs a target'
         if self.game == "pe" and self.target is not None:
@@ -263,8 +277,11 @@ class AnyScenario(Section):
             else:
                 named = {}
             for key, group in (named or {player: section}).items():
-                if group.policy not in allowed:
-                    yield f"{key}.policy = {group.policy!r}: allowed are {', '.join(allowed)}"
+                if group.policy not in allowed and not (may_be_own and is_own(group.policy)):
+                    own = (
+                        ", and your own: module:function or file.py:function" if may_be_own else ""
+                    )
+                    yield f"{key}.policy = {group.policy!r}: allowed are {', '.join(allowed)}{own}"
                 if group.policy == "task_oriented" and self.target is None:
                     yield f"{key}.policy = {group.policy!r}: needs target.position_m"
 

@@ -20,6 +20,9 @@ from guidance.sim.teams import TeamScenario
 
 FOLDER = "scenarios"
 
+_COURSE_KEYS: Final = ("waypoints_m", "track")
+"""Keys of a player that only its own policy may have."""
+
 
 def load_scenario(name: str) -> tuple[Path, Scenario]:
     """Read a scenario by path or by the name of one that comes with the package.
@@ -52,6 +55,24 @@ def load_any(name: str, seed: int | None = None) -> tuple[Path, Scenario | TeamS
         document |= {"seed": seed}
     model: type[Scenario] | type[TeamScenario] = TeamScenario if has_teams(document) else Scenario
     return path, parse(model, document, source=str(path), text=text)
+
+
+def with_policies(scenario: Scenario, **policies: str) -> Scenario:
+    """Return a scenario whose players (`pursuer`, `evader`) have other policies, checked as a file's.
+
+    A course of the policy before is left out, and so are expectations, which were meant for the policies before.
+
+    Raises:
+        ConfigError: If a policy is unknown, or needs a key that the scenario does not have.
+    """
+    document = scenario.model_dump(mode="json", exclude_unset=True)
+    document.pop("expect", None)
+    for player, policy in policies.items():
+        section = document[player]
+        if policy != getattr(scenario, player).policy:
+            section = {key: value for key, value in section.items() if key not in _COURSE_KEYS}
+        document[player] = section | {"policy": policy}
+    return parse(Scenario, document, source=scenario.title)
 
 
 def has_teams(document: Mapping[str, Any]) -> bool:

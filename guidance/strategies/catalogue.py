@@ -9,6 +9,7 @@ from guidance.game.arrays import Array, Real
 from guidance.game.speed_sets import bounded
 from guidance.strategies.course import COURSES, Course
 from guidance.strategies.navigation import StrategyMemory, proportional_navigation
+from guidance.strategies.own import asked_evasion, asked_pursuit, is_own
 
 OPTIMAL: Final = "optimal"
 PROPORTIONAL: Final = "proportional_navigation"
@@ -22,7 +23,7 @@ class Strategy:
     """A player's strategy.
 
     Attributes:
-        name: One of `PURSUER_STRATEGIES` or `EVADER_STRATEGIES`.
+        name: One of `PURSUER_STRATEGIES` or `EVADER_STRATEGIES`, or a user's policy (`guidance.strategies.own`).
         course: The course, if the name is one of `COURSES`.
         gain: The navigation constant N of proportional navigation.
     """
@@ -33,13 +34,20 @@ class Strategy:
 
     def __post_init__(self) -> None:
         names = dict.fromkeys((*PURSUER_STRATEGIES, *EVADER_STRATEGIES))
-        if self.name not in names:
-            raise ConfigError(f"policy = {self.name!r}: allowed are {', '.join(names)}")
+        if self.name not in names and not is_own(self.name):
+            raise ConfigError(
+                f"policy = {self.name!r}: allowed are {', '.join(names)}, module:function and file.py:function"
+            )
         if (self.course is not None) != (self.name in COURSES):
             courses = ", ".join(COURSES)
             raise ConfigError(
                 f"policy = {self.name!r}: a course is needed for {courses}, and only for these"
             )
+
+    @property
+    def is_own(self) -> bool:
+        """Whether it is a user's policy."""
+        return self.name not in PURSUER_STRATEGIES and self.name not in EVADER_STRATEGIES
 
 
 def pursue(
@@ -56,7 +64,7 @@ def pursue(
     """Return the pursuer's velocity, (..., 3), m/s.
 
     Args:
-        strategy: Of `PURSUER_STRATEGIES`.
+        strategy: Of `PURSUER_STRATEGIES`, or a user's policy, whose rows without an answer are NaN.
         game: The game.
         pursuer: P, (..., 3), m.
         evader: E, (..., 3), m.
@@ -71,6 +79,9 @@ def pursue(
         return proportional_navigation(
             game, pursuer, evader, seen_m_s, memory, dt_s=dt_s, gain=strategy.gain
         )
+    if strategy.is_own:
+        last_m_s = memory.velocity_m_s
+        return asked_pursuit(strategy.name, game, pursuer, evader, target, seen_m_s, last_m_s)
     return PURSUER_POLICIES[strategy.name](game, pursuer, evader, target, seen_m_s)
 
 
@@ -81,17 +92,23 @@ def evade(
     evader: Array,
     target: Array | None,
     memory: StrategyMemory,
+    *,
+    last_m_s: Array | None = None,
 ) -> Array:
     """Return the evader's velocity, (..., 3), m/s.
 
     Args:
-        strategy: Of `EVADER_STRATEGIES`.
+        strategy: Of `EVADER_STRATEGIES`, or a user's policy, which stands still where it has no answer.
         game: The game.
         pursuer: P, (..., 3), m.
         evader: E, (..., 3), m.
         target: T, (..., 3), m, or None in PE.
-        memory: The time since the start.
+        memory: The time since the start, and for a user's policy the pursuer's velocity.
+        last_m_s: For a user's policy: what the evader ran last, (..., 3).
     """
     if strategy.course is not None:
         return bounded(strategy.course.velocity_m_s(memory.played_s, evader), game.evader_speed_m_s)
+    if strategy.is_own:
+        seen_m_s = memory.velocity_m_s
+        return asked_evasion(strategy.name, game, pursuer, evader, target, seen_m_s, last_m_s)
     return EVADER_POLICIES[strategy.name](game, pursuer, evader, target)

@@ -56,13 +56,23 @@ PURSUER_SHARES: Final = 3
 EVADER_SHARES: Final = 2
 """Columns of an action."""
 
-_FORM: Final = re.compile(
-    r"(?P<file>[^:\0]+\.py|[A-Za-z_]\w*(\.[A-Za-z_]\w*)*):(?P<name>[A-Za-z_]\w*)"
+FORM: Final = (
+    r"^([^:\0]+\.py|[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*):[A-Za-z_][A-Za-z0-9_]*$"
 )
+"""Regular expression of a policy's name."""
+
+_FORM: Final = re.compile(FORM)
 _FORM_WORDS: Final = "module:function or path/to/file.py:function"
 
 _LOADED: Final[dict[str, Choose]] = {}
 """Every policy that was registered or imported, by its name."""
+
+
+Answer: TypeAlias = tuple[float, ...] | str
+"""A policy's action in one state, or why it has none."""
+
+Ask: TypeAlias = Callable[[Array], Answer]
+"""Asks a policy in flight: an observation (1, k) to its answer. It may also refuse because the policy is too slow."""
 
 
 class PolicyError(Exception):
@@ -95,17 +105,16 @@ def load(name: str) -> Choose:
     """
     if name in _LOADED:
         return _LOADED[name]
-    parts = _FORM.fullmatch(name)
-    if parts is None:
+    if _FORM.fullmatch(name) is None:
         raise ConfigError(f"policy = {name!r}: must be {_FORM_WORDS}")
-    source = parts["file"] if parts["file"] is not None else name.partition(":")[0]
+    source, _, function = name.rpartition(":")
     module = _imported(name, source)
-    choose: Choose | None = getattr(module, parts["name"], None)
+    choose: Choose | None = getattr(module, function, None)
     if choose is None or not callable(choose):
         functions = [key for key, value in vars(module).items() if callable(value)]
         allowed = ", ".join(key for key in functions if not key.startswith("_"))
         raise ConfigError(
-            f"policy = {name!r}: {source} has no function {parts['name']}; it has: {allowed}"
+            f"policy = {name!r}: {source} has no function {function}; it has: {allowed}"
         )
     _LOADED[name] = choose
     return choose
@@ -131,6 +140,42 @@ def _run_file(path: Path) -> Any:  # noqa: ANN401 - a module has no type of its 
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def require_fit(name: str, observation: Array, shares: int) -> None:
+    """Load a policy and ask it once, before anything is played.
+
+    Args:
+        name: The policy's.
+        observation: Some observations of the game, (n, k).
+        shares: Columns of an action.
+
+    Raises:
+        ConfigError: If it is unknown, declares another observation space, or its answer is no action.
+    """
+    choose = load(name)
+    shape = getattr(getattr(choose, "observation_space", None), "shape", None)
+    needed = observation.shape[1:]
+    if shape is not None and tuple(shape) != needed:
+        raise ConfigError(
+            f"policy = {name!r}: its observation_space has shape {tuple(shape)}; this game's observations have "
+            f"{needed}: play it in a game of the kind and for the side that it was trained for"
+        )
+    try:
+        action = action_of(name, choose, observation, shares)
+    except PolicyError as error:
+        raise ConfigError(f"policy = {name!r}: {error}") from error
+    if not np.isfinite(action).all():
+        raise ConfigError(f"policy = {name!r}: it answers {action[0].tolist()}; must be finite")
+
+
+def answer_of(name: str, choose: Choose, observation: Array) -> Answer:
+    """Ask a policy of the pursuer in one state, (1, k); never raises what the policy raises."""
+    try:
+        action = action_of(name, choose, observation, PURSUER_SHARES)
+    except PolicyError as error:
+        return str(error)
+    return tuple(action[0].tolist())
 
 
 def observe_pursuit(
@@ -210,6 +255,56 @@ def evader_velocity(game: Game, action: Array) -> Array:
 
 def _rows(speed_m_s: Real) -> Array:
     return np.atleast_1d(np.asarray(speed_m_s, dtype=np.float64))
+
+
+def asked_pursuit(
+    name: str,
+    game: Game,
+    pursuer_m: Array,
+    evader_m: Array,
+    target_m: Array | None,
+    evader_m_s: Array,
+    last_m_s: Array | None,
+) -> Array:
+    """Return the velocities, (n, 3), m/s, that a user's policy asks for; NaN where it has no answer."""
+    last = np.zeros_like(pursuer_m) if last_m_s is None else last_m_s
+    observation = observe_pursuit(game, pursuer_m, evader_m, evader_m_s, last, target_m)
+    try:
+        action = action_of(name, load(name), observation, PURSUER_SHARES)
+    except PolicyError:
+        return np.full(pursuer_m.shape, np.nan)
+    velocity = pursuer_velocity(game, action)
+    velocity[~np.isfinite(velocity).all(axis=1)] = np.nan
+    return velocity
+
+
+def asked_evasion(
+    name: str,
+    game: Game,
+    pursuer_m: Array,
+    evader_m: Array,
+    target_m: Array | None,
+    pursuer_m_s: Array | None,
+    last_m_s: Array | None,
+) -> Array:
+    """Return the velocities, (..., 3), m/s, that a user's policy asks for; zero where it has no answer."""
+    if evader_m.ndim == 1:  # one state, in flight
+        seen = None if pursuer_m_s is None else pursuer_m_s[None]
+        last = None if last_m_s is None else last_m_s[None]
+        goal = None if target_m is None else target_m[None]
+        rows = asked_evasion(name, game, pursuer_m[None], evader_m[None], goal, seen, last)
+        return np.asarray(rows[0])
+    still = np.zeros_like(evader_m)
+    seen = still if pursuer_m_s is None else pursuer_m_s
+    last = still if last_m_s is None else last_m_s
+    observation = observe_evasion(game, pursuer_m, evader_m, seen, last, target_m)
+    try:
+        action = action_of(name, load(name), observation, EVADER_SHARES)
+    except PolicyError:
+        return still
+    velocity = evader_velocity(game, action)
+    velocity[~np.isfinite(velocity).all(axis=1)] = 0.0
+    return velocity
 
 
 def action_of(name: str, choose: Choose, observation: Array, shares: int) -> Array:

@@ -1,6 +1,7 @@
 """The published schemas of all files: valid, true of what comes along, and every key has its meaning."""
 
 import json
+import re
 import tomllib
 
 import jsonschema
@@ -47,8 +48,10 @@ def test_policies_are_enumerated_wherever_they_are_named():
     scenario, vehicle, sweep = (
         schema_of(kind)["$defs"] for kind in ("scenario", "vehicle", "sweep")
     )
-    assert scenario["Pursuer"]["properties"]["policy"]["enum"] == list(PURSUER_STRATEGIES)
-    assert scenario["Evader"]["properties"]["policy"]["enum"] == list(EVADER_STRATEGIES)
+    named, own = scenario["Pursuer"]["properties"]["policy"]["anyOf"]
+    assert named["enum"] == list(PURSUER_STRATEGIES)
+    assert re.search(own["pattern"], "policies/mine.py:choose")
+    assert scenario["Evader"]["properties"]["policy"]["anyOf"][0]["enum"] == list(EVADER_STRATEGIES)
     assert "waypoints" not in vehicle["GameSection"]["properties"]["policy"]["enum"]
     assert sweep["Policies"]["properties"]["evader"]["anyOf"][0]["enum"] == list(EVADER_STRATEGIES)
 

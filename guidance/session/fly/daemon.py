@@ -23,6 +23,7 @@ from guidance.session.orders.answers import missing, refusal, shown_state, statu
 from guidance.session.orders.control_socket import ALIVE, RESET, WORDS
 from guidance.session.orders.mailbox import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
 from guidance.session.plan import FlightPlan
+from guidance.strategies.own import Ask
 from guidance.team import Member
 
 HEARTBEAT_EVERY_S: Final = 1.0
@@ -40,6 +41,7 @@ class Equipment:
         record_required: Whether nothing flies without the record.
         sinks: The other outputs of the flight: log, metrics, signs of life, broadcast, another program's messages.
         team: Its part in a team; None if it flies alone.
+        ask: Asks the user's policy; None if another strategy is flown.
     """
 
     mailbox: Mailbox = field(default_factory=Mailbox)
@@ -47,6 +49,7 @@ class Equipment:
     record_required: bool = False
     sinks: list[Sink] = field(default_factory=list)
     team: Member | None = None
+    ask: Ask | None = None
 
     def say(self, level: int, message: str, **fields: Any) -> None:  # noqa: ANN401 - any value may be logged
         """Say something to people before or after there is a daemon; `level` is as in `logging`."""
@@ -71,6 +74,7 @@ class Daemon:
         self._refused_frames = RefusedFrames()
         self._refused_reports = {source_name: RefusedReports() for source_name in evaders}
         self.team = equipment.team
+        self._ask = equipment.ask
         self.mailbox = equipment.mailbox
         self.mailbox.meanwhile = None  # orders wait for the loop from now on
         self.recording = Recording(
@@ -88,7 +92,7 @@ class Daemon:
         self._plan = plan
         self.judged = plan.wants is not None
         """True if preflight judges the vehicle before it flies."""
-        self.flight = Flight(plan.flight)
+        self.flight = Flight(plan.flight, self._ask)
         if self.team is not None:
             self.team.begin()
         self.survey = PreflightMemory(plan.flight.autopilot)
@@ -114,6 +118,8 @@ class Daemon:
         orders = self._orders(questions, now_s)
         self.inputs = self._read(now_s, queries, orders)
         outputs = self.outputs = self.flight.step(now_s, self.inputs)
+        if outputs.answer is not None:  # a replay does not run the policy
+            self.inputs = self.inputs._replace(answer=outputs.answer)
         self._write(now_s, outputs, timing)
         if self.team is not None:
             self._tell(self.team, now_s, outputs)

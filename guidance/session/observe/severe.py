@@ -9,6 +9,7 @@ SEVERE: Final = frozenset({
     Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
     Event.OPERATOR_LOST, Event.OPERATOR_GONE, Event.RIVAL,
     Event.BATTERY_LOW, Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF,
+    Event.POLICY_FAILED,
     Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.CHASE_TIMED_OUT, Event.ABORT, Event.FAULT,
 })  # fmt: skip
 """Events that end, interrupt or forbid a game: warnings if they change the state."""

@@ -1,0 +1,92 @@
+"""`guidance league`: a policy against the optimum and against the built-in strategies, on common random states."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from guidance.cli.arguments import CommandGroup, Json, completed, completed_scenario
+from guidance.extras import require
+from guidance.screen import console, counted, headed
+
+league = typer.Typer(
+    cls=CommandGroup,
+    rich_markup_mode="markdown",
+    help="Play a policy against the optimum and the built-in strategies: `guidance league run policy.py:choose`.",
+)
+
+
+@league.callback()
+def _root() -> None:
+    """Keep `run` a command of its own."""
+
+
+@league.command()
+def run(
+    policy: Annotated[
+        str,
+        typer.Argument(help="path/to/file.py:function, module:function, or a built-in strategy."),
+    ],
+    games: Annotated[int, typer.Option(min=1, help="Random states; each pair plays all.")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="Of the states and the intervals.")] = 0,
+    scenario: Annotated[
+        str,
+        typer.Option(
+            help="A scenario file, or a name of `guidance scenario list`.",
+            autocompletion=completed_scenario,
+        ),
+    ] = "pe",
+    side: Annotated[
+        str,
+        typer.Option(
+            help="Side of the policy: pursuer or evader.",
+            autocompletion=completed("pursuer", "evader"),
+        ),
+    ] = "pursuer",
+    out: Annotated[
+        Path | None,
+        typer.Option(help="New folder: league.json, a picture, the worst states as scenarios."),
+    ] = None,
+    worst: Annotated[
+        int, typer.Option(min=0, help="With --out: worst states against each opponent.")
+    ] = 3,
+    as_json: Json = False,
+) -> None:
+    """Play a policy, and beside it the built-in strategies, against the optimum and each built-in strategy.
+
+    A policy is a Python function of observations (n, 8), in TAD (n, 10), that returns actions (n, 3), of an evader
+    (n, 2): shares of the speed from -1 to 1 (`python -c "help('guidance.strategies.own')"`). **The file is run as your
+    own code**, with your rights: nothing keeps it from your files or your network. Read a stranger's file first.
+
+    Regret is what a player loses against the game's exact value, s in PE, m in TAD; it is negative where the opponent
+    lost more. The intervals in brackets hold with 95 % (bootstrap). States, games and intervals depend on the seed
+    only, so a second run prints the same. A policy that raises or returns NaN loses its game as failed.
+
+    `--out` writes the table as JSON, a picture (extra `plot`) and the worst states of the policy as scenarios, which
+    `guidance scenario show`, `guidance scenario run` and `guidance fly` take.
+
+    - `guidance league run policy.py:choose --games 10000 --seed 7`
+    - `guidance league run policy.py:choose --scenario tad --out league`: another game, with a picture
+    - `guidance league run policy.py:flee --side evader`: the other side
+    """
+    from guidance.league import contest as contests  # noqa: PLC0415 - slow imports
+    from guidance.league import results  # noqa: PLC0415
+    from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
+
+    if out is not None:
+        require(f"--out {out}", "plot")
+        results.require_new(out)
+    path, played_scenario = load_scenario(scenario)
+    contest = contests.contest_of(played_scenario, policy, side, games, seed)
+    target = console(stderr=as_json)
+    target.print(headed(played_scenario.title, f"  ({path.name}, {games} games, seed {seed})"))
+    total = len(contest.players) * len(contest.opponents)
+    played = list(counted(contests.play_all(contest), "playing", total))
+    text = json.dumps(results.document_of(contest, played), indent=1) + "\n"
+    results.print_table(target, contest, played)
+    if out is not None:
+        for written in results.write_results(contest, played, out, text, worst):
+            target.print(str(written), soft_wrap=True, markup=False)
+    if as_json:
+        typer.echo(text, nl=False)

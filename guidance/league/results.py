@@ -1,0 +1,176 @@
+"""What a league leaves: a table on the screen, JSON, a picture, and the worst states as scenario files."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import tomlkit
+from rich.console import Console
+
+from guidance.errors import ConfigError
+from guidance.files import private_folder, whole_file, writing
+from guidance.league.contest import Contest, Estimate, Played, scenario_of_game, worst_rows
+from guidance.league.laws import FRPN
+from guidance.screen import print_sheet
+from guidance.sim.scenario import PURSUER
+
+TABLE: Final = "league.json"
+PICTURE: Final = "league.png"
+
+_STYLES: Final = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (3, 1, 1, 1, 1, 1)), (0, (8, 3)))
+_SHARES: Final = np.linspace(0.0, 1.0, 201)
+
+
+def unit_of(contest: Contest) -> str:
+    """Return the unit of the regret."""
+    return "s" if contest.scenario.target is None else "m"
+
+
+def label_of(policy: str) -> str:
+    """Return the short name of a law of the league, else the policy's name."""
+    return policy.rpartition(":")[2] if policy == FRPN else policy
+
+
+def print_table(target: Console, contest: Contest, played: Sequence[Played]) -> None:
+    """Print a row for each pair."""
+    unit = unit_of(contest)
+    headings = [
+        contest.side,
+        "against",
+        "won %",
+        f"regret, median {unit}",
+        f"95 % {unit}",
+        f"worst {unit}",
+    ]
+    in_pe = contest.scenario.target is None
+    if in_pe:
+        headings.append("median, % of the value")
+    headings.append("failed")
+    cells = []
+    for pair in played:
+        row = pair.row
+        line = [
+            label_of(row.player),
+            label_of(row.opponent),
+            _words(row.won, 100.0),
+            _words(row.median),
+            _words(row.p95),
+            f"{row.worst:.2f}",
+        ]
+        if in_pe:
+            line.append(_words(row.relative, 100.0))
+        line.append(str(row.failed))
+        cells.append(line)
+    print_sheet(target, headings, cells, left=range(2))
+
+
+def _words(estimate: Estimate, scale: float = 1.0) -> str:
+    value, low, high = (scale * number + 0.0 for number in estimate)
+    return f"{value:.2f} [{low:.2f}, {high:.2f}]"
+
+
+def document_of(contest: Contest, played: Sequence[Played]) -> dict[str, Any]:
+    """Return the results as plain values; None where there is no number."""
+    return {
+        "scenario": contest.scenario.title,
+        "game": contest.scenario.game,
+        "side": contest.side,
+        "games": len(contest.states.seed),
+        "seed": contest.seed,
+        "unit": unit_of(contest),
+        "confidence": 0.95,
+        "rows": [_plain(pair.row._asdict()) for pair in played],
+    }
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - a value of a row
+    if isinstance(value, Estimate):
+        return _plain(value._asdict())
+    if isinstance(value, Mapping):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, float):
+        return round(value, 9) + 0.0 if np.isfinite(value) else None
+    return value
+
+
+def require_new(out: Path) -> None:
+    """Check the folder of the results.
+
+    Raises:
+        ConfigError: If it has results already.
+    """
+    for name in (TABLE, PICTURE):
+        if (out / name).exists():
+            raise ConfigError(f"--out {out}: contains another league ({name}); give a new folder")
+
+
+def write_results(
+    contest: Contest, played: Sequence[Played], out: Path, text: str, worst: int
+) -> list[Path]:
+    """Write table, picture and worst states of the first player; return their paths.
+
+    Raises:
+        OutputError: If they cannot be written.
+    """
+    first = [pair for pair in played if pair.row.player == contest.players[0]]
+    with writing(f"--out {out}"):
+        private_folder(out)
+        _write(out / TABLE, text)
+        paths = [out / TABLE, draw_regrets(contest, played, out / PICTURE)]
+        for pair in first:
+            paths += _written_worst(contest, pair, out, worst)
+    return paths
+
+
+def _written_worst(contest: Contest, pair: Played, out: Path, count: int) -> list[Path]:
+    paths = []
+    for place, number in enumerate(worst_rows(pair, count), 1):
+        row = pair.row
+        scenario = scenario_of_game(contest, row, number)
+        document = scenario.model_dump(
+            mode="json", exclude={"expect"}, exclude_unset=True, exclude_none=True
+        )
+        document["seed"] = scenario.seed
+        lost = f"{pair.regret[number]:.3f} {unit_of(contest)}"
+        document["description"] = (
+            f"Game {number} of a league with seed {contest.seed}: {row.player} against {row.opponent}, regret {lost}."
+        )
+        path = out / f"worst-{row.opponent.rpartition(':')[2]}-{place}.toml"
+        _write(path, tomlkit.dumps(document))
+        paths.append(path)
+    return paths
+
+
+def _write(path: Path, text: str) -> None:
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def draw_regrets(contest: Contest, played: Sequence[Played], path: Path) -> Path:
+    """Draw the share of games with at most a given regret; a panel for each opponent, a line for each player."""
+    from guidance.viz.figures import figure_of, legend_below, save  # noqa: PLC0415 - matplotlib is optional
+
+    figure = figure_of(max(7.0, 3.4 * len(contest.opponents)), 4.4)
+    other = "evader" if contest.side == PURSUER else "pursuer"
+    figure.suptitle(f"{contest.scenario.title}: regret of the {contest.side}", fontsize=12)
+    axes = figure.subplots(1, len(contest.opponents), squeeze=False)
+    for panel, opponent in zip(axes[0], contest.opponents, strict=True):
+        pairs = [pair for pair in played if pair.row.opponent == opponent]
+        ends = np.quantile(np.concatenate([pair.regret for pair in pairs]), (0.02, 0.98))
+        margin = max(0.03 * float(np.ptp(ends)), 1e-6)
+        for number, pair in enumerate(pairs):
+            style = _STYLES[number % len(_STYLES)]
+            width = max(1.0, 3.0 - 0.4 * number)
+            values = np.quantile(pair.regret, _SHARES)
+            panel.plot(
+                values, _SHARES, label=label_of(pair.row.player), linestyle=style, linewidth=width
+            )
+        panel.set(xlim=(ends[0] - margin, ends[1] + margin), ylim=(0.0, 1.02))
+        panel.set(xlabel=f"regret, {unit_of(contest)}", title=f"{other}: {label_of(opponent)}")
+        panel.axvline(0.0, color="0.5", linewidth=0.8)
+        panel.grid(visible=True, linewidth=0.3)
+    axes[0, 0].set_ylabel("share of games with at most this regret")
+    legend_below(figure, *axes.ravel(), columns=3, title=contest.side)
+    save(figure, path)
+    return path

@@ -1,0 +1,124 @@
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from guidance.cli.program import app
+from guidance.errors import ConfigError
+from guidance.game import End
+from guidance.league.contest import contest_of, play_pair, scenario_of_game, worst_rows
+from guidance.league.laws import FRPN
+from guidance.sim.maths import play
+from guidance.sim.scenario_file import load_scenario
+from guidance.strategies.own import register
+
+POLICY = """
+import numpy as np
+
+def choose(observation):
+    way = observation[:, 0:3]
+    return way / np.linalg.norm(way, axis=1, keepdims=True)
+
+def short(observation):
+    return np.zeros((len(observation), 2))
+
+class Trained:
+    class observation_space:
+        shape = (10,)
+
+    def __call__(self, observation):
+        return np.zeros((len(observation), 3))
+
+trained = Trained()
+"""
+
+
+@pytest.fixture
+def policy_file(tmp_path, monkeypatch):
+    (tmp_path / "policy.py").write_text(POLICY)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("guidance.strategies.own._LOADED", {})
+    return tmp_path
+
+
+def run(*words):
+    return CliRunner().invoke(app, ["league", "run", *words])
+
+
+def test_the_optimum_loses_nothing_to_the_optimum_and_others_lose():
+    scenario = load_scenario("tad")[1]
+    contest = contest_of(scenario, "optimal", "pursuer", 16, 7)
+    best = play_pair(contest, "optimal", "optimal")
+    naive = play_pair(contest, "pure_pursuit", "optimal")
+    navigating = play_pair(contest, FRPN, "optimal")
+    assert np.abs(best.regret).max() < 0.1  # velocities are held near the end
+    assert naive.row.median.value > 0.5
+    assert navigating.row.median.value > best.row.median.value
+    for row in (best.row, naive.row):
+        assert row.median.low <= row.median.value <= row.median.high
+        assert row.won.low <= row.won.value <= row.won.high
+    assert naive.row.won.value <= best.row.won.value
+
+
+@pytest.mark.parametrize("game", ["pe", "tad"])
+def test_the_worst_game_as_a_scenario_has_the_same_regret(game, policy_file):
+    contest = contest_of(load_scenario(game)[1], "policy.py:choose", "pursuer", 10, 3)
+    played = play_pair(contest, "policy.py:choose", "optimal")
+    won = [row for row in worst_rows(played, 10) if played.end[row] == End.CAPTURED]
+    outcome = play([scenario_of_game(contest, played.row, won[0])])[0]
+    if outcome.predicted_winner == "pursuer":
+        assert outcome.regret == pytest.approx(played.regret[won[0]], abs=1e-6)
+
+
+def test_every_built_in_strategy_plays_beside_the_policy_and_against_it(policy_file):
+    contest = contest_of(load_scenario("pe")[1], "policy.py:choose", "pursuer", 2, 7)
+    built_in = ("optimal", "pure_pursuit", "lead_pursuit", "proportional_navigation", FRPN)
+    assert contest.players == ("policy.py:choose", *built_in)
+    assert contest.opponents == ("optimal", "pure_evade", "random_turns", "hold")
+
+
+def test_the_command_prints_the_same_twice_and_its_scenarios_are_scenarios(
+    policy_file, monkeypatch
+):
+    monkeypatch.setattr("guidance.league.contest._built_in", lambda *_: ("optimal",))
+    words = ("policy.py:choose", "--games", "12", "--seed", "7", "--json")
+    first = run(*words, "--out", "once")
+    again = run(*words, "--out", "twice")
+    assert first.exit_code == 0, first.output
+    assert first.stdout == again.stdout
+    document = json.loads(first.stdout)
+    assert [row["player"] for row in document["rows"]] == ["policy.py:choose", "optimal"]
+    assert (policy_file / "once" / "league.png").stat().st_size > 10_000
+    name, scenario = load_scenario(str(policy_file / "once" / "worst-optimal-1.toml"))
+    assert scenario.pursuer.policy == "policy.py:choose"
+    assert (policy_file / "twice" / "worst-optimal-1.toml").read_bytes() == name.read_bytes()
+    refused = run(*words, "--out", "once")
+    assert isinstance(refused.exception, ConfigError)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("nowhere.py:choose",), "there is no file nowhere.py"),
+        (("policy.py:chose",), "policy.py has no function chose; it has: .*choose"),
+        (("cheat",), "pursuer.policy = 'cheat': allowed are .* module:function"),
+        (("policy.py:short",), r"answers shape \(16, 2\) of float64 .* must be .* shape \(16, 3\)"),
+        (("policy.py:trained",), r"observation_space has shape \(10,\); this game's .* \(8,\)"),
+        (("optimal", "--side", "target"), "--side target: must be pursuer or evader"),
+        (("optimal", "--seed", str(1 << 40)), r"seed = 1099511627776: must be from 0"),
+    ],
+)
+def test_what_cannot_be_played_is_refused_before_any_game(words, expected, policy_file):
+    result = run(*words, "--games", "5")
+    assert isinstance(result.exception, ConfigError)
+    with pytest.raises(ConfigError, match=expected):
+        raise result.exception
+
+
+def test_a_policy_without_an_answer_loses_its_game_as_failed():
+    register("tests.lost:policy", lambda observation: np.full((len(observation), 3), np.nan))
+    scenario = load_scenario("pe")[1]
+    contest = contest_of(scenario, "optimal", "pursuer", 3, 1)
+    row = play_pair(contest, "tests.lost:policy", "optimal").row
+    assert (row.failed, row.won.value) == (3, 0.0)
