@@ -153,6 +153,9 @@ def test_the_examples_run(tmp_path, capsys):
     assert "the pursuer wins 9" in capsys.readouterr().out
     example("own_evader.py")
     assert "the zigzag: captured" in capsys.readouterr().out
+    example("train_policy.py", 1, tmp_path / "trained", 4)
+    assert (tmp_path / "trained" / "learning.png").stat().st_size > 5_000
+    assert "1 iterations: median regret" in capsys.readouterr().out
     played = example("teams.py")
     assert int(played.first.guaranteed) == 4
 
