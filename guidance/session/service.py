@@ -82,12 +82,11 @@ def run_vehicle(path: Path, config: Config) -> bool:
         )  # the last line: what is opened later has closed before
         equipment.record_required = config.record.required
         equipment.record = stack.enter_context(daemon_recording(config, metadata, equipment))
-        link = world.links[name]
         order = OutputOrder(
             vehicle=name,
             metadata=metadata,
             clock=clock,
-            link=link,
+            link=world.links[name],
             mailbox=equipment.mailbox,
             config=config,
             bus=session,
@@ -95,7 +94,7 @@ def run_vehicle(path: Path, config: Config) -> bool:
         )
         equipment.sinks += (metrics, *open_outputs(order, stack))
         equipment.team = _member(config, session, clock, stack)
-        daemon = Daemon(name, plan, link, world.evaders[name], equipment)
+        daemon = Daemon(name, plan, world.links[name], world.evaders[name], equipment)
         daemons.append(daemon)
         started = {
             "name": name,

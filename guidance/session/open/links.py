@@ -93,15 +93,7 @@ def open_all(
         wire, opened[next(iter(config.evaders))] = share(wire, 2)
     if config.on_ground_stations:
         wire, ground_wire = share(wire, 2)
-        ground_link = GroundLink(
-            ground_wire,
-            clock.now_s,
-            system_id=vehicle.system_id,
-            stations=config.ordering_stations,
-            signing_key=key,
-        )
-        closed.callback(ground_link.close)
-        world.ground_links[config.name] = ground_link
+        world.ground_links[config.name] = _open_ground_link(config, ground_wire, clock, key, closed)
     sender_words = f"{vehicle.url}: system {vehicle.system_id}"
     limit_s = vehicle.connect_timeout_s
     ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}
@@ -122,6 +114,21 @@ def open_all(
     for name, section in config.evaders.items():
         sources[name] = _open_source(vehicle, section, clock, credentials, keys, opened.get(name))
         closed.callback(sources[name].close)
+
+
+def _open_ground_link(
+    config: Config, wire: Wire, clock: Clock, key: SigningKey | None, closed: ExitStack
+) -> GroundLink:
+    """Open the link to the vehicle's ground stations, on a share of the vehicle's wire."""
+    ground_link = GroundLink(
+        wire,
+        clock.now_s,
+        system_id=config.vehicle.system_id,
+        stations=config.ordering_stations,
+        signing_key=key,
+    )
+    closed.callback(ground_link.close)
+    return ground_link
 
 
 def _claim_on_its_bus(url: str, credentials: Credentials, closed: ExitStack) -> None:
