@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from guidance.game.arrays import NUMPY, Library, Plane, Real, Space, dot2
+from guidance.game.arrays import NUMPY, Library, Plane, Real, Space, Truth, dot2
 from guidance.game.extent import to_set
 from guidance.game.game import Game, Reason, Winner, head_wind, speed_in_hand
 from guidance.game.meeting_times import climb
@@ -146,17 +146,11 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
     velocity = steer(xp, game, to, gap, t, state.z, state.hold)
     reason: Real = int(Reason.SOLVED)
     if overhead:
-        rim = gap - game.capture_radius_m if game.pursuer.separate else gap
-        above = free & (t > 0) & (rim + v * t > 0)
+        if game.pursuer.separate:
+            gap = gap - game.capture_radius_m
+        above = free & (t > 0) & (gap + v * t > 0)
         reason = xp.select(above, int(Reason.OVERHEAD), int(Reason.SOLVED))
-        if not game.pursuer.separate:
-            # It copies the evader's velocity, and uses the rest of its speed vertically.
-            copied = (state.hold[0] + game.wind_m_s[0], state.hold[1] + game.wind_m_s[1])
-            vertical = game.pursuer.vertical(xp, state.hold, state.z)
-            velocity = (
-                *xp.select2(above, copied, (velocity[0], velocity[1])),
-                xp.select(above, vertical, velocity[2]),
-            )
+        velocity = _above(xp, game, state, above, velocity)
     return StateSolution(
         winner=int(Winner.PURSUER),
         value=t,
@@ -167,6 +161,17 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
         evader_velocity_m_s=(v * direction[0], v * direction[1], 0.0),
         reason=xp.select(t > 0, reason, int(Reason.CAPTURED)),
     )
+
+
+def _above(xp: Library, game: Game, state: Geometry, above: Truth, velocity: Space) -> Space:
+    """Return the velocity of a pursuer that is right above the evader in some rows."""
+    if game.pursuer.separate:
+        return velocity
+    # It copies the evader's velocity, and uses the rest of its speed vertically.
+    copied = (state.hold[0] + game.wind_m_s[0], state.hold[1] + game.wind_m_s[1])
+    vertical = game.pursuer.vertical(xp, state.hold, state.z)
+    level = xp.select2(above, copied, (velocity[0], velocity[1]))
+    return *level, xp.select(above, vertical, velocity[2])
 
 
 def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]:
