@@ -140,48 +140,81 @@ def follow(xp: Library, hunt: Hunt, aim: Aim, *, with_height: bool = False) -> W
         aim: the heading.
         with_height: also if the pursuer's height alone decides the time of the capture.
     """
-    v = hunt.v
-    wind = hunt.wind
-    s = aim.s
-    square = s * s
-    scale = 1.0 / (1.0 + square)
-    cosine = (1.0 - square) * scale
-    sine = (s + s) * scale
-    n = in_plane(hunt.ahead, (cosine, sine))
-    to_end = (dot2(hunt.to_evader, n) + hunt.lag, cross2(n, hunt.to_evader))
-    air = (v, 0.0)
-    hand = hunt.hand
-    if wind is not None:
-        air = (v - dot2(wind, n), cross2(wind, n))
-        hand = hand + 2.0 * v * head_wind(wind, n)
+    start = _set_out(hunt, aim.s)
     flat = is_zero(hunt.radius)
-    disc = STILL if flat else along2(n, aim.disc)
-    y = to_end if flat else plus2(to_end, -hunt.radius, disc)
-    beyond = dot2(y, y) + hunt.z2 - hunt.capture * hunt.capture
-    t, delta = ball_time(xp, hand, _along(hunt, air, y) - hunt.u * hunt.capture, beyond)
+    disc = STILL if flat else along2(start.n, aim.disc)
+    t, delta = _captured(xp, hunt, start, disc)
     if with_height:
-        at = _after(hunt, air, hunt.met_s, to_end)
+        at = _after(hunt, start.air, hunt.met_s, start.to_end)
         inside = dot2(at, at) <= hunt.met_m * hunt.met_m
         t = xp.select(inside, hunt.met_s, t)
         delta = xp.select(inside, float("inf"), delta)
     if flat:
-        flight = _after(hunt, air, t, y)
+        flight = _after(hunt, start.air, t, start.to_end)
         bent = 0.0
         to = aim.disc
     else:
-        to_end = _after(hunt, air, t, to_end)
-        far = xp.norm2(to_end)
-        apart = far > 0
-        inverse = 1.0 / xp.select(apart, far, 1.0)
-        disc = (xp.select(apart, to_end[0] * inverse, 1.0), to_end[1] * inverse)
-        bent = hunt.radius * inverse
+        disc, far = _towards_end(xp, hunt, start, t)
+        bent = hunt.radius * (1.0 / xp.select(far > 0, far, 1.0))
         flight = times2(far - hunt.radius, disc)
-        to = in_plane(n, disc)
-        slower = hunt.u * (hunt.u * t + hunt.capture) - _along(hunt, air, flight)
+        to = in_plane(start.n, disc)
+        slower = hunt.u * (hunt.u * t + hunt.capture) - _along(hunt, start.air, flight)
         delta = xp.select(delta < float("inf"), slower, delta) if with_height else slower
-    rho = v * t + hunt.lag
-    from_target, flat_edge = left_over(xp, hunt, n, rho, t)
-    return Way(n, t, rho, from_target, flat_edge, air, flight, disc, to, bent, hand, delta)
+    rho = hunt.v * t + hunt.lag
+    from_target, flat_edge = left_over(xp, hunt, start.n, rho, t)
+    return Way(
+        start.n,
+        t,
+        rho,
+        from_target,
+        flat_edge,
+        start.air,
+        flight,
+        disc,
+        to,
+        bent,
+        start.hand,
+        delta,
+    )
+
+
+class Start(NamedTuple):
+    """A heading, the vector to the end of the lag along and across it, the speed in the air, and u² less its square."""
+
+    n: Plane
+    to_end: Plane
+    air: Plane
+    hand: Real
+
+
+def _set_out(hunt: Hunt, s: Real) -> Start:
+    """Return the evader's start along a heading."""
+    square = s * s
+    scale = 1.0 / (1.0 + square)
+    n = in_plane(hunt.ahead, ((1.0 - square) * scale, (s + s) * scale))
+    to_end = (dot2(hunt.to_evader, n) + hunt.lag, cross2(n, hunt.to_evader))
+    wind = hunt.wind
+    if wind is None:
+        return Start(n, to_end, (hunt.v, 0.0), hunt.hand)
+    air = (hunt.v - dot2(wind, n), cross2(wind, n))
+    return Start(n, to_end, air, hunt.hand + 2.0 * hunt.v * head_wind(wind, n))
+
+
+def _captured(xp: Library, hunt: Hunt, start: Start, disc: Plane) -> tuple[Real, Real]:
+    """Return when the virtual pursuer captures, and the root of `ball_time`."""
+    y = start.to_end if is_zero(hunt.radius) else plus2(start.to_end, -hunt.radius, disc)
+    beyond = dot2(y, y) + hunt.z2 - hunt.capture * hunt.capture
+    half = _along(hunt, start.air, y) - hunt.u * hunt.capture
+    return ball_time(xp, start.hand, half, beyond)
+
+
+def _towards_end(xp: Library, hunt: Hunt, start: Start, t: Real) -> tuple[Plane, Real]:
+    """Return the direction from the pursuer to the end of a run, through the air, and the length of that way."""
+    to_end = _after(hunt, start.air, t, start.to_end)
+    far = xp.norm2(to_end)
+    apart = far > 0
+    inverse = 1.0 / xp.select(apart, far, 1.0)
+    return (xp.select(apart, to_end[0] * inverse, 1.0), to_end[1] * inverse), far
 
 
 def aimed_at(xp: Library, hunt: Hunt, t: Real, point: Plane = ORIGIN) -> tuple[Plane, Truth]:
@@ -221,10 +254,22 @@ def judge(hunt: Hunt, path: Way) -> tuple[Real, Real, Truth]:
     which ∂H/∂t = −delta. The turn is Newton's for the angle between the edge and the way to the target, whose own
     derivative is positive if the edge is convex and the target lies beyond its tangent.
     """
+    edge, bend = _edge(hunt, path)
+    from_target = path.from_target
+    slope = dot2(from_target, edge)
+    square = dot2(edge, edge)
+    before = cross2(from_target, edge)
+    # Seen from a line it keeps its direction
+    turns = square if path.flat is False else square * (1.0 - 1.0 * path.flat)
+    rate = turns + before * cross2(bend, edge) / square
+    return -slope / rate, slope, (rate > 0) & (before <= 0)
+
+
+def _edge(hunt: Hunt, path: Way) -> tuple[Plane, Plane]:
+    """Return the first and second derivative of the end of a run by the heading, m/rad and m/rad²."""
     v = hunt.v
     rho = path.rho
     (along, aside) = path.flight
-    from_target = path.from_target
     first = rho * aside / path.delta
     calm = hunt.wind is None
     pushed = v * aside if calm else v * aside + rho * path.air[1]
@@ -237,17 +282,10 @@ def judge(hunt: Hunt, path: Way) -> tuple[Real, Real, Truth]:
     second = second / path.delta
     edge = (v * first, rho)
     bend = (v * second - rho, 2.0 * v * first)
-    if hunt.drift is not None:
-        pulled = along2(path.n, hunt.drift)
-        edge = plus2(edge, -first, pulled)
-        bend = plus2(bend, -second, pulled)
-    slope = dot2(from_target, edge)
-    square = dot2(edge, edge)
-    before = cross2(from_target, edge)
-    # Seen from a line it keeps its direction
-    turns = square if path.flat is False else square * (1.0 - 1.0 * path.flat)
-    rate = turns + before * cross2(bend, edge) / square
-    return -slope / rate, slope, (rate > 0) & (before <= 0)
+    if hunt.drift is None:
+        return edge, bend
+    pulled = along2(path.n, hunt.drift)
+    return plus2(edge, -first, pulled), plus2(bend, -second, pulled)
 
 
 def bounded(xp: Library, s: Real) -> Real:
