@@ -335,7 +335,7 @@ def constraints_of(
     return tuple(_constraint(wall, asked_ned_m_s, velocity, surge_ned_m, envelope) for wall in near)
 
 
-def _constraint(
+def _constraint(  # noqa: PLR0914
     wall: Wall, desired: Vector, velocity: Vector, surge_ned_m: Vector, envelope: Envelope
 ) -> Constraint:
     """Make the constraint of a wall, from the velocities relative to it.

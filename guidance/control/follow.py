@@ -198,7 +198,7 @@ def gaps_to_disc(position_ned_m: Vector, evader_ned_m: Vector, standoff: StandOf
     return Gaps(distance_m - standoff.radius_m, height_m, north * scale, east * scale)
 
 
-def approach(
+def approach(  # noqa: PLR0914
     desired_ned_m_s: Vector,
     flown_ned_m_s: Vector,
     evader_ned_m_s: Vector,

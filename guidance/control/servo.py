@@ -52,7 +52,7 @@ def slew(vector_ned: Vector, previous_ned: Vector, largest_change: float) -> Vec
     return (was_north + share * north, was_east + share * east, was_down + down)
 
 
-def shape(
+def shape(  # noqa: PLR0914
     desired_m_s: Vector,
     velocity_m_s: Vector,
     acceleration_m_s2: Vector,

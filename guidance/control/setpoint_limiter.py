@@ -83,7 +83,7 @@ def start(situation: Situation, envelope: Envelope) -> LimitMemory:
     return LimitMemory(clamp(situation.velocity_ned_m_s, *speeds), yaw_rad=situation.yaw_rad)
 
 
-def limit(
+def limit(  # noqa: PLR0914
     command: Setpoint,
     situation: Situation,
     envelope: Envelope,

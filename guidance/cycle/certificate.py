@@ -192,7 +192,7 @@ def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Vector |
     return Certified(solution, Course.SOLUTION, optimal_m_s, certificate)
 
 
-def _pursuit_s(
+def _pursuit_s(  # noqa: PLR0914
     game: Game, players: Players, vehicle: Vehicle, desired_m_s: Vector, reaction_s: float
 ) -> float:
     """Return the time in which this vehicle captures an evader that runs straight away from it.

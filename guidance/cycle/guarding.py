@@ -275,7 +275,7 @@ def _closing_s(flight: _Flight, left_m: float, fastest_m_s: float) -> float:
     return braking_s + max(0.0, left_m - slow_from_m) / fastest_m_s
 
 
-def _interception_s(flight: _Flight, goal_m: Point) -> float:
+def _interception_s(flight: _Flight, goal_m: Point) -> float:  # noqa: PLR0914
     """Return the time to a meeting with an evader that runs straight to a point, after the reaction time.
 
     The late start depends on the direction of the flight, and the direction on the meeting point, so both are computed
@@ -322,7 +322,7 @@ def _is_at_disc(flight: _Flight) -> bool:
     return is_level and gaps.ground_m <= _NEAR_RADII * flight.shown.standoff.radius_m
 
 
-def _capture_margin_s(flight: _Flight) -> float:
+def _capture_margin_s(flight: _Flight) -> float:  # noqa: PLR0914
     """Return how much sooner a vehicle at the disc's height captures the evader than any evader is at the target."""
     game = flight.shown
     E = flight.players.evader_m

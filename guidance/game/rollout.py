@@ -121,7 +121,7 @@ class Rollout(NamedTuple):
     path: tuple[Sample, ...]
 
 
-def rollout(
+def rollout(  # noqa: PLR0914
     game: Game,
     pursuer: ArrayLike,
     evader: ArrayLike,

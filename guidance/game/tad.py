@@ -55,7 +55,7 @@ class Contest(NamedTuple):
     edge: Closest
 
 
-def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSolution:
+def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSolution:  # noqa: PLR0914
     """Solve TAD; see `solve` for the meaning of the answer.
 
     Args:
@@ -214,7 +214,7 @@ def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: P
     return contest._replace(edge=race(xp, (u, v), state.to_evader, z, from_set(centre, near)).edge)
 
 
-def race(
+def race(  # noqa: PLR0914
     xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_target: Plane
 ) -> Contest:
     """Return the result of the race to a target in the paper's game; its margin is the barrier B as a time.
@@ -291,7 +291,7 @@ def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
     return pursuer.catch_time(xp, radius, capture, y, drift, state.z)
 
 
-def surely_convex(xp: Library, game: Game, state: Geometry) -> Truth:
+def surely_convex(xp: Library, game: Game, state: Geometry) -> Truth:  # noqa: PLR0914
     """Return whether the evader's region is convex by simple bounds.
 
     Points X of the region's edge are reached at the same time, |XE|/v − τ = t(X). With g the pursuer's distance from

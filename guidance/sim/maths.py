@@ -279,7 +279,7 @@ def _moved(
     )
 
 
-def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, slope: Slope, captured_s: Array) -> Real:
+def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, slope: Slope, captured_s: Array) -> Real:  # noqa: PLR0914
     """Return how long a step may be, (n,): a share of the least time until the pursuer is beside the evader or at a
     limit, or the evader at its target. While both players fly straight on, the time to the capture itself counts.
     """  # noqa: D205 - one sentence needs two lines

@@ -325,7 +325,7 @@ def playing_span(story: Story) -> slice:
     )
 
 
-def write_animation(story: Story, path: Path) -> None:
+def write_animation(story: Story, path: Path) -> None:  # noqa: PLR0914
     """Write the game as a moving picture, WebP: from above, and the height over the distance to the evader.
 
     Raises:

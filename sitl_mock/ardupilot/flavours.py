@@ -36,7 +36,7 @@ from sitl_mock.protocols.files import FileTree
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from sitl_mock.protocols import ParameterStore, PlanStore
+    from sitl_mock.protocols import ParameterStore
     from sitl_mock.vehicle_state import VehicleState
 
 _PARAMETERS = 0x671B

@@ -154,7 +154,7 @@ class ArduControl:
         fresh = (kind, reference, integral, spooled_s, heading_rad, limited)
         return _memory(fresh), _demand((*lean, thrust, yaw_rate_rad_s))
 
-    def _shaped(self, reference: Reference, setpoint: Setpoint, dt_s: float) -> Reference:
+    def _shaped(self, reference: Reference, setpoint: Setpoint, dt_s: float) -> Reference:  # noqa: PLR0914
         """Advance the GUIDED reference; acceleration and jerk are limited, speed is not."""
         gains = self.gains
         (p_n, p_e, p_d), (v_n, v_e, v_d), (a_n, a_e, a_d) = reference
@@ -196,7 +196,7 @@ class ArduControl:
         down = a_d + within(d_d, -most_z, most_z)
         return advance(reference, (a_n + d_n * keep, a_e + d_e * keep, down), dt_s)
 
-    def _leaning(
+    def _leaning(  # noqa: PLR0914
         self, memory: ArduMemory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[ArduMemory, Demand]:
         """Follow an attitude target within ANGLE_MAX; the horizontal position is not controlled."""
@@ -231,7 +231,7 @@ class ArduControl:
         excess = down_m_s / limits.sink_m_s if down_m_s > 0.0 else -down_m_s / limits.climb_m_s
         return self.gains.overspeed_gain * excess if excess > 1.0 else 1.0
 
-    def _track(
+    def _track(  # noqa: PLR0914
         self, reference: Reference, integral: Ned, body: Body, estimate: Estimate, dt_s: float
     ) -> tuple[Limited, Ned, tuple[float, float], float]:
         """P on position, PID on velocity with the reference fed forward, lean limit with anti-windup."""

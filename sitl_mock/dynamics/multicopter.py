@@ -155,7 +155,7 @@ def _resting(body: Body, thrust_m_s2: float, ground_down_m: float) -> Body:
     )
 
 
-def _flying(
+def _flying(  # noqa: PLR0914
     airframe: Airframe,
     body: Body,
     demand: Demand,
@@ -322,7 +322,7 @@ class Multicopter(Generic[MemoryT]):
         order = Setpoint(Kind.BRAKE if flying else Kind.STOPPED)
         return Pending(0.0, order), self.control.fresh(estimate, flying=flying)
 
-    def estimate(self, body: Body, around: Surroundings) -> Estimate:
+    def estimate(self, body: Body, around: Surroundings) -> Estimate:  # noqa: PLR0914
         """Estimated position and velocity: truth times the velocity scale, plus the errors in `around`."""
         (p_n, p_e, p_d), (v_n, v_e, v_d), *_ = body
         _, (q_n, q_e, q_d), (w_n, w_e, w_d), *_ = around

@@ -93,7 +93,7 @@ class Px4Control:
             return self._direct(memory, body, estimate, setpoint, dt_s)
         return self._controlled(memory, body, estimate, setpoint, dt_s)
 
-    def _controlled(
+    def _controlled(  # noqa: PLR0914
         self, memory: Px4Memory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[Px4Memory, Demand]:
         gains = self.gains
@@ -273,7 +273,7 @@ class Px4Control:
         d = v_d + gains.z_p_1_s * (r_d - p_d)
         return self._truncated(n, e, d), acceleration
 
-    def _velocity_loop(
+    def _velocity_loop(  # noqa: PLR0914
         self,
         wanted: Ned,
         forward: Ned,

@@ -305,7 +305,7 @@ def _aligned(
     return (wanted[0] * shrink, wanted[1] * shrink), math.copysign(pace_1_s * high_m, wanted_d)
 
 
-def travel(
+def travel(  # noqa: PLR0914
     limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s: float
 ) -> Reference:
     """Advance the reference by `dt_s` under a TRAVEL or BRAKE setpoint.

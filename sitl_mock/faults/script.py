@@ -16,7 +16,6 @@ Faults of frames also have `link`, and the open ones `direction` (out, in, both)
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final

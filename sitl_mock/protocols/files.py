@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from sitl_mock.mavlink import Message
-    from sitl_mock.protocols.session import Reply
 
 PAYLOAD: Final = 251
 _HEAD: Final = struct.Struct("<HBBBBBBI")

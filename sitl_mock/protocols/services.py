@@ -14,7 +14,6 @@ from sitl_mock.protocols.session import Reply, source_of
 
 if TYPE_CHECKING:
     from sitl_mock.mavlink import Message, Signing
-    from sitl_mock.protocols.session import Reply
 
 NS: int = 1_000_000_000
 

@@ -14,7 +14,6 @@ from sitl_mock.protocols.session import Reply, source_of
 
 if TYPE_CHECKING:
     from sitl_mock.mavlink import Message
-    from sitl_mock.protocols.session import Reply
 
 KEPT: Final = 20
 _UNAVAILABLE: Final = 0

@@ -42,7 +42,7 @@ from sitl_mock.sensors import PX4_SENSORS
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sitl_mock.protocols import ParameterStore, PlanStore
+    from sitl_mock.protocols import ParameterStore
     from sitl_mock.vehicle_state import VehicleState
 
 _TYPES = {6: "Int32", 9: "Float"}

@@ -68,7 +68,7 @@ def global_position_int(report: Report) -> Fields:
     )
 
 
-def odometry(report: Report) -> Fields:
+def odometry(report: Report) -> Fields:  # noqa: PLR0914
     """ODOMETRY: position in the local frame, velocity in the body's."""
     state = report.state
     roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = state.attitude

@@ -42,7 +42,7 @@ _NO_TIME_2019_S: Final = 2748666496
 _AUTOMATIC: Final = frozenset({"HOLD", "TAKEOFF", "MISSION", "RTL", "LAND", "PRECLAND"})
 
 
-def attitude(report: Report) -> Fields:
+def attitude(report: Report) -> Fields:  # noqa: PLR0914
     """ATTITUDE; on the ground with the sensors' noise."""
     state = report.state
     sensors = state.sensors
@@ -178,7 +178,7 @@ def position_target_global_int(report: Report) -> Fields | None:
     return (report.boot_ms, _GLOBAL_INT, 0, *position, *moving, setpoint.yaw_rad, 0.0)
 
 
-def highres_imu(report: Report) -> Fields:
+def highres_imu(report: Report) -> Fields:  # noqa: PLR0914
     """HIGHRES_IMU: specific force, rates, field and pressure with the sensors' noise."""
     state = report.state
     sensors = state.sensors

@@ -188,7 +188,7 @@ def _edges(table: Table, previous_pairs: Kept | None, hysteresis: float) -> Arra
     return np.where(edges, np.maximum(profit, 0.0), -np.inf)
 
 
-def _with_pairs(
+def _with_pairs(  # noqa: PLR0914
     table: Table, edges: Array, previous_pairs: Kept | None, first: Array
 ) -> tuple[Array, Array]:
     """Return firsts and mates, (b, m), where two pursuers may guarantee a capture that neither guarantees alone.

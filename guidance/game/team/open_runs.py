@@ -54,7 +54,7 @@ def longest_open(regions: Regions, least: Array) -> tuple[Point, Array, Array]:
     return run, np.minimum(first, second), np.maximum(first, second)
 
 
-def _gaps(regions: Regions, length: Array) -> tuple[Array, Array, Array, Array]:
+def _gaps(regions: Regions, length: Array) -> tuple[Array, Array, Array, Array]:  # noqa: PLR0914
     """Return the open angles behind each pursuer's closed ones, (..., n), rad, negative if there are none.
 
     Returns:

@@ -38,7 +38,7 @@ def assigned(profit: Array, first: Array | None = None) -> Array:
     return np.where((chosen >= 0) & taken(edges, chosen), chosen, -1)
 
 
-def packed(singles: Array, pairs: Array, numbers: Array, promised: Array) -> tuple[Array, Array]:
+def packed(singles: Array, pairs: Array, numbers: Array, promised: Array) -> tuple[Array, Array]:  # noqa: PLR0914
     """Return the pursuers of each evader, (m,) and (m,), −1 for none: as many evaders as can be, promised ones first.
 
     Args:

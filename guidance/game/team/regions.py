@@ -108,7 +108,7 @@ def regions_of(game: Game, P: Array, E: Array) -> Regions:
     return Regions(ratio, least, w[..., 0], w[..., 1], z, capture, radius, wind_x, wind_y, safe)
 
 
-def edge(regions: Regions, heading: Point) -> Edge:
+def edge(regions: Regions, heading: Point) -> Edge:  # noqa: PLR0914
     """Return how far a run along a heading of length 1 goes."""
     ratio, curvature, x, y, z, capture, radius, *wind, _ = regions
     nx, ny = heading
@@ -149,7 +149,7 @@ def survived(regions: Regions, heading: Point) -> Array:
     return np.maximum(edge(regions, heading).reach, regions.safe)
 
 
-def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
+def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:  # noqa: PLR0914
     """Return the heading along which both of two regions reach equally far, (...).
 
     Args:

@@ -77,7 +77,7 @@ class TeamRollout(NamedTuple):
     path: tuple[TeamSample, ...]
 
 
-def rollout_teams(
+def rollout_teams(  # noqa: PLR0914
     game: Games,
     pursuers: ArrayLike,
     evaders: ArrayLike,

@@ -356,7 +356,7 @@ def _longest_found(team: Team) -> Meeting:
     return longest
 
 
-def _among(
+def _among(  # noqa: PLR0914
     team: Team, own_ends: Sequence[Array], reach: Array, chosen: Array | None = None
 ) -> Meeting:
     """Return the longest run before all pursuers, or before some, whose numbers are (..., k).
@@ -455,7 +455,7 @@ def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flies: Arr
     )
 
 
-def _multipliers(team: Team, best: Meeting) -> Array:
+def _multipliers(team: Team, best: Meeting) -> Array:  # noqa: PLR0914
     """Return by how much the value changes for each second that a pursuer starts late, (..., n).
 
     X* maximises the evader's time t_E (PE), or minimises its distance from the target (TAD), among the points with

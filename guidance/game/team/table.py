@@ -220,7 +220,7 @@ def worth_in(alone: Solution, T: Array | None) -> Array:
     return -alone.value if T is None else np.where(alone.winner > 0, alone.value, 0.0 * alone.value)
 
 
-def together(team: Team, index: tuple[Any, ...]) -> Meeting:
+def together(team: Team, index: tuple[Any, ...]) -> Meeting:  # noqa: PLR0914
     """Return what each two pursuers guarantee, by one of them alone or together, (..., k).
 
     Args:
