@@ -336,6 +336,10 @@ def test_as_many_items_and_edges_as_can_be_judged_are_read():
     reading.requests(0.0)
     reading.observe(FenceCount(0.1, 1000))
     assert not reading.over
+    larger = Reading()
+    larger.requests(0.0)
+    larger.observe(FenceCount(0.1, 1001))
+    assert larger.over
     sides = [(47.0 + 1e-3 * math.cos(n), 8.0 + 1e-3 * math.sin(n)) for n in range(1000)]
     for corners, judged_too in ((1000, True), (1001, False)):
         rings = [*[sides] * 2, (*sides, HERE)[:corners]]
