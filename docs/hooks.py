@@ -39,7 +39,8 @@ UNITS = {
     "_ne_m": "m", "_m": "m", "_mb": "MB", "_s": "s",
 }  # fmt: skip
 API = (
-    "guidance.game", "guidance.game.team", "guidance.strategies", "guidance.sim.scenario", "guidance.sim.maths",
+    "guidance.game", "guidance.game.team", "guidance.strategies", "guidance.strategies.own", "guidance.league",
+    "guidance.sim.scenario", "guidance.sim.maths",
     "guidance.sim.outcome", "guidance.log", "guidance.links", "guidance.links.port", "guidance.cycle.certificate",
     "guidance.errors", "sitl_mock", "sitl_mock.pytest_plugin",
 )  # fmt: skip
