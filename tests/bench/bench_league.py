@@ -34,7 +34,8 @@ def measured(scenario, side, environments, steps, *, between_points):
     environment.reset(seed=1)
     games = environment._games
     columns = environment.single_action_space.shape[0]
-    whole, bare = [], []
+    whole = []
+    bare = []
 
     def optimal():
         return getattr(games.solution, f"{side}_velocity_m_s").copy()

@@ -76,7 +76,8 @@ def test_a_state_depends_on_its_seed_only_and_an_environment_on_its_own():
     alone = draw(arena, seeds_of(2, 1, first=37))
     assert (many.pursuer_m[37] == alone.pursuer_m[0]).all()
     assert (many.evader_m[37] == alone.evader_m[0]).all()
-    first, again = PursuitVectorEnv("tad", 8), PursuitVectorEnv("tad", 8)
+    first = PursuitVectorEnv("tad", 8)
+    again = PursuitVectorEnv("tad", 8)
     for environment in (first, again):
         environment.reset(seed=9)
     actions = np.random.default_rng(1).uniform(-1.0, 1.0, (60, 8, 3))

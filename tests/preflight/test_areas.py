@@ -151,9 +151,13 @@ def drawn_area(draw):
     if kind == "crossed":
         ring = tuple((draw.uniform(-15, 15), draw.uniform(-15, 15)) for _ in range(4))
         return Ring(ring, inclusion=draw.random() < 0.5)
-    north, east, size_m = (0.0, 0.0, draw.uniform(8, 40))
+    north = 0.0
+    east = 0.0
+    size_m = draw.uniform(8, 40)
     if kind == "beside":
-        north, east, size_m = (draw.uniform(-15, 15), draw.uniform(-15, 15), draw.uniform(1, 5))
+        north = draw.uniform(-15, 15)
+        east = draw.uniform(-15, 15)
+        size_m = draw.uniform(1, 5)
     turns = sorted(draw.uniform(0.0, math.tau) for _ in range(draw.randint(5, 9)))
     ring = tuple((north + size_m * math.cos(t), east + size_m * math.sin(t)) for t in turns)
     return Ring(ring, inclusion=kind == "around")
@@ -193,7 +197,9 @@ def test_an_area_acts_inside_ours_where_a_point_shows_it_and_nowhere_else(one_is
 
 
 def test_repeated_corners_go_and_the_order_stays():
-    a, b, c = (0.0, 0.0), (0.0, 1.0), (1.0, 0.0)
+    a = (0.0, 0.0)
+    b = (0.0, 1.0)
+    c = (1.0, 0.0)
     assert without_repeats([a, a, b, b, c, a]) == (a, b, c)
     assert without_repeats([a]) == (a,)
     assert without_repeats([a, a]) == (a,)
