@@ -170,12 +170,16 @@ def require_fit(name: str, observation: Array, shares: int) -> None:
 
 
 def answer_of(name: str, choose: Choose, observation: Array) -> Answer:
-    """Ask a policy of the pursuer in one state, (1, k); never raises what the policy raises."""
+    """Ask a policy of the pursuer in one state, (1, k); never raises what the policy raises.
+
+    A number that is not finite is NaN, as in the record, so that a replay fails with the same words.
+    """
     try:
         action = action_of(name, choose, observation, PURSUER_SHARES)
     except PolicyError as error:
         return str(error)
-    return tuple(action[0].tolist())
+    known = np.where(np.isfinite(action[0]), action[0], np.nan)
+    return tuple(known.tolist())
 
 
 def observe_pursuit(

@@ -56,6 +56,7 @@ inputs = st.builds(
     mates=st.none() | st.lists(of_kind(MateState), max_size=2).map(tuple),
     role=st.none()
     | st.builds(Role, evader=VALUES[str], above_m=finite),  # a role's message has no other heights
+    answer=st.none() | st.lists(VALUES[float], max_size=3).map(tuple),
 )
 
 

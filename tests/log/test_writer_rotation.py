@@ -128,12 +128,12 @@ def test_a_flight_in_several_files_is_replayed_bit_for_bit(tmp_path, flight):
 def test_the_writers_memory_does_not_grow_from_file_to_file(tmp_path):
     """The index of a file is kept until the file is finished: the same amount at the end of each."""
     at_end_bytes = []
-    recorder = Recorder(tmp_path / "flight.mcap", {}, rotate_s=20.0)
+    recorder = Recorder(tmp_path / "flight.mcap", {}, rotate_s=10.0)
     tracemalloc.start()
     try:
-        for number in range(5000):
+        for number in range(2500):
             recorder.event(0.02 * number, "happened")
-            if number % 1000 == 998:
+            if number % 500 == 498:
                 gc.collect()
                 at_end_bytes.append(tracemalloc.get_traced_memory()[0])
     finally:
