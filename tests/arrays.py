@@ -1,4 +1,5 @@
-"""The games on the arrays of PyTorch and JAX: `python -m tests arrays`, or `python -m tests.arrays` without a limit.
+"""The games on the arrays of PyTorch and JAX: `python -m tests arrays`, or `python -m tests.arrays` without a limit,
+with the games too that a library compiles for many seconds.
 
 If both are installed, this environment is used. Otherwise they are installed into a nested environment `arrays` (300 MB
 to download, 1 GB on disk), which also sees this environment's packages and is kept for the next run. The PyTorch
@@ -16,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 TORCH = "torch==2.13.0"
-MARKED = ["-m", "pytest", "-q", "-m", "arrays", "--durations", "5", "tests/game"]
+PYTEST = ("-m", "pytest", "-q", "--durations", "5", "tests/game", "-m")
 
 
 def python(within_s: float | None) -> str:
@@ -63,7 +64,8 @@ def main() -> int:
             flush=True,
         )
         return 0
-    return subprocess.run([found, *MARKED], cwd=ROOT, check=False).returncode
+    marked = "arrays" if given.within is None else "arrays and not long"
+    return subprocess.run([found, *PYTEST, marked], cwd=ROOT, check=False).returncode
 
 
 if __name__ == "__main__":

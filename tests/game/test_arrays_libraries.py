@@ -27,6 +27,11 @@ pytestmark = pytest.mark.arrays
 NAMES = ("paper", "ball_everything", "cylinder", "cylinder_everything", "space", "moving_target")
 
 
+def only_long(value):
+    """Return a parameter that is tried when there is time: compiling these games takes a library many seconds."""
+    return pytest.param(value, marks=pytest.mark.long)
+
+
 class Torch:
     """PyTorch, on the CPU."""
 
@@ -96,7 +101,7 @@ def test_another_library_solves_the_same_games(library, games, oracle, name, pre
             )
 
 
-@pytest.mark.parametrize("name", ["paper", "cylinder_everything", "moving_target"])
+@pytest.mark.parametrize("name", ["paper", "moving_target", only_long("cylinder_everything")])
 def test_targets_with_an_extent_have_the_same_answers(library, games, oracle, name):
     states = oracle.states(25, 40, games[name])[:3]
     for shape in (
@@ -164,7 +169,9 @@ def test_policies_circles_gradients_and_rollouts_work_too(library, games, oracle
     np.testing.assert_array_equal(np.asarray(there.end), here.end)
 
 
-@pytest.mark.parametrize("name", ["ball_everything", "cylinder_everything", "space"])
+@pytest.mark.parametrize(
+    "name", ["cylinder_everything", *map(only_long, ("ball_everything", "space"))]
+)
 def test_automatic_differentiation_leaves_no_residual(library, games, oracle, name):
     P, E, T = oracle.states(25, 60, games[name])
     given = [library.array(array) for array in (P, E, T)]
@@ -181,7 +188,7 @@ def test_automatic_differentiation_leaves_no_residual(library, games, oracle, na
     assert np.abs(race[over]).max() < 1e-6
 
 
-@pytest.mark.parametrize("name", ["paper", "ball_everything", "cylinder"])
+@pytest.mark.parametrize("name", ["cylinder", *map(only_long, ("paper", "ball_everything"))])
 def test_right_above_the_evader_the_derivatives_are_numbers(library, games, name):
     """The distance has no derivative there, and zero is used; the derivative by the height is continuous."""
     game = games[name]
@@ -251,7 +258,7 @@ def test_the_wind_may_differ_from_row_to_row(library, oracle):
             assert float(expected.value[7]) == pytest.approx(float(one.value), rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["paper", "cylinder_everything"])
+@pytest.mark.parametrize("name", ["paper", only_long("cylinder_everything")])
 def test_jax_compiles_a_solution_whose_states_it_does_not_know_yet(games, oracle, name):
     jax = pytest.importorskip("jax")
     library = Jax()
@@ -320,7 +327,7 @@ def test_the_margin_has_its_derivative_on_the_barrier(library):
     np.testing.assert_allclose(slopes, [[0.5, 0.0, 0.0]], atol=1e-12)
 
 
-@pytest.mark.parametrize("speeds", [Ball(2.0), Cylinder(3.0, 2.0, 1.0)])
+@pytest.mark.parametrize("speeds", [Ball(2.0), only_long(Cylinder(3.0, 2.0, 1.0))])
 def test_a_rollout_without_a_target_ends_in_a_capture(library, speeds):
     P = [[8.0, 1.42, 9.41]]
     E = [[7.92, 9.6, 0.0]]
