@@ -134,6 +134,16 @@ def test_a_desired_velocity_closes_on_a_wall_as_fast_as_stops_before_it(
     assert kept == pytest.approx(tuple(allowed * part for part in normal), abs=1e-9)
 
 
+@pytest.mark.parametrize("braking_m_s2", [0.4, 2.0])
+def test_a_speed_that_does_not_quite_stop_before_the_wall_is_reduced(braking_m_s2):
+    envelope = replace(OPEN, braking_m_s2=braking_m_s2)
+    allowed = approach_speed(5.0, braking_m_s2, envelope.reaction_s)
+    wall = (Wall(Limiter.FENCE_RADIUS, NORTH, 5.0),)
+    for excess in (0.001, 0.1, 0.5):
+        kept = held_back((allowed + excess, 0.0, 0.0), wall, envelope)
+        assert kept == pytest.approx((allowed, 0.0, 0.0))
+
+
 @pytest.mark.parametrize(("beyond_m", "back_m_s"), [(0.5, 0.25), (2.0, 1.0), (9.0, 1.0)])
 def test_beyond_a_wall_the_way_back_is_half_its_length_a_second_up_to_one_metre(beyond_m, back_m_s):
     wall = Wall(Limiter.FENCE_RADIUS, NORTH, -beyond_m)

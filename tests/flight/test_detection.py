@@ -9,6 +9,7 @@ from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.boot_clock import BootClock
 from guidance.flight import EngageOn, Event, State
 from guidance.flight.detection import (
+    Stage,
     checks,
     detail_of,
     events,
@@ -640,6 +641,19 @@ def test_lost_telemetry_names_another_autopilot_that_is_heard_instead():
         other = "; MAV_AUTOPILOT 3, fixed wing (MAV_TYPE 1), is heard instead"
         words = f"no telemetry for inf s{other if named else ''}"
         assert detail_of(Event.TELEMETRY_LOST, moment) == words
+
+
+def test_a_flight_begins_without_a_past():
+    assert Stage() == Stage(State.CONNECTING, 0.0, 0, 0, False, None, 0.0, math.inf, False)
+
+
+def test_a_policys_fault_is_the_detail_of_its_failure():
+    for fault, words in (("has no value", "has no value"), ("", ""), (None, "")):
+        certificate = QUIET._replace(policy_fault=fault)
+        assert (
+            detail_of(Event.POLICY_FAILED, context(State.ENGAGED, certificate=certificate)) == words
+        )
+    assert detail_of(Event.POLICY_FAILED, context(State.ENGAGED, certificate=None)) == ""
 
 
 def test_every_detail_is_a_sentence_of_its_moment_and_most_events_need_none():
