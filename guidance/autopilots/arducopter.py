@@ -146,6 +146,14 @@ _ESTIMATOR: Final = rules.one_of(
     {1, 2, 3}, "1 (Land)", 1, "nothing happens when the estimator fails", otherwise=Verdict.WARN
 )
 
+_TRAFFIC: Final = rules.one_of(
+    {0},
+    "0 (off)",
+    0,
+    "ArduPilot would avoid the evader that vehicle.announce shows as traffic",
+    otherwise=Verdict.REFUSE,
+)
+
 _METRES: Final = "{:g} m".format
 
 
@@ -169,6 +177,13 @@ _SHARED: Final = (
     Rule(Quantity.FENCE_HEIGHT, "FENCE_ALT_MAX", rules.fence_size("ceiling_m"), _METRES),
     Rule(Quantity.RADIO_LOSS_ACTION, "FS_THR_ENABLE", _RADIO_LOSS, named(_RADIO_LOSS_ACTIONS)),
     Rule(Quantity.ESTIMATOR_ACTION, "FS_EKF_ACTION", _ESTIMATOR, named(_ESTIMATOR_ACTIONS)),
+    Rule(
+        Quantity.TRAFFIC_ACTION,
+        "AVD_ENABLE",
+        _TRAFFIC,
+        named({0: "off", 1: "on"}),
+        of_announced=True,
+    ),
 )
 
 _RETURN: Final = rules.return_height("FENCE_ALT_MAX", "RTL")

@@ -124,6 +124,7 @@ _RADIO_LOSS_ACTIONS_1_18: Final = {
     _HOLD_WITHOUT_FAILSAFE: "Hold without failsafe",
 }
 _BATTERY_ACTIONS: Final = {0: "warning", 2: "Land", 3: "Return, then Land"}
+_TRAFFIC_ACTIONS: Final = {0: "disabled", 1: "warning", 2: "Return", 3: "Land", 4: "Hold"}
 _EXCEPTIONS: Final = {0: "Mission", 1: "Hold and other auto modes", 2: "Offboard"}
 _OVERRIDES: Final = {0: "auto modes", 1: "Offboard"}
 
@@ -218,6 +219,14 @@ def _radio_loss(value: float, wants: Wants, quantities: Quantities) -> Judgement
 _SILENT: Final = "only our own limit returns; it does not when we are silent"
 _BATTERY: Final = rules.one_of({2, 3}, "3 (Return, then Land)", 3, _SILENT, otherwise=Verdict.WARN)
 
+_TRAFFIC: Final = rules.one_of(
+    {0, 1},
+    "0 (disabled) or 1 (warning)",
+    1,
+    "PX4 would avoid the evader that vehicle.announce shows as traffic",
+    otherwise=Verdict.REFUSE,
+)
+
 _M_S: Final = "{:g} m/s".format
 
 _METRES: Final = "{:g} m".format
@@ -257,6 +266,13 @@ _RULES_1_17: Final = (
         "MPC_Z_VEL_MAX_DN",
         lambda value, wants, _: _at_least(value, wants.game_speeds.descent_m_s),
         _M_S,
+    ),
+    Rule(
+        Quantity.TRAFFIC_ACTION,
+        "NAV_TRAFF_AVOID",
+        _TRAFFIC,
+        named(_TRAFFIC_ACTIONS),
+        of_announced=True,
     ),
 )
 

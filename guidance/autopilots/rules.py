@@ -78,6 +78,7 @@ class Wants(NamedTuple):
         limit_speeds: Speed limits of our commands; the excess over the game's speeds recovers a late start.
         battery_needed: Share of the charge needed to fly home from the fence; None without `[flight.reserve]`.
         evader_height_limit_m: Greatest height difference between the evader and home's ground.
+        announces: Whether the evader is announced as traffic, which the autopilot hears too.
     """
 
     preflight: Preflight
@@ -86,6 +87,7 @@ class Wants(NamedTuple):
     limit_speeds: Speeds
     battery_needed: float | None = None
     evader_height_limit_m: float = 30.0
+    announces: bool = False
 
 
 class Quantity(StrEnum):
@@ -109,6 +111,7 @@ class Quantity(StrEnum):
     CLIMB = "climb rate"
     DESCENT = "descent rate"
     LEAN = "largest lean angle"
+    TRAFFIC_ACTION = "action on traffic"
     UPLOADED_INCLUSION = "an uploaded fence encloses the vehicle"  # 1 or 0; missing if unknown
 
 
@@ -141,6 +144,7 @@ class Rule(NamedTuple):
         read: Formats the parameter's value, with its unit.
         unit: One unit of the parameter in the quantity's unit: 0.01 for a height in centimetres.
         needed: Whether it matters for safety. Then an unknown value refuses; otherwise it is a warning.
+        of_announced: Whether it is judged only if the evader is announced as traffic.
     """
 
     quantity: str
@@ -149,6 +153,7 @@ class Rule(NamedTuple):
     read: Callable[[float], str] = "{:g}".format
     unit: float = 1.0
     needed: bool = True
+    of_announced: bool = False
 
     def judged(self, value: float, wants: Wants, quantities: Quantities) -> Judgement:
         """Judge a value of the parameter; `set_to` is one of the parameter too."""

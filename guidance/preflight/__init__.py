@@ -258,9 +258,22 @@ class ParameterChange(NamedTuple):
     request: ParameterSet
 
 
-def parameter_names(version: Version, *, only_needed: bool = False) -> tuple[str, ...]:
-    """Return the names of the judged parameters. Those that are needed are read again before every engagement."""
-    return tuple(rule.name for rule in version.rules if rule.needed or not only_needed)
+def parameter_names(
+    version: Version, *, announces: bool = False, only_needed: bool = False
+) -> tuple[str, ...]:
+    """Return the names of the judged parameters.
+
+    Args:
+        version: Of the autopilot.
+        announces: Whether the evader is announced as traffic.
+        only_needed: Only those that are needed, which are read again before every engagement.
+    """
+    rules = _rules_of(version, announces)
+    return tuple(rule.name for rule in rules if rule.needed or not only_needed)
+
+
+def _rules_of(version: Version, announces: bool) -> tuple[Rule, ...]:
+    return tuple(rule for rule in version.rules if announces or not rule.of_announced)
 
 
 def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...]:
@@ -273,7 +286,10 @@ def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...
     wants = fence.about_home(wants, facts.vehicle, autopilot.projection)
     return (
         _version_row(facts.version, autopilot),
-        *(row_of(rule, facts.parameters, wants, quantities) for rule in version.rules),
+        *(
+            row_of(rule, facts.parameters, wants, quantities)
+            for rule in _rules_of(version, wants.announces)
+        ),
         fence.uploaded_row(facts.uploaded, wants, facts.vehicle, autopilot, quantities),
         *_position_rows(facts, autopilot.projection, wants),
         *_stream_rows(facts, autopilot),
@@ -439,7 +455,7 @@ def engage_rows(
     quantities = _quantities(facts.parameters, version, uploaded)
     wants = fence.about_home(wants, facts.vehicle, autopilot.projection)
     rows = []
-    for rule in version.rules:
+    for rule in _rules_of(version, wants.announces):
         if rule.needed:
             row = row_of(rule, facts.parameters, wants, quantities)
             if rule.name not in facts.parameters:
@@ -529,7 +545,8 @@ def changes(
     fit = {Verdict.PASS}
     if not advised:
         fit.add(Verdict.WARN)
-    rules = [rule for rule in version.rules if rule.name in facts.parameters]
+    concerned = _rules_of(version, wants.announces)
+    rules = [rule for rule in concerned if rule.name in facts.parameters]
     after = dict(facts.parameters)
     wrong = dict[str, Judgement]()
     for _ in range(_MOST_ROUNDS):

@@ -101,6 +101,7 @@ def plan_of(
         config.speed_limits,
         needed,
         config.evader_height_limit_m,
+        config.vehicle.announce,
     )
     return FlightPlan(flight=flight, wants=wants, document=config.model_dump_json())
 

@@ -97,6 +97,20 @@ def test_every_rule(autopilot, name, value, verdict, words):
 
 
 @pytest.mark.parametrize(
+    ("autopilot", "name", "good", "bad"),
+    [("px4", "NAV_TRAFF_AVOID", {0, 1}, {2, 3, 4, 5}), ("arducopter", "AVD_ENABLE", {0}, {1, 2})],
+)
+def test_an_autopilot_that_would_avoid_the_announced_evader_is_refused(autopilot, name, good, bad):
+    announcing = wants_of(announces=True)
+    for value in good | bad:
+        row = row_of(autopilot, name, value, announcing)
+        assert row.verdict is (Verdict.PASS if value in good else Verdict.REFUSE)
+    assert row_of(autopilot, name, None, announcing, **{name: 0}).verdict is Verdict.REFUSE
+    judged = rows(Facts({name: max(bad)}), autopilot_named(autopilot), WANTS)
+    assert name not in {row.name for row in judged}
+
+
+@pytest.mark.parametrize(
     ("autopilot", "name", "value"),
     [
         ("px4", "GF_ACTION", 0),

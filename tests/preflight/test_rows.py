@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -242,23 +243,29 @@ def test_the_version_is_known_or_is_judged_as_the_next_known_one(autopilot):
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS.values())
-def test_each_version_is_judged_and_mended_by_its_own_parameters(autopilot):
+@pytest.mark.parametrize("announces", [True, False])
+def test_each_version_is_judged_and_mended_by_its_own_parameters(autopilot, announces):
+    wants = wants_of(announces=announces)
     for version in autopilot.versions:
-        names = [rule.name for rule in version.rules]
+        rules = [rule for rule in version.rules if announces or not rule.of_announced]
+        names = [rule.name for rule in rules]
         heard = firmware(*version.number, 0)
-        assert parameter_names(version) == tuple(names)
-        needed = [rule.name for rule in version.rules if rule.needed]
-        assert parameter_names(version, only_needed=True) == tuple(needed)
-        assert set(names) <= set(judged(autopilot=autopilot, version=heard))
+        names_of = partial(parameter_names, announces=announces)
+        assert names_of(version) == tuple(names)
+        needed = [rule.name for rule in rules if rule.needed]
+        assert names_of(version, only_needed=True) == tuple(needed)
         facts = Facts(version=heard)
-        asked = [row.name for row in engage_rows(facts, autopilot, WANTS)]
+        every_name = {rule.name for rule in version.rules}
+        judged_names = [row.name for row in rows(facts, autopilot, wants)]
+        assert [name for name in judged_names if name in every_name] == names
+        asked = [row.name for row in engage_rows(facts, autopilot, wants)]
         assert asked == [*needed, "uploaded fence"]
-        wrong = Facts(dict.fromkeys(names, -1.0), version=heard)
-        mended = {change.name for change in changes(wrong, autopilot, WANTS, advised=True)}
+        wrong = Facts(dict.fromkeys(every_name, -1.0), version=heard)
+        mended = {change.name for change in changes(wrong, autopilot, wants, advised=True)}
         assert mended <= set(names)
         renamed = set(names) - set(parameter_names(autopilot.versions[0]))
         assert mended & (renamed or set(names))
-        memory = PreflightMemory(autopilot)
+        memory = PreflightMemory(autopilot, names_of)
         memory.observe([firmware(*version.number, 0)], [])
         assert memory.version is version
         assert memory.missing == (f"{len(names)} of {len(names)} parameters", "uploaded fence")

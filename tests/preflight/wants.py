@@ -4,11 +4,23 @@ from guidance.autopilots import Preflight, Wants
 from guidance.control import Limits, Speeds
 
 
-def wants_of(*, limit_speed_m_s=9.0, fence_required=True, battery_needed=None, **limits):
+def wants_of(
+    *,
+    limit_speed_m_s=9.0,
+    fence_required=True,
+    battery_needed=None,
+    announces=False,
+    **limits,
+):
     """Demand this; `limits` are keys of `[limits]`."""
     given = Limits.model_construct(**{"fence_radius_m": 200.0, "ceiling_m": 60.0, **limits})
     speeds = Speeds(6.0, 2.0, 1.5)
     limit_speeds = speeds._replace(speed_m_s=limit_speed_m_s)
     return Wants(
-        Preflight(fence_required=fence_required), given, speeds, limit_speeds, battery_needed
+        Preflight(fence_required=fence_required),
+        given,
+        speeds,
+        limit_speeds,
+        battery_needed,
+        announces=announces,
     )

@@ -17,23 +17,22 @@ CHANGED = {
         ("COM_OBL_RC_ACT", -1.0),
         ("GF_ACTION", 0.0),
         ("GF_MAX_HOR_DIST", 40.0),
+        ("NAV_TRAFF_AVOID", 2.0),
     ],
     "arducopter": [
         ("GUID_TIMEOUT", 5.0),
         ("FENCE_ENABLE", 0.0),
         ("FENCE_ACTION", 0.0),
         ("FENCE_RADIUS", 40.0),
+        ("AVD_ENABLE", 1.0),
     ],
 }
 
 
 def standing_by(base, autopilot):
-    given = (
-        {"parameters": SET_UP, "vehicle": {"autopilot": autopilot}}
-        if autopilot == "arducopter"
-        else {}
-    )
-    return base.standing_by(**given)
+    vehicle = {"autopilot": autopilot, "announce": True}
+    given = {"parameters": SET_UP} if autopilot == "arducopter" else {}
+    return base.standing_by(vehicle=vehicle, **given)
 
 
 def change(one, name, value):
@@ -68,7 +67,7 @@ def test_a_failing_check_refuses_by_name_until_it_passes_without_a_long_wait(bas
     assert one.now_s - asked_s < 0.1
     assert one.order("status")["preflight_refused"] == []
     assert read_since(one, asked_s) == set(
-        parameter_names(AUTOPILOTS[autopilot].versions[0], only_needed=True)
+        parameter_names(AUTOPILOTS[autopilot].versions[0], announces=True, only_needed=True)
     )
     assert {name for name, _ in CHANGED[autopilot]} < read_since(one, asked_s)
     one.until(State.ENGAGED)

@@ -4,6 +4,7 @@ import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Final
 
 from guidance.autopilots import Finding, Verdict
@@ -14,7 +15,7 @@ from guidance.links.port import EvaderSource, TellsProblem, VehicleLink
 from guidance.log.entries import ASSIGNED, EVADER_NEWS, LINK_NEWS, ORDERED, RELOADED, TEAM_NEWS
 from guidance.log.sink import AnsweredOrder, FlightIdentity, Sink
 from guidance.log.writer import Record
-from guidance.preflight import PreflightMemory, advice, refusals, rows
+from guidance.preflight import PreflightMemory, advice, parameter_names, refusals, rows
 from guidance.session.observe.recording import Recording
 from guidance.session.observe.refused_frames import RefusedFrames
 from guidance.session.observe.refused_reports import RefusedReports
@@ -95,7 +96,9 @@ class Daemon:
         self.flight = Flight(plan.flight, self._ask)
         if self.team is not None:
             self.team.begin()
-        self.survey = PreflightMemory(plan.flight.autopilot)
+        announces = plan.wants is not None and plan.wants.announces
+        names = partial(parameter_names, announces=announces)
+        self.survey = PreflightMemory(plan.flight.autopilot, names)
         self._engaging = Engaging(self.flight, self.survey, plan.wants)
         self.recording.begin(FlightIdentity(self.name, tuple(self._evaders), plan.flight))
         self._judged_s = float("-inf")

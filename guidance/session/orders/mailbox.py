@@ -245,7 +245,9 @@ class Engaging:
         if self.asked_s is not None:
             return
         self.asked_s = now_s
-        self._survey.read_again(parameter_names(self._survey.version, only_needed=True))
+        announces = self._wants is not None and self._wants.announces
+        version = self._survey.version
+        self._survey.read_again(parameter_names(version, announces=announces, only_needed=True))
         # A fence too large to be read within the last order's time is read on, and serves the next order.
         if now_s - self._fence_since_s > FENCE_WITHIN_S:
             self._fence_since_s = now_s
