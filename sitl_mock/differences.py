@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from pymavlink.dialects.v20 import all as names
-
 from sitl_mock.errors import ConfigError
 from sitl_mock.flavours import flavour_named
+from sitl_mock.mavlink.definitions import command_names
 from sitl_mock.protocols import ParameterTable
 from sitl_mock.telemetry import builders_of
 from sitl_mock.versions import specs_of
@@ -105,8 +104,8 @@ def _numbers(subject: str, before: frozenset[int], after: frozenset[int]) -> Ite
 
 
 def _command(number: int) -> str:
-    entry = names.enums["MAV_CMD"].get(number)
-    return f"{number} {entry.name}" if entry is not None else str(number)
+    name = command_names().get(number)
+    return str(number) if name is None else f"{number} {name}"
 
 
 def _modes(before: Flavour, after: Flavour) -> Iterator[Difference]:

@@ -23,19 +23,6 @@ if TYPE_CHECKING:
 V1: Final = 0xFE
 V2: Final = 0xFD
 _HEADER: Final = {V1: 6, V2: 10}
-_FORMATS: Final = {
-    "char": "c",
-    "int8_t": "b",
-    "uint8_t": "B",
-    "int16_t": "h",
-    "uint16_t": "H",
-    "int32_t": "i",
-    "uint32_t": "I",
-    "int64_t": "q",
-    "uint64_t": "Q",
-    "float": "f",
-    "double": "d",
-}
 _RANGE: Final = {"b": 8, "h": 16, "i": 32, "q": 64, "B": 8, "H": 16, "I": 32, "Q": 64}
 
 
@@ -85,14 +72,11 @@ def message_id(frame: bytes) -> int:
 @cache
 def layout(message: int) -> Mapping[str, PayloadField]:
     """Return the fields of a message by name."""
-    cls = SPEC_BY_ID[message].message_class
-    kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
     fields = {}
     at = 0
-    for name, length in zip(cls.ordered_fieldnames, cls.array_lengths, strict=True):
-        field = PayloadField(at, _FORMATS[kinds[name]], max(1, length))
-        fields[name] = field
-        at += struct.calcsize(field.format) * field.length
+    for field in SPEC_BY_ID[message].wire_fields:
+        fields[field.name] = PayloadField(at, field.letter, max(1, field.length))
+        at += field.size
     return fields
 
 
@@ -149,7 +133,7 @@ def as_v1(frame: bytes) -> bytes | None:
     if number > 0xFF:
         return None
     spec = SPEC_BY_ID[number]
-    payload = bytes(_payload(frame, spec)[: base_size(number)])
+    payload = bytes(_payload(frame, spec)[: spec.base_size])
     body = bytes((len(payload), *frame[4:7], number)) + payload
     return b"\xfe" + body + struct.pack("<H", mcrf4xx(body + spec.crc_extra))
 
@@ -162,24 +146,6 @@ def signed(frame: bytes, signing: Signing, link_id: int = 0) -> bytes:
     body = bytes((frame[1], frame[2] | 1)) + frame[3 : 10 + frame[1]]
     closed = b"\xfd" + body + struct.pack("<H", mcrf4xx(body + spec.crc_extra))
     return closed + signing.block(closed, link_id)
-
-
-@cache
-def base_size(message: int) -> int:
-    """Return the payload's length without extension fields, which are not part of the CRC seed."""
-    spec = SPEC_BY_ID[message]
-    cls = spec.message_class
-    kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
-    hashed = spec.name.encode() + b" "
-    size = 0
-    matched = spec.size
-    for name, length in zip(cls.ordered_fieldnames, cls.array_lengths, strict=True):
-        hashed += f"{kinds[name]} {name} ".encode() + (bytes((length,)) if length else b"")
-        size += struct.calcsize(_FORMATS[kinds[name]]) * max(1, length)
-        crc = mcrf4xx(hashed)
-        if bytes(((crc & 0xFF) ^ (crc >> 8),)) == spec.crc_extra:
-            matched = size  # the last match: a shorter one is chance and would cut off fields
-    return matched
 
 
 def _payload(frame: bytes, spec: MessageSpec) -> bytearray:

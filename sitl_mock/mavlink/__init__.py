@@ -1,4 +1,4 @@
-"""MAVLink frames: values to bytes, bytes to messages, signatures. Independent of pymavlink's own packer and parser."""
+"""MAVLink frames: values to bytes, bytes to messages, signatures. Nothing of pymavlink's is used."""
 
 from sitl_mock.mavlink.decoder import MAX_FRAME, Counts, Decoder
 from sitl_mock.mavlink.dialect import (
@@ -6,11 +6,11 @@ from sitl_mock.mavlink.dialect import (
     SPEC_BY_NAME,
     EncodeError,
     FieldValue,
-    Message,
     MessageSpec,
     spec_of,
 )
 from sitl_mock.mavlink.encoder import Encoder
+from sitl_mock.mavlink.message import Message, Sender
 from sitl_mock.mavlink.signing import Signing, Verdict
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "FieldValue",
     "Message",
     "MessageSpec",
+    "Sender",
     "Signing",
     "Verdict",
     "spec_of",

@@ -9,14 +9,17 @@ from __future__ import annotations
 import re
 import struct
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
 
-from sitl_mock.mavlink.dialect import SPEC_BY_ID, Message
+from sitl_mock.mavlink.dialect import SPEC_BY_ID
+from sitl_mock.mavlink.message import Message, Sender
 from sitl_mock.mavlink.signing import BLOCK_LENGTH, Verdict
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sitl_mock.mavlink.dialect import MessageSpec
     from sitl_mock.mavlink.signing import Signing
 
@@ -100,7 +103,7 @@ class Decoder:
         return len(self._rest)
 
     def feed(self, data: bytes | bytearray | memoryview, *, whole: bool = False) -> list[Message]:
-        """Take bytes and return the messages completed by them, as pymavlink message objects.
+        """Take bytes and return the messages completed by them.
 
         Args:
             data: Any bytes.
@@ -151,7 +154,8 @@ class Decoder:
         if mcrf4xx(data[1:-2] + spec.crc_extra) != data[-2] | data[-1] << 8:
             return None
         self.counts.frames += 1
-        return _filled(spec, data, data[_HEADER_V2:-2], (sequence, system, component))
+        values = _values(spec, data[_HEADER_V2:-2])
+        return Message(spec, values, Sender(sequence, system, component), data)
 
     def _skip_garbage(self, buffer: bytes, at: int) -> int:
         magic = _MAGIC.search(buffer, at)
@@ -181,9 +185,14 @@ class Decoder:
             )
             if not verdict.accepted:
                 return verdict.value
-        message = _message(buffer, at, frame)
-        message._signed = verdict is Verdict.GOOD  # noqa: SLF001 - the attributes pymavlink's own decoder fills
-        return message
+        spec = SPEC_BY_ID[frame.message_id]
+        return Message(
+            spec,
+            _values(spec, buffer[frame.header_end : frame.payload_end]),
+            Sender(frame.sequence, frame.system, frame.component),
+            buffer[at : frame.end],
+            signed=verdict is Verdict.GOOD,
+        )
 
 
 _RESCAN: Final = frozenset({"incompatible", "unknown_id", "crc"})
@@ -246,42 +255,12 @@ def _fault(buffer: bytes, at: int, frame: _Frame) -> str | None:
     return None
 
 
-def _message(buffer: bytes, at: int, frame: _Frame) -> Message:
-    message = _filled(
-        SPEC_BY_ID[frame.message_id],
-        buffer[at : frame.payload_end + 2],
-        buffer[frame.header_end : frame.payload_end],
-        (frame.sequence, frame.system, frame.component),
-    )
-    if frame.signed:
-        message._header.incompat_flags = frame.incompat  # noqa: SLF001
-        message._msgbuf = buffer[at : frame.end]  # noqa: SLF001
-        message._link_id = buffer[frame.end - BLOCK_LENGTH]  # noqa: SLF001
-    return message
-
-
-def _filled(
-    spec: MessageSpec, frame: bytes, payload: bytes, sender: tuple[int, int, int]
-) -> Message:
-    """The message object, with the attributes that pymavlink's own decoder fills; the frame ends with its CRC.
-
-    Args:
-        spec: The message.
-        frame: All bytes without a signature.
-        payload: The payload, possibly shorter or longer than the message's size.
-        sender: Sequence, system and component.
-    """
+def _values(spec: MessageSpec, payload: bytes) -> Sequence[Any]:
+    """Return the fields of a payload that may be shorter or longer than the message."""
     size = spec.size
     held = len(payload)
-    full = (
-        payload if held == size else payload.ljust(size, b"\0") if held < size else payload[:size]
-    )
-    # Takes every value that the wire can carry
-    message = spec.message_class(*spec.unpack_payload(full))
-    header = message._header  # noqa: SLF001
-    header.mlen = held
-    header.seq, header.srcSystem, header.srcComponent = sender
-    message._payload = payload  # noqa: SLF001
-    message._msgbuf = frame  # noqa: SLF001
-    message._crc = frame[-2] | frame[-1] << 8  # noqa: SLF001
-    return message
+    if held == size:
+        return spec.unpack_payload(payload)
+    if held < size:
+        return spec.unpack_payload(payload.ljust(size, b"\0"))
+    return spec.unpack_payload(payload[:size])

@@ -1,26 +1,18 @@
-"""Messages of the dialect, prepared for packing and unpacking.
-
-Field order, lengths and CRC seed come from pymavlink's message classes; packing and unpacking are this package's own.
-"""
+"""Messages of the dialect, prepared for packing and unpacking."""
 
 from __future__ import annotations
 
-import re
 import struct
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Final
 
-from pymavlink.dialects.v20 import all as dialect
-
-from sitl_mock.mavlink.newer import NEWER
+from sitl_mock.mavlink.definitions import read_definitions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-
-Message = Any
-"""A pymavlink message object; its fields are attributes without static types."""
+    from sitl_mock.mavlink.definitions import Definition, Field
 
 FieldValue = Any
 """A field of any wire type: number, text, bytes or a sequence of numbers."""
@@ -37,11 +29,12 @@ class MessageSpec:
     Attributes:
         name: Name as in the MAVLink XML, for example ``LOCAL_POSITION_NED``.
         message_id: 24-bit message id.
-        message_class: pymavlink's class of decoded messages.
+        wire_fields: Fields in the order of the payload.
         field_names: Names in the order of declaration (that of the class's arguments).
         id_bytes: The id as in a MAVLink 2 header.
         crc_extra: The seed byte that closes the CRC.
         size: Payload length in bytes before trailing zeros go.
+        base_size: The same without extension fields, as in a MAVLink 1 frame.
         count: Number of fields.
         arrange: Converts values from declaration order to wire order with arrays as bytes; None if they are equal.
         pack: Arranged values to the whole payload.
@@ -50,11 +43,12 @@ class MessageSpec:
 
     name: str
     message_id: int
-    message_class: type[Any]
+    wire_fields: tuple[Field, ...]
     field_names: tuple[str, ...]
     id_bytes: bytes
     crc_extra: bytes
     size: int
+    base_size: int
     count: int
     arrange: Callable[[Sequence[Any]], Sequence[Any]] | None
     pack: Callable[..., bytes]
@@ -102,74 +96,69 @@ def _arranger(
 
 
 def _unpacker(
-    wire: struct.Struct, to_declared: tuple[int, ...], kinds: tuple[tuple[str, int], ...]
+    layout: struct.Struct, to_declared: tuple[int, ...], wire_fields: tuple[Field, ...]
 ) -> Callable[[bytes], Sequence[Any]]:
-    unpack = wire.unpack
-    if all(length == 0 and kind != "char" for kind, length in kinds):
+    unpack = layout.unpack
+    if all(field.length == 0 and field.kind != "char" for field in wire_fields):
         if to_declared == tuple(range(len(to_declared))):
             return unpack
         reorder = itemgetter(*to_declared)
         return lambda payload: reorder(unpack(payload))
     starts: list[slice | int] = []
     at = 0
-    for kind, length in kinds:
-        starts.append(slice(at, at + length) if length and kind != "char" else at)
-        at += length if length and kind != "char" else 1
+    for field in wire_fields:
+        count = field.length if field.length and field.kind != "char" else 1
+        starts.append(slice(at, at + count) if field.length and field.kind != "char" else at)
+        at += count
     plan = tuple(starts[wire_index] for wire_index in to_declared)
 
     def unpack_nested(payload: bytes) -> Sequence[Any]:
         flat = unpack(payload)
         return [
-            list(flat[part]) if isinstance(part, slice) else _stripped(flat[part]) for part in plan
+            list(flat[part]) if isinstance(part, slice) else _as_text(flat[part]) for part in plan
         ]
 
     return unpack_nested
 
 
-def _stripped(value: FieldValue) -> FieldValue:
-    return value.rstrip(b"\0") if isinstance(value, bytes) else value
+def _as_text(value: FieldValue) -> FieldValue:
+    """Return a text up to its first zero byte, and any number as it is."""
+    if not isinstance(value, bytes):
+        return value
+    return value.split(b"\0", 1)[0].decode("ascii", errors="replace")
 
 
-def _spec(message_class: type[Any]) -> MessageSpec:
-    names = tuple(message_class.fieldnames)
-    declared_index = {name: index for index, name in enumerate(names)}
-    wire_names = tuple(message_class.ordered_fieldnames)
-    to_wire = tuple(declared_index[name] for name in wire_names)
-    wire_index = {name: index for index, name in enumerate(wire_names)}
-    to_declared = tuple(wire_index[name] for name in names)
-    kinds = tuple(
-        (message_class.fieldtypes[declared_index[name]], length)
-        for name, length in zip(wire_names, message_class.array_lengths, strict=True)
-    )
-    wire = struct.Struct(message_class.unpacker.format)
-    tokens = re.findall(r"\d*[a-zA-Z]", message_class.unpacker.format)
+def _spec(definition: Definition) -> MessageSpec:
+    declared = definition.fields + definition.extensions
+    wire_fields = definition.wire_fields
+    names = tuple(field.name for field in declared)
+    to_wire = tuple(names.index(field.name) for field in wire_fields)
+    to_declared = tuple(to_wire.index(index) for index in range(len(names)))
     converters = tuple(
-        (index, _text_bytes if kind == "char" else _array_bytes(token))
-        for index, ((kind, length), token) in enumerate(zip(kinds, tokens, strict=True))
-        if length or kind == "char"
+        (index, _text_bytes if field.kind == "char" else _array_bytes(field.format))
+        for index, field in enumerate(wire_fields)
+        if field.length or field.kind == "char"
     )
-    sized = "".join(
-        f"{struct.calcsize(f'<{token}')}s" if length else token
-        for (_, length), token in zip(kinds, tokens, strict=True)
-    )
+    packed = "".join(f"{field.size}s" if field.length else field.format for field in wire_fields)
+    layout = struct.Struct("<" + "".join(field.format for field in wire_fields))
     return MessageSpec(
-        name=message_class.msgname,
-        message_id=message_class.id,
-        message_class=message_class,
+        name=definition.name,
+        message_id=definition.message_id,
+        wire_fields=wire_fields,
         field_names=names,
-        id_bytes=message_class.id.to_bytes(3, "little"),
-        crc_extra=bytes((message_class.crc_extra,)),
-        size=wire.size,
+        id_bytes=definition.message_id.to_bytes(3, "little"),
+        crc_extra=bytes((definition.crc_extra,)),
+        size=layout.size,
+        base_size=sum(field.size for field in definition.fields),
         count=len(names),
         arrange=_arranger(to_wire, converters),
-        pack=struct.Struct(f"<{sized}").pack,
-        unpack_payload=_unpacker(wire, to_declared, kinds),
+        pack=struct.Struct(f"<{packed}").pack,
+        unpack_payload=_unpacker(layout, to_declared, wire_fields),
     )
 
 
 SPEC_BY_ID: Final[dict[int, MessageSpec]] = {
-    message_id: _spec(message_class)
-    for message_id, message_class in {**dialect.mavlink_map, **NEWER}.items()
+    definition.message_id: _spec(definition) for definition in read_definitions()
 }
 SPEC_BY_NAME: Final[dict[str, MessageSpec]] = {spec.name: spec for spec in SPEC_BY_ID.values()}
 

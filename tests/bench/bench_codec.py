@@ -87,7 +87,7 @@ def row(title: str, ours: float, theirs: float) -> None:
 
 def pack_and_parse(name: str, values: tuple[Any, ...], key: bytes | None) -> None:
     """Compare both directions for one message."""
-    cls = SPEC_BY_NAME[name].message_class
+    cls = dialect.mavlink_map[SPEC_BY_NAME[name].message_id]
     encoder = Encoder(1, 1, signing=Signing(key) if key else None)
     theirs = pymavlink(key=key)
     signed = " signed" if key else ""

@@ -18,19 +18,6 @@ from sitl_mock.mavlink import SPEC_BY_ID, SPEC_BY_NAME, MessageSpec, Signing
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-_SIZE: Final = {
-    "char": 1,
-    "int8_t": 1,
-    "uint8_t": 1,
-    "int16_t": 2,
-    "uint16_t": 2,
-    "int32_t": 4,
-    "uint32_t": 4,
-    "float": 4,
-    "int64_t": 8,
-    "uint64_t": 8,
-    "double": 8,
-}
 _FILLS: Final = (b"\x00", b"\xff", b"\x7f", b"\x80", b"\x01")
 COMMANDS: Final = (
     16,
@@ -85,13 +72,11 @@ class Target(NamedTuple):
 
 
 def _offset(spec: MessageSpec, field: str) -> int | None:
-    cls = spec.message_class
-    kinds = dict(zip(cls.fieldnames, cls.fieldtypes, strict=True))
     at = 0
-    for name, length in zip(cls.ordered_fieldnames, cls.array_lengths, strict=True):
-        if name == field:
+    for wire_field in spec.wire_fields:
+        if wire_field.name == field:
             return at
-        at += _SIZE[kinds[name]] * max(1, length)
+        at += wire_field.size
     return None
 
 
