@@ -3,9 +3,7 @@
 import difflib
 import re
 import tomllib
-from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Final, Self, TypeVar
 
@@ -28,16 +26,26 @@ MOST_LETTERS: Final = 60
 MOST_FAULTS: Final = 20
 """Further faults of a file are only counted in its message."""
 
-MOST_KEY_PARTS: Final = 32
+LARGEST_CONFIG_BYTES: Final = 2**19
+"""Every two bytes can become a table. A fence of 1,000 corners takes 0.1 MB."""
+
+MOST_KEY_PARTS: Final = 16
 """The parser's memory grows with the square of the parts of a dotted key; ours have at most five."""
 
-_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]+\s*\.\s*){{{MOST_KEY_PARTS}}}")
+_LONG_KEY = re.compile(
+    rf"""(?<![\w-])(?:(?:[\w-]+|"(?:\\.|[^"\\\n]){{,99}}"|'[^'\n]{{,99}}')\s*\.\s*){{{MOST_KEY_PARTS}}}"""
+)
 
 _TOKEN = re.compile(r'''"""|\'{3}|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|\\.|[\[\]{}]|#.*''')
 """What decides whether a TOML statement goes on in the next line; texts and comments hide brackets."""
 
 _LONG_QUOTES: Final = ('"""', "'''")
 _DEEPER: Final = {"[": 1, "{": 1, "]": -1, "}": -1}
+
+_PART = r"""(?:[\w-]+|"(?:\\.|[^"\\\n])*"|'[^'\n]*')"""
+_KEY_PART = re.compile(_PART)
+_PAIR = re.compile(rf"\s*({_PART}(?:\s*\.\s*{_PART})*)\s*=")
+_HEADER = re.compile(rf"\s*(\[\[?)\s*({_PART}(?:\s*\.\s*{_PART})*)\s*\]")
 
 Location = Sequence[str | int]
 
@@ -60,40 +68,85 @@ Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
 Altitude = Annotated[float, Field(ge=-500.0, le=9000.0)]
 
 
-def line_of(text: str, location: Location) -> int | None:
-    """Return the line (from 1) of a key, or of the nearest table above it; None if neither is found.
+def lines_of(text: str, locations: Sequence[Location]) -> list[int | None]:
+    """Return the line (from 1) of each key, or of the nearest table above it; None where neither is in the text.
+
+    Reads the statements once, whatever their number, and keeps only what the locations name.
 
     Args:
-        text: A TOML document.
-        location: Names of the key's tables and of the key; numbers are array indices.
+        text: A valid TOML document.
+        locations: Names of a key's tables and of the key; numbers are array indices.
     """
+    first_lines: dict[tuple[str | int, ...], int | None] = {}
+    for location in locations:
+        for count in range(1, len(location) + 1):
+            first_lines[tuple(location[:count])] = None
+    for number, path in _statements(text):
+        for count in range(1, len(path) + 1):
+            above = path[:count]
+            if above not in first_lines:
+                break
+            if first_lines[above] is None:
+                first_lines[above] = number
+    return [_nearest(first_lines, location) for location in locations]
+
+
+def _nearest(
+    first_lines: Mapping[tuple[str | int, ...], int | None], location: Location
+) -> int | None:
+    for count in range(len(location), 0, -1):
+        line = first_lines[tuple(location[:count])]
+        if line is not None:
+            return line
+    return None
+
+
+def _statements(text: str) -> Iterator[tuple[int, tuple[str | int, ...]]]:
+    """Yield the line and the location of each table's header and of each key with its value."""
+    table: tuple[str | int, ...] = ()
+    array_sizes: dict[tuple[str | int, ...], int] = {}
     lines = text.splitlines(keepends=True)
-    ends = _statement_ends(lines)
-
-    def depth_at(number: int) -> int:
-        """Return how many parts of the location the first `number` statements contain."""
-        with suppress(tomllib.TOMLDecodeError):
-            return _depth(tomllib.loads("".join(lines[: ends[number]])), location)
-        return 0
-
-    count = len(ends) - 1
-    depth = depth_at(count)
-    if not depth:
-        return None
-    number = bisect_left(range(count + 1), depth, key=depth_at)
-    # Blank lines and comments before a statement end no statement, so the line after the statement before may be one.
-    first = ends[number - 1]
-    while not lines[first].split("#")[0].strip():
-        first += 1
-    return first + 1
+    for start in _statement_starts(lines):
+        line = lines[start]
+        if header := _HEADER.match(line):
+            table = _table(_parts(header[2]), array_sizes)
+            if header[1] == "[[":
+                count = array_sizes.get(table, 0)
+                array_sizes[table] = count + 1
+                table = (*table, count)
+            elif table in array_sizes:
+                table = (*table, array_sizes[table] - 1)
+            yield start + 1, table
+        elif pair := _PAIR.match(line):
+            yield start + 1, (*table, *_parts(pair[1]))
 
 
-def _statement_ends(lines: Sequence[str]) -> list[int]:
-    """Return how many lines precede the first statement, and end each one; arrays and texts may have many lines."""
-    ends = [0]
+def _table(
+    parts: Sequence[str], array_sizes: Mapping[tuple[str | int, ...], int]
+) -> tuple[str | int, ...]:
+    """Return the location of a header; a table inside an array of tables belongs to its last element."""
+    location: tuple[str | int, ...] = ()
+    for part in parts:
+        if location in array_sizes:
+            location = (*location, array_sizes[location] - 1)
+        location = (*location, part)
+    return location
+
+
+def _parts(key: str) -> list[str]:
+    return [
+        tomllib.loads(f"part = {part}")["part"] if part[0] in "\"'" else part
+        for part in _KEY_PART.findall(key)
+    ]
+
+
+def _statement_starts(lines: Sequence[str]) -> Iterator[int]:
+    """Yield the index of each line that begins a statement; arrays and texts may have many lines."""
     depth = 0
     quotes = ""
-    for number, line in enumerate(lines, 1):
+    for number, line in enumerate(lines):
+        if depth <= 0 and not quotes:
+            yield number
         for token in _TOKEN.findall(line):
             if token == quotes:
                 quotes = ""
@@ -101,19 +154,6 @@ def _statement_ends(lines: Sequence[str]) -> list[int]:
                 quotes = token
             elif not quotes:
                 depth += _DEEPER.get(token, 0)
-        if depth <= 0 and not quotes:
-            ends.append(number)
-    return ends
-
-
-def _depth(value: Any, location: Location) -> int:  # noqa: ANN401 - any value of a document
-    """Return how many parts of a location are there."""
-    for depth, part in enumerate(location):
-        try:
-            value = value[part]
-        except (LookupError, TypeError):
-            return depth
-    return len(location)
 
 
 def as_toml(value: Any) -> str:  # noqa: ANN401 - any value of a document
@@ -200,7 +240,7 @@ def read(path: Path) -> tuple[str, dict[str, Any]]:
         ConfigError: If it cannot be read or is not TOML; the message gives the line.
     """
     try:
-        text = read_text(path)
+        text = read_text(path, LARGEST_CONFIG_BYTES)
         if _LONG_KEY.search(text):
             raise ConfigError(
                 f"{path}: not valid TOML here: a key has more than {MOST_KEY_PARTS} parts"
@@ -243,18 +283,26 @@ def parse(model: type[Model], document: dict[str, Any], *, source: str, text: st
         return model.model_validate(document)
     except ValidationError as error:
         errors = error.errors()
+        told = errors[:MOST_FAULTS]
+        lines = lines_of(text, [_location(fault) for fault in told])
         faults = [
-            f"  {_line(text, fault)}{explain(model, fault)}" for fault in errors[:MOST_FAULTS]
+            f"  {_line_words(line)}{explain(model, fault)}"
+            for fault, line in zip(told, lines, strict=True)
         ]
         if len(errors) > MOST_FAULTS:
             faults.append(f"  and {len(errors) - MOST_FAULTS} more faults")
         raise ConfigError(f"{source}:\n" + "\n".join(faults)) from error
 
 
-def _line(text: str, fault: ErrorDetails) -> str:
-    """Return the line of a fault. The message of a check over several keys begins with the key at fault."""
+def _location(fault: ErrorDetails) -> Location:
+    """Return where a fault is. The message of a check over several keys begins with the key at fault."""
     named = re.match(r"(?:Value error, )?([a-z_]+(?:\.[a-z_]+)+)(?: =|:)", fault["msg"])
-    line = line_of(text, named[1].split(".") if named and not fault["loc"] else fault["loc"])
+    if named and not fault["loc"]:
+        return named[1].split(".")
+    return fault["loc"]
+
+
+def _line_words(line: int | None) -> str:
     return "" if line is None else f"line {line}: "
 
 

@@ -111,10 +111,10 @@ def open_regular(path: Path) -> BinaryIO:
 
 
 LARGEST_TEXT_BYTES: Final = 4 * 2**20
-"""Largest configuration, plan or track. A fence of 1,000 corners takes 0.1 MB, a track of ten hours at 1 Hz 2 MB."""
+"""Largest plan, track or key. A track of ten hours at 1 Hz takes 2 MB."""
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, most_bytes: int = LARGEST_TEXT_BYTES) -> str:
     """Read a text file of limited size; a byte order mark is left out.
 
     Raises:
@@ -122,9 +122,9 @@ def read_text(path: Path) -> str:
         UnicodeDecodeError: If it is not UTF-8.
     """
     with open_regular(path) as file:
-        content = file.read(LARGEST_TEXT_BYTES + 1)
-    if len(content) > LARGEST_TEXT_BYTES:
-        raise OSError(errno.EFBIG, f"larger than {LARGEST_TEXT_BYTES} bytes", str(path))
+        content = file.read(most_bytes + 1)
+    if len(content) > most_bytes:
+        raise OSError(errno.EFBIG, f"larger than {most_bytes} bytes", str(path))
     return content.decode("utf-8-sig")
 
 
