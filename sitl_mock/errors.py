@@ -1,5 +1,16 @@
 """Errors for users of the mock. Each message has the key, its value and the allowed values."""
 
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_PACKAGES: Final = {"zenoh": "eclipse-zenoh"}
+"""Packages whose name is not that of their module."""
+
 
 class MockError(Exception):
     """Base class of this package's errors; `exit_code` is the exit code of commands."""
@@ -17,3 +28,19 @@ class TransportError(MockError):
     """An endpoint cannot be opened, mostly because its port is taken."""
 
     exit_code = 3
+
+
+@contextlib.contextmanager
+def imported_for(purpose: str) -> Iterator[None]:
+    """Turn a missing package into an error that names it, its purpose and the command that installs it.
+
+    Raises:
+        ConfigError: An import in the block found no such package.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = _PACKAGES.get(error.name or "", error.name)
+        raise ConfigError(
+            f"{purpose}: needs {package}, which is not installed: pip install {package}"
+        ) from error

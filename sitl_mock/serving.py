@@ -16,7 +16,7 @@ from types import FrameType
 
 from sitl_mock import console
 from sitl_mock.console import Shown
-from sitl_mock.errors import ConfigError
+from sitl_mock.errors import ConfigError, imported_for
 from sitl_mock.faults import Faulted, FaultScript
 from sitl_mock.fleet import FleetConfig, build
 from sitl_mock.transports import Endpoint, run, run_lockstep
@@ -187,12 +187,13 @@ def _opened(
         ground = UdpEndpoint("gcs", ports, time.monotonic, any_if_taken=True)
         endpoints.append(stack.enter_context(contextlib.closing(ground)))
     if wires.zenoh is not None or wires.zenoh_connect is not None:
-        from sitl_mock.faults import queryable  # noqa: PLC0415 - UDP does not need Zenoh
-        from sitl_mock.transports.zenoh_session import (  # noqa: PLC0415 - UDP does not need Zenoh
-            ZenohEndpoint,
-            read_keys,
-            with_port,
-        )
+        with imported_for("--zenoh"):
+            from sitl_mock.faults import queryable  # noqa: PLC0415 - UDP does not need Zenoh
+            from sitl_mock.transports.zenoh_session import (  # noqa: PLC0415 - UDP does not need Zenoh
+                ZenohEndpoint,
+                read_keys,
+                with_port,
+            )
 
         connect = wires.zenoh_connect is not None
         if wires.zenoh_keys is None:

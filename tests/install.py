@@ -3,18 +3,20 @@
 `python -m tests install` repeats this for every Python from 3.11 on that it finds; the tests use their own Python. It
 prints the size of the base installation by package and the size of its four foundations. Then it removes the unused
 files with the commands from the how-to page for Raspberry Pi and Jetson, prints the size again and repeats the flight.
+Last it installs the mock alone, as docs/mock.md says, and prints its size and the time to its first HEARTBEAT.
 """
 
 import json
 import os
 import re
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -29,8 +31,14 @@ LARGEST_MB = 235
 LARGEST_TRIMMED_MB = 150
 """Size limit after the unused files are removed."""
 
+LARGEST_MOCK_MB = 40
+"""Size limit of the mock alone with what it imports, without pip and bytecode caches."""
+
 TRIMMED_BY = ROOT / "docs" / "how-to" / "raspberry-pi-jetson.md"
 """The page with the commands that remove unused files."""
+
+MOCK_PAGE = ROOT / "docs" / "mock.md"
+"""The page with the commands that install the mock alone."""
 
 FOUNDATIONS = ("numpy", "mavsdk", "pymavlink", "eclipse-zenoh")
 """The large dependencies of the base: games, both links, the mock's messages and the wires."""
@@ -88,41 +96,46 @@ class Installed:
     """The base installation in an environment of its own, used from a folder that is not the checkout.
 
     With `linked`, the packages that it needs are links to those of this environment, which takes a tenth of the time.
+    `packages` are installed instead of all that the wheel needs.
     """
 
-    def __init__(self, built: Path, python: str, folder: Path, *, linked: bool = False) -> None:
+    def __init__(
+        self,
+        built: Path,
+        python: str,
+        folder: Path,
+        *,
+        linked: bool = False,
+        packages: Sequence[str] | None = None,
+    ) -> None:
         self.folder = folder
         self.bin = folder / "env" / "bin"
         quiet("venv", python, "-m", "venv", "--without-pip", str(folder / "env"))
         pip = (sys.executable, "-m", "pip", "--python", str(self.bin / "python"))
+        install = (*pip, "install", "-q", "--no-compile")
         if linked:
-            self._link()
-        quiet(
-            "pip",
-            *pip,
-            "install",
-            "-q",
-            "--no-compile",
-            *(["--no-deps"] if linked else []),
-            str(built),
-        )
+            self._link(PROJECT["dependencies"] if packages is None else packages)
+        elif packages is not None:
+            quiet("pip", *install, *packages)
+        alone = linked or packages is not None
+        quiet("pip", *install, *(["--no-deps"] if alone else []), str(built))
 
-    def _link(self) -> None:
-        """Link the packages that the base installation needs, and no other."""
-        (packages,) = self.folder.glob("env/lib/python*/site-packages")
-        held = set[str]()
-        wanted = [Requirement(one) for one in PROJECT["dependencies"]]
-        while wanted:
-            name = canonicalize_name(wanted.pop().name)
-            if name in held:
+    def _link(self, packages: Sequence[str]) -> None:
+        """Link packages of this environment with what they need, and no other."""
+        (site,) = self.folder.glob("env/lib/python*/site-packages")
+        linked = set[str]()
+        open_needs = [Requirement(package) for package in packages]
+        while open_needs:
+            name = canonicalize_name(open_needs.pop().name)
+            if name in linked:
                 continue
-            held.add(name)
-            found = distribution(name)
-            for top in {file.parts[0] for file in found.files or ()} - {"..", "__pycache__"}:
-                (packages / top).symlink_to(Path(str(found.locate_file(top))))
-            needs = (Requirement(one) for one in found.requires or ())
-            wanted += [
-                one for one in needs if one.marker is None or one.marker.evaluate({"extra": ""})
+            linked.add(name)
+            package = distribution(name)
+            for top in {file.parts[0] for file in package.files or ()} - {"..", "__pycache__"}:
+                (site / top).symlink_to(Path(str(package.locate_file(top))))
+            needs = (Requirement(need) for need in package.requires or ())
+            open_needs += [
+                need for need in needs if need.marker is None or need.marker.evaluate({"extra": ""})
             ]
 
     def trim(self) -> None:
@@ -173,6 +186,30 @@ class Installed:
             )
             / 1e6
         )
+
+
+def mock_packages() -> list[str]:
+    """Return the packages that the mock's page installs for the mock alone."""
+    page = MOCK_PAGE.read_text(encoding="utf-8")
+    (packages,) = re.findall(r"^pip install --no-deps \S+ && pip install (.+)$", page, re.MULTILINE)
+    return str(packages).split()
+
+
+def first_heartbeat_s(mock: Installed) -> float:
+    """Start a mocked PX4 and return how long its first HEARTBEAT took."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        client.bind(("127.0.0.1", 0))
+        client.settimeout(30.0)
+        port = client.getsockname()[1]
+        command = [str(mock.bin / "sitl-mock"), "run", "--vehicles", "1", "--udp", str(port)]
+        started = time.perf_counter()
+        with subprocess.Popen(command, cwd=mock.folder, stdout=subprocess.DEVNULL) as process:
+            try:
+                while client.recv(65536)[7:10] != bytes(3):
+                    pass
+                return time.perf_counter() - started
+            finally:
+                process.terminate()
 
 
 def trimming() -> list[str]:
@@ -242,7 +279,24 @@ def main() -> int:
         print("without unused files:", flush=True)
         base.trim()
         show(base.weights())
-        return 0 if flies(base, LARGEST_TRIMMED_MB) else 1
+        if not flies(base, LARGEST_TRIMMED_MB):
+            return 1
+        return 0 if mock_alone(built, folder / "mock") else 1
+
+
+def mock_alone(built: Path, folder: Path) -> bool:
+    """Install the mock alone; print its size and how soon it answers."""
+    folder.mkdir()
+    mock = Installed(built, sys.executable, folder, packages=mock_packages())
+    weights = mock.weights()
+    print("the mock alone:", flush=True)
+    for name, (megabytes, _) in sorted(weights.items(), key=lambda item: -item[1][0]):
+        print(f"  {megabytes:6.1f} MB  {name}")
+    first_heartbeat_s(mock)  # Python compiles the modules once
+    waits_s = sorted(first_heartbeat_s(mock) for _ in range(5))
+    total_mb = sum(megabytes for megabytes, _ in weights.values())
+    print(f"  {total_mb:6.1f} MB in all; first HEARTBEAT after {waits_s[2]:.2f} s (median of 5)")
+    return total_mb <= LARGEST_MOCK_MB
 
 
 if __name__ == "__main__":

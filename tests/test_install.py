@@ -7,7 +7,18 @@ import pytest
 
 from guidance.errors import ConfigError
 from guidance.extras import EXTRAS, require
-from tests.install import LARGEST_MB, OF_EXTRAS, PROJECT, ROOT, Installed, trimming, wheel
+from tests.install import (
+    LARGEST_MB,
+    LARGEST_MOCK_MB,
+    OF_EXTRAS,
+    PROJECT,
+    ROOT,
+    Installed,
+    first_heartbeat_s,
+    mock_packages,
+    trimming,
+    wheel,
+)
 
 
 def without_extras(*arguments, folder):
@@ -113,3 +124,17 @@ def test_the_wheel_in_an_empty_environment_is_small_and_flies(tmp_path):
     assert base.run("sitl-mock", "list").returncode == 0
     refused = base.run("guidance", "sweep", "policies")
     assert (refused.returncode, "pursuit-guidance[sim]" in refused.stderr) == (2, True)
+
+
+@pytest.mark.flight
+def test_the_mock_alone_is_small_and_answers(tmp_path):
+    mock = Installed(
+        wheel(tmp_path), sys.executable, tmp_path, linked=True, packages=mock_packages()
+    )
+    weights = mock.weights()
+    assert sum(megabytes for megabytes, _ in weights.values()) < LARGEST_MOCK_MB
+    assert not {"numpy", "pymavlink", "mavsdk", "eclipse-zenoh"} & set(weights)
+    assert first_heartbeat_s(mock) < 30.0
+    assert mock.run("sitl-mock", "versions", "px4@1.17", "px4@1.18").returncode == 0
+    refused = mock.run("sitl-mock", "calibrate", str(ROOT / "README.md"))
+    assert (refused.returncode, "needs numpy" in refused.stderr) == (2, True)

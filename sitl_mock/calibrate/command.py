@@ -12,7 +12,7 @@ from rich.table import Table
 from sitl_mock.calibrate.comparison import RMS_LIMIT_M_S, Comparison, compare
 from sitl_mock.calibrate.flight import fly_log, guess, replay, vehicle_of
 from sitl_mock.calibrate.step_log import FlavourName, read_step_log
-from sitl_mock.errors import ConfigError
+from sitl_mock.errors import ConfigError, imported_for
 
 
 def table_of(comparison: Comparison) -> Table:
@@ -122,13 +122,8 @@ def calibrate_file(
     answers = replay(log, vehicle_of(chosen)) if dynamics_only else fly_log(log, chosen)
     comparison = compare(log, chosen, answers, guessed_by)
     if plot is not None:
-        try:
+        with imported_for(f"--plot {plot}"):
             from sitl_mock.calibrate.picture import draw  # noqa: PLC0415 - matplotlib takes a second
-        except ModuleNotFoundError as error:
-            advice = "pip install 'pursuit-guidance[plot]'"
-            raise ConfigError(
-                f"--plot {plot}: needs {error.name}, which is not installed: {advice}"
-            ) from error
 
         draw(plot, log, comparison)
     if as_json:

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from sitl_mock.errors import imported_for
+
 
 def calibrate(
     file: Annotated[
@@ -34,7 +36,8 @@ def calibrate(
     Prints rise time, overshoot, steady error and RMS difference for every segment and axis, each as real / mock. Exit
     code 1: the velocity of an axis differs by more than 0.15 m/s RMS over the file; 2: the file is not such a log.
     """
-    from sitl_mock.calibrate.command import calibrate_file  # noqa: PLC0415 - numpy and rich are not for `--help`
+    with imported_for("calibrate"):
+        from sitl_mock.calibrate.command import calibrate_file  # noqa: PLC0415 - numpy and rich are not for `--help`
 
     raise typer.Exit(
         calibrate_file(file, flavour, plot, as_json=as_json, dynamics_only=dynamics_only)
