@@ -40,7 +40,8 @@ class Wires:
         zenoh_connect: Endpoint to connect to instead.
         zenoh_keys: Credentials for the router (`transports.zenoh_session.read_keys`).
         udp: First port of the onboard links. As in their simulations, PX4 number i sends to udp + i and listens on
-            udp + 40 + i, ArduPilot number i sends to udp + 10 i and listens on any port. Both answer every sender.
+            udp + 40 + i (in fleets of more than 40 on any port), ArduPilot number i sends to udp + 10 i and listens on
+            any port. Both answer every sender.
         gcs: Port of a ground station. Vehicle i sends to it from port 18570 + i, or from a free port if that is taken.
     """
 
@@ -211,15 +212,19 @@ def _opened(
 def udp_ports(first: int, flavours: Mapping[str, str]) -> dict[str, tuple[int, int]]:
     """Return own port (0 for any) and target port of each vehicle, from its index and flavour.
 
+    In a fleet of more than 40 vehicles the PX4 listen on any port, since their own ports would be other clients'.
+
     Raises:
         ConfigError: A port would be beyond 65535.
     """
-    ports = {
-        name: (first + PX4_LOCAL_OFFSET + index, first + index)
-        if flavour.partition("@")[0] == "px4"
-        else (0, first + ARDUPILOT_STEP * index)
-        for index, (name, flavour) in enumerate(flavours.items())
-    }
+    ports = {}
+    for index, (name, flavour) in enumerate(flavours.items()):
+        if flavour.partition("@")[0] != "px4":
+            ports[name] = (0, first + ARDUPILOT_STEP * index)
+        elif len(flavours) > PX4_LOCAL_OFFSET:
+            ports[name] = (0, first + index)
+        else:
+            ports[name] = (first + PX4_LOCAL_OFFSET + index, first + index)
     highest = max(max(pair) for pair in ports.values())
     if highest > 65535:
         raise ConfigError(

@@ -145,6 +145,9 @@ def test_ports_are_those_of_the_simulations():
         "c": (0, 14560),
         "d": (0, 14570),
     }
+    many = udp_ports(14540, {f"uav{number}": "px4" for number in range(41)})
+    assert {own for own, _ in many.values()} == {0}
+    assert sorted(target for _, target in many.values()) == [*range(14540, 14581)]
     with pytest.raises(ConfigError, match="65535"):
         udp_ports(65500, {f"uav{number}": "px4" for number in range(20)})
 
