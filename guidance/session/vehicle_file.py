@@ -111,7 +111,7 @@ def corners_deg(path: Path, key: str) -> list[tuple[float, float]]:
         raise ConfigError(f"{setting}: {error}") from error
     try:
         corners = [_corner_deg(corner) for corner in polygon]
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ConfigError(
             f"{setting}: its polygon is not a list of latitude and longitude ({error})"
         ) from error
@@ -150,13 +150,16 @@ def _radii(circles: Sequence[Any]) -> str:
         return ""
     shapes = [circle.get("circle") if isinstance(circle, dict) else None for circle in circles]
     radii = [shape.get("radius") if isinstance(shape, dict) else None for shape in shapes]
-    return f" (radius {', '.join(map(str, radii))})"
+    words = [str(radius)[:20] for radius in radii[:5]]
+    if len(radii) > len(words):
+        words.append("…")
+    return f" (radius {', '.join(words)})"
 
 
 def _corner_deg(corner: object) -> tuple[float, float]:
     """Return latitude and longitude of a corner of a plan; a height is ignored."""
     if not isinstance(corner, list) or len(corner) not in {2, 3}:
-        raise ValueError(f"corner {corner}")
+        raise ValueError(f"corner {str(corner)[:40]}")
     return float(corner[0]), float(corner[1])
 
 

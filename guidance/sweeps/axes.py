@@ -216,10 +216,14 @@ def _type_of(values: Sequence[Any]) -> pa.DataType:
     return pa.float64() if kinds <= {int, float} else pa.string()
 
 
+MOST_VALUES: Final = 100_000
+"""Most values of one key of the grid. They are all held in memory."""
+
+
 class _Evenly(Section):
     begin: float = Field(alias="from")
     end: float = Field(alias="to")
-    count: int = Field(ge=2)
+    count: int = Field(ge=2, le=MOST_VALUES)
 
 
 def grid_values(spec: Any) -> list[Any]:  # noqa: ANN401 - from a file
@@ -233,15 +237,21 @@ def grid_values(spec: Any) -> list[Any]:  # noqa: ANN401 - from a file
             even = _Evenly.model_validate(spec)
             if even.begin != even.end:
                 return list(np.linspace(even.begin, even.end, even.count).tolist())
-        allowed = "two different numbers, and the number of evenly spaced values, at least 2"
+        allowed = (
+            f"two different numbers, and the number of evenly spaced values, 2 to {MOST_VALUES}"
+        )
         raise ValueError(f"must be {{ from = …, to = …, count = … }}: {allowed}")
     if not isinstance(spec, list) or not spec:
         raise ValueError("must be a list of values or { from = …, to = …, count = … }")
     if any(isinstance(value, Mapping) for value in spec):
         raise ValueError("a value must be a number, a text or a vector; sweep a section key by key")
-    if any(value in spec[:index] for index, value in enumerate(spec)):
+    if len({_hashable(value) for value in spec}) < len(spec):
         raise ValueError("a value is given twice")
     return spec
+
+
+def _hashable(value: Any) -> Any:  # noqa: ANN401 - any value of a key
+    return tuple(map(_hashable, value)) if isinstance(value, list) else value
 
 
 def flat(

@@ -29,6 +29,12 @@ Way = Literal["maths", "fast"]
 FOLDER: Final = "sweeps"
 ROW: Final = "row"
 
+MOST_GAMES: Final = 10**9
+"""Most games of a sweep: two days on two cores. The numbers of the missing parts are held in memory."""
+
+MOST_PAIRS: Final = 10_000
+"""Most pairs of policies, before those given twice are looked for."""
+
 _TYPES: Final[dict[Any, pa.DataType]] = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 
 
@@ -47,13 +53,18 @@ class Policies(Section):
     )
     evader: EvaderPolicy | tuple[EvaderPolicy, ...] = Field((), description="likewise")
 
+    @property
+    def pairs_listed(self) -> int:
+        """Number of pairs, also of policies given twice."""
+        return len(_several(self.pursuer, "")) * len(_several(self.evader, ""))
+
 
 class Seeds(Section):
     """Seeds: `count` of them beginning with `from`, or a list."""
 
-    begin: int = Field(0, alias="from", ge=0, description="the first")
+    begin: int = Field(0, alias="from", ge=0, le=2**53, description="the first")
     count: int = Field(1, ge=1, description="how many")
-    values: tuple[Annotated[int, Field(ge=0)], ...] = Field(
+    values: tuple[Annotated[int, Field(ge=0, le=2**53)], ...] = Field(
         (), alias="list", description="these, instead of both"
     )
 
@@ -136,6 +147,7 @@ class Plan(Section):
         return dict(flat(document, (Mapping, list)))
 
     def _faults(self) -> Iterator[str]:
+        yield from self._size_faults()
         if self.teams and self.way != "maths":
             yield f'as = "{self.way}": the scenario has teams, which can only be played as maths'
         if self.number is not None and "seeds" in self.model_fields_set:
@@ -159,6 +171,16 @@ class Plan(Section):
             counts = f"{self.shape[1]} grid points × {self.shape[0]} pairs of policies"
             nearest = max(1, round(self.number / step)) * step
             yield f"rows = {self.number}: must be a multiple of {step} ({counts}); the nearest is {nearest}"
+
+    def _size_faults(self) -> Iterator[str]:
+        pairs_listed = sum(policies.pairs_listed for policies in self.policies)
+        if pairs_listed > MOST_PAIRS:
+            yield f"policies: {pairs_listed} pairs; at most {MOST_PAIRS} are allowed"
+        if self.rows > MOST_GAMES:
+            yield (
+                f"seeds, grid, policies: {self.rows} games; at most {MOST_GAMES} are allowed, "
+                "so play it in several sweeps"
+            )
 
     @cached_property
     def teams(self) -> bool:

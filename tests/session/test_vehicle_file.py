@@ -247,6 +247,9 @@ def test_a_polygon_by_degrees_is_about_home_and_its_reach_is_known_with_it(read)
     assert plan_of(config).wants.limits.fence_polygon_deg == tuple(map(tuple, TRIANGLE))
 
 
+CIRCLE_OF_NONE = {"circle": {"center": TRIANGLE[0], "radius": 0}, "inclusion": True}
+
+
 def drawn(polygons=((True, TRIANGLE),), circles=()):
     """A plan as QGroundControl saves it."""
     fence = {
@@ -297,6 +300,8 @@ def test_the_fence_of_a_plan_takes_the_place_of_its_name(tmp_path):
         (json.dumps(drawn(circles=[{"inclusion": True}])), "1 circles"),
         (json.dumps(drawn(polygons=[(True, [[47.0]])])), "not a list of latitude and longitude"),
         (json.dumps(drawn(polygons=[(True, None)])), "not a list of latitude and longitude"),
+        (json.dumps(drawn(polygons=[(True, [[10**400, 8.5]])])), "int too large"),
+        (json.dumps(drawn(circles=[CIRCLE_OF_NONE] * 9999)), "(radius 0, 0, 0, 0, 0, …)"),
         (json.dumps(drawn(polygons=[(True, TRIANGLE[:2])])), "fence_polygon has 2 corners"),
     ],
 )
@@ -307,9 +312,6 @@ def test_a_plan_without_one_inclusion_polygon_is_refused_with_the_key(tmp_path, 
     assert "limits.fence_plan_file" in str(refused.value) or "limits.fence_polygon_deg" in str(
         refused.value
     )
-
-
-CIRCLE_OF_NONE = {"circle": {"center": TRIANGLE[0], "radius": 0}, "inclusion": True}
 
 
 @pytest.mark.parametrize(

@@ -199,6 +199,18 @@ def test_what_is_drawn_lies_within_the_bounds(low, width, seed):
         ("seeds = [1, 1]\n", "seeds: 1 is given twice"),
         ("seeds = [-1]\n", "greater than or equal to 0"),
         ('rows = 7\n[grid]\n"evader.speed_m_s" = [1.0, 2.0]\n', "must be a multiple of 2"),
+        (
+            '[grid]\n"evader.speed_m_s" = { from = 1.0, to = 2.0, count = 300000000 }\n',
+            "evenly spaced values, 2 to 100000",
+        ),
+        ('[grid]\n"evader.position_m" = [[1, 2], [3, 4], [1.0, 2.0]]\n', "a value is given twice"),
+        ("seeds = 1_000_000_000_000\n", "1000000000000 games; at most 1000000000 are allowed"),
+        ("rows = 1_000_000_000_000\n", "1000000000000 games; at most 1000000000 are allowed"),
+        (
+            f"policies = [{{ pursuer = {['optimal'] * 3000}, evader = {['optimal'] * 3000} }}]\n",
+            "policies: 9000000 pairs; at most 10000 are allowed",
+        ),
+        ("seeds = { from = 9223372036854775807, count = 2 }\n", "less than or equal to"),
         ("sedes = 3\n", "sedes: unknown key; did you mean 'seeds'?"),
         ('as = "live"\n', "as = 'live': must be 'maths' or 'fast'"),
         (
