@@ -11,6 +11,10 @@ vehicle drifts on for its reaction time and then brakes. The closing speed c is 
 Near the wall the allowed speed is proportional to the distance left, with the gain 1/reaction. A vehicle whose velocity
 lags by the reaction time then stops without overshoot; both poles are at -1/reaction.
 
+Polygons have a wall for each edge. A circle has one at its nearest point. The side that the vehicle flies to may be
+another one, so `held_back` and `braked` add it (`_with_far_side`), and `obey` uses the half-space that touches the
+circle there, which then bounds the feed-forward too.
+
 A cycle applies the law to one list of walls:
 
 1. `held_back` reduces the desired velocity before the servo shapes it, and flies back from beyond a wall.
@@ -34,6 +38,9 @@ COVER_M: Final = 0.5
 """A fleeing evader is assumed to keep fleeing if the vehicle is this far above the stand-off cylinder."""
 
 _ON_THE_LINE_M: Final = 0.01
+
+_SAME_SIDE: Final = 0.5
+"""Cosine of the angle at home up to which a circle's nearest point stands for the part of it that is flown to."""
 
 
 class Situation(NamedTuple):
@@ -73,6 +80,12 @@ class Wall(NamedTuple):
     radius_m: float = math.inf
     velocity_ned_m_s: Vector = STILL
     approached: bool = False
+
+    @property
+    def about_m(self) -> Point:
+        """The vehicle's position about the centre of a circle."""
+        away_m = self.radius_m - self.gap_m
+        return (self.normal_ned[0] * away_m, self.normal_ned[1] * away_m)
 
 
 class Separation(NamedTuple):
@@ -206,6 +219,40 @@ def _edges(polygon: Polygon, point: Point) -> list[tuple[Point, float]]:
     return walls
 
 
+def _with_far_side(
+    walls: tuple[Wall, ...], velocity_ned_m_s: Vector, drift_s: float, braking_m_s2: float
+) -> tuple[Wall, ...]:
+    """Add the circle's far side: the half-space that touches it in the direction of a stop point beyond it.
+
+    The circle's own wall is at its nearest point. A vehicle that flies across a small circle has that wall behind or
+    beside it until it has passed home, which is too late to brake.
+    """
+    if not walls or math.isinf(walls[-1].radius_m):
+        return walls
+    circle = walls[-1]
+    nearest = circle.normal_ned
+    seconds = drift_s + math.hypot(*velocity_ned_m_s[:2]) / (2.0 * braking_m_s2)
+    north, east = circle.about_m
+    normal, away_m = _direction_of_stop(circle.about_m, velocity_ned_m_s, seconds)
+    beside = normal[0] * nearest[0] + normal[1] * nearest[1] > _SAME_SIDE
+    if beside or away_m <= circle.radius_m:
+        return walls
+    gap_m = circle.radius_m - north * normal[0] - east * normal[1]
+    return (*walls, circle._replace(normal_ned=normal, gap_m=gap_m))
+
+
+def _direction_of_stop(
+    about_m: Point, velocity_ned_m_s: Vector, seconds: float
+) -> tuple[Vector, float]:
+    """Return the direction from home to the stop point, and its distance; no direction at home."""
+    stop_north_m = about_m[0] + velocity_ned_m_s[0] * seconds
+    stop_east_m = about_m[1] + velocity_ned_m_s[1] * seconds
+    away_m = math.hypot(stop_north_m, stop_east_m)
+    if away_m == 0.0:
+        return STILL, 0.0
+    return (stop_north_m / away_m, stop_east_m / away_m, 0.0), away_m
+
+
 RETURN_PER_S: Final = 0.5
 RETURN_M_S: Final = 1.0
 """Gain and largest speed of flying back from beyond a wall."""
@@ -232,17 +279,18 @@ def held_back(velocity_ned_m_s: Vector, walls: tuple[Wall, ...], envelope: Envel
         envelope: Braking and reaction of the vehicle.
     """
     north, east, down = velocity_ned_m_s
-    for wall in walls:
+    reaction_s = envelope.reaction_s
+    for wall in _with_far_side(walls, velocity_ned_m_s, reaction_s, envelope.braking_m_s2):
         (normal_north, normal_east, normal_down) = wall.normal_ned
         gap_m = wall.gap_m
         braking_m_s2 = envelope.vertical_braking_m_s2 if normal_down else envelope.braking_m_s2
         closing = north * normal_north + east * normal_east + down * normal_down
-        stop_m = closing * (envelope.reaction_s + max(0.0, closing) / (2.0 * braking_m_s2))
+        stop_m = closing * (reaction_s + max(0.0, closing) / (2.0 * braking_m_s2))
         if wall.approached or (gap_m >= 0.0 and stop_m <= gap_m):
             continue
         allowed = max(-RETURN_M_S, RETURN_PER_S * gap_m)
         if gap_m > 0.0:
-            allowed = approach_speed(gap_m, braking_m_s2, envelope.reaction_s)
+            allowed = approach_speed(gap_m, braking_m_s2, reaction_s)
         excess = max(0.0, closing - allowed)
         north = north - excess * normal_north
         east = east - excess * normal_east
@@ -297,17 +345,12 @@ class Constraint(NamedTuple):
     vertical_s: float = 1.0
     about_m: Point | None = None
 
-    def tangent(self, velocity_ned_m_s: Vector, about_m: Point) -> "Constraint":
-        """Return the half-space that touches the circle about home on the way to the stop point."""
-        north, east = about_m
-        stop_m = (
-            north + velocity_ned_m_s[0] * self.ground_s,
-            east + velocity_ned_m_s[1] * self.ground_s,
-        )
-        away_m = math.hypot(*stop_m)
-        normal = STILL
-        if away_m > 0.0:
-            normal = (stop_m[0] / away_m, stop_m[1] / away_m, 0.0)
+    def half_space(self, velocity_ned_m_s: Vector) -> "Constraint":
+        """Return the half-space that touches a circle on the way to the stop point; any other constraint as it is."""
+        if self.about_m is None:
+            return self
+        north, east = self.about_m
+        normal, _ = _direction_of_stop(self.about_m, velocity_ned_m_s, self.ground_s)
         distance_m = self.distance_m - north * normal[0] - east * normal[1]
         return self._replace(normal_ned=normal, distance_m=distance_m, about_m=None)
 
@@ -359,7 +402,7 @@ def _constraint(  # noqa: PLR0914
         distance_m = max(0.0, wall.gap_m - drift_m) + receding_m_s * ground_s
     else:
         away_m = wall.radius_m - wall.gap_m
-        about_m = (normal[0] * away_m, normal[1] * away_m)
+        about_m = wall.about_m
         drift_m = max(0.0, math.hypot(about_m[0] + north_m, about_m[1] + east_m) - away_m)
         distance_m = max(wall.radius_m - drift_m, away_m)
     return Constraint(wall.limiter, normal, distance_m, ground_s, vertical_s, about_m)
@@ -368,7 +411,7 @@ def _constraint(  # noqa: PLR0914
 def obey(
     vector_ned: Vector, constraints: tuple[Constraint, ...]
 ) -> tuple[Vector, tuple[Constraint, ...]]:
-    """Reduce a vector until all constraints hold; return it with the constraints that reduced it.
+    """Reduce a vector until all constraints hold; return it with the half-spaces that reduced it.
 
     First it slides along every constraint in turn, which keeps the part along the wall. A later one may turn it back
     into an earlier one, so at last it is scaled down, which violates no constraint that already holds. A circle must be
@@ -381,20 +424,19 @@ def obey(
     result = vector_ned
     active = []
     for constraint in constraints:
-        slid = reduced(result, constraint, along=True)
+        half_space = constraint.half_space(result)
+        slid = reduced(result, half_space, along=True)
         if slid is not result:
-            active.append(constraint)
+            active.append(half_space)
             result = slid
     if active:
         for constraint in constraints:
-            result = reduced(result, constraint, along=False)
+            result = reduced(result, constraint.half_space(result), along=False)
     return result, tuple(active)
 
 
 def reduced(vector_ned: Vector, constraint: Constraint, *, along: bool) -> Vector:
-    """Take away what exceeds a constraint and keep the part along the wall, or scale the closing parts down."""
-    if constraint.about_m is not None:
-        constraint = constraint.tangent(vector_ned, constraint.about_m)
+    """Take away what exceeds a half-space and keep the part along the wall, or scale the closing parts down."""
     (north, east, down) = vector_ned
     (normal_north, normal_east, normal_down) = constraint.normal_ned
     ground = max(0.0, north * normal_north + east * normal_east)
@@ -428,7 +470,7 @@ def braked(
     velocity = situation.velocity_ned_m_s
     fed = fed_ned_m_s2
     drift_s = 2.0 * envelope.reaction_s
-    for wall in walls:
+    for wall in _with_far_side(walls, velocity, drift_s, envelope.braking_m_s2):
         north, east, down = wall.normal_ned
         closing = velocity[0] * north + velocity[1] * east + velocity[2] * down
         braking_m_s2 = envelope.vertical_braking_m_s2 if down else envelope.braking_m_s2

@@ -108,11 +108,18 @@ def test_every_wall_is_braked_for_as_its_law_asks_and_nothing_along_it(wall, spe
     assert change == pytest.approx([(along - was) * part for part in normal])
 
 
-def test_a_circle_is_braked_for_beside_home_too_and_at_home_leads_nowhere():
+@pytest.mark.parametrize(
+    ("north_m", "speed_m_s", "braking_m_s2"),
+    [(0.5, 1.0, 4.0), (0.0, 1.0, 4.0), (-0.5, 2.0, 8.0), (-0.5, 0.5, 0.0)],
+)
+def test_a_circle_is_braked_for_at_home_and_on_the_way_to_its_far_side(
+    north_m, speed_m_s, braking_m_s2
+):
     envelope = replace(OPEN, fence_radius_m=2.5, fence_margin_m=2.0)
-    for north_m, wanted in ((0.5, (-4.0, 0.0, 0.0)), (0.0, None)):
-        here = Situation((north_m, 0.0, 0.0), (1.0, 0.0, 0.0))
-        assert braked(None, here, measure_walls(here, envelope), envelope) == wanted
+    for sign in (1.0, -1.0):
+        here = Situation((0.0, sign * north_m, 0.0), (0.0, sign * speed_m_s, 0.0))
+        fed = braked(None, here, measure_walls(here, envelope), envelope)
+        assert fed == ((0.0, -sign * braking_m_s2, 0.0) if braking_m_s2 else None)
 
 
 def test_the_limiter_brakes_within_its_acceleration_and_says_so():
@@ -141,6 +148,13 @@ class Gust:
     def wind_ned_m_s(self, now_s):
         return self.wind_m_s if self.from_s <= now_s < self.until_s else (0.0, 0.0, 0.0)
 
+    def asked_ned_m_s(self, now_s):
+        return (
+            self.speed_m_s * math.cos(self.bearing_rad),
+            self.speed_m_s * math.sin(self.bearing_rad),
+            0.0,
+        )
+
     def outward(self):
         turned_rad = self.bearing_rad + (self.aslant_rad or 0.0)
         return math.cos(turned_rad), math.sin(turned_rad)
@@ -163,7 +177,28 @@ class Gust:
         return place[0] * self.outward()[0] + place[1] * self.outward()[1] - RADIUS_M
 
 
-def farthest_beyond_m(autopilot, gust):
+class Reversal:
+    """No wind, and a small circle that is crossed as fast as it lets the vehicle."""
+
+    radius_m = 11.0
+    speed_m_s = 9.0
+    reversed_after_s = 6.0
+
+    def wind_ned_m_s(self, now_s):
+        return (0.0, 0.0, 0.0)
+
+    def asked_ned_m_s(self, now_s):
+        sign = 1.0 if now_s < self.reversed_after_s else -1.0
+        return (sign * self.speed_m_s, 0.0, 0.0)
+
+    def fence(self):
+        return {"fence_radius_m": self.radius_m}
+
+    def beyond_m(self, place):
+        return math.hypot(*place[:2]) - self.radius_m
+
+
+def farthest_beyond_m(autopilot, gust, flown_s=FLOWN_S):
     """Fly out to the fence through the gust, as the cycle does without a game; the mock's own dynamics, no errors."""
     handling = AUTOPILOTS[autopilot].handling
     airframe = AIRFRAMES[autopilot]
@@ -172,16 +207,11 @@ def farthest_beyond_m(autopilot, gust):
         **asdict(handling.dynamics),
         fence_margin_m=2.0, **gust.fence(),
     )  # fmt: skip
-    asked = (
-        gust.speed_m_s * math.cos(gust.bearing_rad),
-        gust.speed_m_s * math.sin(gust.bearing_rad),
-        0.0,
-    )
     motion = airframe.initial((0.0, 0.0, -20.0), 0.0, flying=True)
     served = None
     memory = None
     farthest_m = -math.inf
-    for cycle in range(round(FLOWN_S / DT_S)):
+    for cycle in range(round(flown_s / DT_S)):
         body = motion.body
         here = Situation(
             body.position_ned_m,
@@ -189,7 +219,7 @@ def farthest_beyond_m(autopilot, gust):
             acceleration_ned_m_s2=body.acceleration_ned_m_s2,
         )
         walls = measure_walls(here, envelope)
-        wanted = held_back(asked, walls, envelope)
+        wanted = held_back(gust.asked_ned_m_s(cycle * DT_S), walls, envelope)
         fed, served = serve(wanted, here.velocity_ned_m_s, served, handling.servo, dt_s=DT_S)
         limited = limit(
             Setpoint(served.reference_ned_m_s, fed), here, envelope, memory, DT_S, walls=walls
@@ -214,3 +244,8 @@ def test_no_gust_drives_a_vehicle_beyond_a_fence(autopilot, monkeypatch):
     monkeypatch.setattr(setpoint_limiter, "braked", lambda fed, *_: fed)
     worst = max(range(DRAWS), key=lambda draw: beyond_m[draw])
     assert farthest_beyond_m(autopilot, gusts[worst]) > beyond_m[worst] + 0.1
+
+
+@pytest.mark.parametrize("autopilot", AIRFRAMES)
+def test_across_a_small_circle_a_vehicle_brakes_for_its_far_side(autopilot):
+    assert farthest_beyond_m(autopilot, Reversal(), flown_s=12.0) <= -1.0

@@ -87,10 +87,12 @@ def test_towards_the_circle_exactly_as_fast_as_it_can_brake_whatever_goes_along_
     assert (north * along[0] + east * along[1], down) == pytest.approx((2.0, 1.0))
 
 
-def test_near_home_too_a_circle_has_its_law():
+@pytest.mark.parametrize(("north_m", "way_m"), [(0.5, 0.5), (0.0, 1.0), (-0.5, 1.5)])
+def test_at_home_and_on_the_way_there_too_a_circle_has_its_law(north_m, way_m):
     small = replace(CIRCLE, fence_radius_m=2.0)
-    speed = kept((6.0, 0.0, 0.0), at(0.5, 0.0), small)[0]
-    assert speed * small.reaction_s + speed**2 / (2 * small.braking_m_s2) == pytest.approx(0.5)
+    speed, east, down = kept((6.0, 0.0, 1.0), at(north_m, 0.0), small)
+    assert speed * small.reaction_s + speed**2 / (2 * small.braking_m_s2) == pytest.approx(way_m)
+    assert (east, down) == (0.0, 1.0)
 
 
 @given(speeds, speeds, st.floats(0.0, 2 * math.pi), st.floats(0.0, 60.0))
@@ -130,12 +132,12 @@ def test_a_fence_itself_lies_beyond_its_wall_by_the_margin():
 @given(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0))
 def test_edges_are_measured_along_unit_normals_and_outside_only_the_nearest(x, y):
     edges = [(wall.normal_ned, wall.gap_m + wall.margin_m) for wall in fences(at(x, y), SQUARE)]
-    outside = max(abs(x), abs(y)) > 30.0
+    farthest = max(abs(x), abs(y))
     assert all(math.hypot(*normal) == pytest.approx(1.0) for normal, _ in edges)
     nearest = min(abs(gap_m) for _, gap_m in edges)
     beyond = math.hypot(max(abs(x) - 30.0, 0.0), max(abs(y) - 30.0, 0.0))
-    assert nearest == pytest.approx(beyond if outside else 30.0 - max(abs(x), abs(y)), abs=0.011)
-    assert len(edges) == 4 if not outside else all(gap_m <= 0.01 for _, gap_m in edges)
+    assert nearest == pytest.approx(beyond if farthest > 30.0 else 30.0 - farthest, abs=0.011)
+    assert len(edges) == 4 if farthest < 30.0 else all(gap_m <= 0.01 for _, gap_m in edges)
 
 
 @pytest.mark.parametrize(

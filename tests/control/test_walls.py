@@ -210,10 +210,29 @@ def test_an_acceleration_does_not_lean_on_the_circle_and_may_point_inwards():
     assert inwards.setpoint.acceleration_ned_m_s2 == pytest.approx((2.0, -3.0, 1.0), abs=1e-9)
 
 
-def test_at_home_itself_the_circle_has_no_direction_and_still_its_law():
+@pytest.mark.parametrize("bearing_deg", [0, 90, 200])
+def test_at_home_itself_the_circle_has_its_law_and_no_acceleration_leads_towards_it(bearing_deg):
+    way = (math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg)))
     fenced = replace(OPEN, fence_radius_m=1.0)
-    limited = settled((8.0, 0.0, 0.0), HOVER, fenced, acceleration_ned_m_s2=(3.0, 0.0, 0.0))
-    assert limited.setpoint.velocity_ned_m_s[0] == pytest.approx(asked_ground(1.0, 8.0))
+    asked = (8.0 * way[0], 8.0 * way[1], 0.0)
+    # 3 m/s² ahead and 1 m/s² to the side
+    fed = (3.0 * way[0] - way[1], 3.0 * way[1] + way[0], 0.0)
+    limited = settled(asked, HOVER, fenced, acceleration_ned_m_s2=fed)
+    speed = asked_ground(1.0, 8.0)
+    assert limited.setpoint.velocity_ned_m_s[:2] == pytest.approx((speed * way[0], speed * way[1]))
+    assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((-way[1], way[0], 0.0))
+
+
+def test_across_the_radius_no_acceleration_leads_to_where_the_circle_is_flown_to():
+    fenced = replace(OPEN, fence_radius_m=6.0)
+    east_of_home = Situation((0.0, 4.0, 0.0), (0.0, 0.0, 0.0))
+    limited = settled((8.0, 0.0, 0.0), east_of_home, fenced, acceleration_ned_m_s2=(3.0, 0.0, 0.0))
+    seconds = OPEN.reaction_s + 8.0 / (2.0 * OPEN.braking_m_s2)
+    stop = math.atan2(4.0, 8.0 * seconds)
+    normal = (math.cos(stop), math.sin(stop))
+    north, east, _ = limited.setpoint.acceleration_ned_m_s2
+    assert north * normal[0] + east * normal[1] == pytest.approx(0.0, abs=1e-9)
+    assert north * normal[1] - east * normal[0] == pytest.approx(3.0 * normal[1])
 
 
 def test_the_circle_bends_a_velocity_inwards_so_that_it_stops_on_the_circle():
