@@ -168,7 +168,7 @@ def mock_fleet() -> Iterator[Callable[..., RunningFleet]]:
         ) -> RunningFleet:
             from sitl_mock.child import running  # noqa: PLC0415 - only on use
 
-            tables = [{**common, **table} for table in _tables(vehicles)]
+            tables = [{**common, **table} for table in fleet_tables(vehicles)]
             fleet = running(
                 tables, over=over, faults=faults, seed=seed, speed=speed, lockstep=lockstep
             )
@@ -177,9 +177,10 @@ def mock_fleet() -> Iterator[Callable[..., RunningFleet]]:
         yield start
 
 
-def _tables(
+def fleet_tables(
     vehicles: int | dict[str, str] | Sequence[str | Mapping[str, Any]],
 ) -> Sequence[Mapping[str, Any]]:
+    """Return the tables of a fleet: so many PX4 vehicles, or flavours by name, or a list of flavours and tables."""
     if isinstance(vehicles, int):
         return [{"name": f"uav{number}", "flavour": "px4"} for number in range(1, vehicles + 1)]
     if isinstance(vehicles, dict):

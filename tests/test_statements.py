@@ -1,6 +1,8 @@
+from pathlib import Path
+
 import pytest
 
-from tests import statements
+from tests import private_names, statements
 
 
 @pytest.mark.parametrize(
@@ -23,3 +25,28 @@ def test_packed_values_are_noticed(statement):
 )
 def test_taking_apart_and_changing_together_are_allowed(statement):
     assert not list(statements.packed_lines(statement))
+
+
+@pytest.mark.parametrize(
+    ("use", "found"),
+    [
+        ("flight._stage.state = 3", ["_stage"]),
+        ("from guidance.cli.fly import _stage", ["_stage"]),
+        ('monkeypatch.setattr("guidance.flight._stage", 3)', ["_stage"]),
+        ("self._stage = memory._replace(since_s=3)", []),
+        ("flight.stage.state = 3", []),
+    ],
+)
+def test_a_private_name_of_a_package_is_noticed(use, found):
+    assert [name for _, name in private_names.used_lines(use, {"_stage"})] == found
+
+
+def test_tests_use_public_names():
+    names = private_names.private_names()
+    assert len(names) > 1000
+    uses = [
+        f"{path}:{line}: {name}"
+        for path in sorted(Path(__file__).parent.rglob("*.py"))
+        for line, name in private_names.used_lines(path.read_text(encoding="utf-8"), names)
+    ]
+    assert uses == []

@@ -407,7 +407,7 @@ def _reason(progress: Progress) -> str:
 
 def report(target: Console, result: FlightResult, outcome: Outcome, folder: Path) -> Sequence[str]:
     """Print the outcome of a flight and draw its picture; return what could not be written, and why."""
-    target.print(_table(result, outcome))
+    target.print(result_table(result, outcome))
     if outcome.run == "fast":
         flown_s = result.duration_s
         wall_s = result.wall_s
@@ -465,7 +465,8 @@ def _number(value: float, digits: int, unit: str = "") -> str:
     return "-" if math.isnan(value) else f"{value:.{digits}f} {unit}".rstrip()
 
 
-def _table(result: FlightResult, outcome: Outcome) -> Table:
+def result_table(result: FlightResult, outcome: Outcome) -> Table:
+    """Return the table of a flight's result."""
     unit = "m"
     quantity = "evader's distance from its target"
     if outcome.game == "pe":

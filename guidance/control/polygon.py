@@ -164,7 +164,7 @@ def crossing_edges(edges: Sequence[Edge]) -> tuple[int, int] | None:
 def _cross(edges: Sequence[Edge], first: int, second: int) -> bool:
     """Whether two edges of a closed line, by their numbers in order, have more in common than a corner."""
     neighbours = second - first in (1, len(edges) - 1)
-    return _meet(edges[first], edges[second], neighbours=neighbours)
+    return edges_meet(edges[first], edges[second], neighbours=neighbours)
 
 
 def _is_above(span: Edge, beginning: Edge) -> bool:
@@ -175,7 +175,7 @@ def _is_above(span: Edge, beginning: Edge) -> bool:
     return turn < 0.0
 
 
-def _meet(edge: Edge, second_edge: Edge, *, neighbours: bool) -> bool:
+def edges_meet(edge: Edge, second_edge: Edge, *, neighbours: bool) -> bool:
     """Return whether two edges cross or touch; neighbours, with a common corner, whether they fold back."""
     a, b = edge
     c, d = second_edge

@@ -50,7 +50,7 @@ class Flight:
 
     def __init__(self, settings: FlightSettings, ask: Ask | None = None) -> None:
         self.settings = settings
-        self._stage = Stage()
+        self.stage = Stage()
         self.heard = Heard(settings)
         """Everything received."""
         self.tracking: Tracking = self.heard.tracking
@@ -69,7 +69,7 @@ class Flight:
     @property
     def state(self) -> State:
         """State of the flight."""
-        return self._stage.state
+        return self.stage.state
 
     @property
     def ordered_by_operator(self) -> bool:
@@ -84,7 +84,7 @@ class Flight:
     @property
     def leaving_mode(self) -> bool:
         """Whether HEARTBEAT still shows a foreign mode that an order is ending."""
-        mode = self._stage.mode_left
+        mode = self.stage.mode_left
         return mode is not None and mode not in OUR_MODES[State.ENTERING]
 
     @property
@@ -100,7 +100,7 @@ class Flight:
 
     def operator_silence_s(self, now_s: float) -> float:
         """Seconds since the operator's last order or sign of life; 0 before the first one."""
-        return max(0.0, now_s - self._stage.operator_s)
+        return max(0.0, now_s - self.stage.operator_s)
 
     def checks(self, now_s: float) -> tuple[Finding, ...]:
         """Return the readiness checks."""
@@ -155,14 +155,14 @@ class Flight:
             self._playing.begin(inputs.answer)
             self._take_in(now_s, inputs)
             happenings = tuple(self._follow(now_s, inputs))
-            requests = self._asking.requests(self._stage, self.heard, now_s)
+            requests = self._asking.requests(self.stage, self.heard, now_s)
             setpoint = self._setpoint(now_s)
         except Exception as error:  # guidance must not leave the vehicle without a command
             return self.give_up(now_s, inputs, error)
         certificate = self._playing.certificate
         alarm = self._playing.alarm
         return Outputs(
-            self._stage.state,
+            self.stage.state,
             setpoint,
             requests,
             happenings,
@@ -185,12 +185,12 @@ class Flight:
         frames = traceback.extract_tb(error.__traceback__)
         location = f" ({frames[-1].name}, line {frames[-1].lineno})" if frames else ""
         self.fault = f"{type(error).__name__}: {error}{location}"
-        before = self._stage.state
-        after = table.next_state(self._stage.state, Event.FAULT)
+        before = self.stage.state
+        after = table.next_state(self.stage.state, Event.FAULT)
         follows_us = after is State.YIELDED and (
             before in SETPOINT_STATES or (before is not after and self.heard.mode is Mode.GUIDED)
         )
-        self._stage.state = after
+        self.stage.state = after
         self._asking.hand_over(flown=follows_us, at_once=True)
         outputs = self._hand_over(now_s, inputs)
         self.cause = Happening(now_s, Event.FAULT, before, after, detail=self.fault)
@@ -199,7 +199,7 @@ class Flight:
         )
 
     def _hand_over(self, now_s: float, inputs: Inputs) -> Outputs:
-        state = self._stage.state
+        state = self.stage.state
         unheeded = [
             Happening(now_s, order, state, state, Authority.OPERATOR) for order in inputs.orders
         ]
@@ -212,7 +212,7 @@ class Flight:
     def _take_in(self, now_s: float, inputs: Inputs) -> None:
         """Update with the inputs."""
         heard = self.heard
-        stage = self._stage
+        stage = self.stage
         if self._last_s is None:
             self._last_s = stage.since_s = now_s
         dt_s = now_s - self._last_s
@@ -231,7 +231,7 @@ class Flight:
                 stage.mode_left = stage.mode_left if mode is stage.mode_left else None
 
     def _follow(self, now_s: float, inputs: Inputs) -> Iterator[Happening]:
-        stage = self._stage
+        stage = self.stage
         refusals = inputs.refusals
         for by, orders in (
             (Authority.OPERATOR, inputs.orders),
@@ -267,7 +267,7 @@ class Flight:
             )
         if order is Event.ENGAGE and not self._may_engage(now_s, refusals):
             return None
-        if self._stage.state in BEFORE_FLIGHT and vehicle.armed:
+        if self.stage.state in BEFORE_FLIGHT and vehicle.armed:
             return _FOUND_ARMED.get(order, order)
         return order
 
@@ -284,9 +284,9 @@ class Flight:
     def _change(
         self, now_s: float, event: Event, by: Authority = Authority.FLIGHT, detail: str = ""
     ) -> Happening:
-        stage = self._stage
-        before = self._stage.state
-        after = table.next_state(self._stage.state, event)
+        stage = self.stage
+        before = self.stage.state
+        after = table.next_state(self.stage.state, event)
         happening = Happening(now_s, event, before, after, by, detail)
         ordered = table.is_done(event, after) if by is Authority.OPERATOR else False
         if after is not before or ordered:
@@ -318,13 +318,13 @@ class Flight:
 
         Never from an old position: an order given without contact does not end the flight at once.
         """
-        state = self._stage.state
+        state = self.stage.state
         heard = self.heard
         inviting = state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
         needs_setpoint = state in SETPOINT_STATES
         if state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed:
             needs_setpoint = True
-        if inviting and now_s - self._stage.since_s > INVITE_AFTER_S:
+        if inviting and now_s - self.stage.since_s > INVITE_AFTER_S:
             needs_setpoint = True
         setpoint = None
         self._playing.alarm = None

@@ -179,8 +179,8 @@ class Playing:
         self._ask = ask
         self._recorded: tuple[float, ...] | None = None
         self.answer: tuple[float, ...] | None = None
-        self._memory = CycleMemory()
-        self._monitor = MonitorMemory()
+        self.memory = CycleMemory()
+        self.monitor = MonitorMemory()
         self.certificate: Certificate | None = None
         self.alarm: Alarm | None = None
 
@@ -204,19 +204,19 @@ class Playing:
         """Enter a state and drop the certificate of the last one."""
         self.certificate = None
         if after not in SETPOINT_STATES or before not in SETPOINT_STATES:
-            self._memory = CycleMemory()
-            self._monitor = self._monitor.anew()
+            self.memory = CycleMemory()
+            self.monitor = self.monitor.anew()
         if after is State.ON_STATION:
             # The promise is kept: an evader that gets away begins a new one
-            self._monitor = self._monitor.anew()
+            self.monitor = self.monitor.anew()
         if after is State.PAUSED:
-            self._monitor = self._monitor.restarted()  # nothing was promised about a pause
+            self.monitor = self.monitor.restarted()  # nothing was promised about a pause
 
     def switch(self) -> None:
         """Play against another evader: nothing was promised about that one."""
         self.certificate = None
-        self._monitor = self._monitor.anew()
-        self._memory = self._memory._replace(optimal_game_m_s=None)
+        self.monitor = self.monitor.anew()
+        self.memory = self.memory._replace(optimal_game_m_s=None)
 
     def move(self, by_ned_m: Vector) -> None:
         """Move the remembered positions (of the hover and the drift estimate) with the local frame.
@@ -224,7 +224,7 @@ class Playing:
         The vehicle is then held where it is, not sent to where it now believes that it was.
         """
         north_m, east_m, down_m = by_ned_m
-        memory = self._memory
+        memory = self.memory
         drift = memory.follow.drift
         if drift.position_ned_m is not None:
             drift = drift._replace(position_ned_m=total(drift.position_ned_m, by_ned_m))
@@ -234,7 +234,7 @@ class Playing:
         height = memory.height
         if height is not None:
             height = height._replace(down_m=height.down_m + down_m)
-        self._memory = memory._replace(
+        self.memory = memory._replace(
             follow=memory.follow._replace(drift=drift), place=place_m, height=height
         )
 
@@ -250,13 +250,13 @@ class Playing:
         settings = self._settings
         if state is State.STANDING_BY:
             # Neutral stream: do not remember a height while the pilot flies.
-            self._memory = CycleMemory(limits=self._memory.limits)
+            self.memory = CycleMemory(limits=self.memory.limits)
         shadowing = state is State.ON_STATION and settings.after_capture is AfterCapture.SHADOW
         guide = (
             play if (state is State.ENGAGED or shadowing) and inputs.evader is not None else hover
         )
-        output = guide(inputs._replace(ask=self._asked), heard.cycle, self._memory)
-        self._memory = output.memory
+        output = guide(inputs._replace(ask=self._asked), heard.cycle, self.memory)
+        self.memory = output.memory
         if (certificate := output.certificate) is not None:
             if settings.reserve is not None:
                 certificate = certificate._replace(battery_needed=heard.battery_needed)
@@ -265,8 +265,8 @@ class Playing:
                 aimed = settings.cycle.target_game_m is not None
                 speed_m_s = settings.cycle.game.pursuer.horizontal_m_s
                 slack_s = settings.guarantee_slack_s
-                self._monitor, self.alarm = watch(
-                    self._monitor,
+                self.monitor, self.alarm = watch(
+                    self.monitor,
                     now_s,
                     certificate,
                     with_target=aimed,

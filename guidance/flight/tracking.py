@@ -62,7 +62,7 @@ class Tracking:
             name: replace(track, jump_m_s=declared_m_s, way_m_s=way_m_s)
             for name, track in self._free.items()
         }
-        self._observers: dict[str, Observer] = {}
+        self.observers: dict[str, Observer] = {}
         self._dropped: dict[str, Counter[str]] = {}
         self._reported_s: dict[str, float] = {}
         self.news: list[str] = []
@@ -108,9 +108,9 @@ class Tracking:
     def _take(
         self, name: str, report: EvaderReport, frame: LocalFrame, settings: TrackSettings
     ) -> None:
-        before = self._observers.get(name, _UNHEARD)
+        before = self.observers.get(name, _UNHEARD)
         after = observe(before, report, frame, settings)
-        self._observers[name] = after
+        self.observers[name] = after
         self._reported_s[name] = report.received_s
         outcome = after.track.outcome
         if outcome is not None and outcome not in TAKEN:
@@ -173,12 +173,12 @@ class Tracking:
 
     def rival(self, now_s: float) -> str:
         """Return the evidence of a second source of evader reports; empty if there is none."""
-        rivals = self._observers.get(self.playing, _UNHEARD).rivals
+        rivals = self.observers.get(self.playing, _UNHEARD).rivals
         return rivals.why if rivals.why and rivals.there(now_s) else ""
 
     def doubts(self, evader: str | None = None) -> tuple[str, ...]:
         """Return what of an evader's reports is not used, by default of the game's, in words for people."""
-        observer = self._observers.get(self.playing if evader is None else evader, _UNHEARD)
+        observer = self.observers.get(self.playing if evader is None else evader, _UNHEARD)
         return tuple(filter(None, (_pace_words(observer), _velocity_words(observer))))
 
     def dropped(self, evader: str | None = None) -> Mapping[str, int]:
@@ -190,7 +190,7 @@ class Tracking:
         refused = self.refused.get(self.playing)
         if refused:
             return refused
-        observer = self._observers.get(self.playing, _UNHEARD)
+        observer = self.observers.get(self.playing, _UNHEARD)
         outcome = observer.track.outcome
         reported_s = self._reported_s.get(self.playing, -math.inf)
         if outcome is None or outcome in TAKEN or now_s - reported_s > _STILL_REPORTS_S:
@@ -217,7 +217,7 @@ class Tracking:
 
     def silence_s(self, now_s: float, evader: str | None = None) -> float:
         """Seconds since the last usable report of an evader, by default the game's; infinite before the first one."""
-        last = self._observers.get(
+        last = self.observers.get(
             self.playing if evader is None else evader, _UNHEARD
         ).track.estimate
         return math.inf if last is None else max(0.0, now_s - last.received_s)
@@ -225,7 +225,7 @@ class Tracking:
     def evader(self, now_s: float, evader: str | None = None) -> EvaderEstimate | None:
         """Return the estimate of an evader, by default the game's, at `now_s`; None before the first report."""
         name = self.playing if evader is None else evader
-        observer = self._observers.get(name, _UNHEARD)
+        observer = self.observers.get(name, _UNHEARD)
         last = observer.track.estimate
         if last is None:
             return None
@@ -237,8 +237,8 @@ class Tracking:
         before = self.local_frame
         self.local_frame = frame
         if before is not None:
-            for name, observer in self._observers.items():
-                self._observers[name] = moved(
+            for name, observer in self.observers.items():
+                self.observers[name] = moved(
                     observer, lambda position_ned_m: before.ned_in(frame, position_ned_m)
                 )
             if self.home_ned_m is not None:

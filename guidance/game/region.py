@@ -119,7 +119,7 @@ def is_missed(
 def _missed(xp: Library, hunt: Hunt, least: Real) -> Truth:
     zero = 0.0 * (hunt.to_evader[0] + hunt.target[0] + hunt.ahead[0])
     aim = Aim(zero - 1.0, hunt.ahead)
-    _, path = _settled(xp, hunt, aim, DISC_STEPS)
+    _, path = settled(xp, hunt, aim, DISC_STEPS)
     before = xp.norm2(path.from_target)
     rises: Truth = False
     # Less than this share of a distance is no change.
@@ -127,7 +127,7 @@ def _missed(xp: Library, hunt: Hunt, least: Real) -> Truth:
     missed = before < least * less
     for number in range(1, HEADINGS + 1):
         aim = Aim(zero + (2.0 * number / HEADINGS - 1.0), path.to)
-        _, path = _settled(xp, hunt, aim, 2)
+        _, path = settled(xp, hunt, aim, 2)
         distance = xp.norm2(path.from_target)
         missed = missed | (distance < least * less)
         missed = missed | (rises & (distance < before * less))
@@ -150,7 +150,7 @@ def _closest(xp: Library, hunt: Hunt) -> Closest:
         # Rows within do not use the search; a state with finite derivatives replaces theirs.
         beyond = hunt.met_m + hunt.lag + hunt.v * hunt.met_s + 1.0
         hunt = hunt._replace(to_evader=xp.select2(within, (beyond, 0.0 * beyond), hunt.to_evader))
-    path = follow(xp, hunt, _search(xp, hunt, within))
+    path = follow(xp, hunt, search(xp, hunt, within))
     return Closest(
         xp.select2(within, times2(rho, straight), times2(path.rho, path.n)),
         xp.select(within, hunt.met_s, path.t),
@@ -158,19 +158,19 @@ def _closest(xp: Library, hunt: Hunt) -> Closest:
     )
 
 
-def _search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
+def search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
     """Return the heading that ends closest to the target, for the rows that are not `within`."""
-    start = _touch(xp, hunt)
+    start = touch(xp, hunt)
     if xp.differentiates:
-        return _bracket(xp, hunt, start, TRACED_STEPS)
-    aim, converged = _newton(xp, hunt, start, within, 1 if _is_bare(hunt) else STEPS, NEWTON_STEPS)
+        return bracket(xp, hunt, start, TRACED_STEPS)
+    aim, converged = newton(xp, hunt, start, within, 1 if _is_bare(hunt) else STEPS, NEWTON_STEPS)
     converged = within | (converged & (abs(aim.s - start.s) <= 2.0))
     return in_rows(
-        converged == 0, aim, lambda hunt, aim: _bracket(xp, hunt, aim, MORE_STEPS), hunt, start
+        converged == 0, aim, lambda hunt, aim: bracket(xp, hunt, aim, MORE_STEPS), hunt, start
     )
 
 
-def _newton(
+def newton(
     xp: Library, hunt: Hunt, aim: Aim, converged: Truth, steps: int, limit: int
 ) -> tuple[Aim, Truth]:
     """Take some steps, then single steps, up to `limit`, in rows that have not converged; return which have."""
@@ -185,7 +185,7 @@ def _newton(
     return in_rows(
         converged == 0,
         result,
-        lambda hunt, aim: _newton(xp, hunt, aim, False, 1, limit - steps),
+        lambda hunt, aim: newton(xp, hunt, aim, False, 1, limit - steps),
         hunt,
         aim,
     )
@@ -197,7 +197,7 @@ def _is_bare(hunt: Hunt) -> bool:
     return alone and hunt.wind is None and hunt.drift is None
 
 
-def _touch(xp: Library, hunt: Hunt) -> Aim:
+def touch(xp: Library, hunt: Hunt) -> Aim:
     """Begin with the closest point of a circle that touches the region's edge on the way to the target.
 
     It is the paper's, of the virtual pursuer that has the evader there, seen from where both would have started without
@@ -268,7 +268,7 @@ def _virtual(xp: Library, hunt: Hunt, path: Way) -> tuple[Plane, Real]:
     return e0 if hunt.wind is None else plus2(e0, -path.t, hunt.wind), z2
 
 
-def _bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
+def bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
     """Find the heading by Newton's method in a bracket, with bisection if a step would leave it."""
     aim = start
     before = 2.0
@@ -277,7 +277,7 @@ def _bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
     low = 0.0 * start.s - 1.0
     high = 0.0 * start.s + 1.0
     for _ in range(steps):
-        _, path = _settled(xp, hunt, aim, DISC_STEPS if ends else 2)
+        _, path = settled(xp, hunt, aim, DISC_STEPS if ends else 2)
         turn, slope, sound = judge(hunt, path)
         converged = converged | (sound & (slope == 0))
         falls = slope < 0
@@ -295,7 +295,7 @@ def _bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
     return aim
 
 
-def _settled(xp: Library, hunt: Hunt, aim: Aim, rounds: int) -> tuple[Aim, Way]:
+def settled(xp: Library, hunt: Hunt, aim: Aim, rounds: int) -> tuple[Aim, Way]:
     """Follow a heading and find the best point of the stand-off disc, which gives the slope of the edge."""
     for _ in range(1 if is_zero(hunt.radius) else rounds):
         path = follow(xp, hunt, aim, with_height=True)

@@ -120,8 +120,8 @@ def contest_of(scenario: Scenario, policy: str, side: str, games: int, seed: int
     if not 1 <= games <= 1 << 24:
         raise ConfigError(f"--games {games}: must be from 1 to {1 << 24}")
     states = draw(arena_of(scenario), seeds_of(seed, games))
-    pursuers = _built_in(scenario, tuple(PURSUER_POLICIES), (PROPORTIONAL, FRPN))
-    evaders = _built_in(scenario, tuple(EVADER_POLICIES), (TURNING, STANDING))
+    pursuers = built_in_policies(scenario, tuple(PURSUER_POLICIES), (PROPORTIONAL, FRPN))
+    evaders = built_in_policies(scenario, tuple(EVADER_POLICIES), (TURNING, STANDING))
     built_in, opponents = (pursuers, evaders) if side == PURSUER else (evaders, pursuers)
     players = tuple(dict.fromkeys((policy, *built_in)))
     contest = Contest(scenario, side, players, opponents, states, seed)
@@ -132,9 +132,10 @@ def contest_of(scenario: Scenario, policy: str, side: str, games: int, seed: int
     return contest
 
 
-def _built_in(
+def built_in_policies(
     scenario: Scenario, memoryless: tuple[str, ...], others: tuple[str, ...]
 ) -> tuple[str, ...]:
+    """Return the built-in policies of one side, those with a memory last, that can play a scenario."""
     left_out = {STANDING} if scenario.target is not None else {STANDING, TASK}
     return (*(name for name in memoryless if name not in left_out), *others)
 

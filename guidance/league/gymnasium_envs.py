@@ -90,7 +90,7 @@ class PursuitVectorEnv(VectorEnv[Array, Array, Any]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._seed: int | None = None
         self._begun = 0
-        self._games: Games | None = None
+        self.games: Games | None = None
 
     def reset(
         self,
@@ -106,11 +106,11 @@ class PursuitVectorEnv(VectorEnv[Array, Array, Any]):
             self._seed = int(self.np_random.integers(1 << 38)) if seed is None else seed
             self._begun = 0
         seeds = self._next_seeds(self.num_envs)
-        if self._games is None:
-            self._games = Games(self._side.arena, seeds, self._step_s)
+        if self.games is None:
+            self.games = Games(self._side.arena, seeds, self._step_s)
         else:
-            self._games.restart(np.arange(self.num_envs), seeds)
-        return self._side.observe(self._games), self._info(self._games)
+            self.games.restart(np.arange(self.num_envs), seeds)
+        return self._side.observe(self.games), self._info(self.games)
 
     def step(self, actions: Array) -> tuple[Array, Array, Flags, Flags, Info]:
         """Hold an action of each environment for a step.
@@ -118,7 +118,7 @@ class PursuitVectorEnv(VectorEnv[Array, Array, Any]):
         Raises:
             ConfigError: If the actions are not finite real numbers (n, k), or nothing was reset before.
         """
-        games = self._games
+        games = self.games
         if games is None:
             raise gymnasium.error.ResetNeeded("PursuitVectorEnv.step: call reset first")
         velocity_m_s = self._side.velocity(self._side.checked(actions, self.num_envs))

@@ -81,6 +81,11 @@ class TcpInWire(StreamWire):
         self._server.setblocking(False)
         super().__init__(clock, name, self._accept, None)
 
+    @property
+    def port(self) -> int:
+        """The port of this computer, also where the system has chosen it (port 0)."""
+        return int(self._server.getsockname()[1])
+
     def _accept(self) -> socket.socket:
         connection = self._server.accept()[0]
         for level, option, value in _KEEPALIVE:

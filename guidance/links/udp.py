@@ -198,7 +198,11 @@ class AddressPins:
 
 
 class UdpWire(QueuedWire):
-    """One socket. A listening wire hears and answers one address per system, see `AddressPins`."""
+    """One socket. A listening wire hears and answers one address per system, see `AddressPins`.
+
+    Attributes:
+        reading: Held by the thread that reads the socket.
+    """
 
     def __init__(self, clock: Clock, host: str, port: int, pins: AddressPins | None = None) -> None:
         """Open the socket. With `pins` it listens for the systems that they accept; without, it calls the address.
@@ -225,8 +229,13 @@ class UdpWire(QueuedWire):
         for poll in (self._watched, self._readable):
             poll.register(self._socket, select.POLLIN)
         # Read and queue in one step: two threads must not change the order
-        self._reading = threading.Lock()
+        self.reading = threading.Lock()
         self._reader = Reader(self._watch, name=f"udp {host}:{port}")
+
+    @property
+    def port(self) -> int:
+        """The port of this computer, also where the system has chosen it (port 0)."""
+        return int(self._socket.getsockname()[1])
 
     def _watch(self) -> None:
         """Wait for datagrams, on the reader thread."""
@@ -235,7 +244,7 @@ class UdpWire(QueuedWire):
 
     def _take_in(self) -> None:
         """Queue up to `_BATCH` datagrams from the kernel, as far as they are accepted, unless the other thread does."""
-        if not self._reading.acquire(blocking=False):
+        if not self.reading.acquire(blocking=False):
             return
         try:
             for _ in range(_BATCH):
@@ -251,7 +260,7 @@ class UdpWire(QueuedWire):
         except OSError:
             pass  # nothing listens at the port that we call; it may later
         finally:
-            self._reading.release()
+            self.reading.release()
 
     def receive(self) -> Sequence[Packet]:
         """Return the datagrams since the last call, including those that the kernel still holds.

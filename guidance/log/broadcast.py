@@ -98,6 +98,16 @@ class Broadcast(Record):
         """Publish how the flight ended."""
         self.event(now_s, FLIGHT_OVER, detail)
 
+    @property
+    def waiting(self) -> int:
+        """Number of entries that are not published yet."""
+        return len(self._waiting)
+
+    def watched(self) -> set[str]:
+        """Return the channels that somebody subscribes to."""
+        publishers = self._publishers.items()
+        return {channel for channel, publisher in publishers if is_watched(publisher)}
+
     def close(self) -> None:
         """Stop publishing; may be called twice."""
         self._stop.set()
@@ -122,9 +132,7 @@ class Broadcast(Record):
                 self._answer()
 
     def _publish(self) -> None:
-        watched = {
-            channel: is_watched(publisher) for channel, publisher in self._publishers.items()
-        }
+        watched = self.watched()
         while self._waiting:
             entry = self._waiting.popleft()
             channel = "cycle" if isinstance(entry, CycleEntry) else "event"
@@ -134,7 +142,7 @@ class Broadcast(Record):
                 self._latest.update((type(message), message) for message in entry.inputs.messages)
             elif entry.event == RELOADED:
                 self._metadata[CONFIG] = entry.detail
-            if watched[channel]:
+            if channel in watched:
                 self._publishers[channel].put(_CODECS[channel].encode(entry))
 
     def _answer(self) -> None:

@@ -282,7 +282,7 @@ def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...
     if another is not None:
         return (another,)
     version = _version_of(autopilot, facts.version)
-    quantities = _quantities(facts.parameters, version, facts.uploaded)
+    quantities = quantities_read(facts.parameters, version, facts.uploaded)
     wants = fence.about_home(wants, facts.vehicle, autopilot.projection)
     return (
         _version_row(facts.version, autopilot),
@@ -452,7 +452,7 @@ def engage_rows(
     uploaded = facts.uploaded
     if unread_fence:
         uploaded = Uploaded(problem=unread_fence)
-    quantities = _quantities(facts.parameters, version, uploaded)
+    quantities = quantities_read(facts.parameters, version, uploaded)
     wants = fence.about_home(wants, facts.vehicle, autopilot.projection)
     rows = []
     for rule in _rules_of(version, wants.announces):
@@ -484,7 +484,7 @@ def _version_row(firmware: AutopilotVersion | None, autopilot: Autopilot) -> Fin
     return Finding(name, firmware.words, expected, Verdict.PASS)
 
 
-def _quantities(
+def quantities_read(
     parameters: Mapping[str, float], version: Version, uploaded: Uploaded
 ) -> dict[str, float]:
     """Return what was read, by quantity and in its unit."""
@@ -550,7 +550,7 @@ def changes(
     after = dict(facts.parameters)
     wrong = dict[str, Judgement]()
     for _ in range(_MOST_ROUNDS):
-        quantities = _quantities(after, version, facts.uploaded)
+        quantities = quantities_read(after, version, facts.uploaded)
         judgements = {rule.name: rule.judged(after[rule.name], wants, quantities) for rule in rules}
         for name, judgement in judgements.items():
             if judgement.verdict not in fit and judgement.set_to is not None:

@@ -105,10 +105,10 @@ def acts_inside(
         areas: The uploaded areas, with at most `MOST_EDGES` corners.
         one_inclusion_is_enough: Whether the vehicle may be in one of several inclusion areas, or has to be in all.
     """
-    outline_m = np.concatenate([_middles(ring, [*ours, *_rings(areas)]) for ring in ours])
+    outline_m = np.concatenate([middles_of(ring, [*ours, *_rings(areas)]) for ring in ours])
     outline_m = outline_m[_inside_ours(ours, outline_m, -TOLERANCE_M)]
     for index, area in enumerate(areas):
-        edge_m = _middles(area.corners_m, [*ours, *_rings(areas)])
+        edge_m = middles_of(area.corners_m, [*ours, *_rings(areas)])
         edge_m = edge_m[_inside_ours(ours, edge_m, TOLERANCE_M)]
         if len(edge_m) and area.inclusion and one_inclusion_is_enough:
             others = [ring for ring in areas[:index] + areas[index + 1 :] if ring.inclusion]
@@ -167,7 +167,7 @@ def _edges(ring: Sequence[Point]) -> tuple[Points, Points]:
     return starts, np.roll(starts, -1, axis=0)
 
 
-def _middles(ring: Sequence[Point], cutting: Sequence[Sequence[Point]]) -> Points:
+def middles_of(ring: Sequence[Point], cutting: Sequence[Sequence[Point]]) -> Points:
     """Return the middle of every piece into which the other rings cut the edges of a ring."""
     starts, ends = _edges(ring)
     others = [_edges(cutter) for cutter in cutting]

@@ -254,8 +254,8 @@ def uploaded_row(
     if home is None or frame is None:
         return row._replace(advice="home is not known yet")
     point = acts_inside(
-        _ours(wants.limits),
-        tuple(_ring(area, home, frame) for area in uploaded.areas),
+        our_rings(wants.limits),
+        tuple(ring_of(area, home, frame) for area in uploaded.areas),
         one_inclusion_is_enough=autopilot.one_inclusion_is_enough,
     )
     if point is None:
@@ -268,7 +268,7 @@ def uploaded_row(
     return row._replace(advice=advice)
 
 
-def _ours(limits: Limits) -> tuple[tuple[Point, ...], ...]:
+def our_rings(limits: Limits) -> tuple[tuple[Point, ...], ...]:
     """Return the rings of our fence, metres north and east of home: its circle and its polygon."""
     rings: list[tuple[Point, ...]] = []
     if limits.fence_radius_m is not None:
@@ -278,7 +278,7 @@ def _ours(limits: Limits) -> tuple[tuple[Point, ...], ...]:
     return tuple(rings)
 
 
-def _ring(area: Area, home: Home, frame: LocalFrame) -> Ring:
+def ring_of(area: Area, home: Home, frame: LocalFrame) -> Ring:
     """Return an area about home. A circle is replaced so that it is judged as tighter than it is."""
     corners_m = corners_about_home(area.corners_deg, home.position_ned_m, frame)
     if area.radius_m is not None:

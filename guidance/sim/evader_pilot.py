@@ -32,7 +32,7 @@ class EvaderPilot:
     """
 
     def __init__(self, link: VehicleLink, scenario: Scenario) -> None:
-        self._link = link
+        self.link = link
         self._game = game(scenario)
         self._site = site(scenario)
         target = target_game_m(scenario)
@@ -70,7 +70,7 @@ class EvaderPilot:
 
     def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
         """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
-        self.vehicle = observe(self.vehicle, self._link.receive())
+        self.vehicle = observe(self.vehicle, self.link.receive())
         position = self.position_game_m = self._located()
         beat = self.vehicle.latest.get(Heartbeat)
         guided = (
@@ -94,11 +94,11 @@ class EvaderPilot:
                 last_m_s=self._last_m_s,
             )
             x, y, _ = self._last_m_s.tolist()
-            self._link.send_setpoint(Setpoint(ned_from_game((x, y, 0.0))))
+            self.link.send_setpoint(Setpoint(ned_from_game((x, y, 0.0))))
             self._stood_s = -math.inf
         elif now_s - self._stood_s >= REPEAT_S:
             self._stood_s = now_s
-            self._link.send_setpoint(Setpoint((0.0, 0.0, 0.0)))
+            self.link.send_setpoint(Setpoint((0.0, 0.0, 0.0)))
 
     def _seen_m_s(self, now_s: float, pursuer_m: Array) -> Array:
         """Return the pursuer's velocity, from its place in the cycle before; only a user's policy uses it."""
@@ -111,7 +111,7 @@ class EvaderPilot:
 
     def stop(self) -> None:
         """Disarm the vehicle."""
-        self._link.request(ROVER.disarm())
+        self.link.request(ROVER.disarm())
 
     def _make_ready(self, now_s: float) -> None:
         if now_s - self._requested_s < REPEAT_S:
@@ -124,4 +124,4 @@ class EvaderPilot:
             ROVER.set_mode(Mode.GUIDED),
             ROVER.arm(),
         ):
-            self._link.request(request)
+            self.link.request(request)

@@ -97,6 +97,11 @@ def register(name: str, choose: Choose) -> None:
     _LOADED[name] = choose
 
 
+def forget() -> None:
+    """Forget all policies: the next use of a name imports its file again, as after a change of it."""
+    _LOADED.clear()
+
+
 def load(name: str) -> Choose:
     """Return a policy by its name; import its file or its module the first time. A file's path is as of the shell.
 

@@ -118,7 +118,8 @@ def key_label(column: str) -> str:
     return column.replace(".", " ").replace("_", " ")
 
 
-def _figure(title: str, rows: int, columns: int) -> tuple[Figure, Any]:
+def titled_figure(title: str, rows: int, columns: int) -> tuple[Figure, Any]:
+    """Return a figure with a title, and its axes, (rows, columns)."""
     figure = figure_of(max(7.0, 3.4 * columns), 1.2 + 3.0 * rows)
     figure.suptitle("\n".join(textwrap.wrap(title, 70)), fontsize=12)
     return figure, figure.subplots(rows, columns, squeeze=False)
@@ -152,7 +153,9 @@ def _regret(report: Mapping[str, Any], regrets: Sequence[Array]) -> Figure | Non
         return None
     evaders = list(dict.fromkeys(pair["evader"] for pair in played_pairs))
     styles = _styles(report)
-    figure, axes = _figure(f"{report['title']}: regret against the game's value", 1, len(evaders))
+    figure, axes = titled_figure(
+        f"{report['title']}: regret against the game's value", 1, len(evaders)
+    )
     for panel, evader in zip(axes[0], evaders, strict=True):
         of_pursuers = [
             (pair["pursuer"], numbers)
@@ -183,10 +186,10 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
     measures = _MEASURES if _captures_differ(report, keys) else _MEASURES[1:]
     title = f"{report['title']}: results by swept key"
     if len(keys) == 1:
-        figure, axes = _figure(title, len(measures), len(evaders))
+        figure, axes = titled_figure(title, len(measures), len(evaders))
         panels = axes.T.ravel()
     else:
-        figure, axes = _figure(title, len(evaders) * len(measures), len(keys))
+        figure, axes = titled_figure(title, len(evaders) * len(measures), len(keys))
         panels = axes.ravel()
     contents = itertools.product(evaders, measures, keys)
     for panel, (evader, measure, key) in zip(panels, contents, strict=True):
@@ -258,7 +261,7 @@ def _map(
     finite_values = np.concatenate([values[np.isfinite(values)] for values in maps.values()])
     if not finite_values.size or not np.ptp(finite_values):
         return None
-    figure, axes = _figure(f"{report['title']}: {name}", len(evaders), len(pursuers))
+    figure, axes = titled_figure(f"{report['title']}: {name}", len(evaders), len(pursuers))
     for (pursuer, evader), values in maps.items():
         panel = axes[evaders.index(evader), pursuers.index(pursuer)]
         image = panel.imshow(

@@ -90,7 +90,12 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no types
+def cluster_client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no types
+    """Return a client of a Dask scheduler.
+
+    Raises:
+        ConfigError: If the extra is not installed, or nothing answers at the address.
+    """
     require(f"--scheduler {scheduler}", "cluster")
     import dask  # noqa: PLC0415 - takes half a second
     from distributed import Client  # noqa: PLC0415
@@ -147,7 +152,7 @@ def finish(
         GuidanceError: If a chunk cannot be computed.
     """
     if scheduler is not None:
-        with _client(scheduler) as client:
+        with cluster_client(scheduler) as client:
             size = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
             start = partial(client.get_executor, pure=False, retries=0)
             try:

@@ -55,7 +55,7 @@ _HEADERS: Final = (
 Address = tuple[str, int]
 
 
-class _Relay(socketserver.ThreadingTCPServer):
+class Relay(socketserver.ThreadingTCPServer):
     """A relay on 127.0.0.1 to a server behind, for requests with its own host name and port.
 
     The first request of a connection decides: browsers never share a connection between host names.
@@ -86,7 +86,7 @@ class _Relay(socketserver.ThreadingTCPServer):
 class _Connection(socketserver.BaseRequestHandler):
     """One connection: a stream in both directions, or, with headers of our own, one request and its answer."""
 
-    server: _Relay
+    server: Relay
 
     def handle(self) -> None:
         """Check the first request, then forward."""
@@ -162,7 +162,7 @@ def recording_server(port: int) -> Iterator[tuple[int, rr.GrpcServerSink]]:
         LinkError: If the port is in use.
     """
     behind = hidden_address()
-    with contextlib.closing(_Relay("--port", port, behind)) as front:
+    with contextlib.closing(Relay("--port", port, behind)) as front:
         yield (
             front.port,
             rr.GrpcServerSink(bind_ip=behind[0], port=behind[1], server_memory_limit=MEMORY_LIMIT),
@@ -185,7 +185,7 @@ def web_page(port: int, recording_port: int) -> Iterator[str]:
     uri = recording_uri(recording_port)
     headers = _HEADERS.format(recording=f"http://{LOOPBACK}:{recording_port}")
     with (
-        contextlib.closing(_Relay("--web-port", port, behind, headers)) as front,
+        contextlib.closing(Relay("--web-port", port, behind, headers)) as front,
         contextlib.ExitStack() as closing,
     ):
         try:

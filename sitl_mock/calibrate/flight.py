@@ -62,7 +62,7 @@ _STEP_S = 0.02
 _VELOCITY_AND_YAW = 2503
 _LOCAL_NED = 1
 _ROOM_M = 20.0
-_CLIMB_S = 600.0
+CLIMB_S = 600.0
 _SETTLE_S = 30.0
 _HEARTBEAT_EVERY = 50
 
@@ -179,6 +179,6 @@ def _climb_arducopter(client: _Client, height_m: float) -> None:
 
 
 def _judge(client: _Client) -> None:
-    if client.now_s > _CLIMB_S:
+    if client.now_s > CLIMB_S:
         msg = f"the mock did not take off: mode {client.vehicle.mode}, armed {client.vehicle.armed}"
         raise MockError(msg)

@@ -277,16 +277,16 @@ class Cycle(NamedTuple):
 
 def timing_cycles(path: str) -> None:
     """Have this process write a `Cycle` of each of its cycles, once it ends."""
-    from guidance.session.fly import loop
+    from guidance.session.fly.daemon import Daemon
 
-    cycle = loop._cycle
+    step = Daemon.step
     rows = array("d")
 
-    def timed(daemon: object, mission: object, now_s: float, timing: "Timing") -> None:
+    def timed(daemon: "Daemon", now_s: float, timing: "Timing") -> None:
         thread_s = time.thread_time()
         process_s = time.process_time()
         at_s = time.monotonic()
-        cycle(daemon, mission, now_s, timing)
+        step(daemon, now_s, timing)
         took_s = time.monotonic() - at_s
         rows.extend(
             (
@@ -298,7 +298,7 @@ def timing_cycles(path: str) -> None:
             )
         )
 
-    loop._cycle = timed
+    Daemon.step = timed
     atexit.register(lambda: Path(path).write_bytes(rows.tobytes()))
 
 

@@ -77,7 +77,7 @@ def flown_s(scenario: Scenario, path: Path, watch: Stopwatch | None = None) -> t
     if watch is not None:
         watch.time("mock", world, "advance")
         watch.time("mock", world.players["evader"], "step")
-        for link in (world.links["pursuer"], world.players["evader"]._link):
+        for link in (world.links["pursuer"], world.players["evader"].link):
             watch.time("links", link, "receive", "send_heartbeat", "send_setpoint", "request")
         watch.time("links", world.evaders["pursuer"]["evader"], "receive")
         watch.time("links", world, "drain")

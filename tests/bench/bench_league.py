@@ -32,7 +32,7 @@ def measured(scenario, side, environments, steps, *, between_points):
     """Return step, bare rollout and reset, ms."""
     environment = PursuitVectorEnv(scenario, environments, side=side, between_points=between_points)
     environment.reset(seed=1)
-    games = environment._games
+    games = environment.games
     columns = environment.single_action_space.shape[0]
     whole = []
     bare = []

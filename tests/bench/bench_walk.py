@@ -146,7 +146,7 @@ def walk(autopilot: str) -> Walk:
     wire = WatchedWire(clock.now_s, "127.0.0.1", 0, AddressPins())
     theirs = socket.socket(type=socket.SOCK_DGRAM)
     with contextlib.closing(wire), theirs:
-        theirs.connect(wire._socket.getsockname())
+        theirs.connect(("127.0.0.1", wire.port))
         theirs.setblocking(False)
         link = PymavlinkLink(wire, clock.now_s, system_id=1)
         runner = Runner(scenario, plan.flight)

@@ -6,7 +6,7 @@ import math
 import pytest
 from rich.console import Console
 
-from guidance.cli.fly import _table, plain, score, words
+from guidance.cli.fly import plain, result_table, score, words
 from guidance.cycle import Alarm, Violation
 from guidance.flight import State
 from guidance.session.fly.mission import Progress
@@ -31,7 +31,7 @@ def test_a_flight_without_a_capture_has_no_number_for_one(width):
     written = io.StringIO()
     scenario = load_scenario("pilot_takeover")[1]
     flown = FlightResult(scenario, plan_of(scenario=scenario).flight.cycle, State.YIELDED)
-    Console(file=written, width=width).print(_table(flown, outcome))
+    Console(file=written, width=width).print(result_table(flown, outcome))
     words = written.getvalue()
     assert "nan" not in words
     assert "yielded to a pilot" in words

@@ -64,10 +64,10 @@ def test_any_two_edges_meet_where_they_share_a_point():
     points = list(product(range(3), repeat=2))
     for a, b, c, d in product(points, repeat=4):
         if a != b and c != d:
-            met = polygon._meet((a, b), (c, d), neighbours=False)
+            met = polygon.edges_meet((a, b), (c, d), neighbours=False)
             assert met is meet_by_definition((a, b), (c, d), neighbours=False)
         if len({a, b, d}) == 3 and b == c:
-            met = polygon._meet((a, b), (c, d), neighbours=True)
+            met = polygon.edges_meet((a, b), (c, d), neighbours=True)
             assert met is meet_by_definition((a, b), (c, d), neighbours=True)
 
 
@@ -138,13 +138,13 @@ def test_an_edge_points_out_of_the_polygon_by_its_unit_normal(corners, share):
 def comparisons(monkeypatch, count):
     """The number of pairs of edges that are compared."""
     compared = []
-    meet = polygon._meet
+    meet = polygon.edges_meet
 
     def counted(edge, other, *, neighbours):
         compared.append((edge, other))
         return meet(edge, other, neighbours=neighbours)
 
-    monkeypatch.setattr(polygon, "_meet", counted)
+    monkeypatch.setattr(polygon, "edges_meet", counted)
     Polygon(star(count))
     monkeypatch.undo()
     return len(compared)

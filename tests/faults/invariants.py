@@ -129,11 +129,11 @@ class Watch:
         self.case = case
         self.is_forged = False
         self._pursuer = world.vehicles[PURSUER]
-        self._rover = world.vehicles[EVADER]
+        self.rover = world.vehicles[EVADER]
         self._heard = Heard(self._pursuer)
         self._polygon = None if case.corners_m is None else Polygon(case.corners_m)
         self._level, self._height, self._blind, self._evaders = (Recently() for _ in range(4))
-        self._engaged_s: float | None = None
+        self.engaged_s: float | None = None
         self._flown: deque[tuple[float, Vector]] = deque(maxlen=REMEMBERED_CYCLES)
         self._home_m: Vector | None = None
         self._home_off_m = (0.0, 0.0)
@@ -152,7 +152,7 @@ class Watch:
 
     def wrong(self, invariant: str, now_s: float, amount: float, said: str = "") -> None:
         """Record a violation; only the largest of each invariant is kept."""
-        at_s = math.nan if self._engaged_s is None else now_s - self._engaged_s
+        at_s = math.nan if self.engaged_s is None else now_s - self.engaged_s
         if invariant not in self.worst or amount > self.worst[invariant].amount:
             self.worst[invariant] = Violation(invariant, at_s, amount, said)
 
@@ -220,8 +220,8 @@ class Watch:
 
     def followed(self, now_s: float, outputs: Outputs, flight: Any) -> None:
         """Check the transitions of the state machine."""
-        if self._engaged_s is None and outputs.state is State.ENGAGED:
-            self._engaged_s = now_s
+        if self.engaged_s is None and outputs.state is State.ENGAGED:
+            self.engaged_s = now_s
             self._home_off_m = self._home_off(flight.tracking.home_ned_m)
         if self._home_m is None and outputs.state is State.CLIMBING:
             self._home_m = self._pursuer.autopilot.state.home_m
@@ -267,7 +267,7 @@ class Watch:
             if fault.kind == "pilot_mode"
         }
         mode = self._pursuer.mode
-        if self._pilots is None and self._engaged_s is not None and mode in wanted:
+        if self._pilots is None and self.engaged_s is not None and mode in wanted:
             self._pilots = mode
         if self._pilots is not None and mode in GUIDED:
             self.wrong("a pilot is not fought", now_s, 1.0, mode)
@@ -292,7 +292,7 @@ class Watch:
 
     def _obeys_another(self, now_s: float) -> bool:
         begun_s = self._begun_s("second_source")
-        return self._engaged_s is not None and now_s - self._engaged_s >= begun_s
+        return self.engaged_s is not None and now_s - self.engaged_s >= begun_s
 
     def _begun_s(self, kind: str) -> float:
         return min(
@@ -304,10 +304,10 @@ class Watch:
         """Check that another program is noticed within two seconds if it is the only fault."""
         if (
             self.case.kinds == ("second_source",)
-            and self._engaged_s is not None
+            and self.engaged_s is not None
             and state in SETPOINT_STATES
         ):
-            since_s = now_s - self._engaged_s - self._begun_s("second_source")
+            since_s = now_s - self.engaged_s - self._begun_s("second_source")
             if since_s > NOTICED_S:
                 self.wrong("another program is noticed", now_s, since_s)
 
@@ -342,7 +342,7 @@ class Watch:
 
     def _weakened(self, sight: Sight) -> None:
         """Integrate how far a vehicle with a loss of thrust sinks or rises relative to its setpoint."""
-        begun_s = math.inf if self._engaged_s is None else self._engaged_s
+        begun_s = math.inf if self.engaged_s is None else self.engaged_s
         spans = [
             (begun_s + fault.at_s, begun_s + fault.at_s + (fault.for_s or math.inf) + BRAKING_S)
             for fault in self.case.scenario.fault
@@ -386,7 +386,7 @@ class Watch:
 
     def _sight(self, now_s: float, flight: Any) -> Sight:
         pursuer = self._pursuer
-        evader = self._rover
+        evader = self.rover
         frame = pursuer.autopilot.frame
         here = pursuer.truth.position_ned_m
         there = frame.to_local(*evader.autopilot.frame.to_geodetic(*evader.truth.position_ned_m))

@@ -336,7 +336,7 @@ class Sortie:
         self.unable.add(vehicle)
         self.daemons[vehicle].finished = True
         self.network.leave(vehicle)
-        next(one for one in self.mission._vehicles if one.daemon.name == vehicle).over = True
+        next(one for one in self.mission.vehicles if one.daemon.name == vehicle).over = True
 
     def _forge(self, now_s: float) -> None:
         """A stranger speaks under its own name, and for a mate under its own key, for ten seconds."""
@@ -378,7 +378,7 @@ class Sortie:
             frames = f"{name}/mavlink_raw/in"
             role = daemon.flight.heard.role
             if role is not None:
-                watch._rover = self.world.vehicles[role.evader]
+                watch.rover = self.world.vehicles[role.evader]
             watch.sent(
                 now_s,
                 [one.frame for one in passed if one.topic == frames],
@@ -386,7 +386,7 @@ class Sortie:
                 daemon.flight,
             )
             watch.followed(now_s, daemon.outputs, daemon.flight)
-            if watch._engaged_s is not None:
+            if watch.engaged_s is not None:
                 watch.see(now_s, daemon.flight)
         self._separated()
         if self.engaged_s < math.inf:
@@ -427,7 +427,7 @@ class Sortie:
     def _note_guarantees(self) -> None:
         """Note which vehicle wins against which evader by its own certificate, from where both are now."""
         target = None if self.case.scenario.target is None else (0.0, 0.0, 0.0)
-        for one in self.mission._vehicles:
+        for one in self.mission.vehicles:
             name = one.daemon.name
             flight = one.daemon.flight
             cycle = flight.settings.cycle

@@ -22,7 +22,7 @@ START_S = 50.0
 
 def outcome_of(flight):
     """Return the outcome of the evader's last report, None before the first one."""
-    observer = flight.tracking._observers.get(flight.tracking.playing)
+    observer = flight.tracking.observers.get(flight.tracking.playing)
     return None if observer is None else observer.track.outcome
 
 

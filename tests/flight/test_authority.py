@@ -26,10 +26,10 @@ class Obeying(Flown):
     def __init__(self, autopilot, state=State.STANDING_BY, **changes):
         super().__init__(settings_of(autopilot, **changes))
         self.standing_by()
-        self.flight._stage.state = state
+        self.flight.stage.state = state
         self.mode = min(OUR_MODES[state])
         self.cycle(beat=True)
-        self.flight._stage.state = state
+        self.flight.stage.state = state
         self.flight.cause = None  # where the vehicle is leads on from some states
 
     def cycle(self, *orders, mission=(), **given):
@@ -78,7 +78,7 @@ def test_the_next_order_of_an_operator_is_followed(state, order, autopilot):
 def test_on_the_ground_an_order_ends_the_flight_or_changes_nothing(state, order):
     flown = Flown()
     flown.cycle()
-    flown.flight._stage.state = state
+    flown.flight.stage.state = state
     (happening,) = [one for one in flown.cycle(order).happenings if one.event is order]
     assert state in BEFORE_FLIGHT | FINAL
     expected = State.FAILED if order is Event.ABORT and state in BEFORE_FLIGHT else state

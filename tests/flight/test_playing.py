@@ -275,7 +275,7 @@ def test_after_a_reboot_or_a_lost_vehicle_nothing_is_said_any_more():
 def test_every_final_state_is_silent_and_asks_nothing():
     for state in FINAL:
         flown = Flown().engaged()
-        flown.flight._stage.state = state
+        flown.flight.stage.state = state
         assert {(one.setpoint, one.requests) for one in flown.cycles(2.0)} == {(None, ())}
 
 
@@ -387,12 +387,13 @@ def test_no_state_that_commands_is_silent_and_no_other_speaks():
     for state in set(State) - FINAL:
         flown = Flown().engaged()
         flown.cycles(0.3)
-        flown.flight._stage.state = state
+        flown.flight.stage.state = state
         flown.mode = Mode.HOLD
-        flown.flight._stage.since_s = flown.now_s
-        speaks = flown.flight._setpoint(flown.now_s) is not None
+        flown.flight.stage.since_s = flown.now_s
         # HEARTBEAT still shows the guided mode
-        assert speaks is (state in SETPOINT_STATES | HANDING_OVER)
+        outputs = flown.cycle()
+        speaks = outputs.setpoint is not None
+        assert speaks is (outputs.state in SETPOINT_STATES | HANDING_OVER)
 
 
 def test_a_chase_has_a_longest_time_its_pauses_included_and_a_new_one_begins_anew():

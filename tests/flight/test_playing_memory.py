@@ -22,16 +22,16 @@ PROMISED = MonitorMemory(lost=False)
 
 def test_remembered_positions_move_with_the_local_frame_and_nothing_else_does():
     playing = Playing(SETTINGS)
-    playing._memory = BEGUN
+    playing.memory = BEGUN
     playing.move((10.0, -20.0, 3.0))
-    assert playing._memory == BEGUN._replace(
+    assert playing.memory == BEGUN._replace(
         follow=BEGUN.follow._replace(drift=Drift((0.1, 0.2, 0.3), (11.0, -18.0, -27.0))),
         place=(15.0, -14.0),
         height=AltitudeHold(-28.0, 0.4),
     )
-    playing._memory = CycleMemory()
+    playing.memory = CycleMemory()
     playing.move((10.0, -20.0, 3.0))
-    assert playing._memory == CycleMemory()
+    assert playing.memory == CycleMemory()
 
 
 @pytest.mark.parametrize(
@@ -53,35 +53,35 @@ def test_remembered_positions_move_with_the_local_frame_and_nothing_else_does():
 )
 def test_a_change_of_state_keeps_what_goes_on(before, after, remembers, watches_on):
     playing = Playing(SETTINGS)
-    playing._memory = BEGUN
-    playing._monitor = PROMISED
+    playing.memory = BEGUN
+    playing.monitor = PROMISED
     playing.certificate = QUIET
     playing.change(before, after)
-    assert playing._memory == (BEGUN if remembers else CycleMemory())
-    assert playing._monitor == (PROMISED if watches_on else MonitorMemory())
+    assert playing.memory == (BEGUN if remembers else CycleMemory())
+    assert playing.monitor == (PROMISED if watches_on else MonitorMemory())
     assert playing.certificate is None
 
 
 def test_nothing_was_promised_about_a_pause():
     playing = Playing(SETTINGS)
-    playing._monitor = PROMISED._replace(
+    playing.monitor = PROMISED._replace(
         best=20.0, since_s=3.0, oldest_s=0.2, reachable_m_s=8.0, told_slow=True
     )
     playing.change(State.ENGAGED, State.PAUSED)
-    assert playing._monitor == PROMISED.restarted()._replace(
+    assert playing.monitor == PROMISED.restarted()._replace(
         oldest_s=0.2, reachable_m_s=8.0, told_slow=True
     )
 
 
 def test_nothing_was_promised_about_the_evader_played_next():
     playing = Playing(SETTINGS)
-    playing._memory = BEGUN._replace(optimal_game_m_s=(3.0, -4.0, 0.0))
-    playing._monitor = PROMISED
+    playing.memory = BEGUN._replace(optimal_game_m_s=(3.0, -4.0, 0.0))
+    playing.monitor = PROMISED
     playing.certificate = QUIET
     playing.switch()
     assert playing.certificate is None
-    assert playing._monitor == MonitorMemory()
-    assert playing._memory == BEGUN  # the vehicle's own height and place go on
+    assert playing.monitor == MonitorMemory()
+    assert playing.memory == BEGUN  # the vehicle's own height and place go on
 
 
 def test_silence_clears_the_alarm():

@@ -65,7 +65,7 @@ def test_a_certificate_gives_the_battery_needed_to_fly_home_if_configured():
 def held(away_m, battery, **changes):
     """A flight that stands by, so far from home, with so much battery."""
     flight = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=100.0), **changes))
-    flight._stage.state = State.STANDING_BY
+    flight.stage.state = State.STANDING_BY
     said = [
         heartbeat(NOW_S),
         local(NOW_S, (away_m, 0.0, -14.0)),
@@ -110,5 +110,5 @@ def test_without_a_position_the_way_home_is_from_the_edge_of_the_fence():
     flown.cycles(0.1)
     assert flown.flight.heard.battery_needed == RESERVE.needed(300.0, 10.0)
     lost = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=300.0)))
-    lost._stage.state = State.STANDING_BY
+    lost.stage.state = State.STANDING_BY
     assert lost.heard.battery_needed == RESERVE.needed(300.0, 10.0)

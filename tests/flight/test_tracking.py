@@ -217,7 +217,7 @@ def test_an_evader_jumps_no_further_than_it_can_have_gone_unless_nothing_flies(g
 def test_a_rival_is_told_of_for_as_long_as_it_counts_as_there():
     tracking = Tracking(SETTINGS)
     assert tracking.rival(0.0) == ""
-    tracking._observers[""] = Observer(rivals=Rivals(seen_s=10.0, why="place"))
+    tracking.observers[""] = Observer(rivals=Rivals(seen_s=10.0, why="place"))
     assert [tracking.rival(10.0 + after_s) for after_s in (0.0, LASTS_S, LASTS_S + 0.1)] == [
         "place",
         "place",

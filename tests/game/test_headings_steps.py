@@ -32,13 +32,13 @@ def searched(game, oracle, monkeypatch, length, speed):
     )
     wins = solve(game, P, E, T).winner > 0
     asked = []
-    function = region._search
+    function = region.search
 
     def asking(xp, *rest):
         asked.append(rest)
         return function(xp, *rest)
 
-    monkeypatch.setattr(region, "_search", asking)
+    monkeypatch.setattr(region, "search", asking)
     solve(game, P[wins], E[wins], T[wins])
     monkeypatch.undo()
     ((hunt, within),) = asked
@@ -64,15 +64,15 @@ def test_the_search_stays_short_and_the_bracket_alone_finds_the_same(
     games, oracle, monkeypatch, name, units
 ):
     hunt, within = searched(games[name], oracle, monkeypatch, *units)
-    steps = counted(monkeypatch, "_newton")
-    bracketed = counted(monkeypatch, "_bracket")
-    found = region._search(NUMPY, hunt, within)
+    steps = counted(monkeypatch, "newton")
+    bracketed = counted(monkeypatch, "bracket")
+    found = region.search(NUMPY, hunt, within)
     monkeypatch.undo()
     assert sum(steps[1:]) <= within.size
     assert sum(bracketed) == 0
-    asked = counted(monkeypatch, "_settled")
-    start = region._touch(NUMPY, hunt)
-    alone = region._bracket(NUMPY, hunt, start, region.MORE_STEPS)
+    asked = counted(monkeypatch, "settled")
+    start = region.touch(NUMPY, hunt)
+    alone = region.bracket(NUMPY, hunt, start, region.MORE_STEPS)
     assert len(asked) <= 6
     np.testing.assert_allclose(alone.s[~within], found.s[~within], atol=1e-8)
 
@@ -81,11 +81,11 @@ def test_the_search_stays_short_and_the_bracket_alone_finds_the_same(
 @pytest.mark.parametrize("name", NAMES)
 def test_the_bracket_finds_the_heading_from_either_end(games, oracle, monkeypatch, name, end):
     hunt, within = searched(games[name], oracle, monkeypatch, 1.0, 1.0)
-    found = region._search(NUMPY, hunt, within)
-    start = region._touch(NUMPY, hunt)
-    rounds = counted(monkeypatch, "_settled")
+    found = region.search(NUMPY, hunt, within)
+    start = region.touch(NUMPY, hunt)
+    rounds = counted(monkeypatch, "settled")
     with np.errstate(all="ignore"):
-        alone = region._bracket(
+        alone = region.bracket(
             NUMPY, hunt, start._replace(s=np.full_like(start.s, end)), region.MORE_STEPS
         )
     assert len(rounds) <= 7

@@ -48,7 +48,7 @@ class Referee:
         self._settings = settings
         self._before_m_s: Vector | None = None
         self._shown_m_s = 0.0
-        self._commands = deque([(0.0, 0.0, 0.0)] * DELAYED_STEPS)
+        self.commands = deque([(0.0, 0.0, 0.0)] * DELAYED_STEPS)
         self.state = State(
             pursuer_m, (0.0, 0.0, 0.0), (*evader_m, 0.0), (0.0, 0.0, 0.0), settings.target_game_m
         )
@@ -56,7 +56,7 @@ class Referee:
     def copy(self) -> "Referee":
         """Return a game that goes on from here by itself."""
         other = copy.copy(self)
-        other._commands = self._commands.copy()
+        other.commands = self.commands.copy()
         return other
 
     def certify(self) -> Certified:
@@ -85,13 +85,13 @@ class Referee:
             gaps,
             settings.handling.approach,
         )
-        self._commands.append(game_from_ned(command_ned_m_s))
+        self.commands.append(game_from_ned(command_ned_m_s))
         return certified
 
     def step(self, evader_m_s: Point) -> None:
         """Move both for one step."""
         state = self.state
-        velocity_m_s = self._accelerated(self._commands.popleft())
+        velocity_m_s = self._accelerated(self.commands.popleft())
         self._shown_m_s = max(self._shown_m_s, math.hypot(*velocity_m_s[:2]))
         target_m = state.target_m
         if target_m is not None:

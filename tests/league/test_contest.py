@@ -11,7 +11,7 @@ from guidance.league.contest import contest_of, play_pair, scenario_of_game, wor
 from guidance.league.laws import FRPN
 from guidance.sim.maths import play
 from guidance.sim.scenario_file import load_scenario
-from guidance.strategies.own import register
+from guidance.strategies import own
 
 POLICY = """
 import numpy as np
@@ -38,7 +38,7 @@ trained = Trained()
 def policy_file(tmp_path, monkeypatch):
     (tmp_path / "policy.py").write_text(POLICY)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("guidance.strategies.own._LOADED", {})
+    own.forget()
     return tmp_path
 
 
@@ -81,7 +81,7 @@ def test_every_built_in_strategy_plays_beside_the_policy_and_against_it(policy_f
 def test_the_command_prints_the_same_twice_and_its_scenarios_are_scenarios(
     policy_file, monkeypatch
 ):
-    monkeypatch.setattr("guidance.league.contest._built_in", lambda *_: ("optimal",))
+    monkeypatch.setattr("guidance.league.contest.built_in_policies", lambda *_: ("optimal",))
     words = ("policy.py:choose", "--games", "12", "--seed", "7", "--json")
     first = run(*words, "--out", "once")
     again = run(*words, "--out", "twice")
@@ -117,7 +117,7 @@ def test_what_cannot_be_played_is_refused_before_any_game(words, expected, polic
 
 
 def test_a_policy_without_an_answer_loses_its_game_as_failed():
-    register("tests.lost:policy", lambda observation: np.full((len(observation), 3), np.nan))
+    own.register("tests.lost:policy", lambda observation: np.full((len(observation), 3), np.nan))
     scenario = load_scenario("pe")[1]
     contest = contest_of(scenario, "optimal", "pursuer", 3, 1)
     row = play_pair(contest, "tests.lost:policy", "optimal").row

@@ -49,7 +49,7 @@ def test_games_end_as_the_mathematics_ends_them(name):
 def test_rewards_of_an_episode_are_minus_its_regret_and_optimal_play_has_none(scenario, side):
     environment = PursuitVectorEnv(scenario, 16, side=side, between_points=True)
     environment.reset(seed=3)
-    games = environment._games
+    games = environment.games
     speed_m_s = 3.0 if side == "pursuer" else 1.5
     columns = environment.single_action_space.shape[0]
     total = np.zeros(16)

@@ -20,7 +20,7 @@ class Peer:
     def __init__(
         self, send: Callable[[bytes], None], *, system_id: int = 1, autopilot: int = PX4
     ) -> None:
-        self._send = send
+        self.send = send
         self.autopilot = autopilot
         self.mavlink = dialect.MAVLink(None, system_id, 1)
         self.parser = dialect.MAVLink(None, 255, 1)
@@ -32,7 +32,7 @@ class Peer:
     def say(
         self, message, *, system_id: int | None = None, component_id: int = 1, v1: bool = False
     ) -> None:
-        self._send(self.packed(message, system_id=system_id, component_id=component_id, v1=v1))
+        self.send(self.packed(message, system_id=system_id, component_id=component_id, v1=v1))
 
     def packed(
         self, message, *, system_id: int | None = None, component_id: int = 1, v1: bool = False

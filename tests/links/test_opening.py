@@ -179,7 +179,7 @@ def test_links_opened_and_closed_many_times_leave_no_thread_behind(kind):
 
 def test_the_library_is_silent_on_standard_output(capfd):
     with udp("mavsdk", None) as rig:
-        rig.peer._send(b"\xfd\xff\xfe")
+        rig.peer.send(b"\xfd\xff\xfe")
         rig.peer.say(dialect.MAVLink_statustext_message(4, b"not text \xff\xfe", 0, 0))
         rig.peer.local_position(1)
         assert rig.hear(lambda got: len(got) > 1)

@@ -196,8 +196,8 @@ def test_only_the_configured_system_and_component_is_accepted(rig):
 def test_garbage_on_the_wire_is_survived(rig):
     random.seed(7)
     for n in range(30):
-        rig.peer._send(random.randbytes(random.randrange(1, 60)))
-        rig.peer._send(b"\xfd\x09\x00\x00" + random.randbytes(10))
+        rig.peer.send(random.randbytes(random.randrange(1, 60)))
+        rig.peer.send(b"\xfd\x09\x00\x00" + random.randbytes(10))
         rig.peer.local_position(n)
     for n in range(1000, 1020):
         rig.peer.local_position(n)

@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 
 from guidance.flight import Inputs, State
 from guidance.log.entries import CycleEntry
-from guidance.log.writer import MAX_WAITING, Recorder
+from guidance.log.writer import MAX_WAITING, McapFile, Recorder
 
 READY = CycleEntry(0.0, State.READY, Inputs(), ())
 
@@ -36,7 +36,7 @@ def test_a_record_that_fails_is_reported_and_raises_nothing(tmp_path, monkeypatc
     def fail(*_):
         raise error
 
-    monkeypatch.setattr(recorder._file, "add", fail)
+    monkeypatch.setattr(McapFile, "add", fail)
     for _ in range(10):
         recorder.cycle(READY)
     recorder.close()
@@ -46,7 +46,7 @@ def test_a_record_that_fails_is_reported_and_raises_nothing(tmp_path, monkeypatc
 def test_a_stalled_disk_drops_rows_and_never_blocks_the_loop(tmp_path, monkeypatch):
     recorder = Recorder(tmp_path / "record.mcap", {}, threaded=True)
     go = threading.Event()
-    monkeypatch.setattr(recorder._file, "add", lambda *_: go.wait(10.0))
+    monkeypatch.setattr(McapFile, "add", lambda *_: go.wait(10.0))
     for _ in range(MAX_WAITING + 100):
         recorder.cycle(READY)
     assert recorder.dropped >= 99

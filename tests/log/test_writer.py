@@ -16,7 +16,7 @@ from guidance.flight import Inputs, State
 from guidance.log import writer as record
 from guidance.log.codec import plain
 from guidance.log.entries import CYCLE, EVENT, CycleEntry
-from guidance.log.writer import Recorder, started_utc, versions
+from guidance.log.writer import McapFile, Recorder, started_utc, versions
 
 
 class Pair(NamedTuple):
@@ -94,7 +94,7 @@ def test_a_full_disk_stops_the_recording_but_not_the_flight(tmp_path, monkeypatc
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(recorder._file, "add", full)
+    monkeypatch.setattr(McapFile, "add", full)
     recorder.event(1.0, "lost")
     assert "No space left" in recorder.failed
     recorder.event(2.0, "quietly dropped")

@@ -76,7 +76,7 @@ def rebuild(flight, monkeypatch, **options):
         ready_after_s=3.0,
         **options,
     )
-    monkeypatch.setattr(flight.world._mocks["pursuer"], "_vehicle", mock)
+    monkeypatch.setattr(flight.world.faulted["pursuer"], "step", mock.step)
     flight.mock = mock
 
 

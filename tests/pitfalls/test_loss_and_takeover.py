@@ -142,7 +142,6 @@ def test_21_an_evader_that_is_found_again_in_time_is_played_on(sortie):
 def test_21_another_system_on_the_same_wire_is_never_taken_for_the_evader(sortie):
     flight = sortie.engaged("px4").run(1.0)
     # The evader's own frames go on, but under another system id: a stranger at the evader's place.
-    source = flight.world._mocks["evader"]
     real_step = flight.rover.step
 
     def as_stranger(now_s, frames=(), link=None):
@@ -155,7 +154,7 @@ def test_21_another_system_on_the_same_wire_is_never_taken_for_the_evader(sortie
             for frame in real_step(now_s, frames, link)
         ]
 
-    source._vehicle.step = as_stranger
+    flight.world.faulted["evader"].step = as_stranger
     flight.until(State.PAUSED, limit_s=3.0)
     assert flight.world.evaders["pursuer"]["evader"].counters()["foreign"] > 10
 

@@ -110,7 +110,7 @@ def test_29_a_second_setpoint_source_is_detected_and_ends_in_the_autopilots_hold
         )
         return real_step(now_s, [*frames, other.pack(stranger)], link)
 
-    flight.world._mocks["pursuer"]._vehicle.step = with_a_stranger
+    flight.world.faulted["pursuer"].step = with_a_stranger
     flight.until(State.HOLDING, limit_s=5.0)
     assert Event.FOREIGN in flight.events
 

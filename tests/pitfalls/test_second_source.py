@@ -14,7 +14,7 @@ CYCLE_S = 0.02
 def joined_by(flight, rate_hz, phase_s, velocity=(-3.0, -3.0, 0.0)):
     """Let another program send a velocity at its own rate, so long after one of ours."""
     stranger = mavlink.MAVLink(None, 255, 190)
-    vehicle = flight.world._mocks["pursuer"]._vehicle
+    vehicle = flight.world.faulted["pursuer"]
     real_step = vehicle.step
     begun_s = flight.now_s + CYCLE_S
     sent = 0

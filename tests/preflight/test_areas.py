@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from guidance.control.polygon import Polygon
 from guidance.preflight.areas import (
     Ring,
-    _middles,
     acts_inside,
     circle,
     circle_sides,
     contains,
     distance_m,
+    middles_of,
     without_repeats,
 )
 
@@ -89,14 +89,14 @@ SQUARE = ((0.0, 0.0), (0.0, 4.0), (4.0, 4.0), (4.0, 0.0))
     ],
 )  # fmt: skip
 def test_a_ring_is_cut_where_other_edges_cross_it_and_nowhere_else(cutters, middles):
-    cut = [(round(float(n), 9), round(float(e), 9)) for n, e in _middles(SQUARE, cutters)]
+    cut = [(round(float(n), 9), round(float(e), 9)) for n, e in middles_of(SQUARE, cutters)]
     assert sorted(cut) == sorted(middles)
 
 
 def test_every_edge_of_a_ring_with_many_is_cut():
     ring = circle((0.0, 0.0), 1000.0, larger=False)
     assert len(ring) > 400
-    halves = _middles(ring, [((-2000.0, 0.1), (2000.0, 0.2), (2000.0, 9000.0))])
+    halves = middles_of(ring, [((-2000.0, 0.1), (2000.0, 0.2), (2000.0, 9000.0))])
     assert len(halves) == len(ring) + 2
     assert distance_m(ring, halves).max() < 1e-9
 

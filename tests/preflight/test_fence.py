@@ -30,9 +30,9 @@ from guidance.preflight.fence import (
     Area,
     Reading,
     Uploaded,
-    _ours,
-    _ring,
     about_home,
+    our_rings,
+    ring_of,
     uploaded_of,
 )
 from guidance.vehicle import VehicleState, observe
@@ -376,9 +376,9 @@ def test_a_fence_is_compared_once_home_is_known_in_the_frame():
 def test_circles_are_judged_as_tighter_than_they_are():
     home = AT_HOME.latest[Home]
     centre = (HERE,)
-    (ours,) = _ours(WANTS.limits)
-    kept_in = _ring(Area(True, centre, 100.0), home, FRAME).corners_m
-    kept_out = _ring(Area(False, centre, 100.0), home, FRAME).corners_m
+    (ours,) = our_rings(WANTS.limits)
+    kept_in = ring_of(Area(True, centre, 100.0), home, FRAME).corners_m
+    kept_out = ring_of(Area(False, centre, 100.0), home, FRAME).corners_m
     assert max(math.hypot(*corner) for corner in ours) == pytest.approx(100.0, abs=1e-6)
     assert max(math.hypot(*corner) for corner in kept_in) == pytest.approx(100.0, abs=1e-6)
     assert min(math.hypot(*corner) for corner in kept_out) > 100.01

@@ -28,12 +28,12 @@ from guidance.messages import (
 from guidance.preflight import (
     Facts,
     PreflightMemory,
-    _quantities,
     advice,
     another_autopilot,
     changes,
     engage_rows,
     parameter_names,
+    quantities_read,
     refusals,
     rows,
 )
@@ -272,9 +272,9 @@ def test_each_version_is_judged_and_mended_by_its_own_parameters(autopilot, anno
 
 
 def test_a_quantity_is_in_its_own_unit():
-    read = _quantities({"RTL_ALT": 1500.0}, ARDUCOPTER.versions[0], Uploaded())
+    read = quantities_read({"RTL_ALT": 1500.0}, ARDUCOPTER.versions[0], Uploaded())
     assert read == {Quantity.RETURN_HEIGHT: 15.0}
-    read = _quantities({}, PX4.versions[0], Uploaded(areas=()))
+    read = quantities_read({}, PX4.versions[0], Uploaded(areas=()))
     assert read == {Quantity.UPLOADED_INCLUSION: 0.0}
 
 
@@ -468,5 +468,4 @@ def test_facts_are_all_that_was_heard():
 def test_what_is_kept_of_a_flood_is_bounded():
     memory = heard()
     memory.observe([Attitude(0.001 * number, 0.0, 0.0) for number in range(2000)], [])
-    assert len(memory._arrivals[Attitude]) == 512
     assert memory.facts(VehicleState(), 2.0).rates_hz[Attitude] == 256.0

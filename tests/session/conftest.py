@@ -69,7 +69,8 @@ class KeptNotifier(Notifier):
 class Ordered(Sortie):
     """One daemon, its vehicle and its evader; `source` makes another evader, which needs no vehicle.
 
-    With `stations` ground stations see the flight, and those with these system ids may order.
+    With `stations` ground stations see the flight, and those with these system ids may order. `port` may
+    put another wire before the link.
     """
 
     def __init__(
@@ -82,6 +83,7 @@ class Ordered(Sortie):
         source=None,
         key=None,
         stations=None,
+        port=None,
         **sections,
     ):
         config = self.config = parse(Config, document(**sections), source="test")
@@ -102,6 +104,8 @@ class Ordered(Sortie):
             wire, ground_wire = share(wire, 2)
             names = {"system_id": 1, "stations": stations, **signing}
             self.ground.append(GroundLink(ground_wire, clock.now_s, **names))
+        if port is not None:
+            wire = port(wire)
         self.link = PymavlinkLink(wire, clock.now_s, system_id=1, **signing)
         heard = MavlinkEvader(theirs, GLOBAL_POSITION, system_id=2, **signing)
         self.evader = heard if source is None else source(clock)

@@ -92,7 +92,7 @@ def test_a_vehicle_that_was_flying_when_the_daemon_began_is_handed_over_on_an_or
 
 def aloft(base):
     """End the daemon of a vehicle in the air, and begin another flight of it at once."""
-    base.daemon._begin(base.daemon._plan)
+    base.daemon.begin(base.daemon.plan)
     return base
 
 

@@ -13,7 +13,7 @@ import zenoh
 
 from guidance.flight import State
 from guidance.links.zenoh_wire import open_session
-from guidance.log.broadcast import FLIGHT, MAX_WAITING, Broadcast, broadcast_key, is_watched
+from guidance.log.broadcast import FLIGHT, MAX_WAITING, Broadcast, broadcast_key
 from guidance.log.entries import CYCLE, EVENT, RELOADED, STOPPED
 from guidance.log.writer import Record
 from guidance.session.orders.control_bus import free_endpoint
@@ -80,7 +80,7 @@ def test_an_onlooker_that_hangs_or_dies_changes_no_setpoint(base, bus, fate):
     broadcast, endpoint = bus
     child = hanging(endpoint)
     try:
-        until(lambda: is_watched(broadcast._publishers["cycle"]))
+        until(lambda: "cycle" in broadcast.watched())
         child.send_signal(signal.SIGKILL if fate == "dies" else signal.SIGSTOP)
         watched = base(broadcast=broadcast)
         watched.engaged()
@@ -97,11 +97,10 @@ def test_an_onlooker_that_hangs_or_dies_changes_no_setpoint(base, bus, fate):
     )
     assert len(wanted) > 100
     assert sent == wanted
-    assert len(broadcast._waiting) <= MAX_WAITING
+    assert broadcast.waiting <= MAX_WAITING
 
 
-def test_a_bus_that_never_takes_anything_holds_up_no_cycle_and_fills_no_memory(base, bus):
-    broadcast, _ = bus
+def test_a_bus_that_never_takes_anything_holds_up_no_cycle_and_fills_no_memory(base):
     never = threading.Event()
 
     class Stuck:
@@ -110,13 +109,18 @@ def test_a_bus_that_never_takes_anything_holds_up_no_cycle_and_fills_no_memory(b
         def put(self, _):
             never.wait()
 
-    broadcast._publishers = dict.fromkeys(broadcast._publishers, Stuck())
+    session = SimpleNamespace(
+        declare_publisher=lambda key, **_: Stuck(),
+        declare_queryable=lambda key, _: SimpleNamespace(undeclare=lambda: None),
+    )
+    broadcast = Broadcast("uav1", session, {"seed": "3"})
     base = base(broadcast=broadcast)
     base.engaged().run(3.0)  # a loop that waited would never come here
     assert base.state is State.ENGAGED
-    assert len(broadcast._waiting) == MAX_WAITING
+    assert broadcast.waiting == MAX_WAITING
     assert broadcast.dropped > 0
     never.set()
+    broadcast.close()
 
 
 def test_who_subscribes_hears_every_cycle_and_event_as_a_record_has_them(base, bus):
@@ -128,7 +132,7 @@ def test_who_subscribes_hears_every_cycle_and_event_as_a_record_has_them(base, b
                 broadcast_key("uav1", what),
                 lambda sample, kept=kept: kept.append((str(sample.encoding), sample)),
             )
-        until(lambda: all(map(is_watched, broadcast._publishers.values())))
+        until(lambda: broadcast.watched() == set(heard))
         base = base(broadcast=broadcast).until(State.READY)
         cycles = round(base.now_s / 0.02)
         until(lambda: len(heard["cycle"]) == cycles)
@@ -145,14 +149,14 @@ def test_nothing_is_laid_out_while_nobody_looks(base, bus, monkeypatch):
         monkeypatch.setattr(codec, "encode", lambda _: pytest.fail("laid out for nobody"))
     broadcast, _ = bus
     base(broadcast=broadcast).until(State.READY)
-    until(lambda: not broadcast._waiting)
+    until(lambda: broadcast.waiting == 0)
     assert broadcast.dropped == 0
 
 
 def test_who_joins_late_is_told_what_the_vehicle_said_before(base, bus):
     broadcast, endpoint = bus
     base = base(broadcast=broadcast).standing_by()
-    until(lambda: not broadcast._waiting)
+    until(lambda: broadcast.waiting == 0)
     with open_session(endpoint) as session:
         (reply,) = list(session.get(broadcast_key("*", FLIGHT), timeout=3.0))
         flight = json.loads(reply.ok.payload.to_bytes())
@@ -171,7 +175,7 @@ def test_a_record_that_stops_is_an_event_on_the_bus(base, bus):
     heard = []
     with open_session(endpoint) as session:
         session.declare_subscriber(broadcast_key("uav1", "event"), heard.append)
-        until(lambda: is_watched(broadcast._publishers["event"]))
+        until(lambda: "event" in broadcast.watched())
         base(broadcast=broadcast, record=full).run(0.2)
         until(lambda: STOPPED in [said(sample)["event"] for sample in heard])
     assert [said(sample)["detail"] for sample in heard].count(full.failed) == 1
@@ -180,7 +184,7 @@ def test_a_record_that_stops_is_an_event_on_the_bus(base, bus):
 def test_who_joins_after_a_configuration_was_read_again_is_told_the_new_one(bus):
     broadcast, endpoint = bus
     broadcast.event(1.0, RELOADED, '{"name": "uav1"}')
-    until(lambda: not broadcast._waiting)
+    until(lambda: broadcast.waiting == 0)
     with open_session(endpoint) as session:
         (reply,) = list(session.get(broadcast_key("uav1", FLIGHT), timeout=3.0))
     assert said(reply.ok)["metadata"] == {"seed": "3", "config": '{"name": "uav1"}'}
@@ -191,7 +195,7 @@ def test_how_a_flight_ended_is_said_before_its_broadcast_ends(bus):
     heard = []
     with open_session(endpoint) as session:
         session.declare_subscriber(broadcast_key("uav1", "event"), heard.append)
-        until(lambda: is_watched(broadcast._publishers["event"]))
+        until(lambda: "event" in broadcast.watched())
         broadcast.event(9.0, "disarmed", "landing -> landed")
         broadcast.close()
         until(lambda: heard)

@@ -20,7 +20,7 @@ class Directed:
         world = SteppedWorld(scenario, clock)
         self.player = world.players["evader"] = SimpleNamespace(ready=True, position_game_m=None)
         self.mission = Mission(scenario, world, clock)
-        (self.vehicle,) = self.mission._vehicles
+        (self.vehicle,) = self.mission.vehicles
         self.daemon = self.vehicle.daemon
         self.silence_s = 0.0
         self.daemon.flight = self.flight = SimpleNamespace(

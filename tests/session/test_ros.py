@@ -84,14 +84,14 @@ def test_a_late_subscriber_hears_every_topic_as_the_record_has_it(graph, short_f
                 for entry in some:
                     sink.cycle(entry)
                     due += sum(1 for _ in expected.cycle(entry, wanted))
-                assert until(lambda due=due: not sink._waiting and len(heard) >= due)
+                assert until(lambda due=due: sink.waiting == 0 and len(heard) >= due)
 
         told(entries[:engaged], ())
-        assert until(lambda: len(sink._publishers) == len(TOPICS))
+        assert until(lambda: len(sink.publishers) == len(TOPICS))
         for topic in TOPICS:
             name = topic_name(NAME, topic)
             client.subscribe(name, topic.type_name, lambda m, name=name: heard.append((name, m)))
-        assert until(lambda: sink._wanted == set(TOPICS))
+        assert until(lambda: sink.wanted == set(TOPICS))
         told(entries[engaged : engaged + 300], TOPICS)
         assert sink.dropped == 0
     compared = Witness(record, STARTED_NS).compare(heard)
@@ -126,11 +126,11 @@ def _attachments(opened, record, sink):
     heard = []
     key = f"{DOMAIN}/{NAME}/odometry/nav_msgs::msg::dds_::Odometry_/{hash_of(ros_types.ODOMETRY)}"
     subscriber = opened.session.declare_subscriber(key, heard.append)
-    assert until(lambda: ODOMETRY in sink._wanted)
+    assert until(lambda: ODOMETRY in sink.wanted)
     entries = list(cycles_of(record))[: MOST_WAITING - 1]
     for entry in entries:
         sink.cycle(entry)
-    assert until(lambda: not sink._waiting and len(heard) >= 15)
+    assert until(lambda: sink.waiting == 0 and len(heard) >= 15)
     subscriber.undeclare()
     parts = [struct.unpack("<qqB16s", sample.attachment.to_bytes()) for sample in heard]
     assert [number for number, *_ in parts] == list(range(1, len(parts) + 1))
@@ -152,7 +152,7 @@ def test_services_do_and_refuse_what_guidance_ctl_does_and_are_off_by_default(gr
         answers = []
         thread = threading.Thread(target=lambda: answers.append(client.call(f"/uav1/{order}")))
         thread.start()
-        assert until(lambda: one.mailbox._orders.qsize() > 0 or not thread.is_alive())
+        assert until(lambda: one.mailbox.waiting_orders > 0 or not thread.is_alive())
         while thread.is_alive():
             one.cycle()
             thread.join(0.002)
@@ -180,7 +180,7 @@ def test_services_do_and_refuse_what_guidance_ctl_does_and_are_off_by_default(gr
     with closing(
         open_ros("uav1", metadata, one.clock, one.mailbox, config_of(opened.port))
     ) as sink:
-        assert until(lambda: len(sink._publishers) == len(TOPICS))
+        assert until(lambda: len(sink.publishers) == len(TOPICS))
         assert tokens(opened, "SS") == []
 
 
@@ -257,14 +257,14 @@ def test_the_hashes_of_the_independent_sdk_are_those_in_rmw_zenohs_documentation
 
 
 def test_a_router_that_comes_late_and_one_that_restarts_are_joined(short_flight, monkeypatch):
-    monkeypatch.setattr("guidance.session.observe.ros._RETRY_S", 0.1)
+    monkeypatch.setattr("guidance.session.observe.ros.RETRY_S", 0.1)
     port = free_port()
     entries = list(islice(cycles_of(short_flight[1]), MOST_WAITING))
     later_s = count(entries[-1].now_s, 0.04)
     with output(port, short_flight[1]) as sink:
         for entry in entries:
             sink.cycle(entry)
-        assert until(lambda: not sink._waiting)
+        assert until(lambda: sink.waiting == 0)
         for _ in range(2):
             with zenoh.open(router_config(port)) as session:
                 heard = []
@@ -305,7 +305,7 @@ def test_a_vehicle_file_with_the_section_opens_the_output_among_those_of_the_fli
     with ExitStack() as stack:
         (sink,) = open_outputs(order, stack)
         assert isinstance(sink, RosOutput)
-    assert not sink._thread.is_alive()
+    assert "ros" not in {thread.name for thread in threading.enumerate()}
 
 
 def test_without_the_section_nothing_of_ros_is_opened_and_without_the_extra_it_is_named(

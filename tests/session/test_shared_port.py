@@ -58,8 +58,7 @@ class SharedPort:
 
 
 def test_forged_positions_and_modes_from_the_evaders_place_change_nothing_and_are_an_event(base):
-    one = base(limits={"fence_radius_m": FENCE_M})
-    one.link._wire = SharedPort(one.wire)
+    one = base(limits={"fence_radius_m": FENCE_M}, port=SharedPort)
     one.engaged()
     farthest_m = 0.0
     for _ in range(900):

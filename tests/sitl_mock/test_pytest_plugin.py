@@ -8,7 +8,7 @@ import pytest
 
 from sitl_mock import ConfigError, TransportError
 from sitl_mock.child import end, running
-from sitl_mock.pytest_plugin import _tables
+from sitl_mock.pytest_plugin import fleet_tables
 
 pytest_plugins = ["pytester"]
 
@@ -55,7 +55,7 @@ def test_vehicles_and_fleets_say_where_they_can_be_reached(mock_vehicle, mock_fl
 
 @pytest.mark.slow
 def test_a_fleet_may_be_a_list_of_flavours():
-    assert _tables(["px4", {"name": "evader", "flavour": "rover"}]) == [
+    assert fleet_tables(["px4", {"name": "evader", "flavour": "rover"}]) == [
         {"name": "uav1", "flavour": "px4"},
         {"name": "evader", "flavour": "rover"},
     ]

@@ -309,7 +309,7 @@ def cluster_of(future, monkeypatch):
         scheduler_info=lambda **_: {"workers": {"a": {}}},
         get_executor=lambda **_: OneFuture(future),
     )
-    monkeypatch.setattr(running, "_client", lambda scheduler: contextlib.nullcontext(client))
+    monkeypatch.setattr(running, "cluster_client", lambda scheduler: contextlib.nullcontext(client))
 
 
 @pytest.mark.parametrize("name", ["source", "numpy"])

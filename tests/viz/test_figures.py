@@ -8,7 +8,7 @@ import pytest
 from guidance.errors import ConfigError, OutputError
 from guidance.log.scene import circle, lifted
 from guidance.sim.batch import stack
-from guidance.sweeps.drawing import _figure
+from guidance.sweeps.drawing import titled_figure
 from guidance.viz.figures import (
     MOST_POINTS,
     check_picture,
@@ -57,7 +57,7 @@ def test_a_scenario_may_be_called_what_would_be_a_formula(tmp_path):
     """Its title goes into the picture of the scenario, and of a sweep over it."""
     scenario = NEAR.model_copy(update={"title": r"$\frac{$"})
     draw_scenario(scenario, tmp_path / "scenario.png")
-    save(_figure(scenario.title, 1, 1)[0], tmp_path / "sweep.png")
+    save(titled_figure(scenario.title, 1, 1)[0], tmp_path / "sweep.png")
     assert {path.stem for path in tmp_path.iterdir()} == {"scenario", "sweep"}
 
 

@@ -4,7 +4,6 @@ import itertools
 import json
 import shutil
 import threading
-from types import SimpleNamespace
 
 import pytest
 from aiohttp import web
@@ -45,8 +44,7 @@ async def test_records_are_listed_with_their_outcomes_and_read_once(folder, monk
     first = folder.listed()  # at once, without details
     assert [row["reading"] for row in first] == [True] * 3
     assert all(row["megabytes"] >= 0.0 for row in first)
-    await folder._reading
-    rows = {row["record"]: row for row in folder.listed()}
+    rows = {row["record"]: row for row in await folder.listed_whole()}
     assert rows.keys() == {"uav1.mcap", "pe-001/record.mcap", "strange.mcap"}
     whole = rows["uav1.mcap"]
     torn = rows["pe-001/record.mcap"]
@@ -60,7 +58,7 @@ async def test_records_are_listed_with_their_outcomes_and_read_once(folder, monk
     def never(*_):
         pytest.fail("an unchanged record was read again")
 
-    monkeypatch.setattr(records, "_lines", never)
+    monkeypatch.setattr(records, "lines_of", never)
     assert {row["record"]: row for row in folder.listed()} == rows
     await folder.close()
 
@@ -72,10 +70,8 @@ async def test_a_reader_that_dies_leaves_an_error_for_each_record_that_it_did_no
         yield json.dumps([str(folder.folder / "uav1.mcap"), {"ended": "landed"}]).encode()
         raise OutputError("killed")
 
-    monkeypatch.setattr(records, "_lines", dies)
-    folder.listed()
-    await folder._reading
-    rows = {row["record"]: row for row in folder.listed()}
+    monkeypatch.setattr(records, "lines_of", dies)
+    rows = {row["record"]: row for row in await folder.listed_whole()}
     assert rows["uav1.mcap"]["ended"] == "landed"
     assert all(
         "cannot be read" in rows[name]["error"] for name in ("pe-001/record.mcap", "strange.mcap")
@@ -107,12 +103,12 @@ async def test_record_routes_answer_with_the_right_content_types(folder, monkeyp
         for name in arguments[3:]:
             yield json.dumps([name, {"ended": "landed"}]).encode()
 
-    monkeypatch.setattr(records, "_lines", quick)
+    monkeypatch.setattr(records, "lines_of", quick)
     application = web.Application()
     application.add_routes(folder.routes("/secret/"))
     async with TestClient(TestServer(application)) as client:
         await client.get("/secret/records")
-        await folder._reading
+        await folder.listed_whole()
         listed = await (await client.get("/secret/records")).json()
         assert {row["ended"] for row in listed["records"]} == {"landed"}
         assert (
@@ -140,21 +136,26 @@ def test_a_replay_contains_the_whole_flight_in_order(record, capsys):
     assert engaged["game"]["isochron_m"]
 
 
+class CountedBus(DaemonBus):
+    """Counts the cycles and events that the page takes."""
+
+    cycles = 0
+
+    def news(self):
+        taken = super().news()
+        self.cycles += sum(isinstance(news.what, Item) for news in taken)
+        return taken
+
+
 def test_a_watched_flight_sends_the_same_setpoints_bit_for_bit(record, tmp_path):
     endpoint = free_endpoint()
-    bus = DaemonBus(endpoint, None, MonotonicClock(), NO_CREDENTIALS)
+    bus = CountedBus(endpoint, None, MonotonicClock(), NO_CREDENTIALS)
     hub = Hub([bus], MonotonicClock())
-    heard = SimpleNamespace(cycles=0)
 
     def look(_):
-        heard.cycles += sum(
-            isinstance(news.what, Item)
-            for queue in list(bus._news.values())
-            for news in list(queue)
-        )
         hub.receive()
         hub.message()
-        if not heard.cycles:
+        if not bus.cycles:
             # The panel connects in real time, and the flight is faster
             threading.Event().wait(0.01)
 
@@ -164,7 +165,7 @@ def test_a_watched_flight_sends_the_same_setpoints_bit_for_bit(record, tmp_path)
         )
     finally:
         hub.close()
-    assert heard.cycles > 100
+    assert bus.cycles > 100
     flown, alone = (
         [row.setpoint for row in cycles_of(path)] for path in (tmp_path / "flown" / RECORD, record)
     )

@@ -19,10 +19,10 @@ import rerun as rr
 from guidance.cli.viewers import CommandBeside, command
 from guidance.errors import ConfigError, LinkError
 from guidance.log import cycles_of, metadata_of
-from guidance.log.broadcast import Broadcast, LiveFlight, is_watched
+from guidance.log.broadcast import Broadcast, LiveFlight
 from guidance.log.entries import CYCLE, Item
 from guidance.session.orders.control_bus import free_endpoint, join_session
-from guidance.viz.serving import _Relay, hidden_address, recording_server
+from guidance.viz.serving import Relay, hidden_address, recording_server
 from tests.harness.bus import open_to_all
 
 FREE = ("--port", "0", "--web-port", "0")
@@ -183,7 +183,8 @@ def bus(record):
     """A daemon's broadcast, without the daemon."""
     endpoint = free_endpoint()
     session = open_to_all(endpoint)
-    opened = [Broadcast(name, session, {"scenario": "{}"}) for name in ("uav1", "uav2")]
+    metadata = {"uav1": {"scenario": "{}"}, "uav2": metadata_of(record)}
+    opened = [Broadcast(name, session, metadata[name]) for name in metadata]
     yield opened, endpoint
     for one in opened:
         one.close()
@@ -195,11 +196,11 @@ def test_a_daemon_is_looked_at_live_from_what_was_heard_on(bus, record):
     cycles = list(cycles_of(record))
     for cycle in cycles[:200]:
         broadcast.cycle(cycle)
-    until(lambda: not broadcast._waiting)
+    until(lambda: broadcast.waiting == 0)
     with join_session(endpoint) as session:
         flight = LiveFlight(session, "uav1")
         assert flight.metadata(lambda: False) == {"scenario": "{}"}
-        until(lambda: all(map(is_watched, broadcast._publishers.values())))
+        until(lambda: broadcast.watched() == {"cycle", "event"})
         broadcast.event(cycles[200].now_s, "armed", "ready -> arming")
         for cycle in cycles[200:230]:
             broadcast.cycle(cycle)
@@ -229,9 +230,8 @@ def test_with_several_daemons_a_name_is_asked_for_and_nobody_is_one_clear_error(
 
 def test_the_command_shows_a_daemon_live(bus, record):
     """The whole way: a broadcast, `guidance view --live` as its own process, and an end by signal."""
-    (broadcast, other), endpoint = bus
+    (other, broadcast), endpoint = bus
     other.close()
-    broadcast._metadata = dict(metadata_of(record))
     cycles = list(cycles_of(record))
     program = "from guidance.cli import main; main()"
     words = [
@@ -241,7 +241,7 @@ def test_the_command_shows_a_daemon_live(bus, record):
         "view",
         "--live",
         "--name",
-        "uav1",
+        "uav2",
         "--endpoint",
         endpoint,
         *FREE,
@@ -249,10 +249,10 @@ def test_the_command_shows_a_daemon_live(bus, record):
     child = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     try:
         assert "look at" in child.stdout.readline()
-        until(lambda: is_watched(broadcast._publishers["cycle"]))
+        until(lambda: "cycle" in broadcast.watched())
         for cycle in cycles[:100]:
             broadcast.cycle(cycle)
-        until(lambda: not broadcast._waiting)
+        until(lambda: broadcast.waiting == 0)
         time.sleep(0.5)  # a process of its own: no clock of ours moves it
         child.send_signal(signal.SIGINT)
         rest = child.communicate(timeout=15.0)[0]
@@ -268,7 +268,7 @@ STRANGE = ["evil.example", "evil.example:{port}", "127.0.0.1:1", "", "127.0.0.1"
 @pytest.mark.parametrize("host", STRANGE)
 def test_a_page_asked_for_by_a_name_that_is_not_ours_is_not_given(host):
     """DNS rebinding: a stranger's page whose name leads to loopback reads nothing from here."""
-    front = _Relay("--web-port", 0, hidden_address(), "Referrer-Policy: no-referrer\r\n")
+    front = Relay("--web-port", 0, hidden_address(), "Referrer-Policy: no-referrer\r\n")
     try:
         port = front.port
         assert status_for(port, host.format(port=port)) == http.HTTPStatus.MISDIRECTED_REQUEST

@@ -86,11 +86,12 @@ class Daemon:
         self._refused: tuple[str, ...] = ()
         self.inputs = Inputs()
         self.finished = False
-        self._begin(plan)
+        self.begin(plan)
         self.outputs = Outputs(self.flight.state, None, (), (), None)
 
-    def _begin(self, plan: FlightPlan) -> None:
-        self._plan = plan
+    def begin(self, plan: FlightPlan) -> None:
+        """Begin another flight at once, wherever the vehicle is."""
+        self.plan = plan
         self.judged = plan.wants is not None
         """True if preflight judges the vehicle before it flies."""
         self.flight = Flight(plan.flight, self._ask)
@@ -162,7 +163,7 @@ class Daemon:
                 else ""
             )
             if not refused:
-                self._begin(self._plan)
+                self.begin(self.plan)
             self._reply(question, now_s, refused)
         elif word not in WORDS:
             self._reply(question, now_s, f"order = {word!r}: allowed are {', '.join(WORDS)}")
@@ -348,14 +349,14 @@ class Daemon:
             )
             return
         try:
-            self._begin(load())
+            self.begin(load())
         except ConfigError as error:
             self.recording.say(
                 logging.ERROR, "configuration not read again: the old one stays", error=str(error)
             )
         else:
             self.recording.say(logging.INFO, RELOADED)
-            self.recording.event(now_s, RELOADED, self._plan.document)
+            self.recording.event(now_s, RELOADED, self.plan.document)
 
     def _give_up_engaging(self, reason: str, now_s: float) -> None:
         for question in self._engaging.give_up():
@@ -419,7 +420,7 @@ class Daemon:
 
     def _preflight(self, now_s: float) -> None:
         """Read and judge parameters and fence on the ground, and read them again before the game begins."""
-        wants = self._plan.wants
+        wants = self.plan.wants
         reading = self._engaging.asked_s is not None or self.survey.reading_fence
         if wants is None or not (self._judging or reading):
             return
@@ -431,7 +432,7 @@ class Daemon:
         self._judged_s = now_s
         facts = self.survey.facts(self.flight.vehicle, now_s, self.flight.heard.other_beat)
         self.rows = (
-            *rows(facts, self._plan.flight.autopilot, wants),
+            *rows(facts, self.plan.flight.autopilot, wants),
             *self.recording.rows(),
             *self._evader_rows(),
             *self._signing_rows(),

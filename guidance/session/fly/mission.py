@@ -153,11 +153,11 @@ class Mission(CycleHooks):
 
     def __post_init__(self) -> None:
         """Begin with nothing flown."""
-        self._vehicles = [VehicleMission(self, pursuit) for pursuit in pursuits_of(self.flown)]
-        self.daemons = [vehicle.daemon for vehicle in self._vehicles]
+        self.vehicles = [VehicleMission(self, pursuit) for pursuit in pursuits_of(self.flown)]
+        self.daemons = [vehicle.daemon for vehicle in self.vehicles]
         self.result = MissionResult(
-            {vehicle.pursuit.vehicle: vehicle.result for vehicle in self._vehicles},
-            {vehicle.pursuit.evader: EvaderResult() for vehicle in self._vehicles},
+            {vehicle.pursuit.vehicle: vehicle.result for vehicle in self.vehicles},
+            {vehicle.pursuit.evader: EvaderResult() for vehicle in self.vehicles},
             {daemon.name: daemon.team for daemon in self.daemons if daemon.team is not None},
         )
 
@@ -178,16 +178,16 @@ class Mission(CycleHooks):
     @property
     def finished(self) -> bool:
         """True when the flights of all mocks are over. A real vehicle's flight ends when its daemon hands it over."""
-        return all(vehicle.over for vehicle in self._vehicles)
+        return all(vehicle.over for vehicle in self.vehicles)
 
     def before(self, now_s: float) -> None:
         """Move the evaders to the present, and give the orders that are due."""
-        for vehicle in self._vehicles:
+        for vehicle in self.vehicles:
             vehicle.locate()
         for name, player in self.world.players.items():
             pursuers = [
                 vehicle
-                for vehicle in self._vehicles
+                for vehicle in self.vehicles
                 if self.result.members or vehicle.pursuit.evader == name
             ]
             places = [
@@ -200,11 +200,11 @@ class Mission(CycleHooks):
                 now_s, places, playing=not arrived and any(vehicle.playing for vehicle in pursuers)
             )
         states = (
-            {vehicle.daemon.flight.state for vehicle in self._vehicles}
+            {vehicle.daemon.flight.state for vehicle in self.vehicles}
             if self.result.members
             else set()
         )
-        for vehicle in self._vehicles:
+        for vehicle in self.vehicles:
             if not states & _WAITS_FOR.get(vehicle.daemon.flight.state, frozenset()):
                 vehicle.before(now_s)
 
@@ -214,7 +214,7 @@ class Mission(CycleHooks):
         Raises:
             FlightError: As `VehicleMission.after`.
         """
-        for vehicle in self._vehicles:
+        for vehicle in self.vehicles:
             if vehicle.over:
                 continue
             evader_m = vehicle.evader_game_m(now_s)
@@ -234,7 +234,7 @@ class Mission(CycleHooks):
         """Stop the evaders that this process plays, and return the result of the run, which took `wall_s`."""
         for player in self.world.players.values():
             player.stop()
-        for vehicle in self._vehicles:
+        for vehicle in self.vehicles:
             vehicle.result.interrupted = not (
                 vehicle.over or vehicle.daemon.leaving is Authority.MISSION
             )

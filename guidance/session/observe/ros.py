@@ -53,7 +53,7 @@ _EVERY_S: Final = MOTION_EVERY_S
 _LOOK_ROUNDS: Final = 6
 """Rounds of the thread from one look at which topics have subscribers to the next."""
 
-_RETRY_S: Final = 2.0
+RETRY_S: Final = 2.0
 _ROUTER_S: Final = 1.0
 """Time limit of one attempt to reach the router."""
 
@@ -71,6 +71,10 @@ class RosOutput(Sink):
         clock: Of the flight.
         started_unix_s: Unix time of the clock's zero.
         mailbox: Where orders go.
+
+    Attributes:
+        publishers: Of the topics that are offered.
+        wanted: Topics that somebody subscribes to.
     """
 
     def __init__(
@@ -91,9 +95,9 @@ class RosOutput(Sink):
         self._log = logging.getLogger(LOGGER)
         self._orders = threading.BoundedSemaphore(MOST_ORDERS)
         self._waiting = deque[CycleEntry | EventEntry]()
-        self._publishers: dict[Topic, RosPublisher] = {}
+        self.publishers: dict[Topic, RosPublisher] = {}
         self._by_name: dict[str, RosPublisher] = {}
-        self._wanted: set[Topic] = set()
+        self.wanted: set[Topic] = set()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ros")
         self._thread.start()
@@ -110,6 +114,11 @@ class RosOutput(Sink):
         """Publish what waits and leave the ROS graph; may be called twice."""
         self._stop.set()
         self._thread.join()
+
+    @property
+    def waiting(self) -> int:
+        """Number of entries that are not published yet."""
+        return len(self._waiting)
 
     def _keep(self, entry: CycleEntry | EventEntry) -> None:
         if len(self._waiting) >= MOST_WAITING:
@@ -139,7 +148,7 @@ class RosOutput(Sink):
             name = topic_name(vehicle, topic)
             publisher = node.publisher(name, topic.type_name, depth)
             self._by_name[name] = publisher
-            self._publishers[topic] = publisher
+            self.publishers[topic] = publisher
         if self._section.orders:
             for order in ORDERS:
                 node.service(f"/{vehicle}/{order}", partial(self._hear, order))
@@ -152,8 +161,8 @@ class RosOutput(Sink):
             # The last entries are published after the end
             stopped = is_over(self._stop, _EVERY_S)
             if rounds % _LOOK_ROUNDS == 0:
-                publishers = self._publishers.items()
-                self._wanted = {topic for topic, publisher in publishers if publisher.watched}
+                publishers = self.publishers.items()
+                self.wanted = {topic for topic, publisher in publishers if publisher.watched}
             rounds += 1
             self._publish()
 
@@ -169,7 +178,7 @@ class RosOutput(Sink):
                 if not told:
                     told = True
                     self._log.warning("no ROS 2 topics yet, trying again: %s", error)
-            if is_over(self._stop, _RETRY_S):
+            if is_over(self._stop, RETRY_S):
                 return None
             self._publish()  # the flight is followed from its beginning
         return None
@@ -183,7 +192,7 @@ class RosOutput(Sink):
                     self._flight.event(entry)
                     continue
                 source_ns = nanoseconds_of(self._started_unix_s + entry.now_s)
-                for topic, content in self._flight.cycle(entry, self._wanted):
+                for topic, content in self._flight.cycle(entry, self.wanted):
                     self._by_name[topic].put(ros_types.encode(content), source_ns)
             except (ConfigError, ValueError, TypeError, ArithmeticError):
                 self.dropped += 1  # an entry that cannot be a message

@@ -69,6 +69,11 @@ class Mailbox:
         self._queries = queue.Queue[Question](MOST_QUERIES)
         self.meanwhile: Callable[[str], Answer] | None = None
 
+    @property
+    def waiting_orders(self) -> int:
+        """Number of orders that the loop has not taken yet."""
+        return self._orders.qsize()
+
     def ask(self, order: str, by: str = "", authority: Authority = Authority.OPERATOR) -> Question:
         """Put an order or a query to the loop. It is answered at once if the queue is full or no loop runs yet."""
         question = Question(order, by, authority)

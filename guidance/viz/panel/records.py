@@ -101,10 +101,17 @@ class RecordFolder:
             rows.append({"record": name, "megabytes": round(size_bytes / 1e6, 2), **outcome})
         return rows
 
+    async def listed_whole(self) -> list[dict[str, Any]]:
+        """List the records as soon as the outcomes of all of them are read."""
+        self.listed()
+        if self._reading is not None:
+            await self._reading
+        return self.listed()
+
     async def _read(self, unread: Mapping[Path, Key]) -> None:
         """Read the outcomes in one child, which prints each as a line."""
         with contextlib.suppress(OutputError, TimeoutError, OSError, ValueError):
-            async for line in _lines(*_SNAPSHOTS, "outcomes", *map(str, unread)):
+            async for line in lines_of(*_SNAPSHOTS, "outcomes", *map(str, unread)):
                 path, outcome = json.loads(line)
                 self._outcomes[unread[Path(path)]] = outcome
         for path, key in unread.items():
@@ -136,7 +143,7 @@ class RecordFolder:
         words = list[str]()
         for word in command:
             words.append(str(path) if word == "RECORD" else word.replace("FOLDER", str(folder)))
-        output = b"".join([line async for line in _lines(*words)])
+        output = b"".join([line async for line in lines_of(*words)])
         product = folder / written
         if not product.exists():
             product.write_bytes(output)
@@ -177,7 +184,7 @@ class RecordFolder:
         self._temporary.cleanup()
 
 
-async def _lines(*arguments: str) -> AsyncIterator[bytes]:
+async def lines_of(*arguments: str) -> AsyncIterator[bytes]:
     """Run Python and yield its output, line by line.
 
     Raises:

@@ -487,7 +487,7 @@ def test_nothing_is_sent_before_an_evader_has_reported(kind):
 
 def test_garbage_and_other_messages_are_nothing():
     world = World(FOLLOW_TARGET)
-    world.peer._send(b"\xfd\xff\x00garbage")
+    world.peer.send(b"\xfd\xff\x00garbage")
     world.peer.heartbeat()
     assert world.report(follow()) is not None
     assert world.source.counters()["garbage_bytes"] > 0

@@ -159,6 +159,6 @@ def test_a_flight_along_a_log_repeats_itself(flavour):
 
 def test_a_mock_that_never_takes_off_ends_the_flight_with_its_mode(monkeypatch):
     # 2 s of climbing do not reach 20 m, like a refused take-off.
-    monkeypatch.setattr("sitl_mock.calibrate.flight._CLIMB_S", 2.0)
+    monkeypatch.setattr("sitl_mock.calibrate.flight.CLIMB_S", 2.0)
     with pytest.raises(MockError, match="did not take off: mode OFFBOARD, armed True"):
         fly_log(recorded(FlavourName.PX4), FlavourName.PX4)

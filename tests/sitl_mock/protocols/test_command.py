@@ -205,4 +205,8 @@ def test_a_flood_of_numbers_does_not_grow_the_table(wire):
     for number in range(3 * MAX_TRACKED):
         long(client, number)
     assert len(pilot.executed) == 3 * MAX_TRACKED
-    assert len(protocol._tracked) == MAX_TRACKED
+    for number in reversed(range(2 * MAX_TRACKED, 3 * MAX_TRACKED)):
+        long(client, number, confirmation=1)
+    assert len(pilot.executed) == 3 * MAX_TRACKED
+    long(client, 2 * MAX_TRACKED - 1, confirmation=1)  # forgotten, so it is a new one
+    assert len(pilot.executed) == 3 * MAX_TRACKED + 1

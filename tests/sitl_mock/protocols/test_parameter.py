@@ -256,7 +256,7 @@ def test_every_integer_that_is_no_signalling_nan_survives_px4s_encoding(value):
     assume(not is_signalling_nan(value))
     store = ParameterStore([Parameter("X", ParamKind.INT32, 0, "", -(2**31), 2**31 - 1, "test")])
     store.set("X", value)
-    (reply,) = ParameterProtocol(store, PX4_PARAMETER_RULES)._read(_Read("X"))
+    (reply,) = ParameterProtocol(store, PX4_PARAMETER_RULES).handle(0.0, _Read("X"))
     assert as_integer(reply[2]) == value
 
 
@@ -265,6 +265,9 @@ class _Read:
 
     def __init__(self, name):
         self.param_id = name
+
+    def get_type(self):
+        return "PARAM_REQUEST_READ"
 
 
 def test_ardupilot_rounds_and_clamps_to_its_type(wire, copter):
