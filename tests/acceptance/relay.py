@@ -96,7 +96,7 @@ class Relay:
 
     def _pass_on(self, wire: Wire, pass_on: Callable[[float, bytes], None]) -> None:
         while not self._over.is_set():
-            time.sleep(2e-4)
+            time.sleep(1e-3)
             for now_s, data in wire.receive():
                 pass_on(now_s, data)
 
