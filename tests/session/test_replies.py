@@ -77,6 +77,8 @@ def test_a_good_status_is_kept_and_its_name_is_that_of_the_key():
         (data_of(battery=math.nan), "a number in it is not finite"),
         (data_of(strange=[-math.inf]), "a number in it is not finite"),
         (data_of().replace(b"0.8", b"1e999"), "a number in it is not finite"),
+        (data_of(battery=10**400), "an integer in it is larger than"),
+        (data_of(strange=[[-(10**400)]]), "an integer in it is larger than"),
         (data_of(order="land"), "it answers another order"),
         (data_of(accepted="yes"), "accepted has a wrong type"),
         (data_of(vehicles=5), "vehicles has a wrong type"),
@@ -116,7 +118,7 @@ def test_texts_of_a_reply_cannot_command_the_terminal_or_turn_the_line(capsys):
 def test_any_change_of_a_status_is_refused_or_can_be_shown():
     """Each part of a status is replaced by values of other types: the table of `ctl status` shows what is accepted."""
     draw = random.Random(1)
-    values = [None, True, 5, 1e300, "x", [], {}, [None], {"a": {}}, [[1.0]], -1]
+    values = [None, True, 5, 10**400, 1e300, "x", [], {}, [None], {"a": {}}, [[1.0]], -1]
     accepted = 0
     for _ in range(drawn(4000)):
         document = json.loads(json.dumps(STATUS))

@@ -24,6 +24,9 @@ MAX_DEPTH: Final = 8
 MAX_ITEMS: Final = 256
 """Longest list or object in a reply."""
 
+LARGEST_INTEGER: Final = 2**53
+"""JSON has integers of any length; this one is the largest that every reader keeps exactly."""
+
 BAD_REPLY: Final = "bad reply"
 """The state in place of a reply that cannot be read."""
 
@@ -219,12 +222,14 @@ def _cleaned(value: Any, depth: int) -> Any:  # noqa: ANN401 - JSON
     """Return the value with printable texts.
 
     Raises:
-        _UnusableError: If it is nested too deep, too long, or has a number that is not finite.
+        _UnusableError: If it is nested too deep, too long, or has a number that is not finite or too large for a float.
     """
     if isinstance(value, str):
         return printable(value)
     if isinstance(value, float) and not math.isfinite(value):
         raise _UnusableError("a number in it is not finite")
+    if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
+        raise _UnusableError(f"an integer in it is larger than {LARGEST_INTEGER}")
     if not isinstance(value, list | dict):
         return value
     if depth >= MAX_DEPTH:
