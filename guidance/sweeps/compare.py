@@ -252,8 +252,8 @@ def read_outcome(path: Path) -> dict[str, Any] | list[dict[str, Any]]:
         ConfigError: If it cannot be read, or is something else.
     """
     try:
-        outcome = json.loads(text_of(path, str(path), secret=False))
-    except ValueError as error:
+        outcome = json.loads(text_of(path, str(path), secret=False), parse_int=_integer)
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not valid JSON ({error})") from error
     if isinstance(outcome, list) and outcome and all(_is_row(row, "evader") for row in outcome):
         return outcome
@@ -262,6 +262,13 @@ def read_outcome(path: Path) -> dict[str, Any] | list[dict[str, Any]]:
     raise ConfigError(
         f"{path}: not an outcome; it must be an outcome.json of guidance scenario run or fly"
     )
+
+
+def _integer(digits: str) -> int:
+    value = int(digits)
+    if not -(2**63) <= value < 2**63:
+        raise ValueError("an integer has more than 64 bits")
+    return value
 
 
 def _is_row(row: Any, *further_columns: str) -> bool:  # noqa: ANN401 - whatever a file holds

@@ -151,7 +151,13 @@ def test_the_command_compares_sweeps_and_outcomes(swept, tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [("{", "not valid JSON"), ('{"a": 1}', "not an outcome"), (None, "cannot be read")],
+    [
+        ("{", "not valid JSON"),
+        ("[" * 100_000, "not valid JSON"),
+        ('{"end": 1' + "0" * 400 + "}", "more than 64 bits"),
+        ('{"a": 1}', "not an outcome"),
+        (None, "cannot be read"),
+    ],
 )
 def test_a_file_that_is_not_an_outcome_is_refused(tmp_path, content, words):
     path = tmp_path / "a.json"
