@@ -2,11 +2,13 @@
 
 import os
 import threading
+from datetime import UTC, datetime
 
 import pytest
 
 from guidance.config import read
 from guidance.errors import ConfigError
+from guidance.links import keys
 from guidance.log.reader import survey_of
 from guidance.session.orders import control_socket
 from guidance.session.vehicle_file import corners_deg
@@ -34,11 +36,25 @@ def pipe(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "reading", [read, survey_of, lambda path: corners_deg(path, "limits.fence_file")]
+    "reading",
+    [
+        read,
+        survey_of,
+        lambda path: corners_deg(path, "limits.fence_file"),
+        control_socket.read_token,
+    ],
 )
 def test_a_pipe_is_no_file_and_hangs_nobody(pipe, reading):
     with pytest.raises(ConfigError, match="regular file"):
         reading(pipe)
+
+
+def test_a_pipe_is_no_key_of_the_authority(tmp_path):
+    (tmp_path / "ca.pem").touch()
+    os.mkfifo(tmp_path / "ca.key")
+    began = datetime.now(UTC)
+    with pytest.raises(ConfigError, match="regular file"):
+        keys.make_keys(tmp_path, [], [], (began, began))
 
 
 @pytest.mark.parametrize("name", ["track.csv", "track.mcap"])

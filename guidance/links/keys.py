@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from guidance.errors import ConfigError
-from guidance.files import private_file, private_folder
+from guidance.files import private_file, private_folder, read_text
 from guidance.links.zenoh_access import AUTHORITY, ROUTER
 
 _SIGNING: Final = x509.KeyUsage(False, False, False, False, False, True, True, False, False)
@@ -138,8 +138,10 @@ def _write(folder: Path, name: str, pair: KeyPair) -> list[Path]:
 def _read(folder: Path) -> KeyPair:
     path = folder / f"{AUTHORITY}.key"
     try:
-        key = serialization.load_pem_private_key(path.read_bytes(), None)
-        certificate = x509.load_pem_x509_certificate((folder / f"{AUTHORITY}.pem").read_bytes())
+        key = serialization.load_pem_private_key(read_text(path).encode(), None)
+        certificate = x509.load_pem_x509_certificate(
+            read_text(folder / f"{AUTHORITY}.pem").encode()
+        )
     except OSError as error:
         need = "certificates need the authority's key"
         raise ConfigError(f"{path}: cannot be read ({error.strerror}); {need}") from error

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, Protocol
 
 from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
-from guidance.files import private_file, writing
+from guidance.files import private_file, read_text, writing
 from guidance.session.orders.replies import MAX_REPLY_BYTES, Answer, read_reply, written
 from guidance.texts import printable
 
@@ -62,6 +62,7 @@ _LONGEST_PATH: Final = 100
 """Bytes of a socket's path that the kernel takes, with some to spare."""
 
 USER: Final = "guidance"
+_LARGEST_TOKEN_BYTES: Final = 4096
 _LINE: Final = re.compile(rf"{USER}:([0-9a-f]{{32,}})\n?")
 
 
@@ -133,7 +134,7 @@ def read_token(path: Path) -> ControlToken | None:
         ConfigError: If others may write to its folder, we may not read it, or it is no token.
     """
     try:
-        match = _LINE.fullmatch(path.read_text(encoding="ascii"))
+        match = _LINE.fullmatch(read_text(path, _LARGEST_TOKEN_BYTES))
         _check_folder(path.parent, {path.parent.stat().st_uid})
     except (FileNotFoundError, NotADirectoryError):
         return None
