@@ -78,7 +78,7 @@ def make_keys(
         )
         keys = f'tls_ca_file = "{AUTHORITY}.pem"\ntls_certificate_file = "{name}.pem"\ntls_key_file = "{name}.key"\n'
         written.append(folder / f"{name}.toml")
-        written[-1].write_text(keys, encoding="utf-8")
+        private_file(written[-1]).write_text(keys, encoding="utf-8")
     return written
 
 
@@ -131,7 +131,7 @@ def _write(folder: Path, name: str, pair: KeyPair) -> list[Path]:
     private_file(key).write_bytes(
         pair.key.private_bytes(pem, serialization.PrivateFormat.PKCS8, plain)
     )
-    certificate.write_bytes(pair.certificate.public_bytes(pem))
+    private_file(certificate).write_bytes(pair.certificate.public_bytes(pem))
     return [certificate, key]
 
 

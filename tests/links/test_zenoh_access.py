@@ -358,6 +358,30 @@ def test_keys_are_made_for_their_owner_and_added_to_and_never_overwritten(tmp_pa
         make_keys(folder, ["more"], ["localhost"], CENTURY)
 
 
+@pytest.mark.parametrize("name", ["ca.pem", "uav1.toml", "uav1.key"])
+def test_no_key_or_certificate_is_written_through_a_symbolic_link(tmp_path, name):
+    folder = tmp_path / "keys"
+    folder.mkdir()
+    (folder / name).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OSError, match="symbolic links"):
+        make_keys(folder, ["uav1"], [], CENTURY)
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_a_router_passes_no_message_of_more_than_a_megabyte(joined):
+    heard = set()
+    publisher = joined("uav1").declare_publisher(OUT)
+    subscriber = joined("uav1-guidance").declare_subscriber(
+        OUT, lambda sample: heard.add(len(sample.payload))
+    )
+    assert until(lambda: publisher.put(bytes(1_000_000)) or 1_000_000 in heard)
+    publisher.put(bytes(1_100_000))
+    assert until(lambda: publisher.put(b"!") or 1 in heard)
+    assert heard == {1_000_000, 1}
+    subscriber.undeclare()
+    publisher.undeclare()
+
+
 def test_a_router_names_missing_files_and_used_ports(tmp_path, keys, port):
     with pytest.raises(ConfigError, match=r"ca\.pem is missing"):
         open_router(ROUTER, tmp_path)
