@@ -109,7 +109,7 @@ _ENVIRONMENT = {
 
 ASKED_FOR = {
     "examples": Step(
-        "the quick tests with every example of every property (a quarter otherwise)",
+        "the quick tests with every example of every property (an eighth otherwise)",
         (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK),
         environment=(("HYPOTHESIS_PROFILE", "all"),),
     ),

@@ -36,7 +36,7 @@ from guidance.sweeps.rows import ChunkMade, code_here, computed, made, planned, 
 CONNECT_S = 10.0
 _AHEAD: Final = 3
 """Chunks submitted for each worker."""
-_DEATHS: Final = 5
+DEATHS: Final = 5
 """The sweep gives up when this many workers have died of one chunk."""
 
 _LINE_S: Final = 10.0
@@ -100,7 +100,7 @@ def cluster_client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no 
     import dask  # noqa: PLC0415 - takes half a second
     from distributed import Client  # noqa: PLC0415
 
-    dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS})
+    dask.config.set({"distributed.scheduler.allowed-failures": DEATHS})
     # Dask logs the tracebacks of lost connections; what they mean for the sweep is said once, at the end.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
@@ -191,7 +191,7 @@ def _spread(
         except BrokenExecutor:
             # The death of one worker breaks the pool: repeat everything that was running
             deaths.update(running.values())
-            if max(deaths.values(), default=0) >= _DEATHS:
+            if max(deaths.values(), default=0) >= DEATHS:
                 raise _deadly(deaths.most_common(1)[0][0]) from None
             pending.extendleft(running.values())
             running.clear()
@@ -230,7 +230,7 @@ def _content(future: Future[ChunkMade], chunk: int) -> bytes:
 
 def _deadly(chunk: int) -> GuidanceError:
     return LinkError(
-        f"chunk {chunk} ended {_DEATHS} workers; if they ran out of memory, use a smaller --chunk"
+        f"chunk {chunk} ended {DEATHS} workers; if they ran out of memory, use a smaller --chunk"
     )
 
 

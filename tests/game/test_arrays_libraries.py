@@ -24,7 +24,7 @@ from guidance.game.arrays import vectors
 from tests.game.gradient import automatic_gradient, hji_residual, value_gradient
 
 pytestmark = pytest.mark.arrays
-NAMES = ("paper", "ball_everything", "cylinder", "cylinder_everything", "space", "moving_target")
+NAMES = ("paper", "ball_everything", "cylinder_everything", "space", "moving_target")
 
 
 def only_long(value):
@@ -77,7 +77,7 @@ def library(request):
     ("name", "precision", "tolerance"),
     [
         *((name, "double", 1e-6) for name in NAMES),
-        *((name, "single", 2e-2) for name in NAMES[1:4:2]),
+        *((name, "single", 2e-2) for name in NAMES[1:3]),
     ],
 )
 def test_another_library_solves_the_same_games(library, games, oracle, name, precision, tolerance):
@@ -101,7 +101,9 @@ def test_another_library_solves_the_same_games(library, games, oracle, name, pre
             )
 
 
-@pytest.mark.parametrize("name", ["paper", "moving_target", only_long("cylinder_everything")])
+@pytest.mark.parametrize(
+    "name", ["moving_target", *map(only_long, ("paper", "cylinder_everything"))]
+)
 def test_targets_with_an_extent_have_the_same_answers(library, games, oracle, name):
     states = oracle.states(25, 40, games[name])[:3]
     for shape in (
@@ -332,8 +334,8 @@ def test_a_rollout_without_a_target_ends_in_a_capture(library, speeds):
     P = [[8.0, 1.42, 9.41]]
     E = [[7.92, 9.6, 0.0]]
     game = Game(speeds, 1.0)
-    there = rollout(game, library.array(P), library.array(E), stepping=Exact(0.5))
-    here = rollout(game, P, E, stepping=Exact(0.5))
+    there = rollout(game, library.array(P), library.array(E), stepping=Exact(1.5))
+    here = rollout(game, P, E, stepping=Exact(1.5))
     np.testing.assert_allclose(np.asarray(there.time_s), here.time_s, atol=1e-6)
 
 

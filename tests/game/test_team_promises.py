@@ -136,7 +136,7 @@ def test_thousands_of_states_of_vehicles_keep_every_promise(monkeypatch, n, m, t
 
 @pytest.mark.flight
 @pytest.mark.parametrize("tad", [True, False])
-@pytest.mark.parametrize(("n", "m", "count"), [*((n, m, 8) for n, m in SIZES[1::3]), *TWO_THOUSAND])
+@pytest.mark.parametrize(("n", "m", "count"), [*((n, m, 4) for n, m in SIZES[1::3]), *TWO_THOUSAND])
 def test_two_thousand_states_keep_every_promise(monkeypatch, n, m, count, tad):
     """In the step `long` 80 states of each size: 1,920, and 96 with slower pursuers below."""
     game = Game(Ball(2.0), 1.0)

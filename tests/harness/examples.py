@@ -1,4 +1,4 @@
-"""The number of examples that hypothesis draws for a property: a quarter by default, all of them in a search.
+"""The number of examples that hypothesis draws for a property: an eighth by default, all of them in a search.
 
 `python -m tests examples` draws all of them, the same in every run; `HYPOTHESIS_PROFILE=search` draws new ones.
 """
@@ -7,7 +7,7 @@ import math
 import os
 
 LEAST = 5
-SHARE = {"same": 0.25, "mutants": 0.25}
+SHARE = {"same": 0.125, "mutants": 0.25}
 PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "same")
 
 

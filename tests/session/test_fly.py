@@ -10,6 +10,7 @@ import pytest
 from mcap.reader import make_reader
 
 from guidance.flight import Event, State
+from guidance.log import survey_of
 from guidance.log.entries import CYCLE, EVENT
 from guidance.log.scene import isochron
 from guidance.session.flight_files import flight_folder
@@ -46,7 +47,11 @@ def test_a_full_disk_is_reported_at_once_and_the_game_is_played_to_its_end(tmp_p
     assert "File too large" in done.stdout
     assert "captured" in done.stdout
     assert "cannot be written" in done.stdout  # the picture, too, has no room
+    assert "not recorded whole" in done.stderr
     assert (tmp_path / "record.mcap").stat().st_size == 100 * 1024
+    assert survey_of(tmp_path / "record.mcap").faults
+    assert not (tmp_path / "flight.png").exists()
+    assert all(file.stat().st_size > 0 for file in tmp_path.iterdir())
 
 
 @pytest.fixture(scope="module")

@@ -219,6 +219,8 @@ ROUND = {"position_m": [0.0, 0.0], "radius_m": 6.0}
 @pytest.mark.flight
 def test_terminal_and_report_have_one_distance_to_a_targets_shape_and_one_captor(tmp_path):
     document = GUARD.model_dump(mode="json") | {"target": ROUND}
+    document["pursuer"] = document["pursuer"][:2]
+    document["evader"] = document["evader"][:1]
     scenario = parse(TeamScenario, document, source="round")
     flown = fly_recorded(scenario, tmp_path, MockOptions(fast=True))
     cycle = flown.vehicles["uav1"].cycle

@@ -112,7 +112,7 @@ def test_the_loop_keeps_its_grid_and_makes_up_for_nothing(clock):
     )
 
 
-@pytest.mark.parametrize("phase_s", [0.0, 0.0019, 0.006, 0.0119, 0.0121, 0.019])
+@pytest.mark.parametrize("phase_s", [0.0, 0.0019, 0.0119, 0.0121])
 def test_cycles_come_to_begin_just_after_the_positions_arrive(clock, phase_s):
     daemon, _ = looped(clock, [0.001] * 400, ages_s=lambda now_s: (now_s - phase_s) % PERIOD_S)
     ages_s = [daemon.ages_s(begun_s) for begun_s in daemon.begun_s]

@@ -79,14 +79,13 @@ def test_a_tight_fence_is_read_although_another_parameter_does_not_exist(base, a
     assert not one.order("start")["accepted"]
 
 
-@pytest.mark.parametrize("autopilot", SET_UP)
 @pytest.mark.parametrize(
-    "corners",
+    ("autopilot", "corners"),
     [
-        (*SQUARE, SQUARE[0]),
-        (SQUARE[0], *SQUARE),
-        (*SQUARE, (1, 1), (3, 1)),
-        ((1, 1), (-1, -1), (1, -1), (-1, 1)),
+        ("px4", (*SQUARE, SQUARE[0])),
+        ("px4", (SQUARE[0], *SQUARE)),
+        ("arducopter", (*SQUARE, (1, 1), (3, 1))),
+        ("arducopter", ((1, 1), (-1, -1), (1, -1), (-1, 1))),
     ],
     ids=["closed ring", "corner repeated", "spike", "self-crossing"],
 )
