@@ -68,11 +68,11 @@ STEPS = {
     ),
     # Some wait for sockets and processes, but each has seconds.
     "tests": Step(
-        "the quick tests", (*PYTEST, "-n", "2", "--dist", "worksteal", "-m", QUICK), nice=5
+        "the quick tests", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK), nice=5
     ),
     "flights": Step(
         "whole flights in virtual time, and other long computations",
-        (*PYTEST, "-n", "2", "--dist", "worksteal", "-m", "flight and not slow and not long"),
+        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "flight and not slow and not long"),
         marked="flight",
         nice=10,
     ),

@@ -209,7 +209,7 @@ def _beside_ground_stations(folder: Path, only: str) -> list[Line]:
     return lines
 
 
-def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool) -> None:
+def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool, drawn: bool = True) -> None:
     """Fly on mocks, several at a time. A failed flight is repeated; if it fails again, starved, it is inconclusive."""
     flights = [
         (autopilot, case)
@@ -221,7 +221,7 @@ def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool) -> None:
     def flown(autopilot: str, case: Case, again: str = "") -> list[Line]:
         place = folder / f"{autopilot}-{_slug(case)}{again}"
         if case.virtual and not everything:
-            return fly_in_virtual_time(case, autopilot, place)
+            return fly_in_virtual_time(case, autopilot, place, drawn=drawn)
         with Waiting() as waiting:
             lines = on_the_mock(autopilot, case, place)
         if again and (starved := waiting.starved()):
@@ -309,7 +309,8 @@ def main(arguments: Sequence[str]) -> int:
             for thread in threads:
                 thread.join()
         else:
-            stand_ins(folder, tell, given.only, everything=given.all)
+            reported = given.report is not None
+            stand_ins(folder, tell, given.only, everything=given.all, drawn=reported)
         lines.sort(key=lambda line: (line.autopilot, line.flight, line.link))
         (folder / "acceptance.html").write_text(_page(lines, folder), encoding="utf-8")
     Console(width=max(console.width, 170)).print(_table(lines))

@@ -107,14 +107,15 @@ def outcome(folder: Path, speed_m_s: float) -> dict[str, object]:
     )
 
 
-def fly_in_virtual_time(case: Case, autopilot: str, folder: Path) -> list[Line]:
-    """Fly one case with `guidance fly --fast`; return its lines of the table."""
+def fly_in_virtual_time(case: Case, autopilot: str, folder: Path, *, drawn: bool) -> list[Line]:
+    """Fly one case in virtual time; return its lines of the table. A picture of the flight takes two seconds."""
     pursuer = {**case.scenario["pursuer"], "autopilot": autopilot}
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "scenario.toml").write_text(
         toml({**case.scenario, "pursuer": pursuer}), encoding="utf-8"
     )
-    command = [GUIDANCE, "fly", folder / "scenario.toml", "--fast", "--out", folder]
+    way = ("fly", "--fast") if drawn else ("scenario", "run", "--as", "fast")
+    command = [GUIDANCE, *way, folder / "scenario.toml", "--out", folder]
     done = subprocess.run(
         [*map(str, command)], capture_output=True, text=True, timeout=FLOWN_WITHIN_S, check=False
     )
