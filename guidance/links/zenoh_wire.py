@@ -141,7 +141,7 @@ class Subscription(Arrivals[T]):
         key: str,
         read: Callable[["zenoh.Sample"], T],
         *ends: Callable[[], object],
-        most_bytes: int,
+        most_bytes: float,
     ) -> None:
         super().__init__()
         self.oversized = 0

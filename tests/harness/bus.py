@@ -13,6 +13,7 @@ class ControlBus:
 
     def __init__(self, name, mailbox, control, credentials=NO_CREDENTIALS, team="", mates=()):
         self._open = contextlib.ExitStack()
+        self.mailbox = mailbox
         bus = control_bus.control_bus(name, mailbox, control, credentials, team, mates)
         self.session = self._open.enter_context(bus)
 

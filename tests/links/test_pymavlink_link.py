@@ -226,6 +226,24 @@ def test_a_signed_vehicle_needs_the_key_in_both_directions():
     assert decoder.feed(frame) == []  # a replay
 
 
+def test_on_a_signed_link_only_adsb_names_aircraft():
+    key = bytes(range(32))
+    ours, theirs = MemoryWire.pair(lambda: 5.0)
+    signing = Signing(key)
+    signing.advance_to(1_800_000_000.0)
+    link = PymavlinkLink(
+        ours, lambda: 5.0, system_id=1, signing_key=SigningKey(key, 1_800_000_000.0)
+    )
+    place = (473977000, 85455000)
+    adsb = (0x3C6444, *place, 0, 520_000, 9000, 800, 100, b"", 1, 1, 143, 0)
+    for system_id in (1, 7):
+        encoder = Encoder(system_id, 1, signing=signing, link_id=system_id)
+        theirs.send(encoder.pack("GLOBAL_POSITION_INT", 1, *place, 500_000, 0, 100, 0, -50, 0))
+        theirs.send(encoder.pack("ADSB_VEHICLE", *adsb))
+    heard = [one.name for one in link.receive() if isinstance(one, Aircraft)]
+    assert heard == ["ICAO 3C6444"]
+
+
 def test_a_flood_of_other_systems_positions_is_bounded_and_pushes_nothing_out():
     flight = Flight("px4", PX4)
     place = (1, 474000000, 85000000, 1, 1, 0, 0, 0, 0)

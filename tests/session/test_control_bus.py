@@ -88,6 +88,16 @@ def test_anyone_with_zenoh_can_ask(daemon, endpoint):
     session.close()
 
 
+def test_a_large_query_is_dropped_and_counted_and_the_next_one_is_answered(daemon, endpoint):
+    bus = daemon()
+    session = open_session(endpoint)
+    assert not list(session.get("guidance/uav1/ctl/hold", payload=bytes(100_000), timeout=1.0))
+    assert bus.mailbox.oversized == 1
+    (reply,) = list(session.get("guidance/uav1/ctl/status", timeout=3.0))
+    assert reply.ok is not None
+    session.close()
+
+
 def test_with_several_vehicles_an_order_needs_a_name(daemon, endpoint):
     daemon("uav1")
     daemon("uav2", host=False)

@@ -455,13 +455,17 @@ class Daemon:
         self.recording.report(now_s, self.flight, outputs, timing, counters)
 
     def _counters(self, now_s: float) -> Mapping[str, Mapping[str, int]]:
-        """Return the counters of the vehicle's link, of each evader's source and of the team."""
+        """Return the counters of the vehicle's link, of orders, of each evader's source and of the team."""
         vehicle_counters = {
             **self._link.counters(),
             "other_heartbeats": self.flight.heard.other_beats,
         }
         self._tell_refused_frames(now_s, vehicle_counters)
-        counters = {"vehicle": vehicle_counters, **self._evader_counters(now_s)}
+        counters = {
+            "vehicle": vehicle_counters,
+            "orders": {"oversized": self.mailbox.oversized},
+            **self._evader_counters(now_s),
+        }
         if self.team is not None:
             counters["team"] = self.team.board.counts
         return counters

@@ -62,12 +62,14 @@ class Mailbox:
 
     Attributes:
         meanwhile: Answers everything on the asking thread, while no loop runs; None: the loop answers.
+        oversized: Number of queries that were dropped unread.
     """
 
     def __init__(self) -> None:
         self._orders = queue.Queue[Question](MOST_ORDERS)
         self._queries = queue.Queue[Question](MOST_QUERIES)
         self.meanwhile: Callable[[str], Answer] | None = None
+        self.oversized = 0
 
     @property
     def waiting_orders(self) -> int:
