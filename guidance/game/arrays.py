@@ -59,6 +59,10 @@ class Library:
             return yes if condition else no
         return self.where(condition, yes, no)
 
+    def any(self, condition: Truth) -> bool:
+        """Return whether a condition may hold in some row; a library that traces does not know, and takes the step."""
+        return condition is not False
+
     def select2(self, condition: Truth, yes: Plane, no: Plane) -> Plane:
         """Choose between two plane vectors elementwise."""
         return self.select(condition, yes[0], no[0]), self.select(condition, yes[1], no[1])
@@ -141,6 +145,29 @@ class NumPy(Library):
             return no
         return yes if count == condition.size else np.where(condition, yes, no)
 
+    def any(self, condition: Truth) -> bool:
+        """Return whether a condition holds in some row."""
+        return bool(np.count_nonzero(condition))
+
+    def select2(self, condition: Truth, yes: Plane, no: Plane) -> Plane:
+        """Choose between two plane vectors, and count the rows once."""
+        if condition is True or condition is False or yes is no:
+            return yes if condition is not False else no
+        count = np.count_nonzero(condition)
+        if count == 0:
+            return no
+        if count == condition.size:
+            return yes
+        return np.where(condition, yes[0], no[0]), np.where(condition, yes[1], no[1])
+
+    def unit2(self, v: Plane, length: Real) -> Plane:
+        """Return the direction of a plane vector; few batches have a length of zero."""
+        nonzero = length > 0
+        if np.count_nonzero(nonzero) < np.size(nonzero):
+            return super().unit2(v, length)
+        inverse = 1.0 / length
+        return v[0] * inverse, v[1] * inverse
+
     def pack(
         self, shape: tuple[int, ...], like: Array, value: Real | tuple[Real, ...], plus: Real = 0.0
     ) -> Array:
@@ -153,9 +180,12 @@ class NumPy(Library):
 
     def fill(self, array: Array, value: Real | tuple[Real, ...], plus: Real) -> None:
         """Write value + plus to an array, in one pass for a batch."""
-        if isinstance(value, tuple):
+        if isinstance(value, tuple) and array.ndim > 1:
             for index, part in enumerate(value):
-                self.fill(array[..., index], part, plus)
+                np.add(part, plus, out=array[..., index], casting="same_kind")
+        elif isinstance(value, tuple):
+            for index, part in enumerate(value):
+                array[index] = part + plus
         elif array.ndim and array.dtype.kind == "f":
             np.add(value, plus, out=array, casting="same_kind")
         else:
@@ -168,6 +198,10 @@ class Floats(Library):
     sqrt = staticmethod(math.sqrt)
     maximum = staticmethod(max)
     minimum = staticmethod(min)
+
+    def any(self, condition: Truth) -> bool:
+        """Return whether the condition holds."""
+        return bool(condition)
 
     def select(self, condition: Truth, yes: Real, no: Real) -> Real:
         """Choose one of two numbers."""

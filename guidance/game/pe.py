@@ -29,11 +29,9 @@ its velocity is unknown, the pursuer goes straight down. The evader keeps its ob
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from guidance.game.arrays import NUMPY, Library, Plane, Real, Space, Truth, dot2
+from guidance.game.arrays import Library, Plane, Real, Space, Truth, dot2
 from guidance.game.extent import to_set
-from guidance.game.game import Game, Reason, Winner, head_wind, speed_in_hand
+from guidance.game.game import STILL, Game, Reason, Winner, head_wind, speed_in_hand
 from guidance.game.meeting_times import climb
 from guidance.game.records import is_zero
 
@@ -83,7 +81,7 @@ def take_apart(xp: Library, game: Game, P: Space, E: Space, observed: Space | No
     if not is_zero(game.standoff.height_m):
         z = z - game.standoff.height_m
     if observed is None:
-        return Geometry((east, north), ground, to_evader, z, (0.0, 0.0))
+        return Geometry((east, north), ground, to_evader, z, STILL)
     (seen_x, seen_y, _) = observed
     bound = game.evader_speed_m_s
     share = bound / xp.maximum(xp.sqrt(seen_x * seen_x + seen_y * seen_y), bound)
@@ -133,12 +131,12 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
     age = game.information_age_s
     t, direction, distance = escape(xp, game, state)
     free = distance <= 0
-    if free is not False:
+    overhead = xp.any(free)
+    if overhead:
         direction = xp.select2(free, xp.unit2(state.hold, xp.norm2(state.hold)), direction)
     run = v * (t if is_zero(age) else t + age)
     dash = (run * direction[0], run * direction[1])
     to = (state.to_evader[0] + dash[0], state.to_evader[1] + dash[1])
-    overhead = free is not False and (xp is not NUMPY or np.any(free))
     gap: Real = 0.0
     if overhead or game.pursuer.separate:
         beside = distance if game.calm else xp.norm2(state.to_evader)

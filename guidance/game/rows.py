@@ -120,5 +120,8 @@ def squares(named: dict[str, Array]) -> Real:
 
 def most_squares(named: dict[str, Array]) -> Real:
     """Return an upper bound of `squares` for all rows of NumPy arrays, which takes a tenth of the time."""
-    largest = [2.0 * np.abs(array).max(initial=0.0) for array in named.values()]
-    return sum(bound * bound for bound in largest)
+    total = 0.0
+    for array in named.values():
+        bound = 2.0 * np.maximum.reduce(np.abs(array), axis=None, initial=0.0)
+        total += bound * bound
+    return total

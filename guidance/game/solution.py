@@ -160,8 +160,10 @@ def _solve(
                 *[winner, *(xp.pack(shape, like, part, spoil) for part in play[1:-1]), reason]
             )
         out = out or _empty(shape, like)
-        for field, part in zip(out, (winner, *play[1:-1], reason), strict=True):
-            NUMPY.fill(field, part, 0 if field.dtype == np.int8 else spoil)
+        out.winner[...] = winner
+        out.reason[...] = reason
+        for field, part in zip(out[1:-1], play[1:-1], strict=True):
+            NUMPY.fill(field, part, spoil)
         return out
 
 
@@ -311,7 +313,7 @@ def _reason(xp: Library, game: Game, named: dict[str, Array], play: StateSolutio
     """Return the kind of each row's answer, or why it has none."""
     in_pe = "target" not in named
     reason = _aged(xp, game, play, in_pe=in_pe)
-    if xp is not NUMPY or not np.all(_is_sound(game, play, most_squares(named), in_pe=in_pe)):
+    if xp is not NUMPY or xp.any(_is_sound(game, play, most_squares(named), in_pe=in_pe) == 0):
         sound = _is_sound(game, play, squares(named), in_pe=in_pe)
         zero = sum(0.0 * part for array in named.values() for part in components(array))
         reason = xp.select(

@@ -19,8 +19,6 @@ Errors of the paper:
 
 from typing import NamedTuple
 
-import numpy as np
-
 from guidance.game import pe
 from guidance.game.arrays import Library, Plane, Real, Truth, dot2, pair_length, plus2, times2
 from guidance.game.danger import most_in_danger, rivals_of
@@ -76,7 +74,7 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     if edge is not lead:
         leading = xp.select2(won, lead.run, goal)
     to = (state.to_evader[0] + leading[0], state.to_evader[1] + leading[1])
-    hold = xp.select2(won, state.hold, (0.0, 0.0))
+    hold = xp.select2(won, state.hold, STILL)
     v = game.evader_speed_m_s
     age = game.information_age_s
     time = xp.select(won, edge.time, contest.arrival)
@@ -94,7 +92,7 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
         # With old information, a pursuer at the meeting point may find that the evader has not run there. One that
         # stayed would let it pass, so it plays PE.
         stale = won & (lead.time <= 0) & (caught == 0)
-        if xp.differentiates or np.any(stale):
+        if xp.any(stale):
             velocity = xp.select_all(
                 stale, pe.pursuit(xp, game, state).pursuer_velocity_m_s, velocity
             )
@@ -159,7 +157,7 @@ def _first_reached(xp: Library, game: Game, to_target: Plane, offset: Plane) -> 
         near = plus2(to_set(xp, game.target_extent, (-moved[0], -moved[1])), -arrival, adrift)
         sooner = _arrive(xp, game, near)[0] < arrival
         first = xp.select2(sooner, near, first)
-        if not xp.differentiates and not np.any(sooner):
+        if not xp.any(sooner):
             break
     return first
 
