@@ -88,7 +88,7 @@ class GroundLink:
         self._system_id = system_id
         self._stations = frozenset(stations)
         self._station = Station(system_id, COMPONENT_ID, signing_key=signing_key, clock=clock)
-        self._frames = FrameReader({"COMMAND_LONG"})
+        self._frames = FrameReader({"COMMAND_LONG", "HEARTBEAT"})
         self._text_id = 0
         self._second = 0
         self._commands = 0
@@ -102,10 +102,19 @@ class GroundLink:
         commands = []
         for received_s, data in self._wire.receive():
             for frame in self._frames.read(data, stream=self._wire.stream):
+                if frame.name == "HEARTBEAT":
+                    self._check_station(frame)
+                    continue
                 command = self._command(frame, received_s)
                 if command is not None:
                     commands.append(command)
         return commands
+
+    def _check_station(self, frame: Frame) -> None:
+        """Check a station's HEARTBEAT: the disk has a bound on its timestamps before its first command needs one."""
+        check = self._station.check
+        if check is not None and frame.system_id in self._stations:
+            check.problem(frame)
 
     def _command(self, frame: Frame, received_s: float) -> StationCommand | None:
         fields = frame.fields

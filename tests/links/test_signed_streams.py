@@ -12,8 +12,10 @@ from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError
 from guidance.links.frames import FrameReader, SignatureCheck, SigningKey, ticks
+from guidance.links.ground_link import COMPONENT_ID, GroundLink
 from guidance.links.signed_streams import LEAD_S, MOST_WAITING, SignedStreams, state_folder
 from guidance.links.udp import AddressPins
+from guidance.links.wires import MemoryWire
 from tests.links.peer import Peer
 
 KEY = bytes(range(32))
@@ -168,3 +170,29 @@ def test_the_folder_is_systemds_or_the_users(monkeypatch, tmp_path):
     assert state_folder() == tmp_path / "guidance"
     monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/guidance")
     assert str(state_folder()) == "/var/lib/guidance"
+
+
+@pytest.mark.parametrize("beats", [True, False])
+def test_an_order_that_is_sent_once_is_read_if_its_sender_was_heard_in_the_last_seconds(
+    tmp_path, beats
+):
+    """QGroundControl and MAVProxy send a HEARTBEAT each second, and an order now and then."""
+    key = key_in(tmp_path)
+    ours, theirs = MemoryWire.pair(lambda: 0.0)
+    link = GroundLink(ours, lambda: 0.0, system_id=1, stations=[255], signing_key=key)
+    station = Signing()
+    station.mavlink.srcSystem = 255
+    hold = dialect.MAVLink_command_long_message(1, COMPONENT_ID, 31010, *[0] * 8)
+    heard = []
+    for second in range(60):
+        station.mavlink.signing.timestamp += 100_000
+        if beats:
+            theirs.send(station.beat())
+        if second % 20 == 10:
+            theirs.send(station.packed(hold))
+        heard += link.receive()
+        key.streams.write()  # as the thread does
+    assert len(heard) == (3 if beats else 0)
+    assert all(command.signed for command in heard)
+    link.close()
+    key.streams.close()
