@@ -18,6 +18,7 @@ from rich.text import Text
 from guidance.cli import INTERRUPTED, arguments
 from guidance.cli.players import rows_json, tell_players
 from guidance.cli.viewers import CommandBeside, panel_beside
+from guidance.config import parse
 from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add, require
 from guidance.files import private_folder, whole_file, writing
@@ -39,6 +40,7 @@ from guidance.session.open.opened import Onlooker, Played, Way
 from guidance.session.open.url import Asked
 from guidance.session.orders.control_socket import ENDPOINT
 from guidance.session.recorded_flight import fly_recorded
+from guidance.session.vehicle_file import RosSection
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario_file import load_any, with_policies
 from guidance.sim.teams import TeamScenario
@@ -89,6 +91,13 @@ def fly(
         bool, typer.Option("--view", help="Show the flight in Rerun (needs the extra viz).")
     ] = False,
     panel: arguments.Panel = False,
+    ros: Annotated[
+        str | None,
+        typer.Option(
+            help="Publish ROS 2 topics on this Zenoh router (extra ros): tcp/127.0.0.1:7447.",
+            metavar="ENDPOINT",
+        ),
+    ] = None,
     as_json: arguments.Json = False,
 ) -> None:
     """Fly a pursuit, of the mock or of an autopilot that runs already, and show how it compares with the game's value.
@@ -111,6 +120,7 @@ def fly(
     - `guidance fly --link pymavlink`: with pymavlink instead of MAVSDK
     - `guidance fly --view`: with a view of it in the browser, from a process of its own
     - `guidance fly --panel`: with the operator's page, its picture and its orders
+    - `guidance fly --port 7447 --ros tcp/127.0.0.1:7447`: with ROS 2 topics, on the mock's own router
     - `guidance fly hover_chase --vehicle udpin://127.0.0.1:14540`: PX4's SITL
     - `guidance fly hover_chase --vehicle tcpout://127.0.0.1:5760`: ArduPilot's SITL
     - `guidance fly teams_guard`: a team, with one page for all of it, which ends with the flight
@@ -124,7 +134,8 @@ def fly(
         )
         arguments.may_fly(vehicle, yes=yes)
     if fast:
-        arguments.refuse(ctx, "--fast", "in real time", "--link", "--port", "--panel")
+        arguments.refuse(ctx, "--fast", "in real time", "--link", "--port", "--panel", "--ros")
+    topics = None if ros is None else ros_at(ros)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     team = isinstance(load_any(scenario)[1], TeamScenario)
     page = panel
@@ -136,7 +147,7 @@ def fly(
         try:
             mock = MockOptions(fast=fast, link=link, port=port)
             how = Asked(tuple(vehicle), autopilot, link, end) if vehicle else mock
-            onlooker = Onlooker(on_record=beside.record, on_control=beside.control)
+            onlooker = Onlooker(on_record=beside.record, on_control=beside.control, ros=topics)
             code = fly_scenario(
                 scenario, how, out, seed, onlooker, pursuer=pursuer, as_json=as_json
             )
@@ -155,6 +166,18 @@ def fly(
                 for command in beside.running:
                     command.child.wait()
     raise typer.Exit(code)
+
+
+def ros_at(endpoint: str) -> RosSection:
+    """Return where ROS 2 topics are published.
+
+    Raises:
+        ConfigError: If the endpoint is not a Zenoh router by TCP. TLS needs the certificates of a vehicle file.
+    """
+    option = f"--ros {endpoint}"
+    if not endpoint.startswith("tcp/"):
+        raise ConfigError(f"{option}: allowed is tcp/HOST:PORT; by TLS a vehicle file has [ros]")
+    return parse(RosSection, {"endpoint": endpoint}, source=option)
 
 
 class _Beside(contextlib.ExitStack):

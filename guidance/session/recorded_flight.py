@@ -54,7 +54,7 @@ def fly_recorded(
             pursuit.vehicle: plan_of(flight.configs.get(pursuit.vehicle), pursuit.scenario, team)
             for pursuit in pursuits
         }
-        _equip(flight, scenario, folder, stack)
+        _equip(flight, scenario, folder, onlooker, stack)
         if folder is not None:
             onlooker.on_record(folder if team else folder / RECORD)
         equipment = flight.equipment
@@ -96,7 +96,9 @@ def team_plan(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> TeamPlan:
     return TeamPlan(team=team, evaders=declared_m_s(pursuits))
 
 
-def _equip(flight: Opened, scenario: Played, folder: Path | None, stack: ExitStack) -> None:
+def _equip(
+    flight: Opened, scenario: Played, folder: Path | None, onlooker: Onlooker, stack: ExitStack
+) -> None:
     """Give all vehicles their records, and broadcasts where orders are taken.
 
     Those of a team are connected until the stack is closed: over the control buses, or in virtual time by a network in
@@ -144,5 +146,6 @@ def _equip(flight: Opened, scenario: Played, folder: Path | None, stack: ExitSta
             config=config,
             bus=bus,
             ground_link=flight.world.ground_links.get(name),
+            ros=onlooker.ros,
         )
         used.sinks += open_outputs(order, stack)

@@ -190,7 +190,7 @@ def output_share(seconds: float, folder: Path) -> None:
     router = child(ROUTER, port)
     config = parse(Config, document(ros={"endpoint": f"tcp/127.0.0.1:{port}"}), source="bench")
     mailbox = Mailbox()
-    sink = open_ros(NAME, metadata_of(record), MonotonicClock(), mailbox, config)
+    sink = open_ros(NAME, metadata_of(record), MonotonicClock(), mailbox, config.ros)
     nothing = Sink()
     try:
         for entry in before:

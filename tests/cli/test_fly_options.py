@@ -12,9 +12,11 @@ from guidance.cli.program import app
 from guidance.errors import ConfigError, FlightError
 from guidance.log.entries import OUTCOME
 from guidance.session.flight_files import PICTURE, RECORD
+from guidance.session.observe.outputs import OUTPUTS
 from guidance.session.open.mock import MockOptions
 from guidance.session.open.opened import NOBODY
 from guidance.session.open.url import Asked
+from guidance.session.recorded_flight import fly_recorded
 
 PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2")
 
@@ -31,6 +33,9 @@ def refused(*arguments):
     [
         (("--fast", "--link", "mavsdk"), "--link: only in real time, not with --fast"),
         (("--fast", "--port", "0"), "--port: only in real time, not with --fast"),
+        (("--fast", "--ros", "tcp/127.0.0.1:7447"), "--ros: only in real time, not with --fast"),
+        (("--ros", "tls/127.0.0.1:7447"), "--ros tls/127.0.0.1:7447: allowed is tcp/HOST:PORT"),
+        (("--ros", "tcp/127.0.0.1"), "--ros tcp/127.0.0.1:\n"),
         (("--yes",), "--yes: only with --vehicle, not with the mock"),
         (("--end", "land"), "--end: only with --vehicle, not with the mock"),
         (("--autopilot", "px4"), "--autopilot: only with --vehicle, not with the mock"),
@@ -104,6 +109,25 @@ def test_a_ctrl_c_names_the_record_if_there_is_one(begun, tmp_path, monkeypatch)
     assert done.exit_code == 130
     kept = f"the record so far is {tmp_path / RECORD}" if begun else "nothing was recorded"
     assert kept in done.output
+
+
+def test_a_mocked_flight_publishes_ros_topics_where_it_is_asked_to(tmp_path, monkeypatch):
+    asked = []
+
+    def open_ros(order):
+        asked.append((order.vehicle, order.config, order.ros.endpoint, order.ros.orders))
+        raise ConfigError("far enough")
+
+    monkeypatch.setitem(OUTPUTS, "ros", open_ros)
+
+    def fly_fast(scenario, folder, _, onlooker):
+        return fly_recorded(scenario, folder, MockOptions(fast=True), onlooker)
+
+    monkeypatch.setattr(fly, "fly_recorded", fly_fast)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    endpoint = "tcp/127.0.0.1:7447"
+    assert refused("--ros", endpoint, "--out", tmp_path / "pe-001") == "far enough"
+    assert asked == [("pursuer", None, endpoint, False)]
 
 
 @pytest.mark.parametrize("vehicle", [(), ("--vehicle", "udpin://127.0.0.1:14540")])

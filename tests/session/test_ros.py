@@ -56,7 +56,8 @@ def output(port, record, mailbox=None, name=NAME, **ros):
     """Open the output of a vehicle that flies a recorded flight."""
     metadata = {**metadata_of(record), "started_utc": STARTED}
     box = Mailbox() if mailbox is None else mailbox
-    with closing(open_ros(name, metadata, VirtualClock(), box, config_of(port, **ros))) as sink:
+    config = config_of(port, **ros)
+    with closing(open_ros(name, metadata, VirtualClock(), box, config.ros, config)) as sink:
         yield sink
 
 
@@ -159,7 +160,7 @@ def test_services_do_and_refuse_what_guidance_ctl_does_and_are_off_by_default(gr
         return answers[0]
 
     config = config_of(opened.port, orders=True)
-    with closing(open_ros("uav1", metadata, one.clock, one.mailbox, config)):
+    with closing(open_ros("uav1", metadata, one.clock, one.mailbox, config.ros)):
         assert until(lambda: len(tokens(opened, "SS")) == len(ORDERS))
         assert called("engage").success
         one.until(State.ENGAGED)
@@ -177,9 +178,8 @@ def test_services_do_and_refuse_what_guidance_ctl_does_and_are_off_by_default(gr
         if message == "order" and "by" in fields
     ]
     assert Counter(who[:13] for who in by) == {"ROS 2 client ": 4}
-    with closing(
-        open_ros("uav1", metadata, one.clock, one.mailbox, config_of(opened.port))
-    ) as sink:
+    section = config_of(opened.port).ros
+    with closing(open_ros("uav1", metadata, one.clock, one.mailbox, section)) as sink:
         assert until(lambda: len(sink.publishers) == len(TOPICS))
         assert tokens(opened, "SS") == []
 
@@ -293,7 +293,9 @@ def test_a_section_that_is_wrong_names_its_key(ros, words):
         parse(Config, document(ros=ros), source="test")
 
 
-def test_a_vehicle_file_with_the_section_opens_the_output_among_those_of_the_flight(short_flight):
+def test_a_vehicle_file_with_the_section_and_a_mocked_flight_that_asks_open_the_output(
+    short_flight,
+):
     order = OutputOrder(
         "uav1",
         metadata_of(short_flight[1]),
@@ -302,17 +304,22 @@ def test_a_vehicle_file_with_the_section_opens_the_output_among_those_of_the_fli
         mailbox=Mailbox(),
         config=config_of(free_port()),
     )
-    with ExitStack() as stack:
-        (sink,) = open_outputs(order, stack)
-        assert isinstance(sink, RosOutput)
-    assert "ros" not in {thread.name for thread in threading.enumerate()}
+    mocked = order._replace(config=None, ros=config_of(free_port()).ros)
+    for asked in (order, mocked):
+        with ExitStack() as stack:
+            (sink,) = open_outputs(asked, stack)
+            assert isinstance(sink, RosOutput)
+        assert "ros" not in {thread.name for thread in threading.enumerate()}
 
 
 def test_without_the_section_nothing_of_ros_is_opened_and_without_the_extra_it_is_named(
     monkeypatch,
 ):
     config = parse(Config, document(), source="test")
-    assert open_ros("uav1", {}, VirtualClock(), Mailbox(), config) is None
+    for asked in (config, None):
+        order = OutputOrder("uav1", {}, VirtualClock(), None, Mailbox(), asked)
+        with ExitStack() as stack:
+            assert open_outputs(order, stack) == []
     monkeypatch.setattr("guidance.extras.find_spec", lambda _: None)
     with pytest.raises(ConfigError, match=r"pursuit-guidance\[ros\]"):
-        open_ros("uav1", {}, VirtualClock(), Mailbox(), config_of(7447))
+        open_ros("uav1", {}, VirtualClock(), Mailbox(), config_of(7447).ros)

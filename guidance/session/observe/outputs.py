@@ -18,7 +18,7 @@ from guidance.log.broadcast import Broadcast
 from guidance.log.sink import Sink
 from guidance.session.observe.ground_station import GroundStationOutput
 from guidance.session.orders.mailbox import Mailbox
-from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_file import Config, RosSection
 
 ENTRY_POINTS: Final = "pursuit_guidance.outputs"
 
@@ -35,6 +35,7 @@ class OutputOrder(NamedTuple):
         config: The vehicle file; None for a mock.
         bus: The Zenoh session of orders and broadcasts; None without one. It is not closed by the output.
         ground_link: To ground stations; None if the vehicle file does not ask for it.
+        ros: Where ROS 2 topics are published, in place of the vehicle file's.
     """
 
     vehicle: str
@@ -45,6 +46,7 @@ class OutputOrder(NamedTuple):
     config: Config | None = None
     bus: Session | None = None
     ground_link: GroundLink | None = None
+    ros: RosSection | None = None
 
 
 OpenOutput = Callable[[OutputOrder], Sink | None]
@@ -58,11 +60,16 @@ def _open_broadcast(order: OutputOrder) -> Sink | None:
 
 
 def _open_ros(order: OutputOrder) -> Sink | None:
-    if order.config is None or order.config.ros is None:
+    section = order.ros
+    if section is None and order.config is not None:
+        section = order.config.ros
+    if section is None:
         return None
     from guidance.session.observe.ros import open_ros  # noqa: PLC0415 - of an extra
 
-    return open_ros(order.vehicle, order.metadata, order.clock, order.mailbox, order.config)
+    return open_ros(
+        order.vehicle, order.metadata, order.clock, order.mailbox, section, order.config
+    )
 
 
 def _open_ground_station(order: OutputOrder) -> Sink | None:

@@ -213,31 +213,38 @@ class RosOutput(Sink):
 
 
 def open_ros(
-    vehicle: str, metadata: Mapping[str, str], clock: Clock, mailbox: Mailbox, config: Config
-) -> RosOutput | None:
-    """Open the ROS 2 output of a vehicle file; None if it has no `[ros]`.
+    vehicle: str,
+    metadata: Mapping[str, str],
+    clock: Clock,
+    mailbox: Mailbox,
+    section: RosSection,
+    config: Config | None = None,
+) -> RosOutput:
+    """Open the ROS 2 output of a vehicle.
 
     Args:
         vehicle: Its name.
         metadata: As in a record.
         clock: Of the flight.
         mailbox: For orders.
-        config: The vehicle file.
+        section: Router and domain.
+        config: The vehicle file, with mates and certificates; None for a mock.
 
     Raises:
         ConfigError: If the extra is missing, a certificate is wrong, or a mate has the same name in ROS.
     """
-    section = config.ros
-    if section is None:
-        return None
     ros_types.prepare("[ros]", ros_types.TRIGGER_RESPONSE)
     started_s = started_unix_s(metadata)
     flight = RosFlight(vehicle, recorded_settings, metadata, started_s)
-    mates = () if config.team is None else config.team.mates
+    mates: tuple[str, ...] = ()
+    if config is not None and config.team is not None:
+        mates = config.team.mates
     for mate in mates:
         if ros_name(mate) == flight.name:
             raise ConfigError(
                 f"team.mates: {mate!r} is {flight.name!r} in ROS, as {vehicle!r} is: rename one"
             )
-    credentials = credentials_of(config.zenoh) if section.by_tls else NO_CREDENTIALS
+    credentials = NO_CREDENTIALS
+    if section.by_tls and config is not None:
+        credentials = credentials_of(config.zenoh)
     return RosOutput(flight, section, credentials, clock, started_s, mailbox)

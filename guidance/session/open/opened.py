@@ -13,7 +13,7 @@ from guidance.session.flight_files import TEAM
 from guidance.session.fly.daemon import Equipment
 from guidance.session.fly.loop import Signals
 from guidance.session.fly.mission import MOCKED, MissionPolicy, Show
-from guidance.session.vehicle_file import Config
+from guidance.session.vehicle_file import Config, RosSection
 from guidance.sim.scenario import EVADER, Pursuit, Scenario
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.sim.teams import TeamScenario
@@ -27,12 +27,14 @@ class Onlooker(NamedTuple):
         on_record: Called with the record's path when it is open.
         control: Endpoint for orders and broadcasts; a free one if that is in use. None opens none.
         on_control: Called with the endpoint.
+        ros: Where the flight's ROS 2 topics are published; None for those of a vehicle file only.
     """
 
     show: Show = lambda _: None
     on_record: Callable[[Path], None] = lambda _: None
     control: str | None = None
     on_control: Callable[[str], None] = lambda _: None
+    ros: RosSection | None = None
 
 
 NOBODY: Final = Onlooker()
