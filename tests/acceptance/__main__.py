@@ -33,6 +33,9 @@ from tests.harness.starved import Waiting
 AUTOPILOTS = ("px4", "arducopter")
 READY_WITHIN_S = 120.0
 DOWN_WITHIN_S = 240.0
+SIGNING = ("arducopter",)
+"""Autopilots that sign; PX4 v1.17 cannot."""
+
 AT_A_TIME = 4
 SIM_HEIGHT_M = 20.0
 STAND_IN_HEIGHT_M = 8.0
@@ -47,8 +50,10 @@ VERDICTS = {True: "ok", False: "NO", None: "inconclusive"}
 Tell = Callable[[Line], None]
 
 
-def on_a_url(autopilot: str, url: str, folder: Path, tell: Tell, only: str) -> None:
-    """Set up the vehicle, then fly all cases on it."""
+def on_a_url(
+    autopilot: str, url: str, stations: Sequence[str], folder: Path, tell: Tell, only: str
+) -> None:
+    """Set up the vehicle, then fly all cases on it, and with ground stations on other links of it."""
     with_relay = _Relays(url)
     try:
         relay = with_relay.fresh()
@@ -63,17 +68,39 @@ def on_a_url(autopilot: str, url: str, folder: Path, tell: Tell, only: str) -> N
             return
         if autopilot == "arducopter":
             relay.set(*LASTING)
-        for number, case in enumerate(_chosen(autopilot, SIM_HEIGHT_M, only), start=1):
-            relay = with_relay.fresh()
-            for line in fly(case, relay, folder / f"{number:02d}-{_slug(case)}", end="return"):
-                tell(line)
-            if not relay.bring_down(within_s=DOWN_WITHIN_S):
-                tell(Line(autopilot, case.name, case.link, "down again", "still armed", held=False))
-                return
+        if not _fly_cases(with_relay, autopilot, folder, tell, only):
+            return
+        with_relay.close()
+        for line in _with_stations(autopilot, url, stations, folder, only):
+            tell(line)
     except GuidanceError as error:
         tell(Line(autopilot, "the vehicle", "", "reached", str(error), held=False))
     finally:
         with_relay.close()
+
+
+def _fly_cases(with_relay: "_Relays", autopilot: str, folder: Path, tell: Tell, only: str) -> bool:
+    """Fly all cases; return whether the vehicle came down after each."""
+    for number, case in enumerate(_chosen(autopilot, SIM_HEIGHT_M, only), start=1):
+        relay = with_relay.fresh()
+        for line in fly(case, relay, folder / f"{number:02d}-{_slug(case)}", end="return"):
+            tell(line)
+        if not relay.bring_down(within_s=DOWN_WITHIN_S):
+            tell(Line(autopilot, case.name, case.link, "down again", "still armed", held=False))
+            return False
+    return True
+
+
+def _with_stations(
+    autopilot: str, url: str, stations: Sequence[str], folder: Path, only: str
+) -> list[Line]:
+    """Fly with ground stations on other links of the autopilot, which forwards between them."""
+    lines = list[Line]()
+    if stations and only in ground_station.FLIGHT:
+        lines += ground_station.fly(autopilot, url, stations, folder / "ground-station")
+    if stations and only in ground_station.SIGNED_FLIGHT and autopilot in SIGNING:
+        lines += ground_station.fly_signed(autopilot, url, stations[0], folder / "signed")
+    return lines
 
 
 class _Relays:
@@ -89,8 +116,10 @@ class _Relays:
         return self._relay
 
     def close(self) -> None:
+        """Leave the URL; may be called twice."""
         if self._relay is not None:
             self._relay.close()
+            self._relay = None
 
 
 def _set_up(relay: Relay, folder: Path, tell: Tell) -> bool:
@@ -156,8 +185,28 @@ def on_the_mock(autopilot: str, case: Case, folder: Path) -> list[Line]:
         ]
 
 
-def beside_a_ground_station(autopilot: str, folder: Path) -> list[Line]:
-    """Fly on a mock of its own with a ground station beside guidance."""
+def beside_ground_stations(autopilot: str, folder: Path) -> list[Line]:
+    """Fly on mocks with ground stations beside guidance: as an autopilot comes, and signed, where it can sign."""
+    lines = _on_a_relayed_mock(
+        autopilot,
+        ground_station.FLIGHT,
+        lambda url, stations: ground_station.fly(autopilot, url, stations, folder),
+    )
+    if autopilot in SIGNING:
+        lines += _on_a_relayed_mock(
+            autopilot,
+            ground_station.SIGNED_FLIGHT,
+            lambda url, stations: ground_station.fly_signed(
+                autopilot, url, stations[0], folder / "signed"
+            ),
+        )
+    return lines
+
+
+def _on_a_relayed_mock(
+    autopilot: str, flight: str, fly_on: Callable[[str, Sequence[str]], list[Line]]
+) -> list[Line]:
+    """Fly on a mock of its own, whose relay forwards between guidance's link and two ground stations."""
     vehicle = {
         "name": "uav1",
         "flavour": autopilot,
@@ -166,17 +215,16 @@ def beside_a_ground_station(autopilot: str, folder: Path) -> list[Line]:
     }
     try:
         with running([vehicle], over=["udp"]) as fleet:
-            station_port = free_udp_port({"uav1": "px4"})
-            client_port = free_udp_port({"uav1": "px4"})
-            relay = Relay(fleet["uav1"].udp, client_port, station_port=station_port)
+            client_port, *station_ports = (free_udp_port({"uav1": "px4"}) for _ in range(3))
+            relay = Relay(fleet["uav1"].udp, client_port, station_ports=station_ports)
             try:
-                station_url = f"udpin://127.0.0.1:{station_port}"
-                return ground_station.fly(autopilot, relay.client_url, station_url, folder)
+                stations = [f"udpin://127.0.0.1:{port}" for port in station_ports]
+                return fly_on(relay.client_url, stations)
             finally:
                 relay.close()
     except (GuidanceError, MockError) as error:
         words = f"{type(error).__name__}: {error}"
-        return [Line(autopilot, ground_station.FLIGHT, "mavsdk", "a flight", words, held=False)]
+        return [Line(autopilot, flight, "", "a flight", words, held=False)]
 
 
 def _chosen(autopilot: str, height_m: float, only: str) -> list[Case]:
@@ -195,7 +243,7 @@ def _beside_ground_stations(folder: Path, only: str) -> list[Line]:
     for autopilot in AUTOPILOTS if only in ground_station.FLIGHT else ():
         for again in ("", "-again"):
             with Waiting() as waiting:
-                flown = beside_a_ground_station(
+                flown = beside_ground_stations(
                     autopilot, folder / f"{autopilot}-ground-station{again}"
                 )
             if all(line.held for line in flown):
@@ -256,6 +304,13 @@ def main(arguments: Sequence[str]) -> int:
         parser.add_argument(
             f"--{autopilot}", metavar="URL", help="IT IS ARMED AND FLOWN; see docs/acceptance.md"
         )
+        parser.add_argument(
+            f"--{autopilot}-stations",
+            metavar="URL",
+            nargs="+",
+            default=[],
+            help="one or two other links of it, for ground stations",
+        )
     parser.add_argument(
         "--team", metavar="URL", nargs=3, help="three vehicles: THEY ARE ARMED AND FLOWN as a team"
     )
@@ -301,7 +356,17 @@ def main(arguments: Sequence[str]) -> int:
             fly_all(given.team, folder / "team", tell, given.only)
         elif urls:
             threads = [
-                threading.Thread(target=on_a_url, args=(name, url, folder / name, tell, given.only))
+                threading.Thread(
+                    target=on_a_url,
+                    args=(
+                        name,
+                        url,
+                        getattr(given, f"{name}_stations"),
+                        folder / name,
+                        tell,
+                        given.only,
+                    ),
+                )
                 for name, url in urls.items()
             ]
             for thread in threads:

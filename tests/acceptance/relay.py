@@ -7,9 +7,11 @@ directions, even after the service is killed, and can switch modes as a ground s
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
+from pymavlink.dialects.v20 import all as dialect
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import AUTOPILOTS, Autopilot, Mode
@@ -45,14 +47,19 @@ class Seen:
 class Relay:
     """A relay from the vehicle at a URL to a client on a loopback port.
 
-    With a `station_port` it forwards between the client and a ground station there too, as autopilots do.
+    With `station_ports` it forwards between the client and the ground stations there too, as autopilots do.
 
     Raises:
         GuidanceError: If there is no vehicle, or its autopilot is not supported.
     """
 
     def __init__(
-        self, url: str, client_port: int, *, station_port: int = 0, timeout_s: float = 20.0
+        self,
+        url: str,
+        client_port: int,
+        *,
+        station_ports: Sequence[int] = (),
+        timeout_s: float = 20.0,
     ) -> None:
         self.client_url = f"udpin://127.0.0.1:{client_port}"
         self.seen = Seen()
@@ -65,11 +72,9 @@ class Relay:
             one for one in AUTOPILOTS.values() if one.autopilot_id == self.found.autopilot
         )
         self._client = UdpWire(time.monotonic, "127.0.0.1", client_port)
-        self._station: UdpWire | None = None
-        if station_port:
-            self._station = UdpWire(time.monotonic, "127.0.0.1", station_port)
-        self._down = FrameReader()
-        self._up = FrameReader()
+        self._stations = [UdpWire(time.monotonic, "127.0.0.1", port) for port in station_ports]
+        self._down = FrameReader(dialect=dialect)
+        self._up = FrameReader(dialect=dialect)
         self._pilot = mavlink.MAVLink(None, *PILOT)
         self._reader = mavlink.MAVLink(None)
         self._lock = threading.Lock()
@@ -84,13 +89,15 @@ class Relay:
             (self._wire, self._from_vehicle),
             (self._client, self._from_client),
         ]
-        if self._station is not None:
-            ways.append((self._station, self._from_station))
+        ways += [(station, partial(self._from_station, station)) for station in self._stations]
         return ways
 
-    def _from_station(self, _now_s: float, data: bytes) -> None:
-        """Forward a ground station's messages to the vehicle and to the client, as autopilots do between links."""
+    def _from_station(self, sender: Wire, _now_s: float, data: bytes) -> None:
+        """Forward a ground station's messages to the vehicle and to all others, as autopilots do between links."""
         self._client.send(data)
+        for station in self._stations:
+            if station is not sender:
+                station.send(data)
         with self._lock:
             self._wire.send(data)
 
@@ -103,8 +110,8 @@ class Relay:
     def _from_vehicle(self, now_s: float, data: bytes) -> None:
         for frame in self._down.read(data, stream=self._wire.stream):
             self._client.send(frame.data)
-            if self._station is not None:
-                self._station.send(frame.data)
+            for station in self._stations:
+                station.send(frame.data)
             if (frame.system_id, frame.component_id) == self.found[:2]:
                 self._note(now_s, frame)
         # Messages outside the dialect are forwarded too, if a datagram holds them completely.
@@ -113,8 +120,8 @@ class Relay:
         for frame in self._up.read(data, stream=False):
             with self._lock:
                 self._wire.send(frame.data)
-            if self._station is not None:
-                self._station.send(frame.data)
+            for station in self._stations:
+                station.send(frame.data)
             if frame.name == "SET_POSITION_TARGET_LOCAL_NED":
                 self.seen.setpoints_s.append(now_s)
 
@@ -182,8 +189,8 @@ class Relay:
         for one in self._passing:
             one.join()
         self._client.close()
-        if self._station is not None:
-            self._station.close()
+        for station in self._stations:
+            station.close()
         self._wire.close()
 
 

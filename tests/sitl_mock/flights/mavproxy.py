@@ -14,13 +14,13 @@ MODULES = "cmdlong,param,arm,mode,wp,fence,rally,rc,log,ftp"
 
 
 class Proxy:
-    """MAVProxy on a vehicle that sends to a port of loopback; its words come line by line."""
+    """MAVProxy on a vehicle that sends to a port of loopback, or on `master`; its words come line by line."""
 
-    def __init__(self, port, folder, modules=MODULES):
+    def __init__(self, port, folder, modules=MODULES, *, master=None):
         command = [
             sys.executable,
             str(MAVPROXY),
-            f"--master=udpin:127.0.0.1:{port}",
+            f"--master={f'udpin:127.0.0.1:{port}' if master is None else master}",
             f"--state-basedir={folder}",
         ]
         command += [f"--logfile={folder}/flight.tlog", f"--default-modules={modules}"]
@@ -65,6 +65,12 @@ class Proxy:
             time.sleep(0.2)
         return False
 
+    def heard_all(self):
+        """Return every line that has come."""
+        while not self._lines.empty():
+            self.heard.append(self._lines.get())
+        return self.heard
+
     def _match(self, pattern, within_s):
         end_s = time.monotonic() + within_s
         while time.monotonic() < end_s:
@@ -78,7 +84,9 @@ class Proxy:
         raise AssertionError(f"MAVProxy did not say {pattern!r}; it said {self.heard[-15:]}")
 
     def close(self):
-        """End it, as the end of its standard input does."""
+        """End it, as the end of its standard input does; may be called twice."""
+        if self.process.stdin.closed:
+            return
         self.process.stdin.close()
         try:
             self.process.wait(5.0)
