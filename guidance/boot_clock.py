@@ -86,7 +86,12 @@ def with_answer(clock: BootClock, answer: Timesync) -> BootClock:
     if held_s <= most_s:
         least_s = max(least_s, held_s)
     clock = _paced(clock, answer.received_s, vehicle_s)
-    return clock._replace(offset_s=least_s, answered_s=answer.received_s, former_offset_s=math.nan)
+    return clock._replace(
+        offset_s=least_s,
+        answered_s=answer.received_s,
+        former_offset_s=math.nan,
+        unknown_since_s=math.inf,
+    )
 
 
 def fits_former(clock: BootClock, received_s: float, time_boot_s: float) -> bool:

@@ -6,7 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from guidance.boot_clock import LATE_S, LONGEST_S, BootClock, with_answer, with_position
+from guidance.boot_clock import (
+    LATE_S,
+    LONGEST_S,
+    UNKNOWN_S,
+    BootClock,
+    with_answer,
+    with_position,
+)
 from guidance.messages import Timesync
 
 AHEAD_S = 1234.5
@@ -82,8 +89,11 @@ def test_a_clock_that_was_set_is_unknown_until_the_next_answer():
     clock = heard(with_answer(BootClock(), exchange(100.0, 0.0, 0.0)), 100.1, 0.02)
     clock = heard(clock, 100.2, 0.02, AHEAD_S - 50.0)
     assert math.isnan(clock.delay_s)
+    assert clock.is_late(100.22 + UNKNOWN_S)
     clock = with_answer(clock, exchange(100.3, 0.02, 0.02, AHEAD_S - 50.0))
-    assert heard(clock, 100.4, 0.02, AHEAD_S - 50.0).delay_s < 0.05
+    clock = heard(clock, 100.4, 0.02, AHEAD_S - 50.0)
+    assert clock.delay_s < 0.05
+    assert not clock.is_late(200.0)
 
 
 @pytest.mark.parametrize("pace", [2.0, 5.0, 20.0])
