@@ -46,8 +46,9 @@ _ASK_FOR_POSITIONS = mavlink.MAVLink_command_long_message(
     1, 1, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, 33, 250_000, 0, 0, 0, 0, 0
 )
 _CHANGES = ("ready", "standing by", "engaged", "held by operator", "lands by operator")
-_SHOWN_BY_ARDUPILOT = {"ADSB_TYPE": 1.0, "SR1_ADSB": 5.0, "SR2_ADSB": 5.0}
-"""ArduPilot does not forward ADSB_VEHICLE; with these it shows the aircraft that it knows on its other links."""
+_ASK_FOR_AIRCRAFT = mavlink.MAVLink_command_long_message(
+    1, 1, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE, 200_000, 0, 0, 0, 0, 0
+)  # fmt: skip
 
 _KEPT = frozenset({
     "AUTOPILOT_VERSION", "AVAILABLE_MODES", "COMMAND_ACK", "FILE_TRANSFER_PROTOCOL", "HOME_POSITION",
@@ -88,9 +89,9 @@ class Station:
         """Sign what is sent from now on; None signs nothing."""
         signing = self._mavlink.signing
         signing.sign_outgoing = key is not None
-        if key is not None:
+        if key is not None and signing.secret_key != key:
             signing.secret_key = key
-            signing.timestamp = max(signing.timestamp, ticks(time.time()))
+            signing.timestamp = ticks(time.time())
 
     def _run(self) -> None:
         beat_s = -math.inf
@@ -144,11 +145,11 @@ class Station:
         time.sleep(0.5)
         self.sign_with(key)
 
-    def set_parameters(self, values: dict[str, float]) -> None:
-        """Set parameters of ArduPilot, whose numbers are floats on the wire; those that it lacks are left out."""
-        for name, value in values.items():
-            self.say(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, 2))
-            time.sleep(0.1)
+    def ask_for_aircraft(self) -> None:
+        """Have ArduPilot show the aircraft that it knows: it does not forward ADSB_VEHICLE."""
+        self.say(mavlink.MAVLink_param_set_message(1, 1, b"ADSB_TYPE", 1.0, 2))
+        time.sleep(0.2)
+        self.say(_ASK_FOR_AIRCRAFT)
 
     def order(self, command: int, *, within_s: float = 5.0) -> int | None:
         """Send a command to guidance as QGroundControl does; return the result, None without an answer."""
@@ -294,7 +295,7 @@ def _beside(autopilot: str, station_url: str, tell: _Told):
             yield None
             return
         if autopilot == "arducopter":
-            station.set_parameters(_SHOWN_BY_ARDUPILOT)
+            station.ask_for_aircraft()
         latitude_deg, longitude_deg, altitude_m = station.place
         north = (latitude_deg + AWAY_M / _METRES_PER_DEGREE, longitude_deg, altitude_m)
         port = free_udp_port({"evader": "px4"})
