@@ -101,7 +101,7 @@ def draw_all(
     paths: list[Path] = []
     for name, figure in figures.items():
         if figure is not None:
-            paths.extend(save_twice(figure, out / name, dpi=160, private=True))
+            paths.extend(save_twice(figure, out / name, dpi=160))
     return paths
 
 

@@ -22,7 +22,7 @@ from pyarrow import csv, parquet
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from guidance.errors import ConfigError
-from guidance.files import writing
+from guidance.files import private_file, writing
 from guidance.game import Ball, Game, Reason, Winner, solve
 from guidance.game.records import rows_of
 from guidance.game.team import Matching, match_teams
@@ -178,6 +178,7 @@ def _chunks(path: Path) -> Iterator[pa.Table]:
 
 def _writer(out: Path, schema: pa.Schema) -> csv.CSVWriter | parquet.ParquetWriter:
     out.parent.mkdir(parents=True, exist_ok=True)
+    private_file(out)
     if out.suffix == ".csv":
         return csv.CSVWriter(out, schema)
     return parquet.ParquetWriter(out, schema)

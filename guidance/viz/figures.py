@@ -8,7 +8,6 @@ In the picture of a game of teams, the points that an evader reaches before a pu
 the intersection of two discs. The evader ends at the point of it that is closest to the target.
 """
 
-import contextlib
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -70,25 +69,25 @@ def figure_of(width: float, height: float) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: Path, *, private: bool = False) -> None:
-    """Write a figure in the format of its name, `private` for its owner only.
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure in the format of its name, for its owner only.
 
     Raises:
         OutputError: If the file cannot be written.
     """
-    with writing(path), whole_file(path) if private else contextlib.nullcontext(path) as out:
+    with writing(path), whole_file(path) as out:
         figure.savefig(out, dpi=DPI)
 
 
-def save_twice(figure: Figure, stem: Path, *, dpi: float, private: bool = False) -> list[Path]:
-    """Write a figure as PNG and as PDF with the same layout, `private` for their owner only; return the paths.
+def save_twice(figure: Figure, stem: Path, *, dpi: float) -> list[Path]:
+    """Write a figure as PNG and as PDF with the same layout, for their owner only; return the paths.
 
     Raises:
         OSError: If a file cannot be written.
     """
     paths = [stem.with_name(f"{stem.name}.{kind}") for kind in ("png", "pdf")]
     for path, metadata in zip(paths, (None, {"CreationDate": None}), strict=True):
-        with whole_file(path) if private else contextlib.nullcontext(path) as out:
+        with whole_file(path) as out:
             figure.savefig(out, dpi=dpi, metadata=metadata)
         figure.set_layout_engine(None)
     return paths

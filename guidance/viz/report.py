@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from guidance.errors import OutputError
-from guidance.files import private_folder, whole_file, writing
+from guidance.files import private_file, private_folder, whole_file, writing
 from guidance.frames import Vector
 from guidance.game import StandOff
 from guidance.log.scene import Array, circle, isochron_at, lifted
@@ -83,7 +83,7 @@ def draw_flight(record: Path, path: Path, title: str) -> None:
     story = story_of(record)
     figure = figures.chase_figure(shapes_of(story), story.flight.fence_m)
     figure.suptitle(title)
-    figures.save(figure, path, private=True)
+    figures.save(figure, path)
 
 
 def shapes_of(story: Story) -> list[Shape]:
@@ -380,7 +380,7 @@ def _save_moving(images: Sequence[Image.Image], path: Path) -> None:
     """Write pictures as one that moves, in a loop, and stands still at its end."""
     times_ms = [FRAME_MS] * (len(images) - 1) + [20 * FRAME_MS]
     images[0].save(
-        path,
+        private_file(path),
         save_all=True,
         append_images=images[1:],
         duration=times_ms,
@@ -471,7 +471,7 @@ def write_page(
         images = {}
         for name, figure in drawn:
             written.append(folder / f"{name}.png")
-            figures.save(figure, written[-1], private=True)
+            figures.save(figure, written[-1])
             figure.set_layout_engine(None)  # keep this layout for the SVG
             figure.savefig(
                 drawing := BytesIO(), format="svg", metadata={"Date": None, "Creator": None}

@@ -1,6 +1,7 @@
 """`guidance solve`: one state on the command line, or a file of them."""
 
 import json
+import stat
 
 import numpy as np
 import pyarrow as pa
@@ -9,7 +10,7 @@ from pyarrow import csv, parquet
 from typer.testing import CliRunner
 
 from guidance.cli.program import app
-from guidance.errors import ConfigError
+from guidance.errors import ConfigError, OutputError
 from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
 from guidance.sweeps import states as state_files
 
@@ -179,6 +180,20 @@ def test_answers_solved_again_replace_the_old_ones(tmp_path):
     run("--states", second, "--out", third, "--speed-ratio", "4")
     assert read(third).column_names == read(second).column_names
     assert (read(third).column("value").to_numpy() < read(second).column("value").to_numpy()).all()
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_answers_are_private_and_not_written_through_a_symbolic_link(tmp_path, kind):
+    states = tmp_path / "states.parquet"
+    parquet.write_table(table(5, target=False), states)
+    out = tmp_path / f"answers.{kind}"
+    run("--states", states, "--out", out, "--speed-ratio", "2")
+    assert stat.S_IMODE(out.stat().st_mode) == 0o600
+    link = tmp_path / f"link.{kind}"
+    link.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match="symbolic links"):
+        run("--states", states, "--out", link, "--speed-ratio", "2")
+    assert not (tmp_path / "elsewhere").exists()
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])

@@ -17,6 +17,7 @@ from guidance.viz.figures import (
     figure_of,
     played,
     save,
+    save_twice,
     thinned,
 )
 from tests.harness.flights import NEAR
@@ -51,6 +52,16 @@ def test_a_text_is_read_as_it_is_written(tmp_path, title):
         drawn_px, meant_px = (one.get_window_extent().width for one in (text, meant))
         assert drawn_px == pytest.approx(meant_px, rel=0.05)
     assert (tmp_path / "a.png").stat().st_size > 0
+
+
+def test_no_picture_is_written_through_a_symbolic_link(tmp_path):
+    for kind in ("png", "pdf"):
+        (tmp_path / f"a.{kind}").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match="symbolic links"):
+        save(figure_of(4.0, 3.0), tmp_path / "a.png")
+    with pytest.raises(OSError, match="symbolic links"):
+        save_twice(figure_of(4.0, 3.0), tmp_path / "a", dpi=50)
+    assert not (tmp_path / "elsewhere").exists()
 
 
 def test_a_scenario_may_be_called_what_would_be_a_formula(tmp_path):
