@@ -211,6 +211,10 @@ class Floats(Library):
         """Choose one of two plane vectors."""
         return yes if condition else no
 
+    def select_all(self, condition: Truth, yes: Record, no: Record) -> Record:
+        """Choose one of two records."""
+        return yes if condition else no
+
     def unit2(self, v: Plane, length: Real) -> Plane:
         """Return the direction of a plane vector of known length; the x axis if the length is zero."""
         inverse = 1.0 / (length if length > 0 else 1.0)

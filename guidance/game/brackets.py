@@ -168,7 +168,7 @@ def _stepped(xp: Library, course: Course, bracket: Bracket, sign: Real, steps: i
         spot = xp.select_all(converged, spot, Spot(last, pose.margin))
         tight = (middle <= bracket.low) | (middle >= bracket.high)
         converged = converged | tight | (abs(pose.slope) * course.v <= STEEP)
-        if not xp.differentiates and np.all(converged):
+        if not xp.any(converged == 0):
             return spot
         bracket = bracket._replace(trial=position)
     if xp.differentiates or steps <= TOGETHER:

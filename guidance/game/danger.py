@@ -12,6 +12,10 @@ least margin is on the edge of the shape. A shape is covered by its straight edg
 The first position that is tried for the minimum is that of the point nearest to the centre of Apollonius' circle. It is
 the right one where the margin is zero.
 
+A line is searched only if it can have a smaller margin than the best corner. Both times are convex: the evader's is
+above its tangents at the line's ends, and the pursuer's is below the straight line between its values there
+(`_may_beat`).
+
 A capture radius changes nothing where the pursuer cannot capture now: it shortens all of the pursuer's ways. Where it
 can, only the evader's time counts, and the nearest point of the shape is in most danger; see `tad`.
 """
@@ -50,7 +54,7 @@ from guidance.game.brackets import (
 )
 from guidance.game.extent import Extent
 from guidance.game.game import STILL, Game, least_square_in_hand
-from guidance.game.meeting_times import ball_time
+from guidance.game.meeting_times import ball_time, catch_in_ball
 from guidance.game.pe import Geometry
 from guidance.game.records import in_rows, is_zero
 from guidance.game.sight import SeenArc, SeenLine
@@ -143,10 +147,12 @@ class Point(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """The margin at a point, s, and its gradient, s/m."""
+    """The margin at a point, s, and its gradient, s/m; the evader's time to it, s, and the gradient of that."""
 
     margin: Real
     gradient: Plane
+    arrival: Real
+    later: Plane
 
 
 class FollowedLine(NamedTuple):
@@ -249,20 +255,25 @@ def most_in_danger(xp: Library, extent: Extent, rivals: Rivals) -> Plane:
     if extent.radius_m > 0.0:
         for arc in _several(xp, _arcs(extent), rivals):
             points.extend(_each(xp, extent, _around(xp, arc, rivals)))
-        for line in lines:
-            last = plus2(line.begin, line.length, line.along)
-            ends = (_judged(xp, rivals, line.begin), _judged(xp, rivals, last))
-            points.extend(_each(xp, extent, _along(xp, line, ends, rivals)))
+        ends = [
+            (
+                _judged(xp, rivals, line.begin),
+                _judged(xp, rivals, plus2(line.begin, line.length, line.along)),
+            )
+            for line in lines
+        ]
     else:
         corners = _several(xp, extent.corners_m, rivals)
         judged = [_judged(xp, rivals, corner) for corner in corners]
         for corner, margin in zip(corners, judged, strict=True):
             points.extend(_each(xp, extent, _corner(xp, corner, margin)))
-        for line, ends in zip(lines, _ends(judged), strict=False):
-            points.extend(_each(xp, extent, _along(xp, line, ends, rivals)))
+        ends = _ends(judged)
     best = points[0]
     for point in points[1:]:
         best = _lesser(xp, best, point)
+    for line, both in zip(lines, ends, strict=False):
+        for point in _each(xp, extent, _along(xp, line, both, rivals, best.margin)):
+            best = _lesser(xp, best, point)
     return best.at
 
 
@@ -320,9 +331,7 @@ def _ends(judged: list[Judged]) -> list[tuple[Judged, Judged]]:
     """Return the begin and the end of each line from the corners."""
     if len(judged) > 1:
         return list(zip(judged, judged[1:] + judged[:1], strict=True))
-    gradient = judged[0].gradient
-    after = (np.roll(gradient[0], -1, axis=0), np.roll(gradient[1], -1, axis=0))
-    return [(judged[0], Judged(np.roll(judged[0].margin, -1, axis=0), after))]
+    return [(judged[0], mapped(partial(np.roll, shift=-1, axis=0), judged[0]))]
 
 
 def _lesser(xp: Library, best: Point, rival: Point) -> Point:
@@ -342,16 +351,17 @@ def _judged(xp: Library, rivals: Rivals, at: Plane) -> Judged:
         arrival = (length - rivals.lag) / rivals.v
         later = times2(1.0 / (rivals.v * xp.select(length > 0.0, length, 1.0)), run)
         guard, guarded = _guard(xp, rivals, plus2(at, -1.0, rivals.pursuer))
-        return Judged(arrival - guard, plus2(later, -1.0, guarded))
+        return Judged(arrival - guard, plus2(later, -1.0, guarded), arrival, later)
     arrival = _arrival(xp, rivals, run, drift)
     run = plus2(run, arrival, drift)
     length = xp.norm2(run)
     rate = rivals.v * length - dot2(run, drift)
-    later = times2(1.0 / xp.select(rate > 0.0, rate, 1.0), run)
+    moves = (rate > 0.0) & (arrival > 0.0)
+    later = times2(xp.select(moves, 1.0 / xp.select(moves, rate, 1.0), 0.0 * rate), run)
     met = plus2(plus2(at, -1.0, rivals.pursuer), arrival, drift)
     guard, guarded = _guard(xp, rivals, met)
     guarded = plus2(guarded, dot2(guarded, drift), later)
-    return Judged(arrival - guard, plus2(later, -1.0, guarded))
+    return Judged(arrival - guard, plus2(later, -1.0, guarded), arrival, later)
 
 
 def _arrival(xp: Library, rivals: Rivals, run: Plane, drift: Plane) -> Real:
@@ -385,14 +395,16 @@ def _guard(xp: Library, rivals: Rivals, away: Plane) -> tuple[Real, Plane]:
 
 
 def _guard_in_wind(xp: Library, rivals: Rivals, away: Plane, wind: Plane) -> Real:
-    """Return the time by Newton's method on a convex function, from below; exact if there is no disc or no height."""
+    """Return the time; with a disc and a height by Newton's method on a convex function, from below."""
     u = rivals.u
+    if is_zero(rivals.radius):
+        return catch_in_ball(xp, u, rivals.capture, away, times2(-1.0, wind), rivals.z)
     time = 0.0 * away[0]
     for _ in range(WIND_STEPS):
         distance, towards = _to_disc(xp, rivals, plus2(away, -time, wind))
         missing = distance - u * time - rivals.capture
         time = time + missing / (u + dot2(towards, wind))
-        if not xp.differentiates and np.all(abs(missing) <= CLOSE * (distance + u)):
+        if not xp.any(abs(missing) > CLOSE * (distance + u)):
             break
     return time
 
@@ -419,27 +431,62 @@ def _corner(xp: Library, at: Plane, judged: Judged) -> Point:
     return Point((at[0] + nothing, at[1] + nothing), judged.margin)
 
 
-def _along(xp: Library, line: Line, ends: tuple[Judged, Judged], rivals: Rivals) -> Point:
-    """Return the least margin within a line, with a margin of infinity where the least is at an end.
+def _along(
+    xp: Library, line: Line, ends: tuple[Judged, Judged], rivals: Rivals, best: Real
+) -> Point:
+    """Return the least margin within a line, with a margin of infinity where it is at an end or not below the best.
 
     Args:
         xp: array library.
         line: a straight edge.
         ends: its begin and end.
         rivals: both players.
+        best: the least margin of the points that are known, s.
     """
     slopes = (dot2(ends[0].gradient, line.along), dot2(ends[1].gradient, line.along))
     outside = cross2(plus2(rivals.evader, -1.0, line.begin), line.along)
     beside = cross2(line.along, plus2(rivals.pursuer, -1.0, line.begin))
     # From the inside of an edge, others are closer. A segment is seen from both sides.
     visible = (outside > 0.0) | line.is_open
+    if not xp.differentiates:
+        visible = visible & _may_beat(xp, line, ends, rivals, best)
     enclosed = visible & (slopes[0] < 0.0) & (slopes[1] > 0.0)
     near = visible & _is_near(xp, rivals, abs(outside), abs(beside))
+    nowhere = Point((0.0, 0.0), NOWHERE.margin)
+    if not xp.any(enclosed | near):
+        return nowhere
     if not rivals.plain:
         return _followed(xp, line, slopes, rivals, (enclosed, near))
-    nowhere = Point((0.0, 0.0), NOWHERE.margin)
     point = in_rows(enclosed | near, nowhere, partial(_seen, xp), line, slopes, near, rivals)
     return xp.select_all(enclosed | near, point, nowhere) if xp.differentiates else point
+
+
+def _may_beat(
+    xp: Library, line: Line, ends: tuple[Judged, Judged], rivals: Rivals, best: Real
+) -> Truth:
+    """Return whether the margin may be less than the best within a line; its ends are known.
+
+    The evader's time is above the tangents at both ends, and least where they cross. The pursuer's time is below the
+    straight line between its times at both ends. If the target drifts, the evader meets it sooner than on the straight
+    line between its times, so elsewhere: the pursuer loses at most the time for that way.
+    """
+    first, last = ends
+    length = line.length
+    slope = dot2(first.later, line.along)
+    last_slope = dot2(last.later, line.along)
+    rise = last.arrival - first.arrival
+    bends = last_slope - slope
+    crosses = bends > 0.0
+    share = (last_slope - rise / length) / xp.select(crosses, bends, 1.0)
+    share = xp.select(crosses, share, 0.5)
+    soonest = first.arrival + share * (slope * length)
+    between = first.arrival + share * rise
+    margin = first.margin + share * (last.margin - first.margin)
+    least = margin - (between - soonest)
+    if rivals.drift is not None:
+        slower = rivals.u if rivals.wind is None else rivals.u - pair_length(rivals.wind)
+        least = least - (pair_length(rivals.drift) / slower) * (between - soonest)
+    return least < best
 
 
 def _seen(xp: Library, line: Line, slopes: tuple[Real, Real], near: Truth, rivals: Rivals) -> Point:

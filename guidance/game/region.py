@@ -290,7 +290,7 @@ def bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
         before = abs(new - aim.s)
         aim = Aim(new, xp.select2(converged, aim.disc, path.to))
         converged = converged | near
-        if ends and np.all(converged):
+        if not xp.any(converged == 0):
             break
     return aim
 
