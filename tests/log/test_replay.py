@@ -14,10 +14,13 @@ from guidance.log.writer import Recorder
 from guidance.session.flight_files import changes_of, recorded_settings
 
 
-def rewritten(path, out, change=lambda number, row: row, repeat=1):
-    """Copy the cycles of a record, each passed through `change`; a repeated flight begins with the daemon's event."""
+def rewritten(path, out, change=lambda number, row: row, repeat=1, cycles=None):
+    """Copy the first cycles of a record, all by default, each passed through `change`.
+
+    A repeated flight begins with the daemon's event.
+    """
     recorder = Recorder(out, metadata_of(path))
-    rows = [json.loads(item.data) for item in scan(path) if item.topic == CYCLE.topic]
+    rows = [json.loads(item.data) for item in scan(path) if item.topic == CYCLE.topic][:cycles]
     for _ in range(repeat):
         recorder.event(0.0, BEGUN)
         for number, row in enumerate(rows):
@@ -58,7 +61,7 @@ def test_a_nanometre_in_one_input_is_found(flight, tmp_path):
         return row
 
     comparison, _ = compare(
-        rewritten(flight[1], tmp_path / "nudged.mcap", nudge), recorded_settings
+        rewritten(flight[1], tmp_path / "nudged.mcap", nudge, cycles=chosen + 50), recorded_settings
     )
     assert comparison.differing > 0
     assert comparison.first.row.now_s == flown[chosen].now_s
@@ -171,16 +174,21 @@ def test_the_command_reports_an_exact_replay(flight):
 
 
 def test_the_command_shows_the_first_difference_and_exits_with_1(flight, tmp_path):
+    shifted = []
+
     def shift(number, row):
         if "setpoint" in row:
             row["setpoint"]["velocity_ned_m_s"][1] += 0.25
+            shifted.append(number)
         return row
 
-    run = CliRunner().invoke(
-        app, ["replay", str(rewritten(flight[1], tmp_path / "shifted.mcap", shift))]
+    states = [row.state for row in cycles_of(flight[1])]
+    begun = rewritten(
+        flight[1], tmp_path / "shifted.mcap", shift, cycles=states.index("engaged") + 100
     )
+    run = CliRunner().invoke(app, ["replay", str(begun)])
     assert run.exit_code == 1
-    assert f"{flight[0].setpoints_sent} cycles differ" in run.output
+    assert f"{len(shifted)} cycles differ" in run.output
     assert "recorded" in run.output
     assert '"kind": "LocalPosition"' in run.output
 

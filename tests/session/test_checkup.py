@@ -169,9 +169,7 @@ def test_a_vehicle_that_does_not_say_where_it_is_is_left_alone(world):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("autopilot", "link"), [("px4", "mavsdk"), ("px4", "pymavlink"), ("arducopter", "mavsdk")]
-)
+@pytest.mark.parametrize(("autopilot", "link"), [("px4", "mavsdk"), ("arducopter", "pymavlink")])
 def test_a_vehicle_at_a_url_is_set_up_without_any_file(autopilot, link):
     with running(
         [{"name": "uav1", "flavour": autopilot, "ready_after_s": 1.0}], over=["udp"]

@@ -429,8 +429,9 @@ def test_arguments_that_cannot_be_meant_are_refused(tmp_path, monkeypatch, argum
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_guidance_fly_flies_a_vehicle_that_was_started_elsewhere(tmp_path):
-    """The other autopilot and the other link are flown so by `tests.acceptance`, and land where the game ended."""
+    """`tests.acceptance` flies both autopilots and both links so; they land where the game ended."""
     vehicle = {
         "name": "uav1",
         "flavour": "px4",
