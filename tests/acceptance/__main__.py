@@ -8,13 +8,14 @@ With `--team URL URL URL` three autopilots fly as a team.
 
 import argparse
 import html
+import multiprocessing
 import subprocess
 import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 from rich.console import Console
@@ -269,7 +270,7 @@ def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool, drawn: b
     def flown(autopilot: str, case: Case, again: str = "") -> list[Line]:
         place = folder / f"{autopilot}-{_slug(case)}{again}"
         if case.virtual and not everything:
-            return fly_in_virtual_time(case, autopilot, place, drawn=drawn)
+            return fly_in_virtual_time(case, autopilot, place, process, drawn=drawn)
         with Waiting() as waiting:
             lines = on_the_mock(autopilot, case, place)
         if again and (starved := waiting.starved()):
@@ -279,7 +280,11 @@ def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool, drawn: b
             ]
         return lines
 
-    with ThreadPoolExecutor(AT_A_TIME) as pool:
+    spawned = multiprocessing.get_context("spawn")  # a fork would copy locks of other threads
+    with (
+        ProcessPoolExecutor(1, spawned) as process,
+        ThreadPoolExecutor(AT_A_TIME) as pool,
+    ):
         watched = pool.submit(_beside_ground_stations, folder, only)
         for (autopilot, case), lines in zip(
             flights, pool.map(lambda flight: flown(*flight), flights), strict=True

@@ -8,11 +8,14 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
+
+from typer.testing import CliRunner
 
 from guidance.autopilots import Mode
 from guidance.control.limits import CATCH_UP_RATIO
@@ -107,18 +110,34 @@ def outcome(folder: Path, speed_m_s: float) -> dict[str, object]:
     )
 
 
-def fly_in_virtual_time(case: Case, autopilot: str, folder: Path, *, drawn: bool) -> list[Line]:
-    """Fly one case in virtual time; return its lines of the table. A picture of the flight takes two seconds."""
+def guidance_here(words: Sequence[str]) -> str:
+    """Run the command `guidance` in this process; return what it printed, or its error."""
+    from guidance.cli.program import app
+
+    done = CliRunner().invoke(app, words)
+    return done.output if done.exception is None else f"{done.output}{done.exception}"
+
+
+def fly_in_virtual_time(
+    case: Case, autopilot: str, folder: Path, process: Executor, *, drawn: bool
+) -> list[Line]:
+    """Fly one case in virtual time; return its lines of the table.
+
+    Args:
+        case: The case.
+        autopilot: Of the mock.
+        folder: For its files.
+        process: Runs the command in a process that keeps what it has imported.
+        drawn: Whether a picture is drawn, which takes two seconds.
+    """
     pursuer = {**case.scenario["pursuer"], "autopilot": autopilot}
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "scenario.toml").write_text(
         toml({**case.scenario, "pursuer": pursuer}), encoding="utf-8"
     )
     way = ("fly", "--fast") if drawn else ("scenario", "run", "--as", "fast")
-    command = [GUIDANCE, *way, folder / "scenario.toml", "--out", folder]
-    done = subprocess.run(
-        [*map(str, command)], capture_output=True, text=True, timeout=FLOWN_WITHIN_S, check=False
-    )
+    words = [*way, str(folder / "scenario.toml"), "--out", str(folder)]
+    said = process.submit(guidance_here, words).result(FLOWN_WITHIN_S)
     row = outcome(folder, pursuer["speed_m_s"])
     if not row:
         return [
@@ -127,7 +146,7 @@ def fly_in_virtual_time(case: Case, autopilot: str, folder: Path, *, drawn: bool
                 case.name,
                 "virtual time",
                 "a flight",
-                (done.stdout + done.stderr)[-160:],
+                said[-160:],
                 held=False,
             )
         ]
