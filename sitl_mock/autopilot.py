@@ -36,6 +36,7 @@ from sitl_mock.protocols import (
     PlanStore,
     Reply,
     StatusTexts,
+    Storage,
     named,
 )
 from sitl_mock.reception import take
@@ -105,6 +106,7 @@ class Autopilot:
         self.identity = self.flavour.identity(self.system_id)
         self.conditions = Conditions()
         self.plans = PlanStore()
+        self.storage = Storage()
         try:
             self.parameters = ParameterStore(self.flavour.parameters, settings.parameters)
         except ParameterError as error:

@@ -10,7 +10,7 @@ from sitl_mock.modes import ModeTable
 from sitl_mock.protocols import (
     Command,
     CommandAnswer,
-    Files,
+    FileTree,
     Identity,
     MissionRules,
     Parameter,
@@ -18,9 +18,9 @@ from sitl_mock.protocols import (
     ParameterStore,
     PlanItem,
     PlanStore,
+    Storage,
     StreamRules,
 )
-from sitl_mock.protocols.files import FileTree
 from sitl_mock.sensors import EXACT, SensorNoise
 from sitl_mock.vehicle_state import VehicleState
 
@@ -98,9 +98,9 @@ class Commander(Protocol):
         ...
 
 
-def no_files(_parameters: ParameterStore, _plans: PlanStore) -> Files:
-    """Return an empty file tree."""
-    return FileTree({})
+def no_files(_parameters: ParameterStore, _plans: PlanStore, storage: Storage) -> FileTree:
+    """Return a file tree with nothing but what clients write."""
+    return FileTree({}, storage=storage)
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class Flavour:
         broadcast: Commands accepted when sent to system 0; None for all.
         ground_vehicle: It cannot start in the air.
         fix_type: GPS_FIX_TYPE of a receiver that works.
-        files: The FTP files of a vehicle with these parameters and plans.
+        files: The FTP files of a vehicle with these parameters, plans and files of clients.
         version: As on the command line behind @.
         refused_commands: Commands that this version no longer has.
         more_commands: Commands that this version has beyond the one with recorded data.
@@ -161,7 +161,7 @@ class Flavour:
     event_of: Callable[[int, str], tuple[int, int, bytes] | None] | None = None
     ground_vehicle: bool = False
     fix_type: int = 3
-    files: Callable[[ParameterStore, PlanStore], Files] = no_files
+    files: Callable[[ParameterStore, PlanStore, Storage], FileTree] = no_files
     version: str = ""
     refused_commands: frozenset[int] = frozenset()
     more_commands: frozenset[int] = frozenset()

@@ -96,7 +96,9 @@ class Link:
             streams=self.streams,
             time=TimeProtocol(autopilot.since_boot_s),
             home=HomeProtocol(autopilot.set_origin, autopilot.set_home),
-            ftp=FtpProtocol(flavour.files(autopilot.parameters, autopilot.plans)),
+            ftp=FtpProtocol(
+                flavour.files(autopilot.parameters, autopilot.plans, autopilot.storage)
+            ),
             logs=LogProtocol(),
             signing=SigningSetup(signing),
             events=EventProtocol(autopilot.events),
@@ -202,8 +204,10 @@ class Link:
         if not math.isfinite(message_id):
             return Result.DENIED
         replies = self._message(int(message_id), int(argument) if math.isfinite(argument) else 0)
-        if not replies:
+        if replies is None:
             return self.streams.rules.unknown_request
+        if not replies:
+            return self.streams.rules.empty_request
         self._requested += replies
         return Result.ACCEPTED
 
@@ -215,17 +219,18 @@ class Link:
         moved = self.autopilot.set_origin(now_s, position)
         return Result.ACCEPTED if moved else Result.TEMPORARILY_REJECTED
 
-    def _message(self, message_id: int, argument: int) -> list[Reply]:
+    def _message(self, message_id: int, argument: int) -> list[Reply] | None:
+        """Return a requested message, nothing if it has no content yet, and None if it is unknown."""
         autopilot = self.autopilot
         if message_id == _AUTOPILOT_VERSION:
             return [autopilot.identity.autopilot_version()]
         if message_id == _AVAILABLE_MODES:
             if "AVAILABLE_MODES" in autopilot.flavour.withheld:
-                return []
+                return None
             return available_modes(autopilot.flavour.modes.available(), argument)
         spec = SPEC_BY_ID.get(message_id)
         if spec is None or spec.name not in self._prepared or spec.name in _ONCE:
-            return []
+            return None
         fields = self._prepared[spec.name][0](autopilot.report)
         if fields is None:
             return []

@@ -26,12 +26,14 @@ from sitl_mock.protocols import (
     ARDUPILOT_PARAMETER_RULES,
     ARDUPILOT_STREAM_RULES,
     QUIET_HZ,
+    FileTree,
+    FtpError,
     ParamKind,
     PlanKind,
     PlanStore,
+    Storage,
     ardupilot_identity,
 )
-from sitl_mock.protocols.files import FileTree
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -48,6 +50,7 @@ _TYPES: Final = {
     ParamKind.REAL32: (4, "<f"),
 }
 _ITEM: Final = struct.Struct("<ffffiifHHBBBBBB")
+_IS_A_FOLDER: Final = 21  # EISDIR: ArduPilot unlinks a folder as it does a file
 _NAMES: Final = {
     PlanKind.MISSION: "mission.dat",
     PlanKind.FENCE: "fence.dat",
@@ -55,14 +58,21 @@ _NAMES: Final = {
 }
 
 
-def files_of(parameters: ParameterStore, plans: PlanStore) -> FileTree:
+def files_of(parameters: ParameterStore, plans: PlanStore, storage: Storage) -> FileTree:
     """Return the files of one vehicle."""
     hidden: dict[str, Callable[[], bytes]] = {
         "@PARAM/param.pck": partial(packed_parameters, parameters)
     }
     for kind, name in _NAMES.items():
         hidden[f"@MISSION/{name}"] = partial(packed_plan, plans, kind)
-    return FileTree({}, frozenset({"/logs", "/terrain"}), hidden)
+    return FileTree(
+        {},
+        frozenset({"/logs", "/terrain"}),
+        hidden,
+        unopened=FtpError.FILE_NOT_FOUND,
+        full_folder=_IS_A_FOLDER,
+        storage=storage,
+    )
 
 
 def packed_parameters(parameters: ParameterStore) -> bytes:

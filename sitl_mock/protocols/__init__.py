@@ -9,7 +9,14 @@ from sitl_mock.protocols.command import (
     coordinate,
     read_command,
 )
-from sitl_mock.protocols.files import Entry, Files, FtpError, FtpProtocol, LogProtocol
+from sitl_mock.protocols.files import (
+    Entry,
+    FileTree,
+    FtpError,
+    FtpProtocol,
+    LogProtocol,
+    Storage,
+)
 from sitl_mock.protocols.identity import (
     ARDUPILOT_CAPABILITIES,
     PX4_CAPABILITIES,
@@ -91,7 +98,7 @@ __all__ = [
     "Entry",
     "EventLog",
     "EventProtocol",
-    "Files",
+    "FileTree",
     "FtpError",
     "FtpProtocol",
     "HomeProtocol",
@@ -120,6 +127,7 @@ __all__ = [
     "Session",
     "SigningSetup",
     "StatusTexts",
+    "Storage",
     "StreamRules",
     "Streams",
     "TimeProtocol",

@@ -1,4 +1,4 @@
-"""Files and logs on one link: FTP can list folders and read files; changes are refused.
+"""Files and logs on one link: FTP lists folders, reads files, and keeps what a client writes.
 
 Source: https://mavlink.io/en/services/ftp.html. Every request is answered at once, so that no client waits for a
 timeout. One file can be open at a time. List and read requests carry their offset, so repeated ones are answered again.
@@ -15,7 +15,7 @@ import posixpath
 import struct
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sitl_mock.protocols.session import Reply, source_of
 
@@ -32,20 +32,25 @@ BURST: Final = 20
 
 
 class Opcode(IntEnum):
-    """The supported operations, and the two answers."""
+    """The operations, and the two answers."""
 
     TERMINATE_SESSION = 1
     RESET_SESSIONS = 2
     LIST_DIRECTORY = 3
     OPEN_FILE_RO = 4
     READ_FILE = 5
+    CREATE_FILE = 6
+    WRITE_FILE = 7
+    REMOVE_FILE = 8
+    CREATE_DIRECTORY = 9
+    REMOVE_DIRECTORY = 10
+    OPEN_FILE_WO = 11
+    TRUNCATE_FILE = 12
+    RENAME = 13
     CALC_FILE_CRC32 = 14
     BURST_READ_FILE = 15
     ACK = 128
     NAK = 129
-
-
-_WRITING: Final = frozenset({6, 7, 8, 9, 10, 11, 12, 13})
 
 
 class FtpError(IntEnum):
@@ -55,10 +60,16 @@ class FtpError(IntEnum):
     INVALID_SESSION = 4
     END_OF_FILE = 6
     UNKNOWN_COMMAND = 7
+    FILE_EXISTS = 8
+    FILE_PROTECTED = 9
     FILE_NOT_FOUND = 10
 
 
-_READ_ONLY: Final = 30  # EROFS
+_NO_SPACE: Final = 28  # ENOSPC
+_NOT_EMPTY: Final = 39  # ENOTEMPTY
+STORAGE_BYTES: Final = 4 << 20
+STORAGE_ENTRIES: Final = 200
+"""Clients can fill the mock's storage, but not the computer's memory."""
 
 
 class Entry(NamedTuple):
@@ -73,16 +84,18 @@ class Entry(NamedTuple):
         return text.encode() + b"\0"
 
 
-class Files(Protocol):
-    """The files of a vehicle."""
+class Storage:
+    """What clients have written, by absolute path; it outlives a reboot."""
 
-    def entries(self, path: str) -> Sequence[Entry] | None:
-        """Return the entries of a folder, None if it does not exist."""
-        ...
+    def __init__(self) -> None:
+        self.files: dict[str, bytes] = {}
+        self.folders: set[str] = set()
 
-    def content(self, path: str) -> bytes | None:
-        """Return a file's bytes, None if it does not exist."""
-        ...
+    def takes(self, more_bytes: int) -> bool:
+        """Return True if there is space for some bytes and one more entry."""
+        used_bytes = sum(len(content) for content in self.files.values())
+        entries = len(self.files) + len(self.folders)
+        return used_bytes + more_bytes <= STORAGE_BYTES and entries < STORAGE_ENTRIES
 
 
 class _Request(NamedTuple):
@@ -105,17 +118,30 @@ class _Nak(Exception):  # noqa: N818 - an answer
 
 
 class FtpProtocol:
-    """FTP on one link, over the vehicle's files."""
+    """FTP on one link, over the vehicle's files.
 
-    def __init__(self, files: Files) -> None:
+    A path of the storage can be changed; the vehicle's own files are protected.
+    """
+
+    def __init__(self, files: FileTree) -> None:
         self._files = files
+        self._storage = files.storage
         self._open: bytes | None = None
+        self._written: str | None = None
         self._served: dict[int, Callable[[_Request], list[tuple[int, bytes]]]] = {
             Opcode.TERMINATE_SESSION: self._close,
             Opcode.RESET_SESSIONS: self._close,
             Opcode.LIST_DIRECTORY: self._list,
             Opcode.OPEN_FILE_RO: self._open_file,
             Opcode.READ_FILE: self._read,
+            Opcode.CREATE_FILE: self._create_file,
+            Opcode.OPEN_FILE_WO: self._open_to_write,
+            Opcode.WRITE_FILE: self._write,
+            Opcode.TRUNCATE_FILE: self._truncate,
+            Opcode.REMOVE_FILE: self._remove_file,
+            Opcode.CREATE_DIRECTORY: self._create_folder,
+            Opcode.REMOVE_DIRECTORY: self._remove_folder,
+            Opcode.RENAME: self._rename,
             Opcode.CALC_FILE_CRC32: self._crc,
             Opcode.BURST_READ_FILE: self._burst,
         }
@@ -146,12 +172,11 @@ class FtpProtocol:
         served = self._served.get(request.opcode)
         if served is not None:
             return served(request)
-        if request.opcode in _WRITING:
-            raise _Nak(FtpError.FAIL_ERRNO, _READ_ONLY)
         raise _Nak(FtpError.UNKNOWN_COMMAND)
 
     def _close(self, _request: _Request) -> list[tuple[int, bytes]]:
         self._open = None
+        self._written = None
         return [(0, b"")]
 
     def _list(self, request: _Request) -> list[tuple[int, bytes]]:
@@ -183,9 +208,98 @@ class FtpProtocol:
             (0, struct.pack("<I", binascii.crc32(self._content(request), 0xFFFFFFFF) ^ 0xFFFFFFFF))
         ]
 
+    def _create_file(self, request: _Request) -> list[tuple[int, bytes]]:
+        path = self._new_path(request.path)
+        self._storage.files[path] = b""
+        self._written = path
+        return [(0, b"")]
+
+    def _open_to_write(self, request: _Request) -> list[tuple[int, bytes]]:
+        self._written = self._stored_file(request.path)
+        return [(0, struct.pack("<I", len(self._storage.files[self._written])))]
+
+    def _write(self, request: _Request) -> list[tuple[int, bytes]]:
+        before = self._storage.files.get(self._written or "")
+        if self._written is None or before is None:
+            raise _Nak(self._files.unopened)
+        end = request.offset + len(request.data)
+        if not self._storage.takes(end - len(before)):
+            raise _Nak(FtpError.FAIL_ERRNO, _NO_SPACE)
+        head = before[: request.offset].ljust(request.offset, b"\0")
+        self._storage.files[self._written] = head + request.data + before[end:]
+        return [(request.offset, b"")]
+
+    def _truncate(self, request: _Request) -> list[tuple[int, bytes]]:
+        path = self._stored_file(request.path)
+        if not self._storage.takes(request.offset):
+            raise _Nak(FtpError.FAIL_ERRNO, _NO_SPACE)
+        content = self._storage.files[path]
+        self._storage.files[path] = content[: request.offset].ljust(request.offset, b"\0")
+        return [(0, b"")]
+
+    def _remove_file(self, request: _Request) -> list[tuple[int, bytes]]:
+        del self._storage.files[self._stored_file(request.path)]
+        return [(0, b"")]
+
+    def _create_folder(self, request: _Request) -> list[tuple[int, bytes]]:
+        self._storage.folders.add(self._new_path(request.path))
+        return [(0, b"")]
+
+    def _remove_folder(self, request: _Request) -> list[tuple[int, bytes]]:
+        path = absolute(request.path)
+        entries = self._files.entries(path)
+        if entries is None:
+            raise _Nak(FtpError.FILE_NOT_FOUND)
+        if entries:
+            raise _Nak(FtpError.FAIL_ERRNO, self._files.full_folder)
+        if path not in self._storage.folders:
+            raise _Nak(FtpError.FILE_PROTECTED)
+        self._storage.folders.remove(path)
+        return [(0, b"")]
+
+    def _rename(self, request: _Request) -> list[tuple[int, bytes]]:
+        old, _, new = request.path.partition("\0")
+        path = absolute(old)
+        if path in self._storage.folders and not self._files.entries(path):
+            self._storage.folders.add(self._new_path(new))
+            self._storage.folders.remove(path)
+            return [(0, b"")]
+        content = self._storage.files[self._stored_file(path)]
+        self._storage.files[self._new_path(new)] = content
+        del self._storage.files[path]
+        return [(0, b"")]
+
+    def _new_path(self, name: str) -> str:
+        """Return the path of a new file or folder.
+
+        Raises:
+            _Nak: It exists, its folder does not, or the storage is full.
+        """
+        path = absolute(name)
+        if self._files.entries(posixpath.dirname(path)) is None:
+            raise _Nak(FtpError.FILE_NOT_FOUND)
+        if self._files.content(path) is not None or self._files.entries(path) is not None:
+            raise _Nak(FtpError.FILE_EXISTS)
+        if not self._storage.takes(0):
+            raise _Nak(FtpError.FAIL_ERRNO, _NO_SPACE)
+        return path
+
+    def _stored_file(self, name: str) -> str:
+        """Return the path of a file that a client has written.
+
+        Raises:
+            _Nak: There is no such file, or it is the vehicle's own.
+        """
+        path = absolute(name)
+        if path in self._storage.files:
+            return path
+        if self._files.content(path) is None:
+            raise _Nak(FtpError.FILE_NOT_FOUND)
+        raise _Nak(FtpError.FILE_PROTECTED)
+
     def _read(self, request: _Request, pieces: int = 1) -> list[tuple[int, bytes]]:
         if self._open is None:
-            raise _Nak(FtpError.INVALID_SESSION)
+            raise _Nak(self._files.unopened)
         if request.offset >= len(self._open):
             raise _Nak(FtpError.END_OF_FILE)
         size = min(request.size or DATA, DATA)
@@ -219,39 +333,51 @@ class FileTree:
     """A tree of files.
 
     Attributes:
-        files: Absolute path to a function that returns the content.
+        files: The vehicle's own: absolute path to a function that returns the content.
         folders: Folders besides those of the files.
         hidden: Readable paths that are not listed (ArduPilot's ``@PARAM/param.pck``).
+        unopened: Answer to reading or writing without an open file.
+        full_folder: The system's error for the removal of a folder that is not empty.
+        storage: What clients have written.
     """
 
     files: Mapping[str, Callable[[], bytes]]
     folders: frozenset[str] = frozenset()
     hidden: Mapping[str, Callable[[], bytes]] = field(default_factory=dict)
+    unopened: FtpError = FtpError.INVALID_SESSION
+    full_folder: int = _NOT_EMPTY
+    storage: Storage = field(default_factory=Storage)
 
     def entries(self, path: str) -> Sequence[Entry] | None:
         """Return the entries of a folder, None if it does not exist."""
-        folder = _absolute(path)
-        folders = {"/", *self.folders, *(posixpath.dirname(name) for name in self.files)}
+        folder = absolute(path)
+        folders = {
+            "/",
+            *self.folders,
+            *self.storage.folders,
+            *(posixpath.dirname(name) for name in self.files),
+        }
         if folder not in folders:
             return None
-        inside = [
-            Entry(posixpath.basename(name)) for name in sorted(folders) if _lies_in(name, folder)
-        ]
-        inside += [
-            Entry(posixpath.basename(name), len(make()))
-            for name, make in self.files.items()
-            if _lies_in(name, folder)
-        ]
+        names = sorted(name for name in folders if _lies_in(name, folder))
+        inside = [Entry(posixpath.basename(name)) for name in names]
+        for name, make in self.files.items():
+            if _lies_in(name, folder):
+                inside.append(Entry(posixpath.basename(name), len(make())))
+        for name, content in self.storage.files.items():
+            if _lies_in(name, folder):
+                inside.append(Entry(posixpath.basename(name), len(content)))
         return inside
 
     def content(self, path: str) -> bytes | None:
         """Return a file's bytes, None if it does not exist."""
         plain = path.partition("?")[0]
-        make = self.hidden.get(plain) or self.files.get(_absolute(plain))
-        return None if make is None else make()
+        make = self.hidden.get(plain) or self.files.get(absolute(plain))
+        return self.storage.files.get(absolute(plain)) if make is None else make()
 
 
-def _absolute(path: str) -> str:
+def absolute(path: str) -> str:
+    """Return a path from the root, without dots."""
     return posixpath.normpath("/" + path.lstrip("/"))
 
 

@@ -1,11 +1,12 @@
 """The mission protocol on one link: upload, download, clearing, choice of the current item.
 
-Downloads are stateless, so repeated requests are answered again.
+Repeated requests of a download are answered again.
 Source: https://mavlink.io/en/services/mission.html
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
@@ -53,6 +54,7 @@ class MissionProtocol:
         self._set_current = set_current
         self._home = home
         self._guide = guide
+        self._downloaded_s = -math.inf
         self._upload = upload = MissionUpload(plans, rules)
         self._handlers: dict[str, Callable[[float, Message], list[Reply]]] = {
             "MISSION_COUNT": upload.start,
@@ -83,6 +85,9 @@ class MissionProtocol:
         """Request a missing item again, or give up the upload."""
         return self._upload.advance(now_s)
 
+    def _is_downloading(self, now_s: float) -> bool:
+        return now_s - self._downloaded_s < self._rules.timeout_s
+
     def _note_old(self, message: Message) -> None:
         """Note a message without integer coordinates, which the autopilot warns of."""
         kind = message.mission_type
@@ -107,16 +112,20 @@ class MissionProtocol:
 
     def _cancel(self, _now_s: float, message: Message) -> list[Reply]:
         self._upload.cancel(message)
+        self._downloaded_s = -math.inf
         return []
 
-    def _count(self, _now_s: float, message: Message) -> list[Reply]:
+    def _count(self, now_s: float, message: Message) -> list[Reply]:
         partner = source_of(message)
         kind = message.mission_type
         if kind not in KINDS:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
-        return [("MISSION_COUNT", *partner, len(self._plans.plans[PlanKind(kind)].items), kind)]
+        count = len(self._plans.plans[PlanKind(kind)].items)
+        if count:
+            self._downloaded_s = now_s
+        return [("MISSION_COUNT", *partner, count, kind)]
 
-    def _item(self, _now_s: float, message: Message) -> list[Reply]:
+    def _item(self, now_s: float, message: Message) -> list[Reply]:
         partner = source_of(message)
         kind = message.mission_type
         seq = message.seq
@@ -129,6 +138,8 @@ class MissionProtocol:
             return [acknowledge(partner, MissionResult.INVALID_SEQUENCE, kind)]
         current = int(kind == PlanKind.MISSION and seq == self._plans.current)
         item = items[seq]._replace(seq=seq, current=current)
+        if self._is_downloading(now_s):
+            self._downloaded_s = now_s
         if message.get_type() == "MISSION_REQUEST_INT":
             return [("MISSION_ITEM_INT", *partner, *item, kind)]
         self._note_old(message)
@@ -142,6 +153,8 @@ class MissionProtocol:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
         if self._upload.active or self._upload.busy(now_s, partner):
             return [acknowledge(partner, MissionResult.ERROR, kind)]
+        if self._rules.deaf_in_download and self._is_downloading(now_s):
+            return []
         for plan_kind in PlanKind if kind == ALL_KINDS else (PlanKind(kind),):
             self._plans.set_plan(plan_kind, ())
         return [acknowledge(partner, MissionResult.ACCEPTED, kind)]

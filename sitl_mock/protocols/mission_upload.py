@@ -59,6 +59,7 @@ class MissionRules:
         home_first: Item 0 of a mission is home, even of an empty mission.
         any_radius: A fence circle's radius is not checked (PX4); else a plan with one of 0 or less is refused.
         warns_of_old: MISSION_ITEM and MISSION_REQUEST are answered with a warning, once for each kind of plan.
+        deaf_in_download: MISSION_CLEAR_ALL is not answered while a client downloads.
     """
 
     capacity: Mapping[PlanKind, int]
@@ -71,6 +72,7 @@ class MissionRules:
     home_first: bool = False
     any_radius: bool = False
     warns_of_old: bool = False
+    deaf_in_download: bool = False
 
 
 PX4_MISSION_RULES: Final = MissionRules(
@@ -79,6 +81,7 @@ PX4_MISSION_RULES: Final = MissionRules(
     partial=False,
     cancel_on_timeout=False,
     any_radius=True,
+    deaf_in_download=True,
 )
 """PX4 requests again after 250 ms; with 50 ms, 500 items pass 10 % loss each way within seconds."""
 
@@ -206,11 +209,11 @@ class MissionUpload:
         )
 
     def _repeated(self, message: Message) -> list[Reply]:
-        """Acknowledge the last item of an upload that is finished once more: its answer was lost."""
+        """Answer an item that nobody has requested; the last item of a finished upload: its answer was lost."""
         partner = source_of(message)
-        if self._finished != _Finished(message.mission_type, partner, message.seq):
-            return []
-        return [acknowledge(partner, MissionResult.ACCEPTED, message.mission_type)]
+        is_last = self._finished == _Finished(message.mission_type, partner, message.seq)
+        result = MissionResult.ACCEPTED if is_last else MissionResult.ERROR
+        return [acknowledge(partner, result, message.mission_type)]
 
     def cancel(self, message: Message) -> None:
         """Take a client's MISSION_ACK, which cancels the upload."""

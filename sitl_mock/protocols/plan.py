@@ -205,7 +205,7 @@ def _fence_fault(item: PlanItem) -> MissionResult:
     if item.command not in POLYGONS | CIRCLES | {FENCE_RETURN}:
         return MissionResult.UNSUPPORTED
     if item.command in POLYGONS and not 3.0 <= item.param1 < math.inf:
-        return MissionResult.INVALID_PARAM1
+        return MissionResult.ERROR
     return _place_fault(item)
 
 

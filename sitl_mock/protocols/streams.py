@@ -35,6 +35,7 @@ class StreamRules:
     Attributes:
         fixed: Messages whose rate cannot be changed.
         unknown_interval: Answer to SET_MESSAGE_INTERVAL for an unknown message.
+        empty_request: Answer to a request for a message that has no content yet, as home before its position is known.
         unknown_request: Answer to REQUEST_MESSAGE for one.
         shortest_s: Shortest interval.
         longest_s: Longest interval.
@@ -44,6 +45,7 @@ class StreamRules:
 
     fixed: frozenset[str] = frozenset()
     unknown_interval: Result = Result.FAILED
+    empty_request: Result = Result.DENIED
     unknown_request: Result = Result.DENIED
     shortest_s: float = 0.001
     longest_s: float = 2147.0  # MESSAGE_INTERVAL holds 2^31 µs
@@ -271,8 +273,9 @@ PX4_STREAM_RULES: Final = StreamRules(
 """Old requests: home, PROTOCOL_VERSION, STORAGE_INFORMATION, FLIGHT_INFORMATION."""
 
 ARDUPILOT_STREAM_RULES: Final = StreamRules(
-    unknown_interval=Result.FAILED,
+    unknown_interval=Result.DENIED,
     unknown_request=Result.FAILED,
+    empty_request=Result.ACCEPTED,
     longest_s=60.0,
     groups={
         1: ("RAW_IMU", "SCALED_IMU2", "SCALED_PRESSURE"),

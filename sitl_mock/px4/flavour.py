@@ -28,10 +28,11 @@ from sitl_mock.protocols import (
     PX4_PARAMETER_RULES,
     PX4_STREAM_RULES,
     QUIET_HZ,
+    FileTree,
     PlanStore,
+    Storage,
     px4_identity,
 )
-from sitl_mock.protocols.files import FileTree
 from sitl_mock.px4.commander import Px4
 from sitl_mock.px4.commands import execute
 from sitl_mock.px4.events import event_of
@@ -48,11 +49,12 @@ if TYPE_CHECKING:
 _TYPES = {6: "Int32", 9: "Float"}
 
 
-def files_of(parameters: ParameterStore, _plans: PlanStore) -> FileTree:
+def files_of(parameters: ParameterStore, _plans: PlanStore, storage: Storage) -> FileTree:
     """Return the files of one vehicle."""
     return FileTree(
         {"/etc/extras/parameters.json.xz": partial(_parameter_metadata, parameters)},
         frozenset({"/etc", "/etc/init.d", "/log", "/tmp", "/eeprom"}),
+        storage=storage,
     )
 
 

@@ -95,10 +95,53 @@ def test_row_14_folders_are_listed_and_what_is_not_there_is_not_found(client):
     assert (code, data) == (NAK, b"\x0a")
 
 
-@pytest.mark.parametrize("opcode", [6, 7, 8, 9, 10, 11, 12, 13])
-def test_row_14_nothing_is_written(client, opcode):
-    ((_, code, _, _, data),) = client.ask(opcode, b"/x")
-    assert (code, data) == (NAK, bytes((2, 30)))
+def told(answers):
+    """The first byte of a NAK, or "ok"."""
+    ((_, code, _, _, data),) = answers
+    return "ok" if code == ACK else data[0]
+
+
+def test_a_client_writes_reads_renames_and_removes(client):
+    """As the real PX4 and ArduCopter answer (`python -m tests.witness --only MAVFTP`)."""
+    assert told(client.ask(9, b"/a")) == "ok"
+    assert told(client.ask(9, b"/a")) == 8
+    assert told(client.ask(6, b"/nosuch/x.txt")) == 10
+    assert told(client.ask(6, b"/a/x.txt")) == "ok"
+    assert told(client.ask(7, b"some words")) == "ok"
+    assert told(client.ask(7, b" more", offset=10)) == "ok"
+    assert told(client.ask(1)) == "ok"
+    assert client.read(b"/a/x.txt") == b"some words more"
+    assert client.entries(b"/a") == ["Fx.txt\t15"]
+    assert told(client.ask(10, b"/a")) == 2
+    assert told(client.ask(12, b"/a/x.txt", offset=4)) == "ok"
+    assert told(client.ask(13, b"/a/x.txt\0/a/y.txt")) == "ok"
+    assert told(client.ask(8, b"/a/x.txt")) == 10
+    assert client.read(b"/a/y.txt") == b"some"
+    assert told(client.ask(8, b"/a/y.txt")) == "ok"
+    assert told(client.ask(13, b"/a\0/b")) == "ok"
+    assert told(client.ask(10, b"/b")) == "ok"
+    assert told(client.ask(10, b"/b")) == 10
+
+
+def test_the_vehicles_own_files_are_protected_and_the_storage_is_bounded(client):
+    own = b"/log" if client.vehicle.flavour == "px4" else b"/logs"
+    assert told(client.ask(10, own)) == 9
+    assert told(client.ask(6, b"/big")) == "ok"
+    assert told(client.ask(7, b"x", offset=1 << 30)) == 2
+    assert told(client.ask(12, b"/big", offset=1 << 30)) == 2
+    made = [told(client.ask(9, b"/f%d" % number)) for number in range(250)]
+    assert made.count("ok") == 199
+    assert set(made[199:]) == {2}
+
+
+def test_what_a_client_wrote_outlives_a_reboot():
+    client = Client("px4")
+    client.ask(6, b"/kept.txt")
+    client.ask(7, b"words")
+    client.send("COMMAND_LONG", 1, 1, 246, 0, 1, 0, 0, 0, 0, 0, 0)
+    client.now_s += 5.0
+    client.vehicle.step(client.now_s)
+    assert client.read(b"/kept.txt") == b"words"
 
 
 def test_row_14_arducopters_packed_parameters_are_those_of_the_parameter_protocol():

@@ -212,7 +212,21 @@ def test_a_client_that_missed_the_last_acknowledgement_gets_it_again(wire, vehic
     (ack,) = send_item(client, waypoint(1))
     acked(ack, MissionResult.ACCEPTED)
     assert plans.mission.revision == 1
-    assert send_item(client, waypoint(0)) == []
+    (ack,) = send_item(client, waypoint(0))
+    acked(ack, MissionResult.ERROR)
+
+
+@pytest.mark.parametrize(
+    ("rules", "answers"), [(PX4_MISSION_RULES, 0), (ARDUPILOT_MISSION_RULES, 1)]
+)
+def test_px4_does_not_clear_while_a_client_downloads(wire, vehicle, rules, answers):
+    client = wire(vehicle(rules))
+    upload(client, [waypoint(0), waypoint(1)])
+    client.send("MISSION_REQUEST_LIST", 1, 1, MISSION)
+    assert len(client.send("MISSION_CLEAR_ALL", 1, 1, MISSION)) == answers
+    client.send("MISSION_ACK", 1, 1, 0, MISSION)
+    (ack,) = client.send("MISSION_CLEAR_ALL", 1, 1, MISSION)
+    acked(ack, MissionResult.ACCEPTED)
 
 
 def test_a_repeated_count_starts_the_upload_again(wire, vehicle, plans):
@@ -336,8 +350,8 @@ def test_more_items_than_fit_are_refused_at_the_count(wire, vehicle, plans, rule
         (waypoint(0, z=math.nan), MISSION, MissionResult.INVALID_PARAM7),
         (waypoint(0, z=math.inf, command=22), MISSION, MissionResult.INVALID_PARAM7),
         (waypoint(0, frame=0, command=16), FENCE, MissionResult.UNSUPPORTED),
-        (waypoint(0, frame=0, command=5001, p1=2.0), FENCE, MissionResult.INVALID_PARAM1),
-        (waypoint(0, frame=0, command=5001, p1=math.nan), FENCE, MissionResult.INVALID_PARAM1),
+        (waypoint(0, frame=0, command=5001, p1=2.0), FENCE, MissionResult.ERROR),
+        (waypoint(0, frame=0, command=5001, p1=math.nan), FENCE, MissionResult.ERROR),
         (waypoint(0, frame=1, command=5003, p1=9.0), FENCE, MissionResult.UNSUPPORTED_FRAME),
         (waypoint(0, frame=0, command=5001, p1=3.0), FENCE, MissionResult.INVALID),
         (waypoint(0, command=16), RALLY, MissionResult.UNSUPPORTED),
@@ -432,12 +446,13 @@ def test_a_second_client_is_refused_on_any_link_while_the_first_uploads(wire, ve
     first_link = vehicle()
     first = wire(first_link)
     first.send("MISSION_COUNT", 1, 1, 3, MISSION)
-    for other in (wire(first_link, client=(1, 195)), wire(vehicle(), client=(1, 195))):
+    others = (wire(first_link, client=(1, 195)), wire(vehicle(), client=(1, 195)))
+    for other, stray_answers in zip(others, (0, 1), strict=True):
         (ack,) = other.send("MISSION_COUNT", 1, 1, 1, MISSION)
         assert (ack.type, ack.target_system, ack.target_component) == (MissionResult.ERROR, 1, 195)
         (ack,) = other.send("MISSION_CLEAR_ALL", 1, 1, MISSION)
         assert ack.type == MissionResult.ERROR
-        assert send_item(other, waypoint(0)) == []
+        assert len(send_item(other, waypoint(0))) == stray_answers
     (ack,) = wire(vehicle(ARDUPILOT_MISSION_RULES)).send(
         "MISSION_WRITE_PARTIAL_LIST", 1, 1, 0, 0, MISSION
     )

@@ -1,0 +1,155 @@
+"""A ground station on one vehicle's link: pymavlink underneath, a HEARTBEAT each second, and waits that end."""
+
+import os
+import time
+from collections.abc import Callable
+from typing import Any, Self
+
+os.environ["MAVLINK20"] = "1"  # before the import of mavutil, which otherwise speaks MAVLink 1
+
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import all as dialect
+
+ANSWER_S = 3.0
+"""Longest wait for an answer; the real autopilots answer within 0.5 s."""
+READY_S = 120.0
+"""Longest wait for a simulator to know its position."""
+GROUND_STATION = 255
+
+
+def address_of(url: str) -> str:
+    """Return pymavlink's form of MAVSDK's URL: ``udpin:127.0.0.1:14540``."""
+    scheme, _, place = url.partition("://")
+    return f"{'tcp' if scheme == 'tcpout' else scheme}:{place}"
+
+
+class Client:
+    """Talks to the autopilot at a URL; use it as a context manager."""
+
+    def __init__(self, url: str) -> None:
+        self._link = mavutil.mavlink_connection(address_of(url), source_system=GROUND_STATION)
+        self._beaten_s = 0.0
+        self.send = self._link.mav
+        heartbeat = self._link.wait_heartbeat(timeout=30.0)
+        if heartbeat is None:
+            raise TimeoutError(f"{url}: no HEARTBEAT within 30 s")
+        self.system = heartbeat.get_srcSystem()
+        self.component = 1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._link.close()
+
+    def receive(self, seconds: float) -> Any | None:
+        """Return the next message of the autopilot, or None after some seconds."""
+        end_s = time.monotonic() + seconds
+        while (left_s := end_s - time.monotonic()) > 0.0:
+            self._beat()
+            message = self._link.recv_match(blocking=True, timeout=min(left_s, 0.2))
+            if message is None or message.get_type() == "BAD_DATA":
+                continue
+            if (message.get_srcSystem(), message.get_srcComponent()) == (
+                self.system,
+                self.component,
+            ):
+                return message
+        return None
+
+    def wait(
+        self,
+        names: str,
+        condition: Callable[[Any], bool] = lambda _: True,
+        seconds: float = ANSWER_S,
+    ) -> Any | None:
+        """Return the first message of some names (divided by spaces) that meets a condition, or None."""
+        end_s = time.monotonic() + seconds
+        while (left_s := end_s - time.monotonic()) > 0.0:
+            message = self.receive(left_s)
+            if message is not None and message.get_type() in names.split() and condition(message):
+                return message
+        return None
+
+    def gather(self, names: str, seconds: float) -> list[Any]:
+        """Return all messages of some names within some seconds."""
+        end_s = time.monotonic() + seconds
+        gathered = []
+        while (left_s := end_s - time.monotonic()) > 0.0:
+            message = self.receive(left_s)
+            if message is not None and message.get_type() in names.split():
+                gathered.append(message)
+        return gathered
+
+    def command(self, number: int, *parameters: float, whole: bool = False) -> str:
+        """Send COMMAND_LONG, or COMMAND_INT if `whole`; return the answer's result in words."""
+        filled = [*parameters, *[0.0] * (7 - len(parameters))]
+        if whole:
+            self.send.command_int_send(
+                self.system,
+                self.component,
+                0,
+                number,
+                0,
+                0,
+                *filled[:4],
+                int(filled[4]),
+                int(filled[5]),
+                filled[6],
+            )
+        else:
+            self.send.command_long_send(self.system, self.component, number, 0, *filled)
+        answer = self.wait("COMMAND_ACK", lambda message: message.command == number)
+        return "no answer" if answer is None else result_name(answer.result)
+
+    def wait_for_home(self) -> None:
+        """Wait until the autopilot has a home, which it sets when its position is known."""
+        end_s = time.monotonic() + READY_S
+        while time.monotonic() < end_s:
+            self.send.command_long_send(self.system, self.component, 410, 0, 0, 0, 0, 0, 0, 0, 0)
+            if self.wait("HOME_POSITION", seconds=1.0) is not None:
+                return
+        raise TimeoutError(f"no home within {READY_S:.0f} s")
+
+    def request(self, message_id: int, argument: float = 0.0) -> str:
+        """Request one message; return the answer's result in words and whether the message came."""
+        name = dialect.mavlink_map[message_id].msgname if message_id in dialect.mavlink_map else ""
+        self.send.command_long_send(
+            self.system, self.component, 512, 0, message_id, argument, 0, 0, 0, 0, 0
+        )
+        end_s = time.monotonic() + ANSWER_S
+        result = ""
+        has_come = False
+        while time.monotonic() < end_s and not (result and (has_come or result != "accepted")):
+            message = self.receive(end_s - time.monotonic())
+            if message is None:
+                break
+            if message.get_type() == "COMMAND_ACK" and message.command == 512:
+                result = result_name(message.result)
+            has_come = has_come or message.get_type() == name
+        came = " and sent" if has_come and result == "accepted" else ""
+        return f"{result or 'no answer'}{came}"
+
+    def set_parameter(self, name: str, value: float, kind: int) -> None:
+        """Set a parameter and wait for its echo."""
+        self.send.param_set_send(self.system, self.component, name.encode(), value, kind)
+        self.wait("PARAM_VALUE", lambda message: message.param_id == name)
+
+    def _beat(self) -> None:
+        now_s = time.monotonic()
+        if now_s - self._beaten_s > 1.0:
+            self._beaten_s = now_s
+            self.send.heartbeat_send(6, 8, 0, 0, 4)
+
+
+def result_name(result: int) -> str:
+    """Return a command's result in words: ``temporarily rejected``."""
+    return enum_name("MAV_RESULT", result, "MAV_RESULT_")
+
+
+def enum_name(enumeration: str, value: int, prefix: str) -> str:
+    """Return the name of an enumeration's value, without its prefix and in small letters."""
+    entry = dialect.enums[enumeration].get(value)
+    return (
+        str(value) if entry is None else entry.name.removeprefix(prefix).replace("_", " ").lower()
+    )
