@@ -10,20 +10,22 @@ Preflight:
     Preflight, Wants: requirements of the configuration. Finding: one row of the result, with a `Verdict`.
 """
 
-from importlib.metadata import entry_points
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator
 
 from guidance.autopilots.arducopter import ARDUCOPTER, ROVER
 from guidance.autopilots.description import Autopilot, Bound, Mode, Version
 from guidance.autopilots.px4 import PX4
 from guidance.autopilots.rules import Finding, Preflight, Verdict, Wants
-from guidance.errors import ConfigError
+from guidance.registry import Registry
 
-ENTRY_POINTS = "pursuit_guidance.autopilots"
-
-AUTOPILOTS: dict[str, Autopilot] = {PX4.name: PX4, ARDUCOPTER.name: ARDUCOPTER}
+AUTOPILOTS: Registry[Autopilot] = Registry(
+    "autopilot",
+    "autopilot",
+    "pursuit_guidance.autopilots",
+    {PX4.name: PX4, ARDUCOPTER.name: ARDUCOPTER},
+)
 """The autopilots that can be flown, by name. Add one with `register`."""
 
 
@@ -36,10 +38,7 @@ def register(autopilot: Autopilot) -> None:
     Raises:
         ConfigError: If another autopilot has this name.
     """
-    if AUTOPILOTS.setdefault(autopilot.name, autopilot) is not autopilot:
-        raise ConfigError(
-            f"autopilot {autopilot.name!r}: another one has this name; choose a new name"
-        )
+    AUTOPILOTS.add(autopilot.name, autopilot)
 
 
 def autopilot_named(name: str) -> Autopilot:
@@ -48,12 +47,7 @@ def autopilot_named(name: str) -> Autopilot:
     Raises:
         ConfigError: If there is none.
     """
-    if name not in AUTOPILOTS:
-        for installed in entry_points(group=ENTRY_POINTS, name=name):
-            register(installed.load())
-    if name not in AUTOPILOTS:
-        raise ConfigError(f"autopilot = {name!r}: allowed are {', '.join(AUTOPILOTS)}")
-    return AUTOPILOTS[name]
+    return AUTOPILOTS.named(name)
 
 
 def autopilots_of(autopilot_id: int) -> tuple[Autopilot, ...]:
@@ -63,16 +57,9 @@ def autopilots_of(autopilot_id: int) -> tuple[Autopilot, ...]:
     )
 
 
-def _registered(name: str) -> str:
-    try:
-        return autopilot_named(name).name
-    except ConfigError:
-        raise ValueError(f"must be one of {', '.join(AUTOPILOTS)}") from None
-
-
-_NAMES = Field(json_schema_extra=lambda schema: schema.update(enum=list(AUTOPILOTS)))
-
-AutopilotName = Annotated[str, AfterValidator(_registered), _NAMES]
+AutopilotName = Annotated[
+    str, AfterValidator(AUTOPILOTS.checked_name), AUTOPILOTS.names_in_schema()
+]
 """Type of a key that names an autopilot."""
 
 __all__ = [

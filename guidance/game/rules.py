@@ -6,25 +6,14 @@ forgets would silently be another game. So every part of `Rules` has to be given
 
 from typing import Annotated, NamedTuple
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator
 
-from guidance.errors import ConfigError
 from guidance.game.arrays import Plane, Real
 from guidance.game.extent import Extent
 from guidance.game.game import Game, StandOff
 from guidance.game.speed_sets import SPEED_SETS, SpeedSet, speed_set_named
 
-
-def _registered(name: str) -> str:
-    try:
-        return speed_set_named(name).name
-    except ConfigError:
-        raise ValueError(f"must be one of {', '.join(SPEED_SETS)}") from None
-
-
-_NAMES = Field(json_schema_extra=lambda schema: schema.update(enum=list(SPEED_SETS)))
-
-SpeedSetName = Annotated[str, AfterValidator(_registered), _NAMES]
+SpeedSetName = Annotated[str, AfterValidator(SPEED_SETS.checked_name), SPEED_SETS.names_in_schema()]
 """Type of a key that names a speed set."""
 
 

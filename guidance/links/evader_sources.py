@@ -6,10 +6,9 @@ imported only when a source that uses it is opened.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from typing import Annotated, Final, Literal, NamedTuple
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator
 
 from guidance.errors import ConfigError
 from guidance.frames import LocalFrame
@@ -19,8 +18,7 @@ from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.port import Clock, EvaderSource, Wire
 from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
 from guidance.messages import Datum
-
-ENTRY_POINTS: Final = "pursuit_guidance.evader_sources"
+from guidance.registry import Registry
 
 COMMON_KEYS: Final = frozenset({"kind", "url", "timeout_s", "second_source", "speed_m_s"})
 """Keys of `[evader]` that every kind takes; `speed_m_s` belongs to the evaders of a team."""
@@ -225,7 +223,12 @@ _BUILT_IN: Final = (
     ROS_ODOMETRY,
 )
 
-EVADER_KINDS: Final[dict[str, EvaderKind]] = {kind.name: kind for kind in _BUILT_IN}
+EVADER_KINDS: Final[Registry[EvaderKind]] = Registry(
+    "evader source",
+    "evader.kind",
+    "pursuit_guidance.evader_sources",
+    {kind.name: kind for kind in _BUILT_IN},
+)
 """The kinds of sources, by name. Add one with `register`."""
 
 
@@ -238,10 +241,7 @@ def register(kind: EvaderKind) -> None:
     Raises:
         ConfigError: If another kind has this name.
     """
-    if EVADER_KINDS.setdefault(kind.name, kind) is not kind:
-        raise ConfigError(
-            f"evader source {kind.name!r}: another one has this name; choose a new name"
-        )
+    EVADER_KINDS.add(kind.name, kind)
 
 
 def evader_kind(name: str) -> EvaderKind:
@@ -250,22 +250,10 @@ def evader_kind(name: str) -> EvaderKind:
     Raises:
         ConfigError: If there is none.
     """
-    if name not in EVADER_KINDS:
-        for installed in entry_points(group=ENTRY_POINTS, name=name):
-            register(installed.load())
-    if name not in EVADER_KINDS:
-        raise ConfigError(f"evader.kind = {name!r}: allowed are {', '.join(EVADER_KINDS)}")
-    return EVADER_KINDS[name]
+    return EVADER_KINDS.named(name)
 
 
-def _registered(name: str) -> str:
-    try:
-        return evader_kind(name).name
-    except ConfigError:
-        raise ValueError(f"must be one of {', '.join(EVADER_KINDS)}") from None
-
-
-_NAMES = Field(json_schema_extra=lambda schema: schema.update(enum=list(EVADER_KINDS)))
-
-EvaderKindName = Annotated[str, AfterValidator(_registered), _NAMES]
+EvaderKindName = Annotated[
+    str, AfterValidator(EVADER_KINDS.checked_name), EVADER_KINDS.names_in_schema()
+]
 """Type of a key that names a kind of source."""

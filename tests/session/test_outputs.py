@@ -1,5 +1,7 @@
 """An output of a flight from outside the package: one class and one call of `register`."""
 
+from copy import copy
+
 import pytest
 
 from guidance.errors import ConfigError
@@ -38,7 +40,7 @@ def witnesses(monkeypatch):
         broken.append(Broken())
         return broken[-1]
 
-    monkeypatch.setattr(outputs, "OUTPUTS", dict(outputs.OUTPUTS))
+    monkeypatch.setattr(outputs, "OUTPUTS", copy(outputs.OUTPUTS))
     outputs.register("defective", defective)
     outputs.register("nothing", lambda _: None)
     outputs.register("witness", witness)

@@ -14,16 +14,17 @@ Examples:
     Ball(speed_m_s=12.0)
 """
 
-from importlib.metadata import entry_points
-
-from guidance.errors import ConfigError
 from guidance.game.speed_sets.ball import Ball
 from guidance.game.speed_sets.cylinder import Cylinder
 from guidance.game.speed_sets.speed_set import Planar, Short, SpeedSet, bounded
+from guidance.registry import Registry
 
-ENTRY_POINTS = "pursuit_guidance.speed_sets"
-
-SPEED_SETS: dict[str, type[SpeedSet]] = {Ball.name: Ball, Cylinder.name: Cylinder}
+SPEED_SETS: Registry[type[SpeedSet]] = Registry(
+    "speed set",
+    "speed_set",
+    "pursuit_guidance.speed_sets",
+    {Ball.name: Ball, Cylinder.name: Cylinder},
+)
 """The speed sets that files can name. Add one with `register`."""
 
 
@@ -36,8 +37,7 @@ def register(kind: type[SpeedSet]) -> None:
     Raises:
         ConfigError: another speed set has this name.
     """
-    if SPEED_SETS.setdefault(kind.name, kind) is not kind:
-        raise ConfigError(f"speed set {kind.name!r}: another one has this name; choose a new name")
+    SPEED_SETS.add(kind.name, kind)
 
 
 def speed_set_named(name: str) -> type[SpeedSet]:
@@ -46,12 +46,7 @@ def speed_set_named(name: str) -> type[SpeedSet]:
     Raises:
         ConfigError: there is none.
     """
-    if name not in SPEED_SETS:
-        for installed in entry_points(group=ENTRY_POINTS, name=name):
-            register(installed.load())
-    if name not in SPEED_SETS:
-        raise ConfigError(f"speed_set = {name!r}: allowed are {', '.join(SPEED_SETS)}")
-    return SPEED_SETS[name]
+    return SPEED_SETS.named(name)
 
 
 __all__ = [

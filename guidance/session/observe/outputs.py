@@ -6,21 +6,18 @@ does not want it.
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, closing
-from importlib.metadata import entry_points
 from typing import Final, NamedTuple
 
 from guidance.clock import Clock
-from guidance.errors import ConfigError
 from guidance.links.ground_link import GroundLink
 from guidance.links.port import VehicleLink
 from guidance.links.zenoh_wire import Session
 from guidance.log.broadcast import Broadcast
 from guidance.log.sink import Sink
+from guidance.registry import Registry
 from guidance.session.observe.ground_station import GroundStationOutput
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Config, RosSection
-
-ENTRY_POINTS: Final = "pursuit_guidance.outputs"
 
 
 class OutputOrder(NamedTuple):
@@ -79,11 +76,16 @@ def _open_ground_station(order: OutputOrder) -> Sink | None:
     return GroundStationOutput(order.ground_link, order.mailbox, announce=announce)
 
 
-OUTPUTS: Final[dict[str, OpenOutput]] = {
-    "broadcast": _open_broadcast,
-    "ros": _open_ros,
-    "ground station": _open_ground_station,
-}
+OUTPUTS: Final[Registry[OpenOutput]] = Registry(
+    "output",
+    "output",
+    "pursuit_guidance.outputs",
+    {
+        "broadcast": _open_broadcast,
+        "ros": _open_ros,
+        "ground station": _open_ground_station,
+    },
+)
 """How outputs open, by name. Add one with `register`."""
 
 
@@ -95,8 +97,7 @@ def register(name: str, open_output: OpenOutput) -> None:
     Raises:
         ConfigError: If another output has this name.
     """
-    if OUTPUTS.setdefault(name, open_output) is not open_output:
-        raise ConfigError(f"output {name!r}: another one has this name; choose a new name")
+    OUTPUTS.add(name, open_output)
 
 
 def open_outputs(order: OutputOrder, stack: ExitStack) -> list[Sink]:
@@ -105,8 +106,7 @@ def open_outputs(order: OutputOrder, stack: ExitStack) -> list[Sink]:
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    for installed in entry_points(group=ENTRY_POINTS):
-        register(installed.name, installed.load())
+    OUTPUTS.load()
     sinks = list[Sink]()
     for open_output in OUTPUTS.values():
         sink = open_output(order)
