@@ -1,4 +1,4 @@
-"""The certificate of a cycle: what the game says, and what this vehicle can promise of it.
+"""The certificate of a cycle: the game's result, and the part of it that this vehicle can promise.
 
 The game's value and winner are theorems about players that change their velocity at once. The promises for this vehicle
 (`time_needed_s`, `assured_distance_m`, `vehicle_winner`) take its velocity, its acceleration and the speed that it has
@@ -130,7 +130,7 @@ class Certificate(NamedTuple):
 
 
 class Course(StrEnum):
-    """What the vehicle flies, and why."""
+    """The vehicle's course, and the reason for it."""
 
     SOLUTION = "solution"
     """The game's solution."""
@@ -145,7 +145,7 @@ class Certified(NamedTuple):
 
     Attributes:
         solution: The game's solution from here.
-        course: What the vehicle flies.
+        course: Where it flies.
         velocity_m_s: The velocity of that course, in the game frame.
         certificate: The certificate without a command.
     """
@@ -162,9 +162,9 @@ def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Vector |
     In PE that value is a capture time. In TAD it is another game, with the speed that the vehicle has shown.
 
     Args:
-        game: What is played, at the speed that the vehicle reaches.
+        game: The present game, at the speed that the vehicle reaches.
         players: From where.
-        vehicle: What it can do.
+        vehicle: Its limits and accelerations.
         before_m_s: The pursuer's optimal velocity of the last cycle, None at the first.
     """
     P = players.pursuer_m
@@ -202,9 +202,9 @@ def _pursuit_s(  # noqa: PLR0914
     from below, the vehicle needs its full speed. A descent that is slower than commanded counts as a longer one.
 
     Args:
-        game: What is played.
+        game: The present game.
         players: From where.
-        vehicle: What it can do.
+        vehicle: Its limits and accelerations.
         desired_m_s: Velocity of the game's solution.
         reaction_s: Time for which the vehicle keeps its present velocity before it accelerates.
     """
@@ -311,7 +311,7 @@ def _course(
     ahead: Guard,
     trusted_m_s: float,
 ) -> tuple[Course, Vector]:
-    """Return what the vehicle flies in TAD, and its velocity."""
+    """Return the vehicle's course in TAD, and its velocity."""
     course = Course.SOLUTION
     velocity_m_s = solution.pursuer_velocity_m_s
     if abs(players.gaps.height_m) > vehicle.tolerance_m:

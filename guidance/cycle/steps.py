@@ -240,11 +240,11 @@ def game_played(
 
 
 class Aim(NamedTuple):
-    """What the pursuer's strategy asks for.
+    """The velocity of the pursuer's strategy.
 
     Attributes:
         certified: The game from here, seen from this vehicle.
-        nominal_ned_m_s: Velocity asked for, at the configured speed.
+        nominal_ned_m_s: This velocity at the configured speed.
         hurried: Whether it is the game's full speed. A vehicle that waits or guards has time to spare.
         memory: Of the strategy.
     """
@@ -271,7 +271,7 @@ def _aim(
         settings: Of the cycle.
         memory: Of the cycle.
         dt_s: Time since the last cycle.
-        own_m_s: What the user's policy asks for, if the strategy is one.
+        own_m_s: The velocity of the user's policy, if the strategy is one.
     """
     certified = _certified(game, players, settings, memory)
     asked_m_s = certified.velocity_m_s
@@ -328,7 +328,7 @@ def _ask_strategy(
 
 
 def _ask_own(ask: Ask | None, game: Game, players: Players, memory: StrategyMemory) -> Vector | str:
-    """Return the velocity that the user's policy asks for, in the game frame; or why there is none."""
+    """Return the velocity of the user's policy, in the game frame, or the reason that there is none."""
     if ask is None:
         return "there is no policy here to ask"
     last_m_s = np.zeros(3) if memory.velocity_m_s is None else memory.velocity_m_s
@@ -365,10 +365,10 @@ def _follow(
     settings: CycleSettings,
     memory: CycleMemory,
 ) -> Flight:
-    """Step 4: make the vehicle follow what the strategy asks for, and compare it with what was flown.
+    """Step 4: make the vehicle follow the strategy's velocity, and compare it with the one flown.
 
     Args:
-        aim: What the strategy asks for.
+        aim: The strategy's velocity.
         gaps: Distances to the evader's disc.
         evader_speed_m_s: Bound of the evader's speed.
         inputs: Of the cycle.

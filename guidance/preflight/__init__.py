@@ -130,7 +130,7 @@ class PreflightMemory:
     def requests(self, now_s: float) -> tuple[Request, ...]:
         """Request the fence, the version and missing parameters, the last two every `ASK_AGAIN_S`.
 
-        The parameters' names depend on the version, so it is asked for first.
+        The parameters' names depend on the version, so the version is requested first.
         """
         if Heartbeat not in self._arrivals:
             return ()
@@ -154,7 +154,7 @@ class PreflightMemory:
         self._asked_s = -math.inf
 
     def read_fence_again(self) -> None:
-        """Read the uploaded fence from the beginning, because somebody may have uploaded another one."""
+        """Read the uploaded fence from the beginning, because it may have been replaced."""
         self._fence.begin()
 
     def fence_read_since(self, moment_s: float) -> bool:
@@ -187,7 +187,7 @@ class PreflightMemory:
         return all(name in self._parameters for name in self._names)
 
     def settled(self, now_s: float) -> bool:
-        """Whether everything was read, or was asked for so long that it may never be."""
+        """Whether reading is finished: everything is here, or the requests have waited too long for it."""
         if self._begun_s is None:
             return False
         if self.complete and self.fence_known:
@@ -443,9 +443,9 @@ def engage_rows(
     """Judge the needed parameters and the uploaded fence as they were read again; an unknown one was not answered.
 
     Args:
-        facts: What was read.
+        facts: The answers so far.
         autopilot: The vehicle's autopilot.
-        wants: What the configuration demands.
+        wants: The configuration's demands.
         unread_fence: How far the fence was read again, if it was not read to its end.
     """
     version = _version_of(autopilot, facts.version)
@@ -487,7 +487,7 @@ def _version_row(firmware: AutopilotVersion | None, autopilot: Autopilot) -> Fin
 def quantities_read(
     parameters: Mapping[str, float], version: Version, uploaded: Uploaded
 ) -> dict[str, float]:
-    """Return what was read, by quantity and in its unit."""
+    """Return the values read, by quantity and in its unit."""
     quantities: dict[str, float] = {
         rule.quantity: parameters[rule.name] * rule.unit
         for rule in version.rules
@@ -535,9 +535,9 @@ def changes(
     One change can require another (a return height below a fence that was off), so the rules are applied repeatedly.
 
     Args:
-        facts: What was read.
+        facts: The answers so far.
         autopilot: The vehicle's autopilot.
-        wants: What the configuration demands.
+        wants: The configuration's demands.
         advised: Whether to change parameters with a warning, too.
     """
     version = _version_of(autopilot, facts.version)
