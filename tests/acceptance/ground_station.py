@@ -39,6 +39,9 @@ HEIGHT_M = 8.0
 AWAY_M = 40.0
 READY_WITHIN_S = 120.0
 FLOWN_WITHIN_S = 60.0
+HEARD_BEFORE_S = 2.5
+"""A station's signed HEARTBEATs come before its first order: the disk has a bound on its timestamps then."""
+
 QGC = (255, 190)
 HOLD, _, LAND, START, ENGAGE = ORDERS
 _METRES_PER_DEGREE = 111_320.0
@@ -379,6 +382,7 @@ def fly_signed(autopilot: str, vehicle_url: str, station_url: str, folder: Path)
 def _order_signed(station: Station, key: bytes, tell: _Told) -> None:
     ready = station.hears("ready", READY_WITHIN_S)
     tell("it hears that guidance is ready", station.texts[-1:], held=ready)
+    time.sleep(HEARD_BEFORE_S)
     station.sign_with(None)
     result = station.order(START, within_s=2.0)
     tell("START unsigned: no answer", result, held=result is None)
