@@ -1,4 +1,6 @@
-"""A ROS 2 node on a Zenoh session, by the conventions of rmw_zenoh (Jazzy and later): ROS 2 sees it as one of its own.
+"""A ROS 2 node on a Zenoh session, by the conventions of rmw_zenoh: ROS 2 sees it as one of its own.
+
+The versions 0.2.4 (Jazzy), 0.6.0 (Kilted) and later have these attachments.
 
 * Key of a topic or service: `<domain>/<name>/<type in DDS>/<hash of the type>`.
 * Liveliness tokens below `@ros2_lv` tell the ROS graph of the node, its publishers and its services.
