@@ -448,10 +448,13 @@ def _along(
     beside = cross2(line.along, plus2(rivals.pursuer, -1.0, line.begin))
     # From the inside of an edge, others are closer. A segment is seen from both sides.
     visible = (outside > 0.0) | line.is_open
-    if not xp.differentiates:
+    if xp is not NUMPY or not rivals.plain:
         visible = visible & _may_beat(xp, line, ends, rivals, best)
     enclosed = visible & (slopes[0] < 0.0) & (slopes[1] > 0.0)
-    near = visible & _is_near(xp, rivals, abs(outside), abs(beside))
+    if rivals.drift is None or xp.differentiates:
+        near = visible & _is_near(xp, rivals, abs(outside), abs(beside))
+    else:
+        near = visible & (_has_one_minimum(xp, line, ends, rivals, rivals.drift) == 0)
     nowhere = Point((0.0, 0.0), NOWHERE.margin)
     if not xp.any(enclosed | near):
         return nowhere
@@ -487,6 +490,30 @@ def _may_beat(
         slower = rivals.u if rivals.wind is None else rivals.u - pair_length(rivals.wind)
         least = least - (pair_length(rivals.drift) / slower) * (between - soonest)
     return least < best
+
+
+def _has_one_minimum(
+    xp: Library, line: Line, ends: tuple[Judged, Judged], rivals: Rivals, drift: Plane
+) -> Truth:
+    """Return whether the margin within a line of a drifting target surely has one minimum at most.
+
+    With the evader's run A and the pursuer's distance B, a position where the slope is zero is a minimum if
+    B (u − ‖w‖) > A (v + ‖w‖), with the drift w. If that holds everywhere, there is no maximum between two minima. Both
+    times have to be positive everywhere.
+    """
+    pace = pair_length(drift)
+    v = rivals.v
+    if rivals.wind is not None:
+        return line.length < 0.0
+    first, last = ends
+    arrivals = first.arrival + last.arrival
+    longest = v * xp.maximum(first.arrival, last.arrival) + rivals.lag
+    guards = arrivals - (first.margin + last.margin)
+    # The place where the evader meets the target moves at most this far along the line
+    moved = line.length * (v / (v - pace))
+    closest = 0.5 * (rivals.u * guards - moved)
+    away = (closest > 0.0) & (is_zero(rivals.lag) | (arrivals * (v - pace) > line.length))
+    return away & ((closest + rivals.capture) * (rivals.u - pace) > longest * (v + pace))
 
 
 def _seen(xp: Library, line: Line, slopes: tuple[Real, Real], near: Truth, rivals: Rivals) -> Point:

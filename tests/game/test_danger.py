@@ -202,6 +202,24 @@ def test_a_moving_disc_is_lost_where_the_evader_meets_it_first():
     assert float(answer.margin_s) == pytest.approx(-0.467, abs=1e-3)
 
 
+def test_an_evader_that_may_be_at_a_moving_side_already_has_the_least_margin_along_it():
+    game = Game(
+        Cylinder(12.0, 3.0, 1.5),
+        3.0,
+        0.2,
+        DISC,
+        information_age_s=0.4,
+        target_velocity_m_s=(1.5, -1.0),
+    )
+    P = [-23.55, 24.28, 4.88]
+    E = [13.53, -7.36, 0.0]
+    T = np.array([1.78, -7.3, 0.0])
+    shaped = replace(game, target_extent=Extent(QUAD))
+    along_first_side = np.linspace(0.0, 15.0, 1501)[:, None] * np.array([1.0, 0.0, 0.0])
+    tried = solve(game, P, E, T + along_first_side).margin_s
+    assert solve(shaped, P, E, T).margin_s <= tried.min() + 1e-9
+
+
 @pytest.mark.parametrize("size_m", [1e4, 1e6, 1e7])
 def test_a_large_shape_has_the_answer_of_its_nearest_edge(size_m):
     near = 100.0
