@@ -249,7 +249,7 @@ def _direction_of_stop(
     stop_east_m = about_m[1] + velocity_ned_m_s[1] * seconds
     away_m = math.hypot(stop_north_m, stop_east_m)
     if away_m == 0.0:
-        return STILL, 0.0
+        return STILL, away_m
     return (stop_north_m / away_m, stop_east_m / away_m, 0.0), away_m
 
 

@@ -95,6 +95,23 @@ def test_at_home_and_on_the_way_there_too_a_circle_has_its_law(north_m, way_m):
     assert (east, down) == (0.0, 1.0)
 
 
+@pytest.mark.parametrize("asked", [(5.0, -2.0, 3.0), (4.0, 0.5, -1.0), (-2.0, -4.0, 2.0)])
+@pytest.mark.parametrize("braking_m_s2", [1.0, 2.0])
+def test_the_far_side_is_a_wall_across_the_way_to_the_stop_point(asked, braking_m_s2):
+    small = replace(CIRCLE, fence_radius_m=6.0, braking_m_s2=braking_m_s2)
+    radius_m = small.fence_radius_m - small.fence_margin_m
+    north_m, east_m = (-1.5, 2.0)
+    stop_s = small.reaction_s + math.hypot(asked[0], asked[1]) / (2.0 * braking_m_s2)
+    bearing = math.atan2(east_m + asked[1] * stop_s, north_m + asked[0] * stop_s)
+    towards = (math.cos(bearing), math.sin(bearing))
+    room_m = radius_m - north_m * towards[0] - east_m * towards[1]
+    north, east, down = kept(asked, at(north_m, east_m), small)
+    speed = north * towards[0] + east * towards[1]
+    assert speed * small.reaction_s + speed**2 / (2.0 * braking_m_s2) == pytest.approx(room_m)
+    across = asked[1] * towards[0] - asked[0] * towards[1]
+    assert (east * towards[0] - north * towards[1], down) == pytest.approx((across, asked[2]))
+
+
 @given(speeds, speeds, st.floats(0.0, 2 * math.pi), st.floats(0.0, 60.0))
 def test_the_speed_along_the_circle_is_kept(north, east, bearing, distance):
     position = at(distance * math.cos(bearing), distance * math.sin(bearing))
