@@ -2,8 +2,8 @@
 
 mutmut 3 changes one operator, number, argument or word at a time, and a test has to notice. `tests/mutants.toml` lists
 the mutants that no test can notice, each with the reason. The step fails if another one survives, and if a listed one
-does not exist any more or is noticed. A mutant that only changes the letters of a text for people, a string with a
-blank in it, may survive: tests do not repeat texts.
+does not exist any more or is noticed. Its rule `letters` lists the mutants that change only the letters of a text for
+people: tests do not repeat texts.
 
 Each file is mutated in a temporary copy of the project and judged by the tests that concern it (`TESTS`), the fastest
 first, up to the first failure. mutmut switches functions only. What a module computes when it is imported (its tables,
@@ -55,6 +55,7 @@ PREFLIGHT = (
 )
 TESTS: Mapping[str, Sequence[str]] = {
     "guidance/control/braking_law.py": WALLS,
+    "guidance/control/limits.py": ("tests/control/test_envelope.py",),
     "guidance/control/polygon.py": ("tests/control/test_polygon.py", *WALLS),
     "guidance/control/setpoint_limiter.py": LIMITER,
     "guidance/flight/table.py": ("tests/flight/test_table.py",),
@@ -116,6 +117,7 @@ class Outcome(NamedTuple):
     mutants: Counter[Mutant]
     survivors: Mapping[Mutant, str]
     seconds: float
+    processor_s: float
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -140,8 +142,8 @@ def main(arguments: Sequence[str]) -> int:
         worded = [mutant for mutant in outcome.survivors if changes_letters(mutant)]
         print(
             f"{name}: {outcome.mutants.total()} mutants, {len(outcome.survivors)} survive, "
-            f"{len(equivalent)} of them are listed, {len(worded)} change the letters of a text; "
-            f"{outcome.seconds:.0f} s",
+            f"{len(equivalent)} of them are listed and {len(worded)} more by the rule on letters; "
+            f"{outcome.seconds:.0f} s, {outcome.processor_s:.0f} s of processor time",
             flush=True,
         )
         whole = options.only == "*"
@@ -206,6 +208,7 @@ def changes_letters(mutant: Mutant) -> bool:
 def _judged(name: str, jobs: int, pattern: str) -> Outcome:
     """Judge the mutants of one file in a temporary copy of the project."""
     started_s = time.perf_counter()
+    used_s = _processor_s()
     judged: list[tuple[Mutant, str]] = []
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
         copy = Path(folder)
@@ -225,7 +228,14 @@ def _judged(name: str, jobs: int, pattern: str) -> Outcome:
             judged += _judged_functions(copy, name, jobs, pattern)
     mutants = Counter(mutant for mutant, _ in judged)
     survivors = {mutant: reason for mutant, reason in judged if reason}
-    return Outcome(mutants, survivors, time.perf_counter() - started_s)
+    seconds = time.perf_counter() - started_s
+    return Outcome(mutants, survivors, seconds, _processor_s() - used_s)
+
+
+def _processor_s() -> float:
+    """Return the processor time of this process and of its children that have ended."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
 
 
 def _judged_functions(
@@ -266,12 +276,12 @@ def _judged_modules(copy: Path, name: str, jobs: int) -> list[tuple[Mutant, str]
         shutil.copy(copy / "pyproject.toml", folder)
         if not _passes(folder, name, {}):
             raise RuntimeError(f"the tests of {name} fail without a mutant")
-        Path(cache_from_source(folder / name)).unlink()  # of another source
         copies.put(folder)
 
     def judged(mutated: str) -> tuple[Mutant, str]:
         folder = copies.get()
         (folder / name).write_text(mutated, encoding="utf-8")
+        Path(cache_from_source(folder / name)).unlink(missing_ok=True)  # of the mutant before
         passed = _passes(folder, name, {"PYTHONDONTWRITEBYTECODE": "1"})
         copies.put(folder)
         change = _change(MODULE, source.splitlines(), mutated.splitlines())

@@ -100,7 +100,8 @@ def test_at_home_and_on_the_way_there_too_a_circle_has_its_law(north_m, way_m):
 def test_the_far_side_is_a_wall_across_the_way_to_the_stop_point(asked, braking_m_s2):
     small = replace(CIRCLE, fence_radius_m=6.0, braking_m_s2=braking_m_s2)
     radius_m = small.fence_radius_m - small.fence_margin_m
-    north_m, east_m = (-1.5, 2.0)
+    north_m = -1.5
+    east_m = 2.0
     stop_s = small.reaction_s + math.hypot(asked[0], asked[1]) / (2.0 * braking_m_s2)
     bearing = math.atan2(east_m + asked[1] * stop_s, north_m + asked[0] * stop_s)
     towards = (math.cos(bearing), math.sin(bearing))
