@@ -16,7 +16,7 @@ The height has a filter of its own with two states, down and its rate.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from guidance.estimation.measurement import TrackSettings
@@ -188,17 +188,19 @@ class TurnJacobian(NamedTuple):
     east_rate: float
     fade: float
 
-    def times(self, column: Numbers) -> Numbers:
-        """Return the product with a column vector (5,)."""
-        north, east, north_rate, east_rate, turn_rate = column
+    def times(self, columns: Iterable[Numbers]) -> list[Numbers]:
+        """Return the columns of the product with a matrix, which is given by its columns (5,)."""
         sine, cosine, along_s, across_s, _, _ = self.turn
-        return (
-            north + along_s * north_rate - across_s * east_rate + self.north * turn_rate,
-            east + across_s * north_rate + along_s * east_rate + self.east * turn_rate,
-            cosine * north_rate - sine * east_rate + self.north_rate * turn_rate,
-            sine * north_rate + cosine * east_rate + self.east_rate * turn_rate,
-            self.fade * turn_rate,
-        )
+        return [
+            (
+                north + along_s * north_rate - across_s * east_rate + self.north * turn_rate,
+                east + across_s * north_rate + along_s * east_rate + self.east * turn_rate,
+                cosine * north_rate - sine * east_rate + self.north_rate * turn_rate,
+                sine * north_rate + cosine * east_rate + self.east_rate * turn_rate,
+                self.fade * turn_rate,
+            )
+            for north, east, north_rate, east_rate, turn_rate in columns
+        ]
 
 
 def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
@@ -232,10 +234,10 @@ def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal
 def _transformed(jacobian: TurnJacobian, covariance: Numbers) -> list[float]:
     """Return the lower triangle of J P Jᵀ for the lower triangle of P."""
     # P is symmetric, so its rows are its columns, and J times them gives the columns of J P.
-    columns = [jacobian.times([covariance[cell] for cell in cells]) for cells in _ROWS]
-    rows = list(zip(*columns, strict=True))
+    symmetric = [tuple([covariance[cell] for cell in cells]) for cells in _ROWS]
+    rows = zip(*jacobian.times(symmetric), strict=True)
     # The rows of J P are the columns of its transpose, P Jᵀ.
-    transformed = [jacobian.times(row) for row in rows]
+    transformed = jacobian.times(rows)
     return [transformed[row][column] for row, column in _CELLS]
 
 
