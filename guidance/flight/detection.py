@@ -305,7 +305,7 @@ def is_late(vehicle: VehicleState, now_s: float) -> bool:
 
     A position that came in time is too old because nothing arrives; that is lost telemetry.
     """
-    if vehicle.age_s(LocalPosition, now_s) > TELEMETRY_LIMIT_S and vehicle.delay_s > LATE_S:
+    if vehicle.delay_s > LATE_S and vehicle.age_s(LocalPosition, now_s) > TELEMETRY_LIMIT_S:
         return True
     return vehicle.clock.is_late(now_s)
 
@@ -355,7 +355,7 @@ def _telemetry_lost(now: Moment) -> bool:
     if now.now_s - local.received_s > TELEMETRY_LIMIT_S:
         return True
     vehicle = now.heard.vehicle
-    is_old = vehicle.age_s(LocalPosition, now.now_s) > TELEMETRY_LIMIT_S
+    is_old = now.heard.position_age_s > TELEMETRY_LIMIT_S
     return is_old and not vehicle.delay_s > LATE_S
 
 

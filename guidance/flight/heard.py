@@ -100,6 +100,7 @@ class Heard:
         other_beat: The last of them.
         mode: Mode in the last HEARTBEAT.
         foreign: Whether another source commands the vehicle, confirmed by a HEARTBEAT without a pilot's mode.
+        position_age_s: Age of its last position in this cycle; infinite before the first one.
         position_ned_m: Position of the vehicle in the local frame.
         moved_ned_m: Movement of that frame in this cycle.
         cycle: Settings of the guidance cycle, with heights and fences about home.
@@ -132,6 +133,7 @@ class Heard:
         self.other_beat: Heartbeat | None = None
         self.mode: Mode | None = None
         self.foreign = False
+        self.position_age_s = math.inf
         self.position_ned_m: Vector | None = None
         self.moved_ned_m = NOWHERE
         self.cycle = settings.cycle
@@ -201,7 +203,8 @@ class Heard:
                 self.cycle, game=replace(game, evader_speed_m_s=speed_m_s, standoff=disc)
             )
         self.vehicle_says(inputs.messages)
-        self._react_late(now_s)
+        self.position_age_s = self.vehicle.age_s(LocalPosition, now_s)
+        self._react_late()
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         was_foreign = self.echo.foreign if self.beats else False
         self.echo.hear(
@@ -231,12 +234,12 @@ class Heard:
         is_low = status.battery_remaining < self.battery_needed
         self.low_battery_reports = self.low_battery_reports + 1 if is_low else 0
 
-    def _react_late(self, now_s: float) -> None:
+    def _react_late(self) -> None:
         """Add a position's age beyond the ordinary to the reaction time, by which the vehicle brakes before every wall.
 
         The age counts from the measurement: the delay of the link, and the silence since the last position.
         """
-        late_s = _beyond_ordinary(self.vehicle.age_s(LocalPosition, now_s))
+        late_s = _beyond_ordinary(self.position_age_s)
         if late_s != self._late_s:
             self._late_s = late_s
             reaction_s = self._settings.cycle.envelope.reaction_s + late_s

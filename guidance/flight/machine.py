@@ -24,7 +24,7 @@ from guidance.flight.table import (
     State,
 )
 from guidance.flight.tracking import NOWHERE, Tracking
-from guidance.messages import LocalPosition, Setpoint
+from guidance.messages import Setpoint
 from guidance.strategies.own import Ask
 from guidance.vehicle import VehicleState
 
@@ -331,8 +331,8 @@ class Flight:
         view = heard.seen
         if view is None and needs_setpoint:
             view = heard.view(now_s)
-        age_s = heard.vehicle.age_s(LocalPosition, now_s)
-        if needs_setpoint and view is not None and age_s <= TELEMETRY_LIMIT_S:
+        is_fresh = heard.position_age_s <= TELEMETRY_LIMIT_S
+        if needs_setpoint and view is not None and is_fresh:
             setpoint = self._playing.setpoint(view, heard, state, now_s)
         if setpoint is None or inviting:
             heard.echo.silent()  # while inviting, the autopilot reports setpoints of its own mode

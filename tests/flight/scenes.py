@@ -150,6 +150,7 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
     """Return a context without events except for the changes."""
     heard = Heard(settings)
     heard.vehicle = well() if vehicle is None else vehicle
+    heard.position_age_s = heard.vehicle.age_s(LocalPosition, NOW_S)
     heartbeat = heard.vehicle.latest.get(Heartbeat)
     heard.mode = None if heartbeat is None else settings.autopilot.mode_of(heartbeat.custom_mode)
     heard.dt_s = changes.pop("dt_s", 0.02)
