@@ -20,7 +20,9 @@ from guidance.links.opening import Found, find_autopilot, open_wire
 from guidance.links.port import Wire
 from guidance.links.udp import UdpWire
 
-PILOT = (255, 190)
+PILOT = (254, 190)
+"""Another sender than the ground stations: an autopilot forwards nobody's HEARTBEAT to a link where it heard him."""
+
 HOME_POSITION = 242
 ARMED = 128
 SET_UP = {
