@@ -13,6 +13,7 @@ from typer.main import get_command
 from guidance.cli.program import app as guidance
 from sitl_mock.cli import app as sitl_mock
 from tests.__main__ import STEPS
+from tests.bench.follow_report import NAMES, flights, page_table, readme_table
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -71,6 +72,14 @@ def test_every_row_of_its_safety_table_names_a_test_that_exists():
         assert any(row.startswith(promise) for promise, _, _ in tested), row
     for promise, file, test in tested:
         assert f"def {test}(" in (ROOT / file).read_text(encoding="utf-8"), promise
+
+
+def test_its_comparison_with_follow_modes_is_what_was_recorded():
+    flown = flights()
+    assert readme_table(flown) in README
+    page = (ROOT / "docs" / "explanation" / "follow.md").read_text(encoding="utf-8")
+    for autopilot in NAMES:
+        assert page_table(flown, autopilot) in page
 
 
 def test_every_section_it_points_to_is_there():
