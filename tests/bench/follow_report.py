@@ -125,9 +125,10 @@ def _order() -> list[Chase]:
     for rate_hz in RATES_HZ:
         kinds += [Chase("follow", course=course, rate_hz=rate_hz) for course in COURSES]
         kinds.append(Chase("follow", rate_hz=rate_hz, delay_s=0.5))
+    variants = ("quick estimate", "medium gain", "default gain")
     chases = []
     for kind in dict.fromkeys(kinds):
-        chases += [kind._replace(variant=name) for name in ("medium gain", "default gain")]
+        chases += [kind._replace(variant=name) for name in variants]
         chases += [kind._replace(mode=mode) for mode in MODES]
     return chases
 
