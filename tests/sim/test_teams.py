@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -216,7 +217,7 @@ def test_pe_of_teams_is_drawn_and_a_picture_that_cannot_be_written_is_said(tmp_p
     draw_teams(built(PE), tmp_path / "pe.png")
     assert (tmp_path / "pe.png").stat().st_size > 30_000
     with pytest.raises(OutputError, match=r"/nowhere/pe\.png: cannot be written"):
-        draw_teams(built(PE), "/nowhere/pe.png")
+        draw_teams(built(PE), Path("/nowhere/pe.png"))
 
 
 def test_the_region_that_is_drawn_is_what_the_evader_reaches_first():
