@@ -15,7 +15,7 @@ class Registry(dict[str, Member]):
     """Members by name.
 
     A package adds one with `add` when it is imported, or names it in the entry point group. That is read when a name
-    is unknown.
+    is unknown. The entry point has the name of its member.
 
     Args:
         noun: What a member is, as messages call it: ``autopilot``.

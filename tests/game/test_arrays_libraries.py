@@ -73,6 +73,10 @@ def library(request):
     return request.param()
 
 
+in_a_rollout = pytest.mark.parametrize("library", [Torch, only_long(Jax)], indirect=True)
+"""JAX compiles each step's choice of rows anew, for minutes."""
+
+
 @pytest.mark.parametrize(
     ("name", "precision", "tolerance"),
     [
@@ -147,7 +151,7 @@ def test_a_single_state_works_too(library, games, oracle):
         assert there.pursuer_velocity_m_s.shape == (3,)
 
 
-def test_policies_circles_gradients_and_rollouts_work_too(library, games, oracle):
+def test_policies_circles_and_gradients_work_too(library, games, oracle):
     P, E, T = oracle.states(24, 6)
     given = [library.array(array) for array in (P, E, T)]
     for policy in (*PURSUER_POLICIES.values(), *EVADER_POLICIES.values()):
@@ -163,10 +167,15 @@ def test_policies_circles_gradients_and_rollouts_work_too(library, games, oracle
         strict=True,
     ):
         np.testing.assert_allclose(np.asarray(a), b, atol=1e-9)
+
+
+@in_a_rollout
+def test_a_rollout_ends_as_in_numpy(library, games, oracle):
+    states = oracle.states(24, 6)
     stepping = Exact(step_s=0.5, order=1)
-    there, here = (
-        rollout(games["paper"], *places, stepping=stepping) for places in (given, (P, E, T))
-    )
+    here = rollout(games["paper"], *states, stepping=stepping)
+    given = [library.array(array) for array in states]
+    there = rollout(games["paper"], *given, stepping=stepping)
     np.testing.assert_allclose(np.asarray(there.time_s), here.time_s, atol=1e-9)
     np.testing.assert_array_equal(np.asarray(there.end), here.end)
 
@@ -329,6 +338,7 @@ def test_the_margin_has_its_derivative_on_the_barrier(library):
     np.testing.assert_allclose(slopes, [[0.5, 0.0, 0.0]], atol=1e-12)
 
 
+@in_a_rollout
 @pytest.mark.parametrize("speeds", [Ball(2.0), only_long(Cylinder(3.0, 2.0, 1.0))])
 def test_a_rollout_without_a_target_ends_in_a_capture(library, speeds):
     P = [[8.0, 1.42, 9.41]]

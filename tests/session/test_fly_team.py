@@ -1,6 +1,7 @@
 """A team flight in virtual time: from take-off to landing, with whole MAVLink frames and the team's messages."""
 
 import math
+from copy import copy
 from itertools import combinations
 
 import pytest
@@ -33,7 +34,7 @@ def guard(tmp_path_factory):
     """Three vehicles against two evaders, with a record of each vehicle, and an output from outside."""
     folder = tmp_path_factory.mktemp("guard")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(outputs, "OUTPUTS", dict(outputs.OUTPUTS))
+        patch.setattr(outputs, "OUTPUTS", copy(outputs.OUTPUTS))
         witnesses = []
         outputs.register("witness", lambda order: witnesses.append(Witness(order)) or witnesses[-1])
         flown = fly_recorded(GUARD, folder, MockOptions(fast=True))
