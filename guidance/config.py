@@ -1,4 +1,4 @@
-"""Configuration files: reads TOML into checked models. Errors give line, key, value and the allowed values."""
+"""Configuration files: checks TOML documents against models. Errors give line, key, value and the allowed values."""
 
 import difflib
 import re
@@ -18,23 +18,13 @@ from pydantic import (
 from pydantic_core import CoreSchema, ErrorDetails
 
 from guidance.errors import ConfigError
-from guidance.files import read_text
+from guidance.toml_files import read
 
 MOST_LETTERS: Final = 60
 """Longer values are cut in messages."""
 
 MOST_FAULTS: Final = 20
 """Further faults of a file are only counted in its message."""
-
-LARGEST_CONFIG_BYTES: Final = 2**19
-"""Every two bytes can become a table. A fence of 1,000 corners takes 0.1 MB."""
-
-MOST_KEY_PARTS: Final = 16
-"""The parser's memory grows with the square of the parts of a dotted key; ours have at most five."""
-
-_LONG_KEY = re.compile(
-    rf"""(?<![\w-])(?:(?:[\w-]+|"(?:\\.|[^"\\\n]){{,99}}"|'[^'\n]{{,99}}')\s*\.\s*){{{MOST_KEY_PARTS}}}"""
-)
 
 _TOKEN = re.compile(r'''"""|\'{3}|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|\\.|[\[\]{}]|#.*''')
 """What decides whether a TOML statement goes on in the next line; texts and comments hide brackets."""
@@ -231,40 +221,6 @@ def load(model: type[Model], path: Path) -> Model:
     """
     text, document = read(path)
     return parse(model, document, source=str(path), text=text)
-
-
-def read(path: Path) -> tuple[str, dict[str, Any]]:
-    """Read a configuration file; return its text and its keys, unchecked.
-
-    Raises:
-        ConfigError: If it cannot be read or is not TOML; the message gives the line.
-    """
-    try:
-        text = read_text(path, LARGEST_CONFIG_BYTES)
-        if _LONG_KEY.search(text):
-            raise ConfigError(
-                f"{path}: not valid TOML here: a key has more than {MOST_KEY_PARTS} parts"
-            )
-        if not _within_64_bits(document := tomllib.loads(text)):
-            raise ConfigError(f"{path}: not valid TOML: an integer has more than 64 bits")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
-    except RecursionError:
-        raise ConfigError(
-            f"{path}: not valid TOML here: arrays or tables are nested too deeply"
-        ) from None
-    except ValueError as error:
-        # It is not UTF-8, not TOML, or has an integer with thousands of digits.
-        raise ConfigError(f"{path}: not valid TOML: {error}") from error
-    return text, document
-
-
-def _within_64_bits(value: Any) -> bool:  # noqa: ANN401 - any value of a document
-    if isinstance(value, dict):
-        return all(map(_within_64_bits, value.values()))
-    if isinstance(value, list):
-        return all(map(_within_64_bits, value))
-    return not isinstance(value, int) or -(2**63) <= value < 2**63
 
 
 def parse(model: type[Model], document: dict[str, Any], *, source: str, text: str = "") -> Model:

@@ -8,12 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
 
-from guidance.config import Section, as_toml, config_folder, find, lines_of, load, parse, read
+from guidance.config import Section, as_toml, config_folder, find, lines_of, load, parse
 from guidance.control import Limits
 from guidance.errors import ConfigError
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.sweeps.rows import planned
+from guidance.toml_files import read
 
 
 class Inner(Section):

@@ -6,13 +6,13 @@ from datetime import UTC, datetime
 
 import pytest
 
-from guidance.config import read
 from guidance.errors import ConfigError
 from guidance.links import keys
 from guidance.log.reader import survey_of
 from guidance.session.orders import control_socket
 from guidance.session.vehicle_file import corners_deg
 from guidance.sim.scenario_file import load_any
+from guidance.toml_files import read
 
 SCENARIO = """
 title = "piped"

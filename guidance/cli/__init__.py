@@ -3,11 +3,14 @@
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from guidance.cli.streams import open_outlets
 from guidance.errors import FlightError, GuidanceError, OutputError
 from guidance.texts import printable
+
+if TYPE_CHECKING:
+    from guidance.links.zenoh_credentials import Credentials
 
 INTERRUPTED = 130
 FAULT = 70
@@ -113,14 +116,27 @@ def ask(
         answer = control_socket.ask_here(order, name=name, by=by, **details)
         if answer is not None:
             return [answer]
-    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - zenoh takes a second
-    from guidance.session.orders import control_bus  # noqa: PLC0415
+    from guidance.session.orders import control_client  # noqa: PLC0415 - only orders by a router
 
-    details["credentials"] = read_credentials(zenoh)
-    with control_bus.join_session(**details) as session:
+    details["credentials"] = _credentials(zenoh)
+    with control_client.join_session(**details) as session:
         if team is None:
-            return [control_bus.ask(session, order, name, endpoint=details["endpoint"], by=by)]
-        return control_bus.order_team(session, order, team, names, by=by)
+            return [control_client.ask(session, order, name, endpoint=details["endpoint"], by=by)]
+        return control_client.order_team(session, order, team, names, by=by)
+
+
+def _credentials(path: Path | None) -> "Credentials":
+    """Read our settings for a router; what is rare or wrong in them is left to the full check."""
+    from guidance.links import zenoh_credentials  # noqa: PLC0415 - only orders over Zenoh
+
+    if path is None:
+        return zenoh_credentials.NO_CREDENTIALS
+    credentials = zenoh_credentials.certificate_credentials(path)
+    if credentials is not None:
+        return credentials
+    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - pydantic is slow to import
+
+    return read_credentials(path)
 
 
 def _asked_team_here(

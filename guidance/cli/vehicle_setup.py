@@ -304,7 +304,7 @@ def router(
 
     - `guidance zenoh router --keys keys --listen tls/0.0.0.0:7447`
     """
-    from guidance.links.zenoh_wire import open_router  # noqa: PLC0415 - zenoh takes a moment
+    from guidance.links.zenoh_session import open_router  # noqa: PLC0415 - zenoh takes a moment
 
     path = Path(config)
     path = path if path.is_file() else config_folder() / path

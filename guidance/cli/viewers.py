@@ -68,7 +68,7 @@ def view(
     from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - slow imports
     from guidance.log.broadcast import LiveFlight  # noqa: PLC0415
     from guidance.session.flight_files import RECORD  # noqa: PLC0415
-    from guidance.session.orders.control_bus import join_session  # noqa: PLC0415
+    from guidance.session.orders.control_client import join_session  # noqa: PLC0415
 
     if live == (file is not None):
         raise ConfigError("give either the FILE of a record or --live")

@@ -11,9 +11,13 @@ Contents:
     Clock: a function that returns monotonic seconds.
 """
 
-from guidance.links.frames import SigningKey
-from guidance.links.port import Clock, Endpoint, EvaderSource, VehicleLink, Wire, parse
-from guidance.links.wires import MemoryWire
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from guidance.links.frames import SigningKey
+    from guidance.links.port import Clock, Endpoint, EvaderSource, VehicleLink, Wire, parse
+    from guidance.links.wires import MemoryWire
 
 __all__ = [
     "Clock",
@@ -25,3 +29,21 @@ __all__ = [
     "Wire",
     "parse",
 ]
+
+_MODULES: Final = {
+    "Clock": "port",
+    "Endpoint": "port",
+    "EvaderSource": "port",
+    "MemoryWire": "wires",
+    "SigningKey": "frames",
+    "VehicleLink": "port",
+    "Wire": "port",
+    "parse": "port",
+}
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - each name has its own type
+    """Import a name when it is used: an order by a router needs a Zenoh session, and nothing of MAVLink."""
+    if name not in _MODULES:
+        raise AttributeError(f"module 'guidance.links' has no attribute {name!r}")
+    return getattr(import_module(f"guidance.links.{_MODULES[name]}"), name)

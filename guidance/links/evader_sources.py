@@ -16,7 +16,7 @@ from guidance.links.carriers import carrier_of
 from guidance.links.frames import SigningKey
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.port import Clock, EvaderSource, Wire
-from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh_credentials import NO_CREDENTIALS, Credentials
 from guidance.messages import Datum
 from guidance.registry import Registry
 

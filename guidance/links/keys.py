@@ -17,7 +17,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder, read_text
-from guidance.links.zenoh_access import AUTHORITY, ROUTER
+from guidance.links.zenoh_credentials import AUTHORITY, ROUTER
 
 _SIGNING: Final = x509.KeyUsage(False, False, False, False, False, True, True, False, False)
 """The authority's key signs certificates and their revocation lists (`key_cert_sign`, `crl_sign`), and nothing else."""

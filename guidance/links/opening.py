@@ -16,7 +16,7 @@ from guidance.links.pymavlink_link import PymavlinkLink, own_heartbeat
 from guidance.links.streams import SerialWire, TcpWire
 from guidance.links.tcp_in import TcpInWire
 from guidance.links.udp import AddressPins, UdpWire
-from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh_credentials import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_evader import KEYS, MAP, RetriedSource, ZenohEvader, check_key
 from guidance.links.zenoh_wire import ZenohWire, session_to
 

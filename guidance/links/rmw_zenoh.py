@@ -21,7 +21,7 @@ import xxhash
 import zenoh
 
 from guidance.links import ros_types
-from guidance.links.zenoh_wire import Session, close_all, is_small
+from guidance.links.zenoh_session import Session, close_all, is_small
 
 NODE: Final = "NN"
 PUBLISHER: Final = "MP"

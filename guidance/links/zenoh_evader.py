@@ -41,7 +41,8 @@ from guidance.links.carriers import (
     standard_deviation,
 )
 from guidance.links.port import Clock, EvaderSource
-from guidance.links.zenoh_wire import Session, Subscription, close_all, is_over
+from guidance.links.zenoh_session import Session, close_all, is_over
+from guidance.links.zenoh_wire import Subscription
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
 
 PayloadReader = Callable[[bytes, float], EvaderReport]

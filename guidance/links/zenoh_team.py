@@ -13,7 +13,8 @@ from typing import Any, Final
 import zenoh
 
 from guidance.links.port import Clock
-from guidance.links.zenoh_wire import Session, Subscription
+from guidance.links.zenoh_session import Session
+from guidance.links.zenoh_wire import Subscription
 
 MOST_MESSAGE_BYTES: Final = 16384
 """A larger message of a team is dropped unread."""

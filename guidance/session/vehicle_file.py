@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from guidance.autopilots import AutopilotName, Preflight
-from guidance.config import Altitude, Latitude, Longitude, Section, faults_of, parse, read
+from guidance.config import Altitude, Latitude, Longitude, Section, faults_of, parse
 from guidance.control import Limits, Speeds
 from guidance.errors import ConfigError
 from guidance.files import read_text
@@ -31,6 +31,7 @@ from guidance.links.port import taken_apart
 from guidance.links.zenoh_access import ZenohSection
 from guidance.messages import Datum
 from guidance.strategies import COURSES, PURSUER_STRATEGIES
+from guidance.toml_files import read
 
 
 class Target(Section):

@@ -8,7 +8,15 @@ from typing import Any, Final
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
-from guidance.links import carriers, mavlink_evader, opening, wires, world, zenoh_wire
+from guidance.links import (
+    carriers,
+    mavlink_evader,
+    opening,
+    wires,
+    world,
+    zenoh_session,
+    zenoh_wire,
+)
 from guidance.links.port import EvaderSource, VehicleLink, Wire
 from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.mock_files import faults_after, fleet, script
@@ -75,7 +83,7 @@ class LiveWorld(world.World):
         if vehicle.udp_port is not None:
             return wires.share(opening.open_wire(vehicle.udp, clock=now_s), readers)
         return [
-            zenoh_wire.ZenohWire(now_s, zenoh_wire.open_session(vehicle.zenoh or ""), name)
+            zenoh_wire.ZenohWire(now_s, zenoh_session.open_session(vehicle.zenoh or ""), name)
             for _ in range(readers)
         ]
 
@@ -124,7 +132,7 @@ def _mock(closing: contextlib.ExitStack, scenario: Flown, over: str, port: int) 
 
 
 def _inject(endpoint: str, faults: Iterable[tuple[str, Mapping[str, Any]]]) -> None:
-    with zenoh_wire.open_session(endpoint) as session:
+    with zenoh_session.open_session(endpoint) as session:
         for name, keys in faults:  # they were checked before the start
             order = json.dumps({"do": "inject", **keys})
             list(session.get(f"{name}/faults", payload=order, timeout=2.0))

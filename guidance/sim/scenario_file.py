@@ -10,13 +10,14 @@ from typing import Any, Final
 
 from pydantic import TypeAdapter
 
-from guidance.config import find, parse, read
+from guidance.config import find, parse
 from guidance.errors import ConfigError
 from guidance.files import read_text
 from guidance.log.entries import CYCLE
 from guidance.log.reader import record_errors, scan
 from guidance.sim.scenario import EVADER, PURSUER, Scenario, TrackRow
 from guidance.sim.teams import TeamScenario
+from guidance.toml_files import read
 
 FOLDER = "scenarios"
 

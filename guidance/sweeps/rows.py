@@ -17,7 +17,7 @@ from pyarrow import parquet
 from pydantic import ValidationError
 
 from guidance.clock import VirtualClock
-from guidance.config import Section, as_toml, explain, find, parse, read
+from guidance.config import Section, as_toml, explain, find, parse
 from guidance.errors import ConfigError, GuidanceError
 from guidance.log.writer import PACKAGE, versions_of
 from guidance.sim.maths import play
@@ -27,6 +27,7 @@ from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import TeamOutcome, TeamScenario, play_teams
 from guidance.sweeps.axes import Axis
 from guidance.sweeps.plan import FOLDER, Cases, Pair, Plan, policy_in
+from guidance.toml_files import read
 
 DETERMINING: Final = (PACKAGE, "numpy", "pyarrow")
 """Packages that determine the rows."""

@@ -26,8 +26,8 @@ from guidance.frames import Amsl, LocalFrame, Vector
 from guidance.links.keys import make_keys
 from guidance.links.udp import UdpWire
 from guidance.links.zenoh_access import read_credentials
+from guidance.links.zenoh_session import open_router, open_session
 from guidance.links.zenoh_team import ZenohTeam
-from guidance.links.zenoh_wire import open_router, open_session
 from guidance.sim.scenario import EVADER_ID
 from guidance.sim.scenario_file import load_any
 from guidance.sim.stepped import EvaderHere

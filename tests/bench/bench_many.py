@@ -29,7 +29,7 @@ from guidance.flight import State
 from guidance.log.writer import Recorder
 from guidance.session.fly.daemon import Daemon, Equipment
 from guidance.session.fly.mission import Mission
-from guidance.session.orders.control_bus import answers, join_session
+from guidance.session.orders.control_client import answers, join_session
 from guidance.session.plan import plan_of
 from guidance.session.service import reload
 from guidance.session.vehicle_file import Control, load_vehicle

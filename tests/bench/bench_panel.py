@@ -34,7 +34,7 @@ from guidance.log import cycles_of
 from guidance.log.broadcast import broadcast_key
 from guidance.log.replay import compare
 from guidance.session.flight_files import recorded_settings
-from guidance.session.orders.control_bus import join_session
+from guidance.session.orders.control_client import join_session
 from sitl_mock.child import running
 from tests.bench.bench_view import PROGRAM, VEHICLES, daemon, memory_mb
 

@@ -28,11 +28,12 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.links.frames import Station
 from guidance.links.udp import UdpWire
 from guidance.links.wires import TO_VEHICLE
+from guidance.links.zenoh_session import open_session
 from guidance.links.zenoh_team import ZenohTeam
-from guidance.links.zenoh_wire import open_session
 from guidance.log.entries import CYCLE
 from guidance.log.reader import scan
-from guidance.session.orders.control_bus import free_endpoint, join_session
+from guidance.session.orders.control_bus import free_endpoint
+from guidance.session.orders.control_client import join_session
 from guidance.session.orders.control_socket import token_path
 from guidance.team.messages import (
     EvaderMessage,

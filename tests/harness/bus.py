@@ -2,9 +2,9 @@
 
 import contextlib
 
-from guidance.links.zenoh_access import NO_CREDENTIALS
-from guidance.links.zenoh_wire import direct_session
-from guidance.session.orders import control_bus
+from guidance.links.zenoh_credentials import NO_CREDENTIALS
+from guidance.links.zenoh_session import direct_session
+from guidance.session.orders import control_bus, control_client
 from guidance.session.orders.control_socket import TIMEOUT_S, draw_token
 
 
@@ -23,8 +23,8 @@ class ControlBus:
 
 def ask(order, *, endpoint, name, timeout_s=TIMEOUT_S, **joining):
     """Give an order on a session of its own; more arguments as of `join_session`."""
-    with control_bus.join_session(endpoint, **joining) as session:
-        return control_bus.ask(session, order, name, endpoint=endpoint, timeout_s=timeout_s)
+    with control_client.join_session(endpoint, **joining) as session:
+        return control_client.ask(session, order, name, endpoint=endpoint, timeout_s=timeout_s)
 
 
 def open_to_all(endpoint):

@@ -1,11 +1,12 @@
 """Runs a `guidance` command in this process and returns its standard output, standard error and exit code.
 
-A separate process takes a second to start; only tests of the process itself need one.
+A separate process takes a second to start; only tests of the process itself need one (`fresh`).
 """
 
 import io
 import os
 import signal
+import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 from typing import NamedTuple
@@ -56,3 +57,30 @@ def guidance(*arguments: object, said: str = "") -> Done:
     out.flush()
     err.flush()
     return Done(int(code or 0), *(stream.buffer.getvalue().decode() for stream in (out, err)))
+
+
+HEAVY = frozenset({"numpy", "mavsdk", "pymavlink", "pydantic", "rich", "typer", "asyncio"})
+"""Modules whose import takes longer than an order."""
+
+
+class Fresh(NamedTuple):
+    """What a command did in a process of its own."""
+
+    code: int
+    words: str
+    modules: set[str]
+    processor_time_s: float
+
+
+def fresh(*arguments: object) -> Fresh:
+    """Run the command in a process of its own."""
+    code = (
+        "import sys, time, atexit; sys.argv[0] = 'guidance'\n"
+        "from guidance.cli import main\n"
+        "atexit.register(lambda: print(time.process_time(), *sorted(sys.modules), file=sys.stderr))\n"
+        "main()"
+    )
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    took_s, *modules = done.stderr.split()[-3000:]
+    return Fresh(done.returncode, done.stdout, set(modules), float(took_s))

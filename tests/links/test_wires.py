@@ -18,7 +18,8 @@ from guidance.links.streams import SerialWire, StreamWire, TcpWire
 from guidance.links.tcp_in import TcpInWire
 from guidance.links.udp import AddressPins, UdpWire
 from guidance.links.wires import QUEUE_LENGTH, Arrivals
-from guidance.links.zenoh_wire import ZenohWire, open_session
+from guidance.links.zenoh_session import open_session
+from guidance.links.zenoh_wire import ZenohWire
 from tests.links.peer import Peer, until
 from tests.links.rigs import clock, free_port, router_config
 

@@ -4,6 +4,7 @@ The router is a Python session in mode router with `config/zenoh/router.json5`; 
 """
 
 import datetime
+import re
 import socket
 import stat
 
@@ -18,16 +19,13 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.links.keys import make_keys
 from guidance.links.opening import open_source, open_wire
 from guidance.links.port import parse
-from guidance.links.zenoh_access import (
-    NO_CREDENTIALS,
-    Credentials,
-    ZenohSection,
-    credentials_of,
-    read_credentials,
-)
-from guidance.links.zenoh_wire import open_router, open_session, session_to
+from guidance.links.zenoh_access import ZenohSection, credentials_of, read_credentials
+from guidance.links.zenoh_credentials import NO_CREDENTIALS, Credentials, certificate_credentials
+from guidance.links.zenoh_session import open_router, open_session
+from guidance.links.zenoh_wire import session_to
 from guidance.log.broadcast import Broadcast, LiveFlight
-from guidance.session.orders.control_bus import join_session, owner_token
+from guidance.session.orders.control_bus import owner_token
+from guidance.session.orders.control_client import join_session
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Control
 from sitl_mock.errors import ConfigError as MockConfigError
@@ -429,11 +427,27 @@ def test_errors_in_a_section_name_the_key_and_the_file(keys, changes, said):
     given = {key: value for key, value in (good | changes).items() if value is not None}
     path = keys / "given.toml"
     path.write_text("".join(f'{key} = "{value}"\n' for key, value in given.items()))
-    with pytest.raises(ConfigError, match=f"(?s){said}"):
+    with pytest.raises(ConfigError, match=f"(?s){said}") as full:
         read_credentials(path)
+    if given.keys() == good.keys():
+        with pytest.raises(ConfigError, match=re.escape(str(full.value))):
+            certificate_credentials(path)
+    else:
+        assert certificate_credentials(path) is None
     if "others" not in said and "one line" not in said:  # the mock has no secrets
         with pytest.raises(MockConfigError, match=r"given\.toml"):
             read_keys(path)
+
+
+def test_the_short_way_to_a_partys_credentials_is_the_full_one(keys, tmp_path):
+    assert certificate_credentials(keys / "uav1.toml") == of(keys, "uav1")
+    (tmp_path / "ca.toml").write_text(f'tls_ca_file = "{keys / "ca.pem"}"\n')
+    assert certificate_credentials(tmp_path / "ca.toml") is None
+    assert of(tmp_path, "ca").tls["root_ca_certificate"] == str(keys / "ca.pem")
+    (tmp_path / "wrong.toml").write_text("tls_ca_file = [\n")
+    for read in (read_credentials, certificate_credentials):
+        with pytest.raises(ConfigError, match=r"wrong\.toml: not valid TOML"):
+            read(tmp_path / "wrong.toml")
 
 
 def test_a_key_that_others_may_read_is_refused(keys, tmp_path):

@@ -12,8 +12,9 @@ from guidance.errors import LinkError
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.keys import make_keys
 from guidance.links.opening import open_source, open_wire
-from guidance.links.zenoh_access import Credentials, read_credentials
-from guidance.links.zenoh_wire import open_router, open_session
+from guidance.links.zenoh_access import read_credentials
+from guidance.links.zenoh_credentials import Credentials
+from guidance.links.zenoh_session import open_router, open_session
 from guidance.session.orders.control_bus import owner_token
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Control

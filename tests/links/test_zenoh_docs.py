@@ -15,7 +15,7 @@ from guidance.config import config_folder
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.zenoh_access import ZenohSection, credentials_of, read_credentials
 from guidance.links.zenoh_evader import read_json
-from guidance.links.zenoh_wire import open_router, open_session
+from guidance.links.zenoh_session import open_router, open_session
 from guidance.session.vehicle_file import load_vehicle
 from sitl_mock.cli import app as mock
 from tests.links.peer import until

@@ -10,8 +10,9 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.links.carriers import Refused
 from guidance.links.opening import open_source
 from guidance.links.zenoh_evader import MOST_REPORT_BYTES, read_json
+from guidance.links.zenoh_session import MOST_QUERY_BYTES, is_small, open_session
 from guidance.links.zenoh_team import MOST_MESSAGE_BYTES, ZenohTeam
-from guidance.links.zenoh_wire import MOST_QUERY_BYTES, ZenohWire, is_small, open_session
+from guidance.links.zenoh_wire import ZenohWire
 from guidance.team.board import Board
 from tests.links.peer import until
 from tests.links.rigs import clock

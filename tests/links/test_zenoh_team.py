@@ -5,8 +5,8 @@ from contextlib import closing, contextmanager
 
 import pytest
 
+from guidance.links.zenoh_session import open_session
 from guidance.links.zenoh_team import ZenohTeam
-from guidance.links.zenoh_wire import open_session
 from tests.links.peer import until
 
 pytestmark = pytest.mark.slow

@@ -11,14 +11,16 @@ from guidance.config import config_folder
 from guidance.errors import LinkError
 from guidance.links.keys import make_keys
 from guidance.links.zenoh_access import read_credentials
+from guidance.links.zenoh_session import open_router, open_session
 from guidance.links.zenoh_team import ZenohTeam
-from guidance.links.zenoh_wire import open_router, open_session
-from guidance.session.orders.control_bus import join_session, order_team, owner_token
+from guidance.session.orders.control_bus import owner_token
+from guidance.session.orders.control_client import join_session, order_team
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Control
 from guidance.team.board import Board
 from guidance.team.messages import encode
 from tests.harness.bus import ControlBus
+from tests.harness.command import HEAVY, fresh
 from tests.links.peer import until
 from tests.links.rigs import free_port
 from tests.team.virtual_team import state_of
@@ -111,7 +113,9 @@ def test_no_vehicle_claims_anothers_owner_token(joined):
     token.undeclare()
 
 
-def test_only_the_operator_orders_the_team(joined, keys):
+def test_only_the_operator_orders_the_team_and_takes_less_than_300_ms_of_processor_time(
+    joined, keys
+):
     with ExitStack() as open_here:
         for name in VEHICLES:
             mailbox = Mailbox()
@@ -135,6 +139,12 @@ def test_only_the_operator_orders_the_team(joined, keys):
         assert [(one["name"], one["accepted"]) for one in answers] == [
             (name, True) for name in VEHICLES
         ]
+        by_router = ("--team", "north", "--endpoint", joined[1], "--zenoh", keys / "operator.toml")
+        orders = [fresh("ctl", order, *by_router) for order in ("hold", "land", "return", "abort")]
+        for order, done in zip(("hold", "land", "return", "abort"), orders, strict=True):
+            said = [f"{name}: {order} accepted, holding\n" for name in VEHICLES]
+            assert (done.code, done.words, done.modules & HEAVY) == (0, "".join(said), set())
+        assert min(done.processor_time_s for done in orders) < 0.3
         with (
             join_session(joined[1], credentials=viewer) as session,
             pytest.raises(Exception, match="no vehicle of it answers"),

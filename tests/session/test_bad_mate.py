@@ -8,9 +8,10 @@ import threading
 import pytest
 
 from guidance.clock import MonotonicClock
-from guidance.links.zenoh_access import NO_CREDENTIALS
+from guidance.links.zenoh_credentials import NO_CREDENTIALS
 from guidance.log.broadcast import FLIGHT, broadcast_key
-from guidance.session.orders.control_bus import control_key, free_endpoint, join_session, order_team
+from guidance.session.orders.control_bus import free_endpoint
+from guidance.session.orders.control_client import control_key, join_session, order_team
 from guidance.session.orders.control_socket import ask_team_here
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Control

@@ -12,10 +12,11 @@ import pytest
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.zenoh_wire import close_all
+from guidance.links.zenoh_session import close_all
 from guidance.session.orders import mailbox as orders
-from guidance.session.orders.control_bus import answers, control_key, opened, owner_token
-from guidance.session.orders.control_bus import join_session as open_session
+from guidance.session.orders.control_bus import opened, owner_token
+from guidance.session.orders.control_client import answers, control_key
+from guidance.session.orders.control_client import join_session as open_session
 from guidance.session.orders.control_socket import TIMEOUT_S, ask_here
 from guidance.session.orders.mailbox import ANSWER_LIMIT_S, Mailbox
 from guidance.session.vehicle_file import Control

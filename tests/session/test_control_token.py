@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import pytest
 
 from guidance.errors import ConfigError, LinkError, OutputError
-from guidance.links.zenoh_wire import open_session
+from guidance.links.zenoh_session import open_session
 from guidance.session.orders import control_socket
-from guidance.session.orders.control_bus import join_session
+from guidance.session.orders.control_client import join_session
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Control
 from tests.harness.bus import ControlBus, published

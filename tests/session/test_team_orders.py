@@ -10,11 +10,13 @@ from typer.testing import CliRunner
 
 from guidance.cli.program import app
 from guidance.errors import LinkError
-from guidance.links.zenoh_wire import open_session
-from guidance.session.orders.control_bus import free_endpoint, join_session, order_team
+from guidance.links.zenoh_session import open_session
+from guidance.session.orders.control_bus import free_endpoint
+from guidance.session.orders.control_client import join_session, order_team
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Control
 from tests.harness.bus import ControlBus, ask
+from tests.links.peer import until
 
 pytestmark = pytest.mark.slow
 
@@ -121,6 +123,15 @@ def test_the_named_ones_engage_without_the_others(team):
     assert all(one["accepted"] for one in team["asked"]("engage", ("uav2",)))
     assert (team["uav1"].orders, team["uav2"].orders) == ([], ["engage"])
     assert not team["asked"]("engage", ("uav2", "uav3"))[0]["accepted"]
+
+
+def test_a_slow_vehicle_delays_no_order_to_another_one(team):
+    def follow_last(order):
+        return {"accepted": until(lambda: team["uav2"].orders), "order": order, "state": "ready"}
+
+    team["uav1"].mailbox.meanwhile = follow_last
+    answers = team["asked"]("hold", ("uav1", "uav2"))
+    assert [(one["name"], one["accepted"]) for one in answers] == [("uav1", True), ("uav2", True)]
 
 
 def test_a_team_that_is_not_there_is_said_to_be_silent(team):

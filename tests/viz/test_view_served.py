@@ -21,7 +21,8 @@ from guidance.errors import ConfigError, LinkError
 from guidance.log import cycles_of, metadata_of
 from guidance.log.broadcast import Broadcast, LiveFlight
 from guidance.log.entries import CYCLE, Item
-from guidance.session.orders.control_bus import free_endpoint, join_session
+from guidance.session.orders.control_bus import free_endpoint
+from guidance.session.orders.control_client import join_session
 from guidance.viz.serving import Relay, hidden_address, recording_server
 from tests.harness.bus import open_to_all
 

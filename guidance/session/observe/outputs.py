@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from guidance.clock import Clock
 from guidance.links.ground_link import GroundLink
 from guidance.links.port import VehicleLink
-from guidance.links.zenoh_wire import Session
+from guidance.links.zenoh_session import Session
 from guidance.log.broadcast import Broadcast
 from guidance.log.sink import Sink
 from guidance.registry import Registry

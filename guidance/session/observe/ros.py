@@ -19,8 +19,9 @@ from guidance.errors import ConfigError, LinkError
 from guidance.flight import Event
 from guidance.links import ros_types
 from guidance.links.rmw_zenoh import DEPTH, Request, RosNode, RosPublisher
-from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
-from guidance.links.zenoh_wire import Session, close_all, is_over, open_session
+from guidance.links.zenoh_access import credentials_of
+from guidance.links.zenoh_credentials import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh_session import Session, close_all, is_over, open_session
 from guidance.log.entries import CycleEntry, EventEntry
 from guidance.log.export import started_unix_s
 from guidance.log.ros import (

@@ -17,8 +17,10 @@ from guidance.links.opening import open_link, open_wire
 from guidance.links.signed_streams import state_folder
 from guidance.links.wires import TappedWire, share
 from guidance.links.world import World
-from guidance.links.zenoh_access import NO_CREDENTIALS, Credentials, credentials_of
-from guidance.links.zenoh_wire import Session, close_all, session_to
+from guidance.links.zenoh_access import credentials_of
+from guidance.links.zenoh_credentials import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh_session import Session, close_all
+from guidance.links.zenoh_wire import session_to
 from guidance.session.fly.daemon import Equipment
 from guidance.session.observe.log import Log
 from guidance.session.observe.signs_of_life import Notifier

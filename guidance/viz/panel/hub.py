@@ -20,11 +20,11 @@ import zenoh
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError, GuidanceError, LinkError
-from guidance.links.zenoh_access import Credentials
-from guidance.links.zenoh_wire import close_all, is_over
+from guidance.links.zenoh_credentials import Credentials
+from guidance.links.zenoh_session import close_all, is_over
 from guidance.log.broadcast import FLIGHT, FoundFlight, broadcast_key, flight_of, item_of
 from guidance.log.entries import BEGUN, FLIGHT_OVER, EventEntry, Item
-from guidance.session.orders.control_bus import (
+from guidance.session.orders.control_client import (
     answers,
     join_session,
     order_team,

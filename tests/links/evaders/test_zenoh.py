@@ -16,7 +16,7 @@ from guidance.frames import Amsl, LocalFrame
 from guidance.links.carriers import Refused
 from guidance.links.opening import open_source
 from guidance.links.zenoh_evader import JsonReport, ZenohEvader, read_json, read_ros, rmw_key
-from guidance.links.zenoh_wire import open_session
+from guidance.links.zenoh_session import open_session
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port
 
