@@ -51,6 +51,22 @@ def test_the_walks_name_functions_that_exist():
     assert [hop for walk in walks for hop in walk.hops if not lines_of(*hop)] == []
 
 
+def test_each_extension_names_its_way_in_and_tests_that_exist():
+    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    section = page.partition("## Four extensions, each one module\n")[2].partition("\n## ")[0]
+    extensions = section.split("\n**")[1:]
+    assert len(extensions) == 4
+    sources = "".join(
+        path.read_text(encoding="utf-8") for path in Path(__file__).parent.rglob("test_*.py")
+    )
+    for extension in extensions:
+        calls = re.findall(r"calls `([^`]+)` `([^`]+)`", extension)
+        assert [lines_of(*call) > 0 for call in calls] == [True]
+        named = re.findall(r"`(test_\w+)`", extension.partition("- Tests:")[2])
+        assert named
+        assert [test for test in named if f"def {test}(" not in sources] == []
+
+
 def blocks(page, *kinds):
     """The blocks of a page: each one's kind and its text."""
     found = re.findall(

@@ -1,6 +1,6 @@
 """The walk of one LOCAL_POSITION_NED to its setpoint: `python -m tests.bench.bench_walk [--list] [--autopilot NAME]`.
 
-With `--named` it counts the three walks of docs/architecture.md instead: hops, files and lines of the functions named.
+With `--named` it counts the three walks of calls in docs/architecture.md: hops, files and lines of the functions named.
 
 A daemon on a UDP socket flies a mock in virtual time until the game runs. Then one cycle receives a single
 LOCAL_POSITION_NED, and all calls of functions in `guidance` are counted, from `Daemon.step` to the setpoint's datagram.
