@@ -180,8 +180,12 @@ class Px4Control:
         """Advance the reference; it slows down while the vehicle lags behind it."""
         started = memory.reference
         if memory.kind is not setpoint.kind:
+            # After OFFBOARD PX4's trajectory starts without acceleration, whatever the vehicle's is.
+            streamed = memory.kind is _STREAM or memory.kind is _DIRECT
             started = Reference(
-                estimate.position_ned_m, estimate.velocity_ned_m_s, body.acceleration_ned_m_s2
+                estimate.position_ned_m,
+                estimate.velocity_ned_m_s,
+                ZERO if streamed else body.acceleration_ned_m_s2,
             )
         elif body.on_ground:
             (n, e, _) = estimate.position_ned_m

@@ -171,6 +171,16 @@ def test_hold_brakes_within_four_seconds_and_stays(fly, stream, speed_m_s):
     assert np.linalg.norm(trace.velocity[-1]) < 0.01
 
 
+def test_a_hold_begins_without_the_acceleration_of_the_setpoints(fly, stream):
+    """On PX4 1.17 three vehicles held within 0.1 m after 4 m/s2 downwards was fed forward for 0.2 s."""
+    vehicle = px4_quadrotor()
+    climbing = fly(vehicle, stream(d=-1.0), 4.0).motion
+    pushed = fly(vehicle, stream(acceleration_ned_m_s2=(0.0, 0.0, 4.0)), 0.2, motion=climbing)
+    trace = fly(vehicle, Setpoint(Kind.BRAKE), 6.0, motion=pushed.motion)
+    sunk_m = trace.position[:, 2].max() - pushed.position[-1, 2]
+    assert sunk_m < 0.3
+
+
 def test_ignored_yaw_drifts_nine_degrees_in_five_seconds(fly, stream):
     assert math.degrees(fly(px4_quadrotor(), stream(), 5.0).motion.body.yaw_rad) == pytest.approx(
         9.0, abs=1.0
