@@ -35,6 +35,8 @@ _PLACES: Final = frozenset(
     {WAYPOINT, LOITER_UNLIMITED, LOITER_TURNS, LOITER_TIME, LAND, TAKEOFF, 82}
 )
 _RELATIVE_FRAMES: Final = frozenset({3, 6, 10, 11})
+_RUN_OUT: Final = frozenset({"finished", "landed"})
+"""Ends of a mission behind its last item."""
 _HEIGHT_REACHED_M: Final = 0.8
 _REACHED_M: Final = 2.0
 _LANDED_S: Final = 2.8
@@ -77,6 +79,25 @@ def flyable(items: Sequence[PlanItem]) -> bool:
     return any(item.command in _PLACES or item.command == RETURN for item in items)
 
 
+def _rejected(items: Sequence[PlanItem], state: VehicleState) -> bool:
+    """True for what PX4 accepts but does not fly: a landing first, a take-off to below home or behind a position.
+
+    Each was uploaded to v1.17.
+    """
+    if items[0].command == LAND and state.on_ground:
+        return True
+    home_amsl_m = state.frame.origin.alt_amsl_m - (state.home_m[2] if state.home_m else 0.0)
+    is_first = True
+    for item in items:
+        if item.command == TAKEOFF:
+            zero_m = 0.0 if item.frame in _RELATIVE_FRAMES else home_amsl_m
+            if not is_first or item.z <= zero_m:
+                return True
+        if item.command in _PLACES or item.command == RETURN:
+            is_first = False
+    return False
+
+
 @dataclass(slots=True)
 class MissionFlight:
     """Progress through the mission in a plan store.
@@ -85,6 +106,10 @@ class MissionFlight:
         plans: Where the mission is.
         skip_home: The first item is home and is not flown to (ArduPilot).
         climbs_first: If the first position is higher, the vehicle climbs to its height first (PX4).
+        ends_for_good: A finished mission has no present item until it is replaced, an item is chosen, or the vehicle
+            has been disarmed (PX4); else it starts again at its first item.
+        begun: It has been started since the mode or arming began.
+        valid: There is a mission, and it passed the checks after its upload (PX4).
         clocked: Positions count as reached at `due_s`, according to the planned motion, and LOITER_TURNS is flown
             (ArduCopter).
         due_s: Planned arrival at the present position.
@@ -101,6 +126,9 @@ class MissionFlight:
     plans: PlanStore
     skip_home: bool = False
     climbs_first: bool = False
+    ends_for_good: bool = False
+    begun: bool = False
+    valid: bool = False
     clocked: bool = False
     conditions: bool = False
     due_s: float = math.inf
@@ -111,6 +139,9 @@ class MissionFlight:
     orders: list[PlanItem] = field(default_factory=list)
     turning: bool = False
     _revision: int = -1
+    _flown_revision: int = -1
+    _judged_revision: int = -1
+    _rested: bool = False
     _hold_until_s: float = math.inf
     _behind: list[PlanItem] = field(default_factory=list)
     _condition_until_s: float = math.inf
@@ -153,18 +184,62 @@ class MissionFlight:
         self._forget_progress()
         return True
 
-    def start(self) -> None:
-        """Start or resume; a finished or new mission starts at its first item."""
-        if self.over or self._revision != self.plans.mission.revision or self.current >= self.count:
+    def start(self) -> bool:
+        """Start or resume; False if there is nothing left to fly.
+
+        A finished or new mission starts at its first item, unless it ends for good.
+        """
+        revision = self.plans.mission.revision
+        self.begun = True
+        if self.ends_for_good:
+            is_new = self._flown_revision != revision
+            ends = self.over in _RUN_OUT and self._revision == revision
+            if not self.valid or (ends and not self._rested):
+                self.over = "finished"
+                return False
+            restarts = self._rested and not is_new and self.current + 1 >= self.count
+        else:
+            is_new = self._revision != revision
+            restarts = bool(self.over) or is_new or self.current >= self.count
+        if restarts:
             self.current = 1 if self.skip_home and self.count > 1 else 0
+        if restarts or is_new:
             self.speed_m_s = math.nan
             self._jumps.clear()
-        self._revision = self.plans.mission.revision
+        self._revision = revision
+        self._flown_revision = revision
+        self._rested = False
         self.over = ""
         self._forget_progress()
         self._stay = None
         self._climb_judged = not self.climbs_first
         self._climb = None
+        return True
+
+    @property
+    def is_unjudged(self) -> bool:
+        """True if a mission was uploaded since the last check."""
+        return self._judged_revision != self.plans.mission.revision
+
+    def judge(self, state: VehicleState) -> bool:
+        """Check a mission once after its upload; True if there was one to check."""
+        plan = self.plans.mission
+        if not self.is_unjudged:
+            return False
+        self._judged_revision = plan.revision
+        self.valid = flyable(plan.items) and not _rejected(plan.items, state)
+        return True
+
+    def rest(self) -> None:
+        """Notice that the vehicle is disarmed."""
+        self.begun = False
+        self._rested = True
+
+    def _replace(self) -> None:
+        """Go on with a mission that was uploaded in flight; without a climb to its height first (PX4)."""
+        self.start()
+        if self.ends_for_good:
+            self._climb_judged = True
 
     def _forget_progress(self) -> None:
         """Drop the progress of the present item, and the items behind a condition."""
@@ -210,7 +285,7 @@ class MissionFlight:
         """Return the leg to fly now; advances to the next item when one is reached."""
         stay = Leg(state.position_m if state.on_ground else entered_m)
         if self._revision != self.plans.mission.revision:
-            self.start()
+            self._replace()
         climb = self._first_climb(state)
         if climb is not None:
             return climb

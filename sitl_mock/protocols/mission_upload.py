@@ -60,6 +60,8 @@ class MissionRules:
         any_radius: A fence circle's radius is not checked (PX4); else a plan with one of 0 or less is refused.
         warns_of_old: MISSION_ITEM and MISSION_REQUEST are answered with a warning, once for each kind of plan.
         deaf_in_download: MISSION_CLEAR_ALL is not answered while a client downloads.
+        compares: An upload of the plan that is there changes nothing, and another mission does not start at its first
+            item unless the client calls that one current (PX4).
     """
 
     capacity: Mapping[PlanKind, int]
@@ -73,6 +75,7 @@ class MissionRules:
     any_radius: bool = False
     warns_of_old: bool = False
     deaf_in_download: bool = False
+    compares: bool = False
 
 
 PX4_MISSION_RULES: Final = MissionRules(
@@ -82,6 +85,7 @@ PX4_MISSION_RULES: Final = MissionRules(
     cancel_on_timeout=False,
     any_radius=True,
     deaf_in_download=True,
+    compares=True,
 )
 """PX4 requests again after 250 ms; with 50 ms, 500 items pass 10 % loss each way within seconds."""
 
@@ -259,7 +263,7 @@ class MissionUpload:
         self._end()
         fault = plan_fault(transfer.kind, plan_items, any_radius=self._rules.any_radius)
         if fault is MissionResult.ACCEPTED:
-            self._plans.set_plan(transfer.kind, plan_items)
+            self._plans.set_plan(transfer.kind, plan_items, compares=self._rules.compares)
             self._finished = _Finished(transfer.kind, transfer.partner, transfer.last)
         if fault is MissionResult.ERROR:
             texts = _REFUSED

@@ -145,16 +145,54 @@ class PlanStore:
         """The rally points."""
         return self.plans[PlanKind.RALLY]
 
-    def set_plan(self, kind: PlanKind, items: Sequence[PlanItem]) -> None:
-        """Replace one plan; a new mission starts at its first item."""
+    def set_plan(
+        self, kind: PlanKind, items: Sequence[PlanItem], *, compares: bool = False
+    ) -> None:
+        """Replace one plan; a new mission starts at its first item.
+
+        Args:
+            kind: Of the plan.
+            items: Of the plan.
+            compares: A plan with the items of the present one changes nothing. Another mission starts at the item
+                that the client calls current, or without one at the present number (PX4).
+        """
+        if compares and items and _contents(items) == _contents(self.plans[kind].items):
+            return
+        before = len(self.plans[kind].items)
         self.plans[kind] = Plan(tuple(items), self.plans[kind].revision + 1, _crc(items))
         self.news.add(kind)
         if kind is PlanKind.MISSION:
-            self.current = 0
+            if compares:
+                self.current = _first(items, self.current, before)
+            else:
+                self.current = 0
+
+
+def _contents(items: Sequence[PlanItem]) -> bytes:
+    """Return what PX4 compares: every field but which item is current."""
+    return _packed([item._replace(current=0) for item in items])
+
+
+def _first(items: Sequence[PlanItem], current: int, before: int) -> int:
+    """Return the last item marked as current; without one the present number, or the last item of a shorter mission.
+
+    Args:
+        items: Of the new mission.
+        current: The present number; behind the last item when the mission is over.
+        before: Items of the old mission.
+    """
+    marked = [item.seq for item in items if item.current]
+    if marked:
+        return marked[-1]
+    return max(min(current, before - 1, len(items) - 1), 0)
 
 
 def _crc(items: Sequence[PlanItem]) -> int:
-    return zlib.crc32(b"".join(struct.pack("<HBHBBffffiif", *item) for item in items))
+    return zlib.crc32(_packed(items))
+
+
+def _packed(items: Sequence[PlanItem]) -> bytes:
+    return b"".join(struct.pack("<HBHBBffffiif", *item) for item in items)
 
 
 def item_fault(kind: PlanKind, item: PlanItem, commands: frozenset[int]) -> MissionResult:

@@ -56,7 +56,7 @@ class Px4:
         self._fly = fly
         self.plans = plans
         self.charge_before: float | None = None
-        self.mission = MissionFlight(plans, climbs_first=True)
+        self.mission = MissionFlight(plans, climbs_first=True, ends_for_good=True)
         self.failsafes = Failsafes()
         self.home = HomeKeeper()
         self.intention = "HOLD"
@@ -165,7 +165,7 @@ class Px4:
         """Request a mode: always granted while disarmed, otherwise only if it can run."""
         if self.mode == "TERMINATION":
             return False
-        self.met_needs = safety.available(self.state, self.plans, self.stream_s)
+        self.look()
         if self.state.armed and mode != "LAND" and not self.can_run(mode):
             self.state.say(
                 Severity.CRITICAL, f"Switching to {mode.capitalize()} is currently not available"
@@ -178,6 +178,21 @@ class Px4:
         self.enter(mode)
         self._check_s = now_s
         return True
+
+    def look(self) -> None:
+        """Check a new mission, and which needs are met now."""
+        if self.mission.judge(self.state) and not self.mission.valid:
+            self._drop_mission()
+        self.met_needs = safety.available(self.state, self.stream_s, has_mission=self.mission.valid)
+
+    def _drop_mission(self) -> None:
+        """End a mission in flight because its replacement cannot be flown."""
+        if not self.state.armed or self.mode != "MISSION":
+            return
+        self.say_no_mission()
+        if self.intention == "MISSION" and not self.state.on_ground:
+            self.intention = AFTER["MISSION", "mission finished"]
+            self.enter(self.intention)
 
     def can_run(self, mode: str) -> bool:
         """True if the mode's needs were met at the last check."""
@@ -200,11 +215,15 @@ class Px4:
     def tick(self, now_s: float) -> Setpoint:
         """Run the checks when due; return the setpoint of the flown mode."""
         self.home.update(self.state, in_mission=self.mode == "MISSION" and not self.mission.over)
+        if self.mission.is_unjudged:
+            self.look()
         if now_s >= self._check_s + CHECK_S - 1e-9:
             self._check_s = now_s
             self._check(now_s)
         if self.calibration.kind:
             self.calibration.advance(self.state, now_s)
+        if not self.state.armed:
+            self.mission.rest()
         if not self.state.armed or self.mode == "TERMINATION":
             self.ground.left = False
             return _STOPPED
@@ -214,7 +233,7 @@ class Px4:
 
     def _check(self, now_s: float) -> None:
         state = self.state
-        self.met_needs = safety.available(state, self.plans, self.stream_s)
+        self.look()
         if not state.armed:
             self.home.follow(state)
             self._take_first_sticks()
@@ -288,14 +307,26 @@ class Px4:
         self.plan = flying.ModePlan(state.position_m, yaw_rad=state.yaw_rad)
         if mode == "TAKEOFF":
             self.plan.height_m = self._takeoff_down_m()
-        if mode == "MISSION":
-            self.mission.start()
-            if state.armed:
-                state.say(Severity.INFO, "Executing Mission")
+        self.mission.begun = False
         if mode == "FOLLOW":
             home = state.position_m if state.home_m is None else state.home_m
             self.plan.follow = Follow(home[2])
         state.pilot.settle()
+
+    def begin_mission(self) -> bool:
+        """Start or resume the mission, armed and in its mode; False if it has no item left to fly."""
+        state = self.state
+        goes_on = self.mission.start()
+        if goes_on:
+            state.say(Severity.INFO, "Executing Mission")
+        else:
+            self.say_no_mission()
+        return goes_on
+
+    def say_no_mission(self) -> None:
+        """Report that the mission has no item left to fly."""
+        then = "refusing takeoff" if self.state.on_ground else "loitering"
+        self.state.say(Severity.CRITICAL, f"No valid mission available, {then}")
 
     def _takeoff_down_m(self) -> float:
         state = self.state

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.missions import flyable, violated
+from sitl_mock.missions import violated
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
 from sitl_mock.px4 import safety
 from sitl_mock.px4.maneuvers import Orbit
@@ -200,7 +200,7 @@ def _arm_now(px4: Px4, by: str = "external command") -> Answers:
     if px4.calibration.kind:
         state.say(Severity.CRITICAL, "Arming denied: calibrating")
         return REFUSED
-    px4.met_needs = safety.available(state, px4.plans, px4.stream_s)
+    px4.look()
     reasons = safety.refusals(state, BY_NAME[px4.intention], px4.met_needs)
     if reasons:
         state.say(Severity.CRITICAL, "Arming denied: Resolve system health failures first")
@@ -233,7 +233,8 @@ def _to(mode: str, text: str) -> Callable[[Px4, float, Command], Answers]:
 
 def _start_mission(px4: Px4, now_s: float, command: Command) -> Answers:
     """MISSION_START: changes the mode and arms."""
-    if not flyable(px4.plans.mission.items):
+    px4.look()
+    if not px4.mission.valid:
         px4.state.say(Severity.CRITICAL, "Mission start denied! No valid mission")
         return DENIED
     first = command.params[0]

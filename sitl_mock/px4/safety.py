@@ -10,7 +10,7 @@ from enum import IntEnum
 from functools import cache
 from typing import Final, NamedTuple
 
-from sitl_mock.missions import flyable, violated
+from sitl_mock.missions import violated
 from sitl_mock.modes import Mode, Need
 from sitl_mock.protocols import PlanStore
 from sitl_mock.vehicle_state import VehicleState
@@ -173,8 +173,14 @@ def _met(met: tuple[bool, ...]) -> frozenset[Need]:
     return frozenset(need for need, is_met in zip(_NEEDS, met, strict=True) if is_met)
 
 
-def available(state: VehicleState, plans: PlanStore, stream_s: float) -> frozenset[Need]:
-    """Return the needs that are met now. `stream_s` is the time of the last accepted setpoint."""
+def available(state: VehicleState, stream_s: float, *, has_mission: bool) -> frozenset[Need]:
+    """Return the needs that are met now.
+
+    Args:
+        state: The vehicle.
+        stream_s: Time of the last accepted setpoint.
+        has_mission: Whether there is a mission that passed the checks.
+    """
     estimator = state.estimator
     parameters = state.parameters
     now_s = state.now_s
@@ -187,7 +193,7 @@ def available(state: VehicleState, plans: PlanStore, stream_s: float) -> frozens
         estimator.position_valid,
         estimator.global_valid,
         state.home_m is not None,
-        flyable(plans.mission.items),
+        has_mission,
         streaming and estimator.position_valid,
     )
     return _met(met)

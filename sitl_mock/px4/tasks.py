@@ -63,6 +63,9 @@ def _takeoff(px4: Px4) -> Setpoint:
 def _mission(px4: Px4) -> Setpoint:
     state = px4.state
     flight = px4.mission
+    if not flight.begun and not px4.begin_mission():
+        _go_on(px4, "mission finished")
+        return IDLING if state.on_ground else Setpoint(Kind.BRAKE)
     setpoint = flying.mission(state, flight, px4.plan)
     if flight.over == "return":
         px4.intention = "RTL"

@@ -1,6 +1,7 @@
 """Missions and fences that are uploaded over the wire and flown."""
 
 import math
+from typing import NamedTuple
 
 import pytest
 
@@ -159,3 +160,109 @@ def test_px4_waits_for_a_nav_delay_in_flight_and_on_the_ground(fly):
     times = {m.seq: time_s for time_s, m in flight.all("MISSION_ITEM_REACHED")}
     assert times[0] - begun_s == pytest.approx(5.0, abs=0.2)
     assert times[3] - times[2] == pytest.approx(5.0, abs=0.1)
+
+
+class Replaced(NamedTuple):
+    """A mission uploaded during or after another one, as the real PX4 v1.17 flew it.
+
+    Attributes:
+        items: Waypoints of the new mission; 0 is the old mission again.
+        marked: The item that the client calls current.
+        flown: Items flown after the upload.
+    """
+
+    items: int
+    marked: int | None
+    flown: list[int]
+
+
+PRESENT = 2
+"""The old mission's item that is flown during the upload; it has 4."""
+RUNNING = (
+    Replaced(0, 0, [2, 3]),
+    Replaced(5, 0, [0, 1, 2, 3, 4]),
+    Replaced(5, None, [2, 3, 4]),
+    Replaced(2, None, [1]),
+)
+FINISHED = (Replaced(0, 0, []), Replaced(5, 0, [0, 1, 2, 3, 4]), Replaced(5, None, [3, 4]))
+
+
+def legs(flight, count, *, side=10.0, marked=None):
+    """Items of a mission along a line to the north, or with a negative side to the south."""
+    return [
+        item(flight, 16, side * index, 0.0, 8.0, 0.0, 1.0, current=int(index == marked))
+        for index in range(count)
+    ]
+
+
+def follow_up(flight, replaced):
+    """Upload the new mission, and return the numbers of its items as they were flown."""
+    if replaced.items:
+        items = legs(flight, replaced.items, side=-10.0, marked=replaced.marked)
+    else:
+        items = legs(flight, 4, marked=replaced.marked)
+    before = len(reached(flight))
+    assert upload(flight, items) == ACCEPTED
+    flight.command(176, 1, 4, 4)
+    flight.run(1.5)
+    flight.until(lambda: flight.mode == "HOLD", 90.0)
+    return reached(flight)[before:]
+
+
+@pytest.mark.parametrize(
+    ("replaced", "is_paused"), list(zip(RUNNING, (True, False, True, False), strict=True))
+)
+def test_a_mission_replaced_in_flight_goes_on_as_on_px4(fly, replaced, is_paused):
+    flight = fly.airborne("px4", height=8.0)
+    upload(flight, legs(flight, 4))
+    flight.command(300, 0.0)
+    flight.until(lambda: PRESENT - 1 in reached(flight), 60.0)
+    if is_paused:
+        flight.command(176, 1, 4, 3)
+        flight.run(2.0)
+    assert follow_up(flight, replaced) == replaced.flown
+
+
+@pytest.mark.parametrize("replaced", FINISHED)
+def test_a_finished_mission_is_replaced_as_on_px4(fly, replaced):
+    """A finished mission uploaded once more is not flown: nothing has changed, and no item is left."""
+    flight = fly.airborne("px4", height=8.0, texts=True)
+    upload(flight, legs(flight, 4))
+    flight.command(300, 0.0)
+    flight.until(lambda: 3 in reached(flight), 90.0)
+    flight.until(lambda: flight.mode == "HOLD", 5.0)
+    assert follow_up(flight, replaced) == replaced.flown
+    abandoned = "No valid mission available, loitering" in flight.texts()
+    assert abandoned == (not replaced.flown)
+
+
+def test_a_finished_mission_starts_again_after_the_vehicle_was_disarmed(fly):
+    flight = fly.airborne("px4", height=3.0)
+    upload(flight, [item(flight, 16, 5.0, 0.0, 3.0), item(flight, 16, 8.0, 0.0, 3.0)])
+    flight.command(300, 0.0)
+    flight.until(lambda: 1 in reached(flight), 60.0)
+    flight.until(lambda: flight.mode == "HOLD", 5.0)
+    flight.command(400, 0, 21196)
+    flight.run(3.0)
+    before = len(reached(flight))
+    assert flight.command(300, 0.0) == [0]
+    flight.until(lambda: len(reached(flight)) == before + 2, 60.0)
+    assert reached(flight)[before:] == [0, 1]
+
+
+def test_a_mission_that_px4_cannot_fly_is_accepted_ends_the_flight_and_is_refused(fly):
+    flight = fly("px4").run(1.0)
+    landing = item(flight, 21, 0, 0, 0.0)
+    take_off = item(flight, 22, 0, 0, 8.0)
+    for items in ([landing], [*legs(flight, 1), take_off], [item(flight, 22, 0, 0, -3.0)]):
+        assert upload(flight, items) == ACCEPTED
+        assert flight.command(300, 0.0) == [2]
+    flight = fly.airborne("px4", height=8.0, texts=True)
+    upload(flight, legs(flight, 4))
+    flight.command(300, 0.0)
+    flight.until(lambda: 1 in reached(flight), 60.0)
+    assert upload(flight, [*legs(flight, 1), take_off]) == ACCEPTED
+    flight.run(1.5)
+    assert flight.mode == "HOLD"
+    assert "No valid mission available, loitering" in flight.texts()
+    assert flight.command(176, 1, 4, 4) == [0, 1]
