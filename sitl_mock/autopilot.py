@@ -25,6 +25,7 @@ from sitl_mock.estimator import STEP_S as ESTIMATOR_S
 from sitl_mock.estimator import Estimator
 from sitl_mock.flavour import Flavour
 from sitl_mock.incidents import INCIDENTS
+from sitl_mock.logs import LOG_BYTES, LogBook
 from sitl_mock.mavlink import Message, Signing
 from sitl_mock.pilot import Sticks
 from sitl_mock.protocols import (
@@ -46,7 +47,7 @@ from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import DEFAULT_HOME, Home, LocalFrame, Vector, wrap_pi
 
 if TYPE_CHECKING:
-    from sitl_mock.flavour import Commander
+    from sitl_mock.flavour import Commander, FlightRecorder
 
 TICK_S: Final = 0.01
 MOVE_TICKS: Final = 2
@@ -73,6 +74,7 @@ class Settings:
     texts: bool | None = None
     origin: Home | None = None
     unix_us: int = _EPOCH_US
+    log_bytes: int = LOG_BYTES
 
 
 class Announcements(NamedTuple):
@@ -93,6 +95,7 @@ class Autopilot:
         state: State that every flavour shares; new after each boot.
         commander: The flavour's decisions; new after each boot.
         report: Source of the telemetry; new after each boot.
+        recorder: Writes the flight logs; new after each boot.
         boots: Number of boots.
     """
 
@@ -106,7 +109,7 @@ class Autopilot:
         self.identity = self.flavour.identity(self.system_id)
         self.conditions = Conditions()
         self.plans = PlanStore()
-        self.storage = Storage()
+        self.storage = Storage(LogBook(settings.log_bytes))
         try:
             self.parameters = ParameterStore(self.flavour.parameters, settings.parameters)
         except ParameterError as error:
@@ -129,6 +132,7 @@ class Autopilot:
         self.boots = 0
         self.state: VehicleState
         self.commander: Commander
+        self.recorder: FlightRecorder
         self.boot(0.0)
 
     def boot(self, now_s: float) -> None:
@@ -170,6 +174,9 @@ class Autopilot:
             now_s=now_s,
         )
         self.commander = self.flavour.commander(self.state, self.plans)
+        self.storage.logs.end()
+        self.storage.logs.listener = None
+        self.recorder = self.flavour.recorder(self.storage.logs)
         self.report = Report(
             self.flavour,
             self.state,
@@ -197,9 +204,13 @@ class Autopilot:
             if count:
                 self._move()
             self.report.setpoint = self.commander.tick(now_s)
+            self._renew_times(now_s)
+            logs = self.storage.logs
+            if logs.most_bytes or logs.listener is not None:
+                self.recorder.tick(self.report)
         else:
             self._carry_on()
-        self._renew_times(now_s)
+            self._renew_times(now_s)
 
     def is_idle(self, count: int) -> bool:
         """True if tick `count` would only extrapolate telemetry: half way between two moves, without news."""
@@ -226,6 +237,7 @@ class Autopilot:
         everywhere: list[Reply] = [("MISSION_ITEM_REACHED", seq) for seq in reached]
         for severity, text in texts:
             replies += self._status_texts.replies(severity, text)
+            self.recorder.say(self.report, severity, text)
             event = (
                 self.flavour.event_of(severity, text) if self.flavour.event_of is not None else None
             )

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from sitl_mock.dynamics import Setpoint, Vehicle, Wander
+from sitl_mock.logs import LogBook
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import ModeTable
 from sitl_mock.protocols import (
@@ -12,6 +13,7 @@ from sitl_mock.protocols import (
     CommandAnswer,
     FileTree,
     Identity,
+    LogRules,
     MissionRules,
     Parameter,
     ParameterRules,
@@ -23,6 +25,9 @@ from sitl_mock.protocols import (
 )
 from sitl_mock.sensors import EXACT, SensorNoise
 from sitl_mock.vehicle_state import VehicleState
+
+if TYPE_CHECKING:
+    from sitl_mock.telemetry import Report
 
 
 class Commander(Protocol):
@@ -98,6 +103,26 @@ class Commander(Protocol):
         ...
 
 
+class FlightRecorder(Protocol):
+    """Writes the flight logs of one boot.
+
+    * `tick` is called every 20 ms.
+    * `say` takes each text of the vehicle.
+    """
+
+    def tick(self, report: "Report") -> None:
+        """Write what is due."""
+        ...
+
+    def say(self, report: "Report", severity: int, text: str) -> None:
+        """Write a text."""
+        ...
+
+    def head(self, report: "Report") -> Sequence[bytes]:
+        """Return the beginning of a log, message by message; empty if the flavour streams none."""
+        ...
+
+
 def no_files(_parameters: ParameterStore, _plans: PlanStore, storage: Storage) -> FileTree:
     """Return a file tree with nothing but what clients write."""
     return FileTree({}, storage=storage)
@@ -117,10 +142,12 @@ class Flavour:
         parameter_rules: Rules of the parameter protocol.
         stream_rules: Rules for changing stream rates.
         mission_rules: Rules of the mission protocol.
+        log_rules: Rules of the log protocol.
         rates_hz: Default streams by kind of link (onboard, gcs, quiet).
         identity: AUTOPILOT_VERSION of a vehicle with a number.
         plant: The dynamics under present parameters.
         commander: Makes a vehicle's commander.
+        recorder: Makes what writes a vehicle's logs.
         wander: Size of the estimator's error.
         sensors: Noise of its sensors.
         ground_wander: Size of the estimator's error on the ground; None where it rests.
@@ -136,6 +163,7 @@ class Flavour:
         refused_commands: Commands that this version no longer has.
         more_commands: Commands that this version has beyond the one with recorded data.
         withheld: Messages of the mock that this version cannot send, also on request.
+        streams_log: A client can have a log streamed.
     """
 
     name: str
@@ -147,10 +175,12 @@ class Flavour:
     parameter_rules: ParameterRules
     stream_rules: StreamRules
     mission_rules: MissionRules
+    log_rules: LogRules
     rates_hz: Mapping[str, Mapping[str, float]]
     identity: Callable[[int], Identity]
     plant: Callable[[Mapping[str, float]], Vehicle]
     commander: Callable[[VehicleState, PlanStore], Commander]
+    recorder: Callable[[LogBook], FlightRecorder]
     wander: Wander
     ready_s: float
     texts: bool | None
@@ -166,6 +196,7 @@ class Flavour:
     refused_commands: frozenset[int] = frozenset()
     more_commands: frozenset[int] = frozenset()
     withheld: frozenset[str] = frozenset()
+    streams_log: bool = False
 
     @property
     def spec(self) -> str:

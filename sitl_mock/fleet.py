@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sitl_mock.errors import ConfigError
+from sitl_mock.logs import LOG_BYTES
 from sitl_mock.mavlink import Signing
 from sitl_mock.tables import (
     REQUIRED,
@@ -28,6 +29,8 @@ from sitl_mock.world import DEFAULT_HOME, Home
 
 _FOREVER_S: Final = 1e9
 _MOST: Final = 255
+_LOGS_BYTES: Final = 80 << 20
+"""Most bytes of a fleet's flight logs: the whole limit of 20 vehicles."""
 
 
 @dataclass(frozen=True)
@@ -240,7 +243,11 @@ def _assignment(text: str) -> tuple[str, str, float]:
 
 
 def build(
-    config: FleetConfig, *, unix_us: int | None = None, links: Mapping[str, str] = DEFAULT_LINKS
+    config: FleetConfig,
+    *,
+    unix_us: int | None = None,
+    links: Mapping[str, str] = DEFAULT_LINKS,
+    log_bytes: int = _LOGS_BYTES,
 ) -> dict[str, MockVehicle]:
     """Make every vehicle of a fleet, each with its own seed.
 
@@ -251,13 +258,15 @@ def build(
         config: The fleet.
         unix_us: Microseconds since 1970 at time 0 of the clock; None for a fixed date.
         links: Name of each link to its kind (see `MockVehicle`).
+        log_bytes: Most bytes of the flight logs of all vehicles, equally divided; 0 for none.
 
     Raises:
         ConfigError: A vehicle has a parameter that its flavour lacks.
     """
     ids = _system_ids(config)
+    share = min(LOG_BYTES, log_bytes // len(config.vehicle))
     return {
-        each.name: _vehicle(config, each, ids[each.name], index, unix_us, links)
+        each.name: _vehicle(config, each, ids[each.name], index, unix_us, links, share)
         for index, each in enumerate(config.vehicle)
     }
 
@@ -275,6 +284,7 @@ def _vehicle(
     index: int,
     unix_us: int | None,
     links: Mapping[str, str],
+    log_bytes: int,
 ) -> MockVehicle:
     return MockVehicle(
         each.flavour,
@@ -293,4 +303,5 @@ def _vehicle(
         if each.signing
         else None,
         unix_us=unix_us,
+        log_bytes=log_bytes,
     )

@@ -15,6 +15,7 @@ from sitl_mock.protocols import (
     FtpProtocol,
     HomeProtocol,
     LogProtocol,
+    LogStream,
     MissionProtocol,
     ParameterProtocol,
     Place,
@@ -52,6 +53,9 @@ _CAPABILITIES = 520
 _AVAILABLE_MODES = 435
 _AUTOPILOT_VERSION = 148
 _SET_GLOBAL_ORIGIN = 611
+_LOGGING_START = 2510
+_LOGGING_STOP = 2511
+_LOGGING: Final = frozenset({_LOGGING_START, _LOGGING_STOP})
 
 
 class Link:
@@ -76,6 +80,7 @@ class Link:
         )
         self.unsendable = 0
         self._requested: list[Reply] = []
+        self._log_stream = LogStream(autopilot.storage.logs)
         self._ground_s = -math.inf
         self._heard: dict[tuple[int, int], float] = {}
         self.session = Session(
@@ -99,7 +104,10 @@ class Link:
             ftp=FtpProtocol(
                 flavour.files(autopilot.parameters, autopilot.plans, autopilot.storage)
             ),
-            logs=LogProtocol(),
+            logs=LogProtocol(
+                autopilot.storage.logs, flavour.log_rules, lambda: autopilot.state.armed
+            ),
+            log_stream=self._log_stream,
             signing=SigningSetup(signing),
             events=EventProtocol(autopilot.events),
         )
@@ -174,6 +182,8 @@ class Link:
             return (CommandAnswer(Result.UNSUPPORTED),)
         if command.number == _SET_GLOBAL_ORIGIN and command.number in flavour.more_commands:
             return (CommandAnswer(self._set_origin(now_s, command)),)
+        if command.number in _LOGGING and flavour.streams_log:
+            return self._stream_log(now_s, command)
         message = self.streams.rules.old_requests.get(command.number)
         if message is not None:
             command = command._replace(
@@ -183,6 +193,22 @@ class Link:
         if handler is None:
             return self.autopilot.commander.execute(now_s, command)
         return (CommandAnswer(handler(self, now_s, command)),)
+
+    def _stream_log(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
+        """LOGGING_START and LOGGING_STOP, as PX4 answers them; one stream at a time."""
+        recorder = self.autopilot.recorder
+        runs = self.autopilot.storage.logs.listener is not None
+        if command.number == _LOGGING_STOP:
+            self._log_stream.stop()
+            ended = CommandAnswer(Result.ACCEPTED)
+            return (CommandAnswer(Result.IN_PROGRESS), ended) if runs else (ended,)
+        if round(command.params[0]) != 0:
+            return (CommandAnswer(Result.UNSUPPORTED),)
+        if runs:
+            return (CommandAnswer(Result.TEMPORARILY_REJECTED),)
+        head = recorder.head(self.autopilot.report)
+        self._requested += self._log_stream.start(now_s, command.source, head)
+        return (CommandAnswer(Result.ACCEPTED),)
 
     def _set_interval(self, now_s: float, command: Command) -> Result:
         message_id, interval_us = command.params[:2]

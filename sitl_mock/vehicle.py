@@ -9,6 +9,7 @@ from sitl_mock.dynamics import Body
 from sitl_mock.errors import ConfigError
 from sitl_mock.flavours import flavour_named
 from sitl_mock.links import Link
+from sitl_mock.logs import LOG_BYTES, FlightLog
 from sitl_mock.mavlink import Signing
 from sitl_mock.world import DEFAULT_HOME, Home, Vector
 
@@ -39,6 +40,7 @@ class MockVehicle:
             until a client asks for more).
         signing: MAVLink signing of all links.
         unix_us: Microseconds since 1970 at time 0 of the caller's clock; None for a fixed date.
+        log_bytes: Most bytes of its flight logs, which are in memory; 0 for none, which saves time.
 
     Raises:
         ConfigError: An argument is not allowed.
@@ -61,6 +63,7 @@ class MockVehicle:
         links: Mapping[str, str] | None = None,
         signing: Signing | None = None,
         unix_us: int | None = None,
+        log_bytes: int = LOG_BYTES,
     ) -> None:
         settings = Settings(
             flavour=flavour_named(flavour),
@@ -75,6 +78,7 @@ class MockVehicle:
             texts=texts,
             origin=origin,
             unix_us=Settings.unix_us if unix_us is None else unix_us,
+            log_bytes=log_bytes,
         )
         self.autopilot = Autopilot(settings, Signing() if signing is None else signing)
         self._kinds = dict(DEFAULT_LINKS if links is None else links)
@@ -165,6 +169,11 @@ class MockVehicle:
     def flavour(self) -> str:
         """Name of the flavour."""
         return self.autopilot.flavour.name
+
+    @property
+    def logs(self) -> Sequence[FlightLog]:
+        """Its flight logs, oldest first; the last one may still be written."""
+        return self.autopilot.storage.logs.logs
 
     def counters(self) -> dict[str, dict[str, int]]:
         """Return the counts of each link's decoder."""

@@ -101,7 +101,9 @@ def faulted_fleet(scenario: Flown) -> dict[str, Faulted]:
             ("start", "engaged"),
             ("start",),
         ):
-            vehicles = build(checked(fleet(scenario), title), links={"onboard": "quiet"})
+            vehicles = build(
+                checked(fleet(scenario), title), links={"onboard": "quiet"}, log_bytes=0
+            )
             faults = parse_script(script(scenario, events), title)
             faulted = {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}
     except MockConfigError as error:

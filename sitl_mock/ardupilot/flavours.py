@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.ardupilot.commander import ArduPilot
 from sitl_mock.ardupilot.copter import COPTER
+from sitl_mock.ardupilot.flight_log import ArduPilotFlightLog
 from sitl_mock.ardupilot.modes import COPTER_MODES, ROVER_MODES
 from sitl_mock.ardupilot.rover import ROVER
 from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, ArduGains, Rover, Vehicle, arducopter_quadrotor
@@ -22,6 +23,7 @@ from sitl_mock.flavour import Flavour
 from sitl_mock.parameters import parameters_of
 from sitl_mock.protocols import (
     ARDUPILOT_HZ,
+    ARDUPILOT_LOG_RULES,
     ARDUPILOT_MISSION_RULES,
     ARDUPILOT_PARAMETER_RULES,
     ARDUPILOT_STREAM_RULES,
@@ -67,7 +69,7 @@ def files_of(parameters: ParameterStore, plans: PlanStore, storage: Storage) -> 
         hidden[f"@MISSION/{name}"] = partial(packed_plan, plans, kind)
     return FileTree(
         {},
-        frozenset({"/logs", "/terrain"}),
+        frozenset({"/terrain"}),
         hidden,
         unopened=FtpError.FILE_NOT_FOUND,
         full_folder=_IS_A_FOLDER,
@@ -197,10 +199,12 @@ ARDUCOPTER: Final = Flavour(
     parameter_rules=ARDUPILOT_PARAMETER_RULES,
     stream_rules=ARDUPILOT_STREAM_RULES,
     mission_rules=ARDUPILOT_MISSION_RULES,
+    log_rules=ARDUPILOT_LOG_RULES,
     rates_hz=_RATES,
     identity=ardupilot_identity,
     plant=copter_plant,
     commander=copter_commander,
+    recorder=ArduPilotFlightLog,
     wander=ARDUPILOT_WANDER,
     ready_s=39.0,
     texts=True,
@@ -219,10 +223,12 @@ ROVER_FLAVOUR: Final = Flavour(
     parameter_rules=ARDUPILOT_PARAMETER_RULES,
     stream_rules=ARDUPILOT_STREAM_RULES,
     mission_rules=ARDUPILOT_MISSION_RULES,
+    log_rules=ARDUPILOT_LOG_RULES,
     rates_hz=_RATES,
     identity=ardupilot_identity,
     plant=rover_plant,
     commander=rover_commander,
+    recorder=ArduPilotFlightLog,
     wander=ARDUPILOT_WANDER,
     ready_s=20.0,
     texts=True,

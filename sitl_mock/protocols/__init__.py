@@ -14,7 +14,6 @@ from sitl_mock.protocols.files import (
     FileTree,
     FtpError,
     FtpProtocol,
-    LogProtocol,
     Storage,
 )
 from sitl_mock.protocols.identity import (
@@ -25,6 +24,13 @@ from sitl_mock.protocols.identity import (
     ardupilot_identity,
     available_modes,
     px4_identity,
+)
+from sitl_mock.protocols.log_stream import LogStream
+from sitl_mock.protocols.logs import (
+    ARDUPILOT_LOG_RULES,
+    PX4_LOG_RULES,
+    LogProtocol,
+    LogRules,
 )
 from sitl_mock.protocols.mission import MissionProtocol
 from sitl_mock.protocols.mission_upload import (
@@ -78,6 +84,7 @@ from sitl_mock.protocols.texts import EventLog, EventProtocol, StatusTexts
 __all__ = [
     "ARDUPILOT_CAPABILITIES",
     "ARDUPILOT_HZ",
+    "ARDUPILOT_LOG_RULES",
     "ARDUPILOT_MISSION_RULES",
     "ARDUPILOT_PARAMETER_RULES",
     "ARDUPILOT_STREAM_RULES",
@@ -85,6 +92,7 @@ __all__ = [
     "PX4_BROADCAST",
     "PX4_CAPABILITIES",
     "PX4_GCS_HZ",
+    "PX4_LOG_RULES",
     "PX4_MISSION_RULES",
     "PX4_ONBOARD_HZ",
     "PX4_OWN_ID_ONLY",
@@ -105,6 +113,8 @@ __all__ = [
     "Identity",
     "LatePiece",
     "LogProtocol",
+    "LogRules",
+    "LogStream",
     "MissionProtocol",
     "MissionResult",
     "MissionRules",

@@ -1,11 +1,8 @@
-"""Files and logs on one link: FTP lists folders, reads files, and keeps what a client writes.
+"""Files on one link: FTP lists folders, reads files, and keeps what a client writes.
 
 Source: https://mavlink.io/en/services/ftp.html. Every request is answered at once, so that no client waits for a
 timeout. One file can be open at a time. List and read requests carry their offset, so repeated ones are answered again.
 The content of a file is made when it is read.
-
-LOG_REQUEST_LIST (https://mavlink.io/en/messages/common.html#LOG_REQUEST_LIST): the mock writes no flight log, and says
-so as an autopilot without one does (ArduCopter 4.5.7 before its first arming).
 """
 
 from __future__ import annotations
@@ -17,6 +14,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from sitl_mock.logs import LogBook
 from sitl_mock.protocols.session import Reply, source_of
 
 if TYPE_CHECKING:
@@ -85,11 +83,16 @@ class Entry(NamedTuple):
 
 
 class Storage:
-    """What clients have written, by absolute path; it outlives a reboot."""
+    """What clients have written, by absolute path, and the flight logs; it outlives a reboot.
 
-    def __init__(self) -> None:
+    Args:
+        logs: The vehicle's logs, which have a limit of their own.
+    """
+
+    def __init__(self, logs: LogBook | None = None) -> None:
         self.files: dict[str, bytes] = {}
         self.folders: set[str] = set()
+        self.logs = LogBook() if logs is None else logs
 
     def takes(self, more_bytes: int) -> bool:
         """Return True if there is space for some bytes and one more entry."""
@@ -238,7 +241,8 @@ class FtpProtocol:
         return [(0, b"")]
 
     def _remove_file(self, request: _Request) -> list[tuple[int, bytes]]:
-        del self._storage.files[self._stored_file(request.path)]
+        if not self._storage.logs.remove(absolute(request.path)):
+            del self._storage.files[self._stored_file(request.path)]
         return [(0, b"")]
 
     def _create_folder(self, request: _Request) -> list[tuple[int, bytes]]:
@@ -351,12 +355,11 @@ class FileTree:
     def entries(self, path: str) -> Sequence[Entry] | None:
         """Return the entries of a folder, None if it does not exist."""
         folder = absolute(path)
-        folders = {
-            "/",
-            *self.folders,
-            *self.storage.folders,
-            *(posixpath.dirname(name) for name in self.files),
-        }
+        logs = self.storage.logs.files
+        folders = {"/", *self.folders, *self.storage.folders}
+        for name in (*self.files, *logs):
+            while (name := posixpath.dirname(name)) not in folders:
+                folders.add(name)
         if folder not in folders:
             return None
         names = sorted(name for name in folders if _lies_in(name, folder))
@@ -364,7 +367,7 @@ class FileTree:
         for name, make in self.files.items():
             if _lies_in(name, folder):
                 inside.append(Entry(posixpath.basename(name), len(make())))
-        for name, content in self.storage.files.items():
+        for name, content in (*logs.items(), *self.storage.files.items()):
             if _lies_in(name, folder):
                 inside.append(Entry(posixpath.basename(name), len(content)))
         return inside
@@ -372,8 +375,12 @@ class FileTree:
     def content(self, path: str) -> bytes | None:
         """Return a file's bytes, None if it does not exist."""
         plain = path.partition("?")[0]
-        make = self.hidden.get(plain) or self.files.get(absolute(plain))
-        return self.storage.files.get(absolute(plain)) if make is None else make()
+        place = absolute(plain)
+        make = self.hidden.get(plain) or self.files.get(place)
+        if make is not None:
+            return make()
+        log = self.storage.logs.files.get(place)
+        return self.storage.files.get(place) if log is None else bytes(log)
 
 
 def absolute(path: str) -> str:
@@ -383,16 +390,3 @@ def absolute(path: str) -> str:
 
 def _lies_in(name: str, folder: str) -> bool:
     return name != "/" and posixpath.dirname(name) == folder
-
-
-NO_LOG: Final[Reply] = ("LOG_ENTRY", 0, 0, 0, 0, 0)
-
-
-class LogProtocol:
-    """Flight logs on one link: none."""
-
-    def handle(self, now_s: float, message: Message) -> list[Reply]:  # noqa: ARG002 - a Piece
-        """Take LOG_REQUEST_LIST; requests for log data are not answered."""
-        if message.get_type() == "LOG_REQUEST_LIST":
-            return [NO_LOG]
-        return []

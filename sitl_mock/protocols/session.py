@@ -67,7 +67,8 @@ MESSAGES: dict[str, tuple[str, ...]] = {
     "time": ("TIMESYNC", "PING"),
     "home": ("SET_GPS_GLOBAL_ORIGIN", "SET_HOME_POSITION"),
     "ftp": ("FILE_TRANSFER_PROTOCOL",),
-    "logs": ("LOG_REQUEST_LIST",),
+    "logs": ("LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END", "LOG_ERASE"),
+    "log_stream": ("LOGGING_ACK",),
     "signing": ("SETUP_SIGNING",),
     "events": ("REQUEST_EVENT",),
 }

@@ -22,6 +22,7 @@ from sitl_mock.parameters import parameters_of
 from sitl_mock.protocols import (
     PX4_BROADCAST,
     PX4_GCS_HZ,
+    PX4_LOG_RULES,
     PX4_MISSION_RULES,
     PX4_ONBOARD_HZ,
     PX4_OWN_ID_ONLY,
@@ -36,6 +37,7 @@ from sitl_mock.protocols import (
 from sitl_mock.px4.commander import Px4
 from sitl_mock.px4.commands import execute
 from sitl_mock.px4.events import event_of
+from sitl_mock.px4.flight_log import Px4FlightLog
 from sitl_mock.px4.modes import MODES
 from sitl_mock.px4.tasks import fly
 from sitl_mock.sensors import PX4_SENSORS
@@ -135,10 +137,12 @@ PX4: Final = Flavour(
     parameter_rules=PX4_PARAMETER_RULES,
     stream_rules=PX4_STREAM_RULES,
     mission_rules=PX4_MISSION_RULES,
+    log_rules=PX4_LOG_RULES,
     rates_hz={"onboard": PX4_ONBOARD_HZ, "gcs": PX4_GCS_HZ, "quiet": QUIET_HZ},
     identity=px4_identity,
     plant=plant,
     commander=px4_commander,
+    recorder=Px4FlightLog,
     wander=PX4_WANDER,
     ready_s=5.0,
     texts=None,
@@ -148,4 +152,5 @@ PX4: Final = Flavour(
     broadcast=PX4_BROADCAST,
     sensors=PX4_SENSORS,
     ground_wander=PX4_GROUND_WANDER,
+    streams_log=True,
 )

@@ -129,11 +129,12 @@ def position_target_local_ned(report: Report) -> Fields:
     yaw = setpoint.yaw_rad
     if setpoint.kind <= _IDLING:
         return (report.boot_ms, _LOCAL_NED, _mask(_STILL), *_STILL, report.state.yaw_rad, 0.0)
-    moving = _trajectory(report)
+    moving = trajectory(report)
     return (report.boot_ms, _LOCAL_NED, _mask(moving), *moving, yaw, setpoint.yaw_rate_rad_s)
 
 
-def _trajectory(report: Report) -> tuple[float, ...]:
+def trajectory(report: Report) -> tuple[float, ...]:
+    """Position, velocity and acceleration that the controller follows; NaN marks axes that are left free."""
     setpoint = report.setpoint
     if setpoint.kind in _OWN and (reference := report.reference()) is not None:
         return (
@@ -173,7 +174,7 @@ def position_target_global_int(report: Report) -> Fields | None:
     )
     lat, lon, alt = state.frame.to_geodetic(*goal)
     still = setpoint.kind is Kind.IDLING
-    moving = _STILL[3:] if still else _trajectory(report)[3:]
+    moving = _STILL[3:] if still else trajectory(report)[3:]
     position = (round(lat * 1e7), round(lon * 1e7), alt)
     return (report.boot_ms, _GLOBAL_INT, 0, *position, *moving, setpoint.yaw_rad, 0.0)
 

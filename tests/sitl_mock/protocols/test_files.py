@@ -76,19 +76,10 @@ def client(request):
     return Client(request.param)
 
 
-def test_row_14_without_a_log_the_list_is_empty_and_says_so(client):
-    came = [
-        m for m in client.send("LOG_REQUEST_LIST", 1, 1, 0, 0xFFFF) if m.get_type() == "LOG_ENTRY"
-    ]
-    assert [(m.id, m.num_logs, m.last_log_num, m.time_utc, m.size) for m in came] == [
-        (0, 0, 0, 0, 0)
-    ]
-
-
 def test_row_14_folders_are_listed_and_what_is_not_there_is_not_found(client):
     root = client.entries(b"/")
     assert root == client.entries(b".")
-    assert ("Dlog" if client.vehicle.flavour == "px4" else "Dlogs") in root
+    assert ("Dlog" if client.vehicle.flavour == "px4" else "Dterrain") in root
     ((_, code, _, _, data),) = client.ask(3, b"nosuch")
     assert (code, data) == (NAK, b"\x0a")
     ((_, code, _, _, data),) = client.ask(4, b"nosuch")
@@ -124,7 +115,7 @@ def test_a_client_writes_reads_renames_and_removes(client):
 
 
 def test_the_vehicles_own_files_are_protected_and_the_storage_is_bounded(client):
-    own = b"/log" if client.vehicle.flavour == "px4" else b"/logs"
+    own = b"/tmp" if client.vehicle.flavour == "px4" else b"/terrain"
     assert told(client.ask(10, own)) == 9
     assert told(client.ask(6, b"/big")) == "ok"
     assert told(client.ask(7, b"x", offset=1 << 30)) == 2

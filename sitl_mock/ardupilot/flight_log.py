@@ -1,0 +1,281 @@
+"""ArduPilot's flight log: a DataFlash file with the records that the mock has values for.
+
+As ArduPilot 4.5.7 does: the log begins at arming and goes on for 15 s after disarming. The next arming continues it,
+unless LOG_FILE_DSRMROT is 1, which begins a new one. LOG_DISARMED = 1 also logs before arming.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from sitl_mock.dynamics import Kind as SetpointKind
+from sitl_mock.logs.dataflash import FMT, Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sitl_mock.logs import LogBook
+    from sitl_mock.telemetry import Report
+    from sitl_mock.world import Vector
+
+_STEP_S: Final = 0.1
+_LINGER_S: Final = 15.0
+_GPS_STEPS: Final = 2
+_BY_COMMAND: Final = 2
+_DISARMED_EVENT: Final = 11
+_ARMED_EVENT: Final = 10
+_VELOCITY_TARGET: Final = 4
+_WEEK_S: Final = 604_800
+_GPS_EPOCH_S: Final = 315_964_800 - 18
+
+PARM: Final = Kind(32, "PARM", "QNff", "TimeUS,Name,Value,Default")
+MSG: Final = Kind(59, "MSG", "QZ", "TimeUS,Message")
+MODE: Final = Kind(118, "MODE", "QMBB", "TimeUS,Mode,ModeNum,Rsn")
+EV: Final = Kind(181, "EV", "QB", "TimeUS,Id")
+ARM: Final = Kind(186, "ARM", "QBIBB", "TimeUS,ArmState,ArmChecks,Forced,Method")
+ORGN: Final = Kind(71, "ORGN", "QBLLe", "TimeUS,Type,Lat,Lng,Alt")
+ATT: Final = Kind(
+    70, "ATT", "QccccCCCCB", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw,ErrRP,ErrYaw,AEKF"
+)
+POS: Final = Kind(72, "POS", "QLLfff", "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt")
+XKF1: Final = Kind(
+    44,
+    "XKF1",
+    "QBccCfffffffccce",
+    "TimeUS,C,Roll,Pitch,Yaw,VN,VE,VD,dPD,PN,PE,PD,GX,GY,GZ,OH",
+)
+BAT: Final = Kind(
+    86, "BAT", "QBfffffcfBBB", "TimeUS,Inst,Volt,VoltR,Curr,CurrTot,EnrgTot,Temp,Res,RemPct,H,SH"
+)
+GPS: Final = Kind(
+    90,
+    "GPS",
+    "QBBIHBcLLeffffB",
+    "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw,U",
+)
+GUIP: Final = Kind(8, "GUIP", "QBfffbffffff", "TimeUS,Type,pX,pY,pZ,Terrain,vX,vY,vZ,aX,aY,aZ")
+_AXES: Final = tuple(
+    Kind(
+        number,
+        f"PSC{axis}",
+        "Qffffffff",
+        f"TimeUS,TP{axis},P{axis},DV{axis},TV{axis},V{axis},DA{axis},TA{axis},A{axis}",
+    )
+    for number, axis in enumerate("NED", start=188)
+)
+"""Position control along north, east and down: target and estimate of position, velocity and acceleration."""
+KINDS: Final = (FMT, PARM, MSG, MODE, EV, ARM, ORGN, ATT, POS, XKF1, BAT, GPS, GUIP, *_AXES)
+
+
+class ArduPilotFlightLog:
+    """Writes the logs of one boot.
+
+    Args:
+        book: The vehicle's logs.
+    """
+
+    def __init__(self, book: LogBook) -> None:
+        self._book = book
+        self._next_s = -1.0
+        self._step = 0
+        self._armed = False
+        self._disarmed_s = -math.inf
+        self._mode = -1
+        self._revision = 0
+        self._parameters: dict[str, float] = {}
+
+    def tick(self, report: Report) -> None:
+        """Write what is due; called every 20 ms."""
+        state = report.state
+        if state.armed != self._armed:
+            self._arm(report)
+        if state.now_s < self._next_s - 1e-9:
+            return
+        self._next_s = max(self._next_s + _STEP_S, state.now_s)
+        self._decide(report)
+        if self._writes(report):
+            self._write(report, self._records(report))
+        self._step += 1
+
+    def say(self, report: Report, severity: int, text: str) -> None:  # noqa: ARG002 - PX4's has one
+        """Write a text."""
+        if self._writes(report):
+            self._write(report, MSG.pack(report.boot_us, text.encode()))
+
+    def head(self, report: Report) -> Sequence[bytes]:  # noqa: ARG002 - PX4's has one
+        """Return nothing: no client can have this log streamed."""
+        return ()
+
+    def _writes(self, report: Report) -> bool:
+        """True while armed, for some seconds after it, or always with LOG_DISARMED."""
+        state = report.state
+        if not int(state.parameters["LOG_BACKEND_TYPE"]) & 1:
+            return False
+        lingers = state.now_s - self._disarmed_s < _LINGER_S
+        return state.armed or lingers or state.parameters.get("LOG_DISARMED", 0) == 1
+
+    def _decide(self, report: Report) -> None:
+        if self._book.running is None and self._writes(report):
+            self._begin(report)
+
+    def _arm(self, report: Report) -> None:
+        """Write that it is armed or disarmed."""
+        state = report.state
+        self._armed = state.armed
+        now_us = report.boot_us
+        if not state.armed:
+            self._disarmed_s = state.now_s
+            records = ARM.pack(now_us, 0, 0, 0, 1) + EV.pack(now_us, _DISARMED_EVENT)
+            self._write(report, records)
+            if state.parameters.get("LOG_FILE_DSRMROT", 0) == 1:
+                self._disarmed_s = -math.inf
+                self._book.end()
+            return
+        self._decide(report)
+        self._write(report, ARM.pack(now_us, 1, 1, 0, 1) + EV.pack(now_us, _ARMED_EVENT))
+
+    def _begin(self, report: Report) -> None:
+        """Begin a log with the kinds of records, the parameters, the version and the mode."""
+        numbers = [int(log.path[-12:-4]) for log in self._book.logs]
+        number = max(numbers, default=0) + 1
+        state = report.state
+        major, minor, patch = report.flavour.identity(state.system_id).version
+        title = report.flavour.title.split(maxsplit=1)[0]
+        now_us = report.boot_us
+        self._remember(report)
+        defaults = state.parameters.definitions
+        head = [kind.definition for kind in KINDS]
+        for name in state.parameters.names:
+            value = state.parameters[name]
+            head.append(PARM.pack(now_us, name.encode(), value, defaults[name].default))
+        head.append(MSG.pack(now_us, f"{title} V{major}.{minor}.{patch}".encode()))
+        if state.home_m is not None:
+            head.append(ORGN.pack(now_us, 0, *state.frame.origin))
+            head.append(ORGN.pack(now_us, 1, *state.frame.to_geodetic(*state.home_m)))
+        self._mode = -1
+        self._book.begin(f"/logs/{number:08}.BIN", report.unix_us * 1e-6, b"".join(head))
+
+    def _write(self, report: Report, records: bytes) -> None:
+        self._book.add(report.unix_us * 1e-6, records)
+
+    def _records(self, report: Report) -> bytes:
+        state = report.state
+        now_us = report.boot_us
+        records = []
+        mode = report.commander.custom_mode
+        if mode != self._mode:
+            self._mode = mode
+            records.append(MODE.pack(now_us, mode, mode, _BY_COMMAND))
+        if state.parameters.revision != self._revision:
+            records += self._changed(report)
+        records += (_attitude(report), _position(report), _estimate(report), _battery(report))
+        records += _control(report)
+        if self._step % _GPS_STEPS == 0:
+            records.append(_receiver(report))
+        if report.setpoint.kind is SetpointKind.STREAM:
+            records.append(_target(report))
+        return b"".join(records)
+
+    def _remember(self, report: Report) -> None:
+        self._parameters = dict(report.state.parameters)
+        self._revision = report.state.parameters.revision
+
+    def _changed(self, report: Report) -> list[bytes]:
+        before = self._parameters
+        self._remember(report)
+        definitions = report.state.parameters.definitions
+        return [
+            PARM.pack(report.boot_us, name.encode(), value, definitions[name].default)
+            for name, value in self._parameters.items()
+            if before.get(name) != value
+        ]
+
+
+def _attitude(report: Report) -> bytes:
+    roll, pitch, yaw, _, _, _ = report.state.attitude
+    roll_deg = math.degrees(roll)
+    pitch_deg = math.degrees(pitch)
+    yaw_deg = math.degrees(yaw) % 360.0
+    return ATT.pack(
+        report.boot_us, roll_deg, roll_deg, pitch_deg, pitch_deg, yaw_deg, yaw_deg, 0.0, 0.0, 3
+    )
+
+
+def _position(report: Report) -> bytes:
+    lat, lon, alt = report.place
+    return POS.pack(report.boot_us, lat, lon, alt, report.relative_m, -report.state.position_m[2])
+
+
+def _estimate(report: Report) -> bytes:
+    state = report.state
+    roll, pitch, yaw, _, _, _ = state.attitude
+    return XKF1.pack(
+        *(report.boot_us, 0, math.degrees(roll), math.degrees(pitch)),
+        *(math.degrees(yaw) % 360.0, *state.velocity_m_s, state.velocity_m_s[2]),
+        *(*state.position_m, 0.0, 0.0, 0.0, state.frame.origin.alt_amsl_m),
+    )
+
+
+def _battery(report: Report) -> bytes:
+    battery = report.state.battery
+    voltage_v = battery.voltage_v
+    return BAT.pack(
+        *(report.boot_us, 0, voltage_v, voltage_v, battery.current_a, battery.consumed_mah),
+        *(battery.consumed_mah * voltage_v * 1e-3, 0.0, 0.0, round(battery.remaining * 100.0)),
+        *(1, 0),
+    )
+
+
+def _control(report: Report) -> list[bytes]:
+    state = report.state
+    setpoint = report.setpoint
+    acceleration_m_s2 = state.body.acceleration_ned_m_s2
+    records = []
+    for axis, kind in enumerate(_AXES):
+        place_m = _or(setpoint.position_ned_m[axis], state.position_m[axis])
+        speed_m_s = _or(setpoint.velocity_ned_m_s[axis], 0.0)
+        push_m_s2 = _or(setpoint.acceleration_ned_m_s2[axis], acceleration_m_s2[axis])
+        records.append(
+            kind.pack(
+                *(report.boot_us, place_m, state.position_m[axis], speed_m_s, speed_m_s),
+                *(state.velocity_m_s[axis], push_m_s2, push_m_s2, acceleration_m_s2[axis]),
+            )
+        )
+    return records
+
+
+def _receiver(report: Report) -> bytes:
+    state = report.state
+    fix = state.sensors.fix
+    lat, lon, alt = state.frame.to_geodetic(*fix.position_m)
+    north, east, down = fix.velocity_m_s
+    since_s = report.unix_us * 1e-6 - _GPS_EPOCH_S
+    course_deg = math.degrees(math.atan2(east, north)) % 360.0
+    works = state.estimator.gps_ok
+    return GPS.pack(
+        *(report.boot_us, 0, report.flavour.fix_type if works else 0),
+        *(int(since_s % _WEEK_S * 1000.0), int(since_s // _WEEK_S), 10 if works else 0, 1.21),
+        *(lat, lon, alt, math.hypot(north, east), course_deg, down, 0.0, 1),
+    )
+
+
+def _target(report: Report) -> bytes:
+    """The streamed target in centimetres, up positive, as ArduCopter logs it; axes that are left free are 0."""
+    setpoint = report.setpoint
+    vectors = (
+        setpoint.position_ned_m,
+        setpoint.velocity_ned_m_s,
+        setpoint.acceleration_ned_m_s2,
+    )
+    place, speed, push = (_centimetres_up(vector) for vector in vectors)
+    return GUIP.pack(report.boot_us, _VELOCITY_TARGET, *place, 0, *speed, *push)
+
+
+def _centimetres_up(vector: Vector) -> Vector:
+    north, east, down = vector
+    return (_or(north, 0.0) * 100.0, _or(east, 0.0) * 100.0, _or(-down, 0.0) * 100.0)
+
+
+def _or(value: float, otherwise: float) -> float:
+    return otherwise if math.isnan(value) else value

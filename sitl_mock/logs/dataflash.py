@@ -1,0 +1,149 @@
+"""ArduPilot's log format DataFlash: records to write, and a reader of them.
+
+Source: https://ardupilot.org/copter/docs/common-downloading-and-analyzing-data-logs-in-mission-planner.html and
+``LogStructure.h`` of ArduPilot 4.5. A record is two fixed bytes, the number of its kind and its values. FMT records
+describe the kinds; letters of a format tell types, and some of them a scale (``c``: hundredths).
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING, Any, Final
+
+from sitl_mock.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+START: Final = b"\xa3\x95"
+_HEAD: Final = 3
+_FMT: Final = 128
+_FMT_BODY: Final = struct.Struct("<BB4s16s64s")
+_LETTERS: Final = {
+    "a": "64s",
+    "b": "b",
+    "B": "B",
+    "h": "h",
+    "H": "H",
+    "i": "i",
+    "I": "I",
+    "f": "f",
+    "d": "d",
+    "n": "4s",
+    "N": "16s",
+    "Z": "64s",
+    "c": "h",
+    "C": "H",
+    "e": "i",
+    "E": "I",
+    "L": "i",
+    "M": "B",
+    "q": "q",
+    "Q": "Q",
+}
+_SCALES: Final = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
+"""Value of one unit of a letter's integer."""
+_SHORTEST: Final = {"h": (-32768, 32767), "H": (0, 65535), "i": (-(2**31), 2**31 - 1)}
+
+
+class Kind:
+    """A kind of record.
+
+    Args:
+        number: Its number.
+        name: At most four letters.
+        letters: Type of each value.
+        columns: Names of the values, divided by commas.
+    """
+
+    def __init__(self, number: int, name: str, letters: str, columns: str) -> None:
+        self.name = name
+        self.columns = tuple(columns.split(","))
+        self._struct = struct.Struct("<" + "".join(_LETTERS[letter] for letter in letters))
+        self._scaled = tuple(
+            (index, _SCALES[letter], _SHORTEST.get(_LETTERS[letter], (0, 2**32 - 1)))
+            for index, letter in enumerate(letters)
+            if letter in _SCALES
+        )
+        self._scales = tuple(_SCALES.get(letter, 0.0) for letter in letters)
+        self._start = START + bytes((number,))
+        self.size = _HEAD + self._struct.size
+        self.definition = _definition(number, self.size, name, letters, columns)
+
+    def pack(self, *values: Any) -> bytes:  # noqa: ANN401 - numbers and texts
+        """Return a record of values in their units; those too large for their type are clipped."""
+        units = list(values)
+        for index, scale, (least, most) in self._scaled:
+            units[index] = min(max(round(units[index] / scale), least), most)
+        return self._start + self._struct.pack(*units)
+
+    def unpack(self, content: bytes, at: int) -> tuple[Any, ...]:
+        """Return the values of the record at an offset, in their units."""
+        units = self._struct.unpack_from(content, at + _HEAD)
+        return tuple(
+            unit * scale if scale else unit for unit, scale in zip(units, self._scales, strict=True)
+        )
+
+
+def _definition(number: int, size: int, name: str, letters: str, columns: str) -> bytes:
+    body = _FMT_BODY.pack(number, size, name.encode(), letters.encode(), columns.encode())
+    return START + bytes((_FMT,)) + body
+
+
+FMT: Final = Kind(_FMT, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
+
+
+def read(content: bytes, wanted: dict[str, Sequence[str]], source: str) -> dict[str, list[Any]]:
+    """Return rows of the wanted columns by kind; a kind that is not in the file has no rows.
+
+    A damaged record is skipped up to the next one. One that is cut off ends the file.
+
+    Args:
+        content: The file.
+        wanted: Names of columns by kind.
+        source: Name of the file for errors.
+
+    Raises:
+        ConfigError: It is no DataFlash log, or a wanted column is not in its kind.
+    """
+    if not content.startswith(START + bytes((_FMT,))):
+        raise ConfigError(f"{source} is not a DataFlash log: it does not begin with a FMT record")
+    rows: dict[str, list[Any]] = {name: [] for name in wanted}
+    for kind, values in _records(content):
+        if kind.name in rows:
+            row = dict(zip(kind.columns, values, strict=True))
+            try:
+                rows[kind.name].append(tuple(row[column] for column in wanted[kind.name]))
+            except KeyError as error:
+                raise ConfigError(f"{source}: {kind.name} has no column {error}") from error
+    return rows
+
+
+def _records(content: bytes) -> Iterator[tuple[Kind, tuple[Any, ...]]]:
+    kinds = {_FMT: FMT}
+    at = 0
+    while (at := content.find(START, at)) >= 0 and at + _HEAD <= len(content):
+        kind = kinds.get(content[at + 2])
+        if kind is None:
+            at += 1
+            continue
+        if at + kind.size > len(content):
+            return
+        values = kind.unpack(content, at)
+        if kind is FMT:
+            described = _described(values)
+            if described is not None:
+                kinds[values[0]] = described
+        else:
+            yield kind, values
+        at += kind.size
+
+
+def _described(values: tuple[Any, ...]) -> Kind | None:
+    """Return the kind that a FMT record describes; None for FMT itself, or with an unknown letter."""
+    number, _, name, letters, columns = values
+    text = letters.rstrip(b"\0").decode(errors="replace")
+    names = columns.rstrip(b"\0").decode(errors="replace")
+    if number == _FMT or not set(text) <= _LETTERS.keys() or len(names.split(",")) != len(text):
+        return None
+    return Kind(number, name.rstrip(b"\0").decode(errors="replace"), text, names)

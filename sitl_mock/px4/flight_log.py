@@ -1,0 +1,144 @@
+"""PX4's flight log: a ULog of the topics of `topics.py`, of texts and of parameters.
+
+As PX4's simulation does with its default SDLOG_MODE = 1, it begins at the boot and ends at disarming; the next one
+begins at arming. A client may also stream a log of its own (`protocols.log_stream`).
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Final
+
+from sitl_mock.logs import ulog
+from sitl_mock.protocols import ParamKind
+from sitl_mock.px4.topics import SOURCES, STEP_MS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sitl_mock.logs import LogBook
+    from sitl_mock.telemetry import Report
+
+_STEP_S: Final = STEP_MS * 1e-3
+_PERIOD: Final = 20
+"""Steps until the topics repeat."""
+_DUE: Final = tuple(
+    tuple(
+        (source.topic.pack, source.build) for source in SOURCES.values() if step % source.every == 0
+    )
+    for step in range(_PERIOD)
+)
+"""Packing and builder of the topics of each step."""
+_NEVER: Final = -1
+_FROM_ARMING: Final = 0
+_FROM_BOOT: Final = 1
+_UNTIL_SHUTDOWN: Final = 2
+_RELEASE: Final = 255
+
+
+class Px4FlightLog:
+    """Writes the logs of one boot.
+
+    Args:
+        book: The vehicle's logs.
+    """
+
+    def __init__(self, book: LogBook) -> None:
+        self._book = book
+        self._next_s = -1.0
+        self._step = 0
+        self._armed = False
+        self._has_flown = False
+        self._revision = 0
+        self._parameters: dict[str, float] = {}
+
+    def tick(self, report: Report) -> None:
+        """Write what is due; called every 20 ms."""
+        state = report.state
+        if self._step == 0 or state.armed != self._armed:
+            self._decide(report)
+        if state.now_s < self._next_s - 1e-9:
+            return
+        self._next_s = max(self._next_s + _STEP_S, state.now_s)
+        if self._book.is_open:
+            messages = [pack(*build(report)) for pack, build in _DUE[self._step % _PERIOD]]
+            if state.parameters.revision != self._revision:
+                messages += self._changed(report)
+            self._write(report, messages)
+        self._step += 1
+
+    def say(self, report: Report, severity: int, text: str) -> None:
+        """Write a text."""
+        if self._book.is_open:
+            self._write(report, [ulog.logged_text(report.boot_us, severity, text)])
+
+    def head(self, report: Report) -> list[bytes]:
+        """Return the beginning of a log: definitions, parameters and subscriptions, the file's header first."""
+        identity = report.flavour.identity(report.state.system_id)
+        major, minor, patch = identity.version
+        release = major << 24 | minor << 16 | patch << 8 | _RELEASE
+        state = report.state
+        self._remember(report)
+        return [
+            ulog.header(report.boot_us),
+            ulog.flags(),
+            ulog.information("char", "ver_sw", identity.commit[::-1].hex()),
+            ulog.information("uint32_t", "ver_sw_release", release),
+            ulog.information("char", "ver_hw", "PX4_SITL"),
+            ulog.information("char", "sys_name", "PX4"),
+            ulog.information("uint32_t", "ver_data_format", 2),
+            ulog.information("int32_t", "time_ref_utc", 0),
+            ulog.information("uint64_t", "boot_time_utc_us", report.unix_us - report.boot_us),
+            *(ulog.topic_format(source.topic) for source in SOURCES.values()),
+            *(self._parameter(report, name) for name in state.parameters.names),
+            *(ulog.subscription(source.topic) for source in SOURCES.values()),
+        ]
+
+    def _decide(self, report: Report) -> None:
+        """Begin or end the log at the boot, at arming and at disarming."""
+        armed = report.state.armed
+        if armed != self._armed:
+            self._has_flown = True
+        self._armed = armed
+        mode = int(report.state.parameters["SDLOG_MODE"])
+        if mode == _NEVER:
+            wanted = False
+        elif mode == _FROM_ARMING:
+            wanted = armed
+        elif mode == _FROM_BOOT:
+            wanted = armed or not self._has_flown
+        elif mode == _UNTIL_SHUTDOWN:
+            wanted = True
+        else:
+            wanted = armed or self._has_flown
+        if not wanted:
+            self._book.end()
+        elif self._book.running is None:
+            began = datetime.fromtimestamp(report.unix_us * 1e-6, UTC)
+            path = f"/log/{began:%Y-%m-%d}/{began:%H_%M_%S}.ulg"
+            self._book.begin(path, report.unix_us * 1e-6, b"".join(self.head(report)))
+
+    def _write(self, report: Report, messages: Sequence[bytes]) -> None:
+        self._book.add(report.unix_us * 1e-6, b"".join(messages))
+        if self._book.listener is not None:
+            self._book.listener(messages)
+
+    def _remember(self, report: Report) -> None:
+        self._parameters = dict(report.state.parameters)
+        self._revision = report.state.parameters.revision
+
+    def _changed(self, report: Report) -> list[bytes]:
+        """Return the parameters that have changed since the last message."""
+        before = self._parameters
+        self._remember(report)
+        return [
+            self._parameter(report, name)
+            for name, value in self._parameters.items()
+            if before.get(name) != value
+        ]
+
+    @staticmethod
+    def _parameter(report: Report, name: str) -> bytes:
+        parameters = report.state.parameters
+        whole = parameters.definitions[name].kind is not ParamKind.REAL32
+        return ulog.parameter(name, parameters[name], whole=whole)

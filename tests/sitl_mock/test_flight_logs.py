@@ -1,0 +1,194 @@
+"""Flight logs: other people's readers read them; clients list, download, stream and remove them."""
+
+import io
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from pymavlink import DFReader
+from pyulog import ULog
+
+from sitl_mock import MockVehicle
+from sitl_mock.logs.ulog import MAGIC
+from sitl_mock.mavlink import Decoder, Encoder
+
+ARM = 400
+TAKE_OFF = 22
+LAND = 21
+SET_MODE = 176
+START = 2510
+STOP = 2511
+NORTH_2_M_S = ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 2503, *(0.0,) * 3, 2.0, *(0.0,) * 7)
+
+
+class Flight:
+    """A vehicle and its client, time by hand."""
+
+    def __init__(self, flavour, **settings):
+        self.vehicle = MockVehicle(flavour, ready_after_s=0.5, **settings)
+        self.now_s = 0.0
+        self.came = []
+        self._encoder = Encoder(255, 190)
+        self._decoder = Decoder()
+        self.step(steps=100)
+
+    def step(self, *messages, steps=1):
+        """Send messages in the first of some steps; return what came."""
+        came = []
+        for index in range(steps):
+            self.now_s += 0.02
+            sent = [self._encoder.pack(*message) for message in messages] if index == 0 else []
+            for frame in self.vehicle.step(self.now_s, sent):
+                came += self._decoder.feed(frame, whole=True)
+        self.came += came
+        return came
+
+    def command(self, number, *params):
+        filled = (*params, *(0.0,) * (7 - len(params)))
+        came = self.step(("COMMAND_LONG", 1, 1, number, 0, *filled), steps=2)
+        return [m.result for m in came if m.get_type() == "COMMAND_ACK"]
+
+    def fly(self):
+        """Take off, fly north at 2 m/s, land and disarm."""
+        if self.vehicle.flavour == "px4":
+            self.command(TAKE_OFF, 0, 0, 0, math.nan, math.nan, math.nan, 493.0)
+            self.command(ARM, 1)
+            self.step(steps=400)
+            self.step(NORTH_2_M_S)
+            self.command(SET_MODE, 1, 6)
+        else:
+            self.command(SET_MODE, 1, 4)
+            self.command(ARM, 1)
+            self.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, 5.0)
+            self.step(steps=400)
+        for _ in range(200):
+            self.step(NORTH_2_M_S)
+        self.command(*((LAND,) if self.vehicle.flavour == "px4" else (SET_MODE, 1, 9)))
+        while self.vehicle.armed:
+            self.step()
+
+    def listed(self):
+        came = self.step(("LOG_REQUEST_LIST", 1, 1, 0, 0xFFFF), steps=2)
+        return [m for m in came if m.get_type() == "LOG_ENTRY"]
+
+    def downloaded(self, entry):
+        content = bytearray(entry.size)
+        came = self.step(("LOG_REQUEST_DATA", 1, 1, entry.id, 0, 0xFFFFFFFF), steps=60)
+        for piece in came:
+            if piece.get_type() == "LOG_DATA":
+                content[piece.ofs : piece.ofs + piece.count] = bytes(piece.data[: piece.count])
+        return bytes(content)
+
+
+@pytest.fixture(scope="module")
+def flights():
+    flown = {}
+    for flavour in ("px4", "arducopter"):
+        flown[flavour] = Flight(flavour)
+        flown[flavour].fly()
+    return flown
+
+
+@pytest.mark.parametrize("flavour", ["px4", "arducopter"])
+def test_a_flight_is_listed_and_downloaded_and_its_file_is_the_same(flights, flavour):
+    flown = flights[flavour]
+    (entry,) = flown.listed()
+    assert entry.id == (0 if flown.vehicle.flavour == "px4" else 1)
+    assert abs(entry.time_utc - flown.vehicle.logs[0].changed_s) < 1.0
+    assert flown.downloaded(entry) == flown.vehicle.logs[0].content[: entry.size]
+
+
+def test_pyulog_reads_a_flight(flights):
+    log = ULog(io.BytesIO(flights["px4"].vehicle.logs[0].content))
+    assert log.msg_info_dict["sys_name"] == "PX4"
+    assert log.initial_parameters["MPC_XY_VEL_MAX"] == 12.0
+    assert "Landing detected" in [text.message for text in log.logged_messages]
+    series = {data.name: data.data for data in log.data_list}
+    assert set(series["vehicle_status"]["nav_state"]) == {4, 14, 17, 18}
+    assert set(series["vehicle_status"]["arming_state"]) == {1, 2}
+    assert series["vehicle_local_position"]["vx"].max() == pytest.approx(1.8, abs=0.2)
+    wanted = series["trajectory_setpoint"]["velocity[0]"]
+    assert np.nanmax(wanted) == 2.0
+    assert series["battery_status"]["remaining"][-1] == pytest.approx(0.97, abs=0.02)
+    rates_hz = {
+        name: (len(data["timestamp"]) - 1) / np.ptp(data["timestamp"]) * 1e6
+        for name, data in series.items()
+    }
+    assert rates_hz["vehicle_attitude"] == pytest.approx(20.0, rel=0.02)
+    assert rates_hz["vehicle_local_position_setpoint"] == pytest.approx(10.0, rel=0.02)
+
+
+def test_dfreader_reads_a_flight(flights, tmp_path):
+    path = tmp_path / "flight.bin"
+    path.write_bytes(flights["arducopter"].vehicle.logs[0].content)
+    reader = DFReader.DFReader_binary(str(path))
+    records = {}
+    while (record := reader.recv_msg()) is not None:
+        records.setdefault(record.get_type(), []).append(record)
+    assert len(records["PARM"]) == 1390
+    assert [record.Mode for record in records["MODE"]] == [4, 9]
+    assert [record.ArmState for record in records["ARM"]] == [1, 0]
+    assert max(record.VN for record in records["XKF1"]) == pytest.approx(1.9, abs=0.2)
+    assert {record.vX for record in records["GUIP"]} == {200.0}
+    assert max(-record.PD for record in records["PSCD"]) == pytest.approx(5.0, abs=0.3)
+    steps_us = [b.TimeUS - a.TimeUS for a, b in pairwise(records["ATT"])]
+    assert set(steps_us) == {100_000}
+    reader.close()
+
+
+def test_a_log_is_streamed_message_by_message_as_the_definitions_are_acknowledged():
+    flight = Flight("px4", log_bytes=0)
+    assert flight.command(STOP) == [0]
+    came = flight.step(("COMMAND_LONG", 1, 1, START, 0, *(0.0,) * 7))
+    content = b""
+    pieces = 0
+    while (
+        piece := next((m for m in came if m.get_type() == "LOGGING_DATA_ACKED"), None)
+    ) is not None:
+        assert piece.sequence == pieces
+        pieces += 1
+        content += bytes(piece.data[: piece.length])
+        came = flight.step(("LOGGING_ACK", 1, 1, piece.sequence))
+    assert content.startswith(MAGIC)
+    flight.step(steps=20)
+    assert flight.command(START) == [1]
+    flight.step(steps=200)
+    for data in flight.came:
+        if data.get_type() == "LOGGING_DATA":
+            assert data.sequence == pieces
+            pieces += 1
+            content += bytes(data.data[: data.length])
+    log = ULog(io.BytesIO(content))
+    (attitude,) = (data for data in log.data_list if data.name == "vehicle_attitude")
+    assert len(attitude.data["timestamp"]) > 60
+    assert flight.command(STOP) == [5, 0]
+    flight.command(START)
+    came = flight.step(steps=400)
+    assert sum(m.get_type() == "LOGGING_DATA_ACKED" for m in came) < 60
+    assert flight.command(STOP) == [0]
+
+
+def test_logs_are_bounded_and_erased():
+    flight = Flight("px4", log_bytes=40_000)
+    flight.step(steps=150)
+    (log,) = flight.vehicle.logs
+    assert len(log.content) == pytest.approx(40_000, abs=1000)
+    flight.command(ARM, 1)
+    flight.command(ARM, 0)
+    assert [each.path for each in flight.vehicle.logs] != [log.path]
+    flight.step(("LOG_ERASE", 1, 1))
+    assert flight.listed() == []
+
+
+def test_arducopter_continues_its_log_unless_a_parameter_says_otherwise_and_lists_none_in_flight():
+    for rotate, count in ((0, 1), (1, 2)):
+        flight = Flight("arducopter", parameters={"LOG_FILE_DSRMROT": rotate})
+        for before in (0, 1):
+            assert {entry.num_logs for entry in flight.listed()} == {before}
+            flight.command(ARM, 1)
+            flight.step(steps=20)
+            came = flight.step(("LOG_REQUEST_LIST", 1, 1, 0, 0xFFFF))
+            assert "Disarm for log download" in [m.text for m in came if hasattr(m, "text")]
+            flight.command(ARM, 0)
+        assert [entry.num_logs for entry in flight.listed()] == [count] * count
