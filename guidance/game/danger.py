@@ -9,8 +9,9 @@ least margin is on the edge of the shape. A shape is covered by its straight edg
   pursuer. In other games the line is searched in small intervals then.
 * **On a circle** the same holds for the part that the evader sees, with angles for lengths.
 
-The first position that is tried for the minimum is that of the point nearest to the centre of Apollonius' circle. It is
-the right one where the margin is zero.
+At the minimum the ways of both players are those of refracted light. The first position that is tried is right for the
+angle of the pursuer's way to the point nearest to the evader, or to the centre of Apollonius' circle, where the minimum
+is if the margin is zero.
 
 A line is searched only if it can have a smaller margin than the best corner. Both times are convex: the evader's is
 above its tangents at the line's ends, and the pursuer's is below the straight line between its values there
@@ -162,6 +163,11 @@ class FollowedLine(NamedTuple):
     rivals: Rivals
 
     @property
+    def curved(self) -> bool:
+        """Whether a pose has the derivatives of the slope."""
+        return False
+
+    @property
     def v(self) -> Real:
         """Speed of the evader, m/s."""
         return self.rivals.v
@@ -173,7 +179,7 @@ class FollowedLine(NamedTuple):
     def pose(self, xp: Library, position: Real) -> Pose:
         """Return the margin at a position and its slope."""
         judged = _judged(xp, self.rivals, self.at(position))
-        return Pose(judged.margin, dot2(judged.gradient, self.line.along), None)
+        return Pose(judged.margin, dot2(judged.gradient, self.line.along))
 
 
 class FollowedArc(NamedTuple):
@@ -182,6 +188,11 @@ class FollowedArc(NamedTuple):
     arc: Arc
     ahead: Plane
     rivals: Rivals
+
+    @property
+    def curved(self) -> bool:
+        """Whether a pose has the derivatives of the slope."""
+        return False
 
     @property
     def v(self) -> Real:
@@ -202,7 +213,7 @@ class FollowedArc(NamedTuple):
         """Return the margin at a position and its slope."""
         outward = self.outward(position)
         judged = _judged(xp, self.rivals, plus2(self.arc.centre, self.arc.radius, outward))
-        return Pose(judged.margin, cross2(outward, judged.gradient), None)
+        return Pose(judged.margin, cross2(outward, judged.gradient))
 
 
 def rivals_of(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Rivals:
@@ -265,8 +276,11 @@ def most_in_danger(xp: Library, extent: Extent, rivals: Rivals) -> Plane:
     else:
         corners = _several(xp, extent.corners_m, rivals)
         judged = [_judged(xp, rivals, corner) for corner in corners]
-        for corner, margin in zip(corners, judged, strict=True):
-            points.extend(_each(xp, extent, _corner(xp, corner, margin)))
+        if xp is NUMPY and len(extent.corners_m) > 2:
+            points.append(_least_corner(corners[0], judged[0].margin))
+        else:
+            for corner, margin in zip(corners, judged, strict=True):
+                points.append(_corner(xp, corner, margin))
         ends = _ends(judged)
     best = points[0]
     for point in points[1:]:
@@ -331,7 +345,12 @@ def _ends(judged: list[Judged]) -> list[tuple[Judged, Judged]]:
     """Return the begin and the end of each line from the corners."""
     if len(judged) > 1:
         return list(zip(judged, judged[1:] + judged[:1], strict=True))
-    return [(judged[0], mapped(partial(np.roll, shift=-1, axis=0), judged[0]))]
+    return [(judged[0], mapped(_next, judged[0]))]
+
+
+def _next(corners: Array) -> Array:
+    """Return the values at the following corners, which are along the first axis."""
+    return np.concatenate((corners[1:], corners[:1]))
 
 
 def _lesser(xp: Library, best: Point, rival: Point) -> Point:
@@ -348,10 +367,11 @@ def _judged(xp: Library, rivals: Rivals, at: Plane) -> Judged:
     drift = rivals.drift
     if drift is None:
         length = xp.norm2(run)
-        arrival = (length - rivals.lag) / rivals.v
+        arrival = (length if is_zero(rivals.lag) else length - rivals.lag) / rivals.v
         later = times2(1.0 / (rivals.v * xp.select(length > 0.0, length, 1.0)), run)
         guard, guarded = _guard(xp, rivals, plus2(at, -1.0, rivals.pursuer))
-        return Judged(arrival - guard, plus2(later, -1.0, guarded), arrival, later)
+        gradient = (later[0] - guarded[0], later[1] - guarded[1])
+        return Judged(arrival - guard, gradient, arrival, later)
     arrival = _arrival(xp, rivals, run, drift)
     run = plus2(run, arrival, drift)
     length = xp.norm2(run)
@@ -381,10 +401,10 @@ def _guard(xp: Library, rivals: Rivals, away: Plane) -> tuple[Real, Plane]:
     wind = rivals.wind
     if wind is None:
         distance, towards = _to_disc(xp, rivals, away)
-        time = (distance - rivals.capture) / u
         guarded = times2(1.0 / u, towards)
         if is_zero(rivals.capture) and is_zero(rivals.radius):
-            return time, guarded
+            return distance / u, guarded
+        time = (distance - rivals.capture) / u
     else:
         time = _guard_in_wind(xp, rivals, away, wind)
         distance, towards = _to_disc(xp, rivals, plus2(away, -time, wind))
@@ -429,6 +449,18 @@ def _corner(xp: Library, at: Plane, judged: Judged) -> Point:
         return Point(at, judged.margin)
     nothing = 0.0 * judged.margin
     return Point((at[0] + nothing, at[1] + nothing), judged.margin)
+
+
+def _least_corner(corners: Plane, margins: Array) -> Point:
+    """Return the corner with the least margin of corners that are along the first axis."""
+    least = margins[0]
+    numbers = np.zeros(least.shape, dtype=np.intp)
+    for number in range(1, len(margins)):
+        numbers[margins[number] < least] = number
+        least = np.minimum(least, margins[number])
+    x: Array = corners[0]
+    y: Array = corners[1]
+    return Point((x.take(numbers), y.take(numbers)), least)
 
 
 def _along(
@@ -547,10 +579,18 @@ def _seen(xp: Library, line: Line, slopes: tuple[Real, Real], near: Truth, rival
         high=xp.select(forward, line.length - foot, foot),
         falling=xp.select(forward, slopes[0], -slopes[1]),
         rising=xp.select(forward, slopes[1], -slopes[0]),
-        trial=(-rivals.v * rivals.v / hand) * course.between,
+        trial=0.0 * foot,
     )
+    # From the point nearest to the centre of Apollonius' circle, which is right where the margin is zero
+    centre = (-rivals.v * rivals.v / hand) * course.between
+    centre = xp.maximum(xp.minimum(centre, bracket.high), bracket.low)
+    bracket = bracket._replace(trial=course.refracted(xp, centre))
     enclosed = (bracket.falling < 0.0) & (bracket.rising > 0.0)
     spot = least_within(xp, course, bracket, enclosed)
+    # Behind the pursuer's foot the slope is at least sin α/v − 1/u, and sin α grows.
+    near = near & (
+        hand * (course.between * course.between) < (rivals.v * rivals.v) * course.apart_square
+    )
     spot = in_rows(near, spot, partial(_both_sides, xp), course, bracket, spot)
     return Point(plus2(line.begin, foot + sign * spot.position, line.along), spot.margin)
 
@@ -569,13 +609,14 @@ def _both_sides(xp: Library, course: SeenLine, bracket: Bracket, spot: Spot) -> 
     slope = course.pose(xp, turning).slope
 
     def both(course: SeenLine, bracket: Bracket, turning: Real, slope: Real, spot: Spot) -> Spot:
-        nothing = 0.0 * turning
-        rising = course.pose(xp, nothing).slope
         behind = bracket._replace(low=turning, falling=slope, trial=0.5 * (turning + bracket.high))
-        before = bracket._replace(high=nothing, rising=rising)
         passed = least_within(xp, course, behind, behind.rising > 0.0)
+        # At the evader's foot the slope is positive
+        nothing = 0.0 * turning
+        before = bracket._replace(high=nothing, rising=nothing + 1.0 / course.u)
         ahead = (bracket.low < 0.0) & (bracket.high > 0.0) & (bracket.falling < 0.0)
-        other = least_within(xp, course, before, ahead & (rising > 0.0))
+        missed = ahead & (course.between > 0.0) & (spot.position >= 0.0)
+        other = least_within(xp, course, before, missed)
         return lesser_spot(xp, lesser_spot(xp, spot, passed), other)
 
     return in_rows(slope < 0.0, spot, both, course, bracket, turning, slope, spot)
@@ -685,10 +726,10 @@ def _around(xp: Library, arc: Arc, rivals: Rivals) -> Point:
         # Where the evader sees the edge of the disc, the margin grows outwards at its steepest.
         falling=0.0 * edge - 1.0 / rivals.v,
         rising=0.0 * edge,
-        trial=_towards_centre(xp, course),
+        trial=course.refracted(xp),
     )
     spot = least_within(xp, course, bracket, apart > 0.0)
-    near = near & (_surely_convex(xp, rivals, spot.margin) == 0)
+    near = near & (_surely_convex(xp, rivals, spot.margin) == 0) & _may_run_past(xp, course)
 
     def passed(course: SeenArc, edge: Real, spot: Spot) -> Spot:
         return lesser_spot(xp, spot, scanned(xp, course, tuple(share * edge for share in SEEN)))
@@ -696,15 +737,6 @@ def _around(xp: Library, arc: Arc, rivals: Rivals) -> Point:
     spot = in_rows(near, spot, passed, course, edge, spot)
     position = xp.select(to_pursuer[1] < 0.0, -spot.position, spot.position)
     return Point(FollowedArc(arc, ahead, rivals).at(position), spot.margin)
-
-
-def _towards_centre(xp: Library, course: SeenArc) -> Real:
-    """Return the position towards the centre of Apollonius' circle, or zero if that is behind."""
-    lead = course.v * course.v / (course.u * course.u)
-    x = course.radius + course.apart - lead * course.pursuer[0]
-    y = -lead * course.pursuer[1]
-    total = xp.norm2((x, y)) + x
-    return xp.select(total > 0.0, y / xp.select(total > 0.0, total, 1.0), 0.0 * y)
 
 
 def _surely_convex(xp: Library, rivals: Rivals, margin: Real) -> Truth:
@@ -716,6 +748,21 @@ def _surely_convex(xp: Library, rivals: Rivals, margin: Real) -> Truth:
     to_evader = plus2(rivals.evader, -1.0, rivals.pursuer)
     far = xp.sqrt(dot2(to_evader, to_evader) + rivals.z * rivals.z)
     return rivals.u * rivals.v * margin <= (rivals.u - rivals.v) * far
+
+
+def _may_run_past(xp: Library, course: SeenArc) -> Truth:
+    """Return whether the margin may have a second minimum on a circle, behind the pursuer.
+
+    Behind the pursuer's foot its slope is at least sin α/v − 1/u, and sin α grows up to the edge that the evader sees.
+    So the evader has to see the foot, and sin α is less than v/u there.
+    """
+    evader = course.radius + course.apart
+    far = xp.norm2(course.pursuer)
+    ahead = evader * course.pursuer[0]
+    aside = (course.u * evader) * course.pursuer[1]
+    square = far * (course.radius * course.radius + evader * evader) - 2.0 * course.radius * ahead
+    visible = ahead > course.radius * far
+    return visible & (aside * aside < (course.v * course.v) * (far * square))
 
 
 def _followed_around(
@@ -768,7 +815,7 @@ def _is_near(xp: Library, rivals: Rivals, apart: Real, beside: Real) -> Truth:
     """
     if rivals.drift is not None:
         return apart >= 0.0
-    short = xp.maximum(beside - rivals.radius, 0.0 * beside)
+    short = beside if rivals.plain else xp.maximum(beside - rivals.radius, 0.0 * beside)
     slower = rivals.u if rivals.wind is None else rivals.u - pair_length(rivals.wind)
     height = short * short + rivals.z * rivals.z
     return slower * slower * height < rivals.v * rivals.v * (apart * apart)

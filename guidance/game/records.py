@@ -79,20 +79,33 @@ def in_rows(
     """
     if isinstance(selected, (bool, np.bool_)):
         return function(*records) if selected else default
-    if not isinstance(selected, np.ndarray) or selected.all():
+    if not isinstance(selected, np.ndarray):
         return function(*records)
-    if not selected.any():
+    count = np.count_nonzero(selected)
+    if count == selected.size:
+        return function(*records)
+    if count == 0:
         return default
     shape = selected.shape
-    rows = np.nonzero(selected)
+    rows = np.flatnonzero(selected)
+    axes = np.unravel_index(rows, shape) if len(shape) > 1 else (rows,)
 
     def few(array: Array) -> Array:
-        return (array if array.shape == shape else np.broadcast_to(array, shape))[rows]
+        if array.shape == shape:
+            return array.take(rows)
+        lengths = array.shape
+        places = axes[len(shape) - len(lengths) :]
+        return array[
+            tuple(
+                place if length > 1 else np.zeros_like(place)
+                for place, length in zip(places, lengths, strict=True)
+            )
+        ]
 
     def filled(all_rows: Real, values: Array) -> Array:
         full = np.empty(shape, dtype=np.result_type(values))
         full[...] = all_rows
-        full[rows] = values
+        full.reshape(-1)[rows] = values
         return full
 
     return mapped(filled, default, function(*(rows_of(record, few) for record in records)))

@@ -1,11 +1,11 @@
 """The point of the evader's region closest to its target: g* of the paper, and its counterpart in every other game.
 
 The region holds the points that the evader reaches before the pursuer can capture it there. In the paper's game it is
-the Apollonius disc, with a closed form (`tad.race`). In other games one unknown is left, the evader's heading; it leads
-to a point of the region's edge (`headings`). The region is convex while the information is young enough
-(`guaranteed_age_s`), so that the distance from T has one minimum along its edge. Newton's method finds that by the
-first and second derivative of the capture time, a few steps from the closest point of a circle that touches the edge.
-A few rows need more steps, or a bracket around the minimum. With old information the region can have
+the Apollonius disc, with a closed form (`tad.closest_of_circle`). In other games one unknown is left, the evader's
+heading; it leads to a point of the region's edge (`headings`). The region is convex while the information is young
+enough (`guaranteed_age_s`), so that the distance from T has one minimum along its edge. Newton's method finds that by
+the first and second derivative of the capture time, a few steps from the closest point of a circle that touches the
+edge. A few rows need more steps, or a bracket around the minimum. With old information the region can have
 a dent in front of the pursuer and several minima; `solve` gives no value there (`Reason.NO_REGION`).
 """
 

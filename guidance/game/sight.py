@@ -31,6 +31,11 @@ class SeenLine(NamedTuple):
     between: Real
     height_square: Real
 
+    @property
+    def curved(self) -> bool:
+        """Whether a pose has the derivatives of the slope."""
+        return True
+
     def pose(self, xp: Library, position: Real) -> Pose:
         """Return the margin at a position and its derivatives."""
         past = position - self.between
@@ -40,12 +45,23 @@ class SeenLine(NamedTuple):
         flight = xp.sqrt(flight_square)
         arrives = 1.0 / (self.v * run)
         guards = 1.0 / (self.u * flight)
+        run_inverse = 1.0 / run_square
+        flight_inverse = 1.0 / flight_square
+        run_bend = self.apart_square * run_inverse * arrives
+        flight_bend = self.height_square * flight_inverse * guards
         return Pose(
             margin=run / self.v - flight / self.u,
             slope=position * arrives - past * guards,
-            bend=self.apart_square / run_square * arrives
-            - self.height_square / flight_square * guards,
+            bend=run_bend - flight_bend,
+            twist=3.0 * (past * flight_bend * flight_inverse - position * run_bend * run_inverse),
         )
+
+    def refracted(self, xp: Library, position: Real) -> Real:
+        """Return where the evader's way is right for the angle of the pursuer's way to a position."""
+        past = position - self.between
+        flight = xp.sqrt(past * past + (self.height_square + TINY))
+        sine = self.v * past / (self.u * flight)
+        return sine * xp.sqrt(self.apart_square / (1.0 - sine * sine))
 
 
 class SeenArc(NamedTuple):
@@ -69,7 +85,12 @@ class SeenArc(NamedTuple):
     pursuer: Plane
     height_square: Real
 
-    def pose(self, xp: Library, position: Real) -> Pose:
+    @property
+    def curved(self) -> bool:
+        """Whether a pose has the derivatives of the slope."""
+        return True
+
+    def pose(self, xp: Library, position: Real) -> Pose:  # noqa: PLR0914
         """Return the margin at a position and its derivatives; the slope is by metres along the circle."""
         square = position * position
         scale = 1.0 / (1.0 + square)
@@ -88,10 +109,33 @@ class SeenArc(NamedTuple):
         flight = xp.sqrt(flight_square)
         guards = 1.0 / (self.u * flight)
         past = cross2(self.pursuer, outward)
-        run_bend = (evader * outward[0] - self.radius * aside * aside / run_square) * arrives
-        flight_bend = dot2(self.pursuer, outward) - self.radius * past * past / flight_square
+        run_slope = aside * arrives
+        flight_slope = past * guards
+        # The bends and the twist by angle; times a circle's radius over the way they are without unit
+        run_share = self.radius / run_square
+        flight_share = self.radius / flight_square
+        run_bend = evader * outward[0] - run_share * aside * aside
+        flight_bend = dot2(self.pursuer, outward) - flight_share * past * past
+        bend = run_bend * arrives - flight_bend * guards
+        run_twist = run_slope * (1.0 + 3.0 * run_share * run_bend)
+        flight_twist = flight_slope * (1.0 + 3.0 * flight_share * flight_bend)
+        turn = scale + scale
         return Pose(
             margin=run / self.v - flight / self.u,
-            slope=aside * arrives - past * guards,
-            bend=2.0 * scale * (run_bend - flight_bend * guards),
+            slope=run_slope - flight_slope,
+            bend=turn * bend,
+            twist=turn * turn * (flight_twist - run_twist - position * bend),
         )
+
+    def refracted(self, xp: Library) -> Real:
+        """Return where the evader's way is right for the angle of the pursuer's way to the point nearest to E."""
+        ahead = self.radius - self.pursuer[0]
+        aside = self.pursuer[1]
+        flight = xp.sqrt(ahead * ahead + aside * aside + (self.height_square + TINY))
+        sine = -self.v * aside / (self.u * flight)
+        # That of the angle between the evader's way and its way to the centre
+        other = sine * self.radius / (self.radius + self.apart)
+        cosine = xp.sqrt(1.0 - sine * sine)
+        other_cosine = xp.sqrt(1.0 - other * other)
+        turned = 1.0 + cosine * other_cosine + sine * other
+        return (sine * other_cosine - cosine * other) / turned

@@ -242,7 +242,9 @@ def _solve_rows(
     count = math.prod(shape)
     if 0 < count <= FEW and not game.varies and named["pursuer"].dtype == np.float64:
         return _solve_each(game, shape, named, out)
-    if count <= ROWS:
+    # A shape takes many calls for a few rows each, which cost as much for a long chunk as for a short one
+    chunk_rows = ROWS if game.target_extent.is_point else 2 * ROWS
+    if count <= chunk_rows:
         if not game.target_extent.is_point:
             game, named = _spread(game, shape, named)
         return _solve(NUMPY, game, shape, named, out)
@@ -253,8 +255,8 @@ def _solve_rows(
     }
     game = for_rows(game, lambda value: np.broadcast_to(value, shape).reshape(count))
     flat_out = out if len(shape) == 1 else _empty((count,), like)
-    for start in range(0, count, ROWS):
-        part = slice(start, start + ROWS)
+    for start in range(0, count, chunk_rows):
+        part = slice(start, start + chunk_rows)
         chunk = {name: value[part] for name, value in rows.items()}
         chunk_game = for_rows(game, itemgetter(part))
         _solve(

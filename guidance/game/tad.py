@@ -2,9 +2,9 @@
 
 The evader's region holds the points that it reaches before the pursuer can capture it there. If the target is in the
 region, the evader wins. Otherwise it runs to the point of the region closest to the target, and the pursuer meets it
-there: g* of eq. (38) in the paper's game (`race`), and the result of `region` in every other. A Cylinder's region also
-has the disc ‖X − E‖ ≤ v (t_z + τ), because the evader is safe until the pursuer reaches its height. This pursuer flies
-horizontally by the planar region alone, and holds a part that it has reached.
+there: g* of eq. (38) in the paper's game (`closest_of_circle`), and the result of `region` in every other. A
+Cylinder's region also has the disc ‖X − E‖ ≤ v (t_z + τ), because the evader is safe until the pursuer reaches its
+height. This pursuer flies horizontally by the planar region alone, and holds a part that it has reached.
 
 Errors of the paper:
 
@@ -26,7 +26,7 @@ from guidance.game.extent import from_set, is_inside, nearest, to_set
 from guidance.game.game import STILL, Game, Reason
 from guidance.game.meeting_times import catch_in_ball
 from guidance.game.pe import Geometry, StateSolution
-from guidance.game.records import is_zero
+from guidance.game.records import in_rows, is_zero
 from guidance.game.region import Closest, closest_point, is_circle, is_missed
 
 REACHED = 30
@@ -202,20 +202,57 @@ def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: P
     z = game.pursuer.planar(xp, game.standoff.radius_m, game.capture_radius_m, state.z).z
     u = game.pursuer.horizontal_m_s
     v = game.evader_speed_m_s
-    contest = race(xp, (u, v), state.to_evader, z, to_target)
+    speeds = (u, v)
+    squares = _squares(state.to_evader, z, to_target)
+    contest = race(xp, speeds, to_target, squares)
     if game.target_extent.is_point:
-        return contest
-    # The point of the target closest to the circle is the one closest to the circle's centre c.
-    lead = v * v / ((u - v) * (u + v))
-    centre_c = (lead * state.to_evader[0] - centre[0], lead * state.to_evader[1] - centre[1])
-    near, _ = nearest(xp, game.target_extent, centre_c)
-    return contest._replace(edge=race(xp, (u, v), state.to_evader, z, from_set(centre, near)).edge)
+        barrier = _barrier(speeds, squares)
+        edge = closest_of_circle(xp, speeds, (state.to_evader, z, to_target), barrier)
+        return contest._replace(edge=edge)
+
+    def closest(speeds: tuple[Real, Real], to_evader: Plane, z: Real, centre: Plane) -> Closest:
+        """Return the circle's point closest to the target: to that of its points closest to the circle's centre c."""
+        u, v = speeds
+        lead = v * v / ((u - v) * (u + v))
+        centre_c = (lead * to_evader[0] - centre[0], lead * to_evader[1] - centre[1])
+        near, _ = nearest(xp, game.target_extent, centre_c)
+        to_near = from_set(centre, near)
+        barrier = _barrier(speeds, _squares(to_evader, z, to_near))
+        return closest_of_circle(xp, speeds, (to_evader, z, to_near), barrier)
+
+    won = contest.margin > 0.0
+    edge = in_rows(won, contest.edge, closest, speeds, state.to_evader, z, centre)
+    return contest._replace(edge=edge)
 
 
-def race(  # noqa: PLR0914
-    xp: Library, speeds: tuple[Real, Real], to_evader: Plane, z: Real, to_target: Plane
+def race(
+    xp: Library, speeds: tuple[Real, Real], to_target: Plane, squares: tuple[Real, Real]
 ) -> Contest:
-    """Return the result of the race to a target in the paper's game; its margin is the barrier B as a time.
+    """Return the race to a target in the paper's game, without the edge; its margin is the barrier B as a time.
+
+    Args:
+        xp: array library.
+        speeds: u and v, m/s.
+        to_target: horizontal vector from E to T, m.
+        squares: of the distances of E and of P from T, m².
+    """
+    u, v = speeds
+    near, far = squares
+    distance = xp.sqrt(near)
+    total = u * distance + v * xp.sqrt(far)
+    arrival = distance / v
+    margin = _barrier(speeds, squares) / (u * v * xp.select(total > 0, total, 1.0))
+    nothing = Closest(to_target, 0.0, 0.0)
+    return Contest(to_target, arrival, arrival - margin, margin, -u * margin, nothing)
+
+
+def closest_of_circle(
+    xp: Library,
+    speeds: tuple[Real, Real],
+    state: tuple[Plane, Real, Plane],
+    barrier: Real,
+) -> Closest:
+    """Return the point of the paper's circle that is closest to a target, g*.
 
     L = ‖c − T‖ − r = d_δ/(δ² − 1) − r, eq. (41), is the difference of two lengths that grow without bound as δ → 1.
     Times their sum it is the barrier B over δ² − 1, which cancels nothing and is zero exactly where B is:
@@ -227,35 +264,40 @@ def race(  # noqa: PLR0914
     Args:
         xp: array library.
         speeds: u and v, m/s.
-        to_evader: horizontal vector from P to E, m.
-        z: height of P above E's plane, m.
-        to_target: horizontal vector from E to T, m.
+        state: horizontal vector from P to E, height of P above E's plane, horizontal vector from E to T, m.
+        barrier: B times v².
     """
     u, v = speeds
+    to_evader, z, to_target = state
     hand = (u - v) * (u + v)
-    from_target = (
-        v * v * to_evader[0] - hand * to_target[0],
-        v * v * to_evader[1] - hand * to_target[1],
+    d_delta = xp.norm2(
+        (
+            v * v * to_evader[0] - hand * to_target[0],
+            v * v * to_evader[1] - hand * to_target[1],
+        )
     )
-    d_delta = xp.norm2(from_target)
     span = v * xp.sqrt(hand * (z * z) + (u * u) * dot2(to_evader, to_evader))
-    to_pursued = (to_evader[0] + to_target[0], to_evader[1] + to_target[1])
-    near = dot2(to_target, to_target)
-    far = dot2(to_pursued, to_pursued) + z * z
-    b = (u * u) * near - (v * v) * far
-    distance = xp.sqrt(near)
-    total = u * distance + v * xp.sqrt(far)
     lengths = d_delta + span
     # Zero is divided by the same length, because its derivative is not zero
-    final = b / xp.select(lengths > 0, lengths, 1.0)
+    final = barrier / xp.select(lengths > 0, lengths, 1.0)
     inverse = 1.0 / xp.select(d_delta > 0, d_delta, 1.0)
     lead = (v * v) * (final * inverse)
     share = span * inverse
     run = (lead * to_evader[0] + share * to_target[0], lead * to_evader[1] + share * to_target[1])
-    arrival = distance / v
-    margin = b / (u * v * xp.select(total > 0, total, 1.0))
-    edge = Closest(run, xp.norm2(run) / v, final)
-    return Contest(to_target, arrival, arrival - margin, margin, -u * margin, edge)
+    return Closest(run, xp.norm2(run) / v, final)
+
+
+def _squares(to_evader: Plane, z: Real, to_target: Plane) -> tuple[Real, Real]:
+    """Return the squares of the distances of E and of P from a target, m²."""
+    to_pursued = (to_evader[0] + to_target[0], to_evader[1] + to_target[1])
+    return dot2(to_target, to_target), dot2(to_pursued, to_pursued) + z * z
+
+
+def _barrier(speeds: tuple[Real, Real], squares: tuple[Real, Real]) -> Real:
+    """Return the barrier B times v²."""
+    u, v = speeds
+    near, far = squares
+    return (u * u) * near - (v * v) * far
 
 
 def _arrive(xp: Library, game: Game, to_target: Plane) -> tuple[Real, Plane]:
