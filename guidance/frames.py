@@ -7,19 +7,129 @@
 * Game: metres, x east, y north, z up, about the game's origin, which lies on the evader's plane.
 * Body: forward, right, down, rotated from NED by yaw only.
 
-Sums, differences and bounds of vectors are here too.
+`Ned` and `Enu` are vectors in NED and game axes: mypy rejects a sum of the two, or one where the other belongs.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from operator import itemgetter
+from typing import Final, NamedTuple, Self, cast
 
 import pymap3d
 
 from guidance.errors import ConfigError
 
-Vector = tuple[float, float, float]
+
+def _axis(index: int) -> float:
+    """Return a property that reads one of the three numbers, as fast as an index."""
+    return cast("float", property(itemgetter(index)))
+
+
+class _Vector(tuple[float, float, float]):
+    """Three numbers along the axes of one frame, the third vertical. A frame is a subclass.
+
+    It is a tuple, so a record keeps it as three numbers, and it equals a plain tuple of the same numbers. The products
+    and sums of `dot` are added in the order of the axes.
+    """
+
+    __slots__ = ()
+
+    def __add__(self, other: Self) -> Self:  # type: ignore[override] # tuples would be joined
+        (x, y, z) = self
+        (other_x, other_y, other_z) = other
+        return type(self)((x + other_x, y + other_y, z + other_z))
+
+    def __sub__(self, other: Self) -> Self:
+        (x, y, z) = self
+        (other_x, other_y, other_z) = other
+        return type(self)((x - other_x, y - other_y, z - other_z))
+
+    def __mul__(self, factor: float) -> Self:  # type: ignore[override] # a tuple would be repeated
+        (x, y, z) = self
+        return type(self)((x * factor, y * factor, z * factor))
+
+    __rmul__ = __mul__  # type: ignore[assignment]
+
+    def __truediv__(self, divisor: float) -> Self:
+        (x, y, z) = self
+        return type(self)((x / divisor, y / divisor, z / divisor))
+
+    def dot(self, other: Self) -> float:
+        """Return the scalar product."""
+        (x, y, z) = self
+        (other_x, other_y, other_z) = other
+        return x * other_x + y * other_y + z * other_z
+
+    def level_dot(self, other: Self) -> float:
+        """Return the scalar product of the two level parts."""
+        return self[0] * other[0] + self[1] * other[1]
+
+    def length(self) -> float:
+        """Return the length."""
+        return math.hypot(*self)
+
+    def level_length(self) -> float:
+        """Return the length of the level part."""
+        return math.hypot(self[0], self[1])
+
+    def level(self) -> Self:
+        """Return the level part: the same vector without its vertical number."""
+        return type(self)((self[0], self[1], 0.0))
+
+    def level_with(self, vertical: float) -> Self:
+        """Return the vector with the same level part and another vertical number."""
+        return type(self)((self[0], self[1], vertical))
+
+    def share_of_way(self, other: Self, share: float) -> Self:
+        """Return the vector after a share of the way from this one to another."""
+        (x, y, z) = self
+        (other_x, other_y, other_z) = other
+        return type(self)(
+            (x + (other_x - x) * share, y + (other_y - y) * share, z + (other_z - z) * share)
+        )
+
+
+class Ned(_Vector):
+    """North, east and down: `Ned((north, east, down))`."""
+
+    __slots__ = ()
+
+    north = _axis(0)
+    east = _axis(1)
+    down = _axis(2)
+
+    def clamped(self, ground: float, up: float, down: float) -> "Ned":
+        """Bound the vector. The ground part is scaled, which keeps its direction; the vertical part is cut.
+
+        They are bounded apart, since the game's speed set is a cylinder: a climb costs no ground speed.
+
+        Args:
+            ground: Largest size of the ground part, in the vector's unit; positive like the others.
+            up: Largest size of the upward part.
+            down: Largest size of the downward part.
+        """
+        north, east, vertical = self
+        size = math.hypot(north, east)
+        vertical = min(down, max(-up, vertical))
+        if size <= ground:
+            return Ned((north, east, vertical))
+        share = ground / size
+        return Ned((north * share, east * share, vertical))
+
+
+class Enu(_Vector):
+    """East, north and up: `Enu((east, north, up))`. These are the game's x, y and z."""
+
+    __slots__ = ()
+
+    east = _axis(0)
+    north = _axis(1)
+    up = _axis(2)
+
+
+STILL: Final = Ned((0.0, 0.0, 0.0))
+"""No motion, no way and no acceleration."""
 
 
 @dataclass(frozen=True)
@@ -138,21 +248,19 @@ class LocalFrame:
                     )
                 return Amsl(metres - self.undulation_m)
 
-    def ned_from_wgs84(
-        self, latitude_deg: float, longitude_deg: float, altitude: Altitude
-    ) -> Vector:
+    def ned_from_wgs84(self, latitude_deg: float, longitude_deg: float, altitude: Altitude) -> Ned:
         """Position in metres, north-east-down about the origin; NaN in gives NaN out."""
         down_m = self.altitude.metres - self.amsl(altitude).metres
         north_m, east_m = self.projection.to_metres(self, latitude_deg, longitude_deg)
-        return (north_m, east_m, down_m)
+        return Ned((north_m, east_m, down_m))
 
-    def wgs84_from_ned(self, position_ned_m: Vector) -> Place:
+    def wgs84_from_ned(self, position_ned_m: Ned) -> Place:
         """Latitude and longitude in degrees and the altitude of a position; the inverse of `ned_from_wgs84`."""
         north_m, east_m, down_m = position_ned_m
         latitude, longitude = self.projection.to_degrees(self, north_m, east_m)
         return latitude, wrap_deg(longitude), Amsl(self.altitude.metres - down_m)
 
-    def ned_in(self, other: "LocalFrame", position_ned_m: Vector) -> Vector:
+    def ned_in(self, other: "LocalFrame", position_ned_m: Ned) -> Ned:
         """Position in another local frame of a place that is given in this one, metres."""
         return other.ned_from_wgs84(*self.wgs84_from_ned(position_ned_m))
 
@@ -161,40 +269,23 @@ class LocalFrame:
 class GameFrame:
     """East-north-up about a point of the evader's plane, given in NED metres."""
 
-    origin_ned_m: Vector
+    origin_ned_m: Ned
 
-    def position_from_ned(self, position_ned_m: Vector) -> Vector:
+    def position_from_ned(self, position_ned_m: Ned) -> Enu:
         """Position (x, y, z) in the game frame, metres."""
         (north, east, down) = position_ned_m
         (north0, east0, down0) = self.origin_ned_m
-        return (east - east0, north - north0, down0 - down)
+        return Enu((east - east0, north - north0, down0 - down))
 
-    def motion_from_ned(
-        self, position_ned_m: Vector, velocity_ned_m_s: Vector
-    ) -> tuple[Vector, Vector]:
+    def motion_from_ned(self, position_ned_m: Ned, velocity_ned_m_s: Ned) -> tuple[Enu, Enu]:
         """Position and velocity in the game frame, metres and m/s."""
         (north, east, down) = position_ned_m
         (north0, east0, down0) = self.origin_ned_m
-        (v_north, v_east, v_down) = velocity_ned_m_s
-        return (east - east0, north - north0, down0 - down), (v_east, v_north, -v_down)
+        return Enu((east - east0, north - north0, down0 - down)), game_from_ned(velocity_ned_m_s)
 
-    def position_to_ned(self, position_game_m: Vector) -> Vector:
+    def position_to_ned(self, position_game_m: Enu) -> Ned:
         """Position in NED metres of a point of the game frame."""
-        return total(self.origin_ned_m, ned_from_game(position_game_m))
-
-
-def difference(one: Vector, other: Vector) -> Vector:
-    """Return `one` - `other`, in whichever axes both are."""
-    (x, y, z) = one
-    (other_x, other_y, other_z) = other
-    return (x - other_x, y - other_y, z - other_z)
-
-
-def total(one: Vector, other: Vector) -> Vector:
-    """Return `one` + `other`, in whichever axes both are."""
-    (x, y, z) = one
-    (other_x, other_y, other_z) = other
-    return (x + other_x, y + other_y, z + other_z)
+        return self.origin_ned_m + ned_from_game(position_game_m)
 
 
 _MEANINGLESS: Final = 1e8
@@ -205,34 +296,16 @@ def usable(*numbers: float) -> bool:
     return math.hypot(*numbers) <= _MEANINGLESS
 
 
-def clamp(vector_ned: Vector, ground: float, up: float, down: float) -> Vector:
-    """Bound a vector. The ground part is scaled, which keeps its direction; the vertical part is cut.
-
-    They are bounded apart, since the game's speed set is a cylinder: a climb costs no ground speed.
-
-    Args:
-        vector_ned: A velocity (m/s), an acceleration (m/s²), or a change of one.
-        ground: Largest size of its ground part, in the same unit; positive like the others.
-        up: Largest size of its upward part.
-        down: Largest size of its downward part.
-    """
-    north, east, vertical = vector_ned
-    size = math.hypot(north, east)
-    vertical = min(down, max(-up, vertical))
-    if size <= ground:
-        return (north, east, vertical)
-    share = ground / size
-    return (north * share, east * share, vertical)
+def game_from_ned(vector: Ned) -> Enu:
+    """Turn a free vector (velocity, acceleration) into the game's axes."""
+    north, east, down = vector
+    return Enu((east, north, -down))
 
 
-def game_from_ned(vector_ned: Vector) -> Vector:
-    """Turn a free vector (velocity, acceleration) from NED into the game frame; its own inverse."""
-    north, east, down = vector_ned
-    return (east, north, -down)
-
-
-ned_from_game = game_from_ned
-"""Turns a free vector from the game frame into NED."""
+def ned_from_game(vector: Enu) -> Ned:
+    """Turn a free vector (velocity, acceleration) into NED."""
+    east, north, up = vector
+    return Ned((north, east, -up))
 
 
 def wrap_deg(angle_deg: float) -> float:

@@ -8,9 +8,9 @@ import math
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from guidance.frames import Vector
+from guidance.frames import Ned
 
-UNKNOWN_VELOCITY: Final[Vector] = (math.nan, math.nan, math.nan)
+UNKNOWN_VELOCITY: Final = Ned((math.nan, math.nan, math.nan))
 
 
 class Heartbeat(NamedTuple):
@@ -33,8 +33,8 @@ class LocalPosition(NamedTuple):
 
     received_s: float
     time_boot_s: float
-    position_ned_m: Vector
-    velocity_ned_m_s: Vector
+    position_ned_m: Ned
+    velocity_ned_m_s: Ned
 
 
 class GlobalPosition(NamedTuple):
@@ -46,7 +46,7 @@ class GlobalPosition(NamedTuple):
     longitude_deg: float
     altitude_amsl_m: float
     altitude_above_home_m: float
-    velocity_ned_m_s: Vector
+    velocity_ned_m_s: Ned
 
 
 class Attitude(NamedTuple):
@@ -103,7 +103,7 @@ class Home(NamedTuple):
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
-    position_ned_m: Vector
+    position_ned_m: Ned
 
 
 class Origin(NamedTuple):
@@ -137,7 +137,7 @@ class PositionTarget(NamedTuple):
     received_s: float
     time_boot_s: float
     type_mask: int
-    velocity_ned_m_s: Vector
+    velocity_ned_m_s: Ned
 
 
 class Timesync(NamedTuple):
@@ -221,7 +221,7 @@ class Aircraft(NamedTuple):
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
-    velocity_ned_m_s: Vector
+    velocity_ned_m_s: Ned
     age_s: float
     error_m: float
 
@@ -275,7 +275,7 @@ class EvaderReport(NamedTuple):
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
-    velocity_ned_m_s: Vector
+    velocity_ned_m_s: Ned
     position_sd_m: float = math.nan
     velocity_sd_m_s: float = math.nan
     timesync: Timesync | None = None
@@ -306,7 +306,7 @@ class MateState(NamedTuple):
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
-    velocity_ned_m_s: Vector
+    velocity_ned_m_s: Ned
     top_speed_m_s: float
     doubt_m: float
     airborne: bool
@@ -322,8 +322,8 @@ class Role(NamedTuple):
 class Setpoint(NamedTuple):
     """SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED. The autopilot chooses parts that are None."""
 
-    velocity_ned_m_s: Vector
-    acceleration_ned_m_s2: Vector | None = None
+    velocity_ned_m_s: Ned
+    acceleration_ned_m_s2: Ned | None = None
     yaw_rad: float | None = None
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from guidance import messages
 from guidance.boot_clock import BootClock, fits_former, with_answer, with_position
-from guidance.frames import Amsl, LocalFrame, Projection, Vector, total
+from guidance.frames import STILL, Amsl, LocalFrame, Ned, Projection
 from guidance.messages import (
     GlobalPosition,
     Heartbeat,
@@ -85,12 +85,12 @@ class VehicleState(NamedTuple):
     home_taken: bool = False
     resets: int = 0
     reset_s: float = -math.inf
-    jumped_ned_m: Vector = (0.0, 0.0, 0.0)
+    jumped_ned_m: Ned = STILL
     jumped_boot_s: float = -math.inf
     reboots: int = 0
-    acceleration_ned_m_s2: Vector = (0.0, 0.0, 0.0)
+    acceleration_ned_m_s2: Ned = STILL
     clock: BootClock = BootClock()
-    jump_ned_m: Vector = (0.0, 0.0, 0.0)
+    jump_ned_m: Ned = STILL
     contradicted_s: tuple[float, ...] = ()
 
     def has_second_sender(self, now_s: float) -> bool:
@@ -196,47 +196,32 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
     jump = _unexplained(previous, now)
     if not math.hypot(*jump) > _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s:
         return state
-    back_m = math.hypot(*total(state.jump_ned_m, jump))
+    back_m = (state.jump_ned_m + jump).length()
     if now.received_s - state.reset_s <= _CONTRADICTED_WITHIN_S and back_m <= _ASTRAY_M:
         state = _contradicted(now, state)  # to and fro
     return state._replace(
         resets=state.resets + 1,
         reset_s=now.received_s,
-        jumped_ned_m=total(state.jumped_ned_m, jump),
+        jumped_ned_m=state.jumped_ned_m + jump,
         jumped_boot_s=now.time_boot_s,
         jump_ned_m=jump,
     )
 
 
-def _smoothed(acceleration_ned_m_s2: Vector, previous: LocalPosition, now: LocalPosition) -> Vector:
+def _smoothed(acceleration_ned_m_s2: Ned, previous: LocalPosition, now: LocalPosition) -> Ned:
     """Return the acceleration that two positions' velocities show, low-pass filtered; zero after a gap."""
     step_s = now.time_boot_s - previous.time_boot_s
     if step_s > _GAP_S:
-        return (0.0, 0.0, 0.0)
-    share = min(1.0, step_s / _SMOOTHED_S)
-    rows = zip(acceleration_ned_m_s2, previous.velocity_ned_m_s, now.velocity_ned_m_s, strict=True)
-    north, east, down = (
-        smoothed + share * ((velocity - before) / step_s - smoothed)
-        for smoothed, before, velocity in rows
-    )
-    return (north, east, down)
+        return STILL
+    present = (now.velocity_ned_m_s - previous.velocity_ned_m_s) / step_s
+    return acceleration_ned_m_s2.share_of_way(present, min(1.0, step_s / _SMOOTHED_S))
 
 
-def _unexplained(previous: LocalPosition, now: LocalPosition) -> Vector:
+def _unexplained(previous: LocalPosition, now: LocalPosition) -> Ned:
     """Return the way between two positions that is not the mean of their velocities."""
     half_s = 0.5 * (now.time_boot_s - previous.time_boot_s)
-    rows = zip(
-        now.position_ned_m,
-        previous.position_ned_m,
-        previous.velocity_ned_m_s,
-        now.velocity_ned_m_s,
-        strict=True,
-    )
-    north, east, down = (
-        position - start - half_s * (before + velocity)
-        for position, start, before, velocity in rows
-    )
-    return (north, east, down)
+    way = now.position_ned_m - previous.position_ned_m
+    return way - half_s * (previous.velocity_ned_m_s + now.velocity_ned_m_s)
 
 
 def _contradicts(now: LocalPosition, state: VehicleState) -> bool:
@@ -295,8 +280,8 @@ def local_frame(state: VehicleState, projection: Projection) -> LocalFrame | Non
     if not all(map(math.isfinite, home.position_ned_m)):
         return None
     about_home = LocalFrame(home.latitude_deg, home.longitude_deg, home_amsl, projection=projection)
-    north_m, east_m, down_m = home.position_ned_m
-    latitude_deg, longitude_deg, altitude = about_home.wgs84_from_ned((-north_m, -east_m, -down_m))
+    origin_ned_m = -1.0 * home.position_ned_m
+    latitude_deg, longitude_deg, altitude = about_home.wgs84_from_ned(origin_ned_m)
     if abs(latitude_deg) >= 90.0:
         return None
     return LocalFrame(latitude_deg, longitude_deg, altitude, home_amsl, projection=projection)

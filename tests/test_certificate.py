@@ -13,7 +13,7 @@ from guidance.control.braking_law import approach_speed
 from guidance.control.follow import gaps_to_disc
 from guidance.cycle import Course, Players, Vehicle, certify
 from guidance.cycle.guarding import UNSURE, UNSURE_S, guard
-from guidance.frames import ned_from_game
+from guidance.frames import Enu, ned_from_game
 from guidance.game import Cylinder, Extent, Game, StandOff, Winner, solve_state
 from tests.bench.bench_promise_turns import played as played_turns
 from tests.control.scenes import MULTICOPTER as ENVELOPE
@@ -22,7 +22,7 @@ from tests.harness.referee import referee
 
 GAME = Game(Cylinder(6.0, 3.0, 1.5), 3.0, standoff=StandOff(3.0, 5.0))
 ACCELERATION = Acceleration(3.0, 2.0)
-TARGET = (0.0, 0.0, 0.0)
+TARGET = Enu((0.0, 0.0, 0.0))
 APPROACH = PX4.handling.approach
 FULL = Vehicle(ACCELERATION, ENVELOPE, APPROACH, 6.0, 0.5)
 
@@ -54,8 +54,10 @@ def certified(
 def played(
     pursuer_m, pursuer_m_s, evader_m, evader_m_s, *, vehicle=FULL, target_m=TARGET, age_s=0.0
 ):
-    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
-    players = Players(pursuer_m, pursuer_m_s, evader_m, evader_m_s, target_m, gaps, age_s)
+    gaps = gaps_to_disc(ned_from_game(Enu(pursuer_m)), ned_from_game(Enu(evader_m)), GAME.standoff)
+    players = Players(
+        Enu(pursuer_m), Enu(pursuer_m_s), Enu(evader_m), Enu(evader_m_s), target_m, gaps, age_s
+    )
     return certify(GAME, players, vehicle, None)
 
 
@@ -222,9 +224,17 @@ def test_a_vehicle_before_a_target_with_a_radius_does_not_fly_to_its_centre(radi
     game = replace(GAME, target_extent=Extent(radius_m=radius_m))
     pursuer_m = (0.0, radius_m + 1.0, 6.0)
     evader_m = (aside_m, radius_m + 7.5, 0.0)
-    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
+    gaps = gaps_to_disc(ned_from_game(Enu(pursuer_m)), ned_from_game(Enu(evader_m)), GAME.standoff)
     velocity_m_s = (0.0, 0.0, -1.5)
-    players = Players(pursuer_m, velocity_m_s, evader_m, (0.0, -3.0, 0.0), TARGET, gaps, 0.0)
+    players = Players(
+        Enu(pursuer_m),
+        Enu(velocity_m_s),
+        Enu(evader_m),
+        Enu((0.0, -3.0, 0.0)),
+        Enu(TARGET),
+        gaps,
+        0.0,
+    )
     certified = certify(game, players, FULL, None)
     assert certified.certificate.winner == Winner.PURSUER
     assert certified.velocity_m_s[1] > 0.0
@@ -235,13 +245,21 @@ def test_a_target_that_moves_is_guarded_where_it_will_be():
     moving = replace(GAME, target_velocity_m_s=(1.0, 0.5))
     pursuer_m = (0.0, 0.0, 5.0)
     evader_m = (0.0, 12.0, 0.0)
-    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
-    players = Players(pursuer_m, (1.0, 0.5, 0.0), evader_m, (0.0, -3.0, 0.0), TARGET, gaps, 0.0)
+    gaps = gaps_to_disc(ned_from_game(Enu(pursuer_m)), ned_from_game(Enu(evader_m)), GAME.standoff)
+    players = Players(
+        Enu(pursuer_m),
+        Enu((1.0, 0.5, 0.0)),
+        Enu(evader_m),
+        Enu((0.0, -3.0, 0.0)),
+        Enu(TARGET),
+        gaps,
+        0.0,
+    )
     solution = solve_state(moving, pursuer_m, evader_m, TARGET)
     guarding = guard(moving, moving, solution, players, FULL, 0.0)
     assert guarding.velocity_m_s[:2] == pytest.approx((1.0, 0.5))
     resting = solve_state(GAME, pursuer_m, evader_m, TARGET)
-    still = players._replace(pursuer_m_s=(0.0, 0.0, 0.0))
+    still = players._replace(pursuer_m_s=Enu((0.0, 0.0, 0.0)))
     assert guard(GAME, GAME, resting, still, FULL, 0.0).velocity_m_s[:2] == (0.0, 0.0)
 
 
@@ -249,12 +267,20 @@ def test_a_vehicle_that_flies_along_a_target_guards_less_of_it_behind():
     game = replace(GAME, target_extent=Extent(((-20.0, 0.0), (20.0, 0.0))))
     evader_m = (0.0, 25.0, 0.0)
     pursuer_m = (0.0, 0.0, 5.0)
-    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
+    gaps = gaps_to_disc(ned_from_game(Enu(pursuer_m)), ned_from_game(Enu(evader_m)), GAME.standoff)
     solution = solve_state(game, pursuer_m, evader_m, TARGET)
     margins = []
     for along_m_s in (0.0, 3.0, 6.0):
         velocity_m_s = (along_m_s, 0.0, 0.0)
-        players = Players(pursuer_m, velocity_m_s, evader_m, (0.0, -3.0, 0.0), TARGET, gaps, 0.0)
+        players = Players(
+            Enu(pursuer_m),
+            Enu(velocity_m_s),
+            Enu(evader_m),
+            Enu((0.0, -3.0, 0.0)),
+            Enu(TARGET),
+            gaps,
+            0.0,
+        )
         margins.append(
             guard(game, game, solution, players, FULL, 0.0, descends_at_once=True).margin_s
         )
@@ -266,8 +292,16 @@ def test_a_vehicle_that_flies_along_a_target_guards_less_of_it_behind():
 def test_a_vehicle_that_descends_already_loses_no_reaction_time_in_height():
     pursuer_m = (1.0, 0.0, 11.0)
     evader_m = (25.0, 0.0, 0.0)
-    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
-    players = Players(pursuer_m, (0.0, 0.0, -1.5), evader_m, (0.0, 0.0, 0.0), TARGET, gaps, 0.0)
+    gaps = gaps_to_disc(ned_from_game(Enu(pursuer_m)), ned_from_game(Enu(evader_m)), GAME.standoff)
+    players = Players(
+        Enu(pursuer_m),
+        Enu((0.0, 0.0, -1.5)),
+        Enu(evader_m),
+        Enu((0.0, 0.0, 0.0)),
+        Enu(TARGET),
+        gaps,
+        0.0,
+    )
     solution = solve_state(GAME, pursuer_m, evader_m, TARGET)
     descending, waiting = (
         guard(GAME, GAME, solution, players, FULL, 0.6, descends_at_once=at_once).margin_s
@@ -283,13 +317,21 @@ def test_a_vehicle_that_follows_closely_captures_before_a_wide_target_is_in_dang
     game = replace(GAME, target_extent=Extent(radius_m=15.0))
     pursuer_m = (0.0, 25.0, 5.0)
     evader_m = (0.0, 21.0, 0.0)
-    gaps = gaps_to_disc(ned_from_game(pursuer_m), ned_from_game(evader_m), GAME.standoff)
+    gaps = gaps_to_disc(ned_from_game(Enu(pursuer_m)), ned_from_game(Enu(evader_m)), GAME.standoff)
     evader_m_s = (0.0, -3.0, 0.0)
-    players = Players(pursuer_m, (0.0, -4.0, 0.0), evader_m, evader_m_s, TARGET, gaps, 0.0)
+    players = Players(
+        Enu(pursuer_m),
+        Enu((0.0, -4.0, 0.0)),
+        Enu(evader_m),
+        Enu(evader_m_s),
+        Enu(TARGET),
+        gaps,
+        0.0,
+    )
     certificate = certify(game, players, FULL, None).certificate
     assert certificate.winner == Winner.PURSUER
     assert certificate.vehicle_winner == Winner.PURSUER
-    slow = players._replace(pursuer_m_s=(0.0, 0.0, 0.0))
+    slow = players._replace(pursuer_m_s=Enu((0.0, 0.0, 0.0)))
     assert certify(game, slow, FULL, None).certificate.vehicle_winner != Winner.PURSUER
 
 

@@ -9,13 +9,13 @@ from guidance.control.polygon import Polygon
 from guidance.control.servo import SpeedMemory
 from guidance.cycle import CycleInputs, CycleMemory, hover, play
 from guidance.estimation import EvaderEstimate
-from guidance.frames import GameFrame
+from guidance.frames import GameFrame, Ned
 from tests.flight.scenes import CYCLE, ENVELOPE
 
 DT_S = 0.02
 FOLLOWED = replace(CYCLE, handling=PX4.handling)
 BEHIND = Polygon(((-50.0, -50.0), (-50.0, 50.0), (10.0, 50.0), (10.0, -50.0)))
-EVADER = EvaderEstimate((60.0, 30.0, 0.0), (0.0, 3.0, 0.0), 3.0, 0.1)
+EVADER = EvaderEstimate(Ned((60.0, 30.0, 0.0)), Ned((0.0, 3.0, 0.0)), 3.0, 0.1)
 
 
 def drags_per_s(settings, place, velocity, *, cycles):
@@ -23,11 +23,13 @@ def drags_per_s(settings, place, velocity, *, cycles):
     memory = CycleMemory()
     held = []
     learned = []
-    here = Situation(place, velocity, evader_position_ned_m=EVADER.position_ned_m)
+    here = Situation(Ned(place), Ned(velocity), evader_position_ned_m=EVADER.position_ned_m)
     walls = measure_walls(here, settings.envelope)
     for _ in range(cycles):
         memory = play(
-            CycleInputs(DT_S, here, walls, EVADER, GameFrame((0.0, 0.0, 0.0))), settings, memory
+            CycleInputs(DT_S, here, walls, EVADER, GameFrame(Ned((0.0, 0.0, 0.0)))),
+            settings,
+            memory,
         ).memory
         held.append(memory.limits.held_back)
         learned.append(memory.follow.servo.drag_per_s)
@@ -48,7 +50,9 @@ def test_a_vehicle_that_a_fence_holds_back_learns_no_drag_of_it():
 
 
 def test_a_hover_keeps_what_was_learned_of_the_speed_and_begins_the_comparison_again():
-    learned = SpeedMemory(8.5, 0.85, (8.4, 0.0, 0.0), compared_s=3.0, covered_s=2.5, began_m_s=8.0)
-    here = Situation((0.0, 0.0, -20.0), (0.0, 0.0, 0.0))
+    learned = SpeedMemory(
+        8.5, 0.85, Ned((8.4, 0.0, 0.0)), compared_s=3.0, covered_s=2.5, began_m_s=8.0
+    )
+    here = Situation(Ned((0.0, 0.0, -20.0)), Ned((0.0, 0.0, 0.0)))
     inputs = CycleInputs(DT_S, here, measure_walls(here, ENVELOPE), None, None)
     assert hover(inputs, CYCLE, CycleMemory(speed=learned)).memory.speed == SpeedMemory(8.5, 0.85)

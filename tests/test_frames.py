@@ -15,6 +15,7 @@ from guidance.frames import (
     Ellipsoid,
     GameFrame,
     LocalFrame,
+    Ned,
     Relative,
     game_from_ned,
     ned_from_game,
@@ -41,7 +42,7 @@ def test_the_way_to_wgs84_and_back_is_the_identity_within_a_millimetre(
     lat, lon, north, east, down, projection
 ):
     frame = LocalFrame(lat, lon, Amsl(400.0), projection=projection)
-    latitude, longitude, altitude = frame.wgs84_from_ned((north, east, down))
+    latitude, longitude, altitude = frame.wgs84_from_ned(Ned((north, east, down)))
     assert altitude.metres == pytest.approx(400.0 - down)
     assert frame.ned_from_wgs84(latitude, longitude, altitude) == pytest.approx(
         (north, east, down), abs=1e-3
@@ -102,7 +103,7 @@ def test_the_date_line_is_no_wall(projection):
     frame = LocalFrame(-17.0, 179.9999, Amsl(0.0), projection=projection)
     north, east, _ = frame.ned_from_wgs84(-17.0, -179.9999, Amsl(0.0))
     assert (north, east) == pytest.approx((0.0, 21.3), abs=0.1)
-    assert -180.0 <= frame.wgs84_from_ned((0.0, 100.0, 0.0))[1] <= 180.0
+    assert -180.0 <= frame.wgs84_from_ned(Ned((0.0, 100.0, 0.0)))[1] <= 180.0
 
 
 def test_the_origin_is_its_own_image():
@@ -111,7 +112,7 @@ def test_the_origin_is_its_own_image():
         assert frame.ned_from_wgs84(47.0, 8.0, Amsl(400.0)) == pytest.approx(
             (0.0, 0.0, 0.0), abs=1e-6
         )
-        assert frame.wgs84_from_ned((0.0, 0.0, 0.0)) == (
+        assert frame.wgs84_from_ned(Ned((0.0, 0.0, 0.0))) == (
             pytest.approx(47.0),
             pytest.approx(8.0),
             Amsl(400.0),
@@ -158,26 +159,26 @@ def test_an_origin_that_is_no_place_is_refused_by_name(arguments, word):
 
 
 def test_the_game_s_axes_are_east_north_up_above_the_plane():
-    game = GameFrame((100.0, 200.0, -5.0))  # the evader's plane is 5 m above the origin
-    assert game.position_from_ned((103.0, 207.0, -20.0)) == (7.0, 3.0, 15.0)
-    assert game_from_ned((1.0, 2.0, 3.0)) == (2.0, 1.0, -3.0)
+    game = GameFrame(Ned((100.0, 200.0, -5.0)))  # the evader's plane is 5 m above the origin
+    assert game.position_from_ned(Ned((103.0, 207.0, -20.0))) == (7.0, 3.0, 15.0)
+    assert game_from_ned(Ned((1.0, 2.0, 3.0))) == (2.0, 1.0, -3.0)
 
 
 @settings(deadline=None)
 @given(st.tuples(METRES, METRES, METRES), st.tuples(METRES, METRES, METRES))
 def test_the_way_to_the_game_and_back_is_the_identity(position, origin):
-    game = GameFrame(origin)
-    assert game.position_to_ned(game.position_from_ned(position)) == pytest.approx(
+    game = GameFrame(Ned(origin))
+    assert game.position_to_ned(game.position_from_ned(Ned(position))) == pytest.approx(
         position, abs=1e-9
     )
-    assert ned_from_game(game_from_ned(position)) == position
+    assert ned_from_game(game_from_ned(Ned(position))) == position
 
 
 @settings(deadline=None)
 @given(st.tuples(METRES, METRES, METRES), st.tuples(METRES, METRES, METRES))
 def test_distances_survive_the_turn_into_the_game(one, other):
-    game = GameFrame((10.0, -20.0, 3.0))
-    turned = math.dist(game.position_from_ned(one), game.position_from_ned(other))
+    game = GameFrame(Ned((10.0, -20.0, 3.0)))
+    turned = math.dist(game.position_from_ned(Ned(one)), game.position_from_ned(Ned(other)))
     assert turned == pytest.approx(math.dist(one, other), abs=1e-6)
 
 

@@ -3,6 +3,7 @@ import math
 import pytest
 
 from guidance.autopilots import PX4
+from guidance.frames import Ned
 from guidance.messages import (
     Attitude,
     CommandAck,
@@ -17,7 +18,7 @@ from guidance.vehicle import VehicleState, local_frame, observe
 
 
 def local(received_s, boot_s, position=(0.0, 0.0, -10.0), velocity=(0.0, 0.0, 0.0)):
-    return LocalPosition(received_s, boot_s, position, velocity)
+    return LocalPosition(received_s, boot_s, Ned(position), Ned(velocity))
 
 
 def test_nothing_heard_has_infinite_age_and_is_neither_armed_nor_on_the_ground():
@@ -71,7 +72,7 @@ def test_the_fold_leaves_the_old_state_as_it_was():
 
 
 def test_the_local_frame_is_the_estimators_origin_not_home():
-    home = Home(1.0, 47.4, 8.5, 500.0, (30.0, 40.0, -2.0))
+    home = Home(1.0, 47.4, 8.5, 500.0, Ned((30.0, 40.0, -2.0)))
     state = observe(VehicleState(), [home])
     frame = local_frame(state, PX4.projection)
     assert frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, frame.home) == pytest.approx(

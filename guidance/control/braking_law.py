@@ -30,9 +30,10 @@ from typing import Final, NamedTuple
 
 from guidance.control.limits import Envelope, Limiter
 from guidance.control.polygon import Point, Polygon
-from guidance.frames import Vector, difference, usable
+from guidance.frames import STILL, Ned, usable
 
-STILL: Final[Vector] = (0.0, 0.0, 0.0)
+DOWN: Final = Ned((0.0, 0.0, 1.0))
+UP: Final = Ned((0.0, 0.0, -1.0))
 
 COVER_M: Final = 0.5
 """A fleeing evader is assumed to keep fleeing if the vehicle is this far above the stand-off cylinder."""
@@ -50,12 +51,12 @@ class Situation(NamedTuple):
     which is the stricter case.
     """
 
-    position_ned_m: Vector
-    velocity_ned_m_s: Vector
+    position_ned_m: Ned
+    velocity_ned_m_s: Ned
     yaw_rad: float = 0.0
-    evader_position_ned_m: Vector | None = None
-    evader_velocity_ned_m_s: Vector | None = None
-    acceleration_ned_m_s2: Vector = STILL
+    evader_position_ned_m: Ned | None = None
+    evader_velocity_ned_m_s: Ned | None = None
+    acceleration_ned_m_s2: Ned = STILL
     height_sd_m: float = 0.0
 
 
@@ -74,24 +75,24 @@ class Wall(NamedTuple):
     """
 
     limiter: Limiter
-    normal_ned: Vector
+    normal_ned: Ned
     gap_m: float
     margin_m: float = 0.0
     radius_m: float = math.inf
-    velocity_ned_m_s: Vector = STILL
+    velocity_ned_m_s: Ned = STILL
     approached: bool = False
 
     @property
     def about_m(self) -> Point:
         """The vehicle's position about the centre of a circle."""
         away_m = self.radius_m - self.gap_m
-        return (self.normal_ned[0] * away_m, self.normal_ned[1] * away_m)
+        return (self.normal_ned.north * away_m, self.normal_ned.east * away_m)
 
 
 class Separation(NamedTuple):
     """An upright cylinder about a mate that the vehicle stays out of: centre (NED, m), radius, and half its height."""
 
-    position_ned_m: Vector
+    position_ned_m: Ned
     radius_m: float
     height_m: float
 
@@ -100,11 +101,11 @@ def measure_walls(
     situation: Situation, envelope: Envelope, mates: Sequence[Separation] = ()
 ) -> tuple[Wall, ...]:
     """Return all walls as seen from a position. The circle comes last; see `constraints_of`."""
-    (north, east, down) = situation.position_ned_m
+    position = situation.position_ned_m
     home = envelope.home_ned_m
-    point = (north - home[0], east - home[1])
+    point = (position.north - home.north, position.east - home.east)
     margin_m = envelope.fence_margin_m
-    height_m = home[2] - down
+    height_m = home.down - position.down
     spare_m = min(envelope.floor_margin_m, max(0.0, situation.height_sd_m))
     walls = _stand_off(situation, envelope)
     above_floor_m = height_m - envelope.floor_m - spare_m
@@ -113,17 +114,17 @@ def measure_walls(
     if envelope.fence_polygon is not None:
         edges = _edges(envelope.fence_polygon, point)
         walls += [
-            Wall(Limiter.FENCE_POLYGON, (*normal, 0.0), gap_m - margin_m, margin_m)
+            Wall(Limiter.FENCE_POLYGON, Ned((*normal, 0.0)), gap_m - margin_m, margin_m)
             for normal, gap_m in edges
         ]
-    walls.append(Wall(Limiter.FLOOR, (0.0, 0.0, 1.0), above_floor_m, spare_m))
-    walls.append(Wall(Limiter.CEILING, (0.0, 0.0, -1.0), envelope.ceiling_m - height_m))
+    walls.append(Wall(Limiter.FLOOR, DOWN, above_floor_m, spare_m))
+    walls.append(Wall(Limiter.CEILING, UP, envelope.ceiling_m - height_m))
     if envelope.fence_radius_m is not None:
         radius_m = envelope.fence_radius_m - margin_m
         away_m = math.hypot(*point)
         outward = STILL
         if away_m > 0.0:
-            outward = (point[0] / away_m, point[1] / away_m, 0.0)
+            outward = Ned((point[0] / away_m, point[1] / away_m, 0.0))
         walls.append(Wall(Limiter.FENCE_RADIUS, outward, radius_m - away_m, margin_m, radius_m))
     return tuple(walls)
 
@@ -139,15 +140,15 @@ def _stand_off(situation: Situation, envelope: Envelope) -> list[Wall]:
     evader = situation.evader_position_ned_m
     if zone is None or evader is None:
         return []
-    offset_m = difference(evader, situation.position_ned_m)
-    above_m = offset_m[2] - zone.height_m
-    gap_m, (to_north, to_east), normals = _cylinder(offset_m, zone.radius_m, above_m, 1.0)
+    offset_m = evader - situation.position_ned_m
+    above_m = offset_m.down - zone.height_m
+    gap_m, towards, normals = _cylinder(offset_m, zone.radius_m, above_m, 1.0)
     flight = situation.evader_velocity_ned_m_s
     fleeing = 0.0
     if flight is not None and usable(*flight):
-        fleeing = max(0.0, flight[0] * to_north + flight[1] * to_east)
+        fleeing = max(0.0, flight.level_dot(towards))
     fleeing *= min(1.0, max(0.0, above_m) / COVER_M)
-    moving = (fleeing * to_north, fleeing * to_east, 0.0)
+    moving = fleeing * towards
     return [
         Wall(Limiter.STAND_OFF, normal, gap_m, velocity_ned_m_s=moving, approached=True)
         for normal in normals
@@ -161,39 +162,39 @@ def _separation(situation: Situation, mate: Separation, *, climbs_back: bool) ->
     shrinks from both sides, the faster of two equal vehicles reaches its bound first. A vehicle below the floor
     `climbs_back` also towards a mate above.
     """
-    offset_m = difference(mate.position_ned_m, situation.position_ned_m)
-    towards = 0.0 if climbs_back and offset_m[2] < 0.0 else math.copysign(1.0, offset_m[2])
-    gap_m, _, normals = _cylinder(
-        offset_m, mate.radius_m, abs(offset_m[2]) - mate.height_m, towards
-    )
+    offset_m = mate.position_ned_m - situation.position_ned_m
+    height_m = offset_m.down
+    downward = 0.0 if climbs_back and height_m < 0.0 else math.copysign(1.0, height_m)
+    above_m = abs(height_m) - mate.height_m
+    gap_m, _, normals = _cylinder(offset_m, mate.radius_m, above_m, downward)
     return [Wall(Limiter.SEPARATION, normal, 0.5 * gap_m) for normal in normals]
 
 
 def _cylinder(
-    offset_m: Vector, radius_m: float, above_m: float, downward: float
-) -> tuple[float, Point, list[Vector]]:
+    offset_m: Ned, radius_m: float, above_m: float, downward: float
+) -> tuple[float, Ned, list[Ned]]:
     """Return the distance to an upright cylinder, the direction to its axis, and the normals to it; inside, two.
 
     Args:
-        offset_m: From the vehicle to a point of the axis, NED.
+        offset_m: From the vehicle to a point of the axis.
         radius_m: Of the cylinder.
         above_m: Height above its top, or depth below its bottom.
         downward: 1 above, -1 below, 0 if height does not count.
     """
-    away_m = math.hypot(*offset_m[:2])
+    away_m = offset_m.level_length()
     to_north = 0.0
     to_east = 0.0
     if away_m > 0.0:
-        to_north = offset_m[0] / away_m
-        to_east = offset_m[1] / away_m
+        to_north = offset_m.north / away_m
+        to_east = offset_m.east / away_m
     beside_m = away_m - radius_m
     gap_m = max(beside_m, above_m)
     parts = [(1.0, 0.0), (0.0, 1.0)]
     if gap_m > 0.0:
         gap_m = math.hypot(max(0.0, beside_m), max(0.0, above_m))
         parts = [(max(0.0, beside_m) / gap_m, max(0.0, above_m) / gap_m)]
-    normals = [(level * to_north, level * to_east, steep * downward) for level, steep in parts]
-    return gap_m, (to_north, to_east), normals
+    normals = [Ned((level * to_north, level * to_east, steep * downward)) for level, steep in parts]
+    return gap_m, Ned((to_north, to_east, 0.0)), normals
 
 
 def _edges(polygon: Polygon, point: Point) -> list[tuple[Point, float]]:
@@ -220,7 +221,7 @@ def _edges(polygon: Polygon, point: Point) -> list[tuple[Point, float]]:
 
 
 def _with_far_side(
-    walls: tuple[Wall, ...], velocity_ned_m_s: Vector, drift_s: float, braking_m_s2: float
+    walls: tuple[Wall, ...], velocity_ned_m_s: Ned, drift_s: float, braking_m_s2: float
 ) -> tuple[Wall, ...]:
     """Add the circle's far side: the half-space that touches it in the direction of a stop point beyond it.
 
@@ -231,26 +232,24 @@ def _with_far_side(
         return walls
     circle = walls[-1]
     nearest = circle.normal_ned
-    seconds = drift_s + math.hypot(*velocity_ned_m_s[:2]) / (2.0 * braking_m_s2)
+    seconds = drift_s + velocity_ned_m_s.level_length() / (2.0 * braking_m_s2)
     north, east = circle.about_m
     normal, away_m = _direction_of_stop(circle.about_m, velocity_ned_m_s, seconds)
-    beside = normal[0] * nearest[0] + normal[1] * nearest[1] > _SAME_SIDE
+    beside = normal.level_dot(nearest) > _SAME_SIDE
     if beside or away_m <= circle.radius_m:
         return walls
-    gap_m = circle.radius_m - north * normal[0] - east * normal[1]
+    gap_m = circle.radius_m - north * normal.north - east * normal.east
     return (*walls, circle._replace(normal_ned=normal, gap_m=gap_m))
 
 
-def _direction_of_stop(
-    about_m: Point, velocity_ned_m_s: Vector, seconds: float
-) -> tuple[Vector, float]:
+def _direction_of_stop(about_m: Point, velocity_ned_m_s: Ned, seconds: float) -> tuple[Ned, float]:
     """Return the direction from home to the stop point, and its distance; no direction at home."""
     stop_north_m = about_m[0] + velocity_ned_m_s[0] * seconds
     stop_east_m = about_m[1] + velocity_ned_m_s[1] * seconds
     away_m = math.hypot(stop_north_m, stop_east_m)
     if away_m == 0.0:
         return STILL, away_m
-    return (stop_north_m / away_m, stop_east_m / away_m, 0.0), away_m
+    return Ned((stop_north_m / away_m, stop_east_m / away_m, 0.0)), away_m
 
 
 RETURN_PER_S: Final = 0.5
@@ -270,7 +269,7 @@ def approach_speed(distance: float, deceleration: float, lag_s: float) -> float:
     return math.sqrt(reserve * reserve + 2.0 * deceleration * max(distance, 0.0)) - reserve
 
 
-def held_back(velocity_ned_m_s: Vector, walls: tuple[Wall, ...], envelope: Envelope) -> Vector:
+def held_back(velocity_ned_m_s: Ned, walls: tuple[Wall, ...], envelope: Envelope) -> Ned:
     """Reduce a desired velocity to what stops before every wall, and turn it back beyond one.
 
     Args:
@@ -278,27 +277,23 @@ def held_back(velocity_ned_m_s: Vector, walls: tuple[Wall, ...], envelope: Envel
         walls: Of this cycle; the evader's are left to the approach.
         envelope: Braking and reaction of the vehicle.
     """
-    north, east, down = velocity_ned_m_s
     reaction_s = envelope.reaction_s
     for wall in _with_far_side(walls, velocity_ned_m_s, reaction_s, envelope.braking_m_s2):
-        (normal_north, normal_east, normal_down) = wall.normal_ned
+        normal = wall.normal_ned
         gap_m = wall.gap_m
-        braking_m_s2 = envelope.vertical_braking_m_s2 if normal_down else envelope.braking_m_s2
-        closing = north * normal_north + east * normal_east + down * normal_down
+        braking_m_s2 = envelope.vertical_braking_m_s2 if normal.down else envelope.braking_m_s2
+        closing = velocity_ned_m_s.dot(normal)
         stop_m = closing * (reaction_s + max(0.0, closing) / (2.0 * braking_m_s2))
         if wall.approached or (gap_m >= 0.0 and stop_m <= gap_m):
             continue
         allowed = max(-RETURN_M_S, RETURN_PER_S * gap_m)
         if gap_m > 0.0:
             allowed = approach_speed(gap_m, braking_m_s2, reaction_s)
-        excess = max(0.0, closing - allowed)
-        north = north - excess * normal_north
-        east = east - excess * normal_east
-        down = down - excess * normal_down
-    return (north, east, down)
+        velocity_ned_m_s -= max(0.0, closing - allowed) * normal
+    return velocity_ned_m_s
 
 
-def surge(velocity_ned_m_s: Vector, acceleration_ned_m_s2: Vector, envelope: Envelope) -> Vector:
+def surge(velocity_ned_m_s: Ned, acceleration_ned_m_s2: Ned, envelope: Envelope) -> Ned:
     """Return how much longer the stop over the ground is for a vehicle that is still accelerating, m.
 
     The vehicle releases an acceleration a with its jerk j, in t = a/j, and is faster by dv = a t/2 then. That adds
@@ -310,14 +305,12 @@ def surge(velocity_ned_m_s: Vector, acceleration_ned_m_s2: Vector, envelope: Env
         acceleration_ned_m_s2: Present acceleration.
         envelope: Jerk, braking and reaction of the vehicle.
     """
-    north, east = acceleration_ned_m_s2[:2]
-    speed = math.hypot(*velocity_ned_m_s[:2])
+    gaining = acceleration_ned_m_s2
+    speed = velocity_ned_m_s.level_length()
     if speed > 0.0:
-        along = (velocity_ned_m_s[0] / speed, velocity_ned_m_s[1] / speed)
-        braking = min(0.0, north * along[0] + east * along[1])
-        north = north - braking * along[0]
-        east = east - braking * along[1]
-    size = math.hypot(north, east)
+        along = velocity_ned_m_s / speed
+        gaining -= min(0.0, gaining.level_dot(along)) * along
+    size = gaining.level_length()
     if size <= _STEADY_M_S2:
         return STILL
     gaining_m_s2 = size - _STEADY_M_S2
@@ -327,7 +320,7 @@ def surge(velocity_ned_m_s: Vector, acceleration_ned_m_s2: Vector, envelope: Env
         2.0 * envelope.braking_m_s2
     )
     far_m = speed * lasts_s + gaining_m_s2 * lasts_s * lasts_s / 3.0 + stopped_m
-    return (far_m * north / size, far_m * east / size, 0.0)
+    return Ned((far_m * gaining.north / size, far_m * gaining.east / size, 0.0))
 
 
 class Constraint(NamedTuple):
@@ -339,24 +332,24 @@ class Constraint(NamedTuple):
     """
 
     limiter: Limiter
-    normal_ned: Vector
+    normal_ned: Ned
     distance_m: float
     ground_s: float = 1.0
     vertical_s: float = 1.0
     about_m: Point | None = None
 
-    def half_space(self, velocity_ned_m_s: Vector) -> "Constraint":
+    def half_space(self, velocity_ned_m_s: Ned) -> "Constraint":
         """Return the half-space that touches a circle on the way to the stop point; any other constraint as it is."""
         if self.about_m is None:
             return self
         north, east = self.about_m
         normal, _ = _direction_of_stop(self.about_m, velocity_ned_m_s, self.ground_s)
-        distance_m = self.distance_m - north * normal[0] - east * normal[1]
+        distance_m = self.distance_m - north * normal.north - east * normal.east
         return self._replace(normal_ned=normal, distance_m=distance_m, about_m=None)
 
 
 def constraints_of(
-    asked_ned_m_s: Vector, situation: Situation, walls: tuple[Wall, ...], envelope: Envelope
+    asked_ned_m_s: Ned, situation: Situation, walls: tuple[Wall, ...], envelope: Envelope
 ) -> tuple[Constraint, ...]:
     """Return the constraints of the walls within reach; the circle's is last, as `obey` needs it.
 
@@ -367,19 +360,17 @@ def constraints_of(
         envelope: Braking and reaction of the vehicle.
     """
     surge_ned_m = surge(situation.velocity_ned_m_s, situation.acceleration_ned_m_s2, envelope)
-    speed = math.hypot(*asked_ned_m_s)
+    speed = asked_ned_m_s.length()
     braking_m_s2 = min(envelope.braking_m_s2, envelope.vertical_braking_m_s2)
-    drift_m = math.hypot(*situation.velocity_ned_m_s) * envelope.reaction_s + math.hypot(
-        *surge_ned_m
-    )
+    velocity = situation.velocity_ned_m_s
+    drift_m = velocity.length() * envelope.reaction_s + surge_ned_m.length()
     reach_m = drift_m + speed * (envelope.reaction_s + speed / (2.0 * braking_m_s2))
     near = (wall for wall in walls if wall.gap_m <= reach_m)
-    velocity = situation.velocity_ned_m_s
     return tuple(_constraint(wall, asked_ned_m_s, velocity, surge_ned_m, envelope) for wall in near)
 
 
-def _constraint(  # noqa: PLR0914
-    wall: Wall, desired: Vector, velocity: Vector, surge_ned_m: Vector, envelope: Envelope
+def _constraint(
+    wall: Wall, desired: Ned, velocity: Ned, surge_ned_m: Ned, envelope: Envelope
 ) -> Constraint:
     """Make the constraint of a wall, from the velocities relative to it.
 
@@ -389,28 +380,29 @@ def _constraint(  # noqa: PLR0914
     normal = wall.normal_ned
     reaction_s = envelope.reaction_s
     about_m = None
-    speed = math.hypot(desired[0] - moving[0], desired[1] - moving[1])
-    ground_s = reaction_s + speed / (2.0 * envelope.braking_m_s2)
-    vertical_s = reaction_s + abs(desired[2] - moving[2]) / (2.0 * envelope.vertical_braking_m_s2)
+    closing = desired - moving
+    ground_s = reaction_s + closing.level_length() / (2.0 * envelope.braking_m_s2)
+    vertical_s = reaction_s + abs(closing.down) / (2.0 * envelope.vertical_braking_m_s2)
+    drifted_m = (velocity - moving) * reaction_s
     # The approach to the evader brakes by itself, so an acceleration that it is about to end is not counted.
-    extra_ned_m = STILL if wall.approached else surge_ned_m
-    rows = zip(velocity, moving, extra_ned_m, strict=True)
-    north_m, east_m, down_m = ((v - v_wall) * reaction_s + extra_m for v, v_wall, extra_m in rows)
+    if not wall.approached:
+        drifted_m += surge_ned_m
     if math.isinf(wall.radius_m):
-        drift_m = max(0.0, normal[0] * north_m + normal[1] * east_m) + max(0.0, normal[2] * down_m)
-        receding_m_s = normal[0] * moving[0] + normal[1] * moving[1]
-        distance_m = max(0.0, wall.gap_m - drift_m) + receding_m_s * ground_s
+        ground_m = max(0.0, normal.level_dot(drifted_m))
+        drift_m = ground_m + max(0.0, normal.down * drifted_m.down)
+        distance_m = max(0.0, wall.gap_m - drift_m) + normal.level_dot(moving) * ground_s
     else:
         away_m = wall.radius_m - wall.gap_m
         about_m = wall.about_m
-        drift_m = max(0.0, math.hypot(about_m[0] + north_m, about_m[1] + east_m) - away_m)
+        stop_m = math.hypot(about_m[0] + drifted_m.north, about_m[1] + drifted_m.east)
+        drift_m = max(0.0, stop_m - away_m)
         distance_m = max(wall.radius_m - drift_m, away_m)
     return Constraint(wall.limiter, normal, distance_m, ground_s, vertical_s, about_m)
 
 
 def obey(
-    vector_ned: Vector, constraints: tuple[Constraint, ...]
-) -> tuple[Vector, tuple[Constraint, ...]]:
+    vector_ned: Ned, constraints: tuple[Constraint, ...]
+) -> tuple[Ned, tuple[Constraint, ...]]:
     """Reduce a vector until all constraints hold; return it with the half-spaces that reduced it.
 
     First it slides along every constraint in turn, which keeps the part along the wall. A later one may turn it back
@@ -435,30 +427,30 @@ def obey(
     return result, tuple(active)
 
 
-def reduced(vector_ned: Vector, constraint: Constraint, *, along: bool) -> Vector:
+def reduced(vector_ned: Ned, constraint: Constraint, *, along: bool) -> Ned:
     """Take away what exceeds a half-space and keep the part along the wall, or scale the closing parts down."""
-    (north, east, down) = vector_ned
-    (normal_north, normal_east, normal_down) = constraint.normal_ned
-    ground = max(0.0, north * normal_north + east * normal_east)
-    vertical = max(0.0, down * normal_down)
+    normal = constraint.normal_ned
+    ground = max(0.0, vector_ned.level_dot(normal))
+    vertical = max(0.0, vector_ned.down * normal.down)
     used_m = ground * constraint.ground_s + vertical * constraint.vertical_s
     if used_m <= constraint.distance_m + ROUNDING_M:
         return vector_ned
     share = constraint.distance_m / used_m
+    down = vector_ned.down
+    if vertical > 0.0:
+        down = share * down
+    result = vector_ned
     if ground > 0.0 and along:
-        size = math.hypot(normal_north, normal_east)
-        part = (1.0 - share) * ground / size
-        north = north - part * (normal_north / size)
-        east = east - part * (normal_east / size)
+        size = normal.level_length()
+        result = vector_ned - (1.0 - share) * ground / size * (normal / size)
     elif ground > 0.0:
-        north = share * north
-        east = share * east
-    return (north, east, share * down if vertical > 0.0 else down)
+        result = share * vector_ned
+    return result.level_with(down)
 
 
 def braked(
-    fed_ned_m_s2: Vector | None, situation: Situation, walls: tuple[Wall, ...], envelope: Envelope
-) -> Vector | None:
+    fed_ned_m_s2: Ned | None, situation: Situation, walls: tuple[Wall, ...], envelope: Envelope
+) -> Ned | None:
     """Return a feed-forward that decelerates at least as every wall requires; unchanged if none does.
 
     Args:
@@ -471,18 +463,17 @@ def braked(
     fed = fed_ned_m_s2
     drift_s = 2.0 * envelope.reaction_s
     for wall in _with_far_side(walls, velocity, drift_s, envelope.braking_m_s2):
-        north, east, down = wall.normal_ned
-        closing = velocity[0] * north + velocity[1] * east + velocity[2] * down
-        braking_m_s2 = envelope.vertical_braking_m_s2 if down else envelope.braking_m_s2
+        normal = wall.normal_ned
+        closing = velocity.dot(normal)
+        braking_m_s2 = envelope.vertical_braking_m_s2 if normal.down else envelope.braking_m_s2
         stop_m = closing * (drift_s + closing / (2.0 * braking_m_s2))
         if wall.approached or closing <= 0.0 or stop_m <= wall.gap_m:
             continue
-        a_north, a_east, a_down = STILL if fed is None else fed
+        present = STILL if fed is None else fed
         # The excess over the allowed closing speed has to be gone within half the reaction time.
         allowed = approach_speed(
             wall.gap_m - closing * envelope.reaction_s, braking_m_s2, envelope.reaction_s
         )
         needed = 2.0 * (closing - allowed) / envelope.reaction_s
-        missing = max(0.0, a_north * north + a_east * east + a_down * down + needed)
-        fed = (a_north - missing * north, a_east - missing * east, a_down - missing * down)
+        fed = present - max(0.0, present.dot(normal) + needed) * normal
     return fed

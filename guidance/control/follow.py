@@ -38,10 +38,10 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from guidance.control.braking_law import STILL, Situation, approach_speed
+from guidance.control.braking_law import Situation, approach_speed
 from guidance.control.limits import Acceleration, Dynamics
 from guidance.control.servo import LONGEST_STEP_S, ServoGains, ServoMemory, serve
-from guidance.frames import Vector, difference, total
+from guidance.frames import STILL, Ned
 from guidance.game import StandOff
 
 RETREAT_M = 2.0
@@ -69,12 +69,12 @@ EASE = 1.5
 class Drift(NamedTuple):
     """Reported velocity less rate of the reported position, and the position by the two; None before the first call."""
 
-    velocity_ned_m_s: Vector = (0.0, 0.0, 0.0)
-    position_ned_m: Vector | None = None
+    velocity_ned_m_s: Ned = STILL
+    position_ned_m: Ned | None = None
 
 
 def observe_drift(
-    drift: Drift, position_ned_m: Vector, velocity_ned_m_s: Vector, *, dt_s: float
+    drift: Drift, position_ned_m: Ned, velocity_ned_m_s: Ned, *, dt_s: float
 ) -> Drift:
     """Update the drift with a report of position and velocity.
 
@@ -89,21 +89,14 @@ def observe_drift(
     if drift.position_ned_m is None:
         return Drift(drift.velocity_ned_m_s, position_ned_m)
     dt_s = min(max(dt_s, 0.0), LONGEST_STEP_S)
-    places = []
-    drifts = []
-    for place_m, drift_m_s, reported_m, velocity_m_s in zip(
-        drift.position_ned_m, drift.velocity_ned_m_s, position_ned_m, velocity_ned_m_s, strict=True
-    ):
-        expected_m = place_m + (velocity_m_s - drift_m_s) * dt_s
-        off_m = reported_m - expected_m
-        learned_m_s = drift_m_s - off_m * dt_s / SETTLE_S**2
-        places.append(expected_m + 2.0 * off_m * dt_s / SETTLE_S)
-        drifts.append(max(-LARGEST_M_S, min(LARGEST_M_S, learned_m_s)))
-    if math.dist(position_ned_m, places) > JUMP_M:
+    expected = drift.position_ned_m + (velocity_ned_m_s - drift.velocity_ned_m_s) * dt_s
+    off = position_ned_m - expected
+    learned = drift.velocity_ned_m_s - off * dt_s / SETTLE_S**2
+    position = expected + 2.0 * off * dt_s / SETTLE_S
+    if math.dist(position_ned_m, position) > JUMP_M:
         return Drift(drift.velocity_ned_m_s, position_ned_m)
-    (north, east, down) = places
-    (drift_north, drift_east, drift_down) = drifts
-    return Drift((drift_north, drift_east, drift_down), (north, east, down))
+    bounded = Ned([max(-LARGEST_M_S, min(LARGEST_M_S, part)) for part in learned])
+    return Drift(bounded, position)
 
 
 class Pace(NamedTuple):
@@ -126,17 +119,16 @@ class Pace(NamedTuple):
 
 
 class Gaps(NamedTuple):
-    """Horizontal distance to the disc's rim (negative inside), height above the disc, unit vector to the evader."""
+    """Level distance to the disc's rim (negative inside), height above the disc, level unit vector to the evader."""
 
     ground_m: float
     height_m: float
-    towards_north: float
-    towards_east: float
+    towards_ned: Ned
 
 
 def catch_up(
-    desired_ned_m_s: Vector, flown_ned_m_s: Vector, deficit_m: float, gaps: Gaps, pace: Pace
-) -> tuple[Vector, float]:
+    desired_ned_m_s: Ned, flown_ned_m_s: Ned, deficit_m: float, gaps: Gaps, pace: Pace
+) -> tuple[Ned, float]:
     """Increase a velocity to work off the along-track deficit over the ground; return it and the deficit, m.
 
     The vertical speed of a vehicle that is behind is reduced to what reaches the disc's height before any meeting.
@@ -148,21 +140,18 @@ def catch_up(
         gaps: To the disc.
         pace: Of this cycle, with a speed limit of at least the game's speed.
     """
-    north, east, down = desired_ned_m_s
-    speed = math.hypot(north, east)
+    velocity = desired_ned_m_s
+    speed = velocity.level_length()
     if speed > 0.0:
-        along = (north * flown_ned_m_s[0] + east * flown_ned_m_s[1]) / speed
+        along = velocity.level_dot(flown_ned_m_s) / speed
         deficit_m = min(LARGEST_DEFICIT_M, max(0.0, deficit_m + (speed - along) * pace.dt_s))
         over = max(0.0, along / speed - pace.max_speed_ratio)
-        scale = max(
-            0.0, min(pace.max_speed_ratio, 1.0 + RECOVERY_PER_S * deficit_m / speed) - EASE * over
-        )
-        north = scale * north
-        east = scale * east
-        down = scale * down
+        recovering = min(pace.max_speed_ratio, 1.0 + RECOVERY_PER_S * deficit_m / speed)
+        velocity *= max(0.0, recovering - EASE * over)
     enough_m_s = abs(gaps.height_m) * pace.meeting_m_s / max(gaps.ground_m, _TOUCH_M)
-    spare_m_s = min(1.0, deficit_m / UNHURRIED_M) * max(0.0, abs(down) - enough_m_s)
-    return (north, east, down - math.copysign(spare_m_s, down)), deficit_m
+    spare_m_s = min(1.0, deficit_m / UNHURRIED_M) * max(0.0, abs(velocity.down) - enough_m_s)
+    down = velocity.down - math.copysign(spare_m_s, velocity.down)
+    return velocity.level_with(down), deficit_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,23 +177,22 @@ class Approach:
     backing_m_s: float = 1.0
 
 
-def gaps_to_disc(position_ned_m: Vector, evader_ned_m: Vector, standoff: StandOff) -> Gaps:
+def gaps_to_disc(position_ned_m: Ned, evader_ned_m: Ned, standoff: StandOff) -> Gaps:
     """Return the distances from a position to the stand-off disc of an evader."""
-    north = evader_ned_m[0] - position_ned_m[0]
-    east = evader_ned_m[1] - position_ned_m[1]
-    distance_m = math.hypot(north, east)
+    offset_m = evader_ned_m - position_ned_m
+    distance_m = offset_m.level_length()
     scale = 1.0 / distance_m if distance_m > 0.0 else 0.0
-    height_m = evader_ned_m[2] - position_ned_m[2] - standoff.height_m
-    return Gaps(distance_m - standoff.radius_m, height_m, north * scale, east * scale)
+    towards = Ned((offset_m.north * scale, offset_m.east * scale, 0.0))
+    return Gaps(distance_m - standoff.radius_m, offset_m.down - standoff.height_m, towards)
 
 
-def approach(  # noqa: PLR0914
-    desired_ned_m_s: Vector,
-    flown_ned_m_s: Vector,
-    evader_ned_m_s: Vector,
+def approach(
+    desired_ned_m_s: Ned,
+    flown_ned_m_s: Ned,
+    evader_ned_m_s: Ned,
     gaps: Gaps,
     settings: Approach,
-) -> tuple[Vector, bool]:
+) -> tuple[Ned, bool]:
     """Slow a velocity down near the disc; return it, and whether the closing speed is reduced.
 
     Args:
@@ -214,40 +202,33 @@ def approach(  # noqa: PLR0914
         gaps: To the disc.
         settings: Of the vehicle.
     """
-    (north, east, down) = desired_ned_m_s
-    (evader_north, evader_east, _) = evader_ned_m_s
-    left_m = abs(gaps.height_m) - settings.lag_s * math.copysign(
-        flown_ned_m_s[2], gaps.height_m * flown_ned_m_s[2]
-    )
-    allowed = approach_speed(left_m, settings.vertical_braking_m_s2, settings.vertical_settle_s)
-    down = max(-allowed, min(allowed, down))
-    to_north = gaps.towards_north
-    to_east = gaps.towards_east
-    coming = max(0.0, -evader_north * to_north - evader_east * to_east)
-    wait = (
-        coming * min(1.0, max(0.0, gaps.ground_m / RETREAT_M))
-        if -BELOW_M < gaps.height_m < ABOVE_M
-        else 0.0
-    )
-    evader_north = evader_north + wait * to_north
-    evader_east = evader_east + wait * to_east
-    relative_north = north - evader_north
-    relative_east = east - evader_east
-    closing = relative_north * to_north + relative_east * to_east
-    closing_now = (flown_ned_m_s[0] - evader_north) * to_north + (
-        flown_ned_m_s[1] - evader_east
-    ) * to_east
+    towards = gaps.towards_ned
+    down = _levelled(desired_ned_m_s.down, flown_ned_m_s.down, gaps.height_m, settings)
+    coming = max(0.0, -evader_ned_m_s.level_dot(towards))
+    wait = 0.0
+    if -BELOW_M < gaps.height_m < ABOVE_M:
+        wait = coming * min(1.0, max(0.0, gaps.ground_m / RETREAT_M))
+    awaited = evader_ned_m_s + wait * towards
+    relative = desired_ned_m_s - awaited
+    closing = relative.level_dot(towards)
+    closing_now = (flown_ned_m_s - awaited).level_dot(towards)
     left_m = gaps.ground_m - settings.margin_m - settings.lag_s * (closing_now + wait)
     settle_s = settings.settle_s + wait / settings.braking_m_s2
     allowed = max(-settings.backing_m_s, 0.5 * left_m / settle_s)  # inside, it backs off
     if left_m > 0.0:
         allowed = approach_speed(left_m, settings.braking_m_s2, settle_s)
     if closing <= allowed:
-        return (north, east, down), False
-    across = max(0.0, allowed / closing) if closing > 0.0 else 0.0
-    north = evader_north + across * (relative_north - closing * to_north) + allowed * to_north
-    east = evader_east + across * (relative_east - closing * to_east) + allowed * to_east
-    return (north, east, down), True
+        return desired_ned_m_s.level_with(down), False
+    share = max(0.0, allowed / closing) if closing > 0.0 else 0.0
+    across = relative - closing * towards
+    return (awaited + share * across + allowed * towards).level_with(down), True
+
+
+def _levelled(down_m_s: float, flown_m_s: float, height_m: float, settings: Approach) -> float:
+    """Slow a vertical velocity down near the disc's height."""
+    left_m = abs(height_m) - settings.lag_s * math.copysign(flown_m_s, height_m * flown_m_s)
+    allowed = approach_speed(left_m, settings.vertical_braking_m_s2, settings.vertical_settle_s)
+    return max(-allowed, min(allowed, down_m_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -282,16 +263,16 @@ class Followed(NamedTuple):
     `flown_ned_m_s`: the vehicle's velocity over the ground. `unslowed`: the approach does not reduce the speed.
     """
 
-    velocity_ned_m_s: Vector
-    acceleration_ned_m_s2: Vector | None
-    desired_ned_m_s: Vector
+    velocity_ned_m_s: Ned
+    acceleration_ned_m_s2: Ned | None
+    desired_ned_m_s: Ned
     memory: FollowMemory
-    flown_ned_m_s: Vector
+    flown_ned_m_s: Ned
     unslowed: bool = False
 
 
 def follow(
-    desired_ned_m_s: Vector,
+    desired_ned_m_s: Ned,
     here: Situation,
     gaps: Gaps,
     handling: Handling,
@@ -309,12 +290,11 @@ def follow(
         pace: Of this cycle.
     """
     if handling.servo is None:
-        flown = difference(here.velocity_ned_m_s, memory.drift.velocity_ned_m_s)
+        flown = here.velocity_ned_m_s - memory.drift.velocity_ned_m_s
         return Followed(desired_ned_m_s, None, desired_ned_m_s, memory, flown)
     drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=pace.dt_s)
-    flown = difference(here.velocity_ned_m_s, drift.velocity_ned_m_s)
-    north, east, down = desired_ned_m_s
-    wanted = (north, east, down * pace.max_speed_ratio)
+    flown = here.velocity_ned_m_s - drift.velocity_ned_m_s
+    wanted = desired_ned_m_s.level_with(desired_ned_m_s.down * pace.max_speed_ratio)
     deficit_m = 0.0
     if pace.hurried:
         wanted, deficit_m = catch_up(desired_ned_m_s, flown, memory.deficit_m, gaps, pace)
@@ -326,6 +306,6 @@ def follow(
     fed, servo = serve(
         desired, flown, memory.servo, handling.servo, dt_s=pace.dt_s, held_back=pace.held_back
     )
-    sent = total(servo.reference_ned_m_s, drift.velocity_ned_m_s)
+    sent = servo.reference_ned_m_s + drift.velocity_ned_m_s
     kept = FollowMemory(servo, deficit_m, drift)
     return Followed(sent, fed, desired, kept, flown, not braking)

@@ -15,7 +15,7 @@ from pydantic import Field
 from guidance.config import Latitude, Longitude, Section, faults_of
 from guidance.control.polygon import Polygon, corners_about_home
 from guidance.errors import ConfigError
-from guidance.frames import Amsl, LocalFrame, Vector
+from guidance.frames import STILL, Amsl, LocalFrame, Ned
 from guidance.game import StandOff
 
 CATCH_UP_RATIO: Final = 1.1
@@ -119,7 +119,7 @@ class Envelope(Dynamics):
     climb_m_s: float
     descent_m_s: float
     yaw_rate_rad_s: float
-    home_ned_m: Vector = (0.0, 0.0, 0.0)
+    home_ned_m: Ned = STILL
     fence_radius_m: float | None = None
     fence_polygon: Polygon | None = None
     fence_margin_m: float = 0.0
@@ -272,7 +272,7 @@ class Limits(Section):
             stand_off=StandOff(*zone_m),
         )
 
-    def about_home(self, envelope: Envelope, home_ned_m: Vector, frame: LocalFrame) -> Envelope:
+    def about_home(self, envelope: Envelope, home_ned_m: Ned, frame: LocalFrame) -> Envelope:
         """Return an envelope with the polygon fence in metres, if it is given in degrees."""
         if self.fence_polygon_deg is None:
             return envelope
@@ -289,9 +289,7 @@ def _corner_faults(corners_deg: tuple[tuple[float, float], ...]) -> Iterator[str
     if not corners_deg:
         yield "limits.fence_polygon_deg has 0 corners: needs at least 3"
         return
-    corners_m = corners_about_home(
-        corners_deg, (0.0, 0.0, 0.0), LocalFrame(*corners_deg[0], Amsl(0.0))
-    )
+    corners_m = corners_about_home(corners_deg, STILL, LocalFrame(*corners_deg[0], Amsl(0.0)))
     yield from faults_of(
         "limits.fence_polygon_deg, in metres about its first corner", lambda: Polygon(corners_m)
     )

@@ -8,7 +8,7 @@ from itertools import combinations, pairwise
 from typing import Final
 
 from guidance.errors import ConfigError
-from guidance.frames import LocalFrame, Vector
+from guidance.frames import LocalFrame, Ned
 
 Point = tuple[float, float]
 Edge = tuple[Point, Point]
@@ -102,7 +102,7 @@ def _check_edges(edges: Sequence[Edge]) -> None:
 
 
 def corners_about_home(
-    corners_deg: Iterable[Point], home_ned_m: Vector, frame: LocalFrame
+    corners_deg: Iterable[Point], home_ned_m: Ned, frame: LocalFrame
 ) -> tuple[Point, ...]:
     """Return places in metres north and east of home, with the map projection of the frame.
 

@@ -30,36 +30,30 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from guidance.control.braking_law import STILL, approach_speed
+from guidance.control.braking_law import approach_speed
 from guidance.control.limits import Agility, Envelope
 from guidance.control.polygon import Point
-from guidance.frames import Vector, usable
+from guidance.frames import STILL, Ned, usable
 
 LONGEST_STEP_S: Final = 0.1
 _SLOW_M_S: Final = 1.0
 """Below this speed, drag cannot be distinguished from trim."""
 
 
-def slew(vector_ned: Vector, previous_ned: Vector, largest_change: float) -> Vector:
+def slew(vector_ned: Ned, previous_ned: Ned, largest_change: float) -> Ned:
     """Move from the previous vector towards a new one by at most a change, over the ground and vertically."""
-    (north, east, down) = vector_ned
-    (was_north, was_east, was_down) = previous_ned
-    north = north - was_north
-    east = east - was_east
-    down = min(largest_change, max(-largest_change, down - was_down))
-    size = math.hypot(north, east)
-    share = largest_change / size if size > largest_change else 1.0
-    return (was_north + share * north, was_east + share * east, was_down + down)
+    change = vector_ned - previous_ned
+    return previous_ned + change.clamped(largest_change, largest_change, largest_change)
 
 
-def shape(  # noqa: PLR0914
-    desired_m_s: Vector,
-    velocity_m_s: Vector,
-    acceleration_m_s2: Vector,
+def shape(
+    desired_m_s: Ned,
+    velocity_m_s: Ned,
+    acceleration_m_s2: Ned,
     most: Agility,
     dt_s: float,
     gain_per_s: float,
-) -> tuple[Vector, Vector]:
+) -> tuple[Ned, Ned]:
     """Move a velocity towards the desired one for one step; return it and the acceleration of that step.
 
     The acceleration is small enough for the jerk to reduce it to zero before the desired velocity is reached, so the
@@ -73,22 +67,18 @@ def shape(  # noqa: PLR0914
         dt_s: Duration of the step.
         gain_per_s: Largest gain from the missing velocity to the acceleration; infinite for none.
     """
-    (north, east, down) = desired_m_s
-    (now_north, now_east, now_down) = velocity_m_s
-    north = north - now_north
-    east = east - now_east
-    down = down - now_down
-    size = math.hypot(north, east)
-    height = abs(down)
+    missing = desired_m_s - velocity_m_s
+    size = missing.level_length()
+    height = abs(missing.down)
     level = min(approach_speed(size, most.jerk_m_s3, dt_s), most.acceleration_m_s2)
     steep = min(approach_speed(height, most.jerk_m_s3, dt_s), most.vertical_acceleration_m_s2)
     if gain_per_s < math.inf:
         level = min(level, gain_per_s * size)
         steep = min(steep, gain_per_s * height)
     share = level / size if size > 0.0 else 0.0
-    wanted = (north * share, east * share, math.copysign(steep, down))
-    a_north, a_east, a_down = slewed = slew(wanted, acceleration_m_s2, most.jerk_m_s3 * dt_s)
-    return (now_north + a_north * dt_s, now_east + a_east * dt_s, now_down + a_down * dt_s), slewed
+    wanted = (missing * share).level_with(math.copysign(steep, missing.down))
+    acceleration = slew(wanted, acceleration_m_s2, most.jerk_m_s3 * dt_s)
+    return velocity_m_s + acceleration * dt_s, acceleration
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,22 +118,22 @@ class ServoMemory(NamedTuple):
         trim_ned_m_s2: Learned acceleration without drag.
     """
 
-    reference_ned_m_s: Vector
-    acceleration_ned_m_s2: Vector
-    expected_ned_m_s: Vector
+    reference_ned_m_s: Ned
+    acceleration_ned_m_s2: Ned
+    expected_ned_m_s: Ned
     drag_per_s: float
-    trim_ned_m_s2: Vector
+    trim_ned_m_s2: Ned
 
 
 def serve(
-    desired_ned_m_s: Vector,
-    flown_ned_m_s: Vector,
+    desired_ned_m_s: Ned,
+    flown_ned_m_s: Ned,
     memory: ServoMemory | None,
     gains: ServoGains,
     *,
     dt_s: float,
     held_back: bool = False,
-) -> tuple[Vector, ServoMemory]:
+) -> tuple[Ned, ServoMemory]:
     """Return the acceleration to feed forward, and the memory, which has the velocity to command.
 
     Args:
@@ -161,55 +151,41 @@ def serve(
     reference, acceleration = shape(
         desired_ned_m_s, before, gained_m_s2, gains, dt_s, gains.settle_per_s
     )
-    expected = _lagging(delayed, reference, 1.0 - math.exp(-dt_s / gains.lag_s))
+    expected = delayed.share_of_way(reference, 1.0 - math.exp(-dt_s / gains.lag_s))
     if not held_back:
         drag_per_s, trim = _learned(drag_per_s, trim, expected, flown_ned_m_s, gains, dt_s)
-    a_north, a_east, a_down = acceleration
-    a_north = a_north + drag_per_s * reference[0] + trim[0]
-    a_east = a_east + drag_per_s * reference[1] + trim[1]
-    return (a_north, a_east, a_down), ServoMemory(
+    fed = acceleration + drag_per_s * reference + trim
+    return fed.level_with(acceleration.down), ServoMemory(
         reference, acceleration, expected, drag_per_s, trim
     )
 
 
-def _lagging(delayed: Vector, reference: Vector, share: float) -> Vector:
-    """Move the delayed reference by a share of the way to the present one."""
-    north, east, down = (
-        before + (now - before) * share for before, now in zip(delayed, reference, strict=True)
-    )
-    return (north, east, down)
-
-
 def _learned(
     drag_per_s: float,
-    trim_ned_m_s2: Vector,
-    expected: Vector,
-    flown: Vector,
+    trim_ned_m_s2: Ned,
+    expected: Ned,
+    flown: Ned,
     gains: ServoGains,
     dt_s: float,
-) -> tuple[float, Vector]:
+) -> tuple[float, Ned]:
     """Return drag and trim after one velocity error, within their bounds.
 
     A large error usually means that the vehicle is at its limits, so it counts less.
     """
-    error_north = expected[0] - flown[0]
-    error_east = expected[1] - flown[1]
-    off_m_s = math.hypot(error_north, error_east)
+    error = expected - flown
+    off_m_s = error.level_length()
     within_m_s = gains.learning_within_m_s
     lesson_s = dt_s
     if off_m_s > within_m_s:
         lesson_s = 0.0 if off_m_s > 3.0 * within_m_s else dt_s * (within_m_s / off_m_s) ** 2
-    speed = math.hypot(expected[0], expected[1])
+    speed = expected.level_length()
     if speed >= _SLOW_M_S:
-        missing = (error_north * expected[0] + error_east * expected[1]) / speed
+        missing = error.level_dot(expected) / speed
         drag_per_s += gains.drag_learning_per_s2 * missing * lesson_s / speed
         drag_per_s = min(gains.drag_limit_per_s, max(0.0, drag_per_s))
     gain = gains.trim_learning_per_s2 * lesson_s
-    north = trim_ned_m_s2[0] + gain * error_north
-    east = trim_ned_m_s2[1] + gain * error_east
-    size = math.hypot(north, east)
-    share = gains.trim_limit_m_s2 / size if size > gains.trim_limit_m_s2 else 1.0
-    return drag_per_s, (share * north, share * east, 0.0)
+    trim = (trim_ned_m_s2 + gain * error).clamped(gains.trim_limit_m_s2, 0.0, 0.0)
+    return drag_per_s, trim
 
 
 GAIN_PER_S: Final = 0.8
@@ -246,7 +222,7 @@ def hold_altitude(
     held_m, trim_m_s = (
         memory if memory is not None and usable(*memory) else AltitudeHold(down_m, 0.0)
     )
-    home_down_m = envelope.home_ned_m[2]
+    home_down_m = envelope.home_ned_m.down
     held_m = min(home_down_m - envelope.floor_m, max(home_down_m - envelope.ceiling_m, held_m))
     error_m = held_m - down_m
     if abs(error_m) < AWAY_M:
@@ -260,7 +236,7 @@ def hold_altitude(
 
 
 def keep_station(
-    place: Point | None, position_ned_m: Vector, flown_ned_m_s: Vector
+    place: Point | None, position_ned_m: Ned, flown_ned_m_s: Ned
 ) -> tuple[Point, Point | None]:
     """Return the velocity over the ground that stops and stays, (north, east) in m/s, and the place for the next call.
 
@@ -270,13 +246,11 @@ def keep_station(
         flown_ned_m_s: Velocity of the vehicle, without drift.
     """
     here = position_ned_m[:2]
-    if place is None and math.hypot(*flown_ned_m_s[:2]) > AT_REST_M_S:
+    if place is None and flown_ned_m_s.level_length() > AT_REST_M_S:
         return (0.0, 0.0), None
     if place is None or math.dist(place, here) > AWAY_M:
-        return (
-            0.0,
-            0.0,
-        ), here  # blown away, or the estimate was reset: do not return to the old place
+        # Blown away, or the estimate was reset: do not return to the old place.
+        return (0.0, 0.0), here
     north, east = (GAIN_PER_S * (held - now) for held, now in zip(place, here, strict=True))
     speed = math.hypot(north, east)
     share = LARGEST_M_S / speed if speed > LARGEST_M_S else 1.0
@@ -313,7 +287,7 @@ class SpeedMemory(NamedTuple):
 
     shown_m_s: float = 0.0
     share: float = 1.0
-    flown_ned_m_s: Vector = STILL
+    flown_ned_m_s: Ned = STILL
     compared_s: float = 0.0
     covered_s: float = 0.0
     began_m_s: float = 0.0
@@ -321,8 +295,8 @@ class SpeedMemory(NamedTuple):
 
 def observe_speed(
     memory: SpeedMemory,
-    asked_ned_m_s: Vector,
-    flown_ned_m_s: Vector,
+    asked_ned_m_s: Ned,
+    flown_ned_m_s: Ned,
     *,
     unslowed: bool,
     confirmed: bool,
@@ -339,15 +313,11 @@ def observe_speed(
         dt_s: Seconds since the last call.
     """
     weight = min(1.0, dt_s / _SMOOTHED_S)
-    north, east, down = (
-        before + weight * (now - before)
-        for before, now in zip(memory.flown_ned_m_s, flown_ned_m_s, strict=True)
-    )
-    mean = (north, east, down)
-    speed = math.hypot(north, east)
+    mean = memory.flown_ned_m_s.share_of_way(flown_ned_m_s, weight)
+    speed = mean.level_length()
     shown_m_s = max(memory.shown_m_s, speed)
-    asked = math.hypot(*asked_ned_m_s[:2])
-    along = (north * asked_ned_m_s[0] + east * asked_ned_m_s[1]) / max(asked, _LEAST_ASKED_M_S)
+    asked = asked_ned_m_s.level_length()
+    along = mean.level_dot(asked_ned_m_s) / max(asked, _LEAST_ASKED_M_S)
     if not (unslowed and asked >= _LEAST_ASKED_M_S and along >= _ALIGNED * speed):
         return SpeedMemory(shown_m_s, memory.share, mean)
     began_m_s = memory.began_m_s if memory.compared_s > 0.0 else along

@@ -22,7 +22,8 @@ import math
 from typing import Final, NamedTuple
 
 from guidance.control.braking_law import (
-    STILL,
+    DOWN,
+    UP,
     Constraint,
     Situation,
     Wall,
@@ -33,7 +34,7 @@ from guidance.control.braking_law import (
 )
 from guidance.control.limits import Agility, Envelope, Limiter
 from guidance.control.servo import LONGEST_STEP_S, shape, slew
-from guidance.frames import Vector, clamp, difference, total, usable
+from guidance.frames import STILL, Ned, usable
 from guidance.messages import Setpoint
 
 NOTED: Final = 0.05
@@ -60,9 +61,9 @@ class LimitMemory(NamedTuple):
         held_back: Whether a wall reduced the velocity.
     """
 
-    velocity_ned_m_s: Vector
-    acceleration_ned_m_s2: Vector = STILL
-    feed_forward_ned_m_s2: Vector = STILL
+    velocity_ned_m_s: Ned
+    acceleration_ned_m_s2: Ned = STILL
+    feed_forward_ned_m_s2: Ned = STILL
     yaw_rad: float = 0.0
     held_back: bool = False
 
@@ -80,7 +81,7 @@ def start(situation: Situation, envelope: Envelope) -> LimitMemory:
     if not usable(*situation.velocity_ned_m_s, situation.yaw_rad):
         return LimitMemory(STILL)
     speeds = envelope.speed_m_s, envelope.climb_m_s, envelope.descent_m_s
-    return LimitMemory(clamp(situation.velocity_ned_m_s, *speeds), yaw_rad=situation.yaw_rad)
+    return LimitMemory(situation.velocity_ned_m_s.clamped(*speeds), yaw_rad=situation.yaw_rad)
 
 
 def limit(  # noqa: PLR0914
@@ -128,15 +129,15 @@ def limit(  # noqa: PLR0914
     speeds = envelope.speed_m_s, envelope.climb_m_s, envelope.descent_m_s
     vertical_m_s2 = envelope.vertical_acceleration_m_s2
     accelerations = envelope.acceleration_m_s2, vertical_m_s2, vertical_m_s2
-    allowed = clamp(command.velocity_ned_m_s, *speeds)
+    allowed = command.velocity_ned_m_s.clamped(*speeds)
     _note(active, Limiter.SPEED, Limiter.VERTICAL_SPEED, allowed, command.velocity_ned_m_s)
-    before = clamp(memory.velocity_ned_m_s, *speeds)
+    before = memory.velocity_ned_m_s.clamped(*speeds)
     if already_shaped:
         shaped, acceleration = _accelerated(allowed, before, envelope, dt_s, active)
     else:
-        gained = clamp(memory.acceleration_ned_m_s2, *accelerations)
+        gained = memory.acceleration_ned_m_s2.clamped(*accelerations)
         shaped, acceleration = shape(allowed, before, gained, envelope, dt_s, math.inf)
-        shaped = clamp(shaped, *speeds)
+        shaped = shaped.clamped(*speeds)
         _note(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
     velocity, holding = obey(shaped, constraints_of(shaped, situation, walls, envelope))
     active.extend(dict.fromkeys(constraint.limiter for constraint in holding))
@@ -147,7 +148,9 @@ def limit(  # noqa: PLR0914
     slewed = None
     if demanded is not None:
         slewed = slew(
-            clamp(demanded, *accelerations), memory.feed_forward_ned_m_s2, envelope.jerk_m_s3 * dt_s
+            demanded.clamped(*accelerations),
+            memory.feed_forward_ned_m_s2,
+            envelope.jerk_m_s3 * dt_s,
         )
     feed_forward = braked(slewed, situation, walls, envelope)
     if feed_forward is not None:
@@ -162,7 +165,7 @@ def limit(  # noqa: PLR0914
             else constraint
             for constraint in closed[: len(holding)]
         )
-        feed_forward, _ = obey(clamp(feed_forward, *accelerations), (*at_walls, *at_speed))
+        feed_forward, _ = obey(feed_forward.clamped(*accelerations), (*at_walls, *at_speed))
         _note(
             active,
             Limiter.FEED_FORWARD,
@@ -197,19 +200,19 @@ def _numbers_of_command(command: Setpoint) -> tuple[float, ...]:
 
 
 def _accelerated(
-    allowed: Vector, before: Vector, agility: Agility, dt_s: float, active: list[Limiter]
-) -> tuple[Vector, Vector]:
+    allowed: Ned, before: Ned, agility: Agility, dt_s: float, active: list[Limiter]
+) -> tuple[Ned, Ned]:
     """Approach the allowed velocity within the acceleration alone; return the velocity and the acceleration."""
     acceleration = STILL
     reached = before
     if dt_s > 0.0:
-        change = difference(allowed, before)
+        change = allowed - before
         vertical = agility.vertical_acceleration_m_s2 * dt_s
-        step = clamp(change, agility.acceleration_m_s2 * dt_s, vertical, vertical)
-        acceleration = (step[0] / dt_s, step[1] / dt_s, step[2] / dt_s)
+        step = change.clamped(agility.acceleration_m_s2 * dt_s, vertical, vertical)
+        acceleration = step / dt_s
         if step == change:
             return allowed, acceleration
-        reached = total(before, step)
+        reached = before + step
     _note(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, reached, allowed)
     return reached, acceleration
 
@@ -227,7 +230,7 @@ def _turn(
 
 
 def _at_speed_limit(
-    velocity_ned_m_s: Vector, flown_ned_m_s: Vector, envelope: Envelope
+    velocity_ned_m_s: Ned, flown_ned_m_s: Ned, envelope: Envelope
 ) -> tuple[Constraint, ...]:
     """Return constraints on the feed-forward along every speed limit that is commanded.
 
@@ -235,28 +238,26 @@ def _at_speed_limit(
     vehicle flies faster than the limit, and less and less up to `OVER_SPEED` above.
     """
     (north, east, down) = velocity_ned_m_s
-    (flown_north, flown_east, flown_down) = flown_ned_m_s
     vertical_m_s2 = envelope.vertical_acceleration_m_s2
     size = math.hypot(north, east)
     along = STILL
     if size > 0.0:
-        along = (north / size, east / size, 0.0)
+        along = Ned((north / size, east / size, 0.0))
     rows = (
         (Limiter.SPEED, along, size, envelope.speed_m_s, envelope.acceleration_m_s2),
-        (Limiter.VERTICAL_SPEED, (0.0, 0.0, 1.0), down, envelope.descent_m_s, vertical_m_s2),
-        (Limiter.VERTICAL_SPEED, (0.0, 0.0, -1.0), -down, envelope.climb_m_s, vertical_m_s2),
+        (Limiter.VERTICAL_SPEED, DOWN, down, envelope.descent_m_s, vertical_m_s2),
+        (Limiter.VERTICAL_SPEED, UP, -down, envelope.climb_m_s, vertical_m_s2),
     )
     constraints = []
     for limiter, normal, speed_m_s, limit_m_s, most_m_s2 in rows:
         if speed_m_s >= limit_m_s * (1.0 - 1e-9):
-            flown_m_s = flown_north * normal[0] + flown_east * normal[1] + flown_down * normal[2]
-            excess = (flown_m_s - limit_m_s) / (OVER_SPEED * limit_m_s)
+            excess = (flown_ned_m_s.dot(normal) - limit_m_s) / (OVER_SPEED * limit_m_s)
             constraints.append(Constraint(limiter, normal, most_m_s2 * max(0.0, 1.0 - excess)))
     return tuple(constraints)
 
 
 def _note(
-    active: list[Limiter], ground: Limiter, vertical: Limiter, limited: Vector, demanded: Vector
+    active: list[Limiter], ground: Limiter, vertical: Limiter, limited: Ned, demanded: Ned
 ) -> None:
     if abs(limited[0] - demanded[0]) > NOTED or abs(limited[1] - demanded[1]) > NOTED:
         active.append(ground)

@@ -31,12 +31,13 @@ from typing import Final, NamedTuple
 from guidance.control.braking_law import approach_speed
 from guidance.cycle.guarding import Guard, guard
 from guidance.cycle.players import Players, Vehicle, late_start
-from guidance.frames import Vector
+from guidance.frames import Enu, Ned
 from guidance.game import Game, StateSolution, Winner, solve_state
 from guidance.game.arrays import FLOATS
 from guidance.game.pe import escape, take_apart
+from guidance.messages import UNKNOWN_VELOCITY
 
-_NOWHERE: Final[Vector] = (math.nan, math.nan, math.nan)
+_NOWHERE: Final = Enu((math.nan, math.nan, math.nan))
 _NO_SOLUTION: Final = StateSolution(
     0, math.nan, math.nan, _NOWHERE, math.nan, _NOWHERE, _NOWHERE, 0
 )
@@ -103,16 +104,16 @@ class Certificate(NamedTuple):
     winner: int
     value: float
     margin_s: float
-    meeting_point_game_m: Vector
+    meeting_point_game_m: Enu
     meeting_time_s: float
     speed_ratio: float
     evader_age_s: float
-    pursuer_game_m: Vector
-    evader_game_m: Vector
+    pursuer_game_m: Enu
+    evader_game_m: Enu
     gap_m: float
     height_gap_m: float
-    desired_ned_m_s: Vector
-    command_ned_m_s: Vector
+    desired_ned_m_s: Ned
+    command_ned_m_s: Ned
     active_limits: tuple[str, ...]
     captured: bool
     strayed: bool
@@ -152,11 +153,11 @@ class Certified(NamedTuple):
 
     solution: StateSolution
     course: Course
-    velocity_m_s: Vector
+    velocity_m_s: Enu
     certificate: Certificate
 
 
-def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Vector | None) -> Certified:
+def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Enu | None) -> Certified:
     """Solve the game from here, and find its value from where a pursuer starts that does as well as this vehicle.
 
     In PE that value is a capture time. In TAD it is another game, with the speed that the vehicle has shown.
@@ -171,7 +172,7 @@ def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Vector |
     E = players.evader_m
     T = players.target_m
     solution = solve_state(game, P, E, T, evader_velocity_m_s=players.evader_m_s)
-    optimal_m_s = solution.pursuer_velocity_m_s
+    optimal_m_s = Enu(solution.pursuer_velocity_m_s)
     desired_m_s = optimal_m_s if before_m_s is None else before_m_s
     farthest_m = max(players.gaps.ground_m, abs(players.gaps.height_m))
     u = game.pursuer.horizontal_m_s
@@ -192,8 +193,8 @@ def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Vector |
     return Certified(solution, Course.SOLUTION, optimal_m_s, certificate)
 
 
-def _pursuit_s(  # noqa: PLR0914
-    game: Game, players: Players, vehicle: Vehicle, desired_m_s: Vector, reaction_s: float
+def _pursuit_s(
+    game: Game, players: Players, vehicle: Vehicle, desired_m_s: Enu, reaction_s: float
 ) -> float:
     """Return the time in which this vehicle captures an evader that runs straight away from it.
 
@@ -213,22 +214,17 @@ def _pursuit_s(  # noqa: PLR0914
     flown_m_s = players.pursuer_m_s
     u = game.pursuer.horizontal_m_s
     if not game.pursuer.separate:
-        u = math.hypot(*desired_m_s[:2])
+        u = desired_m_s.level_length()
     slower_m = max(0.0, players.gaps.height_m) * (1.0 / vehicle.acceleration.descent_share - 1.0)
     late_m = P
     for _ in range(_TURNS):
-        x_m = E[0] - late_m[0]
-        y_m = E[1] - late_m[1]
-        away_m = math.hypot(x_m, y_m)
+        to_evader_m = E - late_m
+        away_m = to_evader_m.level_length()
         pace = u / away_m if away_m > 0.0 else 0.0
-        x_m_s = pace * x_m
-        y_m_s = pace * y_m
-        behind_m = (
-            P[0] + reaction_s * (flown_m_s[0] - x_m_s),
-            P[1] + reaction_s * (flown_m_s[1] - y_m_s),
-            P[2] + slower_m,
-        )
-        pursuit_m_s = (x_m_s, y_m_s, desired_m_s[2])
+        pursuit_m_s = Enu((pace * to_evader_m.east, pace * to_evader_m.north, desired_m_s.up))
+        east_m = reaction_s * (flown_m_s.east - pursuit_m_s.east)
+        north_m = reaction_s * (flown_m_s.north - pursuit_m_s.north)
+        behind_m = Enu((P.east + east_m, P.north + north_m, P.up + slower_m))
         late_m = late_start(behind_m, pursuit_m_s, flown_m_s, vehicle.acceleration)
     time_s, _, _ = escape(FLOATS, game, take_apart(FLOATS, game, late_m, E, None))
     return time_s
@@ -237,15 +233,19 @@ def _pursuit_s(  # noqa: PLR0914
 def statement(players: Players, solution: StateSolution) -> Certificate:
     """Return a certificate with the ideal game's result and the positions; everything else is missing or false."""
     return Certificate(
-        *solution[:5],
+        solution.winner,
+        solution.value,
+        solution.margin_s,
+        Enu(solution.meeting_point_m),
+        solution.meeting_time_s,
         speed_ratio=math.nan,
         evader_age_s=players.evader_age_s,
         pursuer_game_m=players.pursuer_m,
         evader_game_m=players.evader_m,
         gap_m=players.gaps.ground_m,
         height_gap_m=players.gaps.height_m,
-        desired_ned_m_s=_NOWHERE,
-        command_ned_m_s=_NOWHERE,
+        desired_ned_m_s=UNKNOWN_VELOCITY,
+        command_ned_m_s=UNKNOWN_VELOCITY,
         active_limits=(),
         captured=False,
         strayed=False,
@@ -263,7 +263,7 @@ def _defended(
     game: Game,
     players: Players,
     vehicle: Vehicle,
-    late_m: Vector,
+    late_m: Enu,
     solution: StateSolution,
     certificate: Certificate,
 ) -> Certified:
@@ -310,10 +310,11 @@ def _course(
     solution: StateSolution,
     ahead: Guard,
     trusted_m_s: float,
-) -> tuple[Course, Vector]:
+) -> tuple[Course, Enu]:
     """Return the vehicle's course in TAD, and its velocity."""
     course = Course.SOLUTION
-    velocity_m_s = solution.pursuer_velocity_m_s
+    optimal_m_s = Enu(solution.pursuer_velocity_m_s)
+    velocity_m_s = optimal_m_s
     if abs(players.gaps.height_m) > vehicle.tolerance_m:
         waiting_m_s = _waiting(game, solution, players, vehicle, trusted_m_s)
         if waiting_m_s is not None:
@@ -322,25 +323,25 @@ def _course(
     share = min(1.0, max(0.0, 1.0 - (ahead.margin_s + AHEAD_S) / SPARE_S))
     if share > 0.0 and solution.winner == Winner.PURSUER and ahead.holds_target:
         course = Course.GUARDING
-        x = velocity_m_s[0] + share * (ahead.velocity_m_s[0] - velocity_m_s[0])
-        y = velocity_m_s[1] + share * (ahead.velocity_m_s[1] - velocity_m_s[1])
-        velocity_m_s = (x, y, solution.pursuer_velocity_m_s[2])
+        guarding_m_s = velocity_m_s.share_of_way(ahead.velocity_m_s, share)
+        velocity_m_s = guarding_m_s.level_with(optimal_m_s.up)
     return course, velocity_m_s
 
 
 def _waiting(
     game: Game, here: StateSolution, players: Players, vehicle: Vehicle, trusted_m_s: float
-) -> Vector | None:
+) -> Enu | None:
     """Return the velocity of a vehicle that waits at the meeting point for its height; None if the ground decides."""
     if here.winner != Winner.PURSUER or not game.pursuer.separate:
         return None
     P = players.pursuer_m
-    X = here.meeting_point_m
+    X = Enu(here.meeting_point_m)
     envelope = vehicle.envelope
-    away_m = math.dist(P[:2], X[:2])
+    way_m = X - P
+    away_m = way_m.level_length()
     allowed_m_s = approach_speed(away_m, envelope.braking_m_s2, envelope.reaction_s)
     pace = min(game.pursuer.horizontal_m_s, allowed_m_s) / away_m if away_m > 0.0 else 0.0
-    waiting_m_s = (pace * (X[0] - P[0]), pace * (X[1] - P[1]), here.pursuer_velocity_m_s[2])
+    waiting_m_s = (way_m * pace).level_with(here.pursuer_velocity_m_s[2])
     late = late_start(P, waiting_m_s, players.pursuer_m_s, vehicle.acceleration)
     missing_m = max(away_m, math.dist(late[:2], X[:2])) - game.standoff.radius_m
     return waiting_m_s if missing_m < _SURELY * trusted_m_s * here.meeting_time_s else None

@@ -30,7 +30,7 @@ from typing import Final, NamedTuple
 
 from guidance.control.braking_law import approach_speed
 from guidance.cycle.players import Players, Vehicle, late_start
-from guidance.frames import Vector
+from guidance.frames import Enu
 from guidance.game import Extent, Game, StateSolution
 from guidance.game.arrays import FLOATS
 from guidance.game.extent import to_set
@@ -66,7 +66,7 @@ class Guard(NamedTuple):
         holds_target: Whether a vehicle that stops above the guarded point guards all of the target.
     """
 
-    velocity_m_s: Vector
+    velocity_m_s: Enu
     margin_s: float
     holds_target: bool
 
@@ -97,7 +97,7 @@ class _Flight(NamedTuple):
     shown: Game
     players: Players
     vehicle: Vehicle
-    from_m: Vector
+    from_m: Enu
     target_m: Point
     up_m_s: float
     flies_on_s: float
@@ -154,9 +154,8 @@ def _begun(
     flies_on_s: float,
 ) -> _Flight:
     """Return the flight of a vehicle that has flown on for a while."""
-    east_m, north_m, height_m = players.pursuer_m
-    east_m_s, north_m_s, _ = players.pursuer_m_s
-    from_m = (east_m + flies_on_s * east_m_s, north_m + flies_on_s * north_m_s, height_m)
+    flown_m = players.pursuer_m + players.pursuer_m_s * flies_on_s
+    from_m = flown_m.level_with(players.pursuer_m.up)
     x_m, y_m, _ = players.target_m or (math.nan, math.nan, math.nan)
     x_m_s, y_m_s = game.target_velocity_m_s
     target_m = (x_m + flies_on_s * x_m_s, y_m + flies_on_s * y_m_s)
@@ -306,7 +305,7 @@ def _interception_s(flight: _Flight, goal_m: Point) -> float:  # noqa: PLR0914
         if away_m == 0.0:
             return math.inf
         fleeing_m_s = max(0.0, (run_m_s[0] * x_m + run_m_s[1] * y_m) / away_m)
-        late_m = _late(flight, (u * x_m / away_m, u * y_m / away_m, flight.up_m_s))
+        late_m = _late(flight, Enu((u * x_m / away_m, u * y_m / away_m, flight.up_m_s)))
     closing_m_s = u - fleeing_m_s
     rim_m_s = _rim_speed_m_s(flight, closing_m_s)
     braking_m_s2 = flight.vehicle.approach.braking_m_s2
@@ -322,46 +321,38 @@ def _is_at_disc(flight: _Flight) -> bool:
     return is_level and gaps.ground_m <= _NEAR_RADII * flight.shown.standoff.radius_m
 
 
-def _capture_margin_s(flight: _Flight) -> float:  # noqa: PLR0914
+def _capture_margin_s(flight: _Flight) -> float:
     """Return how much sooner a vehicle at the disc's height captures the evader than any evader is at the target."""
     game = flight.shown
-    E = flight.players.evader_m
-    P = flight.players.pursuer_m
-    flown_m_s = flight.players.pursuer_m_s
+    players = flight.players
     v = game.evader_speed_m_s
     closing_m_s = game.pursuer.horizontal_m_s - v
     braking_m_s2 = flight.vehicle.approach.braking_m_s2
-    late_m = P
+    late_m = players.pursuer_m
     for _ in range(_ROUNDS):
-        x_m = E[0] - late_m[0]
-        y_m = E[1] - late_m[1]
-        away_m = math.hypot(x_m, y_m)
+        to_evader_m = players.evader_m - late_m
+        away_m = to_evader_m.level_length()
         if away_m == 0.0:
             return -math.inf
         left_m = away_m - _rest_m(flight)
         allowed_m_s = approach_speed(left_m, braking_m_s2, _approach_lag_s(flight))
         pace = (v + min(closing_m_s, allowed_m_s)) / away_m
-        x_m_s = pace * x_m
-        y_m_s = pace * y_m
-        behind_m = (
-            P[0] + flight.flies_on_s * (flown_m_s[0] - x_m_s),
-            P[1] + flight.flies_on_s * (flown_m_s[1] - y_m_s),
-            P[2],
-        )
-        velocity_m_s = (x_m_s, y_m_s, flight.up_m_s)
-        late_m = late_start(behind_m, velocity_m_s, flown_m_s, flight.vehicle.acceleration)
-    left_m = math.dist(E[:2], late_m[:2]) - _rest_m(flight)
-    soonest_s = min(_arrival(flight, offset_m)[0] for offset_m in outline(game.target_extent))
-    return soonest_s - _closing_s(flight, left_m, closing_m_s)
+        velocity_m_s = (to_evader_m * pace).level_with(flight.up_m_s)
+        missing_m_s = players.pursuer_m_s - velocity_m_s
+        behind_m = players.pursuer_m + (missing_m_s * flight.flies_on_s).level()
+        late_m = _late(flight._replace(from_m=behind_m), velocity_m_s)
+    left_m = (players.evader_m - late_m).level_length() - _rest_m(flight)
+    arrivals_s = [_arrival(flight, offset_m)[0] for offset_m in outline(game.target_extent)]
+    return min(arrivals_s) - _closing_s(flight, left_m, closing_m_s)
 
 
-def _late(flight: _Flight, velocity_m_s: Vector) -> Vector:
+def _late(flight: _Flight, velocity_m_s: Enu) -> Enu:
     """Return where a pursuer that has this velocity at once does as well as the vehicle."""
     flown_m_s = flight.players.pursuer_m_s
     return late_start(flight.from_m, velocity_m_s, flown_m_s, flight.vehicle.acceleration)
 
 
-def _away_m(flight: _Flight, offset_m: Point, from_m: Vector) -> float:
+def _away_m(flight: _Flight, offset_m: Point, from_m: Enu) -> float:
     """Return the distance over the ground from a place to a point of the target, when the flight begins."""
     x_m = flight.target_m[0] + offset_m[0] - from_m[0]
     y_m = flight.target_m[1] + offset_m[1] - from_m[1]
@@ -385,21 +376,21 @@ def _arrival(flight: _Flight, offset_m: Point) -> tuple[float, Point]:
     return time_s, (to_point_m[0] + x_m_s * time_s, to_point_m[1] + y_m_s * time_s)
 
 
-def _velocity_to(flight: _Flight, offset_m: Point, short_m: float, lag_s: float) -> Vector:
+def _velocity_to(flight: _Flight, offset_m: Point, short_m: float, lag_s: float) -> Enu:
     """Return the velocity to a point of the target, slow enough to stop short of it, relative to the target."""
     x = flight.target_m[0] + offset_m[0] - flight.from_m[0]
     y = flight.target_m[1] + offset_m[1] - flight.from_m[1]
     away_m = math.hypot(x, y)
     x_m_s, y_m_s = flight.game.target_velocity_m_s
     if away_m == 0.0:
-        return (x_m_s, y_m_s, flight.up_m_s)
+        return Enu((x_m_s, y_m_s, flight.up_m_s))
     u = flight.game.pursuer.horizontal_m_s
     along_m_s = (x * x_m_s + y * y_m_s) / away_m
     across_square = x_m_s * x_m_s + y_m_s * y_m_s - along_m_s * along_m_s
     fastest_m_s = math.sqrt(u * u - across_square) - along_m_s
     braking_m_s2 = flight.vehicle.envelope.braking_m_s2
     pace = min(fastest_m_s, approach_speed(away_m - short_m, braking_m_s2, lag_s)) / away_m
-    return (x_m_s + pace * x, y_m_s + pace * y, flight.up_m_s)
+    return Enu((x_m_s + pace * x, y_m_s + pace * y, flight.up_m_s))
 
 
 def _levelling_s(flight: _Flight) -> float:

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from guidance.control import Acceleration, Approach, Envelope, Gaps
-from guidance.frames import Vector
+from guidance.frames import Enu
 
 
 class Players(NamedTuple):
@@ -13,11 +13,11 @@ class Players(NamedTuple):
     `target_m` is T of the TAD game, None in PE.
     """
 
-    pursuer_m: Vector
-    pursuer_m_s: Vector
-    evader_m: Vector
-    evader_m_s: Vector
-    target_m: Vector | None
+    pursuer_m: Enu
+    pursuer_m_s: Enu
+    evader_m: Enu
+    evader_m_s: Enu
+    target_m: Enu | None
     gaps: Gaps
     evader_age_s: float
 
@@ -41,8 +41,8 @@ class Vehicle(NamedTuple):
 
 
 def late_start(
-    position_m: Vector, desired_m_s: Vector, flown_m_s: Vector, acceleration: Acceleration
-) -> Vector:
+    position_m: Enu, desired_m_s: Enu, flown_m_s: Enu, acceleration: Acceleration
+) -> Enu:
     """Return where a pursuer of the game would have to start to do as well as this vehicle, m.
 
     Args:
@@ -51,10 +51,11 @@ def late_start(
         flown_m_s: Velocity of the vehicle.
         acceleration: Of the vehicle.
     """
-    east = desired_m_s[0] - flown_m_s[0]
-    north = desired_m_s[1] - flown_m_s[1]
-    up = desired_m_s[2] - flown_m_s[2]
+    # Number by number, because a cycle asks for this many times.
+    east = desired_m_s.east - flown_m_s.east
+    north = desired_m_s.north - flown_m_s.north
+    up = desired_m_s.up - flown_m_s.up
     over_ground_s = math.hypot(east, north) / (2.0 * acceleration.ground_m_s2)
     vertical_s = abs(up) / (2.0 * acceleration.vertical_m_s2)
     x, y, z = position_m
-    return (x - east * over_ground_s, y - north * over_ground_s, z - up * vertical_s)
+    return Enu((x - east * over_ground_s, y - north * over_ground_s, z - up * vertical_s))

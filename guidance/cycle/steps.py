@@ -39,12 +39,11 @@ from guidance.cycle.players import Players, Vehicle
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
 from guidance.frames import (
+    Enu,
     GameFrame,
+    Ned,
     Place,
-    Vector,
-    difference,
     ned_from_game,
-    total,
 )
 from guidance.game import Game, Reason, guaranteed_age_s
 from guidance.messages import Setpoint
@@ -74,7 +73,7 @@ class CycleSettings:
     tolerance_m: float
     envelope: Envelope
     handling: Handling
-    target_game_m: Vector | None = None
+    target_game_m: Enu | None = None
     site: Place | None = None
     evader_timeout_s: float = 1.5
     speed_sigmas: float = 0.5
@@ -111,7 +110,7 @@ class CycleMemory(NamedTuple):
     yaw_rad: float | None = None
     place: Point | None = None
     strategy: StrategyMemory = StrategyMemory()
-    optimal_game_m_s: Vector | None = None
+    optimal_game_m_s: Enu | None = None
     speed: SpeedMemory = SpeedMemory()
 
 
@@ -138,7 +137,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         played = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
     except ConfigError:
         return _without_game(inputs, settings, memory, players)
-    own_m_s: Vector | None = None
+    own_m_s: Enu | None = None
     if settings.strategy.is_own:
         answer = _ask_own(inputs.ask, played.game, players, memory.strategy)
         if isinstance(answer, str):
@@ -169,7 +168,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         limits=limited.memory,
         yaw_rad=flight.command.yaw_rad,
         strategy=aim.memory,
-        optimal_game_m_s=aim.certified.solution.pursuer_velocity_m_s,
+        optimal_game_m_s=Enu(aim.certified.solution.pursuer_velocity_m_s),
         speed=flight.speed,
     )
     return CycleOutput(limited.setpoint, certificate, kept)
@@ -197,11 +196,7 @@ def _players(
     target_m = settings.target_game_m
     if target_m is not None:
         east_m_s, north_m_s = settings.game.target_velocity_m_s
-        target_m = (
-            target_m[0] + east_m_s * played_s,
-            target_m[1] + north_m_s * played_s,
-            target_m[2],
-        )
+        target_m += Enu((east_m_s, north_m_s, 0.0)) * played_s
     return Players(pursuer_m, pursuer_m_s, evader_m, evader_m_s, target_m, gaps, evader.age_s)
 
 
@@ -250,7 +245,7 @@ class Aim(NamedTuple):
     """
 
     certified: Certified
-    nominal_ned_m_s: Vector
+    nominal_ned_m_s: Ned
     hurried: bool
     memory: StrategyMemory
 
@@ -261,7 +256,7 @@ def _aim(
     settings: CycleSettings,
     memory: CycleMemory,
     dt_s: float,
-    own_m_s: Vector | None,
+    own_m_s: Enu | None,
 ) -> Aim:
     """Step 3: certify the game from here, and ask the strategy for a velocity.
 
@@ -282,17 +277,17 @@ def _aim(
     elif settings.strategy.name != OPTIMAL:
         asked_m_s = _ask_strategy(settings.strategy, game, players, memory.strategy, dt_s)
         hurried = True
-    x, y, z = asked_m_s
+    nominal_m_s = asked_m_s
     reached_m_s = game.pursuer.horizontal_m_s
     if game.pursuer.pace(asked_m_s) >= reached_m_s * (1.0 - 1e-6):
         # It is flown at the configured speed, which shows whether the vehicle can fly faster. A vehicle that waits for
         # its height, or keeps up with the evader, asks for less than the game's speed.
         scale = settings.game.pursuer.horizontal_m_s / reached_m_s
-        x = scale * x
-        y = scale * y
-        z = z if game.pursuer.separate else scale * z
+        nominal_m_s = asked_m_s * scale
+        if game.pursuer.separate:
+            nominal_m_s = nominal_m_s.level_with(asked_m_s.up)
     played = StrategyMemory(np.array(asked_m_s), memory.strategy.played_s + dt_s)
-    return Aim(certified, ned_from_game((x, y, z)), hurried, played)
+    return Aim(certified, ned_from_game(nominal_m_s), hurried, played)
 
 
 def _certified(
@@ -311,7 +306,7 @@ def _certified(
 
 def _ask_strategy(
     strategy: Strategy, game: Game, players: Players, memory: StrategyMemory, dt_s: float
-) -> Vector:
+) -> Enu:
     """Return the velocity of a strategy other than the optimal one, in the game frame."""
     target_m = None if players.target_m is None else np.array(players.target_m)
     x, y, z = pursue(
@@ -324,10 +319,10 @@ def _ask_strategy(
         memory,
         dt_s=dt_s,
     )
-    return (float(x), float(y), float(z))
+    return Enu((float(x), float(y), float(z)))
 
 
-def _ask_own(ask: Ask | None, game: Game, players: Players, memory: StrategyMemory) -> Vector | str:
+def _ask_own(ask: Ask | None, game: Game, players: Players, memory: StrategyMemory) -> Enu | str:
     """Return the velocity of the user's policy, in the game frame, or the reason that there is none."""
     if ask is None:
         return "there is no policy here to ask"
@@ -345,8 +340,7 @@ def _ask_own(ask: Ask | None, game: Game, players: Players, memory: StrategyMemo
         return answer
     if len(answer) != PURSUER_SHARES or not all(map(math.isfinite, answer)):
         return f"the policy's answer {answer} is not {PURSUER_SHARES} finite numbers"
-    x, y, z = pursuer_velocity(game, np.array([answer]))[0].tolist()
-    return (x, y, z)
+    return Enu(pursuer_velocity(game, np.array([answer]))[0].tolist())
 
 
 class Flight(NamedTuple):
@@ -430,14 +424,14 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
     dt_s = inputs.dt_s
     yaw_rad = here.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     down_m_s, height = hold_altitude(
-        memory.height, down_m=here.position_ned_m[2], envelope=settings.envelope, dt_s=dt_s
+        memory.height, down_m=here.position_ned_m.down, envelope=settings.envelope, dt_s=dt_s
     )
     drift = observe_drift(
         memory.follow.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=dt_s
     )
-    flown_ned_m_s = difference(here.velocity_ned_m_s, drift.velocity_ned_m_s)
+    flown_ned_m_s = here.velocity_ned_m_s - drift.velocity_ned_m_s
     (north_m_s, east_m_s), place = keep_station(memory.place, here.position_ned_m, flown_ned_m_s)
-    still_ned_m_s = total((north_m_s, east_m_s, down_m_s), drift.velocity_ned_m_s)
+    still_ned_m_s = Ned((north_m_s, east_m_s, down_m_s)) + drift.velocity_ned_m_s
     limited = limit(
         Setpoint(still_ned_m_s, yaw_rad=yaw_rad),
         here,

@@ -16,7 +16,7 @@ from guidance.estimation.pace import Pace, judge_pace
 from guidance.estimation.rivals import Report, Rivals, listen
 from guidance.estimation.track import ReportOutcome, Track, update
 from guidance.estimation.velocity_check import VelocityCheck, check_velocity
-from guidance.frames import LocalFrame, Vector, difference, total
+from guidance.frames import STILL, LocalFrame, Ned
 from guidance.messages import EvaderReport
 
 __all__ = ["EvaderEstimate", "Observer", "moved", "observe", "predict"]
@@ -37,7 +37,7 @@ class Observer(NamedTuple):
     clock: ClockOffset | None = None
     track: Track = Track()
     rivals: Rivals = Rivals()
-    shift_ned_m: Vector = (0.0, 0.0, 0.0)
+    shift_ned_m: Ned = STILL
     pace: Pace = Pace()
     velocity_check: VelocityCheck = VelocityCheck()
 
@@ -88,7 +88,7 @@ def _clock_after(clock: ClockOffset | None, report: EvaderReport, pace: Pace) ->
     return hear(clock, report.sent_s, report.received_s)
 
 
-def moved(observer: Observer, into: Callable[[Vector], Vector]) -> Observer:
+def moved(observer: Observer, into: Callable[[Ned], Ned]) -> Observer:
     """Return the memory for a new local frame.
 
     Args:
@@ -98,5 +98,5 @@ def moved(observer: Observer, into: Callable[[Vector], Vector]) -> Observer:
     history = observer.track.history
     if not history:
         return observer
-    was = total(history[-1].measurement.position_ned_m, observer.shift_ned_m)
-    return observer._replace(shift_ned_m=total(observer.shift_ned_m, difference(into(was), was)))
+    was = history[-1].measurement.position_ned_m + observer.shift_ned_m
+    return observer._replace(shift_ned_m=observer.shift_ned_m + (into(was) - was))

@@ -20,7 +20,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from guidance.estimation.measurement import TrackSettings
-from guidance.frames import Vector
+from guidance.frames import STILL, Ned
 
 Numbers = Sequence[float]
 
@@ -416,14 +416,14 @@ class EvaderEstimate(NamedTuple):
         age_s: Time since the last report was true: τ of the game's l − uτ.
     """
 
-    position_ned_m: Vector
-    velocity_ned_m_s: Vector
+    position_ned_m: Ned
+    velocity_ned_m_s: Ned
     speed_bound_m_s: float
     age_s: float
 
 
 def predict(
-    last: Estimate, shift_ned_m: Vector, now_s: float, settings: TrackSettings
+    last: Estimate, shift_ned_m: Ned, now_s: float, settings: TrackSettings
 ) -> EvaderEstimate:
     """Return the evader at a time of our clock, not before its last report.
 
@@ -436,7 +436,6 @@ def predict(
     moved = advance(last, now_s, settings)
     mixture = blended(*moved.modes)
     north, east, north_rate, east_rate = mixture.mean
-    by_north, by_east, by_down = shift_ned_m
     covariance = PlaneCovariance(*mixture.covariance)
     worst_sd = _worst_sd(covariance)
     speed_m_s = math.hypot(north_rate, east_rate)
@@ -444,11 +443,11 @@ def predict(
     speed_sd = worst_sd
     if speed_m_s > worst_sd:
         speed_sd = _sd_along(covariance, north_rate / speed_m_s, east_rate / speed_m_s)
-    velocity = (0.0, 0.0, 0.0)
+    velocity = STILL
     if worst_sd <= settings.known_velocity_sd_m_s:
-        velocity = (north_rate, east_rate, moved.height.rate_m_s)
+        velocity = Ned((north_rate, east_rate, moved.height.rate_m_s))
     return EvaderEstimate(
-        (north + by_north, east + by_east, moved.height.down_m + by_down),
+        Ned((north, east, moved.height.down_m)) + shift_ned_m,
         velocity,
         max(settings.declared_speed_m_s, speed_m_s + settings.sigmas * speed_sd),
         max(0.0, now_s - last.time_s),

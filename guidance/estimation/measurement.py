@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from guidance.frames import Amsl, LocalFrame, Vector, difference
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import EvaderReport
 
 _NO_BOUND: Final = 1e4
@@ -89,8 +89,8 @@ class Measurement(NamedTuple):
 
     time_s: float
     received_s: float
-    position_ned_m: Vector
-    velocity_ned_m_s: Vector | None
+    position_ned_m: Ned
+    velocity_ned_m_s: Ned | None
     position_sd_m: float
     velocity_sd_m_s: float
 
@@ -117,7 +117,7 @@ class Measurement(NamedTuple):
 def measure(
     report: EvaderReport,
     frame: LocalFrame,
-    shift_ned_m: Vector,
+    shift_ned_m: Ned,
     clock: "ClockOffset | None",
     settings: TrackSettings,
 ) -> Measurement:
@@ -144,7 +144,7 @@ def measure(
     return Measurement(
         time_s,
         report.received_s,
-        difference(position_ned_m, shift_ned_m),
+        position_ned_m - shift_ned_m,
         velocity_ned_m_s,
         _spread(report.position_sd_m, settings.position_sd_m),
         _spread(report.velocity_sd_m_s, settings.velocity_sd_m_s),

@@ -15,7 +15,7 @@ from guidance.control.braking_law import Separation, Situation, measure_walls
 from guidance.cycle import CycleInputs
 from guidance.flight.settings import FlightSettings, Inputs, TeamSection
 from guidance.flight.tracking import NOWHERE, Tracking
-from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference
+from guidance.frames import Amsl, Enu, GameFrame, LocalFrame, Ned
 from guidance.game import StandOff
 from guidance.messages import (
     Heartbeat,
@@ -120,7 +120,7 @@ class Heard:
 
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
-        self._home_in: tuple[Vector, LocalFrame] | None = None
+        self._home_in: tuple[Ned, LocalFrame] | None = None
         self._game_frame: GameFrame | None = None
         self._jumps = (NOWHERE, NOWHERE)
         self._late_s = 0.0
@@ -134,12 +134,12 @@ class Heard:
         self.mode: Mode | None = None
         self.foreign = False
         self.position_age_s = math.inf
-        self.position_ned_m: Vector | None = None
+        self.position_ned_m: Ned | None = None
         self.moved_ned_m = NOWHERE
         self.cycle = settings.cycle
         self.dt_s = 0.0
         self.seen: CycleInputs | None = None
-        self.start_ned_m: Vector | None = None
+        self.start_ned_m: Ned | None = None
         self.mates: dict[str, MateState] = {}
         self.aircraft: dict[str, MateState] = {}
         self.new_aircraft: list[str] = []
@@ -286,7 +286,7 @@ class Heard:
         }
 
     def _is_player(
-        self, reported_ned_m: Vector, report: messages.Aircraft, at_s: float, frame: LocalFrame
+        self, reported_ned_m: Ned, report: messages.Aircraft, at_s: float, frame: LocalFrame
     ) -> bool:
         """Whether a mate or an evader is where an aircraft is reported."""
         evaders = (self.tracking.evader(report.received_s, name) for name in self._settings.evaders)
@@ -302,7 +302,7 @@ class Heard:
         most_m += FASTEST_AIRCRAFT_M_S * (abs(after.at_s - before.at_s) + _AGE_STEP_S)
         return way_m > most_m
 
-    def _farthest_aircraft(self, here_ned_m: Vector, now_s: float, frame: LocalFrame) -> str:
+    def _farthest_aircraft(self, here_ned_m: Ned, now_s: float, frame: LocalFrame) -> str:
         """Return the name of the aircraft that is farthest from here."""
 
         def distance_m(name: str) -> float:
@@ -318,7 +318,8 @@ class Heard:
         self.moved_ned_m = NOWHERE
         jumps = self.vehicle.jumped_ned_m, held_back_ned_m
         if jumps != self._jumps:
-            self.moved_ned_m = difference(difference(*jumps), difference(*self._jumps))
+            jumped_ned_m, unmoved_ned_m = self._jumps
+            self.moved_ned_m = (jumps[0] - jumps[1]) - (jumped_ned_m - unmoved_ned_m)
             self._jumps = jumps
         home_ned_m = tracking.home_ned_m
         frame = tracking.local_frame
@@ -336,11 +337,11 @@ class Heard:
             and start_game_m is not None
         ):
             self._game_frame = game_frame
-            self.start_ned_m = game_frame.position_to_ned(start_game_m)
+            self.start_ned_m = game_frame.position_to_ned(Enu(start_game_m))
         if (local := self.vehicle.latest.get(LocalPosition)) is not None:
             self.position_ned_m = local.position_ned_m
             if held_back_ned_m != NOWHERE:
-                self.position_ned_m = difference(local.position_ned_m, held_back_ned_m)
+                self.position_ned_m = local.position_ned_m - held_back_ned_m
 
     def view(self, now_s: float) -> CycleInputs | None:
         """Return the inputs of the guidance in this cycle, computed once; None before the first position."""
@@ -351,8 +352,8 @@ class Heard:
             estimator = vehicle.latest.get(messages.EstimatorStatus)
 
             height_sd_m = 0.0 if estimator is None else estimator.height_sd_m
-            evader_ned_m: Vector | None = None
-            evader_velocity_ned_m_s: Vector | None = None
+            evader_ned_m: Ned | None = None
+            evader_velocity_ned_m_s: Ned | None = None
             if evader is not None:
                 evader_ned_m, evader_velocity_ned_m_s = evader[:2]
             situation = Situation(
@@ -422,7 +423,9 @@ class Heard:
             + mate.top_speed_m_s * (age_s - known_s)
         )
         return Separation(
-            (north, east, down), team.separation_m + spread_m, team.separation_height_m + spread_m
+            Ned((north, east, down)),
+            team.separation_m + spread_m,
+            team.separation_height_m + spread_m,
         )
 
 
@@ -455,7 +458,7 @@ def _state_of(report: messages.Aircraft, own_altitude_m: float) -> MateState:
     )
 
 
-def _place_in(frame: LocalFrame, state: MateState) -> Vector:
+def _place_in(frame: LocalFrame, state: MateState) -> Ned:
     altitude = Amsl(state.altitude_amsl_m)
     return frame.ned_from_wgs84(state.latitude_deg, state.longitude_deg, altitude)
 
@@ -470,7 +473,7 @@ class Echo:
     """
 
     def __init__(self) -> None:
-        self._sent: deque[tuple[float, Vector]] = deque(maxlen=256)
+        self._sent: deque[tuple[float, Ned]] = deque(maxlen=256)
         self.strange_s: deque[float] = deque(maxlen=STRANGE_REPORTS)
         """Times of the recent foreign reports."""
 
@@ -525,7 +528,7 @@ class Echo:
         return False
 
 
-def _distance(reported: Vector, sent: Vector) -> float:
+def _distance(reported: Ned, sent: Ned) -> float:
     """Distance of a reported velocity from a sent one, or from the nearest shorter one in its direction."""
     square = sum(part * part for part in sent)
     along = (

@@ -10,7 +10,7 @@ from guidance.flight.detection import Stage
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, SETPOINT_STATES, State
-from guidance.frames import Vector, total
+from guidance.frames import Ned
 from guidance.messages import Heartbeat, Home, Message, Request, Setpoint
 from guidance.strategies.own import Answer, Array, Ask
 
@@ -218,22 +218,21 @@ class Playing:
         self.monitor = self.monitor.anew()
         self.memory = self.memory._replace(optimal_game_m_s=None)
 
-    def move(self, by_ned_m: Vector) -> None:
+    def move(self, by_ned_m: Ned) -> None:
         """Move the remembered positions (of the hover and the drift estimate) with the local frame.
 
         The vehicle is then held where it is, not sent to where it now believes that it was.
         """
-        north_m, east_m, down_m = by_ned_m
         memory = self.memory
         drift = memory.follow.drift
         if drift.position_ned_m is not None:
-            drift = drift._replace(position_ned_m=total(drift.position_ned_m, by_ned_m))
+            drift = drift._replace(position_ned_m=drift.position_ned_m + by_ned_m)
         place_m = memory.place
         if place_m is not None:
-            place_m = (place_m[0] + north_m, place_m[1] + east_m)
+            place_m = (place_m[0] + by_ned_m.north, place_m[1] + by_ned_m.east)
         height = memory.height
         if height is not None:
-            height = height._replace(down_m=height.down_m + down_m)
+            height = height._replace(down_m=height.down_m + by_ned_m.down)
         self.memory = memory._replace(
             follow=memory.follow._replace(drift=drift), place=place_m, height=height
         )

@@ -12,7 +12,6 @@ from guidance.config import Section
 from guidance.control import Limits
 from guidance.cycle import Alarm, Certificate, CycleSettings
 from guidance.flight.table import Event, State
-from guidance.frames import Vector
 from guidance.messages import EvaderReport, MateState, Message, Request, Role, Setpoint
 
 
@@ -149,7 +148,7 @@ class FlightSettings(FlightSection):
     autopilot: InstanceOf[Autopilot]
     cycle: InstanceOf[CycleSettings]
     limits: Limits = Limits()
-    start_game_m: Vector | None = None
+    start_game_m: tuple[float, float, float] | None = None
     hold_on_rival: bool = True
     guarantee_slack_s: float = 0.3
     settle_s: float = 1.0

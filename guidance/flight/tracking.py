@@ -18,11 +18,11 @@ from guidance.estimation.measurement import TrackSettings
 from guidance.estimation.pace import FASTEST, SLOWEST
 from guidance.estimation.track import TAKEN
 from guidance.flight.settings import FlightSettings
-from guidance.frames import Amsl, GameFrame, LocalFrame, Vector, difference, total
+from guidance.frames import Amsl, GameFrame, LocalFrame, Ned
 from guidance.messages import EvaderReport, GlobalPosition, Home, LocalPosition, Message, Origin
 from guidance.vehicle import VehicleState, local_frame
 
-NOWHERE: Final[Vector] = (0.0, 0.0, 0.0)
+NOWHERE: Final = Ned((0.0, 0.0, 0.0))
 
 _UNHEARD: Final = Observer()
 
@@ -72,7 +72,7 @@ class Tracking:
         self._jumped_ned_m = NOWHERE
         self._home: Home | None = None
         self.held_back_ned_m = NOWHERE
-        self.home_ned_m: Vector | None = None
+        self.home_ned_m: Ned | None = None
         self.local_frame: LocalFrame | None = None
         self.game_frame: GameFrame | None = None
 
@@ -140,7 +140,7 @@ class Tracking:
         if reported is None:
             return before
         if vehicle.jumped_ned_m != self._jumped_ned_m:
-            jump = difference(total(self.held_back_ned_m, vehicle.jumped_ned_m), self._jumped_ned_m)
+            jump = self.held_back_ned_m + vehicle.jumped_ned_m - self._jumped_ned_m
             self._jumped_ned_m = vehicle.jumped_ned_m
             self.held_back_ned_m = jump
         if before is None or _is_same(before, reported):
@@ -163,8 +163,8 @@ class Tracking:
             return reported
         if position.time_boot_s < vehicle.jumped_boot_s:
             return before  # older than the jump
-        north, east, down = self.held_back_ned_m
-        latitude_deg, longitude_deg, altitude = before.wgs84_from_ned((-north, -east, -down))
+        origin_ned_m = -1.0 * self.held_back_ned_m
+        latitude_deg, longitude_deg, altitude = before.wgs84_from_ned(origin_ned_m)
         jumped = replace(
             before, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude
         )

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.frames import Ellipsoid, LocalFrame, Vector
+from guidance.frames import Ellipsoid, LocalFrame, Ned
 from guidance.links import codec
 from guidance.links.frames import Fields
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport
@@ -158,11 +158,11 @@ def _odometry(frame: LocalFrame, fields: Fields, received_s: float) -> EvaderRep
     """
     if fields.frame_id != mavlink.MAV_FRAME_LOCAL_NED:
         raise Refused("frame")
-    position = place_in(frame, (fields.x, fields.y, fields.z))
+    position = place_in(frame, Ned((fields.x, fields.y, fields.z)))
     altitude = AltitudeSaid(-fields.z, Datum.ORIGIN)
     velocity = known_velocity((fields.vx, fields.vy, fields.vz))
     if fields.child_frame_id == mavlink.MAV_FRAME_BODY_FRD:
-        velocity = rotate(fields.q, velocity)
+        velocity = Ned(rotate(fields.q, velocity))
     elif fields.child_frame_id != mavlink.MAV_FRAME_LOCAL_NED:
         velocity = UNKNOWN_VELOCITY
     sd_m = standard_deviation(*(fields.pose_covariance[index] for index in _DIAGONAL))
@@ -289,7 +289,7 @@ def _half(bounds: tuple[float, ...], index: int) -> float:
     return bounds[index] / 2.0 if 0 <= index < len(bounds) else math.nan
 
 
-def place_in(frame: LocalFrame, position_ned_m: Vector) -> Vector:
+def place_in(frame: LocalFrame, position_ned_m: Ned) -> tuple[float, float, float]:
     """Return latitude and longitude, degrees, and the altitude above mean sea level, m, of a position.
 
     Raises:
@@ -301,11 +301,11 @@ def place_in(frame: LocalFrame, position_ned_m: Vector) -> Vector:
     return latitude, longitude, altitude.metres
 
 
-def known_velocity(velocity: Sequence[float]) -> Vector:
+def known_velocity(velocity: Sequence[float]) -> Ned:
     """Return a velocity; unknown (NaN) if any part is not finite."""
     x, y, z = velocity
     if math.isfinite(x + y + z):
-        return (x, y, z)
+        return Ned((x, y, z))
     return UNKNOWN_VELOCITY
 
 
@@ -315,7 +315,7 @@ def standard_deviation(*variances: float) -> float:
     return math.sqrt(max(positive)) if positive else math.nan
 
 
-def rotate(quaternion_wxyz: Sequence[float], vector: Vector) -> Vector:
+def rotate(quaternion_wxyz: Sequence[float], vector: Sequence[float]) -> tuple[float, float, float]:
     """Rotate a vector by q v q*; unknown (NaN) if the quaternion's length is not 1 within 5 %."""
     w, x, y, z = quaternion_wxyz
     length = math.sqrt(w * w + x * x + y * y + z * z)

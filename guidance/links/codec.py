@@ -8,7 +8,7 @@ from typing import Final
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance import messages
-from guidance.frames import Vector
+from guidance.frames import Ned
 from guidance.links.frames import MAGIC_V1, Fields, Frame
 from guidance.vehicle import is_plausible
 
@@ -57,9 +57,9 @@ def _system_status(m: Fields, received_s: float) -> messages.Message:
     return messages.SystemStatus(received_s, present, health, remaining, voltage_v)
 
 
-def velocity_in_cm_s(m: Fields) -> Vector:
+def velocity_in_cm_s(m: Fields) -> Ned:
     """Return the velocity of a GLOBAL_POSITION_INT: north, east, down in m/s."""
-    return m.vx / 1e2, m.vy / 1e2, m.vz / 1e2
+    return Ned((m.vx / 1e2, m.vy / 1e2, m.vz / 1e2))
 
 
 def _fence_item(m: Fields, received_s: float) -> messages.Message:
@@ -74,11 +74,13 @@ def _autopilot_version(m: Fields, received_s: float) -> messages.Message:
     return messages.AutopilotVersion(received_s, major, minor, patch)
 
 
-def velocity_over_ground(course_cdeg: float, speed_cm_s: float, climb_cm_s: float) -> Vector:
+def velocity_over_ground(course_cdeg: float, speed_cm_s: float, climb_cm_s: float) -> Ned:
     """Return north, east, down in m/s from the course (1/100 degree clockwise from north), ground speed and climb."""
     course_rad = math.radians(course_cdeg / 100.0)
     speed_m_s = speed_cm_s / 100.0
-    return speed_m_s * math.cos(course_rad), speed_m_s * math.sin(course_rad), -climb_cm_s / 100.0
+    north_m_s = speed_m_s * math.cos(course_rad)
+    east_m_s = speed_m_s * math.sin(course_rad)
+    return Ned((north_m_s, east_m_s, -climb_cm_s / 100.0))
 
 
 def _adsb_vehicle(m: Fields, received_s: float) -> messages.Message:
@@ -134,7 +136,7 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
     ),
     "ATTITUDE": lambda m, at_s: messages.Attitude(at_s, m.time_boot_ms / 1e3, m.yaw),
     "LOCAL_POSITION_NED": lambda m, at_s: messages.LocalPosition(
-        at_s, m.time_boot_ms / 1e3, (m.x, m.y, m.z), (m.vx, m.vy, m.vz)
+        at_s, m.time_boot_ms / 1e3, Ned((m.x, m.y, m.z)), Ned((m.vx, m.vy, m.vz))
     ),
     "GLOBAL_POSITION_INT": lambda m, at_s: messages.GlobalPosition(
         at_s,
@@ -149,10 +151,10 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
     ),
     "COMMAND_ACK": lambda m, at_s: messages.CommandAck(at_s, m.command, m.result),
     "POSITION_TARGET_LOCAL_NED": lambda m, at_s: messages.PositionTarget(
-        at_s, m.time_boot_ms / 1e3, m.type_mask, (m.vx, m.vy, m.vz)
+        at_s, m.time_boot_ms / 1e3, m.type_mask, Ned((m.vx, m.vy, m.vz))
     ),
     "HOME_POSITION": lambda m, at_s: messages.Home(
-        at_s, *degrees(m.latitude, m.longitude), m.altitude / 1e3, (m.x, m.y, m.z)
+        at_s, *degrees(m.latitude, m.longitude), m.altitude / 1e3, Ned((m.x, m.y, m.z))
     ),
     "EXTENDED_SYS_STATE": lambda m, at_s: messages.LandedState(at_s, m.landed_state),
     "ODOMETRY": lambda m, at_s: messages.Odometry(at_s, m.reset_counter),

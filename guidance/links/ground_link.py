@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 from fastcrc import crc16
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.frames import Place, Vector
+from guidance.frames import Ned, Place
 from guidance.links.codec import VALID_MOTION
 from guidance.links.frames import Fields, Frame, FrameReader, SigningKey, Station
 from guidance.links.port import Clock, Wire
@@ -169,7 +169,7 @@ class GroundLink:
             self._send(mavlink.MAVLink_statustext_message(severity, chunk, self._text_id, number))
 
     def send_evader(
-        self, evader: str, place: Place, velocity_ned_m_s: Vector, age_s: float, call_sign: str
+        self, evader: str, place: Place, velocity_ned_m_s: Ned, age_s: float, call_sign: str
     ) -> None:
         """Send an ADSB_VEHICLE of a ground vehicle.
 

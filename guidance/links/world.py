@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
-from guidance.frames import Vector
+from guidance.frames import Enu
 from guidance.links.ground_link import GroundLink
 from guidance.links.port import EvaderSource, VehicleLink
 from guidance.links.wires import CapturedFrame, TappedWire
@@ -17,10 +17,10 @@ class EvaderPlayer(Protocol):
     ready: bool
     """Whether it can begin to play."""
 
-    position_game_m: Vector | None
+    position_game_m: Enu | None
     """Its position in the game frame, None until it knows."""
 
-    def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
+    def step(self, now_s: float, pursuers_game_m: Sequence[Enu], *, playing: bool) -> None:
         """Move on to the present, playing against these pursuers or standing still."""
 
     def stop(self) -> None:

@@ -26,9 +26,10 @@ from guidance.frames import (
     Altitude,
     Amsl,
     Ellipsoid,
+    Enu,
     LocalFrame,
+    Ned,
     Relative,
-    Vector,
     ned_from_game,
 )
 from guidance.links import ros_types
@@ -252,7 +253,7 @@ def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: s
     sent_s, sd_m, sd_m_s = (math.nan if number is None else number for number in numbers)
     velocity = UNKNOWN_VELOCITY
     if message.velocity_ned_m_s is not None:
-        velocity = message.velocity_ned_m_s
+        velocity = Ned(message.velocity_ned_m_s)
     altitude_said = AltitudeSaid(message.altitude_m, Datum(message.altitude_datum))
     return EvaderReport(
         received_s, sent_s, source, *position, velocity, sd_m, sd_m_s, said=altitude_said
@@ -298,7 +299,7 @@ def read_ros(
         sd_m_s = _largest_sd(message.twist.covariance)
         pose = message.pose.pose
     up_m = pose.position.z
-    position = place_in(frame, ned_from_game((pose.position.x, pose.position.y, up_m)))
+    position = place_in(frame, ned_from_game(Enu((pose.position.x, pose.position.y, up_m))))
     altitude_said = AltitudeSaid(up_m, Datum.ORIGIN)
     sent_s = header.stamp.sec + header.stamp.nanosec / 1e9
     if sent_s == 0.0:
@@ -308,10 +309,11 @@ def read_ros(
     )
 
 
-def _velocity_ned_m_s(turned: ros_types.Message, linear: ros_types.Message) -> Vector:
+def _velocity_ned_m_s(turned: ros_types.Message, linear: ros_types.Message) -> Ned:
     """Return a velocity in the axes of a body, turned by its orientation."""
     quaternion = (turned.w, turned.x, turned.y, turned.z)
-    return ned_from_game(known_velocity(rotate(quaternion, (linear.x, linear.y, linear.z))))
+    velocity = Enu(rotate(quaternion, (linear.x, linear.y, linear.z)))
+    return known_velocity(ned_from_game(velocity))
 
 
 def _largest_sd(covariance: Sequence[float]) -> float:

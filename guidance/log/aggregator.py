@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 from guidance.cycle import Certificate
 from guidance.flight import FlightSettings
 from guidance.flight.tracking import Tracking
-from guidance.frames import Amsl, Vector
+from guidance.frames import Amsl, Enu, Ned
 from guidance.log.entries import BEGINNINGS, CONFIG, RELOADED, CycleEntry, EventEntry, Item
 from guidance.log.reader import row_of
 from guidance.log.scene import Array, fence_edges
@@ -18,18 +18,19 @@ from guidance.vehicle import VehicleState, observe
 SettingsOf = Callable[[Mapping[str, str]], FlightSettings]
 """Makes a flight's settings from a record's metadata (`guidance.session.flight_files.recorded_settings`)."""
 
-_UNKNOWN: Final[Vector] = (math.nan, math.nan, math.nan)
+_UNKNOWN: Final = Ned((math.nan, math.nan, math.nan))
+_NOWHERE: Final = Enu((math.nan, math.nan, math.nan))
 
 
 class Cycle(NamedTuple):
     """Numbers of one cycle: positions in the game frame (m), velocities NED (m/s), ages and times (s)."""
 
     now_s: float
-    pursuer_m: Vector = _UNKNOWN
-    evader_m: Vector = _UNKNOWN
-    flown_ned_m_s: Vector = _UNKNOWN
-    commanded_ned_m_s: Vector = _UNKNOWN
-    desired_ned_m_s: Vector = _UNKNOWN
+    pursuer_m: Enu = _NOWHERE
+    evader_m: Enu = _NOWHERE
+    flown_ned_m_s: Ned = _UNKNOWN
+    commanded_ned_m_s: Ned = _UNKNOWN
+    desired_ned_m_s: Ned = _UNKNOWN
     gap_m: float = math.nan
     height_gap_m: float = math.nan
     value: float = math.nan
@@ -79,12 +80,12 @@ class Aggregator:
         self.vehicle = VehicleState()
         self.cycle = Cycle(math.nan)
         self.envelope = self.settings.cycle.envelope
-        self._evader_m = _UNKNOWN
+        self._evader_m = _NOWHERE
         self._report_s = math.nan
         self.playing: str | None = None
-        self.evaders_m = dict[str, Vector]()
-        self._home_ned_m: Vector | None = None
-        self.home_m: Vector | None = None
+        self.evaders_m = dict[str, Enu]()
+        self._home_ned_m: Ned | None = None
+        self.home_m: Enu | None = None
 
     @property
     def fence_m(self) -> list[Array]:

@@ -34,6 +34,7 @@ from pydantic_core import (
 from pydantic_core import core_schema as cs
 
 from guidance.errors import ConfigError
+from guidance.frames import Enu, Ned
 from guidance.messages import Message
 
 Schema = dict[str, Any]
@@ -133,6 +134,9 @@ def form_of(kind: Any) -> Form:  # noqa: ANN401 - a type annotation can be any o
     """
     if kind in _PLAIN:
         return _PLAIN[kind]
+    if kind in {Ned, Enu}:
+        numbers = _array((float, float, float))
+        return numbers._replace(core=cs.no_info_after_validator_function(kind, numbers.core))
     if (inner := inside(kind)) is not kind:
         return form_of(inner)._replace(core=cs.nullable_schema(form_of(inner).core))
     origin = get_origin(kind)

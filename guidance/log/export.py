@@ -29,7 +29,7 @@ from guidance.extras import require
 from guidance.files import private_folder, whole_file, writing
 from guidance.flight import FlightSettings
 from guidance.flight.tracking import NOWHERE
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned, game_from_ned
 from guidance.links.frames import FrameReader, frame_length
 from guidance.log.aggregator import SettingsOf
 from guidance.log.codec import inside
@@ -194,7 +194,7 @@ def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
     home_place = home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m)
     frame = LocalFrame(*home_place, projection=settings.autopilot.projection)
     envelope = settings.limits.about_home(settings.cycle.envelope, NOWHERE, frame)
-    for edge in fence_edges(envelope, NOWHERE):
+    for edge in fence_edges(envelope, game_from_ned(NOWHERE)):
         places = [_placed(frame, north_m, east_m) for east_m, north_m, _ in edge.tolist()]
         yield feature("fence", "Polygon", places)
 
@@ -208,7 +208,7 @@ def _goal(settings: FlightSettings) -> Iterator[Feature]:
 
 
 def _placed(frame: LocalFrame, north_m: float, east_m: float) -> Coordinates:
-    latitude_deg, longitude_deg, amsl = frame.wgs84_from_ned((north_m, east_m, 0.0))
+    latitude_deg, longitude_deg, amsl = frame.wgs84_from_ned(Ned((north_m, east_m, 0.0)))
     return (longitude_deg, latitude_deg, amsl.metres)
 
 

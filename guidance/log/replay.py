@@ -14,7 +14,7 @@ import numpy as np
 
 from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs, Outputs
-from guidance.frames import Vector
+from guidance.frames import Ned
 from guidance.log.aggregator import SettingsOf
 from guidance.log.entries import (
     BEGINNINGS,
@@ -32,7 +32,7 @@ COMPARED: Final = ("setpoint", "state", "requests", "by")
 """Compared parts of each cycle; `by` is absent in older records and then not compared."""
 
 
-Pair = tuple[Vector, Vector]
+Pair = tuple[Ned, Ned]
 
 
 class ReplayedCycle(NamedTuple):

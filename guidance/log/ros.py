@@ -25,7 +25,7 @@ import pymap3d
 from guidance.cycle import Alarm, Certificate
 from guidance.flight import BEFORE_FLIGHT, State
 from guidance.flight.tracking import Tracking
-from guidance.frames import GameFrame, LocalFrame, Vector, difference, game_from_ned
+from guidance.frames import STILL, Enu, GameFrame, LocalFrame, game_from_ned
 from guidance.game import Reason, Winner
 from guidance.links import ros_types
 from guidance.log.aggregator import SettingsOf
@@ -96,7 +96,7 @@ Quaternion = tuple[float, float, float, float]
 """x, y, z, w."""
 
 _UPRIGHT: Final[Quaternion] = (0.0, 0.0, 0.0, 1.0)
-_STILL: Final[Vector] = (0.0, 0.0, 0.0)
+_STILL: Final = Enu((0.0, 0.0, 0.0))
 
 
 class RosMessage(NamedTuple):
@@ -157,7 +157,7 @@ class RosFlight:
         self._alarm_s = -math.inf
         self._alarms = 0
         self._motion_s = math.nan
-        self._motion: tuple[Vector, Vector] | None = None
+        self._motion: tuple[Enu, Enu] | None = None
 
     @property
     def map_frame(self) -> str:
@@ -225,7 +225,7 @@ class RosFlight:
         game = self._tracking.game_frame
         if local is None or game is None:
             return None
-        position_ned_m = difference(local.position_ned_m, self._tracking.held_back_ned_m)
+        position_ned_m = local.position_ned_m - self._tracking.held_back_ned_m
         return _pose(game.position_from_ned(position_ned_m), self._heading())
 
     def _heading(self) -> Quaternion:
@@ -247,7 +247,7 @@ class RosFlight:
         header = self._header(entry.now_s)
         return _odometry(header, f"{self.name}/base_link", pose, velocity_m_s)
 
-    def _evader_motion(self, entry: CycleEntry) -> tuple[Vector, Vector] | None:
+    def _evader_motion(self, entry: CycleEntry) -> tuple[Enu, Enu] | None:
         """Return the estimated evader's place and velocity in the map; None without an estimate."""
         if self._motion_s != entry.now_s:
             self._motion_s = entry.now_s
@@ -282,7 +282,7 @@ class RosFlight:
         now_s = entry.now_s
         odom = f"{self.name}/odom"
         frames = [
-            self._transform(now_s, self.map_frame, odom, game.position_from_ned(_STILL), _UPRIGHT),
+            self._transform(now_s, self.map_frame, odom, game.position_from_ned(STILL), _UPRIGHT),
             self._transform(
                 now_s,
                 odom,
@@ -303,7 +303,7 @@ class RosFlight:
         return _types(ros_types.TRANSFORMS)(frames)
 
     def _transform(
-        self, now_s: float, parent: str, child: str, position_m: Vector, turn: Quaternion
+        self, now_s: float, parent: str, child: str, position_m: Sequence[float], turn: Quaternion
     ) -> ros_types.Message:
         transform = _types("geometry_msgs/msg/Transform")(_vector(position_m), _quaternion(turn))
         stamped = _types("geometry_msgs/msg/TransformStamped")
@@ -338,7 +338,7 @@ class RosFlight:
         corners = [point(*corner) for corner in points]
         return self._marker(now_s, number, name, _LINE, _STILL, (0.2, 0.0, 0.0), colour, corners)
 
-    def _sphere(self, now_s: float, number: int, centre_m: Vector) -> ros_types.Message:
+    def _sphere(self, now_s: float, number: int, centre_m: Enu) -> ros_types.Message:
         size_m = (1.0, 1.0, 1.0)
         return self._marker(
             now_s, number, "meeting_point", _SPHERE, centre_m, size_m, _MEETING_COLOUR, []
@@ -350,8 +350,8 @@ class RosFlight:
         number: int,
         name: str,
         kind: int,
-        place_m: Vector,
-        size_m: Vector,
+        place_m: Enu,
+        size_m: tuple[float, float, float],
         colour: Quaternion,
         points: Sequence[ros_types.Message],
     ) -> ros_types.Message:
@@ -476,7 +476,7 @@ def nanoseconds_of(unix_s: float) -> int:
     return max(0, round(unix_s * 1e9))
 
 
-def _vector(vector: Vector) -> ros_types.Message:
+def _vector(vector: Sequence[float]) -> ros_types.Message:
     return _types("geometry_msgs/msg/Vector3")(*vector)
 
 
@@ -484,12 +484,12 @@ def _quaternion(turn: Quaternion) -> ros_types.Message:
     return _types("geometry_msgs/msg/Quaternion")(*turn)
 
 
-def _pose(position_m: Vector, turn: Quaternion) -> ros_types.Message:
+def _pose(position_m: Sequence[float], turn: Quaternion) -> ros_types.Message:
     point = _types("geometry_msgs/msg/Point")(*position_m)
     return _types("geometry_msgs/msg/Pose")(point, _quaternion(turn))
 
 
-def _twist(velocity_m_s: Vector) -> ros_types.Message:
+def _twist(velocity_m_s: Enu) -> ros_types.Message:
     return _types("geometry_msgs/msg/Twist")(_vector(velocity_m_s), _vector(_STILL))
 
 
@@ -497,7 +497,7 @@ _UNKNOWN_COVARIANCE: Final[Array] = np.zeros(36)
 
 
 def _odometry(
-    header: ros_types.Message, child: str, pose: ros_types.Message, velocity_m_s: Vector
+    header: ros_types.Message, child: str, pose: ros_types.Message, velocity_m_s: Enu
 ) -> ros_types.Message:
     """Return an Odometry; the velocity is in the axes of the child."""
     placed = _types("geometry_msgs/msg/PoseWithCovariance")(pose, _UNKNOWN_COVARIANCE)
@@ -516,15 +516,15 @@ def _turned(yaw_rad: float) -> Quaternion:
     return (0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
 
 
-def _turned_back(velocity_enu_m_s: Vector, yaw_rad: float) -> Vector:
+def _turned_back(velocity_enu_m_s: Enu, yaw_rad: float) -> Enu:
     """Return a velocity in the axes of a level body whose nose is `yaw_rad` from east."""
     east, north, up = velocity_enu_m_s
     cosine = math.cos(yaw_rad)
     sine = math.sin(yaw_rad)
-    return (east * cosine + north * sine, north * cosine - east * sine, up)
+    return Enu((east * cosine + north * sine, north * cosine - east * sine, up))
 
 
-def earth_of(frame: LocalFrame, game: GameFrame) -> tuple[Vector, Quaternion]:
+def earth_of(frame: LocalFrame, game: GameFrame) -> tuple[tuple[float, float, float], Quaternion]:
     """Return where a game frame is on Earth: its zero in Earth-centred metres, and how it is turned."""
     latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(game.origin_ned_m)
     x, y, z = pymap3d.geodetic2ecef(latitude_deg, longitude_deg, altitude.metres)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from guidance.control import Envelope
 from guidance.cycle import Certificate, CycleSettings, game_played
-from guidance.frames import Vector
+from guidance.frames import Enu
 from guidance.game import Extent, Game, solve
 from guidance.log.codec import DIALECT, Schema
 from guidance.log.entries import CycleEntry
@@ -31,7 +31,7 @@ GAME_FRAME: Final = "game"
 _UNKNOWN = 0
 _DIAGONAL_KNOWN = 2
 _CLOSED_LINE = 1  # of Foxglove's enumerations
-_ZERO: Final[Vector] = (0.0, 0.0, 0.0)
+_ZERO: Final = Enu((0.0, 0.0, 0.0))
 _UNUSED: Final = ("metadata", "arrows", "cubes", "cylinders", "triangles", "texts", "models")
 """Lists of a scene entity that viewers expect and that stay empty here."""
 
@@ -52,15 +52,13 @@ def lifted(curve: Array, height_m: float) -> Array:
     return np.column_stack([curve, np.full(len(curve), height_m)])
 
 
-def target_edge(place_m: Vector, extent: Extent) -> Array:
+def target_edge(place_m: Enu, extent: Extent) -> Array:
     """The closed edge (n, 2) of a target's shape about its place; of a point nothing."""
     edge = np.array(extent.outline_m()).reshape(-1, 2) + np.array(place_m[:2])
     return np.concatenate([edge, edge[:1]])
 
 
-def isochron(
-    game: Game, pursuer_m: Vector | Array, evader_m: Vector | Array, points: int = 181
-) -> Array:
+def isochron(game: Game, pursuer_m: Enu | Array, evader_m: Enu | Array, points: int = 181) -> Array:
     """Capture points (points, 2) of an evader that runs straight at full speed, one for each heading, m.
 
     The paper's Apollonius circle for a Ball and point capture. Found from the game itself: TAD towards a far target in
@@ -74,7 +72,9 @@ def isochron(
     """
     headings = np.linspace(0.0, 2.0 * np.pi, points)
     far = 1e6 * np.stack([np.cos(headings), np.sin(headings), np.zeros(points)], axis=-1)
-    return np.asarray(solve(game, pursuer_m, evader_m, evader_m + far).meeting_point_m[:, :2])
+    return np.asarray(
+        solve(game, pursuer_m, evader_m, np.asarray(evader_m) + far).meeting_point_m[:, :2]
+    )
 
 
 def isochron_at(settings: CycleSettings, certificate: Certificate, points: int = 181) -> Array:
@@ -86,7 +86,7 @@ def isochron_at(settings: CycleSettings, certificate: Certificate, points: int =
     return isochron(game, certificate.pursuer_game_m, certificate.evader_game_m, points)
 
 
-def fence_edges(envelope: Envelope, home_m: Vector) -> list[Array]:
+def fence_edges(envelope: Envelope, home_m: Enu) -> list[Array]:
     """The fence's edges as closed curves (n, 3), at the height of home."""
     edges = []
     if envelope.fence_radius_m is not None:
@@ -110,15 +110,15 @@ def time_of(now_s: float) -> dict[str, int]:
     return {"sec": seconds, "nsec": nanoseconds}
 
 
-def _vector(point_m: Vector) -> Json:
+def _vector(point_m: Sequence[float]) -> Json:
     return dict(zip("xyz", point_m, strict=True))
 
 
-def _pose(point_m: Vector) -> Json:
+def _pose(point_m: Enu) -> Json:
     return {"position": _vector(point_m), "orientation": {**_vector(_ZERO), "w": 1.0}}
 
 
-def _ball(centre_m: Vector, diameter_m: float, color: Json) -> Json:
+def _ball(centre_m: Enu, diameter_m: float, color: Json) -> Json:
     return {
         "pose": _pose(centre_m),
         "size": _vector((diameter_m, diameter_m, diameter_m)),
@@ -126,7 +126,7 @@ def _ball(centre_m: Vector, diameter_m: float, color: Json) -> Json:
     }
 
 
-def _fix(now_s: float, name: str, position: Vector, sd_m: float) -> Json:
+def _fix(now_s: float, name: str, position: Sequence[float], sd_m: float) -> Json:
     """A place on the map: latitude and longitude in degrees, altitude above mean sea level, left out if unknown."""
     if math.isnan(sd_m):
         variance = 0.0
@@ -146,11 +146,11 @@ def _fix(now_s: float, name: str, position: Vector, sd_m: float) -> Json:
     return fix | {"position_covariance": covariance, "position_covariance_type": kind}
 
 
-def _pose_in_frame(now_s: float, point_m: Vector) -> Json:
+def _pose_in_frame(now_s: float, point_m: Enu) -> Json:
     return {"timestamp": time_of(now_s), "frame_id": GAME_FRAME, "pose": _pose(point_m)}
 
 
-def _scene(now_s: float, balls: Sequence[Json], rim: Sequence[Vector]) -> Json:
+def _scene(now_s: float, balls: Sequence[Json], rim: Sequence[Enu]) -> Json:
     # 2 pixels
     line: Json = {
         "type": _CLOSED_LINE,
@@ -258,10 +258,10 @@ class Scene:
         return True
 
 
-def disc(certificate: Certificate) -> Sequence[Vector]:
+def disc(certificate: Certificate) -> Sequence[Enu]:
     """Return corners of the rim of the stand-off disc, game frame, from the distances in the certificate."""
     evader = certificate.evader_game_m
     above = certificate.pursuer_game_m
     radius_m = math.dist(above[:2], evader[:2]) - certificate.gap_m
     height_m = above[2] - certificate.height_gap_m
-    return [(float(x), float(y), height_m) for x, y in circle(evader, radius_m, 37)[:-1]]
+    return [Enu((float(x), float(y), height_m)) for x, y in circle(evader, radius_m, 37)[:-1]]

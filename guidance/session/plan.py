@@ -19,7 +19,7 @@ from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError
 from guidance.flight import FlightSettings, State
 from guidance.flight.settings import LIMITS_S, FlightSection, TeamSection
-from guidance.frames import Amsl, Place, Vector
+from guidance.frames import Amsl, Enu, Place
 from guidance.game.arrays import FLOATS
 from guidance.game.extent import POINT
 from guidance.game.game import STILL
@@ -148,9 +148,9 @@ class _Terms:
     rules: Rules
     strategy: Strategy
     tolerance_m: float
-    target_game_m: Vector | None
+    target_game_m: Enu | None
     site: Place | None
-    start_game_m: Vector | None
+    start_game_m: Enu | None
     limits: Limits
     speed_limits: Speeds
     flight: FlightSection
@@ -166,8 +166,8 @@ class _Played(NamedTuple):
     """A scenario's part of a flight: strategy, start and target of the game."""
 
     strategy: Strategy
-    start_game_m: Vector
-    target_game_m: Vector | None
+    start_game_m: Enu
+    target_game_m: Enu | None
 
 
 _WITH_A_PERSON: Final = frozenset({State.CONNECTING, State.CHECKING})
@@ -223,7 +223,7 @@ def _by_file(config: Config) -> _Terms:
     extent = POINT
     if target is not None:
         # The game frame's zero is the target; only height differences matter
-        target_game_m = (0.0, 0.0, 0.0)
+        target_game_m = Enu((0.0, 0.0, 0.0))
         site = target.latitude_deg, target.longitude_deg, Amsl(target.altitude_amsl_m)
         extent = target.extent
     evaders = {}
@@ -283,7 +283,7 @@ def _played(scenario: "Scenario", pursuer: SpeedSet) -> _Played:
     from guidance.sim import batch  # noqa: PLC0415 - as above
 
     x, y, z = scenario.pursuer.position_m
-    start_game_m = (x, y, z - scenario.evader.height_m)
+    start_game_m = Enu((x, y, z - scenario.evader.height_m))
     start = np.array(start_game_m)
     strategy = batch.strategy_of(scenario, "pursuer", start, pursuer, scenario.seed)
     return _Played(strategy, start_game_m, batch.target_game_m(scenario))

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from guidance.frames import Amsl, Vector
+from guidance.frames import Amsl, Enu
 from guidance.game import Ball, Extent, Game, SpeedSet
 from guidance.game.arrays import Real
 from guidance.game.game import STILL
@@ -197,11 +197,11 @@ def game(scenario: Scenario) -> Game:
     return replace(stack([scenario.as_flown()]).game, capture_radius_m=0.0)
 
 
-def target_game_m(scenario: AnyScenario) -> Vector | None:
+def target_game_m(scenario: AnyScenario) -> Enu | None:
     """Return the evader's target in the game frame, None in the PE game."""
     if scenario.target is None:
         return None
-    return (*scenario.target.position_m, 0.0)
+    return Enu((*scenario.target.position_m, 0.0))
 
 
 def target_extent(scenario: AnyScenario) -> Extent:

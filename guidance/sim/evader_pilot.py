@@ -7,7 +7,7 @@ import numpy as np
 
 from guidance.autopilots import ROVER, Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
-from guidance.frames import GameFrame, Vector, ned_from_game
+from guidance.frames import STILL, Enu, GameFrame, ned_from_game
 from guidance.game import Ball
 from guidance.links.port import VehicleLink
 from guidance.messages import Heartbeat, Home, LocalPosition, Origin, Setpoint
@@ -47,10 +47,10 @@ class EvaderPilot:
         self._stood_s = -math.inf
         self.vehicle = VehicleState()
         self.ready = False
-        self.position_game_m: Vector | None = None
+        self.position_game_m: Enu | None = None
         self._told: tuple[Home | None, Origin | None, GameFrame | None] = (None, None, None)
 
-    def _located(self) -> Vector | None:
+    def _located(self) -> Enu | None:
         home = self.vehicle.latest.get(Home)
         origin = self.vehicle.latest.get(Origin)
         if (home, origin) != self._told[:2]:
@@ -68,7 +68,7 @@ class EvaderPilot:
             else game_frame.position_from_ned(local.position_ned_m)
         )
 
-    def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
+    def step(self, now_s: float, pursuers_game_m: Sequence[Enu], *, playing: bool) -> None:
         """Run one cycle: receive, then prepare the vehicle, play against the nearest pursuer, or stand still."""
         self.vehicle = observe(self.vehicle, self.link.receive())
         position = self.position_game_m = self._located()
@@ -94,11 +94,11 @@ class EvaderPilot:
                 last_m_s=self._last_m_s,
             )
             x, y, _ = self._last_m_s.tolist()
-            self.link.send_setpoint(Setpoint(ned_from_game((x, y, 0.0))))
+            self.link.send_setpoint(Setpoint(ned_from_game(Enu((x, y, 0.0)))))
             self._stood_s = -math.inf
         elif now_s - self._stood_s >= REPEAT_S:
             self._stood_s = now_s
-            self.link.send_setpoint(Setpoint((0.0, 0.0, 0.0)))
+            self.link.send_setpoint(Setpoint(STILL))
 
     def _seen_m_s(self, now_s: float, pursuer_m: Array) -> Array:
         """Return the pursuer's velocity, from its place in the cycle before; only a user's policy uses it."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guidance.estimation.measurement import TrackSettings
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.game.arrays import Real
 from guidance.links.port import EvaderSource
 from guidance.messages import EvaderReport, Timesync
@@ -239,12 +239,12 @@ class SensedEvader:
             np.repeat([position_m, velocity_m_s], 2) * draws
         ).tolist()
         about = LocalFrame(report.latitude_deg, report.longitude_deg, Amsl(report.altitude_amsl_m))
-        latitude_deg, longitude_deg, _ = about.wgs84_from_ned((north_m, east_m, 0.0))
+        latitude_deg, longitude_deg, _ = about.wgs84_from_ned(Ned((north_m, east_m, 0.0)))
         north, east, down = report.velocity_ned_m_s
         return report._replace(
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
-            velocity_ned_m_s=(north + north_m_s, east + east_m_s, down),
+            velocity_ned_m_s=Ned((north + north_m_s, east + east_m_s, down)),
             position_sd_m=_grown(report.position_sd_m, _DEFAULT_SPREAD.position_sd_m, position_m),
             velocity_sd_m_s=_grown(
                 report.velocity_sd_m_s, _DEFAULT_SPREAD.velocity_sd_m_s, velocity_m_s

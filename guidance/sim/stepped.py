@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from guidance.clock import Clock
-from guidance.frames import Vector
+from guidance.frames import Enu
 from guidance.links import Wire
 from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
@@ -116,7 +116,7 @@ class EvaderHere(EvaderPilot):
         )
         self._mock.ends.append(radio)
 
-    def step(self, now_s: float, pursuers_game_m: Sequence[Vector], *, playing: bool) -> None:
+    def step(self, now_s: float, pursuers_game_m: Sequence[Enu], *, playing: bool) -> None:
         """Step the rover and its pilot; when the game begins, put the faults in place that count from then."""
         while playing and self._later:
             self._faulted.inject(self._later.pop(0))

@@ -14,7 +14,7 @@ from pydantic import Field, WithJsonSchema
 from guidance.autopilots import AutopilotName
 from guidance.config import Section
 from guidance.flight.settings import TeamSection
-from guidance.frames import Vector
+from guidance.frames import Enu
 from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, End, Game
 from guidance.game.arrays import Real
 from guidance.game.game import STILL
@@ -153,7 +153,7 @@ def teams_of(scenario: TeamScenario) -> Teams:
 
 def _placed(
     groups: Sequence[PursuerGroup | EvaderGroup], seed: int, side: int
-) -> Iterator[tuple[Vector, float, str]]:
+) -> Iterator[tuple[Enu, float, str]]:
     """Yield place, speed and policy of each player."""
     for number, group in enumerate(groups):
         draws = np.random.default_rng([seed, side, number])
@@ -162,7 +162,7 @@ def _placed(
             far = group.scatter_m * math.sqrt(draws.random())
             turn = 2.0 * math.pi * draws.random()
             yield (
-                (x + far * math.cos(turn), y + far * math.sin(turn), z),
+                Enu((x + far * math.cos(turn), y + far * math.sin(turn), z)),
                 group.speed_m_s,
                 group.policy,
             )

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from guidance.estimation.measurement import ClockOffset, hear
-from guidance.frames import LocalFrame, Vector
+from guidance.frames import STILL, LocalFrame, Ned
 from guidance.messages import UNKNOWN_VELOCITY, EvaderReport, MateState
 from guidance.team.messages import (
     STATE,
@@ -72,7 +72,7 @@ class Mate:
     state: StateMessage | None = None
     at_s: float = -math.inf
     heard_s: float = -math.inf
-    doubt_ned_m: Vector = (0.0, 0.0, 0.0)
+    doubt_ned_m: Ned = STILL
     clock: ClockOffset | None = None
     senders: dict[str, Sender] = field(default_factory=dict)
     refused_s: float = -math.inf
@@ -172,7 +172,7 @@ class Board:
         if before is None or before.epoch != state.epoch:
             before = None
             mate.clock = None
-            mate.doubt_ned_m = (0.0, 0.0, 0.0)
+            mate.doubt_ned_m = STILL
         mate.clock = hear(mate.clock, state.sent_s, arrived_s)
         at_s = arrived_s if mate.clock is None else min(arrived_s, mate.clock.ours(state.sent_s))
         if before is not None:
@@ -193,7 +193,7 @@ class Board:
             state.vehicle,
             at_s,
             *place,
-            state.velocity_ned_m_s,
+            Ned(state.velocity_ned_m_s),
             _fastest_m_s(state),
             math.hypot(*mate.doubt_ned_m),
             state.airborne,
@@ -216,8 +216,7 @@ class Board:
         unseen_s = at_s - mate.at_s + _MOVED_S
         doubt_m = math.hypot(*mate.doubt_ned_m) + mate.claims_m + fastest_m_s * unseen_s
         place = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m)
-        velocity = (0.0, 0.0, 0.0)
-        return MateState(name, at_s, *place, velocity, fastest_m_s, doubt_m, airborne=True)
+        return MateState(name, at_s, *place, STILL, fastest_m_s, doubt_m, airborne=True)
 
     def _doubt(self, mate: Mate, before: StateMessage, after: StateMessage, dt_s: float) -> None:
         """Add what of a step no motion explains."""
@@ -233,8 +232,7 @@ class Board:
         excess = 1.0 - (_SLACK_M + swerved_m) / apart_m if apart_m > 0.0 else 0.0
         if excess <= 0.0:
             return
-        n, e, d = mate.doubt_ned_m
-        mate.doubt_ned_m = (n + excess * north, e + excess * east, d + excess * down)
+        mate.doubt_ned_m += excess * Ned((north, east, down))
         self.counts["jumps"] += 1
         self.news.append(f"{after.vehicle} jumped by {apart_m:.0f} m")
 
@@ -242,7 +240,9 @@ class Board:
         clock = self.mates[told.vehicle].clock
         at_s = arrived_s if clock is None else min(arrived_s, clock.ours(told.sent_s))
         place = (told.latitude_deg, told.longitude_deg, told.altitude_amsl_m)
-        velocity = told.velocity_ned_m_s or UNKNOWN_VELOCITY
+        velocity = UNKNOWN_VELOCITY
+        if told.velocity_ned_m_s is not None:
+            velocity = Ned(told.velocity_ned_m_s)
         source = f"{told.vehicle}: {told.source}"
         return EvaderReport(at_s, math.nan, source, *place, velocity, evader=told.evader)
 

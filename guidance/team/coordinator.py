@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from guidance.errors import ConfigError
-from guidance.frames import Vector
+from guidance.frames import Enu
 from guidance.game import Game
 from guidance.game.team import Matching, between, match_teams
 from guidance.team.board import SILENT_S, Board
@@ -43,7 +43,7 @@ _NOTHING: Final = Matching(*(np.empty(0) for _ in Matching._fields))
 class EvaderSeen(NamedTuple):
     """An evader: place in the game frame, m, bound of its speed, declared speed, and age of the last report."""
 
-    position_m: Vector
+    position_m: Enu
     speed_m_s: float
     declared_m_s: float
     age_s: float
@@ -59,9 +59,9 @@ class Scene(NamedTuple):
         game: The game of this vehicle, which is the team's but for the speeds.
     """
 
-    vehicles: Mapping[str, tuple[Vector, StateMessage]]
+    vehicles: Mapping[str, tuple[Enu, StateMessage]]
     evaders: Mapping[str, EvaderSeen]
-    target_m: Vector | None
+    target_m: Enu | None
     game: Game
 
 

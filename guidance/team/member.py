@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 from typing import Any, Final, Literal
 
 from guidance.flight import Event, Flight, Outputs, State
-from guidance.frames import Amsl, Vector
+from guidance.frames import Amsl, Enu, Ned
 from guidance.messages import EvaderReport, LocalPosition, MateState, Role
 from guidance.team.board import Board
 from guidance.team.coordinator import ROUNDING_S, SLOT_MARGIN_M, Coordinator, EvaderSeen, Scene
@@ -233,7 +233,7 @@ class Member:
                 x, y, z = game_frame.position_from_ned(seen.position_ned_m)
                 declared_m_s = flight.settings.evaders.get(name, cycle.game.evader_speed_m_s)
                 evaders[name] = EvaderSeen(
-                    (x, y, 0.0), seen.speed_bound_m_s, declared_m_s, seen.age_s
+                    Enu((x, y, 0.0)), seen.speed_bound_m_s, declared_m_s, seen.age_s
                 )
                 heights_m.append(z)
         plane_m = sum(heights_m) / len(heights_m) if heights_m else 0.0
@@ -248,15 +248,13 @@ class Member:
             if state is not None and state.part != "out":
                 position_ned_m = _moved(frame.ned_from_wgs84(*state.place), state, now_s - at_s)
                 x, y, z = game_frame.position_from_ned(position_ned_m)
-                vehicles[name] = (x, y, z - plane_m), state
+                vehicles[name] = Enu((x, y, z - plane_m)), state
         return Scene(vehicles, evaders, cycle.target_game_m, cycle.game)
 
 
-def _moved(position_ned_m: Vector, state: StateMessage, age_s: float) -> Vector:
+def _moved(position_ned_m: Ned, state: StateMessage, age_s: float) -> Ned:
     """Return where a vehicle is if it kept its velocity since it said so."""
-    north, east, down = position_ned_m
-    v_north, v_east, v_down = state.velocity_ned_m_s
-    return (north + age_s * v_north, east + age_s * v_east, down + age_s * v_down)
+    return position_ned_m + age_s * Ned(state.velocity_ned_m_s)
 
 
 def _contents(roles: RolesMessage) -> tuple[Any, ...]:

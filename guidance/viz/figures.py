@@ -21,7 +21,7 @@ from matplotlib.patheffects import withStroke
 
 from guidance.errors import ConfigError
 from guidance.files import whole_file, writing
-from guidance.frames import Vector
+from guidance.frames import Enu
 from guidance.game import End, Extent, StandOff
 from guidance.game.arrays import FLOATS
 from guidance.game.extent import to_set
@@ -207,7 +207,7 @@ def disc_of(reached_m: Sequence[float], standoff: StandOff) -> Shape:
     )
 
 
-def target_of(place_m: Vector | None, extent: Extent) -> Iterator[Shape]:
+def target_of(place_m: Enu | None, extent: Extent) -> Iterator[Shape]:
     """Yield the target of a TAD game and the edge of its shape."""
     if place_m is not None:
         yield Shape(np.array([place_m]), TARGET, "T, target")

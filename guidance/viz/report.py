@@ -21,7 +21,7 @@ from PIL import Image
 
 from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, whole_file, writing
-from guidance.frames import Vector
+from guidance.frames import Enu
 from guidance.game import StandOff
 from guidance.log.scene import Array, circle, isochron_at, lifted
 from guidance.screen import counted
@@ -282,7 +282,7 @@ def plan(team: TeamStory) -> Figure:
         for name, story in team.flights.items()
     ]
     for name in team.evaders:
-        reported = list[Vector]()
+        reported = list[Enu]()
         for flight in team.flights.values():
             reported += [position_m for _, position_m in flight.evaders.get(name, ())]
         tracks.append((name, np.array(reported), dots, "evader"))

@@ -17,7 +17,7 @@ from guidance.errors import ConfigError
 from guidance.flight import Event, FlightSettings, State
 from guidance.flight.settings import TeamSection
 from guidance.flight.table import SETPOINT_STATES
-from guidance.frames import Vector
+from guidance.frames import Enu
 from guidance.log import Aggregator, Comparison, Cycle, Survey, compare, metadata_of, scan, title_of
 from guidance.log.entries import ASSIGNED, EVENT, CycleEntry, EventEntry
 from guidance.log.scene import Array
@@ -63,7 +63,7 @@ class Story(NamedTuple):
     rows: list[CycleEntry]
     cycles: list[Cycle]
     game: list[Played]
-    evaders: dict[str, list[tuple[float, Vector]]]
+    evaders: dict[str, list[tuple[float, Enu]]]
 
     def column(self, name: str) -> Array:
         """Return one field of all cycles, shape (n,) or (n, 3)."""

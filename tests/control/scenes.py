@@ -2,6 +2,7 @@
 
 from guidance.control import Envelope, Situation
 from guidance.control.setpoint_limiter import LimitMemory, limit
+from guidance.frames import Ned
 from guidance.messages import Setpoint
 
 DT_S = 0.02
@@ -33,9 +34,11 @@ MULTICOPTER = Envelope(
     vertical_braking_m_s2=1.2,
     reaction_s=0.6,
 )
-HOVER = Situation((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+HOVER = Situation(Ned((0.0, 0.0, 0.0)), Ned((0.0, 0.0, 0.0)))
 
 
 def settled(velocity, situation=HOVER, envelope=OPEN, **command):
     """Limit a command that has been flown all along, so that acceleration does not act."""
-    return limit(Setpoint(velocity, **command), situation, envelope, LimitMemory(velocity), DT_S)
+    return limit(
+        Setpoint(Ned(velocity), **command), situation, envelope, LimitMemory(Ned(velocity)), DT_S
+    )

@@ -15,6 +15,7 @@ from guidance.control.braking_law import Wall, approach_speed, braked, held_back
 from guidance.control.polygon import Polygon
 from guidance.control.servo import serve
 from guidance.control.setpoint_limiter import limit
+from guidance.frames import Ned
 from guidance.messages import Setpoint
 from sitl_mock import dynamics
 from tests.control.scenes import DT_S, OPEN, settled
@@ -37,8 +38,10 @@ def stop_m(speed_m_s, envelope):
 
 def wanted_m_s2(speed_m_s, gap_m, envelope):
     """Return the deceleration fed to a vehicle that closes on a wall."""
-    wall = Wall(Limiter.FENCE_POLYGON, (1.0, 0.0, 0.0), gap_m)
-    fed = braked(None, Situation((0.0, 0.0, 0.0), (speed_m_s, 0.0, 0.0)), (wall,), envelope)
+    wall = Wall(Limiter.FENCE_POLYGON, Ned((1.0, 0.0, 0.0)), gap_m)
+    fed = braked(
+        None, Situation(Ned((0.0, 0.0, 0.0)), Ned((speed_m_s, 0.0, 0.0))), (wall,), envelope
+    )
     return 0.0 if fed is None else -fed[0]
 
 
@@ -80,7 +83,9 @@ GAP_M = {
 }
 
 
-@pytest.mark.parametrize("fed", [None, (0.3, -0.1, 0.2), (-3.0, 1.0, -1.0), (9.0, -7.0, 4.0)])
+@pytest.mark.parametrize(
+    "fed", [None, Ned((0.3, -0.1, 0.2)), Ned((-3.0, 1.0, -1.0)), Ned((9.0, -7.0, 4.0))]
+)
 @pytest.mark.parametrize(
     "speed", [-3.0, 0.0, 0.3, 0.8, 0.85, 0.9, 1.0, 1.3, 1.6, 1.8, 2.0, 2.2, 4.0]
 )
@@ -96,7 +101,7 @@ def test_every_wall_is_braked_for_as_its_law_asks_and_nothing_along_it(wall, spe
         * (closing - approach_speed(GAP_M[wall] - closing * reaction_s, braking, reaction_s))
         / reaction_s
     )
-    here = Situation(AT, tuple(speed * part for part in normal))
+    here = Situation(Ned(AT), Ned(tuple(speed * part for part in normal)))
     got = braked(fed, here, measure_walls(here, envelope), envelope)
     before = fed or (0.0, 0.0, 0.0)
     if wanted <= 0.0:
@@ -117,16 +122,18 @@ def test_a_circle_is_braked_for_at_home_and_on_the_way_to_its_far_side(
 ):
     envelope = replace(OPEN, fence_radius_m=2.5, fence_margin_m=2.0)
     for sign in (1.0, -1.0):
-        here = Situation((0.0, sign * north_m, 0.0), (0.0, sign * speed_m_s, 0.0))
+        here = Situation(Ned((0.0, sign * north_m, 0.0)), Ned((0.0, sign * speed_m_s, 0.0)))
         fed = braked(None, here, measure_walls(here, envelope), envelope)
         assert fed == ((0.0, -sign * braking_m_s2, 0.0) if braking_m_s2 else None)
 
 
 def test_the_limiter_brakes_within_its_acceleration_and_says_so():
     fenced = replace(OPEN, fence_radius_m=10.0)
-    going = Situation((9.0, 0.0, 0.0), (4.0, 0.0, 0.0))
+    going = Situation(Ned((9.0, 0.0, 0.0)), Ned((4.0, 0.0, 0.0)))
     limited = settled((0.0, 0.0, 0.0), going, fenced)
-    assert limited.setpoint == Setpoint((0.0, 0.0, 0.0), (-OPEN.acceleration_m_s2, 0.0, 0.0))
+    assert limited.setpoint == Setpoint(
+        Ned((0.0, 0.0, 0.0)), Ned((-OPEN.acceleration_m_s2, 0.0, 0.0))
+    )
     assert limited.active == (Limiter.FEED_FORWARD,)
     assert settled((0.0, 0.0, 0.0), going, OPEN).setpoint.acceleration_ned_m_s2 is None
 
@@ -214,12 +221,12 @@ def farthest_beyond_m(autopilot, gust, flown_s=FLOWN_S):
     for cycle in range(round(flown_s / DT_S)):
         body = motion.body
         here = Situation(
-            body.position_ned_m,
-            body.velocity_ned_m_s,
-            acceleration_ned_m_s2=body.acceleration_ned_m_s2,
+            Ned(body.position_ned_m),
+            Ned(body.velocity_ned_m_s),
+            acceleration_ned_m_s2=Ned(body.acceleration_ned_m_s2),
         )
         walls = measure_walls(here, envelope)
-        wanted = held_back(gust.asked_ned_m_s(cycle * DT_S), walls, envelope)
+        wanted = held_back(Ned(gust.asked_ned_m_s(cycle * DT_S)), walls, envelope)
         fed, served = serve(wanted, here.velocity_ned_m_s, served, handling.servo, dt_s=DT_S)
         limited = limit(
             Setpoint(served.reference_ned_m_s, fed), here, envelope, memory, DT_S, walls=walls

@@ -21,6 +21,7 @@ from guidance.control.braking_law import (
     surge,
 )
 from guidance.control.polygon import Polygon
+from guidance.frames import Ned
 from guidance.game import StandOff
 from tests.control.scenes import HOVER, OPEN
 
@@ -38,12 +39,12 @@ ALL = replace(
     floor_margin_m=1.0,
     stand_off=StandOff(radius_m=4.0, height_m=6.0),
 )
-AT_10_M = HOVER._replace(position_ned_m=(0.0, 0.0, -10.0))
-MATE = Separation((30.0, 0.0, -10.0), 8.0, 3.0)
+AT_10_M = HOVER._replace(position_ned_m=Ned((0.0, 0.0, -10.0)))
+MATE = Separation(Ned((30.0, 0.0, -10.0)), 8.0, 3.0)
 
 
 def test_every_wall_counts_however_many_others_there_are_and_the_circle_is_last():
-    situation = AT_10_M._replace(evader_position_ned_m=(20.0, 0.0, 0.0))
+    situation = AT_10_M._replace(evader_position_ned_m=Ned((20.0, 0.0, 0.0)))
     walls = measure_walls(situation, ALL, [MATE, MATE])
     assert [wall.limiter for wall in walls] == [
         Limiter.STAND_OFF,
@@ -61,13 +62,23 @@ def test_every_wall_counts_however_many_others_there_are_and_the_circle_is_last(
 
 
 def test_a_situation_and_a_wall_say_nothing_that_they_were_not_told():
-    assert Situation(STILL, STILL) == (STILL, STILL, 0.0, None, None, STILL, 0.0)
-    assert Wall(Limiter.FLOOR, DOWN, 5.0) == (Limiter.FLOOR, DOWN, 5.0, 0.0, math.inf, STILL, False)
+    assert Situation(Ned(STILL), Ned(STILL)) == (STILL, STILL, 0.0, None, None, STILL, 0.0)
+    assert Wall(Limiter.FLOOR, Ned(DOWN), 5.0) == (
+        Limiter.FLOOR,
+        DOWN,
+        5.0,
+        0.0,
+        math.inf,
+        STILL,
+        False,
+    )
 
 
 @pytest.mark.parametrize(("above_m", "share"), [(0.0, 0.0), (0.25, 0.5), (0.5, 1.0), (3.0, 1.0)])
 def test_a_fleeing_evader_is_trusted_from_half_a_metre_above_the_disc(above_m, share):
-    situation = Situation((0.0, 0.0, -6.0 - above_m), STILL, 0.0, (3.0, 0.0, 0.0), (2.0, 0.0, 0.0))
+    situation = Situation(
+        Ned((0.0, 0.0, -6.0 - above_m)), Ned(STILL), 0.0, Ned((3.0, 0.0, 0.0)), Ned((2.0, 0.0, 0.0))
+    )
     wall = measure_walls(situation, ALL)[0]
     assert wall.velocity_ned_m_s == pytest.approx((2.0 * share, 0.0, 0.0))
 
@@ -76,8 +87,8 @@ def test_a_fleeing_evader_is_trusted_from_half_a_metre_above_the_disc(above_m, s
 @pytest.mark.parametrize("away_m", [1.0, 4.0])
 def test_inside_the_stand_off_its_side_and_its_top_are_walls(down_m, away_m):
     situation = HOVER._replace(
-        position_ned_m=(0.0, 0.0, down_m),
-        evader_position_ned_m=(0.6 * away_m, 0.8 * away_m, 0.0),
+        position_ned_m=Ned((0.0, 0.0, down_m)),
+        evader_position_ned_m=Ned((0.6 * away_m, 0.8 * away_m, 0.0)),
     )
     side, top = (wall for wall in measure_walls(situation, ALL) if wall.approached)
     assert side.normal_ned == pytest.approx((0.6, 0.8, 0.0))
@@ -87,19 +98,19 @@ def test_inside_the_stand_off_its_side_and_its_top_are_walls(down_m, away_m):
 
 @pytest.mark.parametrize("above_m", [4.0, -4.0])
 def test_a_mate_above_or_below_is_a_wall_halfway_to_its_cylinder(above_m):
-    mate = Separation((2.0, 0.0, -30.0 - above_m), 8.0, 3.0)
-    situation = HOVER._replace(position_ned_m=(0.0, 0.0, -30.0))
+    mate = Separation(Ned((2.0, 0.0, -30.0 - above_m)), 8.0, 3.0)
+    situation = HOVER._replace(position_ned_m=Ned((0.0, 0.0, -30.0)))
     (wall,) = (
         wall for wall in measure_walls(situation, ALL, [mate]) if wall.limiter is Limiter.SEPARATION
     )
-    assert wall == Wall(Limiter.SEPARATION, (0.0, 0.0, -above_m / 4.0), 0.5)
+    assert wall == Wall(Limiter.SEPARATION, Ned((0.0, 0.0, -above_m / 4.0)), 0.5)
 
 
 @pytest.mark.parametrize(("height_m", "towards"), [(3.0, -1.0), (2.9, 0.0)])
 @pytest.mark.parametrize("above_m", [0.0, 0.5, 2.0])
 def test_below_the_floor_no_mate_above_is_in_the_way_up(height_m, towards, above_m):
-    mate = Separation((0.0, 0.0, -height_m - above_m), 8.0, 3.0)
-    situation = HOVER._replace(position_ned_m=(0.0, 0.0, -height_m))
+    mate = Separation(Ned((0.0, 0.0, -height_m - above_m)), 8.0, 3.0)
+    situation = HOVER._replace(position_ned_m=Ned((0.0, 0.0, -height_m)))
     walls = measure_walls(situation, ALL, [mate])
     vertical = [wall.normal_ned[2] for wall in walls if wall.limiter is Limiter.SEPARATION]
     if above_m == 0.0:
@@ -108,8 +119,8 @@ def test_below_the_floor_no_mate_above_is_in_the_way_up(height_m, towards, above
 
 
 def test_the_floors_margin_does_not_hide_a_vehicle_below_it():
-    mate = Separation((0.0, 0.0, -20.0), 8.0, 3.0)
-    doubtful = HOVER._replace(position_ned_m=(0.0, 0.0, -3.5), height_sd_m=1.0)
+    mate = Separation(Ned((0.0, 0.0, -20.0)), 8.0, 3.0)
+    doubtful = HOVER._replace(position_ned_m=Ned((0.0, 0.0, -3.5)), height_sd_m=1.0)
     walls = measure_walls(doubtful, ALL, [mate])
     (separation,) = (wall for wall in walls if wall.limiter is Limiter.SEPARATION)
     assert separation.normal_ned == STILL
@@ -128,7 +139,7 @@ def test_a_desired_velocity_closes_on_a_wall_as_fast_as_stops_before_it(
 ):
     normal, axis = wall
     velocity = tuple(speed * part for part in normal)
-    kept = held_back(velocity, (Wall(Limiter.FLOOR, normal, gap_m),), envelope)
+    kept = held_back(Ned(velocity), (Wall(Limiter.FLOOR, Ned(normal), gap_m),), envelope)
     braking = envelope.vertical_braking_m_s2 if axis == 2 else envelope.braking_m_s2
     allowed = min(speed, approach_speed(gap_m, braking, envelope.reaction_s))
     assert kept == pytest.approx(tuple(allowed * part for part in normal), abs=1e-9)
@@ -138,27 +149,27 @@ def test_a_desired_velocity_closes_on_a_wall_as_fast_as_stops_before_it(
 def test_a_speed_that_does_not_quite_stop_before_the_wall_is_reduced(braking_m_s2):
     envelope = replace(OPEN, braking_m_s2=braking_m_s2)
     allowed = approach_speed(5.0, braking_m_s2, envelope.reaction_s)
-    wall = (Wall(Limiter.FENCE_RADIUS, NORTH, 5.0),)
+    wall = (Wall(Limiter.FENCE_RADIUS, Ned(NORTH), 5.0),)
     for excess in (0.001, 0.1, 0.5):
-        kept = held_back((allowed + excess, 0.0, 0.0), wall, envelope)
+        kept = held_back(Ned((allowed + excess, 0.0, 0.0)), wall, envelope)
         assert kept == pytest.approx((allowed, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(("beyond_m", "back_m_s"), [(0.5, 0.25), (2.0, 1.0), (9.0, 1.0)])
 def test_beyond_a_wall_the_way_back_is_half_its_length_a_second_up_to_one_metre(beyond_m, back_m_s):
-    wall = Wall(Limiter.FENCE_RADIUS, NORTH, -beyond_m)
-    assert held_back((3.0, 2.0, 0.0), (wall,), OPEN) == pytest.approx((-back_m_s, 2.0, 0.0))
+    wall = Wall(Limiter.FENCE_RADIUS, Ned(NORTH), -beyond_m)
+    assert held_back(Ned((3.0, 2.0, 0.0)), (wall,), OPEN) == pytest.approx((-back_m_s, 2.0, 0.0))
 
 
 def test_the_evaders_wall_is_left_to_the_approach():
-    wall = Wall(Limiter.STAND_OFF, NORTH, -1.0, approached=True)
-    fast = Situation(STILL, (9.0, 0.0, 0.0))
-    assert held_back((9.0, 0.0, 0.0), (wall,), OPEN) == (9.0, 0.0, 0.0)
-    assert braked((1.0, 0.0, 0.0), fast, (wall,), OPEN) == (1.0, 0.0, 0.0)
-    speeding_up = fast._replace(acceleration_ned_m_s2=(4.0, 0.0, 0.0))
+    wall = Wall(Limiter.STAND_OFF, Ned(NORTH), -1.0, approached=True)
+    fast = Situation(Ned(STILL), Ned((9.0, 0.0, 0.0)))
+    assert held_back(Ned((9.0, 0.0, 0.0)), (wall,), OPEN) == (9.0, 0.0, 0.0)
+    assert braked(Ned((1.0, 0.0, 0.0)), fast, (wall,), OPEN) == (1.0, 0.0, 0.0)
+    speeding_up = fast._replace(acceleration_ned_m_s2=Ned((4.0, 0.0, 0.0)))
     far = (wall._replace(gap_m=20.0),)
-    (steady,) = constraints_of((9.0, 0.0, 0.0), fast, far, OPEN)
-    (gaining,) = constraints_of((9.0, 0.0, 0.0), speeding_up, far, OPEN)
+    (steady,) = constraints_of(Ned((9.0, 0.0, 0.0)), fast, far, OPEN)
+    (gaining,) = constraints_of(Ned((9.0, 0.0, 0.0)), speeding_up, far, OPEN)
     assert gaining == steady
 
 
@@ -171,12 +182,12 @@ def test_the_evaders_wall_is_left_to_the_approach():
     ],
 )
 def test_a_feed_forward_is_left_alone_where_no_wall_needs_braking(flown, gap_m, fed):
-    situation = Situation(STILL, (flown, 0.0, 0.0))
-    wall = Wall(Limiter.FENCE_RADIUS, NORTH, gap_m)
-    assert braked(fed, situation, (wall,), OPEN) == fed
+    situation = Situation(Ned(STILL), Ned((flown, 0.0, 0.0)))
+    wall = Wall(Limiter.FENCE_RADIUS, Ned(NORTH), gap_m)
+    assert braked(Ned(fed), situation, (wall,), OPEN) == fed
     assert braked(None, situation, (wall,), OPEN) is None
     nearer = wall._replace(gap_m=gap_m - 0.1)
-    assert (braked(fed, situation, (nearer,), OPEN) != fed) is (flown > 0.0)
+    assert (braked(Ned(fed), situation, (nearer,), OPEN) != fed) is (flown > 0.0)
 
 
 @pytest.mark.parametrize("reaction_s", [0.5, 1.5])
@@ -184,24 +195,26 @@ def test_walls_within_drift_and_stop_are_constraints_and_no_others(reaction_s):
     envelope = replace(
         OPEN, reaction_s=reaction_s, braking_m_s2=2.0, vertical_braking_m_s2=1.5, easing_m_s3=10.0
     )
-    situation = Situation(STILL, (3.0, 4.0, 0.0), acceleration_ned_m_s2=(3.0, 1.0, 0.0))
-    way_on_m = math.hypot(*surge(situation.velocity_ned_m_s, (3.0, 1.0, 0.0), envelope))
+    situation = Situation(
+        Ned(STILL), Ned((3.0, 4.0, 0.0)), acceleration_ned_m_s2=Ned((3.0, 1.0, 0.0))
+    )
+    way_on_m = math.hypot(*surge(situation.velocity_ned_m_s, Ned((3.0, 1.0, 0.0)), envelope))
     assert way_on_m > 0.1
     stop_m = 6.0 * reaction_s + 6.0**2 / (2.0 * 1.5)
     reach_m = 5.0 * reaction_s + way_on_m + stop_m
     for off_m, count in ((-1e-6, 1), (1e-6, 0)):
-        wall = Wall(Limiter.FENCE_RADIUS, NORTH, reach_m + off_m)
-        assert len(constraints_of((6.0, 0.0, 0.0), situation, (wall,), envelope)) == count
+        wall = Wall(Limiter.FENCE_RADIUS, Ned(NORTH), reach_m + off_m)
+        assert len(constraints_of(Ned((6.0, 0.0, 0.0)), situation, (wall,), envelope)) == count
 
 
 def test_a_vehicle_at_rest_on_a_wall_has_it_for_a_constraint():
-    wall = Wall(Limiter.FENCE_RADIUS, NORTH, 0.0)
-    assert len(constraints_of(STILL, HOVER, (wall,), OPEN)) == 1
+    wall = Wall(Limiter.FENCE_RADIUS, Ned(NORTH), 0.0)
+    assert len(constraints_of(Ned(STILL), HOVER, (wall,), OPEN)) == 1
 
 
 def test_the_time_to_stop_counts_the_speed_relative_to_the_wall():
-    rising = Wall(Limiter.FLOOR, DOWN, 2.0, velocity_ned_m_s=(0.0, 0.0, -1.0))
-    (constraint,) = constraints_of((0.0, 0.0, 2.0), HOVER, (rising,), OPEN)
+    rising = Wall(Limiter.FLOOR, Ned(DOWN), 2.0, velocity_ned_m_s=Ned((0.0, 0.0, -1.0)))
+    (constraint,) = constraints_of(Ned((0.0, 0.0, 2.0)), HOVER, (rising,), OPEN)
     assert constraint.vertical_s == pytest.approx(0.5 + 3.0 / (2.0 * 1.0))
 
 
@@ -214,8 +227,8 @@ def test_a_circle_keeps_the_stop_point_inside_and_leaves_alone_what_stops_there(
 ):
     north, east, v_north, v_east = drawn
     distance_m = math.hypot(north, east) + spare_m
-    circle = Constraint(Limiter.FENCE_RADIUS, NORTH, distance_m, ground_s, 1.0, (north, east))
-    kept, active = obey((v_north, v_east, 1.0), (circle,))
+    circle = Constraint(Limiter.FENCE_RADIUS, Ned(NORTH), distance_m, ground_s, 1.0, (north, east))
+    kept, active = obey(Ned((v_north, v_east, 1.0)), (circle,))
     stop_m = math.hypot(north + kept[0] * ground_s, east + kept[1] * ground_s)
     asked_m = math.hypot(north + v_north * ground_s, east + v_east * ground_s)
     assert stop_m <= distance_m + 1e-6
@@ -225,5 +238,5 @@ def test_a_circle_keeps_the_stop_point_inside_and_leaves_alone_what_stops_there(
 
 @pytest.mark.parametrize(("speed", "kept"), [(0.0, 0.0), (0.3, 0.3), (0.8, 0.5)])
 def test_a_small_circle_is_one_too(speed, kept):
-    circle = Constraint(Limiter.FENCE_RADIUS, NORTH, 0.5, about_m=(0.0, 0.0))
-    assert obey((speed, 0.0, 0.0), (circle,))[0] == pytest.approx((kept, 0.0, 0.0))
+    circle = Constraint(Limiter.FENCE_RADIUS, Ned(NORTH), 0.5, about_m=(0.0, 0.0))
+    assert obey(Ned((speed, 0.0, 0.0)), (circle,))[0] == pytest.approx((kept, 0.0, 0.0))

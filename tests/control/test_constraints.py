@@ -16,9 +16,10 @@ from guidance.control.braking_law import (
     reduced,
     surge,
 )
+from guidance.frames import Ned
 
 parts = st.floats(-10.0, 10.0)
-vectors = st.tuples(parts, parts, parts)
+vectors = st.tuples(parts, parts, parts).map(Ned)
 seconds = st.floats(0.1, 5.0)
 constraints = st.builds(
     Constraint,
@@ -32,11 +33,11 @@ constraints = st.builds(
 
 
 def slide(velocity, one):
-    return reduced(velocity, one, along=True)
+    return reduced(Ned(velocity), one, along=True)
 
 
 def shrink(velocity, one):
-    return reduced(velocity, one, along=False)
+    return reduced(Ned(velocity), one, along=False)
 
 
 def used_m(velocity, one):
@@ -108,7 +109,7 @@ def test_shrinking_for_one_wall_breaks_no_other(velocity, several):
 
 
 def test_a_slow_vehicle_is_held_back_as_a_fast_one_is():
-    wall = Constraint(Limiter.FLOOR, (0.0, 0.5, 2.0), 0.2)
+    wall = Constraint(Limiter.FLOOR, Ned((0.0, 0.5, 2.0)), 0.2)
     # 0.15 m on the ground and 0.25 m vertically, of 0.2 m: half of each
     for scale in (
         1.0,
@@ -145,7 +146,10 @@ def test_a_wall_s_distance_is_what_the_drift_leaves_of_it(normal, flown, left_m)
         2.0,
     )
     (built,) = constraints_of(
-        asked, Situation(STILL, flown), (Wall(Limiter.FLOOR, normal, 10.0),), envelope
+        Ned(asked),
+        Situation(Ned(STILL), Ned(flown)),
+        (Wall(Limiter.FLOOR, Ned(normal), 10.0),),
+        envelope,
     )
     assert built.distance_m == pytest.approx(left_m)
     assert (built.normal_ned, built.ground_s, built.vertical_s) == (normal, 2.0, 3.0)
@@ -153,8 +157,13 @@ def test_a_wall_s_distance_is_what_the_drift_leaves_of_it(normal, flown, left_m)
 
 
 def test_beyond_a_wall_its_distance_is_nothing():
-    wall = Wall(Limiter.FLOOR, (0.0, 0.0, 1.0), -5.0)
-    assert constraints_of(STILL, Situation(STILL, STILL), (wall,), ENVELOPE)[0].distance_m == 0.0
+    wall = Wall(Limiter.FLOOR, Ned((0.0, 0.0, 1.0)), -5.0)
+    assert (
+        constraints_of(Ned(STILL), Situation(Ned(STILL), Ned(STILL)), (wall,), ENVELOPE)[
+            0
+        ].distance_m
+        == 0.0
+    )
 
 
 @settings(deadline=None)
@@ -162,10 +171,10 @@ def test_beyond_a_wall_its_distance_is_nothing():
 def test_a_wall_out_of_reach_would_change_nothing(asked, flown, normal, gap_m):
     size = math.hypot(*normal)
     if size > 1e-3:
-        wall = Wall(Limiter.FLOOR, tuple(part / size for part in normal), gap_m)
-        here = Situation(STILL, flown)
-        if not constraints_of(asked, here, (wall,), ENVELOPE):
-            near = constraints_of(asked, here, (wall._replace(gap_m=-1.0),), ENVELOPE)[0]
+        wall = Wall(Limiter.FLOOR, Ned(tuple(part / size for part in normal)), gap_m)
+        here = Situation(Ned(STILL), Ned(flown))
+        if not constraints_of(Ned(asked), here, (wall,), ENVELOPE):
+            near = constraints_of(Ned(asked), here, (wall._replace(gap_m=-1.0),), ENVELOPE)[0]
             drift_m = ENVELOPE.reaction_s * used_m(
                 flown, near._replace(ground_s=1.0, vertical_s=1.0)
             )
@@ -210,7 +219,9 @@ def test_the_surge_is_how_much_further_it_goes(speed, acceleration):
     way = (0.6, -0.8)
     felt = acceleration + 0.5  # that much is scatter
     longer = surge(
-        (speed * way[0], speed * way[1], -1.0), (felt * way[0], felt * way[1], 2.0), ENVELOPE
+        Ned((speed * way[0], speed * way[1], -1.0)),
+        Ned((felt * way[0], felt * way[1], 2.0)),
+        ENVELOPE,
     )
     assert longer == pytest.approx((further * way[0], further * way[1], 0.0), abs=0.01)
 
@@ -219,18 +230,22 @@ def test_the_surge_is_how_much_further_it_goes(speed, acceleration):
 def test_only_what_brakes_of_an_acceleration_is_left_out_of_the_surge(way):
     north, east = way
     across = (-east, north)
-    aside = surge((0.7 * north, 0.7 * east, 0.0), (2.5 * across[0], 2.5 * across[1], 0.0), ENVELOPE)
+    aside = surge(
+        Ned((0.7 * north, 0.7 * east, 0.0)), Ned((2.5 * across[0], 2.5 * across[1], 0.0)), ENVELOPE
+    )
     slowing = tuple(2.5 * b - 3.0 * a for a, b in zip(way, across, strict=True))
-    assert surge((0.7 * north, 0.7 * east, 0.0), (*slowing, 0.0), ENVELOPE) == pytest.approx(aside)
+    assert surge(
+        Ned((0.7 * north, 0.7 * east, 0.0)), Ned((*slowing, 0.0)), ENVELOPE
+    ) == pytest.approx(aside)
     assert math.hypot(*aside) == pytest.approx(
         come_to_rest(0.7, 2.0) - come_to_rest(0.7, 0.0), abs=0.01
     )
 
 
 def test_braking_and_scatter_are_no_surge_and_a_turn_is_one_to_its_side():
-    assert surge((4.0, 0.0, 0.0), (-3.0, 0.0, 0.0), ENVELOPE) == (0.0, 0.0, 0.0)
-    assert surge((4.0, 0.0, 0.0), (0.3, 0.2, 5.0), ENVELOPE) == (0.0, 0.0, 0.0)
-    north, east, _ = surge((4.0, 0.0, 0.0), (-3.0, 2.0, 0.0), ENVELOPE)
+    assert surge(Ned((4.0, 0.0, 0.0)), Ned((-3.0, 0.0, 0.0)), ENVELOPE) == (0.0, 0.0, 0.0)
+    assert surge(Ned((4.0, 0.0, 0.0)), Ned((0.3, 0.2, 5.0)), ENVELOPE) == (0.0, 0.0, 0.0)
+    north, east, _ = surge(Ned((4.0, 0.0, 0.0)), Ned((-3.0, 2.0, 0.0)), ENVELOPE)
     assert abs(north) < 1e-12
     assert east > 1.0
     assert math.isfinite(east)

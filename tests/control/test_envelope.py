@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from guidance.control import Envelope, Limits, Situation, Speeds
 from guidance.control.polygon import Polygon
 from guidance.errors import ConfigError
+from guidance.frames import Ned
 from tests.control.scenes import OPEN
 
 
@@ -276,7 +277,7 @@ def test_speed_limits_are_from_the_file_or_10_percent_above_the_game_speed():
 
 def test_a_situation_with_position_and_velocity_only_assumes_no_other_motion():
     still = (0.0, 0.0, 0.0)
-    assert Situation((1.0, 2.0, 3.0), still) == (
+    assert Situation(Ned((1.0, 2.0, 3.0)), Ned(still)) == (
         (1.0, 2.0, 3.0),
         still,
         0.0,

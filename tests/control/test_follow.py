@@ -14,11 +14,11 @@ from guidance.control.follow import (
     follow,
     gaps_to_disc,
 )
+from guidance.frames import STILL, Ned
 from guidance.game import StandOff
 
-FAR = Gaps(60.0, 15.0, 1.0, 0.0)
-WANTED = (6.0, 0.0, 1.5)
-STILL = (0.0, 0.0, 0.0)
+FAR = Gaps(60.0, 15.0, Ned((1.0, 0.0, 0.0)))
+WANTED = Ned((6.0, 0.0, 1.5))
 
 
 def followed(*given, dt_s, **said):
@@ -27,19 +27,21 @@ def followed(*given, dt_s, **said):
 
 def test_a_vehicle_without_a_servo_gets_the_games_velocity_as_it_is():
     plain = replace(PX4.handling, servo=None)
-    result = followed(WANTED, Situation(STILL, STILL), FAR, plain, FollowMemory(), dt_s=0.02)
+    result = followed(
+        WANTED, Situation(Ned(STILL), Ned(STILL)), FAR, plain, FollowMemory(), dt_s=0.02
+    )
     assert result == (WANTED, None, WANTED, FollowMemory(), STILL, False)
 
 
 @pytest.mark.parametrize("name", sorted(AUTOPILOTS))
 def test_a_drift_that_is_known_shifts_the_command_by_itself(name):
     handling = AUTOPILOTS[name].handling
-    drift = Drift((0.2, -0.1, 0.05), (0.0, 0.0, -20.0))
-    at = Situation((0.0, 0.0, -20.0), STILL)
+    drift = Drift(Ned((0.2, -0.1, 0.05)), Ned((0.0, 0.0, -20.0)))
+    at = Situation(Ned((0.0, 0.0, -20.0)), Ned(STILL))
     plain = followed(WANTED, at, FAR, handling, FollowMemory(), dt_s=0.0)
     shifted = followed(
         WANTED,
-        Situation((0.0, 0.0, -20.0), drift.velocity_ned_m_s),
+        Situation(Ned((0.0, 0.0, -20.0)), drift.velocity_ned_m_s),
         FAR,
         handling,
         FollowMemory(drift=drift),
@@ -55,8 +57,10 @@ def test_a_drift_that_is_known_shifts_the_command_by_itself(name):
 
 def test_what_braking_at_the_disc_costs_is_not_owed():
     handling = PX4.handling
-    near = Gaps(0.2, 0.0, 1.0, 0.0)
-    motion = Situation((0.0, 0.0, -5.0), (3.0, 0.0, 0.0), evader_velocity_ned_m_s=(3.0, 0.0, 0.0))
+    near = Gaps(0.2, 0.0, Ned((1.0, 0.0, 0.0)))
+    motion = Situation(
+        Ned((0.0, 0.0, -5.0)), Ned((3.0, 0.0, 0.0)), evader_velocity_ned_m_s=Ned((3.0, 0.0, 0.0))
+    )
     memory = FollowMemory(deficit_m=1.0)
     assert followed(WANTED, motion, near, handling, memory, dt_s=0.02).memory.deficit_m == 1.0
     assert followed(WANTED, motion, FAR, handling, memory, dt_s=0.02).memory.deficit_m > 1.0
@@ -64,7 +68,7 @@ def test_what_braking_at_the_disc_costs_is_not_owed():
 
 def test_the_servo_learns_of_what_it_follows_unless_it_is_held_back():
     handling = PX4.handling
-    slow = Situation((0.0, 0.0, -5.0), (2.0, 1.0, 0.0))
+    slow = Situation(Ned((0.0, 0.0, -5.0)), Ned((2.0, 1.0, 0.0)))
     begun = followed(WANTED, slow, FAR, handling, FollowMemory(), dt_s=0.1).memory
     free, held = (
         followed(WANTED, slow, FAR, handling, begun, dt_s=0.1, **said).memory.servo.drag_per_s
@@ -77,9 +81,9 @@ def test_the_servo_learns_of_what_it_follows_unless_it_is_held_back():
 @pytest.mark.parametrize("towards", [(0.6, 0.8), (-0.8, 0.6)])
 def test_an_evader_of_unknown_velocity_is_at_rest(name, towards):
     handling = AUTOPILOTS[name].handling
-    near = Gaps(1.0, 2.0, *towards)
-    unknown = Situation((0.0, 0.0, -20.0), (2.0, 1.0, 0.5))
-    still = unknown._replace(evader_velocity_ned_m_s=STILL)
+    near = Gaps(1.0, 2.0, Ned((*towards, 0.0)))
+    unknown = Situation(Ned((0.0, 0.0, -20.0)), Ned((2.0, 1.0, 0.5)))
+    still = unknown._replace(evader_velocity_ned_m_s=Ned(STILL))
     one, other = (
         followed(WANTED, at, near, handling, FollowMemory(), dt_s=0.02) for at in (unknown, still)
     )
@@ -96,4 +100,6 @@ def test_an_evader_of_unknown_velocity_is_at_rest(name, towards):
     ],
 )
 def test_gaps_are_to_the_rim_and_to_the_height_and_point_at_the_evader(evader, gaps):
-    assert gaps_to_disc((1.0, 2.0, -30.0), evader, StandOff(3.0, 5.0)) == pytest.approx(gaps)
+    assert gaps_to_disc(Ned((1.0, 2.0, -30.0)), Ned(evader), StandOff(3.0, 5.0)) == pytest.approx(
+        gaps
+    )

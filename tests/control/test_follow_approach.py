@@ -8,14 +8,15 @@ from hypothesis import strategies as st
 
 from guidance.autopilots import AUTOPILOTS
 from guidance.control.follow import RETREAT_M, Approach, Gaps, approach
+from guidance.frames import Ned
 
 DT_S = 0.02
 SETTINGS = Approach(braking_m_s2=2.0, vertical_braking_m_s2=1.0, lag_s=0.3, margin_m=0.15)
 STILL = (0.0, 0.0, 0.0)
-FAR = Gaps(500.0, 100.0, 1.0, 0.0)
+FAR = Gaps(500.0, 100.0, Ned((1.0, 0.0, 0.0)))
 
 speeds = st.floats(-12.0, 12.0)
-velocities = st.tuples(speeds, speeds, speeds)
+velocities = st.tuples(speeds, speeds, speeds).map(Ned)
 settings = st.sampled_from(
     [SETTINGS, *(autopilot.handling.approach for autopilot in AUTOPILOTS.values())]
 )
@@ -27,26 +28,27 @@ def all_gaps(draw):
     return Gaps(
         draw(st.floats(-5.0, 60.0)),
         draw(st.floats(-5.0, 60.0)),
-        math.cos(bearing),
-        math.sin(bearing),
+        Ned((math.cos(bearing), math.sin(bearing), 0.0)),
     )
 
 
 def closing(velocity, evader, gaps):
-    return (velocity[0] - evader[0]) * gaps.towards_north + (
+    return (velocity[0] - evader[0]) * gaps.towards_ned.north + (
         velocity[1] - evader[1]
-    ) * gaps.towards_east
+    ) * gaps.towards_ned.east
 
 
 def across(velocity, evader, gaps):
-    return (velocity[1] - evader[1]) * gaps.towards_north - (
+    return (velocity[1] - evader[1]) * gaps.towards_ned.north - (
         velocity[0] - evader[0]
-    ) * gaps.towards_east
+    ) * gaps.towards_ned.east
 
 
 @given(velocities, velocities, velocities, all_gaps(), settings)
 def test_never_asks_to_close_faster_than_can_be_braked(wanted, flown, evader, gaps, settings):
-    assume(evader[0] * gaps.towards_north + evader[1] * gaps.towards_east >= 0.0)  # it flees
+    assume(
+        evader[0] * gaps.towards_ned.north + evader[1] * gaps.towards_ned.east >= 0.0
+    )  # it flees
     velocity, _ = approach(wanted, flown, evader, gaps, settings)
     asked = closing(velocity, evader, gaps)
     assert asked <= closing(wanted, evader, gaps) + 1e-9
@@ -87,8 +89,8 @@ def test_far_away_nothing_is_touched(wanted, flown, evader):
 
 @pytest.mark.parametrize("evader", [STILL, (3.0, 0.0, 0.0), (-1.0, 2.0, 0.0)])
 def test_at_rest_before_the_rim_the_velocity_is_the_evaders(evader):
-    rim = Gaps(SETTINGS.margin_m, 0.0, 1.0, 0.0)
-    velocity, braking = approach((6.0, 1.0, 0.0), evader, evader, rim, SETTINGS)
+    rim = Gaps(SETTINGS.margin_m, 0.0, Ned((1.0, 0.0, 0.0)))
+    velocity, braking = approach(Ned((6.0, 1.0, 0.0)), evader, evader, rim, SETTINGS)
     # It retreats more slowly than the evader comes
     waited_m_s = max(0.0, -evader[0]) * SETTINGS.margin_m / RETREAT_M
     assert velocity == pytest.approx((evader[0] + waited_m_s, evader[1], 0.0))
@@ -97,9 +99,21 @@ def test_at_rest_before_the_rim_the_velocity_is_the_evaders(evader):
 
 def test_inside_the_disc_it_backs_off_gently():
     evader = (3.0, 0.0, 0.0)
-    inside = approach((6.0, 0.0, 0.0), evader, evader, Gaps(-0.35, 0.0, 1.0, 0.0), SETTINGS)[0]
+    inside = approach(
+        Ned((6.0, 0.0, 0.0)),
+        Ned(evader),
+        Ned(evader),
+        Gaps(-0.35, 0.0, Ned((1.0, 0.0, 0.0))),
+        SETTINGS,
+    )[0]
     assert inside[0] == pytest.approx(3.0 - 0.5 * 0.5 / SETTINGS.settle_s)
-    deep = approach((6.0, 0.0, 0.0), evader, evader, Gaps(-3.0, 0.0, 1.0, 0.0), SETTINGS)[0]
+    deep = approach(
+        Ned((6.0, 0.0, 0.0)),
+        Ned(evader),
+        Ned(evader),
+        Gaps(-3.0, 0.0, Ned((1.0, 0.0, 0.0))),
+        SETTINGS,
+    )[0]
     assert deep[0] == pytest.approx(3.0 - SETTINGS.backing_m_s)
 
 
@@ -127,7 +141,7 @@ def test_what_goes_across_the_line_of_sight_fades_as_the_closing_does(
         )
 
     evader = moving(0.0, 0.0)
-    gaps = Gaps(ground_m, 0.0, *towards)
+    gaps = Gaps(ground_m, 0.0, Ned((*towards, 0.0)))
     velocity, braking = approach(moving(closing_m_s, 0.7), evader, evader, gaps, SETTINGS)
     assert velocity == pytest.approx(moving(allowed_m_s, 0.7 * kept))
     assert braking
@@ -138,7 +152,13 @@ def test_the_speed_allowed_is_the_root_of_the_stopping_distance():
         braking_m_s2=2.0, vertical_braking_m_s2=1.0, lag_s=0.0, settle_s=0.3, margin_m=0.0
     )
     for left_m in (0.0, 0.01, 0.5, 3.0, 40.0):
-        (v, _, _), _ = approach((50.0, 0.0, 0.0), STILL, STILL, Gaps(left_m, 0.0, 1.0, 0.0), bare)
+        (v, _, _), _ = approach(
+            Ned((50.0, 0.0, 0.0)),
+            Ned(STILL),
+            Ned(STILL),
+            Gaps(left_m, 0.0, Ned((1.0, 0.0, 0.0))),
+            bare,
+        )
         assert v * 0.3 + v * v / 4.0 == pytest.approx(left_m)
 
 
@@ -163,7 +183,11 @@ def test_a_vehicle_that_lags_no_more_than_planned_never_enters_the_disc(name, la
     reached_s = math.inf
     for cycle in range(2000):
         wanted = approach(
-            (6.0, 0.0, 0.0), (flown, 0.0, 0.0), evader, Gaps(gap_m, 0.0, 1.0, 0.0), settings
+            Ned((6.0, 0.0, 0.0)),
+            Ned((flown, 0.0, 0.0)),
+            Ned(evader),
+            Gaps(gap_m, 0.0, Ned((1.0, 0.0, 0.0))),
+            settings,
         )[0]
         flown += (wanted[0] - flown) * (1.0 - math.exp(-DT_S / lag_s))
         gap_m -= (flown - pace) * DT_S
@@ -191,7 +215,11 @@ def test_the_height_of_the_disc_is_reached_without_overshoot(name, height_m, wan
         # The game turns the sign of its vertical speed at the height of the disc.
         game = math.copysign(wanted, height_m)
         down = approach(
-            (0.0, 0.0, game), (0.0, 0.0, flown), STILL, Gaps(40.0, height_m, 1.0, 0.0), settings
+            Ned((0.0, 0.0, game)),
+            Ned((0.0, 0.0, flown)),
+            Ned(STILL),
+            Gaps(40.0, height_m, Ned((1.0, 0.0, 0.0))),
+            settings,
         )[0][2]
         flown += (down - flown) * (1.0 - math.exp(-DT_S / lag_s))
         height_m -= flown * DT_S
@@ -202,6 +230,6 @@ def test_the_height_of_the_disc_is_reached_without_overshoot(name, height_m, wan
 @pytest.mark.parametrize("height_m", [0.0, 3.0])
 def test_an_evader_that_comes_is_waited_for_at_the_discs_height_and_fled_from_above_it(height_m):
     evader = (-4.0, 0.0, 0.0)
-    gaps = Gaps(3.0, height_m, 1.0, 0.0)
-    velocity, _ = approach(STILL, STILL, evader, gaps, SETTINGS)
+    gaps = Gaps(3.0, height_m, Ned((1.0, 0.0, 0.0)))
+    velocity, _ = approach(Ned(STILL), Ned(STILL), Ned(evader), gaps, SETTINGS)
     assert velocity[0] == pytest.approx(0.0) if height_m == 0.0 else velocity[0] < -1.0

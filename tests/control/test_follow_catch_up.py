@@ -8,18 +8,23 @@ from hypothesis import strategies as st
 
 from guidance.control import follow
 from guidance.control.follow import EASE, LARGEST_DEFICIT_M, Gaps, Pace
+from guidance.frames import Ned
 
 DT_S = 0.02
 WANTED = (6.0, 0.0, 0.0)
 
 speeds = st.floats(-12.0, 12.0)
-velocities = st.tuples(speeds, speeds, speeds)
+velocities = st.tuples(speeds, speeds, speeds).map(Ned)
 
 
 def catch_up(wanted, flown, deficit_m, dt_s=DT_S, most=1.05):
     """High above an evader that is near: no vertical speed is to spare."""
     return follow.catch_up(
-        wanted, flown, deficit_m, Gaps(1.0, 1e3, 1.0, 0.0), Pace(dt_s, most, 20.0)
+        Ned(wanted),
+        Ned(flown),
+        deficit_m,
+        Gaps(1.0, 1e3, Ned((1.0, 0.0, 0.0))),
+        Pace(dt_s, most, 20.0),
     )
 
 

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from guidance.control.follow import JUMP_M, LARGEST_M_S, Drift, observe_drift
 from guidance.control.servo import AWAY_M, keep_station
 from guidance.control.servo import LARGEST_M_S as STATION_LARGEST_M_S
+from guidance.frames import Ned
 
 DT_S = 0.02
 coordinates = st.floats(-50.0, 50.0)
-vectors = st.tuples(coordinates, coordinates, coordinates)
+vectors = st.tuples(coordinates, coordinates, coordinates).map(Ned)
 STILL = (0.0, 0.0, 0.0)
 
 
@@ -27,7 +28,7 @@ def drive(*, seconds, velocity, error, hold_cycles=1):
         if cycle % hold_cycles == 0:
             reported = tuple(place)
         told = tuple(v + e for v, e in zip(true, error(now_s), strict=True))
-        drift = observe_drift(drift, reported, told, dt_s=DT_S)
+        drift = observe_drift(drift, Ned(reported), Ned(told), dt_s=DT_S)
         place = [p + v * DT_S for p, v in zip(place, true, strict=True)]
     return drift.velocity_ned_m_s
 
@@ -65,17 +66,19 @@ def test_velocities_that_fit_their_positions_have_no_drift():
 def test_the_drift_is_bounded_whatever_is_reported(reports):
     drift = Drift()
     for position, velocity, dt_s in reports:
-        drift = observe_drift(drift, position, velocity, dt_s=dt_s)
+        drift = observe_drift(drift, Ned(position), Ned(velocity), dt_s=dt_s)
         assert all(abs(part) <= LARGEST_M_S for part in drift.velocity_ned_m_s)
 
 
 def test_nothing_is_learned_from_a_jump_of_the_estimate():
-    before = Drift((0.1, 0.0, 0.0), (5.0, 5.0, -20.0))
-    after = observe_drift(before, (5.0 + 3.0 * JUMP_M, 5.0, -20.0), (0.1, 0.0, 0.0), dt_s=DT_S)
-    assert after == Drift((0.1, 0.0, 0.0), (5.0 + 3.0 * JUMP_M, 5.0, -20.0))
+    before = Drift(Ned((0.1, 0.0, 0.0)), Ned((5.0, 5.0, -20.0)))
+    after = observe_drift(
+        before, Ned((5.0 + 3.0 * JUMP_M, 5.0, -20.0)), Ned((0.1, 0.0, 0.0)), dt_s=DT_S
+    )
+    assert after == Drift(Ned((0.1, 0.0, 0.0)), Ned((5.0 + 3.0 * JUMP_M, 5.0, -20.0)))
 
 
-KNOWN = Drift((0.1, -0.2, 0.3), (5.0, -6.0, -20.0))
+KNOWN = Drift(Ned((0.1, -0.2, 0.3)), Ned((5.0, -6.0, -20.0)))
 FLOWN = (2.1, -1.2, 0.8)  # by what is known, 2.0, -1.0 and 0.5 m/s over the ground
 
 
@@ -89,7 +92,7 @@ def test_one_report_moves_place_and_drift_by_its_share_of_what_it_is_off(off, dt
         for at, speed in zip(KNOWN.position_ned_m, (2.0, -1.0, 0.5), strict=True)
     ]
     reported = tuple(at + by for at, by in zip(expected, off, strict=True))
-    after = observe_drift(KNOWN, reported, FLOWN, dt_s=dt_s)
+    after = observe_drift(KNOWN, Ned(reported), Ned(FLOWN), dt_s=dt_s)
     # Two poles at -1/1.2 s: 2/1.2 of an error a second for the place, 1/1.2² for the drift.
     assert after.position_ned_m == pytest.approx(
         [at + by * counted_s / 0.6 for at, by in zip(expected, off, strict=True)]
@@ -106,23 +109,31 @@ def test_a_remaining_error_above_one_metre_is_a_jump_and_drift_is_bounded(axis, 
         return tuple(side * size if n == axis else 0.0 for n in range(3))
 
     for off_m, jumped in ((1.19, False), (1.21, True)):  # a sixth of it is taken up within 0.1 s
-        after = observe_drift(Drift(STILL, STILL), along(off_m), STILL, dt_s=0.1)
-        assert (after == Drift(STILL, along(off_m))) is jumped
+        after = observe_drift(
+            Drift(Ned(STILL), Ned(STILL)), Ned(along(off_m)), Ned(STILL), dt_s=0.1
+        )
+        assert (after == Drift(Ned(STILL), Ned(along(off_m)))) is jumped
     for known, learned in ((0.599, 0.6), (0.5, 0.5 + 0.05 / 1.44)):
         after = observe_drift(
-            Drift(along(known), STILL), along(-0.5 - 0.1 * known), STILL, dt_s=0.1
+            Drift(Ned(along(known)), Ned(STILL)),
+            Ned(along(-0.5 - 0.1 * known)),
+            Ned(STILL),
+            dt_s=0.1,
         )
         assert after.velocity_ned_m_s == pytest.approx(along(learned))
 
 
 def test_a_moving_vehicle_is_stopped_before_a_place_is_held():
-    assert keep_station(None, (1.0, 2.0, -5.0), (2.0, 0.0, 0.0)) == ((0.0, 0.0), None)
-    assert keep_station(None, (1.0, 2.0, -5.0), (0.1, 0.0, 0.0)) == ((0.0, 0.0), (1.0, 2.0))
+    assert keep_station(None, Ned((1.0, 2.0, -5.0)), Ned((2.0, 0.0, 0.0))) == ((0.0, 0.0), None)
+    assert keep_station(None, Ned((1.0, 2.0, -5.0)), Ned((0.1, 0.0, 0.0))) == (
+        (0.0, 0.0),
+        (1.0, 2.0),
+    )
 
 
 @given(st.tuples(coordinates, coordinates), vectors)
 def test_station_is_kept_slowly_and_towards_the_place(place, position):
-    (north, east), held = keep_station(place, position, (0.0, 0.0, 0.0))
+    (north, east), held = keep_station(place, Ned(position), Ned((0.0, 0.0, 0.0)))
     assert math.hypot(north, east) <= STATION_LARGEST_M_S + 1e-12
     assert north * (place[0] - position[0]) + east * (place[1] - position[1]) >= 0.0
     assert held == (place if math.dist(place, position[:2]) <= AWAY_M else position[:2])
@@ -136,9 +147,9 @@ def test_a_place_is_held_against_an_autopilot_that_slides():
     flown = [0.0, 0.0]
     for _ in range(3000):
         told = (flown[0] + slide[0], flown[1] + slide[1], 0.0)
-        drift = observe_drift(drift, (here[0], here[1], -5.0), told, dt_s=DT_S)
+        drift = observe_drift(drift, Ned((here[0], here[1], -5.0)), Ned(told), dt_s=DT_S)
         less = tuple(v - d for v, d in zip(told, drift.velocity_ned_m_s, strict=True))
-        (north, east), place = keep_station(place, (here[0], here[1], -5.0), less)
+        (north, east), place = keep_station(place, Ned((here[0], here[1], -5.0)), Ned(less))
         for axis, asked in enumerate((north, east)):
             command = asked + drift.velocity_ned_m_s[axis]
             flown[axis] += (command - slide[axis] - flown[axis]) * (1.0 - math.exp(-DT_S / 0.3))

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from guidance.control import Envelope, Limiter, Situation
 from guidance.control.braking_law import RETURN_M_S, RETURN_PER_S, held_back, measure_walls
 from guidance.control.polygon import Polygon
+from guidance.frames import Ned
 
 PLAIN = {
     "floor_m": 3.0,
@@ -19,7 +20,7 @@ PLAIN = {
     "vertical_acceleration_m_s2": 2.0,
     "jerk_m_s3": 20.0,
     "yaw_rate_rad_s": 1.0,
-    "home_ned_m": (10.0, -20.0, 0.0),
+    "home_ned_m": Ned((10.0, -20.0, 0.0)),
     "fence_margin_m": 1.0,
 }
 CIRCLE = Envelope(**PLAIN, fence_radius_m=30.0)
@@ -35,7 +36,9 @@ def at(north, east):
 
 
 def kept(velocity, position, envelope):
-    return held_back(velocity, measure_walls(Situation(position, velocity), envelope), envelope)
+    return held_back(
+        Ned(velocity), measure_walls(Situation(Ned(position), Ned(velocity)), envelope), envelope
+    )
 
 
 @given(speeds, speeds, st.floats(-3.0, 3.0), st.floats(-15.0, 15.0), st.floats(-15.0, 15.0))
@@ -124,7 +127,7 @@ def test_the_speed_along_the_circle_is_kept(north, east, bearing, distance):
 
 
 def fences(position, envelope):
-    walls = measure_walls(Situation(position, (0.0, 0.0, 0.0)), envelope)
+    walls = measure_walls(Situation(Ned(position), Ned((0.0, 0.0, 0.0))), envelope)
     return [wall for wall in walls if wall.limiter in {Limiter.FENCE_POLYGON, Limiter.FENCE_RADIUS}]
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from guidance.control.servo import AltitudeHold, hold_altitude, keep_station
+from guidance.frames import Ned
 from tests.control.scenes import DT_S, OPEN
 
 
@@ -66,7 +67,7 @@ def test_a_hold_begins_without_trim_and_keeps_the_height_that_it_began_at():
 
 @pytest.mark.parametrize(("down_m", "held_m"), [(-3.0, -10.0), (-90.0, -40.0)])
 def test_a_hold_stays_between_floor_and_ceiling_above_home(down_m, held_m):
-    between = replace(OPEN, floor_m=5.0, ceiling_m=35.0, home_ned_m=(0.0, 0.0, -5.0))
+    between = replace(OPEN, floor_m=5.0, ceiling_m=35.0, home_ned_m=Ned((0.0, 0.0, -5.0)))
     assert hold_altitude(None, down_m=down_m, envelope=between, dt_s=DT_S)[1].down_m == held_m
 
 
@@ -94,7 +95,7 @@ def test_far_from_its_height_on_either_side_the_trim_waits(error_m):
 def test_a_place_is_held_in_proportion_and_slowly_and_no_old_place_is_chased(off, velocity, held):
     here = (10.0, -20.0)
     place = (here[0] + off[0], here[1] + off[1])
-    asked, kept = keep_station(place, (*here, -5.0), (9.0, 9.0, 9.0))
+    asked, kept = keep_station(place, Ned((*here, -5.0)), Ned((9.0, 9.0, 9.0)))
     assert asked == pytest.approx(velocity)
     assert kept == (place if held else here)
 
@@ -103,7 +104,7 @@ def test_a_place_is_held_in_proportion_and_slowly_and_no_old_place_is_chased(off
     ("flown", "begun"), [((0.29, -0.39, 2.0), True), ((0.31, -0.41, 0.0), False)]
 )
 def test_a_place_is_taken_once_the_vehicle_is_slow_over_the_ground(flown, begun):
-    assert keep_station(None, (1.0, 2.0, -5.0), flown) == (
+    assert keep_station(None, Ned((1.0, 2.0, -5.0)), Ned(flown)) == (
         (0.0, 0.0),
         (1.0, 2.0) if begun else None,
     )

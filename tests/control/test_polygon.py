@@ -12,7 +12,7 @@ from guidance.autopilots import PX4
 from guidance.control import Limits, Speeds, polygon
 from guidance.control.polygon import MOST_CORNERS, Polygon, crossing_edges
 from guidance.errors import ConfigError
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.game import StandOff
 
 
@@ -164,7 +164,7 @@ def test_the_number_of_corners_has_a_limit():
 
 def test_a_new_home_in_flight_does_not_check_the_polygon_again(monkeypatch):
     frame = LocalFrame(47.397742, 8.545594, Amsl(488.0), Amsl(488.0), projection=PX4.projection)
-    corners = tuple(frame.wgs84_from_ned((*corner, 0.0))[:2] for corner in star(MOST_CORNERS))
+    corners = tuple(frame.wgs84_from_ned(Ned((*corner, 0.0)))[:2] for corner in star(MOST_CORNERS))
     limits = Limits(fence_polygon_deg=corners)
     envelope = limits.envelope(Speeds(6.0, 2.0, 1.5), PX4.handling.dynamics, StandOff(8.0, 10.0))
 
@@ -172,7 +172,7 @@ def test_a_new_home_in_flight_does_not_check_the_polygon_again(monkeypatch):
         raise AssertionError("the crossing check must not run in a cycle")
 
     monkeypatch.setattr(polygon, "crossing_edges", never)
-    fenced = limits.about_home(envelope, (3.0, 4.0, 0.0), frame)
+    fenced = limits.about_home(envelope, Ned((3.0, 4.0, 0.0)), frame)
     for place, (north, east) in zip(
         fenced.fence_polygon.corners_ne_m, star(MOST_CORNERS), strict=True
     ):

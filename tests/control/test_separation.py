@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from guidance.control import Dynamics, Limiter, Limits, Situation, Speeds
 from guidance.control.braking_law import Separation, measure_walls
 from guidance.control.setpoint_limiter import limit
+from guidance.frames import Ned
 from guidance.game import StandOff
 from guidance.messages import Setpoint
 
@@ -44,14 +45,14 @@ class Point:
             age_s = (number - at) * STEP_S
             place = tuple(p + age_s * v for p, v in zip(place, velocity, strict=True))
             spread_m = 2.5 * age_s * age_s
-            mates = [Separation(place, APART_M + spread_m, HEIGHT_M + spread_m)]
+            mates = [Separation(Ned(place), APART_M + spread_m, HEIGHT_M + spread_m)]
         else:
             mates = []
         away = [to - at for to, at in zip(self.goal, self.place, strict=True)]
         asked = tuple(3.0 * part for part in away)
-        here = Situation(tuple(self.place), tuple(self.velocity))
+        here = Situation(Ned(tuple(self.place)), Ned(tuple(self.velocity)))
         walls = measure_walls(here, OPEN, mates)
-        limited = limit(Setpoint(asked), here, OPEN, self.memory, STEP_S, walls=walls)
+        limited = limit(Setpoint(Ned(asked)), here, OPEN, self.memory, STEP_S, walls=walls)
         self.memory = limited.memory
         for axis, wanted in enumerate(limited.setpoint.velocity_ned_m_s):
             rate = (wanted - self.velocity[axis]) / LAG_S
@@ -63,11 +64,13 @@ class Point:
 
 def climb_m_s(height_m, mate_height_m):
     """Climb rate of a vehicle that is asked to climb beside a mate at another height."""
-    here = Situation((0.0, 0.0, -height_m), (0.0, 0.0, 0.0))
-    walls = measure_walls(here, OPEN, [Separation((2.0, 0.0, -mate_height_m), APART_M, HEIGHT_M)])
+    here = Situation(Ned((0.0, 0.0, -height_m)), Ned((0.0, 0.0, 0.0)))
+    walls = measure_walls(
+        here, OPEN, [Separation(Ned((2.0, 0.0, -mate_height_m)), APART_M, HEIGHT_M)]
+    )
     memory = None
     for _ in range(100):
-        limited = limit(Setpoint((0.0, 0.0, -1.0)), here, OPEN, memory, STEP_S, walls=walls)
+        limited = limit(Setpoint(Ned((0.0, 0.0, -1.0))), here, OPEN, memory, STEP_S, walls=walls)
         memory = limited.memory
     return -limited.setpoint.velocity_ned_m_s[2]
 
@@ -78,7 +81,7 @@ def test_a_vehicle_below_the_floor_climbs_back_towards_a_mate_above():
     assert climb_m_s(1.5, 30.0) == 1.0
 
 
-places = st.tuples(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0), st.floats(-30.0, -8.0))
+places = st.tuples(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0), st.floats(-30.0, -8.0)).map(Ned)
 
 
 @settings(max_examples=25, deadline=None)
@@ -109,20 +112,24 @@ def test_two_vehicles_keep_their_separation_wherever_they_want_to_go(
 
 
 def test_a_mate_above_is_no_obstacle_to_level_flight():
-    here = Situation((0.0, 0.0, -10.0), (6.0, 0.0, 0.0))
+    here = Situation(Ned((0.0, 0.0, -10.0)), Ned((6.0, 0.0, 0.0)))
     walls = [
         wall
-        for wall in measure_walls(here, OPEN, [Separation((5.0, 0.0, -15.0), APART_M, HEIGHT_M)])
+        for wall in measure_walls(
+            here, OPEN, [Separation(Ned((5.0, 0.0, -15.0)), APART_M, HEIGHT_M)]
+        )
         if wall.limiter is Limiter.SEPARATION
     ]
     assert [(wall.normal_ned, wall.gap_m) for wall in walls] == [((0.0, 0.0, -1.0), 1.0)]
 
 
 def test_the_bound_is_half_of_the_distance():
-    here = Situation((0.0, 0.0, -10.0), (0.0, 0.0, 0.0))
+    here = Situation(Ned((0.0, 0.0, -10.0)), Ned((0.0, 0.0, 0.0)))
     (wall,) = [
         one
-        for one in measure_walls(here, OPEN, [Separation((28.0, 0.0, -10.0), APART_M, HEIGHT_M)])
+        for one in measure_walls(
+            here, OPEN, [Separation(Ned((28.0, 0.0, -10.0)), APART_M, HEIGHT_M)]
+        )
         if one.limiter is Limiter.SEPARATION
     ]
     assert wall.gap_m == 10.0

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from guidance.autopilots import AUTOPILOTS
 from guidance.control.servo import ServoGains, ServoMemory, serve
+from guidance.frames import Ned
 
 DT_S = 0.02
 GAINS = ServoGains(
@@ -27,7 +28,7 @@ IGNORANT = replace(GAINS, drag_per_s=0.0, drag_learning_per_s2=0.0, trim_learnin
 STILL = (0.0, 0.0, 0.0)
 
 speeds = st.floats(-20.0, 20.0)
-velocities = st.tuples(speeds, speeds, speeds)
+velocities = st.tuples(speeds, speeds, speeds).map(Ned)
 steps = st.sampled_from([0.0, 0.005, 0.02, 0.05, 0.1, 0.5])
 gains = st.sampled_from(
     [GAINS, IGNORANT, *(autopilot.handling.servo for autopilot in AUTOPILOTS.values())]
@@ -47,7 +48,7 @@ def run(wanted, gains, *, plant, seconds):
     velocity = STILL
     memory = None
     for cycle in range(round(seconds / DT_S)):
-        served = _, memory = serve(wanted, velocity, memory, gains, dt_s=DT_S)
+        served = _, memory = serve(Ned(wanted), Ned(velocity), memory, gains, dt_s=DT_S)
         yield cycle * DT_S, velocity, served
         velocity = tuple(
             v + a * DT_S for v, a in zip(velocity, plant(velocity, served), strict=True)
@@ -77,9 +78,9 @@ def loop(*, drag_per_s=0.0, push=STILL, gain_per_s=1.8, largest_m_s2=math.inf):
 
 @given(velocities, velocities, velocities, steps, gains)
 def test_equal_inputs_give_equal_outputs(wanted, flown, expected, dt_s, gains):
-    memory = ServoMemory(flown, STILL, expected, 0.1, STILL)
-    assert serve(wanted, flown, memory, gains, dt_s=dt_s) == serve(
-        wanted, flown, memory, gains, dt_s=dt_s
+    memory = ServoMemory(Ned(flown), Ned(STILL), Ned(expected), 0.1, Ned(STILL))
+    assert serve(Ned(wanted), Ned(flown), memory, gains, dt_s=dt_s) == serve(
+        Ned(wanted), Ned(flown), memory, gains, dt_s=dt_s
     )
 
 
@@ -89,7 +90,7 @@ def test_the_command_never_leaves_what_was_wanted_and_flown(cycles, gains):
     sizes = [ground(cycles[0][1])]
     heights = [cycles[0][1][2]]
     for wanted, flown, dt_s in cycles:
-        _, memory = serve(wanted, flown, memory, gains, dt_s=dt_s)
+        _, memory = serve(Ned(wanted), Ned(flown), memory, gains, dt_s=dt_s)
         sizes.append(ground(wanted))
         heights.append(wanted[2])
         assert (
@@ -104,8 +105,10 @@ def test_the_command_never_leaves_what_was_wanted_and_flown(cycles, gains):
 def test_the_reference_keeps_its_acceleration_and_jerk_whatever_is_asked(cycles, gains):
     memory = None
     for wanted, flown, dt_s in cycles:
-        before = memory or ServoMemory(flown, STILL, flown, gains.drag_per_s, STILL)
-        _, memory = serve(wanted, flown, memory, gains, dt_s=dt_s)
+        before = memory or ServoMemory(
+            Ned(flown), Ned(STILL), Ned(flown), gains.drag_per_s, Ned(STILL)
+        )
+        _, memory = serve(Ned(wanted), Ned(flown), memory, gains, dt_s=dt_s)
         counted_s = min(dt_s, 0.1)
         moved = difference(memory.reference_ned_m_s, before.reference_ned_m_s)
         assert ground(moved) <= gains.acceleration_m_s2 * counted_s + 1e-9
@@ -119,7 +122,7 @@ def test_the_reference_keeps_its_acceleration_and_jerk_whatever_is_asked(cycles,
 def test_what_is_learned_never_winds_up_beyond_its_limits(cycles, gains):
     memory = None
     for wanted, flown, dt_s in cycles:
-        _, memory = serve(wanted, flown, memory, gains, dt_s=dt_s)
+        _, memory = serve(Ned(wanted), Ned(flown), memory, gains, dt_s=dt_s)
         assert 0.0 <= memory.drag_per_s <= max(gains.drag_limit_per_s, gains.drag_per_s)
         assert ground(memory.trim_ned_m_s2) <= gains.trim_limit_m_s2 + 1e-12
         assert memory.trim_ned_m_s2[2] == 0.0
@@ -161,12 +164,12 @@ def test_a_vehicle_at_its_tilt_limit_overshoots_little_when_it_gets_there():
 
 
 def test_what_drag_costs_falls_with_the_speed_at_once():
-    memory = ServoMemory((6.0, 0.0, 0.0), STILL, (6.0, 0.0, 0.0), 0.8, STILL)
-    fast, _ = serve((6.0, 0.0, 0.0), (6.0, 0.0, 0.0), memory, IGNORANT, dt_s=DT_S)
+    memory = ServoMemory(Ned((6.0, 0.0, 0.0)), Ned(STILL), Ned((6.0, 0.0, 0.0)), 0.8, Ned(STILL))
+    fast, _ = serve(Ned((6.0, 0.0, 0.0)), Ned((6.0, 0.0, 0.0)), memory, IGNORANT, dt_s=DT_S)
     slow, _ = serve(
-        (3.0, 0.0, 0.0),
-        (3.0, 0.0, 0.0),
-        memory._replace(reference_ned_m_s=(3.0, 0.0, 0.0)),
+        Ned((3.0, 0.0, 0.0)),
+        Ned((3.0, 0.0, 0.0)),
+        memory._replace(reference_ned_m_s=Ned((3.0, 0.0, 0.0))),
         IGNORANT,
         dt_s=DT_S,
     )
@@ -198,22 +201,27 @@ def test_the_acceleration_fed_forward_is_the_references_own():
 
 
 def test_it_begins_at_the_vehicles_own_velocity():
-    _, memory = serve((6.0, 0.0, 0.0), (2.0, 1.0, -0.5), None, GAINS, dt_s=0.0)
+    _, memory = serve(Ned((6.0, 0.0, 0.0)), Ned((2.0, 1.0, -0.5)), None, GAINS, dt_s=0.0)
     assert memory.reference_ned_m_s == (2.0, 1.0, -0.5)
     assert memory.expected_ned_m_s == (2.0, 1.0, -0.5)
     assert memory.drag_per_s == GAINS.drag_per_s
 
 
 def test_a_late_cycle_is_not_made_up_for():
-    late, longest = (serve((6.0, 0.0, 0.0), STILL, None, GAINS, dt_s=dt_s) for dt_s in (5.0, 0.1))
+    late, longest = (
+        serve(Ned((6.0, 0.0, 0.0)), Ned(STILL), None, GAINS, dt_s=dt_s) for dt_s in (5.0, 0.1)
+    )
     assert late == longest
 
 
 def test_nothing_is_learned_from_an_error_that_is_too_large():
-    memory = ServoMemory((5.0, 0.0, 0.0), STILL, (5.0, 0.0, 0.0), 0.4, (0.1, 0.0, 0.0))
+    memory = ServoMemory(
+        Ned((5.0, 0.0, 0.0)), Ned(STILL), Ned((5.0, 0.0, 0.0)), 0.4, Ned((0.1, 0.0, 0.0))
+    )
     flown_m_s = (5.0 - 3.0 * GAINS.learning_within_m_s - 0.1, 4.0, 3.0)
     far, near, less = (
-        serve((5.0, 0.0, 0.0), (one, 0.0, 0.0), memory, GAINS, dt_s=DT_S)[1] for one in flown_m_s
+        serve(Ned((5.0, 0.0, 0.0)), Ned((one, 0.0, 0.0)), memory, GAINS, dt_s=DT_S)[1]
+        for one in flown_m_s
     )
     assert (far.drag_per_s, far.trim_ned_m_s2) == (0.4, (0.1, 0.0, 0.0))
     assert near.drag_per_s == pytest.approx(0.4 + 2.0 * 1.0 * DT_S / 5.0)
@@ -226,9 +234,9 @@ CRUISE = (3.0, 4.0, 1.0)
 
 def taught(error, gains, memory=None):
     """What one error, expected less flown, teaches a vehicle that cruises at 5 m/s over the ground."""
-    memory = memory or ServoMemory(CRUISE, STILL, CRUISE, 0.4, (0.1, -0.2, 0.0))
+    memory = memory or ServoMemory(Ned(CRUISE), Ned(STILL), Ned(CRUISE), 0.4, Ned((0.1, -0.2, 0.0)))
     flown = tuple(difference(CRUISE, error))
-    return serve(CRUISE, flown, memory, gains, dt_s=DT_S)[1]
+    return serve(Ned(CRUISE), Ned(flown), memory, gains, dt_s=DT_S)[1]
 
 
 @pytest.mark.parametrize(
@@ -253,13 +261,19 @@ def test_a_lesson_is_the_error_along_the_way_for_drag_and_all_of_it_for_trim(err
 
 
 def test_a_trim_beyond_its_limit_is_scaled_back_to_it():
-    held = taught(STILL, GAINS, ServoMemory(CRUISE, STILL, CRUISE, 0.4, (3.0, -4.0, 0.0)))
+    held = taught(
+        STILL, GAINS, ServoMemory(Ned(CRUISE), Ned(STILL), Ned(CRUISE), 0.4, Ned((3.0, -4.0, 0.0)))
+    )
     assert held.trim_ned_m_s2 == pytest.approx((0.9, -1.2, 0.0))
 
 
 def test_what_is_expected_of_the_vehicle_is_the_reference_late_by_its_lag():
     _, late = serve(
-        CRUISE, STILL, ServoMemory(CRUISE, STILL, (1.0, -1.0, -1.0), 0.4, STILL), GAINS, dt_s=0.06
+        Ned(CRUISE),
+        Ned(STILL),
+        ServoMemory(Ned(CRUISE), Ned(STILL), Ned((1.0, -1.0, -1.0)), 0.4, Ned(STILL)),
+        GAINS,
+        dt_s=0.06,
     )
     left = math.exp(-0.06 / 0.3)
     assert late.expected_ned_m_s == pytest.approx(
@@ -268,9 +282,9 @@ def test_what_is_expected_of_the_vehicle_is_the_reference_late_by_its_lag():
 
 
 def test_a_held_back_vehicle_does_not_change_the_expected_response():
-    memory = ServoMemory(CRUISE, STILL, (2.0, 4.0, 1.0), 0.4, (0.1, -0.2, 0.0))
+    memory = ServoMemory(Ned(CRUISE), Ned(STILL), Ned((2.0, 4.0, 1.0)), 0.4, Ned((0.1, -0.2, 0.0)))
     free, held = (
-        serve(CRUISE, (2.5, 3.0, 0.0), memory, GAINS, dt_s=DT_S, held_back=one)[1]
+        serve(Ned(CRUISE), Ned((2.5, 3.0, 0.0)), memory, GAINS, dt_s=DT_S, held_back=one)[1]
         for one in (False, True)
     )
     assert (held.drag_per_s, held.trim_ned_m_s2) == (memory.drag_per_s, memory.trim_ned_m_s2)

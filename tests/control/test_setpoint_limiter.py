@@ -13,6 +13,7 @@ from guidance.control.limits import Agility
 from guidance.control.polygon import Polygon
 from guidance.control.servo import shape
 from guidance.control.setpoint_limiter import NOTED, LimitMemory, limit, start
+from guidance.frames import Ned
 from guidance.game import StandOff
 from guidance.messages import Setpoint
 from tests.control.scenes import DT_S, HOVER, OPEN, settled
@@ -30,21 +31,21 @@ def test_the_approach_speed_uses_up_the_distance_exactly(distance, deceleration,
 
 def test_a_command_within_the_envelope_passes_untouched():
     limited = settled((3.0, -4.0, 1.0), acceleration_ned_m_s2=None, yaw_rad=None)
-    assert limited.setpoint == Setpoint((3.0, -4.0, 1.0))
+    assert limited.setpoint == Setpoint(Ned((3.0, -4.0, 1.0)))
     assert limited.active == ()
 
 
 @pytest.mark.parametrize(("change", "named"), [(0.9, ()), (1.1, (Limiter.SPEED,))])
 def test_a_limiter_is_named_for_a_change_that_a_vehicle_could_tell(change, named):
     wanted = (10.0 + change * NOTED, 0.0, 0.0)
-    limited = limit(Setpoint(wanted), HOVER, OPEN, LimitMemory((10.0, 0.0, 0.0)), DT_S)
+    limited = limit(Setpoint(Ned(wanted)), HOVER, OPEN, LimitMemory(Ned((10.0, 0.0, 0.0))), DT_S)
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((10.0, 0.0, 0.0))
     assert limited.active == named
 
 
 def test_a_ground_velocity_is_scaled_and_keeps_its_direction():
     limited = limit(
-        Setpoint((300.0, -400.0, 1.0)), HOVER, OPEN, LimitMemory((6.0, -8.0, 1.0)), DT_S
+        Setpoint(Ned((300.0, -400.0, 1.0))), HOVER, OPEN, LimitMemory(Ned((6.0, -8.0, 1.0))), DT_S
     )
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((6.0, -8.0, 1.0))
     assert limited.active == (Limiter.SPEED,)
@@ -52,13 +53,17 @@ def test_a_ground_velocity_is_scaled_and_keeps_its_direction():
 
 @pytest.mark.parametrize(("down", "allowed"), [(50.0, 2.0), (-50.0, -4.0)])
 def test_climb_and_descent_have_their_own_limits_and_cost_no_ground_speed(down, allowed):
-    limited = limit(Setpoint((6.0, 8.0, down)), HOVER, OPEN, LimitMemory((6.0, 8.0, allowed)), DT_S)
+    limited = limit(
+        Setpoint(Ned((6.0, 8.0, down))), HOVER, OPEN, LimitMemory(Ned((6.0, 8.0, allowed))), DT_S
+    )
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((6.0, 8.0, allowed))
     assert limited.active == (Limiter.VERTICAL_SPEED,)
 
 
 def test_acceleration_is_limited_on_the_ground_as_a_vector_and_vertically_on_its_own():
-    limited = limit(Setpoint((3.0, 4.0, -2.0)), HOVER, OPEN, LimitMemory((0.0, 0.0, 0.0)), DT_S)
+    limited = limit(
+        Setpoint(Ned((3.0, 4.0, -2.0))), HOVER, OPEN, LimitMemory(Ned((0.0, 0.0, 0.0))), DT_S
+    )
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((3.0 * DT_S, 4.0 * DT_S, -3.0 * DT_S))
     assert limited.memory.acceleration_ned_m_s2 == pytest.approx((3.0, 4.0, -3.0))
     assert limited.active == (Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION)
@@ -67,7 +72,9 @@ def test_acceleration_is_limited_on_the_ground_as_a_vector_and_vertically_on_its
 @pytest.mark.parametrize("down", [10.0, -10.0, 0.3, -0.3])
 def test_a_vertical_velocity_settles_within_its_acceleration_up_and_down(down):
     most = Agility(acceleration_m_s2=4.0, vertical_acceleration_m_s2=2.0, jerk_m_s3=1e6)
-    shaped = shape((0.0, 0.0, down), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), most, DT_S, 4.0)
+    shaped = shape(
+        Ned((0.0, 0.0, down)), Ned((0.0, 0.0, 0.0)), Ned((0.0, 0.0, 0.0)), most, DT_S, 4.0
+    )
     wanted = math.copysign(min(2.0, 4.0 * abs(down)), down)
     assert shaped == ((0.0, 0.0, pytest.approx(wanted * DT_S)), (0.0, 0.0, pytest.approx(wanted)))
 
@@ -75,7 +82,9 @@ def test_a_vertical_velocity_settles_within_its_acceleration_up_and_down(down):
 @pytest.mark.parametrize("way", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
 def test_a_limiter_is_named_on_whichever_side_it_cuts(way):
     sent, wanted = ((*(size * part for part in way), 0.0) for size in (10.0, 11.0))
-    assert limit(Setpoint(wanted), HOVER, OPEN, LimitMemory(sent), DT_S).active == (Limiter.SPEED,)
+    assert limit(Setpoint(Ned(wanted)), HOVER, OPEN, LimitMemory(Ned(sent)), DT_S).active == (
+        Limiter.SPEED,
+    )
 
 
 @pytest.mark.parametrize(
@@ -83,9 +92,9 @@ def test_a_limiter_is_named_on_whichever_side_it_cuts(way):
     [(0.045, ()), (-0.045, ()), (0.065, (Limiter.YAW,)), (-0.065, (Limiter.YAW,))],
 )
 def test_the_turn_rate_is_named_for_what_is_left_of_a_turn(turn, named):
-    memory = LimitMemory((0.0, 0.0, 0.0), yaw_rad=0.4)
+    memory = LimitMemory(Ned((0.0, 0.0, 0.0)), yaw_rad=0.4)
     assert (
-        limit(Setpoint((0.0, 0.0, 0.0), yaw_rad=0.4 + turn), HOVER, OPEN, memory, DT_S).active
+        limit(Setpoint(Ned((0.0, 0.0, 0.0)), yaw_rad=0.4 + turn), HOVER, OPEN, memory, DT_S).active
         == named
     )
 
@@ -95,7 +104,10 @@ def test_a_nan_acceleration_is_zero_and_a_known_one_needs_no_evader_velocity():
     velocity = (8.0, 1.0, 0.0)
 
     def allowed(acceleration, moving=None):
-        at = HOVER._replace(acceleration_ned_m_s2=acceleration, evader_velocity_ned_m_s=moving)
+        at = HOVER._replace(
+            acceleration_ned_m_s2=Ned(acceleration),
+            evader_velocity_ned_m_s=None if moving is None else Ned(moving),
+        )
         return settled(velocity, at, fenced).setpoint.velocity_ned_m_s
 
     unknown = (NAN, NAN, NAN)
@@ -103,7 +115,7 @@ def test_a_nan_acceleration_is_zero_and_a_known_one_needs_no_evader_velocity():
     assert allowed((3.0, 1.0, 0.0), unknown) == allowed((3.0, 1.0, 0.0)) != allowed((0.0, 0.0, 0.0))
 
     def stopping(acceleration):
-        at = HOVER._replace(acceleration_ned_m_s2=acceleration)
+        at = HOVER._replace(acceleration_ned_m_s2=Ned(acceleration))
         limited = settled(velocity, at, fenced, yaw_rad=NAN)
         assert Limiter.COMMAND in limited.active
         return limited.setpoint.velocity_ned_m_s
@@ -114,7 +126,9 @@ def test_a_nan_acceleration_is_zero_and_a_known_one_needs_no_evader_velocity():
 @pytest.mark.parametrize(("asked", "flown"), [((5.0, 0.0, 0.0), (10.6, 0.0, 0.0)), ((0.0, 0.0, 1.0), (0.0, 0.0, 2.2)),
                                               ((0.0, 0.0, -1.0), (0.0, 0.0, -4.4))])  # fmt: skip
 def test_a_feed_forward_leans_on_no_speed_limit_that_is_not_commanded(asked, flown):
-    limited = settled(asked, HOVER._replace(velocity_ned_m_s=flown), acceleration_ned_m_s2=asked)
+    limited = settled(
+        asked, HOVER._replace(velocity_ned_m_s=Ned(flown)), acceleration_ned_m_s2=asked
+    )
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx(
         tuple(min(part, 5.0) for part in asked)
     )
@@ -128,7 +142,9 @@ def test_a_velocity_that_is_led_already_passes_to_the_digit_within_the_accelerat
     soft = replace(OPEN, jerk_m_s3=1.0)
     before = (0.5 * north, 0.5 * east, 0.3)
     wanted = (before[0] + 0.7 * change, before[1] - 0.7 * change, 0.3 + climb)
-    limited = limit(Setpoint(wanted), HOVER, soft, LimitMemory(before), DT_S, already_shaped=True)
+    limited = limit(
+        Setpoint(Ned(wanted)), HOVER, soft, LimitMemory(Ned(before)), DT_S, already_shaped=True
+    )
     assert limited.setpoint.velocity_ned_m_s == wanted
     assert limited.active == ()
     assert limited.memory.acceleration_ned_m_s2 == pytest.approx(
@@ -142,15 +158,15 @@ def test_a_velocity_that_is_led_already_jumps_no_further_than_the_acceleration()
         ((0.0, 0.0, 0.0), (-3.0, -4.0, 2.0), (-0.06, -0.08, 0.06)),
     ):
         limited = limit(
-            Setpoint(wanted), HOVER, OPEN, LimitMemory(before), DT_S, already_shaped=True
+            Setpoint(Ned(wanted)), HOVER, OPEN, LimitMemory(Ned(before)), DT_S, already_shaped=True
         )
         assert limited.setpoint.velocity_ned_m_s == pytest.approx(got)
         assert limited.active == (Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION)
     held = limit(
-        Setpoint(wanted),
+        Setpoint(Ned(wanted)),
         HOVER,
         OPEN,
-        LimitMemory(before, (1.0, 1.0, 1.0)),
+        LimitMemory(Ned(before), Ned((1.0, 1.0, 1.0))),
         0.0,
         already_shaped=True,
     )
@@ -162,10 +178,10 @@ def test_a_velocity_that_is_led_already_jumps_no_further_than_the_acceleration()
 
 def test_jerk_limits_the_rise_of_acceleration():
     soft = replace(OPEN, jerk_m_s3=10.0)
-    memory = LimitMemory((0.0, 0.0, 0.0))
+    memory = LimitMemory(Ned((0.0, 0.0, 0.0)))
     accelerations = []
     for _ in range(5):
-        memory = limit(Setpoint((8.0, 0.0, 0.0)), HOVER, soft, memory, DT_S).memory
+        memory = limit(Setpoint(Ned((8.0, 0.0, 0.0))), HOVER, soft, memory, DT_S).memory
         accelerations.append(memory.acceleration_ned_m_s2[0])
     assert accelerations == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
 
@@ -177,14 +193,14 @@ def test_velocity_arrives_without_overshoot_along_a_line(before, wanted, jerk, a
         return (0.0, speed, 0.0) if axis else (speed, 0.0, 0.0)
 
     soft = replace(OPEN, jerk_m_s3=jerk)
-    memory = LimitMemory(along(before))
+    memory = LimitMemory(Ned(along(before)))
     low = min(before, wanted) - 1e-9
     high = max(before, wanted) + 1e-9
     for _ in range(500):
-        memory = limit(Setpoint(along(wanted)), HOVER, soft, memory, DT_S).memory
+        memory = limit(Setpoint(Ned(along(wanted))), HOVER, soft, memory, DT_S).memory
         assert low <= memory.velocity_ned_m_s[axis] <= high
     for _ in range(1500):
-        memory = limit(Setpoint(along(wanted)), HOVER, soft, memory, DT_S).memory
+        memory = limit(Setpoint(Ned(along(wanted))), HOVER, soft, memory, DT_S).memory
     assert memory.velocity_ned_m_s == pytest.approx(along(wanted), abs=1e-6)
     assert memory.acceleration_ned_m_s2[axis] == pytest.approx(0.0, abs=1e-3)
 
@@ -195,42 +211,42 @@ NAN = math.nan
 @pytest.mark.parametrize(
     "command",
     [
-        Setpoint((NAN, 0.0, 0.0)),
-        Setpoint((0.0, math.inf, 0.0)),
-        Setpoint((0.0, 0.0, -1e9)),
-        Setpoint((1.0, 0.0, 0.0), (NAN, 0.0, 0.0)),
-        Setpoint((1.0, 0.0, 0.0), yaw_rad=NAN),
+        Setpoint(Ned((NAN, 0.0, 0.0))),
+        Setpoint(Ned((0.0, math.inf, 0.0))),
+        Setpoint(Ned((0.0, 0.0, -1e9))),
+        Setpoint(Ned((1.0, 0.0, 0.0)), Ned((NAN, 0.0, 0.0))),
+        Setpoint(Ned((1.0, 0.0, 0.0)), yaw_rad=NAN),
     ],
 )
 def test_a_command_that_is_no_number_becomes_a_smooth_stop(command):
-    limited = limit(command, HOVER, OPEN, LimitMemory((4.0, 0.0, 0.0), yaw_rad=0.3), DT_S)
+    limited = limit(command, HOVER, OPEN, LimitMemory(Ned((4.0, 0.0, 0.0)), yaw_rad=0.3), DT_S)
     assert limited.active == (Limiter.COMMAND, Limiter.ACCELERATION)
     assert limited.setpoint == Setpoint(
-        (pytest.approx(4.0 - 5.0 * DT_S), 0.0, 0.0), yaw_rad=pytest.approx(0.3)
+        Ned((pytest.approx(4.0 - 5.0 * DT_S), 0.0, 0.0)), yaw_rad=pytest.approx(0.3)
     )
 
 
 @pytest.mark.parametrize(
     "situation",
     [
-        HOVER._replace(position_ned_m=(0.0, NAN, 0.0)),
-        HOVER._replace(velocity_ned_m_s=(0.0, 0.0, math.inf)),
+        HOVER._replace(position_ned_m=Ned((0.0, NAN, 0.0))),
+        HOVER._replace(velocity_ned_m_s=Ned((0.0, 0.0, math.inf))),
         HOVER._replace(yaw_rad=NAN),
-        HOVER._replace(evader_position_ned_m=(NAN, 0.0, 0.0)),
+        HOVER._replace(evader_position_ned_m=Ned((NAN, 0.0, 0.0))),
     ],
 )
 def test_a_place_that_is_not_known_stops_the_vehicle_at_once(situation):
     limited = limit(
-        Setpoint((4.0, 0.0, 0.0), yaw_rad=1.0),
+        Setpoint(Ned((4.0, 0.0, 0.0)), yaw_rad=1.0),
         situation,
         OPEN,
-        LimitMemory((4.0, 0.0, 0.0), yaw_rad=0.2),
+        LimitMemory(Ned((4.0, 0.0, 0.0)), yaw_rad=0.2),
         DT_S,
     )
     assert limited == (
-        Setpoint((0.0, 0.0, 0.0)),
+        Setpoint(Ned((0.0, 0.0, 0.0))),
         (Limiter.SITUATION,),
-        LimitMemory((0.0, 0.0, 0.0), yaw_rad=0.2),
+        LimitMemory(Ned((0.0, 0.0, 0.0)), yaw_rad=0.2),
     )
 
 
@@ -238,7 +254,9 @@ def test_a_place_that_is_not_known_stops_the_vehicle_at_once(situation):
     ("dt_s", "counted"), [(5.0, 0.1), (math.inf, 0.1), (-1.0, 0.0), (NAN, 0.0)]
 )
 def test_a_late_or_impossible_step_is_not_made_up_for(dt_s, counted):
-    limited = limit(Setpoint((8.0, 0.0, 0.0)), HOVER, OPEN, LimitMemory((0.0, 0.0, 0.0)), dt_s)
+    limited = limit(
+        Setpoint(Ned((8.0, 0.0, 0.0))), HOVER, OPEN, LimitMemory(Ned((0.0, 0.0, 0.0))), dt_s
+    )
     assert limited.setpoint.velocity_ned_m_s[0] == pytest.approx(5.0 * counted)
     assert limited.active == (Limiter.CLOCK, Limiter.ACCELERATION)
 
@@ -247,37 +265,37 @@ def test_a_late_or_impossible_step_is_not_made_up_for(dt_s, counted):
     "memory",
     [
         None,
-        LimitMemory((NAN, 0.0, 0.0)),
-        LimitMemory((1.0, 0.0, 0.0), yaw_rad=math.inf),
-        LimitMemory((0.0, 0.0, 1e9)),
-        LimitMemory((1.0, 0.0, 0.0), (NAN, 0.0, 0.0)),
-        LimitMemory((1.0, 0.0, 0.0), feed_forward_ned_m_s2=(NAN, 0.0, 0.0)),
+        LimitMemory(Ned((NAN, 0.0, 0.0))),
+        LimitMemory(Ned((1.0, 0.0, 0.0)), yaw_rad=math.inf),
+        LimitMemory(Ned((0.0, 0.0, 1e9))),
+        LimitMemory(Ned((1.0, 0.0, 0.0)), Ned((NAN, 0.0, 0.0))),
+        LimitMemory(Ned((1.0, 0.0, 0.0)), feed_forward_ned_m_s2=Ned((NAN, 0.0, 0.0))),
     ],
 )
 def test_without_a_usable_memory_the_vehicle_s_own_motion_is_the_start(memory):
-    moving = Situation((0.0, 0.0, 0.0), (3.0, 4.0, -1.0), 0.7)
-    limited = limit(Setpoint((3.0, 4.0, -1.0), yaw_rad=0.7), moving, OPEN, memory, DT_S)
-    assert limited.setpoint == Setpoint((3.0, 4.0, -1.0), yaw_rad=pytest.approx(0.7))
+    moving = Situation(Ned((0.0, 0.0, 0.0)), Ned((3.0, 4.0, -1.0)), 0.7)
+    limited = limit(Setpoint(Ned((3.0, 4.0, -1.0)), yaw_rad=0.7), moving, OPEN, memory, DT_S)
+    assert limited.setpoint == Setpoint(Ned((3.0, 4.0, -1.0)), yaw_rad=pytest.approx(0.7))
     assert limited.active == ()
 
 
 def test_a_start_from_nothing_known_is_at_rest_and_says_nothing_of_the_heading():
     still = (0.0, 0.0, 0.0)
-    unknown = Situation((0.0, 0.0, -20.0), (math.nan, 0.0, 0.0), 1.0)
-    assert start(unknown, OPEN) == LimitMemory(still, still, still, 0.0)
-    assert Situation(still, still) == Situation(still, still, 0.0, None, None)
-    turned_nowhere = Situation((0.0, 0.0, -20.0), (1.0, 2.0, 0.5), math.nan)
-    assert start(turned_nowhere, OPEN) == LimitMemory(still)
-    moving = Situation((0.0, 0.0, -20.0), (1.0, 2.0, 0.5), 1.0)
-    assert start(moving, OPEN) == LimitMemory((1.0, 2.0, 0.5), still, still, 1.0)
+    unknown = Situation(Ned((0.0, 0.0, -20.0)), Ned((math.nan, 0.0, 0.0)), 1.0)
+    assert start(unknown, OPEN) == LimitMemory(Ned(still), Ned(still), Ned(still), 0.0)
+    assert Situation(Ned(still), Ned(still)) == Situation(Ned(still), Ned(still), 0.0, None, None)
+    turned_nowhere = Situation(Ned((0.0, 0.0, -20.0)), Ned((1.0, 2.0, 0.5)), math.nan)
+    assert start(turned_nowhere, OPEN) == LimitMemory(Ned(still))
+    moving = Situation(Ned((0.0, 0.0, -20.0)), Ned((1.0, 2.0, 0.5)), 1.0)
+    assert start(moving, OPEN) == LimitMemory(Ned((1.0, 2.0, 0.5)), Ned(still), Ned(still), 1.0)
 
 
 def test_a_start_in_a_gale_is_within_the_envelope():
-    assert start(Situation((0.0, 0.0, 0.0), (30.0, 40.0, 9.0), 0.7), OPEN) == LimitMemory(
-        (6.0, 8.0, 2.0), yaw_rad=0.7
+    assert start(Situation(Ned((0.0, 0.0, 0.0)), Ned((30.0, 40.0, 9.0)), 0.7), OPEN) == LimitMemory(
+        Ned((6.0, 8.0, 2.0)), yaw_rad=0.7
     )
-    assert start(Situation((0.0, 0.0, 0.0), (NAN, 0.0, 0.0), 0.7), OPEN) == LimitMemory(
-        (0.0, 0.0, 0.0)
+    assert start(Situation(Ned((0.0, 0.0, 0.0)), Ned((NAN, 0.0, 0.0)), 0.7), OPEN) == LimitMemory(
+        Ned((0.0, 0.0, 0.0))
     )
 
 
@@ -294,10 +312,10 @@ def test_a_start_in_a_gale_is_within_the_envelope():
 )
 def test_yaw_turns_the_short_way_at_the_turn_rate(before, wanted, after):
     limited = limit(
-        Setpoint((0.0, 0.0, 0.0), yaw_rad=wanted),
+        Setpoint(Ned((0.0, 0.0, 0.0)), yaw_rad=wanted),
         HOVER,
         OPEN,
-        LimitMemory((0.0,) * 3, yaw_rad=before),
+        LimitMemory(Ned((0.0,) * 3), yaw_rad=before),
         DT_S,
     )
     assert limited.setpoint.yaw_rad == limited.memory.yaw_rad == pytest.approx(after)
@@ -312,14 +330,14 @@ def test_while_no_yaw_is_asked_for_the_memory_follows_the_nose():
 
 def test_what_is_taken_away_before_a_wall_is_remembered_and_a_slower_setpoint_is_not():
     fenced = replace(OPEN, fence_radius_m=10.0)
-    near = HOVER._replace(position_ned_m=(9.0, 0.0, 0.0))
+    near = HOVER._replace(position_ned_m=Ned((9.0, 0.0, 0.0)))
     for wanted, held in (
         ((3.0, 0.0, 0.0), True),
         ((-3.0, 0.0, 0.0), False),
         ((0.0, 0.0, -30.0), False),
     ):
         assert settled(wanted, near, fenced).memory.held_back is held
-    assert not LimitMemory((0.0, 0.0, 0.0)).held_back
+    assert not LimitMemory(Ned((0.0, 0.0, 0.0))).held_back
 
 
 def test_a_feed_forward_within_the_limits_passes_and_a_large_one_is_scaled():
@@ -333,8 +351,8 @@ def test_a_feed_forward_within_the_limits_passes_and_a_large_one_is_scaled():
 
 def test_a_feed_forward_rises_at_the_jerk_limit_from_the_last_one_sent():
     soft = replace(OPEN, jerk_m_s3=10.0)
-    memory = LimitMemory((1.0, 0.0, 0.0), feed_forward_ned_m_s2=(0.5, 0.0, 0.0))
-    limited = limit(Setpoint((1.0, 0.0, 0.0), (3.0, 0.0, 2.0)), HOVER, soft, memory, DT_S)
+    memory = LimitMemory(Ned((1.0, 0.0, 0.0)), feed_forward_ned_m_s2=Ned((0.5, 0.0, 0.0)))
+    limited = limit(Setpoint(Ned((1.0, 0.0, 0.0)), Ned((3.0, 0.0, 2.0))), HOVER, soft, memory, DT_S)
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((0.7, 0.0, 0.2))
     assert limited.memory.feed_forward_ned_m_s2 == limited.setpoint.acceleration_ned_m_s2
     assert settled((1.0, 0.0, 0.0)).memory.feed_forward_ned_m_s2 == (0.0, 0.0, 0.0)
@@ -362,9 +380,13 @@ def test_a_feed_forward_rises_at_the_jerk_limit_from_the_last_one_sent():
     ],
 )
 def test_a_feed_forward_does_not_lean_on_a_limit_that_acts(velocity, limits, wanted, allowed):
-    at = HOVER._replace(position_ned_m=(0.001, 0.0, 0.0)) if "fence_radius_m" in limits else HOVER
+    at = (
+        HOVER._replace(position_ned_m=Ned((0.001, 0.0, 0.0)))
+        if "fence_radius_m" in limits
+        else HOVER
+    )
     flown = tuple(1.05 * part for part in velocity)  # a little faster than any limit of speed
-    at = at._replace(velocity_ned_m_s=(0.0, 0.0, 0.0) if limits else flown)
+    at = at._replace(velocity_ned_m_s=Ned((0.0, 0.0, 0.0) if limits else flown))
     limited = settled(velocity, at, replace(OPEN, **limits), acceleration_ned_m_s2=wanted)
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx(allowed, abs=1e-9)
 
@@ -376,7 +398,7 @@ def test_at_a_speed_limit_drag_is_made_up_for_until_the_vehicle_is_past_it(along
     most_m_s2, asked_m_s2 = (5.0, 4.0) if ground else (3.0, 2.0)
     given = []
     for share in (0.0, 0.9, 1.0, 1.01, 1.025, 1.04, 1.05, 1.5):
-        at = HOVER._replace(velocity_ned_m_s=tuple(share * limit_m_s * part for part in along))
+        at = HOVER._replace(velocity_ned_m_s=Ned(tuple(share * limit_m_s * part for part in along)))
         wanted = tuple(asked_m_s2 * part for part in along)
         limited = settled(
             tuple(limit_m_s * part for part in along), at, acceleration_ned_m_s2=wanted
@@ -393,37 +415,39 @@ def test_at_a_speed_limit_drag_is_made_up_for_until_the_vehicle_is_past_it(along
 def test_nothing_winds_up_behind_a_wall():
     fenced = replace(OPEN, fence_radius_m=6.0, jerk_m_s3=20.0)
     memory = None
-    at_fence = Situation((6.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    at_fence = Situation(Ned((6.0, 0.0, 0.0)), Ned((0.0, 0.0, 0.0)))
     for _ in range(200):
-        memory = limit(Setpoint((8.0, 0.0, 0.0)), at_fence, fenced, memory, DT_S).memory
+        memory = limit(Setpoint(Ned((8.0, 0.0, 0.0))), at_fence, fenced, memory, DT_S).memory
     assert memory.velocity_ned_m_s == (0.0, 0.0, 0.0)
     assert memory.acceleration_ned_m_s2 == (0.0, 0.0, 0.0)
-    released = limit(Setpoint((-8.0, 0.0, 0.0)), at_fence, fenced, memory, DT_S)
+    released = limit(Setpoint(Ned((-8.0, 0.0, 0.0))), at_fence, fenced, memory, DT_S)
     assert released.setpoint.velocity_ned_m_s[0] == pytest.approx(-20.0 * DT_S**2)
 
 
 def test_the_longest_step_is_no_late_one():
-    limited = limit(Setpoint((0.5, 0.0, 0.0)), HOVER, OPEN, LimitMemory((0.0, 0.0, 0.0)), 0.1)
+    limited = limit(
+        Setpoint(Ned((0.5, 0.0, 0.0))), HOVER, OPEN, LimitMemory(Ned((0.0, 0.0, 0.0))), 0.1
+    )
     assert limited.active == ()
 
 
 @pytest.mark.parametrize(
     "command",
     [
-        Setpoint((NOTED, 0.0, 0.0)),
-        Setpoint((0.0, NOTED, 0.0)),
-        Setpoint((0.0, 0.0, NOTED)),
-        Setpoint((0.0, 0.0, 0.0), yaw_rad=NOTED),
+        Setpoint(Ned((NOTED, 0.0, 0.0))),
+        Setpoint(Ned((0.0, NOTED, 0.0))),
+        Setpoint(Ned((0.0, 0.0, NOTED))),
+        Setpoint(Ned((0.0, 0.0, 0.0)), yaw_rad=NOTED),
     ],
 )
 def test_a_change_of_just_what_is_noted_is_not_named(command):
-    assert limit(command, HOVER, OPEN, LimitMemory((0.0, 0.0, 0.0)), 0.0).active == ()
+    assert limit(command, HOVER, OPEN, LimitMemory(Ned((0.0, 0.0, 0.0))), 0.0).active == ()
 
 
 def test_walls_that_were_measured_already_are_not_measured_again():
     fenced = replace(OPEN, fence_radius_m=1.0)
-    memory = LimitMemory((8.0, 0.0, 0.0))
-    command = Setpoint((8.0, 0.0, 0.0))
+    memory = LimitMemory(Ned((8.0, 0.0, 0.0)))
+    command = Setpoint(Ned((8.0, 0.0, 0.0)))
     assert limit(command, HOVER, fenced, memory, DT_S).active == (Limiter.FENCE_RADIUS,)
     assert limit(command, HOVER, fenced, memory, DT_S, walls=()).active == ()
 
@@ -431,7 +455,7 @@ def test_walls_that_were_measured_already_are_not_measured_again():
 @pytest.mark.parametrize("asked_m_s", [7.0, 7.2, 7.4, 7.6, 9.0])
 def test_the_stand_off_ends_the_push_towards_it_as_it_takes_speed_away(asked_m_s):
     zone = replace(OPEN, stand_off=StandOff(radius_m=4.0, height_m=6.0))
-    at = HOVER._replace(evader_position_ned_m=(20.0, 0.0, 0.0))
+    at = HOVER._replace(evader_position_ned_m=Ned((20.0, 0.0, 0.0)))
     limited = settled((asked_m_s, 0.0, 0.0), at, zone, acceleration_ned_m_s2=(4.0, 1.0, 0.0))
     taken_m_s = asked_m_s - limited.setpoint.velocity_ned_m_s[0]
     north, east, _ = limited.setpoint.acceleration_ned_m_s2
@@ -449,6 +473,6 @@ def test_a_fence_ends_the_push_towards_it_at_once():
 
 def test_a_slow_vehicles_speed_limit_is_one_too():
     slow = replace(OPEN, speed_m_s=0.5)
-    at = HOVER._replace(velocity_ned_m_s=(0.6, 0.0, 0.0))
+    at = HOVER._replace(velocity_ned_m_s=Ned((0.6, 0.0, 0.0)))
     limited = settled((0.5, 0.0, 0.0), at, slow, acceleration_ned_m_s2=(4.0, 1.0, 0.0))
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((0.0, 1.0, 0.0))

@@ -11,6 +11,7 @@ from guidance.control import Limiter, Situation
 from guidance.control.polygon import Polygon
 from guidance.control.servo import AltitudeHold, hold_altitude
 from guidance.control.setpoint_limiter import NOTED, LimitMemory, limit
+from guidance.frames import Ned
 from guidance.game import StandOff
 from guidance.messages import Setpoint
 from tests.control.scenes import MULTICOPTER
@@ -24,7 +25,7 @@ ENVELOPE = replace(
     braking_m_s2=2.0,
     vertical_braking_m_s2=1.0,
     reaction_s=0.5,
-    home_ned_m=(100.0, -50.0, -7.0),
+    home_ned_m=Ned((100.0, -50.0, -7.0)),
     fence_radius_m=65.0,
     fence_polygon=Polygon(CORNERS),
     fence_margin_m=1.0,
@@ -37,9 +38,9 @@ wild = st.one_of(
     st.floats(-30.0, 30.0),
     st.sampled_from([0.0, -0.0, 1e308, -1e308, 1e-308, math.nan, math.inf]),
 )
-wild_vectors = st.tuples(wild, wild, wild)
-speeds = st.tuples(*[st.floats(-15.0, 15.0)] * 3)
-places = st.tuples(st.floats(20.0, 180.0), st.floats(-120.0, 30.0), st.floats(-60.0, 5.0))
+wild_vectors = st.tuples(wild, wild, wild).map(Ned)
+speeds = st.tuples(*[st.floats(-15.0, 15.0)] * 3).map(Ned)
+places = st.tuples(st.floats(20.0, 180.0), st.floats(-120.0, 30.0), st.floats(-60.0, 5.0)).map(Ned)
 setpoints = st.builds(Setpoint, speeds, st.none() | speeds, st.none() | st.floats(-7, 7))
 wild_setpoints = st.builds(Setpoint, wild_vectors, st.none() | wild_vectors, st.none() | wild)
 situations = st.builds(
@@ -48,14 +49,10 @@ situations = st.builds(
 wild_situations = st.builds(
     Situation, wild_vectors, wild_vectors, wild, st.none() | wild_vectors, st.none() | wild_vectors
 )
-offsets = st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-2.0, 15.0))
+offsets = st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-2.0, 15.0)).map(Ned)
 near_situations = situations.flatmap(
     lambda situation: st.builds(
-        lambda offset: situation._replace(
-            evader_position_ned_m=tuple(
-                a + b for a, b in zip(situation.position_ned_m, offset, strict=True)
-            )
-        ),
+        lambda offset: situation._replace(evader_position_ned_m=situation.position_ned_m + offset),
         offsets,
     )
 )
@@ -250,8 +247,10 @@ def test_the_acceleration_holds_wherever_no_wall_acts(command, situation, memory
 @settings(deadline=None)
 @given(setpoints, situations, memories, steps, st.booleans())
 def test_standing_still_is_never_turned_into_motion(command, situation, memory, dt, led):
-    still = LimitMemory((0.0, 0.0, 0.0))
-    limited = limit(Setpoint((0.0, 0.0, 0.0)), situation, ENVELOPE, still, dt, already_shaped=led)
+    still = LimitMemory(Ned((0.0, 0.0, 0.0)))
+    limited = limit(
+        Setpoint(Ned((0.0, 0.0, 0.0))), situation, ENVELOPE, still, dt, already_shaped=led
+    )
     assert limited.setpoint.velocity_ned_m_s == (0.0, 0.0, 0.0)
     fed = limited.setpoint.acceleration_ned_m_s2
     assert limited.active == () or (limited.active == (Limiter.FEED_FORWARD,) and fed is not None)

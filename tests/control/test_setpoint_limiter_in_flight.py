@@ -12,6 +12,7 @@ from guidance.control.braking_law import Wall, measure_walls
 from guidance.control.polygon import Polygon
 from guidance.control.servo import AltitudeHold, hold_altitude
 from guidance.control.setpoint_limiter import limit
+from guidance.frames import Ned
 from guidance.game import StandOff
 from guidance.messages import Setpoint
 from tests.control.scenes import DT_S
@@ -49,11 +50,11 @@ def fly(command, envelope, *, vehicle=None, seconds=40.0, evader=None, evader_ve
     for step in range(round(seconds / DT_S)):
         now = step * DT_S
         wanted = command(now, vehicle) if callable(command) else command
-        place = evader(now) if evader else None
+        place = Ned(evader(now)) if evader else None
         situation = Situation(
-            tuple(vehicle.position), tuple(vehicle.velocity), 0.0, place, evader_velocity
+            Ned(tuple(vehicle.position)), Ned(tuple(vehicle.velocity)), 0.0, place, evader_velocity
         )
-        limited = limit(Setpoint(wanted), situation, envelope, memory, DT_S)
+        limited = limit(Setpoint(Ned(wanted)), situation, envelope, memory, DT_S)
         memory = limited.memory
         vehicle.step(limited.setpoint.velocity_ned_m_s)
         rows.append((tuple(vehicle.position), limited.setpoint.velocity_ned_m_s, limited.active))
@@ -155,7 +156,7 @@ def test_a_dive_ends_at_the_floor_and_a_climb_at_the_ceiling(vertical, height):
 
 
 def test_heights_are_above_home_and_not_above_the_origin():
-    rows = fly((0.0, 0.0, 9.0), replace(ENVELOPE, home_ned_m=(0.0, 0.0, -12.0)))
+    rows = fly((0.0, 0.0, 9.0), replace(ENVELOPE, home_ned_m=Ned((0.0, 0.0, -12.0))))
     assert -rows[-1][0][2] == pytest.approx(15.0, abs=0.1)
 
 
@@ -167,7 +168,7 @@ def test_an_evader_that_stops_dead_is_not_run_into_from_beside(stops_at_s):
         (8.0, 0.0, 0.0),
         envelope,
         evader=lambda now: (30.0 + 3.0 * min(now, stops_at_s), 0.0, 0.0),
-        evader_velocity=(3.0, 0.0, 0.0),
+        evader_velocity=Ned((3.0, 0.0, 0.0)),
     )
     gaps = [
         30.0 + 3.0 * min((step + 1) * DT_S, stops_at_s) - position[0]
@@ -185,7 +186,7 @@ def test_an_evader_that_stops_dead_is_flown_past_over_it_and_never_below_the_lid
         envelope,
         vehicle=Vehicle([0.0, 0.0, -6.0]),
         evader=lambda now: (30.0 + 3.0 * min(now, stops_at_s), 0.0, 0.0),
-        evader_velocity=(3.0, 0.0, 0.0),
+        evader_velocity=Ned((3.0, 0.0, 0.0)),
         seconds=stops_at_s + 6.0,
     )
     for step, (position, _, _) in enumerate(rows):
@@ -199,7 +200,7 @@ def test_a_fleeing_evader_is_followed_beside_at_what_can_be_stopped_within():
         (8.0, 0.0, 0.0),
         envelope,
         evader=lambda now: (30.0 + 3.0 * now, 0.0, 0.0),
-        evader_velocity=(3.0, 0.0, 0.0),
+        evader_velocity=Ned((3.0, 0.0, 0.0)),
     )
     gaps = [
         30.0 + 3.0 * (step + 1) * DT_S - position[0] for step, (position, _, _) in enumerate(rows)
@@ -218,7 +219,7 @@ def test_an_evader_that_comes_nearer_does_not_push_the_vehicle():
         envelope,
         seconds=8.0,
         evader=lambda now: (20.0 - 3.0 * now, 0.0, 0.0),
-        evader_velocity=(-3.0, 0.0, 0.0),
+        evader_velocity=Ned((-3.0, 0.0, 0.0)),
     )
     assert all(velocity == (0.0, 0.0, 0.0) for _, velocity, _ in rows)
 
@@ -252,13 +253,20 @@ def test_two_vehicles_that_each_use_half_of_the_gap_keep_their_separation(aside_
         apart_m.append(math.hypot(*gap))
         for index, way in enumerate((1.0, -1.0)):
             normal = (way * gap[0] / apart_m[-1], way * gap[1] / apart_m[-1], 0.0)
-            here = Situation(tuple(vehicles[index].position), tuple(vehicles[index].velocity))
+            here = Situation(
+                Ned(tuple(vehicles[index].position)), Ned(tuple(vehicles[index].velocity))
+            )
             walls = (
-                Wall(Limiter.STAND_OFF, normal, 0.5 * (apart_m[-1] - least_m)),
+                Wall(Limiter.STAND_OFF, Ned(normal), 0.5 * (apart_m[-1] - least_m)),
                 *measure_walls(here, ENVELOPE),
             )
             limited = limit(
-                Setpoint((8.0 * way, 0.0, 0.0)), here, ENVELOPE, memories[index], DT_S, walls=walls
+                Setpoint(Ned((8.0 * way, 0.0, 0.0))),
+                here,
+                ENVELOPE,
+                memories[index],
+                DT_S,
+                walls=walls,
             )
             memories[index] = limited.memory
             vehicles[index].step(limited.setpoint.velocity_ned_m_s)
@@ -278,10 +286,10 @@ def test_hovering_noise_at_the_rim_does_not_shake_the_setpoint():
             noise.gauss(0.0, 0.1),
             -5.0 + noise.gauss(0.0, 0.1),
         )
-        command = Setpoint((0.5, 0.0, 0.0))
+        command = Setpoint(Ned((0.5, 0.0, 0.0)))
         limited = limit(
             command,
-            Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0)),
+            Situation(Ned(position), Ned((0.0, 0.0, 0.0)), 0.0, Ned((0.0, 0.0, 0.0))),
             envelope,
             memory,
             DT_S,

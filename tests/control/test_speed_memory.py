@@ -3,6 +3,7 @@
 import pytest
 
 from guidance.control.servo import SpeedMemory, observe_speed
+from guidance.frames import Ned
 
 DT_S = 0.02
 
@@ -14,8 +15,8 @@ def flown(speeds_m_s, asked_m_s=10.0, at_full_speed=True, guided=lambda _number:
     for number, speed in enumerate(speeds_m_s):
         memory = observe_speed(
             memory,
-            (asked_m_s, 0.0, 0.0),
-            (speed, 0.0, 0.0),
+            Ned((asked_m_s, 0.0, 0.0)),
+            Ned((speed, 0.0, 0.0)),
             unslowed=at_full_speed,
             confirmed=number % 50 == 49 and guided(number),
             dt_s=DT_S,

@@ -9,7 +9,7 @@ from guidance.control import Dynamics, Limiter, Limits, Situation, Speeds
 from guidance.control.braking_law import COVER_M, measure_walls, surge
 from guidance.control.polygon import Polygon
 from guidance.control.setpoint_limiter import LimitMemory, limit
-from guidance.frames import clamp
+from guidance.frames import Ned
 from guidance.game import StandOff
 from guidance.messages import Setpoint
 from tests.control.scenes import HOVER, OPEN, settled
@@ -68,12 +68,12 @@ def test_a_fence_allows_the_speed_that_still_stops(limits, velocity, distance_m,
 
 
 def test_the_vehicle_s_own_drift_is_taken_from_the_distance():
-    moving = Situation((0.0, 0.0, 0.0), (4.0, 0.0, 1.0))
+    moving = Situation(Ned((0.0, 0.0, 0.0)), Ned((4.0, 0.0, 1.0)))
     fenced = replace(OPEN, fence_radius_m=6.0)
     assert settled((8.0, 0.0, 0.0), moving, fenced).setpoint.velocity_ned_m_s[0] == pytest.approx(
         asked_ground(4.0, 8.0)
     )
-    away = Situation((0.0, 0.0, 0.0), (0.0, 0.0, -4.0))
+    away = Situation(Ned((0.0, 0.0, 0.0)), Ned((0.0, 0.0, -4.0)))
     floored = replace(OPEN, floor_m=-1.5)
     assert settled((0.0, 0.0, 2.0), away, floored).setpoint.velocity_ned_m_s[2] == pytest.approx(
         1.0
@@ -89,8 +89,8 @@ def test_the_way_on_of_a_vehicle_that_gathers_speed_is_taken_from_the_distance(a
     def along(size):
         return tuple(side * size if n == axis else 0.0 for n in range(3))
 
-    gathering = HOVER._replace(acceleration_ned_m_s2=along(3.5))
-    further_m = abs(surge(HOVER.velocity_ned_m_s, along(3.5), OPEN)[axis])
+    gathering = HOVER._replace(acceleration_ned_m_s2=Ned(along(3.5)))
+    further_m = abs(surge(HOVER.velocity_ned_m_s, Ned(along(3.5)), OPEN)[axis])
     assert 0.05 < further_m < 1.0
     square = Polygon(((-6.0, -6.0), (-6.0, 6.0), (6.0, 6.0), (6.0, -6.0)))
     allowed = settled(
@@ -125,10 +125,10 @@ def test_in_a_sharp_corner_both_walls_hold_at_once():
 )
 @pytest.mark.parametrize("axis", [0, 1])
 def test_the_circle_counts_a_drift_by_how_much_further_out_it_leads(velocity, drift_m, axis):
-    fenced = replace(OPEN, fence_radius_m=30.0, home_ned_m=(7.0, -9.0, 0.0))
+    fenced = replace(OPEN, fence_radius_m=30.0, home_ned_m=Ned((7.0, -9.0, 0.0)))
     turn = slice(None, None, 1 - 2 * axis)
     north, east = (20.0, 0.0)[turn]
-    moving = Situation((7.0 + north, -9.0 + east, 0.0), (*velocity[turn], 0.0))
+    moving = Situation(Ned((7.0 + north, -9.0 + east, 0.0)), Ned((*velocity[turn], 0.0)))
     allowed = settled((*(8.0, 0.0)[turn], 0.0), moving, fenced).setpoint.velocity_ned_m_s
     assert allowed[axis] == pytest.approx(asked_ground(10.0 - drift_m, 8.0))
 
@@ -172,14 +172,14 @@ SQUARE = replace(
     ],
 )
 def test_a_polygon_holds_on_its_line_in_its_corners_and_outside(position, velocity, allowed):
-    at = Situation((*position, 0.0), (0.0, 0.0, 0.0))
+    at = Situation(Ned((*position, 0.0)), Ned((0.0, 0.0, 0.0)))
     limited = settled((*velocity, 0.0), at, SQUARE)
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((*allowed, 0.0), abs=1e-9)
 
 
 def test_past_an_inward_corner_the_way_is_free():
     notched = Polygon(((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (0.0, 0.0), (-50.0, 50.0)))
-    at = Situation((0.0, -0.5, 0.0), (0.0, 0.0, 0.0))
+    at = Situation(Ned((0.0, -0.5, 0.0)), Ned((0.0, 0.0, 0.0)))
     free = (5.0, 0.0, 0.0)
     closing = (0.0, 5.0, 0.0)
     assert settled(free, at, replace(OPEN, fence_polygon=notched)).setpoint.velocity_ned_m_s == free
@@ -190,7 +190,7 @@ def test_past_an_inward_corner_the_way_is_free():
 def test_a_polygon_keeps_its_margin_from_inside_and_outside():
     with_margin = replace(SQUARE, fence_margin_m=2.0)
     for north in (18.0, 19.0, 20.0, 21.0):
-        at = Situation((north, 0.0, 0.0), (0.0, 0.0, 0.0))
+        at = Situation(Ned((north, 0.0, 0.0)), Ned((0.0, 0.0, 0.0)))
         assert settled((5.0, 4.0, 0.0), at, with_margin).setpoint.velocity_ned_m_s == pytest.approx(
             (0.0, 4.0, 0.0)
         )
@@ -202,8 +202,8 @@ def test_a_polygon_keeps_its_margin_from_inside_and_outside():
 
 
 def test_an_acceleration_does_not_lean_on_the_circle_and_may_point_inwards():
-    fenced = replace(OPEN, fence_radius_m=6.0, home_ned_m=(0.0, -2.0, 0.0))
-    at_fence = Situation((0.0, 4.0, 0.0), (0.0, 0.0, 0.0))
+    fenced = replace(OPEN, fence_radius_m=6.0, home_ned_m=Ned((0.0, -2.0, 0.0)))
+    at_fence = Situation(Ned((0.0, 4.0, 0.0)), Ned((0.0, 0.0, 0.0)))
     out = settled((0.0, 8.0, 0.0), at_fence, fenced, acceleration_ned_m_s2=(2.0, 3.0, 1.0))
     assert out.setpoint.acceleration_ned_m_s2 == pytest.approx((2.0, 0.0, 1.0), abs=1e-9)
     inwards = settled((0.0, 8.0, 0.0), at_fence, fenced, acceleration_ned_m_s2=(2.0, -3.0, 1.0))
@@ -237,7 +237,7 @@ def test_across_the_radius_no_acceleration_leads_to_where_the_circle_is_flown_to
 
 def test_the_circle_bends_a_velocity_inwards_so_that_it_stops_on_the_circle():
     fenced = replace(OPEN, fence_radius_m=30.0)
-    at_rim = Situation((30.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    at_rim = Situation(Ned((30.0, 0.0, 0.0)), Ned((0.0, 0.0, 0.0)))
     north, east, _ = settled((0.0, 8.0, 0.0), at_rim, fenced).setpoint.velocity_ned_m_s
     seconds = OPEN.reaction_s + 8.0 / (2.0 * OPEN.braking_m_s2)
     assert math.hypot(30.0 + north * seconds, east * seconds) == pytest.approx(30.0)
@@ -259,7 +259,9 @@ def test_floor_and_ceiling_allow_the_vertical_speed_that_still_stops(
     limits, velocity, allowed, limiter
 ):
     limited = settled(
-        (7.0, 4.0, velocity), Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0)), replace(OPEN, **limits)
+        (7.0, 4.0, velocity),
+        Situation(Ned((0.0, 0.0, -4.0)), Ned((0.0, 0.0, 0.0))),
+        replace(OPEN, **limits),
     )
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((7.0, 4.0, allowed))
     assert limited.active == (limiter,)
@@ -270,7 +272,7 @@ def test_floor_and_ceiling_allow_the_vertical_speed_that_still_stops(
     [(0.0, 0.0), (0.3, 0.3), (0.8, 0.5), (9.0, 0.5), (-1.0, 0.0), (math.nan, 0.0)],
 )
 def test_a_vehicle_stops_above_the_floor_by_the_error_of_its_height(height_sd_m, margin_m):
-    at = Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0), height_sd_m=height_sd_m)
+    at = Situation(Ned((0.0, 0.0, -4.0)), Ned((0.0, 0.0, 0.0)), height_sd_m=height_sd_m)
     limited = settled((0.0, 0.0, 2.0), at, replace(OPEN, floor_m=3.0, floor_margin_m=0.5))
     assert limited.setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, (1.0 - margin_m) / 1.5))
     (floor,) = [
@@ -312,15 +314,23 @@ ZONE = replace(OPEN, stand_off=StandOff(radius_m=3.0, height_m=5.0))
     ],
 )
 def test_the_stand_off_is_a_wall_beside_and_a_lid_above(position, velocity, allowed):
-    limited = settled(velocity, Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0)), ZONE)
+    limited = settled(
+        velocity, Situation(Ned(position), Ned((0.0, 0.0, 0.0)), 0.0, Ned((0.0, 0.0, 0.0))), ZONE
+    )
     assert limited.setpoint.velocity_ned_m_s == pytest.approx(allowed, abs=1e-12)
     assert limited.active == ((Limiter.STAND_OFF,) if allowed != velocity else ())
 
 
 def test_the_stand_off_is_about_the_evader_wherever_that_is():
-    here = Situation((-10.0, 2.0, -7.0), (1.0, 0.5, 0.0), 0.0, (0.0, 0.0, 0.0), (2.0, -1.0, 0.0))
+    here = Situation(
+        Ned((-10.0, 2.0, -7.0)),
+        Ned((1.0, 0.5, 0.0)),
+        0.0,
+        Ned((0.0, 0.0, 0.0)),
+        Ned((2.0, -1.0, 0.0)),
+    )
     there = here._replace(
-        position_ned_m=(20.0, -58.0, -3.0), evader_position_ned_m=(30.0, -60.0, 4.0)
+        position_ned_m=Ned((20.0, -58.0, -3.0)), evader_position_ned_m=Ned((30.0, -60.0, 4.0))
     )
     one, other = (
         settled((8.0, -2.0, 2.0), at, ZONE).setpoint.velocity_ned_m_s for at in (here, there)
@@ -332,7 +342,9 @@ def test_the_stand_off_is_about_the_evader_wherever_that_is():
 def test_across_the_rim_both_closing_parts_share_the_gap():
     position = (-6.0, 0.0, -9.0)  # 3 m beside and 4 m above: a gap of 5 m
     north, _, down = settled(
-        (8.0, 0.0, 2.0), Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0)), ZONE
+        (8.0, 0.0, 2.0),
+        Situation(Ned(position), Ned((0.0, 0.0, 0.0)), 0.0, Ned((0.0, 0.0, 0.0))),
+        ZONE,
     )[0].velocity_ned_m_s
     ground_s = 0.5 + 8.0 / 4.0
     vertical_s = 0.5 + 2.0 / 2.0
@@ -350,11 +362,15 @@ def test_an_evader_that_flees_takes_its_wall_along(bearing_deg):
 
     # 7 m beside and 2 m above: the gap is across the rim, and this is its way over the ground
     along_m = 53.0 / 7.0
-    fleeing = Situation(turned(-10.0, down=-7.0), turned(3.0), 0.0, (0.0, 0.0, 0.0), turned(3.0))
+    fleeing = Situation(
+        Ned(turned(-10.0, down=-7.0)), Ned(turned(3.0)), 0.0, Ned((0.0, 0.0, 0.0)), Ned(turned(3.0))
+    )
     assert settled(turned(9.0), fleeing, ZONE)[0].velocity_ned_m_s == pytest.approx(
         turned(3.0 + asked_ground(along_m, 6.0))
     )
-    faster = fleeing._replace(velocity_ned_m_s=turned(5.0))  # only what it is faster by is drift
+    faster = fleeing._replace(
+        velocity_ned_m_s=Ned(turned(5.0))
+    )  # only what it is faster by is drift
     assert settled(turned(9.0), faster, ZONE)[0].velocity_ned_m_s == pytest.approx(
         turned(3.0 + asked_ground(along_m - 1.0, 6.0))
     )
@@ -369,7 +385,9 @@ def test_an_evader_that_flees_takes_its_wall_along(bearing_deg):
         turned(0.0, 3.0),
         (0.0, 0.0, 9.0),
     ):
-        other = fleeing._replace(evader_velocity_ned_m_s=velocity, velocity_ned_m_s=(0.0, 0.0, 0.0))
+        other = fleeing._replace(
+            evader_velocity_ned_m_s=Ned(velocity), velocity_ned_m_s=Ned((0.0, 0.0, 0.0))
+        )
         assert settled(turned(8.0), other, ZONE)[0].velocity_ned_m_s == pytest.approx(
             turned(asked_ground(along_m, 8.0))
         )
@@ -380,7 +398,9 @@ def test_an_evader_that_flees_takes_its_wall_along(bearing_deg):
 )
 def test_beside_the_cylinder_no_flight_of_the_evader_is_trusted_in(above_m, share):
     place = (-10.0, 0.0, -5.0 - above_m)
-    fleeing = Situation(place, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+    fleeing = Situation(
+        Ned(place), Ned((0.0, 0.0, 0.0)), 0.0, Ned((0.0, 0.0, 0.0)), Ned((3.0, 0.0, 0.0))
+    )
     north, _, _ = settled((9.0, 0.0, 0.0), fleeing, ZONE)[0].velocity_ned_m_s
     along_m = (49.0 + max(0.0, above_m) ** 2) / 7.0
     assert north == pytest.approx(3.0 * share + asked_ground(along_m, 9.0 - 3.0 * share))
@@ -388,7 +408,9 @@ def test_beside_the_cylinder_no_flight_of_the_evader_is_trusted_in(above_m, shar
 
 def test_across_the_rim_an_evader_that_flees_moves_the_level_part_of_the_wall():
     position = (-6.0, 0.0, -9.0)  # 3 m beside and 4 m above: a gap of 5 m
-    fleeing = Situation(position, (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), (2.0, 0.0, 0.0))
+    fleeing = Situation(
+        Ned(position), Ned((0.0, 0.0, 0.0)), 0.0, Ned((0.0, 0.0, 0.0)), Ned((2.0, 0.0, 0.0))
+    )
     north, _, down = settled((8.0, 0.0, 2.0), fleeing, ZONE).setpoint.velocity_ned_m_s
     ground_s = 0.5 + 6.0 / 4.0
     vertical_s = 0.5 + 2.0 / 2.0
@@ -396,7 +418,13 @@ def test_across_the_rim_an_evader_that_flees_moves_the_level_part_of_the_wall():
 
 
 def test_inside_the_stand_off_nothing_leads_deeper_however_the_evader_flees():
-    inside = Situation((-1.0, 0.0, -2.0), (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+    inside = Situation(
+        Ned((-1.0, 0.0, -2.0)),
+        Ned((0.0, 0.0, 0.0)),
+        0.0,
+        Ned((0.0, 0.0, 0.0)),
+        Ned((3.0, 0.0, 0.0)),
+    )
     assert settled((8.0, 1.0, 1.0), inside, ZONE)[0].velocity_ned_m_s == pytest.approx(
         (0.0, 1.0, 0.0)
     )
@@ -404,7 +432,7 @@ def test_inside_the_stand_off_nothing_leads_deeper_however_the_evader_flees():
 
 @pytest.mark.parametrize("braking", [0.5, 1.0, 3.0])
 def test_each_axis_has_its_own_braking(braking):
-    low = Situation((0.0, 0.0, -4.0), (0.0, 0.0, 0.0))
+    low = Situation(Ned((0.0, 0.0, -4.0)), Ned((0.0, 0.0, 0.0)))
     floored = replace(OPEN, floor_m=3.0, vertical_braking_m_s2=braking)
     assert settled((0.0, 0.0, 2.0), low, floored)[0].velocity_ned_m_s[2] == pytest.approx(
         1.0 / (0.5 + 1.0 / braking)
@@ -423,16 +451,23 @@ def test_the_stand_off_takes_the_feed_forward_away_as_it_takes_speed_away(taken_
     pushing = (9.0, 1.0, 0.0)
     bounds = (OPEN.acceleration_m_s2, 3.0, 3.0)
     beside_m = (8.0 - taken_m_s) * (OPEN.reaction_s + 8.0 / (2.0 * OPEN.braking_m_s2))
-    here = Situation((-3.0 - beside_m, 0.0, -2.0), (0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0))
-    before = LimitMemory(velocity, feed_forward_ned_m_s2=pushing)
-    limited = limit(Setpoint(velocity, pushing), here, ZONE, before, 0.02)
+    here = Situation(
+        Ned((-3.0 - beside_m, 0.0, -2.0)), Ned((0.0, 0.0, 0.0)), 0.0, Ned((0.0, 0.0, 0.0))
+    )
+    before = LimitMemory(Ned(velocity), feed_forward_ned_m_s2=Ned(pushing))
+    limited = limit(Setpoint(Ned(velocity), Ned(pushing)), here, ZONE, before, 0.02)
     assert limited.setpoint.velocity_ned_m_s[0] == pytest.approx(8.0 - taken_m_s)
     sent = limited.setpoint.acceleration_ned_m_s2
-    assert sent[0] == pytest.approx(min(left * OPEN.acceleration_m_s2, clamp(pushing, *bounds)[0]))
-    assert sent[1] == pytest.approx(clamp(pushing, *bounds)[1])
+    assert sent[0] == pytest.approx(
+        min(left * OPEN.acceleration_m_s2, Ned(pushing).clamped(*bounds)[0])
+    )
+    assert sent[1] == pytest.approx(Ned(pushing).clamped(*bounds)[1])
 
 
 def test_no_evader_no_stand_off():
     assert (
-        settled((8.0, 0.0, 0.0), Situation((-4.0, 0.0, -2.0), (0.0, 0.0, 0.0)), ZONE).active == ()
+        settled(
+            (8.0, 0.0, 0.0), Situation(Ned((-4.0, 0.0, -2.0)), Ned((0.0, 0.0, 0.0))), ZONE
+        ).active
+        == ()
     )

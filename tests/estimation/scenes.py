@@ -11,6 +11,7 @@ from guidance import estimation
 from guidance.estimation.filters import advance, blended, distance
 from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.track import Track, update
+from guidance.frames import Ned
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
 
@@ -21,8 +22,8 @@ def measured(
     return Measurement(
         time_s,
         time_s if received_s is None else received_s,
-        position,
-        velocity,
+        Ned(position),
+        None if velocity is None else Ned(velocity),
         position_sd_m,
         velocity_sd_m_s,
     )
@@ -96,7 +97,7 @@ def predict(track, now_s, options):
     """Return the prediction with its covariance and turn rate; its velocity also where it is not known."""
     if track.estimate is None:
         return None
-    evader = estimation.predict(track.estimate, (0.0, 0.0, 0.0), now_s, options)
+    evader = estimation.predict(track.estimate, Ned((0.0, 0.0, 0.0)), now_s, options)
     moved = advance(track.estimate, now_s, options)
     mixture = blended(*moved.modes)
     mean = mixture.mean

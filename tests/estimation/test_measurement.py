@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from guidance.estimation import Observer, observe
 from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, synchronise
 from guidance.estimation.track import ReportOutcome
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import EvaderReport, Timesync
 from tests.estimation.scenes import predict
 
@@ -140,7 +140,7 @@ def wire_report(
     position_sd_m=math.nan,
     velocity_sd_m_s=math.nan,
 ):
-    latitude, longitude, _ = FRAME.wgs84_from_ned((north_m, 0.0, 0.0))
+    latitude, longitude, _ = FRAME.wgs84_from_ned(Ned((north_m, 0.0, 0.0)))
     return EvaderReport(
         received_s,
         sent_s,
@@ -148,7 +148,7 @@ def wire_report(
         latitude,
         longitude,
         amsl_m,
-        velocity,
+        Ned(velocity),
         position_sd_m,
         velocity_sd_m_s,
     )

@@ -8,7 +8,7 @@ from guidance.estimation import Observer, observe
 from guidance.estimation.measurement import TrackSettings
 from guidance.estimation.pace import Pace, judge_pace
 from guidance.estimation.track import ReportOutcome
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import EvaderReport
 
 FRAME = LocalFrame(47.0, 8.0, Amsl(488.0))
@@ -88,9 +88,9 @@ def test_a_clock_that_runs_well_again_is_used_again_after_a_while():
 
 
 def report(time_s, sent_s):
-    latitude, longitude, _ = FRAME.wgs84_from_ned((SPEED_M_S * time_s, 0.0, 0.0))
+    latitude, longitude, _ = FRAME.wgs84_from_ned(Ned((SPEED_M_S * time_s, 0.0, 0.0)))
     velocity = (SPEED_M_S, 0.0, 0.0)
-    return EvaderReport(time_s, sent_s, "t", latitude, longitude, 488.0, velocity)
+    return EvaderReport(time_s, sent_s, "t", latitude, longitude, 488.0, Ned(velocity))
 
 
 @pytest.mark.parametrize("name", STRANGE)

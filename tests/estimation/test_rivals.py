@@ -8,6 +8,7 @@ import pytest
 
 from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.rivals import LASTS_S, Report, Rivals, listen
+from guidance.frames import Ned
 from guidance.messages import UNKNOWN_VELOCITY, EvaderReport
 
 SPEED_M_S = 3.0
@@ -42,7 +43,9 @@ class Said(NamedTuple):
         told = EvaderReport(
             self.received_s, self.sent_s, self.source, *place, UNKNOWN_VELOCITY, **who
         )
-        measured = Measurement(self.true_s, self.received_s, (north_m, east_m, 0.0), None, 0.7, 0.3)
+        measured = Measurement(
+            self.true_s, self.received_s, Ned((north_m, east_m, 0.0)), None, 0.7, 0.3
+        )
         return Report(told, measured, self.fits)
 
 

@@ -11,6 +11,7 @@ from scipy.special import chdtrc
 
 from guidance.estimation.measurement import Measurement
 from guidance.estimation.track import ReportOutcome, Track, update
+from guidance.frames import Ned
 from tests.estimation.scenes import (
     SETTINGS,
     measured,
@@ -161,7 +162,7 @@ def test_the_estimate_knows_no_beginning_of_time(start_s):
 
 
 numbers = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-100.0, 100.0))
-vectors = st.tuples(numbers, numbers, numbers)
+vectors = st.tuples(numbers, numbers, numbers).map(Ned)
 spreads = numbers | st.sampled_from([0.01, 0.5, 1e4])
 wild = st.builds(Measurement, numbers, numbers, vectors, st.none() | vectors, spreads, spreads)
 near = st.builds(
@@ -169,8 +170,8 @@ near = st.builds(
         time_s, time_s + 0.1, position, velocity, *sds
     ),
     st.floats(0.0, 4.0),
-    st.tuples(*[st.floats(-1e4, 1e4)] * 3),
-    st.none() | st.tuples(*[st.floats(-30.0, 30.0)] * 3),
+    st.tuples(*[st.floats(-1e4, 1e4)] * 3).map(Ned),
+    st.none() | st.tuples(*[st.floats(-30.0, 30.0)] * 3).map(Ned),
     st.sampled_from([0.01, 0.5, 1e4]),
     st.sampled_from([0.01, 0.5, 1e4]),
 )

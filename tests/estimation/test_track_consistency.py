@@ -9,6 +9,7 @@ from scipy.special import chdtri
 
 from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.track import ReportOutcome, Track, update
+from guidance.frames import Ned
 from tests.estimation.scenes import nis_of, predict
 
 SETTINGS = TrackSettings(declared_speed_m_s=3.0)
@@ -59,8 +60,8 @@ def report(rng, time_s, state, *, with_velocity, delay_s, position_sd_m=0.7, vel
     return Measurement(
         time_s,
         time_s + delay_s,
-        (float(position[0]), float(position[1]), float(height)),
-        (float(velocity[0]), float(velocity[1]), float(climb)) if with_velocity else None,
+        Ned((float(position[0]), float(position[1]), float(height))),
+        Ned((float(velocity[0]), float(velocity[1]), float(climb)) if with_velocity else None),
         position_sd_m,
         velocity_sd_m_s,
     )

@@ -8,7 +8,7 @@ import pytest
 from guidance.estimation import Observer, observe
 from guidance.estimation.measurement import TrackSettings
 from guidance.estimation.velocity_check import VelocityCheck, check_velocity
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import EvaderReport
 from tests.estimation.scenes import measured
 
@@ -98,9 +98,9 @@ def test_a_dropped_velocity_no_longer_pulls_the_estimate():
         time_s = step / 20.0
         position, velocity = circle(time_s)
         north_rate, east_rate = twice_rotated(time_s)
-        latitude, longitude, _ = FRAME.wgs84_from_ned((*position, 0.0))
+        latitude, longitude, _ = FRAME.wgs84_from_ned(Ned((*position, 0.0)))
         said = (north_rate, east_rate, 0.0)
-        report = EvaderReport(time_s, time_s, "t", latitude, longitude, 488.0, said, 0.3, 0.1)
+        report = EvaderReport(time_s, time_s, "t", latitude, longitude, 488.0, Ned(said), 0.3, 0.1)
         observer = observe(observer, report, FRAME, SETTINGS)
         estimated = observer.track.estimate.modes.steady.mean
         errors_m.append(math.dist(estimated[2:], velocity))

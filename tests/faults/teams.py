@@ -19,7 +19,7 @@ from guidance.control.follow import gaps_to_disc
 from guidance.cycle import Players, Vehicle, certify
 from guidance.flight import Event, State
 from guidance.flight.table import SETPOINT_STATES
-from guidance.frames import ned_from_game
+from guidance.frames import Enu, ned_from_game
 from guidance.game import Game, Winner
 from guidance.links.port import EvaderSource
 from guidance.messages import EvaderReport
@@ -447,7 +447,7 @@ class Sortie:
                 game = Game(cycle.game.pursuer, speed_m_s, standoff=cycle.game.standoff)
                 there = (*there[:2], 0.0)
                 gaps = gaps_to_disc(ned_from_game(here), ned_from_game(there), cycle.game.standoff)
-                players = Players(here, STILL, there, STILL, target, gaps, 0.0)
+                players = Players(here, Enu(STILL), there, Enu(STILL), Enu(target), gaps, 0.0)
                 certificate = certify(game, players, vehicle, None).certificate
                 if certificate.vehicle_winner == Winner.PURSUER:
                     self.winning.add((name, evader))

@@ -5,6 +5,7 @@ from collections import Counter
 
 from guidance.autopilots import Mode
 from guidance.flight import Event, Flight, Inputs, State
+from guidance.frames import Ned
 from guidance.messages import Attitude, EvaderReport, LandedState
 from tests.flight.scenes import (
     HOME_DOWN_M,
@@ -91,7 +92,7 @@ class Flown:
             latitude_deg,
             longitude_deg,
             492.0,
-            (0.0, 0.0, 0.0),
+            Ned((0.0, 0.0, 0.0)),
             0.1,
             0.1,
         )

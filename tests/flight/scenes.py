@@ -9,6 +9,7 @@ from guidance.estimation import EvaderEstimate
 from guidance.flight import FlightSettings
 from guidance.flight.detection import Moment, Stage
 from guidance.flight.heard import Heard
+from guidance.frames import Enu, Ned
 from guidance.game import Ball, Game, StandOff
 from guidance.messages import (
     Attitude,
@@ -51,16 +52,16 @@ QUIET = Certificate(
     winner=1,
     value=5.0,
     margin_s=1.0,
-    meeting_point_game_m=NOWHERE,
+    meeting_point_game_m=Enu(NOWHERE),
     meeting_time_s=5.0,
     speed_ratio=2.0,
     evader_age_s=0.1,
-    pursuer_game_m=NOWHERE,
-    evader_game_m=NOWHERE,
+    pursuer_game_m=Enu(NOWHERE),
+    evader_game_m=Enu(NOWHERE),
     gap_m=10.0,
     height_gap_m=0.0,
-    desired_ned_m_s=NOWHERE,
-    command_ned_m_s=NOWHERE,
+    desired_ned_m_s=Ned(NOWHERE),
+    command_ned_m_s=Ned(NOWHERE),
     active_limits=(),
     captured=False,
     strayed=False,
@@ -79,11 +80,11 @@ def heartbeat(at_s=NOW_S, mode=Mode.HOLD, *, armed=True, autopilot=PX4):
 
 
 def local(at_s=NOW_S, position=(0.0, 0.0, HOME_DOWN_M - 10.0), velocity=NOWHERE):
-    return LocalPosition(at_s, at_s, position, velocity)
+    return LocalPosition(at_s, at_s, Ned(position), Ned(velocity))
 
 
 def home(at_s=NOW_S):
-    return Home(at_s, 47.397742, 8.545594, 492.0, (0.0, 0.0, HOME_DOWN_M))
+    return Home(at_s, 47.397742, 8.545594, 492.0, Ned((0.0, 0.0, HOME_DOWN_M)))
 
 
 def timesync(at_s=NOW_S):
@@ -121,7 +122,9 @@ class Told:
     def __init__(self, evader_ned_m, silence_s, rival, home_ned_m):
         self.home_ned_m = home_ned_m
         self._evader = (
-            None if evader_ned_m is None else EvaderEstimate(evader_ned_m, NOWHERE, 3.0, 0.1)
+            None
+            if evader_ned_m is None
+            else EvaderEstimate(Ned(evader_ned_m), Ned(NOWHERE), 3.0, 0.1)
         )
         self._silence_s = silence_s
         self._rival = rival
@@ -165,7 +168,7 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
     }
     heard.tracking = Told(*(changes.pop(name, value) for name, value in usual.items()))
     heard.position_ned_m = changes.pop("position_ned_m", (0.0, 0.0, HOME_DOWN_M - 10.0))
-    about_home = replace(ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M))
+    about_home = replace(ENVELOPE, home_ned_m=Ned((0.0, 0.0, HOME_DOWN_M)))
     heard.cycle = replace(settings.cycle, envelope=changes.pop("envelope", about_home))
     stage = {
         **STAGE,

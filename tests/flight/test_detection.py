@@ -21,6 +21,7 @@ from guidance.flight.detection import (
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, Inputs
 from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS
+from guidance.frames import Ned
 from guidance.game import StandOff
 from guidance.messages import (
     Attitude,
@@ -211,7 +212,7 @@ def test_what_the_certificate_says_is_read_from_its_own_line(event, state, name)
 
 HIGH_M = HOME_DOWN_M - 10.0
 STAND_OFF = StandOff(radius_m=4.0, height_m=6.0)
-ABOUT_HOME = replace(ENVELOPE, home_ned_m=(5.0, 0.0, HOME_DOWN_M), stand_off=STAND_OFF)
+ABOUT_HOME = replace(ENVELOPE, home_ned_m=Ned((5.0, 0.0, HOME_DOWN_M)), stand_off=STAND_OFF)
 
 
 @pytest.mark.parametrize("state", sorted(SETPOINT_STATES))

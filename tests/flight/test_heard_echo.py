@@ -16,19 +16,20 @@ from guidance.flight.heard import (
     Echo,
     Heard,
 )
+from guidance.frames import Ned
 from guidance.messages import EstimatorStatus, PositionTarget, Setpoint
 from tests.flight.scenes import NOW_S, SETTINGS, home, local, settings_of
 
 
 def reported(now_s, velocity):
-    return [PositionTarget(now_s, now_s, 2503, velocity)]
+    return [PositionTarget(now_s, now_s, 2503, Ned(velocity))]
 
 
 def flown(echo, velocity, seconds=3.0):
     """Send one velocity at 50 Hz, hear it back at 5 Hz."""
     for step in range(round(seconds * 50)):
         now_s = 0.02 * step
-        echo.sent(now_s, Setpoint(velocity))
+        echo.sent(now_s, Setpoint(Ned(velocity)))
         if step % 10 == 9:
             echo.hear(reported(now_s, velocity), guided=True)
     return 0.02 * round(seconds * 50)
@@ -46,7 +47,7 @@ def test_our_own_setpoint_is_ours_also_where_the_autopilot_cut_it_to_its_limits(
         echo.hear(
             reported(now_s + 0.1 * later, tuple(share * part for part in velocity)), guided=True
         )
-        echo.sent(now_s + 0.1 * later, Setpoint(velocity))
+        echo.sent(now_s + 0.1 * later, Setpoint(Ned(velocity)))
     assert not echo.foreign
 
 
@@ -69,7 +70,7 @@ def test_a_velocity_far_from_all_that_was_sent_is_foreign_after_a_few_reports(ou
 def test_the_first_reports_of_all_count_as_much_as_later_ones():
     echo = Echo()
     for step in range(150):
-        echo.sent(0.02 * step, Setpoint((3.0, 0.0, 0.0)))
+        echo.sent(0.02 * step, Setpoint(Ned((3.0, 0.0, 0.0))))
     for count in range(STRANGE_REPORTS):
         assert not echo.foreign
         echo.hear(reported(3.0 + APART_S * count, (-3.0, 0.0, 0.0)), guided=True)
@@ -100,7 +101,7 @@ def test_what_was_sent_two_seconds_ago_is_not_ours_any_more():
     echo = Echo()
     for step in range(250):
         velocity = (3.0, 0.0, 0.0) if step < 150 else (0.0, 3.0, 0.0)
-        echo.sent(0.02 * step, Setpoint(velocity))
+        echo.sent(0.02 * step, Setpoint(Ned(velocity)))
     for count, (at_s, foreign) in enumerate(
         ((4.4, False), (4.6, False), (4.8, False), (5.0, True))
     ):
@@ -113,7 +114,7 @@ def test_after_silence_the_count_begins_anew():
     flown(echo, (3.0, 0.0, 0.0))
     echo.silent()
     for step in range(100):
-        echo.sent(10.0 + 0.02 * step, Setpoint((3.0, 0.0, 0.0)))
+        echo.sent(10.0 + 0.02 * step, Setpoint(Ned((3.0, 0.0, 0.0))))
     for count in range(STRANGE_REPORTS):
         assert not echo.foreign
         echo.hear(reported(12.0 + APART_S * count, (-3.0, 0.0, 0.0)), guided=True)
@@ -125,7 +126,7 @@ def test_two_odd_reports_are_no_alarm_however_long_the_flight():
     now_s = flown(echo, (3.0, 0.0, 0.0))
     for step in range(1500):
         now_s += 0.02
-        echo.sent(now_s, Setpoint((3.0, 0.0, 0.0)))
+        echo.sent(now_s, Setpoint(Ned((3.0, 0.0, 0.0))))
         odd = step % 60 == 0  # 1.2 s apart: two in every window
         echo.hear(reported(now_s, (-3.0, 0.0, 0.0) if odd else (3.0, 0.0, 0.0)), guided=True)
         assert not echo.foreign
@@ -137,7 +138,7 @@ def test_odd_reports_between_our_own_are_a_second_source_within_two_seconds(ever
     begun_s = now_s = flown(echo, (3.0, 0.0, 0.0))
     for step in range(10_000):
         now_s = begun_s + 0.02 * step
-        echo.sent(now_s, Setpoint((3.0, 0.0, 0.0)))
+        echo.sent(now_s, Setpoint(Ned((3.0, 0.0, 0.0))))
         echo.hear(
             reported(now_s, (-3.0, 0.0, 0.0) if step % every == 0 else (3.0, 0.0, 0.0)), guided=True
         )
@@ -150,11 +151,11 @@ def test_a_transient_of_the_autopilot_of_a_third_of_a_second_is_no_alarm():
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0))
     for step in range(19):
-        echo.sent(now_s + 0.02 * step, Setpoint((3.0, 0.0, 0.0)))
+        echo.sent(now_s + 0.02 * step, Setpoint(Ned((3.0, 0.0, 0.0))))
         echo.hear(reported(now_s + 0.02 * step, (-3.0, 0.0, 0.0)), guided=True)
     assert echo.strange_s
     assert not echo.foreign
-    echo.sent(now_s + 0.3 + WINDOW_S, Setpoint((3.0, 0.0, 0.0)))
+    echo.sent(now_s + 0.3 + WINDOW_S, Setpoint(Ned((3.0, 0.0, 0.0))))
     echo.hear(reported(now_s + 0.3 + WINDOW_S, (3.0, 0.0, 0.0)), guided=True)
     assert not echo.strange_s
 
@@ -180,7 +181,7 @@ def test_late_autopilot_reports_from_before_our_stream_are_no_takeover():
     echo = Echo()
     for step in range(60):
         now_s = 0.02 * step
-        echo.sent(now_s, Setpoint((0.0, 0.0, 0.0)))
+        echo.sent(now_s, Setpoint(Ned((0.0, 0.0, 0.0))))
         echo.hear(reported(now_s, (5.0, 0.0, 0.0)), guided=True)
     assert now_s < REMEMBERED_S
     assert not echo.foreign
@@ -201,7 +202,7 @@ def test_what_is_strange_at_once_after_a_silence_may_be_of_before_it():
     flown(echo, (3.0, 0.0, 0.0))
     echo.silent()
     for step in range(75):
-        echo.sent(10.0 + 0.02 * step, Setpoint((3.0, 0.0, 0.0)))
+        echo.sent(10.0 + 0.02 * step, Setpoint(Ned((3.0, 0.0, 0.0))))
         echo.hear(reported(10.0 + 0.02 * step, (-3.0, 0.0, 0.0)), guided=True)
         assert not echo.strange_s
 
@@ -223,7 +224,7 @@ def test_three_strange_reports_in_two_seconds_are_foreign_for_any_clock_rounding
     echo = Echo()
     now_s = flown(echo, (3.0, 0.0, 0.0)) + later_s
     for count in range(3):
-        echo.sent(now_s + apart_s * count, Setpoint((3.0, 0.0, 0.0)))
+        echo.sent(now_s + apart_s * count, Setpoint(Ned((3.0, 0.0, 0.0))))
         echo.hear(reported(now_s + apart_s * count, (-3.0, 0.0, 0.0)), guided=True)
     assert echo.foreign is foreign
 

@@ -8,6 +8,7 @@ import pytest
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.flight import FINAL, ORDERS, Event, State
 from guidance.flight.sending import REPEAT_S
+from guidance.frames import Ned
 from guidance.messages import Attitude, EvaderReport, Home, LocalPosition, Message
 from guidance.vehicle import is_plausible
 from tests.flight.flown import SET_MODE, Flown, commands
@@ -76,9 +77,9 @@ def assert_within_limits(outputs):
 
 
 def test_what_cannot_be_meant_is_told_from_what_is_only_not_known():
-    assert is_plausible(Home(0.0, 47.0, 8.0, 488.0, (math.nan,) * 3))
-    assert not is_plausible(Home(0.0, 47.0, 8.0, 488.0, (0.0, math.nan, 0.0)))
-    assert not is_plausible(Home(0.0, 47.0, 8.0, 488.0, (0.0, 1e38, 0.0)))
+    assert is_plausible(Home(0.0, 47.0, 8.0, 488.0, Ned((math.nan,) * 3)))
+    assert not is_plausible(Home(0.0, 47.0, 8.0, 488.0, Ned((0.0, math.nan, 0.0))))
+    assert not is_plausible(Home(0.0, 47.0, 8.0, 488.0, Ned((0.0, 1e38, 0.0))))
     assert not is_plausible(Attitude(0.0, 0.0, 57.3))
 
 
@@ -87,9 +88,11 @@ def test_nonsense_leaves_what_was_known_as_it_was(number):
     """Once: several positions that contradict the vehicle's are a second sender, and end the game."""
     flown = Flown().engaged()
     before = flown.flight.heard.cycle.envelope, flown.flight.tracking.local_frame
-    flown.cycle(more=[Home(flown.now_s, 47.0, 8.0, 488.0, (number, 0.0, 0.0))])
+    flown.cycle(more=[Home(flown.now_s, 47.0, 8.0, 488.0, Ned((number, 0.0, 0.0)))])
     boot_s = flown.now_s + 0.001
-    flown.cycle(more=[LocalPosition(flown.now_s, boot_s, (0.0, number, 0.0), (0.0, 0.0, 0.0))])
+    flown.cycle(
+        more=[LocalPosition(flown.now_s, boot_s, Ned((0.0, number, 0.0)), Ned((0.0, 0.0, 0.0)))]
+    )
     flown.cycle()
     assert (flown.flight.heard.cycle.envelope, flown.flight.tracking.local_frame) == before
     assert flown.state is State.ENGAGED

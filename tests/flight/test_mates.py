@@ -8,7 +8,7 @@ from guidance.autopilots import PX4
 from guidance.control import Limiter
 from guidance.flight.heard import FORGOTTEN_S, HOLD_S, MOST_AIRCRAFT, Heard
 from guidance.flight.settings import Inputs, TeamSection
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import Aircraft, EvaderReport, MateState, Origin, Role
 from tests.flight.scenes import HOME_DOWN_M, SETTINGS, home, local
 
@@ -25,9 +25,9 @@ UP_M = HOME_DOWN_M - 10.0
 
 
 def mate(north_m, *, at_s=AT_S, velocity=(0.0, 0.0, 0.0), airborne=True, doubt_m=0.0):
-    latitude, longitude, altitude = ZERO.wgs84_from_ned((north_m, 0.0, UP_M))
+    latitude, longitude, altitude = ZERO.wgs84_from_ned(Ned((north_m, 0.0, UP_M)))
     return MateState(
-        "bravo", at_s, latitude, longitude, altitude.metres, velocity, 6.0, doubt_m, airborne
+        "bravo", at_s, latitude, longitude, altitude.metres, Ned(velocity), 6.0, doubt_m, airborne
     )
 
 
@@ -52,8 +52,8 @@ def test_a_mate_is_a_wall_at_the_separation():
 
 
 def aircraft(north_m, *, name="ICAO 3C6444", velocity=(0.0, 0.0, 0.0), error_m=0.0, **changes):
-    latitude, longitude, altitude = ZERO.wgs84_from_ned((north_m, 0.0, UP_M))
-    known = Aircraft(AT_S, name, latitude, longitude, altitude.metres, velocity, 0.0, error_m)
+    latitude, longitude, altitude = ZERO.wgs84_from_ned(Ned((north_m, 0.0, UP_M)))
+    known = Aircraft(AT_S, name, latitude, longitude, altitude.metres, Ned(velocity), 0.0, error_m)
     return known._replace(**changes)
 
 
@@ -92,7 +92,14 @@ def test_another_aircraft_pauses_nothing_and_a_vehicle_alone_keeps_no_distance_t
 
 def test_an_aircraft_where_a_mate_or_an_evader_is_is_that_one():
     report = EvaderReport(
-        AT_S, AT_S, "test", HERE[0] + 5e-4, HERE[1], 488.0 - UP_M, (0.0, 0.0, 0.0), evader="red"
+        AT_S,
+        AT_S,
+        "test",
+        HERE[0] + 5e-4,
+        HERE[1],
+        488.0 - UP_M,
+        Ned((0.0, 0.0, 0.0)),
+        evader="red",
     )
     assert flown_beside(aircraft(90.0), mates=(mate(85.0),)).aircraft == {}
     assert flown_beside(aircraft(90.0), mates=(mate(60.0),)).aircraft.keys() == {"ICAO 3C6444"}
@@ -126,7 +133,7 @@ def test_a_role_chooses_the_evader_its_speed_and_the_height():
             HERE[0] + north,
             HERE[1],
             488.0,
-            (0.0, 0.0, 0.0),
+            Ned((0.0, 0.0, 0.0)),
             0.1,
             0.1,
             evader=name,

@@ -13,7 +13,7 @@ from guidance.flight.machine import INVITE_AFTER_S
 from guidance.flight.sending import requests_in
 from guidance.flight.settings import AfterCapture
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import LandedState, Odometry, PositionTarget
 from guidance.vehicle import VehicleState, observe
 from tests.flight.flown import CYCLE_S, MESSAGE, REPOSITION, Flown, commands
@@ -123,7 +123,7 @@ def test_another_sources_setpoints_end_in_the_autopilots_hold_and_our_own_do_not
         )
     assert flown.state is State.ENGAGED
     for _ in range(31):
-        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, (-5.0, 5.0, 0.0))])
+        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, Ned((-5.0, 5.0, 0.0)))])
     # It may be a pilot's: that is for the next HEARTBEAT to say
     assert flown.state is State.ENGAGED
     flown.cycle(beat=True)
@@ -135,7 +135,8 @@ def test_a_pilots_setpoints_are_not_another_source_and_cause_no_command():
     flown.cycles(4.0)
     flown.mode = Mode.OTHER
     before_the_beat = [
-        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, (-5.0, 5.0, 0.0))]) for _ in range(31)
+        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, Ned((-5.0, 5.0, 0.0)))])
+        for _ in range(31)
     ]
     assert {one.state for one in before_the_beat} == {State.ENGAGED}
     # A HEARTBEAT was asked for, to see who flies
@@ -155,21 +156,21 @@ def test_what_the_autopilot_did_between_two_engagements_is_not_held_against_anyo
     flown.mode = Mode.GUIDED
     flown.cycle(beat=True)
     for _ in range(60):
-        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, (0.0, 5.0, 0.0))], beat=True)
+        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, Ned((0.0, 5.0, 0.0)))], beat=True)
     assert flown.state is State.ENGAGED
 
 
 def test_while_standing_by_the_autopilots_own_targets_are_its_own_affair():
     flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
     flown.evader = (60.0, 0.0)
-    flown.cycles(3.0, more=[PositionTarget(flown.now_s, 0.0, 0, (5.0, 5.0, 0.0))])
+    flown.cycles(3.0, more=[PositionTarget(flown.now_s, 0.0, 0, Ned((5.0, 5.0, 0.0)))])
     flown.mode = Mode.OTHER
     flown.cycle(beat=True)
     flown.mode = Mode.GUIDED
     flown.cycle(beat=True)
     assert flown.state is State.ENGAGED
     for _ in range(60):
-        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, (5.0, 5.0, 0.0))], beat=True)
+        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, Ned((5.0, 5.0, 0.0)))], beat=True)
     assert flown.state is State.ENGAGED
 
 
@@ -227,7 +228,7 @@ def test_a_pilot_who_flies_while_waited_for_keeps_the_vehicle_against_any_order(
 def test_heights_count_from_where_home_is_now():
     flown = Flown().engaged()
     assert flown.flight.heard.cycle.envelope == replace(
-        ENVELOPE, home_ned_m=(0.0, 0.0, HOME_DOWN_M)
+        ENVELOPE, home_ned_m=Ned((0.0, 0.0, HOME_DOWN_M))
     )
 
 

@@ -12,7 +12,7 @@ from guidance.control.braking_law import measure_walls
 from guidance.cycle import CycleInputs, CycleMemory, MonitorMemory, Violation, play, watch
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
-from guidance.frames import GameFrame
+from guidance.frames import Enu, GameFrame, Ned
 from guidance.game import Game, Reason, StandOff, solve
 from guidance.session.vehicle_file import GameSection
 from guidance.strategies import StrategyMemory
@@ -23,12 +23,12 @@ EVADER_NED = (10.0, -4.0, 0.0)
 
 
 def cycle(age_s=0.1, *, settings=CYCLE, played_s=0.0, at=EVADER_NED):
-    evader = EvaderEstimate(at, (1.0, 2.0, 0.0), 3.0, age_s)
+    evader = EvaderEstimate(Ned(at), Ned((1.0, 2.0, 0.0)), 3.0, age_s)
     here = Situation(
-        PURSUER_NED, (0.0, 0.0, 0.0), 0.0, evader.position_ned_m, evader.velocity_ned_m_s
+        Ned(PURSUER_NED), Ned((0.0, 0.0, 0.0)), 0.0, evader.position_ned_m, evader.velocity_ned_m_s
     )
     inputs = CycleInputs(
-        0.02, here, measure_walls(here, settings.envelope), evader, GameFrame((0.0, 0.0, 0.0))
+        0.02, here, measure_walls(here, settings.envelope), evader, GameFrame(Ned((0.0, 0.0, 0.0)))
     )
     return play(inputs, settings, CycleMemory(strategy=StrategyMemory(None, played_s))).certificate
 
@@ -56,7 +56,7 @@ def test_information_older_than_the_guarantee_is_said_and_taken_for_new():
 
 def test_in_tad_the_disc_is_smaller_by_what_the_evader_may_have_run():
     """Against 3 m/s a disc of 3 m shrinks to a point in one second."""
-    settings = replace(CYCLE, target_game_m=(40.0, 10.0, 0.0))
+    settings = replace(CYCLE, target_game_m=Enu((40.0, 10.0, 0.0)))
     P = in_game(PURSUER_NED)
     E = in_game(EVADER_NED)
     T = np.array([40.0, 10.0, 0.0])
@@ -105,7 +105,7 @@ def test_what_is_not_guaranteed_is_not_watched():
 def test_a_target_that_moves_is_where_it_is_by_now_and_the_game_knows_its_velocity():
     settings = replace(
         CYCLE,
-        target_game_m=(40.0, 10.0, 0.0),
+        target_game_m=Enu((40.0, 10.0, 0.0)),
         game=replace(CYCLE.game, target_velocity_m_s=(1.0, -0.5)),
     )
     P = in_game(PURSUER_NED)

@@ -9,11 +9,12 @@ from guidance.cycle import CycleMemory, MonitorMemory
 from guidance.flight import EngageOn, Event, State
 from guidance.flight.machine import INVITE_AFTER_S
 from guidance.flight.sending import Playing
+from guidance.frames import Enu, Ned
 from tests.flight.flown import CYCLE_S, Flown
 from tests.flight.scenes import QUIET, SETTINGS, settings_of
 
 BEGUN = CycleMemory(
-    follow=FollowMemory(deficit_m=2.0, drift=Drift((0.1, 0.2, 0.3), (1.0, 2.0, -30.0))),
+    follow=FollowMemory(deficit_m=2.0, drift=Drift(Ned((0.1, 0.2, 0.3)), Ned((1.0, 2.0, -30.0)))),
     place=(5.0, 6.0),
     height=AltitudeHold(-31.0, 0.4),
 )
@@ -23,14 +24,14 @@ PROMISED = MonitorMemory(lost=False)
 def test_remembered_positions_move_with_the_local_frame_and_nothing_else_does():
     playing = Playing(SETTINGS)
     playing.memory = BEGUN
-    playing.move((10.0, -20.0, 3.0))
+    playing.move(Ned((10.0, -20.0, 3.0)))
     assert playing.memory == BEGUN._replace(
-        follow=BEGUN.follow._replace(drift=Drift((0.1, 0.2, 0.3), (11.0, -18.0, -27.0))),
+        follow=BEGUN.follow._replace(drift=Drift(Ned((0.1, 0.2, 0.3)), Ned((11.0, -18.0, -27.0)))),
         place=(15.0, -14.0),
         height=AltitudeHold(-28.0, 0.4),
     )
     playing.memory = CycleMemory()
-    playing.move((10.0, -20.0, 3.0))
+    playing.move(Ned((10.0, -20.0, 3.0)))
     assert playing.memory == CycleMemory()
 
 
@@ -75,7 +76,7 @@ def test_nothing_was_promised_about_a_pause():
 
 def test_nothing_was_promised_about_the_evader_played_next():
     playing = Playing(SETTINGS)
-    playing.memory = BEGUN._replace(optimal_game_m_s=(3.0, -4.0, 0.0))
+    playing.memory = BEGUN._replace(optimal_game_m_s=Enu((3.0, -4.0, 0.0)))
     playing.monitor = PROMISED
     playing.certificate = QUIET
     playing.switch()

@@ -3,6 +3,7 @@
 import pytest
 
 from guidance.flight import Event, Inputs, State
+from guidance.frames import Ned
 from guidance.messages import LocalPosition, Timesync
 from guidance.session.orders.answers import failed_checks, refusal
 from tests.flight.flown import Flown
@@ -18,7 +19,7 @@ class Doubled(Flown):
         forged = [
             message._replace(
                 time_boot_s=message.time_boot_s + self.ahead_s,
-                position_ned_m=(0.0, self.away_m, message.position_ned_m[2]),
+                position_ned_m=Ned((0.0, self.away_m, message.position_ned_m[2])),
             )
             for message in said
             if isinstance(message, LocalPosition) and self.away_m
@@ -94,7 +95,7 @@ def test_reordered_positions_and_one_jump_of_the_estimate_are_no_second_sender()
         flown.position[0] += 3.0 * 0.02
         flown.position[1] = 4.0 if number > 100 else 0.0
         now_s = flown.now_s + 0.02
-        sent.append(LocalPosition(now_s, now_s, tuple(flown.position), (3.0, 0.0, 0.0)))
+        sent.append(LocalPosition(now_s, now_s, Ned(tuple(flown.position)), Ned((3.0, 0.0, 0.0))))
         late = [sent[-10]._replace(received_s=now_s)] if number > 10 else []
         flown.cycle(more=late)
         assert not flown.flight.vehicle.contradicted_s

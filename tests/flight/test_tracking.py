@@ -9,7 +9,7 @@ from guidance.autopilots import PX4
 from guidance.estimation import Observer
 from guidance.estimation.rivals import LASTS_S, Rivals
 from guidance.flight.tracking import Tracking
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import EvaderReport, GlobalPosition, Home, Origin
 from guidance.vehicle import VehicleState, observe
 from tests.flight.scenes import HOME_DOWN_M, SETTINGS, home, local, settings_of
@@ -25,7 +25,7 @@ def vehicle_at_home(resets=0):
 
 def report(at_s, *, north_deg=0.0, velocity=(0.0, 0.0, 0.0), velocity_sd=0.1):
     return EvaderReport(
-        at_s, at_s, "test", HERE[0] + north_deg, HERE[1], 488.0, velocity, 0.1, velocity_sd
+        at_s, at_s, "test", HERE[0] + north_deg, HERE[1], 488.0, Ned(velocity), 0.1, velocity_sd
     )
 
 
@@ -64,7 +64,7 @@ def test_a_reset_that_leaves_the_zero_where_it_was_leaves_the_track_alone():
     tracking = Tracking(SETTINGS)
     tracking.observe(vehicle_at_home(), [report(1.0, north_deg=1e-3)])
     before = tracking.evader(1.5)
-    tracking.observe(vehicle_at_home(resets=1)._replace(jumped_ned_m=(7.0, 0.0, 0.0)), [])
+    tracking.observe(vehicle_at_home(resets=1)._replace(jumped_ned_m=Ned((7.0, 0.0, 0.0))), [])
     assert tracking.evader(1.5) == before
 
 
@@ -84,22 +84,22 @@ def test_a_moved_origin_moves_the_track_to_the_same_place_in_the_new_frame():
 
 def test_the_game_is_played_about_the_site_or_where_the_local_frame_has_its_zero():
     vehicle = observe(
-        VehicleState(), [Home(0.0, *HERE, 492.0, (3.0, 4.0, -4.0)), Origin(0.0, *HERE, 488.0)]
+        VehicleState(), [Home(0.0, *HERE, 492.0, Ned((3.0, 4.0, -4.0))), Origin(0.0, *HERE, 488.0)]
     )
     about_zero = Tracking(SETTINGS)
     about_zero.observe(vehicle, [])
-    assert about_zero.game_frame.position_from_ned((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
+    assert about_zero.game_frame.position_from_ned(Ned((0.0, 0.0, 0.0))) == (0.0, 0.0, 0.0)
     site = (HERE[0] + math.degrees(50.0 / 6371000.0), HERE[1], Amsl(498.0))
     about_site = Tracking(settings_of(cycle=replace(SETTINGS.cycle, site=site)))
     about_site.observe(vehicle, [])
-    assert about_site.game_frame.position_from_ned((50.0, 0.0, -10.0)) == pytest.approx(
+    assert about_site.game_frame.position_from_ned(Ned((50.0, 0.0, -10.0))) == pytest.approx(
         (0.0, 0.0, 0.0), abs=0.01
     )
 
 
 def moved_zero(by_m):
     """The local frame with its origin elsewhere, given in the first one."""
-    latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(by_m)
+    latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(Ned(by_m))
     return replace(ZERO, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude)
 
 
@@ -108,10 +108,10 @@ def origin(frame, at_s=0.0):
 
 
 def seen_at(ned, at_s, *, received_s=None):
-    latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(ned)
+    latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(Ned(ned))
     received_s = at_s if received_s is None else received_s
     return GlobalPosition(
-        received_s, at_s, latitude_deg, longitude_deg, altitude.metres, 0.0, (0.0, 0.0, 0.0)
+        received_s, at_s, latitude_deg, longitude_deg, altitude.metres, 0.0, Ned((0.0, 0.0, 0.0))
     )
 
 
@@ -184,8 +184,8 @@ def test_a_jump_before_the_frame_is_known_or_a_far_origin_changes_nothing():
 
 
 def test_a_home_without_local_coordinates_is_where_the_map_has_it():
-    latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned((20.0, -30.0, -6.0))
-    unplaced = Home(0.0, latitude_deg, longitude_deg, altitude.metres, (NAN, NAN, NAN))
+    latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(Ned((20.0, -30.0, -6.0)))
+    unplaced = Home(0.0, latitude_deg, longitude_deg, altitude.metres, Ned((NAN, NAN, NAN)))
     tracking = Tracking(SETTINGS)
     tracking.observe(observe(VehicleState(), [unplaced, origin(ZERO)]), [])
     assert tracking.home_ned_m == pytest.approx((20.0, -30.0, -6.0), abs=1e-3)

@@ -8,7 +8,7 @@ from guidance.control import Limits
 from guidance.control.polygon import Polygon, corners_about_home
 from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import Home, Origin
 from tests.flight.scenes import BOTH, SETTINGS, heartbeat, local, settings_of
 
@@ -19,7 +19,8 @@ def on_the_map(frame, home_ned_m, corners_m=SQUARE_M):
     """The corners' degrees, for corners in metres about home."""
     north_m, east_m, _ = home_ned_m
     places = [
-        frame.wgs84_from_ned((north + north_m, east + east_m, 0.0)) for north, east in corners_m
+        frame.wgs84_from_ned(Ned((north + north_m, east + east_m, 0.0)))
+        for north, east in corners_m
     ]
     return tuple((latitude, longitude) for latitude, longitude, _ in places)
 
@@ -30,10 +31,10 @@ def test_corners_by_degrees_are_metres_about_home_whatever_the_frames_zero(autop
     frame = LocalFrame(
         47.397742, 8.545594, Amsl(488.0), Amsl(490.0), projection=autopilot.projection
     )
-    latitude, longitude, altitude = frame.wgs84_from_ned(home_ned_m)
-    home = Home(0.0, latitude, longitude, altitude.metres, home_ned_m)
+    latitude, longitude, altitude = frame.wgs84_from_ned(Ned(home_ned_m))
+    home = Home(0.0, latitude, longitude, altitude.metres, Ned(home_ned_m))
     corners_deg = on_the_map(frame, home_ned_m)
-    made = Polygon(corners_about_home(corners_deg, home_ned_m, frame)).corners_ne_m
+    made = Polygon(corners_about_home(corners_deg, Ned(home_ned_m), frame)).corners_ne_m
     assert [place for corner in made for place in corner] == pytest.approx(
         [place for corner in SQUARE_M for place in corner], abs=1e-3
     )
@@ -59,8 +60,8 @@ def test_a_new_home_shifts_heights_only_on_the_ground_and_never_the_fence(armed,
     origin = Origin(50.0, 47.397742, 8.545594, 488.0)
     homes = [(0.0, 0.0, 0.0), (10.0, 20.0, -3.0)]
     for n, home_ned_m in enumerate(homes):
-        latitude, longitude, altitude = frame.wgs84_from_ned(home_ned_m)
-        home = Home(50.0 + n, latitude, longitude, altitude.metres, home_ned_m)
+        latitude, longitude, altitude = frame.wgs84_from_ned(Ned(home_ned_m))
+        home = Home(50.0 + n, latitude, longitude, altitude.metres, Ned(home_ned_m))
         flight.step(
             50.0 + n, Inputs([heartbeat(50.0 + n, armed=armed), origin, home, local(50.0 + n)])
         )
@@ -90,7 +91,7 @@ def test_an_origin_that_comes_after_home_moves_the_fence_into_its_frame():
 
 def test_without_corners_on_the_map_the_fence_stays_as_it_was_configured():
     flight = Flight(SETTINGS)
-    home = Home(50.0, 47.397742, 8.545594, 488.0, (1.0, 2.0, 3.0))
+    home = Home(50.0, 47.397742, 8.545594, 488.0, Ned((1.0, 2.0, 3.0)))
     flight.step(50.0, Inputs([heartbeat(50.0), home, local(50.0)]))
     assert flight.heard.cycle.envelope.fence_polygon is SETTINGS.cycle.envelope.fence_polygon
     assert flight.heard.cycle.envelope.home_ned_m == (1.0, 2.0, 3.0)
@@ -99,4 +100,6 @@ def test_without_corners_on_the_map_the_fence_stays_as_it_was_configured():
 def test_corners_that_make_no_polygon_are_refused_before_they_are_flown():
     frame = LocalFrame(47.397742, 8.545594, Amsl(488.0))
     with pytest.raises(ConfigError, match="2 corners"):
-        Polygon(corners_about_home(on_the_map(frame, (0.0, 0.0, 0.0))[:2], (0.0, 0.0, 0.0), frame))
+        Polygon(
+            corners_about_home(on_the_map(frame, (0.0, 0.0, 0.0))[:2], Ned((0.0, 0.0, 0.0)), frame)
+        )

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from guidance.autopilots import PX4
 from guidance.flight import Event, Flight, Inputs, State
 from guidance.flight.tracking import Tracking
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import (
     EvaderReport,
     GlobalPosition,
@@ -81,7 +81,7 @@ def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopi
         reports = []
         while due_s <= message.received_s:  # an evader at 2 m/s, reported ten times a second
             place = (NORTH_M + 2.0 * due_s, 0.0, -0.2)
-            latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(place)
+            latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(Ned(place))
             velocity = (2.0, 0.0, 0.0)
             reports.append(
                 EvaderReport(
@@ -91,7 +91,7 @@ def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopi
                     latitude_deg,
                     longitude_deg,
                     altitude.metres,
-                    velocity,
+                    Ned(velocity),
                     0.1,
                     0.1,
                 )
@@ -145,9 +145,15 @@ def _at(vehicle, boot_s):
 
 
 def global_of(flown, frame=ZERO):
-    latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(tuple(flown.position))
+    latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(Ned(tuple(flown.position)))
     return GlobalPosition(
-        flown.now_s, flown.now_s, latitude_deg, longitude_deg, altitude.metres, 0.0, (0.0, 0.0, 0.0)
+        flown.now_s,
+        flown.now_s,
+        latitude_deg,
+        longitude_deg,
+        altitude.metres,
+        0.0,
+        Ned((0.0, 0.0, 0.0)),
     )
 
 
@@ -173,7 +179,7 @@ def engaged():
 
 def moved_zero(flown, by_m):
     """The same vehicle in a frame in which every coordinate is higher by this."""
-    latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(tuple(-part for part in by_m))
+    latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(Ned(tuple(-part for part in by_m)))
     flown.position = [at + by for at, by in zip(flown.position, by_m, strict=True)]
     return replace(ZERO, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude)
 
@@ -219,7 +225,7 @@ def test_a_zero_that_is_moved_in_flight_leaves_evader_home_and_fence_where_they_
 
 
 def moved_zero_of(by_m):
-    latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(tuple(-part for part in by_m))
+    latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(Ned(tuple(-part for part in by_m)))
     return replace(ZERO, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude)
 
 
@@ -266,10 +272,10 @@ def test_a_home_that_wanders_in_flight_changes_nothing_at_all(wanders):
     restless = engaged()
     for wander in wanders:
         place = (wander[0], wander[1], HOME_DOWN_M + wander[2])
-        latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(place)
+        latitude_deg, longitude_deg, altitude = ZERO.wgs84_from_ned(Ned(place))
         for n in range(20):
             more = (
-                [Home(restless.now_s, latitude_deg, longitude_deg, altitude.metres, place)]
+                [Home(restless.now_s, latitude_deg, longitude_deg, altitude.metres, Ned(place))]
                 if n == 0
                 else []
             )
@@ -282,7 +288,7 @@ def armed(at_s, *, is_armed):
 
 
 def home_at(at_s, north_m):
-    return Home(at_s, 47.397742, 8.545594, 488.0, (north_m, 0.0, 0.0))
+    return Home(at_s, 47.397742, 8.545594, 488.0, Ned((north_m, 0.0, 0.0)))
 
 
 def local_here():

@@ -13,7 +13,7 @@ from guidance.clock import VirtualClock
 from guidance.cycle import Alarm, Certificate
 from guidance.flight import Event, Flight, FlightSettings, Outputs, State
 from guidance.flight.settings import AfterCapture
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import EvaderReport, Setpoint
@@ -127,7 +127,7 @@ class Runner:
         speed_north, speed_east = (
             speed + gauss(0.0, VELOCITY_SD_M_S) for speed in self.velocity_m_s
         )
-        latitude_deg, longitude_deg, altitude = self._frame.wgs84_from_ned((north, east, 0.0))
+        latitude_deg, longitude_deg, altitude = self._frame.wgs84_from_ned(Ned((north, east, 0.0)))
         return EvaderReport(
             received_s=self._now_s,
             sent_s=self._now_s,
@@ -135,7 +135,7 @@ class Runner:
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
             altitude_amsl_m=altitude.metres,
-            velocity_ned_m_s=(speed_north, speed_east, 0.0),
+            velocity_ned_m_s=Ned((speed_north, speed_east, 0.0)),
             position_sd_m=POSITION_SD_M,
             velocity_sd_m_s=VELOCITY_SD_M_S,
         )

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from guidance.control.follow import approach, gaps_to_disc
 from guidance.cycle import Certified, CycleSettings, Players, Vehicle, certify, game_played
 from guidance.cycle.monitor import GUARDED_S, LASTING_S
-from guidance.frames import Vector, game_from_ned, ned_from_game
+from guidance.frames import Enu, game_from_ned, ned_from_game
 from guidance.game import Winner
 from guidance.game.arrays import FLOATS
 from guidance.game.meeting_times import catch_in_ball
@@ -27,11 +27,11 @@ AGE_S: Final = 0.05
 class State(NamedTuple):
     """Positions and velocities of a vehicle and an evader, game frame, m and m/s."""
 
-    pursuer_m: Vector
-    pursuer_m_s: Vector
-    evader_m: Vector
-    evader_m_s: Vector
-    target_m: Vector | None
+    pursuer_m: Enu
+    pursuer_m_s: Enu
+    evader_m: Enu
+    evader_m_s: Enu
+    target_m: Enu | None
 
 
 class Referee:
@@ -43,14 +43,15 @@ class Referee:
         evader_m: Start of the evader.
     """
 
-    def __init__(self, settings: CycleSettings, pursuer_m: Vector, evader_m: Point) -> None:
+    def __init__(self, settings: CycleSettings, pursuer_m: Enu, evader_m: Point) -> None:
         self.now_s = 0.0
         self._settings = settings
-        self._before_m_s: Vector | None = None
+        self._before_m_s: Enu | None = None
         self._shown_m_s = 0.0
-        self.commands = deque([(0.0, 0.0, 0.0)] * DELAYED_STEPS)
+        still = Enu((0.0, 0.0, 0.0))
+        self.commands = deque([still] * DELAYED_STEPS)
         self.state = State(
-            pursuer_m, (0.0, 0.0, 0.0), (*evader_m, 0.0), (0.0, 0.0, 0.0), settings.target_game_m
+            Enu(pursuer_m), still, Enu((*evader_m, 0.0)), still, settings.target_game_m
         )
 
     def copy(self) -> "Referee":
@@ -66,7 +67,9 @@ class Referee:
         evader_speed_m_s = float(settings.game.evader_speed_m_s)
         game = game_played(settings, evader_speed_m_s, AGE_S).game
         gaps = gaps_to_disc(
-            ned_from_game(state.pursuer_m), ned_from_game(state.evader_m), settings.game.standoff
+            ned_from_game(Enu(state.pursuer_m)),
+            ned_from_game(state.evader_m),
+            settings.game.standoff,
         )
         players = Players(*state, gaps, AGE_S)
         vehicle = Vehicle(
@@ -77,7 +80,7 @@ class Referee:
             settings.tolerance_m,
         )
         certified = certify(game, players, vehicle, self._before_m_s)
-        self._before_m_s = certified.solution.pursuer_velocity_m_s
+        self._before_m_s = Enu(certified.solution.pursuer_velocity_m_s)
         command_ned_m_s, _ = approach(
             ned_from_game(certified.velocity_m_s),
             ned_from_game(state.pursuer_m_s),
@@ -95,8 +98,8 @@ class Referee:
         self._shown_m_s = max(self._shown_m_s, math.hypot(*velocity_m_s[:2]))
         target_m = state.target_m
         if target_m is not None:
-            target_m = _moved(target_m, (*self._settings.game.target_velocity_m_s, 0.0))
-        evader_3d_m_s = (*evader_m_s, 0.0)
+            target_m = _moved(target_m, Enu((*self._settings.game.target_velocity_m_s, 0.0)))
+        evader_3d_m_s = Enu((*evader_m_s, 0.0))
         self.state = State(
             _moved(state.pursuer_m, velocity_m_s),
             velocity_m_s,
@@ -106,7 +109,7 @@ class Referee:
         )
         self.now_s += STEP_S
 
-    def _accelerated(self, command_m_s: Vector) -> Vector:
+    def _accelerated(self, command_m_s: Enu) -> Enu:
         """Return the vehicle's velocity one step later."""
         most = self._settings.handling.acceleration
         share = STEP_S / LAG_S
@@ -120,15 +123,11 @@ class Referee:
             x *= most.ground_m_s2 * STEP_S / size
             y *= most.ground_m_s2 * STEP_S / size
         steep = most.vertical_m_s2 * STEP_S
-        return (x_m_s + x, y_m_s + y, z_m_s + min(steep, max(-steep, z)))
+        return Enu((x_m_s + x, y_m_s + y, z_m_s + min(steep, max(-steep, z))))
 
 
-def _moved(place_m: Vector, velocity_m_s: Vector) -> Vector:
-    return (
-        place_m[0] + velocity_m_s[0] * STEP_S,
-        place_m[1] + velocity_m_s[1] * STEP_S,
-        place_m[2] + velocity_m_s[2] * STEP_S,
-    )
+def _moved(place_m: Enu, velocity_m_s: Enu) -> Enu:
+    return place_m + velocity_m_s * STEP_S
 
 
 class Played(NamedTuple):

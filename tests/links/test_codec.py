@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
+from guidance.frames import Ned
 from guidance.links.codec import DECODERS, decode
 from guidance.links.frames import Frame, FrameReader
 from guidance.messages import (
@@ -58,11 +59,11 @@ def test_units_become_metres_seconds_and_degrees():
         2500, 473977418, -85455939, 488125, 20250, 150, -25, 75, 0
     )
     assert decode(frame_of(position), 9.0) == GlobalPosition(
-        9.0, 2.5, 47.3977418, -8.5455939, 488.125, 20.25, (1.5, -0.25, 0.75)
+        9.0, 2.5, 47.3977418, -8.5455939, 488.125, 20.25, Ned((1.5, -0.25, 0.75))
     )
     local = dialect.MAVLink_local_position_ned_message(1500, 1.0, 2.0, -3.0, 0.5, -0.5, 0.25)
     assert decode(frame_of(local), 9.0) == LocalPosition(
-        9.0, 1.5, (1.0, 2.0, -3.0), (0.5, -0.5, 0.25)
+        9.0, 1.5, Ned((1.0, 2.0, -3.0)), Ned((0.5, -0.5, 0.25))
     )
 
 

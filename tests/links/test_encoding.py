@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
+from guidance.frames import Ned
 from guidance.links import MemoryWire, codec
 from guidance.links.frames import Station
 from guidance.links.pymavlink_link import PymavlinkLink
@@ -25,10 +26,18 @@ ACCELERATION = (0.125, 0.25, -0.5)
 X, Y, Z, VX, VY, VZ, AX, AY, AZ, FORCE, YAW, YAW_RATE = (1 << bit for bit in range(12))
 # the fields that the autopilot should use; it ignores all others
 USED = {
-    "velocity": (Setpoint(VELOCITY), VX | VY | VZ, 3527),
-    "velocity, yaw": (Setpoint(VELOCITY, yaw_rad=0.75), VX | VY | VZ | YAW, 2503),
-    "velocity, acceleration": (Setpoint(VELOCITY, ACCELERATION), VX | VY | VZ | AX | AY | AZ, 3079),
-    "velocity, acceleration, yaw": (Setpoint(VELOCITY, ACCELERATION, 0.75), 0x1F8 | YAW, 2055),
+    "velocity": (Setpoint(Ned(VELOCITY)), VX | VY | VZ, 3527),
+    "velocity, yaw": (Setpoint(Ned(VELOCITY), yaw_rad=0.75), VX | VY | VZ | YAW, 2503),
+    "velocity, acceleration": (
+        Setpoint(Ned(VELOCITY), Ned(ACCELERATION)),
+        VX | VY | VZ | AX | AY | AZ,
+        3079,
+    ),
+    "velocity, acceleration, yaw": (
+        Setpoint(Ned(VELOCITY), Ned(ACCELERATION), 0.75),
+        0x1F8 | YAW,
+        2055,
+    ),
 }
 
 
@@ -74,7 +83,7 @@ def test_a_setpoint_is_exactly_these_bytes(case):
 def test_a_number_that_is_not_finite_in_32_bits_is_never_sent(bad, where):
     numbers = [1.0] * 7
     numbers[where] = bad
-    setpoint = Setpoint(tuple(numbers[:3]), tuple(numbers[3:6]), numbers[6])
+    setpoint = Setpoint(Ned(tuple(numbers[:3])), Ned(tuple(numbers[3:6])), numbers[6])
     ours, theirs = MemoryWire.pair(lambda: 0.0)
     link = PymavlinkLink(ours, lambda: 0.0, system_id=1)
     with pytest.raises(ValueError, match="must be finite"):
@@ -91,7 +100,7 @@ def test_a_field_that_does_not_fit_is_no_frame_and_takes_no_number():
 
 
 def test_our_clock_wraps_like_time_boot_ms():
-    sent = codec.setpoint(Setpoint(VELOCITY), now_s=2**32 / 1e3 + 5.0, to=(1, 1))
+    sent = codec.setpoint(Setpoint(Ned(VELOCITY)), now_s=2**32 / 1e3 + 5.0, to=(1, 1))
     assert sent.time_boot_ms == 5000
 
 

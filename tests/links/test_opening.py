@@ -9,6 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError, LinkError
+from guidance.frames import Ned
 from guidance.links import SigningKey, parse
 from guidance.links.frames import ticks
 from guidance.links.opening import open_link, open_wire
@@ -205,7 +206,7 @@ def test_an_autopilot_that_waits_to_be_called_is_called(kind):
         with living(peer, receive, heartbeat_every_s=0.02):
             url = f"udpout://127.0.0.1:{theirs.getsockname()[1]}"
             link = opened_link(kind, url, system_id=1, clock=time.monotonic, timeout_s=5.0)
-            link.send_setpoint(Setpoint((1.0, 0.0, 0.0)))
+            link.send_setpoint(Setpoint(Ned((1.0, 0.0, 0.0))))
             assert until(lambda: len(peer.of("SET_POSITION_TARGET_LOCAL_NED")) == 1)
             link.close()
 

@@ -10,6 +10,7 @@ from collections import Counter
 import pytest
 from pymavlink.dialects.v20 import common as dialect
 
+from guidance.frames import Ned
 from guidance.links.pymavlink_link import QUEUE_LENGTH
 from guidance.messages import (
     Command,
@@ -27,7 +28,7 @@ from tests.links.rigs import RIGS, SPEED, Rig, clock
 
 ARM = Command(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 STREAM = Command(511, (32.0, 20000.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-FLY = Setpoint((1.5, -2.25, 0.5), yaw_rad=0.75)
+FLY = Setpoint(Ned((1.5, -2.25, 0.5)), yaw_rad=0.75)
 
 
 @pytest.fixture(params=RIGS, scope="module")
@@ -58,7 +59,9 @@ def test_messages_come_typed_in_order_and_stamped_on_arrival(rig):
     assert rig.hear(lambda got: len(positions(rig)) == 50)
     assert positions(rig) == list(range(50))
     first = rig.of(LocalPosition)[0]
-    assert first == LocalPosition(first.received_s, 0.0, (0.5, 2.0, -3.0), (0.25, 0.5, -0.75))
+    assert first == LocalPosition(
+        first.received_s, 0.0, Ned((0.5, 2.0, -3.0)), Ned((0.25, 0.5, -0.75))
+    )
     stamps = [message.received_s for message in rig.of(LocalPosition)]
     assert before_s <= stamps[0]
     assert stamps == sorted(stamps)
@@ -95,7 +98,7 @@ def test_one_call_is_one_frame_and_nothing_follows(rig):
 
 def test_a_setpoint_that_is_not_finite_is_refused_and_not_sent(rig):
     with pytest.raises(ValueError, match="must be finite"):
-        rig.link.send_setpoint(Setpoint((math.nan, 0.0, 0.0)))
+        rig.link.send_setpoint(Setpoint(Ned((math.nan, 0.0, 0.0))))
     settle()
     assert rig.peer.of("SET_POSITION_TARGET_LOCAL_NED") == []
 

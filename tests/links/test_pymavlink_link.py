@@ -7,6 +7,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from guidance.autopilots import ARDUCOPTER, PX4, Autopilot, Mode
+from guidance.frames import Ned
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.pymavlink_link import AIRCRAFT_PER_S, PymavlinkLink
 from guidance.messages import (
@@ -141,9 +142,9 @@ def test_the_streams_asked_for_arrive_at_their_rates(flavour, profile):
 def test_a_vehicle_takes_off_and_flies_the_commanded_velocity(flavour, profile):
     flight = Flight(flavour, profile)
     flight.take_off()
-    flight.run(0.5, Setpoint((0.0, 0.0, 0.0)))
+    flight.run(0.5, Setpoint(Ned((0.0, 0.0, 0.0))))
     flight.link.request(profile.set_mode(Mode.GUIDED))
-    flight.run(8.0, Setpoint((3.0, 2.0, 0.0), yaw_rad=0.0))
+    flight.run(8.0, Setpoint(Ned((3.0, 2.0, 0.0)), yaw_rad=0.0))
     assert flight.mode() is Mode.GUIDED
     north, east, down = flight.latest[LocalPosition].velocity_ned_m_s
     assert (north, east) == pytest.approx((3.0, 2.0), rel=0.25)
@@ -155,9 +156,9 @@ def test_a_vehicle_takes_off_and_flies_the_commanded_velocity(flavour, profile):
 def test_silence_ends_offboard_on_px4():
     flight = Flight("px4", PX4)
     flight.take_off()
-    flight.run(0.5, Setpoint((0.0, 0.0, 0.0)))
+    flight.run(0.5, Setpoint(Ned((0.0, 0.0, 0.0))))
     flight.link.request(PX4.set_mode(Mode.GUIDED))
-    flight.run(2.0, Setpoint((2.0, 0.0, 0.0)))
+    flight.run(2.0, Setpoint(Ned((2.0, 0.0, 0.0))))
     assert flight.mode() is Mode.GUIDED
     flight.run(3.0)
     assert flight.mode() is Mode.RETURN
@@ -218,7 +219,7 @@ def test_a_signed_vehicle_needs_the_key_in_both_directions():
     theirs.send(encoder.pack("LOCAL_POSITION_NED", 1000, 1.0, 2.0, -3.0, 0.5, 0.5, 0.5))
     theirs.send(Encoder(1, 1).pack("LOCAL_POSITION_NED", 2000, 1.0, 2.0, -3.0, 0.5, 0.5, 0.5))
     assert [message.time_boot_s for message in link.receive()] == [1.0]
-    link.send_setpoint(Setpoint((1.0, 0.0, 0.0)))
+    link.send_setpoint(Setpoint(Ned((1.0, 0.0, 0.0))))
     (frame,) = [data for _, data in theirs.receive()]
     assert [message.get_type() for message in decoder.feed(frame)] == [
         "SET_POSITION_TARGET_LOCAL_NED"

@@ -4,6 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError
+from guidance.frames import Ned
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.frames import ticks
 from guidance.links.pymavlink_link import PymavlinkLink
@@ -96,7 +97,7 @@ def test_everything_we_send_is_signed_with_a_time_that_rises():
     reader.signing.secret_key = KEY
     for n in range(3):
         world.now_s = n * 10.0
-        world.link.send_setpoint(Setpoint((1.0, 0.0, 0.0)))
+        world.link.send_setpoint(Setpoint(Ned((1.0, 0.0, 0.0))))
         world.link.send_heartbeat()
         for _, frame in world.theirs.receive():
             message = reader.decode(bytearray(frame))  # raises unless signed with the key

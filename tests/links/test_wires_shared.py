@@ -1,5 +1,6 @@
 from pymavlink.dialects.v20 import common as dialect
 
+from guidance.frames import Ned
 from guidance.links import MemoryWire
 from guidance.links.carriers import FOLLOW_TARGET
 from guidance.links.mavlink_evader import MavlinkEvader
@@ -25,7 +26,7 @@ def test_a_vehicle_and_its_evader_share_a_wire():
     assert [found.latitude_deg for found in source.receive()] == [47.0]
     assert link.receive() == []
     theirs.receive()
-    link.send_setpoint(Setpoint((1.0, 0.0, 0.0)))
+    link.send_setpoint(Setpoint(Ned((1.0, 0.0, 0.0))))
     assert len(theirs.receive()) == 1
 
 

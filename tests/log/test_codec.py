@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from guidance.errors import ConfigError
 from guidance.flight import Event, Inputs, Outputs, State
+from guidance.frames import Ned
 from guidance.log.codec import Codec
 from guidance.log.entries import CYCLE, cycle_entry
 from guidance.messages import (
@@ -29,7 +30,7 @@ VALUES = {
     int: st.integers(-(2**63), 2**63),
     bool: st.booleans(),
     str: st.text(max_size=30),
-    tuple[float, float, float]: st.tuples(finite, finite, finite | st.just(math.nan)),
+    Ned: st.tuples(finite, finite, finite | st.just(math.nan)).map(Ned),
 }
 
 
@@ -86,7 +87,7 @@ def test_text_with_a_lone_surrogate_does_not_end_the_record():
 
 
 def test_an_absent_part_of_a_setpoint_is_read_as_none_not_nan():
-    setpoint = Setpoint((1.0, -0.0, 2.0), yaw_rad=0.5)
+    setpoint = Setpoint(Ned((1.0, -0.0, 2.0)), yaw_rad=0.5)
     codec = Codec("setpoint", Setpoint)
     assert repr(codec.decode(codec.encode(setpoint))) == repr(setpoint)
 

@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 
 from guidance.clock import Timing
 from guidance.cycle import Alarm, Certificate
+from guidance.frames import Ned
 from guidance.log import cycles_of, reports_of, scan
 from guidance.log.codec import Codec, form_of
 from guidance.log.entries import CYCLE, EVENT, REPORT, Item
@@ -115,7 +116,7 @@ numbers = st.floats() | st.just(math.nan)
 
 @given(st.tuples(numbers, numbers, numbers), numbers)
 def test_nan_and_infinity_are_left_out_as_the_schema_allows(velocity, yaw_rad):
-    setpoint = json.loads(SETPOINT.encode(Setpoint(velocity, yaw_rad=yaw_rad)))
+    setpoint = json.loads(SETPOINT.encode(Setpoint(Ned(velocity), yaw_rad=yaw_rad)))
     assert Draft202012Validator(SETPOINT.schema).is_valid(setpoint)
     assert ("yaw_rad" in setpoint) == math.isfinite(yaw_rad)
     assert setpoint["velocity_ned_m_s"] == [one if math.isfinite(one) else None for one in velocity]

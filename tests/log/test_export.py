@@ -26,7 +26,7 @@ from guidance.control import Limits
 from guidance.control.polygon import Polygon
 from guidance.errors import ConfigError, OutputError
 from guidance.flight import State
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, Enu, LocalFrame, Ned
 from guidance.log import Aggregator, cycles_of, metadata_of, reports_of, scan, survey_of
 from guidance.log.entries import REPORT
 from guidance.log.export import (
@@ -313,7 +313,7 @@ def test_a_polygon_fence_is_on_the_map_in_metres_or_degrees(flight, given):
     frame = LocalFrame(
         home.latitude_deg, home.longitude_deg, Amsl(0.0), projection=settings.autopilot.projection
     )
-    corners_deg = tuple(frame.wgs84_from_ned((*corner, 0.0))[:2] for corner in SQUARE_NE_M)
+    corners_deg = tuple(frame.wgs84_from_ned(Ned((*corner, 0.0)))[:2] for corner in SQUARE_NE_M)
     if given == "metres":
         cycle = replace(
             settings.cycle,
@@ -337,7 +337,7 @@ def test_a_polygon_fence_is_on_the_map_in_metres_or_degrees(flight, given):
     aggregator = Aggregator(lambda _: settings, {}, "test")
     for item in itertools.islice(scan(flight[1]), 10_000):
         aggregator.take(item)
-    (edge,) = fence_edges(replace(aggregator.envelope, fence_radius_m=None), (0.0, 0.0, 0.0))
+    (edge,) = fence_edges(replace(aggregator.envelope, fence_radius_m=None), Enu((0.0, 0.0, 0.0)))
     drawn_ne_m = {(round(north, 3) + 0.0, round(east, 3) + 0.0) for east, north, _ in edge}
     assert drawn_ne_m == set(SQUARE_NE_M)
 

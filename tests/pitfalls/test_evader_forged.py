@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.clock import VirtualClock
 from guidance.config import parse
 from guidance.flight import Event, State
-from guidance.frames import Amsl, LocalFrame, game_from_ned
+from guidance.frames import Amsl, LocalFrame, Ned, game_from_ned
 from guidance.links import MemoryWire
 from guidance.links.carriers import FOLLOW_TARGET, carrier_of
 from guidance.links.mavlink_evader import MavlinkEvader
@@ -154,7 +154,7 @@ class Relayed:
         since_s = -1.0 if self._engaged_s() is None else now_s - self._engaged_s() - FORGED_AT_S
         for share in range(10) if since_s >= 0.0 else ():
             latitude, longitude, _ = about.wgs84_from_ned(
-                (AWAY_M_S * (since_s + 1e-3 * share), 0.0, 0.0)
+                Ned((AWAY_M_S * (since_s + 1e-3 * share), 0.0, 0.0))
             )
             told += self._tell(
                 (latitude, longitude, true.altitude_amsl_m),

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import PX4, Verdict, autopilot_named
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.links import MemoryWire
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import (
@@ -51,7 +51,7 @@ SET = {
 
 
 def on_the_map(*corners_m):
-    return tuple(FRAME.wgs84_from_ned((north, east, 0.0))[:2] for north, east in corners_m)
+    return tuple(FRAME.wgs84_from_ned(Ned((north, east, 0.0)))[:2] for north, east in corners_m)
 
 
 def square(size_m, north_m=0.0, east_m=0.0):
@@ -67,7 +67,7 @@ DISC = Area(inclusion=True, corners_deg=on_the_map((0.0, 0.0)), radius_m=120.0)
 
 def judged(uploaded, *, autopilot="px4", wants=WANTS, **parameters):
     vehicle = observe(
-        VehicleState(), [Origin(0.0, *HERE, 488.0), Home(0.0, *HERE, 488.0, (0.0, 0.0, 0.0))]
+        VehicleState(), [Origin(0.0, *HERE, 488.0), Home(0.0, *HERE, 488.0, Ned((0.0, 0.0, 0.0)))]
     )
     facts = Facts(parameters=SET[autopilot] | parameters, vehicle=vehicle, uploaded=uploaded)
     return {row.name: row for row in rows(facts, autopilot_named(autopilot), wants)}
@@ -354,10 +354,10 @@ def test_as_many_items_and_edges_as_can_be_judged_are_read():
 
 
 FAR_ORIGIN = observe(
-    VehicleState(), [Origin(0.0, -33.0, 18.0, 0.0), Home(0.0, *HERE, 488.0, (0.0, 0.0, 0.0))]
+    VehicleState(), [Origin(0.0, -33.0, 18.0, 0.0), Home(0.0, *HERE, 488.0, Ned((0.0, 0.0, 0.0)))]
 )
 AT_HOME = observe(
-    VehicleState(), [Origin(0.0, *HERE, 488.0), Home(0.0, *HERE, 488.0, (0.0, 0.0, 0.0))]
+    VehicleState(), [Origin(0.0, *HERE, 488.0), Home(0.0, *HERE, 488.0, Ned((0.0, 0.0, 0.0)))]
 )
 
 

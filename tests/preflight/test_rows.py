@@ -8,7 +8,7 @@ import pytest
 
 from guidance.autopilots import ARDUCOPTER, AUTOPILOTS, PX4, Verdict
 from guidance.autopilots.rules import Quantity
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import (
     Attitude,
     AutopilotVersion,
@@ -73,8 +73,8 @@ HERE = (ORIGIN.latitude_deg, ORIGIN.longitude_deg)
     [
         VehicleState(),
         observe(VehicleState(), [ORIGIN]),
-        observe(VehicleState(), [Home(0.0, *HERE, 488.0, REST)]),
-        observe(VehicleState(), [ORIGIN, Home(0.0, *HERE, 488.0, REST)]),
+        observe(VehicleState(), [Home(0.0, *HERE, 488.0, Ned(REST))]),
+        observe(VehicleState(), [ORIGIN, Home(0.0, *HERE, 488.0, Ned(REST))]),
         vehicle_at(),
         vehicle_at(home_ned_m=(5000.0, 0.0, 0.0), home_told_m=(0.0, 0.0, -600.0)),
         vehicle_at(height_error_m=47.0, home_error_m=-20.0),
@@ -104,7 +104,7 @@ def test_home_has_to_be_in_our_fence():
     [
         ([], "GPS_GLOBAL_ORIGIN and HOME_POSITION heard"),
         ([ORIGIN], "HOME_POSITION heard"),
-        ([Home(0.0, *HERE, 488.0, REST)], "GPS_GLOBAL_ORIGIN heard"),
+        ([Home(0.0, *HERE, 488.0, Ned(REST))], "GPS_GLOBAL_ORIGIN heard"),
     ],
 )
 def test_a_frame_without_an_origin_or_a_home_is_refused_by_what_is_missing(messages, missing):
@@ -112,11 +112,11 @@ def test_a_frame_without_an_origin_or_a_home_is_refused_by_what_is_missing(messa
     assert said(row) == ("unknown", missing, REFUSE)
 
 
-GROUNDED = observe(VehicleState(), [ORIGIN, Home(0.0, *HERE, 488.0, REST)])
-ON_MAP = GlobalPosition(0.0, 1.0, *HERE, 488.0, 0.0, REST)
+GROUNDED = observe(VehicleState(), [ORIGIN, Home(0.0, *HERE, 488.0, Ned(REST))])
+ON_MAP = GlobalPosition(0.0, 1.0, *HERE, 488.0, 0.0, Ned(REST))
 
 
-@pytest.mark.parametrize("message", [ON_MAP, LocalPosition(0.0, 1.0, REST, REST)])
+@pytest.mark.parametrize("message", [ON_MAP, LocalPosition(0.0, 1.0, Ned(REST), Ned(REST))])
 def test_a_position_is_needed_on_the_map_and_in_the_frame(message):
     row = judged(observe(GROUNDED, [message]))["position"]
     assert row.value == "unknown"
@@ -148,14 +148,14 @@ def test_places_that_disagree_are_refused_with_the_distance(changes, name, value
 def test_a_place_is_compared_by_the_autopilots_own_projection(told, autopilot):
     place = (9000.0, 9000.0, 0.0)
     frame = LocalFrame(69.0, 18.0, Amsl(488.0), projection=told.projection)
-    latitude, longitude, _ = frame.wgs84_from_ned(place)
+    latitude, longitude, _ = frame.wgs84_from_ned(Ned(place))
     vehicle = observe(
         VehicleState(),
         [
             Origin(0.0, 69.0, 18.0, 488.0),
-            Home(0.0, 69.0, 18.0, 488.0, REST),
-            LocalPosition(0.0, 1.0, place, REST),
-            GlobalPosition(0.0, 1.0, latitude, longitude, 488.0, 0.0, REST),
+            Home(0.0, 69.0, 18.0, 488.0, Ned(REST)),
+            LocalPosition(0.0, 1.0, Ned(place), Ned(REST)),
+            GlobalPosition(0.0, 1.0, latitude, longitude, 488.0, 0.0, Ned(REST)),
         ],
     )
     row = judged(vehicle, autopilot=autopilot)["local = global"]
@@ -173,7 +173,7 @@ def test_a_place_is_compared_by_the_autopilots_own_projection(told, autopilot):
 )
 def test_the_evaders_height_is_near_homes(evader_amsl_m, value, wanted, verdict):
     row = judged(
-        observe(GROUNDED, [ON_MAP, LocalPosition(0.0, 1.0, REST, REST)]),
+        observe(GROUNDED, [ON_MAP, LocalPosition(0.0, 1.0, Ned(REST), Ned(REST))]),
         evader_amsl_m=evader_amsl_m,
     )
     assert said(row["evader's altitude"]) == (value, wanted, verdict)
@@ -309,7 +309,7 @@ def test_another_autopilot_is_refused_by_name_while_ours_is_silent(other, value,
 
 def test_before_an_engagement_an_unanswered_parameter_refuses_and_an_unread_fence_too():
     parameters = {"COM_OF_LOSS_T": 9.0, "GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 250.0}
-    vehicle = observe(VehicleState(), [ORIGIN, Home(0.0, *HERE, 488.0, REST)])
+    vehicle = observe(VehicleState(), [ORIGIN, Home(0.0, *HERE, 488.0, Ned(REST))])
     facts = Facts(parameters, vehicle=vehicle, uploaded=Uploaded(areas=()))
     asked = {row.name: row for row in engage_rows(facts, PX4, WANTS)}
     assert asked["uploaded fence"].verdict is PASS
@@ -332,7 +332,7 @@ def test_before_an_engagement_an_unanswered_parameter_refuses_and_an_unread_fenc
 
 def about(size_m):
     corners = ((-size_m, -size_m), (-size_m, size_m), (size_m, size_m), (size_m, -size_m))
-    return tuple(FRAME.wgs84_from_ned((*corner, 0.0))[:2] for corner in corners)
+    return tuple(FRAME.wgs84_from_ned(Ned((*corner, 0.0)))[:2] for corner in corners)
 
 
 HERE_SQUARE = about(5.0)
@@ -340,7 +340,7 @@ HERE_SQUARE = about(5.0)
 
 def test_a_fence_in_degrees_is_judged_in_metres_before_an_engagement_and_for_changes():
     wants = wants_of(fence_radius_m=None, fence_polygon_deg=about(80.0))
-    vehicle = observe(VehicleState(), [ORIGIN, Home(0.0, *HERE, 488.0, REST)])
+    vehicle = observe(VehicleState(), [ORIGIN, Home(0.0, *HERE, 488.0, Ned(REST))])
     facts = Facts(
         {"GF_MAX_HOR_DIST": 110.0, "GF_ACTION": 2.0}, vehicle=vehicle, uploaded=Uploaded(())
     )
@@ -450,7 +450,7 @@ def test_facts_are_all_that_was_heard():
         Attitude(2.0, 0.0, 0.0),
         firmware(1, 17, 0),
     ]
-    report = EvaderReport(0.0, 0.0, "t", 47.0, 8.0, 490.0, REST, 0.0, 0.0)
+    report = EvaderReport(0.0, 0.0, "t", 47.0, 8.0, 490.0, Ned(REST), 0.0, 0.0)
     memory.observe(said_by_vehicle, [report])
     facts = memory.facts(vehicle, 3.0, other)
     assert facts.parameters == {"A": 1.0, "B": 2.0}

@@ -6,7 +6,7 @@ import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4, Verdict
 from guidance.autopilots.description import AUTOPILOT_VERSION
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import (
     Attitude,
     AutopilotVersion,
@@ -45,8 +45,8 @@ def vehicle_at(
     position_ned_m=REST, *, home_ned_m=REST, home_told_m=None, height_error_m=0.0, home_error_m=0.0
 ):
     """A vehicle that says where it is twice: in its frame, and on Earth."""
-    latitude, longitude, altitude = FRAME.wgs84_from_ned(position_ned_m)
-    home_latitude, home_longitude, home_altitude = FRAME.wgs84_from_ned(home_ned_m)
+    latitude, longitude, altitude = FRAME.wgs84_from_ned(Ned(position_ned_m))
+    home_latitude, home_longitude, home_altitude = FRAME.wgs84_from_ned(Ned(home_ned_m))
     amsl = altitude.metres + height_error_m
     messages = [
         ORIGIN,
@@ -55,10 +55,10 @@ def vehicle_at(
             home_latitude,
             home_longitude,
             home_altitude.metres + home_error_m,
-            home_told_m or home_ned_m,
+            Ned(home_told_m or home_ned_m),
         ),
-        LocalPosition(0.0, 1.0, position_ned_m, REST),
-        GlobalPosition(0.0, 1.0, latitude, longitude, amsl, amsl - home_altitude.metres, REST),
+        LocalPosition(0.0, 1.0, Ned(position_ned_m), Ned(REST)),
+        GlobalPosition(0.0, 1.0, latitude, longitude, amsl, amsl - home_altitude.metres, Ned(REST)),
     ]
     return observe(VehicleState(), messages)
 
@@ -91,7 +91,7 @@ def test_an_unknown_origin_is_refused():
 
 
 def test_a_position_that_is_not_told_is_refused():
-    silent = observe(VehicleState(), [ORIGIN, Home(0.0, 47.397742, 8.545594, 488.0, REST)])
+    silent = observe(VehicleState(), [ORIGIN, Home(0.0, 47.397742, 8.545594, 488.0, Ned(REST))])
     assert verdicts(silent)["position"] is Verdict.REFUSE
 
 
@@ -132,11 +132,11 @@ def test_an_evader_above_another_zero_is_refused(evader_amsl_m, verdict):
 def streamed(rates_hz, seconds=4.0):
     """Messages of several kinds at their rates, in order of arrival."""
     made = {
-        LocalPosition: lambda t: LocalPosition(t, t, REST, REST),
+        LocalPosition: lambda t: LocalPosition(t, t, Ned(REST), Ned(REST)),
         Attitude: lambda t: Attitude(t, t, 0.0),
         Odometry: lambda t: Odometry(t, 0),
-        PositionTarget: lambda t: PositionTarget(t, t, 0, REST),
-        GlobalPosition: lambda t: GlobalPosition(t, t, 47.0, 8.0, 488.0, 0.0, REST),
+        PositionTarget: lambda t: PositionTarget(t, t, 0, Ned(REST)),
+        GlobalPosition: lambda t: GlobalPosition(t, t, 47.0, 8.0, 488.0, 0.0, Ned(REST)),
     }
     messages = [
         made[kind](count / rate_hz)
@@ -229,7 +229,7 @@ def test_a_parameter_that_the_autopilot_announces_as_changed_is_taken_over():
 def test_the_evaders_last_altitude_is_kept():
     survey = memory()
     nan = math.nan
-    report = EvaderReport(0.0, 0.0, "t", 47.0, 8.0, 490.0, (nan, nan, nan), nan, nan)
+    report = EvaderReport(0.0, 0.0, "t", 47.0, 8.0, 490.0, Ned((nan, nan, nan)), nan, nan)
     survey.observe([], [report, report._replace(altitude_amsl_m=491.0)])
     assert survey.facts(VehicleState(), 1.0).evader_amsl_m == 491.0
 

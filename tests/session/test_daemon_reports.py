@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import Verdict
 from guidance.flight import State
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.links import MemoryWire
 from guidance.links.carriers import GLOBAL_POSITION, Refused, carrier_of
 from guidance.links.mavlink_evader import MavlinkEvader
@@ -53,7 +53,7 @@ class Reporting:
 
 
 def global_position(now_s, *, stamp_ms=None, velocity_m_s=SPEED_M_S, altitude_m=HERE[2]):
-    latitude, longitude, _ = FRAME.wgs84_from_ned((NORTH_M, SPEED_M_S * (now_s - 20.0), 0.0))
+    latitude, longitude, _ = FRAME.wgs84_from_ned(Ned((NORTH_M, SPEED_M_S * (now_s - 20.0), 0.0)))
     return mavlink.MAVLink_global_position_int_message(
         round(1e3 * now_s if stamp_ms is None else stamp_ms) % 2**32,
         round(latitude * 1e7),
@@ -68,7 +68,7 @@ def global_position(now_s, *, stamp_ms=None, velocity_m_s=SPEED_M_S, altitude_m=
 
 
 def follow_target(now_s, altitude_m):
-    latitude, longitude, _ = FRAME.wgs84_from_ned((NORTH_M, 0.0, 0.0))
+    latitude, longitude, _ = FRAME.wgs84_from_ned(Ned((NORTH_M, 0.0, 0.0)))
     return mavlink.MAVLink_follow_target_message(
         round(1e3 * now_s),
         1,

@@ -7,6 +7,7 @@ import pytest
 
 from guidance.errors import ConfigError
 from guidance.flight import State
+from guidance.frames import Ned
 from guidance.links.evader_sources import (
     EVADER_KINDS,
     EvaderKind,
@@ -36,7 +37,7 @@ class Buoy:
         self.next_s = now_s + 0.1
         self.reports += 1
         place = (HERE.lat_deg + 30.0 / 111_195.0, HERE.lon_deg, HERE.alt_amsl_m)
-        return [EvaderReport(now_s, math.nan, self.order.url, *place, (0.0, 0.0, 0.0))]
+        return [EvaderReport(now_s, math.nan, self.order.url, *place, Ned((0.0, 0.0, 0.0)))]
 
     def counters(self):
         return {"reports": self.reports}

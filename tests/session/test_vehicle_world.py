@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.clock import MonotonicClock
 from guidance.config import parse
 from guidance.errors import ConfigError, LinkError
+from guidance.frames import Ned
 from guidance.links.world import World
 from guidance.messages import Heartbeat, Setpoint
 from guidance.session.open import links
@@ -80,7 +81,7 @@ def test_an_evader_on_the_vehicles_wire_is_received_and_all_frames_are_passed_on
         assert isinstance(messages[0], Heartbeat)
         assert reports[0].latitude_deg == pytest.approx(47.397742)
         assert math.isclose(reports[0].velocity_ned_m_s[0], 1.0)
-        opened.links["uav1"].send_setpoint(Setpoint((1.0, 2.0, 3.0)))
+        opened.links["uav1"].send_setpoint(Setpoint(Ned((1.0, 2.0, 3.0))))
         passed = []
         while not any(setpoints(passed)) and clock.now_s() < deadline_s:
             passed += opened.drain()

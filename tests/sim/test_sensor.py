@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from guidance.config import parse
 from guidance.estimation import Observer, observe, predict
 from guidance.estimation.measurement import TrackSettings
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.log import compare
 from guidance.messages import EvaderReport
 from guidance.session.flight_files import recorded_settings
@@ -27,7 +27,7 @@ PERIOD_S = 0.1
 
 @functools.cache
 def driven_to(at_s):
-    latitude_deg, longitude_deg, _ = HERE.wgs84_from_ned((2.0 * at_s, 5.0, 0.0))
+    latitude_deg, longitude_deg, _ = HERE.wgs84_from_ned(Ned((2.0 * at_s, 5.0, 0.0)))
     return latitude_deg, longitude_deg
 
 
@@ -113,7 +113,7 @@ def test_a_late_report_arrives_late_and_its_age_is_known():
     for _, report in came:
         observer = observe(observer, report, HERE, track)
     now_s, last = came[-1]
-    seen = predict(observer.track.estimate, (0.0, 0.0, 0.0), now_s, track)
+    seen = predict(observer.track.estimate, Ned((0.0, 0.0, 0.0)), now_s, track)
     assert seen.age_s == pytest.approx(0.5 + now_s - last.received_s, abs=1e-6)
     assert seen.position_ned_m[0] == pytest.approx(2.0 * now_s, abs=0.05)
 

@@ -3,7 +3,7 @@
 import math
 
 from guidance.clock import VirtualClock
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, Enu, LocalFrame, Ned
 from guidance.game import Cylinder, Game, StandOff
 from guidance.team.board import Board
 from guidance.team.coordinator import Coordinator, EvaderSeen, Scene
@@ -18,7 +18,7 @@ STEP_S = 0.02
 
 def state_of(vehicle, ned_m, velocity=(0.0, 0.0, 0.0), *, sent_s=0.0, seq=0, epoch=1, **more):
     """The state of a vehicle at a place about the site."""
-    latitude, longitude, altitude = SITE.wgs84_from_ned(ned_m)
+    latitude, longitude, altitude = SITE.wgs84_from_ned(Ned(ned_m))
     known = {"state": "engaged", "part": "playing", "airborne": True, "speed_m_s": 6.0}
     known |= {"climb_m_s": 3.0, "descent_m_s": 1.5}
     place = {
@@ -85,7 +85,7 @@ class Point:
         for name, state in (states | {self.name: self.board.own}).items():
             north, east, down = SITE.ned_from_wgs84(*state.place)
             vehicles[name] = (east, north, -down), state
-        seen = {name: EvaderSeen(place, 3.0, 3.0, 0.1) for name, place in evaders.items()}
+        seen = {name: EvaderSeen(Enu(place), 3.0, 3.0, 0.1) for name, place in evaders.items()}
         return Scene(
             vehicles,
             {name: one for name, one in seen.items() if name not in self.board.over},

@@ -12,6 +12,7 @@ from guidance.clock import VirtualClock
 from guidance.config import find
 from guidance.errors import LinkError
 from guidance.flight import State
+from guidance.frames import Enu
 from guidance.game import Ball, Game, StandOff, solve
 from guidance.log import cycles_of, metadata_of, scan
 from guidance.log.broadcast import FoundFlight
@@ -176,14 +177,17 @@ def test_the_meeting_point_lies_on_the_isochron_of_the_played_game(record):
         (StandOff(), (90.0, 5.0, 4.0), (0.4, -0.3)),
     ):
         game = Game(Ball(6.0), 3.1, standoff=standoff, target_velocity_m_s=drift)
-        other = replace(settings, game=game, target_game_m=target)
+        other = replace(settings, game=game, target_game_m=Enu(target))
         place = (0.0, 0.0, 30.0), (20.0, 8.0, 4.0)
         there = solve(
             game, *map(np.array, place), None if target is None else np.array(target)
         ).meeting_point_m
         ratio = 6.0 / 3.1
         one = played[0]._replace(
-            pursuer_game_m=place[0], evader_game_m=place[1], speed_ratio=ratio, evader_age_s=0.0
+            pursuer_game_m=Enu(place[0]),
+            evader_game_m=Enu(place[1]),
+            speed_ratio=ratio,
+            evader_age_s=0.0,
         )
         assert beside(isochron_at(other, one, 721), there) < 0.02
 

@@ -16,7 +16,7 @@ from guidance.clock import Clock
 from guidance.cycle import Certificate
 from guidance.errors import FlightError
 from guidance.flight import FINAL, Authority, Event, Outputs, State
-from guidance.frames import Vector
+from guidance.frames import Enu
 from guidance.links.world import World
 from guidance.messages import CommandAck, Home, LocalPosition, StatusText
 from guidance.preflight import advice, refusals
@@ -272,7 +272,7 @@ class VehicleMission:
         self.result = FlightResult(scenario, plan.flight.cycle, State.CONNECTING)
         self.over = False
         self.engaged_s: float | None = None
-        self.position_game_m: Vector | None = None
+        self.position_game_m: Enu | None = None
         self._heard = {
             name: SensedEvader(source, scenario.sensor, scenario.seed, mission.clock.now_s)
             for name, source in world.evaders[vehicle].items()
@@ -361,7 +361,7 @@ class VehicleMission:
         limit_s = PATIENCE_S.get(flight.state, math.inf) if self._policy.engage else math.inf
         return flight.state in FINAL or (lasts_s > limit_s and not flight.ordered_by_operator)
 
-    def after(self, now_s: float, late_s: float, evader_game_m: Vector | None) -> None:
+    def after(self, now_s: float, late_s: float, evader_game_m: Enu | None) -> None:
         """Follow a cycle.
 
         Raises:
@@ -444,7 +444,7 @@ class VehicleMission:
     def _said(self, speaker: str) -> str:
         return f'; {speaker} "{self.result.said}"' if self.result.said else ""
 
-    def evader_game_m(self, now_s: float) -> Vector | None:
+    def evader_game_m(self, now_s: float) -> Enu | None:
         """Return the evader's position in the game frame: the true one, or as the vehicle estimates it."""
         if (player := self._mission.world.players.get(self.evader)) is not None:
             return player.position_game_m

@@ -17,7 +17,7 @@ import numpy as np
 from guidance.cycle import Alarm, Certificate, CycleSettings
 from guidance.flight import Authority, Event, Happening, Outputs, State
 from guidance.flight.table import SETPOINT_STATES
-from guidance.frames import Vector
+from guidance.frames import Enu
 from guidance.game import Solution, solve
 from guidance.game.team import between, match_teams
 from guidance.log.writer import Record, Recorder
@@ -41,8 +41,8 @@ class FlightSample(NamedTuple):
 
     now_s: float
     state: State
-    pursuer_m: Vector
-    evader_m: Vector
+    pursuer_m: Enu
+    evader_m: Enu
 
 
 @dataclass(slots=True)
@@ -75,7 +75,7 @@ class FlightResult:
     interrupted: bool = False
 
     def note(
-        self, now_s: float, outputs: Outputs, pursuer_m: Vector | None, evader_m: Vector | None
+        self, now_s: float, outputs: Outputs, pursuer_m: Enu | None, evader_m: Enu | None
     ) -> None:
         """Add one cycle.
 
@@ -119,14 +119,14 @@ class Capture(NamedTuple):
 
     vehicle: str
     now_s: float
-    evader_m: Vector
+    evader_m: Enu
 
 
 @dataclass(slots=True)
 class EvaderResult:
     """Result of one evader: its track (time, position in the game frame), and its first capture."""
 
-    track: list[tuple[float, Vector]] = field(default_factory=list)
+    track: list[tuple[float, Enu]] = field(default_factory=list)
     capture: Capture | None = None
 
 
@@ -150,7 +150,7 @@ class MissionResult(NamedTuple):
         return least_distance_m(tracks, height_m)
 
 
-def least_distance_m(tracks: Sequence[Mapping[float, Vector]], height_m: float) -> float:
+def least_distance_m(tracks: Sequence[Mapping[float, Enu]], height_m: float) -> float:
     """Return the least horizontal distance of two vehicles whose heights differed by less than `height_m`.
 
     Args:
@@ -316,7 +316,7 @@ def predicted(cycle: CycleSettings, engaged: Certificate) -> Solution:
     return solve(game, engaged.pursuer_game_m, engaged.evader_game_m, cycle.target_game_m)
 
 
-def distance_to_target_m(cycle: CycleSettings, evader_m: Vector) -> float:
+def distance_to_target_m(cycle: CycleSettings, evader_m: Enu) -> float:
     """Return the distance of an evader from its target, whatever the target's shape; NaN in PE."""
     target_m = cycle.target_game_m
     if target_m is None:
@@ -369,6 +369,6 @@ def _team_end(result: MissionResult, name: str, began_s: float) -> tuple[str, fl
     return end, end_s - began_s, distance_to_target_m(cycle, _at(evader.track, end_s)), -1
 
 
-def _at(track: Sequence[tuple[float, Vector]], now_s: float) -> Vector:
+def _at(track: Sequence[tuple[float, Enu]], now_s: float) -> Enu:
     """Return the last place of a track until a time."""
     return next((position_m for at_s, position_m in reversed(track) if at_s <= now_s), track[0][1])

@@ -10,7 +10,7 @@ from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
 from guidance.flight import Event, State
 from guidance.flight.settings import TeamSection
-from guidance.frames import Amsl, GameFrame, LocalFrame
+from guidance.frames import Amsl, Enu, GameFrame, LocalFrame
 from guidance.links.opening import KINDS
 from guidance.links.port import Wire, parse
 from guidance.links.wires import MemoryWire, share
@@ -217,7 +217,7 @@ def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str
     home_ned_m = frame.ned_from_wgs84(
         home.latitude_deg, home.longitude_deg, Amsl(home.altitude_amsl_m)
     )
-    site_ned_m = GameFrame(home_ned_m).position_to_ned((-x, -y, 0.0))
+    site_ned_m = GameFrame(home_ned_m).position_to_ned(Enu((-x, -y, 0.0)))
     latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(site_ned_m)
     update: dict[str, Any] = {
         "site": Site(

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.errors import ConfigError
 from guidance.estimation import Observer, observe, predict
 from guidance.estimation.measurement import TrackSettings
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.carriers import FOLLOW_TARGET, GLOBAL_POSITION, carrier_of
 from guidance.links.frames import ticks
@@ -72,7 +72,7 @@ def test_follow_target_is_amsl_north_east_down_and_milliseconds_since_boot():
         47.3977418,
         8.5455939,
         520.0,
-        (3.0, -1.0, 0.5),
+        Ned((3.0, -1.0, 0.5)),
         2.0,
         report.velocity_sd_m_s,
         said=AltitudeSaid(520.0, Datum.AMSL),
@@ -501,7 +501,9 @@ def test_the_estimate_needs_no_guess_of_the_delay_once_the_evaders_clock_is_know
     for _ in range(3):
         for report in world.second():
             observer = observe(observer, report, FRAME, settings)
-        ages.append(predict(observer.track.estimate, (0.0, 0.0, 0.0), world.now_s, settings).age_s)
+        ages.append(
+            predict(observer.track.estimate, Ned((0.0, 0.0, 0.0)), world.now_s, settings).age_s
+        )
     # The last report was true when it was sent, 0.1 s ago
     assert ages[-1] == pytest.approx(0.1, abs=0.03)
 
