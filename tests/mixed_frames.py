@@ -16,7 +16,6 @@ def mistakes(place_ned_m: Ned, place_game_m: Enu, frame: GameFrame) -> list[obje
         place_game_m - place_ned_m,  # type: ignore[operator]
         place_ned_m.dot(place_game_m),  # type: ignore[arg-type]
         place_ned_m * place_ned_m,  # type: ignore[operator]
-        place_ned_m + (1.0, 0.0, 0.0),  # type: ignore[operator]
         Setpoint(place_game_m),  # type: ignore[arg-type]
         Setpoint((1.0, 0.0, 0.0)),  # type: ignore[arg-type]
         frame.position_to_ned(place_ned_m),  # type: ignore[arg-type]

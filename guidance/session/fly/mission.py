@@ -491,7 +491,7 @@ class VehicleMission:
         fence_m = flight.settings.cycle.envelope.fence_radius_m
         if start is not None and frame is not None and home is not None and fence_m is not None:
             # To the start the autopilot flies by itself, and our limits do not act.
-            away_m = math.dist(frame.position_to_ned(start)[:2], home.position_ned_m[:2])
+            away_m = math.dist(frame.position_to_ned(Enu(start))[:2], home.position_ned_m[:2])
             if away_m > fence_m:
                 allowed = f"allowed is the fence's {fence_m:g} m. Does [site] of the scenario say where the vehicle is?"
                 raise FlightError(
