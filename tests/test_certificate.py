@@ -115,7 +115,7 @@ def test_a_vehicle_waits_only_if_it_wins_and_descends_at_full_speed(
 ):
     certified = played((x, y, z), (v_x, v_y, v_z), (e_x, e_y, 0.0), (0.0, 0.0, 0.0))
     if certified.course is Course.SOLUTION:
-        assert certified.velocity_m_s is certified.solution.pursuer_velocity_m_s
+        assert certified.velocity_m_s == certified.solution.pursuer_velocity_m_s
         return
     east, north, up = certified.velocity_m_s
     assert certified.certificate.winner == Winner.PURSUER

@@ -15,7 +15,7 @@ from guidance.control.braking_law import Wall, approach_speed, braked, held_back
 from guidance.control.polygon import Polygon
 from guidance.control.servo import serve
 from guidance.control.setpoint_limiter import limit
-from guidance.frames import Ned
+from guidance.frames import STILL, Ned
 from guidance.messages import Setpoint
 from sitl_mock import dynamics
 from tests.control.scenes import DT_S, OPEN, settled
@@ -71,8 +71,8 @@ WALLS = {
             "fence_margin_m": 2.0,
         },
     ),
-    Limiter.FLOOR: ((0.0, 0.0, 1.0), {"floor_m": 4.0, "home_ned_m": (0.0, 0.0, 1.0)}),
-    Limiter.CEILING: ((0.0, 0.0, -1.0), {"ceiling_m": 6.0, "home_ned_m": (0.0, 0.0, -1.0)}),
+    Limiter.FLOOR: ((0.0, 0.0, 1.0), {"floor_m": 4.0, "home_ned_m": Ned((0.0, 0.0, 1.0))}),
+    Limiter.CEILING: ((0.0, 0.0, -1.0), {"ceiling_m": 6.0, "home_ned_m": Ned((0.0, 0.0, -1.0))}),
 }
 AT = (5.4, 7.2, -4.0)
 GAP_M = {
@@ -103,7 +103,7 @@ def test_every_wall_is_braked_for_as_its_law_asks_and_nothing_along_it(wall, spe
     )
     here = Situation(Ned(AT), Ned(tuple(speed * part for part in normal)))
     got = braked(fed, here, measure_walls(here, envelope), envelope)
-    before = fed or (0.0, 0.0, 0.0)
+    before = STILL if fed is None else fed
     if wanted <= 0.0:
         assert got is fed
         return

@@ -33,11 +33,11 @@ constraints = st.builds(
 
 
 def slide(velocity, one):
-    return reduced(Ned(velocity), one, along=True)
+    return reduced(velocity, one, along=True)
 
 
 def shrink(velocity, one):
-    return reduced(Ned(velocity), one, along=False)
+    return reduced(velocity, one, along=False)
 
 
 def used_m(velocity, one):
@@ -116,7 +116,7 @@ def test_a_slow_vehicle_is_held_back_as_a_fast_one_is():
         10.0,
         100.0,
     ):
-        moving = (0.2 * scale, 0.3 * scale, 0.125 * scale)
+        moving = Ned((0.2 * scale, 0.3 * scale, 0.125 * scale))
         held = wall._replace(distance_m=0.2 * scale)
         assert slide(moving, held) == pytest.approx((0.2 * scale, 0.15 * scale, 0.0625 * scale))
         assert shrink(moving, held) == pytest.approx((0.1 * scale, 0.15 * scale, 0.0625 * scale))

@@ -27,9 +27,7 @@ def followed(*given, dt_s, **said):
 
 def test_a_vehicle_without_a_servo_gets_the_games_velocity_as_it_is():
     plain = replace(PX4.handling, servo=None)
-    result = followed(
-        WANTED, Situation(Ned(STILL), Ned(STILL)), FAR, plain, FollowMemory(), dt_s=0.02
-    )
+    result = followed(WANTED, Situation(STILL, STILL), FAR, plain, FollowMemory(), dt_s=0.02)
     assert result == (WANTED, None, WANTED, FollowMemory(), STILL, False)
 
 
@@ -37,7 +35,7 @@ def test_a_vehicle_without_a_servo_gets_the_games_velocity_as_it_is():
 def test_a_drift_that_is_known_shifts_the_command_by_itself(name):
     handling = AUTOPILOTS[name].handling
     drift = Drift(Ned((0.2, -0.1, 0.05)), Ned((0.0, 0.0, -20.0)))
-    at = Situation(Ned((0.0, 0.0, -20.0)), Ned(STILL))
+    at = Situation(Ned((0.0, 0.0, -20.0)), STILL)
     plain = followed(WANTED, at, FAR, handling, FollowMemory(), dt_s=0.0)
     shifted = followed(
         WANTED,
@@ -83,7 +81,7 @@ def test_an_evader_of_unknown_velocity_is_at_rest(name, towards):
     handling = AUTOPILOTS[name].handling
     near = Gaps(1.0, 2.0, Ned((*towards, 0.0)))
     unknown = Situation(Ned((0.0, 0.0, -20.0)), Ned((2.0, 1.0, 0.5)))
-    still = unknown._replace(evader_velocity_ned_m_s=Ned(STILL))
+    still = unknown._replace(evader_velocity_ned_m_s=STILL)
     one, other = (
         followed(WANTED, at, near, handling, FollowMemory(), dt_s=0.02) for at in (unknown, still)
     )
@@ -91,15 +89,15 @@ def test_an_evader_of_unknown_velocity_is_at_rest(name, towards):
 
 
 @pytest.mark.parametrize(
-    ("evader", "gaps"),
+    ("evader", "gaps_m", "towards"),
     [
-        ((4.0, 6.0, -3.0), (5.0 - 3.0, 27.0 - 5.0, 0.6, 0.8)),
-        ((-2.0, 6.0, -40.0), (5.0 - 3.0, -10.0 - 5.0, -0.6, 0.8)),
-        ((1.3, 1.6, -30.0), (0.5 - 3.0, -5.0, 0.6, -0.8)),
-        ((1.0, 2.0, -25.0), (-3.0, 0.0, 0.0, 0.0)),  # right below: no direction leads there
+        ((4.0, 6.0, -3.0), (5.0 - 3.0, 27.0 - 5.0), Ned((0.6, 0.8, 0.0))),
+        ((-2.0, 6.0, -40.0), (5.0 - 3.0, -10.0 - 5.0), Ned((-0.6, 0.8, 0.0))),
+        ((1.3, 1.6, -30.0), (0.5 - 3.0, -5.0), Ned((0.6, -0.8, 0.0))),
+        ((1.0, 2.0, -25.0), (-3.0, 0.0), STILL),  # right below: no direction leads there
     ],
 )
-def test_gaps_are_to_the_rim_and_to_the_height_and_point_at_the_evader(evader, gaps):
-    assert gaps_to_disc(Ned((1.0, 2.0, -30.0)), Ned(evader), StandOff(3.0, 5.0)) == pytest.approx(
-        gaps
-    )
+def test_gaps_are_to_the_rim_and_to_the_height_and_point_at_the_evader(evader, gaps_m, towards):
+    gaps = gaps_to_disc(Ned((1.0, 2.0, -30.0)), Ned(evader), StandOff(3.0, 5.0))
+    assert (gaps.ground_m, gaps.height_m) == pytest.approx(gaps_m)
+    assert gaps.towards_ned == pytest.approx(towards)

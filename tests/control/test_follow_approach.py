@@ -8,11 +8,10 @@ from hypothesis import strategies as st
 
 from guidance.autopilots import AUTOPILOTS
 from guidance.control.follow import RETREAT_M, Approach, Gaps, approach
-from guidance.frames import Ned
+from guidance.frames import STILL, Ned
 
 DT_S = 0.02
 SETTINGS = Approach(braking_m_s2=2.0, vertical_braking_m_s2=1.0, lag_s=0.3, margin_m=0.15)
-STILL = (0.0, 0.0, 0.0)
 FAR = Gaps(500.0, 100.0, Ned((1.0, 0.0, 0.0)))
 
 speeds = st.floats(-12.0, 12.0)
@@ -87,7 +86,7 @@ def test_far_away_nothing_is_touched(wanted, flown, evader):
     assert not braking
 
 
-@pytest.mark.parametrize("evader", [STILL, (3.0, 0.0, 0.0), (-1.0, 2.0, 0.0)])
+@pytest.mark.parametrize("evader", [STILL, Ned((3.0, 0.0, 0.0)), Ned((-1.0, 2.0, 0.0))])
 def test_at_rest_before_the_rim_the_velocity_is_the_evaders(evader):
     rim = Gaps(SETTINGS.margin_m, 0.0, Ned((1.0, 0.0, 0.0)))
     velocity, braking = approach(Ned((6.0, 1.0, 0.0)), evader, evader, rim, SETTINGS)
@@ -134,10 +133,12 @@ def test_what_goes_across_the_line_of_sight_fades_as_the_closing_does(
     def moving(along, across):
         along = along + 2.0
         across = across - 1.0  # the evader flees
-        return (
-            along * towards[0] - across * towards[1],
-            along * towards[1] + across * towards[0],
-            0.0,
+        return Ned(
+            (
+                along * towards[0] - across * towards[1],
+                along * towards[1] + across * towards[0],
+                0.0,
+            )
         )
 
     evader = moving(0.0, 0.0)
@@ -154,8 +155,8 @@ def test_the_speed_allowed_is_the_root_of_the_stopping_distance():
     for left_m in (0.0, 0.01, 0.5, 3.0, 40.0):
         (v, _, _), _ = approach(
             Ned((50.0, 0.0, 0.0)),
-            Ned(STILL),
-            Ned(STILL),
+            STILL,
+            STILL,
             Gaps(left_m, 0.0, Ned((1.0, 0.0, 0.0))),
             bare,
         )
@@ -217,7 +218,7 @@ def test_the_height_of_the_disc_is_reached_without_overshoot(name, height_m, wan
         down = approach(
             Ned((0.0, 0.0, game)),
             Ned((0.0, 0.0, flown)),
-            Ned(STILL),
+            STILL,
             Gaps(40.0, height_m, Ned((1.0, 0.0, 0.0))),
             settings,
         )[0][2]
@@ -231,5 +232,5 @@ def test_the_height_of_the_disc_is_reached_without_overshoot(name, height_m, wan
 def test_an_evader_that_comes_is_waited_for_at_the_discs_height_and_fled_from_above_it(height_m):
     evader = (-4.0, 0.0, 0.0)
     gaps = Gaps(3.0, height_m, Ned((1.0, 0.0, 0.0)))
-    velocity, _ = approach(Ned(STILL), Ned(STILL), Ned(evader), gaps, SETTINGS)
+    velocity, _ = approach(STILL, STILL, Ned(evader), gaps, SETTINGS)
     assert velocity[0] == pytest.approx(0.0) if height_m == 0.0 else velocity[0] < -1.0

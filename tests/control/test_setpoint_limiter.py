@@ -127,7 +127,7 @@ def test_a_nan_acceleration_is_zero_and_a_known_one_needs_no_evader_velocity():
                                               ((0.0, 0.0, -1.0), (0.0, 0.0, -4.4))])  # fmt: skip
 def test_a_feed_forward_leans_on_no_speed_limit_that_is_not_commanded(asked, flown):
     limited = settled(
-        asked, HOVER._replace(velocity_ned_m_s=Ned(flown)), acceleration_ned_m_s2=asked
+        asked, HOVER._replace(velocity_ned_m_s=Ned(flown)), acceleration_ned_m_s2=Ned(asked)
     )
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx(
         tuple(min(part, 5.0) for part in asked)
@@ -341,10 +341,10 @@ def test_what_is_taken_away_before_a_wall_is_remembered_and_a_slower_setpoint_is
 
 
 def test_a_feed_forward_within_the_limits_passes_and_a_large_one_is_scaled():
-    limited = settled((1.0, 0.0, 0.0), acceleration_ned_m_s2=(3.0, 0.0, -1.0))
+    limited = settled((1.0, 0.0, 0.0), acceleration_ned_m_s2=Ned((3.0, 0.0, -1.0)))
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((3.0, 0.0, -1.0))
     assert limited.active == ()
-    limited = settled((1.0, 0.0, 0.0), acceleration_ned_m_s2=(30.0, 40.0, -9.0))
+    limited = settled((1.0, 0.0, 0.0), acceleration_ned_m_s2=Ned((30.0, 40.0, -9.0)))
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((3.0, 4.0, -3.0))
     assert limited.active == (Limiter.FEED_FORWARD,)
 
@@ -387,7 +387,7 @@ def test_a_feed_forward_does_not_lean_on_a_limit_that_acts(velocity, limits, wan
     )
     flown = tuple(1.05 * part for part in velocity)  # a little faster than any limit of speed
     at = at._replace(velocity_ned_m_s=Ned((0.0, 0.0, 0.0) if limits else flown))
-    limited = settled(velocity, at, replace(OPEN, **limits), acceleration_ned_m_s2=wanted)
+    limited = settled(velocity, at, replace(OPEN, **limits), acceleration_ned_m_s2=Ned(wanted))
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx(allowed, abs=1e-9)
 
 
@@ -398,8 +398,8 @@ def test_at_a_speed_limit_drag_is_made_up_for_until_the_vehicle_is_past_it(along
     most_m_s2, asked_m_s2 = (5.0, 4.0) if ground else (3.0, 2.0)
     given = []
     for share in (0.0, 0.9, 1.0, 1.01, 1.025, 1.04, 1.05, 1.5):
-        at = HOVER._replace(velocity_ned_m_s=Ned(tuple(share * limit_m_s * part for part in along)))
-        wanted = tuple(asked_m_s2 * part for part in along)
+        at = HOVER._replace(velocity_ned_m_s=share * limit_m_s * Ned(along))
+        wanted = asked_m_s2 * Ned(along)
         limited = settled(
             tuple(limit_m_s * part for part in along), at, acceleration_ned_m_s2=wanted
         )
@@ -456,7 +456,7 @@ def test_walls_that_were_measured_already_are_not_measured_again():
 def test_the_stand_off_ends_the_push_towards_it_as_it_takes_speed_away(asked_m_s):
     zone = replace(OPEN, stand_off=StandOff(radius_m=4.0, height_m=6.0))
     at = HOVER._replace(evader_position_ned_m=Ned((20.0, 0.0, 0.0)))
-    limited = settled((asked_m_s, 0.0, 0.0), at, zone, acceleration_ned_m_s2=(4.0, 1.0, 0.0))
+    limited = settled((asked_m_s, 0.0, 0.0), at, zone, acceleration_ned_m_s2=Ned((4.0, 1.0, 0.0)))
     taken_m_s = asked_m_s - limited.setpoint.velocity_ned_m_s[0]
     north, east, _ = limited.setpoint.acceleration_ned_m_s2
     assert (taken_m_s > 0.0) is (asked_m_s > 7.1)
@@ -467,12 +467,12 @@ def test_the_stand_off_ends_the_push_towards_it_as_it_takes_speed_away(asked_m_s
 def test_a_fence_ends_the_push_towards_it_at_once():
     square = Polygon(((-16.0, -16.0), (-16.0, 16.0), (16.0, 16.0), (16.0, -16.0)))
     fenced = replace(OPEN, fence_polygon=square)
-    limited = settled((7.2, 0.0, 0.0), HOVER, fenced, acceleration_ned_m_s2=(4.0, 1.0, 0.0))
+    limited = settled((7.2, 0.0, 0.0), HOVER, fenced, acceleration_ned_m_s2=Ned((4.0, 1.0, 0.0)))
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((0.0, 1.0, 0.0))
 
 
 def test_a_slow_vehicles_speed_limit_is_one_too():
     slow = replace(OPEN, speed_m_s=0.5)
     at = HOVER._replace(velocity_ned_m_s=Ned((0.6, 0.0, 0.0)))
-    limited = settled((0.5, 0.0, 0.0), at, slow, acceleration_ned_m_s2=(4.0, 1.0, 0.0))
+    limited = settled((0.5, 0.0, 0.0), at, slow, acceleration_ned_m_s2=Ned((4.0, 1.0, 0.0)))
     assert limited.setpoint.acceleration_ned_m_s2 == pytest.approx((0.0, 1.0, 0.0))

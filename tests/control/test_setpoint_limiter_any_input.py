@@ -44,10 +44,22 @@ places = st.tuples(st.floats(20.0, 180.0), st.floats(-120.0, 30.0), st.floats(-6
 setpoints = st.builds(Setpoint, speeds, st.none() | speeds, st.none() | st.floats(-7, 7))
 wild_setpoints = st.builds(Setpoint, wild_vectors, st.none() | wild_vectors, st.none() | wild)
 situations = st.builds(
-    Situation, places, speeds, st.floats(-4, 4), st.none() | places, st.none() | speeds
+    Situation,
+    places,
+    speeds,
+    st.floats(-4, 4),
+    st.none() | places,
+    st.none() | speeds,
+    acceleration_ned_m_s2=wild_vectors,
 )
 wild_situations = st.builds(
-    Situation, wild_vectors, wild_vectors, wild, st.none() | wild_vectors, st.none() | wild_vectors
+    Situation,
+    wild_vectors,
+    wild_vectors,
+    wild,
+    st.none() | wild_vectors,
+    st.none() | wild_vectors,
+    wild_vectors,
 )
 offsets = st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-2.0, 15.0)).map(Ned)
 near_situations = situations.flatmap(
@@ -312,10 +324,12 @@ def test_the_limits_know_no_north_where_the_envelope_has_none(
         east = vector[1] - about[1]
         cosine = math.cos(angle)
         sine = math.sin(angle)
-        return (
-            about[0] + cosine * north - sine * east,
-            about[1] + sine * north + cosine * east,
-            vector[2],
+        return Ned(
+            (
+                about[0] + cosine * north - sine * east,
+                about[1] + sine * north + cosine * east,
+                vector[2],
+            )
         )
 
     home = ENVELOPE.home_ned_m

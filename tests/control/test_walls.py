@@ -32,7 +32,7 @@ def asked_ground(distance_m, speed, envelope=OPEN):
             Limiter.FENCE_RADIUS,
         ),
         (
-            {"fence_radius_m": 106.0, "home_ned_m": (-100.0, 0.0, 0.0)},
+            {"fence_radius_m": 106.0, "home_ned_m": Ned((-100.0, 0.0, 0.0))},
             (8.0, 0.0, 0.0),
             6.0,
             0,
@@ -51,7 +51,7 @@ def asked_ground(distance_m, speed, envelope=OPEN):
                     ((-9.0, -90.0), (-9.0, 90.0), (15.0, 90.0), (15.0, -90.0))
                 ),
                 "fence_margin_m": 2.0,
-                "home_ned_m": (-8.0, 3.0, 0.0),
+                "home_ned_m": Ned((-8.0, 3.0, 0.0)),
             },
             (8.0, 0.0, 0.0),
             5.0,
@@ -204,9 +204,11 @@ def test_a_polygon_keeps_its_margin_from_inside_and_outside():
 def test_an_acceleration_does_not_lean_on_the_circle_and_may_point_inwards():
     fenced = replace(OPEN, fence_radius_m=6.0, home_ned_m=Ned((0.0, -2.0, 0.0)))
     at_fence = Situation(Ned((0.0, 4.0, 0.0)), Ned((0.0, 0.0, 0.0)))
-    out = settled((0.0, 8.0, 0.0), at_fence, fenced, acceleration_ned_m_s2=(2.0, 3.0, 1.0))
+    out = settled((0.0, 8.0, 0.0), at_fence, fenced, acceleration_ned_m_s2=Ned((2.0, 3.0, 1.0)))
     assert out.setpoint.acceleration_ned_m_s2 == pytest.approx((2.0, 0.0, 1.0), abs=1e-9)
-    inwards = settled((0.0, 8.0, 0.0), at_fence, fenced, acceleration_ned_m_s2=(2.0, -3.0, 1.0))
+    inwards = settled(
+        (0.0, 8.0, 0.0), at_fence, fenced, acceleration_ned_m_s2=Ned((2.0, -3.0, 1.0))
+    )
     assert inwards.setpoint.acceleration_ned_m_s2 == pytest.approx((2.0, -3.0, 1.0), abs=1e-9)
 
 
@@ -216,7 +218,7 @@ def test_at_home_itself_the_circle_has_its_law_and_no_acceleration_leads_towards
     fenced = replace(OPEN, fence_radius_m=1.0)
     asked = (8.0 * way[0], 8.0 * way[1], 0.0)
     # 3 m/s² ahead and 1 m/s² to the side
-    fed = (3.0 * way[0] - way[1], 3.0 * way[1] + way[0], 0.0)
+    fed = Ned((3.0 * way[0] - way[1], 3.0 * way[1] + way[0], 0.0))
     limited = settled(asked, HOVER, fenced, acceleration_ned_m_s2=fed)
     speed = asked_ground(1.0, 8.0)
     assert limited.setpoint.velocity_ned_m_s[:2] == pytest.approx((speed * way[0], speed * way[1]))
@@ -225,8 +227,10 @@ def test_at_home_itself_the_circle_has_its_law_and_no_acceleration_leads_towards
 
 def test_across_the_radius_no_acceleration_leads_to_where_the_circle_is_flown_to():
     fenced = replace(OPEN, fence_radius_m=6.0)
-    east_of_home = Situation((0.0, 4.0, 0.0), (0.0, 0.0, 0.0))
-    limited = settled((8.0, 0.0, 0.0), east_of_home, fenced, acceleration_ned_m_s2=(3.0, 0.0, 0.0))
+    east_of_home = Situation(Ned((0.0, 4.0, 0.0)), Ned((0.0, 0.0, 0.0)))
+    limited = settled(
+        (8.0, 0.0, 0.0), east_of_home, fenced, acceleration_ned_m_s2=Ned((3.0, 0.0, 0.0))
+    )
     seconds = OPEN.reaction_s + 8.0 / (2.0 * OPEN.braking_m_s2)
     stop = math.atan2(4.0, 8.0 * seconds)
     normal = (math.cos(stop), math.sin(stop))
@@ -252,7 +256,7 @@ def test_the_circle_bends_a_velocity_inwards_so_that_it_stops_on_the_circle():
         ({"floor_m": 3.0}, 2.0, 1.0 / 1.5, Limiter.FLOOR),
         ({"floor_m": 3.8}, 0.5, 0.2 / 0.75, Limiter.FLOOR),
         ({"ceiling_m": 5.0}, -4.0, -1.0 / 2.5, Limiter.CEILING),
-        ({"floor_m": 8.0, "home_ned_m": (0.0, 0.0, 5.0)}, 2.0, 1.0 / 1.5, Limiter.FLOOR),
+        ({"floor_m": 8.0, "home_ned_m": Ned((0.0, 0.0, 5.0))}, 2.0, 1.0 / 1.5, Limiter.FLOOR),
     ],
 )
 def test_floor_and_ceiling_allow_the_vertical_speed_that_still_stops(
@@ -358,19 +362,17 @@ def test_an_evader_that_flees_takes_its_wall_along(bearing_deg):
     sine = math.sin(math.radians(bearing_deg))
 
     def turned(along, across=0.0, down=0.0):
-        return (cosine * along - sine * across, sine * along + cosine * across, down)
+        return Ned((cosine * along - sine * across, sine * along + cosine * across, down))
 
     # 7 m beside and 2 m above: the gap is across the rim, and this is its way over the ground
     along_m = 53.0 / 7.0
     fleeing = Situation(
-        Ned(turned(-10.0, down=-7.0)), Ned(turned(3.0)), 0.0, Ned((0.0, 0.0, 0.0)), Ned(turned(3.0))
+        turned(-10.0, down=-7.0), turned(3.0), 0.0, Ned((0.0, 0.0, 0.0)), turned(3.0)
     )
     assert settled(turned(9.0), fleeing, ZONE)[0].velocity_ned_m_s == pytest.approx(
         turned(3.0 + asked_ground(along_m, 6.0))
     )
-    faster = fleeing._replace(
-        velocity_ned_m_s=Ned(turned(5.0))
-    )  # only what it is faster by is drift
+    faster = fleeing._replace(velocity_ned_m_s=turned(5.0))  # only what it is faster by is drift
     assert settled(turned(9.0), faster, ZONE)[0].velocity_ned_m_s == pytest.approx(
         turned(3.0 + asked_ground(along_m - 1.0, 6.0))
     )
@@ -378,15 +380,15 @@ def test_an_evader_that_flees_takes_its_wall_along(bearing_deg):
     assert across == pytest.approx(turned(3.0 + asked_ground(along_m, math.hypot(5.0, 5.0)), 5.0))
     for velocity in (
         None,
-        (math.nan, 0.0, 0.0),
+        Ned((math.nan, 0.0, 0.0)),
         turned(math.inf),
         turned(1e9),
         turned(-3.0),
         turned(0.0, 3.0),
-        (0.0, 0.0, 9.0),
+        Ned((0.0, 0.0, 9.0)),
     ):
         other = fleeing._replace(
-            evader_velocity_ned_m_s=Ned(velocity), velocity_ned_m_s=Ned((0.0, 0.0, 0.0))
+            evader_velocity_ned_m_s=velocity, velocity_ned_m_s=Ned((0.0, 0.0, 0.0))
         )
         assert settled(turned(8.0), other, ZONE)[0].velocity_ned_m_s == pytest.approx(
             turned(asked_ground(along_m, 8.0))

@@ -61,7 +61,7 @@ def report(rng, time_s, state, *, with_velocity, delay_s, position_sd_m=0.7, vel
         time_s,
         time_s + delay_s,
         Ned((float(position[0]), float(position[1]), float(height))),
-        Ned((float(velocity[0]), float(velocity[1]), float(climb)) if with_velocity else None),
+        Ned((float(velocity[0]), float(velocity[1]), float(climb))) if with_velocity else None,
         position_sd_m,
         velocity_sd_m_s,
     )

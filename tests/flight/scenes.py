@@ -26,7 +26,7 @@ from guidance.vehicle import VehicleState, observe
 NOW_S = 100.0
 PREARM = 1 << 28
 HOME_DOWN_M = -4.0
-NOWHERE = (0.0, 0.0, 0.0)
+NOWHERE = Ned((0.0, 0.0, 0.0))
 ENVELOPE = Envelope(
     floor_m=3.0,
     ceiling_m=60.0,
@@ -60,8 +60,8 @@ QUIET = Certificate(
     evader_game_m=Enu(NOWHERE),
     gap_m=10.0,
     height_gap_m=0.0,
-    desired_ned_m_s=Ned(NOWHERE),
-    command_ned_m_s=Ned(NOWHERE),
+    desired_ned_m_s=NOWHERE,
+    command_ned_m_s=NOWHERE,
     active_limits=(),
     captured=False,
     strayed=False,
@@ -122,9 +122,7 @@ class Told:
     def __init__(self, evader_ned_m, silence_s, rival, home_ned_m):
         self.home_ned_m = home_ned_m
         self._evader = (
-            None
-            if evader_ned_m is None
-            else EvaderEstimate(Ned(evader_ned_m), Ned(NOWHERE), 3.0, 0.1)
+            None if evader_ned_m is None else EvaderEstimate(evader_ned_m, NOWHERE, 3.0, 0.1)
         )
         self._silence_s = silence_s
         self._rival = rival
@@ -164,10 +162,10 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
         "evader_ned_m": None,
         "evader_silence_s": 0.1,
         "rival": "",
-        "home_ned_m": (0.0, 0.0, HOME_DOWN_M),
+        "home_ned_m": Ned((0.0, 0.0, HOME_DOWN_M)),
     }
     heard.tracking = Told(*(changes.pop(name, value) for name, value in usual.items()))
-    heard.position_ned_m = changes.pop("position_ned_m", (0.0, 0.0, HOME_DOWN_M - 10.0))
+    heard.position_ned_m = changes.pop("position_ned_m", Ned((0.0, 0.0, HOME_DOWN_M - 10.0)))
     about_home = replace(ENVELOPE, home_ned_m=Ned((0.0, 0.0, HOME_DOWN_M)))
     heard.cycle = replace(settings.cycle, envelope=changes.pop("envelope", about_home))
     stage = {

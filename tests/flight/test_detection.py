@@ -241,8 +241,8 @@ def test_limits_of_space_are_checked_in_every_commanding_state(state, event, pla
     given = {
         "vehicle": GUIDED,
         "envelope": ABOUT_HOME,
-        "position_ned_m": place,
-        "evader_ned_m": evader,
+        "position_ned_m": Ned(place),
+        "evader_ned_m": Ned(evader),
     }
     for certificate in (QUIET, None):
         assert happens(event, state, certificate=certificate, **given) is broken
@@ -251,10 +251,14 @@ def test_limits_of_space_are_checked_in_every_commanding_state(state, event, pla
 
 
 def test_without_a_stand_off_or_an_evader_there_is_none_to_break():
-    given = {"vehicle": GUIDED, "position_ned_m": (100.0, 0.0, HIGH_M)}
+    given = {"vehicle": GUIDED, "position_ned_m": Ned((100.0, 0.0, HIGH_M))}
     without = replace(ABOUT_HOME, stand_off=None)
     assert not happens(
-        Event.STAND_OFF, State.ENGAGED, envelope=without, evader_ned_m=(100.0, 0.0, HIGH_M), **given
+        Event.STAND_OFF,
+        State.ENGAGED,
+        envelope=without,
+        evader_ned_m=Ned((100.0, 0.0, HIGH_M)),
+        **given,
     )
     assert not happens(
         Event.STAND_OFF, State.ENGAGED, envelope=ABOUT_HOME, evader_ned_m=None, **given
@@ -388,8 +392,8 @@ def test_of_all_that_happens_at_once_the_most_severe_comes_first():
         "since_s": NOW_S - 60.0,
         "evader_silence_s": 9.0,
         "foreign": True,
-        "position_ned_m": (1e3, 0.0, HOME_DOWN_M),
-        "evader_ned_m": (1e3, 0.0, HOME_DOWN_M),
+        "position_ned_m": Ned((1e3, 0.0, HOME_DOWN_M)),
+        "evader_ned_m": Ned((1e3, 0.0, HOME_DOWN_M)),
         "envelope": ABOUT_HOME,
         "certificate": QUIET._replace(**flags),
         "settings": settings_of(after_capture=AfterCapture.RETURN),
@@ -769,7 +773,7 @@ def test_a_fence_is_left_beyond_the_fence_and_not_where_commands_end():
     margin = replace(ABOUT_HOME, fence_margin_m=50.0)
     for north_m, left in ((304.9, False), (305.0, False), (305.1, True)):
         place = (north_m, 0.0, HIGH_M)
-        given = {"vehicle": GUIDED, "envelope": margin, "position_ned_m": place}
+        given = {"vehicle": GUIDED, "envelope": margin, "position_ned_m": Ned(place)}
         assert happens(Event.FENCE, State.ENGAGED, **given) is left
 
 
@@ -779,4 +783,4 @@ def test_the_floor_is_broken_below_the_floor_and_not_within_the_doubt_of_the_hei
     given = {"vehicle": doubt, "envelope": envelope}
     for height_m, broken in ((2.6, False), (2.4, True)):
         place = (0.0, 0.0, HOME_DOWN_M - height_m)
-        assert happens(Event.FLOOR, State.ENGAGED, position_ned_m=place, **given) is broken
+        assert happens(Event.FLOOR, State.ENGAGED, position_ned_m=Ned(place), **given) is broken

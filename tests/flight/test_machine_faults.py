@@ -15,7 +15,7 @@ from tests.flight.flown import SET_MODE, Flown, commands
 from tests.flight.scenes import BOTH, ENVELOPE, settings_of
 
 BAD = (math.nan, math.inf, -math.inf, 1e38, -1e38)
-PLAIN = {float: 0.5, int: 3, bool: True, str: "word"}
+PLAIN = {float: 0.5, int: 3, bool: True, str: "word", Ned: Ned((0.5, 0.5, 0.5))}
 
 
 def sane(kind, at_s):
@@ -23,8 +23,6 @@ def sane(kind, at_s):
     values = {}
     for name, hint in get_type_hints(kind).items():
         values[name] = at_s if name in {"received_s", "time_boot_s", "sent_s"} else PLAIN.get(hint)
-        if values[name] is None and hint not in PLAIN:
-            values[name] = (0.5, 0.5, 0.5) if "tuple" in str(hint) else None
     return kind(**values)
 
 
@@ -41,7 +39,9 @@ def spoilt(message):
         elif isinstance(value, tuple):
             for axis in range(3):
                 yield from (
-                    message._replace(**{name: (*value[:axis], bad, *value[axis + 1 :])})
+                    message._replace(
+                        **{name: type(value)((*value[:axis], bad, *value[axis + 1 :]))}
+                    )
                     for bad in BAD
                 )
 
