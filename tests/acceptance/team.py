@@ -22,7 +22,7 @@ import tomlkit
 from guidance.autopilots import Mode
 from guidance.clock import MonotonicClock
 from guidance.config import config_folder
-from guidance.frames import Amsl, LocalFrame, Ned
+from guidance.frames import Amsl, Enu, LocalFrame
 from guidance.links.keys import make_keys
 from guidance.links.udp import UdpWire
 from guidance.links.zenoh_access import read_credentials
@@ -132,12 +132,12 @@ class Field:
             for name, rover in self._rovers.items():
                 rover.step(time.monotonic(), places, playing=playing and name not in self.over)
 
-    def place(self, state: StateMessage) -> Ned:
+    def place(self, state: StateMessage) -> Enu:
         """Return a vehicle's place: x east, y north, z up."""
         north, east, down = self._frame.ned_from_wgs84(
             state.latitude_deg, state.longitude_deg, Amsl(state.altitude_amsl_m)
         )
-        return east, north, -down
+        return Enu((east, north, -down))
 
     def _hear(self) -> None:
         for arrived_s, key, payload in self._team.receive():

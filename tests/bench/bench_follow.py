@@ -38,7 +38,7 @@ from guidance.autopilots import Autopilot, Mode, autopilot_named
 from guidance.clock import Clock, MonotonicClock, VirtualClock
 from guidance.flight import Event, Flight, FlightSettings, State
 from guidance.flight.settings import AfterCapture
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.game import solve
 from guidance.league.laws import FRPN
 from guidance.links.frames import Station
@@ -296,7 +296,7 @@ class Leader:
         self.position_ned_m = (north_m, east_m, down_m)
 
     def _report(self, frame: LocalFrame, now_s: float) -> EvaderReport:
-        latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(self.position_ned_m)
+        latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(Ned(self.position_ned_m))
         timesync = None
         if self._chase.delay_s:  # the sender answers TIMESYNC at once: only its positions are late
             asked_ns = round((now_s - 0.5 * ROUND_TRIP_S) * 1e9)
@@ -308,7 +308,7 @@ class Leader:
             latitude_deg=latitude_deg,
             longitude_deg=longitude_deg,
             altitude_amsl_m=altitude.metres,
-            velocity_ned_m_s=(*self.velocity_m_s, 0.0),
+            velocity_ned_m_s=Ned((*self.velocity_m_s, 0.0)),
             position_sd_m=0.05,
             velocity_sd_m_s=0.03,
             timesync=timesync,
@@ -549,7 +549,7 @@ class Aircraft:
         local = vehicle.latest[LocalPosition]
         north_m, east_m, down_m = local.position_ned_m
         down_m += self._height_m(vehicle) - HEIGHT_M
-        latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned((north_m, east_m, down_m))
+        latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(Ned((north_m, east_m, down_m)))
         return self._autopilot.reposition(
             latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres
         )

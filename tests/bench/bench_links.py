@@ -161,6 +161,7 @@ def url_of(wire: str, port: int) -> str:
 
 def our_end(kind: str, wire: str, port: int) -> None:
     """One setpoint for each position, found by polling, until standard input closes."""
+    from guidance.frames import Ned
     from guidance.links.opening import open_link, open_wire
     from guidance.messages import LocalPosition, Setpoint
 
@@ -168,7 +169,7 @@ def our_end(kind: str, wire: str, port: int) -> None:
     url = url_of(wire, port)
     now = time.monotonic
     link = open_link(open_wire(url, clock=now, systems=(1,)), kind, system_id=1, clock=now, who=url)
-    setpoint = Setpoint((1.0, 0.0, 0.0), yaw_rad=0.0)
+    setpoint = Setpoint(Ned((1.0, 0.0, 0.0)), yaw_rad=0.0)
     while not over.is_set():
         time.sleep(POLL_S)
         for message in link.receive():

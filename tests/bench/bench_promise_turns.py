@@ -17,6 +17,7 @@ import numpy as np
 
 from guidance.control.braking_law import approach_speed
 from guidance.cycle import CycleSettings
+from guidance.frames import Enu
 from tests.harness.guarded import SETUPS, cycle_settings
 from tests.harness.referee import STEP_S, Referee
 
@@ -55,7 +56,7 @@ def played(seed: int, number: int) -> Play | None:
     height_m = draw.uniform(6.0, 20.0)
     game = Referee(
         settings,
-        (0.0, 0.0, height_m),
+        Enu((0.0, 0.0, height_m)),
         (away_m * math.sin(bearing), away_m * math.cos(bearing)),
     )
     kind = KINDS[number % len(KINDS)]

@@ -24,7 +24,7 @@ from pathlib import Path
 import tomlkit
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.frames import Amsl, LocalFrame
+from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.links.frames import Station
 from guidance.links.udp import UdpWire
 from guidance.links.wires import TO_VEHICLE
@@ -154,7 +154,7 @@ class Mates:
 
 def placed(north_m: float, east_m: float, up_m: float) -> dict[str, float]:
     """Return a place as messages have it."""
-    latitude, longitude, altitude = FRAME.wgs84_from_ned((north_m, east_m, -up_m))
+    latitude, longitude, altitude = FRAME.wgs84_from_ned(Ned((north_m, east_m, -up_m)))
     return {
         "latitude_deg": latitude,
         "longitude_deg": longitude,

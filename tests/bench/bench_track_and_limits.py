@@ -19,6 +19,7 @@ from guidance.control.setpoint_limiter import limit
 from guidance.estimation import predict
 from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.estimation.track import Track, update
+from guidance.frames import STILL, Ned
 from guidance.game import StandOff
 from guidance.messages import Setpoint
 
@@ -47,7 +48,9 @@ ENVELOPE = Envelope(
 def report(step: int) -> Measurement:
     """An evader at 3 m/s, reported at 50 Hz."""
     time_s = DT_S * step
-    return Measurement(time_s, time_s, (3.0 * time_s, 0.0, 0.0), (3.0, 0.0, 0.0), 0.5, 0.2)
+    return Measurement(
+        time_s, time_s, Ned((3.0 * time_s, 0.0, 0.0)), Ned((3.0, 0.0, 0.0)), 0.5, 0.2
+    )
 
 
 def microseconds(call: Callable[[], object], repeats: int = 1000) -> float:
@@ -89,13 +92,17 @@ def main() -> None:
         track = update(track, report(step), SETTINGS)
     following = report(300)
     situation = Situation(
-        (0.0, 0.0, -20.0), (5.0, 0.0, 0.5), 0.0, (60.0, 0.0, 0.0), (3.0, 0.0, 0.0)
+        Ned((0.0, 0.0, -20.0)),
+        Ned((5.0, 0.0, 0.5)),
+        0.0,
+        Ned((60.0, 0.0, 0.0)),
+        Ned((3.0, 0.0, 0.0)),
     )
-    command = Setpoint((6.0, 0.0, 1.5), (1.0, 0.0, 0.0), 1.0)
+    command = Setpoint(Ned((6.0, 0.0, 1.5)), Ned((1.0, 0.0, 0.0)), 1.0)
     memory = limit(command, situation, ENVELOPE, None, DT_S).memory
 
     ours = microseconds(lambda: update(track, following, SETTINGS))
-    predicted = microseconds(lambda: predict(track.estimate, (0.0, 0.0, 0.0), 6.5, SETTINGS))
+    predicted = microseconds(lambda: predict(track.estimate, STILL, 6.5, SETTINGS))
     theirs = microseconds(reference())
     limited = microseconds(lambda: limit(command, situation, ENVELOPE, memory, DT_S))
     table = Table("what", "µs", "of filterpy's", title="track and limits, one call")

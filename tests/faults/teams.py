@@ -426,7 +426,7 @@ class Sortie:
 
     def _note_guarantees(self) -> None:
         """Note which vehicle wins against which evader by its own certificate, from where both are now."""
-        target = None if self.case.scenario.target is None else (0.0, 0.0, 0.0)
+        target = None if self.case.scenario.target is None else Enu((0.0, 0.0, 0.0))
         for one in self.mission.vehicles:
             name = one.daemon.name
             flight = one.daemon.flight
@@ -445,9 +445,9 @@ class Sortie:
                 if here is None or there is None:
                     continue
                 game = Game(cycle.game.pursuer, speed_m_s, standoff=cycle.game.standoff)
-                there = (*there[:2], 0.0)
+                there = there.level()
                 gaps = gaps_to_disc(ned_from_game(here), ned_from_game(there), cycle.game.standoff)
-                players = Players(here, Enu(STILL), there, Enu(STILL), Enu(target), gaps, 0.0)
+                players = Players(here, Enu(STILL), there, Enu(STILL), target, gaps, 0.0)
                 certificate = certify(game, players, vehicle, None).certificate
                 if certificate.vehicle_winner == Winner.PURSUER:
                     self.winning.add((name, evader))

@@ -140,7 +140,7 @@ class Played(NamedTuple):
 def referee(drawn: Drawn) -> Played:
     """Play a game to its end."""
     settings = cycle_settings(drawn.setup)
-    game = Referee(settings, drawn.setup.start_m, drawn.evader_m)
+    game = Referee(settings, Enu(drawn.setup.start_m), drawn.evader_m)
     course = list(drawn.course_m)
     speed_m_s = float(settings.game.evader_speed_m_s)
     end = "undecided"

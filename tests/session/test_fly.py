@@ -10,6 +10,7 @@ import pytest
 from mcap.reader import make_reader
 
 from guidance.flight import Event, State
+from guidance.frames import Enu
 from guidance.log import survey_of
 from guidance.log.entries import CYCLE, EVENT
 from guidance.log.scene import isochron
@@ -198,8 +199,8 @@ def test_the_live_line_is_told_about_ten_times_a_second():
 def test_on_the_isochron_both_players_arrive_at_once():
     scenario = load_scenario("pe")[1]
     standoff = game(scenario).standoff
-    P = (40.0, 7.1, 47.05)
-    E = (39.6, 48.0, 0.0)
+    P = Enu((40.0, 7.1, 47.05))
+    E = Enu((39.6, 48.0, 0.0))
     for x, y in isochron(game(scenario), P, E, points=25):
         evader_s = math.hypot(x - E[0], y - E[1]) / 1.5
         ground = max(0.0, math.hypot(x - P[0], y - P[1]) - standoff.radius_m)
