@@ -164,6 +164,7 @@ class Flavour:
         more_commands: Commands that this version has beyond the one with recorded data.
         withheld: Messages of the mock that this version cannot send, also on request.
         streams_log: A client can have a log streamed.
+        shell: Answers a line that is typed into the shell; None if it has no shell over MAVLink.
     """
 
     name: str
@@ -197,6 +198,7 @@ class Flavour:
     more_commands: frozenset[int] = frozenset()
     withheld: frozenset[str] = frozenset()
     streams_log: bool = False
+    shell: Callable[["Report", str], str] | None = None
 
     @property
     def spec(self) -> str:

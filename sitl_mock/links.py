@@ -22,6 +22,7 @@ from sitl_mock.protocols import (
     Reply,
     Result,
     Session,
+    ShellProtocol,
     SigningSetup,
     Streams,
     TimeProtocol,
@@ -108,6 +109,7 @@ class Link:
                 autopilot.storage.logs, flavour.log_rules, lambda: autopilot.state.armed
             ),
             log_stream=self._log_stream,
+            shell=ShellProtocol(self._run),
             signing=SigningSetup(signing),
             events=EventProtocol(autopilot.events),
         )
@@ -209,6 +211,11 @@ class Link:
         head = recorder.head(self.autopilot.report)
         self._requested += self._log_stream.start(now_s, command.source, head)
         return (CommandAnswer(Result.ACCEPTED),)
+
+    def _run(self, line: str) -> str | None:
+        """Return the shell's answer to a line, None if the flavour has no shell."""
+        shell = self.autopilot.flavour.shell
+        return None if shell is None else shell(self.autopilot.report, line)
 
     def _set_interval(self, now_s: float, command: Command) -> Result:
         message_id, interval_us = command.params[:2]

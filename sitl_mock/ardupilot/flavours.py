@@ -1,6 +1,7 @@
 """The ArduPilot flavours, and the packed files of parameters and plans that ground stations fetch.
 
-Formats: ``AP_Filesystem_Param`` (0x671B) and ``AP_Filesystem_Mission`` (0x763D) of ArduPilot 4.5.
+Formats: ``AP_Filesystem_Param`` (0x671B, with defaults 0x671C) and ``AP_Filesystem_Mission`` (0x763D) of ArduPilot 4.5.
+``@SYS`` lists and has what it lists and has in ArduPilot's own simulation.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import takewhile
 from typing import TYPE_CHECKING, Final
+from urllib.parse import parse_qsl
 
 from sitl_mock.ardupilot.commander import ArduPilot
 from sitl_mock.ardupilot.copter import COPTER
@@ -28,6 +30,7 @@ from sitl_mock.protocols import (
     ARDUPILOT_PARAMETER_RULES,
     ARDUPILOT_STREAM_RULES,
     QUIET_HZ,
+    Entry,
     FileTree,
     FtpError,
     ParamKind,
@@ -44,7 +47,30 @@ if TYPE_CHECKING:
     from sitl_mock.vehicle_state import VehicleState
 
 _PARAMETERS = 0x671B
+_WITH_DEFAULTS = 0x671C
+_HAS_DEFAULT = 0x10
 _ITEMS = 0x763D
+_EEPROM_BYTES: Final = 16384
+_LISTED_BYTES: Final = 100_000
+_SYS: Final = (
+    *(
+        Entry(name, _LISTED_BYTES)
+        for name in (
+            "threads.txt",
+            "tasks.txt",
+            "dma.txt",
+            "memory.txt",
+            "uarts.txt",
+            "timers.txt",
+            "can_log.txt",
+            "can0_stats.txt",
+            "can1_stats.txt",
+            "crash_dump.bin",
+        )
+    ),
+    Entry("storage.bin", _EEPROM_BYTES),
+)
+"""What ``@SYS`` lists; in the simulation only tasks.txt and storage.bin can be read."""
 _TYPES: Final = {
     ParamKind.INT8: (1, "<b"),
     ParamKind.INT16: (2, "<h"),
@@ -62,8 +88,10 @@ _NAMES: Final = {
 
 def files_of(parameters: ParameterStore, plans: PlanStore, storage: Storage) -> FileTree:
     """Return the files of one vehicle."""
-    hidden: dict[str, Callable[[], bytes]] = {
-        "@PARAM/param.pck": partial(packed_parameters, parameters)
+    hidden: dict[str, Callable[[str], bytes]] = {
+        "@PARAM/param.pck": partial(packed_parameters, parameters),
+        "@SYS/tasks.txt": lambda _query: b"TasksV2\n",
+        "@SYS/storage.bin": lambda _query: bytes(_EEPROM_BYTES),
     }
     for kind, name in _NAMES.items():
         hidden[f"@MISSION/{name}"] = partial(packed_plan, plans, kind)
@@ -71,28 +99,44 @@ def files_of(parameters: ParameterStore, plans: PlanStore, storage: Storage) -> 
         {},
         frozenset({"/terrain"}),
         hidden,
+        {"@SYS": _SYS},
         unopened=FtpError.FILE_NOT_FOUND,
         full_folder=_IS_A_FOLDER,
         storage=storage,
     )
 
 
-def packed_parameters(parameters: ParameterStore) -> bytes:
-    """Return the content of ``@PARAM/param.pck``: all parameters, with common name prefixes packed."""
-    count = len(parameters.names)
-    packed = [struct.pack("<HHH", _PARAMETERS, count, count)]
+def packed_parameters(parameters: ParameterStore, query: str = "") -> bytes:
+    """Return the content of ``@PARAM/param.pck``: the parameters, with common name prefixes packed.
+
+    Args:
+        parameters: The vehicle's parameters.
+        query: ``start=10&count=5`` for a part, ``withdefaults=1`` for the defaults of those that differ from them.
+    """
+    options = dict(parse_qsl(query))
+    start = _whole(options.get("start"))
+    count = _whole(options.get("count"))
+    names = parameters.names[start : start + count if count else None]
+    with_defaults = options.get("withdefaults") == "1"
+    magic = _WITH_DEFAULTS if with_defaults else _PARAMETERS
+    packed = [struct.pack("<HHH", magic, len(names), len(parameters.names))]
     last = ""
-    for name in parameters.names:
+    for name in names:
         kind, form = _TYPES[parameters.definitions[name].kind]
         common = min(_shared(last, name), len(name) - 1, 15)
         suffix = name[common:].encode()
-        packed.append(
-            bytes((kind, len(suffix) - 1 << 4 | common))
-            + suffix
-            + struct.pack(form, parameters[name])
-        )
+        values = [parameters[name]]
+        if with_defaults and parameters[name] != parameters.default_of(name):
+            kind |= _HAS_DEFAULT
+            values.append(parameters.default_of(name))
+        packed.append(bytes((kind, len(suffix) - 1 << 4 | common)) + suffix)
+        packed += [struct.pack(form, value) for value in values]
         last = name
     return b"".join(packed)
+
+
+def _whole(text: str | None) -> int:
+    return int(text) if text is not None and text.isdecimal() else 0
 
 
 def _shared(first: str, second: str) -> int:
@@ -102,7 +146,7 @@ def _shared(first: str, second: str) -> int:
     )
 
 
-def packed_plan(plans: PlanStore, kind: PlanKind) -> bytes:
+def packed_plan(plans: PlanStore, kind: PlanKind, _query: str = "") -> bytes:
     """Return the content of ``@MISSION/mission.dat`` for a plan: a header and MISSION_ITEM_INT payloads."""
     items = plans.plans[kind].items
     packed = [struct.pack("<HHHHH", _ITEMS, kind, 0, 0, len(items))]

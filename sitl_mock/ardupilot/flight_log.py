@@ -25,6 +25,7 @@ _GPS_STEPS: Final = 2
 _BY_COMMAND: Final = 2
 _DISARMED_EVENT: Final = 11
 _ARMED_EVENT: Final = 10
+_POSITION_TARGET: Final = 3
 _VELOCITY_TARGET: Final = 4
 _WEEK_S: Final = 604_800
 _GPS_EPOCH_S: Final = 315_964_800 - 18
@@ -269,7 +270,9 @@ def _target(report: Report) -> bytes:
         setpoint.acceleration_ned_m_s2,
     )
     place, speed, push = (_centimetres_up(vector) for vector in vectors)
-    return GUIP.pack(report.boot_us, _VELOCITY_TARGET, *place, 0, *speed, *push)
+    placed = not math.isnan(setpoint.position_ned_m[0])
+    kind = _POSITION_TARGET if placed else _VELOCITY_TARGET
+    return GUIP.pack(report.boot_us, kind, *place, 0, *speed, *push)
 
 
 def _centimetres_up(vector: Vector) -> Vector:

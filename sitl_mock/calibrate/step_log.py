@@ -1,7 +1,8 @@
-"""Read a log of velocity commands and measured velocities (CSV)."""
+"""Read a log of velocity commands and measured velocities: CSV, or an autopilot's flight log."""
 
 import csv
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl_mock.calibrate.flight_log import is_flight_log, rows_of
 from sitl_mock.errors import ConfigError
 
 _TIME = "t_s"
@@ -20,6 +22,8 @@ COLUMNS = (_TIME, *_COMMANDS, *_VELOCITIES, *_POSITIONS)
 """Required columns, in any order; others are ignored."""
 
 _ROWS_LEAST = 10
+_BEGINNING = 16
+"""Bytes that tell the kind of a file."""
 
 
 class FlavourName(StrEnum):
@@ -53,15 +57,7 @@ def read_step_log(path: Path) -> StepLog:
         ConfigError: The file cannot be read, a column is missing, a cell is not a finite number, or time goes back;
             the message names the file, the column and the row (1 is the header).
     """
-    try:
-        with path.open(encoding="utf-8", newline="") as lines:
-            table = _numbers(path, lines)
-    except OSError as error:
-        msg = f"{path} cannot be read: {error.strerror}"
-        raise ConfigError(msg) from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        msg = f"{path} is not a CSV file of UTF-8 text: {error}"
-        raise ConfigError(msg) from error
+    table = _table(path)
     if len(table) < _ROWS_LEAST:
         msg = f"{path} has {len(table)} rows of data; at least {_ROWS_LEAST} are needed"
         raise ConfigError(msg)
@@ -74,6 +70,22 @@ def read_step_log(path: Path) -> StepLog:
         msg = f"{path}, row {row + 2}, column {_TIME}: {after:g} does not come after {before:g}; times must increase"
         raise ConfigError(msg)
     return StepLog(rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7:10])
+
+
+def _table(path: Path) -> Sequence[Sequence[float]]:
+    try:
+        with path.open("rb") as file:
+            if is_flight_log(file.read(_BEGINNING)):
+                file.seek(0)
+                return rows_of(file.read(), str(path))
+        with path.open(encoding="utf-8", newline="") as lines:
+            return _numbers(path, lines)
+    except OSError as error:
+        msg = f"{path} cannot be read: {error.strerror}"
+        raise ConfigError(msg) from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        msg = f"{path} is not a CSV file of UTF-8 text: {error}"
+        raise ConfigError(msg) from error
 
 
 def _numbers(path: Path, lines: TextIO) -> list[list[float]]:

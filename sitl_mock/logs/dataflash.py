@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sitl_mock.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
 START: Final = b"\xa3\x95"
 _HEAD: Final = 3
@@ -93,7 +93,7 @@ def _definition(number: int, size: int, name: str, letters: str, columns: str) -
 FMT: Final = Kind(_FMT, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
 
 
-def read(content: bytes, wanted: dict[str, Sequence[str]], source: str) -> dict[str, list[Any]]:
+def read(content: bytes, wanted: Mapping[str, Sequence[str]], source: str) -> dict[str, list[Any]]:
     """Return rows of the wanted columns by kind; a kind that is not in the file has no rows.
 
     A damaged record is skipped up to the next one. One that is cut off ends the file.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from sitl_mock.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
 MAGIC: Final = b"ULog\x01\x12\x35"
 _VERSION: Final = 1
@@ -54,6 +54,7 @@ class Topic:
         number: The topic's id in data messages.
 
     Attributes:
+        size: Bytes of the values.
         pack: Makes the data message of the values of all fields in order, arrays flattened.
     """
 
@@ -63,8 +64,9 @@ class Topic:
         self.number = number
         self.fields = tuple(fields_of(fields))
         body = layout(self.fields)
-        size = struct.calcsize("<H" + body)
-        self.pack = partial(struct.Struct("<HBH" + body).pack, size, _DATA, number)
+        self.size = struct.calcsize("<" + body)
+        packed = struct.Struct("<HBH" + body).pack
+        self.pack = partial(packed, struct.calcsize("<H") + self.size, _DATA, number)
 
 
 def fields_of(text: str) -> Iterator[Field]:
@@ -169,7 +171,7 @@ class _Layout:
         return wanted
 
 
-def read(content: bytes, wanted: dict[str, Sequence[str]], source: str) -> dict[str, list[Any]]:
+def read(content: bytes, wanted: Mapping[str, Sequence[str]], source: str) -> dict[str, list[Any]]:
     """Return rows of the wanted fields by topic; a topic that is not in the file has no rows.
 
     A message that is cut off ends the file, as after a crash. Only the first instance of a topic is read.
@@ -218,19 +220,19 @@ def _row(known: _Layout, body: bytes, source: str) -> tuple[Any, ...]:
         raise ConfigError(f"{source}: data of topic {known.topic} is cut off: {error}") from error
 
 
-def _take_format(reader: _Reader, body: bytes, _wanted: dict[str, Sequence[str]]) -> None:
+def _take_format(reader: _Reader, body: bytes, _wanted: Mapping[str, Sequence[str]]) -> None:
     name, _, text = body.decode(errors="replace").partition(":")
     reader.formats[name] = text
 
 
-def _take_subscription(reader: _Reader, body: bytes, wanted: dict[str, Sequence[str]]) -> None:
+def _take_subscription(reader: _Reader, body: bytes, wanted: Mapping[str, Sequence[str]]) -> None:
     name = body[3:].decode(errors="replace")
     if name in wanted and name in reader.formats and body[0] == 0:
         number = int.from_bytes(body[1:3], "little")
         reader.numbers[number] = _Layout(name, reader.formats[name], wanted[name])
 
 
-_DEFINITIONS: Final[dict[int, Callable[[_Reader, bytes, dict[str, Sequence[str]]], None]]] = {
+_DEFINITIONS: Final[dict[int, Callable[[_Reader, bytes, Mapping[str, Sequence[str]]], None]]] = {
     ord("F"): _take_format,
     ord("A"): _take_subscription,
 }

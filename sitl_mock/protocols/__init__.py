@@ -69,6 +69,7 @@ from sitl_mock.protocols.session import (
     addressed,
     source_of,
 )
+from sitl_mock.protocols.shell import ShellProtocol
 from sitl_mock.protocols.streams import (
     ARDUPILOT_HZ,
     ARDUPILOT_STREAM_RULES,
@@ -135,6 +136,7 @@ __all__ = [
     "Reply",
     "Result",
     "Session",
+    "ShellProtocol",
     "SigningSetup",
     "StatusTexts",
     "Storage",

@@ -339,7 +339,8 @@ class FileTree:
     Attributes:
         files: The vehicle's own: absolute path to a function that returns the content.
         folders: Folders besides those of the files.
-        hidden: Readable paths that are not listed (ArduPilot's ``@PARAM/param.pck``).
+        hidden: Readable paths that are not listed (ArduPilot's ``@PARAM/param.pck``); the text behind ``?`` is given.
+        hidden_folders: Listed folders of such paths (ArduPilot's ``@SYS``), which tell more than can be read.
         unopened: Answer to reading or writing without an open file.
         full_folder: The system's error for the removal of a folder that is not empty.
         storage: What clients have written.
@@ -347,19 +348,18 @@ class FileTree:
 
     files: Mapping[str, Callable[[], bytes]]
     folders: frozenset[str] = frozenset()
-    hidden: Mapping[str, Callable[[], bytes]] = field(default_factory=dict)
+    hidden: Mapping[str, Callable[[str], bytes]] = field(default_factory=dict)
+    hidden_folders: Mapping[str, Sequence[Entry]] = field(default_factory=dict)
     unopened: FtpError = FtpError.INVALID_SESSION
     full_folder: int = _NOT_EMPTY
     storage: Storage = field(default_factory=Storage)
 
     def entries(self, path: str) -> Sequence[Entry] | None:
         """Return the entries of a folder, None if it does not exist."""
+        if path.rstrip("/") in self.hidden_folders:
+            return self.hidden_folders[path.rstrip("/")]
         folder = absolute(path)
-        logs = self.storage.logs.files
-        folders = {"/", *self.folders, *self.storage.folders}
-        for name in (*self.files, *logs):
-            while (name := posixpath.dirname(name)) not in folders:
-                folders.add(name)
+        folders = self._all_folders()
         if folder not in folders:
             return None
         names = sorted(name for name in folders if _lies_in(name, folder))
@@ -367,16 +367,26 @@ class FileTree:
         for name, make in self.files.items():
             if _lies_in(name, folder):
                 inside.append(Entry(posixpath.basename(name), len(make())))
-        for name, content in (*logs.items(), *self.storage.files.items()):
+        for name, content in (*self.storage.logs.files.items(), *self.storage.files.items()):
             if _lies_in(name, folder):
                 inside.append(Entry(posixpath.basename(name), len(content)))
         return inside
 
+    def _all_folders(self) -> set[str]:
+        folders = {"/", *self.folders, *self.storage.folders}
+        for name in (*self.files, *self.storage.logs.files):
+            while (name := posixpath.dirname(name)) not in folders:
+                folders.add(name)
+        return folders
+
     def content(self, path: str) -> bytes | None:
         """Return a file's bytes, None if it does not exist."""
-        plain = path.partition("?")[0]
+        plain, _, query = path.partition("?")
+        hidden = self.hidden.get(plain)
+        if hidden is not None:
+            return hidden(query)
         place = absolute(plain)
-        make = self.hidden.get(plain) or self.files.get(place)
+        make = self.files.get(place)
         if make is not None:
             return make()
         log = self.storage.logs.files.get(place)

@@ -185,6 +185,10 @@ class ParameterStore(Mapping[str, float]):
                 self.index = _indices(self.names)
         return stored
 
+    def default_of(self, name: str) -> float:
+        """Return a parameter's default, rounded to its type."""
+        return self._table.values[name]
+
     def reset(self, keep: Callable[[str], bool] = lambda _: False) -> None:
         """Put every parameter back to its default, except those that `keep` names."""
         self.reset_at_boot = False

@@ -69,6 +69,7 @@ MESSAGES: dict[str, tuple[str, ...]] = {
     "ftp": ("FILE_TRANSFER_PROTOCOL",),
     "logs": ("LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END", "LOG_ERASE"),
     "log_stream": ("LOGGING_ACK",),
+    "shell": ("SERIAL_CONTROL",),
     "signing": ("SETUP_SIGNING",),
     "events": ("REQUEST_EVENT",),
 }

@@ -39,6 +39,7 @@ from sitl_mock.px4.commands import execute
 from sitl_mock.px4.events import event_of
 from sitl_mock.px4.flight_log import Px4FlightLog
 from sitl_mock.px4.modes import MODES
+from sitl_mock.px4.shell import run
 from sitl_mock.px4.tasks import fly
 from sitl_mock.sensors import PX4_SENSORS
 
@@ -153,4 +154,5 @@ PX4: Final = Flavour(
     sensors=PX4_SENSORS,
     ground_wander=PX4_GROUND_WANDER,
     streams_log=True,
+    shell=run,
 )

@@ -58,6 +58,11 @@ _INF: Final = math.inf
 _NO_CHANGE: Final = (1.0, 0.0, 0.0, 0.0)
 
 
+def state_of(custom_mode: int) -> int:
+    """Return the number of a mode in PX4's messages, from the one in HEARTBEAT."""
+    return _STATE_OF_NUMBER.get(custom_mode, _HOLD)
+
+
 def vehicle_attitude(report: Report) -> Values:
     """Attitude as a quaternion."""
     roll, pitch, yaw, _, _, _ = report.state.attitude
@@ -163,7 +168,7 @@ def vehicle_status(report: Report) -> Values:
     return (
         *(report.boot_us, armed_us, armed_us if state.flew else 0, 0),
         *(_VALID_MODES, _MODES_TO_SET, 0, _ARMED if state.armed else _DISARMED, 0, 0),
-        *(_STATE_OF_NUMBER.get(commander.intended_mode, _HOLD), NAV_STATES[commander.mode][0]),
+        *(state_of(commander.intended_mode), NAV_STATES[commander.mode][0]),
         *(0, 0, _ROTARY_WING),
         *(failsafe, False, 0, False, 0, False, False, False, False, False),
         *(_QUADROTOR, state.system_id, 1, True, True, True, False, False, False, False, False),

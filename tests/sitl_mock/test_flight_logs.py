@@ -10,6 +10,8 @@ from pymavlink import DFReader
 from pyulog import ULog
 
 from sitl_mock import MockVehicle
+from sitl_mock.calibrate import read_step_log
+from sitl_mock.errors import ConfigError
 from sitl_mock.logs.ulog import MAGIC
 from sitl_mock.mavlink import Decoder, Encoder
 
@@ -135,6 +137,25 @@ def test_dfreader_reads_a_flight(flights, tmp_path):
     steps_us = [b.TimeUS - a.TimeUS for a, b in pairwise(records["ATT"])]
     assert set(steps_us) == {100_000}
     reader.close()
+
+
+@pytest.mark.parametrize(("flavour", "suffix"), [("px4", ".ulg"), ("arducopter", ".bin")])
+def test_calibrate_reads_the_commands_and_the_motion_of_a_flight(
+    flights, tmp_path, flavour, suffix
+):
+    path = tmp_path / f"flight{suffix}"
+    content = flights[flavour].vehicle.logs[0].content
+    path.write_bytes(content)
+    log = read_step_log(path)
+    assert np.ptp(log.time_s) == pytest.approx(4.0, abs=0.6)
+    assert (log.command_ned_m_s == (2.0, 0.0, 0.0)).all()
+    assert log.velocity_ned_m_s[-1, 0] == pytest.approx(1.8, abs=0.3)
+    assert np.gradient(log.position_ned_m[:, 0], log.time_s) == pytest.approx(
+        log.velocity_ned_m_s[:, 0], abs=0.4
+    )
+    path.write_bytes(content[: len(content) // 3])
+    with pytest.raises(ConfigError, match="no flight under velocity setpoints"):
+        read_step_log(path)
 
 
 def test_a_log_is_streamed_message_by_message_as_the_definitions_are_acknowledged():

@@ -4,7 +4,8 @@
     python -m tests.witness --arducopter tcpout://127.0.0.1:5760 --page
     python -m tests.witness                                       # the mocks alone
 
-Give simulators that have just been started: parameters are set and restored, and nothing is armed. `--page` writes what
+Give simulators that have just been started: parameters are set and restored, the vehicle is armed on the ground for
+seconds, and rebooted at the end. `--page` writes what
 was seen into the table of docs/mock.md. The exit code is 1 if a case differs and docs/mock.md's causes do not name it.
 """
 

@@ -1,13 +1,17 @@
 """What a client sees of an autopilot on the ground, one case each: a function that returns it in words.
 
-A case leaves the vehicle as it was: disarmed, without a mission, its parameters restored.
+A case leaves the vehicle as it was: disarmed, without a mission, its parameters restored. The last one reboots it.
 """
 
+import re
 import struct
 from collections.abc import Callable
+from functools import partial
+from itertools import count
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import all as dialect
+from pymavlink.mavftp import MAVFTP
 
 from tests.witness.client import Client, enum_name, result_name
 
@@ -297,7 +301,7 @@ def stray_item(client: Client) -> str:
     return f"MISSION_ACK, {enum_name('MAV_MISSION_RESULT', answer.type, 'MAV_MISSION_')}"
 
 
-# -- files, logs, time, shell ------------------------------------------------------------------------------------------
+# -- files -------------------------------------------------------------------------------------------------------------
 
 
 class FileAnswer(NamedTuple):
@@ -312,9 +316,17 @@ class FileAnswer(NamedTuple):
         return f"refused ({'.'.join(str(code) for code in self.data)})"
 
 
-def file_request(client: Client, opcode: int, data: bytes, number: int) -> FileAnswer | None:
+_ACK = 128
+_numbers = count(1, 2)
+
+
+def file_request(
+    client: Client, opcode: int, data: bytes, *, offset: int = 0, size: int | None = None
+) -> FileAnswer | None:
     """Send one request of MAVFTP; return the answer."""
-    payload = struct.pack("<HBBBBBBI", number, 0, opcode, len(data), 0, 0, 0, 0) + data
+    length = len(data) if size is None else size
+    number = next(_numbers) & 0xFFFF
+    payload = struct.pack("<HBBBBBBI", number, 0, opcode, length, 0, 0, 0, offset) + data
     client.send.file_transfer_protocol_send(0, client.system, 1, payload.ljust(251, b"\0"))
     answer = client.wait("FILE_TRANSFER_PROTOCOL", lambda message: message.payload[5] == opcode)
     if answer is None:
@@ -323,65 +335,200 @@ def file_request(client: Client, opcode: int, data: bytes, number: int) -> FileA
     return FileAnswer(content[3], content[12 : 12 + content[4]])
 
 
-@case("MAVFTP: a file that does not exist; a folder made, made again, renamed and removed")
-def folders(client: Client) -> str:
-    file_request(client, 2, b"", 1)
-    answers = [
-        file_request(client, 4, b"/no_such_file", 3),
-        file_request(client, 9, b"/witness_a", 5),
-        file_request(client, 9, b"/witness_a", 7),
-        file_request(client, 13, b"/witness_a\0/witness_b", 9),
-        file_request(client, 10, b"/witness_b", 11),
-        file_request(client, 10, b"/witness_b", 13),
-    ]
-    return ", ".join(str(answer) for answer in answers)
+FileRequest = tuple[int, bytes]
+"""Number of an operation of MAVFTP, and its data."""
+_OPEN = 4
+_CLOSE = 1
+_CREATE = 6
+_WRITE = 7
+_REMOVE = 8
+_MAKE_FOLDER = 9
+_REMOVE_FOLDER = 10
+_RENAME = 13
+_SUM = 14
+
+FILE_CASES: dict[str, tuple[FileRequest, ...]] = {
+    "MAVFTP: a file that does not exist; a folder made, made again, renamed and removed": (
+        (_OPEN, b"/no_such_file"),
+        (_MAKE_FOLDER, b"/witness_a"),
+        (_MAKE_FOLDER, b"/witness_a"),
+        (_RENAME, b"/witness_a\0/witness_b"),
+        (_REMOVE_FOLDER, b"/witness_b"),
+        (_REMOVE_FOLDER, b"/witness_b"),
+    ),
+    "MAVFTP: a file made, written, closed, summed, renamed, its old name removed, its new one removed": (
+        (_CREATE, b"/witness.txt"),
+        (_WRITE, b"some words"),
+        (_CLOSE, b""),
+        (_SUM, b"/witness.txt"),
+        (_RENAME, b"/witness.txt\0/witness.old"),
+        (_REMOVE, b"/witness.txt"),
+        (_REMOVE, b"/witness.old"),
+    ),
+    "MAVFTP: written without a file; a file in a folder that does not exist; a full folder removed": (
+        (_WRITE, b"some words"),
+        (_CREATE, b"/no_such_folder/witness.txt"),
+        (_MAKE_FOLDER, b"/witness_c"),
+        (_CREATE, b"/witness_c/witness.txt"),
+        (_CLOSE, b""),
+        (_REMOVE_FOLDER, b"/witness_c"),
+        (_REMOVE, b"/witness_c/witness.txt"),
+        (_REMOVE_FOLDER, b"/witness_c"),
+    ),
+}
+"""Cases that send one request after the other and tell each answer."""
 
 
-@case(
-    "MAVFTP: a file made, written, closed, summed, renamed, its old name removed, its new one removed"
-)
-def written_file(client: Client) -> str:
-    file_request(client, 2, b"", 21)
-    answers = [
-        file_request(client, 6, b"/witness.txt", 23),
-        file_request(client, 7, b"some words", 25),
-        file_request(client, 1, b"", 27),
-        file_request(client, 14, b"/witness.txt", 29),
-        file_request(client, 13, b"/witness.txt\0/witness.old", 31),
-        file_request(client, 8, b"/witness.txt", 33),
-        file_request(client, 8, b"/witness.old", 35),
-    ]
-    checksum = answers[3]
-    shown = "" if checksum is None else checksum.data.hex()
-    return f"{', '.join(str(answer) for answer in answers)}; sum {shown}"
+def requested(client: Client, requests: tuple[FileRequest, ...]) -> str:
+    """Send requests in order after a reset of the sessions; return the answers, a sum with its value."""
+    file_request(client, 2, b"")
+    answers = []
+    for opcode, data in requests:
+        answer = file_request(client, opcode, data)
+        answers.append(f"sum {answer.data.hex()}" if answer and opcode == _SUM else str(answer))
+    return ", ".join(answers)
 
 
-@case(
-    "MAVFTP: written without a file; a file in a folder that does not exist; a full folder removed"
-)
-def wrong_files(client: Client) -> str:
-    file_request(client, 2, b"", 41)
-    answers = [
-        file_request(client, 7, b"some words", 43),
-        file_request(client, 6, b"/no_such_folder/witness.txt", 45),
-        file_request(client, 9, b"/witness_c", 47),
-        file_request(client, 6, b"/witness_c/witness.txt", 49),
-        file_request(client, 1, b"", 51),
-        file_request(client, 10, b"/witness_c", 53),
-        file_request(client, 8, b"/witness_c/witness.txt", 55),
-        file_request(client, 10, b"/witness_c", 57),
-    ]
-    return ", ".join(str(answer) for answer in answers)
+for title, requests in FILE_CASES.items():
+    CASES[title] = partial(requested, requests=requests)
 
 
-@case("LOG_REQUEST_LIST")
+def file_content(client: Client, path: bytes, most_bytes: int = 100_000) -> bytes | None:
+    """Read a file's beginning over MAVFTP; None if it cannot be opened."""
+    file_request(client, 2, b"")
+    opened = file_request(client, _OPEN, path)
+    if opened is None or opened.opcode != _ACK:
+        return None
+    content = b""
+    while len(content) < most_bytes:
+        piece = file_request(client, 5, b"", offset=len(content), size=200)
+        if piece is None or piece.opcode != _ACK:
+            break
+        content += piece.data
+    file_request(client, _CLOSE, b"")
+    return content
+
+
+def folder_entries(client: Client, path: bytes) -> list[str]:
+    """List a folder over MAVFTP: the names of its entries."""
+    entries: list[str] = []
+    while True:
+        answer = file_request(client, 3, path, offset=len(entries))
+        if answer is None or answer.opcode != _ACK:
+            return [entry.partition("\t")[0] for entry in entries]
+        entries += [entry for entry in answer.data.decode().split("\0") if entry]
+
+
+@case("MAVFTP: @SYS, and which of its files can be read")
+def system_files(client: Client) -> str:
+    names = [entry[1:] for entry in folder_entries(client, b"@SYS")]
+    read = [name for name in names if file_content(client, f"@SYS/{name}".encode()) is not None]
+    return f"{', '.join(names) or 'no files'}; read: {', '.join(read) or 'none'}"
+
+
+@case("MAVFTP: param.pck with defaults, GUID_TIMEOUT changed")
+def packed_defaults(client: Client) -> str:
+    client.set_parameter("GUID_TIMEOUT", 4.5, dialect.MAV_PARAM_TYPE_REAL32)
+    content = file_content(client, b"@PARAM/param.pck?withdefaults=1")
+    client.set_parameter("GUID_TIMEOUT", 3.0, dialect.MAV_PARAM_TYPE_REAL32)
+    packed = None if content is None else MAVFTP.ftp_param_decode(content)
+    if packed is None:
+        return "no file"
+    values = {name.decode(): value for name, value, _ in packed.params}
+    defaults = {name.decode(): value for name, value, _ in packed.defaults}
+    return f"value {values['GUID_TIMEOUT']}, default {defaults['GUID_TIMEOUT']}"
+
+
+# -- logs --------------------------------------------------------------------------------------------------------------
+
+
+@case("LOG_REQUEST_LIST before the first arming")
 def log_list(client: Client) -> str:
+    return logs_in_words(listed_logs(client))
+
+
+def listed_logs(client: Client) -> list[Any]:
+    """Return the entries of the list of logs."""
     client.send.log_request_list_send(client.system, 1, 0, 0xFFFF)
-    entry = client.wait("LOG_ENTRY", seconds=4.0)
+    entries = []
+    while (entry := client.wait("LOG_ENTRY", seconds=2.0)) is not None:
+        entries.append(entry)
+        if len(entries) >= entry.num_logs:
+            break
     client.send.log_request_end_send(client.system, 1)
-    if entry is None:
+    return entries
+
+
+def logs_in_words(entries: list[Any]) -> str:
+    """Return ids and numbers of listed logs."""
+    if not entries:
         return "no answer"
-    return "some logs" if entry.num_logs else "no logs"
+    return ", ".join(f"id {entry.id} of {entry.num_logs}" for entry in entries)
+
+
+@case(
+    "a log while armed on the ground, and after it: listed, its beginning by LOG_REQUEST_DATA and MAVFTP"
+)
+def flight_log(client: Client) -> str:
+    armed = client.arm()
+    client.gather("HEARTBEAT", 2.0)
+    during = listed_logs(client)
+    client.command(400, 0)
+    client.gather("HEARTBEAT", 2.0)
+    after = listed_logs(client)
+    beginning = b"" if not after else log_beginning(client, after[0].id)
+    kind = "ULog" if beginning.startswith(b"ULog") else beginning[:3].hex()
+    path = newest_log(client)
+    same = path is not None and file_content(client, path, 400) == beginning
+    return (
+        f"{armed}; armed: {logs_in_words(during)}; then {logs_in_words(after)}, {kind}, "
+        f"{'the same' if same else 'not the same'} by MAVFTP"
+    )
+
+
+def log_beginning(client: Client, log_id: int) -> bytes:
+    """Return the first 400 bytes of a log."""
+    content = bytearray(400)
+    client.send.log_request_data_send(client.system, 1, log_id, 0, len(content))
+    for at in range(0, len(content), 90):
+        piece = client.wait("LOG_DATA", lambda message, at=at: message.ofs == at)
+        if piece is not None:
+            content[at : at + piece.count] = bytes(piece.data[: piece.count])
+    client.send.log_request_end_send(client.system, 1)
+    return bytes(content[:400])
+
+
+def newest_log(client: Client) -> bytes | None:
+    """Return the path of the last log in the autopilot's folder of logs."""
+    folders = [b"/log/" + name[1:].encode() for name in folder_entries(client, b"/log")]
+    for folder in (*(folder for folder in folders if len(folder) > len(b"/log/")), b"/logs"):
+        names = [name[1:] for name in folder_entries(client, folder)]
+        logs = sorted(name for name in names if name.endswith((".ulg", ".BIN")))
+        if logs:
+            return folder + b"/" + logs[-1].encode()
+    return None
+
+
+@case("LOGGING_START, again, definitions acknowledged, data; LOGGING_STOP, again")
+def log_stream(client: Client) -> str:
+    started = client.command(2510)
+    pieces = {"LOGGING_DATA_ACKED": 0, "LOGGING_DATA": 0}
+    again = ""
+    while (piece := client.wait(" ".join(pieces), seconds=1.0)) is not None:
+        pieces[piece.get_type()] += 1
+        if piece.get_type() == "LOGGING_DATA_ACKED":
+            client.send.logging_ack_send(client.system, 1, piece.sequence)
+        elif not again:
+            again = client.command(2510)
+        elif pieces["LOGGING_DATA"] > 20:
+            break
+    stopped = client.command(2511)
+    client.gather("COMMAND_ACK", 1.0)
+    came = [name for name, count in pieces.items() if count > 20]
+    return f"{started}, {again or '-'}; {', '.join(came) or 'nothing'}; {stopped}, {client.command(2511)}"
+
+
+# -- time, shell -------------------------------------------------------------------------------------------------------
 
 
 @case("TIMESYNC")
@@ -391,12 +538,55 @@ def timesync(client: Client) -> str:
     return "no answer" if answer is None else "answered"
 
 
-@case("PX4's shell: ver all")
-def shell(client: Client) -> str:
-    line = b"ver all\n"
-    client.send.serial_control_send(10, 6, 0, 0, len(line), line.ljust(70, b"\0"))
-    answer = client.wait("SERIAL_CONTROL", seconds=2.0)
-    return "no answer" if answer is None else "answered"
+def typed(client: Client, line: str) -> list[str]:
+    """Type a line into PX4's shell; return the printed lines without the echo, digits as 0."""
+    data = f"{line}\n".encode()
+    client.send.serial_control_send(10, 6, 0, 0, len(data), data.ljust(70, b"\0"))
+    printed = b""
+    while (piece := client.wait("SERIAL_CONTROL", seconds=1.0)) is not None:
+        printed += bytes(piece.data[: piece.count])
+        if printed.endswith(b"pxh> "):
+            break
+    lines = printed.decode(errors="replace").splitlines()
+    return [re.sub(r"[0-9]+", "0", text) for text in lines[1:-1]]
+
+
+def shell_case(line: str, *, labels: bool = False) -> None:
+    """Register a case that types a line; with `labels` only what stands before a colon is compared."""
+
+    def play(client: Client) -> str:
+        lines = typed(client, line)
+        if labels:
+            lines = [text.partition(":")[0] for text in lines]
+        return " / ".join(text.strip() for text in lines if text.strip()) or "no answer"
+
+    CASES[f"PX4's shell: {line}"] = play
+
+
+shell_case("ver all", labels=True)
+shell_case("param show MPC_XY_VEL_MAX")
+shell_case("commander status")
+shell_case("listener vehicle_status", labels=True)
+shell_case("listener no_such_topic")
+shell_case("dmesg")
+shell_case("no_such_command")
+
+
+# -- reboot, the last of all -------------------------------------------------------------------------------------------
+
+
+@case("a parameter set, then PREFLIGHT_REBOOT_SHUTDOWN, read again")
+def parameter_over_reboot(client: Client) -> str:
+    name = "COM_RC_STICK_OV" if client.autopilot == dialect.MAV_AUTOPILOT_PX4 else "WPNAV_SPEED"
+    value = 20.0 if name.startswith("COM") else 600.0
+    before = client.read_parameter(name)
+    client.set_parameter(name, value, dialect.MAV_PARAM_TYPE_REAL32)
+    client.gather("HEARTBEAT", 1.0)
+    answer = client.command(246, 1)
+    client.reconnect()
+    after = client.read_parameter(name)
+    client.set_parameter(name, before, dialect.MAV_PARAM_TYPE_REAL32)
+    return f"{answer}; {'kept' if after == value else f'{after}'}"
 
 
 def bits_as_float(value: int) -> float:

@@ -14,6 +14,8 @@ ANSWER_S = 3.0
 """Longest wait for an answer; the real autopilots answer within 0.5 s."""
 READY_S = 120.0
 """Longest wait for a simulator to know its position."""
+RESTART_S = 3.0
+"""Time that a simulator takes to restart."""
 GROUND_STATION = 255
 
 
@@ -27,14 +29,27 @@ class Client:
     """Talks to the autopilot at a URL; use it as a context manager."""
 
     def __init__(self, url: str) -> None:
-        self._link = mavutil.mavlink_connection(address_of(url), source_system=GROUND_STATION)
+        self._url = url
         self._beaten_s = 0.0
+        self.component = 1
+        self._connect()
+
+    def _connect(self) -> None:
+        self._link = mavutil.mavlink_connection(
+            address_of(self._url), source_system=GROUND_STATION, retries=20
+        )
         self.send = self._link.mav
         heartbeat = self._link.wait_heartbeat(timeout=30.0)
         if heartbeat is None:
-            raise TimeoutError(f"{url}: no HEARTBEAT within 30 s")
+            raise TimeoutError(f"{self._url}: no HEARTBEAT within 30 s")
         self.system = heartbeat.get_srcSystem()
-        self.component = 1
+        self.autopilot = heartbeat.autopilot
+
+    def reconnect(self) -> None:
+        """Connect again some seconds later, as after a reboot, which closes a TCP link."""
+        self._link.close()
+        time.sleep(RESTART_S)
+        self._connect()
 
     def __enter__(self) -> Self:
         return self
@@ -134,6 +149,19 @@ class Client:
         """Set a parameter and wait for its echo."""
         self.send.param_set_send(self.system, self.component, name.encode(), value, kind)
         self.wait("PARAM_VALUE", lambda message: message.param_id == name)
+
+    def read_parameter(self, name: str) -> float:
+        """Read a parameter; NaN without an answer."""
+        self.send.param_request_read_send(self.system, self.component, name.encode(), -1)
+        answer = self.wait("PARAM_VALUE", lambda message: message.param_id == name)
+        return float("nan") if answer is None else float(answer.param_value)
+
+    def arm(self) -> str:
+        """Arm as soon as the autopilot is ready; return the last answer."""
+        end_s = time.monotonic() + READY_S
+        while (answer := self.command(400, 1)) != "accepted" and time.monotonic() < end_s:
+            self.gather("HEARTBEAT", 2.0)
+        return answer
 
     def _beat(self) -> None:
         now_s = time.monotonic()

@@ -151,18 +151,30 @@ def test_row_14_arducopters_packed_parameters_are_those_of_the_parameter_protoco
         at += 2 + rest + struct.calcsize(form)
     parameters = client.vehicle.autopilot.parameters
     assert values == {name: parameters[name] for name in parameters.names}
-    assert client.read(b"@PARAM/param.pck?withdefaults=1") == packed
 
 
-def test_row_14_pymavlinks_own_reader_understands_the_packed_parameters():
+def test_row_14_pymavlinks_own_reader_understands_the_packed_parameters_and_their_defaults():
     from pymavlink import mavftp
-    from pymavlink.mavftp import ParamData  # noqa: F401 - the reader is there
 
     client = Client("arducopter")
-    read = mavftp.MAVFTP.ftp_param_decode(client.read(b"@PARAM/param.pck"))
-    named = {name.decode(): value for name, value, _ in read.params}
-    assert len(named) == 1390
-    assert named["GUID_TIMEOUT"] == 3.0
+    client.send("PARAM_SET", 1, 1, b"GUID_TIMEOUT", 4.5, 9)
+    for path in (b"@PARAM/param.pck", b"@PARAM/param.pck?withdefaults=1"):
+        read = mavftp.MAVFTP.ftp_param_decode(client.read(path))
+        named = {name.decode(): value for name, value, _ in read.params}
+        assert len(named) == 1390
+        assert named["GUID_TIMEOUT"] == 4.5
+    defaults = {name.decode(): value for name, value, _ in read.defaults}
+    assert defaults["GUID_TIMEOUT"] == 3.0
+    part = mavftp.MAVFTP.ftp_param_decode(client.read(b"@PARAM/param.pck?start=10&count=5"))
+    assert [name for name, _, _ in part.params] == [name for name, _, _ in read.params[10:15]]
+
+
+def test_arducopter_lists_the_files_of_its_system():
+    """As the real one's simulation (`python -m tests.witness --only @SYS`)."""
+    client = Client("arducopter")
+    assert len(client.entries(b"@SYS")) == 11
+    assert client.read(b"@SYS/tasks.txt") == b"TasksV2\n"
+    assert told(client.ask(4, b"@SYS/uarts.txt")) == 10
 
 
 def test_row_14_a_plan_is_read_as_mission_items():

@@ -1,0 +1,132 @@
+"""Read the velocity commands and the motion of a flight from PX4's ULog or ArduPilot's DataFlash log.
+
+The rows are the estimates of the longest stretch of flight under streamed velocities: PX4 in Offboard, ArduCopter in
+Guided. Each row has the command that was in force.
+"""
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+from sitl_mock.errors import ConfigError
+from sitl_mock.logs import dataflash, ulog
+
+Row = tuple[float, ...]
+
+_OFFBOARD = 14
+_GUIDED = 4
+_VELOCITY_TARGET = 4
+_FIRST_CORE = 0
+_LONGEST_GAP_S = 1.0
+"""A stream of setpoints with a longer gap is two streams."""
+
+
+class Command(NamedTuple):
+    """A commanded velocity (north, east, down) from a time on; None where none is in force."""
+
+    at_s: float
+    velocity_ned_m_s: Row | None
+
+
+def is_flight_log(content: bytes) -> bool:
+    """True if a file's beginning is that of a ULog or of a DataFlash log."""
+    return content.startswith((ulog.MAGIC, dataflash.START))
+
+
+def rows_of(content: bytes, source: str) -> list[Row]:
+    """Return rows of time, commanded velocity, velocity and position (north, east, down).
+
+    Raises:
+        ConfigError: The log has no flight under streamed velocities.
+    """
+    reader = _px4 if content.startswith(ulog.MAGIC) else _arducopter
+    commands, motion = reader(content, source)
+    rows = _longest(commands, motion)
+    if not rows:
+        raise ConfigError(
+            f"{source}: no flight under velocity setpoints; PX4 logs them in Offboard, ArduCopter in Guided"
+        )
+    return rows
+
+
+class _News(NamedTuple):
+    """One change: the mode streams or not, or a target has come; its velocity is None if it is not one."""
+
+    at_us: int
+    streams: bool | None
+    velocity_ned_m_s: Row | None = None
+
+
+def _px4(content: bytes, source: str) -> tuple[list[Command], list[Row]]:
+    wanted = {
+        "vehicle_status": ("timestamp", "nav_state"),
+        "trajectory_setpoint": ("timestamp", "velocity"),
+        "vehicle_local_position": ("timestamp", "vx", "vy", "vz", "x", "y", "z"),
+    }
+    rows = ulog.read(content, wanted, source)
+    news = [_News(stamp_us, mode == _OFFBOARD) for stamp_us, mode in rows["vehicle_status"]]
+    for stamp_us, *velocity in rows["trajectory_setpoint"]:
+        whole = all(map(math.isfinite, velocity))
+        news.append(_News(stamp_us, None, tuple(velocity) if whole else None))
+    return _commands(news), [_in_seconds(row) for row in rows["vehicle_local_position"]]
+
+
+def _arducopter(content: bytes, source: str) -> tuple[list[Command], list[Row]]:
+    wanted = {
+        "MODE": ("TimeUS", "ModeNum"),
+        "GUIP": ("TimeUS", "Type", "vX", "vY", "vZ"),
+        "XKF1": ("TimeUS", "C", "VN", "VE", "VD", "PN", "PE", "PD"),
+    }
+    rows = dataflash.read(content, wanted, source)
+    news = [_News(stamp_us, mode == _GUIDED) for stamp_us, mode in rows["MODE"]]
+    for stamp_us, kind, north, east, up in rows["GUIP"]:
+        velocity = (north * 0.01, east * 0.01, -up * 0.01)
+        news.append(_News(stamp_us, None, velocity if kind == _VELOCITY_TARGET else None))
+    motion = [
+        _in_seconds((stamp_us, *rest))
+        for stamp_us, core, *rest in rows["XKF1"]
+        if core == _FIRST_CORE
+    ]
+    return _commands(news), motion
+
+
+def _in_seconds(row: Row) -> Row:
+    return (row[0] * 1e-6, *row[1:])
+
+
+def _commands(news: list[_News]) -> list[Command]:
+    """Return the commands: a target is in force in a streamed mode until the mode or the stream ends."""
+    commands = []
+    streams = False
+    last_s = -math.inf
+    for item in sorted(news, key=lambda each: each.at_us):
+        at_s = item.at_us * 1e-6
+        if item.streams is not None:
+            streams = item.streams
+            if not streams:
+                commands.append(Command(at_s, None))
+            continue
+        if at_s - last_s > _LONGEST_GAP_S:
+            commands.append(Command(last_s + _LONGEST_GAP_S, None))
+        last_s = at_s
+        commands.append(Command(at_s, item.velocity_ned_m_s if streams else None))
+    commands.append(Command(last_s + _LONGEST_GAP_S, None))
+    return commands
+
+
+def _longest(commands: list[Command], motion: list[Row]) -> list[Row]:
+    """Return the rows of the longest stretch in which a command is in force."""
+    longest: list[Row] = []
+    stretch: list[Row] = []
+    index = 0
+    for command, following in pairwise(commands):
+        if command.velocity_ned_m_s is None:
+            stretch = []
+        while index < len(motion) and motion[index][0] < following.at_s:
+            at_s, *state = motion[index]
+            index += 1
+            if command.velocity_ned_m_s is not None and at_s >= command.at_s:
+                stretch.append((at_s, *command.velocity_ned_m_s, *state))
+        if len(stretch) > len(longest):
+            longest = list(stretch)
+    return longest

@@ -1,0 +1,77 @@
+"""A shell over MAVLink: SERIAL_CONTROL carries what is typed, and back the echo, the answers and the prompt.
+
+Source: https://mavlink.io/en/messages/common.html#SERIAL_CONTROL, PX4 1.17's ``mavlink_shell.cpp`` and ``pxh.cpp``. One
+shell per link. Long answers are sent over several cycles.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sitl_mock.mavlink import Message
+    from sitl_mock.protocols.session import Reply
+
+PIECE: Final = 70
+"""Bytes in one message."""
+PROMPT: Final = b"pxh> "
+_SHELL: Final = 10  # SERIAL_CONTROL_DEV_SHELL
+_REPLY: Final = 1  # SERIAL_CONTROL_FLAG
+_RESPOND: Final = 2
+_PIECES: Final = 10
+"""Messages in one cycle."""
+_LONGEST_LINE: Final = 256
+_LONGEST_ANSWER: Final = 200_000
+
+
+class ShellProtocol:
+    """The shell of one link.
+
+    Args:
+        run: Returns the answer to a line, with its line ends; None without a shell.
+    """
+
+    def __init__(self, run: Callable[[str], str | None]) -> None:
+        self._run = run
+        self._typed = bytearray()
+        self._answer = bytearray()
+
+    def handle(self, _now_s: float, message: Message) -> list[Reply]:
+        """Take SERIAL_CONTROL for the shell; without the flag RESPOND the shell closes."""
+        if message.device != _SHELL or message.flags & _REPLY:
+            return []
+        if 0 < message.count <= PIECE:
+            for letter in bytes(message.data[: message.count]):
+                self._type(letter)
+        if not message.flags & _RESPOND:
+            self._typed.clear()
+            self._answer.clear()
+        return self._pieces()
+
+    def advance(self, _now_s: float) -> list[Reply]:
+        """Return the next part of the answers."""
+        return self._pieces() if self._answer else []
+
+    def _type(self, letter: int) -> None:
+        if letter == ord("\n"):
+            line = self._typed.decode(errors="replace")
+            self._typed.clear()
+            answered = self._run(line)
+            if answered is None:
+                return
+            answer = f"{line}\n{answered}".encode()
+            self._answer += answer[: _LONGEST_ANSWER - len(self._answer)] + PROMPT
+        elif len(self._typed) < _LONGEST_LINE:
+            self._typed.append(letter)
+
+    def _pieces(self) -> list[Reply]:
+        replies: list[Reply] = []
+        while self._answer and len(replies) < _PIECES:
+            data = bytes(self._answer[:PIECE])
+            del self._answer[:PIECE]
+            replies.append(
+                ("SERIAL_CONTROL", _SHELL, _REPLY, 0, 0, len(data), data.ljust(PIECE, b"\0"))
+            )
+        return replies
