@@ -233,12 +233,12 @@ def _with_far_side(
     circle = walls[-1]
     nearest = circle.normal_ned
     seconds = drift_s + velocity_ned_m_s.level_length() / (2.0 * braking_m_s2)
-    north, east = circle.about_m
-    normal, away_m = _direction_of_stop(circle.about_m, velocity_ned_m_s, seconds)
+    about_m = circle.about_m
+    normal, away_m = _direction_of_stop(about_m, velocity_ned_m_s, seconds)
     beside = normal.level_dot(nearest) > _SAME_SIDE
     if beside or away_m <= circle.radius_m:
         return walls
-    gap_m = circle.radius_m - north * normal.north - east * normal.east
+    gap_m = circle.radius_m - about_m[0] * normal.north - about_m[1] * normal.east
     return (*walls, circle._replace(normal_ned=normal, gap_m=gap_m))
 
 

@@ -106,9 +106,17 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
         if corrected is not None:
             history = (*history, Accepted(later.measurement, corrected))
     outcome = ReportOutcome.REORDERED if earlier < len(track.history) else ReportOutcome.ACCEPTED
-    oldest_s = history[-1].measurement.time_s - settings.history_s
-    recent = tuple([report for report in history if report.measurement.time_s >= oldest_s])
+    recent = _recent(history, settings.history_s)
     return _anchored(replace(track, history=recent, rival=None, outcome=outcome), settings)
+
+
+def _recent(history: tuple[Accepted, ...], span_s: float) -> tuple[Accepted, ...]:
+    """Return the reports, oldest first, that are at most so much older than the last one."""
+    oldest_s = history[-1].measurement.time_s - span_s
+    first = 0
+    while history[first].measurement.time_s < oldest_s:
+        first += 1
+    return history[first:]
 
 
 def _anchored(track: Track, settings: TrackSettings) -> Track:

@@ -122,16 +122,9 @@ def _windowed(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
 def _judged(check: VelocityCheck, step_s: float) -> VelocityCheck:
     samples = check.samples
     time_s = samples[-1].time_s
-    times_s = [sample.time_s - time_s for sample in samples]
-    positions_m = [sample.position_m[:2] for sample in samples]
-    remainders_m = [
-        (north - sample.integrated_m[0], east - sample.integrated_m[1])
-        for (north, east), sample in zip(positions_m, samples, strict=True)
-    ]
-    error_m_s = _slope_2d(times_s, remainders_m)
-    speed_m_s = _slope_2d(times_s, positions_m)
-    spread_m = max(sample.position_sd_m for sample in samples)
-    allowed_m_s = max(_TOLERANCE_M_S, _SIGMAS * spread_m / math.sqrt(_spread_of(times_s)))
+    error_m_s, speed_m_s, spread_s2 = _fitted(samples)
+    position_sd_m = max(sample.position_sd_m for sample in samples)
+    allowed_m_s = max(_TOLERANCE_M_S, _SIGMAS * position_sd_m / math.sqrt(spread_s2))
     check = check._replace(error_m_s=error_m_s)
     if error_m_s <= allowed_m_s:
         check = check._replace(wrong_since_s=math.nan, wrong_samples=0)
@@ -154,22 +147,48 @@ def _judged(check: VelocityCheck, step_s: float) -> VelocityCheck:
     )
 
 
-def _slope_2d(times_s: Sequence[float], points_m: Sequence[tuple[float, float]]) -> float:
-    """Return the length of the slopes of both axes."""
-    north_m = [north for north, _ in points_m]
-    east_m = [east for _, east in points_m]
-    return math.hypot(_slope(times_s, north_m), _slope(times_s, east_m))
+class Fit(NamedTuple):
+    """Straight lines of least squares through a window.
+
+    Attributes:
+        error_m_s: Speed of the positions beside the integrated velocities.
+        speed_m_s: Speed of the positions.
+        spread_s2: The sum of the squared times from their mean.
+    """
+
+    error_m_s: float
+    speed_m_s: float
+    spread_s2: float
 
 
-def _slope(times_s: Sequence[float], values: Sequence[float]) -> float:
-    """Return the slope of the straight line of least squares."""
+def _fitted(samples: Sequence[Sample]) -> Fit:
+    newest_s = samples[-1].time_s
+    times_s = [sample.time_s - newest_s for sample in samples]
     mean_s = sum(times_s) / len(times_s)
-    return sum(
-        (time_s - mean_s) * value for time_s, value in zip(times_s, values, strict=True)
-    ) / _spread_of(times_s)
+    from_mean_s = [time_s - mean_s for time_s in times_s]
+    spread_s2 = sum(offset_s**2 for offset_s in from_mean_s)
+    positions_m = [sample.position_m for sample in samples]
+    remainders_m = [
+        (
+            sample.position_m[0] - sample.integrated_m[0],
+            sample.position_m[1] - sample.integrated_m[1],
+        )
+        for sample in samples
+    ]
+    return Fit(
+        _slope(from_mean_s, spread_s2, remainders_m),
+        _slope(from_mean_s, spread_s2, positions_m),
+        spread_s2,
+    )
 
 
-def _spread_of(times_s: Sequence[float]) -> float:
-    """Return the sum of the squared distances from the mean."""
-    mean_s = sum(times_s) / len(times_s)
-    return sum((time_s - mean_s) ** 2 for time_s in times_s)
+def _slope(
+    from_mean_s: Sequence[float], spread_s2: float, points_m: Sequence[tuple[float, float]]
+) -> float:
+    """Return the length of the slopes of north and east."""
+    north_m_s = 0.0
+    east_m_s = 0.0
+    for offset_s, (north_m, east_m) in zip(from_mean_s, points_m, strict=True):
+        north_m_s += offset_s * north_m
+        east_m_s += offset_s * east_m
+    return math.hypot(north_m_s / spread_s2, east_m_s / spread_s2)

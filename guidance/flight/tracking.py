@@ -143,9 +143,13 @@ class Tracking:
             jump = self.held_back_ned_m + vehicle.jumped_ned_m - self._jumped_ned_m
             self._jumped_ned_m = vehicle.jumped_ned_m
             self.held_back_ned_m = jump
-        if before is None or _is_same(before, reported):
+        if before is None:
             before = reported
-        if reported != before or self.held_back_ned_m != NOWHERE:
+        is_moved = reported is not before and reported != before
+        if is_moved and _is_same(before, reported):
+            before = reported
+            is_moved = False
+        if is_moved or self.held_back_ned_m != NOWHERE:
             return self._judged(before, reported, vehicle)
         return before
 
@@ -270,9 +274,7 @@ def _velocity_words(observer: Observer) -> str:
 
 
 def _is_same(before: LocalFrame, reported: LocalFrame) -> bool:
-    """Return whether a reported frame replaces the one before: a rounded origin, say."""
-    if reported is before or reported == before:
-        return False
+    """Return whether a reported frame, another one than before, has the same origin: a rounded one, say."""
     return math.hypot(*reported.ned_in(before, NOWHERE)) <= _SAME_M
 
 

@@ -73,6 +73,9 @@ class FrameReader:
         self._used = (
             {message.msgname for message in self._known.values()} if names is None else names
         )
+        self._crc_extra = {
+            number: bytes((message.crc_extra,)) for number, message in self._known.items()
+        }
         self._buffer = bytearray()
         self._unknown_left = 0
         self.garbage_bytes = self.unknown = self.unused = 0
@@ -87,6 +90,10 @@ class FrameReader:
     def split(self, data: bytes, *, stream: bool = True) -> list[Frame]:
         """Return the frames as `read` does, and those that nobody uses, whose fields are None."""
         buffer = self._buffer
+        if not buffer and len(data) >= _SHORTEST and frame_length(data) == len(data):
+            frame = self._decoded(data)  # usually a piece is one whole frame
+            if frame is not None:
+                return [frame]
         frames = list[Frame]()
         position = 0
         broken = 0
@@ -135,9 +142,8 @@ class FrameReader:
                 self.unknown += 1
                 self._unknown_left = len(data)
             return None
-        if crc16.mcrf4xx(data[1:end] + bytes((message.crc_extra,))) != int.from_bytes(
-            data[end : end + 2], "little"
-        ):
+        checksum = int.from_bytes(data[end : end + 2], "little")
+        if crc16.mcrf4xx(data[1:end] + self._crc_extra[number]) != checksum:
             return None
         self._unknown_left = 0
         name = message.msgname

@@ -242,6 +242,9 @@ def run(
 def _record_frames(world: World, daemons: Sequence[Daemon]) -> None:
     """Give every record the frames of its own vehicle, and of the evaders; topics begin with the name."""
     passed = world.drain()
+    if len(daemons) == 1:
+        daemons[0].recording.frames(passed)
+        return
     for daemon in daemons:
         others = tuple(
             f"{other_daemon.name}/" for other_daemon in daemons if other_daemon is not daemon

@@ -333,19 +333,21 @@ class VehicleMission:
                 return Event.START
             if flight.state is State.STANDING_BY and fresh and first and not back:
                 return Event.ENGAGE
-        scenario = self.pursuit.scenario
-        patience_s = CONTACT_PATIENCE_S if back else LINGER_S
-        stays_s = {
-            State.ON_STATION: scenario.hold_s,
-            State.HOLDING: LINGER_S,
-            State.STANDING_BY: patience_s,
-        }
-        time_is_up = self._in_state_s(now_s) >= stays_s.get(flight.state, math.inf)
         if self.engaged_s is not None and flight.state in PLAYING:
-            time_is_up = now_s - self.engaged_s > scenario.time_limit_s
+            time_is_up = now_s - self.engaged_s > self.pursuit.scenario.time_limit_s
+        else:
+            time_is_up = self._in_state_s(now_s) >= self._stay_s(flight.state, back=back)
         if not time_is_up:
             return None
         return Event.LAND if self._policy.end_with is None else self._policy.end_with
+
+    def _stay_s(self, state: State, *, back: bool) -> float:
+        """Return how long the mission stays in a state; `back`: in contact again."""
+        if state is State.ON_STATION:
+            return self.pursuit.scenario.hold_s
+        if state is State.STANDING_BY and back:
+            return CONTACT_PATIENCE_S
+        return LINGER_S if state in {State.HOLDING, State.STANDING_BY} else math.inf
 
     def _in_state_s(self, now_s: float) -> float:
         """Return how long the flight has been in its state, s; if an operator ordered it again, since then."""
