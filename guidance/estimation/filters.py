@@ -241,6 +241,11 @@ def _transformed(jacobian: TurnJacobian, covariance: Numbers) -> list[float]:
     return [transformed[row][column] for row, column in _CELLS]
 
 
+def position_variance(state: Normal) -> float:
+    """Return the larger of the variances north and east, m²."""
+    return max(state.covariance[_cell(0, 0)], state.covariance[_cell(1, 1)])
+
+
 def distance(modes: Modes, measured: Numbers, variances: Numbers) -> float:
     """Return νᵀS⁻¹ν of a report and the mixture: χ² distributed with as many degrees as there are numbers."""
     return _corrected(blended(*modes), measured, variances).distance

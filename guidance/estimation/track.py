@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 from guidance.estimation import filters
 from guidance.estimation.filters import Estimate, Height, advance, blended
 from guidance.estimation.measurement import Measurement, TrackSettings
+from guidance.frames import Ned
 
 
 class ReportOutcome(StrEnum):
@@ -44,8 +45,7 @@ TAKEN: Final = frozenset(
 )
 """Outcomes of the reports that changed the estimate."""
 
-# χ² at a probability of 1e-6, by the number of measured values. No tighter: at 1 Hz a sharp turn lies in the tails of
-# the mixture, and refusing it costs more than accepting an error that is still below this gate.
+# χ² at a probability of 1e-6, by the number of measured values.
 _GATE = {2: 27.63, 4: 33.38}
 _SAME_TIME_S = 1e-4
 _ANCHOR_EVERY_S = 0.5
@@ -190,7 +190,11 @@ def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -
     """Return the estimate after a report, None if the report is an outlier."""
     moved = advance(before, measurement.time_s, settings)
     measured, variances = measurement.plane()
-    if not filters.distance(moved.modes, measured, variances) <= _GATE[len(measured)]:
+    if filters.distance(moved.modes, measured, variances) <= _GATE[len(measured)]:
+        modes = filters.correct(moved.modes, measured, variances)
+    elif _has_turned(before, moved, measurement, settings):
+        modes = filters.begin(measured, variances, settings)
+    else:
         return None
     height = filters.correct_down(
         moved.height, measurement.position_ned_m[2], measurement.position_sd_m**2
@@ -200,8 +204,45 @@ def _take(before: Estimate, measurement: Measurement, settings: TrackSettings) -
             height, measurement.velocity_ned_m_s[2], measurement.velocity_sd_m_s**2
         )
     received_s = max(before.received_s, measurement.received_s)
-    return Estimate(
-        moved.time_s, received_s, filters.correct(moved.modes, measured, variances), height
+    return Estimate(moved.time_s, received_s, modes, height)
+
+
+def _has_turned(
+    before: Estimate, moved: Estimate, measurement: Measurement, settings: TrackSettings
+) -> bool:
+    """Return whether one change of velocity since the last estimate explains a report, to a speed that is declared."""
+    velocity = measurement.velocity_ned_m_s
+    if velocity is None:
+        return False
+    spread_m_s = settings.sigmas * measurement.velocity_sd_m_s
+    if math.hypot(*velocity[:2]) > settings.declared_speed_m_s + spread_m_s:
+        return False
+    dt_s = moved.time_s - before.time_s
+    variance_m2 = (
+        filters.position_variance(moved.modes.steady)
+        + measurement.position_sd_m**2
+        + (dt_s * measurement.velocity_sd_m_s) ** 2
+    )
+    return _off_the_turn_m(before, measurement, velocity, dt_s) ** 2 <= _GATE[2] * variance_m2
+
+
+def _off_the_turn_m(
+    before: Estimate, measurement: Measurement, velocity: Ned, dt_s: float
+) -> float:
+    """Return how far a position is from all that an evader reaches in dt that once exchanges its velocity."""
+    north_m, east_m, north_m_s, east_m_s = blended(*before.modes).mean
+    # Beyond where the new velocity alone leads, and how much farther each second of the old one leads
+    beyond_north_m = measurement.position_ned_m[0] - north_m - velocity[0] * dt_s
+    beyond_east_m = measurement.position_ned_m[1] - east_m - velocity[1] * dt_s
+    more_north_m_s = north_m_s - velocity[0]
+    more_east_m_s = east_m_s - velocity[1]
+    square_m2_s2 = more_north_m_s**2 + more_east_m_s**2
+    kept_s = 0.0
+    if square_m2_s2 > 0.0:
+        along = beyond_north_m * more_north_m_s + beyond_east_m * more_east_m_s
+        kept_s = min(dt_s, max(0.0, along / square_m2_s2))
+    return math.hypot(
+        beyond_north_m - more_north_m_s * kept_s, beyond_east_m - more_east_m_s * kept_s
     )
 
 

@@ -252,6 +252,32 @@ def test_the_gate_is_chi_square_at_one_in_a_million(known, gate):
     assert set(judged.values()) == {ReportOutcome.ACCEPTED, ReportOutcome.OUTLIER}
 
 
+@settings(max_examples=drawn(50), deadline=None)
+@given(
+    st.sampled_from([1.0, 4.0, 10.0]),
+    st.floats(0.0, 1.0),
+    st.floats(-math.pi, math.pi),
+    st.floats(0.0, 3.0),
+)
+def test_an_evader_may_turn_or_stop_at_once_between_two_reports(rate_hz, kept, course, speed_m_s):
+    exact = {"position_sd_m": 0.05, "velocity_sd_m_s": 0.03}
+    reports = straight(12, rate_hz=rate_hz, velocity=(3.0, 0.0, 0.0))
+    track = tracked([report._replace(**exact) for report in reports])
+    velocity = (speed_m_s * math.cos(course), speed_m_s * math.sin(course), 0.0)
+    time_s = 12.0 / rate_hz
+    before_s = (11.0 + kept) / rate_hz
+    after_s = time_s - before_s
+    turned = (10.0 + 3.0 * before_s + velocity[0] * after_s, 20.0 + velocity[1] * after_s, -1.0)
+    after = update(track, measured(time_s, turned, velocity, **exact), SETTINGS)
+    assert after.outcome is ReportOutcome.ACCEPTED
+    evader = predict(after, time_s, SETTINGS)
+    assert evader.velocity_ned_m_s[:2] == pytest.approx(velocity[:2], abs=0.2)
+    # Nothing brings it 2 m back
+    behind = (10.0 + 3.0 * 11.0 / rate_hz - 2.0, 20.0, -1.0)
+    refused = update(track, measured(time_s, behind, (0.0, 0.0, 0.0), **exact), SETTINGS)
+    assert refused.outcome is ReportOutcome.OUTLIER
+
+
 def test_outliers_that_do_not_agree_never_take_over():
     track = tracked(straight(50))
     for step in range(12):
