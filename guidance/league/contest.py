@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guidance.errors import ConfigError
-from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, End
+from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Cylinder, End
 from guidance.game.records import rows_of
-from guidance.league.laws import FRPN
+from guidance.league.laws import FRPN, FRPN_LEVEL
 from guidance.league.play import losses_of
 from guidance.league.sides import Side
 from guidance.league.states import (
@@ -120,7 +120,8 @@ def contest_of(scenario: Scenario, policy: str, side: str, games: int, seed: int
     if not 1 <= games <= 1 << 24:
         raise ConfigError(f"--games {games}: must be from 1 to {1 << 24}")
     states = draw(arena_of(scenario), seeds_of(seed, games))
-    pursuers = built_in_policies(scenario, tuple(PURSUER_POLICIES), (PROPORTIONAL, FRPN))
+    fast_response = FRPN_LEVEL if scenario.pursuer.speed_set == Cylinder.name else FRPN
+    pursuers = built_in_policies(scenario, tuple(PURSUER_POLICIES), (PROPORTIONAL, fast_response))
     evaders = built_in_policies(scenario, tuple(EVADER_POLICIES), (TURNING, STANDING))
     built_in, opponents = (pursuers, evaders) if side == PURSUER else (evaders, pursuers)
     players = tuple(dict.fromkeys((policy, *built_in)))

@@ -9,42 +9,59 @@ import numpy as np
 
 from guidance.strategies.own import Array
 
-NAVIGATION: Final = 3.0
-"""The navigation constant N."""
+GAIN: Final = 19.7
+"""The paper's G."""
 
-CLOSING_1_S: Final = 5.0
-"""Gain of the part along the line of sight, 1/s, as a share of the speed."""
+PURSUIT_WEIGHT: Final = 0.051
+"""The paper's W, 1/s²: the weight of pure pursuit."""
 
 HELD_S: Final = 0.02
 """How long a velocity is held: a cycle of `guidance.sim.maths`."""
 
+LEVELLED_M: Final = 0.2
+"""Height above or below the goal from which `frpn_level` flies slower than at full vertical speed."""
+
 FRPN: Final = "guidance.league.laws:frpn"
+FRPN_LEVEL: Final = "guidance.league.laws:frpn_level"
+"""The law for a Ball, and for a Cylinder."""
 
 
 def frpn(observation: Array) -> Array:
-    """Fast response proportional navigation, after Pliska, Vrba, Báča & Saska, arXiv 2405.13542.
+    """Fast response proportional navigation: Pliska, Vrba, Báča & Saska, arXiv 2405.13542, eq. (19).
 
-    The acceleration is that of proportional navigation and a part along the line of sight, which lets the vehicle
-    respond at once where the line of sight does not turn:
+    The acceleration is that of linearised proportional navigation and a part of pure pursuit, which lets the vehicle
+    respond at once where the relative velocity is small:
 
-        a = N Ω × v + k ‖v‖ r/‖r‖,    Ω = r × (v_E − v) / ‖r‖²
+        a = G ((1 − W) (r + w t) / t² + W r),    t = ‖r‖ / ‖w‖
 
-    with r the vector to the goal and v the pursuer's velocity. The law of the paper commands an acceleration; players
-    here have bounded speeds, so the velocity after a cycle is flown at full speed in its direction. The gains are not
-    the paper's, which are tuned to its vehicle.
+    with r the vector to the goal and w the evader's velocity relative to the pursuer. Equation and gains are those of
+    the paper. Players here have bounded speeds and no bounded acceleration, so the velocity after a cycle is flown at
+    full speed in its direction.
     """
-    r = observation[:, 0:3]
-    evader_m_s = np.zeros_like(r)
+    evader_m_s = np.zeros((len(observation), 3))
     evader_m_s[:, :2] = observation[:, 3:5]
-    v = observation[:, 5:8]
-    far_m = _length(r)
-    sight = r / np.maximum(far_m, 1e-9)[:, None]
-    omega = np.cross(r, evader_m_s - v) / np.maximum(far_m**2, 1e-9)[:, None]
-    speed_m_s = _length(v)[:, None]
-    acceleration = NAVIGATION * np.cross(omega, v) + CLOSING_1_S * speed_m_s * sight
+    return _course(observation[:, 0:3], observation[:, 5:8], evader_m_s)
+
+
+def frpn_level(observation: Array) -> Array:
+    """`frpn` for a pursuer whose level and vertical speed are bounded each by itself.
+
+    The law is flown in the plane, and the vehicle flies to the height of the goal at its vertical speed, as
+    `guidance.strategies.navigation` does.
+    """
+    action = np.empty((len(observation), 3))
+    action[:, :2] = _course(observation[:, 0:2], observation[:, 5:7], observation[:, 3:5])
+    action[:, 2] = np.clip(observation[:, 2] / LEVELLED_M, -1.0, 1.0)
+    return action
+
+
+def _course(r: Array, v: Array, evader_m_s: Array) -> Array:
+    """Return the direction of the velocity after a cycle, (n, 3) or (n, 2)."""
+    w = evader_m_s - v
+    to_go_1_s = (_length(w) / np.maximum(_length(r), 1e-9))[:, None]
+    navigation = r * to_go_1_s**2 + w * to_go_1_s
+    acceleration = GAIN * ((1.0 - PURSUIT_WEIGHT) * navigation + PURSUIT_WEIGHT * r)
     after_m_s = v + HELD_S * acceleration
-    standing = speed_m_s[:, 0] == 0.0
-    after_m_s[standing] = sight[standing]
     return after_m_s / np.maximum(_length(after_m_s), 1e-9)[:, None]
 
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from guidance.errors import ConfigError
 from guidance.files import private_folder, whole_file, writing
 from guidance.league.contest import Contest, Estimate, Played, scenario_of_game, worst_rows
-from guidance.league.laws import FRPN
+from guidance.league.laws import FRPN, FRPN_LEVEL
 from guidance.screen import print_sheet
 from guidance.sim.scenario import PURSUER
 
@@ -29,7 +29,7 @@ def unit_of(contest: Contest) -> str:
 
 def label_of(policy: str) -> str:
     """Return the short name of a law of the league, else the policy's name."""
-    return policy.rpartition(":")[2] if policy == FRPN else policy
+    return "frpn" if policy in {FRPN, FRPN_LEVEL} else policy
 
 
 def print_table(target: Console, contest: Contest, played: Sequence[Played]) -> None:

@@ -40,7 +40,7 @@ from guidance.flight import Event, Flight, FlightSettings, State
 from guidance.flight.settings import AfterCapture
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.game import solve
-from guidance.league.laws import FRPN
+from guidance.league.laws import FRPN_LEVEL
 from guidance.links.frames import Station
 from guidance.links.port import Wire
 from guidance.links.pymavlink_link import PymavlinkLink
@@ -70,7 +70,7 @@ MODES: Final[Mapping[str, str]] = {
     "optimal": "optimal",
     "pure_pursuit": "pure_pursuit",
     "proportional_navigation": "proportional_navigation",
-    "frpn": FRPN,
+    "frpn": FRPN_LEVEL,
 }
 """The strategy of each mode. Before a follow mode takes over, the service brings the vehicle to its start."""
 
@@ -645,12 +645,16 @@ def chases() -> list[Chase]:
     table += [Chase(mode, course="stopping") for mode in two]
     table += [Chase(mode, delay_s=0.5) for mode in two]
     for rate_hz in RATES_HZ[1:]:
-        table += [Chase(mode, rate_hz=rate_hz) for mode in two]
+        for course in COURSES:
+            table += [Chase(mode, course=course, rate_hz=rate_hz) for mode in two]
     table += [Chase(mode, 8.0, 4.0) for mode in MODES]
-    table += [Chase(mode, course="turning") for mode in MODES]
+    for course in COURSES:
+        table += [Chase(mode, course=course) for mode in MODES]
+    table += [Chase(mode, delay_s=0.5) for mode in MODES]
     for rate_hz in RATES_HZ:
         for course in COURSES:
             table += [Chase(mode, course=course, rate_hz=rate_hz) for mode in MODES]
+    for rate_hz in RATES_HZ:
         table += [Chase(mode, rate_hz=rate_hz, delay_s=0.5) for mode in MODES]
     return list(dict.fromkeys(table))
 

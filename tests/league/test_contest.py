@@ -8,7 +8,7 @@ from guidance.cli.program import app
 from guidance.errors import ConfigError
 from guidance.game import End
 from guidance.league.contest import contest_of, play_pair, scenario_of_game, worst_rows
-from guidance.league.laws import FRPN
+from guidance.league.laws import FRPN, FRPN_LEVEL, frpn, frpn_level
 from guidance.sim.maths import play
 from guidance.sim.scenario_file import load_scenario
 from guidance.strategies import own
@@ -76,6 +76,22 @@ def test_every_built_in_strategy_plays_beside_the_policy_and_against_it(policy_f
     built_in = ("optimal", "pure_pursuit", "lead_pursuit", "proportional_navigation", FRPN)
     assert contest.players == ("policy.py:choose", *built_in)
     assert contest.opponents == ("optimal", "pure_evade", "random_turns", "hold")
+
+
+def test_frpn_turns_by_the_acceleration_of_its_paper():
+    """r = (10, 0), w = (0, -5): t = 2, (r + w t)/t² = (2.5, -2.5), a = 19.7 (0.949 (2.5, -2.5) + 0.051 (10, 0))."""
+    beside = np.array([[10.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5.0, 0.0]])
+    turned = np.array([0.02 * 56.785, 5.0 - 0.02 * 46.738, 0.0])
+    assert frpn(beside)[0] == pytest.approx(turned / np.linalg.norm(turned), abs=1e-4)
+    standing = np.array([[3.0, 0.0, -4.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    assert frpn(standing)[0] == pytest.approx([0.6, 0.0, -0.8])
+    assert frpn_level(standing)[0] == pytest.approx([1.0, 0.0, -1.0])
+
+
+def test_frpn_flies_a_multicopter_to_the_height_of_the_disc():
+    contest = contest_of(load_scenario("hover_chase")[1], "optimal", "pursuer", 8, 7)
+    assert contest.players[-1] == FRPN_LEVEL
+    assert np.abs(play_pair(contest, FRPN_LEVEL, "optimal").regret).max() < 0.05
 
 
 def test_the_command_prints_the_same_twice_and_its_scenarios_are_scenarios(
