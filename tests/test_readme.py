@@ -14,7 +14,7 @@ from typer.main import get_command
 from guidance.cli.program import app as guidance
 from sitl_mock.cli import app as sitl_mock
 from tests.__main__ import STEPS
-from tests.bench.follow_report import NAMES, flights, page_table, readme_table
+from tests.bench.follow_report import NAMES, flights, page_table, readme_table, standoff_table
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -81,6 +81,7 @@ def test_its_comparison_with_follow_modes_is_what_was_recorded():
     page = (ROOT / "docs" / "explanation" / "follow.md").read_text(encoding="utf-8")
     for autopilot in NAMES:
         assert page_table(flown, autopilot) in page
+    assert standoff_table(flown) in page
 
 
 def test_every_section_it_points_to_is_there():

@@ -25,6 +25,8 @@ MODE_NAMES: Final[Mapping[str, str]] = {
     "frpn": "FRPN",
 }
 CIRCLE_M: Final = 3.0
+WITHIN_M: Final = CIRCLE_M - 1.0
+"""Radius of the space about the leader that the service's limiter keeps free, up to 1 m below the disc."""
 
 Row = Mapping[str, Any]
 Flights = Mapping[str, Mapping[str, Row]]
@@ -44,7 +46,7 @@ def flights(path: Path = DATA) -> Flights:
 def readme_table(flown: Flights) -> str:
     """Return the README's table: time to the circle over the value, and the closest distance, of both vehicles."""
     lines = [
-        "| leader at 10 Hz, from 57 m away | PX4's follow-me | this service on PX4 "
+        "| from 57 m away, leader at 10 Hz | PX4's follow-me | this service on PX4 "
         "| ArduCopter's FOLLOW | this service on ArduCopter |",
         "|---|---|---|---|---|",
     ]
@@ -53,6 +55,9 @@ def readme_table(flown: Flights) -> str:
         "8 m/s against 4, straight away": Chase("follow", 8.0, 4.0),
         "6 against 3, turning every 4 s": Chase("follow", course="turning"),
         "6 against 3, stopping after 10 s": Chase("follow", course="stopping"),
+        "6 against 3, straight away, reports 0.5 s late": Chase("follow", delay_s=0.5),
+        "6 against 3, straight away, leader at 1 Hz": Chase("follow", rate_hz=1.0),
+        "6 against 3, turning, leader at 1 Hz": Chase("follow", course="turning", rate_hz=1.0),
     }
     for words, chase in chases.items():
         cells = [_ratio(row) for row in _compared(flown, chase)]
@@ -60,11 +65,16 @@ def readme_table(flown: Flights) -> str:
             continue
         lines.append(f"| {words} | {' | '.join(cells)} |")
     turning = _compared(flown, chases["6 against 3, turning every 4 s"])
+    slowly = _compared(flown, chases["6 against 3, turning, leader at 1 Hz"])
     straight = _compared(flown, chases["6 m/s against 3, straight away"])
-    lines.append(f"| turning: then off the circle by up to | {' | '.join(map(_worst, turning))} |")
-    lines.append(
-        f"| straight: closest to the leader, circle 3 m | {' | '.join(map(_closest, straight))} |"
-    )
+    farthest = {
+        "turning: then off the circle by up to": map(_worst, turning),
+        "turning, leader at 1 Hz: then off the circle by up to": map(_worst, slowly),
+        "straight: closest to the leader, circle 3 m": map(_closest, straight),
+        "turning: closest to the leader": map(_closest, turning),
+    }
+    for words, cells in farthest.items():
+        lines.append(f"| {words} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
@@ -90,7 +100,12 @@ def _worst(row: Row | None) -> str:
 
 
 def _closest(row: Row | None) -> str:
-    return "–" if row is None else f"{row['closest_m']:.1f} m"
+    """Return the least horizontal distance, and the height above the leader then."""
+    if row is None:
+        return "–"
+    distance_m = row["distance_m"]
+    height_m = row["height_m"][distance_m.index(min(distance_m))]
+    return f"{row['closest_m']:.1f} m, {height_m:.1f} m up"
 
 
 def _overshoot(row: Row) -> str:
@@ -113,6 +128,28 @@ def page_table(flown: Flights, autopilot: str) -> str:
         cells += [_closest(row), _worst(row)]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def standoff_table(flown: Flights) -> str:
+    """Return how often vehicles came over the middle of the disc, and how low they were there."""
+    lines = [
+        f"| | flights | within {WITHIN_M:g} m of the leader, horizontally | lowest height above it there |",
+        "|---|---|---|---|",
+    ]
+    for autopilot, name in NAMES.items():
+        for mode in MODES:
+            rows = [row for row in flown.get(autopilot, {}).values() if row["mode"] == mode]
+            heights_m = [height_m for row in rows if (height_m := _lowest_m(row)) is not None]
+            lowest = f"{min(heights_m):.1f} m" if heights_m else "–"
+            words = FOLLOW[autopilot] if mode == "follow" else f"{MODE_NAMES[mode]} on {name}"
+            lines.append(f"| {words} | {len(rows)} | {len(heights_m)} | {lowest} |")
+    return "\n".join(lines)
+
+
+def _lowest_m(row: Row) -> float | None:
+    """Return the lowest height within `WITHIN_M` of the leader, m, if the vehicle came there."""
+    track = zip(row["distance_m"], row["height_m"], strict=True)
+    return min((height_m for distance_m, height_m in track if distance_m < WITHIN_M), default=None)
 
 
 def _mode(autopilot: str, chase: Chase) -> str:
@@ -199,6 +236,7 @@ def main() -> None:
     print(readme_table(flown))
     for autopilot in NAMES:
         print(f"\n{NAMES[autopilot]}\n\n{page_table(flown, autopilot)}")
+    print(f"\n{standoff_table(flown)}")
     if arguments.picture is not None:
         draw(flown, arguments.picture)
 
