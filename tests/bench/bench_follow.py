@@ -90,7 +90,9 @@ LIMIT_RATIO: Final = 1.1
 ROUND_TRIP_S: Final = 0.05
 PACE_TOLERANCE: Final = 0.02
 LONGEST_GAP_S: Final = 0.2
-"""A chase in which this program paused for longer is flown again: its machine was too busy."""
+LONGEST_STALL_S: Final = 0.15
+"""A chase in which this program paused for longer, or the simulator fell behind by more within a second, is flown
+again: the machine was too busy."""
 
 ATTEMPTS: Final = 2
 FAR_M: Final = 60.0
@@ -393,6 +395,23 @@ class Measured:
         return run_s > LONGEST_S or run_s - self.reached_s > STATION_S
 
 
+class Stalls:
+    """How far a simulator fell behind real time within a second, at most."""
+
+    def __init__(self) -> None:
+        self._delays_s: deque[tuple[float, float]] = deque()
+        self.worst_s = 0.0
+
+    def note(self, position: LocalPosition) -> None:
+        """Compare a position's own time with its arrival."""
+        delay_s = position.received_s - position.time_boot_s
+        self._delays_s.append((position.received_s, delay_s))
+        while self._delays_s[0][0] < position.received_s - 1.0:
+            self._delays_s.popleft()
+        before_s = min(delay for _, delay in self._delays_s)
+        self.worst_s = max(self.worst_s, delay_s - before_s)
+
+
 class Aircraft:
     """One vehicle, its clock and its wires; flies one chase after another.
 
@@ -456,21 +475,27 @@ class Aircraft:
         self._begin(pilot, leader, chase)
         begun_s = self._clock.now_s()
         self._longest_gap_s = 0.0
+        stalls = Stalls()
         while not measured.over(self._clock.now_s() - begun_s):
             self._cycle(pilot, leader)
             position = _local(pilot)
+            stalls.note(position)
             distance_m = math.dist(position.position_ned_m[:2], leader.position_ned_m[:2])
             height_m = leader.position_ned_m[2] - position.position_ned_m[2]
             measured.note(self._clock.now_s() - begun_s, distance_m, height_m)
         ended = _local(pilot)
         pace = (ended.time_boot_s - begun.time_boot_s) / (ended.received_s - begun.received_s)
-        self._say(f"  state {pilot.flight.state}, pace {pace:.3f}, gap {self._longest_gap_s:.2f} s")
+        self._say(
+            f"  state {pilot.flight.state}, pace {pace:.3f}, gap {self._longest_gap_s:.2f} s, "
+            f"stall {stalls.worst_s:.2f} s"
+        )
         state = pilot.flight.state
         if chase.mode != "follow":
             self._cycle(pilot, leader, Event.HOLD)
             self._hover(pilot, leader, 1.0)
         return _row(chase, measured, value_s, pace) | {
             "gap_s": round(self._longest_gap_s, 2),
+            "stall_s": round(stalls.worst_s, 2),
             "ended": str(state),
         }
 
@@ -706,6 +731,7 @@ def document_text(document: Mapping[str, Any]) -> str:
 def is_undisturbed(row: Mapping[str, Any]) -> bool:
     """Whether the simulator kept real time, this program did not pause, and the flight was not interrupted."""
     in_time = abs(row["pace"] - 1.0) <= PACE_TOLERANCE and row["gap_s"] <= LONGEST_GAP_S
+    in_time = in_time and row["stall_s"] <= LONGEST_STALL_S
     return in_time and row["ended"] in UNDISTURBED
 
 
