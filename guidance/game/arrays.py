@@ -85,6 +85,11 @@ class Library:
         inverse = 1.0 / self.select(nonzero, length, 1.0)
         return self.select(nonzero, v[0] * inverse, 1.0), v[1] * inverse
 
+    def within_one(self, share: Real) -> Real:
+        """Return the share that is nearest and from 0 to 1."""
+        least = self.select(share < 0.0, 0.0 * share, share)
+        return self.select(least > 1.0, 0.0 * least + 1.0, least)
+
     def half_of_digits(self, value: Any) -> float:  # noqa: ANN401 - an array
         """Return √ε: after a Newton step this small the next is below ε, so none is needed."""
         return 2.0**-26 if isinstance(value, float) else math.sqrt(self.finfo(value.dtype).eps)
@@ -168,6 +173,10 @@ class NumPy(Library):
         inverse = 1.0 / length
         return v[0] * inverse, v[1] * inverse
 
+    def within_one(self, share: Real) -> Real:
+        """Return the share that is nearest and from 0 to 1."""
+        return np.minimum(np.maximum(share, 0.0), 1.0)
+
     def pack(
         self, shape: tuple[int, ...], like: Array, value: Real | tuple[Real, ...], plus: Real = 0.0
     ) -> Array:
@@ -219,6 +228,12 @@ class Floats(Library):
         """Return the direction of a plane vector of known length; the x axis if the length is zero."""
         inverse = 1.0 / (length if length > 0 else 1.0)
         return v[0] * inverse if length > 0 else 1.0, v[1] * inverse
+
+    def within_one(self, share: Real) -> Real:
+        """Return the share that is nearest and from 0 to 1."""
+        if share < 0.0:
+            return 0.0
+        return 1.0 if share > 1.0 else share
 
     def sign(self, value: float) -> int:
         """Return 1, 0 or −1."""

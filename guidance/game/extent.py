@@ -11,6 +11,7 @@ by most. That point lies on the edge of the set, which consists of straight line
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from guidance.errors import ConfigError
 from guidance.game.arrays import FLOATS, Library, Plane, Real, Truth, cross2, times2
@@ -101,31 +102,42 @@ def nearest(xp: Library, extent: Extent, point: Plane) -> tuple[Plane, Truth]:
         extent: the polygon, whose radius is not used.
         point: from the target's position, m.
     """
-    corners = extent.corners_m
-    closest: Plane = corners[0]
-    flat: Truth = False
+    edges = _edges(extent)
+    closest: Plane = extent.corners_m[0]
+    if not edges:
+        return closest, False
+    share_there: Real = 0.0
     least: Real = math.inf
-    inside: Truth = len(corners) > 2
-    ends = corners[1:] + (corners[:1] if inside else ())
+    inside: Truth = len(edges) > 1
+    for a_x, a_y, way_x, way_y, square in edges:
+        x = point[0] - a_x
+        y = point[1] - a_y
+        share = (x * way_x + y * way_y) / square
+        clamped = xp.within_one(share)
+        foot = (a_x + clamped * way_x, a_y + clamped * way_y)
+        east = point[0] - foot[0]
+        north = point[1] - foot[1]
+        apart = east * east + north * north
+        closer = apart < least
+        closest = xp.select2(closer, foot, closest)
+        share_there = xp.select(closer, share, share_there)
+        least = xp.select(closer, apart, least)
+        if inside is not False:
+            inside = inside & (way_x * y - way_y * x >= 0.0)
+    return xp.select2(inside, point, closest), (share_there > 0.0) & (share_there < 1.0)
+
+
+@lru_cache(maxsize=64)
+def _edges(extent: Extent) -> tuple[tuple[float, float, float, float, float], ...]:
+    """Return the edges, counterclockwise; a segment has one: begin, way to the end, and the square of its length."""
+    corners = extent.corners_m
+    ends = corners[1:] + (corners[:1] if len(corners) > 2 else ())
+    edges = []
     for (a_x, a_y), (b_x, b_y) in zip(corners, ends, strict=False):
         way_x = b_x - a_x
         way_y = b_y - a_y
-        x = point[0] - a_x
-        y = point[1] - a_y
-        share = (x * way_x + y * way_y) / (way_x * way_x + way_y * way_y)
-        clamped = xp.select(
-            share < 0.0, 0.0 * share, xp.select(share > 1.0, 0.0 * share + 1.0, share)
-        )
-        foot = (a_x + clamped * way_x, a_y + clamped * way_y)
-        apart = (point[0] - foot[0]) * (point[0] - foot[0]) + (point[1] - foot[1]) * (
-            point[1] - foot[1]
-        )
-        closer = apart < least
-        flat = xp.select(closer, (share > 0.0) & (share < 1.0), flat)
-        closest = xp.select2(closer, foot, closest)
-        least = xp.select(closer, apart, least)
-        inside = inside & (way_x * y - way_y * x >= 0.0)
-    return xp.select2(inside, point, closest), flat
+        edges.append((a_x, a_y, way_x, way_y, way_x * way_x + way_y * way_y))
+    return tuple(edges)
 
 
 def is_inside(xp: Library, extent: Extent, point: Plane) -> Truth:

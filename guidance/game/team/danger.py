@@ -7,6 +7,7 @@ then around its best one, closer and closer.
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -138,8 +139,16 @@ def _joined(array: Array) -> Array:
 
 def _spread(low: Array, high: Array, count: int) -> tuple[Array, Array]:
     """Return points between two ends, (p, count, ...), and the distance of two."""
-    share = np.linspace(0.0, 1.0, count).reshape(1, count, *(1,) * (low.ndim - 2))
+    share = _shares(count).reshape(1, count, *(1,) * (low.ndim - 2))
     return low + share * (high - low), (high - low) / (count - 1)
+
+
+@lru_cache(maxsize=4)
+def _shares(count: int) -> Array:
+    """Return numbers from 0 to 1."""
+    shares = np.linspace(0.0, 1.0, count)
+    shares.flags.writeable = False
+    return shares
 
 
 def _margins(game: Game, state: Geometry, heading: Plane) -> Array:

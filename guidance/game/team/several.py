@@ -161,9 +161,7 @@ def solve_team(
         answer, best = (chase if target is None else defence)(
             team, others["evader"], _best_pair(team)
         )
-        answer = answer._replace(
-            multipliers=np.where((answer.winner > 0)[..., None], _multipliers(team, best), 0.0)
-        )
+        answer = answer._replace(multipliers=_multipliers_of_won(team, best, answer.winner > 0))
     worst = np.max(team.alone.reason, axis=-1)
     none = int(Reason.NOT_FINITE)
     fault = np.where(worst >= none, worst, np.where(np.isfinite(answer.value), 0, none))
@@ -453,6 +451,13 @@ def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flies: Arr
         evader_velocity_m_s=np.where(single[..., None], alone.evader_velocity_m_s[at], velocity),
         reason=np.where(best.worth == run.worth, reason, np.int8(Reason.BRACKET)),
     )
+
+
+def _multipliers_of_won(team: Team, best: Meeting, won: Array) -> Array:
+    """Return the multipliers where the team wins, (..., n), and zero where the evader does."""
+    if not won.any():
+        return np.zeros(team.own.shape)
+    return np.where(won[..., None], _multipliers(team, best), 0.0)
 
 
 def _multipliers(team: Team, best: Meeting) -> Array:  # noqa: PLR0914
