@@ -276,6 +276,7 @@ def cases(autopilot: str, *, height_m: float) -> list[Case]:
             (ends("time_up"),),
             fence_m=45.0,
             autopilots=("px4",),
+            virtual=True,
         ),
         Case(
             "a pilot's mode switch",

@@ -19,8 +19,9 @@ from typer.testing import CliRunner
 
 from guidance.autopilots import Mode
 from guidance.control.limits import CATCH_UP_RATIO
+from guidance.session.flight_files import RECORD
 from tests.acceptance.cases import Case, toml
-from tests.acceptance.promised import promises
+from tests.acceptance.promised import farthest_m, promises
 from tests.acceptance.relay import Relay, wait
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
@@ -106,7 +107,7 @@ def outcome(folder: Path, speed_m_s: float) -> dict[str, object]:
         return {}
     limit_m_s = CATCH_UP_RATIO * speed_m_s
     return json.loads(path.read_text()) | promises(
-        folder / "record.mcap", speed_m_s=speed_m_s, limit_m_s=limit_m_s
+        folder / RECORD, speed_m_s=speed_m_s, limit_m_s=limit_m_s
     )
 
 
@@ -150,10 +151,13 @@ def fly_in_virtual_time(
                 held=False,
             )
         ]
-    got = [(one, one.got(row)) for one in case.wanted]
+    got = [(one.words, one.got(row), one.held(one.got(row))) for one in case.wanted]
+    if case.fence_m is not None:
+        out_m = farthest_m(folder / RECORD)
+        got.append((_within(case.fence_m), f"{out_m:.1f} m", out_m <= case.fence_m))
     return [
-        Line(autopilot, case.name, "virtual time", one.words, _words(value), one.held(value))
-        for one, value in got
+        Line(autopilot, case.name, "virtual time", words, _words(value), held)
+        for words, value, held in got
     ]
 
 
@@ -230,7 +234,7 @@ def fly(case: Case, relay: Relay, folder: Path, *, end: str) -> list[Line]:
         out_m = _farthest_m(relay, flown)
         lines.append(
             line(
-                f"within the fence of {case.fence_m:g} m",
+                _within(case.fence_m),
                 f"{out_m:.1f} m",
                 held=out_m <= case.fence_m,
             )
@@ -375,6 +379,10 @@ def _refused(case, relay, folder, line):
         line("nothing armed", "armed" if armed else "disarmed", held=not armed),
         line("no setpoint", f"{len(relay.seen.setpoints_s)}", held=not relay.seen.setpoints_s),
     ]
+
+
+def _within(fence_m: float) -> str:
+    return f"within the fence of {fence_m:g} m"
 
 
 def _farthest_m(relay: Relay, flown: Flown) -> float:

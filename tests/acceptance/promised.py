@@ -46,6 +46,20 @@ def promises(record: Path, *, speed_m_s: float, limit_m_s: float) -> dict[str, A
     }
 
 
+def farthest_m(record: Path) -> float:
+    """Return the largest horizontal distance from the first position of a flight until its game was over, m."""
+    positions = list[tuple[float, float]]()
+    for cycle in cycles_of(record):
+        if cycle.state in {State.RETURNING, State.LANDING}:
+            break
+        positions += [
+            message.position_ned_m[:2]
+            for message in cycle.inputs.messages
+            if isinstance(message, LocalPosition)
+        ]
+    return max(math.dist(position_m, positions[0]) for position_m in positions)
+
+
 def _alarm(cycle: CycleEntry, violation: Violation) -> Alarm | None:
     return cycle.alarm if cycle.alarm is not None and cycle.alarm.violation is violation else None
 
