@@ -8,6 +8,7 @@ so too, install a CPU build of PyTorch in this environment first.
 """
 
 import argparse
+import os
 import subprocess
 import sys
 import sysconfig
@@ -64,8 +65,12 @@ def main() -> int:
             flush=True,
         )
         return 0
+    # JAX compiles each operation for a few calls: optimizing that code takes longer than running it.
+    flags = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+    environment = {"XLA_FLAGS": flags, **os.environ}
     marked = "arrays" if given.within is None else "arrays and not long"
-    return subprocess.run([found, *PYTEST, marked], cwd=ROOT, check=False).returncode
+    command = [found, *PYTEST, marked]
+    return subprocess.run(command, cwd=ROOT, check=False, env=environment).returncode
 
 
 if __name__ == "__main__":

@@ -4,7 +4,8 @@
 """
 
 import ast
-from collections.abc import Collection, Iterator
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -42,8 +43,10 @@ def _defined(tree: ast.AST) -> Iterator[str]:
             yield node.id
 
 
-def used_lines(source: str, names: Collection[str]) -> Iterator[tuple[int, str]]:
+def used_lines(source: str, names: set[str]) -> Iterator[tuple[int, str]]:
     """Yield line and name of each use of one of the names; a class may use its own through `self` or `cls`."""
+    if names.isdisjoint(re.findall(r"\b_\w+", source)):
+        return  # most files: reading the words takes a tenth of the time that reading the statements takes
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.expr | ast.stmt):
             for name in _used(node):
@@ -62,4 +65,6 @@ def _used(node: ast.AST) -> Iterator[str]:
 
 
 def _is_own(value: ast.expr) -> bool:
-    return ast.unparse(value) in {"self", "cls", "super()"}
+    if isinstance(value, ast.Call):
+        return isinstance(value.func, ast.Name) and value.func.id == "super"
+    return isinstance(value, ast.Name) and value.id in {"self", "cls"}
