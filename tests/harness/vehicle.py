@@ -9,7 +9,17 @@ import tomlkit
 
 from sitl_mock.child import RunningFleet
 
-FENCED = {"GF_MAX_HOR_DIST": 120.0, "GF_MAX_VER_DIST": 70.0}
+SOON_UP_AND_DOWN = {
+    "COM_SPOOLUP_TIME": 0.2,
+    "MPC_TKO_RAMP_T": 0.5,
+    "MPC_TKO_SPEED": 4.0,
+    "MPC_LAND_SPEED": 1.5,
+    "MPC_LAND_CRWL": 1.5,
+    "COM_DISARM_LAND": 0.3,
+}
+"""Parameters of a PX4 that shorten take-off and landing, for tests of what lies between."""
+
+FENCED = {"GF_MAX_HOR_DIST": 120.0, "GF_MAX_VER_DIST": 70.0, **SOON_UP_AND_DOWN}
 """Parameters of a PX4 that preflight finds nothing wrong with."""
 
 DOCUMENT: Mapping[str, Any] = {
