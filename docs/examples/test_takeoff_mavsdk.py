@@ -12,5 +12,5 @@ import takeoff_mavsdk
 
 @pytest.mark.slow
 def test_it_flies_north_and_lands(mock_vehicle):
-    vehicle = mock_vehicle("px4", ready_after_s=0.5, over=["udp"])
-    assert takeoff_mavsdk.main(vehicle.udp, height_m=2.5, north_s=2.0) > 1.0
+    vehicle = mock_vehicle("px4", ready_after_s=0.5, over=["udp"], speed=5.0)
+    assert takeoff_mavsdk.main(vehicle.udp, height_m=2.5, north_s=0.4) > 1.0

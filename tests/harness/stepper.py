@@ -15,7 +15,8 @@ class Stepper:
     def __init__(self, vehicle):
         self.wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.wire.settimeout(10.0)
-        self.address = ("127.0.0.1", vehicle.udp_listens)
+        # Connected: else it also receives what other programs send to a port that was theirs before.
+        self.wire.connect(("127.0.0.1", vehicle.udp_listens))
         self.mavlink = dialect.MAVLink(None, 255, 190)
         self.mavlink.robust_parsing = True
         self.number = 0
@@ -29,7 +30,7 @@ class Stepper:
             1, 1, STEP, 0, length_s, self.number, 0, 0, 0, 0, 0
         )
         for message in (*messages, ask):
-            self.wire.sendto(message.pack(self.mavlink), self.address)
+            self.wire.send(message.pack(self.mavlink))
         while True:
             data = self.wire.recv(2048)
             self.digest.update(data)

@@ -1,8 +1,10 @@
 """Whose time it is: `--speed` scales it, `--lockstep` gives it to the client."""
 
+import contextlib
 import multiprocessing
 import socket
 import time
+from types import SimpleNamespace
 
 import pytest
 from pymavlink.dialects.v20 import all as dialect
@@ -17,7 +19,7 @@ from sitl_mock.serving import Pace
 from sitl_mock.transports import Arrival
 from sitl_mock.transports.lockstep import STEP, Lockstep, frames_of
 from sitl_mock.transports.loop import Loop
-from tests.harness.stepper import long, take_off
+from tests.harness.stepper import Stepper, long, take_off
 
 ACCEPTED = 0
 DENIED = 2
@@ -219,6 +221,18 @@ def test_the_clock_of_a_pace_runs_at_its_speed():
 def test_speed_and_lockstep_exclude_each_other():
     result = CliRunner().invoke(app, ["run", "--udp", "14540", "--lockstep", "--speed", "5"])
     assert isinstance(result.exception, ConfigError)
+
+
+def test_what_others_send_to_a_clients_port_is_no_answer_of_the_vehicle():
+    with contextlib.ExitStack() as closing:
+        vehicle = closing.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        stranger = closing.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        vehicle.bind(("127.0.0.1", 0))
+        client = Stepper(SimpleNamespace(udp_listens=vehicle.getsockname()[1]))
+        closing.callback(client.wire.close)
+        stranger.sendto(b"stray", client.wire.getsockname())
+        vehicle.sendto(b"answer", client.wire.getsockname())
+        assert client.wire.recv(2048) == b"answer"
 
 
 def flown(make):
