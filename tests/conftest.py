@@ -91,3 +91,12 @@ def short_flight(tmp_path_factory):
 
     path = tmp_path_factory.mktemp("short") / "record.mcap"
     return flown(NEAR, path), path
+
+
+@pytest.fixture(scope="module")
+def soon_up_and_down():
+    """Let the PX4s of this module's mocked flights take off and land fast."""
+    from tests.harness import flights
+
+    with flights.soon_up_and_down():
+        yield

@@ -25,7 +25,7 @@ from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
 
-pytestmark = pytest.mark.flight
+pytestmark = [pytest.mark.flight, pytest.mark.usefixtures("soon_up_and_down")]
 
 DECLARED_M_S = 1.5
 OWN_M_S = 4.0

@@ -19,7 +19,7 @@ from guidance.sim.stepped import SteppedWorld
 from tests.harness.pinned_wire import PinnedWire, evader_wire
 from tests.pitfalls.test_evader_forged import Around, chase
 
-pytestmark = pytest.mark.flight
+pytestmark = [pytest.mark.flight, pytest.mark.usefixtures("soon_up_and_down")]
 
 FORGERS_ID = 66
 FORGER = {

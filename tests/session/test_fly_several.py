@@ -17,6 +17,7 @@ from guidance.sim.scenario import Pursuit
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.flights import NEAR, flown
 
+pytestmark = pytest.mark.usefixtures("soon_up_and_down")
 EAST_M = 60.0
 
 
@@ -30,7 +31,7 @@ def moved(scenario, east_m):
 
 
 @pytest.fixture(scope="module")
-def several(tmp_path_factory):
+def several(tmp_path_factory, soon_up_and_down):
     """Two vehicles, each with its own evader, and the record of each."""
     folder = tmp_path_factory.mktemp("several")
     clock = VirtualClock()

@@ -6,7 +6,6 @@ from itertools import combinations
 
 import pytest
 
-from guidance.config import parse
 from guidance.flight import Event, State
 from guidance.log.reader import cycles_of
 from guidance.log.replay import compare
@@ -17,20 +16,21 @@ from guidance.session.observe import outputs
 from guidance.session.open.mock import MockOptions
 from guidance.session.open.opened import Onlooker
 from guidance.session.recorded_flight import fly_recorded
-from guidance.sim.scenario_file import load_any
 from guidance.sim.team_flight import pursuits_of_team
-from guidance.sim.teams import TeamScenario
 from guidance.viz.panel.snapshot import replay_of
 from guidance.viz.report import write_team_report
 from guidance.viz.story import captures_of, team_opening, team_story, team_summary
+from tests.harness.flights import low_team
 from tests.harness.witness import Witness
 from tests.team.lossy import LossyNetwork
 
-GUARD = load_any("teams_guard")[1]
+pytestmark = pytest.mark.usefixtures("soon_up_and_down")
+ROUND = {"position_m": [0.0, 0.0], "radius_m": 6.0}
+GUARD = low_team("teams_guard", target=ROUND)
 
 
 @pytest.fixture(scope="module")
-def guard(tmp_path_factory):
+def guard(tmp_path_factory, soon_up_and_down):
     """Three vehicles against two evaders, with a record of each vehicle, and an output from outside."""
     folder = tmp_path_factory.mktemp("guard")
     with pytest.MonkeyPatch.context() as patch:
@@ -165,7 +165,7 @@ def test_a_broken_promise_is_told_with_its_cause(story):
 
 @pytest.mark.flight
 def test_a_team_flies_pursuit_evasion_and_vehicles_at_one_evader_are_stacked():
-    chase = load_any("teams_chase")[1]
+    chase = low_team("teams_chase")
     flown = fly_recorded(chase, None, MockOptions(fast=True))
     for row in team_rows(chase, "fast", flown):
         assert (row.end, row.winner) == ("captured", "pursuer")
@@ -214,21 +214,13 @@ def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_ca
     assert all(one.value is not None or one.cause for one in boards[0].roles.promises)
 
 
-ROUND = {"position_m": [0.0, 0.0], "radius_m": 6.0}
-
-
 @pytest.mark.flight
-def test_terminal_and_report_have_one_distance_to_a_targets_shape_and_one_captor(tmp_path):
-    document = GUARD.model_dump(mode="json") | {"target": ROUND}
-    document["pursuer"] = document["pursuer"][:2]
-    document["evader"] = document["evader"][:1]
-    scenario = parse(TeamScenario, document, source="round")
-    flown = fly_recorded(scenario, tmp_path, MockOptions(fast=True))
+def test_terminal_and_report_have_one_distance_to_a_targets_shape_and_one_captor(guard, story):
+    flown, _, _ = guard
     cycle = flown.vehicles["uav1"].cycle
     assert cycle.game.target_extent.radius_m == 6.0
-    story = team_story({name: tmp_path / name / "record.mcap" for name in flown.vehicles})
     names = list(flown.vehicles)
-    for row, evader in zip(team_rows(scenario, "fast", flown), story.evaders, strict=True):
+    for row, evader in zip(team_rows(GUARD, "fast", flown), story.evaders, strict=True):
         capture = story.captures[evader]
         assert capture.vehicle == names[row.captor]
         assert distance_to_target_m(cycle, capture.evader_m) == row.evader_to_target_m

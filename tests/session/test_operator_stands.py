@@ -13,6 +13,7 @@ from guidance.sim.stepped import SteppedWorld
 from tests.harness.flights import NEAR
 from tests.harness.vehicle import FENCED
 
+pytestmark = pytest.mark.usefixtures("soon_up_and_down")
 RUNNERS = {
     "fly": MOCKED,
     "fly --vehicle": MissionPolicy(engage=True, end_with=Event.LAND, hand_over=Event.LAND),

@@ -14,6 +14,8 @@ from guidance.session.recorded_flight import fly_recorded
 from tests.harness.flights import NEAR
 from tests.harness.witness import Witness
 
+pytestmark = pytest.mark.usefixtures("soon_up_and_down")
+
 
 class Broken(Sink):
     """An output with a defect."""

@@ -16,6 +16,7 @@ from guidance.sim.scenario_file import load_scenario, with_policies
 from guidance.strategies import own
 from tests.harness.sortie import SHORT
 
+pytestmark = pytest.mark.usefixtures("soon_up_and_down")
 OBSERVATION = np.array([[3.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
 
 

@@ -28,7 +28,7 @@ SCENARIO = Scenario.model_validate(
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory):
+def flight(tmp_path_factory, soon_up_and_down):
     """The flight and its record."""
     record = tmp_path_factory.mktemp("shaped") / "record.mcap"
     return flown(SCENARIO, record), record
