@@ -188,10 +188,11 @@ class NumPy(Library):
         return packed
 
     def fill(self, array: Array, value: Real | tuple[Real, ...], plus: Real) -> None:
-        """Write value + plus to an array, in one pass for a batch."""
+        """Write value + plus to an array."""
         if isinstance(value, tuple) and array.ndim > 1:
             for index, part in enumerate(value):
-                np.add(part, plus, out=array[..., index], casting="same_kind")
+                array[..., index] = part
+            array += plus[..., np.newaxis] if isinstance(plus, np.ndarray) else plus
         elif isinstance(value, tuple):
             for index, part in enumerate(value):
                 array[index] = part + plus

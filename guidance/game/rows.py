@@ -1,6 +1,7 @@
 """Rows of a batch: their shape, the game of some rows, and which rows are refused."""
 
 from collections.abc import Callable, Mapping
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,9 @@ from guidance.game.records import rows_of
 
 SIGNED = ("wind_x_m_s", "wind_y_m_s")
 ZERO_ALLOWED = ("capture_radius_m", "information_age_s", "radius_m", "height_m")
+
+_PIECE: Final = 8192
+"""Numbers of which NumPy computes a scalar product in one thread."""
 
 
 def leading_shape(game: Game, named: dict[str, Array]) -> tuple[int, ...]:
@@ -118,10 +122,15 @@ def squares(named: dict[str, Array]) -> Real:
     return sum(dot3(vector, vector) for vector in map(components, named.values()))
 
 
-def most_squares(named: dict[str, Array]) -> Real:
-    """Return an upper bound of `squares` for all rows of NumPy arrays, which takes a tenth of the time."""
+def most_squares(named: dict[str, Array]) -> float:
+    """Return an upper bound of `squares` for all rows of NumPy arrays: the squares of all rows, in a tenth of the time.
+
+    A scalar product of a longer piece would be computed by several threads, whose start takes longer than the product.
+    """
     total = 0.0
     for array in named.values():
-        bound = 2.0 * np.maximum.reduce(np.abs(array), axis=None, initial=0.0)
-        total += bound * bound
-    return total
+        flat = array.reshape(-1)
+        for start in range(0, flat.size, _PIECE):
+            piece = flat[start : start + _PIECE]
+            total += float(piece @ piece)
+    return 2.0 * total  # more than is lost by rounding

@@ -205,7 +205,7 @@ def solve_state(
     except (ZeroDivisionError, ValueError):  # what NumPy answers where a number is divided by zero
         return _row_of_one(game, state)
     reason = _aged(FLOATS, game, play, in_pe=target is None)
-    if reason == Reason.NO_REGION or not _is_sound(game, play, squares, in_pe=target is None):
+    if reason == Reason.NO_REGION or not _is_sound(game, _sum(play, in_pe=target is None), squares):
         return _row_of_one(game, state)
     # Zero is added because a batch has no negative zeros.
     plain: list[Any] = [
@@ -315,8 +315,12 @@ def _reason(xp: Library, game: Game, named: dict[str, Array], play: StateSolutio
     """Return the kind of each row's answer, or why it has none."""
     in_pe = "target" not in named
     reason = _aged(xp, game, play, in_pe=in_pe)
-    if xp is not NUMPY or xp.any(_is_sound(game, play, most_squares(named), in_pe=in_pe) == 0):
-        sound = _is_sound(game, play, squares(named), in_pe=in_pe)
+    numbers = _sum(play, in_pe=in_pe)
+    # A sum over all rows is finite only if every row is: most batches need no more.
+    if xp is not NUMPY or xp.any(
+        _is_sound(game, float(np.add.reduce(numbers, axis=None)), most_squares(named)) == 0
+    ):
+        sound = _is_sound(game, numbers, squares(named))
         zero = sum(0.0 * part for array in named.values() for part in components(array))
         reason = xp.select(
             sound, reason, xp.select(zero == 0, int(Reason.OVERFLOW), int(Reason.NOT_FINITE))
@@ -324,24 +328,28 @@ def _reason(xp: Library, game: Game, named: dict[str, Array], play: StateSolutio
     return refused_rows(xp, game, reason) if game.varies else reason
 
 
-def _is_sound(game: Game, play: StateSolution, squares: Real, *, in_pe: bool) -> Truth:
+def _sum(play: StateSolution, *, in_pe: bool) -> Real:
+    """Return a number that is finite if the answer is. In PE the value is the time, and the margin is infinite."""
+    x, y, _ = play.meeting_point_m
+    total = play.value + x + y
+    return total if in_pe else total + play.meeting_time_s + play.margin_s
+
+
+def _is_sound(game: Game, numbers: Real, squares: Real) -> Truth:
     """Return whether an answer is finite, and no square inside the kernels can have been infinite.
 
     Args:
         game: the game.
-        play: the answer.
+        numbers: sum of the answer's numbers.
         squares: sum of the squares of all positions and velocities, or more.
-        in_pe: whether it is the answer of PE, where the margin is infinite.
     """
-    x, y, _ = play.meeting_point_m
-    answered = play.value + play.meeting_time_s + x + y + (0.0 if in_pe else play.margin_s)
     standoff = game.standoff
     u = game.pursuer.horizontal_m_s
     length = (
         standoff.radius_m + standoff.height_m + game.capture_radius_m + u * game.information_age_s
     )
     square = u * u
-    total = answered + (squares + length * length) * square * square
+    total = numbers + (squares + length * length) * square * square
     return total - total == 0
 
 

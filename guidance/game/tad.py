@@ -78,10 +78,11 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     v = game.evader_speed_m_s
     age = game.information_age_s
     time = xp.select(won, edge.time, contest.arrival)
-    length = v * (time + age)
+    length = v * _later(time, age)
     moves = length > 0
     heading = xp.unit2(
-        xp.select2(moves, run, goal), xp.select(moves, length, v * (contest.arrival + age))
+        xp.select2(moves, run, goal),
+        xp.select(moves, length, v * _later(contest.arrival, age)),
     )
     pace = xp.select(arrived, 0.0, v)
     caught = is_caught(xp, game, state)
@@ -96,6 +97,9 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
             velocity = xp.select_all(
                 stale, pe.pursuit(xp, game, state).pursuer_velocity_m_s, velocity
             )
+    distance = edge.distance
+    if not game.target_extent.is_point:
+        distance = distance - game.target_extent.radius_m
     reason = xp.select(margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
     if not is_zero(age):
         unsure = won & (surely_convex(xp, game, state) == 0)
@@ -104,7 +108,7 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     reason = xp.select(arrived, int(Reason.ARRIVED), reason)
     return StateSolution(
         winner=xp.sign(margin),
-        value=xp.select(won, edge.distance - game.target_extent.radius_m, contest.short),
+        value=xp.select(won, distance, contest.short),
         margin_s=margin,
         meeting_point_m=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
         meeting_time_s=time,
@@ -204,9 +208,9 @@ def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: P
     v = game.evader_speed_m_s
     speeds = (u, v)
     squares = _squares(state.to_evader, z, to_target)
-    contest = race(xp, speeds, to_target, squares)
+    barrier = _barrier(speeds, squares)
+    contest = race(xp, speeds, to_target, squares, barrier)
     if game.target_extent.is_point:
-        barrier = _barrier(speeds, squares)
         edge = closest_of_circle(xp, speeds, (state.to_evader, z, to_target), barrier)
         return contest._replace(edge=edge)
 
@@ -226,7 +230,11 @@ def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: P
 
 
 def race(
-    xp: Library, speeds: tuple[Real, Real], to_target: Plane, squares: tuple[Real, Real]
+    xp: Library,
+    speeds: tuple[Real, Real],
+    to_target: Plane,
+    squares: tuple[Real, Real],
+    barrier: Real,
 ) -> Contest:
     """Return the race to a target in the paper's game, without the edge; its margin is the barrier B as a time.
 
@@ -235,13 +243,14 @@ def race(
         speeds: u and v, m/s.
         to_target: horizontal vector from E to T, m.
         squares: of the distances of E and of P from T, m².
+        barrier: B times v².
     """
     u, v = speeds
     near, far = squares
     distance = xp.sqrt(near)
     total = u * distance + v * xp.sqrt(far)
     arrival = distance / v
-    margin = _barrier(speeds, squares) / (u * v * xp.select(total > 0, total, 1.0))
+    margin = barrier / (u * v * xp.select(total > 0, total, 1.0))
     nothing = Closest(to_target, 0.0, 0.0)
     return Contest(to_target, arrival, arrival - margin, margin, -u * margin, nothing)
 
@@ -367,6 +376,11 @@ def surely_convex(xp: Library, game: Game, state: Geometry) -> Truth:  # noqa: P
     share = blown * blown * blown * (1.0 - (v / blown) * (v / blown))
     run = v * (age + soonest)
     return free & ((lead <= 0.0) | (run * (share * (u / v) - u * u * v) >= share * lead))
+
+
+def _later(time: Real, age: Real) -> Real:
+    """Return time + age; most games have no age, and the sum is left out."""
+    return time if is_zero(age) else time + age
 
 
 def is_caught(xp: Library, game: Game, state: Geometry) -> Truth:

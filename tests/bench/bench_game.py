@@ -1,9 +1,10 @@
 """Speed of guidance.game, as ratios in one run: `python tests/bench/bench_game.py [--quick]`.
 
 Printed: every kind of game on one state, against a plain scalar Python version of the paper's law, and in a batch,
-against plain NumPy and memory bandwidth; a capture radius of zeros against none; rollouts with stand-off or wind
-against those without; teams and matchings against their pairs; and 100,000 closed-loop games of 1,000 steps in one
-process, with its peak memory.
+against plain NumPy and memory bandwidth; 1,000 states against plain NumPy that gives a caller the same outputs, and
+against one that gives three of them; a capture radius of zeros against none; rollouts with stand-off or wind against
+those without; teams and matchings against their pairs; and 100,000 closed-loop games of 1,000 steps in one process,
+with its peak memory.
 """
 
 import argparse
@@ -244,6 +245,100 @@ def plain_tad(p, e, goal):
     return far - r, 2.0 * to / np.linalg.norm(to, axis=1, keepdims=True), run / pace
 
 
+def whole_pe(p, e):
+    """All eight outputs of `solve` in plain NumPy, for the paper's PE; nothing checked, degenerate states left out."""
+    count = len(p)
+    time_s, pursuer_velocity, n = plain_pe(p, e)
+    meeting = e.copy()
+    meeting[:, :2] += time_s[:, None] * n
+    evader_velocity = np.zeros((count, 3))
+    evader_velocity[:, :2] = n
+    winner = np.ones(count, np.int8)
+    margin = np.full(count, np.inf)
+    reason = np.zeros(count, np.int8)
+    return winner, time_s, margin, meeting, time_s.copy(), pursuer_velocity, evader_velocity, reason
+
+
+def whole_tad(p, e, goal):
+    """All eight outputs of `solve` in plain NumPy, for the paper's TAD on both sides of the barrier."""
+    c = (4.0 * e[:, :2] - p[:, :2]) / 3.0 - goal[:, :2]
+    away = e[:, :2] - p[:, :2]
+    z = p[:, 2]
+    r = np.sqrt(z * z / 3.0 + 4.0 * (away * away).sum(axis=1) / 9.0)
+    far = np.linalg.norm(c, axis=1)
+    margin = np.linalg.norm(goal - e, axis=1) - np.linalg.norm(p - goal, axis=1) / 2.0
+    won = margin > 0.0
+    closest = goal[:, :2] + c * (1.0 - r / far)[:, None]
+    meeting = e.copy()
+    meeting[:, :2] = np.where(won[:, None], closest, goal[:, :2])
+    to = meeting - p
+    run = meeting - e
+    time_s = np.linalg.norm(run, axis=1)
+    value = np.where(won, far - r, -2.0 * margin)
+    pursuer_velocity = 2.0 * to / np.linalg.norm(to, axis=1, keepdims=True)
+    reason = np.zeros(len(p), np.int8)
+    winner = np.sign(margin).astype(np.int8)
+    return (
+        winner,
+        value,
+        margin,
+        meeting,
+        time_s,
+        pursuer_velocity,
+        run / time_s[:, None],
+        reason,
+    )
+
+
+def undisturbed_s(
+    calls: dict[str, Callable[[], object]], *, rounds: int = 150, inner: int = 20
+) -> dict[str, float]:
+    """Processor time of one call of each, in turns: the median of the fastest fifth, to exclude other load."""
+    took = {name: [] for name in calls}
+    for _ in range(rounds):
+        for name, call in calls.items():
+            for _ in range(inner):
+                started = time.thread_time_ns()
+                call()
+                took[name].append(time.thread_time_ns() - started)
+    return {
+        name: 1e-9 * np.median(sorted(times)[: len(times) // 5]) for name, times in took.items()
+    }
+
+
+def bench_short(count: int) -> None:
+    """A short batch beside plain NumPy that gives a caller the same outputs, and one that gives three of the eight."""
+    rng = np.random.default_rng(0)
+    states = rng.uniform(-30.0, 30.0, (3, count, 3))
+    states[1:, :, 2] = 0.0
+    print(f"batch of {count:,} states, the paper's game; plain NumPy checks nothing")
+    for kind, given, plain, whole in (
+        ("PE", states[:2], plain_pe, whole_pe),
+        ("TAD", states, plain_tad, whole_tad),
+    ):
+        answer = solve(GAME, *given)
+        for field, expected in zip(answer, whole(*given), strict=True):
+            np.testing.assert_allclose(field, expected, rtol=1e-9, atol=1e-9)
+        took = undisturbed_s(
+            {
+                "solve": lambda given=given: solve(GAME, *given),
+                "filled again": lambda given=given, answer=answer: solve(GAME, *given, out=answer),
+                "same": lambda given=given, whole=whole: whole(*given),
+                "three": lambda given=given, plain=plain: plain(*given),
+            }
+        )
+        same = took["same"] / took["solve"]
+        print(
+            f"  {kind:4} {took['solve'] * 1e6:6.1f} µs; plain NumPy with the same eight outputs "
+            f"{took['same'] * 1e6:6.1f} µs: {same:.2f} × its speed; required 1: {met(same >= 1.0)}"
+        )
+        print(
+            f"       with `out` {took['filled again'] * 1e6:6.1f} µs; plain NumPy with three outputs "
+            f"{took['three'] * 1e6:6.1f} µs: {took['three'] / took['solve']:.2f} × its speed, "
+            f"with `out` {took['three'] / took['filled again']:.2f} ×"
+        )
+
+
 def bench_batch(count: int) -> None:
     """Many states at a time, on one core."""
     rng = np.random.default_rng(0)
@@ -409,6 +504,7 @@ def main() -> None:
     bench_rollout(100_000 // share, 1_000, given.chunk)
     bench_standoff(2000)
     bench_tick()
+    bench_short(1000)
     bench_batch(1_000_000 // share)
     bench_zeros(1_000_000 // share)
     bench_teams(100_000 // share)
