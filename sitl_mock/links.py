@@ -204,7 +204,7 @@ class Link:
             self._log_stream.stop()
             ended = CommandAnswer(Result.ACCEPTED)
             return (CommandAnswer(Result.IN_PROGRESS), ended) if runs else (ended,)
-        if round(command.params[0]) != 0:
+        if not -1.5 < command.params[0] < 0.5:  # what PX4's cast rounds to 0: the format ULog
             return (CommandAnswer(Result.UNSUPPORTED),)
         if runs:
             return (CommandAnswer(Result.TEMPORARILY_REJECTED),)
