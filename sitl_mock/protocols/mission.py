@@ -25,6 +25,9 @@ ALL_KINDS: Final = 255
 ORDERS: Final = frozenset({2, 3})
 """Values of MISSION_ITEM.current that mean: fly there, or change the height."""
 
+_FLOAT_FRAMES: Final = {5: 0, 6: 3}
+"""Frames of a MISSION_ITEM instead of those of a MISSION_ITEM_INT."""
+
 Guide = Callable[[float, PlanItem], bool]
 SetCurrent = Callable[[float, int], list[Reply]]
 
@@ -144,7 +147,8 @@ class MissionProtocol:
             return [("MISSION_ITEM_INT", *partner, *item, kind)]
         self._note_old(message)
         x, y = (coordinate(value, item.frame) for value in (item.x, item.y))
-        return [("MISSION_ITEM", *partner, *item._replace(x=x, y=y), kind)]
+        frame = _FLOAT_FRAMES.get(item.frame, item.frame)
+        return [("MISSION_ITEM", *partner, *item._replace(frame=frame, x=x, y=y), kind)]
 
     def _clear(self, now_s: float, message: Message) -> list[Reply]:
         partner = source_of(message)

@@ -19,29 +19,18 @@ from sitl_mock.protocols.plan import (
     plan_fault,
 )
 from sitl_mock.protocols.session import Reply, source_of
+from sitl_mock.protocols.stored_items import (
+    ARDUPILOT_COMMANDS,
+    PX4_COMMANDS,
+    as_sent,
+    stored_by_ardupilot,
+    stored_by_px4,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from sitl_mock.mavlink import Message
-
-_PX4: Final = frozenset(
-    {
-        *(16, 17, 19, 20, 21, 22, 31, 82, 84, 85, 93, 112, 114, 115, 177, 178, 179, 181, 183),
-        *(184, 189, 195, 197, 201, 203, 205, 206, 211, 530, 531, 600),
-        *(1000, 2000, 2001, 2500, 2501, 4501),
-    }
-)
-
-_ARDUPILOT: Final = frozenset(
-    {
-        *(16, 17, 18, 19, 20, 21, 22, 30, 31, 82, 83, 84, 85, 92, 93, 94, 112, 114, 115),
-        *(177, 178, 179, 181, 182, 183, 184, 189, 191, 193, 194, 201, 202, 203, 205, 206, 207),
-        *(208, 210, 211, 212, 213, 215, 216, 217, 218, 222, 223, 531, 532, 534, 600, 601),
-        *(1000, 2000, 2001, 2500, 2501, 3000, 42600, 42702, 42703),
-    }
-)
-"""Mission commands that ArduCopter 4.5.7 stores, whether or not it can execute them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +49,8 @@ class MissionRules:
         any_radius: A fence circle's radius is not checked (PX4); else a plan with one of 0 or less is refused.
         warns_of_old: MISSION_ITEM and MISSION_REQUEST are answered with a warning, once for each kind of plan.
         deaf_in_download: MISSION_CLEAR_ALL is not answered while a client downloads.
+        stored: What is stored of a mission's item, or why it is refused.
+        keeps_part: The items before a refused one replace those of the old mission (ArduPilot).
         compares: An upload of the plan that is there changes nothing, and another mission does not start at its first
             item unless the client calls that one current (PX4).
     """
@@ -76,11 +67,14 @@ class MissionRules:
     warns_of_old: bool = False
     deaf_in_download: bool = False
     compares: bool = False
+    keeps_part: bool = False
+    stored: Callable[[PlanItem], PlanItem | MissionResult] = as_sent
 
 
 PX4_MISSION_RULES: Final = MissionRules(
     capacity={PlanKind.MISSION: 2000, PlanKind.FENCE: 64, PlanKind.RALLY: 32},
-    commands=_PX4,
+    commands=PX4_COMMANDS,
+    stored=stored_by_px4,
     partial=False,
     cancel_on_timeout=False,
     any_radius=True,
@@ -91,7 +85,9 @@ PX4_MISSION_RULES: Final = MissionRules(
 
 ARDUPILOT_MISSION_RULES: Final = MissionRules(
     capacity={PlanKind.MISSION: 724, PlanKind.FENCE: 84, PlanKind.RALLY: 12},
-    commands=_ARDUPILOT,
+    commands=ARDUPILOT_COMMANDS,
+    stored=stored_by_ardupilot,
+    keeps_part=True,
     partial=True,
     cancel_on_timeout=True,
     timeout_s=8.0,
@@ -200,17 +196,37 @@ class MissionUpload:
             if wrong:
                 return [acknowledge(partner, MissionResult.INVALID_SEQUENCE, transfer.kind)]
             return []
-        item = read_item(message)
-        fault = item_fault(transfer.kind, item, self._rules.commands)
-        if fault is not MissionResult.ACCEPTED:
+        item = self._checked(transfer.kind, read_item(message))
+        if isinstance(item, MissionResult):
             self._end()
-            return [acknowledge(partner, fault, transfer.kind)]
+            self._keep_part(transfer)
+            return [acknowledge(partner, item, transfer.kind)]
         transfer.items.append(item)
         return (
             self._ask(now_s, transfer)
             if transfer.wanted <= transfer.last
             else self._finish(transfer)
         )
+
+    def _checked(self, kind: PlanKind, item: PlanItem) -> PlanItem | MissionResult:
+        """Return what is stored of an item, or why it is refused."""
+        if kind is PlanKind.MISSION:
+            stored = self._rules.stored(item)
+        else:
+            stored = item
+        if isinstance(stored, MissionResult):
+            return stored
+        fault = item_fault(kind, stored, self._rules.commands)
+        return stored if fault is MissionResult.ACCEPTED else fault
+
+    def _keep_part(self, transfer: _Transfer) -> None:
+        """Store the items that came before a refused one, in a flavour that does."""
+        if not self._rules.keeps_part or transfer.kind is not PlanKind.MISSION:
+            return
+        new = (*transfer.head, *transfer.items)
+        old = self._plans.mission.items[len(new) : transfer.last + 1]
+        if new:
+            self._plans.set_plan(transfer.kind, (*new, *old, *transfer.tail))
 
     def _repeated(self, message: Message) -> list[Reply]:
         """Answer an item that nobody has requested; the last item of a finished upload: its answer was lost."""

@@ -11,7 +11,6 @@ from itertools import count
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import all as dialect
-from pymavlink.mavftp import MAVFTP
 
 from tests.witness.client import Client, enum_name, result_name
 
@@ -188,10 +187,19 @@ def unknown_parameter(client: Client) -> str:
 
 
 def mission_item(
-    client: Client, sequence: int, command: int, kind: int = MISSION, **more: Any
+    client: Client,
+    sequence: int,
+    command: int,
+    kind: int = MISSION,
+    odd: dict[str, Any] | None = None,
+    **more: Any,
 ) -> None:
-    """Send one item 100 m north of PX4's usual home."""
-    values = {"param1": 0.0, "frame": 6, "z": 20.0, "x": 473_986_000, "y": 85_455_940} | more
+    """Send one item 100 m north of PX4's usual home; as item 1 an odd one, if given."""
+    values = {"frame": 6, "z": 20.0, "x": 473_986_000, "y": 85_455_940} | more
+    parameters = (values.get("param1", 0.0), 0.0, 0.0, 0.0)
+    if odd is not None and sequence == 1:
+        values["frame"] = odd["frame"]
+        parameters = odd["parameters"]
     client.send.mission_item_int_send(
         client.system,
         1,
@@ -200,10 +208,7 @@ def mission_item(
         command,
         0,
         1,
-        values["param1"],
-        0.0,
-        0.0,
-        0.0,
+        *parameters,
         values["x"],
         values["y"],
         values["z"],
@@ -239,15 +244,21 @@ def uploaded(
 
 def downloaded(client: Client, kind: int = MISSION) -> list[int]:
     """Download a plan as a client should; return the commands of its items."""
+    return [-1 if item is None else item.command for item in items_of(client, kind)]
+
+
+def items_of(client: Client, kind: int = MISSION) -> list[Any | None]:
+    """Download a plan as a client should; return its items, None for one that did not come."""
     client.send.mission_request_list_send(client.system, 1, kind)
-    count = client.wait("MISSION_COUNT")
-    commands = []
-    for sequence in range(0 if count is None else count.count):
+    number = client.wait("MISSION_COUNT")
+    items = []
+    for sequence in range(0 if number is None else number.count):
         client.send.mission_request_int_send(client.system, 1, sequence, kind)
-        item = client.wait("MISSION_ITEM_INT", lambda m, sequence=sequence: m.seq == sequence)
-        commands.append(-1 if item is None else item.command)
+        items.append(
+            client.wait("MISSION_ITEM_INT", lambda m, sequence=sequence: m.seq == sequence)
+        )
     client.send.mission_ack_send(client.system, 1, 0, kind)
-    return commands
+    return items
 
 
 def cleared(client: Client, kind: int = MISSION) -> str:
@@ -290,6 +301,34 @@ def bad_fence(client: Client) -> str:
     result = uploaded(client, [corner, corner], FENCE, param1=2.0, frame=0, z=0.0)
     cleared(client, FENCE)
     return result
+
+
+ODD_ITEMS = (
+    {"command": 16, "frame": 0, "parameters": (1.5, 2.5, 3.5, -90.0)},
+    {"command": 17, "frame": 3, "parameters": (1.5, 2.5, -3.5, 400.0)},
+    {"command": 19, "frame": 6, "parameters": (1.5, 2.5, 3.5, 45.5)},
+    {"command": 21, "frame": 6, "parameters": (1.5, 2.5, 3.5, 45.5)},
+    {"command": 31, "frame": 6, "parameters": (1.5, -2.5, 3.5, 45.5)},
+    {"command": 177, "frame": 2, "parameters": (1.0, -1.0, 0.0, 0.0)},
+    {"command": 178, "frame": 2, "parameters": (1.0, 7.25, -1.0, 0.0)},
+)
+"""Items of which the autopilots keep a part."""
+
+
+@case("odd items, as they are downloaded: command, frame and parameters")
+def odd_items(client: Client) -> str:
+    words = []
+    for odd in ODD_ITEMS:
+        result = uploaded(client, [22, odd["command"]], odd=odd)
+        stored = items_of(client)[-1]
+        cleared(client)
+        if result != "accepted" or stored is None:
+            words.append(f"{odd['command']}: {result}")
+            continue
+        values = (stored.param1, stored.param2, stored.param3, stored.param4)
+        numbers = " ".join(f"{value:g}" for value in values)
+        words.append(f"{stored.command} ({stored.frame}): {numbers}")
+    return "; ".join(words)
 
 
 @case("an item that nobody asked for")
@@ -428,6 +467,10 @@ def system_files(client: Client) -> str:
 
 @case("MAVFTP: param.pck with defaults, GUID_TIMEOUT changed")
 def packed_defaults(client: Client) -> str:
+    from pymavlink.mavftp import (
+        MAVFTP,  # its import settles pymavlink's dialect, which the client sets
+    )
+
     client.set_parameter("GUID_TIMEOUT", 4.5, dialect.MAV_PARAM_TYPE_REAL32)
     content = file_content(client, b"@PARAM/param.pck?withdefaults=1")
     client.set_parameter("GUID_TIMEOUT", 3.0, dialect.MAV_PARAM_TYPE_REAL32)

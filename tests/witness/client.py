@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, Self
 
 os.environ["MAVLINK20"] = "1"  # before the import of mavutil, which otherwise speaks MAVLink 1
+os.environ["MAVLINK_DIALECT"] = "all"  # its default lacks LOGGING_DATA
 
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as dialect
