@@ -305,7 +305,7 @@ def _aligned(
     return (wanted[0] * shrink, wanted[1] * shrink), math.copysign(pace_1_s * high_m, wanted_d)
 
 
-def travel(  # noqa: PLR0914
+def travel(
     limits: TravelLimits, reference: Reference, setpoint: Setpoint, dt_s: float
 ) -> Reference:
     """Advance the reference by `dt_s` under a TRAVEL or BRAKE setpoint.
@@ -316,32 +316,14 @@ def travel(  # noqa: PLR0914
         setpoint: Of kind TRAVEL or BRAKE.
         dt_s: Length of the step.
     """
-    braking = setpoint.kind is Kind.BRAKE
-    accel = limits.brake_m_s2 if braking else limits.accel_m_s2
-    (p_n, p_e, p_d), (v_n, v_e, v_d), (a_n, a_e, a_d) = reference
-    to_n, to_e, to_d = setpoint.position_ned_m
-    along_n, along_e, along_d = ZERO if braking else zero_where_ignored(setpoint.velocity_ned_m_s)
-
-    if braking or math.isnan(to_n) or math.isnan(to_e):
-        wanted = (along_n, along_e)
+    position, (v_n, v_e, v_d), (a_n, a_e, a_d) = reference
+    accel = limits.accel_m_s2
+    wanted = (0.0, 0.0)
+    wanted_d = 0.0
+    if setpoint.kind is Kind.BRAKE:
+        accel = limits.brake_m_s2
     else:
-        cruise = _or(setpoint.speed_m_s, limits.speed_m_s)
-        wanted = approach_pair(
-            (to_n - p_n, to_e - p_e),
-            cruise,
-            accel,
-            approach_gain_1_s(accel, limits.jerk_m_s3, limits.settle_1_s),
-        )
-    if braking or math.isnan(to_d):
-        wanted_d = along_d
-    else:
-        climb = _or(setpoint.climb_m_s, limits.climb_m_s)
-        sink = _or(setpoint.sink_m_s, limits.sink_m_s)
-        gain_1_s = approach_gain_1_s(limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s)
-        wanted_d = approach_one(to_d - p_d, climb, sink, limits.accel_z_m_s2, gain_1_s)
-
-    if limits.straight and not braking:
-        wanted, wanted_d = _aligned(wanted, wanted_d, (to_n - p_n, to_e - p_e, to_d - p_d))
+        wanted, wanted_d = _towards(limits, position, setpoint)
     pair = shape_pair(
         wanted, (v_n, v_e), (a_n, a_e), (0.0, 0.0), accel, limits.jerk_m_s3, limits.settle_1_s, dt_s
     )
@@ -349,3 +331,29 @@ def travel(  # noqa: PLR0914
         wanted_d, v_d, a_d, 0.0, limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s, dt_s
     )
     return advance(reference, (*pair, down), dt_s)
+
+
+def _towards(
+    limits: TravelLimits, position: tuple[float, float, float], setpoint: Setpoint
+) -> tuple[tuple[float, float], float]:
+    """Return the velocity, level and down, towards a TRAVEL setpoint's position; its own where that is ignored."""
+    along_n, along_e, along_d = zero_where_ignored(setpoint.velocity_ned_m_s)
+    to_n = setpoint.position_ned_m[0] - position[0]
+    to_e = setpoint.position_ned_m[1] - position[1]
+    to_d = setpoint.position_ned_m[2] - position[2]
+    if math.isnan(to_n) or math.isnan(to_e):
+        wanted = (along_n, along_e)
+    else:
+        cruise = _or(setpoint.speed_m_s, limits.speed_m_s)
+        gain_1_s = approach_gain_1_s(limits.accel_m_s2, limits.jerk_m_s3, limits.settle_1_s)
+        wanted = approach_pair((to_n, to_e), cruise, limits.accel_m_s2, gain_1_s)
+    if math.isnan(to_d):
+        wanted_d = along_d
+    else:
+        climb = _or(setpoint.climb_m_s, limits.climb_m_s)
+        sink = _or(setpoint.sink_m_s, limits.sink_m_s)
+        gain_1_s = approach_gain_1_s(limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s)
+        wanted_d = approach_one(to_d, climb, sink, limits.accel_z_m_s2, gain_1_s)
+    if limits.straight:
+        return _aligned(wanted, wanted_d, (to_n, to_e, to_d))
+    return wanted, wanted_d

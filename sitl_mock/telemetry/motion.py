@@ -68,27 +68,31 @@ def global_position_int(report: Report) -> Fields:
     )
 
 
-def odometry(report: Report) -> Fields:  # noqa: PLR0914
+def _in_body_axes(
+    attitude_q: tuple[float, float, float, float], vector_ned: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Rotate a vector into the body's axes: forward, right, down."""
+    w, x, y, z = attitude_q
+    north, east, down = vector_ned
+    return (
+        (w * w + x * x - y * y - z * z) * north
+        + 2.0 * (x * y + w * z) * east
+        + 2.0 * (x * z - w * y) * down,
+        2.0 * (x * y - w * z) * north
+        + (w * w - x * x + y * y - z * z) * east
+        + 2.0 * (y * z + w * x) * down,
+        2.0 * (x * z + w * y) * north
+        + 2.0 * (y * z - w * x) * east
+        + (w * w - x * x - y * y + z * z) * down,
+    )
+
+
+def odometry(report: Report) -> Fields:
     """ODOMETRY: position in the local frame, velocity in the body's."""
     state = report.state
-    roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = state.attitude
-    w, x, y, z = attitude_q = quaternion_of(roll, pitch, yaw)
-    v_n, v_e, v_d = state.velocity_m_s
-    forward = (
-        (w * w + x * x - y * y - z * z) * v_n
-        + 2.0 * (x * y + w * z) * v_e
-        + 2.0 * (x * z - w * y) * v_d
-    )
-    right = (
-        2.0 * (x * y - w * z) * v_n
-        + (w * w - x * x + y * y - z * z) * v_e
-        + 2.0 * (y * z + w * x) * v_d
-    )
-    down = (
-        2.0 * (x * z + w * y) * v_n
-        + 2.0 * (y * z - w * x) * v_e
-        + (w * w - x * x - y * y + z * z) * v_d
-    )
+    roll, pitch, yaw, *rates = state.attitude
+    attitude_q = quaternion_of(roll, pitch, yaw)
+    velocity_frd_m_s = _in_body_axes(attitude_q, state.velocity_m_s)
     estimator = state.estimator
     return (
         report.boot_us,
@@ -96,12 +100,8 @@ def odometry(report: Report) -> Fields:  # noqa: PLR0914
         _BODY_FRD,
         *state.position_m,
         attitude_q,
-        forward,
-        right,
-        down,
-        roll_rate,
-        pitch_rate,
-        yaw_rate,
+        *velocity_frd_m_s,
+        *rates,
         _UNKNOWN_COVARIANCE,
         _UNKNOWN_COVARIANCE,
         estimator.reset_counter,

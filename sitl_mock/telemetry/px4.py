@@ -2,7 +2,7 @@
 
 import math
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, Final
@@ -42,25 +42,25 @@ _NO_TIME_2019_S: Final = 2748666496
 _AUTOMATIC: Final = frozenset({"HOLD", "TAKEOFF", "MISSION", "RTL", "LAND", "PRECLAND"})
 
 
-def attitude(report: Report) -> Fields:  # noqa: PLR0914
+def attitude(report: Report) -> Fields:
     """ATTITUDE; on the ground with the sensors' noise."""
     state = report.state
     sensors = state.sensors
-    lean = sensors.noise.attitude_sd_rad
-    spin = sensors.noise.gyro_sd_rad_s
-    if not (lean and state.body.on_ground):
+    lean_rad = sensors.noise.attitude_sd_rad
+    if not (lean_rad and state.body.on_ground):
         return (report.boot_ms, *state.attitude)
-    roll, pitch, yaw, p, q, r = state.attitude
-    n_0, n_1, n_2, n_3, n_4, n_5 = sensors.normals(6)
-    return (
-        report.boot_ms,
-        roll + lean * n_0,
-        pitch + lean * n_1,
-        yaw + 3.0 * lean * n_2,
-        p + spin * n_3,
-        q + spin * n_4,
-        r + spin * n_5,
-    )
+    normals = sensors.normals(6)
+    angles = _scattered(state.attitude[:3], (lean_rad, lean_rad, 3.0 * lean_rad), normals[:3])
+    spin_rad_s = sensors.noise.gyro_sd_rad_s
+    rates = _scattered(state.attitude[3:], (spin_rad_s,) * 3, normals[3:])
+    return (report.boot_ms, *angles, *rates)
+
+
+def _scattered(
+    values: Sequence[float], sds: Sequence[float], normals: Sequence[float]
+) -> list[float]:
+    """Add noise of the given standard deviations to values."""
+    return [value + sd * normal for value, sd, normal in zip(values, sds, normals, strict=True)]
 
 
 def odometry(report: Report) -> Fields:
@@ -179,30 +179,22 @@ def position_target_global_int(report: Report) -> Fields | None:
     return (report.boot_ms, _GLOBAL_INT, 0, *position, *moving, setpoint.yaw_rad, 0.0)
 
 
-def highres_imu(report: Report) -> Fields:  # noqa: PLR0914
+def highres_imu(report: Report) -> Fields:
     """HIGHRES_IMU: specific force, rates, field and pressure with the sensors' noise."""
     state = report.state
     sensors = state.sensors
     noise = sensors.noise
-    s_0, s_1, s_2, s_3, s_4, s_5, s_6, s_7, s_8 = sensors.scatter()
-    m_n, m_e, m_d = _FIELD_GAUSS
+    scatter = sensors.scatter()
     push = -(GRAVITY_M_S2 if state.body.on_ground else state.body.thrust_m_s2)
-    a_sd = noise.accelerometer_sd_m_s2
-    w_sd = noise.gyro_sd_rad_s
-    m_sd = noise.magnetometer_sd_gauss
-    _, _, _, p, q, r = state.attitude
+    force_sd = noise.accelerometer_sd_m_s2
     height = state.frame.origin[2] - sensors.barometer_down_m
     return (
         report.boot_us,
-        a_sd * s_0,
-        a_sd * s_1,
-        push + a_sd * s_2,
-        p + w_sd * s_3,
-        q + w_sd * s_4,
-        r + w_sd * s_5,
-        m_n + m_sd * s_6,
-        m_e + m_sd * s_7,
-        m_d + m_sd * s_8,
+        force_sd * scatter[0],
+        force_sd * scatter[1],
+        push + force_sd * scatter[2],
+        *_scattered(state.attitude[3:], (noise.gyro_sd_rad_s,) * 3, scatter[3:6]),
+        *_scattered(_FIELD_GAUSS, (noise.magnetometer_sd_gauss,) * 3, scatter[6:]),
         pressure_hpa(height),
         0.0,
         height,
