@@ -50,8 +50,12 @@ _NAMES: Final[dict[Any, tuple[str, ...]]] = {}
 
 def exchanged(record: Record, **values: object) -> Record:
     """Return a record with other values, without checking them."""
-    copy: Record = object.__new__(type(record))
-    for name in names_of(record):
+    kind = type(record)
+    names = _NAMES.get(kind)
+    if names is None:
+        names = names_of(record)
+    copy: Record = object.__new__(kind)
+    for name in names:
         object.__setattr__(copy, name, values[name] if name in values else getattr(record, name))
     return copy
 

@@ -4,9 +4,10 @@ With `--named` it counts the three walks of calls in docs/architecture.md: hops,
 
 A daemon on a UDP socket flies a mock in virtual time until the game runs. Then one cycle receives a single
 LOCAL_POSITION_NED, and all calls of functions in `guidance` are counted, from `Daemon.step` to the setpoint's datagram.
-It prints the numbers of calls, functions, lines of code, files, and changes of file between calls, with and without the
-game's closed form (`guidance.game`). `--list` prints the calls in order, indented by depth. Comprehensions do not
-count, because newer Pythons inline them; resumed generators do not count either.
+It prints the numbers of calls, functions, lines of code, files, and changes of file between calls: of all calls,
+without the game's closed form (`guidance.game`), and without sums, products and lengths of vectors. `--list` prints the
+calls in order, indented by depth. Comprehensions do not count, because newer Pythons inline them; resumed generators do
+not count either.
 """
 
 import argparse
@@ -37,6 +38,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "architecture.md"
 ROOT = str(Path(guidance.__file__).parent)
 ENGAGED_S = 4.0
 LOCAL_POSITION_NED = 32
+VECTORS = ("_Vector.", "Ned.", "Enu.")
+"""Classes of `guidance.frames` whose methods are sums, products and lengths."""
 INLINED = {"<listcomp>", "<setcomp>", "<dictcomp>", "<genexpr>"}
 
 
@@ -214,8 +217,11 @@ def main() -> None:
             print(f"{'  ' * call.depth}{call.function}  ({call.file})")
         for file, calls in Counter(call.file for call in walked.calls).most_common():
             print(f"{calls:4d}  {file}")
+    print(summary(walked.calls))
     beside = [call for call in walked.calls if not call.file.startswith("game/")]
-    print(f"{summary(walked.calls)}; beside the game's closed form {summary(beside)}")
+    print(f"beside the game's closed form: {summary(beside)}")
+    plain = [call for call in walked.calls if not call.function.startswith(VECTORS)]
+    print(f"beside the arithmetic of vectors: {summary(plain)}")
 
 
 if __name__ == "__main__":
