@@ -236,7 +236,10 @@ class Autopilot:
         replies: list[Reply] = []
         everywhere: list[Reply] = [("MISSION_ITEM_REACHED", seq) for seq in reached]
         for severity, text in texts:
-            replies += self._status_texts.replies(severity, text)
+            sent = text
+            if self.flavour.text_as_sent is not None:
+                sent = self.flavour.text_as_sent(text)
+            replies += self._status_texts.replies(severity, sent)
             self.recorder.say(self.report, severity, text)
             event = (
                 self.flavour.event_of(severity, text) if self.flavour.event_of is not None else None

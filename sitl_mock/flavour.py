@@ -153,6 +153,7 @@ class Flavour:
         ground_wander: Size of the estimator's error on the ground; None where it rests.
         ready_s: From boot until it can be armed.
         texts: Whether links send STATUSTEXT; None: only links with a ground station's heartbeats.
+        text_as_sent: A text as it is sent; None: as it is.
         event_of: The event for a severity and a text, in a flavour with events.
         own_id_only: Protocols that ignore messages to system 0.
         broadcast: Commands accepted when sent to system 0; None for all.
@@ -189,6 +190,7 @@ class Flavour:
     broadcast: frozenset[int] | None = None
     sensors: SensorNoise = EXACT
     ground_wander: Wander | None = None
+    text_as_sent: Callable[[str], str] | None = None
     event_of: Callable[[int, str], tuple[int, int, bytes] | None] | None = None
     ground_vehicle: bool = False
     fix_type: int = 3

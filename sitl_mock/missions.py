@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from sitl_mock.protocols import PlanItem, PlanStore
-from sitl_mock.vehicle_state import VehicleState
+from sitl_mock.vehicle_state import Severity, VehicleState
 from sitl_mock.world import LocalFrame, Vector
 
 WAYPOINT: Final = 16
@@ -109,6 +109,7 @@ class MissionFlight:
         ends_for_good: A finished mission has no present item until it is replaced, an item is chosen, or the vehicle
             has been disarmed (PX4); else it starts again at its first item.
         begun: It has been started since the mode or arming began.
+        landing_told: Its end by a landing has been reported (PX4).
         valid: There is a mission, and it passed the checks after its upload (PX4).
         clocked: Positions count as reached at `due_s`, according to the planned motion, and LOITER_TURNS is flown
             (ArduCopter).
@@ -128,6 +129,7 @@ class MissionFlight:
     climbs_first: bool = False
     ends_for_good: bool = False
     begun: bool = False
+    landing_told: bool = False
     valid: bool = False
     clocked: bool = False
     conditions: bool = False
@@ -209,6 +211,7 @@ class MissionFlight:
         self._revision = revision
         self._flown_revision = revision
         self._rested = False
+        self.landing_told = False
         self.over = ""
         self._forget_progress()
         self._stay = None
@@ -337,6 +340,8 @@ class MissionFlight:
                 self._climb = Leg(
                     (north, east, down_m), speed_m_s=self.speed_m_s, taking_off=state.on_ground
                 )
+                home_m = state.home_m[2] if state.home_m else 0.0
+                state.say(Severity.INFO, f"Climb to {home_m - down_m:.1f} meters above home")
         climb = self._climb
         if (
             climb is not None

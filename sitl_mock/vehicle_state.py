@@ -19,6 +19,8 @@ from sitl_mock.world import LocalFrame, Vector
 _FULL_V = 4.05
 _EMPTY_V = 3.6
 _CELLS = 4
+_CHARGE_LAG_S = 1.0
+_RESTORED = 1e-3
 LEAST = 0.5
 """Flying does not drain the battery below this (SIM_BAT_MIN_PCT), so that long tests do not end in failsafes."""
 
@@ -32,24 +34,40 @@ class Battery:
         current_a: Present current.
         consumed_mah: Charge taken since start.
         capacity_mah: Full charge.
+        failed: It has been emptied by an injected failure.
     """
 
     remaining: float = 1.0
     current_a: float = 0.0
     consumed_mah: float = 0.0
     capacity_mah: float = 5000.0
+    failed: bool = False
+    _before: float | None = None
 
     def advance(self, dt_s: float, thrust_share: float) -> None:
         """Drain for dt_s at a share of hover thrust (0: motors off)."""
         self.current_a = 0.4 + 14.0 * thrust_share
         used_mah = self.current_a * dt_s / 3.6
         self.consumed_mah += used_mah
-        if self.remaining > LEAST:
+        if self.failed or self._before is not None:
+            self._fail(dt_s)
+        elif self.remaining > LEAST:
             self.remaining = max(LEAST, self.remaining - used_mah / self.capacity_mah)
+
+    def _fail(self, dt_s: float) -> None:
+        """Move the reported charge to 0, or back to what it was; it follows the voltage with a lag (measured)."""
+        if self._before is None:
+            self._before = self.remaining
+        goal = 0.0 if self.failed else self._before
+        self.remaining += (goal - self.remaining) * min(dt_s / _CHARGE_LAG_S, 1.0)
+        if not self.failed and abs(self.remaining - goal) < _RESTORED:
+            self._before = None
 
     @property
     def voltage_v(self) -> float:
         """Voltage of the pack."""
+        if self.failed:
+            return _CELLS * _EMPTY_V
         return _CELLS * (_EMPTY_V + (_FULL_V - _EMPTY_V) * self.remaining)
 
     @property

@@ -15,11 +15,12 @@ from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Need
 from sitl_mock.px4 import flying, offboard, safety
 from sitl_mock.px4.calibration import Calibration
+from sitl_mock.px4.failures import MotorFailures
 from sitl_mock.px4.ground import LANDED_S, HomeKeeper, LandDetector
 from sitl_mock.px4.maneuvers import Follow
-from sitl_mock.px4.modes import AFTER, BY_NAME, MANUAL_MODES, NotAMode, requested_mode
+from sitl_mock.px4.modes import AFTER, BY_NAME, MANUAL_MODES, TITLES, NotAMode, requested_mode
 from sitl_mock.px4.offboard import BodyRates, read_attitude
-from sitl_mock.px4.safety import MODE_OF, Action, Failsafes
+from sitl_mock.px4.safety import MODE_OF, TEXTS, Action, Failsafes
 from sitl_mock.vehicle_state import Landed, Severity, VehicleState
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
 
 CHECK_S: Final = 0.1
+_REPORTED_AGAIN_S: Final = 1.0
 _SEVERITY_OF_MODE: Final = {"HOLD": 2, "RTL": 3, "LAND": 4, "DESCEND": 4, "TERMINATION": 6}
 _STOPPED: Final = Setpoint(Kind.STOPPED)
 _OVERRIDE_SPEED: Final = "MAN_OVERRIDE_SPD"
@@ -55,7 +57,7 @@ class Px4:
         self._execute = execute
         self._fly = fly
         self.plans = plans
-        self.charge_before: float | None = None
+        self.failures = MotorFailures(int(state.parameters["SYS_FAILURE_EN"]) == 1)
         self.mission = MissionFlight(plans, climbs_first=True, ends_for_good=True)
         self.failsafes = Failsafes()
         self.home = HomeKeeper()
@@ -69,6 +71,8 @@ class Px4:
         self.in_failsafe = False
         self.pilot_counts = False
         self._check_s = -math.inf
+        self._refused_s = -math.inf
+        self._delays = False
         self.calibration = Calibration()
         self._sticks_known = False
         self.ground = LandDetector()
@@ -135,7 +139,7 @@ class Px4:
             if mode is NotAMode.REFUSED:
                 self.state.say(Severity.CRITICAL, "Unsupported auto mode")
             return mode is NotAMode.IGNORED
-        return self.request(now_s, mode)
+        return self.request(now_s, mode, is_told=False)
 
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
         """Take a setpoint: proof of life in every mode, flown in OFFBOARD only."""
@@ -161,15 +165,20 @@ class Px4:
         """Take the pilot's mode switch."""
         self.request(now_s, mode)
 
-    def request(self, now_s: float, mode: str) -> bool:
-        """Request a mode: always granted while disarmed, otherwise only if it can run."""
+    def request(self, now_s: float, mode: str, *, is_told: bool = True) -> bool:
+        """Request a mode: always granted while disarmed, otherwise only if it can run.
+
+        Args:
+            now_s: The present time.
+            mode: Its name.
+            is_told: A refusal has a text; DO_SET_MODE has an answer only.
+        """
         if self.mode == "TERMINATION":
             return False
         self.look()
         if self.state.armed and mode != "LAND" and not self.can_run(mode):
-            self.state.say(
-                Severity.CRITICAL, f"Switching to {mode.capitalize()} is currently not available"
-            )
+            if is_told:
+                self._say_unavailable(now_s, mode)
             return False
         self.intention = mode
         self.state.pilot.settle()
@@ -178,6 +187,14 @@ class Px4:
         self.enter(mode)
         self._check_s = now_s
         return True
+
+    def _say_unavailable(self, now_s: float, mode: str) -> None:
+        """Report a refused mode, at most once a second."""
+        if now_s > self._refused_s + _REPORTED_AGAIN_S:
+            self._refused_s = now_s
+            name = TITLES.get(mode, mode.replace("_", " ").title())
+            text = f"Switching to {name} is currently not available"
+            self.state.say(Severity.CRITICAL, text)
 
     def look(self) -> None:
         """Check a new mission, and which needs are met now."""
@@ -252,7 +269,8 @@ class Px4:
             state.parameters,
         )
         for name in new:
-            state.say(Severity.WARNING, f"Failsafe: {name}")
+            if name in TEXTS:
+                state.say(*TEXTS[name])
         if action is Action.DISARM:
             self.disarm()
             return
@@ -274,9 +292,15 @@ class Px4:
             self.disarm()
             return
         failing = mode != self.intention or action >= Action.HOLD
-        if failing and not self.in_failsafe:
-            self.state.say(Severity.CRITICAL, "Failsafe activated")
+        delays = self.failsafes.delays
+        if failing and (not self.in_failsafe or (self._delays and not delays)):
+            text = "Failsafe activated"
+            if delays:
+                wait_s = int(self.state.parameters["COM_FAIL_ACT_T"])
+                text += f": entering Hold for {wait_s} seconds"
+            self.state.say(Severity.CRITICAL, text)
         self.in_failsafe = failing
+        self._delays = delays
         self.enter(mode)
 
     def _runnable(self, mode: str) -> str:
@@ -343,7 +367,15 @@ class Px4:
         granted = self.request(now_s, "TAKEOFF")
         if granted and self.mode == "TAKEOFF":
             self.plan.height_m = self._takeoff_down_m()
+            if self.state.armed:
+                self.say_default_height()
         return granted
+
+    def say_default_height(self) -> None:
+        """Report a take-off for which nobody gave a height."""
+        if math.isnan(self._takeoff_height_m):
+            height_m = float(self.state.parameters["MIS_TAKEOFF_ALT"])
+            self.state.say(Severity.INFO, f"Using default takeoff altitude: {height_m:.1f} m")
 
     def disarm(self) -> None:
         """Stop the motors; a finished take-off or landing becomes Hold, other intentions stay."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.missions import violated
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
-from sitl_mock.px4 import safety
+from sitl_mock.px4 import failures, safety
 from sitl_mock.px4.maneuvers import Orbit
 from sitl_mock.px4.modes import BY_NAME, requested_mode
 from sitl_mock.vehicle_state import Severity
@@ -186,7 +186,7 @@ def _arm(px4: Px4, _now_s: float, command: Command) -> Answers:
     if not state.armed:
         return ACCEPTED
     if not state.on_ground and force != FORCE_MAGIC:
-        state.say(Severity.CRITICAL, "Disarming denied! Not landed")
+        state.say(Severity.CRITICAL, "Disarming denied: not landed")
         return REFUSED
     px4.disarm()
     state.say(Severity.INFO, "Disarmed by external command")
@@ -205,12 +205,15 @@ def _arm_now(px4: Px4, by: str = "external command") -> Answers:
     if reasons:
         state.say(Severity.CRITICAL, "Arming denied: Resolve system health failures first")
         for reason in reasons:
-            state.say(Severity.CRITICAL, reason)
+            if not reason.startswith("Mode "):
+                state.say(Severity.CRITICAL, reason)
         return REFUSED
     state.arm()
     px4.home.arm(state, in_mission=px4.mode == "MISSION")
     state.pilot.settle()
     state.say(Severity.INFO, f"Armed by {by}")
+    if px4.mode == "TAKEOFF":
+        px4.say_default_height()
     return ACCEPTED
 
 
@@ -274,12 +277,10 @@ def _terminate(px4: Px4, _now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
-def _reboot(px4: Px4, _now_s: float, command: Command) -> Answers:
-    if px4.state.armed:
-        return REFUSED
-    if command.params[0] in {1.0, 3.0}:
-        px4.state.conditions.put("reboot", value=True)
-    return ACCEPTED
+def _reboot(_px4: Px4, _now_s: float, command: Command) -> Answers:
+    """PREFLIGHT_REBOOT_SHUTDOWN: the simulator cannot restart itself, so all but "do nothing" is denied (measured)."""
+    first = command.params[0]
+    return ACCEPTED if math.isfinite(first) and int(first) == 0 else DENIED
 
 
 def _storage(px4: Px4, _now_s: float, command: Command) -> Answers:
@@ -307,29 +308,22 @@ _KEPT_BY_RESET: Final[Mapping[int, re.Pattern[str]]] = {
 """Parameters that a reset keeps, by the command's first parameter."""
 
 
-_BATTERY = 100  # FAILURE_UNIT
-_WORKING = 0
-_OFF = 1  # FAILURE_TYPE
-_EMPTY = 0.0
-
-
 def _inject_failure(px4: Px4, _now_s: float, command: Command) -> Answers:
-    """INJECT_FAILURE with SYS_FAILURE_EN, as SIH answers: it can empty the battery, and is silent on other units."""
-    state = px4.state
-    if not int(state.parameters["SYS_FAILURE_EN"]):
+    """INJECT_FAILURE with SYS_FAILURE_EN: of all units and types SIH takes those of the battery and the motors."""
+    if not int(px4.state.parameters["SYS_FAILURE_EN"]):
         return DENIED
-    unit, kind, instance = command.params[:3]
-    if unit != _BATTERY or kind not in {_WORKING, _OFF}:
+    if not all(math.isfinite(value) for value in command.params[:3]):
         return SILENCE
-    if instance != 0.0:
-        return UNSUPPORTED
-    if kind == _OFF and px4.charge_before is None:
-        px4.charge_before = state.battery.remaining
-        state.conditions.put("battery", _EMPTY)
-    if kind == _WORKING and px4.charge_before is not None:
-        state.conditions.put("battery", px4.charge_before)
-        px4.charge_before = None
-    return ACCEPTED
+    unit, kind, instance = (math.trunc(value + 0.5) for value in command.params[:3])
+    if unit == failures.BATTERY:
+        answer = failures.fail_battery(px4.state, kind, instance)
+    elif unit == failures.MOTOR and px4.failures.fails_motors:
+        answer = px4.failures.fail_motor(px4.state, kind, instance)
+    else:
+        answer = None
+    if answer is None:
+        return SILENCE
+    return ACCEPTED if answer else UNSUPPORTED
 
 
 def _calibrate(px4: Px4, now_s: float, command: Command) -> Answers:

@@ -43,7 +43,7 @@ _NAMES: Final[Mapping[str, tuple[str, bytes]]] = MappingProxyType(
             "commander_arm_denied_resolve_failures",
             b"",
         ),
-        "Disarming denied! Not landed": ("commander_disarm_denied_not_landed", b""),
+        "Disarming denied: not landed": ("commander_disarm_denied_not_landed", b""),
         "Mission start denied! No valid mission": (
             "commander_mission_start_denied_no_mission",
             b"",
@@ -55,8 +55,22 @@ _NAMES: Final[Mapping[str, tuple[str, bytes]]] = MappingProxyType(
         "Executing Mission": ("mission_execute", b""),
         "Mission finished, loitering": ("mission_finished_loiter", b""),
         "Pilot took over using sticks": ("commander_rc_override", b""),
+        "Mission finished, landed": ("mission_finished", b""),
+        "RTL: land at destination": ("rtl_land_at_destination", b""),
     }
 )
+_WITH_ARGUMENTS: Final = (
+    *("RTL: ", "Climb to ", "Switching to ", "Failsafe activated", "Using default takeoff"),
+    *("No valid mission", "Connection to ", "Low battery", "Critical battery", "Emergency battery"),
+    *("Arming denied: ", "SET_POSITION_TARGET_", "SET_ATTITUDE_TARGET"),
+)
+"""Beginnings of texts beside events that this table does not have."""
+
+
+def as_sent(text: str) -> str:
+    """Return a text as it is sent: PX4 ends it with a tab if an event says the same, so clients show only one."""
+    is_event_too = text in _NAMES or text.startswith(_WITH_ARGUMENTS)
+    return f"{text}\t" if is_event_too else text
 
 
 def event_of(severity: int, text: str) -> Event | None:

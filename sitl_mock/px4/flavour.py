@@ -36,7 +36,7 @@ from sitl_mock.protocols import (
 )
 from sitl_mock.px4.commander import Px4
 from sitl_mock.px4.commands import execute
-from sitl_mock.px4.events import event_of
+from sitl_mock.px4.events import as_sent, event_of
 from sitl_mock.px4.flight_log import Px4FlightLog
 from sitl_mock.px4.modes import MODES
 from sitl_mock.px4.shell import run
@@ -147,6 +147,7 @@ PX4: Final = Flavour(
     wander=PX4_WANDER,
     ready_s=5.0,
     texts=None,
+    text_as_sent=as_sent,
     event_of=event_of,
     files=files_of,
     own_id_only=PX4_OWN_ID_ONLY,

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.px4.maneuvers import Follow, Orbit
-from sitl_mock.vehicle_state import VehicleState
+from sitl_mock.vehicle_state import Severity, VehicleState
 from sitl_mock.world import Vector
 
 _NAN = math.nan
@@ -132,12 +132,17 @@ def return_home(state: VehicleState, plan: ModePlan) -> Setpoint:
         plan.stage = "climb"
         plan.height_m = _return_height(state, home, plan)
         plan.goal_m = home
+        amsl_m = math.ceil(state.frame.origin.alt_amsl_m - plan.height_m)
+        above_m = math.ceil(home[2] - plan.height_m)
+        text = f"RTL: start return at {amsl_m} m ({above_m} m above destination)"
+        state.say(Severity.INFO, text)
     home = plan.goal_m
     north, east, down = state.position_m
     away_m = math.hypot(north - home[0], east - home[1])
     if plan.stage == "climb" and down - plan.height_m < _HEIGHT_REACHED_M:
         plan.stage = "return"
     if plan.stage == "return" and away_m < _PLACE_REACHED_M:
+        state.say(Severity.INFO, "RTL: land at destination")
         plan.stage = "land"  # RTL_LAND_DELAY 0: without a stop at RTL_DESCEND_ALT
         plan.yaw_rad = state.home_attitude.yaw_rad
     return _RETURN[plan.stage](state, plan)

@@ -174,6 +174,11 @@ _COURSE_M_S: Final = 1.0
 _LEVEL_M: Final = 3.0
 """Nearer than this to its height the vehicle moves sideways."""
 _FACING_M: Final = 1.0
+_SAFE_M: Final = 1.0
+"""MINIMUM_SAFETY_ALTITUDE: PX4 climbs below it and descends above it, many times a second, and so follows at it."""
+_CLEAR_M: Final = 0.5
+"""Nearer than this to the ground the vehicle only climbs."""
+_ASCENT_M_S: Final = 0.5
 _TRACKED: Final = 2
 """FLW_TGT_ALT_M: height above the target itself."""
 
@@ -247,6 +252,9 @@ class Follow:
         to_n = target[0] - state.position_m[0]
         to_e = target[1] - state.position_m[1]
         yaw = math.atan2(to_e, to_n) if math.hypot(to_n, to_e) > _FACING_M else state.yaw_rad
+        down = min(down, state.ground_m - _SAFE_M)
+        if state.ground_m - state.position_m[2] < _CLEAR_M:
+            return Setpoint(Kind.STREAM, velocity_ned_m_s=(0.0, 0.0, -_ASCENT_M_S), yaw_rad=yaw)
         if abs(down - state.position_m[2]) >= _LEVEL_M:
             return Setpoint(
                 Kind.TRAVEL, (state.position_m[0], state.position_m[1], down), yaw_rad=yaw

@@ -99,7 +99,7 @@ MODES: Final = ModeTable(
             _AUTO_MODE,
             "descends without a position",
         ),
-        Mode("FOLLOW", _number(4, 8), _POSITION, False, _AUTO_MODE, "follows FOLLOW_TARGET"),
+        Mode("FOLLOW", _number(4, 8), _POSITION, False, _LEVELLED, "follows FOLLOW_TARGET"),
         Mode(
             "PRECLAND",
             _number(4, 9),
@@ -217,6 +217,16 @@ _SLOW_SUB = 2
 _MISSION_SUB = 4
 _WITHOUT_SUB: Final = frozenset({1, 2, 5, 6, 7, 11})
 """Main modes without sub-modes."""
+
+
+TITLES: Final = {
+    "ALTCTL": "Altitude",
+    "POSCTL": "Position",
+    "RTL": "Return",
+    "FOLLOW": "Follow Target",
+    "PRECLAND": "Precision Landing",
+}
+"""Names in PX4's texts, where they are not those of the table."""
 
 
 class NotAMode(Enum):

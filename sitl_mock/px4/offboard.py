@@ -16,8 +16,8 @@ from sitl_mock.dynamics.values import GRAVITY_M_S2, maker_of, quaternion_of, rot
 from sitl_mock.setpoints import (
     BODY_NED,
     FORCE,
-    GLOBAL_FRAMES,
     IGNORE_ACCELERATION,
+    IGNORE_POSITION,
     IGNORE_VELOCITY,
     LOCAL_NED,
     Target,
@@ -30,6 +30,8 @@ from sitl_mock.vehicle_state import VehicleState
 from sitl_mock.world import Vector
 
 _STREAM: Final = Kind.STREAM
+_ABOVE_TERRAIN: Final = 11
+_GLOBAL_FRAMES: Final = frozenset({5, 6, _ABOVE_TERRAIN})
 STAND: Final = Setpoint(Kind.BRAKE)
 _UNSET: Final = STAND[6:]
 _setpoint = maker_of(Setpoint)
@@ -38,19 +40,36 @@ _setpoint = maker_of(Setpoint)
 def read(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
     """Return the setpoint in a message, or the text that refuses it."""
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
-        target = read_global(message, state.frame, state.home_m)
-        return _judged(
-            state, target, "SET_POSITION_TARGET_GLOBAL_INT", target.frame in GLOBAL_FRAMES
-        )
+        return _read_global(state, message)
     target = read_local(message)
-    return _judged(
-        state, target, "SET_POSITION_TARGET_LOCAL_NED", target.frame in {LOCAL_NED, BODY_NED}
-    )
+    if target.frame not in {LOCAL_NED, BODY_NED}:
+        return f"SET_POSITION_TARGET_LOCAL_NED coordinate frame {target.frame} unsupported"
+    return _judged(state, target, "SET_POSITION_TARGET_LOCAL_NED")
 
 
-def _judged(state: VehicleState, target: Target, name: str, frame_known: bool) -> Setpoint | str:
-    if not frame_known:
-        return f"{name} coordinate frame {target.frame} unsupported"
+def _read_global(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: ANN401 - as above
+    """Read SET_POSITION_TARGET_GLOBAL_INT.
+
+    A relative height has the sign of home's height above the local frame's origin wrong: 12 m above a home that is 4 m
+    above the origin is flown as 8 m above the origin, not 16 m (measured). A position needs all its axes, and only with
+    one does the frame matter.
+    """
+    name = "SET_POSITION_TARGET_GLOBAL_INT"
+    home_m = state.home_m
+    if home_m is not None:
+        home_m = (home_m[0], home_m[1], -home_m[2])
+    target = read_global(message, state.frame, home_m)
+    if target.type_mask & IGNORE_POSITION:
+        return _judged(state, target._replace(position_m=IGNORED), name)
+    if target.frame not in _GLOBAL_FRAMES:
+        return f"{name} invalid coordinate frame {target.frame}"
+    if target.frame == _ABOVE_TERRAIN:
+        north, east, _ = target.position_m
+        target = target._replace(position_m=(north, east, state.ground_m - message.alt))
+    return _judged(state, target, name)
+
+
+def _judged(state: VehicleState, target: Target, name: str) -> Setpoint | str:
     frame, mask, position, velocity, acceleration, yaw_rad, yaw_rate_rad_s = target
     alone = position is IGNORED and acceleration is IGNORED and frame != BODY_NED
     if alone and math.isfinite(velocity[0] + velocity[1] + velocity[2]):  # the usual case

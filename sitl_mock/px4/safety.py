@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from sitl_mock.missions import violated
 from sitl_mock.modes import Mode, Need
 from sitl_mock.protocols import PlanStore
-from sitl_mock.vehicle_state import VehicleState
+from sitl_mock.vehicle_state import Severity, VehicleState
 
 
 class Action(IntEnum):
@@ -99,24 +99,41 @@ TRIGGERS: Final = (
 )
 
 
+TEXTS: Final[Mapping[str, tuple[Severity, str]]] = {
+    "ground station lost": (Severity.INFO, "Connection to ground station lost"),
+    "geofence violated": (Severity.CRITICAL, "Geofence: approaching or outside geofence"),
+    "onboard computer lost": (Severity.CRITICAL, "Connection to mission computer lost"),
+    "battery low": (Severity.CRITICAL, "Low battery"),
+    "battery critical": (Severity.CRITICAL, "Critical battery"),
+    "battery emergency": (Severity.EMERGENCY, "Emergency battery level"),
+}
+"""PX4's texts for triggers; a lost radio has none."""
+
+
 @dataclass(slots=True)
 class Failsafes:
     """Active failsafe triggers.
 
     Attributes:
+        delays: A more severe action than Hold waits for COM_FAIL_ACT_T, which counts from the first one.
         since_s: Active triggers and when they became active.
         overridden: Triggers that a mode change has cancelled until they occur again.
     """
 
+    delays: bool = False
     since_s: dict[str, float] = field(default_factory=dict)
     overridden: set[str] = field(default_factory=set)
+    _delayed_s: float = math.inf
 
     def update(
         self, now_s: float, wrong: frozenset[str], parameters: Mapping[str, int | float]
     ) -> tuple[Action, tuple[str, ...]]:
         """Take the present faults; return the action and the names of new triggers."""
         self.overridden &= wrong
+        if not self.since_s:
+            self._delayed_s = math.inf
         new = []
+        self.delays = False
         worst = Action.NONE
         for trigger in TRIGGERS:
             name = trigger.name
@@ -145,10 +162,13 @@ class Failsafes:
     ) -> Action:
         choice = int(parameters[trigger.parameter]) if trigger.parameter else 0
         action = trigger.actions.get(choice, Action.WARN)
-        age_s = now_s - self.since_s[trigger.name]
-        if trigger.deferred and action > Action.HOLD and age_s < parameters["COM_FAIL_ACT_T"]:
-            return Action.HOLD
-        return action
+        if not trigger.deferred or action <= Action.HOLD:
+            return action
+        self._delayed_s = min(self._delayed_s, now_s)
+        if now_s - self._delayed_s >= parameters["COM_FAIL_ACT_T"]:
+            return action
+        self.delays = True
+        return Action.HOLD
 
 
 EXCEPTION_BITS: Final = {"MISSION": 1, "HOLD": 2, "TAKEOFF": 2, "OFFBOARD": 4}

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 IDLING: Final = Setpoint(Kind.IDLING)
 STEP_S: Final = 0.02
 _WISH_M: Final = 0.3
+_WISH_M_S: Final = 0.3
 _THROTTLE_WISH: Final = 0.3
 
 
@@ -73,6 +74,9 @@ def _mission(px4: Px4) -> Setpoint:
         if not state.on_ground:
             state.say(Severity.INFO, "Mission finished, loitering")
         _go_on(px4, "mission finished")
+    elif flight.over == "landed" and not flight.landing_told:
+        flight.landing_told = True
+        state.say(Severity.INFO, "Mission finished, landed")
     down_again = state.on_ground and state.flew and (flight.over or flight.landing)
     return IDLING if down_again else setpoint
 
@@ -90,7 +94,10 @@ def _or_from_the_ground(task: Callable[[Px4], Setpoint]) -> Callable[[Px4], Setp
     def guarded(px4: Px4) -> Setpoint:
         setpoint = task(px4)
         state = px4.state
-        climbs = setpoint.position_ned_m[2] < state.position_m[2] - _WISH_M
+        climbs = (
+            setpoint.position_ned_m[2] < state.position_m[2] - _WISH_M
+            or setpoint.velocity_ned_m_s[2] < -_WISH_M_S
+        )
         return setpoint if climbs or not state.on_ground or px4.ground.just_down(state) else IDLING
 
     return guarded

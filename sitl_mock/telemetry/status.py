@@ -32,6 +32,8 @@ _H_ACC_MM = 900
 _V_ACC_MM = 1780
 _SPEED_ACC_MM_S = 400
 _SATELLITES = 10
+_NAVIGATED: Final = frozenset({"TAKEOFF", "LAND"})
+"""Other modes in which PX4 calls the mission active (measured)."""
 
 
 def heartbeat(report: Report) -> Fields:
@@ -200,13 +202,18 @@ def mission_current(report: Report) -> Fields:
     """MISSION_CURRENT."""
     mission = report.commander.mission
     count = mission.count
-    active = report.commander.mode in {"MISSION", "AUTO"}
-    if not count:
+    mode = report.commander.mode
+    is_px4 = mission.ends_for_good
+    navigates = is_px4 and mode in _NAVIGATED
+    active = mode in {"MISSION", "AUTO"} or navigates
+    if not count or (is_px4 and not mission.valid):
         stage = 1
-    elif mission.over:
+    elif mission.over and not navigates:
         stage = 5
+    elif active:
+        stage = 3
     else:
-        stage = 3 if active else 2
+        stage = 4 if is_px4 and mission.current > 0 else 2
     return (
         min(mission.current, max(count - 1, 0)),
         count if count else 0xFFFF,

@@ -114,14 +114,14 @@ class Flight:
         return came[::-1]
 
     def texts(self):
-        """Return all STATUSTEXTs, with chunks joined."""
+        """Return all STATUSTEXTs, with chunks joined and without PX4's tab."""
         whole = []
         for _, message in self.all("STATUSTEXT"):
             if message.chunk_seq:
                 whole[-1] += message.text
             else:
                 whole.append(message.text)
-        return whole
+        return [text.removesuffix("\t") for text in whole]
 
     @property
     def mode(self):

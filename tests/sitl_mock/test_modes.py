@@ -89,12 +89,20 @@ def test_disarmed_px4_takes_every_mode_as_its_intention(fly, mode):
 @pytest.mark.parametrize(
     "mode", ["MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "MISSION", "OFFBOARD"]
 )
-def test_armed_px4_refuses_what_cannot_run_with_a_text(fly, mode):
+def test_armed_px4_refuses_what_cannot_run(fly, mode):
     flight = fly.airborne("px4", texts=True, height=5.0)
     number = BY_NAME[mode].number
     assert flight.command(176, 1, number >> 16 & 0xFF, number >> 24) == [0, 1]
     assert flight.mode == "HOLD"
-    assert f"Switching to {mode.capitalize()} is currently not available" in flight.texts()
+    assert not any(text.startswith("Switching to") for text in flight.texts())
+
+
+def test_px4_says_which_mode_a_command_of_its_own_cannot_enter(fly):
+    flight = fly.airborne("px4", texts=True, height=5.0)
+    flight.vehicle.autopilot.state.home_m = None
+    assert flight.command(20) == [1]
+    flight.run(0.1)
+    assert "Switching to Return is currently not available" in flight.texts()
 
 
 @pytest.mark.parametrize("mode", COPTER_MODES.by_name())

@@ -129,7 +129,7 @@ def test_what_a_client_wrote_outlives_a_reboot():
     client = Client("px4")
     client.ask(6, b"/kept.txt")
     client.ask(7, b"words")
-    client.send("COMMAND_LONG", 1, 1, 246, 0, 1, 0, 0, 0, 0, 0, 0)
+    client.vehicle.inject("reboot", value=True)
     client.now_s += 5.0
     client.vehicle.step(client.now_s)
     assert client.read(b"/kept.txt") == b"words"

@@ -99,7 +99,7 @@ def test_nothing_moves_during_the_spool_up(fly):
 def test_disarming_in_the_air_is_refused_and_forced_disarming_falls(fly):
     flight = fly.airborne("px4", texts=True, height=10.0)
     assert flight.command(400, 0.0) == [1]
-    assert "Disarming denied! Not landed" in flight.texts()
+    assert "Disarming denied: not landed" in flight.texts()
     assert flight.command(400, 0.0, 21196.0) == [0]
     assert not flight.vehicle.armed
     flight.run(3.0)
@@ -199,15 +199,9 @@ def test_termination_is_final(fly):
     assert flight.mode == "TERMINATION"
 
 
-def test_reboot_is_refused_while_armed_and_starts_the_clock_anew(fly):
-    flight = fly("px4").run(3.0)
-    flight.command(400, 1.0)
-    assert flight.command(246, 1.0) == [1]
-    flight.command(400, 0.0)
-    before = flight.last("ATTITUDE").time_boot_ms
-    assert flight.command(246, 1.0) == [0]
-    flight.run(0.5)
-    assert flight.last("ATTITUDE").time_boot_ms < before
+def test_the_simulator_does_not_restart_itself(fly):
+    flight = fly("px4").run(1.0)
+    assert [flight.command(246, choice) for choice in (0.0, 1.0, 2.0, 3.0)] == [[0], [2], [2], [2]]
 
 
 @pytest.mark.parametrize(
@@ -284,15 +278,38 @@ WORKING = 0
 
 
 def test_an_injected_failure_empties_the_battery_until_it_works_again(fly):
-    flight = fly.airborne("px4", parameters={"COM_LOW_BAT_ACT": 3, "COM_FAIL_ACT_T": 0.0})
+    flight = fly.airborne("px4", parameters={"COM_LOW_BAT_ACT": 3}, texts=True, height=8.0)
     charge = flight.vehicle.autopilot.state.battery.remaining
+    before = len(flight.texts())
     assert flight.command(420, BATTERY, OFF, 0.0) == [0]
-    flight.run(1.0)
+    flight.run(0.5)
+    assert flight.last("SYS_STATUS").voltage_battery == 14400
+    flight.until(lambda: flight.mode == "LAND", 10.0)
     assert flight.last("SYS_STATUS").battery_remaining == 0
-    assert flight.mode == "LAND"
+    assert flight.texts()[before:] == [
+        "Low battery",
+        "Critical battery",
+        "Failsafe activated: entering Hold for 5 seconds",
+        "Emergency battery level",
+        "Failsafe activated",
+    ]
     assert flight.command(420, BATTERY, WORKING, 0.0) == [0]
-    flight.run(0.1)
-    assert flight.vehicle.autopilot.state.battery.remaining == pytest.approx(charge, abs=1e-3)
+    flight.run(8.0)
+    assert flight.vehicle.autopilot.state.battery.remaining == pytest.approx(charge, abs=5e-3)
+
+
+@pytest.mark.parametrize(("mode", "seconds"), [(0, math.inf), (1, 3.5)])
+def test_a_stopped_motor_is_felt_if_the_allocation_cares(fly, mode, seconds):
+    """On v1.17 the vehicle hovers on, or with CA_FAILURE_MODE falls from 19 m in 3.4 s."""
+    flight = fly.airborne("px4", parameters={"CA_FAILURE_MODE": mode}, height=19.0)
+    assert flight.command(420, MOTOR, OFF, 1) == [0]
+    begun_s = flight.now_s
+    while flight.height > 0.0 and flight.now_s < begun_s + 6.0:
+        flight.run(0.1)
+    if seconds == math.inf:
+        assert flight.height == pytest.approx(19.0, abs=0.6)
+    else:
+        assert flight.now_s - begun_s == pytest.approx(seconds, abs=0.5)
 
 
 @pytest.mark.parametrize(
@@ -301,7 +318,11 @@ def test_an_injected_failure_empties_the_battery_until_it_works_again(fly):
         (BATTERY, OFF, 1, 1, [3]),
         (BATTERY, OFF, 0, 0, [2]),
         (BATTERY, 2, 0, 1, []),
-        (MOTOR, OFF, 0, 1, []),
+        (MOTOR, OFF, 0, 1, [0]),
+        (MOTOR, 3, 1, 1, [0]),
+        (MOTOR, 7, 1, 1, [3]),
+        (MOTOR, OFF, 9, 1, [3]),
+        (MOTOR, OFF, 0, 0, [2]),
         (4, OFF, 0, 1, []),
     ],
 )

@@ -292,6 +292,24 @@ def test_row_10_follow_me_stays_behind_a_target_at_its_height(fly):
     )
 
 
+def test_follow_me_near_the_ground_climbs_to_a_metre_and_stays_with_the_target(fly):
+    """FLW_TGT_HT 0.2 and FLW_TGT_DST 2: v1.17 stayed within 4.8 m of the target, in the air."""
+    flight = fly.airborne("px4", height=2.0)
+    flight.vehicle.autopilot.parameters.set("FLW_TGT_HT", 0.2)
+    flight.vehicle.autopilot.parameters.set("FLW_TGT_DST", 2.0)
+    assert flight.command(176, 1, 4, 8) == [0, 0]
+    lowest_m = math.inf
+    for second in range(25):
+        place = degrees(flight, 2.0 * second, 0.0)
+        target = (place["x"], place["y"], amsl(flight, 0.0), [2.0, 0.0, 0.0])
+        rest = ([0.0] * 3, [1.0, 0, 0, 0], [0.0] * 3, [0.0] * 3, 0)
+        flight.send("FOLLOW_TARGET", second * 1000, 0, *target, *rest)
+        flight.run(1.0)
+        lowest_m = min(lowest_m, flight.height)
+    assert math.dist(flight.position[:2], (50.0, 0.0)) < 4.0
+    assert lowest_m > 0.5
+
+
 @pytest.mark.parametrize(
     "mode", ["FOLLOW", "PRECLAND", "POSITION_SLOW", "EXTERNAL1", "EXTERNAL8", "ALTITUDE_CRUISE"]
 )
@@ -369,6 +387,7 @@ def test_row_08_texts_go_to_a_ground_station_and_events_to_everybody(fly):
         each.run(0.1)
     said = [
         "Armed by external command",
+        "Using default takeoff altitude: 2.5 m",
         "Takeoff detected",
         "Landing at current position",
         "Landing detected",

@@ -251,6 +251,33 @@ def test_a_global_setpoint_is_flown_to(fly):
     assert flight.position == pytest.approx((30.0, -20.0, -25.0), abs=0.8)
 
 
+def global_target(flight, frame, height):
+    lat, lon, _ = flight.vehicle.autopilot.frame.to_geodetic(0.0, 0.0, 0.0)
+    return (
+        "SET_POSITION_TARGET_GLOBAL_INT", 0, 1, 1, frame, 0x0DF8, round(lat * 1e7), round(lon * 1e7), height,
+        0, 0, 0, 0, 0, 0, 0, 0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("home_m", "flown_m"), [(4.33, 7.66), (-2.63, 14.63)])
+def test_a_relative_height_is_flown_with_the_sign_fault_of_px4(fly, home_m, flown_m):
+    """12 m above home, which is above or below the origin: v1.17 flew to 7.87 and 14.87 m."""
+    flight = fly.airborne("px4", height=12.0)
+    lat, lon, alt = flight.vehicle.autopilot.frame.to_geodetic(0.0, 0.0, -home_m)
+    assert flight.command(179, 0, 0, 0, math.nan, lat, lon, alt) == [0]
+    stream = global_target(flight, 6, 12.0)
+    flight.offboard(stream).run(12.0, stream)
+    assert flight.height == pytest.approx(flown_m, abs=0.3)
+
+
+def test_a_global_frame_that_px4_does_not_know_is_refused_with_a_text(fly):
+    flight = fly.airborne("px4", texts=True)
+    flight.send(*global_target(flight, 3, 12.0))
+    flight.run(0.1)
+    assert flight.texts()[-1] == "SET_POSITION_TARGET_GLOBAL_INT invalid coordinate frame 3"
+    assert flight.last("STATUSTEXT").text == "frame 3\t"
+
+
 def test_an_attitude_target_leans_and_climbs(fly):
     flight = fly.airborne("px4")
     lean = math.radians(10.0)

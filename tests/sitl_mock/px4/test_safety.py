@@ -186,7 +186,7 @@ def test_a_lost_onboard_computer_is_a_warning_only(fly):
     flight.run(7.0)
     assert flight.mode == "HOLD"
     assert not flight.vehicle.autopilot.commander.in_failsafe
-    assert "Failsafe: onboard computer lost" in flight.texts()
+    assert "Connection to mission computer lost" in flight.texts()
 
 
 @pytest.mark.parametrize(("source", "heard"), [(0, False), (1, True), (3, True), (4, False)])
