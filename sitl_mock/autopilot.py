@@ -43,7 +43,7 @@ from sitl_mock.protocols import (
 from sitl_mock.reception import take
 from sitl_mock.sensors import EXACT, Sensors
 from sitl_mock.telemetry import BUILDERS, Report
-from sitl_mock.vehicle_state import VehicleState
+from sitl_mock.vehicle_state import Battery, VehicleState
 from sitl_mock.world import DEFAULT_HOME, Home, LocalFrame, Vector, wrap_pi
 
 if TYPE_CHECKING:
@@ -167,6 +167,7 @@ class Autopilot:
                 Random(f"sensors {settings.seed} {self.boots}"),
             ),
             conditions=self.conditions,
+            battery=Battery(self.flavour.pack),
             attitude=attitude_of(body),
             position_m=body.position_ned_m,
             ground_m=self.ground_m,

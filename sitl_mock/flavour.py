@@ -24,7 +24,7 @@ from sitl_mock.protocols import (
     StreamRules,
 )
 from sitl_mock.sensors import EXACT, SensorNoise
-from sitl_mock.vehicle_state import VehicleState
+from sitl_mock.vehicle_state import PX4_PACK, Pack, VehicleState
 
 if TYPE_CHECKING:
     from sitl_mock.telemetry import Report
@@ -151,6 +151,7 @@ class Flavour:
         wander: Size of the estimator's error.
         sensors: Noise of its sensors.
         ground_wander: Size of the estimator's error on the ground; None where it rests.
+        pack: Its battery.
         ready_s: From boot until it can be armed.
         texts: Whether links send STATUSTEXT; None: only links with a ground station's heartbeats.
         text_as_sent: A text as it is sent; None: as it is.
@@ -189,6 +190,7 @@ class Flavour:
     own_id_only: frozenset[str] = frozenset()
     broadcast: frozenset[int] | None = None
     sensors: SensorNoise = EXACT
+    pack: Pack = PX4_PACK
     ground_wander: Wander | None = None
     text_as_sent: Callable[[str], str] | None = None
     event_of: Callable[[int, str], tuple[int, int, bytes] | None] | None = None

@@ -41,6 +41,7 @@ class SensorNoise:
         gyro_sd_rad_s: Body rates.
         accelerometer_sd_m_s2: Specific force.
         magnetometer_sd_gauss: Field.
+        still_sd: Estimated position (metres) and velocity (m/s) on the ground, without a `ground_wander`.
     """
 
     position_sd_m: Vector = _CALM_SD
@@ -51,6 +52,7 @@ class SensorNoise:
     gyro_sd_rad_s: float = 0.0
     accelerometer_sd_m_s2: float = 0.0
     magnetometer_sd_gauss: float = 0.0
+    still_sd: float = 0.0
 
 
 @dataclass(slots=True)
@@ -121,3 +123,10 @@ PX4_SENSORS: Final = SensorNoise(
     (0.2, 0.2, 0.5), (0.06, 0.077, 0.158), 0.125, 0.063, 0.0003, 0.0066, 0.07, 0.015
 )
 """PX4 v1.17's simulated receiver and barometer; the recorded chase shows the same scatter (0.21 and 0.54 m at 8 Hz)."""
+ARDUPILOT_SENSORS: Final = SensorNoise(
+    attitude_sd_rad=1.2e-5,
+    gyro_sd_rad_s=3e-4,
+    accelerometer_sd_m_s2=0.0025,
+    still_sd=2.5e-4,
+)
+"""ArduCopter 4.5.7's simulator at rest (measured); its receiver and barometer move by less than their last place."""

@@ -16,13 +16,37 @@ from sitl_mock.protocols.parameter import ParameterStore
 from sitl_mock.sensors import Sensors
 from sitl_mock.world import LocalFrame, Vector
 
-_FULL_V = 4.05
-_EMPTY_V = 3.6
-_CELLS = 4
 _CHARGE_LAG_S = 1.0
 _RESTORED = 1e-3
 LEAST = 0.5
 """Flying does not drain the battery below this (SIM_BAT_MIN_PCT), so that long tests do not end in failsafes."""
+
+
+class Pack(NamedTuple):
+    """A simulated battery pack.
+
+    Attributes:
+        cells: Cells in series.
+        full_v: Its voltage down to a charge of `flat_share`.
+        empty_v: Its voltage without charge; between the two it falls linearly.
+        flat_share: As above.
+        idle_a: Current with the motors off.
+        hover_a: Current more in hover.
+        capacity_mah: Full charge.
+    """
+
+    cells: int
+    full_v: float
+    empty_v: float
+    flat_share: float
+    idle_a: float
+    hover_a: float
+    capacity_mah: float
+
+
+PX4_PACK = Pack(4, 16.2, 14.4, 1.0, 0.4, 14.0, 5000.0)
+ARDUPILOT_PACK = Pack(3, 12.6, 9.6, 0.5, 0.0, 28.12, 3300.0)
+"""ArduCopter 4.5.7's simulator keeps 12.6 V and draws 28.12 A in hover (measured)."""
 
 
 @dataclass(slots=True)
@@ -30,29 +54,29 @@ class Battery:
     """State of charge.
 
     Attributes:
+        pack: Its kind.
         remaining: Fraction in [0, 1].
         current_a: Present current.
         consumed_mah: Charge taken since start.
-        capacity_mah: Full charge.
         failed: It has been emptied by an injected failure.
     """
 
+    pack: Pack = PX4_PACK
     remaining: float = 1.0
     current_a: float = 0.0
     consumed_mah: float = 0.0
-    capacity_mah: float = 5000.0
     failed: bool = False
     _before: float | None = None
 
     def advance(self, dt_s: float, thrust_share: float) -> None:
         """Drain for dt_s at a share of hover thrust (0: motors off)."""
-        self.current_a = 0.4 + 14.0 * thrust_share
+        self.current_a = self.pack.idle_a + self.pack.hover_a * thrust_share
         used_mah = self.current_a * dt_s / 3.6
         self.consumed_mah += used_mah
         if self.failed or self._before is not None:
             self._fail(dt_s)
         elif self.remaining > LEAST:
-            self.remaining = max(LEAST, self.remaining - used_mah / self.capacity_mah)
+            self.remaining = max(LEAST, self.remaining - used_mah / self.pack.capacity_mah)
 
     def _fail(self, dt_s: float) -> None:
         """Move the reported charge to 0, or back to what it was; it follows the voltage with a lag (measured)."""
@@ -66,19 +90,11 @@ class Battery:
     @property
     def voltage_v(self) -> float:
         """Voltage of the pack."""
+        pack = self.pack
         if self.failed:
-            return _CELLS * _EMPTY_V
-        return _CELLS * (_EMPTY_V + (_FULL_V - _EMPTY_V) * self.remaining)
-
-    @property
-    def cell_v(self) -> float:
-        """Voltage of one cell."""
-        return self.voltage_v / _CELLS
-
-    @property
-    def cells(self) -> int:
-        """Cells in series."""
-        return _CELLS
+            return pack.empty_v
+        share = min(self.remaining / pack.flat_share, 1.0)
+        return pack.empty_v + (pack.full_v - pack.empty_v) * share
 
 
 _LEVEL = Euler(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -137,6 +153,7 @@ class VehicleState:
         news: Names of messages to send once, unsolicited, on every link.
         parameter_news: Names of parameters that the vehicle itself has changed, to be sent on every link.
         target: The last FOLLOW_TARGET.
+        fence_breached: The vehicle is outside the fence, as ArduPilot judges it.
     """
 
     system_id: int
@@ -160,6 +177,7 @@ class VehicleState:
     landed_s: float = -math.inf
     flew: bool = False
     now_s: float = 0.0
+    fence_breached: bool = False
     target: Reported | None = None
     pilot: Pilot = field(default_factory=Pilot)
     peers: Peers = field(default_factory=Peers)

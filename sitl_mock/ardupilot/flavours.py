@@ -39,6 +39,8 @@ from sitl_mock.protocols import (
     Storage,
     ardupilot_identity,
 )
+from sitl_mock.sensors import ARDUPILOT_SENSORS
+from sitl_mock.vehicle_state import ARDUPILOT_PACK
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -253,6 +255,8 @@ ARDUCOPTER: Final = Flavour(
     ready_s=39.0,
     texts=True,
     fix_type=6,
+    pack=ARDUPILOT_PACK,
+    sensors=ARDUPILOT_SENSORS,
     files=files_of,
     withheld=_WITHHELD,
 )
@@ -277,6 +281,8 @@ ROVER_FLAVOUR: Final = Flavour(
     ready_s=20.0,
     texts=True,
     fix_type=6,
+    pack=ARDUPILOT_PACK,
+    sensors=ARDUPILOT_SENSORS,
     files=files_of,
     withheld=_WITHHELD,
     ground_vehicle=True,

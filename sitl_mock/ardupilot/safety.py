@@ -48,6 +48,7 @@ class FailsafeLatch:
     ) -> Iterator[tuple[str, str]]:
         """Yield each new trigger with its event in the table of modes."""
         present = dict(wrong(state, plans, flies=flies))
+        state.fence_breached = "fence breached" in present
         self.handled &= present.keys()
         self.acting = bool(self.handled)
         for name, parameter in present.items():

@@ -145,7 +145,7 @@ def battery_status(report: Report) -> Values:
         *((0.0,) * 14),
         *(0.0, 0.0, 0.0, 0.0, 0.005, voltage_v, voltage_v, battery.remaining, 0.0, 0.0, 0.0),
         *((0,) * 9),
-        *(True, battery.cells, 0, 0, 1, False, False, _warning(battery.remaining)),
+        *(True, battery.pack.cells, 0, 0, 1, False, False, _warning(battery.remaining)),
     )
 
 

@@ -20,12 +20,25 @@ _LOCAL_NED = 1
 _BODY_FRD = 12
 _IDLING: Final = int(Kind.IDLING)
 _HOVER_THRUST: Final = 0.5
+_RATE_SHARE: Final = 3.5
+"""Noise of ArduCopter's body rates on the ground (rad/s) over that of its attitude (rad)."""
 _FIELD_GAUSS: Final = (0.21, 0.01, 0.43)
 
 
 def attitude(report: Report) -> Fields:
-    """ATTITUDE."""
-    return (report.boot_ms, *report.state.attitude)
+    """ATTITUDE; on the ground with the estimate's noise."""
+    state = report.state
+    lean = state.sensors.noise.attitude_sd_rad
+    if not (lean and state.body.on_ground):
+        return (report.boot_ms, *state.attitude)
+    scatter = state.sensors.scatter()
+    still = (
+        value + sd * deviate
+        for value, sd, deviate in zip(
+            state.attitude, (*(lean,) * 3, *(_RATE_SHARE * lean,) * 3), scatter, strict=False
+        )
+    )
+    return (report.boot_ms, *still)
 
 
 def attitude_quaternion(report: Report) -> Fields:
@@ -42,9 +55,15 @@ def attitude_quaternion(report: Report) -> Fields:
 
 
 def local_position_ned(report: Report) -> Fields:
-    """LOCAL_POSITION_NED."""
+    """LOCAL_POSITION_NED; on the ground with the estimate's noise."""
     state = report.state
-    return (report.boot_ms, *state.position_m, *state.velocity_m_s)
+    sd = state.sensors.noise.still_sd
+    if not (sd and state.body.on_ground):
+        return (report.boot_ms, *state.position_m, *state.velocity_m_s)
+    motion = (*state.position_m, *state.velocity_m_s)
+    scatter = state.sensors.scatter()
+    still = (value + sd * deviate for value, deviate in zip(motion, scatter, strict=False))
+    return (report.boot_ms, *still)
 
 
 def global_position_int(report: Report) -> Fields:
@@ -225,13 +244,21 @@ def pressure_hpa(height_m: float) -> float:
 
 def raw_imu(report: Report) -> Fields:
     """RAW_IMU: milli-g, milliradian a second, milligauss."""
-    x, y, z = (int16(value * 1000.0 / GRAVITY_M_S2) for value in _felt(report))
-    rates = (int16(value * 1000.0) for value in report.state.attitude[3:])
+    sensors = report.state.sensors
+    accelerometer_sd = sensors.noise.accelerometer_sd_m_s2
+    gyro_sd = sensors.noise.gyro_sd_rad_s
+    scatter = sensors.scatter()
+    felt = (
+        int16(round((value + accelerometer_sd * deviate) * 1000.0 / GRAVITY_M_S2))
+        for value, deviate in zip(_felt(report), scatter[:3], strict=True)
+    )
+    rates = (
+        int16(round((value + gyro_sd * deviate) * 1000.0))
+        for value, deviate in zip(report.state.attitude[3:], scatter[3:6], strict=True)
+    )
     return (
         report.boot_us,
-        x,
-        y,
-        z,
+        *felt,
         *rates,
         *(int(value * 1000) for value in _FIELD_GAUSS),
         0,

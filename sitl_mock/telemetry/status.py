@@ -23,6 +23,34 @@ _AHRS = 0x200000
 _BATTERY = 0x2000000
 _PREARM = 0x10000000
 _SENSORS: Final = _GYRO | _ACCEL | _MAG | _BARO
+_RATES: Final = 0x400
+_LEVEL: Final = 0x800
+_YAW: Final = 0x1000
+_HEIGHT: Final = 0x2000
+_PLACE: Final = 0x4000
+_MOTORS: Final = 0x8000
+_TERRAIN: Final = 0x400000
+_LOGGING: Final = 0x1000000
+_PROXIMITY: Final = 0x4000000
+_PROPULSION: Final = 0x40000000
+_ALWAYS: Final = (
+    _SENSORS | _RATES | _LEVEL | _YAW | _MOTORS | _RC | _TERRAIN | _BATTERY | _PROPULSION
+)
+_PRESENT: Final = _ALWAYS | _HEIGHT | _PLACE | _GPS | _GEOFENCE | _AHRS | _LOGGING | _PREARM
+_CONTROLLED: Final[Mapping[str, int]] = {
+    **dict.fromkeys(("ALT_HOLD", "GUIDED_NOGPS", "SPORT", "AUTOTUNE", "FLOWHOLD"), _HEIGHT),
+    **dict.fromkeys(
+        (
+            *("AUTO", "AUTO_RTL", "AVOID_ADSB", "GUIDED", "LOITER", "RTL", "CIRCLE", "LAND"),
+            *("POSHOLD", "BRAKE", "THROW", "SMART_RTL"),
+        ),
+        _HEIGHT | _PLACE,
+    ),
+}
+"""Position control bits of SYS_STATUS by ArduCopter's mode."""
+_NO_TEMPERATURE: Final = 32767
+_HECTOJOULES: Final = 0.036
+"""In a milliampere hour at one volt."""
 _NO_CELL: Final = 0xFFFF
 _PWM_LOW = 1000
 _PWM_HIGH = 2000
@@ -51,22 +79,30 @@ def heartbeat(report: Report) -> Fields:
 
 
 def sys_status(report: Report) -> Fields:
-    """SYS_STATUS: sensors; the GPS bit follows the position, the RC bit the radio, PREARM the arming checks."""
+    """SYS_STATUS as ArduCopter 4.5.7 sends it.
+
+    The position bits follow the mode, the logging bit arming, the geofence bit FENCE_ENABLE and the breach.
+    """
     state = report.state
     battery = state.battery
     estimator = state.estimator
-    present = _SENSORS | _GPS | _BATTERY | _AHRS | _PREARM | (_RC if state.pilot.known else 0)
-    health = _SENSORS | _BATTERY
+    controlled = _CONTROLLED.get(report.commander.mode, 0)
+    enabled = _ALWAYS | _GPS | _AHRS | _PREARM | controlled
+    enabled |= _LOGGING if state.armed else 0
+    parameters = state.parameters
+    has_fence = parameters.get("FENCE_ENABLE", 0) and parameters.get("FENCE_ACTION", 0)
+    enabled |= _GEOFENCE if has_fence else 0
+    health = _ALWAYS | _LOGGING | _PROXIMITY | controlled
     health |= _GPS if estimator.gps_ok else 0
     health |= _AHRS if estimator.position_valid else 0
-    health |= _RC if state.pilot.fresh(state.now_s, 0.5) else 0
-    health |= 0 if state.conditions.fence_breach else _GEOFENCE
+    health &= ~_RC if state.pilot.radio_lost(state.now_s) else -1
+    health |= 0 if state.fence_breached or state.conditions.fence_breach else _GEOFENCE
     health |= _PREARM if report.commander.ready_to_arm else 0
     return (
-        present,
-        present,
+        _PRESENT,
+        enabled,
         health,
-        350,
+        0,
         int(battery.voltage_v * 1000.0),
         int(battery.current_a * 100.0),
         round(battery.remaining * 100.0),
@@ -82,19 +118,19 @@ def extended_sys_state(report: Report) -> Fields:
 def battery_status(report: Report) -> Fields:
     """BATTERY_STATUS."""
     battery = report.state.battery
-    cell_mv = int(battery.cell_v * 1000.0)
-    voltages = (cell_mv,) * battery.cells + (_NO_CELL,) * (10 - battery.cells)
+    voltage_v = battery.voltage_v
+    voltages = (int(voltage_v * 1000.0 + 0.5), *(_NO_CELL,) * 9)
     share = battery.remaining
     charge_state = 1 if share > 0.15 else 2 if share > 0.07 else 3 if share > 0.05 else 4
     return (
         0,
         0,
         0,
-        2500,
+        _NO_TEMPERATURE,
         voltages,
         int(battery.current_a * 100.0),
         int(battery.consumed_mah),
-        -1,
+        int(battery.consumed_mah * voltage_v * _HECTOJOULES),
         round(share * 100.0),
         0,
         charge_state,
@@ -266,7 +302,8 @@ def wind(report: Report) -> Fields:
 
 def fence_status(report: Report) -> Fields:
     """FENCE_STATUS."""
-    breached = report.state.conditions.fence_breach
+    state = report.state
+    breached = state.fence_breached or state.conditions.fence_breach
     return (
         int(breached),
         int(breached),

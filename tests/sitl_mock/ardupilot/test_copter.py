@@ -1,6 +1,7 @@
 """The ArduCopter flavour, compared with measurements of ArduCopter 4.5.7."""
 
 import math
+import statistics
 
 import pytest
 
@@ -360,3 +361,46 @@ def test_a_reset_of_the_parameters_takes_effect_at_the_next_boot(fly):
     assert flight.command(246, 1.0) == [0]
     flight.run(1.0)
     assert parameters["WPNAV_SPEED"] == parameters.definitions["WPNAV_SPEED"].default
+
+
+def test_sys_status_and_battery_are_those_of_the_real_simulator(fly):
+    """Present, enabled and health, volts, centiamperes: as ArduCopter 4.5.7 sent them."""
+
+    def told(flight):
+        flight.command(512, 1)
+        status = flight.last("SYS_STATUS")
+        return (
+            hex(status.onboard_control_sensors_present),
+            hex(status.onboard_control_sensors_enabled),
+            hex(status.onboard_control_sensors_health),
+            status.voltage_battery,
+        )
+
+    flight = fly("arducopter").run(1.0)
+    assert told(flight) == ("0x5371fc2f", "0x52619c2f", "0x57719c2f", 12600)
+    flight.vehicle.autopilot.parameters.set("FENCE_ENABLE", 1)
+    assert told(flight) == ("0x5371fc2f", "0x52719c2f", "0x57719c2f", 12600)
+    flight = fly.airborne("arducopter", parameters={"FENCE_ENABLE": 1}, height=10.0)
+    assert told(flight) == ("0x5371fc2f", "0x5371fc2f", "0x5771fc2f", 12600)
+    assert flight.last("SYS_STATUS").current_battery == pytest.approx(2811, abs=15)
+    flight.vehicle.autopilot.parameters.set("FENCE_ALT_MAX", 8.0)
+    flight.run(0.5)
+    assert told(flight)[2] == "0x5761fc2f"
+    flight.command(512, 162)
+    assert flight.last("FENCE_STATUS").breach_status == 1
+
+
+def test_the_estimate_on_the_ground_is_never_quite_still(fly):
+    """Standard deviations on the real one: 1.2e-5 rad, 2.4e-4 m, 2.6e-4 m/s, 0.33 mrad/s."""
+    flight = fly("arducopter", noise=True)
+    for message in (30, 32, 27):
+        flight.command(511, message, 20_000)
+    flight.run(5.0)
+    for name, field, sd in (
+        ("ATTITUDE", "roll", 1.2e-5),
+        ("LOCAL_POSITION_NED", "x", 2.5e-4),
+        ("LOCAL_POSITION_NED", "vx", 2.5e-4),
+        ("RAW_IMU", "xgyro", 0.33),
+    ):
+        values = [getattr(message, field) for _, message in flight.all(name)]
+        assert statistics.pstdev(values) == pytest.approx(sd, rel=0.35), (name, field)

@@ -35,7 +35,6 @@ DEPARTURES = {
         "HIGHRES_IMU": LEVEL,
         "HOME_POSITION": "home creeps and jumps less before the take-off",
         "LINK_NODE_STATUS": "the mock's links count nothing",
-        "MISSION_CURRENT mission_mode": "no mission: always suspended",
         "ODOMETRY": SENSORS,
         "OPEN_DRONE_ID_LOCATION": SENSORS,
         "OPEN_DRONE_ID_SYSTEM": SENSORS,
