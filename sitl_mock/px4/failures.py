@@ -10,8 +10,8 @@ MOTOR: Final = 101
 """FAILURE_UNIT."""
 _WORKING: Final = 0
 _OFF: Final = 1
-_STUCK: Final = 3
-_WRONG: Final = 5
+_STUCK: Final = 2
+_WRONG: Final = 4
 """FAILURE_TYPE."""
 _MOTORS: Final = 8
 """Motors that PX4 has, of which this airframe uses four."""
