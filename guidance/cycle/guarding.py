@@ -274,7 +274,7 @@ def _closing_s(flight: _Flight, left_m: float, fastest_m_s: float) -> float:
     return braking_s + max(0.0, left_m - slow_from_m) / fastest_m_s
 
 
-def _interception_s(flight: _Flight, goal_m: Point) -> float:  # noqa: PLR0914
+def _interception_s(flight: _Flight, goal_m: Point) -> float:
     """Return the time to a meeting with an evader that runs straight to a point, after the reaction time.
 
     The late start depends on the direction of the flight, and the direction on the meeting point, so both are computed
@@ -284,13 +284,12 @@ def _interception_s(flight: _Flight, goal_m: Point) -> float:  # noqa: PLR0914
         flight: The flight.
         goal_m: Vector from the evader to that point.
     """
-    game = flight.shown
     run_m = math.hypot(*goal_m)
     if run_m == 0.0:
         return math.inf
-    v = game.evader_speed_m_s
+    v = flight.shown.evader_speed_m_s
     run_m_s = (v * goal_m[0] / run_m, v * goal_m[1] / run_m)
-    u = game.pursuer.horizontal_m_s
+    u = flight.shown.pursuer.horizontal_m_s
     evader_x_m = flight.players.evader_m[0] + run_m_s[0] * flight.flies_on_s
     evader_y_m = flight.players.evader_m[1] + run_m_s[1] * flight.flies_on_s
     late_m = flight.from_m
@@ -306,12 +305,17 @@ def _interception_s(flight: _Flight, goal_m: Point) -> float:  # noqa: PLR0914
             return math.inf
         fleeing_m_s = max(0.0, (run_m_s[0] * x_m + run_m_s[1] * y_m) / away_m)
         late_m = _late(flight, Enu((u * x_m / away_m, u * y_m / away_m, flight.up_m_s)))
-    closing_m_s = u - fleeing_m_s
+    braking_s, lagging_s = _braking_costs_s(flight, u - fleeing_m_s)
+    return meeting_s + braking_s + lagging_s
+
+
+def _braking_costs_s(flight: _Flight, closing_m_s: float) -> tuple[float, float]:
+    """Return what braking to the speed at the rim costs, at once and by its lag, beside flying on at full speed."""
     rim_m_s = _rim_speed_m_s(flight, closing_m_s)
     braking_m_s2 = flight.vehicle.approach.braking_m_s2
     braking_s = (closing_m_s - rim_m_s) ** 2 / (2.0 * braking_m_s2 * closing_m_s)
     lags = math.log(closing_m_s / rim_m_s) - 1.0 + rim_m_s / closing_m_s
-    return meeting_s + braking_s + _approach_lag_s(flight) * lags
+    return braking_s, _approach_lag_s(flight) * lags
 
 
 def _is_at_disc(flight: _Flight) -> bool:

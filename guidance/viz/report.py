@@ -12,11 +12,13 @@ from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from string import Template
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from PIL import Image
 
 from guidance.errors import OutputError
@@ -325,7 +327,7 @@ def playing_span(story: Story) -> slice:
     )
 
 
-def write_animation(story: Story, path: Path) -> None:  # noqa: PLR0914
+def write_animation(story: Story, path: Path) -> None:
     """Write the game as a moving picture, WebP: from above, and the height over the distance to the evader.
 
     Raises:
@@ -338,12 +340,50 @@ def write_animation(story: Story, path: Path) -> None:  # noqa: PLR0914
     )
     cycles = np.flatnonzero(now_s <= ended_s + _TAIL_S)[span]
     pursuer, evader = (story.column(name)[cycles] for name in ("pursuer_m", "evader_m"))
-    shapes = shapes_of(story)
-    standoff = story.settings.cycle.game.standoff
     height = np.column_stack(
         [np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1), pursuer[:, 2] - evader[:, 2]]
     )
-    far_m, high_m = np.maximum(1.0, np.nan_to_num(height).max(axis=0))
+    stage = _stage(story, np.maximum(1.0, np.nan_to_num(height).max(axis=0)))
+    radius_m = story.settings.cycle.game.standoff.radius_m
+    images = []
+    numbers = np.unique(np.linspace(0, len(cycles) - 1, FRAMES).round().astype(int)).tolist()
+    for number in counted(numbers, "drawing the moving picture", len(numbers)):
+        for run, mark, track in zip(
+            stage.runs, stage.marks, (pursuer, evader, height), strict=True
+        ):
+            run.set_data(*track[: number + 1, :2].T)
+            mark.set_data(*track[number : number + 1, :2].T)
+        stage.rim.set_data(*circle(evader[number], radius_m, 49).T)
+        played_s = max(0.0, now_s[cycles[number]] - begun_s)
+        stage.title.set_text(f"{story.title}: {played_s:.1f} s")
+        canvas = stage.figure.canvas
+        canvas.draw()
+        images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
+    _save_moving(images, path)
+
+
+class _Stage(NamedTuple):
+    """The figure of a moving picture, and what moves in it.
+
+    Attributes:
+        figure: All of it.
+        runs: The ways of vehicle and evader from above, and the vehicle's height.
+        marks: The ends of these ways.
+        rim: Of the stand-off disc.
+        title: With the time.
+    """
+
+    figure: Figure
+    runs: list[Line2D]
+    marks: list[Line2D]
+    rim: Line2D
+    title: Text
+
+
+def _stage(story: Story, most_m: Array) -> _Stage:
+    """Draw what does not move; `most_m` are the largest distance and height."""
+    shapes = shapes_of(story)
+    far_m, high_m = most_m
     figure = figures.figure_of(8.0, 4.4)
     figure.set_dpi(90)
     plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
@@ -352,7 +392,7 @@ def write_animation(story: Story, path: Path) -> None:  # noqa: PLR0914
     low, high = figures.box_of(shapes)
     figures.label_plan(plan)
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    _label_height(side, far_m, high_m, standoff)
+    _label_height(side, far_m, high_m, story.settings.cycle.game.standoff)
     players = (
         (plan, PURSUER, "o", "vehicle"),
         (plan, EVADER, "^", "evader"),
@@ -362,18 +402,7 @@ def write_animation(story: Story, path: Path) -> None:  # noqa: PLR0914
     marks = [axes.plot([], [], mark, color=style["color"])[0] for axes, style, mark, _ in players]
     (rim,) = plan.plot([], [], **STANDOFF, label="stand-off disc")
     figures.legend_below(figure, plan, columns=5)
-    title = figure.suptitle("")
-    images = []
-    numbers = np.unique(np.linspace(0, len(cycles) - 1, FRAMES).round().astype(int)).tolist()
-    for number in counted(numbers, "drawing the moving picture", len(numbers)):
-        for run, mark, track in zip(runs, marks, (pursuer, evader, height), strict=True):
-            run.set_data(*track[: number + 1, :2].T)
-            mark.set_data(*track[number : number + 1, :2].T)
-        rim.set_data(*circle(evader[number], standoff.radius_m, 49).T)
-        title.set_text(f"{story.title}: {max(0.0, now_s[cycles[number]] - begun_s):.1f} s")
-        figure.canvas.draw()
-        images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
-    _save_moving(images, path)
+    return _Stage(figure, runs, marks, rim, figure.suptitle(""))
 
 
 def _save_moving(images: Sequence[Image.Image], path: Path) -> None:
