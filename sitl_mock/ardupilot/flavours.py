@@ -12,7 +12,6 @@ from dataclasses import replace
 from functools import partial
 from itertools import takewhile
 from typing import TYPE_CHECKING, Final
-from urllib.parse import parse_qsl
 
 from sitl_mock.ardupilot.commander import ArduPilot
 from sitl_mock.ardupilot.copter import COPTER
@@ -115,7 +114,7 @@ def packed_parameters(parameters: ParameterStore, query: str = "") -> bytes:
         parameters: The vehicle's parameters.
         query: ``start=10&count=5`` for a part, ``withdefaults=1`` for the defaults of those that differ from them.
     """
-    options = dict(parse_qsl(query))
+    options = dict(part.partition("=")[::2] for part in query.split("&"))
     start = _whole(options.get("start"))
     count = _whole(options.get("count"))
     names = parameters.names[start : start + count if count else None]
