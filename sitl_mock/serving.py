@@ -19,6 +19,7 @@ from sitl_mock.console import Shown
 from sitl_mock.errors import ConfigError, imported_for
 from sitl_mock.faults import Faulted, FaultScript
 from sitl_mock.fleet import FleetConfig, build
+from sitl_mock.log_folder import LogFolder
 from sitl_mock.transports import Endpoint, run, run_lockstep
 from sitl_mock.transports.disturbance import Disturbances
 from sitl_mock.transports.udp import UdpEndpoint
@@ -89,6 +90,7 @@ def serve(
     as_json: bool = False,
     parent_pipe: bool = False,
     pace: Pace = Pace(),
+    logs: Path | None = None,
 ) -> None:
     """Run a fleet until SIGTERM, SIGINT or, with parent_pipe, the end of standard input.
 
@@ -99,6 +101,7 @@ def serve(
         as_json: Print JSON for programs.
         parent_pipe: Also stop at the end of standard input.
         pace: Who moves its time.
+        logs: Folder for its flight logs; None keeps them in memory only.
 
     Raises:
         ConfigError: No transport is given, or the fleet or the faults are wrong.
@@ -115,6 +118,8 @@ def serve(
         screen = _say_ready(faulted, targets, endpoints, wires, as_json=as_json)
         if screen is not None:
             stack.callback(screen.close)
+        folder = LogFolder(logs, faulted)
+        stack.callback(folder.close)
         parent_fileno = sys.stdin.fileno() if parent_pipe else None
         watched = [stop.wake_fileno]
         if parent_fileno is not None:
@@ -127,6 +132,7 @@ def serve(
             disturbances.carry_out(now_s)
             if screen is not None:
                 screen.update(now_s)
+            folder.update(now_s)
             if parent_fileno is None or parent_fileno not in ready:
                 return stop.asked
             return stop.asked or _at_end(parent_fileno)

@@ -88,6 +88,10 @@ def run(
             "--lockstep", help="Time advances only when a client asks for it over MAVLink."
         ),
     ] = False,
+    logs: Annotated[
+        Path | None,
+        typer.Option(help="Folder for the flight logs, which are otherwise in memory only."),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print `ready` as one line of JSON.")
     ] = False,
@@ -119,6 +123,8 @@ def run(
 
     `sitl-mock run --vehicles px4:uav1 --udp 14540 --lockstep`
 
+    `sitl-mock run --vehicles px4:uav1 --udp 14540 --logs flights`
+
     Over Zenoh a client opens a session with `namespace: "uav1"` and uses the keys `mavlink_raw/in` (towards the
     vehicle) and `mavlink_raw/out`, one packet per sample. A query to `faults` lists, adds and clears faults
     (`faults?do=inject;kind=loss;probability=0.3`; `sitl-mock list faults` names them).
@@ -142,6 +148,7 @@ def run(
         as_json=as_json,
         parent_pipe=parent_pipe,
         pace=Pace(speed, lockstep),
+        logs=logs,
     )
 
 

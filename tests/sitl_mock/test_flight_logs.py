@@ -12,6 +12,8 @@ from pyulog import ULog
 from sitl_mock import MockVehicle
 from sitl_mock.calibrate import read_step_log
 from sitl_mock.errors import ConfigError
+from sitl_mock.faults import Faulted, FaultScript
+from sitl_mock.log_folder import LogFolder
 from sitl_mock.logs.ulog import MAGIC
 from sitl_mock.mavlink import Decoder, Encoder
 
@@ -213,3 +215,27 @@ def test_arducopter_continues_its_log_unless_a_parameter_says_otherwise_and_list
             assert "Disarm for log download" in [m.text for m in came if hasattr(m, "text")]
             flight.command(ARM, 0)
         assert [entry.num_logs for entry in flight.listed()] == [count] * count
+
+
+def test_logs_are_written_to_a_folder_when_they_end(tmp_path):
+    flights = {"uav1": Flight("px4"), "uav2": Flight("arducopter")}
+    vehicles = {
+        name: Faulted(flight.vehicle, name, FaultScript()) for name, flight in flights.items()
+    }
+    folder = LogFolder(tmp_path / "new", vehicles)
+    folder.update(0.0)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+    for flight in flights.values():
+        flight.command(ARM, 1)
+        flight.step(steps=20)
+    flights["uav1"].command(ARM, 0)
+    folder.update(0.5)
+    folder.update(1.0)
+    (path,) = (path for path in tmp_path.rglob("*") if path.is_file())
+    assert path.read_bytes() == flights["uav1"].vehicle.logs[0].content
+    assert path.suffix == ".ulg"
+    folder.close()
+    assert (tmp_path / "new" / "uav2" / "00000001.BIN").stat().st_size > 10_000
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigError, match="--logs"):
+        LogFolder(tmp_path / "file", vehicles)
