@@ -5,7 +5,7 @@
     python -m tests.witness                                       # the mocks alone
 
 Give simulators that have just been started: parameters are set and restored, the vehicle is armed on the ground for
-seconds, and rebooted at the end. `--page` writes what
+seconds, a PX4 flies a hop of 2.5 m, and both are rebooted at the end. `--page` writes what
 was seen into the table of docs/mock.md. The exit code is 1 if a case differs and docs/mock.md's causes do not name it.
 """
 

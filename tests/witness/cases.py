@@ -5,6 +5,7 @@ A case leaves the vehicle as it was: disarmed, without a mission, its parameters
 
 import re
 import struct
+import time
 from collections.abc import Callable
 from functools import partial
 from itertools import count
@@ -131,18 +132,66 @@ def message_interval(client: Client) -> str:
     return f"{', '.join(results)}; {5 * round(rate_hz / 5):.0f} Hz"
 
 
-@case("failure injection, off and enabled: GPS lost, battery empty, battery well")
-def failure_injection(client: Client) -> str:
-    failures = (
-        (dialect.FAILURE_UNIT_SENSOR_GPS, dialect.FAILURE_TYPE_OFF),
-        (dialect.FAILURE_UNIT_SYSTEM_BATTERY, dialect.FAILURE_TYPE_OFF),
-        (dialect.FAILURE_UNIT_SYSTEM_BATTERY, dialect.FAILURE_TYPE_OK),
+UNITS = (*range(9), *range(100, 106))
+"""FAILURE_UNIT: sensors from 0, systems from 100."""
+BATTERY = dialect.FAILURE_UNIT_SYSTEM_BATTERY
+TYPES = 8
+
+
+def injected(client: Client, *failure: int) -> str:
+    """Inject a failure; return the answer, which comes at once or not at all."""
+    client.send.command_long_send(
+        client.system, 1, INJECT_FAILURE, 0, *failure, *[0] * (7 - len(failure))
     )
-    before = client.command(INJECT_FAILURE, *failures[1])
-    client.set_parameter("SYS_FAILURE_EN", bits_as_float(1), INT32)
-    results = [client.command(INJECT_FAILURE, *failure) for failure in failures]
+    answer = client.wait(
+        "COMMAND_ACK", lambda message: message.command == INJECT_FAILURE, seconds=0.3
+    )
+    return "no answer" if answer is None else result_name(answer.result)
+
+
+@case("failure injection: off; every unit and type; instances of motors and the battery")
+def failure_injection(client: Client) -> str:
+    """The empty battery comes last and is well at once: on the ground PX4 stops when it stays empty."""
     client.set_parameter("SYS_FAILURE_EN", bits_as_float(0), INT32)
-    return f"off: {before}; enabled: {', '.join(results)}"
+    client.gather("HEARTBEAT", 1.0)
+    shown = [f"off: {client.command(INJECT_FAILURE, dialect.FAILURE_UNIT_SENSOR_GPS, 1)}"]
+    client.set_parameter("SYS_FAILURE_EN", bits_as_float(1), INT32)
+    client.gather("HEARTBEAT", 1.0)
+    failures = [
+        (unit, kind) for unit in UNITS for kind in range(TYPES) if (unit, kind) != (BATTERY, 1)
+    ]
+    answers = {failure: injected(client, *failure) for failure in failures}
+    if len(set(answers.values())) == 1:
+        shown.append(f"all: {answers[BATTERY, 0]}")
+    else:
+        for result, unit in sorted({(answers[unit, kind], unit) for unit, kind in failures}):
+            kinds = [kind for kind in range(TYPES) if answers.get((unit, kind)) == result]
+            if result != "no answer":
+                shown.append(f"unit {unit}, types {kinds}: {result}")
+    motor = dialect.FAILURE_UNIT_SYSTEM_MOTOR
+    shown.append(
+        f"motors 8 and 9: {injected(client, motor, 0, 8)}, {injected(client, motor, 0, 9)}"
+    )
+    shown.append(f"battery 1: {injected(client, BATTERY, 0, 1)}")
+    shown.append(f"empty, well: {injected(client, BATTERY, 1)}, {injected(client, BATTERY, 0)}")
+    return "; ".join(shown)
+
+
+@case("SYS_STATUS at rest: present, enabled, health; battery")
+def sensors(client: Client) -> str:
+    client.command(511, 1, 500_000)
+    client.gather("SYS_STATUS", 3.0)
+    status = client.wait("SYS_STATUS")
+    client.command(511, 1, 0)
+    if status is None:
+        return "none sent"
+    bits = (
+        status.onboard_control_sensors_present,
+        status.onboard_control_sensors_enabled,
+        status.onboard_control_sensors_health,
+    )
+    shown = ", ".join(f"{value:#x}" for value in bits)
+    return f"{shown}; {status.voltage_battery / 1e3:.1f} V, {status.battery_remaining} %"
 
 
 # -- parameters --------------------------------------------------------------------------------------------------------
@@ -206,7 +255,7 @@ def mission_item(
         sequence,
         values["frame"],
         command,
-        0,
+        values.get("current", 0),
         1,
         *parameters,
         values["x"],
@@ -221,9 +270,10 @@ def uploaded(
     commands: list[int],
     kind: int = MISSION,
     ignore: frozenset[int] = frozenset(),
+    marked: int | None = None,
     **more: Any,
 ) -> str:
-    """Upload items, with the first request of some sequence numbers ignored; return how it ended."""
+    """Upload items, one marked as current, some first requests ignored; return how it ended."""
     client.send.mission_count_send(client.system, 1, len(commands), kind)
     ignored = set[int]()
     while True:
@@ -239,7 +289,10 @@ def uploaded(
         if message.seq in ignore and message.seq not in ignored:
             ignored.add(message.seq)
             continue
-        mission_item(client, message.seq, commands[message.seq], kind, **more)
+        current = int(message.seq == marked)
+        mission_item(
+            client, message.seq, commands[message.seq], kind, **({"current": current} | more)
+        )
 
 
 def downloaded(client: Client, kind: int = MISSION) -> list[int]:
@@ -286,6 +339,45 @@ def cleared_in_download(client: Client) -> str:
     client.send.mission_ack_send(client.system, 1, 0, MISSION)
     client.gather("MISSION_ACK", 1.0)
     return f"{result}; after the download: {cleared(client)}"
+
+
+@case(
+    "the present item after missions of 4, item 2 set, the same, another 5, 5 with item 1 current, 2"
+)
+def replaced_missions(client: Client) -> str:
+    cleared(client)
+    shown = []
+    missions: tuple[tuple[list[int], int | None], ...] = (
+        ([22, 16, 16, 21], None),
+        ([22, 16, 16, 21], None),
+        ([22, 16, 17, 16, 21], None),
+        ([22, 16, 16, 16, 21], 1),
+        ([22, 21], None),
+    )
+    for number, (commands, marked) in enumerate(missions):
+        uploaded(client, commands, marked=marked)
+        if number == 0:
+            client.send.mission_set_current_send(client.system, 1, 2)
+        client.gather("MISSION_CURRENT", 1.5)
+        client.send.command_long_send(client.system, 1, 512, 0, 42, 0, 0, 0, 0, 0, 0)
+        current = client.wait("MISSION_CURRENT")
+        shown.append("none" if current is None else f"{current.seq}")
+    cleared(client)
+    return ", ".join(shown)
+
+
+@case(
+    "missions that begin with a landing, have a take-off last, or take off to below home, and MISSION_START"
+)
+def unflyable_missions(client: Client) -> str:
+    shown = []
+    for commands, height_m in (([21], 0.0), ([16, 22], 20.0), ([22, 16], -3.0)):
+        result = uploaded(client, commands, z=height_m)
+        client.gather("HEARTBEAT", 0.5)
+        shown.append(f"{result}, {client.command(300, 0, 0)}")
+    cleared(client)
+    client.command(176, 1, 4 if client.autopilot == dialect.MAV_AUTOPILOT_PX4 else 0, 3)
+    return "; ".join(shown)
 
 
 @case("a mission with an unknown command")
@@ -613,6 +705,39 @@ shell_case("listener vehicle_status", labels=True)
 shell_case("listener no_such_topic")
 shell_case("dmesg")
 shell_case("no_such_command")
+
+
+# -- texts of a flight -------------------------------------------------------------------------------------------------
+
+LOGGER = "[logger]"
+"""Beginning of texts about the logs of the simulator's computer."""
+HOP_S = 60.0
+
+
+@case("texts of a PX4: take-off, disarmed in the air, landing")
+def texts_of_a_hop(client: Client) -> str:
+    if client.autopilot != dialect.MAV_AUTOPILOT_PX4:
+        return "not flown"
+    nan = float("nan")
+    texts: list[str] = []
+    client.arm()
+    client.gather("HEARTBEAT", 1.0)
+    for number, first, seconds in ((22, 0.0, 10.0), (400, 0.0, 2.0), (21, 0.0, 2.0)):
+        client.send.command_long_send(client.system, 1, number, 0, first, 0, 0, nan, nan, nan, nan)
+        texts += texts_of(client.gather("STATUSTEXT", seconds))
+    end_s = time.monotonic() + HOP_S
+    while time.monotonic() < end_s and not (texts and "isarm" in texts[-1]):
+        texts += texts_of(client.gather("STATUSTEXT", 1.0))
+    return "; ".join(texts)
+
+
+def texts_of(messages: list[Any]) -> list[str]:
+    """Return texts with their severities, without those about its logs."""
+    return [
+        f"{message.severity} {message.text.rstrip()!r}"
+        for message in messages
+        if not message.text.startswith(LOGGER)
+    ]
 
 
 # -- reboot, the last of all -------------------------------------------------------------------------------------------
