@@ -25,6 +25,9 @@ from guidance.sim.scenario_file import load_scenario
 from guidance.sim.stepped import SteppedWorld
 from sitl_mock.child import running
 from tests.harness.supervised import Supervised
+from tests.harness.vehicle import SOON_UP_AND_DOWN
+
+pytestmark = pytest.mark.usefixtures("soon_up_and_down")
 
 GUIDANCE = Path(sys.executable).parent / "guidance"
 DOCUMENT = {
@@ -205,7 +208,7 @@ def test_a_scenario_is_flown_over_udp_with_a_vehicle_file_and_its_record_replays
         control = probe.getsockname()[1]
     vehicles = [
         {"name": "uav1", "flavour": "px4", "system_id": 1, "ready_after_s": 0.5,
-         "parameters": {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}},
+         "parameters": {**SOON_UP_AND_DOWN, "GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}},
         {"name": "prey", "flavour": "rover", "system_id": 2, "ready_after_s": 0.5, "start_ned_m": [24.0, 8.0, 0.0]},
     ]  # fmt: skip
     with running(vehicles, over=["udp"]) as fleet:
