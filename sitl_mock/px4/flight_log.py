@@ -6,7 +6,7 @@ begins at arming. A client may also stream a log of its own (`protocols.log_stre
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.logs import ulog
@@ -114,9 +114,15 @@ class Px4FlightLog:
         if not wanted:
             self._book.end()
         elif self._book.running is None:
-            began = datetime.fromtimestamp(report.unix_us * 1e-6, UTC)
-            path = f"/log/{began:%Y-%m-%d}/{began:%H_%M_%S}.ulg"
-            self._book.begin(path, report.unix_us * 1e-6, b"".join(self.head(report)))
+            head = b"".join(self.head(report))
+            self._book.begin(self._path(report), report.unix_us * 1e-6, head)
+
+    def _path(self, report: Report) -> str:
+        """Return the path of a new log: its date and time, or the next free second."""
+        began = datetime.fromtimestamp(report.unix_us * 1e-6, UTC)
+        while (path := f"/log/{began:%Y-%m-%d}/{began:%H_%M_%S}.ulg") in self._book.files:
+            began += timedelta(seconds=1)
+        return path
 
     def _write(self, report: Report, messages: Sequence[bytes]) -> None:
         self._book.add(report.unix_us * 1e-6, b"".join(messages))

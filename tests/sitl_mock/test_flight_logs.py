@@ -192,6 +192,14 @@ def test_a_log_is_streamed_message_by_message_as_the_definitions_are_acknowledge
     assert flight.command(STOP) == [0]
 
 
+def test_two_flights_within_a_second_have_two_logs():
+    flight = Flight("px4")
+    for state in (1, 0, 1, 0):
+        flight.command(ARM, state)
+    assert len({log.path for log in flight.vehicle.logs}) == len(flight.vehicle.logs) == 2
+    assert [entry.id for entry in flight.listed()] == [0, 1]
+
+
 def test_logs_are_bounded_and_erased():
     flight = Flight("px4", log_bytes=40_000)
     flight.step(steps=150)

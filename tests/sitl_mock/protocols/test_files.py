@@ -169,6 +169,17 @@ def test_row_14_pymavlinks_own_reader_understands_the_packed_parameters_and_thei
     assert [name for name, _, _ in part.params] == [name for name, _, _ in read.params[10:15]]
 
 
+def test_arducopters_parameters_survive_a_reboot():
+    client = Client("arducopter")
+    client.send("PARAM_SET", 1, 1, b"WPNAV_SPEED", 600.0, 9)
+    client.send("COMMAND_LONG", 1, 1, 246, 0, 1, 0, 0, 0, 0, 0, 0)
+    client.now_s += 5.0
+    client.vehicle.step(client.now_s)
+    assert client.vehicle.autopilot.boots == 2
+    came = client.send("PARAM_REQUEST_READ", 1, 1, b"WPNAV_SPEED", -1)
+    assert [m.param_value for m in came if m.get_type() == "PARAM_VALUE"] == [600.0]
+
+
 def test_arducopter_lists_the_files_of_its_system():
     """As the real one's simulation (`python -m tests.witness --only @SYS`)."""
     client = Client("arducopter")
