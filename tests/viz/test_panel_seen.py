@@ -174,10 +174,10 @@ def test_the_meeting_point_lies_on_the_isochron_of_the_played_game(record):
     # Also with an evader on a hill, and with a moving target.
     for standoff, target, drift in (
         (StandOff(3.0, 2.0), None, (0.0, 0.0)),
-        (StandOff(), (90.0, 5.0, 4.0), (0.4, -0.3)),
+        (StandOff(), Enu((90.0, 5.0, 4.0)), (0.4, -0.3)),
     ):
         game = Game(Ball(6.0), 3.1, standoff=standoff, target_velocity_m_s=drift)
-        other = replace(settings, game=game, target_game_m=Enu(target))
+        other = replace(settings, game=game, target_game_m=target)
         place = (0.0, 0.0, 30.0), (20.0, 8.0, 4.0)
         there = solve(
             game, *map(np.array, place), None if target is None else np.array(target)
