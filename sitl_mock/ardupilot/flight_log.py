@@ -7,6 +7,7 @@ unless LOG_FILE_DSRMROT is 1, which begins a new one. LOG_DISARMED = 1 also logs
 from __future__ import annotations
 
 import math
+import struct
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.dynamics import Kind as SetpointKind
@@ -170,13 +171,21 @@ class ArduPilotFlightLog:
             records.append(MODE.pack(now_us, mode, mode, _BY_COMMAND))
         if state.parameters.revision != self._revision:
             records += self._changed(report)
-        records += (_attitude(report), _position(report), _estimate(report), _battery(report))
-        records += _control(report)
-        if self._step % _GPS_STEPS == 0:
-            records.append(_receiver(report))
-        if report.setpoint.kind is SetpointKind.STREAM:
-            records.append(_target(report))
+        records += self._due(report)
         return b"".join(records)
+
+    def _due(self, report: Report) -> list[bytes]:
+        """Return the records of this step; none if a huge setpoint overflows a float."""
+        try:
+            records = [_attitude(report), _position(report), _estimate(report), _battery(report)]
+            records += _control(report)
+            if self._step % _GPS_STEPS == 0:
+                records.append(_receiver(report))
+            if report.setpoint.kind is SetpointKind.STREAM:
+                records.append(_target(report))
+        except (OverflowError, ValueError, struct.error):
+            return []
+        return records
 
     def _remember(self, report: Report) -> None:
         self._parameters = dict(report.state.parameters)

@@ -58,12 +58,12 @@ class _News(NamedTuple):
 
 
 def _px4(content: bytes, source: str) -> tuple[list[Command], list[Row]]:
-    wanted = {
+    selection = {
         "vehicle_status": ("timestamp", "nav_state"),
         "trajectory_setpoint": ("timestamp", "velocity"),
         "vehicle_local_position": ("timestamp", "vx", "vy", "vz", "x", "y", "z"),
     }
-    rows = ulog.read(content, wanted, source)
+    rows = ulog.read(content, selection, source)
     news = [_News(stamp_us, mode == _OFFBOARD) for stamp_us, mode in rows["vehicle_status"]]
     for stamp_us, *velocity in rows["trajectory_setpoint"]:
         whole = all(map(math.isfinite, velocity))
@@ -72,12 +72,12 @@ def _px4(content: bytes, source: str) -> tuple[list[Command], list[Row]]:
 
 
 def _arducopter(content: bytes, source: str) -> tuple[list[Command], list[Row]]:
-    wanted = {
+    selection = {
         "MODE": ("TimeUS", "ModeNum"),
         "GUIP": ("TimeUS", "Type", "vX", "vY", "vZ"),
         "XKF1": ("TimeUS", "C", "VN", "VE", "VD", "PN", "PE", "PD"),
     }
-    rows = dataflash.read(content, wanted, source)
+    rows = dataflash.read(content, selection, source)
     news = [_News(stamp_us, mode == _GUIDED) for stamp_us, mode in rows["MODE"]]
     for stamp_us, kind, north, east, up in rows["GUIP"]:
         velocity = (north * 0.01, east * 0.01, -up * 0.01)

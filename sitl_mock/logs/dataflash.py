@@ -73,8 +73,8 @@ class Kind:
     def pack(self, *values: Any) -> bytes:  # noqa: ANN401 - numbers and texts
         """Return a record of values in their units; those too large for their type are clipped."""
         units = list(values)
-        for index, scale, (least, most) in self._scaled:
-            units[index] = min(max(round(units[index] / scale), least), most)
+        for index, scale, limits in self._scaled:
+            units[index] = min(max(round(units[index] / scale), limits[0]), limits[1])
         return self._start + self._struct.pack(*units)
 
     def unpack(self, content: bytes, at: int) -> tuple[Any, ...]:
@@ -93,27 +93,29 @@ def _definition(number: int, size: int, name: str, letters: str, columns: str) -
 FMT: Final = Kind(_FMT, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
 
 
-def read(content: bytes, wanted: Mapping[str, Sequence[str]], source: str) -> dict[str, list[Any]]:
-    """Return rows of the wanted columns by kind; a kind that is not in the file has no rows.
+def read(
+    content: bytes, selection: Mapping[str, Sequence[str]], source: str
+) -> dict[str, list[Any]]:
+    """Return rows of the selected columns by kind; a kind that is not in the file has no rows.
 
     A damaged record is skipped up to the next one. One that is cut off ends the file.
 
     Args:
         content: The file.
-        wanted: Names of columns by kind.
+        selection: Names of columns by kind.
         source: Name of the file for errors.
 
     Raises:
-        ConfigError: It is no DataFlash log, or a wanted column is not in its kind.
+        ConfigError: It is no DataFlash log, or a selected column is not in its kind.
     """
     if not content.startswith(START + bytes((_FMT,))):
         raise ConfigError(f"{source} is not a DataFlash log: it does not begin with a FMT record")
-    rows: dict[str, list[Any]] = {name: [] for name in wanted}
+    rows: dict[str, list[Any]] = {name: [] for name in selection}
     for kind, values in _records(content):
         if kind.name in rows:
             row = dict(zip(kind.columns, values, strict=True))
             try:
-                rows[kind.name].append(tuple(row[column] for column in wanted[kind.name]))
+                rows[kind.name].append(tuple(row[column] for column in selection[kind.name]))
             except KeyError as error:
                 raise ConfigError(f"{source}: {kind.name} has no column {error}") from error
     return rows

@@ -145,7 +145,7 @@ class _Reader:
 
 
 class _Layout:
-    """How the wanted fields of a subscribed topic lie in its data."""
+    """How the selected fields of a subscribed topic lie in its data."""
 
     def __init__(self, topic: str, text: str, names: Sequence[str]) -> None:
         self.topic = topic
@@ -163,40 +163,42 @@ class _Layout:
         return tuple(starts[name] for name in self._names)
 
     def row(self, body: bytes) -> tuple[Any, ...]:
-        """Return the values of the wanted fields, arrays flattened."""
+        """Return the values of the selected fields, arrays flattened."""
         values = self._struct.unpack_from(body, 2)
-        wanted: tuple[Any, ...] = ()
+        row: tuple[Any, ...] = ()
         for part in self._places:
-            wanted += values[part]
-        return wanted
+            row += values[part]
+        return row
 
 
-def read(content: bytes, wanted: Mapping[str, Sequence[str]], source: str) -> dict[str, list[Any]]:
-    """Return rows of the wanted fields by topic; a topic that is not in the file has no rows.
+def read(
+    content: bytes, selection: Mapping[str, Sequence[str]], source: str
+) -> dict[str, list[Any]]:
+    """Return rows of the selected fields by topic; a topic that is not in the file has no rows.
 
     A message that is cut off ends the file, as after a crash. Only the first instance of a topic is read.
 
     Args:
         content: The file.
-        wanted: Names of fields by topic.
+        selection: Names of fields by topic.
         source: Name of the file for errors.
 
     Raises:
-        ConfigError: It is no ULog, or a wanted field is not in its topic.
+        ConfigError: It is no ULog, or a selected field is not in its topic.
     """
     if not content.startswith(MAGIC):
         raise ConfigError(f"{source} is not a ULog: it does not begin with {MAGIC!r}")
     reader = _Reader()
-    rows: dict[str, list[Any]] = {name: [] for name in wanted}
+    rows: dict[str, list[Any]] = {name: [] for name in selection}
     for letter, body in _messages(content):
         if letter == _DATA:
-            known = reader.numbers.get(int.from_bytes(body[:2], "little"))
-            if known is not None:
-                rows[known.topic].append(_row(known, body, source))
+            subscribed = reader.numbers.get(int.from_bytes(body[:2], "little"))
+            if subscribed is not None:
+                rows[subscribed.topic].append(_row(subscribed, body, source))
         else:
             take = _DEFINITIONS.get(letter)
             if take is not None:
-                take(reader, body, wanted)
+                take(reader, body, selection)
     return rows
 
 
@@ -211,13 +213,15 @@ def _messages(content: bytes) -> Iterator[tuple[int, bytes]]:
         at += size
 
 
-def _row(known: _Layout, body: bytes, source: str) -> tuple[Any, ...]:
+def _row(subscribed: _Layout, body: bytes, source: str) -> tuple[Any, ...]:
     try:
-        return known.row(body)
+        return subscribed.row(body)
     except KeyError as error:
-        raise ConfigError(f"{source}: topic {known.topic} has no field {error}") from error
+        raise ConfigError(f"{source}: topic {subscribed.topic} has no field {error}") from error
     except struct.error as error:
-        raise ConfigError(f"{source}: data of topic {known.topic} is cut off: {error}") from error
+        raise ConfigError(
+            f"{source}: data of topic {subscribed.topic} is cut off: {error}"
+        ) from error
 
 
 def _take_format(reader: _Reader, body: bytes, _wanted: Mapping[str, Sequence[str]]) -> None:
@@ -225,11 +229,13 @@ def _take_format(reader: _Reader, body: bytes, _wanted: Mapping[str, Sequence[st
     reader.formats[name] = text
 
 
-def _take_subscription(reader: _Reader, body: bytes, wanted: Mapping[str, Sequence[str]]) -> None:
+def _take_subscription(
+    reader: _Reader, body: bytes, selection: Mapping[str, Sequence[str]]
+) -> None:
     name = body[3:].decode(errors="replace")
-    if name in wanted and name in reader.formats and body[0] == 0:
+    if name in selection and name in reader.formats and body[0] == 0:
         number = int.from_bytes(body[1:3], "little")
-        reader.numbers[number] = _Layout(name, reader.formats[name], wanted[name])
+        reader.numbers[number] = _Layout(name, reader.formats[name], selection[name])
 
 
 _DEFINITIONS: Final[dict[int, Callable[[_Reader, bytes, Mapping[str, Sequence[str]]], None]]] = {

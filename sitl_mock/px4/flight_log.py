@@ -6,6 +6,7 @@ begins at arming. A client may also stream a log of its own (`protocols.log_stre
 
 from __future__ import annotations
 
+import struct
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final
 
@@ -61,11 +62,18 @@ class Px4FlightLog:
             return
         self._next_s = max(self._next_s + _STEP_S, state.now_s)
         if self._book.is_open:
-            messages = [pack(*build(report)) for pack, build in _DUE[self._step % _PERIOD]]
+            messages = self._due(report)
             if state.parameters.revision != self._revision:
                 messages += self._changed(report)
             self._write(report, messages)
         self._step += 1
+
+    def _due(self, report: Report) -> list[bytes]:
+        """Return the messages of this step; none if a huge setpoint overflows a float."""
+        try:
+            return [pack(*build(report)) for pack, build in _DUE[self._step % _PERIOD]]
+        except (OverflowError, ValueError, struct.error):
+            return []
 
     def say(self, report: Report, severity: int, text: str) -> None:
         """Write a text."""
@@ -102,16 +110,16 @@ class Px4FlightLog:
         self._armed = armed
         mode = int(report.state.parameters["SDLOG_MODE"])
         if mode == _NEVER:
-            wanted = False
+            is_logged = False
         elif mode == _FROM_ARMING:
-            wanted = armed
+            is_logged = armed
         elif mode == _FROM_BOOT:
-            wanted = armed or not self._has_flown
+            is_logged = armed or not self._has_flown
         elif mode == _UNTIL_SHUTDOWN:
-            wanted = True
+            is_logged = True
         else:
-            wanted = armed or self._has_flown
-        if not wanted:
+            is_logged = armed or self._has_flown
+        if not is_logged:
             self._book.end()
         elif self._book.running is None:
             head = b"".join(self.head(report))

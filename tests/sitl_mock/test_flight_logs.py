@@ -192,6 +192,21 @@ def test_a_log_is_streamed_message_by_message_as_the_definitions_are_acknowledge
     assert flight.command(STOP) == [0]
 
 
+@pytest.mark.parametrize("flavour", ["px4", "arducopter"])
+def test_a_huge_setpoint_leaves_a_gap_in_the_log_and_no_error(flavour):
+    flight = Flight(flavour)
+    huge = ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 0xFC0, *(3e38,) * 3, 0.0, *(0.0,) * 7)
+    flight.step(huge)
+    flight.command(SET_MODE, 1, 6 if flavour == "px4" else 4)
+    flight.command(ARM, 1)
+    if flavour == "arducopter":
+        flight.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, 5.0)
+        flight.step(steps=300)
+    for _ in range(30):
+        flight.step(huge)
+    assert flight.vehicle.logs[0].content
+
+
 def test_two_flights_within_a_second_have_two_logs():
     flight = Flight("px4")
     for state in (1, 0, 1, 0):
