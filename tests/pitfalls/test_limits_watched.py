@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from guidance.flight import Event, State
+from guidance.frames import Ned
 from guidance.messages import LocalPosition
 
 pytestmark = pytest.mark.flight
@@ -18,7 +19,7 @@ def close_by(flight, limit):
     height_m = home_down_m - down_m
     change = {
         Event.FENCE: {
-            "home_ned_m": (north_m, east_m, home_down_m),
+            "home_ned_m": Ned((north_m, east_m, home_down_m)),
             "fence_radius_m": 1.0,
             "fence_margin_m": 0.0,
         },
