@@ -209,7 +209,8 @@ def _samples(
         sample = sample._replace(end=xp.where(running, now, sample.end))
         yield sample
         running = sample.end == End.RUNNING
-        if not bool(xp.any(running)):
+        # Not `xp.any`, which is always true for a library that traces
+        if not bool(running.any()):
             return
         sample, observed = _advance(
             xp, game, sample, policies, xp.where(running, h, 0.0), observed, order
