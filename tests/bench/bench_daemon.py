@@ -114,7 +114,8 @@ def vehicle(wire: str, port: int, evader_port: int) -> None:
 
     parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}
     mock = MockVehicle("px4", ready_after_s=1.0, parameters=parameters, seed=1)
-    mock.autopilot.state.battery.capacity_mah = LASTING_MAH
+    battery = mock.autopilot.state.battery
+    battery.pack = battery.pack._replace(capacity_mah=LASTING_MAH)
     watch = Watch()
     inbox = deque()
     orders = deque()

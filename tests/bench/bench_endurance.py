@@ -77,7 +77,8 @@ class VirtualWorld:
         self.players: dict[str, object] = {}
         parameters = {"GF_MAX_HOR_DIST": 210.0, "GF_MAX_VER_DIST": 70.0}
         vehicle = MockVehicle("px4", ready_after_s=1.0, parameters=parameters, seed=1)
-        vehicle.autopilot.state.battery.capacity_mah = LASTING_MAH
+        battery = vehicle.autopilot.state.battery
+        battery.pack = battery.pack._replace(capacity_mah=LASTING_MAH)
         self._mock = SteppedMock(Faulted(vehicle, "bench", FaultScript()), clock)
         self._tap = TappedWire(self._mock.wire(), clock.now_s, "bench")
         link = PymavlinkLink(self._tap, clock.now_s, system_id=1)
