@@ -10,10 +10,10 @@ import numpy as np
 from guidance.strategies.own import Array
 
 GAIN: Final = 19.7
-"""The paper's G."""
+"""G of public implementations of the paper."""
 
 PURSUIT_WEIGHT: Final = 0.051
-"""The paper's W, 1/s²: the weight of pure pursuit."""
+"""W of the same implementations, 1/s²: the weight of pure pursuit."""
 
 HELD_S: Final = 0.02
 """How long a velocity is held: a cycle of `guidance.sim.maths`."""
