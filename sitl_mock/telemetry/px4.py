@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from sitl_mock.dynamics import IGNORED, Kind
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
+from sitl_mock.flavour import Report
 from sitl_mock.telemetry.motion import pressure_hpa
-from sitl_mock.telemetry.report import Report
 
 Fields = tuple[Any, ...]
 

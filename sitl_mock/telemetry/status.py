@@ -7,8 +7,9 @@ from typing import Any, Final
 
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
 from sitl_mock.estimator import EPH_M
+from sitl_mock.flavour import Report
 from sitl_mock.pilot import override_time_s
-from sitl_mock.telemetry.report import Report, heading_cdeg
+from sitl_mock.telemetry.report import heading_cdeg
 
 Fields = tuple[Any, ...]
 

@@ -40,7 +40,7 @@ def test_arducopter_is_flown_by_mavproxy(fleet_of, proxy):
         mav.say("log list")
         mav.expect("No logs")
         mav.say("ftp list")
-        mav.expect("D logs")
+        mav.expect("D terrain")
         mav.say("long MAV_CMD_SET_MESSAGE_INTERVAL 33 200000 0 0 0 0 0")  # GLOBAL_POSITION_INT
         mav.expect("SET_MESSAGE_INTERVAL: ACCEPTED")
         mav.say("mode GUIDED")
