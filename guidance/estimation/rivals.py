@@ -52,11 +52,13 @@ class Report(NamedTuple):
         told: As it arrived.
         measured: The same in the local frame, on our clock.
         fits: Whether the estimate accepted it; None if the outcome says nothing about its place.
+        is_copy: Whether the same report has arrived before. Its stamp may be of a clock that has jumped since.
     """
 
     told: EvaderReport
     measured: Measurement
     fits: bool | None
+    is_copy: bool = False
 
 
 class Rivals(NamedTuple):
@@ -88,6 +90,8 @@ class Rivals(NamedTuple):
 def listen(rivals: Rivals, report: Report, settings: TrackSettings) -> Rivals:
     """Add one report and judge. Two reports agree if one evader of twice the declared speed can reach both places."""
     now_s = report.told.received_s
+    if _has_arrived(rivals.recent, report.told):
+        report = report._replace(is_copy=True)
     recent = (*rivals.recent[-_MAX_REPORTS + 1 :], report)
     odd_s = now_s if _is_odd(recent[-2:][0], report) else rivals.odd_s
     since_s = now_s if math.isnan(rivals.since_s) else rivals.since_s
@@ -110,11 +114,24 @@ def _is_odd(before: Report, report: Report) -> bool:
     told = report.told
     if report.fits is False or told.impostors or math.isnan(told.sent_s):
         return True
-    if abs(told.received_s - report.measured.time_s) > _CLOCKS_APART_S:
+    if _is_apart(report):
         return True
     if told.peer != before.told.peer:
         return True
     return _contradict(before.told, told)
+
+
+def _is_apart(report: Report) -> bool:
+    return abs(report.told.received_s - report.measured.time_s) > _CLOCKS_APART_S
+
+
+def _has_arrived(recent: Sequence[Report], told: EvaderReport) -> bool:
+    return any(
+        past.told.sent_s == told.sent_s
+        and past.told.latitude_deg == told.latitude_deg
+        and past.told.longitude_deg == told.longitude_deg
+        for past in recent
+    )
 
 
 def _in_place(recent: Sequence[Report], settings: TrackSettings) -> bool:
@@ -154,8 +171,7 @@ def _can_follow(earlier: Report, later: Report, speed_m_s: float, margin_m: floa
 
 
 def _in_clock(recent: Sequence[Report]) -> bool:
-    ages_s = [report.told.received_s - report.measured.time_s for report in recent]
-    are_apart = [abs(age_s) > _CLOCKS_APART_S for age_s in ages_s]
+    are_apart = [_is_apart(report) for report in recent if not report.is_copy]
     runs = [is_apart for is_apart, _ in itertools.groupby(are_apart)]
     return sum(runs[1:-1]) >= _TURNS
 

@@ -74,6 +74,22 @@ def late():
     return [one._replace(received_s=one.received_s + draw.uniform(0.0, 0.4)) for one in those()]
 
 
+def copied_across_a_clock_jump():
+    """Every report arrives again 0.9 s later; the clock jumps at 15 s, and old stamps are far from the new one."""
+    jump_s = 15.0
+    reports = []
+    for report in those(sequence=None):
+        jumped_s = 400.0 if report.true_s >= jump_s else 0.0
+        original = report._replace(sent_s=report.sent_s - jumped_s)
+        received_s = report.received_s + 0.9
+        is_old = not jumped_s and received_s > jump_s
+        copy = original._replace(
+            received_s=received_s, true_s=report.true_s + (400.0 if is_old else 0.0), fits=None
+        )
+        reports += [original, copy]
+    return reports
+
+
 ONE_SOURCE = {
     "as it should be": those(),
     "a number that never changes": those(sequence=0),
@@ -82,6 +98,7 @@ ONE_SOURCE = {
     "told twice": [
         one for each in those() for one in (each, each._replace(received_s=each.received_s + 0.02))
     ],
+    "told twice while its clock jumps": copied_across_a_clock_jump(),
     "silent for a while": [one for one in those() if not 8.0 < one.received_s < 15.0],
     "in bursts": [
         one._replace(received_s=math.ceil(one.received_s)) for one in those(sent_s=math.nan)
@@ -113,7 +130,10 @@ TWO_SOURCES = {
     "place, a few metres aside": [
         one._replace(fits=False, place_m=(one.place_m[0], 2.0), sequence=None) for one in second()
     ],
-    "clock": [one._replace(true_s=one.true_s - 400.0) for one in second(fits=None, sequence=None)],
+    "clock": [
+        one._replace(sent_s=one.sent_s - 400.0, true_s=one.true_s - 400.0)
+        for one in second(fits=None, sequence=None)
+    ],
     "sequence": second(sequence=0),
     "sender": second(peer="b", sequence=None),
 }
