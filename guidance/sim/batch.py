@@ -86,22 +86,27 @@ class Batch(NamedTuple):
 
 _ALIKE: Final = attrgetter(
     *("game", "pursuer.speed_set", "pursuer.navigation_gain"),
-    *(f"sensor.{key}" for key in ("rate_hz", "latency_s", "outages_s")),
-    *(f"{player}.{key}" for player in (PURSUER, EVADER) for key in Player.model_fields),
+    *("sensor.rate_hz", "sensor.latency_s", "sensor.outages_s"),
+    *(f"{PURSUER}.{key}" for key in Player.model_fields),
+    *(f"{EVADER}.{key}" for key in Player.model_fields),
 )
 
 
 def kind_of(scenario: Scenario) -> Hashable:
     """Return what two scenarios must share to be played in one batch."""
     evader = scenario.evader
-    turns = "random_turns" in (scenario.pursuer.policy, scenario.evader.policy)
+    policies = (scenario.pursuer.policy, evader.policy)
+    course_duration_s = scenario.time_limit_s if "random_turns" in policies else None
+    has_wind = any(scenario.wind.velocity_m_s)
+    speed_is_known = evader.believed_speed_m_s == evader.speed_m_s
+    has_sensor = scenario.sensor != PERFECT
     return (
         *_ALIKE(scenario),
         target_extent(scenario),
-        any(scenario.wind.velocity_m_s),
-        scenario.time_limit_s if turns else None,
-        evader.believed_speed_m_s == evader.speed_m_s,
-        scenario.sensor != PERFECT,
+        has_wind,
+        course_duration_s,
+        speed_is_known,
+        has_sensor,
     )
 
 
@@ -114,7 +119,8 @@ def by_kind(
         kinds.setdefault(kind_of(game), []).append(index)
     results: dict[int, R] = {}
     for indices in kinds.values():
-        results |= zip(indices, play([games[index] for index in indices]), strict=True)
+        played = play([games[index] for index in indices])
+        results |= zip(indices, played, strict=True)
     return [results[index] for index in range(len(games))]
 
 
@@ -122,22 +128,21 @@ def rules_of(scenarios: Sequence[Scenario]) -> Rules:
     """Return the rules of scenarios of one kind, with the evaders' true speeds, as mathematics plays them."""
     kind = scenarios[0]
     pursuer = kind.pursuer
+    speed_set = MATHS_SPEED_SET if pursuer.speed_set is None else pursuer.speed_set
+    level_m_s = column(scenarios, "pursuer.speed_m_s")
+    climb_m_s = column(scenarios, "pursuer.climb_m_s")
+    descent_m_s = column(scenarios, "pursuer.descent_m_s")
+    wind_east_m_s = column(scenarios, "wind.velocity_m_s", axis=0)
+    wind_north_m_s = column(scenarios, "wind.velocity_m_s", axis=1)
     heights_m = column(scenarios, "standoff.height_m") - column(scenarios, "evader.height_m")
     return Rules(
-        speed_set=MATHS_SPEED_SET if pursuer.speed_set is None else pursuer.speed_set,
-        speeds_m_s=(
-            column(scenarios, "pursuer.speed_m_s"),
-            column(scenarios, "pursuer.climb_m_s"),
-            column(scenarios, "pursuer.descent_m_s"),
-        ),
+        speed_set=speed_set,
+        speeds_m_s=(level_m_s, climb_m_s, descent_m_s),
         evader_speed_m_s=column(scenarios, "evader.speed_m_s"),
         capture_radius_m=column(scenarios, "standoff.tolerance_m"),
         standoff_radius_m=column(scenarios, "standoff.radius_m"),
         standoff_height_m=heights_m,
-        wind_m_s=(
-            column(scenarios, "wind.velocity_m_s", axis=0),
-            column(scenarios, "wind.velocity_m_s", axis=1),
-        ),
+        wind_m_s=(wind_east_m_s, wind_north_m_s),
         target_velocity_m_s=STILL,
         target_extent=target_extent(kind),
     )
@@ -151,7 +156,9 @@ def column(scenarios: Sequence[Scenario], key: str, axis: int | None = None) -> 
         key: Of the number, with dots; or of a vector.
         axis: Of the vector.
     """
-    values = [value if axis is None else value[axis] for value in map(attrgetter(key), scenarios)]
+    values = list(map(attrgetter(key), scenarios))
+    if axis is not None:
+        values = [vector[axis] for vector in values]
     if values.count(values[0]) == len(values):
         return float(values[0])
     return np.array(values, dtype=np.float64)
@@ -166,29 +173,29 @@ def stack(scenarios: Sequence[Scenario]) -> Batch:
     P[:, 2] -= ground_m
     E = np.array([(*scenario.evader.position_m, 0.0) for scenario in scenarios])
     seed = np.array([scenario.seed for scenario in scenarios], dtype=np.int64)
-    targets = [
-        (*scenario.target.position_m, 0.0) for scenario in scenarios if scenario.target is not None
-    ]
+    targets_m = [target_game_m(scenario) for scenario in scenarios]
+    noise = Noise(
+        seed,
+        column(scenarios, "sensor.position_noise_m"),
+        column(scenarios, "sensor.velocity_noise_m_s"),
+        column(scenarios, "sensor.dropout"),
+    )
+    evader_speeds = Ball(rules.evader_speed_m_s)
     return Batch(
         kind=kind,
         game=game_by(rules),
         pursuer_m=P,
         evader_m=E,
         believed_m_s=column(scenarios, "evader.believed_speed_m_s"),
-        target_m=np.array(targets) if targets else None,
+        target_m=None if kind.target is None else np.array(targets_m),
         lowest_m=column(scenarios, "limits.floor_m") - ground_m,
         highest_m=column(scenarios, "limits.ceiling_m") - ground_m,
         fence_m=column(scenarios, "limits.fence_radius_m"),
         home_m=np.array([scenario.home_m for scenario in scenarios]),
         limit_s=column(scenarios, "time_limit_s"),
-        noise=Noise(
-            seed,
-            column(scenarios, "sensor.position_noise_m"),
-            column(scenarios, "sensor.velocity_noise_m_s"),
-            column(scenarios, "sensor.dropout"),
-        ),
+        noise=noise,
         pursuer=strategy_of(kind, PURSUER, P, rules.pursuer, seed),
-        evader=strategy_of(kind, EVADER, E, Ball(rules.evader_speed_m_s), seed),
+        evader=strategy_of(kind, EVADER, E, evader_speeds, seed),
     )
 
 
@@ -212,11 +219,8 @@ def target_extent(scenario: AnyScenario) -> Extent:
 def site(scenario: Scenario) -> tuple[float, float, Amsl]:
     """Return the origin of the game frame, on the evader's plane."""
     site = scenario.site
-    return (
-        site.latitude_deg,
-        site.longitude_deg,
-        Amsl(site.altitude_amsl_m + scenario.evader.height_m),
-    )
+    plane_amsl_m = Amsl(site.altitude_amsl_m + scenario.evader.height_m)
+    return site.latitude_deg, site.longitude_deg, plane_amsl_m
 
 
 def strategy_of(
@@ -235,9 +239,8 @@ def strategy_of(
     course = None
     match player.policy:
         case "waypoints":
-            course = waypoints(
-                start_m, np.array([(*point, 0.0)[:3] for point in player.waypoints_m]), speeds
-            )
+            points_m = np.array([(*point, 0.0)[:3] for point in player.waypoints_m])
+            course = waypoints(start_m, points_m, speeds)
         case "random_turns":
             turns = {
                 "max_turn_rad": np.deg2rad(player.turn_most_deg),

@@ -24,19 +24,25 @@ class Range(Section):
     def _faults(self) -> Iterator[str]:
         if self.min is None and self.max is None:
             yield "{}: empty; give min, max or both"
-        if self.min is not None and self.max is not None and self.min > self.max:
+        if self.min is None or self.max is None:
+            return
+        if self.min > self.max:
             yield f"min = {self.min:g} is above max = {self.max:g}: no value meets both"
 
     def holds(self, value: float) -> bool:
         """Return True if a value lies within; NaN does not."""
-        return (self.min is None or value >= self.min) and (self.max is None or value <= self.max)
+        is_high_enough = self.min is None or value >= self.min
+        is_low_enough = self.max is None or value <= self.max
+        return is_high_enough and is_low_enough
 
     def __str__(self) -> str:
         """Text for the table of expectations."""
-        bounds = {"at least": self.min, "at most": self.max}
-        return " and ".join(
-            f"{words} {bound:g}" for words, bound in bounds.items() if bound is not None
-        )
+        bounds = []
+        if self.min is not None:
+            bounds.append(f"at least {self.min:g}")
+        if self.max is not None:
+            bounds.append(f"at most {self.max:g}")
+        return " and ".join(bounds)
 
 
 class CheckedExpectation(NamedTuple):
@@ -57,14 +63,14 @@ class Ranges(Section):
             value: Any = values.get(column)
             match expected:
                 case Range():
-                    yield CheckedExpectation(column, str(expected), value, expected.holds(value))
+                    holds = expected.holds(value)
+                    yield CheckedExpectation(column, str(expected), value, holds)
                 case str():
                     yield CheckedExpectation(column, expected, value, value == expected)
                 case tuple():
-                    for check in expected:
-                        yield CheckedExpectation(
-                            column, f"has {check!r}", ", ".join(value), check in value
-                        )
+                    events = ", ".join(value)
+                    for event in expected:
+                        yield CheckedExpectation(column, f"has {event!r}", events, event in value)
                 case Ranges() if (column == "maths") == (values["run"] == "maths"):
                     yield from expected.verdicts(values)
 
@@ -114,11 +120,12 @@ class Expectations(Ranges):
     @model_validator(mode="before")
     @classmethod
     def _check_columns(cls, document: Any) -> Any:  # noqa: ANN401 - whatever a file holds
-        for column, name in RENAMED_COLUMNS.items() if isinstance(document, dict) else ():
+        if not isinstance(document, dict):
+            return document
+        for column, name in RENAMED_COLUMNS.items():
             if document.get(column) is not None:
                 raise ValueError(f"expect.{column} is named {name} now")
-            document = {key: value for key, value in document.items() if key != column}
-        return document
+        return {key: value for key, value in document.items() if key not in RENAMED_COLUMNS}
 
     @field_validator("events")
     @classmethod
@@ -129,13 +136,16 @@ class Expectations(Ranges):
 
     def contradictions(self, game: str) -> Iterator[str]:
         """Yield which two expectations cannot both be met in a game of a kind."""
-        if self.end is not None and self.end != "captured" and self.capture_time_s is not None:
-            yield f"expect.capture_time_s contradicts expect.end = {self.end!r}: there is no capture then"
+        expected_end = f"expect.end = {self.end!r}"
+        if self.end not in {None, "captured"} and self.capture_time_s is not None:
+            yield f"expect.capture_time_s contradicts {expected_end}: there is no capture then"
         if self.end == "arrived" and game == "pe":
-            yield "expect.end = 'arrived': game = \"pe\" has no place to arrive at"
-        wins = WINNERS.get(str(self.end))
-        if wins is not None and self.winner is not None and self.winner != wins:
-            yield f"expect.winner = {self.winner!r} contradicts expect.end = {self.end!r}: {wins} wins then"
+            yield f'{expected_end}: game = "pe" has no place to arrive at'
+        winner = WINNERS.get(str(self.end))
+        if winner is None or self.winner is None:
+            return
+        if self.winner != winner:
+            yield f"expect.winner = {self.winner!r} contradicts {expected_end}: {winner} wins then"
 
 
 class Expect(Expectations):

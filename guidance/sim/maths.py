@@ -36,9 +36,8 @@ from guidance.strategies.own import is_own
 CYCLE_S = 0.02
 """A velocity is held for the cycle of a flight."""
 
-_SHARES = dict.fromkeys(("optimal", "pure_pursuit", "lead_pursuit", "hold", *COURSES), 0.8) | {
-    PROPORTIONAL: 0.5
-}
+_SMOOTH_STRATEGIES = ("optimal", "pure_pursuit", "lead_pursuit", "hold", *COURSES)
+_SHARES = dict.fromkeys(_SMOOTH_STRATEGIES, 0.8) | {PROPORTIONAL: 0.5}
 """Length of a step, as a share of the least time until a change, by the pursuer's strategy.
 
 These strategies are smooth functions of the state until the pursuer is beside the evader. Others may change abruptly:
@@ -117,9 +116,10 @@ def moments(batch: Batch) -> Iterator[Moment]:
             yield moment
             running = moment.end == End.RUNNING
             if np.count_nonzero(running) <= _SHARE_LEFT * len(running):
-                batch, moment, ahead = (
-                    rows_of(part, itemgetter(running)) for part in (batch, moment, ahead)
-                )
+                running_rows = itemgetter(running)
+                batch = rows_of(batch, running_rows)
+                moment = rows_of(moment, running_rows)
+                ahead = rows_of(ahead, running_rows)
             if len(moment.row):
                 moment = _advance(batch, moment, ahead)
 
@@ -135,26 +135,39 @@ def begun(batch: Batch) -> Moment:
     E = batch.evader_m
     count = len(batch.pursuer_m)
     sensor = batch.kind.sensor
+    zero_s = np.zeros(count)
+    zero_m_s = np.zeros_like(P)
+    turning_rad_s = None
+    heard = None
+    if sensor != PERFECT:
+        heard = begin(sensor, E)
+    elif batch.pursuer.name == PROPORTIONAL:
+        turning_rad_s = np.zeros_like(P)
+    nothing_happened = np.zeros((count, len(LIMITS) + 2), dtype=bool)
+    still_running = np.zeros(count, dtype=np.int8)
     return Moment(
-        **dict.fromkeys(("now_s", "step_s", "lost_s"), np.zeros(count)),
-        **dict.fromkeys(("flown_m_s", "run_m_s"), np.zeros_like(P)),
+        now_s=zero_s,
+        step_s=zero_s,
+        lost_s=zero_s,
+        flown_m_s=zero_m_s,
+        run_m_s=zero_m_s,
         row=np.arange(count),
         pursuer_m=P,
         evader_m=E,
-        turning_rad_s=np.zeros_like(P)
-        if batch.pursuer.name == PROPORTIONAL and sensor == PERFECT
-        else None,
-        heard=None if sensor == PERFECT else begin(sensor, E),
+        turning_rad_s=turning_rad_s,
+        heard=heard,
         standoff_m=_level(P - E),
         altitude_m=P[:, 2],
-        happened=np.zeros((count, len(LIMITS) + 2), dtype=bool),
-        end=np.zeros(count, dtype=np.int8),
+        happened=nothing_happened,
+        end=still_running,
     )
 
 
 def _level(vector: Array) -> Array:
     """Return the horizontal lengths, (n,), of vectors."""
-    return np.asarray(np.sqrt(vector[:, 0] ** 2 + vector[:, 1] ** 2))
+    x = vector[:, 0]
+    y = vector[:, 1]
+    return np.asarray(np.sqrt(x**2 + y**2))
 
 
 def _play_kind(scenarios: Sequence[Scenario]) -> list[Outcome]:
@@ -163,12 +176,14 @@ def _play_kind(scenarios: Sequence[Scenario]) -> list[Outcome]:
     outcomes = dict[int, Outcome]()
     finished = np.zeros(len(scenarios), dtype=bool)
     for moment in moments(batch):
-        new = (moment.end != End.RUNNING) & ~finished[moment.row]
-        if new.any():
-            finished[moment.row[new]] = True
-            for row in _one_by_one(rows_of(moment, itemgetter(new))):
-                outcomes[row.row] = _outcome(scenarios[row.row], first[row.row], row)
-    return [outcomes[row] for row in range(len(scenarios))]
+        ended = moment.end != End.RUNNING
+        newly_ended = ended & ~finished[moment.row]
+        if newly_ended.any():
+            finished[moment.row[newly_ended]] = True
+            for last in _one_by_one(rows_of(moment, itemgetter(newly_ended))):
+                number = last.row
+                outcomes[number] = _outcome(scenarios[number], first[number], last)
+    return [outcomes[number] for number in range(len(scenarios))]
 
 
 def _one_by_one(arrays: Any) -> Iterator[Any]:  # noqa: ANN401 - a named tuple
@@ -182,12 +197,13 @@ def _one_by_one(arrays: Any) -> Iterator[Any]:  # noqa: ANN401 - a named tuple
 def judged(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
     """Return the end of each game; a capture counts before an arrival at the same time."""
     now = np.where(moment.now_s >= batch.limit_s, End.TIME_UP, End.RUNNING)
-    now = np.where(
-        moment.happened[:, -1] | (moment.lost_s >= LIMITS_S[State.PAUSED]), End.NO_ANSWER, now
-    )
+    has_no_game = moment.happened[:, -1]
+    lost_too_long = moment.lost_s >= LIMITS_S[State.PAUSED]
+    now = np.where(has_no_game | lost_too_long, End.NO_ANSWER, now)
     now = np.where(ahead.arrival_s <= NANOSECOND_S, End.ARRIVED, now)
     now = np.where(ahead.capture_s <= NANOSECOND_S, End.CAPTURED, now)
-    return np.where(moment.end == End.RUNNING, now, moment.end).astype(np.int8)
+    was_running = moment.end == End.RUNNING
+    return np.where(was_running, now, moment.end).astype(np.int8)
 
 
 def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
@@ -198,12 +214,14 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
     no_game = ~np.isfinite(v[:, 0])
     v[no_game | waiting] = 0.0
     captured_s = _captured_s(batch, moment, v - w)
-    longest_s = np.maximum(CYCLE_S, _smooth_s(batch, moment, ahead, first, captured_s))
+    smooth_s = _smooth_s(batch, moment, ahead, first, captured_s)
+    longest_s = np.maximum(CYCLE_S, smooth_s)
     h = _step_s(batch, moment, ahead, captured_s, longest_s)
-    if (long := h > CYCLE_S).any():
+    is_long = h > CYCLE_S
+    if is_long.any():
         mean = _mean_slope(batch, moment, h, first)
         slope = tuple(
-            np.where(long[:, None], average, before)
+            np.where(is_long[:, None], average, before)
             for average, before in zip(mean, first, strict=True)
         )
     moved = _moved(batch, moment, h, slope, (waiting, no_game))
@@ -241,8 +259,10 @@ def advance_held(
     if stopped.any():
         v = np.where(stopped[:, None], 0.0, v)
     ahead = ahead._replace(arrival_s=_arrived_s(batch, moment, w))
-    h = _step_s(batch, moment, ahead, _captured_s(batch, moment, v - w), longest_s)
-    moved = _moved(batch, moment, h, (v, w, *turn), (waiting, no_game))
+    captured_s = _captured_s(batch, moment, v - w)
+    h = _step_s(batch, moment, ahead, captured_s, longest_s)
+    slope = (v, w, *turn)
+    moved = _moved(batch, moment, h, slope, (waiting, no_game))
     return moved._replace(flown_m_s=v, run_m_s=w)
 
 
@@ -250,9 +270,11 @@ def _step_s(
     batch: Batch, moment: Moment, ahead: Ahead, captured_s: Array, longest_s: Real
 ) -> Array:
     """Return the next step, (n,): to the next end, change or event, at most `longest_s`; 0 of a finished game."""
-    ends_s = batch.limit_s - moment.now_s, captured_s, ahead.arrival_s, ahead.turn_s
-    steps_s = reduce(np.minimum, (longest_s, *ends_s, *_changes_s(batch, moment)))
-    return np.where(moment.end == End.RUNNING, steps_s, 0.0)
+    time_left_s = batch.limit_s - moment.now_s
+    ends_s = time_left_s, captured_s, ahead.arrival_s, ahead.turn_s
+    changes_s = _changes_s(batch, moment)
+    step_s = reduce(np.minimum, (longest_s, *ends_s, *changes_s))
+    return np.where(moment.end == End.RUNNING, step_s, 0.0)
 
 
 def _moved(
@@ -263,23 +285,29 @@ def _moved(
     troubles: tuple[NDArray[np.bool_], NDArray[np.bool_]],
 ) -> Moment:
     """Return the moment after a step, inside the limits; `troubles` is who waits for a report, and who has no game."""
-    P, remaining = _held_back(batch, moment.pursuer_m + step_s[:, None] * slope[0])
-    E = moment.evader_m + step_s[:, None] * slope[1]
+    pursuer_m_s, evader_m_s, *turn_rad_s = slope
+    steps_s = step_s[:, None]
+    P, at_limits = _held_back(batch, moment.pursuer_m + steps_s * pursuer_m_s)
+    E = moment.evader_m + steps_s * evader_m_s
     waiting, no_game = troubles
+    lost_s = np.where(waiting, moment.lost_s + step_s, 0.0)
+    standoff_m = np.minimum(moment.standoff_m, _level(P - E))
+    altitude_m = np.minimum(moment.altitude_m, P[:, 2])
+    happening = np.stack([*at_limits, waiting, no_game], axis=-1)
     return moment._replace(
         now_s=moment.now_s + step_s,
         pursuer_m=P,
         evader_m=E,
         step_s=step_s,
-        turning_rad_s=slope[2] if len(slope) > 2 else None,
-        lost_s=np.where(waiting, moment.lost_s + step_s, 0.0),
-        standoff_m=np.minimum(moment.standoff_m, _level(P - E)),
-        altitude_m=np.minimum(moment.altitude_m, P[:, 2]),
-        happened=moment.happened | np.stack([*remaining, waiting, no_game], axis=-1),
+        turning_rad_s=turn_rad_s[0] if turn_rad_s else None,
+        lost_s=lost_s,
+        standoff_m=standoff_m,
+        altitude_m=altitude_m,
+        happened=moment.happened | happening,
     )
 
 
-def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, slope: Slope, captured_s: Array) -> Real:  # noqa: PLR0914
+def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, slope: Slope, captured_s: Array) -> Real:
     """Return how long a step may be, (n,): a share of the least time until the pursuer is beside the evader or at a
     limit, or the evader at its target. While both players fly straight on, the time to the capture itself counts.
     """  # noqa: D205 - one sentence needs two lines
@@ -294,18 +322,28 @@ def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, slope: Slope, captured
     apart = _level(P - moment.evader_m)
     if speeds.separate:  # it holds its place when it is beside the evader
         apart = apart - game.standoff.radius_m - game.capture_radius_m
-    bend_m_s = np.abs(v - moment.flown_m_s).max(axis=-1) + np.abs(w - moment.run_m_s).max(axis=-1)
-    straight = bend_m_s <= _STRAIGHT * level_m_s
+    pursuer_bend_m_s = np.abs(v - moment.flown_m_s).max(axis=-1)
+    evader_bend_m_s = np.abs(w - moment.run_m_s).max(axis=-1)
+    straight = pursuer_bend_m_s + evader_bend_m_s <= _STRAIGHT * level_m_s
     beside_s = np.minimum(apart / (level_m_s + game.evader_speed_m_s), ahead.capture_s)
-    out, outwards_m_s = _stretched(P[:, :2] - batch.home_m, v)
-    room_m = np.stack([batch.fence_m - out, P[:, 2] - batch.lowest_m, batch.highest_m - P[:, 2]])
-    rate_m_s = np.where(
-        straight, [-outwards_m_s, v[:, 2], -v[:, 2]], -speeds.top_speed_m_s(NUMPY, level_m_s)
-    )
-    least_s = np.minimum(
-        np.where(straight, captured_s, beside_s), _zero_s(room_m, rate_m_s).min(axis=0)
-    )
+    meeting_s = np.where(straight, captured_s, beside_s)
+    limit_s = _limit_s(batch, P, v, straight, speeds.top_speed_m_s(NUMPY, level_m_s))
+    least_s = np.minimum(meeting_s, limit_s)
     return np.asarray(share * np.minimum(least_s, ahead.arrival_s))
+
+
+def _limit_s(
+    batch: Batch, P: Array, v: Array, straight: NDArray[np.bool_], fastest_m_s: Real
+) -> Array:
+    """Return how long, (n,), until the pursuer may be at fence, floor or ceiling; at v if it flies straight on."""
+    out_m, outwards_m_s = _stretched(P[:, :2] - batch.home_m, v)
+    height_m = P[:, 2]
+    climb_m_s = v[:, 2]
+    room_m = np.stack(
+        [batch.fence_m - out_m, height_m - batch.lowest_m, batch.highest_m - height_m]
+    )
+    rate_m_s = np.where(straight, [-outwards_m_s, climb_m_s, -climb_m_s], -fastest_m_s)
+    return np.asarray(_zero_s(room_m, rate_m_s).min(axis=0))
 
 
 def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
@@ -331,23 +369,24 @@ def _arrived_s(batch: Batch, moment: Moment, run_m_s: Array) -> Real:
     evader = components(moment.evader_m)
     x, y, _ = to_target(NUMPY, batch.game, evader, components(batch.target_m))
     away_m = np.sqrt(x**2 + y**2)
-    closing_m_s = x * run_m_s[:, 0] + y * run_m_s[:, 1]
-    return _zero_s(away_m, -closing_m_s / np.where(away_m > 0.0, away_m, 1.0))
+    closing = x * run_m_s[:, 0] + y * run_m_s[:, 1]
+    divisor_m = np.where(away_m > 0.0, away_m, 1.0)
+    return _zero_s(away_m, -closing / divisor_m)
 
 
 def _stretched(way_m: Array, rate_m_s: Array) -> tuple[Array, Array]:
     """Return the horizontal lengths, (n,), of vectors that change at a rate, and the rate of change of the lengths."""
-    length = _level(way_m)
-    return length, (way_m[:, 0] * rate_m_s[:, 0] + way_m[:, 1] * rate_m_s[:, 1]) / np.where(
-        length > 0.0, length, 1.0
-    )
+    length_m = _level(way_m)
+    x_part = way_m[:, 0] * rate_m_s[:, 0]
+    y_part = way_m[:, 1] * rate_m_s[:, 1]
+    divisor_m = np.where(length_m > 0.0, length_m, 1.0)
+    return length_m, (x_part + y_part) / divisor_m
 
 
 def _zero_s(distance_m: Real, rate_m_s: Real) -> Array:
     """Return when a distance is zero that changes at a constant rate; infinite if it does not shrink."""
-    return np.where(
-        distance_m <= 0.0, 0.0, np.where(rate_m_s < 0.0, distance_m / -rate_m_s, np.inf)
-    )
+    left_s = np.where(rate_m_s < 0.0, distance_m / -rate_m_s, np.inf)
+    return np.where(distance_m <= 0.0, 0.0, left_s)
 
 
 def _mean_slope(batch: Batch, moment: Moment, step_s: Array, first: Slope) -> Slope:
@@ -358,11 +397,11 @@ def _mean_slope(batch: Batch, moment: Moment, step_s: Array, first: Slope) -> Sl
         passed = share * step_s
         P = moment.pursuer_m + passed[:, None] * v
         E = moment.evader_m + passed[:, None] * w
-        then = moment._replace(
-            flown_m_s=first[0], turning_rad_s=turn[0] if turn else None, step_s=passed
-        )
+        turning_rad_s = turn[0] if turn else None
+        then = moment._replace(flown_m_s=first[0], turning_rad_s=turning_rad_s, step_s=passed)
         slopes.append(_slope(batch, then, P, E, first))
-    return tuple((a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in zip(*slopes, strict=True))
+    parts = zip(*slopes, strict=True)
+    return tuple((a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in parts)
 
 
 def _slope(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope | None = None) -> Slope:
@@ -378,13 +417,17 @@ def _slope(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope | None
     if batch.is_agreed and batch.pursuer.name == batch.evader.name == OPTIMAL:
         solution = solve(batch.game, P, E, batch.target_m, evader_velocity_m_s=moment.run_m_s)
         return solution.pursuer_velocity_m_s, solution.evader_velocity_m_s
-    w = fled(batch, moment, P, E) if first is None or batch.evader.course is None else first[1]
+    if first is None or batch.evader.course is None:
+        w = fled(batch, moment, P, E)
+    else:
+        w = first[1]
     if first is not None and batch.pursuer.course is not None:
         return first[0], w
     v = chased(batch, moment, P, E, w)
     if moment.turning_rad_s is None:
         return v, w
-    return v, w, turning(batch.game, P, E, w, v, batch.pursuer.gain)
+    turn_rad_s = turning(batch.game, P, E, w, v, batch.pursuer.gain)
+    return v, w, turn_rad_s
 
 
 def fled(batch: Batch, moment: Moment, P: Array, E: Array) -> Array:
@@ -428,13 +471,11 @@ class View(NamedTuple):
 def view_of(batch: Batch, moment: Moment, E: Array, run_m_s: Array) -> View:
     """Return what the pursuers know of evaders at E that run; late and noisy where the scenario has a sensor."""
     if moment.heard is not None:
-        known_m, bound_m_s, age_s = known(
-            batch.noise, moment.heard, batch.believed_m_s, moment.now_s
-        )
-        aged = replace(
-            batch.game, evader_speed_m_s=bound_m_s, information_age_s=np.minimum(age_s, TIMEOUT_S)
-        )
-        return View(aged, known_m, moment.heard.velocity_m_s)
+        heard = moment.heard
+        known_m, bound_m_s, age_s = known(batch.noise, heard, batch.believed_m_s, moment.now_s)
+        information_age_s = np.minimum(age_s, TIMEOUT_S)
+        aged = replace(batch.game, evader_speed_m_s=bound_m_s, information_age_s=information_age_s)
+        return View(aged, known_m, heard.velocity_m_s)
     if batch.is_agreed:
         return View(batch.game, E, run_m_s)
     fastest_m_s = np.maximum(batch.believed_m_s, _level(run_m_s))
@@ -459,17 +500,20 @@ def _held_back(batch: Batch, P: Array) -> tuple[Array, Sequence[NDArray[np.bool_
     away_m = P[:, :2] - batch.home_m
     out = _level(away_m)
     beyond = out > batch.fence_m
-    back = np.where(beyond, 1.0 - batch.fence_m / np.where(beyond, out, 1.0), 0.0)
+    divisor_m = np.where(beyond, out, 1.0)
+    back_share = np.where(beyond, 1.0 - batch.fence_m / divisor_m, 0.0)
+    level_m = P[:, :2] - back_share[:, None] * away_m
     low = P[:, 2] < batch.lowest_m
     high = P[:, 2] > batch.highest_m
-    height = np.clip(P[:, 2], batch.lowest_m, batch.highest_m)
-    return np.column_stack([P[:, :2] - back[:, None] * away_m, height]), (beyond, low, high)
+    height_m = np.clip(P[:, 2], batch.lowest_m, batch.highest_m)
+    return np.column_stack([level_m, height_m]), (beyond, low, high)
 
 
 def _promised(scenario: Scenario, first: Any) -> str:  # noqa: ANN401 - one row
     """Return the winner that a solution promises: none where a cycle of held velocities could cost the win."""
     both_m_s = scenario.pursuer.speed_m_s + scenario.evader.believed_speed_m_s
-    if scenario.game == "tad" and first.winner > 0 and first.value < HELD * CYCLE_S * both_m_s:
+    least_margin_m = HELD * CYCLE_S * both_m_s
+    if scenario.game == "tad" and first.winner > 0 and first.value < least_margin_m:
         return winner_name(Winner.UNDECIDED)
     return winner_name(first.winner)
 
@@ -484,28 +528,27 @@ def _failure(scenario: Scenario, *, no_game: bool) -> Event:
 def _outcome(scenario: Scenario, first: Any, last: Any) -> Outcome:  # noqa: ANN401 - one row each
     """Return the outcome of one game, from its solution at engagement and its last moment."""
     end = _NAMES[last.end]
-    *met, lost, no_game = last.happened
-    failed = _failure(scenario, no_game=no_game)
-    happened = (
-        lost,
-        no_game and failed is Event.NO_GAME,
-        end == "captured",
-        end == "arrived",
-        no_game and failed is Event.POLICY_FAILED,
-    )
+    *limits_met, lost, no_game = last.happened
+    failure = _failure(scenario, no_game=no_game)
+    has_no_game = no_game and failure is Event.NO_GAME
+    has_failed_policy = no_game and failure is Event.POLICY_FAILED
+    happened = (lost, has_no_game, end == "captured", end == "arrived", has_failed_policy)
+    limits = itertools.compress(LIMITS, limits_met)
+    events = itertools.compress(_EVENTS, happened)
+    final_distances = distances_of(scenario, last.pursuer_m, last.evader_m)
     return outcome_of(
         scenario,
         "maths",
         end=end,
         game_time_s=last.now_s,
-        **distances_of(scenario, last.pursuer_m, last.evader_m),
+        **final_distances,
         predicted=first.value,
         predicted_winner=_promised(scenario, first),
         time_needed_s=first.meeting_time_s,
         min_standoff_m=last.standoff_m,
         min_altitude_m=last.altitude_m + scenario.evader.height_m,
         duration_s=last.now_s,
-        limits=tuple(itertools.compress(LIMITS, met)),
-        events=tuple(map(str, itertools.compress(_EVENTS, happened))),
-        reason="" if end != "failed" else str(_failure(scenario, no_game=no_game)),
+        limits=tuple(limits),
+        events=tuple(map(str, events)),
+        reason=str(failure) if end == "failed" else "",
     )

@@ -23,26 +23,24 @@ def fleet(flight_scenario: Flown) -> dict[str, Any]:
         autopilot = autopilot_named(scenario.pursuer.autopilot)
         speeds = scenario.pursuer.speeds
         rover = scenario.evader
-        vehicles[vehicle] = _parked(
-            autopilot.mock, scenario.home_m, 0.0, autopilot.mock_speeds(speeds)
-        )
+        speed_parameters = autopilot.mock_speeds(speeds)
+        vehicles[vehicle] = _parked(autopilot.mock, scenario.home_m, 0.0, speed_parameters)
         parameters = dict[str, float]()
         if rover.acceleration_m_s2 is not None:
             parameters["ATC_ACCEL_MAX"] = rover.acceleration_m_s2
         parked = _parked("rover", rover.position_m, -rover.height_m, parameters)
         vehicles.setdefault(evader, parked)
-    return {
-        "seed": pursuits[0].scenario.seed,
-        "home": {
-            "lat_deg": site.latitude_deg,
-            "lon_deg": site.longitude_deg,
-            "alt_amsl_m": site.altitude_amsl_m,
-        },
-        "vehicle": [  # ready sooner than a real ArduCopter, which takes 39 s
-            {"name": name, "system_id": number, **keys, "ready_after_s": 3.0}
-            for number, (name, keys) in enumerate(vehicles.items(), start=1)
-        ],
+    home = {
+        "lat_deg": site.latitude_deg,
+        "lon_deg": site.longitude_deg,
+        "alt_amsl_m": site.altitude_amsl_m,
     }
+    tables = list[dict[str, Any]]()
+    for number, (name, keys) in enumerate(vehicles.items(), start=1):
+        # ready sooner than a real ArduCopter, which takes 39 s
+        table = {"name": name, "system_id": number, **keys, "ready_after_s": 3.0}
+        tables.append(table)
+    return {"seed": pursuits[0].scenario.seed, "home": home, "vehicle": tables}
 
 
 def _parked(
@@ -60,10 +58,11 @@ def _parked(
 def faults_after(flight_scenario: Flown, *events: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield vehicle and keys of every fault that counts from one of `events`: "start" and "engaged"."""
     for scenario, vehicle, evader in pursuits_of(flight_scenario):
+        names = {PURSUER: vehicle, EVADER: evader}
         for fault in scenario.fault:
             if fault.after in events:
                 keys = fault.model_dump(exclude={"vehicle", "after"}, exclude_none=True)
-                yield {PURSUER: vehicle, EVADER: evader}[fault.vehicle], keys
+                yield names[fault.vehicle], keys
 
 
 def script(flight_scenario: Flown, events: Sequence[str] = ("start",)) -> dict[str, Any]:
@@ -74,17 +73,16 @@ def script(flight_scenario: Flown, events: Sequence[str] = ("start",)) -> dict[s
     for scenario, vehicle, _ in pursuits_of(flight_scenario):
         east, north = scenario.wind.velocity_m_s
         if east or north:
-            # for the whole flight
-            faults.append(
-                {
-                    "kind": "wind_gust",
-                    "north": north,
-                    "east": east,
-                    "for_s": 1e9,
-                    "vehicle": vehicle,
-                }
-            )
-    return {"seed": pursuits_of(flight_scenario)[0].scenario.seed, "fault": faults}
+            wind = {
+                "kind": "wind_gust",
+                "north": north,
+                "east": east,
+                "for_s": 1e9,  # for the whole flight
+                "vehicle": vehicle,
+            }
+            faults.append(wind)
+    first = pursuits_of(flight_scenario)[0].scenario
+    return {"seed": first.seed, "fault": faults}
 
 
 def faulted_fleet(scenario: Flown) -> dict[str, Faulted]:
@@ -101,9 +99,8 @@ def faulted_fleet(scenario: Flown) -> dict[str, Faulted]:
             ("start", "engaged"),
             ("start",),
         ):
-            vehicles = build(
-                checked(fleet(scenario), title), links={"onboard": "quiet"}, log_bytes=0
-            )
+            players = checked(fleet(scenario), title)
+            vehicles = build(players, links={"onboard": "quiet"}, log_bytes=0)
             faults = parse_script(script(scenario, events), title)
             faulted = {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}
     except MockConfigError as error:

@@ -135,15 +135,20 @@ def judged(
         promised: Whether the value was the pursuer's; else there is neither regret nor ratio.
     """
     capture_time_s = time_s if end == "captured" else math.nan
-    achieved = (
-        capture_time_s if game == "pe" else {"captured": away_m, "arrived": 0.0}.get(end, math.nan)
-    )
-    regret = achieved - predicted if game == "pe" else predicted - achieved
+    if game == "pe":
+        achieved = capture_time_s
+        loss = achieved - predicted
+    else:
+        final_distances_m = {"captured": away_m, "arrived": 0.0}
+        achieved = final_distances_m.get(end, math.nan)
+        loss = predicted - achieved
+    regret = loss if promised else math.nan
+    ratio = achieved / predicted if promised and predicted else math.nan
     return achieved, {
         "winner": WINNERS.get(end, "none"),
         "capture_time_s": capture_time_s,
-        "regret": regret if promised else math.nan,
-        "ratio": achieved / predicted if promised and predicted else math.nan,
+        "regret": regret,
+        "ratio": ratio,
     }
 
 
@@ -153,14 +158,16 @@ def distances_of(
     """Return the columns that follow from the players' positions at the end, above the evader's plane."""
     disc = scenario.standoff
     target = scenario.target
-    beside = max(0.0, math.dist(pursuer_m[:2], evader_m[:2]) - disc.radius_m)
+    apart_m = math.dist(pursuer_m[:2], evader_m[:2])
+    beside_m = max(0.0, apart_m - disc.radius_m)
+    disc_height_m = disc.height_m - scenario.evader.height_m
+    above_m = pursuer_m[2] - disc_height_m
+    evader_to_target_m = math.nan
+    if target is not None:
+        evader_to_target_m = target.extent.distance_m(target.position_m, evader_m)
     return {
-        "distance_to_disc_m": math.hypot(
-            beside, pursuer_m[2] - (disc.height_m - scenario.evader.height_m)
-        ),
-        "evader_to_target_m": math.nan
-        if target is None
-        else target.extent.distance_m(target.position_m, evader_m),
+        "distance_to_disc_m": math.hypot(beside_m, above_m),
+        "evader_to_target_m": evader_to_target_m,
     }
 
 

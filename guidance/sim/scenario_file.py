@@ -70,7 +70,8 @@ def with_policies(scenario: Scenario, **policies: str) -> Scenario:
     document.pop("expect", None)
     for player, policy in policies.items():
         section = document[player]
-        if policy != getattr(scenario, player).policy:
+        previous_policy = getattr(scenario, player).policy
+        if policy != previous_policy:
             section = {key: value for key, value in section.items() if key not in _COURSE_KEYS}
         document[player] = section | {"policy": policy}
     return parse(Scenario, document, source=scenario.title)
@@ -78,7 +79,8 @@ def with_policies(scenario: Scenario, **policies: str) -> Scenario:
 
 def has_teams(document: Mapping[str, Any]) -> bool:
     """Say whether a scenario's document is one of teams."""
-    return any(isinstance(document.get(player), (list, tuple)) for player in (PURSUER, EVADER))
+    sections = (document.get(player) for player in (PURSUER, EVADER))
+    return any(isinstance(section, (list, tuple)) for section in sections)
 
 
 def load_document(path: Path) -> tuple[str, dict[str, Any]]:
@@ -90,10 +92,12 @@ def load_document(path: Path) -> tuple[str, dict[str, Any]]:
     text, document = read(path)
     for player in (PURSUER, EVADER):
         section = document.get(player)
-        if isinstance(section, dict) and isinstance(section.get("track"), str):
-            section["track"] = read_track(
-                path.parent / section["track"], player, key=f"{path}: {player}.track"
-            )
+        if not isinstance(section, dict):
+            continue
+        track_name = section.get("track")
+        if isinstance(track_name, str):
+            track_path = path.parent / track_name
+            section["track"] = read_track(track_path, player, key=f"{path}: {player}.track")
     return text, document
 
 
@@ -103,7 +107,8 @@ def json_schema() -> dict[str, Any]:
     for section in ("Pursuer", "Evader"):
         track = schema["$defs"][section]["properties"]["track"]
         rows = {key: track.pop(key) for key in ("items", "type")}
-        track["anyOf"] = [{"type": "string", "pattern": r"\.(csv|mcap)$"}, rows]
+        file_name = {"type": "string", "pattern": r"\.(csv|mcap)$"}
+        track["anyOf"] = [file_name, rows]
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Scenario",
@@ -127,23 +132,23 @@ def read_track(path: Path, player: str, *, key: str) -> list[TrackRow]:
         ConfigError: If the file cannot be read, is neither, or has no such rows.
     """
     if path.suffix not in {".csv", ".mcap"}:
-        raise ConfigError(
-            f"{key} = {path.name!r}: allowed are a .csv with the columns {_NAMED} or a record, .mcap"
-        )
+        allowed = f"a .csv with the columns {_NAMED} or a record, .mcap"
+        raise ConfigError(f"{key} = {path.name!r}: allowed are {allowed}")
     try:
-        rows = _from_csv(path) if path.suffix == ".csv" else _from_record(path, f"{player}_game_m")
+        if path.suffix == ".csv":
+            rows = _from_csv(path)
+        else:
+            rows = _from_record(path, f"{player}_game_m")
     except OSError as error:
         raise ConfigError(f"{key}: {path} cannot be read ({error.strerror})") from error
     except (ValueError, KeyError, UnicodeDecodeError, ConfigError) as error:
-        raise ConfigError(
-            f"{key}: {path.name} is no track: {error}; needed are the columns {_NAMED}"
-        ) from error
-    if not all(math.isfinite(number) for row in rows for number in row):
+        problem = f"{path.name} is no track: {error}"
+        raise ConfigError(f"{key}: {problem}; needed are the columns {_NAMED}") from error
+    if not all(all(map(math.isfinite, row)) for row in rows):
         raise ConfigError(f"{key}: {path.name} is no track: a number is not finite")
     if len(rows) < 2:
-        raise ConfigError(
-            f"{key}: {path.name} has {len(rows)} rows of the {player}; a track needs 2 at least"
-        )
+        length = f"{path.name} has {len(rows)} rows of the {player}"
+        raise ConfigError(f"{key}: {length}; a track needs 2 at least")
     return rows
 
 
@@ -173,8 +178,11 @@ def _check_header(header: Sequence[str]) -> None:
 
 def _track_row(header: Sequence[str], cells: Sequence[str], number: int) -> TrackRow:
     if len(cells) != len(header):
-        short = f", no value for {header[len(cells)]}" if len(cells) < len(header) else ""
-        raise ValueError(f"row {number}: {len(cells)} values for {len(header)} columns{short}")
+        missing_value = ""
+        if len(cells) < len(header):
+            missing_value = f", no value for {header[len(cells)]}"
+        counts = f"{len(cells)} values for {len(header)} columns"
+        raise ValueError(f"row {number}: {counts}{missing_value}")
     texts = dict(zip(header, cells, strict=True))
     values = [_number(texts[name], name, number) for name in _COLUMNS[:3]]
     height = texts.get(_COLUMNS[3], "").strip()
@@ -205,8 +213,12 @@ def _from_record(path: Path, part: str) -> list[TrackRow]:
             else:
                 row = {}
             certificate = row.get("certificate")
+            if certificate is None:
+                continue
+            now_s = row["now_s"]
             # 50 rows a second say no more than 5
-            if certificate is not None and not (rows and row["now_s"] - rows[-1][0] < 0.2 - 1e-6):
-                x, y, z = certificate[part]
-                rows.append((float(row["now_s"]), float(x), float(y), float(z)))
+            if rows and now_s - rows[-1][0] < 0.2 - 1e-6:
+                continue
+            x, y, z = certificate[part]
+            rows.append((float(now_s), float(x), float(y), float(z)))
     return rows

@@ -22,39 +22,43 @@ def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
         )
     chased = opening_of(scenario).evader_of.tolist()
     # One of those that share an evader goes to it
-    for evader in sorted({*range(evaders)} - {*chased}):
-        chased[
-            next(
-                number
-                for number, evader_number in enumerate(chased)
-                if chased.count(evader_number) > 1
-            )
-        ] = evader
-    game = {
-        name: getattr(scenario, name)
-        for name in ("title", "game", "target", "seed", "time_limit_s")
-    }
-    game |= {
-        name: getattr(flight, name) for name in ("standoff", "limits", "sensor", "site", "hold_s")
-    }
-    vehicle_settings = {name: getattr(flight, name) for name in ("autopilot", "takeoff_height_m")}
+    unchased = {*range(evaders)} - {*chased}
+    for evader in sorted(unchased):
+        spare_vehicle = next(
+            number for number, evader_number in enumerate(chased) if chased.count(evader_number) > 1
+        )
+        chased[spare_vehicle] = evader
     pursuits = []
     for number, evader in enumerate(chased):
         vehicle = f"uav{number + 1}"
         pursuer = {
+            "autopilot": flight.autopilot,
+            "takeoff_height_m": flight.takeoff_height_m,
             "policy": teams.pursuer_policy[number],
             "position_m": teams.pursuers_m[number].tolist(),
+            "speed_m_s": float(teams.pursuer_speed_m_s[number]),
         }
         fleeing = {
             "policy": teams.evader_policy[evader],
             "position_m": teams.evaders_m[evader, :2].tolist(),
+            "speed_m_s": float(teams.evader_speed_m_s[evader]),
         }
-        document = game | {
-            "pursuer": vehicle_settings
-            | pursuer
-            | {"speed_m_s": float(teams.pursuer_speed_m_s[number])},
-            "evader": fleeing | {"speed_m_s": float(teams.evader_speed_m_s[evader])},
+        document = {
+            "title": scenario.title,
+            "game": scenario.game,
+            "target": scenario.target,
+            "seed": scenario.seed,
+            "time_limit_s": scenario.time_limit_s,
+            "standoff": flight.standoff,
+            "limits": flight.limits,
+            "sensor": flight.sensor,
+            "site": flight.site,
+            "hold_s": flight.hold_s,
+            "pursuer": pursuer,
+            "evader": fleeing,
         }
-        member_scenario = parse(Scenario, document, source=f"{scenario.title}, {vehicle} in flight")
-        pursuits.append(Pursuit(member_scenario, vehicle, f"rover{evader + 1}"))
+        source = f"{scenario.title}, {vehicle} in flight"
+        member_scenario = parse(Scenario, document, source=source)
+        pursuit = Pursuit(member_scenario, vehicle, f"rover{evader + 1}")
+        pursuits.append(pursuit)
     return tuple(pursuits)

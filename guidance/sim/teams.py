@@ -145,10 +145,22 @@ class Teams(NamedTuple):
 
 def teams_of(scenario: TeamScenario) -> Teams:
     """Place the players of a scenario; a player's place depends on the seed and not on the number of others."""
-    P, u, plays = zip(*_placed(scenario.pursuer, scenario.seed, 0), strict=True)
-    E, v, flees = zip(*_placed(scenario.evader, scenario.seed, 1), strict=True)
-    target = None if scenario.target is None else np.array([*scenario.target.position_m, 0.0])
-    return Teams(np.array(P), np.array(E), np.array(u), np.array(v), target, plays, flees)
+    pursuers = _placed(scenario.pursuer, scenario.seed, 0)
+    evaders = _placed(scenario.evader, scenario.seed, 1)
+    P, u, pursuer_policies = zip(*pursuers, strict=True)
+    E, v, evader_policies = zip(*evaders, strict=True)
+    target_m = None
+    if scenario.target is not None:
+        target_m = np.array([*scenario.target.position_m, 0.0])
+    return Teams(
+        pursuers_m=np.array(P),
+        evaders_m=np.array(E),
+        pursuer_speed_m_s=np.array(u),
+        evader_speed_m_s=np.array(v),
+        target_m=target_m,
+        pursuer_policy=pursuer_policies,
+        evader_policy=evader_policies,
+    )
 
 
 def _placed(
@@ -159,13 +171,11 @@ def _placed(
         draws = np.random.default_rng([seed, side, number])
         x, y, z = (*group.position_m, 0.0)[:3]
         for _ in range(group.count):
-            far = group.scatter_m * math.sqrt(draws.random())
-            turn = 2.0 * math.pi * draws.random()
-            yield (
-                Enu((x + far * math.cos(turn), y + far * math.sin(turn), z)),
-                group.speed_m_s,
-                group.policy,
-            )
+            far_m = group.scatter_m * math.sqrt(draws.random())
+            angle_rad = 2.0 * math.pi * draws.random()
+            east_m = x + far_m * math.cos(angle_rad)
+            north_m = y + far_m * math.sin(angle_rad)
+            yield Enu((east_m, north_m, z)), group.speed_m_s, group.policy
 
 
 def game_of(scenario: TeamScenario, pursuer_speed_m_s: Real, evader_speed_m_s: Real) -> Game:
@@ -176,19 +186,18 @@ def game_of(scenario: TeamScenario, pursuer_speed_m_s: Real, evader_speed_m_s: R
         pursuer_speed_m_s: Arrays that broadcast with the pairs, as in `match_teams`.
         evader_speed_m_s: The same.
     """
-    return game_by(
-        Rules(
-            speed_set="ball",
-            speeds_m_s=(pursuer_speed_m_s, pursuer_speed_m_s, pursuer_speed_m_s),
-            evader_speed_m_s=evader_speed_m_s,
-            capture_radius_m=0.0,
-            standoff_radius_m=0.0,
-            standoff_height_m=0.0,
-            wind_m_s=STILL,
-            target_velocity_m_s=STILL,
-            target_extent=target_extent(scenario),
-        )
+    rules = Rules(
+        speed_set="ball",
+        speeds_m_s=(pursuer_speed_m_s, pursuer_speed_m_s, pursuer_speed_m_s),
+        evader_speed_m_s=evader_speed_m_s,
+        capture_radius_m=0.0,
+        standoff_radius_m=0.0,
+        standoff_height_m=0.0,
+        wind_m_s=STILL,
+        target_velocity_m_s=STILL,
+        target_extent=target_extent(scenario),
     )
+    return game_by(rules)
 
 
 class TeamOutcome(NamedTuple):
@@ -260,18 +269,24 @@ def played_teams(
     scenario: TeamScenario, teams: Sequence[Teams], *, keep_path: bool = False
 ) -> TeamRollout:
     """Simulate several teams of one kind as a batch, with the settings of a scenario."""
-    target = None if teams[0].target_m is None else np.array([[team.target_m] for team in teams])
-    P, E, u, v = (np.array(part) for part in zip(*(team[:4] for team in teams), strict=True))
-    game = game_of(scenario, u[..., None], v[:, None])
-    policies = {name: getattr(teams[0], name) for name in ("pursuer_policy", "evader_policy")}
-    steps = {name: getattr(scenario, name) for name in ("capture_m", "hysteresis", "step_s")}
+    target_m = None
+    if teams[0].target_m is not None:
+        target_m = np.array([[team.target_m] for team in teams])
+    P = np.array([team.pursuers_m for team in teams])
+    E = np.array([team.evaders_m for team in teams])
+    pursuer_speed_m_s = np.array([team.pursuer_speed_m_s for team in teams])
+    evader_speed_m_s = np.array([team.evader_speed_m_s for team in teams])
+    game = game_of(scenario, pursuer_speed_m_s[..., None], evader_speed_m_s[:, None])
     return rollout_teams(
         game,
         P,
         E,
-        target,
-        **policies,
-        **steps,
+        target_m,
+        pursuer_policy=teams[0].pursuer_policy,
+        evader_policy=teams[0].evader_policy,
+        capture_m=scenario.capture_m,
+        hysteresis=scenario.hysteresis,
+        step_s=scenario.step_s,
         duration_s=scenario.time_limit_s,
         keep_path=keep_path,
     )
@@ -280,20 +295,24 @@ def played_teams(
 def opening_of(scenario: TeamScenario) -> Matching:
     """Match the teams of a scenario at its start."""
     teams = teams_of(scenario)
-    game = game_of(scenario, teams.pursuer_speed_m_s[:, None], teams.evader_speed_m_s)
+    pursuer_speed_m_s = teams.pursuer_speed_m_s[:, None]
+    game = game_of(scenario, pursuer_speed_m_s, teams.evader_speed_m_s)
     spare_m = held_m(game, scenario.step_s)
     return match_teams(game, teams.pursuers_m, teams.evaders_m, teams.target_m, spare_m=spare_m)
 
 
 def summary_of(rows: Sequence[TeamOutcome]) -> dict[str, Any]:
     """Return the summary of a game of teams."""
+    first = rows[0]
+    promised = [row.predicted for row in rows if row.predicted_winner == "pursuer"]
+    regrets = [row.regret for row in rows if not math.isnan(row.regret)]
     return {
-        name: getattr(rows[0], name) for name in ("pursuers", "evaders", "guaranteed", "captured")
-    } | {
-        "total": math.fsum(row.predicted for row in rows if row.predicted_winner == "pursuer"),
-        "worst_regret": max(
-            (row.regret for row in rows if not math.isnan(row.regret)), default=math.nan
-        ),
+        "pursuers": first.pursuers,
+        "evaders": first.evaders,
+        "guaranteed": first.guaranteed,
+        "captured": first.captured,
+        "total": math.fsum(promised),
+        "worst_regret": max(regrets, default=math.nan),
     }
 
 
@@ -320,23 +339,15 @@ def _kind_of(scenario: TeamScenario) -> Hashable:
 def _play_kind(scenarios: Sequence[TeamScenario]) -> list[list[TeamOutcome]]:
     teams = [teams_of(scenario) for scenario in scenarios]
     rollout = played_teams(scenarios[0], teams)
-    names = np.array([end.name.lower() for end in End])[rollout.end]
+    end_names = np.array([end.name.lower() for end in End])
+    columns = end_names[rollout.end], rollout.time_s, rollout.distance_m, rollout.captor
     rows = []
     for row, scenario in enumerate(scenarios):
-        fields = (
-            field[row].tolist()
-            for field in (names, rollout.time_s, rollout.distance_m, rollout.captor)
-        )
+        fields = [column[row].tolist() for column in columns]
         ends = list(zip(*fields, strict=True))
-        rows.append(
-            outcomes_of(
-                scenario,
-                "maths",
-                teams[row],
-                Matching(*(field[row] for field in rollout.first)),
-                ends,
-            )
-        )
+        first = Matching(*(field[row] for field in rollout.first))
+        outcomes = outcomes_of(scenario, "maths", teams[row], first, ends)
+        rows.append(outcomes)
     return rows
 
 
@@ -352,29 +363,37 @@ def outcomes_of(
         first: The matching at the start.
         ends: Of each evader: the end, its time, s, the distance from the target, m, and the number of the captor.
     """
-    captured = sum(end == "captured" for end, *_ in ends)
+    captured_count = sum(end == "captured" for end, *_ in ends)
     rows = []
-    plays = "+".join(dict.fromkeys(teams.pursuer_policy))
-    counts = len(teams.pursuers_m), len(teams.evaders_m), int(first.guaranteed), captured
+    pursuer_policies = "+".join(dict.fromkeys(teams.pursuer_policy))
     for j, (end, time_s, away_m, captor) in enumerate(ends):
-        matched = {
-            name: getattr(first, name)[j].item() for name in ("first", "second", "lower_bound")
-        }
+        guarantor = first.first[j].item()
         predicted = float(first.value[j])
-        achieved, columns = judged(
-            scenario.game, end, time_s, away_m, predicted, promised=matched["first"] >= 0
+        achieved, judgement = judged(
+            scenario.game, end, time_s, away_m, predicted, promised=guarantor >= 0
         )
-        columns |= matched | {
-            "end": end,
-            "captor": captor,
-            "game_time_s": time_s,
-            "evader_to_target_m": away_m,
-        }
-        columns |= {
-            "predicted": predicted,
-            "achieved": achieved,
-            "predicted_winner": winner_name(first.winner[j]),
-        }
-        names = scenario.title, run, scenario.game, j, plays, teams.evader_policy[j], scenario.seed
-        rows.append(TeamOutcome(*names, *counts, **columns))
+        outcome = TeamOutcome(
+            scenario=scenario.title,
+            run=run,
+            game=scenario.game,
+            evader=j,
+            pursuer_policy=pursuer_policies,
+            evader_policy=teams.evader_policy[j],
+            seed=scenario.seed,
+            pursuers=len(teams.pursuers_m),
+            evaders=len(teams.evaders_m),
+            guaranteed=int(first.guaranteed),
+            captured=captured_count,
+            end=end,
+            predicted_winner=winner_name(first.winner[j]),
+            first=guarantor,
+            second=first.second[j].item(),
+            captor=captor,
+            game_time_s=time_s,
+            evader_to_target_m=away_m,
+            predicted=predicted,
+            lower_bound=first.lower_bound[j].item(),
+            achieved=achieved,
+        )
+        rows.append(outcome._replace(**judgement))
     return rows
