@@ -111,8 +111,8 @@ class VehicleState(NamedTuple):
 
         Infinite if none ever arrived.
         """
-        silence_s = self.silence_s(kind, now_s)
-        return silence_s + self.delay_s
+        message = self.latest.get(kind)
+        return math.inf if message is None else now_s - message.received_s + self.delay_s
 
     def silence_s(self, kind: type[Kind], now_s: float) -> float:
         """Seconds since a message of this kind arrived; infinite if none ever did."""
@@ -193,7 +193,8 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
     acceleration_ned_m_s2 = _smoothed(state.acceleration_ned_m_s2, previous, now)
     state = state._replace(acceleration_ned_m_s2=acceleration_ned_m_s2, clock=clock)
     # What the velocities do not explain is a jump, if no manoeuvre explains it either.
-    jump = _unexplained(previous, now)
+    way = now.position_ned_m - previous.position_ned_m
+    jump = way - 0.5 * step_s * (previous.velocity_ned_m_s + now.velocity_ned_m_s)
     if not math.hypot(*jump) > _ASTRAY_M + _ASTRAY_M_S2 * step_s * step_s:
         return state
     back_m = (state.jump_ned_m + jump).length()
@@ -215,13 +216,6 @@ def _smoothed(acceleration_ned_m_s2: Ned, previous: LocalPosition, now: LocalPos
         return STILL
     present = (now.velocity_ned_m_s - previous.velocity_ned_m_s) / step_s
     return acceleration_ned_m_s2.share_of_way(present, min(1.0, step_s / _SMOOTHED_S))
-
-
-def _unexplained(previous: LocalPosition, now: LocalPosition) -> Ned:
-    """Return the way between two positions that is not the mean of their velocities."""
-    half_s = 0.5 * (now.time_boot_s - previous.time_boot_s)
-    way = now.position_ned_m - previous.position_ned_m
-    return way - half_s * (previous.velocity_ned_m_s + now.velocity_ned_m_s)
 
 
 def _contradicts(now: LocalPosition, state: VehicleState) -> bool:

@@ -14,7 +14,7 @@ from guidance.autopilots.description import type_name
 from guidance.boot_clock import LATE_S
 from guidance.control import Limiter
 from guidance.cycle import Certificate
-from guidance.flight.heard import AGREEING_REPORTS, HOLD_S, Heard
+from guidance.flight.heard import HOLD_S, Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import (
     HANDING_OVER,
@@ -241,7 +241,7 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     allowed_s = settings.operator_timeout_s or math.inf
     yield Event.OPERATOR_LOST, silent_s > allowed_s
     yield Event.OPERATOR_GONE, silent_s > allowed_s + settings.operator_return_s
-    yield Event.BATTERY_LOW, not stage.battery_was_low and is_low(heard)
+    yield Event.BATTERY_LOW, heard.battery_is_low and not stage.battery_was_low
     # The inputs of the game.
     yield Event.ESTIMATOR_RESET, vehicle.resets != stage.resets_seen
     yield Event.LOOP_LATE, heard.dt_s > LATE_LOOP_S
@@ -292,20 +292,12 @@ def fit(now: Moment) -> bool:
     return all(row.verdict is Verdict.PASS for row in rows)
 
 
-def is_low(heard: Heard) -> bool:
-    """Return whether the battery's charge is below the needed share in several reports one after another.
-
-    A single report is not believed: autopilots send 0 % for a moment when a battery monitor starts or loses its bus.
-    """
-    return heard.low_battery_reports >= AGREEING_REPORTS
-
-
 def is_late(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether the telemetry is too late to fly by, or its last position came late and is too old.
 
     A position that came in time is too old because nothing arrives; that is lost telemetry.
     """
-    if vehicle.delay_s > LATE_S and vehicle.age_s(LocalPosition, now_s) > TELEMETRY_LIMIT_S:
+    if vehicle.clock.delay_s > LATE_S and vehicle.age_s(LocalPosition, now_s) > TELEMETRY_LIMIT_S:
         return True
     return vehicle.clock.is_late(now_s)
 
@@ -354,9 +346,8 @@ def _telemetry_lost(now: Moment) -> bool:
         return now.stage.state not in HANDING_OVER
     if now.now_s - local.received_s > TELEMETRY_LIMIT_S:
         return True
-    vehicle = now.heard.vehicle
     is_old = now.heard.position_age_s > TELEMETRY_LIMIT_S
-    return is_old and not vehicle.delay_s > LATE_S
+    return is_old and not now.heard.vehicle.clock.delay_s > LATE_S
 
 
 def _invited(now: Moment) -> bool:

@@ -55,7 +55,10 @@ _LEAST_SHARE: Final = 0.5
 
 
 AGREEING_REPORTS: Final = 3
-"""Number of SYS_STATUS in succession that show a low battery."""
+"""Number of SYS_STATUS in succession that show a low battery.
+
+A single one is not believed: autopilots send 0 % for a moment when a battery monitor starts or loses its bus.
+"""
 
 SILENT_S: Final = 0.5
 """A mate that is silent for longer is somewhere in a disc that grows with its top speed."""
@@ -113,8 +116,8 @@ class Heard:
         new_aircraft: Aircraft that came into view in this cycle, in words.
         battery_needed: Share of the charge below which it returns: on the ground for the whole fence, in flight from
             here.
-        low_battery_reports: Number of SYS_STATUS in succession, up to the last one, with a charge below
-            `battery_needed`. An unknown charge is not low.
+        battery_is_low: Whether the charge is below `battery_needed` in the last `AGREEING_REPORTS` SYS_STATUS. An
+            unknown charge is not low.
         switched: Whether this cycle began to play against another evader.
     """
 
@@ -147,7 +150,8 @@ class Heard:
         self._no_aircraft_s: dict[str, float] = {}
         self.role: Role | None = None
         self.switched = False
-        self.low_battery_reports = 0
+        self._low_battery_reports = 0
+        self.battery_is_low = False
         self.battery_needed = settings.battery_minimum
         if settings.reserve is not None:
             self.battery_needed = settings.reserve.needed(
@@ -188,30 +192,20 @@ class Heard:
         """
         self.seen = None
         self.dt_s = dt_s
-        if inputs.mates:
-            self.mates.update((mate.name, mate) for mate in inputs.mates)
-        self.switched = inputs.role is not None and inputs.role.evader != self.tracking.playing
-        if (
-            role := inputs.role
-        ) is not None:  # another evader, or another height above the game's disc
-            self.role = role
-            self.tracking.playing = role.evader
-            game = self._settings.cycle.game
-            speed_m_s = self._settings.evaders.get(role.evader, game.evader_speed_m_s)
-            disc = StandOff(game.standoff.radius_m, game.standoff.height_m + role.above_m)
-            self.cycle = replace(
-                self.cycle, game=replace(game, evader_speed_m_s=speed_m_s, standoff=disc)
-            )
+        self.switched = False
+        if inputs.mates is not None or inputs.role is not None:
+            self._hear_team(inputs)
         self.vehicle_says(inputs.messages)
         self.position_age_s = self.vehicle.age_s(LocalPosition, now_s)
-        self._react_late()
+        late_s = _beyond_ordinary(self.position_age_s)
+        if late_s != self._late_s:
+            self._react_late(late_s)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         was_foreign = self.echo.foreign if self.beats else False
-        self.echo.hear(
-            inputs.messages,
-            guided=self.mode is Mode.GUIDED,
-            late_s=_beyond_ordinary(self.vehicle.delay_s),
-        )
+        echoes = [message for message in inputs.messages if isinstance(message, PositionTarget)]
+        if echoes:
+            delay_s = _beyond_ordinary(self.vehicle.delay_s)
+            self.echo.hear(echoes, guided=self.mode is Mode.GUIDED, late_s=delay_s)
         # A pilot's takeover shows as foreign setpoints before HEARTBEAT shows it, so wait for the next HEARTBEAT.
         self.foreign = self.echo.foreign if was_foreign else False
         self._place()
@@ -230,21 +224,37 @@ class Heard:
             elif has_team and isinstance(message, messages.Aircraft):
                 self._take_aircraft(message)
 
+    def _hear_team(self, inputs: Inputs) -> None:
+        """Keep the mates' states, and play against the evader that is assigned, at the assigned height."""
+        if inputs.mates is not None:
+            self.mates.update((mate.name, mate) for mate in inputs.mates)
+        role = inputs.role
+        if role is None:
+            return
+        self.role = role
+        self.switched = role.evader != self.tracking.playing
+        self.tracking.playing = role.evader
+        game = self._settings.cycle.game
+        speed_m_s = self._settings.evaders.get(role.evader, game.evader_speed_m_s)
+        disc = StandOff(game.standoff.radius_m, game.standoff.height_m + role.above_m)
+        self.cycle = replace(
+            self.cycle, game=replace(game, evader_speed_m_s=speed_m_s, standoff=disc)
+        )
+
     def _count_low_battery(self, status: messages.SystemStatus) -> None:
         is_low = status.battery_remaining < self.battery_needed
-        self.low_battery_reports = self.low_battery_reports + 1 if is_low else 0
+        self._low_battery_reports = self._low_battery_reports + 1 if is_low else 0
+        self.battery_is_low = self._low_battery_reports >= AGREEING_REPORTS
 
-    def _react_late(self) -> None:
+    def _react_late(self, late_s: float) -> None:
         """Add a position's age beyond the ordinary to the reaction time, by which the vehicle brakes before every wall.
 
         The age counts from the measurement: the delay of the link, and the silence since the last position.
         """
-        late_s = _beyond_ordinary(self.position_age_s)
-        if late_s != self._late_s:
-            self._late_s = late_s
-            reaction_s = self._settings.cycle.envelope.reaction_s + late_s
-            envelope = replace(self.cycle.envelope, reaction_s=reaction_s)
-            self.cycle = replace(self.cycle, envelope=envelope)
+        self._late_s = late_s
+        reaction_s = self._settings.cycle.envelope.reaction_s + late_s
+        envelope = replace(self.cycle.envelope, reaction_s=reaction_s)
+        self.cycle = replace(self.cycle, envelope=envelope)
 
     def _take_aircraft(self, report: messages.Aircraft) -> None:
         """Keep another aircraft like a mate. What is where a mate or an evader is, is that player, and known better.
@@ -491,37 +501,35 @@ class Echo:
         """Note a setpoint that we send."""
         self._sent.append((now_s, setpoint.velocity_ned_m_s))
 
-    def hear(self, messages: Iterable[Message], *, guided: bool, late_s: float = 0.0) -> None:
+    def hear(self, reports: Iterable[PositionTarget], *, guided: bool, late_s: float = 0.0) -> None:
         """Compare the autopilot's reports with our setpoints; outside the guided mode they are not ours.
 
         Args:
-            messages: Of this cycle.
+            reports: Of this cycle.
             guided: Whether HEARTBEAT shows the guided mode.
             late_s: Delay of the telemetry beyond the ordinary, s.
         """
         remembered_s = REMEMBERED_S + late_s
-        for message in messages:
-            if not isinstance(message, PositionTarget):
-                continue
+        for report in reports:
             if not guided:
                 self.strange_s.clear()
                 continue
-            now_s = message.received_s
+            now_s = report.received_s
             while self.strange_s and now_s - self.strange_s[0] > WINDOW_S + _ROUNDING_S:
                 self.strange_s.popleft()
             if self.strange_s and now_s - self.strange_s[-1] < APART_S - _ROUNDING_S:
                 continue  # counted already
             if not self._sent or now_s - self._sent[0][0] <= remembered_s:
                 continue  # our setpoints have just begun
-            if not self._is_ours(message, remembered_s):
+            if not self._is_ours(report, remembered_s):
                 self.strange_s.append(now_s)
 
-    def _is_ours(self, message: PositionTarget, remembered_s: float) -> bool:
-        reported = message.velocity_ned_m_s
+    def _is_ours(self, report: PositionTarget, remembered_s: float) -> bool:
+        reported = report.velocity_ned_m_s
         if not all(map(math.isfinite, reported)):
             return True  # no velocity reported
         for sent_s, sent_ned_m_s in reversed(self._sent):  # usually the latest one
-            if message.received_s - sent_s > remembered_s:
+            if report.received_s - sent_s > remembered_s:
                 return False
             if _distance(reported, sent_ned_m_s) <= TOLERANCE_M_S:
                 return True

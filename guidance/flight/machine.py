@@ -294,7 +294,7 @@ class Flight:
             stage.battery_was_low = False
             if ordered and after is State.HOLDING:
                 # A hold ordered while the battery is already low stands.
-                stage.battery_was_low = detection.is_low(self.heard)
+                stage.battery_was_low = self.heard.battery_is_low
         if after is not before:
             stage.state = after
             stage.since_s = now_s

@@ -156,7 +156,7 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
     heard.mode = None if heartbeat is None else settings.autopilot.mode_of(heartbeat.custom_mode)
     heard.dt_s = changes.pop("dt_s", 0.02)
     heard.foreign = changes.pop("foreign", False)
-    heard.low_battery_reports = changes.pop("low_battery_reports", 0)
+    heard.battery_is_low = changes.pop("battery_is_low", False)
     heard.start_ned_m = changes.pop("start_ned_m", None)
     usual = {
         "evader_ned_m": None,

@@ -281,8 +281,8 @@ def test_a_battery_is_low_when_three_reports_in_succession_are_below_the_minimum
     heard = Heard(SETTINGS)
     for number, battery in enumerate(batteries):
         heard.take_in(float(number), Inputs([status(float(number), battery)]), in_flight=True)
-    reports = heard.low_battery_reports
-    assert happens(Event.BATTERY_LOW, State.ENGAGED, low_battery_reports=reports) is low
+    is_low = heard.battery_is_low
+    assert happens(Event.BATTERY_LOW, State.ENGAGED, battery_is_low=is_low) is low
 
 
 @pytest.mark.parametrize(("silence_s", "lost"), [(1.5, False), (1.51, True), (math.inf, True)])
@@ -388,7 +388,7 @@ def test_of_all_that_happens_at_once_the_most_severe_comes_first():
             [heartbeat(mode=Mode.OTHER, armed=False), local(NOW_S - 1.1), status(battery=0.1)],
         )._replace(resets=1, reboots=1, clock=BootClock(delay_s=0.6, late_since_s=NOW_S - 1.1)),
         "dt_s": 2.0,
-        "low_battery_reports": 3,
+        "battery_is_low": True,
         "since_s": NOW_S - 60.0,
         "evader_silence_s": 9.0,
         "foreign": True,
