@@ -168,7 +168,9 @@ DECODERS: Final[Mapping[str, Callable[[Fields, float], messages.Message]]] = {
 """Messages that can be converted alone; STATUSTEXT, TIMESYNC and PARAM_VALUE need more."""
 
 
-def decode(frame: Frame, received_s: float, autopilot: int | None = None) -> messages.Message:
+def decode(
+    frame: Frame, fields: Fields, received_s: float, autopilot: int | None = None
+) -> messages.Message:
     """Convert one message of an autopilot, by its MAV_AUTOPILOT, to a typed value.
 
     Raises:
@@ -176,12 +178,11 @@ def decode(frame: Frame, received_s: float, autopilot: int | None = None) -> mes
         ValueError: If a value is unknown, or implausible by `guidance.vehicle.is_plausible`.
     """
     name = frame.name
-    fields = frame.fields
     if name.startswith("MISSION_") and fields.mission_type != mavlink.MAV_MISSION_TYPE_FENCE:
         fence = mavlink.MAV_MISSION_TYPE_FENCE
         raise ValueError(f"mission_type {fields.mission_type}: only the fence ({fence}) is read")
     value = (
-        _parameter(frame, received_s, autopilot)
+        _parameter(frame, fields, received_s, autopilot)
         if name == "PARAM_VALUE"
         else DECODERS[name](fields, received_s)
     )
@@ -190,11 +191,13 @@ def decode(frame: Frame, received_s: float, autopilot: int | None = None) -> mes
     return value
 
 
-def _parameter(frame: Frame, received_s: float, autopilot: int | None) -> messages.Message:
+def _parameter(
+    frame: Frame, fields: Fields, received_s: float, autopilot: int | None
+) -> messages.Message:
     """PX4 carries integers as bytes in the float, other autopilots as a number."""
-    name = frame.fields.param_id
-    value = frame.fields.param_value
-    kind = frame.fields.param_type
+    name = fields.param_id
+    value = fields.param_value
+    kind = fields.param_type
     if is_bytewise(kind, autopilot=autopilot):
         # The float would not do: the bytes of a negative integer are a NaN, which loses bits.
         data = frame.data

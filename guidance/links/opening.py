@@ -189,10 +189,11 @@ def find_autopilot(
         for frame in [
             frame for _, data in wire.receive() for frame in reader.read(data, stream=wire.stream)
         ]:
-            _, *ids, _, beat, _ = frame
+            beat = frame.fields
             # INVALID: a ground station, companion computer or camera. No sender has the id 0, which means all.
             is_autopilot = (
-                all(ids)
+                frame.system_id != 0
+                and frame.component_id != 0
                 and beat.type != mavlink.MAV_TYPE_GCS
                 and beat.autopilot != mavlink.MAV_AUTOPILOT_INVALID
             )

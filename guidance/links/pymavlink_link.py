@@ -213,7 +213,7 @@ class PymavlinkLink:
             if reply is not None:
                 self._send(reply)
         else:
-            value = decode(frame, received_s, self.autopilot)
+            value = decode(frame, fields, received_s, self.autopilot)
             self._inbox.append(value)
             if isinstance(value, messages.Heartbeat):
                 self._take_heartbeat(value)

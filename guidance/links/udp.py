@@ -14,7 +14,14 @@ from dataclasses import dataclass
 from typing import Final
 
 from guidance.errors import LinkError
-from guidance.links.frames import KNOWN, Frame, FrameReader, SignatureCheck, header_of
+from guidance.links.frames import (
+    KNOWN,
+    CheckedBytes,
+    Frame,
+    FrameReader,
+    SignatureCheck,
+    header_of,
+)
 from guidance.links.port import Clock
 from guidance.links.wires import Packet, QueuedWire, Reader
 
@@ -91,8 +98,10 @@ class AddressPins:
         frames = self._reader.split(data, stream=False)
         if not frames:
             return self._refuse("garbage")
-        admitted = [frame.data for frame in frames if self._admits(now_s, address, frame)]
-        return b"".join(admitted)
+        admitted = [frame for frame in frames if self._admits(now_s, address, frame)]
+        checked = CheckedBytes(b"".join([frame.data for frame in admitted]))
+        checked.frames = admitted
+        return checked
 
     def _knock(self, now_s: float, address: Address, data: bytes) -> bytes | None:
         """Pin a new address by the first frame of its datagram, or return what is accepted without a pin.

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as dialect
 
-from guidance.links.frames import FrameReader, SignatureCheck, SigningKey, ticks
+from guidance.links.frames import CheckedBytes, FrameReader, SignatureCheck, SigningKey, ticks
 from guidance.links.udp import IMPOSTORS_PER_S, MAX_SYSTEMS, SILENT_S, STRANGERS_PER_S, AddressPins
 from tests.links.peer import Peer
 
@@ -52,6 +52,20 @@ def test_of_a_pinned_address_only_whole_frames_are_accepted():
     pins.admit(0.0, VEHICLE, heartbeat())
     assert pins.admit(0.1, VEHICLE, b"half a frame") == b""
     assert pins.admit(0.2, VEHICLE, b"\0" + heartbeat() + b"\xfd half a frame") == heartbeat()
+
+
+def test_a_reader_does_not_search_again_what_the_pins_have_checked():
+    pins = AddressPins({1})
+    pins.admit(0.0, VEHICLE, heartbeat(1))
+    datagram = b"\0" + heartbeat(1) + heartbeat(7) + b"\xfd half a frame"
+    admitted = pins.admit(0.1, VEHICLE, datagram)
+    assert isinstance(admitted, CheckedBytes)
+    reader = FrameReader({"HEARTBEAT"})
+    frames = reader.read(admitted, stream=False)
+    assert [frame.data for frame in frames] == [heartbeat(1), heartbeat(7)]
+    assert all(frame is checked for frame, checked in zip(frames, admitted.frames, strict=True))
+    assert (reader.garbage_bytes, reader.unused) == (0, 0)
+    assert FrameReader({"ATTITUDE"}).read(admitted, stream=False) == []
 
 
 @pytest.mark.parametrize(
