@@ -21,21 +21,26 @@ def replay(log: StepLog, vehicle: Vehicle) -> Samples:
     The mock starts in hover trim at the log's first position and velocity, its nose to the north as the logs have it
     (mask 2503, yaw 0). The ground is put far below: the log's origin says nothing about it.
     """
-    north, east, down = log.position_ned_m[0].tolist()
-    v_n, v_e, v_d = log.velocity_ned_m_s[0].tolist()
-    motion = vehicle.initial((north, east, down), 0.0, flying=True)
-    motion = motion._replace(body=motion.body._replace(velocity_ned_m_s=(v_n, v_e, v_d)))
+    n, e, d = log.position_ned_m[0].tolist()
+    motion = vehicle.initial((n, e, d), 0.0, flying=True)
+    n, e, d = log.velocity_ned_m_s[0].tolist()
+    motion = motion._replace(body=motion.body._replace(velocity_ned_m_s=(n, e, d)))
     around = CALM._replace(ground_down_m=_FAR_BELOW_M)
-    steps_s = [0.0, *np.diff(log.time_s).tolist()]
     setpoint = Setpoint(Kind.BRAKE)
     answers = []
-    for command, step_s in zip(log.command_ned_m_s.tolist(), steps_s, strict=True):
-        if step_s > 0.0:
-            motion = vehicle.step(motion, setpoint, around, step_s)
-        answers.append(vehicle.estimate(motion.body, around).velocity_ned_m_s)
-        if setpoint.velocity_ned_m_s != tuple(command):
-            n, e, d = command
+    commands = log.command_ned_m_s.tolist()
+    now_s = float(log.time_s[0])
+    for row, at_s in enumerate(log.time_s.tolist()):
+        changes_s = min(max(float(log.command_from_s[row]), now_s), at_s)
+        if changes_s > now_s:
+            motion = vehicle.step(motion, setpoint, around, changes_s - now_s)
+        if setpoint.velocity_ned_m_s != tuple(commands[row]):
+            n, e, d = commands[row]
             setpoint = Setpoint(Kind.STREAM, velocity_ned_m_s=(n, e, d), yaw_rad=0.0)
+        if at_s > changes_s:
+            motion = vehicle.step(motion, setpoint, around, at_s - changes_s)
+        now_s = at_s
+        answers.append(vehicle.estimate(motion.body, around).velocity_ned_m_s)
     return np.array(answers)
 
 
@@ -64,6 +69,8 @@ _LOCAL_NED = 1
 _ROOM_M = 20.0
 CLIMB_S = 600.0
 _SETTLE_S = 30.0
+_RUN_UP_S = 5.0
+"""Time in which it reaches the log's first velocity."""
 _HEARTBEAT_EVERY = 50
 
 _SET_MODE = 176
@@ -130,25 +137,29 @@ class _Client:
 def fly_log(log: StepLog, flavour: FlavourName) -> Samples:
     """Return the velocities reported by a whole mock vehicle at the log's times, shape (rows, 3), m/s.
 
-    The vehicle takes off high enough for every descent of the log, hovers until its integrators rest, and is then sent
-    the log's commands at 50 Hz. Its estimator's noise is off.
+    The vehicle takes off high enough for every descent of the log, hovers until its integrators rest, reaches the log's
+    first velocity, and is then sent the log's commands at 50 Hz. Its estimator's noise is off.
 
     Raises:
         MockError: The vehicle did not get into the air.
     """
     client = _Client(flavour)
     down_m = log.position_ned_m[:, 2]
-    height_m = float(down_m.max() - down_m[0]) + _ROOM_M
+    north, east, down = log.velocity_ned_m_s[0].tolist()
+    height_m = float(down_m.max() - down_m[0]) + max(down, 0.0) * _RUN_UP_S + _ROOM_M
     climb = _climb_px4 if flavour is FlavourName.PX4 else _climb_arducopter
     climb(client, height_m)
     for _ in range(round(_SETTLE_S / _STEP_S)):
         client.step((0.0, 0.0, 0.0))
+    for _ in range(round(_RUN_UP_S / _STEP_S)):
+        client.step((north, east, down))
     client.heard.clear()
     begun_s = client.now_s
     commands = [(n, e, d) for n, e, d in log.command_ned_m_s.tolist()]
+    begins_s = log.command_from_s - log.time_s[0]
     end_s = float(log.time_s[-1] - log.time_s[0])
     while client.now_s - begun_s < end_s + 2 * _STEP_S:
-        row = int(np.searchsorted(log.time_s - log.time_s[0], client.now_s - begun_s + 1e-9)) - 1
+        row = int(np.searchsorted(begins_s, client.now_s + _STEP_S - begun_s + 1e-9)) - 1
         client.step(commands[max(row, 0)])
     samples = np.array(client.heard)
     since_s = samples[:, 0] - begun_s + log.time_s[0]

@@ -1,7 +1,10 @@
 """Read the velocity commands and the motion of a flight from PX4's ULog or ArduPilot's DataFlash log.
 
-The rows are the estimates of the longest stretch of flight under streamed velocities: PX4 in Offboard, ArduCopter in
-Guided. Each row has the command that was in force.
+The rows are the estimates of the longest stretch of flight under streamed velocities: PX4 in Offboard and in the air,
+ArduCopter in Guided. Each row has the command that was in force.
+
+A log has the command at intervals (PX4 0.1 s), not when it changed. A change between two samples is placed half way
+between them; at the later one it would be late by half an interval, and the mock early.
 """
 
 import math
@@ -19,6 +22,8 @@ _VELOCITY_TARGET = 4
 _FIRST_CORE = 0
 _LONGEST_GAP_S = 1.0
 """A stream of setpoints with a longer gap is two streams."""
+_TAKE_OFF_S = 5.0
+"""PX4 limits the velocity for MPC_TKO_RAMP_T (3 s) after it has left the ground."""
 
 
 class Command(NamedTuple):
@@ -34,7 +39,7 @@ def is_flight_log(content: bytes) -> bool:
 
 
 def rows_of(content: bytes, source: str) -> list[Row]:
-    """Return rows of time, commanded velocity, velocity and position (north, east, down).
+    """Return rows of time, commanded velocity, velocity and position (north, east, down), and the command's beginning.
 
     Raises:
         ConfigError: The log has no flight under streamed velocities.
@@ -50,24 +55,36 @@ def rows_of(content: bytes, source: str) -> list[Row]:
 
 
 class _News(NamedTuple):
-    """One change: the mode streams or not, or a target has come; its velocity is None if it is not one."""
+    """One change: the mode streams or not, it is on the ground or not, or a target has come.
+
+    The velocity of a target is None if it is not a velocity alone.
+    """
 
     at_us: int
-    streams: bool | None
+    streams: bool | None = None
+    landed: bool | None = None
     velocity_ned_m_s: Row | None = None
 
 
 def _px4(content: bytes, source: str) -> tuple[list[Command], list[Row]]:
     selection = {
         "vehicle_status": ("timestamp", "nav_state"),
-        "trajectory_setpoint": ("timestamp", "velocity"),
+        "vehicle_land_detected": ("timestamp", "landed"),
+        "trajectory_setpoint": ("timestamp", "velocity", "position"),
+        "vehicle_local_position_setpoint": ("timestamp", "vx", "vy", "vz", "x", "y", "z"),
         "vehicle_local_position": ("timestamp", "vx", "vy", "vz", "x", "y", "z"),
     }
     rows = ulog.read(content, selection, source)
-    news = [_News(stamp_us, mode == _OFFBOARD) for stamp_us, mode in rows["vehicle_status"]]
-    for stamp_us, *velocity in rows["trajectory_setpoint"]:
-        whole = all(map(math.isfinite, velocity))
-        news.append(_News(stamp_us, None, tuple(velocity) if whole else None))
+    news = [_News(stamp_us, streams=mode == _OFFBOARD) for stamp_us, mode in rows["vehicle_status"]]
+    for stamp_us, landed in rows["vehicle_land_detected"]:
+        news.append(_News(stamp_us, landed=landed))
+    targets = rows["vehicle_local_position_setpoint"]  # twice as often as the other
+    if not targets:
+        targets = rows["trajectory_setpoint"]
+    for stamp_us, *target in targets:
+        velocity = tuple(target[:3])
+        is_velocity = all(map(math.isfinite, velocity)) and all(map(math.isnan, target[3:]))
+        news.append(_News(stamp_us, velocity_ned_m_s=velocity if is_velocity else None))
     return _commands(news), [_in_seconds(row) for row in rows["vehicle_local_position"]]
 
 
@@ -78,10 +95,11 @@ def _arducopter(content: bytes, source: str) -> tuple[list[Command], list[Row]]:
         "XKF1": ("TimeUS", "C", "VN", "VE", "VD", "PN", "PE", "PD"),
     }
     rows = dataflash.read(content, selection, source)
-    news = [_News(stamp_us, mode == _GUIDED) for stamp_us, mode in rows["MODE"]]
+    news = [_News(stamp_us, streams=mode == _GUIDED) for stamp_us, mode in rows["MODE"]]
     for stamp_us, kind, north, east, up in rows["GUIP"]:
         velocity = (north * 0.01, east * 0.01, -up * 0.01)
-        news.append(_News(stamp_us, None, velocity if kind == _VELOCITY_TARGET else None))
+        is_velocity = kind == _VELOCITY_TARGET
+        news.append(_News(stamp_us, velocity_ned_m_s=velocity if is_velocity else None))
     motion = [
         _in_seconds((stamp_us, *rest))
         for stamp_us, core, *rest in rows["XKF1"]
@@ -95,23 +113,41 @@ def _in_seconds(row: Row) -> Row:
 
 
 def _commands(news: list[_News]) -> list[Command]:
-    """Return the commands: a target is in force in a streamed mode until the mode or the stream ends."""
+    """Return the commands: a target is in force in the air, in a streamed mode, until the mode or the stream ends."""
     commands = []
     streams = False
+    flies_s = -math.inf
     last_s = -math.inf
     for item in sorted(news, key=lambda each: each.at_us):
         at_s = item.at_us * 1e-6
         if item.streams is not None:
             streams = item.streams
-            if not streams:
+        if item.landed is not None:
+            flies_s = _flies_s(flies_s, at_s, landed=item.landed)
+        if item.streams is not None or item.landed is not None:
+            if not streams or at_s < flies_s:
                 commands.append(Command(at_s, None))
             continue
+        began_s = (last_s + at_s) / 2.0
         if at_s - last_s > _LONGEST_GAP_S:
             commands.append(Command(last_s + _LONGEST_GAP_S, None))
+            began_s = at_s
+        if commands:
+            began_s = max(began_s, commands[-1].at_s)
         last_s = at_s
-        commands.append(Command(at_s, item.velocity_ned_m_s if streams else None))
+        in_force = streams and at_s >= flies_s
+        commands.append(Command(began_s, item.velocity_ned_m_s if in_force else None))
     commands.append(Command(last_s + _LONGEST_GAP_S, None))
     return commands
+
+
+def _flies_s(before_s: float, now_s: float, *, landed: bool) -> float:
+    """Return the time from which it flies without the limits of a take-off; infinite on the ground."""
+    if landed:
+        return math.inf
+    if before_s == math.inf:
+        return now_s + _TAKE_OFF_S
+    return before_s
 
 
 def _longest(commands: list[Command], motion: list[Row]) -> list[Row]:
@@ -126,7 +162,7 @@ def _longest(commands: list[Command], motion: list[Row]) -> list[Row]:
             at_s, *state = motion[index]
             index += 1
             if command.velocity_ned_m_s is not None and at_s >= command.at_s:
-                stretch.append((at_s, *command.velocity_ned_m_s, *state))
+                stretch.append((at_s, *command.velocity_ned_m_s, *state, command.at_s))
         if len(stretch) > len(longest):
             longest = list(stretch)
     return longest

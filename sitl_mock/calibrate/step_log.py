@@ -39,15 +39,18 @@ class StepLog:
 
     Attributes:
         time_s: Increasing times, shape (rows,).
-        command_ned_m_s: Velocity setpoint from this row to the next, shape (rows, 3).
+        command_ned_m_s: Velocity setpoint of each row, shape (rows, 3).
         velocity_ned_m_s: Velocity reported (LOCAL_POSITION_NED), shape (rows, 3).
         position_ned_m: Position reported, shape (rows, 3).
+        command_from_s: Time from which that setpoint is in force, until that of the next row, shape (rows,). A CSV file
+            has it at the row; the row of a flight log may be later than its setpoint.
     """
 
     time_s: NDArray[np.float64]
     command_ned_m_s: NDArray[np.float64]
     velocity_ned_m_s: NDArray[np.float64]
     position_ned_m: NDArray[np.float64]
+    command_from_s: NDArray[np.float64]
 
 
 def read_step_log(path: Path) -> StepLog:
@@ -69,7 +72,8 @@ def read_step_log(path: Path) -> StepLog:
         after = rows[row, 0]
         msg = f"{path}, row {row + 2}, column {_TIME}: {after:g} does not come after {before:g}; times must increase"
         raise ConfigError(msg)
-    return StepLog(rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7:10])
+    command_from_s = rows[:, 10] if rows.shape[1] > len(COLUMNS) else rows[:, 0]
+    return StepLog(rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7:10], command_from_s)
 
 
 def _table(path: Path) -> Sequence[Sequence[float]]:

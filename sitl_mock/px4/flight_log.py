@@ -30,6 +30,8 @@ _DUE: Final = tuple(
     for step in range(_PERIOD)
 )
 """Packing and builder of the topics of each step."""
+_ON_CHANGE: Final = (SOURCES["vehicle_status"], SOURCES["vehicle_land_detected"])
+"""Topics that PX4 also writes when arming, mode or landing change."""
 _NEVER: Final = -1
 _FROM_ARMING: Final = 0
 _FROM_BOOT: Final = 1
@@ -49,6 +51,7 @@ class Px4FlightLog:
         self._next_s = -1.0
         self._step = 0
         self._armed = False
+        self._status: tuple[bool, int, int] | None = None
         self._has_flown = False
         self._revision = 0
         self._parameters: dict[str, float] = {}
@@ -70,10 +73,22 @@ class Px4FlightLog:
 
     def _due(self, report: Report) -> list[bytes]:
         """Return the messages of this step; none if a huge setpoint overflows a float."""
+        number = self._step % _PERIOD
+        commander = report.commander
+        status = (report.state.armed, commander.custom_mode, commander.landed_state)
+        changed = status != self._status
+        self._status = status
         try:
-            return [pack(*build(report)) for pack, build in _DUE[self._step % _PERIOD]]
+            messages = [pack(*build(report)) for pack, build in _DUE[number]]
+            if changed:
+                messages += [
+                    source.topic.pack(*source.build(report))
+                    for source in _ON_CHANGE
+                    if number % source.every
+                ]
         except (OverflowError, ValueError, struct.error):
             return []
+        return messages
 
     def say(self, report: Report, severity: int, text: str) -> None:
         """Write a text."""

@@ -10,7 +10,7 @@ from pymavlink import DFReader
 from pyulog import ULog
 
 from sitl_mock import MockVehicle
-from sitl_mock.calibrate import read_step_log
+from sitl_mock.calibrate import FlavourName, compare, fly_log, read_step_log
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import Faulted, FaultScript
 from sitl_mock.log_folder import LogFolder
@@ -158,6 +158,31 @@ def test_calibrate_reads_the_commands_and_the_motion_of_a_flight(
     path.write_bytes(content[: len(content) // 3])
     with pytest.raises(ConfigError, match="no flight under velocity setpoints"):
         read_step_log(path)
+
+
+def test_a_mock_flies_the_climb_of_its_own_log_again(tmp_path):
+    """From the ground, and with steps that fall between the log's samples."""
+    flight = Flight("px4", noise=False)
+    for velocity, steps in (
+        ((0.0, 0.0, -2.0), 50),
+        ((0.0, 0.0, -2.0), 350),
+        ((4.0, -3.0, -1.5), 167),
+        ((-4.0, 4.0, -2.0), 183),
+        ((3.0, 5.0, 0.0), 154),
+    ):
+        target = ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 2503, *(0.0,) * 3, *velocity)
+        for _ in range(steps):
+            flight.step((*target, *(0.0,) * 5))
+        if not flight.vehicle.armed:
+            flight.command(SET_MODE, 1, 6)
+            flight.command(ARM, 1)
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(flight.vehicle.logs[0].content)
+    log = read_step_log(path)
+    assert log.position_ned_m[0, 2] < -2.0
+    assert np.ptp(log.time_s) > 10.0
+    comparison = compare(log, FlavourName.PX4, fly_log(log, FlavourName.PX4))
+    assert max(comparison.rms_ned_m_s) <= 0.08
 
 
 def test_a_log_is_streamed_message_by_message_as_the_definitions_are_acknowledged():

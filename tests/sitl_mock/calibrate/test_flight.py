@@ -152,6 +152,7 @@ def test_a_flight_along_a_log_repeats_itself(flavour):
         log.command_ned_m_s[:150],
         log.velocity_ned_m_s[:150],
         log.position_ned_m[:150],
+        log.command_from_s[:150],
     )
     assert np.array_equal(fly_log(short, flavour), fly_log(short, flavour))
     assert np.array_equal(replay(short, vehicle_of(flavour)), replay(short, vehicle_of(flavour)))
