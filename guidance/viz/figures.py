@@ -85,8 +85,10 @@ def save_twice(figure: Figure, stem: Path, *, dpi: float) -> list[Path]:
     Raises:
         OSError: If a file cannot be written.
     """
-    paths = [stem.with_name(f"{stem.name}.{kind}") for kind in ("png", "pdf")]
-    for path, metadata in zip(paths, (None, {"CreationDate": None}), strict=True):
+    png_path = stem.with_name(f"{stem.name}.png")
+    pdf_path = stem.with_name(f"{stem.name}.pdf")
+    paths = [png_path, pdf_path]
+    for path, metadata in ((png_path, None), (pdf_path, {"CreationDate": None})):
         with whole_file(path) as out:
             figure.savefig(out, dpi=dpi, metadata=metadata)
         figure.set_layout_engine(None)
@@ -101,16 +103,15 @@ def check_picture(path: Path) -> None:
     """
     kinds = sorted(FigureCanvasAgg.get_supported_filetypes())
     if path.suffix.removeprefix(".") not in kinds:
-        raise ConfigError(
-            f"--out {path}: must end in one of {', '.join(f'.{kind}' for kind in kinds)}"
-        )
+        endings = ", ".join(f".{kind}" for kind in kinds)
+        raise ConfigError(f"--out {path}: must end in one of {endings}")
 
 
 def thinned(values: Array) -> Array:
     """Thin out a long curve evenly, keeping both ends."""
-    return np.asarray(
-        values[np.linspace(0, len(values) - 1, min(len(values), MOST_POINTS)).round().astype(int)]
-    )
+    count = min(len(values), MOST_POINTS)
+    numbers = np.linspace(0, len(values) - 1, count).round().astype(int)
+    return np.asarray(values[numbers])
 
 
 def label_plan(axes: Any, title: str = "from above", *, adjustable: str = "box") -> None:  # noqa: ANN401
@@ -162,26 +163,28 @@ class Shape(NamedTuple):
 
 def box_of(shapes: Iterable[Shape]) -> tuple[Array, Array]:
     """Return the corners of all framed shapes, with a margin."""
-    places = np.concatenate([shape.places_m for shape in shapes if shape.is_framed])
-    known = (
-        places[np.isfinite(places).all(axis=-1)] if np.isfinite(places).any() else np.zeros((1, 3))
-    )
-    return known.min(axis=0) - _MARGIN_M, known.max(axis=0) + _MARGIN_M
+    places_m = np.concatenate([shape.places_m for shape in shapes if shape.is_framed])
+    is_finite = np.isfinite(places_m)
+    if is_finite.any():
+        framed_m = places_m[is_finite.all(axis=-1)]
+    else:
+        framed_m = np.zeros((1, 3))
+    low_m = framed_m.min(axis=0) - _MARGIN_M
+    high_m = framed_m.max(axis=0) + _MARGIN_M
+    return low_m, high_m
 
 
 def players_of(pursuer: Array, evader: Array) -> Iterator[Shape]:
     """Yield the tracks of both players in the game, (n, 3), m, and their ends."""
-    for name, track, style, marks in (
-        ("pursuer", pursuer, PURSUER, "os"),
-        ("evader", evader, EVADER, "^v"),
-    ):
+    players = ("pursuer", pursuer, PURSUER, "o", "s"), ("evader", evader, EVADER, "^", "v")
+    for name, track, style, begin_marker, end_marker in players:
         mark = {"color": style["color"], "linestyle": "none"}
+        begin_style = mark | {"marker": begin_marker}
+        end_style = mark | {"marker": end_marker, "mfc": "white"}
         yield Shape(track, style, name)
         if len(track):
-            yield Shape(track[:1], mark | {"marker": marks[0]}, f"{name} at engagement")
-            yield Shape(
-                track[-1:], mark | {"marker": marks[1], "mfc": "white"}, f"{name} at the end"
-            )
+            yield Shape(track[:1], begin_style, f"{name} at engagement")
+            yield Shape(track[-1:], end_style, f"{name} at the end")
 
 
 def promise_of(
@@ -190,33 +193,27 @@ def promise_of(
     """Yield the isochron at engagement, (n, 2), and the meeting point foreseen, m: what the game promises."""
     yield Shape(lifted(curve, 0.0), ISOCHRON, "isochron at engagement")
     if meeting_m is not None:
-        place_m = np.array([[*meeting_m[:2], 0.0]])
-        yield Shape(
-            place_m,
-            MEETING,
-            f"{'g*' if with_target else 'q*'}, meeting point foreseen",
-            is_framed=False,
-        )
+        x, y, *_ = meeting_m
+        place_m = np.array([[x, y, 0.0]])
+        symbol = "g*" if with_target else "q*"
+        yield Shape(place_m, MEETING, f"{symbol}, meeting point foreseen", is_framed=False)
 
 
 def disc_of(reached_m: Sequence[float], standoff: StandOff) -> Shape:
     """Return the stand-off disc about the place of the evader at capture."""
-    rim = circle((reached_m[0], reached_m[1], 0.0), standoff.radius_m, 73)
-    return Shape(
-        lifted(rim, standoff.height_m), STANDOFF, "stand-off disc at capture", is_framed=False
-    )
+    x, y, *_ = reached_m
+    rim = circle((x, y, 0.0), standoff.radius_m, 73)
+    disc = lifted(rim, standoff.height_m)
+    return Shape(disc, STANDOFF, "stand-off disc at capture", is_framed=False)
 
 
 def target_of(place_m: Enu | None, extent: Extent) -> Iterator[Shape]:
     """Yield the target of a TAD game and the edge of its shape."""
     if place_m is not None:
+        edge = lifted(target_edge(place_m, extent), place_m[2])
+        edge_style = {"color": TARGET["color"]}
         yield Shape(np.array([place_m]), TARGET, "T, target")
-        yield Shape(
-            lifted(target_edge(place_m, extent), place_m[2]),
-            {"color": TARGET["color"]},
-            "",
-            is_framed=False,
-        )
+        yield Shape(edge, edge_style, "", is_framed=False)
 
 
 def chase_figure(
@@ -250,14 +247,17 @@ def chase_figure(
     label_plan(plan, adjustable="box" if other_axes else "datalim")
     for axes in other_axes:
         label_plan(axes, "from above, with the fence")
-    space.set(xlabel="x east, m", zlabel="z up, m", zlim=(min(0.0, low[2] + _MARGIN_M), high[2]))
+    bottom_m = min(0.0, low[2] + _MARGIN_M)
+    space.set(xlabel="x east, m", zlabel="z up, m", zlim=(bottom_m, high[2]))
     space.set_ylabel("y north, m", labelpad=10.0)
     space.locator_params(nbins=5)
-    spans = [
-        high - low for low, high in (space.get_xlim3d(), space.get_ylim3d(), space.get_zlim3d())
-    ]
+    limits = (space.get_xlim3d(), space.get_ylim3d(), space.get_zlim3d())
+    spans = [largest - least for least, largest in limits]
     space.set_box_aspect(spans, zoom=0.93)  # equal scales, with space for the labels
-    legend_below(figure, *other_axes or (plan,), columns=5 if other_axes else 4)
+    if other_axes:
+        legend_below(figure, *other_axes, columns=5)
+    else:
+        legend_below(figure, plan, columns=4)
     return figure
 
 
@@ -265,7 +265,8 @@ def draw(axes: Any, shapes: Iterable[Shape], dimensions: int) -> None:  # noqa: 
     """Draw shapes, in space or from above."""
     for shape in shapes:
         if dimensions in shape.dimensions:
-            axes.plot(*thinned(shape.places_m)[:, :dimensions].T, **shape.style, label=shape.name)
+            places_m = thinned(shape.places_m)[:, :dimensions]
+            axes.plot(*places_m.T, **shape.style, label=shape.name)
 
 
 def draw_fence(axes: Any, edges: Sequence[Array], dimensions: int, *, whole: bool = False) -> None:  # noqa: ANN401
@@ -282,13 +283,16 @@ def draw_fence(axes: Any, edges: Sequence[Array], dimensions: int, *, whole: boo
     label: str | None = "fence"
     for edge in edges:
         x, y, _ = edge.T
-        inside = whole | ((west <= x) & (x <= east) & (south <= y) & (y <= north))
-        if not inside.any():
+        is_between_sides = (west <= x) & (x <= east)
+        is_between_ends = (south <= y) & (y <= north)
+        is_visible = whole | (is_between_sides & is_between_ends)
+        if not is_visible.any():
             continue
         if dimensions == 2:
             axes.plot(x, y, **FENCE, label=label, scalex=whole, scaley=whole)
         else:  # 3D axes do not clip
-            axes.plot(*np.where(inside[:, None], edge, np.nan).T, **FENCE, label=label)
+            visible_edge = np.where(is_visible[:, None], edge, np.nan)
+            axes.plot(*visible_edge.T, **FENCE, label=label)
             axes.set(xlim=(west, east), ylim=(south, north))
         label = None
 
@@ -302,22 +306,18 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
     batch = stack([scenario])
     played_s, pursuer, evader = played(batch)
     meeting_m = opening(batch).meeting_point_m[0]
+    foreseen_m = meeting_m if np.isfinite(meeting_m).all() else None
     target_m = target_game_m(scenario)
     curve = isochron(batch.believed, batch.pursuer_m[0], batch.evader_m[0])
     shapes = [
         *_courses(batch, 2.0 * played_s),
         *players_of(pursuer, evader),
-        *promise_of(
-            curve,
-            meeting_m if np.isfinite(meeting_m).all() else None,
-            with_target=target_m is not None,
-        ),
+        *promise_of(curve, foreseen_m, with_target=target_m is not None),
         disc_of(evader[-1], batch.game.standoff),
         *target_of(target_m, batch.game.target_extent),
     ]
-    figure = chase_figure(
-        shapes, [lifted(circle(scenario.home_m, scenario.limits.fence_radius_m, 361), 0.0)]
-    )
+    fence = circle(scenario.home_m, scenario.limits.fence_radius_m, 361)
+    figure = chase_figure(shapes, [lifted(fence, 0.0)])
     figure.suptitle(scenario.title)
     save(figure, path)
 
@@ -330,12 +330,12 @@ def played(batch: Batch) -> tuple[float, Array, Array]:
     steps = list(moments(batch))
     after = [*steps[1:], steps[-1]]
     now_s = np.array([step.now_s[0] for step in steps])
-    pursuer = _curved(
-        now_s, [step.pursuer_m[0] for step in steps], [step.flown_m_s[0] for step in after]
-    )
-    evader = _curved(
-        now_s, [step.evader_m[0] for step in steps], [step.run_m_s[0] for step in after]
-    )
+    pursuer_m = [step.pursuer_m[0] for step in steps]
+    evader_m = [step.evader_m[0] for step in steps]
+    pursuer_m_s = [step.flown_m_s[0] for step in after]
+    evader_m_s = [step.run_m_s[0] for step in after]
+    pursuer = _curved(now_s, pursuer_m, pursuer_m_s)
+    evader = _curved(now_s, evader_m, evader_m_s)
     return float(now_s[-1]), pursuer, evader
 
 
@@ -344,26 +344,27 @@ def _curved(now_s: Array, places: Sequence[Array], rates: Sequence[Array]) -> Ar
     places_m = np.array(places)
     rates_m_s = np.array(rates)
     s = np.arange(_POINTS_A_STEP)[None, :, None] / _POINTS_A_STEP
-    run, later = (
-        np.diff(now_s)[:, None, None] * one_m_s[:, None]
-        for one_m_s in (rates_m_s[:-1], rates_m_s[1:])
-    )
-    begin = places_m[:-1, None]
+    steps_s = np.diff(now_s)[:, None, None]
+    begin_tangent_m = steps_s * rates_m_s[:-1, None]
+    end_tangent_m = steps_s * rates_m_s[1:, None]
+    begin_m = places_m[:-1, None]
     steps_m = np.diff(places_m, axis=0)[:, None]
-    curved = (
-        begin + s * steps_m + s * (1.0 - s) * ((1.0 - s) * (run - steps_m) - s * (later - steps_m))
-    )
-    return np.concatenate([curved.reshape(-1, 3), places_m[-1:]])
+    begin_bend_m = (1.0 - s) * (begin_tangent_m - steps_m)
+    end_bend_m = s * (end_tangent_m - steps_m)
+    straight_m = begin_m + s * steps_m
+    curved_m = straight_m + s * (1.0 - s) * (begin_bend_m - end_bend_m)
+    return np.concatenate([curved_m.reshape(-1, 3), places_m[-1:]])
 
 
 def _courses(batch: Batch, until_s: float) -> Iterator[Shape]:
     """Yield the places of the players' courses, and no more of them than the game needs: some go on for minutes."""
     for name, course in (("P", batch.pursuer.course), ("E", batch.evader.course)):
         if course is not None:
-            places_m = course.places_m[0][
-                np.concatenate([[True], course.times_s[0, :-1] <= until_s])
-            ]
-            yield Shape(places_m, COURSE, f"course of {name}", is_framed=False, dimensions=(2,))
+            is_early = course.times_s[0, :-1] <= until_s
+            is_needed = np.concatenate([[True], is_early])
+            places_m = course.places_m[0][is_needed]
+            label = f"course of {name}"
+            yield Shape(places_m, COURSE, label, is_framed=False, dimensions=(2,))
 
 
 def draw_teams(scenario: TeamScenario, path: Path) -> None:
@@ -386,10 +387,10 @@ def draw_teams(scenario: TeamScenario, path: Path) -> None:
     figure.suptitle(scenario.title, fontsize=13)
     captured = int(np.count_nonzero(rollout.end == End.CAPTURED))
     unit = "s" if scenario.game == "pe" else "m from T"
-    foreseen = (
-        f"{int(matching.guaranteed)} captures guaranteed, {float(matching.total):.2f} {unit} in all"
-    )
-    axes.set_title(f"{foreseen}; {captured} captured", fontsize=10, color="0.3")
+    guaranteed = int(matching.guaranteed)
+    total = float(matching.total)
+    title = f"{guaranteed} captures guaranteed, {total:.2f} {unit} in all; {captured} captured"
+    axes.set_title(title, fontsize=10, color="0.3")
     legend_below(figure, axes)
     save(figure, path)
 
@@ -403,43 +404,43 @@ def region(scenario: TeamScenario, pursuers: list[int], evader: int, points: int
         evader: Number of the evader.
         points: Number of directions.
     """
-    angle = np.linspace(0.0, 2.0 * np.pi, points)
-    n = np.cos(angle), np.sin(angle)
+    angle_rad = np.linspace(0.0, 2.0 * np.pi, points)
+    x = np.cos(angle_rad)
+    y = np.sin(angle_rad)
     teams = teams_of(scenario)
-    speeds = teams.pursuer_speed_m_s[pursuers], float(teams.evader_speed_m_s[evader])
-    game = game_of(scenario, *speeds)
-    regions = regions_of(game, teams.pursuers_m[pursuers], teams.evaders_m[evader])
-    far = survived(regions, (n[0][:, None], n[1][:, None])).min(axis=1)
-    return np.asarray(teams.evaders_m[evader, :2] + far[:, None] * np.stack(n, axis=-1))
+    pursuer_speed_m_s = teams.pursuer_speed_m_s[pursuers]
+    evader_speed_m_s = float(teams.evader_speed_m_s[evader])
+    evader_m = teams.evaders_m[evader]
+    game = game_of(scenario, pursuer_speed_m_s, evader_speed_m_s)
+    regions = regions_of(game, teams.pursuers_m[pursuers], evader_m)
+    distances_m = survived(regions, (x[:, None], y[:, None]))
+    far_m = distances_m.min(axis=1)
+    directions = np.stack([x, y], axis=-1)
+    return np.asarray(evader_m[:2] + far_m[:, None] * directions)
 
 
 def _draw_region(axes: Any, scenario: TeamScenario, matching: Matching, j: int) -> None:  # noqa: ANN401 - matplotlib's
     """Draw the discs of an evader and its pursuers, shade their intersection, and mark the meeting point."""
     colour = _EVADERS[j % len(_EVADERS)]
     teams = teams_of(scenario)
-    roles = {"first": (matching.first[j], "-"), "second": (matching.second[j], (0, (2, 1.5)))}
-    team = {role: (int(i), style) for role, (i, style) in roles.items() if i >= 0}
-    for i, _ in team.values():
-        thin = {"color": colour, "linewidth": 0.9, "linestyle": (0, (4, 3))}
-        axes.plot(*region(scenario, [i], j).T, **thin, label="first there, before one pursuer")
-    if not team:
+    roles = {"first": int(matching.first[j]), "second": int(matching.second[j])}
+    pursuers = {role: number for role, number in roles.items() if number >= 0}
+    thin: Style = {"color": colour, "linewidth": 0.9, "linestyle": (0, (4, 3))}
+    for i in pursuers.values():
+        disc = region(scenario, [i], j)
+        axes.plot(*disc.T, **thin, label="first there, before one pursuer")
+    if not pursuers:
         return
     shade = {"facecolor": to_rgba(colour, 0.14), "edgecolor": colour, "linewidth": 1.6}
-    axes.fill(
-        *region(scenario, [i for i, _ in team.values()], j).T,
-        **shade,
-        label="before both: the intersection",
-    )
+    intersection = region(scenario, list(pursuers.values()), j)
+    axes.fill(*intersection.T, **shade, label="before both: the intersection")
     x, y, _ = matching.meeting_point_m[j]
     _draw_way_to_target(axes, scenario, (float(x), float(y)), colour)
-    for role, (i, style) in team.items():
-        line = {"color": "0.2", "linewidth": 1.4, "linestyle": style, "zorder": 4}
-        axes.plot(
-            [teams.pursuers_m[i, 0], x],
-            [teams.pursuers_m[i, 1], y],
-            **line,
-            label=f"matched, {role}",
-        )
+    dashes: Style = {"first": "-", "second": (0, (2, 1.5))}
+    for role, i in pursuers.items():
+        line = {"color": "0.2", "linewidth": 1.4, "linestyle": dashes[role], "zorder": 4}
+        pursuer_m = teams.pursuers_m[i]
+        axes.plot([pursuer_m[0], x], [pursuer_m[1], y], **line, label=f"matched, {role}")
     star = {"markeredgecolor": "white", "markersize": 17, "zorder": 6, "linestyle": "none"}
     axes.plot([x], [y], "*", color=colour, **star, label="X*, meeting point")
 
@@ -471,28 +472,22 @@ def _draw_players(axes: Any, teams: Teams, rollout: TeamRollout) -> None:  # noq
         "fontweight": "bold",
     }
     beside["path_effects"] = [withStroke(linewidth=3.0, foreground="white")]
+    pursuer_mark = marker_style | {"color": _PURSUER, "markersize": 12}
     for i, (x, y, z) in enumerate(teams.pursuers_m):
         track = np.array([sample.pursuers_m[0, i, :2] for sample in rollout.path])
+        label = f"P{i} · {z:g} m"
         axes.plot(*track.T, color=_PURSUER, linewidth=4.0, alpha=0.3, label="pursuer as played")
-        axes.plot(
-            [x],
-            [y],
-            "^",
-            color=_PURSUER,
-            markersize=12,
-            **marker_style,
-            label="pursuer, and its height",
-        )
-        axes.annotate(f"P{i} · {z:g} m", (x, y), xytext=(9, -4), color=_PURSUER, **beside)
+        axes.plot([x], [y], "^", **pursuer_mark, label="pursuer, and its height")
+        axes.annotate(label, (x, y), xytext=(9, -4), color=_PURSUER, **beside)
     for j, (x, y, _) in enumerate(teams.evaders_m):
         colour = _EVADERS[j % len(_EVADERS)]
-        track = np.array([sample.evaders_m[0, j] for sample in rollout.path])
-        axes.plot(*track[:, :2].T, color=colour, linewidth=4.0, alpha=0.5, label="evader as played")
+        track = np.array([sample.evaders_m[0, j, :2] for sample in rollout.path])
+        axes.plot(*track.T, color=colour, linewidth=4.0, alpha=0.5, label="evader as played")
         if rollout.end[0, j] == End.ARRIVED:
-            axes.plot(
-                *track[-1:, :2].T, "o", mfc="none", color=colour, markersize=18, label="arrived"
-            )
-        axes.plot([x], [y], "o", color=colour, markersize=11, **marker_style, label="evader")
+            ring = {"mfc": "none", "color": colour, "markersize": 18}
+            axes.plot(*track[-1:].T, "o", **ring, label="arrived")
+        evader_mark = marker_style | {"color": colour, "markersize": 11}
+        axes.plot([x], [y], "o", **evader_mark, label="evader")
         axes.annotate(f"E{j}", (x, y), xytext=(8, 6), color=colour, **beside)
 
 
@@ -502,6 +497,7 @@ def _draw_target(axes: Any, scenario: TeamScenario) -> None:  # noqa: ANN401 - m
     if place_m is None:
         return
     cross = {"markeredgecolor": "white", "zorder": 5, "linestyle": "none"}
-    axes.plot(*place_m[:2], "kX", markersize=14, **cross, label="T, target")
-    edge = target_edge(place_m, target_extent(scenario))
-    axes.plot(*edge.T[:2], color=TARGET["color"])
+    x, y, _ = place_m
+    axes.plot(x, y, "kX", markersize=14, **cross, label="T, target")
+    edge_x, edge_y, *_ = target_edge(place_m, target_extent(scenario)).T
+    axes.plot(edge_x, edge_y, color=TARGET["color"])

@@ -19,12 +19,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
+from numpy.typing import NDArray
 from PIL import Image
 
 from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, whole_file, writing
 from guidance.frames import Enu
 from guidance.game import StandOff
+from guidance.log.entries import EventEntry
 from guidance.log.scene import Array, circle, isochron_at, lifted
 from guidance.screen import counted
 from guidance.viz import figures
@@ -57,6 +59,9 @@ FRAME_MS: Final = 80
 
 _TAIL_S: Final = 2.0
 """Time after the capture that is shown."""
+
+_MARGIN_CYCLES: Final = 50
+"""Cycles before and after the game that are shown."""
 
 _MOST_EVENTS = 60
 mpl.rcParams["svg.hashsalt"] = "report"  # an SVG is reproducible byte for byte
@@ -97,10 +102,9 @@ def shapes_of(story: Story) -> list[Shape]:
     end = begin + len(story.game)
     pursuer = story.column("pursuer_m")
     evader = story.column("evader_m")
-    shapes = [
-        Shape(part, figures.BEFORE, "pursuer before and after")
-        for part in (pursuer[:begin], pursuer[end:])
-    ]
+    before = Shape(pursuer[:begin], figures.BEFORE, "pursuer before and after")
+    after = Shape(pursuer[end:], figures.BEFORE, "pursuer before and after")
+    shapes = [before, after]
     shapes += figures.players_of(pursuer[begin:end], evader[begin:end])
     if engaged is not None and not engaged.certificate.no_game:
         curve = isochron_at(settings, engaged.certificate)
@@ -110,8 +114,10 @@ def shapes_of(story: Story) -> list[Shape]:
         curve = lifted(isochron_at(settings, captured.certificate), 0.0)
         shapes.append(Shape(curve, figures.ISOCHRON_LATER, "isochron at capture", is_framed=False))
     if captured is not None:
-        shapes.append(figures.disc_of(captured.certificate.evader_game_m, settings.game.standoff))
-    return [*shapes, *figures.target_of(settings.target_game_m, settings.game.target_extent)]
+        reached_m = captured.certificate.evader_game_m
+        shapes.append(figures.disc_of(reached_m, settings.game.standoff))
+    shapes += figures.target_of(settings.target_game_m, settings.game.target_extent)
+    return shapes
 
 
 def game(story: Story) -> Figure:
@@ -121,42 +127,51 @@ def game(story: Story) -> Figure:
         return story.column(name)[playing_span(story)]
 
     now_s = column("now_s")
-    value = column("value")
     needed_s = column("time_needed_s")
-    since_s = now_s - (now_s[0] if story.engaged is None else story.engaged.now_s)
-    panel = "time of capture, s"
-    ideal = "V + t, the game's\npursuer"
-    own_label = "time of capture,\nthis vehicle"
-    guaranteed = value + since_s
-    own_guaranteed = needed_s + since_s
-    if story.with_target:
-        panel = "guarantee L, m"
-        ideal = "L, evader's final\ndistance to T"
-        own_label = "the same, of\nthis vehicle"
-        guaranteed = value
-        own_guaranteed = column("assured_distance_m")
+    engaged_s = now_s[0] if story.engaged is None else story.engaged.now_s
+    since_s = now_s - engaged_s
+    game_style = EVADER | {"linewidth": 0.9}
+    own_style = PURSUER | {"linewidth": 0.9}
     lines: list[Line] = [
         ("range, m", now_s, column("gap_m"), PURSUER, "ground distance to the disc's rim"),
         ("range, m", now_s, column("height_gap_m"), EVADER, "height above the disc"),
         ("time to go, s", now_s, column("meeting_time_s"), EVADER, "the game's pursuer"),
         ("time to go, s", now_s, needed_s, PURSUER, "this vehicle"),
-        (panel, now_s, guaranteed, EVADER | {"linewidth": 0.9}, ideal),
-        (panel, now_s, own_guaranteed, PURSUER | {"linewidth": 0.9}, own_label),
     ]
+    if story.with_target:
+        panel = "guarantee L, m"
+        own_m = column("assured_distance_m")
+        lines += [
+            (panel, now_s, column("value"), game_style, "L, evader's final\ndistance to T"),
+            (panel, now_s, own_m, own_style, "the same, of\nthis vehicle"),
+        ]
+    else:
+        panel = "time of capture, s"
+        game_s = column("value") + since_s
+        own_s = needed_s + since_s
+        lines += [
+            (panel, now_s, game_s, game_style, "V + t, the game's\npursuer"),
+            (panel, now_s, own_s, own_style, "time of capture,\nthis vehicle"),
+        ]
     figure, axes = over_time(story, 7.0, lines)
     axes[0].axhline(0.0, color="0.0", linewidth=0.6)
+    _draw_promise(axes[2], story)
+    legend_beside(axes[2])
+    return figure
+
+
+def _draw_promise(axes: Any, story: Story) -> None:  # noqa: ANN401
+    """Draw what was promised at engagement, and the alarms."""
     if story.engaged is not None:
         engaged = story.engaged.certificate
         promised = engaged.assured_distance_m if story.with_target else engaged.time_needed_s
-        axes[2].axhline(
-            promised, color="0.15", linewidth=1.0, linestyle=":", label="promised at engagement"
-        )
-    for number, (alarm_s, _) in enumerate(story.alarms):
-        axes[2].axvline(
-            alarm_s, **MARK | {"color": "0.0", "linestyle": "-"}, label=None if number else "alarm"
-        )
-    legend_beside(axes[2])
-    return figure
+        dotted = {"color": "0.15", "linewidth": 1.0, "linestyle": ":"}
+        axes.axhline(promised, **dotted, label="promised at engagement")
+    alarm_style = MARK | {"color": "0.0", "linestyle": "-"}
+    label: str | None = "alarm"
+    for alarm_s, _ in story.alarms:
+        axes.axvline(alarm_s, **alarm_style, label=label)
+        label = None
 
 
 def velocities(story: Story) -> Figure:
@@ -164,40 +179,40 @@ def velocities(story: Story) -> Figure:
     span = playing_span(story)
     lines = list[Line]()
     now_s = thinned(story.column("now_s")[span])
-    for name, style, label in (
+    thin = {"linewidth": 1.1}
+    curves = (
         ("flown_ned_m_s", {"color": "0.55", "linewidth": 2.2}, "flown"),
-        ("commanded_ned_m_s", PURSUER | {"linewidth": 1.1}, "commanded"),
-        ("desired_ned_m_s", EVADER | {"linewidth": 1.1}, "wanted by the game"),
-    ):
-        for column, axis in zip(
-            thinned(story.column(name)[span]).T, ("north", "east", "down"), strict=True
-        ):
-            lines.append(
-                (f"velocity {axis}, m/s", now_s, column, style, label if axis == "north" else None)
-            )
-    return over_time(story, 7.0, lines)[0]
+        ("commanded_ned_m_s", PURSUER | thin, "commanded"),
+        ("desired_ned_m_s", EVADER | thin, "wanted by the game"),
+    )
+    for name, style, label in curves:
+        north_m_s, east_m_s, down_m_s = thinned(story.column(name)[span]).T
+        lines.append(("velocity north, m/s", now_s, north_m_s, style, label))
+        lines.append(("velocity east, m/s", now_s, east_m_s, style, None))
+        lines.append(("velocity down, m/s", now_s, down_m_s, style, None))
+    figure, _ = over_time(story, 7.0, lines)
+    return figure
 
 
 def ages(story: Story) -> Figure:
     """Draw ages of data, round-trip times and the loop's delays."""
+    now_s = story.column("now_s")
 
     def worst(panel: str, name: str, style: Style, label: str) -> Line:
-        seconds, worst_s = worst_of_each_second(story.column("now_s"), story.column(name))
-        return panel, seconds, 1e3 * worst_s, style | {"drawstyle": "steps-post"}, label
+        seconds, worst_s = worst_of_each_second(now_s, story.column(name))
+        steps = style | {"drawstyle": "steps-post"}
+        return panel, seconds, 1e3 * worst_s, steps, label
 
     dots: Style = {"color": "k", "marker": ".", "linestyle": "none", "markersize": 4}
-    trips = (
-        story.column("now_s"),
-        1e3 * story.column("round_trip_s"),
-        dots,
-        "TIMESYNC\nthere and back",
-    )
+    round_trip_ms = 1e3 * story.column("round_trip_s")
+    age = "oldest in each\nsecond, ms"
+    loop = "loop, longest in\neach second, ms"
     lines: list[Line] = [
-        worst("oldest in each\nsecond, ms", "telemetry_age_s", PURSUER, "vehicle's position"),
-        worst("oldest in each\nsecond, ms", "evader_age_s", EVADER, "evader's last report"),
-        ("round trip, ms", *trips),
-        worst("loop, longest in\neach second, ms", "late_s", PURSUER, "began late by"),
-        worst("loop, longest in\neach second, ms", "worked_s", EVADER, "worked for"),
+        worst(age, "telemetry_age_s", PURSUER, "vehicle's position"),
+        worst(age, "evader_age_s", EVADER, "evader's last report"),
+        ("round trip, ms", now_s, round_trip_ms, dots, "TIMESYNC\nthere and back"),
+        worst(loop, "late_s", PURSUER, "began late by"),
+        worst(loop, "worked_s", EVADER, "worked for"),
     ]
     figure, axes = over_time(story, 6.4, lines)
     for panel_axes in axes:
@@ -212,7 +227,8 @@ def over_time(story: Story, height: float, lines: Sequence[Line]) -> tuple[Figur
     panels = list(dict.fromkeys(panel for panel, *_ in lines))
     axes = list(figure.subplots(len(panels), 1, sharex=True))
     for panel, now_s, values, style, label in lines:
-        axes[panels.index(panel)].plot(now_s, values, **style, label=label)
+        number = panels.index(panel)
+        axes[number].plot(now_s, values, **style, label=label)
     for panel_axes, panel in zip(axes, panels, strict=True):
         panel_axes.set(ylabel=panel, xmargin=0.01)
         panel_axes.grid(visible=True, linewidth=0.3)
@@ -240,69 +256,62 @@ def events(story: Story) -> Figure:
     axes = figure.subplots()
     now_s = story.column("now_s")
     states = np.array([row.state for row in story.rows])
-    changes = [0, *(1 + np.flatnonzero(states[1:] != states[:-1])), len(now_s) - 1]
-    for number, (first, last) in enumerate(pairwise(changes)):
-        axes.axvspan(now_s[first], now_s[last], color=_SHADES[number % len(_SHADES)], linewidth=0.0)
+    is_change = states[1:] != states[:-1]
+    changes = 1 + np.flatnonzero(is_change)
+    bounds = [0, *changes, len(now_s) - 1]
+    for number, (first, last) in enumerate(pairwise(bounds)):
+        shade = _SHADES[number % len(_SHADES)]
+        axes.axvspan(now_s[first], now_s[last], color=shade, linewidth=0.0)
+    middle_s = 0.5 * (now_s[0] + now_s[-1])
     for row, event in enumerate(events):
         axes.plot([event.now_s], [row], "ko", ms=4)
-        if event.now_s < 0.5 * (now_s[0] + now_s[-1]):
-            side = "left"
-            shift = 7
-        else:
-            side = "right"
-            shift = -7
-        words = f"{event.now_s:.2f} s  {event.event}" + (
-            f"  ({event.words[:110]})" if event.detail else ""
-        )
-        beside: dict[str, Any] = {
-            "xytext": (shift, 0),
-            "textcoords": "offset points",
-            "ha": side,
-            "va": "center",
-        }
-        axes.annotate(words, (event.now_s, row), **beside, fontsize=8.5)
+        _label_event(axes, row, event, is_early=event.now_s < middle_s)
     axes.set(xlabel="time, s", ylim=(len(events) - 0.4, -0.6), yticks=[])
     axes.margins(x=0.02)
+    title = "shades: the flight's states"
     unlabelled = len(story.events) - len(events)
-    axes.set_title(
-        "shades: the flight's states"
-        + (f"; {unlabelled} later events are not shown" if unlabelled else ""),
-        fontsize=9,
-    )
+    if unlabelled:
+        title += f"; {unlabelled} later events are not shown"
+    axes.set_title(title, fontsize=9)
     return figure
+
+
+def _label_event(axes: Any, row: int, event: EventEntry, *, is_early: bool) -> None:  # noqa: ANN401
+    """Write time and words beside an event, on the side that has more room."""
+    label = f"{event.now_s:.2f} s  {event.event}"
+    if event.detail:
+        label += f"  ({event.words[:110]})"
+    if is_early:
+        side = "left"
+        shift = 7
+    else:
+        side = "right"
+        shift = -7
+    beside: dict[str, Any] = {"textcoords": "offset points", "ha": side, "va": "center"}
+    axes.annotate(label, (event.now_s, row), xytext=(shift, 0), **beside, fontsize=8.5)
 
 
 def plan(team: TeamStory) -> Figure:
     """Draw all vehicles and evaders from above."""
     figure = figures.figure_of(10.0, 7.5)
     axes: Any = figure.subplots()
-    game = team.first.settings.cycle.game
+    cycle = team.first.settings.cycle
+    game = cycle.game
     # reports of one evader to several vehicles are dots: joined, they would go to and fro
     dots = EVADER | {"linestyle": "none", "marker": ".", "markersize": 2}
-    tracks = [
-        (name, story.column("pursuer_m"), PURSUER, "vehicle")
-        for name, story in team.flights.items()
-    ]
+    for name, flight in team.flights.items():
+        _draw_track(axes, name, flight.column("pursuer_m"), PURSUER, "vehicle")
     for name in team.evaders:
         reported = list[Enu]()
         for flight in team.flights.values():
-            reported += [position_m for _, position_m in flight.evaders.get(name, ())]
-        tracks.append((name, np.array(reported), dots, "evader"))
-    for name, track, style, kind in tracks:
-        track_m = thinned(track[np.isfinite(track).all(axis=1)])
-        axes.plot(*track_m[:, :2].T, **style, label=kind)
-        axes.annotate(
-            name, track_m[0, :2], xytext=(6, -4), textcoords="offset points", color=style["color"]
-        )
+            track = flight.evaders.get(name, ())
+            reported += [position_m for _, position_m in track]
+        _draw_track(axes, name, np.array(reported), dots, "evader")
     for capture in team.captures.values():
-        axes.plot(
-            *circle(capture.evader_m, game.standoff.radius_m).T,
-            **STANDOFF,
-            label="stand-off disc at capture",
-        )
-    figures.draw(
-        axes, figures.target_of(team.first.settings.cycle.target_game_m, game.target_extent), 2
-    )
+        disc = circle(capture.evader_m, game.standoff.radius_m)
+        axes.plot(*disc.T, **STANDOFF, label="stand-off disc at capture")
+    target = figures.target_of(cycle.target_game_m, game.target_extent)
+    figures.draw(axes, target, 2)
     figures.label_plan(axes)
     axes.margins(0.1)
     axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
@@ -311,20 +320,32 @@ def plan(team: TeamStory) -> Figure:
     return figure
 
 
+def _draw_track(axes: Any, name: str, track: Array, style: Style, kind: str) -> None:  # noqa: ANN401
+    """Draw where a player was known to be from above, with its name at the begin."""
+    is_finite = np.isfinite(track).all(axis=1)
+    places_m = thinned(track[is_finite])[:, :2]
+    axes.plot(*places_m.T, **style, label=kind)
+    beside = {"xytext": (6, -4), "textcoords": "offset points"}
+    axes.annotate(name, places_m[0], **beside, color=style["color"])
+
+
 def worst_of_each_second(now_s: Array, values: Array) -> tuple[Array, Array]:
     """Return the seconds with data and the largest value in each, which turns a sawtooth into a line."""
-    finite = np.isfinite(values)
-    seconds, starts = np.unique(np.floor(now_s[finite]), return_index=True)
-    return seconds, np.maximum.reduceat(values[finite], starts) if len(starts) else np.zeros(0)
+    is_finite = np.isfinite(values)
+    whole_s = np.floor(now_s[is_finite])
+    seconds, starts = np.unique(whole_s, return_index=True)
+    if not len(starts):
+        return seconds, np.zeros(0)
+    return seconds, np.maximum.reduceat(values[is_finite], starts)
 
 
 def playing_span(story: Story) -> slice:
     """The cycles from just before the game to just after the capture; all cycles without a game."""
     if not story.game:
         return slice(None)
-    return slice(
-        max(0, story.game[0].number - 50), min(len(story.cycles), story.game[-1].number + 50)
-    )
+    before = story.game[0].number - _MARGIN_CYCLES
+    after = story.game[-1].number + _MARGIN_CYCLES
+    return slice(max(0, before), min(len(story.cycles), after))
 
 
 def write_animation(story: Story, path: Path) -> None:
@@ -335,31 +356,37 @@ def write_animation(story: Story, path: Path) -> None:
     """
     span = playing_span(story)
     now_s = story.column("now_s")
-    begun_s, ended_s = (
-        now_s[-1] if cycle is None else cycle.now_s for cycle in (story.engaged, story.captured)
-    )
-    cycles = np.flatnonzero(now_s <= ended_s + _TAIL_S)[span]
-    pursuer, evader = (story.column(name)[cycles] for name in ("pursuer_m", "evader_m"))
-    height = np.column_stack(
-        [np.linalg.norm(pursuer[:, :2] - evader[:, :2], axis=-1), pursuer[:, 2] - evader[:, 2]]
-    )
-    stage = _stage(story, np.maximum(1.0, np.nan_to_num(height).max(axis=0)))
-    radius_m = story.settings.cycle.game.standoff.radius_m
+    record_end_s = now_s[-1]
+    engaged_s = record_end_s if story.engaged is None else story.engaged.now_s
+    captured_s = record_end_s if story.captured is None else story.captured.now_s
+    cycles = np.flatnonzero(now_s <= captured_s + _TAIL_S)[span]
+    tracks = _moving_tracks(story, cycles)
+    largest_m = np.nan_to_num(tracks.height).max(axis=0)
+    stage = _stage(story, np.maximum(1.0, largest_m))
     images = []
-    numbers = np.unique(np.linspace(0, len(cycles) - 1, FRAMES).round().astype(int)).tolist()
-    for number in counted(numbers, "drawing the moving picture", len(numbers)):
-        for run, mark, track in zip(
-            stage.runs, stage.marks, (pursuer, evader, height), strict=True
-        ):
-            run.set_data(*track[: number + 1, :2].T)
-            mark.set_data(*track[number : number + 1, :2].T)
-        stage.rim.set_data(*circle(evader[number], radius_m, 49).T)
-        played_s = max(0.0, now_s[cycles[number]] - begun_s)
-        stage.title.set_text(f"{story.title}: {played_s:.1f} s")
-        canvas = stage.figure.canvas
-        canvas.draw()
-        images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"))  # type: ignore[attr-defined]
+    numbers = np.linspace(0, len(cycles) - 1, FRAMES).round().astype(int)
+    frames = np.unique(numbers).tolist()
+    for number in counted(frames, "drawing the moving picture", len(frames)):
+        played_s = max(0.0, now_s[cycles[number]] - engaged_s)
+        images.append(_frame(stage, story, tracks, number, played_s))
     _save_moving(images, path)
+
+
+class _MovingTracks(NamedTuple):
+    """Places of vehicle and evader, (n, 3), and the vehicle's distance from the evader and height above it, (n, 2)."""
+
+    pursuer_m: Array
+    evader_m: Array
+    height: Array
+
+
+def _moving_tracks(story: Story, cycles: NDArray[np.intp]) -> _MovingTracks:
+    pursuer_m = story.column("pursuer_m")[cycles]
+    evader_m = story.column("evader_m")[cycles]
+    apart_m = pursuer_m - evader_m
+    distance_m = np.linalg.norm(apart_m[:, :2], axis=-1)
+    height = np.column_stack([distance_m, apart_m[:, 2]])
+    return _MovingTracks(pursuer_m, evader_m, height)
 
 
 class _Stage(NamedTuple):
@@ -388,7 +415,8 @@ def _stage(story: Story, most_m: Array) -> _Stage:
     figure.set_dpi(90)
     plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
     still = figures.ISOCHRON, figures.MEETING, TARGET
-    figures.draw(plan, (shape for shape in shapes if shape.style in still), 2)
+    still_shapes = [shape for shape in shapes if shape.style in still]
+    figures.draw(plan, still_shapes, 2)
     low, high = figures.box_of(shapes)
     figures.label_plan(plan)
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
@@ -398,20 +426,42 @@ def _stage(story: Story, most_m: Array) -> _Stage:
         (plan, EVADER, "^", "evader"),
         (side, PURSUER, "o", None),
     )
-    runs = [axes.plot([], [], **style, label=name)[0] for axes, style, _, name in players]
-    marks = [axes.plot([], [], mark, color=style["color"])[0] for axes, style, mark, _ in players]
+    runs = []
+    marks = []
+    for axes, style, marker, name in players:
+        runs += axes.plot([], [], **style, label=name)
+        marks += axes.plot([], [], marker, color=style["color"])
     (rim,) = plan.plot([], [], **STANDOFF, label="stand-off disc")
     figures.legend_below(figure, plan, columns=5)
     return _Stage(figure, runs, marks, rim, figure.suptitle(""))
 
 
+def _frame(
+    stage: _Stage, story: Story, tracks: _MovingTracks, number: int, played_s: float
+) -> Image.Image:
+    """Draw one picture of those that move."""
+    for run, mark, track in zip(stage.runs, stage.marks, tracks, strict=True):
+        points = track[: number + 1, :2]
+        run.set_data(*points.T)
+        mark.set_data(*points[-1:].T)
+    radius_m = story.settings.cycle.game.standoff.radius_m
+    disc = circle(tracks.evader_m[number], radius_m, 49)
+    stage.rim.set_data(*disc.T)
+    stage.title.set_text(f"{story.title}: {played_s:.1f} s")
+    canvas = stage.figure.canvas
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[attr-defined]
+    return Image.fromarray(pixels).convert("RGB")
+
+
 def _save_moving(images: Sequence[Image.Image], path: Path) -> None:
     """Write pictures as one that moves, in a loop, and stands still at its end."""
-    times_ms = [FRAME_MS] * (len(images) - 1) + [20 * FRAME_MS]
-    images[0].save(
+    first, *later = images
+    times_ms = [FRAME_MS] * len(later) + [20 * FRAME_MS]
+    first.save(
         private_file(path),
         save_all=True,
-        append_images=images[1:],
+        append_images=later,
         duration=times_ms,
         loop=0,
         quality=55,
@@ -450,10 +500,13 @@ def write_report(path: Path, folder: Path, *, animate: bool = False) -> list[Pat
     """
     story = story_of(path)
     drawn = ((name, draw(story)) for name, draw in PICTURES.items())
-    written = write_page(folder, [story], drawn, opening(story), summary(story))
+    words = opening(story)
+    rows = summary(story)
+    written = write_page(folder, [story], drawn, words, rows)
     if animate:
-        written.append(folder / "flight.webp")
-        with writing(folder), whole_file(written[-1]) as unfinished:
+        moving_picture = folder / "flight.webp"
+        written.append(moving_picture)
+        with writing(folder), whole_file(moving_picture) as unfinished:
             write_animation(story, unfinished)
     return written
 
@@ -466,9 +519,11 @@ def write_team_report(records: Mapping[str, Path], folder: Path) -> list[Path]:
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
     team = team_story(records)
+    flights = list(team.flights.values())
+    drawn = [("plan", plan(team))]
     words = team_opening(team)
     rows = team_summary(team)
-    return write_page(folder, list(team.flights.values()), [("plan", plan(team))], words, rows)
+    return write_page(folder, flights, drawn, words, rows)
 
 
 def write_page(
@@ -487,34 +542,25 @@ def write_page(
         OutputError: If the folder cannot be written, or contains the report of other records.
     """
     page = folder / "report.html"
-    ids = (
-        f"{flight.path.name}, {flight.survey.messages.total()} messages, {flight.survey.duration_s:.3f} s"
-        for flight in flights
-    )
-    mark = "\n".join(f'<meta name="record" content="{escape(identity)}">' for identity in ids)
+    mark = "\n".join(map(_mark, flights))
     with writing(folder):
-        if page.exists() and mark not in page.read_text(encoding="utf-8", errors="replace"):
-            raise OutputError(f"{page}: is the report of another record; give --out another folder")
+        if page.exists():
+            earlier_page = page.read_text(encoding="utf-8", errors="replace")
+            if mark not in earlier_page:
+                raise OutputError(
+                    f"{page}: is the report of another record; give --out another folder"
+                )
         private_folder(folder)
         written = [page]
         images = {}
         for name, figure in drawn:
-            written.append(folder / f"{name}.png")
-            figures.save(figure, written[-1])
-            figure.set_layout_engine(None)  # keep this layout for the SVG
-            figure.savefig(
-                drawing := BytesIO(), format="svg", metadata={"Date": None, "Creator": None}
-            )
-            images[name] = (
-                f"data:image/svg+xml;base64,{base64.b64encode(drawing.getvalue()).decode('ascii')}"
-            )
-        table = [
-            f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>"
-            for name, text in rows
-        ]
-        template = (
-            resources.files("guidance.viz").joinpath("report.html").read_text(encoding="utf-8")
-        )
+            picture = folder / f"{name}.png"
+            written.append(picture)
+            figures.save(figure, picture)
+            images[name] = _embedded(figure)
+        table = map(_table_row, rows)
+        template_file = resources.files("guidance.viz").joinpath("report.html")
+        template = template_file.read_text(encoding="utf-8")
         page_template = _SECTION.sub(
             lambda section: section[0] if section[1] in images else "", template
         )
@@ -523,7 +569,29 @@ def write_page(
             "opening": escape(words),
             "rows": "\n".join(table),
         }
+        text = Template(page_template).substitute(texts, **images, mark=mark)
         with whole_file(page) as unfinished:
-            text = Template(page_template).substitute(texts, **images, mark=mark)
             unfinished.write_text(text, encoding="utf-8")
     return written
+
+
+def _mark(flight: Story) -> str:
+    """Return the line of a page that says which record it reports."""
+    survey = flight.survey
+    length = f"{survey.messages.total()} messages, {survey.duration_s:.3f} s"
+    identity = escape(f"{flight.path.name}, {length}")
+    return f'<meta name="record" content="{identity}">'
+
+
+def _embedded(figure: Figure) -> str:
+    """Return the address that holds a whole picture, as SVG with the layout of its PNG."""
+    figure.set_layout_engine(None)
+    drawing = BytesIO()
+    figure.savefig(drawing, format="svg", metadata={"Date": None, "Creator": None})
+    encoded = base64.b64encode(drawing.getvalue()).decode("ascii")
+    return f"data:image/svg+xml;base64,{encoded}"
+
+
+def _table_row(row: Row) -> str:
+    name, text = row
+    return f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>"

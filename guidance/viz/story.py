@@ -5,7 +5,7 @@ A story is of one flight, or of the flights of a team.
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import filterfalse
 from pathlib import Path
 from typing import NamedTuple
@@ -98,7 +98,9 @@ class Story(NamedTuple):
     def game_lasted_s(self) -> float:
         """Time from the state ENGAGED to ON STATION, as in `guidance.session.fly.result`; NaN without one of them."""
         first_s = {row.state: row.now_s for row in reversed(self.rows)}
-        return first_s.get(State.ON_STATION, math.nan) - first_s.get(State.ENGAGED, math.nan)
+        engaged_s = first_s.get(State.ENGAGED, math.nan)
+        on_station_s = first_s.get(State.ON_STATION, math.nan)
+        return on_station_s - engaged_s
 
 
 def story_of(path: Path) -> Story:
@@ -117,13 +119,14 @@ def story_of(path: Path) -> Story:
             story.events.append(entry)
         elif entry is not None:
             if entry.certificate is not None:
-                story.game.append(Played(len(story.rows), entry.now_s, entry.certificate))
+                number = len(story.rows)
+                story.game.append(Played(number, entry.now_s, entry.certificate))
             story.rows.append(entry)
             story.cycles.append(flight.cycle)
-            for name in {
-                report.evader or "" for report in entry.inputs.reports
-            } & flight.evaders_m.keys():
-                story.evaders.setdefault(name, []).append((entry.now_s, flight.evaders_m[name]))
+            reported = {report.evader or "" for report in entry.inputs.reports}
+            for name in reported & flight.evaders_m.keys():
+                track = story.evaders.setdefault(name, [])
+                track.append((entry.now_s, flight.evaders_m[name]))
     if not story.cycles:
         raise ConfigError(f"{path}: contains no guidance cycle, so there is nothing to report")
     return story
@@ -133,15 +136,18 @@ def opening(story: Story) -> str:
     """Return the report's first paragraph: vehicle, time and place, promise, outcome, limits."""
     started = story.survey.metadata.get("started_utc", "")
     home = story.flight.vehicle.latest.get(Home)
-    when = f"on {started[:10]} at {started[11:16]} UTC" if started else "in virtual time"
-    home_words = (
-        "" if home is None else f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
-    )
+    when = "in virtual time"
+    if started:
+        date = started[:10]
+        minute = started[11:16]
+        when = f"on {date} at {minute} UTC"
+    home_words = ""
+    if home is not None:
+        home_words = f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
     vehicle = f"{story.title} ({story.settings.autopilot.name})"
     opening_sentence = f"{vehicle} flew {when}{home_words} for {story.lasted_s:.0f} s."
-    return " ".join(
-        filter(None, (opening_sentence, _promise(story), _happened(story), _limited(story)))
-    )
+    sentences = (opening_sentence, _promise(story), _happened(story), _limited(story))
+    return " ".join(filter(None, sentences))
 
 
 def _promise(story: Story) -> str:
@@ -154,20 +160,15 @@ def _promise(story: Story) -> str:
         return "At engagement nothing could be promised: the evader was too fast."
     if story.with_target and not engaged.assured_distance_m >= 0.0:
         return "At engagement it could not promise to keep the evader from its target."
-    within = (
-        f"within {engaged.time_needed_s:.1f} s"
-        if math.isfinite(engaged.time_needed_s)
-        else "without a time"
-    )
-    if not story.with_target:
-        within += " if the evader runs away from it"
-    promise_words = (
-        f", at least {engaged.assured_distance_m:.1f} m from the target"
-        if story.with_target
-        else ""
-    )
+    time_words = "without a time"
+    if math.isfinite(engaged.time_needed_s):
+        time_words = f"within {engaged.time_needed_s:.1f} s"
+    if story.with_target:
+        condition = f", at least {engaged.assured_distance_m:.1f} m from the target"
+    else:
+        condition = " if the evader runs away from it"
     disc = f"{standoff.radius_m:g} m beside and {standoff.height_m:g} m above the evader"
-    return f"At engagement it promised to be {disc} {within}{promise_words}."
+    return f"At engagement it promised to be {disc} {time_words}{condition}."
 
 
 def _happened(story: Story) -> str:
@@ -179,13 +180,15 @@ def _happened(story: Story) -> str:
         return f"It did not reach that place; {ending}."
     lasted_s = story.game_lasted_s
     needed_s = story.engaged.certificate.time_needed_s
-    share = f" ({lasted_s / needed_s:.2f} of the promise)" if needed_s > 0.0 else ""
-    alarm_words = (
-        f", with the evader {_flown(story, story.captured):.1f} m from the target"
-        if story.with_target
-        else ""
-    )
-    return f"It was there after {lasted_s:.1f} s{share}{alarm_words}; {ending}."
+    share_words = ""
+    if needed_s > 0.0:
+        share = lasted_s / needed_s
+        share_words = f" ({share:.2f} of the promise)"
+    distance_words = ""
+    if story.with_target:
+        away_m = _flown(story, story.captured)
+        distance_words = f", with the evader {away_m:.1f} m from the target"
+    return f"It was there after {lasted_s:.1f} s{share_words}{distance_words}; {ending}."
 
 
 def _limited(story: Story) -> str:
@@ -194,32 +197,38 @@ def _limited(story: Story) -> str:
     for row in story.game:
         acting.update(row.certificate.active_limits)
     cycles = len(story.game)
-    named = ", ".join(
+    often = [
         f"{name} ({count / cycles:.0%} of the game)"
         for name, count in acting.most_common(3)
         if count >= 0.01 * cycles
-    )
-    limits = (
-        f"Limits that changed its commands: {named}." if named else "No limit changed its commands."
-    )
+    ]
+    limits = "No limit changed its commands."
+    if often:
+        limits = f"Limits that changed its commands: {', '.join(often)}."
     slowest_m_s = _slowest_m_s(story)
-    reached = (
-        "" if math.isnan(slowest_m_s) else f" It was seen to reach at least {slowest_m_s:.1f} m/s."
-    )
+    speed_words = ""
+    if not math.isnan(slowest_m_s):
+        speed_words = f" It was seen to reach at least {slowest_m_s:.1f} m/s."
     counts = Counter(alarm for _, alarm in story.alarms)
-    broken = ", ".join(f"{what} ({count})" for what, count in counts.items())
-    return f"{limits}{reached} {f'Alarms: {broken}.' if broken else 'There was no alarm.'}"
+    alarms = "There was no alarm."
+    if counts:
+        kinds = ", ".join(f"{kind} ({count})" for kind, count in counts.items())
+        alarms = f"Alarms: {kinds}."
+    return f"{limits}{speed_words} {alarms}"
 
 
 def summary(story: Story) -> Iterator[Row]:
     """Yield the rows of the summary table."""
     yield from _game(story)
     survey = story.survey
-    speeds = np.linalg.norm(story.column("flown_ned_m_s"), axis=-1)
-    playing = np.isin(
-        [row.state for row in story.rows], [State.ENGAGED, State.PAUSED, State.ON_STATION]
-    )
-    lowest_m = min(filter(math.isfinite, story.column("pursuer_m")[playing, 2]), default=math.nan)
+    speeds_m_s = np.linalg.norm(story.column("flown_ned_m_s"), axis=-1)
+    highest_m_s = _finite(max, speeds_m_s)
+    states = [row.state for row in story.rows]
+    is_playing = np.isin(states, [State.ENGAGED, State.PAUSED, State.ON_STATION])
+    heights_m = story.column("pursuer_m")[is_playing, 2]
+    lowest_m = _finite(min, heights_m)
+    commanded_north_m_s = story.column("commanded_ned_m_s")[:, 0]
+    setpoints = np.count_nonzero(np.isfinite(commanded_north_m_s))
     condition = ", ".join(survey.faults) if survey.faults else "whole"
     versions = [
         f"{name} {text}"
@@ -227,8 +236,8 @@ def summary(story: Story) -> Iterator[Row]:
         if name not in {"scenario", "config", "seed"}
     ]
     yield "record lasts", f"{story.lasted_s:.1f} s, {len(story.cycles)} cycles"
-    yield "setpoints sent", f"{int(np.isfinite(story.column('commanded_ned_m_s')[:, 0]).sum())}"
-    yield "highest speed", f"{max(filter(math.isfinite, speeds), default=math.nan):.2f} m/s"
+    yield "setpoints sent", f"{setpoints}"
+    yield "highest speed", f"{highest_m_s:.2f} m/s"
     yield "lowest height during the game", f"{lowest_m:.2f} m above the evader's plane"
     yield "guarantee alarms", f"{len(story.alarms)}"
     yield "age of the vehicle's position", _spread_ms(story.column("telemetry_age_s"))
@@ -244,11 +253,15 @@ def summary(story: Story) -> Iterator[Row]:
 def _game(story: Story) -> Iterator[Row]:
     cycle = story.settings.cycle
     unit = "m from T" if story.with_target else "s"
-    standoff = f"{cycle.game.standoff.radius_m:g} m around, {cycle.game.standoff.height_m:g} m above the evader's plane"
-    outcome = (
-        "captured" if story.captured else "not captured" if story.engaged else "no game was played"
-    )
-    yield "outcome", f"{outcome}; ended {story.rows[-1].state}"
+    disc = cycle.game.standoff
+    standoff = f"{disc.radius_m:g} m around, {disc.height_m:g} m above the evader's plane"
+    outcome = "no game was played"
+    if story.captured is not None:
+        outcome = "captured"
+    elif story.engaged is not None:
+        outcome = "not captured"
+    last_state = story.rows[-1].state
+    yield "outcome", f"{outcome}; ended {last_state}"
     yield "game", "target-attacker-defender" if story.with_target else "pursuit-evasion"
     yield "policy", cycle.strategy.name
     yield "autopilot", story.settings.autopilot.name
@@ -266,20 +279,25 @@ def _game(story: Story) -> Iterator[Row]:
         flown_path = _flown(story, story.captured)
         lasted_s = story.game_lasted_s
         yield "flown", f"{flown_path:.2f} {unit}"
-        yield "flown / predicted", f"{flown_path / value:.3f}" if value else "–"
+        yield "flown / predicted", _ratio(flown_path, value)
         yield "game lasted", f"{lasted_s:.2f} s"
-        yield (
-            "lasted / time needed",
-            f"{lasted_s / engaged.time_needed_s:.3f}" if engaged.time_needed_s else "–",
-        )
+        yield "lasted / time needed", _ratio(lasted_s, engaged.time_needed_s)
+
+
+def _ratio(value: float, reference: float) -> str:
+    return f"{value / reference:.3f}" if reference else "–"
+
+
+def _finite(choose: Callable[..., float], values: Iterable[float]) -> float:
+    """Return the smallest or largest finite value; NaN if there is none."""
+    finite_values = filter(math.isfinite, values)
+    return choose(finite_values, default=math.nan)
 
 
 def _slowest_m_s(story: Story) -> float:
     """Return the smallest speed that the vehicle was seen to reach; NaN in records that do not tell."""
-    return min(
-        filterfalse(math.isnan, (row.certificate.reachable_speed_m_s for row in story.game)),
-        default=math.nan,
-    )
+    speeds_m_s = [row.certificate.reachable_speed_m_s for row in story.game]
+    return min(filterfalse(math.isnan, speeds_m_s), default=math.nan)
 
 
 def _flown(story: Story, captured: Played) -> float:
@@ -293,9 +311,8 @@ def _spread_ms(values: Array) -> str:
     finite_ms = 1e3 * values[np.isfinite(values)]
     if not len(finite_ms):
         return "not recorded"
-    return "median {:.1f} ms, p99 {:.1f} ms, largest {:.1f} ms".format(
-        *np.percentile(finite_ms, (50, 99, 100))
-    )
+    median_ms, p99_ms, largest_ms = np.percentile(finite_ms, (50, 99, 100))
+    return f"median {median_ms:.1f} ms, p99 {p99_ms:.1f} ms, largest {largest_ms:.1f} ms"
 
 
 class TeamStory(NamedTuple):
@@ -323,7 +340,10 @@ class TeamStory(NamedTuple):
     @property
     def evaders(self) -> list[str]:
         """The names of the evaders."""
-        return sorted(set[str]().union(*(flight.evaders for flight in self.flights.values())))
+        names = set[str]()
+        for flight in self.flights.values():
+            names |= flight.evaders.keys()
+        return sorted(names)
 
     def verdict(self, evader: str) -> str:
         """Return the promise about an evader, its outcome and the reason."""
@@ -341,12 +361,13 @@ class TeamStory(NamedTuple):
                 ending += f", {achieved:.1f} m from the target"
         if promise is None or promise.value is None:
             return f"no capture could be promised; {ending}"
-        by = " and ".join(filter(None, (promise.first, promise.second)))
+        pursuers = " and ".join(filter(None, (promise.first, promise.second)))
         verdict = promise.verdict(promise.value, achieved, unit, captured=capture is not None)
-        cause = f" ({promise.cause})" if promise.cause and promise.cause not in verdict else ""
-        promise_words = (
-            f"{promise.value:.1f} {'m from the target' if unit == 'm' else 's'} promised by {by}"
-        )
+        cause = ""
+        if promise.cause and promise.cause not in verdict:
+            cause = f" ({promise.cause})"
+        unit_words = "m from the target" if unit == "m" else "s"
+        promise_words = f"{promise.value:.1f} {unit_words} promised by {pursuers}"
         return f"{promise_words}; {ending}; {verdict}{cause}"
 
 
@@ -357,35 +378,51 @@ def team_story(records: Mapping[str, Path]) -> TeamStory:
         ConfigError: If a record cannot be read, or is not of a team.
     """
     flights = {name: story_of(path) for name, path in records.items()}
-    announcements = list[tuple[float, RolesMessage]]()
     for name, flight in flights.items():
         if flight.settings.team is None:
             raise ConfigError(
                 f"{records[name]}: is not of a team flight; give that file for a report of its own"
             )
+    captures = captures_of(flights)
+    engaged_s = [
+        math.inf if flight.engaged is None else flight.engaged.now_s for flight in flights.values()
+    ]
+    began_s = max(engaged_s)
+    promised = _promises_at(began_s, _announcements(flights.values()))
+    replays = {name: compare(path, recorded_settings)[0] for name, path in records.items()}
+    return TeamStory(flights, replays, promised, captures, began_s)
+
+
+def _announcements(flights: Iterable[Story]) -> list[tuple[float, RolesMessage]]:
+    """Return when which roles and promises were announced, in their order."""
+    announcements = list[tuple[float, RolesMessage]]()
+    for flight in flights:
         for event in flight.events:
             if event.event == ASSIGNED:
-                announcements.append((event.now_s, RolesMessage.model_validate_json(event.detail)))
-    captures = captures_of(flights)
+                roles = RolesMessage.model_validate_json(event.detail)
+                announcements.append((event.now_s, roles))
     announcements.sort(
         key=lambda announcement: (announcement[0], announcement[1].term, announcement[1].seq)
     )
-    began_s = max(
-        math.inf if flight.engaged is None else flight.engaged.now_s for flight in flights.values()
-    )
-    offered = [roles.promises for now_s, roles in announcements if now_s <= began_s]
+    return announcements
+
+
+def _promises_at(
+    began_s: float, announcements: Sequence[tuple[float, RolesMessage]]
+) -> dict[str, Promise]:
+    """Return the last promises up to a time, by evader; each with the cause that was announced last."""
+    promises: Sequence[Promise] = ()
     causes = dict[str, str]()
-    for _, roles in announcements:
-        causes |= {promise.evader: promise.cause for promise in roles.promises}
-    promised = [
-        promise.model_copy(update={"cause": causes[promise.evader]})
-        for ones in offered[-1:]
-        for promise in ones
-    ]
-    replays = {name: compare(path, recorded_settings)[0] for name, path in records.items()}
-    return TeamStory(
-        flights, replays, {promise.evader: promise for promise in promised}, captures, began_s
-    )
+    for now_s, roles in announcements:
+        if now_s <= began_s:
+            promises = roles.promises
+        for promise in roles.promises:
+            causes[promise.evader] = promise.cause
+    promised = dict[str, Promise]()
+    for promise in promises:
+        last_cause = causes[promise.evader]
+        promised[promise.evader] = promise.model_copy(update={"cause": last_cause})
+    return promised
 
 
 def captures_of(flights: Mapping[str, Story]) -> dict[str, Capture]:
@@ -395,15 +432,12 @@ def captures_of(flights: Mapping[str, Story]) -> dict[str, Capture]:
         for event in flight.events:
             if event.event != Event.CAPTURED:
                 continue
-            evader = next(
-                role.evader for now_s, role in reversed(_roles(flight)) if now_s <= event.now_s
-            )
-            certificate = next(
-                played.certificate
-                for played in reversed(flight.game)
-                if played.now_s <= event.now_s
-            )
-            capture = Capture(name, event.now_s, certificate.evader_game_m)
+            until_s = event.now_s
+            roles = [role for now_s, role in _roles(flight) if now_s <= until_s]
+            cycles = [cycle for cycle in flight.game if cycle.now_s <= until_s]
+            evader = roles[-1].evader
+            certificate = cycles[-1].certificate
+            capture = Capture(name, until_s, certificate.evader_game_m)
             if evader not in captures or capture.now_s < captures[evader].now_s:
                 captures[evader] = capture
     return captures
@@ -420,57 +454,78 @@ def team_opening(team: TeamStory) -> str:
     separation = team.first.settings.team or TeamSection()
     promised = [name for name, promise in team.promised.items() if promise.value is not None]
     kept_count = sum("; kept" in team.verdict(name) for name in promised)
-    samples = [zip(flight.rows, flight.cycles, strict=True) for flight in flights]
-    tracks = [
-        {
-            row.now_s: cycle.pursuer_m
-            for row, cycle in flight_samples
-            if row.state in SETPOINT_STATES
-        }
-        for flight_samples in samples
-    ]
-    least_m = least_distance_m(tracks, separation.separation_height_m)
-    apart = "never flew at one height" if math.isinf(least_m) else f"stayed {least_m:.1f} m apart"
-    alarms = sum(len(flight.alarms) for flight in flights)
-    differing = [name for name, comparison in team.replays.items() if comparison.differing]
-    replayed = (
-        f"{', '.join(differing)} replays differently"
-        if differing
-        else "every vehicle replays bit for bit"
-    )
     lasted_s = max(flight.lasted_s for flight in flights)
-    return (
-        f"{team.first.title}: {', '.join(team.flights)} flew for {lasted_s:.0f} s against "
-        f"{', '.join(team.evaders)}. At engagement the team promised {len(promised)} captures; "
-        f"{kept_count} promises were kept, and {len(team.captures)} of {len(team.evaders)} evaders "
-        "were captured. Vehicles less than "
-        f"{separation.separation_height_m:g} m apart in height {apart} ({separation.separation_m:g} m wanted). "
-        f"{alarms or 'No'} alarm{'' if alarms == 1 else 's'}; {replayed}, with its mates and assignments."
+    vehicles = ", ".join(team.flights)
+    evaders = ", ".join(team.evaders)
+    captures = f"{len(team.captures)} of {len(team.evaders)} evaders were captured"
+    sentences = (
+        f"{team.first.title}: {vehicles} flew for {lasted_s:.0f} s against {evaders}.",
+        f"At engagement the team promised {len(promised)} captures;",
+        f"{kept_count} promises were kept, and {captures}.",
+        f"Vehicles less than {separation.separation_height_m:g} m apart in height",
+        f"{_apart(team, separation)} ({separation.separation_m:g} m wanted).",
+        f"{_alarms(team)}; {_replayed(team)}, with its mates and assignments.",
     )
+    return " ".join(sentences)
+
+
+def _apart(team: TeamStory, separation: TeamSection) -> str:
+    """Say how close vehicles of about one height came."""
+    tracks = []
+    for flight in team.flights.values():
+        samples = zip(flight.rows, flight.cycles, strict=True)
+        track = {
+            row.now_s: cycle.pursuer_m for row, cycle in samples if row.state in SETPOINT_STATES
+        }
+        tracks.append(track)
+    least_m = least_distance_m(tracks, separation.separation_height_m)
+    return "never flew at one height" if math.isinf(least_m) else f"stayed {least_m:.1f} m apart"
+
+
+def _alarms(team: TeamStory) -> str:
+    count = sum(len(flight.alarms) for flight in team.flights.values())
+    match count:
+        case 0:
+            return "No alarms"
+        case 1:
+            return "1 alarm"
+    return f"{count} alarms"
+
+
+def _replayed(team: TeamStory) -> str:
+    differing = [name for name, comparison in team.replays.items() if comparison.differing]
+    if differing:
+        return f"{', '.join(differing)} replays differently"
+    return "every vehicle replays bit for bit"
 
 
 def team_summary(team: TeamStory) -> Iterator[Row]:
     """Yield a row for each player."""
     for name, flight in team.flights.items():
-        heights = {
-            role: f" ({role.above_m:g} m above)" if role.above_m else ""
-            for _, role in _roles(flight)
-        }
-        against = ", then ".join(
-            f"{role.evader}{heights[role]} from {now_s:.1f} s" for now_s, role in _roles(flight)
-        )
+        against = ", then ".join(_role_words(now_s, role) for now_s, role in _roles(flight))
         captured = [
             f"captured {evader}"
             for evader, capture in team.captures.items()
             if capture.vehicle == name
         ]
         replayed = team.replays[name]
-        same = f"except in {replayed.differing} cycles" if replayed.differing else "bit for bit"
-        counted = f"{len(flight.alarms)} alarms", f"{replayed.setpoints} setpoints replay {same}"
-        yield (
-            name,
-            "; ".join(
-                (f"against {against}", *captured, f"ended {flight.rows[-1].state}", *counted)
-            ),
+        same = "bit for bit"
+        if replayed.differing:
+            same = f"except in {replayed.differing} cycles"
+        parts = (
+            f"against {against}",
+            *captured,
+            f"ended {flight.rows[-1].state}",
+            f"{len(flight.alarms)} alarms",
+            f"{replayed.setpoints} setpoints replay {same}",
         )
-    yield from ((name, team.verdict(name)) for name in team.evaders)
+        yield name, "; ".join(parts)
+    for name in team.evaders:
+        yield name, team.verdict(name)
+
+
+def _role_words(now_s: float, role: Role) -> str:
+    height = ""
+    if role.above_m:
+        height = f" ({role.above_m:g} m above)"
+    return f"{role.evader}{height} from {now_s:.1f} s"

@@ -143,29 +143,33 @@ def path_of(name: str, vehicle: str) -> str:
 
 def layout(vehicles: Sequence[str], *, with_target: bool) -> rrb.Blueprint:
     """Return the blueprint for these vehicles ("" is one alone); `with_target` selects the guarantee's unit."""
-    start = rrb.TimeRangeBoundary.infinite()
-    end = rrb.TimeRangeBoundary.cursor_relative()
-    tracks = [
-        path_of(f"{name}/track", vehicle) for name in (PURSUER, EVADER) for vehicle in vehicles
-    ]
-    styles: dict[Any, Any] = dict.fromkeys(
-        tracks, rrb.VisibleTimeRanges(timeline=TIMELINE, start=start, end=end)
-    )
-    eye = rrb.EyeControls3D(
-        position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0)
-    )
-    name = "The game: x east, y north, z up, m"
-    space = rrb.Spatial3DView(origin="game", name=name, eye_controls=eye, overrides=styles)
+    space = _space(vehicles)
     guarantee = "Guarantee L, m from T" if with_target else "Guarantee V + t, s"
     plots = [
         rrb.TimeSeriesView(origin=path, name=title or guarantee) for path, title in PLOTS.items()
     ]
-    game = rrb.Vertical(space, rrb.TextLogView(origin=EVENTS, name="Events"), row_shares=[3, 1])
+    events = rrb.TextLogView(origin=EVENTS, name="Events")
+    game = rrb.Vertical(space, events, row_shares=[3, 1])
     views = rrb.Horizontal(game, rrb.Vertical(*plots), column_shares=[3, 2])
     time = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following")
-    return rrb.Blueprint(
-        views, time, rrb.SelectionPanel(state="hidden"), rrb.BlueprintPanel(state="hidden")
+    selection = rrb.SelectionPanel(state="hidden")
+    blueprint = rrb.BlueprintPanel(state="hidden")
+    return rrb.Blueprint(views, time, selection, blueprint)
+
+
+def _space(vehicles: Sequence[str]) -> rrb.Spatial3DView:
+    """Return the view in space; tracks are drawn up to the time that is shown."""
+    pursuer_tracks = [path_of(f"{PURSUER}/track", vehicle) for vehicle in vehicles]
+    evader_tracks = [path_of(f"{EVADER}/track", vehicle) for vehicle in vehicles]
+    start = rrb.TimeRangeBoundary.infinite()
+    end = rrb.TimeRangeBoundary.cursor_relative()
+    until_now = rrb.VisibleTimeRanges(timeline=TIMELINE, start=start, end=end)
+    styles: dict[Any, Any] = dict.fromkeys(pursuer_tracks + evader_tracks, until_now)
+    eye = rrb.EyeControls3D(
+        position=(55.0, -85.0, 60.0), look_target=(0.0, 10.0, 8.0), eye_up=(0.0, 0.0, 1.0)
     )
+    name = "The game: x east, y north, z up, m"
+    return rrb.Spatial3DView(origin="game", name=name, eye_controls=eye, overrides=styles)
 
 
 class Painter:
@@ -191,9 +195,8 @@ class Painter:
 
     def _begin(self) -> None:
         """Start a flight."""
-        self._pending: list[
-            tuple[float, dict[str, Any]]
-        ] = []  # of each cycle, what is drawn of it by path
+        # of each cycle, what is drawn of it by path
+        self._pending = list[tuple[float, dict[str, Any]]]()
         self._tails = dict[str, Array]()
         self._fenced = False
         self._engaged_s: float | None = None
@@ -212,7 +215,8 @@ class Painter:
                 for name in (DISC, ISOCHRON, MEETING):
                     self._log(entry.now_s, name, rr.Clear(recursive=False))
             text = f"{entry.event}  {entry.words}".rstrip()
-            level = "WARN" if any(word in text for word in _WARNINGS) else "INFO"
+            is_warning = any(word in text for word in _WARNINGS)
+            level = "WARN" if is_warning else "INFO"
             self._log(entry.now_s, EVENTS, rr.TextLog(text, level=level))
         elif entry is not None:
             self._add(entry)
@@ -226,8 +230,10 @@ class Painter:
         if not pending:
             return
         now_s = np.array([at_s for at_s, _ in pending])
-        for name in pending[0][1]:
-            self._send(name, now_s, np.array([drawn[name] for _, drawn in pending]))
+        _, first = pending[0]
+        for name in first:
+            values = np.array([drawn[name] for _, drawn in pending])
+            self._send(name, now_s, values)
 
     def _add(self, row: CycleEntry) -> None:
         certificate = row.certificate
@@ -236,20 +242,19 @@ class Painter:
         if certificate is not None and self._engaged_s is None:
             self._engaged_s = row.now_s
         self.cycles += 1
-        drawn = {
-            PURSUER: cycle.pursuer_m,
-            EVADER: cycle.evader_m,
-            **{curve.path: curve.of(cycle) for curve in CURVES},
-        }
-        self._pending.append(
-            (cycle.now_s, {**drawn, VALUE: self._guaranteed(row.now_s, certificate)})
-        )
+        drawn: dict[str, Any] = {curve.path: curve.of(cycle) for curve in CURVES}
+        drawn[PURSUER] = cycle.pursuer_m
+        drawn[EVADER] = cycle.evader_m
+        drawn[VALUE] = self._guaranteed(row.now_s, certificate)
+        self._pending.append((cycle.now_s, drawn))
         if not self._fenced and home_m is not None:
             self._fenced = True
             if edges := self._flight.fence_m:
                 self._log(None, FENCE, _lines(edges, FENCE))
-        if row.inputs.role is not None:
-            self._log(row.now_s, EVADER, rr.Points3D.from_fields(labels=[row.inputs.role.evader]))
+        role = row.inputs.role
+        if role is not None:
+            label = rr.Points3D.from_fields(labels=[role.evader])
+            self._log(row.now_s, EVADER, label)
         if row.state != self._state:
             self._state = row.state
             self._log(row.now_s, "state", rr.TextDocument(row.state))
@@ -262,86 +267,88 @@ class Painter:
         if certificate is None or certificate.winner != Winner.PURSUER:
             return math.nan
         with_target = self._flight.settings.cycle.target_game_m is not None
-        return certificate.value + (0.0 if with_target else now_s - (self._engaged_s or 0.0))
+        if with_target or self._engaged_s is None:
+            return certificate.value
+        return certificate.value + (now_s - self._engaged_s)
 
     def _draw_static(self) -> None:
         """Send what never changes: axes, colours, names, the target."""
         self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for name, labels in (
-            (PURSUER, [self._vehicle or "pursuer"]),
-            (EVADER, None if self._vehicle else ["evader"]),
-        ):
-            self._log(
-                None,
-                name,
-                rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=labels),
-            )
+        # In a team, the label of an evader comes with the role
+        pursuer_labels = [self._vehicle or "pursuer"]
+        evader_labels = None if self._vehicle else ["evader"]
+        for name, labels in ((PURSUER, pursuer_labels), (EVADER, evader_labels)):
+            point = rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=labels)
+            self._log(None, name, point)
         cycle = self._flight.settings.cycle
         target_m = cycle.target_game_m
         label = "V + t since engagement, s" if target_m is None else "L, m from T"
-        for path, name, colour in (
-            (VALUE, label, COLOURS[PURSUER]),
-            *(curve[:3] for curve in CURVES),
-        ):
-            names = [" ".join(filter(None, (self._vehicle, name)))]
-            self._log(None, path, rr.SeriesLines(names=names, colors=[colour]))
+        self._draw_curve(VALUE, label, _RED)
+        for curve in CURVES:
+            self._draw_curve(curve.path, curve.label, curve.colour)
         if target_m is not None:
-            self._log(
-                None,
-                "game/target",
-                rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)]),
-            )
-            if len(edge := target_edge(target_m, cycle.game.target_extent)):
-                self._log(None, "game/target/edge", rr.LineStrips3D([lifted(edge, 0.0)]))
+            target = rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
+            self._log(None, "game/target", target)
+            edge = target_edge(target_m, cycle.game.target_extent)
+            if len(edge):
+                strip = rr.LineStrips3D([lifted(edge, 0.0)])
+                self._log(None, "game/target/edge", strip)
+
+    def _draw_curve(self, path: str, label: str, colour: Colour) -> None:
+        """Send name and colour of a curve."""
+        name = " ".join(filter(None, (self._vehicle, label)))
+        self._log(None, path, rr.SeriesLines(names=[name], colors=[colour]))
 
     def _draw_game(self, now_s: float, certificate: Certificate) -> None:
         cycle = self._flight.settings.cycle
-        evader = certificate.evader_game_m
-        rim = lifted(
-            circle(evader, cycle.game.standoff.radius_m, _POINTS),
-            evader[2] + cycle.game.standoff.height_m,
-        )
+        evader_m = certificate.evader_game_m
+        standoff = cycle.game.standoff
+        height_m = evader_m[2] + standoff.height_m
+        rim = lifted(circle(evader_m, standoff.radius_m, _POINTS), height_m)
         self._log(now_s, DISC, _lines([rim], DISC))
         if certificate.no_game:
             return
-        self._log(
-            now_s,
-            ISOCHRON,
-            _lines([lifted(isochron_at(cycle, certificate, _POINTS), 0.0)], ISOCHRON),
-        )
+        isochron = lifted(isochron_at(cycle, certificate, _POINTS), 0.0)
+        self._log(now_s, ISOCHRON, _lines([isochron], ISOCHRON))
         name = "q*" if cycle.target_game_m is None else "g*"
-        star = rr.Points3D(
-            [certificate.meeting_point_game_m], radii=0.5, labels=[name], colors=[COLOURS[MEETING]]
-        )
+        meeting_m = certificate.meeting_point_game_m
+        star = rr.Points3D([meeting_m], radii=0.5, labels=[name], colors=[COLOURS[MEETING]])
         self._log(now_s, MEETING, star)
 
     def _send(self, name: str, now_s: Array, values: Array) -> None:
         """Send a number or a position of every cycle that has one; of a position also the line from the last one."""
-        finite = np.isfinite(values.reshape(len(values), -1)).all(axis=-1)
-        if not finite.any():
+        numbers = values.reshape(len(values), -1)
+        is_finite = np.isfinite(numbers).all(axis=-1)
+        if not is_finite.any():
             return
-        run = values[finite]
-        times = now_s[finite]
+        run = values[is_finite]
+        times_s = now_s[is_finite]
         is_track = values.ndim > 1
-        columns: Any = (
-            rr.Points3D.columns(positions=run) if is_track else rr.Scalars.columns(scalars=run)
-        )
-        indexes = [rr.TimeColumn(TIMELINE, duration=times)]
+        columns: Any
+        if is_track:
+            columns = rr.Points3D.columns(positions=run)
+        else:
+            columns = rr.Scalars.columns(scalars=run)
+        indexes = [rr.TimeColumn(TIMELINE, duration=times_s)]
         self._to.send_columns(path_of(name, self._vehicle), indexes=indexes, columns=columns)
         if is_track:
-            line = np.concatenate([self._tails.get(name, run[:1]), run])
+            tail = self._tails.get(name, run[:1])
+            line = np.concatenate([tail, run])
             self._tails[name] = run[-1:]
-            self._log(float(times[-1]), f"{name}/track", _lines([line], name, 1.0))
+            last_s = float(times_s[-1])
+            self._log(last_s, f"{name}/track", _lines([line], name, 1.0))
 
     def _log(self, now_s: float | None, name: str, components: rr.AsComponents) -> None:
         """Log what is so from a time on, or always."""
         if now_s is not None:
             self._to.set_time(TIMELINE, duration=now_s)
-        self._to.log(path_of(name, self._vehicle), components, static=now_s is None)
+        path = path_of(name, self._vehicle)
+        self._to.log(path, components, static=now_s is None)
 
 
 def _lines(curves: list[Array], name: str, width: float = 1.5) -> rr.LineStrips3D:
-    return rr.LineStrips3D(curves, colors=[COLOURS[name]], radii=rr.Radius.ui_points(width))
+    radius = rr.Radius.ui_points(width)
+    return rr.LineStrips3D(curves, colors=[COLOURS[name]], radii=radius)
 
 
 class RecordFile(NamedTuple):
@@ -392,17 +399,17 @@ def view(
     with contextlib.ExitStack() as closing:
         if any(source.live for source in sources.values()):
             os.nice(NICE)
-        counts = {
-            name: source.metadata(partial(ended.wait, REDRAWN_EVERY_S))
-            for name, source in sources.items()
-        }
-        first = next(iter(counts.values()))
+        wait = partial(ended.wait, REDRAWN_EVERY_S)
+        metadata = {name: source.metadata(wait) for name, source in sources.items()}
+        first = next(iter(metadata.values()))
         recording = rr.RecordingStream("guidance")
         closing.callback(recording.disconnect)
         sink: Any
         if save is None:
-            port, sink = closing.enter_context(recording_server(ports[0]))
-            say(f"look at  {closing.enter_context(web_page(ports[1], port))}")
+            recording_port, page_port = ports
+            port, sink = closing.enter_context(recording_server(recording_port))
+            page = closing.enter_context(web_page(page_port, port))
+            say(f"look at  {page}")
             say(f"or with  rerun --connect {recording_uri(port)}")
         else:
             with writing(save):
@@ -416,14 +423,14 @@ def view(
         recording.set_sinks(sink, default_blueprint=layout(vehicles, with_target=with_target))
         recording.send_recording_name(title_of(first))
         flights = [
-            Aggregator(recorded_settings, metadata, sources[name].name)
-            for name, metadata in counts.items()
+            Aggregator(recorded_settings, metadata[name], source.name)
+            for name, source in sources.items()
         ]
         painters = list(map(partial(Painter, recording), flights, vehicles))
-        with ThreadPoolExecutor(
-            len(painters)
-        ) as pool:  # a record that still grows keeps its thread
-            list(pool.map(partial(_paint, ended), painters, sources.values()))
+        paint = partial(_paint, ended)
+        # a record that still grows keeps its thread
+        with ThreadPoolExecutor(len(painters)) as pool:
+            list(pool.map(paint, painters, sources.values()))
         if save is None:
             ended.wait()
         return sum(painter.cycles for painter in painters)
