@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Final
 
-from sitl_mock.ardupilot import guided, safety
+from sitl_mock.ardupilot import fence, guided, safety
 from sitl_mock.ardupilot.flight import ModeFlight
 from sitl_mock.ardupilot.guided import read_attitude
 from sitl_mock.ardupilot.plans import report_totals, warn_of_old_messages
@@ -116,7 +116,7 @@ class ArduPilot:
             self.request(mode.name)
 
     def offer(self, now_s: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
-        """Take a setpoint (only in GUIDED); it ends a take-off."""
+        """Take a setpoint (only in GUIDED); it ends a take-off. One beyond the fence changes nothing."""
         if self.state.conditions.offboard_refused:
             return
         setpoint = None
@@ -125,16 +125,22 @@ class ArduPilot:
                 setpoint = read_attitude(self.state.parameters, message)
         elif self.mode == "GUIDED":
             setpoint = guided.read(self.state, message)
-        if setpoint is not None:
+        if setpoint is not None and self.may_fly_to(setpoint):
             self.flight.follow(setpoint)
             self.flight.stream_s = now_s
+
+    def may_fly_to(self, setpoint: Setpoint) -> bool:
+        """False if a copter's setpoint has a position beyond the fence."""
+        if not self.firmware.flies or math.isnan(setpoint.position_ned_m[0]):
+            return True
+        return fence.contains(self.state, self.plans, setpoint.position_ned_m)
 
     def guide(self, _now_s: float, item: PlanItem) -> bool:
         """Fly to a mission item with current 2, as older clients request; 3 has no effect."""
         if item.current != _FLY_THERE:
             return True
         setpoint = guided.item_setpoint(self.state, item) if self.mode == "GUIDED" else None
-        if setpoint is None:
+        if setpoint is None or not self.may_fly_to(setpoint):
             return False
         self.flight.follow(setpoint)
         return True

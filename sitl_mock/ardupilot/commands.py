@@ -149,21 +149,25 @@ def _set_mission_item(commander: ArduPilot, _now_s: float, command: Command) -> 
 
 
 def _reposition(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
-    """DO_REPOSITION in GUIDED, or with a change to it (param2 bit 0); the speed in param1 is ignored."""
+    """DO_REPOSITION in GUIDED, or with a change to it (param2 bit 0); the speed in param1 is ignored.
+
+    Beyond the fence it fails without a change of the mode.
+    """
     _, flags, _, _, lat, lon, alt = command.params
     if not command.is_int:
         return UNSUPPORTED
-    if not on_earth(Place(lat, lon, alt)):
-        return DENIED
     change = math.isfinite(flags) and int(flags) & 1
-    if commander.mode != "GUIDED" and not (change and commander.request("GUIDED")):
+    if not on_earth(Place(lat, lon, alt)) or (commander.mode != "GUIDED" and not change):
         return DENIED
     state = commander.state
     north, east, down = state.frame.to_local(lat, lon, alt)
     if command.frame in _RELATIVE:
         home_d = 0.0 if state.home_m is None else state.home_m[2]
         down = home_d - alt
-    commander.flight.follow(Setpoint(Kind.TRAVEL, (north, east, down)))
+    setpoint = Setpoint(Kind.TRAVEL, (north, east, down))
+    if not (commander.may_fly_to(setpoint) and commander.request("GUIDED")):
+        return FAILED
+    commander.flight.follow(setpoint)
     return ACCEPTED
 
 

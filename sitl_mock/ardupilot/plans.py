@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
+from sitl_mock.ardupilot.fence import contains
 from sitl_mock.dynamics.shaping import root_law
 from sitl_mock.missions import inclusion_polygons
 from sitl_mock.protocols import PlanItem, PlanKind, PlanStore
@@ -39,8 +40,8 @@ def return_target(state: VehicleState, plans: PlanStore) -> Vector:
     """Return RTL's destination (north, east) and the down coordinate of the flight there.
 
     The height is RTL_ALT above home, or that of the rally point if it is higher. Close to the destination it is limited
-    by a cone (RTL_CONE_SLOPE), but not below the vehicle, nor below 2 m. Rally points beyond RALLY_LIMIT_KM do not
-    count; home counts with RALLY_INCL_HOME, or without rally points.
+    by a cone (RTL_CONE_SLOPE), but not below the vehicle, nor below 2 m. Rally points beyond RALLY_LIMIT_KM or the
+    fence do not count; home counts with RALLY_INCL_HOME, or without rally points.
     """
     parameters = state.parameters
     home = state.position_m if state.home_m is None else state.home_m
@@ -64,6 +65,8 @@ def _rally_points(state: VehicleState, plans: PlanStore, home: Vector) -> Iterat
     for item in plans.rally.items:
         north, east, down = state.frame.to_local(item.latitude_deg, item.longitude_deg, item.z)
         above_m = item.z if item.frame == _GLOBAL_RELATIVE else home[2] - down
+        if not contains(state, plans, (north, east, home[2] - above_m)):
+            continue
         if _away_m(state, (north, east, above_m)) < float(state.parameters["RALLY_LIMIT_KM"]) * 1e3:
             yield north, east, above_m
 

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.missions import flyable, violated
+from sitl_mock.ardupilot import fence
+from sitl_mock.missions import flyable
 from sitl_mock.modes import Mode, Need
 from sitl_mock.pilot import override_time_s
 from sitl_mock.vehicle_state import Severity
@@ -171,23 +172,5 @@ def wrong(state: VehicleState, plans: PlanStore, *, flies: bool) -> Iterator[tup
         yield "battery critical", "BATT_FS_CRT_ACT"
     if state.battery.remaining < _LOW_CELL_SHARE:
         yield "battery low", "BATT_FS_LOW_ACT"
-    if conditions.fence_breach or (
-        int(parameters["FENCE_ENABLE"]) and _outside(state, plans, flies=flies)
-    ):
+    if conditions.fence_breach or fence.breached(state, plans, flies=flies):
         yield "fence breached", "FENCE_ACTION"
-
-
-def _outside(state: VehicleState, plans: PlanStore, *, flies: bool) -> bool:
-    parameters = state.parameters
-    if state.home_m is None:
-        return False
-    (n, e, d) = state.position_m
-    (home_n, home_e, home_d) = state.home_m
-    kinds = int(parameters["FENCE_TYPE"])
-    too_high = flies and kinds & 1 and home_d - d > parameters["FENCE_ALT_MAX"]
-    too_far = kinds & 2 and math.hypot(n - home_n, e - home_e) > parameters["FENCE_RADIUS"]
-    return bool(
-        too_high
-        or too_far
-        or (kinds & 4 and violated(plans.fence.items, state.frame, state.position_m))
-    )

@@ -292,6 +292,34 @@ def test_a_fence_returns(fly, ned_velocity):
     assert flight.mode == "RTL"
 
 
+def test_targets_beyond_the_fence_are_refused_and_the_last_one_is_kept(fly):
+    """Measured: messages without a word, DO_REPOSITION FAILED without a change of the mode, an item with an error."""
+    fences = {"FENCE_ENABLE": 1, "FENCE_RADIUS": 40.0, "FENCE_ALT_MAX": 20.0}
+    flight = fly.airborne("arducopter", parameters=fences, height=10.0)
+    lat, lon, _ = flight.vehicle.autopilot.frame.to_geodetic(60.0, 0.0, 0.0)
+    place = {"x": round(lat * 1e7), "y": round(lon * 1e7), "z": 10.0}
+    flight.send(*position(-10.0))
+    flight.send(*position(-30.0))
+    flight.send(*position(-10.0)[:6], 60.0, *position(-10.0)[7:])
+    assert flight.command_int(192, 6, -1.0, **place) == [4]
+    flight.send("MISSION_ITEM", 1, 1, 0, 3, 16, 2, 0, 0, 0, 0, 0, lat, lon, 10.0, 0)
+    flight.run(6.0)
+    assert flight.last("MISSION_ACK").type == 1
+    assert flight.position == pytest.approx((10.0, 5.0, -10.0), abs=0.5)
+    flight.command(176, 1, 5)
+    assert flight.command_int(192, 6, -1.0, 1.0, **place) == [4]
+    assert flight.mode == "LOITER"
+
+
+def test_a_take_off_through_the_fence_is_accepted_and_returns(fly):
+    flight = fly("arducopter", parameters={"FENCE_ENABLE": 1, "FENCE_ALT_MAX": 12.0}).run(0.5)
+    flight.command(176, 1, 4)
+    flight.command(400, 1)
+    assert flight.command(22, 0, 0, 0, 0, 0, 0, 20.0) == [0]
+    flight.until(lambda: flight.mode == "RTL", 20.0)
+    assert 12.0 < flight.height < 14.0
+
+
 def test_prearm_checks_are_told_on_request(fly):
     flight = fly("arducopter", ready_after_s=10.0).run(1.0)
     assert flight.command(401) == [0]
