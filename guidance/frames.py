@@ -13,17 +13,19 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from operator import itemgetter
-from typing import Final, NamedTuple, Self, cast
+from typing import Final, NamedTuple, Self
 
 import pymap3d
 
 from guidance.errors import ConfigError
 
 
-def _axis(index: int) -> float:
-    """Return a property that reads one of the three numbers, as fast as an index."""
-    return cast("float", property(itemgetter(index)))
+class _Numbers(NamedTuple):
+    """Three numbers. The vectors borrow these accessors, which read any tuple and are faster than a property."""
+
+    first: float
+    second: float
+    third: float
 
 
 class _Vector(tuple[float, float, float]):
@@ -95,12 +97,14 @@ class Ned(_Vector):
 
     __slots__ = ()
 
-    north = _axis(0)
-    east = _axis(1)
-    down = _axis(2)
+    north = _Numbers.first
+    east = _Numbers.second
+    down = _Numbers.third
 
     def clamped(self, ground: float, up: float, down: float) -> "Ned":
-        """Bound the vector. The ground part is scaled, which keeps its direction; the vertical part is cut.
+        """Bound the vector; one within the bounds is returned itself.
+
+        The ground part is scaled, which keeps its direction; the vertical part is cut.
 
         They are bounded apart, since the game's speed set is a cylinder: a climb costs no ground speed.
 
@@ -111,11 +115,13 @@ class Ned(_Vector):
         """
         north, east, vertical = self
         size = math.hypot(north, east)
-        vertical = min(down, max(-up, vertical))
+        if size <= ground and -up <= vertical <= down:
+            return self
+        bounded = min(down, max(-up, vertical))
         if size <= ground:
-            return Ned((north, east, vertical))
+            return Ned((north, east, bounded))
         share = ground / size
-        return Ned((north * share, east * share, vertical))
+        return Ned((north * share, east * share, bounded))
 
 
 class Enu(_Vector):
@@ -123,9 +129,9 @@ class Enu(_Vector):
 
     __slots__ = ()
 
-    east = _axis(0)
-    north = _axis(1)
-    up = _axis(2)
+    east = _Numbers.first
+    north = _Numbers.second
+    up = _Numbers.third
 
 
 STILL: Final = Ned((0.0, 0.0, 0.0))
@@ -281,7 +287,9 @@ class GameFrame:
         """Position and velocity in the game frame, metres and m/s."""
         (north, east, down) = position_ned_m
         (north0, east0, down0) = self.origin_ned_m
-        return Enu((east - east0, north - north0, down0 - down)), game_from_ned(velocity_ned_m_s)
+        position_m = Enu((east - east0, north - north0, down0 - down))
+        (north_m_s, east_m_s, down_m_s) = velocity_ned_m_s
+        return position_m, Enu((east_m_s, north_m_s, -down_m_s))
 
     def position_to_ned(self, position_game_m: Enu) -> Ned:
         """Position in NED metres of a point of the game frame."""

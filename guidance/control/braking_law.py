@@ -12,7 +12,7 @@ Near the wall the allowed speed is proportional to the distance left, with the g
 lags by the reaction time then stops without overshoot; both poles are at -1/reaction.
 
 Polygons have a wall for each edge. A circle has one at its nearest point. The side that the vehicle flies to may be
-another one, so `held_back` and `braked` add it (`_with_far_side`), and `obey` uses the half-space that touches the
+another one, so `held_back` and `braked` add it (`_far_side`), and `obey` uses the half-space that touches the
 circle there, which then bounds the feed-forward too.
 
 A cycle applies the law to one list of walls:
@@ -181,7 +181,7 @@ def _cylinder(
         above_m: Height above its top, or depth below its bottom.
         downward: 1 above, -1 below, 0 if height does not count.
     """
-    away_m = offset_m.level_length()
+    away_m = math.hypot(offset_m.north, offset_m.east)
     to_north = 0.0
     to_east = 0.0
     if away_m > 0.0:
@@ -220,26 +220,49 @@ def _edges(polygon: Polygon, point: Point) -> list[tuple[Point, float]]:
     return walls
 
 
-def _with_far_side(
-    walls: tuple[Wall, ...], velocity_ned_m_s: Ned, drift_s: float, braking_m_s2: float
-) -> tuple[Wall, ...]:
-    """Add the circle's far side: the half-space that touches it in the direction of a stop point beyond it.
+def _walls_ahead(
+    walls: tuple[Wall, ...], velocity_ned_m_s: Ned, drift_s: float, envelope: Envelope
+) -> list[Wall]:
+    """Return the walls that a vehicle may have to brake for, with the circle's far side; the approach has its own.
+
+    No stop is longer than one at the whole speed with the weaker braking. A vehicle beyond a wall is flown back, which
+    may lead it to any other wall.
+    """
+    speed = math.hypot(*velocity_ned_m_s)
+    braking_m_s2 = min(envelope.braking_m_s2, envelope.vertical_braking_m_s2)
+    reach_m = speed * (drift_s + speed / (2.0 * braking_m_s2))
+    braked_for = [wall for wall in walls if not wall.approached]
+    ahead = []
+    for wall in braked_for:
+        if wall.gap_m < 0.0:
+            ahead = braked_for
+            break
+        if wall.gap_m <= reach_m:
+            ahead.append(wall)
+    if ahead and ahead[-1].radius_m < math.inf:
+        far_side = _far_side(ahead[-1], velocity_ned_m_s, drift_s, envelope.braking_m_s2)
+        if far_side is not None:
+            return [*ahead, far_side]
+    return ahead
+
+
+def _far_side(
+    circle: Wall, velocity_ned_m_s: Ned, drift_s: float, braking_m_s2: float
+) -> Wall | None:
+    """Return the half-space that touches a circle in the direction of a stop point beyond it; None for one within it.
 
     The circle's own wall is at its nearest point. A vehicle that flies across a small circle has that wall behind or
     beside it until it has passed home, which is too late to brake.
     """
-    if not walls or math.isinf(walls[-1].radius_m):
-        return walls
-    circle = walls[-1]
-    nearest = circle.normal_ned
-    seconds = drift_s + velocity_ned_m_s.level_length() / (2.0 * braking_m_s2)
+    ground_m_s = math.hypot(velocity_ned_m_s.north, velocity_ned_m_s.east)
+    seconds = drift_s + ground_m_s / (2.0 * braking_m_s2)
     about_m = circle.about_m
     normal, away_m = _direction_of_stop(about_m, velocity_ned_m_s, seconds)
-    beside = normal.level_dot(nearest) > _SAME_SIDE
+    beside = normal.level_dot(circle.normal_ned) > _SAME_SIDE
     if beside or away_m <= circle.radius_m:
-        return walls
+        return None
     gap_m = circle.radius_m - about_m[0] * normal.north - about_m[1] * normal.east
-    return (*walls, circle._replace(normal_ned=normal, gap_m=gap_m))
+    return circle._replace(normal_ned=normal, gap_m=gap_m)
 
 
 def _direction_of_stop(about_m: Point, velocity_ned_m_s: Ned, seconds: float) -> tuple[Ned, float]:
@@ -278,13 +301,13 @@ def held_back(velocity_ned_m_s: Ned, walls: tuple[Wall, ...], envelope: Envelope
         envelope: Braking and reaction of the vehicle.
     """
     reaction_s = envelope.reaction_s
-    for wall in _with_far_side(walls, velocity_ned_m_s, reaction_s, envelope.braking_m_s2):
+    for wall in _walls_ahead(walls, velocity_ned_m_s, reaction_s, envelope):
         normal = wall.normal_ned
         gap_m = wall.gap_m
         braking_m_s2 = envelope.vertical_braking_m_s2 if normal.down else envelope.braking_m_s2
         closing = velocity_ned_m_s.dot(normal)
         stop_m = closing * (reaction_s + max(0.0, closing) / (2.0 * braking_m_s2))
-        if wall.approached or (gap_m >= 0.0 and stop_m <= gap_m):
+        if gap_m >= 0.0 and stop_m <= gap_m:
             continue
         allowed = max(-RETURN_M_S, RETURN_PER_S * gap_m)
         if gap_m > 0.0:
@@ -306,11 +329,13 @@ def surge(velocity_ned_m_s: Ned, acceleration_ned_m_s2: Ned, envelope: Envelope)
         envelope: Jerk, braking and reaction of the vehicle.
     """
     gaining = acceleration_ned_m_s2
-    speed = velocity_ned_m_s.level_length()
+    if math.hypot(gaining.north, gaining.east) <= _STEADY_M_S2:
+        return STILL
+    speed = math.hypot(velocity_ned_m_s.north, velocity_ned_m_s.east)
     if speed > 0.0:
         along = velocity_ned_m_s / speed
         gaining -= min(0.0, gaining.level_dot(along)) * along
-    size = gaining.level_length()
+    size = math.hypot(gaining.north, gaining.east)
     if size <= _STEADY_M_S2:
         return STILL
     gaining_m_s2 = size - _STEADY_M_S2
@@ -359,14 +384,18 @@ def constraints_of(
         walls: Of this cycle.
         envelope: Braking and reaction of the vehicle.
     """
-    surge_ned_m = surge(situation.velocity_ned_m_s, situation.acceleration_ned_m_s2, envelope)
-    speed = asked_ned_m_s.length()
-    braking_m_s2 = min(envelope.braking_m_s2, envelope.vertical_braking_m_s2)
     velocity = situation.velocity_ned_m_s
-    drift_m = velocity.length() * envelope.reaction_s + surge_ned_m.length()
+    surge_ned_m = surge(velocity, situation.acceleration_ned_m_s2, envelope)
+    speed = math.hypot(*asked_ned_m_s)
+    braking_m_s2 = min(envelope.braking_m_s2, envelope.vertical_braking_m_s2)
+    drift_m = math.hypot(*velocity) * envelope.reaction_s + math.hypot(*surge_ned_m)
     reach_m = drift_m + speed * (envelope.reaction_s + speed / (2.0 * braking_m_s2))
-    near = (wall for wall in walls if wall.gap_m <= reach_m)
-    return tuple(_constraint(wall, asked_ned_m_s, velocity, surge_ned_m, envelope) for wall in near)
+    constraints = [
+        _constraint(wall, asked_ned_m_s, velocity, surge_ned_m, envelope)
+        for wall in walls
+        if wall.gap_m <= reach_m
+    ]
+    return tuple(constraints)
 
 
 def _constraint(
@@ -381,7 +410,8 @@ def _constraint(
     reaction_s = envelope.reaction_s
     about_m = None
     closing = desired - moving
-    ground_s = reaction_s + closing.level_length() / (2.0 * envelope.braking_m_s2)
+    ground_m_s = math.hypot(closing.north, closing.east)
+    ground_s = reaction_s + ground_m_s / (2.0 * envelope.braking_m_s2)
     vertical_s = reaction_s + abs(closing.down) / (2.0 * envelope.vertical_braking_m_s2)
     drifted_m = (velocity - moving) * reaction_s
     # The approach to the evader brakes by itself, so an acceleration that it is about to end is not counted.
@@ -390,7 +420,9 @@ def _constraint(
     if math.isinf(wall.radius_m):
         ground_m = max(0.0, normal.level_dot(drifted_m))
         drift_m = ground_m + max(0.0, normal.down * drifted_m.down)
-        distance_m = max(0.0, wall.gap_m - drift_m) + normal.level_dot(moving) * ground_s
+        distance_m = max(0.0, wall.gap_m - drift_m)
+        if moving != STILL:
+            distance_m += normal.level_dot(moving) * ground_s
     else:
         away_m = wall.radius_m - wall.gap_m
         about_m = wall.about_m
@@ -416,7 +448,9 @@ def obey(
     result = vector_ned
     active = []
     for constraint in constraints:
-        half_space = constraint.half_space(result)
+        half_space = constraint
+        if constraint.about_m is not None:
+            half_space = constraint.half_space(result)
         slid = reduced(result, half_space, along=True)
         if slid is not result:
             active.append(half_space)
@@ -441,11 +475,11 @@ def reduced(vector_ned: Ned, constraint: Constraint, *, along: bool) -> Ned:
         down = share * down
     result = vector_ned
     if ground > 0.0 and along:
-        size = normal.level_length()
+        size = math.hypot(normal.north, normal.east)
         result = vector_ned - (1.0 - share) * ground / size * (normal / size)
     elif ground > 0.0:
         result = share * vector_ned
-    return result.level_with(down)
+    return Ned((result.north, result.east, down))
 
 
 def braked(
@@ -462,12 +496,12 @@ def braked(
     velocity = situation.velocity_ned_m_s
     fed = fed_ned_m_s2
     drift_s = 2.0 * envelope.reaction_s
-    for wall in _with_far_side(walls, velocity, drift_s, envelope.braking_m_s2):
+    for wall in _walls_ahead(walls, velocity, drift_s, envelope):
         normal = wall.normal_ned
         closing = velocity.dot(normal)
         braking_m_s2 = envelope.vertical_braking_m_s2 if normal.down else envelope.braking_m_s2
         stop_m = closing * (drift_s + closing / (2.0 * braking_m_s2))
-        if wall.approached or closing <= 0.0 or stop_m <= wall.gap_m:
+        if closing <= 0.0 or stop_m <= wall.gap_m:
             continue
         present = STILL if fed is None else fed
         # The excess over the allowed closing speed has to be gone within half the reaction time.

@@ -141,7 +141,7 @@ def catch_up(
         pace: Of this cycle, with a speed limit of at least the game's speed.
     """
     velocity = desired_ned_m_s
-    speed = velocity.level_length()
+    speed = math.hypot(velocity.north, velocity.east)
     if speed > 0.0:
         along = velocity.level_dot(flown_ned_m_s) / speed
         deficit_m = min(LARGEST_DEFICIT_M, max(0.0, deficit_m + (speed - along) * pace.dt_s))
@@ -151,7 +151,7 @@ def catch_up(
     enough_m_s = abs(gaps.height_m) * pace.meeting_m_s / max(gaps.ground_m, _TOUCH_M)
     spare_m_s = min(1.0, deficit_m / UNHURRIED_M) * max(0.0, abs(velocity.down) - enough_m_s)
     down = velocity.down - math.copysign(spare_m_s, velocity.down)
-    return velocity.level_with(down), deficit_m
+    return Ned((velocity.north, velocity.east, down)), deficit_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,7 +180,7 @@ class Approach:
 def gaps_to_disc(position_ned_m: Ned, evader_ned_m: Ned, standoff: StandOff) -> Gaps:
     """Return the distances from a position to the stand-off disc of an evader."""
     offset_m = evader_ned_m - position_ned_m
-    distance_m = offset_m.level_length()
+    distance_m = math.hypot(offset_m.north, offset_m.east)
     scale = 1.0 / distance_m if distance_m > 0.0 else 0.0
     towards = Ned((offset_m.north * scale, offset_m.east * scale, 0.0))
     return Gaps(distance_m - standoff.radius_m, offset_m.down - standoff.height_m, towards)
@@ -218,7 +218,7 @@ def approach(
     if left_m > 0.0:
         allowed = approach_speed(left_m, settings.braking_m_s2, settle_s)
     if closing <= allowed:
-        return desired_ned_m_s.level_with(down), False
+        return Ned((desired_ned_m_s.north, desired_ned_m_s.east, down)), False
     share = max(0.0, allowed / closing) if closing > 0.0 else 0.0
     across = relative - closing * towards
     return (awaited + share * across + allowed * towards).level_with(down), True
@@ -294,10 +294,11 @@ def follow(
         return Followed(desired_ned_m_s, None, desired_ned_m_s, memory, flown)
     drift = observe_drift(memory.drift, here.position_ned_m, here.velocity_ned_m_s, dt_s=pace.dt_s)
     flown = here.velocity_ned_m_s - drift.velocity_ned_m_s
-    wanted = desired_ned_m_s.level_with(desired_ned_m_s.down * pace.max_speed_ratio)
-    deficit_m = 0.0
     if pace.hurried:
         wanted, deficit_m = catch_up(desired_ned_m_s, flown, memory.deficit_m, gaps, pace)
+    else:
+        wanted = desired_ned_m_s.level_with(desired_ned_m_s.down * pace.max_speed_ratio)
+        deficit_m = 0.0
     desired, braking = approach(
         wanted, flown, here.evader_velocity_ned_m_s or STILL, gaps, handling.approach
     )

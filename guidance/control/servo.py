@@ -68,7 +68,7 @@ def shape(
         gain_per_s: Largest gain from the missing velocity to the acceleration; infinite for none.
     """
     missing = desired_m_s - velocity_m_s
-    size = missing.level_length()
+    size = math.hypot(missing.north, missing.east)
     height = abs(missing.down)
     level = min(approach_speed(size, most.jerk_m_s3, dt_s), most.acceleration_m_s2)
     steep = min(approach_speed(height, most.jerk_m_s3, dt_s), most.vertical_acceleration_m_s2)
@@ -76,7 +76,8 @@ def shape(
         level = min(level, gain_per_s * size)
         steep = min(steep, gain_per_s * height)
     share = level / size if size > 0.0 else 0.0
-    wanted = (missing * share).level_with(math.copysign(steep, missing.down))
+    down = math.copysign(steep, missing.down)
+    wanted = Ned((missing.north * share, missing.east * share, down))
     acceleration = slew(wanted, acceleration_m_s2, most.jerk_m_s3 * dt_s)
     return velocity_m_s + acceleration * dt_s, acceleration
 
@@ -155,9 +156,9 @@ def serve(
     if not held_back:
         drag_per_s, trim = _learned(drag_per_s, trim, expected, flown_ned_m_s, gains, dt_s)
     fed = acceleration + drag_per_s * reference + trim
-    return fed.level_with(acceleration.down), ServoMemory(
-        reference, acceleration, expected, drag_per_s, trim
-    )
+    fed_level_only = Ned((fed.north, fed.east, acceleration.down))
+    kept = ServoMemory(reference, acceleration, expected, drag_per_s, trim)
+    return fed_level_only, kept
 
 
 def _learned(
@@ -173,12 +174,12 @@ def _learned(
     A large error usually means that the vehicle is at its limits, so it counts less.
     """
     error = expected - flown
-    off_m_s = error.level_length()
+    off_m_s = math.hypot(error.north, error.east)
     within_m_s = gains.learning_within_m_s
     lesson_s = dt_s
     if off_m_s > within_m_s:
         lesson_s = 0.0 if off_m_s > 3.0 * within_m_s else dt_s * (within_m_s / off_m_s) ** 2
-    speed = expected.level_length()
+    speed = math.hypot(expected.north, expected.east)
     if speed >= _SLOW_M_S:
         missing = error.level_dot(expected) / speed
         drag_per_s += gains.drag_learning_per_s2 * missing * lesson_s / speed
@@ -314,9 +315,9 @@ def observe_speed(
     """
     weight = min(1.0, dt_s / _SMOOTHED_S)
     mean = memory.flown_ned_m_s.share_of_way(flown_ned_m_s, weight)
-    speed = mean.level_length()
+    speed = math.hypot(mean.north, mean.east)
     shown_m_s = max(memory.shown_m_s, speed)
-    asked = asked_ned_m_s.level_length()
+    asked = math.hypot(asked_ned_m_s.north, asked_ned_m_s.east)
     along = mean.level_dot(asked_ned_m_s) / max(asked, _LEAST_ASKED_M_S)
     if not (unslowed and asked >= _LEAST_ASKED_M_S and along >= _ALIGNED * speed):
         return SpeedMemory(shown_m_s, memory.share, mean)

@@ -187,47 +187,71 @@ def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Enu | No
     if T is not None:
         late_m = late_start(P, desired_m_s, players.pursuer_m_s, vehicle.acceleration)
         return _defended(game, players, vehicle, late_m, solution, certificate)
-    time_s = _pursuit_s(game, players, vehicle, desired_m_s, 0.0)
-    slow_s = _pursuit_s(game, players, vehicle, desired_m_s, vehicle.envelope.reaction_s)
+    time_s, slow_s = _pursuits_s(game, players, vehicle, desired_m_s)
     certificate = certificate._replace(time_needed_s=time_s, allowance=slow_s - solution.value)
     return Certified(solution, Course.SOLUTION, optimal_m_s, certificate)
 
 
-def _pursuit_s(
-    game: Game, players: Players, vehicle: Vehicle, desired_m_s: Enu, reaction_s: float
-) -> float:
-    """Return the time in which this vehicle captures an evader that runs straight away from it.
+def _pursuits_s(
+    game: Game, players: Players, vehicle: Vehicle, desired_m_s: Enu
+) -> tuple[float, float]:
+    """Return when this vehicle captures an evader that runs straight away: turning at once, and after its reaction.
 
-    The vehicle drifts on while it accelerates, so near the evader the direction of the pursuit turns with the late
-    start. Above the disc, the pursuer of the game only copies the evader's velocity, but once the evader has run out
-    from below, the vehicle needs its full speed. A descent that is slower than commanded counts as a longer one.
+    Above the disc, the pursuer of the game only copies the evader's velocity, but once the evader has run out from
+    below, the vehicle needs its full speed. A descent that is slower than commanded counts as a longer one.
 
     Args:
         game: The present game.
         players: From where.
         vehicle: Its limits and accelerations.
         desired_m_s: Velocity of the game's solution.
-        reaction_s: Time for which the vehicle keeps its present velocity before it accelerates.
     """
-    P = players.pursuer_m
-    E = players.evader_m
-    flown_m_s = players.pursuer_m_s
+    acceleration = vehicle.acceleration
     u = game.pursuer.horizontal_m_s
     if not game.pursuer.separate:
         u = desired_m_s.level_length()
-    slower_m = max(0.0, players.gaps.height_m) * (1.0 / vehicle.acceleration.descent_share - 1.0)
-    late_m = P
+    slower_m = max(0.0, players.gaps.height_m) * (1.0 / acceleration.descent_share - 1.0)
+    missing_m_s = desired_m_s.up - players.pursuer_m_s.up
+    climbing_s = abs(missing_m_s) / (2.0 * acceleration.vertical_m_s2)
+    height_m = players.pursuer_m.up + slower_m - missing_m_s * climbing_s
+    times_s = []
+    for reaction_s in (0.0, vehicle.envelope.reaction_s):
+        east_m, north_m = _pursuit_start(players, u, acceleration.ground_m_s2, reaction_s)
+        late_m = (east_m, north_m, height_m)
+        state = take_apart(FLOATS, game, late_m, players.evader_m, None)
+        time_s, _, _ = escape(FLOATS, game, state)
+        times_s.append(time_s)
+    return times_s[0], times_s[1]
+
+
+def _pursuit_start(
+    players: Players, u: float, acceleration_m_s2: float, reaction_s: float
+) -> tuple[float, float]:
+    """Return x and y of the late start of a vehicle that turns towards its evader.
+
+    The vehicle drifts on while it accelerates, so near the evader the direction of the pursuit turns with the late
+    start. Number by number, because the rounds take much of the certificate's time.
+
+    Args:
+        players: From where.
+        u: Speed of the pursuit over the ground.
+        acceleration_m_s2: Of the vehicle over the ground.
+        reaction_s: Time for which the vehicle keeps its present velocity before it accelerates.
+    """
+    x, y, _ = players.pursuer_m
+    evader_x, evader_y, _ = players.evader_m
+    flown_x_m_s, flown_y_m_s, _ = players.pursuer_m_s
+    late_x = x
+    late_y = y
     for _ in range(_TURNS):
-        to_evader_m = E - late_m
-        away_m = to_evader_m.level_length()
+        away_m = math.hypot(evader_x - late_x, evader_y - late_y)
         pace = u / away_m if away_m > 0.0 else 0.0
-        pursuit_m_s = Enu((pace * to_evader_m.east, pace * to_evader_m.north, desired_m_s.up))
-        east_m = reaction_s * (flown_m_s.east - pursuit_m_s.east)
-        north_m = reaction_s * (flown_m_s.north - pursuit_m_s.north)
-        behind_m = Enu((P.east + east_m, P.north + north_m, P.up + slower_m))
-        late_m = late_start(behind_m, pursuit_m_s, flown_m_s, vehicle.acceleration)
-    time_s, _, _ = escape(FLOATS, game, take_apart(FLOATS, game, late_m, E, None))
-    return time_s
+        missing_x_m_s = pace * (evader_x - late_x) - flown_x_m_s
+        missing_y_m_s = pace * (evader_y - late_y) - flown_y_m_s
+        turning_s = math.hypot(missing_x_m_s, missing_y_m_s) / (2.0 * acceleration_m_s2)
+        late_x = x - reaction_s * missing_x_m_s - missing_x_m_s * turning_s
+        late_y = y - reaction_s * missing_y_m_s - missing_y_m_s * turning_s
+    return late_x, late_y
 
 
 def statement(players: Players, solution: StateSolution) -> Certificate:

@@ -138,7 +138,7 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     except ConfigError:
         return _without_game(inputs, settings, memory, players)
     own_m_s: Enu | None = None
-    if settings.strategy.is_own:
+    if settings.strategy.name != OPTIMAL and settings.strategy.is_own:
         answer = _ask_own(inputs.ask, played.game, players, memory.strategy)
         if isinstance(answer, str):
             return _without_policy(
@@ -279,11 +279,12 @@ def _aim(
         hurried = True
     nominal_m_s = asked_m_s
     reached_m_s = game.pursuer.horizontal_m_s
-    if game.pursuer.pace(asked_m_s) >= reached_m_s * (1.0 - 1e-6):
+    configured_m_s = settings.game.pursuer.horizontal_m_s
+    is_slower = reached_m_s != configured_m_s
+    if is_slower and game.pursuer.pace(asked_m_s) >= reached_m_s * (1.0 - 1e-6):
         # It is flown at the configured speed, which shows whether the vehicle can fly faster. A vehicle that waits for
         # its height, or keeps up with the evader, asks for less than the game's speed.
-        scale = settings.game.pursuer.horizontal_m_s / reached_m_s
-        nominal_m_s = asked_m_s * scale
+        nominal_m_s = asked_m_s * (configured_m_s / reached_m_s)
         if game.pursuer.separate:
             nominal_m_s = nominal_m_s.level_with(asked_m_s.up)
     played = StrategyMemory(np.array(asked_m_s), memory.strategy.played_s + dt_s)

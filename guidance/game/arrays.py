@@ -59,7 +59,7 @@ class Library:
             return yes if condition else no
         return self.where(condition, yes, no)
 
-    def any(self, condition: Truth) -> bool:
+    def any(self, condition: Truth, /) -> bool:
         """Return whether a condition may hold in some row; a library that traces does not know, and takes the step."""
         return condition is not False
 
@@ -150,7 +150,7 @@ class NumPy(Library):
             return no
         return yes if count == condition.size else np.where(condition, yes, no)
 
-    def any(self, condition: Truth) -> bool:
+    def any(self, condition: Truth, /) -> bool:
         """Return whether a condition holds in some row."""
         return bool(np.count_nonzero(condition))
 
@@ -208,10 +208,7 @@ class Floats(Library):
     sqrt = staticmethod(math.sqrt)
     maximum = staticmethod(max)
     minimum = staticmethod(min)
-
-    def any(self, condition: Truth) -> bool:
-        """Return whether the condition holds."""
-        return bool(condition)
+    any = staticmethod(bool)
 
     def select(self, condition: Truth, yes: Real, no: Real) -> Real:
         """Choose one of two numbers."""

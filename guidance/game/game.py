@@ -185,7 +185,9 @@ class Game(Numbers):
         changed = exchanged(
             self, pursuer=pursuer, evader_speed_m_s=speed_m_s, information_age_s=age_s
         )
-        Game._require_speeds(changed)
+        same_speeds = pursuer is self.pursuer and speed_m_s == self.evader_speed_m_s
+        if not same_speeds:
+            Game._require_speeds(changed)
         return changed
 
     def within_spread(self) -> "Game":

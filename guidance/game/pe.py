@@ -33,7 +33,6 @@ from guidance.game.arrays import Library, Plane, Real, Space, Truth, dot2
 from guidance.game.extent import to_set
 from guidance.game.game import STILL, Game, Reason, Winner, head_wind, speed_in_hand
 from guidance.game.meeting_times import climb
-from guidance.game.records import is_zero
 
 
 class Geometry(NamedTuple):
@@ -77,9 +76,7 @@ def take_apart(xp: Library, game: Game, P: Space, E: Space, observed: Space | No
     (x, y, height) = P
     (east, north, ground) = E
     to_evader = (east - x, north - y)
-    z = height - ground
-    if not is_zero(game.standoff.height_m):
-        z = z - game.standoff.height_m
+    z = height - ground - game.standoff.height_m
     if observed is None:
         return Geometry((east, north), ground, to_evader, z, STILL)
     (seen_x, seen_y, _) = observed
@@ -134,7 +131,7 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
     overhead = xp.any(free)
     if overhead:
         direction = xp.select2(free, xp.unit2(state.hold, xp.norm2(state.hold)), direction)
-    run = v * (t if is_zero(age) else t + age)
+    run = v * (t + age)
     dash = (run * direction[0], run * direction[1])
     to = (state.to_evader[0] + dash[0], state.to_evader[1] + dash[1])
     gap: Real = 0.0
@@ -182,8 +179,7 @@ def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]
         x, y = state.to_evader
         distance = xp.sqrt(x * x + y * y)
         spare = game.pursuer.horizontal_m_s - v
-        gap = distance if is_zero(lead) else distance + lead
-        t = game.pursuer.cover_time(xp, radius, capture, gap, spare, state.z)
+        t = game.pursuer.cover_time(xp, radius, capture, distance + lead, spare, state.z)
         return t, xp.unit2(state.to_evader, distance), distance
     wind = game.wind_m_s
     least = speed_in_hand(game)

@@ -194,11 +194,8 @@ def solve_state(
         raise ConfigError(
             f"game = {game!r}: solve_state takes single numbers; use solve for arrays"
         )
-    P = _floats(pursuer)
-    E = _floats(evader)
-    T = None if target is None else _floats(target)
-    observed = None if evader_velocity_m_s is None else _floats(evader_velocity_m_s)
-    state = (P, E, T, observed)
+    state = _in_floats(pursuer, evader, target, evader_velocity_m_s)
+    P, E, T, observed = state
     squares = sum(x * x + y * y + z * z for x, y, z in filter(None, state))
     try:
         play = _play(FLOATS, game, P, E, T, observed)
@@ -215,15 +212,12 @@ def solve_state(
     return StateSolution._make((int(play.winner), *plain, int(reason)))
 
 
-def _floats(vector: Space) -> Space:
-    """Return a vector as Python's floats; elements of a NumPy array are others."""
-    x, y, z = vector
-    if type(x) is type(y) is type(z) is float:
-        return vector
-    return float(x), float(y), float(z)
+def _in_floats(*vectors: Space | None) -> list[Any]:
+    """Return vectors as Python's floats; elements of a NumPy array are others."""
+    return [None if vector is None else tuple(map(float, vector)) for vector in vectors]
 
 
-def _row_of_one(game: Game, state: tuple[Space | None, ...]) -> StateSolution:
+def _row_of_one(game: Game, state: list[Space | None]) -> StateSolution:
     """Solve a single state as a batch of one."""
     named = {
         name: np.array([vector], float)

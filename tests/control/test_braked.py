@@ -53,6 +53,15 @@ def test_a_vehicle_brakes_if_drift_and_stopping_distance_exceed_the_room(speed, 
     assert wanted > 0.0 or speed == 0.0 or spare_m >= -1e-6
 
 
+def test_a_vehicle_brakes_for_the_wall_ahead_beside_a_near_one_that_it_leaves():
+    here = Situation(STILL, Ned((6.0, 0.0, 0.0)))
+    behind = Wall(Limiter.FENCE_POLYGON, Ned((-1.0, 0.0, 0.0)), 1.0)
+    ahead = Wall(Limiter.FENCE_POLYGON, Ned((1.0, 0.0, 0.0)), 1.0)
+    alone = braked(None, here, (ahead,), OPEN)
+    assert alone is not None
+    assert braked(None, here, (behind, ahead), OPEN) == alone
+
+
 def test_beyond_the_wall_all_the_speed_is_to_be_gone_within_half_the_reaction():
     envelope = replace(OPEN, braking_m_s2=2.0, reaction_s=0.5)
     assert wanted_m_s2(1.5, -3.0, envelope) == 6.0

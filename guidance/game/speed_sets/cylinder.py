@@ -76,7 +76,8 @@ class Cylinder(SpeedSet):
         """See `SpeedSet`."""
         ahead = xp.unit2(y, xp.sqrt(y[0] * y[0] + y[1] * y[1]))
         pace = self.horizontal_m_s
-        return pace * ahead[0], pace * ahead[1], self.vertical(xp, ahead, z)
+        vertical = xp.select(z > 0, -self.descent_m_s, self.climb_m_s)
+        return pace * ahead[0], pace * ahead[1], vertical
 
     def underway(
         self, xp: Library, capture: Real, gap: Real, t: Real, z: Real
