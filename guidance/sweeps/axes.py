@@ -56,7 +56,8 @@ def path_of(key: str) -> tuple[str | int, ...]:
     for name in (names[0], names[-1]):
         if name in _FIXED:
             raise ValueError(f"{key}: cannot be swept; {_FIXED[name]}")
-    return tuple(int(part) if part.isdigit() else part for part in re.findall(r"\w+", key))
+    parts = re.findall(r"\w+", key)
+    return tuple(int(part) if part.isdigit() else part for part in parts)
 
 
 class Distribution(Section):
@@ -138,16 +139,20 @@ class Distribution(Section):
         if self.radii_m:
             (inner, outer) = self.radii_m
             (x, y) = self.about_m
-            radius = np.sqrt(inner**2 + (outer**2 - inner**2) * first)
-            angle = 2.0 * np.pi * second
-            east_m = x + radius * np.cos(angle)
-            north_m = y + radius * np.sin(angle)
+            inner_square = inner**2
+            outer_square = outer**2
+            radius_m = np.sqrt(inner_square + (outer_square - inner_square) * first)
+            angle_rad = 2.0 * np.pi * second
+            east_m = x + radius_m * np.cos(angle_rad)
+            north_m = y + radius_m * np.sin(angle_rad)
             return list(np.stack([east_m, north_m], axis=-1).tolist())
         if self.choice:
             indices = (first * len(self.choice)).astype(int)
             return [self.choice[index] for index in indices.tolist()]
+        draws = self.law.ppf(first)
+        low, high = self.law.support()
         # Rounding can put a draw just outside the support.
-        return list(np.clip(self.law.ppf(first), *self.law.support()).tolist())
+        return list(np.clip(draws, low, high).tolist())
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,13 +180,17 @@ class Axis:
         """Return the value of each row by its place on the grid, or drawn by its seed; each key has its own stream."""
         if self.random is None:
             return [self.values[index] for index in place.tolist()]
-        stream = int.from_bytes(blake2b(self.key.encode(), digest_size=7).digest(), "big")
-        return self.random.draw(uniform(seed, stream, 0), uniform(seed, stream, 1))
+        digest = blake2b(self.key.encode(), digest_size=7).digest()
+        stream = int.from_bytes(digest, "big")
+        first = uniform(seed, stream, 0)
+        second = uniform(seed, stream, 1)
+        return self.random.draw(first, second)
 
     def settings(self, value: Any) -> Iterator[tuple[tuple[str | int, ...], Any]]:  # noqa: ANN401 - any value of a key
         """Yield the paths that a value sets; a position (x, y) keeps the height."""
         if self.random is not None and self.random.radii_m:
-            yield from (((*self.path, index), part) for index, part in enumerate(value))
+            for index, part in enumerate(value):
+                yield (*self.path, index), part
         else:
             yield self.path, value
 
@@ -196,7 +205,8 @@ class Axis:
         """Return values as columns, in the order of `columns`."""
         kind = self.columns().get(self.key)
         if kind is None:
-            return [pa.array(column) for column in np.array(values, dtype=np.float64).T]
+            columns = np.array(values, dtype=np.float64).T
+            return [pa.array(column) for column in columns]
         if kind == pa.string():
             texts = [value if isinstance(value, str) else json.dumps(value) for value in values]
             return [pa.array(texts, kind)]

@@ -65,9 +65,10 @@ def known(numbers: Array) -> Array:
 def mean(numbers: Array) -> Interval:
     """Return the mean of the known numbers with Student's t interval."""
     numbers = known(numbers)
-    average = float(numbers.mean()) if numbers.size else math.nan
-    error = float(stats.sem(numbers)) if numbers.size > 1 else math.nan
-    return _interval(average, error, numbers.size - 1)
+    count = numbers.size
+    average = float(numbers.mean()) if count else math.nan
+    error = float(stats.sem(numbers)) if count > 1 else math.nan
+    return _interval(average, error, count - 1)
 
 
 def difference_of_means(a: Array, b: Array) -> Interval:
@@ -79,19 +80,22 @@ def difference_of_means(a: Array, b: Array) -> Interval:
     apart = float(b.mean() - a.mean())
     if min(a.size, b.size) == 1:
         return Interval(apart)
-    variances = np.array([stats.sem(a), stats.sem(b)]) ** 2
+    standard_errors = np.array([stats.sem(a), stats.sem(b)])
+    variances = standard_errors**2
     total = float(variances.sum())
     freedom = 1.0
     if total:
         # Welch and Satterthwaite
-        freedom = total**2 / float((variances**2 / [a.size - 1, b.size - 1]).sum())
+        shares = variances**2 / [a.size - 1, b.size - 1]
+        freedom = total**2 / float(shares.sum())
     return _interval(apart, math.sqrt(total), freedom)
 
 
 def _interval(estimate: float, error: float, freedom: float) -> Interval:
     half = math.nan
     if freedom > 0:
-        half = error * float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, freedom))
+        quantile = float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, freedom))
+        half = error * quantile
     return Interval(estimate, estimate - half, estimate + half)
 
 
@@ -145,7 +149,9 @@ def compare_sweeps(a: Folder, b: Folder, *, column: str, rows: int) -> dict[str,
 
 def _ends_and_difference(row: Mapping[str, Any]) -> tuple[bool, float]:
     """Order rows with different ends first, then those with the largest difference."""
-    return row["end_a"] == row["end_b"], -abs(np.nan_to_num(row["difference"]))
+    has_same_end = row["end_a"] == row["end_b"]
+    size = abs(np.nan_to_num(row["difference"]))
+    return has_same_end, -size
 
 
 def _selected(rows: Columns, selection: NDArray[Any]) -> Columns:
@@ -174,10 +180,15 @@ def matched_pairs(a: Plan, b: Plan) -> dict[int, int]:
 def _group(name_a: str, name_b: str, a: Columns, b: Columns, *, paired: bool) -> dict[str, Any]:
     columns = {}
     for name in (CAPTURED, *COLUMNS):
-        difference = mean(b[name] - a[name]) if paired else difference_of_means(a[name], b[name])
+        numbers_a = a[name]
+        numbers_b = b[name]
+        if paired:
+            difference = mean(numbers_b - numbers_a)
+        else:
+            difference = difference_of_means(numbers_a, numbers_b)
         columns[name] = {
-            "a": mean(a[name]).estimate,
-            "b": mean(b[name]).estimate,
+            "a": mean(numbers_a).estimate,
+            "b": mean(numbers_b).estimate,
             "difference": difference,
         }
     return {
@@ -191,10 +202,12 @@ def _group(name_a: str, name_b: str, a: Columns, b: Columns, *, paired: bool) ->
 
 def _largest(a: Columns, b: Columns, column: str, count: int) -> list[dict[str, Any]]:
     """Return paired rows with different ends, then those with the largest differences."""
-    size = np.nan_to_num(np.abs(b[column] - a[column]))
-    same = a[END] == b[END]
-    order = np.lexsort((-size, same))[:count]
-    order = order[~same[order] | (size[order] > 0.0)]
+    difference = b[column] - a[column]
+    size = np.nan_to_num(np.abs(difference))
+    has_same_end = a[END] == b[END]
+    order = np.lexsort((-size, has_same_end))[:count]
+    differs = ~has_same_end | (size > 0.0)
+    order = order[differs[order]]
     rows = []
     for index in order.tolist():
         value_a = a[column][index].item()
@@ -255,9 +268,10 @@ def read_outcome(path: Path) -> dict[str, Any] | list[dict[str, Any]]:
         outcome = json.loads(text_of(path, str(path), secret=False), parse_int=_integer)
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not valid JSON ({error})") from error
-    if isinstance(outcome, list) and outcome and all(_is_row(row, "evader") for row in outcome):
-        return outcome
-    if _is_row(outcome):
+    if isinstance(outcome, list):
+        if outcome and all(_is_row(row, "evader") for row in outcome):
+            return outcome
+    elif _is_row(outcome):
         return dict(outcome)
     raise ConfigError(
         f"{path}: not an outcome; it must be an outcome.json of guidance scenario run or fly"
@@ -356,11 +370,12 @@ def _teams(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table | Text]:
 
 def _valued(compared: Mapping[str, Mapping[str, Any]]) -> list[tuple[Any, ...]]:
     """Return name, A, B and difference of the columns with a value."""
-    return [
-        (name, *row.values())
-        for name, row in compared.items()
-        if row["a"] is not None or row["b"] is not None
-    ]
+    rows: list[tuple[Any, ...]] = []
+    for name, row in compared.items():
+        has_value = row["a"] is not None or row["b"] is not None
+        if has_value:
+            rows.append((name, *row.values()))
+    return rows
 
 
 def _outcomes(compared: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
@@ -379,19 +394,23 @@ def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | Text]:
         if compared["paired"]:
             count = group["rows_a"]
             kind = "paired rows"
-        yield Text(f"\n{_both(group, '')}: {count} {kind}", "italic")
-        rows = [
-            (name, cell(a, 4), cell(b, 4), spread(apart))
-            for name, a, b, apart in _valued(group["columns"])
-        ]
+        names = _both(group, "")
+        yield Text(f"\n{names}: {count} {kind}", "italic")
+        rows = []
+        for name, a, b, difference in _valued(group["columns"]):
+            rows.append((name, cell(a, 4), cell(b, 4), spread(difference)))
         yield sheet(("mean of", "A", "B", "B − A (95 %)"), rows)
-    if compared["largest"]:
-        yield Text(f"\nthe rows that differ most in {compared['largest'][0]['column']}", "italic")
-        largest = []
-        for row in compared["largest"]:
+    largest = compared["largest"]
+    if largest:
+        column = largest[0]["column"]
+        yield Text(f"\nthe rows that differ most in {column}", "italic")
+        cells = []
+        for row in largest:
+            numbers = _both(row, "row_")
+            ends = _both(row, "end_")
             values = [cell(row[key]) for key in ("a", "b", "difference")]
-            largest.append((_both(row, "row_"), _both(row, "end_"), *values))
-        yield sheet(("row", "end", "A", "B", "B − A"), largest, left=(0, 1))
+            cells.append((numbers, ends, *values))
+        yield sheet(("row", "end", "A", "B", "B − A"), cells, left=(0, 1))
 
 
 def _both(values: Mapping[str, Any], prefix: str) -> str:
@@ -420,7 +439,8 @@ def spread(interval: Mapping[str, float | None], rounding: float = _ROUNDING) ->
 def cell(value: Any, digits: int = 5, rounding: float = _ROUNDING) -> str:  # noqa: ANN401 - any column
     """Return a value in a table: numbers smaller than `rounding` as 0, none as "-"."""
     if isinstance(value, float):
-        return f"{0.0 if abs(value) < rounding else value:.{digits}g}"
+        rounded = 0.0 if abs(value) < rounding else value
+        return f"{rounded:.{digits}g}"
     if isinstance(value, list):
         return ", ".join(map(str, value)) if value else "none"
     return "-" if value is None else str(value)

@@ -53,6 +53,9 @@ _MEASURES: Final = (
     ),
 )
 
+_UNITS: Final = {"_m_s": "m/s", "_deg": "deg", "_hz": "Hz", "_m": "m", "_s": "s"}
+"""Unit by ending of a key; the first that fits counts."""
+
 _MOST_KEYS: Final = 6
 _SHARES: Final = np.linspace(0.0, 1.0, 400)
 _SHOWN: Final = 0.995
@@ -96,7 +99,8 @@ def draw_all(
     figures["keys"] = _curves(report, keys[:_MOST_KEYS])
     if len(grid) == 2:
         down, across = grid
-        figures["map"] = _map(report, down, across, "regret_mean", f"mean regret, {report['unit']}")
+        regret_label = f"mean regret, {report['unit']}"
+        figures["map"] = _map(report, down, across, "regret_mean", regret_label)
         figures["map-captures"] = _map(report, down, across, "capture", "share captured")
     paths: list[Path] = []
     for name, figure in figures.items():
@@ -107,26 +111,35 @@ def draw_all(
 
 def key_label(column: str) -> str:
     """Return the label of an axis: `evader.speed_m_s` is "evader speed, m/s"."""
-    for ending, unit in (("_m_s", "m/s"), ("_deg", "deg"), ("_hz", "Hz"), ("_m", "m"), ("_s", "s")):
-        name, bracket, index = column.partition("[")
+    name, bracket, index = column.partition("[")
+    for ending, unit in _UNITS.items():
         if name.endswith(ending):
-            quantity = name.removesuffix(ending).replace(".", " ").replace("_", " ")
+            quantity = _spaced(name.removesuffix(ending))
             number = index.removesuffix("]")
             if bracket and number in {"0", "1", "2"}:
-                return f"{quantity} {'xyz'[int(number)]}, {unit}"
+                axis = "xyz"[int(number)]
+                return f"{quantity} {axis}, {unit}"
             return f"{quantity}, {unit}"
-    return column.replace(".", " ").replace("_", " ")
+    return _spaced(column)
+
+
+def _spaced(key: str) -> str:
+    return key.replace(".", " ").replace("_", " ")
 
 
 def titled_figure(title: str, rows: int, columns: int) -> tuple[Figure, Any]:
     """Return a figure with a title, and its axes, (rows, columns)."""
-    figure = figure_of(max(7.0, 3.4 * columns), 1.2 + 3.0 * rows)
-    figure.suptitle("\n".join(textwrap.wrap(title, 70)), fontsize=12)
+    width_inches = max(7.0, 3.4 * columns)
+    height_inches = 1.2 + 3.0 * rows
+    figure = figure_of(width_inches, height_inches)
+    wrapped_title = "\n".join(textwrap.wrap(title, 70))
+    figure.suptitle(wrapped_title, fontsize=12)
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 
 def _names(report: Mapping[str, Any], player: str) -> list[str]:
-    return list(dict.fromkeys(pair[player] for pair in report["policies"]))
+    names = [pair[player] for pair in report["policies"]]
+    return list(dict.fromkeys(names))
 
 
 def _styles(report: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -153,28 +166,32 @@ def _regret(report: Mapping[str, Any], regrets: Sequence[Array]) -> Figure | Non
         return None
     evaders = list(dict.fromkeys(pair["evader"] for pair in played_pairs))
     styles = _styles(report)
-    figure, axes = titled_figure(
-        f"{report['title']}: regret against the game's value", 1, len(evaders)
-    )
+    title = f"{report['title']}: regret against the game's value"
+    figure, axes = titled_figure(title, 1, len(evaders))
     for panel, evader in zip(axes[0], evaders, strict=True):
         of_pursuers = [
             (pair["pursuer"], numbers)
             for pair, numbers in zip(played_pairs, regrets, strict=True)
             if pair["evader"] == evader
         ]
-        all_regrets = np.concatenate([numbers for _, numbers in of_pursuers])
-        ends = np.quantile(all_regrets, [1.0 - _SHOWN, _SHOWN])
-        margin = max(0.03 * float(np.ptp(ends)), 1e-6)
         for pursuer, numbers in of_pursuers:
             quantiles = np.quantile(numbers, _SHARES, method="inverted_cdf")
             style = styles[pursuer]
             panel.plot(quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **style)
-        panel.set(xlim=(ends[0] - margin, ends[1] + margin), ylim=(0.0, 1.02))
+        all_regrets = np.concatenate([numbers for _, numbers in of_pursuers])
+        panel.set(xlim=_span(all_regrets), ylim=(0.0, 1.02))
         panel.set(xlabel=f"regret, {report['unit']}", title=f"evader: {evader}")
         panel.axvline(0.0, color="0.5", linewidth=0.8)
     axes[0, 0].set_ylabel("share of games with at most this regret")
     _legend(figure, axes)
     return figure
+
+
+def _span(regrets: Array) -> tuple[float, float]:
+    """Return the limits of an axis that shows nearly all regrets, with a margin."""
+    low, high = np.quantile(regrets, [1.0 - _SHOWN, _SHOWN]).tolist()
+    margin = max(0.03 * (high - low), 1e-6)
+    return low - margin, high + margin
 
 
 def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
@@ -189,23 +206,23 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
         figure, axes = titled_figure(title, len(measures), len(evaders))
         panels = axes.T.ravel()
     else:
-        figure, axes = titled_figure(title, len(evaders) * len(measures), len(keys))
+        rows = len(evaders) * len(measures)
+        figure, axes = titled_figure(title, rows, len(keys))
         panels = axes.ravel()
     contents = itertools.product(evaders, measures, keys)
     for panel, (evader, measure, key) in zip(panels, contents, strict=True):
         for pair in report["policies"]:
             if pair["evader"] == evader:
-                _draw_curve(
-                    panel, pair["by_key"][key.column], key, measure, styles[pair["pursuer"]]
-                )
-        panel.set(
-            xlabel=key_label(key.column),
-            ylabel=measure.label.format(report["unit"]),
-            title=f"evader: {evader}",
-        )
+                groups = pair["by_key"][key.column]
+                style = styles[pair["pursuer"]]
+                _draw_curve(panel, groups, key, measure, style)
+        x_label = key_label(key.column)
+        y_label = measure.label.format(report["unit"])
+        panel.set(xlabel=x_label, ylabel=y_label, title=f"evader: {evader}")
         if measure.column == "capture":
             panel.set_ylim(-0.03, 1.03)
-        if [*key.centres] == [*range(len(key.labels))]:
+        numbers = list(range(len(key.labels)))
+        if list(key.centres) == numbers:
             panel.set_xticks(key.centres, key.labels)
     _legend(figure, axes)
     return figure
@@ -236,10 +253,18 @@ def _draw_curve(
             continue
         number = key.labels.index(group["at"][key.column])
         centres.append(key.centres[number])
-        bands.append([group[measure.column][part] for part in measure.band])
-    low, middle, high = np.array(bands, dtype=np.float64).reshape(-1, 3).T
+        values = group[measure.column]
+        bands.append([values[part] for part in measure.band])
+    bands_of_groups = np.array(bands, dtype=np.float64).reshape(-1, 3)
+    low, middle, high = bands_of_groups.T
     panel.plot(centres, middle, **style)
     panel.fill_between(centres, low, high, color=style["color"], alpha=0.12, linewidth=0.0)
+
+
+def _label_map(panel: Any, title: str, down: Key, across: Key) -> None:  # noqa: ANN401
+    panel.set(title=title, xlabel=key_label(across.column), ylabel=key_label(down.column))
+    panel.set_xticks(range(len(across.labels)), across.labels, rotation=45)
+    panel.set_yticks(range(len(down.labels)), down.labels)
 
 
 def _map(
@@ -261,23 +286,12 @@ def _map(
     finite_values = np.concatenate([values[np.isfinite(values)] for values in maps.values()])
     if not finite_values.size or not np.ptp(finite_values):
         return None
-    figure, axes = titled_figure(f"{report['title']}: {name}", len(evaders), len(pursuers))
+    colours = {"cmap": "cividis", "vmin": finite_values.min(), "vmax": finite_values.max()}
+    title = f"{report['title']}: {name}"
+    figure, axes = titled_figure(title, len(evaders), len(pursuers))
     for (pursuer, evader), values in maps.items():
         panel = axes[evaders.index(evader), pursuers.index(pursuer)]
-        image = panel.imshow(
-            values,
-            origin="lower",
-            aspect="auto",
-            cmap="cividis",
-            vmin=finite_values.min(),
-            vmax=finite_values.max(),
-        )
-        panel.set(
-            title=f"{pursuer} / {evader}",
-            xlabel=key_label(across.column),
-            ylabel=key_label(down.column),
-        )
-        panel.set_xticks(range(len(across.labels)), across.labels, rotation=45)
-        panel.set_yticks(range(len(down.labels)), down.labels)
+        image = panel.imshow(values, origin="lower", aspect="auto", **colours)
+        _label_map(panel, f"{pursuer} / {evader}", down, across)
     figure.colorbar(image, ax=axes, label=name)
     return figure

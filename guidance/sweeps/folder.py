@@ -83,11 +83,14 @@ class Folder:
 
     def part(self, chunk: int) -> Path:
         """Return the path of a chunk's file."""
-        return self.path / ROWS / f"part-{chunk:06d}.parquet"
+        name = f"part-{chunk:06d}.parquet"
+        return self.path / ROWS / name
 
     def rows(self, chunk: int) -> range:
         """Return the numbers of a chunk's rows."""
-        return range(chunk * self.chunk_rows, min(self.plan.rows, (chunk + 1) * self.chunk_rows))
+        first = chunk * self.chunk_rows
+        end = min(self.plan.rows, first + self.chunk_rows)
+        return range(first, end)
 
     def has(self, chunk: int) -> bool:
         """Return True if a chunk's file has all rows: one for each game, with teams one for each evader."""
@@ -101,11 +104,8 @@ class Folder:
     @cached_property
     def missing(self) -> list[int]:
         """The chunks without a complete file, when first asked for."""
-        return [
-            chunk
-            for chunk in range(math.ceil(self.plan.rows / self.chunk_rows))
-            if not self.has(chunk)
-        ]
+        chunks = math.ceil(self.plan.rows / self.chunk_rows)
+        return [chunk for chunk in range(chunks) if not self.has(chunk)]
 
     @property
     def rows_there(self) -> int:
@@ -134,8 +134,12 @@ class Folder:
         """Read `ROW`, `END` and other columns of all rows, and add `PAIR`, `POINT`, `SEED` and `CAPTURED`."""
         table = parquet.read_table(self.parts, columns=[ROW, END, *names])
         read = {name: table[name].to_numpy() for name in table.column_names}
-        read[PAIR], read[POINT], read[SEED] = self.plan.places(read[ROW])
-        read[CAPTURED] = np.where(read[END] == "invalid", math.nan, read[END] == CAPTURED)
+        pair, point, seed = self.plan.places(read[ROW])
+        end = read[END]
+        read[PAIR] = pair
+        read[POINT] = point
+        read[SEED] = seed
+        read[CAPTURED] = np.where(end == "invalid", math.nan, end == CAPTURED)
         return read
 
 
@@ -173,7 +177,8 @@ def begun(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> F
             "commit": commit(),
             **plan.document,
         }
-        write_whole(path / MANIFEST, json.dumps(manifest, indent=1).encode())
+        text = json.dumps(manifest, indent=1)
+        write_whole(path / MANIFEST, text.encode())
     return Folder(path, plan, rows)
 
 
@@ -181,7 +186,9 @@ def _default_chunk_rows(plan: Plan, workers: int) -> int:
     largest = _LARGEST_CHUNK["teams" if plan.teams else plan.way]
     if workers == 1:
         return min(plan.rows, largest)
-    return min(math.ceil(plan.rows / (_CHUNKS_A_WORKER * workers)), largest)
+    chunks = _CHUNKS_A_WORKER * workers
+    even_rows = math.ceil(plan.rows / chunks)
+    return min(even_rows, largest)
 
 
 def read_folder(path: Path) -> Folder:

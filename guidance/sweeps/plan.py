@@ -56,7 +56,9 @@ class Policies(Section):
     @property
     def pairs_listed(self) -> int:
         """Number of pairs, also of policies given twice."""
-        return len(_several(self.pursuer, "")) * len(_several(self.evader, ""))
+        pursuers = _several(self.pursuer, "")
+        evaders = _several(self.evader, "")
+        return len(pursuers) * len(evaders)
 
 
 class Seeds(Section):
@@ -74,14 +76,16 @@ class Seeds(Section):
 
     def at(self, number: Integers) -> Integers:
         """Return the seeds with these numbers."""
-        return np.array(self.values, dtype=np.int64)[number] if self.values else number + self.begin
+        if not self.values:
+            return number + self.begin
+        seeds = np.array(self.values, dtype=np.int64)
+        return seeds[number]
 
 
 def _seeds(seeds: Any) -> Any:  # noqa: ANN401 - from a file
     keys = {int: "count", list: "list"}
-    if type(seeds) in keys:
-        return {keys[type(seeds)]: seeds}
-    return seeds
+    key = keys.get(type(seeds))
+    return seeds if key is None else {key: seeds}
 
 
 AnySeeds = Annotated[Seeds, BeforeValidator(_seeds, json_schema_input_type=int | list[int] | Seeds)]
@@ -157,20 +161,25 @@ class Plan(Section):
                 use = "use it for pursuer.position_m or evader.position_m as a whole"
                 advice = "give each number of another key its own distribution"
                 yield f"random.{key}: a disc or an annulus is a position: {use}; {advice}"
-        columns = list(itertools.chain.from_iterable(axis.columns() for axis in self.axes))
-        pairs = [" against ".join(pair) for pair in self.pairs]
-        for key, names in (
-            ("policies", pairs),
-            ("seeds", self.seeds.values),
-            ("grid, random", columns),
-        ):
-            if twice := [name for name, count in Counter(names).items() if count > 1]:
-                yield f"{key}: {twice[0]} is given twice"
-        step = math.prod(self.shape[:2])
+        yield from self._repetitions()
+        pairs, points, _ = self.shape
+        step = pairs * points
         if self.number is not None and self.number % step:
-            counts = f"{self.shape[1]} grid points × {self.shape[0]} pairs of policies"
-            nearest = max(1, round(self.number / step)) * step
-            yield f"rows = {self.number}: must be a multiple of {step} ({counts}); the nearest is {nearest}"
+            counts = f"{points} grid points × {pairs} pairs of policies"
+            steps = max(1, round(self.number / step))
+            allowed = f"must be a multiple of {step} ({counts}); the nearest is {steps * step}"
+            yield f"rows = {self.number}: {allowed}"
+
+    def _repetitions(self) -> Iterator[str]:
+        columns = list[str]()
+        for axis in self.axes:
+            columns += axis.columns()
+        pairs = [" against ".join(pair) for pair in self.pairs]
+        lists = {"policies": pairs, "seeds": self.seeds.values, "grid, random": columns}
+        for key, names in lists.items():
+            repeated = [name for name, count in Counter(names).items() if count > 1]
+            if repeated:
+                yield f"{key}: {repeated[0]} is given twice"
 
     def _size_faults(self) -> Iterator[str]:
         pairs_listed = sum(policies.pairs_listed for policies in self.policies)
@@ -210,7 +219,8 @@ class Plan(Section):
         for policies in self.policies:
             pursuers = _several(policies.pursuer, scenario_pursuer)
             evaders = _several(policies.evader, scenario_evader)
-            pairs.extend(itertools.starmap(Pair, itertools.product(pursuers, evaders)))
+            for pursuer, evader in itertools.product(pursuers, evaders):
+                pairs.append(Pair(pursuer, evader))
         return tuple(pairs)
 
     @cached_property
@@ -218,7 +228,9 @@ class Plan(Section):
         """Numbers of pairs of policies, of grid points and of seeds."""
         pairs = len(self.pairs)
         points = math.prod(self._lengths)
-        seeds = len(self.seeds) if self.number is None else self.number // (points * pairs)
+        seeds = len(self.seeds)
+        if self.number is not None:
+            seeds = self.number // (points * pairs)
         return pairs, points, seeds
 
     @property
@@ -239,7 +251,8 @@ class Plan(Section):
     def on_axes(self, point: Integers) -> tuple[Integers, ...]:
         """Return the place of grid points on every axis, (n,) each; 0 on a random axis."""
         # The leading 1 also serves a plan without axes
-        return np.unravel_index(point, (1, *self._lengths))[1:]
+        _, *places = np.unravel_index(point, (1, *self._lengths))
+        return tuple(places)
 
     def cases(self, row: Integers) -> Cases:
         """Return policies, seeds and values of rows, by their numbers (n,)."""
@@ -277,7 +290,8 @@ class Plan(Section):
     @cached_property
     def digest(self) -> str:
         """SHA-256 of the decisive part."""
-        return sha256(json.dumps(self.decisive, sort_keys=True).encode()).hexdigest()
+        text = json.dumps(self.decisive, sort_keys=True)
+        return sha256(text.encode()).hexdigest()
 
 
 def _several(names: str | tuple[str, ...], default: str) -> tuple[str, ...]:
@@ -292,11 +306,11 @@ def policy_in(section: Any) -> str:  # noqa: ANN401 - a player's section, or the
     """Return the policy of a player or a team; different policies of a team are joined by "+"."""
     if not isinstance(section, (list, tuple)):
         return str(section["policy"])
-    return "+".join(dict.fromkeys(str(group["policy"]) for group in section))
+    policies = [str(group["policy"]) for group in section]
+    return "+".join(dict.fromkeys(policies))
 
 
 def plan_of(document: Mapping[str, Any]) -> Plan:
     """Return the plan of a sweep's manifest."""
-    return Plan.model_validate(
-        {**document["sweep"], "as": document["as"], "scenario": document["scenario"]}
-    )
+    keys = document["sweep"] | {"as": document["as"], "scenario": document["scenario"]}
+    return Plan.model_validate(keys)

@@ -69,14 +69,17 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
         report = summed_up(plan, rows, keys, cases)
         text = json.dumps(report, indent=1) + "\n"
         write_whole(out / "report.json", text.encode())
-        of_pairs = [rows[PAIR] == number for number in range(len(plan.pairs))]
-        regrets = [known(rows["regret"][of_pair]) for of_pair in of_pairs]
+        regrets = []
+        for number in range(len(plan.pairs)):
+            of_pair = rows[PAIR] == number
+            regrets.append(known(rows["regret"][of_pair]))
         pictures = draw_all(report, keys, regrets, out)
     if as_json:
         sys.stdout.write(text)
     else:
         _show(console(), report, keys)
-    return [out / "report.json", *pictures, *(out / case["file"] for case in cases)]
+    case_files = [out / case["file"] for case in cases]
+    return [out / "report.json", *pictures, *case_files]
 
 
 def _columns_of_game(plan: Plan) -> tuple[str, str]:
@@ -92,10 +95,12 @@ def _keys(plan: Plan, axis: Axis, rows: Columns) -> Iterator[Key]:
         for column in axis.columns():
             yield _bins(column, rows[column])
     elif len(axis.values) > 1:
-        places = plan.on_axes(rows[POINT])[plan.axes.index(axis)]
+        number = plan.axes.index(axis)
+        places = plan.on_axes(rows[POINT])[number]
         labels = [_value_label(value) for value in axis.values]
         centres: Sequence[float] = range(len(labels))
-        if all(isinstance(value, (int, float)) for value in axis.values):
+        are_numbers = all(isinstance(value, (int, float)) for value in axis.values)
+        if are_numbers:
             centres = axis.values
         yield Key(axis.key, labels, centres, places, grid=True)
 
@@ -106,9 +111,11 @@ def _bins(column: str, numbers: NDArray[Any]) -> Key:
         texts, places = np.unique(numbers.astype(str), return_inverse=True)
         return Key(column, texts.tolist(), range(len(texts)), places, grid=False)
     edges = np.linspace(numbers.min(), numbers.max(), _BINS + 1)
-    labels = [f"{low:.4g} to {high:.4g}" for low, high in itertools.pairwise(edges.tolist())]
+    bounds = itertools.pairwise(edges.tolist())
+    labels = [f"{low:.4g} to {high:.4g}" for low, high in bounds]
     centres = 0.5 * (edges[1:] + edges[:-1])
-    places = np.searchsorted(edges[1:-1], numbers, side="right")
+    inner_edges = edges[1:-1]
+    places = np.searchsorted(inner_edges, numbers, side="right")
     return Key(column, labels, centres.tolist(), places, grid=False)
 
 
@@ -137,8 +144,9 @@ def summed_up(
     for number, pair in enumerate(plan.pairs):
         if number not in everything:
             continue
-        ends = rows[END][rows[PAIR] == number]
-        results = {**pair._asdict(), "ends": Counter(ends.tolist()), **everything[number][0]}
+        of_pair = rows[PAIR] == number
+        ends = Counter(rows[END][of_pair].tolist())
+        results = {**pair._asdict(), "ends": ends, **everything[number][0]}
         results["by_key"] = {column: groups[number] for column, groups in by_key.items()}
         results["by_point"] = by_point.get(number, [])
         policies.append(results)
@@ -165,7 +173,8 @@ def _groups(plan: Plan, rows: Columns, keys: Sequence[Key]) -> dict[int, list[di
     columns = [rows[name] for name in (CAPTURED, "regret", "predicted", "game_time_s")]
     numbers = np.stack(columns, axis=-1)
     shape = (len(plan.pairs), *(len(key.labels) for key in keys))
-    group = np.ravel_multi_index((rows[PAIR], *(key.places for key in keys)), shape)
+    places_of_keys = [key.places for key in keys]
+    group = np.ravel_multi_index((rows[PAIR], *places_of_keys), shape)
     order = np.argsort(group, kind="stable")
     groups, begins = np.unique(group[order], return_index=True)
     games_of = np.split(numbers[order], begins[1:])
@@ -185,7 +194,8 @@ def _groups(plan: Plan, rows: Columns, keys: Sequence[Key]) -> dict[int, list[di
 def _mixes_grid_values(plan: Plan, keys: Sequence[Key]) -> bool:
     """Return True if the plan varies more keys of its grid than these."""
     varied = [axis for axis in plan.axes if len(axis.values) > 1]
-    return len(varied) > len([key for key in keys if key.grid])
+    grid = [key for key in keys if key.grid]
+    return len(varied) > len(grid)
 
 
 def _summary(plan: Plan, games: Array, *, with_intervals: bool) -> dict[str, Any]:
@@ -196,7 +206,8 @@ def _summary(plan: Plan, games: Array, *, with_intervals: bool) -> dict[str, Any
     captured = share(int(captures.sum()), captures.size)
     regret = mean(regrets)
     has_draws = any(axis.random is not None for axis in plan.axes)
-    are_equal = not has_draws and np.unique(known(times_s)).size == 1
+    distinct_times_s = np.unique(known(times_s))
+    are_equal = not has_draws and distinct_times_s.size == 1
     if are_equal or not with_intervals:
         captured = Interval(captured.estimate)
         regret = Interval(regret.estimate)
@@ -216,11 +227,15 @@ def _summary(plan: Plan, games: Array, *, with_intervals: bool) -> dict[str, Any
 
 def _reasons(rows: Columns) -> list[dict[str, Any]]:
     """Return why rows are invalid or failed, with an example of each reason; its numbers differ from row to row."""
-    wrong = (rows[END] == "invalid") | (rows[END] == "failed")
+    is_invalid = rows[END] == "invalid"
+    has_failed = rows[END] == "failed"
+    is_wrong = is_invalid | has_failed
+    numbers = rows[ROW][is_wrong].tolist()
     reasons: dict[str, dict[str, Any]] = {}
-    for row, reason in zip(rows[ROW][wrong].tolist(), rows["reason"][wrong], strict=True):
+    for number, reason in zip(numbers, rows["reason"][is_wrong], strict=True):
         kind = re.sub(r"-?\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)
-        reasons.setdefault(kind, {"rows": 0, "row": row, "reason": reason})["rows"] += 1
+        example = {"rows": 0, "row": number, "reason": reason}
+        reasons.setdefault(kind, example)["rows"] += 1
     return sorted(reasons.values(), key=lambda reason: -int(reason["rows"]))
 
 
@@ -239,12 +254,12 @@ def _written_worst(plan: Plan, rows: Columns, out: Path, count: int) -> Iterator
         names = plan.pairs[rows[PAIR][index]]
         document = scenario.model_dump(mode="json", exclude={"expect"}, exclude_none=True)
         sweep = plan.digest[:12]
-        document["description"] = (
-            f"Row {row} of the sweep {sweep}, {' against '.join(names)}: {end}."
-        )
+        policies = " against ".join(names)
+        document["description"] = f"Row {row} of the sweep {sweep}, {policies}: {end}."
         path = out / f"worst-{number:03d}.toml"
         write_whole(path, tomlkit.dumps(document).encode())
-        result = {"row": row, "end": end, "regret": float(rows["regret"][index])}
+        regret = float(rows["regret"][index])
+        result = {"row": row, "end": end, "regret": regret}
         yield {"file": path.name, **result, **names._asdict()}
 
 
@@ -253,24 +268,24 @@ def _worst(plan: Plan, rows: Columns, count: int) -> list[int]:
     pair = rows[PAIR]
     end = rows[END]
     regret = rows["regret"]
-    lost = (rows["predicted_winner"] == "pursuer") & (end != CAPTURED) & (end != "invalid")
+    should_win = rows["predicted_winner"] == "pursuer"
+    lost = should_win & (end != CAPTURED) & (end != "invalid")
     badness = np.nan_to_num(np.where(lost, rows["away_m"], regret))
     order = np.lexsort((rows[ROW], -badness, ~lost))
-    order = order[(lost | np.isfinite(regret))[order]]
-    ranks_of_pairs = [np.flatnonzero(pair[order] == number) for number in range(len(plan.pairs))]
-    ranks = np.sort(np.concatenate([ranks[:count] for ranks in ranks_of_pairs]))
-    return list(order[ranks.astype(int)].tolist())
+    is_ordered = lost | np.isfinite(regret)
+    order = order[is_ordered[order]]
+    worst_ranks = []
+    for number in range(len(plan.pairs)):
+        ranks = np.flatnonzero(pair[order] == number)
+        worst_ranks.append(ranks[:count])
+    chosen_ranks = np.sort(np.concatenate(worst_ranks))
+    return list(order[chosen_ranks.astype(int)].tolist())
 
 
 def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> None:
     unit = report["unit"]
     grid = [key for key in keys if key.grid]
-    count = report["rows"]
-    planned = report["rows_planned"]
-    counted = (
-        f"{count} evaders of {planned} games" if report["teams"] else f"{count} of {planned} rows"
-    )
-    target.print(f"{counted}, as {report['as']}")
+    target.print(f"{_progress(report)}, as {report['as']}")
     target.print(
         f"regret, {unit}: the pursuer's loss against the game's value; below 0, the evader's"
     )
@@ -281,9 +296,12 @@ def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> No
         others = [f"{count} {end}" for end, count in counts if end != CAPTURED]
         other_ends = ", ".join(others) if others else "-"
         games = str(policies["games"])
-        ends.append((_names(policies), games, _share(policies["capture"]), other_ends))
-        regrets.append((_names(policies), *_regret(policies, _SHOWN)))
-    target.print(sheet(("policies", "games", "captured", "other ends"), ends, left=(0, 3)))
+        captured = _share(policies["capture"])
+        names = _names(policies)
+        ends.append((names, games, captured, other_ends))
+        regrets.append((names, *_regret(policies, _SHOWN)))
+    end_headings = ("policies", "games", "captured", "other ends")
+    target.print(sheet(end_headings, ends, left=(0, 3)))
     target.print()
     target.print(sheet(("policies", "mean regret", *_SHOWN), regrets))
     for policies in report["policies"]:
@@ -293,10 +311,19 @@ def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> No
                 rows = [("all", *rows[0][1:])]  # noqa: PLW2901 - equal rows are shown once
             target.print(sheet(("", *headings), rows, left=()))
     for invalid in report["invalid"]:
+        example = f"as row {invalid['row']}: {invalid['reason']}"
         target.print(
-            f"\n{invalid['rows']} rows are invalid or failed, as row {invalid['row']}: {invalid['reason']}",
+            f"\n{invalid['rows']} rows are invalid or failed, {example}",
             soft_wrap=True,
         )
+
+
+def _progress(report: Mapping[str, Any]) -> str:
+    count = report["rows"]
+    planned = report["rows_planned"]
+    if report["teams"]:
+        return f"{count} evaders of {planned} games"
+    return f"{count} of {planned} rows"
 
 
 def _names(policies: Mapping[str, Any]) -> str:
@@ -309,11 +336,11 @@ def _by_key(
     """Yield title, headings and rows of the maps over two keys, or of the curve over each key."""
     if len(grid) == 2:
         first, second = grid
-        keys = f"{key_label(first.column)} (down) and {key_label(second.column)} (across)"
-        for measure, name, cell_of in (
-            ("capture", "captured", _percent),
-            ("regret_mean", "mean regret", _number),
-        ):
+        down_label = key_label(first.column)
+        across_label = key_label(second.column)
+        keys = f"{down_label} (down) and {across_label} (across)"
+        measures = (("capture", "captured", _percent), ("regret_mean", "mean regret", _number))
+        for measure, name, cell_of in measures:
             cells = {}
             for point in policies["by_point"]:
                 labels = tuple(point["at"].values())
@@ -325,26 +352,34 @@ def _by_key(
             yield f": {name} by {keys}", second.labels, rows
         return
     names = list(_SHOWN)[:3]
-    for column in (key.column for key in grid):
-        groups = policies["by_key"][column]
-        rows = [
-            (group["at"][column], _share(group["capture"]), *_regret(group, names))
-            for group in groups
-        ]
-        yield f", by {key_label(column)}", ("captured", "mean regret", *names), rows
+    headings = ("captured", "mean regret", *names)
+    for key in grid:
+        column = key.column
+        rows = []
+        for group in policies["by_key"][column]:
+            label = group["at"][column]
+            captured = _share(group["capture"])
+            rows.append((label, captured, *_regret(group, names)))
+        yield f", by {key_label(column)}", headings, rows
 
 
 def _regret(group: Mapping[str, Any], names: Iterable[str]) -> tuple[str, ...]:
     """Return the mean regret with half the width of its interval, if that is known, and some quantiles."""
-    quantiles = (group["regret_quantiles"].get(_SHOWN[name]) for name in names)
-    return (spread(group["regret_mean"], _ROUNDING), *map(_number, quantiles))
+    regret_quantiles = group["regret_quantiles"]
+    quantiles = [regret_quantiles.get(_SHOWN[name]) for name in names]
+    average = spread(group["regret_mean"], _ROUNDING)
+    return (average, *map(_number, quantiles))
 
 
 def _share(interval: Mapping[str, float | None]) -> str:
     low = interval["low"]
     high = interval["high"]
-    reach = "" if low is None or high is None else f" ({100.0 * low:.0f}-{100.0 * high:.0f})"
-    return _percent(interval["estimate"]) + reach
+    estimate = _percent(interval["estimate"])
+    if low is None or high is None:
+        return estimate
+    low_percent = 100.0 * low
+    high_percent = 100.0 * high
+    return f"{estimate} ({low_percent:.0f}-{high_percent:.0f})"
 
 
 def _percent(share: float | None) -> str:

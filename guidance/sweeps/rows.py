@@ -62,7 +62,9 @@ def scenarios_of(plan: Plan, cases: Cases) -> Iterator[Scenario | TeamScenario |
     drawn: list[tuple[Any, ...]] = [()] * len(cases.row)
     if cases.values:
         drawn = list(zip(*cases.values, strict=True))
-    for pair, seed, values in zip(cases.pair.tolist(), cases.seed.tolist(), drawn, strict=True):
+    pairs = cases.pair.tolist()
+    seeds = cases.seed.tolist()
+    for pair, seed, values in zip(pairs, seeds, drawn, strict=True):
         document = _with_values(bases[pair], plan.axes, values)
         try:
             yield plan.model.model_validate({**document, "seed": seed})
@@ -72,7 +74,8 @@ def scenarios_of(plan: Plan, cases: Cases) -> Iterator[Scenario | TeamScenario |
 
 def scenario_of(plan: Plan, row: int) -> Scenario | TeamScenario | str:
     """Return the scenario of a row, or the reason why it is invalid."""
-    return next(scenarios_of(plan, plan.cases(np.array([row], dtype=np.int64))))
+    rows = np.array([row], dtype=np.int64)
+    return next(scenarios_of(plan, plan.cases(rows)))
 
 
 def _with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:
@@ -108,7 +111,8 @@ def _placed(node: Any, path: Sequence[str | int], value: Any) -> Any:  # noqa: A
     if isinstance(head, int):
         if not isinstance(node, (list, tuple)) or head >= len(node):
             raise LookupError(head)
-        return [*node[:head], _placed(node[head], inner_path, value), *node[head + 1 :]]
+        changed = _placed(node[head], inner_path, value)
+        return [*node[:head], changed, *node[head + 1 :]]
     if node:
         section = node
     else:
@@ -150,7 +154,8 @@ def planned(name: str, way: str | None = None) -> Plan:
         for value in axis.extremes:
             faults.extend(_faults(plan.model, base, axis, value))
     if faults:
-        raise ConfigError(f"{name}:\n" + "\n".join(f"  {fault}" for fault in dict.fromkeys(faults)))
+        lines = [f"  {fault}" for fault in dict.fromkeys(faults)]
+        raise ConfigError("\n".join([f"{name}:", *lines]))
     bases_of(plan, name)
     return plan
 

@@ -67,14 +67,18 @@ class Shown(Progress):
         now_s = time.monotonic()
         rows_done = self.kept - self._before
         rate = rows_done / max(1e-9, now_s - self._begun_s)
-        time_left = timedelta(seconds=round((self._rows - self.kept) / rate)) if rows_done else None
-        text = f"{rate:.3g} {self._unit}/s, {time_left} left" if rows_done else ""
+        text = ""
+        if rows_done:
+            left_s = round((self._rows - self.kept) / rate)
+            time_left = timedelta(seconds=left_s)
+            text = f"{rate:.3g} {self._unit}/s, {time_left} left"
         self.update(self._task, completed=self.kept, description=text)
         if self.disable and now_s - self._shown_s >= _LINE_S:
             self._shown_s = now_s
-            self.console.print(
-                f"{self.kept} of {self._rows} {self._unit}{', ' if text else ''}{text}"
-            )
+            line = f"{self.kept} of {self._rows} {self._unit}"
+            if text:
+                line += f", {text}"
+            self.console.print(line)
 
 
 def _begin_worker() -> None:
@@ -167,8 +171,9 @@ def finish(
         _spread(folder, on_kept, workers, partial(ProcessPoolExecutor, workers, **spawn))
     else:
         for chunk in folder.missing:
-            folder.keep(chunk, computed(folder.plan, folder.rows(chunk)))
-            on_kept(len(folder.rows(chunk)))
+            rows = folder.rows(chunk)
+            folder.keep(chunk, computed(folder.plan, rows))
+            on_kept(len(rows))
 
 
 def _spread(
@@ -182,11 +187,15 @@ def _spread(
         try:
             while pending or running:
                 while pending and len(running) < _AHEAD * size:
-                    future = executor.submit(made, folder.plan, folder.rows(pending[0]))
+                    rows = folder.rows(pending[0])
+                    future = executor.submit(made, folder.plan, rows)
                     running[future] = pending.popleft()
-                for future in wait(running, timeout=0.5, return_when=FIRST_COMPLETED).done:
-                    folder.keep(running[future], _content(future, running[future]))
-                    on_kept(len(folder.rows(running.pop(future))))
+                finished = wait(running, timeout=0.5, return_when=FIRST_COMPLETED).done
+                for future in finished:
+                    chunk = running[future]
+                    folder.keep(chunk, _content(future, chunk))
+                    del running[future]
+                    on_kept(len(folder.rows(chunk)))
                 on_kept(0)
         except BrokenExecutor:
             # The death of one worker breaks the pool: repeat everything that was running
@@ -219,8 +228,11 @@ def _content(future: Future[ChunkMade], chunk: int) -> bytes:
         raise
     own_code = code_here()
     if chunk_made.code != own_code:
-        differing = [name for name in own_code if chunk_made.code.get(name) != own_code[name]]
-        words = [f"{name} {chunk_made.code.get(name)}, here {own_code[name]}" for name in differing]
+        words = []
+        for name, own_version in own_code.items():
+            version = chunk_made.code.get(name)
+            if version != own_version:
+                words.append(f"{name} {version}, here {own_version}")
         raise ConfigError(
             f"--scheduler: a worker has other code ({'; '.join(words)}), so its rows could differ and are not kept; "
             "install this version there, then run the same command to continue"
@@ -263,10 +275,11 @@ def run_sweep(
     """
     target = console(stderr=True)
     plan = planned(name, way)
-    path = out if out is not None else Path("sweeps") / f"{Path(name).stem}-{plan.way}"
+    stem = Path(name).stem
+    path = Path("sweeps") / f"{stem}-{plan.way}" if out is None else out
     unit = "games" if plan.way == "maths" else "flights"
     size = workers if workers is not None else _processors()
-    title = plan.title if plan.title else Path(name).stem
+    title = plan.title if plan.title else stem
     with alone(path):
         target.print(headed(title, f": {plan.rows} {unit}"))
         folder = begun(path, plan, chunk, size)
@@ -297,5 +310,6 @@ def run_sweep(
                 ) from None
         took_s = time.monotonic() - begun_s
         rows = plan.rows - folder.rows_there
-        target.print(f"{rows} {unit} in {took_s:.1f} s, {rows / took_s:.3g} per second")
+        rate = rows / took_s
+        target.print(f"{rows} {unit} in {took_s:.1f} s, {rate:.3g} per second")
     return path

@@ -99,9 +99,10 @@ def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool
         with Progress(*columns, console=target, transient=True, disable=not redraws(target)) as bar:
             task = bar.add_task("", total=_rows_of(states))
             for chunk in _chunks(states):
-                numbers, cells = _with_numbers(chunk, first_row=rows_done + 1)
+                first_row = rows_done + 1
+                numbers, cells = _with_numbers(chunk, first_row=first_row)
                 strange += cells
-                lost = {row - rows_done - 1 for row, *_ in cells}
+                lost = {row - first_row for row, *_ in cells}
                 answered = _answered(game, numbers, lost, speeds_given=speeds_given)
                 rows_done += chunk.num_rows
                 with writing(out):
@@ -119,7 +120,8 @@ def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool
     if strange:
         count = len({row for row, *_ in strange})
         fault = f"{count} of {rows_done} rows have no answer, because a cell is not a number"
-        target.print(f"{states}: {fault}: {_listed(strange)}", soft_wrap=True, markup=False)
+        problem = f"{states}: {fault}: {_listed(strange)}"
+        target.print(problem, soft_wrap=True, markup=False)
 
 
 def _checked_out(states: Path, out: Path | None) -> Path:
@@ -139,9 +141,11 @@ def _checked_out(states: Path, out: Path | None) -> Path:
 
 
 def _listed(cells: list[Cell]) -> str:
-    words = [f"row {row}, {column} = {text!r}" for row, column, text in cells[:_SHOWN]]
-    if len(cells) > _SHOWN:
-        words.append(f"and {len(cells) - _SHOWN} more")
+    shown_cells = cells[:_SHOWN]
+    words = [f"row {row}, {column} = {text!r}" for row, column, text in shown_cells]
+    hidden = len(cells) - _SHOWN
+    if hidden > 0:
+        words.append(f"and {hidden} more")
     return "; ".join(words)
 
 
@@ -160,8 +164,9 @@ def _chunks(path: Path) -> Iterator[pa.Table]:
     """Read a file in pieces of at most `ROWS` rows; a file without rows gives one empty piece."""
     if path.suffix == ".csv":
         with csv.open_csv(path) as columns:
-            texts = dict.fromkeys(filter(_NUMBERS.fullmatch, columns.schema.names), pa.string())
-        as_text = csv.ConvertOptions(column_types=texts, strings_can_be_null=True)
+            numeric_names = filter(_NUMBERS.fullmatch, columns.schema.names)
+            types = dict.fromkeys(numeric_names, pa.string())
+        as_text = csv.ConvertOptions(column_types=types, strings_can_be_null=True)
         batches: Any = csv.open_csv(path, convert_options=as_text)
         schema = batches.schema
     else:
@@ -170,7 +175,9 @@ def _chunks(path: Path) -> Iterator[pa.Table]:
         batches = file.iter_batches(ROWS)
     rows_read = 0
     for batch in batches:
-        yield from (pa.table(batch.slice(start, ROWS)) for start in range(0, batch.num_rows, ROWS))
+        for start in range(0, batch.num_rows, ROWS):
+            piece = batch.slice(start, ROWS)
+            yield pa.table(piece)
         rows_read += batch.num_rows
     if not rows_read:
         yield schema.empty_table()
@@ -189,13 +196,16 @@ def _with_numbers(chunk: pa.Table, *, first_row: int) -> tuple[pa.Table, list[Ce
     strange = []
     for column, name in enumerate(chunk.column_names):
         kind = chunk.schema.field(name).type
-        if not _NUMBERS.fullmatch(name) or not (pa.types.is_string(kind) or pa.types.is_null(kind)):
+        is_text = pa.types.is_string(kind) or pa.types.is_null(kind)
+        if not is_text or not _NUMBERS.fullmatch(name):
             continue
-        words = pc.utf8_trim_whitespace(chunk.column(column).cast(pa.string()))
-        right = pc.match_substring_regex(words, _NUMBER_FORM, ignore_case=True)
-        wrong = pc.indices_nonzero(pc.invert(right)).to_pylist()
-        strange += [(first_row + row, name, words[row].as_py()) for row in wrong]
-        chunk = chunk.set_column(column, name, pc.if_else(right, words, None).cast(pa.float64()))
+        texts = chunk.column(column).cast(pa.string())
+        words = pc.utf8_trim_whitespace(texts)
+        is_number = pc.match_substring_regex(words, _NUMBER_FORM, ignore_case=True)
+        wrong_rows = pc.indices_nonzero(pc.invert(is_number)).to_pylist()
+        strange += [(first_row + row, name, words[row].as_py()) for row in wrong_rows]
+        number_words = pc.if_else(is_number, words, None)
+        chunk = chunk.set_column(column, name, number_words.cast(pa.float64()))
     return chunk, sorted(strange)
 
 
@@ -203,7 +213,8 @@ def _answered(game: Game, chunk: pa.Table, lost: set[int], *, speeds_given: bool
     """Append the answers to a chunk of states; the rows in `lost` have a cell without a number."""
     names = set(chunk.column_names)
     game = _with_ratios(game, chunk, speeds_given=speeds_given)
-    target = _place(chunk, "target") if names & {"target_x_m", "target_y_m"} else None
+    has_target = "target_x_m" in names or "target_y_m" in names
+    target = _place(chunk, "target") if has_target else None
     if any(map(_PLAYER.fullmatch, names)):
         fields = _team_answers(game, chunk, target, lost)
     else:
@@ -228,11 +239,15 @@ def _answered(game: Game, chunk: pa.Table, lost: set[int], *, speeds_given: bool
 
 def _answers(game: Game, chunk: pa.Table, target: Array | None) -> dict[str, Any]:
     """Return the answers to the rows of a file of single games: name of the columns, and a field (rows, ...)."""
-    solution = solve(game, _place(chunk, "pursuer"), _place(chunk, "evader"), target)
+    pursuer_m = _place(chunk, "pursuer")
+    evader_m = _place(chunk, "evader")
+    solution = solve(game, pursuer_m, evader_m, target)
     fields = {}
     for name, values in solution._asdict().items():
-        # A vector has a column for each axis, before its unit
-        column = re.sub(r"(_m_s|_m)$", r"_{}\1", name) if values.ndim > 1 else name
+        column = name
+        if values.ndim > 1:
+            # A vector has a column for each axis, before its unit
+            column = re.sub(r"(_m_s|_m)$", r"_{}\1", name)
         fields[column] = values
     return fields
 
@@ -250,7 +265,8 @@ def _with_ratios(game: Game, chunk: pa.Table, *, speeds_given: bool) -> Game:
         )
     if not has_ratio:
         return game
-    return replace(game, pursuer=Ball(_column(chunk, _RATIO) * game.evader_speed_m_s))
+    pursuer_speed_m_s = _column(chunk, _RATIO) * game.evader_speed_m_s
+    return replace(game, pursuer=Ball(pursuer_speed_m_s))
 
 
 def _place(chunk: pa.Table, player: str) -> Array:
@@ -264,12 +280,12 @@ def _place(chunk: pa.Table, player: str) -> Array:
 def _column(chunk: pa.Table, name: str) -> Array:
     """Return a column of numbers, NaN where a cell is empty."""
     if name not in chunk.column_names:
-        raise ConfigError(
-            f"--states: the column {name} is missing; it has {', '.join(chunk.column_names)}"
-        )
+        names = ", ".join(chunk.column_names)
+        raise ConfigError(f"--states: the column {name} is missing; it has {names}")
     column = chunk.column(name)
-    if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
-        raise ConfigError(f"--states: the column {name} holds {column.type}; it must hold numbers")
+    kind = column.type
+    if not (pa.types.is_floating(kind) or pa.types.is_integer(kind)):
+        raise ConfigError(f"--states: the column {name} holds {kind}; it must hold numbers")
     return np.asarray(column.cast(pa.float64()).to_numpy())
 
 
@@ -304,14 +320,21 @@ def _team_answers(
     """
     pursuers_m = _players(chunk, "pursuer")
     evaders_m = _players(chunk, "evader")
-    answers = _blank_team_answers(len(pursuers_m), pursuers_m.shape[1], evaders_m.shape[1])
+    rows, pursuers, _ = pursuers_m.shape
+    evaders = evaders_m.shape[1]
+    answers = _blank_team_answers(rows, pursuers, evaders)
     for teams in _teams_in(pursuers_m, evaders_m, lost):
         row_games = rows_of(game, itemgetter((teams.rows, None, None)))
         P = pursuers_m[np.ix_(teams.rows, teams.pursuers)]
         E = evaders_m[np.ix_(teams.rows, teams.evaders)]
         goal = None if target is None else target[teams.rows][:, None]
-        _fill_in(answers, teams, match_teams(row_games, P, E, goal))
-    return {_TEAM_COLUMNS[name][0]: field for name, field in answers.items()}
+        matching = match_teams(row_games, P, E, goal)
+        _fill_in(answers, teams, matching)
+    columns = {}
+    for name, field in answers.items():
+        column, _ = _TEAM_COLUMNS[name]
+        columns[column] = field
+    return columns
 
 
 def _blank_team_answers(rows: int, pursuers: int, evaders: int) -> dict[str, Array]:
@@ -335,12 +358,14 @@ def _teams_in(pursuers_m: Array, evaders_m: Array, lost: set[int]) -> Iterator[_
     """Group the rows by the players that are present; skip lost rows and those that lack a side."""
     has_pursuer = np.isfinite(pursuers_m).any(axis=-1)
     has_evader = np.isfinite(evaders_m).any(axis=-1)
+    pursuer_count = has_pursuer.shape[1]
     present = np.concatenate([has_pursuer, has_evader], axis=1)
     patterns, kinds = np.unique(present, axis=0, return_inverse=True)
     for number, pattern in enumerate(patterns):
-        rows = np.setdiff1d(np.flatnonzero(kinds.reshape(-1) == number), list(lost))
-        pursuers = np.flatnonzero(pattern[: has_pursuer.shape[1]])
-        evaders = np.flatnonzero(pattern[has_pursuer.shape[1] :])
+        matching_rows = np.flatnonzero(kinds.reshape(-1) == number)
+        rows = np.setdiff1d(matching_rows, list(lost))
+        pursuers = np.flatnonzero(pattern[:pursuer_count])
+        evaders = np.flatnonzero(pattern[pursuer_count:])
         if rows.size and pursuers.size and evaders.size:
             yield _Teams(rows, pursuers, evaders)
 
@@ -356,20 +381,23 @@ def _fill_in(answers: dict[str, Array], teams: _Teams, match: Matching) -> None:
         if column.ndim == 1:
             column[teams.rows] = part
             continue
-        players = teams.pursuers if "pursuer" in _TEAM_COLUMNS[name][0] else teams.evaders
-        column[np.ix_(teams.rows, players)] = part[..., : column.shape[-1]]
+        column_name, _ = _TEAM_COLUMNS[name]
+        players = teams.pursuers if "pursuer" in column_name else teams.evaders
+        cells = np.ix_(teams.rows, players)
+        column[cells] = part[..., : column.shape[-1]]
 
 
 def _players(chunk: pa.Table, player: str) -> Array:
     """Return the positions of a side, (n, players, 3)."""
     matches = filter(None, map(_PLAYER.fullmatch, chunk.column_names))
     numbers = {int(name[2]) for name in matches if name[1] == player}
-    if not numbers or numbers != set(range(len(numbers))) or len(numbers) > MAX_PLAYERS:
+    count = len(numbers)
+    sorted_numbers = sorted(numbers)
+    if count not in range(1, MAX_PLAYERS + 1) or sorted_numbers != list(range(count)):
         names = ", ".join(f"{player}_0_{axis}_m" for axis in _AXES[player])
         allowed = (
             f"they must be 0, 1, 2 and so on, at most {MAX_PLAYERS}: {names}, {player}_1_x_m …"
         )
-        raise ConfigError(
-            f"--states: the columns number the {player}s {sorted(numbers)}; {allowed}"
-        )
-    return np.stack([_place(chunk, f"{player}_{number}") for number in sorted(numbers)], axis=1)
+        raise ConfigError(f"--states: the columns number the {player}s {sorted_numbers}; {allowed}")
+    places_m = [_place(chunk, f"{player}_{number}") for number in sorted_numbers]
+    return np.stack(places_m, axis=1)
