@@ -305,6 +305,13 @@ class Autopilot:
         conditions = self.conditions
         state.estimator.advance(now_s, conditions, flying=not state.body.on_ground)
         state.battery.advance(ESTIMATOR_S, state.body.thrust_m_s2 / 9.80665)
+        if state.battery.pack.drained_by_time:
+            state.battery.drain(
+                ESTIMATOR_S,
+                armed=state.armed,
+                whole_s=float(self.parameters["SIM_BAT_DRAIN"]),
+                least=float(self.parameters["SIM_BAT_MIN_PCT"]) * 0.01,
+            )
         self._gust = (
             gust_after(self._gust, conditions.gust_m_s, self._random, ESTIMATOR_S)
             if conditions.gust_m_s

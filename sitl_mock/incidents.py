@@ -40,7 +40,7 @@ def _jump_yaw(autopilot: EventTarget, _now_s: float, by_deg: float) -> None:
 
 
 def _set_battery(autopilot: EventTarget, _now_s: float, share: float) -> None:
-    autopilot.state.battery.remaining = share
+    autopilot.state.battery.put(share)
 
 
 def _push(autopilot: EventTarget, _now_s: float, by_m_s: Vector) -> None:

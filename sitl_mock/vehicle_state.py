@@ -1,7 +1,4 @@
-"""State shared by all flavours: one vehicle's body, estimate, battery, pilot and texts.
-
-Flying drains the battery to one half, as in PX4's simulation; tests can set it.
-"""
+"""State shared by all flavours: one vehicle's body, estimate, battery, pilot and texts."""
 
 import math
 from dataclasses import dataclass, field
@@ -17,9 +14,11 @@ from sitl_mock.sensors import Sensors
 from sitl_mock.world import LocalFrame, Vector
 
 _CHARGE_LAG_S = 1.0
-_RESTORED = 1e-3
+"""PX4's reported charge follows that of the pack with this time constant."""
+_FILTERED = 2.7e-5
+"""PX4's filter of that lag, in single precision, comes this close and no closer; so a half is shown as 51 %."""
 LEAST = 0.5
-"""Flying does not drain the battery below this (SIM_BAT_MIN_PCT), so that long tests do not end in failsafes."""
+"""Flying does not drain ArduPilot's battery below this, so that long tests do not end in failsafes."""
 
 
 class Pack(NamedTuple):
@@ -33,6 +32,8 @@ class Pack(NamedTuple):
         idle_a: Current with the motors off.
         hover_a: Current more in hover.
         capacity_mah: Full charge.
+        drained_by_time: The charge falls with the time armed and is full while disarmed, as in PX4's simulation
+            (``BatterySimulator.cpp``); else it falls with the current.
     """
 
     cells: int
@@ -42,9 +43,10 @@ class Pack(NamedTuple):
     idle_a: float
     hover_a: float
     capacity_mah: float
+    drained_by_time: bool = False
 
 
-PX4_PACK = Pack(4, 16.2, 14.4, 1.0, 0.4, 14.0, 5000.0)
+PX4_PACK = Pack(4, 16.2, 14.4, 1.0, 0.4, 14.0, 5000.0, drained_by_time=True)
 ARDUPILOT_PACK = Pack(3, 12.6, 9.6, 0.5, 0.0, 28.12, 3300.0)
 """ArduCopter 4.5.7's simulator keeps 12.6 V and draws 28.12 A in hover (measured)."""
 
@@ -55,7 +57,8 @@ class Battery:
 
     Attributes:
         pack: Its kind.
-        remaining: Fraction in [0, 1].
+        remaining: Reported fraction in [0, 1].
+        charge: That of the pack; the report of one that is drained by time follows it with a lag.
         current_a: Present current.
         consumed_mah: Charge taken since start.
         failed: It has been emptied by an injected failure.
@@ -63,29 +66,39 @@ class Battery:
 
     pack: Pack = PX4_PACK
     remaining: float = 1.0
+    charge: float = 1.0
     current_a: float = 0.0
     consumed_mah: float = 0.0
     failed: bool = False
-    _before: float | None = None
+    _set_share: float = math.nan
+
+    def put(self, share: float) -> None:
+        """Set the charge, which stays there if flying would drain it no further."""
+        self.charge = share
+        self.remaining = share
+        self._set_share = share
 
     def advance(self, dt_s: float, thrust_share: float) -> None:
-        """Drain for dt_s at a share of hover thrust (0: motors off)."""
+        """Draw the current of dt_s at a share of hover thrust (0: motors off)."""
         self.current_a = self.pack.idle_a + self.pack.hover_a * thrust_share
         used_mah = self.current_a * dt_s / 3.6
         self.consumed_mah += used_mah
-        if self.failed or self._before is not None:
-            self._fail(dt_s)
-        elif self.remaining > LEAST:
-            self.remaining = max(LEAST, self.remaining - used_mah / self.pack.capacity_mah)
+        if not self.pack.drained_by_time and self.charge > LEAST:
+            self.charge = max(LEAST, self.charge - used_mah / self.pack.capacity_mah)
+            self.remaining = self.charge
 
-    def _fail(self, dt_s: float) -> None:
-        """Move the reported charge to 0, or back to what it was; it follows the voltage with a lag (measured)."""
-        if self._before is None:
-            self._before = self.remaining
-        goal = 0.0 if self.failed else self._before
-        self.remaining += (goal - self.remaining) * min(dt_s / _CHARGE_LAG_S, 1.0)
-        if not self.failed and abs(self.remaining - goal) < _RESTORED:
-            self._before = None
+    def drain(self, dt_s: float, *, armed: bool, whole_s: float, least: float) -> None:
+        """Drain a pack by time: a full one in `whole_s`, down to `least`."""
+        if armed:
+            # A charge that was set below the least one is not raised to it.
+            floor = least if math.isnan(self._set_share) else min(least, self._set_share)
+            used = dt_s / whole_s if whole_s > 0.0 else 1.0
+            self.charge = max(self.charge - used, floor)
+        elif math.isnan(self._set_share):
+            self.charge = 1.0
+        goal = 0.0 if self.failed else self.charge
+        if abs(goal - self.remaining) > _FILTERED:
+            self.remaining += (goal - self.remaining) * min(dt_s / _CHARGE_LAG_S, 1.0)
 
     @property
     def voltage_v(self) -> float:
@@ -93,7 +106,7 @@ class Battery:
         pack = self.pack
         if self.failed:
             return pack.empty_v
-        share = min(self.remaining / pack.flat_share, 1.0)
+        share = min(self.charge / pack.flat_share, 1.0)
         return pack.empty_v + (pack.full_v - pack.empty_v) * share
 
 

@@ -106,8 +106,11 @@ def _diagonal(x: float, y: float, z: float, roll: float, pitch: float, yaw: floa
 _VELOCITY_COVARIANCE: Final = _diagonal(0.02, 0.02, 0.01, _NAN, _NAN, _NAN)
 
 
+_ROUNDING: Final = 1e-9
+
+
 def sys_status(report: Report) -> Fields:
-    """SYS_STATUS: PREARM is healthy when it may arm, and never present."""
+    """SYS_STATUS: PREARM is healthy when it may arm, and never present; the charge is rounded up."""
     state = report.state
     battery = state.battery
     estimator = state.estimator
@@ -119,7 +122,7 @@ def sys_status(report: Report) -> Fields:
     health |= _RADIO if pilot.fresh(state.now_s, 0.5) else 0
     health |= _PREARM if state.armed or report.commander.ready_to_arm else 0
     millivolts = int(battery.voltage_v * 1000.0)
-    percent = round(battery.remaining * 100.0)
+    percent = math.ceil(battery.remaining * 100.0 - _ROUNDING)
     return (present, present | _RADIO, health, 120, millivolts, -100, percent, *(0,) * 8, 1)
 
 

@@ -114,7 +114,7 @@ def test_pyulog_reads_a_flight(flights):
     assert series["vehicle_local_position"]["vx"].max() == pytest.approx(1.8, abs=0.2)
     wanted = series["trajectory_setpoint"]["velocity[0]"]
     assert np.nanmax(wanted) == 2.0
-    assert series["battery_status"]["remaining"][-1] == pytest.approx(0.97, abs=0.02)
+    assert series["battery_status"]["remaining"][-1] == pytest.approx(0.52, abs=0.02)
     rates_hz = {
         name: (len(data["timestamp"]) - 1) / np.ptp(data["timestamp"]) * 1e6
         for name, data in series.items()

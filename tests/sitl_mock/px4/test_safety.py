@@ -105,11 +105,27 @@ def test_a_low_battery_refuses_arming(fly):
     assert flight.command(400, 1.0) == [1]
 
 
-def test_flying_drains_the_battery(fly):
-    flight = fly.airborne("px4")
-    before = flight.vehicle.autopilot.state.battery.remaining
-    flight.run(30.0)
-    assert flight.vehicle.autopilot.state.battery.remaining < before < 1.0
+def test_the_battery_drains_by_the_time_armed_as_that_of_px4s_simulation(fly):
+    """SYS_STATUS in mV and %, as measured; SIM_BAT_MIN_PCT also raises the charge."""
+    parameters = {"SIM_BAT_DRAIN": 20.0, "COM_DISARM_PRFLT": -1.0}
+    flight = fly("px4", parameters=parameters).run(6.0)
+
+    def after(seconds, least=None):
+        if least is not None:
+            flight.vehicle.autopilot.parameters.set("SIM_BAT_MIN_PCT", least)
+        flight.run(seconds)
+        status = flight.last("SYS_STATUS")
+        return status.voltage_battery, status.battery_remaining
+
+    assert after(0.0) == (16200, 100)
+    flight.command(400, 1)
+    assert after(6.0) == (pytest.approx(15660, abs=50), pytest.approx(75, abs=3))
+    assert after(10.0) == (15300, 51)
+    assert after(5.0, least=70.0) == (15660, 70)
+    assert after(8.0, least=30.0) == (pytest.approx(14940, abs=50), pytest.approx(36, abs=3))
+    flight.command(400, 0)
+    assert after(1.5) == (16200, pytest.approx(84, abs=4))
+    assert after(4.0) == (16200, 100)
 
 
 def test_gps_loss_shows_at_once_and_takes_the_position_after_five_seconds(fly):
