@@ -41,6 +41,7 @@ WALLS = (
     "tests/control/test_held_back.py",
     "tests/control/test_braked.py::test_a_vehicle_brakes_if_drift_and_stopping_distance_exceed_the_room",
     "tests/control/test_braked.py::test_every_wall_is_braked_for_as_its_law_asks_and_nothing_along_it",
+    "tests/control/test_braked.py::test_a_vehicle_brakes_for_the_wall_ahead_beside_a_near_one_that_it_leaves",
 )
 LIMITER = (
     "tests/control/test_setpoint_limiter.py",

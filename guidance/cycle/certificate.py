@@ -34,7 +34,7 @@ from guidance.cycle.players import Players, Vehicle, late_start
 from guidance.frames import Enu, Ned
 from guidance.game import Game, StateSolution, Winner, solve_state
 from guidance.game.arrays import FLOATS
-from guidance.game.pe import escape, take_apart
+from guidance.game.pe import escape
 from guidance.messages import UNKNOWN_VELOCITY
 
 _NOWHERE: Final = Enu((math.nan, math.nan, math.nan))
@@ -213,21 +213,20 @@ def _pursuits_s(
     slower_m = max(0.0, players.gaps.height_m) * (1.0 / acceleration.descent_share - 1.0)
     missing_m_s = desired_m_s.up - players.pursuer_m_s.up
     climbing_s = abs(missing_m_s) / (2.0 * acceleration.vertical_m_s2)
-    height_m = players.pursuer_m.up + slower_m - missing_m_s * climbing_s
+    late_up_m = players.pursuer_m.up + slower_m - missing_m_s * climbing_s
+    height_m = late_up_m - players.evader_m.up - game.standoff.height_m
     times_s = []
     for reaction_s in (0.0, vehicle.envelope.reaction_s):
-        east_m, north_m = _pursuit_start(players, u, acceleration.ground_m_s2, reaction_s)
-        late_m = (east_m, north_m, height_m)
-        state = take_apart(FLOATS, game, late_m, players.evader_m, None)
-        time_s, _, _ = escape(FLOATS, game, state)
+        to_evader_m = _to_evader_m(players, u, acceleration.ground_m_s2, reaction_s)
+        time_s, _, _ = escape(FLOATS, game, to_evader_m, height_m)
         times_s.append(time_s)
     return times_s[0], times_s[1]
 
 
-def _pursuit_start(
+def _to_evader_m(
     players: Players, u: float, acceleration_m_s2: float, reaction_s: float
 ) -> tuple[float, float]:
-    """Return x and y of the late start of a vehicle that turns towards its evader.
+    """Return the way over the ground, x and y, to the evader from the late start of a vehicle that turns towards it.
 
     The vehicle drifts on while it accelerates, so near the evader the direction of the pursuit turns with the late
     start. Number by number, because the rounds take much of the certificate's time.
@@ -241,17 +240,19 @@ def _pursuit_start(
     x, y, _ = players.pursuer_m
     evader_x, evader_y, _ = players.evader_m
     flown_x_m_s, flown_y_m_s, _ = players.pursuer_m_s
-    late_x = x
-    late_y = y
+    way_x_m = evader_x - x
+    way_y_m = evader_y - y
     for _ in range(_TURNS):
-        away_m = math.hypot(evader_x - late_x, evader_y - late_y)
+        away_m = math.hypot(way_x_m, way_y_m)
         pace = u / away_m if away_m > 0.0 else 0.0
-        missing_x_m_s = pace * (evader_x - late_x) - flown_x_m_s
-        missing_y_m_s = pace * (evader_y - late_y) - flown_y_m_s
+        missing_x_m_s = pace * way_x_m - flown_x_m_s
+        missing_y_m_s = pace * way_y_m - flown_y_m_s
         turning_s = math.hypot(missing_x_m_s, missing_y_m_s) / (2.0 * acceleration_m_s2)
         late_x = x - reaction_s * missing_x_m_s - missing_x_m_s * turning_s
         late_y = y - reaction_s * missing_y_m_s - missing_y_m_s * turning_s
-    return late_x, late_y
+        way_x_m = evader_x - late_x
+        way_y_m = evader_y - late_y
+    return way_x_m, way_y_m
 
 
 def statement(players: Players, solution: StateSolution) -> Certificate:

@@ -185,8 +185,9 @@ class Game(Numbers):
         changed = exchanged(
             self, pursuer=pursuer, evader_speed_m_s=speed_m_s, information_age_s=age_s
         )
-        same_speeds = pursuer is self.pursuer and speed_m_s == self.evader_speed_m_s
-        if not same_speeds:
+        target_m_s = math.hypot(*self.target_velocity_m_s)
+        is_plain = self.calm and not self.varies
+        if not (is_plain and target_m_s < speed_m_s < pursuer.horizontal_m_s):
             Game._require_speeds(changed)
         return changed
 

@@ -126,7 +126,7 @@ def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
     """Solve PE; see `solve` for the meaning of the answer."""
     v = game.evader_speed_m_s
     age = game.information_age_s
-    t, direction, distance = escape(xp, game, state)
+    t, direction, distance = escape(xp, game, state.to_evader, state.z)
     free = distance <= 0
     overhead = xp.any(free)
     if overhead:
@@ -169,24 +169,31 @@ def _above(xp: Library, game: Game, state: Geometry, above: Truth, velocity: Spa
     return *level, xp.select(above, vertical, velocity[2])
 
 
-def escape(xp: Library, game: Game, state: Geometry) -> tuple[Real, Plane, Real]:
-    """Return the capture time, the evader's best heading, and its distance then from a pursuer that drifts."""
+def escape(xp: Library, game: Game, to_evader: Plane, z: Real) -> tuple[Real, Plane, Real]:
+    """Return the capture time, the evader's best heading, and its distance then from a pursuer that drifts.
+
+    Args:
+        xp: array library.
+        game: the game.
+        to_evader: horizontal vector from the pursuer to the evader, m.
+        z: height of the pursuer above the stand-off disc, m.
+    """
     v = game.evader_speed_m_s
     radius = game.standoff.radius_m
     capture = game.capture_radius_m
     lead = v * game.information_age_s - radius
     if game.calm:
-        x, y = state.to_evader
+        x, y = to_evader
         distance = xp.sqrt(x * x + y * y)
         spare = game.pursuer.horizontal_m_s - v
-        t = game.pursuer.cover_time(xp, radius, capture, distance + lead, spare, state.z)
-        return t, xp.unit2(state.to_evader, distance), distance
+        t = game.pursuer.cover_time(xp, radius, capture, distance + lead, spare, z)
+        return t, xp.unit2(to_evader, distance), distance
     wind = game.wind_m_s
     least = speed_in_hand(game)
 
     def cover(n: Plane) -> Real:
-        gap = dot2(n, state.to_evader) + lead
+        gap = dot2(n, to_evader) + lead
         spare = least + head_wind(wind, n)
-        return game.pursuer.cover_time(xp, radius, capture, gap, spare, state.z)
+        return game.pursuer.cover_time(xp, radius, capture, gap, spare, z)
 
-    return climb(xp, state.to_evader, (-wind[0], -wind[1]), cover)
+    return climb(xp, to_evader, (-wind[0], -wind[1]), cover)
