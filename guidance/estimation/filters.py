@@ -16,8 +16,9 @@ The height has a filter of its own with two states, down and its rate.
 """
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from operator import itemgetter
+from typing import Final, NamedTuple
 
 from guidance.estimation.measurement import TrackSettings
 from guidance.frames import STILL, Ned
@@ -35,12 +36,39 @@ def _cell(row: int, column: int) -> int:
     return _CELLS.index((max(row, column), min(row, column)))
 
 
-def _cells_of_row(row: int) -> tuple[int, ...]:
-    return tuple(_cell(row, column) for column in range(5))
+_Pick = Callable[[Numbers], tuple[float, ...]]
 
 
-_ROWS = tuple(_cells_of_row(row) for row in range(5))
-"""Where a covariance keeps the numbers of each whole row."""
+class Layout(NamedTuple):
+    """What picks the numbers of a covariance, and their factors, in one step.
+
+    Attributes:
+        rows: From a covariance each of its whole rows, which are also its columns.
+        by_row: From a number for every row, that of each cell.
+        by_column: From a number for every column, that of each cell.
+    """
+
+    rows: tuple[_Pick, ...]
+    by_row: _Pick
+    by_column: _Pick
+
+
+def _row_of(size: int, row: int) -> _Pick:
+    return itemgetter(*[_cell(row, column) for column in range(size)])
+
+
+def _layout(size: int) -> Layout:
+    """Return the layout for a state of this many numbers."""
+    cells = [(row, column) for row, column in _CELLS if row < size]
+    return Layout(
+        tuple(_row_of(size, row) for row in range(size)),
+        itemgetter(*[row for row, _ in cells]),
+        itemgetter(*[column for _, column in cells]),
+    )
+
+
+_LAYOUTS: Final = {4: _layout(4), 5: _layout(5)}
+"""Of the steady and of the turning model, by the size of their states."""
 
 _NORTH, _EAST, _NORTH_RATE, _EAST_RATE = range(4)  # of the state
 _POSITION_CELLS = (_cell(_NORTH, _NORTH), _cell(_EAST, _EAST))
@@ -188,19 +216,24 @@ class TurnJacobian(NamedTuple):
     east_rate: float
     fade: float
 
-    def times(self, columns: Iterable[Numbers]) -> list[Numbers]:
-        """Return the columns of the product with a matrix, which is given by its columns (5,)."""
+    def transformed(self, covariance: Numbers) -> list[float]:
+        """Return the lower triangle of J P Jᵀ for the lower triangle of P."""
         sine, cosine, along_s, across_s, _, _ = self.turn
-        return [
-            (
-                north + along_s * north_rate - across_s * east_rate + self.north * turn_rate,
-                east + across_s * north_rate + along_s * east_rate + self.east * turn_rate,
-                cosine * north_rate - sine * east_rate + self.north_rate * turn_rate,
-                sine * north_rate + cosine * east_rate + self.east_rate * turn_rate,
-                self.fade * turn_rate,
-            )
-            for north, east, north_rate, east_rate, turn_rate in columns
-        ]
+        _, north_by_turn, east_by_turn, north_rate_by_turn, east_rate_by_turn, fade = self
+        columns = [row(covariance) for row in _LAYOUTS[5].rows]
+        for _ in range(2):  # the first (J P)ᵀ is P Jᵀ, as P is symmetric; the second is J P Jᵀ
+            products = [
+                (
+                    north + along_s * north_rate - across_s * east_rate + north_by_turn * turn_rate,
+                    east + across_s * north_rate + along_s * east_rate + east_by_turn * turn_rate,
+                    cosine * north_rate - sine * east_rate + north_rate_by_turn * turn_rate,
+                    sine * north_rate + cosine * east_rate + east_rate_by_turn * turn_rate,
+                    fade * turn_rate,
+                )
+                for north, east, north_rate, east_rate, turn_rate in columns
+            ]
+            columns = [*zip(*products, strict=True)]
+        return [columns[column][row] for row, column in _CELLS]
 
 
 def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
@@ -218,7 +251,7 @@ def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal
         east_rate=dt_s * north_rate,
         fade=fade,
     )
-    covariance = _transformed(jacobian, state.covariance)
+    covariance = jacobian.transformed(state.covariance)
     _add_acceleration(covariance, settings.turning_noise_m2_s3, dt_s)
     covariance[-1] += settings.turn_rate_sd_rad_s**2 * (1.0 - fade**2)
     mean = (
@@ -229,16 +262,6 @@ def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal
         fade * turn_rate,
     )
     return Normal(mean, covariance)
-
-
-def _transformed(jacobian: TurnJacobian, covariance: Numbers) -> list[float]:
-    """Return the lower triangle of J P Jᵀ for the lower triangle of P."""
-    # P is symmetric, so its rows are its columns, and J times them gives the columns of J P.
-    symmetric = [tuple([covariance[cell] for cell in cells]) for cells in _ROWS]
-    rows = zip(*jacobian.times(symmetric), strict=True)
-    # The rows of J P are the columns of its transpose, P Jᵀ.
-    transformed = jacobian.times(rows)
-    return [transformed[row][column] for row, column in _CELLS]
 
 
 def position_variance(state: Normal) -> float:
@@ -283,10 +306,11 @@ def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> Correcti
     """Correct by one number after the other, as their errors are independent."""
     mean = state.mean
     covariance = state.covariance
+    layout = _LAYOUTS[len(mean)]
     distance = 0.0
     spread = 1.0
     for index, (value, variance) in enumerate(zip(measured, variances, strict=True)):
-        shared = [covariance[cell] for cell in _ROWS[index][: len(mean)]]
+        shared = layout.rows[index](covariance)
         expected = shared[index] + variance
         innovation = value - mean[index]
         inverse = 1.0 / expected
@@ -294,10 +318,8 @@ def _corrected(state: Normal, measured: Numbers, variances: Numbers) -> Correcti
         distance += innovation * innovation * inverse
         spread *= expected
         mean = [number + gain * part for number, part in zip(mean, shared, strict=True)]
-        cells = zip(covariance, _CELLS, strict=False)
-        covariance = [
-            number - inverse * (shared[row] * shared[column]) for number, (row, column) in cells
-        ]
+        cells = zip(covariance, layout.by_row(shared), layout.by_column(shared), strict=True)
+        covariance = [number - inverse * (row * column) for number, row, column in cells]
     return Correction(Normal(mean, covariance), distance, spread)
 
 
@@ -308,10 +330,12 @@ def blended(first: Normal, second: Normal, share: float) -> Normal:
     pairs = list(zip(first.mean, second.mean, strict=False))
     apart = [theirs - ours for ours, theirs in pairs]
     mean = [remainder * ours + share * theirs for ours, theirs in pairs]
-    cells = zip(first.covariance, second.covariance, _CELLS, strict=False)
+    layout = _LAYOUTS[len(apart)]
+    between = (layout.by_row(apart), layout.by_column(apart))
+    cells = zip(first.covariance, second.covariance, *between, strict=False)
     covariance = [
-        remainder * ours + share * theirs + spread * (apart[row] * apart[column])
-        for ours, theirs, (row, column) in cells
+        remainder * ours + share * theirs + spread * (row * column)
+        for ours, theirs, row, column in cells
     ]
     return Normal(mean, covariance)
 

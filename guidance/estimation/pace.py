@@ -85,9 +85,9 @@ def _after_plausible(pace: Pace, received_s: float) -> Pace:
     if math.isnan(since_s):
         since_s = received_s
     lasting = received_s - since_s >= _PROVEN_AFTER_S
-    if lasting:
-        pace = pace._replace(usable=True, proven=True)
     return pace._replace(
+        usable=pace.usable or lasting,
+        proven=pace.proven or lasting,
         strange_since_s=math.nan,
         strange_reports=0,
         plausible_since_s=since_s,
@@ -101,9 +101,9 @@ def _after_strange(pace: Pace, received_s: float) -> Pace:
     reports = pace.strange_reports + 1
     limit_s = _PROVEN_GIVEN_UP_AFTER_S if pace.proven else _GIVEN_UP_AFTER_S
     given_up = received_s - since_s >= limit_s and reports >= _GIVEN_UP_REPORTS
-    if given_up:
-        pace = pace._replace(usable=False, proven=False)
     return pace._replace(
+        usable=pace.usable and not given_up,
+        proven=pace.proven and not given_up,
         strange_since_s=since_s,
         strange_reports=reports,
         plausible_since_s=math.nan,

@@ -126,11 +126,11 @@ def _is_apart(report: Report) -> bool:
 
 
 def _has_arrived(recent: Sequence[Report], told: EvaderReport) -> bool:
+    sent_s = told.sent_s
+    same_stamp = [past.told for past in recent if past.told.sent_s == sent_s]
     return any(
-        past.told.sent_s == told.sent_s
-        and past.told.latitude_deg == told.latitude_deg
-        and past.told.longitude_deg == told.longitude_deg
-        for past in recent
+        past.latitude_deg == told.latitude_deg and past.longitude_deg == told.longitude_deg
+        for past in same_stamp
     )
 
 

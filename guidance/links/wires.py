@@ -227,7 +227,7 @@ class TappedWire:
         """Return and capture the arrivals of the wire."""
         arrived = self._wire.receive()
         self._captured.extend(
-            CapturedFrame(received_s, self._from, frame) for received_s, frame in arrived
+            [CapturedFrame(received_s, self._from, frame) for received_s, frame in arrived]
         )
         return arrived
 

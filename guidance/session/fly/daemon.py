@@ -190,12 +190,12 @@ class Daemon:
         self, now_s: float, queries: Sequence[Question], orders: Sequence[Question]
     ) -> Inputs:
         """Read everything that one cycle sees, and send our HEARTBEAT once a second."""
-        orders_by = {
-            by: [Event(question.order) for question in orders if question.authority is by]
-            for by in Authority
-        }
-        people = orders_by[Authority.OPERATOR]
-        mission = orders_by[Authority.MISSION]
+        people = [
+            Event(question.order) for question in orders if question.authority is Authority.OPERATOR
+        ]
+        mission = [
+            Event(question.order) for question in orders if question.authority is Authority.MISSION
+        ]
         alive = True if any(query.order == ALIVE for query in queries) else None
         bars = (
             refusals(self._engaging.rows)
