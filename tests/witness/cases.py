@@ -1,6 +1,6 @@
 """What a client sees of an autopilot on the ground, one case each: a function that returns it in words.
 
-A case leaves the vehicle as it was: disarmed, without a mission, its parameters restored. The last one reboots it.
+A case leaves the vehicle as it was: disarmed, without a mission, its parameters restored. `LAST` reboots it.
 """
 
 import re
@@ -17,6 +17,8 @@ from tests.witness.client import Client, enum_name, result_name
 
 Case = Callable[[Client], str]
 CASES: dict[str, Case] = {}
+LAST: dict[str, Case] = {}
+"""Played after all other cases."""
 
 UNKNOWN_COMMAND = 31999
 UNKNOWN_MESSAGE = 16_000_000
@@ -26,11 +28,11 @@ FENCE = dialect.MAV_MISSION_TYPE_FENCE
 MISSION = dialect.MAV_MISSION_TYPE_MISSION
 
 
-def case(title: str) -> Callable[[Case], Case]:
+def case(title: str, cases: dict[str, Case] = CASES) -> Callable[[Case], Case]:
     """Register a case under its title."""
 
     def registered(function: Case) -> Case:
-        CASES[title] = function
+        cases[title] = function
         return function
 
     return registered
@@ -663,6 +665,87 @@ def log_stream(client: Client) -> str:
     return f"{started}, {again or '-'}; {', '.join(came) or 'nothing'}; {stopped}, {client.command(2511)}"
 
 
+# -- what ArduPilot's own tests wait for ------------------------------------------------------------------------------
+
+PREARM_CHECK = dialect.MAV_SYS_STATUS_PREARM_CHECK
+GPS = dialect.MAV_SYS_STATUS_SENSOR_GPS
+RUN_PREARM_CHECKS = 401
+EKF_WANTED = (
+    dialect.EKF_ATTITUDE
+    | dialect.EKF_VELOCITY_HORIZ
+    | dialect.EKF_VELOCITY_VERT
+    | dialect.EKF_POS_HORIZ_REL
+    | dialect.EKF_POS_HORIZ_ABS
+    | dialect.EKF_POS_VERT_ABS
+    | dialect.EKF_PRED_POS_HORIZ_REL
+    | dialect.EKF_PRED_POS_HORIZ_ABS
+)
+EKF_ERRORS = (
+    dialect.EKF_CONST_POS_MODE | dialect.ESTIMATOR_ACCEL_ERROR | dialect.ESTIMATOR_GPS_GLITCH
+)
+
+
+def has_bit(status: Any, bit: int) -> str:
+    """Return what SYS_STATUS says of a sensor: present, enabled, healthy."""
+    words = {
+        "present": status.onboard_control_sensors_present,
+        "enabled": status.onboard_control_sensors_enabled,
+        "healthy": status.onboard_control_sensors_health,
+    }
+    return " ".join(word for word, bits in words.items() if bits & bit) or "absent"
+
+
+@case("wait_ready_to_arm of ArduPilot's tests: EKF flags, GPS, home, the bit of the pre-arm checks")
+def ready_to_arm(client: Client) -> str:
+    client.command(511, 193, 500_000)  # EKF_STATUS_REPORT
+    client.command(511, 1, 500_000)
+    client.gather("HEARTBEAT", 1.0)
+    report = client.wait(
+        "EKF_STATUS_REPORT",
+        lambda m: m.flags & EKF_WANTED == EKF_WANTED and not m.flags & EKF_ERRORS,
+    )
+    status = client.wait("SYS_STATUS")
+    client.send.command_long_send(client.system, 1, 410, 0, 0, 0, 0, 0, 0, 0, 0)
+    position = client.wait("HOME_POSITION")
+    client.command(511, 193, 0)
+    client.command(511, 1, 0)
+    flags = "no EKF_STATUS_REPORT" if report is None else f"EKF {report.flags:#x}"
+    place = "no home" if position is None else "home"
+    return f"{flags}; GPS {has_bit(status, GPS)}; {place}; checks {has_bit(status, PREARM_CHECK)}"
+
+
+@case("assert_prearm_failure of ArduPilot's tests: checks with a good and a bad ANGLE_MAX, arming")
+def prearm_failure(client: Client) -> str:
+    if client.autopilot == dialect.MAV_AUTOPILOT_PX4:
+        name, bad, kind = "COM_ARM_SDCARD", bits_as_float(2), INT32
+    else:
+        name, bad, kind = "ANGLE_MAX", 500.0, dialect.MAV_PARAM_TYPE_INT16
+    good = client.read_parameter(name)
+    client.gather("STATUSTEXT", 1.0)
+    shown = [answer_and_texts(client, RUN_PREARM_CHECKS)]
+    client.set_parameter(name, bad, kind)
+    client.gather("STATUSTEXT", 2.0)
+    shown.append(answer_and_texts(client, RUN_PREARM_CHECKS))
+    shown.append(answer_and_texts(client, 400, 1.0))
+    client.set_parameter(name, good, kind)
+    client.command(400, 0)
+    client.gather("STATUSTEXT", 2.0)
+    return "; ".join(shown)
+
+
+def answer_and_texts(client: Client, number: int, first: float = 0.0) -> str:
+    """Send a command; return its result and the texts of the next two seconds, each once."""
+    client.send.command_long_send(client.system, 1, number, 0, first, 0, 0, 0, 0, 0, 0)
+    messages = client.gather("COMMAND_ACK STATUSTEXT", 2.0)
+    results = [
+        result_name(message.result)
+        for message in messages
+        if message.get_type() == "COMMAND_ACK" and message.command == number
+    ]
+    texts = texts_of([message for message in messages if message.get_type() == "STATUSTEXT"])
+    return f"{', '.join(results) or 'no answer'} {' '.join(dict.fromkeys(texts))}".strip()
+
+
 # -- time, shell -------------------------------------------------------------------------------------------------------
 
 
@@ -743,7 +826,7 @@ def texts_of(messages: list[Any]) -> list[str]:
 # -- reboot, the last of all -------------------------------------------------------------------------------------------
 
 
-@case("a parameter set, then PREFLIGHT_REBOOT_SHUTDOWN, read again")
+@case("a parameter set, then PREFLIGHT_REBOOT_SHUTDOWN, read again", LAST)
 def parameter_over_reboot(client: Client) -> str:
     name = "COM_RC_STICK_OV" if client.autopilot == dialect.MAV_AUTOPILOT_PX4 else "WPNAV_SPEED"
     value = 20.0 if name.startswith("COM") else 600.0

@@ -1,8 +1,9 @@
 """A ground station on one vehicle's link: pymavlink underneath, a HEARTBEAT each second, and waits that end."""
 
+import contextlib
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Self
 
 os.environ["MAVLINK20"] = "1"  # before the import of mavutil, which otherwise speaks MAVLink 1
@@ -17,7 +18,12 @@ READY_S = 120.0
 """Longest wait for a simulator to know its position."""
 RESTART_S = 3.0
 """Time that a simulator takes to restart."""
+LANDED_S = 90.0
+"""Longest wait for a vehicle to land and disarm."""
 GROUND_STATION = 255
+ARMED = dialect.MAV_MODE_FLAG_SAFETY_ARMED
+FORCE = 21196
+"""Of a command to disarm: in the air too."""
 
 
 def address_of(url: str) -> str:
@@ -29,41 +35,70 @@ def address_of(url: str) -> str:
 class Client:
     """Talks to the autopilot at a URL; use it as a context manager."""
 
-    def __init__(self, url: str) -> None:
-        self._url = url
+    def __init__(self, url: str, station: int = GROUND_STATION) -> None:
+        self.url = url
+        self.station = station
         self._beaten_s = 0.0
         self.component = 1
         self._connect()
 
     def _connect(self) -> None:
-        self._link = mavutil.mavlink_connection(
-            address_of(self._url), source_system=GROUND_STATION, retries=20
+        self.link = mavutil.mavlink_connection(
+            address_of(self.url), source_system=self.station, retries=20
         )
-        self.send = self._link.mav
-        heartbeat = self._link.wait_heartbeat(timeout=30.0)
+        self.send = self.link.mav
+        heartbeat = self.link.wait_heartbeat(timeout=30.0)
         if heartbeat is None:
-            raise TimeoutError(f"{self._url}: no HEARTBEAT within 30 s")
+            raise TimeoutError(f"{self.url}: no HEARTBEAT within 30 s")
         self.system = heartbeat.get_srcSystem()
         self.autopilot = heartbeat.autopilot
 
     def reconnect(self) -> None:
         """Connect again some seconds later, as after a reboot, which closes a TCP link."""
-        self._link.close()
+        self.link.close()
         time.sleep(RESTART_S)
         self._connect()
+
+    @contextlib.contextmanager
+    def lent(self) -> Iterator[str]:
+        """Leave the link to another program, which needs its port; afterwards bring the vehicle down."""
+        self.link.close()
+        try:
+            yield self.url
+        finally:
+            self._connect()
+            self.bring_down()
+
+    def bring_down(self) -> None:
+        """Land and wait until the vehicle is disarmed; PX4 then waits in its hold, ArduCopter in STABILIZE."""
+        end_s = time.monotonic() + LANDED_S
+        while self.is_armed() and time.monotonic() < end_s:
+            self.command(21)
+            self.wait("HEARTBEAT", lambda beat: not beat.base_mode & ARMED, 5.0)
+        if self.is_armed():
+            self.command(400, 0, FORCE)
+        if self.autopilot == dialect.MAV_AUTOPILOT_PX4:
+            self.command(176, 1, 4, 3)
+        else:
+            self.command(176, 1, 0)
+
+    def is_armed(self) -> bool:
+        """Return whether the next HEARTBEAT says that the vehicle is armed."""
+        beat = self.wait("HEARTBEAT")
+        return beat is not None and bool(beat.base_mode & ARMED)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._link.close()
+        self.link.close()
 
     def receive(self, seconds: float) -> Any | None:
         """Return the next message of the autopilot, or None after some seconds."""
         end_s = time.monotonic() + seconds
         while (left_s := end_s - time.monotonic()) > 0.0:
             self._beat()
-            message = self._link.recv_match(blocking=True, timeout=min(left_s, 0.2))
+            message = self.link.recv_match(blocking=True, timeout=min(left_s, 0.2))
             if message is None or message.get_type() == "BAD_DATA":
                 continue
             if (message.get_srcSystem(), message.get_srcComponent()) == (
@@ -96,6 +131,11 @@ class Client:
             if message is not None and message.get_type() in names.split():
                 gathered.append(message)
         return gathered
+
+    def drain(self) -> None:
+        """Drop what has come."""
+        while self.link.recv_msg() is not None:
+            pass
 
     def command(self, number: int, *parameters: float, whole: bool = False) -> str:
         """Send COMMAND_LONG, or COMMAND_INT if `whole`; return the answer's result in words."""

@@ -55,6 +55,11 @@ class Proxy:
         """Wait for this pattern and read its group as a whole number; a prompt may stand before it in the line."""
         return int(self._match(pattern, within_s)[1])
 
+    def hear(self, pattern, within_s=6.0):
+        """Wait for this pattern and return its group; None if it does not come."""
+        found = self._search(pattern, within_s)
+        return None if found is None else found[1]
+
     def climbed(self, height_m, within_s=20.0):
         """Ask for the height above home until it is more than this; whether it ever was."""
         end_s = time.monotonic() + within_s
@@ -72,6 +77,11 @@ class Proxy:
         return self.heard
 
     def _match(self, pattern, within_s):
+        found = self._search(pattern, within_s)
+        assert found is not None, f"MAVProxy did not say {pattern!r}; it said {self.heard[-15:]}"
+        return found
+
+    def _search(self, pattern, within_s):
         end_s = time.monotonic() + within_s
         while time.monotonic() < end_s:
             try:
@@ -81,7 +91,7 @@ class Proxy:
             self.heard.append(line)
             if found := re.search(pattern, line):
                 return found
-        raise AssertionError(f"MAVProxy did not say {pattern!r}; it said {self.heard[-15:]}")
+        return None
 
     def close(self):
         """End it, as the end of its standard input does; may be called twice."""
