@@ -717,9 +717,13 @@ def ready_to_arm(client: Client) -> str:
 @case("assert_prearm_failure of ArduPilot's tests: checks with a good and a bad ANGLE_MAX, arming")
 def prearm_failure(client: Client) -> str:
     if client.autopilot == dialect.MAV_AUTOPILOT_PX4:
-        name, bad, kind = "COM_ARM_SDCARD", bits_as_float(2), INT32
+        name = "COM_ARM_SDCARD"
+        bad = bits_as_float(2)
+        kind = INT32
     else:
-        name, bad, kind = "ANGLE_MAX", 500.0, dialect.MAV_PARAM_TYPE_INT16
+        name = "ANGLE_MAX"
+        bad = 500.0
+        kind = dialect.MAV_PARAM_TYPE_INT16
     good = client.read_parameter(name)
     client.gather("STATUSTEXT", 1.0)
     shown = [answer_and_texts(client, RUN_PREARM_CHECKS)]

@@ -167,6 +167,18 @@ class Client:
                 return
         raise TimeoutError(f"no home within {READY_S:.0f} s")
 
+    def wait_for_position(self) -> None:
+        """Wait until an ArduCopter's estimator uses GPS, which it begins some seconds after it has a home."""
+        if self.autopilot != dialect.MAV_AUTOPILOT_ARDUPILOTMEGA:
+            return
+        self.command(511, dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 500_000)
+        report = self.wait(
+            "EKF_STATUS_REPORT", lambda m: bool(m.flags & dialect.EKF_POS_HORIZ_ABS), READY_S
+        )
+        self.command(511, dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 0)
+        if report is None:
+            raise TimeoutError(f"no position within {READY_S:.0f} s")
+
     def request(self, message_id: int, argument: float = 0.0) -> str:
         """Request one message; return the answer's result in words and whether the message came."""
         name = dialect.mavlink_map[message_id].msgname if message_id in dialect.mavlink_map else ""
