@@ -79,6 +79,12 @@ def flyable(items: Sequence[PlanItem]) -> bool:
     return any(item.command in _PLACES or item.command == RETURN for item in items)
 
 
+def _is_nowhere(item: PlanItem) -> bool:
+    """True for a position without a height, which PX4 stores, and before which it waits for ever (measured)."""
+    has_height = math.isfinite(item.z) or item.command in {LAND, TAKEOFF}
+    return item.command in _PLACES and not has_height
+
+
 def _rejected(items: Sequence[PlanItem], state: VehicleState) -> bool:
     """True for what PX4 accepts but does not fly: a landing first, a take-off to below home or behind a position.
 
@@ -301,8 +307,8 @@ class MissionFlight:
                 continue
             leg = self._present(state, item, stay)
             self._look_behind(state, leg)
+            self._stay = leg._replace(waiting=False)
             if not self._reached(state, item, leg):
-                self._stay = leg._replace(waiting=False)
                 return leg
             self._next(item)
         if not self.over:
@@ -316,8 +322,8 @@ class MissionFlight:
         return None
 
     def _present(self, state: VehicleState, item: PlanItem, stay: Leg) -> Leg:
-        """Return the leg of an item; NAV_DELAY keeps the last one."""
-        if item.command != NAV_DELAY:
+        """Return the leg of an item; NAV_DELAY, and a position without height, keep the last one."""
+        if item.command != NAV_DELAY and not _is_nowhere(item):
             return self._leg_to(state, item)
         last = stay if self._stay is None or state.on_ground else self._stay
         return last._replace(waiting=True, taking_off=False, landing=False, turns=math.nan)
@@ -442,7 +448,7 @@ class MissionFlight:
     def _leg_to(self, state: VehicleState, item: PlanItem) -> Leg:
         position_m = state.position_m
         origin = state.frame.origin
-        altitude = item.z
+        altitude = item.z if math.isfinite(item.z) else math.nan
         if item.frame in _RELATIVE_FRAMES:
             altitude += origin.alt_amsl_m - (state.home_m[2] if state.home_m else 0.0)
         target_m = state.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
@@ -467,7 +473,7 @@ class MissionFlight:
         )
 
     def _reached(self, state: VehicleState, item: PlanItem, leg: Leg) -> bool:
-        if item.command == LOITER_UNLIMITED:
+        if item.command == LOITER_UNLIMITED or _is_nowhere(item):
             return False
         if item.command == NAV_DELAY:
             return self._held(state, item.param1)

@@ -46,6 +46,8 @@ class MissionRules:
         timeout_s: Time without an item after which an upload is given up.
         asks_with: Message that requests an item.
         home_first: Item 0 of a mission is home, even of an empty mission.
+        any_place: Coordinates and heights are not checked: latitudes of 91 degrees and waypoints without a height are
+            stored (PX4, measured).
         any_radius: A fence circle's radius is not checked (PX4); else a plan with one of 0 or less is refused.
         warns_of_old: MISSION_ITEM and MISSION_REQUEST are answered with a warning, once for each kind of plan.
         deaf_in_download: MISSION_CLEAR_ALL is not answered while a client downloads.
@@ -63,6 +65,7 @@ class MissionRules:
     timeout_s: float = 5.0
     asks_with: str = "MISSION_REQUEST_INT"
     home_first: bool = False
+    any_place: bool = False
     any_radius: bool = False
     warns_of_old: bool = False
     deaf_in_download: bool = False
@@ -77,6 +80,7 @@ PX4_MISSION_RULES: Final = MissionRules(
     stored=stored_by_px4,
     partial=False,
     cancel_on_timeout=False,
+    any_place=True,
     any_radius=True,
     deaf_in_download=True,
     compares=True,
@@ -216,7 +220,7 @@ class MissionUpload:
             stored = item
         if isinstance(stored, MissionResult):
             return stored
-        fault = item_fault(kind, stored, self._rules.commands)
+        fault = item_fault(kind, stored, self._rules.commands, any_place=self._rules.any_place)
         return stored if fault is MissionResult.ACCEPTED else fault
 
     def _keep_part(self, transfer: _Transfer) -> None:

@@ -198,16 +198,25 @@ def _packed(items: Sequence[PlanItem]) -> bytes:
     return b"".join(struct.pack("<HBHBBffffiif", *item) for item in items)
 
 
-def item_fault(kind: PlanKind, item: PlanItem, commands: frozenset[int]) -> MissionResult:
-    """Check one item; ``commands`` are the mission commands that the flavour knows."""
+def item_fault(
+    kind: PlanKind, item: PlanItem, commands: frozenset[int], *, any_place: bool
+) -> MissionResult:
+    """Check one item.
+
+    Args:
+        kind: Of its plan.
+        item: The item.
+        commands: Mission commands that the flavour knows.
+        any_place: Whether coordinates and height are left unchecked, as PX4 does.
+    """
     if kind is PlanKind.FENCE:
-        return _fence_fault(item)
-    if kind is PlanKind.RALLY:
-        return MissionResult.UNSUPPORTED if item.command != RALLY_POINT else _place_fault(item)
-    if item.command not in commands:
+        return _fence_fault(item, any_place=any_place)
+    if kind is PlanKind.RALLY and item.command != RALLY_POINT:
         return MissionResult.UNSUPPORTED
-    if item.command in WITH_PLACE:
-        return _place_fault(item)
+    if kind is PlanKind.MISSION and item.command not in commands:
+        return MissionResult.UNSUPPORTED
+    if item.command in WITH_PLACE or kind is PlanKind.RALLY:
+        return _place_fault(item, any_place=any_place)
     return (
         MissionResult.ACCEPTED
         if item.frame in GLOBAL_FRAMES | {MISSION_FRAME}
@@ -242,17 +251,19 @@ def plan_fault(kind: PlanKind, items: Sequence[PlanItem], *, any_radius: bool) -
     return MissionResult.ACCEPTED
 
 
-def _fence_fault(item: PlanItem) -> MissionResult:
+def _fence_fault(item: PlanItem, *, any_place: bool) -> MissionResult:
     if item.command not in POLYGONS | CIRCLES | {FENCE_RETURN}:
         return MissionResult.UNSUPPORTED
     if item.command in POLYGONS and not 3.0 <= item.param1 < math.inf:
         return MissionResult.ERROR
-    return _place_fault(item)
+    return _place_fault(item, any_place=any_place)
 
 
-def _place_fault(item: PlanItem) -> MissionResult:
+def _place_fault(item: PlanItem, *, any_place: bool) -> MissionResult:
     if item.frame not in GLOBAL_FRAMES:
         return MissionResult.UNSUPPORTED_FRAME
+    if any_place:
+        return MissionResult.ACCEPTED
     free = item.command in WITH_PLACE and item.command != NAV_WAYPOINT  # the position is optional
     if not (abs(item.latitude_deg) <= 90.0 or (free and item.x == INT32_NAN)):
         return MissionResult.INVALID_PARAM5_X

@@ -141,6 +141,22 @@ def test_an_uploaded_polygon_is_a_fence(fly, ned_velocity):
     assert -22.5 < flight.position[0] < -19.0
 
 
+@pytest.mark.parametrize("height", [math.nan, math.inf])
+def test_px4_stores_any_place_and_waits_for_ever_before_one_without_a_height(fly, height):
+    """Measured on v1.17: it hovers where the item before ended and reaches no other."""
+    flight = fly("px4").run(6.0)
+    take_off = item(flight, 22, 0.0, 0.0, 5.0)
+    beyond = (6, 16, 0, 1, 0.0, 0.0, 0.0, 0.0, 910_000_000, 2**31 - 1, 5.0)
+    assert upload(flight, [take_off, beyond]) == ACCEPTED
+    assert upload(flight, [take_off, item(flight, 16, 10.0, 0.0, height)]) == ACCEPTED
+    flight.run(0.5)
+    assert flight.command(300, 0.0) == [0]
+    flight.run(30.0)
+    assert flight.last("MISSION_CURRENT").seq == 1
+    assert flight.position == pytest.approx((0.0, 0.0, -5.0), abs=1.0)
+    assert upload(flight, [(6, 5100, 0, 1, *beyond[4:10], height)], 2) == ACCEPTED
+
+
 def test_px4_waits_for_a_nav_delay_in_flight_and_on_the_ground(fly):
     flight = fly("px4").run(1.0)
     delay = (2, 93, 0, 1, 5.0, -1.0, -1.0, -1.0, 0, 0, 0.0)

@@ -28,7 +28,7 @@ def told(rules, item):
     stored = rules.stored(item)
     if isinstance(stored, MissionResult):
         return int(stored), None
-    fault = item_fault(PlanKind.MISSION, stored, rules.commands)
+    fault = item_fault(PlanKind.MISSION, stored, rules.commands, any_place=rules.any_place)
     if fault is not MissionResult.ACCEPTED:
         return int(fault), None
     values = [None if isinstance(v, float) and math.isnan(v) else round(v, 3) for v in stored[1:]]
