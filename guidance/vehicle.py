@@ -215,7 +215,8 @@ def _smoothed(acceleration_ned_m_s2: Ned, previous: LocalPosition, now: LocalPos
     if step_s > _GAP_S:
         return STILL
     present = (now.velocity_ned_m_s - previous.velocity_ned_m_s) / step_s
-    return acceleration_ned_m_s2.share_of_way(present, min(1.0, step_s / _SMOOTHED_S))
+    share = min(1.0, step_s / _SMOOTHED_S)
+    return acceleration_ned_m_s2 + (present - acceleration_ned_m_s2) * share
 
 
 def _contradicts(now: LocalPosition, state: VehicleState) -> bool:
@@ -318,6 +319,11 @@ def _global(position: GlobalPosition) -> bool:
     return _on_earth(position) and height and rate and 0.0 <= position.time_boot_s <= _LATEST_S
 
 
+def _position_target(echo: messages.PositionTarget) -> bool:
+    (north, east, down) = echo.velocity_ned_m_s
+    return not (abs(north) > FASTEST_M_S or abs(east) > FASTEST_M_S or abs(down) > FASTEST_M_S)
+
+
 def _aircraft(aircraft: messages.Aircraft) -> bool:
     on_earth = abs(aircraft.latitude_deg) < 90.0 and abs(aircraft.longitude_deg) <= 180.0
     return (
@@ -339,9 +345,7 @@ _JUDGES: Final[Mapping[type, Callable[[Any], bool]]] = {
     LocalPosition: _local,
     Origin: _on_earth,
     messages.Parameter: lambda parameter: math.isfinite(parameter.value),
-    messages.PositionTarget: lambda echo: (
-        not any(abs(part) > FASTEST_M_S for part in echo.velocity_ned_m_s)
-    ),
+    messages.PositionTarget: _position_target,
     messages.SystemStatus: lambda status: (
         not (status.battery_remaining < 0.0 or status.battery_remaining > 1.0)
     ),

@@ -72,6 +72,7 @@ class Rivals(NamedTuple):
         odd_s: When a report last arrived that may be another source's. Without one, there is nothing to judge.
         seen_s: When two sources were last detected.
         why: The kind of contradiction, as in the module's list.
+        newest_sent_s: The newest stamp so far. A report with a newer one is no copy.
     """
 
     recent: tuple[Report, ...] = ()
@@ -81,6 +82,7 @@ class Rivals(NamedTuple):
     odd_s: float = -math.inf
     seen_s: float = -math.inf
     why: str = ""
+    newest_sent_s: float = -math.inf
 
     def there(self, now_s: float) -> bool:
         """Return whether a second source is present."""
@@ -90,17 +92,19 @@ class Rivals(NamedTuple):
 def listen(rivals: Rivals, report: Report, settings: TrackSettings) -> Rivals:
     """Add one report and judge. Two reports agree if one evader of twice the declared speed can reach both places."""
     now_s = report.told.received_s
-    if _has_arrived(rivals.recent, report.told):
+    sent_s = report.told.sent_s
+    newest_sent_s = max(rivals.newest_sent_s, sent_s)
+    if not sent_s > rivals.newest_sent_s and _has_arrived(rivals.recent, report.told):
         report = report._replace(is_copy=True)
     recent = (*rivals.recent[-_MAX_REPORTS + 1 :], report)
     odd_s = now_s if _is_odd(recent[-2:][0], report) else rivals.odd_s
     since_s = now_s if math.isnan(rivals.since_s) else rivals.since_s
     if now_s - rivals.judged_s < _JUDGE_EVERY_S:
-        return rivals._replace(recent=recent, odd_s=odd_s)
+        return rivals._replace(recent=recent, odd_s=odd_s, newest_sent_s=newest_sent_s)
     recent = tuple([past for past in recent if now_s - past.told.received_s <= _WINDOW_S])
     learning = now_s - since_s <= _RATE_LEARNED_S
     usual = max(rivals.usual, len(_untimed(recent, now_s))) if learning else rivals.usual
-    rivals = Rivals(recent, now_s, since_s, usual, odd_s, rivals.seen_s, rivals.why)
+    rivals = Rivals(recent, now_s, since_s, usual, odd_s, rivals.seen_s, rivals.why, newest_sent_s)
     if now_s - odd_s > _WINDOW_S:
         return rivals
     for sign, shows in _SIGNS.items():

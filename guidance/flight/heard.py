@@ -197,9 +197,8 @@ class Heard:
             self._hear_team(inputs)
         self.vehicle_says(inputs.messages)
         self.position_age_s = self.vehicle.age_s(LocalPosition, now_s)
-        late_s = _beyond_ordinary(self.position_age_s)
-        if late_s != self._late_s:
-            self._react_late(late_s)
+        if self.position_age_s > ORDINARY_AGE_S or self._late_s > 0.0:
+            self._react_late()
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         was_foreign = self.echo.foreign if self.beats else False
         echoes = [message for message in inputs.messages if isinstance(message, PositionTarget)]
@@ -246,15 +245,17 @@ class Heard:
         self._low_battery_reports = self._low_battery_reports + 1 if is_low else 0
         self.battery_is_low = self._low_battery_reports >= AGREEING_REPORTS
 
-    def _react_late(self, late_s: float) -> None:
+    def _react_late(self) -> None:
         """Add a position's age beyond the ordinary to the reaction time, by which the vehicle brakes before every wall.
 
         The age counts from the measurement: the delay of the link, and the silence since the last position.
         """
-        self._late_s = late_s
-        reaction_s = self._settings.cycle.envelope.reaction_s + late_s
-        envelope = replace(self.cycle.envelope, reaction_s=reaction_s)
-        self.cycle = replace(self.cycle, envelope=envelope)
+        late_s = _beyond_ordinary(self.position_age_s)
+        if late_s != self._late_s:
+            self._late_s = late_s
+            reaction_s = self._settings.cycle.envelope.reaction_s + late_s
+            envelope = replace(self.cycle.envelope, reaction_s=reaction_s)
+            self.cycle = replace(self.cycle, envelope=envelope)
 
     def _take_aircraft(self, report: messages.Aircraft) -> None:
         """Keep another aircraft like a mate. What is where a mate or an evader is, is that player, and known better.
@@ -538,9 +539,7 @@ class Echo:
 
 def _distance(reported: Ned, sent: Ned) -> float:
     """Distance of a reported velocity from a sent one, or from the nearest shorter one in its direction."""
-    square = sum(part * part for part in sent)
-    along = (
-        sum(a * b for a, b in zip(reported, sent, strict=True)) / square if square > 0.0 else 1.0
-    )
+    square = sent.dot(sent)
+    along = reported.dot(sent) / square if square > 0.0 else 1.0
     share = min(1.0, max(_LEAST_SHARE, along))
-    return math.dist(reported, [share * part for part in sent])
+    return math.dist(reported, share * sent)
