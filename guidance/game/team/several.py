@@ -49,10 +49,10 @@ from guidance.game.extent import POINT
 from guidance.game.game import Game, Reason, Winner
 from guidance.game.records import is_zero
 from guidance.game.rows import fitting, for_rows
-from guidance.game.team.arguments import Games, joined, judged, pair_axes, vectors
+from guidance.game.team.arguments import Games, TeamGame, joined, judged, pair_axes, vectors
 from guidance.game.team.danger import most_in_danger
 from guidance.game.team.open_runs import leaves_open, longest_open
-from guidance.game.team.regions import crossing, edge, halfway, survived, unit
+from guidance.game.team.regions import Point, Regions, crossing, edge, halfway, survived, unit
 from guidance.game.team.table import (
     Meeting,
     Team,
@@ -146,36 +146,57 @@ def solve_team(
         for name, value in arguments.items()
         if value is not None
     }
-    axes = {"pursuers": P.shape[:-2], "game": pair_axes(team_game)[:-1]}
-    shape = fitting(axes | {name: value.shape[:-1] for name, value in others.items()})
-    P = np.broadcast_to(P, (*shape, *P.shape[-2:]))
-    others = {name: np.broadcast_to(value, (*shape, 3)) for name, value in others.items()}
-    game = team_game.rows(lambda value: np.broadcast_to(value, P.shape[:-1])).game
-    v = game.evader_speed_m_s
-    if np.ndim(v) and np.ptp(v, axis=-1).any():
-        raise ConfigError(
-            f"evader_speed_m_s = {v!r}: must be one number, or an array (..., 1), for one evader"
-        )
+    game, P, others = _broadcast(team_game, P, others)
     with np.errstate(all="ignore"):
         team = _team(game, P, others)
-        answer, best = (chase if target is None else defence)(
-            team, others["evader"], _best_pair(team)
-        )
-        answer = answer._replace(multipliers=_multipliers_of_won(team, best, answer.winner > 0))
-    worst = np.max(team.alone.reason, axis=-1)
-    none = int(Reason.NOT_FINITE)
-    fault = np.where(worst >= none, worst, np.where(np.isfinite(answer.value), 0, none))
-    if target is not None and not game.target_extent.is_point and P.shape[-2] > 1:
-        answer = _against_a_set(game, P, others, answer, np.asarray(fault))
+        play = chase if target is None else defence
+        answer, best = play(team, others["evader"], _best_pair(team))
+        won = answer.winner > 0
+        answer = answer._replace(multipliers=_multipliers_of_won(team, best, won))
+    fault = _fault_of(team, answer)
+    has_set = target is not None and not game.target_extent.is_point
+    if has_set and P.shape[-2] > 1:
+        answer = _against_a_set(game, P, others, answer, fault)
 
     def refused() -> str:
         places = {"pursuers": P} | others
         wrong = [
             f"{name} = {array!r}" for name, array in places.items() if not np.isfinite(array).all()
         ]
-        return f"{', '.join(wrong) or 'the team'}: has"
+        named = ", ".join(wrong)
+        return f"{named or 'the team'}: has"
 
-    return judged(answer, np.asarray(fault), refused)
+    return judged(answer, fault, refused)
+
+
+def _broadcast(
+    team_game: TeamGame, P: Array, others: Mapping[str, Array]
+) -> tuple[Game, Array, dict[str, Array]]:
+    """Return the game, the pursuers' positions and the other vectors with all leading axes.
+
+    Raises:
+        ConfigError: the shapes do not fit each other, or the one evader has several speeds.
+    """
+    axes_of_teams = {"pursuers": P.shape[:-2], "game": pair_axes(team_game)[:-1]}
+    axes_of_others = {name: value.shape[:-1] for name, value in others.items()}
+    shape = fitting(axes_of_teams | axes_of_others)
+    shape_of_pursuers = (*shape, P.shape[-2])
+    game = team_game.rows(lambda value: np.broadcast_to(value, shape_of_pursuers)).game
+    v = game.evader_speed_m_s
+    if np.ndim(v) and np.ptp(v, axis=-1).any():
+        raise ConfigError(
+            f"evader_speed_m_s = {v!r}: must be one number, or an array (..., 1), for one evader"
+        )
+    vectors_of_rows = {name: np.broadcast_to(value, (*shape, 3)) for name, value in others.items()}
+    return game, np.broadcast_to(P, (*shape_of_pursuers, 3)), vectors_of_rows
+
+
+def _fault_of(team: Team, answer: TeamSolution) -> Array:
+    """Return the reason why a row has no answer, else 0."""
+    none = int(Reason.NOT_FINITE)
+    worst = np.max(team.alone.reason, axis=-1)
+    overflow = np.where(np.isfinite(answer.value), 0, none)
+    return np.asarray(np.where(worst >= none, worst, overflow))
 
 
 def _team(game: Game, P: Array, others: Mapping[str, Array]) -> Team:
@@ -194,18 +215,20 @@ def _against_a_set(
     """
     with np.errstate(all="ignore"):
         danger = most_in_danger(game, P, others["evader"], others["target"])
-    margin_s = np.where(fault == 0, danger.margin_s, answer.margin_s)
-    lost = np.asarray((answer.winner <= 0) & (fault == 0))
+    sound = fault == 0
+    margin_s = np.where(sound, danger.margin_s, answer.margin_s)
+    with_margin = answer._replace(margin_s=margin_s)
+    lost = np.asarray((answer.winner <= 0) & sound)
     if not lost.any():
-        return answer._replace(margin_s=margin_s)
-    lost_games = for_rows(replace(game, target_extent=POINT), lambda value: value[lost])
-    lost_others = {name: value[lost] for name, value in others.items()} | {
-        "target": danger.point_m[lost]
-    }
+        return with_margin
+    point_game = replace(game, target_extent=POINT)
+    lost_games = for_rows(point_game, lambda value: value[lost])
+    lost_others = {name: value[lost] for name, value in others.items()}
+    lost_others["target"] = danger.point_m[lost]
     team = _team(lost_games, P[lost], lost_others)
     with np.errstate(all="ignore"):
         run, _ = defence(team, lost_others["evader"], _best_pair(team))
-    parts = [np.array(part) for part in answer._replace(margin_s=margin_s)]
+    parts = [np.array(part) for part in with_margin]
     for column, part in zip(parts, run, strict=True):
         column[lost] = part
     return TeamSolution(*parts)
@@ -213,7 +236,8 @@ def _against_a_set(
 
 def _best_pair(team: Team) -> Meeting:
     """Return what the best two pursuers guarantee, or the best one."""
-    pairs = together(team, (..., pairs_of(team.own.shape[-1])))
+    count = team.own.shape[-1]
+    pairs = together(team, (..., pairs_of(count)))
     best = place_of(np.argmax(pairs.worth, axis=-1))
     return Meeting(*(part[best] for part in pairs))
 
@@ -232,36 +256,33 @@ def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Mee
         winner = np.where(best.worth > 0.0, np.int8(Winner.PURSUER), winner)
     won = winner > 0
     # If the evader wins, the value is that of the pursuer that comes least short, or is there at the same instant.
-    least = np.argmin(np.where(alone.winner == winner[..., None], alone.value, np.inf), axis=-1)
+    decides = alone.winner == winner[..., None]
+    least = np.argmin(np.where(decides, alone.value, np.inf), axis=-1)
     first = np.where(won, best.first, least)
     second = np.where(won, best.second, least)
-    best = placed(
-        team,
-        evader,
-        Meeting(*best[:2], np.where(won, best.worth, taken(alone.value, least)), first, second),
-    )
-    answer = assembled(team, evader, nearest_run(team, evader, best, won), best, won[..., None])
+    worth = np.where(won, best.worth, taken(alone.value, least))
+    best = placed(team, evader, Meeting(best.x, best.y, worth, first, second))
+    run = nearest_run(team, evader, best, won)
+    answer = assembled(team, evader, run, best, won[..., None])
     return answer._replace(winner=winner), best
 
 
 def chase(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
     """Play PE: see `solve_team` and `defence`."""
     run = longest_run(team)
-    best = placed(
-        team, evader, NUMPY.select_all(run.worth <= best.worth * (1.0 - ROUNDING), run, best)
-    )
-    return assembled(
-        team, evader, run, best, are(team.own.shape[-1], best.first, best.second)
-    ), best
+    is_bracket = run.worth <= best.worth * (1.0 - ROUNDING)
+    best = placed(team, evader, NUMPY.select_all(is_bracket, run, best))
+    flies = are(team.own.shape[-1], best.first, best.second)
+    return assembled(team, evader, run, best, flies), best
 
 
 def placed(team: Team, evader: Array, best: Meeting) -> Meeting:
     """Return a meeting at the first pursuer's own end of the game if that decides it alone."""
     end = taken(team.alone.meeting_point_m, best.first) - evader
     single = best.first == best.second
-    return best._replace(
-        x=np.where(single, end[..., 0], best.x), y=np.where(single, end[..., 1], best.y)
-    )
+    x = np.where(single, end[..., 0], best.x)
+    y = np.where(single, end[..., 1], best.y)
+    return best._replace(x=x, y=y)
 
 
 def nearest_run(
@@ -289,21 +310,33 @@ def nearest_run(
         return best
     regions = team.regions.pick(pursuers)
     ends = team.alone.meeting_point_m[pursuers] - evader[..., None, :]
-    straight = goal.towards(regions.safe)
-    x, y = (
-        np.concatenate([ends[..., i], best[i][..., None], straight[i]], axis=-1) for i in (0, 1)
-    )
-    to = unit((x, y))
-    far = np.min(survived(regions.beside(), (to[0][..., None], to[1][..., None])), axis=-1)
-    x = far * to[0]
-    y = far * to[1]
+    to_x, to_y = _directions(ends, best, goal.towards(regions.safe))
+    lengths = survived(regions.beside(), (to_x[..., None], to_y[..., None]))
+    far = np.min(lengths, axis=-1)
+    x = far * to_x
+    y = far * to_y
     distance = np.fmin(goal.left((x, y)), np.inf)
     least = place_of(np.argmin(distance, axis=-1))
-    worth = distance[least]
-    worth = np.where(worth <= best.worth * (1.0 + ROUNDING), best.worth, worth)
-    open_ = np.where(worth > best.worth, -1, best.first)
-    run = Meeting(x[least], y[least], worth, open_, np.where(worth > best.worth, -2, best.second))
-    return NUMPY.select_all(won, run, best)
+    shortest = distance[least]
+    same = shortest <= best.worth * (1.0 + ROUNDING)
+    worth = np.where(same, best.worth, shortest)
+    return NUMPY.select_all(won, _unpaired(best, x[least], y[least], worth), best)
+
+
+def _directions(ends: Array, best: Meeting, straight: Point) -> Point:
+    """Return the directions to some ends (..., n, 3), to the best pair's, and straight ones (..., n)."""
+    straight_x, straight_y = straight
+    x = np.concatenate([ends[..., 0], best.x[..., None], straight_x], axis=-1)
+    y = np.concatenate([ends[..., 1], best.y[..., None], straight_y], axis=-1)
+    return unit((x, y))
+
+
+def _unpaired(best: Meeting, x: Array, y: Array, worth: Array) -> Meeting:
+    """Return a run with its worth; no pursuers decide it where it is worth more than the best pair's."""
+    longer = worth > best.worth
+    first = np.where(longer, -1, best.first)
+    second = np.where(longer, -2, best.second)
+    return Meeting(x, y, worth, first, second)
 
 
 def longest_run(team: Team) -> Meeting:
@@ -319,13 +352,16 @@ def longest_run(team: Team) -> Meeting:
         return longest_run
     longest = np.asarray(NUMPY.norm2((longest_run.x, longest_run.y)))
     runs = (longest > 0.0) & np.isfinite(longest)
-    missed = runs & leaves_open(team.regions, longest * (1.0 + MISSED))
+    longer = longest * (1.0 + MISSED)
+    missed = runs & leaves_open(team.regions, longer)
     if not missed.any():
         return longest_run
-    run, first, second = longest_open(team.regions.pick(missed), longest[missed])
-    parts = [np.array(part) for part in longest_run]
+    regions = team.regions.pick(missed)
+    run, first, second = longest_open(regions, longest[missed])
     time = NUMPY.norm2(run) / team.v[missed]
-    for column, part in zip(parts, (*run, -time, first, second), strict=True):
+    longest_parts = (*run, -time, first, second)
+    parts = [np.array(part) for part in longest_run]
+    for column, part in zip(parts, longest_parts, strict=True):
         column[missed] = part
     return Meeting(*parts)
 
@@ -333,8 +369,10 @@ def longest_run(team: Team) -> Meeting:
 def _longest_found(team: Team) -> Meeting:
     """Return the longest of the runs to the pursuers' own ends and to crossings between these."""
     count = team.own.shape[-1]
-    headings = [team.alone.evader_velocity_m_s[..., axis] / team.v[..., None] for axis in (0, 1)]
-    reach = team.alone.value * team.v[..., None]
+    v = team.v[..., None]
+    evader_velocity_m_s = team.alone.evader_velocity_m_s
+    headings = [evader_velocity_m_s[..., axis] / v for axis in (0, 1)]
+    reach = team.alone.value * v
     if count <= FEW:
         return _among(team, headings, reach)
     chosen = np.argmin(reach, axis=-1)[..., None]
@@ -349,12 +387,14 @@ def _longest_found(team: Team) -> Meeting:
         cut = taken(ends, worst) < far * (1.0 - 1e-13)
         if not cut.any():
             break
-        chosen = np.concatenate([chosen, np.where(cut, worst, chosen[..., 0])[..., None]], axis=-1)
-        longest = NUMPY.select_all(cut, _among(team, headings, reach, chosen), longest)
+        added = np.where(cut, worst, chosen[..., 0])
+        chosen = np.concatenate([chosen, added[..., None]], axis=-1)
+        cut_run = _among(team, headings, reach, chosen)
+        longest = NUMPY.select_all(cut, cut_run, longest)
     return longest
 
 
-def _among(  # noqa: PLR0914
+def _among(
     team: Team, own_ends: Sequence[Array], reach: Array, chosen: Array | None = None
 ) -> Meeting:
     """Return the longest run before all pursuers, or before some, whose numbers are (..., k).
@@ -368,50 +408,107 @@ def _among(  # noqa: PLR0914
         regions = regions.pick(chosen_rows)
         own_ends = [part[chosen_rows] for part in own_ends]
         reach = reach[chosen_rows]
+    runs = _runs_to_ends_and_crossings(regions, own_ends, reach)
+    best = _longest_of(runs)
+    at = place_of(best)
+    run = runs.far[at]
+    nearest = runs.nearest[at]
+    decide = runs.decide[best]
+    second = np.where(best >= reach.shape[-1], decide[..., 1], nearest)
+    is_run = run > 0
+    first = np.where(is_run, decide[..., 0], nearest)
+    second = np.where(is_run, second, nearest)
+    if chosen is not None:
+        first = taken(chosen, first)
+        second = taken(chosen, second)
+    own_time = taken(team.alone.value, first)
+    time = np.where(first == second, own_time, run / team.v)
+    return Meeting(run * runs.x[at], run * runs.y[at], -time, first, second)
+
+
+class _Runs(NamedTuple):
+    """Straight runs (..., k): directions, lengths before the pursuers, and by whom they end.
+
+    Attributes:
+        x: East part of the direction.
+        y: North part of the direction.
+        far: Length until the first of the pursuers is there; −∞ for no run.
+        nearest: Which pursuer that is.
+        decide: The pursuers whose edges decide the direction, (k, 2).
+    """
+
+    x: Array
+    y: Array
+    far: Array
+    nearest: Array
+    decide: Array
+
+
+def _runs_to_ends_and_crossings(regions: Regions, own_ends: Sequence[Array], reach: Array) -> _Runs:
+    """Return the runs to the own end of each pursuer's game, then to one and the other crossing of every two edges."""
     count = reach.shape[-1]
     every = np.arange(count)
     pairs = pairs_of(count)
-    i, j = pairs.T
     decide = np.concatenate([every[:, None].repeat(2, axis=1), pairs, pairs])
-    reached = edge(regions.beside(), (own_ends[0][..., None], own_ends[1][..., None])).reach
-    crossed = (reached[..., i, i] > reached[..., i, j]) & (reached[..., j, j] > reached[..., j, i])
+    beside = regions.beside()
+    reached = edge(beside, (own_ends[0][..., None], own_ends[1][..., None])).reach
     x, y = np.full((2, *reach.shape[:-1], len(decide)), np.nan, dtype=reach.dtype)
     ends = np.full((*x.shape, count), np.nan, dtype=reach.dtype)
     x[..., :count], y[..., :count] = own_ends
-    ends[..., :count, :] = np.maximum(reached, regions.beside().safe)
+    ends[..., :count, :] = np.maximum(reached, beside.safe)
     ends[..., every, every] = reach
-    *rows, pair = np.nonzero(np.concatenate([crossed, crossed], axis=-1))
+    *rows, pair = np.nonzero(_crossed(reached, pairs))
     if len(pair):
         entry = (*rows, count + pair)
-        # The crossing between both own headings, or that on the other side.
-        begin, end = (
-            (own_ends[0][*rows, pursuer], own_ends[1][*rows, pursuer])
-            for pursuer in decide[count + pair].T
-        )
-        middle = halfway(begin, end)
-        side = np.where(pair < len(i), 1.0, -1.0)
-        two = regions.pick((*(row[:, None] for row in rows), decide[count + pair]))
-        x[entry], y[entry] = heading = crossing(
-            two, begin, end, (side * middle[0], side * middle[1])
+        is_second = pair >= len(pairs)
+        x[entry], y[entry] = heading = _crossings(
+            regions, own_ends, rows, decide[count + pair], is_second
         )
         ends[entry] = survived(
             regions.pick(tuple(rows)), (heading[0][:, None], heading[1][:, None])
         )
     far = np.fmax(ends.min(axis=-1), -np.inf)
+    return _Runs(x, y, far, ends.argmin(axis=-1), decide)
+
+
+def _crossed(reached: Array, pairs: Array) -> Array:
+    """Return which pairs' edges cross between their own headings, (..., 2 k): each of both crossings."""
+    i, j = pairs.T
+    first_shorter = reached[..., i, i] > reached[..., i, j]
+    second_shorter = reached[..., j, j] > reached[..., j, i]
+    crossed = first_shorter & second_shorter
+    return np.concatenate([crossed, crossed], axis=-1)
+
+
+def _crossings(
+    regions: Regions, own_ends: Sequence[Array], rows: Sequence[Array], two: Array, other: Array
+) -> Point:
+    """Return the headings of the crossings of two edges, (m,).
+
+    Args:
+        regions: Of the evader before each pursuer.
+        own_ends: Headings, x and y, to the own ends of the pursuers' games.
+        rows: Leading indices of the pairs, each (m,).
+        two: Both pursuers, (m, 2).
+        other: Whether it is the crossing on the other side, not that between both own headings, (m,).
+    """
+    first, second = two.T
+    begin = (own_ends[0][*rows, first], own_ends[1][*rows, first])
+    end = (own_ends[0][*rows, second], own_ends[1][*rows, second])
+    middle_x, middle_y = halfway(begin, end)
+    side = np.where(other, -1.0, 1.0)
+    both = regions.pick((*(row[:, None] for row in rows), two))
+    return crossing(both, begin, end, (side * middle_x, side * middle_y))
+
+
+def _longest_of(runs: _Runs) -> Array:
+    """Return the number of the longest run, (...); of equally long ones that with the larger y, then the larger x."""
+    far = runs.far
     tied = far >= far.max(axis=-1, keepdims=True) * (1.0 - EQUAL)
-    north = np.where(tied, y, -2.0)
-    best = np.where(north == north.max(axis=-1, keepdims=True), x, -2.0).argmax(axis=-1)
-    at = place_of(best)
-    run = far[at]
-    met = ends[at].argmin(axis=-1)
-    first = decide[best, 0]
-    second = np.where(best < count, met, decide[best, 1])
-    first, second = (np.where(run > 0, part, met) for part in (first, second))
-    if chosen is not None:
-        first = taken(chosen, first)
-        second = taken(chosen, second)
-    time = np.where(first == second, taken(team.alone.value, first), run / team.v)
-    return Meeting(run * x[at], run * y[at], -time, first, second)
+    north = np.where(tied, runs.y, -2.0)
+    northmost = north == north.max(axis=-1, keepdims=True)
+    east = np.where(northmost, runs.x, -2.0)
+    return np.asarray(east.argmax(axis=-1))
 
 
 def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flies: Array) -> TeamSolution:
@@ -425,9 +522,11 @@ def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flies: Arr
         flies: which pursuers fly to that together, (..., n); the others play their own game.
     """
     alone = team.alone
+    count = alone.value.shape[-1]
     at = place_of(run.first)
     single = run.first == run.second
-    flies = flies & ~are(alone.value.shape[-1], np.where(best.first == best.second, best.first, -1))
+    plays_alone = np.where(best.first == best.second, best.first, -1)
+    flies = flies & ~are(count, plays_alone)
     velocity_m_s = alone.pursuer_velocity_m_s
     if flies.any():
         velocity_m_s = np.where(flies[..., None], team.straight((best.x, best.y)), velocity_m_s)
@@ -436,20 +535,23 @@ def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flies: Arr
     to = np.zeros(evader.shape, evader.dtype)
     to[..., 0] = run.x
     to[..., 1] = run.y
-    velocity = (team.v / np.where(far > 0, far, 1.0))[..., None] * to
-    reason = np.where(single, alone.reason[at], np.int8(Reason.SOLVED))
+    rate_per_s = team.v / np.where(far > 0, far, 1.0)
+    velocity = rate_per_s[..., None] * to
+    solved = np.where(single, alone.reason[at], np.int8(Reason.SOLVED))
+    reason = np.where(best.worth == run.worth, solved, np.int8(Reason.BRACKET))
+    is_single = single[..., None]
     return TeamSolution(
         winner=alone.winner.max(axis=-1),
         value=sign * best.worth,
         lower_bound=sign * run.worth,
         margin_s=alone.margin_s.max(axis=-1),
-        meeting_point_m=np.where(single[..., None], alone.meeting_point_m[at], evader + to),
+        meeting_point_m=np.where(is_single, alone.meeting_point_m[at], evader + to),
         meeting_time_s=np.where(single, alone.meeting_time_s[at], far / team.v),
-        binds=are(alone.value.shape[-1], best.first, best.second),
+        binds=are(count, best.first, best.second),
         multipliers=np.zeros(alone.value.shape),
         pursuer_velocity_m_s=velocity_m_s,
-        evader_velocity_m_s=np.where(single[..., None], alone.evader_velocity_m_s[at], velocity),
-        reason=np.where(best.worth == run.worth, reason, np.int8(Reason.BRACKET)),
+        evader_velocity_m_s=np.where(is_single, alone.evader_velocity_m_s[at], velocity),
+        reason=reason,
     )
 
 
@@ -460,7 +562,7 @@ def _multipliers_of_won(team: Team, best: Meeting, won: Array) -> Array:
     return np.where(won[..., None], _multipliers(team, best), 0.0)
 
 
-def _multipliers(team: Team, best: Meeting) -> Array:  # noqa: PLR0914
+def _multipliers(team: Team, best: Meeting) -> Array:
     """Return by how much the value changes for each second that a pursuer starts late, (..., n).
 
     X* maximises the evader's time t_E (PE), or minimises its distance from the target (TAD), among the points with
@@ -471,41 +573,55 @@ def _multipliers(team: Team, best: Meeting) -> Array:  # noqa: PLR0914
     If the height of the later of two Cylinders decides, X* is where the evader can be until then.
     """
     best, height = _at_height(team, best)
+    first, second = _shares(team, best, height)
+    every = np.arange(team.own.shape[-1])
+    is_second = every == best.second[..., None]
+    is_first = every == best.first[..., None]
+    multiplier = np.where(is_second, second[..., None], 0.0)
+    multiplier = np.where(is_first, first[..., None], multiplier)
+    return np.where(np.isfinite(multiplier), np.maximum(multiplier, 0.0), 0.0)
+
+
+def _shares(team: Team, best: Meeting, height: Array) -> Point:
+    """Return the multipliers of the first and the second pursuer of a meeting; `height`: where a height decides it."""
     far = NUMPY.norm2((best.x, best.y))
-    run = best.x / far, best.y / far
-    pull = run[0] / team.v, run[1] / team.v
-    if team.goal is not None:
+    run = (best.x / far, best.y / far)
+    if team.goal is None:
+        pull = (run[0] / team.v, run[1] / team.v)
+    else:
         pull = team.goal.pick(...).pull((best.x, best.y))
     met = edge(team.regions, (run[0][..., None], run[1][..., None]))
     level = (met.reach <= team.regions.safe) | height[..., None]
     x, y = costs_of(team.regions, team.v, run, met, level)
-    q = (taken(x, best.first), taken(y, best.first)), (taken(x, best.second), taken(y, best.second))
-    shares = shares_of(pull, q)
+    cost_of_first = (taken(x, best.first), taken(y, best.first))
+    cost_of_second = (taken(x, best.second), taken(y, best.second))
+    shares = shares_of(pull, (cost_of_first, cost_of_second))
     single = best.first == best.second
-    share = dot2(pull, q[0]) / dot2(q[0], q[0])
-    first = np.where(single, share, shares[0])
-    second = np.where(single, share, shares[1])
-    every = np.arange(team.own.shape[-1])
-    multiplier = np.where(every == best.second[..., None], second[..., None], 0.0)
-    multiplier = np.where(every == best.first[..., None], first[..., None], multiplier)
-    return np.where(np.isfinite(multiplier), np.maximum(multiplier, 0.0), 0.0)
+    share = dot2(pull, cost_of_first) / dot2(cost_of_first, cost_of_first)
+    return np.where(single, share, shares[0]), np.where(single, share, shares[1])
 
 
 def _at_height(team: Team, best: Meeting) -> tuple[Meeting, Array]:
     """Return the meeting at the height of the later of two Cylinders where that decides, and where it does."""
     safe = team.regions.safe
-    pair = np.stack(best[3:], axis=-1)
     if is_zero(safe):
         return best, np.zeros(best.worth.shape, dtype=bool)
-    later = taken(pair, np.argmax(np.take_along_axis(safe, pair, axis=-1), axis=-1))[..., None]
-    reach = np.take_along_axis(safe, later, axis=-1)
-    worth = -reach / team.v[..., None] if team.goal is None else team.goal.beyond(reach)
-    decides = (best.first != best.second) & (reach > 0)[..., 0] & (best.worth == worth[..., 0])
-    to = (best.x[..., None], best.y[..., None]) if team.goal is None else team.goal.towards(reach)
-    x, y = (reach[..., 0] * part[..., 0] for part in unit(to))
-    return NUMPY.select_all(
-        decides, Meeting(x, y, best.worth, later[..., 0], later[..., 0]), best
-    ), decides
+    pair = np.stack([best.first, best.second], axis=-1)
+    reaches = np.take_along_axis(safe, pair, axis=-1)
+    later = taken(pair, np.argmax(reaches, axis=-1))
+    reach = np.take_along_axis(safe, later[..., None], axis=-1)
+    if team.goal is None:
+        worth = -reach / team.v[..., None]
+        to = (best.x[..., None], best.y[..., None])
+    else:
+        worth = team.goal.beyond(reach)
+        to = team.goal.towards(reach)
+    reach = reach[..., 0]
+    is_pair = best.first != best.second
+    decides = is_pair & (reach > 0) & (best.worth == worth[..., 0])
+    x, y = (reach * part[..., 0] for part in unit(to))
+    at_height = Meeting(x, y, best.worth, later, later)
+    return NUMPY.select_all(decides, at_height, best), decides
 
 
 @lru_cache
