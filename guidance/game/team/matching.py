@@ -127,68 +127,78 @@ def match_teams(
     require("hysteresis", hysteresis, zero_allowed=True)
     with np.errstate(all="ignore"):
         table = table_of(game, pursuers, evaders, target, in_play)
-        previous_pairs = (
-            None if previous is None else kept_of(table, (previous.first, previous.second))
-        )
+        previous_pairs = None
+        promised = None
+        if previous is not None:
+            previous_pairs = kept_of(table, (previous.first, previous.second))
+            promised = previous_pairs.first >= 0
         if target is not None:
             table = _with_spare(table, np.asarray(spare_m))
         edges = _edges(table, previous_pairs, hysteresis)
-        first = assigned(edges, None if previous_pairs is None else previous_pairs.first >= 0)
+        first = assigned(edges, promised)
         if table.target is None:
             answer = _chased(table, first)
         else:
             first, mate = _with_pairs(table, edges, previous_pairs, first)
-            pairs = None
-            if previous_pairs is not None and np.array_equal(first, previous_pairs.asked):
-                pairs = previous_pairs.pairs
-            if not pairs:
-                pairs = pairs_with(table, first)
+            pairs = _pairs_of_firsts(table, previous_pairs, first)
             second = _seconds(table, pairs, first, mate, previous_pairs, hysteresis)
             answer = _defended(table, table.target, pairs, first, second)
-    worst = table.all.alone.reason.max(axis=(1, 2)).reshape(table.shape)
-    shaped = Matching(*(part.reshape((*table.shape, *part.shape[1:])) for part in answer))
-    return judged(
-        shaped,
-        np.where(worst < int(Reason.NOT_FINITE), 0, worst),
-        lambda: "pursuers, evaders: have",
-    )
+    parts = [part.reshape((*table.shape, *part.shape[1:])) for part in answer]
+    worst = table.all.alone.reason.max(axis=(1, 2))
+    fault = np.where(worst < int(Reason.NOT_FINITE), 0, worst)
+    words = "pursuers, evaders: have"
+    return judged(Matching(*parts), fault.reshape(table.shape), lambda: words)
+
+
+def _pairs_of_firsts(table: Table, previous_pairs: Kept | None, first: Array) -> Meeting:
+    """Return what each first and every other pursuer guarantee together; that of `previous_pairs` if they are asked."""
+    if previous_pairs is not None and np.array_equal(first, previous_pairs.asked):
+        pairs = previous_pairs.pairs
+        if pairs:
+            return pairs
+    return pairs_with(table, first)
 
 
 def _with_spare(table: Table, spare_m: Array) -> Table:
     """Return the table in which a pursuer beats an evader only with some distance to spare."""
-    n = table.worth.shape[-1]
-    least = np.broadcast_to(spare_m, (*spare_m.shape[:-2], n, table.worth.shape[1]))
-    least_of_teams = np.broadcast_to(least, (*table.shape, *least.shape[-2:])).reshape(
-        -1, *least.shape[-2:]
-    )
-    spare = least_of_teams.swapaxes(1, 2)
-    beats = table.beats & ((spare <= 0.0) | (table.worth >= spare))
-    return table._replace(beats=beats, spare_m=spare)
+    _, m, n = table.worth.shape
+    least = np.broadcast_to(spare_m, (*spare_m.shape[:-2], n, m))
+    least_of_teams = np.broadcast_to(least, (*table.shape, n, m))
+    spare = least_of_teams.reshape(-1, n, m).swapaxes(1, 2)
+    enough = (spare <= 0.0) | (table.worth >= spare)
+    return table._replace(beats=table.beats & enough, spare_m=spare)
 
 
 def _edges(table: Table, previous_pairs: Kept | None, hysteresis: float) -> Array:
     """Return the profit of each pursuer that may guarantee the capture of an evader, (b, m, n), −∞ where it may not."""
     every = np.arange(table.worth.shape[-1])
-    least = np.where(table.beats, table.worth, np.inf).min(axis=(1, 2), keepdims=True)
-    profit = table.worth - np.minimum(np.where(np.isfinite(least), least, 0.0), 0.0)
+    profit = _profit_of_each(table)
     if previous_pairs is None:
         return np.where(table.beats, profit, -np.inf)
-    promised = (previous_pairs.first >= 0)[..., None]
-    old = promised & (every == previous_pairs.first[..., None])
-    needed = (previous_pairs.second >= 0) & (
-        taken(table.worth, previous_pairs.first) < previous_pairs.worth
-    )
-    partner = needed[..., None] & (every == previous_pairs.second[..., None])
-    as_good = ~promised | (table.worth >= previous_pairs.worth[..., None] + hysteresis)
+    first = previous_pairs.first
+    second = previous_pairs.second
+    promised_worth = previous_pairs.worth[..., None]
+    promised = (first >= 0)[..., None]
+    old = promised & (every == first[..., None])
+    needs_second = (second >= 0) & (taken(table.worth, first) < previous_pairs.worth)
+    partner = needs_second[..., None] & (every == second[..., None])
+    as_good = ~promised | (table.worth >= promised_worth + hysteresis)
     free = ~partner.any(axis=1)[:, None] | partner
     edges = old | (table.beats & as_good & free)
-    profit = np.where(
-        old, profit + (previous_pairs.worth[..., None] - table.worth) + hysteresis, profit
-    )
+    old_profit = profit + (promised_worth - table.worth) + hysteresis
+    profit = np.where(old, old_profit, profit)
     return np.where(edges, np.maximum(profit, 0.0), -np.inf)
 
 
-def _with_pairs(  # noqa: PLR0914
+def _profit_of_each(table: Table) -> Array:
+    """Return the worth of each pair, (b, m, n), less the least of a pair that wins if that is negative."""
+    worth_of_winners = np.where(table.beats, table.worth, np.inf)
+    least = worth_of_winners.min(axis=(1, 2), keepdims=True)
+    least_negative = np.minimum(np.where(np.isfinite(least), least, 0.0), 0.0)
+    return np.asarray(table.worth - least_negative)
+
+
+def _with_pairs(
     table: Table, edges: Array, previous_pairs: Kept | None, first: Array
 ) -> tuple[Array, Array]:
     """Return firsts and mates, (b, m), where two pursuers may guarantee a capture that neither guarantees alone.
@@ -206,34 +216,48 @@ def _with_pairs(  # noqa: PLR0914
     """
     b, m, n = table.worth.shape
     goal = table.all.goal
+    mates = np.full_like(first, -1)
     if n < 2 or goal is None or goal.is_point:
-        return first, np.full_like(first, -1)
+        return first, mates
     promised = np.zeros((b, m), dtype=bool)
     partners = np.zeros((b, n), dtype=bool)
     if previous_pairs is not None:
         promised = previous_pairs.first >= 0
         partners = are(n, *previous_pairs.second.T)
-    paired = np.full_like(first, -1)
     unmatched = ((first < 0) & table.present).any(axis=1)
     if unmatched.any():
-        numbers = pairs_of(n)
-        worth = together(table.all, (..., numbers)).worth
-        alone = (table.beats | partners[:, None])[..., numbers].any(axis=-1)
-        plays = (table.present[..., None] & table.plays)[..., numbers].all(axis=-1)
-        enough = worth > table.spare_m[..., numbers].max(axis=-1)
-        wins = plays & enough & ~alone & ~promised[..., None]
-        for row in np.flatnonzero(unmatched & wins.any(axis=(1, 2))):
-            profit = np.where(wins[row], worth[row], -np.inf)
-            singles, mates = packed(edges[row], profit, numbers, promised[row])
-            if np.count_nonzero(singles >= 0) > np.count_nonzero(first[row] >= 0):
-                first[row] = singles
-                paired[row] = mates
+        profit = _profit_of_pairs(table, promised, partners)
+        has_pair = (profit > -np.inf).any(axis=(1, 2))
+        for row in np.flatnonzero(unmatched & has_pair):
+            row_firsts, row_mates = packed(edges[row], profit[row], pairs_of(n), promised[row])
+            matched = np.count_nonzero(first[row] >= 0)
+            if np.count_nonzero(row_firsts >= 0) > matched:
+                first[row] = row_firsts
+                mates[row] = row_mates
     if previous_pairs is None:
-        return first, paired
-    together_only = (
-        promised & (first == previous_pairs.first) & ~taken(table.beats, previous_pairs.first)
-    )
-    return first, np.where(together_only, previous_pairs.second, paired)
+        return first, mates
+    is_kept = promised & (first == previous_pairs.first)
+    together_only = is_kept & ~taken(table.beats, previous_pairs.first)
+    return first, np.where(together_only, previous_pairs.second, mates)
+
+
+def _profit_of_pairs(table: Table, promised: Array, partners: Array) -> Array:
+    """Return the worth of each pair that wins together and not alone, (b, m, k); −∞ for every other pair.
+
+    Args:
+        table: everybody against everybody.
+        promised: evaders that have a first already, (b, m).
+        partners: pursuers that are a second already, (b, n).
+    """
+    numbers = pairs_of(table.worth.shape[-1])
+    worth = together(table.all, (..., numbers)).worth
+    engaged = table.beats | partners[:, None]
+    playing = table.present[..., None] & table.plays
+    plays = playing[..., numbers].all(axis=-1)
+    alone = engaged[..., numbers].any(axis=-1)
+    enough = worth > table.spare_m[..., numbers].max(axis=-1)
+    wins = plays & enough & ~alone & ~promised[..., None]
+    return np.asarray(np.where(wins, worth, -np.inf))
 
 
 def _seconds(
@@ -245,77 +269,99 @@ def _seconds(
     hysteresis: float,
 ) -> Array:
     """Return the pursuer that supports the first of each evader, (b, m), −1 for none."""
-    every = np.arange(table.worth.shape[-1])
+    count = table.worth.shape[-1]
     matched = first >= 0
-    busy = (every == first[..., None]).any(axis=1) | (every == mate[..., None]).any(axis=1)
+    busy = _among(count, first) | _among(count, mate)
     if busy.all() or not matched.any():
         return mate
-    gain = pairs.worth - taken(table.worth, first)[..., None]
-    useful = (matched & (mate < 0))[..., None] & ~busy[:, None] & (gain > 0)
+    without_mate = mate < 0
+    worth_alone = taken(table.worth, first)
+    gain = pairs.worth - worth_alone[..., None]
+    may_help = (matched & without_mate)[..., None] & ~busy[:, None]
+    useful = may_help & (gain > 0)
     if previous_pairs is None:
-        return np.where(mate < 0, assigned(np.where(useful, gain, -np.inf)), mate)
-    old = every == previous_pairs.second[..., None]
-    promised = (first == previous_pairs.first) & (useful & old).any(axis=-1)
-    as_good = gain >= taken(gain, previous_pairs.second)[..., None] + hysteresis
+        profit = np.where(useful, gain, -np.inf)
+        return np.where(without_mate, assigned(profit), mate)
+    old = np.arange(count) == previous_pairs.second[..., None]
+    keeps_first = first == previous_pairs.first
+    promised = keeps_first & (useful & old).any(axis=-1)
+    old_gain = taken(gain, previous_pairs.second)
+    as_good = gain >= old_gain[..., None] + hysteresis
     useful &= old | as_good | ~promised[..., None]
-    profit = np.where(useful, gain + np.where(old, hysteresis, 0.0), -np.inf)
-    return np.where(mate < 0, assigned(profit, promised), mate)
+    kept_bonus = np.where(old, hysteresis, 0.0)
+    profit = np.where(useful, gain + kept_bonus, -np.inf)
+    return np.where(without_mate, assigned(profit, promised), mate)
+
+
+def _among(count: int, chosen: Array) -> Array:
+    """Return which of some pursuers are chosen for an evader, (b, n), from their numbers (b, m)."""
+    numbers = np.arange(count)
+    return np.asarray((numbers == chosen[..., None]).any(axis=1))
 
 
 def _chased(table: Table, first: Array) -> Matching:
     """Put the answer in PE together, (b, ...)."""
     run = longest_run(table.all)
-    play = assembled(table.all, table.evaders, run, run, np.zeros(1, dtype=bool))
-    value = np.where(first < 0, np.inf, -taken(table.worth, first))
-    return _answer(table, first, np.full_like(first, -1), play._replace(value=value))
+    nobody = np.zeros(1, dtype=bool)
+    play = assembled(table.all, table.evaders, run, run, nobody)
+    time_s = -taken(table.worth, first)
+    value = np.where(first < 0, np.inf, time_s)
+    no_second = np.full_like(first, -1)
+    return _answer(table, first, no_second, play._replace(value=value))
 
 
 def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second: Array) -> Matching:
     """Put the answer in TAD together, (b, ...)."""
-    team = table.all
     alone = table.all.alone
     guarded = first >= 0
     beside = np.where(second < 0, first, second)
-    at = place_of(beside)
+    meetings = [part[place_of(beside)] for part in pairs]
+    best = placed(table.all, table.evaders, Meeting(*meetings))
     two = place_of(np.stack([first, beside], axis=-1), 2)
-    best = placed(team, table.evaders, Meeting(*(part[at] for part in pairs)))
-    run = nearest_run(team, table.evaders, best, guarded, two)
-    play = assembled(team, table.evaders, run, best, are(table.worth.shape[-1], first, second))
+    run = nearest_run(table.all, table.evaders, best, guarded, two)
+    flies = are(table.worth.shape[-1], first, second)
+    play = assembled(table.all, table.evaders, run, best, flies)
+    is_guarded = guarded[..., None]
+    straight_m_s = _to_target(table, target)
+    nearest_reason = taken(alone.reason, alone.margin_s.argmax(axis=-1))
     play = play._replace(
         value=np.where(guarded, play.value, 0.0),
         lower_bound=np.where(guarded, play.lower_bound, 0.0),
-        meeting_point_m=np.where(guarded[..., None], play.meeting_point_m, target),
-        evader_velocity_m_s=np.where(
-            guarded[..., None], play.evader_velocity_m_s, _to_target(table, target)
-        ),
-        reason=np.where(guarded, play.reason, taken(alone.reason, alone.margin_s.argmax(axis=-1))),
+        meeting_point_m=np.where(is_guarded, play.meeting_point_m, target),
+        evader_velocity_m_s=np.where(is_guarded, play.evader_velocity_m_s, straight_m_s),
+        reason=np.where(guarded, play.reason, nearest_reason),
     )
     return _answer(table, first, second, play)
 
 
 def _answer(table: Table, first: Array, second: Array, play: TeamSolution) -> Matching:
     """Put the answer together, (b, ...), from each evader's game."""
-    alone = table.all.alone
     present = table.present
     guarded = first >= 0
     zero_if_present = np.where(present, 0.0, np.nan)
+    plain_zero = zero_if_present[..., None]
+    alone = table.all.alone.value + plain_zero
+    # Added from the least to the largest: the same bits in any order and in any batch.
+    rising = np.sort(np.where(guarded, play.value, 0.0), axis=-1)
     evader_of = _evader_of(table, first, second)
-    velocity_m_s = taken(play.pursuer_velocity_m_s.swapaxes(1, 2), evader_of)
+    velocities_m_s = taken(play.pursuer_velocity_m_s.swapaxes(1, 2), evader_of)
+    is_idle = (evader_of < 0)[..., None]
     lost = 0 if table.target is None else int(Winner.EVADER)
+    unguarded = np.where(present, lost, 0)
+    winner = np.where(guarded, int(Winner.PURSUER), unguarded)
     return Matching(
         guaranteed=guarded.sum(axis=-1),
-        # Added from the least to the largest: the same bits in any order and in any batch.
-        total=np.asarray(sum(np.sort(np.where(guarded, play.value, 0.0), axis=-1).T)),
+        total=np.asarray(sum(rising.T)),
         first=first,
         second=second,
         evader_of=evader_of,
         beats=table.beats.swapaxes(1, 2),
-        alone=(alone.value + zero_if_present[..., None]).swapaxes(1, 2),
-        winner=np.where(guarded, int(Winner.PURSUER), np.where(present, lost, 0)).astype(np.int8),
+        alone=alone.swapaxes(1, 2),
+        winner=winner.astype(np.int8),
         value=play.value + zero_if_present,
         lower_bound=play.lower_bound + zero_if_present,
-        meeting_point_m=play.meeting_point_m + zero_if_present[..., None],
-        pursuer_velocity_m_s=np.where((evader_of < 0)[..., None], 0.0 * velocity_m_s, velocity_m_s),
+        meeting_point_m=play.meeting_point_m + plain_zero,
+        pursuer_velocity_m_s=np.where(is_idle, 0.0 * velocities_m_s, velocities_m_s),
         evader_velocity_m_s=np.where(present[..., None], play.evader_velocity_m_s, 0.0),
         reason=play.reason,
     )
@@ -325,11 +371,15 @@ def _evader_of(table: Table, first: Array, second: Array) -> Array:
     """Return the evader of each pursuer: its own, or else the one that it is closest to capturing."""
     member = are(table.worth.shape[-1], first, second)
     unmatched = table.present & (first < 0)
-    pool = np.where(unmatched.any(axis=1, keepdims=True), unmatched, table.present)[..., None]
+    any_unmatched = unmatched.any(axis=1, keepdims=True)
+    pool = np.where(any_unmatched, unmatched, table.present)
+    candidates = pool[..., None] & table.plays
     score = table.worth if table.target is None else table.all.alone.margin_s
-    closest = np.argmax(np.where(pool & table.plays, score, -np.inf), axis=1)
-    evader_of_pursuer = np.where(member.any(axis=1), np.argmax(member, axis=1), closest)
-    return np.where((table.present[..., None] & table.plays).any(axis=1), evader_of_pursuer, -1)
+    closest = np.argmax(np.where(candidates, score, -np.inf), axis=1)
+    assigned_evader = np.argmax(member, axis=1)
+    evader_of_pursuer = np.where(member.any(axis=1), assigned_evader, closest)
+    playing = table.present[..., None] & table.plays
+    return np.where(playing.any(axis=1), evader_of_pursuer, -1)
 
 
 def _to_target(table: Table, target: Array) -> Array:
@@ -337,4 +387,5 @@ def _to_target(table: Table, target: Array) -> Array:
     to = target - table.evaders
     to[..., 2] = 0.0
     far = NUMPY.norm2((to[..., 0], to[..., 1]))
-    return np.asarray(np.where(far > 0, table.all.v / far, 0.0 * far)[..., None] * to)
+    rate_per_s = np.where(far > 0, table.all.v / far, 0.0 * far)
+    return np.asarray(rate_per_s[..., None] * to)

@@ -23,7 +23,8 @@ HALVINGS = 60
 
 def leaves_open(regions: Regions, length: Array) -> Array:
     """Return whether a run of some length, (...), leaves a heading open, (...)."""
-    return np.asarray(_gaps(regions, length)[0].max(axis=-1) > 0.0)
+    gap = _gaps(regions, length)[0]
+    return np.asarray(gap.max(axis=-1) > 0.0)
 
 
 def longest_open(regions: Regions, least: Array) -> tuple[Point, Array, Array]:

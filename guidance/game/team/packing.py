@@ -27,15 +27,18 @@ def assigned(profit: Array, first: Array | None = None) -> Array:
     edges = profit > -np.inf
     # One pair more is worth more than all profits together.
     profit = np.where(edges, profit, 0.0)
-    bonus = 1.0 + min(n, m) * profit.max(axis=(1, 2), keepdims=True)
-    worth = np.where(
-        edges, (bonus if first is None else bonus * (1.0 + first[..., None])) + profit, 0.0
-    )
+    largest_profit = profit.max(axis=(1, 2), keepdims=True)
+    bonus = 1.0 + min(n, m) * largest_profit
+    if first is not None:
+        bonus = bonus * (1.0 + first[..., None])
+    worth = np.where(edges, bonus + profit, 0.0)
     chosen = np.full((b, m), -1)
-    for row in np.flatnonzero(np.isfinite(worth.sum(axis=(1, 2)))):
+    finite_rows = np.isfinite(worth.sum(axis=(1, 2)))
+    for row in np.flatnonzero(finite_rows):
         evader, pursuer = linear_sum_assignment(worth[row], maximize=True)
         chosen[row, evader] = pursuer
-    return np.where((chosen >= 0) & taken(edges, chosen), chosen, -1)
+    is_edge = (chosen >= 0) & taken(edges, chosen)
+    return np.where(is_edge, chosen, -1)
 
 
 def packed(singles: Array, pairs: Array, numbers: Array, promised: Array) -> tuple[Array, Array]:  # noqa: PLR0914
