@@ -47,38 +47,50 @@ class Course:
         t = np.asarray(played_s, dtype=np.float64)
         passed = np.sum(self.times_s <= t[..., None], axis=-1) - 1
         leg = np.clip(passed, 0, self.times_s.shape[-1] - 2)
-        ends = np.stack([leg, leg + 1], axis=-1)
-        corners = (*leg.shape, self.times_s.shape[-1])
-        begin_s, end_s = np.moveaxis(
-            np.take_along_axis(np.broadcast_to(self.times_s, corners), ends, -1), -1, 0
-        )
-        places_m = np.broadcast_to(self.places_m, (*corners, 3))
-        begin_m, end_m = np.moveaxis(np.take_along_axis(places_m, ends[..., None], -2), -2, 0)
+        begin_s, end_s, begin_m, end_m = self._ends_of(leg)
         lasts_s = np.maximum(end_s - begin_s, 1e-9)[..., None]
         leg_m = end_m - begin_m
+        leg_m_s = leg_m / lasts_s
         share = np.clip((t - begin_s)[..., None] / lasts_s, 0.0, 1.0)
-        along = np.where((passed == leg)[..., None], leg_m / lasts_s, 0.0)
-        return np.asarray(along + (begin_m + share * leg_m - position_m) / _BACK_S)
+        place_m = begin_m + share * leg_m
+        is_underway = passed == leg
+        along_m_s = np.where(is_underway[..., None], leg_m_s, 0.0)
+        back_m_s = (place_m - position_m) / _BACK_S
+        return np.asarray(along_m_s + back_m_s)
+
+    def _ends_of(self, leg: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the first and last time, (...), and the first and last place, (..., 3), of legs (...)."""
+        corners = (*leg.shape, self.times_s.shape[-1])
+        ends = np.stack([leg, leg + 1], axis=-1)
+        all_times_s = np.broadcast_to(self.times_s, corners)
+        all_places_m = np.broadcast_to(self.places_m, (*corners, 3))
+        times_s = np.take_along_axis(all_times_s, ends, -1)
+        places_m = np.take_along_axis(all_places_m, ends[..., None], -2)
+        return times_s[..., 0], times_s[..., 1], places_m[..., 0, :], places_m[..., 1, :]
 
     def corner_s(self, played_s: ArrayLike) -> Array:
         """Return the time, (...), at which the velocity changes next; infinite after the last time."""
         t = np.asarray(played_s, dtype=np.float64)[..., None]
-        return np.asarray(np.min(np.where(self.times_s > t, self.times_s, np.inf), axis=-1))
+        coming_s = np.where(self.times_s > t, self.times_s, np.inf)
+        return np.asarray(np.min(coming_s, axis=-1))
 
 
 def waypoints(start_m: Array, points_m: ArrayLike, speeds: SpeedSet) -> Course:
     """Go from a start (..., 3) through points (k, 3) as fast as the speeds (...) allow, and stay at the last."""
     points = np.asarray(points_m, dtype=np.float64)
-    places = np.concatenate(
-        [start_m[..., None, :], np.broadcast_to(points, (*start_m.shape[:-1], *points.shape))], -2
-    )
-    lasts = np.cumsum(_durations_s(np.diff(places, axis=-2), speeds), axis=-1)
-    return Course(np.concatenate([0.0 * lasts[..., :1], lasts], axis=-1), places)
+    points_of_rows = np.broadcast_to(points, (*start_m.shape[:-1], *points.shape))
+    places = np.concatenate([start_m[..., None, :], points_of_rows], axis=-2)
+    legs_m = np.diff(places, axis=-2)
+    arrivals_s = np.cumsum(_durations_s(legs_m, speeds), axis=-1)
+    start_s = 0.0 * arrivals_s[..., :1]
+    times_s = np.concatenate([start_s, arrivals_s], axis=-1)
+    return Course(times_s, places)
 
 
 def _durations_s(legs_m: Array, speeds: SpeedSet) -> Array:
     """Return the least duration of each leg (..., k, 3)."""
-    level_m = np.sqrt(np.sum(legs_m[..., :2] ** 2, axis=-1))
+    level_squares = legs_m[..., :2] ** 2
+    level_m = np.sqrt(np.sum(level_squares, axis=-1))
     for_legs: SpeedSet = rows_of(speeds, lambda numbers: numbers[..., None])
     return for_legs.duration_s(level_m, legs_m[..., 2])
 
@@ -107,26 +119,34 @@ def random_turns(
         duration_s: The least duration of the course.
     """
     count = int(np.ceil(duration_s / every_s)) + 1
-    draws = uniform(np.asarray(seed)[..., None], stream, np.arange(count))
-    turns = (2.0 * draws - 1.0) * np.where(np.arange(count) == 0, np.pi, max_turn_rad)
-    heading = np.cumsum(turns, axis=-1)
-    leg = np.asarray(speed_m_s, dtype=np.float64)[..., None] * every_s
-    steps = np.stack(
-        [leg * np.cos(heading), leg * np.sin(heading), np.zeros_like(heading)], axis=-1
-    )
-    places = np.concatenate(
-        [start_m[..., None, :], start_m[..., None, :] + np.cumsum(steps, axis=-2)], axis=-2
-    )
-    return Course(
-        np.broadcast_to(every_s * np.arange(count + 1, dtype=np.float64), places.shape[:-1]), places
+    turns_of_row = np.arange(count)
+    draws = uniform(np.asarray(seed)[..., None], stream, turns_of_row)
+    largest_rad = np.where(turns_of_row == 0, np.pi, max_turn_rad)
+    heading = np.cumsum((2.0 * draws - 1.0) * largest_rad, axis=-1)
+    speed = np.asarray(speed_m_s, dtype=np.float64)
+    leg_m = speed[..., None] * every_s
+    x = leg_m * np.cos(heading)
+    y = leg_m * np.sin(heading)
+    legs_m = np.stack([x, y, np.zeros_like(heading)], axis=-1)
+    start = start_m[..., None, :]
+    corners = start + np.cumsum(legs_m, axis=-2)
+    return _course_of_table(
+        every_s * np.arange(count + 1, dtype=np.float64),
+        np.concatenate([start, corners], axis=-2),
     )
 
 
 def recorded(start_m: Array, track: Sequence[Sequence[float]]) -> Course:
     """Go along a recorded track, rows of (time s, x, y, z m), moved so that it begins at a start (..., 3) at time 0."""
     table = np.asarray(track, dtype=np.float64)
-    places = start_m[..., None, :] + (table[:, 1:] - table[0, 1:])
-    return Course(np.broadcast_to(table[:, 0] - table[0, 0], places.shape[:-1]), places)
+    from_first = table - table[0]
+    places = start_m[..., None, :] + from_first[:, 1:]
+    return _course_of_table(from_first[:, 0], places)
+
+
+def _course_of_table(times_s: Array, places_m: Array) -> Course:
+    """Return the course with the same times (k,) in every row of places (..., k, 3)."""
+    return Course(np.broadcast_to(times_s, places_m.shape[:-1]), places_m)
 
 
 def uniform(seed: ArrayLike, stream: int, index: ArrayLike) -> Array:
@@ -137,18 +157,23 @@ def uniform(seed: ArrayLike, stream: int, index: ArrayLike) -> Array:
         stream: Which of the independent sequences of a seed.
         index: Number of the draw, (...); broadcast against `seed`.
     """
+    number = np.asarray(index).astype(np.uint64)
     with np.errstate(over="ignore"):  # the arithmetic is modulo 2^64
         state = _mix(np.asarray(seed).astype(np.uint64) + _GOLDEN)
         state = _mix(state + np.uint64(stream) * _GOLDEN)
-        state = _mix(state + np.asarray(index).astype(np.uint64) * _GOLDEN)
-    return (state >> np.uint64(11)).astype(np.float64) * 2.0**-53
+        state = _mix(state + number * _GOLDEN)
+    leading_bits = state >> np.uint64(11)
+    return leading_bits.astype(np.float64) * 2.0**-53
 
 
 def normal(seed: ArrayLike, stream: int, index: ArrayLike) -> Array:
     """Draw from the standard normal distribution (Box & Muller); arguments as of `uniform`."""
     k = 2 * np.asarray(index, dtype=np.int64)
-    radius = np.sqrt(-2.0 * np.log1p(-uniform(seed, stream, k)))
-    return np.asarray(radius * np.cos(2.0 * np.pi * uniform(seed, stream, k + 1)))
+    first = uniform(seed, stream, k)
+    second = uniform(seed, stream, k + 1)
+    radius = np.sqrt(-2.0 * np.log1p(-first))
+    angle = 2.0 * np.pi * second
+    return np.asarray(radius * np.cos(angle))
 
 
 def _mix(state: NDArray[np.uint64]) -> NDArray[np.uint64]:

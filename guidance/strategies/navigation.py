@@ -112,7 +112,9 @@ def _rate(xp: Library, game: Game, state: Geometry, velocity: Space, gain: float
         sight = _sight(xp, game, state)
         climb = z
     square = dot3(sight, sight)
-    return times3(gain / (square + (square == 0)), _cross(sight, (run - x, rise - y, 0.0 - climb)))
+    share = gain / (square + (square == 0))
+    receding = (run - x, rise - y, 0.0 - climb)
+    return times3(share, _cross(sight, receding))
 
 
 def _sight(xp: Library, game: Game, state: Geometry) -> Space:
@@ -132,18 +134,21 @@ def _in_space(xp: Library, game: Game, state: Geometry, previous: Space, turn: S
     met = game.pursuer.captured(
         xp, game.capture_radius_m, state.z, lambda: xp.norm2((sight[0], sight[1]))
     )
-    level = xp.select2(met, state.hold, (pace * course[0], pace * course[1]))
+    ahead = (pace * course[0], pace * course[1])
+    level = xp.select2(met, state.hold, ahead)
     return *level, xp.select(met, 0.0, pace * course[2])
 
 
 def _in_the_plane(xp: Library, game: Game, state: Geometry, previous: Space, turn: Space) -> Space:
     """Turn the horizontal velocity, and fly to the disc's height."""
     zero = 0.0 * state.z
-    course = _turned(xp, (*state.to_evader, zero), (previous[0], previous[1], zero), turn)
+    sight = (*state.to_evader, zero)
+    level_before = (previous[0], previous[1], zero)
+    course = _turned(xp, sight, level_before, turn)
     to = times2(xp.norm2(state.to_evader), course[:2])
-    return fly_to(
-        xp, game, state, to, guard_time(xp, game, state, plus2(to, -1.0, state.to_evader))
-    )
+    from_evader = plus2(to, -1.0, state.to_evader)
+    time_s = guard_time(xp, game, state, from_evader)
+    return fly_to(xp, game, state, to, time_s)
 
 
 def _turned(xp: Library, sight: Space, previous: Space, turn: Space) -> Space:

@@ -225,6 +225,11 @@ def _turned(middle: Point, s: Array) -> Point:
     return in_plane(middle, ((1.0 - s * s) * scale, (s + s) * scale))
 
 
+def for_each(point: Point) -> Point:
+    """Return a vector (...) with one more axis, for all pursuers of its row."""
+    return point[0][..., None], point[1][..., None]
+
+
 def unit(v: Point) -> Point:
     """Return the direction of plane vectors."""
     size = NUMPY.norm2(v)

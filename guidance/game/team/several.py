@@ -52,7 +52,16 @@ from guidance.game.rows import fitting, for_rows
 from guidance.game.team.arguments import Games, TeamGame, joined, judged, pair_axes, vectors
 from guidance.game.team.danger import most_in_danger
 from guidance.game.team.open_runs import leaves_open, longest_open
-from guidance.game.team.regions import Point, Regions, crossing, edge, halfway, survived, unit
+from guidance.game.team.regions import (
+    Point,
+    Regions,
+    crossing,
+    edge,
+    for_each,
+    halfway,
+    survived,
+    unit,
+)
 from guidance.game.team.table import (
     Meeting,
     Team,
@@ -311,7 +320,7 @@ def nearest_run(
     regions = team.regions.pick(pursuers)
     ends = team.alone.meeting_point_m[pursuers] - evader[..., None, :]
     to_x, to_y = _directions(ends, best, goal.towards(regions.safe))
-    lengths = survived(regions.beside(), (to_x[..., None], to_y[..., None]))
+    lengths = survived(regions.beside(), for_each((to_x, to_y)))
     far = np.min(lengths, axis=-1)
     x = far * to_x
     y = far * to_y
@@ -381,7 +390,7 @@ def _longest_found(team: Team) -> Meeting:
         far = NUMPY.norm2((longest.x, longest.y))
         x = longest.x / far
         y = longest.y / far
-        ends = survived(team.regions, (x[..., None], y[..., None]))
+        ends = survived(team.regions, for_each((x, y)))
         np.put_along_axis(ends, chosen, np.inf, axis=-1)
         worst = np.argmin(ends, axis=-1)
         cut = taken(ends, worst) < far * (1.0 - 1e-13)
@@ -451,7 +460,7 @@ def _runs_to_ends_and_crossings(regions: Regions, own_ends: Sequence[Array], rea
     pairs = pairs_of(count)
     decide = np.concatenate([every[:, None].repeat(2, axis=1), pairs, pairs])
     beside = regions.beside()
-    reached = edge(beside, (own_ends[0][..., None], own_ends[1][..., None])).reach
+    reached = edge(beside, for_each((own_ends[0], own_ends[1]))).reach
     x, y = np.full((2, *reach.shape[:-1], len(decide)), np.nan, dtype=reach.dtype)
     ends = np.full((*x.shape, count), np.nan, dtype=reach.dtype)
     x[..., :count], y[..., :count] = own_ends
@@ -464,9 +473,7 @@ def _runs_to_ends_and_crossings(regions: Regions, own_ends: Sequence[Array], rea
         x[entry], y[entry] = heading = _crossings(
             regions, own_ends, rows, decide[count + pair], is_second
         )
-        ends[entry] = survived(
-            regions.pick(tuple(rows)), (heading[0][:, None], heading[1][:, None])
-        )
+        ends[entry] = survived(regions.pick(tuple(rows)), for_each(heading))
     far = np.fmax(ends.min(axis=-1), -np.inf)
     return _Runs(x, y, far, ends.argmin(axis=-1), decide)
 
@@ -590,7 +597,7 @@ def _shares(team: Team, best: Meeting, height: Array) -> Point:
         pull = (run[0] / team.v, run[1] / team.v)
     else:
         pull = team.goal.pick(...).pull((best.x, best.y))
-    met = edge(team.regions, (run[0][..., None], run[1][..., None]))
+    met = edge(team.regions, for_each(run))
     level = (met.reach <= team.regions.safe) | height[..., None]
     x, y = costs_of(team.regions, team.v, run, met, level)
     cost_of_first = (taken(x, best.first), taken(y, best.first))
@@ -610,11 +617,9 @@ def _at_height(team: Team, best: Meeting) -> tuple[Meeting, Array]:
     reaches = np.take_along_axis(safe, pair, axis=-1)
     later = taken(pair, np.argmax(reaches, axis=-1))
     reach = np.take_along_axis(safe, later[..., None], axis=-1)
-    if team.goal is None:
-        worth = -reach / team.v[..., None]
-        to = (best.x[..., None], best.y[..., None])
-    else:
-        worth = team.goal.beyond(reach)
+    worth = team.worth_of(reach)
+    to = for_each((best.x, best.y))
+    if team.goal is not None:
         to = team.goal.towards(reach)
     reach = reach[..., 0]
     is_pair = best.first != best.second

@@ -37,6 +37,7 @@ from guidance.game.team.regions import (
     Regions,
     crossing,
     edge,
+    for_each,
     halfway,
     regions_of,
     unit,
@@ -61,27 +62,31 @@ class Goal(NamedTuple):
 
     def pick(self, rows: Any) -> "Goal":  # noqa: ANN401 - whatever indexes an array
         """Return the targets of some rows, (...)."""
-        drift = self.drift[0][..., 0][rows], self.drift[1][..., 0][rows]
+        drift_x = self.drift[0][..., 0]
+        drift_y = self.drift[1][..., 0]
+        drift = (drift_x[rows], drift_y[rows])
         return Goal(self.x[rows], self.y[rows], self.extent, drift)
 
     def pull(self, point: Point) -> Point:
         """Return how the distance from the target falls with the end of a run, (...), if it is picked, see `pick`."""
         x, y = self.place(point)
         run = unit(point)
-        to = unit(to_set(NUMPY, self.extent, (x - self.x, y - self.y)))
+        to_target = to_set(NUMPY, self.extent, (x - self.x, y - self.y))
+        to = unit(to_target)
         return plus2(to, -dot2(to, self.drift), run)
 
     def left(self, point: Point) -> Array:
         """Return the distances, (..., k), m, of ends of runs from the target when the evader is there."""
         x, y = self.place(point)
-        return NUMPY.norm2(
-            to_set(NUMPY, self.extent, (x - self.x[..., None], y - self.y[..., None]))
-        )
+        from_target = (x - self.x[..., None], y - self.y[..., None])
+        return NUMPY.norm2(to_set(NUMPY, self.extent, from_target))
 
     def place(self, point: Point) -> Point:
         """Return ends of runs, (..., k), from where the evader is carried with the target."""
         far = NUMPY.norm2(point)
-        return point[0] - self.drift[0] * far, point[1] - self.drift[1] * far
+        x, y = point
+        drift_x, drift_y = self.drift
+        return x - drift_x * far, y - drift_y * far
 
     def towards(self, reach: Array) -> Point:
         """Return the ways, (..., k), m, to the target from the middle of all ends of runs up to some length."""
@@ -91,7 +96,8 @@ class Goal(NamedTuple):
 
     def beyond(self, reach: Array) -> Array:
         """Return the distances, (..., k), m, of the target from what the evader reaches in runs of some length."""
-        return np.asarray(np.maximum(NUMPY.norm2(self.towards(reach)) - reach, 0.0))
+        beyond_m = NUMPY.norm2(self.towards(reach)) - reach
+        return np.asarray(np.maximum(beyond_m, 0.0))
 
 
 class Team(NamedTuple):
@@ -123,10 +129,17 @@ class Team(NamedTuple):
 
     def straight(self, point: Point) -> Array:
         """Return the velocities, (..., n, 3), m/s, of pursuers that meet the evader at an end of its run, (...)."""
-        x, y = (part[..., None] for part in point)
-        to = x - self.regions.x, y - self.regions.y
+        x, y = for_each(point)
+        to = (x - self.regions.x, y - self.regions.y)
         time = NUMPY.norm2((x, y)) / self.v[..., None]
-        return NUMPY.pack(self.own.shape, self.own, fly_to(NUMPY, self.game, self.state, to, time))
+        velocity = fly_to(NUMPY, self.game, self.state, to, time)
+        return NUMPY.pack(self.own.shape, self.own, velocity)
+
+    def worth_of(self, reach: Array) -> Array:
+        """Return the worth, (..., k), of a game that ends when the evader has run for some length, m, anywhere."""
+        if self.goal is None:
+            return -reach / self.v[..., None]
+        return self.goal.beyond(reach)
 
 
 class Meeting(NamedTuple):
@@ -166,29 +179,31 @@ def team_of(
     level = alone
     worth = own_worth
     if not is_zero(regions.safe):
-        reach = game.standoff.radius_m + game.capture_radius_m
         ground = np.array([1.0, 1.0, 0.0])
-        flat = replace(
-            game,
-            pursuer=Ball(game.pursuer.horizontal_m_s),
-            capture_radius_m=reach,
-            standoff=StandOff(),
-        )
-        level = solve(flat, P * ground + E * (1.0 - ground), E, T)
+        below = P * ground + E * (1.0 - ground)
+        level = solve(_level_game(game), below, E, T)
         worth = worth_in(level, T)
     end = level.meeting_point_m - E
     goal = None
     if T is not None:
-        to = (T - E)[..., 0, :]
-        (drift_x, drift_y) = game.target_velocity_m_s
-        goal = Goal(
-            to[..., 0],
-            to[..., 1],
-            game.target_extent,
-            (drift_x / v[..., None], drift_y / v[..., None]),
-        )
+        goal = _goal_of(game, v, (T - E)[..., 0, :])
     state = take_apart(NUMPY, game, components(P), components(E), None)
     return Team(game, v, regions, state, end[..., 0], end[..., 1], worth, alone, own_worth, goal)
+
+
+def _level_game(game: Game) -> Game:
+    """Return the game over the ground of a separate set: a ball's, with the disc that is captured level."""
+    reach = game.standoff.radius_m + game.capture_radius_m
+    ball = Ball(game.pursuer.horizontal_m_s)
+    return replace(game, pursuer=ball, capture_radius_m=reach, standoff=StandOff())
+
+
+def _goal_of(game: Game, v: Array, to_target: Array) -> Goal:
+    """Return the target at the end of a vector from the evader, (..., 3), m, whose speed is v, (...), m/s."""
+    (x_m_s, y_m_s) = game.target_velocity_m_s
+    speed = v[..., None]
+    drift = (x_m_s / speed, y_m_s / speed)
+    return Goal(to_target[..., 0], to_target[..., 1], game.target_extent, drift)
 
 
 def costs_of(regions: Regions, v: Array, run: Point, met: Edge, level: Array | bool) -> Point:
@@ -203,24 +218,31 @@ def costs_of(regions: Regions, v: Array, run: Point, met: Edge, level: Array | b
     """
     u = regions.ratio
     speed = v[..., None]
-    wind = regions.wind_x * speed, regions.wind_y * speed
-    rate = NUMPY.norm3((*met.away, regions.z)) * u * speed + dot2(met.away, wind)
-    away_shares = [np.where(level, 0.0, part / np.where(rate > 0, rate, 1.0)) for part in met.away]
-    return (run[0] / v)[..., None] - away_shares[0], (run[1] / v)[..., None] - away_shares[1]
+    wind = (regions.wind_x * speed, regions.wind_y * speed)
+    away_m = NUMPY.norm3((*met.away, regions.z))
+    rate = away_m * u * speed + dot2(met.away, wind)
+    divisor = np.where(rate > 0, rate, 1.0)
+    away_x = np.where(level, 0.0, met.away[0] / divisor)
+    away_y = np.where(level, 0.0, met.away[1] / divisor)
+    x, y = for_each((run[0] / v, run[1] / v))
+    return x - away_x, y - away_y
 
 
 def shares_of(pull: Point, costs: tuple[Point, Point]) -> tuple[Array, Array]:
     """Return the multipliers λ of two pursuers, which solve Σ λᵢ ∇(t_E − tᵢ) = pull."""
-    turn = cross2(*costs)
-    return cross2(pull, costs[1]) / turn, cross2(costs[0], pull) / turn
+    first, second = costs
+    turn = cross2(first, second)
+    return cross2(pull, second) / turn, cross2(first, pull) / turn
 
 
 def worth_in(alone: Solution, T: Array | None) -> Array:
     """Return the worth of each pursuer's own game, see `Team`."""
-    return -alone.value if T is None else np.where(alone.winner > 0, alone.value, 0.0 * alone.value)
+    if T is None:
+        return -alone.value
+    return np.where(alone.winner > 0, alone.value, 0.0 * alone.value)
 
 
-def together(team: Team, index: tuple[Any, ...]) -> Meeting:  # noqa: PLR0914
+def together(team: Team, index: tuple[Any, ...]) -> Meeting:
     """Return what each two pursuers guarantee, by one of them alone or together, (..., k).
 
     Args:
@@ -228,48 +250,85 @@ def together(team: Team, index: tuple[Any, ...]) -> Meeting:  # noqa: PLR0914
         index: what takes both from arrays (..., n); the last part has their numbers, (..., k, 2) or (k, 2).
     """
     pursuers = index[-1]
+    first_member = pursuers[..., 0]
+    second_member = pursuers[..., 1]
+    own_worth = team.own[index]
     regions = team.regions.pick(index)
     end = (team.x[index], team.y[index])
-    worth = team.worth[index]
-    own_worth = team.own[index]
+    bind = _both_cut(team, regions, end) & (first_member != second_member)
+    x, y, bounded = _bounds(team, regions, end, team.worth[index], bind)
+    alone = own_worth.max(axis=-1)
+    single = ~bind | (alone >= bounded)
+    better_alone = np.where(own_worth[..., 1] > own_worth[..., 0], second_member, first_member)
+    first = np.where(single, better_alone, first_member)
+    second = np.where(single, better_alone, second_member)
+    return Meeting(x, y, np.where(single, alone, bounded), first, second)
+
+
+def _both_cut(team: Team, regions: Regions, end: Point) -> Array:
+    """Return which two pursuers each cut the run off to the other's own end, (..., k).
+
+    Args:
+        team: the pursuers.
+        regions: of both, (..., k, 2).
+        end: the own ends of both, (..., k, 2).
+    """
     far = NUMPY.norm2(end)
-    heading = end[0] / far, end[1] / far
-    crossed = edge(regions, (heading[0][..., ::-1], heading[1][..., ::-1])).reach[..., ::-1]
-    bind = (crossed < far).all(axis=-1) & (pursuers[..., 0] != pursuers[..., 1])
+    other_x = (end[0] / far)[..., ::-1]
+    other_y = (end[1] / far)[..., ::-1]
+    reach = edge(regions, (other_x, other_y)).reach
+    cut = (reach[..., ::-1] < far).all(axis=-1)
     # No value of PE with two pursuers is proven in wind
-    bind &= team.goal is not None or team.game.calm
+    is_proven = team.goal is not None or team.game.calm
+    return np.asarray(cut & is_proven)
+
+
+def _bounds(
+    team: Team, regions: Regions, end: Point, worth: Array, bind: Array
+) -> tuple[Array, Array, Array]:
+    """Return where games of two pursuers end, x and y, (..., k), and the worth that they guarantee together.
+
+    Args:
+        team: the pursuers.
+        regions: of both, (..., k, 2).
+        end: the own ends of both, (..., k, 2).
+        worth: of these ends, (..., k, 2).
+        bind: where both decide the end, (..., k); else it is the better own end.
+    """
     better = worth[..., 1] > worth[..., 0]
     x, y = (np.where(better, part[..., 1], part[..., 0]) for part in end)
     bounded = worth.max(axis=-1)
     rows = np.nonzero(bind)
     if len(rows[0]):
         two = regions.pick(rows)
-        (begin, end) = zip(heading[0][rows].T, heading[1][rows].T, strict=True)
-        to = crossing(two, begin, end, halfway(begin, end))
-        far = edge(two, (to[0][:, None], to[1][:, None])).reach.min(axis=-1)
-        x[rows] = far * to[0]
-        y[rows] = far * to[1]
-        far = NUMPY.norm2((x, y))
-        bounded = np.where(
-            bind, -far / team.v[..., None] if team.goal is None else team.goal.left((x, y)), bounded
-        )
-        if team.goal is not None and not team.goal.is_point:
+        to = _direction_of_crossing(two, (end[0][rows], end[1][rows]))
+        length = edge(two, for_each(to)).reach.min(axis=-1)
+        x[rows] = length * to[0]
+        y[rows] = length * to[1]
+        goal = team.goal
+        if goal is None:
+            at_crossing = -NUMPY.norm2((x, y)) / team.v[..., None]
+        else:
+            at_crossing = goal.left((x, y))
+        bounded = np.where(bind, at_crossing, bounded)
+        if goal is not None and not goal.is_point:
             lost = bind & (worth.max(axis=-1) <= 0.0)
-            lost[rows] &= ~_keeps(two, team.v[rows[:-1]], to, team.goal.pick(rows[:-1]))
+            lost[rows] &= ~_keeps(two, team.v[rows[:-1]], to, goal.pick(rows[:-1]))
             bounded = np.where(lost, 0.0, bounded)
     if not is_zero(regions.safe):
-        safe = regions.safe.max(axis=-1)
-        bounded = np.minimum(
-            bounded, -safe / team.v[..., None] if team.goal is None else team.goal.beyond(safe)
-        )
-    alone = own_worth.max(axis=-1)
-    single = ~bind | (alone >= bounded)
-    first_member = pursuers[..., 0]
-    second_member = pursuers[..., 1]
-    chosen = np.where(own_worth[..., 1] > own_worth[..., 0], second_member, first_member)
-    first = np.where(single, chosen, first_member)
-    second = np.where(single, chosen, second_member)
-    return Meeting(x, y, np.where(single, alone, bounded), first, second)
+        later_m = regions.safe.max(axis=-1)
+        bounded = np.minimum(bounded, team.worth_of(later_m))
+    return x, y, bounded
+
+
+def _direction_of_crossing(two: Regions, end: Point) -> Point:
+    """Return the direction, (m,), of the crossing between two pursuers' own ends, (m, 2)."""
+    far = NUMPY.norm2(end)
+    first_x, second_x = (end[0] / far).T
+    first_y, second_y = (end[1] / far).T
+    first = (first_x, first_y)
+    second = (second_x, second_y)
+    return crossing(two, first, second, halfway(first, second))
 
 
 def _keeps(two: Regions, v: Array, run: Point, goal: Goal) -> Array:
@@ -284,11 +343,13 @@ def _keeps(two: Regions, v: Array, run: Point, goal: Goal) -> Array:
         run: direction of the run to the crossing, (k,).
         goal: the target of each.
     """
-    met = edge(two, (run[0][:, None], run[1][:, None]))
+    met = edge(two, for_each(run))
     x, y = costs_of(two, v, run, met, level=False)
+    cost_of_first = (x[:, 0], y[:, 0])
+    cost_of_second = (x[:, 1], y[:, 1])
     length = met.reach.min(axis=-1)
     pull = goal.pull((length * run[0], length * run[1]))
-    first, second = shares_of(pull, ((x[:, 0], y[:, 0]), (x[:, 1], y[:, 1])))
+    first, second = shares_of(pull, (cost_of_first, cost_of_second))
     return np.asarray((first >= 0.0) & (second >= 0.0))
 
 
