@@ -340,6 +340,14 @@ def blended(first: Normal, second: Normal, share: float) -> Normal:
     return Normal(mean, covariance)
 
 
+def mean_of(modes: Modes) -> list[float]:
+    """Return the mean of the mixture of both models: north, east and their rates."""
+    share = modes.turning_share
+    remainder = 1.0 - share
+    pairs = zip(modes.steady.mean, modes.turning.mean, strict=False)
+    return [remainder * steady + share * turning for steady, turning in pairs]
+
+
 class Height(NamedTuple):
     """The evader's height: down (m), its rate (m/s), and the three numbers of their covariance."""
 

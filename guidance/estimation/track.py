@@ -11,7 +11,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from guidance.estimation import filters
-from guidance.estimation.filters import Estimate, Height, advance, blended
+from guidance.estimation.filters import Estimate, Height, advance
 from guidance.estimation.measurement import Measurement, TrackSettings
 from guidance.frames import Ned
 
@@ -135,7 +135,8 @@ def _anchored(track: Track, settings: TrackSettings) -> Track:
 
 def _is_within(way_m: float, estimate: Estimate, measurement: Measurement) -> bool:
     """Return whether a report is within a way over the ground from an estimate."""
-    return math.dist(blended(*estimate.modes).mean[:2], measurement.position_ned_m[:2]) <= way_m
+    north_m, east_m, _, _ = filters.mean_of(estimate.modes)
+    return math.dist((north_m, east_m), measurement.position_ned_m[:2]) <= way_m
 
 
 def _refusal(
@@ -230,7 +231,7 @@ def _off_the_turn_m(
     before: Estimate, measurement: Measurement, velocity: Ned, dt_s: float
 ) -> float:
     """Return how far a position is from all that an evader reaches in dt that once exchanges its velocity."""
-    north_m, east_m, north_m_s, east_m_s = blended(*before.modes).mean
+    north_m, east_m, north_m_s, east_m_s = filters.mean_of(before.modes)
     # Beyond where the new velocity alone leads, and how much farther each second of the old one leads
     beyond_north_m = measurement.position_ned_m[0] - north_m - velocity[0] * dt_s
     beyond_east_m = measurement.position_ned_m[1] - east_m - velocity[1] * dt_s
