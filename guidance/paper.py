@@ -71,11 +71,12 @@ class Case(NamedTuple):
     @property
     def plain(self) -> dict[str, Any]:
         """The numbers without the path, for JSON."""
-        numbers = {name: float(getattr(self, name)) for name in ("published", "stepped", "exact")}
         return {
             "pursuer": self.pursuer_policy,
             "evader": self.evader_policy,
-            **numbers,
+            "published": float(self.published),
+            "stepped": float(self.stepped),
+            "exact": float(self.exact),
             "matches": self.matches,
         }
 
@@ -92,10 +93,11 @@ class Case(NamedTuple):
     @property
     def strategies(self) -> tuple[str, ...]:
         """Both strategies as the paper writes them: u* and v* are the optimal ones, the others keep their names."""
-        policies = ((self.pursuer_policy, "u*"), (self.evader_policy, "v*"))
-        return tuple(
-            star if name == "optimal" else name.replace("_", "-") for name, star in policies
-        )
+        return _paper_name(self.pursuer_policy, "u*"), _paper_name(self.evader_policy, "v*")
+
+
+def _paper_name(policy: str, optimum: str) -> str:
+    return optimum if policy == "optimal" else policy.replace("_", "-")
 
 
 class Table(NamedTuple):
@@ -112,9 +114,9 @@ def tables() -> tuple[Table, Table]:
     tad = tuple(_case(row, TAD_PURSUER, TAD_EVADER, TAD_TARGET) for row in TABLE_2)
     pe_title = "Table 1: PE game, P = (8.00, 1.42, 9.41), E = (7.92, 9.60), δ = 2"
     tad_title = "Table 2: TAD game, P = (6.97, 5.83, 9.15), E = (9.80, 0.33), T = (0, 0), δ = 2"
-    return Table(pe_title, "time cost, s", pe), Table(
-        tad_title, "final distance to the target, m", tad
-    )
+    pe_table = Table(pe_title, "time cost, s", pe)
+    tad_table = Table(tad_title, "final distance to the target, m", tad)
+    return pe_table, tad_table
 
 
 def _case(row: tuple[str, str, str], pursuer: Array, evader: Array, target: Array | None) -> Case:
@@ -124,9 +126,11 @@ def _case(row: tuple[str, str, str], pursuer: Array, evader: Array, target: Arra
     )
     stepped = play(stepping=Paper())
     exact = play(keep_path=True)
-    digits = len(published.partition(".")[2])
-    ours = [float(end.time_s if target is None else end.distance_m) for end in (stepped, exact)]
-    return Case(*row, f"{ours[0]:.{digits}f}", f"{ours[1]:.4f}", exact.path)
+    _, _, decimals = published.partition(".")
+    digits = len(decimals)
+    stepped_cost = float(stepped.time_s if target is None else stepped.distance_m)
+    exact_cost = float(exact.time_s if target is None else exact.distance_m)
+    return Case(*row, f"{stepped_cost:.{digits}f}", f"{exact_cost:.4f}", exact.path)
 
 
 def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
@@ -139,103 +143,104 @@ def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
     """
     from guidance.viz.figures import figure_of, save_twice  # noqa: PLC0415 - matplotlib is optional
 
-    figures = {
-        "pe": figure_of(7.5, 7.0),
-        "tad-part-1": figure_of(9.0, 4.8),
-        "tad-part-2": figure_of(9.0, 4.8),
-    }
-    _draw_pe(figures["pe"], pe.cases)
-    _draw_tad(
-        figures["tad-part-1"], tad.cases[:3], "TAD game, part 1: u* against the evader's strategies"
-    )
-    _draw_tad(
-        figures["tad-part-2"],
-        tad.cases[2:],
-        "TAD game, part 2: the pursuer's strategies against v*",
-    )
+    pe_figure = figure_of(7.5, 7.0)
+    _draw_pe(pe_figure, pe.cases)
+    first_part = figure_of(9.0, 4.8)
+    first_title = "TAD game, part 1: u* against the evader's strategies"
+    _draw_tad(first_part, tad.cases[:3], first_title)
+    second_part = figure_of(9.0, 4.8)
+    second_title = "TAD game, part 2: the pursuer's strategies against v*"
+    _draw_tad(second_part, tad.cases[2:], second_title)
+    figures = {"pe": pe_figure, "tad-part-1": first_part, "tad-part-2": second_part}
+    paths = []
     with writing(folder):
-        return [
-            path
-            for name, figure in figures.items()
-            for path in save_twice(figure, folder / name, dpi=200)
-        ]
+        for name, figure in figures.items():
+            paths += save_twice(figure, folder / name, dpi=200)
+    return paths
 
 
 def _plot_tracks(axes: Any, cases: Sequence[Case], dimensions: list[int], unit: str) -> None:  # noqa: ANN401 - matplotlib's
     """Draw every play with its own line. The optimal one is below the others, and wide, so that both remain visible."""
     dashes = iter(("--", ":"))
     for case in sorted(cases, key=lambda case: not case.is_optimal):
-        style = (
-            {"linestyle": "-", "linewidth": 3.0} if case.is_optimal else {"linestyle": next(dashes)}
-        )
-        pursuer = np.stack([sample.pursuer_m for sample in case.path])
-        evader = np.stack([sample.evader_m for sample in case.path])
-        label = f"{' / '.join(case.strategies)}: {case.exact} {unit}"
-        axes.plot(*pursuer[:, dimensions].T, color=RED, zorder=4, label=label, **style)
-        axes.plot(*evader[:, dimensions].T, color=BLUE, zorder=3, **style)
+        style: dict[str, Any]
+        if case.is_optimal:
+            style = {"linestyle": "-", "linewidth": 3.0}
+        else:
+            style = {"linestyle": next(dashes)}
+        pursuer = np.stack([sample.pursuer_m for sample in case.path])[:, dimensions]
+        evader = np.stack([sample.evader_m for sample in case.path])[:, dimensions]
+        strategies = " / ".join(case.strategies)
+        label = f"{strategies}: {case.exact} {unit}"
+        axes.plot(*pursuer.T, color=RED, zorder=4, label=label, **style)
+        axes.plot(*evader.T, color=BLUE, zorder=3, **style)
 
 
 def _draw_pe(figure: Any, cases: Sequence[Case]) -> None:  # noqa: ANN401
     figure.set_layout_engine(None)
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
-    sphere, section = (
-        shape(PE_PURSUER, PE_EVADER, RATIO) for shape in (apollonius_sphere, apollonius_circle)
-    )
-    longitude, latitude = np.meshgrid(
-        np.linspace(0, 2 * np.pi, 25), np.linspace(-np.pi / 2, np.pi / 2, 13)
-    )
-    outward = (
-        np.cos(latitude) * np.cos(longitude),
-        np.cos(latitude) * np.sin(longitude),
-        np.sin(latitude),
-    )
-    shell = [
-        centre + sphere.radius_m * part
-        for centre, part in zip(sphere.centre_m, outward, strict=True)
-    ]
+    sphere = apollonius_sphere(PE_PURSUER, PE_EVADER, RATIO)
+    section = apollonius_circle(PE_PURSUER, PE_EVADER, RATIO)
+    shell = _shell(sphere.centre_m, float(sphere.radius_m))
     axes.plot_wireframe(*shell, color="0.75", linewidth=0.5, zorder=1)
     ring = circle(section.centre_m, float(section.radius_m)).T
     axes.plot(*ring, 0.0, zorder=2, label="Apollonius circle (on the sphere)", **_APOLLONIUS)
     _plot_tracks(axes, cases, [0, 1, 2], "s")
-    places = (
-        PE_PURSUER,
-        PE_EVADER,
-        section.centre_m,
-        solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m,
+    meeting_m = solve(GAME, PE_PURSUER, PE_EVADER).meeting_point_m
+    points = (
+        ("P", "^", PE_PURSUER),
+        ("E", "s", PE_EVADER),
+        ("c", "+", section.centre_m),
+        ("q*", "*", meeting_m),
     )
-    for name, marker, point in zip(("P", "E", "c", "q*"), "^s+*", places, strict=True):
-        axes.plot(*point, color="black", marker=marker, linestyle="", markersize=9, zorder=5)
-        axes.text(point[0] + 0.9, point[1], point[2] + 0.6, name, zorder=6, fontsize=12)
+    for name, marker, (x, y, z) in points:
+        axes.plot(x, y, z, color="black", marker=marker, linestyle="", markersize=9, zorder=5)
+        axes.text(x + 0.9, y, z + 0.6, name, zorder=6, fontsize=12)
     axes.set(
         xlabel="x, m",
         ylabel="y, m",
         zlabel="z, m",
         title="PE game, δ = 2: pursuer light, evader dark",
     )
-    axes.set(xticks=range(0, 21, 5), yticks=range(0, 21, 5), zticks=range(-10, 11, 5))
+    level_ticks = range(0, 21, 5)
+    axes.set(xticks=level_ticks, yticks=level_ticks, zticks=range(-10, 11, 5))
     axes.set_aspect("equal")
     axes.view_init(elev=22, azim=-35)
     figure.legend(loc="lower center", ncols=2, frameon=False, fontsize=9)
     figure.subplots_adjust(left=0.0, right=0.95, bottom=0.12, top=0.95)
 
 
+def _shell(centre_m: Array, radius_m: float) -> tuple[Array, Array, Array]:
+    """Return x, y and z of points on a sphere, (13, 25) each."""
+    longitudes_rad = np.linspace(0, 2 * np.pi, 25)
+    latitudes_rad = np.linspace(-np.pi / 2, np.pi / 2, 13)
+    longitude_rad, latitude_rad = np.meshgrid(longitudes_rad, latitudes_rad)
+    level = np.cos(latitude_rad)
+    centre_x, centre_y, centre_z = centre_m
+    x = centre_x + radius_m * (level * np.cos(longitude_rad))
+    y = centre_y + radius_m * (level * np.sin(longitude_rad))
+    z = centre_z + radius_m * np.sin(latitude_rad)
+    return x, y, z
+
+
 def _draw_tad(figure: Any, cases: Sequence[Case], title: str) -> None:  # noqa: ANN401
     section = apollonius_circle(TAD_PURSUER, TAD_EVADER, RATIO)
     g = solve(GAME, TAD_PURSUER, TAD_EVADER, TAD_TARGET).meeting_point_m
     plan, side = figure.subplots(1, 2)
-    places = (TAD_PURSUER, TAD_EVADER, TAD_TARGET, section.centre_m, g)
+    points_m = (TAD_PURSUER, TAD_EVADER, TAD_TARGET, section.centre_m, g)
     for axes, up, height in ((plan, 1, "y"), (side, 2, "z")):
         _plot_tracks(axes, cases, [0, up], "m")
-        for (name, offset), marker, point in zip(OFFSETS.items(), "^so+*", places, strict=True):
-            axes.plot(point[0], point[up], color="black", marker=marker, linestyle="", markersize=8)
-            axes.annotate(
-                name, (point[0], point[up]), xytext=offset, textcoords="offset points", fontsize=12
-            )
+        for name, marker, point_m in zip(OFFSETS, "^so+*", points_m, strict=True):
+            place = (point_m[0], point_m[up])
+            beside = {"xytext": OFFSETS[name], "textcoords": "offset points"}
+            axes.plot(*place, color="black", marker=marker, linestyle="", markersize=8)
+            axes.annotate(name, place, **beside, fontsize=12)
         axes.set(xlabel="x, m", ylabel=f"{height}, m")
         axes.set_aspect("equal")
         axes.grid(color="0.9", linewidth=0.5)
         axes.margins(0.12, 0.16)
-    plan.plot(*circle(section.centre_m, float(section.radius_m)).T, **_APOLLONIUS)
+    ring = circle(section.centre_m, float(section.radius_m)).T
+    plan.plot(*ring, **_APOLLONIUS)
     plan.set_title("from above, Apollonius circle dashed", fontsize=10)
     side.set_title("from the side", fontsize=10)
     figure.suptitle(f"{title}; pursuer light, evader dark", fontsize=12)

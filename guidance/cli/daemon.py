@@ -49,9 +49,8 @@ def run(
                 refused = f"--panel with control.endpoint = {endpoint!r}: that router judges who may order"
                 mend = f"leave it out, and run guidance panel --endpoint {endpoint} --zenoh FILE (an operator's)"
                 raise ConfigError(f"{refused}; {mend}")
-            closing.callback(
-                panel_beside(endpoint, own.record.folder, own.control.token_file).close
-            )
+            served_panel = panel_beside(endpoint, own.record.folder, own.control.token_file)
+            closing.callback(served_panel.close)
         interrupted = run_vehicle(path, own)
     if interrupted:
         raise typer.Exit(INTERRUPTED)
@@ -104,7 +103,8 @@ def ctl(
     - `guidance ctl hold --endpoint tls/192.168.1.10:7447 --zenoh keys/operator.toml`: by a router
     """
     if wait and order not in AIMS:
-        raise ConfigError(f"--wait: only with {', '.join(AIMS)}, not with {order}; remove it")
+        allowed = ", ".join(AIMS)
+        raise ConfigError(f"--wait: only with {allowed}, not with {order}; remove it")
     by: dict[str, Any] = {"endpoint": endpoint, "token_file": token_file, "zenoh": zenoh}
     answers = ask(order, name=name, team=team, **by)
     if wait and all(answer["accepted"] for answer in answers):
@@ -112,7 +112,8 @@ def ctl(
             name = str(answers[0]["name"])
         answers = carried_out(order, lambda: ask(STATUS, name=name, team=team, **by))
     if as_json:
-        typer.echo(json.dumps(answers[0] if team is None else answers, indent=2))
+        document = answers[0] if team is None else answers
+        typer.echo(json.dumps(document, indent=2))
     else:
         for answer in answers:
             if answer["order"] == STATUS and answer["accepted"]:
@@ -133,7 +134,8 @@ def status_table(status: Status) -> RenderableType:
 
 def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
     yield "vehicle", str(status.get("name", "-"))
-    yield "state", Text(str(status.get("state", "-")), "bold")
+    state = str(status.get("state", "-"))
+    yield "state", Text(state, "bold")
     if "waiting_for" in status:
         waited = f"{_said(status, 'waited_s', '{:.0f}')} s so far"
         limit = f"{_said(status, 'connect_timeout_s', '{:.0f}')} s at most"
@@ -143,13 +145,15 @@ def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
         yield "next", Text(str(status["next"]), "yellow")
     armed = "armed" if status.get("armed") else "disarmed"
     streaming = "setpoints are sent" if status.get("streaming") else "no setpoints are sent"
-    yield "autopilot", f"{status.get('autopilot_mode', status.get('mode'))}, {armed}, {streaming}"
+    mode = status.get("autopilot_mode", status.get("mode"))
+    yield "autopilot", f"{mode}, {armed}, {streaming}"
     beat = _said(status, "heartbeat_age_s", "{:.1f} s ago", "never")
     position = _said(status, "position_age_s", "{:.1f} s ago", "never")
     yield "heard", f"HEARTBEAT {beat}, position {position}"
     if status.get("height_m") is not None:
         yield from _flown(status)
-    yield "evader", f"heard {_said(status, 'evader_silence_s', '{:.1f} s ago', 'never')}"
+    silence = _said(status, "evader_silence_s", "{:.1f} s ago", "never")
+    yield "evader", f"heard {silence}"
     game = status.get("certificate")
     if game:
         yield from _game(status, game)
@@ -161,7 +165,8 @@ def _flown(status: Status) -> Iterator[tuple[str, Cell]]:
     north_m, east_m, _ = map(_number, status["position_ned_m"])
     yield "position", f"{north_m:z.1f} m north, {east_m:z.1f} m east of the origin"
     north_m_s, east_m_s, down_m_s = map(_number, status["velocity_ned_m_s"])
-    yield "speed", f"{math.hypot(north_m_s, east_m_s):.1f} m/s level, {-down_m_s:z.1f} m/s up"
+    level_m_s = math.hypot(north_m_s, east_m_s)
+    yield "speed", f"{level_m_s:.1f} m/s level, {-down_m_s:z.1f} m/s up"
     yield "battery", _said(status, "battery", "{:.0%}", "not told")
 
 
@@ -173,9 +178,10 @@ def _game(status: Status, game: Status) -> Iterator[tuple[str, Cell]]:
     range_m = _said(status, "range_m")
     gap_m = _said(game, "gap_m")
     yield "range", f"{range_m} m to the evader, {gap_m} m to the stand-off disc's rim"
-    promised = "value to go" if status["value_unit"] == "s" else "evader's distance from its target"
+    unit = status["value_unit"]
+    quantity = "value to go" if unit == "s" else "evader's distance from its target"
     value = _said(game, "value")
-    yield "ideal game", f"winner {game['winner']}; {promised} {value} {status['value_unit']}"
+    yield "ideal game", f"winner {game['winner']}; {quantity} {value} {unit}"
     needs_s = _said(game, "time_needed_s")
     reaches_m_s = _said(game, "reachable_speed_m_s")
     winner = game.get("vehicle_winner", "undecided")
@@ -186,11 +192,16 @@ def _game(status: Status, game: Status) -> Iterator[tuple[str, Cell]]:
 
 def _to_do(status: Status) -> Iterator[Text]:
     for row in status.get("to_do", ()):
-        style = "bold red" if row["verdict"] == "refuse" else "yellow"
-        wanted = f", wanted {row['wanted']}" if row["wanted"] else ""
-        advice = f": {row['advice']}" if row["advice"] else ""
-        yield Text(f"{row['verdict']:6}  {row['name']} is {row['found']}{wanted}{advice}", style)
+        verdict = row["verdict"]
+        style = "bold red" if verdict == "refuse" else "yellow"
+        line = f"{verdict:6}  {row['name']} is {row['found']}"
+        if row["wanted"]:
+            line += f", wanted {row['wanted']}"
+        if row["advice"]:
+            line += f": {row['advice']}"
+        yield Text(line, style)
 
 
 def _said(values: Status, key: str, form: str = "{:.1f}", unknown: str = "-") -> str:
-    return unknown if values.get(key) is None else form.format(values[key])
+    value = values.get(key)
+    return unknown if value is None else form.format(value)

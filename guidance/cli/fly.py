@@ -369,15 +369,20 @@ class LiveLine:
             return
         news = plain(progress)
         (printed, printed_s) = self._printed.get(progress.vehicle, ("", 0.0))
-        if news != printed and not (progress.waiting and self._told_s - printed_s < _PLAIN_S):
+        is_repetition = bool(progress.waiting) and self._told_s - printed_s < _PLAIN_S
+        if news != printed and not is_repetition:
             self._printed[progress.vehicle] = news, self._told_s
-            self._there.print(f"{progress.now_s:7.1f} s  {_named(progress, news)}", soft_wrap=True)
+            line = f"{progress.now_s:7.1f} s  {_named(progress, news)}"
+            self._there.print(line, soft_wrap=True)
 
     def line(self) -> str:
         """Return the line, or the lines. A stalled loop shows as old."""
-        lasting = list(self._last.values())
-        stalled_s = math.inf if any(progress.waiting for progress in lasting) else STALLED_S
-        return aged("\n".join(map(words, lasting)), time.perf_counter() - self._told_s, stalled_s)
+        vehicles = list(self._last.values())
+        lines = "\n".join(map(words, vehicles))
+        age_s = time.perf_counter() - self._told_s
+        is_waiting = any(progress.waiting for progress in vehicles)
+        stalled_s = math.inf if is_waiting else STALLED_S
+        return aged(lines, age_s, stalled_s)
 
 
 def words(progress: Progress) -> str:
@@ -399,8 +404,9 @@ def words(progress: Progress) -> str:
         return against
     if game is None:
         return words
+    distances = f"range {game.gap_m:5.1f} m, {game.height_gap_m:5.1f} m up"
     times = f"value to go {game.value:5.1f} {unit}, time needed {game.time_needed_s:5.1f} s"
-    return f"{words} range {game.gap_m:5.1f} m, {game.height_gap_m:5.1f} m up  {times}"
+    return f"{words} {distances}  {times}"
 
 
 def _named(progress: Progress, words: str) -> str:
@@ -410,21 +416,20 @@ def _named(progress: Progress, words: str) -> str:
 
 def plain(progress: Progress) -> str:
     """Return a line for output that cannot be redrawn. It changes only when the state, its cause or the evader does."""
-    if not progress.waiting:
-        against = (
-            f"{progress.state} against {progress.evader}"
-            if progress.evader
-            else str(progress.state)
-        )
-        return ": ".join(filter(None, (against, _reason(progress))))
-    return f"waiting: {re.sub(r'-?[0-9.]+ s old', 'old', progress.waiting)}"
+    if progress.waiting:
+        lasting_words = re.sub(r"-?[0-9.]+ s old", "old", progress.waiting)
+        return f"waiting: {lasting_words}"
+    state = str(progress.state)
+    if progress.evader:
+        state += f" against {progress.evader}"
+    return ": ".join(filter(None, (state, _reason(progress))))
 
 
 def _reason(progress: Progress) -> str:
     """Say what led to a state, if that is worth it, and what a person can do now."""
-    cause = (
-        progress.why if progress.state in _WITH_CAUSE and "by operator" not in progress.next else ""
-    )
+    cause = ""
+    if progress.state in _WITH_CAUSE and "by operator" not in progress.next:
+        cause = progress.why
     return "; ".join(filter(None, (cause, progress.next)))
 
 
@@ -434,9 +439,9 @@ def report(target: Console, result: FlightResult, outcome: Outcome, folder: Path
     if outcome.run == "fast":
         flown_s = result.duration_s
         wall_s = result.wall_s
-        target.print(
-            f"{flown_s:.1f} s of flight in {wall_s:.2f} s: {flown_s / wall_s:.0f} times faster than real time"
-        )
+        speedup = flown_s / wall_s
+        durations = f"{flown_s:.1f} s of flight in {wall_s:.2f} s"
+        target.print(f"{durations}: {speedup:.0f} times faster than real time")
     target.print(f"record   {folder / RECORD}", soft_wrap=True)
     unwritten = []
     try:
@@ -475,17 +480,17 @@ def write_outcome(folder: Path, text: str) -> None:
 def score(outcome: Outcome) -> str:
     """Say what was flown and predicted."""
     unit = "s" if outcome.game == "pe" else "m from T"
-    if math.isnan(outcome.achieved):
-        return (
-            "no game was played"
-            if math.isnan(outcome.predicted)
-            else f"{outcome.predicted:.2f} {unit} predicted"
-        )
-    return f"{outcome.achieved:.2f} {unit} flown, {outcome.predicted:.2f} {unit} predicted"
+    predicted = f"{outcome.predicted:.2f} {unit} predicted"
+    if not math.isnan(outcome.achieved):
+        return f"{outcome.achieved:.2f} {unit} flown, {predicted}"
+    return "no game was played" if math.isnan(outcome.predicted) else predicted
 
 
 def _number(value: float, digits: int, unit: str = "") -> str:
-    return "-" if math.isnan(value) else f"{value:.{digits}f} {unit}".rstrip()
+    if math.isnan(value):
+        return "-"
+    text = f"{value:.{digits}f} {unit}"
+    return text.rstrip()
 
 
 def result_table(result: FlightResult, outcome: Outcome) -> Table:
@@ -507,9 +512,8 @@ def result_table(result: FlightResult, outcome: Outcome) -> Table:
         "flight ended": f"{result.ended}, after {outcome.duration_s:.1f} s",
         "record": result.record_stopped if result.record_stopped else "whole",
     }
-    return pairs(
-        rows.items(), title=f"{ending_words(outcome)}; value is the {quantity}", right=True
-    )
+    title = f"{ending_words(outcome)}; value is the {quantity}"
+    return pairs(rows.items(), title=title, right=True)
 
 
 def _tell_team(
@@ -522,9 +526,8 @@ def _tell_team(
     least_m = result.least_distance_m(separation.separation_height_m)
     least_words = "never at one height" if math.isinf(least_m) else f"{least_m:.2f} m"
     level = f"less than {separation.separation_height_m:g} m apart in height"
-    target.print(
-        f"least distance of two vehicles {level}: {least_words} ({separation.separation_m:g} m wanted)"
-    )
+    distance = f"least distance of two vehicles {level}: {least_words}"
+    target.print(f"{distance} ({separation.separation_m:g} m wanted)")
     flights = result.vehicles.values()
     duration_s = max(flight.duration_s for flight in flights)
     wall_s = max(flight.wall_s for flight in flights)

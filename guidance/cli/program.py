@@ -41,7 +41,9 @@ class _LazyCommands(UserDict[str, Any]):
     """The commands by name, imported when they are taken."""
 
     def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - click's own classes
-        command = getattr(import_module(f"guidance.cli.{self.data[name][0]}"), name)
+        module_name, _ = self.data[name]
+        module = import_module(f"guidance.cli.{module_name}")
+        command = getattr(module, name)
         if isinstance(command, typer.Typer):
             return typer.main.get_group(command)
         alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")
@@ -66,7 +68,8 @@ class Program(CommandGroup):
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401, ARG002 - click's
         """Write every command with its line."""
         with formatter.section("Commands"):
-            formatter.write_dl([(name, line) for name, (_, line) in COMMANDS.items()])
+            lines = [(name, line) for name, (_, line) in COMMANDS.items()]
+            formatter.write_dl(lines)
 
 
 app = typer.Typer(cls=Program, pretty_exceptions_enable=False, rich_markup_mode="markdown")
@@ -78,8 +81,11 @@ def _version(wanted_version: bool) -> None:
 
         from guidance.log.writer import PACKAGE, commit  # noqa: PLC0415 - for this only
 
+        text = f"{PACKAGE} {version(PACKAGE)}"
         head = commit()
-        typer.echo(f"{PACKAGE} {version(PACKAGE)}" + (f", commit {head[:12]}" if head else ""))
+        if head:
+            text += f", commit {head[:12]}"
+        typer.echo(text)
         raise typer.Exit
 
 

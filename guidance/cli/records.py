@@ -41,12 +41,22 @@ def record_file(path: Path) -> Path:
     Raises:
         ConfigError: If the folder contains the records of several vehicles, or none.
     """
-    if not path.is_dir() or (path / RECORD).exists():
-        return path / RECORD if path.is_dir() else path
-    vehicles = sorted(record.parent.name for record in path.glob(f"*/{RECORD}"))
+    if not path.is_dir():
+        return path
+    record = path / RECORD
+    if record.exists():
+        return record
+    vehicles = sorted(_records_in(path))
     if vehicles:
-        raise ConfigError(f"{path}: a team flight; name a vehicle's folder: {', '.join(vehicles)}")
+        names = ", ".join(vehicles)
+        raise ConfigError(f"{path}: a team flight; name a vehicle's folder: {names}")
     raise ConfigError(f"{path}: contains no {RECORD}; give a record or a flight's folder")
+
+
+def _records_in(folder: Path) -> dict[str, Path]:
+    """Return the records of a team flight's folder by vehicle; empty for any other."""
+    records = sorted(folder.glob(f"*/{RECORD}"))
+    return {record.parent.name: record for record in records}
 
 
 def team_records(path: Path) -> dict[str, Path]:
@@ -56,9 +66,9 @@ def team_records(path: Path) -> dict[str, Path]:
         ConfigError: If the folder contains no record.
     """
     if path.is_dir() and not (path / RECORD).exists():
-        team = {record.parent.name: record for record in sorted(path.glob(f"*/{RECORD}"))}
-        if team:
-            return team
+        records = _records_in(path)
+        if records:
+            return records
     return {"": record_file(path)}
 
 
@@ -96,21 +106,21 @@ def info(file: File, as_json: Json = False) -> None:
         typer.echo(json.dumps(summary, indent=2))
         return
     target = console()
-    target.print(Text(printable(f"{title}: {survey.duration_s:.2f} s")))
-    sizes = [
-        (str(survey.messages[topic]), f"{survey.data_bytes[topic] / 1024:.1f}") for topic in topics
-    ]
-    channels = [(*size, Text(printable(topic))) for size, topic in zip(sizes, topics, strict=True)]
+    heading = f"{title}: {survey.duration_s:.2f} s"
+    target.print(Text(printable(heading)))
+    channels = []
+    for topic in topics:
+        messages = str(survey.messages[topic])
+        size_kib = survey.data_bytes[topic] / 1024
+        channels.append((messages, f"{size_kib:.1f}", Text(printable(topic))))
     target.print(sheet(("messages", "KiB", "channel"), channels, left=(2,)))
     for source, count in reports.items():
         target.print(Text(f"{count} reports of the evader by {printable(source)}"))
-    shortened = {
-        name: text if len(text) < 100 else text[:97] + "..."
-        for name, text in survey.metadata.items()
-    }
-    target.print(
-        pairs((printable(name), Text(printable(text))) for name, text in shortened.items())
-    )
+    metadata = []
+    for name, text in survey.metadata.items():
+        shortened = text if len(text) < 100 else text[:97] + "..."
+        metadata.append((printable(name), Text(printable(shortened))))
+    target.print(pairs(metadata))
     for fault in survey.faults:
         target.print(Text(printable(fault)))
     if not survey.faults:
@@ -129,12 +139,14 @@ def events(file: File, as_json: Json = False) -> None:
     with record_errors(file):
         events = list(events_of(file))
     if as_json:
-        typer.echo(json.dumps([event._asdict() for event in events], indent=2))
+        documents = [event._asdict() for event in events]
+        typer.echo(json.dumps(documents, indent=2))
         return
-    rows = [
-        (f"{event.now_s:.3f}", Text(printable(event.event)), Text(printable(event.words)))
-        for event in events
-    ]
+    rows = []
+    for event in events:
+        name = Text(printable(event.event))
+        detail = Text(printable(event.words))
+        rows.append((f"{event.now_s:.3f}", name, detail))
     console().print(sheet(("time, s", "event", "detail"), rows, left=(1, 2)))
 
 
@@ -194,7 +206,8 @@ def replay(
     if not comparison.cycles:
         raise ConfigError(f"{file}: has no cycle: nothing was replayed")
     if as_json:
-        typer.echo(json.dumps(_as_document(comparison, what_if=bool(changed)), indent=2))
+        document = _as_document(comparison, what_if=bool(changed))
+        typer.echo(json.dumps(document, indent=2))
     else:
         typer.echo(f"{comparison.cycles} cycles, {comparison.setpoints} setpoints recorded")
         typer.echo(_what_if(comparison) if changed else _same_or_first(comparison))
@@ -219,13 +232,12 @@ def _compared(file: Path, changes: Mapping[str, Any]) -> tuple[Comparison, Surve
 
 
 def _what_if(comparison: Comparison) -> str:
-    return "\n".join(
-        (
-            f"{comparison.differing} cycles differ",
-            _difference("wanted by the policy", comparison.wanted),
-            _difference("commanded", comparison.commanded),
-        )
+    lines = (
+        f"{comparison.differing} cycles differ",
+        _difference("wanted by the policy", comparison.wanted),
+        _difference("commanded", comparison.commanded),
     )
+    return "\n".join(lines)
 
 
 def _same_or_first(comparison: Comparison) -> str:
@@ -247,18 +259,26 @@ def _as_document(comparison: Comparison, *, what_if: bool) -> dict[str, Any]:
 
 def _difference(quantity: str, difference: Difference) -> str:
     cycles, sum_rad, greatest_rad, sum_m_s, greatest_m_s = difference
-    speeds = f"{sum_m_s / max(1, cycles):.2f} m/s apart on average, {greatest_m_s:.2f} at most"
-    angles = f"{math.degrees(sum_rad / max(1, cycles)):.1f}° on average, {math.degrees(greatest_rad):.1f}° at most"
+    count = max(1, cycles)
+    mean_m_s = sum_m_s / count
+    mean_deg = math.degrees(sum_rad / count)
+    greatest_deg = math.degrees(greatest_rad)
+    speeds = f"{mean_m_s:.2f} m/s apart on average, {greatest_m_s:.2f} at most"
+    angles = f"{mean_deg:.1f}° on average, {greatest_deg:.1f}° at most"
     return f"{quantity} over {cycles} cycles: {speeds}; {angles}"
 
 
 def _first(step: ReplayedCycle) -> str:
     recorded = CYCLE.plain(step.row)
-    present = CYCLE.plain(cycle_entry(step.row.now_s, step.row.inputs, step.outputs))
-    lines = [f"at {step.row.now_s:.6f} s, in state {step.row.state}:"]
+    row = step.row
+    present = CYCLE.plain(cycle_entry(row.now_s, row.inputs, step.outputs))
+    lines = [f"at {row.now_s:.6f} s, in state {row.state}:"]
     for name in step.differing:
-        lines += [f"  {name}", f"    recorded  {json.dumps(recorded.get(name))}"]
-        lines.append(f"    now       {json.dumps(present.get(name))}")
+        recorded_text = json.dumps(recorded.get(name))
+        present_text = json.dumps(present.get(name))
+        lines.append(f"  {name}")
+        lines.append(f"    recorded  {recorded_text}")
+        lines.append(f"    now       {present_text}")
     lines.append("  inputs")
     for name, value in recorded["inputs"].items():
         parts = value
@@ -293,16 +313,18 @@ def report(
     from guidance.viz.report import write_report, write_team_report  # noqa: PLC0415 - matplotlib loads slowly
 
     for path in files:
-        team = {path.parent.name: path for path in sorted(path.glob(f"*/{RECORD}"))}
+        team = _records_in(path)
         file = path / RECORD if path.is_dir() else path
         record_folder = file.parent if file.name == RECORD else file.with_suffix("")
-        folder = (
-            record_folder if out is None else out if len(files) == 1 else out / record_folder.name
-        )
+        if out is None:
+            folder = record_folder
+        elif len(files) == 1:
+            folder = out
+        else:
+            folder = out / record_folder.name
         with record_errors(file):
-            paths = (
-                write_team_report(team, folder)
-                if team
-                else write_report(file, folder, animate=animate)
-            )
+            if team:
+                paths = write_team_report(team, folder)
+            else:
+                paths = write_report(file, folder, animate=animate)
         typer.echo("\n".join(map(str, paths)))

@@ -97,7 +97,9 @@ def run(
     - `guidance scenario run evader_turns --as vehicle --config config/vehicles/px4.toml`: on a real autopilot, after
       the orders `guidance ctl start` and `guidance ctl engage`; `--engage` **arms** without them
     """
-    _check_options(ctx, way, known=bool(config or vehicle), armed=bool(engage or vehicle))
+    is_known = bool(config or vehicle)
+    is_armed = bool(engage or vehicle)
+    _check_options(ctx, way, known=is_known, armed=is_armed)
     path, played = load_any(name, seed)
     there = console(stderr=as_json)
     there.print(headed(played.title, f"  ({path.name}, as {way})"))
@@ -134,7 +136,8 @@ def run(
         write_outcome(out, text)
     if as_json:
         sys.stdout.write(text)
-    raise typer.Exit(0 if all(verdict.held for verdict in verdicts) else 1)
+    all_hold = all(verdict.held for verdict in verdicts)
+    raise typer.Exit(0 if all_hold else 1)
 
 
 def _check_options(ctx: typer.Context, way: str, *, known: bool, armed: bool) -> None:
@@ -146,7 +149,8 @@ def _check_options(ctx: typer.Context, way: str, *, known: bool, armed: bool) ->
         )
     for ways, options in _BELONGING.items():
         if way not in ways:
-            arguments.refuse(ctx, f"--as {way}", f"with --as {' or '.join(ways)}", *options)
+            other_ways = " or ".join(ways)
+            arguments.refuse(ctx, f"--as {way}", f"with --as {other_ways}", *options)
     if not armed:
         arguments.refuse(ctx, "orders by hand", "with --engage, which arms", "--yes")
 
@@ -167,8 +171,9 @@ def _fly(
                 soft_wrap=True,
             )
 
-    stem = how.config.name if isinstance(how, ByFile) else stem
-    _, rows, folder = fly_rows(there, scenario, stem, how, out, Onlooker(on_record=on_record))
+    name = how.config.name if isinstance(how, ByFile) else stem
+    onlooker = Onlooker(on_record=on_record)
+    _, rows, folder = fly_rows(there, scenario, name, how, out, onlooker)
     if not rows:
         raise FlightError("no game: not all vehicles engaged")
     if isinstance(how, ByFile):
@@ -185,43 +190,40 @@ def _verdicts(
         values: Mapping[str, Any] = summary_of(rows)
     else:
         values = rows[0]._asdict()
-        units = {name: _unit(name) for name in values} | {
-            "regret": "s" if scenario.game == "pe" else "m"
-        }
-        there.print(
-            pairs(
-                (name, as_text(values[name], units[name])) for name in values if name != "scenario"
-            )
-        )
+        units = {name: _unit(name) for name in values}
+        units["regret"] = "s" if scenario.game == "pe" else "m"
+        texts = [
+            (name, as_text(value, units[name]))
+            for name, value in values.items()
+            if name != "scenario"
+        ]
+        there.print(pairs(texts))
     verdicts = list(scenario.expect.verdicts(values))
-    judged = {True: Text("holds", "green"), False: Text("FAILS", "red")}
-    if cells := [
-        (one.column, one.expected, as_text(one.value), judged[one.held]) for one in verdicts
-    ]:
-        there.print(
-            sheet(
-                ("column", "expected", "came out", "verdict"),
-                cells,
-                left=range(4),
-                title="expected",
-            )
-        )
+    judgements = {True: Text("holds", "green"), False: Text("FAILS", "red")}
+    cells = []
+    for verdict in verdicts:
+        value = as_text(verdict.value)
+        cells.append((verdict.column, verdict.expected, value, judgements[verdict.held]))
+    if cells:
+        headings = ("column", "expected", "came out", "verdict")
+        there.print(sheet(headings, cells, left=range(4), title="expected"))
     return verdicts
 
 
 def _unit(column: str) -> str:
     """Return the unit that ends the name of a column."""
-    return next(
-        (unit for end, unit in (("_m_s", "m/s"), ("_m", "m"), ("_s", "s")) if column.endswith(end)),
-        "",
-    )
+    for ending, unit in (("_m_s", "m/s"), ("_m", "m"), ("_s", "s")):
+        if column.endswith(ending):
+            return unit
+    return ""
 
 
 @scenario.command(name="list")
 def list_all(as_json: arguments.Json = False) -> None:
     """List the bundled scenarios; `guidance scenario show NAME` explains one."""
     if as_json:
-        typer.echo(json.dumps([dict(zip(_LISTED, row, strict=True)) for row in listed()], indent=2))
+        documents = [dict(zip(_LISTED, row, strict=True)) for row in listed()]
+        typer.echo(json.dumps(documents, indent=2))
     else:
         console().print(listing(console().width))
 
@@ -261,7 +263,8 @@ def show(
     else:  # the file may be a stranger's
         there.print(printable(title), style="bold", markup=False, end="")
         there.print(f"  ({printable(path.name)})\n{printable(about)}\n", markup=False)
-        there.print(pairs((fact, Text(printable(words))) for fact, words in facts))
+        fact_rows = [(fact, Text(printable(words))) for fact, words in facts]
+        there.print(pairs(fact_rows))
     if out is not None:
         if isinstance(shown, TeamScenario):
             figures.draw_teams(shown, out)
@@ -272,7 +275,8 @@ def show(
 
 def names() -> list[str]:
     """Return the names of the bundled scenarios."""
-    return sorted(path.stem for path in (config_folder() / FOLDER).glob("*.toml"))
+    files = (config_folder() / FOLDER).glob("*.toml")
+    return sorted(path.stem for path in files)
 
 
 def listed() -> Iterator[tuple[str, str, str, str]]:
@@ -284,26 +288,31 @@ def listed() -> Iterator[tuple[str, str, str, str]]:
 
 def listing(width: int) -> Table:
     """Return the table of `guidance scenario list`; expectations are shown from 120 columns on."""
-    shown = len(_LISTED) if width >= 120 else len(_LISTED) - 1
-    return sheet(_LISTED[:shown], (row[:shown] for row in listed()), left=range(shown))
+    columns = len(_LISTED)
+    if width < 120:
+        columns -= 1
+    rows = [row[:columns] for row in listed()]
+    return sheet(_LISTED[:columns], rows, left=range(columns))
 
 
 def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
     """Yield the facts of a scenario by name."""
-    yield (
-        "game",
-        _GAMES[scenario.game] + (", of teams" if isinstance(scenario, TeamScenario) else ""),
-    )
-    yield from _groups(scenario) if isinstance(scenario, TeamScenario) else _players(scenario)
-    if scenario.target is not None:
-        yield "target", f"at {_place(scenario.target.position_m)} m{_shape_words(scenario.target)}"
+    game = _GAMES[scenario.game]
+    if isinstance(scenario, TeamScenario):
+        yield "game", f"{game}, of teams"
+        yield from _groups(scenario)
+    else:
+        yield "game", game
+        yield from _players(scenario)
+    target = scenario.target
+    if target is not None:
+        yield "target", f"at {_place(target.position_m)} m{_shape_words(target)}"
     if isinstance(scenario, TeamScenario):
         first = opening_of(scenario)
+        guaranteed = int(first.guaranteed)
+        total = float(first.total)
         unit = "m from the target" if scenario.game == "tad" else "s until the captures"
-        yield (
-            "value",
-            f"{int(first.guaranteed)} captures guaranteed, {float(first.total):.2f} {unit} in all",
-        )
+        yield "value", f"{guaranteed} captures guaranteed, {total:.2f} {unit} in all"
     else:
         yield from _conditions(scenario)
     expectations = expected(scenario)
@@ -324,34 +333,29 @@ def _shape_words(target: Target) -> str:
 def _groups(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
     for player, groups in (("pursuers", scenario.pursuer), ("evaders", scenario.evader)):
         for group in groups:
-            about = f", scattered over {group.scatter_m:g} m" if group.scatter_m else ""
-            place = _place(group.position_m)
-            yield (
-                player,
-                f"{group.count} at {place} m{about}, {group.speed_m_s:g} m/s, plays {group.policy}",
-            )
+            place = f"{_place(group.position_m)} m"
+            if group.scatter_m:
+                place += f", scattered over {group.scatter_m:g} m"
+            speed = f"{group.speed_m_s:g} m/s"
+            yield player, f"{group.count} at {place}, {speed}, plays {group.policy}"
 
 
 def _players(scenario: Scenario) -> Iterator[tuple[str, str]]:
     pursuer = scenario.pursuer
     evader = scenario.evader
     if pursuer.speed_set is None:
-        played = speed_set_named(MATHS_SPEED_SET).of(*pursuer.speeds).words()
-        flown = speed_set_named(FLOWN_SPEED_SET).of(*pursuer.speeds).words()
-        speeds = f"{played} in mathematics, and in flight {flown}"
+        maths_speeds = speed_set_named(MATHS_SPEED_SET).of(*pursuer.speeds)
+        flight_speeds = speed_set_named(FLOWN_SPEED_SET).of(*pursuer.speeds)
+        speeds = f"{maths_speeds.words()} in mathematics, and in flight {flight_speeds.words()}"
     else:
         speeds = speed_set_named(pursuer.speed_set).of(*pursuer.speeds).words()
-    yield (
-        "pursuer",
-        f"at {_place(pursuer.position_m)} m, {speeds}, plays {pursuer.policy}",
-    )
-    declared = (
-        "" if evader.declared_speed_m_s is None else f" (declares {evader.declared_speed_m_s:g})"
-    )
-    yield (
-        "evader",
-        f"at {_place(evader.position_m)} m, {evader.speed_m_s:g} m/s{declared}, plays {evader.policy}",
-    )
+    pursuer_place = _place(pursuer.position_m)
+    yield "pursuer", f"at {pursuer_place} m, {speeds}, plays {pursuer.policy}"
+    evader_place = _place(evader.position_m)
+    speed = f"{evader.speed_m_s:g} m/s"
+    if evader.declared_speed_m_s is not None:
+        speed += f" (declares {evader.declared_speed_m_s:g})"
+    yield "evader", f"at {evader_place} m, {speed}, plays {evader.policy}"
 
 
 def _value(scenario: Scenario) -> str:
@@ -368,21 +372,26 @@ def _value(scenario: Scenario) -> str:
 
 def _conditions(scenario: Scenario) -> Iterator[tuple[str, str]]:
     disc = scenario.standoff
-    yield (
-        "captured",
-        f"within {disc.tolerance_m:g} m of the disc of {disc.radius_m:g} m, {disc.height_m:g} m up",
-    )
+    disc_words = f"the disc of {disc.radius_m:g} m, {disc.height_m:g} m up"
+    yield "captured", f"within {disc.tolerance_m:g} m of {disc_words}"
     value = _value(scenario)
-    flown = _value(scenario.as_flown())
-    yield "value", value if flown == value else f"in mathematics {value}; in flight {flown}"
+    flight_value = _value(scenario.as_flown())
+    if flight_value != value:
+        value = f"in mathematics {value}; in flight {flight_value}"
+    yield "value", value
     if set(scenario.sensor.model_fields_set):
-        yield "sensor", ", ".join(f"{key} = {value}" for key, value in scenario.sensor if value)
-    if any(scenario.wind.velocity_m_s):
-        yield "wind", f"{_place(scenario.wind.velocity_m_s)} m/s, east and north; {WIND_WORDS}"
+        settings = [f"{key} = {setting}" for key, setting in scenario.sensor if setting]
+        yield "sensor", ", ".join(settings)
+    wind_m_s = scenario.wind.velocity_m_s
+    if any(wind_m_s):
+        yield "wind", f"{_place(wind_m_s)} m/s, east and north; {WIND_WORDS}"
     for fault in scenario.fault:
-        keys = "".join(f", {key} = {value}" for key, value in (fault.model_extra or {}).items())
         since = "engagement" if fault.after == "engaged" else "the start"
-        yield "fault", f"{fault.kind} of the {fault.vehicle} {fault.at_s:g} s after {since}{keys}"
+        words = f"{fault.kind} of the {fault.vehicle} {fault.at_s:g} s after {since}"
+        if fault.model_extra:
+            for key, setting in fault.model_extra.items():
+                words += f", {key} = {setting}"
+        yield "fault", words
 
 
 def expected(scenario: Scenario | TeamScenario) -> str:
@@ -398,8 +407,10 @@ def _said(expectations: Ranges) -> Iterator[str]:
         elif column == "events":
             yield from (f"has {event!r}" for event in value)
         elif value is not None:
-            yield str(value) if column in {"end", "winner"} else f"{column} {value}"
+            is_plain = column in {"end", "winner"}
+            yield str(value) if is_plain else f"{column} {value}"
 
 
 def _place(place: tuple[float, ...]) -> str:
-    return f"({', '.join(f'{part:g}' for part in place)})"
+    numbers = ", ".join(f"{part:g}" for part in place)
+    return f"({numbers})"

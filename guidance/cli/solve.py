@@ -8,18 +8,22 @@ import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
+from rich.table import Table
 
 from guidance.cli.arguments import Json, refuse
 from guidance.errors import ConfigError
 from guidance.extras import require
 from guidance.files import writing
-from guidance.game import Ball, Cylinder, Game, Reason, Solution, StandOff, Winner
+from guidance.game import Ball, Cylinder, Game, Reason, Solution, SpeedSet, StandOff, Winner
 from guidance.game import solve as solve_game
 from guidance.screen import console, pairs, sheet
+
+if TYPE_CHECKING:
+    from guidance.paper import Table as PaperTable
 
 
 def solve(
@@ -68,9 +72,9 @@ def solve(
         raise ConfigError(f"--evader-speed = {evader_speed!r}: must be a finite number above 0")
     if speed_ratio is not None and not (math.isfinite(speed_ratio) and speed_ratio > 1):
         raise ConfigError(f"--speed-ratio = {speed_ratio!r}: must be a finite number above 1")
-    ball = Ball((speed_ratio or 2.0) * evader_speed)
-    speeds = ball if cylinder is None else Cylinder(*_numbers("--cylinder", cylinder, 3))
-    game = Game(speeds, evader_speed, standoff=StandOff(*_numbers("--standoff", standoff, 2)))
+    speeds = _speeds(speed_ratio, cylinder, evader_speed)
+    disc = StandOff(*_numbers("--standoff", standoff, 2))
+    game = Game(speeds, evader_speed, standoff=disc)
     if states is not None:
         refuse(ctx, "--states", "for one state", "--pursuer", "--evader", "--target", "--json")
         require("--states", "sim")
@@ -89,9 +93,20 @@ def solve(
         T = (*_numbers("--target", target, 2), 0.0)
     answer = solve_game(game, P, E, T)
     if as_json:
-        sys.stdout.write(json.dumps(_as_record(answer)) + "\n")
+        record = json.dumps(_as_record(answer))
+        sys.stdout.write(record + "\n")
     else:
-        console().print(pairs(_rows(answer, with_target=target is not None)))
+        rows = _rows(answer, with_target=target is not None)
+        console().print(pairs(rows))
+
+
+def _speeds(ratio: float | None, cylinder: str | None, evader_speed_m_s: float) -> SpeedSet:
+    """Return the pursuer's speeds; with neither, a file of states has the ratio of each row."""
+    if cylinder is not None:
+        return Cylinder(*_numbers("--cylinder", cylinder, 3))
+    if ratio is None:
+        ratio = 2.0
+    return Ball(ratio * evader_speed_m_s)
 
 
 def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
@@ -100,46 +115,44 @@ def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
         numbers = ()
-    if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
-        raise ConfigError(
-            f"{option} = {text!r}: must be {count} finite numbers separated by commas"
-        )
+    are_finite = all(math.isfinite(number) for number in numbers)
+    if len(numbers) != count or not are_finite:
+        allowed = f"must be {count} finite numbers separated by commas"
+        raise ConfigError(f"{option} = {text!r}: {allowed}")
     return numbers
 
 
 def _as_record(answer: Solution) -> dict[str, Any]:
     """Return a single answer as plain values; infinity and NaN become null for JSON."""
-    numbers = {
-        name: np.where(np.isfinite(field), field, np.array(None))
-        for name, field in answer._asdict().items()
-    }
-    record = {name: field.tolist() for name, field in numbers.items()}
-    return record | {
-        "winner": Winner(int(answer.winner)).word,
-        "reason": Reason(int(answer.reason)).word,
-    }
+    record = {}
+    for name, field in answer._asdict().items():
+        numbers = np.where(np.isfinite(field), field, np.array(None))
+        record[name] = numbers.tolist()
+    record["winner"] = Winner(int(answer.winner)).word
+    record["reason"] = Reason(int(answer.reason)).word
+    return record
 
 
 def _rows(answer: Solution, *, with_target: bool) -> Iterator[tuple[str, str]]:
     """Yield the names and values of an answer for people."""
-    meaning = (
-        "final distance to the target, m"
-        if int(answer.winner) >= 0
-        else "pursuer short of a capture by, m"
-    )
-    yield "winner", Winner(int(answer.winner)).word
-    yield meaning if with_target else "time to capture, s", f"{float(answer.value):.4f}"
-    yield (
-        "margin, s",
-        f"{float(answer.margin_s):.4f}"
-        if with_target
-        else "none: without a target it always captures",
-    )
+    winner = Winner(int(answer.winner))
+    value = f"{float(answer.value):.4f}"
+    yield "winner", winner.word
+    if not with_target:
+        yield "time to capture, s", value
+        yield "margin, s", "none: without a target it always captures"
+    else:
+        meaning = "final distance to the target, m"
+        if winner < 0:
+            meaning = "pursuer short of a capture by, m"
+        yield meaning, value
+        yield "margin, s", f"{float(answer.margin_s):.4f}"
     yield "meeting point, m", _vector(answer.meeting_point_m)
     yield "meeting time, s", f"{float(answer.meeting_time_s):.4f}"
     yield "pursuer's velocity, m/s", _vector(answer.pursuer_velocity_m_s)
     yield "evader's velocity, m/s", _vector(answer.evader_velocity_m_s)
-    yield "reason", Reason(int(answer.reason)).word.replace("_", " ")
+    reason = Reason(int(answer.reason))
+    yield "reason", reason.word.replace("_", " ")
 
 
 def _vector(vector: Any) -> str:  # noqa: ANN401 - an array of any library
@@ -162,35 +175,31 @@ def paper(
             out.mkdir(parents=True, exist_ok=True)
     target = console(stderr=as_json)
     computed = tables()
-    cases = []
+    matches = list[bool]()
+    rows = []
     for table in computed:
-        cases += [(table, case) for case in table.cases]
-    wrong = sum(not case.matches for _, case in cases)
+        names = {"title": table.title, "quantity": table.quantity}
+        rows += [names | case.plain for case in table.cases]
+        matches += [case.matches for case in table.cases]
     if as_json:
-        rows = [
-            {"title": table.title, "quantity": table.quantity, **case.plain}
-            for table, case in cases
-        ]
         typer.echo(json.dumps(rows, indent=2))
     else:
-        headings = ("pursuer", "evader", "published", "paper's stepping", "exact", "match")
         for table in computed:
-            cells = [
-                (
-                    *case.strategies,
-                    case.published,
-                    case.stepped,
-                    case.exact,
-                    "✓" if case.matches else "✗",
-                )
-                for case in table.cases
-            ]
-            target.print(
-                sheet(headings, cells, left=(0, 1), title=f"{table.title}; {table.quantity}")
-            )
-        target.print(f"{len(cases) - wrong} of {len(cases)} published cells match in every digit.")
+            target.print(_paper_table(table))
+        right = matches.count(True)
+        target.print(f"{right} of {len(matches)} published cells match in every digit.")
     if figures:
         for path in draw_figures(*computed, out):
             target.print(f"drawn: {path}", soft_wrap=True)
-    if wrong:
+    if not all(matches):
         raise typer.Exit(1)
+
+
+def _paper_table(published: "PaperTable") -> Table:
+    headings = ("pursuer", "evader", "published", "paper's stepping", "exact", "match")
+    cells = []
+    for case in published.cases:
+        mark = "✓" if case.matches else "✗"
+        cells.append((*case.strategies, case.published, case.stepped, case.exact, mark))
+    title = f"{published.title}; {published.quantity}"
+    return sheet(headings, cells, left=(0, 1), title=title)

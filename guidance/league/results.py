@@ -18,7 +18,10 @@ from guidance.sim.scenario import PURSUER
 TABLE: Final = "league.json"
 PICTURE: Final = "league.png"
 
-_STYLES: Final = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (3, 1, 1, 1, 1, 1)), (0, (8, 3)))
+_DASH_DOT: Final = (0, (5, 1, 1, 1))
+_DASH_DOT_DOT: Final = (0, (3, 1, 1, 1, 1, 1))
+_LONG_DASH: Final = (0, (8, 3))
+_STYLES: Final = ("-", "--", "-.", ":", _DASH_DOT, _DASH_DOT_DOT, _LONG_DASH)
 _SHARES: Final = np.linspace(0.0, 1.0, 201)
 
 
@@ -35,14 +38,8 @@ def label_of(policy: str) -> str:
 def print_table(target: Console, contest: Contest, played: Sequence[Played]) -> None:
     """Print a row for each pair."""
     unit = unit_of(contest)
-    headings = [
-        contest.side,
-        "against",
-        "won %",
-        f"regret, median {unit}",
-        f"95 % {unit}",
-        f"worst {unit}",
-    ]
+    measures = [f"regret, median {unit}", f"95 % {unit}", f"worst {unit}"]
+    headings = [contest.side, "against", "won %", *measures]
     in_pe = contest.scenario.target is None
     if in_pe:
         headings.append("median, % of the value")
@@ -50,14 +47,9 @@ def print_table(target: Console, contest: Contest, played: Sequence[Played]) -> 
     cells = []
     for pair in played:
         row = pair.row
-        line = [
-            label_of(row.player),
-            label_of(row.opponent),
-            _words(row.won, 100.0),
-            _words(row.median),
-            _words(row.p95),
-            f"{row.worst:.2f}",
-        ]
+        won = _words(row.won, 100.0)
+        regrets = [_words(row.median), _words(row.p95), f"{row.worst:.2f}"]
+        line = [label_of(row.player), label_of(row.opponent), won, *regrets]
         if in_pe:
             line.append(_words(row.relative, 100.0))
         line.append(str(row.failed))
@@ -72,15 +64,17 @@ def _words(estimate: Estimate, scale: float = 1.0) -> str:
 
 def document_of(contest: Contest, played: Sequence[Played]) -> dict[str, Any]:
     """Return the results as plain values; None where there is no number."""
+    scenario = contest.scenario
+    rows = [_plain(pair.row._asdict()) for pair in played]
     return {
-        "scenario": contest.scenario.title,
-        "game": contest.scenario.game,
+        "scenario": scenario.title,
+        "game": scenario.game,
         "side": contest.side,
         "games": len(contest.states.seed),
         "seed": contest.seed,
         "unit": unit_of(contest),
         "confidence": 0.95,
-        "rows": [_plain(pair.row._asdict()) for pair in played],
+        "rows": rows,
     }
 
 
@@ -113,12 +107,15 @@ def write_results(
     Raises:
         OutputError: If they cannot be written.
     """
-    first = [pair for pair in played if pair.row.player == contest.players[0]]
+    first_player = contest.players[0]
+    pairs = [pair for pair in played if pair.row.player == first_player]
+    table = out / TABLE
     with writing(f"--out {out}"):
         private_folder(out)
-        _write(out / TABLE, text)
-        paths = [out / TABLE, draw_regrets(contest, played, out / PICTURE)]
-        for pair in first:
+        _write(table, text)
+        picture = draw_regrets(contest, played, out / PICTURE)
+        paths = [table, picture]
+        for pair in pairs:
             paths += _written_worst(contest, pair, out, worst)
     return paths
 
@@ -132,11 +129,12 @@ def _written_worst(contest: Contest, pair: Played, out: Path, count: int) -> lis
             mode="json", exclude={"expect"}, exclude_unset=True, exclude_none=True
         )
         document["seed"] = scenario.seed
-        lost = f"{pair.regret[number]:.3f} {unit_of(contest)}"
-        document["description"] = (
-            f"Game {number} of a league with seed {contest.seed}: {row.player} against {row.opponent}, regret {lost}."
-        )
-        path = out / f"worst-{row.opponent.rpartition(':')[2]}-{place}.toml"
+        game = f"Game {number} of a league with seed {contest.seed}"
+        players = f"{row.player} against {row.opponent}"
+        regret = f"{pair.regret[number]:.3f} {unit_of(contest)}"
+        document["description"] = f"{game}: {players}, regret {regret}."
+        _, _, opponent = row.opponent.rpartition(":")
+        path = out / f"worst-{opponent}-{place}.toml"
         _write(path, tomlkit.dumps(document))
         paths.append(path)
     return paths
@@ -151,26 +149,34 @@ def draw_regrets(contest: Contest, played: Sequence[Played], path: Path) -> Path
     """Draw the share of games with at most a given regret; a panel for each opponent, a line for each player."""
     from guidance.viz.figures import figure_of, legend_below, save  # noqa: PLC0415 - matplotlib is optional
 
-    figure = figure_of(max(7.0, 3.4 * len(contest.opponents)), 4.4)
-    other = "evader" if contest.side == PURSUER else "pursuer"
+    columns = len(contest.opponents)
+    width_inches = max(7.0, 3.4 * columns)
+    figure = figure_of(width_inches, 4.4)
+    opposing_side = "evader" if contest.side == PURSUER else "pursuer"
     figure.suptitle(f"{contest.scenario.title}: regret of the {contest.side}", fontsize=12)
-    axes = figure.subplots(1, len(contest.opponents), squeeze=False)
+    axes = figure.subplots(1, columns, squeeze=False)
     for panel, opponent in zip(axes[0], contest.opponents, strict=True):
         pairs = [pair for pair in played if pair.row.opponent == opponent]
-        ends = np.quantile(np.concatenate([pair.regret for pair in pairs]), (0.02, 0.98))
-        margin = max(0.03 * float(np.ptp(ends)), 1e-6)
-        for number, pair in enumerate(pairs):
-            style = _STYLES[number % len(_STYLES)]
-            width = max(1.0, 3.0 - 0.4 * number)
-            values = np.quantile(pair.regret, _SHARES)
-            panel.plot(
-                values, _SHARES, label=label_of(pair.row.player), linestyle=style, linewidth=width
-            )
-        panel.set(xlim=(ends[0] - margin, ends[1] + margin), ylim=(0.0, 1.02))
-        panel.set(xlabel=f"regret, {unit_of(contest)}", title=f"{other}: {label_of(opponent)}")
-        panel.axvline(0.0, color="0.5", linewidth=0.8)
-        panel.grid(visible=True, linewidth=0.3)
+        _draw_panel(panel, pairs)
+        title = f"{opposing_side}: {label_of(opponent)}"
+        panel.set(xlabel=f"regret, {unit_of(contest)}", title=title)
     axes[0, 0].set_ylabel("share of games with at most this regret")
     legend_below(figure, *axes.ravel(), columns=3, title=contest.side)
     save(figure, path)
     return path
+
+
+def _draw_panel(panel: Any, pairs: Sequence[Played]) -> None:  # noqa: ANN401 - matplotlib's
+    """Draw the regrets of each pair; the axis leaves out the last 2 % at both ends."""
+    for number, pair in enumerate(pairs):
+        style = _STYLES[number % len(_STYLES)]
+        width = max(1.0, 3.0 - 0.4 * number)
+        values = np.quantile(pair.regret, _SHARES)
+        label = label_of(pair.row.player)
+        panel.plot(values, _SHARES, label=label, linestyle=style, linewidth=width)
+    regrets = np.concatenate([pair.regret for pair in pairs])
+    low, high = np.quantile(regrets, (0.02, 0.98)).tolist()
+    margin = max(0.03 * (high - low), 1e-6)
+    panel.set(xlim=(low - margin, high + margin), ylim=(0.0, 1.02))
+    panel.axvline(0.0, color="0.5", linewidth=0.8)
+    panel.grid(visible=True, linewidth=0.3)

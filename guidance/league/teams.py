@@ -54,17 +54,16 @@ class TeamGame:
         self._speeds_m_s = np.concatenate([teams.pursuer_speed_m_s, teams.evader_speed_m_s])
         self._n = len(teams.pursuers_m)
         self._m = len(teams.evaders_m)
-        pursuers = tuple(f"{PURSUER}_{number}" for number in range(self._n))
-        evaders = tuple(f"{EVADER}_{number}" for number in range(self._m))
+        pursuers = [f"{PURSUER}_{number}" for number in range(self._n)]
+        evaders = [f"{EVADER}_{number}" for number in range(self._m)]
         self.agents = (*pursuers, *evaders)
-        self._game = game_of(scenario, teams.pursuer_speed_m_s[:, None], teams.evader_speed_m_s)
-        pairs = joined(self._game, "(n, m)").rows(
-            lambda value: np.broadcast_to(value, (self._n, self._m))
-        )
+        pursuer_speed_m_s = teams.pursuer_speed_m_s[:, None]
+        self._game = game_of(scenario, pursuer_speed_m_s, teams.evader_speed_m_s)
+        shape = (self._n, self._m)
+        pairs = joined(self._game, "(n, m)").rows(lambda value: np.broadcast_to(value, shape))
         self._plays = pairs.plays
-        self._ends_game = replace(
-            pairs.game, capture_radius_m=pairs.game.capture_radius_m + scenario.capture_m
-        )
+        reach_m = pairs.game.capture_radius_m + scenario.capture_m
+        self._ends_game = replace(pairs.game, capture_radius_m=reach_m)
         self._spare_m = held_m(pairs.game, step_s)
         self.begin(scenario.seed)
 
@@ -78,9 +77,10 @@ class TeamGame:
             self._T = np.repeat(teams.target_m[None], self._m, axis=0)
         self._velocity_m_s = np.zeros((self._n + self._m, 3))
         self._now_s = np.zeros(())
-        self._outcomes = Outcomes(
-            np.full(self._m, int(End.RUNNING)), np.zeros(self._m), np.full(self._m, -1)
-        )
+        still_running = np.full(self._m, int(End.RUNNING))
+        times_s = np.zeros(self._m)
+        nobody = np.full(self._m, -1)
+        self._outcomes = Outcomes(still_running, times_s, nobody)
         self._matching = self._matched(None)
         self._guaranteed = int(self._matching.guaranteed)
         self._score = self._opening_score = self._scored()
@@ -93,11 +93,14 @@ class TeamGame:
             places_m = np.concatenate([places_m, self._teams.target_m[None]])
         groups = (*self._scenario.pursuer, *self._scenario.evader)
         scattered_m = 2.0 * max(group.scatter_m for group in groups)
-        fastest_m_s = float(self._speeds_m_s.max())
-        spread_m = float(np.ptp(places_m, axis=0).max()) + scattered_m + float(places_m[:, 2].max())
-        away_m = spread_m + 2.0 * fastest_m_s * self._scenario.time_limit_s
-        other = [away_m] * 3 + [2.0 * fastest_m_s] * 3
-        high = [away_m, *other * (self._n + self._m - 1)]
+        closing_m_s = 2.0 * float(self._speeds_m_s.max())
+        extent_m = float(np.ptp(places_m, axis=0).max())
+        highest_m = float(places_m[:, 2].max())
+        spread_m = extent_m + scattered_m + highest_m
+        away_m = spread_m + closing_m_s * self._scenario.time_limit_s
+        player = [away_m] * 3 + [closing_m_s] * 3
+        other_players = player * (len(self.agents) - 1)
+        high = [away_m, *other_players]
         if self._T is not None:
             high += [away_m, away_m]
         upper = np.array(high)
@@ -112,18 +115,17 @@ class TeamGame:
         """
         number = self._number(agent)
         shares = PURSUER_SHARES if number < self._n else EVADER_SHARES
-        given = np.asarray(action)
+        numbers = np.asarray(action)
         allowed = (
             f"must be real, finite numbers of shape ({shares},), shares of its speed from -1 to 1"
         )
-        if given.dtype.kind not in "fiu" or given.shape != (shares,):
-            raise ConfigError(
-                f"actions[{agent!r}]: shape {given.shape}, dtype {given.dtype}: {allowed}"
-            )
-        if not np.isfinite(given).all():
-            raise ConfigError(f"actions[{agent!r}] = {given.tolist()}: {allowed}")
+        if numbers.dtype.kind not in "fiu" or numbers.shape != (shares,):
+            kind = f"shape {numbers.shape}, dtype {numbers.dtype}"
+            raise ConfigError(f"actions[{agent!r}]: {kind}: {allowed}")
+        if not np.isfinite(numbers).all():
+            raise ConfigError(f"actions[{agent!r}] = {numbers.tolist()}: {allowed}")
         velocity = np.zeros(3)
-        velocity[:shares] = given
+        velocity[:shares] = numbers
         speed_m_s = float(self._speeds_m_s[number])
         return speed_m_s * bounded(velocity, 1.0)
 
@@ -140,7 +142,8 @@ class TeamGame:
         self._matching = self._matched(self._matching)
         before = self._score
         self._score = self._scored()
-        return {agent: self._sign(agent) * (self._score - before) for agent in self.agents}
+        gain = self._score - before
+        return {agent: self._sign(agent) * gain for agent in self.agents}
 
     def _fly(self, longest_s: float) -> float:
         """Fly to the next end, at most so long; return how long."""
@@ -150,8 +153,9 @@ class TeamGame:
         h = step_of(self._straight(), running, self._matching, most_s)
         v = self._velocity_m_s[: self._n]
         w = self._velocity_m_s[self._n :]
-        self._P, self._E = moved(self._P, self._E, v, w, h, running)
-        self._P = np.maximum(self._P, [-math.inf, -math.inf, 0.0])
+        P, self._E = moved(self._P, self._E, v, w, h, running)
+        lowest_m = [-math.inf, -math.inf, 0.0]
+        self._P = np.maximum(P, lowest_m)
         self._now_s = self._now_s + h
         foreseen = foresee(self._ends_game, self._plays, self._P, self._E, self._T)
         self._outcomes = judged_ends(self._outcomes, foreseen, self._now_s, limit_s)
@@ -164,14 +168,15 @@ class TeamGame:
         """
         v = self._velocity_m_s[: self._n, None]
         w = self._velocity_m_s[None, self._n :]
-        capture_s = _reached_s(
-            self._E[None] - self._P[:, None], v - w, self._ends_game.capture_radius_m
-        )
+        way_m = self._E[None] - self._P[:, None]
+        capture_s = _reached_s(way_m, v - w, self._ends_game.capture_radius_m)
         arrival_s = np.full(self._m, math.inf)
         if self._T is not None:
             x, y, z = to_target(NUMPY, self._ends_game, components(self._E), components(self._T))
-            arrival_s = _reached_s(np.stack([x, y, z], axis=-1), w[0], 0.0)
-        return Foreseen(capture_s, arrival_s, np.full((self._n, self._m), math.inf))
+            way_to_target_m = np.stack([x, y, z], axis=-1)
+            arrival_s = _reached_s(way_to_target_m, w[0], 0.0)
+        no_turn_s = np.full((self._n, self._m), math.inf)
+        return Foreseen(capture_s, arrival_s, no_turn_s)
 
     def ended(self, agent: str) -> int:
         """Return the `End` of an agent: an evader's own, a pursuer's when no evader runs any more."""
@@ -186,19 +191,20 @@ class TeamGame:
     def observations(self, agents: list[str]) -> Table:
         """Return what each agent observes."""
         places_m = np.concatenate([self._P, self._E])
-        present = np.concatenate([np.ones(self._n, dtype=bool), self._outcomes.end == End.RUNNING])
+        pursuers_present = np.ones(self._n, dtype=bool)
+        evaders_present = self._outcomes.end == End.RUNNING
+        present = np.concatenate([pursuers_present, evaders_present])
         return {agent: self._observed(self._number(agent), places_m, present) for agent in agents}
 
     def _observed(self, number: int, places_m: Array, present: Array) -> Array:
         own_m = places_m[number]
-        relative = np.concatenate(
-            [places_m - own_m, self._velocity_m_s - self._velocity_m_s[number]], axis=1
-        )
+        own_m_s = self._velocity_m_s[number]
+        relative = np.concatenate([places_m - own_m, self._velocity_m_s - own_m_s], axis=1)
         relative[np.logical_not(present)] = 0.0
         pursuers = [index for index in range(self._n) if index != number]
-        evaders = [index for index in range(self._n, self._n + self._m) if index != number]
-        order = evaders + pursuers if number < self._n else pursuers + evaders
-        parts = [own_m[2:], relative[order].ravel()]
+        evaders = [index for index in range(self._n, len(self.agents)) if index != number]
+        opponents_first = evaders + pursuers if number < self._n else pursuers + evaders
+        parts = [own_m[2:], relative[opponents_first].ravel()]
         if self._T is not None:
             parts.append(self._T[0, :2] - own_m[:2])
         return np.concatenate(parts)
@@ -211,29 +217,31 @@ class TeamGame:
         end = self.ended(agent)
         winner = Winner.UNDECIDED
         if self._number(agent) >= self._n:
-            winner = {End.CAPTURED: Winner.PURSUER, End.ARRIVED: Winner.EVADER}.get(
-                End(end), winner
-            )
+            winners = {int(End.CAPTURED): Winner.PURSUER, int(End.ARRIVED): Winner.EVADER}
+            winner = winners.get(end, winner)
         elif end != End.RUNNING:
             captured = np.count_nonzero(self._outcomes.end == End.CAPTURED)
             winner = Winner.PURSUER if captured >= self._guaranteed else Winner.EVADER
-        lost = self._opening_score - self._score
+        loss = self._opening_score - self._score
+        regret = self._sign(agent) * loss
         return {
             "value": self._score,
-            "regret": self._sign(agent) * lost,
+            "regret": regret,
             "winner": int(winner),
             "reason": end,
         }
 
     def _matched(self, previous: Matching | None) -> Matching:
+        in_play = self._outcomes.end == End.RUNNING
+        spare_m = 0.0 if self._T is None else self._spare_m
         return match_teams(
             self._game,
             self._P,
             self._E,
             self._T,
-            in_play=self._outcomes.end == End.RUNNING,
+            in_play=in_play,
             previous=previous,
-            spare_m=0.0 if self._T is None else self._spare_m,
+            spare_m=spare_m,
         )
 
     def _scored(self) -> float:
@@ -245,10 +253,13 @@ class TeamGame:
             limit_s = self._scenario.time_limit_s
             captured_s = np.where(end == End.CAPTURED, time_s, limit_s)
             promised_s = np.minimum(self._now_s + value, limit_s)
-            return -float(np.sum(np.where(running, promised_s, captured_s)))
+            times_s = np.where(running, promised_s, captured_s)
+            return -float(np.sum(times_s))
         x, y, _ = to_target(NUMPY, self._ends_game, components(self._E), components(self._T))
-        captured_m = np.where(end == End.CAPTURED, NUMPY.norm2((x, y)), 0.0)
-        return float(np.sum(np.where(running, value, captured_m)))
+        away_m = NUMPY.norm2((x, y))
+        captured_m = np.where(end == End.CAPTURED, away_m, 0.0)
+        distances_m = np.where(running, value, captured_m)
+        return float(np.sum(distances_m))
 
     def _sign(self, agent: str) -> float:
         return 1.0 if self._number(agent) < self._n else -1.0
@@ -262,7 +273,9 @@ class TeamGame:
 def _reached_s(way_m: Array, closing_m_s: Array, reach_m: Real) -> Array:
     """Return when tangents of distances (..., 3) come to a reach, s; infinite where they grow."""
     away_m = np.sqrt(np.sum(way_m**2, axis=-1))
-    rate_m_s = np.sum(way_m * closing_m_s, axis=-1) / np.where(away_m > 0.0, away_m, 1.0)
+    product = np.sum(way_m * closing_m_s, axis=-1)
+    divisor_m = np.where(away_m > 0.0, away_m, 1.0)
+    rate_m_s = product / divisor_m
     beyond_m = away_m - reach_m
     later_s = np.where(rate_m_s > 0.0, beyond_m / rate_m_s, math.inf)
     return np.where(beyond_m <= 0.0, 0.0, later_s)
