@@ -10,7 +10,7 @@ from typing import Any, Final
 from guidance.autopilots import Finding, Verdict
 from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
-from guidance.flight import FINAL, Authority, Event, Flight, Inputs, Outputs, is_done
+from guidance.flight import FINAL, Authority, EngageOn, Event, Flight, Inputs, Outputs, is_done
 from guidance.links.port import EvaderSource, TellsProblem, VehicleLink
 from guidance.log.entries import ASSIGNED, EVADER_NEWS, LINK_NEWS, ORDERED, RELOADED, TEAM_NEWS
 from guidance.log.sink import AnsweredOrder, FlightIdentity, Sink
@@ -197,11 +197,11 @@ class Daemon:
             Event(question.order) for question in orders if question.authority is Authority.MISSION
         ]
         alive = True if any(query.order == ALIVE for query in queries) else None
-        bars = (
-            refusals(self._engaging.rows)
-            if Event.ENGAGE in (*people, *mission)
-            else self._engaging.bars_the_pilot
-        )
+        bars = self._barred()
+        if Event.ENGAGE in people or Event.ENGAGE in mission:
+            bars += refusals(self._engaging.rows)
+        elif self.plan.flight.engage_on is EngageOn.PILOT_MODE:
+            bars += self._engaging.bars_the_pilot
         messages = self._link.receive()
         sources = self._evaders.items()
         named_reports = [(name, report) for name, source in sources for report in source.receive()]
@@ -214,7 +214,7 @@ class Daemon:
             reports = [report._replace(evader=name) for name, report in named_reports]
             mates, role, relayed = self.team.hear(now_s, self.flight, reports)
             reports += relayed
-        return Inputs(messages, reports, people, self._barred() + bars, alive, mission, mates, role)
+        return Inputs(messages, reports, people, bars, alive, mission, mates, role)
 
     def _barred(self) -> tuple[str, ...]:
         """Names of what preflight refuses; before its first verdict, preflight itself."""

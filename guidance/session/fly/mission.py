@@ -328,11 +328,12 @@ class VehicleMission:
         first = self.engaged_s is None
         back = flight.cause is not None and flight.cause.event is Event.CONTACT
         if player is None or player.ready:
-            fresh = flight.tracking.silence_s(now_s) < flight.settings.cycle.evader_timeout_s
             if flight.state is State.READY:
                 return Event.START
-            if flight.state is State.STANDING_BY and fresh and first and not back:
-                return Event.ENGAGE
+            if flight.state is State.STANDING_BY and first and not back:
+                silence_s = flight.tracking.silence_s(now_s)
+                if silence_s < flight.settings.cycle.evader_timeout_s:
+                    return Event.ENGAGE
         if self.engaged_s is not None and flight.state in PLAYING:
             time_is_up = now_s - self.engaged_s > self.pursuit.scenario.time_limit_s
         else:
