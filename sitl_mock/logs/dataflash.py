@@ -8,6 +8,7 @@ describe the kinds; letters of a format tell types, and some of them a scale (``
 from __future__ import annotations
 
 import struct
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.errors import ConfigError
@@ -66,16 +67,22 @@ class Kind:
             if letter in _SCALES
         )
         self._scales = tuple(_SCALES.get(letter, 0.0) for letter in letters)
-        self._start = START + bytes((number,))
+        with_head = struct.Struct(f"<{_HEAD}s{self._struct.format[1:]}").pack
+        self._pack = partial(with_head, START + bytes((number,)))
         self.size = _HEAD + self._struct.size
         self.definition = _definition(number, self.size, name, letters, columns)
 
     def pack(self, *values: Any) -> bytes:  # noqa: ANN401 - numbers and texts
         """Return a record of values in their units; those too large for their type are clipped."""
         units = list(values)
-        for index, scale, limits in self._scaled:
-            units[index] = min(max(round(units[index] / scale), limits[0]), limits[1])
-        return self._start + self._struct.pack(*units)
+        for index, scale, _ in self._scaled:
+            units[index] = round(units[index] / scale)
+        try:
+            return self._pack(*units)
+        except struct.error:
+            for index, _, (least, most) in self._scaled:
+                units[index] = min(max(units[index], least), most)
+            return self._pack(*units)
 
     def unpack(self, content: bytes, at: int) -> tuple[Any, ...]:
         """Return the values of the record at an offset, in their units."""
