@@ -112,7 +112,11 @@ class VehicleState(NamedTuple):
         Infinite if none ever arrived.
         """
         message = self.latest.get(kind)
-        return math.inf if message is None else now_s - message.received_s + self.delay_s
+        if message is None:
+            return math.inf
+        silence_s = now_s - message.received_s
+        delay_s = self.clock.delay_s
+        return silence_s if math.isnan(delay_s) else silence_s + delay_s
 
     def silence_s(self, kind: type[Kind], now_s: float) -> float:
         """Seconds since a message of this kind arrived; infinite if none ever did."""

@@ -473,13 +473,8 @@ def predict(
     moved = advance(last, now_s, settings)
     mixture = blended(*moved.modes)
     north, east, north_rate, east_rate = mixture.mean
-    covariance = PlaneCovariance(*mixture.covariance)
-    worst_sd = _worst_sd(covariance)
+    worst_sd, speed_sd = _velocity_sds(mixture)
     speed_m_s = math.hypot(north_rate, east_rate)
-    # Along the velocity the spread matters more than in the worst direction, if there is a direction.
-    speed_sd = worst_sd
-    if speed_m_s > worst_sd:
-        speed_sd = _sd_along(covariance, north_rate / speed_m_s, east_rate / speed_m_s)
     velocity = STILL
     if worst_sd <= settings.known_velocity_sd_m_s:
         velocity = Ned((north_rate, east_rate, moved.height.rate_m_s))
@@ -491,20 +486,27 @@ def predict(
     )
 
 
-def _worst_sd(covariance: PlaneCovariance) -> float:
-    """Return σ of the velocity in its worst direction: the root of the larger eigenvalue of its covariance."""
-    north = covariance.north_rate_north_rate
-    east = covariance.east_rate_east_rate
+def _velocity_sds(state: Normal) -> tuple[float, float]:
+    """Return σ of the velocity in its worst direction, and σ of the speed."""
+    covariance = PlaneCovariance(*state.covariance)
+    north_variance = covariance.north_rate_north_rate
+    east_variance = covariance.east_rate_east_rate
     shared = covariance.east_rate_north_rate
-    larger = 0.5 * (north + east) + math.hypot(0.5 * (north - east), shared)
-    return math.sqrt(max(0.0, larger))
-
-
-def _sd_along(covariance: PlaneCovariance, north: float, east: float) -> float:
-    """Return σ of the velocity along a unit vector."""
-    variance = (
-        north * north * covariance.north_rate_north_rate
-        + 2.0 * north * east * covariance.east_rate_north_rate
-        + east * east * covariance.east_rate_east_rate
+    # The larger eigenvalue
+    worst_variance = 0.5 * (north_variance + east_variance) + math.hypot(
+        0.5 * (north_variance - east_variance), shared
     )
-    return math.sqrt(max(0.0, variance))
+    worst_sd = math.sqrt(max(0.0, worst_variance))
+    _, _, north_rate, east_rate = state.mean
+    speed_m_s = math.hypot(north_rate, east_rate)
+    speed_sd = worst_sd
+    if speed_m_s > worst_sd:  # there is a direction
+        north = north_rate / speed_m_s
+        east = east_rate / speed_m_s
+        speed_variance = (
+            north * north * north_variance
+            + 2.0 * north * east * shared
+            + east * east * east_variance
+        )
+        speed_sd = math.sqrt(max(0.0, speed_variance))
+    return worst_sd, speed_sd

@@ -152,7 +152,9 @@ class Flight:
             if self.fault is not None:
                 self.heard.vehicle_says(inputs.messages)  # for display
                 return self._hand_over(now_s, inputs)
-            self._playing.begin(inputs.answer)
+            self._playing.recorded = inputs.answer
+            self._playing.answer = None
+            self._playing.alarm = None
             self._take_in(now_s, inputs)
             happenings = tuple(self._follow(now_s, inputs))
             requests = self._asking.requests(self.stage, self.heard, now_s)
@@ -327,7 +329,6 @@ class Flight:
         if inviting and now_s - self.stage.since_s > INVITE_AFTER_S:
             needs_setpoint = True
         setpoint = None
-        self._playing.alarm = None
         view = heard.seen
         if view is None and needs_setpoint:
             view = heard.view(now_s)

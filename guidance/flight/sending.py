@@ -171,28 +171,24 @@ class Playing:
     Attributes:
         certificate: The last one of the present state.
         alarm: This cycle's.
+        recorded: The action that was recorded in this cycle, if it is replayed.
         answer: The action of the user's policy in this cycle.
     """
 
     def __init__(self, settings: FlightSettings, ask: Ask | None = None) -> None:
         self._settings = settings
         self._ask = ask
-        self._recorded: tuple[float, ...] | None = None
+        self.recorded: tuple[float, ...] | None = None
         self.answer: tuple[float, ...] | None = None
         self.memory = CycleMemory()
         self.monitor = MonitorMemory()
         self.certificate: Certificate | None = None
         self.alarm: Alarm | None = None
 
-    def begin(self, recorded: tuple[float, ...] | None) -> None:
-        """Begin a cycle, with the action that was recorded in it if it is replayed."""
-        self._recorded = recorded
-        self.answer = None
-
     def _asked(self, observation: Array) -> Answer:
         """Ask the user's policy. A replay runs nobody's code: it has the recorded answers."""
-        if self._recorded is not None:
-            return self._recorded
+        if self.recorded is not None:
+            return self.recorded
         if self._ask is None:
             return "there is no policy here to ask"
         answer = self._ask(observation)
