@@ -378,6 +378,8 @@ def constraints_of(
 ) -> tuple[Constraint, ...]:
     """Return the constraints of the walls within reach; the circle's is last, as `obey` needs it.
 
+    Floor and ceiling are in the reach of the vertical speed alone, which `obey` never increases.
+
     Args:
         asked_ned_m_s: Velocity asked for.
         situation: State of the vehicle.
@@ -390,11 +392,14 @@ def constraints_of(
     braking_m_s2 = min(envelope.braking_m_s2, envelope.vertical_braking_m_s2)
     drift_m = math.hypot(*velocity) * envelope.reaction_s + math.hypot(*surge_ned_m)
     reach_m = drift_m + speed * (envelope.reaction_s + speed / (2.0 * braking_m_s2))
-    constraints = [
-        _constraint(wall, asked_ned_m_s, velocity, surge_ned_m, envelope)
-        for wall in walls
-        if wall.gap_m <= reach_m
-    ]
+    vertical = abs(asked_ned_m_s.down)
+    vertical_s = envelope.reaction_s + vertical / (2.0 * envelope.vertical_braking_m_s2)
+    vertical_reach_m = drift_m + vertical * vertical_s
+    constraints = []
+    for wall in walls:
+        is_level = wall.normal_ned in (UP, DOWN)
+        if wall.gap_m <= (vertical_reach_m if is_level else reach_m):
+            constraints.append(_constraint(wall, asked_ned_m_s, velocity, surge_ned_m, envelope))
     return tuple(constraints)
 
 

@@ -207,6 +207,17 @@ def test_walls_within_drift_and_stop_are_constraints_and_no_others(reaction_s):
         assert len(constraints_of(Ned((6.0, 0.0, 0.0)), situation, (wall,), envelope)) == count
 
 
+def test_floor_and_ceiling_are_constraints_within_the_stop_of_the_vertical_speed():
+    envelope = replace(OPEN, reaction_s=0.5, braking_m_s2=2.0, vertical_braking_m_s2=1.5)
+    situation = Situation(Ned(STILL), Ned((3.0, 4.0, 0.0)))
+    reach_m = 5.0 * 0.5 + 2.0 * 0.5 + 2.0**2 / (2.0 * 1.5)
+    for normal, down in ((DOWN, 2.0), ((0.0, 0.0, -1.0), -2.0)):
+        for off_m, count in ((-1e-6, 1), (1e-6, 0)):
+            wall = Wall(Limiter.FLOOR, Ned(normal), reach_m + off_m)
+            asked = Ned((6.0, 0.0, down))
+            assert len(constraints_of(asked, situation, (wall,), envelope)) == count
+
+
 def test_a_vehicle_at_rest_on_a_wall_has_it_for_a_constraint():
     wall = Wall(Limiter.FENCE_RADIUS, Ned(NORTH), 0.0)
     assert len(constraints_of(Ned(STILL), HOVER, (wall,), OPEN)) == 1
