@@ -239,11 +239,11 @@ def parse(model: type[Model], document: dict[str, Any], *, source: str, text: st
         return model.model_validate(document)
     except ValidationError as error:
         errors = error.errors()
-        told = errors[:MOST_FAULTS]
-        lines = lines_of(text, [_location(fault) for fault in told])
+        listed = errors[:MOST_FAULTS]
+        lines = lines_of(text, [_location(fault) for fault in listed])
         faults = [
             f"  {_line_words(line)}{explain(model, fault)}"
-            for fault, line in zip(told, lines, strict=True)
+            for fault, line in zip(listed, lines, strict=True)
         ]
         if len(errors) > MOST_FAULTS:
             faults.append(f"  and {len(errors) - MOST_FAULTS} more faults")

@@ -64,11 +64,11 @@ def _short_order(arguments: Sequence[str]) -> int | None:
     """
     if arguments[:1] != ["ctl"] or len(arguments) % 2 or arguments[1] not in _ORDERS:
         return None
-    given = dict(zip(arguments[2::2], arguments[3::2], strict=True))
-    if not given.keys() <= _OPTIONS.keys():
+    option_words = dict(zip(arguments[2::2], arguments[3::2], strict=True))
+    if not option_words.keys() <= _OPTIONS.keys():
         return None
     options: dict[str, Any] = {
-        name[2:].replace("-", "_"): _OPTIONS[name](word) for name, word in given.items()
+        name[2:].replace("-", "_"): _OPTIONS[name](word) for name, word in option_words.items()
     }
     return max(map(show, ask(arguments[1], **options)))
 

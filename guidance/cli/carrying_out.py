@@ -59,14 +59,14 @@ def carried_out(
         An answer to the order for each vehicle, with its last state.
     """
     aim = AIMS[order]
-    said = dict[str, str]()
+    last_states = dict[str, str]()
     while True:
         statuses = ask_status()
         for status in statuses:
             name = str(status["name"])
             state = str(status.get("state", ""))
-            if said.get(name) != state:
-                said[name] = state
+            if last_states.get(name) != state:
+                last_states[name] = state
                 typer.echo(f"{name}: {state}", err=True)
         if not any(_is_under_way(order, status, aim) for status in statuses):
             return [_answer(order, status, aim) for status in statuses]

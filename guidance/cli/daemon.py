@@ -40,18 +40,20 @@ def run(
     from guidance.session.vehicle_file import load_vehicle  # noqa: PLC0415
 
     path = find(config, "vehicles")
-    own = load_vehicle(path)
+    vehicle_config = load_vehicle(path)
     with contextlib.ExitStack() as closing:
         if panel:
             require("--panel", "panel")
-            endpoint = own.control.endpoint
-            if own.control.by_tls:
+            endpoint = vehicle_config.control.endpoint
+            if vehicle_config.control.by_tls:
                 refused = f"--panel with control.endpoint = {endpoint!r}: that router judges who may order"
                 mend = f"leave it out, and run guidance panel --endpoint {endpoint} --zenoh FILE (an operator's)"
                 raise ConfigError(f"{refused}; {mend}")
-            served_panel = panel_beside(endpoint, own.record.folder, own.control.token_file)
+            served_panel = panel_beside(
+                endpoint, vehicle_config.record.folder, vehicle_config.control.token_file
+            )
             closing.callback(served_panel.close)
-        interrupted = run_vehicle(path, own)
+        interrupted = run_vehicle(path, vehicle_config)
     if interrupted:
         raise typer.Exit(INTERRUPTED)
 

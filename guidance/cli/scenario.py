@@ -100,9 +100,9 @@ def run(
     is_known = bool(config or vehicle)
     is_armed = bool(engage or vehicle)
     _check_options(ctx, way, known=is_known, armed=is_armed)
-    path, played = load_any(name, seed)
-    there = console(stderr=as_json)
-    there.print(headed(played.title, f"  ({path.name}, as {way})"))
+    path, scenario_played = load_any(name, seed)
+    screen = console(stderr=as_json)
+    screen.print(headed(scenario_played.title, f"  ({path.name}, as {way})"))
     arguments.may_fly(vehicle or [], yes=yes)
     rows: Sequence[Any]
     if way != "maths":
@@ -116,20 +116,20 @@ def run(
         if config is not None:
             how = ByFile(load_vehicle(find(config, "vehicles")), engage)
             if engage and not yes:  # also on loopback: a real vehicle may be behind a router
-                where = f"{config}: {how.config.vehicle.url}"
+                vehicle_at = f"{config}: {how.config.vehicle.url}"
                 arguments.agree(
-                    f"{where} may be a real vehicle. Arm it, take off and engage? Propellers will turn"
+                    f"{vehicle_at} may be a real vehicle. Arm it, take off and engage? Propellers will turn"
                 )
-        rows, out = _fly(played, path.stem, how, out, there)
-    elif isinstance(played, TeamScenario):
-        rows = play_teams([played])[0]
-        tell_players(rows, there)
+        rows, out = _fly(scenario_played, path.stem, how, out, screen)
+    elif isinstance(scenario_played, TeamScenario):
+        rows = play_teams([scenario_played])[0]
+        tell_players(rows, screen)
     else:
-        if played.fault:
-            there.print("the mathematics ignores faults")
-        rows = play([played])
-    verdicts = _verdicts(played, rows, there)
-    text = rows_json(played, rows)
+        if scenario_played.fault:
+            screen.print("the mathematics ignores faults")
+        rows = play([scenario_played])
+    verdicts = _verdicts(scenario_played, rows, screen)
+    text = rows_json(scenario_played, rows)
     if out is not None:
         from guidance.cli.fly import write_outcome  # noqa: PLC0415 - slow imports
 
@@ -156,7 +156,7 @@ def _check_options(ctx: typer.Context, way: str, *, known: bool, armed: bool) ->
 
 
 def _fly(
-    scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | None, there: Console
+    scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | None, screen: Console
 ) -> tuple[Sequence[Any], Path]:
     """Fly a scenario; return its rows and the flight's folder."""
     from guidance.cli.fly import fly_rows  # noqa: PLC0415 - slow imports
@@ -164,16 +164,16 @@ def _fly(
     from guidance.session.open.opened import Onlooker  # noqa: PLC0415
 
     def on_record(path: Path) -> None:
-        there.print(f"record   {path}", soft_wrap=True)
+        screen.print(f"record   {path}", soft_wrap=True)
         if isinstance(how, ByFile) and not how.engage:
-            there.print(
+            screen.print(
                 "waiting for a person: `guidance ctl start`, then `guidance ctl engage`",
                 soft_wrap=True,
             )
 
     name = how.config.name if isinstance(how, ByFile) else stem
     onlooker = Onlooker(on_record=on_record)
-    _, rows, folder = fly_rows(there, scenario, name, how, out, onlooker)
+    _, rows, folder = fly_rows(screen, scenario, name, how, out, onlooker)
     if not rows:
         raise FlightError("no game: not all vehicles engaged")
     if isinstance(how, ByFile):
@@ -183,7 +183,7 @@ def _fly(
 
 
 def _verdicts(
-    scenario: Scenario | TeamScenario, rows: Sequence[Any], there: Console
+    scenario: Scenario | TeamScenario, rows: Sequence[Any], screen: Console
 ) -> Sequence[CheckedExpectation]:
     """Show the row of one vehicle, and which expectations hold."""
     if isinstance(scenario, TeamScenario):
@@ -197,7 +197,7 @@ def _verdicts(
             for name, value in values.items()
             if name != "scenario"
         ]
-        there.print(pairs(texts))
+        screen.print(pairs(texts))
     verdicts = list(scenario.expect.verdicts(values))
     judgements = {True: Text("holds", "green"), False: Text("FAILS", "red")}
     cells = []
@@ -206,7 +206,7 @@ def _verdicts(
         cells.append((verdict.column, verdict.expected, value, judgements[verdict.held]))
     if cells:
         headings = ("column", "expected", "came out", "verdict")
-        there.print(sheet(headings, cells, left=range(4), title="expected"))
+        screen.print(sheet(headings, cells, left=range(4), title="expected"))
     return verdicts
 
 
@@ -244,11 +244,11 @@ def show(
         from guidance.viz import figures  # noqa: PLC0415 - matplotlib is optional
 
         figures.check_picture(out)
-    path, shown = load_any(name)
-    title = shown.title
-    about = " ".join(shown.description.split())
-    facts = list(facts_of(shown))
-    there = console(stderr=as_json)
+    path, scenario_shown = load_any(name)
+    title = scenario_shown.title
+    about = " ".join(scenario_shown.description.split())
+    facts = list(facts_of(scenario_shown))
+    screen = console(stderr=as_json)
     if as_json:
         facts_by_name: dict[str, list[str]] = {}
         for fact, words in facts:
@@ -261,16 +261,16 @@ def show(
         }
         typer.echo(json.dumps(document, indent=2))
     else:  # the file may be a stranger's
-        there.print(printable(title), style="bold", markup=False, end="")
-        there.print(f"  ({printable(path.name)})\n{printable(about)}\n", markup=False)
+        screen.print(printable(title), style="bold", markup=False, end="")
+        screen.print(f"  ({printable(path.name)})\n{printable(about)}\n", markup=False)
         fact_rows = [(fact, Text(printable(words))) for fact, words in facts]
-        there.print(pairs(fact_rows))
+        screen.print(pairs(fact_rows))
     if out is not None:
-        if isinstance(shown, TeamScenario):
-            figures.draw_teams(shown, out)
+        if isinstance(scenario_shown, TeamScenario):
+            figures.draw_teams(scenario_shown, out)
         else:
-            figures.draw_scenario(shown, out)
-        there.print(f"picture  {out}", soft_wrap=True, markup=False)
+            figures.draw_scenario(scenario_shown, out)
+        screen.print(f"picture  {out}", soft_wrap=True, markup=False)
 
 
 def names() -> list[str]:
@@ -333,11 +333,11 @@ def _shape_words(target: Target) -> str:
 def _groups(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
     for player, groups in (("pursuers", scenario.pursuer), ("evaders", scenario.evader)):
         for group in groups:
-            place = f"{_place(group.position_m)} m"
+            position = f"{_place(group.position_m)} m"
             if group.scatter_m:
-                place += f", scattered over {group.scatter_m:g} m"
+                position += f", scattered over {group.scatter_m:g} m"
             speed = f"{group.speed_m_s:g} m/s"
-            yield player, f"{group.count} at {place}, {speed}, plays {group.policy}"
+            yield player, f"{group.count} at {position}, {speed}, plays {group.policy}"
 
 
 def _players(scenario: Scenario) -> Iterator[tuple[str, str]]:
@@ -402,8 +402,8 @@ def expected(scenario: Scenario | TeamScenario) -> str:
 def _said(expectations: Ranges) -> Iterator[str]:
     for column, value in expectations:
         if isinstance(value, Ranges):
-            if said := ", ".join(_said(value)):
-                yield f"{column}: {said}"
+            if words := ", ".join(_said(value)):
+                yield f"{column}: {words}"
         elif column == "events":
             yield from (f"has {event!r}" for event in value)
         elif value is not None:

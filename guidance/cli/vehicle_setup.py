@@ -142,10 +142,10 @@ def check(
         )
         if name is None:
             raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")
-        own = load_vehicle(find(name, "vehicles"))
-        awaited = own.vehicle.awaited
-        limit_s = own.vehicle.connect_timeout_s
-        opening = checkup_of(own)
+        vehicle_config = load_vehicle(find(name, "vehicles"))
+        awaited = vehicle_config.vehicle.awaited
+        limit_s = vehicle_config.vehicle.connect_timeout_s
+        opening = checkup_of(vehicle_config)
     with contextlib.ExitStack() as closing:
         with waiting(console(stderr=True), awaited, limit_s):
             checkup = closing.enter_context(opening)
@@ -192,13 +192,13 @@ def _show(rows: Sequence[Finding], *, as_json: bool, all_rows: bool) -> int:
     else:
         screen = console()
         order = list(_STYLE)[: 3 if all_rows else 2]
-        shown: list[Finding] = []
+        findings: list[Finding] = []
         for verdict in order:
-            shown += [row for row in rows if row.verdict == verdict]
-        _print_table(screen, ((row.verdict, row.name, _explained(row)) for row in shown))
-        if len(shown) < len(rows):
+            findings += [row for row in rows if row.verdict == verdict]
+        _print_table(screen, ((row.verdict, row.name, _explained(row)) for row in findings))
+        if len(findings) < len(rows):
             screen.print(
-                f"{len(rows) - len(shown)} more rows pass; --all shows them", soft_wrap=True
+                f"{len(rows) - len(findings)} more rows pass; --all shows them", soft_wrap=True
             )
         words = f"refused: {', '.join(refused)}" if refused else "nothing is refused"
         screen.print(words, style=_STYLE["refuse" if refused else "pass"])

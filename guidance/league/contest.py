@@ -155,8 +155,8 @@ def _try(contest: Contest, policy: str) -> None:
 
 def play_pair(contest: Contest, player: str, opponent: str) -> Played:
     """Play every state with a pair of policies."""
-    other = EVADER if contest.side == PURSUER else PURSUER
-    scenario = with_policies(contest.scenario, **{contest.side: player, other: opponent})
+    opposing_side = EVADER if contest.side == PURSUER else PURSUER
+    scenario = with_policies(contest.scenario, **{contest.side: player, opposing_side: opponent})
     arena = arena_of(scenario)
     count = len(contest.states.seed)
     loss = np.zeros(count)
@@ -243,6 +243,6 @@ def worst_rows(played: Played, count: int) -> list[int]:
 
 def scenario_of_game(contest: Contest, row: Row, number: int) -> Scenario:
     """Return one game as a scenario, with both policies."""
-    other = EVADER if contest.side == PURSUER else PURSUER
-    names = {contest.side: row.player, other: row.opponent}
+    opposing_side = EVADER if contest.side == PURSUER else PURSUER
+    names = {contest.side: row.player, opposing_side: row.opponent}
     return scenario_at(with_policies(contest.scenario, **names), contest.states, number)

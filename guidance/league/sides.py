@@ -87,15 +87,15 @@ class Side(NamedTuple):
         Raises:
             ConfigError: If they are not finite real numbers of shape (count, `shares`).
         """
-        given = np.asarray(action)
+        numbers = np.asarray(action)
         shape = (count, self.shares)
         allowed = f"must be real, finite numbers of shape {shape}, shares of the {self.name}'s speed from -1 to 1"
-        if given.dtype.kind not in "fiu" or given.shape != shape:
-            raise ConfigError(f"actions: shape {given.shape}, dtype {given.dtype}: {allowed}")
-        if not np.isfinite(given).all():
-            row = int(np.flatnonzero(~np.isfinite(given).all(axis=1))[0])
-            raise ConfigError(f"actions[{row}] = {given[row].tolist()}: {allowed}")
-        return given
+        if numbers.dtype.kind not in "fiu" or numbers.shape != shape:
+            raise ConfigError(f"actions: shape {numbers.shape}, dtype {numbers.dtype}: {allowed}")
+        if not np.isfinite(numbers).all():
+            row = int(np.flatnonzero(~np.isfinite(numbers).all(axis=1))[0])
+            raise ConfigError(f"actions[{row}] = {numbers[row].tolist()}: {allowed}")
+        return numbers
 
     def bounds(self) -> Bounds:
         """Return the bounds of an observation, wide enough for every state that a game can reach.
@@ -148,11 +148,11 @@ def side_of(
     """
     if name not in SIDES:
         raise ConfigError(f"side = {name!r}: must be one of {', '.join(SIDES)}")
-    other = EVADER if name == PURSUER else PURSUER
+    opposing_side = EVADER if name == PURSUER else PURSUER
     # The steered side's own policy is not played
     policies = {name: "hold"}
     if opponent is not None:
-        policies[other] = opponent
+        policies[opposing_side] = opponent
     played = with_policies(scenario_of(scenario), **policies)
     return Side(name, arena_of(played, between_points=between_points))
 

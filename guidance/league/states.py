@@ -81,9 +81,9 @@ def arena_of(scenario: Scenario, *, between_points: bool = False) -> Arena:
     template = stack([scenario])
     valued = template.game
     if between_points:
-        played = replace(template.game, standoff=StandOff())
-        valued = replace(played, capture_radius_m=0.0)
-        template = template._replace(game=played, lowest_m=min(float(template.lowest_m), 0.0))
+        point_game = replace(template.game, standoff=StandOff())
+        valued = replace(point_game, capture_radius_m=0.0)
+        template = template._replace(game=point_game, lowest_m=min(float(template.lowest_m), 0.0))
     places = [scenario.pursuer.position_m[:2], scenario.evader.position_m]
     centre_m = places[0] if scenario.target is None else scenario.target.position_m
     farthest_m = max(math.dist(centre_m, place) for place in places)
@@ -115,14 +115,14 @@ def seeds_of(seed: int, count: int, first: int = 0) -> Seeds:
 def draw(arena: Arena, seeds: Seeds) -> States:
     """Return a random state for each seed, (n,)."""
     states = _drawn(arena, seeds, 0)
-    again = np.flatnonzero(_is_over(arena.template, states))
+    over_at_once = np.flatnonzero(_is_over(arena.template, states))
     for attempt in range(1, TRIES):
-        if not len(again):
+        if not len(over_at_once):
             break
-        others = _drawn(arena, seeds[again], attempt)
-        states.pursuer_m[again] = others.pursuer_m
-        states.evader_m[again] = others.evader_m
-        again = again[_is_over(arena.template, others)]
+        others = _drawn(arena, seeds[over_at_once], attempt)
+        states.pursuer_m[over_at_once] = others.pursuer_m
+        states.evader_m[over_at_once] = others.evader_m
+        over_at_once = over_at_once[_is_over(arena.template, others)]
     return states
 
 

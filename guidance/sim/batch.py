@@ -119,8 +119,8 @@ def by_kind(
         kinds.setdefault(kind_of(game), []).append(index)
     results: dict[int, R] = {}
     for indices in kinds.values():
-        played = play([games[index] for index in indices])
-        results |= zip(indices, played, strict=True)
+        outcomes = play([games[index] for index in indices])
+        results |= zip(indices, outcomes, strict=True)
     return [results[index] for index in range(len(games))]
 
 

@@ -85,8 +85,8 @@ def _with_policies(scenario: Mapping[str, Any], pair: Pair) -> dict[str, Any]:
         section = document[player]
         if not isinstance(section, list):
             others = {key for of, key in _COURSE_KEYS.items() if policy != of}
-            kept = {name: part for name, part in section.items() if name not in others}
-            document[player] = {**kept, "policy": policy}
+            own_keys = {name: part for name, part in section.items() if name not in others}
+            document[player] = {**own_keys, "policy": policy}
         elif policy != policy_in(section):
             document[player] = [{**group, "policy": policy} for group in section]
     return document

@@ -188,14 +188,16 @@ class Board:
             self.close(state.over, arrived_s)
         mate.claims_m = 0.0
         mate.fastest_m_s = 0.0
-        place = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m)
+        position = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m)
+        velocity_ned_m_s = Ned(state.velocity_ned_m_s)
+        doubt_m = math.hypot(*mate.doubt_ned_m)
         return MateState(
             state.vehicle,
             at_s,
-            *place,
-            Ned(state.velocity_ned_m_s),
+            *position,
+            velocity_ned_m_s,
             _fastest_m_s(state),
-            math.hypot(*mate.doubt_ned_m),
+            doubt_m,
             state.airborne,
         )
 
@@ -214,37 +216,38 @@ class Board:
         fastest_m_s = max(_fastest_m_s(state), mate.fastest_m_s)
         at_s = max(mate.at_s, now_s - DISPUTED_AGE_S)
         unseen_s = at_s - mate.at_s + _MOVED_S
-        doubt_m = math.hypot(*mate.doubt_ned_m) + mate.claims_m + fastest_m_s * unseen_s
-        place = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m)
-        return MateState(name, at_s, *place, STILL, fastest_m_s, doubt_m, airborne=True)
+        jumps_m = math.hypot(*mate.doubt_ned_m)
+        doubt_m = jumps_m + mate.claims_m + fastest_m_s * unseen_s
+        position = (state.latitude_deg, state.longitude_deg, state.altitude_amsl_m)
+        return MateState(name, at_s, *position, STILL, fastest_m_s, doubt_m, airborne=True)
 
     def _doubt(self, mate: Mate, before: StateMessage, after: StateMessage, dt_s: float) -> None:
         """Add what of a step no motion explains."""
-        there = LocalFrame(*before.place).ned_from_wgs84(*after.place)
-        north, east, down = (
-            at - rate * dt_s for at, rate in zip(there, before.velocity_ned_m_s, strict=True)
-        )
-        apart_m = math.hypot(north, east, down)
-        swerved_m = min(
-            0.5 * _SWERVE_M_S2 * dt_s * dt_s,
-            2.0 * (after.speed_m_s + after.climb_m_s) * max(0.0, dt_s),
-        )
-        excess = 1.0 - (_SLACK_M + swerved_m) / apart_m if apart_m > 0.0 else 0.0
+        reported_ned_m = LocalFrame(*before.place).ned_from_wgs84(*after.place)
+        expected_ned_m = dt_s * Ned(before.velocity_ned_m_s)
+        apart_ned_m = reported_ned_m - expected_ned_m
+        apart_m = math.hypot(*apart_ned_m)
+        if not apart_m > 0.0:
+            return
+        accelerated_m = 0.5 * _SWERVE_M_S2 * dt_s * dt_s
+        reversed_m = 2.0 * (after.speed_m_s + after.climb_m_s) * max(0.0, dt_s)
+        swerved_m = min(accelerated_m, reversed_m)
+        excess = 1.0 - (_SLACK_M + swerved_m) / apart_m
         if excess <= 0.0:
             return
-        mate.doubt_ned_m += excess * Ned((north, east, down))
+        mate.doubt_ned_m += excess * apart_ned_m
         self.counts["jumps"] += 1
         self.news.append(f"{after.vehicle} jumped by {apart_m:.0f} m")
 
-    def _take_report(self, arrived_s: float, told: EvaderMessage) -> EvaderReport:
-        clock = self.mates[told.vehicle].clock
-        at_s = arrived_s if clock is None else min(arrived_s, clock.ours(told.sent_s))
-        place = (told.latitude_deg, told.longitude_deg, told.altitude_amsl_m)
+    def _take_report(self, arrived_s: float, message: EvaderMessage) -> EvaderReport:
+        clock = self.mates[message.vehicle].clock
+        at_s = arrived_s if clock is None else min(arrived_s, clock.ours(message.sent_s))
+        position = (message.latitude_deg, message.longitude_deg, message.altitude_amsl_m)
         velocity = UNKNOWN_VELOCITY
-        if told.velocity_ned_m_s is not None:
-            velocity = Ned(told.velocity_ned_m_s)
-        source = f"{told.vehicle}: {told.source}"
-        return EvaderReport(at_s, math.nan, source, *place, velocity, evader=told.evader)
+        if message.velocity_ned_m_s is not None:
+            velocity = Ned(message.velocity_ned_m_s)
+        source = f"{message.vehicle}: {message.source}"
+        return EvaderReport(at_s, math.nan, source, *position, velocity, evader=message.evader)
 
     def take_roles(self, now_s: float, roles: RolesMessage) -> None:
         """Take an assignment if it is newer: by its term, then the lower name, then its number.
@@ -255,12 +258,12 @@ class Board:
         last = self.roles
         if roles.term > self.term + MOST_TERMS:
             raise Refused("term")
-        if last is not None and (roles.term, last.vehicle, roles.seq) <= (
-            last.term,
-            roles.vehicle,
-            last.seq,
-        ):
-            raise Refused("term")
+        if last is not None:
+            # Of one term, the lower name counts as newer
+            new_rank = (roles.term, last.vehicle, roles.seq)
+            last_rank = (last.term, roles.vehicle, last.seq)
+            if new_rank <= last_rank:
+                raise Refused("term")
         self.roles = roles
         self.roles_s = now_s
         self.term = max(self.term, roles.term)
@@ -277,10 +280,12 @@ class Board:
             now_s: The present.
             present: Names with a liveliness token; None if the transport has none.
         """
-        heard = (name for name, mate in self.mates.items() if now_s - mate.heard_s <= SILENT_S)
-        return sorted(
-            [self.vehicle, *(name for name in heard if present is None or name in present)]
-        )
+        names = [self.vehicle]
+        for name, mate in self.mates.items():
+            is_silent = now_s - mate.heard_s > SILENT_S
+            if not is_silent and (present is None or name in present):
+                names.append(name)
+        return sorted(names)
 
 
 def _fastest_m_s(state: StateMessage) -> float:
@@ -293,5 +298,6 @@ def _cover(mate: Mate, claim: StateMessage) -> None:
     """Note a place and a speed that one of two senders reports."""
     mate.fastest_m_s = max(mate.fastest_m_s, _fastest_m_s(claim))
     if mate.state is not None:
-        away_m = math.hypot(*LocalFrame(*mate.state.place).ned_from_wgs84(*claim.place))
-        mate.claims_m = max(mate.claims_m, away_m)
+        frame = LocalFrame(*mate.state.place)
+        claim_ned_m = frame.ned_from_wgs84(*claim.place)
+        mate.claims_m = max(mate.claims_m, math.hypot(*claim_ned_m))

@@ -87,8 +87,10 @@ class Coordinator:
     def leading(self) -> bool:
         """True if this vehicle is the coordinator."""
         roles = self._board.roles
-        own = (self._board.vehicle, self._epoch)
-        return roles is not None and (roles.vehicle, roles.epoch) == own
+        if roles is None:
+            return False
+        this_vehicle = (self._board.vehicle, self._epoch)
+        return (roles.vehicle, roles.epoch) == this_vehicle
 
     def elect(self, now_s: float, alive: list[str]) -> bool:
         """Take part in the election; return whether this vehicle is to make assignments.
@@ -98,8 +100,9 @@ class Coordinator:
             alive: Names of the vehicles that are there, in order.
         """
         self._begun_s = now_s if self._begun_s is None else self._begun_s
-        silent = now_s - max(self._board.roles_s, self._begun_s) >= SILENT_S
-        return self.leading or (silent and alive[0] == self._board.vehicle)
+        last_s = max(self._board.roles_s, self._begun_s)
+        is_silent = now_s - last_s >= SILENT_S
+        return self.leading or (is_silent and alive[0] == self._board.vehicle)
 
     def assign(self, now_s: float, scene: Scene) -> RolesMessage | None:
         """Return a new assignment when one is due, and put it on the board.
@@ -110,18 +113,16 @@ class Coordinator:
         """
         players = sorted(scene.vehicles), sorted(scene.evaders)
         last = self._board.roles if self.leading else None
-        due = (
-            last is None
-            or players != self._players
-            or now_s - self._matched_s >= EVERY_S - ROUNDING_S
-        )
-        if last is not None and not due and now_s - self._board.roles_s < SENT_EVERY_S - ROUNDING_S:
+        is_new = last is None or players != self._players
+        match_is_due = is_new or now_s - self._matched_s >= EVERY_S - ROUNDING_S
+        message_is_due = now_s - self._board.roles_s >= SENT_EVERY_S - ROUNDING_S
+        if not match_is_due and not message_is_due:
             return None
         roles: tuple[VehicleRole, ...] = ()
         if last is not None:
             roles = last.roles
         matching = None
-        if due:
+        if match_is_due:
             self._players = players
             self._matched_s = now_s
             matching = self._match(scene, *players)
@@ -134,36 +135,53 @@ class Coordinator:
         }
         promises = self._promises(now_s, scene, matching, *players)
         term = self._board.term + 1 if last is None else last.term
-        made = RolesMessage(**sent, term=term, roles=roles, promises=promises)
-        self._board.take_roles(now_s, made)
-        return made
+        assignment = RolesMessage(**sent, term=term, roles=roles, promises=promises)
+        self._board.take_roles(now_s, assignment)
+        return assignment
 
     def _match(self, scene: Scene, vehicles: list[str], evaders: list[str]) -> Matching | None:
         if not vehicles or not evaders:
             return None
         states = [scene.vehicles[name] for name in vehicles]
-        seen = [scene.evaders[name] for name in evaders]
+        seen_evaders = [scene.evaders[name] for name in evaders]
         of = type(scene.game.pursuer).of
         pursuers = [of(state.speed_m_s, state.climb_m_s, state.descent_m_s) for _, state in states]
-        game = between(scene.game, pursuers, [evader.speed_m_s for evader in seen])
-        kept = {
-            one.evader: (one.first, one.second) for one in self._promised if one.value is not None
-        }
-        numbers = {name: number for number, name in enumerate(vehicles)}
-        who = [
-            [numbers.get(one or "", -1) for one in kept.get(name, (None, None))] for name in evaders
-        ]
-        previous = _NOTHING._replace(first=np.array(who)[:, 0], second=np.array(who)[:, 1])
-        places_m = np.array([place for place, _ in states])
-        evaders_m = np.array([one.position_m for one in seen])
+        evader_speeds_m_s = [evader.speed_m_s for evader in seen_evaders]
+        game = between(scene.game, pursuers, evader_speeds_m_s)
+        vehicles_m = np.array([position_m for position_m, _ in states])
+        evaders_m = np.array([evader.position_m for evader in seen_evaders])
+        previous = self._previous(vehicles, evaders)
         try:
             return match_teams(
-                game, places_m, evaders_m, scene.target_m, previous=previous, hysteresis=HYSTERESIS
+                game,
+                vehicles_m,
+                evaders_m,
+                scene.target_m,
+                previous=previous,
+                hysteresis=HYSTERESIS,
             )
         except ConfigError:
             # A state without an answer: no roles are sent, and every vehicle keeps its evader
             self._board.counts["unmatched"] += 1
             return None
+
+    def _previous(self, vehicles: list[str], evaders: list[str]) -> Matching:
+        """Return the vehicles that have promised an evader, by their present numbers; −1 for nobody."""
+        numbers = {name: number for number, name in enumerate(vehicles)}
+        promises = {
+            promise.evader: promise for promise in self._promised if promise.value is not None
+        }
+        first = np.full(len(evaders), -1)
+        second = np.full(len(evaders), -1)
+        for number, evader in enumerate(evaders):
+            promise = promises.get(evader)
+            if promise is None:
+                continue
+            if promise.first is not None:
+                first[number] = numbers.get(promise.first, -1)
+            if promise.second is not None:
+                second[number] = numbers.get(promise.second, -1)
+        return _NOTHING._replace(first=first, second=second)
 
     def _roles(
         self, matching: Matching | None, vehicles: list[str], evaders: list[str]
@@ -173,18 +191,18 @@ class Coordinator:
         roles = []
         everybody = range(len(vehicles))
         for number, evader in enumerate(evaders):
-            leaders_first = dict.fromkeys(
-                (int(matching.first[number]), int(matching.second[number]), *everybody)
-            )
-            there = [
+            first = int(matching.first[number])
+            second = int(matching.second[number])
+            leaders_first = dict.fromkeys((first, second, *everybody))
+            pursuers = [
                 index
                 for index in leaders_first
                 if index in everybody and matching.evader_of[index] == number
             ]
-            roles += [
-                VehicleRole(vehicle=vehicles[index], evader=evader, above_m=rank * self._slot_m)
-                for rank, index in enumerate(there)
-            ]
+            for rank, index in enumerate(pursuers):
+                above_m = rank * self._slot_m
+                role = VehicleRole(vehicle=vehicles[index], evader=evader, above_m=above_m)
+                roles.append(role)
         return tuple(roles)
 
     @property
@@ -202,12 +220,15 @@ class Coordinator:
         evaders: list[str],
     ) -> tuple[Promise, ...]:
         """Return all promises; before the first vehicle plays, they are only offers."""
-        begun = any(state.part == "playing" for _, state in scene.vehicles.values())
-        passed_s = now_s - self._board.roles_s if scene.target_m is None and begun else 0.0
-        promises = {one.evader: one for one in self._promised}
-        for name, one in promises.items():
-            if one.value is not None and name in evaders:
-                promises[name] = one.model_copy(update={"value": one.value - passed_s})
+        has_begun = any(state.part == "playing" for _, state in scene.vehicles.values())
+        passed_s = 0.0
+        if scene.target_m is None and has_begun:
+            passed_s = now_s - self._board.roles_s
+        promises = {promise.evader: promise for promise in self._promised}
+        for name, promise in promises.items():
+            if promise.value is not None and name in evaders:
+                left_s = promise.value - passed_s
+                promises[name] = promise.model_copy(update={"value": left_s})
         if matching is None:
             return tuple(promises.values())
         numbered = [*vehicles, None]  # -1 is nobody
@@ -215,7 +236,7 @@ class Coordinator:
             first = numbered[int(matching.first[number])]
             second = numbered[int(matching.second[number])]
             value = None if first is None else float(matching.value[number])
-            before = promises.get(evader) if begun else None
+            before = promises.get(evader) if has_begun else None
             cause = ""
             if before is None:
                 if value is None or (scene.target_m is not None and value < _NOISE):
@@ -251,9 +272,9 @@ class Coordinator:
     def _cause(self, scene: Scene, evader: str, vehicles: list[str]) -> str:
         """Say why a promise cannot be kept; empty if nothing explains it, and then it stands."""
         roles = self._board.roles
-        seen = scene.evaders[evader]
+        seen_evader = scene.evaders[evader]
         if roles is not None and any(role.vehicle not in vehicles for role in roles.roles):
             return "vehicle lost"
-        if seen.speed_m_s > seen.declared_m_s + _NOISE:
+        if seen_evader.speed_m_s > seen_evader.declared_m_s + _NOISE:
             return "faster evader"
-        return "stale data" if seen.age_s > _STALE_S else ""
+        return "stale data" if seen_evader.age_s > _STALE_S else ""

@@ -5,7 +5,7 @@ time from the caller. A wrong assignment costs captures, never distance: the veh
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any, Final, Literal
 
 from guidance.flight import Event, Flight, Outputs, State
@@ -110,7 +110,9 @@ class Member:
 
     def _hears(self, evader: str | None, now_s: float) -> bool:
         """Whether the vehicle has heard an evader itself lately."""
-        heard_s = -math.inf if evader is None else self._heard_s.get(evader, -math.inf)
+        if evader is None:
+            return False
+        heard_s = self._heard_s.get(evader, -math.inf)
         return now_s - heard_s <= _RELAYED_S
 
     def _role(self, now_s: float, flight: Flight) -> Role | None:
@@ -118,18 +120,18 @@ class Member:
         assigned: tuple[VehicleRole, ...] = ()
         if self.board.roles is not None:
             assigned = self.board.roles.roles
-        mine = next((role for role in assigned if role.vehicle == self.vehicle), None)
+        own_role = next((role for role in assigned if role.vehicle == self.vehicle), None)
         before = flight.heard.role or self._first
-        role = before if mine is None else Role(mine.evader, mine.above_m)
+        role = before if own_role is None else Role(own_role.evader, own_role.above_m)
         if role == flight.heard.role:
             return None
         if role.evader == before.evader:
             return role
-        unseen = (
-            flight.tracking.silence_s(now_s, role.evader) > flight.settings.cycle.evader_timeout_s
-        )
-        waits = now_s - max(self.board.over.values(), default=-math.inf) < STAYS_S
-        if waits or unseen or role.evader in self.board.over:
+        silence_s = flight.tracking.silence_s(now_s, role.evader)
+        is_unseen = silence_s > flight.settings.cycle.evader_timeout_s
+        last_end_s = max(self.board.over.values(), default=-math.inf)
+        waits = now_s - last_end_s < STAYS_S
+        if waits or is_unseen or role.evader in self.board.over:
             self.board.counts["roles_left_out"] += not waits
             return before if flight.heard.role is None else None
         return role
@@ -169,16 +171,16 @@ class Member:
     def tell(self, now_s: float, flight: Flight, outputs: Outputs) -> None:
         """Tell the mates about the vehicle and the evaders, and assign roles as the coordinator."""
         ends = {Event.CAPTURED, Event.ESCAPED}
-        ended = any(
+        has_ended = any(
             happening.event in ends and happening.after is not happening.before
             for happening in outputs.happenings
         )
-        if ended and flight.heard.role is not None:
+        if has_ended and flight.heard.role is not None:
             self.board.close((flight.heard.role.evader,), now_s)
         if now_s - self._told_s >= EVERY_S - ROUNDING_S:
             self._told_s = now_s
             self._publish(flight, outputs)
-        elif not ended:
+        elif not has_ended:
             return
         alive = self.board.alive(now_s, self._transport.present())
         if not self.coordinator.elect(now_s, alive):
@@ -196,16 +198,19 @@ class Member:
         frame = flight.tracking.local_frame
         if local is not None and frame is not None:
             measured_s = local.received_s - flight.vehicle.delay_s
-            place = _placed(measured_s, frame.wgs84_from_ned(local.position_ned_m))
+            position = _placed(measured_s, frame.wgs84_from_ned(local.position_ned_m))
+            vehicle = flight.vehicle
+            is_airborne = vehicle.armed and not vehicle.on_ground
+            role = flight.heard.role
             state = StateMessage(
                 **sender,
-                **place,
+                **position,
                 **_speeds(flight),
                 velocity_ned_m_s=local.velocity_ned_m_s,
                 state=str(flight.state),
                 part=_part_of(flight.state),
-                airborne=flight.vehicle.armed and not flight.vehicle.on_ground,
-                evader=None if flight.heard.role is None else flight.heard.role.evader,
+                airborne=is_airborne,
+                evader=None if role is None else role.evader,
                 value=_value_of(outputs),
                 term=self.board.term,
                 over=tuple(sorted(self.board.over)),
@@ -221,35 +226,40 @@ class Member:
         """Return all players that are there and in play, None before the frames are known."""
         tracking = flight.tracking
         cycle = flight.settings.cycle
-        own = self.board.own
+        own_state = self.board.own
         frame = tracking.local_frame
         game_frame = tracking.game_frame
-        if frame is None or game_frame is None or own is None:
+        if frame is None or game_frame is None or own_state is None:
             return None
         evaders = {}
         heights_m = []
         for name in self._evaders:
-            if (seen := tracking.evader(now_s, name)) is not None and name not in self.board.over:
-                x, y, z = game_frame.position_from_ned(seen.position_ned_m)
-                declared_m_s = flight.settings.evaders.get(name, cycle.game.evader_speed_m_s)
-                evaders[name] = EvaderSeen(
-                    Enu((x, y, 0.0)), seen.speed_bound_m_s, declared_m_s, seen.age_s
-                )
-                heights_m.append(z)
+            estimate = tracking.evader(now_s, name)
+            if estimate is None or name in self.board.over:
+                continue
+            x, y, z = game_frame.position_from_ned(estimate.position_ned_m)
+            declared_m_s = flight.settings.evaders.get(name, cycle.game.evader_speed_m_s)
+            evaders[name] = EvaderSeen(
+                Enu((x, y, 0.0)), estimate.speed_bound_m_s, declared_m_s, estimate.age_s
+            )
+            heights_m.append(z)
         plane_m = sum(heights_m) / len(heights_m) if heights_m else 0.0
-        states: dict[str, tuple[StateMessage | None, float]] = {
-            name: (mate.state, mate.at_s)
-            for name, mate in self.board.mates.items()
-            if name in alive
-        }
-        states[self.vehicle] = (own, own.sent_s)
         vehicles = {}
-        for name, (state, at_s) in states.items():
-            if state is not None and state.part != "out":
-                position_ned_m = _moved(frame.ned_from_wgs84(*state.place), state, now_s - at_s)
-                x, y, z = game_frame.position_from_ned(position_ned_m)
-                vehicles[name] = Enu((x, y, z - plane_m)), state
+        for state, at_s in self._states(own_state, alive):
+            position_ned_m = _moved(frame.ned_from_wgs84(*state.place), state, now_s - at_s)
+            x, y, z = game_frame.position_from_ned(position_ned_m)
+            vehicles[state.vehicle] = Enu((x, y, z - plane_m)), state
         return Scene(vehicles, evaders, cycle.target_game_m, cycle.game)
+
+    def _states(
+        self, own_state: StateMessage, alive: Collection[str]
+    ) -> Iterator[tuple[StateMessage, float]]:
+        """Yield the states of the vehicles that can play, and when they were."""
+        for name, mate in self.board.mates.items():
+            if name in alive and mate.state is not None and mate.state.part != "out":
+                yield mate.state, mate.at_s
+        if own_state.part != "out":
+            yield own_state, own_state.sent_s
 
 
 def _moved(position_ned_m: Ned, state: StateMessage, age_s: float) -> Ned:
@@ -260,7 +270,8 @@ def _moved(position_ned_m: Ned, state: StateMessage, age_s: float) -> Ned:
 def _contents(roles: RolesMessage) -> tuple[Any, ...]:
     """What of an assignment is worth a note: not the values, which change all the time until the game begins."""
     promises = [
-        (one.evader, one.first, one.second, one.cause, one.value is None) for one in roles.promises
+        (promise.evader, promise.first, promise.second, promise.cause, promise.value is None)
+        for promise in roles.promises
     ]
     return roles.term, roles.roles, promises
 
@@ -304,12 +315,13 @@ def _speeds(flight: Flight) -> dict[str, Any]:
 def _relayed(sender: dict[str, Any], evader: str, report: EvaderReport) -> EvaderMessage:
     """Return a report of an evader for the mates."""
     altitude = Amsl(report.altitude_amsl_m)
-    place = _placed(report.received_s, (report.latitude_deg, report.longitude_deg, altitude))
+    place = (report.latitude_deg, report.longitude_deg, altitude)
+    position = _placed(report.received_s, place)
     velocity = report.velocity_ned_m_s
     is_known = all(map(math.isfinite, velocity))
     return EvaderMessage(
         **sender,
-        **place,
+        **position,
         evader=evader,
         source=report.source[:120],
         velocity_ned_m_s=velocity if is_known else None,

@@ -165,8 +165,11 @@ class Promise(BaseModel):
         """
         if self.value is None or not captured:
             return f"broken: {self.cause or 'no cause known'}"
-        kept = achieved <= 1.1 * value if unit == "s" else achieved >= 0.9 * value
-        return f"{'kept' if kept else 'late' if unit == 's' else 'broken'}: {achieved:.1f} of {value:.1f} {unit}"
+        if unit == "s":
+            word = "kept" if achieved <= 1.1 * value else "late"
+        else:
+            word = "kept" if achieved >= 0.9 * value else "broken"
+        return f"{word}: {achieved:.1f} of {value:.1f} {unit}"
 
 
 class RolesMessage(Message):
@@ -188,14 +191,14 @@ class RolesMessage(Message):
     @property
     def words(self) -> str:
         """The assignment for people; values are metres in TAD and seconds in PE."""
-        above = {
-            role.vehicle: f" ({role.above_m:g} m above)" if role.above_m else ""
-            for role in self.roles
-        }
-        roles = [f"{role.vehicle} → {role.evader}{above[role.vehicle]}" for role in self.roles]
-        promises = [f"{one.evader}: {one.words('')}" for one in self.promises]
+        roles = []
+        for role in self.roles:
+            above = f" ({role.above_m:g} m above)" if role.above_m else ""
+            roles.append(f"{role.vehicle} → {role.evader}{above}")
         assigned = ", ".join(roles) or "no evader in play"
-        return "; ".join((assigned, *promises, f"coordinator {self.vehicle}, term {self.term}"))
+        promises = [f"{promise.evader}: {promise.words('')}" for promise in self.promises]
+        coordinator = f"coordinator {self.vehicle}, term {self.term}"
+        return "; ".join((assigned, *promises, coordinator))
 
 
 KINDS: Final[Mapping[str, type[Message]]] = {
@@ -282,8 +285,8 @@ class MemoryTransport:
     def receive(self) -> Sequence[Arrived]:
         """Return what has arrived by now."""
         now_s = self._clock()
-        arrived = sorted(one for one in self.waiting if one[0] <= now_s)
-        self.waiting = [one for one in self.waiting if one[0] > now_s]
+        arrived = sorted(message for message in self.waiting if message[0] <= now_s)
+        self.waiting = [message for message in self.waiting if message[0] > now_s]
         return arrived
 
     def present(self) -> None:

@@ -50,8 +50,8 @@ class Stream:
 
     def continues(self, now_s: float, epoch: int, number: int) -> bool:
         """Whether a message is the next one, or one of the next."""
-        most = self.number + _NUMBERS + _NUMBERS_PER_S * max(0.0, now_s - self.heard_s)
-        return epoch == self.epoch and self.number < number <= most
+        largest_number = self.number + _NUMBERS + _NUMBERS_PER_S * max(0.0, now_s - self.heard_s)
+        return epoch == self.epoch and self.number < number <= largest_number
 
     def add(self, now_s: float, number: int) -> None:
         """Add such a message."""

@@ -188,9 +188,9 @@ class GroundStationOutput(Sink):
             evader = tracking.evader(now_s, name)
             if evader is None or evader.age_s > flight.settings.cycle.evader_timeout_s:
                 continue
-            place = frame.wgs84_from_ned(evader.position_ned_m)
+            position = frame.wgs84_from_ned(evader.position_ned_m)
             velocity_ned_m_s = evader.velocity_ned_m_s
-            self._link.send_evader(name, place, velocity_ned_m_s, evader.age_s, self._call_sign)
+            self._link.send_evader(name, position, velocity_ned_m_s, evader.age_s, self._call_sign)
 
 
 def evaders_of(settings: FlightSettings) -> tuple[str, ...]:

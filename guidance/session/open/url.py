@@ -76,7 +76,7 @@ class Asked:
         if len(self.urls) != len(pursuits):
             words = f"the scenario has {len(pursuits)} vehicles: give one URL each"
             raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
-        mailboxes = {one.vehicle: Mailbox() for one in pursuits}
+        mailboxes = {pursuit.vehicle: Mailbox() for pursuit in pursuits}
         buses = stack.enter_context(
             control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team)
         )
@@ -165,11 +165,10 @@ def _team_keys(
 ) -> dict[str, Any]:
     """Return the keys of a vehicle file's [team] section for one vehicle of a scenario's team."""
     simulated = {"kind": "global_position", "url": SIMULATED_URL, "system_id": EVADER_ID}
-    others = {
-        name: {**simulated, "speed_m_s": speed_m_s}
-        for name, speed_m_s in speeds_m_s.items()
-        if name != pursuit.evader
-    }
+    others = dict[str, dict[str, Any]]()
+    for name, speed_m_s in speeds_m_s.items():
+        if name != pursuit.evader:
+            others[name] = {**simulated, "speed_m_s": speed_m_s}
     mates = [mate.vehicle for mate in pursuits if mate.vehicle != pursuit.vehicle]
     return {"name": TEAM, "mates": mates, "evader": pursuit.evader, "evaders": others}
 
@@ -189,17 +188,17 @@ def _laid_where_they_stand(
         home, frame = discovery.wait_until_placed(world.links[name], autopilot, clock, show, name)
         scenario = laid_about(pursuit.scenario, home, frame, autopilot.name)
         site = laid[0].scenario.site if laid else scenario.site
-        laid.append(pursuit._replace(scenario=scenario.model_copy(update={"site": site})))
+        shared_site = scenario.model_copy(update={"site": site})
+        laid.append(pursuit._replace(scenario=shared_site))
     return laid
 
 
 def _separation(scenario: Played) -> dict[str, float] | None:
     """Return how far the vehicles of a team stay from each other; None without a team."""
-    return (
-        None
-        if isinstance(scenario, Scenario)
-        else scenario.flight.model_dump(include={*TeamSection.model_fields})
-    )
+    if isinstance(scenario, Scenario):
+        return None
+    keys = set(TeamSection.model_fields)
+    return scenario.flight.model_dump(include=keys)
 
 
 def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str) -> Scenario:
@@ -219,12 +218,10 @@ def laid_about(scenario: Scenario, home: Home, frame: LocalFrame, autopilot: str
     )
     site_ned_m = GameFrame(home_ned_m).position_to_ned(Enu((-x, -y, 0.0)))
     latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(site_ned_m)
-    update: dict[str, Any] = {
-        "site": Site(
-            latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres
-        ),
-        "pursuer": scenario.pursuer.model_copy(update={"autopilot": autopilot}),
-        "fault": tuple(fault for fault in scenario.fault if fault.vehicle == EVADER),
-        "wind": Wind(),
-    }
+    site = Site(
+        latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude.metres
+    )
+    pursuer = scenario.pursuer.model_copy(update={"autopilot": autopilot})
+    faults = tuple(fault for fault in scenario.fault if fault.vehicle == EVADER)
+    update: dict[str, Any] = {"site": site, "pursuer": pursuer, "fault": faults, "wind": Wind()}
     return scenario.model_copy(update=update)

@@ -220,8 +220,8 @@ def _bytes_of(text: str) -> bytes:
     return text.encode(errors="backslashreplace")
 
 
-def _is_same(shown: str, secret: str) -> bool:
-    return hmac.compare_digest(_bytes_of(shown), _bytes_of(secret))
+def _is_same(claimed: str, secret: str) -> bool:
+    return hmac.compare_digest(_bytes_of(claimed), _bytes_of(secret))
 
 
 def _network(address: str) -> str:
@@ -260,16 +260,18 @@ def remote_access(
     try:
         context.load_cert_chain(certificate, key)
     except OSError as error:  # ssl.SSLError is one
-        said = f"--certificate {certificate}, --key {key}: cannot be used"
-        raise ConfigError(f"{said} ({error}); give PEM files") from error
+        problem = f"--certificate {certificate}, --key {key}: cannot be used"
+        raise ConfigError(f"{problem} ({error}); give PEM files") from error
     password = (
         text_of(password_file, f"--password-file {password_file}", secret=True)
         .partition("\n")[0]
         .strip()
     )
     if len(password) < MIN_PASSWORD_LENGTH:
-        said = f"its first line has {len(password)} characters; give at least {MIN_PASSWORD_LENGTH}"
-        raise ConfigError(f"--password-file {password_file}: {said}")
+        problem = (
+            f"its first line has {len(password)} characters; give at least {MIN_PASSWORD_LENGTH}"
+        )
+        raise ConfigError(f"--password-file {password_file}: {problem}")
     return context, password
 
 

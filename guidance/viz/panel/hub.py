@@ -312,9 +312,9 @@ class DaemonView:
         entry = fold.take(item)
         if isinstance(entry, EventEntry):
             if entry.event == FLIGHT_OVER:
-                over = json.loads(entry.detail)
+                finished_evaders = json.loads(entry.detail)
                 self._over = {
-                    name: printable(str(over.get(name, "")))
+                    name: printable(str(finished_evaders.get(name, "")))
                     for name in ("ended", "record", "replay")
                 }
                 entry = entry._replace(detail=self._over["ended"])
