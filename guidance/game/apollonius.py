@@ -59,8 +59,10 @@ def apollonius_circle(pursuer: ArrayLike, evader: ArrayLike, speed_ratio: Real) 
         ConfigError: δ is not a finite number above 1.
     """
     xp, E, (x, y, z), ratio, hand, centre = _sphere(pursuer, evader, speed_ratio)
-    radius = xp.sqrt(z * z * hand + ratio * ratio * (x * x + y * y)) / hand
-    foot = xp.stack((centre[..., 0], centre[..., 1], 0.0 * centre[..., 2] + E[..., 2]), axis=-1)
+    level_square = x * x + y * y
+    radius = xp.sqrt(z * z * hand + ratio * ratio * level_square) / hand
+    ground = 0.0 * centre[..., 2] + E[..., 2]
+    foot = xp.stack((centre[..., 0], centre[..., 1], ground), axis=-1)
     return Apollonius(foot, radius)
 
 
@@ -91,7 +93,9 @@ def barrier(pursuer: ArrayLike, evader: ArrayLike, target: ArrayLike, speed_rati
         speed_ratio: δ = u/v.
     """
     _, taken = vectors({"pursuer": pursuer, "evader": evader, "target": target})
-    near, far = (components(taken[name] - taken["target"]) for name in ("evader", "pursuer"))
+    T = taken["target"]
+    near = components(taken["evader"] - T)
+    far = components(taken["pursuer"] - T)
     return speed_ratio * speed_ratio * dot3(near, near) - dot3(far, far)
 
 
@@ -107,8 +111,13 @@ def _sphere(
             raise ConfigError(f"speed_ratio = {ratio!r}: must be a finite number above 1")
         ratio = float(ratio)
     hand = (ratio - 1.0) * (ratio + 1.0)
-    factor, divisor = (ratio[..., None], hand[..., None]) if is_array(ratio) else (ratio, hand)
-    return xp, E, components(P - E), ratio, hand, (factor * factor * E - P) / divisor
+    factor = ratio
+    divisor = hand
+    if is_array(ratio):
+        factor = ratio[..., None]
+        divisor = hand[..., None]
+    centre = (factor * factor * E - P) / divisor
+    return xp, E, components(P - E), ratio, hand, centre
 
 
 def play_in_space(

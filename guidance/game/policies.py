@@ -87,9 +87,9 @@ def _fly(xp: Library, game: Game, P: Space, E: Space, aim: Plane, observed: Spac
     """Fly the pursuer straight to the disc around `aim`; there hold, or follow `observed`."""
     state = take_apart(xp, game, P, E, observed)
     goal = plus2(aim, -1.0, state.evader)
-    return fly_to(
-        xp, game, state, plus2(state.to_evader, 1.0, goal), guard_time(xp, game, state, goal)
-    )
+    to = plus2(state.to_evader, 1.0, goal)
+    time_s = guard_time(xp, game, state, goal)
+    return fly_to(xp, game, state, to, time_s)
 
 
 def _run(xp: Library, game: Game, E: Space, point: Plane, *, away: bool) -> Space:
@@ -97,9 +97,10 @@ def _run(xp: Library, game: Game, E: Space, point: Plane, *, away: bool) -> Spac
     offset = (point[0] - E[0], point[1] - E[1])
     length = xp.norm2(offset)
     direction = xp.unit2(offset, length)
-    pace: Real = (
-        -game.evader_speed_m_s if away else xp.select(length > 0, game.evader_speed_m_s, 0.0)
-    )
+    speed_m_s = game.evader_speed_m_s
+    pace: Real = -speed_m_s
+    if not away:
+        pace = xp.select(length > 0, speed_m_s, 0.0)
     return pace * direction[0], pace * direction[1], 0.0
 
 
@@ -107,16 +108,14 @@ def _lead(
     xp: Library, game: Game, P: Space, E: Space, T: Space | None, observed: Space | None
 ) -> Space:
     """Fly the pursuer to the point of capture of an evader that keeps its velocity."""
-    state = take_apart(xp, game, P, E, observed or (0.0 * E[0], 0.0 * E[1], 0.0))
-    t = game.pursuer.catch_time(
-        xp,
-        game.standoff.radius_m,
-        game.capture_radius_m,
-        state.to_evader,
-        plus2(state.hold, -1.0, game.wind_m_s),
-        state.z,
-    )
-    return fly_to(xp, game, state, plus2(state.to_evader, t, state.hold), t)
+    still = (0.0 * E[0], 0.0 * E[1], 0.0)
+    state = take_apart(xp, game, P, E, still if observed is None else observed)
+    in_air = plus2(state.hold, -1.0, game.wind_m_s)
+    radius = game.standoff.radius_m
+    capture = game.capture_radius_m
+    t = game.pursuer.catch_time(xp, radius, capture, state.to_evader, in_air, state.z)
+    to = plus2(state.to_evader, t, state.hold)
+    return fly_to(xp, game, state, to, t)
 
 
 def _stay(

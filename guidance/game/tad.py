@@ -20,7 +20,17 @@ Errors of the paper:
 from typing import NamedTuple
 
 from guidance.game import pe
-from guidance.game.arrays import Library, Plane, Real, Truth, dot2, pair_length, plus2, times2
+from guidance.game.arrays import (
+    Library,
+    Plane,
+    Real,
+    Space,
+    Truth,
+    dot2,
+    pair_length,
+    plus2,
+    times2,
+)
 from guidance.game.danger import most_in_danger, rivals_of
 from guidance.game.extent import from_set, is_inside, nearest, to_set
 from guidance.game.game import STILL, Game, Reason
@@ -53,7 +63,7 @@ class Contest(NamedTuple):
     edge: Closest
 
 
-def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSolution:  # noqa: PLR0914
+def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSolution:
     """Solve TAD; see `solve` for the meaning of the answer.
 
     Args:
@@ -63,59 +73,88 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
         target: position of the target now, m.
     """
     to_target = (target[0] - state.evader[0], target[1] - state.evader[1])
-    contest = _compare(xp, game, state, to_target, _most_in_danger(xp, game, state, to_target))
-    goal = contest.goal
+    danger = _most_in_danger(xp, game, state, to_target)
+    contest = _compare(xp, game, state, to_target, danger)
     margin = contest.margin
-    lead = contest.edge
-    edge = _widened(xp, game, state, to_target, lead) if game.pursuer.separate else lead
     won = margin > 0
-    arrived = contest.arrival <= 0
-    run = leading = xp.select2(won, edge.run, goal)
-    if edge is not lead:
-        leading = xp.select2(won, lead.run, goal)
-    to = (state.to_evader[0] + leading[0], state.to_evader[1] + leading[1])
-    hold = xp.select2(won, state.hold, STILL)
-    v = game.evader_speed_m_s
-    age = game.information_age_s
+    leading = xp.select2(won, contest.edge.run, contest.goal)
+    edge = contest.edge
+    run = leading
+    if game.pursuer.separate:
+        edge = _widened(xp, game, state, to_target, contest.edge)
+        run = xp.select2(won, edge.run, contest.goal)
     time = xp.select(won, edge.time, contest.arrival)
-    length = v * _later(time, age)
-    moves = length > 0
-    heading = xp.unit2(
-        xp.select2(moves, run, goal),
-        xp.select(moves, length, v * _later(contest.arrival, age)),
-    )
-    pace = xp.select(arrived, 0.0, v)
     caught = is_caught(xp, game, state)
-    velocity = pe.fly_to(
-        xp, game, state._replace(hold=hold), to, xp.select(won, lead.time, contest.guard)
-    )
-    if not is_zero(age):
-        # With old information, a pursuer at the meeting point may find that the evader has not run there. One that
-        # stayed would let it pass, so it plays PE.
-        stale = won & (lead.time <= 0) & (caught == 0)
-        if xp.any(stale):
-            velocity = xp.select_all(
-                stale, pe.pursuit(xp, game, state).pursuer_velocity_m_s, velocity
-            )
     distance = edge.distance
     if not game.target_extent.is_point:
         distance = distance - game.target_extent.radius_m
-    reason = xp.select(margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
-    if not is_zero(age):
-        unsure = won & (surely_convex(xp, game, state) == 0)
-        dented = is_missed(xp, game, state, (to_target, goal, contest.edge.distance), unsure)
-        reason = xp.select(dented, int(Reason.NO_REGION), reason)
-    reason = xp.select(arrived, int(Reason.ARRIVED), reason)
+    reason = _reason(xp, game, state, to_target, contest)
     return StateSolution(
         winner=xp.sign(margin),
         value=xp.select(won, distance, contest.short),
         margin_s=margin,
         meeting_point_m=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
         meeting_time_s=time,
-        pursuer_velocity_m_s=velocity,
-        evader_velocity_m_s=(pace * heading[0], pace * heading[1], 0.0),
+        pursuer_velocity_m_s=_defending(xp, game, state, contest, leading, caught),
+        evader_velocity_m_s=_attacking(xp, game, contest, run, time),
         reason=xp.select(caught, int(Reason.CAPTURED), reason),
     )
+
+
+def _defending(
+    xp: Library, game: Game, state: Geometry, contest: Contest, leading: Plane, caught: Truth
+) -> Space:
+    """Return the pursuer's velocity, m/s.
+
+    Args:
+        xp: array library.
+        game: the game.
+        state: the state.
+        contest: the race.
+        leading: the evader's run that the pursuer meets, m.
+        caught: whether the evader is captured.
+    """
+    won = contest.margin > 0
+    meeting_s = contest.edge.time
+    to = (state.to_evader[0] + leading[0], state.to_evader[1] + leading[1])
+    hold = xp.select2(won, state.hold, STILL)
+    time = xp.select(won, meeting_s, contest.guard)
+    velocity = pe.fly_to(xp, game, state._replace(hold=hold), to, time)
+    if is_zero(game.information_age_s):
+        return velocity
+    # With old information, a pursuer at the meeting point may find that the evader has not run there. One that stayed
+    # would let it pass, so it plays PE.
+    stale = won & (meeting_s <= 0) & (caught == 0)
+    if not xp.any(stale):
+        return velocity
+    pursuing = pe.pursuit(xp, game, state).pursuer_velocity_m_s
+    chosen: Space = xp.select_all(stale, pursuing, velocity)
+    return chosen
+
+
+def _attacking(xp: Library, game: Game, contest: Contest, run: Plane, time: Real) -> Space:
+    """Return the evader's velocity, m/s, which runs straight for some time; it stays at its target."""
+    v = game.evader_speed_m_s
+    age = game.information_age_s
+    length = v * _later(time, age)
+    to_goal = v * _later(contest.arrival, age)
+    moves = length > 0
+    way = xp.select2(moves, run, contest.goal)
+    heading = xp.unit2(way, xp.select(moves, length, to_goal))
+    pace = xp.select(contest.arrival <= 0, 0.0, v)
+    return pace * heading[0], pace * heading[1], 0.0
+
+
+def _reason(xp: Library, game: Game, state: Geometry, to_target: Plane, contest: Contest) -> Real:
+    """Return the kind of the answer, if the evader is not captured."""
+    margin = contest.margin
+    reason = xp.select(margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
+    if not is_zero(game.information_age_s):
+        unsure = (margin > 0) & (surely_convex(xp, game, state) == 0)
+        edge = (to_target, contest.goal, contest.edge.distance)
+        dented = is_missed(xp, game, state, edge, unsure)
+        reason = xp.select(dented, int(Reason.NO_REGION), reason)
+    return xp.select(contest.arrival <= 0, int(Reason.ARRIVED), reason)
 
 
 def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Plane:
@@ -158,7 +197,8 @@ def _first_reached(xp: Library, game: Game, to_target: Plane, offset: Plane) -> 
         # The nearest point when this one is reached can be reached no later.
         arrival, _ = _arrive(xp, game, first)
         moved = plus2(to_target, arrival, adrift)
-        near = plus2(to_set(xp, game.target_extent, (-moved[0], -moved[1])), -arrival, adrift)
+        nearest_then = to_set(xp, game.target_extent, (-moved[0], -moved[1]))
+        near = plus2(nearest_then, -arrival, adrift)
         sooner = _arrive(xp, game, near)[0] < arrival
         first = xp.select2(sooner, near, first)
         if not xp.any(sooner):
@@ -191,9 +231,8 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
     near = goal
     # Where it can meet the point of its target that is nearest now
     if not game.target_extent.is_point:
-        near = _arrive(
-            xp, game, from_set(centre, nearest(xp, game.target_extent, (-centre[0], -centre[1]))[0])
-        )[1]
+        of_set, _ = nearest(xp, game.target_extent, (-centre[0], -centre[1]))
+        _, near = _arrive(xp, game, from_set(centre, of_set))
     edge = closest_point(xp, game, state, centre, near, selected)
     contest = Contest(goal, arrival, guard, margin, short, edge)
     if paper is None:
@@ -279,12 +318,11 @@ def closest_of_circle(
     u, v = speeds
     to_evader, z, to_target = state
     hand = (u - v) * (u + v)
-    d_delta = xp.norm2(
-        (
-            v * v * to_evader[0] - hand * to_target[0],
-            v * v * to_evader[1] - hand * to_target[1],
-        )
+    delta = (
+        v * v * to_evader[0] - hand * to_target[0],
+        v * v * to_evader[1] - hand * to_target[1],
     )
+    d_delta = xp.norm2(delta)
     span = v * xp.sqrt(hand * (z * z) + (u * u) * dot2(to_evader, to_evader))
     lengths = d_delta + span
     # Zero is divided by the same length, because its derivative is not zero
@@ -372,10 +410,11 @@ def surely_convex(xp: Library, game: Game, state: Geometry) -> Truth:  # noqa: P
     if level and game.calm:
         return free & (lead * v <= (u - v) * beside)
     blown = u - pair_length(game.wind_m_s)
-    soonest = xp.maximum(xp.sqrt(apart * apart + z * z) - capture, 0.0 * apart) / (2.0 * u)
+    way = xp.maximum(xp.sqrt(apart * apart + z * z) - capture, 0.0 * apart)
+    run = v * (age + way / (2.0 * u))
     share = blown * blown * blown * (1.0 - (v / blown) * (v / blown))
-    run = v * (age + soonest)
-    return free & ((lead <= 0.0) | (run * (share * (u / v) - u * u * v) >= share * lead))
+    bends = run * (share * (u / v) - u * u * v) >= share * lead
+    return free & ((lead <= 0.0) | bends)
 
 
 def _later(time: Real, age: Real) -> Real:
@@ -404,8 +443,10 @@ def _widened(xp: Library, game: Game, state: Geometry, to_target: Plane, level: 
     goal = from_set(drifted, near)
     far = xp.norm2(goal)
     towards = xp.unit2(goal, far)
-    fallen = Closest((radius * towards[0], radius * towards[1]), falling, abs(far - radius))
-    return xp.select_all(far - radius < level.distance, fallen, level)
+    run = (radius * towards[0], radius * towards[1])
+    left = far - radius
+    fallen = Closest(run, falling, abs(left))
+    return xp.select_all(left < level.distance, fallen, level)
 
 
 def _shortfall(
