@@ -11,7 +11,7 @@ from guidance.autopilots import PX4
 from guidance.control import Acceleration
 from guidance.control.braking_law import approach_speed
 from guidance.control.follow import gaps_to_disc
-from guidance.cycle import Course, Players, Vehicle, certify
+from guidance.cycle import Capability, Course, Players, certify
 from guidance.cycle.guarding import UNSURE, UNSURE_S, guard
 from guidance.frames import Enu, ned_from_game
 from guidance.game import Cylinder, Extent, Game, StandOff, Winner, solve_state
@@ -24,7 +24,7 @@ GAME = Game(Cylinder(6.0, 3.0, 1.5), 3.0, standoff=StandOff(3.0, 5.0))
 ACCELERATION = Acceleration(3.0, 2.0)
 TARGET = Enu((0.0, 0.0, 0.0))
 APPROACH = PX4.handling.approach
-FULL = Vehicle(ACCELERATION, ENVELOPE, APPROACH, 6.0, 0.5)
+FULL = Capability(ACCELERATION, ENVELOPE, APPROACH, 6.0, 0.5)
 
 lengths = st.floats(-80.0, 80.0)
 speeds = st.floats(-4.0, 4.0)
@@ -145,7 +145,7 @@ def test_a_vehicle_at_the_height_of_the_disc_does_not_wait():
 )
 @settings(max_examples=25)
 def test_waiting_costs_nothing_in_the_ideal_game_however_the_evader_turns(x, y, z, headings):
-    at_once = Vehicle(Acceleration(1e9, 1e9), ENVELOPE, APPROACH, 6.0, 0.5)
+    at_once = Capability(Acceleration(1e9, 1e9), ENVELOPE, APPROACH, 6.0, 0.5)
     step_s = 0.05
     pursuer_m = (x, y, z)
     evader_m = (35.0, 0.0, 0.0)
@@ -241,7 +241,7 @@ def test_a_vehicle_before_a_target_with_a_radius_does_not_fly_to_its_centre(radi
 
 
 def test_a_target_that_moves_is_guarded_where_it_will_be():
-    # Vehicle and target move with the same velocity, the one above the other: nothing is left to fly.
+    # Capability and target move with the same velocity, the one above the other: nothing is left to fly.
     moving = replace(GAME, target_velocity_m_s=(1.0, 0.5))
     pursuer_m = (0.0, 0.0, 5.0)
     evader_m = (0.0, 12.0, 0.0)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from guidance.game import Ball, Game, StandOff, rollout, solve
-from guidance.sim.maths import play
+from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario_file import load_scenario
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ def main() -> None:
         path = Path(folder) / "zigzag.toml"
         path.write_text(SCENARIO, encoding="utf-8")
         (path.parent / "zigzag.csv").write_text(zigzag(), encoding="utf-8")
-        (outcome,) = play([load_scenario(str(path))[1]])
+        (outcome,) = play_scenarios([load_scenario(str(path))[1]])
     print(
         f"the zigzag: {outcome.end} after {outcome.capture_time_s:.2f} s, regret {outcome.regret:.2f} s"
     )

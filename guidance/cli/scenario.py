@@ -20,7 +20,7 @@ from guidance.game.speed_sets import speed_set_named
 from guidance.screen import console, headed, pairs, sheet
 from guidance.sim.batch import stack
 from guidance.sim.expect import CheckedExpectation, Ranges
-from guidance.sim.maths import opening, play
+from guidance.sim.maths import opening, play_scenarios
 from guidance.sim.outcome import winner_name
 from guidance.sim.scenario import (
     FLOWN_SPEED_SET,
@@ -127,7 +127,7 @@ def run(
     else:
         if scenario_played.fault:
             screen.print("the mathematics ignores faults")
-        rows = play([scenario_played])
+        rows = play_scenarios([scenario_played])
     verdicts = _verdicts(scenario_played, rows, screen)
     text = rows_json(scenario_played, rows)
     if out is not None:
@@ -303,7 +303,7 @@ def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
         yield from _groups(scenario)
     else:
         yield "game", game
-        yield from _players(scenario)
+        yield from _player_facts(scenario)
     target = scenario.target
     if target is not None:
         yield "target", f"at {_place(target.position_m)} m{_shape_words(target)}"
@@ -340,7 +340,7 @@ def _groups(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
             yield player, f"{group.count} at {position}, {speed}, plays {group.policy}"
 
 
-def _players(scenario: Scenario) -> Iterator[tuple[str, str]]:
+def _player_facts(scenario: Scenario) -> Iterator[tuple[str, str]]:
     pursuer = scenario.pursuer
     evader = scenario.evader
     if pursuer.speed_set is None:

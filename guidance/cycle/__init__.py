@@ -6,7 +6,7 @@ Cycle (`steps`):
 
 Certificate (`certificate`):
     certify: what the game says from here, what this vehicle can promise, and the `Course` that it flies: a `Certified`.
-    Certificate: the statement of one cycle. Players, Vehicle (`players`): what it is made from.
+    Certificate: the statement of one cycle. Players, Capability (`players`): what it is made from.
     Guarding of the target in TAD: `guarding`.
 
 Monitor (`monitor`):
@@ -16,7 +16,7 @@ Monitor (`monitor`):
 
 from guidance.cycle.certificate import Certificate, Certified, Course, certify
 from guidance.cycle.monitor import Alarm, MonitorMemory, Violation, watch
-from guidance.cycle.players import Players, Vehicle
+from guidance.cycle.players import Capability, Players
 from guidance.cycle.steps import (
     CycleInputs,
     CycleMemory,
@@ -30,6 +30,7 @@ from guidance.cycle.steps import (
 
 __all__ = [
     "Alarm",
+    "Capability",
     "Certificate",
     "Certified",
     "Course",
@@ -40,7 +41,6 @@ __all__ = [
     "GamePlayed",
     "MonitorMemory",
     "Players",
-    "Vehicle",
     "Violation",
     "certify",
     "game_played",

@@ -30,7 +30,7 @@ from typing import Final, NamedTuple
 
 from guidance.control.braking_law import approach_speed
 from guidance.cycle.guarding import Guard, guard
-from guidance.cycle.players import Players, Vehicle, late_start
+from guidance.cycle.players import Capability, Players, late_start
 from guidance.frames import Enu, Ned
 from guidance.game import Game, StateSolution, Winner, solve_state
 from guidance.game.arrays import FLOATS
@@ -157,7 +157,7 @@ class Certified(NamedTuple):
     certificate: Certificate
 
 
-def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Enu | None) -> Certified:
+def certify(game: Game, players: Players, vehicle: Capability, before_m_s: Enu | None) -> Certified:
     """Solve the game from here, and find its value from where a pursuer starts that does as well as this vehicle.
 
     In PE that value is a capture time. In TAD it is another game, with the speed that the vehicle has shown.
@@ -193,7 +193,7 @@ def certify(game: Game, players: Players, vehicle: Vehicle, before_m_s: Enu | No
 
 
 def _pursuits_s(
-    game: Game, players: Players, vehicle: Vehicle, desired_m_s: Enu
+    game: Game, players: Players, vehicle: Capability, desired_m_s: Enu
 ) -> tuple[float, float]:
     """Return when this vehicle captures an evader that runs straight away: turning at once, and after its reaction.
 
@@ -287,7 +287,7 @@ def without_game(players: Players) -> Certificate:
 def _defended(
     game: Game,
     players: Players,
-    vehicle: Vehicle,
+    vehicle: Capability,
     late_m: Enu,
     solution: StateSolution,
     certificate: Certificate,
@@ -331,7 +331,7 @@ def _verdict(solution: StateSolution, certificate: Certificate, margin_s: float)
 def _course(
     game: Game,
     players: Players,
-    vehicle: Vehicle,
+    vehicle: Capability,
     solution: StateSolution,
     ahead: Guard,
     trusted_m_s: float,
@@ -354,7 +354,7 @@ def _course(
 
 
 def _waiting(
-    game: Game, here: StateSolution, players: Players, vehicle: Vehicle, trusted_m_s: float
+    game: Game, here: StateSolution, players: Players, vehicle: Capability, trusted_m_s: float
 ) -> Enu | None:
     """Return the velocity of a vehicle that waits at the meeting point for its height; None if the ground decides."""
     if here.winner != Winner.PURSUER or not game.pursuer.separate:

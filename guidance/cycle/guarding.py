@@ -29,7 +29,7 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 from guidance.control.braking_law import approach_speed
-from guidance.cycle.players import Players, Vehicle, late_start
+from guidance.cycle.players import Capability, Players, late_start
 from guidance.frames import Enu
 from guidance.game import Extent, Game, StateSolution
 from guidance.game.arrays import FLOATS
@@ -96,7 +96,7 @@ class _Flight(NamedTuple):
     game: Game
     shown: Game
     players: Players
-    vehicle: Vehicle
+    vehicle: Capability
     from_m: Enu
     target_m: Point
     up_m_s: float
@@ -109,7 +109,7 @@ def guard(
     shown: Game,
     solution: StateSolution,
     players: Players,
-    vehicle: Vehicle,
+    vehicle: Capability,
     flies_on_s: float,
     *,
     descends_at_once: bool = False,
@@ -150,7 +150,7 @@ def _begun(
     shown: Game,
     solution: StateSolution,
     players: Players,
-    vehicle: Vehicle,
+    vehicle: Capability,
     flies_on_s: float,
 ) -> _Flight:
     """Return the flight of a vehicle that has flown on for a while."""

@@ -22,7 +22,7 @@ class Players(NamedTuple):
     evader_age_s: float
 
 
-class Vehicle(NamedTuple):
+class Capability(NamedTuple):
     """What the vehicle can do.
 
     Attributes:

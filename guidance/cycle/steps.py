@@ -35,7 +35,7 @@ from guidance.cycle.certificate import (
     certify,
     without_game,
 )
-from guidance.cycle.players import Players, Vehicle
+from guidance.cycle.players import Capability, Players
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
 from guidance.frames import (
@@ -295,7 +295,7 @@ def _certified(
     game: Game, players: Players, settings: CycleSettings, memory: CycleMemory
 ) -> Certified:
     """Return the game from here, seen from this vehicle."""
-    vehicle = Vehicle(
+    vehicle = Capability(
         settings.handling.acceleration,
         settings.envelope,
         settings.handling.approach,

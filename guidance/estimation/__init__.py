@@ -1,4 +1,4 @@
-"""The evader's track. An `Observer` is the memory of one evader: `observe` adds a report, `predict` returns the evader.
+"""The evader's track. `Observer` is the memory of one evader: `add_report` adds to it, `predict` returns the evader.
 
 A report passes the judgement of its stamp (`pace`), clock and frame (`measurement`), the comparison of its velocity
 with the positions (`velocity_check`), the track (`track`), and the detection of a second source (`rivals`). The
@@ -19,7 +19,7 @@ from guidance.estimation.velocity_check import VelocityCheck, check_velocity
 from guidance.frames import STILL, LocalFrame, Ned
 from guidance.messages import EvaderReport
 
-__all__ = ["EvaderEstimate", "Observer", "moved", "observe", "predict"]
+__all__ = ["EvaderEstimate", "Observer", "add_report", "moved", "predict"]
 
 
 class Observer(NamedTuple):
@@ -48,7 +48,7 @@ _FITS: Final[Mapping[ReportOutcome | None, bool]] = {
 }
 
 
-def observe(
+def add_report(
     observer: Observer, report: EvaderReport, frame: LocalFrame, settings: TrackSettings
 ) -> Observer:
     """Add one report, and the answer to our TIMESYNC if the report carries one.

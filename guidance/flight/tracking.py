@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from guidance.estimation import EvaderEstimate, Observer, moved, observe, predict
+from guidance.estimation import EvaderEstimate, Observer, add_report, moved, predict
 from guidance.estimation.measurement import TrackSettings
 from guidance.estimation.pace import FASTEST, SLOWEST
 from guidance.estimation.track import TAKEN
@@ -109,7 +109,7 @@ class Tracking:
         self, name: str, report: EvaderReport, frame: LocalFrame, settings: TrackSettings
     ) -> None:
         before = self.observers.get(name, _UNHEARD)
-        after = observe(before, report, frame, settings)
+        after = add_report(before, report, frame, settings)
         self.observers[name] = after
         self._reported_s[name] = report.received_s
         outcome = after.track.outcome

@@ -131,8 +131,8 @@ def hunt_for(xp: Library, game: Game, state: Geometry, target: Plane, goal: Plan
     return Hunt(u, v, capture, radius, lag, hand, z2, *places, met_s, met_m)
 
 
-def follow(xp: Library, hunt: Hunt, aim: Aim, *, with_height: bool = False) -> Way:
-    """Follow a heading to the capture.
+def way_along(xp: Library, hunt: Hunt, aim: Aim, *, with_height: bool = False) -> Way:
+    """Return the way that follows a heading to the capture.
 
     Args:
         xp: array library.

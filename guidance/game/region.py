@@ -26,7 +26,7 @@ from guidance.game.arrays import (
     times2,
 )
 from guidance.game.game import STILL, Game
-from guidance.game.headings import Aim, Hunt, Way, aimed_at, bounded, follow, hunt_for, judge
+from guidance.game.headings import Aim, Hunt, Way, aimed_at, bounded, hunt_for, judge, way_along
 from guidance.game.pe import Geometry
 from guidance.game.records import in_rows, is_zero
 
@@ -150,7 +150,7 @@ def _closest(xp: Library, hunt: Hunt) -> Closest:
         # Rows within do not use the search; a state with finite derivatives replaces theirs.
         beyond = hunt.met_m + hunt.lag + hunt.v * hunt.met_s + 1.0
         hunt = hunt._replace(to_evader=xp.select2(within, (beyond, 0.0 * beyond), hunt.to_evader))
-    path = follow(xp, hunt, search(xp, hunt, within))
+    path = way_along(xp, hunt, search(xp, hunt, within))
     return Closest(
         xp.select2(within, times2(rho, straight), times2(path.rho, path.n)),
         xp.select(within, hunt.met_s, path.t),
@@ -175,7 +175,7 @@ def newton(
 ) -> tuple[Aim, Truth]:
     """Take some steps, then single steps, up to `limit`, in rows that have not converged; return which have."""
     for _ in range(steps):
-        path = follow(xp, hunt, aim)
+        path = way_along(xp, hunt, aim)
         turn, _, sound = judge(hunt, path)
         aim = Aim(aim.s + 0.5 * turn * (1.0 + aim.s * aim.s), path.to)
     converged = converged | (sound & (abs(turn) <= xp.half_of_digits(turn)))
@@ -217,7 +217,7 @@ def touch(xp: Library, hunt: Hunt) -> Aim:
             end = plus2(run, 1.0, away)
             disc = xp.unit2(end, xp.norm2(end))
         return Aim(_half_angle(xp, hunt, run), disc)
-    path = follow(xp, hunt, Aim(0.0 * end[0], disc))
+    path = way_along(xp, hunt, Aim(0.0 * end[0], disc))
     e0, z2 = _virtual(xp, hunt, path)
     lag = times2(hunt.lag, path.n)
     goal = plus2(to_target, -1.0, lag)
@@ -298,6 +298,6 @@ def bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
 def settled(xp: Library, hunt: Hunt, aim: Aim, rounds: int) -> tuple[Aim, Way]:
     """Follow a heading and find the best point of the stand-off disc, which gives the slope of the edge."""
     for _ in range(1 if is_zero(hunt.radius) else rounds):
-        path = follow(xp, hunt, aim, with_height=True)
+        path = way_along(xp, hunt, aim, with_height=True)
         aim = Aim(aim.s, path.to)
     return aim, path

@@ -38,7 +38,7 @@ HORIZONTAL_BOUNDS_M: Final = (
 SPEED_BOUNDS_M_S: Final = (math.nan, 10.0, 3.0, 1.0, 0.3)
 
 
-class Refused(ValueError):  # noqa: N818 -- a verdict on a report, counted and never shown as an error
+class RefusedReport(ValueError):  # noqa: N818 -- a verdict on a report, counted and never shown as an error
     """A report that must not be used; its text is a short word for the counters."""
 
 
@@ -55,7 +55,7 @@ def accepted(
         if is_plausible(report):
             counts["reports"] += 1
             return report
-    except Refused as refused:
+    except RefusedReport as refused:
         reason = str(refused)
     except (ValueError, ArithmeticError):
         reason = "invalid"
@@ -89,7 +89,7 @@ class Carrier(NamedTuple):
 
     Attributes:
         message: Its name.
-        report: Converts the message that arrived at a time of our clock. Raises `Refused` if it must not be used,
+        report: Converts the message that arrived at a time of our clock. Raises `RefusedReport` if it must not be used,
             ValueError if a value is unknown.
         period_s: When the sender's clock wraps.
     """
@@ -157,7 +157,7 @@ def _odometry(frame: LocalFrame, fields: Fields, received_s: float) -> EvaderRep
     * Clock: `time_usec` of the sender, 64 bits.
     """
     if fields.frame_id != mavlink.MAV_FRAME_LOCAL_NED:
-        raise Refused("frame")
+        raise RefusedReport("frame")
     position = place_in(frame, Ned((fields.x, fields.y, fields.z)))
     altitude = AltitudeSaid(-fields.z, Datum.ORIGIN)
     velocity = known_velocity((fields.vx, fields.vy, fields.vz))
@@ -196,7 +196,7 @@ def _adsb(
         (not fields.flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE, "altitude"),
     ):
         if is_refused:
-            raise Refused(reason)
+            raise RefusedReport(reason)
     geometric = fields.altitude_type == mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
     zero = Zero(Datum.ELLIPSOID, undulation_m) if geometric else SEA_LEVEL
     altitude = zero.said(fields.altitude / 1e3)
@@ -224,10 +224,10 @@ def _open_drone_id(
     if id_or_mac is not None and bytes(fields.id_or_mac) != bytes.fromhex(id_or_mac).ljust(
         20, b"\0"
     ):
-        raise Refused("other_id")
+        raise RefusedReport("other_id")
     altitude = zero.said(fields.altitude_geodetic)
     if not altitude.altitude_m > UNKNOWN_ALTITUDE_M:
-        raise Refused("altitude")
+        raise RefusedReport("altitude")
     position = (*codec.degrees(fields.latitude, fields.longitude), zero.amsl_m(altitude.altitude_m))
     motion = fields.direction, fields.speed_horizontal, fields.speed_vertical
     velocity = UNKNOWN_VELOCITY
@@ -293,10 +293,10 @@ def place_in(frame: LocalFrame, position_ned_m: Ned) -> tuple[float, float, floa
     """Return latitude and longitude, degrees, and the altitude above mean sea level, m, of a position.
 
     Raises:
-        Refused: If it is not finite or too far away.
+        RefusedReport: If it is not finite or too far away.
     """
     if not all(abs(part) <= FARTHEST_M for part in position_ned_m):  # NaN fails this too
-        raise Refused("position")
+        raise RefusedReport("position")
     latitude, longitude, altitude = frame.wgs84_from_ned(position_ned_m)
     return latitude, longitude, altitude.metres
 

@@ -34,7 +34,7 @@ from guidance.frames import (
 )
 from guidance.links import ros_types
 from guidance.links.carriers import (
-    Refused,
+    RefusedReport,
     accepted,
     known_velocity,
     place_in,
@@ -234,21 +234,21 @@ def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: s
         source: The name of the source in the report.
 
     Raises:
-        Refused: If it does not match the schema, or its altitude cannot be converted in this frame.
+        RefusedReport: If it does not match the schema, or its altitude cannot be converted in this frame.
     """
     if payload.count(b'"') > _MOST_QUOTES:
-        raise Refused("schema")
+        raise RefusedReport("schema")
     try:
         message = JsonReport.model_validate_json(payload)
     except ValidationError as error:
-        raise Refused("schema") from error
+        raise RefusedReport("schema") from error
     if message.latitude_deg == 0.0 and message.longitude_deg == 0.0:
-        raise Refused("position")
+        raise RefusedReport("position")
     altitude: Altitude = _DATUMS[message.altitude_datum](message.altitude_m)
     try:
         position = message.latitude_deg, message.longitude_deg, frame.amsl(altitude).metres
     except ConfigError as error:
-        raise Refused("datum") from error
+        raise RefusedReport("datum") from error
     numbers = (message.sent_s, message.position_sd_m, message.velocity_sd_m_s)
     sent_s, sd_m, sd_m_s = (math.nan if number is None else number for number in numbers)
     velocity = UNKNOWN_VELOCITY
@@ -278,15 +278,15 @@ def read_ros(
         frame_id: Poses in other frames are refused.
 
     Raises:
-        Refused: If the bytes are not one, or it is in another frame.
+        RefusedReport: If the bytes are not one, or it is in another frame.
     """
     try:
         message = ros_types.decode(data, ros_types.ODOMETRY if moves else ros_types.POSE_STAMPED)
     except ValueError as error:
-        raise Refused("encoding") from error
+        raise RefusedReport("encoding") from error
     header = message.header
     if header.frame_id != frame_id:
-        raise Refused(
+        raise RefusedReport(
             f"frame_id {_quoted(header.frame_id)} instead of evader.frame_id = {_quoted(frame_id)}"
         )
     velocity = UNKNOWN_VELOCITY

@@ -345,7 +345,7 @@ def merged(scenario: "Scenario", config: Config) -> Config:
     Raises:
         ConfigError: If the two contradict each other. The message has one line for each contradiction, with both keys.
     """
-    if contradictions := [*_players(scenario, config), *_places(scenario, config)]:
+    if contradictions := [*_player_contradictions(scenario, config), *_places(scenario, config)]:
         lines = "\n".join(f"  {line}" for line in contradictions)
         raise ConfigError(f"{scenario.title!r} cannot be flown by {config.name!r}:\n{lines}")
     speeds = zip(scenario.pursuer.speeds, config.game.speeds, strict=True)
@@ -410,7 +410,7 @@ def _game(scenario: "Scenario") -> dict[str, Any]:
     return game
 
 
-def _players(scenario: "Scenario", config: Config) -> Iterator[str]:
+def _player_contradictions(scenario: "Scenario", config: Config) -> Iterator[str]:
     pursuer = scenario.pursuer
     evader = scenario.evader
     disc = scenario.standoff

@@ -34,7 +34,7 @@ from guidance.strategies import COURSES, PURSUER_STRATEGIES
 from guidance.toml_files import read
 
 
-class Target(Section):
+class TargetSection(Section):
     """The evader's target: a place, and possibly a shape about it. The place is the game frame's origin."""
 
     latitude_deg: Latitude = Field(description="north is positive")
@@ -374,7 +374,7 @@ class GameSection(Section):
     tolerance_m: float = Field(
         1.0, gt=0.0, le=10.0, description="distance from the disc that counts as capture"
     )
-    target: Target | None = Field(None, description="TAD: the evader's target")
+    target: TargetSection | None = Field(None, description="TAD: the evader's target")
     target_velocity_m_s: tuple[float, float] = Field(
         (0.0, 0.0),
         description="TAD: velocity of the target, east and north, constant from engagement",

@@ -101,7 +101,7 @@ class Moment(NamedTuple):
     end: NDArray[np.int8]
 
 
-def play(scenarios: Sequence[Scenario]) -> list[Outcome]:
+def play_scenarios(scenarios: Sequence[Scenario]) -> list[Outcome]:
     """Play scenarios of any kinds to their ends; outcomes in their order. Faults need an autopilot and are ignored."""
     return by_kind(scenarios, kind_of, _play_kind)
 

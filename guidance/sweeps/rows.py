@@ -20,7 +20,7 @@ from guidance.clock import VirtualClock
 from guidance.config import Section, as_toml, explain, find, parse
 from guidance.errors import ConfigError, GuidanceError
 from guidance.log.writer import PACKAGE, versions_of
-from guidance.sim.maths import play
+from guidance.sim.maths import play_scenarios
 from guidance.sim.outcome import Outcome, outcome_of
 from guidance.sim.scenario import PURSUER, Scenario
 from guidance.sim.scenario_file import load_any
@@ -270,7 +270,7 @@ def _played(plan: Plan, games: list[Any]) -> Iterable[Sequence[Any]]:
     """Return the outcomes of each game: one, or of teams one for every evader."""
     if plan.teams:
         return play_teams(games)
-    outcomes = play(games) if plan.way == "maths" else map(flown, games)
+    outcomes = play_scenarios(games) if plan.way == "maths" else map(flown, games)
     return ([outcome] for outcome in outcomes)
 
 

@@ -318,8 +318,8 @@ def _team_answers(
     Raises:
         ConfigError: Players are not numbered from 0 on, there are too many, or a side has none; or as `match_teams`.
     """
-    pursuers_m = _players(chunk, "pursuer")
-    evaders_m = _players(chunk, "evader")
+    pursuers_m = _positions_of(chunk, "pursuer")
+    evaders_m = _positions_of(chunk, "evader")
     rows, pursuers, _ = pursuers_m.shape
     evaders = evaders_m.shape[1]
     answers = _blank_team_answers(rows, pursuers, evaders)
@@ -387,7 +387,7 @@ def _fill_in(answers: dict[str, Array], teams: _Teams, match: Matching) -> None:
         column[cells] = part[..., : column.shape[-1]]
 
 
-def _players(chunk: pa.Table, player: str) -> Array:
+def _positions_of(chunk: pa.Table, player: str) -> Array:
     """Return the positions of a side, (n, players, 3)."""
     matches = filter(None, map(_PLAYER.fullmatch, chunk.column_names))
     numbers = {int(name[2]) for name in matches if name[1] == player}

@@ -20,7 +20,7 @@ from guidance.team.messages import (
     STATE,
     EvaderMessage,
     Message,
-    Refused,
+    RefusedMessage,
     RolesMessage,
     StateMessage,
     decode,
@@ -127,7 +127,7 @@ class Board:
         try:
             message = self._read(arrived_s, key, payload)
             news = takes[type(message)](arrived_s, message)
-        except Refused as refused:
+        except RefusedMessage as refused:
             self.counts[f"refused_{refused}"] += 1
             self._note_refused(arrived_s, key, str(refused))
             return self._disputed(arrived_s, key)
@@ -152,18 +152,18 @@ class Board:
         """Read a message. Strangers, old messages and those of another stream are refused."""
         mate = self.mates.get(key.rpartition("/")[2])
         if mate is None:
-            raise Refused("identity")
+            raise RefusedMessage("identity")
         message = decode(key.partition("/")[0], payload)
         if message.key != key:
-            raise Refused("identity")
+            raise RefusedMessage("identity")
         if isinstance(message, EvaderMessage) and message.evader not in self._evaders:
-            raise Refused("evader")
+            raise RefusedMessage("evader")
         sender = mate.senders.setdefault(key, Sender())
         reason = sender.refuses(now_s, message.epoch, message.seq, hash(payload))
         if reason == TWO_SENDERS and isinstance(message, StateMessage):
             _cover(mate, message)
         if reason:
-            raise Refused(reason)
+            raise RefusedMessage(reason)
         return message
 
     def _take_state(self, arrived_s: float, state: StateMessage) -> MateState:
@@ -253,17 +253,17 @@ class Board:
         """Take an assignment if it is newer: by its term, then the lower name, then its number.
 
         Raises:
-            Refused: If it is older than the last one, or its term is beyond all elections.
+            RefusedMessage: If it is older than the last one, or its term is beyond all elections.
         """
         last = self.roles
         if roles.term > self.term + MOST_TERMS:
-            raise Refused("term")
+            raise RefusedMessage("term")
         if last is not None:
             # Of one term, the lower name counts as newer
             new_rank = (roles.term, last.vehicle, roles.seq)
             last_rank = (last.term, roles.vehicle, last.seq)
             if new_rank <= last_rank:
-                raise Refused("term")
+                raise RefusedMessage("term")
         self.roles = roles
         self.roles_s = now_s
         self.term = max(self.term, roles.term)

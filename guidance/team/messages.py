@@ -35,7 +35,7 @@ _Part = Annotated[float, Field(gt=-FASTEST_M_S, lt=FASTEST_M_S)]
 Velocity = Annotated[tuple[_Part, _Part, _Part], Field(strict=False)]
 
 
-class Refused(ValueError):  # noqa: N818 -- a verdict, counted and never shown as an error
+class RefusedMessage(ValueError):  # noqa: N818 -- a verdict, counted and never shown as an error
     """A message that does not match its schema."""
 
 
@@ -221,18 +221,18 @@ def decode(kind: str, payload: bytes) -> Message:
         payload: Untrusted bytes.
 
     Raises:
-        Refused: With the reason in one word.
+        RefusedMessage: With the reason in one word.
     """
     if kind not in KINDS:
-        raise Refused("kind")
+        raise RefusedMessage("kind")
     if len(payload) > MOST_BYTES:
-        raise Refused("size")
+        raise RefusedMessage("size")
     if payload.count(b'"') > _MOST_QUOTES:
-        raise Refused("schema")
+        raise RefusedMessage("schema")
     try:
         return KINDS[kind].model_validate_json(payload)
     except ValidationError as error:
-        raise Refused("schema") from error
+        raise RefusedMessage("schema") from error
 
 
 Arrived = tuple[float, str, bytes]

@@ -45,10 +45,10 @@ from guidance.viz.story import (
     Row,
     Story,
     TeamStory,
-    opening,
+    opening_words,
     story_of,
     summary,
-    team_opening,
+    team_opening_words,
     team_story,
     team_summary,
 )
@@ -500,7 +500,7 @@ def write_report(path: Path, folder: Path, *, animate: bool = False) -> list[Pat
     """
     story = story_of(path)
     drawn = ((name, draw(story)) for name, draw in PICTURES.items())
-    words = opening(story)
+    words = opening_words(story)
     rows = summary(story)
     written = write_page(folder, [story], drawn, words, rows)
     if animate:
@@ -521,7 +521,7 @@ def write_team_report(records: Mapping[str, Path], folder: Path) -> list[Path]:
     team = team_story(records)
     flights = list(team.flights.values())
     drawn = [("plan", plan(team))]
-    words = team_opening(team)
+    words = team_opening_words(team)
     rows = team_summary(team)
     return write_page(folder, flights, drawn, words, rows)
 

@@ -132,7 +132,7 @@ def story_of(path: Path) -> Story:
     return story
 
 
-def opening(story: Story) -> str:
+def opening_words(story: Story) -> str:
     """Return the report's first paragraph: vehicle, time and place, promise, outcome, limits."""
     started = story.survey.metadata.get("started_utc", "")
     home = story.flight.vehicle.latest.get(Home)
@@ -448,7 +448,7 @@ def _roles(flight: Story) -> list[tuple[float, Role]]:
     return [(row.now_s, row.inputs.role) for row in flight.rows if row.inputs.role is not None]
 
 
-def team_opening(team: TeamStory) -> str:
+def team_opening_words(team: TeamStory) -> str:
     """Return the first paragraph: vehicles, promises and how many were kept, the least distance, alarms and replay."""
     flights = team.flights.values()
     separation = team.first.settings.team or TeamSection()

@@ -33,7 +33,7 @@ from guidance.sim.scenario_file import load_any
 from guidance.sim.stepped import EvaderHere
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.sim.teams import TeamScenario
-from guidance.team.messages import Refused, RolesMessage, StateMessage, decode
+from guidance.team.messages import RefusedMessage, RolesMessage, StateMessage, decode
 from sitl_mock.child import free_udp_port
 from tests.acceptance.flying import GUIDANCE, Line
 from tests.acceptance.relay import LASTING, SET_UP, Relay, wait
@@ -143,7 +143,7 @@ class Field:
         for arrived_s, key, payload in self._team.receive():
             try:
                 message = decode(key.partition("/")[0], payload)
-            except Refused:
+            except RefusedMessage:
                 continue
             if isinstance(message, RolesMessage):
                 self.roles.append((arrived_s, message))

@@ -36,7 +36,7 @@ from guidance.config import load as load_file  # noqa: E402
 from guidance.errors import GuidanceError  # noqa: E402
 from guidance.frames import Amsl, LocalFrame  # noqa: E402
 from guidance.links import MemoryWire  # noqa: E402
-from guidance.links.carriers import GLOBAL_POSITION, Refused  # noqa: E402
+from guidance.links.carriers import GLOBAL_POSITION, RefusedReport  # noqa: E402
 from guidance.links.mavlink_evader import MavlinkEvader  # noqa: E402
 from guidance.links.pymavlink_link import PymavlinkLink  # noqa: E402
 from guidance.links.zenoh_evader import read_json  # noqa: E402
@@ -218,7 +218,7 @@ def tried(
         try:
             give(data)
             taken += 1
-        except (GuidanceError, Refused):
+        except (GuidanceError, RefusedReport):
             refused += 1
         except Exception as error:
             errors.append(f"{data[:40]!r}: {type(error).__name__}: {error}")
@@ -234,7 +234,7 @@ def inputs(count: int) -> Iterator[Row]:
     def hear(data: bytes) -> None:
         theirs.send(data)
         if not link.receive():
-            raise Refused("dropped")  # the link has counted the reason
+            raise RefusedReport("dropped")  # the link has counted the reason
 
     record = (ROOT / "tests" / "data" / "short_chase.mcap").read_bytes()
     shipped = (ROOT / "config" / "vehicles" / "px4.toml").read_bytes()

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from guidance.config import find
-from guidance.sim.maths import play
+from guidance.sim.maths import play_scenarios
 from guidance.sweeps.folder import begun
 from guidance.sweeps.plan import FOLDER
 from guidance.sweeps.report import write_report
@@ -115,7 +115,7 @@ def bench_maths(folder, rows):
     started = time.process_time()
     scenarios = list(scenarios_of(plan, cases))
     built = time.process_time()
-    outcomes = play(scenarios)
+    outcomes = play_scenarios(scenarios)
     played = time.process_time()
     as_table(plan, cases, [[outcome] for outcome in outcomes])
     put = time.process_time()

@@ -11,7 +11,7 @@ from guidance.cli.scenario import expected, facts_of, listing, names
 from guidance.config import find
 from guidance.errors import OutputError
 from guidance.sim.batch import stack
-from guidance.sim.maths import opening, play
+from guidance.sim.maths import opening, play_scenarios
 from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.viz.figures import draw_scenario, played
 
@@ -56,7 +56,7 @@ def test_fences_targets_courses_and_degenerate_starts_are_drawn(name, tmp_path):
 def test_the_tracks_in_the_picture_are_those_that_are_played():
     scenario = load_scenario("barrier_pursuer")[1]
     played_s, pursuer, evader = played(stack([scenario]))
-    outcome = play([scenario])[0]
+    outcome = play_scenarios([scenario])[0]
     assert played_s == outcome.game_time_s
     assert np.hypot(*(evader[-1, :2] - scenario.target.position_m)) == pytest.approx(
         outcome.evader_to_target_m

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.estimation import Observer, observe
+from guidance.estimation import Observer, add_report
 from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, synchronise
 from guidance.estimation.track import ReportOutcome
 from guidance.frames import Amsl, LocalFrame, Ned
@@ -165,7 +165,7 @@ def test_a_report_off_the_wire_ends_in_local_metres_on_our_clock():
             north_m=0.3 * step,
             velocity=(3.0, 0.0, 0.0),
         )
-        observer = observe(observer, report, FRAME, SETTINGS)
+        observer = add_report(observer, report, FRAME, SETTINGS)
     evader = predict(observer.track, 104.0, SETTINGS)
     # The sender's 7 s are our 100.02 s, as far as reports can tell.
     assert evader.position_ned_m == pytest.approx((3.0 * (104.0 - 100.02), 0.0, -5.0), abs=0.02)
@@ -184,20 +184,22 @@ def test_a_report_was_true_when_it_arrived_and_with_a_timesync_when_it_was_sent(
             else None
         )
         report = wire_report(received_s=100.0, sent_s=sent_s)._replace(timesync=answer)
-        observer = observe(Observer(), report, FRAME, SETTINGS)
+        observer = add_report(Observer(), report, FRAME, SETTINGS)
         assert observer.track.estimate.time_s == pytest.approx(true_s)
 
 
 def test_spreads_that_are_given_are_used_and_the_others_are_the_settings():
-    told = observe(Observer(), wire_report(received_s=0.0, position_sd_m=0.2), FRAME, SETTINGS)
-    silent = observe(Observer(), wire_report(received_s=0.0, position_sd_m=-1.0), FRAME, SETTINGS)
+    told = add_report(Observer(), wire_report(received_s=0.0, position_sd_m=0.2), FRAME, SETTINGS)
+    silent = add_report(
+        Observer(), wire_report(received_s=0.0, position_sd_m=-1.0), FRAME, SETTINGS
+    )
     assert predict(told.track, 0.0, SETTINGS).position_sd_m == pytest.approx(0.2)
     assert predict(silent.track, 0.0, SETTINGS).position_sd_m == pytest.approx(
         SETTINGS.position_sd_m
     )
     moving = wire_report(received_s=0.0, velocity=(1.0, 0.0, 0.0), velocity_sd_m_s=0.1)
     assert predict(
-        observe(Observer(), moving, FRAME, SETTINGS).track, 0.0, SETTINGS
+        add_report(Observer(), moving, FRAME, SETTINGS).track, 0.0, SETTINGS
     ).velocity_sd_m_s == pytest.approx(0.1)
 
 
@@ -205,14 +207,14 @@ def test_very_small_spreads_are_raised():
     boasting = wire_report(
         received_s=0.0, velocity=(1.0, 0.0, 0.0), position_sd_m=1e-9, velocity_sd_m_s=1e-9
     )
-    evader = predict(observe(Observer(), boasting, FRAME, SETTINGS).track, 0.0, SETTINGS)
+    evader = predict(add_report(Observer(), boasting, FRAME, SETTINGS).track, 0.0, SETTINGS)
     assert (evader.position_sd_m, evader.velocity_sd_m_s) == pytest.approx((0.01, 0.01))
 
 
 def test_a_velocity_of_which_a_part_is_unknown_is_unknown():
     partly = wire_report(received_s=0.0, velocity=(3.0, 0.0, math.nan))
     assert not predict(
-        observe(Observer(), partly, FRAME, SETTINGS).track, 0.0, SETTINGS
+        add_report(Observer(), partly, FRAME, SETTINGS).track, 0.0, SETTINGS
     ).velocity_known
 
 
@@ -220,6 +222,6 @@ def test_a_velocity_of_which_a_part_is_unknown_is_unknown():
     "report", [wire_report(received_s=0.0, amsl_m=math.nan), wire_report(received_s=math.nan)]
 )
 def test_a_report_that_says_no_number_is_dropped(report):
-    observer = observe(Observer(), report, FRAME, SETTINGS)
+    observer = add_report(Observer(), report, FRAME, SETTINGS)
     assert observer.track.outcome is ReportOutcome.UNUSABLE
     assert observer.track.estimate is None

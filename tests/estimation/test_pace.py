@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from guidance.estimation import Observer, observe
+from guidance.estimation import Observer, add_report
 from guidance.estimation.measurement import TrackSettings
 from guidance.estimation.pace import Pace, judge_pace
 from guidance.estimation.track import ReportOutcome
@@ -97,7 +97,7 @@ def report(time_s, sent_s):
 def test_an_evader_with_a_strange_clock_is_followed_by_its_arrival_times(name):
     observer = Observer()
     for time_s in seconds(0.0, 8.0):
-        observer = observe(observer, report(time_s, STRANGE[name](time_s)), FRAME, SETTINGS)
+        observer = add_report(observer, report(time_s, STRANGE[name](time_s)), FRAME, SETTINGS)
     last = observer.track.history[-1]
     assert observer.track.outcome is ReportOutcome.ACCEPTED
     assert last.measurement.time_s == last.measurement.received_s

@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from guidance.estimation import Observer, observe
+from guidance.estimation import Observer, add_report
 from guidance.estimation.measurement import TrackSettings
 from guidance.estimation.velocity_check import VelocityCheck, check_velocity
 from guidance.frames import Amsl, LocalFrame, Ned
@@ -101,7 +101,7 @@ def test_a_dropped_velocity_no_longer_pulls_the_estimate():
         latitude, longitude, _ = FRAME.wgs84_from_ned(Ned((*position, 0.0)))
         said = (north_rate, east_rate, 0.0)
         report = EvaderReport(time_s, time_s, "t", latitude, longitude, 488.0, Ned(said), 0.3, 0.1)
-        observer = observe(observer, report, FRAME, SETTINGS)
+        observer = add_report(observer, report, FRAME, SETTINGS)
         estimated = observer.track.estimate.modes.steady.mean
         errors_m.append(math.dist(estimated[2:], velocity))
     assert not observer.velocity_check.believed

@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple, cast
 
 from guidance.clock import VirtualClock
 from guidance.control.follow import gaps_to_disc
-from guidance.cycle import Players, Vehicle, certify
+from guidance.cycle import Capability, Players, certify
 from guidance.flight import Event, State
 from guidance.flight.table import SETPOINT_STATES
 from guidance.frames import Enu, ned_from_game
@@ -433,7 +433,7 @@ class Sortie:
             cycle = flight.settings.cycle
             here = one.position_game_m
             self.first[name] = one.evader
-            vehicle = Vehicle(
+            vehicle = Capability(
                 cycle.handling.acceleration,
                 cycle.envelope,
                 cycle.handling.approach,

@@ -17,7 +17,7 @@ from guidance.session.fly.mission import Mission
 from guidance.session.fly.result import outcome_of_flight
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
-from guidance.sim.maths import play
+from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
 from guidance.sweeps.folder import begun
@@ -118,7 +118,7 @@ def test_files_know_it_by_name(spheroid):
     assert plan_of(scenario=scenario).flight.cycle.game.pursuer == SPEEDS
     assert "spheroid" in str(Config.model_json_schema())
     assert speed_set_named("spheroid") is Spheroid
-    outcome, defended = play([scenario, parse(Scenario, DEFENCE, source="b.toml")])
+    outcome, defended = play_scenarios([scenario, parse(Scenario, DEFENCE, source="b.toml")])
     assert (outcome.end, defended.winner) == ("captured", defended.predicted_winner)
     assert abs(outcome.regret) < 1e-6
     slow = CHASE | {"pursuer": CHASE["pursuer"] | {"speed_set": "cube"}}

@@ -10,7 +10,7 @@ from collections import deque
 from typing import Final, NamedTuple
 
 from guidance.control.follow import approach, gaps_to_disc
-from guidance.cycle import Certified, CycleSettings, Players, Vehicle, certify, game_played
+from guidance.cycle import Capability, Certified, CycleSettings, Players, certify, game_played
 from guidance.cycle.monitor import GUARDED_S, LASTING_S
 from guidance.frames import Enu, game_from_ned, ned_from_game
 from guidance.game import Winner
@@ -72,7 +72,7 @@ class Referee:
             settings.game.standoff,
         )
         players = Players(*state, gaps, AGE_S)
-        vehicle = Vehicle(
+        vehicle = Capability(
             settings.handling.acceleration,
             settings.envelope,
             settings.handling.approach,

@@ -9,7 +9,7 @@ from guidance.errors import ConfigError
 from guidance.game import End
 from guidance.league.contest import contest_of, play_pair, scenario_of_game, worst_rows
 from guidance.league.laws import FRPN, FRPN_LEVEL, frpn, frpn_level
-from guidance.sim.maths import play
+from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario_file import load_scenario
 from guidance.strategies import own
 
@@ -66,7 +66,7 @@ def test_the_worst_game_as_a_scenario_has_the_same_regret(game, policy_file):
     contest = contest_of(load_scenario(game)[1], "policy.py:choose", "pursuer", 10, 3)
     played = play_pair(contest, "policy.py:choose", "optimal")
     won = [row for row in worst_rows(played, 10) if played.end[row] == End.CAPTURED]
-    outcome = play([scenario_of_game(contest, played.row, won[0])])[0]
+    outcome = play_scenarios([scenario_of_game(contest, played.row, won[0])])[0]
     if outcome.predicted_winner == "pursuer":
         assert outcome.regret == pytest.approx(played.regret[won[0]], abs=1e-6)
 

@@ -10,7 +10,7 @@ from guidance.league import PursuitEnv, PursuitParallelEnv, PursuitVectorEnv
 from guidance.league.play import Games
 from guidance.league.sides import side_of
 from guidance.league.states import arena_of, draw, scenario_at, seeds_of
-from guidance.sim.maths import play
+from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario_file import load_scenario
 
 
@@ -39,7 +39,7 @@ def test_games_end_as_the_mathematics_ends_them(name):
     while (games.moment.end == End.RUNNING).any():
         games.step(None, None)
     states = draw(arena, seeds)
-    outcomes = play([scenario_at(scenario, states, row) for row in range(12)])
+    outcomes = play_scenarios([scenario_at(scenario, states, row) for row in range(12)])
     assert [End(end).name.lower() for end in games.moment.end] == [row.end for row in outcomes]
     assert games.moment.now_s == pytest.approx([row.game_time_s for row in outcomes], abs=0.03)
 

@@ -7,7 +7,7 @@ from contextlib import closing
 import pytest
 
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.carriers import Refused
+from guidance.links.carriers import RefusedReport
 from guidance.links.opening import open_source
 from guidance.links.zenoh_evader import MOST_REPORT_BYTES, read_json
 from guidance.links.zenoh_session import MOST_QUERY_BYTES, is_small, open_session
@@ -42,7 +42,7 @@ def test_a_report_of_unknown_keys_costs_no_error_for_each():
     payload = json.dumps(keys).encode()[:MOST_REPORT_BYTES]
     begun_s = time.process_time()
     for _ in range(200):
-        with pytest.raises(Refused):
+        with pytest.raises(RefusedReport):
             read_json(payload, 1.0, frame=FRAME, source="x")
     many_s = time.process_time() - begun_s
     begun_s = time.process_time()

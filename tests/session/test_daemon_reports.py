@@ -10,7 +10,7 @@ from guidance.autopilots import Verdict
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.links import MemoryWire
-from guidance.links.carriers import GLOBAL_POSITION, Refused, carrier_of
+from guidance.links.carriers import GLOBAL_POSITION, RefusedReport, carrier_of
 from guidance.links.mavlink_evader import MavlinkEvader
 from guidance.links.opening import open_source_patiently
 from guidance.links.zenoh_evader import read_ros
@@ -174,7 +174,7 @@ class Posing:
 
     def receive(self):
         pose = Cdr("<").put("i", 0).put("I", 0).text("odom").put("d", *[0.0] * 6, 1.0).done()
-        with pytest.raises(Refused) as caught:
+        with pytest.raises(RefusedReport) as caught:
             read_ros(pose, self.clock.now_s(), frame=FRAME, moves=False)
         self.refused += 1
         self.reason = str(caught.value)

@@ -11,7 +11,7 @@ from guidance.errors import ConfigError
 from guidance.session.fly.result import outcome_of_flight
 from guidance.session.open.mock import MockOptions
 from guidance.session.recorded_flight import fly_recorded
-from guidance.sim.maths import play
+from guidance.sim.maths import play_scenarios
 from guidance.sim.mock_files import faulted_fleet, fleet, script
 from guidance.sim.scenario import Scenario
 from tests.harness import flights
@@ -97,7 +97,7 @@ def test_wind_blows_on_the_pursuer_for_the_whole_flight_and_is_captured_against(
     _, outcome = flown(wind=wind)
     assert outcome.end == "captured"
     # The autopilot holds the speed over ground, so the promise is the same as in still air.
-    assert outcome.predicted == pytest.approx(play([scenario()])[0].predicted, abs=0.3)
+    assert outcome.predicted == pytest.approx(play_scenarios([scenario()])[0].predicted, abs=0.3)
 
 
 def test_the_files_for_a_child_process_say_what_is_flown_in_this_one():

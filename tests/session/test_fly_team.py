@@ -19,7 +19,7 @@ from guidance.session.recorded_flight import fly_recorded
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.viz.panel.snapshot import replay_of
 from guidance.viz.report import write_team_report
-from guidance.viz.story import captures_of, team_opening, team_story, team_summary
+from guidance.viz.story import captures_of, team_opening_words, team_story, team_summary
 from tests.harness.flights import low_team
 from tests.harness.witness import Witness
 from tests.team.lossy import LossyNetwork
@@ -126,7 +126,7 @@ def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path):
         assert (capture.vehicle, capture.now_s) == (evader.capture.vehicle, evader.capture.now_s)
         assert "; kept: " in story.verdict(name)
     assert [name for name, _ in team_summary(story)] == ["uav1", "uav2", "uav3", "rover1", "rover2"]
-    words = team_opening(story)
+    words = team_opening_words(story)
     assert "promised 2 captures; 2 promises were kept" in words
     assert f"{flown.least_distance_m(3.0):.1f} m apart" in words
     assert "replays bit for bit" in words

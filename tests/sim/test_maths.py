@@ -8,7 +8,7 @@ from guidance.config import parse
 from guidance.errors import ConfigError
 from guidance.game import Exact, rollout
 from guidance.sim.batch import game, stack
-from guidance.sim.maths import moments, play
+from guidance.sim.maths import moments, play_scenarios
 from guidance.sim.scenario import Scenario, Wind
 from guidance.sim.scenario_file import load_scenario
 
@@ -31,7 +31,7 @@ def scenario(base=CHASE, **sections):
 
 
 def one(base=CHASE, **sections):
-    return play([scenario(base, **sections)])[0]
+    return play_scenarios([scenario(base, **sections)])[0]
 
 
 def test_optimal_players_reach_the_value():
@@ -103,7 +103,9 @@ def test_a_pure_pursuit_is_that_of_a_rollout():
         evader_policy="pure_evade",
         stepping=Exact(0.02),
     )
-    assert play([chase])[0].game_time_s == pytest.approx(float(exact.time_s[0]), abs=0.002)
+    assert play_scenarios([chase])[0].game_time_s == pytest.approx(
+        float(exact.time_s[0]), abs=0.002
+    )
 
 
 def mixed(count=24):
@@ -133,12 +135,12 @@ def mixed(count=24):
 
 def test_a_game_is_the_same_in_a_batch_in_any_order_and_alone():
     rows = mixed()
-    together = play(rows)
-    backwards = play(rows[::-1])[::-1]
+    together = play_scenarios(rows)
+    backwards = play_scenarios(rows[::-1])[::-1]
     for number, (row, outcome, again) in enumerate(zip(rows, together, backwards, strict=True)):
         assert repr(outcome) == repr(again)
         if number % 3 == 0:
-            assert repr(play([row])[0]) == repr(outcome)
+            assert repr(play_scenarios([row])[0]) == repr(outcome)
     assert {outcome.end for outcome in together} == {"captured", "time_up"}
 
 
@@ -222,7 +224,7 @@ def test_an_evader_that_seems_too_fast_for_a_game_ends_it():
 def test_the_library_scenario_of_the_paper_has_the_value_that_the_game_gives():
     chase = load_scenario("hover_chase")[1]
     level = chase.evader.position_m[1] - chase.standoff.radius_m - chase.standoff.tolerance_m
-    assert play([chase])[0].predicted == pytest.approx(
+    assert play_scenarios([chase])[0].predicted == pytest.approx(
         level / (chase.pursuer.speed_m_s - chase.evader.speed_m_s)
     )
 
@@ -246,6 +248,6 @@ def test_a_win_within_the_error_of_a_cycle_is_not_promised(spare_m, winner):
         "evader": {"position_m": [0.5 * (10.0 + 3.0 * spare_m), 0.0], "speed_m_s": 2.0},
         "standoff": standoff,
     }
-    (outcome,) = play([parse(Scenario, base, source="close")])
+    (outcome,) = play_scenarios([parse(Scenario, base, source="close")])
     assert outcome.predicted_evader_to_target_m == pytest.approx(spare_m, rel=1e-6)
     assert outcome.predicted_winner == winner

@@ -10,7 +10,7 @@ import pytest
 
 from guidance.config import config_folder
 from guidance.session.fly.result import outcome_of_flight
-from guidance.sim.maths import play
+from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario_file import FOLDER, load_any, load_scenario
 from guidance.sim.teams import TeamScenario, play_teams, summary_of
 from tests.harness.flights import flown
@@ -70,7 +70,7 @@ def test_every_scenario_explains_itself_and_expects_something(name):
 def played():
     """All scenarios in one batch: a game is the same in a batch and alone."""
     scenarios = [load_scenario(name)[1] for name in NAMES]
-    return dict(zip(NAMES, zip(scenarios, play(scenarios), strict=True), strict=True))
+    return dict(zip(NAMES, zip(scenarios, play_scenarios(scenarios), strict=True), strict=True))
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from guidance.config import config_folder, parse
 from guidance.errors import ConfigError
 from guidance.log.entries import CYCLE
-from guidance.sim.maths import play
+from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import json_schema, load_document, load_scenario, read_track
 
@@ -95,7 +95,7 @@ def test_an_expectation_that_fails_is_the_one_that_is_told():
             "events": ["x"],
         }
     )
-    verdicts = list(scenario.expect.verdicts(play([scenario])[0]._asdict()))
+    verdicts = list(scenario.expect.verdicts(play_scenarios([scenario])[0]._asdict()))
     assert {(each.column, each.held) for each in verdicts} == {
         ("end", True),
         ("capture_time_s", False),
@@ -106,7 +106,7 @@ def test_an_expectation_that_fails_is_the_one_that_is_told():
 
 def test_what_is_expected_of_flights_is_not_asked_of_mathematics():
     scenario = built(expect={"flown": {"end": "yielded"}})
-    outcome = play([scenario])[0]
+    outcome = play_scenarios([scenario])[0]
     assert list(scenario.expect.verdicts(outcome._asdict())) == []
     assert [
         each.held for each in scenario.expect.verdicts(outcome._replace(run="fast")._asdict())
@@ -115,7 +115,7 @@ def test_what_is_expected_of_flights_is_not_asked_of_mathematics():
 
 def test_no_number_meets_no_range():
     scenario = built(expect={"maths": {"distance_to_disc_m": {"min": -1e9, "max": 1e9}}})
-    outcome = play([scenario])[0]
+    outcome = play_scenarios([scenario])[0]
     assert next(scenario.expect.verdicts(outcome._asdict())).held
     assert not next(
         scenario.expect.verdicts(outcome._replace(distance_to_disc_m=float("nan"))._asdict())

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.config import parse
-from guidance.estimation import Observer, observe, predict
+from guidance.estimation import Observer, add_report, predict
 from guidance.estimation.measurement import TrackSettings
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.log import compare
@@ -111,7 +111,7 @@ def test_a_late_report_arrives_late_and_its_age_is_known():
     observer = Observer()
     track = TrackSettings(declared_speed_m_s=2.0)
     for _, report in came:
-        observer = observe(observer, report, HERE, track)
+        observer = add_report(observer, report, HERE, track)
     now_s, last = came[-1]
     seen = predict(observer.track.estimate, Ned((0.0, 0.0, 0.0)), now_s, track)
     assert seen.age_s == pytest.approx(0.5 + now_s - last.received_s, abs=1e-6)

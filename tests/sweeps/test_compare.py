@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from guidance.cli.program import app
 from guidance.errors import ConfigError
-from guidance.sim.maths import play
+from guidance.sim.maths import play_scenarios
 from guidance.sim.outcome import outcome_json
 from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.sim.teams import play_teams
@@ -139,7 +139,7 @@ def test_the_command_compares_sweeps_and_outcomes(swept, tmp_path):
     assert "20 paired rows" in shown.stdout
     assert "captured" in shown.stdout
     for name, folder in (("one.json", a), ("other.json", b)):
-        outcome = play([scenario_of(folder.plan, 4)])[0]
+        outcome = play_scenarios([scenario_of(folder.plan, 4)])[0]
         (tmp_path / name).write_text(json.dumps(outcome_json(outcome)))
     both = [str(tmp_path / "one.json"), str(tmp_path / "other.json")]
     compared = json.loads(CliRunner().invoke(app, ["compare", *both, "--json"]).stdout)
@@ -179,7 +179,7 @@ def test_no_number_is_cut_in_a_narrow_terminal(swept, tmp_path, columns):
     b = swept("b", pursuers='"pure_pursuit"')
     for name, folder in (("a.json", a), ("b.json", b)):
         (tmp_path / name).write_text(
-            json.dumps(outcome_json(play([scenario_of(folder.plan, 4)])[0]))
+            json.dumps(outcome_json(play_scenarios([scenario_of(folder.plan, 4)])[0]))
         )
     for pair in ((a.path, b.path), (tmp_path / "a.json", tmp_path / "b.json")):
         said = [
@@ -208,13 +208,15 @@ def test_outcomes_of_teams_are_compared_evader_by_evader(tmp_path):
     Path(paths[1]).write_text(json.dumps(rows[:1]))
     done = CliRunner().invoke(app, ["compare", *paths])
     assert "must be games of the same evaders" in str(done.exception)
-    Path(paths[1]).write_text(json.dumps(outcome_json(play([load_scenario("wind")[1]])[0])))
+    Path(paths[1]).write_text(
+        json.dumps(outcome_json(play_scenarios([load_scenario("wind")[1]])[0]))
+    )
     done = CliRunner().invoke(app, ["compare", *paths])
     assert "two outcomes of teams or none" in str(done.exception)
 
 
 def test_a_run_as_mathematics_and_a_flight_are_said_to_be_different_games(tmp_path):
-    outcome = play([load_scenario("wind")[1]])[0]
+    outcome = play_scenarios([load_scenario("wind")[1]])[0]
     paths = [str(tmp_path / "maths.json"), str(tmp_path / "flown.json")]
     for path, run in zip(paths, ("maths", "fast"), strict=True):
         Path(path).write_text(json.dumps(outcome_json(outcome._replace(run=run))))

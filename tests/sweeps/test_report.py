@@ -9,7 +9,7 @@ from scipy import stats
 from typer.testing import CliRunner
 
 from guidance.cli.sweep import sweep as app
-from guidance.sim.maths import play
+from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario_file import load_scenario
 from guidance.sweeps import report
 from guidance.sweeps.drawing import key_label
@@ -169,7 +169,7 @@ def test_a_worst_case_is_a_scenario_file_that_reproduces_its_row(mixed, tmp_path
     assert len(summary["worst"]) == 8
     for case in summary["worst"]:
         _, scenario = load_scenario(str(tmp_path / "report" / case["file"]))
-        outcome = play([scenario])[0]._asdict()
+        outcome = play_scenarios([scenario])[0]._asdict()
         row = everything.at(case["row"])
         for name, value in outcome.items():
             if isinstance(value, float):

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.team.board import Board
-from guidance.team.messages import KINDS, Refused, RolesMessage, encode
+from guidance.team.messages import KINDS, RefusedMessage, RolesMessage, encode
 from tests.team.virtual_team import SITE, state_of
 
 NAMES = ("alpha", "bravo", "charlie")
@@ -132,7 +132,7 @@ def roles(vehicle, term, seq=0):
 def test_the_newest_term_wins_then_the_lower_name(order):
     here = board()
     for number, (vehicle, term, seq) in enumerate(order):
-        with contextlib.suppress(Refused):
+        with contextlib.suppress(RefusedMessage):
             here.take_roles(float(number), roles(vehicle, term, seq))
     assert (here.roles.vehicle, here.roles.term) == ("bravo", 2)
 

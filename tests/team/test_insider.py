@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from guidance.team.board import MOST_TERMS, Board
-from guidance.team.messages import MOST_BYTES, Refused, RolesMessage, decode, encode
+from guidance.team.messages import MOST_BYTES, RefusedMessage, RolesMessage, decode, encode
 from guidance.team.senders import ALONE_AFTER_S, MOST_EPOCHS, STEADY, TAKES_OVER_S, Sender
 from tests.team.virtual_team import SITE, VirtualTeam, state_of
 
@@ -214,7 +214,7 @@ def test_a_message_of_many_unknown_keys_costs_little():
     payload = ("{" + keys + "}").encode()[: MOST_BYTES - 1]
     begun_s = time.process_time()
     for _ in range(100):
-        with pytest.raises(Refused):
+        with pytest.raises(RefusedMessage):
             decode("state", payload)
     many_s = time.process_time() - begun_s
     begun_s = time.process_time()

@@ -24,7 +24,7 @@ from guidance.messages import Home
 from guidance.session.fly.result import outcome_of_flight
 from guidance.viz import report as written
 from guidance.viz.report import PICTURES, tracks, write_report
-from guidance.viz.story import opening, story_of, summary
+from guidance.viz.story import opening_words, story_of, summary
 from tests.harness.flights import NEAR
 
 VOID = {"meta", "link", "img", "br"}
@@ -180,7 +180,7 @@ def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_i
 ):
     for result, path, folder in (pe, tad):
         story = told(path)
-        said = opening(story)
+        said = opening_words(story)
         engaged = story.engaged.certificate
         for words in (
             result.scenario.title, "in virtual time", f"from {story.flight.vehicle.latest.get(Home).latitude_deg:.5f}°",
@@ -191,7 +191,7 @@ def test_the_first_paragraph_says_who_where_what_was_promised_and_what_limited_i
         assert f"<p>{html.escape(said)}</p>" in page_in(folder)
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(pe[1].read_bytes()[:150_000])
-    assert "No game was played" in opening(story_of(torn))
+    assert "No game was played" in opening_words(story_of(torn))
 
 
 def test_the_picture_of_a_flight_is_drawn_also_of_one_that_never_engaged(pe, tad, tmp_path):

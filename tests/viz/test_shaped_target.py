@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from guidance.session.fly.result import outcome_of_flight
-from guidance.sim.maths import play
+from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario import Scenario
 from guidance.viz.figures import draw_scenario
 from guidance.viz.panel.snapshot import frames_of
@@ -37,7 +37,7 @@ def flight(tmp_path_factory, soon_up_and_down):
 @pytest.mark.flight
 def test_the_evader_is_captured_before_it_reaches_the_hall(flight):
     outcome = outcome_of_flight(flight[0], "fast")
-    (predicted,) = play([SCENARIO])
+    (predicted,) = play_scenarios([SCENARIO])
     assert (outcome.end, predicted.end) == ("captured", "captured")
     assert outcome.predicted_evader_to_target_m == pytest.approx(
         predicted.predicted_evader_to_target_m, abs=1.0

@@ -64,7 +64,7 @@ from guidance.game.team.regions import (
 )
 from guidance.game.team.table import (
     Meeting,
-    Team,
+    PursuerGames,
     are,
     costs_of,
     place_of,
@@ -200,7 +200,7 @@ def _broadcast(
     return game, np.broadcast_to(P, (*shape_of_pursuers, 3)), vectors_of_rows
 
 
-def _fault_of(team: Team, answer: TeamSolution) -> Array:
+def _fault_of(team: PursuerGames, answer: TeamSolution) -> Array:
     """Return the reason why a row has no answer, else 0."""
     none = int(Reason.NOT_FINITE)
     worst = np.max(team.alone.reason, axis=-1)
@@ -208,7 +208,7 @@ def _fault_of(team: Team, answer: TeamSolution) -> Array:
     return np.asarray(np.where(worst >= none, worst, overflow))
 
 
-def _team(game: Game, P: Array, others: Mapping[str, Array]) -> Team:
+def _team(game: Game, P: Array, others: Mapping[str, Array]) -> PursuerGames:
     """Return the pursuers' games against the evader; `rest` has the other positions by the arguments' names."""
     lone = {name: value[..., None, :] for name, value in others.items()}
     return team_of(game, P, lone["evader"], lone.get("target"), lone.get("evader_velocity_m_s"))
@@ -243,7 +243,7 @@ def _against_a_set(
     return TeamSolution(*parts)
 
 
-def _best_pair(team: Team) -> Meeting:
+def _best_pair(team: PursuerGames) -> Meeting:
     """Return what the best two pursuers guarantee, or the best one."""
     count = team.own.shape[-1]
     pairs = together(team, (..., pairs_of(count)))
@@ -251,7 +251,7 @@ def _best_pair(team: Team) -> Meeting:
     return Meeting(*(part[best] for part in pairs))
 
 
-def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
+def defence(team: PursuerGames, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
     """Play TAD: see `solve_team`.
 
     Args:
@@ -276,7 +276,7 @@ def defence(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Mee
     return answer._replace(winner=winner), best
 
 
-def chase(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
+def chase(team: PursuerGames, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeting]:
     """Play PE: see `solve_team` and `defence`."""
     run = longest_run(team)
     is_bracket = run.worth <= best.worth * (1.0 - ROUNDING)
@@ -285,7 +285,7 @@ def chase(team: Team, evader: Array, best: Meeting) -> tuple[TeamSolution, Meeti
     return assembled(team, evader, run, best, flies), best
 
 
-def placed(team: Team, evader: Array, best: Meeting) -> Meeting:
+def placed(team: PursuerGames, evader: Array, best: Meeting) -> Meeting:
     """Return a meeting at the first pursuer's own end of the game if that decides it alone."""
     end = taken(team.alone.meeting_point_m, best.first) - evader
     single = best.first == best.second
@@ -295,7 +295,7 @@ def placed(team: Team, evader: Array, best: Meeting) -> Meeting:
 
 
 def nearest_run(
-    team: Team,
+    team: PursuerGames,
     evader: Array,
     best: Meeting,
     won: Array,
@@ -348,7 +348,7 @@ def _unpaired(best: Meeting, x: Array, y: Array, worth: Array) -> Meeting:
     return Meeting(x, y, worth, first, second)
 
 
-def longest_run(team: Team) -> Meeting:
+def longest_run(team: PursuerGames) -> Meeting:
     """Return the straight run of PE that lasts longest before all pursuers.
 
     It leads to a pursuer's own end of the game, or to a crossing of two edges. All of a few pursuers are tried. Of many
@@ -375,7 +375,7 @@ def longest_run(team: Team) -> Meeting:
     return Meeting(*parts)
 
 
-def _longest_found(team: Team) -> Meeting:
+def _longest_found(team: PursuerGames) -> Meeting:
     """Return the longest of the runs to the pursuers' own ends and to crossings between these."""
     count = team.own.shape[-1]
     v = team.v[..., None]
@@ -404,7 +404,7 @@ def _longest_found(team: Team) -> Meeting:
 
 
 def _among(
-    team: Team, own_ends: Sequence[Array], reach: Array, chosen: Array | None = None
+    team: PursuerGames, own_ends: Sequence[Array], reach: Array, chosen: Array | None = None
 ) -> Meeting:
     """Return the longest run before all pursuers, or before some, whose numbers are (..., k).
 
@@ -518,7 +518,9 @@ def _longest_of(runs: _Runs) -> Array:
     return np.asarray(east.argmax(axis=-1))
 
 
-def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flies: Array) -> TeamSolution:
+def assembled(
+    team: PursuerGames, evader: Array, run: Meeting, best: Meeting, flies: Array
+) -> TeamSolution:
     """Return an answer, without multipliers.
 
     Args:
@@ -562,14 +564,14 @@ def assembled(team: Team, evader: Array, run: Meeting, best: Meeting, flies: Arr
     )
 
 
-def _multipliers_of_won(team: Team, best: Meeting, won: Array) -> Array:
+def _multipliers_of_won(team: PursuerGames, best: Meeting, won: Array) -> Array:
     """Return the multipliers where the team wins, (..., n), and zero where the evader does."""
     if not won.any():
         return np.zeros(team.own.shape)
     return np.where(won[..., None], _multipliers(team, best), 0.0)
 
 
-def _multipliers(team: Team, best: Meeting) -> Array:
+def _multipliers(team: PursuerGames, best: Meeting) -> Array:
     """Return by how much the value changes for each second that a pursuer starts late, (..., n).
 
     X* maximises the evader's time t_E (PE), or minimises its distance from the target (TAD), among the points with
@@ -589,7 +591,7 @@ def _multipliers(team: Team, best: Meeting) -> Array:
     return np.where(np.isfinite(multiplier), np.maximum(multiplier, 0.0), 0.0)
 
 
-def _shares(team: Team, best: Meeting, height: Array) -> Point:
+def _shares(team: PursuerGames, best: Meeting, height: Array) -> Point:
     """Return the multipliers of the first and the second pursuer of a meeting; `height`: where a height decides it."""
     far = NUMPY.norm2((best.x, best.y))
     run = (best.x / far, best.y / far)
@@ -608,7 +610,7 @@ def _shares(team: Team, best: Meeting, height: Array) -> Point:
     return np.where(single, share, shares[0]), np.where(single, share, shares[1])
 
 
-def _at_height(team: Team, best: Meeting) -> tuple[Meeting, Array]:
+def _at_height(team: PursuerGames, best: Meeting) -> tuple[Meeting, Array]:
     """Return the meeting at the height of the later of two Cylinders where that decides, and where it does."""
     safe = team.regions.safe
     if is_zero(safe):

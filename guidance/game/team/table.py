@@ -100,7 +100,7 @@ class Goal(NamedTuple):
         return np.asarray(np.maximum(beyond_m, 0.0))
 
 
-class Team(NamedTuple):
+class PursuerGames(NamedTuple):
     """Every pursuer's game against the evader, (..., n), and its region.
 
     Attributes:
@@ -148,7 +148,7 @@ class Meeting(NamedTuple):
     Attributes:
         x: X* of their game, (...), from the evader, m.
         y: the same.
-        worth: as in `Team`, (...).
+        worth: as in `PursuerGames`, (...).
         first: number of a pursuer that decides it, (...).
         second: number of the other, or the same again if one decides it alone.
     """
@@ -162,7 +162,7 @@ class Meeting(NamedTuple):
 
 def team_of(
     game: Game, P: Array, E: Array, T: Array | None, evader_velocity_m_s: Array | None = None
-) -> Team:
+) -> PursuerGames:
     """Return the team whose pursuers are along the last axis but one of P.
 
     Args:
@@ -188,7 +188,9 @@ def team_of(
     if T is not None:
         goal = _goal_of(game, v, (T - E)[..., 0, :])
     state = take_apart(NUMPY, game, components(P), components(E), None)
-    return Team(game, v, regions, state, end[..., 0], end[..., 1], worth, alone, own_worth, goal)
+    return PursuerGames(
+        game, v, regions, state, end[..., 0], end[..., 1], worth, alone, own_worth, goal
+    )
 
 
 def _level_game(game: Game) -> Game:
@@ -236,13 +238,13 @@ def shares_of(pull: Point, costs: tuple[Point, Point]) -> tuple[Array, Array]:
 
 
 def worth_in(alone: Solution, T: Array | None) -> Array:
-    """Return the worth of each pursuer's own game, see `Team`."""
+    """Return the worth of each pursuer's own game, see `PursuerGames`."""
     if T is None:
         return -alone.value
     return np.where(alone.winner > 0, alone.value, 0.0 * alone.value)
 
 
-def together(team: Team, index: tuple[Any, ...]) -> Meeting:
+def together(team: PursuerGames, index: tuple[Any, ...]) -> Meeting:
     """Return what each two pursuers guarantee, by one of them alone or together, (..., k).
 
     Args:
@@ -265,7 +267,7 @@ def together(team: Team, index: tuple[Any, ...]) -> Meeting:
     return Meeting(x, y, np.where(single, alone, bounded), first, second)
 
 
-def _both_cut(team: Team, regions: Regions, end: Point) -> Array:
+def _both_cut(team: PursuerGames, regions: Regions, end: Point) -> Array:
     """Return which two pursuers each cut the run off to the other's own end, (..., k).
 
     Args:
@@ -284,7 +286,7 @@ def _both_cut(team: Team, regions: Regions, end: Point) -> Array:
 
 
 def _bounds(
-    team: Team, regions: Regions, end: Point, worth: Array, bind: Array
+    team: PursuerGames, regions: Regions, end: Point, worth: Array, bind: Array
 ) -> tuple[Array, Array, Array]:
     """Return where games of two pursuers end, x and y, (..., k), and the worth that they guarantee together.
 
@@ -373,7 +375,7 @@ class Table(NamedTuple):
     target: Array | None
     present: Array
     plays: Array
-    all: Team
+    all: PursuerGames
     worth: Array
     beats: Array
     spare_m: Array
@@ -447,7 +449,7 @@ def table_of(
     return Table(shape, E, T, present, team.plays, pair_teams, worth, beats, np.zeros(worth.shape))
 
 
-def _without(team: Team, plays: Array) -> Team:
+def _without(team: PursuerGames, plays: Array) -> PursuerGames:
     """Return a team in which pairs that do not play capture nobody."""
     regions = team.regions._replace(safe=np.where(plays, team.regions.safe, FAR_M))
     nothing = -np.inf if team.goal is None else 0.0

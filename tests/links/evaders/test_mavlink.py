@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.errors import ConfigError
-from guidance.estimation import Observer, observe, predict
+from guidance.estimation import Observer, add_report, predict
 from guidance.estimation.measurement import TrackSettings
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.links import MemoryWire, SigningKey
@@ -500,7 +500,7 @@ def test_the_estimate_needs_no_guess_of_the_delay_once_the_evaders_clock_is_know
     ages = []
     for _ in range(3):
         for report in world.second():
-            observer = observe(observer, report, FRAME, settings)
+            observer = add_report(observer, report, FRAME, settings)
         ages.append(
             predict(observer.track.estimate, Ned((0.0, 0.0, 0.0)), world.now_s, settings).age_s
         )

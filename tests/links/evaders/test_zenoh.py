@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.carriers import Refused
+from guidance.links.carriers import RefusedReport
 from guidance.links.opening import open_source
 from guidance.links.zenoh_evader import JsonReport, ZenohEvader, read_json, read_ros, rmw_key
 from guidance.links.zenoh_session import open_session
@@ -116,7 +116,7 @@ def test_zero_velocity_in_json_is_zero():
     ],
 )
 def test_payloads_that_violate_the_schema_are_refused(payload, reason):
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(RefusedReport) as caught:
         read(payload, 0.0)
     assert str(caught.value) == reason
 
@@ -124,14 +124,14 @@ def test_payloads_that_violate_the_schema_are_refused(payload, reason):
 def test_a_datum_that_this_frame_cannot_turn_is_refused():
     bare = LocalFrame(47.0, 8.0, Amsl(488.0))
     for datum in ("ellipsoid", "relative"):
-        with pytest.raises(Refused, match="datum"):
+        with pytest.raises(RefusedReport, match="datum"):
             read_json(as_bytes(altitude_datum=datum), 0.0, frame=bare, source="x")
 
 
 @given(st.binary(max_size=200))
 def test_no_bytes_do_harm(payload):
     for reader in (read, pose, moving_pose):
-        with pytest.raises(Refused):
+        with pytest.raises(RefusedReport):
             reader(payload, 0.0)
 
 
@@ -223,14 +223,14 @@ def test_a_ros_stamp_of_zero_is_no_stamp():
     ],
 )
 def test_a_ros_pose_that_is_none_is_refused(payload, reason):
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(RefusedReport) as caught:
         pose(payload, 0.0)
     assert str(caught.value) == reason
 
 
 @given(st.integers(0, len(odometry()) - 1))
 def test_ros_messages_cut_anywhere_are_refused(length):
-    with pytest.raises(Refused):
+    with pytest.raises(RefusedReport):
         moving_pose(odometry()[:length], 0.0)
 
 
