@@ -72,8 +72,8 @@ class Pieces(NamedTuple):
         if not self.radius.any():
             return plus2(self.begin, position, self.along)
         position = np.where(self.radius > 0.0, 0.0, position)
-        straight = plus2(self.begin, position, self.along)
-        return straight[0] + self.radius * np.cos(angle), straight[1] + self.radius * np.sin(angle)
+        x, y = plus2(self.begin, position, self.along)
+        return x + self.radius * np.cos(angle), y + self.radius * np.sin(angle)
 
 
 def most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Danger:
@@ -86,16 +86,20 @@ def most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Danger:
         T: position of the target, (..., 3), m.
     """
     extent = game.target_extent
-    state = pe.take_apart(NUMPY, game, components(P), components(E[..., None, :]), None)
-    to_target = T[..., 0] - E[..., 0], T[..., 1] - E[..., 1]
-    evader = -to_target[0], -to_target[1]
+    evader_of_each = components(E[..., None, :])
+    state = pe.take_apart(NUMPY, game, components(P), evader_of_each, None)
+    way = T - E
+    to_target = (way[..., 0], way[..., 1])
+    evader = (-to_target[0], -to_target[1])
     x, y = _least(game, state, to_target, _pieces(extent, evader))
     inside = to_set(NUMPY, extent, evader)
     arrived = dot2(inside, inside) == 0.0
     x = np.where(arrived, evader[0], x)
     y = np.where(arrived, evader[1], y)
     margin_here = _margins(game, state, plus2(to_target, 1.0, (x, y)))
-    return Danger(np.stack([T[..., 0] + x, T[..., 1] + y, T[..., 2]], axis=-1), margin_here)
+    target_x, target_y, height = components(T)
+    point = np.stack([target_x + x, target_y + y, height], axis=-1)
+    return Danger(point, margin_here)
 
 
 def _least(game: Game, state: Geometry, to_target: Plane, pieces: Pieces) -> Plane:
@@ -117,10 +121,10 @@ def _least(game: Game, state: Geometry, to_target: Plane, pieces: Pieces) -> Pla
         middle = np.take_along_axis(angle, best, axis=1)
     least = np.take_along_axis(margin, best, axis=1)[:, 0]
     piece = np.argmin(least, axis=0)[None]
-    points = pieces.at(middle)
-    x = np.take_along_axis(np.asarray(points[0])[:, 0], piece, axis=0)[0]
-    y = np.take_along_axis(np.asarray(points[1])[:, 0], piece, axis=0)[0]
-    return x, y
+    points = [np.asarray(part)[:, 0] for part in pieces.at(middle)]
+    x = np.take_along_axis(points[0], piece, axis=0)
+    y = np.take_along_axis(points[1], piece, axis=0)
+    return x[0], y[0]
 
 
 def _lowest_minima(margin: Array) -> Array:
@@ -128,8 +132,10 @@ def _lowest_minima(margin: Array) -> Array:
     beyond = np.full_like(margin[:, :1], np.inf)
     before = np.concatenate([beyond, margin[:, :-1]], axis=1)
     after = np.concatenate([margin[:, 1:], beyond], axis=1)
-    lowest = np.where((margin <= before) & (margin <= after), margin, np.inf)
-    return np.argsort(_joined(lowest), axis=0)[:MINIMA]
+    is_minimum = (margin <= before) & (margin <= after)
+    lowest = np.where(is_minimum, margin, np.inf)
+    order = np.argsort(_joined(lowest), axis=0)
+    return order[:MINIMA]
 
 
 def _joined(array: Array) -> Array:
@@ -139,8 +145,9 @@ def _joined(array: Array) -> Array:
 
 def _spread(low: Array, high: Array, count: int) -> tuple[Array, Array]:
     """Return points between two ends, (p, count, ...), and the distance of two."""
+    width = high - low
     share = _shares(count).reshape(1, count, *(1,) * (low.ndim - 2))
-    return low + share * (high - low), (high - low) / (count - 1)
+    return low + share * width, width / (count - 1)
 
 
 @lru_cache(maxsize=4)
@@ -162,7 +169,8 @@ def _margins(game: Game, state: Geometry, heading: Plane) -> Array:
     else:
         arrival = catch_in_ball(NUMPY, v, 0.0, (x, y), adrift, 0.0)
         goal = (x + adrift[0] * arrival, y + adrift[1] * arrival)
-    return np.asarray(arrival - guard_time(NUMPY, game, state, goal)).max(axis=-1)
+    margin = arrival - guard_time(NUMPY, game, state, goal)
+    return np.asarray(margin).max(axis=-1)
 
 
 def _pieces(extent: Extent, evader: Plane) -> Pieces:
@@ -170,8 +178,10 @@ def _pieces(extent: Extent, evader: Plane) -> Pieces:
     corners = extent.corners_m
     radius = extent.radius_m
     if len(corners) == 1:
-        middle = np.arctan2(evader[1] - corners[0][1], evader[0] - corners[0][0])
-        return _stacked([_arc(corners[0], radius, middle - math.pi, middle + math.pi, evader)])
+        centre = corners[0]
+        middle = np.arctan2(evader[1] - centre[1], evader[0] - centre[0])
+        circle = _arc(centre, radius, middle - math.pi, middle + math.pi, evader)
+        return _stacked([circle])
     pieces = []
     before = _normal(corners[-1], corners[0])
     for begin, end in zip(corners, corners[1:] + corners[:1], strict=True):
@@ -180,8 +190,12 @@ def _pieces(extent: Extent, evader: Plane) -> Pieces:
             first = math.atan2(before[1], before[0])
             turn = math.atan2(cross2(before, normal), dot2(before, normal)) % math.tau
             nothing = 0.0 * evader[0]
-            pieces.append(_arc(begin, radius, first + nothing, first + turn + nothing, evader))
-        pieces.append(_side(plus2(begin, radius, normal), plus2(end, radius, normal), evader))
+            low = first + nothing
+            high = first + turn + nothing
+            pieces.append(_arc(begin, radius, low, high, evader))
+        outer_begin = plus2(begin, radius, normal)
+        outer_end = plus2(end, radius, normal)
+        pieces.append(_side(outer_begin, outer_end, evader))
         before = normal
     return _stacked(pieces)
 
@@ -208,14 +222,17 @@ def _arc(centre: Plane, radius: float, low: Array, high: Array, evader: Plane) -
 
 def _side(begin: Plane, end: Plane, evader: Plane) -> Pieces:
     length = math.dist(begin, end)
-    along = (end[0] - begin[0]) / length, (end[1] - begin[1]) / length
+    x, y = begin
+    along_x = (end[0] - x) / length
+    along_y = (end[1] - y) / length
+    along = (along_x, along_y)
     from_begin = plus2(evader, -1.0, begin)
     foot = dot2(from_begin, along)
     apart = np.maximum(abs(cross2(along, from_begin)), ON_THE_LINE * length)
     nothing = 0.0 * foot
     return Pieces(
-        begin=(begin[0] + nothing, begin[1] + nothing),
-        along=(along[0] + nothing, along[1] + nothing),
+        begin=(x + nothing, y + nothing),
+        along=(along_x + nothing, along_y + nothing),
         radius=nothing,
         foot=foot,
         apart=apart,

@@ -149,7 +149,7 @@ def survived(regions: Regions, heading: Point) -> Array:
     return np.maximum(edge(regions, heading).reach, regions.safe)
 
 
-def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:  # noqa: PLR0914
+def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point:
     """Return the heading along which both of two regions reach equally far, (...).
 
     Args:
@@ -160,27 +160,33 @@ def crossing(pairs: Regions, begin: Point, end: Point, middle: Point) -> Point: 
     """
     mx, my = middle
     low, high = (cross2(middle, to) / (1.0 + mx * to[0] + my * to[1]) for to in (begin, end))
-    s = _without_disc(pairs, middle)
     settled = low == high
     half = NUMPY.half_of_digits(mx)
+    s = _without_disc(pairs, middle)
     s = np.where((s - low) * (s - high) < 0, s, 0.0)
     for _ in range(STEPS):
-        x, y = _turned(middle, s)
-        heading = x[..., None], y[..., None]
-        ends = edge(pairs, heading)
-        turn = ends.reach * cross2(heading, ends.away) / ends.root  # by the heading, m/rad
-        gap = ends.reach[..., 0] - ends.reach[..., 1]
+        gap, rate = _gap_along(pairs, _turned(middle, s))
         low = np.where(gap > 0, s, low)
         high = np.where(gap > 0, high, s)
-        new = s - 0.5 * (1.0 + s * s) * gap / (turn[..., 0] - turn[..., 1])
-        sound = ((new - low) * (new - high) < 0) | (gap == 0)
-        new = np.where(gap == 0, s, np.where(sound, new, 0.5 * (low + high)))
+        newton = s - 0.5 * (1.0 + s * s) * gap / rate
+        bisected = 0.5 * (low + high)
+        met = gap == 0
+        sound = ((newton - low) * (newton - high) < 0) | met
+        new = np.where(met, s, np.where(sound, newton, bisected))
         near = abs(new - s) <= half * (sound + half)
         s = np.where(settled, s, new)
         settled = settled | near
         if settled.all():
             break
     return _turned(middle, s)
+
+
+def _gap_along(pairs: Regions, heading: Point) -> tuple[Array, Array]:
+    """Return by how much the first of two regions reaches farther, (...), m, and its rate by the heading, m/rad."""
+    headings = for_each(heading)
+    ends = edge(pairs, headings)
+    turn = ends.reach * cross2(headings, ends.away) / ends.root
+    return ends.reach[..., 0] - ends.reach[..., 1], turn[..., 0] - turn[..., 1]
 
 
 def _without_disc(pairs: Regions, middle: Point) -> Array:
@@ -200,29 +206,29 @@ def _without_disc(pairs: Regions, middle: Point) -> Array:
     )
     half = ax * y - ay * x
     lead = curvature * b
-    root = np.sqrt(
-        half * half
-        + curvature * (power * (ax * ax + ay * ay) - b * (lead + 2.0 * (ax * x + ay * y)))
-    )
+    beyond = power * (ax * ax + ay * ay) - b * (lead + 2.0 * (ax * x + ay * y))
+    root = np.sqrt(half * half + curvature * beyond)
     along = np.copysign(root, cross2((ax, ay), middle)) - half
-    to = lead * ax - along * ay, lead * ay + along * ax
-    return np.asarray(
-        cross2(middle, to) / (NUMPY.norm2(to) + middle[0] * to[0] + middle[1] * to[1])
-    )
+    to = (lead * ax - along * ay, lead * ay + along * ax)
+    ahead = NUMPY.norm2(to) + middle[0] * to[0] + middle[1] * to[1]
+    return np.asarray(cross2(middle, to) / ahead)
 
 
 def halfway(begin: Point, end: Point) -> Point:
     """Return the heading halfway between two; between opposite ones that with larger y, then larger x."""
     x = begin[0] - end[0]
     y = begin[1] - end[1]
-    side = np.where((x < 0) | ((x == 0) & (y > 0)), -ASIDE, ASIDE)
+    is_negative = (x < 0) | ((x == 0) & (y > 0))
+    side = np.where(is_negative, -ASIDE, ASIDE)
     return unit((begin[0] + end[0] - side * y, begin[1] + end[1] + side * x))
 
 
 def _turned(middle: Point, s: Array) -> Point:
     """Return a heading by the tangent of half its angle from another."""
     scale = 1.0 / (1.0 + s * s)
-    return in_plane(middle, ((1.0 - s * s) * scale, (s + s) * scale))
+    cosine = (1.0 - s * s) * scale
+    sine = (s + s) * scale
+    return in_plane(middle, (cosine, sine))
 
 
 def for_each(point: Point) -> Point:

@@ -419,16 +419,7 @@ def table_of(
         raise ConfigError(
             f"evader_speed_m_s = {v!r}: must be the same for all pursuers of an evader, (..., 1, m)"
         )
-    axes = {"pursuers": (n, 1), "evaders": (1, m), "game": pair_axes(team)}
-    axes |= {} if T is None else {"target": (1, *T.shape[-2:-1])}
-    if fitting(axes)[-2:] != (n, m) or team.plays.shape not in {(), (n, m)}:
-        raise ConfigError(
-            f"game: its numbers have the shape {axes['game']}; must fit {n} pursuers and {m} evaders"
-        )
-    leading = {"pursuers": P.shape[:-2], "evaders": E.shape[:-2], "in_play": present.shape[:-1]}
-    shape = fitting(
-        leading | {"game": axes["game"][:-2], "target": () if T is None else T.shape[:-2]}
-    )
+    shape = _leading_shape(team, P, E, T, present)
     b = math.prod(shape)
 
     def spread(value: Array, *axes: int) -> Array:
@@ -440,13 +431,43 @@ def table_of(
     P = spread(P, n, 3)
     E = spread(E, m, 3)
     present = spread(present, m)
-    T = None if T is None else spread(T, m, 3)
-    pair_teams = team_of(team.game, P[:, None], E[:, :, None], None if T is None else T[:, :, None])
+    target_of_pairs = None
+    if T is not None:
+        T = spread(T, m, 3)
+        target_of_pairs = T[:, :, None]
+    pair_teams = team_of(team.game, P[:, None], E[:, :, None], target_of_pairs)
     if not team.plays.all():
         pair_teams = _without(pair_teams, team.plays)
-    worth = pair_teams.own if T is None else np.where(team.plays, pair_teams.own, -np.inf)
+    worth = pair_teams.own
+    if T is not None:
+        worth = np.where(team.plays, worth, -np.inf)
     beats = (pair_teams.alone.winner > 0) & present[..., None] & team.plays
-    return Table(shape, E, T, present, team.plays, pair_teams, worth, beats, np.zeros(worth.shape))
+    spare_m = np.zeros(worth.shape)
+    return Table(shape, E, T, present, team.plays, pair_teams, worth, beats, spare_m)
+
+
+def _leading_shape(
+    team: TeamGame, P: Array, E: Array, T: Array | None, present: Array
+) -> tuple[int, ...]:
+    """Return the leading axes of a game's numbers and of positions.
+
+    Raises:
+        ConfigError: the shapes do not fit each other.
+    """
+    n = P.shape[-2]
+    m = E.shape[-2]
+    game_axes = pair_axes(team)
+    axes = {"pursuers": (n, 1), "evaders": (1, m), "game": game_axes}
+    leading = {"pursuers": P.shape[:-2], "evaders": E.shape[:-2], "in_play": present.shape[:-1]}
+    leading["game"] = game_axes[:-2]
+    if T is not None:
+        axes["target"] = (1, *T.shape[-2:-1])
+        leading["target"] = T.shape[:-2]
+    if fitting(axes)[-2:] != (n, m) or team.plays.shape not in {(), (n, m)}:
+        raise ConfigError(
+            f"game: its numbers have the shape {game_axes}; must fit {n} pursuers and {m} evaders"
+        )
+    return fitting(leading)
 
 
 def _without(team: PursuerGames, plays: Array) -> PursuerGames:
@@ -478,7 +499,9 @@ def kept_of(table: Table, teams: tuple[Array, Array]) -> Kept:
         worth = np.where(second < 0, worth, taken(pairs.worth, second))
         wins |= (second >= 0) & (taken(table.beats, second) | (worth > 0.0))
     stays = (first >= 0) & wins
-    return Kept(np.where(stays, first, -1), np.where(stays, second, -1), worth, first, pairs)
+    kept_first = np.where(stays, first, -1)
+    kept_second = np.where(stays, second, -1)
+    return Kept(kept_first, kept_second, worth, first, pairs)
 
 
 def pairs_with(table: Table, first: Array) -> Meeting:
@@ -486,7 +509,9 @@ def pairs_with(table: Table, first: Array) -> Meeting:
     b, m, n = table.worth.shape
     every = np.arange(n)
     own_index = np.maximum(first, 0)[..., None]
-    busy = (every == first[..., None]).any(axis=1)[:, None] | (first < 0)[..., None]
+    is_first = (every == first[..., None]).any(axis=1)
+    without_first = first < 0
+    busy = is_first[:, None] | without_first[..., None]
     members = np.empty((b, m, n, 2), dtype=first.dtype)
     members[..., 0] = own_index
     members[..., 1] = np.where(busy, own_index, every)
@@ -495,7 +520,9 @@ def pairs_with(table: Table, first: Array) -> Meeting:
 
 def are(count: int, *members: Array) -> Array:
     """Return which of some players, (..., count), one of some numbers (...) stands for."""
-    return np.asarray((np.stack(members, axis=-1)[..., None] == np.arange(count)).any(axis=-2))
+    numbers = np.stack(members, axis=-1)
+    is_member = numbers[..., None] == np.arange(count)
+    return np.asarray(is_member.any(axis=-2))
 
 
 def taken(array: Array, index: Array) -> Array:
@@ -505,7 +532,9 @@ def taken(array: Array, index: Array) -> Array:
 
 def place_of(index: Array, axes: int | None = None) -> tuple[Array, ...]:
     """Return what takes elements along the axis behind some first axes of an array, by default all of the index."""
-    leading = index.shape if axes is None else index.shape[:axes] + (1,) * (index.ndim - axes)
+    leading = index.shape
+    if axes is not None:
+        leading = index.shape[:axes] + (1,) * (index.ndim - axes)
     return (*_leading(leading)[:axes], np.maximum(index, 0))
 
 
