@@ -182,18 +182,6 @@ def test_a_source_of_ones_own_is_read():
     assert reports[-1].latitude_deg > reports[0].latitude_deg
 
 
-@pytest.mark.slow
-def test_the_mavsdk_example_is_tested_as_its_page_says(tmp_path):
-    for name in ("takeoff_mavsdk.py", "test_takeoff_mavsdk.py"):
-        shutil.copy(EXAMPLES / name, tmp_path)
-    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = slow\n", encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)]
-    done = subprocess.run(
-        command, cwd=tmp_path, env=dict(os.environ), capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stdout
-
-
 @pytest.mark.parametrize("notebook", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda path: path.stem)
 def test_a_notebook_runs_from_top_to_bottom(notebook, monkeypatch):
     monkeypatch.setattr(mpl, "get_backend", lambda *_: "agg")

@@ -8,6 +8,8 @@ import pytest
 from tests.sitl_mock.flights.mavproxy import Proxy
 
 pytestmark = pytest.mark.slow
+SPEED = 3.0
+"""Of the vehicles' time; MAVProxy waits for messages only."""
 
 
 @pytest.fixture
@@ -25,9 +27,9 @@ def proxy(tmp_path):
 
 
 def test_arducopter_is_flown_by_mavproxy(fleet_of, proxy):
-    with fleet_of({"copter": "arducopter"}, over=["udp"]) as fleet:
+    with fleet_of({"copter": "arducopter"}, over=["udp"], speed=SPEED) as fleet:
         mav = proxy(fleet["copter"])
-        mav.expect("Detected vehicle 1:1")
+        mav.expect("Detected vehicle 1:1", 30.0)  # it takes long to start on a busy machine
         assert mav.expect_number(r"Received (\d+)", 20.0) == 1390, "by FTP, in one file"
         mav.say("param set GUID_TIMEOUT 2.5")
         time.sleep(0.5)
@@ -60,9 +62,9 @@ def test_arducopter_is_flown_by_mavproxy(fleet_of, proxy):
 
 
 def test_px4_is_armed_and_flown_by_mavproxy(fleet_of, proxy):
-    with fleet_of({"uav1": "px4"}, over=["udp"]) as fleet:
+    with fleet_of({"uav1": "px4"}, over=["udp"], speed=SPEED) as fleet:
         mav = proxy(fleet["uav1"])
-        mav.expect("Detected vehicle 1:1")
+        mav.expect("Detected vehicle 1:1", 30.0)  # it takes long to start on a busy machine
         assert mav.expect_number(r"Received (\d+)", 20.0) == 887
         mav.say("param show COM_OF_LOSS_T")
         mav.expect("COM_OF_LOSS_T    1.0")

@@ -12,6 +12,9 @@ from mavsdk.plugins.telemetry import FlightMode, LandedState
 pytestmark = pytest.mark.slow
 
 
+SPEED = 3.0
+"""Of the vehicles' time. No result depends on real time, and the timeouts of the setpoints are longer accordingly."""
+
 NAMES = {"px4udp": "px4", "px4zenoh": "px4", "copterudp": "arducopter", "copterzenoh": "arducopter"}
 
 
@@ -23,7 +26,7 @@ def flights(fleet_of, client_of):
         with client_of(vehicle, "zenoh" if vehicle.name.endswith("zenoh") else "udp") as client:
             fly(client)
 
-    with fleet_of(NAMES) as fleet, ThreadPoolExecutor(len(NAMES)) as pilots:
+    with fleet_of(NAMES, speed=SPEED) as fleet, ThreadPoolExecutor(len(NAMES)) as pilots:
         yield {name: pilots.submit(flown, fleet[name]) for name in NAMES}
 
 
@@ -90,8 +93,8 @@ def fly(client):
     assert client.system.get_system_id() == client.vehicle.system_id
     assert Info(client.system).get_version().flight_sw_major == (1 if flavour == "px4" else 4)
     name = "COM_OF_LOSS_T" if flavour == "px4" else "GUID_TIMEOUT"
-    client.param.set_param_float(name, 0.75)
-    assert client.param.get_param_float(name) == 0.75
+    client.param.set_param_float(name, 0.75 * SPEED)
+    assert client.param.get_param_float(name) == 0.75 * SPEED
     take_off(client)
     if flavour == "px4":
         client.wait(

@@ -6,11 +6,14 @@ import pytest
 from pymavlink import mavutil
 
 pytestmark = pytest.mark.slow
+SPEED = 4.0
+"""Of the vehicles' time; mavutil waits for messages only."""
 
 
 @pytest.fixture(scope="module")
 def fleet(fleet_of):
-    with fleet_of({"uav1": "px4", "copter": "arducopter", "car": "rover"}, over=["udp"]) as started:
+    vehicles = {"uav1": "px4", "copter": "arducopter", "car": "rover"}
+    with fleet_of(vehicles, over=["udp"], speed=SPEED) as started:
         yield started
 
 
@@ -54,7 +57,7 @@ def test_mavutil_counts_every_parameter_once(link):
     indirect=["link"],
 )
 def test_mavutil_sets_a_mode_arms_and_disarms(link, mode):
-    time.sleep(1.0)  # until it can be armed
+    time.sleep(1.0 / SPEED)  # until it can be armed
     link.set_mode(mode)
     wait_mode(link, mode)
     link.arducopter_arm()
