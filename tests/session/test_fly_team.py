@@ -8,9 +8,7 @@ import pytest
 
 from guidance.flight import Event, State
 from guidance.log.reader import cycles_of
-from guidance.log.replay import compare
 from guidance.session import recorded_flight
-from guidance.session.flight_files import recorded_settings
 from guidance.session.fly.result import distance_to_target_m, team_rows
 from guidance.session.observe import outputs
 from guidance.session.open.mock import MockOptions
@@ -105,14 +103,14 @@ def test_one_vehicle_coordinates_and_no_promise_is_lost_without_a_cause(guard):
 
 
 @pytest.mark.flight
-def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard):
+def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard, story):
     flown, folder, _ = guard
     for pursuit in pursuits_of_team(GUARD):
         path = folder / pursuit.vehicle / "record.mcap"
         rows = list(cycles_of(path))
         assert any(row.inputs.mates for row in rows)
         assert [row.inputs.role.evader for row in rows if row.inputs.role is not None]
-        comparison, _ = compare(path, recorded_settings)
+        comparison = story.replays[pursuit.vehicle]
         sent = flown.vehicles[pursuit.vehicle].setpoints_sent
         assert (comparison.differing, comparison.setpoints) == (0, sent)
 

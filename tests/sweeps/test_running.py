@@ -358,7 +358,7 @@ def processes_of(process):
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.flight
 def test_two_workers_give_equal_bytes_even_if_one_is_killed(plan_from, tmp_path):
     plan = plan_from()
     me = psutil.Process()
@@ -388,7 +388,7 @@ def die(_plan, _rows):
     os._exit(9)
 
 
-@pytest.mark.slow
+@pytest.mark.flight
 def test_a_chunk_that_kills_every_worker_is_given_up(plan_from, tmp_path, monkeypatch):
     monkeypatch.setattr(running, "made", die)
     monkeypatch.setattr(running, "DEATHS", 2)

@@ -7,8 +7,6 @@ import psutil
 import pytest
 
 from guidance.sim.scenario import Scenario
-from guidance.viz import report
-from guidance.viz.report import write_report
 from tests.harness.flights import NEAR, flown
 
 BROWSER = next(
@@ -23,12 +21,12 @@ QUIET = [
     "--disable-component-update",
     "--disable-sync",
 ]
-LIMIT_MS = 40_000
+LIMIT_MS = 90_000
 
 
-@pytest.fixture
-def browser():
-    """A Chromium context that records console messages and requests."""
+@pytest.fixture(scope="module")
+def chromium():
+    """A Chromium for all tests of a module, or None; its start takes seconds of processor time."""
     if BROWSER is None:
         yield None
         return
@@ -36,15 +34,24 @@ def browser():
 
     with (
         sync_playwright() as playwright,
-        playwright.chromium.launch(executable_path=BROWSER, args=QUIET) as chromium,
+        playwright.chromium.launch(executable_path=BROWSER, args=QUIET) as launched,
     ):
         for process in psutil.Process().children(recursive=True):
             if "python" not in process.name():
                 process.nice(15)  # drawing must not slow down the flight
-        context = chromium.new_context(viewport={"width": 1024, "height": 768})
+        yield launched
+
+
+@pytest.fixture
+def browser(chromium):
+    """A Chromium context that records console messages and requests; None without a browser."""
+    if chromium is None:
+        yield None
+        return
+    with chromium.new_context(viewport={"width": 1024, "height": 768}) as context:
         context.set_default_timeout(LIMIT_MS)
-        said = context.said = []  # type: ignore[attr-defined]
-        asked = context.asked = []  # type: ignore[attr-defined]
+        said = context.said = []
+        asked = context.asked = []
         context.on("console", lambda message: said.append(message.text))
         context.on("weberror", lambda error: said.append(str(error.error)))
         context.on("request", lambda request: asked.append(request.url))
@@ -54,6 +61,8 @@ def browser():
 @pytest.fixture(scope="session")
 def pe(short_flight, tmp_path_factory):
     """A short PE flight: its result, its record, the folder of its report."""
+    from guidance.viz.report import write_report  # whoever draws nothing need not load matplotlib
+
     folder = tmp_path_factory.mktemp("pe")
     result, path = short_flight
     shutil.copy(path, folder / "r.mcap")
@@ -64,6 +73,8 @@ def pe(short_flight, tmp_path_factory):
 @pytest.fixture(scope="session")
 def tad(tmp_path_factory):
     """A short TAD game, flown and reported."""
+    from guidance.viz import report
+
     folder = tmp_path_factory.mktemp("tad")
     target = {"position_m": (0.0, 10.0)}
     evader = {**NEAR.evader.model_dump(), "position_m": (12.0, 16.0)}
@@ -74,7 +85,7 @@ def tad(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched:
         # Those of PE are all drawn
         patched.setattr(report, "PICTURES", {"tracks": report.PICTURES["tracks"]})
-        write_report(folder / "r.mcap", folder)
+        report.write_report(folder / "r.mcap", folder)
     return result, folder / "r.mcap", folder
 
 
