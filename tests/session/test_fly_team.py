@@ -15,8 +15,8 @@ from guidance.session.open.mock import MockOptions
 from guidance.session.open.opened import Onlooker
 from guidance.session.recorded_flight import fly_recorded
 from guidance.sim.team_flight import pursuits_of_team
+from guidance.viz import report
 from guidance.viz.panel.snapshot import replay_of
-from guidance.viz.report import write_team_report
 from guidance.viz.story import captures_of, team_opening_words, team_story, team_summary
 from tests.harness.flights import low_team
 from tests.harness.witness import Witness
@@ -116,7 +116,7 @@ def test_every_vehicle_replays_bit_for_bit_with_its_mates_and_roles(guard, story
 
 
 @pytest.mark.flight
-def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path):
+def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path, monkeypatch):
     flown, folder, _ = guard
     assert story.evaders == ["rover1", "rover2"]
     for name, evader in flown.evaders.items():
@@ -129,7 +129,10 @@ def test_one_report_tells_the_flight_of_the_whole_team(guard, story, tmp_path):
     assert f"{flown.least_distance_m(3.0):.1f} m apart" in words
     assert "replays bit for bit" in words
     records = {name: folder / name / "record.mcap" for name in flown.vehicles}
-    page, picture = write_team_report(records, tmp_path)
+    told = []
+    monkeypatch.setattr(report, "team_story", lambda paths: told.append(paths) or story)
+    page, picture = report.write_team_report(records, tmp_path)
+    assert told == [records]
     assert picture.name == "plan.png"
     assert words in page.read_text(encoding="utf-8")
 
