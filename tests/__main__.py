@@ -10,8 +10,9 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +34,8 @@ class Step:
         environment: Additional environment variables.
         arguments: Example arguments, if the step accepts arguments when it is run alone.
         nice: Its priority beside other steps, which must keep real time: 19 is the lowest.
+        after: A step of another lane that has to end before, if it runs at all.
+        told: Whether its output is printed although it passed.
     """
 
     what: str
@@ -41,6 +44,8 @@ class Step:
     environment: tuple[tuple[str, str], ...] = ()
     arguments: str = ""
     nice: int = 0
+    after: str = ""
+    told: bool = True
 
 
 STEPS = {
@@ -66,6 +71,13 @@ STEPS = {
         (sys.executable, "-m", "tests.arrays", "--within", "120"),
         nice=2,
     ),
+    # In a new environment one process compiles the modules and the tests; eight at a time would each compile them.
+    "collected": Step(
+        "every test is found, and every module compiled once",
+        (sys.executable, "-m", "pytest", "-qq", "--collect-only"),
+        nice=2,
+        told=False,
+    ),
     # Some wait for sockets and processes, but each has seconds.
     "tests": Step(
         "the quick tests", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK), nice=5
@@ -81,6 +93,7 @@ STEPS = {
         "other people's clients",
         (*PYTEST, "-n", "6", "--dist", "worksteal", "-m", "slow and not long"),
         marked="slow",
+        after="collected",
     ),
     "acceptance": Step(
         "the service's promises, on a mock over UDP or on running SITLs (docs/acceptance.md)",
@@ -96,7 +109,7 @@ STEPS = {
 }
 FIRST = ("format", "lint", "statements", "layers")
 LANES = (
-    ("tests",),
+    ("collected", "tests"),
     ("types", "docs", "arrays", "faults", "flights"),
     ("real time", "acceptance"),
 )
@@ -157,12 +170,26 @@ def main(arguments: Sequence[str]) -> int:
     if code := _one_by_one([name for name in FIRST if name in chosen], alone=True):
         return code
     lanes = [names for lane in LANES if (names := [name for name in lane if name in chosen])]
+    ended = {name: threading.Event() for lane in lanes for name in lane}
     with ThreadPoolExecutor(len(LANES)) as executor:
-        codes = list(executor.map(lambda names: _one_by_one(names, alone=len(lanes) == 1), lanes))
+        codes = list(executor.map(lambda names: _lane(names, ended), lanes))
     codes.append(_again([name for lane in lanes for name in lane]))
     return next(filter(None, codes), 0) or _one_by_one(
         [name for name in chosen if name in ASKED_FOR], alone=True
     )
+
+
+def _lane(names: Sequence[str], ended: Mapping[str, threading.Event]) -> int:
+    """Run the steps of a lane until one fails, each after the one that it waits for; return its exit code, or 0."""
+    code = 0
+    for name in names:
+        if STEPS[name].after in ended:
+            ended[STEPS[name].after].wait()
+        try:
+            code = code or _run(name, beside_another=len(ended) > len(names))
+        finally:
+            ended[name].set()
+    return code
 
 
 def _one_by_one(names: Sequence[str], *, alone: bool) -> int:
@@ -213,8 +240,9 @@ def _run(name: str, *, beside_another: bool) -> int:
     )
     passed_s = time.perf_counter() - started
     verdict = "ok" if done.returncode == 0 else f"failed ({done.returncode})"
+    said = done.stdout or b"" if step.told or done.returncode else b""
     print(
-        (done.stdout or b"").decode(errors="replace") + f"── {name}: {verdict} in {passed_s:.1f} s",
+        said.decode(errors="replace") + f"── {name}: {verdict} in {passed_s:.1f} s",
         flush=True,
     )
     return done.returncode
