@@ -38,7 +38,8 @@ def chromium():
     ):
         for process in psutil.Process().children(recursive=True):
             if "python" not in process.name():
-                process.nice(15)  # drawing must not slow down the flight
+                # Drawing must not slow down the flight, nor be starved by other tests
+                process.nice(5)
         yield launched
 
 
