@@ -43,8 +43,9 @@ from sitl_mock.protocols import (
 from sitl_mock.reception import take
 from sitl_mock.sensors import EXACT, Sensors
 from sitl_mock.telemetry import BUILDERS, Report
+from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import Battery, VehicleState
-from sitl_mock.world import DEFAULT_HOME, Home, LocalFrame, Vector, wrap_pi
+from sitl_mock.world import DEFAULT_HOME, Home, LocalFrame, wrap_pi
 
 if TYPE_CHECKING:
     from sitl_mock.flavour import Commander, FlightRecorder
@@ -326,14 +327,11 @@ class Autopilot:
         state = self.state
         conditions = self.conditions
         estimator = state.estimator
-        (n, e, d) = conditions.wind_m_s
-        gust = self._gust
-        if gust is not ZERO:
-            n = n + gust[0]
-            e = e + gust[1]
-            d = d + gust[2]
+        wind_m_s = conditions.wind_m_s
+        if self._gust is not ZERO:
+            wind_m_s += self._gust
         errors = (estimator.position_error_m, estimator.velocity_error_m_s)
-        around = _surroundings(((n, e, d), *errors, self.ground_m, conditions.thrust_share))
+        around = _surroundings((wind_m_s, *errors, self.ground_m, conditions.thrust_share))
         self.motion = self.plant.step(self.motion, self.report.setpoint, around, _MOVE_S)
         was = state.body
         body = self.motion.body
@@ -359,9 +357,7 @@ class Autopilot:
         state = self.state
         if state.body.on_ground and not self.flavour.ground_vehicle:
             return
-        (n, e, d) = state.position_m
-        (v_n, v_e, v_d) = state.velocity_m_s
-        state.position_m = (n + v_n * TICK_S, e + v_e * TICK_S, d + v_d * TICK_S)
+        state.position_m = state.position_m.after(state.velocity_m_s, TICK_S)
         roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = state.attitude
         state.attitude = _euler(
             (

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from sitl_mock.errors import ConfigError
+from sitl_mock.vector import ZERO, Vector
 
 
 @dataclass(frozen=True)
@@ -38,14 +39,20 @@ def _flag(value: Any) -> bool:  # noqa: ANN401 - anything may come from a file
     return value
 
 
-def _vector(size: int) -> Callable[[Any], tuple[float, ...]]:
-    def parse(value: Any) -> tuple[float, ...]:  # noqa: ANN401 - anything may come from a file
-        numbers = tuple(float(item) for item in value)
-        if len(numbers) != size:
-            raise ValueError(f"{size} numbers")
-        return numbers
+def _numbers(value: Any, count: int) -> tuple[float, ...]:  # noqa: ANN401 - anything may come from a file
+    numbers = tuple(float(item) for item in value)
+    if len(numbers) != count:
+        raise ValueError(f"{count} numbers")
+    return numbers
 
-    return parse
+
+def _sticks(value: Any) -> tuple[float, ...]:  # noqa: ANN401 - anything may come from a file
+    return _numbers(value, 4)
+
+
+def _vector(value: Any) -> Vector:  # noqa: ANN401 - anything may come from a file
+    north, east, down = _numbers(value, 3)
+    return Vector((north, east, down))
 
 
 def _text(value: Any) -> str:  # noqa: ANN401 - anything may come from a file
@@ -60,7 +67,7 @@ CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
         "sticks": ConditionKind(
             "a radio is present with sticks at roll, pitch, throttle, yaw in [-1, 1]",
             (0.0, 0.0, 0.0, 0.0),
-            _vector(4),
+            _sticks,
         ),
         "rc": ConditionKind(
             "a radio is present with centred sticks; false: it is lost", None, _flag
@@ -70,8 +77,8 @@ CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
         "offboard_refused": ConditionKind("OFFBOARD or GUIDED is refused", False, _flag),
         "ekf_jump_m": ConditionKind(
             "the position estimate jumps by north, east, down",
-            (0.0, 0.0, 0.0),
-            _vector(3),
+            ZERO,
+            _vector,
             event=True,
         ),
         "ekf_yaw_jump_deg": ConditionKind(
@@ -83,8 +90,8 @@ CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
         ),
         "drift_m_s": ConditionKind(
             "the position estimate drifts by north, east, down per second",
-            (0.0, 0.0, 0.0),
-            _vector(3),
+            ZERO,
+            _vector,
         ),
         "thrust_share": ConditionKind("produced over demanded thrust", 1.0, _number(0.0, 1.0)),
         "estimator_invalid": ConditionKind(
@@ -92,12 +99,12 @@ CONDITIONS: Mapping[str, ConditionKind] = MappingProxyType(
         ),
         "fence_breach": ConditionKind("the fence counts as breached", False, _flag),
         "battery": ConditionKind("charge left, a fraction", 1.0, _number(0.0, 1.0), event=True),
-        "wind_m_s": ConditionKind("wind towards north, east, down", (0.0, 0.0, 0.0), _vector(3)),
+        "wind_m_s": ConditionKind("wind towards north, east, down", ZERO, _vector),
         "gust_m_s": ConditionKind("gusts of this standard deviation", 0.0, _number(0.0, 30.0)),
         "push_m_s": ConditionKind(
             "the vehicle's velocity jumps by north, east, down",
-            (0.0, 0.0, 0.0),
-            _vector(3),
+            ZERO,
+            _vector,
             event=True,
         ),
         "telemetry_frozen": ConditionKind("only HEARTBEAT is sent", False, _flag),
@@ -138,11 +145,11 @@ class Conditions:
     offboard_refused: bool = False
     gps_lost: bool = False
     eph_m: float = 0.0
-    drift_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    drift_m_s: Vector = ZERO
     thrust_share: float = 1.0
     estimator_invalid: bool = False
     fence_breach: bool = False
-    wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    wind_m_s: Vector = ZERO
     gust_m_s: float = 0.0
     telemetry_frozen: bool = False
     silent: bool = False

@@ -11,17 +11,16 @@ from typing import Final
 
 from sitl_mock.conditions import Conditions
 from sitl_mock.dynamics import Errors, Wander
-from sitl_mock.world import Vector
+from sitl_mock.vector import ZERO, Vector
 
 STEP_S: Final = 0.1
-ARDUPILOT_WANDER: Final = Wander((0.03, 0.03, 0.03), (0.05, 0.05, 0.05))
+ARDUPILOT_WANDER: Final = Wander(Vector((0.03, 0.03, 0.03)), Vector((0.05, 0.05, 0.05)))
 """Small: height held within 0.1 m over 200 m (measured on ArduCopter 4.5.7)."""
 _DRIFT_M_S2: Final = 0.1
 _BLIND_GROWTH_M_S2: Final = 0.2
 EPH_M: Final = 0.4
 """Horizontal uncertainty with a good receiver."""
 _RESET_LIMIT: Final = 256
-_STILL: Final = (0.0, 0.0, 0.0)
 
 
 @dataclass(slots=True)
@@ -54,10 +53,10 @@ class Estimator:
     dead_reckoning_s: float = 5.0
     ground_wander: Wander | None = None
     errors: Errors = Errors()  # noqa: RUF009 - an immutable value
-    position_error_m: Vector = (0.0, 0.0, 0.0)
-    velocity_error_m_s: Vector = (0.0, 0.0, 0.0)
+    position_error_m: Vector = ZERO
+    velocity_error_m_s: Vector = ZERO
     yaw_error_rad: float = 0.0
-    offset_m: Vector = (0.0, 0.0, 0.0)
+    offset_m: Vector = ZERO
     eph_m: float = EPH_M
     position_valid: bool = False
     global_valid: bool = False
@@ -76,16 +75,13 @@ class Estimator:
         self._judge(now_s, conditions)
         if flying and self.lost_gps_s < math.inf:
             self._drift(now_s)
-        if conditions.drift_m_s != _STILL:
-            (north, east, down) = self.offset_m
-            (by_n, by_e, by_d) = conditions.drift_m_s
-            self.offset_m = (north + by_n * STEP_S, east + by_e * STEP_S, down + by_d * STEP_S)
+        if conditions.drift_m_s != ZERO:
+            self.offset_m = self.offset_m.after(conditions.drift_m_s, STEP_S)
         self._sum()
 
     def jump(self, by_m: Vector) -> None:
         """Reset the position estimate: it moves by by_m at once and the reset counter rises."""
-        north, east, down = self.offset_m
-        self.offset_m = (north + by_m[0], east + by_m[1], down + by_m[2])
+        self.offset_m += by_m
         self._sum()
         self.reset_counter = (self.reset_counter + 1) % _RESET_LIMIT
 
@@ -99,16 +95,16 @@ class Estimator:
         step_m = _DRIFT_M_S2 * (now_s - self.lost_gps_s) * STEP_S
         bearing = self.random.gauss(0.0, 0.2)
         north, east, down = self.offset_m
-        self.offset_m = (
-            north + step_m * math.cos(bearing),
-            east + step_m * math.sin(bearing),
-            down,
+        self.offset_m = Vector(
+            (
+                north + step_m * math.cos(bearing),
+                east + step_m * math.sin(bearing),
+                down,
+            )
         )
 
     def _sum(self) -> None:
-        (n, e, d) = self.errors.position_ned_m
-        (o_n, o_e, o_d) = self.offset_m
-        self.position_error_m = (n + o_n, e + o_e, d + o_d)
+        self.position_error_m = self.errors.position_ned_m + self.offset_m
         self.velocity_error_m_s = self.errors.velocity_ned_m_s
 
     def _judge(self, now_s: float, conditions: Conditions) -> None:
@@ -131,7 +127,7 @@ class Estimator:
         if self.lost_gps_s < math.inf:
             self.lost_gps_s = math.inf
             north, east, _ = self.offset_m
-            self.jump((-north, -east, 0.0))
+            self.jump(Vector((-north, -east, 0.0)))
 
     def _limit(self) -> float:
         """Hysteresis: once valid, an uncertainty of 2.5 times the limit is borne."""

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
 
     from sitl_mock.dynamics import Motion
     from sitl_mock.flavour import Commander
+    from sitl_mock.vector import Vector
     from sitl_mock.vehicle_state import VehicleState
-    from sitl_mock.world import Vector
 
 
 class EventTarget(Protocol):
@@ -45,8 +45,7 @@ def _set_battery(autopilot: EventTarget, _now_s: float, share: float) -> None:
 
 def _push(autopilot: EventTarget, _now_s: float, by_m_s: Vector) -> None:
     body = autopilot.motion.body
-    n, e, d = body.velocity_ned_m_s
-    pushed = body._replace(velocity_ned_m_s=(n + by_m_s[0], e + by_m_s[1], d + by_m_s[2]))
+    pushed = body._replace(velocity_ned_m_s=body.velocity_ned_m_s + by_m_s)
     autopilot.motion = autopilot.motion._replace(body=pushed)
 
 

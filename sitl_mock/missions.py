@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from sitl_mock.protocols import PlanItem, PlanStore
+from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import Severity, VehicleState
-from sitl_mock.world import LocalFrame, Vector
+from sitl_mock.world import LocalFrame
 
 WAYPOINT: Final = 16
 LOITER_UNLIMITED: Final = 17
@@ -344,7 +345,9 @@ class MissionFlight:
             if down_m < state.position_m[2] - _HEIGHT_REACHED_M:
                 north, east, _ = state.position_m
                 self._climb = Leg(
-                    (north, east, down_m), speed_m_s=self.speed_m_s, taking_off=state.on_ground
+                    Vector((north, east, down_m)),
+                    speed_m_s=self.speed_m_s,
+                    taking_off=state.on_ground,
                 )
                 home_m = state.home_m[2] if state.home_m else 0.0
                 state.say(Severity.INFO, f"Climb to {home_m - down_m:.1f} meters above home")
@@ -453,9 +456,9 @@ class MissionFlight:
             altitude += origin.alt_amsl_m - (state.home_m[2] if state.home_m else 0.0)
         target_m = state.frame.to_local(item.latitude_deg, item.longitude_deg, altitude)
         if not math.isfinite(target_m[0] + target_m[1]) or (item.x == 0 and item.y == 0):
-            target_m = (position_m[0], position_m[1], target_m[2])
+            target_m = position_m.level_with(target_m[2])
         if item.command == TAKEOFF and state.on_ground:
-            target_m = (position_m[0], position_m[1], target_m[2])
+            target_m = position_m.level_with(target_m[2])
         yaw = (
             math.radians(item.param4)
             if math.isfinite(item.param4) and item.param4 != 0.0

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.pilot import OVERRIDE_TIME, PITCH, ROLL, THROTTLE, YAW, Override, Sticks, stick_of
 from sitl_mock.protocols import Place, addressed, on_earth
+from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import Reported
 
 if TYPE_CHECKING:
@@ -152,7 +153,7 @@ def _follow_target(
     velocity = tuple(message.vel)
     if on_earth(position) and all(abs(value) < _FASTEST_M_S for value in velocity):
         state.target = Reported(
-            now_s, state.frame.to_local(*position), (velocity[0], velocity[1], velocity[2])
+            now_s, state.frame.to_local(*position), Vector((velocity[0], velocity[1], velocity[2]))
         )
 
 

@@ -9,9 +9,9 @@ from random import Random
 from typing import Final, NamedTuple
 
 from sitl_mock.dynamics import ZERO, Body
-from sitl_mock.world import Vector
+from sitl_mock.vector import Vector
 
-_CALM_SD: Final = (0.0, 0.0, 0.0)
+_CALM_SD: Final = Vector((0.0, 0.0, 0.0))
 
 
 class Fix(NamedTuple):
@@ -112,15 +112,15 @@ class Sensors:
     def _scattered(self, vector: Vector, sd: Vector) -> Vector:
         if sd is _CALM_SD:
             return vector
-        by_n, by_e, by_d = self.normals(3)
-        return (vector[0] + sd[0] * by_n, vector[1] + sd[1] * by_e, vector[2] + sd[2] * by_d)
+        north, east, down = self.normals(3)
+        return vector + sd.scaled(Vector((north, east, down)))
 
 
 _SCATTERS: Final = 257
 EXACT: Final = SensorNoise()
 """Readings without noise."""
 PX4_SENSORS: Final = SensorNoise(
-    (0.2, 0.2, 0.5), (0.06, 0.077, 0.158), 0.125, 0.063, 0.0003, 0.0066, 0.07, 0.015
+    Vector((0.2, 0.2, 0.5)), Vector((0.06, 0.077, 0.158)), 0.125, 0.063, 0.0003, 0.0066, 0.07, 0.015
 )
 """PX4 v1.17's simulated receiver and barometer; the recorded chase shows the same scatter (0.21 and 0.54 m at 8 Hz)."""
 ARDUPILOT_SENSORS: Final = SensorNoise(

@@ -8,7 +8,8 @@ from typing import Any, Final, NamedTuple
 
 from sitl_mock.dynamics import IGNORED
 from sitl_mock.dynamics.values import maker_of
-from sitl_mock.world import LocalFrame, Vector
+from sitl_mock.vector import Vector
+from sitl_mock.world import LocalFrame
 
 LOCAL_NED: Final = 1
 LOCAL_OFFSET_NED: Final = 7
@@ -49,16 +50,18 @@ def _kept(values: Vector, mask: int) -> Vector:
     if bits == 7:
         return IGNORED
     x, y, z = values
-    return (
-        math.nan if bits & 1 else x,
-        math.nan if bits & 2 else y,
-        math.nan if bits & 4 else z,
+    return Vector(
+        (
+            math.nan if bits & 1 else x,
+            math.nan if bits & 2 else y,
+            math.nan if bits & 4 else z,
+        )
     )
 
 
 def read_local(message: Any) -> Target:  # noqa: ANN401 - pymavlink has no types
     """Read a SET_POSITION_TARGET_LOCAL_NED."""
-    return _read(message, (message.x, message.y, message.z))
+    return _read(message, Vector((message.x, message.y, message.z)))
 
 
 def read_global(message: Any, frame: LocalFrame, home_m: Vector | None) -> Target:  # noqa: ANN401 - as above
@@ -76,10 +79,10 @@ def _read(message: Any, position_m: Vector) -> Target:  # noqa: ANN401 - as abov
             message.coordinate_frame,
             mask,
             IGNORED if mask & IGNORE_POSITION == IGNORE_POSITION else _kept(position_m, mask),
-            _kept((message.vx, message.vy, message.vz), mask >> 3),
+            _kept(Vector((message.vx, message.vy, message.vz)), mask >> 3),
             IGNORED
             if mask & IGNORE_ACCELERATION == IGNORE_ACCELERATION
-            else _kept((message.afx, message.afy, message.afz), mask >> 6),
+            else _kept(Vector((message.afx, message.afy, message.afz)), mask >> 6),
             math.nan if mask & IGNORE_YAW else message.yaw,
             math.nan if mask & IGNORE_YAW_RATE else message.yaw_rate,
         )
@@ -91,12 +94,7 @@ def turned(vector: Vector, yaw_rad: float) -> Vector:
     forward, right, down = vector
     cosine = math.cos(yaw_rad)
     sine = math.sin(yaw_rad)
-    return (forward * cosine - right * sine, forward * sine + right * cosine, down)
-
-
-def added(first: Vector, second: Vector) -> Vector:
-    """Add two vectors."""
-    return (first[0] + second[0], first[1] + second[1], first[2] + second[2])
+    return Vector((forward * cosine - right * sine, forward * sine + right * cosine, down))
 
 
 def any_finite(vector: Vector) -> bool:

@@ -11,7 +11,8 @@ from sitl_mock.flavours import flavour_named
 from sitl_mock.links import Link
 from sitl_mock.logs import LOG_BYTES, FlightLog
 from sitl_mock.mavlink import Signing
-from sitl_mock.world import DEFAULT_HOME, Home, Vector
+from sitl_mock.vector import ZERO, Vector
+from sitl_mock.world import DEFAULT_HOME, Home
 
 DEFAULT_LINKS: Final[Mapping[str, str]] = {"onboard": "onboard"}
 _SLACK: Final = 1e-6
@@ -52,7 +53,7 @@ class MockVehicle:
         *,
         system_id: int = 1,
         home: Home = DEFAULT_HOME,
-        start_ned: Vector = (0.0, 0.0, 0.0),
+        start_ned: tuple[float, float, float] = ZERO,
         yaw_deg: float = 0.0,
         seed: int = 0,
         noise: bool = True,
@@ -69,7 +70,7 @@ class MockVehicle:
             flavour=flavour_named(flavour),
             system_id=system_id,
             home=home,
-            start_ned=start_ned,
+            start_ned=Vector(start_ned),
             yaw_deg=yaw_deg,
             seed=seed,
             noise=noise,

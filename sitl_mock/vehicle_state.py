@@ -11,7 +11,8 @@ from sitl_mock.estimator import Estimator
 from sitl_mock.pilot import Peers, Pilot
 from sitl_mock.protocols.parameter import ParameterStore
 from sitl_mock.sensors import Sensors
-from sitl_mock.world import LocalFrame, Vector
+from sitl_mock.vector import ZERO, Vector
+from sitl_mock.world import LocalFrame
 
 _CHARGE_LAG_S = 1.0
 """PX4's reported charge follows that of the pack with this time constant."""
@@ -179,7 +180,7 @@ class VehicleState:
     attitude: Euler
     position_m: Vector
     ground_m: float
-    velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    velocity_m_s: Vector = ZERO
     home_m: Vector | None = None
     home_s: float = -math.inf
     home_attitude: Euler = _LEVEL

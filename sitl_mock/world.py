@@ -7,11 +7,11 @@ LOCAL_POSITION_NED is relative to the origin of the vehicle's estimator, by defa
 import math
 from typing import NamedTuple
 
+from sitl_mock.vector import Vector
+
 _SEMI_MAJOR_M = 6378137.0
 _FLATTENING = 1.0 / 298.257223563
 _ECCENTRICITY_2 = _FLATTENING * (2.0 - _FLATTENING)
-
-Vector = tuple[float, float, float]
 
 
 class Home(NamedTuple):
@@ -68,10 +68,12 @@ class LocalFrame:
         east_deg = lon_deg - origin.lon_deg
         if not -180.0 <= east_deg < 180.0:
             east_deg = wrap_deg(east_deg)
-        return (
-            (lat_deg - origin.lat_deg) * self._north_m_per_deg,
-            east_deg * self._east_m_per_deg,
-            origin.alt_amsl_m - alt_amsl_m,
+        return Vector(
+            (
+                (lat_deg - origin.lat_deg) * self._north_m_per_deg,
+                east_deg * self._east_m_per_deg,
+                origin.alt_amsl_m - alt_amsl_m,
+            )
         )
 
 

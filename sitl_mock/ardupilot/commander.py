@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from sitl_mock.ardupilot.modes import Firmware
     from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanKind, PlanStore
-    from sitl_mock.world import Vector
+    from sitl_mock.vector import Vector
 
 CHECK_S: Final = 0.1
 AT_REST: Final = Sticks(throttle=-1.0)

@@ -12,6 +12,7 @@ from sitl_mock.ardupilot.answers import ANSWERED, ANSWERED_WITH_ONE, CALIBRATION
 from sitl_mock.ardupilot.maneuvers import turn_from
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
+from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:
@@ -164,7 +165,7 @@ def _reposition(commander: ArduPilot, _now_s: float, command: Command) -> Answer
     if command.frame in _RELATIVE:
         home_d = 0.0 if state.home_m is None else state.home_m[2]
         down = home_d - alt
-    setpoint = Setpoint(Kind.TRAVEL, (north, east, down))
+    setpoint = Setpoint(Kind.TRAVEL, Vector((north, east, down)))
     if not (commander.may_fly_to(setpoint) and commander.request("GUIDED")):
         return FAILED
     commander.flight.follow(setpoint)

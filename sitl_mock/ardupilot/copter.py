@@ -17,6 +17,7 @@ from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.dynamics.shaping import root_law
 from sitl_mock.missions import Leg
 from sitl_mock.setpoints import turned
+from sitl_mock.vector import Vector
 
 _NAN = math.nan
 _REACHED_M: Final = 0.5
@@ -49,13 +50,13 @@ def _guided(commander: ArduPilot) -> Setpoint:
         north, east, _ = flight.entered_m
         if state.flew and abs(state.position_m[2] - flight.takeoff_m) < _REACHED_M:
             flight.guided = Setpoint(
-                Kind.TRAVEL, (north, east, flight.takeoff_m), yaw_rad=flight.entered_yaw_rad
+                Kind.TRAVEL, Vector((north, east, flight.takeoff_m)), yaw_rad=flight.entered_yaw_rad
             )
             flight.takeoff_m = _NAN
             flight.just_taken_off = True
         else:
             return Setpoint(
-                Kind.TRAVEL, (north, east, flight.takeoff_m), yaw_rad=flight.entered_yaw_rad
+                Kind.TRAVEL, Vector((north, east, flight.takeoff_m)), yaw_rad=flight.entered_yaw_rad
             )
     if not state.on_ground:
         return commander.guided_setpoint()
@@ -117,8 +118,8 @@ def _land_over(commander: ArduPilot, north_m: float, east_m: float) -> Setpoint:
     )
     return Setpoint(
         Kind.TRAVEL,
-        (north_m, east_m, _NAN),
-        (_NAN, _NAN, speed),
+        Vector((north_m, east_m, _NAN)),
+        Vector((_NAN, _NAN, speed)),
         yaw_rad=commander.flight.entered_yaw_rad,
     )
 
@@ -167,7 +168,7 @@ def _return(commander: ArduPilot) -> Setpoint:
     speed = float(state.parameters["RTL_SPEED"]) * 0.01
     if speed == 0.0:
         speed = _NAN  # the speed of every travel
-    goal = (target_m[0], target_m[1], height_m)
+    goal = target_m.level_with(height_m)
     return flight.legs.onwards(state, goal, speed)._replace(yaw_rad=yaw_rad)
 
 
@@ -183,11 +184,12 @@ def _by_stick(commander: ArduPilot) -> Setpoint:
     if state.on_ground and climb <= 0.0:
         return IDLING
     level = turned(
-        (sticks.pitch * _STICK_SPEED_M_S, sticks.roll * _STICK_SPEED_M_S, 0.0), state.yaw_rad
+        Vector((sticks.pitch * _STICK_SPEED_M_S, sticks.roll * _STICK_SPEED_M_S, 0.0)),
+        state.yaw_rad,
     )
     return Setpoint(
         Kind.TRAVEL,
-        velocity_ned_m_s=(level[0], level[1], -climb),
+        velocity_ned_m_s=level.level_with(-climb),
         yaw_rate_rad_s=sticks.yaw * math.radians(202.5),
     )
 
@@ -269,8 +271,7 @@ def _around(commander: ArduPilot, leg: Leg) -> Setpoint:
         )
     setpoint = flight.circle.setpoint(0.0, DECIDE_S)
     mission.turned_rad += abs(flight.circle.rate_rad_s) * DECIDE_S
-    north, east, _ = setpoint.position_ned_m
-    return setpoint._replace(position_ned_m=(north, east, centre_m[2]))
+    return setpoint._replace(position_ned_m=setpoint.position_ned_m.level_with(centre_m[2]))
 
 
 COPTER: Final = Firmware[ArduPilot](

@@ -13,8 +13,8 @@ from sitl_mock.missions import violated
 
 if TYPE_CHECKING:
     from sitl_mock.protocols import PlanStore
+    from sitl_mock.vector import Vector
     from sitl_mock.vehicle_state import VehicleState
-    from sitl_mock.world import Vector
 
 _HEIGHT: Final = 1
 _CIRCLE: Final = 2

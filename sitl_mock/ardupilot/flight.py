@@ -11,13 +11,13 @@ from sitl_mock.ardupilot.legs import Legs
 from sitl_mock.ardupilot.maneuvers import Speeds
 from sitl_mock.ardupilot.plans import avoiding
 from sitl_mock.dynamics import Kind, Setpoint
+from sitl_mock.vector import UNSET, Vector
 
 if TYPE_CHECKING:
     from sitl_mock.ardupilot.maneuvers import Circle, Turn
     from sitl_mock.ardupilot.modes import Firmware
     from sitl_mock.protocols import PlanStore
     from sitl_mock.vehicle_state import VehicleState
-    from sitl_mock.world import Vector
 
 DECIDE_S: Final = 0.02
 IDLING: Final = Setpoint(Kind.IDLING)
@@ -64,7 +64,7 @@ class ModeFlight:
     legs: Legs = field(default_factory=Legs)
     stage: str = ""
     stage_s: float = 0.0
-    goal_m: Vector = (math.nan, math.nan, math.nan)
+    goal_m: Vector = UNSET
     circle: Circle | None = None
     edge_m: Vector | None = None
     turn_item: int = 0

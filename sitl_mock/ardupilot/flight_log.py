@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.dynamics import Kind as SetpointKind
 from sitl_mock.logs.dataflash import FMT, Kind
+from sitl_mock.vector import Vector
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sitl_mock.logs import LogBook
     from sitl_mock.telemetry import Report
-    from sitl_mock.world import Vector
 
 _STEP_S: Final = 0.1
 _LINGER_S: Final = 15.0
@@ -286,7 +286,7 @@ def _target(report: Report) -> bytes:
 
 def _centimetres_up(vector: Vector) -> Vector:
     north, east, down = vector
-    return (_or(north, 0.0) * 100.0, _or(east, 0.0) * 100.0, _or(-down, 0.0) * 100.0)
+    return Vector((_or(north, 0.0) * 100.0, _or(east, 0.0) * 100.0, _or(-down, 0.0) * 100.0))
 
 
 def _or(value: float, otherwise: float) -> float:

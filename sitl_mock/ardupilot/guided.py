@@ -23,13 +23,12 @@ from sitl_mock.setpoints import (
     LOCAL_NED,
     LOCAL_OFFSET_NED,
     Target,
-    added,
     read_global,
     read_local,
     turned,
 )
+from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import VehicleState
-from sitl_mock.world import Vector
 
 STOP: Final = Setpoint(Kind.STREAM, velocity_ned_m_s=ZERO)
 LEVEL: Final = Setpoint(Kind.ATTITUDE)
@@ -112,7 +111,7 @@ def _placed(state: VehicleState, target: Target) -> Vector:
     position = target.position_m
     if target.frame in _BODY:
         position = turned(position, state.yaw_rad)
-    return added(position, state.position_m) if target.frame in _FROM_HERE else position
+    return position + state.position_m if target.frame in _FROM_HERE else position
 
 
 _NAN: Final = math.nan
@@ -146,7 +145,7 @@ def read_attitude(parameters: Mapping[str, float], message: Any) -> Setpoint | N
     climb_m_s, thrust = _vertical(parameters, message.thrust)
     return Setpoint(
         Kind.ATTITUDE,
-        velocity_ned_m_s=(_NAN, _NAN, -climb_m_s),
+        velocity_ned_m_s=Vector((_NAN, _NAN, -climb_m_s)),
         yaw_rad=yaw_rad if rate == 0.0 else _NAN,
         yaw_rate_rad_s=rate if rate != 0.0 or math.isnan(yaw_rad) else _NAN,
         lean_ne_rad=lean,

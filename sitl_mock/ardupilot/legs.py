@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sitl_mock.dynamics import Kind, Setpoint
+from sitl_mock.vector import ZERO, Vector
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from sitl_mock.missions import Leg, MissionFlight
     from sitl_mock.vehicle_state import VehicleState
-    from sitl_mock.world import Vector
 
 _JERK_SHARE: Final = 0.8
 _LEAST_M: Final = 1e-3
@@ -114,10 +114,7 @@ class Curve:
     @property
     def direction(self) -> Vector:
         """Unit vector from start to end."""
-        (a, b, c) = self.start_m
-        (d, e, f) = self.goal_m
-        size = self.length_m
-        return (d - a) / size, (e - b) / size, (f - c) / size
+        return (self.goal_m - self.start_m) / self.length_m
 
 
 def curve(
@@ -164,11 +161,9 @@ def _braking(state: VehicleState) -> Curve:
     rise = Rise(
         speed_m_s, float(parameters["WPNAV_ACCEL"]) * 0.01, float(parameters["PSC_JERK_XY"])
     )
-    (n, e, d) = state.position_m
-    (v_n, v_e, v_d) = state.velocity_m_s
     half_s = rise.lasts_s / 2.0
-    start_m = (n - v_n * half_s, e - v_e * half_s, d - v_d * half_s)
-    goal_m = (n + v_n * half_s, e + v_e * half_s, d + v_d * half_s)
+    start_m = state.position_m.after(state.velocity_m_s, -half_s)
+    goal_m = state.position_m.after(state.velocity_m_s, half_s)
     return Curve(start_m, goal_m, state.now_s - rise.lasts_s, 2.0 * speed_m_s * half_s, rise)
 
 
@@ -254,21 +249,16 @@ class Legs:
         curves = [
             curve for curve in (self._before, self._present, self._following) if curve is not None
         ]
-        position_m = list(curves[0].start_m)
-        speed = [0.0, 0.0, 0.0]
-        accel = [0.0, 0.0, 0.0]
+        position_m = curves[0].start_m
+        velocity_m_s = ZERO
+        acceleration_m_s2 = ZERO
         for curve in curves:
-            offset_m, fast, harder = curve.along(now_s)
-            for axis, share in enumerate(curve.direction):
-                position_m[axis] += share * offset_m
-                speed[axis] += share * fast
-                accel[axis] += share * harder
-        return Setpoint(
-            Kind.TRACK,
-            (position_m[0], position_m[1], position_m[2]),
-            (speed[0], speed[1], speed[2]),
-            (accel[0], accel[1], accel[2]),
-        )
+            along = curve.along(now_s)
+            direction = curve.direction
+            position_m = position_m.after(direction, along.distance_m)
+            velocity_m_s = velocity_m_s.after(direction, along.speed_m_s)
+            acceleration_m_s2 = acceleration_m_s2.after(direction, along.accel_m_s2)
+        return Setpoint(Kind.TRACK, position_m, velocity_m_s, acceleration_m_s2)
 
 
 def _may_begin(present: Curve, ahead: Curve, now_s: float, radius_m: float) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from sitl_mock.dynamics import Kind, Setpoint
-from sitl_mock.world import Vector
+from sitl_mock.vector import Vector
 
 _LAG_MADE_UP = 1.4
 """Compensates the tracking lag, which would widen the circle; the real one flies 9.8 m at 3.4 m/s for 10 m."""
@@ -48,9 +48,11 @@ class Circle:
         inwards = _LAG_MADE_UP * along * self.rate_rad_s
         return Setpoint(
             Kind.STREAM,
-            (self.centre_m[0] + radius * cosine, self.centre_m[1] + radius * sine, math.nan),
-            (-along * sine, along * cosine, -climb_m_s),
-            (-inwards * cosine, -inwards * sine, 0.0),
+            Vector(
+                (self.centre_m[0] + radius * cosine, self.centre_m[1] + radius * sine, math.nan)
+            ),
+            Vector((-along * sine, along * cosine, -climb_m_s)),
+            Vector((-inwards * cosine, -inwards * sine, 0.0)),
             yaw_rad=math.remainder(self.angle_rad + math.pi, math.tau),
         )
 
@@ -100,10 +102,12 @@ def turns_edge(position_m: Vector, yaw_rad: float, centre_m: Vector, radius_m: f
     east = position_m[1] - centre_m[1]
     away_m = math.hypot(north, east)
     angle_rad = math.atan2(east, north) if away_m > 0.0 else yaw_rad + math.pi
-    return (
-        centre_m[0] + radius_m * math.cos(angle_rad),
-        centre_m[1] + radius_m * math.sin(angle_rad),
-        centre_m[2],
+    return Vector(
+        (
+            centre_m[0] + radius_m * math.cos(angle_rad),
+            centre_m[1] + radius_m * math.sin(angle_rad),
+            centre_m[2],
+        )
     )
 
 

@@ -22,13 +22,13 @@ from sitl_mock.dynamics.shaping import root_law
 from sitl_mock.missions import inclusion_polygons
 from sitl_mock.protocols import PlanItem, PlanKind, PlanStore
 from sitl_mock.protocols.plan import CIRCLES, POLYGONS
+from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import Severity, VehicleState
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sitl_mock.dynamics import Setpoint
-    from sitl_mock.world import Vector
 
 
 _GLOBAL_RELATIVE: Final = 3
@@ -47,32 +47,30 @@ def return_target(state: VehicleState, plans: PlanStore) -> Vector:
     home = state.position_m if state.home_m is None else state.home_m
     places = list(_rally_points(state, plans, home))
     if not places or int(parameters["RALLY_INCL_HOME"]):
-        places.append((home[0], home[1], 0.0))
-    north, east, above_m = nearest = min(
-        places, key=lambda rally_point: _away_m(state, rally_point)
-    )
+        places.append(home.level_with(0.0))
+    nearest = min(places, key=lambda rally_point: _away_m(state, rally_point))
     climb_m = max(0.0, float(parameters["RTL_CLIMB_MIN"]) * 0.01)
     least_m = max(_LEAST_RETURN_M, home[2] - state.position_m[2] + climb_m)
-    height_m = max(above_m, float(parameters["RTL_ALT"]) * 0.01, least_m)
+    height_m = max(nearest[2], float(parameters["RTL_ALT"]) * 0.01, least_m)
     slope = float(parameters["RTL_CONE_SLOPE"])
     if slope >= _LEAST_SLOPE:
         height_m = min(height_m, max(_away_m(state, nearest) * slope, least_m))
-    return north, east, home[2] - height_m
+    return nearest.level_with(home[2] - height_m)
 
 
 def _rally_points(state: VehicleState, plans: PlanStore, home: Vector) -> Iterator[Vector]:
     """Yield north, east and height above home of the rally points within reach."""
     for item in plans.rally.items:
-        north, east, down = state.frame.to_local(item.latitude_deg, item.longitude_deg, item.z)
-        above_m = item.z if item.frame == _GLOBAL_RELATIVE else home[2] - down
-        if not contains(state, plans, (north, east, home[2] - above_m)):
+        place_m = state.frame.to_local(item.latitude_deg, item.longitude_deg, item.z)
+        above_m = item.z if item.frame == _GLOBAL_RELATIVE else home[2] - place_m[2]
+        if not contains(state, plans, place_m.level_with(home[2] - above_m)):
             continue
-        if _away_m(state, (north, east, above_m)) < float(state.parameters["RALLY_LIMIT_KM"]) * 1e3:
-            yield north, east, above_m
+        if _away_m(state, place_m) < float(state.parameters["RALLY_LIMIT_KM"]) * 1e3:
+            yield place_m.level_with(above_m)
 
 
 def _away_m(state: VehicleState, place: Vector) -> float:
-    return math.hypot(place[0] - state.position_m[0], place[1] - state.position_m[1])
+    return (place - state.position_m).level_length()
 
 
 _STOP_AT_FENCE: Final = 1
@@ -103,7 +101,7 @@ def avoiding(state: VehicleState, plans: PlanStore, setpoint: Setpoint) -> Setpo
         if excess_m_s > 0.0:
             north = north - excess_m_s * to_n
             east = east - excess_m_s * to_e
-    return setpoint._replace(velocity_ned_m_s=(north, east, down))
+    return setpoint._replace(velocity_ned_m_s=Vector((north, east, down)))
 
 
 def _sides(state: VehicleState, plans: PlanStore) -> Iterator[tuple[float, tuple[float, float]]]:

@@ -8,6 +8,7 @@ from sitl_mock.ardupilot.commands import execute
 from sitl_mock.ardupilot.modes import ROVER_MODES, Firmware
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.setpoints import turned
+from sitl_mock.vector import Vector
 
 
 def _stand(_commander: ArduPilot) -> Setpoint:
@@ -15,14 +16,13 @@ def _stand(_commander: ArduPilot) -> Setpoint:
 
 
 def _stay(commander: ArduPilot) -> Setpoint:
-    north, east, _ = commander.flight.entered_m
-    return Setpoint(Kind.TRAVEL, (north, east, math.nan))
+    return Setpoint(Kind.TRAVEL, commander.flight.entered_m.level_with(math.nan))
 
 
 def _manual(commander: ArduPilot) -> Setpoint:
     sticks = commander.sticks
     fast = float(commander.state.parameters["CRUISE_SPEED"])
-    velocity = turned((sticks.throttle * fast, 0.0, 0.0), commander.state.yaw_rad)
+    velocity = turned(Vector((sticks.throttle * fast, 0.0, 0.0)), commander.state.yaw_rad)
     if not any(sticks):
         return Setpoint(Kind.BRAKE)
     turn = sticks.roll * math.radians(float(commander.state.parameters["ATC_STR_RAT_MAX"]))
@@ -42,7 +42,7 @@ def _speed(commander: ArduPilot) -> float:
 
 def _return(commander: ArduPilot) -> Setpoint:
     home = commander.flight.entered_m if commander.state.home_m is None else commander.state.home_m
-    return Setpoint(Kind.TRAVEL, (home[0], home[1], math.nan), speed_m_s=_speed(commander))
+    return Setpoint(Kind.TRAVEL, home.level_with(math.nan), speed_m_s=_speed(commander))
 
 
 def _auto(commander: ArduPilot) -> Setpoint:
@@ -52,7 +52,7 @@ def _auto(commander: ArduPilot) -> Setpoint:
         commander.mission_over()
         return Setpoint(Kind.BRAKE)
     speed = leg.speed_m_s if leg.speed_m_s > 0.0 else _speed(commander)
-    return Setpoint(Kind.TRAVEL, (leg.position_m[0], leg.position_m[1], math.nan), speed_m_s=speed)
+    return Setpoint(Kind.TRAVEL, leg.position_m.level_with(math.nan), speed_m_s=speed)
 
 
 def _guided(commander: ArduPilot) -> Setpoint:

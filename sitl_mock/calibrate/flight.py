@@ -10,6 +10,7 @@ from sitl_mock.calibrate.step_log import FlavourName, StepLog
 from sitl_mock.dynamics import CALM, Kind, Setpoint, Vehicle, arducopter_quadrotor, px4_quadrotor
 from sitl_mock.errors import MockError
 from sitl_mock.mavlink import Decoder, Encoder
+from sitl_mock.vector import Vector
 from sitl_mock.vehicle import MockVehicle
 
 _FAR_BELOW_M = 1e6
@@ -21,10 +22,11 @@ def replay(log: StepLog, vehicle: Vehicle) -> Samples:
     The mock starts in hover trim at the log's first position and velocity, its nose to the north as the logs have it
     (mask 2503, yaw 0). The ground is put far below: the log's origin says nothing about it.
     """
-    n, e, d = log.position_ned_m[0].tolist()
-    motion = vehicle.initial((n, e, d), 0.0, flying=True)
-    n, e, d = log.velocity_ned_m_s[0].tolist()
-    motion = motion._replace(body=motion.body._replace(velocity_ned_m_s=(n, e, d)))
+    north, east, down = log.position_ned_m[0].tolist()
+    motion = vehicle.initial(Vector((north, east, down)), 0.0, flying=True)
+    north, east, down = log.velocity_ned_m_s[0].tolist()
+    velocity_m_s = Vector((north, east, down))
+    motion = motion._replace(body=motion.body._replace(velocity_ned_m_s=velocity_m_s))
     around = CALM._replace(ground_down_m=_FAR_BELOW_M)
     setpoint = Setpoint(Kind.BRAKE)
     answers = []
@@ -35,8 +37,9 @@ def replay(log: StepLog, vehicle: Vehicle) -> Samples:
         if changes_s > now_s:
             motion = vehicle.step(motion, setpoint, around, changes_s - now_s)
         if setpoint.velocity_ned_m_s != tuple(commands[row]):
-            n, e, d = commands[row]
-            setpoint = Setpoint(Kind.STREAM, velocity_ned_m_s=(n, e, d), yaw_rad=0.0)
+            north, east, down = commands[row]
+            velocity_m_s = Vector((north, east, down))
+            setpoint = Setpoint(Kind.STREAM, velocity_ned_m_s=velocity_m_s, yaw_rad=0.0)
         if at_s > changes_s:
             motion = vehicle.step(motion, setpoint, around, at_s - changes_s)
         now_s = at_s

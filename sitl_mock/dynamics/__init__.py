@@ -25,17 +25,16 @@ from sitl_mock.dynamics.shaping import TravelLimits
 from sitl_mock.dynamics.values import (
     CALM,
     IGNORED,
-    ZERO,
     Body,
     Estimate,
     Euler,
     Kind,
     Motion,
-    Ned,
     Setpoint,
     Surroundings,
     attitude_of,
 )
+from sitl_mock.vector import ZERO
 
 __all__ = [
     "ARDUCOPTER_AIRFRAME",
@@ -55,7 +54,6 @@ __all__ = [
     "Euler",
     "Kind",
     "Motion",
-    "Ned",
     "Px4Gains",
     "Rover",
     "Setpoint",

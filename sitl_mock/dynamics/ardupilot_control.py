@@ -22,18 +22,17 @@ from sitl_mock.dynamics.shaping import (
 )
 from sitl_mock.dynamics.values import (
     GRAVITY_M_S2,
-    ZERO,
     Body,
     Demand,
     Estimate,
     Kind,
-    Ned,
     Setpoint,
     maker_of,
     within,
     wrap_rad,
     zero_where_ignored,
 )
+from sitl_mock.vector import ZERO, Vector
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ class ArduMemory(NamedTuple):
 
     kind: Kind
     reference: Reference
-    integral_ned_m_s2: Ned = ZERO
+    integral_ned_m_s2: Vector = ZERO
     spooled_s: float = 0.0
     heading_rad: float = math.nan
     limited: Limited = UNLIMITED
@@ -181,20 +180,18 @@ class ArduControl:
         jerk = gains.jerk_m_s3
         pair = shape_turn((n, e), (v_n, v_e), (a_n, a_e), (f_n, f_e), accel, jerk, dt_s)
         down = shape_one(d, v_d, a_d, f_d, accel_z, jerk_z, jerk_z / accel_z, dt_s)
-        return advance(reference, (*pair, down), dt_s)
+        return advance(reference, Vector((*pair, down)), dt_s)
 
-    def _accelerated(self, reference: Reference, wanted: Ned, dt_s: float) -> Reference:
+    def _accelerated(self, reference: Reference, wanted: Vector, dt_s: float) -> Reference:
         """Advance the reference by acceleration alone; the speed is their unlimited integral."""
         a_n, a_e, a_d = reference.acceleration_ned_m_s2
-        d_n = wanted[0] - a_n
-        d_e = wanted[1] - a_e
-        d_d = wanted[2] - a_d
+        d_n, d_e, d_d = wanted - reference.acceleration_ned_m_s2
         change = math.hypot(d_n, d_e)
         max_change = self.gains.jerk_m_s3 * dt_s
         keep = max_change / change if change > max_change else 1.0
         most_z = self.gains.jerk_z_m_s3 * dt_s
         down = a_d + within(d_d, -most_z, most_z)
-        return advance(reference, (a_n + d_n * keep, a_e + d_e * keep, down), dt_s)
+        return advance(reference, Vector((a_n + d_n * keep, a_e + d_e * keep, down)), dt_s)
 
     def _leaning(  # noqa: PLR0914
         self, memory: ArduMemory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
@@ -202,25 +199,28 @@ class ArduControl:
         """Follow an attitude target within ANGLE_MAX; the horizontal position is not controlled."""
         gains = self.gains
         place, velocity, (_, _, a_d) = memory.reference
-        (p_n, p_e, p_d), (v_n, v_e, v_d) = estimate
+        position = estimate.position_ned_m
+        speed = estimate.velocity_ned_m_s
         if memory.kind > Kind.IDLING:
-            p_d = place[2]
-            v_d = velocity[2]
+            position = position.level_with(place[2])
+            speed = speed.level_with(velocity[2])
         climb = zero_where_ignored(setpoint.velocity_ned_m_s)[2]
         settle_1_s = gains.jerk_z_m_s3 / gains.accel_z_m_s2
         down = shape_one(
-            climb, v_d, a_d, 0.0, gains.accel_z_m_s2, gains.jerk_z_m_s3, settle_1_s, dt_s
+            climb, speed[2], a_d, 0.0, gains.accel_z_m_s2, gains.jerk_z_m_s3, settle_1_s, dt_s
         )
-        reference = advance(Reference((p_n, p_e, p_d), (v_n, v_e, v_d)), (0.0, 0.0, down), dt_s)
+        reference = advance(Reference(position, speed), Vector((0.0, 0.0, down)), dt_s)
         heading_rad, yaw_rate_rad_s = self._yaw(memory.heading_rad, body, setpoint, reference)
         i_d = memory.integral_ned_m_s2[2]
-        _, integral, _, thrust = self._track(reference, (0.0, 0.0, i_d), body, estimate, dt_s)
+        _, integral, _, thrust = self._track(
+            reference, Vector((0.0, 0.0, i_d)), body, estimate, dt_s
+        )
         if not math.isnan(setpoint.thrust):
             thrust = setpoint.thrust * self.thrust_max_m_s2
             reference = Reference(estimate.position_ned_m, estimate.velocity_ned_m_s)
         spooled_s = min(memory.spooled_s + dt_s, gains.spool_s)
         carried = ArduMemory(
-            Kind.ATTITUDE, reference, (0.0, 0.0, integral[2]), spooled_s, heading_rad
+            Kind.ATTITUDE, reference, Vector((0.0, 0.0, integral[2])), spooled_s, heading_rad
         )
         n, e = setpoint.lean_ne_rad
         keep = min(1.0, gains.lean_max_rad / max(math.hypot(n, e), 1e-9))
@@ -232,8 +232,8 @@ class ArduControl:
         return self.gains.overspeed_gain * excess if excess > 1.0 else 1.0
 
     def _track(  # noqa: PLR0914
-        self, reference: Reference, integral: Ned, body: Body, estimate: Estimate, dt_s: float
-    ) -> tuple[Limited, Ned, tuple[float, float], float]:
+        self, reference: Reference, integral: Vector, body: Body, estimate: Estimate, dt_s: float
+    ) -> tuple[Limited, Vector, tuple[float, float], float]:
         """P on position, PID on velocity with the reference fed forward, lean limit with anti-windup."""
         gains = self.gains
         (r_n, r_e, r_d), (w_n, w_e, w_d), (f_n, f_e, f_d) = reference
@@ -263,7 +263,7 @@ class ArduControl:
         per = lean / (lean_tan * GRAVITY_M_S2) if lean_tan > 1e-9 else 1.0 / GRAVITY_M_S2
         # Angle boost: thrust is increased by the actual lean so that the lift stays constant.
         up = math.cos(math.hypot(lean_n, lean_e))
-        return limited, (i_n, i_e, i_d), (a_n * per, a_e * per), lift / max(up, 0.3)
+        return limited, Vector((i_n, i_e, i_d)), (a_n * per, a_e * per), lift / max(up, 0.3)
 
     def _yaw(
         self, heading_rad: float, body: Body, setpoint: Setpoint, reference: Reference
@@ -309,7 +309,7 @@ def _held(before: Reference, after: Reference, limited: Limited) -> Reference:
     ):
         w_n = v_n
         w_e = v_e
-    return Reference((q_n, q_e, q_d), (w_n, w_e, w_d), acceleration)
+    return Reference(Vector((q_n, q_e, q_d)), Vector((w_n, w_e, w_d)), acceleration)
 
 
 def _integrated(

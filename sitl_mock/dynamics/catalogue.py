@@ -20,7 +20,8 @@ from sitl_mock.dynamics.px4_control import Px4Control, Px4Memory
 from sitl_mock.dynamics.px4_gains import Px4Gains
 from sitl_mock.dynamics.rover import Rover
 from sitl_mock.dynamics.shaping import Reference, TravelLimits
-from sitl_mock.dynamics.values import Body, Estimate, Motion, Ned, Setpoint, Surroundings
+from sitl_mock.dynamics.values import Body, Estimate, Motion, Setpoint, Surroundings
+from sitl_mock.vector import Vector
 
 
 class Vehicle(Protocol):
@@ -30,7 +31,7 @@ class Vehicle(Protocol):
         """The reference motion of the controller; None if it has none."""
         ...
 
-    def initial(self, position_ned_m: Ned, yaw_rad: float, *, flying: bool = False) -> Motion:
+    def initial(self, position_ned_m: Vector, yaw_rad: float, *, flying: bool = False) -> Motion:
         """A vehicle at rest."""
         ...
 
@@ -118,7 +119,11 @@ def arducopter_quadrotor(
         gains = ArduGains()
     control = ArduControl(gains, travel, airframe.thrust_max_m_s2)
     return Multicopter(
-        control, ArduMemory, airframe, velocity_scale_ned=(1.0, 1.0, 0.971), setpoint_delay_s=0.03
+        control,
+        ArduMemory,
+        airframe,
+        velocity_scale_ned=Vector((1.0, 1.0, 0.971)),
+        setpoint_delay_s=0.03,
     )
 
 

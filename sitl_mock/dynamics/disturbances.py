@@ -14,14 +14,14 @@ from functools import cached_property
 from random import Random
 from typing import Final, NamedTuple
 
-from sitl_mock.dynamics.values import ZERO, Ned
+from sitl_mock.vector import ZERO, Vector
 
 
 class Errors(NamedTuple):
     """Estimator errors of position and velocity; fields of `Surroundings`."""
 
-    position_ned_m: Ned = ZERO
-    velocity_ned_m_s: Ned = ZERO
+    position_ned_m: Vector = ZERO
+    velocity_ned_m_s: Vector = ZERO
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,12 @@ class Wander:
         time_s: Correlation time of the velocity error.
     """
 
-    velocity_sd_ned_m_s: Ned
-    position_sd_ned_m: Ned
+    velocity_sd_ned_m_s: Vector
+    position_sd_ned_m: Vector
     time_s: float = 8.0
 
     @cached_property
-    def correction_1_s(self) -> Ned:
+    def correction_1_s(self) -> Vector:
         """Correction rate of the position error per axis, from the two standard deviations.
 
         Stationary: var(p) = var(v) T / (k (1 + k T)), solved for k.
@@ -51,7 +51,7 @@ class Wander:
                 self.velocity_sd_ned_m_s, self.position_sd_ned_m, strict=True
             )
         )
-        return north, east, down
+        return Vector((north, east, down))
 
     def after(self, errors: Errors, random: Random, dt_s: float) -> Errors:
         """Advance the errors by `dt_s`; equal seeds and steps give equal errors."""
@@ -68,13 +68,14 @@ class Wander:
             velocity[axis] = v
             position[axis] = settled + (errors.position_ned_m[axis] - settled) * drawn
         return Errors(
-            (position[0], position[1], position[2]), (velocity[0], velocity[1], velocity[2])
+            Vector((position[0], position[1], position[2])),
+            Vector((velocity[0], velocity[1], velocity[2])),
         )
 
 
-PX4_WANDER = Wander((0.17, 0.30, 0.16), (0.13, 0.21, 0.31))
+PX4_WANDER = Wander(Vector((0.17, 0.30, 0.16)), Vector((0.13, 0.21, 0.31)))
 """PX4 1.17 against its simulator's truth."""
-PX4_GROUND_WANDER = Wander((0.03, 0.04, 0.008), (0.15, 0.15, 0.05), time_s=2.0)
+PX4_GROUND_WANDER = Wander(Vector((0.03, 0.04, 0.008)), Vector((0.15, 0.15, 0.05)), time_s=2.0)
 """Before take-off: velocities of a few cm/s and position drift of about 0.3 m."""
 
 
@@ -83,8 +84,8 @@ GUST_TIME_S: Final = 3.0
 
 
 def gust_after(
-    gust_ned_m_s: Ned, sd_m_s: float, random: Random, dt_s: float, *, time_s: float = GUST_TIME_S
-) -> Ned:
+    gust_ned_m_s: Vector, sd_m_s: float, random: Random, dt_s: float, *, time_s: float = GUST_TIME_S
+) -> Vector:
     """Advance the gust by `dt_s` (exact for any step); equal seeds and steps give equal gusts.
 
     Args:
@@ -98,8 +99,10 @@ def gust_after(
     kick = sd_m_s * math.sqrt(1.0 - keep * keep)
     n, e, d = gust_ned_m_s
     gauss = random.gauss
-    return (
-        n * keep + kick * gauss(0.0, 1.0),
-        e * keep + kick * gauss(0.0, 1.0),
-        d * keep + kick / 3.0 * gauss(0.0, 1.0),
+    return Vector(
+        (
+            n * keep + kick * gauss(0.0, 1.0),
+            e * keep + kick * gauss(0.0, 1.0),
+            d * keep + kick / 3.0 * gauss(0.0, 1.0),
+        )
     )

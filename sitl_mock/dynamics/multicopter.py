@@ -2,31 +2,31 @@
 
 import math
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Final, Generic, NamedTuple, Protocol, TypeVar
 
 from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.dynamics.values import (
     CALM,
     GRAVITY_M_S2,
-    ZERO,
     Body,
     Demand,
     Estimate,
     Kind,
     Motion,
-    Ned,
     Setpoint,
     Surroundings,
     maker_of,
     within,
     wrap_rad,
 )
+from sitl_mock.vector import ZERO, Vector
 
 _STREAM = Kind.STREAM
 _DIRECT = Kind.DIRECT
 _body = maker_of(Body)
 _estimate = maker_of(Estimate)
 _motion = maker_of(Motion)
+_EXACT: Final = Vector((1.0, 1.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Airframe:
     lean_accel_rad_s2: float = math.inf
 
 
-def body_at(position_ned_m: Ned, yaw_rad: float, *, on_ground: bool = True) -> Body:
+def body_at(position_ned_m: Vector, yaw_rad: float, *, on_ground: bool = True) -> Body:
     """A body at rest, motors stopped on the ground or hovering in the air."""
     thrust_m_s2 = 0.0 if on_ground else GRAVITY_M_S2
     return Body(
@@ -141,7 +141,7 @@ def _resting(body: Body, thrust_m_s2: float, ground_down_m: float) -> Body:
     """Standing: thrust below the weight, body upright."""
     north, east, _ = body.position_ned_m
     return Body(
-        (north, east, ground_down_m),
+        Vector((north, east, ground_down_m)),
         ZERO,
         ZERO,
         0.0,
@@ -164,10 +164,10 @@ def _flying(  # noqa: PLR0914
     dt_s: float,
 ) -> Body:
     """Advance the body in the air with its new lean rates and thrust."""
-    (p_n, p_e, p_d), (v_n, v_e, v_d), _, lean_n, lean_e, _, _, yaw, yaw_rate, _, _ = body
+    position, velocity, _, lean_n, lean_e, _, _, yaw, yaw_rate, _, _ = body
     (rate_n, rate_e, thrust_m_s2) = moved
     turn = demand.yaw_rate_rad_s
-    (w_n, w_e, w_d), _, _, ground_d, _ = around
+    wind, _, _, ground_d, _ = around
 
     lean_n += rate_n * dt_s
     lean_e += rate_e * dt_s
@@ -175,24 +175,23 @@ def _flying(  # noqa: PLR0914
 
     lean = math.hypot(lean_n, lean_e)
     side = thrust_m_s2 * (math.sin(lean) / lean if lean > 1e-9 else 1.0)
-    air_n = v_n - w_n
-    air_e = v_e - w_e
-    air_d = v_d - w_d
+    air_n, air_e, air_d = velocity - wind
     # Implicit in the drag: stable and free of bias at rest for any wind and step.
     a_n, a_e = _against_air(airframe, (side * lean_n, side * lean_e), (air_n, air_e), yaw, dt_s)
     drag = airframe.drag_1_s + airframe.drag_1_m * abs(air_d)
     a_d = (GRAVITY_M_S2 - thrust_m_s2 * math.cos(lean) - drag * air_d) / (1.0 + drag * dt_s)
 
-    half = 0.5 * dt_s
-    p_d += (v_d + a_d * half) * dt_s
-    if p_d >= ground_d and v_d + a_d * dt_s >= 0.0:
+    acceleration = Vector((a_n, a_e, a_d))
+    reached = position.moved(velocity, acceleration, dt_s)
+    reached_velocity = velocity.after(acceleration, dt_s)
+    if reached[2] >= ground_d and reached_velocity[2] >= 0.0:
         # Touchdown without bouncing or sliding.
         return body_touching(body, thrust_m_s2, ground_d)
     return _body(
         (
-            (p_n + (v_n + a_n * half) * dt_s, p_e + (v_e + a_e * half) * dt_s, p_d),
-            (v_n + a_n * dt_s, v_e + a_e * dt_s, v_d + a_d * dt_s),
-            (a_n, a_e, a_d),
+            reached,
+            reached_velocity,
+            acceleration,
             lean_n,
             lean_e,
             rate_n,
@@ -308,11 +307,11 @@ class Multicopter(Generic[MemoryT]):
     control: Control[MemoryT]
     memory_type: type[MemoryT]
     airframe: Airframe
-    velocity_scale_ned: Ned = (1.0, 1.0, 1.0)
+    velocity_scale_ned: Vector = _EXACT
     setpoint_delay_s: float = 0.0
     step_max_s: float = 0.02
 
-    def initial(self, position_ned_m: Ned, yaw_rad: float, *, flying: bool = False) -> Motion:
+    def initial(self, position_ned_m: Vector, yaw_rad: float, *, flying: bool = False) -> Motion:
         """A vehicle at rest: motors stopped on the ground, or (`flying`) hovering in trim."""
         body = body_at(position_ned_m, yaw_rad, on_ground=not flying)
         return Motion(body, self._fresh(body, self.estimate(body, CALM)))
@@ -322,14 +321,13 @@ class Multicopter(Generic[MemoryT]):
         order = Setpoint(Kind.BRAKE if flying else Kind.STOPPED)
         return Pending(0.0, order), self.control.fresh(estimate, flying=flying)
 
-    def estimate(self, body: Body, around: Surroundings) -> Estimate:  # noqa: PLR0914
+    def estimate(self, body: Body, around: Surroundings) -> Estimate:
         """Estimated position and velocity: truth times the velocity scale, plus the errors in `around`."""
-        (p_n, p_e, p_d), (v_n, v_e, v_d), *_ = body
-        _, (q_n, q_e, q_d), (w_n, w_e, w_d), *_ = around
-        s_n, s_e, s_d = self.velocity_scale_ned
-        return _estimate(
-            ((p_n + q_n, p_e + q_e, p_d + q_d), (v_n * s_n + w_n, v_e * s_e + w_e, v_d * s_d + w_d))
-        )
+        position_m, velocity_m_s, *_ = body
+        _, position_error_m, velocity_error_m_s, *_ = around
+        if self.velocity_scale_ned is not _EXACT:
+            velocity_m_s = velocity_m_s.scaled(self.velocity_scale_ned)
+        return _estimate((position_m + position_error_m, velocity_m_s + velocity_error_m_s))
 
     def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
         """Advance the motion by `dt_s` under one setpoint, in equal steps of at most `step_max_s`.

@@ -13,18 +13,17 @@ from sitl_mock.dynamics.shaping import Reference, TravelLimits, travel
 from sitl_mock.dynamics.values import (
     GRAVITY_M_S2,
     IGNORED,
-    ZERO,
     Body,
     Demand,
     Estimate,
     Kind,
-    Ned,
     Setpoint,
     maker_of,
     within,
     wrap_rad,
     zero_where_ignored,
 )
+from sitl_mock.vector import ZERO, Vector
 
 _STOPPED = Kind.STOPPED
 _IDLING = Kind.IDLING
@@ -39,8 +38,8 @@ class Px4Memory(NamedTuple):
 
     kind: Kind
     reference: Reference
-    integral_ned_m_s2: Ned = ZERO
-    filtered_acceleration_ned_m_s2: Ned = ZERO
+    integral_ned_m_s2: Vector = ZERO
+    filtered_acceleration_ned_m_s2: Vector = ZERO
     spooled_s: float = 0.0
     ramped_s: float = 0.0
     tilt_max_rad: float = math.pi
@@ -124,10 +123,10 @@ class Px4Control:
             flying = ramped_s >= gains.ramp_s
         tilt_max_rad = self._tilt_max(tilt_max_rad, dt_s) if flying else gains.tilt_ground_rad
         if velocity[2] < -up_max:
-            velocity = (velocity[0], velocity[1], -up_max)
+            velocity = velocity.level_with(-up_max)
 
         lag = math.exp(-dt_s / gains.derivative_lag_s)
-        slow = (now[0] + (was[0] - now[0]) * lag, now[1] + (was[1] - now[1]) * lag, 0.0)
+        slow = Vector((now[0] + (was[0] - now[0]) * lag, now[1] + (was[1] - now[1]) * lag, 0.0))
         integral, lean, thrust = self._velocity_loop(
             velocity,
             forward,
@@ -140,7 +139,7 @@ class Px4Control:
         )
         if on_ground:
             # During the take-off ramp the vertical integral runs, which slows the first seconds of the climb.
-            integral = (0.0, 0.0, integral[2] if ramped_s > 0.0 and not flying else 0.0)
+            integral = Vector((0.0, 0.0, integral[2] if ramped_s > 0.0 and not flying else 0.0))
         turn, yaw_integral = self._yaw_rate(memory, body, setpoint, dt_s)
         if not on_ground:
             hover_m_s2 = self._hover(hover_m_s2, body, dt_s)
@@ -188,11 +187,11 @@ class Px4Control:
                 ZERO if streamed else body.acceleration_ned_m_s2,
             )
         elif body.on_ground:
-            (n, e, _) = estimate.position_ned_m
-            (_, _, r_d) = started.position_ned_m
-            (_, _, v_d) = started.velocity_ned_m_s
-            (_, _, a_d) = started.acceleration_ned_m_s2
-            started = Reference((n, e, r_d), (0.0, 0.0, v_d), (0.0, 0.0, a_d))
+            started = Reference(
+                estimate.position_ned_m.level_with(started.position_ned_m[2]),
+                ZERO.level_with(started.velocity_ned_m_s[2]),
+                ZERO.level_with(started.acceleration_ned_m_s2[2]),
+            )
         ahead_n = started.position_ned_m[0] - estimate.position_ned_m[0]
         ahead_e = started.position_ned_m[1] - estimate.position_ned_m[1]
         if ahead_n * started.velocity_ned_m_s[0] + ahead_e * started.velocity_ned_m_s[1] > 0.0:
@@ -231,7 +230,7 @@ class Px4Control:
         reference = _reference((estimate.position_ned_m, ZERO, ZERO))
         return _memory((kind, reference, ZERO, ZERO, spooled_s, *_UNMOVED)), demand
 
-    def _stream_velocity(self, estimate: Estimate, setpoint: Setpoint) -> tuple[Ned, Ned]:
+    def _stream_velocity(self, estimate: Estimate, setpoint: Setpoint) -> tuple[Vector, Vector]:
         """Velocity after position control and truncation (NaN: not controlled), and the acceleration fed forward."""
         _, position, velocity, acceleration, *_ = setpoint
         if position is IGNORED and acceleration is IGNORED:
@@ -242,7 +241,7 @@ class Px4Control:
         if math.isnan(a_n + a_e + a_d):
             # With an uncontrolled axis PX4 hovers and stays in OFFBOARD.
             return ZERO, ZERO
-        return self._truncated(n, e, d), (a_n, a_e, a_d)
+        return self._truncated(n, e, d), Vector((a_n, a_e, a_d))
 
     @staticmethod
     def _axis(
@@ -259,16 +258,16 @@ class Px4Control:
         )
         return velocity, (0.0 if math.isnan(push) else push)
 
-    def _truncated(self, n: float, e: float, d: float) -> Ned:
+    def _truncated(self, n: float, e: float, d: float) -> Vector:
         gains = self.gains
         speed = math.hypot(n, e)
         max_speed_m_s = gains.xy_vel_max_m_s
         if speed > max_speed_m_s:
             n *= max_speed_m_s / speed
             e *= max_speed_m_s / speed
-        return n, e, within(d, -gains.up_max_m_s, gains.down_max_m_s)
+        return Vector((n, e, within(d, -gains.up_max_m_s, gains.down_max_m_s)))
 
-    def _track(self, estimate: Estimate, reference: Reference) -> tuple[Ned, Ned]:
+    def _track(self, estimate: Estimate, reference: Reference) -> tuple[Vector, Vector]:
         gains = self.gains
         (r_n, r_e, r_d), (v_n, v_e, v_d), acceleration = reference
         p_n, p_e, p_d = estimate.position_ned_m
@@ -279,16 +278,16 @@ class Px4Control:
 
     def _velocity_loop(  # noqa: PLR0914
         self,
-        wanted: Ned,
-        forward: Ned,
-        velocity: Ned,
-        acceleration: Ned,
-        integral: Ned,
+        wanted: Vector,
+        forward: Vector,
+        velocity: Vector,
+        acceleration: Vector,
+        integral: Vector,
         dt_s: float,
         limits: tuple[float, float],
         *,
         flying: bool,
-    ) -> tuple[Ned, tuple[float, float], float]:
+    ) -> tuple[Vector, tuple[float, float], float]:
         """PID on velocity with thrust and tilt limits (vertical first) and tracking anti-windup."""
         gains = self.gains
         (tilt_max_rad, hover_m_s2) = limits
@@ -299,7 +298,7 @@ class Px4Control:
         err_e = w_e - v_e
         err_d = w_d - v_d
         if math.isnan(err_n + err_e + err_d):
-            err_n, err_e, err_d = zero_where_ignored((err_n, err_e, err_d))
+            err_n, err_e, err_d = zero_where_ignored(Vector((err_n, err_e, err_d)))
         i_n, i_e, i_d = integral
         a_n = gains.xy_vel_p_1_s * err_n + i_n - gains.xy_vel_d * acceleration[0] + f_n
         a_e = gains.xy_vel_p_1_s * err_e + i_e - gains.xy_vel_d * acceleration[1] + f_e
@@ -327,10 +326,12 @@ class Px4Control:
         a_n = a_n * shrink
         a_e = a_e * shrink
         tilt_tan = tilt_tan * shrink
-        integral = (
-            i_n + gains.xy_vel_i_1_s2 * err_n * dt_s,
-            i_e + gains.xy_vel_i_1_s2 * err_e * dt_s,
-            within(i_d + gains.z_vel_i_1_s2 * err_d * dt_s, -GRAVITY_M_S2, GRAVITY_M_S2),
+        integral = Vector(
+            (
+                i_n + gains.xy_vel_i_1_s2 * err_n * dt_s,
+                i_e + gains.xy_vel_i_1_s2 * err_e * dt_s,
+                within(i_d + gains.z_vel_i_1_s2 * err_d * dt_s, -GRAVITY_M_S2, GRAVITY_M_S2),
+            )
         )
         tilt = math.atan(tilt_tan)
         per = tilt / (tilt_tan * GRAVITY_M_S2) if tilt_tan > 1e-9 else 1.0 / GRAVITY_M_S2

@@ -9,13 +9,13 @@ from sitl_mock.dynamics.values import (
     Estimate,
     Kind,
     Motion,
-    Ned,
     Setpoint,
     Surroundings,
     within,
     wrap_rad,
     zero_where_ignored,
 )
+from sitl_mock.vector import Vector
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Rover:
     def reference(self, _motion: Motion) -> None:
         """None: the rover's control has no reference motion."""
 
-    def initial(self, position_ned_m: Ned, yaw_rad: float, *, flying: bool = False) -> Motion:
+    def initial(self, position_ned_m: Vector, yaw_rad: float, *, flying: bool = False) -> Motion:
         """A rover at rest; `flying` raises ValueError."""
         if flying:
             msg = "a rover cannot start in the air: leave flying=False"
@@ -53,8 +53,8 @@ class Rover:
     def estimate(self, body: Body, around: Surroundings) -> Estimate:
         """True position and velocity plus the estimator errors in `around`."""
         return Estimate(
-            _added(body.position_ned_m, around.position_error_ned_m),
-            _added(body.velocity_ned_m_s, around.velocity_error_ned_m_s),
+            body.position_ned_m + around.position_error_ned_m,
+            body.velocity_ned_m_s + around.velocity_error_ned_m_s,
         )
 
     def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
@@ -94,18 +94,20 @@ class Rover:
         speed = body.velocity_ned_m_s[0] * forward_n + body.velocity_ned_m_s[1] * forward_e
         max_change_m_s = self.accel_m_s2 * dt_s
         speed += within(along - speed, -max_change_m_s, max_change_m_s)
-        velocity = (speed * math.cos(yaw), speed * math.sin(yaw), 0.0)
+        velocity = Vector((speed * math.cos(yaw), speed * math.sin(yaw), 0.0))
         was = body.velocity_ned_m_s
         position_m = body.position_ned_m
         return Motion(
             Body(
-                (
-                    position_m[0] + 0.5 * (was[0] + velocity[0]) * dt_s,
-                    position_m[1] + 0.5 * (was[1] + velocity[1]) * dt_s,
-                    around.ground_down_m,
+                Vector(
+                    (
+                        position_m[0] + 0.5 * (was[0] + velocity[0]) * dt_s,
+                        position_m[1] + 0.5 * (was[1] + velocity[1]) * dt_s,
+                        around.ground_down_m,
+                    )
                 ),
                 velocity,
-                ((velocity[0] - was[0]) / dt_s, (velocity[1] - was[1]) / dt_s, 0.0),
+                Vector(((velocity[0] - was[0]) / dt_s, (velocity[1] - was[1]) / dt_s, 0.0)),
                 0.0,
                 0.0,
                 0.0,
@@ -140,7 +142,3 @@ class Rover:
         if speed > limit:
             return (n * limit / speed, e * limit / speed)
         return (n, e)
-
-
-def _added(value: Ned, error: Ned) -> Ned:
-    return (value[0] + error[0], value[1] + error[1], value[2] + error[2])

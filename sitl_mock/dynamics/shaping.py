@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from sitl_mock.dynamics.values import (
-    ZERO,
     Kind,
-    Ned,
     Setpoint,
     maker_of,
     within,
     zero_where_ignored,
 )
+from sitl_mock.vector import ZERO, Vector
 
 CORNER_SHARE: Final = math.sqrt(0.5)
 
@@ -26,9 +25,9 @@ CORNER_SHARE: Final = math.sqrt(0.5)
 class Reference(NamedTuple):
     """The motion that a controller follows and feeds forward."""
 
-    position_ned_m: Ned
-    velocity_ned_m_s: Ned
-    acceleration_ned_m_s2: Ned = ZERO
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector
+    acceleration_ned_m_s2: Vector = ZERO
 
 
 _reference = maker_of(Reference)
@@ -241,16 +240,17 @@ def approach_one(
     return min(speed, down_max) if to_go > 0.0 else -min(speed, up_max)
 
 
-def advance(reference: Reference, acceleration: Ned, dt_s: float) -> Reference:
+def advance(reference: Reference, acceleration: Vector, dt_s: float) -> Reference:
     """Advance the reference by one step under a new acceleration."""
+    # Written out for each axis: every step of every vehicle comes through here.
     (p_n, p_e, p_d), (v_n, v_e, v_d), _ = reference
     a_n, a_e, a_d = acceleration
     n = v_n + a_n * dt_s
     e = v_e + a_e * dt_s
     d = v_d + a_d * dt_s
     half = 0.5 * dt_s
-    middle = (p_n + (v_n + n) * half, p_e + (v_e + e) * half, p_d + (v_d + d) * half)
-    return _reference((middle, (n, e, d), acceleration))
+    middle = Vector((p_n + (v_n + n) * half, p_e + (v_e + e) * half, p_d + (v_d + d) * half))
+    return _reference((middle, Vector((n, e, d)), acceleration))
 
 
 _ALIGNED_M: Final = 0.05
@@ -330,17 +330,15 @@ def travel(
     down = shape_one(
         wanted_d, v_d, a_d, 0.0, limits.accel_z_m_s2, limits.jerk_z_m_s3, limits.settle_1_s, dt_s
     )
-    return advance(reference, (*pair, down), dt_s)
+    return advance(reference, Vector((*pair, down)), dt_s)
 
 
 def _towards(
-    limits: TravelLimits, position: tuple[float, float, float], setpoint: Setpoint
+    limits: TravelLimits, position: Vector, setpoint: Setpoint
 ) -> tuple[tuple[float, float], float]:
     """Return the velocity, level and down, towards a TRAVEL setpoint's position; its own where that is ignored."""
     along_n, along_e, along_d = zero_where_ignored(setpoint.velocity_ned_m_s)
-    to_n = setpoint.position_ned_m[0] - position[0]
-    to_e = setpoint.position_ned_m[1] - position[1]
-    to_d = setpoint.position_ned_m[2] - position[2]
+    to_n, to_e, to_d = setpoint.position_ned_m - position
     if math.isnan(to_n) or math.isnan(to_e):
         wanted = (along_n, along_e)
     else:

@@ -4,13 +4,11 @@ import math
 from collections.abc import Callable
 from enum import IntEnum
 from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
-Ned = tuple[float, float, float]
-"""North, east, down."""
+from sitl_mock.vector import UNSET, ZERO, Vector
 
-ZERO: Ned = (0.0, 0.0, 0.0)
-IGNORED: Ned = (math.nan, math.nan, math.nan)
+IGNORED: Final = UNSET
 """NaN marks an ignored axis of a setpoint, as on the wire."""
 
 GRAVITY_M_S2 = 9.80665
@@ -46,9 +44,9 @@ class Setpoint(NamedTuple):
     """
 
     kind: Kind
-    position_ned_m: Ned = IGNORED
-    velocity_ned_m_s: Ned = IGNORED
-    acceleration_ned_m_s2: Ned = IGNORED
+    position_ned_m: Vector = IGNORED
+    velocity_ned_m_s: Vector = IGNORED
+    acceleration_ned_m_s2: Vector = IGNORED
     yaw_rad: float = math.nan
     yaw_rate_rad_s: float = math.nan
     speed_m_s: float = math.nan
@@ -66,9 +64,9 @@ class Surroundings(NamedTuple):
     The estimator errors affect both the control loop and the telemetry: estimate = truth + error.
     """
 
-    wind_ned_m_s: Ned = ZERO
-    position_error_ned_m: Ned = ZERO
-    velocity_error_ned_m_s: Ned = ZERO
+    wind_ned_m_s: Vector = ZERO
+    position_error_ned_m: Vector = ZERO
+    velocity_error_ned_m_s: Vector = ZERO
     ground_down_m: float = 0.0
     thrust_share: float = 1.0
     """Produced over demanded thrust."""
@@ -84,9 +82,9 @@ class Body(NamedTuple):
     leaning north means accelerating north.
     """
 
-    position_ned_m: Ned
-    velocity_ned_m_s: Ned
-    acceleration_ned_m_s2: Ned
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector
+    acceleration_ned_m_s2: Vector
     lean_n_rad: float
     lean_e_rad: float
     lean_rate_n_rad_s: float
@@ -101,8 +99,8 @@ class Body(NamedTuple):
 class Estimate(NamedTuple):
     """The autopilot's estimate, as reported in LOCAL_POSITION_NED."""
 
-    position_ned_m: Ned
-    velocity_ned_m_s: Ned
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector
 
 
 class Motion(NamedTuple):
@@ -191,26 +189,40 @@ def quaternion_of(
     s_p = math.sin(0.5 * pitch_rad)
     c_y = math.cos(0.5 * yaw_rad)
     s_y = math.sin(0.5 * yaw_rad)
+    cc = c_r * c_p
+    cs = c_r * s_p
+    sc = s_r * c_p
+    ss = s_r * s_p
     return (
-        c_r * c_p * c_y + s_r * s_p * s_y,
-        s_r * c_p * c_y - c_r * s_p * s_y,
-        c_r * s_p * c_y + s_r * c_p * s_y,
-        c_r * c_p * s_y - s_r * s_p * c_y,
+        cc * c_y + ss * s_y,
+        sc * c_y - cs * s_y,
+        cs * c_y + sc * s_y,
+        cc * s_y - ss * c_y,
     )
 
 
-def rotated(quaternion: tuple[float, float, float, float], vector: Ned) -> Ned:
+def rotated(quaternion: tuple[float, float, float, float], vector: Vector) -> Vector:
     """Rotate a vector from body axes (forward, right, down) to NED by a unit attitude quaternion."""
     w, x, y, z = quaternion
     f, r, d = vector
-    return (
-        (w * w + x * x - y * y - z * z) * f + 2.0 * (x * y - w * z) * r + 2.0 * (x * z + w * y) * d,
-        2.0 * (x * y + w * z) * f + (w * w - x * x + y * y - z * z) * r + 2.0 * (y * z - w * x) * d,
-        2.0 * (x * z - w * y) * f + 2.0 * (y * z + w * x) * r + (w * w - x * x - y * y + z * z) * d,
+    return Vector(
+        (
+            (w * w + x * x - y * y - z * z) * f
+            + 2.0 * (x * y - w * z) * r
+            + 2.0 * (x * z + w * y) * d,
+            2.0 * (x * y + w * z) * f
+            + (w * w - x * x + y * y - z * z) * r
+            + 2.0 * (y * z - w * x) * d,
+            2.0 * (x * z - w * y) * f
+            + 2.0 * (y * z + w * x) * r
+            + (w * w - x * x - y * y + z * z) * d,
+        )
     )
 
 
-def zero_where_ignored(axes: Ned) -> Ned:
+def zero_where_ignored(axes: Vector) -> Vector:
     """Replace ignored axes (NaN) by 0."""
     n, e, d = axes
-    return 0.0 if math.isnan(n) else n, 0.0 if math.isnan(e) else e, 0.0 if math.isnan(d) else d
+    return Vector(
+        (0.0 if math.isnan(n) else n, 0.0 if math.isnan(e) else e, 0.0 if math.isnan(d) else d)
+    )

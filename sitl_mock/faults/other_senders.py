@@ -23,6 +23,7 @@ from sitl_mock.mavlink import Encoder
 from sitl_mock.protocols import StatusTexts
 from sitl_mock.tables import Option, integer, number
 from sitl_mock.tables import text as a_text
+from sitl_mock.vector import Vector
 from sitl_mock.vehicle import MockVehicle
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def _sysid_clash(inputs: EffectInputs) -> Effect:
         vehicle.flavour,
         system_id=vehicle.system_id,
         home=settings.home,
-        start_ned=(start[0] + options["north_m"], start[1] + options["east_m"], start[2]),
+        start_ned=Vector((start[0] + options["north_m"], start[1] + options["east_m"], start[2])),
         seed=settings.seed + 1,
         ready_after_s=0.0,
         links={link: "onboard"},

@@ -18,6 +18,7 @@ from sitl_mock.faults.effect import (
 )
 from sitl_mock.mavlink import SPEC_BY_NAME
 from sitl_mock.tables import Option, choice, number
+from sitl_mock.vector import Vector
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -40,8 +41,6 @@ _HOME, _ORIGIN, _LOCAL, _ODOMETRY, _ASKED = (
     )
 )
 
-Vector = tuple[float, float, float]
-
 
 def along(option: Option) -> dict[str, Option]:
     """Return one option for each direction."""
@@ -51,7 +50,7 @@ def along(option: Option) -> dict[str, Option]:
 def vector(inputs: EffectInputs) -> Vector:
     """Return the vector in the options of `along`."""
     options = inputs.options
-    return (options["north"], options["east"], options["down"])
+    return Vector((options["north"], options["east"], options["down"]))
 
 
 def on_earth(frame: bytes, by_m: Vector) -> dict[str, Any]:
@@ -108,7 +107,7 @@ def _home_jump(inputs: EffectInputs) -> Effect:
         if frames.message_id(frame) != _HOME:
             return ((0.0, frame),)
         by_m[:] = [part + random.gauss(0.0, wander_m) for part in by_m]
-        displaced = (by_m[0], by_m[1], by_m[2])
+        displaced = Vector((by_m[0], by_m[1], by_m[2]))
         changes = {**on_earth(frame, displaced), **in_local_frame(frame, displaced)}
         return ((0.0, frames.changed(frame, changes, signing.secret_key)),)
 
@@ -136,7 +135,7 @@ def _origin_move(inputs: EffectInputs) -> Effect:
     signing = inputs.vehicle.autopilot.signing
     error = inputs.options["told"]
     north, east, down = by_m = vector(inputs)
-    back_m = (-north, -east, -down)
+    back_m = Vector((-north, -east, -down))
     effect = (
         _repeated(inputs.vehicle, "GPS_GLOBAL_ORIGIN", "HOME_POSITION")
         if error == "yes"

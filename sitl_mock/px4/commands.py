@@ -17,13 +17,13 @@ from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
 from sitl_mock.px4 import failures, safety
 from sitl_mock.px4.maneuvers import Orbit
 from sitl_mock.px4.modes import BY_NAME, requested_mode
+from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from sitl_mock.px4.commander import Px4
-    from sitl_mock.world import Vector
 
 Answers = Sequence[CommandAnswer]
 
@@ -115,7 +115,7 @@ def _goal(px4: Px4, command: Command) -> Vector:
         north, east, _ = px4.plan.goal_m
     if math.isfinite(alt):
         down = state.frame.origin.alt_amsl_m - alt
-    return north, east, down
+    return Vector((north, east, down))
 
 
 def change_altitude(px4: Px4, now_s: float, command: Command) -> Answers:

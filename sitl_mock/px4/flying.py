@@ -8,8 +8,8 @@ from types import MappingProxyType
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.px4.maneuvers import Follow, Orbit
+from sitl_mock.vector import UNSET, Vector
 from sitl_mock.vehicle_state import Severity, VehicleState
-from sitl_mock.world import Vector
 
 _NAN = math.nan
 _HEIGHT_REACHED_M = 0.5
@@ -36,7 +36,7 @@ class ModePlan:
 
     entered_m: Vector
     height_m: float = _NAN
-    goal_m: Vector = (_NAN, _NAN, _NAN)
+    goal_m: Vector = UNSET
     yaw_rad: float = _NAN
     heading_kept: bool = False
     stage: str = ""
@@ -65,9 +65,8 @@ def cruise_m_s(state: VehicleState, asked_m_s: float) -> float:
 
 def facing(state: VehicleState, goal_m: Vector, kept_rad: float) -> float:
     """Heading towards the goal if MPC_YAW_MODE is 0; the given one close to the goal."""
-    north = goal_m[0] - state.position_m[0]
-    east = goal_m[1] - state.position_m[1]
-    far = math.hypot(north, east) > float(state.parameters["NAV_ACC_RAD"])
+    north, east, _ = to_go = goal_m - state.position_m
+    far = to_go.level_length() > float(state.parameters["NAV_ACC_RAD"])
     return (
         math.atan2(east, north) if far and int(state.parameters["MPC_YAW_MODE"]) == 0 else kept_rad
     )
@@ -75,10 +74,9 @@ def facing(state: VehicleState, goal_m: Vector, kept_rad: float) -> float:
 
 def takeoff(state: VehicleState, plan: ModePlan) -> Setpoint:
     """Climb straight up."""
-    north, east, _ = plan.entered_m
     return Setpoint(
         Kind.TRAVEL,
-        (north, east, plan.height_m),
+        plan.entered_m.level_with(plan.height_m),
         yaw_rad=plan.yaw_rad,
         climb_m_s=_lift_off_m_s(state),
     )
@@ -97,11 +95,11 @@ def takeoff_done(state: VehicleState, plan: ModePlan) -> bool:
 
 def land(state: VehicleState, plan: ModePlan) -> Setpoint:
     """Descend at one position, slower near the ground (MPC_LAND_ALT1, ALT2, SPEED)."""
-    north, east, _ = plan.goal_m if math.isfinite(plan.goal_m[0]) else plan.entered_m
+    goal = plan.goal_m if math.isfinite(plan.goal_m[0]) else plan.entered_m
     return Setpoint(
         Kind.TRAVEL,
-        (north, east, _NAN),
-        (_NAN, _NAN, _descent_m_s(state)),
+        goal.level_with(_NAN),
+        Vector((_NAN, _NAN, _descent_m_s(state))),
         yaw_rad=plan.yaw_rad,
     )
 
@@ -109,7 +107,7 @@ def land(state: VehicleState, plan: ModePlan) -> Setpoint:
 def descend(state: VehicleState, plan: ModePlan) -> Setpoint:
     """Descend without a position estimate."""
     speed = float(state.parameters["MPC_LAND_SPEED"])
-    return Setpoint(Kind.TRAVEL, velocity_ned_m_s=(0.0, 0.0, speed), yaw_rad=plan.yaw_rad)
+    return Setpoint(Kind.TRAVEL, velocity_ned_m_s=Vector((0.0, 0.0, speed)), yaw_rad=plan.yaw_rad)
 
 
 def _descent_m_s(state: VehicleState) -> float:
@@ -137,9 +135,8 @@ def return_home(state: VehicleState, plan: ModePlan) -> Setpoint:
         text = f"RTL: start return at {amsl_m} m ({above_m} m above destination)"
         state.say(Severity.INFO, text)
     home = plan.goal_m
-    north, east, down = state.position_m
-    away_m = math.hypot(north - home[0], east - home[1])
-    if plan.stage == "climb" and down - plan.height_m < _HEIGHT_REACHED_M:
+    away_m = (state.position_m - home).level_length()
+    if plan.stage == "climb" and state.position_m[2] - plan.height_m < _HEIGHT_REACHED_M:
         plan.stage = "return"
     if plan.stage == "return" and away_m < _PLACE_REACHED_M:
         state.say(Severity.INFO, "RTL: land at destination")
@@ -151,8 +148,7 @@ def return_home(state: VehicleState, plan: ModePlan) -> Setpoint:
 def _return_height(state: VehicleState, home: Vector, plan: ModePlan) -> float:
     """Return height (down): RTL_RETURN_ALT, less within RTL_MIN_DIST (RTL_CONE_ANG), never below the vehicle."""
     parameters = state.parameters
-    north, east, down = plan.entered_m
-    away_m = math.hypot(north - home[0], east - home[1])
+    away_m = (plan.entered_m - home).level_length()
     at_home_m = float(parameters["NAV_ACC_RAD"])
     most_m = high_m = float(parameters["RTL_RETURN_ALT"])
     if away_m <= at_home_m:
@@ -160,17 +156,19 @@ def _return_height(state: VehicleState, home: Vector, plan: ModePlan) -> float:
     elif away_m <= float(parameters["RTL_MIN_DIST"]):
         cone_rad = math.radians(min(max(float(parameters["RTL_CONE_ANG"]), 1.0), 89.0))
         high_m = max(min(high_m, away_m / math.tan(cone_rad)), 2.0 * at_home_m)
-    return min(home[2] - min(high_m, most_m), down)
+    return min(home[2] - min(high_m, most_m), plan.entered_m[2])
 
 
 def _climb(_state: VehicleState, plan: ModePlan) -> Setpoint:
     return Setpoint(
-        Kind.TRAVEL, (plan.entered_m[0], plan.entered_m[1], plan.height_m), yaw_rad=plan.yaw_rad
+        Kind.TRAVEL,
+        plan.entered_m.level_with(plan.height_m),
+        yaw_rad=plan.yaw_rad,
     )
 
 
 def _cross(state: VehicleState, plan: ModePlan) -> Setpoint:
-    goal = (plan.goal_m[0], plan.goal_m[1], plan.height_m)
+    goal = plan.goal_m.level_with(plan.height_m)
     plan.yaw_rad = facing(state, goal, plan.yaw_rad)
     return Setpoint(
         Kind.TRAVEL, goal, yaw_rad=plan.yaw_rad, speed_m_s=cruise_m_s(state, plan.speed_m_s)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from sitl_mock.dynamics import Kind, Setpoint
+from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import Severity, VehicleState
 
 LIFTING_S: Final = 0.8
@@ -145,5 +146,5 @@ class HomeKeeper:
         correction_m = barometer_m - receiver_m - self.applied_m
         if abs(correction_m) > _LEAST_CORRECTION_M and state.home_m is not None:
             north, east, down = state.home_m
-            state.set_home((north, east, down + correction_m), attitude=state.home_attitude)
+            state.set_home(Vector((north, east, down + correction_m)), attitude=state.home_attitude)
             self.applied_m = barometer_m - receiver_m

@@ -10,8 +10,9 @@ from enum import IntEnum
 from typing import Final
 
 from sitl_mock.dynamics import Kind, Setpoint
+from sitl_mock.vector import ZERO, Vector
 from sitl_mock.vehicle_state import VehicleState
-from sitl_mock.world import Vector, wrap_pi
+from sitl_mock.world import wrap_pi
 
 LEAST_RADIUS_M: Final = 1.0
 _ACCELERATION_M_S2: Final = 2.0
@@ -92,7 +93,7 @@ class Orbit:
             north, east, _ = state.frame.to_local(lat, lon, 0.0)
         if math.isfinite(alt):
             down = state.frame.origin.alt_amsl_m - alt
-        self.centre_m = (north, east, down)
+        self.centre_m = Vector((north, east, down))
         if not self._approaching:
             self._approaching = not self._on_circle(state)
         return True
@@ -120,10 +121,12 @@ class Orbit:
             unit = (north / away_m, east / away_m)
         else:
             unit = (1.0, 0.0)
-        point = (
-            self.centre_m[0] + unit[0] * self.radius_m,
-            self.centre_m[1] + unit[1] * self.radius_m,
-            self.centre_m[2],
+        point = Vector(
+            (
+                self.centre_m[0] + unit[0] * self.radius_m,
+                self.centre_m[1] + unit[1] * self.radius_m,
+                self.centre_m[2],
+            )
         )
         yaw = math.atan2(-unit[1], -unit[0])
         return Setpoint(
@@ -145,9 +148,11 @@ class Orbit:
         yaw, rate = self._heading(n, e)
         return Setpoint(
             Kind.STREAM,
-            (math.nan, math.nan, self.centre_m[2]),
-            (-e * self._around_m_s + n * outward, n * self._around_m_s + e * outward, math.nan),
-            (-n * inward_m_s2, -e * inward_m_s2, math.nan),
+            Vector((math.nan, math.nan, self.centre_m[2])),
+            Vector(
+                (-e * self._around_m_s + n * outward, n * self._around_m_s + e * outward, math.nan)
+            ),
+            Vector((-n * inward_m_s2, -e * inward_m_s2, math.nan)),
             yaw_rad=yaw,
             yaw_rate_rad_s=rate,
         )
@@ -197,7 +202,7 @@ class Follow:
     course_rad: float = 0.0
     angle_rad: float = math.nan
     _position_m: Vector | None = None
-    _velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    _velocity_m_s: Vector = ZERO
 
     def fly(self, state: VehicleState, dt_s: float) -> Setpoint:
         """Return the present setpoint; without a target the vehicle holds its position."""
@@ -208,13 +213,9 @@ class Follow:
         if age_s < _STALE_S:
             velocity = seen.velocity_m_s
         else:
-            velocity = (0.0, 0.0, 0.0)
+            velocity = ZERO
         carried_s = min(age_s, _STALE_S)
-        here = (
-            seen.position_m[0] + seen.velocity_m_s[0] * carried_s,
-            seen.position_m[1] + seen.velocity_m_s[1] * carried_s,
-            seen.position_m[2] + seen.velocity_m_s[2] * carried_s,
-        )
+        here = seen.position_m.after(seen.velocity_m_s, carried_s)
         target, moving = self._smooth(here, velocity, dt_s)
         if min(math.hypot(*velocity[:2]), math.hypot(*moving[:2])) >= _COURSE_M_S:
             self.course_rad = math.atan2(moving[1], moving[0])
@@ -225,15 +226,10 @@ class Follow:
         if self._position_m is None:
             self._position_m = position
             self._velocity_m_s = velocity
-        p = list(self._position_m)
-        v = list(self._velocity_m_s)
-        for axis in range(3):
-            pull = _FILTER_RAD_S**2 * (position[axis] - p[axis])
-            pull += 2.0 * _DAMPING * _FILTER_RAD_S * (velocity[axis] - v[axis])
-            v[axis] += pull * dt_s
-            p[axis] += v[axis] * dt_s
-        self._position_m = (p[0], p[1], p[2])
-        self._velocity_m_s = (v[0], v[1], v[2])
+        pull = _FILTER_RAD_S**2 * (position - self._position_m)
+        pull += 2.0 * _DAMPING * _FILTER_RAD_S * (velocity - self._velocity_m_s)
+        self._velocity_m_s = self._velocity_m_s.after(pull, dt_s)
+        self._position_m = self._position_m.after(self._velocity_m_s, dt_s)
         return self._position_m, self._velocity_m_s
 
     def _beside(self, state: VehicleState, target: Vector, moving: Vector, dt_s: float) -> Setpoint:
@@ -254,15 +250,15 @@ class Follow:
         yaw = math.atan2(to_e, to_n) if math.hypot(to_n, to_e) > _FACING_M else state.yaw_rad
         down = min(down, state.ground_m - _SAFE_M)
         if state.ground_m - state.position_m[2] < _CLEAR_M:
-            return Setpoint(Kind.STREAM, velocity_ned_m_s=(0.0, 0.0, -_ASCENT_M_S), yaw_rad=yaw)
-        if abs(down - state.position_m[2]) >= _LEVEL_M:
             return Setpoint(
-                Kind.TRAVEL, (state.position_m[0], state.position_m[1], down), yaw_rad=yaw
+                Kind.STREAM, velocity_ned_m_s=Vector((0.0, 0.0, -_ASCENT_M_S)), yaw_rad=yaw
             )
+        if abs(down - state.position_m[2]) >= _LEVEL_M:
+            return Setpoint(Kind.TRAVEL, state.position_m.level_with(down), yaw_rad=yaw)
         around = rate * distance_m
         return Setpoint(
             Kind.STREAM,
-            (target[0] + n * distance_m, target[1] + e * distance_m, down),
-            (moving[0] - e * around, moving[1] + n * around, math.nan),
+            Vector((target[0] + n * distance_m, target[1] + e * distance_m, down)),
+            Vector((moving[0] - e * around, moving[1] + n * around, math.nan)),
             yaw_rad=yaw,
         )

@@ -26,8 +26,8 @@ from sitl_mock.setpoints import (
     read_local,
     turned,
 )
+from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import VehicleState
-from sitl_mock.world import Vector
 
 _STREAM: Final = Kind.STREAM
 _ABOVE_TERRAIN: Final = 11
@@ -57,15 +57,15 @@ def _read_global(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: 
     name = "SET_POSITION_TARGET_GLOBAL_INT"
     home_m = state.home_m
     if home_m is not None:
-        home_m = (home_m[0], home_m[1], -home_m[2])
+        home_m = home_m.level_with(-home_m[2])
     target = read_global(message, state.frame, home_m)
     if target.type_mask & IGNORE_POSITION:
         return _judged(state, target._replace(position_m=IGNORED), name)
     if target.frame not in _GLOBAL_FRAMES:
         return f"{name} invalid coordinate frame {target.frame}"
     if target.frame == _ABOVE_TERRAIN:
-        north, east, _ = target.position_m
-        target = target._replace(position_m=(north, east, state.ground_m - message.alt))
+        above_m = target.position_m.level_with(state.ground_m - message.alt)
+        target = target._replace(position_m=above_m)
     return _judged(state, target, name)
 
 
@@ -98,10 +98,12 @@ def _finite(vector: Vector) -> Vector:
     n, e, d = vector
     if vector is IGNORED or not math.isinf(n + e + d):
         return vector
-    return (
-        n if math.isfinite(n) else math.nan,
-        e if math.isfinite(e) else math.nan,
-        d if math.isfinite(d) else math.nan,
+    return Vector(
+        (
+            n if math.isfinite(n) else math.nan,
+            e if math.isfinite(e) else math.nan,
+            d if math.isfinite(d) else math.nan,
+        )
     )
 
 
@@ -188,7 +190,7 @@ def read_attitude(
     if mask & _NO_RATES:
         return _INVALID
     yaw_rate = 0.0 if mask & _NO_YAW_RATE else message.body_yaw_rate
-    rates = (message.body_roll_rate, message.body_pitch_rate, yaw_rate)
+    rates = Vector((message.body_roll_rate, message.body_pitch_rate, yaw_rate))
     if not all(map(math.isfinite, rates)):
         return _INVALID
     attitude = quaternion_of(*state.attitude[:3]) if before is None else before.attitude
@@ -207,7 +209,7 @@ def _thrust(message: Any) -> float:  # noqa: ANN401 - as above
 def _pushed(attitude: Quaternion, thrust: float) -> Setpoint:
     """Setpoint for an attitude and a thrust in [0, 1]: the acceleration they cause in still air."""
     lift = min(max(thrust, 0.0), 1.0) * PX4_AIRFRAME.thrust_max_m_s2
-    n, e, d = rotated(attitude, (0.0, 0.0, -lift))
+    n, e, d = rotated(attitude, Vector((0.0, 0.0, -lift)))
     w, x, y, z = attitude
     yaw = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    return Setpoint(Kind.DIRECT, IGNORED, IGNORED, (n, e, d + GRAVITY_M_S2), yaw_rad=yaw)
+    return Setpoint(Kind.DIRECT, IGNORED, IGNORED, Vector((n, e, d + GRAVITY_M_S2)), yaw_rad=yaw)

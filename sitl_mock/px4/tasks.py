@@ -18,6 +18,7 @@ from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.px4 import flying
 from sitl_mock.px4.modes import AFTER, MANUAL_MODES
 from sitl_mock.setpoints import turned
+from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import Severity, VehicleState
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ def _go_on(px4: Px4, event: str) -> None:
         px4.intention = after
     px4.enter(after)
     if event == "height reached":
-        px4.plan.goal_m = (done.entered_m[0], done.entered_m[1], done.height_m)
+        px4.plan.goal_m = done.entered_m.level_with(done.height_m)
         px4.plan.heading_kept = True
 
 
@@ -184,8 +185,8 @@ def by_stick(state: VehicleState, plan: ModePlan, dt_s: float, *, slow: bool = F
         velocity, push = _level(state, plan, (ahead, right), dt_s, slow=slow)
         return Setpoint(
             Kind.STREAM,
-            velocity_ned_m_s=(*velocity, -climb),
-            acceleration_ned_m_s2=(*push, math.nan),
+            velocity_ned_m_s=Vector((*velocity, -climb)),
+            acceleration_ned_m_s2=Vector((*push, math.nan)),
             yaw_rate_rad_s=turn,
         )
     plan.stick_m_s = None
@@ -194,7 +195,10 @@ def by_stick(state: VehicleState, plan: ModePlan, dt_s: float, *, slow: bool = F
         return Setpoint(Kind.BRAKE, yaw_rate_rad_s=turn)
     plan.stick_place_m = plan.stick_place_m or state.position_m[:2]
     return Setpoint(
-        Kind.STREAM, (*plan.stick_place_m, math.nan), (0.0, 0.0, -climb), yaw_rate_rad_s=turn
+        Kind.STREAM,
+        Vector((*plan.stick_place_m, math.nan)),
+        Vector((0.0, 0.0, -climb)),
+        yaw_rate_rad_s=turn,
     )
 
 
@@ -211,7 +215,7 @@ def _level(
     accel = float(state.parameters["MPC_ACC_HOR_MAX"])
     size = max(math.hypot(*stick), 1.0)
     push_n, push_e, _ = turned(
-        (stick[0] / size * accel, stick[1] / size * accel, 0.0), state.yaw_rad
+        Vector((stick[0] / size * accel, stick[1] / size * accel, 0.0)), state.yaw_rad
     )
     if plan.stick_m_s is None:
         n, e, _ = state.velocity_m_s

@@ -50,17 +50,23 @@ def attitude(report: Report) -> Fields:
     if not (lean_rad and state.body.on_ground):
         return (report.boot_ms, *state.attitude)
     normals = sensors.normals(6)
-    angles = _scattered(state.attitude[:3], (lean_rad, lean_rad, 3.0 * lean_rad), normals[:3])
-    spin_rad_s = sensors.noise.gyro_sd_rad_s
-    rates = _scattered(state.attitude[3:], (spin_rad_s,) * 3, normals[3:])
-    return (report.boot_ms, *angles, *rates)
+    roll, pitch, yaw, *rates = state.attitude
+    return (
+        report.boot_ms,
+        roll + lean_rad * normals[0],
+        pitch + lean_rad * normals[1],
+        yaw + 3.0 * lean_rad * normals[2],
+        *_scattered(rates, sensors.noise.gyro_sd_rad_s, normals[3:]),
+    )
 
 
 def _scattered(
-    values: Sequence[float], sds: Sequence[float], normals: Sequence[float]
-) -> list[float]:
-    """Add noise of the given standard deviations to values."""
-    return [value + sd * normal for value, sd, normal in zip(values, sds, normals, strict=True)]
+    values: Sequence[float], sd: float, normals: Sequence[float]
+) -> tuple[float, float, float]:
+    """Add noise of one standard deviation to three values."""
+    (x, y, z) = values
+    (by_x, by_y, by_z) = normals
+    return (x + sd * by_x, y + sd * by_y, z + sd * by_z)
 
 
 def odometry(report: Report) -> Fields:
@@ -196,8 +202,8 @@ def highres_imu(report: Report) -> Fields:
         force_sd * scatter[0],
         force_sd * scatter[1],
         push + force_sd * scatter[2],
-        *_scattered(state.attitude[3:], (noise.gyro_sd_rad_s,) * 3, scatter[3:6]),
-        *_scattered(_FIELD_GAUSS, (noise.magnetometer_sd_gauss,) * 3, scatter[6:]),
+        *_scattered(state.attitude[3:], noise.gyro_sd_rad_s, scatter[3:6]),
+        *_scattered(_FIELD_GAUSS, noise.magnetometer_sd_gauss, scatter[6:]),
         pressure_hpa(height),
         0.0,
         height,

@@ -18,6 +18,7 @@ from sitl_mock.dynamics import (
     px4_quadrotor,
     rover,
 )
+from sitl_mock.vector import Vector
 
 STEP_S = 0.02
 STEPS = 3000
@@ -28,12 +29,13 @@ ASKED_VEHICLE_S_PER_S = 300.0
 def seconds_a_step(vehicle: Vehicle, *, flying: bool) -> float:
     """Best of several runs; the setpoint is a new one every step, as a 50 Hz stream gives it."""
     orders = [
-        Setpoint(Kind.STREAM, velocity_ned_m_s=(3.0 + 0.001 * k, 1.0, -0.2)) for k in range(STEPS)
+        Setpoint(Kind.STREAM, velocity_ned_m_s=Vector((3.0 + 0.001 * k, 1.0, -0.2)))
+        for k in range(STEPS)
     ]
     around = CALM._replace(ground_down_m=1e6 if flying else 0.0)
     best = float("inf")
     for _ in range(RUNS):
-        motion = vehicle.initial((0.0, 0.0, -50.0 if flying else 0.0), 0.0, flying=flying)
+        motion = vehicle.initial(Vector((0.0, 0.0, -50.0 if flying else 0.0)), 0.0, flying=flying)
         started = time.perf_counter()
         for order in orders:
             motion = vehicle.step(motion, order, around, STEP_S)

@@ -18,6 +18,7 @@ from guidance.control.setpoint_limiter import limit
 from guidance.frames import STILL, Ned
 from guidance.messages import Setpoint
 from sitl_mock import dynamics
+from sitl_mock.vector import Vector
 from tests.control.scenes import DT_S, OPEN, settled
 
 AIRFRAMES: Mapping[str, dynamics.Vehicle] = {
@@ -223,7 +224,7 @@ def farthest_beyond_m(autopilot, gust, flown_s=FLOWN_S):
         **asdict(handling.dynamics),
         fence_margin_m=2.0, **gust.fence(),
     )  # fmt: skip
-    motion = airframe.initial((0.0, 0.0, -20.0), 0.0, flying=True)
+    motion = airframe.initial(Vector((0.0, 0.0, -20.0)), 0.0, flying=True)
     served = None
     memory = None
     farthest_m = -math.inf

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl_mock.ardupilot.legs import Rise, curve
+from sitl_mock.vector import ZERO, Vector
 
 WPNAV = {
     "WPNAV_SPEED": 1000.0,
@@ -28,7 +29,7 @@ WPNAV = {
     ],
 )
 def test_a_leg_is_as_fast_in_its_middle_as_the_real_one_was(goal, real_m_s):
-    leg = curve((0.0, 0.0, 0.0), goal, 0.0, math.nan, WPNAV)
+    leg = curve(ZERO, Vector(goal), 0.0, math.nan, WPNAV)
     assert leg.along(leg.end_s / 2.0).speed_m_s == pytest.approx(real_m_s, rel=0.03)
 
 
@@ -42,7 +43,7 @@ def test_a_leg_begins_and_ends_at_rest_within_its_limits_and_is_its_own_integral
     length_m, climb, speed_m_s, share
 ):
     goal = (length_m * math.sqrt(1.0 - climb * climb), 0.0, length_m * climb)
-    leg = curve((0.0, 0.0, 0.0), goal, 5.0, speed_m_s, WPNAV)
+    leg = curve(ZERO, Vector(goal), 5.0, speed_m_s, WPNAV)
     assert leg.along(5.0) == (0.0, 0.0, 0.0)
     assert leg.along(leg.end_s) == (pytest.approx(leg.length_m), 0.0, 0.0)
     at_s = 5.0 + share * (leg.end_s - 5.0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sitl_mock.dynamics import CALM, Kind, Motion, Setpoint, Surroundings, Vehicle
+from sitl_mock.vector import Vector
 
 HIGH = CALM._replace(ground_down_m=1e6)
 
@@ -42,7 +43,7 @@ def fly(
     around: Surroundings | Callable[[float], Surroundings] = HIGH,
     dt_s: float = 0.02,
 ) -> Trace:
-    motion = motion or vehicle.initial((0.0, 0.0, -20.0), 0.0, flying=True)
+    motion = motion or vehicle.initial(Vector((0.0, 0.0, -20.0)), 0.0, flying=True)
     count = round(seconds / dt_s)
     times = []
     places = []
@@ -61,7 +62,7 @@ def fly(
 
 def stream(n: float = 0.0, e: float = 0.0, d: float = 0.0, **more) -> Setpoint:
     """A velocity setpoint of OFFBOARD or GUIDED."""
-    return Setpoint(Kind.STREAM, velocity_ned_m_s=(n, e, d), **more)
+    return Setpoint(Kind.STREAM, velocity_ned_m_s=Vector((n, e, d)), **more)
 
 
 def sine_answer(

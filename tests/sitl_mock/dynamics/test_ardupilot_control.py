@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sitl_mock.dynamics import ArduGains, Kind, Setpoint, Surroundings, arducopter_quadrotor
+from sitl_mock.vector import ZERO, Vector
 
 NAN = math.nan
 
@@ -101,7 +102,7 @@ def test_a_reversal_keeps_within_acceleration_and_jerk(fly, stream):
 
 
 def test_a_position_setpoint_is_travelled_to_and_held(fly):
-    order = Setpoint(Kind.STREAM, position_ned_m=(30.0, -40.0, -25.0))
+    order = Setpoint(Kind.STREAM, position_ned_m=Vector((30.0, -40.0, -25.0)))
     trace = fly(arducopter_quadrotor(), order, 40.0)
     assert trace.position[-1] == pytest.approx([30.0, -40.0, -25.0], abs=0.05)
     assert trace.position[:, 0].max() < 30.5
@@ -110,12 +111,14 @@ def test_a_position_setpoint_is_travelled_to_and_held(fly):
 def test_take_off_and_landing_end_in_the_air_and_on_the_ground(fly):
     vehicle = arducopter_quadrotor()
     ground = Surroundings(ground_down_m=0.0)
-    up = Setpoint(Kind.TRAVEL, position_ned_m=(0.0, 0.0, -10.0))
-    flying = fly(
-        vehicle, up, 20.0, motion=vehicle.initial((0.0, 0.0, 0.0), 0.0), around=ground
-    ).motion
+    up = Setpoint(Kind.TRAVEL, position_ned_m=Vector((0.0, 0.0, -10.0)))
+    flying = fly(vehicle, up, 20.0, motion=vehicle.initial(ZERO, 0.0), around=ground).motion
     assert flying.body.position_ned_m[2] == pytest.approx(-10.0, abs=0.02)
-    down = Setpoint(Kind.TRAVEL, position_ned_m=(0.0, 0.0, NAN), velocity_ned_m_s=(NAN, NAN, 0.5))
+    down = Setpoint(
+        Kind.TRAVEL,
+        position_ned_m=Vector((0.0, 0.0, NAN)),
+        velocity_ned_m_s=Vector((NAN, NAN, 0.5)),
+    )
     landed = fly(vehicle, down, 25.0, motion=flying, around=ground).motion
     assert landed.body.on_ground
     assert landed.body.velocity_ned_m_s == (0.0, 0.0, 0.0)

@@ -7,6 +7,7 @@ import pytest
 from sitl_mock.dynamics import CALM, Kind, Setpoint
 from sitl_mock.flavours import flavour_named
 from sitl_mock.protocols import ParameterStore
+from sitl_mock.vector import ZERO
 
 
 def plant(name, **changed):
@@ -51,7 +52,7 @@ def test_vertical_maxima_truncate_px4(fly, stream, name, down_m_s, reached):
 @pytest.mark.parametrize("name", ["px4", "arducopter", "rover"])
 def test_every_flavour_has_a_vehicle_that_steps(name):
     vehicle = plant(name)
-    motion = vehicle.initial((0.0, 0.0, 0.0), 0.0)
+    motion = vehicle.initial(ZERO, 0.0)
     for _ in range(10):
         motion = vehicle.step(motion, Setpoint(Kind.IDLING), CALM, 0.02)
     assert motion.body.on_ground

@@ -19,7 +19,8 @@ from sitl_mock.dynamics import (
     px4_quadrotor,
 )
 from sitl_mock.dynamics.multicopter import body_at, step_body
-from sitl_mock.dynamics.values import GRAVITY_M_S2, IGNORED, ZERO, Demand
+from sitl_mock.dynamics.values import GRAVITY_M_S2, IGNORED, Demand
+from sitl_mock.vector import ZERO, Vector
 from tests.harness.examples import drawn
 
 VEHICLES = {"px4": px4_quadrotor, "arducopter": arducopter_quadrotor}
@@ -28,7 +29,7 @@ every_copter = pytest.mark.parametrize("make", VEHICLES.values(), ids=VEHICLES.k
 
 def test_without_motors_it_falls_by_the_closed_form_of_linear_drag(fly):
     vehicle = px4_quadrotor()
-    motion = vehicle.initial((0.0, 0.0, -500.0), 0.0, flying=True)
+    motion = vehicle.initial(Vector((0.0, 0.0, -500.0)), 0.0, flying=True)
     trace = fly(vehicle, Setpoint(Kind.STOPPED), 4.0, motion=motion, dt_s=0.01)
     drag = PX4_AIRFRAME.drag_1_s
     spun_down_s = PX4_AIRFRAME.rotor_lag_s
@@ -40,7 +41,7 @@ def test_without_motors_it_falls_by_the_closed_form_of_linear_drag(fly):
 def test_a_steady_lean_reaches_the_speed_where_drag_balances_it():
     frame = dataclasses.replace(PX4_AIRFRAME, drag_1_s=0.3, drag_1_m=0.05)
     lean = 0.4
-    body = body_at((0.0, 0.0, -50.0), 0.0, on_ground=False)
+    body = body_at(Vector((0.0, 0.0, -50.0)), 0.0, on_ground=False)
     high = CALM._replace(ground_down_m=1e6)
     for _ in range(6000):
         body = step_body(
@@ -52,7 +53,7 @@ def test_a_steady_lean_reaches_the_speed_where_drag_balances_it():
 
 @given(lean_n=st.floats(-0.7, 0.7), lean_e=st.floats(-0.7, 0.7), yaw=st.floats(-math.pi, math.pi))
 def test_reported_attitude_tilts_the_thrust_axis_as_the_body_leans(lean_n, lean_e, yaw):
-    body = body_at((0.0, 0.0, 0.0), yaw)._replace(lean_n_rad=lean_n, lean_e_rad=lean_e)
+    body = body_at(ZERO, yaw)._replace(lean_n_rad=lean_n, lean_e_rad=lean_e)
     roll, pitch, heading, *_ = attitude_of(body)
     cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, heading) for f in (math.cos, math.sin))
     # Third column of the aerospace rotation matrix, body to NED; thrust is along minus z.
@@ -64,7 +65,7 @@ def test_reported_attitude_tilts_the_thrust_axis_as_the_body_leans(lean_n, lean_
 
 @given(thrust=st.floats(0.0, GRAVITY_M_S2 - 1e-6), lean=st.floats(-0.7, 0.7))
 def test_thrust_below_the_weight_leaves_it_standing(thrust, lean):
-    body = body_at((1.0, 2.0, 0.0), 0.5)
+    body = body_at(Vector((1.0, 2.0, 0.0)), 0.5)
     for _ in range(50):
         body = step_body(PX4_AIRFRAME, body, Demand(lean, 0.0, thrust, 1.0), CALM, 0.02)
     assert body.on_ground
@@ -75,7 +76,7 @@ def test_thrust_below_the_weight_leaves_it_standing(thrust, lean):
 @every_copter
 def test_an_impact_ends_at_rest_on_the_ground_and_never_below_it(fly, make):
     vehicle = make()
-    motion = vehicle.initial((0.0, 0.0, -15.0), 0.0, flying=True)
+    motion = vehicle.initial(Vector((0.0, 0.0, -15.0)), 0.0, flying=True)
     trace = fly(
         vehicle, Setpoint(Kind.STOPPED), 5.0, motion=motion, around=Surroundings(ground_down_m=2.0)
     )
@@ -113,8 +114,10 @@ def test_half_the_step_gives_the_same_flight(fly, make, stream):
 def test_a_long_step_is_its_short_ones(make, stream):
     vehicle = make()
     order = stream(3.0, 1.0, -0.5)
-    once = vehicle.step(vehicle.initial((0.0, 0.0, -9.0), 1.0, flying=True), order, CALM, 1.0)
-    motion = vehicle.initial((0.0, 0.0, -9.0), 1.0, flying=True)
+    once = vehicle.step(
+        vehicle.initial(Vector((0.0, 0.0, -9.0)), 1.0, flying=True), order, CALM, 1.0
+    )
+    motion = vehicle.initial(Vector((0.0, 0.0, -9.0)), 1.0, flying=True)
     for _ in range(50):
         motion = vehicle.step(motion, order, CALM, 0.02)
     assert once.body.position_ned_m == pytest.approx(motion.body.position_ned_m, abs=1e-9)
@@ -131,7 +134,7 @@ def test_a_long_step_is_its_short_ones(make, stream):
 def test_any_order_in_any_wind_stays_finite_and_repeats_itself(make, command, wind, kind):
     def flight():
         vehicle = make()
-        motion = vehicle.initial((0.0, 0.0, -3.0), 0.0, flying=True)
+        motion = vehicle.initial(Vector((0.0, 0.0, -3.0)), 0.0, flying=True)
         # A motion to be tracked is of the autopilot's own making, and whole.
         place, acceleration = ((0.0, 0.0, -3.0), ZERO) if kind is Kind.TRACK else (IGNORED, IGNORED)
         order = Setpoint(kind, place, command, acceleration)
@@ -147,7 +150,7 @@ def test_any_order_in_any_wind_stays_finite_and_repeats_itself(make, command, wi
 
 
 def test_a_memory_of_another_flavour_starts_afresh(stream):
-    motion = arducopter_quadrotor().initial((0.0, 0.0, -9.0), 0.0, flying=True)
+    motion = arducopter_quadrotor().initial(Vector((0.0, 0.0, -9.0)), 0.0, flying=True)
     after = px4_quadrotor().step(motion, stream(1.0), CALM, 0.02)
     assert after.body.position_ned_m == pytest.approx((0.0, 0.0, -9.0), abs=0.01)
 

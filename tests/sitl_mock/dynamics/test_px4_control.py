@@ -17,6 +17,7 @@ from sitl_mock.dynamics import (
     Surroundings,
     px4_quadrotor,
 )
+from sitl_mock.vector import ZERO, Vector
 
 NAN = math.nan
 
@@ -97,7 +98,9 @@ def test_saturation_does_not_wind_the_integrator_up(fly, stream):
 
 def test_vertical_velocity_with_height_holds_height_over_fifty_metres(fly):
     order = Setpoint(
-        Kind.STREAM, position_ned_m=(NAN, NAN, -20.0), velocity_ned_m_s=(5.0, 0.0, 0.0)
+        Kind.STREAM,
+        position_ned_m=Vector((NAN, NAN, -20.0)),
+        velocity_ned_m_s=Vector((5.0, 0.0, 0.0)),
     )
     trace = fly(px4_quadrotor(), order, 12.0)
     assert trace.position[-1, 0] > 45.0
@@ -139,9 +142,9 @@ def test_hover_noise_is_a_few_centimetres_a_second(fly, stream):
 def test_take_off_to_twenty_metres_takes_seventeen_seconds(fly):
     vehicle = px4_quadrotor()
     ground = Surroundings(ground_down_m=0.0)
-    top = Setpoint(Kind.TRAVEL, position_ned_m=(0.0, 0.0, -20.0))
+    top = Setpoint(Kind.TRAVEL, position_ned_m=Vector((0.0, 0.0, -20.0)))
     slow_s = 12.0  # to about 10 m: above it the climb is as fast as any
-    start = vehicle.initial((0.0, 0.0, 0.0), 0.3)
+    start = vehicle.initial(ZERO, 0.3)
     low = fly(vehicle, top._replace(climb_m_s=1.5), slow_s, motion=start, around=ground)
     trace = fly(vehicle, top, 40.0, motion=low.motion, around=ground)
     arrived_s = slow_s + trace.time_s[np.flatnonzero(trace.position[:, 2] < -19.5)[0]]
@@ -153,7 +156,7 @@ def test_take_off_to_twenty_metres_takes_seventeen_seconds(fly):
 def test_an_upward_stream_takes_off_and_a_level_one_does_not(fly, stream):
     vehicle = px4_quadrotor()
     ground = Surroundings(ground_down_m=0.0)
-    stood = vehicle.initial((0.0, 0.0, 0.0), 0.0)
+    stood = vehicle.initial(ZERO, 0.0)
     level = fly(vehicle, stream(3.0), 10.0, motion=stood, around=ground).motion
     assert level.body.on_ground
     assert level.body.position_ned_m == (0.0, 0.0, 0.0)
@@ -175,7 +178,9 @@ def test_a_hold_begins_without_the_acceleration_of_the_setpoints(fly, stream):
     """On PX4 1.17 three vehicles held within 0.1 m after 4 m/s2 downwards was fed forward for 0.2 s."""
     vehicle = px4_quadrotor()
     climbing = fly(vehicle, stream(d=-1.0), 4.0).motion
-    pushed = fly(vehicle, stream(acceleration_ned_m_s2=(0.0, 0.0, 4.0)), 0.2, motion=climbing)
+    pushed = fly(
+        vehicle, stream(acceleration_ned_m_s2=Vector((0.0, 0.0, 4.0))), 0.2, motion=climbing
+    )
     trace = fly(vehicle, Setpoint(Kind.BRAKE), 6.0, motion=pushed.motion)
     sunk_m = trace.position[:, 2].max() - pushed.position[-1, 2]
     assert sunk_m < 0.3
@@ -189,7 +194,7 @@ def test_ignored_yaw_drifts_nine_degrees_in_five_seconds(fly, stream):
 
 def test_a_commanded_yaw_is_reached_the_short_way_round(fly, stream):
     vehicle = px4_quadrotor()
-    start = vehicle.initial((0.0, 0.0, -20.0), math.radians(170.0), flying=True)
+    start = vehicle.initial(Vector((0.0, 0.0, -20.0)), math.radians(170.0), flying=True)
     body = fly(vehicle, stream(yaw_rad=math.radians(-170.0)), 3.0, motion=start).motion.body
     assert math.degrees(body.yaw_rad) == pytest.approx(-170.0, abs=1.0)
 
@@ -205,12 +210,12 @@ def test_a_yaw_rate_is_followed_up_to_its_maximum(fly, stream):
 
 def test_a_setpoint_without_a_vertical_axis_stands_still(fly):
     vehicle = px4_quadrotor()
-    order = Setpoint(Kind.STREAM, velocity_ned_m_s=(5.0, 0.0, NAN))
+    order = Setpoint(Kind.STREAM, velocity_ned_m_s=Vector((5.0, 0.0, NAN)))
     assert np.abs(fly(vehicle, order, 10.0).position[:, 0]).max() < 1e-6
 
 
 def test_a_position_setpoint_is_flown_to_and_held(fly):
-    order = Setpoint(Kind.STREAM, position_ned_m=(10.0, -5.0, -25.0))
+    order = Setpoint(Kind.STREAM, position_ned_m=Vector((10.0, -5.0, -25.0)))
     assert fly(px4_quadrotor(), order, 60.0).position[-1] == pytest.approx(
         [10.0, -5.0, -25.0], abs=0.05
     )
@@ -218,7 +223,7 @@ def test_a_position_setpoint_is_flown_to_and_held(fly):
 
 def test_an_acceleration_alone_is_flown_without_a_velocity_limit(fly):
     # Balances the drag at 6 m/s up, which is twice what velocity setpoints reach.
-    order = Setpoint(Kind.STREAM, acceleration_ned_m_s2=(0.0, 2.0, -6.0))
+    order = Setpoint(Kind.STREAM, acceleration_ned_m_s2=Vector((0.0, 2.0, -6.0)))
     trace = fly(px4_quadrotor(), order, 10.0)
     assert trace.velocity[-1, 2] == pytest.approx(-6.0, abs=0.1)
     # Tilt is by gravity and the lift pulls along it, so the side is (g + 6) / g of the demand, minus the D term.

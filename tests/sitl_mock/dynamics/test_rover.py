@@ -8,15 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl_mock.dynamics import CALM, Kind, Rover, Setpoint, Surroundings, rover
+from sitl_mock.vector import ZERO, Vector
 
 GROUND = Surroundings()
 
 
 def drive(fly, order, seconds, *, yaw_rad=0.0, vehicle=None):
     vehicle = vehicle or rover()
-    return fly(
-        vehicle, order, seconds, motion=vehicle.initial((0.0, 0.0, 0.0), yaw_rad), around=GROUND
-    )
+    return fly(vehicle, order, seconds, motion=vehicle.initial(ZERO, yaw_rad), around=GROUND)
 
 
 def test_it_accelerates_to_the_commanded_velocity_at_its_limit(fly, stream):
@@ -40,8 +39,8 @@ def test_it_turns_on_the_spot_before_it_drives_back(fly, stream):
 @given(n=st.floats(-9.0, 9.0), e=st.floats(-9.0, 9.0), d=st.floats(-5.0, 5.0))
 def test_it_never_slides_sideways_nor_leaves_the_ground(n, e, d):
     vehicle = rover()
-    motion = vehicle.initial((0.0, 0.0, 0.0), 0.7)
-    order = Setpoint(Kind.STREAM, velocity_ned_m_s=(n, e, d))
+    motion = vehicle.initial(ZERO, 0.7)
+    order = Setpoint(Kind.STREAM, velocity_ned_m_s=Vector((n, e, d)))
     for _ in range(150):
         motion = vehicle.step(motion, order, CALM, 0.02)
         v_n, v_e, v_d = motion.body.velocity_ned_m_s
@@ -52,7 +51,9 @@ def test_it_never_slides_sideways_nor_leaves_the_ground(n, e, d):
 
 def test_it_drives_to_a_place_and_stops_there(fly):
     trace = drive(
-        fly, Setpoint(Kind.TRAVEL, position_ned_m=(20.0, -15.0, math.nan), speed_m_s=3.0), 40.0
+        fly,
+        Setpoint(Kind.TRAVEL, position_ned_m=Vector((20.0, -15.0, math.nan)), speed_m_s=3.0),
+        40.0,
     )
     assert np.hypot(*(trace.position[-1, :2] - [20.0, -15.0])) < 0.5
     assert np.linalg.norm(trace.velocity, axis=1).max() <= 3.0 + 1e-9
@@ -79,4 +80,4 @@ def test_a_yaw_and_a_yaw_rate_turn_it_on_the_spot(fly, stream):
 
 def test_it_cannot_start_in_the_air():
     with pytest.raises(ValueError, match="cannot start in the air"):
-        rover().initial((0.0, 0.0, -5.0), 0.0, flying=True)
+        rover().initial(Vector((0.0, 0.0, -5.0)), 0.0, flying=True)

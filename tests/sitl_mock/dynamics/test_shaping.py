@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, PX4_TRAVEL, Kind, Setpoint
 from sitl_mock.dynamics.multicopter import Pending, take
 from sitl_mock.dynamics.shaping import Reference, advance, root_law, shape_one, shape_pair, travel
-from sitl_mock.dynamics.values import ZERO
+from sitl_mock.vector import ZERO, Vector
 from tests.harness.examples import drawn
 
 NAN = math.nan
@@ -65,7 +65,7 @@ def test_a_vertical_reference_ends_on_the_speed_and_acceleration_of_its_target(w
 @example(to=(0.0, 3.0, 0.0))
 @given(to=st.tuples(st.floats(-200.0, 200.0), st.floats(-200.0, 200.0), st.floats(-60.0, 60.0)))
 def test_travel_ends_at_the_place_and_hardly_overruns_it(limits, to):
-    order = Setpoint(Kind.TRAVEL, position_ned_m=to)
+    order = Setpoint(Kind.TRAVEL, position_ned_m=Vector(to))
     reference = Reference(ZERO, ZERO)
     furthest = 0.0
     fastest = 0.0
@@ -82,7 +82,9 @@ def test_travel_ends_at_the_place_and_hardly_overruns_it(limits, to):
 
 
 def test_px4_travels_along_the_straight_line_at_the_slower_pace_of_both_directions():
-    order = Setpoint(Kind.TRAVEL, position_ned_m=(30.0, 40.0, -10.0), speed_m_s=5.0, climb_m_s=0.5)
+    order = Setpoint(
+        Kind.TRAVEL, position_ned_m=Vector((30.0, 40.0, -10.0)), speed_m_s=5.0, climb_m_s=0.5
+    )
     reference = Reference(ZERO, ZERO)
     for _ in range(400):
         reference = travel(PX4_TRAVEL, reference, order, DT_S)
@@ -92,7 +94,9 @@ def test_px4_travels_along_the_straight_line_at_the_slower_pace_of_both_directio
 
 
 def test_travel_obeys_the_speeds_of_its_order():
-    order = Setpoint(Kind.TRAVEL, position_ned_m=(80.0, 0.0, -40.0), speed_m_s=2.0, climb_m_s=1.0)
+    order = Setpoint(
+        Kind.TRAVEL, position_ned_m=Vector((80.0, 0.0, -40.0)), speed_m_s=2.0, climb_m_s=1.0
+    )
     reference = Reference(ZERO, ZERO)
     for _ in range(500):
         reference = travel(PX4_TRAVEL, reference, order, DT_S)
@@ -100,7 +104,11 @@ def test_travel_obeys_the_speeds_of_its_order():
 
 
 def test_travel_without_a_place_follows_a_velocity():
-    order = Setpoint(Kind.TRAVEL, position_ned_m=(0.0, 0.0, NAN), velocity_ned_m_s=(NAN, NAN, 0.7))
+    order = Setpoint(
+        Kind.TRAVEL,
+        position_ned_m=Vector((0.0, 0.0, NAN)),
+        velocity_ned_m_s=Vector((NAN, NAN, 0.7)),
+    )
     reference = Reference(ZERO, ZERO)
     for _ in range(500):
         reference = travel(PX4_TRAVEL, reference, order, DT_S)
@@ -108,7 +116,9 @@ def test_travel_without_a_place_follows_a_velocity():
 
 
 def test_streamed_setpoints_arrive_late_complete_and_in_order():
-    orders = [Setpoint(Kind.STREAM, velocity_ned_m_s=(float(k), 0.0, 0.0)) for k in range(10)]
+    orders = [
+        Setpoint(Kind.STREAM, velocity_ned_m_s=Vector((float(k), 0.0, 0.0))) for k in range(10)
+    ]
     pending = Pending(0.0, Setpoint(Kind.BRAKE))
     obeyed = []
     for order in orders:
