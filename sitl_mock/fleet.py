@@ -159,7 +159,7 @@ def _vehicle_of(values: object, where: str) -> VehicleConfig:
 def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
     """Read `--vehicles`: a number, flavours, or `flavour:name` and `flavour:name@north,east,down` for each vehicle.
 
-    A flavour may have a version, as px4@1.18. Versions without names stand between commas; they become uav1, uav2, ...
+    A flavour may have a version, as px4@1.18. Flavours without names stand between commas; they become uav1, uav2, ...
 
     Raises:
         ConfigError: A value has no such form.
@@ -170,7 +170,7 @@ def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
         ]
     vehicles: list[dict[str, object]] = []
     for spec in specs:
-        if "@" in spec and set(spec.split(",")) <= set(SPECS):
+        if set(spec.split(",")) <= set(SPECS):
             for kind in spec.split(","):
                 vehicles.append({"name": f"uav{len(vehicles) + 1}", "flavour": kind})
             continue
@@ -178,7 +178,7 @@ def parse_vehicles(specs: list[str], flavour: str) -> list[dict[str, object]]:
         name, _, start = rest.partition("@")
         if not name:
             raise ConfigError(
-                f"--vehicles {spec}: allowed are a number, versions such as px4@1.17,px4@1.18, or flavour:name such as "
+                f"--vehicles {spec}: allowed are a number, flavours such as px4,px4@1.18, or flavour:name such as "
                 f"px4:uav1 or rover:evader@30,0,0; flavours are {', '.join(SPECS)}"
             )
         vehicle: dict[str, object] = {"name": name, "flavour": kind}

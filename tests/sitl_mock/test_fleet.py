@@ -23,6 +23,8 @@ def test_each_vehicle_may_be_named_with_flavour_and_place():
     vehicles = build(fleet(px4, rover))
     assert vehicles["uav1"].flavour == "px4"
     assert vehicles["evader"].flavour == "rover"
+    kinds = [vehicle["flavour"] for vehicle in parse_vehicles(["px4,px4@1.18", "rover"], "px4")]
+    assert kinds == ["px4", "px4@1.18", "rover"]
     assert checked({"vehicle": [rover]}, "test").vehicle[0].start_ned_m == (30.0, -4.5, 0.0)
 
 
@@ -75,7 +77,7 @@ def test_an_unknown_parameter_is_refused_by_name():
         build(fleet({"name": "a", "parameters": {"COM_OF_LOSS": 1.0}}))
 
 
-@pytest.mark.parametrize("spec", ["px4", "px4:", "-3"])
+@pytest.mark.parametrize("spec", ["px5", "px4:", "-3"])
 def test_a_spec_that_is_none_says_what_is_allowed(spec):
     with pytest.raises(ConfigError, match="flavour:name"):
         parse_vehicles([spec], "px4")
