@@ -100,7 +100,7 @@ class Link:
                 autopilot.guide if flavour.mission_rules.home_first else None,
             ),
             streams=self.streams,
-            time=TimeProtocol(autopilot.since_boot_s),
+            time=TimeProtocol(autopilot.since_boot_s, answers_ping="PING" not in flavour.withheld),
             home=HomeProtocol(autopilot.set_origin, autopilot.set_home),
             ftp=FtpProtocol(
                 flavour.files(autopilot.parameters, autopilot.plans, autopilot.storage)

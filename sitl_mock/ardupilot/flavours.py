@@ -230,6 +230,12 @@ _WITHHELD: Final = frozenset(
         "FLIGHT_INFORMATION",
         "STORAGE_INFORMATION",
         "HIGHRES_IMU",
+        "ALTITUDE",
+        "CURRENT_MODE",
+        "ESTIMATOR_STATUS",
+        "ODOMETRY",
+        "PING",
+        "WIND_COV",
     }
 )
 """Messages that ArduPilot 4.5.7 does not know; a request of one fails."""

@@ -23,14 +23,20 @@ class TimeProtocol:
 
     Args:
         clock: Converts the caller's time to the vehicle's clock (seconds since boot), as used in telemetry.
+        answers_ping: PING is answered; ArduPilot ignores it.
     """
 
-    def __init__(self, clock: Callable[[float], float] = lambda now_s: now_s) -> None:
+    def __init__(
+        self, clock: Callable[[float], float] = lambda now_s: now_s, *, answers_ping: bool = True
+    ) -> None:
         self._clock = clock
+        self._answers_ping = answers_ping
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:
         """Take TIMESYNC or PING."""
         kind = message.get_type()
+        if kind == "PING" and not self._answers_ping:
+            return []
         if kind == "TIMESYNC" and message.tc1 == 0:
             return [("TIMESYNC", int(self._clock(now_s) * NS), message.ts1)]
         if kind == "PING" and message.target_system == 0 and message.target_component == 0:

@@ -34,6 +34,7 @@ class StreamRules:
 
     Attributes:
         fixed: Messages whose rate cannot be changed.
+        unlisted: Messages that are sent but that SET_MESSAGE_INTERVAL does not know.
         unknown_interval: Answer to SET_MESSAGE_INTERVAL for an unknown message.
         empty_request: Answer to a request for a message that has no content yet, as home before its position is known.
         unknown_request: Answer to REQUEST_MESSAGE for one.
@@ -44,6 +45,7 @@ class StreamRules:
     """
 
     fixed: frozenset[str] = frozenset()
+    unlisted: frozenset[str] = frozenset()
     unknown_interval: Result = Result.FAILED
     empty_request: Result = Result.DENIED
     unknown_request: Result = Result.DENIED
@@ -121,7 +123,7 @@ class Streams:
             interval_us: param2.
         """
         name = self._offered_name(message_id)
-        if name is None:
+        if name is None or name in self.rules.unlisted:
             return self.rules.unknown_interval
         if name in self.rules.fixed or not math.isfinite(interval_us) or interval_us < -1:
             return Result.FAILED
@@ -266,6 +268,7 @@ ARDUPILOT_HZ: Final[dict[str, float]] = {"HEARTBEAT": 1.0, "TIMESYNC": 0.1}
 
 PX4_STREAM_RULES: Final = StreamRules(
     fixed=frozenset({"HEARTBEAT"}),
+    unlisted=frozenset({"CURRENT_EVENT_SEQUENCE", "MISSION_CURRENT"}),
     unknown_interval=Result.FAILED,
     unknown_request=Result.DENIED,
     old_requests={410: 242, 519: 300, 525: 261, 528: 264},
@@ -273,6 +276,7 @@ PX4_STREAM_RULES: Final = StreamRules(
 """Old requests: home, PROTOCOL_VERSION, STORAGE_INFORMATION, FLIGHT_INFORMATION."""
 
 ARDUPILOT_STREAM_RULES: Final = StreamRules(
+    unlisted=frozenset({"TIMESYNC"}),
     unknown_interval=Result.DENIED,
     unknown_request=Result.FAILED,
     empty_request=Result.ACCEPTED,

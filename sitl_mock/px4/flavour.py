@@ -128,6 +128,11 @@ def plant(parameters: Mapping[str, float]) -> Vehicle:
     )
 
 
+_WITHHELD: Final = frozenset(
+    {"AHRS", "AHRS2", "EKF_STATUS_REPORT", "FENCE_STATUS", "POWER_STATUS", "RAW_IMU", "WIND"}
+)
+"""Messages that PX4 v1.17 does not know."""
+
 PX4: Final = Flavour(
     name="px4",
     title="PX4 1.17 quadrotor",
@@ -137,6 +142,7 @@ PX4: Final = Flavour(
     parameters=parameters_of("px4"),
     parameter_rules=PX4_PARAMETER_RULES,
     stream_rules=PX4_STREAM_RULES,
+    withheld=_WITHHELD,
     mission_rules=PX4_MISSION_RULES,
     log_rules=PX4_LOG_RULES,
     rates_hz={"onboard": PX4_ONBOARD_HZ, "gcs": PX4_GCS_HZ, "quiet": QUIET_HZ},

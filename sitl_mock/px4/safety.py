@@ -277,7 +277,10 @@ def refusals(state: VehicleState, mode: Mode, met: frozenset[Need]) -> list[str]
         reasons.append("Preflight Fail: low battery")
     if not mode.may_arm:
         reasons.append(f"Mode {mode.name} prevents arming")
-    missing = mode.needs - met
+    needs = mode.needs
+    if state.parameters["COM_ARM_MIS_REQ"]:
+        needs = needs | {Need.MISSION}
+    missing = needs - met
     if missing:
         reasons.append(f"Mode {mode.name} is not available: no {', '.join(sorted(missing))}")
     return reasons

@@ -1,7 +1,6 @@
 """Messages about motion: each builder returns the message's fields in the order of declaration."""
 
 import math
-import struct
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from types import MappingProxyType
@@ -15,10 +14,8 @@ from sitl_mock.telemetry.report import heading_cdeg, int16
 Fields = tuple[Any, ...]
 
 _NAN = math.nan
-_UNKNOWN_COVARIANCE: Final = struct.pack("<21f", *(_NAN,) * 21)
 _EMPTY_Q: Final = bytes(16)
 _LOCAL_NED = 1
-_BODY_FRD = 12
 _IDLING: Final = int(Kind.IDLING)
 _HOVER_THRUST: Final = 0.5
 _RATE_SHARE: Final = 3.5
@@ -86,56 +83,6 @@ def global_position_int(report: Report) -> Fields:
         int16(v_d * 100.0),
         heading_cdeg(state.attitude[2]),
     )
-
-
-def _in_body_axes(
-    attitude_q: tuple[float, float, float, float], vector_ned: tuple[float, float, float]
-) -> tuple[float, float, float]:
-    """Rotate a vector into the body's axes: forward, right, down."""
-    w, x, y, z = attitude_q
-    north, east, down = vector_ned
-    return (
-        (w * w + x * x - y * y - z * z) * north
-        + 2.0 * (x * y + w * z) * east
-        + 2.0 * (x * z - w * y) * down,
-        2.0 * (x * y - w * z) * north
-        + (w * w - x * x + y * y - z * z) * east
-        + 2.0 * (y * z + w * x) * down,
-        2.0 * (x * z + w * y) * north
-        + 2.0 * (y * z - w * x) * east
-        + (w * w - x * x - y * y + z * z) * down,
-    )
-
-
-def odometry(report: Report) -> Fields:
-    """ODOMETRY: position in the local frame, velocity in the body's."""
-    state = report.state
-    roll, pitch, yaw, *rates = state.attitude
-    attitude_q = quaternion_of(roll, pitch, yaw)
-    velocity_frd_m_s = _in_body_axes(attitude_q, state.velocity_m_s)
-    estimator = state.estimator
-    return (
-        report.boot_us,
-        _LOCAL_NED,
-        _BODY_FRD,
-        *state.position_m,
-        attitude_q,
-        *velocity_frd_m_s,
-        *rates,
-        _UNKNOWN_COVARIANCE,
-        _UNKNOWN_COVARIANCE,
-        estimator.reset_counter,
-        3,
-        100 if estimator.position_valid else 0,
-    )
-
-
-def altitude(report: Report) -> Fields:
-    """ALTITUDE."""
-    state = report.state
-    up = -state.position_m[2]
-    amsl = state.frame.origin.alt_amsl_m + up
-    return (report.boot_us, amsl, amsl, up, report.relative_m, _NAN, _NAN)
 
 
 def vfr_hud(report: Report) -> Fields:
@@ -302,8 +249,6 @@ MOTION: Mapping[str, Callable[[Report], Fields]] = MappingProxyType(
         "ATTITUDE_QUATERNION": attitude_quaternion,
         "LOCAL_POSITION_NED": local_position_ned,
         "GLOBAL_POSITION_INT": global_position_int,
-        "ODOMETRY": odometry,
-        "ALTITUDE": altitude,
         "VFR_HUD": vfr_hud,
         "ATTITUDE_TARGET": attitude_target,
         "POSITION_TARGET_LOCAL_NED": position_target_local_ned,

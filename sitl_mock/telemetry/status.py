@@ -198,17 +198,6 @@ def gps_raw_int(report: Report) -> Fields:
     )
 
 
-def estimator_status(report: Report) -> Fields:
-    """ESTIMATOR_STATUS."""
-    estimator = report.state.estimator
-    flags = 1  # attitude
-    flags |= 2 | 4 | 8 if estimator.position_valid else 0  # velocities and relative position
-    flags |= 16 if estimator.global_valid else 0
-    flags |= 32 | 64 if estimator.altitude_valid else 0
-    flags |= 0 if estimator.position_valid else 128
-    return (report.boot_us, flags, 0.05, 0.05, 0.05, 0.05, 0.0, 0.0, estimator.eph_m, 0.6)
-
-
 def ekf_status_report(report: Report) -> Fields:
     """EKF_STATUS_REPORT; EKF3 reports each predicted position (256, 512) with the position itself (8, 16)."""
     estimator = report.state.estimator
@@ -364,7 +353,6 @@ STATUS: Mapping[str, Callable[[Report], Fields | None]] = MappingProxyType(
         "HOME_POSITION": home_position,
         "GPS_GLOBAL_ORIGIN": gps_global_origin,
         "GPS_RAW_INT": gps_raw_int,
-        "ESTIMATOR_STATUS": estimator_status,
         "EKF_STATUS_REPORT": ekf_status_report,
         "SYSTEM_TIME": system_time,
         "PING": ping,

@@ -16,6 +16,7 @@ from pymavlink import mavutil
 from sitl_mock import Home
 from sitl_mock.fleet import FleetConfig, SigningConfig, VehicleConfig, build, checked
 from tests.harness.ports import mock_ports
+from tests.witness import page
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "mock.md").read_text(encoding="utf-8")
@@ -132,3 +133,11 @@ def test_a_ground_station_that_only_listens_sees_every_vehicle_and_reads_paramet
     while read != {"MPC_XY_VEL_MAX", "CRUISE_SPEED"}:
         read.add(station.recv_match(type="PARAM_VALUE", blocking=True, timeout=10.0).param_id)
     station.close()
+
+
+def test_the_tables_say_what_was_seen_of_the_autopilots_and_their_mocks_and_name_every_cause():
+    for autopilot, cells in page.read().items():
+        assert page.judged(autopilot, cells) == []
+        causes = page.causes_of(autopilot)
+        for title, cell in cells.items():
+            assert page.row(title, cell, causes.get(title, "")) in PAGE

@@ -20,6 +20,7 @@ RESTART_S = 3.0
 """Time that a simulator takes to restart."""
 LANDED_S = 90.0
 """Longest wait for a vehicle to land and disarm."""
+STREAM_HZ = 4
 GROUND_STATION = 255
 ARMED = dialect.MAV_MODE_FLAG_SAFETY_ARMED
 FORCE = 21196
@@ -62,6 +63,9 @@ class Client:
     @contextlib.contextmanager
     def lent(self) -> Iterator[str]:
         """Leave the link to another program, which needs its port; afterwards bring the vehicle down."""
+        if self.autopilot == dialect.MAV_AUTOPILOT_ARDUPILOTMEGA:
+            # ArduPilot sends only what some client has asked for on this link.
+            self.send.request_data_stream_send(self.system, 1, 0, STREAM_HZ, 1)
         self.link.close()
         try:
             yield self.url

@@ -35,6 +35,8 @@ PACKAGES = {
 }
 """What each environment installs."""
 INSTALL_S = 300.0
+EXCEPTION = re.compile(r"[\w.]+(Error|Exception)\b")
+"""The line of a traceback that names the exception; a library's log may follow it."""
 
 
 class NotPlayedError(Exception):
@@ -99,7 +101,7 @@ def printed(command: list[str], folder: Path, within_s: float) -> tuple[str, str
         return output, "did not end"
     if child.returncode == 0:
         return output, "ended"
-    reasons = [line for line in errors.splitlines() if line.strip()]
+    reasons = [line for line in errors.splitlines() if EXCEPTION.match(line)]
     return output, reasons[-1] if reasons else f"exit code {child.returncode}"
 
 

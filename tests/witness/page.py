@@ -64,12 +64,16 @@ def table_of(autopilot: str, titles: Iterable[str]) -> str:
     causes = causes_of(autopilot)
     cells = read()[autopilot]
     lines = [f"| {AUTOPILOTS[autopilot]} | the real one | the mock |", "|---|---|---|"]
-    for title in titles:
-        real = cells[title]["real"]
-        mock = cells[title]["mock"]
-        answer = "the same" if real == mock else f"{mock}. {causes.get(title, '')}"
-        lines.append(f"| {title} | {in_a_cell(real)} | {in_a_cell(answer)} |")
+    lines += [row(title, cells[title], causes.get(title, "")) for title in titles]
     return "\n".join(lines) + "\n"
+
+
+def row(title: str, cell: Mapping[str, str], cause: str) -> str:
+    """Return the line of a case."""
+    real = cell["real"]
+    mock = cell["mock"]
+    answer = "the same" if real == mock else f"{mock}. {cause}"
+    return f"| {title} | {in_a_cell(real)} | {in_a_cell(answer)} |"
 
 
 def in_a_cell(words: str) -> str:

@@ -105,6 +105,13 @@ def test_a_low_battery_refuses_arming(fly):
     assert flight.command(400, 1.0) == [1]
 
 
+def test_without_the_mission_that_com_arm_mis_req_wants_arming_is_refused(fly):
+    flight = fly("px4", parameters={"COM_ARM_MIS_REQ": 1}).run(6.0)
+    assert flight.command(400, 1.0) == [1]
+    flight.vehicle.autopilot.parameters.set("COM_ARM_MIS_REQ", 0)
+    assert flight.command(400, 1.0) == [0]
+
+
 def test_the_battery_drains_by_the_time_armed_as_that_of_px4s_simulation(fly):
     """SYS_STATUS in mV and %, as measured; SIM_BAT_MIN_PCT also raises the charge."""
     parameters = {"SIM_BAT_DRAIN": 20.0, "COM_DISARM_PRFLT": -1.0}
