@@ -93,8 +93,8 @@ class Battery:
         if armed:
             # A charge that was set below the least one is not raised to it.
             floor = least if math.isnan(self._set_share) else min(least, self._set_share)
-            used = dt_s / whole_s if whole_s > 0.0 else 1.0
-            self.charge = max(self.charge - used, floor)
+            used_share = dt_s / whole_s if whole_s > 0.0 else 1.0
+            self.charge = max(self.charge - used_share, floor)
         elif math.isnan(self._set_share):
             self.charge = 1.0
         goal = 0.0 if self.failed else self.charge
