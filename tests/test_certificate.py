@@ -335,6 +335,26 @@ def test_a_vehicle_that_follows_closely_captures_before_a_wide_target_is_in_dang
     assert certify(game, slow, FULL, None).certificate.vehicle_winner != Winner.PURSUER
 
 
+@pytest.mark.parametrize("number", [83, 131])
+def test_a_meeting_that_moves_on_from_round_to_round_is_not_counted_on(number):
+    # After three rounds it seemed to come in time; evaders that turned broke the lasting claim of both games.
+    assert math.isnan(referee(draw_game(9101, number, "polygon")).result.sustained_s)
+
+
+def test_a_vehicle_at_the_rim_before_an_evader_needs_no_full_speed_to_capture_it():
+    game = replace(GAME, target_extent=Extent(radius_m=15.0))
+    pursuer_m = (17.7, 5.8, 5.2)
+    evader_m = (22.3, 6.2, 0.0)
+    gaps = gaps_to_disc(ned_from_game(Enu(pursuer_m)), ned_from_game(Enu(evader_m)), GAME.standoff)
+    evader_m_s = Enu((-2.9, -0.8, 0.0))
+    velocity_m_s = Enu((1.0, -0.6, -0.4))
+    players = Players(Enu(pursuer_m), velocity_m_s, Enu(evader_m), evader_m_s, TARGET, gaps, 0.0)
+    assert certify(game, players, FULL, None).certificate.vehicle_winner == Winner.PURSUER
+    # One that flies past it has to turn first.
+    past = players._replace(pursuer_m_s=Enu((6.0, 0.0, -0.4)))
+    assert certify(game, past, FULL, None).certificate.vehicle_winner != Winner.PURSUER
+
+
 def test_an_evader_that_runs_along_with_its_target_is_not_claimed_too_early():
     result = referee(draw_game(7101, 50, "moving")).result
     assert result.end == "arrived"

@@ -18,7 +18,8 @@ before an evader at X as its approach brakes. The slower of the two counts.
 **Wide targets.** A vehicle above a point guards everything within the disc's radius. On a larger target, the guarded
 point moves with the evader, and the vehicle does not wait above it. It meets the evader on its way instead. For each X
 its time is therefore the smaller of two: the time to the rim of the disc about X, and the time to a meeting with an
-evader that runs straight to X (`_interception_s`).
+evader that runs straight to X. It flies to that meeting at full speed (`_interception_s`), or, near the rim, takes over
+the evader's velocity and closes as its approach does (`_following_s`); the sooner of the two counts.
 
 **Capture.** A vehicle at the disc's height and near its rim captures the evader before any point of a wide target is
 in danger (`_capture_margin_s`). There an evader that runs straight away lasts longest: one that turns comes nearer.
@@ -51,7 +52,10 @@ _SLOWEST_M_S: Final = 0.1
 _TINY_M: Final = 1e-9
 _SPACING_M: Final = 3.0
 _FEWEST: Final = 8
-_ROUNDS: Final = 3
+_ROUNDS: Final = 30
+_SAME_S: Final = 1e-3
+_SAME_M: Final = 1e-3
+"""Changes from round to round that end the rounds; a meeting that still changes in the last one is not counted on."""
 _NEAR_RADII: Final = 3.0
 """Largest gap, in radii of the disc; closer than this, an evader that turns is captured sooner than one that flees."""
 
@@ -133,12 +137,16 @@ def guard(
         return Guard(guarding_m_s, math.inf, holds_target)
     levelling_s = _levelling_s(flight)
     unsure_s = UNSURE * solution.meeting_time_s
-    margin_s = math.inf
-    race = _race_above if holds_target else _race_beside
-    for offset_m in outline(game.target_extent):
-        for sooner_s, lost_s in race(flight, offset_m, levelling_s):
-            needed_s = lost_s + UNSURE_S + unsure_s
-            margin_s = min(margin_s, min(sooner_s, solution.margin_s) - needed_s)
+    if not holds_target and flight.descends_at_once:
+        sooner_s = _sooner_beside_s(flight, levelling_s, solution.margin_s)
+        margin_s = sooner_s - (UNSURE_S + unsure_s)
+    else:
+        race = _race_above if holds_target else _race_in_ball
+        margin_s = math.inf
+        for offset_m in outline(game.target_extent):
+            for sooner_s, lost_s in race(flight, offset_m, levelling_s):
+                needed_s = lost_s + UNSURE_S + unsure_s
+                margin_s = min(margin_s, min(sooner_s, solution.margin_s) - needed_s)
     if not holds_target and _is_at_disc(flight):
         sooner_s = min(_capture_margin_s(flight), solution.margin_s)
         margin_s = max(margin_s, sooner_s - (UNSURE_S + unsure_s))
@@ -211,29 +219,49 @@ def _braking_above_s(flight: _Flight) -> float:
     return braking_s + GUARD_LAG_S * (math.log(u / rim_m_s) - 1.0 + rim_m_s / u)
 
 
-def _race_beside(flight: _Flight, offset_m: Point, levelling_s: float) -> tuple[_Race, ...]:
-    """Return the races of a vehicle that meets the evader at a point of the target or on its way there."""
-    game = flight.shown
-    rest_m = _rest_m(flight)
-    lag_s = _approach_lag_s(flight)
-    late_m = _late(flight, _velocity_to(flight, offset_m, rest_m, lag_s))
-    arrival_s, goal_m = _arrival(flight, offset_m)
-    left_m = _away_m(flight, offset_m, late_m) - rest_m
-    rim_s = _closing_s(flight, left_m, game.pursuer.horizontal_m_s)
+def _sooner_beside_s(flight: _Flight, levelling_s: float, most_s: float) -> float:
+    """Return the smallest lead of a vehicle that meets the evader at a point of the target or on its way there.
+
+    Args:
+        flight: The flight.
+        levelling_s: Time lost by braking to the disc's height.
+        most_s: A lead that is not exceeded.
+    """
     is_level = abs(flight.players.gaps.height_m) <= flight.vehicle.tolerance_m
-    if not flight.descends_at_once:
-        state = take_apart(FLOATS, game, late_m, flight.players.evader_m, flight.players.evader_m_s)
-        ideal_s = guard_time(FLOATS, game, state, goal_m)
+    late_s = flight.flies_on_s
+    sooner_s = most_s
+    for offset_m in outline(flight.shown.target_extent):
+        arrival_s, goal_m = _arrival(flight, offset_m)
+        late_m = _late(
+            flight, _velocity_to(flight, offset_m, _rest_m(flight), _approach_lag_s(flight))
+        )
         if not is_level:
-            ideal_s += levelling_s
-        return (_Race(arrival_s - max(rim_s, ideal_s), flight.flies_on_s),)
-    ground_s = min(rim_s, _interception_s(flight, goal_m))
-    ground = _Race(arrival_s - ground_s - flight.flies_on_s, 0.0)
-    if is_level:
-        return (ground,)
-    height_m = late_m[2] - flight.players.evader_m[2] - game.standoff.height_m
-    level_s = max(0.0, game.pursuer.level_time(FLOATS, 0.0, height_m)) + levelling_s
-    return ground, _Race(arrival_s - level_s, 0.0)
+            height_m = late_m[2] - flight.players.evader_m[2] - flight.shown.standoff.height_m
+            level_s = max(0.0, flight.shown.pursuer.level_time(FLOATS, 0.0, height_m)) + levelling_s
+            sooner_s = min(sooner_s, arrival_s - level_s)
+        left_m = _away_m(flight, offset_m, late_m) - _rest_m(flight)
+        ground_s = _closing_s(flight, left_m, flight.shown.pursuer.horizontal_m_s)
+        # The other two times are asked for only where they decide.
+        if arrival_s - ground_s - late_s < sooner_s:
+            ground_s = min(ground_s, _following_s(flight, goal_m))
+        if arrival_s - ground_s - late_s < sooner_s:
+            ground_s = min(ground_s, _interception_s(flight, goal_m))
+        sooner_s = min(sooner_s, arrival_s - ground_s - late_s)
+    return sooner_s
+
+
+def _race_in_ball(flight: _Flight, offset_m: Point, levelling_s: float) -> tuple[_Race, ...]:
+    """Return the race of a vehicle with one speed for ground and height, which meets the evader at a point."""
+    game = flight.shown
+    late_m = _late(flight, _velocity_to(flight, offset_m, _rest_m(flight), _approach_lag_s(flight)))
+    arrival_s, goal_m = _arrival(flight, offset_m)
+    left_m = _away_m(flight, offset_m, late_m) - _rest_m(flight)
+    rim_s = _closing_s(flight, left_m, game.pursuer.horizontal_m_s)
+    state = take_apart(FLOATS, game, late_m, flight.players.evader_m, flight.players.evader_m_s)
+    ideal_s = guard_time(FLOATS, game, state, goal_m)
+    if abs(flight.players.gaps.height_m) > flight.vehicle.tolerance_m:
+        ideal_s += levelling_s
+    return (_Race(arrival_s - max(rim_s, ideal_s), flight.flies_on_s),)
 
 
 def _rest_m(flight: _Flight) -> float:
@@ -252,6 +280,11 @@ def _rim_speed_m_s(flight: _Flight, fastest_m_s: float) -> float:
     captured_m = max(_TINY_M, flight.vehicle.tolerance_m - approach.margin_m)
     speed_m_s = approach_speed(captured_m, approach.braking_m_s2, _approach_lag_s(flight))
     return min(fastest_m_s, max(_SLOWEST_M_S, speed_m_s))
+
+
+def _allowed_m_s(flight: _Flight, left_m: float) -> float:
+    """Return the closing speed that the approach allows at a distance from its stop."""
+    return approach_speed(left_m, flight.vehicle.approach.braking_m_s2, _approach_lag_s(flight))
 
 
 def _closing_s(flight: _Flight, left_m: float, fastest_m_s: float) -> float:
@@ -278,7 +311,9 @@ def _interception_s(flight: _Flight, goal_m: Point) -> float:
     """Return the time to a meeting with an evader that runs straight to a point, after the reaction time.
 
     The late start depends on the direction of the flight, and the direction on the meeting point, so both are computed
-    in rounds. Towards an evader that comes nearer the vehicle brakes to rest, else to the evader's speed.
+    in rounds, until the meeting stays where it is. If it never does, the time is infinite, because a meeting of an
+    earlier round would come too early. Towards an evader that comes nearer the vehicle brakes to rest, else to the
+    evader's speed.
 
     Args:
         flight: The flight.
@@ -293,9 +328,9 @@ def _interception_s(flight: _Flight, goal_m: Point) -> float:
     evader_x_m = flight.players.evader_m[0] + run_m_s[0] * flight.flies_on_s
     evader_y_m = flight.players.evader_m[1] + run_m_s[1] * flight.flies_on_s
     late_m = flight.from_m
-    meeting_s = 0.0
-    fleeing_m_s = 0.0
+    meeting_s = math.inf
     for _ in range(_ROUNDS):
+        before_s = meeting_s
         to_evader_m = (evader_x_m - late_m[0], evader_y_m - late_m[1])
         meeting_s = catch_in_ball(FLOATS, u, _rest_m(flight), to_evader_m, run_m_s, 0.0)
         x_m = evader_x_m + run_m_s[0] * meeting_s - flight.from_m[0]
@@ -303,19 +338,59 @@ def _interception_s(flight: _Flight, goal_m: Point) -> float:
         away_m = math.hypot(x_m, y_m)
         if away_m == 0.0:
             return math.inf
-        fleeing_m_s = max(0.0, (run_m_s[0] * x_m + run_m_s[1] * y_m) / away_m)
+        if abs(meeting_s - before_s) <= _SAME_S:
+            break
         late_m = _late(flight, Enu((u * x_m / away_m, u * y_m / away_m, flight.up_m_s)))
-    braking_s, lagging_s = _braking_costs_s(flight, u - fleeing_m_s)
-    return meeting_s + braking_s + lagging_s
+    else:
+        return math.inf
+    fleeing_m_s = max(0.0, (run_m_s[0] * x_m + run_m_s[1] * y_m) / away_m)
+    return meeting_s + _braking_cost_s(flight, u - fleeing_m_s)
 
 
-def _braking_costs_s(flight: _Flight, closing_m_s: float) -> tuple[float, float]:
-    """Return what braking to the speed at the rim costs, at once and by its lag, beside flying on at full speed."""
+def _following_s(flight: _Flight, goal_m: Point) -> float:
+    """Return the time to a capture of an evader that runs straight to a point, after the reaction time; near its rim.
+
+    Near the rim the vehicle does not regain its full speed and brake again. It takes over the evader's velocity, and
+    closes along the line of sight as fast as its approach allows.
+
+    Args:
+        flight: The flight.
+        goal_m: Vector from the evader to that point.
+    """
+    players = flight.players
+    run_m = math.hypot(*goal_m)
+    if run_m == 0.0 or players.gaps.ground_m > _NEAR_RADII * flight.shown.standoff.radius_m:
+        return math.inf
+    v = flight.shown.evader_speed_m_s
+    u = flight.shown.pursuer.horizontal_m_s
+    run_m_s = Enu((v * goal_m[0] / run_m, v * goal_m[1] / run_m, 0.0))
+    begins_m = players.evader_m + run_m_s * flight.flies_on_s
+    late_m = flight.from_m
+    left_s = math.inf
+    for _ in range(_ROUNDS):
+        before_s = left_s
+        to_evader_m = begins_m - late_m
+        away_m = to_evader_m.level_length()
+        if away_m == 0.0:
+            return math.inf
+        along_m_s = run_m_s.level_dot(to_evader_m) / away_m
+        fastest_m_s = math.sqrt(u * u - v * v + along_m_s * along_m_s) - along_m_s
+        left_m = away_m - _rest_m(flight)
+        left_s = _closing_s(flight, left_m, fastest_m_s)
+        if abs(left_s - before_s) <= _SAME_S:
+            return left_s
+        pace = min(fastest_m_s, _allowed_m_s(flight, left_m)) / away_m
+        late_m = _late(flight, (run_m_s + to_evader_m * pace).level_with(flight.up_m_s))
+    return math.inf
+
+
+def _braking_cost_s(flight: _Flight, closing_m_s: float) -> float:
+    """Return what braking to the speed at the rim costs, beside flying on at full speed."""
     rim_m_s = _rim_speed_m_s(flight, closing_m_s)
     braking_m_s2 = flight.vehicle.approach.braking_m_s2
     braking_s = (closing_m_s - rim_m_s) ** 2 / (2.0 * braking_m_s2 * closing_m_s)
     lags = math.log(closing_m_s / rim_m_s) - 1.0 + rim_m_s / closing_m_s
-    return braking_s, _approach_lag_s(flight) * lags
+    return braking_s + _approach_lag_s(flight) * lags
 
 
 def _is_at_disc(flight: _Flight) -> bool:
@@ -331,21 +406,24 @@ def _capture_margin_s(flight: _Flight) -> float:
     players = flight.players
     v = game.evader_speed_m_s
     closing_m_s = game.pursuer.horizontal_m_s - v
-    braking_m_s2 = flight.vehicle.approach.braking_m_s2
     late_m = players.pursuer_m
+    left_m = math.inf
     for _ in range(_ROUNDS):
+        before_m = left_m
         to_evader_m = players.evader_m - late_m
         away_m = to_evader_m.level_length()
         if away_m == 0.0:
             return -math.inf
         left_m = away_m - _rest_m(flight)
-        allowed_m_s = approach_speed(left_m, braking_m_s2, _approach_lag_s(flight))
-        pace = (v + min(closing_m_s, allowed_m_s)) / away_m
+        if abs(left_m - before_m) <= _SAME_M:
+            break
+        pace = (v + min(closing_m_s, _allowed_m_s(flight, left_m))) / away_m
         velocity_m_s = (to_evader_m * pace).level_with(flight.up_m_s)
         missing_m_s = players.pursuer_m_s - velocity_m_s
         behind_m = players.pursuer_m + (missing_m_s * flight.flies_on_s).level()
         late_m = _late(flight._replace(from_m=behind_m), velocity_m_s)
-    left_m = (players.evader_m - late_m).level_length() - _rest_m(flight)
+    else:
+        return -math.inf
     arrivals_s = [_arrival(flight, offset_m)[0] for offset_m in outline(game.target_extent)]
     return min(arrivals_s) - _closing_s(flight, left_m, closing_m_s)
 

@@ -5,7 +5,8 @@ game in which the verdict was not "pursuer" for 0.4 s before the capture is a mi
 with 1 otherwise. `--shape` chooses the target: a point, a disc, a segment, a polygon, or a point that moves.
 `--referee` plays without the mock: a vehicle with just the guaranteed acceleration, a delay and a lag. There, a capture
 without a verdict is a win only if the vehicle could have been certain of it (`tests.harness.trials`). The others, in
-which the evader ran into its capture, are printed as lucky.
+which the evader ran into its capture, are printed as lucky. With `--others`, the referee also tries
+other evaders from each lasting claim and counts the claims that they break; these do not end it with 1.
 """
 
 import argparse
@@ -19,13 +20,15 @@ from typing import Final
 from guidance.cycle.monitor import GUARDED_S, LASTING_S
 from tests.harness.guarded import SHAPES, Drawn, Guarded, draw_game, fly
 from tests.harness.referee import referee
-from tests.harness.trials import was_certain
+from tests.harness.trials import is_broken, was_certain
 
 MISSED: Final = 0.1
 CLOSE_S: Final = 2.0
 
 
-def flown(seed: int, shape: str, by_referee: bool, number: int) -> tuple[Drawn, Guarded]:
+def flown(
+    seed: int, shape: str, by_referee: bool, by_others: bool, number: int
+) -> tuple[Drawn, Guarded]:
     """Draw and fly one game."""
     drawn = draw_game(seed, number, shape)
     if not by_referee:
@@ -34,6 +37,8 @@ def flown(seed: int, shape: str, by_referee: bool, number: int) -> tuple[Drawn, 
     result = played.result
     if result.end == "captured" and not result.claimed_s < result.end_s:
         result = result._replace(was_certain=was_certain(drawn, played))
+    if by_others and not math.isnan(result.sustained_s):
+        result = result._replace(is_broken=is_broken(drawn, played))
     return drawn, result
 
 
@@ -48,22 +53,32 @@ def main() -> None:
         action="store_true",
         help="without autopilot, links and noise; fifty times faster",
     )
+    parser.add_argument(
+        "--others",
+        action="store_true",
+        help="by the referee; other evaders are also tried against each lasting claim",
+    )
     parser.add_argument("--shape", choices=tuple(SHAPES), default="point")
     given = parser.parse_args()
+    by_referee = given.referee or given.others
     ends = Counter[str]()
     wrong = Counter[str]()
     events = 0
     claims = 0
     lucky = 0
+    broken = 0
     wins = Counter[bool]()
     missed = Counter[bool]()
     with ProcessPoolExecutor(given.jobs) as pool:
-        play = partial(flown, given.seed, given.shape, given.referee)
+        play = partial(flown, given.seed, given.shape, by_referee, given.others)
         for drawn, game in pool.map(play, range(given.games), chunksize=10):
             ends[game.end] += 1
             events += not math.isnan(game.reported_s)
             sustained = not (math.isnan(game.sustained_s) and math.isnan(game.reported_s))
             claims += sustained
+            broken += game.is_broken
+            if game.is_broken:
+                print(f"claim broken by another evader: {drawn}: {game}", flush=True)
             if game.end == "captured" and not game.was_certain:
                 lucky += 1
             elif game.end == "captured":
@@ -82,6 +97,8 @@ def main() -> None:
         f"claims of {GUARDED_S:g} s or more, or events: {claims}, followed by an arrival: {wrong['sustained']}; "
         f"of {LASTING_S:g} to {GUARDED_S:g} s followed by an arrival: {wrong['brief']}"
     )
+    if given.others:
+        print(f"claims that one of the other evaders broke: {broken} of {claims}")
     print(f"wins missed: {missed.total()} of {wins.total()} ({share:.1%}); {clear}")
     unforeseen = missed.total() + lucky
     captured = wins.total() + lucky

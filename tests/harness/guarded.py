@@ -118,6 +118,7 @@ class Guarded(NamedTuple):
         sustained_s: Time when the verdict "pursuer" first lasted `GUARDED_S`; NaN if never.
         was_certain: Of a capture without a verdict: whether the vehicle could have been certain of it. The referee
             tries other evaders from the same states (`tests.harness.trials`); without a trial it counts as certain.
+        is_broken: Whether another evader than the drawn one, tried from `sustained_s` on, broke the claim.
     """
 
     end: str
@@ -127,6 +128,7 @@ class Guarded(NamedTuple):
     reported_s: float
     sustained_s: float
     was_certain: bool = True
+    is_broken: bool = False
 
 
 def draw_game(seed: int, number: int, shape: str = "point") -> Drawn:

@@ -30,6 +30,12 @@ def was_certain(drawn: Drawn, played: Played) -> bool:
     return False
 
 
+def is_broken(drawn: Drawn, played: Played) -> bool:
+    """Return whether one of the other evaders is not captured from the state in which the claim had lasted 1.5 s."""
+    claimed = played.states[round(played.result.sustained_s / STEP_S)]
+    return not _captures_all(drawn, claimed)
+
+
 def _captures_all(drawn: Drawn, state: Referee) -> bool:
     return all(_captures(drawn, state.copy(), course) for course in _courses(drawn, state))
 
