@@ -3,12 +3,13 @@
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.console import Console
 from rich.text import Text
 
 from guidance.cli.arguments import CommandGroup, Json
@@ -95,19 +96,33 @@ def info(file: File, as_json: Json = False) -> None:
         title = title_of(survey.metadata)
         topics = sorted(survey.messages)
     if as_json:
-        counts = {
+        channels = {
             topic: {"messages": survey.messages[topic], "bytes": survey.data_bytes[topic]}
             for topic in topics
         }
-        summary = {"title": title, "duration_s": round(survey.duration_s, 3), "channels": counts}
-        summary |= {"evader_reports": dict(reports), "metadata": dict(survey.metadata)}
-        summary |= {"missing_messages": survey.missing, "torn": survey.torn}
-        summary |= {"missing_files": survey.missing_files, "damaged_chunks": survey.damaged_chunks}
+        summary = {
+            "title": title,
+            "duration_s": round(survey.duration_s, 3),
+            "channels": channels,
+            "evader_reports": dict(reports),
+            "metadata": dict(survey.metadata),
+            "missing_messages": survey.missing,
+            "torn": survey.torn,
+            "missing_files": survey.missing_files,
+            "damaged_chunks": survey.damaged_chunks,
+        }
         typer.echo(json.dumps(summary, indent=2))
         return
     target = console()
     heading = f"{title}: {survey.duration_s:.2f} s"
     target.print(Text(printable(heading)))
+    _print_survey(target, survey, topics, reports)
+
+
+def _print_survey(
+    target: Console, survey: Survey, topics: Sequence[str], reports: Mapping[str, int]
+) -> None:
+    """Print channels, the evader's reports by source, metadata and faults of a record."""
     channels = []
     for topic in topics:
         messages = str(survey.messages[topic])

@@ -1,13 +1,14 @@
 """Scenarios flown from connecting to the end, whichever way their vehicles are opened (`guidance.session.open`)."""
 
 import random
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 from guidance.flight.settings import TeamSection
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.session.flight_files import RECORD, TEAM, flight_metadata
+from guidance.session.fly.daemon import Equipment
 from guidance.session.fly.mission import Mission
 from guidance.session.fly.own_policy import asked_in_flight, require_policies
 from guidance.session.fly.result import MissionResult, closing_detail
@@ -47,8 +48,6 @@ def fly_recorded(
         flight = how.open(scenario, onlooker, stack)
         pursuits = flight.pursuits
         clock = flight.clock
-        policy = flight.policy
-        show = onlooker.show
         team = team_plan(scenario, pursuits) if isinstance(scenario, TeamScenario) else None
         plans = {
             pursuit.vehicle: plan_of(flight.configs.get(pursuit.vehicle), pursuit.scenario, team)
@@ -64,8 +63,8 @@ def fly_recorded(
             clock,
             plans=plans,
             equipment=equipment,
-            policy=policy,
-            show=show,
+            policy=flight.policy,
+            show=onlooker.show,
         )
         result = mission.fly(flight.signals)
         for daemon in mission.daemons:
@@ -74,17 +73,19 @@ def fly_recorded(
                 record = equipment[daemon.name].record
                 detail = closing_detail(flight_result, how.way, record, folder)
                 daemon.recording.over(clock.now_s(), detail)
-    for (
-        name,
-        flight_result,
-    ) in result.vehicles.items():  # the records are closed: note what is missing
-        if (record := equipment[name].record) is not None:
-            flight_result.record_dropped = record.dropped
-            if record.failed is not None and not flight_result.record_stopped:
-                flight_result.record_stopped = stopped_words(
-                    flight_result.duration_s, record.failed
-                )
+    _note_missing(result, equipment)
     return result
+
+
+def _note_missing(result: MissionResult, equipment: Mapping[str, Equipment]) -> None:
+    """Note what the closed records lack."""
+    for name, flight_result in result.vehicles.items():
+        record = equipment[name].record
+        if record is None:
+            continue
+        flight_result.record_dropped = record.dropped
+        if record.failed is not None and not flight_result.record_stopped:
+            flight_result.record_stopped = stopped_words(flight_result.duration_s, record.failed)
 
 
 def team_plan(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> TeamPlan:

@@ -63,7 +63,6 @@ def run_vehicle(path: Path, config: Config) -> bool:
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    name = config.name
     plan = plan_of(config)
     clock = MonotonicClock()
     metrics = Metrics(config.name)
@@ -83,21 +82,23 @@ def run_vehicle(path: Path, config: Config) -> bool:
         equipment.record_required = config.record.required
         equipment.record = stack.enter_context(daemon_recording(config, metadata, equipment))
         order = OutputOrder(
-            vehicle=name,
+            vehicle=config.name,
             metadata=metadata,
             clock=clock,
-            link=world.links[name],
+            link=world.links[config.name],
             mailbox=equipment.mailbox,
             config=config,
             bus=session,
-            ground_link=world.ground_links.get(name),
+            ground_link=world.ground_links.get(config.name),
         )
         equipment.sinks += (metrics, *open_outputs(order, stack))
         equipment.team = _member(config, session, clock, stack)
-        daemon = Daemon(name, plan, world.links[name], world.evaders[name], equipment)
+        daemon = Daemon(
+            config.name, plan, world.links[config.name], world.evaders[config.name], equipment
+        )
         daemons.append(daemon)
         started = {
-            "name": name,
+            "name": config.name,
             "control": config.control.endpoint,
             "autopilot": plan.flight.autopilot.name,
         }

@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from guidance.sweeps.axes import Array, Integers
 from guidance.viz.figures import figure_of, legend_below, save_twice
@@ -174,17 +175,26 @@ def _regret(report: Mapping[str, Any], regrets: Sequence[Array]) -> Figure | Non
             for pair, numbers in zip(played_pairs, regrets, strict=True)
             if pair["evader"] == evader
         ]
-        for pursuer, numbers in of_pursuers:
-            quantiles = np.quantile(numbers, _SHARES, method="inverted_cdf")
-            style = styles[pursuer]
-            panel.plot(quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **style)
-        all_regrets = np.concatenate([numbers for _, numbers in of_pursuers])
-        panel.set(xlim=_span(all_regrets), ylim=(0.0, 1.02))
+        _draw_regrets(panel, of_pursuers, styles)
         panel.set(xlabel=f"regret, {report['unit']}", title=f"evader: {evader}")
-        panel.axvline(0.0, color="0.5", linewidth=0.8)
     axes[0, 0].set_ylabel("share of games with at most this regret")
     _legend(figure, axes)
     return figure
+
+
+def _draw_regrets(
+    panel: Any,  # noqa: ANN401 - Matplotlib has no types for it
+    of_pursuers: Sequence[tuple[str, Array]],
+    styles: Mapping[str, Mapping[str, Any]],
+) -> None:
+    """Draw the regrets of each pursuer's policy."""
+    for pursuer, regrets in of_pursuers:
+        quantiles = np.quantile(regrets, _SHARES, method="inverted_cdf")
+        style = styles[pursuer]
+        panel.plot(quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **style)
+    all_regrets = np.concatenate([regrets for _, regrets in of_pursuers])
+    panel.set(xlim=_span(all_regrets), ylim=(0.0, 1.02))
+    panel.axvline(0.0, color="0.5", linewidth=0.8)
 
 
 def _span(regrets: Array) -> tuple[float, float]:
@@ -206,8 +216,7 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
         figure, axes = titled_figure(title, len(measures), len(evaders))
         panels = axes.T.ravel()
     else:
-        rows = len(evaders) * len(measures)
-        figure, axes = titled_figure(title, rows, len(keys))
+        figure, axes = titled_figure(title, len(evaders) * len(measures), len(keys))
         panels = axes.ravel()
     contents = itertools.product(evaders, measures, keys)
     for panel, (evader, measure, key) in zip(panels, contents, strict=True):
@@ -216,16 +225,19 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
                 groups = pair["by_key"][key.column]
                 style = styles[pair["pursuer"]]
                 _draw_curve(panel, groups, key, measure, style)
-        x_label = key_label(key.column)
-        y_label = measure.label.format(report["unit"])
-        panel.set(xlabel=x_label, ylabel=y_label, title=f"evader: {evader}")
-        if measure.column == "capture":
-            panel.set_ylim(-0.03, 1.03)
-        numbers = list(range(len(key.labels)))
-        if list(key.centres) == numbers:
-            panel.set_xticks(key.centres, key.labels)
+        _label_curve(panel, key, measure, report["unit"])
+        panel.set_title(f"evader: {evader}")
     _legend(figure, axes)
     return figure
+
+
+def _label_curve(panel: Any, key: Key, measure: _Measure, unit: str) -> None:  # noqa: ANN401
+    panel.set(xlabel=key_label(key.column), ylabel=measure.label.format(unit))
+    if measure.column == "capture":
+        panel.set_ylim(-0.03, 1.03)
+    numbers = list(range(len(key.labels)))
+    if list(key.centres) == numbers:
+        panel.set_xticks(key.centres, key.labels)
 
 
 def _captures_differ(report: Mapping[str, Any], keys: Sequence[Key]) -> bool:
@@ -261,6 +273,19 @@ def _draw_curve(
     panel.fill_between(centres, low, high, color=style["color"], alpha=0.12, linewidth=0.0)
 
 
+def _grid_of(
+    groups: Sequence[Mapping[str, Any]], down: Key, across: Key, measure: str
+) -> NDArray[np.float64]:
+    """Return a measure over two keys; NaN where it is unknown."""
+    cells = {}
+    for group in groups:
+        labels = tuple(group["at"].values())
+        cells[labels] = group[measure]["estimate"]
+    points = itertools.product(down.labels, across.labels)
+    values = np.array([cells.get(point) for point in points], dtype=np.float64)
+    return values.reshape(len(down.labels), len(across.labels))
+
+
 def _label_map(panel: Any, title: str, down: Key, across: Key) -> None:  # noqa: ANN401
     panel.set(title=title, xlabel=key_label(across.column), ylabel=key_label(down.column))
     panel.set_xticks(range(len(across.labels)), across.labels, rotation=45)
@@ -275,14 +300,7 @@ def _map(
     pursuers = _names(report, "pursuer")
     maps = {}
     for pair in report["policies"]:
-        cells = {}
-        for group in pair["by_point"]:
-            labels = tuple(group["at"].values())
-            cells[labels] = group[measure]["estimate"]
-        points = list(itertools.product(down.labels, across.labels))
-        values = np.array([cells.get(point) for point in points], dtype=np.float64)
-        shape = (len(down.labels), len(across.labels))
-        maps[pair["pursuer"], pair["evader"]] = values.reshape(shape)
+        maps[pair["pursuer"], pair["evader"]] = _grid_of(pair["by_point"], down, across, measure)
     finite_values = np.concatenate([values[np.isfinite(values)] for values in maps.values()])
     if not finite_values.size or not np.ptp(finite_values):
         return None

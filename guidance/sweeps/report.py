@@ -20,7 +20,16 @@ from guidance.screen import console, sheet
 from guidance.sweeps.axes import Array, Axis
 from guidance.sweeps.compare import Interval, cell, known, mean, share, spread
 from guidance.sweeps.drawing import Key, draw_all, key_label
-from guidance.sweeps.folder import CAPTURED, END, PAIR, POINT, Columns, read_folder, write_whole
+from guidance.sweeps.folder import (
+    CAPTURED,
+    END,
+    PAIR,
+    POINT,
+    Columns,
+    Folder,
+    read_folder,
+    write_whole,
+)
 from guidance.sweeps.plan import ROW, Plan
 from guidance.sweeps.rows import scenario_of
 
@@ -53,13 +62,7 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
     """
     folder = read_folder(path)
     plan = folder.plan
-    swept: list[str] = []
-    for axis in plan.axes:
-        swept.extend(axis.columns())
-    predicted, away_m = _columns_of_game(plan)
-    rows = folder.columns([*swept, *_COLUMNS, predicted, away_m])
-    rows["predicted"] = rows[predicted]
-    rows["away_m"] = rows[away_m]
+    rows = _rows_in(folder)
     keys: list[Key] = []
     for axis in plan.axes:
         keys.extend(_keys(plan, axis, rows))
@@ -69,17 +72,34 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
         report = summed_up(plan, rows, keys, cases)
         text = json.dumps(report, indent=1) + "\n"
         write_whole(out / "report.json", text.encode())
-        regrets = []
-        for number in range(len(plan.pairs)):
-            of_pair = rows[PAIR] == number
-            regrets.append(known(rows["regret"][of_pair]))
-        pictures = draw_all(report, keys, regrets, out)
+        pictures = draw_all(report, keys, _regrets_of_pairs(plan, rows), out)
     if as_json:
         sys.stdout.write(text)
     else:
         _show(console(), report, keys)
     case_files = [out / case["file"] for case in cases]
     return [out / "report.json", *pictures, *case_files]
+
+
+def _rows_in(folder: Folder) -> Columns:
+    """Return the columns of a sweep that its report needs."""
+    swept: list[str] = []
+    for axis in folder.plan.axes:
+        swept.extend(axis.columns())
+    predicted, away_m = _columns_of_game(folder.plan)
+    rows: Columns = folder.columns([*swept, *_COLUMNS, predicted, away_m])
+    rows["predicted"] = rows[predicted]
+    rows["away_m"] = rows[away_m]
+    return rows
+
+
+def _regrets_of_pairs(plan: Plan, rows: Columns) -> list[Array]:
+    """Return the known regrets of each pair of policies."""
+    regrets = []
+    for number in range(len(plan.pairs)):
+        of_pair = rows[PAIR] == number
+        regrets.append(known(rows["regret"][of_pair]))
+    return regrets
 
 
 def _columns_of_game(plan: Plan) -> tuple[str, str]:
@@ -170,25 +190,32 @@ def summed_up(
 
 def _groups(plan: Plan, rows: Columns, keys: Sequence[Key]) -> dict[int, list[dict[str, Any]]]:
     """Return for every pair of policies the summaries of its groups, in the order of the keys' values."""
-    columns = [rows[name] for name in (CAPTURED, "regret", "predicted", "game_time_s")]
-    numbers = np.stack(columns, axis=-1)
-    shape = (len(plan.pairs), *(len(key.labels) for key in keys))
-    places_of_keys = [key.places for key in keys]
-    group = np.ravel_multi_index((rows[PAIR], *places_of_keys), shape)
-    order = np.argsort(group, kind="stable")
-    groups, begins = np.unique(group[order], return_index=True)
-    games_of = np.split(numbers[order], begins[1:])
     with_intervals = not (plan.teams or _mixes_grid_values(plan, keys))
     groups_of: dict[int, list[dict[str, Any]]] = {}
-    for number, games in zip(groups.tolist(), games_of, strict=True):
-        pair, *places = np.unravel_index(number, shape)
+    for pair, places, games in _grouped(plan, rows, keys):
         summary: dict[str, Any] = {}
         if keys:
             places_of = zip(keys, places, strict=True)
             summary["at"] = {key.column: key.labels[index] for key, index in places_of}
         summary.update(_summary(plan, games, with_intervals=with_intervals))
-        groups_of.setdefault(int(pair), []).append(summary)
+        groups_of.setdefault(pair, []).append(summary)
     return groups_of
+
+
+def _grouped(
+    plan: Plan, rows: Columns, keys: Sequence[Key]
+) -> Iterator[tuple[int, list[int], Array]]:
+    """Yield every group: its pair of policies, its place on each key, and its games as `_summary` takes them."""
+    columns = [rows[name] for name in (CAPTURED, "regret", "predicted", "game_time_s")]
+    numbers = np.stack(columns, axis=-1)
+    shape = (len(plan.pairs), *(len(key.labels) for key in keys))
+    group = np.ravel_multi_index((rows[PAIR], *(key.places for key in keys)), shape)
+    order = np.argsort(group, kind="stable")
+    groups, begins = np.unique(group[order], return_index=True)
+    games_of = np.split(numbers[order], begins[1:])
+    for number, games in zip(groups.tolist(), games_of, strict=True):
+        pair, *places = map(int, np.unravel_index(number, shape))
+        yield pair, places, games
 
 
 def _mixes_grid_values(plan: Plan, keys: Sequence[Key]) -> bool:
@@ -292,14 +319,8 @@ def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> No
     ends = []
     regrets = []
     for policies in report["policies"]:
-        counts = sorted(policies["ends"].items())
-        others = [f"{count} {end}" for end, count in counts if end != CAPTURED]
-        other_ends = ", ".join(others) if others else "-"
-        games = str(policies["games"])
-        captured = _share(policies["capture"])
-        names = _names(policies)
-        ends.append((names, games, captured, other_ends))
-        regrets.append((names, *_regret(policies, _SHOWN)))
+        ends.append(_ends(policies))
+        regrets.append((_names(policies), *_regret(policies, _SHOWN)))
     end_headings = ("policies", "games", "captured", "other ends")
     target.print(sheet(end_headings, ends, left=(0, 3)))
     target.print()
@@ -316,6 +337,16 @@ def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> No
             f"\n{invalid['rows']} rows are invalid or failed, {example}",
             soft_wrap=True,
         )
+
+
+def _ends(policies: Mapping[str, Any]) -> tuple[str, str, str, str]:
+    """Return policies, number of games, share captured, and the counts of the other ends."""
+    counts = sorted(policies["ends"].items())
+    others = [f"{count} {end}" for end, count in counts if end != CAPTURED]
+    other_ends = ", ".join(others) if others else "-"
+    games = str(policies["games"])
+    captured = _share(policies["capture"])
+    return _names(policies), games, captured, other_ends
 
 
 def _progress(report: Mapping[str, Any]) -> str:
@@ -336,21 +367,33 @@ def _by_key(
     """Yield title, headings and rows of the maps over two keys, or of the curve over each key."""
     if len(grid) == 2:
         first, second = grid
-        down_label = key_label(first.column)
-        across_label = key_label(second.column)
-        keys = f"{down_label} (down) and {across_label} (across)"
-        measures = (("capture", "captured", _percent), ("regret_mean", "mean regret", _number))
-        for measure, name, cell_of in measures:
-            cells = {}
-            for point in policies["by_point"]:
-                labels = tuple(point["at"].values())
-                cells[labels] = cell_of(point[measure]["estimate"])
-            rows = []
-            for down in first.labels:
-                cells_across = [cells.get((down, across), "") for across in second.labels]
-                rows.append((down, *cells_across))
-            yield f": {name} by {keys}", second.labels, rows
-        return
+        yield from _maps(policies, first, second)
+    else:
+        yield from _tables(policies, grid)
+
+
+def _maps(
+    policies: Mapping[str, Any], first: Key, second: Key
+) -> Iterator[tuple[str, Sequence[str], Rows]]:
+    down_label = key_label(first.column)
+    across_label = key_label(second.column)
+    keys = f"{down_label} (down) and {across_label} (across)"
+    measures = (("capture", "captured", _percent), ("regret_mean", "mean regret", _number))
+    for measure, name, cell_of in measures:
+        cells = {}
+        for point in policies["by_point"]:
+            labels = tuple(point["at"].values())
+            cells[labels] = cell_of(point[measure]["estimate"])
+        rows = []
+        for down in first.labels:
+            cells_across = [cells.get((down, across), "") for across in second.labels]
+            rows.append((down, *cells_across))
+        yield f": {name} by {keys}", second.labels, rows
+
+
+def _tables(
+    policies: Mapping[str, Any], grid: Sequence[Key]
+) -> Iterator[tuple[str, Sequence[str], Rows]]:
     names = list(_SHOWN)[:3]
     headings = ("captured", "mean regret", *names)
     for key in grid:

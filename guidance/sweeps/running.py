@@ -251,6 +251,12 @@ def _processors() -> int:
     return 1 if count is None else count
 
 
+def _interrupted(kept: int, rows: int) -> str:
+    """Say what remains of an interrupted sweep."""
+    rows_kept = f"{kept} of {rows} rows are kept" if kept else "no rows were written yet"
+    return f"interrupted: {rows_kept}; run the same command to continue"
+
+
 def run_sweep(
     name: str,
     *,
@@ -300,14 +306,7 @@ def run_sweep(
             try:
                 finish(folder, progress, workers=size, scheduler=scheduler)
             except KeyboardInterrupt:
-                rows_kept = (
-                    f"{progress.kept} of {plan.rows} rows are kept"
-                    if progress.kept
-                    else "no rows were written yet"
-                )
-                raise KeyboardInterrupt(
-                    f"interrupted: {rows_kept}; run the same command to continue"
-                ) from None
+                raise KeyboardInterrupt(_interrupted(progress.kept, plan.rows)) from None
         took_s = time.monotonic() - begun_s
         rows = plan.rows - folder.rows_there
         rate = rows / took_s

@@ -224,11 +224,7 @@ class Coordinator:
         passed_s = 0.0
         if scene.target_m is None and has_begun:
             passed_s = now_s - self._board.roles_s
-        promises = {promise.evader: promise for promise in self._promised}
-        for name, promise in promises.items():
-            if promise.value is not None and name in evaders:
-                left_s = promise.value - passed_s
-                promises[name] = promise.model_copy(update={"value": left_s})
+        promises = self._promises_after(passed_s, evaders)
         if matching is None:
             return tuple(promises.values())
         numbered = [*vehicles, None]  # -1 is nobody
@@ -248,6 +244,15 @@ class Coordinator:
                 evader=evader, value=value, first=first, second=second, cause=cause
             )
         return tuple(promises.values())
+
+    def _promises_after(self, passed_s: float, evaders: list[str]) -> dict[str, Promise]:
+        """Return the promises so far, by evader; those about evaders in play with the time that is left."""
+        promises = {promise.evader: promise for promise in self._promised}
+        for name, promise in promises.items():
+            if promise.value is not None and name in evaders:
+                left = promise.value - passed_s
+                promises[name] = promise.model_copy(update={"value": left})
+        return promises
 
     def _kept_or_broken(
         self, scene: Scene, before: Promise, value: float | None, vehicles: list[str]

@@ -247,18 +247,23 @@ def chase_figure(
     label_plan(plan, adjustable="box" if other_axes else "datalim")
     for axes in other_axes:
         label_plan(axes, "from above, with the fence")
-    bottom_m = min(0.0, low[2] + _MARGIN_M)
-    space.set(xlabel="x east, m", zlabel="z up, m", zlim=(bottom_m, high[2]))
-    space.set_ylabel("y north, m", labelpad=10.0)
-    space.locator_params(nbins=5)
-    limits = (space.get_xlim3d(), space.get_ylim3d(), space.get_zlim3d())
-    spans = [largest - least for least, largest in limits]
-    space.set_box_aspect(spans, zoom=0.93)  # equal scales, with space for the labels
+    _label_space(space, low[2], high[2])
     if other_axes:
         legend_below(figure, *other_axes, columns=5)
     else:
         legend_below(figure, plan, columns=4)
     return figure
+
+
+def _label_space(space: Any, low_m: float, high_m: float) -> None:  # noqa: ANN401 - matplotlib's
+    """Label the view in space and give it equal scales; the ground or the lowest point is its bottom."""
+    bottom_m = min(0.0, low_m + _MARGIN_M)
+    space.set(xlabel="x east, m", zlabel="z up, m", zlim=(bottom_m, high_m))
+    space.set_ylabel("y north, m", labelpad=10.0)
+    space.locator_params(nbins=5)
+    limits = (space.get_xlim3d(), space.get_ylim3d(), space.get_zlim3d())
+    spans = [largest - least for least, largest in limits]
+    space.set_box_aspect(spans, zoom=0.93)  # equal scales, with space for the labels
 
 
 def draw(axes: Any, shapes: Iterable[Shape], dimensions: int) -> None:  # noqa: ANN401 - 2D or 3D axes
@@ -422,7 +427,6 @@ def region(scenario: TeamScenario, pursuers: list[int], evader: int, points: int
 def _draw_region(axes: Any, scenario: TeamScenario, matching: Matching, j: int) -> None:  # noqa: ANN401 - matplotlib's
     """Draw the discs of an evader and its pursuers, shade their intersection, and mark the meeting point."""
     colour = _EVADERS[j % len(_EVADERS)]
-    teams = teams_of(scenario)
     roles = {"first": int(matching.first[j]), "second": int(matching.second[j])}
     pursuers = {role: number for role, number in roles.items() if number >= 0}
     thin: Style = {"color": colour, "linewidth": 0.9, "linestyle": (0, (4, 3))}
@@ -436,13 +440,19 @@ def _draw_region(axes: Any, scenario: TeamScenario, matching: Matching, j: int) 
     axes.fill(*intersection.T, **shade, label="before both: the intersection")
     x, y, _ = matching.meeting_point_m[j]
     _draw_way_to_target(axes, scenario, (float(x), float(y)), colour)
-    dashes: Style = {"first": "-", "second": (0, (2, 1.5))}
+    teams = teams_of(scenario)
     for role, i in pursuers.items():
-        line = {"color": "0.2", "linewidth": 1.4, "linestyle": dashes[role], "zorder": 4}
-        pursuer_m = teams.pursuers_m[i]
-        axes.plot([pursuer_m[0], x], [pursuer_m[1], y], **line, label=f"matched, {role}")
+        _draw_pair(axes, role, teams.pursuers_m[i], (float(x), float(y)))
     star = {"markeredgecolor": "white", "markersize": 17, "zorder": 6, "linestyle": "none"}
     axes.plot([x], [y], "*", color=colour, **star, label="X*, meeting point")
+
+
+def _draw_pair(axes: Any, role: str, pursuer_m: Array, meeting_m: tuple[float, float]) -> None:  # noqa: ANN401
+    """Draw a line from a matched pursuer to the meeting point."""
+    dashes: Style = {"first": "-", "second": (0, (2, 1.5))}
+    line = {"color": "0.2", "linewidth": 1.4, "linestyle": dashes[role], "zorder": 4}
+    x, y = meeting_m
+    axes.plot([pursuer_m[0], x], [pursuer_m[1], y], **line, label=f"matched, {role}")
 
 
 def _draw_way_to_target(

@@ -255,13 +255,7 @@ def events(story: Story) -> Figure:
     figure = figures.figure_of(11.0, 1.4 + 0.27 * len(events))
     axes = figure.subplots()
     now_s = story.column("now_s")
-    states = np.array([row.state for row in story.rows])
-    is_change = states[1:] != states[:-1]
-    changes = 1 + np.flatnonzero(is_change)
-    bounds = [0, *changes, len(now_s) - 1]
-    for number, (first, last) in enumerate(pairwise(bounds)):
-        shade = _SHADES[number % len(_SHADES)]
-        axes.axvspan(now_s[first], now_s[last], color=shade, linewidth=0.0)
+    _shade_states(axes, story, now_s)
     middle_s = 0.5 * (now_s[0] + now_s[-1])
     for row, event in enumerate(events):
         axes.plot([event.now_s], [row], "ko", ms=4)
@@ -274,6 +268,17 @@ def events(story: Story) -> Figure:
         title += f"; {unlabelled} later events are not shown"
     axes.set_title(title, fontsize=9)
     return figure
+
+
+def _shade_states(axes: Any, story: Story, now_s: Array) -> None:  # noqa: ANN401
+    """Shade the time of each state."""
+    states = np.array([row.state for row in story.rows])
+    is_change = states[1:] != states[:-1]
+    changes = 1 + np.flatnonzero(is_change)
+    bounds = [0, *changes, len(now_s) - 1]
+    for number, (first, last) in enumerate(pairwise(bounds)):
+        shade = _SHADES[number % len(_SHADES)]
+        axes.axvspan(now_s[first], now_s[last], color=shade, linewidth=0.0)
 
 
 def _label_event(axes: Any, row: int, event: EventEntry, *, is_early: bool) -> None:  # noqa: ANN401
@@ -414,12 +419,7 @@ def _stage(story: Story, most_m: Array) -> _Stage:
     figure = figures.figure_of(8.0, 4.4)
     figure.set_dpi(90)
     plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
-    still = figures.ISOCHRON, figures.MEETING, TARGET
-    still_shapes = [shape for shape in shapes if shape.style in still]
-    figures.draw(plan, still_shapes, 2)
-    low, high = figures.box_of(shapes)
-    figures.label_plan(plan)
-    plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    _draw_still(plan, shapes)
     _label_height(side, far_m, high_m, story.settings.cycle.game.standoff)
     players = (
         (plan, PURSUER, "o", "vehicle"),
@@ -434,6 +434,16 @@ def _stage(story: Story, most_m: Array) -> _Stage:
     (rim,) = plan.plot([], [], **STANDOFF, label="stand-off disc")
     figures.legend_below(figure, plan, columns=5)
     return _Stage(figure, runs, marks, rim, figure.suptitle(""))
+
+
+def _draw_still(plan: Any, shapes: Sequence[Shape]) -> None:  # noqa: ANN401
+    """Draw from above what does not move, in a view that shows all shapes."""
+    still = figures.ISOCHRON, figures.MEETING, TARGET
+    still_shapes = [shape for shape in shapes if shape.style in still]
+    figures.draw(plan, still_shapes, 2)
+    low, high = figures.box_of(shapes)
+    figures.label_plan(plan)
+    plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
 
 
 def _frame(

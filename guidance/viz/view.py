@@ -404,13 +404,8 @@ def view(
         first = next(iter(metadata.values()))
         recording = rr.RecordingStream("guidance")
         closing.callback(recording.disconnect)
-        sink: Any
         if save is None:
-            recording_port, page_port = ports
-            port, sink = closing.enter_context(recording_server(recording_port))
-            page = closing.enter_context(web_page(page_port, port))
-            say(f"look at  {page}")
-            say(f"or with  rerun --connect {recording_uri(port)}")
+            sink = _served(ports, say, closing)
         else:
             with writing(save):
                 private_folder(save.parent)
@@ -434,6 +429,18 @@ def view(
         if save is None:
             ended.wait()
         return sum(painter.cycles for painter in painters)
+
+
+def _served(
+    ports: tuple[int, int], say: Callable[[str], None], closing: contextlib.ExitStack
+) -> Any:  # noqa: ANN401
+    """Serve the recording and the page, and say where; return the recording's sink."""
+    recording_port, page_port = ports
+    port, sink = closing.enter_context(recording_server(recording_port))
+    page = closing.enter_context(web_page(page_port, port))
+    say(f"look at  {page}")
+    say(f"or with  rerun --connect {recording_uri(port)}")
+    return sink
 
 
 def _paint(ended: Event, painter: Painter, source: Source) -> None:

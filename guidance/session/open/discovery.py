@@ -170,33 +170,46 @@ def wait_until_placed(
     waiting = ""
     requested_s = -math.inf
     begun_s = clock.now_s()
-    requests = (
-        *profile.stream_requests(),
-        *map(profile.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN)),
-    )
     for now_s, messages in _heard(link, clock, PLACED_WITHIN_S):
         if now_s - requested_s >= _ASK_EVERY_S:
             requested_s = now_s
-            link.send_heartbeat()
-            for request in requests:
-                link.request(request)
+            _request_place(link, profile)
         state = observe(state, _of_autopilot(messages, profile))
         waited_s = now_s - begun_s
-        for message in messages:
-            if isinstance(message, StatusText):
-                text = message.text
+        text = _last_text(messages, text)
         _require_disarmed(state, waited_s)
         missing = [name for kind, name in _NAMES.items() if state.age_s(kind, now_s) > waited_s]
         home = state.latest.get(Home)
         frame = local_frame(state, profile.projection)
         if not missing and home is not None and frame is not None:
             return home, frame
-        waiting = f"{', '.join(missing)} not received: no position fix yet?"
-        if text:
-            waiting += f' It says "{text}"'
-        mode = _mode_title(state, profile)
-        show(Progress(now_s, State.CONNECTING, mode, None, "s", waiting=waiting, vehicle=vehicle))
+        waiting = _waiting_words(missing, text)
+        title = _mode_title(state, profile)
+        show(Progress(now_s, State.CONNECTING, title, None, "s", waiting=waiting, vehicle=vehicle))
     raise FlightError(f"not ready within {PLACED_WITHIN_S:g} s: {waiting} Nothing was armed")
+
+
+def _last_text(messages: Sequence[Message], before: str) -> str:
+    """Return the newest text of the vehicle."""
+    texts = [message.text for message in messages if isinstance(message, StatusText)]
+    return texts[-1] if texts else before
+
+
+def _waiting_words(missing: Sequence[str], status_text: str) -> str:
+    """Say what has not arrived, and the vehicle's last words."""
+    words = f"{', '.join(missing)} not received: no position fix yet?"
+    if status_text:
+        words += f' It says "{status_text}"'
+    return words
+
+
+def _request_place(link: VehicleLink, profile: Autopilot) -> None:
+    """Ask for the streams, the home and the origin."""
+    link.send_heartbeat()
+    for request in profile.stream_requests():
+        link.request(request)
+    link.request(profile.request_message(HOME_POSITION))
+    link.request(profile.request_message(GPS_GLOBAL_ORIGIN))
 
 
 def _require_disarmed(state: VehicleState, waited_s: float) -> None:

@@ -96,18 +96,16 @@ def open_all(
     if config.on_ground_stations:
         wire, ground_wire = share(wire, 2)
         world.ground_links[config.name] = _open_ground_link(config, ground_wire, clock, key, closed)
-    sender_words = f"{vehicle.url}: system {vehicle.system_id}"
-    limit_s = vehicle.connect_timeout_s
     ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}
     ids["autopilot"] = autopilot_named(vehicle.autopilot).autopilot_id
     link = open_link(
         wire,
         vehicle.link,
         clock=clock.now_s,
-        who=sender_words,
+        who=f"{vehicle.url}: system {vehicle.system_id}",
         **ids,
         signing_key=key,
-        timeout_s=limit_s,
+        timeout_s=vehicle.connect_timeout_s,
     )
     closed.callback(link.close)
     world.links[config.name] = link

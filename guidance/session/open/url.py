@@ -1,6 +1,6 @@
 """Vehicles that run at URLs."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
@@ -73,9 +73,7 @@ class Asked:
         """
         (pursuits, team) = players_of(scenario)
         clock = MonotonicClock()
-        if len(self.urls) != len(pursuits):
-            words = f"the scenario has {len(pursuits)} vehicles: give one URL each"
-            raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
+        self._require_urls(len(pursuits))
         mailboxes = {pursuit.vehicle: Mailbox() for pursuit in pursuits}
         buses = stack.enter_context(
             control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team)
@@ -84,15 +82,18 @@ class Asked:
         world = stack.enter_context(closing(World()))
         configs, radios = self.reach(scenario, clock, world)
         laid = _laid_where_they_stand(pursuits, configs, world, clock, onlooker.show)
-        for name, radio in radios.items():
-            chased = next(pursuit.scenario for pursuit in laid if pursuit.evader == name)
-            world.players[name] = stepped.EvaderHere(chased, clock, radio)
+        _add_evaders(world, laid, radios, clock)
         policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=Event.LAND)
         signals = stack.enter_context(Signals(Event.LAND).installed())
         equipment = {
             name: open_equipment(box, configs[name], stack) for name, box in mailboxes.items()
         }
         return Opened(laid, world, clock, buses, equipment, configs, policy, signals)
+
+    def _require_urls(self, vehicles: int) -> None:
+        if len(self.urls) != vehicles:
+            words = f"the scenario has {vehicles} vehicles: give one URL each"
+            raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
 
     def left_out(self, scenario: Played) -> Sequence[str]:
         """Name what of a scenario these vehicles fly without."""
@@ -124,15 +125,11 @@ class Asked:
             ConfigError: If another autopilot is there.
             LinkError: If there is no vehicle.
         """
-        pursuits, _ = players_of(scenario)
+        pursuits = players_of(scenario)[0]
         separation = _separation(scenario)
         speeds_m_s = declared_m_s(pursuits)
         configs = dict[str, Config]()
-        radios = dict[str, Wire]()
-        receivers = dict[str, Iterator[Wire]]()
-        for name in speeds_m_s:
-            radios[name], receiver = MemoryWire.pair(clock.now_s)
-            receivers[name] = iter(share(receiver, len(pursuits)))
+        radios, receivers = _radios(speeds_m_s, len(pursuits), clock)
         for pursuit, url in zip(pursuits, self.urls, strict=True):
             wire, vehicle = self._vehicle_at(url, clock, world)
             team = None
@@ -158,6 +155,28 @@ class Asked:
             component_id=sender.component_id,
         )
         return wire, vehicle
+
+
+def _radios(
+    evaders: Iterable[str], vehicles: int, clock: Clock
+) -> tuple[dict[str, Wire], dict[str, Iterator[Wire]]]:
+    """Return a wire for each evader, and the shares of its other end, one for each vehicle."""
+    radios = dict[str, Wire]()
+    receivers = dict[str, Iterator[Wire]]()
+    for name in evaders:
+        radio, receiver = MemoryWire.pair(clock.now_s)
+        radios[name] = radio
+        receivers[name] = iter(share(receiver, vehicles))
+    return radios, receivers
+
+
+def _add_evaders(
+    world: World, pursuits: Sequence[Pursuit], radios: Mapping[str, Wire], clock: Clock
+) -> None:
+    """Let the evaders move in the world and report on their wires."""
+    for name, radio in radios.items():
+        chased = next(pursuit.scenario for pursuit in pursuits if pursuit.evader == name)
+        world.players[name] = stepped.EvaderHere(chased, clock, radio)
 
 
 def _team_keys(
