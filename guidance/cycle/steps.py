@@ -278,17 +278,23 @@ def _aim(
         asked_m_s = _ask_strategy(settings.strategy, game, players, memory.strategy, dt_s)
         hurried = True
     nominal_m_s = asked_m_s
-    reached_m_s = game.pursuer.horizontal_m_s
     configured_m_s = settings.game.pursuer.horizontal_m_s
-    is_slower = reached_m_s != configured_m_s
-    if is_slower and game.pursuer.pace(asked_m_s) >= reached_m_s * (1.0 - 1e-6):
-        # It is flown at the configured speed, which shows whether the vehicle can fly faster. A vehicle that waits for
-        # its height, or keeps up with the evader, asks for less than the game's speed.
-        nominal_m_s = asked_m_s * (configured_m_s / reached_m_s)
-        if game.pursuer.separate:
-            nominal_m_s = nominal_m_s.level_with(asked_m_s.up)
+    if game.pursuer.horizontal_m_s != configured_m_s:
+        nominal_m_s = _at_configured_speed(asked_m_s, game, configured_m_s)
     played = StrategyMemory(np.array(asked_m_s), memory.strategy.played_s + dt_s)
     return Aim(certified, ned_from_game(nominal_m_s), hurried, played)
+
+
+def _at_configured_speed(asked_m_s: Enu, game: Game, configured_m_s: float) -> Enu:
+    """Return a velocity at the game's speed at the configured one, which shows whether the vehicle can fly faster.
+
+    A vehicle that waits for its height, or keeps up with the evader, asks for less than the game's speed.
+    """
+    reached_m_s = game.pursuer.horizontal_m_s
+    if game.pursuer.pace(asked_m_s) >= reached_m_s * (1.0 - 1e-6):
+        nominal_m_s = asked_m_s * (configured_m_s / reached_m_s)
+        return nominal_m_s.level_with(asked_m_s.up) if game.pursuer.separate else nominal_m_s
+    return asked_m_s
 
 
 def _certified(
