@@ -170,7 +170,7 @@ def example(client: Client, programs: Programs, *, version: int, name: str) -> s
     cleared(client, MISSION)
     cleared(client, FENCE)
     source = path.read_text(encoding="utf-8")
-    lines = [line.strip() for line in output.splitlines() if line.strip()]
+    lines = [printable(line) for line in output.splitlines() if printable(line)]
     of_the_script = [line for line in lines if line in source]
     of_the_vehicle = {
         without_numbers(line)
@@ -180,6 +180,11 @@ def example(client: Client, programs: Programs, *, version: int, name: str) -> s
     if ended != "ended" and of_the_script:
         ended = f"{without_numbers(ended)} after {of_the_script[-1]!r}"
     return "; ".join([ended, *sorted(of_the_vehicle)])
+
+
+def printable(line: str) -> str:
+    """Return a line without control characters, which MAVSDK prints of an empty hash."""
+    return "".join(letter for letter in line if letter.isprintable()).strip()
 
 
 def without_numbers(text: str) -> str:
