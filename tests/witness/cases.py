@@ -689,6 +689,48 @@ def log_stream(client: Client) -> str:
     return f"{started}, {again or '-'}; {', '.join(came) or 'nothing'}; {stopped}, {client.command(2511)}"
 
 
+# -- lost heartbeats, signing ------------------------------------------------------------------------------------------
+
+SILENCE_S = 20.0
+"""PX4 misses a ground station after COM_DL_LOSS_T, 10 s."""
+KEY = bytes(range(32))
+
+
+@case("no HEARTBEAT of the ground station for 20 s, disarmed: texts, and texts when it is back")
+def silent_station(client: Client) -> str:
+    client.gather("STATUSTEXT", 2.0)
+    client.is_silent = True
+    lost = texts_of(client.gather("STATUSTEXT", SILENCE_S))
+    client.is_silent = False
+    back = texts_of(client.gather("STATUSTEXT", 4.0))
+    return f"{', '.join(lost) or 'none'}; {', '.join(back) or 'none'}"
+
+
+@case("SETUP_SIGNING: HEARTBEAT, an unsigned and a signed command, HEARTBEAT after an empty key")
+def signing(client: Client) -> str:
+    since_2015_s = time.time() - 1_420_070_400.0
+    stamp = int(since_2015_s * 1e5)
+    client.send.setup_signing_send(client.system, 1, KEY, stamp)
+    client.drain()
+    client.gather("HEARTBEAT", 1.0)
+    shown = [signature_of(client), client.command(410)]
+    client.link.setup_signing(KEY, sign_outgoing=True, allow_unsigned_callback=lambda *_: True)
+    shown.append(client.command(410))
+    client.send.setup_signing_send(client.system, 1, bytes(32), 0)
+    client.link.disable_signing()
+    client.gather("HEARTBEAT", 1.0)
+    shown.append(signature_of(client))
+    return ", ".join(shown)
+
+
+def signature_of(client: Client) -> str:
+    """Return whether the next HEARTBEAT is signed."""
+    beat = client.wait("HEARTBEAT")
+    if beat is None:
+        return "no HEARTBEAT"
+    return "signed" if beat.get_header().incompat_flags & 1 else "unsigned"
+
+
 # -- what ArduPilot's own tests wait for ------------------------------------------------------------------------------
 
 PREARM_CHECK = dialect.MAV_SYS_STATUS_PREARM_CHECK

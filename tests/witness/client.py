@@ -39,6 +39,7 @@ class Client:
     def __init__(self, url: str, station: int = GROUND_STATION) -> None:
         self.url = url
         self.station = station
+        self.is_silent = False
         self._beaten_s = 0.0
         self.component = 1
         self._connect()
@@ -222,7 +223,7 @@ class Client:
 
     def _beat(self) -> None:
         now_s = time.monotonic()
-        if now_s - self._beaten_s > 1.0:
+        if now_s - self._beaten_s > 1.0 and not self.is_silent:
             self._beaten_s = now_s
             self.send.heartbeat_send(6, 8, 0, 0, 4)
 
