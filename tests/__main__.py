@@ -91,7 +91,16 @@ STEPS = {
     # Tests with real clients mostly wait.
     "real time": Step(
         "other people's clients",
-        (*PYTEST, "-n", "6", "--dist", "worksteal", "-m", "slow and not long"),
+        (
+            *PYTEST,
+            "-n",
+            "6",
+            "--dist",
+            "loadfile",  # a browser, or a fleet of mocks, is started once a file
+            "--no-loadscope-reorder",
+            "-m",
+            "slow and not long",
+        ),
         marked="slow",
         after="collected",
     ),
@@ -271,7 +280,8 @@ def _again(names: Sequence[str]) -> int:
 
 
 def _files_with(mark: str) -> list[str]:
-    files = sorted((ROOT / "tests").rglob("test_*.py"))
+    """Return the files of tests with a mark; the browser's first, because they take longest."""
+    files = sorted((ROOT / "tests").rglob("test_*.py"), reverse=True)
     return [
         str(file.relative_to(ROOT))
         for file in files
