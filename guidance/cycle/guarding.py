@@ -362,7 +362,6 @@ def _following_s(flight: _Flight, goal_m: Point) -> float:
     if run_m == 0.0 or players.gaps.ground_m > _NEAR_RADII * flight.shown.standoff.radius_m:
         return math.inf
     v = flight.shown.evader_speed_m_s
-    u = flight.shown.pursuer.horizontal_m_s
     run_m_s = Enu((v * goal_m[0] / run_m, v * goal_m[1] / run_m, 0.0))
     begins_m = players.evader_m + run_m_s * flight.flies_on_s
     late_m = flight.from_m
@@ -374,7 +373,7 @@ def _following_s(flight: _Flight, goal_m: Point) -> float:
         if away_m == 0.0:
             return math.inf
         along_m_s = run_m_s.level_dot(to_evader_m) / away_m
-        fastest_m_s = math.sqrt(u * u - v * v + along_m_s * along_m_s) - along_m_s
+        fastest_m_s = _fastest_m_s(flight, along_m_s)
         left_m = away_m - _rest_m(flight)
         left_s = _closing_s(flight, left_m, fastest_m_s)
         if abs(left_s - before_s) <= _SAME_S:
@@ -382,6 +381,13 @@ def _following_s(flight: _Flight, goal_m: Point) -> float:
         pace = min(fastest_m_s, _allowed_m_s(flight, left_m)) / away_m
         late_m = _late(flight, (run_m_s + to_evader_m * pace).level_with(flight.up_m_s))
     return math.inf
+
+
+def _fastest_m_s(flight: _Flight, along_m_s: float) -> float:
+    """Return how fast the vehicle closes on an evader that it keeps up with, which flies away at a speed."""
+    v = flight.shown.evader_speed_m_s
+    u = flight.shown.pursuer.horizontal_m_s
+    return math.sqrt(u * u - v * v + along_m_s * along_m_s) - along_m_s
 
 
 def _braking_cost_s(flight: _Flight, closing_m_s: float) -> float:
@@ -424,8 +430,13 @@ def _capture_margin_s(flight: _Flight) -> float:
         late_m = _late(flight._replace(from_m=behind_m), velocity_m_s)
     else:
         return -math.inf
-    arrivals_s = [_arrival(flight, offset_m)[0] for offset_m in outline(game.target_extent)]
-    return min(arrivals_s) - _closing_s(flight, left_m, closing_m_s)
+    return _first_arrival_s(flight) - _closing_s(flight, left_m, closing_m_s)
+
+
+def _first_arrival_s(flight: _Flight) -> float:
+    """Return when an evader is at the nearest point of the target."""
+    target = flight.shown.target_extent
+    return min(_arrival(flight, offset_m)[0] for offset_m in outline(target))
 
 
 def _late(flight: _Flight, velocity_m_s: Enu) -> Enu:

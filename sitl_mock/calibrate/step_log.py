@@ -94,8 +94,8 @@ def _table(path: Path) -> Sequence[Sequence[float]]:
 
 def _numbers(path: Path, lines: TextIO) -> list[list[float]]:
     reader = csv.DictReader(lines)
-    header = reader.fieldnames or ()
-    missing = [name for name in COLUMNS if name not in header]
+    header = reader.fieldnames
+    missing = [name for name in COLUMNS if header is None or name not in header]
     if missing:
         msg = f"{path} lacks the column {', '.join(missing)}; needed are {', '.join(COLUMNS)}"
         raise ConfigError(msg)

@@ -203,8 +203,10 @@ def _is_resend(now_s: float, command: Command, known: _Tracked) -> bool:
         a == b or (math.isnan(a) and math.isnan(b))
         for a, b in zip(command.params, known.params, strict=True)
     )
+    if not same:
+        return False
     counted = command.confirmation > 0 and now_s - known.at_s <= RESEND_WINDOW_S
-    return same and (bool(known.pending) or counted)
+    return bool(known.pending) or counted
 
 
 def _ack(number: int, answer: CommandAnswer, source: tuple[int, int]) -> Reply:
