@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.dynamics import Kind as SetpointKind
 from sitl_mock.logs.dataflash import FMT, Kind
+from sitl_mock.logs.parameters import LoggedParameters
 from sitl_mock.vector import Vector
 
 if TYPE_CHECKING:
@@ -84,8 +85,7 @@ class ArduPilotFlightLog:
         self._armed = False
         self._disarmed_s = -math.inf
         self._mode = -1
-        self._revision = 0
-        self._parameters: dict[str, float] = {}
+        self._parameters = LoggedParameters()
 
     def tick(self, report: Report) -> None:
         """Write what is due; called every 20 ms."""
@@ -145,12 +145,9 @@ class ArduPilotFlightLog:
         major, minor, patch = report.flavour.identity(state.system_id).version
         title = report.flavour.title.split(maxsplit=1)[0]
         now_us = report.boot_us
-        self._remember(report)
-        defaults = state.parameters.definitions
+        self._parameters.remember(state.parameters)
         head = [kind.definition for kind in KINDS]
-        for name in state.parameters.names:
-            value = state.parameters[name]
-            head.append(PARM.pack(now_us, name.encode(), value, defaults[name].default))
+        head += [_parameter(report, name) for name in state.parameters.names]
         head.append(MSG.pack(now_us, f"{title} V{major}.{minor}.{patch}".encode()))
         if state.home_m is not None:
             head.append(ORGN.pack(now_us, 0, *state.frame.origin))
@@ -169,8 +166,8 @@ class ArduPilotFlightLog:
         if mode != self._mode:
             self._mode = mode
             records.append(MODE.pack(now_us, mode, mode, _BY_COMMAND))
-        if state.parameters.revision != self._revision:
-            records += self._changed(report)
+        changed = self._parameters.changed(state.parameters)
+        records += [_parameter(report, name) for name in changed]
         records += self._due(report)
         return b"".join(records)
 
@@ -187,19 +184,11 @@ class ArduPilotFlightLog:
             return []
         return records
 
-    def _remember(self, report: Report) -> None:
-        self._parameters = dict(report.state.parameters)
-        self._revision = report.state.parameters.revision
 
-    def _changed(self, report: Report) -> list[bytes]:
-        before = self._parameters
-        self._remember(report)
-        definitions = report.state.parameters.definitions
-        return [
-            PARM.pack(report.boot_us, name.encode(), value, definitions[name].default)
-            for name, value in self._parameters.items()
-            if before.get(name) != value
-        ]
+def _parameter(report: Report, name: str) -> bytes:
+    parameters = report.state.parameters
+    default = parameters.definitions[name].default
+    return PARM.pack(report.boot_us, name.encode(), parameters[name], default)
 
 
 def _attitude(report: Report) -> bytes:

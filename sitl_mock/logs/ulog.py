@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from sitl_mock.c_types import LETTERS
 from sitl_mock.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -21,20 +22,6 @@ MAGIC: Final = b"ULog\x01\x12\x35"
 _VERSION: Final = 1
 _HEADER: Final = struct.Struct("<7sBQ")
 _HEAD: Final = struct.Struct("<HB")
-_LETTERS: Final = {
-    "int8_t": "b",
-    "uint8_t": "B",
-    "int16_t": "h",
-    "uint16_t": "H",
-    "int32_t": "i",
-    "uint32_t": "I",
-    "int64_t": "q",
-    "uint64_t": "Q",
-    "float": "f",
-    "double": "d",
-    "bool": "?",
-    "char": "c",
-}
 
 
 class Field(NamedTuple):
@@ -83,7 +70,7 @@ def layout(fields: Sequence[Field]) -> str:
     Raises:
         KeyError: A field has another topic as its type.
     """
-    return "".join(_LETTERS[each.kind] * each.length for each in fields)
+    return "".join(LETTERS[each.kind] * each.length for each in fields)
 
 
 _DATA: Final = ord("D")
@@ -110,7 +97,7 @@ def information(kind: str, name: str, value: float | str) -> bytes:
         content = value.encode()
         key = f"char[{len(content)}] {name}".encode()
     else:
-        content = struct.pack("<" + _LETTERS[kind], value)
+        content = struct.pack("<" + LETTERS[kind], value)
         key = f"{kind} {name}".encode()
     return message("I", bytes((len(key),)) + key + content)
 

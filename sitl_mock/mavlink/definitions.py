@@ -13,25 +13,14 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
 
+from sitl_mock.c_types import LETTERS
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 _MESSAGES: Final = Path(__file__).with_name("messages.csv")
 _COMMANDS: Final = Path(__file__).with_name("commands.csv")
-_LETTERS: Final = {
-    "char": "c",
-    "int8_t": "b",
-    "uint8_t": "B",
-    "int16_t": "h",
-    "uint16_t": "H",
-    "int32_t": "i",
-    "uint32_t": "I",
-    "int64_t": "q",
-    "uint64_t": "Q",
-    "float": "f",
-    "double": "d",
-}
-_SIZES: Final = {kind: struct.calcsize(letter) for kind, letter in _LETTERS.items()}
+_SIZES: Final = {kind: struct.calcsize(letter) for kind, letter in LETTERS.items()}
 
 
 class Field(NamedTuple):
@@ -50,7 +39,7 @@ class Field(NamedTuple):
     @property
     def letter(self) -> str:
         """Format of one element, as `struct` has it."""
-        return _LETTERS[self.kind]
+        return LETTERS[self.kind]
 
     @property
     def format(self) -> str:

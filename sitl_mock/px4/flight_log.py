@@ -11,6 +11,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.logs import ulog
+from sitl_mock.logs.parameters import LoggedParameters
 from sitl_mock.protocols import ParamKind
 from sitl_mock.px4.topics import SOURCES, STEP_MS
 
@@ -53,8 +54,7 @@ class Px4FlightLog:
         self._armed = False
         self._status: tuple[bool, int, int] | None = None
         self._has_flown = False
-        self._revision = 0
-        self._parameters: dict[str, float] = {}
+        self._parameters = LoggedParameters()
 
     def tick(self, report: Report) -> None:
         """Write what is due; called every 20 ms."""
@@ -66,8 +66,8 @@ class Px4FlightLog:
         self._next_s = max(self._next_s + _STEP_S, state.now_s)
         if self._book.is_open:
             messages = self._due(report)
-            if state.parameters.revision != self._revision:
-                messages += self._changed(report)
+            changed = self._parameters.changed(state.parameters)
+            messages += [_parameter(report, name) for name in changed]
             self._write(report, messages)
         self._step += 1
 
@@ -101,7 +101,7 @@ class Px4FlightLog:
         major, minor, patch = identity.version
         release = major << 24 | minor << 16 | patch << 8 | _RELEASE
         state = report.state
-        self._remember(report)
+        self._parameters.remember(state.parameters)
         return [
             ulog.header(report.boot_us),
             ulog.flags(),
@@ -113,7 +113,7 @@ class Px4FlightLog:
             ulog.information("int32_t", "time_ref_utc", 0),
             ulog.information("uint64_t", "boot_time_utc_us", report.unix_us - report.boot_us),
             *(ulog.topic_format(source.topic) for source in SOURCES.values()),
-            *(self._parameter(report, name) for name in state.parameters.names),
+            *(_parameter(report, name) for name in state.parameters.names),
             *(ulog.subscription(source.topic) for source in SOURCES.values()),
         ]
 
@@ -152,22 +152,8 @@ class Px4FlightLog:
         if self._book.listener is not None:
             self._book.listener(messages)
 
-    def _remember(self, report: Report) -> None:
-        self._parameters = dict(report.state.parameters)
-        self._revision = report.state.parameters.revision
 
-    def _changed(self, report: Report) -> list[bytes]:
-        """Return the parameters that have changed since the last message."""
-        before = self._parameters
-        self._remember(report)
-        return [
-            self._parameter(report, name)
-            for name, value in self._parameters.items()
-            if before.get(name) != value
-        ]
-
-    @staticmethod
-    def _parameter(report: Report, name: str) -> bytes:
-        parameters = report.state.parameters
-        whole = parameters.definitions[name].kind is not ParamKind.REAL32
-        return ulog.parameter(name, parameters[name], whole=whole)
+def _parameter(report: Report, name: str) -> bytes:
+    parameters = report.state.parameters
+    whole = parameters.definitions[name].kind is not ParamKind.REAL32
+    return ulog.parameter(name, parameters[name], whole=whole)
