@@ -61,6 +61,8 @@ def _kept(values: Vector, mask: int) -> Vector:
 
 def read_local(message: Any) -> Target:  # noqa: ANN401 - pymavlink has no types
     """Read a SET_POSITION_TARGET_LOCAL_NED."""
+    if message.type_mask & IGNORE_POSITION == IGNORE_POSITION:
+        return _read(message, IGNORED)
     return _read(message, Vector((message.x, message.y, message.z)))
 
 

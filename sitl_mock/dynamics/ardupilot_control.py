@@ -27,6 +27,7 @@ from sitl_mock.dynamics.values import (
     Estimate,
     Kind,
     Setpoint,
+    lean_per_acceleration,
     maker_of,
     within,
     wrap_rad,
@@ -193,23 +194,12 @@ class ArduControl:
         down = a_d + within(d_d, -most_z, most_z)
         return advance(reference, Vector((a_n + d_n * keep, a_e + d_e * keep, down)), dt_s)
 
-    def _leaning(  # noqa: PLR0914
+    def _leaning(
         self, memory: ArduMemory, body: Body, estimate: Estimate, setpoint: Setpoint, dt_s: float
     ) -> tuple[ArduMemory, Demand]:
         """Follow an attitude target within ANGLE_MAX; the horizontal position is not controlled."""
         gains = self.gains
-        place, velocity, (_, _, a_d) = memory.reference
-        position = estimate.position_ned_m
-        speed = estimate.velocity_ned_m_s
-        if memory.kind > Kind.IDLING:
-            position = position.level_with(place[2])
-            speed = speed.level_with(velocity[2])
-        climb = zero_where_ignored(setpoint.velocity_ned_m_s)[2]
-        settle_1_s = gains.jerk_z_m_s3 / gains.accel_z_m_s2
-        down = shape_one(
-            climb, speed[2], a_d, 0.0, gains.accel_z_m_s2, gains.jerk_z_m_s3, settle_1_s, dt_s
-        )
-        reference = advance(Reference(position, speed), Vector((0.0, 0.0, down)), dt_s)
+        reference = self._climbing(memory, estimate, setpoint, dt_s)
         heading_rad, yaw_rate_rad_s = self._yaw(memory.heading_rad, body, setpoint, reference)
         i_d = memory.integral_ned_m_s2[2]
         _, integral, _, thrust = self._track(
@@ -225,6 +215,29 @@ class ArduControl:
         n, e = setpoint.lean_ne_rad
         keep = min(1.0, gains.lean_max_rad / max(math.hypot(n, e), 1e-9))
         return carried, Demand(n * keep, e * keep, thrust, yaw_rate_rad_s)
+
+    def _climbing(
+        self, memory: ArduMemory, estimate: Estimate, setpoint: Setpoint, dt_s: float
+    ) -> Reference:
+        """Advance the reference of an attitude target: it climbs as asked, over the vehicle's present place."""
+        gains = self.gains
+        before = memory.reference
+        position = estimate.position_ned_m
+        velocity = estimate.velocity_ned_m_s
+        if memory.kind > Kind.IDLING:
+            position = position.level_with(before.position_ned_m[2])
+            velocity = velocity.level_with(before.velocity_ned_m_s[2])
+        down = shape_one(
+            zero_where_ignored(setpoint.velocity_ned_m_s)[2],
+            velocity[2],
+            before.acceleration_ned_m_s2[2],
+            0.0,
+            gains.accel_z_m_s2,
+            gains.jerk_z_m_s3,
+            gains.jerk_z_m_s3 / gains.accel_z_m_s2,
+            dt_s,
+        )
+        return advance(Reference(position, velocity), Vector((0.0, 0.0, down)), dt_s)
 
     def _overspeed(self, down_m_s: float) -> float:
         limits = self.travel_limits
@@ -259,8 +272,7 @@ class ArduControl:
         if (lift > least or a_d < b_d) and (lift < max_accel_m_s2 or a_d > b_d):
             i_d += gains.z_acc_i_1_s * (a_d - b_d) * dt_s
         lift = within(lift, least, max_accel_m_s2)
-        lean = math.atan(lean_tan)
-        per = lean / (lean_tan * GRAVITY_M_S2) if lean_tan > 1e-9 else 1.0 / GRAVITY_M_S2
+        per = lean_per_acceleration(lean_tan)
         # Angle boost: thrust is increased by the actual lean so that the lift stays constant.
         up = math.cos(math.hypot(lean_n, lean_e))
         return limited, Vector((i_n, i_e, i_d)), (a_n * per, a_e * per), lift / max(up, 0.3)

@@ -18,6 +18,7 @@ from sitl_mock.dynamics.values import (
     Estimate,
     Kind,
     Setpoint,
+    lean_per_acceleration,
     maker_of,
     within,
     wrap_rad,
@@ -234,14 +235,14 @@ class Px4Control:
         """Velocity after position control and truncation (NaN: not controlled), and the acceleration fed forward."""
         _, position, velocity, acceleration, *_ = setpoint
         if position is IGNORED and acceleration is IGNORED:
-            return (ZERO if math.isnan(sum(velocity)) else self._truncated(*velocity)), ZERO
+            return (ZERO if math.isnan(sum(velocity)) else self._truncated(velocity)), ZERO
         n, a_n = self._axis(setpoint, estimate, 0, self.gains.xy_p_1_s)
         e, a_e = self._axis(setpoint, estimate, 1, self.gains.xy_p_1_s)
         d, a_d = self._axis(setpoint, estimate, 2, self.gains.z_p_1_s)
         if math.isnan(a_n + a_e + a_d):
             # With an uncontrolled axis PX4 hovers and stays in OFFBOARD.
             return ZERO, ZERO
-        return self._truncated(n, e, d), Vector((a_n, a_e, a_d))
+        return self._truncated(Vector((n, e, d))), Vector((a_n, a_e, a_d))
 
     @staticmethod
     def _axis(
@@ -258,10 +259,13 @@ class Px4Control:
         )
         return velocity, (0.0 if math.isnan(push) else push)
 
-    def _truncated(self, n: float, e: float, d: float) -> Vector:
+    def _truncated(self, velocity: Vector) -> Vector:
         gains = self.gains
+        n, e, d = velocity
         speed = math.hypot(n, e)
         max_speed_m_s = gains.xy_vel_max_m_s
+        if speed <= max_speed_m_s and -gains.up_max_m_s <= d <= gains.down_max_m_s:
+            return velocity
         if speed > max_speed_m_s:
             n *= max_speed_m_s / speed
             e *= max_speed_m_s / speed
@@ -274,7 +278,7 @@ class Px4Control:
         n = v_n + gains.xy_p_1_s * (r_n - p_n)
         e = v_e + gains.xy_p_1_s * (r_e - p_e)
         d = v_d + gains.z_p_1_s * (r_d - p_d)
-        return self._truncated(n, e, d), acceleration
+        return self._truncated(Vector((n, e, d))), acceleration
 
     def _velocity_loop(  # noqa: PLR0914
         self,
@@ -333,8 +337,7 @@ class Px4Control:
                 within(i_d + gains.z_vel_i_1_s2 * err_d * dt_s, -GRAVITY_M_S2, GRAVITY_M_S2),
             )
         )
-        tilt = math.atan(tilt_tan)
-        per = tilt / (tilt_tan * GRAVITY_M_S2) if tilt_tan > 1e-9 else 1.0 / GRAVITY_M_S2
+        per = lean_per_acceleration(tilt_tan)
         thrust = lift * math.sqrt(1.0 + tilt_tan * tilt_tan)
         return integral, (a_n * per, a_e * per), thrust
 

@@ -151,6 +151,13 @@ def wrap_rad(angle_rad: float) -> float:
     return math.remainder(angle_rad, math.tau)
 
 
+def lean_per_acceleration(lean_tan: float) -> float:
+    """Lean (rad) per horizontal acceleration (m/s²) at a lean whose tangent is the acceleration over gravity."""
+    if lean_tan <= 1e-9:
+        return 1.0 / GRAVITY_M_S2
+    return math.atan(lean_tan) / (lean_tan * GRAVITY_M_S2)
+
+
 _euler = maker_of(Euler)
 
 

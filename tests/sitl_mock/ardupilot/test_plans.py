@@ -5,6 +5,7 @@ import pytest
 from sitl_mock.ardupilot.plans import avoiding, fence_total
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.protocols import PlanItem, PlanKind
+from sitl_mock.vector import Vector
 
 SIDE_M = 25.0
 VERTEX = 5001
@@ -132,7 +133,7 @@ def test_towards_a_fence_it_is_as_fast_at_each_distance_as_the_real_one(
 
 
 def test_it_goes_back_from_the_margin_and_only_where_it_is_asked_to_avoid(square):
-    ask = Setpoint(Kind.STREAM, velocity_ned_m_s=(5.0, 1.0, -0.5))
+    ask = Setpoint(Kind.STREAM, velocity_ned_m_s=Vector((5.0, 1.0, -0.5)))
 
     def allowed(place, **parameters):
         vehicle = square(**parameters).vehicle.autopilot

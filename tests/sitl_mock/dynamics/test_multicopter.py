@@ -19,7 +19,7 @@ from sitl_mock.dynamics import (
     px4_quadrotor,
 )
 from sitl_mock.dynamics.multicopter import body_at, step_body
-from sitl_mock.dynamics.values import GRAVITY_M_S2, IGNORED, Demand
+from sitl_mock.dynamics.values import GRAVITY_M_S2, Demand
 from sitl_mock.vector import ZERO, Vector
 from tests.harness.examples import drawn
 
@@ -136,10 +136,13 @@ def test_any_order_in_any_wind_stays_finite_and_repeats_itself(make, command, wi
         vehicle = make()
         motion = vehicle.initial(Vector((0.0, 0.0, -3.0)), 0.0, flying=True)
         # A motion to be tracked is of the autopilot's own making, and whole.
-        place, acceleration = ((0.0, 0.0, -3.0), ZERO) if kind is Kind.TRACK else (IGNORED, IGNORED)
-        order = Setpoint(kind, place, command, acceleration)
+        order = Setpoint(kind, velocity_ned_m_s=Vector(command))
+        if kind is Kind.TRACK:
+            place = Vector((0.0, 0.0, -3.0))
+            order = order._replace(position_ned_m=place, acceleration_ned_m_s2=ZERO)
+        around = Surroundings(wind_ned_m_s=Vector(wind))
         for _ in range(100):
-            motion = vehicle.step(motion, order, Surroundings(wind_ned_m_s=wind), 0.02)
+            motion = vehicle.step(motion, order, around, 0.02)
         return motion
 
     once = flight()
