@@ -16,7 +16,8 @@ The verdict is "evader" if even the game's pursuer loses, and "undecided" in bet
 **Guarding.** The ideal pursuer turns at once, so it may fly away from the target until its margin is zero. A vehicle
 that does so cannot come back in time. So the less margin a vehicle has below `SPARE_S`, the more of its velocity is
 that of the flight to the target. Once it flies there, its margin shrinks no further, whatever the evader does. The play
-looks `AHEAD_S` further than the verdict, because a turn takes effect late.
+looks `AHEAD_S` further than the verdict, because a turn takes effect late. At a target wider than the disc's radius the
+vehicle does so only while its verdict is "pursuer": before, the game's solution wins more often.
 
 **Waiting.** If the height decides a TAD game, the pursuer has time to spare over the ground. A vehicle that flew at
 full speed all the same would be near the evader before it can capture. An evader that turns then passes below it,
@@ -29,7 +30,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from guidance.control.braking_law import approach_speed
-from guidance.cycle.guarding import Guard, guard
+from guidance.cycle.guarding import Guard, guard, is_held
 from guidance.cycle.players import Capability, Players, late_start
 from guidance.frames import Enu, Ned
 from guidance.game import Game, StateSolution, Winner, solve_state
@@ -49,6 +50,9 @@ _FASTER: Final = 1.05
 
 SPARE_S: Final = 2.0
 """Margin from which the vehicle plays the game; at zero it flies to the target."""
+
+WIDE_SPARE_S: Final = 1.0
+"""The same at a target wider than the disc's radius; a larger one lost a few captures."""
 
 AHEAD_S: Final = 0.5
 """Time by which the play looks further ahead than the verdict."""
@@ -305,8 +309,11 @@ def _defended(
     assured_m = -late.value if late.winner == Winner.EVADER else late.value
     reaction_s = vehicle.envelope.reaction_s
     near = guard(game, shown, solution, players, vehicle, reaction_s, descends_at_once=True)
-    ahead = guard(game, shown, solution, players, vehicle, reaction_s + AHEAD_S)
-    course, velocity_m_s = _course(game, players, vehicle, solution, ahead, trusted_m_s)
+    ahead: Guard | None = None
+    if near.margin_s > 0.0 or is_held(game):
+        ahead = guard(game, shown, solution, players, vehicle, reaction_s + AHEAD_S)
+    spare_s = SPARE_S if is_held(game) else WIDE_SPARE_S
+    course, velocity_m_s = _course(game, players, vehicle, solution, ahead, spare_s, trusted_m_s)
     arrived = game.target_extent.distance_m(T, E) <= vehicle.tolerance_m
     certificate = certificate._replace(
         evader_arrived=arrived and not certificate.captured,
@@ -333,7 +340,8 @@ def _course(
     players: Players,
     vehicle: Capability,
     solution: StateSolution,
-    ahead: Guard,
+    ahead: Guard | None,
+    spare_s: float,
     trusted_m_s: float,
 ) -> tuple[Course, Enu]:
     """Return the vehicle's course in TAD, and its velocity."""
@@ -345,8 +353,10 @@ def _course(
         if waiting_m_s is not None:
             course = Course.WAITING
             velocity_m_s = waiting_m_s
-    share = min(1.0, max(0.0, 1.0 - (ahead.margin_s + AHEAD_S) / SPARE_S))
-    if share > 0.0 and solution.winner == Winner.PURSUER and ahead.holds_target:
+    if ahead is None or solution.winner != Winner.PURSUER:
+        return course, velocity_m_s
+    share = min(1.0, max(0.0, 1.0 - (ahead.margin_s + AHEAD_S) / spare_s))
+    if share > 0.0:
         course = Course.GUARDING
         guarding_m_s = velocity_m_s.share_of_way(ahead.velocity_m_s, share)
         velocity_m_s = guarding_m_s.level_with(optimal_m_s.up)

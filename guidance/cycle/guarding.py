@@ -7,7 +7,8 @@ outline. The vehicle's velocity counts for each X separately: a vehicle that fli
 it can guard the part behind it.
 
 **Guarded point.** The vehicle flies to the point of the target that is closest to the game's meeting point. With a
-small margin, the meeting point lies near the target, and near the point that is most in danger.
+small margin, the meeting point lies near the target, and near the point that is most in danger. At a wide target it
+flies to the point of the edge where its margin is smallest.
 
 **Height.** A vehicle that descends already loses no reaction time if its height decides. So the vehicle's time is the
 larger of two: reaction and flight over the ground, and descent.
@@ -19,7 +20,9 @@ before an evader at X as its approach brakes. The slower of the two counts.
 point moves with the evader, and the vehicle does not wait above it. It meets the evader on its way instead. For each X
 its time is therefore the smaller of two: the time to the rim of the disc about X, and the time to a meeting with an
 evader that runs straight to X. It flies to that meeting at full speed (`_interception_s`), or, near the rim, takes over
-the evader's velocity and closes as its approach does (`_following_s`); the sooner of the two counts.
+the evader's velocity and closes as its approach does (`_following_s`); the sooner of the two counts. A vehicle that is
+still above the disc near its rim flies with the evader until it is level. So its margin counts with the evader's
+velocity too (`_flies_with_evader`).
 
 **Capture.** A vehicle at the disc's height and near its rim captures the evader before any point of a wide target is
 in danger (`_capture_margin_s`). There an evader that runs straight away lasts longest: one that turns comes nearer.
@@ -48,6 +51,9 @@ UNSURE_S: Final = 0.25
 UNSURE: Final = 0.03
 """Allowance for errors of the estimates: a time, and a share of the time to the meeting."""
 
+_WIDE_UNSURE_S: Final = 0.15
+"""The time at a wide target, where a vehicle with the verdict "pursuer" flies so as to keep it."""
+
 _SLOWEST_M_S: Final = 0.1
 _TINY_M: Final = 1e-9
 _SPACING_M: Final = 3.0
@@ -58,6 +64,8 @@ _SAME_M: Final = 1e-3
 """Changes from round to round that end the rounds; a meeting that still changes in the last one is not counted on."""
 _NEAR_RADII: Final = 3.0
 """Largest gap, in radii of the disc; closer than this, an evader that turns is captured sooner than one that flees."""
+_BESIDE_RADII: Final = 2.0
+"""Largest gap, in radii of the disc, at which a vehicle above the disc flies with the evader until it is level."""
 
 
 class Guard(NamedTuple):
@@ -66,13 +74,18 @@ class Guard(NamedTuple):
     Attributes:
         velocity_m_s: Of the flight, in the game frame.
         margin_s: How much sooner the vehicle can guard the target than the evader is there. Infinite in the play on a
-            target that it does not hold, because the vehicle plays the game's solution there.
-        holds_target: Whether a vehicle that stops above the guarded point guards all of the target.
+            wide target with one speed for ground and height, because the vehicle plays the game's solution there.
     """
 
     velocity_m_s: Enu
     margin_s: float
-    holds_target: bool
+
+
+class _Lead(NamedTuple):
+    """The pursuer's smallest lead over the evader, s, and the point of the edge with it; None if the game's is less."""
+
+    sooner_s: float
+    offset_m: Point | None
 
 
 class _Race(NamedTuple):
@@ -130,27 +143,71 @@ def guard(
         descends_at_once: Whether it descends in this time. The verdict counts that; the play is more cautious.
     """
     flight = _begun(game, shown, solution, players, vehicle, flies_on_s)
+    holds_target = is_held(game)
+    if not holds_target and shown.pursuer.separate:
+        return _guard_beside(flight, solution)
     flight = flight._replace(descends_at_once=descends_at_once and shown.pursuer.separate)
-    holds_target = _width_m(game.target_extent) <= game.standoff.radius_m
     guarding_m_s = _velocity_to(flight, _guarded_point(flight, solution), 0.0, GUARD_LAG_S)
     if not holds_target and not descends_at_once:
-        return Guard(guarding_m_s, math.inf, holds_target)
+        return Guard(guarding_m_s, math.inf)
     levelling_s = _levelling_s(flight)
-    unsure_s = UNSURE * solution.meeting_time_s
-    if not holds_target and flight.descends_at_once:
-        sooner_s = _sooner_beside_s(flight, levelling_s, solution.margin_s)
-        margin_s = sooner_s - (UNSURE_S + unsure_s)
-    else:
-        race = _race_above if holds_target else _race_in_ball
-        margin_s = math.inf
-        for offset_m in outline(game.target_extent):
-            for sooner_s, lost_s in race(flight, offset_m, levelling_s):
-                needed_s = lost_s + UNSURE_S + unsure_s
-                margin_s = min(margin_s, min(sooner_s, solution.margin_s) - needed_s)
-    if not holds_target and _is_at_disc(flight):
-        sooner_s = min(_capture_margin_s(flight), solution.margin_s)
-        margin_s = max(margin_s, sooner_s - (UNSURE_S + unsure_s))
-    return Guard(guarding_m_s, margin_s, holds_target)
+    unsure_s = UNSURE_S + UNSURE * solution.meeting_time_s
+    race = _race_above if holds_target else _race_in_ball
+    margin_s = math.inf
+    for offset_m in outline(game.target_extent):
+        for sooner_s, lost_s in race(flight, offset_m, levelling_s):
+            needed_s = lost_s + unsure_s
+            margin_s = min(margin_s, min(sooner_s, solution.margin_s) - needed_s)
+    if not holds_target:
+        margin_s = max(margin_s, _margin_at_disc_s(flight, solution))
+    return Guard(guarding_m_s, margin_s)
+
+
+def is_held(game: Game) -> bool:
+    """Return whether a vehicle that stops above a point of the target guards all of it."""
+    return _width_m(game.target_extent) <= float(game.standoff.radius_m)
+
+
+def _guard_beside(flight: _Flight, solution: StateSolution) -> Guard:
+    """Return the flight to a wide target: to the point of its edge that is most in danger."""
+    flight = flight._replace(descends_at_once=True)
+    lead = _lead_beside(flight, solution.margin_s)
+    sooner_s = lead.sooner_s
+    if _flies_with_evader(flight):
+        players = flight.players
+        with_evader_m_s = players.evader_m_s.level_with(players.pursuer_m_s.up)
+        beside = _begun(
+            flight.game,
+            flight.shown,
+            solution,
+            players._replace(pursuer_m_s=with_evader_m_s),
+            flight.vehicle,
+            flight.flies_on_s,
+        )
+        beside = beside._replace(descends_at_once=True)
+        sooner_s = min(sooner_s, _lead_beside(beside, solution.margin_s).sooner_s)
+    offset_m = lead.offset_m
+    if offset_m is None:
+        offset_m = _guarded_point(flight, solution)
+    guarding_m_s = _velocity_to(flight, offset_m, _rest_m(flight), _approach_lag_s(flight))
+    unsure_s = _WIDE_UNSURE_S + UNSURE * solution.meeting_time_s
+    margin_s = max(sooner_s - unsure_s, _margin_at_disc_s(flight, solution))
+    return Guard(guarding_m_s, margin_s)
+
+
+def _flies_with_evader(flight: _Flight) -> bool:
+    """Return whether the vehicle is near the disc's rim, but not yet at its height."""
+    gaps = flight.players.gaps
+    is_level = abs(gaps.height_m) <= flight.vehicle.tolerance_m
+    return not is_level and gaps.ground_m <= _BESIDE_RADII * flight.shown.standoff.radius_m
+
+
+def _margin_at_disc_s(flight: _Flight, solution: StateSolution) -> float:
+    """Return the margin of a capture near the rim; negative infinity elsewhere."""
+    if not _is_at_disc(flight):
+        return -math.inf
+    unsure_s = UNSURE_S + UNSURE * solution.meeting_time_s
+    return min(_capture_margin_s(flight), solution.margin_s) - unsure_s
 
 
 def _begun(
@@ -219,17 +276,17 @@ def _braking_above_s(flight: _Flight) -> float:
     return braking_s + GUARD_LAG_S * (math.log(u / rim_m_s) - 1.0 + rim_m_s / u)
 
 
-def _sooner_beside_s(flight: _Flight, levelling_s: float, most_s: float) -> float:
+def _lead_beside(flight: _Flight, most_s: float) -> _Lead:
     """Return the smallest lead of a vehicle that meets the evader at a point of the target or on its way there.
 
     Args:
         flight: The flight.
-        levelling_s: Time lost by braking to the disc's height.
         most_s: A lead that is not exceeded.
     """
+    levelling_s = _levelling_s(flight)
     is_level = abs(flight.players.gaps.height_m) <= flight.vehicle.tolerance_m
     late_s = flight.flies_on_s
-    sooner_s = most_s
+    lead = _Lead(most_s, None)
     for offset_m in outline(flight.shown.target_extent):
         arrival_s, goal_m = _arrival(flight, offset_m)
         late_m = _late(
@@ -238,16 +295,17 @@ def _sooner_beside_s(flight: _Flight, levelling_s: float, most_s: float) -> floa
         if not is_level:
             height_m = late_m[2] - flight.players.evader_m[2] - flight.shown.standoff.height_m
             level_s = max(0.0, flight.shown.pursuer.level_time(FLOATS, 0.0, height_m)) + levelling_s
-            sooner_s = min(sooner_s, arrival_s - level_s)
+            lead = lead._replace(sooner_s=min(lead.sooner_s, arrival_s - level_s))
         left_m = _away_m(flight, offset_m, late_m) - _rest_m(flight)
         ground_s = _closing_s(flight, left_m, flight.shown.pursuer.horizontal_m_s)
         # The other two times are asked for only where they decide.
-        if arrival_s - ground_s - late_s < sooner_s:
+        if arrival_s - ground_s - late_s < lead.sooner_s:
             ground_s = min(ground_s, _following_s(flight, goal_m))
-        if arrival_s - ground_s - late_s < sooner_s:
+        if arrival_s - ground_s - late_s < lead.sooner_s:
             ground_s = min(ground_s, _interception_s(flight, goal_m))
-        sooner_s = min(sooner_s, arrival_s - ground_s - late_s)
-    return sooner_s
+        if arrival_s - ground_s - late_s < lead.sooner_s:
+            lead = _Lead(arrival_s - ground_s - late_s, offset_m)
+    return lead
 
 
 def _race_in_ball(flight: _Flight, offset_m: Point, levelling_s: float) -> tuple[_Race, ...]:
