@@ -17,7 +17,8 @@ The verdict is "evader" if even the game's pursuer loses, and "undecided" in bet
 that does so cannot come back in time. So the less margin a vehicle has below `SPARE_S`, the more of its velocity is
 that of the flight to the target. Once it flies there, its margin shrinks no further, whatever the evader does. The play
 looks `AHEAD_S` further than the verdict, because a turn takes effect late. At a target wider than the disc's radius the
-vehicle does so only while its verdict is "pursuer": before, the game's solution wins more often.
+vehicle does so only while its verdict is "pursuer": before, the game's solution wins more often. Near the rim at the
+disc's height it plays the game, which captures.
 
 **Waiting.** If the height decides a TAD game, the pursuer has time to spare over the ground. A vehicle that flew at
 full speed all the same would be near the evader before it can capture. An evader that turns then passes below it,
@@ -30,7 +31,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from guidance.control.braking_law import approach_speed
-from guidance.cycle.guarding import Guard, guard, is_held
+from guidance.cycle.guarding import Guard, guard, is_at_disc, is_held
 from guidance.cycle.players import Capability, Players, late_start
 from guidance.frames import Enu, Ned
 from guidance.game import Game, StateSolution, Winner, solve_state
@@ -309,11 +310,8 @@ def _defended(
     assured_m = -late.value if late.winner == Winner.EVADER else late.value
     reaction_s = vehicle.envelope.reaction_s
     near = guard(game, shown, solution, players, vehicle, reaction_s, descends_at_once=True)
-    ahead: Guard | None = None
-    if near.margin_s > 0.0 or is_held(game):
-        ahead = guard(game, shown, solution, players, vehicle, reaction_s + AHEAD_S)
-    spare_s = SPARE_S if is_held(game) else WIDE_SPARE_S
-    course, velocity_m_s = _course(game, players, vehicle, solution, ahead, spare_s, trusted_m_s)
+    ahead = _ahead(game, shown, solution, players, vehicle, near)
+    course, velocity_m_s = _course(game, players, vehicle, solution, ahead, trusted_m_s)
     arrived = game.target_extent.distance_m(T, E) <= vehicle.tolerance_m
     certificate = certificate._replace(
         evader_arrived=arrived and not certificate.captured,
@@ -324,6 +322,30 @@ def _defended(
         vehicle_margin_s=near.margin_s,
     )
     return Certified(solution, course, velocity_m_s, certificate)
+
+
+def _ahead(
+    game: Game,
+    shown: Game,
+    solution: StateSolution,
+    players: Players,
+    vehicle: Capability,
+    near: Guard,
+) -> Guard | None:
+    """Return the flight that keeps the vehicle's win, or None for a vehicle that plays the game.
+
+    Args:
+        game: The game.
+        shown: The same with the speed that the vehicle has shown.
+        solution: Solution of the game.
+        players: Positions and velocities.
+        vehicle: Its limits and accelerations.
+        near: The flight of the verdict.
+    """
+    keeps_win = near.margin_s > 0.0 and not is_at_disc(game, players, vehicle)
+    if not keeps_win and not is_held(game):
+        return None
+    return guard(game, shown, solution, players, vehicle, vehicle.envelope.reaction_s + AHEAD_S)
 
 
 def _verdict(solution: StateSolution, certificate: Certificate, margin_s: float) -> Winner:
@@ -341,7 +363,6 @@ def _course(
     vehicle: Capability,
     solution: StateSolution,
     ahead: Guard | None,
-    spare_s: float,
     trusted_m_s: float,
 ) -> tuple[Course, Enu]:
     """Return the vehicle's course in TAD, and its velocity."""
@@ -355,6 +376,7 @@ def _course(
             velocity_m_s = waiting_m_s
     if ahead is None or solution.winner != Winner.PURSUER:
         return course, velocity_m_s
+    spare_s = SPARE_S if is_held(game) else WIDE_SPARE_S
     share = min(1.0, max(0.0, 1.0 - (ahead.margin_s + AHEAD_S) / spare_s))
     if share > 0.0:
         course = Course.GUARDING

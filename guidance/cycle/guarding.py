@@ -204,7 +204,7 @@ def _flies_with_evader(flight: _Flight) -> bool:
 
 def _margin_at_disc_s(flight: _Flight, solution: StateSolution) -> float:
     """Return the margin of a capture near the rim; negative infinity elsewhere."""
-    if not _is_at_disc(flight):
+    if not is_at_disc(flight.game, flight.players, flight.vehicle):
         return -math.inf
     unsure_s = UNSURE_S + UNSURE * solution.meeting_time_s
     return min(_capture_margin_s(flight), solution.margin_s) - unsure_s
@@ -457,11 +457,11 @@ def _braking_cost_s(flight: _Flight, closing_m_s: float) -> float:
     return braking_s + _approach_lag_s(flight) * lags
 
 
-def _is_at_disc(flight: _Flight) -> bool:
+def is_at_disc(game: Game, players: Players, vehicle: Capability) -> bool:
     """Return whether the vehicle is at the disc's height and near its rim."""
-    gaps = flight.players.gaps
-    is_level = abs(gaps.height_m) <= flight.vehicle.tolerance_m
-    return is_level and gaps.ground_m <= _NEAR_RADII * flight.shown.standoff.radius_m
+    is_level = abs(players.gaps.height_m) <= vehicle.tolerance_m
+    near_m = _NEAR_RADII * float(game.standoff.radius_m)
+    return is_level and players.gaps.ground_m <= near_m
 
 
 def _capture_margin_s(flight: _Flight) -> float:
