@@ -27,7 +27,7 @@ from guidance.control.servo import (
     keep_station,
     observe_speed,
 )
-from guidance.control.setpoint_limiter import LimitMemory, limit
+from guidance.control.setpoint_limiter import Limited, LimitMemory, limit
 from guidance.cycle.certificate import (
     Certificate,
     Certified,
@@ -38,13 +38,7 @@ from guidance.cycle.certificate import (
 from guidance.cycle.players import Capability, Players
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
-from guidance.frames import (
-    Enu,
-    GameFrame,
-    Ned,
-    Place,
-    ned_from_game,
-)
+from guidance.frames import STILL, Enu, GameFrame, Ned, Place, ned_from_game
 from guidance.game import Game, Reason, guaranteed_age_s
 from guidance.messages import Setpoint
 from guidance.strategies import OPTIMAL, Strategy, StrategyMemory, pursue
@@ -137,41 +131,13 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
         played = game_played(settings, evader.speed_bound_m_s, evader.age_s, memory.speed.share)
     except ConfigError:
         return _without_game(inputs, settings, memory, players)
-    own_m_s: Enu | None = None
-    if settings.strategy.name != OPTIMAL and settings.strategy.is_own:
-        answer = _ask_own(inputs.ask, played.game, players, memory.strategy)
-        if isinstance(answer, str):
-            return _without_policy(
-                inputs, settings, memory, _certified(played.game, players, settings, memory), answer
-            )
-        own_m_s = answer
-    aim = _aim(played.game, players, settings, memory, inputs.dt_s, own_m_s)
+    aim = _aim(played.game, players, inputs, settings, memory)
+    if aim.policy_fault is not None:
+        return _without_policy(inputs, settings, memory, aim)
     flight = _follow(aim, players.gaps, evader.speed_bound_m_s, inputs, settings, memory)
-    limited = limit(
-        flight.command,
-        inputs.situation,
-        settings.envelope,
-        memory.limits,
-        inputs.dt_s,
-        walls=inputs.walls,
-        already_shaped=settings.handling.servo is not None,
-    )
-    certificate = aim.certified.certificate._replace(
-        desired_ned_m_s=flight.followed.desired_ned_m_s,
-        command_ned_m_s=limited.setpoint.velocity_ned_m_s,
-        active_limits=tuple(map(str, limited.active)),
-    )
-    if played.too_old:
-        certificate = certificate._replace(reason=int(Reason.TOO_OLD))
-    kept = CycleMemory(
-        follow=flight.followed.memory,
-        limits=limited.memory,
-        yaw_rad=flight.command.yaw_rad,
-        strategy=aim.memory,
-        optimal_game_m_s=Enu(aim.certified.solution.pursuer_velocity_m_s),
-        speed=flight.speed,
-    )
-    return CycleOutput(limited.setpoint, certificate, kept)
+    is_shaped = settings.handling.servo is not None
+    limited = _limited(flight.command, inputs, settings, memory, already_shaped=is_shaped)
+    return _output(played, aim, flight, limited)
 
 
 def _players(
@@ -242,59 +208,58 @@ class Aim(NamedTuple):
         nominal_ned_m_s: This velocity at the configured speed.
         hurried: Whether it is the game's full speed. A vehicle that waits or guards has time to spare.
         memory: Of the strategy.
+        policy_fault: Why the user's policy has no answer, so there is no velocity; None if there is one.
     """
 
     certified: Certified
     nominal_ned_m_s: Ned
     hurried: bool
     memory: StrategyMemory
+    policy_fault: str | None = None
 
 
 def _aim(
     game: Game,
     players: Players,
+    inputs: CycleInputs,
     settings: CycleSettings,
     memory: CycleMemory,
-    dt_s: float,
-    own_m_s: Enu | None,
 ) -> Aim:
     """Step 3: certify the game from here, and ask the strategy for a velocity.
 
     Args:
         game: Of this cycle.
         players: Where both are.
+        inputs: Of the cycle.
         settings: Of the cycle.
         memory: Of the cycle.
-        dt_s: Time since the last cycle.
-        own_m_s: The velocity of the user's policy, if the strategy is one.
     """
     certified = _certified(game, players, settings, memory)
-    asked_m_s = certified.velocity_m_s
+    velocity_m_s: Enu | str = certified.velocity_m_s
     hurried = certified.course is Course.SOLUTION
-    if own_m_s is not None:
-        asked_m_s = own_m_s
+    if settings.strategy.name != OPTIMAL:
+        velocity_m_s = _asked(settings.strategy, game, players, inputs, memory.strategy)
         hurried = True
-    elif settings.strategy.name != OPTIMAL:
-        asked_m_s = _ask_strategy(settings.strategy, game, players, memory.strategy, dt_s)
-        hurried = True
-    nominal_m_s = asked_m_s
+    if isinstance(velocity_m_s, str):
+        return Aim(certified, STILL, hurried, memory.strategy, policy_fault=velocity_m_s)
+    nominal_m_s = velocity_m_s
     configured_m_s = settings.game.pursuer.horizontal_m_s
     if game.pursuer.horizontal_m_s != configured_m_s:
-        nominal_m_s = _at_configured_speed(asked_m_s, game, configured_m_s)
-    played = StrategyMemory(np.array(asked_m_s), memory.strategy.played_s + dt_s)
+        nominal_m_s = _at_configured_speed(velocity_m_s, game, configured_m_s)
+    played = StrategyMemory(np.array(velocity_m_s), memory.strategy.played_s + inputs.dt_s)
     return Aim(certified, ned_from_game(nominal_m_s), hurried, played)
 
 
-def _at_configured_speed(asked_m_s: Enu, game: Game, configured_m_s: float) -> Enu:
+def _at_configured_speed(velocity_m_s: Enu, game: Game, configured_m_s: float) -> Enu:
     """Return a velocity at the game's speed at the configured one, which shows whether the vehicle can fly faster.
 
     A vehicle that waits for its height, or keeps up with the evader, asks for less than the game's speed.
     """
     reached_m_s = game.pursuer.horizontal_m_s
-    if game.pursuer.pace(asked_m_s) >= reached_m_s * (1.0 - 1e-6):
-        nominal_m_s = asked_m_s * (configured_m_s / reached_m_s)
-        return nominal_m_s.level_with(asked_m_s.up) if game.pursuer.separate else nominal_m_s
-    return asked_m_s
+    if game.pursuer.pace(velocity_m_s) >= reached_m_s * (1.0 - 1e-6):
+        nominal_m_s = velocity_m_s * (configured_m_s / reached_m_s)
+        return nominal_m_s.level_with(velocity_m_s.up) if game.pursuer.separate else nominal_m_s
+    return velocity_m_s
 
 
 def _certified(
@@ -311,10 +276,12 @@ def _certified(
     return certify(game, players, vehicle, memory.optimal_game_m_s)
 
 
-def _ask_strategy(
-    strategy: Strategy, game: Game, players: Players, memory: StrategyMemory, dt_s: float
-) -> Enu:
-    """Return the velocity of a strategy other than the optimal one, in the game frame."""
+def _asked(
+    strategy: Strategy, game: Game, players: Players, inputs: CycleInputs, memory: StrategyMemory
+) -> Enu | str:
+    """Return the velocity of a strategy other than the optimal one, in the game frame, or why there is none."""
+    if strategy.is_own:
+        return _ask_own(inputs.ask, game, players, memory)
     target_m = None if players.target_m is None else np.array(players.target_m)
     x, y, z = pursue(
         strategy,
@@ -324,7 +291,7 @@ def _ask_strategy(
         target_m,
         np.array(players.evader_m_s),
         memory,
-        dt_s=dt_s,
+        dt_s=inputs.dt_s,
     )
     return Enu((float(x), float(y), float(z)))
 
@@ -376,29 +343,76 @@ def _follow(
         settings: Of the cycle.
         memory: Of the cycle.
     """
-    envelope = settings.envelope
-    asked_ned_m_s = held_back(aim.nominal_ned_m_s, inputs.walls, envelope)
+    largest_m_s = settings.envelope.speed_m_s
+    asked_ned_m_s = held_back(aim.nominal_ned_m_s, inputs.walls, settings.envelope)
     was_at_wall = memory.limits is not None and memory.limits.held_back
-    pace = Pace(
-        inputs.dt_s,
-        max_speed_ratio=envelope.speed_m_s / settings.game.pursuer.horizontal_m_s,
-        meeting_m_s=envelope.speed_m_s + evader_speed_m_s,
-        hurried=aim.hurried,
-        held_back=was_at_wall,
-    )
+    speed_ratio = largest_m_s / settings.game.pursuer.horizontal_m_s
+    meeting_m_s = largest_m_s + evader_speed_m_s
+    pace = Pace(inputs.dt_s, speed_ratio, meeting_m_s, hurried=aim.hurried, held_back=was_at_wall)
     followed = follow(asked_ned_m_s, inputs.situation, gaps, settings.handling, memory.follow, pace)
-    is_turned_by_wall = asked_ned_m_s[:2] != aim.nominal_ned_m_s[:2]
-    speed = observe_speed(
-        memory.speed,
-        asked_ned_m_s,
-        followed.flown_ned_m_s,
-        unslowed=followed.unslowed and aim.hurried and not was_at_wall and not is_turned_by_wall,
-        confirmed=inputs.guided,
-        dt_s=inputs.dt_s,
-    )
+    speed = _speed_shown(aim, asked_ned_m_s, followed, pace, inputs, memory.speed)
     yaw_rad = inputs.situation.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
     return Flight(command, followed, speed)
+
+
+def _speed_shown(
+    aim: Aim,
+    asked_ned_m_s: Ned,
+    followed: Followed,
+    pace: Pace,
+    inputs: CycleInputs,
+    memory: SpeedMemory,
+) -> SpeedMemory:
+    """Return what the vehicle has shown of its speed; it counts only if neither approach nor wall changes it."""
+    at_wall = pace.held_back or asked_ned_m_s[:2] != aim.nominal_ned_m_s[:2]
+    return observe_speed(
+        memory,
+        asked_ned_m_s,
+        followed.flown_ned_m_s,
+        unslowed=followed.unslowed and aim.hurried and not at_wall,
+        confirmed=inputs.guided,
+        dt_s=inputs.dt_s,
+    )
+
+
+def _limited(
+    command: Setpoint,
+    inputs: CycleInputs,
+    settings: CycleSettings,
+    memory: CycleMemory,
+    *,
+    already_shaped: bool = False,
+) -> Limited:
+    """Step 5: return the setpoint of a command within the limits; see `limit` for `already_shaped`."""
+    return limit(
+        command,
+        inputs.situation,
+        settings.envelope,
+        memory.limits,
+        inputs.dt_s,
+        walls=inputs.walls,
+        already_shaped=already_shaped,
+    )
+
+
+def _output(played: GamePlayed, aim: Aim, flight: Flight, limited: Limited) -> CycleOutput:
+    """Return the setpoint, the certificate with the command, and what the next cycle has to know."""
+    certificate = aim.certified.certificate._replace(
+        reason=int(Reason.TOO_OLD) if played.too_old else aim.certified.solution.reason,
+        desired_ned_m_s=flight.followed.desired_ned_m_s,
+        command_ned_m_s=limited.setpoint.velocity_ned_m_s,
+        active_limits=tuple(map(str, limited.active)),
+    )
+    memory = CycleMemory(
+        follow=flight.followed.memory,
+        limits=limited.memory,
+        yaw_rad=flight.command.yaw_rad,
+        strategy=aim.memory,
+        optimal_game_m_s=Enu(aim.certified.solution.pursuer_velocity_m_s),
+        speed=flight.speed,
+    )
+    return CycleOutput(limited.setpoint, certificate, memory)
 
 
 def _without_game(
@@ -411,16 +425,12 @@ def _without_game(
 
 
 def _without_policy(
-    inputs: CycleInputs,
-    settings: CycleSettings,
-    memory: CycleMemory,
-    certified: Certified,
-    fault: str,
+    inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory, aim: Aim
 ) -> CycleOutput:
     """Hover, because the user's policy has no answer: none of an earlier cycle is flown."""
     output = hover(inputs, settings, memory)
-    certificate = certified.certificate._replace(
-        policy_fault=fault, command_ned_m_s=output.setpoint.velocity_ned_m_s
+    certificate = aim.certified.certificate._replace(
+        policy_fault=aim.policy_fault, command_ned_m_s=output.setpoint.velocity_ned_m_s
     )
     return output._replace(certificate=certificate)
 
@@ -439,14 +449,7 @@ def hover(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> 
     flown_ned_m_s = here.velocity_ned_m_s - drift.velocity_ned_m_s
     (north_m_s, east_m_s), place = keep_station(memory.place, here.position_ned_m, flown_ned_m_s)
     still_ned_m_s = Ned((north_m_s, east_m_s, down_m_s)) + drift.velocity_ned_m_s
-    limited = limit(
-        Setpoint(still_ned_m_s, yaw_rad=yaw_rad),
-        here,
-        settings.envelope,
-        memory.limits,
-        dt_s,
-        walls=inputs.walls,
-    )
+    limited = _limited(Setpoint(still_ned_m_s, yaw_rad=yaw_rad), inputs, settings, memory)
     paused = StrategyMemory()
     if memory.strategy.velocity_m_s is not None:
         paused = StrategyMemory(np.zeros(3), memory.strategy.played_s + dt_s)
