@@ -100,7 +100,7 @@ def _paper_name(policy: str, optimum: str) -> str:
     return optimum if policy == "optimal" else policy.replace("_", "-")
 
 
-class Table(NamedTuple):
+class PublishedTable(NamedTuple):
     """A published table."""
 
     title: str
@@ -108,14 +108,14 @@ class Table(NamedTuple):
     cases: tuple[Case, ...]
 
 
-def tables() -> tuple[Table, Table]:
+def tables() -> tuple[PublishedTable, PublishedTable]:
     """Compute both tables of section V."""
     pe = tuple(_case(row, PE_PURSUER, PE_EVADER, None) for row in TABLE_1)
     tad = tuple(_case(row, TAD_PURSUER, TAD_EVADER, TAD_TARGET) for row in TABLE_2)
     pe_title = "Table 1: PE game, P = (8.00, 1.42, 9.41), E = (7.92, 9.60), δ = 2"
     tad_title = "Table 2: TAD game, P = (6.97, 5.83, 9.15), E = (9.80, 0.33), T = (0, 0), δ = 2"
-    pe_table = Table(pe_title, "time cost, s", pe)
-    tad_table = Table(tad_title, "final distance to the target, m", tad)
+    pe_table = PublishedTable(pe_title, "time cost, s", pe)
+    tad_table = PublishedTable(tad_title, "final distance to the target, m", tad)
     return pe_table, tad_table
 
 
@@ -133,7 +133,7 @@ def _case(row: tuple[str, str, str], pursuer: Array, evader: Array, target: Arra
     return Case(*row, f"{stepped_cost:.{digits}f}", f"{exact_cost:.4f}", exact.path)
 
 
-def draw_figures(pe: Table, tad: Table, folder: Path) -> list[Path]:
+def draw_figures(pe: PublishedTable, tad: PublishedTable, folder: Path) -> list[Path]:
     """Draw the PE game with sphere and circle, and both parts of the TAD game, as PNG and PDF; return the paths.
 
     Needs matplotlib, and a folder that exists.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sitl_mock.protocols import Parameter
 
 
-class Difference(NamedTuple):
+class VersionDifference(NamedTuple):
     """One difference.
 
     Attributes:
@@ -34,7 +34,7 @@ class Difference(NamedTuple):
     note: str = ""
 
 
-def differences_of(first: str, second: str) -> list[Difference]:
+def differences_of(first: str, second: str) -> list[VersionDifference]:
     """Return all differences of two versions, given as on the command line.
 
     Raises:
@@ -60,7 +60,7 @@ def _table(flavour: Flavour) -> ParameterTable:
     return parameters if isinstance(parameters, ParameterTable) else ParameterTable(parameters)
 
 
-def _parameters(before: Flavour, after: Flavour) -> Iterator[Difference]:
+def _parameters(before: Flavour, after: Flavour) -> Iterator[VersionDifference]:
     old = _table(before)
     new = _table(after)
     later = {renamed.name: (was, renamed.factor) for was, renamed in new.renamed.items()}
@@ -73,15 +73,15 @@ def _parameters(before: Flavour, after: Flavour) -> Iterator[Difference]:
             other = new.definitions[renamed[name]]
             factor = later[other.name][1] if other.name in later else earlier[name][1]
             note = "" if factor == 1.0 else f"value × {factor:g}"
-            yield Difference("parameter", _described(item), _described(other), note)
+            yield VersionDifference("parameter", _described(item), _described(other), note)
         elif name not in new.definitions:
-            yield Difference("parameter", _described(item), "")
+            yield VersionDifference("parameter", _described(item), "")
         elif item != new.definitions[name]:
             other = new.definitions[name]
-            yield Difference("parameter", _described(item), _described(other), other.meaning)
+            yield VersionDifference("parameter", _described(item), _described(other), other.meaning)
     for name, item in new.definitions.items():
         if name not in old.definitions and name not in renamed.values():
-            yield Difference("parameter", "", _described(item), item.meaning)
+            yield VersionDifference("parameter", "", _described(item), item.meaning)
 
 
 def _described(item: Parameter) -> str:
@@ -96,11 +96,13 @@ def _commands(flavour: Flavour) -> frozenset[int]:
     return (refused - flavour.refused_commands) | flavour.more_commands
 
 
-def _numbers(subject: str, before: frozenset[int], after: frozenset[int]) -> Iterator[Difference]:
+def _numbers(
+    subject: str, before: frozenset[int], after: frozenset[int]
+) -> Iterator[VersionDifference]:
     for number in sorted(before - after):
-        yield Difference(subject, _command(number), "")
+        yield VersionDifference(subject, _command(number), "")
     for number in sorted(after - before):
-        yield Difference(subject, "", _command(number))
+        yield VersionDifference(subject, "", _command(number))
 
 
 def _command(number: int) -> str:
@@ -108,30 +110,32 @@ def _command(number: int) -> str:
     return str(number) if name is None else f"{number} {name}"
 
 
-def _modes(before: Flavour, after: Flavour) -> Iterator[Difference]:
+def _modes(before: Flavour, after: Flavour) -> Iterator[VersionDifference]:
     old = {mode.name: mode.number for mode in before.modes.modes}
     new = {mode.name: mode.number for mode in after.modes.modes}
     for name in [*old, *(name for name in new if name not in old)]:
         if old.get(name) != new.get(name):
-            yield Difference("mode", _mode(name, old), _mode(name, new))
+            yield VersionDifference("mode", _mode(name, old), _mode(name, new))
 
 
 def _mode(name: str, numbers: dict[str, int]) -> str:
     return f"{name} ({numbers[name]})" if name in numbers else ""
 
 
-def _messages(before: Flavour, after: Flavour) -> Iterator[Difference]:
+def _messages(before: Flavour, after: Flavour) -> Iterator[VersionDifference]:
     offered = {*builders_of(before.name), "AVAILABLE_MODES"}
     for name in sorted(offered & (after.withheld - before.withheld)):
-        yield Difference("message", name, "")
+        yield VersionDifference("message", name, "")
     for name in sorted(offered & (before.withheld - after.withheld)):
-        yield Difference("message", "", name)
+        yield VersionDifference("message", "", name)
     for link, rates in before.rates_hz.items():
         others = after.rates_hz[link]
         for name in sorted({*rates, *others}):
             if rates.get(name) != others.get(name):
                 first = _rate(name, rates.get(name))
-                yield Difference("stream", first, _rate(name, others.get(name)), f"{link} link")
+                yield VersionDifference(
+                    "stream", first, _rate(name, others.get(name)), f"{link} link"
+                )
 
 
 def _rate(name: str, rate_hz: float | None) -> str:

@@ -13,7 +13,7 @@ POLL_S: Final = 0.2
 Answer = Mapping[str, Any]
 
 
-class Aim(NamedTuple):
+class OrderStates(NamedTuple):
     """States of a flight after an accepted order.
 
     Attributes:
@@ -25,17 +25,19 @@ class Aim(NamedTuple):
     done: frozenset[str]
 
 
-def _aim(under_way: str, done: str) -> Aim:
-    return Aim(frozenset(under_way.split(", ")), frozenset(done.split(", ")))
+def _order_states(under_way: str, done: str) -> OrderStates:
+    return OrderStates(frozenset(under_way.split(", ")), frozenset(done.split(", ")))
 
 
-AIMS: Final[Mapping[str, Aim]] = {
-    "start": _aim("arming, climbing, positioning", "standing by, entering, engaged, on station"),
-    "engage": _aim("standing by, entering, engaged, paused", "on station"),
-    "hold": _aim("holding", "holding"),
-    "return": _aim("returning, landing", "landed"),
-    "land": _aim("landing", "landed"),
-    "abort": _aim("landing", "landed, failed"),
+AIMS: Final[Mapping[str, OrderStates]] = {
+    "start": _order_states(
+        "arming, climbing, positioning", "standing by, entering, engaged, on station"
+    ),
+    "engage": _order_states("standing by, entering, engaged, paused", "on station"),
+    "hold": _order_states("holding", "holding"),
+    "return": _order_states("returning, landing", "landed"),
+    "land": _order_states("landing", "landed"),
+    "abort": _order_states("landing", "landed, failed"),
 }
 """For each order that can be waited for. Any other state ends the wait: the order was not carried out."""
 
@@ -73,7 +75,7 @@ def carried_out(
         sleep(POLL_S)
 
 
-def _is_done(order: str, status: Answer, aim: Aim) -> bool:
+def _is_done(order: str, status: Answer, aim: OrderStates) -> bool:
     if order == "hold" and status.get("mode") != "hold":
         return False
     if order == "engage" and status.get("cause") in CAPTURED:
@@ -81,11 +83,11 @@ def _is_done(order: str, status: Answer, aim: Aim) -> bool:
     return status.get("state") in aim.done
 
 
-def _is_under_way(order: str, status: Answer, aim: Aim) -> bool:
+def _is_under_way(order: str, status: Answer, aim: OrderStates) -> bool:
     return not _is_done(order, status, aim) and status.get("state") in aim.under_way
 
 
-def _answer(order: str, status: Answer, aim: Aim) -> Answer:
+def _answer(order: str, status: Answer, aim: OrderStates) -> Answer:
     name = str(status["name"])
     state = str(status.get("state", ""))
     if _is_done(order, status, aim):

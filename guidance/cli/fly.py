@@ -36,7 +36,7 @@ from guidance.session.fly.result import (
 )
 from guidance.session.open.file import ByFile
 from guidance.session.open.mock import MockOptions
-from guidance.session.open.opened import Onlooker, Played, Way
+from guidance.session.open.opened import AnyScenario, Onlooker, Way
 from guidance.session.open.url import Asked
 from guidance.session.orders.control_socket import ENDPOINT
 from guidance.session.recorded_flight import fly_recorded
@@ -267,7 +267,7 @@ def fly_scenario(
     return 0
 
 
-def _loaded(name: str, seed: int | None, pursuer: str | None) -> tuple[Path, Played]:
+def _loaded(name: str, seed: int | None, pursuer: str | None) -> tuple[Path, AnyScenario]:
     """Read a scenario, and give its pursuer another policy."""
     path, scenario = load_any(name, seed)
     if pursuer is None:
@@ -278,7 +278,12 @@ def _loaded(name: str, seed: int | None, pursuer: str | None) -> tuple[Path, Pla
 
 
 def fly_rows(
-    target: Console, scenario: Played, stem: str, how: Way, out: Path | None, onlooker: Onlooker
+    target: Console,
+    scenario: AnyScenario,
+    stem: str,
+    how: Way,
+    out: Path | None,
+    onlooker: Onlooker,
 ) -> tuple[MissionResult, Sequence[Any], Path]:
     """Fly a scenario with the live line; say what is left out, how it is ordered, and what was not recorded.
 

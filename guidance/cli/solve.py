@@ -23,7 +23,7 @@ from guidance.game import solve as solve_game
 from guidance.screen import console, pairs, sheet
 
 if TYPE_CHECKING:
-    from guidance.paper import Table as PaperTable
+    from guidance.paper import PublishedTable as PaperTable
 
 
 def solve(

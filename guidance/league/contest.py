@@ -54,7 +54,7 @@ STANDING: Final = "hold"
 TURNING: Final = "random_turns"
 
 
-class Estimate(NamedTuple):
+class IntervalEstimate(NamedTuple):
     """A number of the games that were played, and its 95 % confidence interval."""
 
     value: float
@@ -81,16 +81,16 @@ class Row(NamedTuple):
     player: str
     opponent: str
     games: int
-    won: Estimate
+    won: IntervalEstimate
     failed: int
     undecided: int
-    median: Estimate
-    p95: Estimate
+    median: IntervalEstimate
+    p95: IntervalEstimate
     worst: float
-    relative: Estimate
+    relative: IntervalEstimate
 
 
-class Played(NamedTuple):
+class PlayedPair(NamedTuple):
     """A pair's row, and of each game its regret, and its end."""
 
     row: Row
@@ -153,7 +153,7 @@ def _try(contest: Contest, policy: str) -> None:
     require_fit(policy, 0.1 * (2.0 * draws - 1.0) * bounds.high, side.shares)
 
 
-def play_pair(contest: Contest, player: str, opponent: str) -> Played:
+def play_pair(contest: Contest, player: str, opponent: str) -> PlayedPair:
     """Play every state with a pair of policies."""
     opposing_side = EVADER if contest.side == PURSUER else PURSUER
     scenario = with_policies(contest.scenario, **{contest.side: player, opposing_side: opponent})
@@ -171,10 +171,10 @@ def play_pair(contest: Contest, player: str, opponent: str) -> Played:
         end[part] = chunk.end
     sign = 1.0 if contest.side == PURSUER else -1.0
     regret = sign * loss
-    return Played(_summed_up(contest, player, opponent, regret, value, end), regret, end)
+    return PlayedPair(_summed_up(contest, player, opponent, regret, value, end), regret, end)
 
 
-def play_all(contest: Contest) -> Iterator[Played]:
+def play_all(contest: Contest) -> Iterator[PlayedPair]:
     """Play every pair, the player's opponents one after the other."""
     for player in contest.players:
         for opponent in contest.opponents:
@@ -211,7 +211,7 @@ def _summed_up(
     )
 
 
-def _estimates(seed: int, won: Array, regret: Array, relative: Array) -> list[Estimate]:
+def _estimates(seed: int, won: Array, regret: Array, relative: Array) -> list[IntervalEstimate]:
     """Return share won, median and 95 % of the regret and median of the relative regret, with bootstrap intervals.
 
     The resampled games are the same for every pair, so that pairs can be compared.
@@ -225,7 +225,7 @@ def _estimates(seed: int, won: Array, regret: Array, relative: Array) -> list[Es
     bounds = np.quantile(samples, CONFIDENCE, axis=0)
     numbers = _numbers(won, regret, relative)
     return [
-        Estimate(float(value), float(low), float(high))
+        IntervalEstimate(float(value), float(low), float(high))
         for value, low, high in zip(numbers, *bounds, strict=True)
     ]
 
@@ -235,7 +235,7 @@ def _numbers(won: Array, regret: Array, relative: Array) -> tuple[Any, ...]:
     return won.mean(), median, p95, np.quantile(relative, 0.5)
 
 
-def worst_rows(played: Played, count: int) -> list[int]:
+def worst_rows(played: PlayedPair, count: int) -> list[int]:
     """Return the numbers of the games with the largest regret, the worst first."""
     order = np.argsort(-played.regret, kind="stable")
     return [int(row) for row in order[:count]]

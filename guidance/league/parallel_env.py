@@ -13,7 +13,7 @@ from guidance.league.gymnasium_envs import spaces_of
 from guidance.league.play import WINNERS, Games
 from guidance.league.sides import SIDES, STEP_S, Side, require_steps
 from guidance.league.states import arena_of, seeds_of
-from guidance.league.teams import TeamGame
+from guidance.league.teams import TeamScenarioGame
 from guidance.sim.batch import Array
 from guidance.sim.scenario import EVADER, PURSUER, Scenario
 from guidance.sim.scenario_file import load_any, with_policies
@@ -62,13 +62,13 @@ class PursuitParallelEnv(ParallelEnv):
         played = scenario
         if isinstance(played, (str, Path)):
             played = load_any(str(played))[1]
-        self._game: TeamGame | _Duel
+        self._game: TeamScenarioGame | _Duel
         if isinstance(played, TeamScenario):
             if between_points:
                 raise ConfigError(
                     "between_points = True: teams play between points always; leave it out"
                 )
-            self._game = TeamGame(played, step_s)
+            self._game = TeamScenarioGame(played, step_s)
         else:
             self._game = _Duel(played, step_s, between_points=between_points)
         self.possible_agents = list(self._game.agents)

@@ -26,7 +26,7 @@ from guidance.game.rollout import Ahead, look_ahead
 from guidance.league.states import Arena, Seeds, batch_at, draw
 from guidance.sim.batch import Array, Batch
 from guidance.sim.maths import (
-    Moment,
+    BatchMoment,
     Slope,
     advance_held,
     begun,
@@ -147,7 +147,7 @@ class _Steered(NamedTuple):
     solution: Solution
 
 
-def _velocities(batch: Batch, moment: Moment, steered: _Steered) -> Slope:
+def _velocities(batch: Batch, moment: BatchMoment, steered: _Steered) -> Slope:
     """Return the velocities of both players, and the turn of a pursuer that navigates."""
     P = moment.pursuer_m
     E = moment.evader_m
@@ -166,11 +166,11 @@ def _velocities(batch: Batch, moment: Moment, steered: _Steered) -> Slope:
     return v, w, turning(batch.game, P, E, w, v, batch.pursuer.gain)
 
 
-def _look(batch: Batch, moment: Moment) -> Ahead:
+def _look(batch: Batch, moment: BatchMoment) -> Ahead:
     return look_ahead(NUMPY, batch.game, moment.pursuer_m, moment.evader_m, batch.target_m)
 
 
-def _solved(game: Game, batch: Batch, moment: Moment) -> Solution:
+def _solved(game: Game, batch: Batch, moment: BatchMoment) -> Solution:
     return solve(
         game,
         moment.pursuer_m,
@@ -180,7 +180,7 @@ def _solved(game: Game, batch: Batch, moment: Moment) -> Solution:
     )
 
 
-def _scores(arena: Arena, batch: Batch, moment: Moment, solution: Solution) -> Array:
+def _scores(arena: Arena, batch: Batch, moment: BatchMoment, solution: Solution) -> Array:
     """Return the score of each game, (n,); NaN where the state has no value."""
     if batch.target_m is None:
         return -(moment.now_s + solution.value)
@@ -200,7 +200,7 @@ class Losses(NamedTuple):
     end: NDArray[np.int8]
 
 
-def losses_of(arena: Arena, batch: Batch, played: Iterable[Moment]) -> Losses:
+def losses_of(arena: Arena, batch: Batch, played: Iterable[BatchMoment]) -> Losses:
     """Return the losses of games that are played to their ends.
 
     Args:

@@ -10,7 +10,13 @@ from rich.console import Console
 
 from guidance.errors import ConfigError
 from guidance.files import private_folder, whole_file, writing
-from guidance.league.contest import Contest, Estimate, Played, scenario_of_game, worst_rows
+from guidance.league.contest import (
+    Contest,
+    IntervalEstimate,
+    PlayedPair,
+    scenario_of_game,
+    worst_rows,
+)
 from guidance.league.laws import FRPN, FRPN_LEVEL
 from guidance.screen import print_sheet
 from guidance.sim.scenario import PURSUER
@@ -35,7 +41,7 @@ def label_of(policy: str) -> str:
     return "frpn" if policy in {FRPN, FRPN_LEVEL} else policy
 
 
-def print_table(target: Console, contest: Contest, played: Sequence[Played]) -> None:
+def print_table(target: Console, contest: Contest, played: Sequence[PlayedPair]) -> None:
     """Print a row for each pair."""
     unit = unit_of(contest)
     measures = [f"regret, median {unit}", f"95 % {unit}", f"worst {unit}"]
@@ -57,12 +63,12 @@ def print_table(target: Console, contest: Contest, played: Sequence[Played]) -> 
     print_sheet(target, headings, cells, left=range(2))
 
 
-def _words(estimate: Estimate, scale: float = 1.0) -> str:
+def _words(estimate: IntervalEstimate, scale: float = 1.0) -> str:
     value, low, high = (scale * number + 0.0 for number in estimate)
     return f"{value:.2f} [{low:.2f}, {high:.2f}]"
 
 
-def document_of(contest: Contest, played: Sequence[Played]) -> dict[str, Any]:
+def document_of(contest: Contest, played: Sequence[PlayedPair]) -> dict[str, Any]:
     """Return the results as plain values; None where there is no number."""
     scenario = contest.scenario
     rows = [_plain(pair.row._asdict()) for pair in played]
@@ -79,7 +85,7 @@ def document_of(contest: Contest, played: Sequence[Played]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - a value of a row
-    if isinstance(value, Estimate):
+    if isinstance(value, IntervalEstimate):
         return _plain(value._asdict())
     if isinstance(value, Mapping):
         return {name: _plain(part) for name, part in value.items()}
@@ -100,7 +106,7 @@ def require_new(out: Path) -> None:
 
 
 def write_results(
-    contest: Contest, played: Sequence[Played], out: Path, text: str, worst: int
+    contest: Contest, played: Sequence[PlayedPair], out: Path, text: str, worst: int
 ) -> list[Path]:
     """Write table, picture and worst states of the first player; return their paths.
 
@@ -120,7 +126,7 @@ def write_results(
     return paths
 
 
-def _written_worst(contest: Contest, pair: Played, out: Path, count: int) -> list[Path]:
+def _written_worst(contest: Contest, pair: PlayedPair, out: Path, count: int) -> list[Path]:
     paths = []
     for place, number in enumerate(worst_rows(pair, count), 1):
         row = pair.row
@@ -145,7 +151,7 @@ def _write(path: Path, text: str) -> None:
         part.write_text(text, encoding="utf-8")
 
 
-def draw_regrets(contest: Contest, played: Sequence[Played], path: Path) -> Path:
+def draw_regrets(contest: Contest, played: Sequence[PlayedPair], path: Path) -> Path:
     """Draw the share of games with at most a given regret; a panel for each opponent, a line for each player."""
     from guidance.viz.figures import figure_of, legend_below, save  # noqa: PLC0415 - matplotlib is optional
 
@@ -166,7 +172,7 @@ def draw_regrets(contest: Contest, played: Sequence[Played], path: Path) -> Path
     return path
 
 
-def _draw_panel(panel: Any, pairs: Sequence[Played]) -> None:  # noqa: ANN401 - matplotlib's
+def _draw_panel(panel: Any, pairs: Sequence[PlayedPair]) -> None:  # noqa: ANN401 - matplotlib's
     """Draw the regrets of each pair; the axis leaves out the last 2 % at both ends."""
     for number, pair in enumerate(pairs):
         style = _STYLES[number % len(_STYLES)]

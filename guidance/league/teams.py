@@ -35,7 +35,7 @@ PLAYER_COLUMNS: Final = 6
 """Place and velocity of another player, relative."""
 
 
-class TeamGame:
+class TeamScenarioGame:
     """One game of a scenario of teams.
 
     Args:

@@ -162,7 +162,7 @@ class _Terms:
     evader_height_limit_m: float | None
 
 
-class _Played(NamedTuple):
+class _ScenarioGame(NamedTuple):
     """A scenario's part of a flight: strategy, start and target of the game."""
 
     strategy: Strategy
@@ -190,7 +190,7 @@ def _mocked(scenario: "Scenario") -> _Terms:
     rules = batch.rules_of([scenario.as_flown()])._replace(
         evader_speed_m_s=scenario.evader.believed_speed_m_s, capture_radius_m=0.0
     )
-    game = _played(scenario, rules.pursuer)
+    game = _scenario_game(scenario, rules.pursuer)
     takeoff_height_m = scenario.pursuer.takeoff_height_m
     evader = EvaderSection(kind="global_position", url=SIMULATED_URL, system_id=EVADER_ID)
     return _Terms(
@@ -268,7 +268,7 @@ def _by_both(config: Config, scenario: "Scenario") -> _Terms:
 
     terms = _by_file(config)
     rules = terms.rules._replace(target_extent=batch.target_extent(scenario))
-    game = _played(scenario, rules.pursuer)
+    game = _scenario_game(scenario, rules.pursuer)
     return replace(
         terms,
         rules=rules,
@@ -279,14 +279,14 @@ def _by_both(config: Config, scenario: "Scenario") -> _Terms:
     )
 
 
-def _played(scenario: "Scenario", pursuer: SpeedSet) -> _Played:
+def _scenario_game(scenario: "Scenario", pursuer: SpeedSet) -> _ScenarioGame:
     from guidance.sim import batch  # noqa: PLC0415 - as above
 
     x, y, z = scenario.pursuer.position_m
     start_game_m = Enu((x, y, z - scenario.evader.height_m))
     start = np.array(start_game_m)
     strategy = batch.strategy_of(scenario, "pursuer", start, pursuer, scenario.seed)
-    return _Played(strategy, start_game_m, batch.target_game_m(scenario))
+    return _ScenarioGame(strategy, start_game_m, batch.target_game_m(scenario))
 
 
 def _require_flown(terms: _Terms) -> None:

@@ -16,9 +16,9 @@ from guidance.session.observe.outputs import OutputOrder, open_outputs
 from guidance.session.observe.recording import recording, stopped_words
 from guidance.session.open.opened import (
     NOBODY,
+    AnyScenario,
     Onlooker,
     Opened,
-    Played,
     Way,
     declared_m_s,
 )
@@ -29,7 +29,7 @@ from guidance.team import Member, MemoryTransport
 
 
 def fly_recorded(
-    scenario: Played, folder: Path | None, how: Way, onlooker: Onlooker = NOBODY
+    scenario: AnyScenario, folder: Path | None, how: Way, onlooker: Onlooker = NOBODY
 ) -> MissionResult:
     """Fly a scenario of one vehicle or of a team, with records, and broadcasts where orders are taken.
 
@@ -98,7 +98,7 @@ def team_plan(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> TeamPlan:
 
 
 def _equip(
-    flight: Opened, scenario: Played, folder: Path | None, onlooker: Onlooker, stack: ExitStack
+    flight: Opened, scenario: AnyScenario, folder: Path | None, onlooker: Onlooker, stack: ExitStack
 ) -> None:
     """Give all vehicles their records, and broadcasts where orders are taken.
 

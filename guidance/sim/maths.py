@@ -63,7 +63,7 @@ Slope: TypeAlias = tuple[Array, ...]
 """Rates of change, (n, 3) each: velocities of both players, and the rate of turn of a pursuer that navigates."""
 
 
-class Moment(NamedTuple):
+class BatchMoment(NamedTuple):
     """A batch of games, each at one moment of its own; arrays (n, …).
 
     Attributes:
@@ -106,7 +106,7 @@ def play_scenarios(scenarios: Sequence[Scenario]) -> list[Outcome]:
     return by_kind(scenarios, kind_of, _play_kind)
 
 
-def moments(batch: Batch) -> Iterator[Moment]:
+def moments(batch: Batch) -> Iterator[BatchMoment]:
     """Play the games of a batch; yield every moment, also of games that have just ended."""
     moment = begun(batch)
     with np.errstate(all="ignore"):
@@ -129,7 +129,7 @@ def opening(batch: Batch) -> Solution:
     return solve(batch.believed, batch.pursuer_m, batch.evader_m, batch.target_m)
 
 
-def begun(batch: Batch) -> Moment:
+def begun(batch: Batch) -> BatchMoment:
     """Return the moment of engagement."""
     P = batch.pursuer_m
     E = batch.evader_m
@@ -145,7 +145,7 @@ def begun(batch: Batch) -> Moment:
         turning_rad_s = np.zeros_like(P)
     nothing_happened = np.zeros((count, len(LIMITS) + 2), dtype=bool)
     still_running = np.zeros(count, dtype=np.int8)
-    return Moment(
+    return BatchMoment(
         now_s=zero_s,
         step_s=zero_s,
         lost_s=zero_s,
@@ -194,7 +194,7 @@ def _one_by_one(arrays: Any) -> Iterator[Any]:  # noqa: ANN401 - a named tuple
     return map(type(arrays)._make, zip(*columns, strict=False))
 
 
-def judged(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
+def judged(batch: Batch, moment: BatchMoment, ahead: Ahead) -> NDArray[np.int8]:
     """Return the end of each game; a capture counts before an arrival at the same time."""
     now = np.where(moment.now_s >= batch.limit_s, End.TIME_UP, End.RUNNING)
     has_no_game = moment.happened[:, -1]
@@ -206,7 +206,7 @@ def judged(batch: Batch, moment: Moment, ahead: Ahead) -> NDArray[np.int8]:
     return np.where(was_running, now, moment.end).astype(np.int8)
 
 
-def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
+def _advance(batch: Batch, moment: BatchMoment, ahead: Ahead) -> BatchMoment:
     """Ask both players for velocities and move both by one step; finished games stay where they are."""
     waiting = heard_nothing(batch, moment)
     slope = first = _slope(batch, moment, moment.pursuer_m, moment.evader_m)
@@ -228,7 +228,7 @@ def _advance(batch: Batch, moment: Moment, ahead: Ahead) -> Moment:
     return moved._replace(flown_m_s=v, run_m_s=w)
 
 
-def heard_nothing(batch: Batch, moment: Moment) -> NDArray[np.bool_]:
+def heard_nothing(batch: Batch, moment: BatchMoment) -> NDArray[np.bool_]:
     """Make the measurements and receive the reports that are due; return who has waited too long for one, (n,)."""
     heard = moment.heard
     if heard is None:
@@ -239,8 +239,8 @@ def heard_nothing(batch: Batch, moment: Moment) -> NDArray[np.bool_]:
 
 
 def advance_held(
-    batch: Batch, moment: Moment, ahead: Ahead, held: Slope, longest_s: Real
-) -> Moment:
+    batch: Batch, moment: BatchMoment, ahead: Ahead, held: Slope, longest_s: Real
+) -> BatchMoment:
     """Fly velocities of both players for one step, no longer than to the next event of a game.
 
     Args:
@@ -267,7 +267,7 @@ def advance_held(
 
 
 def _step_s(
-    batch: Batch, moment: Moment, ahead: Ahead, captured_s: Array, longest_s: Real
+    batch: Batch, moment: BatchMoment, ahead: Ahead, captured_s: Array, longest_s: Real
 ) -> Array:
     """Return the next step, (n,): to the next end, change or event, at most `longest_s`; 0 of a finished game."""
     time_left_s = batch.limit_s - moment.now_s
@@ -279,11 +279,11 @@ def _step_s(
 
 def _moved(
     batch: Batch,
-    moment: Moment,
+    moment: BatchMoment,
     step_s: Array,
     slope: Slope,
     troubles: tuple[NDArray[np.bool_], NDArray[np.bool_]],
-) -> Moment:
+) -> BatchMoment:
     """Return the moment after a step, inside the limits; `troubles` is who waits for a report, and who has no game."""
     pursuer_m_s, evader_m_s, *turn_rad_s = slope
     steps_s = step_s[:, None]
@@ -307,7 +307,9 @@ def _moved(
     )
 
 
-def _smooth_s(batch: Batch, moment: Moment, ahead: Ahead, slope: Slope, captured_s: Array) -> Real:
+def _smooth_s(
+    batch: Batch, moment: BatchMoment, ahead: Ahead, slope: Slope, captured_s: Array
+) -> Real:
     """Return how long a step may be, (n,): a share of the least time until the pursuer is beside the evader or at a
     limit, or the evader at its target. While both players fly straight on, the time to the capture itself counts.
     """  # noqa: D205 - one sentence needs two lines
@@ -346,7 +348,7 @@ def _limit_s(
     return np.asarray(_zero_s(room_m, rate_m_s).min(axis=0))
 
 
-def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
+def _captured_s(batch: Batch, moment: BatchMoment, closing_m_s: Array) -> Array:
     """Return a lower bound, (n,), of the time until straight tracks end in capture; exact as it goes to zero.
 
     The distance from the disc is a convex function of the relative position. Its tangent is below it, so a step of
@@ -362,7 +364,7 @@ def _captured_s(batch: Batch, moment: Moment, closing_m_s: Array) -> Array:
     return np.asarray(np.max(times_s, axis=0))
 
 
-def _arrived_s(batch: Batch, moment: Moment, run_m_s: Array) -> Real:
+def _arrived_s(batch: Batch, moment: BatchMoment, run_m_s: Array) -> Real:
     """Return a lower bound, (n,), of the time until a straight run is at the target, as `_captured_s` does."""
     if batch.target_m is None:
         return math.inf
@@ -389,7 +391,7 @@ def _zero_s(distance_m: Real, rate_m_s: Real) -> Array:
     return np.where(distance_m <= 0.0, 0.0, left_s)
 
 
-def _mean_slope(batch: Batch, moment: Moment, step_s: Array, first: Slope) -> Slope:
+def _mean_slope(batch: Batch, moment: BatchMoment, step_s: Array, first: Slope) -> Slope:
     """Return the mean slope over a step by Runge-Kutta; a player on a course keeps its velocity."""
     slopes = [first]
     for share in (0.5, 0.5, 1.0):
@@ -404,7 +406,9 @@ def _mean_slope(batch: Batch, moment: Moment, step_s: Array, first: Slope) -> Sl
     return tuple((a + 2.0 * (b + c) + d) / 6.0 for a, b, c, d in parts)
 
 
-def _slope(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope | None = None) -> Slope:
+def _slope(
+    batch: Batch, moment: BatchMoment, P: Array, E: Array, first: Slope | None = None
+) -> Slope:
     """Return the players' velocities, and the turn; the pursuer sees the evader, or knows what it has heard.
 
     Args:
@@ -430,13 +434,13 @@ def _slope(batch: Batch, moment: Moment, P: Array, E: Array, first: Slope | None
     return v, w, turn_rad_s
 
 
-def fled(batch: Batch, moment: Moment, P: Array, E: Array) -> Array:
+def fled(batch: Batch, moment: BatchMoment, P: Array, E: Array) -> Array:
     """Return the velocities, (n, 3), that the evaders' strategy asks for at positions (n, 3)."""
     memory = _memory(moment)
     return evade(batch.evader, batch.game, P, E, batch.target_m, memory, last_m_s=moment.run_m_s)
 
 
-def chased(batch: Batch, moment: Moment, P: Array, E: Array, run_m_s: Array) -> Array:
+def chased(batch: Batch, moment: BatchMoment, P: Array, E: Array, run_m_s: Array) -> Array:
     """Return the velocities, (n, 3), that the pursuers' strategy asks for at positions (n, 3).
 
     Args:
@@ -468,7 +472,7 @@ class View(NamedTuple):
     evader_m_s: Array
 
 
-def view_of(batch: Batch, moment: Moment, E: Array, run_m_s: Array) -> View:
+def view_of(batch: Batch, moment: BatchMoment, E: Array, run_m_s: Array) -> View:
     """Return what the pursuers know of evaders at E that run; late and noisy where the scenario has a sensor."""
     if moment.heard is not None:
         heard = moment.heard
@@ -482,11 +486,11 @@ def view_of(batch: Batch, moment: Moment, E: Array, run_m_s: Array) -> View:
     return View(replace(batch.game, evader_speed_m_s=fastest_m_s), E, run_m_s)
 
 
-def _memory(moment: Moment) -> StrategyMemory:
+def _memory(moment: BatchMoment) -> StrategyMemory:
     return StrategyMemory(moment.flown_m_s, moment.now_s, moment.turning_rad_s)
 
 
-def _changes_s(batch: Batch, moment: Moment) -> Iterator[Array]:
+def _changes_s(batch: Batch, moment: BatchMoment) -> Iterator[Array]:
     """Yield the times, (n,), until a course turns and until a report is measured or arrives."""
     for strategy in (batch.pursuer, batch.evader):
         if strategy.course is not None:

@@ -49,7 +49,7 @@ class EvaderSeen(NamedTuple):
     age_s: float
 
 
-class Scene(NamedTuple):
+class CoordinatorView(NamedTuple):
     """The players as the coordinator sees them; places in the game frame, m.
 
     Attributes:
@@ -104,7 +104,7 @@ class Coordinator:
         is_silent = now_s - last_s >= SILENT_S
         return self.leading or (is_silent and alive[0] == self._board.vehicle)
 
-    def assign(self, now_s: float, scene: Scene) -> RolesMessage | None:
+    def assign(self, now_s: float, scene: CoordinatorView) -> RolesMessage | None:
         """Return a new assignment when one is due, and put it on the board.
 
         Args:
@@ -139,7 +139,9 @@ class Coordinator:
         self._board.take_roles(now_s, assignment)
         return assignment
 
-    def _match(self, scene: Scene, vehicles: list[str], evaders: list[str]) -> Matching | None:
+    def _match(
+        self, scene: CoordinatorView, vehicles: list[str], evaders: list[str]
+    ) -> Matching | None:
         if not vehicles or not evaders:
             return None
         states = [scene.vehicles[name] for name in vehicles]
@@ -214,7 +216,7 @@ class Coordinator:
     def _promises(
         self,
         now_s: float,
-        scene: Scene,
+        scene: CoordinatorView,
         matching: Matching | None,
         vehicles: list[str],
         evaders: list[str],
@@ -255,7 +257,7 @@ class Coordinator:
         return promises
 
     def _kept_or_broken(
-        self, scene: Scene, before: Promise, value: float | None, vehicles: list[str]
+        self, scene: CoordinatorView, before: Promise, value: float | None, vehicles: list[str]
     ) -> tuple[float | None, str]:
         """Return the value and cause of a promise that was given: it stands until a cause explains a worse value."""
         if before.value is None:
@@ -267,14 +269,14 @@ class Coordinator:
         return before.value, before.cause
 
     @staticmethod
-    def _is_worse(scene: Scene, value: float | None, promised: float) -> bool:
+    def _is_worse(scene: CoordinatorView, value: float | None, promised: float) -> bool:
         """Return whether a value is worse for the team than the promised one: later (PE), or nearer the target."""
         if value is None:
             return True
         loss = promised - value if scene.target_m is not None else value - promised
         return loss > _NOISE
 
-    def _cause(self, scene: Scene, evader: str, vehicles: list[str]) -> str:
+    def _cause(self, scene: CoordinatorView, evader: str, vehicles: list[str]) -> str:
         """Say why a promise cannot be kept; empty if nothing explains it, and then it stands."""
         roles = self._board.roles
         seen_evader = scene.evaders[evader]

@@ -12,7 +12,13 @@ from guidance.flight import Event, Flight, Outputs, State
 from guidance.frames import Amsl, Enu, GameFrame, Ned
 from guidance.messages import EvaderReport, LocalPosition, MateState, Role
 from guidance.team.board import Board
-from guidance.team.coordinator import ROUNDING_S, SLOT_MARGIN_M, Coordinator, EvaderSeen, Scene
+from guidance.team.coordinator import (
+    ROUNDING_S,
+    SLOT_MARGIN_M,
+    Coordinator,
+    CoordinatorView,
+    EvaderSeen,
+)
 from guidance.team.messages import (
     EvaderMessage,
     Promise,
@@ -222,7 +228,9 @@ class Member:
             self._transport.publish(message.key, encode(message))
         self._reports.clear()
 
-    def _scene(self, now_s: float, flight: Flight, alive: Collection[str]) -> Scene | None:
+    def _scene(
+        self, now_s: float, flight: Flight, alive: Collection[str]
+    ) -> CoordinatorView | None:
         """Return all players that are there and in play, None before the frames are known."""
         tracking = flight.tracking
         cycle = flight.settings.cycle
@@ -237,7 +245,7 @@ class Member:
             position_ned_m = _moved(frame.ned_from_wgs84(*state.place), state, now_s - at_s)
             x, y, z = game_frame.position_from_ned(position_ned_m)
             vehicles[state.vehicle] = Enu((x, y, z - plane_m)), state
-        return Scene(vehicles, evaders, cycle.target_game_m, cycle.game)
+        return CoordinatorView(vehicles, evaders, cycle.target_game_m, cycle.game)
 
     def _evaders_seen(
         self, now_s: float, flight: Flight, game_frame: GameFrame

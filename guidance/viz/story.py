@@ -30,7 +30,7 @@ Row = tuple[str, str]
 """Name and value of a line of a table."""
 
 
-class Played(NamedTuple):
+class GameCycle(NamedTuple):
     """A cycle of the game: its number in the flight, and its certificate."""
 
     number: int
@@ -62,7 +62,7 @@ class Story(NamedTuple):
     events: list[EventEntry]
     rows: list[CycleEntry]
     cycles: list[Cycle]
-    game: list[Played]
+    game: list[GameCycle]
     evaders: dict[str, list[tuple[float, Enu]]]
 
     def column(self, name: str) -> Array:
@@ -70,12 +70,12 @@ class Story(NamedTuple):
         return np.array([getattr(cycle, name) for cycle in self.cycles])
 
     @property
-    def engaged(self) -> Played | None:
+    def engaged(self) -> GameCycle | None:
         """The first cycle of the game."""
         return self.game[0] if self.game else None
 
     @property
-    def captured(self) -> Played | None:
+    def captured(self) -> GameCycle | None:
         """The first cycle of the capture."""
         return next((row for row in self.game if row.certificate.captured), None)
 
@@ -120,7 +120,7 @@ def story_of(path: Path) -> Story:
         elif entry is not None:
             if entry.certificate is not None:
                 number = len(story.rows)
-                story.game.append(Played(number, entry.now_s, entry.certificate))
+                story.game.append(GameCycle(number, entry.now_s, entry.certificate))
             story.rows.append(entry)
             story.cycles.append(flight.cycle)
             reported = {report.evader or "" for report in entry.inputs.reports}
@@ -300,7 +300,7 @@ def _slowest_m_s(story: Story) -> float:
     return min(filterfalse(math.isnan, speeds_m_s), default=math.nan)
 
 
-def _flown(story: Story, captured: Played) -> float:
+def _flown(story: Story, captured: GameCycle) -> float:
     cycle = story.settings.cycle
     if cycle.target_game_m is None:
         return story.game_lasted_s

@@ -11,7 +11,7 @@ import struct
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.dynamics import Kind as SetpointKind
-from sitl_mock.logs.dataflash import FMT, Kind
+from sitl_mock.logs.dataflash import FMT, RecordKind
 from sitl_mock.logs.parameters import LoggedParameters
 from sitl_mock.vector import Vector
 
@@ -32,34 +32,36 @@ _VELOCITY_TARGET: Final = 4
 _WEEK_S: Final = 604_800
 _GPS_EPOCH_S: Final = 315_964_800 - 18
 
-PARM: Final = Kind(32, "PARM", "QNff", "TimeUS,Name,Value,Default")
-MSG: Final = Kind(59, "MSG", "QZ", "TimeUS,Message")
-MODE: Final = Kind(118, "MODE", "QMBB", "TimeUS,Mode,ModeNum,Rsn")
-EV: Final = Kind(181, "EV", "QB", "TimeUS,Id")
-ARM: Final = Kind(186, "ARM", "QBIBB", "TimeUS,ArmState,ArmChecks,Forced,Method")
-ORGN: Final = Kind(71, "ORGN", "QBLLe", "TimeUS,Type,Lat,Lng,Alt")
-ATT: Final = Kind(
+PARM: Final = RecordKind(32, "PARM", "QNff", "TimeUS,Name,Value,Default")
+MSG: Final = RecordKind(59, "MSG", "QZ", "TimeUS,Message")
+MODE: Final = RecordKind(118, "MODE", "QMBB", "TimeUS,Mode,ModeNum,Rsn")
+EV: Final = RecordKind(181, "EV", "QB", "TimeUS,Id")
+ARM: Final = RecordKind(186, "ARM", "QBIBB", "TimeUS,ArmState,ArmChecks,Forced,Method")
+ORGN: Final = RecordKind(71, "ORGN", "QBLLe", "TimeUS,Type,Lat,Lng,Alt")
+ATT: Final = RecordKind(
     70, "ATT", "QccccCCCCB", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw,ErrRP,ErrYaw,AEKF"
 )
-POS: Final = Kind(72, "POS", "QLLfff", "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt")
-XKF1: Final = Kind(
+POS: Final = RecordKind(72, "POS", "QLLfff", "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt")
+XKF1: Final = RecordKind(
     44,
     "XKF1",
     "QBccCfffffffccce",
     "TimeUS,C,Roll,Pitch,Yaw,VN,VE,VD,dPD,PN,PE,PD,GX,GY,GZ,OH",
 )
-BAT: Final = Kind(
+BAT: Final = RecordKind(
     86, "BAT", "QBfffffcfBBB", "TimeUS,Inst,Volt,VoltR,Curr,CurrTot,EnrgTot,Temp,Res,RemPct,H,SH"
 )
-GPS: Final = Kind(
+GPS: Final = RecordKind(
     90,
     "GPS",
     "QBBIHBcLLeffffB",
     "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw,U",
 )
-GUIP: Final = Kind(8, "GUIP", "QBfffbffffff", "TimeUS,Type,pX,pY,pZ,Terrain,vX,vY,vZ,aX,aY,aZ")
+GUIP: Final = RecordKind(
+    8, "GUIP", "QBfffbffffff", "TimeUS,Type,pX,pY,pZ,Terrain,vX,vY,vZ,aX,aY,aZ"
+)
 _AXES: Final = tuple(
-    Kind(
+    RecordKind(
         number,
         f"PSC{axis}",
         "Qffffffff",

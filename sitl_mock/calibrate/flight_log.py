@@ -26,7 +26,7 @@ _TAKE_OFF_S = 5.0
 """PX4 limits the velocity for MPC_TKO_RAMP_T (3 s) after it has left the ground."""
 
 
-class Command(NamedTuple):
+class VelocityCommand(NamedTuple):
     """A commanded velocity (north, east, down) from a time on; None where none is in force."""
 
     at_s: float
@@ -66,7 +66,7 @@ class _News(NamedTuple):
     velocity_ned_m_s: Row | None = None
 
 
-def _px4(content: bytes, source: str) -> tuple[list[Command], list[Row]]:
+def _px4(content: bytes, source: str) -> tuple[list[VelocityCommand], list[Row]]:
     selection = {
         "vehicle_status": ("timestamp", "nav_state"),
         "vehicle_land_detected": ("timestamp", "landed"),
@@ -88,7 +88,7 @@ def _px4(content: bytes, source: str) -> tuple[list[Command], list[Row]]:
     return _commands(news), [_in_seconds(row) for row in rows["vehicle_local_position"]]
 
 
-def _arducopter(content: bytes, source: str) -> tuple[list[Command], list[Row]]:
+def _arducopter(content: bytes, source: str) -> tuple[list[VelocityCommand], list[Row]]:
     selection = {
         "MODE": ("TimeUS", "ModeNum"),
         "GUIP": ("TimeUS", "Type", "vX", "vY", "vZ"),
@@ -112,7 +112,7 @@ def _in_seconds(row: Row) -> Row:
     return (row[0] * 1e-6, *row[1:])
 
 
-def _commands(news: list[_News]) -> list[Command]:
+def _commands(news: list[_News]) -> list[VelocityCommand]:
     """Return the commands: a target is in force in the air, in a streamed mode, until the mode or the stream ends."""
     commands = []
     streams = False
@@ -126,18 +126,18 @@ def _commands(news: list[_News]) -> list[Command]:
             flies_s = _flies_s(flies_s, at_s, landed=item.landed)
         if item.streams is not None or item.landed is not None:
             if not streams or at_s < flies_s:
-                commands.append(Command(at_s, None))
+                commands.append(VelocityCommand(at_s, None))
             continue
         began_s = (last_s + at_s) / 2.0
         if at_s - last_s > _LONGEST_GAP_S:
-            commands.append(Command(last_s + _LONGEST_GAP_S, None))
+            commands.append(VelocityCommand(last_s + _LONGEST_GAP_S, None))
             began_s = at_s
         if commands:
             began_s = max(began_s, commands[-1].at_s)
         last_s = at_s
         in_force = streams and at_s >= flies_s
-        commands.append(Command(began_s, item.velocity_ned_m_s if in_force else None))
-    commands.append(Command(last_s + _LONGEST_GAP_S, None))
+        commands.append(VelocityCommand(began_s, item.velocity_ned_m_s if in_force else None))
+    commands.append(VelocityCommand(last_s + _LONGEST_GAP_S, None))
     return commands
 
 
@@ -150,7 +150,7 @@ def _flies_s(before_s: float, now_s: float, *, landed: bool) -> float:
     return before_s
 
 
-def _longest(commands: list[Command], motion: list[Row]) -> list[Row]:
+def _longest(commands: list[VelocityCommand], motion: list[Row]) -> list[Row]:
     """Return the rows of the longest stretch in which a command is in force."""
     longest: list[Row] = []
     stretch: list[Row] = []

@@ -2,8 +2,8 @@
 
 from sitl_mock.compare.behaviour import (
     Behaviour,
-    Difference,
     FieldRange,
+    MessageDifference,
     Stream,
     behaviour_of,
     differences,
@@ -13,8 +13,8 @@ from sitl_mock.compare.recording import BOOTED_S, Recording, fly_recording, read
 __all__ = [
     "BOOTED_S",
     "Behaviour",
-    "Difference",
     "FieldRange",
+    "MessageDifference",
     "Recording",
     "Stream",
     "behaviour_of",

@@ -108,7 +108,7 @@ ANSWERS = frozenset(
 """Answers to clients and reports of events, which have no rate."""
 
 
-class Difference(NamedTuple):
+class MessageDifference(NamedTuple):
     """One difference.
 
     Attributes:
@@ -126,16 +126,16 @@ class Difference(NamedTuple):
     mock: str
 
 
-def differences(recorded: Behaviour, mock: Behaviour) -> list[Difference]:
+def differences(recorded: Behaviour, mock: Behaviour) -> list[MessageDifference]:
     """Return all differences of two behaviours."""
     lines = []
     for name in sorted({*recorded, *mock}):
         real = recorded.get(name)
         ours = mock.get(name)
         if ours is None and real is not None:
-            lines.append(Difference("missing", name, "", _often(real), "none"))
+            lines.append(MessageDifference("missing", name, "", _often(real), "none"))
         elif real is None and ours is not None:
-            lines.append(Difference("extra", name, "", "none", _often(ours)))
+            lines.append(MessageDifference("extra", name, "", "none", _often(ours)))
         elif real is not None and ours is not None:
             lines += _of_stream(name, real, ours)
     return lines
@@ -145,14 +145,14 @@ def _often(stream: Stream) -> str:
     return f"{stream.rate_hz:.2f} Hz" if stream.count >= LEAST else f"{stream.count} times"
 
 
-def _of_stream(name: str, real: Stream, ours: Stream) -> Iterator[Difference]:
+def _of_stream(name: str, real: Stream, ours: Stream) -> Iterator[MessageDifference]:
     counted = max(real.count, ours.count) >= LEAST
     if (
         counted
         and name not in ANSWERS
         and abs(real.rate_hz - ours.rate_hz) > RATE_SHARE * max(real.rate_hz, ours.rate_hz)
     ):
-        yield Difference("rate", name, "", _often(real), _often(ours))
+        yield MessageDifference("rate", name, "", _often(real), _often(ours))
     for phase in sorted(real.fields.keys() & ours.fields.keys()):
         for label, values in real.fields[phase].items():
             other = ours.fields[phase].get(label)
@@ -160,11 +160,13 @@ def _of_stream(name: str, real: Stream, ours: Stream) -> Iterator[Difference]:
                 yield from _of_field(name, f"{label} ({phase})", values, other)
 
 
-def _of_field(name: str, label: str, real: FieldRange, ours: FieldRange) -> Iterator[Difference]:
+def _of_field(
+    name: str, label: str, real: FieldRange, ours: FieldRange
+) -> Iterator[MessageDifference]:
     if math.isnan(real.first) != math.isnan(ours.first):
-        yield Difference("absent", name, label, span(real), span(ours))
+        yield MessageDifference("absent", name, label, span(real), span(ours))
     elif real.moves != ours.moves:
-        yield Difference("constant", name, label, span(real), span(ours))
+        yield MessageDifference("constant", name, label, span(real), span(ours))
 
 
 def span(values: FieldRange) -> str:

@@ -7,7 +7,13 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from sitl_mock.compare.behaviour import Behaviour, Difference, behaviour_of, differences, span
+from sitl_mock.compare.behaviour import (
+    Behaviour,
+    MessageDifference,
+    behaviour_of,
+    differences,
+    span,
+)
 from sitl_mock.compare.recording import Recording, fly_recording, read_tlog
 
 
@@ -63,7 +69,7 @@ def _ranges(recorded: Behaviour, mock: Behaviour) -> Table:
     return table
 
 
-def _differences(found: list[Difference]) -> Table:
+def _differences(found: list[MessageDifference]) -> Table:
     table = Table(title=f"{len(found)} differences")
     for column in ("what", "message", "field", "recorded", "mock"):
         table.add_column(column)
@@ -73,7 +79,7 @@ def _differences(found: list[Difference]) -> Table:
 
 
 def _plain(
-    recording: Recording, recorded: Behaviour, mock: Behaviour, found: list[Difference]
+    recording: Recording, recorded: Behaviour, mock: Behaviour, found: list[MessageDifference]
 ) -> dict[str, object]:
     return {
         "flavour": recording.flavour,

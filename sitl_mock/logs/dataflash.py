@@ -47,7 +47,7 @@ _SCALES: Final = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
 _SHORTEST: Final = {"h": (-32768, 32767), "H": (0, 65535), "i": (-(2**31), 2**31 - 1)}
 
 
-class Kind:
+class RecordKind:
     """A kind of record.
 
     Args:
@@ -97,7 +97,7 @@ def _definition(number: int, size: int, name: str, letters: str, columns: str) -
     return START + bytes((_FMT,)) + body
 
 
-FMT: Final = Kind(_FMT, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
+FMT: Final = RecordKind(_FMT, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
 
 
 def read(
@@ -128,7 +128,7 @@ def read(
     return rows
 
 
-def _records(content: bytes) -> Iterator[tuple[Kind, tuple[Any, ...]]]:
+def _records(content: bytes) -> Iterator[tuple[RecordKind, tuple[Any, ...]]]:
     kinds = {_FMT: FMT}
     at = 0
     while (at := content.find(START, at)) >= 0 and at + _HEAD <= len(content):
@@ -148,11 +148,11 @@ def _records(content: bytes) -> Iterator[tuple[Kind, tuple[Any, ...]]]:
         at += kind.size
 
 
-def _described(values: tuple[Any, ...]) -> Kind | None:
+def _described(values: tuple[Any, ...]) -> RecordKind | None:
     """Return the kind that a FMT record describes; None for FMT itself, or with an unknown letter."""
     number, _, name, letters, columns = values
     text = letters.rstrip(b"\0").decode(errors="replace")
     names = columns.rstrip(b"\0").decode(errors="replace")
     if number == _FMT or not set(text) <= _LETTERS.keys() or len(names.split(",")) != len(text):
         return None
-    return Kind(number, name.rstrip(b"\0").decode(errors="replace"), text, names)
+    return RecordKind(number, name.rstrip(b"\0").decode(errors="replace"), text, names)

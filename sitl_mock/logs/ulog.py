@@ -24,7 +24,7 @@ _HEADER: Final = struct.Struct("<7sBQ")
 _HEAD: Final = struct.Struct("<HB")
 
 
-class Field(NamedTuple):
+class TopicField(NamedTuple):
     """A field of a topic: type of one element, name, and number of elements (1 for a scalar)."""
 
     kind: str
@@ -56,15 +56,15 @@ class Topic:
         self.pack = partial(packed, struct.calcsize("<H") + self.size, _DATA, number)
 
 
-def fields_of(text: str) -> Iterator[Field]:
+def fields_of(text: str) -> Iterator[TopicField]:
     """Yield the fields of a format's text."""
     for described in text.strip(";").split(";"):
         kind, _, name = described.partition(" ")
         element, _, count = kind.removesuffix("]").partition("[")
-        yield Field(element, name, int(count) if count else 1)
+        yield TopicField(element, name, int(count) if count else 1)
 
 
-def layout(fields: Sequence[Field]) -> str:
+def layout(fields: Sequence[TopicField]) -> str:
     """Return the fields as `struct` has them.
 
     Raises:

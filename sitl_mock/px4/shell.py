@@ -16,7 +16,7 @@ from sitl_mock.px4.topics import NAV_STATES, SOURCES, state_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from sitl_mock.logs.ulog import Field
+    from sitl_mock.logs.ulog import TopicField
     from sitl_mock.telemetry import Report
 
 _SYMBOLS: Final = "Symbols: x = used, + = saved, * = unsaved\n"
@@ -250,7 +250,7 @@ def _message(report: Report, name: str) -> str:
     return "".join(lines)
 
 
-def _value(field: Field, part: Sequence[float]) -> str:
+def _value(field: TopicField, part: Sequence[float]) -> str:
     shown = ", ".join(_scalar(field.kind, value) for value in part)
     return f"[{shown}]" if field.length > 1 else shown
 
@@ -265,7 +265,7 @@ def _scalar(kind: str, value: float) -> str:
     return f"{int(value)}"
 
 
-def _remark(field: Field, part: Sequence[float], now_us: int) -> str:
+def _remark(field: TopicField, part: Sequence[float], now_us: int) -> str:
     if field.name == "timestamp":
         return f" ({(now_us - part[0]) * 1e-6:.6f} seconds ago)" if part[0] else ""
     if field.name == "timestamp_sample":

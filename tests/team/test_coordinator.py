@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from guidance.frames import Enu
 from guidance.game import Extent
 from guidance.team.board import Board
-from guidance.team.coordinator import Coordinator, EvaderSeen, Scene
+from guidance.team.coordinator import Coordinator, CoordinatorView, EvaderSeen
 from tests.team.virtual_team import GAME, VirtualTeam, state_of
 
 TARGET = (0.0, 0.0, 0.0)
@@ -179,7 +179,9 @@ def promised(coordinator, now_s, part, evader_m):
     vehicles = {
         name: (at, state_of(name, (at[1], at[0], -at[2]), part=part)) for name, at in TEAM.items()
     }
-    scene = Scene(vehicles, {"blue": EvaderSeen(Enu(evader_m), 3.0, 3.0, 0.1)}, Enu(TARGET), GAME)
+    scene = CoordinatorView(
+        vehicles, {"blue": EvaderSeen(Enu(evader_m), 3.0, 3.0, 0.1)}, Enu(TARGET), GAME
+    )
     return coordinator.assign(now_s, scene).promises
 
 
@@ -217,6 +219,6 @@ def test_the_coordinator_matches_by_the_vehicles_own_game():
         state = state_of("alpha", (0.0, 0.0, -15.0))
         evaders = {"blue": EvaderSeen(Enu((47.0, 0.0, 0.0)), 2.5, 2.5, 0.1)}
         game = replace(GAME, target_extent=shape)
-        scene = Scene({"alpha": ((0.0, 0.0, 15.0), state)}, evaders, Enu(TARGET), game)
+        scene = CoordinatorView({"alpha": ((0.0, 0.0, 15.0), state)}, evaders, Enu(TARGET), game)
         made = Coordinator(board, 1, 4.0).assign(0.0, scene)
         assert len(made.promises) == promised_ones

@@ -6,7 +6,7 @@ from guidance.clock import VirtualClock
 from guidance.frames import Amsl, Enu, LocalFrame, Ned
 from guidance.game import Cylinder, Game, StandOff
 from guidance.team.board import Board
-from guidance.team.coordinator import Coordinator, EvaderSeen, Scene
+from guidance.team.coordinator import Coordinator, CoordinatorView, EvaderSeen
 from guidance.team.messages import RolesMessage, StateMessage, encode
 from tests.team.lossy import LossyNetwork
 
@@ -86,7 +86,7 @@ class Point:
             north, east, down = SITE.ned_from_wgs84(*state.place)
             vehicles[name] = (east, north, -down), state
         seen = {name: EvaderSeen(Enu(place), 3.0, 3.0, 0.1) for name, place in evaders.items()}
-        return Scene(
+        return CoordinatorView(
             vehicles,
             {name: one for name, one in seen.items() if name not in self.board.over},
             target_m,

@@ -8,7 +8,7 @@ from functools import partial
 from guidance.clock import MonotonicClock, VirtualClock
 from guidance.links.opening import KINDS
 from guidance.session.fly.daemon import Equipment
-from guidance.session.open.opened import Onlooker, Opened, Played, check_option, players_of
+from guidance.session.open.opened import AnyScenario, Onlooker, Opened, check_option, players_of
 from guidance.session.orders import control_bus
 from guidance.session.orders.mailbox import Mailbox
 from guidance.sim import live, mock_files, stepped
@@ -42,7 +42,7 @@ class MockOptions:
         """The kind of run in an outcome row."""
         return "fast" if self.fast else "live"
 
-    def open(self, scenario: Played, onlooker: Onlooker, stack: ExitStack) -> Opened:
+    def open(self, scenario: AnyScenario, onlooker: Onlooker, stack: ExitStack) -> Opened:
         """Open the mocks, and take orders."""
         (pursuits, team) = players_of(scenario)
         clock = VirtualClock() if self.fast else MonotonicClock()
@@ -56,6 +56,6 @@ class MockOptions:
         world = (stepped.SteppedWorld if self.fast else in_real_time)(pursuits, clock)
         return Opened(pursuits, stack.enter_context(closing(world)), clock, buses, equipment, {})
 
-    def left_out(self, _scenario: Played) -> Sequence[str]:
+    def left_out(self, _scenario: AnyScenario) -> Sequence[str]:
         """Nothing: a mock has faults and wind."""
         return ()
