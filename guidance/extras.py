@@ -19,7 +19,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
 """Import names of each extra."""
 
 
-def require(what: str, *extras: str) -> None:
+def require_extras(what: str, *extras: str) -> None:
     """Check that extras are installed, before any work begins.
 
     Args:

@@ -138,7 +138,11 @@ def running(
     }
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        tables = {"seed": seed, **fleet, "vehicle": [_given(vehicle) for vehicle in vehicles]}
+        tables = {
+            "seed": seed,
+            **fleet,
+            "vehicle": [_without_none(vehicle) for vehicle in vehicles],
+        }
         (folder / "fleet.toml").write_text(tomlkit.dumps(tables), encoding="utf-8")
         (folder / "faults.toml").write_text(tomlkit.dumps(faults or {}), encoding="utf-8")
         for _ in range(1 if port else _ATTEMPTS):
@@ -265,13 +269,13 @@ def _free_ports(flavours: Mapping[str, str], stack: contextlib.ExitStack) -> int
                 f"{', '.join(flavours)}: their UDP ports would clash; start them as two fleets"
             )
         with contextlib.ExitStack() as held:
-            if all(_is_free(port) and _held(port, held) for port in ports):
+            if all(_is_free(port) and _holds_port(port, held) for port in ports):
                 stack.push(held.pop_all())
                 return start
     raise TransportError(f"no free UDP ports from {_FIRST_PORT} to {_LAST_PORT} on 127.0.0.1")
 
 
-def _held(port: int, stack: contextlib.ExitStack) -> bool:
+def _holds_port(port: int, stack: contextlib.ExitStack) -> bool:
     """Hold a TCP port until the stack is closed; False if another fleet has it."""
     holder = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
     try:
@@ -297,6 +301,6 @@ def _is_free(port: int) -> bool:
         return True
 
 
-def _given(table: Mapping[str, Any]) -> dict[str, Any]:
+def _without_none(table: Mapping[str, Any]) -> dict[str, Any]:
     """Drop keys without a value."""
     return {key: value for key, value in table.items() if value is not None}

@@ -48,21 +48,23 @@ def differences_of(first: str, second: str) -> list[VersionDifference]:
         )
     return [
         *_parameters(before, after),
-        *_numbers("command", _commands(before), _commands(after)),
-        *_numbers("mission item", before.mission_rules.commands, after.mission_rules.commands),
+        *_command_differences("command", _commands(before), _commands(after)),
+        *_command_differences(
+            "mission item", before.mission_rules.commands, after.mission_rules.commands
+        ),
         *_modes(before, after),
         *_messages(before, after),
     ]
 
 
-def _table(flavour: Flavour) -> ParameterTable:
+def _parameter_table(flavour: Flavour) -> ParameterTable:
     parameters = flavour.parameters
     return parameters if isinstance(parameters, ParameterTable) else ParameterTable(parameters)
 
 
 def _parameters(before: Flavour, after: Flavour) -> Iterator[VersionDifference]:
-    old = _table(before)
-    new = _table(after)
+    old = _parameter_table(before)
+    new = _parameter_table(after)
     later = {renamed.name: (was, renamed.factor) for was, renamed in new.renamed.items()}
     earlier = {renamed.name: (was, 1.0 / renamed.factor) for was, renamed in old.renamed.items()}
     renamed = {was: name for name, (was, _) in later.items()} | {
@@ -73,18 +75,22 @@ def _parameters(before: Flavour, after: Flavour) -> Iterator[VersionDifference]:
             other = new.definitions[renamed[name]]
             factor = later[other.name][1] if other.name in later else earlier[name][1]
             note = "" if factor == 1.0 else f"value × {factor:g}"
-            yield VersionDifference("parameter", _described(item), _described(other), note)
+            yield VersionDifference(
+                "parameter", _parameter_words(item), _parameter_words(other), note
+            )
         elif name not in new.definitions:
-            yield VersionDifference("parameter", _described(item), "")
+            yield VersionDifference("parameter", _parameter_words(item), "")
         elif item != new.definitions[name]:
             other = new.definitions[name]
-            yield VersionDifference("parameter", _described(item), _described(other), other.meaning)
+            yield VersionDifference(
+                "parameter", _parameter_words(item), _parameter_words(other), other.meaning
+            )
     for name, item in new.definitions.items():
         if name not in old.definitions and name not in renamed.values():
-            yield VersionDifference("parameter", "", _described(item), item.meaning)
+            yield VersionDifference("parameter", "", _parameter_words(item), item.meaning)
 
 
-def _described(item: Parameter) -> str:
+def _parameter_words(item: Parameter) -> str:
     unit = f" {item.unit}" if item.unit else ""
     return f"{item.name} = {item.default:g}{unit}"
 
@@ -96,16 +102,16 @@ def _commands(flavour: Flavour) -> frozenset[int]:
     return (refused - flavour.refused_commands) | flavour.more_commands
 
 
-def _numbers(
+def _command_differences(
     subject: str, before: frozenset[int], after: frozenset[int]
 ) -> Iterator[VersionDifference]:
     for number in sorted(before - after):
-        yield VersionDifference(subject, _command(number), "")
+        yield VersionDifference(subject, _command_words(number), "")
     for number in sorted(after - before):
-        yield VersionDifference(subject, "", _command(number))
+        yield VersionDifference(subject, "", _command_words(number))
 
 
-def _command(number: int) -> str:
+def _command_words(number: int) -> str:
     name = command_names().get(number)
     return str(number) if name is None else f"{number} {name}"
 

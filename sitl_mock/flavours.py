@@ -23,13 +23,13 @@ def flavour_named(spec: str) -> Flavour:
     versions = VERSIONS[name]
     if not version:
         version = versions[0]
-    flavour = _recorded(name)
+    flavour = _recorded_flavour(name)
     if version == versions[0]:
         return replace(flavour, version=version)
     return _later(flavour, version)
 
 
-def _recorded(name: str) -> Flavour:
+def _recorded_flavour(name: str) -> Flavour:
     """Return the version with recorded data."""
     if name == "px4":
         from sitl_mock.px4 import PX4  # noqa: PLC0415 - imports are half of the start-up time

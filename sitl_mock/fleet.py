@@ -67,7 +67,7 @@ class FleetConfig:
     home: Home = DEFAULT_HOME
 
 
-def _given(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
+def _optional(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Also accept None (not given)."""
     return lambda value: None if value is None else check(value)
 
@@ -90,12 +90,12 @@ _VEHICLE: Final = {
         "its name", REQUIRED, matching("[A-Za-z0-9_-]{1,32}", "1 to 32 letters, digits, - and _")
     ),
     "flavour": Option("its kind", "px4", choice(*SPECS)),
-    "system_id": Option("MAVLink system id", None, _given(integer(1, _MOST))),
+    "system_id": Option("MAVLink system id", None, _optional(integer(1, _MOST))),
     "start_ned_m": Option("metres north, east, down of home", (0.0, 0.0, 0.0), place),
     "yaw_deg": Option("degrees", 0.0, number(-360.0, 360.0)),
     "noise": Option("whether it has the real estimator's errors", True, flag),
-    "ready_after_s": Option("seconds", None, _given(number(0.0, _FOREVER_S))),
-    "texts": Option("whether it sends STATUSTEXT", None, _given(flag)),
+    "ready_after_s": Option("seconds", None, _optional(number(0.0, _FOREVER_S))),
+    "texts": Option("whether it sends STATUSTEXT", None, _optional(flag)),
     "origin": Option("of the local frame", None, _any),
     "parameters": Option("values by name", {}, numbers),
     "signing": Option("of all links", None, _any),
@@ -113,10 +113,10 @@ def read_fleet(path: Path) -> FleetConfig:
     Raises:
         ConfigError: The file cannot be read, or a key is unknown or wrong.
     """
-    return checked(read_toml(path, "fleet file"), str(path))
+    return checked_fleet(read_toml(path, "fleet file"), str(path))
 
 
-def checked(values: object, source: str) -> FleetConfig:
+def checked_fleet(values: object, source: str) -> FleetConfig:
     """Turn plain values into a fleet.
 
     Raises:

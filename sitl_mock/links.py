@@ -27,7 +27,7 @@ from sitl_mock.protocols import (
     Streams,
     TimeProtocol,
     available_modes,
-    on_earth,
+    is_on_earth,
 )
 from sitl_mock.telemetry import Report, builders_of
 
@@ -248,7 +248,7 @@ class Link:
     def _set_origin(self, now_s: float, command: Command) -> Result:
         """DO_SET_GLOBAL_ORIGIN, as SET_GPS_GLOBAL_ORIGIN."""
         position = Place(*command.params[4:7])
-        if not (command.is_int and on_earth(position)):
+        if not (command.is_int and is_on_earth(position)):
             return Result.DENIED
         moved = self.autopilot.set_origin(now_s, position)
         return Result.ACCEPTED if moved else Result.TEMPORARILY_REJECTED

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.pilot import OVERRIDE_TIME, PITCH, ROLL, THROTTLE, YAW, Override, Sticks, stick_of
-from sitl_mock.protocols import Place, addressed, on_earth
+from sitl_mock.protocols import Place, addressed, is_on_earth
 from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import Reported
 
@@ -151,7 +151,7 @@ def _follow_target(
     """FOLLOW_TARGET: position and velocity, regardless of est_capabilities; implausible values are dropped."""
     position = Place(message.lat * 1e-7, message.lon * 1e-7, message.alt)
     velocity = tuple(message.vel)
-    if on_earth(position) and all(abs(value) < _FASTEST_M_S for value in velocity):
+    if is_on_earth(position) and all(abs(value) < _FASTEST_M_S for value in velocity):
         state.target = Reported(
             now_s, state.frame.to_local(*position), Vector((velocity[0], velocity[1], velocity[2]))
         )

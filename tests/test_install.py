@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from guidance.errors import ConfigError
-from guidance.extras import EXTRAS, require
+from guidance.extras import EXTRAS, require_extras
 from tests.install import (
     LARGEST_MB,
     LARGEST_MOCK_MB,
@@ -101,7 +101,7 @@ def test_every_extra_that_a_message_names_is_declared_and_brings_what_is_missed(
         brought = " ".join(extras[extra])
         assert [name for name in packages if named.get(name, name) not in brought] == []
     assert {"sim", "plot", "viz", "torch", "jax", "all", "dev"} <= set(extras)
-    require("here everything is", *EXTRAS)
+    require_extras("here everything is", *EXTRAS)
 
 
 def test_a_container_leaves_out_what_the_page_about_small_computers_does():

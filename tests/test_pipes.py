@@ -75,6 +75,6 @@ def test_a_moment_without_a_thread_ends_no_order_socket(monkeypatch):
     done = threading.Event()
     with monkeypatch.context() as patched:
         patched.setattr(threading.Thread, "start", refuse)
-        assert not control_socket.begin(free, done.set)
-    assert control_socket.begin(free, done.set)
+        assert not control_socket.begin_exchange(free, done.set)
+    assert control_socket.begin_exchange(free, done.set)
     assert done.wait(3.0)

@@ -163,7 +163,7 @@ class Rule(NamedTuple):
         return judgement._replace(set_to=judgement.set_to / self.unit)
 
 
-def row_of(
+def finding_of(
     rule: Rule, parameters: Mapping[str, float], wants: Wants, quantities: Quantities
 ) -> Finding:
     """Apply a rule to the parameters that were read."""

@@ -70,7 +70,7 @@ def _short_order(arguments: Sequence[str]) -> int | None:
     options: dict[str, Any] = {
         name[2:].replace("-", "_"): _OPTIONS[name](word) for name, word in option_words.items()
     }
-    return max(map(show, ask(arguments[1], **options)))
+    return max(map(print_answer, ask(arguments[1], **options)))
 
 
 def ask(
@@ -158,7 +158,7 @@ def _asked_team_here(
         return None
 
 
-def show(answer: Mapping[str, Any]) -> int:
+def print_answer(answer: Mapping[str, Any]) -> int:
     """Say in a line what became of an order, in red where it was refused; return the exit code."""
     name = answer.get("name", "the daemon")
     state = answer.get("state", "")

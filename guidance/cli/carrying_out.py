@@ -71,7 +71,7 @@ def carried_out(
                 last_states[name] = state
                 typer.echo(f"{name}: {state}", err=True)
         if not any(_is_under_way(order, status, aim) for status in statuses):
-            return [_answer(order, status, aim) for status in statuses]
+            return [_final_answer(order, status, aim) for status in statuses]
         sleep(POLL_S)
 
 
@@ -87,7 +87,7 @@ def _is_under_way(order: str, status: Answer, aim: OrderStates) -> bool:
     return not _is_done(order, status, aim) and status.get("state") in aim.under_way
 
 
-def _answer(order: str, status: Answer, aim: OrderStates) -> Answer:
+def _final_answer(order: str, status: Answer, aim: OrderStates) -> Answer:
     name = str(status["name"])
     state = str(status.get("state", ""))
     if _is_done(order, status, aim):

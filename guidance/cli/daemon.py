@@ -10,13 +10,13 @@ import typer
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from guidance.cli import INTERRUPTED, ask, show
+from guidance.cli import INTERRUPTED, ask, print_answer
 from guidance.cli.arguments import Json, Panel, TokenFile, ZenohFile, completed
 from guidance.cli.carrying_out import AIMS, carried_out
 from guidance.cli.viewers import panel_beside
 from guidance.config import find
 from guidance.errors import ConfigError, FlightError
-from guidance.extras import require
+from guidance.extras import require_extras
 from guidance.screen import Cell, console, pairs
 from guidance.session.orders.control_socket import ENDPOINT, STATUS, WORDS
 
@@ -43,7 +43,7 @@ def run(
     vehicle_config = load_vehicle(path)
     with contextlib.ExitStack() as closing:
         if panel:
-            require("--panel", "panel")
+            require_extras("--panel", "panel")
             endpoint = vehicle_config.control.endpoint
             if vehicle_config.control.by_tls:
                 refused = f"--panel with control.endpoint = {endpoint!r}: that router judges who may order"
@@ -121,7 +121,7 @@ def ctl(
             if answer["order"] == STATUS and answer["accepted"]:
                 console().print(status_table(answer))
             else:
-                show(answer)
+                print_answer(answer)
     if not all(answer["accepted"] for answer in answers):
         raise typer.Exit(FlightError.exit_code)
 
@@ -139,8 +139,8 @@ def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
     state = str(status.get("state", "-"))
     yield "state", Text(state, "bold")
     if "waiting_for" in status:
-        waited = f"{_said(status, 'waited_s', '{:.0f}')} s so far"
-        limit = f"{_said(status, 'connect_timeout_s', '{:.0f}')} s at most"
+        waited = f"{_value_words(status, 'waited_s', '{:.0f}')} s so far"
+        limit = f"{_value_words(status, 'connect_timeout_s', '{:.0f}')} s at most"
         yield "waiting", f"for {status['waiting_for']}, {waited}, {limit}"
         return
     if status.get("next"):
@@ -149,43 +149,43 @@ def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
     streaming = "setpoints are sent" if status.get("streaming") else "no setpoints are sent"
     mode = status.get("autopilot_mode", status.get("mode"))
     yield "autopilot", f"{mode}, {armed}, {streaming}"
-    beat = _said(status, "heartbeat_age_s", "{:.1f} s ago", "never")
-    position = _said(status, "position_age_s", "{:.1f} s ago", "never")
+    beat = _value_words(status, "heartbeat_age_s", "{:.1f} s ago", "never")
+    position = _value_words(status, "position_age_s", "{:.1f} s ago", "never")
     yield "heard", f"HEARTBEAT {beat}, position {position}"
     if status.get("height_m") is not None:
-        yield from _flown(status)
-    silence = _said(status, "evader_silence_s", "{:.1f} s ago", "never")
+        yield from _motion_rows(status)
+    silence = _value_words(status, "evader_silence_s", "{:.1f} s ago", "never")
     yield "evader", f"heard {silence}"
     game = status.get("certificate")
     if game:
-        yield from _game(status, game)
+        yield from _game_rows(status, game)
     yield "record", str(status.get("recording", "-"))
 
 
-def _flown(status: Status) -> Iterator[tuple[str, Cell]]:
+def _motion_rows(status: Status) -> Iterator[tuple[str, Cell]]:
     yield "height", f"{status['height_m']:z.1f} m above home"
     north_m, east_m, _ = map(_number, status["position_ned_m"])
     yield "position", f"{north_m:z.1f} m north, {east_m:z.1f} m east of the origin"
     north_m_s, east_m_s, down_m_s = map(_number, status["velocity_ned_m_s"])
     level_m_s = math.hypot(north_m_s, east_m_s)
     yield "speed", f"{level_m_s:.1f} m/s level, {-down_m_s:z.1f} m/s up"
-    yield "battery", _said(status, "battery", "{:.0%}", "not told")
+    yield "battery", _value_words(status, "battery", "{:.0%}", "not told")
 
 
 def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def _game(status: Status, game: Status) -> Iterator[tuple[str, Cell]]:
-    range_m = _said(status, "range_m")
-    gap_m = _said(game, "gap_m")
+def _game_rows(status: Status, game: Status) -> Iterator[tuple[str, Cell]]:
+    range_m = _value_words(status, "range_m")
+    gap_m = _value_words(game, "gap_m")
     yield "range", f"{range_m} m to the evader, {gap_m} m to the stand-off disc's rim"
     unit = status["value_unit"]
     quantity = "value to go" if unit == "s" else "evader's distance from its target"
-    value = _said(game, "value")
+    value = _value_words(game, "value")
     yield "ideal game", f"winner {game['winner']}; {quantity} {value} {unit}"
-    needs_s = _said(game, "time_needed_s")
-    reaches_m_s = _said(game, "reachable_speed_m_s")
+    needs_s = _value_words(game, "time_needed_s")
+    reaches_m_s = _value_words(game, "reachable_speed_m_s")
     winner = game.get("vehicle_winner", "undecided")
     yield "this vehicle", f"winner {winner}; needs {needs_s} s, reaches {reaches_m_s} m/s"
     if game.get("active_limits"):
@@ -204,6 +204,6 @@ def _to_do(status: Status) -> Iterator[Text]:
         yield Text(line, style)
 
 
-def _said(values: Status, key: str, form: str = "{:.1f}", unknown: str = "-") -> str:
+def _value_words(values: Status, key: str, form: str = "{:.1f}", unknown: str = "-") -> str:
     value = values.get(key)
     return unknown if value is None else form.format(value)

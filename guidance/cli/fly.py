@@ -20,7 +20,7 @@ from guidance.cli.players import rows_json, tell_players
 from guidance.cli.viewers import CommandBeside, panel_beside
 from guidance.config import parse
 from guidance.errors import ConfigError, FlightError, OutputError
-from guidance.extras import how_to_add, require
+from guidance.extras import how_to_add, require_extras
 from guidance.files import private_folder, whole_file, writing
 from guidance.flight import State
 from guidance.log.entries import OUTCOME
@@ -187,7 +187,7 @@ class _Beside(contextlib.ExitStack):
         super().__init__()
         for needed, option, extra in ((view, "the view", "viz"), (panel, "--panel", "panel")):
             if needed:
-                require(option, extra)
+                require_extras(option, extra)
         self._view = view
         self._panel = panel
         self._folder = folder
@@ -252,7 +252,7 @@ def fly_scenario(
     if isinstance(scenario, TeamScenario):
         succeeded = len(rows) > 0 and rows[0].captured >= rows[0].guaranteed
     else:
-        unwritten += report(target, flights[0], rows[0], folder)
+        unwritten += print_outcome(target, flights[0], rows[0], folder)
         succeeded = flights[0].captured
     if as_json:
         typer.echo(rows_json(scenario, rows), nl=False)
@@ -372,12 +372,12 @@ class LiveLine:
             self._there.print(f"{progress.now_s:7.1f} s  {progress.record_stopped}", style="yellow")
         if redraws(self._there):
             return
-        news = plain(progress)
+        news = plain_line(progress)
         (printed, printed_s) = self._printed.get(progress.vehicle, ("", 0.0))
         is_repetition = bool(progress.waiting) and self._told_s - printed_s < _PLAIN_S
         if news != printed and not is_repetition:
             self._printed[progress.vehicle] = news, self._told_s
-            line = f"{progress.now_s:7.1f} s  {_named(progress, news)}"
+            line = f"{progress.now_s:7.1f} s  {_with_vehicle_name(progress, news)}"
             self._there.print(line, soft_wrap=True)
 
     def line(self) -> str:
@@ -392,11 +392,11 @@ class LiveLine:
 
 def words(progress: Progress) -> str:
     """Return the live line of a flight."""
-    begin = f"{progress.now_s:6.1f} s  {_named(progress, '')}"
+    begin = f"{progress.now_s:6.1f} s  {_with_vehicle_name(progress, '')}"
     if progress.waiting:
         return f"{begin}waiting: {progress.waiting}"
     words = f"{begin}{progress.state:<11} in {progress.mode:<8}"
-    if reason := _reason(progress):
+    if reason := _cause_and_next_step(progress):
         return f"{words} {reason}"
     game = progress.certificate
     unit = progress.unit
@@ -414,12 +414,12 @@ def words(progress: Progress) -> str:
     return f"{words} {distances}  {times}"
 
 
-def _named(progress: Progress, words: str) -> str:
+def _with_vehicle_name(progress: Progress, words: str) -> str:
     """Put the vehicle's name before the words about it, in a team."""
     return f"{progress.vehicle}  {words}" if progress.evader else words
 
 
-def plain(progress: Progress) -> str:
+def plain_line(progress: Progress) -> str:
     """Return a line for output that cannot be redrawn. It changes only when the state, its cause or the evader does."""
     if progress.waiting:
         lasting_words = re.sub(r"-?[0-9.]+ s old", "old", progress.waiting)
@@ -427,10 +427,10 @@ def plain(progress: Progress) -> str:
     state = str(progress.state)
     if progress.evader:
         state += f" against {progress.evader}"
-    return ": ".join(filter(None, (state, _reason(progress))))
+    return ": ".join(filter(None, (state, _cause_and_next_step(progress))))
 
 
-def _reason(progress: Progress) -> str:
+def _cause_and_next_step(progress: Progress) -> str:
     """Say what led to a state, if that is worth it, and what a person can do now."""
     cause = ""
     if progress.state in _WITH_CAUSE and "by operator" not in progress.next:
@@ -438,7 +438,9 @@ def _reason(progress: Progress) -> str:
     return "; ".join(filter(None, (cause, progress.next)))
 
 
-def report(target: Console, result: FlightResult, outcome: Outcome, folder: Path) -> Sequence[str]:
+def print_outcome(
+    target: Console, result: FlightResult, outcome: Outcome, folder: Path
+) -> Sequence[str]:
     """Print the outcome of a flight and draw its picture; return what could not be written, and why."""
     target.print(result_table(result, outcome))
     if outcome.run == "fast":

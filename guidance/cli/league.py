@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from guidance.cli.arguments import CommandGroup, Json, completed, completed_scenario
-from guidance.extras import require
+from guidance.extras import require_extras
 from guidance.screen import console, counted, headed
 
 league = typer.Typer(
@@ -75,7 +75,7 @@ def run(
     from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
 
     if out is not None:
-        require(f"--out {out}", "plot")
+        require_extras(f"--out {out}", "plot")
         results.require_new(out)
     path, played_scenario = load_scenario(scenario)
     contest = contests.contest_of(played_scenario, policy, side, games, seed)

@@ -71,10 +71,14 @@ def _tell_vehicles(
             of_vehicle = [row for row in rows if getattr(row, role) == number]
             assigned += [f"{_evader_name(row)}, {role}" for row in of_vehicle]
         captured = [_evader_name(row) for row in rows if row.captor == number]
-        line = [name, _joined("; ", assigned), _joined(", ", captured)]
+        line = [name, _cell_of_words("; ", assigned), _cell_of_words(", ", captured)]
         if result is not None:
             flight = result.vehicles[name]
-            line += [str(flight.ended), str(len(flight.alarms)), _joined(", ", flight.limits)]
+            line += [
+                str(flight.ended),
+                str(len(flight.alarms)),
+                _cell_of_words(", ", flight.limits),
+            ]
         cells.append(line)
     print_sheet(console, headings, cells, left=range(len(headings)))
 
@@ -96,19 +100,19 @@ def _tell_evaders(
         numbers = [as_text(getattr(row, name)) for name in _NUMBERS]
         line = [evader, row.end, *pursuers, *numbers]
         if result is not None:
-            line.append(_promise(result, row, evader))
+            line.append(_promise_verdict(result, row, evader))
         cells.append(line)
     text_columns = [column for column, heading in enumerate(headings) if heading not in _NUMBERS]
     print_sheet(console, headings, cells, left=text_columns)
 
 
-def _joined(separator: str, words: Iterable[str]) -> str:
+def _cell_of_words(separator: str, words: Iterable[str]) -> str:
     """Return words as a cell; "-" if there are none."""
     text = separator.join(words)
     return text if text else "-"
 
 
-def _promise(result: "MissionResult", row: TeamOutcome, evader: str) -> str:
+def _promise_verdict(result: "MissionResult", row: TeamOutcome, evader: str) -> str:
     """Say whether the last promise about an evader was kept."""
     unit = "s" if row.game == "pe" else "m"
     captured = row.end == "captured"

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from guidance.cli.arguments import CommandGroup, Json
 from guidance.errors import ConfigError
-from guidance.extras import require
+from guidance.extras import require_extras
 from guidance.log import (
     ReplayedCycle,
     Survey,
@@ -257,7 +257,7 @@ def _what_if(comparison: Comparison) -> str:
 
 def _same_or_first(comparison: Comparison) -> str:
     if comparison.first is not None:
-        return f"{comparison.differing} cycles differ; the first:\n{_first(comparison.first)}"
+        return f"{comparison.differing} cycles differ; the first:\n{_first_difference(comparison.first)}"
     if comparison.setpoints:
         return "every setpoint, state and request came back bit for bit"
     return "no setpoint was recorded, so none was compared; every state came back"
@@ -283,7 +283,7 @@ def _difference(quantity: str, difference: Difference) -> str:
     return f"{quantity} over {cycles} cycles: {speeds}; {angles}"
 
 
-def _first(step: ReplayedCycle) -> str:
+def _first_difference(step: ReplayedCycle) -> str:
     recorded = CYCLE.plain(step.row)
     row = step.row
     present = CYCLE.plain(cycle_entry(row.now_s, row.inputs, step.outputs))
@@ -324,7 +324,7 @@ def report(
     - `guidance report flights/teams_guard-001`: the merged report of a team flight
     - `guidance report records/*.mcap --animate`
     """
-    require("guidance report", "plot")
+    require_extras("guidance report", "plot")
     from guidance.viz.report import write_report, write_team_report  # noqa: PLC0415 - matplotlib loads slowly
 
     for path in files:

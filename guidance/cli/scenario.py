@@ -15,7 +15,7 @@ from guidance.cli import arguments
 from guidance.cli.players import as_text, rows_json, tell_players
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
-from guidance.extras import require
+from guidance.extras import require_extras
 from guidance.game.speed_sets import speed_set_named
 from guidance.screen import console, headed, pairs, sheet
 from guidance.sim.batch import stack
@@ -240,7 +240,7 @@ def show(
     - `guidance scenario show my_own.toml --out my_own.png`
     """
     if out is not None:
-        require(f"--out {out}", "plot")
+        require_extras(f"--out {out}", "plot")
         from guidance.viz import figures  # noqa: PLC0415 - matplotlib is optional
 
         figures.check_picture(out)
@@ -300,13 +300,13 @@ def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
     game = _GAMES[scenario.game]
     if isinstance(scenario, TeamScenario):
         yield "game", f"{game}, of teams"
-        yield from _groups(scenario)
+        yield from _player_rows(scenario)
     else:
         yield "game", game
         yield from _player_facts(scenario)
     target = scenario.target
     if target is not None:
-        yield "target", f"at {_place(target.position_m)} m{_shape_words(target)}"
+        yield "target", f"at {_position_words(target.position_m)} m{_shape_words(target)}"
     if isinstance(scenario, TeamScenario):
         first = opening_of(scenario)
         guaranteed = int(first.guaranteed)
@@ -314,7 +314,7 @@ def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
         unit = "m from the target" if scenario.game == "tad" else "s until the captures"
         yield "value", f"{guaranteed} captures guaranteed, {total:.2f} {unit} in all"
     else:
-        yield from _conditions(scenario)
+        yield from _condition_rows(scenario)
     expectations = expected(scenario)
     yield "expected", expectations if expectations else "nothing"
 
@@ -323,17 +323,17 @@ def _shape_words(target: Target) -> str:
     """Describe the target's shape; empty for a point."""
     words = ""
     if target.polygon_m:
-        corners = ", ".join(f"({_place(corner)})" for corner in target.polygon_m)
+        corners = ", ".join(f"({_position_words(corner)})" for corner in target.polygon_m)
         words += f", the polygon {corners} m about it"
     if target.radius_m:
         words += f", with {target.radius_m:g} m around"
     return words
 
 
-def _groups(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
+def _player_rows(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
     for player, groups in (("pursuers", scenario.pursuer), ("evaders", scenario.evader)):
         for group in groups:
-            position = f"{_place(group.position_m)} m"
+            position = f"{_position_words(group.position_m)} m"
             if group.scatter_m:
                 position += f", scattered over {group.scatter_m:g} m"
             speed = f"{group.speed_m_s:g} m/s"
@@ -349,9 +349,9 @@ def _player_facts(scenario: Scenario) -> Iterator[tuple[str, str]]:
         speeds = f"{maths_speeds.words()} in mathematics, and in flight {flight_speeds.words()}"
     else:
         speeds = speed_set_named(pursuer.speed_set).of(*pursuer.speeds).words()
-    pursuer_place = _place(pursuer.position_m)
+    pursuer_place = _position_words(pursuer.position_m)
     yield "pursuer", f"at {pursuer_place} m, {speeds}, plays {pursuer.policy}"
-    evader_place = _place(evader.position_m)
+    evader_place = _position_words(evader.position_m)
     speed = f"{evader.speed_m_s:g} m/s"
     if evader.declared_speed_m_s is not None:
         speed += f" (declares {evader.declared_speed_m_s:g})"
@@ -370,7 +370,7 @@ def _value(scenario: Scenario) -> str:
     return f"{value:.2f} m from the target, {winner} wins"
 
 
-def _conditions(scenario: Scenario) -> Iterator[tuple[str, str]]:
+def _condition_rows(scenario: Scenario) -> Iterator[tuple[str, str]]:
     disc = scenario.standoff
     disc_words = f"the disc of {disc.radius_m:g} m, {disc.height_m:g} m up"
     yield "captured", f"within {disc.tolerance_m:g} m of {disc_words}"
@@ -384,7 +384,7 @@ def _conditions(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield "sensor", ", ".join(settings)
     wind_m_s = scenario.wind.velocity_m_s
     if any(wind_m_s):
-        yield "wind", f"{_place(wind_m_s)} m/s, east and north; {WIND_WORDS}"
+        yield "wind", f"{_position_words(wind_m_s)} m/s, east and north; {WIND_WORDS}"
     for fault in scenario.fault:
         since = "engagement" if fault.after == "engaged" else "the start"
         words = f"{fault.kind} of the {fault.vehicle} {fault.at_s:g} s after {since}"
@@ -396,13 +396,13 @@ def _conditions(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 def expected(scenario: Scenario | TeamScenario) -> str:
     """Return the expectations of a scenario in one line."""
-    return "; ".join(_said(scenario.expect))
+    return "; ".join(_expectation_words(scenario.expect))
 
 
-def _said(expectations: Ranges) -> Iterator[str]:
+def _expectation_words(expectations: Ranges) -> Iterator[str]:
     for column, value in expectations:
         if isinstance(value, Ranges):
-            if words := ", ".join(_said(value)):
+            if words := ", ".join(_expectation_words(value)):
                 yield f"{column}: {words}"
         elif column == "events":
             yield from (f"has {event!r}" for event in value)
@@ -411,6 +411,6 @@ def _said(expectations: Ranges) -> Iterator[str]:
             yield str(value) if is_plain else f"{column} {value}"
 
 
-def _place(place: tuple[float, ...]) -> str:
+def _position_words(place: tuple[float, ...]) -> str:
     numbers = ", ".join(f"{part:g}" for part in place)
     return f"({numbers})"

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from guidance.cli.arguments import Json, refuse
 from guidance.errors import ConfigError
-from guidance.extras import require
+from guidance.extras import require_extras
 from guidance.files import writing
 from guidance.game import Ball, Cylinder, Game, Reason, Solution, SpeedSet, StandOff, Winner
 from guidance.game import solve as solve_game
@@ -77,7 +77,7 @@ def solve(
     game = Game(speeds, evader_speed, standoff=disc)
     if states is not None:
         refuse(ctx, "--states", "for one state", "--pursuer", "--evader", "--target", "--json")
-        require("--states", "sim")
+        require_extras("--states", "sim")
         from guidance.sweeps.states import solve_file  # noqa: PLC0415 - pyarrow is optional
 
         speeds_given = speed_ratio is not None or cylinder is not None
@@ -170,7 +170,7 @@ def paper(
     from guidance.paper import draw_figures, tables  # noqa: PLC0415
 
     if figures:
-        require("the figures (--no-figures leaves them out)", "plot")
+        require_extras("the figures (--no-figures leaves them out)", "plot")
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
     target = console(stderr=as_json)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from guidance.cli.arguments import CommandGroup, Json, completed
-from guidance.extras import require
+from guidance.extras import require_extras
 
 
 class _FileFirst(CommandGroup):
@@ -98,7 +98,7 @@ def run(
     - `guidance sweep policies --as fast --workers 2 --out flown`: the same with flights of the mock
     - `python -c "import pyarrow.parquet as pq; print(pq.read_table('sweeps/policies-maths/rows'))"`: the rows
     """
-    require("guidance sweep", "sim")
+    require_extras("guidance sweep", "sim")
     from guidance.sweeps.running import run_sweep  # noqa: PLC0415 - pyarrow takes a moment
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
@@ -135,7 +135,7 @@ def report(
 
     Writes report.json, pictures as PNG and PDF, and the worst games as scenario files for `guidance scenario run`.
     """
-    require("guidance sweep report", "sim", "plot")
+    require_extras("guidance sweep report", "sim", "plot")
     from guidance.sweeps.report import write_report  # noqa: PLC0415 - matplotlib takes a second
 
     for path in write_report(
@@ -167,7 +167,7 @@ def compare(
     - `guidance compare sweeps/flown-maths sweeps/flown-fast`: the same for a sweep
     - `guidance compare old new --by regret --rows 20`: two versions of a policy
     """
-    require("guidance compare", "sim")
+    require_extras("guidance compare", "sim")
     from guidance.sweeps.compare import compare_paths  # noqa: PLC0415 - pyarrow takes a moment
 
     compare_paths(a, b, column=column, rows=rows, as_json=as_json)

@@ -19,7 +19,7 @@ from guidance.autopilots import Finding
 from guidance.cli import arguments
 from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
-from guidance.extras import require
+from guidance.extras import require_extras
 from guidance.files import writing
 from guidance.links.port import parse
 from guidance.screen import console, sheet, waiting
@@ -149,13 +149,13 @@ def check(
     with contextlib.ExitStack() as closing:
         with waiting(console(stderr=True), awaited, limit_s):
             checkup = closing.enter_context(opening)
-        rows = _judged(checkup)
+        rows = _findings(checkup)
         if apply and _apply(checkup, advised=advised, yes=yes, quiet=as_json):
-            rows = _judged(checkup)
+            rows = _findings(checkup)
     raise typer.Exit(_show(rows, as_json=as_json, all_rows=all_rows))
 
 
-def _judged(checkup: Checkup) -> Sequence[Finding]:
+def _findings(checkup: Checkup) -> Sequence[Finding]:
     """Read and judge; the waiting line names the missing data."""
     with waiting(console(stderr=True), "parameters, positions and rates", SURVEY_LIMIT_S) as tell:
         return checkup.rows(told=lambda lacking: tell(lacking or "rates to be counted"))
@@ -243,7 +243,7 @@ KINDS: Final = {
 def schema_of(kind: str) -> dict[str, Any]:
     """Return the JSON Schema of a kind of file."""
     if kind == "sweep":
-        require("schema sweep", "sim")
+        require_extras("schema sweep", "sim")
     content = resolve_name(KINDS[kind])()
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -275,7 +275,7 @@ def keys(
 
     - `guidance zenoh keys uav1 uav1-guidance evader1 operator viewer --host 192.168.1.10`
     """
-    require("guidance zenoh keys", "keys")
+    require_extras("guidance zenoh keys", "keys")
     from guidance.links.keys import make_keys  # noqa: PLC0415 - cryptography takes a moment
 
     begin = datetime.datetime.fromtimestamp(time.time_ns() / 1e9, datetime.UTC)

@@ -17,7 +17,7 @@ import typer
 from guidance.cli.arguments import TokenFile, ZenohFile, refuse
 from guidance.clock import MonotonicClock
 from guidance.errors import ConfigError
-from guidance.extras import require
+from guidance.extras import require_extras
 from guidance.session.orders.control_socket import ENDPOINT
 
 Port = partial(typer.Option, min=0, max=65535)
@@ -79,7 +79,7 @@ def view(
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    require("the view", "viz")
+    require_extras("the view", "viz")
     from guidance.viz import view as viewer  # noqa: PLC0415
 
     with contextlib.ExitStack() as closing:
@@ -132,16 +132,16 @@ def panel(
     - `guidance panel --look`: without orders
     - `guidance panel --host 192.168.1.7 --certificate cert.pem --key key.pem --password-file password`: for a tablet
     """
-    require("guidance panel", "panel")
+    require_extras("guidance panel", "panel")
     from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - slow imports
-    from guidance.viz.panel.access import Access, listen, map_of, remote_access  # noqa: PLC0415
+    from guidance.viz.panel.access import Access, listening_socket, map_of, remote_access  # noqa: PLC0415
     from guidance.viz.panel.hub import DaemonBus, Hub  # noqa: PLC0415
     from guidance.viz.panel.server import NICE, PanelServer  # noqa: PLC0415
 
     map_of(tiles)
     credentials = read_credentials(zenoh)
     security = remote_access(host, certificate, key, password_file)
-    with listen(host, port) as listening:
+    with listening_socket(host, port) as listening:
         os.nice(NICE)
         clock = MonotonicClock()
         access = Access(host, listening.getsockname()[1], security, clock, typer.echo)

@@ -12,7 +12,7 @@ that returns actions (n, a); the same function plays in `guidance league run`, i
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
-from guidance.extras import require
+from guidance.extras import require_extras
 
 if TYPE_CHECKING:
     from guidance.league.gymnasium_envs import PursuitEnv as PursuitEnv
@@ -35,5 +35,5 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the environments
     """
     if name not in _ENVIRONMENTS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    require(f"guidance.league.{name}", "league")
+    require_extras(f"guidance.league.{name}", "league")
     return getattr(import_module(f"{__name__}.{_ENVIRONMENTS[name]}"), name)

@@ -23,7 +23,7 @@ from guidance.league.states import (
     States,
     arena_of,
     batch_at,
-    draw,
+    random_states,
     scenario_at,
     seeds_of,
 )
@@ -119,7 +119,7 @@ def contest_of(scenario: Scenario, policy: str, side: str, games: int, seed: int
         raise ConfigError(f"--side {side}: must be {PURSUER} or {EVADER}")
     if not 1 <= games <= 1 << 24:
         raise ConfigError(f"--games {games}: must be from 1 to {1 << 24}")
-    states = draw(arena_of(scenario), seeds_of(seed, games))
+    states = random_states(arena_of(scenario), seeds_of(seed, games))
     fast_response = FRPN_LEVEL if scenario.pursuer.speed_set == Cylinder.name else FRPN
     pursuers = built_in_policies(scenario, tuple(PURSUER_POLICIES), (PROPORTIONAL, fast_response))
     evaders = built_in_policies(scenario, tuple(EVADER_POLICIES), (TURNING, STANDING))
@@ -221,16 +221,16 @@ def _estimates(seed: int, won: Array, regret: Array, relative: Array) -> list[In
     for number in range(RESAMPLES):
         places = uniform(np.int64(seed), BOOTSTRAP_STREAM, np.arange(count) + number * count)
         picked = (places * count).astype(np.intp)
-        samples[number] = _numbers(won[picked], regret[picked], relative[picked])
+        samples[number] = _statistics(won[picked], regret[picked], relative[picked])
     bounds = np.quantile(samples, CONFIDENCE, axis=0)
-    numbers = _numbers(won, regret, relative)
+    numbers = _statistics(won, regret, relative)
     return [
         IntervalEstimate(float(value), float(low), float(high))
         for value, low, high in zip(numbers, *bounds, strict=True)
     ]
 
 
-def _numbers(won: Array, regret: Array, relative: Array) -> tuple[Any, ...]:
+def _statistics(won: Array, regret: Array, relative: Array) -> tuple[Any, ...]:
     median, p95 = np.quantile(regret, (0.5, 0.95))
     return won.mean(), median, p95, np.quantile(relative, 0.5)
 

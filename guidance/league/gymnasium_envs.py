@@ -183,7 +183,7 @@ class PursuitEnv(gymnasium.Env[Array, Array]):
         """Begin a game in a random state."""
         super().reset(seed=seed)
         observation, info = self._batch.reset(seed=seed, options=options)
-        return observation[0], _first(info)
+        return observation[0], _first_row(info)
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, Info]:
         """Hold an action for a step; a finished game begins anew only with `reset`.
@@ -199,9 +199,9 @@ class PursuitEnv(gymnasium.Env[Array, Array]):
             float(reward[0]),
             bool(terminated[0]),
             bool(truncated[0]),
-            _first(info),
+            _first_row(info),
         )
 
 
-def _first(info: Info) -> Info:
+def _first_row(info: Info) -> Info:
     return {name: values[0].item() for name, values in info.items()}

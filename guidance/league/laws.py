@@ -40,7 +40,7 @@ def frpn(observation: Array) -> Array:
     """
     evader_m_s = np.zeros((len(observation), 3))
     evader_m_s[:, :2] = observation[:, 3:5]
-    return _course(observation[:, 0:3], observation[:, 5:8], evader_m_s)
+    return _flight_direction(observation[:, 0:3], observation[:, 5:8], evader_m_s)
 
 
 def frpn_level(observation: Array) -> Array:
@@ -50,12 +50,12 @@ def frpn_level(observation: Array) -> Array:
     `guidance.strategies.navigation` does.
     """
     action = np.empty((len(observation), 3))
-    action[:, :2] = _course(observation[:, 0:2], observation[:, 5:7], observation[:, 3:5])
+    action[:, :2] = _flight_direction(observation[:, 0:2], observation[:, 5:7], observation[:, 3:5])
     action[:, 2] = np.clip(observation[:, 2] / LEVELLED_M, -1.0, 1.0)
     return action
 
 
-def _course(r: Array, v: Array, evader_m_s: Array) -> Array:
+def _flight_direction(r: Array, v: Array, evader_m_s: Array) -> Array:
     """Return the direction of the velocity after a cycle, (n, 3) or (n, 2)."""
     w = evader_m_s - v
     to_go_1_s = (_length(w) / np.maximum(_length(r), 1e-9))[:, None]

@@ -23,17 +23,17 @@ from guidance.game.arrays import NUMPY, components, mapped
 from guidance.game.pe import to_target
 from guidance.game.records import rows_of
 from guidance.game.rollout import Ahead, look_ahead
-from guidance.league.states import Arena, Seeds, batch_at, draw
+from guidance.league.states import Arena, Seeds, batch_at, random_states
 from guidance.sim.batch import Array, Batch
 from guidance.sim.maths import (
     BatchMoment,
     Slope,
     advance_held,
-    begun,
     chased,
+    ends_of,
     fled,
     heard_nothing,
-    judged,
+    moment_of_engagement,
 )
 from guidance.strategies import OPTIMAL
 from guidance.strategies.navigation import turning
@@ -66,8 +66,8 @@ class Games:
     def __init__(self, arena: Arena, seeds: Seeds, period_s: float) -> None:
         self._arena = arena
         self._period_s = period_s
-        self.batch = _owned(batch_at(arena.template, draw(arena, seeds)))
-        self.moment = _owned(begun(self.batch))
+        self.batch = _owned(batch_at(arena.template, random_states(arena, seeds)))
+        self.moment = _owned(moment_of_engagement(self.batch))
         heard_nothing(self.batch, self.moment)
         self.solution = _solved(self._arena.valued, self.batch, self.moment)
         self.score = _scores(self._arena, self.batch, self.moment, self.solution)
@@ -87,8 +87,8 @@ class Games:
 
     def restart(self, rows: NDArray[np.intp], seeds: Seeds) -> None:
         """Begin some games anew, in the states of seeds."""
-        batch = batch_at(self._arena.template, draw(self._arena, seeds))
-        moment = begun(batch)
+        batch = batch_at(self._arena.template, random_states(self._arena, seeds))
+        moment = moment_of_engagement(batch)
         heard_nothing(batch, moment)
         solution = _solved(self._arena.valued, batch, moment)
         score = _scores(self._arena, batch, moment, solution)
@@ -122,7 +122,7 @@ class Games:
             heard_nothing(batch, moment)
             left_s = left_s - moment.step_s
             ahead = _look(batch, moment)
-            moment = moment._replace(end=judged(batch, moment, ahead))
+            moment = moment._replace(end=ends_of(batch, moment, ahead))
             if len(rows) == self.count:
                 self.moment = moment
             else:
@@ -208,7 +208,7 @@ def losses_of(arena: Arena, batch: Batch, played: Iterable[BatchMoment]) -> Loss
         batch: The games.
         played: All moments, as `guidance.sim.maths.moments` yields them.
     """
-    opening = begun(batch)
+    opening = moment_of_engagement(batch)
     solution = _solved(arena.valued, batch, opening)
     before = _scores(arena, batch, opening, solution)
     last = _owned(opening)

@@ -112,7 +112,7 @@ def seeds_of(seed: int, count: int, first: int = 0) -> Seeds:
     return np.arange(first, first + count, dtype=np.int64) + (seed << 24)
 
 
-def draw(arena: Arena, seeds: Seeds) -> States:
+def random_states(arena: Arena, seeds: Seeds) -> States:
     """Return a random state for each seed, (n,)."""
     states = _drawn(arena, seeds, 0)
     over_at_once = np.flatnonzero(_is_over(arena.template, states))
@@ -131,12 +131,12 @@ def _drawn(arena: Arena, seeds: Seeds, attempt: int) -> States:
     draws = [uniform(seeds, STREAM, first + number) for number in range(DRAWS)]
     low_m, high_m = arena.heights_m
     height_m = low_m + (high_m - low_m) * draws[4]
-    pursuer_m = _placed(arena, draws[0], draws[1], height_m)
-    evader_m = _placed(arena, draws[2], draws[3], np.zeros(len(seeds)))
+    pursuer_m = _positions_m(arena, draws[0], draws[1], height_m)
+    evader_m = _positions_m(arena, draws[2], draws[3], np.zeros(len(seeds)))
     return States(seeds, pursuer_m, evader_m)
 
 
-def _placed(arena: Arena, share: Array, turn: Array, height_m: Array) -> Array:
+def _positions_m(arena: Arena, share: Array, turn: Array, height_m: Array) -> Array:
     away_m = arena.radius_m * np.sqrt(share)
     angle_rad = 2.0 * math.pi * turn
     x, y = arena.centre_m

@@ -6,7 +6,7 @@ The definitions are those of ROS 2 Jazzy. `rosbags` is imported at the first use
 from functools import cache
 from typing import Any, Final
 
-from guidance.extras import require
+from guidance.extras import require_extras
 
 EXTRA: Final = "ros"
 
@@ -37,7 +37,7 @@ def prepare(what: str, *type_names: str) -> None:
     Raises:
         ConfigError: If it is not installed; the message says how to install it.
     """
-    require(what, EXTRA)
+    require_extras(what, EXTRA)
     for name in type_names:
         types().get_msgdef(name)
 

@@ -212,7 +212,7 @@ def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
         if tagged
         else cs.union_schema(either, mode="left_to_right")
     )
-    writers = {kind: _writer(kind, tagged=tagged) for kind in kinds}
+    writers = {kind: _dictionary_writer(kind, tagged=tagged) for kind in kinds}
     schema = {
         "type": "object",
         "properties": properties,
@@ -223,7 +223,7 @@ def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
     return Form(core, schema, write)
 
 
-def _writer(kind: Any, *, tagged: bool) -> Callable[[Any], dict[str, Any]]:  # noqa: ANN401
+def _dictionary_writer(kind: Any, *, tagged: bool) -> Callable[[Any], dict[str, Any]]:  # noqa: ANN401
     """Return what makes a dictionary of a named tuple, without unknown values."""
     names = kind._fields
     hints = get_type_hints(kind)

@@ -60,10 +60,10 @@ def _crossings(before: Coordinates, after: Coordinates) -> list[Coordinates]:
     second = _turns(after[0])
     if first == second:
         return []
-    return [_at(before, after, 360.0 * max(first, second) - 180.0)]
+    return [_at_longitude(before, after, 360.0 * max(first, second) - 180.0)]
 
 
-def _at(before: Coordinates, after: Coordinates, longitude_deg: float) -> Coordinates:
+def _at_longitude(before: Coordinates, after: Coordinates, longitude_deg: float) -> Coordinates:
     """Return the place between two at a longitude."""
     share = (longitude_deg - before[0]) / (after[0] - before[0])
     latitude_deg = before[1] + share * (after[1] - before[1])
@@ -87,7 +87,7 @@ def _beyond(ring: Sequence[Coordinates], longitude_deg: float, *, side: float) -
         if before_in:
             part.append(before)
         if before_in != after_in:
-            part.append(_at(before, after, longitude_deg))
+            part.append(_at_longitude(before, after, longitude_deg))
     return [*part, *part[:1]]
 
 

@@ -25,7 +25,7 @@ from pymavlink.dialects.v20 import all as dialect
 from guidance import messages
 from guidance.cycle import Certificate
 from guidance.errors import ConfigError
-from guidance.extras import require
+from guidance.extras import require_extras
 from guidance.files import private_folder, whole_file, writing
 from guidance.flight import FlightSettings
 from guidance.flight.tracking import NOWHERE
@@ -178,13 +178,17 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
         if row.state != state and tracks["pursuer"]:
             state = row.state
             changes.append(
-                feature(state, "Point", [_place(tracks["pursuer"][-1])], time_s=row.now_s)
+                feature(
+                    state, "Point", [_reported_coordinates(tracks["pursuer"][-1])], time_s=row.now_s
+                )
             )
     drawn = []
     for name, track in ((name, track) for name, track in tracks.items() if len(track) > 1):
         times_s = [round(report.received_s, 3) for report in track]
-        drawn.append(feature(name, "LineString", [*map(_place, track)], times_s=times_s))
-    return [*drawn, *changes, *_fence(settings, home), *_goal(settings)]
+        drawn.append(
+            feature(name, "LineString", [*map(_reported_coordinates, track)], times_s=times_s)
+        )
+    return [*drawn, *changes, *_fence(settings, home), *_target_feature(settings)]
 
 
 def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
@@ -195,24 +199,24 @@ def _fence(settings: FlightSettings, home: Home | None) -> Iterator[Feature]:
     frame = LocalFrame(*home_place, projection=settings.autopilot.projection)
     envelope = settings.limits.about_home(settings.cycle.envelope, NOWHERE, frame)
     for edge in fence_edges(envelope, game_from_ned(NOWHERE)):
-        places = [_placed(frame, north_m, east_m) for east_m, north_m, _ in edge.tolist()]
+        places = [_coordinates(frame, north_m, east_m) for east_m, north_m, _ in edge.tolist()]
         yield feature("fence", "Polygon", places)
 
 
-def _goal(settings: FlightSettings) -> Iterator[Feature]:
+def _target_feature(settings: FlightSettings) -> Iterator[Feature]:
     target_m = settings.cycle.target_game_m
     site = settings.cycle.site
     if target_m is not None and site is not None:
         frame = LocalFrame(*site, projection=settings.autopilot.projection)
-        yield feature("target T", "Point", [_placed(frame, target_m[1], target_m[0])])
+        yield feature("target T", "Point", [_coordinates(frame, target_m[1], target_m[0])])
 
 
-def _placed(frame: LocalFrame, north_m: float, east_m: float) -> Coordinates:
+def _coordinates(frame: LocalFrame, north_m: float, east_m: float) -> Coordinates:
     latitude_deg, longitude_deg, amsl = frame.wgs84_from_ned(Ned((north_m, east_m, 0.0)))
     return (longitude_deg, latitude_deg, amsl.metres)
 
 
-def _place(report: GlobalPosition | EvaderReport) -> Coordinates:
+def _reported_coordinates(report: GlobalPosition | EvaderReport) -> Coordinates:
     return (report.longitude_deg, report.latitude_deg, report.altitude_amsl_m)
 
 
@@ -310,7 +314,7 @@ def write_table(path: Path, out: Path) -> int:
         ConfigError: If the record cannot be read, or pyarrow is not installed.
         OSError: If `out` cannot be written.
     """
-    require(str(out), "sim")
+    require_extras(str(out), "sim")
     import pyarrow as pa  # noqa: PLC0415 - of an extra
     from pyarrow import csv, parquet  # noqa: PLC0415
 

@@ -230,7 +230,7 @@ class RosFlight:
 
     def _heading(self) -> Quaternion:
         """Return the vehicle's heading; upright and to the east while it is unknown."""
-        return _turned(_yaw_enu_rad(self._vehicle))
+        return _yaw_quaternion(_yaw_enu_rad(self._vehicle))
 
     def _header(self, now_s: float, frame: str | None = None) -> ros_types.Message:
         stamp = _time(self._started_unix_s + now_s)
@@ -512,7 +512,7 @@ def _yaw_enu_rad(vehicle: VehicleState) -> float:
     return 0.0 if attitude is None else 0.5 * math.pi - attitude.yaw_rad
 
 
-def _turned(yaw_rad: float) -> Quaternion:
+def _yaw_quaternion(yaw_rad: float) -> Quaternion:
     return (0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
 
 

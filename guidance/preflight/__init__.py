@@ -26,7 +26,7 @@ from guidance.autopilots import (
     description,
 )
 from guidance.autopilots.description import AUTOPILOT_VERSION, type_name
-from guidance.autopilots.rules import Judgement, Quantity, Rule, row_of
+from guidance.autopilots.rules import Judgement, Quantity, Rule, finding_of
 from guidance.control.polygon import Point
 from guidance.frames import Amsl, LocalFrame, Projection
 from guidance.messages import (
@@ -287,7 +287,7 @@ def rows(facts: Facts, autopilot: Autopilot, wants: Wants) -> tuple[Finding, ...
     return (
         _version_row(facts.version, autopilot),
         *(
-            row_of(rule, facts.parameters, wants, quantities)
+            finding_of(rule, facts.parameters, wants, quantities)
             for rule in _rules_of(version, wants.announces)
         ),
         fence.uploaded_row(facts.uploaded, wants, facts.vehicle, autopilot, quantities),
@@ -353,10 +353,10 @@ def _home_rows(home: messages.Home, frame: LocalFrame, limit_m: float) -> Iterat
     home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, altitude)
     away_m = math.hypot(*home_ned_m[:2])
     advice = "restart the autopilot here: its origin is old"
-    yield _within("frame origin", away_m, limit_m, "m from home", advice)
+    yield _limit_finding("frame origin", away_m, limit_m, "m from home", advice)
     apart_m = math.dist(home_ned_m, home.position_ned_m)
     advice = "home was set in another frame: set it again"
-    yield _within("home in the frame", apart_m, _AGREEMENT_M, "m apart", advice)
+    yield _limit_finding("home in the frame", apart_m, _AGREEMENT_M, "m apart", advice)
 
 
 def _datum_rows(
@@ -370,11 +370,11 @@ def _datum_rows(
     on_map_ned_m = frame.ned_from_wgs84(on_map.latitude_deg, on_map.longitude_deg, altitude)
     apart_m = math.dist(on_map_ned_m, local.position_ned_m)
     advice = "LOCAL_POSITION_NED and GLOBAL_POSITION_INT contradict each other: restart the autopilot here"
-    yield _within("local = global", apart_m, _AGREEMENT_M, "m apart", advice)
+    yield _limit_finding("local = global", apart_m, _AGREEMENT_M, "m apart", advice)
     home_amsl_m = on_map.altitude_amsl_m - on_map.altitude_above_home_m
     difference_m = abs(home_amsl_m - home.altitude_amsl_m)
     advice = "the altitudes have different datums (sea level, ellipsoid, home?)"
-    yield _within("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
+    yield _limit_finding("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
 
 
 def _evader_height(altitude_amsl_m: float | None, home: messages.Home, limit_m: float) -> Finding:
@@ -386,7 +386,7 @@ def _evader_height(altitude_amsl_m: float | None, home: messages.Home, limit_m: 
     advice = (
         "a different datum? The geoid is about 50 m above the ellipsoid: see evader.altitude_datum"
     )
-    return _within(name, difference_m, limit_m, "m from home's", advice)
+    return _limit_finding(name, difference_m, limit_m, "m from home's", advice)
 
 
 def _battery(status: messages.SystemStatus | None, needed: float) -> Finding:
@@ -401,7 +401,7 @@ def _battery(status: messages.SystemStatus | None, needed: float) -> Finding:
     return Finding.of(charge >= needed, name, f"{charge:.0%}", expected, advice)
 
 
-def _within(name: str, value_m: float, limit_m: float, words: str, advice: str) -> Finding:
+def _limit_finding(name: str, value_m: float, limit_m: float, words: str, advice: str) -> Finding:
     value = f"{value_m:.1f} {words}"
     return Finding.of(value_m <= limit_m, name, value, f"at most {limit_m:g} m", advice)
 
@@ -457,7 +457,7 @@ def engage_rows(
     rows = []
     for rule in _rules_of(version, wants.announces):
         if rule.needed:
-            row = row_of(rule, facts.parameters, wants, quantities)
+            row = finding_of(rule, facts.parameters, wants, quantities)
             if rule.name not in facts.parameters:
                 row = row._replace(value="not answered", advice="check the link")
             rows.append(row)

@@ -47,7 +47,7 @@ def circle_sides(radius_m: float) -> int:
     return min(_MOST_SIDES, max(_FEWEST_SIDES, sides))
 
 
-def circle(centre_m: Point, radius_m: float, *, larger: bool) -> tuple[Point, ...]:
+def ring_of_circle(centre_m: Point, radius_m: float, *, larger: bool) -> tuple[Point, ...]:
     """Return the corners of a ring that replaces a circle.
 
     Args:
@@ -114,9 +114,9 @@ def acts_inside(
             others = [ring for ring in areas[:index] + areas[index + 1 :] if ring.inclusion]
             edge_m = edge_m[~_in_any(others, edge_m)]
         if len(edge_m):
-            return _first(edge_m)
+            return _first_point(edge_m)
     forbidden = _forbidden(areas, outline_m, one_inclusion_is_enough=one_inclusion_is_enough)
-    return _first(outline_m[forbidden]) if forbidden.any() else None
+    return _first_point(outline_m[forbidden]) if forbidden.any() else None
 
 
 def _forbidden(areas: Sequence[Ring], points_m: Points, *, one_inclusion_is_enough: bool) -> Flags:
@@ -207,7 +207,7 @@ def _cross(a: Any, b: Any) -> Any:  # noqa: ANN401 - arrays of any shape
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def _first(points_m: Points) -> Point:
+def _first_point(points_m: Points) -> Point:
     north_m, east_m = points_m[0]
     return float(north_m), float(east_m)
 

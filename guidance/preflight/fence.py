@@ -26,8 +26,8 @@ from guidance.preflight.areas import (
     MOST_EDGES,
     Ring,
     acts_inside,
-    circle,
     circle_sides,
+    ring_of_circle,
     without_repeats,
 )
 from guidance.vehicle import VehicleState, local_frame
@@ -167,7 +167,7 @@ def uploaded_of(items: Sequence[FenceItem]) -> Uploaded:
     for item in items:
         corner = (item.latitude_deg, item.longitude_deg)
         if first is not None and (item.command, item.size) != (first.command, first.size):
-            return Uploaded(problem=_unfinished(first, corners))
+            return Uploaded(problem=_incomplete_polygon_words(first, corners))
         if item.command in _CIRCLES:
             areas.append(Area(_CIRCLES[item.command], (corner,), item.size))
         elif item.command in _POLYGONS:
@@ -180,17 +180,17 @@ def uploaded_of(items: Sequence[FenceItem]) -> Uploaded:
         elif item.command != _RETURN_POINT:
             return Uploaded(problem=f"item {item.sequence} is unknown (command {item.command})")
     if first is not None:
-        return Uploaded(problem=_unfinished(first, corners))
-    return _checked(tuple(areas))
+        return Uploaded(problem=_incomplete_polygon_words(first, corners))
+    return _checked_areas(tuple(areas))
 
 
-def _unfinished(first: FenceItem, corners: Sequence[Point]) -> str:
+def _incomplete_polygon_words(first: FenceItem, corners: Sequence[Point]) -> str:
     return (
         f"polygon at item {first.sequence} has {len(corners)} corners, but announces {first.size:g}"
     )
 
 
-def _checked(areas: tuple[Area, ...]) -> Uploaded:
+def _checked_areas(areas: tuple[Area, ...]) -> Uploaded:
     """Return the areas, or why they cannot be judged."""
     edges = 0
     for number, area in enumerate(areas, start=1):
@@ -272,7 +272,7 @@ def our_rings(limits: Limits) -> tuple[tuple[Point, ...], ...]:
     """Return the rings of our fence, metres north and east of home: its circle and its polygon."""
     rings: list[tuple[Point, ...]] = []
     if limits.fence_radius_m is not None:
-        rings.append(circle((0.0, 0.0), limits.fence_radius_m, larger=False))
+        rings.append(ring_of_circle((0.0, 0.0), limits.fence_radius_m, larger=False))
     if limits.fence_polygon_ne_m is not None:
         rings.append(limits.fence_polygon_ne_m)
     return tuple(rings)
@@ -282,5 +282,5 @@ def ring_of(area: Area, home: Home, frame: LocalFrame) -> Ring:
     """Return an area about home. A circle is replaced so that it is judged as tighter than it is."""
     corners_m = corners_about_home(area.corners_deg, home.position_ned_m, frame)
     if area.radius_m is not None:
-        corners_m = circle(corners_m[0], area.radius_m, larger=not area.inclusion)
+        corners_m = ring_of_circle(corners_m[0], area.radius_m, larger=not area.inclusion)
     return Ring(corners_m, area.inclusion)

@@ -99,7 +99,7 @@ def recorded_settings(
     if changes is None:
         changes = {}
     for short, value in changes.items():
-        _change(document, _SHORT[kind].get(short, short), value)
+        _set_key(document, _SHORT[kind].get(short, short), value)
     source = f"the record's {kind}" + (f" with {', '.join(changes)} changed" if changes else "")
     if kind == CONFIG:
         return settings_of(parse(Config, document, source=source), None, None)
@@ -116,7 +116,7 @@ def recorded_settings(
     return settings_of(config, parse(Scenario, document, source=source), team)
 
 
-def _change(document: dict[str, Any], key: str, value: object) -> None:
+def _set_key(document: dict[str, Any], key: str, value: object) -> None:
     """Set a dotted key of a document, with the sections on its way."""
     section = document
     *names, last = key.split(".")

@@ -27,7 +27,15 @@ from guidance.game.team.rollout import HELD
 from guidance.sim.batch import Array, Batch, by_kind, kind_of, stack
 from guidance.sim.outcome import Outcome, distances_of, outcome_of, winner_name
 from guidance.sim.scenario import Scenario
-from guidance.sim.sensor import PERFECT, TIMEOUT_S, Received, begin, known, listen, next_event_s
+from guidance.sim.sensor import (
+    PERFECT,
+    TIMEOUT_S,
+    Received,
+    extrapolated,
+    first_knowledge,
+    next_event_s,
+    receive_reports,
+)
 from guidance.strategies import COURSES, OPTIMAL, StrategyMemory, evade, pursue
 from guidance.strategies.catalogue import PROPORTIONAL
 from guidance.strategies.navigation import turning
@@ -108,11 +116,11 @@ def play_scenarios(scenarios: Sequence[Scenario]) -> list[Outcome]:
 
 def moments(batch: Batch) -> Iterator[BatchMoment]:
     """Play the games of a batch; yield every moment, also of games that have just ended."""
-    moment = begun(batch)
+    moment = moment_of_engagement(batch)
     with np.errstate(all="ignore"):
         while len(moment.row):
             ahead = look_ahead(NUMPY, batch.game, moment.pursuer_m, moment.evader_m, batch.target_m)
-            moment = moment._replace(end=judged(batch, moment, ahead))
+            moment = moment._replace(end=ends_of(batch, moment, ahead))
             yield moment
             running = moment.end == End.RUNNING
             if np.count_nonzero(running) <= _SHARE_LEFT * len(running):
@@ -129,7 +137,7 @@ def opening(batch: Batch) -> Solution:
     return solve(batch.believed, batch.pursuer_m, batch.evader_m, batch.target_m)
 
 
-def begun(batch: Batch) -> BatchMoment:
+def moment_of_engagement(batch: Batch) -> BatchMoment:
     """Return the moment of engagement."""
     P = batch.pursuer_m
     E = batch.evader_m
@@ -140,7 +148,7 @@ def begun(batch: Batch) -> BatchMoment:
     turning_rad_s = None
     heard = None
     if sensor != PERFECT:
-        heard = begin(sensor, E)
+        heard = first_knowledge(sensor, E)
     elif batch.pursuer.name == PROPORTIONAL:
         turning_rad_s = np.zeros_like(P)
     nothing_happened = np.zeros((count, len(LIMITS) + 2), dtype=bool)
@@ -194,7 +202,7 @@ def _one_by_one(arrays: Any) -> Iterator[Any]:  # noqa: ANN401 - a named tuple
     return map(type(arrays)._make, zip(*columns, strict=False))
 
 
-def judged(batch: Batch, moment: BatchMoment, ahead: Ahead) -> NDArray[np.int8]:
+def ends_of(batch: Batch, moment: BatchMoment, ahead: Ahead) -> NDArray[np.int8]:
     """Return the end of each game; a capture counts before an arrival at the same time."""
     now = np.where(moment.now_s >= batch.limit_s, End.TIME_UP, End.RUNNING)
     has_no_game = moment.happened[:, -1]
@@ -234,7 +242,7 @@ def heard_nothing(batch: Batch, moment: BatchMoment) -> NDArray[np.bool_]:
     if heard is None:
         return np.zeros(len(moment.row), dtype=bool)
     sensor = batch.kind.sensor
-    listen(sensor, batch.noise, heard, moment.now_s, moment.evader_m, moment.run_m_s)
+    receive_reports(sensor, batch.noise, heard, moment.now_s, moment.evader_m, moment.run_m_s)
     return np.asarray(moment.now_s - heard.measured_s > TIMEOUT_S)
 
 
@@ -476,7 +484,9 @@ def view_of(batch: Batch, moment: BatchMoment, E: Array, run_m_s: Array) -> View
     """Return what the pursuers know of evaders at E that run; late and noisy where the scenario has a sensor."""
     if moment.heard is not None:
         heard = moment.heard
-        known_m, bound_m_s, age_s = known(batch.noise, heard, batch.believed_m_s, moment.now_s)
+        known_m, bound_m_s, age_s = extrapolated(
+            batch.noise, heard, batch.believed_m_s, moment.now_s
+        )
         information_age_s = np.minimum(age_s, TIMEOUT_S)
         aged = replace(batch.game, evader_speed_m_s=bound_m_s, information_age_s=information_age_s)
         return View(aged, known_m, heard.velocity_m_s)

@@ -11,7 +11,7 @@ from guidance.errors import ConfigError
 from guidance.sim.scenario import EVADER, PURSUER, Flown, Point2, pursuits_of
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.faults import Faulted, parse_script
-from sitl_mock.fleet import build, checked
+from sitl_mock.fleet import build, checked_fleet
 
 
 def fleet(flight_scenario: Flown) -> dict[str, Any]:
@@ -105,7 +105,7 @@ def faulted_fleet(scenario: Flown) -> dict[str, Faulted]:
             ("start", "engaged"),
             ("start",),
         ):
-            players = checked(fleet(scenario), title)
+            players = checked_fleet(fleet(scenario), title)
             vehicles = build(players, links={"onboard": "quiet"}, log_bytes=0)
             faults = parse_script(script(scenario, events), title)
             faulted = {name: Faulted(vehicle, name, faults) for name, vehicle in vehicles.items()}

@@ -113,7 +113,7 @@ def outcome_of(
     names = (scenario.title, run, scenario.game, scenario.pursuer.policy, scenario.evader.policy)
     row = Outcome(*names, scenario.seed, end, **measured)
     winnable = row.predicted_winner != "evader"
-    _, columns = judged(
+    _, columns = achieved_value(
         row.game, end, row.game_time_s, row.evader_to_target_m, predicted, promised=winnable
     )
     in_tad = "predicted_evader_to_target_m" if winnable else "predicted_short_m"
@@ -121,7 +121,7 @@ def outcome_of(
     return row._replace(**columns)
 
 
-def judged(
+def achieved_value(
     game: str, end: str, time_s: float, away_m: float, predicted: float, *, promised: bool
 ) -> tuple[float, dict[str, Any]]:
     """Return the achieved value of a game in the unit of the value, and the columns that follow from it and the end.

@@ -71,7 +71,7 @@ def _rate_hz(sensor: Sensor) -> float:
     return FASTEST_HZ if sensor.rate_hz is None else sensor.rate_hz
 
 
-def begin(sensor: Sensor, evader_m: Array) -> Received:
+def first_knowledge(sensor: Sensor, evader_m: Array) -> Received:
     """Return the knowledge at the begin: the evader stands at `evader_m`, (n, 3)."""
     count = len(evader_m)
     none = np.zeros(count, dtype=np.int64)
@@ -90,7 +90,7 @@ def next_event_s(sensor: Sensor, heard: Received) -> Array:
     )
 
 
-def listen(
+def receive_reports(
     sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m: Array, run_m_s: Array
 ) -> None:
     """Make the measurements and receive the reports that are due; call it once in a period at least.
@@ -131,7 +131,7 @@ def listen(
     heard.measured_s[rows] = number * period_s
 
 
-def known(
+def extrapolated(
     noise: Noise, heard: Received, declared_m_s: Real, now_s: Array
 ) -> tuple[Array, Real, Array]:
     """Extrapolate the last report to the present: return the evader's position, speed bound, and the report's age.

@@ -23,7 +23,7 @@ from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
 from guidance.game.team.rollout import held_m
 from guidance.sim.batch import Array, by_kind, target_extent
 from guidance.sim.expect import Range, Ranges
-from guidance.sim.outcome import judged, winner_name
+from guidance.sim.outcome import achieved_value, winner_name
 from guidance.sim.scenario import (
     AnyScenario,
     Point2,
@@ -145,8 +145,8 @@ class Teams(NamedTuple):
 
 def teams_of(scenario: TeamScenario) -> Teams:
     """Place the players of a scenario; a player's place depends on the seed and not on the number of others."""
-    pursuers = _placed(scenario.pursuer, scenario.seed, 0)
-    evaders = _placed(scenario.evader, scenario.seed, 1)
+    pursuers = _scattered_players(scenario.pursuer, scenario.seed, 0)
+    evaders = _scattered_players(scenario.evader, scenario.seed, 1)
     P, u, pursuer_policies = zip(*pursuers, strict=True)
     E, v, evader_policies = zip(*evaders, strict=True)
     target_m = None
@@ -163,7 +163,7 @@ def teams_of(scenario: TeamScenario) -> Teams:
     )
 
 
-def _placed(
+def _scattered_players(
     groups: Sequence[PursuerGroup | EvaderGroup], seed: int, side: int
 ) -> Iterator[tuple[Enu, float, str]]:
     """Yield place, speed and policy of each player."""
@@ -369,7 +369,7 @@ def outcomes_of(
     for j, (end, time_s, away_m, captor) in enumerate(ends):
         guarantor = first.first[j].item()
         predicted = float(first.value[j])
-        achieved, judgement = judged(
+        achieved, judgement = achieved_value(
             scenario.game, end, time_s, away_m, predicted, promised=guarantor >= 0
         )
         outcome = TeamOutcome(

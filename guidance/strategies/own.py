@@ -102,7 +102,7 @@ def forget() -> None:
     _LOADED.clear()
 
 
-def load(name: str) -> Choose:
+def load_policy(name: str) -> Choose:
     """Return a policy by its name; import its file or its module the first time. A file's path is as of the shell.
 
     Raises:
@@ -158,7 +158,7 @@ def require_fit(name: str, observation: Array, shares: int) -> None:
     Raises:
         ConfigError: If it is unknown, declares another observation space, or its answer is no action.
     """
-    choose = load(name)
+    choose = load_policy(name)
     shape = getattr(getattr(choose, "observation_space", None), "shape", None)
     needed = observation.shape[1:]
     if shape is not None and tuple(shape) != needed:
@@ -248,7 +248,7 @@ def _fill(seen: Array, first: int, columns: Array) -> None:
 def pursuer_velocity(game: Game, action: Array) -> Array:
     """Return the velocity over the ground, (n, 3), m/s, of a pursuer's action (n, 3); NaN stays NaN."""
     speeds = game.pursuer
-    level_m_s = _rows(speeds.horizontal_m_s)
+    level_m_s = _speed_rows(speeds.horizontal_m_s)
     share = action[:, 2]
     asked = action * level_m_s[:, None]
     asked[:, 2] = share * np.where(share > 0.0, speeds.climb_m_s, speeds.descent_m_s)
@@ -262,12 +262,12 @@ def pursuer_velocity(game: Game, action: Array) -> Array:
 def evader_velocity(game: Game, action: Array) -> Array:
     """Return the velocity, (n, 3), m/s, of an evader's action (n, 2)."""
     velocity = np.zeros((len(action), 3))
-    speed_m_s = _rows(game.evader_speed_m_s)
+    speed_m_s = _speed_rows(game.evader_speed_m_s)
     _fill(velocity, 0, action * speed_m_s[:, None])
     return bounded(velocity, speed_m_s)
 
 
-def _rows(speed_m_s: Real) -> Array:
+def _speed_rows(speed_m_s: Real) -> Array:
     return np.atleast_1d(np.asarray(speed_m_s, dtype=np.float64))
 
 
@@ -284,7 +284,7 @@ def asked_pursuit(
     last = np.zeros_like(pursuer_m) if last_m_s is None else last_m_s
     observation = observe_pursuit(game, pursuer_m, evader_m, evader_m_s, last, target_m)
     try:
-        action = action_of(name, load(name), observation, PURSUER_SHARES)
+        action = action_of(name, load_policy(name), observation, PURSUER_SHARES)
     except PolicyError:
         return np.full(pursuer_m.shape, np.nan)
     velocity = pursuer_velocity(game, action)
@@ -313,7 +313,7 @@ def asked_evasion(
     last = still if last_m_s is None else last_m_s
     observation = observe_evasion(game, pursuer_m, evader_m, seen, last, target_m)
     try:
-        action = action_of(name, load(name), observation, EVADER_SHARES)
+        action = action_of(name, load_policy(name), observation, EVADER_SHARES)
     except PolicyError:
         return still
     velocity = evader_velocity(game, action)

@@ -49,7 +49,7 @@ class Interval(NamedTuple):
     high: float = math.nan
 
 
-def share(successes: int, of: int) -> Interval:
+def success_share(successes: int, of: int) -> Interval:
     """Return a probability with Wilson's interval."""
     if of == 0:
         return Interval()
@@ -57,14 +57,14 @@ def share(successes: int, of: int) -> Interval:
     return Interval(successes / of, low, high)
 
 
-def known(numbers: Array) -> Array:
+def finite_numbers(numbers: Array) -> Array:
     """Return the numbers that are known."""
     return numbers[np.isfinite(numbers)]
 
 
 def mean(numbers: Array) -> Interval:
     """Return the mean of the known numbers with Student's t interval."""
-    numbers = known(numbers)
+    numbers = finite_numbers(numbers)
     count = numbers.size
     average = float(numbers.mean()) if count else math.nan
     error = float(stats.sem(numbers)) if count > 1 else math.nan
@@ -73,8 +73,8 @@ def mean(numbers: Array) -> Interval:
 
 def difference_of_means(a: Array, b: Array) -> Interval:
     """Return mean b − mean a of the known numbers of independent samples with Welch's t interval."""
-    a = known(a)
-    b = known(b)
+    a = finite_numbers(a)
+    b = finite_numbers(b)
     if min(a.size, b.size) == 0:
         return Interval()
     apart = float(b.mean() - a.mean())

@@ -23,7 +23,7 @@ from pyarrow import parquet
 from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder, text_of, writing
 from guidance.log.writer import commit, versions_of
-from guidance.sweeps.plan import ROW, Plan, plan_of
+from guidance.sweeps.plan import ROW, Plan, plan_of_manifest
 from guidance.sweeps.rows import DETERMINING, refuse_without_games
 
 MANIFEST: Final = "sweep.json"
@@ -143,7 +143,7 @@ class Folder:
         return read
 
 
-def begun(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> Folder:
+def begin_or_continue(path: Path, plan: Plan, chunk_rows: int | None, workers: int = 1) -> Folder:
     """Begin a sweep in a folder, or continue the one in it.
 
     Args:
@@ -198,7 +198,7 @@ def read_folder(path: Path) -> Folder:
         ConfigError: If it is not one, or has no rows yet.
     """
     manifest = _manifest(path)
-    folder = Folder(path, plan_of(manifest), manifest["chunk_rows"])
+    folder = Folder(path, plan_of_manifest(manifest), manifest["chunk_rows"])
     if not folder.parts:
         raise ConfigError(
             f"{path}: this sweep has no rows yet; continue it with guidance sweep … --out {path}"
@@ -227,7 +227,7 @@ def alone(path: Path) -> Iterator[None]:
 
 def _resumed(path: Path, plan: Plan, chunk_rows: int | None) -> Folder:
     manifest = _manifest(path)
-    was = plan_of(manifest).decisive
+    was = plan_of_manifest(manifest).decisive
     now = plan.decisive
     differing = [name for name in {**was, **now} if was.get(name) != now.get(name)]
     if differing:

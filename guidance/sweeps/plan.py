@@ -56,8 +56,8 @@ class Policies(Section):
     @property
     def pairs_listed(self) -> int:
         """Number of pairs, also of policies given twice."""
-        pursuers = _several(self.pursuer, "")
-        evaders = _several(self.evader, "")
+        pursuers = _policy_names(self.pursuer, "")
+        evaders = _policy_names(self.evader, "")
         return len(pursuers) * len(evaders)
 
 
@@ -217,8 +217,8 @@ class Plan(Section):
             return (Pair(scenario_pursuer, scenario_evader),)
         pairs: list[Pair] = []
         for policies in self.policies:
-            pursuers = _several(policies.pursuer, scenario_pursuer)
-            evaders = _several(policies.evader, scenario_evader)
+            pursuers = _policy_names(policies.pursuer, scenario_pursuer)
+            evaders = _policy_names(policies.evader, scenario_evader)
             for pursuer, evader in itertools.product(pursuers, evaders):
                 pairs.append(Pair(pursuer, evader))
         return tuple(pairs)
@@ -275,7 +275,7 @@ class Plan(Section):
 
     @property
     def document(self) -> dict[str, Any]:
-        """The plan as plain values for the sweep's folder; `plan_of` reads it."""
+        """The plan as plain values for the sweep's folder; `plan_of_manifest` reads it."""
         sweep = self.model_dump(
             mode="json", by_alias=True, exclude_defaults=True, exclude={"way", "scenario"}
         )
@@ -294,7 +294,7 @@ class Plan(Section):
         return sha256(text.encode()).hexdigest()
 
 
-def _several(names: str | tuple[str, ...], default: str) -> tuple[str, ...]:
+def _policy_names(names: str | tuple[str, ...], default: str) -> tuple[str, ...]:
     if isinstance(names, str):
         return (names,)
     if names:
@@ -310,7 +310,7 @@ def policy_in(section: Any) -> str:  # noqa: ANN401 - a player's section, or the
     return "+".join(dict.fromkeys(policies))
 
 
-def plan_of(document: Mapping[str, Any]) -> Plan:
+def plan_of_manifest(document: Mapping[str, Any]) -> Plan:
     """Return the plan of a sweep's manifest."""
     keys = document["sweep"] | {"as": document["as"], "scenario": document["scenario"]}
     return Plan.model_validate(keys)

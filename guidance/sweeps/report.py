@@ -18,7 +18,7 @@ from guidance.files import private_folder, writing
 from guidance.log.codec import plain
 from guidance.screen import console, sheet
 from guidance.sweeps.axes import Array, Axis
-from guidance.sweeps.compare import Interval, cell, known, mean, share, spread
+from guidance.sweeps.compare import Interval, cell, finite_numbers, mean, spread, success_share
 from guidance.sweeps.drawing import Key, draw_all, key_label
 from guidance.sweeps.folder import (
     CAPTURED,
@@ -98,7 +98,7 @@ def _regrets_of_pairs(plan: Plan, rows: Columns) -> list[Array]:
     regrets = []
     for number in range(len(plan.pairs)):
         of_pair = rows[PAIR] == number
-        regrets.append(known(rows["regret"][of_pair]))
+        regrets.append(finite_numbers(rows["regret"][of_pair]))
     return regrets
 
 
@@ -155,11 +155,11 @@ def summed_up(
         worst: Rows with the worst results.
     """
     grid = [key for key in keys if key.grid]
-    by_key = {key.column: _groups(plan, rows, [key]) for key in keys}
+    by_key = {key.column: _group_summaries(plan, rows, [key]) for key in keys}
     by_point: dict[int, list[dict[str, Any]]] = {}
     if len(grid) == 2:
-        by_point = _groups(plan, rows, grid)
-    everything = _groups(plan, rows, [])
+        by_point = _group_summaries(plan, rows, grid)
+    everything = _group_summaries(plan, rows, [])
     policies = []
     for number, pair in enumerate(plan.pairs):
         if number not in everything:
@@ -188,7 +188,9 @@ def summed_up(
     return dict(plain(report))
 
 
-def _groups(plan: Plan, rows: Columns, keys: Sequence[Key]) -> dict[int, list[dict[str, Any]]]:
+def _group_summaries(
+    plan: Plan, rows: Columns, keys: Sequence[Key]
+) -> dict[int, list[dict[str, Any]]]:
     """Return for every pair of policies the summaries of its groups, in the order of the keys' values."""
     with_intervals = not (plan.teams or _mixes_grid_values(plan, keys))
     groups_of: dict[int, list[dict[str, Any]]] = {}
@@ -228,12 +230,12 @@ def _mixes_grid_values(plan: Plan, keys: Sequence[Key]) -> bool:
 def _summary(plan: Plan, games: Array, *, with_intervals: bool) -> dict[str, Any]:
     """Return captures and regrets of a group of games (n, 4): captured, regret, predicted value and time."""
     captures, regrets, predicted, times_s = games.T
-    captures = known(captures)
-    regrets = known(regrets)
-    captured = share(int(captures.sum()), captures.size)
+    captures = finite_numbers(captures)
+    regrets = finite_numbers(regrets)
+    captured = success_share(int(captures.sum()), captures.size)
     regret = mean(regrets)
     has_draws = any(axis.random is not None for axis in plan.axes)
-    distinct_times_s = np.unique(known(times_s))
+    distinct_times_s = np.unique(finite_numbers(times_s))
     are_equal = not has_draws and distinct_times_s.size == 1
     if are_equal or not with_intervals:
         captured = Interval(captured.estimate)
@@ -312,7 +314,7 @@ def _worst(plan: Plan, rows: Columns, count: int) -> list[int]:
 def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> None:
     unit = report["unit"]
     grid = [key for key in keys if key.grid]
-    target.print(f"{_progress(report)}, as {report['as']}")
+    target.print(f"{_row_count_words(report)}, as {report['as']}")
     target.print(
         f"regret, {unit}: the pursuer's loss against the game's value; below 0, the evader's"
     )
@@ -349,7 +351,7 @@ def _ends(policies: Mapping[str, Any]) -> tuple[str, str, str, str]:
     return _names(policies), games, captured, other_ends
 
 
-def _progress(report: Mapping[str, Any]) -> str:
+def _row_count_words(report: Mapping[str, Any]) -> str:
     count = report["rows"]
     planned = report["rows_planned"]
     if report["teams"]:

@@ -98,11 +98,11 @@ def _with_values(
     """Return a copy of a document with one value of every axis."""
     for axis, value in zip(axes, values, strict=True):
         for path, part in axis.settings(value):
-            document = _placed(document, path, part)
+            document = _with_value(document, path, part)
     return document
 
 
-def _placed(node: Any, path: Sequence[str | int], value: Any) -> Any:  # noqa: ANN401 - any part of a document
+def _with_value(node: Any, path: Sequence[str | int], value: Any) -> Any:  # noqa: ANN401 - any part of a document
     """Return a copy of a part of a document with a value at a path."""
     if not path:
         return value
@@ -111,13 +111,13 @@ def _placed(node: Any, path: Sequence[str | int], value: Any) -> Any:  # noqa: A
     if isinstance(head, int):
         if not isinstance(node, (list, tuple)) or head >= len(node):
             raise LookupError(head)
-        changed = _placed(node[head], inner_path, value)
+        changed = _with_value(node[head], inner_path, value)
         return [*node[:head], changed, *node[head + 1 :]]
     if node:
         section = node
     else:
         section = {}
-    return {**section, head: _placed(section.get(head), inner_path, value)}
+    return {**section, head: _with_value(section.get(head), inner_path, value)}
 
 
 def planned(name: str, way: str | None = None) -> Plan:
@@ -223,7 +223,7 @@ def computed(plan: Plan, rows: range) -> bytes:
     sink = BytesIO()
     # All objects live until the end of the chunk; visiting them takes a fifth of the time
     with uncollected():
-        parquet.write_table(table_of(plan, rows), sink, compression="zstd")
+        parquet.write_table(table_of_rows(plan, rows), sink, compression="zstd")
     return sink.getvalue()
 
 
@@ -237,12 +237,12 @@ def uncollected() -> Iterator[None]:
         gc.enable()
 
 
-def table_of(plan: Plan, rows: range) -> pa.Table:
+def table_of_rows(plan: Plan, rows: range) -> pa.Table:
     """Play rows and return their table."""
     cases = plan.cases(np.arange(rows.start, rows.stop, dtype=np.int64))
     scenarios = list(scenarios_of(plan, cases))
     valid = [scenario for scenario in scenarios if not isinstance(scenario, str)]
-    outcomes_played = iter(_played(plan, valid))
+    outcomes_played = iter(_outcomes_of(plan, valid))
     outcomes: list[Sequence[Any]] = []
     for row, scenario in enumerate(scenarios):
         if isinstance(scenario, str):
@@ -266,7 +266,7 @@ def as_table(plan: Plan, cases: Cases, outcomes: Sequence[Sequence[Any]]) -> pa.
     return pa.Table.from_arrays([*repeated, *cells], schema=plan.schema)
 
 
-def _played(plan: Plan, games: list[Any]) -> Iterable[Sequence[Any]]:
+def _outcomes_of(plan: Plan, games: list[Any]) -> Iterable[Sequence[Any]]:
     """Return the outcomes of each game: one, or of teams one for every evader."""
     if plan.teams:
         return play_teams(games)

@@ -28,9 +28,9 @@ from typing import Any, Final
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from guidance.errors import ConfigError, GuidanceError, LinkError
-from guidance.extras import require
+from guidance.extras import require_extras
 from guidance.screen import console, headed, redraws
-from guidance.sweeps.folder import Folder, alone, begun
+from guidance.sweeps.folder import Folder, alone, begin_or_continue
 from guidance.sweeps.rows import ChunkMade, code_here, computed, made, planned, uncollected
 
 CONNECT_S = 10.0
@@ -100,7 +100,7 @@ def cluster_client(scheduler: str) -> Any:  # noqa: ANN401 - distributed has no 
     Raises:
         ConfigError: If the extra is not installed, or nothing answers at the address.
     """
-    require(f"--scheduler {scheduler}", "cluster")
+    require_extras(f"--scheduler {scheduler}", "cluster")
     import dask  # noqa: PLC0415 - takes half a second
     from distributed import Client  # noqa: PLC0415
 
@@ -160,7 +160,7 @@ def finish(
             size = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
             start = partial(client.get_executor, pure=False, retries=0)
             try:
-                _spread(folder, on_kept, size, start)
+                _play_in_processes(folder, on_kept, size, start)
             except (CancelledError, OSError, TimeoutError) as error:
                 mend = "earlier rows are kept: run the same command to continue"
                 raise LinkError(
@@ -168,7 +168,7 @@ def finish(
                 ) from error
     elif workers > 1:
         spawn = {"mp_context": multiprocessing.get_context("spawn"), "initializer": _begin_worker}
-        _spread(folder, on_kept, workers, partial(ProcessPoolExecutor, workers, **spawn))
+        _play_in_processes(folder, on_kept, workers, partial(ProcessPoolExecutor, workers, **spawn))
     else:
         for chunk in folder.missing:
             rows = folder.rows(chunk)
@@ -176,7 +176,7 @@ def finish(
             on_kept(len(rows))
 
 
-def _spread(
+def _play_in_processes(
     folder: Folder, on_kept: Callable[[int], None], size: int, start: Callable[[], Executor]
 ) -> None:
     pending = deque(folder.missing)
@@ -288,7 +288,7 @@ def run_sweep(
     title = plan.title if plan.title else stem
     with alone(path):
         target.print(headed(title, f": {plan.rows} {unit}"))
-        folder = begun(path, plan, chunk, size)
+        folder = begin_or_continue(path, plan, chunk, size)
         count = len(folder.missing)
         if folder.rows_there:
             target.print(f"{folder.rows_there} of them are there already")

@@ -96,7 +96,7 @@ def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool
     rows_done = 0
     target = console(stderr=True)
     try:
-        with _progress(target) as bar:
+        with _progress_bar(target) as bar:
             task = bar.add_task("", total=_rows_of(states))
             for chunk in _chunks(states):
                 first_row = rows_done + 1
@@ -121,7 +121,7 @@ def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool
         target.print(f"{states}: {_unanswered(strange, rows_done)}", soft_wrap=True, markup=False)
 
 
-def _progress(target: Console) -> Progress:
+def _progress_bar(target: Console) -> Progress:
     """Return a bar of the rows that are solved."""
     columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("rows"), TimeRemainingColumn())
     return Progress(*columns, console=target, transient=True, disable=not redraws(target))
@@ -226,7 +226,7 @@ def _answered(game: Game, chunk: pa.Table, lost: set[int], *, speeds_given: bool
     has_target = "target_x_m" in names or "target_y_m" in names
     target = _place(chunk, "target") if has_target else None
     if any(map(_PLAYER.fullmatch, names)):
-        fields = _team_answers(game, chunk, target, lost)
+        fields = _team_columns(game, chunk, target, lost)
     else:
         fields = _answers(game, chunk, target)
     columns: dict[str, Any] = {}
@@ -314,7 +314,7 @@ def _flat(column: str, field: Array) -> Iterator[tuple[str, Any]]:
             yield name, [words(code).word for code in values.tolist()]
 
 
-def _team_answers(
+def _team_columns(
     game: Game, chunk: pa.Table, target: Array | None, lost: set[int]
 ) -> dict[str, Any]:
     """Return the answers to the rows of a file of teams: name of the columns, and a field (rows, ...).

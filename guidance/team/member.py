@@ -204,7 +204,7 @@ class Member:
         frame = flight.tracking.local_frame
         if local is not None and frame is not None:
             measured_s = local.received_s - flight.vehicle.delay_s
-            position = _placed(measured_s, frame.wgs84_from_ned(local.position_ned_m))
+            position = _position_fields(measured_s, frame.wgs84_from_ned(local.position_ned_m))
             vehicle = flight.vehicle
             is_airborne = vehicle.armed and not vehicle.on_ground
             role = flight.heard.role
@@ -214,7 +214,7 @@ class Member:
                 **_speeds(flight),
                 velocity_ned_m_s=local.velocity_ned_m_s,
                 state=str(flight.state),
-                part=_part_of(flight.state),
+                part=_part_in_team(flight.state),
                 airborne=is_airborne,
                 evader=None if role is None else role.evader,
                 value=_value_of(outputs),
@@ -242,7 +242,7 @@ class Member:
         evaders, plane_m = self._evaders_seen(now_s, flight, game_frame)
         vehicles = {}
         for state, at_s in self._states(own_state, alive):
-            position_ned_m = _moved(frame.ned_from_wgs84(*state.place), state, now_s - at_s)
+            position_ned_m = _flown_on(frame.ned_from_wgs84(*state.place), state, now_s - at_s)
             x, y, z = game_frame.position_from_ned(position_ned_m)
             vehicles[state.vehicle] = Enu((x, y, z - plane_m)), state
         return CoordinatorView(vehicles, evaders, cycle.target_game_m, cycle.game)
@@ -278,7 +278,7 @@ class Member:
             yield own_state, own_state.sent_s
 
 
-def _moved(position_ned_m: Ned, state: StateMessage, age_s: float) -> Ned:
+def _flown_on(position_ned_m: Ned, state: StateMessage, age_s: float) -> Ned:
     """Return where a vehicle is if it kept its velocity since it said so."""
     return position_ned_m + age_s * Ned(state.velocity_ned_m_s)
 
@@ -303,7 +303,7 @@ def _shown(promise: Promise, unit: str) -> dict[str, Any]:
     }
 
 
-def _part_of(state: State) -> Literal["out", "ready", "playing"]:
+def _part_in_team(state: State) -> Literal["out", "ready", "playing"]:
     """Return whether a vehicle in this state can be engaged, or plays."""
     if state in _PLAYING:
         return "playing"
@@ -332,7 +332,7 @@ def _relayed(sender: dict[str, Any], evader: str, report: EvaderReport) -> Evade
     """Return a report of an evader for the mates."""
     altitude = Amsl(report.altitude_amsl_m)
     place = (report.latitude_deg, report.longitude_deg, altitude)
-    position = _placed(report.received_s, place)
+    position = _position_fields(report.received_s, place)
     velocity = report.velocity_ned_m_s
     is_known = all(map(math.isfinite, velocity))
     return EvaderMessage(
@@ -344,7 +344,7 @@ def _relayed(sender: dict[str, Any], evader: str, report: EvaderReport) -> Evade
     )
 
 
-def _placed(sent_s: float, place: tuple[float, float, Amsl]) -> dict[str, Any]:
+def _position_fields(sent_s: float, place: tuple[float, float, Amsl]) -> dict[str, Any]:
     latitude_deg, longitude_deg, altitude = place
     named = {
         "latitude_deg": latitude_deg,

@@ -174,7 +174,7 @@ def box_of(shapes: Iterable[Shape]) -> tuple[Array, Array]:
     return low_m, high_m
 
 
-def players_of(pursuer: Array, evader: Array) -> Iterator[Shape]:
+def player_tracks(pursuer: Array, evader: Array) -> Iterator[Shape]:
     """Yield the tracks of both players in the game, (n, 3), m, and their ends."""
     players = ("pursuer", pursuer, PURSUER, "o", "s"), ("evader", evader, EVADER, "^", "v")
     for name, track, style, begin_marker, end_marker in players:
@@ -316,7 +316,7 @@ def draw_scenario(scenario: Scenario, path: Path) -> None:
     curve = isochron(batch.believed, batch.pursuer_m[0], batch.evader_m[0])
     shapes = [
         *_courses(batch, 2.0 * played_s),
-        *players_of(pursuer, evader),
+        *player_tracks(pursuer, evader),
         *promise_of(curve, foreseen_m, with_target=target_m is not None),
         disc_of(evader[-1], batch.game.standoff),
         *target_of(target_m, batch.game.target_extent),

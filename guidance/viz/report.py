@@ -75,7 +75,7 @@ Drawn = Iterable[tuple[str, Figure]]
 _SHADES = ("0.96", "0.86", "0.91", "0.82")
 
 
-def tracks(story: Story) -> Figure:
+def draw_tracks(story: Story) -> Figure:
     """Draw the flight in space, from above, and from above with the whole fence."""
     return figures.chase_figure(shapes_of(story), story.flight.fence_m, with_whole_fence=True)
 
@@ -105,7 +105,7 @@ def shapes_of(story: Story) -> list[Shape]:
     before = Shape(pursuer[:begin], figures.BEFORE, "pursuer before and after")
     after = Shape(pursuer[end:], figures.BEFORE, "pursuer before and after")
     shapes = [before, after]
-    shapes += figures.players_of(pursuer[begin:end], evader[begin:end])
+    shapes += figures.player_tracks(pursuer[begin:end], evader[begin:end])
     if engaged is not None and not engaged.certificate.no_game:
         curve = isochron_at(settings, engaged.certificate)
         meeting_m = engaged.certificate.meeting_point_game_m
@@ -120,7 +120,7 @@ def shapes_of(story: Story) -> list[Shape]:
     return shapes
 
 
-def game(story: Story) -> Figure:
+def draw_game(story: Story) -> Figure:
     """Draw range, time to go and guarantee: t + time needed never rises in PE, and L never falls in TAD."""
 
     def column(name: str) -> Array:
@@ -174,7 +174,7 @@ def _draw_promise(axes: Any, story: Story) -> None:  # noqa: ANN401
         label = None
 
 
-def velocities(story: Story) -> Figure:
+def draw_velocities(story: Story) -> Figure:
     """Draw the flown, commanded and desired velocity, by axis."""
     span = playing_span(story)
     lines = list[Line]()
@@ -194,7 +194,7 @@ def velocities(story: Story) -> Figure:
     return figure
 
 
-def ages(story: Story) -> Figure:
+def draw_ages(story: Story) -> Figure:
     """Draw ages of data, round-trip times and the loop's delays."""
     now_s = story.column("now_s")
 
@@ -249,7 +249,7 @@ def over_time(story: Story, height: float, lines: Sequence[Line]) -> tuple[Figur
     return figure, axes
 
 
-def events(story: Story) -> Figure:
+def draw_events(story: Story) -> Figure:
     """Draw the states as a band with the events below."""
     events = story.events[:_MOST_EVENTS]
     figure = figures.figure_of(11.0, 1.4 + 0.27 * len(events))
@@ -296,7 +296,7 @@ def _label_event(axes: Any, row: int, event: EventEntry, *, is_early: bool) -> N
     axes.annotate(label, (event.now_s, row), xytext=(shift, 0), **beside, fontsize=8.5)
 
 
-def plan(team: TeamStory) -> Figure:
+def draw_plan(team: TeamStory) -> Figure:
     """Draw all vehicles and evaders from above."""
     figure = figures.figure_of(10.0, 7.5)
     axes: Any = figure.subplots()
@@ -488,11 +488,11 @@ def _label_height(axes: Any, far_m: float, high_m: float, standoff: StandOff) ->
 
 
 PICTURES: Final = {
-    "tracks": tracks,
-    "game": game,
-    "velocities": velocities,
-    "ages": ages,
-    "events": events,
+    "tracks": draw_tracks,
+    "game": draw_game,
+    "velocities": draw_velocities,
+    "ages": draw_ages,
+    "events": draw_events,
 }
 
 
@@ -530,7 +530,7 @@ def write_team_report(records: Mapping[str, Path], folder: Path) -> list[Path]:
     """
     team = team_story(records)
     flights = list(team.flights.values())
-    drawn = [("plan", plan(team))]
+    drawn = [("plan", draw_plan(team))]
     words = team_opening_words(team)
     rows = team_summary(team)
     return write_page(folder, flights, drawn, words, rows)

@@ -146,11 +146,11 @@ def opening_words(story: Story) -> str:
         home_words = f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
     vehicle = f"{story.title} ({story.settings.autopilot.name})"
     opening_sentence = f"{vehicle} flew {when}{home_words} for {story.lasted_s:.0f} s."
-    sentences = (opening_sentence, _promise(story), _happened(story), _limited(story))
+    sentences = (opening_sentence, _promise_sentence(story), _happened(story), _limited(story))
     return " ".join(filter(None, sentences))
 
 
-def _promise(story: Story) -> str:
+def _promise_sentence(story: Story) -> str:
     """Return the vehicle's promise at engagement."""
     if story.engaged is None:
         return ""
@@ -186,7 +186,7 @@ def _happened(story: Story) -> str:
         share_words = f" ({share:.2f} of the promise)"
     distance_words = ""
     if story.with_target:
-        away_m = _flown(story, story.captured)
+        away_m = _achieved_value(story, story.captured)
         distance_words = f", with the evader {away_m:.1f} m from the target"
     return f"It was there after {lasted_s:.1f} s{share_words}{distance_words}; {ending}."
 
@@ -219,14 +219,14 @@ def _limited(story: Story) -> str:
 
 def summary(story: Story) -> Iterator[Row]:
     """Yield the rows of the summary table."""
-    yield from _game(story)
+    yield from _game_rows(story)
     survey = story.survey
     speeds_m_s = np.linalg.norm(story.column("flown_ned_m_s"), axis=-1)
-    highest_m_s = _finite(max, speeds_m_s)
+    highest_m_s = _finite_extreme(max, speeds_m_s)
     states = [row.state for row in story.rows]
     is_playing = np.isin(states, [State.ENGAGED, State.PAUSED, State.ON_STATION])
     heights_m = story.column("pursuer_m")[is_playing, 2]
-    lowest_m = _finite(min, heights_m)
+    lowest_m = _finite_extreme(min, heights_m)
     commanded_north_m_s = story.column("commanded_ned_m_s")[:, 0]
     setpoints = np.count_nonzero(np.isfinite(commanded_north_m_s))
     condition = ", ".join(survey.faults) if survey.faults else "whole"
@@ -250,7 +250,7 @@ def summary(story: Story) -> Iterator[Row]:
     yield "made by", ", ".join(versions)
 
 
-def _game(story: Story) -> Iterator[Row]:
+def _game_rows(story: Story) -> Iterator[Row]:
     cycle = story.settings.cycle
     unit = "m from T" if story.with_target else "s"
     disc = cycle.game.standoff
@@ -276,7 +276,7 @@ def _game(story: Story) -> Iterator[Row]:
     if story.with_target:
         yield "distance from T that it can promise", f"{engaged.assured_distance_m:.2f} m"
     if story.captured is not None:
-        flown_path = _flown(story, story.captured)
+        flown_path = _achieved_value(story, story.captured)
         lasted_s = story.game_lasted_s
         yield "flown", f"{flown_path:.2f} {unit}"
         yield "flown / predicted", _ratio(flown_path, value)
@@ -288,7 +288,7 @@ def _ratio(value: float, reference: float) -> str:
     return f"{value / reference:.3f}" if reference else "–"
 
 
-def _finite(choose: Callable[..., float], values: Iterable[float]) -> float:
+def _finite_extreme(choose: Callable[..., float], values: Iterable[float]) -> float:
     """Return the smallest or largest finite value; NaN if there is none."""
     finite_values = filter(math.isfinite, values)
     return choose(finite_values, default=math.nan)
@@ -300,7 +300,7 @@ def _slowest_m_s(story: Story) -> float:
     return min(filterfalse(math.isnan, speeds_m_s), default=math.nan)
 
 
-def _flown(story: Story, captured: GameCycle) -> float:
+def _achieved_value(story: Story, captured: GameCycle) -> float:
     cycle = story.settings.cycle
     if cycle.target_game_m is None:
         return story.game_lasted_s

@@ -132,7 +132,7 @@ _WARNINGS: Final = (
 )
 
 
-def path_of(name: str, vehicle: str) -> str:
+def entity_path(name: str, vehicle: str) -> str:
     """Return the path of an entity of one vehicle: in a team, the vehicle is below the view that shows all of them."""
     if not vehicle:
         return name
@@ -159,8 +159,8 @@ def layout(vehicles: Sequence[str], *, with_target: bool) -> rrb.Blueprint:
 
 def _space(vehicles: Sequence[str]) -> rrb.Spatial3DView:
     """Return the view in space; tracks are drawn up to the time that is shown."""
-    pursuer_tracks = [path_of(f"{PURSUER}/track", vehicle) for vehicle in vehicles]
-    evader_tracks = [path_of(f"{EVADER}/track", vehicle) for vehicle in vehicles]
+    pursuer_tracks = [entity_path(f"{PURSUER}/track", vehicle) for vehicle in vehicles]
+    evader_tracks = [entity_path(f"{EVADER}/track", vehicle) for vehicle in vehicles]
     start = rrb.TimeRangeBoundary.infinite()
     end = rrb.TimeRangeBoundary.cursor_relative()
     until_now = rrb.VisibleTimeRanges(timeline=TIMELINE, start=start, end=end)
@@ -250,7 +250,7 @@ class Painter:
         if not self._fenced and home_m is not None:
             self._fenced = True
             if edges := self._flight.fence_m:
-                self._log(None, FENCE, _lines(edges, FENCE))
+                self._log(None, FENCE, _line_strips(edges, FENCE))
         role = row.inputs.role
         if role is not None:
             label = rr.Points3D.from_fields(labels=[role.evader])
@@ -305,11 +305,11 @@ class Painter:
         standoff = cycle.game.standoff
         height_m = evader_m[2] + standoff.height_m
         rim = lifted(circle(evader_m, standoff.radius_m, _POINTS), height_m)
-        self._log(now_s, DISC, _lines([rim], DISC))
+        self._log(now_s, DISC, _line_strips([rim], DISC))
         if certificate.no_game:
             return
         isochron = lifted(isochron_at(cycle, certificate, _POINTS), 0.0)
-        self._log(now_s, ISOCHRON, _lines([isochron], ISOCHRON))
+        self._log(now_s, ISOCHRON, _line_strips([isochron], ISOCHRON))
         name = "q*" if cycle.target_game_m is None else "g*"
         meeting_m = certificate.meeting_point_game_m
         star = rr.Points3D([meeting_m], radii=0.5, labels=[name], colors=[COLOURS[MEETING]])
@@ -330,23 +330,23 @@ class Painter:
         else:
             columns = rr.Scalars.columns(scalars=run)
         indexes = [rr.TimeColumn(TIMELINE, duration=times_s)]
-        self._to.send_columns(path_of(name, self._vehicle), indexes=indexes, columns=columns)
+        self._to.send_columns(entity_path(name, self._vehicle), indexes=indexes, columns=columns)
         if is_track:
             tail = self._tails.get(name, run[:1])
             line = np.concatenate([tail, run])
             self._tails[name] = run[-1:]
             last_s = float(times_s[-1])
-            self._log(last_s, f"{name}/track", _lines([line], name, 1.0))
+            self._log(last_s, f"{name}/track", _line_strips([line], name, 1.0))
 
     def _log(self, now_s: float | None, name: str, components: rr.AsComponents) -> None:
         """Log what is so from a time on, or always."""
         if now_s is not None:
             self._to.set_time(TIMELINE, duration=now_s)
-        path = path_of(name, self._vehicle)
+        path = entity_path(name, self._vehicle)
         self._to.log(path, components, static=now_s is None)
 
 
-def _lines(curves: list[Array], name: str, width: float = 1.5) -> rr.LineStrips3D:
+def _line_strips(curves: list[Array], name: str, width: float = 1.5) -> rr.LineStrips3D:
     radius = rr.Radius.ui_points(width)
     return rr.LineStrips3D(curves, colors=[COLOURS[name]], radii=radius)
 

@@ -92,7 +92,7 @@ _ANSWERED: Mapping[int, Result] = MappingProxyType(
 """MAV_RESULT of the calibration commands; MAG_ACCEPT fails because no calibration ever finishes."""
 
 
-def calibrate(commander: ArduPilot, command: Command) -> Answers:
+def answer_calibration(commander: ArduPilot, command: Command) -> Answers:
     """Answer a calibration command; refused while armed."""
     if commander.state.armed:
         compass = command.number != PREFLIGHT

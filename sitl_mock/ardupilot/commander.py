@@ -124,7 +124,7 @@ class ArduPilot:
             if self.firmware.flies and self.mode in GUIDED_MODES:
                 setpoint = read_attitude(self.state.parameters, message)
         elif self.mode == "GUIDED":
-            setpoint = guided.read(self.state, message)
+            setpoint = guided.read_position_target(self.state, message)
         if setpoint is not None and self.may_fly_to(setpoint):
             self.flight.follow(setpoint)
             self.flight.stream_s = now_s

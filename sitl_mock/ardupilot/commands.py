@@ -8,10 +8,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.ardupilot import safety
-from sitl_mock.ardupilot.answers import ANSWERED, ANSWERED_WITH_ONE, CALIBRATIONS, calibrate
+from sitl_mock.ardupilot.answers import (
+    ANSWERED,
+    ANSWERED_WITH_ONE,
+    CALIBRATIONS,
+    answer_calibration,
+)
 from sitl_mock.ardupilot.maneuvers import turn_from
 from sitl_mock.dynamics import Kind, Setpoint
-from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
+from sitl_mock.protocols import Command, CommandAnswer, Place, Result, is_on_earth
 from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import Severity
 
@@ -42,7 +47,7 @@ def execute(commander: ArduPilot, now_s: float, command: Command) -> Answers:
     if handler is not None:
         return handler(commander, now_s, command)
     if number in CALIBRATIONS:
-        return calibrate(commander, command)
+        return answer_calibration(commander, command)
     if number in commander.firmware.answers:
         return (CommandAnswer(commander.firmware.answers[number]),)
     result = ANSWERED.get(number) if commander.firmware.flies else None
@@ -158,7 +163,7 @@ def _reposition(commander: ArduPilot, _now_s: float, command: Command) -> Answer
     if not command.is_int:
         return UNSUPPORTED
     change = math.isfinite(flags) and int(flags) & 1
-    if not on_earth(Place(lat, lon, alt)) or (commander.mode != "GUIDED" and not change):
+    if not is_on_earth(Place(lat, lon, alt)) or (commander.mode != "GUIDED" and not change):
         return DENIED
     state = commander.state
     north, east, down = state.frame.to_local(lat, lon, alt)
@@ -220,7 +225,7 @@ def _set_home(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
             return FAILED
         commander.set_home(state.position_m, given=use_current == 1.0)
         return ACCEPTED
-    if not on_earth(Place(lat, lon, alt)):
+    if not is_on_earth(Place(lat, lon, alt)):
         return DENIED
     commander.set_home(state.frame.to_local(lat, lon, alt), given=True)
     return ACCEPTED

@@ -39,23 +39,23 @@ _FROM_HERE: Final = frozenset({LOCAL_OFFSET_NED, BODY_NED, BODY_OFFSET_NED})
 _LOCAL: Final = frozenset({LOCAL_NED}) | _FROM_HERE
 
 
-def read(state: VehicleState, message: Any) -> Setpoint | None:  # noqa: ANN401 - pymavlink has no types
+def read_position_target(state: VehicleState, message: Any) -> Setpoint | None:  # noqa: ANN401 - pymavlink has no types
     """Return the setpoint in a message, STOP if it is invalid, or None if ArduPilot ignores it."""
     kind = message.get_type()
     if kind == "SET_POSITION_TARGET_LOCAL_NED":
         target = read_local(message)
-        return _read(state, target) if target.frame in _LOCAL else None
+        return _setpoint_of(state, target) if target.frame in _LOCAL else None
     if kind == "SET_POSITION_TARGET_GLOBAL_INT":
         target = read_global(message, state.frame, state.home_m)
-        return _read(state, target) if target.frame in GLOBAL_FRAMES else None
+        return _setpoint_of(state, target) if target.frame in GLOBAL_FRAMES else None
     return None
 
 
-def _read(state: VehicleState, target: Target) -> Setpoint | None:
+def _setpoint_of(state: VehicleState, target: Target) -> Setpoint | None:
     mask = target.type_mask
     if mask & FORCE and not mask & IGNORE_ACCELERATION:
         return None
-    position = IGNORED if mask & IGNORE_POSITION else _placed(state, target)
+    position = IGNORED if mask & IGNORE_POSITION else _local_position(state, target)
     velocity = _axes(state, target, target.velocity_m_s, mask & IGNORE_VELOCITY)
     acceleration = _axes(state, target, target.acceleration_m_s2, mask & IGNORE_ACCELERATION)
     given = (
@@ -107,7 +107,7 @@ def _axes(state: VehicleState, target: Target, vector: Vector, ignored: int) -> 
     return turned(vector, state.yaw_rad) if target.frame in _BODY else vector
 
 
-def _placed(state: VehicleState, target: Target) -> Vector:
+def _local_position(state: VehicleState, target: Target) -> Vector:
     position = target.position_m
     if target.frame in _BODY:
         position = turned(position, state.yaw_rad)

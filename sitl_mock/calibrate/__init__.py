@@ -1,6 +1,6 @@
 """Comparing the mock's velocity response with a log of a real autopilot."""
 
-from sitl_mock.calibrate.comparison import RMS_LIMIT_M_S, Comparison, compare
+from sitl_mock.calibrate.comparison import RMS_LIMIT_M_S, Comparison, compare_log
 from sitl_mock.calibrate.flight import fly_log, guess, replay, vehicle_of
 from sitl_mock.calibrate.step_log import COLUMNS, FlavourName, StepLog, read_step_log
 
@@ -10,7 +10,7 @@ __all__ = [
     "Comparison",
     "FlavourName",
     "StepLog",
-    "compare",
+    "compare_log",
     "fly_log",
     "guess",
     "read_step_log",

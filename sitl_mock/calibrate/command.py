@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from sitl_mock.calibrate.comparison import RMS_LIMIT_M_S, Comparison, compare
+from sitl_mock.calibrate.comparison import RMS_LIMIT_M_S, Comparison, compare_log
 from sitl_mock.calibrate.flight import fly_log, guess, replay, vehicle_of
 from sitl_mock.calibrate.step_log import FlavourName, read_step_log
 from sitl_mock.errors import ConfigError, imported_for
@@ -120,7 +120,7 @@ def calibrate_file(
         chosen = _flavour(flavour)
         guessed_by = ""
     answers = replay(log, vehicle_of(chosen)) if dynamics_only else fly_log(log, chosen)
-    comparison = compare(log, chosen, answers, guessed_by)
+    comparison = compare_log(log, chosen, answers, guessed_by)
     if plot is not None:
         with imported_for(f"--plot {plot}"):
             from sitl_mock.calibrate.picture import draw  # noqa: PLC0415 - matplotlib takes a second

@@ -130,7 +130,7 @@ class Comparison:
         return max(self.rms_ned_m_s) <= RMS_LIMIT_M_S
 
 
-def compare(
+def compare_log(
     log: StepLog, flavour: FlavourName, mock_velocity_ned_m_s: Samples, guessed_by: str = ""
 ) -> Comparison:
     """Measure a log and the mock's answers to its commands, segment by segment.

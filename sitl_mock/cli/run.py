@@ -160,12 +160,18 @@ def _configured(
     seed: int | None,
     parameters: list[str],
 ) -> "FleetConfig":
-    from sitl_mock.fleet import checked, parse_vehicles, read_fleet, with_parameters, with_settings  # noqa: PLC0415 - as above
+    from sitl_mock.fleet import (  # noqa: PLC0415 - as above
+        checked_fleet,
+        parse_vehicles,
+        read_fleet,
+        with_parameters,
+        with_settings,
+    )
 
     if fleet is not None:
         if specs:
             raise ConfigError(f"--fleet {fleet} and --vehicles {specs[0]}: give one of them")
         config = read_fleet(fleet)
     else:
-        config = checked({"vehicle": parse_vehicles(specs or ["1"], flavour)}, "--vehicles")
+        config = checked_fleet({"vehicle": parse_vehicles(specs or ["1"], flavour)}, "--vehicles")
     return with_parameters(with_settings(config, settings, seed), parameters)

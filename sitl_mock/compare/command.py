@@ -28,7 +28,7 @@ def compare_file(file: Path, *, as_json: bool, ranges: bool) -> int:
     mock = behaviour_of(fly_recording(recording))
     departures = differences(recorded, mock)
     if as_json:
-        typer.echo(json.dumps(_plain(recording, recorded, mock, departures), indent=1))
+        typer.echo(json.dumps(_as_json(recording, recorded, mock, departures), indent=1))
     else:
         console = Console()
         for note in recording.notes:
@@ -78,7 +78,7 @@ def _differences(found: list[MessageDifference]) -> Table:
     return table
 
 
-def _plain(
+def _as_json(
     recording: Recording, recorded: Behaviour, mock: Behaviour, found: list[MessageDifference]
 ) -> dict[str, object]:
     return {

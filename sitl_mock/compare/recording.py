@@ -80,7 +80,7 @@ def read_tlog(path: Path) -> Recording:
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror or error}") from None
     frames, notes = read_frames(path, raw)
-    vehicle, flavour = _vehicle(path, frames)
+    vehicle, flavour = _autopilot_heartbeat(path, frames)
     ids = (vehicle.get_srcSystem(), _AUTOPILOT_COMPONENT)
     times_s, steps = steady_times(frames, ids)
     if steps:
@@ -104,7 +104,7 @@ def read_tlog(path: Path) -> Recording:
     return Recording(flavour, ids[0], messages, heard, times_s[-1], tuple(notes))
 
 
-def _vehicle(path: Path, frames: list[TimedFrame]) -> tuple[Message, str]:
+def _autopilot_heartbeat(path: Path, frames: list[TimedFrame]) -> tuple[Message, str]:
     """Return the first HEARTBEAT of an autopilot that the mock can fly, and its flavour."""
     others: dict[str, None] = {}
     for frame in frames:
@@ -175,20 +175,20 @@ def _home(said: list[tuple[float, Message]]) -> Home | None:
 
 
 def _of_home_position(message: Message) -> Home | None:
-    return _place(message.latitude, message.longitude, message.altitude)
+    return _home_of(message.latitude, message.longitude, message.altitude)
 
 
 def _of_global_position(message: Message) -> Home | None:
-    return _place(message.lat, message.lon, message.alt - message.relative_alt)
+    return _home_of(message.lat, message.lon, message.alt - message.relative_alt)
 
 
 def _of_receiver(message: Message) -> Home | None:
     if message.fix_type < _FIX_3D:
         return None
-    return _place(message.lat, message.lon, message.alt)
+    return _home_of(message.lat, message.lon, message.alt)
 
 
-def _place(latitude: int, longitude: int, altitude_mm: int) -> Home | None:
+def _home_of(latitude: int, longitude: int, altitude_mm: int) -> Home | None:
     """Return a place on Earth, None for 0/0, which means that there is none."""
     if not (latitude or longitude) or abs(latitude) > 900_000_000 or abs(longitude) > 1_800_000_000:
         return None

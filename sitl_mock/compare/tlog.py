@@ -66,7 +66,7 @@ def read_frames(path: Path, raw: bytes) -> tuple[list[TimedFrame], list[str]]:
     notes = []
     if skipped:
         notes.append(f"{skipped} of {len(raw)} bytes are no MAVLink frames and are skipped")
-    clock = _clock(raw, reads)
+    clock = _time_order(raw, reads)
     if clock is _TIME_LITTLE:
         notes.append("the recorded times are little-endian")
     frames = []
@@ -87,7 +87,7 @@ def _scan(raw: bytes) -> tuple[list[_Read], int]:
         if read is None or (read.message is None and not _fits(raw, read.end)):
             read = _next_known(raw, at + 1)
             if read is None:
-                skipped += 0 if _cut(raw, at) else len(raw) - at
+                skipped += 0 if _ends_within_frame(raw, at) else len(raw) - at
                 break
             skipped += read.at - at
         reads.append(read)
@@ -125,7 +125,7 @@ def _fits(raw: bytes, at: int) -> bool:
     return at + _TIME.size + _HEADER > len(raw) or _size(raw, at + _TIME.size) is not None
 
 
-def _cut(raw: bytes, at: int) -> bool:
+def _ends_within_frame(raw: bytes, at: int) -> bool:
     """True if the file ends within a frame, or within the time before one."""
     start = at + _TIME.size
     size = _size(raw, start)
@@ -148,7 +148,7 @@ def _magics(raw: bytes, start: int) -> Iterator[int]:
             yield offset
 
 
-def _clock(raw: bytes, reads: Sequence[_Read]) -> struct.Struct:
+def _time_order(raw: bytes, reads: Sequence[_Read]) -> struct.Struct:
     """Byte order of the times: big endian unless the first time makes sense only in the other order."""
     if not reads:
         return _TIME

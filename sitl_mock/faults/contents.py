@@ -60,7 +60,7 @@ def _new_value(found: frames.PayloadField, sort: str) -> float | None:
 
 def _changes(message: str, names: tuple[str, ...], sort: str) -> dict[str, float]:
     """Return new values for the named fields that can hold one (without names: all but stamps and targets)."""
-    fields = frames.layout(SPEC_BY_NAME[message].message_id)
+    fields = frames.payload_fields(SPEC_BY_NAME[message].message_id)
     chosen = names or tuple(name for name in fields if not name.startswith(_NOT_CONTENT))
     new = {name: _new_value(fields[name], sort) for name in chosen if name in fields}
     return {name: value for name, value in new.items() if value is not None}

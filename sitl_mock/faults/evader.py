@@ -35,7 +35,7 @@ def _stamp(frame: bytes) -> tuple[str, float] | None:
     """Return the name of a report's time field, and its units per second."""
     number_ = frames.message_id(frame)
     if number_ >= 0:
-        fields = frames.layout(number_)
+        fields = frames.payload_fields(number_)
     else:
         fields = {}
     return next(((name, units) for name, units in _STAMPS.items() if name in fields), None)

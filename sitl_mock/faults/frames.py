@@ -70,7 +70,7 @@ def message_id(frame: bytes) -> int:
 
 
 @cache
-def layout(message: int) -> Mapping[str, PayloadField]:
+def payload_fields(message: int) -> Mapping[str, PayloadField]:
     """Return the fields of a message by name."""
     fields = {}
     at = 0
@@ -84,7 +84,7 @@ def value(frame: bytes, name: str) -> Any:  # noqa: ANN401 - number or bytes, by
     """Return one field of a frame: a number, a text, or the first element of an array."""
     number = message_id(frame)
     payload = _payload(frame, SPEC_BY_ID[number])
-    field = layout(number)[name]
+    field = payload_fields(number)[name]
     if field.format == "c":
         return bytes(payload[field.at : field.at + field.length]).rstrip(b"\0")
     return struct.unpack_from("<" + field.format, payload, field.at)[0]
@@ -99,7 +99,7 @@ def changed(frame: bytes, changes: Mapping[str, float], key: bytes | None = None
     spec = SPEC_BY_ID[number]
     payload = _payload(frame, spec)
     for name, new in changes.items():
-        field = layout(number)[name]
+        field = payload_fields(number)[name]
         for index in range(field.length):
             at = field.at + index * struct.calcsize(field.format)
             struct.pack_into("<" + field.format, payload, at, _fitting(field, new))

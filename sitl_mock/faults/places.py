@@ -55,7 +55,7 @@ def vector(inputs: EffectInputs) -> Vector:
 
 def on_earth(frame: bytes, by_m: Vector) -> dict[str, Any]:
     """Return a message's geographic fields, displaced; empty if it has none."""
-    fields = frames.layout(frames.message_id(frame))
+    fields = frames.payload_fields(frames.message_id(frame))
     names = next((names for names in _ON_EARTH if names[0] in fields), None)
     if names is None:
         return {}
@@ -164,7 +164,7 @@ def _velocity_lie(inputs: EffectInputs) -> Effect:
 
     def alter(_now_s: float, frame: bytes) -> Delayed:
         if frames.message_id(frame) >= 0:
-            fields = frames.layout(frames.message_id(frame))
+            fields = frames.payload_fields(frames.message_id(frame))
         else:
             fields = {}
         if "vx" not in fields:

@@ -57,7 +57,7 @@ from sitl_mock.protocols.services import (
     Place,
     SigningSetup,
     TimeProtocol,
-    on_earth,
+    is_on_earth,
 )
 from sitl_mock.protocols.session import (
     MESSAGES,
@@ -147,8 +147,8 @@ __all__ = [
     "ardupilot_identity",
     "available_modes",
     "coordinate",
+    "is_on_earth",
     "named",
-    "on_earth",
     "px4_identity",
     "read_command",
     "source_of",

@@ -302,7 +302,9 @@ class ParameterProtocol:
             if self._next_index >= len(self._store.names):
                 self._next_index = None
                 break
-            replies.append(_value(self._store, self._rules, self._store.names[self._next_index]))
+            replies.append(
+                _param_value(self._store, self._rules, self._store.names[self._next_index])
+            )
             self._next_index += 1
             self._next_s += 1.0 / self._rules.list_hz
         return replies
@@ -312,7 +314,7 @@ class ParameterProtocol:
         if index >= 0:
             names = self._store.names
             if index < len(names):
-                return [_value(self._store, self._rules, names[index])]
+                return [_param_value(self._store, self._rules, names[index])]
             return []
         name = message.param_id
         if name == HASH_NAME and self._rules.hash_check:
@@ -354,13 +356,13 @@ class ParameterProtocol:
 
 def named(store: ParameterStore, rules: ParameterRules, name: str) -> Reply:
     """Return PARAM_VALUE for a name, as an answer or as an unsolicited update."""
-    reply = _value(store, rules, name)
+    reply = _param_value(store, rules, name)
     if rules.index_only_in_lists:
         return (*reply[:-1], NO_INDEX)
     return reply
 
 
-def _value(store: ParameterStore, rules: ParameterRules, name: str) -> Reply:
+def _param_value(store: ParameterStore, rules: ParameterRules, name: str) -> Reply:
     value = store[name]
     kind = store.definitions[name].kind
     if rules.bytewise and kind is not ParamKind.REAL32:

@@ -82,7 +82,7 @@ class HomeProtocol:
         if kind not in {"SET_GPS_GLOBAL_ORIGIN", "SET_HOME_POSITION"}:
             return []
         position = Place(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3)
-        if not on_earth(position):
+        if not is_on_earth(position):
             return []
         if kind == "SET_HOME_POSITION":
             self._set_home(now_s, position)
@@ -100,7 +100,7 @@ class HomeProtocol:
         ]
 
 
-def on_earth(place: Place) -> bool:
+def is_on_earth(place: Place) -> bool:
     """True if a position is finite and within valid ranges."""
     latitude_deg, longitude_deg, altitude_m = place
     return (

@@ -27,7 +27,7 @@ _BITS: Final = {"B": (0xFF, 0), "b": (0xFF, 0x80), "H": (0xFFFF, 0), "h": (0xFFF
 """Mask and sign bit of each integer."""
 
 
-def _kept(letter: str, value: float) -> float:
+def _stored_param(letter: str, value: float) -> float:
     if letter == "f":
         return value
     if letter == "0":
@@ -43,7 +43,9 @@ def _kept(letter: str, value: float) -> float:
 
 def _rewritten(item: PlanItem, letters: str) -> PlanItem:
     values = (item.param1, item.param2, item.param3, item.param4)
-    p1, p2, p3, p4 = (_kept(letter, value) for letter, value in zip(letters, values, strict=True))
+    p1, p2, p3, p4 = (
+        _stored_param(letter, value) for letter, value in zip(letters, values, strict=True)
+    )
     return item._replace(param1=p1, param2=p2, param3=p3, param4=p4)
 
 
@@ -183,7 +185,7 @@ def _signed(value: float, like: float) -> float:
 
 
 def _loiter(item: PlanItem) -> PlanItem:
-    radius_m = _signed(_kept("H", abs(item.param3)), item.param3)
+    radius_m = _signed(_stored_param("H", abs(item.param3)), item.param3)
     return item._replace(param1=0.0, param2=0.0, param3=radius_m, param4=0.0)
 
 
@@ -201,7 +203,7 @@ def _circles(item: PlanItem) -> PlanItem:
         param1=low / 256.0 if part else float(low),
         param2=0.0,
         param3=_signed(radius_m, item.param3),
-        param4=_kept("?", item.param4),
+        param4=_stored_param("?", item.param4),
     )
 
 
@@ -214,17 +216,17 @@ def _landing(item: PlanItem) -> PlanItem:
 
 
 def _loiter_to_height(item: PlanItem) -> PlanItem:
-    radius_m = _signed(_kept("H", abs(item.param2)), item.param2)
+    radius_m = _signed(_stored_param("H", abs(item.param2)), item.param2)
     return _rewritten(item, "000?")._replace(param2=radius_m)
 
 
 def _placing(item: PlanItem) -> PlanItem:
-    return _rewritten(item, "f000")._replace(param1=_kept("H", item.param1 * 100.0) / 100.0)
+    return _rewritten(item, "f000")._replace(param1=_stored_param("H", item.param1 * 100.0) / 100.0)
 
 
 def _engine(item: PlanItem) -> PlanItem:
     return _rewritten(item, "??f0")._replace(
-        param3=_kept("H", item.param3 * 100.0) * 0.01, param4=float(int(item.param4) & 1)
+        param3=_stored_param("H", item.param3 * 100.0) * 0.01, param4=float(int(item.param4) & 1)
     )
 
 
@@ -262,14 +264,14 @@ def stored_by_ardupilot(item: PlanItem) -> PlanItem | MissionResult:
     stored = _rewritten(item, _ARDUPILOT[item.command]) if special is None else special(item)
     stored = stored._replace(autocontinue=1)
     if item.command in _ARDUPILOT_PLACES:
-        return _placed(stored)
+        return _with_stored_height(stored)
     letters = _ARDUPILOT_NUMBERS.get(item.command, "000")
-    x = int(_kept(letters[0], item.x))
-    y = int(_kept(letters[1], item.y))
-    return stored._replace(frame=0, x=x, y=y, z=_kept(letters[2], item.z))
+    x = int(_stored_param(letters[0], item.x))
+    y = int(_stored_param(letters[1], item.y))
+    return stored._replace(frame=0, x=x, y=y, z=_stored_param(letters[2], item.z))
 
 
-def _placed(item: PlanItem) -> PlanItem | MissionResult:
+def _with_stored_height(item: PlanItem) -> PlanItem | MissionResult:
     if math.isnan(item.z) or abs(item.z) >= _HIGHEST_M:
         return MissionResult.INVALID_PARAM7
     height_m = int(item.z * 100.0) * 0.01

@@ -147,7 +147,7 @@ class Px4:
         setpoint = (
             read_attitude(self.state, message, self.rates)
             if by_attitude
-            else offboard.read(self.state, message)
+            else offboard.read_position_target(self.state, message)
         )
         if isinstance(setpoint, str):
             self.state.say(Severity.ERROR, setpoint)

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.missions import violated
-from sitl_mock.protocols import Command, CommandAnswer, Place, Result, on_earth
+from sitl_mock.protocols import Command, CommandAnswer, Place, Result, is_on_earth
 from sitl_mock.px4 import failures, safety
 from sitl_mock.px4.maneuvers import Orbit
 from sitl_mock.px4.modes import BY_NAME, requested_mode
@@ -78,7 +78,7 @@ def reposition(px4: Px4, now_s: float, command: Command) -> Answers:
     if not math.isfinite(flags) or int(flags) != 1:
         return UNSUPPORTED
     position = Place(*(0.0 if math.isnan(value) else value for value in (lat, lon, alt)))
-    if not on_earth(position):
+    if not is_on_earth(position):
         return DENIED
     if px4.mode != "HOLD" and not px4.request(now_s, "HOLD"):
         return REFUSED
@@ -146,7 +146,7 @@ SECOND_ACK_S: Final = 0.02
 """The commander answers in its own cycle, after the MAVLink receiver."""
 
 
-def _plain(command: Command) -> Answers:
+def _plain_answer(command: Command) -> Answers:
     """Answer a command that changes nothing."""
     first = command.params[0]
     by_first = _WITH_NAN if math.isnan(first) else _WITH_ONE if first == 1.0 else {}
@@ -156,7 +156,7 @@ def _plain(command: Command) -> Answers:
 def execute(px4: Px4, now_s: float, command: Command) -> Answers:
     """Execute or refuse a command."""
     handler = _HANDLERS.get(command.number)
-    return _plain(command) if handler is None else handler(px4, now_s, command)
+    return _plain_answer(command) if handler is None else handler(px4, now_s, command)
 
 
 def _granted(granted: bool) -> Answers:
@@ -219,7 +219,7 @@ def _arm_now(px4: Px4, by: str = "external command") -> Answers:
 
 def _takeoff(px4: Px4, now_s: float, command: Command) -> Answers:
     altitude_m = command.params[6]
-    if not (math.isnan(altitude_m) or on_earth(Place(0.0, 0.0, altitude_m))):
+    if not (math.isnan(altitude_m) or is_on_earth(Place(0.0, 0.0, altitude_m))):
         return DENIED
     return _granted(px4.begin_takeoff(now_s, altitude_m))
 
@@ -261,7 +261,7 @@ def _set_home(px4: Px4, _now_s: float, command: Command) -> Answers:
     use_current, *_, lat, lon, alt = command.params
     if use_current == 1.0:
         state.set_home(state.position_m)
-    elif on_earth(Place(lat, lon, alt)):
+    elif is_on_earth(Place(lat, lon, alt)):
         state.set_home(state.frame.to_local(lat, lon, alt), given=True)
     else:
         return DENIED

@@ -67,7 +67,7 @@ _WITH_ARGUMENTS: Final = (
 """Beginnings of texts beside events that this table does not have."""
 
 
-def as_sent(text: str) -> str:
+def with_tab(text: str) -> str:
     """Return a text as it is sent: PX4 ends it with a tab if an event says the same, so clients show only one."""
     is_event_too = text in _NAMES or text.startswith(_WITH_ARGUMENTS)
     return f"{text}\t" if is_event_too else text

@@ -36,10 +36,10 @@ from sitl_mock.protocols import (
 )
 from sitl_mock.px4.commander import Px4
 from sitl_mock.px4.commands import execute
-from sitl_mock.px4.events import as_sent, event_of
+from sitl_mock.px4.events import event_of, with_tab
 from sitl_mock.px4.flight_log import Px4FlightLog
 from sitl_mock.px4.modes import MODES
-from sitl_mock.px4.shell import run
+from sitl_mock.px4.shell import answer_to
 from sitl_mock.px4.tasks import fly
 from sitl_mock.sensors import PX4_SENSORS
 
@@ -153,7 +153,7 @@ PX4: Final = Flavour(
     wander=PX4_WANDER,
     ready_s=5.0,
     texts=None,
-    text_as_sent=as_sent,
+    text_as_sent=with_tab,
     event_of=event_of,
     files=files_of,
     own_id_only=PX4_OWN_ID_ONLY,
@@ -161,5 +161,5 @@ PX4: Final = Flavour(
     sensors=PX4_SENSORS,
     ground_wander=PX4_GROUND_WANDER,
     streams_log=True,
-    shell=run,
+    shell=answer_to,
 )

@@ -37,7 +37,7 @@ _UNSET: Final = STAND[6:]
 _setpoint = maker_of(Setpoint)
 
 
-def read(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
+def read_position_target(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: ANN401 - pymavlink has no types
     """Return the setpoint in a message, or the text that refuses it."""
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
         return _read_global(state, message)

@@ -35,7 +35,7 @@ class Answer(NamedTuple):
     code: int = 0
 
 
-def run(report: Report, line: str) -> str:
+def answer_to(report: Report, line: str) -> str:
     """Return the answer to a line."""
     words = line.split()
     if not words or words[0].startswith("#"):

@@ -12,13 +12,13 @@ from guidance.autopilots.rules import (
     Rule,
     bits,
     fence_size,
+    finding_of,
     loss_time,
     mask,
     named,
     one_of,
     passes,
     return_height,
-    row_of,
 )
 from tests.preflight.wants import wants_of
 
@@ -160,19 +160,19 @@ def test_a_row_proposes_a_command_and_says_why(why, advice):
         return at_most_two(*arguments)._replace(why=why)
 
     rule = IN_CENTIMETRES._replace(judge=judge)
-    row = row_of(rule, {"HEIGHT": 300.0}, WANTS, {})
+    row = finding_of(rule, {"HEIGHT": 300.0}, WANTS, {})
     assert row == ("HEIGHT", "300", "at most 2", Verdict.WARN, advice)
 
     def decided_by_a_person(*arguments):
         return judge(*arguments)._replace(set_to=None)
 
-    row = row_of(rule._replace(judge=decided_by_a_person), {"HEIGHT": 300.0}, WANTS, {})
+    row = finding_of(rule._replace(judge=decided_by_a_person), {"HEIGHT": 300.0}, WANTS, {})
     assert row.advice == why
 
 
 @pytest.mark.parametrize(("needed", "verdict"), [(True, Verdict.REFUSE), (False, Verdict.WARN)])
 def test_a_value_that_was_not_read_refuses_if_it_is_needed(needed, verdict):
-    row = row_of(IN_CENTIMETRES._replace(needed=needed), {}, WANTS, {})
+    row = finding_of(IN_CENTIMETRES._replace(needed=needed), {}, WANTS, {})
     assert row[:4] == ("HEIGHT", "not read", "a value", verdict)
     assert row.advice.startswith("a height is unknown")
 

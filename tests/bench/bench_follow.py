@@ -59,7 +59,7 @@ from guidance.session.open.url import laid_about
 from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_scenario
-from guidance.strategies.own import Ask, answer_of, is_own, load
+from guidance.strategies.own import Ask, answer_of, is_own, load_policy
 from guidance.vehicle import VehicleState, local_frame
 from sitl_mock.vehicle import MockVehicle
 from sitl_mock.world import Home as MockHome
@@ -625,7 +625,7 @@ class Aircraft:
 
 def _asked(strategy: str) -> Ask | None:
     """Return what asks a policy, however long it takes: the law is compared, not how busy the machine is."""
-    return partial(answer_of, strategy, load(strategy)) if is_own(strategy) else None
+    return partial(answer_of, strategy, load_policy(strategy)) if is_own(strategy) else None
 
 
 def _settings(scenario: Scenario) -> FlightSettings:

@@ -21,10 +21,10 @@ import numpy as np
 
 from guidance.config import find
 from guidance.sim.maths import play_scenarios
-from guidance.sweeps.folder import begun
+from guidance.sweeps.folder import begin_or_continue
 from guidance.sweeps.plan import FOLDER
 from guidance.sweeps.report import write_report
-from guidance.sweeps.rows import as_table, computed, planned, scenarios_of, table_of
+from guidance.sweeps.rows import as_table, computed, planned, scenarios_of, table_of_rows
 from guidance.sweeps.running import finish, run_sweep
 
 GAMES = """
@@ -90,7 +90,7 @@ def bench_policies(folder, seeds):
         .replace("seeds = 1000", "seeds = SEEDS")
     )
     plan, _ = planned_from(text, folder, seeds)
-    table_of(plan, range(2))  # imports
+    table_of_rows(plan, range(2))  # imports
     total = 0.0
     print(f'the sweep "policies" with {seeds:,} seeds, one core')
     for number, pair in enumerate(plan.pairs):
@@ -157,7 +157,7 @@ def bench_flights(folder, flights):
     """Flights on one core, and on two workers."""
     plan, _ = planned_from(FLIGHTS, folder, flights)
     started = time.perf_counter(), time.process_time()
-    table = table_of(plan, range(flights))
+    table = table_of_rows(plan, range(flights))
     wall = time.perf_counter() - started[0]
     cpu = time.process_time() - started[1]
     flown = sum(table["duration_s"].to_pylist())
@@ -166,7 +166,7 @@ def bench_flights(folder, flights):
         f"  {flights / cpu:8.3f} flights/s of processor time on one core, {flown / cpu:.1f} × real time"
     )
     began = time.perf_counter()
-    finish(begun(folder / "flights", plan, 1), lambda _: None, workers=2)
+    finish(begin_or_continue(folder / "flights", plan, 1), lambda _: None, workers=2)
     two = (time.perf_counter() - began) / flights
     print(
         f"  {flights / wall:8.3f} flights/s of wall time alone, {1 / two:.3f} with two workers and their start: "

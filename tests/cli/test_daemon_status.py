@@ -6,7 +6,7 @@ import logging
 import pytest
 from rich.console import Console
 
-from guidance.cli import show
+from guidance.cli import print_answer
 from guidance.cli.daemon import status_table
 from guidance.errors import FlightError
 from guidance.screen import aged
@@ -64,7 +64,7 @@ def test_what_is_not_known_is_said_to_be_so():
 
 
 def test_an_order_is_answered_in_a_line(capsys):
-    assert show({"accepted": True, "order": "engage", "name": "px4"}) == 0
+    assert print_answer({"accepted": True, "order": "engage", "name": "px4"}) == 0
     assert "engage accepted" in capsys.readouterr().out
     refused = {
         "accepted": False,
@@ -73,7 +73,7 @@ def test_an_order_is_answered_in_a_line(capsys):
         "state": "ready",
         "reason": "on the ground",
     }
-    assert show(refused) == FlightError.exit_code
+    assert print_answer(refused) == FlightError.exit_code
     assert capsys.readouterr().out == "px4: engage refused, ready: on the ground\n"
 
 

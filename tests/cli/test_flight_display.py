@@ -6,7 +6,7 @@ import math
 import pytest
 from rich.console import Console
 
-from guidance.cli.fly import plain, result_table, score, words
+from guidance.cli.fly import plain_line, result_table, score, words
 from guidance.cycle import Alarm, Violation
 from guidance.flight import State
 from guidance.session.fly.mission import Progress
@@ -43,20 +43,20 @@ def test_a_flight_without_a_capture_has_no_number_for_one(width):
 
 def test_a_flight_that_pauses_says_why():
     paused = Progress(36.1, State.PAUSED, "OFFBOARD", None, "s", why="loop late")
-    assert plain(paused) == "paused: loop late"
+    assert plain_line(paused) == "paused: loop late"
     assert words(paused) == "  36.1 s  paused      in OFFBOARD loop late"
-    assert plain(paused._replace(state=State.ENGAGED)) == "engaged"
+    assert plain_line(paused._replace(state=State.ENGAGED)) == "engaged"
 
 
 def test_a_hold_by_an_operator_says_so_and_how_to_continue():
     words_of = "held by operator: continue with guidance ctl engage, return or land"
     held = Progress(40.0, State.HOLDING, "HOLD", None, "s", why="hold", next=words_of)
-    assert plain(held) == f"holding: {words_of}"
+    assert plain_line(held) == f"holding: {words_of}"
     assert words(held).endswith(words_of)
     lost = Progress(
         40.0, State.OUT_OF_CONTACT, "HOLD", None, "s", why="no telemetry for 1.0 s", next="wait"
     )
-    assert plain(lost) == "out of contact: no telemetry for 1.0 s; wait"
+    assert plain_line(lost) == "out of contact: no telemetry for 1.0 s; wait"
 
 
 @pytest.mark.parametrize(

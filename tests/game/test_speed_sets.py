@@ -20,7 +20,7 @@ from guidance.session.vehicle_file import Config
 from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
-from guidance.sweeps.folder import begun
+from guidance.sweeps.folder import begin_or_continue
 from guidance.sweeps.rows import planned
 from guidance.sweeps.running import finish
 from tests.game.spheroid import Spheroid
@@ -149,7 +149,10 @@ def test_it_is_swept_beside_another(spheroid, tmp_path):
         lines += [f"[{name}]", *(f"{key} = {value!r}" for key, value in keys)]
     (tmp_path / "chase.toml").write_text("\n".join(lines))
     (tmp_path / "sweep.toml").write_text(SWEEP)
-    finish(begun(tmp_path / "out", planned(str(tmp_path / "sweep.toml"), None), 64), lambda _: None)
+    finish(
+        begin_or_continue(tmp_path / "out", planned(str(tmp_path / "sweep.toml"), None), 64),
+        lambda _: None,
+    )
     rows = parquet.read_table(tmp_path / "out" / "rows").to_pylist()
     counts = Counter((row["pursuer.speed_set"], row["end"]) for row in rows)
     assert counts == {("ball", "captured"): 8, ("spheroid", "captured"): 8}

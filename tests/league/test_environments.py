@@ -9,7 +9,7 @@ from guidance.game import End
 from guidance.league import PursuitEnv, PursuitParallelEnv, PursuitVectorEnv
 from guidance.league.play import Games
 from guidance.league.sides import side_of
-from guidance.league.states import arena_of, draw, scenario_at, seeds_of
+from guidance.league.states import arena_of, random_states, scenario_at, seeds_of
 from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario_file import load_scenario
 
@@ -38,7 +38,7 @@ def test_games_end_as_the_mathematics_ends_them(name):
     games = Games(arena, seeds, 0.02)
     while (games.moment.end == End.RUNNING).any():
         games.step(None, None)
-    states = draw(arena, seeds)
+    states = random_states(arena, seeds)
     outcomes = play_scenarios([scenario_at(scenario, states, row) for row in range(12)])
     assert [End(end).name.lower() for end in games.moment.end] == [row.end for row in outcomes]
     assert games.moment.now_s == pytest.approx([row.game_time_s for row in outcomes], abs=0.03)
@@ -72,8 +72,8 @@ def test_rewards_of_an_episode_are_minus_its_regret_and_optimal_play_has_none(sc
 
 def test_a_state_depends_on_its_seed_only_and_an_environment_on_its_own():
     arena = arena_of(load_scenario("tad")[1])
-    many = draw(arena, seeds_of(2, 50))
-    alone = draw(arena, seeds_of(2, 1, first=37))
+    many = random_states(arena, seeds_of(2, 50))
+    alone = random_states(arena, seeds_of(2, 1, first=37))
     assert (many.pursuer_m[37] == alone.pursuer_m[0]).all()
     assert (many.evader_m[37] == alone.evader_m[0]).all()
     first = PursuitVectorEnv("tad", 8)

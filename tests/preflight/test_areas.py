@@ -12,11 +12,11 @@ from guidance.control.polygon import Polygon
 from guidance.preflight.areas import (
     Ring,
     acts_inside,
-    circle,
     circle_sides,
     contains,
     distance_m,
     middles_of,
+    ring_of_circle,
     without_repeats,
 )
 
@@ -94,7 +94,7 @@ def test_a_ring_is_cut_where_other_edges_cross_it_and_nowhere_else(cutters, midd
 
 
 def test_every_edge_of_a_ring_with_many_is_cut():
-    ring = circle((0.0, 0.0), 1000.0, larger=False)
+    ring = ring_of_circle((0.0, 0.0), 1000.0, larger=False)
     assert len(ring) > 400
     halves = middles_of(ring, [((-2000.0, 0.1), (2000.0, 0.2), (2000.0, 9000.0))])
     assert len(halves) == len(ring) + 2
@@ -104,8 +104,8 @@ def test_every_edge_of_a_ring_with_many_is_cut():
 @pytest.mark.parametrize("radius_m", [0.1, 1.0, 30.0, 100.0, 333.0, 1000.0])
 def test_a_circles_ring_is_two_centimetres_from_it_and_on_the_asked_side(radius_m):
     centre = (20.0, -30.0)
-    inner = circle(centre, radius_m, larger=False)
-    outer = circle(centre, radius_m, larger=True)
+    inner = ring_of_circle(centre, radius_m, larger=False)
+    outer = ring_of_circle(centre, radius_m, larger=True)
     assert len(inner) == len(outer) == circle_sides(radius_m)
     for ring, least_m, most_m in (
         (inner, radius_m - 0.02, radius_m),
@@ -168,7 +168,7 @@ def test_an_area_acts_inside_ours_where_a_point_shows_it_and_nowhere_else(one_is
     draw = random.Random(17)
     answers = {True: 0, False: 0}
     for _ in range(120):
-        ours = (circle((0.0, 0.0), draw.uniform(4.0, 9.0), larger=False),)
+        ours = (ring_of_circle((0.0, 0.0), draw.uniform(4.0, 9.0), larger=False),)
         if draw.random() < 0.5:
             ours += (((-7.0, -6.0), (-7.0, 6.0), (7.0, 8.0), (3.0, -9.0)),)
         areas = tuple(drawn_area(draw) for _ in range(draw.randint(1, 3)))

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from guidance.cli import show
+from guidance.cli import print_answer
 from guidance.cli.daemon import status_table
 from guidance.screen import console
 from guidance.session.orders.replies import BAD_REPLY, MAX_REPLY_BYTES, is_bad, read_reply, written
@@ -109,7 +109,7 @@ def test_texts_of_a_reply_cannot_command_the_terminal_or_turn_the_line(capsys):
     text = "\x1b]0;owned\x07\u202eabc\ud800\r\n"
     refusal = {"accepted": False, "order": "hold", "state": text, "reason": text, text: text}
     answer = read_reply(json.dumps(refusal).encode(), "uav1", "hold")
-    assert show(answer) == 4
+    assert print_answer(answer) == 4
     said = capsys.readouterr().out
     assert "\\x1b]0;owned\\x07\\u202eabc\\ud800\\r\\n" in said
     assert said.strip().isprintable()

@@ -17,7 +17,7 @@ from guidance.messages import EvaderReport
 from guidance.session.flight_files import recorded_settings
 from guidance.session.fly.result import outcome_of_flight
 from guidance.sim.scenario import Scenario, Sensor
-from guidance.sim.sensor import Noise, SensedEvader, begin, listen
+from guidance.sim.sensor import Noise, SensedEvader, first_knowledge, receive_reports
 from tests.harness.examples import drawn
 from tests.harness.flights import flown
 
@@ -165,13 +165,13 @@ def test_mathematics_hears_the_same_reports_of_the_same_seed():
         outages_s=((4.0, 6.0),),
     )
     noise = Noise(np.array([3]), 1.5, 0.3, 0.4)
-    known_of = begin(sensor, np.array([[5.0, 0.0, 0.0]]))
+    known_of = first_knowledge(sensor, np.array([[5.0, 0.0, 0.0]]))
     told = []
     for cycle in range(1000):
         now = np.array([0.02 * cycle])
         before = known_of.measured_s[0]
         east_north = np.array([[5.0, 2.0 * now[0], 0.0]])
-        listen(sensor, noise, known_of, now, east_north, np.array([[0.0, 2.0, 0.0]]))
+        receive_reports(sensor, noise, known_of, now, east_north, np.array([[0.0, 2.0, 0.0]]))
         if known_of.measured_s[0] != before or (cycle == 0 and known_of.position_m[0, 0] != 5.0):
             told.append([*known_of.position_m[0, :2], *known_of.velocity_m_s[0, :2]])
     came = heard(sensor, seed=3)[0]

@@ -20,7 +20,7 @@ from pymavlink import mavutil
 from sitl_mock import ConfigError, MockVehicle
 from sitl_mock.console import ChangeLines, Status, client_lines, line_of, shown, status_of, table_of
 from sitl_mock.faults import Faulted, parse_script
-from sitl_mock.fleet import checked, with_parameters, with_settings
+from sitl_mock.fleet import checked_fleet, with_parameters, with_settings
 from sitl_mock.mavlink import Encoder
 from tests.harness.ports import mock_ports
 
@@ -195,7 +195,7 @@ def test_the_lines_of_a_port():
 
 
 def test_parameters_of_the_command_line_are_for_all_or_for_one():
-    fleet = checked(
+    fleet = checked_fleet(
         {"vehicle": [{"name": "a"}, {"name": "b", "parameters": {"MPC_XY_VEL_MAX": 5.0}}]}, "here"
     )
     changed = with_parameters(fleet, ["b:MPC_XY_VEL_MAX=8", "COM_OF_LOSS_T=0.5"])
@@ -208,7 +208,7 @@ def test_parameters_of_the_command_line_are_for_all_or_for_one():
 @pytest.mark.parametrize("text", ["MPC_XY_VEL_MAX", "=3", "A=", "A=fast", "A=nan", "c:A=1"])
 def test_what_is_no_parameter_names_itself_and_what_is_allowed(text):
     with pytest.raises(ConfigError, match=f"--param {text}: .*allowed"):
-        with_parameters(checked({"vehicle": [{"name": "a"}]}, "here"), [text])
+        with_parameters(checked_fleet({"vehicle": [{"name": "a"}]}, "here"), [text])
 
 
 def test_a_misspelt_parameter_is_told_the_next():
@@ -217,7 +217,7 @@ def test_a_misspelt_parameter_is_told_the_next():
 
 
 def test_options_hold_for_a_fleet_of_a_file_as_well():
-    fleet = checked(
+    fleet = checked_fleet(
         {"seed": 4, "vehicle": [{"name": "a", "start_ned_m": [1, 2, 0]}, {"name": "b"}]}, "here"
     )
     assert with_settings(fleet, {}) == fleet

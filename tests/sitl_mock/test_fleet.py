@@ -4,12 +4,12 @@ import pytest
 
 from sitl_mock import ConfigError
 from sitl_mock.faults.script import read_script
-from sitl_mock.fleet import build, checked, parse_vehicles, read_fleet
+from sitl_mock.fleet import build, checked_fleet, parse_vehicles, read_fleet
 from sitl_mock.mavlink import Encoder
 
 
 def fleet(*vehicles, **more):
-    return checked({"vehicle": list(vehicles), **more}, "test")
+    return checked_fleet({"vehicle": list(vehicles), **more}, "test")
 
 
 def test_a_number_of_vehicles_gets_names_and_system_ids_in_order():
@@ -25,7 +25,7 @@ def test_each_vehicle_may_be_named_with_flavour_and_place():
     assert vehicles["evader"].flavour == "rover"
     kinds = [vehicle["flavour"] for vehicle in parse_vehicles(["px4,px4@1.18", "rover"], "px4")]
     assert kinds == ["px4", "px4@1.18", "rover"]
-    assert checked({"vehicle": [rover]}, "test").vehicle[0].start_ned_m == (30.0, -4.5, 0.0)
+    assert checked_fleet({"vehicle": [rover]}, "test").vehicle[0].start_ned_m == (30.0, -4.5, 0.0)
 
 
 def test_free_system_ids_go_round_those_that_are_given():

@@ -10,7 +10,7 @@ from pymavlink import DFReader
 from pyulog import ULog
 
 from sitl_mock import MockVehicle
-from sitl_mock.calibrate import FlavourName, compare, fly_log, read_step_log
+from sitl_mock.calibrate import FlavourName, compare_log, fly_log, read_step_log
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import Faulted, FaultScript
 from sitl_mock.log_folder import LogFolder
@@ -181,7 +181,7 @@ def test_a_mock_flies_the_climb_of_its_own_log_again(tmp_path):
     log = read_step_log(path)
     assert log.position_ned_m[0, 2] < -2.0
     assert np.ptp(log.time_s) > 10.0
-    comparison = compare(log, FlavourName.PX4, fly_log(log, FlavourName.PX4))
+    comparison = compare_log(log, FlavourName.PX4, fly_log(log, FlavourName.PX4))
     assert max(comparison.rms_ned_m_s) <= 0.08
 
 

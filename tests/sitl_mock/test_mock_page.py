@@ -14,7 +14,7 @@ import yaml
 from pymavlink import mavutil
 
 from sitl_mock import Home
-from sitl_mock.fleet import FleetConfig, SigningConfig, VehicleConfig, build, checked
+from sitl_mock.fleet import FleetConfig, SigningConfig, VehicleConfig, build, checked_fleet
 from tests.harness.ports import mock_ports
 from tests.witness import page
 
@@ -63,7 +63,7 @@ def test_the_fleet_file_has_every_key_and_flies():
     assert set(values["home"]) == {*Home._fields}
     assert set(values["vehicle"][0]) == {*VehicleConfig.__dataclass_fields__}
     assert set(values["vehicle"][0]["signing"]) == {*SigningConfig.__dataclass_fields__}
-    vehicles = build(checked(values, "the page"))
+    vehicles = build(checked_fleet(values, "the page"))
     assert [each.flavour for each in vehicles.values()] == ["px4", "rover"]
     assert vehicles["uav1"].autopilot.parameters["MPC_XY_VEL_MAX"] == 8.0
 

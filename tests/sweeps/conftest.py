@@ -2,7 +2,7 @@ import shutil
 
 import pytest
 
-from guidance.sweeps.folder import begun, read_folder
+from guidance.sweeps.folder import begin_or_continue, read_folder
 from guidance.sweeps.rows import planned
 from guidance.sweeps.running import finish
 
@@ -64,7 +64,7 @@ def mixed_once(tmp_path_factory):
     folder = tmp_path_factory.mktemp("mixed")
     (folder / "short.toml").write_text(SCENARIO)
     plan = _planned(MIXED, folder)
-    finish(begun(folder / "out", plan, 64), lambda _: None)
+    finish(begin_or_continue(folder / "out", plan, 64), lambda _: None)
     return folder / "out"
 
 

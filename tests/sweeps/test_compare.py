@@ -15,8 +15,14 @@ from guidance.sim.maths import play_scenarios
 from guidance.sim.outcome import outcome_json
 from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.sim.teams import play_teams
-from guidance.sweeps.compare import compare_sweeps, difference_of_means, matched_pairs, mean, share
-from guidance.sweeps.folder import begun, read_folder
+from guidance.sweeps.compare import (
+    compare_sweeps,
+    difference_of_means,
+    matched_pairs,
+    mean,
+    success_share,
+)
+from guidance.sweeps.folder import begin_or_continue, read_folder
 from guidance.sweeps.rows import scenario_of
 from guidance.sweeps.running import finish
 
@@ -35,7 +41,7 @@ policies = [{ pursuer = PURSUERS, evader = "random_turns" }]
 def swept(plan_from, tmp_path):
     def make(name, text=BASE, pursuers='"optimal"', chunk=7):
         plan = plan_from(text.replace("PURSUERS", pursuers))
-        finish(begun(tmp_path / name, plan, chunk), lambda _: None)
+        finish(begin_or_continue(tmp_path / name, plan, chunk), lambda _: None)
         return read_folder(tmp_path / name)
 
     return make
@@ -60,7 +66,7 @@ def test_intervals_are_scipys():
 def test_too_few_numbers_have_no_interval():
     assert np.isnan(mean(np.empty(0))).all()
     assert np.isnan(mean(np.array([4.0]))[1:]).all()
-    assert np.isnan(share(0, 0)).all()
+    assert np.isnan(success_share(0, 0)).all()
     assert difference_of_means(np.array([1.0]), np.array([3.0])).estimate == 2.0
     assert difference_of_means(np.ones(3), np.ones(4)) == (0.0, 0.0, 0.0)
 

@@ -8,8 +8,8 @@ from scipy import stats
 from guidance.errors import ConfigError
 from guidance.sim.scenario import Scenario
 from guidance.sweeps.axes import Axis, Distribution, path_of
-from guidance.sweeps.plan import plan_of
-from guidance.sweeps.rows import planned, scenarios_of, table_of
+from guidance.sweeps.plan import plan_of_manifest
+from guidance.sweeps.rows import planned, scenarios_of, table_of_rows
 
 HEAD = 'scenario = "short.toml"\n'
 
@@ -49,7 +49,7 @@ def test_a_row_is_the_same_alone_as_among_others(plan_from):
 
 def test_a_row_is_the_same_after_the_plan_went_through_its_document(plan_from):
     plan = plan_from()
-    assert scenarios(plan_of(plan.document), range(24)) == scenarios(plan, range(24))
+    assert scenarios(plan_of_manifest(plan.document), range(24)) == scenarios(plan, range(24))
 
 
 def test_rows_that_differ_only_in_policy_or_grid_share_their_draws(plan_from):
@@ -76,7 +76,7 @@ def test_another_swept_key_changes_no_draw(plan_from):
 
 def test_a_row_has_the_seed_the_policies_and_the_values_its_columns_show(plan_from):
     plan = plan_from()
-    table = table_of(plan, range(24)).to_pylist()
+    table = table_of_rows(plan, range(24)).to_pylist()
     for row, scenario in zip(table, scenarios(plan, range(24)), strict=True):
         assert row["evader.speed_m_s"] == scenario.evader.speed_m_s
         assert (
@@ -95,7 +95,7 @@ def test_every_row_was_checked_as_a_file_is(plan_from):
 
 def test_a_row_without_a_game_is_kept_with_its_reason_and_its_place(plan_from):
     plan = plan_from(HEAD + '[grid]\n"evader.speed_m_s" = [2.0, 6.0, 3.0]\n')
-    rows = table_of(plan, range(3)).to_pylist()
+    rows = table_of_rows(plan, range(3)).to_pylist()
     assert [row["end"] for row in rows] == ["captured", "invalid", "captured"]
     assert "must be above 1" in rows[1]["reason"]
     assert (rows[1]["pursuer_policy"], rows[1]["game"]) == ("optimal", "pe")

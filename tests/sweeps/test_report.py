@@ -13,7 +13,7 @@ from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario_file import load_scenario
 from guidance.sweeps import report
 from guidance.sweeps.drawing import key_label
-from guidance.sweeps.folder import begun, read_folder
+from guidance.sweeps.folder import begin_or_continue, read_folder
 from guidance.sweeps.report import QUANTILES, write_report
 from guidance.sweeps.running import finish
 
@@ -66,7 +66,9 @@ def swept(plan_from, tmp_path):
 
     def make(text):
         finish(
-            begun(tmp_path / "swept", plan_from('scenario = "short.toml"\n' + text), 64),
+            begin_or_continue(
+                tmp_path / "swept", plan_from('scenario = "short.toml"\n' + text), 64
+            ),
             lambda _: None,
         )
         return read_folder(tmp_path / "swept")

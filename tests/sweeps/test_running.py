@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from guidance.cli.sweep import sweep as app
 from guidance.errors import ConfigError, GuidanceError, LinkError, OutputError
 from guidance.sweeps import folder, running
-from guidance.sweeps.folder import alone, begun, read_folder, write_whole
+from guidance.sweeps.folder import alone, begin_or_continue, read_folder, write_whole
 from guidance.sweeps.rows import ChunkMade, code_here, computed, planned
 from guidance.sweeps.running import Shown, finish, run_sweep
 from tests.sweeps.conftest import SWEEP
@@ -35,7 +35,7 @@ COMMAND = [sys.executable, "-c", START, "sweep"]
 
 
 def run(plan, out, *, chunk=5, **by):
-    finish(begun(out, plan, chunk), lambda _: None, **by)
+    finish(begin_or_continue(out, plan, chunk), lambda _: None, **by)
     return out
 
 
@@ -76,7 +76,7 @@ def test_a_sweep_that_stops_half_way_is_completed_with_equal_bytes(
         run(plan, tmp_path / "out")
     monkeypatch.undo()
     assert len(files(tmp_path / "out")) == 2
-    work = begun(tmp_path / "out", plan, None)
+    work = begin_or_continue(tmp_path / "out", plan, None)
     assert (work.missing, work.rows_there) == ([2, 3, 4], 10)
     assert files(run(plan, tmp_path / "out", chunk=None)) == files(run(plan, tmp_path / "whole"))
 
@@ -104,7 +104,7 @@ def test_a_killed_sweep_continues_with_the_missing_chunks(short, tmp_path):
     there = files(tmp_path / "out")
     assert 2 <= len(there) < 15
     plan = planned(str(short / "sweep.toml"))
-    finish(begun(tmp_path / "out", plan, None), lambda _: None)
+    finish(begin_or_continue(tmp_path / "out", plan, None), lambda _: None)
     complete = files(tmp_path / "out")
     assert complete.items() >= there.items()
     assert complete == files(run(plan, tmp_path / "whole", chunk=4))
@@ -145,13 +145,13 @@ def test_a_damaged_chunk_is_computed_again(plan_from, tmp_path):
     before = files(run(plan, tmp_path / "out"))
     part = tmp_path / "out" / "rows" / "part-000001.parquet"
     part.write_bytes(part.read_bytes()[:100])
-    assert begun(tmp_path / "out", plan, None).missing == [1]
+    assert begin_or_continue(tmp_path / "out", plan, None).missing == [1]
     assert files(run(plan, tmp_path / "out", chunk=None)) == before
 
 
 def test_a_full_disk_is_reported_and_earlier_rows_are_kept(plan_from, tmp_path, monkeypatch):
     plan = plan_from()
-    work = begun(tmp_path / "out", plan, 5)
+    work = begin_or_continue(tmp_path / "out", plan, 5)
 
     def fill_up(path, content):
         if path.name == "part-000002.parquet":
@@ -164,7 +164,7 @@ def test_a_full_disk_is_reported_and_earlier_rows_are_kept(plan_from, tmp_path, 
     ) as caught:
         finish(work, lambda _: None)
     assert caught.value.exit_code == 5
-    assert begun(tmp_path / "out", plan, None).rows_there == 10
+    assert begin_or_continue(tmp_path / "out", plan, None).rows_there == 10
 
 
 def test_a_file_that_cannot_be_completed_is_removed(tmp_path, monkeypatch):
@@ -181,9 +181,9 @@ def test_a_folder_of_another_sweep_is_refused_with_the_difference(plan_from, sho
     run(plan_from(), tmp_path / "out")
     (short / "short.toml").write_text((short / "short.toml").read_text().replace("7.0", "8.0"))
     with pytest.raises(ConfigError, match=r"holds another sweep \(scenario differs\)"):
-        begun(tmp_path / "out", plan_from(), None)
+        begin_or_continue(tmp_path / "out", plan_from(), None)
     with pytest.raises(ConfigError, match="scenario, as differ"):
-        begun(tmp_path / "out", plan_from(way="fast"), None)
+        begin_or_continue(tmp_path / "out", plan_from(way="fast"), None)
 
 
 def test_another_chunk_or_another_version_is_refused(plan_from, tmp_path):
@@ -191,26 +191,26 @@ def test_another_chunk_or_another_version_is_refused(plan_from, tmp_path):
     out = tmp_path / "out"
     run(plan, out)
     with pytest.raises(ConfigError, match="--chunk 6: this sweep was begun with 5"):
-        begun(out, plan, 6)
+        begin_or_continue(out, plan, 6)
     manifest = json.loads((out / "sweep.json").read_text())
     manifest["versions"]["numpy"] = "1.0"
     (out / "sweep.json").write_text(json.dumps(manifest))
     with pytest.raises(ConfigError, match=r"was begun with numpy 1\.0, now"):
-        begun(out, plan, None)
+        begin_or_continue(out, plan, None)
 
 
 def test_a_changed_description_continues_the_same_sweep(plan_from, short, tmp_path):
     run(plan_from(), tmp_path / "out")
     path = short / "sweep.toml"
     path.write_text('description = "Now with an explanation."\n' + path.read_text())
-    assert begun(tmp_path / "out", planned(str(path)), None).missing == []
+    assert begin_or_continue(tmp_path / "out", planned(str(path)), None).missing == []
 
 
 def test_a_folder_with_other_files_is_refused(plan_from, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "letters.txt").write_text("dear")
     with pytest.raises(ConfigError, match="has files but no sweep"):
-        begun(tmp_path / "out", plan_from(), None)
+        begin_or_continue(tmp_path / "out", plan_from(), None)
     with pytest.raises(ConfigError, match=r"not the folder of a sweep: it has no sweep\.json"):
         read_folder(tmp_path / "out")
 
@@ -218,7 +218,7 @@ def test_a_folder_with_other_files_is_refused(plan_from, tmp_path):
 def test_a_folder_that_cannot_be_made_is_an_output_error(plan_from, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
-        begun(tmp_path / "file" / "out", plan_from(), None)
+        begin_or_continue(tmp_path / "file" / "out", plan_from(), None)
 
 
 def test_only_one_process_writes_a_sweep(tmp_path):
@@ -233,7 +233,7 @@ def test_only_one_process_writes_a_sweep(tmp_path):
 def test_a_sweep_with_invalid_rows_only_is_refused_with_the_reason(plan_from, tmp_path):
     plan = plan_from('scenario = "short.toml"\n[grid]\n"evader.speed_m_s" = [6.0, 7.0]\n')
     with pytest.raises(ConfigError, match="all 2 rows of a sample are invalid") as caught:
-        begun(tmp_path / "out", plan, None)
+        begin_or_continue(tmp_path / "out", plan, None)
     assert "must be above 1" in str(caught.value)
     assert not (tmp_path / "out").exists()
 
@@ -363,7 +363,7 @@ def test_two_workers_give_equal_bytes_even_if_one_is_killed(plan_from, tmp_path)
     plan = plan_from()
     me = psutil.Process()
     expected = files(run(plan, tmp_path / "alone", chunk=3))
-    work = begun(tmp_path / "both", plan, 3)
+    work = begin_or_continue(tmp_path / "both", plan, 3)
     killed = []
     living = []
     sockets = []
@@ -408,7 +408,7 @@ def test_a_chunk_that_kills_every_worker_is_given_up(plan_from, tmp_path, monkey
 )
 def test_several_workers_have_four_chunks_each(plan_from, tmp_path, seeds, way, workers, expected):
     plan = plan_from(SWEEP.replace("seeds = 6", f"seeds = {seeds}"), way)
-    assert begun(tmp_path / "out", plan, None, workers).chunk_rows == expected
+    assert begin_or_continue(tmp_path / "out", plan, None, workers).chunk_rows == expected
 
 
 @pytest.mark.parametrize(
@@ -439,7 +439,7 @@ def test_progress_says_the_time_left_after_the_first_chunk(
     now_s = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now_s[0])
     monkeypatch.setenv("TERM", "dumb")
-    progress = Shown(begun(tmp_path / "out", plan_from(), 12), "games")
+    progress = Shown(begin_or_continue(tmp_path / "out", plan_from(), 12), "games")
     for second, rows in ((5, 0), (15, 0), (25, 12), (35, 12)):
         now_s[0] = float(second)
         progress(rows)

@@ -10,7 +10,7 @@ from guidance.errors import ConfigError
 from guidance.sim.scenario_file import load_any
 from guidance.sim.teams import play_teams, summary_of
 from guidance.sweeps.compare import compare_sweeps
-from guidance.sweeps.folder import begun, read_folder
+from guidance.sweeps.folder import begin_or_continue, read_folder
 from guidance.sweeps.report import write_report
 from guidance.sweeps.rows import planned, scenarios_of
 from guidance.sweeps.running import finish
@@ -58,7 +58,7 @@ def swept(tmp_path):
 
 
 def run(plan, out, rows=3):
-    work = begun(out, plan, rows, 1)
+    work = begin_or_continue(out, plan, rows, 1)
     finish(work, lambda _: None)
     return work
 
@@ -85,9 +85,9 @@ def test_what_is_there_is_not_computed_again(swept, tmp_path):
     plan = swept()
     first = run(plan, tmp_path / "out")
     assert len(first.missing) == 3
-    assert begun(tmp_path / "out", plan, 3, 1).missing == []
+    assert begin_or_continue(tmp_path / "out", plan, 3, 1).missing == []
     (tmp_path / "out" / "rows" / "part-000001.parquet").unlink()
-    assert begun(tmp_path / "out", plan, 3, 1).missing == [1]
+    assert begin_or_continue(tmp_path / "out", plan, 3, 1).missing == [1]
 
 
 def test_policies_are_those_of_the_whole_team(swept, tmp_path):

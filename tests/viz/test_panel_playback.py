@@ -58,7 +58,7 @@ async def test_records_are_listed_with_their_outcomes_and_read_once(folder, monk
     def never(*_):
         pytest.fail("an unchanged record was read again")
 
-    monkeypatch.setattr(records, "lines_of", never)
+    monkeypatch.setattr(records, "output_lines", never)
     assert {row["record"]: row for row in folder.listed()} == rows
     await folder.close()
 
@@ -70,7 +70,7 @@ async def test_a_reader_that_dies_leaves_an_error_for_each_record_that_it_did_no
         yield json.dumps([str(folder.folder / "uav1.mcap"), {"ended": "landed"}]).encode()
         raise OutputError("killed")
 
-    monkeypatch.setattr(records, "lines_of", dies)
+    monkeypatch.setattr(records, "output_lines", dies)
     rows = {row["record"]: row for row in await folder.listed_whole()}
     assert rows["uav1.mcap"]["ended"] == "landed"
     assert all(
@@ -103,7 +103,7 @@ async def test_record_routes_answer_with_the_right_content_types(folder, monkeyp
         for name in arguments[3:]:
             yield json.dumps([name, {"ended": "landed"}]).encode()
 
-    monkeypatch.setattr(records, "lines_of", quick)
+    monkeypatch.setattr(records, "output_lines", quick)
     application = web.Application()
     application.add_routes(folder.routes("/secret/"))
     async with TestClient(TestServer(application)) as client:

@@ -23,7 +23,7 @@ from guidance.log.writer import Recorder
 from guidance.messages import Home
 from guidance.session.fly.result import outcome_of_flight
 from guidance.viz import report as written
-from guidance.viz.report import PICTURES, tracks, write_report
+from guidance.viz.report import PICTURES, draw_tracks, write_report
 from guidance.viz.story import opening_words, story_of, summary
 from tests.harness.flights import NEAR
 
@@ -233,7 +233,7 @@ def test_the_tracks_are_those_that_were_flown(pe):
 def test_every_axis_has_a_name_and_every_quantity_its_unit(pe, tad):
     for _, path, _ in (pe, tad):
         story = told(path)
-        for draw in (tracks, written.game, written.velocities, written.ages):
+        for draw in (draw_tracks, written.draw_game, written.draw_velocities, written.draw_ages):
             axes = draw(story).axes
             assert axes[-1].get_xlabel() in {"time, s", "x east, m"}
             for one in axes:
@@ -242,7 +242,7 @@ def test_every_axis_has_a_name_and_every_quantity_its_unit(pe, tad):
 
 def test_no_legend_covers_what_is_drawn(pe):
     story = told(pe[1])
-    for draw in (tracks, written.game, written.velocities, written.ages):
+    for draw in (draw_tracks, written.draw_game, written.draw_velocities, written.draw_ages):
         figure = draw(story)
         figure.canvas.draw()
         legends = [*figure.legends, *filter(None, (one.get_legend() for one in figure.axes))]
@@ -253,7 +253,7 @@ def test_no_legend_covers_what_is_drawn(pe):
 
 
 def test_without_colours_the_players_are_still_told_apart(pe):
-    plan = tracks(told(pe[1])).axes[1]
+    plan = draw_tracks(told(pe[1])).axes[1]
     drawn = {str(line.get_label()): line for line in plan.lines}
     looks = [
         (line.get_linestyle(), line.get_marker(), line.get_linewidth())
@@ -266,7 +266,7 @@ def test_without_colours_the_players_are_still_told_apart(pe):
 
 def test_the_guarantee_drawn_is_the_recorded_value_plus_time(pe):
     story = told(pe[1])
-    line = written.game(story).axes[2].lines[0]
+    line = written.draw_game(story).axes[2].lines[0]
     engaged = story.cycles[story.engaged.number]
     at = np.searchsorted(line.get_xdata(), engaged.now_s)
     assert line.get_ydata()[at] == pytest.approx(engaged.value)

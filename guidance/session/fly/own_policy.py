@@ -25,7 +25,7 @@ from guidance.strategies.own import (
     Ask,
     answer_of,
     is_own,
-    load,
+    load_policy,
     require_fit,
 )
 
@@ -72,7 +72,7 @@ class TimedPolicy:
 
     def __init__(self, name: str, clock: Clock) -> None:
         self.name = name
-        self._choose = load(name)
+        self._choose = load_policy(name)
         self._clock = clock
 
     def __call__(self, observation: Array) -> Answer:

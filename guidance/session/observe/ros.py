@@ -37,7 +37,7 @@ from guidance.log.ros import (
 from guidance.log.sink import Sink
 from guidance.session.flight_files import recorded_settings
 from guidance.session.observe.log import LOGGER
-from guidance.session.orders.control_socket import begin
+from guidance.session.orders.control_socket import begin_exchange
 from guidance.session.orders.mailbox import MOST_ORDERS, Mailbox
 from guidance.session.vehicle_file import Config, RosSection
 
@@ -200,7 +200,7 @@ class RosOutput(Sink):
 
     def _hear(self, order: Event, request: Request) -> None:
         """Answer on a thread of its own, since the answer waits for the loop."""
-        if not begin(self._orders, self._answer, order, request):
+        if not begin_exchange(self._orders, self._answer, order, request):
             request.reply(self._now_ns(), success=False, message="too many orders wait already")
 
     def _answer(self, order: Event, request: Request) -> None:

@@ -333,7 +333,7 @@ def vehicle_file(
             value = surveyed.parameters.get(parameter)
             head.append(f"  {parameter:<18} {'not read' if value is None else f'{value:g}'}")
     for change in changes:
-        _apply(change, document)
+        _set_value(change, document)
     keys = document.as_string()
     keys = keys[keys.index("name = ") :]
     comments = "".join(f"# {line}\n" for line in head)
@@ -359,7 +359,7 @@ def _template(autopilot: str) -> str:
     return template.read_text(encoding="utf-8")
 
 
-def _apply(change: _Change, document: TOMLDocument) -> None:
+def _set_value(change: _Change, document: TOMLDocument) -> None:
     """Give a key its other value, where it stands."""
     table: Any = document[change.section] if change.section else document
     table[change.key] = change.value

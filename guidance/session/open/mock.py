@@ -8,7 +8,13 @@ from functools import partial
 from guidance.clock import MonotonicClock, VirtualClock
 from guidance.links.opening import KINDS
 from guidance.session.fly.daemon import Equipment
-from guidance.session.open.opened import AnyScenario, Onlooker, Opened, check_option, players_of
+from guidance.session.open.opened import (
+    AnyScenario,
+    Onlooker,
+    Opened,
+    check_option,
+    pursuits_and_team,
+)
 from guidance.session.orders import control_bus
 from guidance.session.orders.mailbox import Mailbox
 from guidance.sim import live, mock_files, stepped
@@ -44,7 +50,7 @@ class MockOptions:
 
     def open(self, scenario: AnyScenario, onlooker: Onlooker, stack: ExitStack) -> Opened:
         """Open the mocks, and take orders."""
-        (pursuits, team) = players_of(scenario)
+        (pursuits, team) = pursuits_and_team(scenario)
         clock = VirtualClock() if self.fast else MonotonicClock()
         mock_files.faulted_fleet(pursuits)  # refuses faults that a vehicle cannot have
         mailboxes = {pursuit.vehicle: Mailbox() for pursuit in pursuits}

@@ -57,7 +57,7 @@ class Opened(NamedTuple):
     signals: Signals | None = None
 
 
-def players_of(scenario: AnyScenario) -> tuple[Sequence[Pursuit], str]:
+def pursuits_and_team(scenario: AnyScenario) -> tuple[Sequence[Pursuit], str]:
     """Return who pursues whom, and the name of the team; empty without one."""
     if isinstance(scenario, Scenario):
         return (Pursuit(scenario),), ""

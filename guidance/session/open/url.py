@@ -28,7 +28,7 @@ from guidance.session.open.opened import (
     check_option,
     declared_m_s,
     lost_features,
-    players_of,
+    pursuits_and_team,
 )
 from guidance.session.orders import control_bus
 from guidance.session.orders.mailbox import ORDER_OF, Mailbox, startup_answers
@@ -71,7 +71,7 @@ class Asked:
             LinkError: If there is no vehicle.
             FlightError: If one is in the air, armed or does not get ready.
         """
-        (pursuits, team) = players_of(scenario)
+        (pursuits, team) = pursuits_and_team(scenario)
         clock = MonotonicClock()
         self._require_urls(len(pursuits))
         mailboxes = {pursuit.vehicle: Mailbox() for pursuit in pursuits}
@@ -125,7 +125,7 @@ class Asked:
             ConfigError: If another autopilot is there.
             LinkError: If there is no vehicle.
         """
-        pursuits = players_of(scenario)[0]
+        pursuits = pursuits_and_team(scenario)[0]
         separation = _separation(scenario)
         speeds_m_s = declared_m_s(pursuits)
         configs = dict[str, Config]()

@@ -192,7 +192,7 @@ def status(
         "evader_second_source": flight.tracking.rival(now_s),
         "evader_doubts": list(flight.tracking.doubts()),
         "evader_reports_dropped": dict(flight.tracking.dropped()),
-        **_flown(vehicle),
+        **_motion_fields(vehicle),
         "checks_failed": [check.name for check in _failed(flight, now_s)],
         "preflight_refused": list(refusals(rows)),
         "to_do": to_do(flight, now_s, rows),
@@ -214,15 +214,15 @@ def status(
         game["vehicle_winner"] = Winner(0 if winner is None else winner).word
         range_m = math.dist(certificate.pursuer_game_m, certificate.evader_game_m)
         rounded["range_m"] = round(range_m, 2)
-        rounded["value_unit"] = _unit(flight)
+        rounded["value_unit"] = _value_unit(flight)
     return rounded
 
 
-def _unit(flight: Flight) -> str:
+def _value_unit(flight: Flight) -> str:
     return "m" if flight.settings.cycle.target_game_m else "s"
 
 
-def _flown(vehicle: VehicleState) -> dict[str, Any]:
+def _motion_fields(vehicle: VehicleState) -> dict[str, Any]:
     """Position and velocity (NED, m and m/s), height above home (m) and battery."""
     local = vehicle.latest.get(LocalPosition)
     home = vehicle.latest.get(Home)
@@ -253,7 +253,7 @@ def flight_line(flight: Flight, outputs: Outputs, now_s: float) -> str:
         shown_state(flight),
         f"{flight.mode_title}, {'armed' if vehicle.armed else 'disarmed'}",
     ]
-    motion = _flown(vehicle)
+    motion = _motion_fields(vehicle)
     if motion:
         north_m_s, east_m_s, _ = motion["velocity_ned_m_s"]
         height_m = round(motion["height_m"], 1) + 0.0
@@ -264,7 +264,7 @@ def flight_line(flight: Flight, outputs: Outputs, now_s: float) -> str:
         parts.append(f"position {vehicle.age_s(LocalPosition, now_s):.1f} s old")
     if certificate is not None:
         parts.append(
-            f"rim {certificate.gap_m:.1f} m, value {certificate.value:.1f} {_unit(flight)}"
+            f"rim {certificate.gap_m:.1f} m, value {certificate.value:.1f} {_value_unit(flight)}"
         )
     silence_s = flight.tracking.silence_s(now_s)
     parts.append("no evader" if math.isinf(silence_s) else f"evader {silence_s:.1f} s ago")

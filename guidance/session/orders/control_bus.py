@@ -107,7 +107,7 @@ def control_bus(
             query.drop()  # type: ignore[no-untyped-call]
             return
         word = str(query.key_expr).rpartition("/")[2]
-        local.begin(queries if word in QUERIES else orders, reply, query, word)
+        local.begin_exchange(queries if word in QUERIES else orders, reply, query, word)
 
     def reply(query: "zenoh.Query", order: str) -> None:
         by = ""

@@ -208,10 +208,10 @@ def replies(
     key = control_key(name, order) + (f"?{TEAM}={team}" if team else "")
     payload = by.encode() if by else None
     received = session.get(key, timeout=timeout_s, target=zenoh.QueryTarget.ALL, payload=payload)
-    return _checked(received, name, order)
+    return _valid_answers(received, name, order)
 
 
-def _checked(received: Iterable[zenoh.Reply], name: str, order: str) -> Iterator[Answer]:
+def _valid_answers(received: Iterable[zenoh.Reply], name: str, order: str) -> Iterator[Answer]:
     answered = set[str]()
     for reply in received:
         if reply.ok is None:

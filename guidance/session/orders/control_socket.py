@@ -296,7 +296,7 @@ def _opened(data: bytes, endpoint: str) -> Mapping[str, Any]:
     return reply
 
 
-def begin(
+def begin_exchange(
     free: threading.BoundedSemaphore, exchange: Callable[..., None], *arguments: object
 ) -> bool:
     """Start an exchange with a client on a thread of its own; False if `free` says that too many are under way.
@@ -393,7 +393,7 @@ class ControlSocket:
             except OSError:  # it was shut down, or no descriptor is free at the moment
                 self._closed.wait(_ACCEPT_AGAIN_S)
                 continue
-            if not begin(self._free, self._exchange, connection):
+            if not begin_exchange(self._free, self._exchange, connection):
                 connection.close()
 
     def _exchange(self, connection: socket.socket) -> None:

@@ -169,7 +169,7 @@ def read_reply(data: bytes, name: str, order: str) -> Answer:
 
 def written(answer: object) -> bytes:
     """Write an answer as JSON for the wire. Numbers that are not finite become null."""
-    return json.dumps(_finite(answer), allow_nan=False).encode()
+    return json.dumps(_without_nan(answer), allow_nan=False).encode()
 
 
 def bad_reply(name: str, order: str, reason: str) -> Answer:
@@ -199,11 +199,11 @@ class _UnusableError(ValueError):
     """What is wrong with a reply that is JSON."""
 
 
-def _finite(value: Any) -> Any:  # noqa: ANN401 - JSON
+def _without_nan(value: Any) -> Any:  # noqa: ANN401 - JSON
     if isinstance(value, Mapping):
-        return {name: _finite(part) for name, part in value.items()}
+        return {name: _without_nan(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(part) for part in value]
+        return [_without_nan(part) for part in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

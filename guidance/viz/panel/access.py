@@ -129,7 +129,7 @@ class Access:
         # Over TLS the browser checks the certificate's name
         if self.tls is None and request.host not in self._hosts and request.path != _STYLE:
             return 421
-        if _is_same(cookie, self._session):
+        if _is_same_secret(cookie, self._session):
             self.listener.admit(request.protocol)
         elif request.path not in _PUBLIC and request.path != f"{self.path}in":
             return 403
@@ -158,7 +158,7 @@ class Access:
         """Exchange the token of the URL for the cookie."""
         if self.tls is not None:
             return self._door(request, 200)
-        if not _is_same(request.query.get("token", ""), self.token):
+        if not _is_same_secret(request.query.get("token", ""), self.token):
             return self._door(request, 403)
         self.token = secrets.token_urlsafe(24)
         self.announce("  (for another browser)")
@@ -172,7 +172,7 @@ class Access:
         form = parse_qs((await request.read()).decode(errors="replace"))
         if self.is_late(sender):
             await self.pause(PASSWORD_INTERVAL_S)
-        if _is_same(form.get("password", [""])[0], self._password):
+        if _is_same_secret(form.get("password", [""])[0], self._password):
             return self._let_in()
         self.note_wrong(sender)
         return self._door(request, 403, "That was not the password.")
@@ -220,7 +220,7 @@ def _bytes_of(text: str) -> bytes:
     return text.encode(errors="backslashreplace")
 
 
-def _is_same(claimed: str, secret: str) -> bool:
+def _is_same_secret(claimed: str, secret: str) -> bool:
     return hmac.compare_digest(_bytes_of(claimed), _bytes_of(secret))
 
 
@@ -301,7 +301,7 @@ def map_of(tiles: str) -> tuple[str, str]:
     return tiles, f"{parts.scheme}://{parts.netloc}"
 
 
-def listen(host: str, port: int) -> socket.socket:
+def listening_socket(host: str, port: int) -> socket.socket:
     """Return a listening TCP socket.
 
     Raises:

@@ -87,7 +87,7 @@ class RecordFolder:
     def listed(self) -> list[dict[str, Any]]:
         """List the records with the outcomes read so far, and begin to read the others."""
         paths = self.paths()
-        keys = {name: _key(name, path) for name, path in paths.items()}
+        keys = {name: _file_key(name, path) for name, path in paths.items()}
         self._outcomes = {
             key: self._outcomes[key] for key in keys.values() if key in self._outcomes
         }
@@ -111,7 +111,7 @@ class RecordFolder:
     async def _read(self, unread: Mapping[Path, Key]) -> None:
         """Read the outcomes in one child, which prints each as a line."""
         with contextlib.suppress(OutputError, TimeoutError, OSError, ValueError):
-            async for line in lines_of(*_SNAPSHOTS, "outcomes", *map(str, unread)):
+            async for line in output_lines(*_SNAPSHOTS, "outcomes", *map(str, unread)):
                 path, outcome = json.loads(line)
                 self._outcomes[unread[Path(path)]] = outcome
         for path, key in unread.items():
@@ -126,7 +126,7 @@ class RecordFolder:
         path = self.paths().get(name)
         if path is None or what not in _MADE:
             return None
-        key = (_key(name, path), what)
+        key = (_file_key(name, path), what)
         async with self._one_at_a_time:
             product = self._products.pop(key, None)
             if product is None:
@@ -143,7 +143,7 @@ class RecordFolder:
         words = list[str]()
         for word in command:
             words.append(str(path) if word == "RECORD" else word.replace("FOLDER", str(folder)))
-        output = b"".join([line async for line in lines_of(*words)])
+        output = b"".join([line async for line in output_lines(*words)])
         product = folder / written
         if not product.exists():
             product.write_bytes(output)
@@ -184,7 +184,7 @@ class RecordFolder:
         self._temporary.cleanup()
 
 
-async def lines_of(*arguments: str) -> AsyncIterator[bytes]:
+async def output_lines(*arguments: str) -> AsyncIterator[bytes]:
     """Run Python and yield its output, line by line.
 
     Raises:
@@ -222,6 +222,6 @@ def _attachment(name: str) -> str:
     return f'attachment; filename="{plain}"'
 
 
-def _key(name: str, path: Path) -> Key:
+def _file_key(name: str, path: Path) -> Key:
     status = path.stat()
     return name, status.st_mtime_ns, status.st_size

@@ -102,11 +102,11 @@ def event_row(event: EventEntry) -> Plain:
 
 def history_row(snapshot: Plain | None) -> list[Any]:
     """Return a snapshot as a row of the charts."""
-    values = [_part_of(snapshot, path) for path in HISTORY]
+    values = [_value_at(snapshot, path) for path in HISTORY]
     return [round(value, 2) if isinstance(value, float) else value for value in values]
 
 
-def _part_of(snapshot: Plain | None, path: str) -> Any:  # noqa: ANN401 - JSON
+def _value_at(snapshot: Plain | None, path: str) -> Any:  # noqa: ANN401 - JSON
     """Return the value at a path of a snapshot, such as "age_s.evader"; None where a step has none."""
     part: Any = snapshot
     for step in path.split("."):
@@ -272,7 +272,7 @@ class SnapshotFold:
         snapshot: Plain = {
             **self._telemetry(row),
             **self._places(),
-            "game": None if certificate is None else game_of(certificate),
+            "game": None if certificate is None else game_shown(certificate),
             "alarm": self._lasting_alarm(row.now_s),
             "age_s": self._ages(row.now_s),
         }
@@ -369,7 +369,7 @@ class SnapshotFold:
         return curve_m
 
 
-def game_of(certificate: Certificate) -> Plain:
+def game_shown(certificate: Certificate) -> Plain:
     """Return what the page shows of a game."""
     meeting_m = None if certificate.no_game else rounded(certificate.meeting_point_game_m)
     game = {name: getattr(certificate, name) for name in (*_OF_THE_GAME, "active_limits")}
@@ -398,7 +398,7 @@ def known_age(age_s: float) -> float:
     return max(0.0, age_s) if math.isfinite(age_s) else math.inf
 
 
-def outcome_of(path: Path) -> Plain:
+def record_summary(path: Path) -> Plain:
     """Summarise a record and the end of its flight, as far as it can be read.
 
     Raises:
@@ -482,14 +482,14 @@ def read_or_error(read: Callable[[Path], Plain], path: Path) -> Plain:
 def main(what: str, *files: str) -> int:
     """Write the replay of a file as JSON, or the outcome of each as a line."""
     for path in map(Path, files):
-        print(json.dumps(plain(_written(what, path)), allow_nan=False), flush=True)  # noqa: T201
+        print(json.dumps(plain(_json_of(what, path)), allow_nan=False), flush=True)  # noqa: T201
     return 0
 
 
-def _written(what: str, path: Path) -> Any:  # noqa: ANN401 - JSON
+def _json_of(what: str, path: Path) -> Any:  # noqa: ANN401 - JSON
     if what == "frames":
         return read_or_error(replay_of, path)
-    return [str(path), read_or_error(outcome_of, path)]
+    return [str(path), read_or_error(record_summary, path)]
 
 
 if __name__ == "__main__":

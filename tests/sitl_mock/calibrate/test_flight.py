@@ -10,7 +10,7 @@ from sitl_mock.calibrate import (
     RMS_LIMIT_M_S,
     FlavourName,
     StepLog,
-    compare,
+    compare_log,
     fly_log,
     guess,
     read_step_log,
@@ -46,7 +46,7 @@ def answered(flavour: FlavourName, whole_vehicle: bool) -> np.ndarray:
 @each_way
 @each_file
 def test_velocity_is_within_the_limit_on_every_axis(flavour, whole_vehicle):
-    comparison = compare(recorded(flavour), flavour, answered(flavour, whole_vehicle))
+    comparison = compare_log(recorded(flavour), flavour, answered(flavour, whole_vehicle))
     assert comparison.passed
     assert max(comparison.rms_ned_m_s) <= RMS_LIMIT_M_S
 
@@ -57,7 +57,7 @@ def test_velocity_is_within_the_limit_on_every_axis(flavour, whole_vehicle):
 )
 def test_velocity_is_well_inside_the_limit(flavour, margin_m_s, whole_vehicle):
     # PX4's own estimator noise is most of the 0.08 m/s that are left: its east axis, at rest, has 0.08 by itself.
-    comparison = compare(recorded(flavour), flavour, answered(flavour, whole_vehicle))
+    comparison = compare_log(recorded(flavour), flavour, answered(flavour, whole_vehicle))
     assert max(comparison.rms_ned_m_s) <= margin_m_s
 
 
@@ -69,7 +69,7 @@ def test_large_steps_over_the_corner_that_nothing_was_fitted_on_are_followed(who
         if whole_vehicle
         else replay(log, vehicle_of(FlavourName.ARDUCOPTER))
     )
-    assert max(compare(log, FlavourName.ARDUCOPTER, answers).rms_ned_m_s) <= 0.15
+    assert max(compare_log(log, FlavourName.ARDUCOPTER, answers).rms_ned_m_s) <= 0.15
 
 
 @pytest.mark.long
@@ -77,7 +77,7 @@ def test_px4_follows_large_steps_of_all_axes_at_once():
     """The second half was not used for fitting."""
     log = read_step_log(DATA / "px4_large_steps.csv")
     answers = fly_log(log, FlavourName.PX4)
-    assert max(compare(log, FlavourName.PX4, answers).rms_ned_m_s) <= 0.15
+    assert max(compare_log(log, FlavourName.PX4, answers).rms_ned_m_s) <= 0.15
     unseen = log.time_s > log.time_s[-1] / 2.0
     assert np.sqrt(np.mean((answers - log.velocity_ned_m_s)[unseen] ** 2)) <= 0.15
 
@@ -103,7 +103,7 @@ def test_both_halves_of_the_segments_fit_alike(flavour):
 
 
 def test_every_segment_and_axis_is_compared():
-    comparison = compare(
+    comparison = compare_log(
         recorded(FlavourName.PX4), FlavourName.PX4, answered(FlavourName.PX4, False)
     )
     assert len(comparison.segments) == 16
@@ -117,7 +117,7 @@ def test_every_segment_and_axis_is_compared():
 def test_arducopter_rise_times_agree_to_a_tenth_of_a_second(whole_vehicle):
     log = recorded(FlavourName.ARDUCOPTER)
     flavour = FlavourName.ARDUCOPTER
-    comparison = compare(log, flavour, answered(flavour, whole_vehicle))
+    comparison = compare_log(log, flavour, answered(flavour, whole_vehicle))
     rises = [
         (axis.real.rise_s, axis.mock.rise_s)
         for segment in comparison.segments
@@ -132,7 +132,7 @@ def test_arducopter_rise_times_agree_to_a_tenth_of_a_second(whole_vehicle):
 def test_the_other_flavours_copter_is_far_above_the_limit(flavour):
     log = recorded(flavour)
     other = next(one for one in FlavourName if one is not flavour)
-    comparison = compare(log, other, replay(log, vehicle_of(other)))
+    comparison = compare_log(log, other, replay(log, vehicle_of(other)))
     assert not comparison.passed
     assert max(comparison.rms_ned_m_s) > 0.4
 
