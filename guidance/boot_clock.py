@@ -117,7 +117,8 @@ def with_position(clock: BootClock, received_s: float, time_boot_s: float) -> Bo
     if clock.offset_s == -math.inf:
         return clock
     late_s = math.remainder(received_s - time_boot_s - clock.offset_s, _WRAP_S)
-    if late_s < -_ROUNDING_S:
+    is_from_the_future = late_s < -_ROUNDING_S
+    if is_from_the_future:
         return BootClock(
             former_offset_s=clock.offset_s,
             unknown_since_s=received_s,

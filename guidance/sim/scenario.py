@@ -36,8 +36,9 @@ MATHS_SPEED_SET: Final = "ball"
 
 def _policy_schema(names: Sequence[str]) -> WithJsonSchema:
     """Return the schema of a policy: a name, or a user's policy."""
-    own = {"type": "string", "pattern": FORM}
-    return WithJsonSchema({"anyOf": [{"type": "string", "enum": [*names]}, own]})
+    built_in_policy = {"type": "string", "enum": [*names]}
+    user_policy = {"type": "string", "pattern": FORM}
+    return WithJsonSchema({"anyOf": [built_in_policy, user_policy]})
 
 
 PursuerPolicy = Annotated[str, _policy_schema(PURSUER_STRATEGIES)]

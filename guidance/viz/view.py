@@ -407,9 +407,7 @@ def view(
         if save is None:
             sink = _served(ports, say, closing)
         else:
-            with writing(save):
-                private_folder(save.parent)
-                sink = rr.FileSink(private_file(save))  # Rerun only logs a failure
+            sink = _saved(save)
         if len(sources) > 1:
             vehicles = tuple(sources)
         else:
@@ -417,18 +415,25 @@ def view(
         with_target = recorded_settings(first).cycle.target_game_m is not None
         recording.set_sinks(sink, default_blueprint=layout(vehicles, with_target=with_target))
         recording.send_recording_name(title_of(first))
-        flights = [
-            Aggregator(recorded_settings, metadata[name], source.name)
-            for name, source in sources.items()
-        ]
-        painters = list(map(partial(Painter, recording), flights, vehicles))
+        painters = []
+        for vehicle, (name, source) in zip(vehicles, sources.items(), strict=True):
+            flight = Aggregator(recorded_settings, metadata[name], source.name)
+            painters.append(Painter(recording, flight, vehicle))
         paint = partial(_paint, ended)
-        # a record that still grows keeps its thread
+        # One thread for each: a record that still grows keeps its thread
         with ThreadPoolExecutor(len(painters)) as pool:
-            list(pool.map(paint, painters, sources.values()))
+            list(pool.map(paint, painters, sources.values()))  # raises what a painter raised
         if save is None:
             ended.wait()
         return sum(painter.cycles for painter in painters)
+
+
+def _saved(path: Path) -> Any:  # noqa: ANN401 - of Rerun
+    """Return the sink of a recording that is written to a file."""
+    with writing(path):
+        private_folder(path.parent)
+        # Rerun itself only logs a failure
+        return rr.FileSink(private_file(path))
 
 
 def _served(

@@ -101,10 +101,13 @@ def _finite(value: float) -> float:
     return value if math.isfinite(value) else math.nan
 
 
-def _axes(state: VehicleState, target: Target, vector: Vector, ignored: int) -> Vector:
-    if ignored:
+def _axes(state: VehicleState, target: Target, vector: Vector, ignored_bits: int) -> Vector:
+    """Return a vector north, east and down; without values if bits of the mask ignore it."""
+    if ignored_bits:
         return IGNORED
-    return turned(vector, state.yaw_rad) if target.frame in _BODY else vector
+    if target.frame in _BODY:
+        return turned(vector, state.yaw_rad)
+    return vector
 
 
 def _local_position(state: VehicleState, target: Target) -> Vector:

@@ -51,7 +51,9 @@ class Live:
 
     def strikes(self, frame: bytes) -> bool:
         """True if a frame is affected; a damaged one is not if messages are named."""
-        return not self.struck or frames.message_id(frame) in self.struck
+        if not self.struck:
+            return True
+        return frames.message_id(frame) in self.struck
 
 
 class Faulted:

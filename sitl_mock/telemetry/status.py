@@ -272,9 +272,15 @@ def rc_channels(report: Report) -> Fields:
 def servo_output_raw(report: Report) -> Fields:
     """SERVO_OUTPUT_RAW: the mean throttle on four motors."""
     state = report.state
-    share = min(1.0, 0.5 * state.body.thrust_m_s2 / GRAVITY_M_S2) if state.armed else 0.0
-    pulse = int(_PWM_LOW + (_PWM_HIGH - _PWM_LOW) * share)
-    return (report.boot_us & 0xFFFFFFFF, 0, *(pulse,) * 4, *(0,) * 12)
+    throttle = 0.0
+    if state.armed:
+        throttle = min(1.0, 0.5 * state.body.thrust_m_s2 / GRAVITY_M_S2)  # half hovers
+    pulse_us = int(_PWM_LOW + (_PWM_HIGH - _PWM_LOW) * throttle)
+    time_usec = report.boot_us & 0xFFFFFFFF
+    port = 0
+    motors = (pulse_us,) * 4
+    unused_outputs = (0,) * 12
+    return (time_usec, port, *motors, *unused_outputs)
 
 
 def wind_cov(report: Report) -> Fields:

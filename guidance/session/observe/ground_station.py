@@ -88,7 +88,7 @@ class GroundStationOutput(Sink):
         self._accepted_s: dict[StationCommand, float] = {}
         self._heartbeat_s = float("-inf")
         self._evader_s = float("-inf")
-        self._text_s = float("-inf")
+        self._last_text_s = float("-inf")
 
     def begin(self, identity: FlightIdentity) -> None:
         """Take the stand-off and the kind of the game."""
@@ -136,9 +136,10 @@ class GroundStationOutput(Sink):
             self.dropped += 1
 
     def _say(self, now_s: float) -> None:
-        if self._texts and now_s - self._text_s >= TEXT_EVERY_S:
-            self._text_s = now_s
-            self._link.send_text(*self._texts.popleft())
+        if self._texts and now_s - self._last_text_s >= TEXT_EVERY_S:
+            self._last_text_s = now_s
+            text = self._texts.popleft()
+            self._link.send_text(*text)
 
     def _take(self, now_s: float, command: StationCommand) -> None:
         """Pass an order on, or answer why not. A command that was given before and is repeated is no second order."""
