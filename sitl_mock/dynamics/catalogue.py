@@ -5,8 +5,9 @@ Sources of the values:
 * Control gains, limits and take-off ramp: documented defaults of PX4 1.17 and ArduCopter 4.5.
 * PX4's drag: its simulator's (1 N per m/s on 1 kg), consistent with the measured 9.8 m/s at 45 degrees of tilt. Its
   maximum thrust is twice the weight.
-* ArduCopter's drag: linear, and quadratic along each body axis, from the measured top speeds (15.2 m/s at 45 degrees,
-  10.3 m/s at 30, 11.4 m/s diagonally at 30).
+* ArduCopter's drag: its simulator's (3 kg, 15.08 m/s at 45 degrees, rotor disc 0.385 m2, momentum drag 0.2) at 644 m
+  above the sea, consistent with the measured top speeds (15.2 m/s at 45 degrees, 10.3 m/s at 30, 11.4 m/s diagonally
+  at 30).
 * PX4's rate loop and its torque limit, ArduCopter's attitude gain and vertical velocity scale: least squares on the
   recorded steps, each half checked against the other (`tests/data/README.md`).
 * Dead times: the measured time to 10 % minus the delay of the client's link.
@@ -75,14 +76,14 @@ PX4_TRAVEL: Final = TravelLimits(
     straight=True,
 )
 ARDUCOPTER_AIRFRAME: Final = Airframe(
-    attitude_gain_1_s=6.0,
+    attitude_gain_1_s=6.2,
     rate_gain_1_s=50.0,
     lean_rate_max_rad_s=3.14,
     yaw_rate_gain_1_s=5.0,
     thrust_max_m_s2=25.0,
     rotor_lag_s=0.05,
-    drag_1_s=0.325,
-    drag_1_m=0.0212,
+    drag_1_s=0.235,
+    drag_1_m=0.0336,
 )
 ARDUCOPTER_TRAVEL: Final = TravelLimits(
     speed_m_s=10.0,

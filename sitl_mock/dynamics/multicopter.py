@@ -41,7 +41,9 @@ class Airframe:
         thrust_max_m_s2: Specific thrust of all rotors at full throttle.
         rotor_lag_s: Time constant of the thrust.
         drag_1_s: Linear drag, horizontal and vertical (specific force per air speed).
-        drag_1_m: Quadratic drag along each axis of the body (specific force per air speed along it, squared).
+        drag_1_m: Quadratic drag along each axis of the body (specific force per air speed along it, squared). With it,
+            the horizontal linear drag is the rotors' momentum drag: this much in hover, growing with the root of the
+            thrust.
         lean_accel_rad_s2: Angular acceleration at full thrust. Low thrust gives less, and the share used for turning
             reduces the lift. Infinite: not modelled.
     """
@@ -177,9 +179,11 @@ def _flying(  # noqa: PLR0914
     side = thrust_m_s2 * (math.sin(lean) / lean if lean > 1e-9 else 1.0)
     air_n, air_e, air_d = velocity - wind
     # Implicit in the drag: stable and free of bias at rest for any wind and step.
-    a_n, a_e = _against_air(airframe, (side * lean_n, side * lean_e), (air_n, air_e), yaw, dt_s)
+    lift = thrust_m_s2 * math.cos(lean)
+    push = (side * lean_n, side * lean_e)
+    a_n, a_e = _against_air(airframe, push, (air_n, air_e), (thrust_m_s2, lift), yaw, dt_s)
     drag = airframe.drag_1_s + airframe.drag_1_m * abs(air_d)
-    a_d = (GRAVITY_M_S2 - thrust_m_s2 * math.cos(lean) - drag * air_d) / (1.0 + drag * dt_s)
+    a_d = (GRAVITY_M_S2 - lift - drag * air_d) / (1.0 + drag * dt_s)
 
     acceleration = Vector((a_n, a_e, a_d))
     reached = position.moved(velocity, acceleration, dt_s)
@@ -208,15 +212,30 @@ def _against_air(
     airframe: Airframe,
     push: tuple[float, float],
     air: tuple[float, float],
+    thrust: tuple[float, float],
     yaw_rad: float,
     dt_s: float,
 ) -> tuple[float, float]:
-    """Horizontal acceleration (north, east) under a specific force and aerodynamic drag."""
+    """Horizontal acceleration (north, east) under a specific force and aerodynamic drag.
+
+    Args:
+        airframe: Drag coefficients.
+        push: Horizontal part of the thrust, north and east.
+        air: Speed through the air, north and east.
+        thrust: Thrust and its vertical part.
+        yaw_rad: Heading of the body.
+        dt_s: Length of the step.
+    """
     linear = airframe.drag_1_s
     quadratic = airframe.drag_1_m
     if not quadratic:
         damp = 1.0 / (1.0 + linear * dt_s)
         return (push[0] - linear * air[0]) * damp, (push[1] - linear * air[1]) * damp
+    # More thrust has more momentum drag. A body that leans has less air speed along its axes.
+    thrust_m_s2, lift = thrust
+    if thrust_m_s2 > 0.0:
+        linear *= math.sqrt(thrust_m_s2 / GRAVITY_M_S2)
+        quadratic *= lift / thrust_m_s2
     cosine = math.cos(yaw_rad)
     sine = math.sin(yaw_rad)
     ahead = air[0] * cosine + air[1] * sine

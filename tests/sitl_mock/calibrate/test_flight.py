@@ -69,7 +69,7 @@ def test_large_steps_over_the_corner_that_nothing_was_fitted_on_are_followed(who
         if whole_vehicle
         else replay(log, vehicle_of(FlavourName.ARDUCOPTER))
     )
-    assert max(compare_log(log, FlavourName.ARDUCOPTER, answers).rms_ned_m_s) <= 0.15
+    assert max(compare_log(log, FlavourName.ARDUCOPTER, answers).rms_ned_m_s) <= RMS_LIMIT_M_S
 
 
 @pytest.mark.long
