@@ -136,7 +136,9 @@ def form_of(kind: Any) -> Form:  # noqa: ANN401 - a type annotation can be any o
         return _PLAIN[kind]
     if kind in {Ned, Enu}:
         numbers = _array((float, float, float))
-        return numbers._replace(core=cs.no_info_after_validator_function(kind, numbers.core))
+        core = cs.no_info_after_validator_function(kind, numbers.core)
+        # pydantic_core writes a plain tuple in a third of the time
+        return numbers._replace(core=core, write=tuple)
     if (inner := inside(kind)) is not kind:
         return form_of(inner)._replace(core=cs.nullable_schema(form_of(inner).core))
     origin = get_origin(kind)
@@ -165,7 +167,7 @@ def inside(hint: Any) -> Any:  # noqa: ANN401
 def _array(kinds: tuple[Any, ...]) -> Form:
     core, items, write = form_of(kinds[0])
     if kinds[-1] is Ellipsis:
-        writes = None if write is None else lambda values: [write(value) for value in values]
+        writes = None if write is None else lambda values: list(map(write, values))
         return Form(
             cs.tuple_schema([core], variadic_item_index=0),
             {"type": "array", "items": items},
@@ -225,43 +227,42 @@ def _object(kinds: Sequence[Any], *, tagged: bool) -> Form:
 
 def _dictionary_writer(kind: Any, *, tagged: bool) -> Callable[[Any], dict[str, Any]]:  # noqa: ANN401
     """Return what makes a dictionary of a named tuple, without unknown values."""
-    names = kind._fields
-    hints = get_type_hints(kind)
-    keys = names
+    keys = kind._fields
     tag: tuple[str, ...] = ()
     if tagged:
-        keys = (_TAG, *names)
+        keys = (_TAG, *keys)
         tag = (kind.__name__,)
-    optional = [name for name in names if inside(hints[name]) is not hints[name]]
-    numbers = [name for name in names if inside(hints[name]) is float]
-    parts = _written_parts(hints, names)
+    hints = get_type_hints(kind)
+    parts = _special_parts(hints, kind._fields)
+    numbers = [name for name in kind._fields if inside(hints[name]) is float]
 
     def write(value: Any) -> dict[str, Any]:  # noqa: ANN401
         fields: dict[str, Any] = dict(zip(keys, tag + value, strict=True))
-        _drop_unknown(fields, optional, numbers)
         for name, write_part in parts:
-            if name in fields:
-                fields[name] = write_part(fields[name])
+            part = fields[name]
+            if part is None:
+                del fields[name]
+            elif write_part is not None:
+                fields[name] = write_part(part)
+        for name in numbers:
+            if name in fields and not isfinite(fields[name]):
+                del fields[name]
         return fields
 
     return write
 
 
-def _drop_unknown(fields: dict[str, Any], optional: Sequence[str], numbers: Sequence[str]) -> None:
-    for name in optional:
-        if fields[name] is None:
-            del fields[name]
-    for name in numbers:
-        if not isfinite(fields.get(name, 0.0)):
-            del fields[name]
-
-
-def _written_parts(
+def _special_parts(
     hints: Mapping[str, Any], names: Sequence[str]
-) -> list[tuple[str, Callable[[Any], Any]]]:
-    """Return the fields that are not written as they are, each with what writes it."""
-    writers = {name: form_of(hints[name]).write for name in names}
-    return [(name, write) for name, write in writers.items() if write is not None]
+) -> list[tuple[str, Callable[[Any], Any] | None]]:
+    """Return the fields that can be None or are not written as they are, each with what writes it."""
+    parts = list[tuple[str, Callable[[Any], Any] | None]]()
+    for name in names:
+        write = form_of(hints[name]).write
+        is_optional = inside(hints[name]) is not hints[name]
+        if is_optional or write is not None:
+            parts.append((name, write))
+    return parts
 
 
 def _field(kind: Any, name: str) -> cs.TypedDictField:  # noqa: ANN401
