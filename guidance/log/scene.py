@@ -258,10 +258,14 @@ class Scene:
         return True
 
 
+_RIM: Final = [(float(x), float(y)) for x, y in circle((0.0, 0.0), 1.0, 37)[:-1]]
+"""Corners of a rim of radius 1."""
+
+
 def disc(certificate: Certificate) -> Sequence[Enu]:
     """Return corners of the rim of the stand-off disc, game frame, from the distances in the certificate."""
     evader = certificate.evader_game_m
     above = certificate.pursuer_game_m
     radius_m = math.dist(above[:2], evader[:2]) - certificate.gap_m
     height_m = above[2] - certificate.height_gap_m
-    return [Enu((float(x), float(y), height_m)) for x, y in circle(evader, radius_m, 37)[:-1]]
+    return [Enu((evader[0] + radius_m * x, evader[1] + radius_m * y, height_m)) for x, y in _RIM]
