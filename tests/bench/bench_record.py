@@ -20,7 +20,7 @@ from guidance.clock import VirtualClock
 from guidance.flight import Flight
 from guidance.log import compare, cycles_of, metadata_of, scan
 from guidance.log.entries import CYCLE
-from guidance.log.writer import Recorder
+from guidance.log.writer import Record, Recorder
 from guidance.session.flight_files import recorded_settings
 from guidance.session.fly.daemon import Equipment
 from guidance.session.fly.mission import Mission
@@ -34,12 +34,11 @@ if TYPE_CHECKING:
     from guidance.sim.scenario import Scenario
 
 
-class Kept:
+class Kept(Record):
     """A record in memory: every call, in order."""
 
-    failed = None
-
     def __init__(self) -> None:
+        super().__init__()
         self.cycles: list[list[tuple[str, tuple[Any, ...]]]] = [[]]
 
     def frames(self, *call: Any) -> None:
