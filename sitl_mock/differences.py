@@ -134,6 +134,10 @@ def _messages(before: Flavour, after: Flavour) -> Iterator[VersionDifference]:
         yield VersionDifference("message", name, "")
     for name in sorted(offered & (before.withheld - after.withheld)):
         yield VersionDifference("message", "", name)
+    if before.takes_keys != after.takes_keys:
+        first = "SETUP_SIGNING" if before.takes_keys else ""
+        second = "SETUP_SIGNING" if after.takes_keys else ""
+        yield VersionDifference("message", first, second, "sets the key of MAVLink signing")
     for link, rates in before.rates_hz.items():
         others = after.rates_hz[link]
         for name in sorted({*rates, *others}):

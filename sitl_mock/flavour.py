@@ -167,6 +167,8 @@ class Flavour:
         withheld: Messages of the mock that this version cannot send, also on request.
         streams_log: A client can have a log streamed.
         shell: Answers a line that is typed into the shell; None if it has no shell over MAVLink.
+        takes_keys: A client can set the key of MAVLink signing (SETUP_SIGNING).
+        trusted_links: Ids of links that take unsigned and wrongly signed frames after a client has set a key.
     """
 
     name: str
@@ -203,6 +205,8 @@ class Flavour:
     withheld: frozenset[str] = frozenset()
     streams_log: bool = False
     shell: Callable[["Report", str], str] | None = None
+    takes_keys: bool = True
+    trusted_links: frozenset[int] = frozenset()
 
     @property
     def spec(self) -> str:

@@ -73,7 +73,7 @@ class Link:
         flavour: Flavour = autopilot.flavour
         system_id = autopilot.system_id
         signing = autopilot.signing
-        self.decoder = Decoder(signing=signing)
+        self.decoder = Decoder(signing=signing, is_trusted=link_id in signing.trusted_links)
         self.encoder = Encoder(system_id, COMPONENT, signing=signing, link_id=link_id)
         self._prepared = prepared(flavour.name, flavour.withheld)
         self.streams = Streams(
@@ -108,7 +108,7 @@ class Link:
             logs=LogProtocol(autopilot.storage.logs, flavour.log_rules, self._is_armed),
             log_stream=self._log_stream,
             shell=ShellProtocol(self._run),
-            signing=SigningSetup(signing),
+            signing=SigningSetup(signing, allowed=flavour.takes_keys),
             events=EventProtocol(autopilot.events),
         )
 

@@ -81,7 +81,9 @@ class MockVehicle:
             unix_us=Settings.unix_us if unix_us is None else unix_us,
             log_bytes=log_bytes,
         )
-        self.autopilot = Autopilot(settings, Signing() if signing is None else signing)
+        if signing is None:
+            signing = Signing(trusted_links=settings.flavour.trusted_links)
+        self.autopilot = Autopilot(settings, signing)
         self._kinds = dict(DEFAULT_LINKS if links is None else links)
         for name, kind in self._kinds.items():
             if kind not in settings.flavour.rates_hz:

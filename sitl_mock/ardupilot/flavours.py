@@ -240,6 +240,9 @@ _WITHHELD: Final = frozenset(
 )
 """Messages that ArduPilot 4.5.7 does not know; a request of one fails."""
 
+_TRUSTED_LINKS: Final = frozenset({0})
+"""ArduPilot's first link is meant for a USB cable, and takes every frame."""
+
 ARDUCOPTER: Final = Flavour(
     name="arducopter",
     title="ArduCopter 4.5 quadrotor",
@@ -264,6 +267,7 @@ ARDUCOPTER: Final = Flavour(
     sensors=ARDUPILOT_SENSORS,
     files=files_of,
     withheld=_WITHHELD,
+    trusted_links=_TRUSTED_LINKS,
 )
 
 ROVER_FLAVOUR: Final = Flavour(
@@ -290,5 +294,6 @@ ROVER_FLAVOUR: Final = Flavour(
     sensors=ARDUPILOT_SENSORS,
     files=files_of,
     withheld=_WITHHELD,
+    trusted_links=_TRUSTED_LINKS,
     ground_vehicle=True,
 )

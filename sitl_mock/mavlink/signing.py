@@ -51,12 +51,14 @@ class Signing:
             a signature is checked either way.
         timestamp: Own clock in units of 10 µs since 2015-01-01; rises by one with each signed frame.
         streams: Last accepted timestamp of every (link id, system, component).
+        trusted_links: Ids of own links that take every frame, unsigned or not.
     """
 
     secret_key: bytes | None = None
     require: bool = True
     timestamp: int = 0
     streams: dict[tuple[int, int, int], int] = field(default_factory=dict)
+    trusted_links: frozenset[int] = frozenset()
 
     def __post_init__(self) -> None:
         """Check the key.

@@ -113,7 +113,7 @@ class SigningSetup:
 
     Args:
         signing: The vehicle's signing, shared by its links.
-        allowed: Whether this link may set the key.
+        allowed: Whether a client may set the key.
     """
 
     def __init__(self, signing: Signing, *, allowed: bool = True) -> None:

@@ -162,4 +162,5 @@ PX4: Final = Flavour(
     ground_wander=PX4_GROUND_WANDER,
     streams_log=True,
     shell=answer_to,
+    takes_keys=False,
 )

@@ -32,6 +32,7 @@ def px4_1_18(recorded: Flavour, version: str) -> Flavour:
         refused_commands=_OLD_REQUESTS,
         more_commands=_MORE,
         withheld=recorded.withheld | _DEVELOPMENT,
+        takes_keys=True,
     )
 
 

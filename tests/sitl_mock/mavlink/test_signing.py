@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 from pymavlink.dialects.v20 import all as dialect
 
+from sitl_mock import MockVehicle
 from sitl_mock.mavlink import Decoder, Encoder, Signing, Verdict
 from sitl_mock.mavlink.signing import MAX_STREAMS, NEW_STREAM_WINDOW
 from sitl_mock.protocols import SigningSetup
@@ -229,3 +230,27 @@ def test_an_unsigned_setup_does_not_pass_a_required_signature():
     frame = dialect.MAVLink_setup_signing_message(1, 1, list(OTHER), 0).pack(client(None))
     assert Decoder(signing=signing).feed(frame) == []
     assert signing.secret_key == KEY
+
+
+@pytest.mark.parametrize(
+    ("spec", "is_signed", "answers"),
+    [
+        ("px4@1.17", False, {"onboard": True, "gcs": True}),  # ignores SETUP_SIGNING
+        ("px4@1.18", True, {"onboard": False, "gcs": False}),
+        ("arducopter", True, {"onboard": True, "gcs": False}),  # its first link takes every frame
+    ],
+)
+def test_each_autopilot_takes_unsigned_frames_as_the_real_one_does(spec, is_signed, answers):
+    vehicle = MockVehicle(spec, ready_after_s=0.1, links=dict.fromkeys(answers, "quiet"))
+    vehicle.step(
+        0.0, [dialect.MAVLink_setup_signing_message(1, 1, list(KEY), 0).pack(client(None))]
+    )
+    ask = dialect.MAVLink_command_long_message(1, 1, 512, 0, 148, 0, 0, 0, 0, 0, 0)
+    wrong = ask.pack(client(OTHER))
+    heard = vehicle.step_links(1.5, {name: [wrong] for name in answers})
+    decoders = {name: Decoder(signing=Signing(KEY, require=False)) for name in answers}
+    messages = {name: decoders[name].feed(b"".join(frames)) for name, frames in heard.items()}
+    assert all(message.get_signed() == is_signed for message in messages["gcs"])
+    kinds = {name: [m.get_type() for m in heard_there] for name, heard_there in messages.items()}
+    assert "HEARTBEAT" in kinds["gcs"]
+    assert {name: "AUTOPILOT_VERSION" in names for name, names in kinds.items()} == answers
