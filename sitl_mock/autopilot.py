@@ -260,9 +260,12 @@ class Autopilot:
         return Announcements(everywhere, replies)
 
     def set_mission_item(self, _now_s: float, seq: int) -> list[Reply]:
-        """MISSION_SET_CURRENT: continue at this item; MISSION_CURRENT follows at its own rate."""
-        self.commander.mission.set_current(seq)
-        return []
+        """MISSION_SET_CURRENT: continue at this item; ArduPilot answers with MISSION_CURRENT, PX4 at its own rate."""
+        mission = self.commander.mission
+        if not mission.set_current(seq) or mission.ends_for_good:
+            return []
+        fields = BUILDERS["MISSION_CURRENT"](self.report)
+        return [] if fields is None else [("MISSION_CURRENT", seq, *fields[1:])]
 
     def home_place(self) -> Place:
         """Return home, or zeros if there is none."""

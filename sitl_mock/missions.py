@@ -35,6 +35,8 @@ _NOT_REPORTED: Final = _JUMPS | {
 _PLACES: Final = frozenset(
     {WAYPOINT, LOITER_UNLIMITED, LOITER_TURNS, LOITER_TIME, LAND, TAKEOFF, 82}
 )
+_RESTARTED: Final = frozenset({WAYPOINT, LOITER_UNLIMITED, LOITER_TIME, 82})
+"""Items that ArduPilot begins again when the mission changes."""
 _RELATIVE_FRAMES: Final = frozenset({3, 6, 10, 11})
 _RUN_OUT: Final = frozenset({"finished", "landed"})
 """Ends of a mission behind its last item."""
@@ -196,7 +198,8 @@ class MissionFlight:
     def start(self) -> bool:
         """Start or resume; False if there is nothing left to fly.
 
-        A finished or new mission starts at its first item, unless it ends for good.
+        A finished mission starts at its first item, unless it ends for good. A new one starts at the number of the
+        present item, if it has that many, as on both autopilots.
         """
         revision = self.plans.mission.revision
         self.begun = True
@@ -209,11 +212,13 @@ class MissionFlight:
             restarts = self._rested and not is_new and self.current + 1 >= self.count
         else:
             is_new = self._revision != revision
-            restarts = bool(self.over) or is_new or self.current >= self.count
+            is_beside = not int(self.skip_home) <= self.current < self.count
+            restarts = bool(self.over) or is_beside
         if restarts:
             self.current = 1 if self.skip_home and self.count > 1 else 0
         if restarts or is_new:
             self.speed_m_s = math.nan
+        if restarts or (is_new and self.ends_for_good):
             self._jumps.clear()
         self._revision = revision
         self._flown_revision = revision
@@ -240,16 +245,39 @@ class MissionFlight:
         self.valid = flyable(plan.items) and not _rejected(plan.items, state)
         return True
 
+    def reset(self) -> None:
+        """Forget the present item: the next start is at the first one (ArduPilot, when it is disarmed)."""
+        self.current = 0
+        self._forget_progress()
+        self._jumps.clear()
+
+    def forget(self) -> None:
+        """Notice that the mission was cleared (ArduPilot)."""
+        self.reset()
+        self.over = ""
+
     def rest(self) -> None:
         """Notice that the vehicle is disarmed."""
         self.begun = False
         self._rested = True
 
-    def _replace(self) -> None:
-        """Go on with a mission that was uploaded in flight; without a climb to its height first (PX4)."""
-        self.start()
+    def _replace(self, state: VehicleState) -> None:
+        """Go on with a mission that was uploaded in flight: at the item that is due (PX4), or at the present number.
+
+        PX4 does not climb to its height first. ArduPilot ends a mission that has no such item, and lets a finished
+        one rest until AUTO begins again.
+        """
         if self.ends_for_good:
+            self.start()
             self._climb_judged = True
+            return
+        self._revision = self.plans.mission.revision
+        if self.over:
+            return
+        item = self._item()
+        if item is not None and item.command in _RESTARTED:
+            self._forget_progress()
+            state.say(Severity.CRITICAL, "Auto mission changed, restarted command")
 
     def _forget_progress(self) -> None:
         """Drop the progress of the present item, and the items behind a condition."""
@@ -294,8 +322,8 @@ class MissionFlight:
     def leg(self, state: VehicleState, entered_m: Vector) -> Leg:
         """Return the leg to fly now; advances to the next item when one is reached."""
         stay = Leg(state.position_m if state.on_ground else entered_m)
-        if self._revision != self.plans.mission.revision:
-            self._replace()
+        if not self._goes_on(state):
+            return stay
         climb = self._first_climb(state)
         if climb is not None:
             return climb
@@ -315,6 +343,15 @@ class MissionFlight:
         if not self.over:
             self.over = "finished"
         return stay
+
+    def _goes_on(self, state: VehicleState) -> bool:
+        """Take an uploaded mission; False after the end of one of ArduPilot, which another does not begin."""
+        if self._revision != self.plans.mission.revision:
+            self._replace(state)
+        if not self.skip_home:
+            return True
+        self.current = max(self.current, 1)
+        return not self.over
 
     def _first_climb(self, state: VehicleState) -> Leg | None:
         """Return the climb to the first position's height, while it lasts."""

@@ -236,6 +236,7 @@ class ArduPilot:
         self.state.disarm()
         self.failsafes.clear()
         self.flight.takeoff_m = math.nan
+        self.mission.reset()
 
     def _look(self) -> None:
         self.met_needs = safety.available(self.state, self.plans)
@@ -246,7 +247,11 @@ class ArduPilot:
             self.set_home(state.position_m)
             state.say(Severity.INFO, "EKF3 IMU0 is using GPS")
         self._look()
+        is_flying = state.armed and self.mode == "AUTO" and not self.mission.over
+        self.plans.in_flight = is_flying
         if self.plans.news:
+            if not self.mission.count:
+                self.mission.forget()
             report_totals(state, self.plans)
         if self.plans.old_messages:
             warn_of_old_messages(state, self.plans, self._warned)

@@ -155,7 +155,8 @@ class MissionProtocol:
         kind = message.mission_type
         if kind not in KINDS | {ALL_KINDS}:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
-        if self._upload.active or self._upload.busy(now_s, partner):
+        is_locked = self._plans.in_flight and kind in {PlanKind.MISSION, ALL_KINDS}
+        if is_locked or self._upload.active or self._upload.busy(now_s, partner):
             return [acknowledge(partner, MissionResult.ERROR, kind)]
         if self._rules.deaf_in_download and self._is_downloading(now_s):
             return []

@@ -124,6 +124,7 @@ class PlanStore:
         uploader_until_s: End of that refusal, so that a vanished link does not block others.
         news: Replaced plans that an autopilot has yet to report.
         old_messages: Messages without integer coordinates that clients have used, with the kind of plan.
+        in_flight: The mission is being flown and cannot be cleared (ArduPilot).
     """
 
     plans: dict[PlanKind, Plan] = field(default_factory=lambda: {kind: Plan() for kind in PlanKind})
@@ -132,6 +133,7 @@ class PlanStore:
     uploader_until_s: float = 0.0
     news: set[PlanKind] = field(default_factory=set)
     old_messages: set[tuple[str, PlanKind]] = field(default_factory=set)
+    in_flight: bool = False
 
     @property
     def mission(self) -> Plan:
@@ -151,7 +153,7 @@ class PlanStore:
     def set_plan(
         self, kind: PlanKind, items: Sequence[PlanItem], *, compares: bool = False
     ) -> None:
-        """Replace one plan; a new mission starts at its first item.
+        """Replace one plan; a new mission keeps the number of the present item, a cleared one has none.
 
         Args:
             kind: Of the plan.
@@ -167,7 +169,7 @@ class PlanStore:
         if kind is PlanKind.MISSION:
             if compares:
                 self.current = _first(items, self.current, before)
-            else:
+            elif not items:
                 self.current = 0
 
 

@@ -226,26 +226,43 @@ def timesync(report: Report) -> Fields:
 
 def mission_current(report: Report) -> Fields:
     """MISSION_CURRENT."""
+    if not report.commander.mission.ends_for_good:
+        return _mission_of_ardupilot(report)
     mission = report.commander.mission
     count = mission.count
     mode = report.commander.mode
-    is_px4 = mission.ends_for_good
-    navigates = is_px4 and mode in _NAVIGATED
-    active = mode in {"MISSION", "AUTO"} or navigates
-    if not count or (is_px4 and not mission.valid):
+    navigates = mode in _NAVIGATED
+    active = mode == "MISSION" or navigates
+    if not count or not mission.valid:
         stage = 1
     elif mission.over and not navigates:
         stage = 5
     elif active:
         stage = 3
     else:
-        stage = 4 if is_px4 and mission.current > 0 else 2
+        stage = 4 if mission.current > 0 else 2
     return (
         min(mission.current, max(count - 1, 0)),
         count if count else 0xFFFF,
         stage,
         1 if active else 2,
     )
+
+
+def _mission_of_ardupilot(report: Report) -> Fields:
+    """MISSION_CURRENT of ArduPilot: the number stays when another mission is uploaded; home does not count."""
+    mission = report.commander.mission
+    in_auto = report.commander.mode == "AUTO"
+    number = mission.current
+    if mission.over == "finished":
+        number = max(number - 1, 0)
+    if mission.count < 2:
+        stage = 1
+    elif mission.over:
+        stage = 5
+    else:
+        stage = 3 if in_auto and report.state.armed else 2
+    return number, max(mission.count - 1, 0), stage, int(in_auto)
 
 
 def current_mode(report: Report) -> Fields:

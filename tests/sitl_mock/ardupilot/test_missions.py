@@ -170,3 +170,59 @@ def test_px4_says_nothing_of_old_messages(fly):
     flight.send("MISSION_ITEM", 1, 1, 0, 0, 16, 0, 1, 0, 0, 0, 0, 47.397742, 8.545594, 488.0, 0)
     flight.run(0.3)
     assert not [text for text in flight.texts() if "got MISSION" in text]
+
+
+def test_another_mission_goes_on_at_the_number_of_the_present_item(fly):
+    """As flown on ArduCopter 4.5.7: in LOITER, in AUTO, after the end, shorter, cleared, and after disarming."""
+    flight = fly.airborne("arducopter", height=TAKEOFF_M)
+
+    def uploaded(count, east=0.0):
+        items = [at(12.0 * index, east)(flight) for index in range(count)]
+        assert upload(flight, items) == ACCEPTED
+        return current()
+
+    def current():
+        flight.command(512, 42.0)
+        message = flight.last("MISSION_CURRENT")
+        return message.seq, message.total, message.mission_state, message.mission_mode
+
+    def enter(number):
+        assert flight.command(176, 1.0, number) == [0]
+        flight.run(1.0)
+        return current()
+
+    def cleared():
+        flight.send("MISSION_CLEAR_ALL", 1, 1, 0)
+        return flight.last("MISSION_ACK").type
+
+    auto = 3.0
+    loiter = 5.0
+    assert uploaded(5) == (0, 4, 2, 0)
+    assert enter(auto) == (1, 4, 3, 1)
+    flight.until(lambda: 2 in reached(flight), 60.0)
+    assert enter(loiter) == (3, 4, 2, 0)
+    assert uploaded(6, 10.0) == (3, 5, 2, 0)
+    assert enter(auto) == (3, 5, 3, 1)
+    assert cleared() == 1
+    assert uploaded(5, -10.0) == (3, 4, 3, 1)
+    flight.until(lambda: 4 in reached(flight), 90.0)
+    assert flight.position[1] == pytest.approx(-10.0, abs=1.0)
+    assert "Auto mission changed, restarted command" in flight.texts()
+    assert current() == (4, 4, 5, 1)
+    assert uploaded(4) == (4, 3, 5, 1)
+    flight.run(2.0)
+    assert current() == (4, 3, 5, 1)
+    enter(loiter)
+    assert enter(auto) == (1, 3, 3, 1)
+    flight.send("MISSION_SET_CURRENT", 1, 1, 3)
+    assert flight.last("MISSION_CURRENT").seq == 3
+    enter(loiter)
+    assert uploaded(3) == (3, 2, 2, 0)
+    assert enter(auto) == (1, 2, 3, 1)
+    enter(loiter)
+    assert cleared() == ACCEPTED
+    assert current() == (0, 0, 1, 0)
+    uploaded(5)
+    assert flight.command(224, 3.0) == [0]
+    flight.command(400, 0.0, 21196.0)
+    assert current() == (0, 4, 2, 0)
