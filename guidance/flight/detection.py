@@ -226,9 +226,10 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     beyond: list[Wall] = []
     if view is not None:
         beyond = [wall for wall in view.walls if wall.gap_m + wall.margin_m < 0.0]
-    for event, (limiters, allowed_m) in _BREACHES.items():
-        gaps_m = [wall.gap_m + wall.margin_m for wall in beyond if wall.limiter in limiters]
-        yield event, min(gaps_m, default=0.0) < -allowed_m
+    if beyond:
+        for event, (limiters, allowed_m) in _BREACHES.items():
+            gaps_m = [wall.gap_m + wall.margin_m for wall in beyond if wall.limiter in limiters]
+            yield event, min(gaps_m, default=0.0) < -allowed_m
     # Rival sources, the operator and the battery.
     yield Event.RIVAL, playing and settings.hold_on_rival and tracking.rival(now.now_s) != ""
     silent_s = now.now_s - stage.operator_s

@@ -7,11 +7,14 @@ Sources: MAVLink 2 serialisation (mavlink.io/en/guide/serialization.html) and si
 (mavlink.io/en/guide/message_signing.html).
 """
 
+import functools
 import hashlib
 import hmac
 import re
+import struct
 import time
-from collections.abc import Collection, Sequence
+from collections import namedtuple
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -26,7 +29,7 @@ from guidance.links.port import Clock
 from guidance.links.signed_streams import SignedStreams, Stream
 
 Fields = Any
-"""A message of pymavlink, with MAVLink's names as attributes; `msgname` is its name."""
+"""The fields of a message, with MAVLink's names as attributes; `msgname` is its name."""
 
 KNOWN: Final = frozenset(common.mavlink_map)
 """Ids of the messages in MAVLink's common dialect."""
@@ -36,6 +39,9 @@ MAGIC_V2: Final = 0xFD
 SIGNED: Final = 0x01
 _SIGNATURE_BYTES: Final = 13
 _SHORTEST: Final = 8
+_HEADER_V2: Final = struct.Struct("<xBxxBBBHB")
+"""Length, sequence number, system id, component id, and the message's number as 16 and 8 bits; flags are left out."""
+
 _START: Final = re.compile(b"[\xfd\xfe]")
 _MAX_BROKEN: Final = 128
 """The rest of a piece is skipped after this many frames with a wrong checksum."""
@@ -58,7 +64,7 @@ class Frame(NamedTuple):
 
     @property
     def fields(self) -> Fields:
-        """Its fields. Decoded anew each time, in half the time of pymavlink's `decode`, which checks the frame again.
+        """Its fields, as pymavlink decodes them, in a fraction of the time. Decoded anew each time.
 
         Zeros at the end of a payload may be left out, and extensions that we do not know may follow it.
         """
@@ -73,7 +79,20 @@ class Frame(NamedTuple):
             values = [
                 next(rest) if length == 1 else [*islice(rest, length)] for length in kind.lengths
             ]
-        return kind(*[values[index] for index in kind.orders])
+        if "char" in kind.fieldtypes:
+            values = [_text(value) if isinstance(value, bytes) else value for value in values]
+        return _record_of(kind)(*values)
+
+
+def _text(value: bytes) -> str:
+    return value.split(b"\0", 1)[0].decode("ascii", errors="replace")
+
+
+@functools.cache
+def _record_of(kind: Any) -> Callable[..., Fields]:  # noqa: ANN401 - one of pymavlink's classes
+    """Return what makes a tuple of a message's fields, in the order of its payload."""
+    base = (namedtuple(kind.msgname, kind.ordered_fieldnames),)
+    return type(kind.msgname, base, {"__slots__": (), "msgname": kind.msgname})
 
 
 class CheckedBytes(bytes):
@@ -153,25 +172,24 @@ class FrameReader:
 
     def _checked(self, data: bytes) -> Frame | None:
         """Check one whole frame; None if its message is unknown or it is damaged."""
-        begin = 6
-        sender = data[2:5]
-        number = data[5]
         if data[0] == MAGIC_V2:
             begin = 10
-            sender = data[4:7]
-            number = int.from_bytes(data[7:10], "little")
+            size, sequence, system_id, component_id, low, high = _HEADER_V2.unpack_from(data)
+            number = low | high << 16
+        else:
+            begin = 6
+            _, size, sequence, system_id, component_id, number = data[:6]
         message = self._known.get(number)
-        end = begin + data[1]
+        end = begin + size
         if message is None:
             if self._unknown_left == 0:
                 self.unknown += 1
                 self._unknown_left = len(data)
             return None
-        checksum = int.from_bytes(data[end : end + 2], "little")
+        checksum = data[end] | data[end + 1] << 8
         if crc16.mcrf4xx(data[1:end] + self._crc_extra[number]) != checksum:
             return None
         self._unknown_left = 0
-        (sequence, system_id, component_id) = sender
         return Frame(message.msgname, system_id, component_id, sequence, message, data)
 
     def _skip(self, count: int) -> None:

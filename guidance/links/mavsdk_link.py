@@ -24,6 +24,7 @@ from mavsdk import Configuration, ConnectionResult, Mavsdk
 from mavsdk.cmavsdk_loader import _cmavsdk_lib
 from mavsdk.logging import LogCallback
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, MavlinkMessage
+from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.errors import LinkError
 from guidance.links.frames import Fields, Frame, FrameReader
@@ -76,6 +77,7 @@ class MavsdkLink(PymavlinkLink):
         self._numbering = threading.Lock()
         self._direct: MavlinkDirect | None = None
         self._own_frames = FrameReader()
+        self._decoder = mavlink.MAVLink(None)
         configuration = Configuration.create_manual(*self._own, True)
         self._mavsdk = Mavsdk(configuration)
         configuration.destroy()
@@ -92,8 +94,9 @@ class MavsdkLink(PymavlinkLink):
         """Send one frame of MAVSDK's, numbered as our next; called on MAVSDK's thread."""
         frame = self._own_frames.first(data)
         if frame is not None:
+            message = self._decoder.decode(bytearray(frame.data))
             with self._numbering:
-                self._wire.send(self._station.pack(frame.fields))
+                self._wire.send(self._station.pack(message))
 
     def hear(self, frame: Frame, received_s: float) -> None:
         """Take one message of the vehicle, and pass it on to MAVSDK if needed; raises as the other link's."""

@@ -5,6 +5,7 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import common as dialect
 
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
@@ -49,10 +50,15 @@ def test_any_payload_in_a_valid_frame_is_a_message_or_counted(said):
 
 @settings(max_examples=drawn(300))
 @given(st.sampled_from(sorted(MESSAGES)), st.binary(min_size=1, max_size=255))
-def test_any_payload_of_any_message_is_decoded(name, payload):
+def test_any_payload_of_any_message_is_decoded_as_by_pymavlink(name, payload):
     reader = FrameReader()
     (frame,) = reader.read(framed(name, payload), stream=False)
-    assert frame.name == name
+    assert frame.name == frame.fields.msgname == name
+    theirs = dialect.MAVLink(None).decode(bytearray(frame.data))
+    decoded = {field: getattr(theirs, field) for field in theirs.fieldnames}
+    assert repr(frame.fields._asdict()) == repr(
+        {field: decoded[field] for field in theirs.ordered_fieldnames}
+    )
     assert (reader.garbage_bytes, reader.unknown) == (0, 0)
 
 

@@ -1,11 +1,12 @@
 """The daemon outlives nonsense from the wire and errors of its own, and leaves the vehicle in good hands."""
 
-import copy
 import math
 import random
+import struct
 from types import SimpleNamespace
 
 import pytest
+from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.clock import VirtualClock
 from guidance.flight import State
@@ -19,7 +20,7 @@ BAD_INTEGERS = (0, -1, 2**31 - 1, -(2**31), 255, 65535)
 
 def corrupted(frame, chance):
     """Return a frame with one field that has another value, another field's value, or another unit's."""
-    fields = {name: getattr(frame.fields, name) for name in frame.fields.fieldnames}
+    fields = frame.fields._asdict()
     name = chance.choice(list(fields))
     value = fields[name]
     if not isinstance(value, (int, float)) or name.startswith("target_"):
@@ -34,9 +35,11 @@ def corrupted(frame, chance):
             (other for other in fields.values() if type(other) is type(value) and other != value),
             value,
         )
-    spoilt = copy.copy(frame.fields)
-    setattr(spoilt, name, bad)
-    return frame._replace(fields=spoilt)
+    message = mavlink.MAVLink(None, frame.system_id, frame.component_id)
+    try:
+        return frame._replace(data=bytes(frame.kind(**fields | {name: bad}).pack(message)))
+    except struct.error:  # no such number fits
+        return frame
 
 
 @pytest.mark.flight
