@@ -20,69 +20,71 @@ BEAT = PX4.request_message(HEARTBEAT)
 
 
 def test_a_flight_begins_with_a_heartbeat_and_asks_for_streams_home_and_origin():
-    flown = Flown()
-    assert (flown.flight.mode_name, flown.flight.mode_title) == ("unknown", "unknown")
-    assert flown.cycle(silent=True).state is State.CONNECTING
-    first = flown.cycle()
+    vehicle = Flown()
+    assert (vehicle.flight.mode_name, vehicle.flight.mode_title) == ("unknown", "unknown")
+    assert vehicle.cycle(silent=True).state is State.CONNECTING
+    first = vehicle.cycle()
     assert (first.state, first.happenings[0].event) == (State.CHECKING, Event.HEARD)
-    assert (flown.flight.mode_name, flown.flight.mode_title) == ("hold", "HOLD")
+    assert (vehicle.flight.mode_name, vehicle.flight.mode_title) == ("hold", "HOLD")
     assert [request.command for request in first.requests] == [INTERVAL] * 8 + [MESSAGE] * 2
     assert [request.params[0] for request in first.requests[-2:]] == [
         HOME_POSITION,
         GPS_GLOBAL_ORIGIN,
     ]
-    assert flown.cycle().state is State.READY
+    assert vehicle.cycle().state is State.READY
 
 
 def test_a_preflight_refusal_prevents_readiness_and_ends_it():
-    flown = Flown()
-    flown.cycle()
-    assert flown.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
-    assert flown.cycle().state is State.READY
-    assert flown.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
+    vehicle = Flown()
+    vehicle.cycle()
+    assert vehicle.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
+    assert vehicle.cycle().state is State.READY
+    assert vehicle.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
     assert [
-        check.name for check in flown.flight.checks(flown.now_s) if check.verdict != "pass"
+        check.name for check in vehicle.flight.checks(vehicle.now_s) if check.verdict != "pass"
     ] == []
 
 
 def test_the_time_in_a_phase_counts_from_its_entry():
-    flown = Flown()
-    assert flown.cycle(silent=True).state is State.CONNECTING
-    outputs = flown.cycles(30.0, silent=True)
-    assert [one.state for one in outputs[-2:]] == [State.CONNECTING] * 2
-    assert flown.cycles(0.1, silent=True)[-1].state is State.FAILED
+    vehicle = Flown()
+    assert vehicle.cycle(silent=True).state is State.CONNECTING
+    outputs = vehicle.cycles(30.0, silent=True)
+    assert [output.state for output in outputs[-2:]] == [State.CONNECTING] * 2
+    assert vehicle.cycles(0.1, silent=True)[-1].state is State.FAILED
 
 
 def test_a_request_is_repeated_only_after_a_heartbeat_shows_no_effect():
-    flown = Flown()
-    flown.cycle()
-    flown.cycle()
-    asked = flown.cycle(Event.START)
-    assert asked.state is State.ARMING
-    assert commands([asked]) == [SET_MODE, ARM]
-    assert commands(flown.cycles(REPEAT_S - 0.06)) == []  # a HEARTBEAT came meanwhile
-    flown.beat_s = flown.now_s
-    assert commands(flown.cycles(0.5)) == []  # due, and nothing was heard
-    assert commands([flown.cycle(beat=True)]) == [SET_MODE, ARM]
+    vehicle = Flown()
+    vehicle.cycle()
+    vehicle.cycle()
+    starting = vehicle.cycle(Event.START)
+    assert starting.state is State.ARMING
+    assert commands([starting]) == [SET_MODE, ARM]
+    assert commands(vehicle.cycles(REPEAT_S - 0.06)) == []  # a HEARTBEAT came meanwhile
+    vehicle.beat_s = vehicle.now_s
+    assert commands(vehicle.cycles(0.5)) == []  # due, and nothing was heard
+    assert commands([vehicle.cycle(beat=True)]) == [SET_MODE, ARM]
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
 def test_from_the_ground_the_autopilot_takes_off_and_holds_while_standing_by(autopilot):
-    flown = Flown(settings_of(autopilot))
-    flown.cycles(0.1)
-    flown.cycle(Event.START)
-    flown.armed = True
-    flown.mode = autopilot.arming_mode
-    climbing = flown.cycle(beat=True)
+    vehicle = Flown(settings_of(autopilot))
+    vehicle.cycles(0.1)
+    vehicle.cycle(Event.START)
+    vehicle.armed = True
+    vehicle.mode = autopilot.arming_mode
+    climbing = vehicle.cycle(beat=True)
     assert (climbing.state, commands([climbing])) == (State.CLIMBING, [TAKEOFF])
     assert climbing.requests[0] == autopilot.takeoff(height_m=10.0, home_amsl_m=492.0)
-    flown.landed = 3
-    assert commands([*flown.cycles(2.0), flown.cycle(beat=True)]) == []  # it has left the ground
-    flown.position[2] = HOME_DOWN_M - 9.5
-    assert flown.cycle().state is State.POSITIONING
-    standing_by = flown.cycle()
+    vehicle.landed = 3
+    assert (
+        commands([*vehicle.cycles(2.0), vehicle.cycle(beat=True)]) == []
+    )  # it has left the ground
+    vehicle.position[2] = HOME_DOWN_M - 9.5
+    assert vehicle.cycle().state is State.POSITIONING
+    standing_by = vehicle.cycle()
     assert standing_by.state is State.STANDING_BY
-    assert {one.setpoint for one in flown.cycles(3.0)} == {None}
+    assert {output.setpoint for output in vehicle.cycles(3.0)} == {None}
 
 
 def test_a_hovering_vehicle_is_taken_over_and_one_on_the_ground_is_armed():
@@ -112,23 +114,27 @@ ENDINGS = [
 def test_a_vehicle_found_armed_is_handed_over_on_an_order_and_gets_no_setpoint(
     autopilot, mode, order, state
 ):
-    found = Flown(settings_of(autopilot))
-    found.armed = True
-    found.landed = 2
-    found.mode = mode
-    found.cycle(refusals=("GF_ACTION",))
-    assert found.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
-    asked = found.cycle(order, refusals=("GF_ACTION",))
-    assert asked.state is state
-    wanted = {State.HOLDING: Mode.HOLD, State.RETURNING: Mode.RETURN, State.LANDING: Mode.LAND}[
-        state
-    ]
-    assert asked.requests == (() if mode is wanted else (autopilot.set_mode(wanted),))
-    later = found.cycles(3.0)
-    assert found.state is state
-    again = 0 if mode in {wanted, Mode.OTHER} else 1  # a pilot's mode is not asked away twice
-    assert commands(later) == [SET_MODE] * again
-    assert {one.setpoint for one in [asked, *later]} == {None}
+    vehicle = Flown(settings_of(autopilot))
+    vehicle.armed = True
+    vehicle.landed = 2
+    vehicle.mode = mode
+    vehicle.cycle(refusals=("GF_ACTION",))
+    assert vehicle.cycle(refusals=("GF_ACTION",)).state is State.CHECKING
+    ending = vehicle.cycle(order, refusals=("GF_ACTION",))
+    assert ending.state is state
+    ending_mode = {
+        State.HOLDING: Mode.HOLD,
+        State.RETURNING: Mode.RETURN,
+        State.LANDING: Mode.LAND,
+    }[state]
+    assert ending.requests == (() if mode is ending_mode else (autopilot.set_mode(ending_mode),))
+    later = vehicle.cycles(3.0)
+    assert vehicle.state is state
+    repeats = (
+        0 if mode in {ending_mode, Mode.OTHER} else 1
+    )  # a pilot's mode is not asked away twice
+    assert commands(later) == [SET_MODE] * repeats
+    assert {output.setpoint for output in [ending, *later]} == {None}
 
 
 @pytest.mark.parametrize(("order", "state"), ENDINGS)
@@ -143,90 +149,90 @@ def test_of_a_vehicle_that_is_not_armed_there_is_nothing_to_end(order, state):
 
 
 def test_what_was_taken_before_its_checks_passed_is_not_engaged_until_they_do():
-    found = Flown()
-    found.armed = True
-    found.landed = 2
-    found.evader = (60.0, 0.0)
-    found.position[2] = HOME_DOWN_M - 10.0
+    vehicle = Flown()
+    vehicle.armed = True
+    vehicle.landed = 2
+    vehicle.evader = (60.0, 0.0)
+    vehicle.position[2] = HOME_DOWN_M - 10.0
     refused = {"refusals": ("GF_ACTION",)}
-    found.cycle(**refused)
-    found.cycle(Event.HOLD, **refused)
-    assert found.cycle(Event.ENGAGE, **refused).state is State.HOLDING
-    assert not found.flight.checked
-    assert found.cycle(Event.ENGAGE).state is State.ENTERING
+    vehicle.cycle(**refused)
+    vehicle.cycle(Event.HOLD, **refused)
+    assert vehicle.cycle(Event.ENGAGE, **refused).state is State.HOLDING
+    assert not vehicle.flight.checked
+    assert vehicle.cycle(Event.ENGAGE).state is State.ENTERING
 
 
 def test_a_vehicle_that_was_ready_is_engaged_again_unless_a_check_refuses():
-    found = Flown().standing_by()
-    found.cycle(Event.HOLD)
-    assert found.flight.checked
-    assert found.cycle(Event.ENGAGE, refusals=("GF_ACTION",)).state is State.HOLDING
+    vehicle = Flown().standing_by()
+    vehicle.cycle(Event.HOLD)
+    assert vehicle.flight.checked
+    assert vehicle.cycle(Event.ENGAGE, refusals=("GF_ACTION",)).state is State.HOLDING
     # In the air an autopilot's own checks for arming are no more asked for
-    unfit = [status(found.now_s, healthy=0)]
-    assert found.cycle(Event.ENGAGE, more=unfit).state is State.ENTERING
+    unfit = [status(vehicle.now_s, healthy=0)]
+    assert vehicle.cycle(Event.ENGAGE, more=unfit).state is State.ENTERING
 
 
 def test_readiness_that_was_lost_again_does_not_count():
-    found = Flown()
-    found.armed = True
-    found.landed = 2
-    found.cycles(0.1)
-    assert found.state is State.READY
-    found.cycle(refusals=("GF_ACTION",))
-    found.cycle(Event.HOLD, refusals=("GF_ACTION",))
-    assert found.cycle(Event.ENGAGE, refusals=("GF_ACTION",)).state is State.HOLDING
+    vehicle = Flown()
+    vehicle.armed = True
+    vehicle.landed = 2
+    vehicle.cycles(0.1)
+    assert vehicle.state is State.READY
+    vehicle.cycle(refusals=("GF_ACTION",))
+    vehicle.cycle(Event.HOLD, refusals=("GF_ACTION",))
+    assert vehicle.cycle(Event.ENGAGE, refusals=("GF_ACTION",)).state is State.HOLDING
 
 
 def test_only_orders_may_be_ordered():
-    flown = Flown()
+    vehicle = Flown()
     for event in set(Event) - ORDERS:
         with pytest.raises(
             ValueError, match=r"^order = .*: allowed are abort, engage, hold, land, return, start$"
         ):
-            flown.cycle(event)
+            vehicle.cycle(event)
 
 
 def test_orders_are_followed_one_after_the_other_and_have_one_happening_each():
-    flown = Flown().standing_by()
-    outputs = flown.cycle(Event.ENGAGE, Event.START, Event.HOLD)
+    vehicle = Flown().standing_by()
+    outputs = vehicle.cycle(Event.ENGAGE, Event.START, Event.HOLD)
     assert [(h.event, h.before, h.after) for h in outputs.happenings] == [
         (Event.ENGAGE, State.STANDING_BY, State.ENTERING),
         (Event.ALOFT, State.ENTERING, State.ENTERING),
         (Event.HOLD, State.ENTERING, State.HOLDING),
     ]
-    assert {h.now_s for h in outputs.happenings} == {flown.now_s}
+    assert {h.now_s for h in outputs.happenings} == {vehicle.now_s}
 
 
 def test_the_guided_mode_is_requested_after_a_setpoint_and_a_requested_heartbeat():
-    flown = Flown().standing_by()
-    flown.evader = (60.0, 0.0)
-    ordered = flown.cycle(Event.ENGAGE, beat=True)  # this HEARTBEAT may be from before the order
+    vehicle = Flown().standing_by()
+    vehicle.evader = (60.0, 0.0)
+    ordered = vehicle.cycle(Event.ENGAGE, beat=True)  # this HEARTBEAT may be from before the order
     assert (ordered.state, ordered.setpoint is None) == (State.ENTERING, False)
     assert ordered.requests == (BEAT,)
-    streamed = flown.cycles(STREAM_FIRST_S - CYCLE_S, beat=True)
-    assert all(one.setpoint is not None for one in streamed)
+    streamed = vehicle.cycles(STREAM_FIRST_S - CYCLE_S, beat=True)
+    assert all(output.setpoint is not None for output in streamed)
     assert set(commands(streamed)) == {MESSAGE}
     assert PX4.set_mode(Mode.GUIDED) in [
-        request for one in flown.cycles(0.06, beat=True) for request in one.requests
+        request for output in vehicle.cycles(0.06, beat=True) for request in output.requests
     ]
-    flown.mode = Mode.GUIDED
-    flown.beat_s = math.inf  # no HEARTBEAT but those of the test
-    asked = flown.cycles(BEAT_EVERY_S)
-    assert [request for one in asked for request in one.requests] == [BEAT]
-    assert flown.cycle(beat=True).state is State.ENGAGED
-    assert commands(flown.cycles(1.0)) == []
+    vehicle.mode = Mode.GUIDED
+    vehicle.beat_s = math.inf  # no HEARTBEAT but those of the test
+    outputs = vehicle.cycles(BEAT_EVERY_S)
+    assert [request for output in outputs for request in output.requests] == [BEAT]
+    assert vehicle.cycle(beat=True).state is State.ENGAGED
+    assert commands(vehicle.cycles(1.0)) == []
 
 
 def test_the_wait_for_a_requested_heartbeat_is_bounded():
-    flown = Flown().standing_by()
-    flown.evader = (60.0, 0.0)
-    outputs = [flown.cycle(Event.ENGAGE), *flown.cycles(UNHEARD_S - 2 * CYCLE_S)]
+    vehicle = Flown().standing_by()
+    vehicle.evader = (60.0, 0.0)
+    outputs = [vehicle.cycle(Event.ENGAGE), *vehicle.cycles(UNHEARD_S - 2 * CYCLE_S)]
     assert set(commands(outputs)) == {MESSAGE}
-    asked = flown.cycles(3 * CYCLE_S)
-    assert [request for one in asked for request in one.requests if request != BEAT] == [
+    later = vehicle.cycles(3 * CYCLE_S)
+    assert [request for output in later for request in output.requests if request != BEAT] == [
         PX4.set_mode(Mode.GUIDED)
     ]
-    assert all(one.setpoint is not None for one in (*outputs, *asked))
+    assert all(output.setpoint is not None for output in (*outputs, *later))
 
 
 @pytest.mark.parametrize("began_s", [0.0, 1234.56])
@@ -234,53 +240,61 @@ def test_the_wait_for_a_requested_heartbeat_is_bounded():
 def test_guided_mode_requests_are_sent_in_the_due_cycle_for_any_clock_rounding(
     autopilot, streamed, began_s
 ):
-    for beat, due in ((True, streamed + 1), (False, 20)):
-        flown = Flown(settings_of(autopilot))
-        flown.now_s += began_s
-        flown.standing_by()
-        flown.beat_s = math.inf  # no HEARTBEAT but those of the test
-        asked = [
-            flown.cycle(Event.ENGAGE).requests,
-            *(flown.cycle(beat=beat).requests for _ in range(20)),
+    for beat, requests_due in ((True, streamed + 1), (False, 20)):
+        vehicle = Flown(settings_of(autopilot))
+        vehicle.now_s += began_s
+        vehicle.standing_by()
+        vehicle.beat_s = math.inf  # no HEARTBEAT but those of the test
+        requests_of_cycles = [
+            vehicle.cycle(Event.ENGAGE).requests,
+            *(vehicle.cycle(beat=beat).requests for _ in range(20)),
         ]
         mode = autopilot.set_mode(Mode.GUIDED)
         message = autopilot.request_message(HEARTBEAT)
-        assert [n for n, requests in enumerate(asked) if mode in requests] == [due]
-        assert [n for n, requests in enumerate(asked) if message in requests] == [0, 5, 10, 15, 20]
+        assert [n for n, requests in enumerate(requests_of_cycles) if mode in requests] == [
+            requests_due
+        ]
+        assert [n for n, requests in enumerate(requests_of_cycles) if message in requests] == [
+            0,
+            5,
+            10,
+            15,
+            20,
+        ]
 
 
 def test_the_guided_mode_is_requested_again_only_while_another_of_our_modes_is_on():
-    flown = Flown().standing_by()
-    flown.cycle(Event.ENGAGE)
+    vehicle = Flown().standing_by()
+    vehicle.cycle(Event.ENGAGE)
     assert PX4.set_mode(Mode.GUIDED) in [
-        request for one in flown.cycles(0.3, beat=True) for request in one.requests
+        request for output in vehicle.cycles(0.3, beat=True) for request in output.requests
     ]
-    flown.beat_s = math.inf  # no HEARTBEAT but those of the test
-    quiet = flown.cycles(REPEAT_S + 0.5)
+    vehicle.beat_s = math.inf  # no HEARTBEAT but those of the test
+    quiet = vehicle.cycles(REPEAT_S + 0.5)
     assert set(commands(quiet)) == {MESSAGE}
-    assert PX4.set_mode(Mode.GUIDED) in flown.cycle(beat=True).requests
-    flown.mode = Mode.OTHER
-    assert (flown.cycle(beat=True).state, flown.outputs.requests) == (State.YIELDED, ())
+    assert PX4.set_mode(Mode.GUIDED) in vehicle.cycle(beat=True).requests
+    vehicle.mode = Mode.OTHER
+    assert (vehicle.cycle(beat=True).state, vehicle.outputs.requests) == (State.YIELDED, ())
 
 
 def test_an_order_without_effect_gives_a_phase_no_more_time():
-    flown = Flown().standing_by()
-    flown.cycle(Event.ENGAGE)
-    entered_s = flown.now_s
-    while flown.state is State.ENTERING:
-        flown.cycle(Event.START)
-    assert flown.state is State.HOLDING
-    assert flown.now_s - entered_s == pytest.approx(10.0, abs=2 * CYCLE_S)
+    vehicle = Flown().standing_by()
+    vehicle.cycle(Event.ENGAGE)
+    entered_s = vehicle.now_s
+    while vehicle.state is State.ENTERING:
+        vehicle.cycle(Event.START)
+    assert vehicle.state is State.HOLDING
+    assert vehicle.now_s - entered_s == pytest.approx(10.0, abs=2 * CYCLE_S)
 
 
 def test_a_pilots_switch_is_not_undone_by_a_request_that_is_due():
-    flown = Flown().standing_by()
-    assert commands(flown.cycles(REPEAT_S + 0.5)) == []
-    flown.mode = Mode.OTHER
-    seen = flown.cycle(beat=True)
-    assert (seen.state, seen.setpoint, seen.requests) == (State.YIELDED, None, ())
+    vehicle = Flown().standing_by()
+    assert commands(vehicle.cycles(REPEAT_S + 0.5)) == []
+    vehicle.mode = Mode.OTHER
+    yielded = vehicle.cycle(beat=True)
+    assert (yielded.state, yielded.setpoint, yielded.requests) == (State.YIELDED, None, ())
     for order in sorted(ORDERS):
-        after = flown.cycle(order, beat=True)
+        after = vehicle.cycle(order, beat=True)
         assert (after.state, after.setpoint, after.requests) == (State.YIELDED, None, ())
 
 
@@ -295,26 +309,26 @@ def test_a_pilots_switch_is_not_undone_by_a_request_that_is_due():
 def test_a_hover_goes_out_until_a_heartbeat_shows_that_the_autopilot_has_taken_over(
     order, state, mode
 ):
-    flown = Flown().engaged()
-    handed = flown.cycle(order)
+    vehicle = Flown().engaged()
+    handed = vehicle.cycle(order)
     assert handed.state is state
     assert list(handed.requests) == [PX4.set_mode(mode)]
-    assert all(one.setpoint is not None for one in flown.cycles(0.5))
-    flown.mode = mode
-    assert flown.cycle(beat=True).setpoint is None
-    assert {one.setpoint for one in flown.cycles(2.5)} == {None}
-    assert commands(flown.cycles(2.0)) == []
+    assert all(output.setpoint is not None for output in vehicle.cycles(0.5))
+    vehicle.mode = mode
+    assert vehicle.cycle(beat=True).setpoint is None
+    assert {output.setpoint for output in vehicle.cycles(2.5)} == {None}
+    assert commands(vehicle.cycles(2.0)) == []
 
 
-@pytest.mark.parametrize("brought", [lambda flown: flown, Flown.standing_by, Flown.engaged])
+@pytest.mark.parametrize("brought", [lambda vehicle: vehicle, Flown.standing_by, Flown.engaged])
 @pytest.mark.parametrize("refusals", [(), ("GF_ACTION",)])
 def test_what_an_order_will_do_is_foreseen_and_asking_changes_nothing(brought, refusals):
     for order in sorted(ORDERS):
-        flown = brought(Flown())
-        before = flown.state
-        foreseen = flown.flight.follows(order, flown.now_s, refusals)
-        assert flown.state is before
-        happening = flown.cycle(order, refusals=refusals).happenings[0]
+        vehicle = brought(Flown())
+        before = vehicle.state
+        foreseen = vehicle.flight.follows(order, vehicle.now_s, refusals)
+        assert vehicle.state is before
+        happening = vehicle.cycle(order, refusals=refusals).happenings[0]
         assert (happening.event in {order, Event.ALOFT}, happening.before) == (True, before)
         assert foreseen is (happening.after is not before)
 
@@ -323,15 +337,15 @@ def test_what_an_order_will_do_is_foreseen_and_asking_changes_nothing(brought, r
     ("engage_on", "taken"), [(EngageOn.COMMAND, False), (EngageOn.PILOT_MODE, True)]
 )
 def test_a_piloted_vehicle_is_taken_over_only_if_the_pilot_engages(engage_on, taken):
-    flown = Flown(settings_of(engage_on=engage_on))
-    flown.cycles(0.1)
-    flown.armed = True
-    flown.landed = 2
-    flown.mode = Mode.OTHER
-    flown.position[2] = HOME_DOWN_M - 10.0
-    flown.cycle(beat=True)
-    assert flown.flight.follows(Event.START, flown.now_s) is taken
-    (happening,) = flown.cycle(Event.START).happenings
+    vehicle = Flown(settings_of(engage_on=engage_on))
+    vehicle.cycles(0.1)
+    vehicle.armed = True
+    vehicle.landed = 2
+    vehicle.mode = Mode.OTHER
+    vehicle.position[2] = HOME_DOWN_M - 10.0
+    vehicle.cycle(beat=True)
+    assert vehicle.flight.follows(Event.START, vehicle.now_s) is taken
+    (happening,) = vehicle.cycle(Event.START).happenings
     expected = (Event.ALOFT, State.STANDING_BY) if taken else (Event.START, State.READY)
     assert (happening.event, happening.after) == expected
 
@@ -339,43 +353,44 @@ def test_a_piloted_vehicle_is_taken_over_only_if_the_pilot_engages(engage_on, ta
 def test_an_evader_may_be_set_down_elsewhere_before_the_flight_and_not_in_it():
     on_ground = Flown()
     in_flight = Flown().standing_by()
-    for flown in (on_ground, in_flight):
-        flown.evader = (60.0, 0.0)
-        flown.cycles(1.0)
-        flown.evader = (560.0, 0.0)
-        flown.cycles(1.5)
+    for vehicle in (on_ground, in_flight):
+        vehicle.evader = (60.0, 0.0)
+        vehicle.cycles(1.0)
+        vehicle.evader = (560.0, 0.0)
+        vehicle.cycles(1.5)
     north_m = [
-        one.flight.tracking.evader(one.now_s).position_ned_m[0] for one in (on_ground, in_flight)
+        output.flight.tracking.evader(output.now_s).position_ned_m[0]
+        for output in (on_ground, in_flight)
     ]
     assert north_m == pytest.approx([560.0, 60.0], abs=5.0)
 
 
 def test_a_mode_of_ours_that_an_order_is_to_end_is_no_pilots_until_it_comes_again():
-    flown = Flown().standing_by()
-    flown.cycle(Event.RETURN)
-    flown.mode = Mode.RETURN
-    flown.cycle(beat=True)
-    assert not flown.flight.leaving_mode
-    flown.cycle(Event.HOLD)
-    assert flown.cycle(beat=True).state is State.HOLDING
-    assert flown.flight.leaving_mode
-    flown.mode = Mode.HOLD
-    assert flown.cycle(beat=True).state is State.HOLDING
-    assert not flown.flight.leaving_mode
-    flown.mode = Mode.RETURN  # which nobody ordered
-    assert flown.cycle(beat=True).state is State.YIELDED
+    vehicle = Flown().standing_by()
+    vehicle.cycle(Event.RETURN)
+    vehicle.mode = Mode.RETURN
+    vehicle.cycle(beat=True)
+    assert not vehicle.flight.leaving_mode
+    vehicle.cycle(Event.HOLD)
+    assert vehicle.cycle(beat=True).state is State.HOLDING
+    assert vehicle.flight.leaving_mode
+    vehicle.mode = Mode.HOLD
+    assert vehicle.cycle(beat=True).state is State.HOLDING
+    assert not vehicle.flight.leaving_mode
+    vehicle.mode = Mode.RETURN  # which nobody ordered
+    assert vehicle.cycle(beat=True).state is State.YIELDED
 
 
 def test_two_evader_sources_end_in_hold_or_are_reported_each_time(monkeypatch):
     for hold in (True, False):
-        flown = Flown(settings_of(hold_on_rival=hold)).engaged()
-        told = []
-        for seen in ("", "place", "place", "clock", "", "place"):
-            monkeypatch.setattr(flown.flight.tracking, "rival", lambda _now_s, seen=seen: seen)
-            happenings = flown.cycle().happenings
-            told.append([(one.event, one.after) for one in happenings])
+        vehicle = Flown(settings_of(hold_on_rival=hold)).engaged()
+        events = []
+        for rival in ("", "place", "place", "clock", "", "place"):
+            monkeypatch.setattr(vehicle.flight.tracking, "rival", lambda _now_s, rival=rival: rival)
+            happenings = vehicle.cycle().happenings
+            events.append([(happening.event, happening.after) for happening in happenings])
         if hold:
-            assert told == [[], [(Event.RIVAL, State.HOLDING)], [], [], [], []]
+            assert events == [[], [(Event.RIVAL, State.HOLDING)], [], [], [], []]
         else:
             once = [(Event.RIVAL, State.ENGAGED)]
-            assert told == [[], once, [], [], [], once]
+            assert events == [[], once, [], [], [], once]

@@ -29,232 +29,232 @@ from tests.flight.scenes import (
 
 
 def test_the_game_is_played_on_an_evader_and_hovered_through_without_one():
-    flown = Flown().engaged()
-    playing = flown.cycles(1.0)[-1]
+    vehicle = Flown().engaged()
+    playing = vehicle.cycles(1.0)[-1]
     assert playing.certificate is not None
     assert playing.certificate.gap_m == pytest.approx(57.0, abs=0.1)
     assert playing.setpoint.velocity_ned_m_s[0] > 1.0
-    flown.evader = None
-    outputs = flown.cycles(1.6)
-    (lost,) = [h for one in outputs for h in one.happenings]
+    vehicle.evader = None
+    outputs = vehicle.cycles(1.6)
+    (lost,) = [h for output in outputs for h in output.happenings]
     assert (lost.event, lost.after) == (Event.EVADER_LOST, State.PAUSED)
     assert outputs[-1].certificate is None
-    assert flown.cycles(2.0)[-1].setpoint.velocity_ned_m_s == pytest.approx(
+    assert vehicle.cycles(2.0)[-1].setpoint.velocity_ned_m_s == pytest.approx(
         (0.0, 0.0, 0.0), abs=0.3
     )
-    flown.evader = (60.0, 0.0)
-    back = flown.cycles(1.5)
-    assert [h.after for one in back for h in one.happenings] == [State.ENGAGED]
+    vehicle.evader = (60.0, 0.0)
+    back = vehicle.cycles(1.5)
+    assert [h.after for output in back for h in output.happenings] == [State.ENGAGED]
 
 
 def test_a_pause_counts_what_was_well_from_the_moment_that_it_began():
-    flown = Flown().engaged()
-    flown.cycles(1.0)
-    flown.cycle(dt_s=0.3)
-    assert flown.state is State.PAUSED
-    outputs = flown.cycles(1.2)
-    resumed = next(n for n, one in enumerate(outputs) if one.state is State.ENGAGED)
+    vehicle = Flown().engaged()
+    vehicle.cycles(1.0)
+    vehicle.cycle(dt_s=0.3)
+    assert vehicle.state is State.PAUSED
+    outputs = vehicle.cycles(1.2)
+    resumed = next(n for n, output in enumerate(outputs) if output.state is State.ENGAGED)
     assert (resumed + 1) * CYCLE_S == pytest.approx(SETTINGS.settle_s, abs=CYCLE_S)
 
 
 def test_the_heading_of_the_engagement_is_held_until_the_vehicle_is_handed_over():
-    flown = Flown().engaged(evader=(3.2, 0.0))
-    flown.yaw_rad = 0.9
-    flown.position[2] = HOME_DOWN_M - 5.0
-    flown.cycles(2.0)
-    assert flown.state is State.ON_STATION
-    flown.cycle(dt_s=0.3)
-    assert flown.state is State.PAUSED
-    assert flown.cycle().setpoint.yaw_rad == pytest.approx(0.7)
-    flown.cycle(Event.HOLD)
-    assert flown.cycles(0.1)[-1].setpoint.yaw_rad == pytest.approx(0.9)
-    flown.yaw_rad = 1.1
-    flown.cycle(beat=True)
-    assert flown.cycle(Event.ENGAGE).setpoint.yaw_rad == pytest.approx(1.1)
+    vehicle = Flown().engaged(evader=(3.2, 0.0))
+    vehicle.yaw_rad = 0.9
+    vehicle.position[2] = HOME_DOWN_M - 5.0
+    vehicle.cycles(2.0)
+    assert vehicle.state is State.ON_STATION
+    vehicle.cycle(dt_s=0.3)
+    assert vehicle.state is State.PAUSED
+    assert vehicle.cycle().setpoint.yaw_rad == pytest.approx(0.7)
+    vehicle.cycle(Event.HOLD)
+    assert vehicle.cycles(0.1)[-1].setpoint.yaw_rad == pytest.approx(0.9)
+    vehicle.yaw_rad = 1.1
+    vehicle.cycle(beat=True)
+    assert vehicle.cycle(Event.ENGAGE).setpoint.yaw_rad == pytest.approx(1.1)
 
 
 @pytest.mark.parametrize(
     ("after", "moves"), [(AfterCapture.HOLD, False), (AfterCapture.SHADOW, True)]
 )
 def test_on_station_the_vehicle_hovers_or_follows_as_configured(after, moves):
-    flown = Flown(settings_of(after_capture=after)).engaged(evader=(3.2, 0.0), height_m=5.0)
-    flown.cycles(1.0)
-    assert flown.state is State.ON_STATION
-    flown.evader = (4.3, 0.0)
-    outputs = flown.cycles(1.0)
-    assert flown.state is State.ON_STATION
+    vehicle = Flown(settings_of(after_capture=after)).engaged(evader=(3.2, 0.0), height_m=5.0)
+    vehicle.cycles(1.0)
+    assert vehicle.state is State.ON_STATION
+    vehicle.evader = (4.3, 0.0)
+    outputs = vehicle.cycles(1.0)
+    assert vehicle.state is State.ON_STATION
     assert (outputs[-1].setpoint.velocity_ned_m_s[0] > 0.3) is moves
     assert (outputs[-1].certificate is not None) is moves
 
 
 def test_after_the_capture_it_returns_where_that_is_configured():
-    flown = Flown(settings_of(after_capture=AfterCapture.RETURN)).engaged(
+    vehicle = Flown(settings_of(after_capture=AfterCapture.RETURN)).engaged(
         evader=(3.2, 0.0), height_m=5.0
     )
-    events = [h.event for one in flown.cycles(1.0) for h in one.happenings]
+    events = [h.event for output in vehicle.cycles(1.0) for h in output.happenings]
     assert events == [Event.CAPTURED, Event.DONE]
-    assert flown.state is State.RETURNING
+    assert vehicle.state is State.RETURNING
 
 
 def test_a_certificate_is_of_the_state_that_it_was_made_in():
-    flown = Flown().engaged(evader=(3.2, 0.0), height_m=5.0)
-    outputs = flown.cycles(1.0)
-    entered = next(one for one in outputs if one.happenings)
+    vehicle = Flown().engaged(evader=(3.2, 0.0), height_m=5.0)
+    outputs = vehicle.cycles(1.0)
+    entered = next(output for output in outputs if output.happenings)
     assert entered.state is State.ON_STATION
     assert entered.certificate is None
 
 
 def test_an_estimators_jump_pauses_once():
-    flown = Flown().engaged()
-    flown.cycles(0.5, more=())
-    flown.cycle(more=[Odometry(flown.now_s, 7)])
-    assert flown.state is State.ENGAGED
-    flown.cycle(more=[Odometry(flown.now_s, 8)])
-    assert flown.state is State.PAUSED
-    assert flown.cycles(1.2)[-1].state is State.ENGAGED
-    assert {one.state for one in flown.cycles(1.0)} == {State.ENGAGED}
+    vehicle = Flown().engaged()
+    vehicle.cycles(0.5, more=())
+    vehicle.cycle(more=[Odometry(vehicle.now_s, 7)])
+    assert vehicle.state is State.ENGAGED
+    vehicle.cycle(more=[Odometry(vehicle.now_s, 8)])
+    assert vehicle.state is State.PAUSED
+    assert vehicle.cycles(1.2)[-1].state is State.ENGAGED
+    assert {output.state for output in vehicle.cycles(1.0)} == {State.ENGAGED}
 
 
 def test_another_sources_setpoints_end_in_the_autopilots_hold_and_our_own_do_not():
-    flown = Flown().engaged()
+    vehicle = Flown().engaged()
     for _ in range(200):
-        flown.cycle(
-            more=[PositionTarget(flown.now_s, 0.0, 0, flown.outputs.setpoint.velocity_ned_m_s)]
+        vehicle.cycle(
+            more=[PositionTarget(vehicle.now_s, 0.0, 0, vehicle.outputs.setpoint.velocity_ned_m_s)]
         )
-    assert flown.state is State.ENGAGED
+    assert vehicle.state is State.ENGAGED
     for _ in range(31):
-        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, Ned((-5.0, 5.0, 0.0)))])
+        vehicle.cycle(more=[PositionTarget(vehicle.now_s, 0.0, 0, Ned((-5.0, 5.0, 0.0)))])
     # It may be a pilot's: that is for the next HEARTBEAT to say
-    assert flown.state is State.ENGAGED
-    flown.cycle(beat=True)
-    assert flown.state is State.HOLDING
+    assert vehicle.state is State.ENGAGED
+    vehicle.cycle(beat=True)
+    assert vehicle.state is State.HOLDING
 
 
 def test_a_pilots_setpoints_are_not_another_source_and_cause_no_command():
-    flown = Flown().engaged()
-    flown.cycles(4.0)
-    flown.mode = Mode.OTHER
+    vehicle = Flown().engaged()
+    vehicle.cycles(4.0)
+    vehicle.mode = Mode.OTHER
     before_the_beat = [
-        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, Ned((-5.0, 5.0, 0.0)))])
+        vehicle.cycle(more=[PositionTarget(vehicle.now_s, 0.0, 0, Ned((-5.0, 5.0, 0.0)))])
         for _ in range(31)
     ]
-    assert {one.state for one in before_the_beat} == {State.ENGAGED}
+    assert {output.state for output in before_the_beat} == {State.ENGAGED}
     # A HEARTBEAT was asked for, to see who flies
     assert set(commands(before_the_beat)) == {MESSAGE}
-    assert commands([flown.cycle(beat=True), *flown.cycles(3.0)]) == []
-    assert flown.state is State.YIELDED
+    assert commands([vehicle.cycle(beat=True), *vehicle.cycles(3.0)]) == []
+    assert vehicle.state is State.YIELDED
 
 
 def test_what_the_autopilot_did_between_two_engagements_is_not_held_against_anyone():
-    flown = Flown().engaged()
-    flown.cycles(3.0)
-    flown.cycle(Event.HOLD)
-    flown.mode = Mode.HOLD
-    flown.cycle(beat=True)
-    flown.cycles(3.0)
-    flown.cycle(Event.ENGAGE)
-    flown.mode = Mode.GUIDED
-    flown.cycle(beat=True)
+    vehicle = Flown().engaged()
+    vehicle.cycles(3.0)
+    vehicle.cycle(Event.HOLD)
+    vehicle.mode = Mode.HOLD
+    vehicle.cycle(beat=True)
+    vehicle.cycles(3.0)
+    vehicle.cycle(Event.ENGAGE)
+    vehicle.mode = Mode.GUIDED
+    vehicle.cycle(beat=True)
     for _ in range(60):
-        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, Ned((0.0, 5.0, 0.0)))], beat=True)
-    assert flown.state is State.ENGAGED
+        vehicle.cycle(more=[PositionTarget(vehicle.now_s, 0.0, 0, Ned((0.0, 5.0, 0.0)))], beat=True)
+    assert vehicle.state is State.ENGAGED
 
 
 def test_while_standing_by_the_autopilots_own_targets_are_its_own_affair():
-    flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
-    flown.evader = (60.0, 0.0)
-    flown.cycles(3.0, more=[PositionTarget(flown.now_s, 0.0, 0, Ned((5.0, 5.0, 0.0)))])
-    flown.mode = Mode.OTHER
-    flown.cycle(beat=True)
-    flown.mode = Mode.GUIDED
-    flown.cycle(beat=True)
-    assert flown.state is State.ENGAGED
+    vehicle = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
+    vehicle.evader = (60.0, 0.0)
+    vehicle.cycles(3.0, more=[PositionTarget(vehicle.now_s, 0.0, 0, Ned((5.0, 5.0, 0.0)))])
+    vehicle.mode = Mode.OTHER
+    vehicle.cycle(beat=True)
+    vehicle.mode = Mode.GUIDED
+    vehicle.cycle(beat=True)
+    assert vehicle.state is State.ENGAGED
     for _ in range(60):
-        flown.cycle(more=[PositionTarget(flown.now_s, 0.0, 0, Ned((5.0, 5.0, 0.0)))], beat=True)
-    assert flown.state is State.ENGAGED
+        vehicle.cycle(more=[PositionTarget(vehicle.now_s, 0.0, 0, Ned((5.0, 5.0, 0.0)))], beat=True)
+    assert vehicle.state is State.ENGAGED
 
 
 def test_a_pilot_is_invited_by_a_neutral_stream_after_the_hold_was_asked_for():
-    flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
-    assert flown.outputs.requests == (PX4.set_mode(Mode.HOLD),)
-    outputs = flown.cycles(INVITE_AFTER_S + 0.5)
-    streaming = [one.setpoint is not None for one in outputs]
+    vehicle = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
+    assert vehicle.outputs.requests == (PX4.set_mode(Mode.HOLD),)
+    outputs = vehicle.cycles(INVITE_AFTER_S + 0.5)
+    streaming = [output.setpoint is not None for output in outputs]
     assert (streaming.index(True) + 1) * CYCLE_S == pytest.approx(INVITE_AFTER_S, abs=CYCLE_S)
     assert all(streaming[streaming.index(True) :])
-    flown.cycles(3.0)
+    vehicle.cycles(3.0)
     # The hold is asked for once: the pilot's next switch is an answer
-    assert commands(flown.cycles(3.0)) == []
-    flown.mode = Mode.OTHER
-    flown.position[2] = HOME_DOWN_M - 30.0
-    followed = flown.cycles(2.0)
-    assert flown.state is State.STANDING_BY
+    assert commands(vehicle.cycles(3.0)) == []
+    vehicle.mode = Mode.OTHER
+    vehicle.position[2] = HOME_DOWN_M - 30.0
+    followed = vehicle.cycles(2.0)
+    assert vehicle.state is State.STANDING_BY
     assert followed[-1].setpoint.velocity_ned_m_s == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
 def test_a_mode_that_the_vehicle_was_left_in_is_no_invitation():
-    flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE))
-    flown.mode = Mode.GUIDED
-    flown.standing_by()
-    flown.evader = (60.0, 0.0)
-    assert {one.state for one in flown.cycles(4.0)} == {State.STANDING_BY}
-    flown.mode = Mode.OTHER
-    flown.cycle(beat=True)
-    flown.mode = Mode.GUIDED
-    assert flown.cycle(beat=True).state is State.ENGAGED
+    vehicle = Flown(settings_of(engage_on=EngageOn.PILOT_MODE))
+    vehicle.mode = Mode.GUIDED
+    vehicle.standing_by()
+    vehicle.evader = (60.0, 0.0)
+    assert {output.state for output in vehicle.cycles(4.0)} == {State.STANDING_BY}
+    vehicle.mode = Mode.OTHER
+    vehicle.cycle(beat=True)
+    vehicle.mode = Mode.GUIDED
+    assert vehicle.cycle(beat=True).state is State.ENGAGED
 
 
 def test_a_mode_that_was_chosen_before_standing_by_is_no_invitation_either():
-    flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE))
-    flown.cycles(0.1)
-    flown.armed = True
-    flown.landed = 2
-    flown.evader = (60.0, 0.0)
-    flown.position[2] = HOME_DOWN_M - 10.0
-    for flown.mode in (Mode.OTHER, Mode.GUIDED):
-        flown.cycle(beat=True)
-    assert flown.cycle(Event.START).state is State.STANDING_BY
-    assert {one.state for one in flown.cycles(2.5)} == {State.STANDING_BY}
+    vehicle = Flown(settings_of(engage_on=EngageOn.PILOT_MODE))
+    vehicle.cycles(0.1)
+    vehicle.armed = True
+    vehicle.landed = 2
+    vehicle.evader = (60.0, 0.0)
+    vehicle.position[2] = HOME_DOWN_M - 10.0
+    for vehicle.mode in (Mode.OTHER, Mode.GUIDED):
+        vehicle.cycle(beat=True)
+    assert vehicle.cycle(Event.START).state is State.STANDING_BY
+    assert {output.state for output in vehicle.cycles(2.5)} == {State.STANDING_BY}
 
 
 def test_a_pilot_who_flies_while_waited_for_keeps_the_vehicle_against_any_order():
     for order in (Event.HOLD, Event.RETURN, Event.LAND):
-        flown = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
-        flown.mode = Mode.OTHER
-        assert flown.cycle(beat=True).state is State.STANDING_BY
-        flown.cycle(order)
-        assert flown.cycle().state is State.YIELDED
+        vehicle = Flown(settings_of(engage_on=EngageOn.PILOT_MODE)).standing_by()
+        vehicle.mode = Mode.OTHER
+        assert vehicle.cycle(beat=True).state is State.STANDING_BY
+        vehicle.cycle(order)
+        assert vehicle.cycle().state is State.YIELDED
 
 
 def test_heights_count_from_where_home_is_now():
-    flown = Flown().engaged()
-    assert flown.flight.heard.cycle.envelope == replace(
+    vehicle = Flown().engaged()
+    assert vehicle.flight.heard.cycle.envelope == replace(
         ENVELOPE, home_ned_m=Ned((0.0, 0.0, HOME_DOWN_M))
     )
 
 
 def test_the_guarantee_is_watched_from_engagement_and_an_alarm_is_of_its_own_cycle():
-    flown = Flown(settings_of(guarantee_slack_s=0.0)).engaged()
-    assert {one.alarm for one in flown.cycles(0.3)} == {None}
-    outputs = flown.cycles(1.5)  # the vehicle does not move, so that the capture is ever later
-    alarms = [one.alarm for one in outputs if one.alarm is not None]
+    vehicle = Flown(settings_of(guarantee_slack_s=0.0)).engaged()
+    assert {output.alarm for output in vehicle.cycles(0.3)} == {None}
+    outputs = vehicle.cycles(1.5)  # the vehicle does not move, so that the capture is ever later
+    alarms = [output.alarm for output in outputs if output.alarm is not None]
     assert alarms
     assert {alarm.violation for alarm in alarms} == {Violation.CAPTURE_LATER}
     assert all(alarm.amount > 0.5 for alarm in alarms)
-    alarmed = [one.alarm is not None for one in outputs]
-    assert not any(one and after for one, after in pairwise(alarmed))
-    while flown.outputs.alarm is None:
-        flown.cycle()
-    paused = flown.cycle(dt_s=0.3)
+    alarmed = [output.alarm is not None for output in outputs]
+    assert not any(output and after for output, after in pairwise(alarmed))
+    while vehicle.outputs.alarm is None:
+        vehicle.cycle()
+    paused = vehicle.cycle(dt_s=0.3)
     assert (paused.state, paused.alarm) == (State.PAUSED, None)
 
 
 def test_of_all_that_happens_in_one_cycle_the_most_severe_alone_has_an_effect():
-    flown = Flown().engaged()
-    flown.cycles(0.5)
-    flown.mode = Mode.OTHER
-    flown.armed = False
-    outputs = flown.cycle(
-        beat=True, dt_s=0.3, more=[Odometry(flown.now_s, 1), Odometry(flown.now_s, 2)]
+    vehicle = Flown().engaged()
+    vehicle.cycles(0.5)
+    vehicle.mode = Mode.OTHER
+    vehicle.armed = False
+    outputs = vehicle.cycle(
+        beat=True, dt_s=0.3, more=[Odometry(vehicle.now_s, 1), Odometry(vehicle.now_s, 2)]
     )
     assert [h.event for h in outputs.happenings] == [Event.PILOT]
     late = Flown().engaged()
@@ -265,19 +265,23 @@ def test_of_all_that_happens_in_one_cycle_the_most_severe_alone_has_an_effect():
 
 def test_after_a_reboot_or_a_lost_vehicle_nothing_is_said_any_more():
     for shock in ({"more": [local(1.0)]}, {"silent": True, "dt_s": 3.5}):
-        flown = Flown().engaged()
-        flown.cycles(0.5)
-        outputs = flown.cycle(**shock)
+        vehicle = Flown().engaged()
+        vehicle.cycles(0.5)
+        outputs = vehicle.cycle(**shock)
         assert outputs.state is State.YIELDED
         assert (outputs.setpoint, outputs.requests) == (None, ())
-        assert {(one.setpoint, one.requests) for one in flown.cycles(3.0)} == {(None, ())}
+        assert {(output.setpoint, output.requests) for output in vehicle.cycles(3.0)} == {
+            (None, ())
+        }
 
 
 def test_every_final_state_is_silent_and_asks_nothing():
     for state in FINAL:
-        flown = Flown().engaged()
-        flown.flight.stage.state = state
-        assert {(one.setpoint, one.requests) for one in flown.cycles(2.0)} == {(None, ())}
+        vehicle = Flown().engaged()
+        vehicle.flight.stage.state = state
+        assert {(output.setpoint, output.requests) for output in vehicle.cycles(2.0)} == {
+            (None, ())
+        }
 
 
 def heard_of(settings, vehicle, mode=None):
@@ -301,14 +305,14 @@ def test_each_state_asks_for_what_it_needs_and_for_nothing_that_is_there(state, 
     at_start = heard_of(settings, vehicle, Mode.OTHER)
     at_start.tracking.local_frame = LocalFrame(47.0, 8.0, Amsl(500.0), projection=PX4.projection)
     at_start.start_ned_m = (0.0, 0.0, 0.0)
-    asked = requests_in(state, settings, at_start)
+    requests = requests_in(state, settings, at_start)
     if state in modes:
-        assert asked == (autopilot.set_mode(modes[state]),)
+        assert requests == (autopilot.set_mode(modes[state]),)
         assert requests_in(state, settings, heard_of(settings, vehicle, modes[state])) == ()
     elif state is State.ARMING:
-        assert asked == (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
+        assert requests == (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
     elif state is State.CLIMBING:
-        assert asked == (autopilot.takeoff(height_m=10.0, home_amsl_m=492.0),)
+        assert requests == (autopilot.takeoff(height_m=10.0, home_amsl_m=492.0),)
         assert (
             requests_in(
                 state, settings, heard_of(settings, observe(vehicle, [LandedState(0.0, 2)]))
@@ -322,57 +326,61 @@ def test_each_state_asks_for_what_it_needs_and_for_nothing_that_is_there(state, 
             == ()
         )
     elif state is State.POSITIONING:
-        assert asked == (
+        assert requests == (
             autopilot.reposition(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=500.0),
         )
         assert requests_in(state, settings, heard_of(settings, vehicle, Mode.OTHER)) == ()
     elif state is State.CHECKING:
-        assert len(asked) == len(autopilot.streams_hz) + 2
+        assert len(requests) == len(autopilot.streams_hz) + 2
     else:
-        assert asked == ()
+        assert requests == ()
 
 
 @pytest.mark.parametrize("engage_on", list(EngageOn))
 @pytest.mark.parametrize("mode", list(Mode))
 def test_standing_by_asks_for_the_hold_only_of_a_vehicle_that_holds_for_a_pilot(engage_on, mode):
     settings = settings_of(engage_on=engage_on)
-    asked = requests_in(State.STANDING_BY, settings, heard_of(settings, VehicleState(), mode))
+    requests = requests_in(State.STANDING_BY, settings, heard_of(settings, VehicleState(), mode))
     expected = engage_on is EngageOn.PILOT_MODE and mode is Mode.HOLD
-    assert asked == ((PX4.set_mode(Mode.HOLD),) if expected else ())
+    assert requests == ((PX4.set_mode(Mode.HOLD),) if expected else ())
 
 
 def test_a_start_that_is_configured_is_flown_to_by_the_autopilot():
-    flown = Flown(settings_of(start_game_m=(20.0, 30.0, 12.0)))
-    flown.cycles(0.1)
-    flown.cycle(Event.START)
-    flown.armed = True
-    flown.cycle(beat=True)
-    flown.landed = 2
-    flown.position[2] = HOME_DOWN_M - 10.0
-    outputs = [flown.cycle(beat=True), *flown.cycles(0.1)]
-    assert flown.state is State.POSITIONING
-    (request,) = [request for one in outputs for request in one.requests]
+    vehicle = Flown(settings_of(start_game_m=(20.0, 30.0, 12.0)))
+    vehicle.cycles(0.1)
+    vehicle.cycle(Event.START)
+    vehicle.armed = True
+    vehicle.cycle(beat=True)
+    vehicle.landed = 2
+    vehicle.position[2] = HOME_DOWN_M - 10.0
+    outputs = [vehicle.cycle(beat=True), *vehicle.cycles(0.1)]
+    assert vehicle.state is State.POSITIONING
+    (request,) = [request for output in outputs for request in output.requests]
     assert request.command == REPOSITION
     assert request.params[6] == pytest.approx(488.0 + 12.0, abs=0.1)
-    flown.position = [30.0, 20.0, -12.0]
-    assert flown.cycle().state is State.STANDING_BY
+    vehicle.position = [30.0, 20.0, -12.0]
+    assert vehicle.cycle().state is State.STANDING_BY
 
 
 def test_default_settings_of_a_flight():
-    said = FlightSettings(autopilot=ARDUCOPTER, cycle=SETTINGS.cycle, takeoff_height_m=10.0)
-    assert (said.start_game_m, said.after_capture, said.engage_on) == (
+    settings = FlightSettings(autopilot=ARDUCOPTER, cycle=SETTINGS.cycle, takeoff_height_m=10.0)
+    assert (settings.start_game_m, settings.after_capture, settings.engage_on) == (
         None,
         AfterCapture.HOLD,
         EngageOn.COMMAND,
     )
-    assert (said.battery_minimum, said.settle_s, said.guarantee_slack_s) == (0.25, 1.0, 0.3)
-    assert (said.reserve, said.farthest_m, said.hold_on_rival) == (None, 200.0, True)
-    assert (said.longest_chase_s, said.operator_timeout_s, said.operator_return_s) == (
+    assert (settings.battery_minimum, settings.settle_s, settings.guarantee_slack_s) == (
+        0.25,
+        1.0,
+        0.3,
+    )
+    assert (settings.reserve, settings.farthest_m, settings.hold_on_rival) == (None, 200.0, True)
+    assert (settings.longest_chase_s, settings.operator_timeout_s, settings.operator_return_s) == (
         None,
         None,
         30.0,
     )
-    assert said.limits_s == {
+    assert settings.limits_s == {
         State.CONNECTING: 30.0,
         State.CHECKING: 90.0,
         State.ARMING: 15.0,
@@ -386,32 +394,32 @@ def test_default_settings_of_a_flight():
 def test_no_state_that_commands_is_silent_and_no_other_speaks():
     assert not SETPOINT_STATES & HANDING_OVER
     for state in set(State) - FINAL:
-        flown = Flown().engaged()
-        flown.cycles(0.3)
-        flown.flight.stage.state = state
-        flown.mode = Mode.HOLD
-        flown.flight.stage.since_s = flown.now_s
+        vehicle = Flown().engaged()
+        vehicle.cycles(0.3)
+        vehicle.flight.stage.state = state
+        vehicle.mode = Mode.HOLD
+        vehicle.flight.stage.since_s = vehicle.now_s
         # HEARTBEAT still shows the guided mode
-        outputs = flown.cycle()
+        outputs = vehicle.cycle()
         speaks = outputs.setpoint is not None
         assert speaks is (outputs.state in SETPOINT_STATES | HANDING_OVER)
 
 
 def test_a_chase_has_a_longest_time_its_pauses_included_and_a_new_one_begins_anew():
-    flown = Flown(settings_of(longest_chase_s=5.0)).engaged()
-    flown.cycles(2.0)
-    flown.cycle(more=[Odometry(flown.now_s, 7)])
-    flown.cycle(more=[Odometry(flown.now_s, 8)])
-    assert flown.state is State.PAUSED
-    flown.cycles(2.8)
-    assert flown.state is State.ENGAGED
-    outputs = flown.cycles(0.4)
-    assert [h.event for one in outputs for h in one.happenings] == [Event.CHASE_TIMED_OUT]
-    assert flown.state is State.HOLDING
-    flown.mode = Mode.HOLD
-    flown.cycle(beat=True)
-    flown.cycle(Event.ENGAGE)
-    flown.mode = Mode.GUIDED
-    flown.cycles(1.0, beat=True)
-    assert flown.state is State.ENGAGED
-    assert {one.state for one in flown.cycles(3.5)} == {State.ENGAGED}
+    vehicle = Flown(settings_of(longest_chase_s=5.0)).engaged()
+    vehicle.cycles(2.0)
+    vehicle.cycle(more=[Odometry(vehicle.now_s, 7)])
+    vehicle.cycle(more=[Odometry(vehicle.now_s, 8)])
+    assert vehicle.state is State.PAUSED
+    vehicle.cycles(2.8)
+    assert vehicle.state is State.ENGAGED
+    outputs = vehicle.cycles(0.4)
+    assert [h.event for output in outputs for h in output.happenings] == [Event.CHASE_TIMED_OUT]
+    assert vehicle.state is State.HOLDING
+    vehicle.mode = Mode.HOLD
+    vehicle.cycle(beat=True)
+    vehicle.cycle(Event.ENGAGE)
+    vehicle.mode = Mode.GUIDED
+    vehicle.cycles(1.0, beat=True)
+    assert vehicle.state is State.ENGAGED
+    assert {output.state for output in vehicle.cycles(3.5)} == {State.ENGAGED}
