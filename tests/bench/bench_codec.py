@@ -80,21 +80,23 @@ def pymavlink(*, key: bytes | None = None) -> Any:
     return mav
 
 
-def row(title: str, ours: float, theirs: float) -> None:
+def row(title: str, ours: float, pymavlinks: float) -> None:
     """Print one comparison."""
-    print(f"{title:<44} {ours:7.2f} µs {theirs:7.2f} µs   {theirs / ours:4.1f} times as fast")
+    print(
+        f"{title:<44} {ours:7.2f} µs {pymavlinks:7.2f} µs   {pymavlinks / ours:4.1f} times as fast"
+    )
 
 
 def pack_and_parse(name: str, values: tuple[Any, ...], key: bytes | None) -> None:
     """Compare both directions for one message."""
     cls = dialect.mavlink_map[SPEC_BY_NAME[name].message_id]
     encoder = Encoder(1, 1, signing=Signing(key) if key else None)
-    theirs = pymavlink(key=key)
+    reference = pymavlink(key=key)
     signed = " signed" if key else ""
     row(
         f"pack {name}{signed}",
         microseconds(lambda: encoder.pack(name, *values)),
-        microseconds(lambda: cls(*values).pack(theirs)),
+        microseconds(lambda: cls(*values).pack(reference)),
     )
     frame = Encoder(1, 1).pack(name, *values)
     decoder = Decoder()

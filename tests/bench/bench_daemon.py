@@ -212,14 +212,16 @@ def free_port(kind: int) -> int:
 
 @contextlib.contextmanager
 def script(wire: str, port: int, _evader_port: int) -> Iterator[int]:
-    own = [
+    vehicle_command = [
         sys.executable,
         str(Path(__file__).with_name("bench_links.py")),
         "--as-end",
         "script",
         wire,
     ]
-    with subprocess.Popen([*own, "--port", str(port)], stdin=subprocess.PIPE) as running:
+    with subprocess.Popen(
+        [*vehicle_command, "--port", str(port)], stdin=subprocess.PIPE
+    ) as running:
         time.sleep(3.0)
         yield running.pid
         assert running.stdin is not None
@@ -257,7 +259,7 @@ def daemon(
                         order,
                     )
                     status = lambda: ask("status", endpoint=at, name="bench")  # noqa: E731
-                    insist(status, lambda said, state=state: said["state"] == state, state)
+                    insist(status, lambda reply, state=state: reply["state"] == state, state)
                 yield running.pid
             finally:
                 for _ in range(2):  # asked twice it ends at once
@@ -335,10 +337,12 @@ def one_case(case: str, seconds: float, flooded: str | None) -> dict[str, float]
     link, wire = case.split("/")
     port = free_port(socket.SOCK_DGRAM if wire == "udp" else socket.SOCK_STREAM)
     evader_port = free_port(socket.SOCK_DGRAM)
-    own = [sys.executable, __file__, "--as-vehicle", wire, str(port), str(evader_port)]
+    vehicle_command = [sys.executable, __file__, "--as-vehicle", wire, str(port), str(evader_port)]
     with (
         tempfile.TemporaryDirectory() as folder,
-        subprocess.Popen(own, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as flying,
+        subprocess.Popen(
+            vehicle_command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as flying,
     ):
         assert flying.stdin is not None
         assert flying.stdout is not None
@@ -461,21 +465,21 @@ def main() -> None:
     parser.add_argument("--flood", choices=FLOODS, help="flood the daemon's UDP port meanwhile")
     parser.add_argument("--as-flood", nargs=3, help=argparse.SUPPRESS)
     parser.add_argument("--as-vehicle", nargs=3, help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.as_vehicle:
-        wire, port, evader_port = given.as_vehicle
+    arguments = parser.parse_args()
+    if arguments.as_vehicle:
+        wire, port, evader_port = arguments.as_vehicle
         vehicle(wire, int(port), int(evader_port))
         return
-    if given.as_flood:
-        kind, port, seconds = given.as_flood
+    if arguments.as_flood:
+        kind, port, seconds = arguments.as_flood
         flood(kind, int(port), float(seconds))
         return
     with contextlib.ExitStack() as stack:
-        if given.busy:
+        if arguments.busy:
             spinning = subprocess.Popen([sys.executable, "-c", "while True: pass"])
             stack.callback(spinning.wait)
             stack.callback(spinning.kill)
-        compare(tuple(given.only or CASES), given.seconds, given.flood)
+        compare(tuple(arguments.only or CASES), arguments.seconds, arguments.flood)
 
 
 if __name__ == "__main__":

@@ -214,7 +214,9 @@ class Person:
         outputs = self._daemon.outputs
         self.cycles += 1
         self.setpoints += outputs.setpoint is not None
-        self.engagements += any(each.after is State.ENTERING for each in outputs.happenings)
+        self.engagements += any(
+            happening.after is State.ENTERING for happening in outputs.happenings
+        )
         if self._daemon.flight.state in {
             State.YIELDED,
             State.FAILED,
@@ -268,25 +270,25 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
         metrics = Metrics(config.name)
         link = world.links["bench"]
         evader = world.evaders["bench"]["evader"]
-        used = Equipment(record=record, sinks=[metrics, page])
-        flown = Daemon(config.name, plan_of(config), link, {"evader": evader}, used)
-        person = Person(flown, metrics, page, path, hours, within_s)
-        run([flown], world, clock, mission=person)
+        equipment = Equipment(record=record, sinks=[metrics, page])
+        daemon = Daemon(config.name, plan_of(config), link, {"evader": evader}, equipment)
+        person = Person(daemon, metrics, page, path, hours, within_s)
+        run([daemon], world, clock, mission=person)
         record.close()
         world.close()
         took_s = time.monotonic() - began_s
         while part_path(path, len(person.parts) + 1).exists():
             person.read_part()
         flown_h = clock.now_s() / 3600.0
-        seen = [
+        looks = [
             number
             for number, hour in enumerate(person.hours)
             if 3600.0 * hour >= min(WARM_S, 1200.0 * flown_h)
         ]
-        at = [person.hours[one] for one in seen]
-        taken = [person.taken[one] for one in seen]
-        whole = sum(count > 0 for count in person.parts)
-        kept = sum(person.parts)
+        at = [person.hours[look] for look in looks]
+        taken = [person.taken[look] for look in looks]
+        parts_with_cycles = sum(count > 0 for count in person.parts)
+        kept_cycles = sum(person.parts)
         print(f"flown in virtual time  {flown_h:.2f} h in {took_s / 60.0:.1f} min of real time")
         print(
             f"cycles, setpoints      {person.cycles}, {person.setpoints}; engaged {person.engagements} times"
@@ -301,8 +303,9 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
                 f"not flown              {hours - flown_h:.2f} h of {hours:g}; on the same line {more_mb:+.1f} MB more"
             )
         print(
-            f"files of the record    {len(person.parts)}, {person.written_mb:.0f} MB, each read by itself: {whole} "
-            f"whole; cycles in them {kept} of {person.cycles}; {person.written_mb / (60.0 * flown_h):.2f} MB a minute"
+            f"files of the record    {len(person.parts)}, {person.written_mb:.0f} MB, each read by itself: "
+            f"{parts_with_cycles} whole; cycles in them {kept_cycles} of {person.cycles}; "
+            f"{person.written_mb / (60.0 * flown_h):.2f} MB a minute"
         )
         comparison, survey = compare(path, recorded_settings)
         print(
@@ -310,8 +313,8 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
             f"{survey.missing} messages missing"
         )
     lost = (
-        kept != person.cycles
-        or whole != len(person.parts)
+        kept_cycles != person.cycles
+        or parts_with_cycles != len(person.parts)
         or survey.missing
         or comparison.differing
     )
@@ -321,7 +324,7 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
 def real(minutes: float, rotate_s: float) -> bool:
     port = free_port(SOCK_STREAM)
     evader_port = free_port(SOCK_DGRAM)
-    own = [
+    vehicle_command = [
         sys.executable,
         str(Path(__file__).with_name("bench_daemon.py")),
         "--as-vehicle",
@@ -332,7 +335,7 @@ def real(minutes: float, rotate_s: float) -> bool:
     with (
         tempfile.TemporaryDirectory() as folder,
         subprocess.Popen(
-            [*own, str(port), str(evader_port)],
+            [*vehicle_command, str(port), str(evader_port)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -375,14 +378,14 @@ def main() -> None:
     parser.add_argument(
         "--rotate-s", type=float, default=300.0, help="length of a file; the daemon's is 600"
     )
-    given = parser.parse_args()
-    held = (
-        virtual(given.hours, 60.0 * given.within, given.rotate_s)
-        if given.way == "virtual"
-        else real(given.minutes, given.rotate_s)
+    arguments = parser.parse_args()
+    passed = (
+        virtual(arguments.hours, 60.0 * arguments.within, arguments.rotate_s)
+        if arguments.way == "virtual"
+        else real(arguments.minutes, arguments.rotate_s)
     )
-    print("flat and whole" if held else "NOT flat, or not whole")
-    sys.exit(0 if held else 1)
+    print("flat and whole" if passed else "NOT flat, or not whole")
+    sys.exit(0 if passed else 1)
 
 
 if __name__ == "__main__":

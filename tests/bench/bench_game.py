@@ -210,8 +210,8 @@ def bench_tick() -> None:
         )
     )
     for name, (game, _, _) in KINDS.items():
-        for kind, given in (("PE", (P, E)), ("TAD", (P, E, T))):
-            took = per_call_s(lambda game=game, given=given: solve(game, *given))
+        for kind, players in (("PE", (P, E)), ("TAD", (P, E, T))):
+            took = per_call_s(lambda game=game, players=players: solve(game, *players))
             limit = {"PE": 30e-6, "TAD": 45e-6}[kind] if game is GAME else 150e-6
             if not game.target_extent.is_point:
                 limit = 200e-6
@@ -312,19 +312,23 @@ def bench_short(count: int) -> None:
     states = rng.uniform(-30.0, 30.0, (3, count, 3))
     states[1:, :, 2] = 0.0
     print(f"batch of {count:,} states, the paper's game; plain NumPy checks nothing")
-    for kind, given, plain, whole in (
+    for kind, players, plain, eight_outputs in (
         ("PE", states[:2], plain_pe, whole_pe),
         ("TAD", states, plain_tad, whole_tad),
     ):
-        answer = solve(GAME, *given)
-        for field, expected in zip(answer, whole(*given), strict=True):
+        answer = solve(GAME, *players)
+        for field, expected in zip(answer, eight_outputs(*players), strict=True):
             np.testing.assert_allclose(field, expected, rtol=1e-9, atol=1e-9)
         took = undisturbed_s(
             {
-                "solve": lambda given=given: solve(GAME, *given),
-                "filled again": lambda given=given, answer=answer: solve(GAME, *given, out=answer),
-                "same": lambda given=given, whole=whole: whole(*given),
-                "three": lambda given=given, plain=plain: plain(*given),
+                "solve": lambda players=players: solve(GAME, *players),
+                "filled again": lambda players=players, answer=answer: solve(
+                    GAME, *players, out=answer
+                ),
+                "same": lambda players=players, eight_outputs=eight_outputs: eight_outputs(
+                    *players
+                ),
+                "three": lambda players=players, plain=plain: plain(*players),
             }
         )
         same = took["same"] / took["solve"]
@@ -357,13 +361,16 @@ def bench_batch(count: int) -> None:
     print(
         f"  plain NumPy, the paper's formulas without a check: PE {plain['PE']:.2f}, TAD {plain['TAD']:.2f}"
     )
-    for name, (one, least_pe, least_tad) in KINDS.items():
-        game = replace(one, capture_radius_m=np.zeros(count)) if "zeros" in name else one
-        for kind, given, least in (("PE", states[:2], least_pe), ("TAD", states, least_tad)):
-            answer = solve(game, *given)
-            moved = sum(array.nbytes for array in given) + sum(field.nbytes for field in answer)
+    for name, (kind_of_game, least_pe, least_tad) in KINDS.items():
+        game = kind_of_game
+        if "zeros" in name:
+            game = replace(game, capture_radius_m=np.zeros(count))
+        for kind, players, least in (("PE", states[:2], least_pe), ("TAD", states, least_tad)):
+            answer = solve(game, *players)
+            moved = sum(array.nbytes for array in players) + sum(field.nbytes for field in answer)
             took = per_call_s(
-                lambda game=game, given=given, out=answer: solve(game, *given, out=out), rounds=3
+                lambda game=game, players=players, out=answer: solve(game, *players, out=out),
+                rounds=3,
             )
             rate = count / took / 1e6
             print(
@@ -378,13 +385,13 @@ def bench_zeros(count: int) -> None:
     states = rng.uniform(-30.0, 30.0, (3, count, 3))
     states[1:, :, 2] = 0.0
     games = {"none": GAME, "zeros": replace(GAME, capture_radius_m=np.zeros(count))}
-    for kind, given in (("PE", states[:2]), ("TAD", states)):
-        answer = solve(GAME, *given)
+    for kind, players in (("PE", states[:2]), ("TAD", states)):
+        answer = solve(GAME, *players)
         took = dict.fromkeys(games, math.inf)
         for _ in range(30):  # in turns
             for name, game in games.items():
                 started = time.process_time()
-                solve(game, *given, out=answer)
+                solve(game, *players, out=answer)
                 took[name] = min(took[name], time.process_time() - started)
         ratio = took["zeros"] / took["none"]
         print(
@@ -461,8 +468,8 @@ def bench_teams(count: int) -> None:
                 *([] if goal is None else [goal[:, None]]),
             )
             if m == 1:
-                one = (evaders[:, 0], *([] if goal is None else [goal[:, 0]]))
-                play = lambda pursuers=pursuers, one=one: solve_team(GAME, pursuers, *one)  # noqa: E731
+                evader = (evaders[:, 0], *([] if goal is None else [goal[:, 0]]))
+                play = lambda pursuers=pursuers, evader=evader: solve_team(GAME, pursuers, *evader)  # noqa: E731
             else:
                 many = (evaders, *([] if goal is None else [goal]))
                 play = lambda pursuers=pursuers, many=many: match_teams(GAME, pursuers, *many)  # noqa: E731
@@ -498,10 +505,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a tenth of the work")
     parser.add_argument("--chunk", type=int, default=2500)
-    given = parser.parse_args()
-    share = 10 if given.quick else 1
+    arguments = parser.parse_args()
+    share = 10 if arguments.quick else 1
     print(f"NumPy {np.__version__}, Python {sys.version.split()[0]}")
-    bench_rollout(100_000 // share, 1_000, given.chunk)
+    bench_rollout(100_000 // share, 1_000, arguments.chunk)
     bench_standoff(2000)
     bench_tick()
     bench_short(1000)

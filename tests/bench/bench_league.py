@@ -61,7 +61,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--environments", type=int, default=4096)
     parser.add_argument("--steps", type=int, default=200)
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     print("game            side     M steps/s  step ms  rollout ms  wrapper %  reset ms")
     for scenario, side, between_points in [
         ("pe", "pursuer", True),
@@ -72,10 +72,10 @@ def main():
         ("tad", "pursuer", False),
     ]:
         step_ms, bare_ms, reset_ms = measured(
-            scenario, side, given.environments, given.steps, between_points=between_points
+            scenario, side, arguments.environments, arguments.steps, between_points=between_points
         )
         name = f"{scenario} {'points' if between_points else 'disc'}"
-        rate = given.environments / step_ms / 1e3
+        rate = arguments.environments / step_ms / 1e3
         wrapper = 100.0 * (step_ms / bare_ms - 1.0)
         print(
             f"{name:<15} {side:<8} {rate:9.2f} {step_ms:8.2f} {bare_ms:11.2f} {wrapper:10.0f} {reset_ms:9.2f}"

@@ -236,14 +236,14 @@ def bridge(mavsdk: object, port: int) -> Callable[[], None]:
 
 def until_closed() -> threading.Event:
     """Set when the parent closes our standard input (or dies)."""
-    over = threading.Event()
+    ended = threading.Event()
 
     def watch() -> None:
         sys.stdin.read()
-        over.set()
+        ended.set()
 
     threading.Thread(target=watch, daemon=True).start()
-    return over
+    return ended
 
 
 def one_case(end: str, wire: str, seconds: float) -> dict[str, float]:
@@ -312,15 +312,15 @@ def main() -> None:
     parser.add_argument("--port", type=int, default=0, help=argparse.SUPPRESS)
     parser.add_argument("--as-vehicle", help=argparse.SUPPRESS)
     parser.add_argument("--as-end", nargs=2, help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.as_vehicle:
-        vehicle(given.as_vehicle, given.port, given.seconds)
-    elif given.as_end and given.as_end[0] == "script":
-        script_end(given.as_end[1], given.port)
-    elif given.as_end:
-        our_end(*given.as_end, given.port)
+    arguments = parser.parse_args()
+    if arguments.as_vehicle:
+        vehicle(arguments.as_vehicle, arguments.port, arguments.seconds)
+    elif arguments.as_end and arguments.as_end[0] == "script":
+        script_end(arguments.as_end[1], arguments.port)
+    elif arguments.as_end:
+        our_end(*arguments.as_end, arguments.port)
     else:
-        compare(given.seconds, given.rounds)
+        compare(arguments.seconds, arguments.rounds)
 
 
 if __name__ == "__main__":

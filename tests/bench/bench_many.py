@@ -197,12 +197,12 @@ def main() -> None:
     parser.add_argument(
         "--within", type=float, default=math.inf, help="minutes that each of them may take"
     )
-    given = parser.parse_args()
-    within_s = 60.0 * given.within
+    arguments = parser.parse_args()
+    within_s = 60.0 * arguments.within
     held = [
-        reloads(given.reloads, within_s),
-        orders(given.orders, within_s),
-        flights(given.flights, within_s),
+        reloads(arguments.reloads, within_s),
+        orders(arguments.orders, within_s),
+        flights(arguments.flights, within_s),
     ]
     print("nothing grows" if all(held) else "something GROWS")
     sys.exit(0 if all(held) else 1)

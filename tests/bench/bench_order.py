@@ -74,12 +74,12 @@ def ordered(command: Sequence[str]) -> tuple[float, float]:
     """Give an order; return processor time and time, s."""
     started_s = time.perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.PIPE)
-    said = process.stdout.read().decode()
+    reply = process.stdout.read().decode()
     _, _, spent = os.wait4(process.pid, 0)
     took_s = time.perf_counter() - started_s
-    answered = [line.partition(": hold")[0] for line in said.splitlines()]
-    if answered != list(NAMES) or "not heard" in said:
-        sys.exit(f"not all answered: {said}")
+    answered = [line.partition(": hold")[0] for line in reply.splitlines()]
+    if answered != list(NAMES) or "not heard" in reply:
+        sys.exit(f"not all answered: {reply}")
     return spent.ru_utime + spent.ru_stime, took_s
 
 

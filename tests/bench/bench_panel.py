@@ -176,7 +176,8 @@ def stay(page: Page, pid: int, minutes: float) -> None:
     for minute in range(round(minutes) + 1):
         session.send("HeapProfiler.collectGarbage")
         metrics = {
-            one["name"]: one["value"] for one in session.send("Performance.getMetrics")["metrics"]
+            metric["name"]: metric["value"]
+            for metric in session.send("Performance.getMetrics")["metrics"]
         }
         heap_mb = metrics["JSHeapUsedSize"] / 1e6
         print(
@@ -224,12 +225,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=12.0)
     parser.add_argument("--minutes", type=float, default=0.0)
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with running(VEHICLES, over=["zenoh"]) as fleet, daemon(folder, fleet) as (pid, control):
-            bench = Bench(given.seconds, pid, control)
-            measure(bench, control, given.minutes)
+            bench = Bench(arguments.seconds, pid, control)
+            measure(bench, control, arguments.minutes)
         (record,) = folder.glob("*.mcap")
         show(record, bench.phases)
 

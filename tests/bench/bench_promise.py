@@ -96,10 +96,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--chases", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args()
-    rows = [one for number in range(given.chases) if (one := flown(given.seed, number)) is not None]
+    arguments = parser.parse_args()
+    rows = [
+        one
+        for number in range(arguments.chases)
+        if (one := flown(arguments.seed, number)) is not None
+    ]
     table = np.array(rows)
-    print(f"{len(rows)} of {given.chases} chases captured")
+    print(f"{len(rows)} of {arguments.chases} chases captured")
     for name, predicted in zip(Promise._fields[:2], table.T, strict=False):
         error = table[:, 2] - predicted
         size = np.percentile(np.abs(error), (50, 95))

@@ -98,8 +98,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--plays", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args()
-    plays = [play for number in range(given.plays) if (play := played(given.seed, number))]
+    arguments = parser.parse_args()
+    plays = [play for number in range(arguments.plays) if (play := played(arguments.seed, number))]
     broken = 0
     for kind in KINDS:
         late_s = np.array([play.late_s for play in plays if play.kind == kind])

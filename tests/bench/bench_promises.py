@@ -100,10 +100,10 @@ def _telemetry() -> Row:
         sent += len(batch)
         link.receive()
     took_s = time.process_time() - began_s
-    heard = link.counters()
+    counters = link.counters()
     lost = sum(
         count
-        for name, count in heard.items()
+        for name, count in counters.items()
         if "lost" in name or "dropped" in name or "bad" in name
     )
     return Row(
@@ -146,11 +146,11 @@ def _pages(count: int = 500) -> Row:
     good = 0
     began_s = time.perf_counter()
     for _ in range(count):
-        asked = http.client.HTTPConnection("127.0.0.1", port, timeout=10.0)
-        asked.request("GET", "/metrics")
-        answer = asked.getresponse()
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10.0)
+        connection.request("GET", "/metrics")
+        answer = connection.getresponse()
         good += answer.status == http.client.OK and len(answer.read()) > 100
-        asked.close()
+        connection.close()
     took_s = time.perf_counter() - began_s
     server.close()
     return Row(
@@ -170,14 +170,14 @@ def faults(flights: int, seed: int) -> Iterator[Row]:
     for number in range(flights):
         row = fly(draw_case(seed, number))
         kinds.update(row.case.kinds)
-        broken += [f"flight {number}: {each}" for each in row.violations]
+        broken += [f"flight {number}: {violation}" for violation in row.violations]
         if number % 10 == 9:
             console.print(
                 f"{number + 1} of {flights} flights, {len(broken)} broken", highlight=False
             )
-    for each in broken:
-        console.print(each, highlight=False)
-    bad = len({each.split(":")[0] for each in broken})
+    for finding in broken:
+        console.print(finding, highlight=False)
+    bad = len({finding.split(":")[0] for finding in broken})
     yield Row(
         "flights with faults",
         f"{flights} flights, {sum(kinds.values())} faults of {len(kinds)} kinds",
@@ -290,17 +290,17 @@ def main() -> None:
         choices=("load", "faults", "inputs"),
         default=("load", "faults", "inputs"),
     )
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     table = Table(show_lines=True)
     for heading in ("trial", "size", "result", "lost", "PX4 promises", "ArduCopter promises"):
         table.add_column(heading, justify="right" if heading == "lost" else "left", overflow="fold")
     lost = 0
     for part, rows in (
-        ("load", lambda: load(given.seconds)),
-        ("faults", lambda: faults(given.flights, given.seed)),
-        ("inputs", lambda: inputs(given.inputs)),
+        ("load", lambda: load(arguments.seconds)),
+        ("faults", lambda: faults(arguments.flights, arguments.seed)),
+        ("inputs", lambda: inputs(arguments.inputs)),
     ):
-        for row in rows() if part in given.only else ():
+        for row in rows() if part in arguments.only else ():
             lost += row.lost
             table.add_row(*map(str, row))
     Console(width=None if sys.stdout.isatty() else 150).print(table)

@@ -122,8 +122,8 @@ def main() -> None:
         inputs = [(row.now_s, row.inputs) for row in cycles_of(path)]
         flight = Flight(settings)
         begin = time.process_time()
-        for one in inputs:
-            flight.step(*one)
+        for entry in inputs:
+            flight.step(*entry)
         core_s = time.process_time() - begin
         count = len(inputs)
         per_s = count / replayed_s

@@ -132,10 +132,10 @@ def bench_wind(folder, rows):
     """Sweeps with wind beside those without, in turns, one core, in this process."""
     for game, text in (("PE", GAMES), ("TAD", TARGETS)):
         plans = {}
-        for wind, more in WINDS.items():
+        for wind, changes in WINDS.items():
             inside = folder / f"{game} {wind}"
             inside.mkdir()
-            plans[wind] = planned_from(text.rstrip() + "\n" + more, inside, rows)[0]
+            plans[wind] = planned_from(text.rstrip() + "\n" + changes, inside, rows)[0]
         took = dict.fromkeys(plans, np.inf)
         for _ in range(2):
             for wind, plan in plans.items():
@@ -212,12 +212,12 @@ def main():
     parser.add_argument(
         "--million", action="store_true", help="one million games end to end, and nothing else"
     )
-    given = parser.parse_args()
-    share = 10 if given.quick else 1
+    arguments = parser.parse_args()
+    share = 10 if arguments.quick else 1
     print(f"NumPy {np.__version__}, Python {sys.version.split()[0]}")
     folder = Path(tempfile.mkdtemp())
     try:
-        if given.million:
+        if arguments.million:
             bench_end_to_end(folder, 1_000_000 // share)
             return
         bench_policies(folder, 4096 // share)  # the largest chunk of a sweep in maths

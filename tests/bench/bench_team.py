@@ -124,13 +124,13 @@ class Mates:
                 part="playing", airborne=True, speed_m_s=6.0, climb_m_s=2.0, descent_m_s=1.5, term=self._term,
             )  # fmt: skip
             end.publish(state.key, encode(state))
-            for evader, place in ROVERS.items():
-                told = EvaderMessage(
-                    **common, **placed(*place, 0.0), evader=evader, source="GLOBAL_POSITION_INT"
+            for evader, position in ROVERS.items():
+                message = EvaderMessage(
+                    **common, **placed(*position, 0.0), evader=evader, source="GLOBAL_POSITION_INT"
                 )
-                end.publish(told.key, encode(told))
-        for station, wire, place in self._rovers:
-            at = placed(*place, 0.0)
+                end.publish(message.key, encode(message))
+        for station, wire, position in self._rovers:
+            at = placed(*position, 0.0)
             fields = [
                 round(at[key] * scale)
                 for key, scale in (
@@ -264,9 +264,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seconds", type=float, default=30.0, help="of the game (default 30)")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        measure(given.seconds, Path(folder))
+        measure(arguments.seconds, Path(folder))
 
 
 if __name__ == "__main__":

@@ -75,12 +75,12 @@ def reference() -> Callable[[], object]:
         one.P = np.eye(4)
         one.Q = density * DT_S * np.eye(4)
         filters.append(one)
-    both = IMMEstimator(filters, [0.7, 0.3], np.array([[0.99, 0.01], [0.02, 0.98]]))
+    mixture = IMMEstimator(filters, [0.7, 0.3], np.array([[0.99, 0.01], [0.02, 0.98]]))
     measured = np.array([[0.0], [0.0], [3.0], [0.0]])
 
     def call() -> None:
-        both.predict()
-        both.update(measured)
+        mixture.predict()
+        mixture.update(measured)
 
     return call
 
@@ -103,15 +103,17 @@ def main() -> None:
 
     ours = microseconds(lambda: update(track, following, SETTINGS))
     predicted = microseconds(lambda: predict(track.estimate, STILL, 6.5, SETTINGS))
-    theirs = microseconds(reference())
+    reference_us = microseconds(reference())
     limited = microseconds(lambda: limit(command, situation, ENVELOPE, memory, DT_S))
     table = Table("what", "µs", "of filterpy's", title="track and limits, one call")
-    table.add_row("track: update with a report", f"{ours:.0f}", f"{ours / theirs:.2f}")
-    table.add_row("track: predict to now", f"{predicted:.0f}", f"{predicted / theirs:.2f}")
+    table.add_row("track: update with a report", f"{ours:.0f}", f"{ours / reference_us:.2f}")
+    table.add_row("track: predict to now", f"{predicted:.0f}", f"{predicted / reference_us:.2f}")
     table.add_row(
-        "track: both (asked: 100)", f"{ours + predicted:.0f}", f"{(ours + predicted) / theirs:.2f}"
+        "track: both (asked: 100)",
+        f"{ours + predicted:.0f}",
+        f"{(ours + predicted) / reference_us:.2f}",
     )
-    table.add_row("filterpy IMM: predict and update", f"{theirs:.0f}", "1")
+    table.add_row("filterpy IMM: predict and update", f"{reference_us:.0f}", "1")
     table.add_row("limits: every limiter", f"{limited:.0f}", "")
     Console().print(table)
 

@@ -33,12 +33,12 @@ def flown(
     drawn = draw_game(seed, number, shape)
     if not by_referee:
         return drawn, fly(drawn)
-    played = referee(drawn)
-    result = played.result
+    endings = referee(drawn)
+    result = endings.result
     if result.end == "captured" and not result.claimed_s < result.end_s:
-        result = result._replace(was_certain=was_certain(drawn, played))
+        result = result._replace(was_certain=was_certain(drawn, endings))
     if by_others and not math.isnan(result.sustained_s):
-        result = result._replace(is_broken=is_broken(drawn, played))
+        result = result._replace(is_broken=is_broken(drawn, endings))
     return drawn, result
 
 
@@ -59,8 +59,8 @@ def main() -> None:
         help="by the referee; other evaders are also tried against each lasting claim",
     )
     parser.add_argument("--shape", choices=tuple(SHAPES), default="point")
-    given = parser.parse_args()
-    by_referee = given.referee or given.others
+    arguments = parser.parse_args()
+    by_referee = arguments.referee or arguments.others
     ends = Counter[str]()
     wrong = Counter[str]()
     events = 0
@@ -69,9 +69,9 @@ def main() -> None:
     broken = 0
     wins = Counter[bool]()
     missed = Counter[bool]()
-    with ProcessPoolExecutor(given.jobs) as pool:
-        play = partial(flown, given.seed, given.shape, by_referee, given.others)
-        for drawn, game in pool.map(play, range(given.games), chunksize=10):
+    with ProcessPoolExecutor(arguments.jobs) as pool:
+        play = partial(flown, arguments.seed, arguments.shape, by_referee, arguments.others)
+        for drawn, game in pool.map(play, range(arguments.games), chunksize=10):
             ends[game.end] += 1
             events += not math.isnan(game.reported_s)
             sustained = not (math.isnan(game.sustained_s) and math.isnan(game.reported_s))
@@ -90,14 +90,14 @@ def main() -> None:
             if drawn.number % 50 == 49:
                 so_far = f"claimed wrongly {dict(wrong)}, missed {missed.total()} of {wins.total()}"
                 print(f"{drawn.number + 1} games: {dict(ends)}, {so_far}", flush=True)
-    print(f"{given.games} games, {given.shape}: {dict(ends)}; barrier events: {events}")
+    print(f"{arguments.games} games, {arguments.shape}: {dict(ends)}; barrier events: {events}")
     clear = f"with an ideal margin above {CLOSE_S:g} s at engagement {missed[True]} of {wins[True]}"
     share = missed.total() / max(wins.total(), 1)
     print(
         f"claims of {GUARDED_S:g} s or more, or events: {claims}, followed by an arrival: {wrong['sustained']}; "
         f"of {LASTING_S:g} to {GUARDED_S:g} s followed by an arrival: {wrong['brief']}"
     )
-    if given.others:
+    if arguments.others:
         print(f"claims that one of the other evaders broke: {broken} of {claims}")
     print(f"wins missed: {missed.total()} of {wins.total()} ({share:.1%}); {clear}")
     unforeseen = missed.total() + lucky

@@ -121,11 +121,11 @@ def show(record: Path, taken: list[tuple[str, float, float, float]]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=12.0)
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with running(VEHICLES, over=["zenoh"]) as fleet, daemon(folder, fleet) as (pid, control):
-            taken = list(phases(given.seconds, pid, control))
+            taken = list(phases(arguments.seconds, pid, control))
         (record,) = folder.glob("*.mcap")
         show(record, taken)
 

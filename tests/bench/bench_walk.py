@@ -85,7 +85,7 @@ class Walk:
 
 def summary(calls: list[Call]) -> str:
     """Return the size of a walk in words."""
-    changes = sum(one.file != other.file for one, other in itertools.pairwise(calls))
+    changes = sum(call.file != next_call.file for call, next_call in itertools.pairwise(calls))
     functions = {call[1:] for call in calls}
     files = {call.file for call in calls}
     lines = sum(lines for *_, lines in functions)
@@ -115,7 +115,11 @@ def lines_of(file: str, function: str, root: str = ROOT) -> int:
     body: list[ast.stmt] = ast.parse((Path(root) / file).read_text(encoding="utf-8")).body
     for name in function.split("."):
         kinds = ast.FunctionDef | ast.ClassDef
-        node = next((one for one in body if isinstance(one, kinds) and one.name == name), None)
+        node = None
+        for statement in body:
+            if isinstance(statement, kinds) and statement.name == name:
+                node = statement
+                break
         if node is None:
             return 0
         body = node.body
@@ -211,13 +215,13 @@ def main() -> None:
     parser.add_argument(
         "--named", action="store_true", help="count the walks that docs/architecture.md names"
     )
-    given = parser.parse_args()
-    if given.named:
+    arguments = parser.parse_args()
+    if arguments.named:
         for named in named_walks(PAGE.read_text(encoding="utf-8")):
             print(describe(named))
         return
-    walked = walk(given.autopilot)
-    if given.list:
+    walked = walk(arguments.autopilot)
+    if arguments.list:
         for call in walked.calls:
             print(f"{'  ' * call.depth}{call.function}  ({call.file})")
         for file, calls in Counter(call.file for call in walked.calls).most_common():

@@ -56,7 +56,7 @@ def most_in_an_hour_mb(hours: Sequence[float], taken: Sequence[Footprint]) -> fl
 def is_flat(hours: Sequence[float], taken: Sequence[Footprint]) -> bool:
     """Return whether neither the slope nor any hour is above `FLAT_MB_H`, and no more files or threads stay open."""
     half = len(taken) // 2
-    counted = ([one[1:] for one in part] for part in (taken[:half], taken[half:]))
+    counted = ([sample[1:] for sample in part] for part in (taken[:half], taken[half:]))
     before, after = (tuple(map(median, zip(*part, strict=True))) for part in counted)
     steady = all(late <= early for early, late in zip(before, after, strict=True))
     return (
@@ -70,7 +70,7 @@ def told(hours: Sequence[float], taken: Sequence[Footprint]) -> str:
     """Say first, most and last, the slope and the worst hour."""
     memory = [one.memory_mb for one in taken]
     counted = (
-        f"{name} {taken[0][index]} to {taken[-1][index]} (most {max(one[index] for one in taken)})"
+        f"{name} {taken[0][index]} to {taken[-1][index]} (most {max(sample[index] for sample in taken)})"
         for index, name in ((1, "descriptors"), (2, "threads"))
     )
     return (
