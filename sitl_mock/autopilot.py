@@ -219,8 +219,8 @@ class Autopilot:
         state = self.state
         if not count % MOVE_TICKS:
             return False
-        news = (state.texts, state.news, state.parameter_news, self.commander.mission.reached)
-        return not any(news) and not self.conditions.events
+        has_news = state.texts or state.news or state.parameter_news
+        return not (has_news or self.commander.mission.reached or self.conditions.events)
 
     def take(self, now_s: float, message: Message) -> None:
         """Take a message outside the protocols."""

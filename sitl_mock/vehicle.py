@@ -189,9 +189,10 @@ class MockVehicle:
         }
 
     def _is_idle(self, now_s: float) -> bool:
-        if self.autopilot.boots != self._boots or not self.autopilot.is_idle(self._ticks):
-            return False
-        return not any(link.streams.is_due(now_s) for link in self.links.values())
+        for link in self.links.values():
+            if link.streams.is_due(now_s):
+                return False
+        return self.autopilot.boots == self._boots and self.autopilot.is_idle(self._ticks)
 
     def _tick(self, now_s: float, out: dict[str, list[bytes]]) -> None:
         autopilot = self.autopilot

@@ -342,11 +342,11 @@ class Multicopter(Generic[MemoryT]):
 
     def estimate(self, body: Body, around: Surroundings) -> Estimate:
         """Estimated position and velocity: truth times the velocity scale, plus the errors in `around`."""
-        position_m, velocity_m_s, *_ = body
-        _, position_error_m, velocity_error_m_s, *_ = around
+        velocity_m_s = body.velocity_ned_m_s
         if self.velocity_scale_ned is not _EXACT:
             velocity_m_s = velocity_m_s.scaled(self.velocity_scale_ned)
-        return _estimate((position_m + position_error_m, velocity_m_s + velocity_error_m_s))
+        position_m = body.position_ned_m + around.position_error_ned_m
+        return _estimate((position_m, velocity_m_s + around.velocity_error_ned_m_s))
 
     def step(self, motion: Motion, setpoint: Setpoint, around: Surroundings, dt_s: float) -> Motion:
         """Advance the motion by `dt_s` under one setpoint, in equal steps of at most `step_max_s`.

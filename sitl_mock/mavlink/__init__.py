@@ -10,7 +10,7 @@ from sitl_mock.mavlink.dialect import (
     spec_of,
 )
 from sitl_mock.mavlink.encoder import Encoder
-from sitl_mock.mavlink.message import Message, Sender
+from sitl_mock.mavlink.message import Message
 from sitl_mock.mavlink.signing import Signing, Verdict
 
 __all__ = [
@@ -24,7 +24,6 @@ __all__ = [
     "FieldValue",
     "Message",
     "MessageSpec",
-    "Sender",
     "Signing",
     "Verdict",
     "spec_of",

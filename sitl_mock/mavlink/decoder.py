@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from fastcrc.crc16 import mcrf4xx
 
 from sitl_mock.mavlink.dialect import SPEC_BY_ID
-from sitl_mock.mavlink.message import Message, Sender
+from sitl_mock.mavlink.message import Message
 from sitl_mock.mavlink.signing import BLOCK_LENGTH, Verdict
 
 if TYPE_CHECKING:
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from sitl_mock.mavlink.dialect import MessageSpec
     from sitl_mock.mavlink.signing import Signing
 
-_HEAD: Final = struct.Struct("<BBBBBBBHB").unpack_from
+_HEAD: Final = struct.Struct("<BBB4xHB").unpack_from
+"""Magic, length and incompatibility flags of a MAVLink 2 frame, and the id of its message."""
 _MAGIC: Final = re.compile(rb"[\xfd\xfe]")
 _MAGIC_V1: Final = 0xFE
 _MAGIC_V2: Final = 0xFD
@@ -153,7 +154,7 @@ class Decoder:
         signing = self.signing
         if size < _HEADER_V2 + 2 or (signing is not None and signing.secret_key is not None):
             return None
-        magic, held, incompatible, _, sequence, system, component, low, high = _HEAD(data)
+        magic, held, incompatible, low, high = _HEAD(data)
         spec = SPEC_BY_ID.get(low | high << 16)
         if magic != _MAGIC_V2 or held + _HEADER_V2 + 2 != size or incompatible or spec is None:
             return None
@@ -161,7 +162,7 @@ class Decoder:
             return None
         self.counts.frames += 1
         values = _values(spec, data[_HEADER_V2:-2])
-        return Message(spec, values, Sender(sequence, system, component), data)
+        return Message(spec, values, data)
 
     def _skip_garbage(self, buffer: bytes, at: int) -> int:
         magic = _MAGIC.search(buffer, at)
@@ -195,7 +196,6 @@ class Decoder:
         return Message(
             spec,
             _values(spec, buffer[frame.header_end : frame.payload_end]),
-            Sender(frame.sequence, frame.system, frame.component),
             buffer[at : frame.end],
             signed=verdict is Verdict.GOOD,
         )

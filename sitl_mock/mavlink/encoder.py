@@ -64,7 +64,8 @@ class Encoder:
             raise EncodeError(
                 f"{spec.name}{values!r} cannot be packed: {error}; fields {spec.field_names}"
             ) from error
-        payload = payload.rstrip(b"\0") or payload[:1]  # at least one byte
+        if not payload[-1]:
+            payload = payload.rstrip(b"\0") or payload[:1]  # at least one byte
         sequence = self.sequence
         self.sequence = (sequence + 1) & 0xFF
         signing = self.signing

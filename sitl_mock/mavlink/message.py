@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.mavlink.signing import BLOCK_LENGTH
 
@@ -14,14 +14,9 @@ if TYPE_CHECKING:
 
 _MAGIC_V2: Final = 0xFD
 _SIGNED: Final = 0x01
-
-
-class Sender(NamedTuple):
-    """Sequence number, system and component of a frame's header."""
-
-    sequence: int
-    system: int
-    component: int
+_SEQUENCE_V2: Final = 4
+_SEQUENCE_V1: Final = 2
+"""Index of the sequence number in a frame; system and component follow it."""
 
 
 class Message:
@@ -30,7 +25,6 @@ class Message:
     Args:
         spec: What kind of message it is.
         values: Its fields in the order of declaration.
-        sender: Who sent it.
         frame: All bytes of its frame.
         signed: Its signature is good.
     """
@@ -39,16 +33,15 @@ class Message:
         self,
         spec: MessageSpec,
         values: Sequence[Any],
-        sender: Sender,
         frame: bytes,
         *,
         signed: bool = False,
     ) -> None:
-        self.__dict__.update(zip(spec.field_names, values, strict=True))
         self._spec = spec
-        self._sender = sender
         self._frame = frame
+        self._sender_at = (_SEQUENCE_V2 if frame[0] == _MAGIC_V2 else _SEQUENCE_V1) + 1
         self._signed = signed
+        self.__dict__.update(zip(spec.field_names, values))  # noqa: B905 - a spec unpacks one value for each name
 
     if TYPE_CHECKING:
 
@@ -81,15 +74,15 @@ class Message:
 
     def get_seq(self) -> int:
         """Return the frame's sequence number."""
-        return self._sender.sequence
+        return self._frame[self._sender_at - 1]
 
     def get_srcSystem(self) -> int:  # noqa: N802
         """Return the sender's system id."""
-        return self._sender.system
+        return self._frame[self._sender_at]
 
     def get_srcComponent(self) -> int:  # noqa: N802
         """Return the sender's component id."""
-        return self._sender.component
+        return self._frame[self._sender_at + 1]
 
     def get_signed(self) -> bool:
         """Return True if a good signature closes the frame."""

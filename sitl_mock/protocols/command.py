@@ -133,6 +133,11 @@ class CommandProtocol:
         )
         return self._due(now_s, key)
 
+    @property
+    def is_idle(self) -> bool:
+        """True if no late answer waits."""
+        return not any(tracked.pending for tracked in self._tracked.values())
+
     def advance(self, now_s: float) -> list[Reply]:
         """Return the late answers that are due."""
         replies: list[Reply] = []

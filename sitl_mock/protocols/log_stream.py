@@ -43,9 +43,9 @@ class LogStream:
         self._sent_s = 0.0
 
     @property
-    def runs(self) -> bool:
-        """True if this link's stream runs."""
-        return self._book.listener == self._take
+    def is_idle(self) -> bool:
+        """True unless this link's stream runs."""
+        return self._book.listener != self._take
 
     def start(self, now_s: float, target: tuple[int, int], head: Sequence[bytes]) -> list[Reply]:
         """Begin to stream to a client; `head` is the beginning of the log, message by message."""
@@ -74,7 +74,7 @@ class LogStream:
 
     def advance(self, now_s: float) -> list[Reply]:
         """Return what is due: an unanswered piece again, or the data since the last call."""
-        if not self.runs:
+        if self.is_idle:
             return []
         if self._unanswered is not None:
             return self._repeated(now_s)

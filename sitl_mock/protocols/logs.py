@@ -95,6 +95,11 @@ class LogProtocol:
             self._book.erase()
         return []
 
+    @property
+    def is_idle(self) -> bool:
+        """True if no part of a log is being sent."""
+        return self._part is None
+
     def advance(self, _now_s: float) -> list[Reply]:
         """Return the next messages of the requested part."""
         if self._part is None or (self._rules.disarmed_only and self._is_armed()):

@@ -73,9 +73,9 @@ class MissionProtocol:
         }
 
     @property
-    def uploading(self) -> bool:
-        """True if this link has an upload in progress."""
-        return self._upload.active
+    def is_idle(self) -> bool:
+        """True unless this link has an upload in progress."""
+        return not self._upload.active
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:
         """Take any message of the mission protocol."""

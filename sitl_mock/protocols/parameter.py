@@ -295,6 +295,11 @@ class ParameterProtocol:
             return []
         return []
 
+    @property
+    def is_idle(self) -> bool:
+        """True if no list runs."""
+        return self._next_index is None
+
     def advance(self, now_s: float) -> list[Reply]:
         """Return the part of a running list that is due."""
         replies: list[Reply] = []

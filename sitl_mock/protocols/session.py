@@ -30,6 +30,11 @@ class Piece(Protocol):
 class LatePiece(Piece, Protocol):
     """One protocol on one link that also sends delayed messages."""
 
+    @property
+    def is_idle(self) -> bool:
+        """True if it has nothing to send before it takes another message."""
+        ...
+
     def advance(self, now_s: float) -> list[Reply]:
         """Return the messages that are due: delayed answers, paced lists, repeated requests."""
         ...
@@ -88,6 +93,9 @@ class Session:
         own_id_only: Protocols, by name, that ignore messages to system 0.
         pieces: Protocols by their name in ``MESSAGES``; those left out ignore their messages.
 
+    Attributes:
+        is_idle: No protocol has anything to send before the next message.
+
     Raises:
         KeyError: A name that is not in ``MESSAGES``.
     """
@@ -103,6 +111,7 @@ class Session:
         self._ids = (system_id, component_id)
         self._own_id_only = frozenset[str]().union(*(MESSAGES[name] for name in own_id_only))
         self._late = [piece for piece in pieces.values() if isinstance(piece, LatePiece)]
+        self.is_idle = False
         self._by_message: dict[str, Piece] = {}
         for name, piece in pieces.items():
             self._by_message |= dict.fromkeys(MESSAGES[name], piece)
@@ -117,13 +126,15 @@ class Session:
             kind in self._own_id_only and message.target_system == 0
         ):
             return []
+        self.is_idle = False
         return piece.handle(now_s, message)
 
     def advance(self, now_s: float) -> list[Reply]:
         """Return the messages that are due from all protocols."""
         replies: list[Reply] = []
+        if self.is_idle:
+            return replies
         for piece in self._late:
-            late = piece.advance(now_s)
-            if late:
-                replies += late
+            replies += piece.advance(now_s)
+        self.is_idle = all(piece.is_idle for piece in self._late)
         return replies

@@ -303,7 +303,7 @@ def test_an_upload_that_falls_silent_is_given_up_and_the_old_plan_stands(
     assert (came[-1].get_type() == "MISSION_ACK") == rules.cancel_on_timeout
     if rules.cancel_on_timeout:
         acked(came[-1], MissionResult.OPERATION_CANCELLED)
-    assert not protocol.uploading
+    assert protocol.is_idle
     assert client.wait(5.0) == []
     assert (len(plans.mission.items), plans.mission.revision) == (1, 1)
 
@@ -313,9 +313,9 @@ def test_a_client_that_gives_up_ends_the_upload(wire, vehicle, plans):
     client = wire(protocol)
     client.send("MISSION_COUNT", 1, 1, 3, MISSION)
     client.send("MISSION_ACK", 1, 1, 15, FENCE)
-    assert protocol.uploading
+    assert not protocol.is_idle
     client.send("MISSION_ACK", 1, 1, 15, MISSION)
-    assert not protocol.uploading
+    assert protocol.is_idle
     assert plans.mission.revision == 0
     client.send("MISSION_ACK", 1, 1, 15, MISSION)
     assert client.wait(1.0) == []
@@ -362,7 +362,7 @@ def test_a_bad_item_ends_the_upload_with_its_reason_and_the_old_plan_stands(
     client.send("MISSION_COUNT", 1, 1, 1, kind)
     (ack,) = send_item(client, item, kind)
     acked(ack, result, kind)
-    assert not protocol.uploading
+    assert protocol.is_idle
     assert plans.plans[PlanKind(kind)].revision == 0
 
 
