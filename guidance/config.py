@@ -220,10 +220,12 @@ def load(model: type[Model], path: Path) -> Model:
             has one line for each fault, with the key, the value and the allowed values.
     """
     text, document = read(path)
-    return parse(model, document, source=str(path), text=text)
+    return parse_document(model, document, source=str(path), text=text)
 
 
-def parse(model: type[Model], document: dict[str, Any], *, source: str, text: str = "") -> Model:
+def parse_document(
+    model: type[Model], document: dict[str, Any], *, source: str, text: str = ""
+) -> Model:
     """Check a parsed document.
 
     Args:

@@ -47,13 +47,13 @@ def differences_of(first: str, second: str) -> list[VersionDifference]:
             f"versions {first} {second}: give two versions of one flavour, as px4@1.17 px4@1.18"
         )
     return [
-        *_parameters(before, after),
-        *_command_differences("command", _commands(before), _commands(after)),
+        *_parameter_differences(before, after),
+        *_command_differences("command", _version_commands(before), _version_commands(after)),
         *_command_differences(
             "mission item", before.mission_rules.commands, after.mission_rules.commands
         ),
-        *_modes(before, after),
-        *_messages(before, after),
+        *_mode_differences(before, after),
+        *_message_differences(before, after),
     ]
 
 
@@ -62,7 +62,7 @@ def _parameter_table(flavour: Flavour) -> ParameterTable:
     return parameters if isinstance(parameters, ParameterTable) else ParameterTable(parameters)
 
 
-def _parameters(before: Flavour, after: Flavour) -> Iterator[VersionDifference]:
+def _parameter_differences(before: Flavour, after: Flavour) -> Iterator[VersionDifference]:
     old = _parameter_table(before)
     new = _parameter_table(after)
     later = {renamed.name: (was, renamed.factor) for was, renamed in new.renamed.items()}
@@ -95,7 +95,7 @@ def _parameter_words(item: Parameter) -> str:
     return f"{item.name} = {item.default:g}{unit}"
 
 
-def _commands(flavour: Flavour) -> frozenset[int]:
+def _version_commands(flavour: Flavour) -> frozenset[int]:
     """Return those commands of a version that not all versions have."""
     versions = [flavour_named(spec) for spec in specs_of(flavour.name)]
     refused = frozenset[int]().union(*(version.refused_commands for version in versions))
@@ -116,7 +116,7 @@ def _command_words(number: int) -> str:
     return str(number) if name is None else f"{number} {name}"
 
 
-def _modes(before: Flavour, after: Flavour) -> Iterator[VersionDifference]:
+def _mode_differences(before: Flavour, after: Flavour) -> Iterator[VersionDifference]:
     old = {mode.name: mode.number for mode in before.modes.modes}
     new = {mode.name: mode.number for mode in after.modes.modes}
     for name in [*old, *(name for name in new if name not in old)]:
@@ -128,7 +128,7 @@ def _mode(name: str, numbers: dict[str, int]) -> str:
     return f"{name} ({numbers[name]})" if name in numbers else ""
 
 
-def _messages(before: Flavour, after: Flavour) -> Iterator[VersionDifference]:
+def _message_differences(before: Flavour, after: Flavour) -> Iterator[VersionDifference]:
     offered = {*builders_of(before.name), "AVAILABLE_MODES"}
     for name in sorted(offered & (after.withheld - before.withheld)):
         yield VersionDifference("message", name, "")

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
 
-from guidance.config import Section, as_toml, config_folder, find, lines_of, load, parse
+from guidance.config import Section, as_toml, config_folder, find, lines_of, load, parse_document
 from guidance.control import Limits
 from guidance.errors import ConfigError
 from guidance.sim.scenario import Scenario
@@ -31,43 +31,46 @@ GOOD = {"title": "a", "inner": {"speed_m_s": 3.0}}
 
 
 def test_a_good_document_becomes_the_model():
-    assert parse(Outer, GOOD, source="x").inner.speed_m_s == 3.0
+    assert parse_document(Outer, GOOD, source="x").inner.speed_m_s == 3.0
 
 
 def test_a_misspelt_key_is_named_with_the_nearest_known_one():
     with pytest.raises(
         ConfigError, match=r"inner\.sped_m_s: unknown key; did you mean 'speed_m_s'\?"
     ):
-        parse(Outer, {"title": "a", "inner": {"speed_m_s": 1.0, "sped_m_s": 1.0}}, source="x")
+        parse_document(
+            Outer, {"title": "a", "inner": {"speed_m_s": 1.0, "sped_m_s": 1.0}}, source="x"
+        )
 
 
 def test_a_key_of_an_optional_section_is_known_too():
     with pytest.raises(ConfigError, match=r"spare\.speed: unknown key; did you mean 'speed_m_s'\?"):
-        parse(Outer, {**GOOD, "spare": {"speed_m_s": 1.0, "speed": 1.0}}, source="x")
+        parse_document(Outer, {**GOOD, "spare": {"speed_m_s": 1.0, "speed": 1.0}}, source="x")
 
 
 def test_a_key_like_no_other_lists_what_is_known():
     with pytest.raises(ConfigError, match="zzz: unknown key; allowed here: inner, spare, title"):
-        parse(Outer, {**GOOD, "zzz": 1}, source="x")
+        parse_document(Outer, {**GOOD, "zzz": 1}, source="x")
 
 
 def test_a_missing_key_is_named():
     with pytest.raises(ConfigError, match=r"inner\.speed_m_s: missing"):
-        parse(Outer, {"title": "a", "inner": {}}, source="x")
+        parse_document(Outer, {"title": "a", "inner": {}}, source="x")
 
 
 @pytest.mark.parametrize("value", [-1.0, 0.0, float("nan"), float("inf"), "fast"])
 def test_a_value_out_of_range_is_shown_with_its_key(value):
     with pytest.raises(ConfigError, match=r"^file\.toml:\n  inner\.speed_m_s = "):
-        parse(Outer, {"title": "a", "inner": {"speed_m_s": value}}, source="file.toml")
+        parse_document(Outer, {"title": "a", "inner": {"speed_m_s": value}}, source="file.toml")
 
 
 @pytest.mark.parametrize("value", ["3", True, ["3"]])
 def test_text_and_booleans_are_no_numbers(value):
     with pytest.raises(ConfigError, match=r"inner\.speed_m_s = .*: must be a valid number"):
-        parse(Outer, {"title": "a", "inner": {"speed_m_s": value}}, source="x")
+        parse_document(Outer, {"title": "a", "inner": {"speed_m_s": value}}, source="x")
     assert (
-        parse(Outer, {"title": "a", "inner": {"speed_m_s": 3}}, source="x").inner.speed_m_s == 3.0
+        parse_document(Outer, {"title": "a", "inner": {"speed_m_s": 3}}, source="x").inner.speed_m_s
+        == 3.0
     )
 
 
@@ -80,19 +83,21 @@ def test_a_scenario_takes_no_text_for_a_number(section, key, value):
     )
     (document[section] if section else document)[key] = value
     with pytest.raises(ConfigError, match=rf"{key} = '{value}': must be a valid"):
-        parse(Scenario, document, source="x")
+        parse_document(Scenario, document, source="x")
 
 
 def test_a_vehicle_file_takes_no_text_for_a_number_in_an_array():
     with pytest.raises(
         ConfigError, match=r"fence_polygon_ne_m\.0\.1 = '5': must be a valid number"
     ):
-        parse(Limits, {"fence_polygon_ne_m": [[0.0, "5"], [9.0, 0.0], [9.0, 9.0]]}, source="x")
+        parse_document(
+            Limits, {"fence_polygon_ne_m": [[0.0, "5"], [9.0, 0.0], [9.0, 9.0]]}, source="x"
+        )
 
 
 def test_every_fault_of_a_file_is_listed():
     with pytest.raises(ConfigError) as caught:
-        parse(Outer, {"inner": {"speed_m_s": -1.0}}, source="x")
+        parse_document(Outer, {"inner": {"speed_m_s": -1.0}}, source="x")
     assert "title: missing" in str(caught.value)
     assert "inner.speed_m_s = -1.0" in str(caught.value)
 

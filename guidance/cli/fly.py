@@ -18,7 +18,7 @@ from rich.text import Text
 from guidance.cli import INTERRUPTED, arguments
 from guidance.cli.players import rows_json, tell_players
 from guidance.cli.viewers import CommandBeside, panel_beside
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add, require_extras
 from guidance.files import private_folder, whole_file, writing
@@ -177,7 +177,7 @@ def ros_at(endpoint: str) -> RosSection:
     option = f"--ros {endpoint}"
     if not endpoint.startswith("tcp/"):
         raise ConfigError(f"{option}: allowed is tcp/HOST:PORT; by TLS a vehicle file has [ros]")
-    return parse(RosSection, {"endpoint": endpoint}, source=option)
+    return parse_document(RosSection, {"endpoint": endpoint}, source=option)
 
 
 class _Beside(contextlib.ExitStack):

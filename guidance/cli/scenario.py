@@ -120,7 +120,7 @@ def run(
                 arguments.agree(
                     f"{vehicle_at} may be a real vehicle. Arm it, take off and engage? Propellers will turn"
                 )
-        rows, out = _fly(scenario_played, path.stem, how, out, screen)
+        rows, out = _fly_scenario(scenario_played, path.stem, how, out, screen)
     elif isinstance(scenario_played, TeamScenario):
         rows = play_teams([scenario_played])[0]
         tell_players(rows, screen)
@@ -155,7 +155,7 @@ def _check_options(ctx: typer.Context, way: str, *, known: bool, armed: bool) ->
         arguments.refuse(ctx, "orders by hand", "with --engage, which arms", "--yes")
 
 
-def _fly(
+def _fly_scenario(
     scenario: Scenario | TeamScenario, stem: str, how: "Way", out: Path | None, screen: Console
 ) -> tuple[Sequence[Any], Path]:
     """Fly a scenario; return its rows and the flight's folder."""

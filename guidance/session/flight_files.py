@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from guidance.clock import Clock
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.errors import ConfigError
 from guidance.files import private_folder, writing
 from guidance.flight import FlightSettings
@@ -102,9 +102,9 @@ def recorded_settings(
         _set_key(document, _SHORT[kind].get(short, short), value)
     source = f"the record's {kind}" + (f" with {', '.join(changes)} changed" if changes else "")
     if kind == CONFIG:
-        return settings_of(parse(Config, document, source=source), None, None)
+        return settings_of(parse_document(Config, document, source=source), None, None)
     config = (
-        parse(Config, json.loads(metadata[CONFIG]), source="the record's config")
+        parse_document(Config, json.loads(metadata[CONFIG]), source="the record's config")
         if CONFIG in metadata
         else None
     )
@@ -112,8 +112,8 @@ def recorded_settings(
 
     team = None
     if TEAM in metadata:
-        team = parse(TeamPlan, json.loads(metadata[TEAM]), source="the record's team")
-    return settings_of(config, parse(Scenario, document, source=source), team)
+        team = parse_document(TeamPlan, json.loads(metadata[TEAM]), source="the record's team")
+    return settings_of(config, parse_document(Scenario, document, source=source), team)
 
 
 def _set_key(document: dict[str, Any], key: str, value: object) -> None:

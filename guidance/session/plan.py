@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from guidance.autopilots import Autopilot, Wants, autopilot_named
-from guidance.config import Section, parse
+from guidance.config import Section, parse_document
 from guidance.control import Limits, Speeds
 from guidance.cycle import CycleSettings
 from guidance.errors import ConfigError
@@ -359,7 +359,7 @@ def merged(scenario: "Scenario", config: Config) -> Config:
     document["flight"]["takeoff_height_m"] = scenario.pursuer.takeoff_height_m
     document["flight"]["after_capture"] = "hold"
     document["flight"]["engage_on"] = "command"
-    return parse(Config, document, source=f"{scenario.title!r} on {config.name!r}")
+    return parse_document(Config, document, source=f"{scenario.title!r} on {config.name!r}")
 
 
 def config_of(
@@ -391,7 +391,7 @@ def config_of(
         "log": {"level": "error"},
         "team": team,
     }
-    return parse(Config, document, source=f"{scenario.title!r} at {vehicle.url}")
+    return parse_document(Config, document, source=f"{scenario.title!r} at {vehicle.url}")
 
 
 def _game(scenario: "Scenario") -> dict[str, Any]:

@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from guidance.autopilots import AutopilotName, Preflight
-from guidance.config import Altitude, Latitude, Longitude, Section, faults_of, parse
+from guidance.config import Altitude, Latitude, Longitude, Section, faults_of, parse_document
 from guidance.control import Limits, Speeds
 from guidance.errors import ConfigError
 from guidance.files import read_text
@@ -676,5 +676,5 @@ def load_vehicle(path: Path) -> Config:
             and corners_key not in section
         ):
             section[corners_key] = corners_deg(path.parent / section.pop(plan_key), name)
-    config = parse(Config, document, source=str(path), text=text)
+    config = parse_document(Config, document, source=str(path), text=text)
     return config.model_copy(update={"zenoh": config.zenoh.beside(path.parent.absolute())})

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from pydantic import TypeAdapter
 
-from guidance.config import find, parse
+from guidance.config import find, parse_document
 from guidance.errors import ConfigError
 from guidance.files import read_text
 from guidance.log.entries import CYCLE
@@ -55,7 +55,7 @@ def load_any(name: str, seed: int | None = None) -> tuple[Path, Scenario | TeamS
     else:
         document |= {"seed": seed}
     model: type[Scenario] | type[TeamScenario] = TeamScenario if has_teams(document) else Scenario
-    return path, parse(model, document, source=str(path), text=text)
+    return path, parse_document(model, document, source=str(path), text=text)
 
 
 def with_policies(scenario: Scenario, **policies: str) -> Scenario:
@@ -74,7 +74,7 @@ def with_policies(scenario: Scenario, **policies: str) -> Scenario:
         if policy != previous_policy:
             section = {key: value for key, value in section.items() if key not in _COURSE_KEYS}
         document[player] = section | {"policy": policy}
-    return parse(Scenario, document, source=scenario.title)
+    return parse_document(Scenario, document, source=scenario.title)
 
 
 def has_teams(document: Mapping[str, Any]) -> bool:

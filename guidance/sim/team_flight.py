@@ -1,6 +1,6 @@
 """A scenario of teams as pursuits for flights."""
 
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.errors import ConfigError
 from guidance.sim.scenario import Pursuit, Scenario
 from guidance.sim.teams import TeamScenario, opening_of, teams_of
@@ -52,7 +52,7 @@ def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
             "evader": fleeing,
         }
         source = f"{scenario.title}, {vehicle} in flight"
-        member_scenario = parse(Scenario, document, source=source)
+        member_scenario = parse_document(Scenario, document, source=source)
         pursuit = Pursuit(member_scenario, vehicle, f"rover{evader + 1}")
         pursuits.append(pursuit)
     return tuple(pursuits)

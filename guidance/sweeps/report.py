@@ -321,7 +321,7 @@ def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> No
     ends = []
     regrets = []
     for policies in report["policies"]:
-        ends.append(_ends(policies))
+        ends.append(_end_counts(policies))
         regrets.append((_names(policies), *_regret(policies, _SHOWN)))
     end_headings = ("policies", "games", "captured", "other ends")
     target.print(sheet(end_headings, ends, left=(0, 3)))
@@ -341,7 +341,7 @@ def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> No
         )
 
 
-def _ends(policies: Mapping[str, Any]) -> tuple[str, str, str, str]:
+def _end_counts(policies: Mapping[str, Any]) -> tuple[str, str, str, str]:
     """Return policies, number of games, share captured, and the counts of the other ends."""
     counts = sorted(policies["ends"].items())
     others = [f"{count} {end}" for end, count in counts if end != CAPTURED]

@@ -17,7 +17,7 @@ from pyarrow import parquet
 from pydantic import ValidationError
 
 from guidance.clock import VirtualClock
-from guidance.config import Section, as_toml, explain, find, parse
+from guidance.config import Section, as_toml, explain, find, parse_document
 from guidance.errors import ConfigError, GuidanceError
 from guidance.log.writer import PACKAGE, versions_of
 from guidance.sim.maths import play_scenarios
@@ -46,7 +46,7 @@ def bases_of(plan: Plan, source: str = "") -> list[dict[str, Any]]:
     for pair in plan.pairs:
         document = _with_policies(plan.scenario, pair)
         named_source = f"{source}: policies {pair.pursuer} and {pair.evader}"
-        base = dict(parse(plan.model, document, source=named_source))
+        base = dict(parse_document(plan.model, document, source=named_source))
         for name in swept & base.keys():
             base[name] = document[name]
         bases.append(base)
@@ -147,7 +147,7 @@ def planned(name: str, way: str | None = None) -> Plan:
         raise ConfigError(
             f"{path}: scenario = {as_toml(scenario)}: must be a scenario's name or path"
         )
-    plan = parse(Plan, document, source=str(path), text=text)
+    plan = parse_document(Plan, document, source=str(path), text=text)
     base = _with_policies(plan.scenario, plan.pairs[0])
     faults: list[str] = []
     for axis in plan.axes:

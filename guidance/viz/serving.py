@@ -96,12 +96,12 @@ class _Connection(socketserver.BaseRequestHandler):
             head = _head_from(outer)
             native = head.startswith(_HTTP_2) and not self.server.headers
             if not (native or host_of(head) in self.server.hosts):
-                outer.sendall(_refusal(HTTPStatus.MISDIRECTED_REQUEST))
+                outer.sendall(_refusal_response(HTTPStatus.MISDIRECTED_REQUEST))
                 return
             try:
                 inner = socket.create_connection(self.server.behind)
             except OSError:
-                outer.sendall(_refusal(HTTPStatus.BAD_GATEWAY))
+                outer.sendall(_refusal_response(HTTPStatus.BAD_GATEWAY))
                 return
             with inner:
                 if not self.server.headers:
@@ -130,7 +130,7 @@ def _head_from(source: socket.socket) -> bytes:
     return head
 
 
-def _refusal(status: HTTPStatus) -> bytes:
+def _refusal_response(status: HTTPStatus) -> bytes:
     return f"HTTP/1.1 {status} {status.phrase}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n".encode()
 
 

@@ -146,7 +146,12 @@ def opening_words(story: Story) -> str:
         home_words = f" from {home.latitude_deg:.5f}°, {home.longitude_deg:.5f}°"
     vehicle = f"{story.title} ({story.settings.autopilot.name})"
     opening_sentence = f"{vehicle} flew {when}{home_words} for {story.lasted_s:.0f} s."
-    sentences = (opening_sentence, _promise_sentence(story), _happened(story), _limited(story))
+    sentences = (
+        opening_sentence,
+        _promise_sentence(story),
+        _happened(story),
+        _limits_sentence(story),
+    )
     return " ".join(filter(None, sentences))
 
 
@@ -191,7 +196,7 @@ def _happened(story: Story) -> str:
     return f"It was there after {lasted_s:.1f} s{share_words}{distance_words}; {ending}."
 
 
-def _limited(story: Story) -> str:
+def _limits_sentence(story: Story) -> str:
     """Say which limits changed the commands, and whether a promise was broken."""
     acting = Counter[str]()
     for row in story.game:

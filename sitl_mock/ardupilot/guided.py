@@ -53,35 +53,47 @@ def read_position_target(state: VehicleState, message: Any) -> Setpoint | None: 
 
 def _setpoint_of(state: VehicleState, target: Target) -> Setpoint | None:
     mask = target.type_mask
-    if mask & FORCE and not mask & IGNORE_ACCELERATION:
+    has_position = not mask & IGNORE_POSITION
+    has_velocity = not mask & IGNORE_VELOCITY
+    has_acceleration = not mask & IGNORE_ACCELERATION
+    if mask & FORCE and has_acceleration:
         return None
-    position = IGNORED if mask & IGNORE_POSITION else _local_position(state, target)
+    position = _local_position(state, target) if has_position else IGNORED
     velocity = _axes(state, target, target.velocity_m_s, mask & IGNORE_VELOCITY)
     acceleration = _axes(state, target, target.acceleration_m_s2, mask & IGNORE_ACCELERATION)
-    given = (
-        *(() if mask & IGNORE_POSITION else position),
-        *(() if mask & IGNORE_VELOCITY else velocity),
-        *(() if mask & IGNORE_ACCELERATION else acceleration),
-    )
-    if not given or not math.isfinite(sum(given)):
+    values = _values_in_use(mask, position, velocity, acceleration)
+    if not values or not math.isfinite(sum(values)):
         return STOP
-    if not mask & IGNORE_VELOCITY and math.hypot(*velocity) > _FASTEST_M_S:
+    if has_velocity and math.hypot(*velocity) > _FASTEST_M_S:
         return STOP
-    yaw_rad = _finite(target.yaw_rad) + (state.yaw_rad if target.frame in _BODY else 0.0)
-    if mask & IGNORE_VELOCITY and not mask & IGNORE_POSITION:
-        if not mask & IGNORE_ACCELERATION:
-            return STOP
-        return Setpoint(
-            Kind.TRAVEL, position, yaw_rad=yaw_rad, yaw_rate_rad_s=_finite(target.yaw_rate_rad_s)
-        )
+    if has_position and has_acceleration and not has_velocity:
+        return STOP
+    body_yaw_rad = state.yaw_rad if target.frame in _BODY else 0.0
+    yaw_rad = _finite(target.yaw_rad) + body_yaw_rad
+    yaw_rate_rad_s = _finite(target.yaw_rate_rad_s)
+    if has_position and not has_velocity:
+        return Setpoint(Kind.TRAVEL, position, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate_rad_s)
     return Setpoint(
         Kind.STREAM,
         position,
         velocity,
         acceleration,
         yaw_rad=yaw_rad,
-        yaw_rate_rad_s=_finite(target.yaw_rate_rad_s),
+        yaw_rate_rad_s=yaw_rate_rad_s,
     )
+
+
+def _values_in_use(
+    mask: int, position: Vector, velocity: Vector, acceleration: Vector
+) -> list[float]:
+    values: list[float] = []
+    if not mask & IGNORE_POSITION:
+        values += position
+    if not mask & IGNORE_VELOCITY:
+        values += velocity
+    if not mask & IGNORE_ACCELERATION:
+        values += acceleration
+    return values
 
 
 def item_setpoint(state: VehicleState, item: PlanItem) -> Setpoint | None:

@@ -33,14 +33,14 @@ def compare_file(file: Path, *, as_json: bool, ranges: bool) -> int:
         console = Console()
         for note in recording.notes:
             console.print(f"Note: {note}.", soft_wrap=True)
-        console.print(_streams(recording, recorded, mock))
+        console.print(_stream_table(recording, recorded, mock))
         if ranges:
             console.print(_ranges(recorded, mock))
         console.print(_differences(departures) if departures else "No difference.")
     return 1 if departures else 0
 
 
-def _streams(recording: Recording, recorded: Behaviour, mock: Behaviour) -> Table:
+def _stream_table(recording: Recording, recorded: Behaviour, mock: Behaviour) -> Table:
     table = Table(title=f"{recording.flavour}, {recording.end_s:.0f} s: messages")
     for column in ("message", "recorded", "Hz", "mock", "Hz"):
         table.add_column(column, justify="left" if column == "message" else "right")

@@ -19,7 +19,7 @@ _RATES = 1 | 64
 _LEVELLED = 1 | 16
 
 
-def _number(main: int, sub: int = 0) -> int:
+def _custom_mode(main: int, sub: int = 0) -> int:
     return main << 16 | sub << 24
 
 
@@ -27,26 +27,26 @@ _ADVANCED = 1
 _NOT_FOR_USERS = 2
 
 AVAILABLE: Final = (
-    Available(_number(1), 0, _ADVANCED, "Manual"),
-    Available(_number(2), 4, 0, ""),  # altitude hold
-    Available(_number(3), 1, 0, ""),  # position hold
-    Available(_number(4, 4), 6, _ADVANCED, ""),  # mission
-    Available(_number(4, 3), 0, _ADVANCED, "Hold"),
-    Available(_number(4, 5), 5, _ADVANCED, ""),  # safe recovery: return
-    Available(_number(3, 2), 0, _ADVANCED, "Position Slow"),
-    Available(_number(11), 0, 0, "Altitude Cruise"),
-    Available(_number(5), 0, _ADVANCED, "Acro"),
-    Available(_number(10), 0, _ADVANCED | _NOT_FOR_USERS, "Termination"),
-    Available(_number(6), 0, _ADVANCED, "Offboard"),
-    Available(_number(7), 0, _ADVANCED, "Stabilized"),
-    Available(_number(4, 2), 8, _ADVANCED, ""),  # take-off
-    Available(_number(4, 6), 7, _ADVANCED, ""),  # land
-    Available(_number(4, 8), 0, _ADVANCED, "Follow Target"),
-    Available(_number(4, 9), 0, _ADVANCED, "Precision Landing"),
-    Available(_number(3, 1), 2, _ADVANCED, ""),  # orbit
-    Available(_number(4, 10), 0, _ADVANCED, "VTOL Takeoff"),
+    Available(_custom_mode(1), 0, _ADVANCED, "Manual"),
+    Available(_custom_mode(2), 4, 0, ""),  # altitude hold
+    Available(_custom_mode(3), 1, 0, ""),  # position hold
+    Available(_custom_mode(4, 4), 6, _ADVANCED, ""),  # mission
+    Available(_custom_mode(4, 3), 0, _ADVANCED, "Hold"),
+    Available(_custom_mode(4, 5), 5, _ADVANCED, ""),  # safe recovery: return
+    Available(_custom_mode(3, 2), 0, _ADVANCED, "Position Slow"),
+    Available(_custom_mode(11), 0, 0, "Altitude Cruise"),
+    Available(_custom_mode(5), 0, _ADVANCED, "Acro"),
+    Available(_custom_mode(10), 0, _ADVANCED | _NOT_FOR_USERS, "Termination"),
+    Available(_custom_mode(6), 0, _ADVANCED, "Offboard"),
+    Available(_custom_mode(7), 0, _ADVANCED, "Stabilized"),
+    Available(_custom_mode(4, 2), 8, _ADVANCED, ""),  # take-off
+    Available(_custom_mode(4, 6), 7, _ADVANCED, ""),  # land
+    Available(_custom_mode(4, 8), 0, _ADVANCED, "Follow Target"),
+    Available(_custom_mode(4, 9), 0, _ADVANCED, "Precision Landing"),
+    Available(_custom_mode(3, 1), 2, _ADVANCED, ""),  # orbit
+    Available(_custom_mode(4, 10), 0, _ADVANCED, "VTOL Takeoff"),
     *(
-        Available(_number(4, 10 + index), 0, _NOT_FOR_USERS, "(Mode not available)")
+        Available(_custom_mode(4, 10 + index), 0, _NOT_FOR_USERS, "(Mode not available)")
         for index in range(1, 9)
     ),
 )
@@ -56,27 +56,46 @@ MODES: Final = ModeTable(
     listed=AVAILABLE,
     title="PX4 (multicopter)",
     modes=(
-        Mode("MANUAL", _number(1), _STICKS, True, _MANUAL_MODE, "sticks are tilt and thrust"),
-        Mode("ALTCTL", _number(2), _STICKS | {Need.ALTITUDE}, True, _MANUAL_MODE, "height is held"),
+        Mode("MANUAL", _custom_mode(1), _STICKS, True, _MANUAL_MODE, "sticks are tilt and thrust"),
         Mode(
-            "POSCTL", _number(3), _POSITION | _STICKS, True, _MANUAL_MODE, "sticks are velocities"
+            "ALTCTL",
+            _custom_mode(2),
+            _STICKS | {Need.ALTITUDE},
+            True,
+            _MANUAL_MODE,
+            "height is held",
         ),
-        Mode("ORBIT", _number(3, 1), _POSITION, False, _LEVELLED, "circles a place (DO_ORBIT)"),
+        Mode(
+            "POSCTL",
+            _custom_mode(3),
+            _POSITION | _STICKS,
+            True,
+            _MANUAL_MODE,
+            "sticks are velocities",
+        ),
+        Mode(
+            "ORBIT", _custom_mode(3, 1), _POSITION, False, _LEVELLED, "circles a place (DO_ORBIT)"
+        ),
         Mode(
             "POSITION_SLOW",
-            _number(3, 2),
+            _custom_mode(3, 2),
             _POSITION | _STICKS,
             True,
             _MANUAL_MODE,
             "sticks are slow velocities",
         ),
-        Mode("HOLD", _number(4, 3), _GLOBAL, True, _AUTO_MODE, "stops and stays"),
+        Mode("HOLD", _custom_mode(4, 3), _GLOBAL, True, _AUTO_MODE, "stops and stays"),
         Mode(
-            "TAKEOFF", _number(4, 2), _POSITION, True, _AUTO_MODE, "climbs to the requested height"
+            "TAKEOFF",
+            _custom_mode(4, 2),
+            _POSITION,
+            True,
+            _AUTO_MODE,
+            "climbs to the requested height",
         ),
         Mode(
             "MISSION",
-            _number(4, 4),
+            _custom_mode(4, 4),
             _GLOBAL | {Need.MISSION},
             True,
             _AUTO_MODE,
@@ -84,25 +103,25 @@ MODES: Final = ModeTable(
         ),
         Mode(
             "RTL",
-            _number(4, 5),
+            _custom_mode(4, 5),
             _GLOBAL | {Need.HOME},
             False,
             _AUTO_MODE,
             "climbs, returns home, lands",
         ),
-        Mode("LAND", _number(4, 6), _POSITION, False, _AUTO_MODE, "lands here"),
+        Mode("LAND", _custom_mode(4, 6), _POSITION, False, _AUTO_MODE, "lands here"),
         Mode(
             "DESCEND",
-            _number(4, 6),
+            _custom_mode(4, 6),
             frozenset({Need.ALTITUDE}),
             False,
             _AUTO_MODE,
             "descends without a position",
         ),
-        Mode("FOLLOW", _number(4, 8), _POSITION, False, _LEVELLED, "follows FOLLOW_TARGET"),
+        Mode("FOLLOW", _custom_mode(4, 8), _POSITION, False, _LEVELLED, "follows FOLLOW_TARGET"),
         Mode(
             "PRECLAND",
-            _number(4, 9),
+            _custom_mode(4, 9),
             _POSITION,
             False,
             _AUTO_MODE,
@@ -111,7 +130,7 @@ MODES: Final = ModeTable(
         *(
             Mode(
                 f"EXTERNAL{index}",
-                _number(4, 10 + index),
+                _custom_mode(4, 10 + index),
                 _EXTERNAL,
                 True,
                 _AUTO_MODE,
@@ -119,10 +138,10 @@ MODES: Final = ModeTable(
             )
             for index in range(1, 9)
         ),
-        Mode("ACRO", _number(5), _STICKS, True, _RATES, "sticks are body rates"),
+        Mode("ACRO", _custom_mode(5), _STICKS, True, _RATES, "sticks are body rates"),
         Mode(
             "OFFBOARD",
-            _number(6),
+            _custom_mode(6),
             frozenset({Need.STREAM}),
             True,
             _LEVELLED,
@@ -130,16 +149,16 @@ MODES: Final = ModeTable(
         ),
         Mode(
             "STABILIZED",
-            _number(7),
+            _custom_mode(7),
             _STICKS,
             True,
             _MANUAL_MODE,
             "sticks are tilt and thrust, level when free",
         ),
-        Mode("TERMINATION", _number(10), frozenset(), False, 1, "motors off, for good"),
+        Mode("TERMINATION", _custom_mode(10), frozenset(), False, 1, "motors off, for good"),
         Mode(
             "ALTITUDE_CRUISE",
-            _number(11),
+            _custom_mode(11),
             _STICKS | {Need.ALTITUDE},
             True,
             _MANUAL_MODE,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario import Scenario
 from sitl_mock.child import running
@@ -35,7 +35,10 @@ def test_between_point_masses_every_flight_ends_as_it_is_wanted_to(height_m):
         case for autopilot in ("px4", "arducopter") for case in cases(autopilot, height_m=height_m)
     ]
     scenarios = {toml(case.scenario): case.name for case in flights}
-    parsed = [parse(Scenario, tomllib.loads(text), source=name) for text, name in scenarios.items()]
+    parsed = [
+        parse_document(Scenario, tomllib.loads(text), source=name)
+        for text, name in scenarios.items()
+    ]
     outcomes = dict(zip(scenarios, play_scenarios(parsed), strict=True))
     for case in flights:
         row = outcomes[toml(case.scenario)]._asdict()

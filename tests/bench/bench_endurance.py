@@ -36,7 +36,7 @@ from mcap.reader import make_reader
 from prometheus_client import generate_latest
 
 from guidance.clock import VirtualClock
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.flight import State
 from guidance.links import MemoryWire
 from guidance.links.carriers import GLOBAL_POSITION
@@ -260,7 +260,7 @@ def virtual(hours: float, within_s: float, rotate_s: float) -> bool:
     text = CONFIG.format(
         link="pymavlink", url="udpin://127.0.0.1:14540", evader_port=14541, control_port=7448
     )
-    config = parse(Config, tomllib.loads(text), source="bench")
+    config = parse_document(Config, tomllib.loads(text), source="bench")
     world = VirtualWorld(clock)
     began_s = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:

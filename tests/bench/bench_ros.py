@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from guidance.clock import MonotonicClock
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.log import CycleEntry, cycles_of, metadata_of
 from guidance.log.sink import Sink
 from guidance.session.observe.ros import open_ros
@@ -188,7 +188,9 @@ def output_share(seconds: float, folder: Path) -> None:
     before = entries[: entries.index(game[0])]
     port = free_port(socket.SOCK_STREAM)
     router = child(ROUTER, port)
-    config = parse(Config, document(ros={"endpoint": f"tcp/127.0.0.1:{port}"}), source="bench")
+    config = parse_document(
+        Config, document(ros={"endpoint": f"tcp/127.0.0.1:{port}"}), source="bench"
+    )
     mailbox = Mailbox()
     sink = open_ros(NAME, metadata_of(record), MonotonicClock(), mailbox, config.ros)
     nothing = Sink()

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any
 
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.sim.scenario import Scenario
 
 Keys = dict[str, Any]
@@ -284,7 +284,9 @@ def draw_case(seed: int, number: int) -> Case:
         if kind == LOOP_STALL
     )
     document["fault"] = [_fault(draw, kind) for kind in dict.fromkeys(kinds) if kind != LOOP_STALL]
-    return Case(seed, number, parse(Scenario, document, source=f"flight {number}"), corners, stalls)
+    return Case(
+        seed, number, parse_document(Scenario, document, source=f"flight {number}"), corners, stalls
+    )
 
 
 def _fault(draw: Draw, named: str) -> Keys:

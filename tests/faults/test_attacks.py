@@ -2,7 +2,7 @@
 
 import pytest
 
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.sim.scenario import Scenario
 from tests.faults import flying
 from tests.faults.drawing import Case
@@ -28,7 +28,7 @@ def flown(autopilot, **delay):
         "time_limit_s": 20.0,
         "fault": [{"kind": "delay", "vehicle": "pursuer", "direction": "out", **delay}],
     }
-    return flying.fly(Case(0, 0, parse(Scenario, document, source="test")))
+    return flying.fly(Case(0, 0, parse_document(Scenario, document, source="test")))
 
 
 @pytest.mark.parametrize("autopilot", ["px4", "arducopter"])

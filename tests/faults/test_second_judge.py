@@ -8,14 +8,14 @@ import pytest
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.clock import VirtualClock
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
 from tests.faults import flying, second_judge
 from tests.faults.drawing import Case
 from tests.faults.test_watch import TO_THE_FENCE
 
-CASE = Case(0, 0, parse(Scenario, TO_THE_FENCE, source="test"))
+CASE = Case(0, 0, parse_document(Scenario, TO_THE_FENCE, source="test"))
 
 
 def setpoint(*velocity, time_ms=0):

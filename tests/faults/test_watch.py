@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.sim.scenario import Scenario
 from tests.faults import flying
 from tests.faults.drawing import KINDS, Case, draw_case
@@ -28,7 +28,7 @@ TO_THE_FENCE = {
 
 
 def flown():
-    return flying.fly(Case(0, 0, parse(Scenario, TO_THE_FENCE, source="test")))
+    return flying.fly(Case(0, 0, parse_document(Scenario, TO_THE_FENCE, source="test")))
 
 
 def test_a_fence_holds_and_the_flight_is_as_wanted():

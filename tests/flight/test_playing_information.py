@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.control import Situation
 from guidance.control.braking_law import measure_walls
 from guidance.cycle import CycleInputs, CycleMemory, MonitorMemory, Violation, play, watch
@@ -136,4 +136,4 @@ def test_a_target_velocity_that_cannot_be_is_refused_by_name(kind, velocity):
     if kind == "pe":
         del section["target"]
     with pytest.raises(ConfigError, match=r"game\.target_velocity_m_s = .*must be slower than"):
-        parse(GameSection, section, source="a.toml")
+        parse_document(GameSection, section, source="a.toml")

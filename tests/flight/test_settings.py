@@ -5,7 +5,7 @@ import math
 import pytest
 
 from guidance.autopilots import Mode
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.control import Limits
 from guidance.errors import ConfigError
 from guidance.flight import Flight, Inputs, State
@@ -41,7 +41,7 @@ def test_what_is_needed_is_the_way_home_against_the_wind_and_the_descent():
 )
 def test_an_impossible_reserve_is_refused(wrong, words):
     with pytest.raises(ConfigError, match=words):
-        parse(Reserve, {"endurance_s": 600.0, **wrong}, source="reserve")
+        parse_document(Reserve, {"endurance_s": 600.0, **wrong}, source="reserve")
 
 
 def test_the_reserve_needed_is_at_least_what_is_left_and_at_most_a_full_charge():

@@ -7,7 +7,7 @@ import pytest
 from pyarrow import parquet
 
 from guidance.clock import VirtualClock
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.errors import ConfigError
 from guidance.game import Ball, Cylinder, Exact, Game, StandOff, Winner, rollout, solve, solve_state
 from guidance.game.speed_sets import SPEED_SETS, SpeedSet, register, speed_set_named
@@ -114,22 +114,24 @@ def test_vehicles_with_their_own_speeds_are_matched():
 
 
 def test_files_know_it_by_name(spheroid):
-    scenario = parse(Scenario, CHASE, source="a.toml")
+    scenario = parse_document(Scenario, CHASE, source="a.toml")
     assert plan_of(scenario=scenario).flight.cycle.game.pursuer == SPEEDS
     assert "spheroid" in str(Config.model_json_schema())
     assert speed_set_named("spheroid") is Spheroid
-    outcome, defended = play_scenarios([scenario, parse(Scenario, DEFENCE, source="b.toml")])
+    outcome, defended = play_scenarios(
+        [scenario, parse_document(Scenario, DEFENCE, source="b.toml")]
+    )
     assert (outcome.end, defended.winner) == ("captured", defended.predicted_winner)
     assert abs(outcome.regret) < 1e-6
     slow = CHASE | {"pursuer": CHASE["pursuer"] | {"speed_set": "cube"}}
     with pytest.raises(ConfigError, match="must be one of ball, cylinder, spheroid"):
-        parse(Scenario, slow, source="a.toml")
+        parse_document(Scenario, slow, source="a.toml")
 
 
 @pytest.mark.flight
 @pytest.mark.parametrize("document", [CHASE, DEFENCE], ids=["pe", "tad"])
 def test_it_is_flown(spheroid, document):
-    scenario = parse(Scenario, document, source="a.toml")
+    scenario = parse_document(Scenario, document, source="a.toml")
     clock = VirtualClock()
     world = SteppedWorld(scenario, clock)
     try:
@@ -174,7 +176,7 @@ def test_a_game_that_needs_what_a_set_does_not_have_is_refused_by_name():
         with pytest.raises(ConfigError, match="the speed set 'unmapped' has no closed form of the"):
             solve(game, P, E, T)
         pursuer = DEFENCE["pursuer"] | {"speed_set": "unmapped"}
-        scenario = parse(Scenario, DEFENCE | {"pursuer": pursuer}, source="a.toml")
+        scenario = parse_document(Scenario, DEFENCE | {"pursuer": pursuer}, source="a.toml")
         with pytest.raises(ConfigError, match="'unmapped' has no closed form"):
             plan_of(scenario=scenario)
     finally:

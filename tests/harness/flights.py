@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from guidance.clock import VirtualClock
-from guidance.config import load, parse
+from guidance.config import load, parse_document
 from guidance.log.writer import Recorder
 from guidance.session.fly.daemon import Equipment
 from guidance.session.fly.mission import Mission, Progress
@@ -49,7 +49,7 @@ def low_team(name: str, **changes: Any) -> TeamScenario:
         pursuer["position_m"][2] = LOW_M
     document["flight"]["takeoff_height_m"] = LOW_M
     document["flight"]["standoff"]["height_m"] = LID_M
-    return parse(TeamScenario, document, source=name)
+    return parse_document(TeamScenario, document, source=name)
 
 
 NEAR = load(Scenario, Path(__file__).parents[1] / "data" / "near_chase.toml")

@@ -12,7 +12,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.clock import VirtualClock
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.flight import Event, State
 from guidance.frames import Amsl, LocalFrame, Ned, game_from_ned
 from guidance.links import MemoryWire
@@ -51,7 +51,7 @@ def chase(*faults):
         "limits": {"floor_m": 2.0},
         "fault": list(faults),
     }
-    return parse(Scenario, document, source="forged")
+    return parse_document(Scenario, document, source="forged")
 
 
 class Around:

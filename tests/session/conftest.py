@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.clock import VirtualClock
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.flight import Authority, State
 from guidance.links import MemoryWire, SigningKey
 from guidance.links.carriers import GLOBAL_POSITION
@@ -86,7 +86,7 @@ class Ordered(Sortie):
         port=None,
         **sections,
     ):
-        config = self.config = parse(Config, document(**sections), source="test")
+        config = self.config = parse_document(Config, document(**sections), source="test")
         clock = VirtualClock()
         flavour = config.vehicle.autopilot
         options = {"home": HERE, "noise": False, "ready_after_s": 0.5}

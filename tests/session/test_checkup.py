@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import autopilot_named
 from guidance.clock import VirtualClock
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.errors import FlightError
 from guidance.links import MemoryWire
 from guidance.links import world as worlds
@@ -41,7 +41,7 @@ class World(VirtualClock):
         document = vehicle_document(
             vehicle={"autopilot": autopilot, "url": "udpin://127.0.0.1:14540"}
         )
-        plan = plan_of(parse(Config, document, source="test"))
+        plan = plan_of(parse_document(Config, document, source="test"))
         self.autopilot = autopilot_named(autopilot)
         self.said = []
         evader = MavlinkEvader(silence, GLOBAL_POSITION, system_id=2)

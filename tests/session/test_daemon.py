@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots.description import MAV_CMD_DO_SET_MODE
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.cycle import Alarm, Violation
 from guidance.errors import ConfigError
 from guidance.flight import Event, State
@@ -285,7 +285,7 @@ def test_a_reset_in_flight_is_refused(base):
 
 def test_a_configuration_is_read_again_on_the_ground_only(base):
     base = base.ready()
-    slower = parse(
+    slower = parse_document(
         Config, {**base.config.model_dump(), "flight": {"takeoff_height_m": 7.0}}, source="again"
     )
     base.daemon.exchange(lambda: plan_of(slower), base.now_s)

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.flight import State
 from guidance.log import compare, cycles_of, events_of, writer
 from guidance.log.entries import BEGUN, RELOADED, STOPPED
@@ -53,7 +53,7 @@ def test_a_reloaded_configuration_is_recorded_and_used_by_the_replay(base, tmp_p
     recorder = Recorder(path, {"config": base().config.model_dump_json()})
     one = base(record=recorder).until(State.READY)
     wider = {**one.config.game.model_dump(), "standoff_radius_m": 9.0, "speed_m_s": 5.0}
-    again = parse(Config, {**one.config.model_dump(), "game": wider}, source="again")
+    again = parse_document(Config, {**one.config.model_dump(), "game": wider}, source="again")
     one.daemon.exchange(lambda: plan_of(again), one.now_s)
     one.engaged().run(3.0)
     recorder.close()
@@ -128,7 +128,7 @@ def test_a_required_record_that_cannot_be_opened_prevents_the_start(
     document = vehicle_document(record={"folder": str(tmp_path / "file" / "records")})
     bare = base()
     with daemon_recording(
-        parse(Config, document, source="test"), {}, Equipment(sinks=[bare.log])
+        parse_document(Config, document, source="test"), {}, Equipment(sinks=[bare.log])
     ) as unwritten:
         one = base(record=unwritten, record_required=required).until(
             State.CHECKING if required else State.READY

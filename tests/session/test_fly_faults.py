@@ -6,7 +6,7 @@ import tomllib
 import pytest
 import tomlkit
 
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.errors import ConfigError
 from guidance.session.fly.result import outcome_of_flight
 from guidance.session.open.mock import MockOptions
@@ -30,7 +30,7 @@ CHASE = {
 
 
 def scenario(**sections):
-    return parse(Scenario, {**CHASE, **sections}, source="test")
+    return parse_document(Scenario, {**CHASE, **sections}, source="test")
 
 
 def flown(**sections):

@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from guidance.config import config_folder, parse
+from guidance.config import config_folder, parse_document
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.links.frames import ticks
@@ -131,4 +131,4 @@ def test_the_custom_actions_of_qgroundcontrol_are_the_orders():
 def test_the_vehicle_is_no_ground_station(vehicle_document):
     document = vehicle_document(ground_station={"orders_from": [255, 1]})
     with pytest.raises(ConfigError, match=r"orders_from = \[255, 1\]: has vehicle.system_id"):
-        parse(Config, document, source="test")
+        parse_document(Config, document, source="test")

@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 
 from guidance.clock import VirtualClock
-from guidance.config import find, load, parse
+from guidance.config import find, load, parse_document
 from guidance.errors import ConfigError, FlightError
 from guidance.flight import Event, State
 from guidance.log import replay
@@ -62,12 +62,12 @@ CHASE = {
 
 def own(**sections):
     merged = {name: {**DOCUMENT.get(name, {}), **keys} for name, keys in sections.items()}
-    return parse(Config, {**DOCUMENT, **merged}, source="vehicle")
+    return parse_document(Config, {**DOCUMENT, **merged}, source="vehicle")
 
 
 def scenario(**sections):
     merged = {name: {**CHASE.get(name, {}), **keys} for name, keys in sections.items()}
-    return parse(Scenario, {**CHASE, **merged}, source="scenario")
+    return parse_document(Scenario, {**CHASE, **merged}, source="scenario")
 
 
 def supervised(config, flown, *, engage):

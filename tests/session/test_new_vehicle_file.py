@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from guidance.autopilots import AUTOPILOTS
 from guidance.cli.program import app
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.errors import ConfigError, LinkError
 from guidance.links.opening import Found
 from guidance.session.open.discovery import (
@@ -25,7 +25,7 @@ ARDUPILOT = 3
 
 
 def read_file(text):
-    return parse(Config, tomllib.loads(text), source="written")
+    return parse_document(Config, tomllib.loads(text), source="written")
 
 
 def px4(**parameters):

@@ -14,7 +14,7 @@ from zenoh_ros2_sdk import get_service_names_and_types, get_topic_names_and_type
 from zenoh_ros2_sdk.discovery import get_topic_info
 
 from guidance.clock import VirtualClock
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
@@ -48,7 +48,7 @@ def graph():
 
 def config_of(port, **ros):
     section = {"endpoint": f"tcp/127.0.0.1:{port}", "domain_id": DOMAIN, **ros}
-    return parse(Config, document(ros=section), source="test")
+    return parse_document(Config, document(ros=section), source="test")
 
 
 @contextmanager
@@ -290,7 +290,7 @@ def test_a_router_that_comes_late_and_one_that_restarts_are_joined(short_flight,
 )
 def test_a_section_that_is_wrong_names_its_key(ros, words):
     with pytest.raises(ConfigError, match=words):
-        parse(Config, document(ros=ros), source="test")
+        parse_document(Config, document(ros=ros), source="test")
 
 
 def test_a_vehicle_file_with_the_section_and_a_mocked_flight_that_asks_open_the_output(
@@ -315,7 +315,7 @@ def test_a_vehicle_file_with_the_section_and_a_mocked_flight_that_asks_open_the_
 def test_without_the_section_nothing_of_ros_is_opened_and_without_the_extra_it_is_named(
     monkeypatch,
 ):
-    config = parse(Config, document(), source="test")
+    config = parse_document(Config, document(), source="test")
     for asked in (config, None):
         order = OutputOrder("uav1", {}, VirtualClock(), None, Mailbox(), asked)
         with ExitStack() as stack:

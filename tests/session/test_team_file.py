@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.errors import ConfigError
 from guidance.session.flight_files import recorded_settings
 from guidance.session.plan import plan_of
@@ -26,7 +26,7 @@ TEAM = {
 
 
 def config(**more):
-    return parse(Config, document(team=TEAM | more), source="uav1.toml")
+    return parse_document(Config, document(team=TEAM | more), source="uav1.toml")
 
 
 def test_a_team_has_evaders_by_name_with_their_own_speeds():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from guidance.config import config_folder, find, load, parse
+from guidance.config import config_folder, find, load, parse_document
 from guidance.errors import ConfigError
 from guidance.flight import EngageOn, State
 from guidance.flight.settings import AfterCapture
@@ -23,7 +23,9 @@ FRAME = {"latitude_deg": 47.4, "longitude_deg": 8.5, "altitude_amsl_m": 488.0}
 
 @pytest.fixture
 def read(vehicle_document):
-    return lambda **sections: parse(Config, vehicle_document(**sections), source="file.toml")
+    return lambda **sections: parse_document(
+        Config, vehicle_document(**sections), source="file.toml"
+    )
 
 
 @pytest.mark.parametrize(

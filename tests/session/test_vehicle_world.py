@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.clock import MonotonicClock
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Ned
 from guidance.links.world import World
@@ -59,7 +59,7 @@ def setpoints(passed):
 
 
 def config_of(vehicle_document, **sections):
-    return parse(Config, vehicle_document(**sections), source="test")
+    return parse_document(Config, vehicle_document(**sections), source="test")
 
 
 @pytest.mark.parametrize("link", ["pymavlink", "mavsdk"])

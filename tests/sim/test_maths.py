@@ -4,7 +4,7 @@ import itertools
 import numpy as np
 import pytest
 
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.errors import ConfigError
 from guidance.game import Exact, rollout
 from guidance.sim.batch import game, stack
@@ -27,7 +27,7 @@ def scenario(base=CHASE, **sections):
         document[name] = (
             {**document.get(name, {}), **values} if isinstance(values, dict) else values
         )
-    return parse(Scenario, document, source="a.toml")
+    return parse_document(Scenario, document, source="a.toml")
 
 
 def one(base=CHASE, **sections):
@@ -248,6 +248,6 @@ def test_a_win_within_the_error_of_a_cycle_is_not_promised(spare_m, winner):
         "evader": {"position_m": [0.5 * (10.0 + 3.0 * spare_m), 0.0], "speed_m_s": 2.0},
         "standoff": standoff,
     }
-    (outcome,) = play_scenarios([parse(Scenario, base, source="close")])
+    (outcome,) = play_scenarios([parse_document(Scenario, base, source="close")])
     assert outcome.predicted_evader_to_target_m == pytest.approx(spare_m, rel=1e-6)
     assert outcome.predicted_winner == winner

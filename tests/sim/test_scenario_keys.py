@@ -9,7 +9,7 @@ import jsonschema
 import pytest
 from mcap.writer import Writer
 
-from guidance.config import config_folder, parse
+from guidance.config import config_folder, parse_document
 from guidance.errors import ConfigError
 from guidance.log.entries import CYCLE
 from guidance.sim.maths import play_scenarios
@@ -26,7 +26,7 @@ def built(**sections):
         document[name] = (
             {**document.get(name, {}), **values} if isinstance(values, dict) else values
         )
-    return parse(Scenario, document, source="a.toml")
+    return parse_document(Scenario, document, source="a.toml")
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from guidance.config import config_folder, parse
+from guidance.config import config_folder, parse_document
 from guidance.errors import ConfigError
 from guidance.game import Ball, Cylinder
 from guidance.session.plan import plan_of, settings_of
@@ -29,7 +29,7 @@ def changed(**sections):
 
 def refused(**sections):
     with pytest.raises(ConfigError) as caught:
-        parse(Scenario, changed(**sections), source="a.toml")
+        parse_document(Scenario, changed(**sections), source="a.toml")
     return str(caught.value)
 
 
@@ -131,10 +131,10 @@ def test_the_old_name_of_the_limits_says_the_new_one():
 
 def test_speed_limits_are_a_tenth_above_the_game_unless_given_and_never_below_it():
     speeds = {"speed_m_s": 5.0, "climb_m_s": 2.0, "descent_m_s": 1.0}
-    limits = parse(Scenario, changed(pursuer=speeds), source="a.toml").speed_limits
+    limits = parse_document(Scenario, changed(pursuer=speeds), source="a.toml").speed_limits
     assert limits == pytest.approx((5.5, 2.2, 1.1))
     given = plan_of(
-        scenario=parse(
+        scenario=parse_document(
             Scenario, changed(pursuer=speeds, limits={"speed_m_s": 5.0}), source="a.toml"
         )
     )
@@ -152,14 +152,14 @@ def test_an_unknown_policy_lists_the_catalogue(player):
 
 
 def test_a_raised_evader_raises_the_games_plane_and_lowers_the_disc_above_it():
-    scenario = parse(Scenario, changed(evader={"height_m": 1.5}), source="a.toml")
+    scenario = parse_document(Scenario, changed(evader={"height_m": 1.5}), source="a.toml")
     assert site(scenario)[2].metres == pytest.approx(scenario.site.altitude_amsl_m + 1.5)
     assert game(scenario).standoff.height_m == pytest.approx(3.5)
     assert plan_of(scenario=scenario).flight.start_game_m == pytest.approx((8.0, 3.0, 10.5))
 
 
 def test_a_flight_plays_the_vehicles_own_speed_set_and_mathematics_the_ball():
-    scenario = parse(Scenario, changed(), source="a.toml")
+    scenario = parse_document(Scenario, changed(), source="a.toml")
     assert stack([scenario]).game.pursuer == Ball(3.0)
     flown = plan_of(scenario=scenario).flight.cycle.game
     assert flown.pursuer == Cylinder(3.0, 3.0, 1.5)
@@ -167,11 +167,11 @@ def test_a_flight_plays_the_vehicles_own_speed_set_and_mathematics_the_ball():
 
 
 def test_a_ball_is_flown_only_where_the_vehicle_climbs_and_descends_as_fast():
-    slow = parse(Scenario, changed(pursuer={"speed_set": "ball"}), source="a.toml")
+    slow = parse_document(Scenario, changed(pursuer={"speed_set": "ball"}), source="a.toml")
     with pytest.raises(ConfigError, match=r'pursuer\.speed_set = "ball": its game climbs and desc'):
         plan_of(scenario=slow)
     fast = changed(pursuer={"speed_set": "ball", "climb_m_s": 3.0, "descent_m_s": 3.0})
-    plan = plan_of(scenario=parse(Scenario, fast, source="a.toml"))
+    plan = plan_of(scenario=parse_document(Scenario, fast, source="a.toml"))
     assert plan.flight.cycle.game.pursuer == Ball(3.0)
     assert settings_of(None, slow, None).cycle.game.pursuer == Ball(3.0)  # an old record replays
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.estimation import Observer, add_report, predict
 from guidance.estimation.measurement import TrackSettings
 from guidance.frames import Amsl, LocalFrame, Ned
@@ -205,7 +205,7 @@ def test_closing_closes_the_source():
     ],
 )
 def test_a_flight_with_a_sensor_replays_bit_for_bit(pursuer, evader, tmp_path):
-    chase = parse(
+    chase = parse_document(
         Scenario,
         {
             "title": "a poor view",

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from guidance.cli.program import app
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.errors import ConfigError, OutputError
 from guidance.game import Ball, Extent, Game, Winner, solve
 from guidance.game.team import match_teams
@@ -35,7 +35,7 @@ PE = {key: value for key, value in TAD.items() if key != "target"} | {"game": "p
 
 
 def built(document=TAD, **keys):
-    return parse(TeamScenario, {**document, **keys}, source="a.toml")
+    return parse_document(TeamScenario, {**document, **keys}, source="a.toml")
 
 
 def written(tmp_path, name="a.toml", extra=""):

@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 import guidance.viz.panel
-from guidance.config import parse
+from guidance.config import parse_document
 from guidance.session.open.mock import MockOptions
 from guidance.session.recorded_flight import fly_recorded
 from guidance.sim.scenario_file import load_any
@@ -192,7 +192,7 @@ def test_the_replay_of_a_team_flight_shows_all_vehicles(browser, parts, tmp_path
     document = low_team("teams_guard").model_dump(mode="json")
     document["pursuer"] = document["pursuer"][:2]
     document["evader"] = [{**document["evader"][0], "position_m": [30.0, 6.0]}]
-    scenario = parse(TeamScenario, document, source="two")
+    scenario = parse_document(TeamScenario, document, source="two")
     fly_recorded(scenario, tmp_path / "guard", MockOptions(fast=True))
     page = browser.new_page()
     page.goto(parts.panel()[1])

@@ -22,7 +22,7 @@ from guidance.autopilots import (
 )
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
 from guidance.clock import Clock, MonotonicClock
-from guidance.config import config_folder, parse
+from guidance.config import config_folder, parse_document
 from guidance.control.limits import CATCH_UP_RATIO
 from guidance.errors import ConfigError, FlightError, LinkError
 from guidance.files import writing
@@ -337,7 +337,7 @@ def vehicle_file(
     keys = document.as_string()
     keys = keys[keys.index("name = ") :]
     comments = "".join(f"# {line}\n" for line in head)
-    parse(Config, tomllib.loads(keys), source="the vehicle file")
+    parse_document(Config, tomllib.loads(keys), source="the vehicle file")
     return f"{comments}\n{keys}"
 
 
