@@ -101,7 +101,7 @@ class ArduPilot:
     @property
     def ready_to_arm(self) -> bool:
         """The PREARM bit of SYS_STATUS."""
-        return not safety.failing(self.state)
+        return not safety.failing(self.state, self.plans, self.by_name[self.mode])
 
     # Inputs
 

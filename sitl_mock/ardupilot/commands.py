@@ -93,7 +93,7 @@ def _arm_now(commander: ArduPilot, *, forced: bool) -> Answers:
     if forced:
         reasons = []
     else:
-        reasons = safety.refusals(state, commander.by_name[commander.mode])
+        reasons = safety.refusals(state, commander.plans, commander.by_name[commander.mode])
     for text in (*safety.warnings(state.parameters), *reasons):
         state.say(Severity.CRITICAL, f"Arm: {text}")
     if reasons:
@@ -250,7 +250,9 @@ def _prearm(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
     """RUN_PREARM_CHECKS: reports failing checks as texts."""
     if commander.state.armed:
         return (CommandAnswer(Result.TEMPORARILY_REJECTED),)
-    for reason in (*safety.warnings(commander.state.parameters), *safety.failing(commander.state)):
+    state = commander.state
+    failing = safety.failing(state, commander.plans, commander.by_name[commander.mode])
+    for reason in (*safety.warnings(state.parameters), *failing):
         commander.state.say(Severity.CRITICAL, f"PreArm: {reason}")
     return ACCEPTED
 

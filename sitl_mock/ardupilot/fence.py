@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Final
 from sitl_mock.missions import violated
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from sitl_mock.protocols import PlanStore
     from sitl_mock.vector import Vector
     from sitl_mock.vehicle_state import VehicleState
@@ -37,6 +39,21 @@ def contains(state: VehicleState, plans: PlanStore, position_m: Vector) -> bool:
         if height_m < parameters["FENCE_ALT_MIN"]:
             return False
     return not _beyond(state, plans, position_m, flies=True)
+
+
+def needs_position(state: VehicleState) -> bool:
+    """True if the fence is on and has a circle or areas."""
+    return _is_on(state) and bool(int(state.parameters["FENCE_TYPE"]) & (_CIRCLE | _AREAS))
+
+
+def objections(state: VehicleState, plans: PlanStore) -> Iterator[str]:
+    """Yield the text of the pre-arm check of a fence that cannot work (measured on ArduCopter 4.5.7)."""
+    if not _is_on(state):
+        return
+    if int(state.parameters["FENCE_TYPE"]) == _AREAS and not plans.fence.items:
+        yield "Fences enabled, but none selected"
+    elif needs_position(state) and not state.estimator.position_valid:
+        yield "Fence requires position"
 
 
 def _is_on(state: VehicleState) -> bool:

@@ -100,24 +100,40 @@ def available(state: VehicleState, plans: PlanStore) -> frozenset[Need]:
     return frozenset(need for need, is_met in met.items() if is_met)
 
 
-def refusals(state: VehicleState, mode: Mode) -> list[str]:
+def refusals(state: VehicleState, plans: PlanStore, mode: Mode) -> list[str]:
     """Return ArduPilot's reasons for not arming in a mode; empty if it may arm."""
-    reasons = failing(state)
+    reasons = failing(state, plans, mode)
     if not mode.may_arm:
         reasons.append(f"{mode.name} mode not armable")
     return reasons
 
 
-def failing(state: VehicleState) -> list[str]:
-    """Return the failing pre-arm checks; the mode is checked only when arming."""
+def failing(state: VehicleState, plans: PlanStore, mode: Mode) -> list[str]:
+    """Return the failing pre-arm checks; whether the mode may arm is checked only when arming."""
     reasons = []
     if state.conditions.arm_refused:
         reasons.append(state.conditions.arm_refused)
-    if not state.estimator.position_valid:
-        reasons.append("Need Position Estimate")
+    reasons += _position_objections(state, mode)
+    reasons += fence.objections(state, plans)
     if state.battery.remaining < _LOW_CELL_SHARE and int(state.parameters["BATT_FS_LOW_ACT"]):
         reasons.append("Battery 1 low voltage failsafe")
     return [*reasons, *_bad_parameters(state.parameters)]
+
+
+def _position_objections(state: VehicleState, mode: Mode) -> Iterator[str]:
+    """Yield the text for a missing position; a flight without one is possible if neither mode nor fence needs it.
+
+    Measured on ArduCopter 4.5.7 in STABILIZE, ALT_HOLD and GUIDED before its home was set, and with its GPS off.
+    """
+    by_mode = bool(mode.needs & {Need.LOCAL_POSITION, Need.GLOBAL_POSITION})
+    by_fence = fence.needs_position(state)
+    has_home = state.home_m is not None
+    if has_home and not (by_mode or by_fence):
+        return
+    if has_home and state.conditions.gps_lost:
+        yield "GPS 1: Bad fix"
+    elif not state.estimator.position_valid:
+        yield "AHRS: waiting for home" if by_fence and not by_mode else "Need Position Estimate"
 
 
 def _checks_parameters(parameters: Mapping[str, float]) -> bool:

@@ -326,6 +326,44 @@ def test_prearm_checks_are_told_on_request(fly):
     assert "PreArm: Need Position Estimate" in flight.texts()
 
 
+NO_FIX = "GPS 1: Bad fix"
+NO_HOME = "AHRS: waiting for home"
+NO_AREA = "Fences enabled, but none selected"
+NOWHERE = "Fence requires position"
+
+
+@pytest.mark.parametrize("mode", ["STABILIZE", "ALT_HOLD", "GUIDED"])
+@pytest.mark.parametrize(
+    ("kinds", "words"), [(0, []), (1, []), (2, [NOWHERE]), (4, [NO_AREA]), (7, [NOWHERE])]
+)
+def test_a_fence_needs_a_position_as_on_the_real_one(fly, mode, kinds, words):
+    """As measured on ArduCopter 4.5.7 before its home was set, and with its GPS off; 0: without a fence."""
+    number = {"STABILIZE": 0, "ALT_HOLD": 2, "GUIDED": 4}[mode]
+    fence = {"FENCE_ENABLE": int(kinds > 0), "FENCE_TYPE": kinds or 7}
+    flight = fly("arducopter", parameters=fence, ready_after_s=3.0).run(0.5)
+    flight.command(176, 1, number)
+    if kinds > 1 and mode != "GUIDED":
+        assert refusals(flight) == [NO_HOME, *words]
+    flight.run(4.0)
+    flight.vehicle.inject("gps_lost", True)
+    flight.until(lambda: not flight.vehicle.autopilot.state.estimator.position_valid, 60.0)
+    without = refusals(flight)
+    if kinds > 1 or mode == "GUIDED":
+        assert without == [NO_FIX, *words]
+    else:
+        assert without == []
+
+
+def refusals(flight):
+    """Try to arm; the texts of why not."""
+    before = len(flight.texts())
+    result = flight.command(400, 1.0)
+    flight.run(0.1)
+    told = [text.removeprefix("Arm: ") for text in flight.texts()[before:] if "Arm: " in text]
+    assert result == ([4] if told else [0])
+    return told
+
+
 @pytest.mark.parametrize(
     ("parameters", "text"),
     [
