@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
@@ -42,6 +43,9 @@ COMPONENT: Final = 1
 ARDUPILOT: Final = 3
 _GROUND_STATION: Final = 6  # MAV_TYPE_GCS
 _GROUND_HEARD_S: Final = 2.5
+_TEXT_WAITS_S: Final = 5.0
+"""Without a ground station PX4 keeps its last texts this long, to send them as soon as one is heard."""
+_TEXTS_WAITING: Final = 8
 _CLIENT_HEARD_S: Final = 3.0
 _CLIENTS_MOST: Final = 16
 PROTOCOL_TICKS: Final = 2
@@ -83,6 +87,7 @@ class Link:
         self._requested: list[Reply] = []
         self._log_stream = LogStream(autopilot.storage.logs)
         self._ground_s = -math.inf
+        self._waiting_texts = deque[tuple[float, Reply]](maxlen=_TEXTS_WAITING)
         self._heard: dict[tuple[int, int], float] = {}
         self.session = Session(
             system_id,
@@ -112,10 +117,21 @@ class Link:
             events=EventProtocol(autopilot.events),
         )
 
-    def takes_texts(self, now_s: float) -> bool:
-        """True if this link sends STATUSTEXT."""
+    def say(self, now_s: float, texts: Sequence[Reply]) -> list[bytes]:
+        """Return the frames of texts; none if this link sends no STATUSTEXT, or not before a station is heard."""
         always = self.autopilot.texts
-        return now_s - self._ground_s <= _GROUND_HEARD_S if always is None else always
+        if always or (always is None and now_s - self._ground_s <= _GROUND_HEARD_S):
+            return self.pack(texts)
+        if always is None:
+            self._waiting_texts.extend((now_s, text) for text in texts)
+        return []
+
+    def _hear_station(self, now_s: float) -> list[bytes]:
+        """Note a ground station's HEARTBEAT; return the frames of the texts that waited for it."""
+        self._ground_s = now_s
+        texts = [text for said_s, text in self._waiting_texts if now_s - said_s < _TEXT_WAITS_S]
+        self._waiting_texts.clear()
+        return self.pack(texts)
 
     def receive(self, now_s: float, data: bytes) -> list[bytes]:
         """Take a datagram or a sample; return the frames that answer it."""
@@ -127,7 +143,7 @@ class Link:
             replies = self.session.handle(now_s, message)
             if replies is None:
                 if message.get_type() == "HEARTBEAT" and message.type == _GROUND_STATION:
-                    self._ground_s = now_s
+                    frames += self._hear_station(now_s)
                 self.autopilot.take(now_s, message)
             elif replies or self._requested:
                 frames += self.pack(replies)

@@ -207,5 +207,4 @@ class MockVehicle:
         if announcements is not None and not autopilot.conditions.telemetry_frozen:
             for name, link in self.links.items():
                 out[name] += link.pack(announcements.everywhere)
-                if link.takes_texts(now_s):
-                    out[name] += link.pack(announcements.texts)
+                out[name] += link.say(now_s, announcements.texts)

@@ -70,6 +70,7 @@ class Px4:
         self.stream_s = -math.inf
         self.in_failsafe = False
         self.pilot_counts = False
+        self.lost_peers: frozenset[str] = frozenset()
         self._check_s = -math.inf
         self._refused_s = -math.inf
         self._delays = False
@@ -251,6 +252,7 @@ class Px4:
     def _check(self, now_s: float) -> None:
         state = self.state
         self.look()
+        self._tell_peers()
         if not state.armed:
             self.home.follow(state)
             self._take_first_sticks()
@@ -276,6 +278,13 @@ class Px4:
             return
         self._choose(action)
         self._disarm_by_itself(now_s)
+
+    def _tell_peers(self) -> None:
+        """Say which peers are lost and which are back."""
+        lost = safety.lost_peers(self.state)
+        for severity, text in safety.peer_texts(self.lost_peers, lost):
+            self.state.say(severity, text)
+        self.lost_peers = lost
 
     def _choose(self, action: Action) -> None:
         """Choose the flown mode: the intention, overridden by failsafes, replaced while it cannot run."""

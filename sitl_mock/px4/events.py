@@ -12,6 +12,9 @@ _AUTOPILOT: Final = 1 << 24
 _FNV_SEED = 0x811C9DC5
 _FNV_PRIME = 0x01000193
 _LEVELS: Final = {0: 0x00, 1: 0x11, 2: 0x22, 3: 0x33, 4: 0x44, 5: 0x55, 6: 0x66}
+_WARNINGS: Final = frozenset({"Connection to ground station lost"})
+"""Texts of severity INFO whose events are warnings."""
+_WARNING_OF_INFO = 0x64
 _ARGUMENTS: Final = 40
 _BY_COMMAND = 4
 _BY_MISSION = 5
@@ -57,11 +60,15 @@ _NAMES: Final[Mapping[str, tuple[str, bytes]]] = MappingProxyType(
         "Pilot took over using sticks": ("commander_rc_override", b""),
         "Mission finished, landed": ("mission_finished", b""),
         "RTL: land at destination": ("rtl_land_at_destination", b""),
+        "Connection to ground station lost": ("commander_gcs_lost", b""),
+        "GCS connection regained": ("commander_dl_regained", b""),
+        "Connection to mission computer lost": ("commander_mission_comp_lost", b""),
+        "Onboard controller regained": ("commander_onboard_ctrl_regained", b""),
     }
 )
 _WITH_ARGUMENTS: Final = (
     *("RTL: ", "Climb to ", "Switching to ", "Failsafe activated", "Using default takeoff"),
-    *("No valid mission", "Connection to ", "Low battery", "Critical battery", "Emergency battery"),
+    *("No valid mission", "Low battery", "Critical battery", "Emergency battery"),
     *("Arming denied: ", "SET_POSITION_TARGET_", "SET_ATTITUDE_TARGET"),
 )
 """Beginnings of texts beside events that this table does not have."""
@@ -79,7 +86,8 @@ def event_of(severity: int, text: str) -> Event | None:
     if event is None:
         return None
     name, arguments = event
-    return Event(event_id(name), _LEVELS.get(severity, 0x66), arguments.ljust(_ARGUMENTS, b"\0"))
+    levels = _WARNING_OF_INFO if text in _WARNINGS else _LEVELS.get(severity, 0x66)
+    return Event(event_id(name), levels, arguments.ljust(_ARGUMENTS, b"\0"))
 
 
 def event_id(name: str) -> int:

@@ -100,14 +100,23 @@ TRIGGERS: Final = (
 
 
 TEXTS: Final[Mapping[str, tuple[Severity, str]]] = {
-    "ground station lost": (Severity.INFO, "Connection to ground station lost"),
     "geofence violated": (Severity.CRITICAL, "Geofence: approaching or outside geofence"),
-    "onboard computer lost": (Severity.CRITICAL, "Connection to mission computer lost"),
     "battery low": (Severity.CRITICAL, "Low battery"),
     "battery critical": (Severity.CRITICAL, "Critical battery"),
     "battery emergency": (Severity.EMERGENCY, "Emergency battery level"),
 }
-"""PX4's texts for triggers; a lost radio has none."""
+"""PX4's texts for triggers; a lost radio has none, and lost peers have theirs, armed or not."""
+_PEER_TEXTS: Final[Mapping[str, tuple[tuple[Severity, str], tuple[Severity, str]]]] = {
+    "ground station lost": (
+        (Severity.INFO, "Connection to ground station lost"),
+        (Severity.INFO, "GCS connection regained"),
+    ),
+    "onboard computer lost": (
+        (Severity.CRITICAL, "Connection to mission computer lost"),
+        (Severity.INFO, "Onboard controller regained"),
+    ),
+}
+"""What PX4 says when a peer is lost and when it is back."""
 
 
 @dataclass(slots=True)
@@ -177,6 +186,8 @@ EXCEPTION_BITS: Final = {"MISSION": 1, "HOLD": 2, "TAKEOFF": 2, "OFFBOARD": 4}
 
 _ONBOARD_LOST_S: Final = 5.0
 """v1.18 has this time fixed, without COM_OBC_LOSS_T."""
+_HEARD_FOR_S: Final = 2.25
+"""A HEARTBEAT counts for this long: v1.17 lost its ground station 12.3 s after the last one, with 10 s allowed."""
 _NEEDS: Final = (
     Need.PILOT,
     Need.ALTITUDE,
@@ -219,6 +230,28 @@ def available(state: VehicleState, stream_s: float, *, has_mission: bool) -> fro
     return _met(met)
 
 
+def lost_peers(state: VehicleState) -> frozenset[str]:
+    """Return the names of the triggers of those peers that were heard and are not heard any more."""
+    parameters = state.parameters
+    onboard_limit_s = parameters.get("COM_OBC_LOSS_T", _ONBOARD_LOST_S)
+    is_lost = {
+        "ground station lost": state.conditions.gcs_lost
+        or _silent(state.now_s - state.peers.ground_s, parameters["COM_DL_LOSS_T"]),
+        "onboard computer lost": _silent(state.now_s - state.peers.onboard_s, onboard_limit_s),
+    }
+    return frozenset(name for name, lost in is_lost.items() if lost)
+
+
+def _silent(age_s: float, limit_s: float) -> bool:
+    return limit_s + _HEARD_FOR_S < age_s < math.inf
+
+
+def peer_texts(before: frozenset[str], lost: frozenset[str]) -> list[tuple[Severity, str]]:
+    """Return the texts for peers that are newly lost or back."""
+    texts = [gone for name, (gone, _) in _PEER_TEXTS.items() if name in lost - before]
+    return texts + [back for name, (_, back) in _PEER_TEXTS.items() if name in before - lost]
+
+
 def wrong(
     state: VehicleState, plans: PlanStore, intention: str, *, pilot_counts: bool
 ) -> frozenset[str]:
@@ -233,17 +266,14 @@ def wrong(
     now_s = state.now_s
     parameters = state.parameters
     charge = state.battery.remaining
-    ground_age_s = now_s - state.peers.ground_s
-    onboard_age_s = now_s - state.peers.onboard_s
+    lost = lost_peers(state)
     excepted = EXCEPTION_BITS.get(intention, 0)
     pilot_lost = pilot_counts and not state.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"])
-    ground_lost = state.conditions.gcs_lost or parameters["COM_DL_LOSS_T"] < ground_age_s < math.inf
+    ground_lost = "ground station lost" in lost
     present = {
         "manual control lost": pilot_lost and not int(parameters["COM_RCL_EXCEPT"]) & excepted,
         "ground station lost": ground_lost and not int(parameters["COM_DLL_EXCEPT"]) & excepted,
-        "onboard computer lost": parameters.get("COM_OBC_LOSS_T", _ONBOARD_LOST_S)
-        < onboard_age_s
-        < math.inf,
+        "onboard computer lost": "onboard computer lost" in lost,
         "geofence violated": state.conditions.fence_breach or _fence(state, plans, parameters),
         "battery low": charge < parameters["BAT_LOW_THR"],
         "battery critical": charge < parameters["BAT_CRIT_THR"],

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from sitl_mock.px4.events import event_id
 from sitl_mock.px4.safety import TRIGGERS, Action, Failsafes
 
 PARAMETERS = {
@@ -54,7 +55,7 @@ def test_ground_station_loss_does_what_nav_dll_act_says(fly, action, mode):
     flight = fly("px4", parameters={"NAV_DLL_ACT": action})
     flight.airborne()
     flight.send("HEARTBEAT", 6, 8, 0, 0, 4, 3)
-    flight.run(9.5)
+    flight.run(11.5)
     assert flight.mode == "HOLD"
     assert not flight.vehicle.autopilot.commander.in_failsafe
     flight.run(6.5)
@@ -206,10 +207,12 @@ def test_a_lost_radio_is_borne_where_com_rcl_except_says_so(fly, ned_velocity, e
 def test_a_lost_onboard_computer_is_a_warning_only(fly):
     flight = fly.airborne("px4", texts=True)
     flight.send("HEARTBEAT", 18, 8, 0, 0, 4, 3)
-    flight.run(7.0)
+    flight.run(8.0)
     assert flight.mode == "HOLD"
     assert not flight.vehicle.autopilot.commander.in_failsafe
-    assert "Connection to mission computer lost" in flight.texts()
+    flight.run(0.3, ("HEARTBEAT", 18, 8, 0, 0, 4, 3))
+    told = ["Connection to mission computer lost", "Onboard controller regained"]
+    assert flight.texts()[-2:] == told
 
 
 @pytest.mark.parametrize(("source", "heard"), [(0, False), (1, True), (3, True), (4, False)])
@@ -245,3 +248,19 @@ class TestFrameworkAlone:
         assert failsafes.update(1.0, wrong, PARAMETERS)[0] is Action.NONE
         failsafes.update(2.0, frozenset(), PARAMETERS)
         assert failsafes.update(3.0, wrong, PARAMETERS) == (Action.HOLD, ("geofence violated",))
+
+
+def test_a_disarmed_px4_says_when_its_ground_station_is_lost_and_back(fly):
+    """As recorded on v1.17: a text waits five seconds for a station, so the first loss is not told."""
+    flight = fly("px4")
+    beat = ("HEARTBEAT", 6, 8, 0, 0, 4, 3)
+    flight.run(9.8, beat, every_s=0.5)
+    flight.run(20.2)
+    flight.run(3.7, beat, every_s=0.5)
+    flight.run(14.3)
+    assert flight.texts() == ["GCS connection regained"]
+    flight.run(0.3, beat)
+    assert flight.texts()[1:] == ["Connection to ground station lost", "GCS connection regained"]
+    lost = event_id("commander_gcs_lost")
+    times_s = [time_s for time_s, message in flight.all("EVENT") if message.id == lost]
+    assert times_s == pytest.approx([22.1, 46.0], abs=0.4)
