@@ -100,16 +100,16 @@ def draw(seed: int, number: int) -> TeamCase:
     for index in range(vehicles):
         angle = turn + 2.0 * math.pi * index / vehicles
         away_m = chance.uniform(12.0, 22.0)
-        place = (away_m * math.cos(angle), away_m * math.sin(angle), 12.0)
-        pursuers.append({"position_m": place, "speed_m_s": chance.uniform(5.0, 7.0)})
+        position_m = (away_m * math.cos(angle), away_m * math.sin(angle), 12.0)
+        pursuers.append({"position_m": position_m, "speed_m_s": chance.uniform(5.0, 7.0)})
     rovers = []
     bearing = chance.uniform(0.0, 2.0 * math.pi)
     for index in range(evaders):
         apart = 0.25 if "crossing" in kinds else chance.uniform(0.6, 2.0)
         angle = bearing + index * apart
         away_m = chance.uniform(35.0, 60.0)
-        place = (away_m * math.cos(angle), away_m * math.sin(angle))
-        rovers.append({"position_m": place, "speed_m_s": chance.uniform(1.5, 3.0)})
+        position_m = (away_m * math.cos(angle), away_m * math.sin(angle))
+        rovers.append({"position_m": position_m, "speed_m_s": chance.uniform(1.5, 3.0)})
     noise = {
         "position_noise_m": chance.uniform(0.0, 0.5),
         "velocity_noise_m_s": chance.uniform(0.0, 0.2),
@@ -161,11 +161,11 @@ class Bent:
     def publish(self, key: str, payload: bytes) -> None:
         """Send, changed if it is a state."""
         if key.startswith("state/"):
-            said = json.loads(payload)
+            state = json.loads(payload)
             if self.change is not None:
-                self.change(said)
-                payload = json.dumps(said).encode()
-            self.last = said
+                self.change(state)
+                payload = json.dumps(state).encode()
+            self.last = state
         self._transport.publish(key, payload)
 
 
@@ -177,41 +177,43 @@ class Sortie:
         self.clock = VirtualClock()
         wind = Wind(velocity_m_s=case.wind_m_s)
         self.pursuits = [
-            one._replace(scenario=one.scenario.model_copy(update={"wind": wind}))
-            for one in pursuits_of_team(case.scenario)
+            pursuit._replace(scenario=pursuit.scenario.model_copy(update={"wind": wind}))
+            for pursuit in pursuits_of_team(case.scenario)
         ]
         self.world = SteppedWorld(tuple(self.pursuits), self.clock)
         self.network = LossyNetwork(self.clock.now_s, delay_s=0.03, jitter_s=0.03, seed=case.number)
-        names = [one.vehicle for one in self.pursuits]
+        names = [pursuit.vehicle for pursuit in self.pursuits]
         evaders = sorted(self.world.players)
         if "heard by one" in case.kinds:
             for name in names[1:]:
                 self.world.evaders[name][evaders[0]] = Deaf()
         self.bent = {name: Bent(self.network.join(name)) for name in names}
         self.members = {
-            one.vehicle: Member(
-                one.vehicle,
+            pursuit.vehicle: Member(
+                pursuit.vehicle,
                 names,
-                sorted(evaders, key=lambda name: name != one.evader),
-                self.bent[one.vehicle],
+                sorted(evaders, key=lambda name: name != pursuit.evader),
+                self.bent[pursuit.vehicle],
                 epoch=number,
                 separation_height_m=case.scenario.flight.separation_height_m,
             )
-            for number, one in enumerate(self.pursuits)
+            for number, pursuit in enumerate(self.pursuits)
         }
         team = team_plan(case.scenario, self.pursuits)
         self.mission = Mission(
             tuple(self.pursuits),
             self.world,
             self.clock,
-            plans={one.vehicle: plan_of(None, one.scenario, team) for one in self.pursuits},
+            plans={
+                pursuit.vehicle: plan_of(None, pursuit.scenario, team) for pursuit in self.pursuits
+            },
             equipment={name: Equipment(team=member) for name, member in self.members.items()},
             policy=MissionPolicy(engage=True, end_with=Event.HOLD),
         )
-        self.daemons: dict[str, Daemon] = {one.name: one for one in self.mission.daemons}
+        self.daemons: dict[str, Daemon] = {daemon.name: daemon for daemon in self.mission.daemons}
         self.watches = {
-            one.vehicle: Watch(_case_of(case, one), _Named(self.world, one))
-            for one in self.pursuits
+            pursuit.vehicle: Watch(_case_of(case, pursuit), _Named(self.world, pursuit))
+            for pursuit in self.pursuits
         }
         self.engaged_s = self.over_s = math.inf
         self.due = sorted(case.faults, key=lambda fault: fault[1])
@@ -248,11 +250,11 @@ class Sortie:
             if not self.members[name].board.counts["refused_two senders"]:
                 self.wrong("two senders in one name are noticed", 1.0, name)
 
-    def wrong(self, invariant: str, amount: float, said: str = "") -> None:
+    def wrong(self, invariant: str, amount: float, words: str = "") -> None:
         """Note a violation."""
-        if all(one.invariant != invariant for one in self.wrongs):
+        if all(violation.invariant != invariant for violation in self.wrongs):
             self.wrongs.append(
-                Violation(invariant, self.clock.now_s() - self.engaged_s, amount, said)
+                Violation(invariant, self.clock.now_s() - self.engaged_s, amount, words)
             )
 
     @property
@@ -271,9 +273,9 @@ class Sortie:
 
     def _disturb(self, now_s: float) -> None:
         """Start the faults that are due; they act in the next cycle."""
-        for due in [one for one in self.later if one[0] <= now_s]:
-            self.later.remove(due)
-            due[1]()
+        for delayed in [entry for entry in self.later if entry[0] <= now_s]:
+            self.later.remove(delayed)
+            delayed[1]()
         if self.forger is not None:
             self.forger.speak(now_s, self.network, self.bent[self.forger.mate].last)
         while self.due and now_s - self.engaged_s >= self.due[0][1]:
@@ -299,13 +301,13 @@ class Sortie:
             case "loss":
                 self.network.loss = 0.3
             case "clock":
-                self.bent[vehicle].change = lambda said: said.update(sent_s=said["sent_s"] + 5.0)
+                self.bent[vehicle].change = lambda state: state.update(sent_s=state["sent_s"] + 5.0)
             case "misreport":
                 # Motion may explain a jump that was not seen
                 self.unseen |= {vehicle} if self.network.cut else set()
                 off_deg = 20.0 / 111_195.0
-                self.bent[vehicle].change = lambda said: said.update(
-                    latitude_deg=said["latitude_deg"] + off_deg
+                self.bent[vehicle].change = lambda state: state.update(
+                    latitude_deg=state["latitude_deg"] + off_deg
                 )
             case "forged":
                 self._forge(now_s)
@@ -336,21 +338,25 @@ class Sortie:
         self.unable.add(vehicle)
         self.daemons[vehicle].finished = True
         self.network.leave(vehicle)
-        next(one for one in self.mission.vehicles if one.daemon.name == vehicle).over = True
+        next(
+            vehicle_of_mission
+            for vehicle_of_mission in self.mission.vehicles
+            if vehicle_of_mission.daemon.name == vehicle
+        ).over = True
 
     def _forge(self, now_s: float) -> None:
         """A stranger speaks under its own name, and for a mate under its own key, for ten seconds."""
         state = next(
             member.board.own for member in self.members.values() if member.board.own is not None
         )
-        said = json.loads(state.model_dump_json()) | {
+        forged = json.loads(state.model_dump_json()) | {
             "seq": 10**9,
             "latitude_deg": state.latitude_deg + 0.01,
         }
         self.network.send(
-            "stranger", "state/stranger", json.dumps(said | {"vehicle": "stranger"}).encode()
+            "stranger", "state/stranger", json.dumps(forged | {"vehicle": "stranger"}).encode()
         )
-        self.network.send("stranger", "state/stranger", json.dumps(said).encode())
+        self.network.send("stranger", "state/stranger", json.dumps(forged).encode())
         if now_s - self.engaged_s < 10.0:
             self.later.append((now_s + 0.1, lambda: self._forge(now_s + 0.1)))
 
@@ -359,8 +365,8 @@ class Sortie:
         self.mission.after(now_s, late_s)
         passed = self.world.drain()
         if self.engaged_s == math.inf and all(
-            one.outputs is not None and one.outputs.state is State.ENGAGED
-            for one in self.daemons.values()
+            daemon.outputs is not None and daemon.outputs.state is State.ENGAGED
+            for daemon in self.daemons.values()
         ):
             self.engaged_s = now_s
             self._note_guarantees()
@@ -381,7 +387,7 @@ class Sortie:
                 watch.rover = self.world.vehicles[role.evader]
             watch.sent(
                 now_s,
-                [one.frame for one in passed if one.topic == frames],
+                [entry.frame for entry in passed if entry.topic == frames],
                 daemon.outputs,
                 daemon.flight,
             )
@@ -391,9 +397,13 @@ class Sortie:
         self._separated()
         if self.engaged_s < math.inf:
             self._follow_promises()
-            over = [one.board.over for name, one in self.members.items() if name not in self.unable]
-            done = all(len(one) == len(self.world.players) for one in over)
-            self.over_s = min(self.over_s, now_s) if done else math.inf
+            evaders_over = [
+                member.board.over
+                for name, member in self.members.items()
+                if name not in self.unable
+            ]
+            all_over = all(len(evaders) == len(self.world.players) for evaders in evaders_over)
+            self.over_s = min(self.over_s, now_s) if all_over else math.inf
         self._disturb(now_s)
 
     def _separated(self) -> None:
@@ -406,15 +416,17 @@ class Sortie:
             }
             if commanded and name not in self.unseen:
                 vehicle = self.world.vehicles[name]
-                place = vehicle.truth.position_ned_m
+                position_ned_m = vehicle.truth.position_ned_m
                 frame = vehicle.autopilot.frame
-                flying.append((name, frame.to_geodetic(*place), vehicle))
-        for (one, here, vehicle), (other, there, mate) in combinations(flying, 2):
-            north, east, down = vehicle.autopilot.frame.to_local(*there)
-            n, e, d = vehicle.autopilot.frame.to_local(*here)
+                flying.append((name, frame.to_geodetic(*position_ned_m), vehicle))
+        for (vehicle_name, vehicle_wgs84, vehicle), (mate_name, mate_wgs84, mate) in combinations(
+            flying, 2
+        ):
+            north, east, down = vehicle.autopilot.frame.to_local(*mate_wgs84)
+            n, e, d = vehicle.autopilot.frame.to_local(*vehicle_wgs84)
             errors_m = sum(
-                math.hypot(*each.autopilot.state.estimator.position_error_m)
-                for each in (vehicle, mate)
+                math.hypot(*flown_vehicle.autopilot.state.estimator.position_error_m)
+                for flown_vehicle in (vehicle, mate)
             )
             level_m = math.hypot(north - n, east - e)
             height_m = abs(down - d)
@@ -422,17 +434,19 @@ class Sortie:
                 self.least_m = min(self.least_m, level_m)
                 missing_m = flight.separation_m - level_m - errors_m
                 if missing_m > NEAR_M:
-                    self.wrong("separation", missing_m, f"{one} and {other} {level_m:.1f} m")
+                    self.wrong(
+                        "separation", missing_m, f"{vehicle_name} and {mate_name} {level_m:.1f} m"
+                    )
 
     def _note_guarantees(self) -> None:
         """Note which vehicle wins against which evader by its own certificate, from where both are now."""
         target = None if self.case.scenario.target is None else Enu((0.0, 0.0, 0.0))
-        for one in self.mission.vehicles:
-            name = one.daemon.name
-            flight = one.daemon.flight
+        for pursuer in self.mission.vehicles:
+            name = pursuer.daemon.name
+            flight = pursuer.daemon.flight
             cycle = flight.settings.cycle
-            here = one.position_game_m
-            self.first[name] = one.evader
+            pursuer_m = pursuer.position_game_m
+            self.first[name] = pursuer.evader
             vehicle = Capability(
                 cycle.handling.acceleration,
                 cycle.envelope,
@@ -441,13 +455,15 @@ class Sortie:
                 cycle.tolerance_m,
             )
             for evader, speed_m_s in flight.settings.evaders.items():
-                there = self.world.players[evader].position_game_m
-                if here is None or there is None:
+                evader_m = self.world.players[evader].position_game_m
+                if pursuer_m is None or evader_m is None:
                     continue
                 game = Game(cycle.game.pursuer, speed_m_s, standoff=cycle.game.standoff)
-                there = there.level()
-                gaps = gaps_to_disc(ned_from_game(here), ned_from_game(there), cycle.game.standoff)
-                players = Players(here, Enu(STILL), there, Enu(STILL), target, gaps, 0.0)
+                evader_m = evader_m.level()
+                gaps = gaps_to_disc(
+                    ned_from_game(pursuer_m), ned_from_game(evader_m), cycle.game.standoff
+                )
+                players = Players(pursuer_m, Enu(STILL), evader_m, Enu(STILL), target, gaps, 0.0)
                 certificate = certify(game, players, vehicle, None).certificate
                 if certificate.vehicle_winner == Winner.PURSUER:
                     self.winning.add((name, evader))
@@ -476,27 +492,31 @@ class Sortie:
         """Check that no promise of the game is withdrawn without a cause, nor with one that no fault explains."""
         for member in self.members.values():
             roles = member.board.roles
-            for one in () if roles is None else roles.promises:
-                if one.value is not None:
-                    self.promised.add(one.evader)
-                if one.value is None and not one.cause and one.evader in self.promised:
+            for promise in () if roles is None else roles.promises:
+                if promise.value is not None:
+                    self.promised.add(promise.evader)
+                if promise.value is None and not promise.cause and promise.evader in self.promised:
                     self.wrong(
                         "no promise lost without a cause",
                         1.0,
-                        f"{one.evader}, by {roles and roles.vehicle}",
+                        f"{promise.evader}, by {roles and roles.vehicle}",
                     )
-                if one.cause == "vehicle lost" and not EXPLAINED & set(self.case.kinds):
-                    self.wrong("a cause among the faults", 1.0, f"{one.evader}: {one.cause}")
+                if promise.cause == "vehicle lost" and not EXPLAINED & set(self.case.kinds):
+                    self.wrong(
+                        "a cause among the faults", 1.0, f"{promise.evader}: {promise.cause}"
+                    )
 
     def _judge_end(self) -> None:
         captured = [
-            name for name, one in self.mission.result.evaders.items() if one.capture is not None
+            name
+            for name, evader in self.mission.result.evaders.items()
+            if evader.capture is not None
         ]
         if self.engaged_s == math.inf:
             self.wrong(
                 "all engage",
                 1.0,
-                str({name: str(one.flight.state) for name, one in self.daemons.items()}),
+                str({name: str(daemon.flight.state) for name, daemon in self.daemons.items()}),
             )
         self.guaranteed = self._guaranteed()
         if len(captured) < self.guaranteed:
@@ -536,34 +556,34 @@ class _Forger:
             return
         if self.spoken == 0:
             self._first = last["seq"] + self._ahead
-        said = {
+        forged = {
             **last,
             "seq": self._first + self._step * self.spoken,
             "latitude_deg": last["latitude_deg"] + self._off_deg,
             "airborne": self._airborne,
         }
         self.spoken += 1
-        network.send("stranger", f"state/{self.mate}", json.dumps(said).encode())
+        network.send("stranger", f"state/{self.mate}", json.dumps(forged).encode())
 
 
 def _lie(kind: str, chance: random.Random) -> Callable[[dict[str, Any]], None]:
     """Return how a mate changes its own state: it jumps to and fro, or lies about its velocity or numbers."""
     off_deg = chance.uniform(5.0, 40.0) / 111_195.0
     off_m_s = chance.uniform(-6.0, 6.0)
-    each = chance.randint(2, 12)
+    period = chance.randint(2, 12)
     numbers = chance.choice(("huge", "epochs"))
 
-    def swing(said: dict[str, Any]) -> None:
-        if said["seq"] // each % 2:
-            said["longitude_deg"] += off_deg
+    def swing(state: dict[str, Any]) -> None:
+        if state["seq"] // period % 2:
+            state["longitude_deg"] += off_deg
 
-    def hurry(said: dict[str, Any]) -> None:
-        north, east, down = said["velocity_ned_m_s"]
-        said["velocity_ned_m_s"] = (north + off_m_s, east - off_m_s, down)
+    def hurry(state: dict[str, Any]) -> None:
+        north, east, down = state["velocity_ned_m_s"]
+        state["velocity_ned_m_s"] = (north + off_m_s, east - off_m_s, down)
 
-    def misnumber(said: dict[str, Any]) -> None:
-        if said["seq"] % each == 0:
-            said["seq" if numbers == "huge" else "epoch"] += 10**9
+    def misnumber(state: dict[str, Any]) -> None:
+        if state["seq"] % period == 0:
+            state["seq" if numbers == "huge" else "epoch"] += 10**9
 
     return {"mate swings": swing, "mate hurries": hurry, "mate misnumbers": misnumber}[kind]
 
@@ -572,12 +592,12 @@ def _own_fault(kind: str, chance: random.Random) -> dict[str, Any]:
     """Return a fault of one vehicle or its link, as the mock takes it."""
     bearing = chance.uniform(-math.pi, math.pi)
     jump_m = chance.uniform(0.5, 8.0)
-    place = {"north": jump_m * math.cos(bearing), "east": jump_m * math.sin(bearing)}
+    jump = {"north": jump_m * math.cos(bearing), "east": jump_m * math.sin(bearing)}
     if kind == "estimate jumps":
-        return {"kind": "ekf_jump", "at_s": 0.0, **place}
+        return {"kind": "ekf_jump", "at_s": 0.0, **jump}
     if kind == "position forged":
         ahead_s = chance.uniform(0.0, 1.0)
-        return {"kind": "position_forger", "at_s": 0.0, "ahead_s": ahead_s, **place}
+        return {"kind": "position_forger", "at_s": 0.0, "ahead_s": ahead_s, **jump}
     late = {"kind": "delay", "at_s": 0.0, "delay_s": chance.uniform(0.1, LATEST_S)}
     if chance.random() < 0.5:
         late["grows_s"] = chance.uniform(0.5, 15.0)
@@ -603,7 +623,7 @@ def fly(seed: int, number: int) -> TeamRow:
     begun_s = time.process_time()
     sortie = Sortie(draw(seed, number))
     sortie.fly()
-    captured = sum(one.capture is not None for one in sortie.mission.result.evaders.values())
+    captured = sum(evader.capture is not None for evader in sortie.mission.result.evaders.values())
     spent_s = time.process_time() - begun_s
     return TeamRow(
         sortie.case, sortie.least_m, captured, sortie.guaranteed, spent_s, tuple(sortie.wrongs)
@@ -616,10 +636,10 @@ def fly_all(seed: int, numbers: Sequence[int], pool: Any, say: Callable[[str], N
     began_s = time.monotonic()
     for row in pool.map(fly, [seed] * len(numbers), numbers):
         rows.append(row)
-        for one in row.violations:
-            again = f"python -m tests faults --teams --seed {seed} --only {row.case.number}"
-            said = f"{one.invariant}: {one.amount:.2f} at {one.at_s:.2f} s ({one.said})"
-            say(f"NO {said}; {', '.join(row.case.kinds)}; {again}")
+        for violation in row.violations:
+            command = f"python -m tests faults --teams --seed {seed} --only {row.case.number}"
+            words = f"{violation.invariant}: {violation.amount:.2f} at {violation.at_s:.2f} s ({violation.said})"
+            say(f"NO {words}; {', '.join(row.case.kinds)}; {command}")
         if len(rows) % 10 == 0:
             say(f"{len(rows)} of {len(numbers)} flights")
     with contextlib.suppress(ValueError):
