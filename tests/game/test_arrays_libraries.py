@@ -91,20 +91,20 @@ def library(request):
 )
 def test_another_library_solves_the_same_games(library, games, oracle, name, precision, tolerance):
     states = oracle.states(21, ROWS, games[name])
-    seen = np.full((ROWS, 3), 0.1)
+    velocity_m_s = np.full((ROWS, 3), 0.1)
     for with_target in (False, True):
-        given = states[: 3 if with_target else 2]
-        here = solve(games[name], *given, evader_velocity_m_s=seen)
-        there = solve(
+        arrays = states[: 3 if with_target else 2]
+        on_numpy = solve(games[name], *arrays, evader_velocity_m_s=velocity_m_s)
+        on_library = solve(
             games[name],
-            *(library.array(array, precision) for array in given),
-            evader_velocity_m_s=library.array(seen, precision),
+            *(library.array(array, precision) for array in arrays),
+            evader_velocity_m_s=library.array(velocity_m_s, precision),
         )
-        clear = np.abs(here.margin_s) > 0.05
-        assert there.value.dtype == library.dtypes[precision]
-        np.testing.assert_array_equal(np.asarray(there.winner)[clear], here.winner[clear])
-        np.testing.assert_array_equal(np.asarray(there.reason)[clear], here.reason[clear])
-        for a, b in zip(there[1:-1], here[1:-1], strict=True):
+        clear = np.abs(on_numpy.margin_s) > 0.05
+        assert on_library.value.dtype == library.dtypes[precision]
+        np.testing.assert_array_equal(np.asarray(on_library.winner)[clear], on_numpy.winner[clear])
+        np.testing.assert_array_equal(np.asarray(on_library.reason)[clear], on_numpy.reason[clear])
+        for a, b in zip(on_library[1:-1], on_numpy[1:-1], strict=True):
             np.testing.assert_allclose(
                 np.asarray(a)[clear], b[clear], rtol=tolerance, atol=tolerance
             )
@@ -127,20 +127,20 @@ ROUNDED = Extent(((0, 0), (15, 0), (4, 14)), 2.0)
 def test_targets_with_an_extent_have_the_same_answers(library, games, oracle, name, shape):
     states = oracle.states(25, ROWS, games[name])[:3]
     game = replace(games[name], target_extent=shape)
-    here = solve(game, *states)
-    there = solve(game, *(library.array(array) for array in states))
-    np.testing.assert_array_equal(np.asarray(there.winner), here.winner)
+    on_numpy = solve(game, *states)
+    on_library = solve(game, *(library.array(array) for array in states))
+    np.testing.assert_array_equal(np.asarray(on_library.winner), on_numpy.winner)
     for field in ("value", "margin_s", "pursuer_velocity_m_s"):
         np.testing.assert_allclose(
-            np.asarray(getattr(there, field)), getattr(here, field), atol=1e-6
+            np.asarray(getattr(on_library, field)), getattr(on_numpy, field), atol=1e-6
         )
 
 
 def test_a_row_that_is_not_finite_is_lost_alone(library, games, oracle):
     P, E, T = oracle.states(22, ROWS)
     P[1, 1] = np.nan
-    there = solve(games["cylinder_standoff"], *(library.array(array) for array in (P, E, T)))
-    assert np.flatnonzero(np.isnan(np.asarray(there.value))).tolist() == [1]
+    on_library = solve(games["cylinder_standoff"], *(library.array(array) for array in (P, E, T)))
+    assert np.flatnonzero(np.isnan(np.asarray(on_library.value))).tolist() == [1]
 
 
 def test_a_single_state_that_is_not_finite_is_refused_where_it_cannot_be_traced(library):
@@ -156,24 +156,24 @@ def test_a_single_state_that_is_not_finite_is_refused_where_it_cannot_be_traced(
 def test_a_single_state_works_too(library, games, oracle):
     P, E, T = oracle.states(23, 1)
     for name in NAMES:
-        here = solve(games[name], P[0], E[0], T[0])
-        there = solve(games[name], *(library.array(array[0]) for array in (P, E, T)))
-        assert float(there.value) == pytest.approx(float(here.value), rel=1e-9)
-        assert there.pursuer_velocity_m_s.shape == (3,)
+        on_numpy = solve(games[name], P[0], E[0], T[0])
+        on_library = solve(games[name], *(library.array(array[0]) for array in (P, E, T)))
+        assert float(on_library.value) == pytest.approx(float(on_numpy.value), rel=1e-9)
+        assert on_library.pursuer_velocity_m_s.shape == (3,)
 
 
 def test_policies_circles_and_gradients_work_too(library, games, oracle):
     P, E, T = oracle.states(24, ROWS)
-    given = [library.array(array) for array in (P, E, T)]
+    arrays = [library.array(array) for array in (P, E, T)]
     for policy in (*PURSUER_POLICIES.values(), *EVADER_POLICIES.values()):
         np.testing.assert_allclose(
-            np.asarray(policy(games["wind"], *given)), policy(games["wind"], P, E, T), atol=1e-7
+            np.asarray(policy(games["wind"], *arrays)), policy(games["wind"], P, E, T), atol=1e-7
         )
     for shape in (apollonius_circle, apollonius_sphere):
-        for a, b in zip(shape(*given[:2], 2.0), shape(P, E, 2.0), strict=True):
+        for a, b in zip(shape(*arrays[:2], 2.0), shape(P, E, 2.0), strict=True):
             np.testing.assert_allclose(np.asarray(a), b)
     for a, b in zip(
-        value_gradient(games["cylinder"], *given),
+        value_gradient(games["cylinder"], *arrays),
         value_gradient(games["cylinder"], P, E, T),
         strict=True,
     ):
@@ -183,11 +183,11 @@ def test_policies_circles_and_gradients_work_too(library, games, oracle):
 def test_a_rollout_ends_as_in_numpy(library, games, oracle):
     states = oracle.states(24, 6)
     stepping = Exact(step_s=0.5, order=1)
-    here = rollout(games["paper"], *states, stepping=stepping)
-    given = [library.array(array) for array in states]
-    there = rollout(games["paper"], *given, stepping=stepping)
-    np.testing.assert_allclose(np.asarray(there.time_s), here.time_s, atol=1e-9)
-    np.testing.assert_array_equal(np.asarray(there.end), here.end)
+    on_numpy = rollout(games["paper"], *states, stepping=stepping)
+    arrays = [library.array(array) for array in states]
+    on_library = rollout(games["paper"], *arrays, stepping=stepping)
+    np.testing.assert_allclose(np.asarray(on_library.time_s), on_numpy.time_s, atol=1e-9)
+    np.testing.assert_array_equal(np.asarray(on_library.end), on_numpy.end)
 
 
 @pytest.mark.parametrize(
@@ -195,18 +195,18 @@ def test_a_rollout_ends_as_in_numpy(library, games, oracle):
 )
 def test_automatic_differentiation_leaves_no_residual(library, games, oracle, name):
     P, E, T = oracle.states(25, ROWS, games[name])
-    given = [library.array(array) for array in (P, E, T)]
-    chase = np.asarray(hji_residual(games[name], *given[:2], method="automatic"))
-    over = solve(games[name], P, E).value > 0.1
-    assert np.abs(chase[over]).max() < 1e-9
-    race = np.asarray(hji_residual(games[name], *given, method="automatic"))
+    arrays = [library.array(array) for array in (P, E, T)]
+    chase = np.asarray(hji_residual(games[name], *arrays[:2], method="automatic"))
+    won = solve(games[name], P, E).value > 0.1
+    assert np.abs(chase[won]).max() < 1e-9
+    race = np.asarray(hji_residual(games[name], *arrays, method="automatic"))
     solution = solve(games[name], P, E, T)
-    over = (
+    won = (
         (solution.value > 0.1)
         & (solution.meeting_time_s > 0.1)
         & (np.abs(solution.margin_s) > 0.01)
     )
-    assert np.abs(race[over]).max() < 1e-6
+    assert np.abs(race[won]).max() < 1e-6
 
 
 @pytest.mark.parametrize("name", ["cylinder", *map(only_long, ("paper", "ball_everything"))])
@@ -235,8 +235,8 @@ def test_right_above_the_evader_the_derivatives_are_numbers(library, games, name
 def test_a_cylinder_horizontally_inside_the_disc_gains_by_its_height_alone(library):
     game = Game(Cylinder(2.0, 0.7, 1.0), 1.0, standoff=StandOff(3.0, 2.0))
     P, E, T = (
-        library.array([place] * ROWS)
-        for place in ([0.5, 0.2, 9.0], [0.0, 0.0, 0.0], [9.0, 0.0, 0.0])
+        library.array([position_m] * ROWS)
+        for position_m in ([0.5, 0.2, 9.0], [0.0, 0.0, 0.0], [9.0, 0.0, 0.0])
     )
     chase = automatic_gradient(lambda P, E, T: solve(game, P, E, T).value, P, E, None)
     assert np.asarray(chase.pursuer).tolist() == [[0.0, 0.0, 1.0]] * ROWS
@@ -247,11 +247,11 @@ def test_a_cylinder_horizontally_inside_the_disc_gains_by_its_height_alone(libra
 def test_a_target_abeam_of_the_wind_has_its_derivative_too(library):
     """The absolute value of a zero coefficient has no derivative; the root that is used has one."""
     game = Game(Ball(2.0), 1.0, wind_m_s=(0.5, 0.0))
-    given = [
-        library.array([place] * ROWS)
-        for place in ([0.0, -10.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    arrays = [
+        library.array([position_m] * ROWS)
+        for position_m in ([0.0, -10.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0])
     ]
-    slopes = automatic_gradient(lambda P, E, T: solve(game, P, E, T).margin_s, *given)
+    slopes = automatic_gradient(lambda P, E, T: solve(game, P, E, T).margin_s, *arrays)
     assert float(slopes.pursuer[0, 0]) == pytest.approx(-0.5 / (2.0**2 - 0.5**2), rel=1e-12)
 
 
@@ -263,22 +263,22 @@ def test_the_wind_may_differ_from_row_to_row(library, oracle):
         (Ball(2.0), StandOff(2.0, 1.0)),
         (Cylinder(2.0, 0.7, 0.5), StandOff(1.0)),
     ):
-        here = Game(pursuer, 1.0, standoff=disc, wind_m_s=blows)
-        there = Game(
+        on_numpy = Game(pursuer, 1.0, standoff=disc, wind_m_s=blows)
+        on_library = Game(
             pursuer, 1.0, standoff=disc, wind_m_s=tuple(library.array(part) for part in blows)
         )
-        for given in ((P, E), (P, E, T)):
-            expected = solve(here, *given)
-            found = solve(there, *(library.array(array) for array in given))
+        for arrays in ((P, E), (P, E, T)):
+            expected = solve(on_numpy, *arrays)
+            answer = solve(on_library, *(library.array(array) for array in arrays))
             clear = np.abs(expected.margin_s) > 0.01
-            np.testing.assert_array_equal(np.asarray(found.winner), expected.winner)
-            for a, b in zip(found[1:-1], expected[1:-1], strict=True):
+            np.testing.assert_array_equal(np.asarray(answer.winner), expected.winner)
+            for a, b in zip(answer[1:-1], expected[1:-1], strict=True):
                 np.testing.assert_allclose(np.asarray(a)[clear], b[clear], rtol=1e-6, atol=1e-6)
-            one = solve(
+            single = solve(
                 Game(pursuer, 1.0, standoff=disc, wind_m_s=(blows[0][7], blows[1][7])),
-                *(a[7] for a in given),
+                *(a[7] for a in arrays),
             )
-            assert float(expected.value[7]) == pytest.approx(float(one.value), rel=1e-12)
+            assert float(expected.value[7]) == pytest.approx(float(single.value), rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["paper", only_long("cylinder_everything")])
@@ -287,8 +287,8 @@ def test_jax_compiles_a_solution_whose_states_it_does_not_know_yet(games, oracle
     library = Jax()
     P, E, T = oracle.states(27, ROWS)
     compiled = jax.jit(lambda P, E, T: solve(games[name], P, E, T))
-    there = compiled(*(library.array(array) for array in (P, E, T)))
-    np.testing.assert_allclose(there.value, solve(games[name], P, E, T).value, atol=1e-6)
+    on_library = compiled(*(library.array(array) for array in (P, E, T)))
+    np.testing.assert_allclose(on_library.value, solve(games[name], P, E, T).value, atol=1e-6)
 
 
 def test_what_is_made_on_the_way_is_made_where_the_states_are():
@@ -337,9 +337,9 @@ def test_a_parameter_of_zero_has_the_derivative_of_its_neighbours(library, param
     values = np.linspace(0.0, 0.2, ROWS)
     slopes = library.slopes(lambda array: solve(game(array), *states).value, values)
     h = 1e-6
-    here = solve(game(values), *PAPER_TAD).value
-    there = solve(game(values + h), *PAPER_TAD).value
-    np.testing.assert_allclose(slopes, (there - here) / h, atol=1e-5)
+    on_numpy = solve(game(values), *PAPER_TAD).value
+    on_library = solve(game(values + h), *PAPER_TAD).value
+    np.testing.assert_allclose(slopes, (on_library - on_numpy) / h, atol=1e-5)
 
 
 def test_the_margin_has_its_derivative_on_the_barrier(library):
@@ -356,9 +356,9 @@ def test_a_rollout_without_a_target_ends_in_a_capture(library, speeds):
     P = [[8.0, 1.42, 9.41]]
     E = [[7.92, 9.6, 0.0]]
     game = Game(speeds, 1.0)
-    there = rollout(game, library.array(P), library.array(E), stepping=Exact(1.5))
-    here = rollout(game, P, E, stepping=Exact(1.5))
-    np.testing.assert_allclose(np.asarray(there.time_s), here.time_s, atol=1e-6)
+    on_library = rollout(game, library.array(P), library.array(E), stepping=Exact(1.5))
+    on_numpy = rollout(game, P, E, stepping=Exact(1.5))
+    np.testing.assert_allclose(np.asarray(on_library.time_s), on_numpy.time_s, atol=1e-6)
 
 
 def test_states_and_parameters_of_different_libraries_are_refused_by_name(library):
