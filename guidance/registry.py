@@ -8,10 +8,10 @@ from pydantic import Field
 
 from guidance.errors import ConfigError
 
-Member = TypeVar("Member")
+Registered = TypeVar("Registered")
 
 
-class Registry(dict[str, Member]):
+class Registry(dict[str, Registered]):
     """Members by name.
 
     A package adds one with `add` when it is imported, or names it in the entry point group. That is read when a name
@@ -24,13 +24,13 @@ class Registry(dict[str, Member]):
         members: Those of this package.
     """
 
-    def __init__(self, noun: str, key: str, group: str, members: Mapping[str, Member]) -> None:
+    def __init__(self, noun: str, key: str, group: str, members: Mapping[str, Registered]) -> None:
         super().__init__(members)
         self.noun = noun
         self.key = key
         self.group = group
 
-    def add(self, name: str, member: Member) -> None:
+    def add(self, name: str, member: Registered) -> None:
         """Add a member.
 
         Raises:
@@ -45,7 +45,7 @@ class Registry(dict[str, Member]):
             if name in {None, installed.name}:
                 self.add(installed.name, installed.load())
 
-    def named(self, name: str) -> Member:
+    def named(self, name: str) -> Registered:
         """Return a member.
 
         Raises:

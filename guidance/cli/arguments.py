@@ -33,7 +33,7 @@ def completed_scenario(incomplete: str) -> list[str]:
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before arming or setting.")]
 AllRows = Annotated[bool, typer.Option("--all", help="Show the passed rows, too.")]
-Scenario = Annotated[
+ScenarioName = Annotated[
     str,
     typer.Argument(
         help="A scenario file, or a name of `guidance scenario list`.",

@@ -36,7 +36,7 @@ from guidance.session.fly.result import (
 )
 from guidance.session.open.file import ByFile
 from guidance.session.open.mock import MockOptions
-from guidance.session.open.opened import AnyScenario, Onlooker, Way
+from guidance.session.open.opened import FlyableScenario, Onlooker, Way
 from guidance.session.open.url import Asked
 from guidance.session.orders.control_socket import ENDPOINT
 from guidance.session.recorded_flight import fly_recorded
@@ -64,7 +64,7 @@ _WITH_CAUSE: Final = {
 
 def fly(
     ctx: typer.Context,
-    scenario: arguments.Scenario = "pe",
+    scenario: arguments.ScenarioName = "pe",
     vehicle: Annotated[
         list[str] | None, typer.Option(help="URL of an autopilot. IT IS ARMED.", metavar="URL")
     ] = None,
@@ -267,7 +267,7 @@ def fly_scenario(
     return 0
 
 
-def _loaded(name: str, seed: int | None, pursuer: str | None) -> tuple[Path, AnyScenario]:
+def _loaded(name: str, seed: int | None, pursuer: str | None) -> tuple[Path, FlyableScenario]:
     """Read a scenario, and give its pursuer another policy."""
     path, scenario = load_any(name, seed)
     if pursuer is None:
@@ -279,7 +279,7 @@ def _loaded(name: str, seed: int | None, pursuer: str | None) -> tuple[Path, Any
 
 def fly_rows(
     target: Console,
-    scenario: AnyScenario,
+    scenario: FlyableScenario,
     stem: str,
     how: Way,
     out: Path | None,

@@ -54,7 +54,7 @@ _BELONGING: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = {
 @scenario.command()
 def run(
     ctx: typer.Context,
-    name: arguments.Scenario,
+    name: arguments.ScenarioName,
     way: Annotated[
         str,
         typer.Option(
@@ -230,7 +230,7 @@ def list_all(as_json: arguments.Json = False) -> None:
 
 @scenario.command()
 def show(
-    name: arguments.Scenario,
+    name: arguments.ScenarioName,
     out: Annotated[Path | None, typer.Option(help="Draw a picture into this file.")] = None,
     as_json: arguments.Json = False,
 ) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from guidance.game import End
 from guidance.league.play import WINNERS, Games
 from guidance.league.sides import STEP_S, Side, require_steps, side_of
-from guidance.league.states import Seeds, seeds_of
+from guidance.league.states import SeedArray, seeds_of
 from guidance.sim.batch import Array
 from guidance.sim.scenario import PURSUER, Scenario
 
@@ -136,7 +136,7 @@ class PursuitVectorEnv(VectorEnv[Array, Array, Any]):
         terminated = (end != End.RUNNING) & ~truncated
         return self._side.observe(games), reward, terminated, truncated, self._info(games)
 
-    def _next_seeds(self, count: int) -> Seeds:
+    def _next_seeds(self, count: int) -> SeedArray:
         seeds = seeds_of(self._seed or 0, count, self._begun)
         self._begun += count
         return seeds

@@ -19,7 +19,7 @@ from guidance.sim.scenario import EVADER, PURSUER, Scenario
 from guidance.sim.scenario_file import load_any, with_policies
 from guidance.sim.teams import TeamScenario
 
-Table = dict[str, Any]
+ByAgent = dict[str, Any]
 """A value for each agent, by its name."""
 
 
@@ -84,7 +84,11 @@ class PursuitParallelEnv(ParallelEnv):
         """Return the space of an agent's actions."""
         return self._spaces[agent][1]
 
-    def reset(self, seed: int | None = None, options: Table | None = None) -> tuple[Table, Table]:  # noqa: ARG002
+    def reset(
+        self,
+        seed: int | None = None,
+        options: dict[str, Any] | None = None,  # noqa: ARG002
+    ) -> tuple[ByAgent, ByAgent]:
         """Begin a game in a random state of a seed; without one, of the next random number."""
         if seed is not None:
             self._generator = np.random.default_rng(seed)
@@ -92,7 +96,7 @@ class PursuitParallelEnv(ParallelEnv):
         self.agents = list(self.possible_agents)
         return self._game.observations(self.agents), self._game.infos(self.agents)
 
-    def step(self, actions: Table) -> tuple[Table, Table, Table, Table, Table]:
+    def step(self, actions: ByAgent) -> tuple[ByAgent, ByAgent, ByAgent, ByAgent, ByAgent]:
         """Hold an action of each agent that plays.
 
         Raises:
@@ -115,7 +119,7 @@ class PursuitParallelEnv(ParallelEnv):
             infos,
         )
 
-    def _velocity(self, agent: str, actions: Table) -> Array:
+    def _velocity(self, agent: str, actions: ByAgent) -> Array:
         if agent not in actions:
             raise ConfigError(
                 f"actions: none for {agent}; each of {', '.join(self.agents)} needs its action"
@@ -149,7 +153,7 @@ class _Duel:
         except ConfigError as error:
             raise ConfigError(f"{agent}: {error}") from None
 
-    def step(self, velocities: Table) -> Table:
+    def step(self, velocities: ByAgent) -> ByAgent:
         """Fly a step; return the rewards."""
         before = self._games.score
         self._games.step(velocities[PURSUER], velocities[EVADER])
@@ -160,11 +164,11 @@ class _Duel:
         """Return the `End` of an agent's game."""
         return int(self._games.moment.end[0])
 
-    def observations(self, agents: list[str]) -> Table:
+    def observations(self, agents: list[str]) -> ByAgent:
         """Return what each agent observes."""
         return {agent: self._sides[agent].observe(self._games)[0] for agent in agents}
 
-    def infos(self, agents: list[str]) -> Table:
+    def infos(self, agents: list[str]) -> ByAgent:
         """Return value, regret, winner and reason."""
         games = self._games
         end = int(games.moment.end[0])

@@ -23,7 +23,7 @@ from guidance.game.arrays import NUMPY, components, mapped
 from guidance.game.pe import to_target
 from guidance.game.records import rows_of
 from guidance.game.rollout import Ahead, look_ahead
-from guidance.league.states import Arena, Seeds, batch_at, random_states
+from guidance.league.states import Arena, SeedArray, batch_at, random_states
 from guidance.sim.batch import Array, Batch
 from guidance.sim.maths import (
     BatchMoment,
@@ -63,7 +63,7 @@ class Games:
         opening_score: The score at the beginning, (n,).
     """
 
-    def __init__(self, arena: Arena, seeds: Seeds, period_s: float) -> None:
+    def __init__(self, arena: Arena, seeds: SeedArray, period_s: float) -> None:
         self._arena = arena
         self._period_s = period_s
         self.batch = _owned(batch_at(arena.template, random_states(arena, seeds)))
@@ -85,7 +85,7 @@ class Games:
             return self.solution.value
         return np.asarray(self.solution.winner * self.solution.value)
 
-    def restart(self, rows: NDArray[np.intp], seeds: Seeds) -> None:
+    def restart(self, rows: NDArray[np.intp], seeds: SeedArray) -> None:
         """Begin some games anew, in the states of seeds."""
         batch = batch_at(self._arena.template, random_states(self._arena, seeds))
         moment = moment_of_engagement(batch)

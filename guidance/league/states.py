@@ -33,13 +33,13 @@ TRIES: Final = 50
 HOME_SOUTH_M: Final = 2.0
 """The pursuer takes off so far south of its start, as in `Scenario.home_m`."""
 
-Seeds = NDArray[np.int64]
+SeedArray = NDArray[np.int64]
 
 
 class States(NamedTuple):
     """Initial states: seeds (n,), and positions (n, 3), m, above the evader's plane."""
 
-    seed: Seeds
+    seed: SeedArray
     pursuer_m: Array
     evader_m: Array
 
@@ -101,7 +101,7 @@ def arena_of(scenario: Scenario, *, between_points: bool = False) -> Arena:
     return Arena(template, valued, centre_m, radius_m, (low_m, high_m))
 
 
-def seeds_of(seed: int, count: int, first: int = 0) -> Seeds:
+def seeds_of(seed: int, count: int, first: int = 0) -> SeedArray:
     """Return the seeds of `count` numbered states of a seed, from number `first` on.
 
     Raises:
@@ -112,7 +112,7 @@ def seeds_of(seed: int, count: int, first: int = 0) -> Seeds:
     return np.arange(first, first + count, dtype=np.int64) + (seed << 24)
 
 
-def random_states(arena: Arena, seeds: Seeds) -> States:
+def random_states(arena: Arena, seeds: SeedArray) -> States:
     """Return a random state for each seed, (n,)."""
     states = _drawn(arena, seeds, 0)
     over_at_once = np.flatnonzero(_is_over(arena.template, states))
@@ -126,7 +126,7 @@ def random_states(arena: Arena, seeds: Seeds) -> States:
     return states
 
 
-def _drawn(arena: Arena, seeds: Seeds, attempt: int) -> States:
+def _drawn(arena: Arena, seeds: SeedArray, attempt: int) -> States:
     first = attempt * DRAWS
     draws = [uniform(seeds, STREAM, first + number) for number in range(DRAWS)]
     low_m, high_m = arena.heights_m

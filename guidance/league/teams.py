@@ -29,7 +29,7 @@ from guidance.sim.teams import TeamScenario, game_of, teams_of
 from guidance.strategies import bounded
 from guidance.strategies.own import EVADER_SHARES, PURSUER_SHARES
 
-Table = dict[str, Any]
+ByAgent = dict[str, Any]
 
 PLAYER_COLUMNS: Final = 6
 """Place and velocity of another player, relative."""
@@ -129,7 +129,7 @@ class TeamScenarioGame:
         speed_m_s = float(self._speeds_m_s[number])
         return speed_m_s * bounded(velocity, 1.0)
 
-    def step(self, velocities: Table) -> Table:
+    def step(self, velocities: ByAgent) -> ByAgent:
         """Hold the velocities of the agents for a step, or to the end; return all rewards."""
         for agent, velocity_m_s in velocities.items():
             self._velocity_m_s[self._number(agent)] = velocity_m_s
@@ -188,7 +188,7 @@ class TeamScenarioGame:
             return int(End.RUNNING)
         return int(max(end, key=lambda code: code != End.CAPTURED))
 
-    def observations(self, agents: list[str]) -> Table:
+    def observations(self, agents: list[str]) -> ByAgent:
         """Return what each agent observes."""
         places_m = np.concatenate([self._P, self._E])
         pursuers_present = np.ones(self._n, dtype=bool)
@@ -209,11 +209,11 @@ class TeamScenarioGame:
             parts.append(self._T[0, :2] - own_m[:2])
         return np.concatenate(parts)
 
-    def infos(self, agents: list[str]) -> Table:
+    def infos(self, agents: list[str]) -> ByAgent:
         """Return value, regret, winner and reason."""
         return {agent: self._info(agent) for agent in agents}
 
-    def _info(self, agent: str) -> Table:
+    def _info(self, agent: str) -> ByAgent:
         end = self.ended(agent)
         winner = Winner.UNDECIDED
         if self._number(agent) >= self._n:

@@ -32,7 +32,7 @@ COMPARED: Final = ("setpoint", "state", "requests", "by")
 """Compared parts of each cycle; `by` is absent in older records and then not compared."""
 
 
-Pair = tuple[Ned, Ned]
+VectorPair = tuple[Ned, Ned]
 
 
 class ReplayedCycle(NamedTuple):
@@ -141,8 +141,8 @@ def compare(
     setpoints = 0
     differing = 0
     first: ReplayedCycle | None = None
-    desired = list[Pair]()
-    commanded = list[Pair]()
+    desired = list[VectorPair]()
+    commanded = list[VectorPair]()
     for step in replay(path, settings_of, survey, what_if=what_if):
         row = step.row
         outputs = step.outputs
@@ -162,7 +162,7 @@ def compare(
     ), survey
 
 
-def difference_of(pairs: Sequence[Pair]) -> Difference:
+def difference_of(pairs: Sequence[VectorPair]) -> Difference:
     """Compare pairs of velocities, m/s. A NaN (no game in that cycle) is not counted; a zero vector has no angle."""
     a, b = (
         np.array([pair for pair in pairs if not np.isnan(pair).any()])

@@ -16,7 +16,7 @@ from guidance.session.observe.outputs import OutputOrder, open_outputs
 from guidance.session.observe.recording import recording, stopped_words
 from guidance.session.open.opened import (
     NOBODY,
-    AnyScenario,
+    FlyableScenario,
     Onlooker,
     Opened,
     Way,
@@ -29,7 +29,7 @@ from guidance.team import Member, MemoryTransport
 
 
 def fly_recorded(
-    scenario: AnyScenario, folder: Path | None, how: Way, onlooker: Onlooker = NOBODY
+    scenario: FlyableScenario, folder: Path | None, how: Way, onlooker: Onlooker = NOBODY
 ) -> MissionResult:
     """Fly a scenario of one vehicle or of a team, with records, and broadcasts where orders are taken.
 
@@ -98,7 +98,11 @@ def team_plan(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> TeamPlan:
 
 
 def _equip(
-    flight: Opened, scenario: AnyScenario, folder: Path | None, onlooker: Onlooker, stack: ExitStack
+    flight: Opened,
+    scenario: FlyableScenario,
+    folder: Path | None,
+    onlooker: Onlooker,
+    stack: ExitStack,
 ) -> None:
     """Give all vehicles their records, and broadcasts where orders are taken.
 

@@ -190,7 +190,7 @@ def _known_policy(policy: str) -> str:
     return policy
 
 
-Policy = Annotated[
+PolicyName = Annotated[
     str, AfterValidator(_known_policy), WithJsonSchema({"type": "string", "enum": _POLICIES})
 ]
 
@@ -360,7 +360,7 @@ class GameSection(Section):
     )
     climb_m_s: float = Field(1.5, gt=0.0, le=10.0, description="its climb rate")
     descent_m_s: float = Field(1.0, gt=0.0, le=10.0, description="its descent rate")
-    policy: Policy = Field("optimal", description="the pursuer's strategy")
+    policy: PolicyName = Field("optimal", description="the pursuer's strategy")
     navigation_gain: float = Field(
         3.0, ge=1.0, le=10.0, description="N of policy = proportional_navigation"
     )

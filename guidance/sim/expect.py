@@ -7,7 +7,7 @@ from pydantic import Field, field_validator, model_validator
 
 from guidance.config import RENAMED_EVENTS, Section
 
-End: TypeAlias = Literal["captured", "arrived", "time_up", "yielded", "failed"]
+EndName: TypeAlias = Literal["captured", "arrived", "time_up", "yielded", "failed"]
 """End of a run: capture, arrival at the target, time limit, takeover by a pilot, or failure."""
 
 
@@ -86,7 +86,7 @@ RENAMED_COLUMNS: Final[Mapping[str, str]] = {
 class Expectations(Ranges):
     """Expected values of the outcome's columns with the same names."""
 
-    end: End | None = Field(None, description="how the run ends")
+    end: EndName | None = Field(None, description="how the run ends")
     winner: Literal["pursuer", "evader", "none"] | None = Field(None, description="who wins")
     capture_time_s: Range | None = Field(None, description="from engagement to the capture")
     distance_to_disc_m: Range | None = Field(

@@ -23,7 +23,7 @@ from guidance.sim.scenario_file import has_teams
 from guidance.sim.teams import TeamOutcome, TeamScenario
 from guidance.sweeps.axes import Axis, Distribution, Integers, flat, grid_values, path_of
 
-Way = Literal["maths", "fast"]
+RunKind = Literal["maths", "fast"]
 """A row is point masses (maths), or a flight of the mock in virtual time (fast)."""
 
 FOLDER: Final = "sweeps"
@@ -120,7 +120,7 @@ class Plan(Section):
     scenario: Document = Field(
         description="a scenario's name or path; beside the sweep's file, or with the package"
     )
-    way: Way = Field(
+    way: RunKind = Field(
         "maths",
         alias="as",
         description="maths: point masses; fast: flights of the mock in virtual time",

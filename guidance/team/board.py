@@ -48,7 +48,7 @@ _SLACK_M: Final = 3.0
 _SWERVE_M_S2: Final = 5.0
 """Largest error of a position, and largest acceleration, that count as motion."""
 
-News = MateState | EvaderReport | None
+BoardNews = MateState | EvaderReport | None
 """What a message tells the flight."""
 
 
@@ -110,7 +110,7 @@ class Board:
         self.counts = Counter[str]()
         self.news = list[str]()
 
-    def hear(self, arrived_s: float, key: str, payload: bytes) -> News:
+    def hear(self, arrived_s: float, key: str, payload: bytes) -> BoardNews:
         """Take a message, or count why it is refused; return the mate's state or the evader's report that it tells.
 
         Args:
@@ -118,7 +118,7 @@ class Board:
             key: Without the prefix: `state/alpha`.
             payload: Untrusted bytes.
         """
-        takes: Mapping[type, Callable[[float, Any], News]]
+        takes: Mapping[type, Callable[[float, Any], BoardNews]]
         takes = {
             StateMessage: self._take_state,
             EvaderMessage: self._take_report,

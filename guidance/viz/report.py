@@ -42,8 +42,8 @@ from guidance.viz.figures import (
     thinned,
 )
 from guidance.viz.story import (
-    Row,
     Story,
+    TableRow,
     TeamStory,
     opening_words,
     story_of,
@@ -66,7 +66,7 @@ _MARGIN_CYCLES: Final = 50
 _MOST_EVENTS = 60
 mpl.rcParams["svg.hashsalt"] = "report"  # an SVG is reproducible byte for byte
 _SECTION: Final = re.compile(r'<section id="(\w+)">.*?</section>\n', re.DOTALL)
-Line = tuple[str, Array, Array, Style, str | None]
+Curve = tuple[str, Array, Array, Style, str | None]
 """A line over time: label of its axis, times, values, style, name."""
 
 Drawn = Iterable[tuple[str, Figure]]
@@ -132,7 +132,7 @@ def draw_game(story: Story) -> Figure:
     since_s = now_s - engaged_s
     game_style = EVADER | {"linewidth": 0.9}
     own_style = PURSUER | {"linewidth": 0.9}
-    lines: list[Line] = [
+    lines: list[Curve] = [
         ("range, m", now_s, column("gap_m"), PURSUER, "ground distance to the disc's rim"),
         ("range, m", now_s, column("height_gap_m"), EVADER, "height above the disc"),
         ("time to go, s", now_s, column("meeting_time_s"), EVADER, "the game's pursuer"),
@@ -177,7 +177,7 @@ def _draw_promise(axes: Any, story: Story) -> None:  # noqa: ANN401
 def draw_velocities(story: Story) -> Figure:
     """Draw the flown, commanded and desired velocity, by axis."""
     span = playing_span(story)
-    lines = list[Line]()
+    lines = list[Curve]()
     now_s = thinned(story.column("now_s")[span])
     thin = {"linewidth": 1.1}
     curves = (
@@ -198,7 +198,7 @@ def draw_ages(story: Story) -> Figure:
     """Draw ages of data, round-trip times and the loop's delays."""
     now_s = story.column("now_s")
 
-    def worst(panel: str, name: str, style: Style, label: str) -> Line:
+    def worst(panel: str, name: str, style: Style, label: str) -> Curve:
         seconds, worst_s = worst_of_each_second(now_s, story.column(name))
         steps = style | {"drawstyle": "steps-post"}
         return panel, seconds, 1e3 * worst_s, steps, label
@@ -207,7 +207,7 @@ def draw_ages(story: Story) -> Figure:
     round_trip_ms = 1e3 * story.column("round_trip_s")
     age = "oldest in each\nsecond, ms"
     loop = "loop, longest in\neach second, ms"
-    lines: list[Line] = [
+    lines: list[Curve] = [
         worst(age, "telemetry_age_s", PURSUER, "vehicle's position"),
         worst(age, "evader_age_s", EVADER, "evader's last report"),
         ("round trip, ms", now_s, round_trip_ms, dots, "TIMESYNC\nthere and back"),
@@ -221,7 +221,7 @@ def draw_ages(story: Story) -> Figure:
     return figure
 
 
-def over_time(story: Story, height: float, lines: Sequence[Line]) -> tuple[Figure, list[Any]]:
+def over_time(story: Story, height: float, lines: Sequence[Curve]) -> tuple[Figure, list[Any]]:
     """Draw panels of lines over time, mark engagement and capture; return the figure and the axes."""
     figure = figures.figure_of(11.0, height)
     panels = list(dict.fromkeys(panel for panel, *_ in lines))
@@ -537,7 +537,7 @@ def write_team_report(records: Mapping[str, Path], folder: Path) -> list[Path]:
 
 
 def write_page(
-    folder: Path, flights: Sequence[Story], drawn: Drawn, words: str, rows: Iterable[Row]
+    folder: Path, flights: Sequence[Story], drawn: Drawn, words: str, rows: Iterable[TableRow]
 ) -> list[Path]:
     """Write a page and its pictures; return the files, the page first.
 
@@ -602,6 +602,6 @@ def _embedded(figure: Figure) -> str:
     return f"data:image/svg+xml;base64,{encoded}"
 
 
-def _table_row(row: Row) -> str:
+def _table_row(row: TableRow) -> str:
     name, text = row
     return f"<tr><th scope='row'>{escape(name)}</th><td>{escape(text)}</td></tr>"

@@ -26,7 +26,7 @@ from guidance.session.flight_files import recorded_settings
 from guidance.session.fly.result import Capture, distance_to_target_m, least_distance_m, predicted
 from guidance.team.messages import Promise, RolesMessage
 
-Row = tuple[str, str]
+TableRow = tuple[str, str]
 """Name and value of a line of a table."""
 
 
@@ -222,7 +222,7 @@ def _limits_sentence(story: Story) -> str:
     return f"{limits}{speed_words} {alarms}"
 
 
-def summary(story: Story) -> Iterator[Row]:
+def summary(story: Story) -> Iterator[TableRow]:
     """Yield the rows of the summary table."""
     yield from _game_rows(story)
     survey = story.survey
@@ -255,7 +255,7 @@ def summary(story: Story) -> Iterator[Row]:
     yield "made by", ", ".join(versions)
 
 
-def _game_rows(story: Story) -> Iterator[Row]:
+def _game_rows(story: Story) -> Iterator[TableRow]:
     cycle = story.settings.cycle
     unit = "m from T" if story.with_target else "s"
     disc = cycle.game.standoff
@@ -504,7 +504,7 @@ def _replayed(team: TeamStory) -> str:
     return "every vehicle replays bit for bit"
 
 
-def team_summary(team: TeamStory) -> Iterator[Row]:
+def team_summary(team: TeamStory) -> Iterator[TableRow]:
     """Yield a row for each player."""
     for name, flight in team.flights.items():
         against = ", then ".join(_role_words(now_s, role) for now_s, role in _roles(flight))

@@ -10,7 +10,7 @@ from guidance.errors import ConfigError
 from guidance.session.fly.loop import Signals
 from guidance.session.fly.mission import MissionPolicy
 from guidance.session.open.links import open_vehicle
-from guidance.session.open.opened import AnyScenario, Onlooker, Opened, lost_features
+from guidance.session.open.opened import FlyableScenario, Onlooker, Opened, lost_features
 from guidance.session.orders.mailbox import ORDER_OF
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
@@ -34,7 +34,7 @@ class ByFile:
     engage: bool
     way: ClassVar[str] = "vehicle"
 
-    def open(self, scenario: AnyScenario, _: Onlooker, stack: ExitStack) -> Opened:
+    def open(self, scenario: FlyableScenario, _: Onlooker, stack: ExitStack) -> Opened:
         """Open all that the file names, and wait for the vehicle.
 
         Raises:
@@ -64,6 +64,6 @@ class ByFile:
             signals,
         )
 
-    def left_out(self, scenario: AnyScenario) -> Sequence[str]:
+    def left_out(self, scenario: FlyableScenario) -> Sequence[str]:
         """Name what of a scenario this vehicle flies without."""
         return lost_features(scenario, evader_simulated=False)

@@ -9,7 +9,7 @@ from guidance.clock import MonotonicClock, VirtualClock
 from guidance.links.opening import KINDS
 from guidance.session.fly.daemon import Equipment
 from guidance.session.open.opened import (
-    AnyScenario,
+    FlyableScenario,
     Onlooker,
     Opened,
     check_option,
@@ -48,7 +48,7 @@ class MockOptions:
         """The kind of run in an outcome row."""
         return "fast" if self.fast else "live"
 
-    def open(self, scenario: AnyScenario, onlooker: Onlooker, stack: ExitStack) -> Opened:
+    def open(self, scenario: FlyableScenario, onlooker: Onlooker, stack: ExitStack) -> Opened:
         """Open the mocks, and take orders."""
         (pursuits, team) = pursuits_and_team(scenario)
         clock = VirtualClock() if self.fast else MonotonicClock()
@@ -62,6 +62,6 @@ class MockOptions:
         world = (stepped.SteppedWorld if self.fast else in_real_time)(pursuits, clock)
         return Opened(pursuits, stack.enter_context(closing(world)), clock, buses, equipment, {})
 
-    def left_out(self, _scenario: AnyScenario) -> Sequence[str]:
+    def left_out(self, _scenario: FlyableScenario) -> Sequence[str]:
         """Nothing: a mock has faults and wind."""
         return ()

@@ -40,7 +40,7 @@ class Onlooker(NamedTuple):
 NOBODY: Final = Onlooker()
 
 
-AnyScenario = Scenario | TeamScenario
+FlyableScenario = Scenario | TeamScenario
 """A scenario of one vehicle, or of a team."""
 
 
@@ -57,7 +57,7 @@ class Opened(NamedTuple):
     signals: Signals | None = None
 
 
-def pursuits_and_team(scenario: AnyScenario) -> tuple[Sequence[Pursuit], str]:
+def pursuits_and_team(scenario: FlyableScenario) -> tuple[Sequence[Pursuit], str]:
     """Return who pursues whom, and the name of the team; empty without one."""
     if isinstance(scenario, Scenario):
         return (Pursuit(scenario),), ""
@@ -77,7 +77,7 @@ def check_option(option: str, value: str, allowed: Sequence[str]) -> None:
         raise ConfigError(f"{option} {value}: allowed are {', '.join(allowed)}")
 
 
-def lost_features(scenario: AnyScenario, *, evader_simulated: bool) -> Sequence[str]:
+def lost_features(scenario: FlyableScenario, *, evader_simulated: bool) -> Sequence[str]:
     """Name what of a scenario a vehicle that is not ours flies without; a simulated evader keeps its faults."""
     if isinstance(scenario, TeamScenario):
         return ()
@@ -96,8 +96,8 @@ class Way(Protocol):
     def way(self) -> str:
         """The kind of run in an outcome row."""
 
-    def open(self, scenario: AnyScenario, onlooker: Onlooker, stack: ExitStack) -> Opened:
+    def open(self, scenario: FlyableScenario, onlooker: Onlooker, stack: ExitStack) -> Opened:
         """Open everything; the stack closes it. Raises GuidanceError for everything that the user can mend."""
 
-    def left_out(self, scenario: AnyScenario) -> Sequence[str]:
+    def left_out(self, scenario: FlyableScenario) -> Sequence[str]:
         """Name what of a scenario this way flies without."""

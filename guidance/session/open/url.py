@@ -22,7 +22,7 @@ from guidance.session.fly.mission import MissionPolicy, Progress, Show
 from guidance.session.open import discovery
 from guidance.session.open.links import open_all, open_equipment
 from guidance.session.open.opened import (
-    AnyScenario,
+    FlyableScenario,
     Onlooker,
     Opened,
     check_option,
@@ -63,7 +63,7 @@ class Asked:
         for url in self.urls:
             parse(url)
 
-    def open(self, scenario: AnyScenario, onlooker: Onlooker, stack: ExitStack) -> Opened:
+    def open(self, scenario: FlyableScenario, onlooker: Onlooker, stack: ExitStack) -> Opened:
         """Find the vehicles, wait until they know their places, and lay the scenario about the home of the first.
 
         Raises:
@@ -95,7 +95,7 @@ class Asked:
             words = f"the scenario has {vehicles} vehicles: give one URL each"
             raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
 
-    def left_out(self, scenario: AnyScenario) -> Sequence[str]:
+    def left_out(self, scenario: FlyableScenario) -> Sequence[str]:
         """Name what of a scenario these vehicles fly without."""
         return lost_features(scenario, evader_simulated=True)
 
@@ -109,7 +109,7 @@ class Asked:
             mailbox.meanwhile = startup_answers(name, waiting, discovery.FOUND_WITHIN_S, clock)
 
     def reach(
-        self, scenario: AnyScenario, clock: Clock, world: World
+        self, scenario: FlyableScenario, clock: Clock, world: World
     ) -> tuple[Mapping[str, Config], Mapping[str, Wire]]:
         """Find the vehicles and open their links in a world, and a wire in memory for each evader's reports.
 
@@ -212,7 +212,7 @@ def _laid_where_they_stand(
     return laid
 
 
-def _separation(scenario: AnyScenario) -> dict[str, float] | None:
+def _separation(scenario: FlyableScenario) -> dict[str, float] | None:
     """Return how far the vehicles of a team stay from each other; None without a team."""
     if isinstance(scenario, Scenario):
         return None

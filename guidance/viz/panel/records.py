@@ -48,7 +48,7 @@ _REPORT_POLICY: Final = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'"
 )
 
-Key = tuple[str, int, int]
+FileKey = tuple[str, int, int]
 """Name, modification time (ns) and size of a record: the same key means the same content."""
 
 
@@ -62,8 +62,8 @@ class RecordFolder:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._temporary = tempfile.TemporaryDirectory(prefix="guidance-panel-")
-        self._outcomes: dict[Key, Mapping[str, Any]] = {}
-        self._products: dict[tuple[Key, str], Path] = {}  # the least recently used first
+        self._outcomes: dict[FileKey, Mapping[str, Any]] = {}
+        self._products: dict[tuple[FileKey, str], Path] = {}  # the least recently used first
         self._one_at_a_time = asyncio.Lock()
         self._reading: asyncio.Task[None] | None = None
 
@@ -108,7 +108,7 @@ class RecordFolder:
             await self._reading
         return self.listed()
 
-    async def _read(self, unread: Mapping[Path, Key]) -> None:
+    async def _read(self, unread: Mapping[Path, FileKey]) -> None:
         """Read the outcomes in one child, which prints each as a line."""
         with contextlib.suppress(OutputError, TimeoutError, OSError, ValueError):
             async for line in output_lines(*_SNAPSHOTS, "outcomes", *map(str, unread)):
@@ -222,6 +222,6 @@ def _attachment(name: str) -> str:
     return f'attachment; filename="{plain}"'
 
 
-def _file_key(name: str, path: Path) -> Key:
+def _file_key(name: str, path: Path) -> FileKey:
     status = path.stat()
     return name, status.st_mtime_ns, status.st_size
