@@ -231,10 +231,10 @@ def _draw_tad(figure: Any, cases: Sequence[Case], title: str) -> None:  # noqa: 
     for axes, up, height in ((plan, 1, "y"), (side, 2, "z")):
         _plot_tracks(axes, cases, [0, up], "m")
         for name, marker, point_m in zip(OFFSETS, "^so+*", points_m, strict=True):
-            place = (point_m[0], point_m[up])
+            position = (point_m[0], point_m[up])
             beside = {"xytext": OFFSETS[name], "textcoords": "offset points"}
-            axes.plot(*place, color="black", marker=marker, linestyle="", markersize=8)
-            axes.annotate(name, place, **beside, fontsize=12)
+            axes.plot(*position, color="black", marker=marker, linestyle="", markersize=8)
+            axes.annotate(name, position, **beside, fontsize=12)
         axes.set(xlabel="x, m", ylabel=f"{height}, m")
         axes.set_aspect("equal")
         axes.grid(color="0.9", linewidth=0.5)

@@ -59,18 +59,18 @@ class PursuitParallelEnv(ParallelEnv):
         between_points: bool = False,
     ) -> None:
         require_steps(step_s, 1)
-        played = scenario
-        if isinstance(played, (str, Path)):
-            played = load_any(str(played))[1]
+        loaded = scenario
+        if isinstance(loaded, (str, Path)):
+            loaded = load_any(str(loaded))[1]
         self._game: TeamScenarioGame | _Duel
-        if isinstance(played, TeamScenario):
+        if isinstance(loaded, TeamScenario):
             if between_points:
                 raise ConfigError(
                     "between_points = True: teams play between points always; leave it out"
                 )
-            self._game = TeamScenarioGame(played, step_s)
+            self._game = TeamScenarioGame(loaded, step_s)
         else:
-            self._game = _Duel(played, step_s, between_points=between_points)
+            self._game = _Duel(loaded, step_s, between_points=between_points)
         self.possible_agents = list(self._game.agents)
         self.agents: list[str] = []
         self._spaces = {agent: self._game.spaces(agent) for agent in self.possible_agents}
@@ -105,12 +105,12 @@ class PursuitParallelEnv(ParallelEnv):
         playing = self.agents
         velocities = {agent: self._velocity(agent, actions) for agent in playing}
         rewards = self._game.step(velocities)
-        ended = {agent: self._game.ended(agent) for agent in playing}
-        terminated = {agent: end not in {End.RUNNING, End.TIME_UP} for agent, end in ended.items()}
-        truncated = {agent: end == End.TIME_UP for agent, end in ended.items()}
+        ends = {agent: self._game.ended(agent) for agent in playing}
+        terminated = {agent: end not in {End.RUNNING, End.TIME_UP} for agent, end in ends.items()}
+        truncated = {agent: end == End.TIME_UP for agent, end in ends.items()}
         observations = self._game.observations(playing)
         infos = self._game.infos(playing)
-        self.agents = [agent for agent in playing if ended[agent] == End.RUNNING]
+        self.agents = [agent for agent in playing if ends[agent] == End.RUNNING]
         return (
             observations,
             {agent: rewards[agent] for agent in playing},
@@ -131,8 +131,8 @@ class _Duel:
     """A game of two players, steered by both."""
 
     def __init__(self, scenario: Scenario, step_s: float, *, between_points: bool) -> None:
-        held = with_policies(scenario, pursuer="hold", evader="hold")
-        arena = arena_of(held, between_points=between_points)
+        standing = with_policies(scenario, pursuer="hold", evader="hold")
+        arena = arena_of(standing, between_points=between_points)
         self._sides = {name: Side(name, arena) for name in SIDES}
         self._games = Games(arena, seeds_of(0, 1), step_s)
         self.agents = SIDES

@@ -117,8 +117,8 @@ class Games:
         left_s: Any = self._period_s
         rows = moment.row
         while True:
-            held = _velocities(batch, moment, steered)
-            moment = advance_held(batch, moment, ahead, held, left_s)
+            velocities = _velocities(batch, moment, steered)
+            moment = advance_held(batch, moment, ahead, velocities, left_s)
             heard_nothing(batch, moment)
             left_s = left_s - moment.step_s
             ahead = _look(batch, moment)
@@ -200,40 +200,40 @@ class Losses(NamedTuple):
     end: NDArray[np.int8]
 
 
-def losses_of(arena: Arena, batch: Batch, played: Iterable[BatchMoment]) -> Losses:
+def losses_of(arena: Arena, batch: Batch, moments: Iterable[BatchMoment]) -> Losses:
     """Return the losses of games that are played to their ends.
 
     Args:
         arena: Whose value counts.
         batch: The games.
-        played: All moments, as `guidance.sim.maths.moments` yields them.
+        moments: All of them, as `guidance.sim.maths.moments` yields them.
     """
     opening = moment_of_engagement(batch)
     solution = _solved(arena.valued, batch, opening)
     before = _scores(arena, batch, opening, solution)
     last = _owned(opening)
-    for moment in played:
-        ended = moment.end != End.RUNNING
-        if ended.any():
-            rows = moment.row[ended]
+    for moment in moments:
+        has_ended = moment.end != End.RUNNING
+        if has_ended.any():
+            rows = moment.row[has_ended]
             for name in ("now_s", "pursuer_m", "evader_m", "run_m_s", "end"):
-                getattr(last, name)[rows] = getattr(moment, name)[ended]
+                getattr(last, name)[rows] = getattr(moment, name)[has_ended]
     after = _scores(arena, batch, last, _solved(arena.valued, batch, last))
     if batch.target_m is not None:
         after = np.where(before > 0.0, np.maximum(after, 0.0), after)
     return Losses(before - after, solution.value, last.end)
 
 
-def put(whole: Any, part: Any, rows: NDArray[np.intp]) -> None:  # noqa: ANN401 - a record of arrays
+def put(record: Any, part: Any, rows: NDArray[np.intp]) -> None:  # noqa: ANN401 - a record of arrays
     """Write the arrays of a record into rows of the same arrays of another, also in records in it."""
-    if isinstance(whole, np.ndarray):
-        whole[rows] = part
-    elif isinstance(whole, tuple):
-        for field, value in zip(whole, part, strict=True):
+    if isinstance(record, np.ndarray):
+        record[rows] = part
+    elif isinstance(record, tuple):
+        for field, value in zip(record, part, strict=True):
             put(field, value, rows)
-    elif is_dataclass(whole):
-        for field in fields(whole):
-            put(getattr(whole, field.name), getattr(part, field.name), rows)
+    elif is_dataclass(record):
+        for field in fields(record):
+            put(getattr(record, field.name), getattr(part, field.name), rows)
 
 
 def _owned(record: Any) -> Any:  # noqa: ANN401 - a record of arrays

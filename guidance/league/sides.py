@@ -116,11 +116,11 @@ class Side(NamedTuple):
         limit_s = kind.time_limit_s
         away_m = 2.0 * self.arena.radius_m + (level_m_s + seen_m_s) * limit_s + noise_m
         rise_m = self.arena.heights_m[1] + float(game.standoff.height_m) + vertical_m_s * limit_s
-        flown = [level_m_s, level_m_s, vertical_m_s]
+        speeds_m_s = [level_m_s, level_m_s, vertical_m_s]
         if self.name == PURSUER:
-            high = [away_m, away_m, rise_m, seen_m_s, seen_m_s, *flown]
+            high = [away_m, away_m, rise_m, seen_m_s, seen_m_s, *speeds_m_s]
         else:
-            high = [away_m, away_m, rise_m, *flown, run_m_s, run_m_s]
+            high = [away_m, away_m, rise_m, *speeds_m_s, run_m_s, run_m_s]
         if kind.target is not None:
             high += [away_m, away_m]
         upper = np.array(high)
@@ -153,8 +153,8 @@ def side_of(
     policies = {name: "hold"}
     if opponent is not None:
         policies[opposing_side] = opponent
-    played = with_policies(scenario_of(scenario), **policies)
-    return Side(name, arena_of(played, between_points=between_points))
+    steered_scenario = with_policies(scenario_of(scenario), **policies)
+    return Side(name, arena_of(steered_scenario, between_points=between_points))
 
 
 def require_steps(step_s: float, count: int) -> None:

@@ -86,7 +86,7 @@ def arena_of(scenario: Scenario, *, between_points: bool = False) -> Arena:
         template = template._replace(game=point_game, lowest_m=min(float(template.lowest_m), 0.0))
     places = [scenario.pursuer.position_m[:2], scenario.evader.position_m]
     centre_m = places[0] if scenario.target is None else scenario.target.position_m
-    farthest_m = max(math.dist(centre_m, place) for place in places)
+    farthest_m = max(math.dist(centre_m, position_m) for position_m in places)
     roomy_m = 0.5 * (scenario.limits.fence_radius_m - HOME_SOUTH_M)
     radius_m = min(farthest_m, roomy_m)
     over_m = template.game.standoff.radius_m + scenario.standoff.tolerance_m

@@ -38,8 +38,8 @@ def cut_line(places: Sequence[Coordinates]) -> list[list[Coordinates]]:
 def cut_ring(ring: Sequence[Coordinates]) -> list[list[Coordinates]]:
     """Return the pieces of a closed ring, each closed, anticlockwise and within −180° to 180°."""
     continuous = _anticlockwise(unwrapped(ring))
-    first = _turns(min(place[0] for place in continuous))
-    last = _turns(max(place[0] for place in continuous))
+    first = _turns(min(coordinates[0] for coordinates in continuous))
+    last = _turns(max(coordinates[0] for coordinates in continuous))
     pieces = []
     for turns in range(first, last + 1):
         west_deg = 360.0 * turns - 180.0
@@ -73,7 +73,9 @@ def _at_longitude(before: Coordinates, after: Coordinates, longitude_deg: float)
 
 def _shifted(piece: Sequence[Coordinates]) -> list[Coordinates]:
     """Return a piece that lies within one turn, moved to −180° to 180°."""
-    middle_deg = 0.5 * (min(place[0] for place in piece) + max(place[0] for place in piece))
+    middle_deg = 0.5 * (
+        min(coordinates[0] for coordinates in piece) + max(coordinates[0] for coordinates in piece)
+    )
     shift_deg = 360.0 * _turns(middle_deg)
     return [(longitude - shift_deg, latitude, altitude) for longitude, latitude, altitude in piece]
 

@@ -214,7 +214,7 @@ def _first_point(points_m: Points) -> Point:
 
 def without_repeats(corners: Sequence[Point]) -> tuple[Point, ...]:
     """Return the corners without those that repeat the one before. A closed ring loses its last corner."""
-    kept = [corners[0], *(corner for before, corner in pairwise(corners) if corner != before)]
-    if len(kept) > 1 and kept[-1] == kept[0]:
-        kept.pop()
-    return tuple(kept)
+    distinct = [corners[0], *(corner for before, corner in pairwise(corners) if corner != before)]
+    if len(distinct) > 1 and distinct[-1] == distinct[0]:
+        distinct.pop()
+    return tuple(distinct)

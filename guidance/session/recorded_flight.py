@@ -114,11 +114,13 @@ def _equip(
     now_s = flight.clock.now_s
     stamp = flight.clock if flight.world.real_time else None
     ends = dict[str, MemoryTransport]()
-    for number, (own, name, first) in enumerate(flight.pursuits):
-        metadata = flight_metadata(own, flight.configs.get(name), stamp)
+    for number, (own_scenario, name, first) in enumerate(flight.pursuits):
+        metadata = flight_metadata(own_scenario, flight.configs.get(name), stamp)
         bus = flight.buses.get(name)
-        used = flight.equipment[name]
-        used.ask = asked_in_flight(own, flight.clock, real_time=flight.world.real_time)
+        equipment = flight.equipment[name]
+        equipment.ask = asked_in_flight(
+            own_scenario, flight.clock, real_time=flight.world.real_time
+        )
         if isinstance(scenario, TeamScenario):
             metadata |= {
                 TEAM: team_plan(scenario, flight.pursuits).model_dump_json(),
@@ -130,14 +132,14 @@ def _equip(
                 else MemoryTransport(name, ends, now_s)
             )
             stack.callback(transport.close)
-            epoch = random.Random(f"{own.seed} {number}").getrandbits(48)
+            epoch = random.Random(f"{own_scenario.seed} {number}").getrandbits(48)
             above_m = scenario.flight.separation_height_m
-            used.team = Member(
+            equipment.team = Member(
                 name, names, [first, *evaders], transport, epoch=epoch, separation_height_m=above_m
             )
         if folder is not None:
-            path = (folder if used.team is None else folder / name) / RECORD
-            used.record = stack.enter_context(
+            path = (folder if equipment.team is None else folder / name) / RECORD
+            equipment.record = stack.enter_context(
                 recording(path, metadata, real_time=flight.world.real_time)
             )
         link = flight.world.links[name]
@@ -147,10 +149,10 @@ def _equip(
             metadata=metadata,
             clock=flight.clock,
             link=link,
-            mailbox=used.mailbox,
+            mailbox=equipment.mailbox,
             config=config,
             bus=bus,
             ground_link=flight.world.ground_links.get(name),
             ros=onlooker.ros,
         )
-        used.sinks += open_outputs(order, stack)
+        equipment.sinks += open_outputs(order, stack)

@@ -146,9 +146,9 @@ def moment_of_engagement(batch: Batch) -> BatchMoment:
     zero_s = np.zeros(count)
     zero_m_s = np.zeros_like(P)
     turning_rad_s = None
-    heard = None
+    knowledge = None
     if sensor != PERFECT:
-        heard = first_knowledge(sensor, E)
+        knowledge = first_knowledge(sensor, E)
     elif batch.pursuer.name == PROPORTIONAL:
         turning_rad_s = np.zeros_like(P)
     nothing_happened = np.zeros((count, len(LIMITS) + 2), dtype=bool)
@@ -163,7 +163,7 @@ def moment_of_engagement(batch: Batch) -> BatchMoment:
         pursuer_m=P,
         evader_m=E,
         turning_rad_s=turning_rad_s,
-        heard=heard,
+        heard=knowledge,
         standoff_m=_level(P - E),
         altitude_m=P[:, 2],
         happened=nothing_happened,
@@ -184,8 +184,8 @@ def _play_kind(scenarios: Sequence[Scenario]) -> list[Outcome]:
     outcomes = dict[int, Outcome]()
     finished = np.zeros(len(scenarios), dtype=bool)
     for moment in moments(batch):
-        ended = moment.end != End.RUNNING
-        newly_ended = ended & ~finished[moment.row]
+        has_ended = moment.end != End.RUNNING
+        newly_ended = has_ended & ~finished[moment.row]
         if newly_ended.any():
             finished[moment.row[newly_ended]] = True
             for last in _one_by_one(rows_of(moment, itemgetter(newly_ended))):
@@ -238,16 +238,16 @@ def _advance(batch: Batch, moment: BatchMoment, ahead: Ahead) -> BatchMoment:
 
 def heard_nothing(batch: Batch, moment: BatchMoment) -> NDArray[np.bool_]:
     """Make the measurements and receive the reports that are due; return who has waited too long for one, (n,)."""
-    heard = moment.heard
-    if heard is None:
+    knowledge = moment.heard
+    if knowledge is None:
         return np.zeros(len(moment.row), dtype=bool)
     sensor = batch.kind.sensor
-    receive_reports(sensor, batch.noise, heard, moment.now_s, moment.evader_m, moment.run_m_s)
-    return np.asarray(moment.now_s - heard.measured_s > TIMEOUT_S)
+    receive_reports(sensor, batch.noise, knowledge, moment.now_s, moment.evader_m, moment.run_m_s)
+    return np.asarray(moment.now_s - knowledge.measured_s > TIMEOUT_S)
 
 
 def advance_held(
-    batch: Batch, moment: BatchMoment, ahead: Ahead, held: Slope, longest_s: Real
+    batch: Batch, moment: BatchMoment, ahead: Ahead, velocities: Slope, longest_s: Real
 ) -> BatchMoment:
     """Fly velocities of both players for one step, no longer than to the next event of a game.
 
@@ -255,10 +255,10 @@ def advance_held(
         batch: The games.
         moment: The present one, after `heard_nothing`. A pursuer that hears nothing waits, whatever is asked for.
         ahead: Of the present moment.
-        held: Velocities over the ground, (n, 3), m/s, and where the moment has one, the rate of turn.
+        velocities: Velocities over the ground, (n, 3), m/s, and where the moment has one, the rate of turn.
         longest_s: Longest step, one number or (n,).
     """
-    v, w, *turn = held
+    v, w, *turn = velocities
     no_game = ~np.isfinite(v[:, 0])
     waiting = np.zeros(len(v), dtype=bool)
     if moment.heard is not None:
@@ -483,13 +483,13 @@ class View(NamedTuple):
 def view_of(batch: Batch, moment: BatchMoment, E: Array, run_m_s: Array) -> View:
     """Return what the pursuers know of evaders at E that run; late and noisy where the scenario has a sensor."""
     if moment.heard is not None:
-        heard = moment.heard
+        knowledge = moment.heard
         known_m, bound_m_s, age_s = extrapolated(
-            batch.noise, heard, batch.believed_m_s, moment.now_s
+            batch.noise, knowledge, batch.believed_m_s, moment.now_s
         )
         information_age_s = np.minimum(age_s, TIMEOUT_S)
         aged = replace(batch.game, evader_speed_m_s=bound_m_s, information_age_s=information_age_s)
-        return View(aged, known_m, heard.velocity_m_s)
+        return View(aged, known_m, knowledge.velocity_m_s)
     if batch.is_agreed:
         return View(batch.game, E, run_m_s)
     fastest_m_s = np.maximum(batch.believed_m_s, _level(run_m_s))

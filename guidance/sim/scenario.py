@@ -279,10 +279,10 @@ class AnyScenario(Section):
                 named = {}
             for key, group in (named or {player: section}).items():
                 if group.policy not in allowed and not (may_be_own and is_own(group.policy)):
-                    own = (
+                    own_words = (
                         ", and your own: module:function or file.py:function" if may_be_own else ""
                     )
-                    yield f"{key}.policy = {group.policy!r}: allowed are {', '.join(allowed)}{own}"
+                    yield f"{key}.policy = {group.policy!r}: allowed are {', '.join(allowed)}{own_words}"
                 if group.policy == "task_oriented" and self.target is None:
                     yield f"{key}.policy = {group.policy!r}: needs target.position_m"
 

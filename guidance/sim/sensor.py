@@ -82,69 +82,71 @@ def first_knowledge(sensor: Sensor, evader_m: Array) -> Received:
     )
 
 
-def next_event_s(sensor: Sensor, heard: Received) -> Array:
+def next_event_s(sensor: Sensor, knowledge: Received) -> Array:
     """Return the times, (n,), of the next measurement or arrival."""
     period_s = 1.0 / _rate_hz(sensor)
     return np.asarray(
-        np.minimum(heard.measurements * period_s, heard.arrivals * period_s + sensor.latency_s)
+        np.minimum(
+            knowledge.measurements * period_s, knowledge.arrivals * period_s + sensor.latency_s
+        )
     )
 
 
 def receive_reports(
-    sensor: Sensor, noise: Noise, heard: Received, now_s: Array, evader_m: Array, run_m_s: Array
+    sensor: Sensor, noise: Noise, knowledge: Received, now_s: Array, evader_m: Array, run_m_s: Array
 ) -> None:
     """Make the measurements and receive the reports that are due; call it once in a period at least.
 
     Args:
         sensor: Rate, latency and dropouts.
         noise: Standard deviations and seeds, (n,).
-        heard: Knowledge so far; its arrays are changed.
+        knowledge: So far; its arrays are changed.
         now_s: Time of each row, (n,).
         evader_m: Position of the evader, (n, 3), m.
         run_m_s: Velocity of the evader, (n, 3).
     """
     period_s = 1.0 / _rate_hz(sensor)
     near_s = now_s + 1e-9
-    ring = heard.on_the_way
-    rows = np.flatnonzero(heard.measurements * period_s <= near_s)
-    number = heard.measurements[rows]
+    ring = knowledge.on_the_way
+    rows = np.flatnonzero(knowledge.measurements * period_s <= near_s)
+    number = knowledge.measurements[rows]
     report = np.concatenate([evader_m[rows], run_m_s[rows]], axis=1)
     for column, stream in _STREAMS.items():
         spread = noise.position_m if column < 3 else noise.velocity_m_s
         spreads = np.broadcast_to(spread, now_s.shape)[rows]
         report[:, column] += spreads * normal(noise.seed[rows], stream, number)
     ring[rows, number % ring.shape[1]] = report
-    heard.measurements[rows] += 1
+    knowledge.measurements[rows] += 1
     # Each of these has been measured
-    rows = np.flatnonzero(heard.arrivals * period_s + sensor.latency_s <= near_s)
-    number = heard.arrivals[rows]
+    rows = np.flatnonzero(knowledge.arrivals * period_s + sensor.latency_s <= near_s)
+    number = knowledge.arrivals[rows]
     dropout = np.broadcast_to(noise.dropout, now_s.shape)[rows]
     arrives = uniform(noise.seed[rows], DROPOUT_STREAM, number) >= dropout
     for begin_s, end_s in sensor.outages_s:
         arrives &= ~((now_s[rows] >= begin_s) & (now_s[rows] < end_s))
-    heard.arrivals[rows] += 1
+    knowledge.arrivals[rows] += 1
     rows = rows[arrives]
     number = number[arrives]
     arrived = ring[rows, number % ring.shape[1]]
-    heard.position_m[rows] = arrived[:, :3]
-    heard.velocity_m_s[rows] = arrived[:, 3:]
-    heard.measured_s[rows] = number * period_s
+    knowledge.position_m[rows] = arrived[:, :3]
+    knowledge.velocity_m_s[rows] = arrived[:, 3:]
+    knowledge.measured_s[rows] = number * period_s
 
 
 def extrapolated(
-    noise: Noise, heard: Received, declared_m_s: Real, now_s: Array
+    noise: Noise, knowledge: Received, declared_m_s: Real, now_s: Array
 ) -> tuple[Array, Real, Array]:
     """Extrapolate the last report to the present: return the evader's position, speed bound, and the report's age.
 
     Args:
         noise: Standard deviations, (n,).
-        heard: Knowledge so far.
+        knowledge: So far.
         declared_m_s: Speed bound that the evader declares.
         now_s: Time of each row, (n,).
     """
-    age_s = np.maximum(now_s - heard.measured_s, 0.0)
-    position_m = heard.position_m + age_s[:, None] * heard.velocity_m_s
-    seen_m_s = np.sqrt(heard.velocity_m_s[:, 0] ** 2 + heard.velocity_m_s[:, 1] ** 2)
+    age_s = np.maximum(now_s - knowledge.measured_s, 0.0)
+    position_m = knowledge.position_m + age_s[:, None] * knowledge.velocity_m_s
+    seen_m_s = np.sqrt(knowledge.velocity_m_s[:, 0] ** 2 + knowledge.velocity_m_s[:, 1] ** 2)
     bound = np.maximum(declared_m_s, seen_m_s - _SURE * noise.velocity_m_s)
     return position_m, bound, age_s
 

@@ -183,8 +183,8 @@ def answer_of(name: str, choose: Choose, observation: Array) -> Answer:
         action = action_of(name, choose, observation, PURSUER_SHARES)
     except PolicyError as error:
         return str(error)
-    known = np.where(np.isfinite(action[0]), action[0], np.nan)
-    return tuple(known.tolist())
+    finite_action = np.where(np.isfinite(action[0]), action[0], np.nan)
+    return tuple(finite_action.tolist())
 
 
 def observe_pursuit(
@@ -205,14 +205,14 @@ def observe_pursuit(
         last_m_s: Velocity that the pursuer asked for last, (n, 3).
         target_m: (n, 3), or None in PE.
     """
-    seen = _blank(len(pursuer_m), target_m)
-    _fill(seen, 0, evader_m - pursuer_m)
-    seen[:, 2] += game.standoff.height_m
-    _fill(seen, 3, evader_m_s[:, :2])
-    _fill(seen, 5, last_m_s)
+    observations = _blank(len(pursuer_m), target_m)
+    _fill(observations, 0, evader_m - pursuer_m)
+    observations[:, 2] += game.standoff.height_m
+    _fill(observations, 3, evader_m_s[:, :2])
+    _fill(observations, 5, last_m_s)
     if target_m is not None:
-        _fill(seen, 8, target_m[:, :2] - pursuer_m[:, :2])
-    return seen
+        _fill(observations, 8, target_m[:, :2] - pursuer_m[:, :2])
+    return observations
 
 
 def observe_evasion(
@@ -224,14 +224,14 @@ def observe_evasion(
     target_m: Array | None,
 ) -> Array:
     """Return the evader's observations, (n, 8), or (n, 10) with a target; arguments as of `observe_pursuit`."""
-    seen = _blank(len(pursuer_m), target_m)
-    _fill(seen, 0, pursuer_m - evader_m)
-    seen[:, 2] -= game.standoff.height_m
-    _fill(seen, 3, pursuer_m_s)
-    _fill(seen, 6, last_m_s[:, :2])
+    observations = _blank(len(pursuer_m), target_m)
+    _fill(observations, 0, pursuer_m - evader_m)
+    observations[:, 2] -= game.standoff.height_m
+    _fill(observations, 3, pursuer_m_s)
+    _fill(observations, 6, last_m_s[:, :2])
     if target_m is not None:
-        _fill(seen, 8, target_m[:, :2] - evader_m[:, :2])
-    return seen
+        _fill(observations, 8, target_m[:, :2] - evader_m[:, :2])
+    return observations
 
 
 def _blank(rows: int, target_m: Array | None) -> Array:
@@ -239,10 +239,10 @@ def _blank(rows: int, target_m: Array | None) -> Array:
     return np.empty((rows, columns))
 
 
-def _fill(seen: Array, first: int, columns: Array) -> None:
+def _fill(observations: Array, first: int, columns: Array) -> None:
     """Write columns (n, k) into observations. One by one, because NumPy takes six times as long for short rows."""
     for number in range(columns.shape[1]):
-        seen[:, first + number] = columns[:, number]
+        observations[:, first + number] = columns[:, number]
 
 
 def pursuer_velocity(game: Game, action: Array) -> Array:
@@ -250,9 +250,9 @@ def pursuer_velocity(game: Game, action: Array) -> Array:
     speeds = game.pursuer
     level_m_s = _speed_rows(speeds.horizontal_m_s)
     share = action[:, 2]
-    asked = action * level_m_s[:, None]
-    asked[:, 2] = share * np.where(share > 0.0, speeds.climb_m_s, speeds.descent_m_s)
-    velocity = speeds.flyable(asked)
+    commanded_m_s = action * level_m_s[:, None]
+    commanded_m_s[:, 2] = share * np.where(share > 0.0, speeds.climb_m_s, speeds.descent_m_s)
+    velocity = speeds.flyable(commanded_m_s)
     if not game.calm:
         velocity[:, 0] += game.wind_m_s[0]
         velocity[:, 1] += game.wind_m_s[1]
@@ -303,15 +303,15 @@ def asked_evasion(
 ) -> Array:
     """Return the velocities, (..., 3), m/s, that a user's policy asks for; zero where it has no answer."""
     if evader_m.ndim == 1:  # one state, in flight
-        seen = None if pursuer_m_s is None else pursuer_m_s[None]
+        velocity_m_s = None if pursuer_m_s is None else pursuer_m_s[None]
         last = None if last_m_s is None else last_m_s[None]
         goal = None if target_m is None else target_m[None]
-        rows = asked_evasion(name, game, pursuer_m[None], evader_m[None], goal, seen, last)
+        rows = asked_evasion(name, game, pursuer_m[None], evader_m[None], goal, velocity_m_s, last)
         return np.asarray(rows[0])
     still = np.zeros_like(evader_m)
-    seen = still if pursuer_m_s is None else pursuer_m_s
+    velocity_m_s = still if pursuer_m_s is None else pursuer_m_s
     last = still if last_m_s is None else last_m_s
-    observation = observe_evasion(game, pursuer_m, evader_m, seen, last, target_m)
+    observation = observe_evasion(game, pursuer_m, evader_m, velocity_m_s, last, target_m)
     try:
         action = action_of(name, load_policy(name), observation, EVADER_SHARES)
     except PolicyError:

@@ -251,9 +251,9 @@ def _processors() -> int:
     return 1 if count is None else count
 
 
-def _interrupted(kept: int, rows: int) -> str:
+def _interrupted(kept_rows: int, rows: int) -> str:
     """Say what remains of an interrupted sweep."""
-    rows_kept = f"{kept} of {rows} rows are kept" if kept else "no rows were written yet"
+    rows_kept = f"{kept_rows} of {rows} rows are kept" if kept_rows else "no rows were written yet"
     return f"interrupted: {rows_kept}; run the same command to continue"
 
 

@@ -252,8 +252,8 @@ class Coordinator:
         promises = {promise.evader: promise for promise in self._promised}
         for name, promise in promises.items():
             if promise.value is not None and name in evaders:
-                left = promise.value - passed_s
-                promises[name] = promise.model_copy(update={"value": left})
+                value_left = promise.value - passed_s
+                promises[name] = promise.model_copy(update={"value": value_left})
         return promises
 
     def _kept_or_broken(

@@ -169,15 +169,15 @@ class RosOutput(Sink):
 
     def _joined(self) -> Session | None:
         """Return a session on the router as soon as it answers; None at the end."""
-        told = False
+        is_logged = False
         while not is_over(self._stop):
             try:
                 return open_session(
                     self._section.endpoint, timeout_s=_ROUTER_S, credentials=self._credentials
                 )
             except LinkError as error:
-                if not told:
-                    told = True
+                if not is_logged:
+                    is_logged = True
                     self._log.warning("no ROS 2 topics yet, trying again: %s", error)
             if is_over(self._stop, RETRY_S):
                 return None
