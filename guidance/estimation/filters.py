@@ -16,8 +16,8 @@ The height has a filter of its own with two states, down and its rate.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from operator import itemgetter
+from collections.abc import Callable, Iterable, Sequence
+from operator import itemgetter, mul
 from typing import Final, NamedTuple
 
 from guidance.estimation.measurement import TrackSettings
@@ -220,7 +220,7 @@ class TurnJacobian(NamedTuple):
         """Return the lower triangle of J P Jᵀ for the lower triangle of P."""
         sine, cosine, along_s, across_s, _, _ = self.turn
         _, north_by_turn, east_by_turn, north_rate_by_turn, east_rate_by_turn, fade = self
-        columns = [row(covariance) for row in _LAYOUTS[5].rows]
+        columns: Iterable[tuple[float, ...]] = [row(covariance) for row in _LAYOUTS[5].rows]
         for _ in range(2):  # the first (J P)ᵀ is P Jᵀ, as P is symmetric; the second is J P Jᵀ
             products = [
                 (
@@ -232,8 +232,14 @@ class TurnJacobian(NamedTuple):
                 )
                 for north, east, north_rate, east_rate, turn_rate in columns
             ]
-            columns = [*zip(*products, strict=True)]
-        return [columns[column][row] for row, column in _CELLS]
+            columns = zip(*products, strict=True)
+        return [
+            *products[0][:1],
+            *products[1][:2],
+            *products[2][:3],
+            *products[3][:4],
+            *products[4],
+        ]
 
 
 def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
@@ -331,11 +337,10 @@ def blended(first: Normal, second: Normal, share: float) -> Normal:
     apart = [theirs - ours for ours, theirs in pairs]
     mean = [remainder * ours + share * theirs for ours, theirs in pairs]
     layout = _LAYOUTS[len(apart)]
-    between = (layout.by_row(apart), layout.by_column(apart))
-    cells = zip(first.covariance, second.covariance, *between, strict=False)
+    between = map(mul, layout.by_row(apart), layout.by_column(apart))
+    cells = zip(first.covariance, second.covariance, between, strict=False)
     covariance = [
-        remainder * ours + share * theirs + spread * (row * column)
-        for ours, theirs, row, column in cells
+        remainder * ours + share * theirs + spread * product for ours, theirs, product in cells
     ]
     return Normal(mean, covariance)
 

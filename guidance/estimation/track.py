@@ -107,7 +107,7 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
             history = (*history, Accepted(later.measurement, corrected))
     outcome = ReportOutcome.REORDERED if earlier < len(track.history) else ReportOutcome.ACCEPTED
     recent = _recent(history, settings.history_s)
-    return _anchored(replace(track, history=recent, rival=None, outcome=outcome), settings)
+    return _anchored(Track(recent, None, outcome, track.anchors), settings)
 
 
 def _recent(history: tuple[Accepted, ...], span_s: float) -> tuple[Accepted, ...]:

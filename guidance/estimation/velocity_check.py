@@ -38,6 +38,7 @@ class Sample(NamedTuple):
         position_m: The reported position, metres.
         velocity_m_s: The reported velocity, m/s.
         integrated_m: Integral of the velocities since the first sample, metres.
+        remainder_m: What it leaves of the position, metres.
         position_sd_m: Standard deviation of the position.
     """
 
@@ -45,6 +46,7 @@ class Sample(NamedTuple):
     position_m: tuple[float, float]
     velocity_m_s: tuple[float, float]
     integrated_m: tuple[float, float]
+    remainder_m: tuple[float, float]
     position_sd_m: float
 
 
@@ -98,15 +100,15 @@ def check_velocity(check: VelocityCheck, measurement: Measurement) -> VelocityCh
         (north_m, east_m),
         (north_m_s, east_m_s),
         integrated_m,
+        (north_m - integrated_m[0], east_m - integrated_m[1]),
         measurement.position_sd_m,
     )
     if step_s > _LONGEST_GAP_S:
         return check._replace(samples=(sample,), wrong_since_s=math.nan, wrong_samples=0)
     samples = _windowed((*check.samples, sample))
-    check = check._replace(samples=samples)
     if len(samples) < _LEAST_SAMPLES or time_s - samples[0].time_s < WINDOW_S - _APART_S:
-        return check
-    return _judged(check, step_s)
+        return check._replace(samples=samples)
+    return _judged(check, samples, step_s)
 
 
 def _windowed(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
@@ -119,32 +121,27 @@ def _windowed(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
     return samples[first:]
 
 
-def _judged(check: VelocityCheck, step_s: float) -> VelocityCheck:
-    samples = check.samples
-    time_s = samples[-1].time_s
+def _judged(check: VelocityCheck, samples: tuple[Sample, ...], step_s: float) -> VelocityCheck:
+    """Compare the velocities of a whole window; the last sample came `step_s` after the one before it."""
     error_m_s, speed_m_s, spread_s2 = _fitted(samples)
     position_sd_m = max(sample.position_sd_m for sample in samples)
     allowed_m_s = max(_TOLERANCE_M_S, _SIGMAS * position_sd_m / math.sqrt(spread_s2))
-    check = check._replace(error_m_s=error_m_s)
     if error_m_s <= allowed_m_s:
-        check = check._replace(wrong_since_s=math.nan, wrong_samples=0)
         right_s = check.right_s
         if error_m_s > 0.5 * allowed_m_s:
             right_s = 0.0
         elif speed_m_s > _MOVING_M_S:
             right_s += step_s
-        return check._replace(right_s=right_s, believed=check.believed or right_s > _RIGHT_AFTER_S)
+        believed = check.believed or right_s > _RIGHT_AFTER_S
+        return VelocityCheck(believed, error_m_s, samples, right_s=right_s)
+    time_s = samples[-1].time_s
     since_s = check.wrong_since_s
     if math.isnan(since_s):
         since_s = time_s
     wrong_samples = check.wrong_samples + 1
     lasting = time_s - since_s >= _WRONG_AFTER_S and wrong_samples >= _WRONG_SAMPLES
-    return check._replace(
-        believed=check.believed and not lasting,
-        wrong_since_s=since_s,
-        wrong_samples=wrong_samples,
-        right_s=0.0,
-    )
+    believed = check.believed and not lasting
+    return VelocityCheck(believed, error_m_s, samples, since_s, wrong_samples)
 
 
 class Fit(NamedTuple):
@@ -167,17 +164,9 @@ def _fitted(samples: Sequence[Sample]) -> Fit:
     mean_s = sum(times_s) / len(times_s)
     from_mean_s = [time_s - mean_s for time_s in times_s]
     spread_s2 = sum(offset_s**2 for offset_s in from_mean_s)
-    positions_m = [sample.position_m for sample in samples]
-    remainders_m = [
-        (
-            sample.position_m[0] - sample.integrated_m[0],
-            sample.position_m[1] - sample.integrated_m[1],
-        )
-        for sample in samples
-    ]
     return Fit(
-        _slope(from_mean_s, spread_s2, remainders_m),
-        _slope(from_mean_s, spread_s2, positions_m),
+        _slope(from_mean_s, spread_s2, [sample.remainder_m for sample in samples]),
+        _slope(from_mean_s, spread_s2, [sample.position_m for sample in samples]),
         spread_s2,
     )
 
