@@ -28,7 +28,8 @@ class Px4Gains:
     thrust_level_margin: float = (
         0.3  # MPC_THR_XY_MARG: share of full throttle reserved for horizontal control
     )
-    hover_lag_s: float = 6.0  # MPC_USE_HTE: time constant of the hover thrust estimate; measured
+    # MPC_USE_HTE: time constant of the hover thrust estimate; 8 to 12 s in its own logs
+    hover_lag_s: float = 10.0
     spool_s: float = 1.0  # COM_SPOOLUP_TIME
     ramp_s: float = 3.0  # MPC_TKO_RAMP_T
     take_off_wish_m_s: float = 0.1  # a climb faster than this on the ground starts the ramp
