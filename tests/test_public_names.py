@@ -33,7 +33,7 @@ def test_what_is_offered_is_there_and_has_types(name):
         what = getattr(package, one)
         if inspect.isfunction(what):
             parameters = inspect.signature(what).parameters.values()
-            assert all(each.annotation is not each.empty for each in parameters), one
+            assert all(parameter.annotation is not parameter.empty for parameter in parameters), one
 
 
 def test_the_page_of_what_is_stable_names_packages_that_are_there():

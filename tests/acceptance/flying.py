@@ -259,7 +259,7 @@ def _pilot(case, relay, flown, line):
     yield line(
         f"yielded within {YIELDED_WITHIN_S:g} s", f"{took_s:.1f} s", held=took_s <= YIELDED_WITHIN_S
     )
-    after = sum(one > (yielded_s or at_s) + 0.1 for one in relay.seen.setpoints_s)
+    after = sum(setpoint > (yielded_s or at_s) + 0.1 for setpoint in relay.seen.setpoints_s)
     yield line("silent from then on", f"{after} setpoints", held=after == 0)
     mode = relay.mode()
     last_s = max(relay.seen.setpoints_s, default=at_s) - at_s
@@ -286,7 +286,7 @@ def _held(case, relay, flown, line):
     )
     kept_s = time.monotonic() - at_s
     yield line(f"held for {HELD_S:g} s", f"{relay.mode()} after {kept_s:.1f} s", held=not left)
-    after = sum(one > silent_s + 0.5 for one in relay.seen.setpoints_s)
+    after = sum(setpoint > silent_s + 0.5 for setpoint in relay.seen.setpoints_s)
     yield line("silent while held", f"{after} setpoints", held=after == 0)
     said = any("held by operator" in words for _, words in flown.said)
     yield line("the terminal says so", "held by operator" if said else "not said", held=said)

@@ -112,7 +112,9 @@ class Field:
         clock = MonotonicClock()
         site = scenario.flight.site
         self._frame = LocalFrame(site.latitude_deg, site.longitude_deg, Amsl(site.altitude_amsl_m))
-        chased = {one.evader: one.scenario for one in reversed(pursuits_of_team(scenario))}
+        chased = {
+            pursuit.evader: pursuit.scenario for pursuit in reversed(pursuits_of_team(scenario))
+        }
         self._radios = {
             name: FanOut([UdpWire(clock.now_s, "127.0.0.1", ports[name][to]) for to in NAMES])
             for name in chased
@@ -272,13 +274,13 @@ class Team:
             self.daemons[name] = subprocess.Popen(command, stdout=log, stderr=log)
 
     def _end(self) -> None:
-        for one in self.daemons.values():
-            one.send_signal(signal.SIGTERM)
-        for one in self.daemons.values():
+        for daemon in self.daemons.values():
+            daemon.send_signal(signal.SIGTERM)
+        for daemon in self.daemons.values():
             try:
-                one.wait(20.0)
+                daemon.wait(20.0)
             except subprocess.TimeoutExpired:
-                one.kill()
+                daemon.kill()
 
     def order(self, word: str, *names: str) -> dict[str, dict[str, Any]]:
         """Give an order to the team, or to some of it; return the answers by name."""
@@ -309,7 +311,7 @@ class Team:
     def accepted(self, word: str) -> bool:
         """Give an order; return whether all accepted it."""
         answers = self.order(word)
-        return bool(answers) and all(one["accepted"] for one in answers.values())
+        return bool(answers) and all(answer["accepted"] for answer in answers.values())
 
     def state(self, name: str) -> str:
         """Return the state that a vehicle published last."""
@@ -396,7 +398,9 @@ def fly(case: Case, relays: dict[str, Relay], folder: Path) -> Iterator[Line]:
 def _killed(team: Team, line: Callable[..., Line], able: list[str]) -> Iterator[Line]:
     field = team.field
     leader = field.roles[-1][1].vehicle
-    before = {one.evader for one in field.roles[-1][1].promises if one.value is not None}
+    before = {
+        promise.evader for promise in field.roles[-1][1].promises if promise.value is not None
+    }
     team.daemons[leader].kill()
     killed_s = time.monotonic()
     able.remove(leader)
@@ -410,7 +414,7 @@ def _killed(team: Team, line: Callable[..., Line], able: list[str]) -> Iterator[
         f"{leader} killed, {'nobody' if roles is None else roles.vehicle} after {taken_s - killed_s:.2f} s",
         taken_s - killed_s < 2.0,
     )
-    there = set() if roles is None else {one.evader for one in roles.promises}
+    there = set() if roles is None else {promise.evader for promise in roles.promises}
     yield line("with the same promises", ", ".join(sorted(there)), there >= before)
     relay = team.relays[leader]
     wait(lambda: relay.mode() is not Mode.GUIDED, 6.0)
@@ -443,11 +447,11 @@ def _hold(team: Team, line: Callable[..., Line], _able: list[str]) -> Iterator[L
     asked_s = time.monotonic()
     answers = team.order("hold")
     held_s = time.monotonic() - asked_s
-    words = f"{sum(one['accepted'] for one in answers.values())} of 3 in {held_s:.2f} s"
+    words = f"{sum(answer['accepted'] for answer in answers.values())} of 3 in {held_s:.2f} s"
     yield line(
         "one reply for each, all accepted",
         words,
-        len(answers) == 3 and all(one["accepted"] for one in answers.values()),
+        len(answers) == 3 and all(answer["accepted"] for answer in answers.values()),
     )
     held = wait(lambda: all(relay.mode() is Mode.HOLD for relay in team.relays.values()), 4.0)
     yield line(

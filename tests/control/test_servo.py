@@ -187,8 +187,8 @@ def test_the_reference_takes_the_time_that_acceleration_and_jerk_need():
 def test_the_reference_arrives_without_overshoot():
     flown = run((6.0, 0.0, -1.5), IGNORANT, plant=loop(), seconds=6.0)
     references = [memory.reference_ned_m_s for _, _, (_, memory) in flown]
-    assert max(one[0] for one in references) <= 6.0 + 1e-9
-    assert min(one[2] for one in references) >= -1.5 - 1e-9
+    assert max(reference[0] for reference in references) <= 6.0 + 1e-9
+    assert min(reference[2] for reference in references) >= -1.5 - 1e-9
     assert references[-1] == pytest.approx((6.0, 0.0, -1.5), abs=1e-3)
 
 

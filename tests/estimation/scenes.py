@@ -52,8 +52,8 @@ def straight(count, rate_hz=10.0, velocity=(3.0, -1.0, 0.2), *, seed=None, known
 
 def tracked(reports, options=SETTINGS, track=None):
     track = track or Track()
-    for one in reports:
-        track = update(track, one, options)
+    for report in reports:
+        track = update(track, report, options)
     return track
 
 
@@ -61,8 +61,8 @@ def outcomes_of(reports, options=SETTINGS):
     """Return how many reports have each outcome."""
     track = Track()
     counts = Counter()
-    for one in reports:
-        track = update(track, one, options)
+    for report in reports:
+        track = update(track, report, options)
         counts[track.outcome] += 1
     return counts
 

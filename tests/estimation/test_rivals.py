@@ -60,8 +60,8 @@ def own(number, **changes):
 
 def heard(reports):
     rivals = Rivals()
-    for one in sorted(reports, key=lambda one: one.received_s):
-        rivals = listen(rivals, one.as_report(), SETTINGS)
+    for report in sorted(reports, key=lambda report: report.received_s):
+        rivals = listen(rivals, report.as_report(), SETTINGS)
     return rivals
 
 

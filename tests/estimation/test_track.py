@@ -81,7 +81,7 @@ def test_reports_out_of_order_end_in_the_estimate_of_reports_in_order(seed, orde
         + reports[26:]
     )
     in_order = (
-        reports[:20] + [one._replace(received_s=2.6) for one in reports[20:26]] + reports[26:]
+        reports[:20] + [report._replace(received_s=2.6) for report in reports[20:26]] + reports[26:]
     )
     one = predict(tracked(shuffled), 3.0, SETTINGS)
     other = predict(tracked(in_order), 3.0, SETTINGS)
@@ -125,11 +125,11 @@ def test_the_estimate_turns_and_moves_with_the_world(seed, angle, north, east):
 
     reports = straight(25, seed=seed, rate_hz=4.0)
     moved = [
-        one._replace(
-            position_ned_m=turned(one.position_ned_m, (north, east)),
-            velocity_ned_m_s=turned(one.velocity_ned_m_s),
+        report._replace(
+            position_ned_m=turned(report.position_ned_m, (north, east)),
+            velocity_ned_m_s=turned(report.velocity_ned_m_s),
         )
-        for one in reports
+        for report in reports
     ]
     here = predict(tracked(reports), 6.5, SETTINGS)
     there = predict(tracked(moved), 6.5, SETTINGS)
@@ -152,8 +152,8 @@ def test_the_estimate_turns_and_moves_with_the_world(seed, angle, north, east):
 def test_the_estimate_knows_no_beginning_of_time(start_s):
     reports = straight(20, seed=9)
     later = [
-        one._replace(time_s=one.time_s + start_s, received_s=one.received_s + start_s)
-        for one in reports
+        report._replace(time_s=report.time_s + start_s, received_s=report.received_s + start_s)
+        for report in reports
     ]
     here = predict(tracked(reports), 2.5, SETTINGS)
     there = predict(tracked(later), 2.5 + start_s, SETTINGS)

@@ -103,10 +103,12 @@ def _all(
                 progress.advance(task)
                 if not console.is_terminal and done % TOLD_EVERY == 0:
                     print(f"{done} of {len(numbers)} flights", flush=True)
-                for one in row.violations:
+                for violation in row.violations:
+                    finding = f"{violation.amount:.2f} at {violation.at_s:.2f} s"
+                    remark = f" ({violation.said})" if violation.said else ""
                     console.print(
-                        f"[bold red]NO[/bold red] {one.invariant}: {one.amount:.2f} at {one.at_s:.2f} s"
-                        f"{f' ({one.said})' if one.said else ''}; {', '.join(row.case.kinds)}; again: {row.case.again}"
+                        f"[bold red]NO[/bold red] {violation.invariant}: {finding}{remark}; "
+                        f"{', '.join(row.case.kinds)}; again: {row.case.again}"
                     )
                 yield row
 

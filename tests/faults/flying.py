@@ -216,9 +216,9 @@ def fly(case: Case, folder: Path | None = None, starts: Starts | None = None) ->
         sortie.fly(case)
         sortie.close()
     happenings = [
-        one
-        for one in sortie.mission.result.vehicles[PURSUER].happenings
-        if one.after is not one.before
+        happening
+        for happening in sortie.mission.result.vehicles[PURSUER].happenings
+        if happening.after is not happening.before
     ]
     end = f"{sortie.state} ({happenings[-1].event})" if happenings else str(sortie.state)
     return Row(

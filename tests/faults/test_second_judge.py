@@ -62,4 +62,4 @@ def test_a_service_that_knows_of_no_fence_is_found_out(monkeypatch, fence_m, fou
 
     monkeypatch.setattr(flying, "plan", other)
     monkeypatch.setattr(flying, "Watch", second_judge.SecondJudge)
-    assert {one.name for one in flying.fly(CASE).violations} == found  # type: ignore[attr-defined]
+    assert {violation.name for violation in flying.fly(CASE).violations} == found  # type: ignore[attr-defined]

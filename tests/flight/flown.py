@@ -123,7 +123,7 @@ class Flown:
 
 
 def commands(outputs):
-    return [request.command for one in outputs for request in one.requests]
+    return [request.command for output in outputs for request in output.requests]
 
 
 SET_MODE = 176

@@ -151,7 +151,9 @@ def test_a_telemetry_gap_while_standing_by_is_named_and_heals_but_does_not_engag
     assert flown.flight.cause.words == "no telemetry for 1.0 s"
     assert flown.cycle(Event.ENGAGE, silent=True).happenings[0].after is State.OUT_OF_CONTACT
     outputs = flown.cycles(20.0)
-    assert [one.after for each in outputs for one in each.happenings] == [State.STANDING_BY]
+    assert [happening.after for output in outputs for happening in output.happenings] == [
+        State.STANDING_BY
+    ]
     assert commands(outputs) == []
     assert flown.cycle(Event.ENGAGE).state is State.ENTERING
 

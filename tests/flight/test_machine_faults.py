@@ -62,16 +62,16 @@ def test_any_plausible_number_in_any_message_ends_no_flight(kind):
 
 
 def assert_within_limits(outputs):
-    for one in outputs:
-        if one.setpoint is None:
+    for output in outputs:
+        if output.setpoint is None:
             continue
         said = (
-            *one.setpoint.velocity_ned_m_s,
-            *(one.setpoint.acceleration_ned_m_s2 or ()),
-            one.setpoint.yaw_rad or 0.0,
+            *output.setpoint.velocity_ned_m_s,
+            *(output.setpoint.acceleration_ned_m_s2 or ()),
+            output.setpoint.yaw_rad or 0.0,
         )
         assert all(map(math.isfinite, said))
-        north, east, down = one.setpoint.velocity_ned_m_s
+        north, east, down = output.setpoint.velocity_ned_m_s
         assert math.hypot(north, east) <= ENVELOPE.speed_m_s + 1e-9
         assert -ENVELOPE.climb_m_s - 1e-9 <= down <= ENVELOPE.descent_m_s + 1e-9
 
@@ -126,7 +126,7 @@ def test_an_error_of_our_own_ends_in_the_autopilots_hold_says_why_and_yields(
     flown.cycle(beat=True)
     flown.mode = Mode.GUIDED  # a pilot's doing
     outputs += flown.cycles(5.0)
-    assert {one.setpoint for one in outputs} == {None}
+    assert {output.setpoint for output in outputs} == {None}
     assert commands(outputs) == [SET_MODE]
     ordered = flown.cycle(Event.ENGAGE, Event.HOLD)
     assert [(h.event, h.after) for h in ordered.happenings] == [
@@ -172,7 +172,7 @@ def test_after_an_error_modes_are_still_shown_and_a_second_error_is_no_second_fa
     monkeypatch.setattr(flown.flight.heard, "vehicle_says", lambda _messages: 1 / 0)
     again = flown.cycle(Event.HOLD)
     assert (again.state, again.setpoint, again.fault) == (State.YIELDED, None, None)
-    assert [one.event for one in again.happenings] == [Event.HOLD]
+    assert [happening.event for happening in again.happenings] == [Event.HOLD]
     assert flown.flight.fault.startswith("ZeroDivisionError: the speed is nil")
 
 

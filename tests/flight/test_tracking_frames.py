@@ -186,7 +186,7 @@ def moved_zero(flown, by_m):
 
 def steps_m_s(outputs):
     """The largest change of the commanded velocity from one cycle to the next."""
-    said = [one.setpoint.velocity_ned_m_s for one in outputs]
+    said = [output.setpoint.velocity_ned_m_s for output in outputs]
     return max(math.dist(one, other) for one, other in pairwise(said))
 
 
@@ -240,7 +240,7 @@ def test_an_estimate_that_is_reset_leaves_the_evader_where_its_reports_have_it(b
     outputs.append(flown.cycle(more=[Odometry(flown.now_s, 8), global_of(flown)]))
     assert flown.state is State.PAUSED
     outputs += [flown.cycle(more=[global_of(flown)]) for _ in range(40)]
-    assert all(math.hypot(*one.setpoint.velocity_ned_m_s) < 6.7 for one in outputs)
+    assert all(math.hypot(*output.setpoint.velocity_ned_m_s) < 6.7 for output in outputs)
     assert flown.flight.tracking.evader(flown.now_s).position_ned_m == pytest.approx(
         place, abs=1e-6
     )
@@ -346,7 +346,7 @@ def test_events_of_the_real_px4_in_a_flight_that_is_on_pause_nothing():
         flown.cycle(more=[Odometry(flown.now_s, 12)]),
     ]
     outputs += flown.cycles(1.5)
-    assert [h.event for one in outputs for h in one.happenings] == [
+    assert [h.event for output in outputs for h in output.happenings] == [
         Event.ESTIMATOR_RESET,
         Event.CLEAR,
     ]

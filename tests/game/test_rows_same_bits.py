@@ -61,7 +61,7 @@ def test_a_batch_is_its_singles_in_every_game(games, oracle, seed, count):
             plain = [
                 solve_state(game, *three, evader_velocity_m_s=moving)
                 for *three, moving in (
-                    [None if one is None else tuple(one[i].tolist()) for one in vectors]
+                    [None if vector is None else tuple(vector[i].tolist()) for vector in vectors]
                     for i in range(len(singles))
                 )
             ]

@@ -357,8 +357,8 @@ def _end(outputs: Outputs) -> str:
     """Return how the game ended in this cycle; empty if it goes on."""
     names = {Event.CAPTURED: "captured", Event.ESCAPED: "arrived"}
     left = [
-        each
-        for each in outputs.happenings
-        if each.before is State.ENGAGED and each.after is not State.ENGAGED
+        happening
+        for happening in outputs.happenings
+        if happening.before is State.ENGAGED and happening.after is not State.ENGAGED
     ]
     return names.get(left[0].event, str(left[0].event)) if left else ""

@@ -273,8 +273,8 @@ def test_udp_receive_reads_the_socket_itself_a_bounded_number_at_once(monkeypatc
         for data in said:
             vehicle.sendto(data, ("127.0.0.1", wire.port))
         pieces = [[data for _, data in wire.receive()] for _ in range(4)]
-        assert [len(one) for one in pieces] == [16, 16, 9, 0]
-        assert [data for one in pieces for data in one] == said
+        assert [len(piece) for piece in pieces] == [16, 16, 9, 0]
+        assert [data for piece in pieces for data in piece] == said
         vehicle.sendto(FRAME, ("127.0.0.1", wire.port))
         with wire.reading:  # the reader thread reads
             assert wire.receive() == []

@@ -136,7 +136,7 @@ def test_only_the_operator_orders_the_team_and_takes_less_than_300_ms_of_process
         )
         with join_session(joined[1], credentials=operator) as session:
             answers = order_team(session, "hold", "north", (), timeout_s=4.0)
-        assert [(one["name"], one["accepted"]) for one in answers] == [
+        assert [(answer["name"], answer["accepted"]) for answer in answers] == [
             (name, True) for name in VEHICLES
         ]
         by_router = ("--team", "north", "--endpoint", joined[1], "--zenoh", keys / "operator.toml")

@@ -159,10 +159,10 @@ def test_the_map_shows_both_reported_positions_ten_times_a_second(flight):
                 (said["timestamp"], said["latitude"], said["longitude"], said["altitude"])
             )
     heard = {
-        tuple(time_of(one.received_s).values()): one
+        tuple(time_of(message.received_s).values()): message
         for row in cycles_of(flight[1])
-        for one in row.inputs.messages
-        if isinstance(one, GlobalPosition)
+        for message in row.inputs.messages
+        if isinstance(message, GlobalPosition)
     }
     for stamp, latitude, longitude, altitude in fixes["pursuer"]:
         there = heard[stamp["sec"], stamp["nsec"]]

@@ -184,10 +184,10 @@ def test_a_geojson_reader_finds_valid_shapes_at_the_flown_positions(exported, ro
     by_name = {feature.properties["name"]: feature for feature in collection.features}
     track = by_name["pursuer"]
     said = [
-        (one.longitude_deg, one.latitude_deg, one.altitude_amsl_m)
+        (message.longitude_deg, message.latitude_deg, message.altitude_amsl_m)
         for row in rows
-        for one in row.inputs.messages
-        if isinstance(one, GlobalPosition)
+        for message in row.inputs.messages
+        if isinstance(message, GlobalPosition)
     ]
     np.testing.assert_allclose(
         np.array(track.geometry.coordinates), np.array(said), atol=1e-3, rtol=0
@@ -301,10 +301,10 @@ SQUARE_NE_M = ((-50.0, -40.0), (-50.0, 60.0), (50.0, 60.0), (50.0, -40.0))
 def test_a_polygon_fence_is_on_the_map_in_metres_or_degrees(flight, given):
     settings = recorded_settings(metadata_of(flight[1]))
     heard = [
-        one
+        message
         for row in cycles_of(flight[1])
-        for one in row.inputs.messages
-        if isinstance(one, Home | Heartbeat)
+        for message in row.inputs.messages
+        if isinstance(message, Home | Heartbeat)
     ]
     armed = next(
         place for place, one in enumerate(heard) if isinstance(one, Heartbeat) and one.armed

@@ -449,6 +449,6 @@ def test_a_fence_uploaded_to_the_mock_is_found_by_preflight_over_the_wire(autopi
     (area,) = survey.facts(VehicleState(), now[0]).uploaded.areas
     assert area.inclusion
     assert json.dumps(area.corners_deg) == json.dumps(
-        [[round(part * 1e7) / 1e7 for part in one] for one in corners]
+        [[round(part * 1e7) / 1e7 for part in corner] for corner in corners]
     )
     assert link.counters()["requests_unanswered"] == 0

@@ -76,7 +76,8 @@ def test_what_one_change_makes_wrong_is_changed_too():
     # PX4's Return climbs to 70 m. Without a fence that is no finding; under a fence of 65 m it is too high.
     parameters = defaults("px4") | {"RTL_RETURN_ALT": 70.0}
     wanted = {
-        one.name: one for one in changes(Facts(parameters=parameters), PX4, WANTS, advised=True)
+        change.name: change
+        for change in changes(Facts(parameters=parameters), PX4, WANTS, advised=True)
     }
     assert wanted["RTL_RETURN_ALT"].then == "60 m"
     assert "below GF_MAX_VER_DIST = 65 m" in wanted["RTL_RETURN_ALT"].why

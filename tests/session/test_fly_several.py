@@ -38,7 +38,8 @@ def several(tmp_path_factory, soon_up_and_down):
     pursuits = (Pursuit(NEAR, "north", "rover1"), Pursuit(moved(NEAR, EAST_M), "south", "rover2"))
     world = SteppedWorld(pursuits, clock)
     records = {
-        one.vehicle: Recorder(folder / f"{one.vehicle}.mcap", {"seed": "1"}) for one in pursuits
+        pursuit.vehicle: Recorder(folder / f"{pursuit.vehicle}.mcap", {"seed": "1"})
+        for pursuit in pursuits
     }
     shown = []
     used = {name: Equipment(record=record) for name, record in records.items()}

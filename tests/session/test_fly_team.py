@@ -60,7 +60,7 @@ def test_the_team_captures_what_it_guarantees_and_lands(guard):
     rows = team_rows(GUARD, "fast", flown)
     assert [row.end for row in rows] == ["captured", "captured"]
     assert {row.guaranteed for row in rows} == {2}
-    assert {one.ended for one in flown.vehicles.values()} == {State.LANDED}
+    assert {vehicle.ended for vehicle in flown.vehicles.values()} == {State.LANDED}
     # The distance of a capture from the target is at least nine tenths of what was promised
     for row in rows:
         assert row.ratio > 0.9
@@ -71,10 +71,10 @@ def test_nobody_arms_before_all_are_ready_and_nobody_engages_before_all_stand_by
     flown, _, _ = guard
     times = {
         event: [
-            one.now_s
-            for each in flown.vehicles.values()
-            for one in each.happenings
-            if one.event is event
+            happening.now_s
+            for vehicle in flown.vehicles.values()
+            for happening in vehicle.happenings
+            if happening.event is event
         ]
         for event in (Event.FIT, Event.START, Event.AT_START, Event.ENGAGE)
     }
@@ -96,9 +96,9 @@ def test_one_vehicle_coordinates_and_no_promise_is_lost_without_a_cause(guard):
     boards = [member.board for member in flown.members.values()]
     assert {(board.roles.vehicle, board.roles.term) for board in boards} == {("uav1", 1)}
     assert all(set(board.over) == {"rover1", "rover2"} for board in boards)
-    promises = {one.evader: one for one in boards[0].roles.promises}
+    promises = {promise.evader: promise for promise in boards[0].roles.promises}
     assert set(promises) == {"rover1", "rover2"}
-    assert all(one.value is not None or one.cause for one in promises.values())
+    assert all(promise.value is not None or promise.cause for promise in promises.values())
     assert not any(board.counts["unmatched"] or board.news for board in boards)
 
 
@@ -172,7 +172,9 @@ def test_a_team_flies_pursuit_evasion_and_vehicles_at_one_evader_are_stacked():
         assert (row.end, row.winner) == ("captured", "pursuer")
         assert row.ratio <= 1.1
     stations = {
-        name: [one.pursuer_m for one in result.samples if one.state is State.ON_STATION][-1]
+        name: [sample.pursuer_m for sample in result.samples if sample.state is State.ON_STATION][
+            -1
+        ]
         for name, result in flown.vehicles.items()
     }
     for one, other in combinations(stations.values(), 2):
@@ -212,7 +214,7 @@ def test_a_coordinator_cut_off_for_three_seconds_costs_neither_separation_nor_ca
     boards = [member.board for member in flown.members.values()]
     assert len({(board.roles.vehicle, board.roles.term) for board in boards}) == 1
     assert boards[0].roles.term >= 2
-    assert all(one.value is not None or one.cause for one in boards[0].roles.promises)
+    assert all(promise.value is not None or promise.cause for promise in boards[0].roles.promises)
 
 
 @pytest.mark.flight

@@ -101,10 +101,10 @@ class World(VirtualClock):
         frames = [one.frame for one in self.tap.drain() if one.topic.endswith("/in")]
         messages = [mavlink.MAVLink(None).decode(bytearray(frame)) for frame in frames]
         return [
-            one for one in messages
-            if one.get_type() not in {"HEARTBEAT", "TIMESYNC", "PARAM_REQUEST_READ", "MISSION_REQUEST_LIST",
+            message for message in messages
+            if message.get_type() not in {"HEARTBEAT", "TIMESYNC", "PARAM_REQUEST_READ", "MISSION_REQUEST_LIST",
                                       "MISSION_REQUEST_INT", "MISSION_ACK"}
-            and getattr(one, "command", None) not in {511, 512}
+            and getattr(message, "command", None) not in {511, 512}
         ]  # fmt: skip
 
 
@@ -162,7 +162,7 @@ def test_a_scenario_is_flown_about_the_home_of_a_vehicle_that_stands_elsewhere_a
     assert 0.8 < outcome.ratio < 1.15
     assert not world.vehicle.armed
     assert math.hypot(*world.vehicle.truth.position_ned_m[:2]) < 2.0
-    began = next(one for one in flown.result.samples if one.state is State.ENGAGED)
+    began = next(sample for sample in flown.result.samples if sample.state is State.ENGAGED)
     assert math.dist(began.pursuer_m, NEAR.pursuer.position_m) < 2.5
     assert math.dist(began.evader_m[:2], NEAR.evader.position_m) < 0.5
     assert not flown.mission.stop(0.0).vehicles["pursuer"].interrupted

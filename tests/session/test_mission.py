@@ -47,7 +47,7 @@ class Directed:
         self.silence_s = 0.0 if fresh else 1.6
         self.vehicle.before(now_s)
         orders, _ = self.daemon.mailbox.take()
-        return [one.order for one in orders]
+        return [order.order for order in orders]
 
     @property
     def finished(self):

@@ -136,7 +136,7 @@ def _attachments(opened, record, sink):
     parts = [struct.unpack("<qqB16s", sample.attachment.to_bytes()) for sample in heard]
     assert [number for number, *_ in parts] == list(range(1, len(parts) + 1))
     stamps = {STARTED_NS + round(entry.now_s * 1e9) for entry in entries}
-    assert all(min(abs(time_ns - one) for one in stamps) < 1000 for _, time_ns, *_ in parts)
+    assert all(min(abs(time_ns - stamp) for stamp in stamps) < 1000 for _, time_ns, *_ in parts)
     (token,) = [one for one in tokens(opened, "MP") if f"/%{NAME}%odometry/" in one]
     hashed = xxhash.xxh3_128(token.encode())
     low_then_high = hashed.digest()[::-1]

@@ -88,7 +88,7 @@ def team(tmp_path):
 
 def test_a_hold_reaches_the_whole_team_and_only_that_and_names_who_is_silent(team):
     answers = team["asked"]("hold")
-    assert [(one["name"], one["accepted"]) for one in answers] == [
+    assert [(answer["name"], answer["accepted"]) for answer in answers] == [
         ("uav1", True),
         ("uav2", True),
         ("uav3", False),
@@ -131,7 +131,10 @@ def test_a_slow_vehicle_delays_no_order_to_another_one(team):
 
     team["uav1"].mailbox.meanwhile = follow_last
     answers = team["asked"]("hold", ("uav1", "uav2"))
-    assert [(one["name"], one["accepted"]) for one in answers] == [("uav1", True), ("uav2", True)]
+    assert [(answer["name"], answer["accepted"]) for answer in answers] == [
+        ("uav1", True),
+        ("uav2", True),
+    ]
 
 
 def test_a_team_that_is_not_there_is_said_to_be_silent(team):
@@ -164,4 +167,4 @@ def test_the_command_prints_a_line_for_each_vehicle(team):
     assert said.exit_code == 0
     assert said.output.splitlines() == ["uav1: hold accepted, ready", "uav2: hold accepted, ready"]
     answers = json.loads(CliRunner().invoke(app, [*words, "--name", "uav1,uav2", "--json"]).output)
-    assert [one["name"] for one in answers] == ["uav1", "uav2"]
+    assert [answer["name"] for answer in answers] == ["uav1", "uav2"]

@@ -86,7 +86,9 @@ def test_an_evader_on_the_vehicles_wire_is_received_and_all_frames_are_passed_on
         while not any(setpoints(passed)) and clock.now_s() < deadline_s:
             passed += opened.drain()
         assert {one.topic for one in passed} == {"uav1/mavlink_raw/out", "uav1/mavlink_raw/in"}
-        assert [(one.vx, one.vy, one.vz) for one in setpoints(passed)] == [(1.0, 2.0, 3.0)]
+        assert [(setpoint.vx, setpoint.vy, setpoint.vz) for setpoint in setpoints(passed)] == [
+            (1.0, 2.0, 3.0)
+        ]
         heard = [decoded(one) for one in passed if one.topic == "uav1/mavlink_raw/out"]
         assert {(one.get_srcSystem(), one.get_type()) for one in heard} == {
             (1, "HEARTBEAT"),

@@ -96,7 +96,7 @@ def test_an_expectation_that_fails_is_the_one_that_is_told():
         }
     )
     verdicts = list(scenario.expect.verdicts(play_scenarios([scenario])[0]._asdict()))
-    assert {(each.column, each.held) for each in verdicts} == {
+    assert {(verdict.column, verdict.held) for verdict in verdicts} == {
         ("end", True),
         ("capture_time_s", False),
         ("regret", True),
@@ -109,7 +109,7 @@ def test_what_is_expected_of_flights_is_not_asked_of_mathematics():
     outcome = play_scenarios([scenario])[0]
     assert list(scenario.expect.verdicts(outcome._asdict())) == []
     assert [
-        each.held for each in scenario.expect.verdicts(outcome._replace(run="fast")._asdict())
+        verdict.held for verdict in scenario.expect.verdicts(outcome._replace(run="fast")._asdict())
     ] == [False]
 
 

@@ -15,7 +15,7 @@ def fleet(*vehicles, **more):
 def test_a_number_of_vehicles_gets_names_and_system_ids_in_order():
     vehicles = build(fleet(*parse_vehicles(["20"], "px4")))
     assert list(vehicles) == [f"uav{number}" for number in range(1, 21)]
-    assert [each.system_id for each in vehicles.values()] == list(range(1, 21))
+    assert [vehicle.system_id for vehicle in vehicles.values()] == list(range(1, 21))
 
 
 def test_each_vehicle_may_be_named_with_flavour_and_place():
@@ -57,7 +57,7 @@ def test_system_ids_that_are_given_may_be_equal_as_ardupilots_instances_are():
     vehicles = build(
         fleet({"name": "a", "system_id": 1}, {"name": "b", "system_id": 1}, {"name": "c"})
     )
-    assert [each.system_id for each in vehicles.values()] == [1, 1, 2]
+    assert [vehicle.system_id for vehicle in vehicles.values()] == [1, 1, 2]
 
 
 @pytest.mark.parametrize(("required", "armed"), [(True, False), (False, True)])

@@ -64,7 +64,7 @@ def test_the_fleet_file_has_every_key_and_flies():
     assert set(values["vehicle"][0]) == {*VehicleConfig.__dataclass_fields__}
     assert set(values["vehicle"][0]["signing"]) == {*SigningConfig.__dataclass_fields__}
     vehicles = build(checked_fleet(values, "the page"))
-    assert [each.flavour for each in vehicles.values()] == ["px4", "rover"]
+    assert [vehicle.flavour for vehicle in vehicles.values()] == ["px4", "rover"]
     assert vehicles["uav1"].autopilot.parameters["MPC_XY_VEL_MAX"] == 8.0
 
 

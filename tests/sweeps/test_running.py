@@ -379,7 +379,7 @@ def test_two_workers_give_equal_bytes_even_if_one_is_killed(plan_from, tmp_path)
 
     finish(work, kill_one, workers=2)
     assert killed
-    assert [one for one in sockets if one.status == psutil.CONN_LISTEN] == []
+    assert [socket for socket in sockets if socket.status == psutil.CONN_LISTEN] == []
     assert files(tmp_path / "both") == expected
     assert psutil.wait_procs(living, timeout=10)[1] == []
 

@@ -33,7 +33,7 @@ def broken(made):
     """Promises that became worse without a cause."""
     found = []
     for before, after in pairwise(made):
-        values = {one.evader: one for one in after.promises}
+        values = {promise.evader: promise for promise in after.promises}
         for old in before.promises:
             new = values.get(old.evader)
             worse = (
@@ -80,7 +80,7 @@ def test_after_a_kill_the_next_name_takes_over_with_the_same_promises(seed, loss
     assert {newest(point)[0] for point in team.alive} == {leader}
     assert all(role.vehicle != killed for point in team.alive for role in point.board.roles.roles)
     assert not broken(team.made)
-    promised = {one.evader for one in team.points[leader].board.roles.promises}
+    promised = {promise.evader for promise in team.points[leader].board.roles.promises}
     assert promised == set(EVADERS)
 
 
@@ -90,9 +90,9 @@ def test_a_silent_coordinator_is_replaced_within_a_second_and_a_half():
     team.points["alpha"].killed = True
     team.run(1.5)
     assert {newest(point) for point in team.alive} == {("bravo", 2)}
-    kept = {one.evader: one.value for one in team.points["alpha"].made[-1].promises}
-    for one in team.points["bravo"].made[0].promises:
-        assert one.cause == "vehicle lost" or one.value == kept[one.evader]
+    kept = {promise.evader: promise.value for promise in team.points["alpha"].made[-1].promises}
+    for promise in team.points["bravo"].made[0].promises:
+        assert promise.cause == "vehicle lost" or promise.value == kept[promise.evader]
 
 
 @FEW

@@ -243,8 +243,8 @@ def test_the_vehicles_own_data_are_shown_with_their_levels(record):
     first_armed = next(
         row.now_s
         for row in cycles_of(record)
-        for one in row.inputs.messages
-        if isinstance(one, Heartbeat) and one.armed
+        for message in row.inputs.messages
+        if isinstance(message, Heartbeat) and message.armed
     )
     assert seen["flight_s"] == pytest.approx(seen["now_s"] - first_armed, abs=0.01)
     assert [seen["levels"][name] for name in ("gps", "link", "reach", "state")] == ["ok"] * 4

@@ -546,7 +546,10 @@ def test_bad_addresses_are_reported_before_the_panel_starts(options, code, words
         app(
             [
                 "panel",
-                *(str(taken.getsockname()[1]) if one == "IN_USE" else one for one in options),
+                *(
+                    str(taken.getsockname()[1]) if option == "IN_USE" else option
+                    for option in options
+                ),
             ],
             standalone_mode=False,
         )

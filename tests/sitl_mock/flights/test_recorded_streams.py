@@ -96,7 +96,7 @@ def wide(name):
 def test_messages_rates_and_what_moves_are_the_recorded_ones(name):
     real, mock = both(name)
     assert len(real) >= 12
-    assert unexplained(name, [each[1:] for each in differences(real, mock)]) == []
+    assert unexplained(name, [difference[1:] for difference in differences(real, mock)]) == []
 
 
 @pytest.mark.parametrize("name", CHASES)
@@ -107,7 +107,7 @@ def test_what_moves_moves_by_as_much(name):
 @pytest.mark.parametrize("name", CHASES)
 def test_every_departure_is_one(name):
     real, mock = both(name)
-    found = [each[1:] for each in differences(real, mock)] + list(wide(name))
+    found = [difference[1:] for difference in differences(real, mock)] + list(wide(name))
     assert [
         reason for reason in DEPARTURES[name] if not any(_of(each, reason) for each in found)
     ] == []
