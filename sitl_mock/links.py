@@ -166,7 +166,7 @@ class Link:
     def send(self, now_s: float, tick: int) -> list[bytes]:
         """Return the frames that are due by now."""
         autopilot = self.autopilot
-        frames = list[bytes]()
+        frames: list[bytes] = []
         names = self.streams.due(now_s)
         if names:
             report = autopilot.report

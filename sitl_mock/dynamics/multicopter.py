@@ -169,7 +169,7 @@ def _flying(  # noqa: PLR0914
     position, velocity, _, lean_n, lean_e, _, _, yaw, yaw_rate, _, _ = body
     (rate_n, rate_e, thrust_m_s2) = moved
     turn = demand.yaw_rate_rad_s
-    wind, _, _, ground_d, _ = around
+    ground_d = around.ground_down_m
 
     lean_n += rate_n * dt_s
     lean_e += rate_e * dt_s
@@ -177,7 +177,11 @@ def _flying(  # noqa: PLR0914
 
     lean = math.hypot(lean_n, lean_e)
     side = thrust_m_s2 * (math.sin(lean) / lean if lean > 1e-9 else 1.0)
-    air_n, air_e, air_d = velocity - wind
+    (v_n, v_e, v_d) = velocity
+    (wind_n, wind_e, wind_d) = around.wind_ned_m_s
+    air_n = v_n - wind_n
+    air_e = v_e - wind_e
+    air_d = v_d - wind_d
     # Implicit in the drag: stable and free of bias at rest for any wind and step.
     lift = thrust_m_s2 * math.cos(lean)
     push = (side * lean_n, side * lean_e)

@@ -233,9 +233,11 @@ class Px4Control:
 
     def _stream_velocity(self, estimate: Estimate, setpoint: Setpoint) -> tuple[Vector, Vector]:
         """Velocity after position control and truncation (NaN: not controlled), and the acceleration fed forward."""
-        _, position, velocity, acceleration, *_ = setpoint
-        if position is IGNORED and acceleration is IGNORED:
-            return (ZERO if math.isnan(sum(velocity)) else self._truncated(velocity)), ZERO
+        if setpoint.position_ned_m is IGNORED and setpoint.acceleration_ned_m_s2 is IGNORED:
+            velocity = setpoint.velocity_ned_m_s
+            if math.isnan(velocity[0] + velocity[1] + velocity[2]):
+                return ZERO, ZERO
+            return self._truncated(velocity), ZERO
         n, a_n = self._axis(setpoint, estimate, 0, self.gains.xy_p_1_s)
         e, a_e = self._axis(setpoint, estimate, 1, self.gains.xy_p_1_s)
         d, a_d = self._axis(setpoint, estimate, 2, self.gains.z_p_1_s)
@@ -364,7 +366,9 @@ class Px4Control:
 
     def _yaw_rate_wanted(self, body: Body, setpoint: Setpoint) -> float:
         gains = self.gains
-        kind, _, _, _, yaw, yaw_rate, *_ = setpoint
+        kind = setpoint.kind
+        yaw = setpoint.yaw_rad
+        yaw_rate = setpoint.yaw_rate_rad_s
         if not math.isnan(yaw):
             rate = gains.yaw_p_1_s * wrap_rad(yaw - body.yaw_rad) + (
                 0.0 if math.isnan(yaw_rate) else yaw_rate
