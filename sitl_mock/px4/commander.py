@@ -267,7 +267,13 @@ class Px4:
         self._pilot_takes_over(now_s)
         action, new = self.failsafes.update(
             now_s,
-            safety.wrong(state, self.plans, self.intention, pilot_counts=self.pilot_counts),
+            safety.wrong(
+                state,
+                self.plans,
+                self.intention,
+                self.lost_peers,
+                pilot_counts=self.pilot_counts,
+            ),
             state.parameters,
         )
         for name in new:
@@ -282,6 +288,8 @@ class Px4:
     def _tell_peers(self) -> None:
         """Say which peers are lost and which are back."""
         lost = safety.lost_peers(self.state)
+        if lost == self.lost_peers:
+            return
         for severity, text in safety.peer_texts(self.lost_peers, lost):
             self.state.say(severity, text)
         self.lost_peers = lost

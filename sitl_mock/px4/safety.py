@@ -138,6 +138,11 @@ class Failsafes:
         self, now_s: float, wrong: frozenset[str], parameters: Mapping[str, int | float]
     ) -> tuple[Action, tuple[str, ...]]:
         """Take the present faults; return the action and the names of new triggers."""
+        if not (wrong or self.since_s):
+            self.clear()
+            self.delays = False
+            self._delayed_s = math.inf
+            return Action.NONE, ()
         self.overridden &= wrong
         if not self.since_s:
             self._delayed_s = math.inf
@@ -233,13 +238,15 @@ def available(state: VehicleState, stream_s: float, *, has_mission: bool) -> fro
 def lost_peers(state: VehicleState) -> frozenset[str]:
     """Return the names of the triggers of those peers that were heard and are not heard any more."""
     parameters = state.parameters
+    now_s = state.now_s
+    lost = set()
+    ground_age_s = now_s - state.peers.ground_s
+    if state.conditions.gcs_lost or _silent(ground_age_s, parameters["COM_DL_LOSS_T"]):
+        lost.add("ground station lost")
     onboard_limit_s = parameters.get("COM_OBC_LOSS_T", _ONBOARD_LOST_S)
-    is_lost = {
-        "ground station lost": state.conditions.gcs_lost
-        or _silent(state.now_s - state.peers.ground_s, parameters["COM_DL_LOSS_T"]),
-        "onboard computer lost": _silent(state.now_s - state.peers.onboard_s, onboard_limit_s),
-    }
-    return frozenset(name for name, lost in is_lost.items() if lost)
+    if _silent(now_s - state.peers.onboard_s, onboard_limit_s):
+        lost.add("onboard computer lost")
+    return frozenset(lost)
 
 
 def _silent(age_s: float, limit_s: float) -> bool:
@@ -253,7 +260,12 @@ def peer_texts(before: frozenset[str], lost: frozenset[str]) -> list[tuple[Sever
 
 
 def wrong(
-    state: VehicleState, plans: PlanStore, intention: str, *, pilot_counts: bool
+    state: VehicleState,
+    plans: PlanStore,
+    intention: str,
+    lost: frozenset[str],
+    *,
+    pilot_counts: bool,
 ) -> frozenset[str]:
     """Return the names of the failsafe triggers that are present.
 
@@ -261,12 +273,12 @@ def wrong(
         state: The vehicle.
         plans: Its plans, with the fence.
         intention: The intended mode; a lost link may have no effect in it (COM_RCL_EXCEPT, COM_DLL_EXCEPT).
+        lost: The lost peers (`lost_peers`).
         pilot_counts: There has been a radio since arming.
     """
     now_s = state.now_s
     parameters = state.parameters
     charge = state.battery.remaining
-    lost = lost_peers(state)
     excepted = EXCEPTION_BITS.get(intention, 0)
     pilot_lost = pilot_counts and not state.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"])
     ground_lost = "ground station lost" in lost
