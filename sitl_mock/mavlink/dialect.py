@@ -31,6 +31,7 @@ class MessageSpec:
         message_id: 24-bit message id.
         wire_fields: Fields in the order of the payload.
         field_names: Names in the order of declaration (that of the class's arguments).
+        wire_names: Names in the order of the payload.
         id_bytes: The id as in a MAVLink 2 header.
         crc_extra: The seed byte that closes the CRC.
         size: Payload length in bytes before trailing zeros go.
@@ -38,13 +39,14 @@ class MessageSpec:
         count: Number of fields.
         arrange: Converts values from declaration order to wire order with arrays as bytes; None if they are equal.
         pack: Arranged values to the whole payload.
-        unpack_payload: Whole payload to values in the order of declaration.
+        unpack_payload: Whole payload to values in its order.
     """
 
     name: str
     message_id: int
     wire_fields: tuple[Field, ...]
     field_names: tuple[str, ...]
+    wire_names: tuple[str, ...]
     id_bytes: bytes
     crc_extra: bytes
     size: int
@@ -96,21 +98,17 @@ def _arranger(
 
 
 def _unpacker(
-    layout: struct.Struct, to_declared: tuple[int, ...], wire_fields: tuple[Field, ...]
+    layout: struct.Struct, wire_fields: tuple[Field, ...]
 ) -> Callable[[bytes], Sequence[Any]]:
     unpack = layout.unpack
     if all(field.length == 0 and field.kind != "char" for field in wire_fields):
-        if to_declared == tuple(range(len(to_declared))):
-            return unpack
-        reorder = itemgetter(*to_declared)
-        return lambda payload: reorder(unpack(payload))
-    starts: list[slice | int] = []
+        return unpack
+    plan: list[slice | int] = []
     at = 0
     for field in wire_fields:
         count = field.length if field.length and field.kind != "char" else 1
-        starts.append(slice(at, at + count) if field.length and field.kind != "char" else at)
+        plan.append(slice(at, at + count) if field.length and field.kind != "char" else at)
         at += count
-    plan = tuple(starts[wire_index] for wire_index in to_declared)
 
     def unpack_nested(payload: bytes) -> Sequence[Any]:
         flat = unpack(payload)
@@ -133,7 +131,6 @@ def _spec(definition: Definition) -> MessageSpec:
     wire_fields = definition.wire_fields
     names = tuple(field.name for field in declared)
     to_wire = tuple(names.index(field.name) for field in wire_fields)
-    to_declared = tuple(to_wire.index(index) for index in range(len(names)))
     converters = tuple(
         (index, _text_bytes if field.kind == "char" else _array_bytes(field.format))
         for index, field in enumerate(wire_fields)
@@ -146,6 +143,7 @@ def _spec(definition: Definition) -> MessageSpec:
         message_id=definition.message_id,
         wire_fields=wire_fields,
         field_names=names,
+        wire_names=tuple(field.name for field in wire_fields),
         id_bytes=definition.message_id.to_bytes(3, "little"),
         crc_extra=bytes((definition.crc_extra,)),
         size=layout.size,
@@ -153,7 +151,7 @@ def _spec(definition: Definition) -> MessageSpec:
         count=len(names),
         arrange=_arranger(to_wire, converters),
         pack=struct.Struct(f"<{packed}").pack,
-        unpack_payload=_unpacker(layout, to_declared, wire_fields),
+        unpack_payload=_unpacker(layout, wire_fields),
     )
 
 

@@ -24,10 +24,12 @@ class Message:
 
     Args:
         spec: What kind of message it is.
-        values: Its fields in the order of declaration.
+        values: Its fields in the order of the payload.
         frame: All bytes of its frame.
         signed: Its signature is good.
     """
+
+    __slots__ = ("__dict__", "_frame", "_sender_at", "_signed", "_spec")
 
     def __init__(
         self,
@@ -41,7 +43,7 @@ class Message:
         self._frame = frame
         self._sender_at = (_SEQUENCE_V2 if frame[0] == _MAGIC_V2 else _SEQUENCE_V1) + 1
         self._signed = signed
-        self.__dict__.update(zip(spec.field_names, values))  # noqa: B905 - a spec unpacks one value for each name
+        self.__dict__.update(zip(spec.wire_names, values))  # noqa: B905 - a spec unpacks one value for each name
 
     if TYPE_CHECKING:
 
