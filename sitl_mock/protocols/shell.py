@@ -50,6 +50,11 @@ class ShellProtocol:
             self._answer.clear()
         return self._pieces()
 
+    @property
+    def is_idle(self) -> bool:
+        """True if every answer has been sent."""
+        return not self._answer
+
     def advance(self, _now_s: float) -> list[Reply]:
         """Return the next part of the answers."""
         return self._pieces() if self._answer else []
