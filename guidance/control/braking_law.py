@@ -110,7 +110,7 @@ def measure_walls(
     walls = _stand_off(situation, envelope)
     above_floor_m = height_m - envelope.floor_m - spare_m
     for mate in mates:
-        walls += _separation(situation, mate, climbs_back=above_floor_m < 0.0)
+        walls += _mate_walls(situation, mate, climbs_back=above_floor_m < 0.0)
     if envelope.fence_polygon is not None:
         edges = _edges(envelope.fence_polygon, point)
         walls += [
@@ -155,7 +155,7 @@ def _stand_off(situation: Situation, envelope: Envelope) -> list[Wall]:
     ]
 
 
-def _separation(situation: Situation, mate: Separation, *, climbs_back: bool) -> list[Wall]:
+def _mate_walls(situation: Situation, mate: Separation, *, climbs_back: bool) -> list[Wall]:
     """Return the walls halfway to a mate's cylinder.
 
     Both vehicles stop within their halves, so nobody has to know what the other will do. Braking for a distance that

@@ -95,7 +95,7 @@ def _check_edges(edges: Sequence[Edge]) -> None:
     if crossing_edges(edges) is not None:
         # The error names the first crossing in the order of the corners; only here all pairs are compared.
         pairs = combinations(range(len(edges)), 2)
-        first, second = next(pair for pair in pairs if _cross(edges, *pair))
+        first, second = next(pair for pair in pairs if _edges_cross(edges, *pair))
         raise ConfigError(
             f"fence_polygon: edges {first} and {second} cross or touch; give the corners in order"
         )
@@ -156,12 +156,12 @@ def crossing_edges(edges: Sequence[Edge]) -> tuple[int, int] | None:
         for pair in pairs:
             first = min(pair)
             second = max(pair)
-            if _cross(edges, first, second):
+            if _edges_cross(edges, first, second):
                 return first, second
     return None
 
 
-def _cross(edges: Sequence[Edge], first: int, second: int) -> bool:
+def _edges_cross(edges: Sequence[Edge], first: int, second: int) -> bool:
     """Whether two edges of a closed line, by their numbers in order, have more in common than a corner."""
     neighbours = second - first in (1, len(edges) - 1)
     return edges_meet(edges[first], edges[second], neighbours=neighbours)

@@ -95,7 +95,7 @@ class _Race(NamedTuple):
     lost_s: float
 
 
-class _Flight(NamedTuple):
+class _GuardFlight(NamedTuple):
     """A vehicle that begins to fly to the target.
 
     Attributes:
@@ -168,7 +168,7 @@ def is_held(game: Game) -> bool:
     return _width_m(game.target_extent) <= float(game.standoff.radius_m)
 
 
-def _guard_beside(flight: _Flight, solution: StateSolution) -> Guard:
+def _guard_beside(flight: _GuardFlight, solution: StateSolution) -> Guard:
     """Return the flight to a wide target: to the point of its edge that is most in danger."""
     flight = flight._replace(descends_at_once=True)
     lead = _lead_beside(flight, solution.margin_s)
@@ -195,14 +195,14 @@ def _guard_beside(flight: _Flight, solution: StateSolution) -> Guard:
     return Guard(guarding_m_s, margin_s)
 
 
-def _flies_with_evader(flight: _Flight) -> bool:
+def _flies_with_evader(flight: _GuardFlight) -> bool:
     """Return whether the vehicle is near the disc's rim, but not yet at its height."""
     gaps = flight.players.gaps
     is_level = abs(gaps.height_m) <= flight.vehicle.tolerance_m
     return not is_level and gaps.ground_m <= _BESIDE_RADII * flight.shown.standoff.radius_m
 
 
-def _margin_at_disc_s(flight: _Flight, solution: StateSolution) -> float:
+def _margin_at_disc_s(flight: _GuardFlight, solution: StateSolution) -> float:
     """Return the margin of a capture near the rim; negative infinity elsewhere."""
     if not is_at_disc(flight.game, flight.players, flight.vehicle):
         return -math.inf
@@ -217,7 +217,7 @@ def _begun(
     players: Players,
     vehicle: Capability,
     flies_on_s: float,
-) -> _Flight:
+) -> _GuardFlight:
     """Return the flight of a vehicle that has flown on for a while."""
     flown_m = players.pursuer_m + players.pursuer_m_s * flies_on_s
     from_m = flown_m.level_with(players.pursuer_m.up)
@@ -225,12 +225,12 @@ def _begun(
     x_m_s, y_m_s = game.target_velocity_m_s
     target_m = (x_m + flies_on_s * x_m_s, y_m + flies_on_s * y_m_s)
     up_m_s = solution.pursuer_velocity_m_s[2]
-    return _Flight(
+    return _GuardFlight(
         game, shown, players, vehicle, from_m, target_m, up_m_s, flies_on_s, descends_at_once=False
     )
 
 
-def _race_above(flight: _Flight, offset_m: Point, levelling_s: float) -> tuple[_Race, ...]:
+def _race_above(flight: _GuardFlight, offset_m: Point, levelling_s: float) -> tuple[_Race, ...]:
     """Return the races to a point above which the vehicle stops; over the ground and in height, if those are two."""
     game = flight.shown
     late_m = _late(flight, _velocity_to(flight, offset_m, 0.0, GUARD_LAG_S))
@@ -249,7 +249,7 @@ def _race_above(flight: _Flight, offset_m: Point, levelling_s: float) -> tuple[_
     return (_Race(sooner_s, flight.flies_on_s + max(braking_s, levelling_s)),)
 
 
-def _ideal_ground_s(flight: _Flight, goal_m: Point) -> float:
+def _ideal_ground_s(flight: _GuardFlight, goal_m: Point) -> float:
     """Return the ideal pursuer's time over the ground to a point, from where the vehicle is now.
 
     So the reaction time is lost in full, also by a vehicle that flies to the point meanwhile.
@@ -259,14 +259,14 @@ def _ideal_ground_s(flight: _Flight, goal_m: Point) -> float:
     return guard_time(FLOATS, flight.game, state._replace(z=0.0), goal_m)
 
 
-def _rim_s(flight: _Flight, offset_m: Point) -> float:
+def _rim_s(flight: _GuardFlight, offset_m: Point) -> float:
     """Return the time to a capture at the rim of the disc about an evader at a point, as the approach brakes."""
     late_m = _late(flight, _velocity_to(flight, offset_m, _rest_m(flight), _approach_lag_s(flight)))
     left_m = _away_m(flight, offset_m, late_m) - _rest_m(flight)
     return _closing_s(flight, left_m, flight.shown.pursuer.horizontal_m_s)
 
 
-def _braking_above_s(flight: _Flight) -> float:
+def _braking_above_s(flight: _GuardFlight) -> float:
     """Return the time that the slower last part of the way to a point costs, up to the rim of the disc about it."""
     u = flight.game.pursuer.horizontal_m_s
     braking_m_s2 = flight.vehicle.envelope.braking_m_s2
@@ -276,7 +276,7 @@ def _braking_above_s(flight: _Flight) -> float:
     return braking_s + GUARD_LAG_S * (math.log(u / rim_m_s) - 1.0 + rim_m_s / u)
 
 
-def _lead_beside(flight: _Flight, most_s: float) -> _Lead:
+def _lead_beside(flight: _GuardFlight, most_s: float) -> _Lead:
     """Return the smallest lead of a vehicle that meets the evader at a point of the target or on its way there.
 
     Args:
@@ -308,7 +308,7 @@ def _lead_beside(flight: _Flight, most_s: float) -> _Lead:
     return lead
 
 
-def _race_in_ball(flight: _Flight, offset_m: Point, levelling_s: float) -> tuple[_Race, ...]:
+def _race_in_ball(flight: _GuardFlight, offset_m: Point, levelling_s: float) -> tuple[_Race, ...]:
     """Return the race of a vehicle with one speed for ground and height, which meets the evader at a point."""
     game = flight.shown
     late_m = _late(flight, _velocity_to(flight, offset_m, _rest_m(flight), _approach_lag_s(flight)))
@@ -322,17 +322,17 @@ def _race_in_ball(flight: _Flight, offset_m: Point, levelling_s: float) -> tuple
     return (_Race(arrival_s - max(rim_s, ideal_s), flight.flies_on_s),)
 
 
-def _rest_m(flight: _Flight) -> float:
+def _rest_m(flight: _GuardFlight) -> float:
     """Return the distance from the evader where the approach ends at rest."""
     return float(flight.shown.standoff.radius_m) + flight.vehicle.approach.margin_m
 
 
-def _approach_lag_s(flight: _Flight) -> float:
+def _approach_lag_s(flight: _GuardFlight) -> float:
     """Return the time constant of the approach to the rim."""
     return flight.vehicle.approach.lag_s + flight.vehicle.approach.settle_s
 
 
-def _rim_speed_m_s(flight: _Flight, fastest_m_s: float) -> float:
+def _rim_speed_m_s(flight: _GuardFlight, fastest_m_s: float) -> float:
     """Return the closing speed at the distance from the rim that counts as captured."""
     approach = flight.vehicle.approach
     captured_m = max(_TINY_M, flight.vehicle.tolerance_m - approach.margin_m)
@@ -340,12 +340,12 @@ def _rim_speed_m_s(flight: _Flight, fastest_m_s: float) -> float:
     return min(fastest_m_s, max(_SLOWEST_M_S, speed_m_s))
 
 
-def _allowed_m_s(flight: _Flight, left_m: float) -> float:
+def _allowed_m_s(flight: _GuardFlight, left_m: float) -> float:
     """Return the closing speed that the approach allows at a distance from its stop."""
     return approach_speed(left_m, flight.vehicle.approach.braking_m_s2, _approach_lag_s(flight))
 
 
-def _closing_s(flight: _Flight, left_m: float, fastest_m_s: float) -> float:
+def _closing_s(flight: _GuardFlight, left_m: float, fastest_m_s: float) -> float:
     """Return the time to a capture for a vehicle that brakes as if to stop outside the rim.
 
     Args:
@@ -365,7 +365,7 @@ def _closing_s(flight: _Flight, left_m: float, fastest_m_s: float) -> float:
     return braking_s + max(0.0, left_m - slow_from_m) / fastest_m_s
 
 
-def _interception_s(flight: _Flight, goal_m: Point) -> float:
+def _interception_s(flight: _GuardFlight, goal_m: Point) -> float:
     """Return the time to a meeting with an evader that runs straight to a point, after the reaction time.
 
     The late start depends on the direction of the flight, and the direction on the meeting point, so both are computed
@@ -405,7 +405,7 @@ def _interception_s(flight: _Flight, goal_m: Point) -> float:
     return meeting_s + _braking_cost_s(flight, u - fleeing_m_s)
 
 
-def _following_s(flight: _Flight, goal_m: Point) -> float:
+def _following_s(flight: _GuardFlight, goal_m: Point) -> float:
     """Return the time to a capture of an evader that runs straight to a point, after the reaction time; near its rim.
 
     Near the rim the vehicle does not regain its full speed and brake again. It takes over the evader's velocity, and
@@ -441,14 +441,14 @@ def _following_s(flight: _Flight, goal_m: Point) -> float:
     return math.inf
 
 
-def _fastest_m_s(flight: _Flight, along_m_s: float) -> float:
+def _fastest_m_s(flight: _GuardFlight, along_m_s: float) -> float:
     """Return how fast the vehicle closes on an evader that it keeps up with, which flies away at a speed."""
     v = flight.shown.evader_speed_m_s
     u = flight.shown.pursuer.horizontal_m_s
     return math.sqrt(u * u - v * v + along_m_s * along_m_s) - along_m_s
 
 
-def _braking_cost_s(flight: _Flight, closing_m_s: float) -> float:
+def _braking_cost_s(flight: _GuardFlight, closing_m_s: float) -> float:
     """Return what braking to the speed at the rim costs, beside flying on at full speed."""
     rim_m_s = _rim_speed_m_s(flight, closing_m_s)
     braking_m_s2 = flight.vehicle.approach.braking_m_s2
@@ -464,7 +464,7 @@ def is_at_disc(game: Game, players: Players, vehicle: Capability) -> bool:
     return is_level and players.gaps.ground_m <= near_m
 
 
-def _capture_margin_s(flight: _Flight) -> float:
+def _capture_margin_s(flight: _GuardFlight) -> float:
     """Return how much sooner a vehicle at the disc's height captures the evader than any evader is at the target."""
     game = flight.shown
     players = flight.players
@@ -491,26 +491,26 @@ def _capture_margin_s(flight: _Flight) -> float:
     return _first_arrival_s(flight) - _closing_s(flight, left_m, closing_m_s)
 
 
-def _first_arrival_s(flight: _Flight) -> float:
+def _first_arrival_s(flight: _GuardFlight) -> float:
     """Return when an evader is at the nearest point of the target."""
     target = flight.shown.target_extent
     return min(_arrival(flight, offset_m)[0] for offset_m in outline(target))
 
 
-def _late(flight: _Flight, velocity_m_s: Enu) -> Enu:
+def _late(flight: _GuardFlight, velocity_m_s: Enu) -> Enu:
     """Return where a pursuer that has this velocity at once does as well as the vehicle."""
     flown_m_s = flight.players.pursuer_m_s
     return late_start(flight.from_m, velocity_m_s, flown_m_s, flight.vehicle.acceleration)
 
 
-def _away_m(flight: _Flight, offset_m: Point, from_m: Enu) -> float:
+def _away_m(flight: _GuardFlight, offset_m: Point, from_m: Enu) -> float:
     """Return the distance over the ground from a place to a point of the target, when the flight begins."""
     x_m = flight.target_m[0] + offset_m[0] - from_m[0]
     y_m = flight.target_m[1] + offset_m[1] - from_m[1]
     return math.hypot(x_m, y_m)
 
 
-def _arrival(flight: _Flight, offset_m: Point) -> tuple[float, Point]:
+def _arrival(flight: _GuardFlight, offset_m: Point) -> tuple[float, Point]:
     """Return when the evader can be at a point of the target, and the vector from the evader to where that is then."""
     game = flight.shown
     players = flight.players
@@ -527,7 +527,7 @@ def _arrival(flight: _Flight, offset_m: Point) -> tuple[float, Point]:
     return time_s, (to_point_m[0] + x_m_s * time_s, to_point_m[1] + y_m_s * time_s)
 
 
-def _velocity_to(flight: _Flight, offset_m: Point, short_m: float, lag_s: float) -> Enu:
+def _velocity_to(flight: _GuardFlight, offset_m: Point, short_m: float, lag_s: float) -> Enu:
     """Return the velocity to a point of the target, slow enough to stop short of it, relative to the target."""
     x = flight.target_m[0] + offset_m[0] - flight.from_m[0]
     y = flight.target_m[1] + offset_m[1] - flight.from_m[1]
@@ -544,7 +544,7 @@ def _velocity_to(flight: _Flight, offset_m: Point, short_m: float, lag_s: float)
     return Enu((x_m_s + pace * x, y_m_s + pace * y, flight.up_m_s))
 
 
-def _levelling_s(flight: _Flight) -> float:
+def _levelling_s(flight: _GuardFlight) -> float:
     """Return the time lost by braking to the height of the disc, until the vehicle is within tolerance."""
     rate_m_s = abs(flight.up_m_s)
     if rate_m_s == 0.0:
@@ -558,7 +558,7 @@ def _levelling_s(flight: _Flight) -> float:
     return excess_m_s**2 / (2.0 * braking_m_s2 * rate_m_s) + slower_s
 
 
-def _guarded_point(flight: _Flight, solution: StateSolution) -> Point:
+def _guarded_point(flight: _GuardFlight, solution: StateSolution) -> Point:
     """Return the point of the target that is closest to the meeting point, from the target's position then."""
     game = flight.game
     x_m, y_m, _ = flight.players.target_m or (math.nan, math.nan, math.nan)
@@ -579,7 +579,7 @@ def outline(extent: Extent) -> tuple[Point, ...]:
     points: list[Point] = []
     if len(corners) > 1:
         for begin, end in zip(corners, (*corners[1:], corners[0]), strict=True):
-            points += _edge(begin, end, radius_m)
+            points += _outline_of_edge(begin, end, radius_m)
     if radius_m == 0.0:
         return tuple(dict.fromkeys((*points, *corners)))
     steps = max(_FEWEST, math.ceil(math.tau * radius_m / _SPACING_M))
@@ -591,7 +591,7 @@ def outline(extent: Extent) -> tuple[Point, ...]:
     return tuple(points)
 
 
-def _edge(begin: Point, end: Point, radius_m: float) -> list[Point]:
+def _outline_of_edge(begin: Point, end: Point, radius_m: float) -> list[Point]:
     """Return points of an edge, moved outwards by a radius; the corners run counterclockwise."""
     way_x = end[0] - begin[0]
     way_y = end[1] - begin[1]

@@ -147,7 +147,7 @@ def watch(
     elif reachable_m_s > memory.reachable_m_s:
         memory = memory._replace(reachable_m_s=reachable_m_s)
     if alarm is None and with_target:
-        memory, alarm = _cross(memory, now_s, latest)
+        memory, alarm = _barrier_crossing(memory, now_s, latest)
     if alarm is not None or (with_target and (memory.lost or latest.winner == Winner.EVADER)):
         return memory, alarm
     return _watch_promise(memory, now_s, latest, slack_s, with_target=with_target)
@@ -188,7 +188,7 @@ def _watch_promise(
     )
 
 
-def _cross(
+def _barrier_crossing(
     memory: MonitorMemory, now_s: float, certificate: Certificate
 ) -> tuple[MonitorMemory, Alarm | None]:
     """Report the barrier: lost by the ideal game's verdict, won by this vehicle's."""

@@ -134,10 +134,10 @@ def play(inputs: CycleInputs, settings: CycleSettings, memory: CycleMemory) -> C
     aim = _aim(played.game, players, inputs, settings, memory)
     if aim.policy_fault is not None:
         return _without_policy(inputs, settings, memory, aim)
-    flight = _follow(aim, players.gaps, evader.speed_bound_m_s, inputs, settings, memory)
+    unlimited = _follow(aim, players.gaps, evader.speed_bound_m_s, inputs, settings, memory)
     is_shaped = settings.handling.servo is not None
-    limited = _limited(flight.command, inputs, settings, memory, already_shaped=is_shaped)
-    return _output(played, aim, flight, limited)
+    limited = _limited(unlimited.command, inputs, settings, memory, already_shaped=is_shaped)
+    return _output(played, aim, unlimited, limited)
 
 
 def _players(
@@ -317,7 +317,7 @@ def _ask_own(ask: Ask | None, game: Game, players: Players, memory: StrategyMemo
     return Enu(pursuer_velocity(game, np.array([answer]))[0].tolist())
 
 
-class Flight(NamedTuple):
+class UnlimitedCommand(NamedTuple):
     """The command before the limits, how it came about, and the speeds that the vehicle has flown."""
 
     command: Setpoint
@@ -332,7 +332,7 @@ def _follow(
     inputs: CycleInputs,
     settings: CycleSettings,
     memory: CycleMemory,
-) -> Flight:
+) -> UnlimitedCommand:
     """Step 4: make the vehicle follow the strategy's velocity, and compare it with the one flown.
 
     Args:
@@ -353,7 +353,7 @@ def _follow(
     speed = _speed_shown(aim, asked_ned_m_s, followed, pace, inputs, memory.speed)
     yaw_rad = inputs.situation.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
-    return Flight(command, followed, speed)
+    return UnlimitedCommand(command, followed, speed)
 
 
 def _speed_shown(
@@ -396,21 +396,23 @@ def _limited(
     )
 
 
-def _output(played: GamePlayed, aim: Aim, flight: Flight, limited: Limited) -> CycleOutput:
+def _output(
+    played: GamePlayed, aim: Aim, unlimited: UnlimitedCommand, limited: Limited
+) -> CycleOutput:
     """Return the setpoint, the certificate with the command, and what the next cycle has to know."""
     certificate = aim.certified.certificate._replace(
         reason=int(Reason.TOO_OLD) if played.too_old else aim.certified.solution.reason,
-        desired_ned_m_s=flight.followed.desired_ned_m_s,
+        desired_ned_m_s=unlimited.followed.desired_ned_m_s,
         command_ned_m_s=limited.setpoint.velocity_ned_m_s,
         active_limits=tuple(map(str, limited.active)),
     )
     memory = CycleMemory(
-        follow=flight.followed.memory,
+        follow=unlimited.followed.memory,
         limits=limited.memory,
-        yaw_rad=flight.command.yaw_rad,
+        yaw_rad=unlimited.command.yaw_rad,
         strategy=aim.memory,
         optimal_game_m_s=Enu(aim.certified.solution.pursuer_velocity_m_s),
-        speed=flight.speed,
+        speed=unlimited.speed,
     )
     return CycleOutput(limited.setpoint, certificate, memory)
 

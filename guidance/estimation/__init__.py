@@ -3,7 +3,7 @@
 A report passes the judgement of its stamp (`pace`), clock and frame (`measurement`), the comparison of its velocity
 with the positions (`velocity_check`), the track (`track`), and the detection of a second source (`rivals`). The
 prediction, an `EvaderEstimate`, has position, velocity, speed bound, age and uncertainty at any time of our clock. If
-the origin of the local frame moves, all positions move with it (`moved`) and their uncertainty stays the same.
+the origin of the local frame moves, all positions move with it (`in_new_frame`) and their uncertainty stays the same.
 """
 
 import math
@@ -12,14 +12,14 @@ from typing import Final, NamedTuple
 
 from guidance.estimation.filters import EvaderEstimate, predict
 from guidance.estimation.measurement import ClockOffset, TrackSettings, hear, measure, synchronise
-from guidance.estimation.pace import Pace, judge_pace
-from guidance.estimation.rivals import Report, Rivals, listen
+from guidance.estimation.pace import PaceMemory, judge_pace
+from guidance.estimation.rivals import SourceMemory, SourceReport, listen
 from guidance.estimation.track import ReportOutcome, Track, update
 from guidance.estimation.velocity_check import VelocityCheck, check_velocity
 from guidance.frames import STILL, LocalFrame, Ned
 from guidance.messages import EvaderReport
 
-__all__ = ["EvaderEstimate", "Observer", "add_report", "moved", "predict"]
+__all__ = ["EvaderEstimate", "Observer", "add_report", "in_new_frame", "predict"]
 
 
 class Observer(NamedTuple):
@@ -36,9 +36,9 @@ class Observer(NamedTuple):
 
     clock: ClockOffset | None = None
     track: Track = Track()
-    rivals: Rivals = Rivals()
+    rivals: SourceMemory = SourceMemory()
     shift_ned_m: Ned = STILL
-    pace: Pace = Pace()
+    pace: PaceMemory = PaceMemory()
     velocity_check: VelocityCheck = VelocityCheck()
 
 
@@ -74,11 +74,13 @@ def add_report(
     velocity_check = observer.velocity_check
     if fits:
         velocity_check = check_velocity(velocity_check, measurement)
-    rivals = listen(observer.rivals, Report(report, used, fits), settings)
+    rivals = listen(observer.rivals, SourceReport(report, used, fits), settings)
     return Observer(clock, track, rivals, observer.shift_ned_m, pace, velocity_check)
 
 
-def _clock_after(clock: ClockOffset | None, report: EvaderReport, pace: Pace) -> ClockOffset | None:
+def _clock_after(
+    clock: ClockOffset | None, report: EvaderReport, pace: PaceMemory
+) -> ClockOffset | None:
     """Return the sender's clock after a report; None while its stamps are not usable."""
     if not pace.usable:
         return None
@@ -88,7 +90,7 @@ def _clock_after(clock: ClockOffset | None, report: EvaderReport, pace: Pace) ->
     return hear(clock, report.sent_s, report.received_s)
 
 
-def moved(observer: Observer, into: Callable[[Ned], Ned]) -> Observer:
+def in_new_frame(observer: Observer, into: Callable[[Ned], Ned]) -> Observer:
     """Return the memory for a new local frame.
 
     Args:

@@ -177,7 +177,7 @@ class Turn(NamedTuple):
     across_slope: float
 
 
-def _turn(turn_rate_rad_s: float, dt_s: float) -> Turn:
+def _turn_during(turn_rate_rad_s: float, dt_s: float) -> Turn:
     angle = turn_rate_rad_s * dt_s
     sine = math.sin(angle)
     cosine = math.cos(angle)
@@ -245,7 +245,7 @@ class TurnJacobian(NamedTuple):
 def turning_after(state: Normal, dt_s: float, settings: TrackSettings) -> Normal:
     """Advance the turning model by dt."""
     north, east, north_rate_before, east_rate_before, turn_rate = state.mean
-    turn = _turn(turn_rate, dt_s)
+    turn = _turn_during(turn_rate, dt_s)
     north_rate = turn.cosine * north_rate_before - turn.sine * east_rate_before
     east_rate = turn.sine * north_rate_before + turn.cosine * east_rate_before
     fade = math.exp(-dt_s / settings.turn_time_s)

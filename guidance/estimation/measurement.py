@@ -146,12 +146,12 @@ def measure(
         report.received_s,
         position_ned_m - shift_ned_m,
         velocity_ned_m_s,
-        _spread(report.position_sd_m, settings.position_sd_m),
-        _spread(report.velocity_sd_m_s, settings.velocity_sd_m_s),
+        _usable_spread(report.position_sd_m, settings.position_sd_m),
+        _usable_spread(report.velocity_sd_m_s, settings.velocity_sd_m_s),
     )
 
 
-def _spread(reported: float, default: float) -> float:
+def _usable_spread(reported: float, default: float) -> float:
     """Return a reported standard deviation, not below a centimetre; the default if there is none."""
     return max(_LEAST_SD, reported) if reported > 0.0 else default
 

@@ -32,7 +32,7 @@ class Stamp(NamedTuple):
     received_s: float
 
 
-class Pace(NamedTuple):
+class PaceMemory(NamedTuple):
     """The memory of the judgement.
 
     Attributes:
@@ -54,7 +54,7 @@ class Pace(NamedTuple):
     plausible_since_s: float = math.nan
 
 
-def judge_pace(pace: Pace, sent_s: float, received_s: float) -> Pace:
+def judge_pace(pace: PaceMemory, sent_s: float, received_s: float) -> PaceMemory:
     """Add the two times of a report. Reports without a stamp (NaN) change nothing.
 
     Args:
@@ -66,7 +66,7 @@ def judge_pace(pace: Pace, sent_s: float, received_s: float) -> Pace:
         return pace
     stamp = Stamp(sent_s, received_s)
     if pace.recent and received_s - pace.recent[-1].received_s > _FORGOTTEN_AFTER_S:
-        return Pace(usable=pace.usable, rate=pace.rate, recent=(stamp,))
+        return PaceMemory(usable=pace.usable, rate=pace.rate, recent=(stamp,))
     earlier = [past for past in pace.recent if received_s - past.received_s >= _BASELINE_S]
     recent = pace.recent
     if not recent or received_s - recent[-1].received_s >= _APART_S:
@@ -80,7 +80,7 @@ def judge_pace(pace: Pace, sent_s: float, received_s: float) -> Pace:
     return _after_strange(judged, received_s)
 
 
-def _after_plausible(pace: Pace, received_s: float) -> Pace:
+def _after_plausible(pace: PaceMemory, received_s: float) -> PaceMemory:
     since_s = pace.plausible_since_s
     if math.isnan(since_s):
         since_s = received_s
@@ -94,7 +94,7 @@ def _after_plausible(pace: Pace, received_s: float) -> Pace:
     )
 
 
-def _after_strange(pace: Pace, received_s: float) -> Pace:
+def _after_strange(pace: PaceMemory, received_s: float) -> PaceMemory:
     since_s = pace.strange_since_s
     if math.isnan(since_s):
         since_s = received_s

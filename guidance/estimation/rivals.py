@@ -45,7 +45,7 @@ _RATE_SPREAD: Final = 20
 _NOISE_SIGMAS: Final = 3.0
 
 
-class Report(NamedTuple):
+class SourceReport(NamedTuple):
     """What the detection needs of one report.
 
     Attributes:
@@ -61,7 +61,7 @@ class Report(NamedTuple):
     is_copy: bool = False
 
 
-class Rivals(NamedTuple):
+class SourceMemory(NamedTuple):
     """The memory of the detection.
 
     Attributes:
@@ -75,7 +75,7 @@ class Rivals(NamedTuple):
         newest_sent_s: The newest stamp so far. A report with a newer one is no copy.
     """
 
-    recent: tuple[Report, ...] = ()
+    recent: tuple[SourceReport, ...] = ()
     judged_s: float = -math.inf
     since_s: float = math.nan
     usual: int = 0
@@ -89,7 +89,7 @@ class Rivals(NamedTuple):
         return now_s - self.seen_s <= LASTS_S
 
 
-def listen(rivals: Rivals, report: Report, settings: TrackSettings) -> Rivals:
+def listen(rivals: SourceMemory, report: SourceReport, settings: TrackSettings) -> SourceMemory:
     """Add one report and judge. Two reports agree if one evader of twice the declared speed can reach both places."""
     now_s = report.told.received_s
     sent_s = report.told.sent_s
@@ -104,7 +104,9 @@ def listen(rivals: Rivals, report: Report, settings: TrackSettings) -> Rivals:
     recent = tuple([past for past in recent if now_s - past.told.received_s <= _WINDOW_S])
     learning = now_s - since_s <= _RATE_LEARNED_S
     usual = max(rivals.usual, len(_untimed(recent, now_s))) if learning else rivals.usual
-    rivals = Rivals(recent, now_s, since_s, usual, odd_s, rivals.seen_s, rivals.why, newest_sent_s)
+    rivals = SourceMemory(
+        recent, now_s, since_s, usual, odd_s, rivals.seen_s, rivals.why, newest_sent_s
+    )
     if now_s - odd_s > _WINDOW_S:
         return rivals
     for sign, shows in _SIGNS.items():
@@ -113,7 +115,7 @@ def listen(rivals: Rivals, report: Report, settings: TrackSettings) -> Rivals:
     return rivals
 
 
-def _is_odd(before: Report, report: Report) -> bool:
+def _is_odd(before: SourceReport, report: SourceReport) -> bool:
     """Return whether a report, after the one before it, can count as a sign of a second source."""
     told = report.told
     if report.fits is False or told.impostors or math.isnan(told.sent_s):
@@ -125,11 +127,11 @@ def _is_odd(before: Report, report: Report) -> bool:
     return _contradict(before.told, told)
 
 
-def _is_apart(report: Report) -> bool:
+def _is_apart(report: SourceReport) -> bool:
     return abs(report.told.received_s - report.measured.time_s) > _CLOCKS_APART_S
 
 
-def _has_arrived(recent: Sequence[Report], told: EvaderReport) -> bool:
+def _has_arrived(recent: Sequence[SourceReport], told: EvaderReport) -> bool:
     sent_s = told.sent_s
     same_stamp = [past.told for past in recent if past.told.sent_s == sent_s]
     return any(
@@ -138,7 +140,7 @@ def _has_arrived(recent: Sequence[Report], told: EvaderReport) -> bool:
     )
 
 
-def _in_place(recent: Sequence[Report], settings: TrackSettings) -> bool:
+def _in_place(recent: Sequence[SourceReport], settings: TrackSettings) -> bool:
     if sum(report.fits is False for report in recent) <= _TURNS:
         return False
     placed = [report for report in recent if report.fits is not None]
@@ -154,7 +156,7 @@ def _in_place(recent: Sequence[Report], settings: TrackSettings) -> bool:
     return agreeing >= _TURNS and _leaps(ordered, speed_m_s, noise_m) >= _TURNS
 
 
-def _leaps(ordered: Sequence[Report], speed_m_s: float, noise_m: float) -> int:
+def _leaps(ordered: Sequence[SourceReport], speed_m_s: float, noise_m: float) -> int:
     """Count changes to reports that do not fit and back, with an impossible step in at least one direction."""
     leaps = 0
     leapt_away = None
@@ -167,20 +169,22 @@ def _leaps(ordered: Sequence[Report], speed_m_s: float, noise_m: float) -> int:
     return leaps
 
 
-def _can_follow(earlier: Report, later: Report, speed_m_s: float, margin_m: float) -> bool:
+def _can_follow(
+    earlier: SourceReport, later: SourceReport, speed_m_s: float, margin_m: float
+) -> bool:
     before = earlier.measured
     after = later.measured
     distance_m = math.dist(before.position_ned_m[:2], after.position_ned_m[:2])
     return distance_m <= margin_m + speed_m_s * (after.time_s - before.time_s)
 
 
-def _in_clock(recent: Sequence[Report]) -> bool:
+def _in_clock(recent: Sequence[SourceReport]) -> bool:
     are_apart = [_is_apart(report) for report in recent if not report.is_copy]
     runs = [is_apart for is_apart, _ in itertools.groupby(are_apart)]
     return sum(runs[1:-1]) >= _TURNS
 
 
-def _in_sequence(recent: Sequence[Report]) -> bool:
+def _in_sequence(recent: Sequence[SourceReport]) -> bool:
     if len({report.told.sequence for report in recent}) < 2:
         return False  # the sender does not count
     contradictions = sum(
@@ -204,7 +208,7 @@ def _contradict(first: EvaderReport, second: EvaderReport) -> bool:
     return frames == 0 or (frames < 128) is not (later_s > 0.0)
 
 
-def _in_sender(recent: Sequence[Report], now_s: float) -> bool:
+def _in_sender(recent: Sequence[SourceReport], now_s: float) -> bool:
     """Return whether the sender changes to and fro; a sender that restarts changes once."""
     reports = [past.told for past in recent if now_s - past.told.received_s <= _SENDER_WINDOW_S]
     changes = sum(
@@ -215,7 +219,7 @@ def _in_sender(recent: Sequence[Report], now_s: float) -> bool:
     return changes >= _SENDER_CHANGES or beside_others >= _TURNS
 
 
-def _untimed(recent: Sequence[Report], now_s: float) -> list[float]:
+def _untimed(recent: Sequence[SourceReport], now_s: float) -> list[float]:
     """Return the arrivals of the latest reports without a time of their own, of the source that sends most."""
     arrivals_s: dict[str, list[float]] = {}
     for report in recent:
@@ -225,7 +229,7 @@ def _untimed(recent: Sequence[Report], now_s: float) -> list[float]:
     return max(arrivals_s.values(), key=len, default=[])
 
 
-def _in_rate(rivals: Rivals, now_s: float) -> bool:
+def _in_rate(rivals: SourceMemory, now_s: float) -> bool:
     if now_s - rivals.since_s <= _RATE_LEARNED_S or rivals.usual == 0:
         return False
     arrivals_s = _untimed(rivals.recent, now_s)
@@ -235,7 +239,7 @@ def _in_rate(rivals: Rivals, now_s: float) -> bool:
     return len(arrivals_s) > _RATE_FACTOR * rivals.usual + _RATE_SPARE
 
 
-_SIGNS: Final[Mapping[str, Callable[[Rivals, float, TrackSettings], bool]]] = {
+_SIGNS: Final[Mapping[str, Callable[[SourceMemory, float, TrackSettings], bool]]] = {
     "place": lambda rivals, _, settings: _in_place(rivals.recent, settings),
     "clock": lambda rivals, *_: _in_clock(rivals.recent),
     "sequence": lambda rivals, *_: _in_sequence(rivals.recent),

@@ -88,9 +88,9 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
         return replace(track, outcome=refused)
     estimate = track.estimate
     if estimate is None:
-        return _begun(track, measurement, settings)
+        return _new_track(track, measurement, settings)
     if measurement.received_s - estimate.received_s > settings.silence_s:
-        restarted = _begun(track, measurement, settings)
+        restarted = _new_track(track, measurement, settings)
         reacquired = replace(restarted, outcome=ReportOutcome.REACQUIRED)
         return _begun_anew(track, reacquired, settings)
 
@@ -170,7 +170,7 @@ def _repetition(track: Track, measurement: Measurement) -> ReportOutcome | None:
     return ReportOutcome.TOO_OLD if track.history else None
 
 
-def _begun(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
+def _new_track(track: Track, measurement: Measurement, settings: TrackSettings) -> Track:
     velocity = measurement.velocity_ned_m_s
     down_m_s = 0.0
     sd_m_s = settings.prior_speed_sd_m_s
@@ -253,7 +253,7 @@ def _outlier(track: Track, measurement: Measurement, settings: TrackSettings) ->
     if rival is not None:
         rival = update(rival, measurement, settings)
     if rival is None or rival.outcome is not ReportOutcome.ACCEPTED:
-        rival = _begun(Track(), measurement, settings)
+        rival = _new_track(Track(), measurement, settings)
     lasting_s = rival.history[-1].measurement.time_s - rival.history[0].measurement.time_s
     if len(rival.history) < settings.jump_reports and lasting_s < settings.jump_s:
         return replace(track, rival=rival, outcome=ReportOutcome.OUTLIER)

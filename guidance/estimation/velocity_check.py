@@ -30,7 +30,7 @@ _RIGHT_AFTER_S: Final = 20.0
 _MOVING_M_S: Final = 1.0
 
 
-class Sample(NamedTuple):
+class PlaneReport(NamedTuple):
     """A report on the plane, north and east.
 
     Attributes:
@@ -64,7 +64,7 @@ class VelocityCheck(NamedTuple):
 
     believed: bool = True
     error_m_s: float = math.nan
-    samples: tuple[Sample, ...] = ()
+    samples: tuple[PlaneReport, ...] = ()
     wrong_since_s: float = math.nan
     wrong_samples: int = 0
     right_s: float = 0.0
@@ -95,7 +95,7 @@ def check_velocity(check: VelocityCheck, measurement: Measurement) -> VelocityCh
             last.integrated_m[0] + 0.5 * step_s * (last.velocity_m_s[0] + north_m_s),
             last.integrated_m[1] + 0.5 * step_s * (last.velocity_m_s[1] + east_m_s),
         )
-    sample = Sample(
+    sample = PlaneReport(
         time_s,
         (north_m, east_m),
         (north_m_s, east_m_s),
@@ -111,7 +111,7 @@ def check_velocity(check: VelocityCheck, measurement: Measurement) -> VelocityCh
     return _judged(check, samples, step_s)
 
 
-def _windowed(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
+def _windowed(samples: tuple[PlaneReport, ...]) -> tuple[PlaneReport, ...]:
     """Return the newest samples that span the window, and the least number of them at least."""
     begin_s = samples[-1].time_s - WINDOW_S - _APART_S
     enough = max(0, len(samples) - _LEAST_SAMPLES)
@@ -121,7 +121,7 @@ def _windowed(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
     return samples[first:]
 
 
-def _judged(check: VelocityCheck, samples: tuple[Sample, ...], step_s: float) -> VelocityCheck:
+def _judged(check: VelocityCheck, samples: tuple[PlaneReport, ...], step_s: float) -> VelocityCheck:
     """Compare the velocities of a whole window; the last sample came `step_s` after the one before it."""
     error_m_s, speed_m_s, spread_s2 = _fitted(samples)
     position_sd_m = max(sample.position_sd_m for sample in samples)
@@ -158,7 +158,7 @@ class Fit(NamedTuple):
     spread_s2: float
 
 
-def _fitted(samples: Sequence[Sample]) -> Fit:
+def _fitted(samples: Sequence[PlaneReport]) -> Fit:
     newest_s = samples[-1].time_s
     times_s = [sample.time_s - newest_s for sample in samples]
     mean_s = sum(times_s) / len(times_s)

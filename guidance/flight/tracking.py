@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from guidance.estimation import EvaderEstimate, Observer, add_report, moved, predict
+from guidance.estimation import EvaderEstimate, Observer, add_report, in_new_frame, predict
 from guidance.estimation.measurement import TrackSettings
 from guidance.estimation.pace import FASTEST, SLOWEST
 from guidance.estimation.track import TAKEN
@@ -242,7 +242,7 @@ class Tracking:
         self.local_frame = frame
         if before is not None:
             for name, observer in self.observers.items():
-                self.observers[name] = moved(
+                self.observers[name] = in_new_frame(
                     observer, lambda position_ned_m: before.ned_in(frame, position_ned_m)
                 )
             if self.home_ned_m is not None:

@@ -134,9 +134,9 @@ def play_in_space(
         observed: the evader's observed velocity, m/s, or None.
     """
     to_evader = plus3(E, -1.0, P)
-    first, far = _unit(xp, to_evader if T is None else plus3(T, -1.0, E))
+    first, far = _direction(xp, to_evader if T is None else plus3(T, -1.0, E))
     along = dot3(to_evader, first)
-    second, across = _unit(xp, plus3(to_evader, -along, first))
+    second, across = _direction(xp, plus3(to_evader, -along, first))
     second = plus3(second, -dot3(second, first), first)
     zero = 0.0 * along
     state = Geometry((zero, zero), zero, (along, zero if T is None else across), zero, (0.0, 0.0))
@@ -148,7 +148,7 @@ def play_in_space(
     meeting = plus3(E, 1.0, unfold(play.meeting_point_m))
     velocity = unfold(play.pursuer_velocity_m_s)
     if observed is not None:  # a captured evader is followed, at most at its speed bound
-        direction, length = _unit(xp, observed)
+        direction, length = _direction(xp, observed)
         pace = xp.select(length > game.evader_speed_m_s, game.evader_speed_m_s, length)
         velocity = xp.select_all(play.meeting_time_s <= 0, times3(pace, direction), velocity)
     evading = unfold(play.evader_velocity_m_s)
@@ -157,7 +157,7 @@ def play_in_space(
     )
 
 
-def _unit(xp: Library, v: Space) -> tuple[Space, Real]:
+def _direction(xp: Library, v: Space) -> tuple[Space, Real]:
     """Direction and length; the x axis where the length is zero."""
     length = xp.norm3(v)
     nonzero = length > 0

@@ -47,7 +47,7 @@ class Pose(NamedTuple):
     twist: Real = math.nan
 
 
-class Course(Protocol):
+class MarginEdge(Protocol):
     """An edge along which the margin is followed: a record whose numbers may be arrays, one for each row."""
 
     @property
@@ -88,14 +88,14 @@ def lesser_spot(xp: Library, best: Spot, rival: Spot) -> Spot:
     return xp.select_all(rival.margin < best.margin, rival, best)
 
 
-def least_within(xp: Library, course: Course, bracket: Bracket, enclosed: Truth) -> Spot:
+def least_within(xp: Library, course: MarginEdge, bracket: Bracket, enclosed: Truth) -> Spot:
     """Return the spot of zero slope in the rows whose bracket encloses one, nowhere in the others."""
-    spot = in_rows(enclosed, NOWHERE, partial(_level, xp), course, bracket)
+    spot = in_rows(enclosed, NOWHERE, partial(_zero_of_slope, xp), course, bracket)
     # Libraries that trace compute all rows; a bracket that encloses nothing may lead off the edge.
     return xp.select_all(enclosed, spot, NOWHERE) if xp.differentiates else spot
 
 
-def scanned(xp: Library, course: Course, positions: tuple[Real, ...]) -> Spot:
+def scanned(xp: Library, course: MarginEdge, positions: tuple[Real, ...]) -> Spot:
     """Return the least margin at and between positions, in ascending or descending order."""
     if xp is NUMPY:
         return _scanned_at_once(course, np.stack(np.broadcast_arrays(*positions)))
@@ -113,7 +113,7 @@ def scanned(xp: Library, course: Course, positions: tuple[Real, ...]) -> Spot:
     return best
 
 
-def _scanned_at_once(course: Course, positions: Array) -> Spot:
+def _scanned_at_once(course: MarginEdge, positions: Array) -> Spot:
     """Return the same with NumPy: positions are along the first axis."""
     pose = course.pose(NUMPY, positions)
     margins: Array = pose.margin
@@ -149,7 +149,7 @@ def _between(xp: Library, before: tuple[Real, Pose], after: tuple[Real, Pose]) -
     )
 
 
-def _level(xp: Library, course: Course, bracket: Bracket) -> Spot:
+def _zero_of_slope(xp: Library, course: MarginEdge, bracket: Bracket) -> Spot:
     """Find the zero of the slope in a bracket, by Halley's method or, where that fails, by narrowing the bracket."""
     if xp.differentiates or not course.curved:
         return _bracketed(xp, course, bracket)
@@ -167,7 +167,7 @@ def _level(xp: Library, course: Course, bracket: Bracket) -> Spot:
     )
 
 
-def _bracketed(xp: Library, course: Course, bracket: Bracket) -> Spot:
+def _bracketed(xp: Library, course: MarginEdge, bracket: Bracket) -> Spot:
     """Find it by steps that narrow the bracket, from its trial if that is inside."""
     inside = (bracket.trial > bracket.low) & (bracket.trial < bracket.high)
     trial = xp.select(inside, bracket.trial, _secant(xp, bracket))
@@ -181,7 +181,7 @@ def _halley(position: Real, pose: Pose) -> Real:
     return position - step / (1.0 - 0.5 * step * pose.twist / pose.bend)
 
 
-def _stepped(xp: Library, course: Course, bracket: Bracket, sign: Real, steps: int) -> Spot:
+def _stepped(xp: Library, course: MarginEdge, bracket: Bracket, sign: Real, steps: int) -> Spot:
     """Take some steps, and more in rows that need them.
 
     Args:
@@ -225,7 +225,7 @@ def _stepped(xp: Library, course: Course, bracket: Bracket, sign: Real, steps: i
     )
 
 
-def _narrowed(xp: Library, course: Course, bracket: Bracket, pose: Pose, sign: Real) -> Bracket:
+def _narrowed(xp: Library, course: MarginEdge, bracket: Bracket, pose: Pose, sign: Real) -> Bracket:
     """Return the bracket with an end at the position that was tried.
 
     For the secant method, the slope of an end that stays a second time counts half.

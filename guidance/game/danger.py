@@ -178,7 +178,7 @@ class FollowedLine(NamedTuple):
 
     def pose(self, xp: Library, position: Real) -> Pose:
         """Return the margin at a position and its slope."""
-        judged = _judged(xp, self.rivals, self.at(position))
+        judged = _margin_at(xp, self.rivals, self.at(position))
         return Pose(judged.margin, dot2(judged.gradient, self.line.along))
 
 
@@ -212,7 +212,7 @@ class FollowedArc(NamedTuple):
     def pose(self, xp: Library, position: Real) -> Pose:
         """Return the margin at a position and its slope."""
         outward = self.outward(position)
-        judged = _judged(xp, self.rivals, plus2(self.arc.centre, self.arc.radius, outward))
+        judged = _margin_at(xp, self.rivals, plus2(self.arc.centre, self.arc.radius, outward))
         return Pose(judged.margin, cross2(outward, judged.gradient))
 
 
@@ -268,25 +268,25 @@ def most_in_danger(xp: Library, extent: Extent, rivals: Rivals) -> Plane:
             points.extend(_each(xp, extent, _around(xp, arc, rivals)))
         ends = [
             (
-                _judged(xp, rivals, line.begin),
-                _judged(xp, rivals, plus2(line.begin, line.length, line.along)),
+                _margin_at(xp, rivals, line.begin),
+                _margin_at(xp, rivals, plus2(line.begin, line.length, line.along)),
             )
             for line in lines
         ]
     else:
         corners = _several(xp, extent.corners_m, rivals)
-        judged = [_judged(xp, rivals, corner) for corner in corners]
+        judged = [_margin_at(xp, rivals, corner) for corner in corners]
         if xp is NUMPY and len(extent.corners_m) > 2:
             points.append(_least_corner(corners[0], judged[0].margin))
         else:
             for corner, margin in zip(corners, judged, strict=True):
                 points.append(_corner(xp, corner, margin))
-        ends = _ends(judged)
+        ends = _line_ends(judged)
     best = points[0]
     for point in points[1:]:
         best = _lesser(xp, best, point)
     for line, both in zip(lines, ends, strict=False):
-        for point in _each(xp, extent, _along(xp, line, both, rivals, best.margin)):
+        for point in _each(xp, extent, _least_in_line(xp, line, both, rivals, best.margin)):
             best = _lesser(xp, best, point)
     return best.at
 
@@ -341,7 +341,7 @@ def _each(xp: Library, extent: Extent, point: Point) -> list[Point]:
     return [Point((x[number], y[number]), margin[number]) for number in range(count)]
 
 
-def _ends(judged: list[Judged]) -> list[tuple[Judged, Judged]]:
+def _line_ends(judged: list[Judged]) -> list[tuple[Judged, Judged]]:
     """Return the begin and the end of each line from the corners."""
     if len(judged) > 1:
         return list(zip(judged, judged[1:] + judged[:1], strict=True))
@@ -361,7 +361,7 @@ def _lesser(xp: Library, best: Point, rival: Point) -> Point:
     )
 
 
-def _judged(xp: Library, rivals: Rivals, at: Plane) -> Judged:
+def _margin_at(xp: Library, rivals: Rivals, at: Plane) -> Judged:
     """Return the margin at a point, from the target's position, and its gradient."""
     run = plus2(at, -1.0, rivals.evader)
     drift = rivals.drift
@@ -463,7 +463,7 @@ def _least_corner(corners: Plane, margins: Array) -> Point:
     return Point((x.take(numbers), y.take(numbers)), least)
 
 
-def _along(
+def _least_in_line(
     xp: Library, line: Line, ends: tuple[Judged, Judged], rivals: Rivals, best: Real
 ) -> Point:
     """Return the least margin within a line, with a margin of infinity where it is at an end or not below the best.

@@ -63,14 +63,14 @@ class Hunt(NamedTuple):
     """... and the distance from the pursuer within which the evader is captured then."""
 
 
-class Aim(NamedTuple):
+class AimedHeading(NamedTuple):
     """A heading s, and the direction from the pursuer to the end of its run, as far as it is known."""
 
     s: Real
     disc: Plane
 
 
-class Way(NamedTuple):
+class HeadingRun(NamedTuple):
     """A heading followed to its end, vectors by their components along and across it."""
 
     n: Plane
@@ -131,7 +131,9 @@ def hunt_for(xp: Library, game: Game, state: Geometry, target: Plane, goal: Plan
     return Hunt(u, v, capture, radius, lag, hand, z2, *places, met_s, met_m)
 
 
-def way_along(xp: Library, hunt: Hunt, aim: Aim, *, with_height: bool = False) -> Way:
+def way_along(
+    xp: Library, hunt: Hunt, aim: AimedHeading, *, with_height: bool = False
+) -> HeadingRun:
     """Return the way that follows a heading to the capture.
 
     Args:
@@ -162,7 +164,7 @@ def way_along(xp: Library, hunt: Hunt, aim: Aim, *, with_height: bool = False) -
         delta = xp.select(delta < float("inf"), slower, delta) if with_height else slower
     rho = hunt.v * t + hunt.lag
     from_target, flat_edge = left_over(xp, hunt, start.n, rho, t)
-    return Way(
+    return HeadingRun(
         start.n,
         t,
         rho,
@@ -225,7 +227,7 @@ def aimed_at(xp: Library, hunt: Hunt, t: Real, point: Plane = ORIGIN) -> tuple[P
 
 
 def left_over(xp: Library, hunt: Hunt, n: Plane, rho: Real, t: Real) -> tuple[Plane, Truth]:
-    """Return the vector from the target to the end of a run, along and across it; see `Way`."""
+    """Return the vector from the target to the end of a run, along and across it; see `HeadingRun`."""
     if len(hunt.extent.corners_m) == 1:
         corner = from_set(hunt.target, hunt.extent.corners_m[0])
         from_target = (rho - dot2(corner, n), cross2(corner, n))
@@ -247,7 +249,7 @@ def _after(hunt: Hunt, air: Plane, t: Real, p: Plane) -> Plane:
     return p[0] + air[0] * t, p[1] if hunt.wind is None else p[1] + air[1] * t
 
 
-def judge(hunt: Hunt, path: Way) -> tuple[Real, Real, Truth]:
+def judge(hunt: Hunt, path: HeadingRun) -> tuple[Real, Real, Truth]:
     """Return Newton's turn towards the least distance, rad, the slope of the distance, and whether the turn is sound.
 
     The first and second derivative of t by the heading are those of H = (‖y + m t − q‖² + z² − (u t + l)²)/2 = 0, for
@@ -265,7 +267,7 @@ def judge(hunt: Hunt, path: Way) -> tuple[Real, Real, Truth]:
     return -slope / rate, slope, (rate > 0) & (before <= 0)
 
 
-def _edge(hunt: Hunt, path: Way) -> tuple[Plane, Plane]:
+def _edge(hunt: Hunt, path: HeadingRun) -> tuple[Plane, Plane]:
     """Return the first and second derivative of the end of a run by the heading, m/rad and m/rad²."""
     v = hunt.v
     rho = path.rho

@@ -26,7 +26,16 @@ from guidance.game.arrays import (
     times2,
 )
 from guidance.game.game import STILL, Game
-from guidance.game.headings import Aim, Hunt, Way, aimed_at, bounded, hunt_for, judge, way_along
+from guidance.game.headings import (
+    AimedHeading,
+    HeadingRun,
+    Hunt,
+    aimed_at,
+    bounded,
+    hunt_for,
+    judge,
+    way_along,
+)
 from guidance.game.pe import Geometry
 from guidance.game.records import in_rows, is_zero
 
@@ -118,7 +127,7 @@ def is_missed(
 
 def _missed(xp: Library, hunt: Hunt, least: Real) -> Truth:
     zero = 0.0 * (hunt.to_evader[0] + hunt.target[0] + hunt.ahead[0])
-    aim = Aim(zero - 1.0, hunt.ahead)
+    aim = AimedHeading(zero - 1.0, hunt.ahead)
     _, path = settled(xp, hunt, aim, DISC_STEPS)
     before = xp.norm2(path.from_target)
     rises: Truth = False
@@ -126,7 +135,7 @@ def _missed(xp: Library, hunt: Hunt, least: Real) -> Truth:
     less = 1.0 - xp.half_of_digits(before)
     missed = before < least * less
     for number in range(1, HEADINGS + 1):
-        aim = Aim(zero + (2.0 * number / HEADINGS - 1.0), path.to)
+        aim = AimedHeading(zero + (2.0 * number / HEADINGS - 1.0), path.to)
         _, path = settled(xp, hunt, aim, 2)
         distance = xp.norm2(path.from_target)
         missed = missed | (distance < least * less)
@@ -158,7 +167,7 @@ def _closest(xp: Library, hunt: Hunt) -> Closest:
     )
 
 
-def search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
+def search(xp: Library, hunt: Hunt, within: Truth) -> AimedHeading:
     """Return the heading that ends closest to the target, for the rows that are not `within`."""
     start = touch(xp, hunt)
     if xp.differentiates:
@@ -171,13 +180,13 @@ def search(xp: Library, hunt: Hunt, within: Truth) -> Aim:
 
 
 def newton(
-    xp: Library, hunt: Hunt, aim: Aim, converged: Truth, steps: int, limit: int
-) -> tuple[Aim, Truth]:
+    xp: Library, hunt: Hunt, aim: AimedHeading, converged: Truth, steps: int, limit: int
+) -> tuple[AimedHeading, Truth]:
     """Take some steps, then single steps, up to `limit`, in rows that have not converged; return which have."""
     for _ in range(steps):
         path = way_along(xp, hunt, aim)
         turn, _, sound = judge(hunt, path)
-        aim = Aim(aim.s + 0.5 * turn * (1.0 + aim.s * aim.s), path.to)
+        aim = AimedHeading(aim.s + 0.5 * turn * (1.0 + aim.s * aim.s), path.to)
     converged = converged | (sound & (abs(turn) <= xp.half_of_digits(turn)))
     if steps == limit:
         return aim, converged
@@ -197,7 +206,7 @@ def _is_bare(hunt: Hunt) -> bool:
     return alone and hunt.wind is None and hunt.drift is None
 
 
-def touch(xp: Library, hunt: Hunt) -> Aim:
+def touch(xp: Library, hunt: Hunt) -> AimedHeading:
     """Begin with the closest point of a circle that touches the region's edge on the way to the target.
 
     It is the paper's, of the virtual pursuer that has the evader there, seen from where both would have started without
@@ -216,8 +225,8 @@ def touch(xp: Library, hunt: Hunt) -> Aim:
             run = _circle(xp, hunt, plus2(hunt.to_evader, -hunt.radius, disc), height, goal)
             end = plus2(run, 1.0, away)
             disc = xp.unit2(end, xp.norm2(end))
-        return Aim(_half_angle(xp, hunt, run), disc)
-    path = way_along(xp, hunt, Aim(0.0 * end[0], disc))
+        return AimedHeading(_half_angle(xp, hunt, run), disc)
+    path = way_along(xp, hunt, AimedHeading(0.0 * end[0], disc))
     e0, z2 = _virtual(xp, hunt, path)
     lag = times2(hunt.lag, path.n)
     goal = plus2(to_target, -1.0, lag)
@@ -226,11 +235,11 @@ def touch(xp: Library, hunt: Hunt) -> Aim:
     run = plus2(_circle(xp, hunt, plus2(e0, 1.0, lag), hand * z2, times2(hand, goal)), hand, lag)
     s = _half_angle(xp, hunt, run)
     if is_zero(hunt.radius):
-        return Aim(s, path.to)
+        return AimedHeading(s, path.to)
     end = plus2(run, hand, hunt.to_evader)
     if hunt.wind is not None:
         end = plus2(end, -hand * path.t, hunt.wind)
-    return Aim(s, xp.unit2(end, xp.norm2(end)))
+    return AimedHeading(s, xp.unit2(end, xp.norm2(end)))
 
 
 def _circle(xp: Library, hunt: Hunt, to_evader: Plane, height: Real, goal: Plane) -> Plane:
@@ -253,7 +262,7 @@ def _half_angle(xp: Library, hunt: Hunt, run: Plane) -> Real:
     return bounded(xp, cross2(hunt.ahead, run) / xp.select(divisor > 0, divisor, 1.0))
 
 
-def _virtual(xp: Library, hunt: Hunt, path: Way) -> tuple[Plane, Real]:
+def _virtual(xp: Library, hunt: Hunt, path: HeadingRun) -> tuple[Plane, Real]:
     """Return the vector from the virtual pursuer without lead to the evader, and its height squared."""
     e0 = hunt.to_evader
     z2 = hunt.z2
@@ -268,7 +277,7 @@ def _virtual(xp: Library, hunt: Hunt, path: Way) -> tuple[Plane, Real]:
     return e0 if hunt.wind is None else plus2(e0, -path.t, hunt.wind), z2
 
 
-def bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
+def bracket(xp: Library, hunt: Hunt, start: AimedHeading, steps: int) -> AimedHeading:
     """Find the heading by Newton's method in a bracket, with bisection if a step would leave it."""
     aim = start
     before = 2.0
@@ -288,16 +297,18 @@ def bracket(xp: Library, hunt: Hunt, start: Aim, steps: int) -> Aim:
         taken = near | (sound & (new > low) & (new < high) & (abs(new - aim.s) <= 0.5 * before))
         new = xp.select(converged, aim.s, xp.select(taken, new, 0.5 * (low + high)))
         before = abs(new - aim.s)
-        aim = Aim(new, xp.select2(converged, aim.disc, path.to))
+        aim = AimedHeading(new, xp.select2(converged, aim.disc, path.to))
         converged = converged | near
         if not xp.any(converged == 0):
             break
     return aim
 
 
-def settled(xp: Library, hunt: Hunt, aim: Aim, rounds: int) -> tuple[Aim, Way]:
+def settled(
+    xp: Library, hunt: Hunt, aim: AimedHeading, rounds: int
+) -> tuple[AimedHeading, HeadingRun]:
     """Follow a heading and find the best point of the stand-off disc, which gives the slope of the edge."""
     for _ in range(1 if is_zero(hunt.radius) else rounds):
         path = way_along(xp, hunt, aim, with_height=True)
-        aim = Aim(aim.s, path.to)
+        aim = AimedHeading(aim.s, path.to)
     return aim, path

@@ -43,7 +43,7 @@ REACHED = 30
 """Most rounds to the point of a moving target that the evader can reach first; three are usual."""
 
 
-class Contest(NamedTuple):
+class TargetRace(NamedTuple):
     """The race to the target, and the point where the evader ends if the pursuer wins.
 
     Attributes:
@@ -74,35 +74,35 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     """
     to_target = (target[0] - state.evader[0], target[1] - state.evader[1])
     danger = _most_in_danger(xp, game, state, to_target)
-    contest = _compare(xp, game, state, to_target, danger)
-    margin = contest.margin
+    target_race = _compare(xp, game, state, to_target, danger)
+    margin = target_race.margin
     won = margin > 0
-    leading = xp.select2(won, contest.edge.run, contest.goal)
-    edge = contest.edge
+    leading = xp.select2(won, target_race.edge.run, target_race.goal)
+    edge = target_race.edge
     run = leading
     if game.pursuer.separate:
-        edge = _widened(xp, game, state, to_target, contest.edge)
-        run = xp.select2(won, edge.run, contest.goal)
-    time = xp.select(won, edge.time, contest.arrival)
+        edge = _widened(xp, game, state, to_target, target_race.edge)
+        run = xp.select2(won, edge.run, target_race.goal)
+    time = xp.select(won, edge.time, target_race.arrival)
     caught = is_caught(xp, game, state)
     distance = edge.distance
     if not game.target_extent.is_point:
         distance = distance - game.target_extent.radius_m
-    reason = _reason(xp, game, state, to_target, contest)
+    reason = _reason(xp, game, state, to_target, target_race)
     return StateSolution(
         winner=xp.sign(margin),
-        value=xp.select(won, distance, contest.short),
+        value=xp.select(won, distance, target_race.short),
         margin_s=margin,
         meeting_point_m=(state.evader[0] + run[0], state.evader[1] + run[1], state.ground),
         meeting_time_s=time,
-        pursuer_velocity_m_s=_defending(xp, game, state, contest, leading, caught),
-        evader_velocity_m_s=_attacking(xp, game, contest, run, time),
+        pursuer_velocity_m_s=_defending(xp, game, state, target_race, leading, caught),
+        evader_velocity_m_s=_attacking(xp, game, target_race, run, time),
         reason=xp.select(caught, int(Reason.CAPTURED), reason),
     )
 
 
 def _defending(
-    xp: Library, game: Game, state: Geometry, contest: Contest, leading: Plane, caught: Truth
+    xp: Library, game: Game, state: Geometry, target_race: TargetRace, leading: Plane, caught: Truth
 ) -> Space:
     """Return the pursuer's velocity, m/s.
 
@@ -110,15 +110,15 @@ def _defending(
         xp: array library.
         game: the game.
         state: the state.
-        contest: the race.
+        target_race: the race.
         leading: the evader's run that the pursuer meets, m.
         caught: whether the evader is captured.
     """
-    won = contest.margin > 0
-    meeting_s = contest.edge.time
+    won = target_race.margin > 0
+    meeting_s = target_race.edge.time
     to = (state.to_evader[0] + leading[0], state.to_evader[1] + leading[1])
     hold = xp.select2(won, state.hold, STILL)
-    time = xp.select(won, meeting_s, contest.guard)
+    time = xp.select(won, meeting_s, target_race.guard)
     velocity = pe.fly_to(xp, game, state._replace(hold=hold), to, time)
     if is_zero(game.information_age_s):
         return velocity
@@ -132,29 +132,31 @@ def _defending(
     return chosen
 
 
-def _attacking(xp: Library, game: Game, contest: Contest, run: Plane, time: Real) -> Space:
+def _attacking(xp: Library, game: Game, target_race: TargetRace, run: Plane, time: Real) -> Space:
     """Return the evader's velocity, m/s, which runs straight for some time; it stays at its target."""
     v = game.evader_speed_m_s
     age = game.information_age_s
     length = v * _later(time, age)
-    to_goal = v * _later(contest.arrival, age)
+    to_goal = v * _later(target_race.arrival, age)
     moves = length > 0
-    way = xp.select2(moves, run, contest.goal)
+    way = xp.select2(moves, run, target_race.goal)
     heading = xp.unit2(way, xp.select(moves, length, to_goal))
-    pace = xp.select(contest.arrival <= 0, 0.0, v)
+    pace = xp.select(target_race.arrival <= 0, 0.0, v)
     return pace * heading[0], pace * heading[1], 0.0
 
 
-def _reason(xp: Library, game: Game, state: Geometry, to_target: Plane, contest: Contest) -> Real:
+def _reason(
+    xp: Library, game: Game, state: Geometry, to_target: Plane, target_race: TargetRace
+) -> Real:
     """Return the kind of the answer, if the evader is not captured."""
-    margin = contest.margin
+    margin = target_race.margin
     reason = xp.select(margin == 0, int(Reason.ON_BARRIER), int(Reason.SOLVED))
     if not is_zero(game.information_age_s):
         unsure = (margin > 0) & (surely_convex(xp, game, state) == 0)
-        edge = (to_target, contest.goal, contest.edge.distance)
+        edge = (to_target, target_race.goal, target_race.edge.distance)
         dented = is_missed(xp, game, state, edge, unsure)
         reason = xp.select(dented, int(Reason.NO_REGION), reason)
-    return xp.select(contest.arrival <= 0, int(Reason.ARRIVED), reason)
+    return xp.select(target_race.arrival <= 0, int(Reason.ARRIVED), reason)
 
 
 def _most_in_danger(xp: Library, game: Game, state: Geometry, to_target: Plane) -> Plane:
@@ -206,7 +208,9 @@ def _first_reached(xp: Library, game: Game, to_target: Plane, offset: Plane) -> 
     return first
 
 
-def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane) -> Contest:
+def _compare(
+    xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane
+) -> TargetRace:
     """Compare the times to the target, with the paper's formulas if the game is the paper's.
 
     Args:
@@ -226,7 +230,7 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
     margin = arrival - guard
     short = _shortfall(xp, game, state, goal, arrival, margin < 0)
     if paper is not None and circle is True:
-        return Contest(goal, arrival, guard, margin, short, paper.edge)
+        return TargetRace(goal, arrival, guard, margin, short, paper.edge)
     selected = margin > 0 if paper is None else (margin > 0) & ~circle
     near = goal
     # Where it can meet the point of its target that is nearest now
@@ -234,24 +238,24 @@ def _compare(xp: Library, game: Game, state: Geometry, centre: Plane, to_target:
         of_set, _ = nearest(xp, game.target_extent, (-centre[0], -centre[1]))
         _, near = _arrive(xp, game, from_set(centre, of_set))
     edge = closest_point(xp, game, state, centre, near, selected)
-    contest = Contest(goal, arrival, guard, margin, short, edge)
+    target_race = TargetRace(goal, arrival, guard, margin, short, edge)
     if paper is None:
-        return contest
-    merged = xp.select_all(circle, paper, contest)
-    return contest._replace(edge=merged.edge) if flat else merged
+        return target_race
+    merged = xp.select_all(circle, paper, target_race)
+    return target_race._replace(edge=merged.edge) if flat else merged
 
 
-def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane) -> Contest:
+def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: Plane) -> TargetRace:
     z = game.pursuer.planar(xp, game.standoff.radius_m, game.capture_radius_m, state.z).z
     u = game.pursuer.horizontal_m_s
     v = game.evader_speed_m_s
     speeds = (u, v)
     squares = _squares(state.to_evader, z, to_target)
     barrier = _barrier(speeds, squares)
-    contest = race(xp, speeds, to_target, squares, barrier)
+    target_race = race(xp, speeds, to_target, squares, barrier)
     if game.target_extent.is_point:
         edge = closest_of_circle(xp, speeds, (state.to_evader, z, to_target), barrier)
-        return contest._replace(edge=edge)
+        return target_race._replace(edge=edge)
 
     def closest(speeds: tuple[Real, Real], to_evader: Plane, z: Real, centre: Plane) -> Closest:
         """Return the circle's point closest to the target: to that of its points closest to the circle's centre c."""
@@ -263,9 +267,9 @@ def _paper(xp: Library, game: Game, state: Geometry, centre: Plane, to_target: P
         barrier = _barrier(speeds, _squares(to_evader, z, to_near))
         return closest_of_circle(xp, speeds, (to_evader, z, to_near), barrier)
 
-    won = contest.margin > 0.0
-    edge = in_rows(won, contest.edge, closest, speeds, state.to_evader, z, centre)
-    return contest._replace(edge=edge)
+    won = target_race.margin > 0.0
+    edge = in_rows(won, target_race.edge, closest, speeds, state.to_evader, z, centre)
+    return target_race._replace(edge=edge)
 
 
 def race(
@@ -274,7 +278,7 @@ def race(
     to_target: Plane,
     squares: tuple[Real, Real],
     barrier: Real,
-) -> Contest:
+) -> TargetRace:
     """Return the race to a target in the paper's game, without the edge; its margin is the barrier B as a time.
 
     Args:
@@ -291,7 +295,7 @@ def race(
     arrival = distance / v
     margin = barrier / (u * v * xp.select(total > 0, total, 1.0))
     nothing = Closest(to_target, 0.0, 0.0)
-    return Contest(to_target, arrival, arrival - margin, margin, -u * margin, nothing)
+    return TargetRace(to_target, arrival, arrival - margin, margin, -u * margin, nothing)
 
 
 def closest_of_circle(

@@ -26,7 +26,7 @@ from pymavlink.dialects.v20 import common
 
 from guidance.errors import ConfigError
 from guidance.links.port import Clock
-from guidance.links.signed_streams import SignedStreams, Stream
+from guidance.links.signed_streams import SignedStream, SignedStreams
 
 Fields = Any
 """The fields of a message, with MAVLink's names as attributes; `msgname` is its name."""
@@ -284,7 +284,7 @@ class SignatureCheck:
     def __init__(self, key: SigningKey) -> None:
         self._secret = key.secret
         self._streams = key.streams
-        self._last: dict[Stream, int] = {}
+        self._last: dict[SignedStream, int] = {}
         if key.streams is not None:
             self._last.update(key.streams.at_start)
         self.latest = ticks(time.time_ns() / 1e9 if key.unix_s is None else key.unix_s)

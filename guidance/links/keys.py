@@ -62,7 +62,7 @@ def make_keys(
     if (folder / f"{AUTHORITY}.pem").exists():
         authority = _read(folder)
     else:
-        authority = _certified(
+        authority = _new_certificate(
             None, "pursuit guidance test authority", validity, [(_SIGNING, True)]
         )
         written += _write(folder, AUTHORITY, authority)
@@ -90,12 +90,12 @@ def _signed(
     validity: Validity,
 ) -> KeyPair:
     called = x509.SubjectAlternativeName([_general(host) for host in hosts or (common_name,)])
-    return _certified(
+    return _new_certificate(
         authority, common_name, validity, [(called, False), (x509.ExtendedKeyUsage([use]), False)]
     )
 
 
-def _certified(
+def _new_certificate(
     authority: KeyPair | None,
     name: str,
     validity: Validity,

@@ -37,7 +37,7 @@ _REPEATABLE: Final = frozenset({511, 512})  # SET_MESSAGE_INTERVAL, REQUEST_MESS
 TIMESYNC_EVERY_S: Final = 0.25
 """Often enough to notice a growing delay of the vehicle before a position is a second old."""
 
-Key = tuple[type[Request], int | str | None]
+RequestKey = tuple[type[Request], int | str | None]
 """What an answer will name: a command's number or a parameter's name. The fence is read in steps."""
 
 
@@ -62,7 +62,7 @@ class _Pending:
 class RequestQueue:
     """Requests that wait for an answer. The caller passes the time."""
 
-    waiting: dict[Key, deque[_Pending]] = field(default_factory=dict)
+    waiting: dict[RequestKey, deque[_Pending]] = field(default_factory=dict)
     unanswered: int = 0
     refused: int = 0
 

@@ -21,7 +21,7 @@ from typing import Final
 from guidance.errors import ConfigError
 from guidance.files import private_file, private_folder, text_of
 
-Stream = tuple[int, int, int]
+SignedStream = tuple[int, int, int]
 """Link id, system id and component id."""
 
 LEAD_S: Final = 5.0
@@ -66,16 +66,16 @@ class SignedStreams:
         self.path = path
         self.at_start = _read(path)
         self.unsaved = 0
-        self._latest: dict[Stream, int] = {}
-        self._bounds: dict[Stream, int] = {}
-        self._waited: dict[Stream, int] = {}
+        self._latest: dict[SignedStream, int] = {}
+        self._bounds: dict[SignedStream, int] = {}
+        self._waited: dict[SignedStream, int] = {}
         self._lock = threading.Lock()
         self._writing = threading.Lock()
         self._due = threading.Event()
         self._ended = False
         self._thread: threading.Thread | None = None
 
-    def may_use(self, stream: Stream, timestamp: int) -> bool:
+    def may_use(self, stream: SignedStream, timestamp: int) -> bool:
         """Whether a genuine frame may be used: the file bounds its timestamp. If not, it is written at once."""
         with self._lock:
             self._latest[stream] = max(timestamp, self._latest.get(stream, 0))
@@ -113,7 +113,7 @@ class SignedStreams:
             with self._lock:
                 self._bounds = own
 
-    def _replace(self, own: dict[Stream, int]) -> None:
+    def _replace(self, own: dict[SignedStream, int]) -> None:
         """Write these bounds, and those of other daemons with this key."""
         rows = dict(own)
         for stream, bound in _read(self.path).items():
@@ -144,7 +144,7 @@ class SignedStreams:
                 self.write()
 
 
-def _read(path: Path) -> dict[Stream, int]:
+def _read(path: Path) -> dict[SignedStream, int]:
     """Read the file; empty if there is none.
 
     Raises:
@@ -166,6 +166,6 @@ def _read(path: Path) -> dict[Stream, int]:
     return streams
 
 
-def _stream(name: str) -> Stream:
+def _stream(name: str) -> SignedStream:
     link_id, system_id, component_id = map(int, name.split("/"))
     return link_id, system_id, component_id

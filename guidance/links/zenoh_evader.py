@@ -224,7 +224,9 @@ class JsonReport(BaseModel):
     )
 
 
-def read_json(payload: bytes, received_s: float, *, frame: LocalFrame, source: str) -> EvaderReport:
+def report_of_json(
+    payload: bytes, received_s: float, *, frame: LocalFrame, source: str
+) -> EvaderReport:
     """Convert a JSON text to a report.
 
     Args:
@@ -326,7 +328,7 @@ def _quoted(name: str) -> str:
 
 
 def _of_json(frame: LocalFrame, key: str, _frame_id: str = MAP) -> tuple[str, PayloadReader]:
-    return key, partial(read_json, frame=frame, source=key)
+    return key, partial(report_of_json, frame=frame, source=key)
 
 
 def _of_poses(frame: LocalFrame, topic: str, frame_id: str = MAP) -> tuple[str, PayloadReader]:

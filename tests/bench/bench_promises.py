@@ -39,7 +39,7 @@ from guidance.links import MemoryWire  # noqa: E402
 from guidance.links.carriers import GLOBAL_POSITION, RefusedReport  # noqa: E402
 from guidance.links.mavlink_evader import MavlinkEvader  # noqa: E402
 from guidance.links.pymavlink_link import PymavlinkLink  # noqa: E402
-from guidance.links.zenoh_evader import read_json  # noqa: E402
+from guidance.links.zenoh_evader import report_of_json  # noqa: E402
 from guidance.log import record_errors, survey_of  # noqa: E402
 from guidance.session.observe.metrics import Metrics, MetricsServer  # noqa: E402
 from guidance.session.vehicle_file import Config  # noqa: E402
@@ -253,7 +253,7 @@ def inputs(count: int) -> Iterator[Row]:
         kinds = {
             "frames": (hear, frames, count, "checksums; NaN leaves an axis out; unknown frames: refused with a text"),
             "reports as JSON": (
-                lambda data: read_json(data, 0.0, frame=FRAME, source="evader"), [REPORT], count, "-",
+                lambda data: report_of_json(data, 0.0, frame=FRAME, source="evader"), [REPORT], count, "-",
             ),
             "vehicle files": (configure, [shipped], count // 20, "-"),
             "records": (look, [record], count // 400, "-"),

@@ -6,7 +6,7 @@ import pytest
 
 from guidance.estimation import Observer, add_report
 from guidance.estimation.measurement import TrackSettings
-from guidance.estimation.pace import Pace, judge_pace
+from guidance.estimation.pace import PaceMemory, judge_pace
 from guidance.estimation.track import ReportOutcome
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import EvaderReport
@@ -35,7 +35,7 @@ PLAUSIBLE = {
 
 
 def paced(stamp, times_s, pace=None):
-    pace = pace or Pace()
+    pace = pace or PaceMemory()
     for time_s in times_s:
         pace = judge_pace(pace, stamp(time_s), time_s)
     return pace
@@ -107,4 +107,4 @@ def test_an_evader_with_a_strange_clock_is_followed_by_its_arrival_times(name):
 
 def test_reports_without_a_stamp_are_not_judged():
     pace = paced(lambda _: math.nan, seconds(0.0, 10.0))
-    assert pace == Pace()
+    assert pace == PaceMemory()

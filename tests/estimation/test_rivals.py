@@ -7,7 +7,7 @@ from typing import NamedTuple
 import pytest
 
 from guidance.estimation.measurement import Measurement, TrackSettings
-from guidance.estimation.rivals import LASTS_S, Report, Rivals, listen
+from guidance.estimation.rivals import LASTS_S, SourceMemory, SourceReport, listen
 from guidance.frames import Ned
 from guidance.messages import UNKNOWN_VELOCITY, EvaderReport
 
@@ -36,7 +36,7 @@ class Said(NamedTuple):
     impostors: int | None = None
     source: str = "test"
 
-    def as_report(self) -> Report:
+    def as_report(self) -> SourceReport:
         north_m, east_m = self.place_m
         place = 47.0 + north_m / 111e3, 8.0 + east_m / 111e3, 400.0
         who = {"sequence": self.sequence, "peer": self.peer, "impostors": self.impostors}
@@ -46,7 +46,7 @@ class Said(NamedTuple):
         measured = Measurement(
             self.true_s, self.received_s, Ned((north_m, east_m, 0.0)), None, 0.7, 0.3
         )
-        return Report(told, measured, self.fits)
+        return SourceReport(told, measured, self.fits)
 
 
 def own(number, **changes):
@@ -59,7 +59,7 @@ def own(number, **changes):
 
 
 def heard(reports):
-    rivals = Rivals()
+    rivals = SourceMemory()
     for report in sorted(reports, key=lambda report: report.received_s):
         rivals = listen(rivals, report.as_report(), SETTINGS)
     return rivals

@@ -7,7 +7,7 @@ import pytest
 
 from guidance.autopilots import PX4
 from guidance.estimation import Observer
-from guidance.estimation.rivals import LASTS_S, Rivals
+from guidance.estimation.rivals import LASTS_S, SourceMemory
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import EvaderReport, GlobalPosition, Home, Origin
@@ -217,7 +217,7 @@ def test_an_evader_jumps_no_further_than_it_can_have_gone_unless_nothing_flies(g
 def test_a_rival_is_told_of_for_as_long_as_it_counts_as_there():
     tracking = Tracking(SETTINGS)
     assert tracking.rival(0.0) == ""
-    tracking.observers[""] = Observer(rivals=Rivals(seen_s=10.0, why="place"))
+    tracking.observers[""] = Observer(rivals=SourceMemory(seen_s=10.0, why="place"))
     assert [tracking.rival(10.0 + after_s) for after_s in (0.0, LASTS_S, LASTS_S + 0.1)] == [
         "place",
         "place",

@@ -14,7 +14,7 @@ from guidance.cli.program import app
 from guidance.config import config_folder
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.zenoh_access import ZenohSection, credentials_of, read_credentials
-from guidance.links.zenoh_evader import read_json
+from guidance.links.zenoh_evader import report_of_json
 from guidance.links.zenoh_session import open_router, open_session
 from guidance.session.vehicle_file import load_vehicle
 from sitl_mock.cli import app as mock
@@ -104,7 +104,7 @@ def test_reports_of_the_pages_evader_arrive(keys, monkeypatch):
             return heard
 
         assert until(reported)
-    assert read_json(heard[0], 0.0, frame=frame, source="evader1/report").velocity_ned_m_s == (
+    assert report_of_json(heard[0], 0.0, frame=frame, source="evader1/report").velocity_ned_m_s == (
         1.0,
         0.0,
         0.0,

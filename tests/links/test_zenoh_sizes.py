@@ -9,7 +9,7 @@ import pytest
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.carriers import RefusedReport
 from guidance.links.opening import open_source
-from guidance.links.zenoh_evader import MOST_REPORT_BYTES, read_json
+from guidance.links.zenoh_evader import MOST_REPORT_BYTES, report_of_json
 from guidance.links.zenoh_session import MOST_QUERY_BYTES, is_small, open_session
 from guidance.links.zenoh_team import MOST_MESSAGE_BYTES, ZenohTeam
 from guidance.links.zenoh_wire import ZenohWire
@@ -43,11 +43,11 @@ def test_a_report_of_unknown_keys_costs_no_error_for_each():
     begun_s = time.process_time()
     for _ in range(200):
         with pytest.raises(RefusedReport):
-            read_json(payload, 1.0, frame=FRAME, source="x")
+            report_of_json(payload, 1.0, frame=FRAME, source="x")
     many_s = time.process_time() - begun_s
     begun_s = time.process_time()
     for _ in range(200):
-        read_json(REPORT, 1.0, frame=FRAME, source="x")
+        report_of_json(REPORT, 1.0, frame=FRAME, source="x")
     assert many_s < 5.0 * (time.process_time() - begun_s)
 
 

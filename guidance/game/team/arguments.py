@@ -17,7 +17,7 @@ from guidance.game.speed_sets import SpeedSet
 
 Answer = TypeVar("Answer", bound=Any)
 
-Games: TypeAlias = "Game | Sequence[Game] | Sequence[Sequence[Game | None]]"
+TeamGames: TypeAlias = "Game | Sequence[Game] | Sequence[Sequence[Game | None]]"
 """One game for all, or lists with one for each pursuer or pair; None where two do not play."""
 
 
@@ -67,7 +67,7 @@ def between(
     )
 
 
-def joined(games: Games, shape: str) -> TeamGame:
+def joined(games: TeamGames, shape: str) -> TeamGame:
     """Return one game whose numbers are arrays of the shape of nested lists of games.
 
     Args:
@@ -78,7 +78,7 @@ def joined(games: Games, shape: str) -> TeamGame:
         ConfigError: If teams cannot play these games, or not together.
     """
     if isinstance(games, Game):
-        return TeamGame(_played(games), np.array(True))
+        return TeamGame(_playable(games), np.array(True))
     table = np.array(games, dtype=object)
     present_games = [game for game in table.flat if game is not None]
     nested = table.ndim == len(shape) // 3 and (table.ndim > 1 or len(present_games) == table.size)
@@ -103,10 +103,10 @@ def joined(games: Games, shape: str) -> TeamGame:
     numbers = mapped(lambda *every: np.array(every).reshape(table.shape), *numbers_of_games)
     joined_game = replace(first, **dict(zip(DIFFERENT, numbers, strict=True)))
     plays = np.array([game is not None for game in table.flat]).reshape(table.shape)
-    return TeamGame(_played(simplified(joined_game)), plays)
+    return TeamGame(_playable(simplified(joined_game)), plays)
 
 
-def _played(game: Game) -> Game:
+def _playable(game: Game) -> Game:
     """Return a game if teams can play it."""
     if not is_zero(game.information_age_s):
         allowed = "must be 0 in a game of teams; use Game.within_spread"
@@ -126,7 +126,7 @@ def pair_axes(team: TeamGame) -> tuple[int, ...]:
     return fitting(shapes | {"game": team.plays.shape})
 
 
-def vectors(name: str, array: ArrayLike, shape: str) -> Array:
+def real_argument(name: str, array: ArrayLike, shape: str) -> Array:
     """Return an argument as an array of real numbers.
 
     Raises:

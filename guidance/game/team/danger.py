@@ -104,7 +104,7 @@ def most_in_danger(game: Game, P: Array, E: Array, T: Array) -> Danger:
 
 def _least(game: Game, state: Geometry, to_target: Plane, pieces: Pieces) -> Plane:
     """Return the point of some pieces with the least margin, from the target's position, m."""
-    angle, step = _spread(pieces.low, pieces.high, TRIED)
+    angle, step = _points_between(pieces.low, pieces.high, TRIED)
     margin = _margins(game, state, plus2(to_target, 1.0, pieces.at(angle)))
     minima = _lowest_minima(margin)
     middle = np.take_along_axis(_joined(angle), minima, axis=0)[:, None]
@@ -115,7 +115,7 @@ def _least(game: Game, state: Geometry, to_target: Plane, pieces: Pieces) -> Pla
     for _ in range(ROUNDS):
         low = np.maximum(middle - step, pieces.low)
         high = np.minimum(middle + step, pieces.high)
-        angle, step = _spread(low, high, CLOSER)
+        angle, step = _points_between(low, high, CLOSER)
         margin = _margins(game, state, plus2(to_target, 1.0, pieces.at(angle)))
         best = np.argmin(margin, axis=1)[:, None]
         middle = np.take_along_axis(angle, best, axis=1)
@@ -143,7 +143,7 @@ def _joined(array: Array) -> Array:
     return array.reshape(-1, *array.shape[2:])
 
 
-def _spread(low: Array, high: Array, count: int) -> tuple[Array, Array]:
+def _points_between(low: Array, high: Array, count: int) -> tuple[Array, Array]:
     """Return points between two ends, (p, count, ...), and the distance of two."""
     width = high - low
     share = _shares(count).reshape(1, count, *(1,) * (low.ndim - 2))

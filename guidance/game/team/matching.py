@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from guidance.game.arrays import NUMPY, Array
 from guidance.game.game import Reason, Winner
 from guidance.game.records import require
-from guidance.game.team.arguments import Games, judged
+from guidance.game.team.arguments import TeamGames, judged
 from guidance.game.team.packing import assigned, packed
 from guidance.game.team.several import (
     TeamSolution,
@@ -93,7 +93,7 @@ class Matching(NamedTuple):
 
 
 def match_teams(
-    game: Games,
+    game: TeamGames,
     pursuers: ArrayLike,
     evaders: ArrayLike,
     target: ArrayLike | None = None,
@@ -134,7 +134,7 @@ def match_teams(
             promised = previous_pairs.first >= 0
         if target is not None:
             table = _with_spare(table, np.asarray(spare_m))
-        edges = _edges(table, previous_pairs, hysteresis)
+        edges = _profits(table, previous_pairs, hysteresis)
         first = assigned(edges, promised)
         if table.target is None:
             answer = _chased(table, first)
@@ -142,7 +142,7 @@ def match_teams(
             first, mate = _with_pairs(table, edges, previous_pairs, first)
             pairs = _pairs_of_firsts(table, previous_pairs, first)
             second = _seconds(table, pairs, first, mate, previous_pairs, hysteresis)
-            answer = _defended(table, table.target, pairs, first, second)
+            answer = _target_answer(table, table.target, pairs, first, second)
     parts = [part.reshape((*table.shape, *part.shape[1:])) for part in answer]
     worst = table.all.alone.reason.max(axis=(1, 2))
     fault = np.where(worst < int(Reason.NOT_FINITE), 0, worst)
@@ -169,7 +169,7 @@ def _with_spare(table: Table, spare_m: Array) -> Table:
     return table._replace(beats=table.beats & enough, spare_m=spare)
 
 
-def _edges(table: Table, previous_pairs: Kept | None, hysteresis: float) -> Array:
+def _profits(table: Table, previous_pairs: Kept | None, hysteresis: float) -> Array:
     """Return the profit of each pursuer that may guarantee the capture of an evader, (b, m, n), −∞ where it may not."""
     every = np.arange(table.worth.shape[-1])
     profit = _profit_of_each(table)
@@ -271,7 +271,7 @@ def _seconds(
     """Return the pursuer that supports the first of each evader, (b, m), −1 for none."""
     count = table.worth.shape[-1]
     matched = first >= 0
-    busy = _among(count, first) | _among(count, mate)
+    busy = _are_chosen(count, first) | _are_chosen(count, mate)
     if busy.all() or not matched.any():
         return mate
     without_mate = mate < 0
@@ -293,7 +293,7 @@ def _seconds(
     return np.where(without_mate, assigned(profit, promised), mate)
 
 
-def _among(count: int, chosen: Array) -> Array:
+def _are_chosen(count: int, chosen: Array) -> Array:
     """Return which of some pursuers are chosen for an evader, (b, n), from their numbers (b, m)."""
     numbers = np.arange(count)
     return np.asarray((numbers == chosen[..., None]).any(axis=1))
@@ -310,7 +310,9 @@ def _chased(table: Table, first: Array) -> Matching:
     return _answer(table, first, no_second, play._replace(value=value))
 
 
-def _defended(table: Table, target: Array, pairs: Meeting, first: Array, second: Array) -> Matching:
+def _target_answer(
+    table: Table, target: Array, pairs: Meeting, first: Array, second: Array
+) -> Matching:
     """Put the answer in TAD together, (b, ...)."""
     alone = table.all.alone
     guarded = first >= 0

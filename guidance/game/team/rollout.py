@@ -23,7 +23,7 @@ from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy, po
 from guidance.game.records import require
 from guidance.game.rollout import NANOSECOND_S, SPARE_STEPS, End, look_ahead
 from guidance.game.rows import for_rows
-from guidance.game.team.arguments import Games, joined
+from guidance.game.team.arguments import TeamGames, joined
 from guidance.game.team.matching import Matching, match_teams
 from guidance.game.team.table import place_of, taken
 
@@ -36,7 +36,7 @@ Of 7,432 plays against searching evaders with steps of 0.05 s at 2 and 1 m/s, 7 
 none more: 0.073 of the way.
 """
 
-Policies = str | Policy | Sequence[str | Policy]
+TeamPolicies = str | Policy | Sequence[str | Policy]
 """One policy for all players of a side, or one for each."""
 
 
@@ -78,13 +78,13 @@ class TeamRollout(NamedTuple):
 
 
 def rollout_teams(  # noqa: PLR0914
-    game: Games,
+    game: TeamGames,
     pursuers: ArrayLike,
     evaders: ArrayLike,
     target: ArrayLike | None = None,
     *,
-    pursuer_policy: Policies = OPTIMAL,
-    evader_policy: Policies = OPTIMAL,
+    pursuer_policy: TeamPolicies = OPTIMAL,
+    evader_policy: TeamPolicies = OPTIMAL,
     capture_m: float = 0.0,
     step_s: float = 0.05,
     duration_s: float = 600.0,
@@ -258,7 +258,7 @@ def _played(
 
 
 def _named(
-    name: str, policies: Policies, count: int, catalogue: Mapping[str, Policy]
+    name: str, policies: TeamPolicies, count: int, catalogue: Mapping[str, Policy]
 ) -> list[str | Policy]:
     """Return a policy for each player, "optimal" by its name.
 

@@ -49,7 +49,14 @@ from guidance.game.extent import POINT
 from guidance.game.game import Game, Reason, Winner
 from guidance.game.records import is_zero
 from guidance.game.rows import fitting, for_rows
-from guidance.game.team.arguments import Games, TeamGame, joined, judged, pair_axes, vectors
+from guidance.game.team.arguments import (
+    TeamGame,
+    TeamGames,
+    joined,
+    judged,
+    pair_axes,
+    real_argument,
+)
 from guidance.game.team.danger import most_in_danger
 from guidance.game.team.open_runs import leaves_open, longest_open
 from guidance.game.team.regions import (
@@ -124,7 +131,7 @@ class TeamSolution(NamedTuple):
 
 
 def solve_team(
-    game: Games,
+    game: TeamGames,
     pursuers: ArrayLike,
     evader: ArrayLike,
     target: ArrayLike | None = None,
@@ -149,9 +156,9 @@ def solve_team(
     """
     team_game = joined(game, "(n,)")
     arguments = {"evader": evader, "target": target, "evader_velocity_m_s": evader_velocity_m_s}
-    P = vectors("pursuers", pursuers, "(..., n, 3)")
+    P = real_argument("pursuers", pursuers, "(..., n, 3)")
     others = {
-        name: vectors(name, value, "(..., 3)")
+        name: real_argument(name, value, "(..., 3)")
         for name, value in arguments.items()
         if value is not None
     }
@@ -383,9 +390,9 @@ def _longest_found(team: PursuerGames) -> Meeting:
     headings = [evader_velocity_m_s[..., axis] / v for axis in (0, 1)]
     reach = team.alone.value * v
     if count <= FEW:
-        return _among(team, headings, reach)
+        return _longest_run(team, headings, reach)
     chosen = np.argmin(reach, axis=-1)[..., None]
-    longest = _among(team, headings, reach, chosen)
+    longest = _longest_run(team, headings, reach, chosen)
     while chosen.shape[-1] < count:
         far = NUMPY.norm2((longest.x, longest.y))
         x = longest.x / far
@@ -398,12 +405,12 @@ def _longest_found(team: PursuerGames) -> Meeting:
             break
         added = np.where(cut, worst, chosen[..., 0])
         chosen = np.concatenate([chosen, added[..., None]], axis=-1)
-        cut_run = _among(team, headings, reach, chosen)
+        cut_run = _longest_run(team, headings, reach, chosen)
         longest = NUMPY.select_all(cut, cut_run, longest)
     return longest
 
 
-def _among(
+def _longest_run(
     team: PursuerGames, own_ends: Sequence[Array], reach: Array, chosen: Array | None = None
 ) -> Meeting:
     """Return the longest run before all pursuers, or before some, whose numbers are (..., k).
@@ -581,8 +588,8 @@ def _multipliers(team: PursuerGames, best: Meeting) -> Array:
 
     If the height of the later of two Cylinders decides, X* is where the evader can be until then.
     """
-    best, height = _at_height(team, best)
-    first, second = _shares(team, best, height)
+    best, height = _at_later_height(team, best)
+    first, second = _height_multipliers(team, best, height)
     every = np.arange(team.own.shape[-1])
     is_second = every == best.second[..., None]
     is_first = every == best.first[..., None]
@@ -591,7 +598,7 @@ def _multipliers(team: PursuerGames, best: Meeting) -> Array:
     return np.where(np.isfinite(multiplier), np.maximum(multiplier, 0.0), 0.0)
 
 
-def _shares(team: PursuerGames, best: Meeting, height: Array) -> Point:
+def _height_multipliers(team: PursuerGames, best: Meeting, height: Array) -> Point:
     """Return the multipliers of the first and the second pursuer of a meeting; `height`: where a height decides it."""
     far = NUMPY.norm2((best.x, best.y))
     run = (best.x / far, best.y / far)
@@ -610,7 +617,7 @@ def _shares(team: PursuerGames, best: Meeting, height: Array) -> Point:
     return np.where(single, share, shares[0]), np.where(single, share, shares[1])
 
 
-def _at_height(team: PursuerGames, best: Meeting) -> tuple[Meeting, Array]:
+def _at_later_height(team: PursuerGames, best: Meeting) -> tuple[Meeting, Array]:
     """Return the meeting at the height of the later of two Cylinders where that decides, and where it does."""
     safe = team.regions.safe
     if is_zero(safe):

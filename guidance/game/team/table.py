@@ -24,12 +24,12 @@ from guidance.game.rows import fitting, simplified
 from guidance.game.solution import Solution, solve
 from guidance.game.speed_sets import Ball
 from guidance.game.team.arguments import (
-    Games,
     TeamGame,
+    TeamGames,
     in_play_of,
     joined,
     pair_axes,
-    vectors,
+    real_argument,
 )
 from guidance.game.team.regions import (
     Edge,
@@ -400,16 +400,16 @@ class Kept(NamedTuple):
 
 
 def table_of(
-    games: Games,
+    games: TeamGames,
     pursuers: ArrayLike,
     evaders: ArrayLike,
     target: ArrayLike | None,
     in_play: ArrayLike | None,
 ) -> Table:
     """Bring the arguments to one shape, and solve each pair."""
-    P = vectors("pursuers", pursuers, "(..., n, 3)")
-    E = vectors("evaders", evaders, "(..., m, 3)")
-    T = None if target is None else vectors("target", target, "(..., 3)")
+    P = real_argument("pursuers", pursuers, "(..., n, 3)")
+    E = real_argument("evaders", evaders, "(..., m, 3)")
+    T = None if target is None else real_argument("target", target, "(..., 3)")
     n = P.shape[-2]
     m = E.shape[-2]
     team = joined(games, "(n, m)")

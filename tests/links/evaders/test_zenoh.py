@@ -15,7 +15,7 @@ from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame
 from guidance.links.carriers import RefusedReport
 from guidance.links.opening import open_source
-from guidance.links.zenoh_evader import JsonReport, ZenohEvader, read_json, read_ros, rmw_key
+from guidance.links.zenoh_evader import JsonReport, ZenohEvader, read_ros, report_of_json, rmw_key
 from guidance.links.zenoh_session import open_session
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port
@@ -31,7 +31,7 @@ GOOD = {
     "position_sd_m": 1.5,
     "velocity_sd_m_s": 0.2,
 }
-read = partial(read_json, frame=FRAME, source="evader")
+read = partial(report_of_json, frame=FRAME, source="evader")
 pose, moving_pose = (partial(read_ros, frame=FRAME, moves=moves) for moves in (False, True))
 
 
@@ -125,7 +125,7 @@ def test_a_datum_that_this_frame_cannot_turn_is_refused():
     bare = LocalFrame(47.0, 8.0, Amsl(488.0))
     for datum in ("ellipsoid", "relative"):
         with pytest.raises(RefusedReport, match="datum"):
-            read_json(as_bytes(altitude_datum=datum), 0.0, frame=bare, source="x")
+            report_of_json(as_bytes(altitude_datum=datum), 0.0, frame=bare, source="x")
 
 
 @given(st.binary(max_size=200))
