@@ -37,6 +37,8 @@ from guidance.control.servo import LONGEST_STEP_S, shape, slew
 from guidance.frames import STILL, Ned, usable
 from guidance.messages import Setpoint
 
+Numbers = tuple[float, ...]
+
 NOTED: Final = 0.05
 """A limiter other than a wall is named for a change of more than this (m/s, m/s², or rad).
 
@@ -108,9 +110,7 @@ def limit(  # noqa: PLR0914
     active: list[Limiter] = []
     memory = start(situation, envelope) if memory is None else memory
     gaining = situation.acceleration_ned_m_s2
-    state = _numbers_of_situation(situation)
-    last = (*memory[0], *memory[1], *memory[2], memory.yaw_rad)
-    demands = _numbers_of_command(command)
+    state, demands, last = _numbers(situation, command, memory)
     if not usable(*state, *gaining, *demands, *last):
         memory = memory if usable(*last) else start(situation, envelope)
         if not usable(*state):
@@ -185,18 +185,20 @@ def limit(  # noqa: PLR0914
     return Limited(Setpoint(velocity, feed_forward, turned_rad), tuple(active), sent)
 
 
-def _numbers_of_situation(situation: Situation) -> tuple[float, ...]:
-    """Return the numbers without which no limit can be checked."""
-    numbers = (*situation.position_ned_m, *situation.velocity_ned_m_s, situation.yaw_rad)
-    evader = situation.evader_position_ned_m
-    return numbers if evader is None else (*numbers, *evader)
-
-
-def _numbers_of_command(command: Setpoint) -> tuple[float, ...]:
-    numbers: tuple[float, ...] = command.velocity_ned_m_s
+def _numbers(
+    situation: Situation, command: Setpoint, memory: LimitMemory
+) -> tuple[Numbers, Numbers, Numbers]:
+    """Return the numbers without which no limit can be checked, those of the command, and those of the memory."""
+    state: Numbers = (*situation.position_ned_m, *situation.velocity_ned_m_s, situation.yaw_rad)
+    if situation.evader_position_ned_m is not None:
+        state = (*state, *situation.evader_position_ned_m)
+    demands: Numbers = command.velocity_ned_m_s
     if command.acceleration_ned_m_s2 is not None:
-        numbers = (*numbers, *command.acceleration_ned_m_s2)
-    return numbers if command.yaw_rad is None else (*numbers, command.yaw_rad)
+        demands = (*demands, *command.acceleration_ned_m_s2)
+    if command.yaw_rad is not None:
+        demands = (*demands, command.yaw_rad)
+    last = (*memory[0], *memory[1], *memory[2], memory.yaw_rad)
+    return state, demands, last
 
 
 def _accelerated(

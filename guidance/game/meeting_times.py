@@ -14,7 +14,7 @@ NEWTON_STEPS = 10
 def climb(
     xp: Library, y: Plane, m: Plane, cover: Callable[[Plane], Real]
 ) -> tuple[Real, Plane, Real]:
-    """Find the largest t = cover(n) over all directions n, that of y + m t; return t, n and ‖y + m t‖.
+    """Find the largest t = cover(n) over all directions n, that of y + m t; return t, y + m t and its length.
 
     With NumPy a row stops once it has converged, so that its result does not depend on the other rows.
 
@@ -25,22 +25,21 @@ def climb(
         cover: time, s, as a function of the direction n in n·(y + m t).
     """
 
-    def towards(t: Real) -> tuple[Plane, Real]:
+    def at(t: Real) -> tuple[Plane, Real]:
         then = (y[0] + m[0] * t, y[1] + m[1] * t)
-        distance = xp.norm2(then)
-        return xp.unit2(then, distance), distance
+        return then, xp.norm2(then)
 
     t = cover(xp.unit2(y, xp.norm2(y)))
     converged: Truth = False
     for _ in range(NEWTON_STEPS - 1):
-        further = cover(towards(t)[0])
+        further = cover(xp.unit2(*at(t)))
         if not xp.differentiates:
             further = xp.select(converged, t, further)
             converged = converged | (further - t <= xp.half_of_digits(further) * further)
         t = further
         if converged is True or (converged is not False and converged.all()):
             break
-    return t, *towards(t)
+    return t, *at(t)
 
 
 def catch_in_ball(xp: Library, u: Real, capture: Real, y: Plane, m: Plane, z: Real) -> Real:

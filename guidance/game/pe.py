@@ -125,19 +125,19 @@ def fly_to(xp: Library, game: Game, state: Geometry, to: Plane, t: Real) -> Spac
 def pursuit(xp: Library, game: Game, state: Geometry) -> StateSolution:
     """Solve PE; see `solve` for the meaning of the answer."""
     v = game.evader_speed_m_s
-    age = game.information_age_s
-    t, direction, distance = escape(xp, game, state.to_evader, state.z)
+    t, away, distance = escape(xp, game, state.to_evader, state.z)
+    direction = xp.unit2(away, distance)
     free = distance <= 0
     overhead = xp.any(free)
     if overhead:
         direction = xp.select2(free, xp.unit2(state.hold, xp.norm2(state.hold)), direction)
-    run = v * (t + age)
+    run = v * (t + game.information_age_s)
     dash = (run * direction[0], run * direction[1])
     to = (state.to_evader[0] + dash[0], state.to_evader[1] + dash[1])
     gap: Real = 0.0
     if overhead or game.pursuer.separate:
         beside = distance if game.calm else xp.norm2(state.to_evader)
-        gap = beside + (v * age - game.standoff.radius_m)
+        gap = beside + (v * game.information_age_s - game.standoff.radius_m)
     velocity = steer(xp, game, to, gap, t, state.z, state.hold)
     reason: Real = int(Reason.SOLVED)
     if overhead:
@@ -170,7 +170,9 @@ def _above(xp: Library, game: Game, state: Geometry, above: Truth, velocity: Spa
 
 
 def escape(xp: Library, game: Game, to_evader: Plane, z: Real) -> tuple[Real, Plane, Real]:
-    """Return the capture time, the evader's best heading, and its distance then from a pursuer that drifts.
+    """Return the capture time, and the way to the evader then, and its length, from a pursuer that drifts.
+
+    The evader's best heading is along that way.
 
     Args:
         xp: array library.
@@ -187,7 +189,7 @@ def escape(xp: Library, game: Game, to_evader: Plane, z: Real) -> tuple[Real, Pl
         distance = xp.sqrt(x * x + y * y)
         spare = game.pursuer.horizontal_m_s - v
         t = game.pursuer.cover_time(xp, radius, capture, distance + lead, spare, z)
-        return t, xp.unit2(to_evader, distance), distance
+        return t, to_evader, distance
     wind = game.wind_m_s
     least = speed_in_hand(game)
 

@@ -194,7 +194,11 @@ def solve_state(
         raise ConfigError(
             f"game = {game!r}: solve_state takes single numbers; use solve for arrays"
         )
-    state = _in_floats(pursuer, evader, target, evader_velocity_m_s)
+    # Elements of a NumPy array are not Python's floats.
+    state: list[Any] = [
+        None if vector is None else tuple(map(float, vector))
+        for vector in (pursuer, evader, target, evader_velocity_m_s)
+    ]
     P, E, T, observed = state
     squares = sum(x * x + y * y + z * z for x, y, z in filter(None, state))
     try:
@@ -210,11 +214,6 @@ def solve_state(
         for part in play[1:-1]
     ]
     return StateSolution._make((int(play.winner), *plain, int(reason)))
-
-
-def _in_floats(*vectors: Space | None) -> list[Any]:
-    """Return vectors as Python's floats; elements of a NumPy array are others."""
-    return [None if vector is None else tuple(map(float, vector)) for vector in vectors]
 
 
 def _row_of_one(game: Game, state: list[Space | None]) -> StateSolution:
