@@ -83,14 +83,6 @@ class _Vector(tuple[float, float, float]):
         """Return the vector with the same level part and another vertical number."""
         return type(self)((self[0], self[1], vertical))
 
-    def share_of_way(self, other: Self, share: float) -> Self:
-        """Return the vector after a share of the way from this one to another."""
-        (x, y, z) = self
-        (other_x, other_y, other_z) = other
-        return type(self)(
-            (x + (other_x - x) * share, y + (other_y - y) * share, z + (other_z - z) * share)
-        )
-
 
 class Ned(_Vector):
     """North, east and down: `Ned((north, east, down))`."""

@@ -152,7 +152,7 @@ def serve(
     reference, acceleration = shape(
         desired_ned_m_s, before, gained_m_s2, gains, dt_s, gains.settle_per_s
     )
-    expected = delayed.share_of_way(reference, 1.0 - math.exp(-dt_s / gains.lag_s))
+    expected = delayed + (1.0 - math.exp(-dt_s / gains.lag_s)) * (reference - delayed)
     if not held_back:
         drag_per_s, trim = _learned(drag_per_s, trim, expected, flown_ned_m_s, gains, dt_s)
     fed = acceleration + drag_per_s * reference + trim
@@ -314,7 +314,7 @@ def observe_speed(
         dt_s: Seconds since the last call.
     """
     weight = min(1.0, dt_s / _SMOOTHED_S)
-    mean = memory.flown_ned_m_s.share_of_way(flown_ned_m_s, weight)
+    mean = memory.flown_ned_m_s + weight * (flown_ned_m_s - memory.flown_ned_m_s)
     speed = math.hypot(mean.north, mean.east)
     shown_m_s = max(memory.shown_m_s, speed)
     asked = math.hypot(asked_ned_m_s.north, asked_ned_m_s.east)

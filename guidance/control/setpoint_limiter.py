@@ -140,9 +140,9 @@ def limit(  # noqa: PLR0914
         shaped = shaped.clamped(*speeds)
         _note(active, Limiter.ACCELERATION, Limiter.VERTICAL_ACCELERATION, shaped, allowed)
     velocity, holding = obey(shaped, constraints_of(shaped, situation, walls, envelope))
-    active.extend(dict.fromkeys(constraint.limiter for constraint in holding))
+    active.extend(dict.fromkeys([constraint.limiter for constraint in holding]))
     at_speed = _at_speed_limit(velocity, situation.velocity_ned_m_s, envelope)
-    closed = tuple(constraint._replace(distance_m=0.0) for constraint in (*holding, *at_speed))
+    closed = tuple([constraint._replace(distance_m=0.0) for constraint in (*holding, *at_speed)])
 
     demanded = command.acceleration_ned_m_s2
     slewed = None

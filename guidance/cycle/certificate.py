@@ -40,9 +40,6 @@ from guidance.game.pe import escape
 from guidance.messages import UNKNOWN_VELOCITY
 
 _NOWHERE: Final = Enu((math.nan, math.nan, math.nan))
-_NO_SOLUTION: Final = StateSolution(
-    0, math.nan, math.nan, _NOWHERE, math.nan, _NOWHERE, _NOWHERE, 0
-)
 _TAKEN_FOR_GRANTED: Final = 0.8
 """Share of the speed that the verdict uses before the vehicle has flown its full speed."""
 
@@ -117,13 +114,13 @@ class Certificate(NamedTuple):
     evader_game_m: Enu
     gap_m: float
     height_gap_m: float
-    desired_ned_m_s: Ned
-    command_ned_m_s: Ned
-    active_limits: tuple[str, ...]
-    captured: bool
-    strayed: bool
-    evader_arrived: bool
-    no_game: bool
+    desired_ned_m_s: Ned = UNKNOWN_VELOCITY
+    command_ned_m_s: Ned = UNKNOWN_VELOCITY
+    active_limits: tuple[str, ...] = ()
+    captured: bool = False
+    strayed: bool = False
+    evader_arrived: bool = False
+    no_game: bool = False
     time_needed_s: float = math.nan
     assured_distance_m: float = math.nan
     reason: int | None = None
@@ -181,8 +178,18 @@ def certify(game: Game, players: Players, vehicle: Capability, before_m_s: Enu |
     desired_m_s = optimal_m_s if before_m_s is None else before_m_s
     farthest_m = max(players.gaps.ground_m, abs(players.gaps.height_m))
     u = game.pursuer.horizontal_m_s
-    certificate = statement(players, solution)._replace(
+    certificate = Certificate(
+        solution.winner,
+        solution.value,
+        solution.margin_s,
+        Enu(solution.meeting_point_m),
+        solution.meeting_time_s,
         speed_ratio=u / game.evader_speed_m_s,
+        evader_age_s=players.evader_age_s,
+        pursuer_game_m=P,
+        evader_game_m=E,
+        gap_m=players.gaps.ground_m,
+        height_gap_m=players.gaps.height_m,
         captured=farthest_m <= vehicle.tolerance_m,
         strayed=farthest_m > 3.0 * vehicle.tolerance_m,
         reason=solution.reason,
@@ -260,33 +267,22 @@ def _to_evader_m(
     return way_x_m, way_y_m
 
 
-def statement(players: Players, solution: StateSolution) -> Certificate:
-    """Return a certificate with the ideal game's result and the positions; everything else is missing or false."""
+def without_game(players: Players) -> Certificate:
+    """Return the certificate of a cycle without a game: where both are; everything else is missing."""
     return Certificate(
-        solution.winner,
-        solution.value,
-        solution.margin_s,
-        Enu(solution.meeting_point_m),
-        solution.meeting_time_s,
+        int(Winner.UNDECIDED),
+        value=math.nan,
+        margin_s=math.nan,
+        meeting_point_game_m=_NOWHERE,
+        meeting_time_s=math.nan,
         speed_ratio=math.nan,
         evader_age_s=players.evader_age_s,
         pursuer_game_m=players.pursuer_m,
         evader_game_m=players.evader_m,
         gap_m=players.gaps.ground_m,
         height_gap_m=players.gaps.height_m,
-        desired_ned_m_s=UNKNOWN_VELOCITY,
-        command_ned_m_s=UNKNOWN_VELOCITY,
-        active_limits=(),
-        captured=False,
-        strayed=False,
-        evader_arrived=False,
-        no_game=False,
+        no_game=True,
     )
-
-
-def without_game(players: Players) -> Certificate:
-    """Return the certificate of a cycle without a game."""
-    return statement(players, _NO_SOLUTION)._replace(no_game=True)
 
 
 def _defended(
@@ -380,7 +376,7 @@ def _course(
     share = min(1.0, max(0.0, 1.0 - (ahead.margin_s + AHEAD_S) / spare_s))
     if share > 0.0:
         course = Course.GUARDING
-        guarding_m_s = velocity_m_s.share_of_way(ahead.velocity_m_s, share)
+        guarding_m_s = velocity_m_s + share * (ahead.velocity_m_s - velocity_m_s)
         velocity_m_s = guarding_m_s.level_with(optimal_m_s.up)
     return course, velocity_m_s
 
