@@ -37,31 +37,25 @@ class _Vector(tuple[float, float, float]):
 
     __slots__ = ()
 
+    # Indexed, because a subclass of tuple is unpacked slowly.
+
     def __add__(self, other: Self) -> Self:  # type: ignore[override] # tuples would be joined
-        (x, y, z) = self
-        (other_x, other_y, other_z) = other
-        return type(self)((x + other_x, y + other_y, z + other_z))
+        return type(self)((self[0] + other[0], self[1] + other[1], self[2] + other[2]))
 
     def __sub__(self, other: Self) -> Self:
-        (x, y, z) = self
-        (other_x, other_y, other_z) = other
-        return type(self)((x - other_x, y - other_y, z - other_z))
+        return type(self)((self[0] - other[0], self[1] - other[1], self[2] - other[2]))
 
     def __mul__(self, factor: float) -> Self:  # type: ignore[override] # a tuple would be repeated
-        (x, y, z) = self
-        return type(self)((x * factor, y * factor, z * factor))
+        return type(self)((self[0] * factor, self[1] * factor, self[2] * factor))
 
     __rmul__ = __mul__  # type: ignore[assignment]
 
     def __truediv__(self, divisor: float) -> Self:
-        (x, y, z) = self
-        return type(self)((x / divisor, y / divisor, z / divisor))
+        return type(self)((self[0] / divisor, self[1] / divisor, self[2] / divisor))
 
     def dot(self, other: Self) -> float:
         """Return the scalar product."""
-        (x, y, z) = self
-        (other_x, other_y, other_z) = other
-        return x * other_x + y * other_y + z * other_z
+        return self[0] * other[0] + self[1] * other[1] + self[2] * other[2]
 
     def level_dot(self, other: Self) -> float:
         """Return the scalar product of the two level parts."""
