@@ -33,7 +33,8 @@ def test_a_step_rises_and_settles_as_measured(
     flight = fly.airborne(flavour, height=40.0)
     still = ned_velocity(0.0, 0.0, 0.0)
     flight.command(511, 32.0, 20_000.0)
-    flight.offboard(still).run(5.0, still)
+    # PX4's estimate of its hover thrust is too high after a climb, which slows it.
+    flight.offboard(still).run(30.0, still)
     start_s = flight.now_s
     flight.run(8.0, ned_velocity(command[0], 0.0, command[1]))
     size = command[0] or command[1]
