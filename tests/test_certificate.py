@@ -11,7 +11,7 @@ from guidance.autopilots import PX4
 from guidance.control import Acceleration
 from guidance.control.braking_law import approach_speed
 from guidance.control.follow import gaps_to_disc
-from guidance.cycle import Capability, Course, Players, certify
+from guidance.cycle import Capability, ChosenCourse, Players, certify
 from guidance.cycle.guarding import UNSURE, UNSURE_S, guard
 from guidance.frames import Enu, ned_from_game
 from guidance.game import Cylinder, Extent, Game, StandOff, Winner, solve_state
@@ -115,7 +115,7 @@ def test_a_vehicle_waits_only_if_it_wins_and_descends_at_full_speed(
     x, y, z, e_x, e_y, v_x, v_y, v_z
 ):
     certified = played((x, y, z), (v_x, v_y, v_z), (e_x, e_y, 0.0), (0.0, 0.0, 0.0))
-    if certified.course is Course.SOLUTION:
+    if certified.course is ChosenCourse.SOLUTION:
         assert certified.velocity_m_s == certified.solution.pursuer_velocity_m_s
         return
     east, north, up = certified.velocity_m_s
@@ -128,14 +128,14 @@ def test_a_vehicle_that_is_too_high_stays_between_the_evader_and_the_target():
     # It needs 8/1.5 s for its height. An evader that turns can be at 60 - 3 * 8/1.5 = 44 m then.
     certified = played((50.0, 0.0, 13.0), (6.0, 0.0, -1.5), (60.0, 0.0, 0.0), (3.0, 0.0, 0.0))
     assert certified.solution.pursuer_velocity_m_s == pytest.approx((6.0, 0.0, -1.5))
-    assert certified.course is Course.WAITING
+    assert certified.course is ChosenCourse.WAITING
     stops_m_s = approach_speed(50.0 - 44.0, ENVELOPE.braking_m_s2, ENVELOPE.reaction_s)
     assert certified.velocity_m_s == pytest.approx((-stops_m_s, 0.0, -1.5))
 
 
 def test_a_vehicle_at_the_height_of_the_disc_does_not_wait():
     certified = played((11.0, 0.0, 5.4), (6.0, 0.0, 0.0), (60.0, 0.0, 0.0), (-3.0, 0.0, 0.0))
-    assert certified.course is Course.SOLUTION
+    assert certified.course is ChosenCourse.SOLUTION
 
 
 @given(
@@ -178,7 +178,7 @@ def test_a_vehicle_that_flies_away_from_the_target_promises_less_and_turns_back(
         )
         assert certified.solution.winner == Winner.PURSUER
         assert (certified.certificate.vehicle_winner == Winner.PURSUER) == wins
-    assert certified.course is Course.GUARDING
+    assert certified.course is ChosenCourse.GUARDING
     assert certified.velocity_m_s[0] < 0.0
 
 

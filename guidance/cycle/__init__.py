@@ -5,7 +5,8 @@ Cycle (`steps`):
     hover: one cycle without a game. game_played: the game of a cycle, a `GamePlayed`.
 
 Certificate (`certificate`):
-    certify: what the game says from here, what this vehicle can promise, and the `Course` that it flies: a `Certified`.
+    certify: what the game says from here, what this vehicle can promise, and the `ChosenCourse` that it flies, as a
+        `Certified`.
     Certificate: the statement of one cycle. Players, Capability (`players`): what it is made from.
     Guarding of the target in TAD: `guarding`.
 
@@ -14,7 +15,7 @@ Monitor (`monitor`):
     Alarm: a promise that was not kept. Violation: which one.
 """
 
-from guidance.cycle.certificate import Certificate, Certified, Course, certify
+from guidance.cycle.certificate import Certificate, Certified, ChosenCourse, certify
 from guidance.cycle.monitor import Alarm, MonitorMemory, Violation, watch
 from guidance.cycle.players import Capability, Players
 from guidance.cycle.steps import (
@@ -33,7 +34,7 @@ __all__ = [
     "Capability",
     "Certificate",
     "Certified",
-    "Course",
+    "ChosenCourse",
     "CycleInputs",
     "CycleMemory",
     "CycleOutput",

@@ -132,7 +132,7 @@ class Certificate(NamedTuple):
     policy_fault: str | None = None
 
 
-class Course(StrEnum):
+class ChosenCourse(StrEnum):
     """The vehicle's course, and the reason for it."""
 
     SOLUTION = "solution"
@@ -154,7 +154,7 @@ class Certified(NamedTuple):
     """
 
     solution: StateSolution
-    course: Course
+    course: ChosenCourse
     velocity_m_s: Enu
     certificate: Certificate
 
@@ -201,7 +201,7 @@ def certify(game: Game, players: Players, vehicle: Capability, before_m_s: Enu |
         return _defended(game, players, vehicle, late_m, solution, certificate)
     time_s, slow_s = _pursuits_s(game, players, vehicle, desired_m_s)
     certificate = certificate._replace(time_needed_s=time_s, allowance=slow_s - solution.value)
-    return Certified(solution, Course.SOLUTION, optimal_m_s, certificate)
+    return Certified(solution, ChosenCourse.SOLUTION, optimal_m_s, certificate)
 
 
 def _pursuits_s(
@@ -360,22 +360,22 @@ def _course(
     solution: StateSolution,
     ahead: Guard | None,
     trusted_m_s: float,
-) -> tuple[Course, Enu]:
+) -> tuple[ChosenCourse, Enu]:
     """Return the vehicle's course in TAD, and its velocity."""
-    course = Course.SOLUTION
+    course = ChosenCourse.SOLUTION
     optimal_m_s = Enu(solution.pursuer_velocity_m_s)
     velocity_m_s = optimal_m_s
     if abs(players.gaps.height_m) > vehicle.tolerance_m:
         waiting_m_s = _waiting(game, solution, players, vehicle, trusted_m_s)
         if waiting_m_s is not None:
-            course = Course.WAITING
+            course = ChosenCourse.WAITING
             velocity_m_s = waiting_m_s
     if ahead is None or solution.winner != Winner.PURSUER:
         return course, velocity_m_s
     spare_s = SPARE_S if is_held(game) else WIDE_SPARE_S
     share = min(1.0, max(0.0, 1.0 - (ahead.margin_s + AHEAD_S) / spare_s))
     if share > 0.0:
-        course = Course.GUARDING
+        course = ChosenCourse.GUARDING
         guarding_m_s = velocity_m_s + share * (ahead.velocity_m_s - velocity_m_s)
         velocity_m_s = guarding_m_s.level_with(optimal_m_s.up)
     return course, velocity_m_s

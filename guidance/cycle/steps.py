@@ -31,7 +31,7 @@ from guidance.control.setpoint_limiter import Limited, LimitMemory, limit
 from guidance.cycle.certificate import (
     Certificate,
     Certified,
-    Course,
+    ChosenCourse,
     certify,
     without_game,
 )
@@ -236,7 +236,7 @@ def _aim(
     """
     certified = _certified(game, players, settings, memory)
     velocity_m_s: Enu | str = certified.velocity_m_s
-    hurried = certified.course is Course.SOLUTION
+    hurried = certified.course is ChosenCourse.SOLUTION
     if settings.strategy.name != OPTIMAL:
         velocity_m_s = _asked(settings.strategy, game, players, inputs, memory.strategy)
         hurried = True

@@ -95,10 +95,10 @@ class Sample(NamedTuple):
 
 EXACT = Exact()
 
-Policies: TypeAlias = tuple[Policy, Policy]
+PolicyPair: TypeAlias = tuple[Policy, Policy]
 """The policies of pursuer and evader."""
 
-OPTIMAL: Policies = (PURSUER_POLICIES["optimal"], EVADER_POLICIES["optimal"])
+OPTIMAL: PolicyPair = (PURSUER_POLICIES["optimal"], EVADER_POLICIES["optimal"])
 
 
 class Rollout(NamedTuple):
@@ -184,7 +184,7 @@ def _samples(
     xp: Library,
     game: Game,
     sample: Sample,
-    policies: Policies,
+    policies: PolicyPair,
     stepping: Exact | Paper,
     duration_s: float,
 ) -> Iterator[Sample]:
@@ -238,7 +238,7 @@ def _advance(
     xp: Library,
     game: Game,
     sample: Sample,
-    policies: Policies,
+    policies: PolicyPair,
     h: Array,
     observed: Array,
     order: int,
@@ -263,7 +263,7 @@ def _advance(
 
 
 def _velocities(
-    game: Game, policies: Policies, P: Array, E: Array, T: Array | None, observed: Array
+    game: Game, policies: PolicyPair, P: Array, E: Array, T: Array | None, observed: Array
 ) -> tuple[Array, Array]:
     """Return both players' velocities; two optimal players are solved once."""
     if policies == OPTIMAL:

@@ -239,7 +239,7 @@ def _solve_rows(
     chunk_rows = ROWS if game.target_extent.is_point else 2 * ROWS
     if count <= chunk_rows:
         if not game.target_extent.is_point:
-            game, named = _spread(game, shape, named)
+            game, named = _with_all_axes(game, shape, named)
         return _solve(NUMPY, game, shape, named, out)
     like = named["pursuer"]
     out = out or _empty(shape, like)
@@ -286,7 +286,7 @@ def _solve_each(
     return out
 
 
-def _spread(
+def _with_all_axes(
     game: Game, shape: tuple[int, ...], named: dict[str, Array]
 ) -> tuple[Game, dict[str, Array]]:
     """Return a game and vectors with the whole leading shape, for kernels that choose rows by some of them."""

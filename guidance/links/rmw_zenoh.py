@@ -34,7 +34,7 @@ _ADMIN_SPACE: Final = "@ros2_lv"
 _ATTACHMENT: Final = struct.Struct("<qqB16s")
 _GID_BYTES: Final = 16
 
-Answer = Callable[["Request"], None]
+Answer = Callable[["ServiceRequest"], None]
 """Answers a request; called on Zenoh's thread, where it must not wait: it may keep the request."""
 
 
@@ -178,7 +178,7 @@ class RosPublisher:
         self._publisher.put(data, attachment=attachment.encode())
 
 
-class Request:
+class ServiceRequest:
     """A request of a service.
 
     Attributes:
@@ -202,11 +202,11 @@ class Request:
         )
 
 
-def _request(query: "zenoh.Query", key: str) -> Request | None:
+def _request(query: "zenoh.Query", key: str) -> ServiceRequest | None:
     """Return the request of a query; None, and no reply, if it is not one."""
     if query.attachment is not None and is_small(query):
         try:
-            return Request(query, key, attachment_of(query.attachment.to_bytes()))
+            return ServiceRequest(query, key, attachment_of(query.attachment.to_bytes()))
         except ValueError:
             pass
     query.drop()  # type: ignore[no-untyped-call]

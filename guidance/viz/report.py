@@ -66,7 +66,7 @@ _MARGIN_CYCLES: Final = 50
 _MOST_EVENTS = 60
 mpl.rcParams["svg.hashsalt"] = "report"  # an SVG is reproducible byte for byte
 _SECTION: Final = re.compile(r'<section id="(\w+)">.*?</section>\n', re.DOTALL)
-Curve = tuple[str, Array, Array, Style, str | None]
+PlottedLine = tuple[str, Array, Array, Style, str | None]
 """A line over time: label of its axis, times, values, style, name."""
 
 Drawn = Iterable[tuple[str, Figure]]
@@ -132,7 +132,7 @@ def draw_game(story: Story) -> Figure:
     since_s = now_s - engaged_s
     game_style = EVADER | {"linewidth": 0.9}
     own_style = PURSUER | {"linewidth": 0.9}
-    lines: list[Curve] = [
+    lines: list[PlottedLine] = [
         ("range, m", now_s, column("gap_m"), PURSUER, "ground distance to the disc's rim"),
         ("range, m", now_s, column("height_gap_m"), EVADER, "height above the disc"),
         ("time to go, s", now_s, column("meeting_time_s"), EVADER, "the game's pursuer"),
@@ -177,7 +177,7 @@ def _draw_promise(axes: Any, story: Story) -> None:  # noqa: ANN401
 def draw_velocities(story: Story) -> Figure:
     """Draw the flown, commanded and desired velocity, by axis."""
     span = playing_span(story)
-    lines = list[Curve]()
+    lines = list[PlottedLine]()
     now_s = thinned(story.column("now_s")[span])
     thin = {"linewidth": 1.1}
     curves = (
@@ -198,7 +198,7 @@ def draw_ages(story: Story) -> Figure:
     """Draw ages of data, round-trip times and the loop's delays."""
     now_s = story.column("now_s")
 
-    def worst(panel: str, name: str, style: Style, label: str) -> Curve:
+    def worst(panel: str, name: str, style: Style, label: str) -> PlottedLine:
         seconds, worst_s = worst_of_each_second(now_s, story.column(name))
         steps = style | {"drawstyle": "steps-post"}
         return panel, seconds, 1e3 * worst_s, steps, label
@@ -207,7 +207,7 @@ def draw_ages(story: Story) -> Figure:
     round_trip_ms = 1e3 * story.column("round_trip_s")
     age = "oldest in each\nsecond, ms"
     loop = "loop, longest in\neach second, ms"
-    lines: list[Curve] = [
+    lines: list[PlottedLine] = [
         worst(age, "telemetry_age_s", PURSUER, "vehicle's position"),
         worst(age, "evader_age_s", EVADER, "evader's last report"),
         ("round trip, ms", now_s, round_trip_ms, dots, "TIMESYNC\nthere and back"),
@@ -221,7 +221,9 @@ def draw_ages(story: Story) -> Figure:
     return figure
 
 
-def over_time(story: Story, height: float, lines: Sequence[Curve]) -> tuple[Figure, list[Any]]:
+def over_time(
+    story: Story, height: float, lines: Sequence[PlottedLine]
+) -> tuple[Figure, list[Any]]:
     """Draw panels of lines over time, mark engagement and capture; return the figure and the axes."""
     figure = figures.figure_of(11.0, height)
     panels = list(dict.fromkeys(panel for panel, *_ in lines))

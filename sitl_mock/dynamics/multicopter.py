@@ -292,7 +292,7 @@ class Pending(NamedTuple):
 _pending = maker_of(Pending)
 
 
-def take(pending: Pending, setpoint: Setpoint, delay_s: float, dt_s: float) -> Pending:
+def advance_pending(pending: Pending, setpoint: Setpoint, delay_s: float, dt_s: float) -> Pending:
     """Advance the delay line: streamed setpoints wait for `delay_s`, others take effect at once.
 
     Args:
@@ -367,7 +367,7 @@ class Multicopter(Generic[MemoryT]):
         count = 1 if dt_s <= self.step_max_s else math.ceil(dt_s / self.step_max_s - 1e-9)
         inner_s = dt_s / count
         for steps_left in range(count, 0, -1):
-            pending = take(pending, setpoint, self.setpoint_delay_s, inner_s)
+            pending = advance_pending(pending, setpoint, self.setpoint_delay_s, inner_s)
             memory, demand = self.control.step(memory, body, estimate, pending.obeyed, inner_s)
             body = step_body(self.airframe, body, demand, around, inner_s)
             if steps_left > 1:

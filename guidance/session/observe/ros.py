@@ -18,7 +18,7 @@ from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
 from guidance.flight import Event
 from guidance.links import ros_types
-from guidance.links.rmw_zenoh import DEPTH, Request, RosNode, RosPublisher
+from guidance.links.rmw_zenoh import DEPTH, RosNode, RosPublisher, ServiceRequest
 from guidance.links.zenoh_access import credentials_of
 from guidance.links.zenoh_credentials import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh_session import Session, close_all, is_over, open_session
@@ -198,12 +198,12 @@ class RosOutput(Sink):
             except (ConfigError, ValueError, TypeError, ArithmeticError):
                 self.dropped += 1  # an entry that cannot be a message
 
-    def _hear(self, order: Event, request: Request) -> None:
+    def _hear(self, order: Event, request: ServiceRequest) -> None:
         """Answer on a thread of its own, since the answer waits for the loop."""
         if not begin_exchange(self._orders, self._answer, order, request):
             request.reply(self._now_ns(), success=False, message="too many orders wait already")
 
-    def _answer(self, order: Event, request: Request) -> None:
+    def _answer(self, order: Event, request: ServiceRequest) -> None:
         answer = self._mailbox.answer(order, f"ROS 2 client {request.sender[:8]}")
         accepted = bool(answer["accepted"])
         words = answer.get("state") if accepted else answer.get("reason")

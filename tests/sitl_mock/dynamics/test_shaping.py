@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, PX4_TRAVEL, Kind, Setpoint
-from sitl_mock.dynamics.multicopter import Pending, take
+from sitl_mock.dynamics.multicopter import Pending, advance_pending
 from sitl_mock.dynamics.shaping import Reference, advance, root_law, shape_one, shape_pair, travel
 from sitl_mock.vector import ZERO, Vector
 from tests.harness.examples import drawn
@@ -122,15 +122,15 @@ def test_streamed_setpoints_arrive_late_complete_and_in_order():
     pending = Pending(0.0, Setpoint(Kind.BRAKE))
     obeyed = []
     for order in orders:
-        pending = take(pending, order, 0.04, DT_S)
+        pending = advance_pending(pending, order, 0.04, DT_S)
         obeyed.append(pending.obeyed)
     assert [order.kind for order in obeyed[:2]] == [Kind.BRAKE, Kind.BRAKE]
     assert obeyed[2:] == orders[:8]
 
 
 def test_any_other_order_is_obeyed_at_once():
-    pending = take(Pending(0.0, Setpoint(Kind.BRAKE)), Setpoint(Kind.STREAM), 0.5, DT_S)
+    pending = advance_pending(Pending(0.0, Setpoint(Kind.BRAKE)), Setpoint(Kind.STREAM), 0.5, DT_S)
     stop = Setpoint(Kind.STOPPED)
-    pending = take(pending, stop, 0.5, DT_S)
+    pending = advance_pending(pending, stop, 0.5, DT_S)
     assert pending.obeyed is stop
     assert pending.waiting == ()
