@@ -98,7 +98,9 @@ class RunningFleet(Mapping[str, RunningVehicle]):
         """
         code = self.process.poll()
         if code is not None:
-            words = _last_words(self.log) or "without a message"
+            words = _last_words(self.log)
+            if not words:
+                words = "without a message"
             raise TransportError(f"the mock autopilot ended in flight (exit code {code}): {words}")
 
 
@@ -146,8 +148,10 @@ def running(
         (folder / "fleet.toml").write_text(tomlkit.dumps(tables), encoding="utf-8")
         (folder / "faults.toml").write_text(tomlkit.dumps(faults or {}), encoding="utf-8")
         for _ in range(1 if port else _ATTEMPTS):
-            udp = port or _free_ports(flavours, stack) if "udp" in over else None
-            zenoh = (port if udp is None else 0) if "zenoh" in over else None
+            udp = None
+            if "udp" in over:
+                udp = port if port else _free_ports(flavours, stack)
+            zenoh = _zenoh_port(over, port, udp)
             if lockstep:
                 pace = ["--lockstep"]
             else:
@@ -164,7 +168,17 @@ def running(
             if process.returncode != _PORT_TAKEN:
                 break
         error = ConfigError if process.returncode == ConfigError.exit_code else TransportError
-        raise error(_last_words(folder / _ERRORS) or "the mock did not start")
+        words = _last_words(folder / _ERRORS)
+        if not words:
+            words = "the mock did not start"
+        raise error(words)
+
+
+def _zenoh_port(over: Sequence[Over], port: int, udp: int | None) -> int | None:
+    """Return the port of the Zenoh endpoint: the given one without UDP, else any; None without an endpoint."""
+    if "zenoh" not in over:
+        return None
+    return port if udp is None else 0
 
 
 def end(process: subprocess.Popen[str]) -> None:
