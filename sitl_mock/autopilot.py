@@ -333,8 +333,15 @@ class Autopilot:
         wind_m_s = conditions.wind_m_s
         if self._gust is not ZERO:
             wind_m_s += self._gust
-        errors = (estimator.position_error_m, estimator.velocity_error_m_s)
-        around = _surroundings((wind_m_s, *errors, self.ground_m, conditions.thrust_share))
+        around = _surroundings(
+            (
+                wind_m_s,
+                estimator.position_error_m,
+                estimator.velocity_error_m_s,
+                self.ground_m,
+                conditions.thrust_share,
+            )
+        )
         self.motion = self.plant.step(self.motion, self.report.setpoint, around, _MOVE_S)
         was = state.body
         body = self.motion.body

@@ -43,9 +43,10 @@ class LatePiece(Piece, Protocol):
 def addressed(message: Message, system_id: int, component_id: int) -> bool:
     """True if a message is for this component: its ids, broadcast, or a message without target."""
     target_system = getattr(message, "target_system", 0)
-    if target_system not in {0, system_id}:
+    if target_system and target_system != system_id:
         return False
-    return getattr(message, "target_component", ALL_COMPONENTS) in {ALL_COMPONENTS, component_id}
+    target_component = getattr(message, "target_component", ALL_COMPONENTS)
+    return not target_component or target_component == component_id
 
 
 def source_of(message: Message) -> tuple[int, int]:
