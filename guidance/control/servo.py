@@ -40,12 +40,6 @@ _SLOW_M_S: Final = 1.0
 """Below this speed, drag cannot be distinguished from trim."""
 
 
-def slew(vector_ned: Ned, previous_ned: Ned, largest_change: float) -> Ned:
-    """Move from the previous vector towards a new one by at most a change, over the ground and vertically."""
-    change = vector_ned - previous_ned
-    return previous_ned + change.clamped(largest_change, largest_change, largest_change)
-
-
 def shape(
     desired_m_s: Ned,
     velocity_m_s: Ned,
@@ -78,7 +72,9 @@ def shape(
     share = level / size if size > 0.0 else 0.0
     down = math.copysign(steep, missing.down)
     wanted = Ned((missing.north * share, missing.east * share, down))
-    acceleration = slew(wanted, acceleration_m_s2, most.jerk_m_s3 * dt_s)
+    change = wanted - acceleration_m_s2
+    largest = most.jerk_m_s3 * dt_s
+    acceleration = acceleration_m_s2 + change.clamped(largest, largest, largest)
     return velocity_m_s + acceleration * dt_s, acceleration
 
 
@@ -300,7 +296,7 @@ def observe_speed(
     flown_ned_m_s: Ned,
     *,
     unslowed: bool,
-    confirmed: bool,
+    guided: bool,
     dt_s: float,
 ) -> SpeedMemory:
     """Compare the velocity that the game asks for with the one flown, for one cycle.
@@ -310,7 +306,7 @@ def observe_speed(
         asked_ned_m_s: Velocity of the game at the vehicle's nominal speed.
         flown_ned_m_s: Velocity of the vehicle over the ground.
         unslowed: Whether the whole speed is commanded, not reduced by the approach or a limit.
-        confirmed: Whether a HEARTBEAT of this cycle shows the guided mode.
+        guided: Whether a HEARTBEAT of this cycle shows the guided mode.
         dt_s: Seconds since the last call.
     """
     weight = min(1.0, dt_s / _SMOOTHED_S)
@@ -324,7 +320,7 @@ def observe_speed(
     began_m_s = memory.began_m_s if memory.compared_s > 0.0 else along
     compared_s = memory.compared_s + dt_s
     covered_s = memory.covered_s + dt_s * along / asked
-    if not (confirmed and compared_s >= RESPONSE_S):
+    if not (guided and compared_s >= RESPONSE_S):
         return SpeedMemory(shown_m_s, memory.share, mean, compared_s, covered_s, began_m_s)
     steady = abs(along - began_m_s) < _STEADY_M_S2 * compared_s
     reached = covered_s / compared_s

@@ -33,7 +33,7 @@ from guidance.control.braking_law import (
     obey,
 )
 from guidance.control.limits import Agility, Envelope, Limiter
-from guidance.control.servo import LONGEST_STEP_S, shape, slew
+from guidance.control.servo import LONGEST_STEP_S, shape
 from guidance.frames import STILL, Ned, usable
 from guidance.messages import Setpoint
 
@@ -147,11 +147,9 @@ def limit(  # noqa: PLR0914
     demanded = command.acceleration_ned_m_s2
     slewed = None
     if demanded is not None:
-        slewed = slew(
-            demanded.clamped(*accelerations),
-            memory.feed_forward_ned_m_s2,
-            envelope.jerk_m_s3 * dt_s,
-        )
+        change = demanded.clamped(*accelerations) - memory.feed_forward_ned_m_s2
+        largest = envelope.jerk_m_s3 * dt_s
+        slewed = memory.feed_forward_ned_m_s2 + change.clamped(largest, largest, largest)
     feed_forward = braked(slewed, situation, walls, envelope)
     if feed_forward is not None:
         # Before the stand-off the approach is about to brake. Until then the feed-forward is still needed against drag,

@@ -344,36 +344,21 @@ def _follow(
         memory: Of the cycle.
     """
     largest_m_s = settings.envelope.speed_m_s
-    asked_ned_m_s = held_back(aim.nominal_ned_m_s, inputs.walls, settings.envelope)
-    was_at_wall = memory.limits is not None and memory.limits.held_back
+    asked_m_s = held_back(aim.nominal_ned_m_s, inputs.walls, settings.envelope)
+    at_wall = memory.limits is not None and memory.limits.held_back
     speed_ratio = largest_m_s / settings.game.pursuer.horizontal_m_s
     meeting_m_s = largest_m_s + evader_speed_m_s
-    pace = Pace(inputs.dt_s, speed_ratio, meeting_m_s, hurried=aim.hurried, held_back=was_at_wall)
-    followed = follow(asked_ned_m_s, inputs.situation, gaps, settings.handling, memory.follow, pace)
-    speed = _speed_shown(aim, asked_ned_m_s, followed, pace, inputs, memory.speed)
+    pace = Pace(inputs.dt_s, speed_ratio, meeting_m_s, hurried=aim.hurried, held_back=at_wall)
+    followed = follow(asked_m_s, inputs.situation, gaps, settings.handling, memory.follow, pace)
+    flown_m_s = followed.flown_ned_m_s
+    is_turned = asked_m_s[:2] != aim.nominal_ned_m_s[:2]
+    unslowed = followed.unslowed and aim.hurried and not at_wall and not is_turned
+    speed = observe_speed(
+        memory.speed, asked_m_s, flown_m_s, unslowed=unslowed, guided=inputs.guided, dt_s=pace.dt_s
+    )
     yaw_rad = inputs.situation.yaw_rad if memory.yaw_rad is None else memory.yaw_rad
     command = Setpoint(followed.velocity_ned_m_s, followed.acceleration_ned_m_s2, yaw_rad=yaw_rad)
     return UnlimitedCommand(command, followed, speed)
-
-
-def _speed_shown(
-    aim: Aim,
-    asked_ned_m_s: Ned,
-    followed: Followed,
-    pace: Pace,
-    inputs: CycleInputs,
-    memory: SpeedMemory,
-) -> SpeedMemory:
-    """Return what the vehicle has shown of its speed; it counts only if neither approach nor wall changes it."""
-    at_wall = pace.held_back or asked_ned_m_s[:2] != aim.nominal_ned_m_s[:2]
-    return observe_speed(
-        memory,
-        asked_ned_m_s,
-        followed.flown_ned_m_s,
-        unslowed=followed.unslowed and aim.hurried and not at_wall,
-        confirmed=inputs.guided,
-        dt_s=inputs.dt_s,
-    )
 
 
 def _limited(

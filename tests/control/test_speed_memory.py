@@ -18,7 +18,7 @@ def flown(speeds_m_s, asked_m_s=10.0, at_full_speed=True, guided=lambda _number:
             Ned((asked_m_s, 0.0, 0.0)),
             Ned((speed, 0.0, 0.0)),
             unslowed=at_full_speed,
-            confirmed=number % 50 == 49 and guided(number),
+            guided=number % 50 == 49 and guided(number),
             dt_s=DT_S,
         )
         kept.append(memory)
