@@ -138,7 +138,7 @@ class FrameReader:
             frame = self._checked(data)  # usually a piece is one whole frame
             if frame is not None:
                 return [frame]
-        frames = list[Frame]()
+        frames: list[Frame] = []
         position = 0
         broken = 0
         buffer += data

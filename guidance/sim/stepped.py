@@ -32,7 +32,7 @@ class SteppedMock:
 
     def advance(self, now_s: float) -> None:
         """Step the vehicle with the frames sent to it, and send its frames to all wires."""
-        received = list[bytes]()
+        received: list[bytes] = []
         for end in self.ends:
             received += [frame for _, frame in end.receive()]
         frames = self._vehicle.step(now_s, received)

@@ -7,7 +7,7 @@ has for itself, is sent home or landed and watched until it is disarmed.
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Final, NamedTuple
 
@@ -160,6 +160,13 @@ class Mission(CycleHooks):
             {vehicle.pursuit.evader: EvaderResult() for vehicle in self.vehicles},
             {daemon.name: daemon.team for daemon in self.daemons if daemon.team is not None},
         )
+        self._pursuers = {evader: self._pursuers_of(evader) for evader in self.world.players}
+
+    def _pursuers_of(self, evader: str) -> Sequence["VehicleMission"]:
+        """Return the vehicles that may play against an evader: in a team all of them."""
+        if self.result.members:
+            return self.vehicles
+        return [vehicle for vehicle in self.vehicles if vehicle.pursuit.evader == evader]
 
     def fly(self, signals: Signals | None = None) -> MissionResult:
         """Fly to the end. The caller closes the world.
@@ -185,28 +192,23 @@ class Mission(CycleHooks):
         for vehicle in self.vehicles:
             vehicle.locate()
         for name, player in self.world.players.items():
-            pursuers = [
-                vehicle
-                for vehicle in self.vehicles
-                if self.result.members or vehicle.pursuit.evader == name
-            ]
-            places = [
-                vehicle.position_game_m
-                for vehicle in pursuers
-                if vehicle.position_game_m is not None
-            ]
-            arrived = any(name in member.board.over for member in self.result.members.values())
-            player.step(
-                now_s, places, playing=not arrived and any(vehicle.playing for vehicle in pursuers)
-            )
-        states = (
-            {vehicle.daemon.flight.state for vehicle in self.vehicles}
-            if self.result.members
-            else set()
-        )
+            positions_game_m = []
+            playing = False
+            for pursuer in self._pursuers[name]:
+                playing |= pursuer.playing
+                if pursuer.position_game_m is not None:
+                    positions_game_m.append(pursuer.position_game_m)
+            player.step(now_s, positions_game_m, playing=playing and not self._arrived(name))
+        states: set[State] = set()
+        if self.result.members:
+            states = {vehicle.daemon.flight.state for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             if not states & _WAITS_FOR.get(vehicle.daemon.flight.state, frozenset()):
                 vehicle.before(now_s)
+
+    def _arrived(self, evader: str) -> bool:
+        """Return whether a member of the team knows that an evader has reached its target."""
+        return any(evader in member.board.over for member in self.result.members.values())
 
     def after(self, now_s: float, late_s: float = 0.0) -> None:
         """Follow a cycle.
@@ -309,35 +311,36 @@ class VehicleMission:
     def before(self, now_s: float) -> None:
         """Give the order that is due."""
         order = self._due(now_s)
+        if order is None:
+            return
         begins = order in {Event.START, Event.ENGAGE}
-        if order is not None and (
-            self._policy.engage if begins else self._policy.end_with is not None
-        ):
+        allowed = self._policy.engage if begins else self._policy.end_with is not None
+        if allowed:
             if now_s - self._asked_s >= ASK_EVERY_S:
                 self._asked_s = now_s
                 self.daemon.mailbox.ask(str(order), authority=Authority.MISSION)
-        elif order is not None and not begins and self.engaged_s is not None:
+        elif not begins and self.engaged_s is not None:
             self._leave(now_s)
 
     def _due(self, now_s: float) -> Event | None:
         """Return the order that is due, if there is one."""
         flight = self.daemon.flight
-        player = self._mission.world.players.get(self.evader)
+        state = flight.state
         if flight.ordered_by_operator:
             return None
-        first = self.engaged_s is None
         back = flight.cause is not None and flight.cause.event is Event.CONTACT
+        player = self._mission.world.players.get(self.evader)
         if player is None or player.ready:
-            if flight.state is State.READY:
+            if state is State.READY:
                 return Event.START
-            if flight.state is State.STANDING_BY and first and not back:
+            if state is State.STANDING_BY and self.engaged_s is None and not back:
                 silence_s = flight.tracking.silence_s(now_s)
                 if silence_s < flight.settings.cycle.evader_timeout_s:
                     return Event.ENGAGE
-        if self.engaged_s is not None and flight.state in PLAYING:
+        if self.engaged_s is not None and state in PLAYING:
             time_is_up = now_s - self.engaged_s > self.pursuit.scenario.time_limit_s
         else:
-            time_is_up = self._in_state_s(now_s) >= self._stay_s(flight.state, back=back)
+            time_is_up = self._in_state_s(now_s) >= self._stay_s(state, back=back)
         if not time_is_up:
             return None
         return Event.LAND if self._policy.end_with is None else self._policy.end_with
