@@ -2,14 +2,15 @@
 
 import math
 
-_INT16 = 32767
+_LEAST_INT16 = -32767.0
+_MOST_INT16 = 32767.0
 
 
 def int16(value: float) -> int:
     """Round into a signed 16-bit field, clipped."""
-    if -_INT16 <= value <= _INT16:
+    if _LEAST_INT16 <= value <= _MOST_INT16:
         return int(value)
-    return int(min(max(value, -_INT16), _INT16))
+    return int(min(max(value, _LEAST_INT16), _MOST_INT16))
 
 
 def heading_cdeg(yaw_rad: float) -> int:
