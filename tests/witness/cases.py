@@ -28,6 +28,7 @@ INJECT_FAILURE = 420
 INT32 = dialect.MAV_PARAM_TYPE_INT32
 FENCE = dialect.MAV_MISSION_TYPE_FENCE
 MISSION = dialect.MAV_MISSION_TYPE_MISSION
+RALLY = dialect.MAV_MISSION_TYPE_RALLY
 
 
 def case(title: str, cases: dict[str, Case] = CASES) -> Callable[[Case], Case]:

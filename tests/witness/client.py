@@ -20,6 +20,8 @@ RESTART_S = 3.0
 """Time that a simulator takes to restart."""
 LANDED_S = 90.0
 """Longest wait for a vehicle to land and disarm."""
+PORT_FREE_S = 5.0
+"""Longest wait for a port."""
 STREAM_HZ = 4
 GROUND_STATION = 255
 ARMED = dialect.MAV_MODE_FLAG_SAFETY_ARMED
@@ -45,15 +47,26 @@ class Client:
         self._connect()
 
     def _connect(self) -> None:
-        self.link = mavutil.mavlink_connection(
-            address_of(self.url), source_system=self.station, retries=20
-        )
+        self.link = self._opened()
         self.send = self.link.mav
         heartbeat = self.link.wait_heartbeat(timeout=30.0)
         if heartbeat is None:
             raise TimeoutError(f"{self.url}: no HEARTBEAT within 30 s")
         self.system = heartbeat.get_srcSystem()
         self.autopilot = heartbeat.autopilot
+
+    def _opened(self) -> Any:
+        """Open the link, whose port a program that was ended may still have for a moment."""
+        end_s = time.monotonic() + PORT_FREE_S
+        while True:
+            try:
+                return mavutil.mavlink_connection(
+                    address_of(self.url), source_system=self.station, retries=20
+                )
+            except OSError:
+                if time.monotonic() > end_s:
+                    raise
+            time.sleep(0.2)
 
     def reconnect(self) -> None:
         """Connect again some seconds later, as after a reboot, which closes a TCP link."""
