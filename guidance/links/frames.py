@@ -25,7 +25,7 @@ from fastcrc import crc16
 from pymavlink.dialects.v20 import common
 
 from guidance.errors import ConfigError
-from guidance.links.port import Clock
+from guidance.links.port import Clock, Wire
 from guidance.links.signed_streams import SignedStream, SignedStreams
 
 Fields = Any
@@ -318,10 +318,11 @@ class SignatureCheck:
 
 
 class Station:
-    """One sender of frames. It numbers them and, with a key, signs them and checks the signatures of others."""
+    """One sender on a wire. It numbers its frames and, with a key, signs them and checks the signatures of others."""
 
     def __init__(
         self,
+        wire: Wire,
         system_id: int,
         component_id: int,
         *,
@@ -329,6 +330,7 @@ class Station:
         clock: Clock | None = None,
     ) -> None:
         """Start at sequence number 0. The clock is used for signing only."""
+        self._wire = wire
         self._mavlink = common.MAVLink(None, system_id, component_id)
         self._clock: Clock = clock or (lambda: 0.0)
         self._begun_s = self._clock()
@@ -341,11 +343,11 @@ class Station:
             signing.secret_key = signing_key.secret
             signing.sign_outgoing = True
 
-    def pack(self, message: Fields) -> bytes:
-        """Return a message as our next frame.
+    def send(self, message: Any) -> None:  # noqa: ANN401 - a message of pymavlink
+        """Send a message of pymavlink as our next frame.
 
         Raises:
-            struct.error: If a field does not fit.
+            struct.error: If a field does not fit; it is not sent and takes no number then.
         """
         if self.check is not None:
             signing = self._mavlink.signing
@@ -353,4 +355,4 @@ class Station:
             signing.timestamp = max(signing.timestamp, self.check.latest, now)
         frame = bytes(message.pack(self._mavlink))
         self._mavlink.seq = (self._mavlink.seq + 1) % 256
-        return frame
+        self._wire.send(frame)

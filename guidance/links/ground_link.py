@@ -87,7 +87,7 @@ class GroundLink:
         self._wire = wire
         self._system_id = system_id
         self._stations = frozenset(stations)
-        self._station = Station(system_id, COMPONENT_ID, signing_key=signing_key, clock=clock)
+        self._station = Station(wire, system_id, COMPONENT_ID, signing_key=signing_key, clock=clock)
         self._frames = FrameReader({"COMMAND_LONG", "HEARTBEAT"})
         self._text_id = 0
         self._second = 0
@@ -212,7 +212,7 @@ class GroundLink:
 
     def _send(self, message: Fields) -> None:
         if not self._closed:
-            self._wire.send(self._station.pack(message))
+            self._station.send(message)
             self.counts["sent"] += 1
 
     def counters(self) -> Mapping[str, int]:

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.links import codec
 from guidance.links.carriers import Carrier, accepted
-from guidance.links.frames import Fields, Frame, FrameReader, SigningKey, Station
+from guidance.links.frames import Frame, FrameReader, SigningKey, Station
 from guidance.links.port import Clock, Wire
 from guidance.links.pymavlink_link import own_heartbeat
 from guidance.links.requests import RequestQueue, TimesyncPeer
@@ -68,7 +68,11 @@ class MavlinkEvader:
             our_system_id = GROUND_STATION_ID
         self._frames = FrameReader(names)
         self._station = Station(
-            our_system_id, OWN_COMPONENT_ID, signing_key=self.signing_key, clock=self.clock
+            self.wire,
+            our_system_id,
+            OWN_COMPONENT_ID,
+            signing_key=self.signing_key,
+            clock=self.clock,
         )
         autopilot_id = 1
         self._asked_component_id = autopilot_id if self.component_id is None else self.component_id
@@ -101,12 +105,12 @@ class MavlinkEvader:
     def _ask(self, now_s: float, *, reported: bool) -> None:
         """Ask for the evader's clock once it has reported, and for its reports as long as none arrives."""
         if self._counts["reports"] and now_s >= self._timesync.next_ask_s:
-            self._send(self._timesync.ask(now_s))
+            self._station.send(self._timesync.ask(now_s))
         if self.request_rate_hz is None:
             return
         if now_s - self._beat_s >= HEARTBEAT_S:
             self._beat_s = now_s
-            self._send(own_heartbeat())
+            self._station.send(own_heartbeat())
         if reported:
             self._asked_s = now_s
         elif now_s - self._asked_s >= ASK_AGAIN_S:
@@ -115,15 +119,12 @@ class MavlinkEvader:
             params = (message_id, 1e6 / self.request_rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0)
             self._requests.add(Command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, params))
         for request, attempt in self._requests.due(now_s):
-            self._send(
+            self._station.send(
                 codec.request(
                     request, attempt=attempt, to=(self.system_id, self._asked_component_id)
                 )
             )
             self._counts["requests_sent"] += 1
-
-    def _send(self, message: Fields) -> None:
-        self.wire.send(self._station.pack(message))
 
     def _is_meant(self, frame: Frame) -> bool:
         """Return whether a frame is the evader's, validly signed if there is a key."""
@@ -148,7 +149,7 @@ class MavlinkEvader:
             if answer is not None:
                 self._answer = answer
             if reply is not None and self.request_rate_hz is not None:
-                self._send(reply)
+                self._station.send(reply)
             return []
         if frame.name == "COMMAND_ACK":
             to_us = fields.target_system in {0, GROUND_STATION_ID}

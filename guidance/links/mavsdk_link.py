@@ -96,7 +96,7 @@ class MavsdkLink(PymavlinkLink):
         if frame is not None:
             message = self._decoder.decode(bytearray(frame.data))
             with self._numbering:
-                self._wire.send(self._station.pack(message))
+                self._station.send(message)
 
     def hear(self, frame: Frame, received_s: float) -> None:
         """Take one message of the vehicle, and pass it on to MAVSDK if needed; raises as the other link's."""

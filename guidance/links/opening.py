@@ -183,9 +183,9 @@ def find_autopilot(
         LinkError: If none arrived within `timeout_s`.
     """
     reader = FrameReader({"HEARTBEAT"})
-    station = Station(*_OWN)
+    station = Station(wire, *_OWN)
     heard = 0
-    for _ in _looks(lambda: wire.send(station.pack(own_heartbeat())), clock, timeout_s, sleep):
+    for _ in _looks(lambda: station.send(own_heartbeat()), clock, timeout_s, sleep):
         for frame in [
             frame for _, data in wire.receive() for frame in reader.read(data, stream=wire.stream)
         ]:

@@ -119,7 +119,7 @@ class PymavlinkLink:
         self._clock = clock
         self._own = own_system_id or system_id, own_component_id
         self._vehicle = system_id, component_id
-        self._station = Station(*self._own, signing_key=signing_key, clock=clock)
+        self._station = Station(wire, *self._own, signing_key=signing_key, clock=clock)
         self._frames = FrameReader(self._reads - unread)
         self._inbox: list[messages.Message] = []
         self._requests = RequestQueue()
@@ -265,7 +265,7 @@ class PymavlinkLink:
             self._send(own_heartbeat())
 
     def _send(self, message: Fields) -> None:
-        self._wire.send(self._station.pack(message))
+        self._station.send(message)
 
     def counters(self) -> Mapping[str, int]:
         """Return how many messages were received, sent and dropped, by reason."""

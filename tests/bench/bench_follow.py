@@ -231,9 +231,8 @@ class Leader:
 
     def __init__(self, clock: Clock, radio: Wire | None, autopilot: str) -> None:
         self._clock = clock
-        self._radio = radio
+        self._station = None if radio is None else Station(radio, LEADER, 1)
         self._autopilot = autopilot
-        self._station = Station(LEADER, 1)
         self._frame: LocalFrame | None = None
         self._chase = Chase("optimal")
         self._away_rad = 0.0
@@ -277,8 +276,8 @@ class Leader:
         while self._on_the_way and now_s >= self._on_the_way[0].sent_s + self._chase.delay_s - 1e-6:
             report = self._on_the_way.popleft()._replace(received_s=now_s)
             self._arrived.append(report)
-            if self._radio is not None:
-                self._radio.send(self._station.pack(self._message(report)))
+            if self._station is not None:
+                self._station.send(self._message(report))
 
     def _move(self, now_s: float) -> None:
         self.velocity_m_s = (0.0, 0.0)

@@ -76,14 +76,10 @@ class Mates:
             session = stack.enter_context(join_session(endpoint))
             end = ZenohTeam(time.monotonic, session, "north", name, (NAME, *MATES))
             self._ends[name] = stack.enter_context(closing(end))
-        self._rovers = [
-            (
-                Station(number, 1),
-                stack.enter_context(closing(UdpWire(time.monotonic, "127.0.0.1", port))),
-                ROVERS[name],
-            )
-            for number, (name, port) in enumerate(ports.items(), start=2)
-        ]
+        self._rovers: list[tuple[Station, tuple[float, float]]] = []
+        for number, (name, port) in enumerate(ports.items(), start=2):
+            wire = stack.enter_context(closing(UdpWire(time.monotonic, "127.0.0.1", port)))
+            self._rovers.append((Station(wire, number, 1), ROVERS[name]))
         self._lock = threading.Lock()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run)
@@ -129,7 +125,7 @@ class Mates:
                     **common, **placed(*position, 0.0), evader=evader, source="GLOBAL_POSITION_INT"
                 )
                 end.publish(message.key, encode(message))
-        for station, wire, position in self._rovers:
+        for station, position in self._rovers:
             at = placed(*position, 0.0)
             fields = [
                 round(at[key] * scale)
@@ -139,11 +135,9 @@ class Mates:
                     ("altitude_amsl_m", 1e3),
                 )
             ]
-            wire.send(
-                station.pack(
-                    mavlink.MAVLink_global_position_int_message(
-                        round(now_s * 1e3) % 2**32, *fields, 0, 0, 0, 0, 0
-                    )
+            station.send(
+                mavlink.MAVLink_global_position_int_message(
+                    round(now_s * 1e3) % 2**32, *fields, 0, 0, 0, 0, 0
                 )
             )
 

@@ -137,19 +137,22 @@ class Daemon:
     def _orders(self, questions: Sequence[Question], now_s: float) -> Sequence[Question]:
         """Return the orders for this cycle's flight, people's first; all others are answered here."""
         orders = [question for question in questions if self._is_for_the_flight(question, now_s)]
-        if (
-            due_orders := self._engaging.due(now_s)
-        ) is not None:  # its parameters were read again or did not answer
-            fresh = {row.name: row for row in self._engaging.rows}
-            self.rows = tuple(fresh.get(row.name, row) for row in self.rows)
-            if refusals(self._engaging.rows) and not due_orders:
-                self.recording.say(
-                    logging.WARNING, "not engaged", reason=advice(self._engaging.rows)
-                )
-            orders += due_orders
+        if self.judged:
+            orders += self._engage_orders(now_s)
         if self._leaving is not None:
             orders += self._leaving.orders(self.flight)
         return sorted(orders, key=lambda question: question.authority is Authority.MISSION)
+
+    def _engage_orders(self, now_s: float) -> Sequence[Question]:
+        """Return the engage orders whose parameters were read again, or did not answer."""
+        due_orders = self._engaging.due(now_s)
+        if due_orders is None:
+            return ()
+        fresh = {row.name: row for row in self._engaging.rows}
+        self.rows = tuple(fresh.get(row.name, row) for row in self.rows)
+        if refusals(self._engaging.rows) and not due_orders:
+            self.recording.say(logging.WARNING, "not engaged", reason=advice(self._engaging.rows))
+        return due_orders
 
     def _is_for_the_flight(self, question: Question, now_s: float) -> bool:
         word = question.order
