@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as dialect
 
-from sitl_mock import MockVehicle
+from sitl_mock import MockVehicle, protocols
 from sitl_mock.protocols import (
     ARDUPILOT_CAPABILITIES,
     MESSAGES,
@@ -292,6 +292,13 @@ def test_px4_ignores_parameters_missions_and_ftp_to_system_zero(wire):
 def test_a_protocol_with_an_unknown_name_is_refused():
     with pytest.raises(KeyError, match="telepathy"):
         Session(1, 1, telepathy=FtpProtocol(FileTree({})))
+
+
+def test_every_protocol_that_sends_late_says_when_it_is_idle():
+    exported = [getattr(protocols, name) for name in protocols.__all__]
+    late = [kind for kind in exported if hasattr(kind, "advance")]
+    assert len(late) >= 6
+    assert all(hasattr(kind, "is_idle") or kind is Session for kind in late)
 
 
 def test_no_message_belongs_to_two_protocols():
