@@ -12,6 +12,7 @@ played:
 
     --mavsdk3-examples FOLDER    examples of a checkout of github.com/mavlink/MAVSDK-Python
     --mavsdk4-examples FOLDER    py/mavsdk/examples of a checkout of github.com/mavlink/MAVSDK
+    --mavsdk3-tests FOLDER       a checkout of github.com/mavlink/MAVSDK with its integration tests, see docs/mock.md
     --router PROGRAM             mavlink-routerd
 """
 
@@ -87,6 +88,7 @@ def main() -> int:
     parser.add_argument("--arducopter", metavar="URL", help="an ArduCopter simulator")
     parser.add_argument("--mavsdk3-examples", type=Path, metavar="FOLDER")
     parser.add_argument("--mavsdk4-examples", type=Path, metavar="FOLDER")
+    parser.add_argument("--mavsdk3-tests", type=Path, metavar="FOLDER")
     parser.add_argument("--router", type=Path, metavar="PROGRAM", default=ROUTER)
     parser.add_argument(
         "--only", action="append", metavar="TEXT", help="cases whose title contains it"
@@ -96,6 +98,7 @@ def main() -> int:
     programs = Programs(
         examples_3=arguments.mavsdk3_examples,
         examples_4=arguments.mavsdk4_examples,
+        tests_3=arguments.mavsdk3_tests,
         router=arguments.router,
     )
     texts = arguments.only or [""]

@@ -2,8 +2,8 @@
 
 A program runs in a process of its own while the witness leaves the link to it. What comes from the package index is
 installed when it is first needed, into environments beside this one's packages. What does not is named by options of
-the witness: MAVSDK's examples by their folders, mavlink-router by its program. A case whose program is missing is not
-played.
+the witness: MAVSDK's examples and its integration tests by their folders, mavlink-router by its program. A case whose
+program is missing is not played.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -60,11 +60,13 @@ class Programs:
     Attributes:
         examples_3: Folder of MAVSDK-Python's examples.
         examples_4: Folder of the Python examples of MAVSDK 4.
+        tests_3: Checkout of MAVSDK v3.14.0 with its integration tests built.
         router: mavlink-routerd.
     """
 
     examples_3: Path | None = None
     examples_4: Path | None = None
+    tests_3: Path | None = None
     router: Path | None = None
 
 
@@ -89,11 +91,17 @@ def interpreter(name: str) -> Path:
     return python
 
 
-def printed(command: list[str], folder: Path, within_s: float) -> tuple[str, str]:
+def printed(
+    command: list[str],
+    folder: Path,
+    within_s: float,
+    environment: Mapping[str, str] = os.environ,
+) -> tuple[str, str]:
     """Run a program; return what it printed, and how it ended: ``ended``, its exception, or that it did not end."""
     child = subprocess.Popen(
         command,
         cwd=folder,
+        env=dict(environment),
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -275,6 +283,97 @@ EXAMPLES_3 = (
 )
 EXAMPLES_4 = ("takeoff_and_land.py", "telemetry.py", "mission.py")
 
+TEST_PROGRAM = Path("build/src/integration_tests/integration_tests_runner")
+TEST_URL = "MAVSDK_TEST_URL"
+"""Environment variable with the URL that the tests connect to."""
+TEST_S = 240.0
+FAILURE = re.compile(r"(\w+\.\w+:\d+): Failure\n(.*?)\n(?:\n|\[)", re.DOTALL)
+"""A failed assertion of a test: its file and line, and what was expected."""
+
+
+def integration_test(client: Client, programs: Programs, *, name: str) -> str:
+    """Play an integration test of MAVSDK 3; return whether it passes, and otherwise its failed assertions."""
+    if programs.tests_3 is None:
+        raise NotPlayedError(
+            "--mavsdk3-tests is missing: MAVSDK v3.14.0 with its integration tests"
+        )
+    is_px4 = client.autopilot == dialect.MAV_AUTOPILOT_PX4
+    if name.startswith("AP" if is_px4 else "PX4"):
+        return f"not played: the test is for {'ArduPilot' if is_px4 else 'PX4'}"
+    command = [str(programs.tests_3 / TEST_PROGRAM), f"--gtest_filter=*.{name}"]
+    with client.lent() as url, tempfile.TemporaryDirectory() as scratch:
+        (Path(scratch) / "src").symlink_to(programs.tests_3 / "src")  # a test reads a plan from it
+        output, ended = printed(command, Path(scratch), TEST_S, {**os.environ, TEST_URL: url})
+    cleared(client, MISSION)
+    cleared(client, FENCE)
+    failures = [f"{where}, {on_one_line(text)}" for where, text in FAILURE.findall(output)]
+    if "[  SKIPPED ]" in output:
+        return "skips itself"
+    if ended == "ended":
+        return "passes"
+    return "; ".join(["fails" if failures else ended, *failures])
+
+
+def on_one_line(text: str) -> str:
+    """Return a text with every number as 0 and every gap as a space."""
+    return without_numbers(" ".join(text.split()))
+
+
+INTEGRATION_TESTS = (
+    "SystemConnectionAsync",
+    "SystemMultipleComponents",
+    "PX4Info",
+    "PX4ParamSad",
+    "PX4ParamHappy",
+    "APParam",
+    "GetAllParams",
+    "PX4MavlinkPassthrough",
+    "PX4TelemetryAsync",
+    "PX4TelemetrySync",
+    "TelemetryHealth",
+    "TelemetryGpsOrigin",
+    "TelemetryFlightModes",
+    "CalibrationGyro",
+    "CalibrationGyroCancelled",
+    "CalibrationGyroWithTelemetry",
+    "LogFiles",
+    "LogFilesDownloadFailsIfPathIsDirectory",
+    "LogFilesDownloadFailsIfFileAlreadyExists",
+    "PX4MissionTransferLossy",
+    "PX4MissionUploadCancellation",
+    "PX4MissionDownloadCancellation",
+    "PX4MissionRawMissionChanged",
+    "PX4GeofenceInclusion",
+    "PX4ActionGoto",
+    "PX4ActionHold",
+    "ActionHoverAsync",
+    "PX4ActionHoverSyncHigher",
+    "PX4ActionHoverSyncLower",
+    "PX4ActionHoverSyncDefault",
+    "APMActionHoverSyncHigher",
+    "APMActionHoverSyncLower",
+    "APMActionHoverSyncDefault",
+    "ActionTakeoffAndKill",
+    "OffboardVelocityNED",
+    "OffboardVelocityBody",
+    "OffboardPositionNED",
+    "PX4OffboardAccelerationNED",
+    "OffboardAttitudeRate",
+    "PX4FollowMeOneLocation",
+    "PX4FollowMeMultiLocationWithConfig",
+    "MissionTakeoffAndLand",
+    "PX4MissionAddWaypointsAndFly",
+    "PX4MissionChangeSpeed",
+    "PX4MissionRawImportAndFly",
+    "APMissionRawImportAndFly",
+    "PX4MissionSetCurrent",
+    "PX4MissionWithRTLHigh",
+    "PX4MissionWithRTLLow",
+    "PX4MissionWithRTLHigherAnyway",
+)
+"""The tests that need neither a camera, a gimbal, a person nor a second vehicle. The take-off height is last set to
+PX4's own."""
+
 
 # -- MAVProxy ----------------------------------------------------------------------------------------------------------
 
@@ -412,6 +511,10 @@ _PLAYS: dict[str, Play] = {
     "mavlink-router between the autopilot and two stations": by_router,
     **{f"MAVSDK 3, {name}": partial(example, version=3, name=name) for name in EXAMPLES_3},
     **{f"MAVSDK 4, {name}": partial(example, version=4, name=name) for name in EXAMPLES_4},
+    **{
+        f"MAVSDK 3, integration test {name}": partial(integration_test, name=name)
+        for name in INTEGRATION_TESTS
+    },
     "dronekit's suite": dronekit_suite,
 }
 

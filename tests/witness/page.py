@@ -13,6 +13,8 @@ CAUSES = HERE / "causes.toml"
 PAGE = HERE.parents[1] / "docs" / "mock.md"
 BEGIN = "<!-- the table of tests.witness begins -->\n"
 END = "<!-- the table of tests.witness ends -->\n"
+NOT_PLAYED = "not played"
+"""What a cell says of a case that was never seen."""
 AUTOPILOTS = {"px4": "PX4 1.17", "arducopter": "ArduCopter 4.5"}
 
 Seen = dict[str, dict[str, dict[str, str]]]
@@ -64,14 +66,14 @@ def table_of(autopilot: str, titles: Iterable[str]) -> str:
     causes = causes_of(autopilot)
     cells = read()[autopilot]
     lines = [f"| {AUTOPILOTS[autopilot]} | the real one | the mock |", "|---|---|---|"]
-    lines += [row(title, cells[title], causes.get(title, "")) for title in titles]
+    lines += [row(title, cells.get(title, {}), causes.get(title, "")) for title in titles]
     return "\n".join(lines) + "\n"
 
 
 def row(title: str, cell: Mapping[str, str], cause: str) -> str:
     """Return the line of a case."""
-    real = cell["real"]
-    mock = cell["mock"]
+    real = cell.get("real", NOT_PLAYED)
+    mock = cell.get("mock", NOT_PLAYED)
     answer = "the same" if real == mock else f"{mock}. {cause}"
     return f"| {title} | {in_a_cell(real)} | {in_a_cell(answer)} |"
 
