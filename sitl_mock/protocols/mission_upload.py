@@ -75,7 +75,7 @@ class MissionRules:
 
 
 PX4_MISSION_RULES: Final = MissionRules(
-    capacity={PlanKind.MISSION: 2000, PlanKind.FENCE: 64, PlanKind.RALLY: 32},
+    capacity={PlanKind.MISSION: 10000, PlanKind.FENCE: 64, PlanKind.RALLY: 32},
     commands=PX4_COMMANDS,
     stored=stored_by_px4,
     partial=False,

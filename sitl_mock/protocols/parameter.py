@@ -118,7 +118,7 @@ class ParameterStore(Mapping[str, float]):
 
     `names` are the listed ones, and `index` their places in the list; the others are behind a parameter that is 0, and
     can be read and set by name. A value can also be read by its name, and in its unit, of the version with recorded
-    data; `definitions` has only the names of this version.
+    data; `definitions` has only the names of this version. `saved` are those whose value was ever another.
 
     Args:
         parameters: Definitions; their order gives the indices.
@@ -138,6 +138,7 @@ class ParameterStore(Mapping[str, float]):
         self.index = _indices(self.names)
         self.revision = 0
         self.reset_at_boot = False
+        self.saved: set[str] = set()
         self._renamed = table.renamed
         self._values = dict(table.values)
         for name, value in (overrides or {}).items():
@@ -179,6 +180,7 @@ class ParameterStore(Mapping[str, float]):
         stored = rounded(item.kind, value)
         if stored != self._values[name]:
             self._values[name] = stored
+            self.saved.add(name)
             self.revision += 1
             if name in self._table.switches:
                 self.names = self._table.listed(self._values)
@@ -195,6 +197,7 @@ class ParameterStore(Mapping[str, float]):
         for name, item in self.definitions.items():
             if not keep(name):
                 self.set(name, item.default)
+                self.saved.discard(name)
 
     def hash(self) -> int:
         """Return the CRC-32 over names and values that PX4 sends as ``_HASH_CHECK`` (no inversions, as NuttX).
@@ -248,6 +251,8 @@ class ParameterRules:
         type_must_match: PARAM_SET with another type is ignored (PX4); otherwise the number is cast (ArduPilot).
         index_only_in_lists: An answer to a name carries no index (ArduPilot).
         protected: Names that clients may not set; the answer is a text and the present value.
+        ungrouped: Names outside groups of parameters. An answer about a parameter of a group says REAL32 if it is set
+            to its default and was never saved (ArduPilot's ``save_sync`` sends the group's type). None: no such rule.
         list_hz: Parameters per second while a list is sent.
     """
 
@@ -256,9 +261,75 @@ class ParameterRules:
     type_must_match: bool
     index_only_in_lists: bool = False
     protected: frozenset[str] = frozenset()
+    ungrouped: frozenset[str] | None = None
     list_hz: float = 500.0
 
 
+_UNGROUPED: Final = frozenset(
+    {
+        "FORMAT_VERSION",
+        "SYSID_THISMAV",
+        "SYSID_MYGCS",
+        "TELEM_DELAY",
+        "GCS_PID_MASK",
+        "FS_GCS_ENABLE",
+        "FS_THR_ENABLE",
+        "FS_THR_VALUE",
+        "INITIAL_MODE",
+        "LOG_BITMASK",
+        "FS_EKF_ACTION",
+        "FS_CRASH_CHECK",
+        "PILOT_THR_BHV",
+        "RTL_ALT",
+        "RTL_SPEED",
+        "RTL_ALT_FINAL",
+        "RTL_CLIMB_MIN",
+        "RTL_LOIT_TIME",
+        "RTL_ALT_TYPE",
+        "GPS_HDOP_GOOD",
+        "SUPER_SIMPLE",
+        "WP_YAW_BEHAVIOR",
+        "LAND_SPEED",
+        "LAND_SPEED_HIGH",
+        "PILOT_SPEED_UP",
+        "PILOT_ACCEL_Z",
+        "THR_DZ",
+        "FLTMODE1",
+        "FLTMODE2",
+        "FLTMODE3",
+        "FLTMODE4",
+        "FLTMODE5",
+        "FLTMODE6",
+        "FLTMODE_CH",
+        "SIMPLE",
+        "ESC_CALIBRATION",
+        "TUNE",
+        "FRAME_TYPE",
+        "DISARM_DELAY",
+        "ANGLE_MAX",
+        "PHLD_BRAKE_RATE",
+        "PHLD_BRAKE_ANGLE",
+        "LAND_REPOSITION",
+        "RC_SPEED",
+        "ACRO_TRAINER",
+        "THROW_MOT_START",
+        "THROW_ALT_MIN",
+        "THROW_ALT_MAX",
+        "RST_SWITCH_CH",
+        "AUTO_TRIGGER_PIN",
+        "CRUISE_THROTTLE",
+        "PILOT_STEER_TYPE",
+        "FS_ACTION",
+        "MODE_CH",
+        "MODE1",
+        "MODE2",
+        "MODE3",
+        "MODE4",
+        "MODE5",
+        "MODE6",
+    }
+)
+"""Integers outside groups: ``GSCALAR`` and ``ASCALAR`` of ``Parameters.cpp``, of ArduCopter and of Rover."""
 PX4_PARAMETER_RULES: Final = ParameterRules(bytewise=True, hash_check=True, type_must_match=True)
 ARDUPILOT_PARAMETER_RULES: Final = ParameterRules(
     bytewise=False,
@@ -268,6 +339,7 @@ ARDUPILOT_PARAMETER_RULES: Final = ParameterRules(
     protected=frozenset(
         {"MIS_TOTAL", *(f"BARO{n}_{what}" for n in (1, 2, 3) for what in ("DEVID", "GND_PRESS"))}
     ),
+    ungrouped=_UNGROUPED,
 )
 
 
@@ -347,7 +419,11 @@ class ParameterProtocol:
             self._store.set(name, self._decode(item.kind, message.param_value))
         except ParameterError:  # NaN would spread into every sum
             return []
-        return [named(self._store, rules, name)]
+        answer = named(self._store, rules, name)
+        is_grouped = rules.ungrouped is not None and name not in rules.ungrouped
+        if is_grouped and name not in self._store.saved:
+            return [(*answer[:3], int(ParamKind.REAL32), *answer[4:])]
+        return [answer]
 
     def _decode(self, kind: ParamKind, wire: float) -> float:
         if not self._rules.bytewise or kind is ParamKind.REAL32:

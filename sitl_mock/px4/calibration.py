@@ -95,6 +95,7 @@ _KINDS: Final = MappingProxyType(
     }
 )
 """Kind of calibration by (parameter index, value); the first match counts. PX4 reads NaN as no value."""
+_GYRO_ID: Final = "CAL_GYRO0_ID"
 _CANCELLED: Final = (
     CommandAnswer(Result.ACCEPTED),
     CommandAnswer(Result.TEMPORARILY_REJECTED, delay_s=0.01),
@@ -169,4 +170,12 @@ class Calibration:
             state.say(level, f"[cal] {text}")
             self._next = next(self._script, None)
             if text.startswith("calibration done"):
+                if self.kind == "gyro":
+                    _keep_calibration(state)
                 self.kind = ""
+
+
+def _keep_calibration(state: VehicleState) -> None:
+    """Name the gyro as calibrated, as it is by default."""
+    state.parameters.set(_GYRO_ID, state.parameters.default_of(_GYRO_ID))
+    state.parameter_news.append(_GYRO_ID)

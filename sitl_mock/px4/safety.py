@@ -10,6 +10,7 @@ from enum import IntEnum
 from functools import cache
 from typing import Final, NamedTuple
 
+from sitl_mock.calibrated_sensors import uncalibrated
 from sitl_mock.missions import violated
 from sitl_mock.modes import Mode, Need
 from sitl_mock.protocols import PlanStore
@@ -308,7 +309,10 @@ def _fence(state: VehicleState, plans: PlanStore, parameters: Mapping[str, int |
 
 def refusals(state: VehicleState, mode: Mode, met: frozenset[Need]) -> list[str]:
     """Return PX4's reasons for not arming in a mode; empty if it may arm."""
-    reasons = []
+    reasons = [
+        f"Preflight Fail: {sensor.title} 0 uncalibrated"
+        for sensor in uncalibrated(state.parameters)
+    ]
     if state.conditions.arm_refused:
         reasons.append(state.conditions.arm_refused)
     if Need.ALTITUDE not in met:

@@ -7,6 +7,7 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, Final
 
+from sitl_mock.calibrated_sensors import uncalibrated
 from sitl_mock.dynamics import IGNORED, Kind
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
 from sitl_mock.flavour import Report
@@ -126,6 +127,8 @@ def sys_status(report: Report) -> Fields:
     health |= _GPS if estimator.gps_ok else 0
     health |= _POSITION | _AHRS if estimator.position_valid else 0
     health |= _RADIO if pilot.fresh(state.now_s, 0.5) else 0
+    for sensor in uncalibrated(state.parameters):
+        health &= ~sensor.bit
     health |= _PREARM if state.armed or report.commander.ready_to_arm else 0
     millivolts = int(battery.voltage_v * 1000.0)
     percent = math.ceil(battery.remaining * 100.0 - _ROUNDING)

@@ -324,6 +324,12 @@ def test_a_client_that_gives_up_ends_the_upload(wire, vehicle, plans):
 # -- refusals ----------------------------------------------------------------------------------------------------------
 
 
+def test_px4s_simulator_takes_ten_thousand_items(wire, vehicle):
+    client = wire(vehicle(PX4_MISSION_RULES))
+    (request,) = client.send("MISSION_COUNT", 1, 1, 10_000, MISSION)
+    assert request.get_type() == "MISSION_REQUEST_INT"
+
+
 @FLAVOURS
 def test_more_items_than_fit_are_refused_at_the_count(wire, vehicle, plans, rules):
     client = wire(vehicle(rules))

@@ -277,6 +277,17 @@ def test_ardupilot_rounds_and_clamps_to_its_type(wire, copter):
         assert (echo.param_value, copter["FS_THR_ENABLE"]) == (stored, stored)
 
 
+def test_ardupilot_calls_a_default_that_was_never_saved_a_float_except_outside_groups(wire, copter):
+    client = wire(ParameterProtocol(copter, ARDUPILOT_PARAMETER_RULES))
+    said = []
+    for name, value in (("FENCE_ENABLE", 0), ("FENCE_ENABLE", 1), ("FENCE_ENABLE", 0)):
+        (echo,) = write(client, name, value, int(ParamKind.INT8))
+        said.append((echo.param_value, echo.param_type))
+    assert said == [(0, REAL32), (1, ParamKind.INT8), (0, ParamKind.INT8)]
+    (echo,) = write(client, "RTL_ALT", 1500, REAL32)
+    assert (echo.param_value, echo.param_type) == (1500, INT32)
+
+
 @pytest.mark.parametrize("rules", [PX4_PARAMETER_RULES, ARDUPILOT_PARAMETER_RULES])
 def test_row_15_an_unknown_name_or_index_is_met_with_silence_and_changes_nothing(wire, px4, rules):
     client = wire(ParameterProtocol(px4, rules))

@@ -64,6 +64,26 @@ def test_the_texts_are_the_real_ones(standing, kind):
     assert standing.texts() == [f"[cal] {text}" for text in SAID[kind]]
 
 
+@pytest.mark.parametrize(
+    ("name", "bit", "title"),
+    [("CAL_GYRO0_ID", 1, "Gyro"), ("CAL_ACC0_ID", 2, "Accel"), ("CAL_MAG0_ID", 4, "Compass")],
+)
+def test_a_sensor_without_its_calibration_is_unhealthy_and_bars_arming(standing, name, bit, title):
+    calibrated = standing.vehicle.autopilot.state.parameters[name]
+    health = standing.last("SYS_STATUS").onboard_control_sensors_health
+    standing.send("PARAM_SET", 1, 1, name.encode(), 0.0, 6)
+    standing.run(1.5, HEARTBEAT, every_s=0.5)
+    prearm = 1 << 28
+    assert standing.last("SYS_STATUS").onboard_control_sensors_health == health - bit - prearm
+    assert standing.command(ARM, 1.0) == [1]
+    assert standing.texts()[-1] == f"Preflight Fail: {title} 0 uncalibrated"
+    if title == "Gyro":
+        ask(standing, GYRO)
+        standing.run(2.0, HEARTBEAT, every_s=0.5)
+        assert standing.vehicle.autopilot.state.parameters[name] == calibrated
+        assert standing.last("SYS_STATUS").onboard_control_sensors_health == health
+
+
 @pytest.mark.parametrize("kind", DONE_S)
 def test_it_is_done_when_the_real_one_is(standing, kind):
     asked_s = standing.now_s
