@@ -287,12 +287,14 @@ TEST_PROGRAM = Path("build/src/integration_tests/integration_tests_runner")
 TEST_URL = "MAVSDK_TEST_URL"
 """Environment variable with the URL that the tests connect to."""
 TEST_S = 240.0
-FAILURE = re.compile(r"(\w+\.\w+:\d+): Failure\n(.*?)\n(?:\n|\[)", re.DOTALL)
-"""A failed assertion of a test: its file and line, and what was expected."""
+TRIES = 3
+"""How often a failing test is played: on a busy computer some of them lose a race with either autopilot."""
+FAILURE = re.compile(r"(\w+\.\w+:\d+): Failure\n")
+"""A failed assertion of a test: its file and line."""
 
 
 def integration_test(client: Client, programs: Programs, *, name: str) -> str:
-    """Play an integration test of MAVSDK 3; return whether it passes, and otherwise its failed assertions."""
+    """Play an integration test of MAVSDK 3; return whether it passes, and otherwise where it fails."""
     if programs.tests_3 is None:
         raise NotPlayedError(
             "--mavsdk3-tests is missing: MAVSDK v3.14.0 with its integration tests"
@@ -300,23 +302,27 @@ def integration_test(client: Client, programs: Programs, *, name: str) -> str:
     is_px4 = client.autopilot == dialect.MAV_AUTOPILOT_PX4
     if name.startswith("AP" if is_px4 else "PX4"):
         return f"not played: the test is for {'ArduPilot' if is_px4 else 'PX4'}"
-    command = [str(programs.tests_3 / TEST_PROGRAM), f"--gtest_filter=*.{name}"]
+    for _ in range(TRIES):
+        outcome = outcome_of_test(client, programs.tests_3, name)
+        if outcome in {"passes", "skips itself", "did not end"}:
+            break
+    return outcome
+
+
+def outcome_of_test(client: Client, checkout: Path, name: str) -> str:
+    """Play an integration test once."""
+    command = [str(checkout / TEST_PROGRAM), f"--gtest_filter=*.{name}"]
     with client.lent() as url, tempfile.TemporaryDirectory() as scratch:
-        (Path(scratch) / "src").symlink_to(programs.tests_3 / "src")  # a test reads a plan from it
+        (Path(scratch) / "src").symlink_to(checkout / "src")  # a test reads a plan from it
         output, ended = printed(command, Path(scratch), TEST_S, {**os.environ, TEST_URL: url})
     cleared(client, MISSION)
     cleared(client, FENCE)
-    failures = [f"{where}, {on_one_line(text)}" for where, text in FAILURE.findall(output)]
+    failures = sorted(set(FAILURE.findall(output)))
     if "[  SKIPPED ]" in output:
         return "skips itself"
     if ended == "ended":
         return "passes"
-    return "; ".join(["fails" if failures else ended, *failures])
-
-
-def on_one_line(text: str) -> str:
-    """Return a text with every number as 0 and every gap as a space."""
-    return without_numbers(" ".join(text.split()))
+    return f"fails at {', '.join(failures)}" if failures else ended
 
 
 INTEGRATION_TESTS = (
