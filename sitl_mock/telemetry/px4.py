@@ -12,6 +12,7 @@ from sitl_mock.dynamics import IGNORED, Kind
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
 from sitl_mock.flavour import Report
 from sitl_mock.telemetry.motion import pressure_hpa
+from sitl_mock.telemetry.report import int16
 
 Fields = tuple[Any, ...]
 
@@ -228,6 +229,28 @@ def scaled_pressure(report: Report) -> Fields:
     )
 
 
+def hil_state_quaternion(report: Report) -> Fields:
+    """HIL_STATE_QUATERNION: the simulator's truth, without a time; accelerations in whole m/s²."""
+    state = report.state
+    body = state.body
+    roll, pitch, yaw, *rates = state.attitude
+    lat, lon, alt = state.frame.to_geodetic(*body.position_ned_m)
+    velocity = (int16(value * 100.0) for value in body.velocity_ned_m_s)
+    acceleration = (int16(math.trunc(value)) for value in body.acceleration_ned_m_s2)
+    return (
+        0,
+        quaternion_of(roll, pitch, yaw),
+        *rates,
+        round(lat * 1e7),
+        round(lon * 1e7),
+        round(alt * 1e3),
+        *velocity,
+        0,
+        0,
+        *acceleration,
+    )
+
+
 def altitude(report: Report) -> Fields:
     """ALTITUDE: barometer, estimate above sea level, above the origin, above home, of the terrain, above ground."""
     state = report.state
@@ -390,6 +413,7 @@ PX4: Mapping[str, Callable[[Report], Fields | None]] = MappingProxyType(
         "HIGHRES_IMU": highres_imu,
         "SCALED_PRESSURE": scaled_pressure,
         "ALTITUDE": altitude,
+        "HIL_STATE_QUATERNION": hil_state_quaternion,
         "DISTANCE_SENSOR": distance_sensor,
         "VFR_HUD": vfr_hud,
         "SERVO_OUTPUT_RAW": servo_output_raw,

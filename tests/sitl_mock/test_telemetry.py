@@ -75,6 +75,16 @@ def test_the_intervals_are_refused_that_the_real_autopilot_refuses(fly, flavour)
     assert [name for name, answer in answers.items() if answer != [0]] == refused
 
 
+def test_px4_sends_the_simulators_truth_if_a_client_wants_it(fly):
+    flight = fly("px4").run(1.0)
+    assert flight.command(511, 115.0, 100_000.0) == [0]
+    flight.run(1.0)
+    sent = flight.last("HIL_STATE_QUATERNION")
+    origin = flight.vehicle.autopilot.state.frame.origin
+    assert sent.alt == pytest.approx(origin.alt_amsl_m * 1e3, abs=100.0)
+    assert (sent.time_usec, sent.attitude_quaternion[0]) == (0, pytest.approx(1.0, abs=0.1))
+
+
 @pytest.mark.parametrize("name", ["PROTOCOL_VERSION", "HIGHRES_IMU", "FLIGHT_INFORMATION"])
 def test_arducopter_fails_to_send_what_the_real_one_does_not_know(fly, name):
     assert ask(fly("arducopter").run(1.0), name) == 4
