@@ -415,10 +415,7 @@ def view(
         with_target = recorded_settings(first).cycle.target_game_m is not None
         recording.set_sinks(sink, default_blueprint=layout(vehicles, with_target=with_target))
         recording.send_recording_name(title_of(first))
-        painters = []
-        for vehicle, (name, source) in zip(vehicles, sources.items(), strict=True):
-            flight = Aggregator(recorded_settings, metadata[name], source.name)
-            painters.append(Painter(recording, flight, vehicle))
+        painters = _painters(recording, sources, metadata, vehicles)
         paint = partial(_paint, ended)
         # One thread for each: a record that still grows keeps its thread
         with ThreadPoolExecutor(len(painters)) as pool:
@@ -426,6 +423,20 @@ def view(
         if save is None:
             ended.wait()
         return sum(painter.cycles for painter in painters)
+
+
+def _painters(
+    recording: rr.RecordingStream,
+    sources: Mapping[str, Source],
+    metadata: Mapping[str, Mapping[str, str]],
+    vehicles: Sequence[str],
+) -> list[Painter]:
+    """Return a painter for each vehicle."""
+    painters = []
+    for vehicle, (name, source) in zip(vehicles, sources.items(), strict=True):
+        flight = Aggregator(recorded_settings, metadata[name], source.name)
+        painters.append(Painter(recording, flight, vehicle))
+    return painters
 
 
 def _saved(path: Path) -> Any:  # noqa: ANN401 - of Rerun

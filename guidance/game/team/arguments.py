@@ -80,19 +80,7 @@ def joined(games: TeamGames, shape: str) -> TeamGame:
     if isinstance(games, Game):
         return TeamGame(_playable(games), np.array(True))
     table = np.array(games, dtype=object)
-    present_games = [game for game in table.flat if game is not None]
-    nested = table.ndim == len(shape) // 3 and (table.ndim > 1 or len(present_games) == table.size)
-    if not nested or not present_games or not all(isinstance(game, Game) for game in present_games):
-        raise ConfigError(
-            f"game = {games!r}: must be one Game, or lists {shape} of games, None where two do not play"
-        )
-    first = present_games[0]
-    shared = attrgetter("varies", "evader_space", "target_velocity_m_s", "target_extent")
-    if first.varies or len({(type(game.pursuer), *shared(game)) for game in present_games}) > 1:
-        same = "speed set (Ball, Cylinder …), target_velocity_m_s, target_extent and evader_space"
-        raise ConfigError(
-            f"game: the games of a team must have the same {same}, and single numbers"
-        )
+    first = _checked(games, table, shape)
     rows = table.reshape(len(table), -1)
     alike = [next(filter(None, column), first) for column in rows.T]
     numbers_of_games = [
@@ -104,6 +92,24 @@ def joined(games: TeamGames, shape: str) -> TeamGame:
     joined_game = replace(first, **dict(zip(DIFFERENT, numbers, strict=True)))
     plays = np.array([game is not None for game in table.flat]).reshape(table.shape)
     return TeamGame(_playable(simplified(joined_game)), plays)
+
+
+def _checked(games: TeamGames, table: Array, shape: str) -> Game:
+    """Return the first of the games of a team, if all of them can be played together."""
+    present_games = [game for game in table.flat if game is not None]
+    nested = table.ndim == len(shape) // 3 and (table.ndim > 1 or len(present_games) == table.size)
+    if not nested or not present_games or not all(isinstance(game, Game) for game in present_games):
+        raise ConfigError(
+            f"game = {games!r}: must be one Game, or lists {shape} of games, None where two do not play"
+        )
+    first: Game = present_games[0]
+    shared = attrgetter("varies", "evader_space", "target_velocity_m_s", "target_extent")
+    if first.varies or len({(type(game.pursuer), *shared(game)) for game in present_games}) > 1:
+        same = "speed set (Ball, Cylinder …), target_velocity_m_s, target_extent and evader_space"
+        raise ConfigError(
+            f"game: the games of a team must have the same {same}, and single numbers"
+        )
+    return first
 
 
 def _playable(game: Game) -> Game:

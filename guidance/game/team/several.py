@@ -237,17 +237,25 @@ def _against_a_set(
     lost = np.asarray((answer.winner <= 0) & sound)
     if not lost.any():
         return with_margin
-    point_game = replace(game, target_extent=POINT)
-    lost_games = for_rows(point_game, lambda value: value[lost])
-    lost_others = {name: value[lost] for name, value in others.items()}
-    lost_others["target"] = danger.point_m[lost]
-    team = _team(lost_games, P[lost], lost_others)
-    with np.errstate(all="ignore"):
-        run, _ = defence(team, lost_others["evader"], _best_pair(team))
+    run = _run_to(danger.point_m, lost, game, P, others)
     parts = [np.array(part) for part in with_margin]
     for column, part in zip(parts, run, strict=True):
         column[lost] = part
     return TeamSolution(*parts)
+
+
+def _run_to(
+    point_m: Array, lost: Array, game: Game, P: Array, others: Mapping[str, Array]
+) -> TeamSolution:
+    """Return the answers of the lost rows for a target at the point where the evader arrives."""
+    point_game = replace(game, target_extent=POINT)
+    lost_games = for_rows(point_game, lambda value: value[lost])
+    lost_others = {name: value[lost] for name, value in others.items()}
+    lost_others["target"] = point_m[lost]
+    team = _team(lost_games, P[lost], lost_others)
+    with np.errstate(all="ignore"):
+        run, _ = defence(team, lost_others["evader"], _best_pair(team))
+    return run
 
 
 def _best_pair(team: PursuerGames) -> Meeting:
