@@ -114,13 +114,13 @@ class Certificate(NamedTuple):
     evader_game_m: Enu
     gap_m: float
     height_gap_m: float
-    desired_ned_m_s: Ned = UNKNOWN_VELOCITY
-    command_ned_m_s: Ned = UNKNOWN_VELOCITY
-    active_limits: tuple[str, ...] = ()
-    captured: bool = False
-    strayed: bool = False
-    evader_arrived: bool = False
-    no_game: bool = False
+    desired_ned_m_s: Ned
+    command_ned_m_s: Ned
+    active_limits: tuple[str, ...]
+    captured: bool
+    strayed: bool
+    evader_arrived: bool
+    no_game: bool
     time_needed_s: float = math.nan
     assured_distance_m: float = math.nan
     reason: int | None = None
@@ -190,8 +190,13 @@ def certify(game: Game, players: Players, vehicle: Capability, before_m_s: Enu |
         evader_game_m=E,
         gap_m=players.gaps.ground_m,
         height_gap_m=players.gaps.height_m,
+        desired_ned_m_s=UNKNOWN_VELOCITY,
+        command_ned_m_s=UNKNOWN_VELOCITY,
+        active_limits=(),
         captured=farthest_m <= vehicle.tolerance_m,
         strayed=farthest_m > 3.0 * vehicle.tolerance_m,
+        evader_arrived=False,
+        no_game=False,
         reason=solution.reason,
         vehicle_winner=int(Winner.PURSUER),
         reachable_speed_m_s=u,
@@ -268,7 +273,7 @@ def _to_evader_m(
 
 
 def without_game(players: Players) -> Certificate:
-    """Return the certificate of a cycle without a game: where both are; everything else is missing."""
+    """Return the certificate of a cycle without a game: where both are; everything else is missing or false."""
     return Certificate(
         int(Winner.UNDECIDED),
         value=math.nan,
@@ -281,6 +286,12 @@ def without_game(players: Players) -> Certificate:
         evader_game_m=players.evader_m,
         gap_m=players.gaps.ground_m,
         height_gap_m=players.gaps.height_m,
+        desired_ned_m_s=UNKNOWN_VELOCITY,
+        command_ned_m_s=UNKNOWN_VELOCITY,
+        active_limits=(),
+        captured=False,
+        strayed=False,
+        evader_arrived=False,
         no_game=True,
     )
 
