@@ -36,6 +36,15 @@ _FTP_BYTES = 239
 _PLANS = {"mission": 0, "fence": 1, "rally": 2}
 
 
+def _refuses_message(message: Any) -> bool:
+    """Return whether a message refuses to send a requested one; other commands have ACKs of their own."""
+    return bool(
+        message.get_type() == "COMMAND_ACK"
+        and message.command == mavlink.MAV_CMD_REQUEST_MESSAGE
+        and message.result not in {mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS}
+    )
+
+
 class Handshake:
     """QGroundControl's questions through a ground station.
 
@@ -121,9 +130,8 @@ class Handshake:
             answer = self._next(
                 since,
                 lambda message: (
-                    message.get_type() in {name, "COMMAND_ACK"}
-                    and message.get_srcComponent() == AUTOPILOT
-                    and (message.get_type() == name or message.result not in {0, 5})
+                    message.get_srcComponent() == AUTOPILOT
+                    and (message.get_type() == name or _refuses_message(message))
                 ),
                 ANSWER_S,
             )
