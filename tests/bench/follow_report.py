@@ -1,6 +1,6 @@
 """Tables and picture of the chases in docs/data/follow.json, which `tests.bench.bench_follow` flew.
 
-`python -m tests.bench.follow_report` prints the README's table and that of docs/explanation/follow.md.
+`python -m tests.bench.follow_report` prints the tables of docs/explanation/follow.md.
 `python -m tests.bench.follow_report --picture .readme/follow.png` draws the picture anew. `--join FILE FILE` writes
 docs/data/follow.json from results of several runs.
 """
@@ -43,8 +43,8 @@ def flights(path: Path = DATA) -> Flights:
     return rows
 
 
-def readme_table(flown: Flights) -> str:
-    """Return the README's table: time to the circle over the value, and the closest distance, of both vehicles."""
+def glance_table(flown: Flights) -> str:
+    """Return the chases at a glance: time to the circle over the value and closest distance, for both vehicles."""
     lines = [
         "| from 57 m away, leader at 10 Hz | PX4's follow-me | this service on PX4 "
         "| ArduCopter's FOLLOW | this service on ArduCopter |",
@@ -233,7 +233,7 @@ def main() -> None:
     if arguments.join is not None:
         join(arguments.join)
     flown = flights()
-    print(readme_table(flown))
+    print(glance_table(flown))
     for autopilot in NAMES:
         print(f"\n{NAMES[autopilot]}\n\n{page_table(flown, autopilot)}")
     print(f"\n{standoff_table(flown)}")
