@@ -3,7 +3,9 @@
 import difflib
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Final, Self, TypeVar
 
@@ -12,6 +14,7 @@ from pydantic import (
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
+    ModelWrapValidatorHandler,
     ValidationError,
     model_validator,
 )
@@ -201,6 +204,49 @@ class Section(BaseModel):
         return self
 
 
+class Extended(Section):
+    """A section to which installed packages add keys."""
+
+    @classmethod
+    @abstractmethod
+    def further_keys(cls, document: Mapping[str, object]) -> type[Section] | None:
+        """Return the model of the keys that this document has besides those of this class; None if there are none.
+
+        Raises:
+            ConfigError: If the package that has them cannot be imported.
+        """
+
+    @classmethod
+    @abstractmethod
+    def further_names(cls) -> Iterable[str]:
+        """Return the names of all keys that packages add, for messages."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_further_keys(
+        cls,
+        document: Any,  # noqa: ANN401 - whatever a file holds
+        handler: ModelWrapValidatorHandler[Self],
+    ) -> Self:
+        further = cls.further_keys(document) if isinstance(document, Mapping) else None
+        if further is None or issubclass(cls, further):
+            return handler(document)
+        extended: Self = _joined(cls, further).model_validate(document)
+        return extended
+
+
+@cache
+def _joined(section: Any, further: type[Section]) -> Any:  # noqa: ANN401 - a class made here has no type of its own
+    """Return a section with the keys and the checks of both."""
+
+    def _faults(self: Section) -> Iterator[str]:
+        yield from section._faults(self)  # noqa: SLF001 - of its base
+        yield from further._faults(self)  # noqa: SLF001
+
+    body = {"_faults": _faults, "__module__": __name__}
+    return type(section)(section.__name__, (further, section), body)
+
+
 def faults_of(what: str, make: Callable[[], object]) -> Iterator[str]:
     """Yield why `make` refuses the values of a section, after the words for them."""
     try:
@@ -255,9 +301,10 @@ def parse_document(
 def _location(fault: ErrorDetails) -> Location:
     """Return where a fault is. The message of a check over several keys begins with the key at fault."""
     named = re.match(r"(?:Value error, )?([a-z_]+(?:\.[a-z_]+)+)(?: =|:)", fault["msg"])
-    if named and not fault["loc"]:
-        return named[1].split(".")
-    return fault["loc"]
+    if named is None:
+        return fault["loc"]
+    location = named[1].split(".")
+    return location if location[: len(fault["loc"])] == [*fault["loc"]] else fault["loc"]
 
 
 def _line_words(line: int | None) -> str:
@@ -282,7 +329,7 @@ def explain(model: type[BaseModel], fault: ErrorDetails) -> str:
             return f"{array} = {as_toml(fault['input'])}: must have {least} values or more"
         return f"{key}: missing; it has no default"
     message = fault["msg"].removeprefix("Value error, ")
-    if not key:
+    if not key or message.startswith(f"{key}."):
         return message
     return f"{key} = {as_toml(fault['input'])}: {_plain_words(message)}"
 
@@ -300,9 +347,10 @@ def _section_at(model: type[BaseModel], location: list[str]) -> set[str]:
     for part in location:
         field = section.model_fields.get(part) if section else None
         section = _model_in(field.annotation) if field else section
-    return (
-        {field.alias or name for name, field in section.model_fields.items()} if section else set()
-    )
+    if section is None:
+        return set()
+    allowed = {field.alias or name for name, field in section.model_fields.items()}
+    return allowed.union(section.further_names()) if issubclass(section, Extended) else allowed
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:  # noqa: ANN401 - a type annotation can be any object

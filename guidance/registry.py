@@ -1,7 +1,8 @@
 """Members that files name: those of this package, and those that other packages add."""
 
+import contextlib
 from collections.abc import Mapping
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any, TypeVar
 
 from pydantic import Field
@@ -14,8 +15,9 @@ Registered = TypeVar("Registered")
 class Registry(dict[str, Registered]):
     """Members by name.
 
-    A package adds one with `add` when it is imported, or names it in the entry point group. That is read when a name
-    is unknown. The entry point has the name of its member.
+    A package adds one with `add` when it is imported, or names it in the entry point group. The entry point has the
+    name of its member, and is imported when a file gives that name. So a package that cannot be imported stops only
+    what uses it.
 
     Args:
         noun: What a member is, as messages call it: ``autopilot``.
@@ -39,36 +41,64 @@ class Registry(dict[str, Registered]):
         if self.setdefault(name, member) is not member:
             raise ConfigError(f"{self.noun} {name!r}: another one has this name; choose a new name")
 
-    def load(self, name: str | None = None) -> None:
-        """Add the members of a name that installed packages have; all of them without a name."""
-        for installed in entry_points(group=self.group):
-            if name in {None, installed.name}:
-                self.add(installed.name, installed.load())
+    @property
+    def installed(self) -> EntryPoints:
+        """The entry points of installed packages."""
+        return entry_points(group=self.group)
+
+    @property
+    def names(self) -> list[str]:
+        """All names: those of members, and those of installed packages, which are not imported for it."""
+        return list(dict.fromkeys((*self, *sorted(self.installed.names))))
 
     def named(self, name: str) -> Registered:
-        """Return a member.
+        """Return a member; import its package if it is not there yet.
 
         Raises:
-            ConfigError: If there is none of this name.
+            ConfigError: If there is none of this name, or if its package cannot be imported.
         """
         if name not in self:
-            self.load(name)
+            for entry_point in self.installed.select(name=name):
+                self.add(name, self._imported(entry_point))
         if name not in self:
-            raise ConfigError(f"{self.key} = {name!r}: allowed are {', '.join(self)}")
+            raise ConfigError(f"{self.key} = {name!r}: allowed are {', '.join(self.names)}")
         return self[name]
+
+    def _imported(self, entry_point: EntryPoint) -> Registered:
+        try:
+            member: Registered = entry_point.load()
+        except Exception as error:
+            package = "an installed package"
+            if entry_point.dist is not None:
+                package = f"the package {entry_point.dist.name} {entry_point.dist.version}"
+            raise ConfigError(
+                f"{self.key} = {entry_point.name!r}: {package} cannot be imported "
+                f"({type(error).__name__}: {error}); repair it or uninstall it"
+            ) from error
+        return member
+
+    def importable(self) -> dict[str, Registered]:
+        """Return all members by name, without those of packages that cannot be imported."""
+        members = dict[str, Registered]()
+        for name in self.names:
+            with contextlib.suppress(ConfigError):
+                members[name] = self.named(name)
+        return members
 
     def checked_name(self, name: str) -> str:
         """Return a name that a file gives, if it has a member; a validator of pydantic.
 
         Raises:
-            ValueError: If there is none of this name.
+            ValueError: If there is none of this name, or if its package cannot be imported.
         """
+        if name not in self.names:
+            raise ValueError(f"must be one of {', '.join(self.names)}")
         try:
             self.named(name)
-        except ConfigError:
-            raise ValueError(f"must be one of {', '.join(self)}") from None
+        except ConfigError as error:
+            raise ValueError(str(error).partition(": ")[2]) from error
         return name
 
     def names_in_schema(self) -> Any:  # noqa: ANN401 - pydantic's own type of a field's description
         """Return the description of a key that names a member: its JSON schema lists all names."""
-        return Field(json_schema_extra=lambda schema: schema.update(enum=list(self)))
+        return Field(json_schema_extra=lambda schema: schema.update(enum=[*self.names]))

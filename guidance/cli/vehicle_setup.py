@@ -233,7 +233,7 @@ def schema(kind: Annotated[str, typer.Argument(help="vehicle, scenario or sweep.
 
 
 KINDS: Final = {
-    "vehicle": "guidance.session.vehicle_file:Config.model_json_schema",
+    "vehicle": "guidance.session.vehicle_file:json_schema",
     "scenario": "guidance.sim.scenario_file:json_schema",
     "sweep": "guidance.sweeps.plan:Plan.model_json_schema",
 }

@@ -6,10 +6,11 @@ imported only when a source that uses it is opened.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal, NamedTuple
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 from pydantic import AfterValidator
 
+from guidance.config import Section
 from guidance.errors import ConfigError
 from guidance.frames import LocalFrame
 from guidance.links.carriers import carrier_of
@@ -50,6 +51,7 @@ class SourceOrder(NamedTuple):
         id_or_mac: The drone of OPEN_DRONE_ID_LOCATION, hexadecimal.
         altitude_datum: The zero of its altitudes; None is the message's own.
         frame_id: The frame of ROS messages.
+        section: `[evader]` itself, an instance of the kind's own section if it has one.
         signing_key: Of MAVLink; None without signing.
         credentials: For a Zenoh router.
     """
@@ -66,6 +68,7 @@ class SourceOrder(NamedTuple):
     id_or_mac: str | None = None
     altitude_datum: Datum | None = None
     frame_id: str | None = None
+    section: Any = None
     signing_key: SigningKey | None = None
     credentials: Credentials = NO_CREDENTIALS
 
@@ -78,9 +81,10 @@ class EvaderKind:
         name: The value of `evader.kind`.
         message: What reports the evader, for people.
         transport: "mavlink" shares the vehicle's link without a `url`; "zenoh" has a key in its URL; "other" opens
-            its URL itself.
+            and checks its URL itself, which may have any scheme.
         needs: Keys of `[evader]` that must be set, and why; a dot leads into `[evader.frame]`.
         takes: Further keys that may be set. Any other key is an error, because it would be ignored.
+        section: The kind's own keys of `[evader]`, which `SourceOrder.section` has.
         datum: The zero of its altitudes by the message's definition; None if every report names its own, or if it
             reports metres.
         open: Opens the source. Raises ConfigError for wrong values; what is not reachable yet is retried.
@@ -91,13 +95,15 @@ class EvaderKind:
     transport: Literal["mavlink", "zenoh", "other"]
     needs: Mapping[str, str]
     takes: frozenset[str] = frozenset()
+    section: type[Section] | None = None
     datum: Datum | None = None
     open: Callable[[SourceOrder], EvaderSource]
 
     @property
     def keys(self) -> frozenset[str]:
         """All keys that a vehicle file may set."""
-        return COMMON_KEYS | self.needs.keys() | self.takes
+        own = () if self.section is None else self.section.model_fields
+        return (COMMON_KEYS | self.needs.keys() | self.takes).union(own)
 
 
 def _open_mavlink(order: SourceOrder) -> EvaderSource:

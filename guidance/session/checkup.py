@@ -14,24 +14,27 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from serial.tools import list_ports
 
 from guidance import messages
-from guidance.autopilots import Finding, Verdict
+from guidance.autopilots import AUTOPILOTS, Finding, Verdict
 from guidance.clock import Clock, MonotonicClock
-from guidance.errors import FlightError
+from guidance.errors import ConfigError, FlightError
 from guidance.extras import EXTRAS, how_to_add
+from guidance.game.speed_sets import SPEED_SETS
+from guidance.links.evader_sources import EVADER_KINDS
 from guidance.links.port import parse
 from guidance.links.world import World
 from guidance.preflight import COUNTED_S, Facts, ParameterChange, another_autopilot, changes, single
 from guidance.session.fly.daemon import Daemon, Equipment
 from guidance.session.fly.loop import PERIOD_S, PRIORITY
+from guidance.session.observe.outputs import OUTPUTS
 from guidance.session.open.links import open_all
 from guidance.session.orders.control_socket import token_path
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.vehicle_file import Config, Control
+from guidance.session.vehicle_file import SECTIONS, Config, Control
 
 SURVEY_LIMIT_S: Final = 20.0
 SET_WITHIN_S: Final = 5.0
@@ -218,7 +221,23 @@ def examine(config: Config | None = None) -> Sequence[Finding]:
         *_serial_ports(config),
         *_record_folder(folder),
         Finding("extras", ", ".join(installed) or "none", "as you like", Verdict.PASS, lacking),
+        *_packages(),
     )
+
+
+def _packages() -> Iterator[Finding]:
+    """Yield a row for each object that installed packages add, and import it to see whether it works."""
+    registries: Sequence[Any] = (AUTOPILOTS, EVADER_KINDS, SPEED_SETS, OUTPUTS, SECTIONS)
+    for registry in registries:
+        for name in sorted(registry.installed.names):
+            row = f"{registry.noun} {name}"
+            try:
+                registry.named(name)
+            except ConfigError as error:
+                found, _, advice = str(error).partition(": ")[2].rpartition("; ")
+                yield Finding(row, found, "can be imported", WARN, advice)
+            else:
+                yield Finding(row, "imported", "can be imported", Verdict.PASS)
 
 
 def _calendar() -> Finding:

@@ -4,21 +4,33 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 from pydantic import (
     AfterValidator,
+    ConfigDict,
     Field,
+    SerializeAsAny,
     ValidationInfo,
     WithJsonSchema,
+    create_model,
     field_validator,
     model_validator,
 )
 
 from guidance.autopilots import AutopilotName, Preflight
-from guidance.config import Altitude, Latitude, Longitude, Section, faults_of, parse_document
+from guidance.config import (
+    Altitude,
+    Extended,
+    Latitude,
+    Longitude,
+    Section,
+    faults_of,
+    parse_document,
+)
 from guidance.control import Limits, Speeds
 from guidance.errors import ConfigError
 from guidance.files import read_text
@@ -26,10 +38,16 @@ from guidance.flight.settings import FlightSection, TeamSection
 from guidance.frames import Amsl, LocalFrame
 from guidance.game import Extent
 from guidance.game.rules import SpeedSetName
-from guidance.links.evader_sources import EvaderKind, EvaderKindName, evader_kind
+from guidance.links.evader_sources import (
+    EVADER_KINDS,
+    EvaderKind,
+    EvaderKindName,
+    evader_kind,
+)
 from guidance.links.port import taken_apart
 from guidance.links.zenoh_access import ZenohSection
 from guidance.messages import Datum
+from guidance.registry import Registry
 from guidance.strategies import COURSES, PURSUER_STRATEGIES
 from guidance.toml_files import read
 
@@ -232,11 +250,20 @@ class EvaderFrame(Section):
         )
 
 
-class EvaderSection(Section):
+def _add_keys_of_kinds(schema: dict[str, Any]) -> None:
+    """Add the keys that kinds from outside have in `[evader]` to its JSON schema."""
+    for kind in EVADER_KINDS.importable().values():
+        if kind.section is not None:
+            schema["properties"] |= kind.section.model_json_schema()["properties"]
+
+
+class EvaderSection(Extended):
     """The source of evader reports. Without a `url`, they arrive on the vehicle's link."""
 
+    model_config = ConfigDict(json_schema_extra=_add_keys_of_kinds)
+
     kind: EvaderKindName = Field(description="the message that reports the evader")
-    url: Url | None = Field(
+    url: str | None = Field(
         None, description="where its reports arrive; default: the vehicle's link"
     )
     system_id: SystemId | None = Field(
@@ -271,6 +298,20 @@ class EvaderSection(Section):
         None, description="origin of its coordinates, and zeros of its altitudes"
     )
 
+    @classmethod
+    def further_keys(cls, document: Mapping[str, object]) -> type[Section] | None:
+        """Return the keys of a kind from outside."""
+        name = document.get("kind")
+        if not isinstance(name, str) or name not in EVADER_KINDS.names:
+            return None
+        return evader_kind(name).section
+
+    @classmethod
+    def further_names(cls) -> list[str]:
+        """Return the keys of the kinds from outside that are in use."""
+        sections = [kind.section for kind in EVADER_KINDS.values() if kind.section is not None]
+        return [name for section in sections for name in section.model_fields]
+
     @property
     def datum(self) -> Datum | None:
         """The zero of its altitudes; None if each report names its own, or reports metres."""
@@ -297,9 +338,11 @@ class EvaderSection(Section):
     @classmethod
     def _check_carrier(cls, url: str | None, info: ValidationInfo) -> str | None:
         name = info.data.get("kind")
-        if url is None or name is None or evader_kind(name).transport != "zenoh":
+        if url is None or name is None or evader_kind(name).transport == "other":
             return url
         endpoint = taken_apart(url)
+        if evader_kind(name).transport == "mavlink":
+            return url
         if endpoint.scheme != "zenoh" or not endpoint.namespace:
             raise ValueError(f'kind = "{name}" arrives over Zenoh: must be zenoh://host:port/key')
         return url
@@ -531,7 +574,7 @@ class GroundStationSection(Section):
 class TeamEvader(EvaderSection):
     """An evader besides `[evader]`. On the vehicle's link only that one may report."""
 
-    url: Url = Field(description="where its reports arrive")
+    url: str = Field(description="where its reports arrive")
     speed_m_s: float = Field(gt=0.0, le=30.0, description="declared top speed of the evader")
 
 
@@ -545,17 +588,31 @@ class Team(TeamSection):
     evader: Name = Field(
         description="name of the evader of [evader], against which the vehicle plays first"
     )
-    evaders: dict[Name, TeamEvader] = Field(
+    evaders: dict[Name, SerializeAsAny[TeamEvader]] = Field(
         {}, description="[team.evaders.NAME]: the other evaders"
     )
 
 
-class Config(Section):
+SECTIONS: Final[Registry[type[Section]]] = Registry(
+    "section of vehicle files", "section", "pursuit_guidance.sections", {}
+)
+"""Sections from outside, by their names in vehicle files."""
+
+OwnSection = TypeVar("OwnSection", bound=Section)
+
+
+@cache
+def _sections_from_outside(names: tuple[str, ...]) -> type[Section]:
+    fields: dict[str, Any] = {name: (SECTIONS.named(name) | None, None) for name in names}
+    return create_model("Sections", __base__=Section, **fields)
+
+
+class Config(Extended):
     """A whole vehicle file."""
 
     name: Name = Field(description="of the vehicle, in orders, metrics and records")
     vehicle: Vehicle
-    evader: EvaderSection
+    evader: SerializeAsAny[EvaderSection]
     game: GameSection
     limits: Limits = Limits()
     flight: FlightSection = FlightSection()
@@ -568,6 +625,21 @@ class Config(Section):
     ros: RosSection | None = None
     ground_station: GroundStationSection | None = None
     team: Team | None = None
+
+    @classmethod
+    def further_keys(cls, document: Mapping[str, object]) -> type[Section] | None:
+        """Return the sections from outside that a file has."""
+        names = tuple(sorted(document.keys() & {*SECTIONS.names} - Config.model_fields.keys()))
+        return _sections_from_outside(names) if names else None
+
+    @classmethod
+    def further_names(cls) -> list[str]:
+        """Return the names of all sections from outside."""
+        return SECTIONS.names
+
+    def section(self, model: type[OwnSection]) -> OwnSection | None:
+        """Return the section of a package from outside; None if the file does not have it."""
+        return next((part for _, part in self if isinstance(part, model)), None)
 
     @property
     def evaders(self) -> dict[str, EvaderSection]:
@@ -656,6 +728,13 @@ class Config(Section):
                 key = f"team.evaders.{name}.speed_m_s"
                 allowed = f"game.speed_m_s = {self.game.speed_m_s:g}"
                 yield f"{key} = {evader.speed_m_s:g}: must be below {allowed}"
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of vehicle files, with the sections of all installed packages."""
+    installed = tuple(sorted(SECTIONS.importable()))
+    model = create_model("Config", __base__=(_sections_from_outside(installed), Config))
+    return model.model_json_schema()
 
 
 def load_vehicle(path: Path) -> Config:

@@ -1,7 +1,8 @@
 """Further outputs of a flight. Each is one module: it opens a sink (`guidance.log.sink`) and registers that.
 
 `register` adds one from outside. Its `open` gets everything that a flight has open, and returns None for a vehicle that
-does not want it.
+does not want it. An output from outside can have a section in vehicle files (`session.vehicle_file.SECTIONS`), which
+`order.config.section` returns; without the section it opens nothing.
 """
 
 from collections.abc import Callable, Mapping
@@ -106,9 +107,8 @@ def open_outputs(order: OutputOrder, stack: ExitStack) -> list[Sink]:
     Raises:
         GuidanceError: For everything that the user can mend.
     """
-    OUTPUTS.load()
     sinks = list[Sink]()
-    for open_output in OUTPUTS.values():
+    for open_output in OUTPUTS.importable().values():
         sink = open_output(order)
         if sink is not None:
             sinks.append(stack.enter_context(closing(sink)))

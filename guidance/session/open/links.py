@@ -179,6 +179,7 @@ def _open_source(
             id_or_mac=evader.id_or_mac,
             altitude_datum=evader.datum,
             frame_id=evader.frame_id,
+            section=evader,
             signing_key=key,
             credentials=credentials,
         )

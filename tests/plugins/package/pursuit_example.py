@@ -1,0 +1,99 @@
+"""A package from outside: an evader source, an autopilot, a speed set, an output with a section, and a pursuit law."""
+
+import math
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pydantic import Field
+
+from guidance.plugins import PX4, Ball, EvaderKind, EvaderReport, LinkError, Ned, Section, Sink
+
+
+class BuoyKeys(Section):
+    """Keys of `[evader]` with kind = "buoy"."""
+
+    callsign: str = Field(min_length=1, max_length=8, description="of the only buoy that is heard")
+    north_m: float = Field(30.0, ge=0.0, le=100.0, description="from its anchor")
+
+
+class Buoy:
+    """Reports its place ten times a second."""
+
+    def __init__(self, order):
+        if not order.url.startswith("buoy://"):
+            raise LinkError(
+                f"evader.url = {order.url!r}: must be buoy://latitude,longitude,altitude"
+            )
+        self.clock = order.clock
+        self.callsign = order.section.callsign
+        latitude_deg, longitude_deg, altitude_m = map(float, order.url[7:].split(","))
+        self.place = (latitude_deg + order.section.north_m / 111_195.0, longitude_deg, altitude_m)
+        self.counts = Counter(reports=0)
+        self.next_s = -math.inf
+
+    def receive(self):
+        now_s = self.clock()
+        if now_s < self.next_s:
+            return []
+        self.next_s = now_s + 0.1
+        self.counts["reports"] += 1
+        still = Ned((0.0, 0.0, 0.0))
+        return [EvaderReport(now_s, math.nan, self.callsign, *self.place, still)]
+
+    def counters(self):
+        return dict(self.counts)
+
+    def close(self):
+        """Nothing is open."""
+
+
+BUOY = EvaderKind(
+    name="buoy",
+    message="a buoy that does not move",
+    transport="other",
+    needs={"url": "needs the address of the buoy"},
+    section=BuoyKeys,
+    open=Buoy,
+)
+
+TOY = replace(PX4, name="toy")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Halved(Ball):
+    """A ball of half the speed that files give."""
+
+    name = "halved"
+
+    @classmethod
+    def of(cls, horizontal_m_s, climb_m_s, descent_m_s):
+        return cls(0.5 * horizontal_m_s)
+
+
+class TallyKeys(Section):
+    """[tally]"""
+
+    every_s: float = Field(gt=0.0, description="between two counts")
+
+
+class Tally(Sink):
+    """Counts cycles."""
+
+    def __init__(self, every_s):
+        self.every_s = every_s
+        self.cycles = 0
+
+    def cycle(self, entry):
+        self.cycles += 1
+
+
+def open_tally(order):
+    section = None if order.config is None else order.config.section(TallyKeys)
+    return None if section is None else Tally(section.every_s)
+
+
+def chase(observations):
+    """Fly straight at the disc about the evader."""
+    way = observations[:, :3]
+    return way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1.0)

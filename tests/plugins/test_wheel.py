@@ -1,0 +1,211 @@
+"""A package from outside, installed from a wheel: its objects are found by their entry points, and fly."""
+
+import base64
+import hashlib
+import importlib
+import json
+import subprocess
+import sys
+import zipfile
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from guidance.autopilots import AUTOPILOTS, Verdict
+from guidance.config import load, parse_document
+from guidance.errors import ConfigError
+from guidance.flight import State
+from guidance.game.speed_sets import SPEED_SETS
+from guidance.links.evader_sources import EVADER_KINDS, SourceOrder, evader_kind
+from guidance.registry import Registry
+from guidance.session.checkup import examine
+from guidance.session.observe.outputs import OUTPUTS, OutputOrder, open_outputs
+from guidance.session.open.mock import MockOptions
+from guidance.session.recorded_flight import fly_recorded
+from guidance.session.vehicle_file import SECTIONS, Config, json_schema
+from guidance.sim.scenario import Scenario
+from tests.harness.vehicle import document
+from tests.session.conftest import HERE, Ordered
+
+PACKAGE = Path(__file__).parent / "package"
+NEAR = load(Scenario, Path(__file__).parents[1] / "data" / "near_chase.toml")
+REGISTRIES: tuple[Registry[Any], ...] = (AUTOPILOTS, EVADER_KINDS, SPEED_SETS, OUTPUTS, SECTIONS)
+ENTRY_POINTS = {
+    "pursuit_example": """
+[pursuit_guidance.evader_sources]
+buoy = pursuit_example:BUOY
+[pursuit_guidance.autopilots]
+toy = pursuit_example:TOY
+[pursuit_guidance.speed_sets]
+halved = pursuit_example:Halved
+[pursuit_guidance.outputs]
+tally = pursuit_example:open_tally
+[pursuit_guidance.sections]
+tally = pursuit_example:TallyKeys
+""",
+    "pursuit_broken": """
+[pursuit_guidance.evader_sources]
+broken = pursuit_broken:KIND
+[pursuit_guidance.autopilots]
+broken = pursuit_broken:AUTOPILOT
+[pursuit_guidance.speed_sets]
+broken = pursuit_broken:SPEEDS
+[pursuit_guidance.outputs]
+broken = pursuit_broken:open_it
+[pursuit_guidance.sections]
+broken = pursuit_broken:Keys
+""",
+}
+URL = f"buoy://{HERE.lat_deg},{HERE.lon_deg},{HERE.alt_amsl_m}"
+BUOY = {"kind": "buoy", "url": URL, "system_id": None, "callsign": "B7"}
+
+
+def wheel_of(name, folder):
+    """Write a wheel of one module, and return its path."""
+    path = folder / f"{name}-1.2.0-py3-none-any.whl"
+    about = f"{name}-1.2.0.dist-info"
+    files = {
+        f"{name}.py": (PACKAGE / f"{name}.py").read_text(encoding="utf-8"),
+        f"{about}/METADATA": f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.2.0\n",
+        f"{about}/WHEEL": "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+        f"{about}/entry_points.txt": ENTRY_POINTS[name],
+    }
+    rows = [f"{about}/RECORD,,"]
+    with zipfile.ZipFile(path, "w") as wheel:
+        for file, text in files.items():
+            digest = hashlib.sha256(text.encode()).digest()
+            hashed = base64.urlsafe_b64encode(digest).rstrip(b"=").decode()
+            rows.append(f"{file},sha256={hashed},{len(text.encode())}")
+            wheel.writestr(file, text)
+        wheel.writestr(f"{about}/RECORD", "\n".join(rows) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return a folder in which both wheels are installed."""
+    folder = tmp_path_factory.mktemp("installed")
+    wheels = [wheel_of(name, tmp_path_factory.mktemp(name)) for name in ENTRY_POINTS]
+    options = ("--quiet", "--no-index", "--no-deps", "--disable-pip-version-check", "--target")
+    subprocess.run([sys.executable, "-m", "pip", "install", *options, folder, *wheels], check=True)
+    return folder
+
+
+@pytest.fixture
+def installed(folder, monkeypatch):
+    """Put both packages on the path; what they added is taken away at the end."""
+    before = [dict(registry) for registry in REGISTRIES]
+    monkeypatch.syspath_prepend(folder)
+    importlib.invalidate_caches()
+    yield
+    for registry, members in zip(REGISTRIES, before, strict=True):
+        registry.clear()
+        registry.update(members)
+
+
+def read(**sections):
+    return parse_document(Config, document(**sections), source="test")
+
+
+def opened(config):
+    return lambda clock: evader_kind("buoy").open(
+        SourceOrder("buoy", config.evader.url, clock.now_s, None, section=config.evader)
+    )
+
+
+def test_its_kind_has_keys_of_its_own_and_any_scheme(installed):
+    config = read(evader=BUOY)
+    assert (config.evader.callsign, config.evader.north_m) == ("B7", 30.0)
+    faults = {
+        "callsign": ("", r"evader\.callsign = '': .*at least 1 character"),
+        "north_m": (-1.0, r"evader\.north_m = -1\.0: must be greater than or equal to 0"),
+        "calsign": ("B7", r"evader\.calsign: unknown key; did you mean 'callsign'"),
+        "icao_address": (3, r"evader\.icao_address: not allowed; kind = .buoy. does not use it"),
+    }
+    for key, (value, words) in faults.items():
+        with pytest.raises(ConfigError, match=words):
+            read(evader=BUOY | {key: value})
+    with pytest.raises(ConfigError, match=r"evader\.callsign: missing"):
+        read(evader={key: value for key, value in BUOY.items() if key != "callsign"})
+
+
+def test_another_kind_does_not_take_its_keys(installed):
+    assert evader_kind("buoy").section is not None
+    with pytest.raises(ConfigError, match=r"evader\.callsign: unknown key"):
+        read(evader={"callsign": "B7"})
+
+
+def test_its_names_and_keys_are_in_the_schema_and_in_messages(installed):
+    schema = json.dumps(json_schema())
+    for word in ("buoy", "callsign", "toy", "halved", "tally", "every_s"):
+        assert f'"{word}"' in schema, word
+    with pytest.raises(ConfigError, match=r"evader\.kind = 'bouy': must be one of .*buoy"):
+        read(evader={"kind": "bouy"})
+    with pytest.raises(ConfigError, match="tallly: unknown key; did you mean 'tally'"):
+        read(tallly={"every_s": 1.0})
+
+
+def test_its_output_is_opened_by_files_with_its_section_and_by_no_other(installed):
+    tally = OUTPUTS.named("tally")
+    for sections, count in (({"tally": {"every_s": 2.0}}, 1), ({}, 0)):
+        order = OutputOrder("uav1", {}, None, None, None, read(**sections))
+        with ExitStack() as stack:
+            sinks = open_outputs(order, stack)
+            assert [type(sink).__name__ for sink in sinks] == ["Tally"] * count
+    assert tally(order) is None
+    with pytest.raises(ConfigError, match=r"tally\.every_s = 0\.0: must be greater than 0"):
+        read(tally={"every_s": 0.0})
+
+
+def test_a_record_of_it_reads_again(installed):
+    config = read(evader=BUOY, tally={"every_s": 2.0})
+    again = parse_document(Config, json.loads(config.model_dump_json()), source="record")
+    assert again == config
+
+
+@pytest.mark.flight
+def test_its_autopilot_speed_set_and_law_fly_a_scenario(installed, tmp_path):
+    more = {"autopilot": "toy", "speed_set": "halved", "speed_m_s": 6.0, "descent_m_s": 3.0}
+    document = NEAR.model_dump() | {"pursuer": NEAR.pursuer.model_dump() | more}
+    document["pursuer"]["policy"] = "pursuit_example:chase"
+    flown = fly_recorded(Scenario(**document), tmp_path, MockOptions(fast=True))
+    (result,) = flown.vehicles.values()
+    assert result.captured
+
+
+@pytest.mark.flight
+def test_its_evader_is_pursued_and_its_output_counts(installed):
+    config = read(evader=BUOY, tally={"every_s": 2.0})
+    flight = Ordered(source=opened(config), evader=BUOY, tally={"every_s": 2.0})
+    flight.engaged()
+    flight.until(State.ON_STATION)
+    assert flight.evader.counters()["reports"] > 100
+    flight.close()
+
+
+def test_a_package_that_cannot_be_imported_stops_only_what_names_it(installed):
+    assert read().name == "uav1"
+    words = (
+        r"pursuit_broken 1\.2\.0 cannot be imported \(ModuleNotFoundError: .*a_module_that_nobody"
+    )
+    for sections in (
+        {"evader": {"kind": "broken"}},
+        {"vehicle": {"autopilot": "broken"}},
+        {"game": {"speed_set": "broken"}},
+        {"broken": {}},
+    ):
+        with pytest.raises(ConfigError, match=words) as raised:
+            read(**sections)
+        assert raised.value.exit_code == 2
+    assert "broken" not in OUTPUTS.importable()
+
+
+def test_the_doctor_names_every_package_and_what_is_wrong_with_it(installed):
+    rows = {row.name: row for row in examine()}
+    assert rows["evader source buoy"].verdict is Verdict.PASS
+    broken = rows["output broken"]
+    assert broken.verdict is Verdict.WARN
+    assert "pursuit_broken 1.2.0 cannot be imported" in broken.value
+    assert broken.advice == "repair it or uninstall it"
