@@ -2,6 +2,7 @@
 
 import doctest
 import importlib.util
+import json
 import re
 import subprocess
 import sys
@@ -9,9 +10,12 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from PIL import ExifTags, Image
 from typer.main import get_command
 
 from guidance.cli.program import app as guidance
+from guidance.sim.scenario import Scenario
+from guidance.sim.scenario_file import load_scenario
 from sitl_mock.cli import app as sitl_mock
 from tests.__main__ import STEPS
 from tests.bench.follow_report import NAMES, flights, glance_table, page_table, standoff_table
@@ -61,6 +65,13 @@ def test_every_file_and_picture_it_names_is_there():
     assert len(named) > 8
     missing = [name for name in named if not (ROOT / name).exists()]
     assert missing == []
+
+
+def test_its_moving_picture_is_of_the_scenario_that_its_first_command_flies():
+    with Image.open(ROOT / ".readme" / "flight-pe.webp") as picture:
+        described = json.loads(picture.getexif()[ExifTags.Base.ImageDescription])
+    _, scenario = load_scenario("pe")
+    assert Scenario(**described) == scenario
 
 
 def test_every_row_of_the_safety_table_names_a_test_that_exists():

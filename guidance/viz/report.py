@@ -20,13 +20,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import ExifTags, Image
 
 from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, whole_file, writing
 from guidance.frames import Enu
 from guidance.game import StandOff
-from guidance.log.entries import EventEntry
+from guidance.log.entries import SCENARIO, EventEntry
 from guidance.log.scene import Array, circle, isochron_at, lifted
 from guidance.screen import counted
 from guidance.viz import figures
@@ -376,7 +376,7 @@ def write_animation(story: Story, path: Path) -> None:
     for number in counted(frames, "drawing the moving picture", len(frames)):
         played_s = max(0.0, now_s[cycles[number]] - engaged_s)
         images.append(_frame(stage, story, tracks, number, played_s))
-    _save_moving(images, path)
+    _save_moving(images, path, story.survey.metadata.get(SCENARIO, ""))
 
 
 class _MovingTracks(NamedTuple):
@@ -466,9 +466,11 @@ def _frame(
     return Image.fromarray(pixels).convert("RGB")
 
 
-def _save_moving(images: Sequence[Image.Image], path: Path) -> None:
-    """Write pictures as one that moves, in a loop, and stands still at its end."""
+def _save_moving(images: Sequence[Image.Image], path: Path, scenario: str) -> None:
+    """Write pictures as one that moves, in a loop, and stands still at its end. Its description is the scenario."""
     first, *later = images
+    about = Image.Exif()
+    about[ExifTags.Base.ImageDescription] = scenario
     times_ms = [FRAME_MS] * len(later) + [20 * FRAME_MS]
     first.save(
         private_file(path),
@@ -478,6 +480,7 @@ def _save_moving(images: Sequence[Image.Image], path: Path) -> None:
         loop=0,
         quality=55,
         method=4,
+        exif=about,
     )
 
 
