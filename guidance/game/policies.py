@@ -108,14 +108,20 @@ def _lead(
     xp: Library, game: Game, P: Space, E: Space, T: Space | None, observed: Space | None
 ) -> Space:
     """Fly the pursuer to the point of capture of an evader that keeps its velocity."""
-    still = (0.0 * E[0], 0.0 * E[1], 0.0)
-    state = take_apart(xp, game, P, E, still if observed is None else observed)
+    if observed is None:
+        raise ConfigError("evader_velocity_m_s = None: the strategy 'lead_pursuit' needs it")
+    return lead(xp, game, P, E, observed)[1]
+
+
+def lead(xp: Library, game: Game, P: Space, E: Space, observed: Space) -> tuple[Real, Space]:
+    """Return when a pursuer captures an evader that keeps its velocity, s, and the pursuer's velocity for it, m/s."""
+    state = take_apart(xp, game, P, E, observed)
     in_air = plus2(state.hold, -1.0, game.wind_m_s)
     radius = game.standoff.radius_m
     capture = game.capture_radius_m
     t = game.pursuer.catch_time(xp, radius, capture, state.to_evader, in_air, state.z)
     to = plus2(state.to_evader, t, state.hold)
-    return fly_to(xp, game, state, to, t)
+    return t, fly_to(xp, game, state, to, t)
 
 
 def _stay(
@@ -137,7 +143,7 @@ PURSUER_POLICIES: Mapping[str, Policy] = MappingProxyType(
             lambda xp, game, P, E, T, observed: _fly(xp, game, P, E, _goal(xp, game, E, T), None)
         ),
         "hold": _moving(_stay),
-        # To where an evader that keeps its velocity is captured; pure pursuit if its velocity is unknown.
+        # To where an evader that keeps its velocity is captured; an error if its velocity is not given.
         "lead_pursuit": _moving(_lead),
     }
 )

@@ -165,9 +165,12 @@ def test_a_single_state_works_too(library, games, oracle):
 def test_policies_circles_and_gradients_work_too(library, games, oracle):
     P, E, T = oracle.states(24, ROWS)
     arrays = [library.array(array) for array in (P, E, T)]
+    run = T - E
     for policy in (*PURSUER_POLICIES.values(), *EVADER_POLICIES.values()):
         np.testing.assert_allclose(
-            np.asarray(policy(games["wind"], *arrays)), policy(games["wind"], P, E, T), atol=1e-7
+            np.asarray(policy(games["wind"], *arrays, library.array(run))),
+            policy(games["wind"], P, E, T, run),
+            atol=1e-7,
         )
     for shape in (apollonius_circle, apollonius_sphere):
         for a, b in zip(shape(*arrays[:2], 2.0), shape(P, E, 2.0), strict=True):

@@ -361,6 +361,12 @@ def test_policies_that_need_a_target_say_so():
             catalogue["task_oriented"](PAPER, P, E)
 
 
+def test_lead_pursuit_without_the_evaders_velocity_is_refused_and_plays_nothing_else():
+    words = "evader_velocity_m_s = None: the strategy 'lead_pursuit' needs it"
+    with pytest.raises(ConfigError, match=words):
+        PURSUER_POLICIES["lead_pursuit"](PAPER, P, E, E)
+
+
 def test_rollouts_refuse_what_they_do_not_know():
     with pytest.raises(
         ConfigError,

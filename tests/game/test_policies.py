@@ -112,10 +112,10 @@ def test_lead_pursuit_is_the_collision_triangle():
     assert np.linalg.norm(v) == pytest.approx(2.0)
 
 
-def test_without_an_observed_velocity_lead_pursuit_is_pure_pursuit():
+def test_lead_pursuit_of_an_evader_that_stands_still_is_pure_pursuit():
     P = np.array([0.0, 0.0, 3.0])
     for E in (np.array([3.0, 4.0, 0.0]), np.array([0.0, 4.0, 0.0])):
-        v = lead_pursuit(PAPER, P, E)
+        v = lead_pursuit(PAPER, P, E, None, np.zeros(3))
         np.testing.assert_allclose(v, 2.0 * (E - P) / np.linalg.norm(E - P))
 
 

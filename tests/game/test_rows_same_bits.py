@@ -336,8 +336,10 @@ def test_policies_and_gradients_of_a_batch_are_those_of_its_singles(games, oracl
     for name in ("paper", "wind", "cylinder_standoff"):
         game = games[name]
         for policy in (*PURSUER_POLICIES.values(), *EVADER_POLICIES.values()):
-            batch = policy(game, P, E, T)
-            assert all(same(batch[i], policy(game, P[i], E[i], T[i])) for i in range(9))
+            batch = policy(game, P, E, T, T - E)
+            assert all(
+                same(batch[i], policy(game, P[i], E[i], T[i], T[i] - E[i])) for i in range(9)
+            )
         gradient = value_gradient(game, P, E, T)
         for i in range(9):
             assert all(

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.errors import ConfigError
-from guidance.game import Ball, End, Game, StandOff, solve
+from guidance.game import Ball, End, Exact, Game, StandOff, solve
+from guidance.game import rollout as rolled_out
 from guidance.game.team import match_teams, rollout, rollout_teams, solve_team
 from tests.harness.examples import drawn
 
@@ -345,3 +346,16 @@ def test_a_capture_within_the_error_of_a_step_is_not_promised(spare_m, promised)
         assert result.first.guaranteed == guaranteed
     kept = match_teams(game, P, E, np.zeros(3), previous=sure, spare_m=1.0)
     assert kept.guaranteed == 1  # a promise that was given stays
+
+
+@pytest.mark.parametrize("policy", ["lead_pursuit", "pure_pursuit", "task_oriented"])
+def test_a_team_of_one_flies_the_same_policy_as_a_pursuer_alone(policy):
+    game = Game(Ball(1.2), 1.0, capture_radius_m=0.5)
+    rng = np.random.default_rng(1)
+    P = np.concatenate([rng.uniform(-10, 10, (40, 2)), rng.uniform(0, 5, (40, 1))], axis=1)
+    E = np.concatenate([rng.uniform(-25, 25, (40, 2)), np.zeros((40, 1))], axis=1)
+    policies = {"pursuer_policy": policy, "evader_policy": "task_oriented"}
+    team = rollout_teams(game, P[:, None], E[:, None], T, step_s=0.02, **policies)
+    alone = rolled_out(game, P, E, T, stepping=Exact(0.02, 1), **policies)
+    np.testing.assert_array_equal(team.end[:, 0], alone.end)
+    np.testing.assert_allclose(team.time_s[:, 0], alone.time_s, atol=1e-6)

@@ -99,7 +99,8 @@ def rollout_teams(  # noqa: PLR0914
         evaders: initial positions, (..., m, 3), m.
         target: each evader's target, (..., m, 3), or the one of all, (3,), m; None for PE.
         pursuer_policy: "optimal" is the play of `match_teams`. Any other name in `PURSUER_POLICIES`, or a function
-            like them, is played by each pursuer against its matched evader.
+            like them, is played by each pursuer against its matched evader. It is told the evader's velocity of
+            the step before; before the first step that is zero.
         evader_policy: "optimal", or a name in `EVADER_POLICIES` or a function, played against the nearest pursuer.
         capture_m: distance that counts as captured, m, beside the capture radius of the game.
         step_s: longest step, s.
@@ -132,6 +133,7 @@ def rollout_teams(  # noqa: PLR0914
         np.full((*shape, m), -1),
     )
     now_s = np.zeros(shape)
+    seen_m_s = np.zeros(E.shape)
     matching = first
     path = []
     for _ in range(math.ceil(duration_s / step_s) + SPARE_STEPS):
@@ -145,9 +147,10 @@ def rollout_teams(  # noqa: PLR0914
             path.append(TeamSample(now_s, P, E, outcomes.end, matching))
         if not running.any():
             break
-        velocity_m_s, run_m_s = _played(pairs.game, (chase, flee), P, E, T, matching)
+        velocity_m_s, run_m_s = _played(pairs.game, (chase, flee), P, E, T, seen_m_s, matching)
         h = step_of(foreseen, running, matching, np.minimum(step_s, duration_s - now_s))
         P, E = moved(P, E, velocity_m_s, run_m_s, h, running)
+        seen_m_s = np.where(running[..., None], run_m_s, 0.0)
         if T is not None:
             drift_m = np.where(running, h[..., None], 0.0)[..., None]
             T = T + drift_m * [*pairs.game.target_velocity_m_s, 0.0]
@@ -233,7 +236,13 @@ def held_m(game: Game, step_s: float) -> Array:
 
 
 def _played(
-    game: Game, sides: _Sides, P: Array, E: Array, T: Array | None, matching: Matching
+    game: Game,
+    sides: _Sides,
+    P: Array,
+    E: Array,
+    T: Array | None,
+    seen_m_s: Array,
+    matching: Matching,
 ) -> tuple[Array, Array]:
     """Return the velocities of pursuers against their evaders, (..., n, 3), and of evaders against the nearest pursuer.
 
@@ -246,7 +255,8 @@ def _played(
     nearest_games = for_rows(game, lambda value: taken(value.swapaxes(-1, -2), near))
     velocities = []
     optimal = (matching.pursuer_velocity_m_s, matching.evader_velocity_m_s)
-    places = ((ours, P, E[at], None if T is None else T[at]), (nearest_games, P[by], E, T))
+    targets = None if T is None else T[at]
+    places = ((ours, P, E[at], targets, seen_m_s[at]), (nearest_games, P[by], E, T, seen_m_s))
     for policies, velocity_m_s, state in zip(sides, optimal, places, strict=True):
         velocity = np.array(velocity_m_s, dtype=np.float64)
         for policy in dict.fromkeys(policies):
