@@ -89,7 +89,7 @@ def regret_share(weights: Array, scenario: Path, games: int) -> float:
     return float(np.median(share))
 
 
-def train(  # noqa: PLR0914
+def train(
     scenario: Path, iterations: int, judged: int, seed: int = 0
 ) -> tuple[Array, list[tuple[int, float]]]:
     """Return the weights, and the learning curve: iterations and median regret over the value of `judged` games."""

@@ -121,7 +121,7 @@ class Rollout(NamedTuple):
     path: tuple[Sample, ...]
 
 
-def rollout(  # noqa: PLR0914
+def rollout(
     game: Game,
     pursuer: ArrayLike,
     evader: ArrayLike,

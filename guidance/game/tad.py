@@ -382,7 +382,7 @@ def guard_time(xp: Library, game: Game, state: Geometry, goal: Plane) -> Real:
     return pursuer.catch_time(xp, radius, capture, y, drift, state.z)
 
 
-def surely_convex(xp: Library, game: Game, state: Geometry) -> Truth:  # noqa: PLR0914
+def surely_convex(xp: Library, game: Game, state: Geometry) -> Truth:
     """Return whether the evader's region is convex by simple bounds.
 
     Points X of the region's edge are reached at the same time, |XE|/v − τ = t(X). With g the pursuer's distance from

@@ -95,14 +95,31 @@ def _record_of(kind: Any) -> Callable[..., Fields]:  # noqa: ANN401 - one of pym
     return type(kind.msgname, base, {"__slots__": (), "msgname": kind.msgname})
 
 
+@functools.cache
+def _crc_extra(dialect: ModuleType) -> dict[int, bytes]:
+    return {number: bytes((one.crc_extra,)) for number, one in dialect.mavlink_map.items()}
+
+
 class CheckedBytes(bytes):
     """Valid frames, of which a wire has checked every one; `frames` are the same ones by one."""
 
     frames: Sequence[Frame]
 
 
+class _Suspect(NamedTuple):
+    """What looks like the beginning of a frame, and the counts before it."""
+
+    position: int
+    garbage_bytes: int
+    unknown_left: int
+
+
 class FrameReader:
-    """Finds the frames in pieces of bytes. Never raises.
+    """Finds the frames of one sender in pieces of bytes, which may be cut anywhere. Never raises.
+
+    A frame that is not complete waits for the next piece, whether pieces are datagrams or parts of a stream: bridges
+    from a serial line to UDP cut datagrams anywhere. What was found among bytes that are no frame may only look like
+    the beginning of one, and delays no whole frame behind it.
 
     The length of an unknown message cannot be checked. It is counted in `unknown`, and known frames are searched within
     it. All other bytes that belong to no frame are counted in `garbage_bytes`.
@@ -114,61 +131,74 @@ class FrameReader:
 
     def __init__(self, names: Collection[str] | None = None, dialect: ModuleType = common) -> None:
         self._known = dialect.mavlink_map
-        self._used = (
-            {message.msgname for message in self._known.values()} if names is None else names
-        )
-        self._crc_extra = {
-            number: bytes((message.crc_extra,)) for number, message in self._known.items()
-        }
+        self._used = names
+        self._crc_extra = _crc_extra(dialect)
         self._buffer = bytearray()
+        self._aligned = True
         self._unknown_left = 0
         self.garbage_bytes = self.unknown = self.unused = 0
 
-    def read(self, data: bytes, *, stream: bool = True) -> list[Frame]:
-        """Return the used frames that `data` completes. With `stream` False an incomplete frame is dropped."""
-        frames = data.frames if isinstance(data, CheckedBytes) else self.split(data, stream=stream)
+    def read(self, data: bytes) -> list[Frame]:
+        """Return the used frames that `data` completes."""
+        frames = data.frames if isinstance(data, CheckedBytes) else self.split(data)
+        if self._used is None:
+            return [*frames]
         used = [frame for frame in frames if frame.name in self._used]
         self.unused += len(frames) - len(used)
         return used
 
-    def split(self, data: bytes, *, stream: bool = True) -> list[Frame]:
+    def split(self, data: bytes) -> list[Frame]:
         """Return the frames as `read` does, and those that nobody uses."""
+        unknown_left = self._unknown_left
+        begins = self.first(data)
+        if begins is not None:
+            if self._buffer:  # what waits for its end has lost it
+                self._unknown_left = unknown_left
+                self._skip(len(self._buffer))
+                self._buffer.clear()
+                self._unknown_left = 0
+                self._aligned = True
+            if len(begins.data) == len(data):
+                return [begins]  # usually a piece is one whole frame
         buffer = self._buffer
-        if not buffer and len(data) >= _SHORTEST and frame_length(data) == len(data):
-            frame = self._checked(data)  # usually a piece is one whole frame
-            if frame is not None:
-                return [frame]
+        buffer += data
         frames: list[Frame] = []
         position = 0
         broken = 0
-        buffer += data
+        suspect: _Suspect | None = None
         while len(buffer) - position >= _SHORTEST:
-            end = position + frame_length(buffer, position)
-            if stream and end > len(buffer):
-                break
-            frame = (
-                self._checked(bytes(buffer[position:end]))
-                if position < end <= len(buffer)
-                else None
-            )
+            length = frame_length(buffer, position)
+            end = position + length
+            frame = None
+            if end > len(buffer):
+                if self._aligned:
+                    break
+                # Perhaps no frame: what looks like its beginning was found among other bytes
+                suspect = suspect or _Suspect(position, self.garbage_bytes, self._unknown_left)
+            elif length > 0:
+                frame = self._checked(bytes(buffer[position:end]))
             if frame is None:
-                broken += end > position
+                broken += length > 0
                 start = _START.search(buffer, position + 1) if broken <= _MAX_BROKEN else None
                 end = len(buffer) if start is None else start.start()
                 self._skip(end - position)
             else:
                 frames.append(frame)
+                suspect = None
+            self._aligned = frame is not None
             position = end
-        if not stream and position < len(buffer):
-            self._skip(len(buffer) - position)
-            position = len(buffer)
+        if suspect is not None:
+            position, self.garbage_bytes, self._unknown_left = suspect
         del buffer[:position]
+        self._aligned |= not buffer
         return frames
 
     def first(self, data: bytes) -> Frame | None:
         """Return the frame at the start of a datagram; None if there is none. What `read` has buffered is kept."""
         length = frame_length(data) if len(data) >= _SHORTEST else 0
-        return self._checked(data[:length]) if 0 < length <= len(data) else None
+        if not 0 < length <= len(data):
+            return None
+        return self._checked(data if length == len(data) else data[:length])
 
     def _checked(self, data: bytes) -> Frame | None:
         """Check one whole frame; None if its message is unknown or it is damaged."""

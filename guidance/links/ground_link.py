@@ -101,7 +101,7 @@ class GroundLink:
             return []
         commands = []
         for received_s, data in self._wire.receive():
-            for frame in self._frames.read(data, stream=self._wire.stream):
+            for frame in self._frames.read(data):
                 if frame.name == "HEARTBEAT":
                     self._check_station(frame)
                     continue

@@ -95,7 +95,7 @@ class MavlinkEvader:
             if self._is_meant(frame):
                 self._impostors += 1
         for received_s, data in self.wire.receive():
-            for frame in self._frames.read(data, stream=self.wire.stream):
+            for frame in self._frames.read(data):
                 if self._is_meant(frame):
                     reports += self._read(frame, received_s)
         if self.clock is not None:

@@ -186,9 +186,7 @@ def find_autopilot(
     station = Station(wire, *_OWN)
     heard = 0
     for _ in _looks(lambda: station.send(own_heartbeat()), clock, timeout_s, sleep):
-        for frame in [
-            frame for _, data in wire.receive() for frame in reader.read(data, stream=wire.stream)
-        ]:
+        for frame in [frame for _, data in wire.receive() for frame in reader.read(data)]:
             beat = frame.fields
             # INVALID: a ground station, companion computer or camera. No sender has the id 0, which means all.
             is_autopilot = (

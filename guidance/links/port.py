@@ -84,10 +84,6 @@ class TellsProblem(Protocol):
 class Wire(Protocol):
     """Carries MAVLink bytes: Zenoh, UDP, TCP, serial, or memory in tests."""
 
-    @property
-    def stream(self) -> bool:
-        """True if a frame may be split between two pieces."""
-
     def receive(self) -> Sequence[tuple[float, bytes]]:
         """Return (arrival time, frame or piece of a stream) since the last call, oldest first. Never blocks."""
 

@@ -153,7 +153,7 @@ class PymavlinkLink:
             return []
         check = self._station.check
         for received_s, data in self._wire.receive():
-            for frame in self._frames.read(data, stream=self._wire.stream):
+            for frame in self._frames.read(data):
                 if frame[1:3] != self._vehicle:
                     self._overhear(frame, received_s)
                 elif check is not None and (problem := check.problem(frame)) is not None:

@@ -37,8 +37,6 @@ class StreamWire(QueuedWire):
     The unsent rest of the last frame is kept, so that the stream never holds half a frame followed by another.
     """
 
-    stream = True
-
     def __init__(
         self, clock: Clock, name: str, connect: Callable[[], Connection], first: Connection | None
     ) -> None:

@@ -41,6 +41,9 @@ MAX_SYSTEMS: Final = 8
 STRANGERS_PER_S: Final = 50
 """Frames per second from systems that are not expected; they let an error name who is there instead."""
 
+MAX_READERS: Final = 16
+"""Largest number of addresses whose cut frames are joined."""
+
 IMPOSTORS_PER_S: Final = 10
 """Datagrams per second and message id from an address that is not the pinned one."""
 
@@ -81,6 +84,7 @@ class AddressPins:
         self.addresses: tuple[Address, ...] = ()
         """Every pinned address once; replaced, never changed, as another thread may be iterating."""
         self._reader = FrameReader(())
+        self._readers: dict[Address, FrameReader] = {}
         self._second = -1
         self._budget: Counter[int] = Counter()
         self.refused = Counter(garbage=0, impostor=0, stranger=0, unsigned=0, unsaved=0)
@@ -90,18 +94,33 @@ class AddressPins:
         """Frames with a pinned system's id from another address, at most `IMPOSTORS_PER_S` per message id."""
 
     def admit(self, now_s: float, address: Address, data: bytes) -> bytes:
-        """Return the accepted frames of a datagram; of an unexpected system only the first one."""
-        if address not in self.addresses:
-            reason = self._knock(now_s, address, data)
+        """Return the accepted frames that a datagram completes; of an unexpected system only the first one."""
+        reader = self._reader_of(address)
+        garbage_bytes = reader.garbage_bytes
+        if address in self.addresses:
+            frames = reader.split(data)
+        else:
+            cut = header_of(data) is None  # perhaps by a bridge from a serial line
+            frames = reader.split(data) if cut else []
+            reason = self._knock(now_s, address, frames[0].data if frames else data)
             if reason is not None:
                 return reason
-        frames = self._reader.split(data, stream=False)
+            frames = frames if cut else reader.split(data)
         if not frames:
-            return self._refuse("garbage")
+            return self._refuse("garbage") if reader.garbage_bytes > garbage_bytes else b""
         admitted = [frame for frame in frames if self._admits(now_s, address, frame)]
         checked = CheckedBytes(b"".join([frame.data for frame in admitted]))
         checked.frames = admitted
         return checked
+
+    def _reader_of(self, address: Address) -> FrameReader:
+        """Return what joins the frames of an address; of those that are not pinned, the last `MAX_READERS` are kept."""
+        reader = self._readers.pop(address, None) or FrameReader(())
+        if len(self._readers) >= MAX_READERS:
+            others = [other for other in self._readers if other not in self.addresses]
+            del self._readers[next(iter(others or self._readers))]
+        self._readers[address] = reader  # at the end: the first one was silent longest
+        return reader
 
     def _knock(self, now_s: float, address: Address, data: bytes) -> bytes | None:
         """Pin a new address by the first frame of its datagram, or return what is accepted without a pin.

@@ -79,8 +79,6 @@ class Reader(threading.Thread):
 class QueuedWire(ABC):
     """Base of all wires: received pieces wait in a queue; `_write` sends, `_release` closes."""
 
-    stream = False
-
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._arrivals = Arrivals[Packet]()
@@ -160,7 +158,6 @@ class WireShare:
         self._wire = wire
         self._shares = shares
         self.arrivals = Arrivals[Packet]()
-        self.stream = wire.stream
         self.impostors = wire.impostors  # impostors: for the first reader that asks
         self.impostors_of = wire.impostors_of
         shares.append(self)
@@ -213,7 +210,6 @@ class TappedWire:
         self._to = f"{namespace}/{TO_VEHICLE}"
         self._from = f"{namespace}/{FROM_VEHICLE}"
         self._captured: deque[CapturedFrame] = deque(maxlen=_MAX_CAPTURED)
-        self.stream = wire.stream
         self.impostors = wire.impostors
         self.impostors_of = wire.impostors_of
         self.counters = wire.counters

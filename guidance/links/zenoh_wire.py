@@ -78,8 +78,6 @@ class Subscription(Arrivals[T]):
 class ZenohWire(QueuedWire):
     """Our side of a vehicle's namespace."""
 
-    stream = True
-
     def __init__(self, clock: Clock, session: Session, namespace: str) -> None:
         """Subscribe and prepare to publish; the session is closed with the wire."""
         super().__init__(clock)

@@ -113,7 +113,7 @@ class Relay:
                 pass_on(now_s, data)
 
     def _from_vehicle(self, now_s: float, data: bytes) -> None:
-        for frame in self._down.read(data, stream=self._wire.stream):
+        for frame in self._down.read(data):
             self._client.send(frame.data)
             for station in self._stations:
                 station.send(frame.data)
@@ -122,7 +122,7 @@ class Relay:
         # Messages outside the dialect are forwarded too, if a datagram holds them completely.
 
     def _from_client(self, now_s: float, data: bytes) -> None:
-        for frame in self._up.read(data, stream=False):
+        for frame in self._up.read(data):
             with self._lock:
                 self._wire.send(frame.data)
             for station in self._stations:

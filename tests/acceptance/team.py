@@ -69,8 +69,6 @@ CASES: Final = (
 class FanOut:
     """A wire that sends to several wires and receives from all of them."""
 
-    stream = False
-
     def __init__(self, wires: Sequence[UdpWire]) -> None:
         self._wires = wires
 

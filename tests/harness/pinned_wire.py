@@ -21,8 +21,6 @@ class PinnedWire:
         is_lost: Whether the frames of a component are lost now.
     """
 
-    stream = False
-
     def __init__(
         self,
         wire: Wire,

@@ -61,11 +61,11 @@ def test_a_reader_does_not_search_again_what_the_pins_have_checked():
     admitted = pins.admit(0.1, VEHICLE, datagram)
     assert isinstance(admitted, CheckedBytes)
     reader = FrameReader({"HEARTBEAT"})
-    frames = reader.read(admitted, stream=False)
+    frames = reader.read(admitted)
     assert [frame.data for frame in frames] == [heartbeat(1), heartbeat(7)]
     assert all(frame is checked for frame, checked in zip(frames, admitted.frames, strict=True))
     assert (reader.garbage_bytes, reader.unused) == (0, 0)
-    assert FrameReader({"ATTITUDE"}).read(admitted, stream=False) == []
+    assert FrameReader({"ATTITUDE"}).read(admitted) == []
 
 
 @pytest.mark.parametrize(
@@ -77,11 +77,57 @@ def test_whoever_has_the_evaders_place_does_not_speak_as_the_vehicle(before, aga
     pins = AddressPins({1, 2})
     pins.admit(0.0, VEHICLE, heartbeat(1))
     pins.admit(0.0, FORGER, heartbeat(2))
-    admitted = pins.admit(1.0, FORGER, before + again * heartbeat(1) + b"\0")
-    frames = FrameReader().read(admitted, stream=False)
+    admitted = pins.admit(1.0, FORGER, before + again * heartbeat(1) + bytes(300))
+    frames = FrameReader().read(admitted)
     assert 1 not in {frame.system_id for frame in frames}
     assert pins.refused["impostor"] == again
     assert list(pins.impostors) == again * [heartbeat(1)]
+
+
+@given(size=st.integers(24, 300), others=st.integers(0, 40))
+def test_frames_that_a_bridge_cuts_at_datagram_borders_are_joined(size, others):
+    sent = [
+        Peer(lambda data: None).packed(
+            dialect.MAVLink_local_position_ned_message(n, n, 0, 0, 0, 0, n)
+        )
+        for n in range(40)
+    ]
+    data = heartbeat() + b"".join(sent)
+    pins = AddressPins({1})
+    heard = b""
+    for number, start in enumerate(range(0, len(data), size)):
+        heard += pins.admit(0.01 * number, VEHICLE, data[start : start + size])
+        for port in range(others):  # nobody else's pieces come between
+            assert pins.admit(0.01 * number, ("127.0.0.1", 2000 + port), sent[0][9:]) == b""
+    assert heard == data
+
+
+@pytest.mark.parametrize("size", [24, 64, 100])
+def test_a_bridge_that_is_heard_in_the_middle_of_a_frame_is_pinned_and_then_loses_nothing(size):
+    sent = [heartbeat()] * 40
+    data = b"".join(sent)[7:]
+    pins = AddressPins({1})
+    heard = b"".join(
+        pins.admit(0.1 * number, VEHICLE, data[start : start + size])
+        for number, start in enumerate(range(0, len(data), size))
+    )
+    assert heard == b"".join(sent[: len(heard) // len(sent[0])])
+    assert len(heard) >= 30 * len(sent[0])
+    assert pins.addresses == (VEHICLE,)
+
+
+@pytest.mark.parametrize("size", [32, 64])
+def test_signed_frames_are_judged_one_by_one_also_where_they_are_cut(size):
+    vehicle = Signed()
+    data = b"".join(vehicle.beat() for _ in range(20))
+    pins = keyed()
+    pins.admit(0.0, VEHICLE, vehicle.beat())
+    forger = Signed(bytes(32))
+    forged = b"".join(forger.beat() for _ in range(20))
+    for start in range(0, len(data), size):
+        assert pins.admit(0.1, FORGER, forged[start : start + size]) == b""
+        pins.admit(0.1, VEHICLE, data[start : start + size])
+    assert pins.addresses == (VEHICLE,)
 
 
 @given(data=st.binary(max_size=60), cut=st.integers(0, 60))
@@ -90,7 +136,7 @@ def test_no_bytes_around_a_forged_frame_carry_it_past_the_pins(data, cut):
     pins.admit(0.0, VEHICLE, heartbeat(1))
     pins.admit(0.0, FORGER, heartbeat(2))
     admitted = pins.admit(1.0, FORGER, data[:cut] + heartbeat(1) + data[cut:])
-    assert 1 not in {frame.system_id for frame in FrameReader().read(admitted, stream=False)}
+    assert 1 not in {frame.system_id for frame in FrameReader().read(admitted)}
 
 
 @given(data=st.binary(max_size=300))

@@ -52,7 +52,7 @@ def test_any_payload_in_a_valid_frame_is_a_message_or_counted(said):
 @given(st.sampled_from(sorted(MESSAGES)), st.binary(min_size=1, max_size=255))
 def test_any_payload_of_any_message_is_decoded_as_by_pymavlink(name, payload):
     reader = FrameReader()
-    (frame,) = reader.read(framed(name, payload), stream=False)
+    (frame,) = reader.read(framed(name, payload))
     assert frame.name == frame.fields.msgname == name
     theirs = dialect.MAVLink(None).decode(bytearray(frame.data))
     decoded = {field: getattr(theirs, field) for field in theirs.fieldnames}

@@ -51,15 +51,24 @@ def test_a_frame_with_one_wrong_bit_is_refused(position, bit):
     (frame,) = frames(1)
     damaged = bytearray(frame)
     damaged[position % len(frame)] ^= 1 << bit
-    heard = FrameReader().read(bytes(damaged), stream=False)
+    heard = FrameReader().read(bytes(damaged))
     assert heard == []
+
+
+@given(noise=st.binary(max_size=30))
+def test_garbage_that_looks_like_a_beginning_delays_no_whole_frame_behind_it(noise):
+    reader = FrameReader()
+    (frame,) = frames(1)
+    lie = b"\x00\xfd\xf0\x00" + noise
+    heard = [one.data for one in reader.read(lie + frame)]
+    assert heard == [frame]
 
 
 def test_a_datagram_cut_short_does_not_affect_the_next():
     reader = FrameReader()
     first, second = frames(2)
-    assert reader.read(first[:-5], stream=False) == []
-    assert [frame.data for frame in reader.read(second, stream=False)] == [second]
+    assert reader.read(first[:-5]) == []
+    assert [frame.data for frame in reader.read(second)] == [second]
 
 
 def test_unknown_messages_are_skipped_and_counted():
@@ -90,7 +99,7 @@ def test_frames_with_unknown_flags_are_refused():
     reader = FrameReader()
     (frame,) = frames(1)
     flagged = frame[:2] + b"\x02" + frame[3:]
-    assert reader.read(flagged, stream=False) == []
+    assert reader.read(flagged) == []
 
 
 def test_a_signed_frame_is_one_frame():
@@ -115,11 +124,11 @@ def test_a_piece_full_of_start_marks_costs_bounded_work(byte, monkeypatch):
         return tried[-1]
 
     monkeypatch.setattr("guidance.links.frames.frame_length", noted)
-    assert reader.read(bytes([byte]) * checked, stream=False) == []
+    assert reader.read(bytes([byte]) * checked) == []
     assert reader.garbage_bytes + reader.unknown >= checked - 300
     assert len(tried) - tried.count(0) <= 130  # a length is all that a frame begins with
     (frame,) = frames(1)
-    assert [one.data for one in reader.read(frame, stream=False)] == [frame]
+    assert [one.data for one in reader.read(frame)] == [frame]
 
 
 def test_frames_after_a_stream_of_start_marks_are_read():

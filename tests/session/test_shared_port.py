@@ -29,7 +29,6 @@ class SharedPort:
         self._wire = wire
         self._pins = AddressPins((1, 2))
         self.impostors_of = self._pins.impostors_of.__getitem__
-        self.stream = wire.stream
         self.send = wire.send
         self.impostors = wire.impostors
         self.counters = wire.counters
