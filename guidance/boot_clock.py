@@ -23,7 +23,7 @@ CONFIRMED_S: Final = 0.5
 UNKNOWN_S: Final = 1.0
 """Telemetry whose delay has become unknown counts as late after this time: four TIMESYNC exchanges."""
 
-_DRIFT: Final = 2e-4
+OFFSET_DRIFT: Final = 2e-4
 """Two quartz clocks drift apart by less than this share of the time."""
 
 _ROUNDING_S: Final = 0.1
@@ -76,13 +76,18 @@ class BootClock(NamedTuple):
         return "unknown: TIMESYNC is not answered"
 
 
+def _held_s(clock: BootClock, now_s: float) -> float:
+    """Return the least offset that the last answers allow by now."""
+    return clock.offset_s - OFFSET_DRIFT * max(0.0, now_s - clock.answered_s)
+
+
 def with_answer(clock: BootClock, answer: Timesync) -> BootClock:
     """Add an answer to our TIMESYNC. An answer that contradicts the offset replaces it: the clock was set."""
     asked_s = answer.local_ns * 1e-9
     vehicle_s = answer.remote_ns * 1e-9
     least_s = asked_s - vehicle_s
     most_s = answer.received_s - vehicle_s
-    held_s = clock.offset_s - _DRIFT * max(0.0, answer.received_s - clock.answered_s)
+    held_s = _held_s(clock, answer.received_s)
     if held_s <= most_s:
         least_s = max(least_s, held_s)
     clock = _paced(clock, answer.received_s, vehicle_s)
@@ -98,6 +103,11 @@ def fits_former(clock: BootClock, received_s: float, time_boot_s: float) -> bool
     """Whether a message is in time by the offset that one from the future discarded: its sender's clock was not set."""
     late_s = math.remainder(received_s - time_boot_s - clock.former_offset_s, _WRAP_S)
     return -_ROUNDING_S <= late_s <= LATE_S
+
+
+def elapsed_s(earlier_s: float, later_s: float) -> float:
+    """Return the time between two stamps of one vehicle. Their 32 bits of milliseconds wrap after 49.7 days."""
+    return math.remainder(later_s - earlier_s, _WRAP_S)
 
 
 def _paced(clock: BootClock, received_s: float, vehicle_s: float) -> BootClock:
@@ -116,7 +126,7 @@ def with_position(clock: BootClock, received_s: float, time_boot_s: float) -> Bo
     """Add a message of the vehicle, newer than the last one. One from the future shows that the clock was set."""
     if clock.offset_s == -math.inf:
         return clock
-    late_s = math.remainder(received_s - time_boot_s - clock.offset_s, _WRAP_S)
+    late_s = math.remainder(received_s - time_boot_s - _held_s(clock, received_s), _WRAP_S)
     is_from_the_future = late_s < -_ROUNDING_S
     if is_from_the_future:
         return BootClock(

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from guidance import messages
-from guidance.boot_clock import BootClock, fits_former, with_answer, with_position
+from guidance.boot_clock import BootClock, elapsed_s, fits_former, with_answer, with_position
 from guidance.frames import STILL, Amsl, LocalFrame, Ned, Projection
 from guidance.messages import (
     GlobalPosition,
@@ -25,8 +25,10 @@ from guidance.messages import (
 
 LANDED_ON_GROUND = 1
 
-# A step of the sender's clock backwards beyond this is a reboot; a smaller one is reordering.
+# A step of the sender's clock backwards beyond this is a reboot; a smaller one is reordering. After 24.8 days of
+# uptime a step back to zero looks like a step forward, and no link is a day late.
 _REBOOT_S = 1.0
+_DAY_S = 86_400.0
 
 # Largest mismatch of positions and velocities (0.03 m on PX4 and ArduCopter), plus the effect of a manoeuvre between
 # two messages. A larger mismatch is a jump of the estimate.
@@ -39,9 +41,6 @@ _CONTRADICTED_WITHIN_S = 2.0
 
 _SMOOTHED_S = 0.1
 _GAP_S = 0.5
-
-# Largest distance of home from an arming vehicle; a home farther away is an old one.
-_HERE_M = 2.0
 
 FARTHEST_M: Final = 1e6
 """Largest local coordinate or radius. Single precision, as in PX4 and ArduPilot, resolves 0.1 m there."""
@@ -68,12 +67,13 @@ class VehicleState(NamedTuple):
     """Last known state of a vehicle.
 
     Attributes:
-        latest: The latest message of every kind; HOME_POSITION as `observe` accepts it.
-        home_taken: Whether home is fixed, from arming to disarming.
+        latest: The latest message of every kind; of HOME_POSITION the last one before home was fixed.
+        home_fixed: Whether home is fixed. Whoever accepts a flight fixes it, and later homes are not used.
+        home_refused: The last HOME_POSITION after that.
         resets: Number of estimator resets: ODOMETRY counts one, or LOCAL_POSITION_NED jumps.
         reset_s: Time of the last reset.
         jumped_ned_m: The sum of all jumps.
-        jumped_boot_s: Time of the last jump, on the sender's clock.
+        jumped_boot_s: Time of the last jump, on the sender's clock; NaN before the first one.
         reboots: Number of restarts of the sender's clock.
         acceleration_ned_m_s2: Acceleration, smoothed over about 0.1 s.
         clock: The vehicle's clock, and how late its telemetry is.
@@ -82,11 +82,12 @@ class VehicleState(NamedTuple):
     """
 
     latest: Latest = MappingProxyType[type, Any]({})
-    home_taken: bool = False
+    home_fixed: bool = False
+    home_refused: Home | None = None
     resets: int = 0
     reset_s: float = -math.inf
     jumped_ned_m: Ned = STILL
-    jumped_boot_s: float = -math.inf
+    jumped_boot_s: float = math.nan
     reboots: int = 0
     acceleration_ned_m_s2: Ned = STILL
     clock: BootClock = BootClock()
@@ -146,8 +147,8 @@ def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:
     """Fold messages, oldest first, into the state.
 
     The messages must be plausible, as links deliver them. Local positions that are not newer than the last one are
-    ignored. So is a home reported in flight: PX4 moves it by up to 2 m every two seconds, and heights and fences refer
-    to home at arming.
+    ignored. So is a home reported after home was fixed: PX4 moves it by up to 2 m every two seconds, an operator may
+    set it anywhere, and heights and fences refer to the home that the flight was accepted with.
     """
     if not arrived:
         return state
@@ -155,6 +156,9 @@ def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:
     observed = VehicleState(latest, *state[1:])
     for message in arrived:
         change = _CHANGES.get(type(message))
+        if isinstance(message, Home) and observed.home_fixed:
+            observed = observed._replace(home_refused=message)
+            continue
         changed = observed if change is None else change(message, observed)
         if changed is not None:
             observed = changed
@@ -171,26 +175,15 @@ def _changed_by_odometry(now: Odometry, state: VehicleState) -> VehicleState:
     return state._replace(resets=state.resets + 1, reset_s=now.received_s)
 
 
-def _changed_by_heartbeat(now: Heartbeat, state: VehicleState) -> VehicleState:
-    """Take the known home of a vehicle that has just armed there, or that was armed before we connected."""
-    home = state.latest.get(Home)
-    local = state.latest.get(LocalPosition)
-    taken = now.armed and state.home_taken
-    if now.armed and not taken and home is not None:
-        connected_in_flight = state.latest.get(Heartbeat) is None  # the first home is the best one
-        near = local is not None and math.dist(home.position_ned_m, local.position_ned_m) <= _HERE_M
-        taken = connected_in_flight or (near and not state.armed)
-    return state if taken == state.home_taken else state._replace(home_taken=taken)
-
-
 def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleState | None:
     """A position shows a jump or a reboot; it is ignored if it is not new."""
     previous = state.latest.get(LocalPosition)
     clock = with_position(state.clock, now.received_s, now.time_boot_s)
     if previous is None:
         return state._replace(clock=clock)
-    step_s = now.time_boot_s - previous.time_boot_s
-    if step_s < -_REBOOT_S and not fits_former(state.clock, now.received_s, now.time_boot_s):
+    step_s = elapsed_s(previous.time_boot_s, now.time_boot_s)
+    restarted = step_s < -_REBOOT_S or step_s > now.received_s - previous.received_s + _DAY_S
+    if restarted and not fits_former(state.clock, now.received_s, now.time_boot_s):
         return state._replace(reboots=state.reboots + 1, clock=BootClock())
     if step_s <= 0.0:
         return None
@@ -215,7 +208,7 @@ def _changed_by_position(now: LocalPosition, state: VehicleState) -> VehicleStat
 
 def _smoothed(acceleration_ned_m_s2: Ned, previous: LocalPosition, now: LocalPosition) -> Ned:
     """Return the acceleration that two positions' velocities show, low-pass filtered; zero after a gap."""
-    step_s = now.time_boot_s - previous.time_boot_s
+    step_s = elapsed_s(previous.time_boot_s, now.time_boot_s)
     if step_s > _GAP_S:
         return STILL
     present = (now.velocity_ned_m_s - previous.velocity_ned_m_s) / step_s
@@ -230,9 +223,9 @@ def _contradicts(now: LocalPosition, state: VehicleState) -> bool:
         return False
     if fits_former(state.clock, now.received_s, now.time_boot_s):
         return True
-    if now.time_boot_s < state.jumped_boot_s:
+    if elapsed_s(state.jumped_boot_s, now.time_boot_s) < 0.0:
         return False  # older than a jump of the estimate
-    step_s = previous.time_boot_s - now.time_boot_s
+    step_s = elapsed_s(now.time_boot_s, previous.time_boot_s)
     steps = zip(previous.position_ned_m, now.position_ned_m, previous.velocity_ned_m_s, strict=True)
     apart_m = math.hypot(*(to - at - step_s * rate for to, at, rate in steps))
     return apart_m > _ASTRAY_M + _ASTRAY_M_S2 * step_s
@@ -248,11 +241,7 @@ def _contradicted(now: LocalPosition, state: VehicleState) -> VehicleState:
 
 _CHANGES: Final[Mapping[type, Callable[[Any, VehicleState], VehicleState | None]]] = {
     LocalPosition: _changed_by_position,
-    Home: lambda _, state: (
-        None if state.home_taken and state.armed else state._replace(home_taken=state.armed)
-    ),
     Odometry: _changed_by_odometry,
-    Heartbeat: _changed_by_heartbeat,
     messages.Timesync: lambda answer, state: state._replace(clock=with_answer(state.clock, answer)),
     messages.CommandAck: lambda _message, _state: None,
     messages.StatusText: lambda _message, _state: None,

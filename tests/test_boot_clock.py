@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from guidance.boot_clock import (
     LATE_S,
     LONGEST_S,
+    OFFSET_DRIFT,
     UNKNOWN_S,
     BootClock,
     with_answer,
@@ -42,7 +43,17 @@ def test_no_message_is_older_than_the_estimate_says_and_the_round_trip_bounds_it
     for number, more_s in enumerate(ways):
         down_s = least_s + more_s
         clock = heard(clock, 101.0 + number, down_s)
-        assert down_s - 1e-3 <= clock.delay_s <= down_s + up_s + 1e-3
+        drift_s = OFFSET_DRIFT * (1.0 + number + down_s)  # since the only answer
+        assert down_s - 1e-3 <= clock.delay_s <= down_s + up_s + drift_s + 1e-3
+
+
+def test_an_offset_grows_old_and_the_delay_with_it():
+    clock = with_answer(BootClock(), exchange(100.0, 0.0, 0.0))
+    for silence_s in (10.0, 100.0, 1000.0):
+        assert heard(clock, 100.0 + silence_s, 0.1).delay_s == pytest.approx(
+            0.1 + OFFSET_DRIFT * (silence_s + 0.1), abs=1e-6
+        )
+    assert heard(clock, 100.0 + 1.1 * LATE_S / OFFSET_DRIFT, 0.0).delay_s > LATE_S
 
 
 def test_a_constant_delay_shows_although_every_message_is_as_late_as_the_others():

@@ -88,3 +88,42 @@ def test_no_frame_before_home_is_known():
         local_frame(observe(VehicleState(), [Origin(1.0, 47.3, 8.4, 400.0)]), PX4.projection)
         is None
     )
+
+
+WRAP_S = 2.0**32 / 1e3
+
+
+def flown_across(stamps_s):
+    """Return the state of a vehicle that flies north at 5 m/s, its positions stamped so."""
+    flown = [
+        local(1.0 + 0.02 * n, stamp_s, (0.1 * n, 0.0, -10.0), (5.0, 0.0, 0.0))
+        for n, stamp_s in enumerate(stamps_s)
+    ]
+    return observe(VehicleState(), flown)
+
+
+def test_a_clock_of_32_bits_that_wraps_is_neither_a_reboot_nor_a_jump():
+    stamps_s = [(WRAP_S - 0.1 + 0.02 * n) % WRAP_S for n in range(11)]
+    state = flown_across(stamps_s)
+    assert (state.reboots, state.resets, state.contradicted_s) == (0, 0, ())
+    assert state.latest.get(LocalPosition).position_ned_m.north == pytest.approx(1.0)
+    assert state.acceleration_ned_m_s2 == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("uptime_days", [0.001, 10.0, 24.8, 24.9, 40.0, 48.0])
+def test_a_reboot_is_one_after_any_uptime(uptime_days):
+    uptime_s = 86_400.0 * uptime_days
+    assert flown_across([uptime_s, uptime_s + 0.02, 5.0]).reboots == 1
+
+
+def test_a_jump_before_the_wrap_and_a_position_after_it_are_in_order():
+    before_s = WRAP_S - 0.05
+    jumped = [
+        local(1.0, before_s),
+        local(1.02, before_s + 0.02, (7.0, 0.0, -10.0)),
+        local(1.1, 0.05, (7.0, 0.0, -10.0)),
+    ]
+    state = observe(VehicleState(), jumped)
+    assert (state.resets, state.reboots) == (1, 0)
+    late = observe(state, [local(1.12, before_s + 0.01, (0.0, 0.0, -10.0))])
+    assert late.contradicted_s == ()  # older than the jump

@@ -14,7 +14,14 @@ from guidance.autopilots.description import type_name
 from guidance.boot_clock import LATE_S
 from guidance.control import Limiter
 from guidance.cycle import Certificate
-from guidance.flight.heard import HOLD_S, Heard
+from guidance.flight.freshness import (
+    CHARGE_LIMIT_S,
+    HEARTBEAT_LIMIT_S,
+    HOLD_S,
+    NEEDED,
+    TELEMETRY_LIMIT_S,
+)
+from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import (
     HANDING_OVER,
@@ -24,7 +31,7 @@ from guidance.flight.table import (
     Event,
     State,
 )
-from guidance.messages import Attitude, Heartbeat, Home, LandedState, LocalPosition, SystemStatus
+from guidance.messages import Attitude, Heartbeat, Home, LocalPosition, Message, SystemStatus
 from guidance.vehicle import VehicleState
 
 if TYPE_CHECKING:
@@ -33,24 +40,9 @@ if TYPE_CHECKING:
 # MAV_SYS_STATUS_SENSOR bits that must be healthy if the autopilot reports them.
 _PREARM_CHECK = 1 << 28
 
-HEARTBEAT_LIMIT_S = 3.0
-TELEMETRY_LIMIT_S = 1.0
-
-_NEEDED: Final[Mapping[type, tuple[float, str]]] = {
-    Heartbeat: (HEARTBEAT_LIMIT_S, "check the vehicle's power and the link"),
-    LocalPosition: (
-        TELEMETRY_LIMIT_S,
-        "wait for the estimator's position; check that LOCAL_POSITION_NED is streamed",
-    ),
-    Attitude: (TELEMETRY_LIMIT_S, "check that ATTITUDE is streamed"),
-    LandedState: (2.0 * TELEMETRY_LIMIT_S, "check that EXTENDED_SYS_STATE is streamed"),
-    Home: (math.inf, "wait for a position fix: home is set with it"),
-}
-"""Messages needed for arming and engaging: the largest age, and advice where one is missing."""
-
 _TO_DO: Final[Mapping[str, str]] = {
     "autopilot": "check the vehicle's power, the link's URL, vehicle.system_id and vehicle.autopilot",
-    **{kind.__name__: advice for kind, (_, advice) in _NEEDED.items()},
+    **{kind.__name__: needed.advice for kind, needed in NEEDED.items()},
     "sender": "find what else sends with the vehicle's system id, or sign MAVLink",
     "delay": "use a faster link or request fewer streams on it; routers must pass TIMESYNC on; "
     "a simulator must run at the pace of real time",
@@ -79,12 +71,12 @@ def checks(
         else f"MAV_AUTOPILOT {beat.autopilot}, want {profile.autopilot_id}"
     )
     rows = [("autopilot", beat is not None and beat.autopilot == profile.autopilot_id, value)]
-    for kind, (limit_s, _) in _NEEDED.items():
+    for kind, needed in NEEDED.items():
+        if kind is Home and vehicle.home_fixed:
+            continue
         age_s = vehicle.age_s(kind, now_s)
-        if math.isfinite(age_s):
-            rows.append((kind.__name__, age_s <= limit_s, f"{age_s:.1f} s old"))
-        else:
-            rows.append((kind.__name__, False, "not heard"))
+        value = f"{age_s:.1f} s old" if math.isfinite(age_s) else "not heard"
+        rows.append((kind.__name__, age_s <= needed.limit_s, value))
     alone = not vehicle.has_second_sender(now_s)
     rows.append(("sender", alone, "alone" if alone else "positions of two senders"))
     delay_s = vehicle.clock.delay_s
@@ -161,7 +153,7 @@ class Stage:
         mode_left: The mode that an order is ending, until HEARTBEAT shows another one.
         chase_began_s: When the present chase began.
         operator_s: Time of the operator's last order or sign of life.
-        battery_was_low: Whether the operator ordered the hold with a low battery; it stands then.
+        battery_was_low: Whether the operator ordered the hold with a low or unknown battery; it stands then.
     """
 
     state: State = State.CONNECTING
@@ -237,6 +229,7 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     yield Event.OPERATOR_LOST, silent_s > allowed_s
     yield Event.OPERATOR_GONE, silent_s > allowed_s + settings.operator_return_s
     yield Event.BATTERY_LOW, heard.battery_is_low and not stage.battery_was_low
+    yield Event.BATTERY_UNKNOWN, heard.charge_is_old and not stage.battery_was_low
     # The inputs of the game.
     yield Event.ESTIMATOR_RESET, vehicle.resets != stage.resets_seen
     yield Event.LOOP_LATE, heard.dt_s > LATE_LOOP_S
@@ -308,7 +301,23 @@ def telemetry_refusal(vehicle: VehicleState, now_s: float) -> str:
     """Return why the vehicle's telemetry bars an engagement now; empty if it does not."""
     if vehicle.has_second_sender(now_s):
         return "two senders report as the vehicle: their positions contradict each other"
-    return lateness(vehicle) if is_late(vehicle, now_s) else ""
+    if is_late(vehicle, now_s):
+        return lateness(vehicle)
+    for kind, name in _READ_TO_ENGAGE.items():
+        limit_s = NEEDED[kind].limit_s
+        silence_s = vehicle.silence_s(kind, now_s)
+        if silence_s > limit_s:
+            return f"{name} was last heard {silence_s:.1f} s ago; at most {limit_s:g} s is allowed"
+    return ""
+
+
+_READ_TO_ENGAGE: Final[Mapping[type[Message], str]] = {
+    Heartbeat: "HEARTBEAT",
+    LocalPosition: "LOCAL_POSITION_NED",
+    Attitude: "ATTITUDE",
+    SystemStatus: "SYS_STATUS",
+}
+"""Messages that an engagement reads, also of a vehicle whose other checks passed at the start."""
 
 
 def _external_mode_change(now: Moment) -> bool:
@@ -435,6 +444,9 @@ _DETAILS: Final[Mapping[Event, Callable[[Moment], str]]] = {
     ),
     Event.LOOP_STOPPED: lambda now: (
         f"guidance stood still for {now.heard.dt_s:.1f} s, and the autopilot stopped waiting for setpoints"
+    ),
+    Event.BATTERY_UNKNOWN: lambda _: (
+        f"the charge is not known for {CHARGE_LIMIT_S:g} s: SYS_STATUS, or its charge, no longer comes"
     ),
     Event.MATE_SILENT: lambda now: (
         f"{now.heard.silent_mate(now.now_s)} is near and was not heard for {HOLD_S:g} s"

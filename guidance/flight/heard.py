@@ -13,7 +13,16 @@ from guidance import messages
 from guidance.autopilots import Mode
 from guidance.control.braking_law import Separation, Situation, measure_walls
 from guidance.cycle import CycleInputs
+from guidance.flight.freshness import (
+    CHARGE_LIMIT_S,
+    FORGOTTEN_S,
+    HEIGHT_ERROR_LIMIT_S,
+    HOLD_S,
+    SILENT_S,
+    TELEMETRY_LIMIT_S,
+)
 from guidance.flight.settings import FlightSettings, Inputs, TeamSection
+from guidance.flight.table import Event
 from guidance.flight.tracking import NOWHERE, Tracking
 from guidance.frames import Amsl, Enu, GameFrame, LocalFrame, Ned
 from guidance.game import StandOff
@@ -60,15 +69,6 @@ AGREEING_REPORTS: Final = 3
 A single one is not believed: autopilots send 0 % for a moment when a battery monitor starts or loses its bus.
 """
 
-SILENT_S: Final = 0.5
-"""A mate that is silent for longer is somewhere in a disc that grows with its top speed."""
-
-HOLD_S: Final = 2.0
-"""A mate nearby that is silent for longer pauses the game."""
-
-FORGOTTEN_S: Final = 10.0
-"""A mate that is silent for longer is left out."""
-
 _SWERVE_M_S2: Final = 5.0
 
 FASTEST_AIRCRAFT_M_S: Final = 60.0
@@ -113,9 +113,13 @@ class Heard:
         role: In the team; None without one.
         mates: Last state of every other vehicle of the team, by name.
         aircraft: In a team, the last state of other aircraft, by name.
-        new_aircraft: Aircraft that came into view in this cycle, in words.
+        told: What this cycle tells people and no state depends on, in words: aircraft that came into view, and where
+            home is reported instead of where the flight has it.
         battery_needed: Share of the charge below which it returns: on the ground for the whole fence, in flight from
             here.
+        charge_s: When the charge was last known; None if it never was.
+        charge_is_old: Whether it was known, and is no longer.
+        on_ground: Whether a fresh EXTENDED_SYS_STATE says on ground.
         battery_is_low: Whether the charge is below `battery_needed` in the last `AGREEING_REPORTS` SYS_STATUS. An
             unknown charge is not low.
         switched: Whether this cycle began to play against another evader.
@@ -145,13 +149,16 @@ class Heard:
         self.start_ned_m: Ned | None = None
         self.mates: dict[str, MateState] = {}
         self.aircraft: dict[str, MateState] = {}
-        self.new_aircraft: list[str] = []
+        self.told: list[tuple[Event, str]] = []
         self._aircraft_told_s = -math.inf
         self._no_aircraft_s: dict[str, float] = {}
         self.role: Role | None = None
         self.switched = False
         self._low_battery_reports = 0
         self.battery_is_low = False
+        self.charge_s: float | None = None
+        self.charge_is_old = False
+        self.on_ground = False
         self.battery_needed = settings.battery_minimum
         if settings.reserve is not None:
             self.battery_needed = settings.reserve.needed(
@@ -167,6 +174,10 @@ class Heard:
         self.vehicle = observe(self.vehicle, messages)
         if self.beats:
             self.mode = self._settings.autopilot.mode_of(self.beats[-1].custom_mode)
+
+    def fix_home(self) -> None:
+        """Keep home where it is from now on, and with it the fence and all heights."""
+        self.vehicle = self.vehicle._replace(home_fixed=True)
 
     def _without_other_beats(self, messages: Sequence[Message]) -> Sequence[Message]:
         """Count and drop HEARTBEATs that are not the configured autopilot's; `beats` keeps its own."""
@@ -199,7 +210,11 @@ class Heard:
         self.position_age_s = self.vehicle.age_s(LocalPosition, now_s)
         if self.position_age_s > ORDINARY_AGE_S or self._late_s > 0.0:
             self._react_late()
+        landed_s = self.vehicle.silence_s(messages.LandedState, now_s)
+        self.on_ground = self.vehicle.on_ground and landed_s <= 2.0 * TELEMETRY_LIMIT_S
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
+        other_home = self.tracking.other_home(self.vehicle)
+        self.told = [(Event.HOME_MOVED, other_home)] if other_home else []
         was_foreign = self.echo.foreign if self.beats else False
         echoes = [message for message in inputs.messages if isinstance(message, PositionTarget)]
         if echoes:
@@ -215,13 +230,13 @@ class Heard:
             self.battery_needed = reserve.needed(
                 math.dist(position_ned_m[:2], home[:2]), home[2] - position_ned_m[2]
             )
-        self.new_aircraft = []
         has_team = self._settings.team is not None
         for message in self.messages:
             if isinstance(message, messages.SystemStatus):
-                self._count_low_battery(message)
+                self._take_charge(message)
             elif has_team and isinstance(message, messages.Aircraft):
                 self._take_aircraft(message)
+        self.charge_is_old = self.charge_s is not None and now_s - self.charge_s > CHARGE_LIMIT_S
 
     def _hear_team(self, inputs: Inputs) -> None:
         """Keep the mates' states, and play against the evader that is assigned, at the assigned height."""
@@ -240,7 +255,9 @@ class Heard:
             self.cycle, game=replace(game, evader_speed_m_s=speed_m_s, standoff=disc)
         )
 
-    def _count_low_battery(self, status: messages.SystemStatus) -> None:
+    def _take_charge(self, status: messages.SystemStatus) -> None:
+        if not math.isnan(status.battery_remaining):
+            self.charge_s = status.received_s
         is_low = status.battery_remaining < self.battery_needed
         self._low_battery_reports = self._low_battery_reports + 1 if is_low else 0
         self.battery_is_low = self._low_battery_reports >= AGREEING_REPORTS
@@ -283,7 +300,8 @@ class Heard:
         told_ago_s = report.received_s - self._aircraft_told_s
         if before is None and state.name in self.aircraft and told_ago_s >= AIRCRAFT_TOLD_EVERY_S:
             self._aircraft_told_s = report.received_s
-            self.new_aircraft.append(f"{state.name}, {distance_m:.0f} m away, unsigned")
+            words = f"{state.name}, {distance_m:.0f} m away, unsigned"
+            self.told.append((Event.AIRCRAFT, words))
 
     def _forget_aircraft(self, now_s: float) -> None:
         """Leave out aircraft that are silent; what moved like none may be one again after that time."""
@@ -361,8 +379,11 @@ class Heard:
         if self.seen is None and local is not None and self.position_ned_m is not None:
             evader = self.tracking.evader(now_s)
             estimator = vehicle.latest.get(messages.EstimatorStatus)
-
-            height_sd_m = 0.0 if estimator is None else estimator.height_sd_m
+            height_sd_m = 0.0
+            if estimator is not None:
+                height_sd_m = estimator.height_sd_m
+                if now_s - estimator.received_s > HEIGHT_ERROR_LIMIT_S:
+                    height_sd_m = self.cycle.envelope.floor_margin_m
             evader_ned_m: Ned | None = None
             evader_velocity_ned_m_s: Ned | None = None
             if evader is not None:

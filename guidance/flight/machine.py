@@ -11,7 +11,8 @@ from collections.abc import Iterator, Sequence
 
 from guidance.autopilots import Finding, Mode, Verdict
 from guidance.flight import detection, table
-from guidance.flight.detection import TELEMETRY_LIMIT_S, Moment, Stage
+from guidance.flight.detection import Moment, Stage
+from guidance.flight.freshness import TELEMETRY_LIMIT_S
 from guidance.flight.heard import Heard
 from guidance.flight.sending import Asking, Playing
 from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
@@ -245,8 +246,8 @@ class Flight:
                     event = self._meant(order, now_s, refusals)
                 refused = Happening(now_s, order, stage.state, stage.state, by)
                 yield refused if event is None else self._change(now_s, event, by)
-        for words in self.heard.new_aircraft:
-            yield Happening(now_s, Event.AIRCRAFT, stage.state, stage.state, detail=words)
+        for told, words in self.heard.told:
+            yield Happening(now_s, told, stage.state, stage.state, detail=words)
         if not self.settings.hold_on_rival:
             before = self._rival
             self._rival = self.tracking.rival(now_s)
@@ -295,8 +296,8 @@ class Flight:
             self.cause = happening
             stage.battery_was_low = False
             if ordered and after is State.HOLDING:
-                # A hold ordered while the battery is already low stands.
-                stage.battery_was_low = self.heard.battery_is_low
+                # A hold ordered while the battery is already low, or not known, stands.
+                stage.battery_was_low = self.heard.battery_is_low or self.heard.charge_is_old
         if after is not before:
             stage.state = after
             stage.since_s = now_s
@@ -305,6 +306,8 @@ class Flight:
             stage.reboots_seen = self.heard.vehicle.reboots
             if after is State.ENGAGED and before is not State.PAUSED:
                 stage.chase_began_s = now_s
+            if after in table.ACCEPTED:
+                self.heard.fix_home()
             self.checked |= before is State.READY and after is not State.CHECKING
             self._claimed |= after not in BEFORE_FLIGHT | HANDING_OVER | table.FINAL
             mode_is_ours = before in BEFORE_FLIGHT or self.heard.mode in OUR_MODES[before]

@@ -55,14 +55,15 @@ def requests_in(state: State, settings: FlightSettings, heard: Heard) -> tuple[R
     home = heard.vehicle.latest.get(Home)
     frame = heard.tracking.local_frame
     match state:
-        case State.CHECKING:
-            positions = (
+        case State.CHECKING | State.READY:
+            # Both are sent once, or when they change: a lost message would leave an old place.
+            places = tuple(
                 autopilot.request_message(message) for message in (HOME_POSITION, GPS_GLOBAL_ORIGIN)
             )
-            return (*autopilot.stream_requests(), *positions)
+            return places if state is State.READY else (*autopilot.stream_requests(), *places)
         case State.ARMING:
             return (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
-        case State.CLIMBING if home is not None and heard.vehicle.on_ground:
+        case State.CLIMBING if home is not None and heard.on_ground:
             return (
                 autopilot.takeoff(
                     height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m

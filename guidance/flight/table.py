@@ -66,6 +66,7 @@ class Event(StrEnum):
     MATE_SILENT = "mate nearby is silent"
     ASSIGNED = "another evader assigned"
     AIRCRAFT = "another aircraft nearby"
+    HOME_MOVED = "home reported elsewhere"
     RIVAL = "second source of the evader's reports"
     SECOND_SENDER = "second source of the vehicle's telemetry"
     ESTIMATOR_RESET = "estimator reset"
@@ -76,6 +77,7 @@ class Event(StrEnum):
     LATE = "vehicle telemetry late"
     CONTACT = "telemetry and checks are good again"
     BATTERY_LOW = "battery low"
+    BATTERY_UNKNOWN = "battery no longer known"
     FENCE = "outside the fence"
     FLOOR = "below the floor"
     CEILING = "above the ceiling"
@@ -147,7 +149,7 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
     (_COMMANDING, (Event.FOREIGN, Event.RIVAL, Event.OPERATOR_LOST), State.HOLDING),
     (
         (*_COMMANDING, State.STANDING_BY, State.POSITIONING, State.HOLDING),
-        (Event.BATTERY_LOW,),
+        (Event.BATTERY_LOW, Event.BATTERY_UNKNOWN),
         State.RETURNING,
     ),
     ((State.STANDING_BY, State.HOLDING), (Event.OPERATOR_GONE,), State.RETURNING),
@@ -173,6 +175,9 @@ FINAL = frozenset({State.LANDED, State.YIELDED, State.FAILED})
 
 BEFORE_FLIGHT = frozenset({State.CONNECTING, *_FOUND})
 """States before take-off. A vehicle that is armed here was armed by someone else or just now by us."""
+
+ACCEPTED = frozenset({State.ARMING, State.STANDING_BY, State.ENTERING})
+"""States to which an accepted order to start or to engage leads. Home, fence and heights are fixed there."""
 
 SETPOINT_STATES = frozenset(_COMMANDING)
 """The only states with setpoints; all others are silent."""

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
+from guidance.boot_clock import elapsed_s
 from guidance.estimation import EvaderEstimate, Observer, add_report, in_new_frame, predict
 from guidance.estimation.measurement import TrackSettings
 from guidance.estimation.pace import FASTEST, SLOWEST
@@ -30,6 +31,9 @@ _SAME_M: Final = 0.5
 """A reported origin within this distance is accepted: it was rounded, or derived from home."""
 
 _STILL_REPORTS_S: Final = 2.0
+
+HOME_TOLD_M: Final = 3.0
+"""A home reported so far from the flight's own, and from the last one told, is told. PX4's wanders by up to 2 m."""
 
 _JUDGE_AGE_S: Final = 1.0
 """Without a global position this recent, the reported origin is accepted."""
@@ -71,6 +75,8 @@ class Tracking:
         self._reported_frame: LocalFrame | None = None
         self._jumped_ned_m = NOWHERE
         self._home: Home | None = None
+        self._other_home: Home | None = None
+        self._told_home_ned_m: Ned | None = None
         self.held_back_ned_m = NOWHERE
         self.home_ned_m: Ned | None = None
         self.local_frame: LocalFrame | None = None
@@ -104,6 +110,28 @@ class Tracking:
         for report in reports:
             name = "" if report.evader is None else report.evader
             self._take(name, report, frame, settings.get(name, settings[""]))
+
+    def other_home(self, vehicle: VehicleState) -> str:
+        """Return in words where home is reported instead of where the flight has it, once for each place."""
+        other = vehicle.home_refused
+        frame = self.local_frame
+        home_ned_m = self.home_ned_m
+        if other is None or other is self._other_home or frame is None or home_ned_m is None:
+            return ""
+        self._other_home = other
+        other_ned_m = frame.ned_from_wgs84(
+            other.latitude_deg, other.longitude_deg, Amsl(other.altitude_amsl_m)
+        )
+        told_ned_m = home_ned_m if self._told_home_ned_m is None else self._told_home_ned_m
+        if math.dist(other_ned_m, told_ned_m) <= HOME_TOLD_M:
+            return ""
+        self._told_home_ned_m = other_ned_m
+        level_m = math.dist(other_ned_m[:2], home_ned_m[:2])
+        above_m = home_ned_m[2] - other_ned_m[2]
+        return (
+            f"the autopilot's home is {level_m:.1f} m away from this flight's and {above_m:.1f} m above it; "
+            "the fence stays"
+        )
 
     def _take(
         self, name: str, report: EvaderReport, frame: LocalFrame, settings: TrackSettings
@@ -165,7 +193,7 @@ class Tracking:
         if local.received_s - position.received_s > _JUDGE_AGE_S:
             self.held_back_ned_m = NOWHERE
             return reported
-        if position.time_boot_s < vehicle.jumped_boot_s:
+        if elapsed_s(vehicle.jumped_boot_s, position.time_boot_s) < 0.0:
             return before  # older than the jump
         origin_ned_m = -1.0 * self.held_back_ned_m
         latitude_deg, longitude_deg, altitude = before.wgs84_from_ned(origin_ned_m)
@@ -280,7 +308,7 @@ def _is_same(before: LocalFrame, reported: LocalFrame) -> bool:
 
 def _apart_m(frame: LocalFrame, position: GlobalPosition, local: LocalPosition) -> float:
     """Distance between the vehicle's local and global positions in this frame."""
-    step_s = position.time_boot_s - local.time_boot_s
+    step_s = elapsed_s(local.time_boot_s, position.time_boot_s)
     advanced_ned_m = [
         metres + step_s * rate
         for metres, rate in zip(local.position_ned_m, local.velocity_ned_m_s, strict=True)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from guidance.control.polygon import Polygon
 from guidance.flight import FINAL, Event, Outputs, State
-from guidance.flight.detection import TELEMETRY_LIMIT_S
+from guidance.flight.freshness import TELEMETRY_LIMIT_S
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES, TRANSITIONS
 from guidance.frames import Amsl
 from guidance.messages import LocalPosition

@@ -18,6 +18,7 @@ from guidance.flight.detection import (
     telemetry_gap,
     telemetry_refusal,
 )
+from guidance.flight.freshness import NEEDED
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, Inputs
 from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS
@@ -26,10 +27,7 @@ from guidance.game import StandOff
 from guidance.messages import (
     Attitude,
     EstimatorStatus,
-    Heartbeat,
-    Home,
     LandedState,
-    LocalPosition,
 )
 from guidance.vehicle import VehicleState, observe
 from tests.flight.scenes import (
@@ -483,13 +481,16 @@ def row(name, vehicle, autopilot=PX4):
         ("sender", [], (True, "alone")),
         ("autopilot", [], (True, "MAV_AUTOPILOT 12, want 12")),
         ("autopilot", [heartbeat(autopilot=ARDUCOPTER)], (False, "MAV_AUTOPILOT 3, want 12")),
-        ("Heartbeat", [heartbeat(NOW_S - 3.0)], (True, "3.0 s old")),
+        ("Heartbeat", [heartbeat(NOW_S - 2.99)], (True, "3.0 s old")),
         ("Heartbeat", [heartbeat(NOW_S - 3.1)], (False, "3.1 s old")),
-        ("Attitude", [Attitude(NOW_S - 1.0, 0.0, 0.0)], (True, "1.0 s old")),
+        ("Attitude", [Attitude(NOW_S - 0.99, 0.0, 0.0)], (True, "1.0 s old")),
         ("Attitude", [Attitude(NOW_S - 1.1, 0.0, 0.0)], (False, "1.1 s old")),
-        ("LandedState", [LandedState(NOW_S - 2.0, 1)], (True, "2.0 s old")),
+        ("LandedState", [LandedState(NOW_S - 1.99, 1)], (True, "2.0 s old")),
         ("LandedState", [LandedState(NOW_S - 2.1, 1)], (False, "2.1 s old")),
-        ("Home", [heartbeat(armed=False), home(NOW_S - 1e4)], (True, "10000.0 s old")),
+        ("Home", [home(NOW_S - 9.9)], (True, "9.9 s old")),
+        ("Home", [home(NOW_S - 10.1)], (False, "10.1 s old")),
+        ("SystemStatus", [status(NOW_S - 2.9)], (True, "2.9 s old")),
+        ("SystemStatus", [status(NOW_S - 3.1)], (False, "3.1 s old")),
         ("delay", [], (True, "0.00 s")),
         ("prearm", [], (True, "healthy")),
         ("prearm", [status(healthy=PREARM - 1)], (False, "the autopilot's own checks fail")),
@@ -533,7 +534,7 @@ def test_a_delay_that_is_unknown_is_no_pass():
 
 def test_what_was_never_heard_passes_no_check():
     rows = checks(VehicleState(), PX4, NOW_S, battery_minimum=0.0)
-    kinds = [kind.__name__ for kind in (Heartbeat, LocalPosition, Attitude, LandedState, Home)]
+    kinds = [kind.__name__ for kind in NEEDED]
     assert [check.name for check in rows] == [
         "autopilot",
         *kinds,

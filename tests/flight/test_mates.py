@@ -6,7 +6,8 @@ import pytest
 
 from guidance.autopilots import PX4
 from guidance.control import Limiter
-from guidance.flight.heard import FORGOTTEN_S, HOLD_S, MOST_AIRCRAFT, Heard
+from guidance.flight.freshness import FORGOTTEN_S, HOLD_S
+from guidance.flight.heard import MOST_AIRCRAFT, Heard
 from guidance.flight.settings import Inputs, TeamSection
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.messages import Aircraft, EvaderReport, MateState, Origin, Role
@@ -152,7 +153,7 @@ def test_a_role_chooses_the_evader_its_speed_and_the_height():
 
 def test_of_a_crowd_of_phantoms_only_the_nearest_count_and_each_is_told_once():
     one = flown_beside(aircraft(40.0, name="near"))
-    assert [words.split(",")[0] for words in one.new_aircraft] == ["near"]
+    assert [words.split(",")[0] for _, words in one.told] == ["near"]
     for number in range(500):
         one.take_in(
             AT_S,
@@ -160,10 +161,10 @@ def test_of_a_crowd_of_phantoms_only_the_nearest_count_and_each_is_told_once():
             in_flight=True,
         )
         assert len(one.aircraft) <= MOST_AIRCRAFT
-        assert one.new_aircraft == []  # one note a second
+        assert one.told == []  # one note a second
     assert one.aircraft.keys() == {"near", *(f"system {number}" for number in range(7))}
     one.take_in(AT_S, Inputs(messages=[aircraft(100.0, name="system 0")]), in_flight=True)
-    assert one.new_aircraft == []
+    assert one.told == []
 
 
 def test_what_leaps_as_no_aircraft_can_is_none():

@@ -6,6 +6,7 @@ from itertools import pairwise
 import pytest
 
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
+from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HOME_POSITION
 from guidance.cycle import Violation
 from guidance.flight import FINAL, EngageOn, Event, FlightSettings, State
 from guidance.flight.heard import Heard
@@ -288,6 +289,7 @@ def heard_of(settings, vehicle, mode=None):
     heard = Heard(settings)
     heard.vehicle = vehicle
     heard.mode = mode
+    heard.on_ground = vehicle.on_ground
     return heard
 
 
@@ -332,6 +334,9 @@ def test_each_state_asks_for_what_it_needs_and_for_nothing_that_is_there(state, 
         assert requests_in(state, settings, heard_of(settings, vehicle, Mode.OTHER)) == ()
     elif state is State.CHECKING:
         assert len(requests) == len(autopilot.streams_hz) + 2
+    elif state is State.READY:
+        asked = [request.params[0] for request in requests]
+        assert asked == [HOME_POSITION, GPS_GLOBAL_ORIGIN]
     else:
         assert requests == ()
 

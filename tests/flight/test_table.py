@@ -99,7 +99,7 @@ def test_no_line_leads_to_where_it_began():
 
 def test_every_state_can_be_reached_and_every_event_does_something():
     assert {State.CONNECTING, *TRANSITIONS.values()} == set(State)
-    only_told = {Event.AIRCRAFT}
+    only_told = {Event.AIRCRAFT, Event.HOME_MOVED}
     assert {event for _, event in TRANSITIONS} == set(Event) - only_told
 
 
@@ -165,6 +165,7 @@ BY_EVENT = {
     Event.CEILING: {S.HOLDING: COMMANDING},
     Event.STAND_OFF: {S.HOLDING: COMMANDING},
     Event.AIRCRAFT: {},
+    Event.HOME_MOVED: {},
     Event.LATE: {S.HOLDING: COMMANDING},
     Event.SECOND_SENDER: {S.HOLDING: COMMANDING},
     Event.FOREIGN: {S.HOLDING: COMMANDING},
@@ -173,6 +174,7 @@ BY_EVENT = {
     Event.OPERATOR_GONE: {S.RETURNING: {S.STANDING_BY, S.HOLDING}},
     Event.LOOP_STOPPED: {S.YIELDED: COMMANDING},
     Event.BATTERY_LOW: {S.RETURNING: COMMANDING | {S.STANDING_BY, S.POSITIONING, S.HOLDING}},
+    Event.BATTERY_UNKNOWN: {S.RETURNING: COMMANDING | {S.STANDING_BY, S.POSITIONING, S.HOLDING}},
     Event.PILOT: {S.YIELDED: FLOWN | {S.ARMING}},
     Event.REBOOTED: {S.YIELDED: FLOWN | {S.ARMING}},
     Event.TELEMETRY_LOST: {

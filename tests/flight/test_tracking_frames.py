@@ -25,37 +25,16 @@ from guidance.messages import (
 from guidance.vehicle import VehicleState, observe
 from tests.flight.flown import CYCLE_S, Flown, outcome_of
 from tests.flight.recorded import messages
-from tests.flight.scenes import BOTH, HOME_DOWN_M, SETTINGS, local, settings_of
+from tests.flight.scenes import BOTH, HOME_DOWN_M, SETTINGS, settings_of
 from tests.harness.examples import drawn
 
 ZERO = LocalFrame(47.397742, 8.545594, Amsl(488.0), projection=PX4.projection)
 NORTH_M = 60.0
 
 
-def homes(said):
-    return [message for message in said if isinstance(message, Home)]
-
-
-@pytest.mark.parametrize("autopilot", BOTH)
-def test_a_real_flights_home_stays_where_it_was_when_the_vehicle_armed(autopilot):
-    vehicle = VehicleState()
-    kept = set()
-    armed_with = None
-    said = list(messages(autopilot.name, autopilot.autopilot_id))
-    for message in said:
-        before = vehicle
-        vehicle = observe(vehicle, [message])
-        if vehicle.armed:
-            armed_with = armed_with or before.latest.get(Home)
-            kept.add(vehicle.latest.get(Home))
-    assert kept == {armed_with}
-    # Its ODOMETRY counts one, in the climb; no position jumps
-    assert vehicle.resets == (autopilot is PX4)
-    assert vehicle.jumped_ned_m == (0.0, 0.0, 0.0)
-
-
 def test_the_real_px4s_home_wandered_meanwhile():
-    heights_m = [home.altitude_amsl_m for home in homes(messages("px4", 12))]
+    homes = [message for message in messages("px4", 12) if isinstance(message, Home)]
+    heights_m = [home.altitude_amsl_m for home in homes]
     assert len(set(heights_m)) > 15
     assert max(heights_m) - min(heights_m) > 1.5
 
@@ -73,6 +52,7 @@ def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopi
         projection=autopilot.projection,
     )
     due_s = 0.0
+    armed = False
     floors = set()
     silences = []
     places = []
@@ -97,6 +77,9 @@ def test_in_a_real_flight_the_track_never_begins_anew_and_the_floor_stays(autopi
                 )
             )
             due_s += 0.1
+        if flight.vehicle.armed and not armed:
+            flight.heard.fix_home()  # as an accepted start does, before the vehicle arms
+        armed = flight.vehicle.armed
         flight.step(message.received_s, Inputs([message], reports))
         outcomes[outcome_of(flight)] += 1 if reports else 0
         if not flight.vehicle.armed:
@@ -283,59 +266,23 @@ def test_a_home_that_wanders_in_flight_changes_nothing_at_all(wanders):
     assert restless.outcomes == still.outcomes
 
 
-def armed(at_s, *, is_armed):
-    return Heartbeat(at_s, 0, is_armed, 4, 12)
+@pytest.mark.parametrize("armed", [False, True])
+def test_until_a_flight_is_accepted_home_follows_and_from_then_on_it_stays(armed):
+    def home_at(at_s, north_m):
+        return Home(at_s, 47.397742, 8.545594, 488.0, Ned((north_m, 0.0, 0.0)))
 
+    def north_m(state):
+        return state.latest.get(Home).position_ned_m.north
 
-def home_at(at_s, north_m):
-    return Home(at_s, 47.397742, 8.545594, 488.0, Ned((north_m, 0.0, 0.0)))
-
-
-def local_here():
-    return local(1.0, (0.0, 0.0, 0.0))
-
-
-@pytest.mark.parametrize(
-    ("said", "north_m"),
-    [
-        (
-            [local_here(), armed(1, is_armed=False), home_at(1, 0.1), home_at(2, 0.3)],
-            0.3,
-        ),  # on the ground it follows
-        (
-            [
-                local_here(),
-                armed(1, is_armed=False),
-                home_at(1, 0.1),
-                armed(2, is_armed=True),
-                home_at(3, 0.5),
-            ],
-            0.1,
-        ),
-        # The home of another place gives way to the one that arming sets, and to that one only.
-        (
-            [
-                local_here(),
-                armed(1, is_armed=False),
-                home_at(1, 90.0),
-                armed(2, is_armed=True),
-                home_at(3, 0.5),
-                home_at(4, 0.7),
-            ],
-            0.5,
-        ),
-        # Joined in flight: the first.
-        ([armed(1, is_armed=True), home_at(2, 70.0), home_at(3, 71.0)], 70.0),
-        ([home_at(0, 70.0), armed(1, is_armed=True), home_at(3, 71.0)], 70.0),
-        # And after landing it follows again.
-        (
-            [armed(1, is_armed=True), home_at(2, 70.0), armed(3, is_armed=False), home_at(4, 71.0)],
-            71.0,
-        ),
-    ],
-)
-def test_which_home_is_a_flights(said, north_m):
-    assert observe(VehicleState(), said).latest.get(Home).position_ned_m[0] == north_m
+    beats = [Heartbeat(at_s, 0, armed, 4, 12) for at_s in (1.0, 2.0)]
+    before = observe(VehicleState(), [home_at(0.5, 70.0), *beats, home_at(2.5, 71.0)])
+    assert north_m(before) == 71.0
+    accepted = before._replace(home_fixed=True)
+    after = observe(
+        accepted, [home_at(3.0, 0.0), Heartbeat(3.5, 0, True, 4, 12), home_at(4.0, 9.0)]
+    )
+    assert north_m(after) == 71.0
+    assert after.home_refused == home_at(4.0, 9.0)
 
 
 def test_events_of_the_real_px4_in_a_flight_that_is_on_pause_nothing():
@@ -354,7 +301,8 @@ def test_events_of_the_real_px4_in_a_flight_that_is_on_pause_nothing():
 
 def test_without_a_global_position_what_is_told_is_believed():
     tracking = Tracking(SETTINGS)
-    tracking.observe(observe(VehicleState(), [home_at(0.0, 0.0), told(ZERO, 0.0)]), [])
+    home = Home(0.0, 47.397742, 8.545594, 488.0, Ned((0.0, 0.0, 0.0)))
+    tracking.observe(observe(VehicleState(), [home, told(ZERO, 0.0)]), [])
     other = moved_zero_of((50.0, 0.0, 0.0))
-    tracking.observe(observe(VehicleState(), [home_at(0.0, 0.0), told(other, 1.0)]), [])
+    tracking.observe(observe(VehicleState(), [home, told(other, 1.0)]), [])
     assert tracking.local_frame == other

@@ -219,6 +219,8 @@ def texts_of(outputs: Outputs, unit: str) -> list[_Text]:
         if happening.after is not happening.before:
             words = f"guidance: {_change_words(happening, outputs.certificate, unit)}"
             texts.append(_Text(severity_of(happening), words))
+        elif happening.event is Event.HOME_MOVED:
+            texts.append(_Text(WARNING, f"guidance: {happening.words}"))
     return texts
 
 

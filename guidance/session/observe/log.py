@@ -10,7 +10,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, Final, TextIO
 
-from guidance.flight import Outputs
+from guidance.flight import Event, Outputs
 from guidance.log.codec import plain
 from guidance.log.sink import Report, Sink
 from guidance.screen import PrintableConsole, aged, live
@@ -136,4 +136,7 @@ def say_outputs(log: Sink, outputs: Outputs) -> None:
             "state": happening.after,
             "now_s": round(happening.now_s, 3),
         }
+        if happening.event is Event.HOME_MOVED:
+            level = logging.WARNING
+            fields["detail"] = happening.detail
         log.say(level, str(happening.event), fields)

@@ -8,7 +8,7 @@ SEVERE: Final = frozenset({
     Event.PILOT, Event.FOREIGN, Event.TELEMETRY_LOST, Event.LATE, Event.SECOND_SENDER,
     Event.EVADER_LOST, Event.ESTIMATOR_RESET, Event.LOOP_LATE,
     Event.OPERATOR_LOST, Event.OPERATOR_GONE, Event.RIVAL,
-    Event.BATTERY_LOW, Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF,
+    Event.BATTERY_LOW, Event.BATTERY_UNKNOWN, Event.FENCE, Event.FLOOR, Event.CEILING, Event.STAND_OFF,
     Event.POLICY_FAILED,
     Event.NO_GAME, Event.REBOOTED, Event.TIMED_OUT, Event.CHASE_TIMED_OUT, Event.ABORT, Event.FAULT,
 })  # fmt: skip

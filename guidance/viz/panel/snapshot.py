@@ -22,7 +22,7 @@ from guidance.control.follow import gaps_to_disc
 from guidance.cycle import Certificate, Violation
 from guidance.errors import GuidanceError
 from guidance.flight import Event, FlightSettings, State
-from guidance.flight.detection import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S
+from guidance.flight.freshness import HEARTBEAT_LIMIT_S, TELEMETRY_LIMIT_S
 from guidance.flight.table import SETPOINT_STATES, state_words
 from guidance.frames import ned_from_game
 from guidance.game import Winner

@@ -1,0 +1,106 @@
+"""The place of the fence: fixed when a flight is accepted. A home that is reported later is told and not used."""
+
+import math
+
+import pytest
+
+from guidance.autopilots import PX4
+from guidance.autopilots.description import HOME_POSITION
+from guidance.flight import Event, State
+from guidance.flight.tracking import HOME_TOLD_M
+from guidance.frames import Amsl, Ned
+from guidance.messages import Command, Home
+from tests.flight.flown import Flown
+from tests.flight.scenes import HOME_DOWN_M
+from tests.harness.sortie import Sorties, Stepped
+
+DO_SET_HOME = 179
+
+
+@pytest.fixture(scope="module")
+def sorties():
+    made = Sorties(Stepped)
+    yield made
+    made.close()
+
+
+def set_home(sortie, north_m, east_m):
+    """Set the autopilot's home, as a ground station does."""
+    frame = sortie.flight.tracking.local_frame
+    latitude_deg, longitude_deg, altitude = frame.wgs84_from_ned(Ned((north_m, east_m, 0.0)))
+    params = (0.0, 0.0, 0.0, 0.0, latitude_deg, longitude_deg, altitude.metres)
+    link = sortie.world.links["pursuer"]
+    link.request(Command(DO_SET_HOME, params, frame=0))
+    sortie.run(1.0)
+    link.request(PX4.request_message(HOME_POSITION))
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "arducopter"])
+@pytest.mark.parametrize("beside_m", [0.0, 5.0])
+def test_a_home_that_is_set_in_flight_moves_no_fence_and_is_told(sorties, autopilot, beside_m):
+    sortie = sorties(autopilot)
+    sortie.until(State.READY)
+    set_home(sortie, beside_m, 0.0)
+    sortie.run(4.0)
+    assert sortie.flight.tracking.home_ned_m[0] == pytest.approx(beside_m, abs=0.3)
+    sortie.standing_by()
+    placed_ned_m = sortie.flight.heard.cycle.envelope.home_ned_m
+    assert placed_ned_m[0] == pytest.approx(beside_m, abs=0.3)
+    set_home(sortie, 0.0, 35.0)
+    sortie.run(8.0)
+    assert sortie.mock.autopilot.state.home_m[1] == pytest.approx(35.0, abs=0.5)
+    assert sortie.flight.heard.cycle.envelope.home_ned_m == placed_ned_m
+    assert sortie.flight.tracking.home_ned_m == placed_ned_m
+    told = [happening for happening in sortie.happenings if happening.event is Event.HOME_MOVED]
+    away_m = math.hypot(beside_m, 35.0)
+    assert [f"{away_m:.0f}" in happening.detail.split(" m away")[0] for happening in told] == [True]
+
+
+def home_at(flight, place_m):
+    latitude_deg, longitude_deg, altitude = flight.flight.tracking.local_frame.wgs84_from_ned(
+        Ned(place_m)
+    )
+    assert isinstance(altitude, Amsl)
+    return Home(flight.now_s, latitude_deg, longitude_deg, altitude.metres, Ned(place_m))
+
+
+def test_the_home_at_the_start_order_stays_whatever_is_reported_while_the_vehicle_arms():
+    flight = Flown()
+    flight.cycle()
+    flight.cycle()
+    assert flight.state is State.READY
+    flight.cycle(Event.START)
+    assert flight.state is State.ARMING
+    flight.cycle(more=[home_at(flight, (1.0, 0.0, HOME_DOWN_M))])
+    assert flight.flight.tracking.home_ned_m == (0.0, 0.0, HOME_DOWN_M)
+
+
+def test_a_home_that_is_reported_elsewhere_is_told_once_for_each_place():
+    flight = Flown().standing_by()
+    near = (0.9 * HOME_TOLD_M, 0.0, HOME_DOWN_M)
+    far = (35.0, 0.0, HOME_DOWN_M)
+    back = (0.0, 0.0, HOME_DOWN_M)
+    told = []
+    for place_m in (near, near, far, far, back, far):
+        outputs = flight.cycle(more=[home_at(flight, place_m)])
+        told.append([one.event for one in outputs.happenings] == [Event.HOME_MOVED])
+    assert told == [False, False, True, False, True, True]
+    assert flight.flight.tracking.home_ned_m == (0.0, 0.0, HOME_DOWN_M)
+    assert flight.state is State.STANDING_BY
+
+
+def test_a_vehicle_handed_over_before_a_flight_was_accepted_is_engaged_about_the_home_of_then():
+    flight = Flown()
+    flight.armed = True
+    flight.landed = 2
+    flight.position[2] = HOME_DOWN_M - 10.0
+    flight.cycle()
+    flight.cycle(Event.HOLD)
+    assert flight.state is State.HOLDING
+    moved = (8.0, 0.0, HOME_DOWN_M)
+    flight.cycle(more=[home_at(flight, moved)])
+    assert flight.flight.tracking.home_ned_m == moved
+    flight.cycle(Event.ENGAGE)
+    assert flight.state is State.ENTERING
+    flight.cycle(more=[home_at(flight, (0.0, 0.0, HOME_DOWN_M))])
+    assert flight.flight.tracking.home_ned_m == moved
