@@ -21,6 +21,7 @@ from guidance.cli.vehicle_setup import schema_of
 from guidance.control import Limiter
 from guidance.cycle import Violation
 from guidance.flight import ORDERS, Event, State
+from guidance.flight.freshness import AGES
 from guidance.flight.table import FINAL, SETPOINT_STATES, TRANSITIONS
 from guidance.links.ros_types import ODOMETRY, POSE_STAMPED
 from guidance.log.broadcast import broadcast_key
@@ -63,10 +64,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Fill in the flight's table, and point links out of `docs` into the site."""
-    return site_links(
-        markdown.replace("<!-- the flight's table -->", failures()), page.file.src_uri
-    )
+    """Fill in the tables of the flight, and point links out of `docs` into the site."""
+    for mark, write in TABLES.items():
+        markdown = markdown.replace(mark, write())
+    return site_links(markdown, page.file.src_uri)
 
 
 def site_links(markdown: str, uri: str) -> str:
@@ -286,6 +287,18 @@ def failures() -> str:
             if row[2] in map(str, ended)
         ],
     )
+
+
+def ages() -> str:
+    """List every value that a safety rule reads, and what happens when it is old."""
+    return table(("value", "message", "on the ground", "in flight"), AGES)
+
+
+TABLES: Mapping[str, Callable[[], str]] = {
+    "<!-- the flight's table -->": failures,
+    "<!-- the table of ages -->": ages,
+}
+"""Tables of pages in `docs` that are read from the code, by their place."""
 
 
 def _ordered(event: Event) -> bool:

@@ -24,6 +24,7 @@ import typer
 from click.testing import CliRunner
 
 from guidance.cli.program import app as guidance_app
+from guidance.flight.freshness import AGES
 from guidance.log.entries import CYCLE
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario_file import json_schema
@@ -260,6 +261,16 @@ def test_the_pages_made_of_the_code_name_every_key_and_every_option():
     assert all(f"| `{name}` |" in pages["reference/outcome.md"] for name in Outcome._fields)
     assert "external mode change" in hooks["failures"]()
     assert "`guidance_lateness_seconds`" in pages["reference/metrics.md"]
+
+
+def test_the_table_of_ages_is_the_codes():
+    hooks = runpy.run_path(str(DOCS / "hooks.py"), run_name="hooks")
+    page = DOCS / "explanation" / "when-things-fail.md"
+    text = page.read_text(encoding="utf-8")
+    assert all(text.count(mark) == 1 for mark in hooks["TABLES"])
+    shown = hooks["TABLES"]["<!-- the table of ages -->"]()
+    assert [row for row in AGES if f"| {' | '.join(row)} |" not in shown] == []
+    assert len(shown.strip().splitlines()) == len(AGES) + 2
 
 
 def test_the_unit_file_is_right(tmp_path):

@@ -28,6 +28,7 @@ from guidance.autopilots import (
 from guidance.autopilots.description import AUTOPILOT_VERSION, type_name
 from guidance.autopilots.rules import Judgement, Quantity, Rule, finding_of
 from guidance.control.polygon import Point
+from guidance.flight.freshness import known
 from guidance.frames import Amsl, LocalFrame, Projection
 from guidance.messages import (
     AutopilotVersion,
@@ -210,7 +211,13 @@ class PreflightMemory:
     def facts(
         self, vehicle: VehicleState, now_s: float, other_beat: Heartbeat | None = None
     ) -> Facts:
-        """Return the facts at `now_s`; `other_beat` is a HEARTBEAT that the flight did not accept."""
+        """Return the facts at `now_s`, without telemetry that is too old to judge by.
+
+        Args:
+            vehicle: State from telemetry.
+            now_s: The present.
+            other_beat: A HEARTBEAT that the flight did not accept.
+        """
         rates_hz = {}
         for kind, times_s in self._arrivals.items():
             arrivals = sum(now_s - at_s <= COUNTED_S for at_s in times_s)
@@ -223,7 +230,7 @@ class PreflightMemory:
                 for name, parameter in read
                 if parameter.param_type is not None
             },
-            vehicle=vehicle,
+            vehicle=known(vehicle, now_s),
             rates_hz=rates_hz,
             evader_amsl_m=self._evader_amsl_m,
             uploaded=self._fence.found,

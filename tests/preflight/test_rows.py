@@ -455,7 +455,7 @@ def test_facts_are_all_that_was_heard():
     facts = memory.facts(vehicle, 3.0, other)
     assert facts.parameters == {"A": 1.0, "B": 2.0}
     assert facts.parameter_types == {"A": 6}
-    assert facts.vehicle is vehicle
+    assert facts.vehicle == vehicle
     assert facts.other_beat is other
     assert facts.version == firmware(1, 17, 0)
     assert facts.evader_amsl_m == 490.0
