@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
-from guidance.autopilots.rules import Quantities, Rule
+from guidance.autopilots.rules import Quantities, Quantity, Rule
 from guidance.control import Handling, Speeds
 from guidance.frames import Projection
 from guidance.messages import Command, Heartbeat
@@ -98,7 +98,7 @@ class Autopilot:
         unused: Value of a command's unused parameters.
         takeoff_frame: Datum of NAV_TAKEOFF's altitude.
         stream_before_guided: Whether it grants the guided mode only while setpoints arrive.
-        setpoint_timeout_s: How long it waits for setpoints, by default.
+        setpoint_timeout_s: How long it waits for setpoints, until its parameter is read (`loss_times`).
         waits_in_guided: Whether it stays in the guided mode and hovers when setpoints stop.
         prearm_always_told: Whether SYS_STATUS reports the arming checks in `health` even if `present` lacks the bit.
         streams_hz: Requested rate of each message id.
@@ -135,6 +135,16 @@ class Autopilot:
     mock: str
     mock_speeds: Callable[[Speeds], Mapping[str, float]] = lambda _: {}
     vehicle_types: frozenset[int] = MULTICOPTERS
+
+    @property
+    def loss_times(self) -> Mapping[str, float]:
+        """The parameters that say how long it waits for setpoints, in any version, and their units in seconds."""
+        return {
+            rule.name: rule.unit
+            for version in self.versions
+            for rule in version.rules
+            if rule.quantity == Quantity.LOSS_TIME
+        }
 
     def speaks(self, beat: Heartbeat) -> bool:
         """Return whether a HEARTBEAT is from this autopilot, in a vehicle that may be flown."""

@@ -19,6 +19,7 @@ from guidance.flight.freshness import (
     HEARTBEAT_LIMIT_S,
     HOLD_S,
     NEEDED,
+    STATUS_LIMIT_S,
     TELEMETRY_LIMIT_S,
 )
 from guidance.flight.heard import Heard
@@ -38,7 +39,11 @@ if TYPE_CHECKING:
     from guidance.control.braking_law import Wall
 
 # MAV_SYS_STATUS_SENSOR bits that must be healthy if the autopilot reports them.
+_GPS = 1 << 5
 _PREARM_CHECK = 1 << 28
+
+JUDGED_AFTER_S: Final = 1.0
+"""From then on, since HEARTBEAT showed a mode, the autopilot's own check is of it: ArduPilot checks once a second."""
 
 _TO_DO: Final[Mapping[str, str]] = {
     "autopilot": "check the vehicle's power, the link's URL, vehicle.system_id and vehicle.autopilot",
@@ -98,7 +103,7 @@ def _prearm_check(
 ) -> tuple[bool, str]:
     """Return whether the autopilot's own checks do not bar arming, and what they say."""
     if status.sensors_health & _PREARM_CHECK:
-        return True, "healthy"
+        return _healthy_elsewhere(status, profile, beat)
     failure = "the autopilot's own checks fail"
     if not (profile.prearm_always_told or status.sensors_present & _PREARM_CHECK):
         return True, failure
@@ -110,6 +115,32 @@ def _prearm_check(
         # refuses by itself what really is wrong.
         return True, "of a mode that misses setpoints; asked again as it arms"
     return False, failure
+
+
+def _healthy_elsewhere(
+    status: SystemStatus, profile: Autopilot, beat: Heartbeat | None
+) -> tuple[bool, str]:
+    """Judge a check that passes: in a mode that needs no position it says nothing about the one that is armed in."""
+    if beat is None or beat.armed or profile.mode_of(beat.custom_mode) is profile.arming_mode:
+        return True, "healthy"
+    title = profile.mode_title(profile.arming_mode)
+    if status.sensors_present & _GPS and not status.sensors_health & _GPS:
+        return False, f"healthy in this mode, but GPS is not, which {title} needs"
+    return True, f"healthy in this mode; read again in {title} before it arms"
+
+
+def arming_refusal(heard: Heard, profile: Autopilot, now_s: float) -> str:
+    """Return why arming is not requested; empty if the mode to arm in is shown and the check made in it passes."""
+    title = profile.mode_title(profile.arming_mode)
+    if heard.mode is not profile.arming_mode:
+        return f"HEARTBEAT does not show {title}"
+    status = heard.vehicle.latest.get(SystemStatus)
+    if status is None or heard.vehicle.age_s(SystemStatus, now_s) > STATUS_LIMIT_S:
+        return "SYS_STATUS is not heard"
+    if status.received_s < heard.mode_since_s + JUDGED_AFTER_S:
+        return f"SYS_STATUS does not show the autopilot's own check of {title} yet"
+    passes, found = _prearm_check(status, profile, heard.vehicle.latest.get(Heartbeat))
+    return "" if passes else f"{found} in {title}"
 
 
 def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
@@ -129,6 +160,10 @@ def telemetry_gap(vehicle: VehicleState, now_s: float) -> str:
 
 
 LATE_LOOP_S = 0.25
+
+LOSS_SPARE_S = 0.05
+"""Setpoints reach the autopilot by so much less evenly than they are sent."""
+
 _AT_START_M = 1.0
 _AT_START_M_S = 0.4
 _AT_HEIGHT_M = 0.7
@@ -207,7 +242,7 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     yield Event.TELEMETRY_LOST, _telemetry_lost(now)
     beat = vehicle.latest.get(Heartbeat)
     yield Event.DISARMED, beat is not None and not beat.armed and beat.received_s > stage.since_s
-    yield Event.LOOP_STOPPED, heard.dt_s >= settings.autopilot.setpoint_timeout_s
+    yield Event.LOOP_STOPPED, has_stopped(heard)
     yield Event.LATE, is_late(vehicle, now.now_s)
     yield Event.SECOND_SENDER, vehicle.has_second_sender(now.now_s)
     yield Event.FOREIGN, heard.foreign
@@ -257,6 +292,11 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
         Event.CHASE_TIMED_OUT,
         now.now_s - stage.chase_began_s > (settings.longest_chase_s or math.inf),
     )
+
+
+def has_stopped(heard: Heard) -> bool:
+    """Whether the last cycle is so long ago that the autopilot may have stopped waiting for setpoints."""
+    return heard.dt_s >= heard.setpoint_timeout_s - LOSS_SPARE_S
 
 
 def _other_autopilot(now: Moment) -> str:
@@ -443,7 +483,13 @@ _DETAILS: Final[Mapping[Event, Callable[[Moment], str]]] = {
         "the vehicle disarmed while guidance flew it" if now.stage.state in SETPOINT_STATES else ""
     ),
     Event.LOOP_STOPPED: lambda now: (
-        f"guidance stood still for {now.heard.dt_s:.1f} s, and the autopilot stopped waiting for setpoints"
+        f"the autopilot waits for setpoints for {now.heard.setpoint_timeout_s:g} s, "
+        f"and guidance stood still for {now.heard.dt_s:.1f} s"
+    ),
+    Event.TIMED_OUT: lambda now: (
+        ""
+        if now.stage.state is not State.ARMING
+        else arming_refusal(now.heard, now.settings.autopilot, now.now_s)
     ),
     Event.BATTERY_UNKNOWN: lambda _: (
         f"the charge is not known for {CHARGE_LIMIT_S:g} s: SYS_STATUS, or its charge, no longer comes"

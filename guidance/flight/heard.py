@@ -113,6 +113,8 @@ class Heard:
         role: In the team; None without one.
         mates: Last state of every other vehicle of the team, by name.
         aircraft: In a team, the last state of other aircraft, by name.
+        mode_since_s: Since when HEARTBEAT shows that mode.
+        setpoint_timeout_s: How long the autopilot waits for setpoints, as its parameter was last heard.
         told: What this cycle tells people and no state depends on, in words: aircraft that came into view, and where
             home is reported instead of where the flight has it.
         battery_needed: Share of the charge below which it returns: on the ground for the whole fence, in flight from
@@ -149,6 +151,8 @@ class Heard:
         self.start_ned_m: Ned | None = None
         self.mates: dict[str, MateState] = {}
         self.aircraft: dict[str, MateState] = {}
+        self.mode_since_s = math.inf
+        self.setpoint_timeout_s = settings.autopilot.setpoint_timeout_s
         self.told: list[tuple[Event, str]] = []
         self._aircraft_told_s = -math.inf
         self._no_aircraft_s: dict[str, float] = {}
@@ -172,8 +176,11 @@ class Heard:
             messages = self._without_other_beats(messages)
         self.messages = messages
         self.vehicle = observe(self.vehicle, messages)
-        if self.beats:
-            self.mode = self._settings.autopilot.mode_of(self.beats[-1].custom_mode)
+        for beat in self.beats:
+            mode = self._settings.autopilot.mode_of(beat.custom_mode)
+            if mode is not self.mode:
+                self.mode = mode
+                self.mode_since_s = beat.received_s
 
     def fix_home(self) -> None:
         """Keep home where it is from now on, and with it the fence and all heights."""
@@ -230,13 +237,21 @@ class Heard:
             self.battery_needed = reserve.needed(
                 math.dist(position_ned_m[:2], home[:2]), home[2] - position_ned_m[2]
             )
+        self._take_messages()
+        self.charge_is_old = self.charge_s is not None and now_s - self.charge_s > CHARGE_LIMIT_S
+
+    def _take_messages(self) -> None:
+        """Take what the flight reads of single messages: charge, the autopilot's wait for setpoints, aircraft."""
         has_team = self._settings.team is not None
         for message in self.messages:
             if isinstance(message, messages.SystemStatus):
                 self._take_charge(message)
+            elif isinstance(message, messages.Parameter):
+                unit_s = self._settings.autopilot.loss_times.get(message.name)
+                if unit_s is not None:
+                    self.setpoint_timeout_s = message.value * unit_s
             elif has_team and isinstance(message, messages.Aircraft):
                 self._take_aircraft(message)
-        self.charge_is_old = self.charge_s is not None and now_s - self.charge_s > CHARGE_LIMIT_S
 
     def _hear_team(self, inputs: Inputs) -> None:
         """Keep the mates' states, and play against the evader that is assigned, at the assigned height."""

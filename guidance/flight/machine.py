@@ -61,6 +61,7 @@ class Flight:
         self._last_s: float | None = None
         self._rival = ""
         self._claimed = False
+        self._stream_ended = False
         self.fault: str | None = None
         """The internal error that ended the flight, if any."""
         self.checked = False
@@ -223,6 +224,7 @@ class Flight:
         if inputs.alive or inputs.orders or stage.operator_s == math.inf:
             stage.operator_s = now_s
         heard.take_in(now_s, inputs, dt_s, in_flight=stage.state not in BEFORE_FLIGHT)
+        self._stream_ended |= detection.has_stopped(heard)
         if heard.switched:
             self._playing.switch()
         if heard.moved_ned_m != NOWHERE:
@@ -312,6 +314,8 @@ class Flight:
             self._claimed |= after not in BEFORE_FLIGHT | HANDING_OVER | table.FINAL
             mode_is_ours = before in BEFORE_FLIGHT or self.heard.mode in OUR_MODES[before]
             stage.mode_left = self.heard.mode if mode_is_ours and after in HANDING_OVER else None
+            if after in SETPOINT_STATES and before not in SETPOINT_STATES:
+                self._stream_ended = False
             self._playing.change(before, after)
             lost = after is State.YIELDED and event in {Event.TELEMETRY_LOST, Event.LOOP_STOPPED}
             if lost and before in SETPOINT_STATES and self.settings.autopilot.waits_in_guided:
@@ -328,7 +332,8 @@ class Flight:
         inviting = state is State.STANDING_BY and self.settings.engage_on is EngageOn.PILOT_MODE
         needs_setpoint = state in SETPOINT_STATES
         if state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed:
-            needs_setpoint = True
+            # A stream that the autopilot stopped waiting for would take the vehicle back from its failsafe.
+            needs_setpoint = not self._stream_ended
         if inviting and now_s - self.stage.since_s > INVITE_AFTER_S:
             needs_setpoint = True
         setpoint = None

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Final
 from guidance.autopilots import Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
 from guidance.cycle import Alarm, CycleInputs, CycleMemory, MonitorMemory, hover, play, watch
-from guidance.flight.detection import Stage
+from guidance.flight.detection import Stage, arming_refusal
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import FINAL, SETPOINT_STATES, State
 from guidance.frames import Ned
-from guidance.messages import Heartbeat, Home, Message, Request, Setpoint
+from guidance.messages import Heartbeat, Home, Message, ParameterRequest, Request, Setpoint
 from guidance.strategies.own import Answer, Array, Ask
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ HEARTBEAT is up to a second old. A blind repetition could take the vehicle back 
 """
 
 BEAT_EVERY_S: Final = 0.1
-"""Period of requesting a HEARTBEAT while entering the guided mode, or when foreign setpoints may be a pilot's.
+"""Period of requesting a HEARTBEAT while arming, entering the guided mode, or suspecting a pilot's setpoints.
 
 HEARTBEAT shows the mode and otherwise arrives once per second.
 """
@@ -49,8 +49,17 @@ _MODE_OF_STATE = {
 }
 
 
-def requests_in(state: State, settings: FlightSettings, heard: Heard) -> tuple[Request, ...]:
-    """Return the requests of a state; none if their effect is already there."""
+def requests_in(
+    state: State, settings: FlightSettings, heard: Heard, *, arms: bool = False
+) -> tuple[Request, ...]:
+    """Return the requests of a state; none if their effect is already there.
+
+    Args:
+        state: The state.
+        settings: Of the flight.
+        heard: Everything received so far.
+        arms: Whether the vehicle may be armed, see `detection.arming_refusal`.
+    """
     autopilot = settings.autopilot
     home = heard.vehicle.latest.get(Home)
     frame = heard.tracking.local_frame
@@ -60,9 +69,11 @@ def requests_in(state: State, settings: FlightSettings, heard: Heard) -> tuple[R
             places = tuple(
                 autopilot.request_message(message) for message in (HOME_POSITION, GPS_GLOBAL_ORIGIN)
             )
-            return places if state is State.READY else (*autopilot.stream_requests(), *places)
-        case State.ARMING:
-            return (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
+            loss_times = tuple(ParameterRequest(name) for name in autopilot.loss_times)
+            streams = autopilot.stream_requests()
+            return places if state is State.READY else (*streams, *places, *loss_times)
+        case State.ARMING if arms:
+            return (autopilot.arm(),)
         case State.CLIMBING if home is not None and heard.on_ground:
             return (
                 autopilot.takeoff(
@@ -81,7 +92,7 @@ def requests_in(state: State, settings: FlightSettings, heard: Heard) -> tuple[R
         ):
             # PX4 returns to OFFBOARD by itself when setpoints return after a loss, unless Hold was requested.
             return (autopilot.set_mode(Mode.HOLD),)
-    mode = _MODE_OF_STATE.get(state)
+    mode = autopilot.arming_mode if state is State.ARMING else _MODE_OF_STATE.get(state)
     return () if mode is None or heard.mode is mode else (autopilot.set_mode(mode),)
 
 
@@ -90,7 +101,8 @@ class Asking:
 
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
-        self._asked_s = self._beat_asked_s = self._hold_asked_s = float("-inf")
+        self._asked_s = self._arm_asked_s = float("-inf")
+        self._beat_asked_s = self._hold_asked_s = float("-inf")
         self._handing_over = self._at_once = False
 
     def hand_over(self, *, flown: bool = True, at_once: bool = False) -> None:
@@ -113,15 +125,22 @@ class Asking:
             now_s: Time.
         """
         requests: tuple[Request, ...] = ()
+        arms = (
+            stage.state is State.ARMING
+            and bool(heard.beats)
+            and not arming_refusal(heard, self._settings.autopilot, now_s)
+        )
         # A request is repeated only in a cycle with a HEARTBEAT.
         if (
             (heard.beats or self._asked_s < stage.since_s)
             and stage.state not in FINAL
-            and self._is_due(stage, now_s, fresh_heartbeat=bool(heard.beats))
+            and self._is_due(stage, now_s, fresh_heartbeat=bool(heard.beats), arms=arms)
         ):
             self._asked_s = now_s
-            requests = requests_in(stage.state, self._settings, heard)
-        uncertain = stage.state is State.ENTERING
+            requests = requests_in(stage.state, self._settings, heard, arms=arms)
+            if arms:
+                self._arm_asked_s = now_s
+        uncertain = stage.state in {State.ARMING, State.ENTERING}
         if stage.state in SETPOINT_STATES and heard.echo.strange_s:
             uncertain = True
         if uncertain and now_s - self._beat_asked_s >= BEAT_EVERY_S - _SAME_S:
@@ -149,8 +168,10 @@ class Asking:
         self._hold_asked_s = now_s
         return (self._settings.autopilot.set_mode(Mode.HOLD),)
 
-    def _is_due(self, stage: Stage, now_s: float, *, fresh_heartbeat: bool) -> bool:
+    def _is_due(self, stage: Stage, now_s: float, *, fresh_heartbeat: bool, arms: bool) -> bool:
         """Whether the state's requests are due now, for the first time or again."""
+        if arms and self._arm_asked_s < stage.since_s:
+            return True
         if self._asked_s >= stage.since_s:
             # After a repetition the pilot's next switch is intended.
             intended = stage.state is State.STANDING_BY or stage.mode_left is Mode.OTHER

@@ -9,6 +9,7 @@ from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.boot_clock import BootClock
 from guidance.flight import EngageOn, Event, State
 from guidance.flight.detection import (
+    LOSS_SPARE_S,
     Stage,
     checks,
     detail_of,
@@ -177,10 +178,10 @@ def test_the_guided_mode_is_said_by_a_heartbeat_after_the_state_was_entered(at_s
     [
         (PX4, 0.25, False, False),
         (PX4, 0.26, True, False),
-        (PX4, 0.99, True, False),
-        (PX4, 1.0, True, True),
-        (ARDUCOPTER, 2.99, True, False),
-        (ARDUCOPTER, 3.0, True, True),
+        (PX4, 0.99 - LOSS_SPARE_S, True, False),
+        (PX4, 1.0 - LOSS_SPARE_S, True, True),
+        (ARDUCOPTER, 2.99 - LOSS_SPARE_S, True, False),
+        (ARDUCOPTER, 3.0 - LOSS_SPARE_S, True, True),
     ],
 )
 def test_a_late_loop_pauses_and_yields_after_the_autopilots_timeout(autopilot, dt_s, late, stopped):

@@ -8,6 +8,7 @@ from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
 from guidance.flight import ORDERS, EngageOn, Event, State
 from guidance.flight.sending import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
+from guidance.messages import ParameterRequest
 from tests.flight.flown import ARM, CYCLE_S, INTERVAL, MESSAGE, SET_MODE, TAKEOFF, Flown, commands
 from tests.flight.scenes import (
     BOTH,
@@ -19,6 +20,11 @@ from tests.flight.scenes import (
 BEAT = PX4.request_message(HEARTBEAT)
 
 
+def asked(outputs):
+    """Return the commands that were requested, without requests for messages."""
+    return [command for command in commands(outputs) if command != MESSAGE]
+
+
 def test_a_flight_begins_with_a_heartbeat_and_asks_for_streams_home_and_origin():
     vehicle = Flown()
     assert (vehicle.flight.mode_name, vehicle.flight.mode_title) == ("unknown", "unknown")
@@ -26,11 +32,10 @@ def test_a_flight_begins_with_a_heartbeat_and_asks_for_streams_home_and_origin()
     first = vehicle.cycle()
     assert (first.state, first.happenings[0].event) == (State.CHECKING, Event.HEARD)
     assert (vehicle.flight.mode_name, vehicle.flight.mode_title) == ("hold", "HOLD")
-    assert [request.command for request in first.requests] == [INTERVAL] * 8 + [MESSAGE] * 2
-    assert [request.params[0] for request in first.requests[-2:]] == [
-        HOME_POSITION,
-        GPS_GLOBAL_ORIGIN,
-    ]
+    *asked, loss_time = first.requests
+    assert [request.command for request in asked] == [INTERVAL] * 8 + [MESSAGE] * 2
+    assert [request.params[0] for request in asked[-2:]] == [HOME_POSITION, GPS_GLOBAL_ORIGIN]
+    assert loss_time == ParameterRequest("COM_OF_LOSS_T")
     assert vehicle.cycle().state is State.READY
 
 
@@ -59,11 +64,12 @@ def test_a_request_is_repeated_only_after_a_heartbeat_shows_no_effect():
     vehicle.cycle()
     starting = vehicle.cycle(Event.START)
     assert starting.state is State.ARMING
-    assert commands([starting]) == [SET_MODE, ARM]
-    assert commands(vehicle.cycles(REPEAT_S - 0.06)) == []  # a HEARTBEAT came meanwhile
+    assert asked([starting]) == []  # the mode is there, and its check is not known yet
+    assert asked(vehicle.cycles(1.0)) == [ARM]
+    assert asked(vehicle.cycles(REPEAT_S - 0.6)) == []  # a HEARTBEAT came meanwhile
     vehicle.beat_s = vehicle.now_s
-    assert commands(vehicle.cycles(0.5)) == []  # due, and nothing was heard
-    assert commands([vehicle.cycle(beat=True)]) == [SET_MODE, ARM]
+    assert asked(vehicle.cycles(0.9)) == []  # due, and nothing was heard
+    assert asked([vehicle.cycle(beat=True)]) == [ARM]
 
 
 @pytest.mark.parametrize("autopilot", BOTH)

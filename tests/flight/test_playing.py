@@ -312,7 +312,10 @@ def test_each_state_asks_for_what_it_needs_and_for_nothing_that_is_there(state, 
         assert requests == (autopilot.set_mode(modes[state]),)
         assert requests_in(state, settings, heard_of(settings, vehicle, modes[state])) == ()
     elif state is State.ARMING:
-        assert requests == (autopilot.set_mode(autopilot.arming_mode), autopilot.arm())
+        assert requests == (autopilot.set_mode(autopilot.arming_mode),)
+        there = heard_of(settings, vehicle, autopilot.arming_mode)
+        assert requests_in(state, settings, there) == ()
+        assert requests_in(state, settings, there, arms=True) == (autopilot.arm(),)
     elif state is State.CLIMBING:
         assert requests == (autopilot.takeoff(height_m=10.0, home_amsl_m=492.0),)
         assert (
@@ -333,7 +336,7 @@ def test_each_state_asks_for_what_it_needs_and_for_nothing_that_is_there(state, 
         )
         assert requests_in(state, settings, heard_of(settings, vehicle, Mode.OTHER)) == ()
     elif state is State.CHECKING:
-        assert len(requests) == len(autopilot.streams_hz) + 2
+        assert len(requests) == len(autopilot.streams_hz) + 3
     elif state is State.READY:
         asked = [request.params[0] for request in requests]
         assert asked == [HOME_POSITION, GPS_GLOBAL_ORIGIN]
