@@ -163,10 +163,10 @@ def test_preflight_judges_by_nothing_that_is_old():
     origin = Origin(NOW_S - 9.9, 47.4, 8.5, 500.0)
     vehicle = well(place, origin, home(NOW_S - 9.9), status(NOW_S - 2.9))
     kinds = {GlobalPosition, Origin, Home, SystemStatus}
-    assert kinds <= known(vehicle, NOW_S).latest.keys()
-    assert not kinds & known(vehicle, NOW_S + 0.2).latest.keys()
+    assert kinds <= known(vehicle, NOW_S).latest.copy().keys()
+    assert not kinds & known(vehicle, NOW_S + 0.2).latest.copy().keys()
     flown = vehicle._replace(home_fixed=True)
-    assert known(flown, NOW_S + 0.2).latest.keys() & kinds == {Origin, Home}
+    assert known(flown, NOW_S + 0.2).latest.copy().keys() & kinds == {Origin, Home}
 
 
 def test_every_message_that_a_check_needs_is_in_the_table_of_ages():

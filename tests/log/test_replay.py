@@ -82,7 +82,9 @@ def test_minus_zero_is_not_zero(flight, tmp_path):
 
     def negate(number, row):
         for params in (
-            request["params"] for request in row.get("requests", ()) if 0.0 in request["params"]
+            request["params"]
+            for request in row.get("requests", ())
+            if 0.0 in request.get("params", ())
         ):
             params[params.index(0.0)] = -0.0
             negated.append(number)
