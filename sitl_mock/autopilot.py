@@ -219,7 +219,7 @@ class Autopilot:
         state = self.state
         if not count % MOVE_TICKS:
             return False
-        has_news = state.texts or state.news or state.parameter_news
+        has_news = state.texts or state.news or state.parameter_news or state.events
         return not (has_news or self.commander.mission.reached or self.conditions.events)
 
     def take(self, now_s: float, message: Message) -> None:
@@ -233,7 +233,8 @@ class Autopilot:
         texts = state.texts
         news = state.news
         changed = state.parameter_news
-        if not (texts or reached or news or changed):
+        events = state.events
+        if not (texts or reached or news or changed or events):
             return None
         replies: list[Reply] = []
         everywhere: list[Reply] = [("MISSION_ITEM_REACHED", seq) for seq in reached]
@@ -248,6 +249,7 @@ class Autopilot:
             )
             if event is not None:
                 everywhere.append(self.events.add(self.report.boot_ms, *event))
+        everywhere += [self.events.add(self.report.boot_ms, *event) for event in events]
         everywhere += [
             named(self.parameters, self.flavour.parameter_rules, name) for name in changed
         ]
@@ -255,7 +257,7 @@ class Autopilot:
             fields = BUILDERS[name](self.report)
             if fields is not None:
                 everywhere.append((name, *fields))
-        for queue in (news, changed, texts, reached):
+        for queue in (news, changed, texts, reached, events):
             queue.clear()
         return Announcements(everywhere, replies)
 

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from sitl_mock.dynamics import Setpoint, Vehicle, Wander
 from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.logs import LogBook
 from sitl_mock.missions import MissionFlight
-from sitl_mock.modes import ModeTable
+from sitl_mock.modes import Available, ModeTable
 from sitl_mock.protocols import (
     Command,
     CommandAnswer,
@@ -28,6 +28,10 @@ from sitl_mock.protocols import (
 from sitl_mock.sensors import EXACT, SensorNoise
 from sitl_mock.vehicle_state import PX4_PACK, Pack, VehicleState
 from sitl_mock.world import Home
+
+if TYPE_CHECKING:
+    from sitl_mock.autopilot import Autopilot
+    from sitl_mock.links import AnyLink
 
 
 class Commander(Protocol):
@@ -76,6 +80,11 @@ class Commander(Protocol):
     @property
     def ready_to_arm(self) -> bool:
         """The PREARM bit of SYS_STATUS."""
+        ...
+
+    @property
+    def available_modes(self) -> Sequence[Available]:
+        """The modes of AVAILABLE_MODES."""
         ...
 
     def tick(self, now_s: float) -> Setpoint:
@@ -168,6 +177,7 @@ class Flavour:
         streams_log: A client can have a log streamed.
         shell: Answers a line that is typed into the shell; None if it has no shell over MAVLink.
         takes_keys: A client can set the key of MAVLink signing (SETUP_SIGNING).
+        topics: Makes the link that carries a vehicle's own topics, of the kind `links.TOPICS`; None if it has none.
         trusted_links: Ids of links that take unsigned and wrongly signed frames after a client has set a key.
     """
 
@@ -207,6 +217,7 @@ class Flavour:
     shell: Callable[["Report", str], str] | None = None
     takes_keys: bool = True
     trusted_links: frozenset[int] = frozenset()
+    topics: Callable[["Autopilot"], "AnyLink"] | None = None
 
     @property
     def spec(self) -> str:

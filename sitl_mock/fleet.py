@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from sitl_mock.errors import ConfigError
+from sitl_mock.flavours import flavour_named
+from sitl_mock.links import TOPICS
 from sitl_mock.logs import LOG_BYTES
 from sitl_mock.mavlink import Signing
 from sitl_mock.tables import (
@@ -208,6 +210,34 @@ def with_settings(
     return replace(config, vehicle=vehicles, seed=config.seed if seed is None else seed)
 
 
+def with_zenoh(config: FleetConfig) -> FleetConfig:
+    """Return the fleet with PX4's module `zenoh` in every PX4, as ZENOH_ENABLE says.
+
+    Raises:
+        ConfigError: There is no PX4, or two have the same ZENOH_DOMAIN_ID and so the same keys.
+    """
+    domains: dict[int, str] = {}
+    vehicles = []
+    for vehicle in config.vehicle:
+        if flavour_named(vehicle.flavour).topics is None:
+            vehicles.append(vehicle)
+            continue
+        domain = int(vehicle.parameters.get("ZENOH_DOMAIN_ID", 0))
+        if domain in domains:
+            raise ConfigError(
+                f"--px4-zenoh: {domains[domain]} and {vehicle.name} have ZENOH_DOMAIN_ID = {domain}, so their topics "
+                f"would be the same; give each its own: --param {vehicle.name}:ZENOH_DOMAIN_ID={domain + 1}"
+            )
+        domains[domain] = vehicle.name
+        parameters = {**vehicle.parameters, "ZENOH_ENABLE": 1.0}
+        vehicles.append(replace(vehicle, parameters=parameters))
+    if not domains:
+        raise ConfigError(
+            "--px4-zenoh: there is no PX4 among the vehicles; add one: --vehicles px4"
+        )
+    return replace(config, vehicle=tuple(vehicles))
+
+
 def with_parameters(config: FleetConfig, assignments: Sequence[str]) -> FleetConfig:
     """Return the fleet with the parameters of `--param`: `NAME=VALUE` for all vehicles, `vehicle:NAME=VALUE` for one.
 
@@ -286,6 +316,8 @@ def _vehicle(
     links: Mapping[str, str],
     log_bytes: int,
 ) -> MockVehicle:
+    if flavour_named(each.flavour).topics is None:
+        links = {name: kind for name, kind in links.items() if kind != TOPICS}
     return MockVehicle(
         each.flavour,
         system_id=system_id,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from sitl_mock.mavlink import SPEC_BY_ID, SPEC_BY_NAME, Decoder, EncodeError, Encoder
 from sitl_mock.protocols import (
@@ -63,6 +63,42 @@ _LOGGING_STOP = 2511
 _LOGGING: Final = frozenset({_LOGGING_START, _LOGGING_STOP})
 
 
+TOPICS: Final = "topics"
+"""Kind of a link that carries an autopilot's own topics instead of MAVLink."""
+
+
+class AnyLink(Protocol):
+    """What a vehicle asks of each link, of MAVLink or not."""
+
+    def is_due(self, now_s: float, /) -> bool:
+        """True if there is something to send."""
+        ...
+
+    def receive(self, now_s: float, data: bytes, /) -> list[bytes]:
+        """Take what has come; return the frames that answer it."""
+        ...
+
+    def send(self, now_s: float, tick: int, /) -> list[bytes]:
+        """Return the frames that are due by now."""
+        ...
+
+    def pack(self, replies: Sequence[Reply], /) -> list[bytes]:
+        """Return the frames of some MAVLink messages; none on a link without MAVLink."""
+        ...
+
+    def say(self, now_s: float, texts: Sequence[Reply], /) -> list[bytes]:
+        """Return the frames of texts."""
+        ...
+
+    def clients(self, now_s: float, /) -> list[tuple[int, int]]:
+        """Return (system id, component id) of the senders of the last seconds."""
+        ...
+
+    def counts(self) -> dict[str, int]:
+        """Return how much was taken and dropped."""
+        ...
+
+
 class Link:
     """One link.
 
@@ -116,6 +152,14 @@ class Link:
             signing=SigningSetup(signing, allowed=flavour.takes_keys),
             events=EventProtocol(autopilot.events),
         )
+
+    def is_due(self, now_s: float) -> bool:
+        """True if a stream has a message to send."""
+        return self.streams.is_due(now_s)
+
+    def counts(self) -> dict[str, int]:
+        """Return the counts of the decoder."""
+        return self.decoder.counts.as_dict()
 
     def say(self, now_s: float, texts: Sequence[Reply]) -> list[bytes]:
         """Return the frames of texts; none if this link sends no STATUSTEXT, or not before a station is heard."""
@@ -277,7 +321,7 @@ class Link:
         if message_id == _AVAILABLE_MODES:
             if "AVAILABLE_MODES" in autopilot.flavour.withheld:
                 return None
-            return available_modes(autopilot.flavour.modes.available(), argument)
+            return available_modes(autopilot.commander.available_modes, argument)
         spec = SPEC_BY_ID.get(message_id)
         if spec is None or spec.name not in self._prepared or spec.name in _ONCE:
             return None

@@ -18,7 +18,8 @@ from sitl_mock import console
 from sitl_mock.console import Shown
 from sitl_mock.errors import ConfigError, imported_for
 from sitl_mock.faults import Faulted, FaultScript
-from sitl_mock.fleet import FleetConfig, build
+from sitl_mock.fleet import FleetConfig, build, with_zenoh
+from sitl_mock.links import TOPICS
 from sitl_mock.log_folder import LogFolder
 from sitl_mock.transports import Endpoint, run, run_lockstep
 from sitl_mock.transports.disturbance import Disturbances
@@ -43,6 +44,7 @@ class Wires:
         udp: First port of the onboard links. As in their simulations, PX4 number i sends to udp + i and listens on
             udp + 40 + i (in fleets of more than 40 on any port), ArduPilot number i sends to udp + 10 i and listens on
             any port. Both answer every sender.
+        px4_zenoh: Zenoh router that PX4's topics go to and come from, as from PX4's module `zenoh`.
         gcs: Port of a ground station. Vehicle i sends to it from port 18570 + i, or from a free port if that is taken.
     """
 
@@ -51,6 +53,7 @@ class Wires:
     zenoh_keys: Path | None = None
     udp: int | None = None
     gcs: int | None = None
+    px4_zenoh: str | None = None
 
 
 @dataclass(frozen=True)
@@ -164,10 +167,12 @@ def _built(
 ) -> dict[str, Faulted]:
     """Make the vehicles with their faults; in lockstep their date does not depend on the present time."""
     unix_us = None if pace.lockstep else time.time_ns() // 1000 - round(pace.clock() * 1e6)
-    if wires.gcs is None:
-        links = DEFAULT_LINKS
-    else:
-        links = {**DEFAULT_LINKS, "gcs": "gcs"}
+    links = dict(DEFAULT_LINKS)
+    if wires.gcs is not None:
+        links["gcs"] = "gcs"
+    if wires.px4_zenoh is not None:
+        links["px4_zenoh"] = TOPICS
+        config = with_zenoh(config)
     vehicles = build(config, unix_us=unix_us, links=links)
     if not pace.lockstep:
         for vehicle in vehicles.values():
@@ -193,6 +198,17 @@ def _opened(
         ports = {name: (GCS_LOCAL_PORT + index, wires.gcs) for index, name in enumerate(names)}
         ground = UdpEndpoint("gcs", ports, time.monotonic, any_if_taken=True)
         endpoints.append(stack.enter_context(contextlib.closing(ground)))
+    if wires.px4_zenoh is not None:
+        with imported_for("--px4-zenoh"):
+            from sitl_mock.transports.px4_zenoh import Px4ZenohEndpoint  # noqa: PLC0415 - as below
+
+        domains = {
+            name: int(vehicle.vehicle.autopilot.parameters["ZENOH_DOMAIN_ID"])
+            for name, vehicle in vehicles.items()
+            if "px4_zenoh" in vehicle.vehicle.links
+        }
+        topics = Px4ZenohEndpoint(domains, wires.px4_zenoh)
+        endpoints.append(stack.enter_context(contextlib.closing(topics)))
     if wires.zenoh is not None or wires.zenoh_connect is not None:
         with imported_for("--zenoh"):
             from sitl_mock.faults import queryable  # noqa: PLC0415 - UDP does not need Zenoh
@@ -254,7 +270,11 @@ def _say_ready(
                 "name": name,
                 "flavour": vehicle.vehicle.flavour,
                 "system_id": vehicle.vehicle.system_id,
-                "endpoints": [endpoint.describe()[name] for endpoint in endpoints],
+                "endpoints": [
+                    places[name]
+                    for endpoint in endpoints
+                    if name in (places := endpoint.describe())
+                ],
                 "clients": console.client_lines(targets[name]) if name in targets else {},
             }
             for name, vehicle in vehicles.items()
@@ -266,7 +286,7 @@ def _say_ready(
             (
                 place.split()[0]
                 for endpoint in endpoints
-                if "mavlink_raw" in (place := endpoint.describe()[first])
+                if "mavlink_raw" in (place := endpoint.describe().get(first, ""))
             ),
             None,
         )

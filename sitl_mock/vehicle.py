@@ -8,7 +8,7 @@ from sitl_mock.autopilot import TICK_S, Autopilot, Settings
 from sitl_mock.dynamics import Body
 from sitl_mock.errors import ConfigError
 from sitl_mock.flavours import flavour_named
-from sitl_mock.links import Link
+from sitl_mock.links import TOPICS, AnyLink, Link
 from sitl_mock.logs import LOG_BYTES, FlightLog
 from sitl_mock.mavlink import Signing
 from sitl_mock.vector import ZERO, Vector
@@ -38,7 +38,7 @@ class MockVehicle:
             ground station's heartbeats).
         origin: Origin of the local frame, if it is not the initial position.
         links: Name of each link to its kind, which gives its default rates: onboard, gcs, or quiet (HEARTBEAT only
-            until a client asks for more).
+            until a client asks for more); topics is PX4's link without MAVLink (`px4.topic_link`).
         signing: MAVLink signing of all links.
         unix_us: Microseconds since 1970 at time 0 of the caller's clock; None for a fixed date.
         log_bytes: Most bytes of its flight logs, which are in memory; 0 for none, which saves time.
@@ -85,11 +85,10 @@ class MockVehicle:
             signing = Signing(trusted_links=settings.flavour.trusted_links)
         self.autopilot = Autopilot(settings, signing)
         self._kinds = dict(DEFAULT_LINKS if links is None else links)
+        allowed = [*settings.flavour.rates_hz, *([TOPICS] if settings.flavour.topics else [])]
         for name, kind in self._kinds.items():
-            if kind not in settings.flavour.rates_hz:
-                raise ConfigError(
-                    f"links.{name} = {kind!r}: allowed are {', '.join(settings.flavour.rates_hz)}"
-                )
+            if kind not in allowed:
+                raise ConfigError(f"links.{name} = {kind!r}: allowed are {', '.join(allowed)}")
         self.links = self._fresh_links()
         self._boots = self.autopilot.boots
         self._first_s = math.nan
@@ -180,17 +179,20 @@ class MockVehicle:
 
     def counters(self) -> dict[str, dict[str, int]]:
         """Return the counts of each link's decoder."""
-        return {name: link.decoder.counts.as_dict() for name, link in self.links.items()}
+        return {name: link.counts() for name, link in self.links.items()}
 
-    def _fresh_links(self) -> dict[str, Link]:
+    def _fresh_links(self) -> dict[str, AnyLink]:
+        topics = self.autopilot.flavour.topics
         return {
-            name: Link(self.autopilot, kind, index)
+            name: topics(self.autopilot)
+            if kind == TOPICS and topics is not None
+            else Link(self.autopilot, kind, index)
             for index, (name, kind) in enumerate(self._kinds.items())
         }
 
     def _is_idle(self, now_s: float) -> bool:
         for link in self.links.values():
-            if link.streams.is_due(now_s):
+            if link.is_due(now_s):
                 return False
         return self.autopilot.boots == self._boots and self.autopilot.is_idle(self._ticks)
 

@@ -166,6 +166,7 @@ class VehicleState:
         flew: It has left the ground since arming.
         news: Names of messages to send once, unsolicited, on every link.
         parameter_news: Names of parameters that the vehicle itself has changed, to be sent on every link.
+        events: Events without a text, to be sent once on every link: id, log levels and arguments.
         target: The last FOLLOW_TARGET.
         fence_breached: The vehicle is outside the fence, as ArduPilot judges it.
     """
@@ -199,6 +200,7 @@ class VehicleState:
     texts: list[tuple[int, str]] = field(default_factory=list)
     news: list[str] = field(default_factory=list)
     parameter_news: list[str] = field(default_factory=list)
+    events: list[tuple[int, int, bytes]] = field(default_factory=list)
 
     @property
     def on_ground(self) -> bool:

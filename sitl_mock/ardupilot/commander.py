@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sitl_mock.ardupilot.modes import Firmware
+    from sitl_mock.modes import Available
     from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanKind, PlanStore
     from sitl_mock.vector import Vector
 
@@ -102,6 +103,11 @@ class ArduPilot:
     def ready_to_arm(self) -> bool:
         """The PREARM bit of SYS_STATUS."""
         return not safety.failing(self.state, self.plans, self.by_name[self.mode])
+
+    @property
+    def available_modes(self) -> Sequence[Available]:
+        """The modes of AVAILABLE_MODES."""
+        return self.firmware.modes.available()
 
     # Inputs
 

@@ -40,6 +40,12 @@ def run(
     zenoh_connect: Annotated[
         str | None, typer.Option(help="Zenoh router to connect to instead of listening.")
     ] = None,
+    px4_zenoh: Annotated[
+        str | None,
+        typer.Option(
+            help="Zenoh router for PX4's own topics, as of its module zenoh: tcp/127.0.0.1:7447. It may start later."
+        ),
+    ] = None,
     zenoh_keys: Annotated[
         Path | None,
         typer.Option(help="With --zenoh-connect: credentials, a file of `guidance zenoh keys`."),
@@ -119,6 +125,8 @@ def run(
     It prints the addresses for MAVSDK, pymavlink and MAVProxy. Then it shows each vehicle's state, as a table on a
     terminal, otherwise as a line per change.
 
+    `sitl-mock run --vehicles px4 --px4-zenoh tcp/127.0.0.1:7447`
+
     `sitl-mock run --vehicles px4:uav1 --udp 14540 --speed 5`
 
     `sitl-mock run --vehicles px4:uav1 --udp 14540 --lockstep`
@@ -143,7 +151,7 @@ def run(
     script = FaultScript() if faults is None else read_script(faults)
     serve(
         config,
-        Wires(zenoh, zenoh_connect, zenoh_keys, udp, gcs),
+        Wires(zenoh, zenoh_connect, zenoh_keys, udp, gcs, px4_zenoh),
         script,
         as_json=as_json,
         parent_pipe=parent_pipe,

@@ -2,9 +2,10 @@
 
 PX4 and ArduCopter: all parameters that PX4 v1.17.0 (SIH quadrotor) and ArduCopter 4.5.7 (its own simulated quadrotor,
 ``copter.parm``) list, with type and value as on the wire. Rover: a selection of Rover 4.5's defaults.
-ArduCopter's parameters that are listed only while another one is not 0 are in ``arducopter_hidden.csv``, as 4.5.7 lists
-them. ``unit``, ``minimum``, ``maximum`` and ``meaning`` are given where they are documented and matter here. The limits
-apply to settings of the mock; over MAVLink neither autopilot enforces them.
+Parameters that are listed only while another one is not 0 are in ``arducopter_hidden.csv``, as 4.5.7 lists them, and in
+``px4_hidden.csv``: hashes of the names of external modes, listed once there is one, and those of PX4's module `zenoh`.
+``unit``, ``minimum``, ``maximum`` and ``meaning`` are given where they are documented and matter here. The limits apply
+to settings of the mock; over MAVLink neither autopilot enforces them.
 
 Changes of PX4 v1.18: its release notes. Changes of ArduCopter 4.6 and 4.7: the release notes, the pull requests that
 rename (31970, 31990, 32147) and the list of the 4.7.0 beta. Only changes whose default is known are listed.
@@ -15,12 +16,14 @@ import math
 from collections.abc import Iterator
 from functools import cache
 from importlib.resources import files
+from itertools import chain
+from operator import attrgetter
 from typing import Final, NamedTuple
 
 from sitl_mock.protocols import Parameter, ParameterTable, ParamKind, Renamed
 
 _PACKAGE: Final = "sitl_mock.parameters"
-_WITH_HIDDEN: Final = frozenset({"arducopter"})
+_WITH_HIDDEN: Final = frozenset({"arducopter", "px4"})
 """Flavours with a file of parameters that appear when another one is set."""
 
 
@@ -85,7 +88,10 @@ def parameters_of(flavour: str, version: str = "") -> ParameterTable:
 
 
 def _recorded(flavour: str) -> Iterator[Parameter]:
-    """Yield the recorded parameters, each followed by those that are behind it."""
+    """Yield the recorded parameters, each followed by those that are behind it.
+
+    PX4's list is in alphabetical order; there a parameter may be behind itself.
+    """
     behind: dict[str, list[Parameter]] = {}
     if flavour in _WITH_HIDDEN:
         for switch, name, kind, value in _rows(f"{flavour}_hidden"):
@@ -93,8 +99,11 @@ def _recorded(flavour: str) -> Iterator[Parameter]:
                 name, ParamKind(int(kind)), float(value), "", -math.inf, math.inf, "", switch
             )
             behind.setdefault(switch, []).append(item)
-    for row in _rows(flavour):
-        item = _parameter(*row)
+    listed = [_parameter(*row) for row in _rows(flavour)]
+    if flavour == "px4":
+        yield from sorted(chain(listed, *behind.values()), key=attrgetter("name"))
+        return
+    for item in listed:
         yield item
         yield from behind.get(item.name, ())
 

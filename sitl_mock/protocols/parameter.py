@@ -200,12 +200,13 @@ class ParameterStore(Mapping[str, float]):
                 self.saved.discard(name)
 
     def hash(self) -> int:
-        """Return the CRC-32 over names and values that PX4 sends as ``_HASH_CHECK`` (no inversions, as NuttX).
+        """Return the CRC-32 over listed names and values that PX4 sends as ``_HASH_CHECK`` (no inversions, as NuttX).
 
         PX4's volatile parameters are excluded.
         """
         crc = 0xFFFFFFFF
-        for name, value in self._values.items():
+        for name in self.names:
+            value = self._values[name]
             if _VOLATILE.fullmatch(name):
                 continue
             packed = struct.pack(
@@ -232,7 +233,7 @@ def rounded(kind: ParamKind, value: float) -> float:
 
 _VOLATILE: Final = re.compile(
     r"ASPD_SCALE_\d|CAL_(ACC|GYRO|MAG|BARO)\d_([XYZ](OFF|SCALE|COMP|ODIAG)|OFF)"
-    r"|COM_FLIGHT_UUID|EKF2_MAG_DECL|LND_FLIGHT_T_(HI|LO)|SENS_DPRES_OFF"
+    r"|COM_FLIGHT_UUID|COM_MODE\d_HASH|EKF2_MAG_DECL|LND_FLIGHT_T_(HI|LO)|SENS_DPRES_OFF"
 )
 """Parameters that PX4 v1.17 marks as volatile; without them the hash equals the real one."""
 HASH_NAME: Final = "_HASH_CHECK"

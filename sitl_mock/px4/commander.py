@@ -12,13 +12,24 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
-from sitl_mock.modes import Need
+from sitl_mock.modes import Available, Mode, Need
 from sitl_mock.px4 import flying, offboard, safety
 from sitl_mock.px4.calibration import Calibration
+from sitl_mock.px4.external_modes import EXECUTOR_COMPONENT, EXTERNAL, ExternalModes, Verdict
 from sitl_mock.px4.failures import MotorFailures
 from sitl_mock.px4.ground import LANDED_S, HomeKeeper, LandDetector
 from sitl_mock.px4.maneuvers import Follow
-from sitl_mock.px4.modes import AFTER, BY_NAME, MANUAL_MODES, TITLES, NotAMode, requested_mode
+from sitl_mock.px4.modes import (
+    AFTER,
+    AVAILABLE,
+    BY_NAME,
+    MANUAL_MODES,
+    NAV_STATES,
+    NOT_FOR_USERS,
+    TITLES,
+    NotAMode,
+    requested_mode,
+)
 from sitl_mock.px4.offboard import BodyRates, read_attitude
 from sitl_mock.px4.safety import MODE_OF, TEXTS, Action, Failsafes
 from sitl_mock.vehicle_state import Landed, Severity, VehicleState
@@ -34,6 +45,20 @@ _SEVERITY_OF_MODE: Final = {"HOLD": 2, "RTL": 3, "LAND": 4, "DESCEND": 4, "TERMI
 _STOPPED: Final = Setpoint(Kind.STOPPED)
 _OVERRIDE_SPEED: Final = "MAN_OVERRIDE_SPD"
 _LANDING: Final = frozenset({"LAND", "DESCEND", "PRECLAND"})
+_COMPLETED_BY_LANDING: Final = frozenset({"LAND", "RTL"})
+
+
+def acknowledged(command: Command, answer: CommandAnswer) -> dict[str, Any]:
+    """Return the fields of VehicleCommandAck."""
+    system, component = command.source
+    return {
+        "command": command.number,
+        "result": int(answer.result),
+        "result_param1": answer.progress,
+        "result_param2": answer.result_param2,
+        "target_system": system,
+        "target_component": component,
+    }
 
 
 class Px4:
@@ -61,7 +86,8 @@ class Px4:
         self.mission = MissionFlight(plans, climbs_first=True, ends_for_good=True)
         self.failsafes = Failsafes()
         self.home = HomeKeeper()
-        self.intention = "HOLD"
+        self._intention = "HOLD"
+        self._after_disarming = "HOLD"
         self.mode = "HOLD"
         self.plan: flying.ModePlan = flying.ModePlan(state.position_m)
         self.met_needs: frozenset[Need] = frozenset()
@@ -78,6 +104,10 @@ class Px4:
         self._sticks_known = False
         self.ground = LandDetector()
         self._takeoff_height_m = math.nan
+        self.external = ExternalModes(state.parameters)
+        self.verdict: Verdict = self.external.verdict("HOLD")
+        self._by_executor = False
+        self._deferred_s = math.inf
 
     # Reported state
 
@@ -89,7 +119,35 @@ class Px4:
     @property
     def intended_mode(self) -> int:
         """CURRENT_MODE.intended_custom_mode."""
-        return BY_NAME[self.intention].number
+        return BY_NAME[self.external.flown(self.intention)].number
+
+    @property
+    def intention(self) -> str:
+        """The mode that a person or a program has chosen, which failsafes override."""
+        return self._intention
+
+    @intention.setter
+    def intention(self, mode: str) -> None:
+        self._intention = mode
+        if BY_NAME[mode].may_arm and mode != "TAKEOFF":
+            self._after_disarming = mode
+
+    @property
+    def available_modes(self) -> Sequence[Available]:
+        """The modes of AVAILABLE_MODES: external ones under their names, replaced ones not for users to choose."""
+        replaced = {self.external.internal(name) for name in EXTERNAL} - set(EXTERNAL)
+        hidden = {BY_NAME[name].number for name in replaced}
+        labels = {BY_NAME[name].number: self.external.label(name) for name in EXTERNAL}
+        listed = []
+        for mode in AVAILABLE:
+            label = labels.get(mode.number)
+            properties = mode.properties
+            if label is not None:
+                properties &= ~NOT_FOR_USERS
+            elif mode.number in hidden:
+                properties |= NOT_FOR_USERS
+            listed.append(mode._replace(properties=properties, name=label or mode.name))
+        return listed
 
     @property
     def base_mode(self) -> int:
@@ -120,13 +178,42 @@ class Px4:
     @property
     def ready_to_arm(self) -> bool:
         """The PREARM bit of SYS_STATUS."""
-        return not safety.refusals(self.state, BY_NAME[self.intention], self.met_needs)
+        return not self.refusals()
+
+    def refusals(self) -> list[str]:
+        """Return the reasons for not arming in the intended mode."""
+        reasons = safety.refusals(self.state, self._judged(self.intention), self.met_needs)
+        if self.verdict.holds_all:
+            reasons.append("Mode changes nothing: an external arming check fails")
+        return reasons
+
+    def needs_of(self, mode: str) -> frozenset[Need]:
+        """Return what a mode needs: by the table, or as the program behind it has told."""
+        return self.verdict.needs.get(mode, BY_NAME[mode].needs)
+
+    def _judged(self, mode: str) -> Mode:
+        """Return a mode's entry as the arming check of the program behind it has it."""
+        entry = BY_NAME[mode]
+        return entry._replace(
+            needs=self.needs_of(mode), may_arm=entry.may_arm and mode not in self.verdict.unarmable
+        )
 
     # Inputs
 
     def execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
-        """Execute or refuse a command."""
-        return self._execute(self, now_s, command)
+        """Execute or refuse a command; every answer is also a topic."""
+        answers = self._execute(self, now_s, command)
+        for answer in answers:
+            self.external.out.append(("vehicle_command_ack", acknowledged(command, answer)))
+        return answers
+
+    def execute_topic(self, now_s: float, command: Command) -> None:
+        """Execute or refuse a command that is a topic; MAVLink's first answer to a mode change is not sent there."""
+        self._by_executor = command.source[1] >= EXECUTOR_COMPONENT
+        answers = self._execute(self, now_s, command)
+        self._by_executor = False
+        for answer in answers[-1:]:
+            self.external.out.append(("vehicle_command_ack", acknowledged(command, answer)))
 
     def set_mode(self, now_s: float, base_mode: int, custom_mode: int) -> None:
         """Take a SET_MODE message."""
@@ -158,6 +245,18 @@ class Px4:
         if isinstance(setpoint, Setpoint):
             self.setpoint = setpoint
 
+    def take_trajectory(self, message: Any) -> None:  # noqa: ANN401 - a record
+        """Take a TrajectorySetpoint, which OFFBOARD and external modes fly."""
+        self.rates = None
+        self.setpoint = offboard.read_trajectory(message)
+
+    def complete(self) -> None:
+        """Publish once that the navigator has finished the flown mode."""
+        if not self.plan.completed:
+            self.plan.completed = True
+            state = NAV_STATES[self.mode][0]
+            self.external.out.append(("mode_completed", {"nav_state": state}))
+
     def guide(self, _now_s: float, _item: PlanItem) -> bool:
         """PX4 does not fly to single mission items."""
         return False
@@ -176,12 +275,14 @@ class Px4:
         """
         if self.mode == "TERMINATION":
             return False
+        mode = self.external.internal(mode)
         self.look()
         if self.state.armed and mode != "LAND" and not self.can_run(mode):
             if is_told:
                 self._say_unavailable(now_s, mode)
             return False
         self.intention = mode
+        self.external.charge(mode, by_user=not self._by_executor)
         self.state.pilot.settle()
         if self.state.armed:
             self.failsafes.answer()
@@ -202,6 +303,7 @@ class Px4:
         if self.mission.judge(self.state) and not self.mission.valid:
             self._drop_mission()
         self.met_needs = safety.available(self.state, self.stream_s, has_mission=self.mission.valid)
+        self.verdict = self.external.verdict(self.external.flown(self.intention))
 
     def _drop_mission(self) -> None:
         """End a mission in flight because its replacement cannot be flown."""
@@ -214,7 +316,7 @@ class Px4:
 
     def can_run(self, mode: str) -> bool:
         """True if the mode's needs were met at the last check."""
-        return BY_NAME[mode].needs <= self.met_needs
+        return self.needs_of(mode) <= self.met_needs
 
     def wants_to_climb(self) -> bool:
         """True if the streamed setpoint commands a climb: by height, climb rate or thrust."""
@@ -233,20 +335,26 @@ class Px4:
     def tick(self, now_s: float) -> Setpoint:
         """Run the checks when due; return the setpoint of the flown mode."""
         self.home.update(self.state, in_mission=self.mode == "MISSION" and not self.mission.over)
+        state = self.state
+        wanted = self.external.update(
+            now_s, armed=state.armed, intended=self.external.flown(self.intention)
+        )
+        if wanted is not None and not state.armed:
+            self.request(now_s, wanted)
         if self.mission.is_unjudged:
             self.look()
         if now_s >= self._check_s + CHECK_S - 1e-9:
             self._check_s = now_s
             self._check(now_s)
         if self.calibration.kind:
-            self.calibration.advance(self.state, now_s)
-        if not self.state.armed:
+            self.calibration.advance(state, now_s)
+        if not state.armed:
             self.mission.rest()
-        if not self.state.armed or self.mode == "TERMINATION":
+        if not state.armed or self.mode == "TERMINATION":
             self.ground.left = False
             return _STOPPED
         setpoint = self._fly(self)
-        self.ground.notice_lifting(self.state, now_s, setpoint)
+        self.ground.notice_lifting(state, now_s, setpoint)
         return setpoint
 
     def _check(self, now_s: float) -> None:
@@ -258,6 +366,7 @@ class Px4:
             self._take_first_sticks()
             self.failsafes.clear()
             self.in_failsafe = False
+            self.external.failsafe_acts = False
             self.pilot_counts = False
             if self.mode != "TERMINATION":
                 self.enter(self.intention)
@@ -279,11 +388,25 @@ class Px4:
         for name in new:
             if name in TEXTS:
                 state.say(*TEXTS[name])
+        if self._is_deferred(now_s, action):
+            action = Action.NONE
         if action is Action.DISARM:
             self.disarm()
             return
         self._choose(action)
         self._disarm_by_itself(now_s)
+
+    def _is_deferred(self, now_s: float, action: Action) -> bool:
+        """True if an external mode or executor lets a failsafe wait; that of the geofence never does."""
+        overrides = self.external.overrides_in(self.mode)
+        waits = (
+            overrides.defers_failsafes
+            and action > Action.WARN
+            and not self.in_failsafe
+            and "geofence violated" not in self.failsafes.since_s
+        )
+        self._deferred_s = min(self._deferred_s, now_s) if waits else math.inf
+        return waits and now_s <= self._deferred_s + overrides.deferred_for_s
 
     def _tell_peers(self) -> None:
         """Say which peers are lost and which are back."""
@@ -317,6 +440,7 @@ class Px4:
                 text += f": entering Hold for {wait_s} seconds"
             self.state.say(Severity.CRITICAL, text)
         self.in_failsafe = failing
+        self.external.failsafe_acts = failing
         self._delays = delays
         self.enter(mode)
 
@@ -340,11 +464,15 @@ class Px4:
             self._sticks_known = sticks
 
     def enter(self, mode: str) -> None:
-        """Start flying a mode."""
+        """Start flying a mode, or the external one that replaces it."""
+        state = self.state
+        state.events += self.external.fallbacks(mode)
+        mode = self.external.flown(mode)
         if mode == self.mode:
             return
         self.mode = mode
-        state = self.state
+        if mode in EXTERNAL:
+            self.setpoint = offboard.STAND  # until the program behind it sends one
         self.plan = flying.ModePlan(state.position_m, yaw_rad=state.yaw_rad)
         if mode == "TAKEOFF":
             self.plan.height_m = self._takeoff_down_m()
@@ -395,14 +523,13 @@ class Px4:
             self.state.say(Severity.INFO, f"Using default takeoff altitude: {height_m:.1f} m")
 
     def disarm(self) -> None:
-        """Stop the motors; a finished take-off or landing becomes Hold, other intentions stay."""
+        """Stop the motors; the intention becomes the last one in which arming is possible, or that of an executor."""
         self.state.disarm()
         self.failsafes.clear()
         self.in_failsafe = False
         if self.mode == "TERMINATION":
             return
-        if self.intention in {"TAKEOFF", "LAND", "RTL", "DESCEND"}:
-            self.intention = "HOLD"
+        self.intention = self.external.after_disarming(self._after_disarming)
         self.enter(self.intention)
 
     def _pilot_takes_over(self, now_s: float) -> None:
@@ -433,8 +560,12 @@ class Px4:
             return
         if state.flew:
             self.ground.notice_landing(state)
+            if self.mode in _COMPLETED_BY_LANDING and state.standing_s >= LANDED_S:
+                self.complete()
             landed_s = float(state.parameters["COM_DISARM_LAND"])
             coming_down = self.mode not in {"TAKEOFF"} and not self.wants_to_climb()
+            if self.external.overrides_in(self.mode).stays_armed:
+                return
             if landed_s > 0.0 and coming_down and state.standing_s > LANDED_S + landed_s:
                 state.say(Severity.INFO, "Disarmed by landing")
                 self.disarm()

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.missions import violated
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, is_on_earth
-from sitl_mock.px4 import failures, safety
+from sitl_mock.px4 import failures
+from sitl_mock.px4.external_modes import NAME_OF
 from sitl_mock.px4.maneuvers import Orbit
-from sitl_mock.px4.modes import BY_NAME, requested_mode
+from sitl_mock.px4.modes import requested_mode
 from sitl_mock.vector import Vector
 from sitl_mock.vehicle_state import Severity
 
@@ -141,6 +142,7 @@ def orbit(px4: Px4, now_s: float, command: Command) -> Answers:
     return ACCEPTED
 
 
+SET_NAV_STATE: Final = 100001
 FORCE_MAGIC: Final = 21196
 SECOND_ACK_S: Final = 0.02
 """The commander answers in its own cycle, after the MAVLink receiver."""
@@ -201,7 +203,7 @@ def _arm_now(px4: Px4, by: str = "external command") -> Answers:
         state.say(Severity.CRITICAL, "Arming denied: calibrating")
         return REFUSED
     px4.look()
-    reasons = safety.refusals(state, BY_NAME[px4.intention], px4.met_needs)
+    reasons = px4.refusals()
     if reasons:
         state.say(Severity.CRITICAL, "Arming denied: Resolve system health failures first")
         for reason in reasons:
@@ -215,6 +217,13 @@ def _arm_now(px4: Px4, by: str = "external command") -> Answers:
     if px4.mode == "TAKEOFF":
         px4.say_default_height()
     return ACCEPTED
+
+
+def _set_state(px4: Px4, now_s: float, command: Command) -> Answers:
+    """SET_NAV_STATE, which programs beside PX4 send: a mode by its number in VehicleStatus."""
+    number = command.params[0]
+    mode = NAME_OF.get(int(number + 0.5)) if 0.0 <= number < 256.0 else None
+    return _granted(mode is not None and px4.request(now_s, mode, is_told=False))
 
 
 def _takeoff(px4: Px4, now_s: float, command: Command) -> Answers:
@@ -351,6 +360,7 @@ _HANDLERS: Mapping[int, Callable[[Px4, float, Command], Answers]] = MappingProxy
         300: _start_mission,
         400: _arm,
         420: _inject_failure,
+        SET_NAV_STATE: _set_state,
     }
 )
 COMMANDS: Final = frozenset(_HANDLERS) | frozenset(PLAIN)

@@ -92,7 +92,12 @@ def event_of(severity: int, text: str) -> Event | None:
 
 def event_id(name: str) -> int:
     """Return the id of an event of the autopilot."""
+    return _AUTOPILOT | fnv1a(name) & 0xFFFFFF
+
+
+def fnv1a(text: str) -> int:
+    """Return the 32-bit FNV-1a hash of a text, by which PX4 names events and external modes."""
     value = _FNV_SEED
-    for byte in name.encode():
+    for byte in text.encode():
         value = (value ^ byte) * _FNV_PRIME & 0xFFFFFFFF
-    return _AUTOPILOT | value & 0xFFFFFF
+    return value

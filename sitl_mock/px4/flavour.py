@@ -41,6 +41,7 @@ from sitl_mock.px4.flight_log import Px4FlightLog
 from sitl_mock.px4.modes import MODES
 from sitl_mock.px4.shell import answer_to
 from sitl_mock.px4.tasks import fly
+from sitl_mock.px4.topic_link import TopicLink
 from sitl_mock.sensors import PX4_SENSORS
 
 if TYPE_CHECKING:
@@ -163,4 +164,5 @@ PX4: Final = Flavour(
     streams_log=True,
     shell=answer_to,
     takes_keys=False,
+    topics=TopicLink,
 )

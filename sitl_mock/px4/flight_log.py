@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 from sitl_mock.logs import ulog
 from sitl_mock.logs.parameters import LoggedParameters
 from sitl_mock.protocols import ParamKind
-from sitl_mock.px4.topics import SOURCES, STEP_MS
+from sitl_mock.px4.topics import LOGGED, STEP_MS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,12 +26,12 @@ _PERIOD: Final = 20
 """Steps until the topics repeat."""
 _DUE: Final = tuple(
     tuple(
-        (source.topic.pack, source.build) for source in SOURCES.values() if step % source.every == 0
+        (source.topic.pack, source.build) for source in LOGGED.values() if step % source.every == 0
     )
     for step in range(_PERIOD)
 )
 """Packing and builder of the topics of each step."""
-_ON_CHANGE: Final = (SOURCES["vehicle_status"], SOURCES["vehicle_land_detected"])
+_ON_CHANGE: Final = (LOGGED["vehicle_status"], LOGGED["vehicle_land_detected"])
 """Topics that PX4 also writes when arming, mode or landing change."""
 _NEVER: Final = -1
 _FROM_ARMING: Final = 0
@@ -112,9 +112,9 @@ class Px4FlightLog:
             ulog.information("uint32_t", "ver_data_format", 2),
             ulog.information("int32_t", "time_ref_utc", 0),
             ulog.information("uint64_t", "boot_time_utc_us", report.unix_us - report.boot_us),
-            *(ulog.topic_format(source.topic) for source in SOURCES.values()),
+            *(ulog.topic_format(source.topic) for source in LOGGED.values()),
             *(_parameter(report, name) for name in state.parameters.names),
-            *(ulog.subscription(source.topic) for source in SOURCES.values()),
+            *(ulog.subscription(source.topic) for source in LOGGED.values()),
         ]
 
     def _decide(self, report: Report) -> None:

@@ -32,6 +32,7 @@ class ModePlan:
         follow: State of follow-me.
         stick_m_s: Velocity (north, east) reached by the sticks, None while they are centred.
         stick_place_m: Position (north, east) held while only the throttle stick is moved, otherwise None.
+        completed: The navigator has told that the mode is finished.
     """
 
     entered_m: Vector
@@ -45,6 +46,7 @@ class ModePlan:
     follow: Follow | None = None
     stick_m_s: tuple[float, float] | None = None
     stick_place_m: tuple[float, float] | None = None
+    completed: bool = False
 
 
 def hold(state: VehicleState, plan: ModePlan) -> Setpoint:

@@ -3,6 +3,7 @@
 `requested_mode` decodes the mode in DO_SET_MODE and SET_MODE as PX4 v1.17 does.
 """
 
+from collections.abc import Mapping
 from enum import Enum
 from typing import Final
 
@@ -24,7 +25,7 @@ def _custom_mode(main: int, sub: int = 0) -> int:
 
 
 _ADVANCED = 1
-_NOT_FOR_USERS = 2
+NOT_FOR_USERS: Final = 2
 
 AVAILABLE: Final = (
     Available(_custom_mode(1), 0, _ADVANCED, "Manual"),
@@ -36,7 +37,7 @@ AVAILABLE: Final = (
     Available(_custom_mode(3, 2), 0, _ADVANCED, "Position Slow"),
     Available(_custom_mode(11), 0, 0, "Altitude Cruise"),
     Available(_custom_mode(5), 0, _ADVANCED, "Acro"),
-    Available(_custom_mode(10), 0, _ADVANCED | _NOT_FOR_USERS, "Termination"),
+    Available(_custom_mode(10), 0, _ADVANCED | NOT_FOR_USERS, "Termination"),
     Available(_custom_mode(6), 0, _ADVANCED, "Offboard"),
     Available(_custom_mode(7), 0, _ADVANCED, "Stabilized"),
     Available(_custom_mode(4, 2), 8, _ADVANCED, ""),  # take-off
@@ -46,7 +47,7 @@ AVAILABLE: Final = (
     Available(_custom_mode(3, 1), 2, _ADVANCED, ""),  # orbit
     Available(_custom_mode(4, 10), 0, _ADVANCED, "VTOL Takeoff"),
     *(
-        Available(_custom_mode(4, 10 + index), 0, _NOT_FOR_USERS, "(Mode not available)")
+        Available(_custom_mode(4, 10 + index), 0, NOT_FOR_USERS, "(Mode not available)")
         for index in range(1, 9)
     ),
 )
@@ -216,6 +217,29 @@ MODES: Final = ModeTable(
         "DO_FLIGHTTERMINATION or a failsafe enters TERMINATION; only a reboot leaves it.",
     ),
 )
+
+NAV_STATES: Final[Mapping[str, tuple[int, str]]] = {
+    "MANUAL": (0, "Manual"),
+    "ALTCTL": (1, "Altitude"),
+    "POSCTL": (2, "Position"),
+    "MISSION": (3, "Mission"),
+    "HOLD": (4, "Hold"),
+    "RTL": (5, "Return"),
+    "POSITION_SLOW": (6, "Position Slow"),
+    "ALTITUDE_CRUISE": (8, "Altitude Cruise"),
+    "ACRO": (10, "Acro"),
+    "DESCEND": (12, "Descend"),
+    "TERMINATION": (13, "Termination"),
+    "OFFBOARD": (14, "Offboard"),
+    "STABILIZED": (15, "Stabilized"),
+    "TAKEOFF": (17, "Takeoff"),
+    "LAND": (18, "Land"),
+    "FOLLOW": (19, "Follow Target"),
+    "PRECLAND": (20, "Precision Landing"),
+    "ORBIT": (21, "Orbit"),
+    **{f"EXTERNAL{index}": (22 + index, f"External {index}") for index in range(1, 9)},
+}
+"""Number and name of each mode (``VehicleStatus.msg``, ``mode_util``)."""
 
 BY_NAME: Final = MODES.by_name()
 BY_NUMBER: Final = MODES.by_number()

@@ -69,6 +69,18 @@ def _read_global(state: VehicleState, message: Any) -> Setpoint | str:  # noqa: 
     return _judged(state, target, name)
 
 
+def read_trajectory(message: Any) -> Setpoint:  # noqa: ANN401 - a record
+    """Return the setpoint in a TrajectorySetpoint; NaN marks free axes. What cannot be followed stops the vehicle."""
+    position, velocity, acceleration = (
+        _finite(Vector(axes)) for axes in (message.position, message.velocity, message.acceleration)
+    )
+    if not _followable(position, velocity, acceleration):
+        return STAND
+    yaw_rad = message.yaw if math.isfinite(message.yaw) else math.nan
+    yaw_rate = message.yawspeed if math.isfinite(message.yawspeed) else math.nan
+    return Setpoint(_STREAM, position, velocity, acceleration, yaw_rad, yaw_rate)
+
+
 def _judged(state: VehicleState, target: Target, name: str) -> Setpoint | str:
     frame, mask, position, velocity, acceleration, yaw_rad, yaw_rate_rad_s = target
     alone = position is IGNORED and acceleration is IGNORED and frame != BODY_NED

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sitl_mock.logs.ulog import fields_of
 from sitl_mock.protocols import ParameterError, ParamKind
-from sitl_mock.px4.topics import NAV_STATES, SOURCES, state_of
+from sitl_mock.px4.modes import NAV_STATES
+from sitl_mock.px4.topics import SOURCES, state_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

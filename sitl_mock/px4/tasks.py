@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.px4 import flying
+from sitl_mock.px4.external_modes import EXTERNAL
 from sitl_mock.px4.modes import AFTER, MANUAL_MODES
 from sitl_mock.setpoints import turned
 from sitl_mock.vector import Vector
@@ -58,7 +59,9 @@ def _manual(px4: Px4) -> Setpoint:
 
 def _takeoff(px4: Px4) -> Setpoint:
     if flying.takeoff_done(px4.state, px4.plan):
-        _go_on(px4, "height reached")
+        px4.complete()
+        if not px4.external.in_charge:  # an executor goes on by itself
+            _go_on(px4, "height reached")
     return flying.takeoff(px4.state, px4.plan)
 
 
@@ -72,6 +75,7 @@ def _mission(px4: Px4) -> Setpoint:
     if flight.over == "return":
         px4.intention = "RTL"
     elif flight.over == "finished":
+        px4.complete()
         if not state.on_ground:
             state.say(Severity.INFO, "Mission finished, loitering")
         _go_on(px4, "mission finished")
@@ -138,6 +142,12 @@ def _return(px4: Px4) -> Setpoint:
     return flying.return_home(px4.state, px4.plan)
 
 
+def _external(px4: Px4) -> Setpoint:
+    if px4.rates is not None:
+        px4.setpoint = px4.rates.advance(STEP_S)
+    return px4.setpoint
+
+
 def _land(px4: Px4) -> Setpoint:
     return flying.land(px4.state, px4.plan)
 
@@ -158,6 +168,7 @@ _TASKS: Final[Mapping[str, Callable[[Px4], Setpoint]]] = MappingProxyType(
         "LAND": _in_the_air(_land),
         "PRECLAND": _in_the_air(_land),
         "DESCEND": _in_the_air(_descend),
+        **dict.fromkeys(EXTERNAL, _in_the_air(_external)),
     }
 )
 

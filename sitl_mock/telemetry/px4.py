@@ -89,13 +89,13 @@ def odometry(report: Report) -> Fields:
         yaw_rate,
         _diagonal(level, level, high, 1e-4, 1e-4, 4e-3),
         _VELOCITY_COVARIANCE,
-        (state.estimator.reset_counter + _RESETS_AT_START) & 0xFF,
+        (state.estimator.reset_counter + RESETS_AT_START) & 0xFF,
         3,
         0,
     )
 
 
-_RESETS_AT_START: Final = 9
+RESETS_AT_START: Final = 9
 """Resets of the estimator during the start."""
 
 

@@ -204,7 +204,7 @@ def test_row_14_px4s_parameter_metadata_is_read():
     client = Client("px4")
     described = json.loads(lzma.decompress(client.read(b"/etc/extras/parameters.json.xz")))
     by_name = {item["name"]: item for item in described["parameters"]}
-    assert len(by_name) == 887
+    assert len(by_name) == 897
     assert by_name["COM_OF_LOSS_T"]["max"] == 60.0
 
 

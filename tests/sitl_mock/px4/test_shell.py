@@ -59,7 +59,7 @@ def test_parameters_are_shown_and_set(shell):
     symbols = "Symbols: x = used, + = saved, * = unsaved\n"
     shown = shell.type("param show mpc_xy_vel_max\n")
     assert shown.startswith(f"param show mpc_xy_vel_max\n{symbols}x   MPC_XY_VEL_MAX [")
-    assert shown.endswith("] : 12.0000\n\n 887/887 parameters used.\npxh> ")
+    assert shown.endswith("] : 12.0000\n\n 887/897 parameters used.\npxh> ")
     assert shell.type("param show\n").count("\nx ") == 887
     set_to_9 = "param set MPC_XY_VEL_MAX 9\n  MPC_XY_VEL_MAX: curr: 12.0000 -> new: 9.0000\npxh> "
     assert shell.type("param set MPC_XY_VEL_MAX 9\n") == set_to_9
