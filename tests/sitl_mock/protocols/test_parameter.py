@@ -130,7 +130,7 @@ def test_px4_reads_an_integer_as_its_four_bytes_and_a_float_as_itself(wire, px4)
     )
     (real,) = read(client, "MPC_XY_P")
     assert (real.param_value, real.param_type) == (pytest.approx(0.95), REAL32)
-    assert real.param_count == len(px4)
+    assert real.param_count == len(px4.names)
     assert real.param_index == px4.index["MPC_XY_P"]
 
 
@@ -145,7 +145,7 @@ def test_ardupilot_casts_the_number_and_says_the_small_type(wire, copter):
 
 def test_by_index_gives_what_the_list_gives(wire, px4):
     client = wire(ParameterProtocol(px4, PX4_PARAMETER_RULES))
-    for index in (0, 7, len(px4) - 1):
+    for index in (0, 7, len(px4.names) - 1):
         (by_index,) = read(client, "", index)
         (by_name,) = read(client, by_index.param_id)
         assert (by_index.param_index, by_name.param_index) == (index, index)
@@ -170,13 +170,13 @@ def test_a_repeated_list_request_starts_again(wire, px4):
     client.send("PARAM_REQUEST_LIST", 1, 1)
     client.wait(0.1)
     client.send("PARAM_REQUEST_LIST", 1, 1)
-    assert [value.param_index for value in client.wait(2.0)] == list(range(len(px4)))
+    assert [value.param_index for value in client.wait(2.0)] == list(range(len(px4.names)))
 
 
 def test_the_hash_is_that_of_names_and_values_and_changes_with_them(wire, px4):
     client = wire(ParameterProtocol(px4, PX4_PARAMETER_RULES))
     (first,) = read(client, "_HASH_CHECK")
-    assert (first.param_type, first.param_index, first.param_count) == (5, 0xFFFF, len(px4))
+    assert (first.param_type, first.param_index, first.param_count) == (5, 0xFFFF, len(px4.names))
     table = []
     for byte in range(256):  # the CRC-32 of NuttX: reflected, no inversion before or after
         crc = byte
@@ -191,7 +191,7 @@ def test_the_hash_is_that_of_names_and_values_and_changes_with_them(wire, px4):
         "LND_FLIGHT_T_LO",
         "SENS_DPRES_OFF",
     }
-    for name in sorted(px4):
+    for name in sorted(px4.names):
         offset = name.startswith("CAL_") and name.endswith(("OFF", "SCALE", "COMP", "ODIAG"))
         if name in volatile or offset or name.startswith("ASPD_SCALE_"):
             continue
@@ -292,7 +292,7 @@ def test_ardupilot_calls_a_default_that_was_never_saved_a_float_except_outside_g
 def test_row_15_an_unknown_name_or_index_is_met_with_silence_and_changes_nothing(wire, px4, rules):
     client = wire(ParameterProtocol(px4, rules))
     before = dict(px4)
-    assert read(client, "NO_SUCH") == read(client, "", len(px4)) == []
+    assert read(client, "NO_SUCH") == read(client, "", len(px4.names)) == []
     assert write(client, "NO_SUCH", 1.0, REAL32) == []
     assert (dict(px4), px4.revision) == (before, 0)
 
