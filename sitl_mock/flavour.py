@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from sitl_mock.dynamics import Setpoint, Vehicle, Wander
 from sitl_mock.dynamics.shaping import Reference
@@ -22,16 +22,13 @@ from sitl_mock.protocols import (
     ParameterStore,
     PlanItem,
     PlanStore,
+    Reply,
     Storage,
     StreamRules,
 )
 from sitl_mock.sensors import EXACT, SensorNoise
 from sitl_mock.vehicle_state import PX4_PACK, Pack, VehicleState
 from sitl_mock.world import Home
-
-if TYPE_CHECKING:
-    from sitl_mock.autopilot import Autopilot
-    from sitl_mock.links import AnyLink
 
 
 class Commander(Protocol):
@@ -132,6 +129,38 @@ class FlightRecorder(Protocol):
         ...
 
 
+class AnyLink(Protocol):
+    """What a vehicle asks of each link, of MAVLink or not."""
+
+    def is_due(self, now_s: float, /) -> bool:
+        """True if there is something to send."""
+        ...
+
+    def receive(self, now_s: float, data: bytes, /) -> list[bytes]:
+        """Take what has come; return the frames that answer it."""
+        ...
+
+    def send(self, now_s: float, tick: int, /) -> list[bytes]:
+        """Return the frames that are due by now."""
+        ...
+
+    def pack(self, replies: Sequence[Reply], /) -> list[bytes]:
+        """Return the frames of some MAVLink messages; none on a link without MAVLink."""
+        ...
+
+    def say(self, now_s: float, texts: Sequence[Reply], /) -> list[bytes]:
+        """Return the frames of texts."""
+        ...
+
+    def clients(self, now_s: float, /) -> list[tuple[int, int]]:
+        """Return (system id, component id) of the senders of the last seconds."""
+        ...
+
+    def counts(self) -> dict[str, int]:
+        """Return how much was taken and dropped."""
+        ...
+
+
 def no_files(_parameters: ParameterStore, _plans: PlanStore, storage: Storage) -> FileTree:
     """Return a file tree with nothing but what clients write."""
     return FileTree({}, storage=storage)
@@ -177,7 +206,7 @@ class Flavour:
         streams_log: A client can have a log streamed.
         shell: Answers a line that is typed into the shell; None if it has no shell over MAVLink.
         takes_keys: A client can set the key of MAVLink signing (SETUP_SIGNING).
-        topics: Makes the link that carries a vehicle's own topics, of the kind `links.TOPICS`; None if it has none.
+        topics: Makes the link that carries an `Autopilot`'s own topics (kind `links.TOPICS`); None if it has none.
         trusted_links: Ids of links that take unsigned and wrongly signed frames after a client has set a key.
     """
 
@@ -217,7 +246,7 @@ class Flavour:
     shell: Callable[["Report", str], str] | None = None
     takes_keys: bool = True
     trusted_links: frozenset[int] = frozenset()
-    topics: Callable[["Autopilot"], "AnyLink"] | None = None
+    topics: Callable[[Any], AnyLink] | None = None
 
     @property
     def spec(self) -> str:

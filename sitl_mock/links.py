@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.mavlink import SPEC_BY_ID, SPEC_BY_NAME, Decoder, EncodeError, Encoder
 from sitl_mock.protocols import (
@@ -65,38 +65,6 @@ _LOGGING: Final = frozenset({_LOGGING_START, _LOGGING_STOP})
 
 TOPICS: Final = "topics"
 """Kind of a link that carries an autopilot's own topics instead of MAVLink."""
-
-
-class AnyLink(Protocol):
-    """What a vehicle asks of each link, of MAVLink or not."""
-
-    def is_due(self, now_s: float, /) -> bool:
-        """True if there is something to send."""
-        ...
-
-    def receive(self, now_s: float, data: bytes, /) -> list[bytes]:
-        """Take what has come; return the frames that answer it."""
-        ...
-
-    def send(self, now_s: float, tick: int, /) -> list[bytes]:
-        """Return the frames that are due by now."""
-        ...
-
-    def pack(self, replies: Sequence[Reply], /) -> list[bytes]:
-        """Return the frames of some MAVLink messages; none on a link without MAVLink."""
-        ...
-
-    def say(self, now_s: float, texts: Sequence[Reply], /) -> list[bytes]:
-        """Return the frames of texts."""
-        ...
-
-    def clients(self, now_s: float, /) -> list[tuple[int, int]]:
-        """Return (system id, component id) of the senders of the last seconds."""
-        ...
-
-    def counts(self) -> dict[str, int]:
-        """Return how much was taken and dropped."""
-        ...
 
 
 class Link:

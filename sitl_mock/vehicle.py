@@ -7,8 +7,9 @@ from typing import Any, Final
 from sitl_mock.autopilot import TICK_S, Autopilot, Settings
 from sitl_mock.dynamics import Body
 from sitl_mock.errors import ConfigError
+from sitl_mock.flavour import AnyLink
 from sitl_mock.flavours import flavour_named
-from sitl_mock.links import TOPICS, AnyLink, Link
+from sitl_mock.links import TOPICS, Link
 from sitl_mock.logs import LOG_BYTES, FlightLog
 from sitl_mock.mavlink import Signing
 from sitl_mock.vector import ZERO, Vector
