@@ -9,6 +9,7 @@ A map has tracks, state changes, fence and goal, as GeoJSON (RFC 7946) or KML 2.
 both. RFC 7946 asks for heights above the ellipsoid, but autopilots report mean sea level and most viewers expect it.
 """
 
+import csv
 import heapq
 import json
 import math
@@ -93,8 +94,10 @@ def export(path: Path, out: Path, settings_of: SettingsOf) -> str:
         with whole_file(out) as unfinished:
             if out.suffix == ".tlog":
                 return f"{write_tlog(path, unfinished)} frames"
-            if out.suffix in {".csv", ".parquet"}:
-                return f"{write_table(path, unfinished)} cycles"
+            if out.suffix == ".csv":
+                return f"{write_csv(path, unfinished)} cycles"
+            if out.suffix == ".parquet":
+                return f"{write_parquet(path, unfinished)} cycles"
             metadata = metadata_of(path)
             features = features_of(path, settings_of(metadata))
             document = kml if out.suffix == ".kml" else geojson
@@ -305,10 +308,37 @@ def _xml(text: str) -> str:
     return escape("".join(letter for letter in text if letter.isprintable()))
 
 
-def write_table(path: Path, out: Path) -> int:
-    """Write Parquet if `out` ends in .parquet, else CSV with empty cells for NaN and null; return the number of rows.
+def write_csv(path: Path, out: Path) -> int:
+    """Write a row for each cycle; return their number.
 
-    A cell is null before the first message, and in cycles without setpoint or game.
+    A cell is empty for NaN, before the first message, and in cycles without setpoint or game. Every number of a column
+    of floats has a decimal point or an exponent, so that readers which guess types from the first rows guess right.
+
+    Raises:
+        ConfigError: If the record cannot be read.
+        OSError: If `out` cannot be written.
+    """
+    types = _types()
+    count = 0
+    with out.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(types)
+        for row in _rows(path):
+            writer.writerow([_cell(row.get(name), kind) for name, kind in types.items()])
+            count += 1
+    return count
+
+
+def _cell(value: object, kind: type) -> str:
+    if value is None or value != value:  # noqa: PLR0124 - NaN
+        return ""
+    if kind is bool:
+        return str(value).lower()
+    return str(float(value) if kind is float else value)  # type: ignore[arg-type]
+
+
+def write_parquet(path: Path, out: Path) -> int:
+    """Write the table of `write_csv` as Parquet, with null for empty cells; return the number of rows.
 
     Raises:
         ConfigError: If the record cannot be read, or pyarrow is not installed.
@@ -316,24 +346,23 @@ def write_table(path: Path, out: Path) -> int:
     """
     require_extras(str(out), "sim")
     import pyarrow as pa  # noqa: PLC0415 - of an extra
-    from pyarrow import csv, parquet  # noqa: PLC0415
+    from pyarrow import parquet  # noqa: PLC0415
 
-    types = {float: pa.float64(), int: pa.int64(), bool: pa.bool_()}
-    named = [
-        (name, types.get(kind, pa.string())) for _, _, names, kind in _columns() for name in names
-    ]
-    schema = pa.schema(
-        [("now_s", pa.float64()), ("state", pa.string()), *named, ("alarm", pa.string())]
-    )
+    arrow = {float: pa.float64(), int: pa.int64(), bool: pa.bool_()}
+    schema = pa.schema([(name, arrow.get(kind, pa.string())) for name, kind in _types().items()])
     rows = _rows(path)
     count = 0
-    with (parquet.ParquetWriter if out.suffix == ".parquet" else csv.CSVWriter)(
-        out, schema
-    ) as writer:
+    with parquet.ParquetWriter(out, schema) as writer:
         while batch := list(islice(rows, 4096)):
             writer.write_batch(pa.RecordBatch.from_pylist(batch, schema=schema))
             count += len(batch)
     return count
+
+
+def _types() -> dict[str, Any]:
+    """Return the type of each column of the table."""
+    named = {name: kind for _, _, names, kind in _columns() for name in names}
+    return {"now_s": float, "state": str, **named, "alarm": str}
 
 
 def _columns() -> Iterator[tuple[type, str, Sequence[str], Any]]:

@@ -61,11 +61,24 @@ class Site(Section):
         488.0, ge=-500.0, le=6000.0, description="of the evader's plane, above sea level"
     )
 
+    def _faults(self) -> Iterator[str]:
+        if self.latitude_deg == 0.0 == self.longitude_deg:
+            yield (
+                "site.latitude_deg = 0 and site.longitude_deg = 0: means that no position is known in MAVLink, and "
+                "such reports are not used; choose another place, such as latitude_deg = 0.001"
+            )
+
+
+_TRACK_PART_S: Final = 10.0
+_TRACK_NOISE_M: Final = 3.0
+"""A recorded track is compared with the speed over such a time; its positions may be wrong by so much."""
+
 
 class Player(Section):
     """Keys of both players: the strategy, and the course that some strategies follow."""
 
     policy: str = Field("optimal", description="the player's strategy")
+    speed_m_s: Speed = Field(description="horizontal top speed")
     waypoints_m: tuple[Point3 | Point2, ...] = Field(
         (), description='of policy = "waypoints"; the last one ends it'
     )
@@ -90,6 +103,25 @@ class Player(Section):
         times = [row[0] for row in self.track]
         if any(later <= sooner for sooner, later in itertools.pairwise(times)) or len(times) == 1:
             yield "track: needs at least two rows, with increasing times"
+            return
+        fast = next(self._too_fast(), None)
+        if fast is not None:
+            from_s, to_s, needed_m_s = fast
+            yield (
+                f"track: from {from_s:g} to {to_s:g} s it needs {needed_m_s:.3g} m/s, but speed_m_s = "
+                f"{self.speed_m_s:g}; raise speed_m_s, or the track would not be followed"
+            )
+
+    def _too_fast(self) -> Iterator[tuple[float, float, float]]:
+        """Yield the parts of the track that are too fast for the player: from, to, s, and the speed needed, m/s."""
+        later = 0
+        for row in self.track:
+            while later < len(self.track) - 1 and self.track[later][0] - row[0] < _TRACK_PART_S:
+                later += 1
+            duration_s = self.track[later][0] - row[0]
+            way_m = math.dist(row[1:3], self.track[later][1:3])
+            if way_m > self.speed_m_s * duration_s + _TRACK_NOISE_M:
+                yield row[0], self.track[later][0], way_m / duration_s
 
 
 class Pursuer(Player):

@@ -117,7 +117,7 @@ def json_schema() -> dict[str, Any]:
 
 
 _COLUMNS: Final = ("t_s", "x_m", "y_m", "z_m")
-_NAMED: Final = ", ".join(_COLUMNS)
+_NAMED: Final = "t_s, x_m, y_m, and z_m where there is height"
 
 
 def read_track(path: Path, player: str, *, key: str) -> list[TrackRow]:

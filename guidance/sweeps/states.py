@@ -8,6 +8,7 @@ cells are empty is absent in that row, so teams can have different sizes.
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from operator import itemgetter
@@ -145,6 +146,9 @@ def _checked_out(states: Path, out: Path | None) -> Path:
         raise ConfigError(f"--out {out}: must end in {kinds}")
     if states.suffix not in _KINDS or not states.is_file():
         raise ConfigError(f"--states {states}: must be an existing file that ends in {kinds}")
+    with states.open("rb") as file:
+        if file.read(2) == b"\x1f\x8b":
+            raise ConfigError(f"--states {states}: is compressed with gzip: unpack it")
     if states.resolve() == out.resolve():
         raise ConfigError(f"--out {out}: must not be the file of the states")
     return out
@@ -171,17 +175,22 @@ def _rows_of(path: Path) -> int:
 
 
 def _chunks(path: Path) -> Iterator[pa.Table]:
-    """Read a file in pieces of at most `ROWS` rows; a file without rows gives one empty piece."""
+    """Read a file in pieces of at most `ROWS` rows; a file without rows gives one empty piece.
+
+    Raises:
+        ConfigError: Its columns have no names, or two have the same.
+    """
     if path.suffix == ".csv":
         with csv.open_csv(path) as columns:
-            numeric_names = filter(_NUMBERS.fullmatch, columns.schema.names)
-            types = dict.fromkeys(numeric_names, pa.string())
+            names = _checked_names(path, columns.schema)
+            types = dict.fromkeys(filter(_NUMBERS.fullmatch, names), pa.string())
         as_text = csv.ConvertOptions(column_types=types, strings_can_be_null=True)
         batches: Any = csv.open_csv(path, convert_options=as_text)
         schema = batches.schema
     else:
         file = parquet.ParquetFile(path)
         schema = file.schema_arrow
+        _checked_names(path, schema)
         batches = file.iter_batches(ROWS)
     rows_read = 0
     for batch in batches:
@@ -191,6 +200,19 @@ def _chunks(path: Path) -> Iterator[pa.Table]:
         rows_read += batch.num_rows
     if not rows_read:
         yield schema.empty_table()
+
+
+def _checked_names(path: Path, schema: pa.Schema) -> list[str]:
+    try:
+        names: list[str] = schema.names
+    except UnicodeDecodeError as error:
+        raise ConfigError(
+            f"--states {path}: its first line is not UTF-8: save it as UTF-8"
+        ) from error
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ConfigError(f"--states {path}: the column {twice[0]} is there twice; rename one")
+    return names
 
 
 def _writer(out: Path, schema: pa.Schema) -> csv.CSVWriter | parquet.ParquetWriter:

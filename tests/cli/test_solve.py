@@ -1,5 +1,6 @@
 """`guidance solve`: one state on the command line, or a file of them."""
 
+import gzip
 import json
 import stat
 
@@ -247,8 +248,26 @@ def test_wrong_files_and_columns_are_named(tmp_path):
     parquet.write_table(pa.table({name: [[1.0]] for name in PLACES}), lists)
     own = tmp_path / "own.csv"
     csv.write_csv(table(3).append_column("value", pa.array([1.0, 2.0, 3.0])), own)
+    twice = tmp_path / "twice.csv"
+    twice.write_text(",".join((*PLACES, "note", "note")) + "\n1,2,3,4,5,a,b\n")
+    again = tmp_path / "again.parquet"
+    parquet.write_table(pa.table([[1.0]] * 2, names=["note", "note"]), again)
+    latin = tmp_path / "latin.csv"
+    latin.write_bytes((",".join((*PLACES, "fl\xfcge")) + "\n1,2,3,4,5,6\n").encode("latin-1"))
+    packed = tmp_path / "packed.csv"
+    packed.write_bytes(gzip.compress(states.read_bytes()))
     given = ["--speed-ratio", "2"]
     for arguments, said in (
+        (["--states", twice, "--out", out, *given], "twice.csv: the column note is there twice"),
+        (
+            ["--states", again, "--out", out, *given],
+            "again.parquet: the column note is there twice",
+        ),
+        (
+            ["--states", latin, "--out", out, *given],
+            "its first line is not UTF-8: save it as UTF-8",
+        ),
+        (["--states", packed, "--out", out, *given], "is compressed with gzip: unpack it"),
         (["--states", tmp_path / "no.csv", "--out", out, *given], "must be an existing file"),
         (
             ["--states", tmp_path, "--out", out, *given],

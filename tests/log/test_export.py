@@ -162,6 +162,15 @@ def test_evader_columns_hold_the_report_with_both_clocks_and_the_datum(columns, 
         assert tuple(cells) == (report.sent_s, report.source, *report.said)
 
 
+def test_a_number_of_the_csv_shows_whether_its_column_has_fractions(exported, columns):
+    with (exported / "flight.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    floats = {name for name, cells in columns.items() if any(type(cell) is float for cell in cells)}
+    assert len(floats) > 50
+    for row in rows:
+        assert all(not row[name] or set(row[name]) & set(".en") for name in floats)
+
+
 def test_the_csv_holds_the_same_as_the_parquet(exported, columns):
     with (exported / "flight.csv").open(newline="") as file:
         from_csv = list(csv.DictReader(file))

@@ -42,6 +42,16 @@ def built(**sections):
             "every point needs x, y and z",
         ),
         ({"evader": {"policy": "recorded"}}, "track: missing"),
+        (
+            {
+                "evader": {
+                    "policy": "recorded",
+                    "track": [[0, 0, 0, 0], [4, 12, 0, 0], [20, 90, 0, 0]],
+                }
+            },
+            "track: from 0 to 20 s it needs 4.5 m/s, but speed_m_s = ",
+        ),
+        ({"site": {"latitude_deg": 0.0, "longitude_deg": 0.0}}, "no position is known in MAVLink"),
         ({"evader": {"policy": "recorded", "track": [[0.0, 1.0, 1.0, 0.0]]}}, "at least two rows"),
         (
             {
@@ -158,13 +168,14 @@ def record_with(path, certificates):
 
 def test_a_track_is_read_from_a_flights_record(tmp_path):
     certificates = [
-        {"pursuer_game_m": [k, 0.0, 9.0], "evader_game_m": [0.0, k, 0.0]} for k in range(10)
+        {"pursuer_game_m": [0.1 * k, 0.0, 9.0], "evader_game_m": [0.0, 0.1 * k, 0.0]}
+        for k in range(10)
     ]
     record_with(tmp_path / "flight.mcap", [None, *certificates])
     path = tmp_path / "a.toml"
     for player, first, last in (
-        ("evader", (0.1, 0, 0, 0), (0.9, 0, 8, 0)),
-        ("pursuer", (0.1, 0, 0, 9), (0.9, 8, 0, 9)),
+        ("evader", (0.1, 0, 0, 0), (0.9, 0, 0.8, 0)),
+        ("pursuer", (0.1, 0, 0, 9), (0.9, 0.8, 0, 9)),
     ):
         inserted = f'[{player}]\npolicy = "recorded"\ntrack = "flight.mcap"'
         path.write_text((DATA / "short_chase.toml").read_text().replace(f"[{player}]", inserted))
