@@ -119,7 +119,7 @@ def _equip(
         bus = flight.buses.get(name)
         equipment = flight.equipment[name]
         equipment.ask = asked_in_flight(
-            own_scenario, flight.clock, real_time=flight.world.real_time
+            own_scenario.pursuer.policy, flight.clock, real_time=flight.world.real_time
         )
         if isinstance(scenario, TeamScenario):
             metadata |= {

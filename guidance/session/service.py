@@ -22,6 +22,7 @@ from guidance.log.writer import Record, Recorder
 from guidance.session.flight_files import flight_metadata
 from guidance.session.fly.daemon import Daemon, Equipment
 from guidance.session.fly.loop import Signals, claim, run
+from guidance.session.fly.own_policy import asked_in_flight, require_pursuer
 from guidance.session.observe.metrics import Metrics, MetricsServer
 from guidance.session.observe.outputs import OutputOrder, open_outputs
 from guidance.session.open.links import open_vehicle
@@ -64,6 +65,7 @@ def run_vehicle(path: Path, config: Config) -> bool:
         GuidanceError: For everything that the user can mend.
     """
     plan = plan_of(config)
+    require_pursuer(config.game.policy, with_target=config.game.target is not None)
     clock = MonotonicClock()
     metrics = Metrics(config.name)
     with ExitStack() as stack:
@@ -93,6 +95,7 @@ def run_vehicle(path: Path, config: Config) -> bool:
         )
         equipment.sinks += (metrics, *open_outputs(order, stack))
         equipment.team = _member(config, session, clock, stack)
+        equipment.ask = asked_in_flight(config.game.policy, clock, real_time=True)
         daemon = Daemon(
             config.name, plan, world.links[config.name], world.evaders[config.name], equipment
         )

@@ -11,11 +11,11 @@ from typing import Annotated, Any, Final, Literal, TypeVar
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     ConfigDict,
     Field,
     SerializeAsAny,
     ValidationInfo,
-    WithJsonSchema,
     create_model,
     field_validator,
     model_validator,
@@ -49,6 +49,7 @@ from guidance.links.zenoh_access import ZenohSection
 from guidance.messages import Datum
 from guidance.registry import Registry
 from guidance.strategies import COURSES, PURSUER_STRATEGIES
+from guidance.strategies.own import as_one_text, is_own, policy_schema
 from guidance.toml_files import read
 
 
@@ -203,13 +204,13 @@ _POLICIES: Final = [name for name in PURSUER_STRATEGIES if name not in COURSES]
 
 
 def _known_policy(policy: str) -> str:
-    if policy not in _POLICIES:
-        raise ValueError(f"must be one of {', '.join(sorted(_POLICIES))}")
+    if policy not in _POLICIES and not is_own(policy):
+        raise ValueError(f"must be one of {', '.join(sorted(_POLICIES))}, or module:function")
     return policy
 
 
 PolicyName = Annotated[
-    str, AfterValidator(_known_policy), WithJsonSchema({"type": "string", "enum": _POLICIES})
+    str, BeforeValidator(as_one_text), AfterValidator(_known_policy), policy_schema(_POLICIES)
 ]
 
 

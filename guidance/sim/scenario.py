@@ -8,7 +8,7 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 from typing import Annotated, Final, Literal, NamedTuple
 
-from pydantic import ConfigDict, Field, WithJsonSchema
+from pydantic import BeforeValidator, ConfigDict, Field
 
 from guidance.autopilots import AutopilotName
 from guidance.config import Latitude, Longitude, Section, faults_of
@@ -18,7 +18,7 @@ from guidance.game import Extent
 from guidance.game.rules import SpeedSetName
 from guidance.sim.expect import Expect
 from guidance.strategies import EVADER_STRATEGIES, PURSUER_STRATEGIES
-from guidance.strategies.own import FORM, is_own
+from guidance.strategies.own import as_one_text, is_own, policy_schema
 
 Point2 = tuple[float, float]
 Point3 = tuple[float, float, float]
@@ -34,15 +34,8 @@ MATHS_SPEED_SET: Final = "ball"
 """The speed set of a vehicle, where a scenario names none. An autopilot bounds climb and descent by themselves."""
 
 
-def _policy_schema(names: Sequence[str]) -> WithJsonSchema:
-    """Return the schema of a policy: a name, or a user's policy."""
-    built_in_policy = {"type": "string", "enum": [*names]}
-    user_policy = {"type": "string", "pattern": FORM}
-    return WithJsonSchema({"anyOf": [built_in_policy, user_policy]})
-
-
-PursuerPolicy = Annotated[str, _policy_schema(PURSUER_STRATEGIES)]
-EvaderPolicy = Annotated[str, _policy_schema(EVADER_STRATEGIES)]
+PursuerPolicy = Annotated[str, BeforeValidator(as_one_text), policy_schema(PURSUER_STRATEGIES)]
+EvaderPolicy = Annotated[str, BeforeValidator(as_one_text), policy_schema(EVADER_STRATEGIES)]
 
 Speed = Annotated[float, Field(gt=0.0, le=30.0)]
 SlowSpeed = Annotated[float, Field(gt=0.0, le=10.0)]

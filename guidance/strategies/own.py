@@ -1,9 +1,10 @@
 """Policies that a user writes: functions from observations to actions, the same in a batch and in flight.
 
 A policy is a function of observations (n, k) that returns actions (n, a); n is 1 in flight. Its name is where it is:
-`module:function`, or `path/to/file.py:function`. The code is the user's own and runs with the user's rights: nothing
-here limits what it may do. It is imported when it is first played or when a command loads it, never when a file that
-names it is only read, shown or replayed.
+`module:function`, or `path/to/file.py:function`. It may take parameters by name, after the observations:
+`file.py:function(lead_rad=0.1)`, in files also `{ name = "file.py:function", lead_rad = 0.1 }`. The code is the user's
+own and runs with the user's rights: nothing here limits what it may do. It is imported when it is first played or when
+a command loads it, never when a file that names it is only read, shown or replayed.
 
 Observations of the pursuer, in m and m/s in the game frame (x east, y north, z up):
 
@@ -28,15 +29,19 @@ x and y are of the horizontal speed, that of z is of the climb or, if it is nega
 the speed set is brought into it: a Ball's is shortened as a whole, a Cylinder's level part by itself.
 """
 
+import ast
+import functools
 import importlib
 import importlib.util
+import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import WithJsonSchema
 
 from guidance.errors import ConfigError
 from guidance.game import Game
@@ -56,13 +61,12 @@ PURSUER_SHARES: Final = 3
 EVADER_SHARES: Final = 2
 """Columns of an action."""
 
-FORM: Final = (
-    r"^([^:\0]+\.py|[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*):[A-Za-z_][A-Za-z0-9_]*$"
-)
-"""Regular expression of a policy's name."""
+_WORD: Final = "[A-Za-z_][A-Za-z0-9_]*"
+FORM: Final = rf"^([^:\0]+\.py|{_WORD}(\.{_WORD})*):{_WORD}(\({_WORD}=[^()\0]+\))?$"
+"""Regular expression of a policy's name, with its parameters if it has any."""
 
 _FORM: Final = re.compile(FORM)
-_FORM_WORDS: Final = "module:function or path/to/file.py:function"
+_FORM_WORDS: Final = "module:function or path/to/file.py:function, with parameters as (name=value)"
 
 _LOADED: Final[dict[str, Choose]] = {}
 """Every policy that was registered or imported, by its name."""
@@ -102,17 +106,65 @@ def forget() -> None:
     _LOADED.clear()
 
 
+def as_one_text(policy: object) -> object:
+    """Return a policy that a file gives as a table, `{ name = "file.py:function", lead_rad = 0.1 }`, as one text.
+
+    A validator of pydantic; whatever is no table is returned as it is.
+
+    Raises:
+        ValueError: If the table has no name, or a parameter is no number, text, true or false.
+    """
+    if not isinstance(policy, Mapping):
+        return policy
+    name = policy.get("name")
+    if not isinstance(name, str):
+        raise ValueError("a table needs the key name, such as file.py:function")  # noqa: TRY004 - for pydantic
+    parameters = {key: value for key, value in policy.items() if key != "name"}
+    for key, value in parameters.items():
+        if not isinstance(value, (bool, int, float, str)):
+            raise ValueError(f"{key} = {value!r}: must be a number, a text or a truth value")  # noqa: TRY004
+    if not parameters:
+        return name
+    listed = ", ".join(f"{key}={value!r}" for key, value in parameters.items())
+    return f"{name}({listed})"
+
+
+def policy_schema(names: Sequence[str]) -> WithJsonSchema:
+    """Return the JSON schema of a policy: one of the names, or a user's as text or as a table with parameters."""
+    parameter = {"type": ["number", "string", "boolean"]}
+    table = {
+        "type": "object",
+        "properties": {"name": {"type": "string", "pattern": FORM}},
+        "required": ["name"],
+        "additionalProperties": parameter,
+    }
+    built_in = {"type": "string", "enum": [*names]}
+    return WithJsonSchema({"anyOf": [built_in, {"type": "string", "pattern": FORM}, table]})
+
+
 def load_policy(name: str) -> Choose:
     """Return a policy by its name; import its file or its module the first time. A file's path is as of the shell.
 
     Raises:
-        ConfigError: If the name has another form, or there is no such file, module or function.
+        ConfigError: If the name has another form, there is no such file, module or function, or the function does not
+            take the parameters.
     """
     if name in _LOADED:
         return _LOADED[name]
     if _FORM.fullmatch(name) is None:
         raise ConfigError(f"policy = {name!r}: must be {_FORM_WORDS}")
-    source, _, function = name.rpartition(":")
+    function_name, bracket, listed = name.partition("(")
+    choose = _LOADED.get(function_name) or _function(name, function_name)
+    if bracket:
+        parameters = _parameters(name, listed.removesuffix(")"))
+        _check_parameters(name, choose, parameters)
+        choose = functools.partial(choose, **parameters)
+    _LOADED[name] = choose
+    return choose
+
+
+def _function(name: str, function_name: str) -> Choose:
+    source, _, function = function_name.rpartition(":")
     module = _imported(name, source)
     choose: Choose | None = getattr(module, function, None)
     if choose is None or not callable(choose):
@@ -121,8 +173,29 @@ def load_policy(name: str) -> Choose:
         raise ConfigError(
             f"policy = {name!r}: {source} has no function {function}; it has: {allowed}"
         )
-    _LOADED[name] = choose
     return choose
+
+
+def _parameters(name: str, listed: str) -> dict[str, Any]:
+    try:
+        call = ast.parse(f"f({listed})", mode="eval").body
+        keywords = call.keywords if isinstance(call, ast.Call) and not call.args else ()
+        parameters = {str(one.arg): ast.literal_eval(one.value) for one in keywords}
+    except (SyntaxError, ValueError) as error:
+        raise ConfigError(
+            f"policy = {name!r}: parameters must be name=value, with commas between: {listed}"
+        ) from error
+    return parameters
+
+
+def _check_parameters(name: str, choose: Choose, parameters: Mapping[str, object]) -> None:
+    try:
+        signature = inspect.signature(choose)
+        signature.bind(None, **parameters)
+    except TypeError as error:
+        _, *others = signature.parameters
+        allowed = ", ".join(others) or "none"
+        raise ConfigError(f"policy = {name!r}: {error}; its parameters are: {allowed}") from error
 
 
 def _imported(name: str, source: str) -> Any:  # noqa: ANN401 - a module has no type of its own

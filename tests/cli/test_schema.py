@@ -48,11 +48,14 @@ def test_policies_are_enumerated_wherever_they_are_named():
     scenario, vehicle, sweep = (
         schema_of(kind)["$defs"] for kind in ("scenario", "vehicle", "sweep")
     )
-    named, own = scenario["Pursuer"]["properties"]["policy"]["anyOf"]
+    named, own, table = scenario["Pursuer"]["properties"]["policy"]["anyOf"]
     assert named["enum"] == list(PURSUER_STRATEGIES)
     assert re.search(own["pattern"], "policies/mine.py:choose")
     assert scenario["Evader"]["properties"]["policy"]["anyOf"][0]["enum"] == list(EVADER_STRATEGIES)
-    assert "waypoints" not in vehicle["GameSection"]["properties"]["policy"]["enum"]
+    assert re.search(own["pattern"], "policies/mine.py:choose(lead_rad=0.1)")
+    assert table["properties"]["name"]["pattern"] == own["pattern"]
+    flown, *_ = vehicle["GameSection"]["properties"]["policy"]["anyOf"]
+    assert "waypoints" not in flown["enum"]
     assert sweep["Policies"]["properties"]["evader"]["anyOf"][0]["enum"] == list(EVADER_STRATEGIES)
 
 

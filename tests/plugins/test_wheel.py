@@ -11,6 +11,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from guidance.autopilots import AUTOPILOTS, Verdict
@@ -26,6 +27,7 @@ from guidance.session.open.mock import MockOptions
 from guidance.session.recorded_flight import fly_recorded
 from guidance.session.vehicle_file import SECTIONS, Config, json_schema
 from guidance.sim.scenario import Scenario
+from guidance.strategies.own import load_policy
 from tests.harness.vehicle import document
 from tests.session.conftest import HERE, Ordered
 
@@ -169,16 +171,33 @@ def test_a_record_of_it_reads_again(installed):
 def test_its_autopilot_speed_set_and_law_fly_a_scenario(installed, tmp_path):
     more = {"autopilot": "toy", "speed_set": "halved", "speed_m_s": 6.0, "descent_m_s": 3.0}
     document = NEAR.model_dump() | {"pursuer": NEAR.pursuer.model_dump() | more}
-    document["pursuer"]["policy"] = "pursuit_example:chase"
+    document["pursuer"]["policy"] = {"name": "pursuit_example:chase", "lead_s": 0.5}
     flown = fly_recorded(Scenario(**document), tmp_path, MockOptions(fast=True))
     (result,) = flown.vehicles.values()
     assert result.captured
 
 
+def test_the_parameters_of_its_law_are_checked_against_its_function(installed):
+    law = "pursuit_example:chase"
+    observation = np.array([[3.0, 4.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0]])
+    (ahead,) = load_policy(f"{law}(lead_s=-2.0)")(observation)
+    assert ahead.tolist() == [1.0, 0.0, 0.0]
+    with pytest.raises(ConfigError, match=r"unexpected keyword argument 'lead_m'.* are: lead_s"):
+        load_policy(f"{law}(lead_m=1)")
+    with pytest.raises(ConfigError, match="parameters must be name=value"):
+        load_policy(f"{law}(lead_s=open)")
+    faults = {"lead_s": [1.0]}, {"name": None}
+    for fault in faults:
+        with pytest.raises(ConfigError, match=r"game\.policy = .*: (lead_s = |a table needs)"):
+            read(game={"policy": {"name": law, **fault}})
+
+
 @pytest.mark.flight
-def test_its_evader_is_pursued_and_its_output_counts(installed):
+def test_its_evader_is_pursued_by_its_law_and_its_output_counts(installed):
     config = read(evader=BUOY, tally={"every_s": 2.0})
-    flight = Ordered(source=opened(config), evader=BUOY, tally={"every_s": 2.0})
+    game = {"policy": {"name": "pursuit_example:chase", "lead_s": 0.5}}
+    flight = Ordered(source=opened(config), evader=BUOY, tally={"every_s": 2.0}, game=game)
+    assert flight.config.game.policy == "pursuit_example:chase(lead_s=0.5)"
     flight.engaged()
     flight.until(State.ON_STATION)
     assert flight.evader.counters()["reports"] > 100

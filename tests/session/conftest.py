@@ -19,6 +19,7 @@ from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import TappedWire, share
 from guidance.log.sink import Sink
 from guidance.session.fly.daemon import Daemon, Equipment
+from guidance.session.fly.own_policy import asked_in_flight
 from guidance.session.observe.ground_station import GroundStationOutput
 from guidance.session.observe.log import say_outputs
 from guidance.session.observe.metrics import Metrics
@@ -119,6 +120,7 @@ class Ordered(Sortie):
         seen = [GroundStationOutput(link, self.mailbox, announce=True) for link in self.ground]
         used = Equipment(
             mailbox=self.mailbox,
+            ask=asked_in_flight(config.game.policy, clock, real_time=False),
             record=record,
             record_required=record_required,
             sinks=[

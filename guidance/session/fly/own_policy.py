@@ -43,24 +43,34 @@ def require_policies(scenario: Scenario, *, beside_vehicle: bool) -> None:
     Raises:
         ConfigError: If one is unknown or does not fit the game, or plays the evader beside a vehicle.
     """
-    pursuer = scenario.pursuer.policy
     evader = scenario.evader.policy
-    columns = PURSUER_COLUMNS if scenario.target is None else PURSUER_COLUMNS + TARGET_COLUMNS
-    observation = np.ones((1, columns))
-    if is_own(pursuer):
-        require_fit(pursuer, observation, PURSUER_SHARES)
+    with_target = scenario.target is not None
+    require_pursuer(scenario.pursuer.policy, with_target=with_target)
     if is_own(evader) and beside_vehicle:
         raise ConfigError(
             f"evader.policy = {evader!r}: your own policy plays the evader in mathematics and on the mock only, "
             "because one that never returns would stop the vehicle's setpoints; choose a built-in one"
         )
     if is_own(evader):
-        require_fit(evader, observation, EVADER_SHARES)
+        require_fit(evader, _any_observation(with_target), EVADER_SHARES)
 
 
-def asked_in_flight(scenario: Scenario, clock: Clock, *, real_time: bool) -> Ask | None:
-    """Return what asks the pursuer's policy; None if it is not the user's."""
-    name = scenario.pursuer.policy
+def require_pursuer(policy: str, *, with_target: bool) -> None:
+    """Load the pursuer's policy if it is the user's, and ask it once.
+
+    Raises:
+        ConfigError: If it is unknown or does not fit the game.
+    """
+    if is_own(policy):
+        require_fit(policy, _any_observation(with_target), PURSUER_SHARES)
+
+
+def _any_observation(with_target: bool) -> Array:
+    return np.ones((1, PURSUER_COLUMNS + TARGET_COLUMNS if with_target else PURSUER_COLUMNS))
+
+
+def asked_in_flight(name: str, clock: Clock, *, real_time: bool) -> Ask | None:
+    """Return what asks the pursuer's policy of a name; None if it is not the user's."""
     if not is_own(name):
         return None
     timed = TimedPolicy(name, clock)

@@ -93,7 +93,8 @@ def open_tally(order):
     return None if section is None else Tally(section.every_s)
 
 
-def chase(observations):
-    """Fly straight at the disc about the evader."""
-    way = observations[:, :3]
+def chase(observations, lead_s=0.0):
+    """Fly straight at the place of the disc some seconds from now."""
+    way = observations[:, :3].copy()
+    way[:, :2] += lead_s * observations[:, 3:5]
     return way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1.0)
