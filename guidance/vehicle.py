@@ -24,6 +24,8 @@ from guidance.messages import (
 )
 
 LANDED_ON_GROUND = 1
+_IN_AIR = frozenset({2, 3, 4})
+"""MAV_LANDED_STATE: in the air, taking off, landing; 0 is unknown."""
 
 # A step of the sender's clock backwards beyond this is a reboot; a smaller one is reordering. After 24.8 days of
 # uptime a step back to zero looks like a step forward, and no link is a day late.
@@ -141,6 +143,12 @@ class VehicleState(NamedTuple):
         """Whether the last EXTENDED_SYS_STATE says on ground; False before the first one."""
         landed = self.latest.get(messages.LandedState)
         return landed is not None and landed.landed_state == LANDED_ON_GROUND
+
+    @property
+    def in_air(self) -> bool:
+        """Whether the last EXTENDED_SYS_STATE says in the air, taking off or landing; False before the first one."""
+        landed = self.latest.get(messages.LandedState)
+        return landed is not None and landed.landed_state in _IN_AIR
 
 
 def observe(state: VehicleState, arrived: Sequence[Message]) -> VehicleState:

@@ -209,6 +209,10 @@ class Autopilot:
         params = (-1.0, 1.0, 0.0, math.nan, latitude_deg, longitude_deg, altitude_amsl_m)
         return Command(MAV_CMD_DO_REPOSITION, params, frame=MAV_FRAME_GLOBAL)
 
+    def stop(self) -> Command:
+        """DO_REPOSITION to where it is, which ends an earlier one. For an autopilot that repositions in its hold."""
+        return _command(self.unused, MAV_CMD_DO_REPOSITION, -1, 1, 0)
+
     def stream_requests(self) -> tuple[Command, ...]:
         """SET_MESSAGE_INTERVAL for every stream in `streams_hz`."""
         return tuple(

@@ -25,8 +25,10 @@ from guidance.flight.freshness import (
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
 from guidance.flight.table import (
+    ASKED_MODES,
+    BEFORE_FLIGHT,
+    FINAL,
     HANDING_OVER,
-    OUR_MODES,
     SETPOINT_STATES,
     TRANSITIONS,
     Event,
@@ -167,12 +169,16 @@ LOSS_SPARE_S = 0.05
 _AT_START_M = 1.0
 _AT_START_M_S = 0.4
 _AT_HEIGHT_M = 0.7
+_BELOW_HEIGHT_M = 2.0
 
 BREACH_M = 0.5
 """Distance beyond floor, ceiling or stand-off that counts as a breach. A hover wanders by less."""
 
 LEFT_WITHIN_S = 5.0
 """For this long after an order, HEARTBEAT may show the pilot's old mode. It is up to 2 s late."""
+
+UNDONE_WITHIN_S = 2.0
+"""A request to arm that was given before an order may be carried out so much later."""
 
 
 @dataclass(slots=True)
@@ -185,7 +191,7 @@ class Stage:
         resets_seen: Estimator resets counted by then.
         reboots_seen: Reboots counted by then.
         other_mode_seen: Whether HEARTBEAT has shown another mode than the guided one.
-        mode_left: The mode that an order is ending, until HEARTBEAT shows another one.
+        left: Modes that HEARTBEAT may still show: the one in which the state began, and what was asked for before.
         chase_began_s: When the present chase began.
         operator_s: Time of the operator's last order or sign of life.
         battery_was_low: Whether the operator ordered the hold with a low or unknown battery; it stands then.
@@ -196,7 +202,7 @@ class Stage:
     resets_seen: int = 0
     reboots_seen: int = 0
     other_mode_seen: bool = False
-    mode_left: Mode | None = None
+    left: frozenset[Mode] = frozenset()
     chase_began_s: float = 0.0
     operator_s: float = math.inf
     battery_was_low: bool = False
@@ -237,11 +243,10 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     tracking = heard.tracking
     playing = stage.state in SETPOINT_STATES
     # Who commands the vehicle, and whether it is in contact.
-    yield Event.PILOT, _external_mode_change(now)
+    yield Event.PILOT, shows_strange_mode(now) and not _waits_for_pilot(now)
     yield Event.REBOOTED, vehicle.reboots != stage.reboots_seen
     yield Event.TELEMETRY_LOST, _telemetry_lost(now)
-    beat = vehicle.latest.get(Heartbeat)
-    yield Event.DISARMED, beat is not None and not beat.armed and beat.received_s > stage.since_s
+    yield Event.DISARMED, _disarmed(now)
     yield Event.LOOP_STOPPED, has_stopped(heard)
     yield Event.LATE, is_late(vehicle, now.now_s)
     yield Event.SECOND_SENDER, vehicle.has_second_sender(now.now_s)
@@ -360,17 +365,38 @@ _READ_TO_ENGAGE: Final[Mapping[type[Message], str]] = {
 """Messages that an engagement reads, also of a vehicle whose other checks passed at the start."""
 
 
-def _external_mode_change(now: Moment) -> bool:
-    ours = OUR_MODES.get(now.stage.state)
-    if ours is None or now.heard.mode is None or now.heard.mode in ours:
+def _disarmed(now: Moment) -> bool:
+    beat = now.heard.vehicle.latest.get(Heartbeat)
+    if beat is None or beat.armed:
         return False
-    if now.heard.mode is now.stage.mode_left:
+    # An order may be newer than a request to arm that is still on its way.
+    allowed_s = UNDONE_WITHIN_S if now.stage.state in HANDING_OVER else 0.0
+    return beat.received_s > now.stage.since_s + allowed_s
+
+
+def shows_strange_mode(now: Moment) -> bool:
+    """Return whether HEARTBEAT shows a mode that guidance did not ask for."""
+    state = now.stage.state
+    mode = now.heard.mode
+    autopilot = now.settings.autopilot
+    if mode is None or state in BEFORE_FLIGHT | FINAL:
+        return False
+    if state in HANDING_OVER and not now.heard.vehicle.armed:
+        return False  # with the landing PX4 also ends the mode
+    if mode is (autopilot.arming_mode if state is State.ARMING else ASKED_MODES.get(state)):
+        return False
+    if state is State.CLIMBING and mode is Mode.HOLD and Mode.TAKEOFF in autopilot.custom_modes:
+        # Its own hold comes before the take-off and after it.
+        in_the_air = bool(now.heard.beats) and not now.heard.on_ground
+        return in_the_air and _height_m(now) < now.settings.takeoff_height_m - _BELOW_HEIGHT_M
+    if mode in now.stage.left:
         # HEARTBEAT may be older than the order. A pilot's mode that stays is intended.
-        return now.heard.mode is Mode.OTHER and now.in_state_s > LEFT_WITHIN_S
-    return not _waits_for_pilot(now)  # while waiting for the pilot's switch, any mode is allowed
+        return mode is Mode.OTHER and now.in_state_s > LEFT_WITHIN_S
+    return True
 
 
 def _waits_for_pilot(now: Moment) -> bool:
+    """Whether any mode is allowed, because the pilot's switch to the guided mode begins the game."""
     waiting = {State.STANDING_BY, State.OUT_OF_CONTACT}
     return now.stage.state in waiting and now.settings.engage_on is EngageOn.PILOT_MODE
 
@@ -406,16 +432,18 @@ def _invited(now: Moment) -> bool:
     return not (limited and now.heard.tracking.height_refusal(now.now_s))
 
 
-def _at_height(now: Moment) -> bool:
+def _height_m(now: Moment) -> float:
+    """Height above home; NaN if it is unknown."""
     local = now.heard.vehicle.latest.get(LocalPosition)
     home_ned_m = now.heard.tracking.home_ned_m
     if local is None or home_ned_m is None:
-        return False
-    height_m = home_ned_m[2] - local.position_ned_m[2]
-    return (
-        height_m > now.settings.takeoff_height_m - _AT_HEIGHT_M
-        and now.heard.mode is not Mode.TAKEOFF
-    )
+        return math.nan
+    return home_ned_m[2] - local.position_ned_m[2]
+
+
+def _at_height(now: Moment) -> bool:
+    is_up = _height_m(now) > now.settings.takeoff_height_m - _AT_HEIGHT_M
+    return is_up and now.heard.mode is not Mode.TAKEOFF
 
 
 def _at_start(now: Moment) -> bool:
@@ -436,10 +464,8 @@ def _guided(now: Moment) -> bool:
 
 
 def _is_armed(now: Moment) -> bool:
-    """Whether one HEARTBEAT shows it armed in a mode of the climb, which is then not taken for a pilot's."""
-    if not now.heard.vehicle.armed:
-        return False
-    return now.heard.mode in OUR_MODES[State.CLIMBING]
+    """Whether one HEARTBEAT shows it armed in the mode that was asked for."""
+    return now.heard.vehicle.armed and now.heard.mode is now.settings.autopilot.arming_mode
 
 
 def _in_contact(now: Moment) -> bool:

@@ -102,6 +102,7 @@ class Heard:
         other_beats: Number of HEARTBEATs with its ids from another autopilot or vehicle type. They change nothing.
         other_beat: The last of them.
         mode: Mode in the last HEARTBEAT.
+        has_flown: Whether it has left the ground since it was armed.
         foreign: Whether another source commands the vehicle, confirmed by a HEARTBEAT without a pilot's mode.
         position_age_s: Age of its last position in this cycle; infinite before the first one.
         position_ned_m: Position of the vehicle in the local frame.
@@ -141,6 +142,7 @@ class Heard:
         self.other_beats = 0
         self.other_beat: Heartbeat | None = None
         self.mode: Mode | None = None
+        self.has_flown = False
         self.foreign = False
         self.position_age_s = math.inf
         self.position_ned_m: Ned | None = None
@@ -219,6 +221,7 @@ class Heard:
             self._react_late()
         landed_s = self.vehicle.silence_s(messages.LandedState, now_s)
         self.on_ground = self.vehicle.on_ground and landed_s <= 2.0 * TELEMETRY_LIMIT_S
+        self.has_flown = self.vehicle.armed and (self.has_flown or not self.on_ground)
         self.tracking.observe(self.vehicle, inputs.reports, in_flight=in_flight)
         other_home = self.tracking.other_home(self.vehicle)
         self.told = [(Event.HOME_MOVED, other_home)] if other_home else []

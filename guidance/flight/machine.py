@@ -11,15 +11,15 @@ from collections.abc import Iterator, Sequence
 
 from guidance.autopilots import Finding, Mode, Verdict
 from guidance.flight import detection, table
-from guidance.flight.detection import Moment, Stage
+from guidance.flight.detection import LEFT_WITHIN_S, Moment, Stage
 from guidance.flight.freshness import TELEMETRY_LIMIT_S
 from guidance.flight.heard import Heard
 from guidance.flight.sending import Asking, Playing
 from guidance.flight.settings import Authority, EngageOn, FlightSettings, Happening, Inputs, Outputs
 from guidance.flight.table import (
+    ASKED_MODES,
     BEFORE_FLIGHT,
     HANDING_OVER,
-    OUR_MODES,
     SETPOINT_STATES,
     Event,
     State,
@@ -86,8 +86,9 @@ class Flight:
     @property
     def leaving_mode(self) -> bool:
         """Whether HEARTBEAT still shows a foreign mode that an order is ending."""
-        mode = self.stage.mode_left
-        return mode is not None and mode not in OUR_MODES[State.ENTERING]
+        mode = self.heard.mode
+        ours = mode is Mode.HOLD or (mode is Mode.GUIDED and self._claimed)
+        return mode in self.stage.left and not ours
 
     @property
     def mode_name(self) -> str:
@@ -233,7 +234,8 @@ class Flight:
             if beat.received_s > stage.since_s:
                 mode = self.settings.autopilot.mode_of(beat.custom_mode)
                 stage.other_mode_seen |= mode is not Mode.GUIDED
-                stage.mode_left = stage.mode_left if mode is stage.mode_left else None
+                if mode not in stage.left or now_s - stage.since_s > LEFT_WITHIN_S:
+                    stage.left &= {mode}
 
     def _follow(self, now_s: float, inputs: Inputs) -> Iterator[Happening]:
         stage = self.stage
@@ -264,12 +266,12 @@ class Flight:
     def _meant(self, order: Event, now_s: float, refusals: Sequence[str]) -> Event | None:
         """Return the event of an order in the present situation, None if it must not be followed."""
         vehicle = self.heard.vehicle
-        if order is Event.START and vehicle.armed and not vehicle.on_ground:
-            # An airborne vehicle is taken over in its hold, without arming or climbing.
+        if order is Event.START and vehicle.armed:
+            # Somebody else has armed it. In the air it is taken over in its hold, without arming or climbing, or from
+            # the pilot who will engage; in its guided mode another program flies it.
             piloted = self.settings.engage_on is EngageOn.PILOT_MODE
-            return (
-                Event.ALOFT if piloted or self.heard.mode in OUR_MODES[State.STANDING_BY] else None
-            )
+            free = self.heard.mode is not Mode.GUIDED if piloted else self.heard.mode is Mode.HOLD
+            return Event.ALOFT if vehicle.in_air and free else None
         if order is Event.ENGAGE and not self._may_engage(now_s, refusals):
             return None
         if self.stage.state in BEFORE_FLIGHT and vehicle.armed:
@@ -280,7 +282,7 @@ class Flight:
         """Whether telemetry, evader, mode, preflight and checks allow an engagement now."""
         if self.telemetry_refusal(now_s) or self.evader_refusal(now_s):
             return False
-        if self.leaving_mode or refusals:
+        if self.leaving_mode or refusals or not self.heard.has_flown:
             return False
         if self.checked:
             return True
@@ -301,6 +303,14 @@ class Flight:
                 # A hold ordered while the battery is already low, or not known, stands.
                 stage.battery_was_low = self.heard.battery_is_low or self.heard.charge_is_old
         if after is not before:
+            left = set[Mode]()
+            now = Moment(now_s, self.settings, self.heard, stage, None, ())
+            if self.heard.mode is not None and not detection.shows_strange_mode(now):
+                left.add(self.heard.mode)
+            if after in HANDING_OVER or after is State.ENTERING:
+                # What was asked for before the order may still be on its way.
+                left |= stage.left | ({ASKED_MODES[before]} if before in ASKED_MODES else set())
+            stage.left = frozenset(left)
             stage.state = after
             stage.since_s = now_s
             stage.other_mode_seen = False
@@ -312,8 +322,6 @@ class Flight:
                 self.heard.fix_home()
             self.checked |= before is State.READY and after is not State.CHECKING
             self._claimed |= after not in BEFORE_FLIGHT | HANDING_OVER | table.FINAL
-            mode_is_ours = before in BEFORE_FLIGHT or self.heard.mode in OUR_MODES[before]
-            stage.mode_left = self.heard.mode if mode_is_ours and after in HANDING_OVER else None
             if after in SETPOINT_STATES and before not in SETPOINT_STATES:
                 self._stream_ended = False
             self._playing.change(before, after)
@@ -333,7 +341,7 @@ class Flight:
         needs_setpoint = state in SETPOINT_STATES
         if state in HANDING_OVER and heard.mode is Mode.GUIDED and self._claimed:
             # A stream that the autopilot stopped waiting for would take the vehicle back from its failsafe.
-            needs_setpoint = not self._stream_ended
+            needs_setpoint = heard.has_flown and not self._stream_ended
         if inviting and now_s - self.stage.since_s > INVITE_AFTER_S:
             needs_setpoint = True
         setpoint = None

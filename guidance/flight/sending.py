@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
-from guidance.autopilots import Mode
+from guidance.autopilots import Autopilot, Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
 from guidance.cycle import Alarm, CycleInputs, CycleMemory, MonitorMemory, hover, play, watch
 from guidance.flight.detection import Stage, arming_refusal
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, EngageOn, FlightSettings
-from guidance.flight.table import FINAL, SETPOINT_STATES, State
+from guidance.flight.table import ASKED_MODES, FINAL, HANDING_OVER, SETPOINT_STATES, State
 from guidance.frames import Ned
 from guidance.messages import Heartbeat, Home, Message, ParameterRequest, Request, Setpoint
 from guidance.strategies.own import Answer, Array, Ask
@@ -41,18 +41,13 @@ UNHEARD_S: Final = 0.4
 _SAME_S: Final = 1e-6
 """Tolerance for rounding, since cycles fall exactly on these times."""
 
-_MODE_OF_STATE = {
-    State.ENTERING: Mode.GUIDED,
-    State.HOLDING: Mode.HOLD,
-    State.RETURNING: Mode.RETURN,
-    State.LANDING: Mode.LAND,
-}
-
 
 def requests_in(
     state: State, settings: FlightSettings, heard: Heard, *, arms: bool = False
 ) -> tuple[Request, ...]:
-    """Return the requests of a state; none if their effect is already there.
+    """Return the requests of a state.
+
+    They include a mode that HEARTBEAT shows already: it is up to a second old, and another one may have been requested.
 
     Args:
         state: The state.
@@ -63,6 +58,7 @@ def requests_in(
     autopilot = settings.autopilot
     home = heard.vehicle.latest.get(Home)
     frame = heard.tracking.local_frame
+    asked: tuple[Request, ...] = ()
     match state:
         case State.CHECKING | State.READY:
             # Both are sent once, or when they change: a lost message would leave an old place.
@@ -71,18 +67,18 @@ def requests_in(
             )
             loss_times = tuple(ParameterRequest(name) for name in autopilot.loss_times)
             streams = autopilot.stream_requests()
-            return places if state is State.READY else (*streams, *places, *loss_times)
-        case State.ARMING if arms:
-            return (autopilot.arm(),)
+            asked = places if state is State.READY else (*streams, *places, *loss_times)
+        case State.ARMING if arms or heard.mode is not autopilot.arming_mode:
+            asked = (autopilot.arm() if arms else autopilot.set_mode(autopilot.arming_mode),)
         case State.CLIMBING if home is not None and heard.on_ground:
-            return (
+            asked = (
                 autopilot.takeoff(
                     height_m=settings.takeoff_height_m, home_amsl_m=home.altitude_amsl_m
                 ),
             )
         case State.POSITIONING if heard.start_ned_m is not None and frame is not None:
             latitude, longitude, amsl = frame.wgs84_from_ned(heard.start_ned_m)
-            return (
+            asked = (
                 autopilot.reposition(
                     latitude_deg=latitude, longitude_deg=longitude, altitude_amsl_m=amsl.metres
                 ),
@@ -91,9 +87,23 @@ def requests_in(
             settings.engage_on is EngageOn.PILOT_MODE and heard.mode is Mode.HOLD
         ):
             # PX4 returns to OFFBOARD by itself when setpoints return after a loss, unless Hold was requested.
-            return (autopilot.set_mode(Mode.HOLD),)
-    mode = autopilot.arming_mode if state is State.ARMING else _MODE_OF_STATE.get(state)
-    return () if mode is None or heard.mode is mode else (autopilot.set_mode(mode),)
+            asked = (autopilot.set_mode(Mode.HOLD),)
+        case State.ENTERING:
+            asked = (autopilot.set_mode(Mode.GUIDED),)
+        case State.HOLDING | State.RETURNING | State.LANDING:
+            asked = ending_requests(ASKED_MODES[state], autopilot, heard)
+    return asked
+
+
+def ending_requests(mode: Mode, autopilot: Autopilot, heard: Heard) -> tuple[Request, ...]:
+    """Return the requests that end a flight by a mode, or that undo its start if it has not left the ground."""
+    if not heard.has_flown:
+        # In case it leaves the ground just now, it is to hold.
+        return (autopilot.set_mode(Mode.HOLD), autopilot.disarm())
+    if heard.mode is mode is autopilot.arming_mode:
+        # It flies to the start in its hold too.
+        return (autopilot.set_mode(mode), autopilot.stop())
+    return (autopilot.set_mode(mode),)
 
 
 class Asking:
@@ -134,7 +144,7 @@ class Asking:
         if (
             (heard.beats or self._asked_s < stage.since_s)
             and stage.state not in FINAL
-            and self._is_due(stage, now_s, fresh_heartbeat=bool(heard.beats), arms=arms)
+            and self._is_due(stage, heard, now_s, arms=arms)
         ):
             self._asked_s = now_s
             requests = requests_in(stage.state, self._settings, heard, arms=arms)
@@ -168,14 +178,17 @@ class Asking:
         self._hold_asked_s = now_s
         return (self._settings.autopilot.set_mode(Mode.HOLD),)
 
-    def _is_due(self, stage: Stage, now_s: float, *, fresh_heartbeat: bool, arms: bool) -> bool:
+    def _is_due(self, stage: Stage, heard: Heard, now_s: float, *, arms: bool) -> bool:
         """Whether the state's requests are due now, for the first time or again."""
         if arms and self._arm_asked_s < stage.since_s:
             return True
         if self._asked_s >= stage.since_s:
             # After a repetition the pilot's next switch is intended.
-            intended = stage.state is State.STANDING_BY or stage.mode_left is Mode.OTHER
-            if intended or now_s - self._asked_s < REPEAT_S:
+            if stage.state is State.STANDING_BY or now_s - self._asked_s < REPEAT_S:
+                return False
+            piloted = stage.state in HANDING_OVER and Mode.OTHER in stage.left
+            done = heard.mode is ASKED_MODES.get(stage.state)
+            if heard.has_flown and (piloted or done):
                 return False
         if stage.state is not State.ENTERING:
             return True
@@ -184,7 +197,7 @@ class Asking:
         in_state_s = now_s - stage.since_s
         if in_state_s <= streamed_s + _SAME_S:
             return False
-        return True if fresh_heartbeat else in_state_s >= UNHEARD_S - _SAME_S
+        return True if heard.beats else in_state_s >= UNHEARD_S - _SAME_S
 
 
 class Playing:

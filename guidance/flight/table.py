@@ -2,7 +2,8 @@
 
 A pair that is not in the table changes nothing: the event is recorded and the state stays. Therefore a forbidden
 transition is visible as a missing line. No line leads from YIELDED to a commanding state. Only an order
-(`Event.ENGAGE`), or the pilot's mode switch if configured (`Event.INVITED`), begins the game.
+(`Event.ENGAGE`), or the pilot's mode switch if configured (`Event.INVITED`), begins the game. An order to end a flight
+is obeyed in every state from the start order on (`_BEGUN`). `ASKED_MODES` has the modes that these states ask for.
 """
 
 from collections.abc import Iterable, Mapping
@@ -95,11 +96,11 @@ class Event(StrEnum):
 
 ORDERS = frozenset({Event.START, Event.ENGAGE, Event.HOLD, Event.RETURN, Event.LAND, Event.ABORT})
 
-_FOUND = (State.CHECKING, State.READY, State.ARMING)
+_FOUND = (State.CHECKING, State.READY)
 _AIRBORNE = (State.CLIMBING, State.POSITIONING, State.STANDING_BY)
 _COMMANDING = (State.ENTERING, State.ENGAGED, State.PAUSED, State.ON_STATION)
 _LEAVING = (State.HOLDING, State.RETURNING, State.LANDING)
-_FLOWN = {*_AIRBORNE, State.OUT_OF_CONTACT, *_COMMANDING, *_LEAVING}
+_BEGUN = {State.ARMING, *_AIRBORNE, State.OUT_OF_CONTACT, *_COMMANDING, *_LEAVING}
 
 _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
     # Before flight.
@@ -134,10 +135,10 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
     # The end.
     ((*_AIRBORNE, State.OUT_OF_CONTACT, *_LEAVING), (Event.DISARMED,), State.LANDED),
     (_COMMANDING, (Event.DISARMED,), State.YIELDED),
-    # From every state in the air, and from each of these three to the other two: a person may be standing below.
-    (_FLOWN - {State.HOLDING}, (Event.HOLD,), State.HOLDING),
-    (_FLOWN - {State.RETURNING}, (Event.RETURN,), State.RETURNING),
-    (_FLOWN - {State.LANDING}, (Event.LAND, Event.ABORT), State.LANDING),
+    # From the start order on, and from each of these three to the other two: a person may be standing below.
+    (_BEGUN - {State.HOLDING}, (Event.HOLD,), State.HOLDING),
+    (_BEGUN - {State.RETURNING}, (Event.RETURN,), State.RETURNING),
+    (_BEGUN - {State.LANDING}, (Event.LAND, Event.ABORT), State.LANDING),
     ((State.CONNECTING, *_FOUND), (Event.ABORT,), State.FAILED),
     # A vehicle that was found armed (guidance was started, or started again, in mid-air) is handed over like our own.
     (_FOUND, (Event.HOLD_ARMED,), State.HOLDING),
@@ -155,9 +156,9 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
     ((State.STANDING_BY, State.HOLDING), (Event.OPERATOR_GONE,), State.RETURNING),
     # The autopilot has acted by then, and PX4 would return to OFFBOARD by itself with the first setpoint.
     (_COMMANDING, (Event.LOOP_STOPPED,), State.YIELDED),
-    ({State.ARMING, *_FLOWN}, (Event.PILOT, Event.REBOOTED, Event.FAULT), State.YIELDED),
+    (_BEGUN, (Event.PILOT, Event.REBOOTED, Event.FAULT), State.YIELDED),
     (
-        {State.ARMING, *_FLOWN} - {State.STANDING_BY, State.OUT_OF_CONTACT},
+        _BEGUN - {State.STANDING_BY, State.OUT_OF_CONTACT},
         (Event.TELEMETRY_LOST,),
         State.YIELDED,
     ),
@@ -174,7 +175,7 @@ TRANSITIONS: Mapping[tuple[State, Event], State] = {
 FINAL = frozenset({State.LANDED, State.YIELDED, State.FAILED})
 
 BEFORE_FLIGHT = frozenset({State.CONNECTING, *_FOUND})
-"""States before take-off. A vehicle that is armed here was armed by someone else or just now by us."""
+"""States before the start order. A vehicle that is armed here was armed by someone else."""
 
 ACCEPTED = frozenset({State.ARMING, State.STANDING_BY, State.ENTERING})
 """States to which an accepted order to start or to engage leads. Home, fence and heights are fixed there."""
@@ -185,18 +186,18 @@ SETPOINT_STATES = frozenset(_COMMANDING)
 HANDING_OVER = frozenset(_LEAVING)
 """States that leave the guided mode. A hover is sent until HEARTBEAT shows another mode."""
 
-_TAKING_OFF = frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED})
-
-OUR_MODES: Mapping[State, frozenset[Mode]] = {
-    **dict.fromkeys((*_AIRBORNE, State.OUT_OF_CONTACT, State.ENTERING), _TAKING_OFF),
-    **dict.fromkeys((State.ENGAGED, State.PAUSED, State.ON_STATION), frozenset({Mode.GUIDED})),
-    State.HOLDING: frozenset({Mode.HOLD, Mode.GUIDED}),
-    **dict.fromkeys(
-        (State.RETURNING, State.LANDING),
-        frozenset({Mode.RETURN, Mode.LAND, Mode.HOLD, Mode.GUIDED}),
-    ),
+ASKED_MODES: Mapping[State, Mode] = {
+    State.CLIMBING: Mode.TAKEOFF,
+    **dict.fromkeys(_COMMANDING, Mode.GUIDED),
+    State.HOLDING: Mode.HOLD,
+    State.RETURNING: Mode.RETURN,
+    State.LANDING: Mode.LAND,
 }
-"""Modes that guidance itself may cause. Any other mode in HEARTBEAT is an external mode change, and final."""
+"""The mode that each state asks for; ARMING asks for the autopilot's `arming_mode`.
+
+HEARTBEAT may also show the mode in which the state began, until it shows another one. Any other mode is an external
+mode change, and final.
+"""
 
 
 def next_state(state: State, event: Event) -> State:

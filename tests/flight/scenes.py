@@ -144,7 +144,12 @@ class Told:
         return self.too_high
 
 
-STAGE = {"since_s": NOW_S - 0.1, "chase_began_s": NOW_S, "operator_s": NOW_S}
+STAGE = {
+    "since_s": NOW_S - 0.1,
+    "chase_began_s": NOW_S,
+    "operator_s": NOW_S,
+    "left": frozenset({Mode.HOLD}),
+}
 
 
 def context(state, *, settings=SETTINGS, vehicle=None, **changes):

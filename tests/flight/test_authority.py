@@ -4,8 +4,8 @@ import pytest
 
 from guidance.autopilots import Mode
 from guidance.flight import BEFORE_FLIGHT, FINAL, Authority, Event, State, is_done
-from guidance.flight.table import OUR_MODES, TRANSITIONS
-from tests.flight.flown import Flown, commands
+from guidance.flight.table import ASKED_MODES, TRANSITIONS
+from tests.flight.flown import ARM, SET_MODE, Flown, commands
 from tests.flight.scenes import BOTH, settings_of, status
 
 ENDING = (Event.HOLD, Event.RETURN, Event.LAND, Event.ABORT)
@@ -15,7 +15,7 @@ LEADS_TO = {
     Event.LAND: State.LANDING,
     Event.ABORT: State.LANDING,
 }
-IN_THE_AIR = sorted(OUR_MODES)
+IN_THE_AIR = sorted(set(State) - BEFORE_FLIGHT - FINAL - {State.ARMING})
 STANDS_S = 8.0
 SLOW_S = 0.2
 
@@ -27,7 +27,9 @@ class Obeying(Flown):
         super().__init__(settings_of(autopilot, **changes))
         self.standing_by()
         self.flight.stage.state = state
-        self.mode = min(OUR_MODES[state])
+        asked = ASKED_MODES.get(state)
+        self.mode = asked if asked in autopilot.custom_modes else autopilot.arming_mode
+        self.flight.stage.left = frozenset({self.mode})
         self.cycle(beat=True)
         self.flight.stage.state = state
         self.flight.cause = None  # where the vehicle is leads on from some states
@@ -73,14 +75,86 @@ def test_the_next_order_of_an_operator_is_followed(state, order, autopilot):
         assert flown.flight.ordered_by_operator
 
 
-@pytest.mark.parametrize("state", sorted(set(State) - set(IN_THE_AIR)))
+def started(autopilot, mode, *, armed):
+    """A vehicle that was ordered to start; it may be armed already."""
+    flown = Flown(settings_of(autopilot))
+    flown.mode = mode
+    flown.cycles(0.1)
+    flown.cycle(Event.START)
+    assert flown.state is State.ARMING
+    if armed:
+        flown.armed = True
+        flown.mode = autopilot.arming_mode
+        flown.cycle(beat=True)
+        assert flown.state is State.CLIMBING
+    return flown
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
 @pytest.mark.parametrize("order", ENDING)
-def test_on_the_ground_an_order_ends_the_flight_or_changes_nothing(state, order):
+@pytest.mark.parametrize("armed", [False, True])
+@pytest.mark.parametrize("mode", [Mode.HOLD, Mode.GUIDED, Mode.LAND, Mode.OTHER])
+def test_an_order_to_end_undoes_a_start_until_the_vehicle_is_seen_disarmed(
+    mode, armed, order, autopilot
+):
+    flown = started(autopilot, mode, armed=armed)
+    undone = (autopilot.set_mode(Mode.HOLD), autopilot.disarm())
+    ended = flown.cycle(order)
+    assert (ended.state, ended.requests) == (LEADS_TO[order], undone)
+    flown.armed = True  # the request to arm was on its way
+    outputs = flown.cycles(3.0)
+    asked = [request for output in outputs for request in output.requests]
+    assert asked[:2] == list(undone)  # again, while it is armed
+    assert set(asked) == set(undone)
+    assert {output.setpoint for output in outputs} == {None}
+    flown.armed = False
+    outputs += flown.cycles(1.1)
+    assert flown.state is State.LANDED
+    assert not set(commands(outputs)) - {SET_MODE, ARM}
+    assert flown.flight.ordered_by_operator is False  # it is seen to be on the ground
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+@pytest.mark.parametrize("order", ENDING)
+def test_a_vehicle_that_leaves_the_ground_as_its_start_is_undone_is_ended_in_the_air(
+    order, autopilot
+):
+    flown = started(autopilot, Mode.HOLD, armed=True)
+    flown.cycle(order)
+    flown.landed = 3
+    flown.mode = Mode.TAKEOFF if Mode.TAKEOFF in autopilot.custom_modes else Mode.GUIDED
+    asked = [request for output in flown.cycles(2.5) for request in output.requests]
+    assert autopilot.set_mode(ASKED_MODES[LEADS_TO[order]]) in asked
+    assert autopilot.disarm() not in asked
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_vehicle_on_the_ground_is_not_engaged(autopilot):
+    flown = started(autopilot, Mode.HOLD, armed=True)
+    flown.evader = (60.0, 0.0)
+    flown.cycle(Event.HOLD)
+    flown.mode = Mode.HOLD
+    flown.cycle(beat=True)
+    assert flown.cycle(Event.ENGAGE).state is State.HOLDING
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_hold_ends_the_way_to_the_start(autopilot):
+    """PX4 flies there in its hold, so that the mode alone changes nothing."""
+    flown = Obeying(autopilot, State.POSITIONING)
+    ordered = flown.cycle(Event.HOLD)
+    stop = [autopilot.stop()] if autopilot.arming_mode is Mode.HOLD else []
+    assert list(ordered.requests) == [autopilot.set_mode(Mode.HOLD), *stop]
+    assert commands(flown.cycles(5.0)) == []
+
+
+@pytest.mark.parametrize("state", sorted(BEFORE_FLIGHT | FINAL))
+@pytest.mark.parametrize("order", ENDING)
+def test_without_a_start_an_order_ends_the_flight_or_changes_nothing(state, order):
     flown = Flown()
     flown.cycle()
     flown.flight.stage.state = state
     (happening,) = [one for one in flown.cycle(order).happenings if one.event is order]
-    assert state in BEFORE_FLIGHT | FINAL
     expected = State.FAILED if order is Event.ABORT and state in BEFORE_FLIGHT else state
     assert (happening.before, happening.after, happening.by) == (
         state,

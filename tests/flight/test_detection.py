@@ -22,7 +22,14 @@ from guidance.flight.detection import (
 from guidance.flight.freshness import NEEDED
 from guidance.flight.heard import Heard
 from guidance.flight.settings import AfterCapture, Inputs
-from guidance.flight.table import HANDING_OVER, OUR_MODES, SETPOINT_STATES, TRANSITIONS
+from guidance.flight.table import (
+    ASKED_MODES,
+    BEFORE_FLIGHT,
+    FINAL,
+    HANDING_OVER,
+    SETPOINT_STATES,
+    TRANSITIONS,
+)
 from guidance.frames import Ned
 from guidance.game import StandOff
 from guidance.messages import (
@@ -103,24 +110,62 @@ def test_positions_never_heard_do_not_end_a_handover_and_end_everything_else():
 @pytest.mark.parametrize("mode", [*PX4.custom_modes, Mode.OTHER])
 def test_the_mode_that_an_order_leaves_is_no_takeover_but_a_pilots_that_stays_is(mode):
     vehicle = well(heartbeat(mode=mode))
-    early = {"vehicle": vehicle, "mode_left": mode, "since_s": NOW_S - 5.0}
-    late = {"vehicle": vehicle, "mode_left": mode, "since_s": NOW_S - 5.1}
+    left = frozenset({mode})
+    early = {"vehicle": vehicle, "left": left, "since_s": NOW_S - 5.0}
+    late = {"vehicle": vehicle, "left": left, "since_s": NOW_S - 5.1}
     for state in HANDING_OVER:
         assert not happens(Event.PILOT, state, **early)
         assert happens(Event.PILOT, state, **late) is (mode is Mode.OTHER)
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-@pytest.mark.parametrize("state", sorted(OUR_MODES))
-def test_a_mode_that_is_not_our_doing_is_another_hand(state, autopilot):
+@pytest.mark.parametrize("state", sorted(set(State) - BEFORE_FLIGHT - FINAL))
+def test_a_mode_that_was_not_asked_for_is_a_pilots_in_every_state(state, autopilot):
+    asked = autopilot.arming_mode if state is State.ARMING else ASKED_MODES.get(state)
     for mode in [*autopilot.custom_modes, Mode.OTHER]:
         seen = happens(
             Event.PILOT,
             state,
             vehicle=well(heartbeat(mode=mode, autopilot=autopilot)),
             settings=settings_of(autopilot),
+            left=frozenset(),
         )
-        assert seen is (mode not in OUR_MODES[state])
+        px4s_own = (autopilot, state, mode) == (PX4, State.CLIMBING, Mode.HOLD)
+        assert seen is (mode is not asked and not px4s_own)
+
+
+@pytest.mark.parametrize(
+    ("height_m", "landed", "is_told_now", "pilots"),
+    [
+        (7.9, 2, True, True),
+        (8.1, 2, True, False),  # PX4 ends the climb a little below the height
+        (0.0, 3, True, True),
+        (0.0, 1, True, False),  # before the take-off it holds
+        (5.0, 2, False, False),  # HEARTBEAT may be from the ground
+    ],
+)
+def test_the_hold_below_the_height_of_px4s_climb_is_a_pilots(height_m, landed, is_told_now, pilots):
+    beat = heartbeat(mode=Mode.HOLD)
+    here = local(NOW_S, (0.0, 0.0, HOME_DOWN_M - height_m))
+    moment = context(State.CLIMBING, vehicle=well(beat, here, LandedState(NOW_S, landed)))
+    moment.heard.beats = [beat] if is_told_now else []
+    moment.heard.on_ground = landed == 1
+    assert (Event.PILOT in set(events(moment))) is pilots
+
+
+def test_as_it_disarms_after_a_landing_an_autopilots_own_change_of_mode_is_no_pilots():
+    for mode in (Mode.HOLD, Mode.OTHER):
+        vehicle = well(heartbeat(mode=mode, armed=False))
+        landed = list(events(context(State.LANDING, vehicle=vehicle, since_s=NOW_S - 9.0)))
+        assert landed == [Event.DISARMED]
+
+
+@pytest.mark.parametrize("state", sorted(HANDING_OVER))
+def test_a_vehicle_may_still_arm_after_an_order_to_end(state):
+    for since_s, disarmed in ((1.9, False), (2.1, True)):
+        vehicle = well(heartbeat(mode=ASKED_MODES[state], armed=False))
+        seen = happens(Event.DISARMED, state, vehicle=vehicle, since_s=NOW_S - since_s)
+        assert seen is disarmed
 
 
 def test_a_missing_heartbeat_or_an_invited_pilot_is_no_takeover():
@@ -161,7 +206,7 @@ def test_a_reboot_and_a_reset_are_counts_that_changed():
 )
 def test_disarmed_is_said_by_a_heartbeat_after_the_state_was_entered(armed, at_s, seen):
     vehicle = well(heartbeat(at_s, armed=armed))
-    assert happens(Event.DISARMED, State.LANDING, vehicle=vehicle, since_s=99.9) is seen
+    assert happens(Event.DISARMED, State.CLIMBING, vehicle=vehicle, since_s=99.9) is seen
 
 
 @pytest.mark.parametrize(("at_s", "seen"), [(99.9, False), (99.91, True)])
@@ -299,10 +344,10 @@ def test_done_is_a_matter_of_configuration():
 
 @pytest.mark.parametrize("mode", [*PX4.custom_modes, Mode.OTHER])
 @pytest.mark.parametrize("armed", [False, True])
-def test_armed_counts_in_a_mode_of_ours_only(armed, mode):
+def test_armed_counts_in_the_mode_that_was_asked_for_only(armed, mode):
     vehicle = well(heartbeat(mode=mode, armed=armed))
-    ours = mode in {Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED}
-    assert happens(Event.ARMED, State.ARMING, vehicle=vehicle) is (armed and ours)
+    counts = armed and mode is PX4.arming_mode
+    assert happens(Event.ARMED, State.ARMING, vehicle=vehicle) is counts
 
 
 @pytest.mark.parametrize(("height_m", "mode", "there"), [
@@ -651,7 +696,7 @@ def test_lost_telemetry_names_another_autopilot_that_is_heard_instead():
 
 
 def test_a_flight_begins_without_a_past():
-    assert Stage() == Stage(State.CONNECTING, 0.0, 0, 0, False, None, 0.0, math.inf, False)
+    assert Stage() == Stage(State.CONNECTING, 0.0, 0, 0, False, frozenset(), 0.0, math.inf, False)
 
 
 def test_a_policys_fault_is_the_detail_of_its_failure():

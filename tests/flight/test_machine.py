@@ -8,6 +8,7 @@ from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
 from guidance.flight import ORDERS, EngageOn, Event, State
 from guidance.flight.sending import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
+from guidance.flight.table import ASKED_MODES
 from guidance.messages import ParameterRequest
 from tests.flight.flown import ARM, CYCLE_S, INTERVAL, MESSAGE, SET_MODE, TAKEOFF, Flown, commands
 from tests.flight.scenes import (
@@ -18,6 +19,7 @@ from tests.flight.scenes import (
 )
 
 BEAT = PX4.request_message(HEARTBEAT)
+MODES = [(autopilot, mode) for autopilot in BOTH for mode in (*autopilot.custom_modes, Mode.OTHER)]
 
 
 def asked(outputs):
@@ -83,11 +85,14 @@ def test_from_the_ground_the_autopilot_takes_off_and_holds_while_standing_by(aut
     assert (climbing.state, commands([climbing])) == (State.CLIMBING, [TAKEOFF])
     assert climbing.requests[0] == autopilot.takeoff(height_m=10.0, home_amsl_m=492.0)
     vehicle.landed = 3
+    if Mode.TAKEOFF in autopilot.custom_modes:
+        vehicle.mode = Mode.TAKEOFF
     assert (
         commands([*vehicle.cycles(2.0), vehicle.cycle(beat=True)]) == []
     )  # it has left the ground
     vehicle.position[2] = HOME_DOWN_M - 9.5
-    assert vehicle.cycle().state is State.POSITIONING
+    vehicle.mode = autopilot.arming_mode
+    assert vehicle.cycle(beat=True).state is State.POSITIONING
     standing_by = vehicle.cycle()
     assert standing_by.state is State.STANDING_BY
     assert {output.setpoint for output in vehicle.cycles(3.0)} == {None}
@@ -97,14 +102,110 @@ def test_a_hovering_vehicle_is_taken_over_and_one_on_the_ground_is_armed():
     up = Flown()
     up.standing_by()
     assert [h.event for h in up.outputs.happenings] == [Event.ALOFT]
-    for armed, landed in ((True, 1), (False, 2)):
+    for landed in (1, 2):
         down = Flown()
         down.cycles(0.1)
-        down.armed = armed
         down.landed = landed
         down.cycle(beat=True)
         ordered = down.cycle(Event.START).happenings[0]
         assert (ordered.event, ordered.after) == (Event.START, State.ARMING)
+
+
+@pytest.mark.parametrize("engage_on", list(EngageOn))
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_start_takes_no_vehicle_that_somebody_armed_and_that_is_not_seen_in_the_air(
+    autopilot, engage_on
+):
+    for landed in (0, 1):  # 0 is unknown
+        for mode in (*autopilot.custom_modes, Mode.OTHER):
+            armed = Flown(settings_of(autopilot, engage_on=engage_on))
+            armed.mode = mode
+            armed.armed = True
+            armed.landed = landed
+            armed.cycles(0.1)
+            assert armed.state is State.READY
+            started = armed.cycle(Event.START)
+            assert (started.state, started.requests) == (State.READY, ())
+
+
+@pytest.mark.parametrize("engage_on", list(EngageOn))
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_start_takes_no_vehicle_from_a_program_that_flies_it_in_the_guided_mode(
+    autopilot, engage_on
+):
+    flown = Flown(settings_of(autopilot, engage_on=engage_on))
+    flown.mode = Mode.GUIDED
+    flown.armed = True
+    flown.landed = 2
+    flown.position[2] = HOME_DOWN_M - 10.0
+    flown.evader = (60.0, 0.0)
+    flown.cycles(0.1)
+    assert flown.cycle(Event.START).state is State.READY
+    # Its hold is asked for, and until it is seen no setpoint goes into the other program's.
+    assert flown.cycle(Event.HOLD).state is State.HOLDING
+    assert flown.cycle(Event.ENGAGE).state is State.HOLDING
+    flown.mode = Mode.HOLD
+    flown.cycle(beat=True)
+    assert flown.cycle(Event.ENGAGE).state is State.ENTERING
+
+
+def climbing(autopilot):
+    """A vehicle that climbs, 5 m below the height of its take-off."""
+    flown = Flown(settings_of(autopilot))
+    flown.cycles(0.1)
+    flown.cycle(Event.START)
+    flown.armed = True
+    flown.mode = autopilot.arming_mode
+    flown.cycle(beat=True)
+    flown.landed = 3
+    if Mode.TAKEOFF in autopilot.custom_modes:
+        flown.mode = Mode.TAKEOFF
+    flown.cycles(2.0)
+    flown.position[2] = HOME_DOWN_M - 5.0
+    flown.cycles(1.0)
+    assert flown.state is State.CLIMBING
+    return flown
+
+
+@pytest.mark.parametrize(("autopilot", "mode"), MODES)
+def test_a_pilots_mode_in_the_climb_is_noticed_and_left_alone(autopilot, mode):
+    flown = climbing(autopilot)
+    flown.mode = mode
+    outputs = [flown.cycle(beat=True), *flown.cycles(5.0)]
+    own = {Mode.TAKEOFF} if autopilot is PX4 else {Mode.GUIDED}
+    assert (flown.state is State.CLIMBING) is (mode in own)
+    assert commands(outputs) == []
+
+
+@pytest.mark.parametrize(("autopilot", "mode"), MODES)
+@pytest.mark.parametrize("order", [Event.HOLD, Event.RETURN, Event.LAND])
+def test_what_an_order_asked_for_and_got_is_not_asked_for_again_when_a_pilot_ends_it(
+    autopilot, order, mode
+):
+    flown = Flown(settings_of(autopilot)).engaged()
+    flown.cycle(order)
+    asked = ASKED_MODES[flown.state]
+    flown.mode = asked
+    flown.cycle(beat=True)
+    flown.mode = mode
+    outputs = [flown.cycle(beat=True), *flown.cycles(5.0)]
+    assert (flown.state is State.YIELDED) is (mode is not asked)
+    assert commands(outputs) == []
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_request_that_is_overtaken_by_an_order_is_no_pilots_mode(autopilot):
+    flown = Flown(settings_of(autopilot)).standing_by()
+    flown.evader = (60.0, 0.0)
+    flown.cycle(Event.ENGAGE)
+    flown.cycles(0.5)  # the guided mode is asked for
+    assert flown.cycle(Event.HOLD).requests[0] == autopilot.set_mode(Mode.HOLD)
+    for flown.mode in (Mode.HOLD, Mode.GUIDED, Mode.HOLD):
+        flown.cycle(beat=True)
+        assert flown.state is State.HOLDING
+    flown.cycles(6.0)
+    flown.mode = Mode.GUIDED  # by now it is another's
+    assert flown.cycle(beat=True).state is State.YIELDED
 
 
 ENDINGS = [
@@ -133,7 +234,8 @@ def test_a_vehicle_found_armed_is_handed_over_on_an_order_and_gets_no_setpoint(
         State.RETURNING: Mode.RETURN,
         State.LANDING: Mode.LAND,
     }[state]
-    assert ending.requests == (() if mode is ending_mode else (autopilot.set_mode(ending_mode),))
+    stop = () if not mode is ending_mode is autopilot.arming_mode else (autopilot.stop(),)
+    assert ending.requests == (autopilot.set_mode(ending_mode), *stop)
     later = vehicle.cycles(3.0)
     assert vehicle.state is state
     repeats = (

@@ -234,10 +234,8 @@ def test_after_a_pilots_takeover_an_arducopter_is_left_alone_in_whatever_mode():
     ("order", "mode", "flown_by_us"),
     [
         (None, Mode.HOLD, False),  # standing by, in its own hold
-        (None, Mode.GUIDED, True),
         (Event.ENGAGE, Mode.HOLD, True),  # asked for the guided mode: it may be there by now
         (Event.LAND, Mode.HOLD, False),
-        (Event.LAND, Mode.GUIDED, True),  # ordered to land, and not heard to do so
         (Event.ABORT, Mode.LAND, False),
     ],
 )
@@ -249,8 +247,24 @@ def test_after_an_error_the_hold_is_requested_if_our_setpoints_may_be_in_use(
         flown.cycle(order)
     flown.mode = mode
     flown.cycle(beat=True)
+    assert requests_after_an_error(flown, monkeypatch) == (
+        (autopilot.set_mode(Mode.HOLD),) if flown_by_us else ()
+    )
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_after_an_error_the_hold_is_requested_if_a_landing_was_not_heard_to_begin(
+    autopilot, monkeypatch
+):
+    flown = Flown(settings_of(autopilot)).engaged()
+    flown.cycle(Event.LAND)
+    flown.cycle(beat=True)
+    assert requests_after_an_error(flown, monkeypatch) == (autopilot.set_mode(Mode.HOLD),)
+
+
+def requests_after_an_error(flown, monkeypatch):
     assert flown.state not in FINAL
     monkeypatch.setattr(flown.flight.tracking, "observe", lambda *_, **_in_flight: 1 / 0)
     failed = flown.cycle()
     assert failed.state is State.YIELDED
-    assert failed.requests == ((autopilot.set_mode(Mode.HOLD),) if flown_by_us else ())
+    return failed.requests

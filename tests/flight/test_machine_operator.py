@@ -17,6 +17,7 @@ class Held:
     def __init__(self, state, **changes):
         self.flight = Flight(settings_of(**changes))
         self.flight.stage.state = state
+        self.flight.stage.left = frozenset({Mode.HOLD})
         self.now_s = NOW_S
         self.step(home(NOW_S))
 

@@ -66,6 +66,7 @@ def held(away_m, battery, **changes):
     """A flight that stands by, so far from home, with so much battery."""
     flight = Flight(settings_of(reserve=RESERVE, limits=Limits(fence_radius_m=100.0), **changes))
     flight.stage.state = State.STANDING_BY
+    flight.stage.left = frozenset({Mode.HOLD})
     said = [
         heartbeat(NOW_S),
         local(NOW_S, (away_m, 0.0, -14.0)),

@@ -5,8 +5,8 @@ import pytest
 from guidance.autopilots import Mode
 from guidance.flight import FINAL, ORDERS, Event, State
 from guidance.flight.table import (
+    ASKED_MODES,
     HANDING_OVER,
-    OUR_MODES,
     SETPOINT_STATES,
     TRANSITIONS,
     is_done,
@@ -19,6 +19,7 @@ AIRBORNE = {State.CLIMBING, State.POSITIONING, State.STANDING_BY}
 LEAVING = {State.HOLDING, State.RETURNING, State.LANDING}
 LOST = State.OUT_OF_CONTACT
 FLOWN = AIRBORNE | {LOST} | COMMANDING | LEAVING
+BEGUN = FLOWN | {State.ARMING}
 
 
 def test_a_pair_that_is_not_listed_changes_nothing():
@@ -54,7 +55,7 @@ def test_only_an_order_leads_to_entering_and_only_order_or_pilot_start_the_game(
     } == {Event.INVITED}
 
 
-@pytest.mark.parametrize("state", sorted({State.ARMING} | FLOWN))
+@pytest.mark.parametrize("state", sorted(BEGUN))
 @pytest.mark.parametrize("event", [Event.PILOT, Event.REBOOTED, Event.FAULT])
 def test_a_pilot_a_reboot_or_a_fault_ends_the_flight_from_every_state(state, event):
     assert next_state(state, event) is State.YIELDED
@@ -72,25 +73,17 @@ def test_after_a_telemetry_gap_the_only_way_into_the_game_is_an_engage_order():
     assert out[Event.CONTACT] is State.STANDING_BY
 
 
-@pytest.mark.parametrize("state", sorted(FLOWN - {State.LANDING}))
-def test_an_abort_in_the_air_lands(state):
-    assert next_state(state, Event.ABORT) is State.LANDING
-
-
-@pytest.mark.parametrize("state", sorted(FLOWN))
-def test_hold_return_and_land_are_followed_from_every_state_in_the_air(state):
+@pytest.mark.parametrize("state", sorted(BEGUN))
+def test_every_order_to_end_is_followed_from_every_state_since_the_start_order(state):
     assert next_state(state, Event.HOLD) is State.HOLDING
     assert next_state(state, Event.RETURN) is State.RETURNING
     assert next_state(state, Event.LAND) is State.LANDING
+    assert next_state(state, Event.ABORT) is State.LANDING
 
 
 def test_setpoints_go_out_in_the_states_of_the_guided_mode_only():
     assert SETPOINT_STATES == COMMANDING
     assert not SETPOINT_STATES & (FINAL | HANDING_OVER)
-
-
-def test_every_state_in_the_air_knows_which_modes_are_our_own():
-    assert set(OUR_MODES) == FLOWN
 
 
 def test_no_line_leads_to_where_it_began():
@@ -121,16 +114,16 @@ def test_an_order_is_done_in_the_states_to_which_it_leads(order):
 
 
 S = State
-GROUND = {State.CONNECTING, State.CHECKING, State.READY, State.ARMING}
+GROUND = {State.CONNECTING, State.CHECKING, State.READY}
 OUT_OF_THE_PLAYED = {State.ENGAGED, State.ON_STATION}
 BY_EVENT = {
     # A person's orders.
     Event.START: {S.ARMING: {S.READY}},
     Event.ENGAGE: {S.ENTERING: {S.STANDING_BY, S.HOLDING}},
-    Event.HOLD: {S.HOLDING: FLOWN - {S.HOLDING}},
-    Event.RETURN: {S.RETURNING: FLOWN - {S.RETURNING}},
-    Event.LAND: {S.LANDING: FLOWN - {S.LANDING}},
-    Event.ABORT: {S.LANDING: FLOWN - {S.LANDING}, S.FAILED: GROUND},
+    Event.HOLD: {S.HOLDING: BEGUN - {S.HOLDING}},
+    Event.RETURN: {S.RETURNING: BEGUN - {S.RETURNING}},
+    Event.LAND: {S.LANDING: BEGUN - {S.LANDING}},
+    Event.ABORT: {S.LANDING: BEGUN - {S.LANDING}, S.FAILED: GROUND},
     # Of a vehicle that was found armed.
     Event.HOLD_ARMED: {S.HOLDING: GROUND - {S.CONNECTING}},
     Event.RETURN_ARMED: {S.RETURNING: GROUND - {S.CONNECTING}},
@@ -175,15 +168,15 @@ BY_EVENT = {
     Event.LOOP_STOPPED: {S.YIELDED: COMMANDING},
     Event.BATTERY_LOW: {S.RETURNING: COMMANDING | {S.STANDING_BY, S.POSITIONING, S.HOLDING}},
     Event.BATTERY_UNKNOWN: {S.RETURNING: COMMANDING | {S.STANDING_BY, S.POSITIONING, S.HOLDING}},
-    Event.PILOT: {S.YIELDED: FLOWN | {S.ARMING}},
-    Event.REBOOTED: {S.YIELDED: FLOWN | {S.ARMING}},
+    Event.PILOT: {S.YIELDED: BEGUN},
+    Event.REBOOTED: {S.YIELDED: BEGUN},
     Event.TELEMETRY_LOST: {
-        S.YIELDED: (FLOWN - {S.STANDING_BY, LOST}) | {S.ARMING},
+        S.YIELDED: BEGUN - {S.STANDING_BY, LOST},
         LOST: {S.STANDING_BY},
         S.CONNECTING: {S.CHECKING, S.READY},
     },
     Event.CONTACT: {S.STANDING_BY: {LOST}},
-    Event.FAULT: {S.YIELDED: FLOWN | {S.ARMING}, S.FAILED: GROUND - {S.ARMING}},
+    Event.FAULT: {S.YIELDED: BEGUN, S.FAILED: GROUND},
     Event.DISARMED: {S.LANDED: AIRBORNE | LEAVING | {LOST}, S.YIELDED: COMMANDING},
     Event.TIMED_OUT: {
         S.FAILED: {S.CONNECTING, S.CHECKING, S.ARMING},
@@ -200,14 +193,11 @@ def test_each_event_leads_where_it_should_and_from_nowhere_else(event):
     assert listed == {state: after for after, states in BY_EVENT[event].items() for state in states}
 
 
-AUTOPILOTS_OWN = frozenset({Mode.TAKEOFF, Mode.HOLD, Mode.GUIDED})
-
-
-def test_the_modes_of_our_own_doing_by_state():
+def test_the_mode_that_each_state_asks_for():
     assert {
-        **dict.fromkeys(AIRBORNE | {State.ENTERING, LOST}, AUTOPILOTS_OWN),
-        **dict.fromkeys(COMMANDING - {State.ENTERING}, frozenset({Mode.GUIDED})),
-        State.HOLDING: {Mode.HOLD, Mode.GUIDED},
-        State.RETURNING: {Mode.RETURN, Mode.LAND, Mode.HOLD, Mode.GUIDED},
-        State.LANDING: {Mode.LAND, Mode.RETURN, Mode.HOLD, Mode.GUIDED},
-    } == OUR_MODES
+        State.CLIMBING: Mode.TAKEOFF,
+        **dict.fromkeys(COMMANDING, Mode.GUIDED),
+        State.HOLDING: Mode.HOLD,
+        State.RETURNING: Mode.RETURN,
+        State.LANDING: Mode.LAND,
+    } == ASKED_MODES

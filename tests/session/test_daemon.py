@@ -114,6 +114,46 @@ def test_answers_about_a_vehicle_that_is_up_already_are_true(base):
     base.until(State.ENGAGED)
 
 
+BOTH = [({}, "px4", "POSCTL"), ({"parameters": SET_UP}, "arducopter", "LOITER")]
+
+
+@pytest.mark.parametrize(("given", "autopilot", "sticks"), BOTH)
+def test_a_vehicle_that_a_pilot_armed_on_the_ground_is_refused_with_the_reason(
+    base, given, autopilot, sticks
+):
+    base = base(**given, vehicle={"autopilot": autopilot}).until(State.READY)
+    pilot(base, sticks)
+    base.run(0.5)
+    base.vehicle.autopilot.state.arm()
+    base.run(1.5)
+    answer = base.order("start")
+    assert (answer["accepted"], answer["state"]) == (False, "ready")
+    assert (
+        answer["reason"] == f"somebody else armed it, in {mode_title(base)}: "
+        "disarm it, then order start"
+    )
+    base.run(2.0)
+    assert (base.vehicle.mode, base.vehicle.armed) == (sticks, True)
+
+
+def mode_title(base):
+    return base.order("status")["autopilot_mode"]
+
+
+@pytest.mark.parametrize(("given", "autopilot"), [one[:2] for one in BOTH])
+@pytest.mark.parametrize("order", ["hold", "return", "land", "abort"])
+def test_an_order_right_after_the_start_is_accepted_and_leaves_the_vehicle_on_the_ground(
+    base, given, autopilot, order
+):
+    base = base(**given, vehicle={"autopilot": autopilot}).until(State.READY)
+    assert base.order("start")["accepted"]
+    assert base.order(order)["accepted"]
+    assert "it stands on the ground" in base.order("engage")["reason"] or order != "hold"
+    base.until(State.LANDED)
+    assert not base.vehicle.armed
+    assert base.vehicle.truth.on_ground
+
+
 def test_abort_lands_a_vehicle_found_in_the_air_and_cancels_one_on_the_ground(base):
     up = aloft(base.standing_by()).until(State.READY)
     down = base.ready()

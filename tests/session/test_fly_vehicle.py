@@ -454,7 +454,7 @@ def test_guidance_fly_flies_a_vehicle_that_was_started_elsewhere(tmp_path):
 
 
 @pytest.mark.slow
-def test_ctrl_c_lands_the_vehicle_and_says_so(tmp_path):
+def test_ctrl_c_on_the_ground_ends_with_a_vehicle_that_is_disarmed_and_says_so(tmp_path):
     vehicle = {"name": "uav1", "flavour": "px4", "ready_after_s": 1.0, "parameters": FENCED["px4"]}
     with running([vehicle], over=["udp"]) as fleet:
         process = subprocess.Popen(
@@ -465,7 +465,7 @@ def test_ctrl_c_lands_the_vehicle_and_says_so(tmp_path):
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=30)
     assert process.returncode == 130, out + err
-    assert "interrupted: the vehicle was told to land, and is landing" in out
+    assert "interrupted: the vehicle was told to land, and is landed" in out
 
 
 def test_where_there_is_no_vehicle_it_is_said(tmp_path, monkeypatch):

@@ -10,7 +10,17 @@ from typing import Any, Final
 from guidance.autopilots import Finding, Verdict
 from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
-from guidance.flight import FINAL, Authority, EngageOn, Event, Flight, Inputs, Outputs, is_done
+from guidance.flight import (
+    BEFORE_FLIGHT,
+    FINAL,
+    Authority,
+    EngageOn,
+    Event,
+    Flight,
+    Inputs,
+    Outputs,
+    is_done,
+)
 from guidance.links.port import EvaderSource, TellsProblem, VehicleLink
 from guidance.log.entries import ASSIGNED, EVADER_NEWS, LINK_NEWS, ORDERED, RELOADED, TEAM_NEWS
 from guidance.log.sink import AnsweredOrder, FlightIdentity, Sink
@@ -22,7 +32,7 @@ from guidance.session.observe.refused_reports import RefusedReports
 from guidance.session.observe.signs_of_life import ENDING
 from guidance.session.orders.answers import missing, refusal, shown_state, status
 from guidance.session.orders.control_socket import ALIVE, RESET, WORDS
-from guidance.session.orders.mailbox import ON_GROUND, Engaging, Mailbox, Question, ShutdownHandover
+from guidance.session.orders.mailbox import Engaging, Mailbox, Question, ShutdownHandover
 from guidance.session.plan import FlightPlan
 from guidance.strategies.own import Ask
 from guidance.team import Member
@@ -109,7 +119,7 @@ class Daemon:
     @property
     def in_flight(self) -> bool:
         """True while the vehicle is ours in the air, or was just ordered up."""
-        return self.flight.state not in FINAL | ON_GROUND
+        return self.flight.state not in FINAL | BEFORE_FLIGHT
 
     @property
     def leaving(self) -> Authority | None:
@@ -230,7 +240,7 @@ class Daemon:
     @property
     def _judging(self) -> bool:
         """True while preflight applies: on the ground, and for a vehicle found armed until it has passed once."""
-        return self.flight.state in ON_GROUND or (self.in_flight and not self.flight.checked)
+        return self.flight.state in BEFORE_FLIGHT or (self.in_flight and not self.flight.checked)
 
     def _write(self, now_s: float, outputs: Outputs, timing: Timing) -> None:
         """Send the flight's outputs, the setpoint first: everything else can wait a millisecond."""

@@ -15,7 +15,7 @@ from guidance.autopilots.description import MAV_CMD_COMPONENT_ARM_DISARM
 from guidance.clock import Clock
 from guidance.cycle import Certificate
 from guidance.errors import FlightError
-from guidance.flight import FINAL, Authority, Event, Outputs, State
+from guidance.flight import BEFORE_FLIGHT, FINAL, Authority, Event, Outputs, State
 from guidance.frames import Enu
 from guidance.links.world import World
 from guidance.messages import CommandAck, Home, LocalPosition, StatusText
@@ -31,7 +31,6 @@ from guidance.session.fly.result import (
     begins_game,
 )
 from guidance.session.orders.answers import failed_checks, missing, next_words
-from guidance.session.orders.mailbox import ON_GROUND
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.sim.scenario import Flown, Pursuit, pursuits_of
 from guidance.sim.sensor import SensedEvader
@@ -386,7 +385,7 @@ class VehicleMission:
         result.duration_s = now_s - self._begun_s
         if self.daemon.judged:
             self._listen()
-            if outputs.state in ON_GROUND:
+            if outputs.state in BEFORE_FLIGHT:
                 self._judge(now_s)
         given_up = self._policy.hand_over is None and now_s - self._limit_from_s >= MISSION_LIMIT_S
         if self._ended(now_s) or given_up:
@@ -465,7 +464,7 @@ class VehicleMission:
 
     def _listen(self) -> None:
         """Keep the autopilot's last warning before the flight."""
-        if self.daemon.flight.state not in ON_GROUND | {State.ARMING}:
+        if self.daemon.flight.state not in BEFORE_FLIGHT | {State.ARMING}:
             return
         for message in self.daemon.inputs.messages:
             if isinstance(message, StatusText) and message.severity <= _WARNING:

@@ -64,11 +64,11 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
     if state in BEFORE_FLIGHT:
         return _not_begun(order, flight, missing(flight, now_s, rows))
     if order is Event.ENGAGE and state in {State.HOLDING, State.STANDING_BY}:
-        if flight.leaving_mode:
-            return f"its autopilot is still in {flight.mode_title}: order again once it holds"
-        doubt = flight.telemetry_refusal(now_s)
-        if not doubt:
-            doubt = flight.evader_refusal(now_s)
+        doubt = flight.telemetry_refusal(now_s) or flight.evader_refusal(now_s)
+        if not flight.heard.has_flown:
+            doubt = "it stands on the ground: once it is disarmed, order reset, then start"
+        elif flight.leaving_mode:
+            doubt = f"its autopilot is still in {flight.mode_title}: order again once it holds"
         return doubt if doubt else f"not ready: {missing(flight, now_s, rows)}"
     return f"under way already: {_WHY[state]}" if order is Event.START else _WHY[state]
 
@@ -98,17 +98,18 @@ def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
         return "the vehicle is not heard: check its power, the link and system_id"
     if order in {Event.HOLD, Event.RETURN, Event.LAND}:
         return "there is no flight to end: the vehicle is not armed"
-    if state is not State.READY:
+    if state is State.CHECKING:
+        return f"not ready: {lacking}"
+    mode = flight.mode_title
+    if flight.vehicle.armed and flight.vehicle.in_air:
         return (
-            f"not ready: {lacking}"
-            if state is State.CHECKING
-            else f"under way already: {_WHY[state]}"
+            f"it flies in {mode}, which guidance does not take it from: order hold, then engage"
+            if order is Event.START
+            else "airborne, and not taken over yet: order start first, then engage"
         )
-    if not flight.vehicle.armed or flight.vehicle.on_ground:
-        return "on the ground: order start first"
     if order is Event.START:
-        return f"it flies in {flight.mode_title}, which guidance does not take it from: order hold, then engage"
-    return "airborne, and not taken over yet: order start first, then engage"
+        return f"somebody else armed it, in {mode}: disarm it, then order start"
+    return "on the ground: order start first"
 
 
 def _failed(flight: Flight, now_s: float) -> list[Finding]:

@@ -14,7 +14,8 @@ from typing import Any, Final
 
 from guidance.autopilots import Finding, Mode, Wants
 from guidance.clock import Clock
-from guidance.flight import FINAL, Authority, EngageOn, Event, Flight, State
+from guidance.flight import BEFORE_FLIGHT, FINAL, Authority, EngageOn, Event, Flight, State
+from guidance.flight.table import ASKED_MODES, HANDING_OVER
 from guidance.preflight import PreflightMemory, engage_rows, parameter_names, refusals
 from guidance.session.orders.control_socket import ALIVE, STATUS, WORDS
 
@@ -28,12 +29,10 @@ QUERIES: Final = frozenset({STATUS, ALIVE})
 
 Answer = Mapping[str, Any]
 
-ON_GROUND: Final = frozenset({State.CONNECTING, State.CHECKING, State.READY})
 HANDOVER_LIMIT_S: Final = 12.0
 """After this the daemon ends anyway: its stream ends, and the autopilot's own failsafe acts."""
 
 ORDER_OF: Final = {"hold": Event.HOLD, "land": Event.LAND, "return": Event.RETURN}
-_TAKEN: Final = {State.HOLDING: Mode.HOLD, State.RETURNING: Mode.RETURN, State.LANDING: Mode.LAND}
 READ_WITHIN_S: Final = 1.5
 """Time for reading parameters again: a link asks three times, and the person still waits for the answer."""
 
@@ -158,18 +157,17 @@ class ShutdownHandover:
 
     def orders(self, flight: Flight) -> tuple[Question, ...]:
         """The order that hands the vehicle over, once."""
-        if self._given or flight.state in FINAL | ON_GROUND:
+        if self._given or flight.state in FINAL | BEFORE_FLIGHT:
             return ()
         self._given = True
-        # While arming the vehicle is still on the ground: nothing to hand over, the start is called off.
-        order = Event.ABORT if flight.state is State.ARMING else self._order
-        return (Question(str(order), authority=self.authority),)
+        return (Question(str(self._order), authority=self.authority),)
 
     def finished(self, flight: Flight, now_s: float) -> bool:
         """True once there is nothing more to hand over, or no more time."""
-        if flight.state in FINAL | ON_GROUND or now_s - self._since_s > HANDOVER_LIMIT_S:
+        if flight.state in FINAL | BEFORE_FLIGHT or now_s - self._since_s > HANDOVER_LIMIT_S:
             return True
-        return flight.state in _TAKEN and flight.mode_name == str(_TAKEN[flight.state])
+        is_left = flight.state in HANDING_OVER and flight.mode_name == ASKED_MODES[flight.state]
+        return is_left and flight.heard.has_flown  # on the ground it is disarmed first
 
 
 class Engaging:
