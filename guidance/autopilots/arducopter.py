@@ -72,7 +72,8 @@ _FENCE_TYPES: Final = {0: "height", 1: "circle", 2: "polygon", 3: "floor"}
 _HEIGHT: Final = 1
 _CIRCLE: Final = 2
 _POLYGON: Final = 4
-"""Bits of FENCE_TYPE; with the last one an uploaded fence is in use."""
+_FLOOR: Final = 8
+"""Bits of FENCE_TYPE; with the third one an uploaded fence is in use."""
 
 _RADIO_LOSS_ACTIONS: Final = {
     0: "none",
@@ -90,7 +91,46 @@ _OPTION_NAMES: Final = {
     3: "thrust",
     4: "position not held",
 }
+_BATTERY_ACTIONS: Final = {
+    0: "warning",
+    1: "Land",
+    2: "RTL",
+    3: "SmartRTL or RTL",
+    4: "SmartRTL or Land",
+    5: "Terminate",
+    6: "mission's landing or RTL",
+    7: "Brake or Land",
+}
+_TERMINATE: Final = 5
 _CENTI: Final = 0.01
+
+
+def _fence_floor(value: float, wants: Wants, quantities: Quantities) -> Judgement:
+    floor_m = wants.limits.floor_m
+    expected = f"at most limits.floor_m = {floor_m:g} m, where FENCE_TYPE has a floor"
+    in_use = bool(round(quantities.get(Quantity.FENCE_TYPE, _FLOOR)) & _FLOOR)
+    return passes(
+        value <= floor_m or not in_use,
+        expected,
+        math.floor(floor_m - 1.0),
+        "it would act inside ours",
+        otherwise=rules.fence_verdict(wants),
+    )
+
+
+def _battery(value: float, _: Wants, __: Quantities) -> Judgement:
+    action = round(value)
+    expected = "2 (RTL), or another that returns or lands"
+    if action == _TERMINATE:
+        return Judgement(Verdict.REFUSE, expected, 2, "Terminate lets the vehicle fall")
+    returns = action in _BATTERY_ACTIONS and action > 0
+    consequence = "only our own limit returns; it does not when we are silent"
+    return passes(returns, expected, 2, consequence, otherwise=Verdict.WARN)
+
+
+def _critical_battery(value: float, _: Wants, __: Quantities) -> Judgement:
+    terminates = round(value) == _TERMINATE
+    return passes(not terminates, "any but 5 (Terminate)", 1, "Terminate lets the vehicle fall")
 
 
 def _fence_type(value: float, wants: Wants, quantities: Quantities) -> Judgement:
@@ -175,6 +215,22 @@ _SHARED: Final = (
     Rule(Quantity.FENCE_TYPE, "FENCE_TYPE", _fence_type, bits(_FENCE_TYPES)),
     Rule(Quantity.FENCE_RADIUS, "FENCE_RADIUS", _fence_radius, _METRES),
     Rule(Quantity.FENCE_HEIGHT, "FENCE_ALT_MAX", rules.fence_size("ceiling_m"), _METRES),
+    Rule(Quantity.FENCE_FLOOR, "FENCE_ALT_MIN", _fence_floor, _METRES),
+    # ArduPilot hides both while BATT_MONITOR is 0.
+    Rule(
+        Quantity.BATTERY_ACTION,
+        "BATT_FS_LOW_ACT",
+        _battery,
+        named(_BATTERY_ACTIONS),
+        needed=False,
+    ),
+    Rule(
+        Quantity.CRITICAL_BATTERY_ACTION,
+        "BATT_FS_CRT_ACT",
+        _critical_battery,
+        named(_BATTERY_ACTIONS),
+        needed=False,
+    ),
     Rule(Quantity.RADIO_LOSS_ACTION, "FS_THR_ENABLE", _RADIO_LOSS, named(_RADIO_LOSS_ACTIONS)),
     Rule(Quantity.ESTIMATOR_ACTION, "FS_EKF_ACTION", _ESTIMATOR, named(_ESTIMATOR_ACTIONS)),
     Rule(

@@ -79,6 +79,8 @@ class Wants(NamedTuple):
         battery_needed: Share of the charge needed to fly home from the fence; None without `[flight.reserve]`.
         evader_height_limit_m: Greatest height difference between the evader and home's ground.
         announces: Whether the evader is announced as traffic, which the autopilot hears too.
+        evader_speed_m_s: The evader's declared speed.
+        standoff_radius_m: Of the game's disc.
     """
 
     preflight: Preflight
@@ -88,6 +90,8 @@ class Wants(NamedTuple):
     battery_needed: float | None = None
     evader_height_limit_m: float = 30.0
     announces: bool = False
+    evader_speed_m_s: float = 0.0
+    standoff_radius_m: float = 0.0
 
 
 class Quantity(StrEnum):
@@ -99,6 +103,7 @@ class Quantity(StrEnum):
     RADIO_LOSS_EXCEPTIONS = "modes that ignore radio loss"
     STICKS_TAKE_OVER = "the pilot's sticks take over"
     BATTERY_ACTION = "action on a low battery"
+    CRITICAL_BATTERY_ACTION = "action on a critical battery"
     ESTIMATOR_ACTION = "action on an estimator failure"
     GUIDED_OPTIONS = "options of the guided mode"
     FENCE_ENABLED = "fence enabled"
@@ -106,6 +111,7 @@ class Quantity(StrEnum):
     FENCE_TYPE = "kinds of fences in use"
     FENCE_RADIUS = "radius of the fence"
     FENCE_HEIGHT = "height of the fence"
+    FENCE_FLOOR = "floor of the fence"
     RETURN_HEIGHT = "height of the return"
     SPEED = "horizontal speed"
     CLIMB = "climb rate"
@@ -258,23 +264,31 @@ def loss_time(usual: str = "") -> Judge:
 
 
 def return_height(fence: str, action: str) -> Judge:
-    """Judge the height of the autopilot's return: below its fence.
+    """Judge the height of the autopilot's return: at most our ceiling, and below its fence.
+
+    The autopilot also returns when guidance is silent: when setpoints stop, and after telemetry was lost.
 
     Args:
         fence: Name of the parameter of the fence's height.
         action: Name of the return.
     """
 
-    def judged(height_m: float, _: Wants, quantities: Quantities) -> Judgement:
+    def judged(height_m: float, wants: Wants, quantities: Quantities) -> Judgement:
         fence_m = quantities.get(Quantity.FENCE_HEIGHT)
         if fence_m is None:
             return Judgement(Verdict.REFUSE, f"below {fence}, which is unknown")
-        if fence_m <= 0.0:
-            return Judgement(Verdict.PASS, "below the fence, where there is one")
-        expected = f"below {fence} = {fence_m:g} m"
+        ceiling_m = wants.limits.ceiling_m
+        fenced = fence_m > 0.0
+        set_to = min(ceiling_m, max(fence_m - 5.0, 0.5 * fence_m)) if fenced else ceiling_m
+        expected = f"at most limits.ceiling_m = {ceiling_m:g} m"
+        if fenced and fence_m <= ceiling_m:
+            expected = f"below {fence} = {fence_m:g} m"
+        if height_m > ceiling_m:
+            consequence = f"{action} would climb above our ceiling"
+            return Judgement(Verdict.REFUSE, expected, set_to, consequence)
         consequence = f"{action} would climb through the fence"
-        below = height_m < fence_m
-        return passes(below, expected, fence_m - 5.0, consequence, otherwise=Verdict.WARN)
+        below = height_m < fence_m or not fenced
+        return passes(below, expected, set_to, consequence, otherwise=Verdict.WARN)
 
     return judged
 

@@ -101,6 +101,24 @@ class Acceleration:
     descent_share: float = 0.92
 
 
+def farthest_evader_m(
+    reach_m: float, *, evader_speed_m_s: float, speed_m_s: float, standoff_radius_m: float
+) -> float:
+    """Return the distance from home beyond which no evader can be met inside the fence as the game begins.
+
+    From anywhere in the fence the vehicle is at any point of it within 2 reach / speed. An evader that flies straight
+    at the fence comes nearer by evader speed * 2 reach / speed meanwhile. If it is still farther from the fence than
+    the radius of the disc then, the vehicle waits at its fence whatever the evader does.
+
+    Args:
+        reach_m: Greatest distance from home inside the fence.
+        evader_speed_m_s: The evader's declared speed.
+        speed_m_s: The vehicle's horizontal speed in the game.
+        standoff_radius_m: Of the game's disc.
+    """
+    return reach_m + standoff_radius_m + 2.0 * reach_m * evader_speed_m_s / speed_m_s
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Envelope(Dynamics):
     """Bounds of every setpoint. Heights are above home, fences about home, in metres.
@@ -144,6 +162,16 @@ class Envelope(Dynamics):
             raise ConfigError(
                 f"fence_margin_m = {self.fence_margin_m}: allowed is 0 to less than fence_radius_m"
             )
+
+    @property
+    def reach_m(self) -> float:
+        """Greatest distance from home inside the fence; infinite without one."""
+        reach_m = math.inf if self.fence_radius_m is None else self.fence_radius_m
+        if self.fence_polygon is not None:
+            reach_m = min(
+                reach_m, max(math.hypot(*corner) for corner in self.fence_polygon.corners_ne_m)
+            )
+        return reach_m
 
 
 AtLeast = Annotated[float, max]

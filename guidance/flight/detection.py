@@ -428,8 +428,8 @@ def _invited(now: Moment) -> bool:
         return False
     if now.refusals or telemetry_refusal(now.heard.vehicle, now.now_s):
         return False
-    limited = now.settings.evader_height_limit_m is not None
-    return not (limited and now.heard.tracking.height_refusal(now.now_s))
+    too_far = now.heard.distance_refusal(now.now_s)
+    return not (too_far or now.heard.tracking.height_refusal(now.now_s))
 
 
 def _height_m(now: Moment) -> float:

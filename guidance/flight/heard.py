@@ -12,6 +12,7 @@ from typing import Final
 from guidance import messages
 from guidance.autopilots import Mode
 from guidance.control.braking_law import Separation, Situation, measure_walls
+from guidance.control.limits import farthest_evader_m
 from guidance.cycle import CycleInputs
 from guidance.flight.freshness import (
     CHARGE_LIMIT_S,
@@ -424,6 +425,27 @@ class Heard:
             frame = self.tracking.game_frame
             self.seen = CycleInputs(self.dt_s, situation, walls, evader, frame, guided)
         return self.seen
+
+    def distance_refusal(self, now_s: float) -> str:
+        """Return why the game's evader is too far away for an engagement; empty if it is not."""
+        evader = self.tracking.evader(now_s)
+        home_ned_m = self.tracking.home_ned_m
+        if evader is None or home_ned_m is None:
+            return ""
+        game = self.cycle.game
+        limit_m = farthest_evader_m(
+            self.cycle.envelope.reach_m,
+            evader_speed_m_s=game.evader_speed_m_s,
+            speed_m_s=game.pursuer.horizontal_m_s,
+            standoff_radius_m=float(game.standoff.radius_m),
+        )
+        distance_m = math.dist(evader.position_ned_m[:2], home_ned_m[:2])
+        if distance_m <= limit_m:
+            return ""
+        return (
+            f"the evader is {distance_m:.0f} m from home: beyond {limit_m:.0f} m it cannot be met inside the fence "
+            f"of {self.cycle.envelope.reach_m:.0f} m"
+        )
 
     def silent_mate(self, now_s: float) -> str:
         """Return the name of a mate nearby that is silent for longer than `HOLD_S`; empty if there is none."""

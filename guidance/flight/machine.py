@@ -127,7 +127,8 @@ class Flight:
         rival = self.tracking.rival(now_s)
         if rival and self.settings.hold_on_rival:
             return f"two sources report as the evader (told apart by {rival}); silence one, or set evader.second_source"
-        return self.tracking.height_refusal(now_s)
+        too_far = self.heard.distance_refusal(now_s)
+        return too_far if too_far else self.tracking.height_refusal(now_s)
 
     def telemetry_refusal(self, now_s: float) -> str:
         """Return why the vehicle's telemetry bars an engagement now; empty if it does not."""

@@ -32,6 +32,11 @@ since an autopilot may begin its interval again with each request."""
 TIMESYNC_EVERY_S: Final = 1.0
 """The evader's clock is only compared with ours, so a growing delay need not be noticed within a second."""
 
+_TOLD_AFTER_S: Final = 3.0
+"""Reports of other systems, and none of the evader, for so long are told."""
+
+_MOST_OTHERS: Final = 8
+
 _CLOCKS_AGREE_S: Final = 0.1
 _MAX_DELAY_S: Final = 5.0
 
@@ -83,6 +88,9 @@ class MavlinkEvader:
         self._asked_s = -math.inf
         self._beat_s = -math.inf
         self._impostors = 0
+        self._others: dict[tuple[int, int], None] = {}
+        self._others_since_s: float | None = None
+        self._heard_s = -math.inf
         self._counts: Counter[str] = Counter()
 
     def receive(self) -> Sequence[EvaderReport]:
@@ -95,9 +103,12 @@ class MavlinkEvader:
             if self._is_meant(frame):
                 self._impostors += 1
         for received_s, data in self.wire.receive():
+            self._heard_s = received_s
             for frame in self._frames.read(data):
                 if self._is_meant(frame):
                     reports += self._read(frame, received_s)
+                elif not self._counts["reports"] and frame.name == self.carrier.message:
+                    self._note_other(frame, received_s)
         if self.clock is not None:
             self._ask(self.clock(), reported=bool(reports))
         return reports
@@ -141,6 +152,31 @@ class MavlinkEvader:
         if problem is not None and frame.name != "COMMAND_ACK":
             self._counts[problem] += 1
         return problem is None
+
+    def _note_other(self, frame: Frame, received_s: float) -> None:
+        """Remember who reports instead of the evader."""
+        if frame.system_id == self.system_id and self.component_id in {None, frame.component_id}:
+            return  # wrongly signed
+        if self._others_since_s is None:
+            self._others_since_s = received_s
+        if len(self._others) < _MOST_OTHERS:
+            self._others[frame.system_id, frame.component_id] = None
+
+    def problem(self) -> str:
+        """Name the systems that report instead of the evader, if it never did."""
+        since_s = self._others_since_s
+        if self._counts["reports"] or since_s is None or self._heard_s - since_s < _TOLD_AFTER_S:
+            return ""
+        wanted = f"system {self.system_id}"
+        if self.component_id is not None:
+            wanted += f", component {self.component_id}"
+        heard = ", ".join(
+            f"system {system_id}, component {component_id}"
+            for system_id, component_id in sorted(self._others)
+        )
+        return (
+            f"{self.carrier.message} of {wanted} is not heard, but of {heard}: see evader.system_id"
+        )
 
     def _read(self, frame: Frame, received_s: float) -> list[EvaderReport]:
         fields = frame.fields

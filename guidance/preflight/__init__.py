@@ -27,6 +27,7 @@ from guidance.autopilots import (
 )
 from guidance.autopilots.description import AUTOPILOT_VERSION, type_name
 from guidance.autopilots.rules import Judgement, Quantity, Rule, finding_of
+from guidance.control.limits import farthest_evader_m
 from guidance.control.polygon import Point
 from guidance.flight.freshness import known
 from guidance.frames import Amsl, LocalFrame, Projection
@@ -51,6 +52,9 @@ ASK_AGAIN_S: Final = 5.0
 COUNTED_S: Final = 2.0
 """Averaging time of rates."""
 
+EVADER_HEARD_S: Final = 5.0
+"""A report of the evader that is older is not judged."""
+
 
 class Facts(NamedTuple):
     """Facts about one vehicle.
@@ -60,7 +64,7 @@ class Facts(NamedTuple):
         parameter_types: Their MAV_PARAM_TYPE.
         vehicle: State from telemetry.
         rates_hz: Rate of each kind of message.
-        evader_amsl_m: The evader's last altitude.
+        evader: The evader's last report, if it is not old.
         uploaded: The uploaded fence.
         other_beat: The last HEARTBEAT with the vehicle's ids that is not the configured autopilot's.
         version: The firmware's version.
@@ -70,7 +74,7 @@ class Facts(NamedTuple):
     parameter_types: Mapping[str, int] = MappingProxyType({})
     vehicle: VehicleState = VehicleState()
     rates_hz: Mapping[type[Message], float] = MappingProxyType({})
-    evader_amsl_m: float | None = None
+    evader: EvaderReport | None = None
     uploaded: Uploaded = Uploaded()
     other_beat: Heartbeat | None = None
     version: AutopilotVersion | None = None
@@ -96,7 +100,7 @@ class PreflightMemory:
         self._arrivals: dict[type[Message], deque[float]] = {}
         self._begun_s: float | None = None
         self._asked_s = -math.inf
-        self._evader_amsl_m: float | None = None
+        self._evader: EvaderReport | None = None
         self._fence = Reading()
         self._names = self._named()
 
@@ -122,7 +126,7 @@ class PreflightMemory:
                 self._names = self._named()
                 self._asked_s = -math.inf
         for report in reports:
-            self._evader_amsl_m = report.altitude_amsl_m
+            self._evader = report
 
     def _take_parameter(self, parameter: Parameter) -> None:
         if parameter.name in self._names:
@@ -222,6 +226,9 @@ class PreflightMemory:
         for kind, times_s in self._arrivals.items():
             arrivals = sum(now_s - at_s <= COUNTED_S for at_s in times_s)
             rates_hz[kind] = arrivals / COUNTED_S
+        evader = self._evader
+        if evader is not None and now_s - evader.received_s > EVADER_HEARD_S:
+            evader = None
         read = self._parameters.items()
         return Facts(
             parameters={name: parameter.value for name, parameter in read},
@@ -232,7 +239,7 @@ class PreflightMemory:
             },
             vehicle=known(vehicle, now_s),
             rates_hz=rates_hz,
-            evader_amsl_m=self._evader_amsl_m,
+            evader=evader,
             uploaded=self._fence.found,
             other_beat=other_beat,
             version=self._heard_version,
@@ -335,7 +342,14 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
         yield Finding("position", "unknown", expected, Verdict.REFUSE, advice)
         return
     yield from _datum_rows(on_map, local, home, frame)
-    yield _evader_height(facts.evader_amsl_m, home, wants.evader_height_limit_m)
+    yield from _evader_rows(facts.evader, home, frame, wants)
+    if not facts.vehicle.armed:
+        away_m = math.dist(local.position_ned_m[:2], home.position_ned_m[:2])
+        at_home = away_m <= _AGREEMENT_M
+        advice = "the fence will lie about home: set home here, unless you want it there"
+        expected = f"at most {_AGREEMENT_M:g} m"
+        value = f"{away_m:.1f} m from home"
+        yield Finding.of(at_home, "vehicle at home", value, expected, advice, Verdict.WARN)
 
 
 def _home_in_fence(corners: Sequence[Point]) -> Finding:
@@ -384,16 +398,35 @@ def _datum_rows(
     yield _limit_finding("datum of home", difference_m, _HOME_HEIGHT_M, "m apart", advice)
 
 
-def _evader_height(altitude_amsl_m: float | None, home: messages.Home, limit_m: float) -> Finding:
+def _evader_rows(
+    evader: EvaderReport | None, home: messages.Home, frame: LocalFrame, wants: Wants
+) -> Iterator[Finding]:
+    """Judge the evader's altitude, and whether it can be met inside our fence."""
     name = "evader's altitude"
-    if altitude_amsl_m is None:
+    limit_m = wants.evader_height_limit_m
+    if evader is None:
         expected = f"within {limit_m:g} m of home"
-        return Finding(name, "not heard", expected, Verdict.WARN, "is it sending?")
-    difference_m = abs(altitude_amsl_m - home.altitude_amsl_m)
+        yield Finding(name, "not heard", expected, Verdict.WARN, "is it sending?")
+        return
+    difference_m = abs(evader.altitude_amsl_m - home.altitude_amsl_m)
     advice = (
         "a different datum? The geoid is about 50 m above the ellipsoid: see evader.altitude_datum"
     )
-    return _limit_finding(name, difference_m, limit_m, "m from home's", advice)
+    yield _limit_finding(name, difference_m, limit_m, "m from home's", advice)
+    altitude = Amsl(home.altitude_amsl_m)
+    evader_ned_m = frame.ned_from_wgs84(evader.latitude_deg, evader.longitude_deg, altitude)
+    home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, altitude)
+    away_m = math.dist(evader_ned_m[:2], home_ned_m[:2])
+    farthest_m = farthest_evader_m(
+        wants.limits.reach_m,
+        evader_speed_m_s=wants.evader_speed_m_s,
+        speed_m_s=wants.game_speeds.speed_m_s,
+        standoff_radius_m=wants.standoff_radius_m,
+    )
+    expected = f"at most {farthest_m:.0f} m, from where it can be met inside our fence"
+    advice = "is it the right evader, and has it a position fix?"
+    value = f"{away_m:.0f} m from home"
+    yield Finding.of(away_m <= farthest_m, "evader's distance", value, expected, advice)
 
 
 def _battery(status: messages.SystemStatus | None, needed: float) -> Finding:
@@ -539,7 +572,7 @@ def changes(
 ) -> tuple[ParameterChange, ...]:
     """Return the parameters to set so that none is refused any more, where a rule has a value to set.
 
-    One change can require another (a return height below a fence that was off), so the rules are applied repeatedly.
+    One change can require another, so each is judged with those before it, and the rules are applied repeatedly.
 
     Args:
         facts: The answers so far.
@@ -557,12 +590,12 @@ def changes(
     after = dict(facts.parameters)
     wrong = dict[str, Judgement]()
     for _ in range(_MOST_ROUNDS):
-        quantities = quantities_read(after, version, facts.uploaded)
-        judgements = {rule.name: rule.judged(after[rule.name], wants, quantities) for rule in rules}
-        for name, judgement in judgements.items():
+        for rule in rules:
+            quantities = quantities_read(after, version, facts.uploaded)
+            judgement = rule.judged(after[rule.name], wants, quantities)
             if judgement.verdict not in fit and judgement.set_to is not None:
-                after[name] = single(judgement.set_to)
-                wrong.setdefault(name, judgement)
+                after[rule.name] = single(judgement.set_to)
+                wrong.setdefault(rule.name, judgement)
     return tuple(
         _change(rule, facts, after[rule.name], wrong[rule.name])
         for rule in rules

@@ -102,6 +102,8 @@ def plan_of(
         needed,
         config.evader_height_limit_m,
         config.vehicle.announce,
+        config.game.evader_speed_m_s,
+        config.game.standoff_radius_m,
     )
     return FlightPlan(flight=flight, wants=wants, document=config.model_dump_json())
 

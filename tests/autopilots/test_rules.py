@@ -88,21 +88,25 @@ def test_a_lost_setpoint_is_noticed_soon_but_not_at_once(limit_s, value, passed,
     ("fence_m", "height_m", "verdict", "set_to"),
     [
         (None, 0.0, Verdict.REFUSE, None),
-        (-1.0, 99.0, Verdict.PASS, None),
-        (0.0, 99.0, Verdict.PASS, None),
-        (0.5, 99.0, Verdict.WARN, -4.5),
+        (-1.0, 60.0, Verdict.PASS, None),
+        (0.0, 60.0, Verdict.PASS, None),
+        (0.0, 60.1, Verdict.REFUSE, 60.0),
+        (0.5, 59.0, Verdict.WARN, 0.25),
         (60.0, 59.9, Verdict.PASS, None),
         (60.0, 60.0, Verdict.WARN, 55.0),
-        (60.0, 99.0, Verdict.WARN, 55.0),
+        (60.0, 60.1, Verdict.REFUSE, 55.0),
+        (80.0, 60.0, Verdict.PASS, None),
+        (80.0, 60.1, Verdict.REFUSE, 60.0),
     ],
 )
-def test_a_return_stays_below_the_fence_and_an_unknown_fence_refuses(
+def test_a_return_stays_below_our_ceiling_and_the_fence_and_an_unknown_fence_refuses(
     fence_m, height_m, verdict, set_to
 ):
     quantities = {} if fence_m is None else {Quantity.FENCE_HEIGHT: fence_m}
     judgement = return_height("FENCE", "the return")(height_m, WANTS, quantities)
     assert (judgement.verdict, judgement.set_to) == (verdict, set_to)
-    assert judgement.wanted.startswith("below ")
+    if verdict is Verdict.REFUSE and fence_m is not None:
+        assert judgement.why == "the return would climb above our ceiling"
     if verdict is Verdict.WARN:
         assert judgement.wanted == f"below FENCE = {fence_m:g} m"
         assert judgement.why == "the return would climb through the fence"

@@ -779,9 +779,7 @@ def test_rivals_end_a_game_where_that_is_configured():
         ({}, "", True),
         ({"refusals": ("COM_OF_LOSS_T",)}, "", False),
         ({"vehicle": GUIDED._replace(contradicted_s=CONTRADICTED)}, "", False),
-        ({"settings": INVITING.model_copy(update={"evader_height_limit_m": 5.0})}, "", True),
-        ({"settings": INVITING.model_copy(update={"evader_height_limit_m": 5.0})}, "9 m", False),
-        ({}, "9 m", True),
+        ({}, "9 m", False),
     ],
 )
 def test_what_bars_an_engagement_bars_a_pilots_too(changes, too_high, invited):

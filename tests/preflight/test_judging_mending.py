@@ -73,14 +73,15 @@ def test_with_them_nothing_is_refused_and_where_advice_is_taken_nothing_is_warne
 
 
 def test_what_one_change_makes_wrong_is_changed_too():
-    # PX4's Return climbs to 70 m. Without a fence that is no finding; under a fence of 65 m it is too high.
-    parameters = defaults("px4") | {"RTL_RETURN_ALT": 70.0}
+    # A fence of 30 m becomes one of 65 m, and a return above it one below our ceiling, not below the old fence.
+    parameters = defaults("px4") | {"RTL_RETURN_ALT": 70.0, "GF_MAX_VER_DIST": 30.0}
     wanted = {
         change.name: change
         for change in changes(Facts(parameters=parameters), PX4, WANTS, advised=True)
     }
     assert wanted["RTL_RETURN_ALT"].then == "60 m"
-    assert "below GF_MAX_VER_DIST = 65 m" in wanted["RTL_RETURN_ALT"].why
+    assert wanted["GF_MAX_VER_DIST"].then == "65 m"
+    assert "at most limits.ceiling_m = 60 m" in wanted["RTL_RETURN_ALT"].why
 
 
 def test_what_was_not_read_is_not_set():

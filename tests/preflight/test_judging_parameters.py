@@ -16,7 +16,8 @@ SAFE = {
     },
     "arducopter": {
         "GUID_TIMEOUT": 1.0, "GUID_OPTIONS": 0, "FENCE_ENABLE": 1, "FENCE_ACTION": 1, "FENCE_TYPE": 7,
-        "FENCE_RADIUS": 300.0, "FENCE_ALT_MAX": 100.0, "RTL_ALT": 1500, "FS_THR_ENABLE": 1, "FS_EKF_ACTION": 1,
+        "FENCE_RADIUS": 300.0, "FENCE_ALT_MAX": 100.0, "FENCE_ALT_MIN": -10.0, "BATT_FS_LOW_ACT": 2,
+        "BATT_FS_CRT_ACT": 1, "RTL_ALT": 1500, "FS_THR_ENABLE": 1, "FS_EKF_ACTION": 1,
         "WPNAV_SPEED": 1000.0, "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0, "ANGLE_MAX": 3000,
     },
 }  # fmt: skip
@@ -69,7 +70,9 @@ def test_a_safe_set_passes_in_every_row(autopilot):
         ("px4", "GF_MAX_HOR_DIST", 0.0, "refuse", "param set GF_MAX_HOR_DIST 205"),
         ("px4", "GF_MAX_HOR_DIST", 199.0, "refuse", "inside ours"),
         ("px4", "GF_MAX_VER_DIST", 0.0, "refuse", "param set GF_MAX_VER_DIST 65"),
-        ("px4", "RTL_RETURN_ALT", 65.0, "warn", "through the fence"),
+        ("px4", "RTL_RETURN_ALT", 60.0, "pass", ""),
+        ("px4", "RTL_RETURN_ALT", 61.0, "refuse", "above our ceiling"),
+        ("px4", "RTL_RETURN_ALT", 65.0, "refuse", "param set RTL_RETURN_ALT 60"),
         ("px4", "MPC_XY_VEL_MAX", 5.9, "refuse", "param set MPC_XY_VEL_MAX 9"),
         ("px4", "MPC_XY_VEL_MAX", 7.0, "warn", "param set MPC_XY_VEL_MAX 9"),
         ("px4", "MPC_Z_VEL_MAX_UP", 1.9, "refuse", "param set MPC_Z_VEL_MAX_UP 2"),
@@ -83,7 +86,16 @@ def test_a_safe_set_passes_in_every_row(autopilot):
         ("arducopter", "FENCE_TYPE", 4, "refuse", "param set FENCE_TYPE 7"),
         ("arducopter", "FENCE_RADIUS", 150.0, "refuse", "param set FENCE_RADIUS 205"),
         ("arducopter", "FENCE_ALT_MAX", 50.0, "refuse", "param set FENCE_ALT_MAX 65"),
-        ("arducopter", "RTL_ALT", 15000, "warn", "through the fence"),
+        ("arducopter", "RTL_ALT", 6000, "pass", ""),
+        ("arducopter", "RTL_ALT", 15000, "refuse", "above our ceiling"),
+        ("arducopter", "BATT_FS_LOW_ACT", 0, "warn", "only our own limit returns"),
+        ("arducopter", "BATT_FS_LOW_ACT", 2, "pass", ""),
+        ("arducopter", "BATT_FS_LOW_ACT", 5, "refuse", "fall"),
+        ("arducopter", "BATT_FS_LOW_ACT", 8, "warn", "param set BATT_FS_LOW_ACT 2"),
+        ("arducopter", "BATT_FS_LOW_ACT", None, "warn", "unknown"),
+        ("arducopter", "BATT_FS_CRT_ACT", 0, "pass", ""),
+        ("arducopter", "BATT_FS_CRT_ACT", 5, "refuse", "fall"),
+        ("arducopter", "BATT_FS_CRT_ACT", None, "warn", "unknown"),
         ("arducopter", "FS_THR_ENABLE", 0, "warn", "radio loss"),
         ("arducopter", "FS_EKF_ACTION", 0, "warn", "estimator fails"),
         ("arducopter", "ANGLE_MAX", 1000, "warn", "too flat"),
@@ -94,6 +106,21 @@ def test_every_rule(autopilot, name, value, verdict, words):
     row = row_of(autopilot, name, value)
     assert str(row.verdict) == verdict
     assert words in row.advice
+
+
+@pytest.mark.parametrize(
+    ("kinds", "lowest_m", "verdict"),
+    [
+        (15, WANTS.limits.floor_m, "pass"),
+        (15, WANTS.limits.floor_m + 0.1, "refuse"),
+        (7, WANTS.limits.floor_m + 0.1, "pass"),
+    ],
+)
+def test_a_floor_of_arducopters_fence_that_is_in_use_lies_below_ours(kinds, lowest_m, verdict):
+    row = row_of("arducopter", "FENCE_ALT_MIN", lowest_m, FENCE_TYPE=kinds)
+    assert str(row.verdict) == verdict
+    if verdict == "refuse":
+        assert row.advice == "param set FENCE_ALT_MIN 4; it would act inside ours"
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ from guidance.preflight import (
 )
 from guidance.preflight.fence import READ_AGAIN_S, Area, Uploaded
 from guidance.vehicle import VehicleState, observe
-from tests.preflight.test_telemetry import FRAME, ORIGIN, REST, vehicle_at
+from tests.preflight.test_telemetry import FRAME, ORIGIN, REST, evader_at, vehicle_at
 from tests.preflight.wants import wants_of
 
 WANTS = wants_of(battery_needed=0.35, fence_polygon_ne_m=((-9.0, -9.0), (9.0, -9.0), (0.0, 9.0)))
@@ -84,7 +84,7 @@ HERE = (ORIGIN.latitude_deg, ORIGIN.longitude_deg)
 def test_every_row_is_in_words_and_has_advice_where_it_does_not_pass(vehicle, autopilot, wants):
     for evader_amsl_m in (None, 488.0, 900.0):
         for version in (None, firmware(1, 17, 2), firmware(99, 0, 0)):
-            facts = {"evader_amsl_m": evader_amsl_m, "version": version}
+            facts = {"evader": evader_at(evader_amsl_m), "version": version}
             for row in judged(vehicle, autopilot=autopilot, wants=wants, **facts).values():
                 assert all(isinstance(words, str) for words in row)
                 assert row.verdict in Verdict
@@ -174,7 +174,7 @@ def test_a_place_is_compared_by_the_autopilots_own_projection(told, autopilot):
 def test_the_evaders_height_is_near_homes(evader_amsl_m, value, wanted, verdict):
     row = judged(
         observe(GROUNDED, [ON_MAP, LocalPosition(0.0, 1.0, Ned(REST), Ned(REST))]),
-        evader_amsl_m=evader_amsl_m,
+        evader=evader_at(evader_amsl_m),
     )
     assert said(row["evader's altitude"]) == (value, wanted, verdict)
 
@@ -458,7 +458,7 @@ def test_facts_are_all_that_was_heard():
     assert facts.vehicle == vehicle
     assert facts.other_beat is other
     assert facts.version == firmware(1, 17, 0)
-    assert facts.evader_amsl_m == 490.0
+    assert facts.evader is report
     assert facts.rates_hz[Heartbeat] == 0.5
     assert facts.rates_hz[Attitude] == 1.0
     assert memory.facts(vehicle, 3.1).rates_hz[Attitude] == 0.5

@@ -25,7 +25,7 @@ from guidance.messages import (
     PositionTarget,
     SystemStatus,
 )
-from guidance.preflight import ASK_AGAIN_S, Facts, PreflightMemory, rows
+from guidance.preflight import ASK_AGAIN_S, EVADER_HEARD_S, Facts, PreflightMemory, rows
 from guidance.preflight.fence import Uploaded
 from guidance.vehicle import VehicleState, observe
 from tests.preflight.wants import wants_of
@@ -63,8 +63,18 @@ def vehicle_at(
     return observe(VehicleState(), messages)
 
 
+def evader_at(amsl_m, north_m=0.0):
+    """Return a report of an evader north of home; None without an altitude."""
+    nan = math.nan
+    if amsl_m is None:
+        return None
+    latitude_deg = 47.397742 + math.degrees(north_m / 6371000.0)
+    velocity = Ned((nan, nan, nan))
+    return EvaderReport(0.0, 0.0, "t", latitude_deg, 8.545594, amsl_m, velocity, nan, nan)
+
+
 def verdicts(vehicle, evader_amsl_m=488.0):
-    facts = Facts(vehicle=vehicle, evader_amsl_m=evader_amsl_m)
+    facts = Facts(vehicle=vehicle, evader=evader_at(evader_amsl_m))
     return {row.name: row.verdict for row in rows(facts, PX4, WANTS)}
 
 
@@ -226,12 +236,45 @@ def test_a_parameter_that_the_autopilot_announces_as_changed_is_taken_over():
     assert survey.facts(VehicleState(), 5.0).parameters == {"A": 7.0}
 
 
-def test_the_evaders_last_altitude_is_kept():
+def test_the_evaders_last_report_is_kept_until_it_is_old():
     survey = memory()
-    nan = math.nan
-    report = EvaderReport(0.0, 0.0, "t", 47.0, 8.0, 490.0, Ned((nan, nan, nan)), nan, nan)
-    survey.observe([], [report, report._replace(altitude_amsl_m=491.0)])
-    assert survey.facts(VehicleState(), 1.0).evader_amsl_m == 491.0
+    report = evader_at(491.0)
+    survey.observe([], [evader_at(490.0), report])
+    assert survey.facts(VehicleState(), EVADER_HEARD_S).evader is report
+    assert survey.facts(VehicleState(), EVADER_HEARD_S + 0.1).evader is None
+
+
+FARTHEST_M = 200.0 + 3.0 + 2.0 * 200.0 * 3.0 / 6.0
+"""The fence, the disc, and what the evader flies while the vehicle crosses the fence."""
+
+
+@pytest.mark.parametrize(
+    ("north_m", "verdict"),
+    [
+        (0.0, Verdict.PASS),
+        (FARTHEST_M - 2.0, Verdict.PASS),
+        (FARTHEST_M + 2.0, Verdict.REFUSE),
+        (20e3, Verdict.REFUSE),
+        (-4e6, Verdict.REFUSE),
+    ],
+)
+def test_an_evader_that_cannot_be_met_inside_the_fence_is_refused_with_its_distance(
+    north_m, verdict
+):
+    wants = WANTS._replace(evader_speed_m_s=3.0, standoff_radius_m=3.0)
+    facts = Facts(vehicle=vehicle_at(), evader=evader_at(488.0, north_m))
+    (row,) = [row for row in rows(facts, PX4, wants) if row.name == "evader's distance"]
+    assert row.verdict is verdict
+    assert row.wanted.startswith("at most 403 m")
+    assert float(row.value.split()[0]) == pytest.approx(abs(north_m), rel=1e-3, abs=0.5)
+
+
+@pytest.mark.parametrize(("north_m", "verdict"), [(4.9, Verdict.PASS), (5.1, Verdict.WARN)])
+def test_a_home_elsewhere_is_warned_of_before_the_fence_lies_there(north_m, verdict):
+    vehicle = vehicle_at((north_m, 0.0, 0.0))
+    assert verdicts(vehicle)["vehicle at home"] is verdict
+    armed = observe(vehicle, [Heartbeat(0.0, 0, True, 4, 12)])
+    assert "vehicle at home" not in verdicts(armed)
 
 
 @pytest.mark.parametrize(
@@ -239,7 +282,9 @@ def test_the_evaders_last_altitude_is_kept():
 )
 def test_the_battery_has_to_bring_it_home_from_the_edge_of_the_fence(left, verdict):
     vehicle = observe(vehicle_at(), [SystemStatus(0.0, 0, 0, left)])
-    found = rows(Facts(vehicle=vehicle, evader_amsl_m=488.0), PX4, wants_of(battery_needed=0.35))
+    found = rows(
+        Facts(vehicle=vehicle, evader=evader_at(488.0)), PX4, wants_of(battery_needed=0.35)
+    )
     (row,) = [row for row in found if row.name == "battery reserve"]
     assert (row.verdict, row.wanted) == (
         verdict,

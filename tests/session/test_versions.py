@@ -79,8 +79,8 @@ def test_arducopter_4_7_is_judged_by_its_own_names_and_units(base):
     low = {**FENCED_ARDUCOPTER, "RTL_ALT": 12_000, "ANGLE_MAX": 1000}
     rows = rows_of(relay(base(parameters=low, **ARDUCOPTER), (4, 7, 0), RENAMED_4_7))
     assert (rows["autopilot version"].value, rows["autopilot version"].verdict) == ("4.7.0", "pass")
-    assert (rows["RTL_ALT_M"].value, rows["RTL_ALT_M"].verdict) == ("120 m", "warn")
-    assert rows["RTL_ALT_M"].advice.startswith("param set RTL_ALT_M 85")
+    assert (rows["RTL_ALT_M"].value, rows["RTL_ALT_M"].verdict) == ("120 m", "refuse")
+    assert rows["RTL_ALT_M"].advice.startswith("param set RTL_ALT_M 60")
     assert (rows["ATC_ANGLE_MAX"].value, rows["ATC_ANGLE_MAX"].verdict) == ("10°", "warn")
     assert rows["ATC_ANGLE_MAX"].advice.startswith("param set ATC_ANGLE_MAX 30")
     assert rows["WP_SPD"].verdict == "pass"

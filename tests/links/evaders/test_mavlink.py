@@ -117,6 +117,40 @@ def test_only_the_pinned_system_is_the_evader_even_when_it_falls_silent():
     assert world.source.counters()["foreign"] == 2
 
 
+def test_the_systems_that_report_instead_of_the_evader_are_named_until_it_does():
+    world = World(FOLLOW_TARGET, system_id=3)
+    assert world.source.problem() == ""
+    for _ in range(8):
+        world.report(follow())
+        world.report(follow(), system_id=1, component_id=195)
+        world.now_s += 0.5
+    assert world.source.problem() == (
+        "FOLLOW_TARGET of system 3 is not heard, but of system 1, component 195, system 9, component 1: "
+        "see evader.system_id"
+    )
+    Peer(world.peer.send, system_id=3).say(follow())
+    assert world.source.receive()
+    assert world.source.problem() == ""
+
+
+def test_a_wrong_component_is_named_and_a_silent_evader_is_no_wrong_one():
+    world = World(FOLLOW_TARGET, component_id=191)
+    for _ in range(8):
+        world.report(follow())
+        world.now_s += 0.5
+    assert "system 9, component 191 is not heard, but of system 9, component 1" in (
+        world.source.problem()
+    )
+    heard = World(FOLLOW_TARGET)
+    assert heard.report(follow()) is not None
+    other = Peer(heard.peer.send, system_id=1)
+    for _ in range(8):
+        heard.now_s += 0.5
+        other.say(follow())
+        heard.source.receive()
+    assert heard.source.problem() == ""
+
+
 def test_reports_from_other_addresses_are_counted_in_the_next_report():
     world = World(FOLLOW_TARGET)
     other = Peer(lambda data: None, system_id=9)
