@@ -336,8 +336,10 @@ class SignatureCheck:
         sent_at = int.from_bytes(data[-12:-6], "little")
         stream = data[-13], frame.system_id, frame.component_id
         last = self._last.get(stream, self.latest - _NEW_STREAM_TICKS - 1)
+        if sent_at <= last:
+            return "refused"
         signature = hashlib.sha256(self._secret + data[:-6]).digest()[:6]
-        if sent_at <= last or not hmac.compare_digest(signature, data[-6:]):
+        if not hmac.compare_digest(signature, data[-6:]):
             return "refused"
         if self._streams is not None and not self._streams.may_use(stream, sent_at):
             return "unsaved"

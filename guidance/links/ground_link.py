@@ -23,7 +23,13 @@ from guidance.links.pymavlink_link import own_heartbeat
 COMPONENT_ID: Final = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 
 MOST_COMMANDS_PER_S: Final = 10
-"""Further commands in the same second are dropped and counted: a flood of them costs the loop nothing."""
+"""Commands of one ground station; more in the same second are dropped and counted. Only genuine frames count."""
+
+MOST_FORGED_PER_S: Final = 1000
+"""Frames with a wrong signature that are checked; then no signature is checked until the next second.
+
+One check takes a few microseconds. Unsigned frames are refused without one.
+"""
 
 _TEXT_BYTES: Final = 50
 _MOST_TEXT_BYTES: Final = 200
@@ -44,6 +50,7 @@ class StationCommand(NamedTuple):
         component_id: Of the sender.
         command: Its number.
         signed: Whether its signature was checked.
+        parameters: Its seven parameters as texts, so that unknown values (NaN) are equal.
         repeated: Whether the sender says that it repeats a command whose answer it has not heard.
     """
 
@@ -51,6 +58,7 @@ class StationCommand(NamedTuple):
     component_id: int
     command: int
     signed: bool
+    parameters: tuple[str, ...]
     repeated: bool
 
     @property
@@ -91,7 +99,8 @@ class GroundLink:
         self._frames = FrameReader({"COMMAND_LONG", "HEARTBEAT"})
         self._text_id = 0
         self._second = 0
-        self._commands = 0
+        self._commands = Counter[int]()
+        self._forged = 0
         self._closed = False
         self.counts: Counter[str] = Counter()
 
@@ -101,37 +110,44 @@ class GroundLink:
             return []
         commands = []
         for received_s, data in self._wire.receive():
+            if int(received_s) != self._second:
+                self._second = int(received_s)
+                self._commands.clear()
+                self._forged = 0
             for frame in self._frames.read(data):
                 if frame.name == "HEARTBEAT":
-                    self._check_station(frame)
+                    # The disk has a bound on a station's timestamps before its first command needs one.
+                    if frame.system_id in self._stations:
+                        self._problem(frame)
                     continue
-                command = self._command(frame, received_s)
+                command = self._command(frame)
                 if command is not None:
                     commands.append(command)
         return commands
 
-    def _check_station(self, frame: Frame) -> None:
-        """Check a station's HEARTBEAT: the disk has a bound on its timestamps before its first command needs one."""
+    def _problem(self, frame: Frame) -> str | None:
+        """Return why a frame is not genuine, as `SignatureCheck.problem`; None if it is, or without a key."""
         check = self._station.check
-        if check is not None and frame.system_id in self._stations:
-            check.problem(frame)
+        if check is None:
+            return None
+        if self._forged >= MOST_FORGED_PER_S:
+            return "dropped"
+        problem = check.problem(frame)
+        self._forged += problem == "refused"
+        return problem
 
-    def _command(self, frame: Frame, received_s: float) -> StationCommand | None:
+    def _command(self, frame: Frame) -> StationCommand | None:
         fields = frame.fields
         if (fields.target_system, fields.target_component) != (self._system_id, COMPONENT_ID):
             return None
         if frame.system_id not in self._stations:
             self.counts["foreign"] += 1
             return None
-        if int(received_s) != self._second:
-            self._second = int(received_s)
-            self._commands = 0
-        self._commands += 1
-        if self._commands > MOST_COMMANDS_PER_S:
-            self.counts["dropped"] += 1
-            return None
-        check = self._station.check
-        problem = None if check is None else check.problem(frame)
+        problem = self._problem(frame)
+        if problem is None:
+            self._commands[frame.system_id] += 1
+            if self._commands[frame.system_id] > MOST_COMMANDS_PER_S:
+                problem = "dropped"
         if problem is not None:
             self.counts[problem] += 1
             return None
@@ -140,7 +156,8 @@ class GroundLink:
             frame.system_id,
             frame.component_id,
             fields.command,
-            signed=check is not None,
+            signed=self._station.check is not None,
+            parameters=tuple(str(getattr(fields, f"param{number}")) for number in range(1, 8)),
             repeated=fields.confirmation > 0,
         )
 

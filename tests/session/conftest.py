@@ -91,11 +91,13 @@ class Ordered(Sortie):
         clock = VirtualClock()
         flavour = config.vehicle.autopilot
         options = {"home": HERE, "noise": False, "ready_after_s": 0.5}
-        signed = Signing(key, timestamp=ticks(UNIX_S))
+        signed, prey_signed = (Signing(key, timestamp=ticks(UNIX_S)) for _ in range(2))
         self.vehicle = MockVehicle(
             flavour, system_id=1, parameters=parameters, signing=signed, **options
         )
-        self.prey = MockVehicle("px4", system_id=2, start_ned=(30.0, 0.0, 0.0), **options)
+        self.prey = MockVehicle(
+            "px4", system_id=2, start_ned=(30.0, 0.0, 0.0), signing=prey_signed, **options
+        )
         ours, self._end = MemoryWire.pair(clock.now_s)
         theirs, self._prey_end = MemoryWire.pair(clock.now_s)
         self.wire = wire = TappedWire(ours, clock.now_s, "uav1")

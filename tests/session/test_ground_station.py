@@ -49,9 +49,9 @@ class Station:
     def texts(self):
         return [sent.message.text for sent in self.heard("STATUSTEXT")]
 
-    def send(self, command, component_id=COMPONENT_ID, confirmation=0):
+    def send(self, command, component_id=COMPONENT_ID, confirmation=0, parameter=0.0):
         message = mavlink.MAVLink_command_long_message(
-            1, component_id, command, confirmation, 0, 0, 0, 0, 0, 0, 0
+            1, component_id, command, confirmation, parameter, 0, 0, 0, 0, 0, 0
         )
         self.base.overheard(message.pack(self.mavlink))
 
@@ -115,6 +115,92 @@ def test_over_a_signed_link_a_station_starts_and_engages_and_unsigned_orders_are
     assert station.order(USER_5) == [TEMPORARILY_REJECTED, TEMPORARILY_REJECTED]
     assert station.order(USER_4) == [ACCEPTED, ACCEPTED]
     assert base.until(State.CLIMBING).ground[0].counters()["unsigned"] == 2
+
+
+def results(station, since):
+    """Return the answers that a station has heard since it had heard so many."""
+    return [answer.message.result for answer in station.heard("COMMAND_ACK")[since:]]
+
+
+def test_a_hold_that_is_pressed_again_after_somebody_engaged_holds_though_it_calls_itself_a_repeat(
+    base,
+):
+    base = base(stations=[QGC]).engaged()
+    station = Station(base)
+    assert station.order(USER_1) == [ACCEPTED, ACCEPTED]
+    base.run(2.0)
+    assert base.order("engage")["accepted"]
+    base.until(State.ENGAGED)
+    heard = len(station.heard("COMMAND_ACK"))
+    station.send(USER_1, confirmation=1)
+    base.run(0.2)
+    assert results(station, heard) == [ACCEPTED]
+    assert base.state is State.HOLDING
+
+
+def test_a_repeated_start_or_engagement_does_not_begin_again_what_a_person_ended(base):
+    base = base(stations=[QGC], key=KEY)
+    base.standing_by()
+    station = Station(base, key=KEY)
+    station.send(USER_5)
+    base.until(State.ENGAGED)
+    assert base.order("hold")["accepted"]
+    base.run(2.0)
+    heard = len(station.heard("COMMAND_ACK"))
+    station.send(USER_5, confirmation=1)
+    base.run(3.0)
+    assert results(station, heard) == [TEMPORARILY_REJECTED]
+    assert base.state is State.HOLDING
+    assert station.texts[-1] == "guidance: engage refused: ended since; order anew"
+    station.send(USER_5)  # a person orders it again
+    base.until(State.ENGAGED)
+
+
+def test_an_order_is_repeated_by_the_same_sender_with_the_same_parameters_only(base):
+    base = base(stations=[QGC, 254]).engaged()
+    station = Station(base)
+    assert station.order(USER_1) == [ACCEPTED, ACCEPTED]
+    station.send(USER_1, confirmation=1, parameter=float("nan"))
+    Station(base, system_id=254).send(USER_1, confirmation=1)
+    base.run(0.2)
+    by = [fields.get("by") for _, message, fields in base.log.lines if message == "order"]
+    assert by[-3:] == ["ground station 255", "ground station 255", "ground station 254"]
+
+
+def test_after_a_reset_a_repeated_hold_is_not_said_to_be_in_force(base):
+    base = base(stations=[QGC]).standing_by()
+    station = Station(base)
+    assert station.order(USER_3) == [ACCEPTED, ACCEPTED]
+    base.until(State.LANDED)
+    assert base.order("reset")["accepted"]
+    heard = len(station.heard("COMMAND_ACK"))
+    station.send(USER_3, confirmation=1)
+    base.run(0.2)
+    assert results(station, heard) == [TEMPORARILY_REJECTED]
+
+
+@pytest.mark.parametrize("a_second", [50, 100])
+def test_unsigned_commands_do_not_crowd_out_a_signed_one(base, a_second):
+    base = base(stations=[QGC], key=KEY).engaged()
+    stranger = Station(base)
+    station = Station(base, key=KEY)
+    for _ in range(a_second):
+        stranger.send(USER_2)
+    station.send(USER_1)
+    base.run(0.1)
+    assert base.state is State.HOLDING
+    assert base.ground[0].counters()["unsigned"] == a_second
+
+
+def test_one_stations_commands_do_not_crowd_out_anothers(base):
+    base = base(stations=[QGC, 254]).engaged()
+    for _ in range(50):
+        Station(base, system_id=254).send(USER_4)
+    Station(base).send(USER_1)
+    base.run(0.1)
+    assert base.state is State.HOLDING
+    counters = base.ground[0].counters()
+    assert (counters["commands"], counters["dropped"]) == (11, 40)
 
 
 def test_the_custom_actions_of_qgroundcontrol_are_the_orders():

@@ -10,7 +10,17 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from guidance.cycle import Certificate
-from guidance.flight import Authority, Event, Flight, FlightSettings, Happening, Outputs, State
+from guidance.flight import (
+    FINAL,
+    Authority,
+    Event,
+    Flight,
+    FlightSettings,
+    Happening,
+    Outputs,
+    State,
+)
+from guidance.flight.table import HANDING_OVER
 from guidance.links.ground_link import GroundLink, StationCommand
 from guidance.log.sink import FlightIdentity, Report, Sink
 from guidance.session.observe.severe import SEVERE
@@ -45,7 +55,7 @@ EVADER_EVERY_S: Final = 0.5
 TEXT_EVERY_S: Final = 0.2
 SAME_TEXT_EVERY_S: Final = 5.0
 REPEATED_WITHIN_S: Final = 10.0
-"""Time in which a sender repeats a command whose answer was lost; another order may have come since."""
+"""Time in which a sender repeats a command whose answer was lost."""
 
 MOST_TEXTS: Final = 8
 MOST_ORDERS: Final = 8
@@ -86,6 +96,7 @@ class GroundStationOutput(Sink):
         self._said_s: dict[str, float] = {}
         self._asked: dict[StationCommand, Question] = {}
         self._accepted_s: dict[StationCommand, float] = {}
+        self._in_force: StationCommand | None = None
         self._heartbeat_s = float("-inf")
         self._evader_s = float("-inf")
         self._last_text_s = float("-inf")
@@ -94,6 +105,7 @@ class GroundStationOutput(Sink):
         """Take the stand-off and the kind of the game."""
         self._call_sign = call_sign(identity.settings)
         self._unit = "s" if identity.settings.cycle.target_game_m is None else "m"
+        self._in_force = None
 
     def report(self, report: Report) -> None:
         """Say what the cycle changed, and read and answer orders."""
@@ -103,6 +115,8 @@ class GroundStationOutput(Sink):
             self._link.send_heartbeat()
         for text in texts_of(report.outputs, self._unit):
             self._keep(now_s, text)
+        if any(map(_ends_an_order, report.outputs.happenings)):
+            self._in_force = None
         self._answer(now_s)
         for command in self._link.receive():
             self._take(now_s, command)
@@ -142,20 +156,28 @@ class GroundStationOutput(Sink):
             self._link.send_text(*text)
 
     def _take(self, now_s: float, command: StationCommand) -> None:
-        """Pass an order on, or answer why not. A command that was given before and is repeated is no second order."""
+        """Pass an order on, or answer why not.
+
+        A repeated command is no second order while the first one is in force. After that it ends a flight again, but
+        it begins nothing: a person may have ended it since.
+        """
         first = command.first
         if first in self._asked:
             return
         accepted_s = self._accepted_s.get(first, float("-inf"))
-        if command.repeated and now_s - accepted_s < REPEATED_WITHIN_S:
-            self._link.answer(command, ACCEPTED)
-            return
+        was_accepted = command.repeated and now_s - accepted_s < REPEATED_WITHIN_S
         order = ORDERS.get(command.command)
-        if order is None:
+        if was_accepted and first == self._in_force:
+            self._link.answer(command, ACCEPTED)
+        elif order is None:
             self._link.answer(command, UNSUPPORTED)
         elif order in SIGNED_ONLY and not command.signed:
             self._link.answer(command, DENIED)
             words = f"guidance: {order} refused: only over a signed link"
+            self._keep(now_s, _Text(WARNING, words))
+        elif was_accepted and order in SIGNED_ONLY:
+            self._link.answer(command, TEMPORARILY_REJECTED)
+            words = f"guidance: {order} refused: ended since; order anew"
             self._keep(now_s, _Text(WARNING, words))
         elif len(self._asked) >= MOST_ORDERS:
             self.dropped += 1
@@ -172,7 +194,13 @@ class GroundStationOutput(Sink):
             del self._asked[command]
             answer = question.result()
             if answer["accepted"]:
+                self._accepted_s = {
+                    earlier: at_s
+                    for earlier, at_s in self._accepted_s.items()
+                    if now_s - at_s < REPEATED_WITHIN_S
+                }
                 self._accepted_s[command] = now_s
+                self._in_force = command
                 self._link.answer(command, ACCEPTED)
                 continue
             self._link.answer(command, TEMPORARILY_REJECTED)
@@ -192,6 +220,12 @@ class GroundStationOutput(Sink):
             position = frame.wgs84_from_ned(evader.position_ned_m)
             velocity_ned_m_s = evader.velocity_ned_m_s
             self._link.send_evader(name, position, velocity_ned_m_s, evader.age_s, self._call_sign)
+
+
+def _ends_an_order(happening: Happening) -> bool:
+    """Whether a change of the state ends what was ordered before."""
+    ended = happening.event in ORDERS.values() or happening.after in HANDING_OVER | FINAL
+    return ended and happening.after is not happening.before
 
 
 def evaders_of(settings: FlightSettings) -> tuple[str, ...]:
