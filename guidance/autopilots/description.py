@@ -110,6 +110,9 @@ class Autopilot:
         one_inclusion_is_enough: Whether being inside one of several uploaded areas is enough (PX4), or all count.
         tells_setpoint_always: Whether it sends POSITION_TARGET_LOCAL_NED in every mode, or only in the guided mode.
         vehicle_types: MAV_TYPEs that may be flown: by default everything that hovers and moves in any direction.
+        guided_is_ours: Whether the guided mode is one that guidance itself registered. Then nobody else sends setpoints
+            in it, and the vehicle's own checks of it wait for our readiness.
+        as_mode: The same autopilot with a flight mode of ours as its guided mode; None if it has no such modes.
         mock: Flavour of `sitl-mock` that plays this autopilot in mocked flights.
         mock_speeds: The mock's parameters for the climb and descent rates of a scenario.
     """
@@ -135,6 +138,8 @@ class Autopilot:
     mock: str
     mock_speeds: Callable[[Speeds], Mapping[str, float]] = lambda _: {}
     vehicle_types: frozenset[int] = MULTICOPTERS
+    guided_is_ours: bool = False
+    as_mode: "Autopilot | None" = None
 
     @property
     def loss_times(self) -> Mapping[str, float]:

@@ -6,10 +6,14 @@ notes, and our own measurements of PX4 v1.17
 """
 
 import math
+from dataclasses import replace
 from typing import Final
 
 from guidance.autopilots import rules
 from guidance.autopilots.description import (
+    ATTITUDE,
+    GLOBAL_POSITION_INT,
+    LOCAL_POSITION_NED,
     MAV_FRAME_GLOBAL,
     ODOMETRY,
     STREAMS_HZ,
@@ -125,7 +129,12 @@ _RADIO_LOSS_ACTIONS_1_18: Final = {
 }
 _BATTERY_ACTIONS: Final = {0: "warning", 2: "Land", 3: "Return, then Land"}
 _TRAFFIC_ACTIONS: Final = {0: "disabled", 1: "warning", 2: "Return", 3: "Land", 4: "Hold"}
-_EXCEPTIONS: Final = {0: "Mission", 1: "Hold and other auto modes", 2: "Offboard"}
+_EXCEPTIONS: Final = {
+    0: "Mission",
+    1: "Hold and other auto modes",
+    2: "Offboard",
+    3: "external modes",
+}
 _OVERRIDES: Final = {0: "auto modes", 1: "Offboard"}
 
 
@@ -238,6 +247,11 @@ def _rules(*changed: Rule) -> tuple[Rule, ...]:
     return tuple(others.get(rule.quantity, rule) for rule in _RULES_1_17)
 
 
+_MODE_IGNORES: Final = (
+    "radio loss is ignored in external modes: nothing happens when the pilot's link is lost"
+)
+_NO_STICKS_IN_MODE: Final = "the sticks do not end the mode: a pilot takes over by the mode switch"
+
 _RULES_1_17: Final = (
     Rule(Quantity.LOSS_TIME, "COM_OF_LOSS_T", rules.loss_time(), "{:g} s".format),
     Rule(Quantity.LOSS_ACTION, "COM_OBL_RC_ACT", _loss_action, named(_LOSS_ACTIONS)),
@@ -284,6 +298,27 @@ _BOUNDS: Final = (
     Bound("limits", "ceiling_m", "GF_MAX_VER_DIST"),
 )
 
+_MODE_RULES: Final = (
+    Rule(
+        Quantity.RADIO_LOSS_EXCEPTIONS,
+        "COM_RCL_EXCEPT",
+        rules.mask(
+            "without external modes, where a pilot has a radio", _MODE_IGNORES, clear_bits=8
+        ),
+        bits(_EXCEPTIONS),
+    ),
+    Rule(
+        Quantity.STICKS_TAKE_OVER,
+        "COM_RC_OVERRIDE",
+        rules.mask("with auto modes", _NO_STICKS_IN_MODE, set_bits=1),
+        bits(_OVERRIDES),
+    ),
+)
+"""Rules of a flight mode of ours in place of OFFBOARD's."""
+
+_OFFBOARD_ALONE: Final = {Quantity.LOSS_TIME, Quantity.LOSS_ACTION}
+"""When setpoints stop in a mode of ours, PX4 returns, or lands if it cannot: no parameter changes that."""
+
 VERSIONS: Final = (
     Version((1, 17), _RULES_1_17, _BOUNDS),
     Version(
@@ -312,7 +347,39 @@ def _mode(main: int, sub: int = 0) -> int:
     return main << 16 | sub << 24
 
 
-PX4: Final = Autopilot(
+OWN_MODE: Final = _mode(4, 255)
+"""HEARTBEAT.custom_mode of the flight mode that guidance registers; PX4 itself gives it one of eight numbers."""
+
+_CUSTOM_MODES: Final = {
+    0: _mode(1),  # Manual
+    1: _mode(2),  # Altitude
+    2: _mode(3),  # Position
+    3: _mode(4, 4),  # Mission
+    4: _mode(4, 3),  # Hold
+    5: _mode(4, 5),  # Return
+    6: _mode(3, 2),  # Position Slow
+    8: _mode(11),  # Altitude Cruise
+    10: _mode(5),  # Acro
+    12: _mode(4, 6),  # Descend, which MAVLink shows as Land
+    13: _mode(10),  # Termination
+    14: _mode(6),  # Offboard
+    15: _mode(7),  # Stabilized
+    17: _mode(4, 2),  # Takeoff
+    18: _mode(4, 6),  # Land
+    19: _mode(4, 8),  # Follow Target
+    20: _mode(4, 9),  # Precision Land
+    21: _mode(3, 1),  # Orbit
+    22: _mode(4, 10),  # VTOL Takeoff
+    **{23 + index: _mode(4, 11 + index) for index in range(8)},  # External 1 to 8
+}
+
+
+def custom_mode(nav_state: int) -> int:
+    """Return HEARTBEAT.custom_mode of a NAVIGATION_STATE; 0 for an unknown one."""
+    return _CUSTOM_MODES.get(nav_state, 0)
+
+
+_OFFBOARD: Final = Autopilot(
     name="px4",
     autopilot_id=12,
     custom_modes={
@@ -344,3 +411,28 @@ PX4: Final = Autopilot(
         "MPC_Z_VEL_MAX_DN": speeds.descent_m_s,
     },
 )
+
+_MODE: Final = replace(
+    _OFFBOARD,
+    custom_modes={**_OFFBOARD.custom_modes, Mode.GUIDED: OWN_MODE},
+    mode_titles={Mode.GUIDED: "the mode"},
+    # Only a mode with an executor puts it in charge
+    arming_mode=Mode.GUIDED,
+    stream_before_guided=False,
+    guided_is_ours=True,
+    streams_hz={
+        LOCAL_POSITION_NED: 50.0,
+        ATTITUDE: 50.0,
+        GLOBAL_POSITION_INT: 10.0,
+    },
+    versions=(
+        Version(
+            (1, 17),
+            tuple(rule for rule in _rules(*_MODE_RULES) if rule.quantity not in _OFFBOARD_ALONE),
+            _BOUNDS,
+        ),
+    ),
+)
+
+PX4: Final = replace(_OFFBOARD, as_mode=_MODE)
+"""PX4 by OFFBOARD; `as_mode` is PX4 with a flight mode of ours."""

@@ -55,6 +55,13 @@ Link = Annotated[
         autocompletion=completed("mavsdk", "pymavlink"),
     ),
 ]
+Parameters = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="MAVLink URL for the parameters of a --vehicle zenoh+tcp://; one for each.",
+        metavar="URL",
+    ),
+]
 Port = Annotated[
     int,
     typer.Option(min=0, max=65535, help="Zenoh port of the mock, or its first UDP port; 0 is any."),

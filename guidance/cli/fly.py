@@ -68,6 +68,7 @@ def fly(
     vehicle: Annotated[
         list[str] | None, typer.Option(help="URL of an autopilot. IT IS ARMED.", metavar="URL")
     ] = None,
+    parameters: arguments.Parameters = None,
     autopilot: arguments.Expected = None,
     yes: arguments.Yes = False,
     end: Annotated[
@@ -123,11 +124,15 @@ def fly(
     - `guidance fly --port 7447 --ros tcp/127.0.0.1:7447`: with ROS 2 topics, on the mock's own router
     - `guidance fly hover_chase --vehicle udpin://127.0.0.1:14540`: PX4's SITL
     - `guidance fly hover_chase --vehicle tcpout://127.0.0.1:5760`: ArduPilot's SITL
+    - `guidance fly hover_chase --vehicle zenoh+tcp://127.0.0.1:7447 --parameters udpin://127.0.0.1:14540`: as a flight
+      mode of PX4
     - `guidance fly teams_guard`: a team, with one page for all of it, which ends with the flight
     - `guidance fly teams_guard --vehicle URL1 --vehicle URL2 --vehicle URL3`: a team
     """
     if not vehicle:
-        arguments.refuse(ctx, "the mock", "with --vehicle", "--yes", "--autopilot", "--end")
+        arguments.refuse(
+            ctx, "the mock", "with --vehicle", "--yes", "--autopilot", "--end", "--parameters"
+        )
     else:
         arguments.refuse(
             ctx, f"--vehicle {' '.join(vehicle)}", "without it, with the mock", "--fast", "--port"
@@ -146,7 +151,9 @@ def fly(
     ) as beside:
         try:
             mock = MockOptions(fast=fast, link=link, port=port)
-            how = Asked(tuple(vehicle), autopilot, link, end) if vehicle else mock
+            how: MockOptions | Asked = mock
+            if vehicle:
+                how = Asked(tuple(vehicle), autopilot, link, end, tuple(parameters or ()))
             onlooker = Onlooker(on_record=beside.record, on_control=beside.control, ros=topics)
             code = fly_scenario(
                 scenario, how, out, seed, onlooker, pursuer=pursuer, as_json=as_json

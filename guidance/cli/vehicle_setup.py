@@ -100,6 +100,7 @@ def check(
     vehicle: Annotated[
         str | None, typer.Option(help="URL of an autopilot that runs already.", metavar="URL")
     ] = None,
+    parameters: arguments.Parameters = None,
     autopilot: arguments.Expected = None,
     link: arguments.Link = "mavsdk",
     apply: Annotated[
@@ -135,10 +136,17 @@ def check(
         awaited = f"a HEARTBEAT at {vehicle}"
         limit_s = discovery.FOUND_WITHIN_S
         _, scenario = load_scenario(name if name else "pe")
-        opening = checkup_at(scenario, Asked((vehicle,), autopilot, link))
+        opening = checkup_at(
+            scenario, Asked((vehicle,), autopilot, link, parameters=tuple(parameters or ()))
+        )
     else:
         arguments.refuse(
-            ctx, "a vehicle file, which has this key", "with --vehicle", "--autopilot", "--link"
+            ctx,
+            "a vehicle file, which has this key",
+            "with --vehicle",
+            "--autopilot",
+            "--link",
+            "--parameters",
         )
         if name is None:
             raise typer.BadParameter("give a vehicle file, or --vehicle URL", param_hint="CONFIG")

@@ -112,9 +112,9 @@ def _prearm_check(
     guided = (
         beat is not None and not beat.armed and profile.mode_of(beat.custom_mode) is Mode.GUIDED
     )
-    if guided and profile.stream_before_guided:
-        # PX4 keeps OFFBOARD after a landing, and its checks then miss our setpoints. We arm in its hold, where it
-        # refuses by itself what really is wrong.
+    if guided and (profile.stream_before_guided or profile.guided_is_ours):
+        # PX4 keeps OFFBOARD or our mode after a landing, and its checks then miss our setpoints or our readiness. As we
+        # arm, it refuses by itself what really is wrong.
         return True, "of a mode that misses setpoints; asked again as it arms"
     return False, failure
 

@@ -345,6 +345,10 @@ class Flight:
             needs_setpoint = heard.has_flown and not self._stream_ended
         if inviting and now_s - self.stage.since_s > INVITE_AFTER_S:
             needs_setpoint = True
+        chosen = state is State.STANDING_BY and heard.mode is Mode.GUIDED
+        if chosen and self.settings.autopilot.guided_is_ours:
+            # Else the vehicle would fly on by the last setpoint of the mode before
+            needs_setpoint = True
         setpoint = None
         view = heard.seen
         if view is None and needs_setpoint:

@@ -108,13 +108,20 @@ class Wire(Protocol):
 
 _FORMS: Final = (
     "udpin://host:port, udpout://host:port, tcpin://host:port, tcpout://host:port, serial:///dev/name:baud, "
-    "zenoh://host:port/namespace"
+    "zenoh://host:port/namespace, and for PX4's flight modes zenoh+tcp://host:port or zenoh+tls://host:port"
 )
-_HOSTS_AND_PORTS: Final = ("udpin", "udpout", "tcpin", "tcpout", "zenoh")
+PX4_SCHEMES: Final = ("zenoh+tcp", "zenoh+tls")
+"""Of the router on which PX4 speaks Zenoh itself; the path is its ZENOH_DOMAIN_ID, 0 without one."""
+
+_HOSTS_AND_PORTS: Final = ("udpin", "udpout", "tcpin", "tcpout", "zenoh", *PX4_SCHEMES)
+_LAST_DOMAIN: Final = 232
 
 
 class Endpoint(NamedTuple):
-    """A parsed URL: host and port, or for serial the device (`host`) and baud rate (`port`); `namespace` is Zenoh's."""
+    """A parsed URL: host and port, or for serial the device (`host`) and baud rate (`port`).
+
+    `namespace` is Zenoh's; of PX4's own Zenoh it is the number of the ROS domain.
+    """
 
     scheme: str
     host: str
@@ -172,8 +179,18 @@ def taken_apart(url: str) -> Endpoint:
     namespace = parts.path.strip("/")
     if not host or not port or parts.query or parts.fragment or parts.username:
         raise ValueError(f"a host and a port are needed, as in {scheme}://127.0.0.1:14540")
+    return Endpoint(scheme, host, port, _namespace_of(scheme, namespace))
+
+
+def _namespace_of(scheme: str, namespace: str) -> str:
+    """Return the namespace of a Zenoh URL; for PX4's own Zenoh the number of its ROS domain."""
+    if scheme in PX4_SCHEMES:
+        domain = namespace or "0"
+        if not (domain.isascii() and domain.isdecimal() and int(domain) <= _LAST_DOMAIN):
+            raise ValueError(f"the path is PX4's ZENOH_DOMAIN_ID, 0 to {_LAST_DOMAIN}")
+        return str(int(domain))
     if namespace and scheme != "zenoh":
         raise ValueError("only zenoh:// takes a path (its namespace)")
     if set(namespace) & set("*$#?") or "//" in namespace:
         raise ValueError("a namespace is a plain key such as uav1, without wildcards")
-    return Endpoint(scheme, host, port, namespace)
+    return namespace

@@ -235,7 +235,7 @@ def _by_file(config: Config) -> _Terms:
             evaders[name] = evader.speed_m_s
     return _Terms(
         source="game",
-        autopilot=autopilot_named(config.vehicle.autopilot),
+        autopilot=config.vehicle.profile,
         rules=Rules(
             speed_set=game.speed_set,
             speeds_m_s=game.speeds,

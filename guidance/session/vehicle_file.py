@@ -4,6 +4,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -21,7 +22,7 @@ from pydantic import (
     model_validator,
 )
 
-from guidance.autopilots import AutopilotName, Preflight
+from guidance.autopilots import Autopilot, AutopilotName, Mode, Preflight, autopilot_named
 from guidance.config import (
     Altitude,
     Extended,
@@ -44,7 +45,8 @@ from guidance.links.evader_sources import (
     EvaderKindName,
     evader_kind,
 )
-from guidance.links.port import taken_apart
+from guidance.links.port import PX4_SCHEMES, taken_apart
+from guidance.links.px4_messages import name_bytes
 from guidance.links.zenoh_access import ZenohSection
 from guidance.messages import Datum
 from guidance.registry import Registry
@@ -447,10 +449,20 @@ class Vehicle(Section):
     """The link to the autopilot."""
 
     autopilot: AutopilotName = Field(description="the vehicle's autopilot")
-    link: Literal["mavsdk", "pymavlink"] = Field(
-        "pymavlink", description="client library; only pymavlink can sign"
+    link: Literal["mavsdk", "pymavlink", "zenoh"] = Field(
+        "pymavlink",
+        description="client library (only pymavlink can sign); zenoh makes guidance a flight mode of PX4",
     )
-    url: Url = Field(description="udpin:// udpout:// tcpin:// tcpout:// serial:// or zenoh://")
+    url: Url = Field(
+        description="udpin:// udpout:// tcpin:// tcpout:// serial:// or zenoh://; "
+        'with link = "zenoh" the router of PX4, zenoh+tcp:// or zenoh+tls://'
+    )
+    mode_name: str = Field(
+        "Pursuit", description='with link = "zenoh": name of the flight mode on ground stations'
+    )
+    parameters: Url | None = Field(
+        None, description='with link = "zenoh": MAVLink URL for parameters, uploaded fence and home'
+    )
     system_id: SystemId = Field(1, description="MAVLink system id of the vehicle")
     component_id: SystemId = Field(1, description="MAVLink component id of its autopilot")
     connect_timeout_s: float = Field(
@@ -466,6 +478,8 @@ class Vehicle(Section):
     @property
     def awaited(self) -> str:
         """The event that shows that it is there, in words."""
+        if self.link == "zenoh":
+            return f"PX4's VehicleStatus at {self.url}, and the registration of {self.mode_name!r}"
         return (
             f"a HEARTBEAT of system {self.system_id}, component {self.component_id} at {self.url}"
         )
@@ -473,6 +487,34 @@ class Vehicle(Section):
     def _faults(self) -> Iterator[str]:
         if self.signing_key_file is not None and self.link == "mavsdk":
             yield 'vehicle.signing_key_file with link = "mavsdk": MAVSDK does not sign; use "pymavlink"'
+        by_px4 = taken_apart(self.url).scheme in PX4_SCHEMES
+        if by_px4 is not (self.link == "zenoh"):
+            needs = "zenoh+tcp:// or zenoh+tls://" if self.link == "zenoh" else "another URL"
+            yield f'vehicle.url = {self.url!r}: link = "{self.link}" needs {needs}'
+        if self.link != "zenoh":
+            if self.parameters is not None:
+                yield f'vehicle.parameters: not allowed with link = "{self.link}"; its url is MAVLink'
+        elif autopilot_named(self.autopilot).as_mode is None:
+            yield f'vehicle.autopilot = "{self.autopilot}": link = "zenoh" is for px4'
+        if self.parameters is not None and taken_apart(self.parameters).scheme in PX4_SCHEMES:
+            yield f"vehicle.parameters = {self.parameters!r}: must be a MAVLink URL, as udpin://127.0.0.1:14540"
+        try:
+            name_bytes(self.mode_name)
+        except ValueError as error:
+            yield f"vehicle.mode_name = {self.mode_name!r}: {error}"
+
+    @property
+    def profile(self) -> Autopilot:
+        """The autopilot as this link flies it."""
+        autopilot = autopilot_named(self.autopilot)
+        if self.link != "zenoh" or autopilot.as_mode is None:
+            return autopilot
+        return replace(autopilot.as_mode, mode_titles={Mode.GUIDED: self.mode_name})
+
+    @property
+    def mavlink_url(self) -> str | None:
+        """Where MAVLink is spoken with the vehicle; None if it is not."""
+        return self.parameters if self.link == "zenoh" else self.url
 
 
 class Control(Section):
@@ -682,9 +724,22 @@ class Config(Extended):
         if self.vehicle.system_id in self.ordering_stations:
             key = f"ground_station.orders_from = {list(self.ordering_stations)}"
             yield f"{key}: has vehicle.system_id; name only ground stations, QGroundControl is 255"
+        if self.vehicle.mavlink_url is None:
+            yield from self._zenoh_faults()
         if self.team is not None:
             yield from self._team_faults(self.team)
         yield from self._height_faults()
+
+    def _zenoh_faults(self) -> Iterator[str]:
+        """Refuse what needs MAVLink."""
+        needs = 'with link = "zenoh" needs vehicle.parameters, a MAVLink URL'
+        if self.evader.url is None:
+            yield f"evader.url: missing; a report on the vehicle's link {needs}"
+        if self.on_ground_stations:
+            key = "vehicle.announce" if self.ground_station is None else "ground_station"
+            yield f"{key}: {needs}"
+        if self.vehicle.signing_key_file is not None:
+            yield f"vehicle.signing_key_file: {needs}"
 
     def _height_faults(self) -> Iterator[str]:
         low = self.limits.floor_m

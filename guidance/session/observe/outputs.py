@@ -12,10 +12,12 @@ from typing import Final, NamedTuple
 from guidance.clock import Clock
 from guidance.links.ground_link import GroundLink
 from guidance.links.port import VehicleLink
+from guidance.links.px4_link import Px4Link
 from guidance.links.zenoh_session import Session
 from guidance.log.broadcast import Broadcast
 from guidance.log.sink import Sink
 from guidance.registry import Registry
+from guidance.session.observe.flight_mode import FlightModeOutput
 from guidance.session.observe.ground_station import GroundStationOutput
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Config, RosSection
@@ -77,6 +79,12 @@ def _open_ground_station(order: OutputOrder) -> Sink | None:
     return GroundStationOutput(order.ground_link, order.mailbox, announce=announce)
 
 
+def _open_flight_mode(order: OutputOrder) -> Sink | None:
+    if not isinstance(order.link, Px4Link):
+        return None
+    return FlightModeOutput(order.link, order.mailbox)
+
+
 OUTPUTS: Final[Registry[OpenOutput]] = Registry(
     "output",
     "output",
@@ -85,6 +93,7 @@ OUTPUTS: Final[Registry[OpenOutput]] = Registry(
         "broadcast": _open_broadcast,
         "ros": _open_ros,
         "ground station": _open_ground_station,
+        "flight mode": _open_flight_mode,
     },
 )
 """How outputs open, by name. Add one with `register`."""

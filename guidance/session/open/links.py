@@ -7,13 +7,16 @@ from contextlib import AbstractContextManager, ExitStack, closing
 from pathlib import Path
 from typing import Any
 
-from guidance.autopilots import autopilot_named
 from guidance.clock import Clock
+from guidance.errors import ConfigError
 from guidance.files import text_of
 from guidance.links import EvaderSource, SigningKey, Wire, parse
 from guidance.links.evader_sources import SourceOrder, evader_kind
 from guidance.links.ground_link import GroundLink
 from guidance.links.opening import open_link, open_wire
+from guidance.links.port import VehicleLink
+from guidance.links.px4_link import open_px4_link
+from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.signed_streams import state_folder
 from guidance.links.wires import TappedWire, share
 from guidance.links.world import World
@@ -77,36 +80,30 @@ def open_all(
     keys = _Keys(closed)
     key = keys.open(vehicle.signing_key_file, "vehicle")
     _claim_on_its_bus(vehicle.url, credentials, closed)
-    if (wire := opened.get(config.name)) is None:
+    wire = opened.get(config.name)
+    if wire is None and vehicle.mavlink_url is not None:
         # The evader's reports arrive on it too, unless they have a URL of their own.
         systems = (vehicle.system_id, evader.system_id if evader.url is None else None)
         wire = open_wire(
-            vehicle.url,
+            vehicle.mavlink_url,
             clock=clock.now_s,
             systems=systems,
             signing_key=key,
             credentials=credentials,
         )
-    closed.callback(wire.close)
-    if tapped:
-        wire = TappedWire(wire, clock.now_s, config.name)
-        world.taps.append(wire)
-    if evader.url is None:
-        wire, opened[next(iter(config.evaders))] = share(wire, 2)
-    if config.on_ground_stations:
-        wire, ground_wire = share(wire, 2)
-        world.ground_links[config.name] = _open_ground_link(config, ground_wire, clock, key, closed)
-    ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}
-    ids["autopilot"] = autopilot_named(vehicle.autopilot).autopilot_id
-    link = open_link(
-        wire,
-        vehicle.link,
-        clock=clock.now_s,
-        who=f"{vehicle.url}: system {vehicle.system_id}",
-        **ids,
-        signing_key=key,
-        timeout_s=vehicle.connect_timeout_s,
-    )
+    if wire is not None:
+        closed.callback(wire.close)
+        if tapped:
+            wire = TappedWire(wire, clock.now_s, config.name)
+            world.taps.append(wire)
+        if evader.url is None:
+            wire, opened[next(iter(config.evaders))] = share(wire, 2)
+        if config.on_ground_stations:
+            wire, ground_wire = share(wire, 2)
+            world.ground_links[config.name] = _open_ground_link(
+                config, ground_wire, clock, key, closed
+            )
+    link = _open_vehicle_link(config, wire, clock, key, credentials)
     closed.callback(link.close)
     world.links[config.name] = link
     sources = dict[str, EvaderSource]()
@@ -114,6 +111,38 @@ def open_all(
     for name, section in config.evaders.items():
         sources[name] = _open_source(vehicle, section, clock, credentials, keys, opened.get(name))
         closed.callback(sources[name].close)
+
+
+def _open_vehicle_link(
+    config: Config,
+    wire: Wire | None,
+    clock: Clock,
+    key: SigningKey | None,
+    credentials: Credentials,
+) -> VehicleLink:
+    """Open the vehicle's link, over its MAVLink wire if it has one, and wait until the vehicle was heard."""
+    vehicle = config.vehicle
+    ids: dict[str, Any] = {"system_id": vehicle.system_id, "component_id": vehicle.component_id}
+    ids["autopilot"] = vehicle.profile.autopilot_id
+    limit_s = vehicle.connect_timeout_s
+    if vehicle.link == "zenoh":
+        return open_px4_link(
+            parse(vehicle.url),
+            mode_name=vehicle.mode_name,
+            beside=None
+            if wire is None
+            else PymavlinkLink(wire, clock.now_s, **ids, signing_key=key),
+            clock=clock.now_s,
+            credentials=credentials,
+            timeout_s=limit_s,
+            system_id=vehicle.system_id,
+        )
+    if wire is None:
+        raise ConfigError(f'vehicle.url = {vehicle.url!r}: link = "{vehicle.link}" needs MAVLink')
+    who = f"{vehicle.url}: system {vehicle.system_id}"
+    return open_link(
+        wire, vehicle.link, clock=clock.now_s, who=who, **ids, signing_key=key, timeout_s=limit_s
+    )
 
 
 def _open_ground_link(
@@ -251,8 +280,9 @@ def open_vehicle(
     equipment = open_equipment(mailbox, config, stack)
     session = stack.enter_context(open_control(config, mailbox))
     fields = {"url": vehicle.url, "system": vehicle.system_id, "component": vehicle.component_id}
+    awaited = "VehicleStatus" if vehicle.link == "zenoh" else "a HEARTBEAT"
     equipment.say(
-        logging.INFO, "waiting for a HEARTBEAT", name=config.name, **fields, at_most_s=limit_s
+        logging.INFO, f"waiting for {awaited}", name=config.name, **fields, at_most_s=limit_s
     )
     world = stack.enter_context(closing(World()))
     open_all(config, clock, world, tapped=tapped)

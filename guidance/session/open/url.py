@@ -5,14 +5,13 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
-from guidance.autopilots import autopilot_named
 from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
 from guidance.flight import Event, State
 from guidance.flight.settings import TeamSection
 from guidance.frames import Amsl, Enu, GameFrame, LocalFrame
 from guidance.links.opening import KINDS
-from guidance.links.port import Wire, parse
+from guidance.links.port import PX4_SCHEMES, Wire, parse
 from guidance.links.wires import MemoryWire, share
 from guidance.links.world import World
 from guidance.messages import Home
@@ -55,13 +54,16 @@ class Asked:
     autopilot: str | None = None
     link: str = "mavsdk"
     end: str = "return"
+    parameters: tuple[str, ...] = ()
     way: ClassVar[str] = "vehicle"
 
     def __post_init__(self) -> None:
         check_option("--link", self.link, KINDS)
         check_option("--end", self.end, ENDS)
-        for url in self.urls:
+        for url in (*self.urls, *self.parameters):
             parse(url)
+        if self.parameters and len(self.parameters) != len(self.urls):
+            raise ConfigError(f"--parameters: {len(self.parameters)} given; one for each --vehicle")
 
     def open(self, scenario: FlyableScenario, onlooker: Onlooker, stack: ExitStack) -> Opened:
         """Find the vehicles, wait until they know their places, and lay the scenario about the home of the first.
@@ -130,31 +132,45 @@ class Asked:
         speeds_m_s = declared_m_s(pursuits)
         configs = dict[str, Config]()
         radios, receivers = _radios(speeds_m_s, len(pursuits), clock)
-        for pursuit, url in zip(pursuits, self.urls, strict=True):
-            wire, vehicle = self._vehicle_at(url, clock, world)
+        beside = self.parameters if self.parameters else (None,) * len(self.urls)
+        for pursuit, url, mavlink_url in zip(pursuits, self.urls, beside, strict=True):
+            wire, vehicle = self._vehicle_at(url, mavlink_url, clock, world)
             team = None
             if separation is not None:
                 team = {**_team_keys(pursuit, pursuits, speeds_m_s), **separation}
             config = config_of(pursuit.scenario, pursuit.vehicle, vehicle, team)
             configs[pursuit.vehicle] = config
-            wires = {pursuit.vehicle: wire}
+            wires = dict[str, Wire]()
+            if wire is not None:
+                wires[pursuit.vehicle] = wire
             for name, shares in receivers.items():
                 wires[name] = next(shares)
             open_all(config, clock, world, tapped=True, wires=wires)
         return configs, radios
 
-    def _vehicle_at(self, url: str, clock: Clock, world: World) -> tuple[Wire, Vehicle]:
-        """Find the autopilot at a URL; return its wire, which the world closes, and its [vehicle] section."""
-        at_url = discovery.autopilot_at(url, self.autopilot, clock, who=f"--vehicle {url}")
-        wire, sender, autopilot = world.closing.enter_context(at_url)
-        vehicle = Vehicle(
-            autopilot=autopilot.name,
-            link=self.link,
-            url=url,
-            system_id=sender.system_id,
-            component_id=sender.component_id,
+    def _vehicle_at(
+        self, url: str, mavlink_url: str | None, clock: Clock, world: World
+    ) -> tuple[Wire | None, Vehicle]:
+        """Find the autopilot at a URL; return its MAVLink wire, which the world closes, and its [vehicle] section."""
+        if parse(url).scheme not in PX4_SCHEMES:
+            if mavlink_url is not None:
+                raise ConfigError(
+                    f"--parameters: only with zenoh+tcp:// or zenoh+tls://, not {url}"
+                )
+            at_url = discovery.autopilot_at(url, self.autopilot, clock, who=f"--vehicle {url}")
+            wire, sender, autopilot = world.closing.enter_context(at_url)
+            ids = {"system_id": sender.system_id, "component_id": sender.component_id}
+            return wire, Vehicle(autopilot=autopilot.name, link=self.link, url=url, **ids)
+        own_wire: Wire | None = None
+        ids = {}
+        if mavlink_url is not None:
+            who = f"--parameters {mavlink_url}"
+            beside = discovery.autopilot_at(mavlink_url, "px4", clock, who=who)
+            own_wire, sender, _ = world.closing.enter_context(beside)
+            ids = {"system_id": sender.system_id, "component_id": sender.component_id}
+        return own_wire, Vehicle(
+            autopilot="px4", link="zenoh", url=url, parameters=mavlink_url, **ids
         )
-        return wire, vehicle
 
 
 def _radios(
@@ -203,7 +219,7 @@ def _laid_where_they_stand(
     laid = list[Pursuit]()
     for pursuit in pursuits:
         name = pursuit.vehicle
-        autopilot = autopilot_named(configs[name].vehicle.autopilot)
+        autopilot = configs[name].vehicle.profile
         home, frame = discovery.wait_until_placed(world.links[name], autopilot, clock, show, name)
         scenario = laid_about(pursuit.scenario, home, frame, autopilot.name)
         site = laid[0].scenario.site if laid else scenario.site

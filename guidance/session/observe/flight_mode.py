@@ -1,0 +1,140 @@
+"""Guidance as a flight mode of PX4: our readiness is its arming check, and the pilot's switch is START and ENGAGE.
+
+Arming in the mode on the ground is the order start. Choosing it in the air is the orders start, if guidance has not
+taken the vehicle over yet, and engage. An order that is refused then is followed by hold, so that the vehicle does not
+stay in a mode that nobody flies. Leaving the mode is a pilot's mode change, which the flight never fights.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from guidance.autopilots import Finding, Mode, Verdict
+from guidance.flight import BEFORE_FLIGHT, FINAL, Event, Flight, State
+from guidance.flight.table import HANDING_OVER, SETPOINT_STATES
+from guidance.links.px4_link import Px4Link
+from guidance.links.px4_mode import Check, Readiness
+from guidance.log.sink import Report, Sink
+from guidance.session.orders.control_socket import STATUS
+from guidance.session.orders.mailbox import Mailbox, Question
+
+PILOT: Final = "the pilot's switch"
+"""Who gives the orders."""
+
+REASONS_EVERY_S: Final = 0.5
+"""Period of asking which row of preflight refuses."""
+
+_FENCE_ROWS: Final = ("GF_", "uploaded fence", "home in our fence")
+_CHECKS: Final = {
+    "Home": Check.HOME,
+    "battery": Check.BATTERY,
+    # PX4 itself shows its own checks
+    "prearm": None,
+}
+"""Readiness checks that are not about the link or the position."""
+
+
+class FlightModeOutput(Sink):
+    """Tells a link whether the mode may be entered, and turns the pilot's switch into orders.
+
+    Args:
+        link: To the vehicle.
+        mailbox: Where orders go.
+    """
+
+    def __init__(self, link: Px4Link, mailbox: Mailbox) -> None:
+        self._link = link
+        self._mailbox = mailbox
+        self._status: Question | None = None
+        self._status_s = float("-inf")
+        self._refused: Sequence[str] = ()
+        self._was_chosen = False
+        self._asked: Question | None = None
+
+    def report(self, report: Report) -> None:
+        """Judge the readiness of this cycle, and follow the pilot's switch."""
+        flight = report.flight
+        now_s = report.now_s
+        if flight.state in BEFORE_FLIGHT:
+            self._ask_reasons(now_s)
+        self._link.tell(Readiness(now_s, checks_of(flight, now_s, self._refused)))
+        self._follow(flight)
+
+    def _ask_reasons(self, now_s: float) -> None:
+        """Ask the daemon which rows of preflight refuse; it answers in its next cycle."""
+        if self._status is not None and self._status.done():
+            self._refused = self._status.result().get("preflight_refused", ())
+            self._status = None
+        if self._status is None and now_s - self._status_s >= REASONS_EVERY_S:
+            self._status_s = now_s
+            self._status = self._mailbox.ask(STATUS)
+
+    def _follow(self, flight: Flight) -> None:
+        """Order what the pilot's choice of the mode means; see the module."""
+        chosen = flight.heard.mode is Mode.GUIDED and flight.vehicle.armed
+        is_new = chosen and not self._was_chosen
+        self._was_chosen = chosen
+        if not chosen or flight.state in SETPOINT_STATES:
+            self._asked = None
+            return
+        if is_new:
+            order = _order_of(flight)
+            self._asked = None if order is None else self._mailbox.ask(order, PILOT)
+            return
+        if self._asked is None or not self._asked.done():
+            return
+        answered = self._asked
+        self._asked = None
+        if answered.order == Event.HOLD:
+            return
+        if not answered.result()["accepted"]:
+            self._asked = self._mailbox.ask(Event.HOLD, PILOT)
+        elif answered.order == Event.START and flight.state is State.STANDING_BY:
+            self._asked = self._mailbox.ask(Event.ENGAGE, PILOT)
+
+
+def _order_of(flight: Flight) -> Event | None:
+    """Return the order that a new choice of the mode means; None if guidance itself asked for the mode."""
+    if flight.state in {State.STANDING_BY, State.HOLDING}:
+        return Event.ENGAGE
+    if flight.state in {State.CONNECTING, State.CHECKING, State.READY}:
+        return Event.START
+    if flight.state in {State.CLIMBING, State.POSITIONING} and not flight.vehicle.on_ground:
+        return Event.HOLD
+    return None
+
+
+def checks_of(flight: Flight, now_s: float, refused: Sequence[str]) -> tuple[Check, ...]:
+    """Return what keeps the mode from being entered; nothing while guidance flies in it or hands over.
+
+    Args:
+        flight: As it stands.
+        now_s: The present.
+        refused: Names of preflight's rows that refuse.
+    """
+    state = flight.state
+    handing_over = state in HANDING_OVER and flight.heard.mode is Mode.GUIDED
+    on_ground = flight.vehicle.on_ground
+    taking_off = state is State.ARMING or (state is State.CLIMBING and on_ground)
+    if state in SETPOINT_STATES or handing_over or taking_off:
+        return ()
+    if state in FINAL | {State.CLIMBING, State.POSITIONING, State.RETURNING, State.LANDING}:
+        return (Check.BUSY,)
+    checks = list[Check]()
+    if state in BEFORE_FLIGHT and state is not State.READY:
+        checks += _failed(flight.checks(now_s), refused)
+        if not checks:
+            checks.append(Check.SETUP)
+    if state is State.OUT_OF_CONTACT or flight.telemetry_refusal(now_s):
+        checks.append(Check.POSITION)
+    if flight.evader_refusal(now_s):
+        checks.append(Check.EVADER)
+    return tuple(dict.fromkeys(checks))
+
+
+def _failed(rows: Sequence[Finding], refused: Sequence[str]) -> list[Check]:
+    """Return the reasons of failed checks and of refused rows of preflight."""
+    failed = [
+        _CHECKS.get(row.name, Check.POSITION) for row in rows if row.verdict is not Verdict.PASS
+    ]
+    failed += [Check.FENCE if name.startswith(_FENCE_ROWS) else Check.SETUP for name in refused]
+    return [check for check in failed if check is not None]
