@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 import zenoh
@@ -30,7 +31,7 @@ STORE = _typestore()
 
 def message(name: str, /, **values):
     """Return a message of PX4; fields that are not given are 0."""
-    given = {}
+    given: dict[str, Any] = {}
     for field in TYPES[name].fields.split(", "):
         kind, key = field.split(" ")
         base, _, count = kind.rstrip("]").partition("[")
@@ -195,8 +196,10 @@ class Px4Peer:
         return [got for name, got in self.heard if name == topic]
 
     def close(self) -> None:
-        for end in (*self._ins, *self._out.values()):
-            end.undeclare()
+        for subscriber in self._ins:
+            subscriber.undeclare()
+        for publisher in self._out.values():
+            publisher.undeclare()
 
 
 @contextmanager

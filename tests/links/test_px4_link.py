@@ -377,7 +377,7 @@ def test_another_version_of_the_status_is_named(router, peer):
     thread = threading.Thread(target=say)
     thread.start()
     try:
-        with pytest.raises(LinkError, match="another version of VehicleStatus .*v1.17"):
+        with pytest.raises(LinkError, match=r"another version of VehicleStatus .*v1\.17"):
             opened(router, peer, timeout_s=0.5)
     finally:
         stop.set()
@@ -392,12 +392,12 @@ def test_a_registration_that_is_not_answered_is_named(router, peer):
 
 def test_another_system_id_is_refused(router, peer):
     peer.system_id = 9
-    with beating(peer), pytest.raises(LinkError, match="system 9, not vehicle.system_id = 1"):
+    with beating(peer), pytest.raises(LinkError, match=r"system 9, not vehicle\.system_id = 1"):
         opened(router, peer, system_id=1)
 
 
 def test_a_name_that_px4_cannot_keep_is_refused(router, peer):
-    with pytest.raises(ConfigError, match="vehicle.mode_name = .*24 printable ASCII"):
+    with pytest.raises(ConfigError, match=r"vehicle\.mode_name = .*24 printable ASCII"):
         opened(router, peer, mode_name="x" * 25)
 
 

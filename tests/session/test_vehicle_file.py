@@ -34,7 +34,7 @@ def read(vehicle_document):
         ({"nmae": "uav1"}, "nmae: unknown key; did you mean 'name'?"),
         ({"name": "two words"}, "name = 'two words'"),
         ({"vehicle": {"autopilot": "betaflight"}}, "vehicle.autopilot = 'betaflight': must be one of px4, arducopter"),
-        ({"vehicle": {"link": "pigeon"}}, "vehicle.link = 'pigeon': must be 'mavsdk' or 'pymavlink'"),
+        ({"vehicle": {"link": "pigeon"}}, "vehicle.link = 'pigeon': must be 'mavsdk', 'pymavlink' or 'zenoh'"),
         ({"vehicle": {"url": "udp://:14540"}}, "vehicle.url = 'udp://:14540': udp:// does not say who calls"),
         ({"vehicle": {"url": "udpin://:14540"}}, "vehicle.url = 'udpin://:14540': a host and a port are needed"),
         ({"vehicle": {"url": "ttyACM0"}}, "vehicle.url = 'ttyACM0': allowed are udpin://host:port, "),
