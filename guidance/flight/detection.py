@@ -374,6 +374,10 @@ def _disarmed(now: Moment) -> bool:
     return beat.received_s > now.stage.since_s + allowed_s
 
 
+_CHOSEN_IN: Final = frozenset({State.STANDING_BY, State.OUT_OF_CONTACT, State.HOLDING})
+"""States in which a pilot's choice of a mode of ours is no intervention, but the wish to engage."""
+
+
 def shows_strange_mode(now: Moment) -> bool:
     """Return whether HEARTBEAT shows a mode that guidance did not ask for."""
     state = now.stage.state
@@ -383,6 +387,8 @@ def shows_strange_mode(now: Moment) -> bool:
         return False
     if state in HANDING_OVER and not now.heard.vehicle.armed:
         return False  # with the landing PX4 also ends the mode
+    if mode is Mode.GUIDED and autopilot.guided_is_ours and state in _CHOSEN_IN:
+        return False
     if mode is (autopilot.arming_mode if state is State.ARMING else ASKED_MODES.get(state)):
         return False
     if state is State.CLIMBING and mode is Mode.HOLD and Mode.TAKEOFF in autopilot.custom_modes:

@@ -267,6 +267,9 @@ class Flight:
     def _meant(self, order: Event, now_s: float, refusals: Sequence[str]) -> Event | None:
         """Return the event of an order in the present situation, None if it must not be followed."""
         vehicle = self.heard.vehicle
+        in_our_mode = self.heard.mode is Mode.GUIDED and self.settings.autopilot.guided_is_ours
+        if order is Event.START and vehicle.armed and in_our_mode:
+            return Event.ALOFT if vehicle.in_air else order
         if order is Event.START and vehicle.armed:
             # Somebody else has armed it. In the air it is taken over in its hold, without arming or climbing, or from
             # the pilot who will engage; in its guided mode another program flies it.

@@ -195,19 +195,22 @@ def test_arming_in_the_mode_on_the_ground_starts():
     assert flown.state in {State.ARMING, State.CLIMBING}
 
 
-def test_choosing_the_mode_on_the_way_up_holds():
+def test_the_mode_is_barred_on_the_way_up_and_chosen_nevertheless_it_is_a_pilots():
     flown = Piloted().ready()
     flown.cycle(Event.START)
-    flown.armed = True
-    flown.mode = Mode.TAKEOFF
+    flown.mode = Mode.GUIDED
     flown.cycle(beat=True)
+    flown.armed = True
+    flown.cycle(beat=True)
+    assert flown.checks == ()  # taking off is no reason to leave the mode
+    flown.mode = Mode.TAKEOFF
     flown.landed = 2
     flown.cycle(beat=True)
     assert flown.state is State.CLIMBING
     assert flown.checks == (Check.BUSY,)
     flown.chosen()
-    assert flown.ordered == [Event.HOLD]
-    assert flown.state is State.HOLDING
+    assert flown.ordered == []
+    assert flown.state is State.YIELDED
 
 
 def test_while_guidance_flies_the_mode_stays_allowed():

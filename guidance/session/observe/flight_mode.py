@@ -98,8 +98,6 @@ def _order_of(flight: Flight) -> Event | None:
         return Event.ENGAGE
     if flight.state in {State.CONNECTING, State.CHECKING, State.READY}:
         return Event.START
-    if flight.state in {State.CLIMBING, State.POSITIONING} and not flight.vehicle.on_ground:
-        return Event.HOLD
     return None
 
 
