@@ -387,9 +387,9 @@ def shows_strange_mode(now: Moment) -> bool:
         return False
     if state in HANDING_OVER and not now.heard.vehicle.armed:
         return False  # with the landing PX4 also ends the mode
-    if mode is Mode.GUIDED and autopilot.guided_is_ours and state in _CHOSEN_IN:
-        return False
-    if mode is (autopilot.arming_mode if state is State.ARMING else ASKED_MODES.get(state)):
+    chosen = mode is Mode.GUIDED and autopilot.guided_is_ours and state in _CHOSEN_IN
+    asked = autopilot.arming_mode if state is State.ARMING else ASKED_MODES.get(state)
+    if chosen or mode is asked:
         return False
     if state is State.CLIMBING and mode is Mode.HOLD and Mode.TAKEOFF in autopilot.custom_modes:
         # Its own hold comes before the take-off and after it.

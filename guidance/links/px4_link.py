@@ -307,7 +307,9 @@ class Px4Link:
 
     def tell(self, readiness: Readiness) -> None:
         """Answer arming checks by this from now on."""
-        self.mode.readiness = readiness
+        with self._lock:
+            outgoing = self.mode.judge(readiness)
+        self._send_all(outgoing)
 
     def send_heartbeat(self) -> None:
         """Send our HEARTBEAT on the link beside. Over Zenoh our answers to arming checks show that we live."""

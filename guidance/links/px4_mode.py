@@ -118,7 +118,7 @@ class FlightMode:
     Attributes:
         registration: The numbers that PX4 gave; None until it did.
         status: PX4's last VehicleStatus.
-        readiness: The last judgement. Whoever judges it replaces it.
+        readiness: The last judgement.
 
     Raises:
         ValueError: If PX4 cannot keep the name.
@@ -133,6 +133,7 @@ class FlightMode:
         self._question_id = 0
         self._asked_s = -math.inf
         self._unlisted_since_s = math.inf
+        self._check_id: int | None = None
         self.registration: Registration | None = None
         self._is_refused = False
         self._impossible = ""
@@ -202,7 +203,7 @@ class FlightMode:
             case "register_ext_component_reply":
                 return self._take_reply(fields)
             case "arming_check_request":
-                return self._answer(fields, received_s)
+                return self._take_request(fields, received_s)
             case "mode_completed" if fields.nav_state == TAKEOFF and self.in_charge:
                 # PX4 leaves what follows a take-off to the executor in charge
                 if self.status is not None and self.status.nav_state == TAKEOFF:
@@ -229,6 +230,7 @@ class FlightMode:
 
     def _begin_again(self) -> None:
         self.registration = None
+        self._check_id = None
         self._register_s = -math.inf
         self._unlisted_since_s = math.inf
 
@@ -261,11 +263,23 @@ class FlightMode:
         flags = {f"flag_{name}_enabled": 1 for name in controllers}
         return [Outgoing("config_control_setpoints", {"source_id": numbers.mode_id, **flags})]
 
-    def _answer(self, request: Fields, received_s: float) -> list[Outgoing]:
-        """Answer an arming check by the last judgement; an old one means not ready."""
+    def judge(self, readiness: Readiness) -> list[Outgoing]:
+        """Take a new judgement; if it differs from the last one, return another answer to PX4's last arming check.
+
+        PX4 keeps the last answer to its last request, so a change does not wait for the next one.
+        """
+        changed = tuple(readiness.checks) != tuple(self.readiness.checks)
+        self.readiness = readiness
+        if not changed or self.registration is None or self._check_id is None:
+            return []
+        return [self._answer(self._check_id, self.registration, readiness.judged_s)]
+
+    def _take_request(self, request: Fields, received_s: float) -> list[Outgoing]:
+        """Answer an arming check, and see whether PX4 still has the mode."""
         numbers = self.registration
         if numbers is None:
             return []
+        self._check_id = request.request_id
         if request.valid_registrations_mask >> numbers.arming_check_id & 1:
             self._unlisted_since_s = math.inf
         else:
@@ -274,27 +288,27 @@ class FlightMode:
                 gone = self.farewell()
                 self._begin_again()
                 return gone
+        return [self._answer(request.request_id, numbers, received_s)]
+
+    def _answer(self, check_id: int, numbers: Registration, now_s: float) -> Outgoing:
+        """Return the answer to an arming check by the last judgement; an old one means not ready."""
         checks = tuple(self.readiness.checks)
-        if received_s - self.readiness.judged_s > STALE_S:
+        if now_s - self.readiness.judged_s > STALE_S:
             checks = (Check.SILENT,)
         events = {}
         for index, check in enumerate(checks[:MOST_CHECKS]):
             events[f"events_{index}_id"] = check.event_id
             events[f"events_{index}_log_levels"] = _ERROR
         required = ("angular_velocity", "attitude", "local_alt", "local_position", "home_position")
-        return [
-            Outgoing(
-                "arming_check_reply",
-                {
-                    "request_id": request.request_id,
-                    "registration_id": numbers.arming_check_id,
-                    "can_arm_and_run": not checks,
-                    "num_events": min(len(checks), MOST_CHECKS),
-                    **events,
-                    **{f"mode_req_{name}": 1 for name in required},
-                },
-            )
-        ]
+        values = {
+            "request_id": check_id,
+            "registration_id": numbers.arming_check_id,
+            "can_arm_and_run": not checks,
+            "num_events": min(len(checks), MOST_CHECKS),
+            **events,
+            **{f"mode_req_{name}": 1 for name in required},
+        }
+        return Outgoing("arming_check_reply", values)
 
     def command(self, number: int, *params: float) -> Outgoing:
         """Return a command: the executor's if it is in charge, else as of a person at a ground station."""

@@ -133,7 +133,7 @@ def test_a_refusal_says_whether_the_places_are_taken_or_the_vehicle_is_armed(px4
 
 def test_every_arming_check_is_answered_by_the_last_readiness(px4):
     px4.registered()
-    px4.mode.readiness = Readiness(px4.now_s)
+    px4.mode.judge(Readiness(px4.now_s))
     answer = px4.asks(200)
     assert (answer["request_id"], answer["registration_id"]) == (200, 2)
     assert answer["can_arm_and_run"]
@@ -145,7 +145,7 @@ def test_every_arming_check_is_answered_by_the_last_readiness(px4):
 
 def test_what_is_missing_is_named_by_events_of_px4(px4):
     px4.registered()
-    px4.mode.readiness = Readiness(px4.now_s, (Check.EVADER, Check.FENCE))
+    px4.mode.judge(Readiness(px4.now_s, (Check.EVADER, Check.FENCE)))
     answer = px4.asks()
     assert not answer["can_arm_and_run"]
     assert answer["num_events"] == 2
@@ -161,19 +161,31 @@ def test_the_number_of_an_event_is_the_hash_of_its_name():
 
 def test_no_more_than_five_events_are_sent(px4):
     px4.registered()
-    px4.mode.readiness = Readiness(px4.now_s, tuple(Check))
+    px4.mode.judge(Readiness(px4.now_s, tuple(Check)))
     assert px4.asks()["num_events"] == 5
 
 
 def test_an_old_readiness_means_not_ready(px4):
     px4.registered()
-    px4.mode.readiness = Readiness(px4.now_s)
+    px4.mode.judge(Readiness(px4.now_s))
     px4.now_s += STALE_S
     assert px4.asks()["can_arm_and_run"]
     px4.now_s += 0.01
     answer = px4.asks()
     assert not answer["can_arm_and_run"]
     assert answer["events_0_id"] == Check.SILENT.event_id
+
+
+def test_a_change_is_told_at_once_as_another_answer_to_the_last_check(px4):
+    px4.registered()
+    assert px4.mode.judge(Readiness(px4.now_s)) == []  # PX4 has not asked yet
+    px4.asks(41)
+    assert px4.mode.judge(Readiness(px4.now_s)) == []
+    (answer,) = px4.mode.judge(Readiness(px4.now_s, (Check.BUSY,)))
+    assert (answer.topic, answer.values["request_id"]) == ("arming_check_reply", 41)
+    assert not answer.values["can_arm_and_run"]
+    (answer,) = px4.mode.judge(Readiness(px4.now_s))
+    assert answer.values["can_arm_and_run"]
 
 
 def test_before_anything_was_judged_it_is_not_ready(px4):
