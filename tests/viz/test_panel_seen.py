@@ -337,10 +337,22 @@ def test_unreadable_messages_are_ignored_and_daemons_are_bounded(told):
     told.tell(found("odd", {"config": "no JSON"}), News("odd", 100.0, {"state": "waiting"}))
     told.tell(*(News(f"uav{number}", 100.0, {}) for number in range(2 * MAX_DAEMONS)))
     daemons = told.read(whole=True)["daemons"]
-    assert len(daemons) == MAX_DAEMONS
+    assert len(daemons) == MAX_DAEMONS >= 50
     assert daemons[0].keys() >= {"scene", "status"}
     assert daemons[0]["snapshot"] is None
     assert daemons[1]["status"] == {"state": "waiting"}
+
+
+def test_vehicles_that_are_not_shown_are_counted_and_an_order_to_one_says_why(told):
+    told.tell(*(News(f"uav{number}", 100.0, {}) for number in range(1, MAX_DAEMONS + 1)))
+    assert told.read()["left_out"] == 0
+    told.tell(*(News(f"more{number}", 100.0, {}) for number in (1, 2, 2)))
+    assert told.read()["left_out"] == 2
+    reason = f"there are {MAX_DAEMONS} already: use guidance ctl"
+    with pytest.raises(LinkError, match=reason):
+        told.hub.order(f"more1@{told.bus.endpoint}", "hold", "me")
+    with pytest.raises(LinkError, match="is known"):
+        told.hub.order(f"none@{told.bus.endpoint}", "hold", "me")
 
 
 DEEP = "[" * 100_000

@@ -47,7 +47,12 @@ from guidance.viz.panel.snapshot import (
 HISTORY_S: Final = 300.0
 HISTORY_INTERVAL_S: Final = 0.25
 MAX_EVENTS: Final = 200
-MAX_DAEMONS: Final = 32
+MAX_DAEMONS: Final = 128
+"""Vehicles that the page shows. It says how many more there are."""
+
+MAX_NAMES: Final = 1024
+"""Vehicles of one endpoint whose news are kept until they are read."""
+
 NO_CONTACT_S: Final = 2.0
 """After so long without data, a daemon counts as lost."""
 
@@ -232,7 +237,7 @@ class DaemonBus:
 
     def _add(self, name: str, what: FoundFlight | Mapping[str, Any] | Item | Unreadable) -> None:
         """Queue news of a daemon; one that sends too much pushes out its own news only."""
-        if not is_vehicle_name(name) or (name not in self._news and len(self._news) >= MAX_DAEMONS):
+        if not is_vehicle_name(name) or (name not in self._news and len(self._news) >= MAX_NAMES):
             return
         queue = self._news.setdefault(name, deque(maxlen=MAX_QUEUED_NEWS))
         queue.append(News(name, self._clock.now_s(), what))
@@ -398,6 +403,7 @@ class Hub:
         self._buses = buses
         self._clock = clock
         self._views: dict[str, DaemonView] = {}
+        self._left_out = set[str]()
 
     def receive(self) -> None:
         """Read the news of all buses."""
@@ -408,6 +414,8 @@ class Hub:
                     self._views[key] = DaemonView(news.name, bus, self._clock.now_s())
                 if key in self._views:
                     self._views[key].take(news)
+                else:
+                    self._left_out.add(key)
 
     def message(self, *, whole: bool = False) -> str:
         """Return JSON: the changes since the last message of changes, or everything (`whole`)."""
@@ -415,6 +423,7 @@ class Hub:
         daemons = ",".join(view.message(now_s, whole=whole) for view in self._views.values())
         about = {
             "whole": whole,
+            "left_out": len(self._left_out),
             "buses": [{"endpoint": bus.endpoint, "reason": bus.reason} for bus in self._buses],
         }
         return f'{_encoded(about)[:-1]},"daemons":[{daemons}]}}'
@@ -429,7 +438,10 @@ class Hub:
         """
         view = self._views.get(key)
         if view is None:
-            raise LinkError(f"no daemon {key!r} is known")
+            known = "is known"
+            if key in self._left_out:
+                known = f"is shown, for there are {MAX_DAEMONS} already: use guidance ctl"
+            raise LinkError(f"no daemon {key!r} {known}")
         team_name = str(view.told["status"].get("team", "")) if team else ""
         return view.bus.order(view.name, order, by, team_name)
 

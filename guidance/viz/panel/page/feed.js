@@ -15,6 +15,7 @@ export class Feed {
     this.lost = lost;
     this.daemons = new Map();
     this.buses = [];
+    this.leftOut = 0;
     this.heardMs = -Infinity;
     this.connect();
     setInterval(() => this.watch(), 500);
@@ -59,6 +60,7 @@ export class Feed {
   take(message) {
     this.heardMs = performance.now();
     this.buses = message.buses;
+    this.leftOut = message.left_out;
     if (message.whole) this.daemons.clear();
     for (const said of message.daemons) this.daemons.set(said.key, merged(this.daemons.get(said.key), said));
     this.changed();

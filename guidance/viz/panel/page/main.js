@@ -122,11 +122,12 @@ class Live {
   tabs(daemon) {
     const daemons = [...this.feed.daemons.values()];
     daemons.sort((one, other) => one.name.localeCompare(other.name));
-    showTabs(at("daemons"), daemons, daemon, (key) => {
+    const choose = (key) => {
       this.chosen = key;
       this.pictures.shown.fit();
       this.draw();
-    });
+    };
+    showTabs(at("daemons"), daemons, daemon, choose, this.feed.leftOut);
     if (daemon?.over) lamp(at("contact"), "unknown", TEXTS.isOver);
     else if (daemon) lamp(at("contact"), daemon.contact, TEXTS.contact[daemon.contact]);
     else lamp(at("contact"), "unknown", TEXTS.noDaemon);

@@ -15,12 +15,13 @@ export function teamOf(daemon, daemons) {
   return team.sort((one, other) => one.name.localeCompare(other.name));
 }
 
-// A button for each daemon: its name, its state and its evader. `choose` gets the key of the one that is pressed.
-export function showTabs(element, daemons, shown, choose) {
+// A button for each daemon: its name, its state and its evader. `choose` gets the key of the one that is pressed. A text
+// says how many more there are.
+export function showTabs(element, daemons, shown, choose, leftOut = 0) {
   const against = (one) => (one.status.assignment?.evader ? ` → ${one.status.assignment.evader}` : "");
   const bad = (one) => (one.fault ? ` · ${TEXTS.badData}` : "");
   const words = daemons.map((one) => `${one.name} · ${one.snapshot?.state_words ?? one.status.state ?? "–"}${against(one)}${bad(one)}`);
-  const said = JSON.stringify([words, shown?.key]);
+  const said = JSON.stringify([words, shown?.key, leftOut]);
   if (element.dataset.shown === said) return;
   element.dataset.shown = said;
   const tabs = daemons.map(({ key }, index) => {
@@ -31,7 +32,7 @@ export function showTabs(element, daemons, shown, choose) {
     button.addEventListener("click", () => choose(key));
     return button;
   });
-  element.replaceChildren(...tabs);
+  element.replaceChildren(...tabs, ...(leftOut ? [TEXTS.leftOut(daemons.length, leftOut)] : []));
 }
 
 // The daemons as players of one picture, the shown one first, with all places in its game frame.

@@ -38,6 +38,7 @@ export const TEXTS = {
   replayed: "Replay",
   eventList: "Events",
   noDaemon: "No daemon yet",
+  leftOut: (shown, count) => `${count} more vehicles are not shown: the page has room for ${shown}. Use guidance ctl for them.`,
   looking: (endpoint, reason) => (reason.includes(endpoint) ? reason : `${endpoint}: ${reason}`),
   panelLost: {
     gone: "NO CONTACT WITH THE PANEL: this data is old. Reconnecting…",
