@@ -15,6 +15,10 @@ Polygons have a wall for each edge. A circle has one at its nearest point. The s
 another one, so `held_back` and `braked` add it (`_far_side`), and `obey` uses the half-space that touches the
 circle there, which then bounds the feed-forward too.
 
+If walls contradict each other, the limits of the flight (floor, ceiling, fences) rank before the separation: they are
+known from the vehicle's own telemetry, and a mate's word may be wrong. A vehicle beyond a limit flies back to it, also
+towards a mate. Within the limits nothing gives way: a vehicle that no wall lets move stands still.
+
 A cycle applies the law to one list of walls:
 
 1. `held_back` reduces the desired velocity before the servo shapes it, and flies back from beyond a wall.
@@ -39,6 +43,9 @@ COVER_M: Final = 0.5
 """A fleeing evader is assumed to keep fleeing if the vehicle is this far above the stand-off cylinder."""
 
 _ON_THE_LINE_M: Final = 0.01
+
+_NO_DIRECTION: Final = 1e-9
+"""A shorter normal is rounding."""
 
 _SAME_SIDE: Final = 0.5
 """Cosine of the angle at home up to which a circle's nearest point stands for the part of it that is flown to."""
@@ -107,17 +114,14 @@ def measure_walls(
     margin_m = envelope.fence_margin_m
     height_m = home.down - position.down
     spare_m = min(envelope.floor_margin_m, max(0.0, situation.height_sd_m))
-    walls = _stand_off(situation, envelope)
-    above_floor_m = height_m - envelope.floor_m - spare_m
-    for mate in mates:
-        walls += _mate_walls(situation, mate, climbs_back=above_floor_m < 0.0)
+    walls: list[Wall] = []
     if envelope.fence_polygon is not None:
         edges = _edges(envelope.fence_polygon, point)
         walls += [
             Wall(Limiter.FENCE_POLYGON, Ned((*normal, 0.0)), gap_m - margin_m, margin_m)
             for normal, gap_m in edges
         ]
-    walls.append(Wall(Limiter.FLOOR, DOWN, above_floor_m, spare_m))
+    walls.append(Wall(Limiter.FLOOR, DOWN, height_m - envelope.floor_m - spare_m, spare_m))
     walls.append(Wall(Limiter.CEILING, UP, envelope.ceiling_m - height_m))
     if envelope.fence_radius_m is not None:
         radius_m = envelope.fence_radius_m - margin_m
@@ -126,7 +130,9 @@ def measure_walls(
         if away_m > 0.0:
             outward = Ned((point[0] / away_m, point[1] / away_m, 0.0))
         walls.append(Wall(Limiter.FENCE_RADIUS, outward, radius_m - away_m, margin_m, radius_m))
-    return tuple(walls)
+    beyond = [wall.normal_ned for wall in walls if wall.gap_m < 0.0]
+    separations = [wall for mate in mates for wall in _mate_walls(situation, mate, beyond)]
+    return (*_stand_off(situation, envelope), *separations, *walls)
 
 
 def _stand_off(situation: Situation, envelope: Envelope) -> list[Wall]:
@@ -155,19 +161,29 @@ def _stand_off(situation: Situation, envelope: Envelope) -> list[Wall]:
     ]
 
 
-def _mate_walls(situation: Situation, mate: Separation, *, climbs_back: bool) -> list[Wall]:
+def _mate_walls(situation: Situation, mate: Separation, beyond: Sequence[Ned]) -> list[Wall]:
     """Return the walls halfway to a mate's cylinder.
 
     Both vehicles stop within their halves, so nobody has to know what the other will do. Braking for a distance that
-    shrinks from both sides, the faster of two equal vehicles reaches its bound first. A vehicle below the floor
-    `climbs_back` also towards a mate above.
+    shrinks from both sides, the faster of two equal vehicles reaches its bound first.
+
+    Args:
+        situation: State of the vehicle.
+        mate: The cylinder about the mate.
+        beyond: Normals of the limits that the vehicle is beyond. The way back from them is free, also towards a mate.
     """
     offset_m = mate.position_ned_m - situation.position_ned_m
     height_m = offset_m.down
-    downward = 0.0 if climbs_back and height_m < 0.0 else math.copysign(1.0, height_m)
     above_m = abs(height_m) - mate.height_m
-    gap_m, _, normals = _cylinder(offset_m, mate.radius_m, above_m, downward)
-    return [Wall(Limiter.SEPARATION, normal, 0.5 * gap_m) for normal in normals]
+    gap_m, _, normals = _cylinder(offset_m, mate.radius_m, above_m, math.copysign(1.0, height_m))
+    walls = []
+    for normal in normals:
+        free = normal
+        for outward in beyond:
+            free -= min(0.0, free.dot(outward)) * outward
+        if free.length() > _NO_DIRECTION:
+            walls.append(Wall(Limiter.SEPARATION, free, 0.5 * gap_m))
+    return walls
 
 
 def _cylinder(
@@ -179,7 +195,7 @@ def _cylinder(
         offset_m: From the vehicle to a point of the axis.
         radius_m: Of the cylinder.
         above_m: Height above its top, or depth below its bottom.
-        downward: 1 above, -1 below, 0 if height does not count.
+        downward: 1 above, -1 below.
     """
     away_m = math.hypot(offset_m.north, offset_m.east)
     to_north = 0.0

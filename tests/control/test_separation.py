@@ -3,15 +3,17 @@
 import math
 from dataclasses import replace
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.control import Dynamics, Limiter, Limits, Situation, Speeds
-from guidance.control.braking_law import Separation, measure_walls
+from guidance.control.braking_law import Separation, held_back, measure_walls
 from guidance.control.setpoint_limiter import limit
-from guidance.frames import Ned
+from guidance.frames import STILL, Ned
 from guidance.game import StandOff
 from guidance.messages import Setpoint
+from tests.harness.examples import drawn
 
 APART_M = 8.0
 HEIGHT_M = 3.0
@@ -79,6 +81,88 @@ def test_a_vehicle_below_the_floor_climbs_back_towards_a_mate_above():
     assert climb_m_s(3.0, 5.0) == 0.0
     assert climb_m_s(1.5, 3.5) == 1.0
     assert climb_m_s(1.5, 30.0) == 1.0
+
+
+CLOSED = replace(OPEN, fence_radius_m=50.0, fence_margin_m=2.0, ceiling_m=20.0)
+BEYOND = {
+    "below the floor": Ned((0.0, 0.0, -1.4)),
+    "above the ceiling": Ned((0.0, 0.0, -20.6)),
+    "beyond the fence": Ned((0.0, 48.6, -10.0)),
+    "beyond fence and ceiling": Ned((-48.6, 0.0, -20.6)),
+}
+"""Places 0.6 m beyond the line where a vehicle has to stop."""
+
+
+def flown_to(here_ned_m, asked_ned_m_s, mates, envelope=CLOSED):
+    """Return the setpoint that a resting vehicle gets in the end, at a place."""
+    here = Situation(here_ned_m, STILL)
+    walls = measure_walls(here, envelope, mates)
+    desired = held_back(asked_ned_m_s, walls, envelope)
+    memory = None
+    for _ in range(100):
+        limited = limit(Setpoint(desired), here, envelope, memory, STEP_S, walls=walls)
+        memory = limited.memory
+    return limited.setpoint.velocity_ned_m_s
+
+
+@pytest.mark.parametrize("place", sorted(BEYOND))
+@given(
+    st.lists(st.tuples(*[st.floats(-6.0, 6.0)] * 3, st.floats(0.0, 30.0)), min_size=1, max_size=3)
+)
+@settings(max_examples=drawn(40), deadline=None)
+def test_floor_ceiling_and_fence_rank_before_the_separation_from_mates_anywhere(place, mates):
+    here_ned_m = BEYOND[place]
+    # A spread of some metres is that of a mate which is silent: it may have the vehicle in its cylinder
+    cylinders = [
+        Separation(here_ned_m + Ned(offset), APART_M + spread_m, HEIGHT_M + spread_m)
+        for *offset, spread_m in mates
+    ]
+    alone = flown_to(here_ned_m, STILL, [])
+    beside_mates = flown_to(here_ned_m, STILL, cylinders)
+    for axis in range(3):
+        if abs(alone[axis]) > 0.1:
+            back = beside_mates[axis] / alone[axis]
+            assert back > 0.9, (axis, alone, beside_mates)
+
+
+@given(
+    st.tuples(*[st.floats(-6.0, 6.0)] * 3, st.floats(0.0, 30.0)),
+    st.tuples(*[st.floats(-6.0, 6.0)] * 3).map(Ned),
+)
+@settings(max_examples=drawn(60), deadline=None)
+def test_within_the_limits_the_separation_gives_way_to_nothing(mate, asked):
+    *offset, spread_m = mate
+    here_ned_m = Ned((10.0, 0.0, -10.0))
+    centre = here_ned_m + Ned(offset)
+    cylinder = Separation(centre, APART_M + spread_m, HEIGHT_M + spread_m)
+    flown = flown_to(here_ned_m, asked, [cylinder])
+    beside_m = math.dist(here_ned_m[:2], centre[:2]) - cylinder.radius_m
+    above_m = abs(here_ned_m[2] - centre[2]) - cylinder.height_m
+    if max(beside_m, above_m) < 0.0:  # inside: nothing leads nearer to the axis or to the middle
+        assert flown.level_dot(centre - here_ned_m) <= 1e-6
+        assert flown.down * (centre - here_ned_m).down <= 1e-6
+
+
+def test_a_hover_at_the_ceiling_above_a_silent_mate_does_not_drift_out():
+    """What a PX4 did: it could not correct a drift upwards, because down was towards the mate."""
+    point = Point((0.0, 0.0, -19.9), (0.0, 0.0, -19.9))
+    drift_m_s = -0.1
+    highest_m = 0.0
+    for number in range(1, 1500):
+        spread_m = 0.02 * number
+        mates = [Separation(Ned((3.0, 0.0, -16.0)), APART_M + spread_m, HEIGHT_M + spread_m)]
+        here = Situation(Ned(tuple(point.place)), Ned(tuple(point.velocity)))
+        walls = measure_walls(here, CLOSED, mates)
+        asked = held_back(Ned((0.0, 0.0, point.goal[2] - point.place[2])), walls, CLOSED)
+        limited = limit(Setpoint(asked), here, CLOSED, point.memory, STEP_S, walls=walls)
+        point.memory = limited.memory
+        velocity = limited.setpoint.velocity_ned_m_s
+        point.velocity = [*velocity[:2], velocity[2] + drift_m_s]
+        point.place = [
+            at + STEP_S * rate for at, rate in zip(point.place, point.velocity, strict=True)
+        ]
+        highest_m = max(highest_m, -point.place[2] - CLOSED.ceiling_m)
+    assert highest_m < 0.3
 
 
 places = st.tuples(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0), st.floats(-30.0, -8.0)).map(Ned)
