@@ -54,12 +54,27 @@ PREFLIGHT = (
     "tests/preflight/test_telemetry.py",
     "tests/preflight/test_fence.py",
 )
+FLIGHT = (
+    "tests/flight/test_machine.py",
+    "tests/flight/test_authority.py",
+    "tests/flight/test_playing.py",
+    "tests/flight/test_machine_told.py",
+    "tests/flight/test_machine_faults.py",
+    "tests/flight/test_machine_operator.py",
+    "tests/flight/test_second_sender.py",
+)
 TESTS: Mapping[str, Sequence[str]] = {
+    "guidance/vehicle.py": (
+        "tests/test_vehicle_jumps.py",
+        "tests/test_plausible.py",
+        "tests/test_vehicle.py",
+    ),
     "guidance/control/braking_law.py": WALLS,
     "guidance/control/polygon.py": ("tests/control/test_polygon.py", *WALLS),
     "guidance/control/setpoint_limiter.py": LIMITER,
     "guidance/flight/table.py": ("tests/flight/test_table.py",),
     "guidance/flight/detection.py": ("tests/flight/test_detection.py",),
+    "guidance/flight/machine.py": FLIGHT,
     "guidance/autopilots/rules.py": ("tests/autopilots/test_rules.py", *PREFLIGHT),
     "guidance/preflight/__init__.py": PREFLIGHT,
     "guidance/preflight/areas.py": (

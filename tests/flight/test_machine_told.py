@@ -1,0 +1,134 @@
+"""What a flight tells: why an evader is refused, and what happened in the cycles of an error and after it."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from guidance.autopilots import PX4, Mode
+from guidance.flight import Authority, Event, Flight, Inputs, State
+from guidance.flight.settings import Happening
+from tests.flight.flown import Flown
+from tests.flight.scenes import HOME_DOWN_M, NOW_S, settings_of
+
+
+class Evader:
+    """A tracking of which a test gives the answers; each one is asked about the present."""
+
+    def __init__(self, silence_s=0.0, dropped="", rival="", height=""):
+        self.answers = {
+            "silence_s": silence_s,
+            "unusable_words": dropped,
+            "rival": rival,
+            "height_refusal": height,
+        }
+
+    def __getattr__(self, name):
+        def answer(now_s):
+            assert now_s == NOW_S
+            return self.answers[name]
+
+        return answer
+
+
+@pytest.mark.parametrize(
+    ("evader", "far", "words"),
+    [
+        (Evader(), "", ""),
+        (Evader(silence_s=1.5), "", ""),  # just the limit
+        (
+            Evader(silence_s=math.inf),
+            "",
+            "the evader was never heard; at most 1.5 s is allowed",
+        ),
+        (
+            Evader(silence_s=2.34, dropped="3 reports are too old"),
+            "",
+            "the evader was last heard 2.3 s ago; 3 reports are too old; at most 1.5 s is allowed",
+        ),
+        (
+            Evader(rival="place"),
+            "",
+            "two sources report as the evader (told apart by place); silence one, "
+            "or set evader.second_source",
+        ),
+        (Evader(), "it is too far", "it is too far"),
+        (Evader(height="it is too high"), "it is too far", "it is too far"),
+        (Evader(height="it is too high"), "", "it is too high"),
+    ],
+)
+def test_why_an_evader_is_refused(evader, far, words):
+    flight = Flight(settings_of())
+    flight.tracking = evader
+    flight.heard.distance_refusal = lambda now_s: far if now_s == NOW_S else None
+    assert flight.evader_refusal(NOW_S) == words
+
+
+def test_a_second_source_is_no_refusal_if_the_configuration_allows_it():
+    flight = Flight(settings_of(hold_on_rival=False))
+    flight.tracking = Evader(rival="place")
+    flight.heard.distance_refusal = lambda _now_s: ""
+    assert flight.evader_refusal(NOW_S) == ""
+
+
+def failed():
+    """An engaged flight whose next cycle fails, and the outputs of that cycle."""
+    flown = Flown().engaged()
+
+    def broken(*_, **__):
+        raise ZeroDivisionError("the speed is nil")
+
+    flown.flight.tracking.observe = broken
+    outputs = flown.cycle()
+    return flown, outputs
+
+
+def test_an_error_is_the_cause_of_the_state_that_it_leads_to():
+    flown, outputs = failed()
+    fault = Happening(
+        flown.now_s, Event.FAULT, State.ENGAGED, State.YIELDED, detail=flown.flight.fault
+    )
+    assert outputs.happenings == (fault,)
+    assert outputs.cause == flown.flight.cause == fault
+    assert outputs.fault == flown.flight.fault
+
+
+def test_after_an_error_every_order_is_told_as_one_without_an_effect():
+    flown, outputs = failed()
+    later = flown.flight.step(
+        NOW_S, Inputs(orders=(Event.HOLD, Event.LAND), mission=(Event.RETURN,))
+    )
+    still = (State.YIELDED, State.YIELDED)
+    assert later.happenings == (
+        Happening(NOW_S, Event.HOLD, *still, Authority.OPERATOR),
+        Happening(NOW_S, Event.LAND, *still, Authority.OPERATOR),
+        Happening(NOW_S, Event.RETURN, *still, Authority.MISSION),
+    )
+    assert later.cause == outputs.cause
+    again = flown.flight.give_up(NOW_S + 1.0, Inputs(orders=(Event.HOLD,)), ValueError("again"))
+    assert again.happenings == (Happening(NOW_S + 1.0, Event.HOLD, *still, Authority.OPERATOR),)
+
+
+def test_an_error_without_a_traceback_is_named_without_a_place():
+    flown = Flown().engaged()
+    outputs = flown.flight.give_up(flown.now_s, Inputs(), ValueError("no number"))
+    assert outputs.fault == "ValueError: no number"
+
+
+@pytest.mark.parametrize(
+    ("mode", "landed", "state"),
+    [
+        (Mode.GUIDED, 2, State.STANDING_BY),
+        (Mode.GUIDED, 1, State.ARMING),
+        (Mode.HOLD, 1, State.READY),
+        (Mode.OTHER, 2, State.READY),
+    ],
+)
+def test_a_start_takes_a_vehicle_in_the_mode_that_guidance_itself_registered(mode, landed, state):
+    flown = Flown(settings_of(replace(PX4, guided_is_ours=True)))
+    flown.mode = mode
+    flown.armed = True
+    flown.landed = landed
+    flown.position[2] = HOME_DOWN_M - (10.0 if landed == 2 else 0.0)
+    flown.cycles(0.1)
+    assert flown.cycle(Event.START).state is state
