@@ -279,7 +279,7 @@ class Flight:
         if order is Event.ENGAGE and not self._may_engage(now_s, refusals):
             return None
         if self.stage.state in BEFORE_FLIGHT and vehicle.armed:
-            return _FOUND_ARMED.get(order, order)
+            return _FOUND_ARMED.get(order)
         return order
 
     def _may_engage(self, now_s: float, refusals: Sequence[str]) -> bool:

@@ -178,7 +178,9 @@ def test_an_order_for_what_is_done_already_takes_it_from_the_mission(order):
     assert not flown.flight.ordered_by_operator
     flown.cycle(order)
     assert flown.flight.ordered_by_operator
-    (refused,) = flown.cycle(mission=[Event.LAND if order is Event.HOLD else Event.HOLD]).happenings
+    other = Event.LAND if order is Event.HOLD else Event.HOLD
+    (refused,) = flown.cycle(mission=[other]).happenings
+    assert refused.event is other
     assert refused.after is refused.before is LEADS_TO[order]
 
 
@@ -215,6 +217,36 @@ def test_a_hold_ordered_while_the_battery_is_low_stands():
     flown.cycle(Event.HOLD, **low)
     flown.cycles(3.0, **low)
     assert flown.state is State.HOLDING
+
+
+def test_a_missions_hold_with_a_low_battery_does_not_stand_and_an_operators_stands_until_the_next_order():
+    low = {"more": [status(1e9, 0.2)] * 3}
+    by_mission = Obeying(settings_of().autopilot)
+    assert by_mission.cycle(mission=[Event.HOLD], **low).state is State.RETURNING
+    by_operator = Obeying(settings_of().autopilot)
+    assert by_operator.cycle(Event.HOLD, **low).state is State.HOLDING
+    by_operator.cycles(3.0, **low)
+    assert by_operator.state is State.HOLDING
+    assert by_operator.cycle(Event.ENGAGE, **low).state is State.RETURNING
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_pilots_hold_right_after_the_engagement_is_noticed_at_once(autopilot):
+    flown = Flown(settings_of(autopilot)).engaged()
+    flown.mode = Mode.HOLD
+    assert flown.cycle(beat=True).state is State.YIELDED
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_the_mode_that_a_vehicle_found_armed_flies_by_now_is_left_by_the_order(autopilot):
+    flown = Flown(settings_of(autopilot))
+    flown.armed = True
+    flown.landed = 2
+    for flown.mode in (Mode.HOLD, Mode.RETURN):
+        flown.cycles(0.1)
+        flown.cycle(beat=True)
+    flown.cycle(Event.LAND)
+    assert flown.cycle(beat=True).state is State.LANDING
 
 
 @pytest.mark.parametrize("autopilot", BOTH)

@@ -9,7 +9,7 @@ from guidance.autopilots import PX4, Mode
 from guidance.flight import Authority, Event, Flight, Inputs, State
 from guidance.flight.settings import Happening
 from tests.flight.flown import Flown
-from tests.flight.scenes import HOME_DOWN_M, NOW_S, settings_of
+from tests.flight.scenes import HOME_DOWN_M, NOW_S, home, settings_of
 
 
 class Evader:
@@ -132,3 +132,45 @@ def test_a_start_takes_a_vehicle_in_the_mode_that_guidance_itself_registered(mod
     flown.position[2] = HOME_DOWN_M - (10.0 if landed == 2 else 0.0)
     flown.cycles(0.1)
     assert flown.cycle(Event.START).state is state
+
+
+def test_a_refused_order_is_told_with_its_time_and_the_state():
+    flown = Flown()
+    flown.cycles(0.1)
+    refused = flown.cycle(Event.ENGAGE).happenings
+    assert refused == (
+        Happening(flown.now_s, Event.ENGAGE, State.READY, State.READY, Authority.OPERATOR),
+    )
+
+
+def test_a_home_that_is_not_used_is_told_with_its_time_and_the_state():
+    flown = Flown().standing_by()
+    moved = home(flown.now_s)._replace(latitude_deg=47.398)
+    told = flown.cycle(more=[moved]).happenings
+    ((event, words),) = flown.flight.heard.told
+    still = (State.STANDING_BY, State.STANDING_BY)
+    assert told == (Happening(flown.now_s, event, *still, detail=words),)
+    assert event is Event.HOME_MOVED
+    assert words
+
+
+def test_a_second_source_that_is_allowed_is_told_with_its_time_and_the_state(monkeypatch):
+    flown = Flown(settings_of(hold_on_rival=False)).engaged()
+    asked_s = []
+
+    def rival(now_s):
+        asked_s.append(now_s)
+        return "place"
+
+    monkeypatch.setattr(flown.flight.tracking, "rival", rival)
+    told = flown.cycle().happenings
+    assert told == (Happening(flown.now_s, Event.RIVAL, State.ENGAGED, State.ENGAGED),)
+    assert set(asked_s) == {flown.now_s}
+
+
+def test_a_pilot_who_chose_our_mode_before_the_game_gets_a_hover_and_in_the_hold_none_is_sent():
+    flown = Flown(settings_of(replace(PX4, guided_is_ours=True))).standing_by()
+    assert {output.setpoint for output in flown.cycles(2.0)} == {None}
+    flown.mode = Mode.GUIDED
+    assert flown.cycle(beat=True).state is State.STANDING_BY
+    assert all(output.setpoint is not None for output in flown.cycles(1.0))
