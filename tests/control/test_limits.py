@@ -188,3 +188,9 @@ def test_an_envelopes_limits_have_the_bounds_that_its_error_names(size, taken):
         words = rf"^yaw_rate_rad_s = {size}: allowed is 0.001 to 1000000.0$"
         with pytest.raises(ConfigError, match=words):
             Envelope(**named)
+
+
+def test_floor_and_ceiling_may_be_as_far_away_as_any_limit():
+    values = Limits().envelope(SPEEDS, DYNAMICS, StandOff(6.0, 8.0))
+    named = {name: getattr(values, name) for name in values.__dataclass_fields__}
+    assert Envelope(**named | {"floor_m": -1e6, "ceiling_m": 1e6}).ceiling_m == 1e6
