@@ -307,17 +307,12 @@ _MODE_RULES: Final = (
         ),
         bits(_EXCEPTIONS),
     ),
-    Rule(
-        Quantity.STICKS_TAKE_OVER,
-        "COM_RC_OVERRIDE",
-        rules.mask("with auto modes", _NO_STICKS_IN_MODE, set_bits=1),
-        bits(_OVERRIDES),
-    ),
 )
 """Rules of a flight mode of ours in place of OFFBOARD's."""
 
-_OFFBOARD_ALONE: Final = {Quantity.LOSS_TIME, Quantity.LOSS_ACTION}
-"""When setpoints stop in a mode of ours, PX4 returns, or lands if it cannot: no parameter changes that."""
+_OFFBOARD_ALONE: Final = {Quantity.LOSS_TIME, Quantity.LOSS_ACTION, Quantity.STICKS_TAKE_OVER}
+"""When answers stop in a mode of ours, PX4 returns, or lands if it cannot, and sticks do not end the mode: no parameter
+changes either."""
 
 VERSIONS: Final = (
     Version((1, 17), _RULES_1_17, _BOUNDS),

@@ -2,7 +2,7 @@
 
 What the loop reads has the same types as by MAVLink, made of PX4's own messages. Arming checks are answered on Zenoh's
 thread by the last readiness, so that a busy loop does not delay them. Setpoints are sent only while PX4 flies in our
-mode. Commands go through the mode's executor while that is in charge, and PX4 refuses them when a pilot has taken over.
+mode: PX4 would fly them in other modes too. Commands are the mode's executor's while that is in charge.
 
 Parameters, the uploaded fence, texts and home are not on this wire. A MAVLink link beside it brings them; without one,
 home is where the vehicle was last seen disarmed.

@@ -81,16 +81,6 @@ _TABLES: Final[Mapping[str, tuple[str, str]]] = {
         "bool mode_req_global_position_relaxed, bool mode_req_mission, bool mode_req_home_position, "
         "bool mode_req_prevent_arming, bool mode_req_manual_control",
     ),
-    "VehicleControlMode": (
-        "edb7e835846bc77720fa87a0fb0a150051d02f0a5fad41168031a73a49ba527c",
-        "uint64 timestamp, bool flag_armed, bool flag_multicopter_position_control_enabled, "
-        "bool flag_control_manual_enabled, bool flag_control_auto_enabled, "
-        "bool flag_control_offboard_enabled, bool flag_control_position_enabled, "
-        "bool flag_control_velocity_enabled, bool flag_control_altitude_enabled, "
-        "bool flag_control_climb_rate_enabled, bool flag_control_acceleration_enabled, "
-        "bool flag_control_attitude_enabled, bool flag_control_rates_enabled, "
-        "bool flag_control_allocation_enabled, bool flag_control_termination_enabled, uint8 source_id",
-    ),
     "VehicleStatus": (
         "828bddbb7d4c2aa6ad93757955f6893be1ec5d8f11885ec7715bcdd76b5226c9",
         "uint64 timestamp, uint64 armed_time, uint64 takeoff_time, uint8 arming_state, "
@@ -294,7 +284,6 @@ FROM_PX4: Final[Mapping[str, str]] = {
 TO_PX4: Final[Mapping[str, str]] = {
     "register_ext_component_request": "RegisterExtComponentRequest",
     "unregister_ext_component": "UnregisterExtComponent",
-    "config_control_setpoints": "VehicleControlMode",
     "arming_check_reply": "ArmingCheckReply",
     "mode_completed": "ModeCompleted",
     "trajectory_setpoint": "TrajectorySetpoint",

@@ -3,8 +3,8 @@
 The program registers a mode by name. PX4 keeps a number for the name, shows it on ground stations, and lets a pilot
 choose it by switch. About three times a second PX4 asks whether the mode may be armed in and entered; without answers
 it calls the mode unresponsive, refuses it, and leaves it in flight. A mode can have an executor, which is in charge
-from the moment that the mode is chosen until a person chooses another one. PX4 refuses the commands of an executor
-that is not in charge.
+from the moment that the mode is chosen until a person chooses another one. PX4 v1.17 takes an executor's commands over
+Zenoh whether it is in charge or not, so whoever gives them must not fight a pilot.
 
 `FlightMode` maps what PX4 says to what is sent back. It has no clock; times are arguments. A lock belongs to whoever
 calls it from several threads.
@@ -242,6 +242,8 @@ class FlightMode:
         if not reply.success:
             self._is_refused = True
             return []
+        # PX4 has defaults for the mode's controllers, which follow a velocity. They are not configured: v1.17 takes
+        # config_control_setpoints for the state of the whole vehicle, and one sent in flight would stop the motors.
         numbers = Registration(reply.mode_id, reply.arming_check_id, reply.mode_executor_id)
         if not FIRST_MODE <= numbers.mode_id <= LAST_MODE or min(numbers) < 0:
             self._impossible = f"PX4 gave impossible numbers: {numbers}"
@@ -249,19 +251,7 @@ class FlightMode:
         self._is_refused = False
         self.registration = numbers
         self._unlisted_since_s = math.inf
-        # Which of PX4's controllers run. With "auto", the pilot's sticks end the mode as COM_RC_OVERRIDE says.
-        controllers = (
-            "multicopter_position_control",
-            "control_auto",
-            "control_velocity",
-            "control_climb_rate",
-            "control_acceleration",
-            "control_attitude",
-            "control_rates",
-            "control_allocation",
-        )
-        flags = {f"flag_{name}_enabled": 1 for name in controllers}
-        return [Outgoing("config_control_setpoints", {"source_id": numbers.mode_id, **flags})]
+        return []
 
     def judge(self, readiness: Readiness) -> list[Outgoing]:
         """Take a new judgement; if it differs from the last one, return another answer to PX4's last arming check.

@@ -52,10 +52,16 @@ Tell = Callable[[Line], None]
 
 
 def on_a_url(
-    autopilot: str, url: str, stations: Sequence[str], folder: Path, tell: Tell, only: str
+    autopilot: str,
+    url: str,
+    stations: Sequence[str],
+    folder: Path,
+    tell: Tell,
+    only: str,
+    mode_url: str | None = None,
 ) -> None:
     """Set up the vehicle, then fly all cases on it, and with ground stations on other links of it."""
-    with_relay = _Relays(url)
+    with_relay = _Relays(url, mode_url)
     try:
         relay = with_relay.fresh()
         if relay.profile.name != autopilot:
@@ -107,13 +113,15 @@ def _with_stations(
 class _Relays:
     """Successive relays on one URL."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, mode_url: str | None) -> None:
         self._url = url
+        self._mode_url = mode_url
         self._relay: Relay | None = None
 
     def fresh(self) -> Relay:
         self.close()
-        self._relay = Relay(self._url, free_udp_port({"uav1": "px4"}))
+        port = free_udp_port({"uav1": "px4"})
+        self._relay = Relay(self._url, port, mode_url=self._mode_url)
         return self._relay
 
     def close(self) -> None:
@@ -134,8 +142,7 @@ def _set_up(relay: Relay, folder: Path, tell: Tell) -> bool:
         GUIDANCE,
         "check",
         folder / "scenario.toml",
-        "--vehicle",
-        relay.client_url,
+        *relay.options,
         "--apply",
         "--yes",
     ]
@@ -319,6 +326,11 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument(
         "--team", metavar="URL", nargs=3, help="three vehicles: THEY ARE ARMED AND FLOWN as a team"
     )
+    parser.add_argument(
+        "--px4-mode",
+        metavar="URL",
+        help="with --px4: fly as a mode of PX4 on its Zenoh router, zenoh+tcp://127.0.0.1:7447",
+    )
     parser.add_argument("--report", type=Path, help="folder for records, pictures and the table")
     parser.add_argument("--only", default="", help="flights with these words in their name")
     parser.add_argument(
@@ -370,6 +382,7 @@ def main(arguments: Sequence[str]) -> int:
                         folder / name,
                         tell,
                         given.only,
+                        given.px4_mode if name == "px4" else None,
                     ),
                 )
                 for name, url in urls.items()

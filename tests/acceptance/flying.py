@@ -171,8 +171,7 @@ def started(case: Case, relay: Relay, folder: Path, *, end: str) -> Iterator[Flo
         GUIDANCE,
         "fly",
         folder / "scenario.toml",
-        "--vehicle",
-        relay.client_url,
+        *relay.options,
         "--link",
         case.link,
     ]
@@ -206,7 +205,8 @@ def fly(case: Case, relay: Relay, folder: Path, *, end: str) -> list[Line]:
     """Fly one case; return its lines of the table."""
 
     def line(wanted: str, got: object, *, held: bool) -> Line:
-        return Line(relay.profile.name, case.name, case.link, wanted, _words(got), held)
+        link = case.link if relay.mode_url is None else "zenoh"
+        return Line(relay.profile.name, case.name, link, wanted, _words(got), held)
 
     if case.meddling == "refuse":
         return _refused(case, relay, folder, line)
@@ -329,7 +329,7 @@ def _killed(case, relay, flown, line):
         left = relay.mode() is not Mode.GUIDED
         got = f"{relay.mode()} after {took_s:.1f} s"
         yield line(
-            f"PX4 leaves OFFBOARD within {LEFT_WITHIN_S:g} s",
+            f"PX4 leaves {'OFFBOARD' if relay.mode_url is None else 'the mode'} within {LEFT_WITHIN_S:g} s",
             got,
             held=left and took_s <= LEFT_WITHIN_S,
         )

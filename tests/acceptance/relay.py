@@ -17,8 +17,10 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.autopilots import AUTOPILOTS, Autopilot, Mode
 from guidance.links.frames import Frame, FrameReader
 from guidance.links.opening import Found, find_autopilot, open_wire
-from guidance.links.port import Wire
+from guidance.links.port import Endpoint, Wire, parse
+from guidance.links.px4_messages import TYPES
 from guidance.links.udp import UdpWire
+from guidance.links.zenoh_session import Session, open_session
 
 PILOT = (254, 190)
 """Another sender than the ground stations: an autopilot forwards nobody's HEARTBEAT to a link where it heard him."""
@@ -34,6 +36,9 @@ SET_UP = {
 
 POLL_S = 5e-3
 """How often each wire is read. Every millisecond, a relay without a client took 0.07 of a processor; now 0.06."""
+
+EXTERNAL_MODES = [4 << 16 | sub << 24 for sub in range(11, 19)]
+"""HEARTBEAT.custom_mode of the modes that programs register with PX4."""
 
 LASTING = ("BATT_CAPACITY", 50_000.0)
 """ArduPilot's simulator empties its 3,300 mAh in four flights, and preflight refuses the fifth."""
@@ -52,7 +57,8 @@ class Seen:
 class Relay:
     """A relay from the vehicle at a URL to a client on a loopback port.
 
-    With `station_ports` it forwards between the client and the ground stations there too, as autopilots do.
+    With `station_ports` it forwards between the client and the ground stations there too, as autopilots do. With
+    `mode_url`, PX4's router, the client flies as a mode of PX4 there, and has the relay for its parameters only.
 
     Raises:
         GuidanceError: If there is no vehicle, or its autopilot is not supported.
@@ -64,9 +70,11 @@ class Relay:
         client_port: int,
         *,
         station_ports: Sequence[int] = (),
+        mode_url: str | None = None,
         timeout_s: float = 20.0,
     ) -> None:
         self.client_url = f"udpin://127.0.0.1:{client_port}"
+        self.mode_url = mode_url
         self.seen = Seen()
         self._over = threading.Event()
         self._wire = open_wire(url, clock=time.monotonic)
@@ -88,6 +96,21 @@ class Relay:
         ]
         for one in self._passing:
             one.start()
+        self._router = None if mode_url is None else self._overhear(parse(mode_url))
+
+    def _overhear(self, router: Endpoint) -> Session:
+        """Note the setpoints that go to PX4 by its own topics."""
+        session = open_session(f"tcp/{router.host}:{router.port}")
+        key = TYPES["TrajectorySetpoint"].key(int(router.namespace), "fmu/in/trajectory_setpoint")
+        session.declare_subscriber(key, lambda _: self.seen.setpoints_s.append(time.monotonic()))
+        return session
+
+    @property
+    def options(self) -> Sequence[str]:
+        """The options of `guidance fly` and `guidance check` that reach the vehicle."""
+        if self.mode_url is None:
+            return ("--vehicle", self.client_url)
+        return ("--vehicle", self.mode_url, "--parameters", self.client_url)
 
     def _ways(self) -> list[tuple[Wire, Callable[[float, bytes], None]]]:
         ways: list[tuple[Wire, Callable[[float, bytes], None]]] = [
@@ -154,7 +177,12 @@ class Relay:
 
     def mode(self) -> Mode | None:
         """Return the mode of the last HEARTBEAT; None before the first."""
-        return self.profile.mode_of(self.seen.beats[-1][1]) if self.seen.beats else None
+        if not self.seen.beats:
+            return None
+        number = self.seen.beats[-1][1]
+        if self.mode_url is not None and number in EXTERNAL_MODES:
+            return Mode.GUIDED
+        return self.profile.mode_of(number)
 
     def say(self, message: mavlink.MAVLink_message) -> None:
         """Send as a ground station."""
@@ -197,6 +225,8 @@ class Relay:
         for station in self._stations:
             station.close()
         self._wire.close()
+        if self._router is not None:
+            self._router.close()
 
 
 def wait(condition, within_s: float) -> bool:

@@ -90,17 +90,9 @@ def test_it_is_asked_for_again_until_it_is_answered(px4):
     assert px4.mode.registration == (PURSUIT, 2, 1)
 
 
-def test_the_answer_switches_on_the_controllers_of_a_velocity(px4):
+def test_controllers_are_not_configured_because_that_would_stop_the_motors_in_flight(px4):
     (request,) = px4.mode.due(px4.now_s)
-    (config,) = px4.replies(request)
-    assert config.topic == "config_control_setpoints"
-    assert config.values["source_id"] == PURSUIT
-    on = {key for key, value in config.values.items() if key.startswith("flag_") and value}
-    assert {"flag_multicopter_position_control_enabled", "flag_control_velocity_enabled"} <= on
-    # Without it the pilot's sticks would not end the mode
-    assert "flag_control_auto_enabled" in on
-    assert "flag_control_position_enabled" not in on
-    assert "flag_control_offboard_enabled" not in on
+    assert px4.replies(request) == []
 
 
 @pytest.mark.parametrize("wrong", [{"request_id": 77}, {"name": name_bytes("Pursui")}])
