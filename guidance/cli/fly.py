@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any, Final, NoReturn
 
@@ -23,6 +24,7 @@ from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add, require_extras
 from guidance.files import private_folder, whole_file, writing
 from guidance.flight import State
+from guidance.links.port import is_px4
 from guidance.log.entries import OUTCOME
 from guidance.screen import aged, console, headed, live, pairs, redraws
 from guidance.session.flight_files import PICTURE, RECORD, TEAM, flight_folder
@@ -248,12 +250,14 @@ def fly_scenario(
     if not isinstance(how, MockOptions):
         urls = how.urls
     target = console(stderr=as_json)
-    words = "virtual time" if how.way == "fast" else ", ".join((how.link, *urls))
+    client = "a flight mode of PX4" if urls and all(map(is_px4, urls)) else how.link
+    words = "virtual time" if how.way == "fast" else ", ".join((client, *urls))
     target.print(headed(scenario.title, f"  ({path.name}, {words})"))
     try:
         result, rows, folder = fly_rows(target, scenario, path.stem, how, out, onlooker)
     except FlightError as error:
-        raise FlightError(_advised(str(error), name, urls)) from error
+        beside = () if isinstance(how, MockOptions) else how.parameters
+        raise FlightError(_advised(str(error), name, urls, beside)) from error
     flights = [*result.vehicles.values()]
     unwritten = [flight.record_stopped for flight in flights if flight.record_stopped]
     if isinstance(scenario, TeamScenario):
@@ -340,12 +344,15 @@ def fly_rows(
         )
 
 
-def _advised(refusal: str, name: str, urls: Sequence[str]) -> str:
+def _advised(refusal: str, name: str, urls: Sequence[str], beside: Sequence[str]) -> str:
     """Return a refusal with the URLs, if there are any, and the commands that set the vehicles up."""
     scenario = f"{name} " if len(urls) == 1 else ""  # `check` plays no teams
-    mend = "".join(
-        f"\nto have it set up: guidance check {scenario}--vehicle {url} --apply" for url in urls
-    )
+    mend = ""
+    for url, mavlink_url in zip_longest(urls, beside):
+        options = f"--vehicle {url}"
+        if is_px4(url):
+            options += f" --parameters {mavlink_url or 'udpin://127.0.0.1:14540'}"
+        mend += f"\nto have it set up: guidance check {scenario}{options} --apply"
     advice = mend if refusal.startswith("preflight refuses") else ""
     return f"{' '.join(urls)}: {refusal}{advice}" if urls else refusal
 

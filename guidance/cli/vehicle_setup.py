@@ -21,7 +21,7 @@ from guidance.config import config_folder, find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require_extras
 from guidance.files import writing
-from guidance.links.port import parse
+from guidance.links.port import is_px4, parse
 from guidance.screen import console, sheet, waiting
 from guidance.session.checkup import SURVEY_LIMIT_S, Checkup, checkup_of, examine
 from guidance.session.open import discovery
@@ -133,7 +133,7 @@ def check(
     from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
 
     if vehicle is not None:
-        awaited = f"a HEARTBEAT at {vehicle}"
+        awaited = f"{'VehicleStatus of PX4' if is_px4(vehicle) else 'a HEARTBEAT'} at {vehicle}"
         limit_s = discovery.FOUND_WITHIN_S
         _, scenario = load_scenario(name if name else "pe")
         opening = checkup_at(

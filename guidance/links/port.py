@@ -75,7 +75,7 @@ class EvaderSource(Protocol):
 
 @runtime_checkable
 class TellsProblem(Protocol):
-    """A source that knows why nothing arrives; not every source does."""
+    """A source or a link that knows why nothing arrives; not every one does."""
 
     def problem(self) -> str:
         """Return why no report can arrive, for people; empty if one can."""
@@ -132,6 +132,11 @@ class Endpoint(NamedTuple):
     def on_loopback(self) -> bool:
         """True if the other end is on this computer, so most likely a simulator."""
         return self.scheme != "serial" and is_loopback(self.host)
+
+
+def is_px4(url: str) -> bool:
+    """True if a URL is of a router on which PX4 speaks Zenoh itself."""
+    return url.partition("://")[0] in PX4_SCHEMES
 
 
 def is_loopback(host: str) -> bool:

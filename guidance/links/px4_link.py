@@ -68,6 +68,9 @@ _BESIDE: Final = (
 )
 """What the MAVLink link beside this one brings; all else comes over Zenoh."""
 
+_OF_BESIDE: Final = frozenset({"used_unsaved", "impostors", "unsigned", "refused"})
+"""Counters of the MAVLink link beside this one whose names people are told about."""
+
 _ASKED_BESIDE: Final = frozenset({AUTOPILOT_VERSION, HOME_POSITION})
 
 _OWN_MODE_PARAMS: Final = (1.0, float(OWN_MODE >> 16 & 0xFF), float(OWN_MODE >> 24))
@@ -317,14 +320,36 @@ class Px4Link:
             self._beside.send_heartbeat()
 
     def counters(self) -> Mapping[str, int]:
-        """Return how many messages were received, sent and dropped, by reason; of the link beside with `mavlink_`."""
+        """Return how many messages were received, sent and dropped, by reason.
+
+        Those of the link beside begin with `mavlink_`, except for the ones that tell of attacks.
+        """
         beside = {} if self._beside is None else self._beside.counters()
         return {
             **dict.fromkeys(_COUNTED, 0),
-            **{f"mavlink_{name}": count for name, count in beside.items()},
+            **{
+                name if name in _OF_BESIDE else f"mavlink_{name}": count
+                for name, count in beside.items()
+            },
             **self.counts,
             "wire_dropped": self._arrivals.dropped,
         }
+
+    def problem(self) -> str:
+        """Return what bars a flight on this link, for people; empty if nothing does."""
+        problems = [
+            f"PX4 sends another version of {FROM_PX4[topic]} ({key}); use PX4 v1.17"
+            for topic, key in self.other_versions.items()
+        ]
+        if self.mode.registration is None:
+            refused = self.mode.refused or "it does not answer"
+            problems.append(f"PX4 has not registered the mode {self.mode.name!r}: {refused}")
+        if self._beside is None:
+            problems.append(
+                "parameters and the uploaded fence are not on this wire: "
+                "give a MAVLink URL for them, vehicle.parameters or --parameters"
+            )
+        return "; ".join(problems)
 
     def close(self) -> None:
         """Take the mode off PX4's list, and end. May be called twice."""

@@ -45,7 +45,7 @@ from guidance.links.evader_sources import (
     EvaderKindName,
     evader_kind,
 )
-from guidance.links.port import PX4_SCHEMES, taken_apart
+from guidance.links.port import is_px4, taken_apart
 from guidance.links.px4_messages import name_bytes
 from guidance.links.zenoh_access import ZenohSection
 from guidance.messages import Datum
@@ -487,7 +487,7 @@ class Vehicle(Section):
     def _faults(self) -> Iterator[str]:
         if self.signing_key_file is not None and self.link == "mavsdk":
             yield 'vehicle.signing_key_file with link = "mavsdk": MAVSDK does not sign; use "pymavlink"'
-        by_px4 = taken_apart(self.url).scheme in PX4_SCHEMES
+        by_px4 = is_px4(self.url)
         if by_px4 is not (self.link == "zenoh"):
             needs = "zenoh+tcp:// or zenoh+tls://" if self.link == "zenoh" else "another URL"
             yield f'vehicle.url = {self.url!r}: link = "{self.link}" needs {needs}'
@@ -496,7 +496,7 @@ class Vehicle(Section):
                 yield f'vehicle.parameters: not allowed with link = "{self.link}"; its url is MAVLink'
         elif autopilot_named(self.autopilot).as_mode is None:
             yield f'vehicle.autopilot = "{self.autopilot}": link = "zenoh" is for px4'
-        if self.parameters is not None and taken_apart(self.parameters).scheme in PX4_SCHEMES:
+        if self.parameters is not None and is_px4(self.parameters):
             yield f"vehicle.parameters = {self.parameters!r}: must be a MAVLink URL, as udpin://127.0.0.1:14540"
         try:
             name_bytes(self.mode_name)

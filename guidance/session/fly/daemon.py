@@ -294,6 +294,13 @@ class Daemon:
             if problem
         ]
 
+    def _link_rows(self) -> list[Finding]:
+        """Return a refusal if the vehicle's link knows what bars a flight."""
+        problem = self._link.problem() if isinstance(self._link, TellsProblem) else ""
+        if not problem:
+            return []
+        return [Finding("link", problem, "no problem", Verdict.REFUSE, "guidance tries again")]
+
     def _signing_rows(self) -> list[Finding]:
         """Return a warning if the disk does not keep the timestamps of signed frames."""
         unsaved = self._link.counters().get("used_unsaved", 0)
@@ -448,6 +455,7 @@ class Daemon:
             *rows(facts, self.plan.flight.autopilot, wants),
             *self.recording.rows(),
             *self._evader_rows(),
+            *self._link_rows(),
             *self._signing_rows(),
         )
         refused = refusals(self.rows)

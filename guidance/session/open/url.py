@@ -11,7 +11,7 @@ from guidance.flight import Event, State
 from guidance.flight.settings import TeamSection
 from guidance.frames import Amsl, Enu, GameFrame, LocalFrame
 from guidance.links.opening import KINDS
-from guidance.links.port import PX4_SCHEMES, Wire, parse
+from guidance.links.port import Wire, is_px4, parse
 from guidance.links.wires import MemoryWire, share
 from guidance.links.world import World
 from guidance.messages import Home
@@ -104,7 +104,8 @@ class Asked:
     def _announce(self, mailboxes: Mapping[str, Mailbox], onlooker: Onlooker, clock: Clock) -> None:
         """Show which HEARTBEATs are awaited; orders are answered with that meanwhile."""
         for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
-            waiting = f"a HEARTBEAT at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
+            awaited = "VehicleStatus of PX4" if is_px4(url) else "a HEARTBEAT"
+            waiting = f"{awaited} at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
             onlooker.show(
                 Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=waiting, vehicle=name)
             )
@@ -152,7 +153,7 @@ class Asked:
         self, url: str, mavlink_url: str | None, clock: Clock, world: World
     ) -> tuple[Wire | None, Vehicle]:
         """Find the autopilot at a URL; return its MAVLink wire, which the world closes, and its [vehicle] section."""
-        if parse(url).scheme not in PX4_SCHEMES:
+        if not is_px4(url):
             if mavlink_url is not None:
                 raise ConfigError(
                     f"--parameters: only with zenoh+tcp:// or zenoh+tls://, not {url}"
@@ -169,7 +170,12 @@ class Asked:
             own_wire, sender, _ = world.closing.enter_context(beside)
             ids = {"system_id": sender.system_id, "component_id": sender.component_id}
         return own_wire, Vehicle(
-            autopilot="px4", link="zenoh", url=url, parameters=mavlink_url, **ids
+            autopilot="px4",
+            link="zenoh",
+            url=url,
+            parameters=mavlink_url,
+            connect_timeout_s=discovery.FOUND_WITHIN_S,
+            **ids,
         )
 
 
