@@ -10,6 +10,7 @@ home is where the vehicle was last seen disarmed.
 
 import contextlib
 import math
+import queue
 import secrets
 import threading
 import time
@@ -38,7 +39,13 @@ from guidance.links.px4_mode import ARMED, FlightMode, Outgoing, Readiness
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.wires import Arrivals
 from guidance.links.zenoh_credentials import Credentials
-from guidance.links.zenoh_session import Session, close_all, direct_session, open_session
+from guidance.links.zenoh_session import (
+    Session,
+    close_all,
+    direct_session,
+    is_over,
+    open_session,
+)
 from guidance.vehicle import is_plausible
 
 _AT_ONCE: Final = frozenset(
@@ -92,6 +99,11 @@ _BOOT_US: Final = 2**32 * 1000
 _BATTERY_SILENT_S: Final = 1.0
 """After this without BatteryStatus the charge is unknown."""
 
+_OUTBOX_LENGTH: Final = 64
+_OVER_EVERY_S: Final = 0.5
+_SETPOINT_LASTS_S: Final = 0.1
+"""A setpoint that could not be sent within this time is not sent."""
+
 _LOOK_EVERY_S: Final = 0.02
 _ROUTER_S: Final = 5.0
 """Longest time for reaching the router."""
@@ -104,6 +116,7 @@ _COUNTED: Final = (
     "unsent",
     "setpoints_sent",
     "setpoints_withheld",
+    "setpoints_late",
     "requests_sent",
     "requests_unsupported",
     "arming_checks_answered",
@@ -114,6 +127,12 @@ class _Arrived(NamedTuple):
     received_s: float
     topic: str
     data: bytes
+
+
+class _Departing(NamedTuple):
+    topic: str
+    data: bytes
+    until_s: float
 
 
 class Px4Link:
@@ -146,6 +165,7 @@ class Px4Link:
         self._beside = beside
         self._lock = threading.Lock()
         self._closed = False
+        self._over = threading.Event()
         self._arrivals = Arrivals[_Arrived]()
         self._arrived_s: dict[str, float] = {}
         self._keys = {
@@ -160,12 +180,16 @@ class Px4Link:
         self._publishers = {
             topic: session.declare_publisher(
                 TYPES[name].key(domain_id, f"fmu/in/{topic}"),
-                congestion_control=zenoh.CongestionControl.DROP,
+                # Once a router's queue to PX4 was full, it drops for ever what may be dropped
+                congestion_control=zenoh.CongestionControl.BLOCK,
                 priority=zenoh.Priority.REAL_TIME,
                 express=True,
             )
             for topic, name in TO_PX4.items()
         }
+        self._outbox = queue.Queue[_Departing | None](_OUTBOX_LENGTH)
+        self._sender = threading.Thread(target=self._send_waiting, name="to PX4")
+        self._sender.start()
         self._ends: list[Callable[[], object]] = []
         for topic in FROM_PX4:
             # Any type and hash, so that another version of a message is seen and named
@@ -207,13 +231,30 @@ class Px4Link:
             if topic == "arming_check_reply":
                 self.counts["arming_checks_answered"] += 1
 
-    def _send(self, topic: str, data: bytes) -> None:
+    def _send(self, topic: str, data: bytes, until_s: float = math.inf) -> None:
         if self._closed:
             return
         try:
-            self._publishers[topic].put(data)
-        except zenoh.ZError:
+            self._outbox.put_nowait(_Departing(topic, data, until_s))
+        except queue.Full:
             self.counts["unsent"] += 1
+
+    def _send_waiting(self) -> None:
+        """Send what waits, on a thread of its own: a router that is stuck keeps neither the loop nor an answer."""
+        while not is_over(self._over):
+            try:
+                departing = self._outbox.get(timeout=_OVER_EVERY_S)
+            except queue.Empty:
+                continue
+            if departing is None:
+                return
+            if self._clock() > departing.until_s:
+                self.counts["setpoints_late"] += 1
+                continue
+            try:
+                self._publishers[departing.topic].put(departing.data)
+            except zenoh.ZError:
+                self.counts["unsent"] += 1
 
     def tend(self) -> None:
         """Send what the mode has due; what arrived stays for `receive`."""
@@ -268,7 +309,8 @@ class Px4Link:
             ("jerk", free),
         ):
             values |= {f"{name}_{index}": part for index, part in enumerate(vector)}
-        self._send("trajectory_setpoint", TYPES["TrajectorySetpoint"].encode(**values))
+        data = TYPES["TrajectorySetpoint"].encode(**values)
+        self._send("trajectory_setpoint", data, until_s=self._clock() + _SETPOINT_LASTS_S)
         self.counts["setpoints_sent"] += 1
 
     def request(self, request: messages.Request) -> None:
@@ -357,8 +399,13 @@ class Px4Link:
             return
         self._send_all(self.mode.farewell())
         self._closed = True
+        with contextlib.suppress(queue.Full):
+            self._outbox.put_nowait(None)
+        self._sender.join(_ROUTER_S)
+        self._over.set()
         self._arrivals.close()
         close_all(*self._ends, self._session.close)
+        self._sender.join()
         if self._beside is not None:
             self._beside.close()
 
