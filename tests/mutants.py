@@ -82,7 +82,6 @@ TESTS: Mapping[str, Sequence[str]] = {
     "guidance/flight/table.py": ("tests/flight/test_table.py",),
     "guidance/flight/detection.py": ("tests/flight/test_detection.py",),
     "guidance/flight/machine.py": FLIGHT,
-    "guidance/session/orders/replies.py": ("tests/session/test_replies.py",),
     "guidance/autopilots/rules.py": ("tests/autopilots/test_rules.py", *PREFLIGHT),
     "guidance/preflight/__init__.py": PREFLIGHT,
     "guidance/preflight/areas.py": (
