@@ -80,7 +80,12 @@ TESTS: Mapping[str, Sequence[str]] = {
     "guidance/control/polygon.py": ("tests/control/test_polygon.py", *WALLS),
     "guidance/control/setpoint_limiter.py": LIMITER,
     "guidance/flight/table.py": ("tests/flight/test_table.py",),
-    "guidance/flight/detection.py": ("tests/flight/test_detection.py",),
+    "guidance/flight/detection.py": (
+        "tests/flight/test_detection.py",
+        "tests/flight/test_arming.py",
+        "tests/flight/test_freshness.py",
+        "tests/flight/test_far_evader.py",
+    ),
     "guidance/flight/machine.py": FLIGHT,
     "guidance/autopilots/rules.py": ("tests/autopilots/test_rules.py", *PREFLIGHT),
     "guidance/preflight/__init__.py": PREFLIGHT,

@@ -177,6 +177,28 @@ def test_a_pilots_mode_in_the_climb_is_noticed_and_left_alone(autopilot, mode):
     assert commands(outputs) == []
 
 
+def test_the_mode_of_the_climb_is_another_hands_once_the_climb_is_over():
+    flown = climbing(PX4)
+    flown.position[2] = HOME_DOWN_M - 9.5
+    flown.mode = Mode.HOLD
+    flown.cycle(beat=True)
+    flown.cycle()
+    assert flown.state is State.STANDING_BY
+    flown.mode = Mode.TAKEOFF
+    assert flown.cycle(beat=True).state is State.YIELDED
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_stream_that_the_autopilot_stopped_waiting_for_is_not_begun_again_by_an_order(autopilot):
+    flown = Flown(settings_of(autopilot)).engaged()
+    assert flown.cycle(Event.HOLD).setpoint is not None
+    flown.cycle(dt_s=3.5, beat=True)
+    assert flown.state is State.HOLDING
+    outputs = [flown.cycle(Event.RETURN), *flown.cycles(0.5)]
+    assert flown.state is State.RETURNING
+    assert {output.setpoint for output in outputs} == {None}
+
+
 @pytest.mark.parametrize(("autopilot", "mode"), MODES)
 @pytest.mark.parametrize("order", [Event.HOLD, Event.RETURN, Event.LAND])
 def test_what_an_order_asked_for_and_got_is_not_asked_for_again_when_a_pilot_ends_it(
