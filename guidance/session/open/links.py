@@ -14,8 +14,8 @@ from guidance.links import EvaderSource, SigningKey, Wire, parse
 from guidance.links.evader_sources import SourceOrder, evader_kind
 from guidance.links.ground_link import GroundLink
 from guidance.links.opening import open_link, open_wire
-from guidance.links.port import VehicleLink
-from guidance.links.px4_link import open_px4_link
+from guidance.links.port import VehicleLink, is_px4
+from guidance.links.px4_link import open_px4_link, px4_session
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.signed_streams import state_folder
 from guidance.links.wires import TappedWire, share
@@ -163,10 +163,16 @@ def _open_ground_link(
 def _claim_on_its_bus(url: str, credentials: Credentials, closed: ExitStack) -> None:
     """Claim a vehicle behind Zenoh on its own bus: all possible owners are there."""
     endpoint = parse(url)
-    if endpoint.scheme == "zenoh":
-        session = closed.enter_context(session_to(endpoint, credentials, timeout_s=5.0))
+    if is_px4(url):
+        session = px4_session(endpoint, credentials, timeout_s=5.0)
+        owned = f"{endpoint.namespace}/guidance"
+    elif endpoint.scheme == "zenoh":
+        session = session_to(endpoint, credentials, timeout_s=5.0)
         owned = f"{endpoint.namespace}/guidance" if endpoint.namespace else "guidance"
-        closed.callback(close_all, owner_token(session, owned).undeclare)
+    else:
+        return
+    closed.callback(close_all, session.close)
+    closed.callback(close_all, owner_token(session, owned).undeclare)
 
 
 def _open_source(
