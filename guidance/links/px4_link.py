@@ -61,6 +61,23 @@ _AT_ONCE: Final = frozenset(
 _LEAST_APART_S: Final = {"vehicle_global_position": 0.09, "battery_status": 0.45}
 """PX4 sends these more often than anybody reads them."""
 
+_POSITION: Final = "vehicle_local_position"
+
+UNREAD_BESIDE: Final = frozenset(
+    {
+        "ATTITUDE",
+        "ESTIMATOR_STATUS",
+        "EXTENDED_SYS_STATE",
+        "GLOBAL_POSITION_INT",
+        "GPS_GLOBAL_ORIGIN",
+        "LOCAL_POSITION_NED",
+        "ODOMETRY",
+        "POSITION_TARGET_LOCAL_NED",
+        "SYS_STATUS",
+    }
+)
+"""Names of MAVLink messages that a link beside this one need not read, because they come over Zenoh."""
+
 _BESIDE: Final = (
     messages.Parameter,
     messages.AutopilotVersion,
@@ -263,12 +280,18 @@ class Px4Link:
         self._send_all(due)
 
     def receive(self) -> Sequence[messages.Message]:
-        """Return all messages since the last call, oldest first, and send what the mode has due."""
+        """Return the messages since the last call, of positions the newest, and send what the mode has due."""
         if self._closed:
             return []
         self.tend()
         received: list[messages.Message] = []
-        for received_s, topic, data in self._arrivals.take():
+        arrived = self._arrivals.take()
+        newest = max(
+            (index for index, one in enumerate(arrived) if one.topic == _POSITION), default=0
+        )
+        for index, (received_s, topic, data) in enumerate(arrived):
+            if topic == _POSITION and index != newest:
+                continue  # PX4 sends several in a cycle, and only one is flown by
             try:
                 fields = TYPES[FROM_PX4[topic]].decode(data)
                 made = self._telemetry.take(topic, fields, received_s)

@@ -126,21 +126,29 @@ def test_a_position_is_local_position_attitude_origin_and_resets(rig):
     assert rig.of(Odometry)[0].reset_counter == 7
 
 
-def test_messages_come_in_order_and_stamped_on_arrival(rig):
+def test_of_the_positions_since_the_last_call_the_newest_comes_stamped_on_arrival(rig):
     before_s = time.monotonic()
     for n in range(50):
         rig.peer.local_position(n)
-    assert rig.hear(lambda: len(rig.of(LocalPosition)) == 50)
-    assert [round(one.time_boot_s * 1e3) for one in rig.of(LocalPosition)] == list(range(50))
+    # What is sent later arrives later
+    rig.peer.say("vehicle_land_detected", landed=True)
+    assert rig.hear(lambda: bool(rig.of(LandedState)))
+    assert rig.hear(lambda: rig.of(LocalPosition)[-1].time_boot_s == 0.049)
     stamps = [one.received_s for one in rig.of(LocalPosition)]
     assert before_s <= stamps[0]
     assert stamps == sorted(stamps)
     assert stamps[-1] <= time.monotonic()
+    rig.peer.local_position(60)
+    rig.peer.local_position(61)
+    time.sleep(0.2)
+    (newest,) = [one for one in rig.link.receive() if isinstance(one, LocalPosition)]
+    assert newest.time_boot_s == 0.061
 
 
 @pytest.mark.parametrize("values", [{"xy_valid": False}, {"x": math.nan}, {"vz": math.inf}])
 def test_a_position_that_is_not_valid_is_dropped_and_counted(rig, values):
     rig.peer.local_position(1, **values)
+    assert rig.hear(lambda: rig.link.counters()["invalid"] == 1)
     rig.peer.local_position(2)
     assert rig.hear(lambda: bool(rig.of(LocalPosition)))
     assert [one.time_boot_s for one in rig.of(LocalPosition)] == [0.002]
@@ -292,15 +300,15 @@ def test_what_this_wire_does_not_carry_is_counted_and_not_guessed(rig):
 
 
 def test_garbage_and_another_version_are_dropped_counted_and_named(rig, router):
-    rig.peer.send("vehicle_local_position", b"\0\1\0\0 too short")
-    rig.peer.send("vehicle_local_position", bytes(5000))
-    rig.peer.send("vehicle_local_position", b"\0\0" + encoded("VehicleLocalPosition")[2:])
+    rig.peer.send("vehicle_land_detected", b"\0\1\0\0 too short")
+    rig.peer.send("vehicle_land_detected", bytes(5000))
+    rig.peer.send("vehicle_land_detected", b"\0\0" + encoded("VehicleLandDetected")[2:])
     kind = TYPES["VehicleLocalPosition"]
     other = kind.key(rig.peer.domain_id, "fmu/out/vehicle_local_position")[:-4] + "0000"
     router.session.put(other, encoded("VehicleLocalPosition"))
     rig.peer.local_position(7)
     assert rig.hear(lambda: bool(rig.of(LocalPosition)))
-    assert rig.link.counters()["invalid"] == 3
+    assert rig.hear(lambda: rig.link.counters()["invalid"] == 3)
     assert rig.link.counters()["other_version"] == 1
     assert rig.link.other_versions["vehicle_local_position"] == other
 
@@ -409,3 +417,32 @@ def test_where_no_router_runs_the_link_is_one():
             credentials=NO_CREDENTIALS,
             timeout_s=0.2,
         )
+
+
+def test_a_setpoint_that_waited_too_long_is_not_sent(router, peer):
+    now_s = [time.monotonic()]
+
+    def clock() -> float:
+        # The sender looks later than the loop, once the loop has sent
+        late = threading.current_thread() is not threading.main_thread()
+        return time.monotonic() + (now_s[0] if late else 0.0)
+
+    now_s[0] = 0.0
+    url = f"zenoh+tcp://127.0.0.1:{router.port}/{peer.domain_id}"
+    with beating(peer):
+        link = open_px4_link(
+            parse(url),
+            mode_name="Pursuit",
+            beside=None,
+            clock=clock,
+            credentials=NO_CREDENTIALS,
+            timeout_s=3.0,
+        )
+    try:
+        Rig(link, peer).flown()
+        now_s[0] = 0.2
+        link.send_setpoint(FLY)
+        assert until(lambda: link.counters()["setpoints_late"] == 1)
+        assert peer.of("trajectory_setpoint") == []
+    finally:
+        link.close()

@@ -15,7 +15,7 @@ from guidance.links.evader_sources import SourceOrder, evader_kind
 from guidance.links.ground_link import GroundLink
 from guidance.links.opening import open_link, open_wire
 from guidance.links.port import VehicleLink, is_px4
-from guidance.links.px4_link import open_px4_link, px4_session
+from guidance.links.px4_link import UNREAD_BESIDE, open_px4_link, px4_session
 from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.links.signed_streams import state_folder
 from guidance.links.wires import TappedWire, share
@@ -131,7 +131,7 @@ def _open_vehicle_link(
             mode_name=vehicle.mode_name,
             beside=None
             if wire is None
-            else PymavlinkLink(wire, clock.now_s, **ids, signing_key=key),
+            else PymavlinkLink(wire, clock.now_s, **ids, signing_key=key, unread=UNREAD_BESIDE),
             clock=clock.now_s,
             credentials=credentials,
             timeout_s=limit_s,
