@@ -197,6 +197,14 @@ def test_a_stream_that_the_autopilot_stopped_waiting_for_is_not_begun_again_by_a
     outputs = [flown.cycle(Event.RETURN), *flown.cycles(0.5)]
     assert flown.state is State.RETURNING
     assert {output.setpoint for output in outputs} == {None}
+    # A new engagement begins a new stream.
+    flown.cycle(Event.HOLD)
+    flown.mode = Mode.HOLD
+    flown.cycle(beat=True)
+    assert flown.cycle(Event.ENGAGE).state is State.ENTERING
+    flown.mode = Mode.GUIDED
+    held = flown.cycle(Event.HOLD, beat=True)
+    assert (held.state, held.setpoint is not None) == (State.HOLDING, True)
 
 
 @pytest.mark.parametrize(("autopilot", "mode"), MODES)
