@@ -126,6 +126,9 @@ Quantities = Mapping[str, float]
 
 SHORTEST_LOSS_S: Final = 0.2
 
+_ROUNDING_M: Final = 1e-3
+"""A parameter is single precision on the wire."""
+
 
 class Judgement(NamedTuple):
     """Result of a rule. `set_to` is a value of the quantity that passes; None if a person has to choose one."""
@@ -283,7 +286,7 @@ def return_height(fence: str, action: str) -> Judge:
         expected = f"at most limits.ceiling_m = {ceiling_m:g} m"
         if fenced and fence_m <= ceiling_m:
             expected = f"below {fence} = {fence_m:g} m"
-        if height_m > ceiling_m:
+        if height_m > ceiling_m + _ROUNDING_M:
             consequence = f"{action} would climb above our ceiling"
             return Judgement(Verdict.REFUSE, expected, set_to, consequence)
         consequence = f"{action} would climb through the fence"

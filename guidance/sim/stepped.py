@@ -82,6 +82,10 @@ class SteppedWorld(World):
                 for name in self.players
             }
 
+    def wire(self, player: str) -> Wire:
+        """Return one more wire to a player, for another program."""
+        return self._mocks[player].wire()
+
     def advance(self) -> None:
         """Step all vehicles."""
         for mock in self._mocks.values():

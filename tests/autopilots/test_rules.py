@@ -90,6 +90,7 @@ def test_a_lost_setpoint_is_noticed_soon_but_not_at_once(limit_s, value, passed,
         (None, 0.0, Verdict.REFUSE, None),
         (-1.0, 60.0, Verdict.PASS, None),
         (0.0, 60.0, Verdict.PASS, None),
+        (0.0, 60.000004, Verdict.PASS, None),  # 60 m in single precision, or less
         (0.0, 60.1, Verdict.REFUSE, 60.0),
         (0.5, 59.0, Verdict.WARN, 0.25),
         (60.0, 59.9, Verdict.PASS, None),

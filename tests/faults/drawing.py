@@ -11,6 +11,7 @@ from typing import Any
 
 from guidance.config import parse_document
 from guidance.sim.scenario import Scenario
+from tests.faults.disturbances import DISTURBANCES, Disturbance
 
 Keys = dict[str, Any]
 
@@ -56,6 +57,7 @@ class Case:
         scenario: The scenario, with the faults of its vehicles.
         corners_m: Corners of a polygon fence, (north, east) from home.
         stalls: Stalls of the loop.
+        disturbances: What people and other programs do. Such a flight starts on the ground.
     """
 
     seed: int
@@ -63,12 +65,15 @@ class Case:
     scenario: Scenario
     corners_m: tuple[tuple[float, float], ...] | None = None
     stalls: tuple[Stall, ...] = ()
+    disturbances: tuple[Disturbance, ...] = ()
 
     @property
     def kinds(self) -> tuple[str, ...]:
         """Names of the faults; those of the evader's link have a prefix."""
         stalled = ("loop_stall",) if self.stalls else ()
-        return (*(_named(fault.kind, fault.vehicle) for fault in self.scenario.fault), *stalled)
+        disturbed = dict.fromkeys(one.kind for one in self.disturbances)
+        faults = (_named(fault.kind, fault.vehicle) for fault in self.scenario.fault)
+        return (*faults, *stalled, *disturbed)
 
     @property
     def game(self) -> Scenario:
@@ -259,7 +264,12 @@ EVADER_FAULTS: Mapping[str, Callable[[Draw], Keys]] = {
 """The same for the evader."""
 
 LOOP_STALL = "loop_stall"
-KINDS = (*PURSUER_FAULTS, *(_named(kind, "evader") for kind in EVADER_FAULTS), LOOP_STALL)
+KINDS = (
+    *PURSUER_FAULTS,
+    *(_named(kind, "evader") for kind in EVADER_FAULTS),
+    LOOP_STALL,
+    *DISTURBANCES,
+)
 
 
 def draw_case(seed: int, number: int) -> Case:
@@ -283,10 +293,17 @@ def draw_case(seed: int, number: int) -> Case:
         for kind in kinds
         if kind == LOOP_STALL
     )
-    document["fault"] = [_fault(draw, kind) for kind in dict.fromkeys(kinds) if kind != LOOP_STALL]
-    return Case(
-        seed, number, parse_document(Scenario, document, source=f"flight {number}"), corners, stalls
+    kinds = dict.fromkeys(kinds)
+    faults = [kind for kind in kinds if kind != LOOP_STALL and kind not in DISTURBANCES]
+    document["fault"] = [_fault(draw, kind) for kind in faults]
+    disturbances = tuple(
+        disturbance
+        for kind in kinds
+        if kind in DISTURBANCES
+        for disturbance in DISTURBANCES[kind](draw.random, autopilot)
     )
+    scenario = parse_document(Scenario, document, source=f"flight {number}")
+    return Case(seed, number, scenario, corners, stalls, disturbances)
 
 
 def _fault(draw: Draw, named: str) -> Keys:

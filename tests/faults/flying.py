@@ -12,7 +12,8 @@ from typing import NamedTuple, Self
 
 from guidance.clock import VirtualClock
 from guidance.control.polygon import Polygon
-from guidance.flight import FINAL, Event, State
+from guidance.errors import FlightError
+from guidance.flight import BEFORE_FLIGHT, FINAL, Event, State
 from guidance.flight.table import HANDING_OVER
 from guidance.links.carriers import GLOBAL_POSITION
 from guidance.links.mavlink_evader import MavlinkEvader
@@ -26,6 +27,7 @@ from guidance.session.plan import FlightPlan, plan_of
 from guidance.sim.mock_files import faults_after
 from guidance.sim.scenario import EVADER_ID, PURSUER
 from guidance.sim.stepped import SteppedWorld
+from tests.faults.disturbances import Disturbed, set_up, wants_of
 from tests.faults.drawing import AUTOPILOTS, Case
 from tests.faults.invariants import Violation, Watch
 from tests.harness.copies import copied
@@ -36,6 +38,9 @@ LEFT_S = 3.5
 
 LONGEST_S = 120.0
 _TO_THE_VEHICLE = f"{PURSUER}/mavlink_raw/in"
+PREFLIGHT = frozenset({"parameter_changed"})
+"""Disturbances of a flight that preflight judges."""
+
 HOLD_AT_THE_END = MissionPolicy(engage=True, end_with=Event.HOLD)
 
 
@@ -75,12 +80,23 @@ class Sortie:
         )
         (self._daemon,) = self.mission.daemons
         self.watch = Watch(case, self._world)
+        self.disturbed = Disturbed(
+            case.disturbances,
+            self._world,
+            self.clock,
+            self._daemon,
+            self.watch.wrong,
+            alone=len(case.kinds) == 1,
+        )
+        if PREFLIGHT & set(case.kinds):
+            set_up(self._world.vehicles[PURSUER], case.scenario)
         self._case = case
         self._stalls = list(case.stalls)
         self._engaged_s: float | None = None
         self._over_s: float | None = None
         self._standing_by = False
         self._under_way = False
+        self._given_up = False
 
     @property
     def state(self) -> State:
@@ -92,7 +108,9 @@ class Sortie:
         """Whether to stop: the flight is over, or it is in STANDING_BY and can be copied."""
         over = self._over_s is not None and self.clock.now_s() - self._over_s >= LEFT_S
         waiting = self._standing_by and not self._under_way
-        return waiting or over or self.clock.now_s() > LONGEST_S or self.mission.finished
+        now_s = self.clock.now_s()
+        late = now_s > LONGEST_S or self._given_up or self.disturbed.barred(now_s)
+        return waiting or over or late or self.mission.finished
 
     def stand_by(self) -> Self:
         """Fly until STANDING_BY at the start of the game, or until the end of a flight that fails earlier."""
@@ -106,12 +124,18 @@ class Sortie:
         self._under_way = True
         self.clock.sleep_until(self.clock.now_s() + PERIOD_S)
         self._run()
-        self.watch.ended(self.clock.now_s(), self.state)
+        if not (self._given_up or self.disturbed.barred(self.clock.now_s())):
+            self.watch.ended(self.clock.now_s(), self.state)
 
     def _run(self) -> None:
         try:
             # No replay needs the raw frames
             run(self.mission.daemons, self._world, self.clock, mission=self)
+        except FlightError as error:
+            # A mission that preflight judges ends so before the start order.
+            if not self._daemon.judged or self.state not in BEFORE_FLIGHT:
+                self.watch.wrong("nothing ends the loop", self.clock.now_s(), 1.0, str(error))
+            self._given_up = True
         except Exception as error:  # the loop must not raise
             self.watch.wrong(
                 "nothing ends the loop", self.clock.now_s(), 1.0, f"{type(error).__name__}: {error}"
@@ -119,7 +143,9 @@ class Sortie:
 
     def before(self, now_s: float) -> None:
         """Let the mission give its orders."""
-        self.mission.before(now_s)
+        self.disturbed.before(now_s)
+        if not self.disturbed.holds_back_start(now_s):
+            self.mission.before(now_s)
 
     def after(self, now_s: float, late_s: float = 0.0) -> None:
         """Check a cycle."""
@@ -136,11 +162,13 @@ class Sortie:
             for name, keys in faults_after(self._case.scenario, "engaged"):
                 self._world.faulted[name].inject(keys)
         self.watch.followed(now_s, outputs, flight)
+        self.disturbed.after(now_s, outputs)
         if self._engaged_s is not None:
             self.watch.see(now_s, flight)
         self._stall(now_s)
         over = outputs.state in FINAL or (
-            self._engaged_s is not None and outputs.state in HANDING_OVER
+            (self._engaged_s is not None or self.disturbed.ended_by_order)
+            and outputs.state in HANDING_OVER
         )
         self._over_s = None if not over else now_s if self._over_s is None else self._over_s
 
@@ -162,6 +190,8 @@ class Sortie:
 def plan(case: Case) -> FlightPlan:
     """Return the scenario's plan with the polygon fence, which scenario files do not support."""
     planned = plan_of(scenario=case.scenario)
+    if PREFLIGHT & set(case.kinds):
+        planned = replace(planned, wants=wants_of(case.scenario, planned))
     if case.corners_m is None:
         return planned
     cycle = planned.flight.cycle
@@ -209,7 +239,8 @@ def fly(case: Case, folder: Path | None = None, starts: Starts | None = None) ->
             starts on the ground; flights from the ground are recorded and replayed.
     """
     begun_s = time.process_time()
-    sortie = None if starts is None or folder is not None else starts.copy(case)
+    whole = starts is None or folder is not None or bool(case.disturbances)
+    sortie = None if whole or starts is None else starts.copy(case)
     if sortie is None:
         sortie = _from_the_ground(case, folder, starts)
     else:
@@ -233,7 +264,7 @@ def _from_the_ground(case: Case, folder: Path | None, starts: Starts | None) -> 
         path = (Path(scratch) if folder is None else folder) / f"{case.seed}-{case.number}.mcap"
         record = Tape(path, flight_metadata(case.scenario, None, None))
         sortie = Sortie(case, record).stand_by()
-        if starts is not None and not case.game.fault:
+        if starts is not None and not case.game.fault and not case.disturbances:
             starts.keep(case, sortie)
         sortie.fly(case)
         sortie.close()

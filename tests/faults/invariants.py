@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from guidance.control.polygon import Polygon
-from guidance.flight import FINAL, Event, Outputs, State
+from guidance.flight import BEFORE_FLIGHT, FINAL, ORDERS, Event, Outputs, State
 from guidance.flight.freshness import TELEMETRY_LIMIT_S
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES, TRANSITIONS
 from guidance.frames import Amsl
@@ -223,11 +223,12 @@ class Watch:
         if self.engaged_s is None and outputs.state is State.ENGAGED:
             self.engaged_s = now_s
             self._home_off_m = self._home_off(flight.tracking.home_ned_m)
-        if self._home_m is None and outputs.state is State.CLIMBING:
+        if self._home_m is None and outputs.state not in BEFORE_FLIGHT:
             self._home_m = self._pursuer.autopilot.state.home_m
         for happening in outputs.happenings:
             legal = TRANSITIONS.get((happening.before, happening.event), happening.before)
-            if happening.after is not legal:
+            refused = happening.event in ORDERS and happening.after is happening.before
+            if happening.after is not legal and not refused:
                 self.wrong(
                     "the table",
                     now_s,
