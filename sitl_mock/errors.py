@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
 _PACKAGES: Final = {"zenoh": "eclipse-zenoh"}
 """Packages whose name is not that of their module."""
@@ -28,6 +29,16 @@ class TransportError(MockError):
     """An endpoint cannot be opened, mostly because its port is taken."""
 
     exit_code = 3
+
+
+def require_file(path: Path) -> None:
+    """Refuse what is there and is no regular file: a pipe would wait for ever, and a device has no end.
+
+    Raises:
+        ConfigError: The path is a pipe, a device, a socket or a folder.
+    """
+    if path.exists() and not path.is_file():
+        raise ConfigError(f"{path}: is no regular file; give the name of a recorded file")
 
 
 @contextlib.contextmanager

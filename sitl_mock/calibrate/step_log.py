@@ -2,6 +2,7 @@
 
 import csv
 import math
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl_mock.calibrate.flight_log import is_flight_log, rows_of
-from sitl_mock.errors import ConfigError
+from sitl_mock.errors import ConfigError, require_file
 
 _TIME = "t_s"
 _COMMANDS = ("cmd_n_m_s", "cmd_e_m_s", "cmd_d_m_s")
@@ -77,11 +78,12 @@ def read_step_log(path: Path) -> StepLog:
 
 
 def _table(path: Path) -> Sequence[Sequence[float]]:
+    require_file(path)
     try:
         with path.open("rb") as file:
             if is_flight_log(file.read(_BEGINNING)):
                 file.seek(0)
-                return rows_of(file.read(), str(path))
+                return _rows_of_log(path, file.read())
         with path.open(encoding="utf-8", newline="") as lines:
             return _numbers(path, lines)
     except OSError as error:
@@ -90,6 +92,14 @@ def _table(path: Path) -> Sequence[Sequence[float]]:
     except (UnicodeDecodeError, csv.Error) as error:
         msg = f"{path} is not a CSV file of UTF-8 text: {error}"
         raise ConfigError(msg) from error
+
+
+def _rows_of_log(path: Path, content: bytes) -> Sequence[Sequence[float]]:
+    """Read a flight log, whose definitions come with it and may say anything."""
+    try:
+        return rows_of(content, str(path))
+    except (ValueError, LookupError, ArithmeticError, struct.error, MemoryError) as error:
+        raise ConfigError(f"{path}: the flight log is damaged ({type(error).__name__})") from error
 
 
 def _numbers(path: Path, lines: TextIO) -> list[list[float]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from sitl_mock.compare.tlog import TimedFrame, read_frames, steady_times
-from sitl_mock.errors import ConfigError
+from sitl_mock.errors import ConfigError, require_file
 from sitl_mock.mavlink import Decoder, Message
 from sitl_mock.vehicle import MockVehicle
 from sitl_mock.world import DEFAULT_HOME, Home
@@ -75,6 +75,7 @@ def read_tlog(path: Path) -> Recording:
     Raises:
         ConfigError: The file cannot be read, is no tlog, or has no HEARTBEAT of PX4, ArduCopter or Rover.
     """
+    require_file(path)
     try:
         raw = path.read_bytes()
     except OSError as error:
