@@ -66,18 +66,37 @@ def run(
     `--out` writes the table as JSON, a picture (extra `plot`) and the worst states of the policy as scenarios, which
     `guidance scenario show`, `guidance scenario run` and `guidance fly` take.
 
+    With a scenario of teams the captures are compared: of the policy, of the plays `optimal` and `captures` that keep
+    promises, and of the rules `nearest`, `hungarian` and `lead`. Seeds scatter the players. A policy is then a function
+    of the observations of `PursuitParallelEnv`, one row for each pursuer.
+
     - `guidance league run policy.py:choose --games 10000 --seed 7`
     - `guidance league run policy.py:choose --scenario tad --out league`: another game, with a picture
     - `guidance league run policy.py:flee --side evader`: the other side
+    - `guidance league run captures --scenario teams_breakthrough --games 200`: rules of teams
     """
     from guidance.league import contest as contests  # noqa: PLC0415 - slow imports
-    from guidance.league import results  # noqa: PLC0415
-    from guidance.sim.scenario_file import load_scenario  # noqa: PLC0415
+    from guidance.league import results, team_contest  # noqa: PLC0415
+    from guidance.sim.scenario_file import load_any  # noqa: PLC0415
+    from guidance.sim.teams import TeamScenario  # noqa: PLC0415
 
     if out is not None:
         require_extras(f"--out {out}", "plot")
         results.require_new(out)
-    path, played_scenario = load_scenario(scenario)
+    path, played_scenario = load_any(scenario)
+    if isinstance(played_scenario, TeamScenario):
+        teams = team_contest.team_contest_of(played_scenario, policy, side, games, seed)
+        target = console(stderr=as_json)
+        target.print(headed(played_scenario.title, f"  ({path.name}, {games} games, seed {seed})"))
+        pairs = len(teams.players) * len(teams.opponents)
+        rows = list(counted(team_contest.play_all_teams(teams), "playing", pairs))
+        text = json.dumps(team_contest.team_document_of(teams, rows), indent=1) + "\n"
+        team_contest.print_team_table(target, teams, rows)
+        if out is not None:
+            target.print(str(results.write_table(out, text)), soft_wrap=True, markup=False)
+        if as_json:
+            typer.echo(text, nl=False)
+        return
     contest = contests.contest_of(played_scenario, policy, side, games, seed)
     target = console(stderr=as_json)
     target.print(headed(played_scenario.title, f"  ({path.name}, {games} games, seed {seed})"))

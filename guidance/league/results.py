@@ -105,6 +105,19 @@ def require_new(out: Path) -> None:
             raise ConfigError(f"--out {out}: contains another league ({name}); give a new folder")
 
 
+def write_table(out: Path, text: str) -> Path:
+    """Write the table; return its path.
+
+    Raises:
+        OutputError: If it cannot be written.
+    """
+    table = out / TABLE
+    with writing(f"--out {out}"):
+        private_folder(out)
+        _write(table, text)
+    return table
+
+
 def write_results(
     contest: Contest, played: Sequence[PlayedPair], out: Path, text: str, worst: int
 ) -> list[Path]:
@@ -115,10 +128,8 @@ def write_results(
     """
     first_player = contest.players[0]
     pairs = [pair for pair in played if pair.row.player == first_player]
-    table = out / TABLE
+    table = write_table(out, text)
     with writing(f"--out {out}"):
-        private_folder(out)
-        _write(table, text)
         picture = draw_regrets(contest, played, out / PICTURE)
         paths = [table, picture]
         for pair in pairs:

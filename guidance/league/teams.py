@@ -25,6 +25,7 @@ from guidance.game.team.rollout import (
 from guidance.league.play import LEAST_S
 from guidance.sim.batch import Array
 from guidance.sim.scenario import EVADER, PURSUER
+from guidance.sim.team_policies import observed_by
 from guidance.sim.teams import TeamScenario, game_of, teams_of
 from guidance.strategies import bounded
 from guidance.strategies.own import EVADER_SHARES, PURSUER_SHARES
@@ -150,7 +151,7 @@ class TeamScenarioGame:
         limit_s = self._scenario.time_limit_s
         running = self._outcomes.end == End.RUNNING
         most_s = np.minimum(longest_s, limit_s - self._now_s)
-        h = step_of(self._straight(), running, self._matching, most_s)
+        h = step_of(self._straight(), running, self._matching.evader_of, most_s)
         v = self._velocity_m_s[: self._n]
         w = self._velocity_m_s[self._n :]
         P, self._E = moved(self._P, self._E, v, w, h, running)
@@ -197,17 +198,8 @@ class TeamScenarioGame:
         return {agent: self._observed(self._number(agent), places_m, present) for agent in agents}
 
     def _observed(self, number: int, places_m: Array, present: Array) -> Array:
-        own_m = places_m[number]
-        own_m_s = self._velocity_m_s[number]
-        relative = np.concatenate([places_m - own_m, self._velocity_m_s - own_m_s], axis=1)
-        relative[np.logical_not(present)] = 0.0
-        pursuers = [index for index in range(self._n) if index != number]
-        evaders = [index for index in range(self._n, len(self.agents)) if index != number]
-        opponents_first = evaders + pursuers if number < self._n else pursuers + evaders
-        parts = [own_m[2:], relative[opponents_first].ravel()]
-        if self._T is not None:
-            parts.append(self._T[0, :2] - own_m[:2])
-        return np.concatenate(parts)
+        target_m = None if self._T is None else self._T[0]
+        return observed_by(number, self._n, places_m, self._velocity_m_s, present, target_m)
 
     def infos(self, agents: list[str]) -> ByAgent:
         """Return value, regret, winner and reason."""

@@ -289,15 +289,20 @@ class AnyScenario(Section):
     seed: int = Field(0, ge=0, description="seed of all random numbers")
     time_limit_s: float = Field(300.0, gt=0.0, description="longest game, from engagement")
 
-    def _shared_faults(self, **policies: Collection[str]) -> Iterator[str]:
-        """Yield what is wrong with the keys of both kinds, from the policies that each player may have."""
-        may_be_own = isinstance(self, Scenario)
+    def _shared_faults(self, own: Collection[str], **policies: Collection[str]) -> Iterator[str]:
+        """Yield what is wrong with the keys of both kinds, from the policies that each player may have.
+
+        Args:
+            own: The players that may have a user's policy.
+            policies: Names by the player.
+        """
         if self.game == "tad" and self.target is None:
             yield 'target.position_m: missing; game = "tad" needs a target'
         if self.game == "pe" and self.target is not None:
             yield 'target: not allowed with game = "pe"; use game = "tad"'
         for player, allowed in policies.items():
             section = getattr(self, player)
+            may_be_own = player in own
             if isinstance(section, tuple):
                 named = {f"{player}[{number}]": group for number, group in enumerate(section)}
             else:
@@ -346,7 +351,9 @@ class Scenario(AnyScenario):
         return self.limits.speeds(self.pursuer.speeds, section="pursuer")
 
     def _faults(self) -> Iterator[str]:
-        yield from self._shared_faults(pursuer=PURSUER_STRATEGIES, evader=EVADER_STRATEGIES)
+        yield from self._shared_faults(
+            (PURSUER, EVADER), pursuer=PURSUER_STRATEGIES, evader=EVADER_STRATEGIES
+        )
         _ = self.speed_limits
         wind_m_s = math.hypot(*self.wind.velocity_m_s)
         evader = self.evader

@@ -9,7 +9,7 @@ from collections.abc import Hashable, Iterator, Sequence
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from pydantic import Field, WithJsonSchema
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from guidance.autopilots import AutopilotName
 from guidance.config import Section
@@ -19,12 +19,13 @@ from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, End, Game
 from guidance.game.arrays import Real
 from guidance.game.game import STILL
 from guidance.game.rules import Rules, game_by
-from guidance.game.team import Matching, TeamRollout, match_teams, rollout_teams
-from guidance.game.team.rollout import held_m
+from guidance.game.team import TEAM_RULES, Matching, TeamRollout, match_teams, rollout_teams
+from guidance.game.team.rollout import CAPTURES, held_m
 from guidance.sim.batch import Array, by_kind, target_extent
 from guidance.sim.expect import Range, Ranges
 from guidance.sim.outcome import achieved_value, winner_name
 from guidance.sim.scenario import (
+    PURSUER,
     AnyScenario,
     Point2,
     ScenarioLimits,
@@ -34,8 +35,13 @@ from guidance.sim.scenario import (
     Standoff,
     TakeoffHeight,
 )
+from guidance.sim.team_policies import own_rule
+from guidance.strategies.own import as_one_text, is_own, policy_schema
 
-PursuerPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*PURSUER_POLICIES]})]
+PURSUER_PLAYS = (*PURSUER_POLICIES, CAPTURES, *TEAM_RULES)
+"""What pursuers of a team may play by name: policies against matched evaders, the play for captures, and rules."""
+
+PursuerPolicy = Annotated[str, BeforeValidator(as_one_text), policy_schema(PURSUER_PLAYS)]
 EvaderPolicy = Annotated[str, WithJsonSchema({"type": "string", "enum": [*EVADER_POLICIES]})]
 GroundedHeight = Annotated[float, Field(ge=0.0)]
 
@@ -57,7 +63,9 @@ class PlayerGroup(Section):
 class PursuerGroup(PlayerGroup):
     """Pursuers in space."""
 
-    policy: PursuerPolicy = Field("optimal", description="strategy of the players")
+    policy: PursuerPolicy = Field(
+        "optimal", description="strategy of the players; `captures` gives up distance for captures"
+    )
     position_m: tuple[float, float, GroundedHeight] = Field(
         description="initial position: x east, y north, z up"
     )
@@ -113,7 +121,10 @@ class TeamScenario(AnyScenario):
     expect: TeamExpect = TeamExpect()
 
     def _faults(self) -> Iterator[str]:
-        yield from self._shared_faults(pursuer=PURSUER_POLICIES, evader=EVADER_POLICIES)
+        yield from self._shared_faults((PURSUER,), pursuer=PURSUER_PLAYS, evader=EVADER_POLICIES)
+        for number, group in enumerate(self.pursuer):
+            if group.policy == CAPTURES and self.target is None:
+                yield f"pursuer[{number}].policy = {CAPTURES!r}: needs target.position_m"
         slowest = min(group.speed_m_s for group in self.pursuer)
         fastest = max(group.speed_m_s for group in self.evader)
         if slowest <= fastest:
@@ -282,7 +293,9 @@ def played_teams(
         P,
         E,
         target_m,
-        pursuer_policy=teams[0].pursuer_policy,
+        pursuer_policy=[
+            own_rule(name) if is_own(name) else name for name in teams[0].pursuer_policy
+        ],
         evader_policy=teams[0].evader_policy,
         capture_m=scenario.capture_m,
         hysteresis=scenario.hysteresis,

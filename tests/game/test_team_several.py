@@ -617,3 +617,34 @@ def test_a_state_of_numpys_numbers_is_solved_as_one_of_floats():
         assert solve_state(game, *map(tuple, states[:count])) == solve_state(
             game, *map(tuple, states[:count].tolist())
         )
+
+
+def test_no_straight_run_before_cylinders_of_several_heights_ends_closer_than_the_lower_bound():
+    rng = np.random.default_rng(1)
+    angle = np.linspace(0.0, 2.0 * np.pi, 1441)
+    run = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    brackets = 0
+    for _ in range(60):
+        v = rng.uniform(1.0, 2.5)
+        u = v * rng.uniform(1.2, 2.5)
+        P = rng.uniform(-30.0, 30.0, (3, 3))
+        P[:, 2] = rng.uniform(5.0, 20.0, 3)
+        E, T = (np.array([*rng.uniform(-20.0, 20.0, 2), 0.0]) for _ in range(2))
+        game = Game(Cylinder(u, 3.0, 1.5), v, capture_radius_m=0.5, standoff=StandOff(3.0, 5.0))
+        team = solve_team(game, P, E, T)
+        solved = int(team.reason) in {Reason.SOLVED, Reason.BRACKET}
+        if not solved or team.winner != Winner.PURSUER:
+            continue
+        brackets += int(team.reason) == Reason.BRACKET
+        low = np.zeros(angle.shape)
+        high = np.full(angle.shape, 300.0)
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            place = E[:2] + v * middle[:, None] * run
+            beside = np.linalg.norm(place[:, None] - P[:, :2], axis=-1) - 3.5
+            level_s = (P[:, 2] - 5.5) / 1.5
+            caught = ((beside <= u * middle[:, None]) & (level_s <= middle[:, None])).any(axis=1)
+            low, high = np.where(caught, low, middle), np.where(caught, middle, high)
+        left = np.linalg.norm(E[:2] + v * high[:, None] * run - T[:2], axis=1)
+        assert team.lower_bound <= left.min() + 1e-6
+    assert brackets > 0

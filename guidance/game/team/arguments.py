@@ -191,7 +191,7 @@ def judged(answer: Answer, fault: Array, fault_words: Callable[[], str]) -> Answ
         return answer
     if fault.ndim == 0:
         raise ConfigError(f"{fault_words()} no answer: {Reason(int(fault)).word.replace('_', ' ')}")
-    nothing = dict.fromkeys(("first", "second", "evader_of"), -1)
+    nothing = dict.fromkeys(("first", "second", "then", "evader_of"), -1)
     parts = {}
     for name, part in answer._asdict().items():
         lost = fault.reshape(fault.shape + (1,) * (part.ndim - fault.ndim))

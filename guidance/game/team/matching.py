@@ -3,7 +3,8 @@
 TAD: an edge is a pursuer that beats an evader alone. A maximum matching, of size m, guarantees m captures at once, and
 they stay guaranteed in play, because the L of each pair never falls (Chen, Zhou & Tomlin, ACC 2014). It is the most
 that pursuers can guarantee who each capture one evader. It is not the most that they can capture: a pursuer that has
-captured one evader may be in time for another one. Among the maximum matchings the one with the largest sum of L is
+captured one evader may be in time for another one. Where that is proven (`in_turn`), `then` says so. Among the maximum
+matchings the one with the largest sum of L is
 taken: a linear assignment. The remaining pursuers join the first pursuer of an evader, one each, so that the sum of
 their gains of L is largest.
 
@@ -21,7 +22,7 @@ A promise ends with the capture, or when the team no longer wins (the pursuers d
 Pursuers that remain go where they come closest to a capture of their own, and guarantee nothing there.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,7 +30,9 @@ from numpy.typing import ArrayLike
 from guidance.game.arrays import NUMPY, Array
 from guidance.game.game import Reason, Winner
 from guidance.game.records import require
+from guidance.game.rows import for_rows
 from guidance.game.team.arguments import TeamGames, judged
+from guidance.game.team.in_turn import can_be_in_turn, way_by_a_capture
 from guidance.game.team.packing import assigned, packed
 from guidance.game.team.several import (
     TeamSolution,
@@ -52,6 +55,9 @@ from guidance.game.team.table import (
     together,
 )
 
+IN_TURN: Final = 40.0
+"""Spare way of a second capture in turn, over `spare_m`: velocities are held, and seen a step late."""
+
 
 class Matching(NamedTuple):
     """The answer of `match_teams` for leading axes (...), n pursuers and m evaders.
@@ -63,6 +69,9 @@ class Matching(NamedTuple):
         total: TAD: sum of L over the evaders that are matched, m; PE: sum of their times, s; (...).
         first: number of the pursuer that guarantees the capture, (..., m); −1 without one.
         second: number of the pursuer that supports it, (..., m); −1 without one.
+        then: number of the evader that a pursuer surely captures after its own, if it gives up its distance for that,
+            (..., n); −1 for none. The play "captures" of `rollout_teams` does.
+        captures: number of captures that the pursuers can force one after the other, (...): `guaranteed` and `then`.
         evader_of: number of the evader of each pursuer, (..., n); −1 if no evader is in play.
         beats: whether a pursuer beats an evader alone, (..., n, m).
         alone: the value of each pair by itself as `solve` has it, (..., n, m); NaN for evaders out of play.
@@ -80,6 +89,8 @@ class Matching(NamedTuple):
     total: Array
     first: Array
     second: Array
+    then: Array
+    captures: Array
     evader_of: Array
     beats: Array
     alone: Array
@@ -130,7 +141,7 @@ def match_teams(
         previous_pairs = None
         promised = None
         if previous is not None:
-            previous_pairs = kept_of(table, (previous.first, previous.second))
+            previous_pairs = kept_of(table, (_with_then(table, previous), previous.second))
             promised = previous_pairs.first >= 0
         if target is not None:
             table = _with_spare(table, np.asarray(spare_m))
@@ -143,11 +154,101 @@ def match_teams(
             pairs = _pairs_of_firsts(table, previous_pairs, first)
             second = _seconds(table, pairs, first, mate, previous_pairs, hysteresis)
             answer = _target_answer(table, table.target, pairs, first, second)
+            then = _in_turn(table, table.target, previous, first, answer.then)
+            answer = answer._replace(
+                then=then, captures=answer.guaranteed + np.count_nonzero(then >= 0, axis=-1)
+            )
     parts = [part.reshape((*table.shape, *part.shape[1:])) for part in answer]
     worst = table.all.alone.reason.max(axis=(1, 2))
     fault = np.where(worst < int(Reason.NOT_FINITE), 0, worst)
     words = "pursuers, evaders: have"
     return judged(Matching(*parts), fault.reshape(table.shape), lambda: words)
+
+
+def _with_then(table: Table, previous: Matching) -> Array:
+    """Return the firsts of an earlier matching; a pursuer whose own evader is out of play has the one after it."""
+    b, m, n = table.worth.shape
+    first = np.broadcast_to(previous.first, (*table.shape, m)).reshape(b, m)
+    if not previous.then.size or not (previous.then >= 0).any():
+        return first.reshape((*table.shape, m))
+    then = np.broadcast_to(previous.then, (*table.shape, n)).reshape(b, n)
+    engaged = ((first[..., None] == np.arange(n)) & table.present[..., None]).any(axis=1)
+    rows, pursuers = np.nonzero((then >= 0) & ~engaged)
+    first = first.copy()
+    evaders = then[rows, pursuers]
+    vacant = first[rows, evaders] < 0
+    first[rows[vacant], evaders[vacant]] = pursuers[vacant]
+    return first.reshape((*table.shape, m))
+
+
+def _in_turn(
+    table: Table, target: Array, previous: Matching | None, first: Array, nobody: Array
+) -> Array:
+    """Return the evader that each pursuer surely captures after its own, (b, n), −1 for none: see `in_turn`.
+
+    Args:
+        table: everybody against everybody.
+        target: of each evader, (b, m, 3), m.
+        previous: whose sequences are kept while they hold.
+        first: the pursuer of each evader, (b, m).
+        nobody: −1 for each pursuer, (b, n).
+    """
+    b, m, n = table.worth.shape
+    left = table.present & (first < 0)
+    if not can_be_in_turn(table.all.game) or not left.any() or not (first >= 0).any():
+        return nobody
+    holds = (first[..., None] == np.arange(n)).swapaxes(1, 2)
+    own = np.argmax(holds, axis=-1)
+    engaged = holds.any(axis=-1)
+    possible = engaged[..., None] & left[:, None] & table.plays.swapaxes(1, 2)
+    profit = _spare_in_turn(table, own, target, possible)
+    if not np.isfinite(profit).any():
+        return nobody
+    if previous is not None and previous.then.size:
+        then = np.broadcast_to(previous.then, (*table.shape, n)).reshape(b, n)
+        kept = (then[..., None] == np.arange(m)) & (profit > -np.inf)
+        profit = np.where(kept, profit + 1e6, profit)
+    chosen = assigned(profit.swapaxes(1, 2))
+    takes = (chosen[..., None] == np.arange(n)).swapaxes(1, 2)
+    return np.where(takes.any(axis=-1), np.argmax(takes, axis=-1), -1)
+
+
+def _spare_in_turn(table: Table, own: Array, target: Array, possible: Array) -> Array:
+    """Return by how much pursuers that capture their own evaders are then surely nearer to the others' targets, m.
+
+    Args:
+        table: everybody against everybody.
+        own: the evader of each pursuer, (b, n).
+        target: of each evader, (b, m, 3), m.
+        possible: which pursuers may take which evaders then, (b, n, m).
+
+    Returns:
+        (b, n, m): the way that the pursuer has left when the evader could be at its target (`in_turn`); −∞ for none.
+    """
+    games = for_rows(table.all.game, lambda value: value.swapaxes(1, 2))
+    to = (target - table.evaders)[:, None]
+    run_m = np.sqrt(to[..., 0] ** 2 + to[..., 1] ** 2)
+    ratio = games.pursuer.horizontal_m_s / games.evader_speed_m_s
+    reach_m = ratio * run_m + games.capture_radius_m - IN_TURN * table.spare_m.swapaxes(1, 2)
+    # By the first evader's place the way is not longer than by the worst place of its capture
+    P = table.pursuers[:, :, None]
+    first_m = table.evaders[place_of(own, 1)][:, :, None]
+    by_place_m = np.sqrt(np.sum((P - first_m) ** 2, axis=-1))
+    by_place_m = by_place_m + np.sqrt(np.sum((first_m - target[:, None]) ** 2, axis=-1))
+    closer_m = 2.0 * (np.asarray(games.capture_radius_m) + games.standoff.height_m)
+    row, pursuer, evader = np.nonzero(possible & (by_place_m - closer_m < reach_m))
+    mine = own[row, pursuer]
+    way_m = way_by_a_capture(
+        for_rows(table.all.game, lambda value: value[row, mine, pursuer]),
+        table.pursuers[row, pursuer],
+        table.evaders[row, mine],
+        target[row, mine],
+        target[row, evader],
+    )
+    spare_m = np.full(possible.shape, -np.inf)
+    left_m = np.broadcast_to(reach_m, possible.shape)[row, pursuer, evader] - way_m
+    spare_m[row, pursuer, evader] = np.where(left_m > 0.0, left_m, -np.inf)
+    return spare_m
 
 
 def _pairs_of_firsts(table: Table, previous_pairs: Kept | None, first: Array) -> Meeting:
@@ -356,6 +457,8 @@ def _answer(table: Table, first: Array, second: Array, play: TeamSolution) -> Ma
         total=np.asarray(sum(rising.T)),
         first=first,
         second=second,
+        then=np.full_like(evader_of, -1),
+        captures=guarded.sum(axis=-1),
         evader_of=evader_of,
         beats=table.beats.swapaxes(1, 2),
         alone=alone.swapaxes(1, 2),

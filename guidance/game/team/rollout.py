@@ -2,9 +2,10 @@
 
 All players keep a velocity for a step. A step is never longer than the least time in which an evader could be captured
 or arrive, so that no end is missed; the steps shorten until the end is a nanosecond away. An evader that has ended
-stays where it is, and its pursuers are matched again. Promises of the first matching are kept: an evader ends no closer
-to its target than promised, or no later, with an error of up to 2 (u + v) `step_s` because velocities are held. A
-capture in TAD with less to spare than `HELD` of this way could be lost to that error, so it is not promised.
+stays where it is, and its pursuers are matched again. Promises of the first matching are kept by the play "optimal": an
+evader ends no closer to its target than promised, or no later, with an error of up to 2 (u + v) `step_s` because
+velocities are held. The play "captures" keeps the captures and not the distances. A capture in TAD with less to spare
+than `HELD` of this way could be lost to that error, so it is not promised.
 """
 
 import math
@@ -19,15 +20,19 @@ from guidance.errors import ConfigError
 from guidance.game.arrays import NUMPY, Array, components
 from guidance.game.game import Game, Reason
 from guidance.game.pe import to_target
-from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy, policy_of
+from guidance.game.policies import EVADER_POLICIES, PURSUER_POLICIES, Policy
 from guidance.game.records import require
 from guidance.game.rollout import NANOSECOND_S, SPARE_STEPS, End, look_ahead
 from guidance.game.rows import for_rows
 from guidance.game.team.arguments import TeamGames, joined
+from guidance.game.team.captures import Course, Intent, first_intent, play_orders
 from guidance.game.team.matching import Matching, match_teams
+from guidance.game.team.rules import TEAM_RULES, TeamRule, TeamView, chase, nearest_evader
 from guidance.game.team.table import place_of, taken
 
 OPTIMAL = "optimal"
+CAPTURES = "captures"
+"""The plays of `guidance.game.team.captures` that keep promises, of distances and of captures."""
 
 HELD = 0.1
 """Share of both players' way in a step by which the value of TAD may fall because velocities are held.
@@ -36,11 +41,10 @@ Of 7,432 plays against searching evaders with steps of 0.05 s at 2 and 1 m/s, 7 
 none more: 0.073 of the way.
 """
 
-TeamPolicies = str | Policy | Sequence[str | Policy]
+TeamPolicies = str | Policy | TeamRule | Sequence[str | Policy | TeamRule]
 """One policy for all players of a side, or one for each."""
 
-
-_Sides = tuple[Sequence[str | Policy], Sequence[str | Policy]]
+_Chosen = list[str | Policy | TeamRule]
 
 
 class TeamSample(NamedTuple):
@@ -98,9 +102,10 @@ def rollout_teams(  # noqa: PLR0914
         pursuers: initial positions, (..., n, 3), m.
         evaders: initial positions, (..., m, 3), m.
         target: each evader's target, (..., m, 3), or the one of all, (3,), m; None for PE.
-        pursuer_policy: "optimal" is the play of `match_teams`. Any other name in `PURSUER_POLICIES`, or a function
-            like them, is played by each pursuer against its matched evader. It is told the evader's velocity of
-            the step before; before the first step that is zero.
+        pursuer_policy: "optimal" is the play of `match_teams`; "captures", in TAD, keeps the promised captures and not
+            the distances, for more captures. A name in `TEAM_RULES`, or a `TeamRule`, is a rule without promises. Any
+            other name in `PURSUER_POLICIES`, or a function like them, is played by each pursuer against its matched
+            evader. It is told the evader's velocity of the step before; before the first step that is zero.
         evader_policy: "optimal", or a name in `EVADER_POLICIES` or a function, played against the nearest pursuer.
         capture_m: distance that counts as captured, m, beside the capture radius of the game.
         step_s: longest step, s.
@@ -109,7 +114,7 @@ def rollout_teams(  # noqa: PLR0914
         keep_path: whether to keep every sample.
 
     Raises:
-        ConfigError: as `match_teams`; an unknown policy; or a number that is out of range.
+        ConfigError: as `match_teams`; an unknown policy; "captures" without a target; or a number that is out of range.
     """
     require("step_s", step_s)
     require("duration_s", duration_s)
@@ -120,8 +125,7 @@ def rollout_teams(  # noqa: PLR0914
     (n, m) = first.beats.shape[-2:]
     pairs = joined(game, "(n, m)").rows(lambda value: np.broadcast_to(value, (*shape, n, m)))
     ends = replace(pairs.game, capture_radius_m=pairs.game.capture_radius_m + capture_m)
-    chase = _named("pursuer_policy", pursuer_policy, n, PURSUER_POLICIES)
-    flee = _named("evader_policy", evader_policy, m, EVADER_POLICIES)
+    sides = _sides(pursuer_policy, evader_policy, n, m, in_pe=target is None)
     T = None
     if target is not None:
         T = np.array(np.broadcast_to(target, (*shape, m, 3)), dtype=np.float64)
@@ -133,24 +137,31 @@ def rollout_teams(  # noqa: PLR0914
         np.full((*shape, m), -1),
     )
     now_s = np.zeros(shape)
-    seen_m_s = np.zeros(E.shape)
+    view = TeamView(pairs.game, P, E, T, np.zeros(E.shape), np.zeros(P.shape), outcomes.end == 0)
     matching = first
+    intent = None
     path = []
     for _ in range(math.ceil(duration_s / step_s) + SPARE_STEPS):
         foreseen = foresee(ends, pairs.plays, P, E, T)
         outcomes = judged_ends(outcomes, foreseen, now_s, duration_s)
         running = outcomes.end == End.RUNNING
-        matching = match_teams(
-            game, P, E, T, in_play=running, previous=matching, hysteresis=hysteresis
-        )
+        if keep_path or sides.needs_matching:
+            matching = match_teams(
+                game, P, E, T, in_play=running, previous=matching, hysteresis=hysteresis
+            )
         if keep_path:
             path.append(TeamSample(now_s, P, E, outcomes.end, matching))
         if not running.any():
             break
-        velocity_m_s, run_m_s = _played(pairs.game, (chase, flee), P, E, T, seen_m_s, matching)
-        h = step_of(foreseen, running, matching, np.minimum(step_s, duration_s - now_s))
-        P, E = moved(P, E, velocity_m_s, run_m_s, h, running)
-        seen_m_s = np.where(running[..., None], run_m_s, 0.0)
+        view = view._replace(pursuers_m=P, evaders_m=E, target_m=T, in_play=running)
+        course, intent = _course(view, pairs.plays, sides, matching, intent, step_s)
+        run_m_s = _fled(view, sides.flee, matching)
+        h = step_of(foreseen, running, course.evader_of, np.minimum(step_s, duration_s - now_s))
+        P, E = moved(P, E, course.velocity_m_s, run_m_s, h, running)
+        view = view._replace(
+            evader_velocity_m_s=np.where(running[..., None], run_m_s, 0.0),
+            pursuer_velocity_m_s=course.velocity_m_s,
+        )
         if T is not None:
             drift_m = np.where(running, h[..., None], 0.0)[..., None]
             T = T + drift_m * [*pairs.game.target_velocity_m_s, 0.0]
@@ -214,11 +225,18 @@ def judged_ends(
     return Outcomes(end, time_s, captor)
 
 
-def step_of(foreseen: Foreseen, running: Array, matching: Matching, longest_s: Array) -> Array:
-    """Return the length of the next step, s: to the next event, at most `longest_s`, and 0 where no game runs."""
+def step_of(foreseen: Foreseen, running: Array, evader_of: Array, longest_s: Array) -> Array:
+    """Return the length of the next step, s: to the next event, at most `longest_s`, and 0 where no game runs.
+
+    Args:
+        foreseen: the events.
+        running: which evaders are in play, (..., m).
+        evader_of: whom each pursuer chases, (..., n).
+        longest_s: longest step, s.
+    """
     soonest_s = np.minimum(np.min(foreseen.capture_s, axis=-2), foreseen.arrival_s)
     end_s = np.min(np.where(running, soonest_s, np.inf), axis=-1)
-    turn_s = np.min(taken(foreseen.turn_s, matching.evader_of), axis=-1)
+    turn_s = np.min(taken(foreseen.turn_s, evader_of), axis=-1)
     return np.where(running.any(axis=-1), np.minimum(np.minimum(end_s, turn_s), longest_s), 0.0)
 
 
@@ -235,54 +253,100 @@ def held_m(game: Game, step_s: float) -> Array:
     return np.asarray(HELD * step_s * (game.pursuer.horizontal_m_s + game.evader_speed_m_s))
 
 
-def _played(
-    game: Game,
-    sides: _Sides,
-    P: Array,
-    E: Array,
-    T: Array | None,
-    seen_m_s: Array,
-    matching: Matching,
-) -> tuple[Array, Array]:
-    """Return the velocities of pursuers against their evaders, (..., n, 3), and of evaders against the nearest pursuer.
+class _Sides(NamedTuple):
+    """The policies of the players, and which pursuers promise captures only, (n,)."""
 
-    Each player moves by its own policy, (..., m, 3).
-    """
-    chased = matching.evader_of
+    chase: _Chosen
+    flee: _Chosen
+    spends: Array
+
+    @property
+    def needs_matching(self) -> bool:
+        """Whether a player's policy depends on the matching."""
+        has_rules_only = all(isinstance(policy, TeamRule) for policy in self.chase)
+        return OPTIMAL in self.flee or not has_rules_only
+
+
+def _sides(
+    pursuer_policy: TeamPolicies, evader_policy: TeamPolicies, n: int, m: int, *, in_pe: bool
+) -> _Sides:
+    plays = {OPTIMAL: OPTIMAL, CAPTURES: CAPTURES}
+    chase = _named("pursuer_policy", pursuer_policy, n, {**PURSUER_POLICIES, **plays, **TEAM_RULES})
+    flee = _named("evader_policy", evader_policy, m, {**EVADER_POLICIES, OPTIMAL: OPTIMAL})
+    if CAPTURES in chase and in_pe:
+        raise ConfigError("pursuer_policy = 'captures': needs a target; without one play 'optimal'")
+    return _Sides(chase, flee, np.array([policy == CAPTURES for policy in chase]))
+
+
+def _course(
+    view: TeamView,
+    plays: Array,
+    sides: _Sides,
+    matching: Matching,
+    intent: Intent | None,
+    step_s: float,
+) -> tuple[Course, Intent | None]:
+    """Return how the pursuers fly in a step, each by its own policy, and what they intend then."""
+    course = Course(matching.pursuer_velocity_m_s, matching.evader_of)
+    if sides.spends.any():
+        before = first_intent(view) if intent is None else intent
+        course, intent = play_orders(view, plays, matching, before, step_s, sides.spends)
+    velocity = np.array(course.velocity_m_s, dtype=np.float64)
+    evader_of = np.array(course.evader_of)
+    for policy in dict.fromkeys(sides.chase):
+        if isinstance(policy, str):
+            continue
+        uses_policy = np.array([player_policy == policy for player_policy in sides.chase])
+        if isinstance(policy, TeamRule):
+            chased = nearest_evader(view)
+            flown = policy.play(view)
+        else:
+            chased = matching.evader_of
+            flown = chase(view, chased, policy)
+        velocity[..., uses_policy, :] = flown[..., uses_policy, :]
+        evader_of[..., uses_policy] = chased[..., uses_policy]
+    return Course(velocity, evader_of), intent
+
+
+def _fled(view: TeamView, policies: _Chosen, matching: Matching) -> Array:
+    """Return the velocities of evaders, (..., m, 3), each by its own policy against the nearest pursuer."""
+    P = view.pursuers_m
+    E = view.evaders_m
     near = np.argmin(np.sum((P[..., :, None, :] - E[..., None, :, :]) ** 2, axis=-1), axis=-2)
-    at, by = (place_of(index, index.ndim - 1) for index in (chased, near))
-    ours = for_rows(game, lambda value: taken(value, chased))
-    nearest_games = for_rows(game, lambda value: taken(value.swapaxes(-1, -2), near))
-    velocities = []
-    optimal = (matching.pursuer_velocity_m_s, matching.evader_velocity_m_s)
-    targets = None if T is None else T[at]
-    places = ((ours, P, E[at], targets, seen_m_s[at]), (nearest_games, P[by], E, T, seen_m_s))
-    for policies, velocity_m_s, state in zip(sides, optimal, places, strict=True):
-        velocity = np.array(velocity_m_s, dtype=np.float64)
-        for policy in dict.fromkeys(policies):
-            if not isinstance(policy, str):
-                uses_policy = np.array([player_policy == policy for player_policy in policies])
-                velocity[..., uses_policy, :] = policy(*state)[..., uses_policy, :]
-        velocities.append(velocity)
-    return velocities[0], velocities[1]
+    by = place_of(near, near.ndim - 1)
+    games = for_rows(view.game, lambda value: taken(value.swapaxes(-1, -2), near))
+    velocity = np.array(matching.evader_velocity_m_s, dtype=np.float64)
+    for policy in dict.fromkeys(policies):
+        if isinstance(policy, str | TeamRule):
+            continue
+        uses_policy = np.array([player_policy == policy for player_policy in policies])
+        run = policy(games, P[by], E, view.target_m, view.evader_velocity_m_s)
+        velocity[..., uses_policy, :] = run[..., uses_policy, :]
+    return velocity
 
 
 def _named(
-    name: str, policies: TeamPolicies, count: int, catalogue: Mapping[str, Policy]
-) -> list[str | Policy]:
-    """Return a policy for each player, "optimal" by its name.
+    name: str,
+    policies: TeamPolicies,
+    count: int,
+    catalogue: Mapping[str, str | Policy | TeamRule],
+) -> _Chosen:
+    """Return a policy for each player; the plays that keep promises by their names.
 
     Raises:
         ConfigError: If one is unknown, or there are not as many as players.
     """
-    player_policies = (
-        [policies] * count if isinstance(policies, str) or callable(policies) else list(policies)
-    )
-    if len(player_policies) != count:
+    if isinstance(policies, str | TeamRule) or callable(policies):
+        policies = [policies] * count
+    chosen = []
+    for policy in policies:
+        if isinstance(policy, str) and policy not in catalogue:
+            allowed = f"must be one of {', '.join(catalogue)}, or a function"
+            others = "strategies with a memory and courses are played by scenarios"
+            raise ConfigError(f"{name} = {policy!r}: {allowed}; {others}")
+        chosen.append(catalogue[policy] if isinstance(policy, str) else policy)
+    if len(chosen) != count:
         raise ConfigError(
-            f"{name}: {len(player_policies)} policies for {count} players; give one for all, or one for each"
+            f"{name}: {len(chosen)} policies for {count} players; give one for all, or one for each"
         )
-    return [
-        policy if policy == OPTIMAL else policy_of(name, policy, catalogue)
-        for policy in player_policies
-    ]
+    return chosen

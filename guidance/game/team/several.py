@@ -70,6 +70,7 @@ from guidance.game.team.regions import (
     unit,
 )
 from guidance.game.team.table import (
+    Goal,
     Meeting,
     PursuerGames,
     are,
@@ -89,6 +90,18 @@ ROUNDING = 1e-11
 
 MISSED = 1e-10
 """Relative length by which a run is longer than the longest that was found."""
+
+TRIED = 180
+"""Headings that are tried first for the run that ends closest to the target."""
+
+MINIMA = 3
+"""Lowest minima among these that are followed."""
+
+CLOSER = 17
+"""Headings between both neighbours of the best one, in each further round."""
+
+ROUNDS = 8
+"""Rounds: the heading is found to 2e-9 rad."""
 
 EQUAL = 1e-14
 """Relative difference of two runs that are equally long."""
@@ -319,8 +332,9 @@ def nearest_run(
     """Return the straight run of TAD that ends closest to the target, and its worth.
 
     If no pursuer has a height to reach, it is the run of the best pair. Else runs are tried to the pursuers' own ends
-    of the game, to that of the best pair, and straight to the target until a pursuer reaches its height. Worth that
-    differs from that of the best pair by rounding is the same.
+    of the game, to that of the best pair, and straight to the target until a pursuer reaches its height. If all of
+    these are worth more than the best pair's, runs along all headings are tried. Worth that differs from that of the
+    best pair by rounding is the same.
 
     Args:
         team: the pursuers.
@@ -341,10 +355,57 @@ def nearest_run(
     y = far * to_y
     distance = np.fmin(goal.left((x, y)), np.inf)
     least = place_of(np.argmin(distance, axis=-1))
-    shortest = distance[least]
+    shortest, x, y = (np.array(part[least]) for part in (distance, x, y))
+    unmet = np.asarray(won & (shortest > best.worth * (1.0 + ROUNDING)))
+    if unmet.any():
+        ends = _nearest_of_all(regions.pick(unmet), goal.rows(unmet))
+        nearer = ends.worth < shortest[unmet]
+        for part, found in ((x, ends.x), (y, ends.y), (shortest, ends.worth)):
+            part[unmet] = np.where(nearer, found, part[unmet])
     same = shortest <= best.worth * (1.0 + ROUNDING)
     worth = np.where(same, best.worth, shortest)
-    return NUMPY.select_all(won, _unpaired(best, x[least], y[least], worth), best)
+    return NUMPY.select_all(won, _unpaired(best, x, y, worth), best)
+
+
+class _End(NamedTuple):
+    """The end of a run from the evader, m, and what it is worth."""
+
+    x: Array
+    y: Array
+    worth: Array
+
+
+def _nearest_of_all(regions: Regions, goal: Goal) -> _End:
+    """Return the straight run along any heading that ends closest to the target, (k,).
+
+    The lowest minima among equally spaced headings are followed, closer and closer: the distance has kinks where
+    another pursuer captures first.
+    """
+
+    def ends(angle: Array) -> _End:
+        heading = (np.cos(angle), np.sin(angle))
+        far = np.min(survived(regions.beside(), for_each(heading)), axis=-1)
+        x = far * heading[0]
+        y = far * heading[1]
+        return _End(x, y, np.fmin(goal.left((x, y)), np.inf))
+
+    rows = len(goal.x)
+    step = 2.0 * np.pi / TRIED
+    tried = np.broadcast_to(np.arange(TRIED) * step, (rows, TRIED))
+    left = ends(tried).worth
+    is_minimum = (left <= np.roll(left, 1, axis=-1)) & (left <= np.roll(left, -1, axis=-1))
+    order = np.argsort(np.where(is_minimum, left, np.inf), axis=-1)[:, :MINIMA]
+    middle = np.take_along_axis(tried, order, axis=-1)
+    shares = np.linspace(-1.0, 1.0, CLOSER)
+    for _ in range(ROUNDS):
+        near = (middle[..., None] + step * shares).reshape(rows, -1)
+        left = ends(near).worth.reshape(rows, MINIMA, CLOSER)
+        best = np.argmin(left, axis=-1)
+        middle = taken(near.reshape(rows, MINIMA, CLOSER), best)
+        step *= 2.0 / (CLOSER - 1)
+    found = ends(middle)
+    least = place_of(np.argmin(found.worth, axis=-1))
+    return _End(found.x[least], found.y[least], found.worth[least])
 
 
 def _directions(ends: Array, best: Meeting, straight: Point) -> Point:

@@ -67,6 +67,11 @@ class Goal(NamedTuple):
         drift = (drift_x[rows], drift_y[rows])
         return Goal(self.x[rows], self.y[rows], self.extent, drift)
 
+    def rows(self, rows: Any) -> "Goal":  # noqa: ANN401 - whatever indexes an array
+        """Return the targets of some rows, whose runs have an axis more, (k,)."""
+        x, y, drift_x, drift_y = (np.asarray(part)[rows] for part in (self.x, self.y, *self.drift))
+        return Goal(x, y, self.extent, (drift_x, drift_y))
+
     def pull(self, point: Point) -> Point:
         """Return how the distance from the target falls with the end of a run, (...), if it is picked, see `pick`."""
         x, y = self.place(point)
@@ -360,6 +365,7 @@ class Table(NamedTuple):
 
     Attributes:
         shape: the leading axes.
+        pursuers: positions, (b, n, 3), m.
         evaders: positions, (b, m, 3), m.
         target: of each, (b, m, 3), m; None in PE.
         present: which are in play, (b, m).
@@ -371,6 +377,7 @@ class Table(NamedTuple):
     """
 
     shape: tuple[int, ...]
+    pursuers: Array
     evaders: Array
     target: Array | None
     present: Array
@@ -443,7 +450,7 @@ def table_of(
         worth = np.where(team.plays, worth, -np.inf)
     beats = (pair_teams.alone.winner > 0) & present[..., None] & team.plays
     spare_m = np.zeros(worth.shape)
-    return Table(shape, E, T, present, team.plays, pair_teams, worth, beats, spare_m)
+    return Table(shape, P, E, T, present, team.plays, pair_teams, worth, beats, spare_m)
 
 
 def _leading_shape(

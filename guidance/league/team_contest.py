@@ -1,0 +1,191 @@
+"""A league of rules of teams: captures of every rule against every kind of evader, on common random states.
+
+Every rule plays the games of the same seeds, so a rule is compared with the others game by game. `guaranteed` are the
+captures that the matching at the start can force (`guidance.game.team.match_teams`). A game with fewer breaks a
+promise, which only the plays "optimal" and "captures" give.
+"""
+
+from collections.abc import Iterator
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from rich.console import Console
+
+from guidance.config import parse_document
+from guidance.errors import ConfigError
+from guidance.game import End
+from guidance.game.team import TEAM_RULES
+from guidance.game.team.rollout import CAPTURES, OPTIMAL
+from guidance.screen import print_sheet
+from guidance.sim.batch import Array
+from guidance.sim.scenario import PURSUER
+from guidance.sim.teams import TeamScenario, played_teams, teams_of
+from guidance.strategies import uniform
+
+ROWS: Final = 256
+"""Games that are played at a time."""
+
+RESAMPLES: Final = 200
+STREAM: Final = 43
+CONFIDENCE: Final = (0.025, 0.975)
+"""Bootstrap of an interval of 95 %."""
+
+
+class TeamRow(NamedTuple):
+    """The games of a rule against a kind of evaders.
+
+    Attributes:
+        player: policy of the pursuers.
+        opponent: policy of the evaders.
+        games: number of games.
+        evaders: number of evaders of a game.
+        guaranteed: share of the evaders whose capture is guaranteed at the start.
+        captured: share of the evaders that were captured.
+        low: lower end of its 95 % interval.
+        high: upper end.
+        fewer: games with fewer captures than guaranteed.
+        closer: games in which a promised evader ended closer to its target than guaranteed, or later, by a tenth.
+    """
+
+    player: str
+    opponent: str
+    games: int
+    evaders: int
+    guaranteed: float
+    captured: float
+    low: float
+    high: float
+    fewer: int
+    closer: int
+
+
+class TeamContest(NamedTuple):
+    """What is played: the policies of both sides, and the number and first seed of the games."""
+
+    scenario: TeamScenario
+    players: tuple[str, ...]
+    opponents: tuple[str, ...]
+    games: int
+    seed: int
+
+
+def team_contest_of(
+    scenario: TeamScenario, policy: str, side: str, games: int, seed: int
+) -> TeamContest:
+    """Return the contest of a policy of the pursuers beside the built-in plays and rules.
+
+    Raises:
+        ConfigError: If the side is not the pursuers', the policy is unknown, or no place depends on the seed.
+    """
+    if side != PURSUER:
+        raise ConfigError(f"--side {side}: a league of teams compares pursuers; leave it out")
+    if not any(group.scatter_m for group in (*scenario.pursuer, *scenario.evader)):
+        raise ConfigError("scatter_m: 0 in all tables, so all games would be the same; set it")
+    plays = (OPTIMAL, *TEAM_RULES)
+    evaders = (OPTIMAL, "pure_evade")
+    if scenario.target is not None:
+        plays = (OPTIMAL, CAPTURES, *TEAM_RULES)
+        evaders = ("task_oriented", OPTIMAL)
+    players = tuple(dict.fromkeys((policy, *plays)))
+    contest = TeamContest(scenario, players, evaders, games, seed)
+    with_team_policies(scenario, policy, evaders[0])
+    return contest
+
+
+def with_team_policies(scenario: TeamScenario, pursuer: str, evader: str) -> TeamScenario:
+    """Return a scenario in which all players of a side have one policy, checked as a file's.
+
+    Raises:
+        ConfigError: If a policy is unknown.
+    """
+    pursuers = [group.model_copy(update={"policy": pursuer}) for group in scenario.pursuer]
+    evaders = [group.model_copy(update={"policy": evader}) for group in scenario.evader]
+    document = scenario.model_dump(mode="json", exclude={"expect"}, exclude_unset=True)
+    document["pursuer"] = [group.model_dump(mode="json") for group in pursuers]
+    document["evader"] = [group.model_dump(mode="json") for group in evaders]
+    return parse_document(TeamScenario, document, source=scenario.title)
+
+
+def play_team_pair(contest: TeamContest, player: str, opponent: str) -> TeamRow:
+    """Play all games of a pair of policies."""
+    scenario = with_team_policies(contest.scenario, player, opponent)
+    captured = []
+    guaranteed = []
+    closer = 0
+    for begin in range(0, contest.games, ROWS):
+        numbers = range(begin, min(begin + ROWS, contest.games))
+        seeded = [scenario.model_copy(update={"seed": contest.seed + number}) for number in numbers]
+        rollout = played_teams(scenario, [teams_of(one) for one in seeded])
+        captured.append(np.count_nonzero(rollout.end == End.CAPTURED, axis=1))
+        guaranteed.append(rollout.first.guaranteed)
+        value = np.where(rollout.first.first >= 0, rollout.first.value, 0.0)
+        if scenario.target is None:
+            broken = (rollout.first.first >= 0) & (rollout.time_s > 1.1 * value)
+        else:
+            broken = rollout.distance_m < 0.9 * value
+        closer += int(np.count_nonzero(broken.any(axis=1)))
+    captures = np.concatenate(captured)
+    sure = np.concatenate(guaranteed)
+    evaders = len(teams_of(scenario).evaders_m)
+    low, high = _interval(contest.seed, captures / evaders)
+    return TeamRow(
+        player,
+        opponent,
+        contest.games,
+        evaders,
+        float(sure.mean() / evaders),
+        float(captures.mean() / evaders),
+        low,
+        high,
+        int(np.count_nonzero(captures < sure)),
+        closer,
+    )
+
+
+def play_all_teams(contest: TeamContest) -> Iterator[TeamRow]:
+    """Play every pair, the player's opponents one after the other."""
+    for player in contest.players:
+        for opponent in contest.opponents:
+            yield play_team_pair(contest, player, opponent)
+
+
+def _interval(seed: int, shares: Array) -> tuple[float, float]:
+    """Return the bootstrapped interval of a mean; the resampled games are the same for every pair."""
+    count = len(shares)
+    means = []
+    for number in range(RESAMPLES):
+        places = uniform(np.int64(seed), STREAM, np.arange(count) + number * count)
+        means.append(shares[(places * count).astype(np.intp)].mean())
+    low, high = np.quantile(means, CONFIDENCE)
+    return float(low), float(high)
+
+
+def print_team_table(target: Console, contest: TeamContest, rows: list[TeamRow]) -> None:
+    """Print a row for each pair."""
+    unit = "later" if contest.scenario.target is None else "closer"
+    headings = ["pursuers", "against", "guaranteed %", "captured %", "fewer than guaranteed", unit]
+    cells = [
+        [
+            row.player,
+            row.opponent,
+            f"{100.0 * row.guaranteed:.1f}",
+            f"{100.0 * row.captured:.1f} [{100.0 * row.low:.1f}, {100.0 * row.high:.1f}]",
+            str(row.fewer),
+            str(row.closer),
+        ]
+        for row in rows
+    ]
+    print_sheet(target, headings, cells, left=range(2))
+
+
+def team_document_of(contest: TeamContest, rows: list[TeamRow]) -> dict[str, Any]:
+    """Return the results as plain values."""
+    return {
+        "scenario": contest.scenario.title,
+        "game": contest.scenario.game,
+        "side": PURSUER,
+        "games": contest.games,
+        "seed": contest.seed,
+        "confidence": 0.95,
+        "rows": [row._asdict() for row in rows],
+    }
