@@ -40,7 +40,8 @@ def captured_in_order(P, E, run, until, order, u=1.2, radius=1.0):
     """Fly an order by the definition: bisection for the time at which a straight flight captures. True if in time."""
     now_s = 0.0
     for j in order:
-        low, high = now_s, now_s + 1e4
+        low = now_s
+        high = now_s + 1e4
         for _ in range(80):
             middle = 0.5 * (low + high)
             away = np.linalg.norm(E[j] + middle * run[j] - P)
