@@ -92,6 +92,10 @@ class Commander(Protocol):
         """Execute or refuse a command."""
         ...
 
+    def answered(self, command: Command, answers: Sequence[CommandAnswer], /) -> None:
+        """Take note of the answers to a command, also to those that its link handles."""
+        ...
+
     def set_mode(self, now_s: float, /, base_mode: int, custom_mode: int) -> None:
         """Take a SET_MODE message, which has no answer."""
         ...

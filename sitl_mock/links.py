@@ -205,6 +205,11 @@ class Link:
         return [pack(*reply) for reply in replies]
 
     def _execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
+        answers = self._answers(now_s, command)
+        self.autopilot.commander.answered(command, answers)
+        return answers
+
+    def _answers(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
         flavour = self.autopilot.flavour
         if command.number in flavour.refused_commands:
             return (CommandAnswer(Result.UNSUPPORTED),)

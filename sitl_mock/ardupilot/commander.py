@@ -115,6 +115,9 @@ class ArduPilot:
         """Execute or refuse a command."""
         return self.firmware.execute(self, now_s, command)
 
+    def answered(self, _command: Command, _answers: Sequence[CommandAnswer]) -> None:
+        """Do nothing: the answers go to the client only."""
+
     def set_mode(self, _now_s: float, base_mode: int, custom_mode: int) -> None:
         """Take a SET_MODE message."""
         mode = self.by_number.get(custom_mode)

@@ -32,6 +32,7 @@ from sitl_mock.px4.modes import (
 )
 from sitl_mock.px4.offboard import BodyRates, read_attitude
 from sitl_mock.px4.safety import MODE_OF, TEXTS, Action, Failsafes
+from sitl_mock.vector import ZERO
 from sitl_mock.vehicle_state import Landed, Severity, VehicleState
 
 if TYPE_CHECKING:
@@ -45,7 +46,10 @@ _SEVERITY_OF_MODE: Final = {"HOLD": 2, "RTL": 3, "LAND": 4, "DESCEND": 4, "TERMI
 _STOPPED: Final = Setpoint(Kind.STOPPED)
 _OVERRIDE_SPEED: Final = "MAN_OVERRIDE_SPD"
 _LANDING: Final = frozenset({"LAND", "DESCEND", "PRECLAND"})
-_COMPLETED_BY_LANDING: Final = frozenset({"LAND", "RTL"})
+_COMPLETED_AGAIN_S: Final = 0.05
+_STREAMED: Final = frozenset({"OFFBOARD", *EXTERNAL})
+_FOREIGN_SHARE: Final = 0.15
+"""Part of the time in which setpoints of 50 Hz prevail over those of PX4's own task; fitted to 2.1 m in 4 s."""
 
 
 def acknowledged(command: Command, answer: CommandAnswer) -> dict[str, Any]:
@@ -59,6 +63,15 @@ def acknowledged(command: Command, answer: CommandAnswer) -> dict[str, Any]:
         "target_system": system,
         "target_component": component,
     }
+
+
+def _controlled(control: Any, setpoint: Setpoint) -> Setpoint:  # noqa: ANN401 - a record
+    """Return what a control mode from outside leaves of a setpoint: the motors stop if it says disarmed."""
+    if not control.flag_armed:
+        return _STOPPED
+    if not control.flag_multicopter_position_control_enabled:
+        return Setpoint(Kind.DIRECT, acceleration_ned_m_s2=ZERO)  # the last attitude, about level
+    return setpoint
 
 
 class Px4:
@@ -107,7 +120,10 @@ class Px4:
         self.external = ExternalModes(state.parameters)
         self.verdict: Verdict = self.external.verdict("HOLD")
         self._by_executor = False
-        self._deferred_s = math.inf
+        self.told_control: Any = None
+        self._completed_s = -math.inf
+        self._foreign_share = 0.0
+        self._foreign = Setpoint(Kind.BRAKE)
 
     # Reported state
 
@@ -201,19 +217,20 @@ class Px4:
     # Inputs
 
     def execute(self, now_s: float, command: Command) -> Sequence[CommandAnswer]:
-        """Execute or refuse a command; every answer is also a topic."""
-        answers = self._execute(self, now_s, command)
+        """Execute or refuse a command."""
+        return self._execute(self, now_s, command)
+
+    def answered(self, command: Command, answers: Sequence[CommandAnswer]) -> None:
+        """Publish the answers to a command, which inside PX4 are a topic."""
         for answer in answers:
             self.external.out.append(("vehicle_command_ack", acknowledged(command, answer)))
-        return answers
 
     def execute_topic(self, now_s: float, command: Command) -> None:
         """Execute or refuse a command that is a topic; MAVLink's first answer to a mode change is not sent there."""
         self._by_executor = command.source[1] >= EXECUTOR_COMPONENT
         answers = self._execute(self, now_s, command)
         self._by_executor = False
-        for answer in answers[-1:]:
-            self.external.out.append(("vehicle_command_ack", acknowledged(command, answer)))
+        self.answered(command, answers[-1:])
 
     def set_mode(self, now_s: float, base_mode: int, custom_mode: int) -> None:
         """Take a SET_MODE message."""
@@ -246,9 +263,28 @@ class Px4:
             self.setpoint = setpoint
 
     def take_trajectory(self, message: Any) -> None:  # noqa: ANN401 - a record
-        """Take a TrajectorySetpoint, which OFFBOARD and external modes fly."""
-        self.rates = None
-        self.setpoint = offboard.read_trajectory(message)
+        """Take a TrajectorySetpoint, which OFFBOARD and external modes fly.
+
+        In other modes PX4's own task writes the same topic 125 times a second, and the controller uses the last one.
+        """
+        setpoint = offboard.read_trajectory(message)
+        if self.mode in _STREAMED:
+            self.rates = None
+            self.setpoint = setpoint
+        else:
+            self._foreign = setpoint
+            self._foreign_share = min(self._foreign_share + _FOREIGN_SHARE, 1.0)
+
+    def _complete_landing(self, now_s: float) -> None:
+        """Publish that a landing is completed: LAND does so until it is disarmed, RTL once."""
+        state = self.state
+        if not (state.on_ground and state.flew and state.standing_s >= LANDED_S):
+            return
+        if self.mode == "LAND" and now_s >= self._completed_s + _COMPLETED_AGAIN_S - 1e-9:
+            self._completed_s = now_s
+            self.plan.completed = False
+        if self.mode in {"LAND", "RTL"}:
+            self.complete()
 
     def complete(self) -> None:
         """Publish once that the navigator has finished the flown mode."""
@@ -353,7 +389,13 @@ class Px4:
         if not state.armed or self.mode == "TERMINATION":
             self.ground.left = False
             return _STOPPED
+        self._complete_landing(now_s)
         setpoint = self._fly(self)
+        if self._foreign_share > 0.999 and not state.on_ground:
+            self._foreign_share -= 1.0
+            setpoint = self._foreign
+        if self.told_control is not None:
+            setpoint = _controlled(self.told_control, setpoint)
         self.ground.notice_lifting(state, now_s, setpoint)
         return setpoint
 
@@ -388,25 +430,11 @@ class Px4:
         for name in new:
             if name in TEXTS:
                 state.say(*TEXTS[name])
-        if self._is_deferred(now_s, action):
-            action = Action.NONE
         if action is Action.DISARM:
             self.disarm()
             return
         self._choose(action)
         self._disarm_by_itself(now_s)
-
-    def _is_deferred(self, now_s: float, action: Action) -> bool:
-        """True if an external mode or executor lets a failsafe wait; that of the geofence never does."""
-        overrides = self.external.overrides_in(self.mode)
-        waits = (
-            overrides.defers_failsafes
-            and action > Action.WARN
-            and not self.in_failsafe
-            and "geofence violated" not in self.failsafes.since_s
-        )
-        self._deferred_s = min(self._deferred_s, now_s) if waits else math.inf
-        return waits and now_s <= self._deferred_s + overrides.deferred_for_s
 
     def _tell_peers(self) -> None:
         """Say which peers are lost and which are back."""
@@ -471,6 +499,7 @@ class Px4:
         if mode == self.mode:
             return
         self.mode = mode
+        self._foreign_share = 0.0
         if mode in EXTERNAL:
             self.setpoint = offboard.STAND  # until the program behind it sends one
         self.plan = flying.ModePlan(state.position_m, yaw_rad=state.yaw_rad)
@@ -560,12 +589,8 @@ class Px4:
             return
         if state.flew:
             self.ground.notice_landing(state)
-            if self.mode in _COMPLETED_BY_LANDING and state.standing_s >= LANDED_S:
-                self.complete()
             landed_s = float(state.parameters["COM_DISARM_LAND"])
             coming_down = self.mode not in {"TAKEOFF"} and not self.wants_to_climb()
-            if self.external.overrides_in(self.mode).stays_armed:
-                return
             if landed_s > 0.0 and coming_down and state.standing_s > LANDED_S + landed_s:
                 state.say(Severity.INFO, "Disarmed by landing")
                 self.disarm()

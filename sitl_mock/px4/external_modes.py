@@ -4,8 +4,9 @@ A program registers an arming check, with it a mode, and with that a mode execut
 then asks three times a second whether arming and the mode are possible. A program that stays silent is unresponsive:
 its mode cannot run. A mode keeps its number by the hash of its name in COM_MODEn_HASH.
 
-`take` queues a message from outside, `update` handles what has come, and `out` has the messages to publish.
-Source: ``ModeManagement.cpp`` and ``externalChecks.cpp`` of PX4 v1.17.
+`take` queues a message from outside, `update` handles what has come, and `out` has the messages to publish. The control
+mode and the overrides of a mode are missing, because PX4 v1.17's Zenoh does not deliver them (`topic_link`).
+Source: ``ModeManagement.cpp`` and ``externalChecks.cpp`` of PX4 v1.17, and measurements on it.
 """
 
 from __future__ import annotations
@@ -49,12 +50,8 @@ _HANDLED_AT_ONCE: Final = 5
 _QUEUED: Final = {
     "register_ext_component_request": 2,
     "unregister_ext_component": 1,
-    "config_control_setpoints": 1,
-    "config_overrides_request": 4,
 }
 """Messages that PX4 keeps until its commander reads them; of more, the oldest are lost."""
-_OF_MODE: Final = 0
-_OF_EXECUTOR: Final = 1
 _REQUIREMENTS: Final = {
     "mode_req_local_alt": Need.ALTITUDE,
     "mode_req_local_position": Need.LOCAL_POSITION,
@@ -94,24 +91,6 @@ class ArmingCheck:
     relapses: int = 0
 
 
-class Overrides(NamedTuple):
-    """What a mode or an executor changes of PX4's behaviour while it is in charge.
-
-    Attributes:
-        stays_armed: A landed vehicle is not disarmed.
-        defers_failsafes: Failsafes that may wait do so.
-        deferred_for_s: How long at most.
-    """
-
-    stays_armed: bool = False
-    defers_failsafes: bool = False
-    deferred_for_s: float = math.inf
-
-
-UNCHANGED: Final = Overrides()
-_DEFERRED_S: Final = 30.0
-
-
 @dataclass(slots=True)
 class ExternalMode:
     """A registered mode.
@@ -121,8 +100,6 @@ class ExternalMode:
         replaces: Number of the internal mode that it replaces, -1 for none.
         check: Number of its arming check.
         executor: Number of the executor that owns it, -1 for none.
-        control: Its VehicleControlMode; None for PX4's default, which follows trajectory setpoints.
-        overrides: Its overrides.
         fallback_told: PX4 has reported that the internal mode is flown instead.
     """
 
@@ -130,17 +107,7 @@ class ExternalMode:
     replaces: int
     check: int = _NONE
     executor: int = _NONE
-    control: Any = None
-    overrides: Overrides = UNCHANGED
     fallback_told: bool = False
-
-
-@dataclass(slots=True)
-class Executor:
-    """A registered mode executor and the number of the mode that it owns."""
-
-    state: int
-    overrides: Overrides = UNCHANGED
 
 
 class Verdict(NamedTuple):
@@ -170,7 +137,7 @@ class ExternalModes:
         out: Messages to publish: topic and fields.
         modes: Modes by number.
         checks: Arming checks by number.
-        executors: Executors by number.
+        executors: The number of the mode that each executor owns, by the executor's number.
         failsafe_acts: A failsafe flies; no executor is in charge then.
         revision: Counts changes of the modes.
     """
@@ -179,7 +146,7 @@ class ExternalModes:
     out: deque[tuple[str, dict[str, Any]]] = field(default_factory=lambda: deque(maxlen=64))
     modes: dict[int, ExternalMode] = field(default_factory=dict)
     checks: dict[int, ArmingCheck] = field(default_factory=dict)
-    executors: dict[int, Executor] = field(default_factory=dict)
+    executors: dict[int, int] = field(default_factory=dict)
     failsafe_acts: bool = False
     revision: int = 0
     _in_charge: int = NOBODY
@@ -229,7 +196,6 @@ class ExternalModes:
             gone = self._queues["unregister_ext_component"]
             if wanted is None and gone:
                 wanted = self._unregister(gone.popleft(), intended)
-        self._configure()
         return wanted
 
     # Reading
@@ -239,25 +205,10 @@ class ExternalModes:
         registered = self.modes.get(STATE_OF[mode])
         return None if registered is None else registered.name
 
-    def control_of(self, mode: str) -> Any | None:  # noqa: ANN401 - a record
-        """Return the VehicleControlMode that a mode has asked for."""
-        registered = self.modes.get(STATE_OF[mode])
-        return None if registered is None else registered.control
-
     @property
     def in_charge(self) -> int:
         """Number of the executor in charge, 0 for none."""
         return NOBODY if self.failsafe_acts else self._in_charge
-
-    def overrides_in(self, mode: str) -> Overrides:
-        """Return the overrides in force in a flown mode; an executor's add to its mode's."""
-        registered = self.modes.get(STATE_OF[mode])
-        own = UNCHANGED if registered is None else registered.overrides
-        executor = self.executors.get(self.in_charge)
-        if executor is None:
-            return own
-        deferring = executor.overrides if executor.overrides.defers_failsafes else own
-        return deferring._replace(stays_armed=own.stays_armed or executor.overrides.stays_armed)
 
     def internal(self, mode: str) -> str:
         """Return the mode that a replacing mode replaces, or the mode itself: that is what a pilot intends."""
@@ -318,6 +269,35 @@ class ExternalModes:
             reasons.append(_arming_event("unresponsive", _CRITICAL, silent))
         return Verdict(needs, frozenset(unarmable), holds_all, tuple(reasons))
 
+    def required(self, internal: Mapping[str, int]) -> list[int]:
+        """Return what every mode needs, as FailsafeFlags has it: bits by mode for each requirement.
+
+        Args:
+            internal: The bits of PX4's own modes, in the order of the message.
+        """
+        bits = dict(internal)
+        for state in range(FIRST_STATE, FIRST_STATE + len(EXTERNAL)):
+            if state not in self.modes:
+                bits["mode_req_other"] |= 1 << state
+        for number in self.checks:
+            reply = self._replies[number]
+            check = self.checks.get(reply.registration_id)
+            if check is None or check.state == _NONE:
+                continue
+            if check.unresponsive:
+                bits["mode_req_other"] |= 1 << check.state
+                continue
+            if not reply.can_arm_and_run:
+                bits["mode_req_other"] |= 1 << check.state
+            for name in bits:
+                wanted = getattr(reply, name, False)
+                if wanted:
+                    bits[name] |= 1 << check.state
+                if check.replaces != _NONE and hasattr(reply, name):
+                    bits[name] &= ~(1 << check.replaces)
+                    bits[name] |= int(wanted) << check.replaces
+        return list(bits.values())
+
     def charge(self, mode: str, *, by_user: bool) -> None:
         """Note a new intention: a mode's executor takes charge, and a user's other choice ends that."""
         registered = self.modes.get(STATE_OF[mode])
@@ -328,8 +308,8 @@ class ExternalModes:
 
     def after_disarming(self, stored: str) -> str:
         """Return the mode after disarming: that of the executor in charge; Hold if it does not respond."""
-        executor = self.executors.get(self._in_charge)
-        mode = stored if executor is None else NAME_OF[executor.state]
+        owned = self.executors.get(self._in_charge)
+        mode = stored if owned is None else NAME_OF[owned]
         registered = self.modes.get(STATE_OF[mode])
         if registered is not None and self._is_silent(registered):
             mode = "HOLD"
@@ -414,7 +394,7 @@ class ExternalModes:
             self.modes[state] = ExternalMode(_text(request.name), replaces)
         if with_executor:
             executor = _free(self.executors, first=1)
-            self.executors[executor] = Executor(state)
+            self.executors[executor] = state
             self.modes[state].executor = executor
         if with_check:
             check = _free(self.checks)
@@ -485,40 +465,12 @@ class ExternalModes:
         if self.executors.pop(number, None) is not None and self._in_charge == number:
             self._in_charge = NOBODY
 
-    def _configure(self) -> None:
-        """Take the control modes and overrides that modes and executors ask for."""
-        control_modes = self._queues["config_control_setpoints"]
-        while control_modes:
-            control = control_modes.popleft()
-            if control.source_id in self.modes:
-                self.modes[control.source_id].control = control
-        overrides = self._queues["config_overrides_request"]
-        while overrides:
-            request = overrides.popleft()
-            owners: Mapping[int, ExternalMode | Executor] = {}
-            if request.source_type == _OF_MODE:
-                owners = self.modes
-            elif request.source_type == _OF_EXECUTOR:
-                owners = self.executors
-            owner = owners.get(request.source_id)
-            if owner is not None:
-                owner.overrides = _overrides(request)
-
 
 def _required(reply: Any) -> frozenset[Need]:  # noqa: ANN401 - a record
     required = {need for name, need in _REQUIREMENTS.items() if getattr(reply, name)}
     if not reply.can_arm_and_run:
         required |= _UNREGISTERED
     return frozenset(required)
-
-
-def _overrides(request: Any) -> Overrides:  # noqa: ANN401 - a record
-    limit_s = float(request.defer_failsafes_timeout_s)
-    if limit_s == 0.0:
-        limit_s = _DEFERRED_S
-    elif limit_s < 0.0:
-        limit_s = math.inf
-    return Overrides(request.disable_auto_disarm, request.defer_failsafes, limit_s)
 
 
 def _free(taken: Mapping[int, Any], first: int = 0) -> int:

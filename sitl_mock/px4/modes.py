@@ -134,7 +134,7 @@ MODES: Final = ModeTable(
                 _custom_mode(4, 10 + index),
                 _EXTERNAL,
                 True,
-                _AUTO_MODE,
+                _LEVELLED,
                 "a companion's own mode",
             )
             for index in range(1, 9)

@@ -10,11 +10,9 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from sitl_mock.pilot import Sticks
-from sitl_mock.protocols import Command, CommandAnswer, Result
-from sitl_mock.px4.commander import acknowledged
-from sitl_mock.px4.external_modes import EXECUTOR_COMPONENT
+from sitl_mock.protocols import Command
 from sitl_mock.px4.messages import message_type
-from sitl_mock.px4.topics import SOURCES
+from sitl_mock.px4.topics import SOURCES, position_setpoint_triplet
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -78,9 +76,15 @@ SUBSCRIBED: Final[Mapping[str, str]] = {
     "vehicle_torque_setpoint": "VehicleTorqueSetpoint",
     "vehicle_visual_odometry": "VehicleOdometry",
 }
-"""Topics that PX4 takes below ``/fmu/in``; those without a handler here are checked and have no effect."""
+"""Topics that PX4 takes below ``/fmu/in``; those without a handler here are checked and have no effect.
+
+PX4 v1.17 finds its own topic by the type of the message, not by the name (``zenoh status`` shows it). So the control
+mode that a program asks for becomes the vehicle's own for a moment, an executor's commands are taken from anybody, and
+overrides are lost.
+"""
 _ON_CHANGE: Final = ("vehicle_control_mode", "vehicle_status", "vehicle_land_detected")
 """Topics that PX4 also publishes at once when something but the time in them changes."""
+_GOALS_US: Final = 48_000
 _PAUSE_US: Final = 1e5
 """After a longer pause a topic begins anew instead of catching up."""
 
@@ -107,7 +111,7 @@ class _Stream:
         self._every_us = 1e6 / source.hz
         self._at_us = -math.inf
         self._said: Values = ()
-        second = source.message.in_log_order[1].name
+        second = source.message.fields[1].name
         self._stamps = 2 if second == "timestamp_sample" else 1
 
     def changed(self, report: Report) -> list[bytes]:
@@ -118,6 +122,8 @@ class _Stream:
             return []
         self._said = said
         self._at_us = report.boot_us + self._every_us
+        if self.name == "vehicle_control_mode":
+            cast("Px4", report.commander).told_control = None
         return [self._sample(values)]
 
     def due(self, report: Report) -> list[bytes]:
@@ -154,7 +160,8 @@ class TopicLink:
             if source.hz and name in PUBLISHED
         ]
         self._counts: Counter[str] = Counter(samples=0, unknown_topic=0, wrong_size=0)
-        self._heard_s = -math.inf
+        self._goals_of = ""
+        self._goals_us = -math.inf
 
     def counts(self) -> dict[str, int]:
         """Return the numbers of samples taken and dropped."""
@@ -204,7 +211,7 @@ class TopicLink:
         while out:
             topic, values = out.popleft()
             message = message_type(PUBLISHED[topic])
-            samples.append(frame_of(topic, message.encoded(**{"timestamp": now_us, **values})))
+            samples.append(frame_of(topic, message.encoded(**{**values, "timestamp": now_us})))
         return samples
 
     # Out
@@ -222,7 +229,19 @@ class TopicLink:
                 samples += stream.changed(report)
             elif has_sticks or stream.name != "manual_control_setpoint":
                 samples += stream.due(report)
-        return samples
+        return samples + self._goals(report)
+
+    def _goals(self, report: Report) -> list[bytes]:
+        """Return the navigator's setpoints: 20 times a second while disarmed, in flight when a mode begins."""
+        mode = report.commander.mode
+        begins = mode != self._goals_of
+        if not begins and (report.state.armed or report.boot_us < self._goals_us):
+            return []
+        self._goals_of = mode
+        self._goals_us = report.boot_us + _GOALS_US
+        message = message_type("PositionSetpointTriplet")
+        payload = message.encode(position_setpoint_triplet(report))
+        return [frame_of("position_setpoint_triplet", payload)]
 
 
 def _for_external_modes(topic: str) -> Callable[[Px4, float, Any], None]:
@@ -248,6 +267,12 @@ def _completed(px4: Px4, _now_s: float, message: Any) -> None:  # noqa: ANN401 -
     )
 
 
+def _control_mode(px4: Px4, _now_s: float, message: Any) -> None:  # noqa: ANN401 - as above
+    """VehicleControlMode: in force until PX4 publishes its own again."""
+    px4.told_control = message
+    px4.external.out.append(("vehicle_control_mode", message._asdict()))
+
+
 def _sticks(px4: Px4, now_s: float, message: Any) -> None:  # noqa: ANN401 - as above
     sticks = (message.roll, message.pitch, message.throttle, message.yaw)
     if message.valid and all(abs(stick) <= 1.0 for stick in sticks):
@@ -258,17 +283,6 @@ def _command(px4: Px4, now_s: float, message: Any) -> None:  # noqa: ANN401 - as
     command = _read(message)
     if _is_ours(px4, message):
         px4.execute_topic(now_s, command)
-
-
-def _executor_command(px4: Px4, now_s: float, message: Any) -> None:  # noqa: ANN401 - as above
-    """A command of the executor in charge; those of others are refused."""
-    command = _read(message)
-    if message.source_component == EXECUTOR_COMPONENT + px4.external.in_charge:
-        if _is_ours(px4, message):
-            px4.execute_topic(now_s, command)
-        return
-    refused = acknowledged(command, CommandAnswer(Result.TEMPORARILY_REJECTED))
-    px4.external.out.append(("vehicle_command_ack", refused))
 
 
 def _is_ours(px4: Px4, message: Any) -> bool:  # noqa: ANN401 - as above
@@ -286,16 +300,15 @@ _HANDLERS: Final[Mapping[str, Callable[[Px4, float, Any], None]]] = {
         topic: _for_external_modes(topic)
         for topic in (
             "arming_check_reply",
-            "config_control_setpoints",
-            "config_overrides_request",
             "register_ext_component_request",
             "unregister_ext_component",
         )
     },
+    "config_control_setpoints": _control_mode,
     "manual_control_input": _sticks,
     "mode_completed": _completed,
     "offboard_control_mode": _offboard,
     "trajectory_setpoint": _trajectory,
     "vehicle_command": _command,
-    "vehicle_command_mode_executor": _executor_command,
+    "vehicle_command_mode_executor": _command,
 }

@@ -11,13 +11,15 @@ import math
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, cast
 
-from sitl_mock.dynamics.values import quaternion_of
+from sitl_mock.dynamics import Kind
+from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
 from sitl_mock.logs.ulog import Topic
 from sitl_mock.modes import Need
-from sitl_mock.px4.external_modes import EXTERNAL, NAME_OF
+from sitl_mock.px4.external_modes import NAME_OF
 from sitl_mock.px4.messages import MessageType, message_type
 from sitl_mock.px4.modes import BY_NAME, NAV_STATES
 from sitl_mock.telemetry.px4 import RESETS_AT_START, trajectory
+from sitl_mock.vector import Vector
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -159,7 +161,7 @@ def vehicle_status(report: Report) -> Values:
         *(_VALID_MODES, selectable, 0, _ARMED if state.armed else _DISARMED, 0, 0),
         *(state_of(commander.intended_mode), NAV_STATES[commander.mode][0]),
         *(px4.external.in_charge, 0, _ROTARY_WING),
-        *(failsafe, False, 0, False, 0, False, False, False, False, False),
+        *(failsafe, False, 0, _no_station(report), 0, False, False, False, False, False),
         *(_QUADROTOR, state.system_id, 1, True, True, True, False, False, False, False, False),
         *(False, False, commander.ready_to_arm),
     )
@@ -223,55 +225,52 @@ _BY_POSITION: Final = frozenset({"altitude", "climb", "position", "velocity", "a
 
 
 def vehicle_control_mode(report: Report) -> Values:
-    """What PX4 controls now; in an external mode what that has asked for."""
-    px4 = _px4(report)
-    asked = px4.external.control_of(px4.mode) if px4.mode in EXTERNAL else None
-    if asked is not None:
-        flags = tuple(asked[3:15])
-        source = asked.source_id
-    else:
-        controlled = _CONTROLLED.get(px4.mode, _BY_DEFAULT)
-        flags = tuple(name in controlled for name in _CONTROLS)
-        source = 0
-    by_position = any(
-        flag for name, flag in zip(_CONTROLS, flags, strict=True) if name in _BY_POSITION
-    )
-    return (report.boot_us, report.state.armed, by_position, *flags, source)
+    """What PX4 controls now."""
+    controlled = _CONTROLLED.get(report.commander.mode, _BY_DEFAULT)
+    flags = tuple(name in controlled for name in _CONTROLS)
+    return (report.boot_us, report.state.armed, bool(controlled & _BY_POSITION), *flags, 0)
+
+
+_REQUIRED: Final[Mapping[str, int]] = {
+    "mode_req_angular_velocity": 8312190,
+    "mode_req_attitude": 8311166,
+    "mode_req_local_alt": 8257918,
+    "mode_req_local_position": 7995448,
+    "mode_req_local_position_relaxed": 262212,
+    "mode_req_global_position": 56,
+    "mode_req_global_position_relaxed": 0,
+    "mode_req_mission": 8,
+    "mode_req_offboard_signal": 16384,
+    "mode_req_home_position": 32,
+    "mode_req_wind_and_flight_time_compliance": 2621464,
+    "mode_req_prevent_arming": 3944480,
+    "mode_req_manual_control": 34119,
+    "mode_req_other": 0,
+}
+"""What a multicopter's own modes need, as bits by the mode's number (read from PX4 v1.17.0)."""
 
 
 def failsafe_flags(report: Report) -> Values:
-    """What each mode needs, as bits by the mode's number, and what is missing."""
+    """What each mode needs, and what is missing."""
     px4 = _px4(report)
     state = report.state
-    met = px4.met_needs
-    missing = {need: need not in met for need in Need}
-    required = dict.fromkeys(Need, 0)
-    no_arming = 0
-    for name, (number, _) in NAV_STATES.items():
-        entry = BY_NAME[name]
-        for need in px4.needs_of(name):
-            required[need] |= 1 << number
-        if not entry.may_arm:
-            no_arming |= 1 << number
-    level = required[Need.LOCAL_POSITION]
-    place = required[Need.GLOBAL_POSITION]
-    warning = _warning(state.battery.remaining)
-    no_place = missing[Need.GLOBAL_POSITION]
+    missing = {need: need not in px4.met_needs for need in Need}
     no_level = missing[Need.LOCAL_POSITION]
+    no_place = missing[Need.GLOBAL_POSITION]
     return (
         report.boot_us,
-        *(_FLOWN, _FLOWN, required[Need.ALTITUDE], level, 0, place, 0, required[Need.MISSION]),
-        *(required[Need.STREAM], required[Need.HOME], 0, no_arming, required[Need.PILOT]),
-        required[Need.REGISTRATION],
+        *px4.external.required(_REQUIRED),
         *(False, False, missing[Need.ALTITUDE], no_level, no_level, no_level, no_place, no_place),
         *(missing[Need.MISSION], missing[Need.STREAM], missing[Need.HOME], missing[Need.PILOT]),
-        *("ground station lost" in px4.lost_peers, warning, False, False),
+        *(_no_station(report), _warning(state.battery.remaining), False, False),
         *("geofence violated" in px4.failsafes.since_s, *((False,) * 10)),
     )
 
 
-_FLOWN: Final = 0x7FFFFFFF ^ 1 << 13
-"""Every mode but termination."""
+def _no_station(report: Report) -> bool:
+    """True if no ground station is heard."""
+    never = math.isinf(report.state.peers.ground_s)
+    return never or "ground station lost" in _px4(report).lost_peers
 
 
 def manual_control_setpoint(report: Report) -> Values:
@@ -285,6 +284,95 @@ def manual_control_setpoint(report: Report) -> Values:
 
 
 _BY_MAVLINK: Final = 2
+
+
+def sensor_combined(report: Report) -> Values:
+    """Body rates and specific force with the sensors' noise."""
+    state = report.state
+    noise = state.sensors.noise
+    scatter = state.sensors.scatter()
+    push = -(GRAVITY_M_S2 if state.body.on_ground else state.body.thrust_m_s2)
+    rates = (
+        rate + noise.gyro_sd_rad_s * by
+        for rate, by in zip(state.attitude[3:], scatter[3:6], strict=True)
+    )
+    force = (
+        along + noise.accelerometer_sd_m_s2 * by
+        for along, by in zip((0.0, 0.0, push), scatter[:3], strict=True)
+    )
+    return (report.boot_us, *rates, _IMU_US, 0, *force, _IMU_US, 0, 0, 0, 1)
+
+
+_IMU_US: Final = 4000
+
+
+def vehicle_gps_position(report: Report) -> Values:
+    """The last reading of SIH's receiver."""
+    state = report.state
+    fix = state.sensors.fix
+    lat, lon, alt = state.frame.to_geodetic(*fix.position_m)
+    north, east, down = fix.velocity_m_s
+    speed = math.hypot(north, east, down)
+    kind = 3 if state.estimator.gps_ok else 0
+    return (
+        *(report.boot_us, report.boot_us, lat, lon, alt, alt, 0),
+        *(_RECEIVER, 0.4, 0.1, 0.9, 1.78, 0.7, 1.1, 0, 0),
+        *(speed, north, east, down, math.atan2(east, north), 0, 0, _NAN, _NAN, 0.0, 0.0),
+        *(0, kind, 0, 0, 0, True, 10, 0, False, 0),
+    )
+
+
+_RECEIVER: Final = 11468804
+"""SIH's device id."""
+
+
+def estimator_status_flags(report: Report) -> Values:
+    """What the estimator uses, on the ground and in the air."""
+    on_ground = report.state.body.on_ground
+    used = _USED | (_USED_ON_GROUND if on_ground else _USED_IN_THE_AIR)
+    names = [field.name for field in message_type("EstimatorStatusFlags").in_log_order[5:]]
+    flags = (name in used for name in names)
+    return (report.boot_us, report.boot_us, 14 if on_ground else 20, 0, 2, *flags)
+
+
+_GOAL_TYPES: Final = {"TAKEOFF": 3, "LAND": 4, "PRECLAND": 4, "HOLD": 2}
+_POSITION: Final = 0
+_IDLE: Final = 5
+_NO_GOAL: Final = (False, _IDLE, 0.0, 0.0, 0.0, _NAN, _NAN, 0.0, _NAN)
+
+
+def position_setpoint_triplet(report: Report) -> Values:
+    """The navigator's last, present and next goal, in the order of the wire."""
+    stamp = report.boot_us
+    goal = _NO_GOAL
+    if report.state.armed and report.setpoint.kind is Kind.TRAVEL:
+        to = Vector(
+            here if math.isnan(there) else there
+            for there, here in zip(
+                report.setpoint.position_ned_m, report.state.position_m, strict=True
+            )
+        )
+        lat, lon, alt = report.state.frame.to_geodetic(*to)
+        kind = _GOAL_TYPES.get(report.commander.mode, _POSITION)
+        goal = (True, kind, 0.0, 0.0, 0.0, lat, lon, alt, report.setpoint.yaw_rad)
+    rest = (80.0, 0.0, False, 0.0, 0, 2.0, 0.0, -1.0, False, _NAN)
+    return (
+        stamp,
+        *(stamp, *_NO_GOAL, *rest),
+        *(stamp, *goal, *rest),
+        *(stamp, *_NO_GOAL, *rest),
+    )
+
+
+_USED: Final = frozenset(
+    f"cs_{name}"
+    for name in (
+        *("tilt_align", "yaw_align", "gnss_pos", "baro_hgt", "gps_hgt", "rng_kin_consistent"),
+        *("mag", "mag_heading_consistent", "rng_terrain", "gnss_vel"),
+    )
+)
+_USED_ON_GROUND: Final = frozenset({"cs_mag_hdg", "cs_mag_dec", "cs_rng_hgt", "cs_vehicle_at_rest"})
+_USED_IN_THE_AIR: Final = frozenset({"cs_mag_3d", "cs_in_air", "cs_mag_aligned_in_flight"})
 
 
 def _px4(report: Report) -> Px4:
@@ -318,7 +406,7 @@ _BUILDERS: Final[Mapping[str, Callable[[Report], Values]]] = {
         *(vehicle_attitude, vehicle_local_position, vehicle_local_position_setpoint),
         *(trajectory_setpoint, vehicle_global_position, battery_status, vehicle_status),
         *(vehicle_land_detected, vehicle_control_mode, vehicle_odometry, failsafe_flags),
-        manual_control_setpoint,
+        *(manual_control_setpoint, sensor_combined, vehicle_gps_position, estimator_status_flags),
     )
 }
 

@@ -1,7 +1,7 @@
 """PX4's topics over Zenoh: a client of a router, with the keys and attachments that PX4 v1.17's module `zenoh` uses.
 
 A key is ``DOMAIN/fmu/out/TOPIC/px4_msgs::msg::dds_::TYPE_/HASH``, as rmw_zenoh of ROS 2 has it. Each sample has an
-attachment of 33 bytes: a counter, PX4's time (µs), and the vehicle's id.
+attachment of 33 bytes: a counter, PX4's time (µs), and an id.
 
 Like PX4, the endpoint tries every five seconds until there is a router.
 """
@@ -30,7 +30,8 @@ QUEUE_MAX: Final = 4096
 RETRY_S: Final = 5.0
 LINK: Final = "px4_zenoh"
 _ATTACHMENT: Final = struct.Struct("<qqB16s").pack
-_GUID: Final = b"\x10\x06UMIT"
+_GUID: Final = bytes.fromhex("aabbcc").ljust(16, b"\0")
+"""The id of every simulated PX4."""
 _STAMP: Final = struct.Struct("<Q").unpack_from
 
 
@@ -139,8 +140,7 @@ class Px4ZenohEndpoint:
             return
 
     def _declare(self, session: zenoh.Session) -> None:
-        for index, (vehicle, domain) in enumerate(self._domains.items()):
-            guid = _GUID + bytes((index,)) * (16 - len(_GUID))
+        for vehicle, domain in self._domains.items():
             for topic, message in SUBSCRIBED.items():
                 key = key_of(domain, "in", topic, message)
                 self._subscribers.append(
@@ -151,7 +151,7 @@ class Px4ZenohEndpoint:
                 publisher = session.declare_publisher(
                     key, congestion_control=zenoh.CongestionControl.DROP
                 )
-                self._publishers[vehicle, topic] = _Publisher(publisher, guid)
+                self._publishers[vehicle, topic] = _Publisher(publisher)
 
     def _taker(self, vehicle: str, topic: str) -> Callable[[Any], None]:
         queue = self._queue
@@ -171,13 +171,12 @@ class Px4ZenohEndpoint:
 class _Publisher:
     """A topic's publisher, which numbers its samples."""
 
-    def __init__(self, publisher: Any, guid: bytes) -> None:  # noqa: ANN401 - zenoh.Publisher
+    def __init__(self, publisher: Any) -> None:  # noqa: ANN401 - zenoh.Publisher
         self._publisher = publisher
-        self._guid = guid
         self._count = 0
 
     def put(self, payload: bytes) -> None:
         self._count += 1
         (stamp_us,) = _STAMP(payload, 4)  # every message begins with its time
-        attachment = _ATTACHMENT(self._count, stamp_us, 16, self._guid)
+        attachment = _ATTACHMENT(self._count, stamp_us, len(_GUID), _GUID)
         self._publisher.put(payload, attachment=attachment)

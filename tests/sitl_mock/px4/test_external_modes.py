@@ -119,12 +119,13 @@ def test_the_mode_follows_velocities_and_holds_until_the_first_one(flying):
     assert flying.height_m == pytest.approx(height_m, abs=0.5)
 
 
-def test_setpoints_outside_the_mode_are_not_flown(flying):
-    for _ in range(100):
+def test_setpoints_in_hold_move_the_vehicle_since_both_write_one_topic(flying):
+    before_m = flying.last("vehicle_local_position").x
+    for _ in range(200):
         flying.fly(5.0)
         flying.step()
     assert flying.state == HOLD
-    assert abs(flying.last("vehicle_local_position").vx) < 0.1
+    assert 0.3 < flying.last("vehicle_local_position").x - before_m < 4.0  # 2.1 m on the real one
 
 
 def test_a_silent_program_loses_its_mode_in_flight_after_1_to_1_3_s(flying):
@@ -219,7 +220,6 @@ def test_an_executor_arms_takes_off_pursues_and_lands(px4):
     assert reply.mode_executor_id == 1
     px4.until(lambda: px4.last("vehicle_status").pre_flight_checks_pass)
     own = {"topic": "vehicle_command_mode_executor", "source_component": 1001}
-    assert px4.command(400, 1.0, **own) == REJECTED  # not in charge yet
     px4.choose(reply.mode_id)
     px4.until(lambda: px4.last("vehicle_status").executor_in_charge == 1, 0.2)
     assert px4.command(400, 1.0, **own) == 0
@@ -243,24 +243,27 @@ def test_a_pilots_choice_ends_an_executor(px4):
     assert px4.choose(HOLD) == 0
     px4.step(0.1)
     assert px4.last("vehicle_status").executor_in_charge == 0
-    own = {"topic": "vehicle_command_mode_executor", "source_component": 1001}
-    assert px4.command(400, 1.0, **own) == REJECTED
 
 
-def test_an_override_keeps_a_landed_vehicle_armed(px4):
-    reply = px4.register("Pursuit", register_mode_executor=True)
-    px4.choose(reply.mode_id)
-    px4.send("config_overrides_request", disable_auto_disarm=True, source_type=1, source_id=1)
-    own = {"topic": "vehicle_command_mode_executor", "source_component": 1001}
+def test_commands_of_an_executor_that_is_not_in_charge_are_taken_as_v1_17_does(px4):
+    px4.register("Pursuit", register_mode_executor=True)
     px4.until(lambda: px4.last("vehicle_status").pre_flight_checks_pass)
-    nan = math.nan
-    px4.command(400, 1.0, **own)
-    px4.command(22, nan, nan, nan, nan, nan, nan, nan, **own)
-    px4.until(lambda: px4.last("mode_completed") is not None)
-    px4.command(21, **own)
-    px4.until(lambda: px4.last("vehicle_land_detected").landed)
-    px4.step(10.0)
-    assert px4.last("vehicle_status").arming_state == 2
+    own = {"topic": "vehicle_command_mode_executor", "source_component": 1001}
+    assert px4.command(400, 1.0, **own) == 0
+
+
+def test_a_control_mode_that_says_disarmed_stops_the_motors_for_up_to_half_a_second(flying):
+    flying.choose(23)
+    flying.step(1.0)
+    flying.send("config_control_setpoints", source_id=23, flag_control_velocity_enabled=True)
+    flying.step(0.02)
+    assert flying.last("vehicle_control_mode").source_id == 23
+    flying.step(0.6)
+    fallen_m_s = max(message.vz for at_s, message in flying.heard["vehicle_local_position"][-80:])
+    assert 1.0 < fallen_m_s < 5.5
+    assert flying.last("vehicle_control_mode").flag_armed
+    flying.step(3.0)
+    assert abs(flying.last("vehicle_local_position").vz) < 0.5
 
 
 def test_a_station_sees_and_chooses_the_mode_by_its_name(flying):
