@@ -219,7 +219,8 @@ class Autopilot:
         state = self.state
         if not count % MOVE_TICKS:
             return False
-        has_news = state.texts or state.news or state.parameter_news or state.events
+        has_news = state.texts or state.news or state.parameter_news or state.notices
+        has_news = has_news or state.events
         return not (has_news or self.commander.mission.reached or self.conditions.events)
 
     def take(self, now_s: float, message: Message) -> None:
@@ -234,7 +235,7 @@ class Autopilot:
         news = state.news
         changed = state.parameter_news
         events = state.events
-        if not (texts or reached or news or changed or events):
+        if not (texts or reached or news or changed or events or state.notices):
             return None
         replies: list[Reply] = []
         everywhere: list[Reply] = [("MISSION_ITEM_REACHED", seq) for seq in reached]
@@ -249,6 +250,7 @@ class Autopilot:
             )
             if event is not None:
                 everywhere.append(self.events.add(self.report.boot_ms, *event))
+        everywhere += state.notices
         everywhere += [self.events.add(self.report.boot_ms, *event) for event in events]
         everywhere += [
             named(self.parameters, self.flavour.parameter_rules, name) for name in changed
@@ -257,7 +259,7 @@ class Autopilot:
             fields = BUILDERS[name](self.report)
             if fields is not None:
                 everywhere.append((name, *fields))
-        for queue in (news, changed, texts, reached, events):
+        for queue in (news, changed, texts, reached, events, state.notices):
             queue.clear()
         return Announcements(everywhere, replies)
 

@@ -114,6 +114,7 @@ def running(
     seed: int = 0,
     speed: float = 1.0,
     lockstep: bool = False,
+    px4_zenoh: str | None = None,
     **fleet: Any,  # noqa: ANN401 - further keys of a fleet file
 ) -> Iterator[RunningFleet]:
     """Run a fleet in a child process on 127.0.0.1; it ends with the block, or with this process.
@@ -126,6 +127,7 @@ def running(
         seed: Seed of all randomness.
         speed: Seconds of the vehicles per real second.
         lockstep: Time advances only when a client asks for it.
+        px4_zenoh: Zenoh router of PX4's own topics; None for none.
         fleet: Other keys of a fleet file, such as home.
 
     Raises:
@@ -156,6 +158,8 @@ def running(
                 pace = ["--lockstep"]
             else:
                 pace = ["--speed", f"{speed:g}"]
+            if px4_zenoh is not None:
+                pace += ["--px4-zenoh", px4_zenoh]
             process = _start(folder, udp, zenoh, pace)
             stack.callback(end, process)
             line = _first_line(process)

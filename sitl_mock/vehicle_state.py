@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sitl_mock.conditions import Conditions
 from sitl_mock.dynamics import Body, Euler
@@ -166,6 +166,7 @@ class VehicleState:
         flew: It has left the ground since arming.
         news: Names of messages to send once, unsolicited, on every link.
         parameter_news: Names of parameters that the vehicle itself has changed, to be sent on every link.
+        notices: Whole messages to send once, unsolicited, on every link: name and fields.
         events: Events without a text, to be sent once on every link: id, log levels and arguments.
         target: The last FOLLOW_TARGET.
         fence_breached: The vehicle is outside the fence, as ArduPilot judges it.
@@ -201,6 +202,7 @@ class VehicleState:
     news: list[str] = field(default_factory=list)
     parameter_news: list[str] = field(default_factory=list)
     events: list[tuple[int, int, bytes]] = field(default_factory=list)
+    notices: list[tuple[Any, ...]] = field(default_factory=list)
 
     @property
     def on_ground(self) -> bool:

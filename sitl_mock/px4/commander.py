@@ -14,6 +14,7 @@ from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.missions import MissionFlight
 from sitl_mock.modes import Available, Mode, Need
 from sitl_mock.px4 import flying, offboard, safety
+from sitl_mock.px4.arming_report import ArmingReport
 from sitl_mock.px4.calibration import Calibration
 from sitl_mock.px4.external_modes import EXECUTOR_COMPONENT, EXTERNAL, ExternalModes, Verdict
 from sitl_mock.px4.failures import MotorFailures
@@ -32,7 +33,7 @@ from sitl_mock.px4.modes import (
 )
 from sitl_mock.px4.offboard import BodyRates, read_attitude
 from sitl_mock.px4.safety import MODE_OF, TEXTS, Action, Failsafes
-from sitl_mock.vector import ZERO
+from sitl_mock.vector import ZERO, Vector
 from sitl_mock.vehicle_state import Landed, Severity, VehicleState
 
 if TYPE_CHECKING:
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
     from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanStore
 
 CHECK_S: Final = 0.1
+_MONITORED_S: Final = 10.0 / 3.0
+"""AVAILABLE_MODES_MONITOR is sent this often once the modes have changed."""
 _REPORTED_AGAIN_S: Final = 1.0
 _SEVERITY_OF_MODE: Final = {"HOLD": 2, "RTL": 3, "LAND": 4, "DESCEND": 4, "TERMINATION": 6}
 _STOPPED: Final = Setpoint(Kind.STOPPED)
@@ -120,6 +123,8 @@ class Px4:
         self.external = ExternalModes(state.parameters)
         self.verdict: Verdict = self.external.verdict("HOLD")
         self._by_executor = False
+        self._report = ArmingReport()
+        self._monitored_s = -math.inf
         self.told_control: Any = None
         self._completed_s = -math.inf
         self._foreign_share = 0.0
@@ -275,13 +280,24 @@ class Px4:
             self._foreign = setpoint
             self._foreign_share = min(self._foreign_share + _FOREIGN_SHARE, 1.0)
 
+    def go_to(self, position_m: Vector, yaw_rad: float, speed_m_s: float) -> None:
+        """Take a GotoSetpoint, which external modes fly; NaN leaves heading or speed to PX4."""
+        if self.mode in EXTERNAL:
+            self.rates = None
+            self.setpoint = Setpoint(
+                Kind.TRAVEL,
+                position_m,
+                yaw_rad=yaw_rad,
+                speed_m_s=flying.cruise_m_s(self.state, speed_m_s),
+            )
+
     def _complete_landing(self, now_s: float) -> None:
         """Publish that a landing is completed: LAND does so until it is disarmed, RTL once."""
         state = self.state
         if not (state.on_ground and state.flew and state.standing_s >= LANDED_S):
             return
-        if self.mode == "LAND" and now_s >= self._completed_s + _COMPLETED_AGAIN_S - 1e-9:
-            self._completed_s = now_s
+        if self.mode == "LAND" and now_s >= self._completed_s - 1e-9:
+            self._completed_s = max(self._completed_s + _COMPLETED_AGAIN_S, now_s)
             self.plan.completed = False
         if self.mode in {"LAND", "RTL"}:
             self.complete()
@@ -403,6 +419,10 @@ class Px4:
         state = self.state
         self.look()
         self._tell_peers()
+        self.report(now_s)
+        if self.external.revision and now_s >= self._monitored_s + _MONITORED_S:
+            self._monitored_s = now_s
+            state.notices.append(("AVAILABLE_MODES_MONITOR", self.external.revision & 0xFF))
         if not state.armed:
             self.home.follow(state)
             self._take_first_sticks()
@@ -435,6 +455,10 @@ class Px4:
             return
         self._choose(action)
         self._disarm_by_itself(now_s)
+
+    def report(self, now_s: float, *, force: bool = False) -> None:
+        """Send the report of the arming checks if it is due, or now."""
+        self.state.events += self._report.update(now_s, self, force=force)
 
     def _tell_peers(self) -> None:
         """Say which peers are lost and which are back."""

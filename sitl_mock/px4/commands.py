@@ -35,8 +35,8 @@ UNSUPPORTED: Final = (CommandAnswer(Result.UNSUPPORTED),)
 SILENCE: Final[Answers] = ()
 
 
-_TAKEN: Final = frozenset({80, 187, 191, 195, 196, 197, 201, 401, 620, 2510, 42006, 43003})
-"""Accepted: region of interest, go-around, actuators, arming checks, logging, compass by heading, external position.
+_TAKEN: Final = frozenset({80, 187, 191, 195, 196, 197, 201, 620, 2510, 42006, 43003})
+"""Accepted: region of interest, go-around, actuators, logging, compass by heading, external position.
 
 620 is in no dialect and is accepted too.
 """
@@ -219,6 +219,13 @@ def _arm_now(px4: Px4, by: str = "external command") -> Answers:
     return ACCEPTED
 
 
+def _run_checks(px4: Px4, now_s: float, _command: Command) -> Answers:
+    """RUN_PREARM_CHECKS: reports them."""
+    px4.look()
+    px4.report(now_s, force=True)
+    return ACCEPTED
+
+
 def _set_state(px4: Px4, now_s: float, command: Command) -> Answers:
     """SET_NAV_STATE, which programs beside PX4 send: a mode by its number in VehicleStatus."""
     number = command.params[0]
@@ -359,6 +366,7 @@ _HANDLERS: Mapping[int, Callable[[Px4, float, Command], Answers]] = MappingProxy
         246: _reboot,
         300: _start_mission,
         400: _arm,
+        401: _run_checks,
         420: _inject_failure,
         SET_NAV_STATE: _set_state,
     }

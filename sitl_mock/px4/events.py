@@ -15,6 +15,7 @@ _LEVELS: Final = {0: 0x00, 1: 0x11, 2: 0x22, 3: 0x33, 4: 0x44, 5: 0x55, 6: 0x66}
 _WARNINGS: Final = frozenset({"Connection to ground station lost"})
 """Texts of severity INFO whose events are warnings."""
 _WARNING_OF_INFO = 0x64
+_INFO_INSIDE = 0x60
 _ARGUMENTS: Final = 40
 _BY_COMMAND = 4
 _BY_MISSION = 5
@@ -87,6 +88,8 @@ def event_of(severity: int, text: str) -> Event | None:
         return None
     name, arguments = event
     levels = _WARNING_OF_INFO if text in _WARNINGS else _LEVELS.get(severity, 0x66)
+    if "denied: " in text:
+        levels = _INFO_INSIDE | levels & 0x0F
     return Event(event_id(name), levels, arguments.ljust(_ARGUMENTS, b"\0"))
 
 

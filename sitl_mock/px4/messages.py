@@ -121,10 +121,13 @@ class MessageType:
         """Return the message in a payload for PX4 as a record; None if its size is wrong.
 
         As in PX4, bytes of the head are not looked at, and a payload that is longer than the message in memory is
-        dropped. PX4 reads a short one beyond its end; here it is dropped too.
+        dropped. Some encodings are longer than that; cut to its size they are taken, and what is cut off is 0 here. PX4
+        reads other short payloads beyond their end too; here they are dropped.
         """
         if len(payload) > len(HEAD) + self.memory_bytes:
             return None
+        if len(payload) == len(HEAD) + self.memory_bytes:
+            payload = payload.ljust(len(HEAD) + self.size, b"\0")
         return self.read(payload)
 
     def read(self, payload: bytes) -> Any | None:  # noqa: ANN401 - as above

@@ -13,6 +13,7 @@ from sitl_mock.pilot import Sticks
 from sitl_mock.protocols import Command
 from sitl_mock.px4.messages import message_type
 from sitl_mock.px4.topics import SOURCES, position_setpoint_triplet
+from sitl_mock.vector import Vector
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -255,6 +256,16 @@ def _trajectory(px4: Px4, _now_s: float, message: Any) -> None:  # noqa: ANN401 
     px4.take_trajectory(message)
 
 
+def _goto(px4: Px4, _now_s: float, message: Any) -> None:  # noqa: ANN401 - as above
+    """GotoSetpoint: it must be cut to 44 bytes, since PX4 drops a whole one."""
+    if all(map(math.isfinite, message.position)):
+        yaw_rad = message.heading if message.flag_control_heading else math.nan
+        speed_m_s = (
+            message.max_horizontal_speed if message.flag_set_max_horizontal_speed else math.nan
+        )
+        px4.go_to(Vector(message.position), yaw_rad, speed_m_s)
+
+
 def _offboard(px4: Px4, now_s: float, _message: Any) -> None:  # noqa: ANN401 - as above
     """OffboardControlMode: proof of life of a stream."""
     px4.stream_s = now_s
@@ -305,6 +316,7 @@ _HANDLERS: Final[Mapping[str, Callable[[Px4, float, Any], None]]] = {
         )
     },
     "config_control_setpoints": _control_mode,
+    "goto_setpoint": _goto,
     "manual_control_input": _sticks,
     "mode_completed": _completed,
     "offboard_control_mode": _offboard,

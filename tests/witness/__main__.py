@@ -2,6 +2,7 @@
 
     python -m tests.witness --px4 udpin://127.0.0.1:14540
     python -m tests.witness --arducopter tcpout://127.0.0.1:5760 --page
+    python -m tests.witness --zenoh-only --px4 udpin://127.0.0.1:14540 --px4-zenoh tcp/127.0.0.1:7447
     python -m tests.witness                                       # the mocks alone
 
 Give simulators that have just been started at 47.397742, 8.545594, 488 m, where the examples of MAVSDK fly: parameters
@@ -10,6 +11,7 @@ played at the same time. seen.json keeps what was seen last, and `--page` writes
 exit code is 1 if a case differs and causes.toml does not name it. A case whose program is not on this computer is not
 played:
 
+    --px4-zenoh ENDPOINT         the Zenoh router of that PX4, started after PX4's estimator (docs/how-to/px4-mode.md)
     --mavsdk3-examples FOLDER    examples of a checkout of github.com/mavlink/MAVSDK-Python
     --mavsdk4-examples FOLDER    py/mavsdk/examples of a checkout of github.com/mavlink/MAVSDK
     --mavsdk3-tests FOLDER       a checkout of github.com/mavlink/MAVSDK with its integration tests, see docs/mock.md
@@ -21,20 +23,26 @@ import shutil
 import sys
 import threading
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import TypeVar
 
 from sitl_mock.child import running
-from tests.witness import cases, other_clients, page
+from sitl_mock.transports.zenoh_session import free_port
+from tests.witness import cases, other_clients, page, topic_cases
 from tests.witness.cases import Case
 from tests.witness.client import Client
 from tests.witness.other_clients import NotPlayedError, Programs
+from tests.witness.topic_cases import TopicCase
+from tests.witness.topics import Topics
 
 _ROUTER = shutil.which("mavlink-routerd")
 ROUTER = None if _ROUTER is None else Path(_ROUTER)
 """mavlink-router, if it is installed."""
 
+CaseT = TypeVar("CaseT")
+TOPICS = "px4_zenoh"
 _writing = threading.Lock()
 
 
@@ -69,6 +77,43 @@ def observed_of_mock(autopilot: str, plays: Mapping[str, Case]) -> dict[str, str
         return observed(f"mock {page.AUTOPILOTS[autopilot]}", fleet["uav1"].udp, plays)
 
 
+def topics_of(
+    label: str, url: str, topics: Topics, plays: Mapping[str, TopicCase]
+) -> dict[str, str]:
+    """Play the cases of PX4's topics; return what each saw."""
+    observations = {}
+    with Client(url) as client:
+        client.wait_for_home()
+        topics.wait("vehicle_status", lambda status: status.pre_flight_checks_pass, seconds=60.0)
+        for title, play in plays.items():
+            try:
+                observations[title] = play(client, topics)
+            except Exception as error:  # as above
+                traceback.print_exc()
+                observations[title] = f"the witness failed: {type(error).__name__}: {error}"
+            print(f"{label}, {title}: {observations[title]}", flush=True)
+    return observations
+
+
+def play_topics(url: str | None, router: str | None, plays: Mapping[str, TopicCase]) -> None:
+    """Play the cases of PX4's topics on the real PX4, if there is a router, or on its mock, and remember them."""
+    if router is not None and url is not None:
+        with Topics(router) as topics:
+            observations = topics_of("real PX4 over Zenoh", url, topics, plays)
+        kind = "real"
+    else:
+        kind = "mock"
+        router = f"tcp/127.0.0.1:{free_port()}"
+        vehicle = {"name": "uav1", "flavour": "px4", "ready_after_s": 0.5}
+        with (
+            Topics(router, "router") as topics,
+            running([vehicle], over=["udp"], px4_zenoh=router) as fleet,
+        ):
+            observations = topics_of("mock PX4 over Zenoh", fleet["uav1"].udp, topics, plays)
+    with _writing:
+        page.remember(TOPICS, kind, observations)
+
+
 def play_all(autopilot: str, url: str | None, plays: Mapping[str, Case]) -> None:
     """Play the cases on the real autopilot, if there is a URL, or on its mock, and remember what was seen."""
     if url is None:
@@ -79,12 +124,19 @@ def play_all(autopilot: str, url: str | None, plays: Mapping[str, Case]) -> None
         page.remember(autopilot, "mock" if url is None else "real", observations)
 
 
+def chosen(every: Mapping[str, CaseT], texts: Sequence[str]) -> dict[str, CaseT]:
+    """Return the cases whose title contains one of the texts."""
+    return {title: play for title, play in every.items() if any(text in title for text in texts)}
+
+
 def main() -> int:
     """Play the cases; return the exit code."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--px4", metavar="URL", help="a PX4 simulator")
+    parser.add_argument("--px4-zenoh", metavar="ENDPOINT", help="the Zenoh router of that PX4")
+    parser.add_argument("--zenoh-only", action="store_true", help="only PX4's topics over Zenoh")
     parser.add_argument("--arducopter", metavar="URL", help="an ArduCopter simulator")
     parser.add_argument("--mavsdk3-examples", type=Path, metavar="FOLDER")
     parser.add_argument("--mavsdk4-examples", type=Path, metavar="FOLDER")
@@ -103,18 +155,28 @@ def main() -> int:
     )
     texts = arguments.only or [""]
     every = all_cases(programs)
-    plays = {title: play for title, play in every.items() if any(text in title for text in texts)}
+    plays = chosen(every, texts)
+    topic_plays = chosen(topic_cases.CASES, texts)
     urls = {"px4": arguments.px4, "arducopter": arguments.arducopter}
+    if arguments.zenoh_only:
+        plays = {}
     with ThreadPoolExecutor(2 * len(urls)) as pool:
         running_plays = [pool.submit(play_all, name, None, plays) for name in urls]
         running_plays += [
             pool.submit(play_all, name, url, plays) for name, url in urls.items() if url is not None
         ]
+    with ThreadPoolExecutor(2) as pool:  # afterwards, since one client may have PX4's port
+        running_plays.append(pool.submit(play_topics, None, None, topic_plays))
+        if arguments.px4_zenoh is not None:
+            running_plays.append(
+                pool.submit(play_topics, arguments.px4, arguments.px4_zenoh, topic_plays)
+            )
     for played in running_plays:
         played.result()
     wrong = [words for name in urls for words in page.judged(name, plays)]
+    wrong += page.judged(TOPICS, topic_plays)
     if arguments.page:
-        page.write(every)
+        page.write({**dict.fromkeys(urls, every), TOPICS: topic_cases.CASES})
     print("\n".join(wrong) if wrong else "every difference has a cause")
     return 1 if wrong else 0
 

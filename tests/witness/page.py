@@ -15,7 +15,11 @@ BEGIN = "<!-- the table of tests.witness begins -->\n"
 END = "<!-- the table of tests.witness ends -->\n"
 NOT_PLAYED = "not played"
 """What a cell says of a case that was never seen."""
-AUTOPILOTS = {"px4": "PX4 1.17", "arducopter": "ArduCopter 4.5"}
+AUTOPILOTS = {
+    "px4": "PX4 1.17",
+    "arducopter": "ArduCopter 4.5",
+    "px4_zenoh": "PX4 1.17 over Zenoh",
+}
 
 Seen = dict[str, dict[str, dict[str, str]]]
 
@@ -56,15 +60,15 @@ def judged(autopilot: str, titles: Iterable[str]) -> list[str]:
     return wrong
 
 
-def tables(titles: Iterable[str]) -> str:
-    """Return the tables of the page."""
-    return "\n".join(table_of(autopilot, titles) for autopilot in AUTOPILOTS)
+def tables(titles: Mapping[str, Iterable[str]]) -> str:
+    """Return the tables of the page, for the titles of each autopilot's cases."""
+    return "\n".join(table_of(autopilot, titles[autopilot]) for autopilot in AUTOPILOTS)
 
 
 def table_of(autopilot: str, titles: Iterable[str]) -> str:
     """Return the table of one autopilot."""
     causes = causes_of(autopilot)
-    cells = read()[autopilot]
+    cells = read().get(autopilot, {})
     lines = [f"| {AUTOPILOTS[autopilot]} | the real one | the mock |", "|---|---|---|"]
     lines += [row(title, cells.get(title, {}), causes.get(title, "")) for title in titles]
     return "\n".join(lines) + "\n"
@@ -83,7 +87,7 @@ def in_a_cell(words: str) -> str:
     return words.replace("|", "\\|").replace("<", "&lt;")
 
 
-def write(titles: Iterable[str]) -> None:
+def write(titles: Mapping[str, Iterable[str]]) -> None:
     """Replace the tables on the page."""
     page = PAGE.read_text(encoding="utf-8")
     before, _, rest = page.partition(BEGIN)

@@ -105,6 +105,25 @@ def registration(_client: Client, topics: Topics) -> str:
     )
 
 
+@topic_case(
+    "a second check, the first of its number since the boot: arming in the first mode before, until it replies, after"
+)
+def second_check(_client: Client, topics: Topics) -> str:
+    with topics.registered("Witness") as reply:
+        topics.choose(reply.mode_id)
+        time.sleep(0.5)
+        before = topics.last("vehicle_status").pre_flight_checks_pass
+        second = topics.ask("Witness 2")
+        time.sleep(0.7)
+        between = topics.last("vehicle_status").pre_flight_checks_pass
+        topics.checks[second.message.arming_check_id] = {"can_arm_and_run": True}
+        time.sleep(1.0)
+        after = topics.last("vehicle_status").pre_flight_checks_pass
+        topics.unregister("Witness 2", second.message)
+        topics.choose(HOLD)
+    return ", ".join("yes" if seen else "no" for seen in (before, between, after))
+
+
 @topic_case("registration of a mode without a check, of an executor without a mode, of nothing")
 def wrong_registration(_client: Client, topics: Topics) -> str:
     seen = [
@@ -170,36 +189,27 @@ def refused_arming(_client: Client, topics: Topics) -> str:
 
 @topic_case("a check that says no, then yes: mode chosen in the air")
 def refused_mode(_client: Client, topics: Topics) -> str:
-    with topics.registered("Witness", answers={"can_arm_and_run": False}) as reply:
-        if not topics.take_off():
-            return "no take-off"
+    no = {"can_arm_and_run": False}
+    with topics.flying("Witness", enters=False, answers=no) as reply:
         refused = results(topics.choose(reply.mode_id))
         stays = named(topics.state)
         topics.checks[reply.arming_check_id] = {"can_arm_and_run": True}
         time.sleep(0.7)
         granted = results(topics.choose(reply.mode_id))
         entered_s = topics.until_state(lambda state: state == reply.mode_id)
-        topics.come_down()
     return f"{refused}, {stays}; {granted}, flown within {0.1 if entered_s < 0.1 else entered_s} s"
 
 
 @topic_case("a requirement that is not met: mode chosen in the air without sticks")
 def requirement(_client: Client, topics: Topics) -> str:
     answers = {"can_arm_and_run": True, "mode_req_manual_control": True}
-    with topics.registered("Witness", answers=answers) as reply:
-        if not topics.take_off():
-            return "no take-off"
-        refused = results(topics.choose(reply.mode_id))
-        topics.come_down()
-    return refused
+    with topics.flying("Witness", enters=False, answers=answers) as reply:
+        return results(topics.choose(reply.mode_id))
 
 
 @topic_case("velocity of 5 m/s in the mode for 8 s; before the first setpoint; after the last one")
 def velocity(_client: Client, topics: Topics) -> str:
-    with topics.registered("Witness") as reply:
-        if not topics.take_off():
-            return "no take-off"
-        topics.choose(reply.mode_id)
+    with topics.flying("Witness"):
         time.sleep(2.0)
         still = topics.last("vehicle_local_position")
         topics.fly(8.0, 5.0)
@@ -214,23 +224,16 @@ def velocity(_client: Client, topics: Topics) -> str:
 
 @topic_case("5 m/s sent for 6 s in Hold")
 def setpoints_in_hold(_client: Client, topics: Topics) -> str:
-    with topics.registered("Witness"):
-        if not topics.take_off():
-            return "no take-off"
+    with topics.flying("Witness", enters=False):
         begun = topics.last("vehicle_local_position").x
         topics.fly(6.0, 5.0)
         moved = topics.last("vehicle_local_position").x - begun
-        topics.come_down()
     return "not flown" if moved < 1.0 else "flown in part" if moved < 12.0 else "flown"
 
 
 @topic_case("a program that falls silent in flight: time, mode flown, and again when it replies")
 def silent(_client: Client, topics: Topics) -> str:
-    with topics.registered("Witness") as reply:
-        if not topics.take_off():
-            return "no take-off"
-        topics.choose(reply.mode_id)
-        topics.until_state(lambda state: state == reply.mode_id)
+    with topics.flying("Witness") as reply:
         check = topics.checks.pop(reply.arming_check_id)
         left_s = topics.until_state(lambda state: state != reply.mode_id)
         time.sleep(0.2)
@@ -258,15 +261,10 @@ def forgotten(_client: Client, topics: Topics) -> str:
 
 @topic_case("a mode that is unregistered while it is flown")
 def unregistered(_client: Client, topics: Topics) -> str:
-    with topics.registered("Witness") as reply:
-        if not topics.take_off():
-            return "no take-off"
-        topics.choose(reply.mode_id)
-        topics.until_state(lambda state: state == reply.mode_id)
+    with topics.flying("Witness") as reply:
         topics.unregister("Witness", reply)
         left_s = topics.until_state(lambda state: state != reply.mode_id)
         flown = named(topics.state)
-        topics.come_down()
     return f"{flown} within {0.3 if left_s < 0.3 else left_s} s"
 
 
@@ -287,10 +285,8 @@ def no_take_off(_client: Client, topics: Topics) -> str:
 @topic_case("a mode that replaces Return: flown, then silent")
 def replaced(_client: Client, topics: Topics) -> str:
     wanted = {"enable_replace_internal_mode": True, "replace_internal_mode": RTL}
-    with topics.registered("Witness", **wanted) as reply:
+    with topics.flying("Witness", enters=False, **wanted) as reply:
         again = topics.ask("Witness 2", **wanted)
-        if not topics.take_off():
-            return "no take-off"
         answered = results(topics.command(20))
         topics.until_state(lambda state: state == reply.mode_id)
         status = topics.last("vehicle_status")
@@ -303,7 +299,6 @@ def replaced(_client: Client, topics: Topics) -> str:
         time.sleep(0.2)
         then = named(topics.state)
         failsafe = topics.last("vehicle_status").failsafe
-        topics.come_down()
     return (
         f"{answered}, flown and intended {flown}; {then}{', failsafe' if failsafe else ''}; "
         f"a second one: {shown(again)}"
@@ -349,11 +344,7 @@ def executor(_client: Client, topics: Topics) -> str:
 
 @topic_case("mode after landing and disarming, without an executor")
 def after_disarming(_client: Client, topics: Topics) -> str:
-    with topics.registered("Witness") as reply:
-        if not topics.take_off():
-            return "no take-off"
-        topics.choose(reply.mode_id)
-        topics.until_state(lambda state: state == reply.mode_id)
+    with topics.flying("Witness") as reply:
         topics.command(21)
         topics.wait("vehicle_status", lambda status: status.arming_state == 1, seconds=60.0)
         time.sleep(0.3)
@@ -417,19 +408,16 @@ def echoes(_client: Client, topics: Topics) -> str:
 
 @topic_case("config_control_setpoints in flight that says disarmed")
 def stopped(_client: Client, topics: Topics) -> str:
-    with topics.registered("Witness") as reply:
-        if not topics.take_off():
-            return "no take-off"
-        topics.choose(reply.mode_id)
-        topics.until_state(lambda state: state == reply.mode_id)
+    with topics.flying("Witness"):
         topics.fly(4.0, 0.0, -2.0)
         begun_s = time.monotonic()
-        topics.send("config_control_setpoints", flag_control_velocity_enabled=True)
-        topics.fly(1.5)
+        for _ in range(6):  # one may come just before PX4 publishes its own
+            topics.send("config_control_setpoints", flag_control_velocity_enabled=True)
+            topics.fly(0.1)
+        topics.fly(1.0)
         fallen_m_s = max(
             heard.message.vz for heard in topics.heard("vehicle_local_position", begun_s)
         )
-        topics.come_down()
     return "the motors stop for a moment" if fallen_m_s > 1.0 else "no effect"
 
 
@@ -437,11 +425,7 @@ def stopped(_client: Client, topics: Topics) -> str:
 def goto(_client: Client, topics: Topics) -> str:
     kind = message_type("GotoSetpoint")
     moved = []
-    with topics.registered("Witness") as reply:
-        if not topics.take_off():
-            return "no take-off"
-        topics.choose(reply.mode_id)
-        topics.until_state(lambda state: state == reply.mode_id)
+    with topics.flying("Witness"):
         for size in (4 + kind.size, 44):
             begun = topics.last("vehicle_local_position")
             payload = kind.encoded(position=(begun.x + 10.0, begun.y, begun.z))[:size]
@@ -449,7 +433,6 @@ def goto(_client: Client, topics: Topics) -> str:
                 topics.send_bytes("goto_setpoint", payload)
                 time.sleep(0.02)
             moved.append(topics.last("vehicle_local_position").x - begun.x)
-        topics.come_down()
     return ", ".join("flown" if metres > 1.5 else "not flown" for metres in moved)
 
 
@@ -475,29 +458,11 @@ def overrides(_client: Client, topics: Topics) -> str:
     return f"after {after_s:.0f} s"
 
 
-@topic_case("a second check before its first reply: may the first mode be armed in?")
-def second_check(_client: Client, topics: Topics) -> str:
-    with topics.registered("Witness") as reply:
-        topics.choose(reply.mode_id)
-        time.sleep(0.5)
-        before = topics.last("vehicle_status").pre_flight_checks_pass
-        second = topics.ask("Witness 2")
-        time.sleep(0.3)
-        between = topics.last("vehicle_status").pre_flight_checks_pass
-        topics.checks[second.message.arming_check_id] = {"can_arm_and_run": True}
-        time.sleep(0.8)
-        after = topics.last("vehicle_status").pre_flight_checks_pass
-        topics.unregister("Witness 2", second.message)
-        topics.choose(HOLD)
-    return ", ".join("yes" if seen else "no" for seen in (before, between, after))
-
-
 @topic_case("mode_completed of landing, of Return: per second from landing to disarming")
 def completions(_client: Client, topics: Topics) -> str:
     seen = []
     for command, state in ((21, LAND), (20, RTL)):
-        if not topics.take_off():
-            return "no take-off"
+        topics.take_off()
         begun_s = time.monotonic()
         topics.command(command)
         topics.wait("vehicle_status", lambda status: status.arming_state == 1, seconds=90.0)

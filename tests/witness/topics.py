@@ -245,15 +245,40 @@ class Topics:
             )
             time.sleep(0.02)
 
-    def take_off(self) -> bool:
-        """Choose TAKEOFF, arm, and wait until PX4 holds; false if that fails."""
+    def take_off(self) -> None:
+        """Choose TAKEOFF, arm, and wait until PX4 holds.
+
+        Raises:
+            RuntimeError: It does not take off.
+        """
+        ground = self.last("vehicle_local_position").z
         self.command(22, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
         end_s = time.monotonic() + 60.0
         while self.command(400, 1.0) != [0] and time.monotonic() < end_s:
             time.sleep(1.0)
         self.until_state(lambda state: state == 17)
         self.until_state(lambda state: state == 4, 60.0)
-        return -float(self.last("vehicle_local_position").z) > 1.5
+        if self.last("vehicle_local_position").z > ground - 1.0:
+            self.come_down()
+            raise RuntimeError("PX4 does not take off")
+
+    @contextlib.contextmanager
+    def flying(self, name: str, *, enters: bool = True, **fields: Any) -> Iterator[Any]:
+        """Register a mode, take off and enter it; land and unregister it at the end.
+
+        Raises:
+            RuntimeError: PX4 refuses one of it.
+        """
+        with self.registered(name, **fields) as reply:
+            self.take_off()
+            try:
+                if enters:
+                    answers = self.choose(reply.mode_id)
+                    if math.isnan(self.until_state(lambda state: state == reply.mode_id)):
+                        raise RuntimeError(f"PX4 does not enter the mode: {answers}")
+                yield reply
+            finally:
+                self.come_down()
 
     def come_down(self) -> None:
         """Land, wait until the vehicle is disarmed, and choose Hold."""

@@ -363,6 +363,18 @@ def test_row_26_every_number_up_to_700_that_is_no_command_is_unsupported(fly):
     assert {number for number, answers in answered.items() if answers != [3]} == set()
 
 
+ARMING_REPORT = (
+    "commander_arming_check_summary",
+    "check_modes_local_pos",
+    "check_modes_global_pos",
+    "check_modes_local_alt",
+    "check_modes_mission",
+    "check_modes_offboard_signal",
+    "check_modes_home_position",
+    "check_modes_manual_control",
+    "check_modes_cannot_takeoff",
+    "commander_health_summary",
+)
 EVENTS_OF_A_HOP = [
     "commander_armed_by",
     "commander_takeoff_detected",
@@ -395,12 +407,15 @@ def test_row_08_texts_go_to_a_ground_station_and_events_to_everybody(fly):
     ]
     assert flight.texts() == said
     assert silent.texts() == []
+    reported = {event_id(name) for name in ARMING_REPORT}
     ids = [m.id for _, m in silent.all("EVENT")]
-    assert ids == [event_id(name) for name in EVENTS_OF_A_HOP]
+    assert [number for number in ids if number not in reported] == [
+        event_id(name) for name in EVENTS_OF_A_HOP
+    ]
     assert [m.id for _, m in flight.all("EVENT")] == ids
-    assert ids[0] == 0x0190CAF3, "as recorded"
+    assert event_id(EVENTS_OF_A_HOP[0]) == 0x0190CAF3, "as recorded"
     numbers = [m.sequence for _, m in silent.all("EVENT")]
-    assert numbers == list(range(5))
+    assert numbers == list(range(len(ids)))
     silent.run(3.1)
     assert silent.last("CURRENT_EVENT_SEQUENCE").sequence == numbers[-1]
 
@@ -411,12 +426,13 @@ def test_row_08_a_missed_event_is_sent_again_and_one_that_is_gone_is_named(fly):
         flight.command(400, 1.0)
         flight.command(400, 0.0)
     before = len(flight.all("EVENT"))
-    assert before == 24
-    flight.send("REQUEST_EVENT", 1, 1, 22, 23)
-    assert [m.sequence for _, m in flight.all("EVENT")[before:]] == [22, 23]
+    assert before >= 24
+    newest = flight.last("EVENT").sequence
+    flight.send("REQUEST_EVENT", 1, 1, newest - 1, newest)
+    assert [m.sequence for _, m in flight.all("EVENT")[before:]] == [newest - 1, newest]
     flight.send("REQUEST_EVENT", 1, 1, 0, 0)
     error = flight.last("RESPONSE_EVENT_ERROR")
-    assert (error.sequence, error.sequence_oldest_available, error.reason) == (0, 4, 0)
+    assert (error.sequence, error.sequence_oldest_available, error.reason) == (0, newest - 19, 0)
 
 
 def test_row_16_a_landing_from_12_4_m_takes_as_long_as_the_real_one(fly):
