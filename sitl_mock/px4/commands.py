@@ -230,7 +230,9 @@ def _set_state(px4: Px4, now_s: float, command: Command) -> Answers:
     """SET_NAV_STATE, which programs beside PX4 send: a mode by its number in VehicleStatus."""
     number = command.params[0]
     mode = NAME_OF.get(int(number + 0.5)) if 0.0 <= number < 256.0 else None
-    return _granted(mode is not None and px4.request(now_s, mode, is_told=False))
+    if mode is None:  # disarmed PX4 takes any number
+        return _granted(not px4.state.armed)
+    return _granted(px4.request(now_s, mode, is_told=False))
 
 
 def _takeoff(px4: Px4, now_s: float, command: Command) -> Answers:

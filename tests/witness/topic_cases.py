@@ -219,16 +219,20 @@ def velocity(_client: Client, topics: Topics) -> str:
         topics.come_down()
     before = "stands" if math.hypot(still.vx, still.vy) < 0.5 else f"{still.vx:.1f} m/s"
     kept = "kept" if after.vx > 0.9 * flown.vx else f"{after.vx:.1f} m/s"
-    return f"{before}; {flown.vx:.1f} m/s; {kept}"
+    reached = "4.5 m/s" if abs(flown.vx - 4.5) < 0.25 else f"{flown.vx:.1f} m/s"
+    return f"{before}; {reached}; {kept}"
 
 
 @topic_case("5 m/s sent for 6 s in Hold")
 def setpoints_in_hold(_client: Client, topics: Topics) -> str:
     with topics.flying("Witness", enters=False):
-        begun = topics.last("vehicle_local_position").x
+        begun_s = time.monotonic()
         topics.fly(6.0, 5.0)
-        moved = topics.last("vehicle_local_position").x - begun
-    return "not flown" if moved < 1.0 else "flown in part" if moved < 12.0 else "flown"
+        heard = topics.heard("vehicle_local_position", begun_s)
+        fastest_m_s = max(sample.message.vx for sample in heard)
+    if fastest_m_s > 4.0:
+        return "flown"
+    return "disturb it" if fastest_m_s > 0.3 else "not flown"
 
 
 @topic_case("a program that falls silent in flight: time, mode flown, and again when it replies")
@@ -455,7 +459,7 @@ def overrides(_client: Client, topics: Topics) -> str:
         topics.wait("vehicle_status", lambda status: status.arming_state == 1, seconds=20.0)
         after_s = time.monotonic() - begun_s
         topics.choose(HOLD)
-    return f"after {after_s:.0f} s"
+    return "yes, within 15 s" if after_s < 15.0 else "no"
 
 
 @topic_case("mode_completed of landing, of Return: per second from landing to disarming")
@@ -471,10 +475,11 @@ def completions(_client: Client, topics: Topics) -> str:
             for heard in topics.heard("mode_completed", begun_s)
             if heard.message.nav_state == state
         ]
-        often = len(told) > 1
-        seen.append(
-            f"{(len(told) - 1) / (told[-1] - told[0]):.0f}" if often else f"{len(told)} in all"
-        )
+        if len(told) > 1:
+            rate = (len(told) - 1) / (told[-1] - told[0])
+            seen.append("20" if abs(rate - 20.0) < 3.0 else f"{rate:.0f}")
+        else:
+            seen.append(f"{len(told)} in all")
         topics.choose(HOLD)
     return ", ".join(seen)
 
