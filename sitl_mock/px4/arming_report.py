@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import struct
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from sitl_mock.modes import Need
 from sitl_mock.px4.events import Event, event_id
@@ -19,7 +19,8 @@ from sitl_mock.px4.modes import BY_NAME, NAV_STATES
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from sitl_mock.px4.commander import Px4
+    from sitl_mock.px4.external_modes import Verdict
+    from sitl_mock.vehicle_state import VehicleState
 
 REPORTED_EVERY_S: Final = 2.0
 EVERY_MODE: Final = 0xFFFFFFFF
@@ -38,6 +39,27 @@ _ARGUMENTS: Final = 40
 _SUMMARY: Final = struct.Struct("<BIIII").pack
 _HEALTH: Final = struct.Struct("<BIII").pack
 _FAILURE: Final = struct.Struct("<IB").pack
+
+
+class Checked(Protocol):
+    """What a report asks of the commander."""
+
+    state: VehicleState
+    mode: str
+    met_needs: frozenset[Need]
+    verdict: Verdict
+
+    def needs_of(self, mode: str) -> frozenset[Need]:
+        """Return what a mode needs."""
+        ...
+
+    def can_run(self, mode: str) -> bool:
+        """True if a mode's needs are met."""
+        ...
+
+    def refusals(self) -> list[str]:
+        """Return the reasons for not arming in the intended mode."""
+        ...
 
 
 class _Check(NamedTuple):
@@ -78,7 +100,7 @@ class ArmingReport:
     _told: Results | None = None
     _told_s: float = -math.inf
 
-    def update(self, now_s: float, px4: Px4, *, force: bool = False) -> list[Event]:
+    def update(self, now_s: float, px4: Checked, *, force: bool = False) -> list[Event]:
         """Return the events of a report if one is due.
 
         Args:
@@ -102,7 +124,7 @@ class ArmingReport:
         ]
 
 
-def checked(px4: Px4) -> Results:
+def checked(px4: Checked) -> Results:
     """Return the results of the checks now."""
     events = list(px4.verdict.reasons)
     errors = 0
