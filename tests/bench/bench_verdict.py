@@ -1,12 +1,17 @@
 """Fly random TAD games and compare what was claimed with how they ended: `python -m tests.bench.bench_verdict`.
 
-A verdict that has lasted for 1.5 s and the barrier event must never be followed by an arrival of the evader. A captured
-game in which the verdict was not "pursuer" for 0.4 s before the capture is a missed win; fewer than 10 % may be. Ends
-with 1 otherwise. `--shape` chooses the target: a point, a disc, a segment, a polygon, or a point that moves.
-`--referee` plays without the mock: a vehicle with just the guaranteed acceleration, a delay and a lag. There, a capture
-without a verdict is a win only if the vehicle could have been certain of it (`tests.harness.trials`). The others, in
-which the evader ran into its capture, are printed as lucky. With `--others`, the referee also tries
-other evaders from each lasting claim and counts the claims that they break; these do not end it with 1.
+A verdict that has lasted for 1.5 s and the barrier event must never be followed by an arrival of the evader. A
+captured game in which the verdict was not "pursuer" for 0.4 s before the capture is a missed win; fewer than 10 %
+may be. Ends with 1 otherwise. `--shape` chooses the target: a point, a disc, a segment, a polygon, a point or a disc
+that moves.
+
+`--referee` plays without the mock: a vehicle with just the guaranteed acceleration, a delay and a lag. There, the
+games are played in turn by the drawn course and by evaders that try to break the verdict (`tests.harness.evaders`);
+`worst` is searched from the lasting claim on. A capture without a verdict is a win only if the vehicle could have
+been certain of it (`tests.harness.trials`). The others, in which the evader ran into its capture, are printed as
+lucky. With `--others`, the referee also tries other evaders from each lasting claim and counts the claims that they
+break; these do not end it with 1. With `--cycles`, a step is a cycle of 20 ms, and the largest fall of the margin is
+that between cycles.
 """
 
 import argparse
@@ -15,31 +20,52 @@ import sys
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from typing import Final
+from random import Random
+from typing import Final, NamedTuple
 
 from guidance.cycle.monitor import GUARDED_S, LASTING_S
-from tests.harness.guarded import SHAPES, Drawn, Guarded, draw_game, fly
-from tests.harness.referee import referee
-from tests.harness.trials import is_broken, was_certain
+from guidance.session.fly.loop import PERIOD_S
+from tests.harness.evaders import KINDS, draw_evader, searched_worst
+from tests.harness.guarded import SHAPES, Drawn, Guarded, cycle_settings, draw_game, fly
+from tests.harness.referee import STEP_S, referee
+from tests.harness.trials import claimed_state, is_broken, was_certain
 
 MISSED: Final = 0.1
 CLOSE_S: Final = 2.0
+COURSE: Final = "course"
+WORST: Final = "worst"
+EVADERS: Final = (COURSE, *KINDS, WORST)
 
 
-def flown(
-    seed: int, shape: str, by_referee: bool, by_others: bool, number: int
-) -> tuple[Drawn, Guarded]:
+class Judged(NamedTuple):
+    """One game, and what only the referee measures: largest fall of the margin and processor time of a certificate."""
+
+    drawn: Drawn
+    evader: str
+    game: Guarded
+    fall_s: float = math.nan
+    certify_s: float = math.nan
+
+
+def judged(arguments: argparse.Namespace, number: int) -> Judged:
     """Draw and fly one game."""
-    drawn = draw_game(seed, number, shape)
-    if not by_referee:
-        return drawn, fly(drawn)
-    endings = referee(drawn)
-    result = endings.result
+    drawn = draw_game(arguments.seed, number, arguments.shape)
+    if not (arguments.referee or arguments.others):
+        return Judged(drawn, COURSE, fly(drawn))
+    kind = arguments.evader or EVADERS[number % len(EVADERS)]
+    settings = cycle_settings(drawn.setup)
+    draw = Random(f"{arguments.shape}/{arguments.seed}/{number}/{kind}")
+    evader = draw_evader(kind, draw, settings) if kind in KINDS else None
+    played = referee(drawn, evader, PERIOD_S if arguments.cycles else STEP_S)
+    result = played.result
+    if kind == WORST and not math.isnan(result.sustained_s):
+        worst = searched_worst(claimed_state(played), settings, draw).result
+        result = result._replace(end=worst.end, end_s=worst.end_s)
     if result.end == "captured" and not result.claimed_s < result.end_s:
-        result = result._replace(was_certain=was_certain(drawn, endings))
-    if by_others and not math.isnan(result.sustained_s):
-        result = result._replace(is_broken=is_broken(drawn, endings))
-    return drawn, result
+        result = result._replace(was_certain=was_certain(drawn, played))
+    if arguments.others and not math.isnan(result.sustained_s):
+        result = result._replace(is_broken=is_broken(drawn, played))
+    return Judged(drawn, kind, result, played.largest_fall_s, played.certify_s)
 
 
 def main() -> None:
@@ -49,34 +75,37 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument(
-        "--referee",
-        action="store_true",
-        help="without autopilot, links and noise; fifty times faster",
+        "--referee", action="store_true", help="without autopilot, links and noise; much faster"
     )
     parser.add_argument(
         "--others",
         action="store_true",
         help="by the referee; other evaders are also tried against each lasting claim",
     )
+    parser.add_argument("--evader", choices=EVADERS, help="by the referee; default: all in turn")
+    parser.add_argument("--cycles", action="store_true", help="by the referee, in steps of 20 ms")
     parser.add_argument("--shape", choices=tuple(SHAPES), default="point")
     arguments = parser.parse_args()
-    by_referee = arguments.referee or arguments.others
     ends = Counter[str]()
     wrong = Counter[str]()
     events = 0
     claims = 0
     lucky = 0
     broken = 0
+    falls_s = [0.0]
+    certify_s = [math.nan]
     wins = Counter[bool]()
     missed = Counter[bool]()
     with ProcessPoolExecutor(arguments.jobs) as pool:
-        play = partial(flown, arguments.seed, arguments.shape, by_referee, arguments.others)
-        for drawn, game in pool.map(play, range(arguments.games), chunksize=10):
+        games = pool.map(partial(judged, arguments), range(arguments.games), chunksize=10)
+        for drawn, evader, game, fall_s, cost_s in games:
             ends[game.end] += 1
             events += not math.isnan(game.reported_s)
             sustained = not (math.isnan(game.sustained_s) and math.isnan(game.reported_s))
             claims += sustained
             broken += game.is_broken
+            falls_s.append(fall_s)
+            certify_s.append(cost_s)
             if game.is_broken:
                 print(f"claim broken by another evader: {drawn}: {game}", flush=True)
             if game.end == "captured" and not game.was_certain:
@@ -86,7 +115,7 @@ def main() -> None:
                 missed[game.margin_s > CLOSE_S] += not game.claimed_s < game.end_s
             elif sustained or not math.isnan(game.claimed_s):
                 wrong["sustained" if sustained else "brief"] += game.end == "arrived"
-                print(f"claimed, then {game.end}: {drawn}: {game}", flush=True)
+                print(f"claimed, then {game.end}: {evader}: {drawn}: {game}", flush=True)
             if drawn.number % 50 == 49:
                 so_far = f"claimed wrongly {dict(wrong)}, missed {missed.total()} of {wins.total()}"
                 print(f"{drawn.number + 1} games: {dict(ends)}, {so_far}", flush=True)
@@ -105,6 +134,13 @@ def main() -> None:
     print(
         f"with the lucky captures: {unforeseen} of {captured} ({unforeseen / max(captured, 1):.1%})"
     )
+    if arguments.referee or arguments.others:
+        step_s = PERIOD_S if arguments.cycles else STEP_S
+        costs_s = sorted(certify_s[1:])
+        print(
+            f"largest fall of the margin within {step_s:g} s: {max(falls_s):.2f} s; "
+            f"processor time of a certificate: median {1e3 * costs_s[len(costs_s) // 2]:.2f} ms"
+        )
     sys.exit(int(wrong["sustained"] > 0 or share >= MISSED))
 
 

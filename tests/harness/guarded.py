@@ -60,6 +60,11 @@ SHAPES: Mapping[str, tuple[Aim, ...]] = {
         Aim(velocity_m_s=(1.0, 0.0)),
         Aim(velocity_m_s=(0.0, -0.8)),
     ),
+    "moving disc": (
+        Aim(radius_m=10.0, velocity_m_s=(-0.4, 0.4)),
+        Aim(radius_m=6.0, velocity_m_s=(1.0, 0.0)),
+        Aim(radius_m=20.0, velocity_m_s=(0.0, -0.8)),
+    ),
 }
 """Targets of the games, by the name of a kind."""
 

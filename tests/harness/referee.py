@@ -1,25 +1,27 @@
 """Plays the games of `tests.harness.guarded` without autopilot, links and noise: fifty times faster than in the mock.
 
 The vehicle has just the acceleration that its autopilot's description guarantees, behind a delay and a lag. It flies
-what the certificate of each step says, and brakes at the disc.
+what the certificate of each step says, and brakes at the disc. The evader is any function of the game (`Evader`).
 """
 
 import copy
 import math
 from collections import deque
+from collections.abc import Callable, Sequence
+from time import process_time
 from typing import Final, NamedTuple
 
 from guidance.control.follow import approach, gaps_to_disc
 from guidance.cycle import Capability, Certified, CycleSettings, Players, certify, game_played
 from guidance.cycle.monitor import GUARDED_S, LASTING_S
 from guidance.frames import Enu, game_from_ned, ned_from_game
-from guidance.game import Winner
+from guidance.game import Extent, Winner
 from guidance.game.arrays import FLOATS
 from guidance.game.meeting_times import catch_in_ball
 from tests.harness.guarded import LONGEST_S, Drawn, Guarded, Point, cycle_settings
 
 STEP_S: Final = 0.1
-DELAYED_STEPS: Final = 1
+DELAY_S: Final = 0.1
 LAG_S: Final = 0.3
 AGE_S: Final = 0.05
 
@@ -41,18 +43,27 @@ class Referee:
         settings: Of the cycle.
         pursuer_m: Start of the vehicle, which hovers.
         evader_m: Start of the evader.
+        step_s: Duration of a step.
     """
 
-    def __init__(self, settings: CycleSettings, pursuer_m: Enu, evader_m: Point) -> None:
+    def __init__(
+        self, settings: CycleSettings, pursuer_m: Enu, evader_m: Point, step_s: float = STEP_S
+    ) -> None:
         self.now_s = 0.0
+        self.step_s = step_s
         self._settings = settings
         self._before_m_s: Enu | None = None
         self._shown_m_s = 0.0
         still = Enu((0.0, 0.0, 0.0))
-        self.commands = deque([still] * DELAYED_STEPS)
+        self.commands = deque([still] * round(DELAY_S / step_s))
         self.state = State(
             Enu(pursuer_m), still, Enu((*evader_m, 0.0)), still, settings.target_game_m
         )
+
+    @property
+    def target_extent(self) -> Extent:
+        """Shape of the target."""
+        return self._settings.game.target_extent
 
     def copy(self) -> "Referee":
         """Return a game that goes on from here by itself."""
@@ -98,60 +109,80 @@ class Referee:
         self._shown_m_s = max(self._shown_m_s, math.hypot(*velocity_m_s[:2]))
         target_m = state.target_m
         if target_m is not None:
-            target_m = _moved(target_m, Enu((*self._settings.game.target_velocity_m_s, 0.0)))
+            target_m += Enu((*self._settings.game.target_velocity_m_s, 0.0)) * self.step_s
         evader_3d_m_s = Enu((*evader_m_s, 0.0))
         self.state = State(
-            _moved(state.pursuer_m, velocity_m_s),
+            state.pursuer_m + velocity_m_s * self.step_s,
             velocity_m_s,
-            _moved(state.evader_m, evader_3d_m_s),
+            state.evader_m + evader_3d_m_s * self.step_s,
             evader_3d_m_s,
             target_m,
         )
-        self.now_s += STEP_S
+        self.now_s += self.step_s
 
     def _accelerated(self, command_m_s: Enu) -> Enu:
         """Return the vehicle's velocity one step later."""
         most = self._settings.handling.acceleration
-        share = STEP_S / LAG_S
+        share = self.step_s / LAG_S
         x_m_s, y_m_s, z_m_s = self.state.pursuer_m_s
         x = share * (command_m_s[0] - x_m_s)
         y = share * (command_m_s[1] - y_m_s)
         down = command_m_s[2] * most.descent_share if command_m_s[2] < 0.0 else command_m_s[2]
         z = share * (down - z_m_s)
         size = math.hypot(x, y)
-        if size > most.ground_m_s2 * STEP_S:
-            x *= most.ground_m_s2 * STEP_S / size
-            y *= most.ground_m_s2 * STEP_S / size
-        steep = most.vertical_m_s2 * STEP_S
+        if size > most.ground_m_s2 * self.step_s:
+            x *= most.ground_m_s2 * self.step_s / size
+            y *= most.ground_m_s2 * self.step_s / size
+        steep = most.vertical_m_s2 * self.step_s
         return Enu((x_m_s + x, y_m_s + y, z_m_s + min(steep, max(-steep, z))))
 
 
-def _moved(place_m: Enu, velocity_m_s: Enu) -> Enu:
-    return place_m + velocity_m_s * STEP_S
+Evader = Callable[[Referee, Certified], Point]
+"""An evader: its velocity for the next step, x and y, from the game and what the vehicle's certificate says."""
 
 
 class Played(NamedTuple):
-    """The result of a game, and copies of the game, one for each step."""
+    """The result of a game.
+
+    Attributes:
+        result: How it ended, and the verdicts.
+        states: Copies of the game, one for each step.
+        largest_fall_s: Largest fall of the vehicle's margin from one step to the next.
+        certify_s: Processor time of a certificate, mean.
+        final_m: Distance of the evader from the target at the end.
+    """
 
     result: Guarded
     states: list[Referee]
+    largest_fall_s: float
+    certify_s: float
+    final_m: float
 
 
-def referee(drawn: Drawn) -> Played:
-    """Play a game to its end."""
+def referee(drawn: Drawn, evader: Evader | None = None, step_s: float = STEP_S) -> Played:
+    """Play a drawn game to its end, against its own evader or another one."""
     settings = cycle_settings(drawn.setup)
-    game = Referee(settings, Enu(drawn.setup.start_m), drawn.evader_m)
-    course = list(drawn.course_m)
-    speed_m_s = float(settings.game.evader_speed_m_s)
+    game = Referee(settings, Enu(drawn.setup.start_m), drawn.evader_m, step_s)
+    return play_out(game, evader or on_course(drawn, drawn.course_m))
+
+
+def play_out(game: Referee, evader: Evader) -> Played:
+    """Play a game to its end, at most `LONGEST_S` from now."""
+    until_s = game.now_s + LONGEST_S
     end = "undecided"
     margin_s = math.nan
     claimed_s = math.nan
     sustained_s = math.nan
     since_s = math.inf
+    before_s = -math.inf
+    fall_s = 0.0
+    spent_s = 0.0
     states = []
-    while end == "undecided" and game.now_s < LONGEST_S:
+    while end == "undecided" and game.now_s < until_s:
         states.append(game.copy())
+        began_s = process_time()
         certified = game.certify()
+        spent_s += process_time() - began_s
         certificate = certified.certificate
         margin_s = certificate.margin_s if math.isnan(margin_s) else margin_s
         claims = certificate.vehicle_winner == Winner.PURSUER
@@ -160,37 +191,50 @@ def referee(drawn: Drawn) -> Played:
             end = "captured"
         elif certificate.evader_arrived:
             end = "arrived"
+        else:
+            fall_s = max(fall_s, before_s - certificate.vehicle_margin_s)
+            before_s = certificate.vehicle_margin_s
         if math.isnan(claimed_s) and game.now_s - since_s >= LASTING_S:
             claimed_s = game.now_s
         if math.isnan(sustained_s) and game.now_s - since_s >= GUARDED_S:
             sustained_s = game.now_s
-        game.step(runs(game.state, course, certified, speed_m_s, drawn.setup.aim.velocity_m_s))
+        if end == "undecided":
+            game.step(evader(game, certified))
     result = Guarded(end, game.now_s, margin_s, claimed_s, sustained_s, sustained_s)
-    return Played(result, states)
+    target_m = game.state.target_m or Enu((math.nan, math.nan, math.nan))
+    final_m = game.target_extent.distance_m(target_m, game.state.evader_m)
+    return Played(result, states, fall_s, spent_s / len(states), final_m)
 
 
-def runs(
-    state: State,
-    course: list[Point],
-    certified: Certified,
-    speed_m_s: float,
-    target_m_s: Point,
-) -> Point:
-    """Return the evader's velocity on its course; without one, to the game's meeting point."""
-    here = state.evader_m[:2]
-    while len(course) > 1 and math.dist(course[0], here) < 0.2:
-        del course[0]
-    east_m, north_m, _ = certified.solution.meeting_point_m
-    if course:
-        east_m, north_m = course[0]
-    if len(course) == 1 and state.target_m is not None:
-        to_target_m = (
-            state.target_m[0] + east_m - here[0],
-            state.target_m[1] + north_m - here[1],
-        )
-        meeting_s = catch_in_ball(FLOATS, speed_m_s, 0.0, to_target_m, target_m_s, 0.0)
-        east_m = here[0] + to_target_m[0] + target_m_s[0] * meeting_s
-        north_m = here[1] + to_target_m[1] + target_m_s[1] * meeting_s
-    away_m = math.dist((east_m, north_m), here)
-    pace = min(speed_m_s, away_m / STEP_S) / away_m if away_m > 0.0 else 0.0
-    return (pace * (east_m - here[0]), pace * (north_m - here[1]))
+def on_course(drawn: Drawn, course_m: Sequence[Point]) -> Evader:
+    """Return an evader that runs through places, the last one a point of the target; without any, optimally."""
+    course = list(course_m)
+    speed_m_s = float(cycle_settings(drawn.setup).game.evader_speed_m_s)
+    target_m_s = drawn.setup.aim.velocity_m_s
+
+    def velocity(game: Referee, certified: Certified) -> Point:
+        here = game.state.evader_m[:2]
+        while len(course) > 1 and math.dist(course[0], here) < 0.2:
+            del course[0]
+        if len(course) == 1:
+            return towards(game.state, course[0], speed_m_s, target_m_s)
+        east_m, north_m = course[0] if course else certified.solution.meeting_point_m[:2]
+        away_m = math.dist((east_m, north_m), here)
+        pace = min(speed_m_s, away_m / game.step_s) / away_m if away_m > 0.0 else 0.0
+        return (pace * (east_m - here[0]), pace * (north_m - here[1]))
+
+    return velocity
+
+
+def towards(state: State, goal_m: Point, speed_m_s: float, target_m_s: Point) -> Point:
+    """Return the velocity to a point that moves with the target, given from the target's position; none when there."""
+    x_m, y_m, _ = state.evader_m
+    target_m = state.target_m or Enu((math.nan, math.nan, math.nan))
+    way_m = (target_m[0] + goal_m[0] - x_m, target_m[1] + goal_m[1] - y_m)
+    time_s = catch_in_ball(FLOATS, speed_m_s, 0.0, way_m, target_m_s, 0.0)
+    x = way_m[0] + target_m_s[0] * time_s
+    y = way_m[1] + target_m_s[1] * time_s
+    away_m = math.hypot(x, y)
+    if away_m == 0.0:
+        return target_m_s
+    return (speed_m_s * x / away_m, speed_m_s * y / away_m)

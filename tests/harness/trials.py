@@ -2,7 +2,7 @@
 
 A capture alone does not show that: the evader may have run to where it was captured. The vehicle could be certain of it
 if it captures every evader that is tried from one of the states before: one that plays the game, some that run straight
-to points of the target, and some that feint first.
+to points of the target, some that feint first, and some of each kind of `tests.harness.evaders`.
 """
 
 import math
@@ -10,52 +10,46 @@ from collections.abc import Iterator
 from random import Random
 from typing import Final
 
-from guidance.cycle.guarding import outline
-from tests.harness.guarded import LONGEST_S, Drawn, Point, cycle_settings
-from tests.harness.referee import STEP_S, Played, Referee, runs
+from tests.harness.evaders import KINDS, draw_evader, outline
+from tests.harness.guarded import Drawn, cycle_settings
+from tests.harness.referee import Evader, Played, Referee, on_course, play_out
 
 BEFORE_S: Final = (0.5, 1.0, 2.0, 3.5, 5.0, 8.0)
 """Times before the capture whose states are tried; a verdict has to last for 0.4 s before it."""
 
 STRAIGHT: Final = 8
 FEINTS: Final = 8
+OF_EACH_KIND: Final = 2
 
 
 def was_certain(drawn: Drawn, played: Played) -> bool:
     """Return whether all trials end with a capture, from one of the states before the capture."""
     for before_s in BEFORE_S:
-        steps = round(before_s / STEP_S)
+        steps = round(before_s / played.states[0].step_s)
         if steps < len(played.states) and _captures_all(drawn, played.states[-1 - steps]):
             return True
     return False
 
 
+def claimed_state(played: Played) -> Referee:
+    """Return the state in which a claim had lasted."""
+    return played.states[round(played.result.sustained_s / played.states[0].step_s)]
+
+
 def is_broken(drawn: Drawn, played: Played) -> bool:
     """Return whether one of the other evaders is not captured from the state in which the claim had lasted 1.5 s."""
-    claimed = played.states[round(played.result.sustained_s / STEP_S)]
+    claimed = claimed_state(played)
     return not _captures_all(drawn, claimed)
 
 
 def _captures_all(drawn: Drawn, state: Referee) -> bool:
-    return all(_captures(drawn, state.copy(), course) for course in _courses(drawn, state))
+    return all(
+        play_out(state.copy(), evader).result.end == "captured" for evader in _evaders(drawn, state)
+    )
 
 
-def _captures(drawn: Drawn, game: Referee, course: list[Point]) -> bool:
-    """Return whether the vehicle captures an evader on this course."""
-    speed_m_s = float(cycle_settings(drawn.setup).game.evader_speed_m_s)
-    until_s = game.now_s + LONGEST_S
-    while game.now_s < until_s:
-        certified = game.certify()
-        if certified.certificate.captured:
-            return True
-        if certified.certificate.evader_arrived:
-            return False
-        game.step(runs(game.state, course, certified, speed_m_s, drawn.setup.aim.velocity_m_s))
-    return False
-
-
-def _courses(drawn: Drawn, state: Referee) -> Iterator[list[Point]]:
-    """Return the trials: an empty course plays the game, the last place of others is a point of the target."""
+def _evaders(drawn: Drawn, state: Referee) -> Iterator[Evader]:
+    """Return the trials; those that break a claim most often come first."""
     draw = Random(f"trials/{drawn.number}")
     settings = cycle_settings(drawn.setup)
     speed_m_s = float(settings.game.evader_speed_m_s)
@@ -67,11 +61,14 @@ def _courses(drawn: Drawn, state: Referee) -> Iterator[list[Point]]:
         thinned,
         key=lambda point: math.hypot(target_m[0] + point[0] - x_m, target_m[1] + point[1] - y_m),
     )[:STRAIGHT]
-    yield []
-    for point in nearest:
-        yield [point]
     for _ in range(FEINTS):
         run_m = speed_m_s * draw.uniform(0.3, 2.5)
         heading = draw.uniform(-math.pi, math.pi)
         feint_m = (x_m + run_m * math.sin(heading), y_m + run_m * math.cos(heading))
-        yield [feint_m, draw.choice(nearest)]
+        yield on_course(drawn, [feint_m, draw.choice(nearest)])
+    for kind in KINDS:
+        for _ in range(OF_EACH_KIND):
+            yield draw_evader(kind, draw, settings, state.now_s)
+    yield on_course(drawn, [])
+    for point in nearest:
+        yield on_course(drawn, [point])
