@@ -217,7 +217,7 @@ def velocity(_client: Client, topics: Topics) -> str:
         time.sleep(2.0)
         after = topics.last("vehicle_local_position")
         topics.come_down()
-    before = "stands" if math.hypot(still.vx, still.vy) < 0.5 else f"{still.vx:.1f} m/s"
+    before = "stands" if math.hypot(still.vx, still.vy) < 1.0 else f"{still.vx:.1f} m/s"
     kept = "kept" if after.vx > 0.9 * flown.vx else f"{after.vx:.1f} m/s"
     reached = "4.5 m/s" if abs(flown.vx - 4.5) < 0.25 else f"{flown.vx:.1f} m/s"
     return f"{before}; {reached}; {kept}"
