@@ -8,13 +8,12 @@ move, says how long it took; so a flight in virtual time does not depend on the 
 
 import queue
 import threading
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError
-from guidance.sim.scenario import Scenario
 from guidance.strategies.own import (
     EVADER_SHARES,
     PURSUER_COLUMNS,
@@ -29,11 +28,14 @@ from guidance.strategies.own import (
     require_fit,
 )
 
+if TYPE_CHECKING:
+    from guidance.sim.scenario import Scenario
+
 LONGEST_S: Final = 0.02
 """Longest time for an answer: a cycle."""
 
 
-def require_policies(scenario: Scenario, *, beside_vehicle: bool) -> None:
+def require_policies(scenario: "Scenario", *, beside_vehicle: bool) -> None:
     """Load the users' policies of a scenario and ask each once, before anything is opened.
 
     Args:
