@@ -109,7 +109,9 @@ def test_who_walks_is_come_to_and_kept_off_by_what_it_says_in_its_own_words(base
 
 
 def test_on_a_signed_link_nobody_is_pursued_whose_reports_are_not_signed(base):
-    one = base(key=KEY).standing_by()
+    one = base(key=KEY)
+    one.prey.autopilot.signing.set_key(None)
+    one.standing_by()
     assert one.order("engage")["reason"].startswith("the evader was never heard")
     assert one.evader.counters()["unsigned"] > 100
     one.prey.autopilot.signing.set_key(KEY)
