@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from guidance.cycle import Certificate
-from guidance.flight import FlightSettings
+from guidance.flight import BEFORE_FLIGHT, FlightSettings
 from guidance.flight.tracking import Tracking
 from guidance.frames import Amsl, Enu, Ned
 from guidance.log.entries import BEGINNINGS, CONFIG, RELOADED, CycleEntry, EventEntry, Item
 from guidance.log.reader import row_of
 from guidance.log.scene import Array, fence_edges
-from guidance.messages import EvaderReport, LocalPosition, Timesync
+from guidance.messages import EvaderReport, Home, LocalPosition, Timesync
 from guidance.vehicle import VehicleState, observe
 
 SettingsOf = Callable[[Mapping[str, str]], FlightSettings]
@@ -114,6 +114,10 @@ class Aggregator:
     def _numbers(self, row: CycleEntry) -> Cycle:
         inputs = row.inputs
         self.vehicle = observe(self.vehicle, inputs.messages)
+        if (
+            row.state not in BEFORE_FLIGHT and Home in self.vehicle.latest
+        ):  # as the flight itself does
+            self.vehicle = self.vehicle._replace(home_fixed=True)
         self._tracking.observe(self.vehicle, ())
         self.playing = self.playing if inputs.role is None else inputs.role.evader
         for report in inputs.reports:

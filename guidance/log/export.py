@@ -28,7 +28,7 @@ from guidance.cycle import Certificate
 from guidance.errors import ConfigError
 from guidance.extras import require_extras
 from guidance.files import private_folder, whole_file, writing
-from guidance.flight import FlightSettings
+from guidance.flight import BEFORE_FLIGHT, FlightSettings
 from guidance.flight.tracking import NOWHERE
 from guidance.frames import Amsl, LocalFrame, Ned, game_from_ned
 from guidance.links.frames import FrameReader, frame_length
@@ -174,8 +174,11 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
             message for message in inputs.messages if isinstance(message, GlobalPosition)
         ]
         vehicle = observe(vehicle, inputs.messages)
-        if vehicle.armed or home is None:  # home in flight; on the ground it drifts
-            home = vehicle.latest.get(Home)
+        if (
+            row.state not in BEFORE_FLIGHT and Home in vehicle.latest
+        ):  # as the flight itself does; on the ground home drifts
+            vehicle = vehicle._replace(home_fixed=True)
+        home = vehicle.latest.get(Home)
         for report in inputs.reports:
             tracks.setdefault(f"evader ({report.source})", []).append(report)
         if row.state != state and tracks["pursuer"]:

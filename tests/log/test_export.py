@@ -41,7 +41,7 @@ from guidance.log.export import (
 from guidance.log.export import geojson as written
 from guidance.log.scene import fence_edges
 from guidance.log.writer import Recorder
-from guidance.messages import GlobalPosition, Heartbeat, Home, LocalPosition
+from guidance.messages import GlobalPosition, Home, LocalPosition
 from guidance.session.flight_files import recorded_settings
 
 
@@ -309,16 +309,14 @@ SQUARE_NE_M = ((-50.0, -40.0), (-50.0, 60.0), (50.0, 60.0), (50.0, -40.0))
 @pytest.mark.parametrize("given", ["metres", "degrees", "the other way round"])
 def test_a_polygon_fence_is_on_the_map_in_metres_or_degrees(flight, given):
     settings = recorded_settings(metadata_of(flight[1]))
-    heard = [
+    before_start = itertools.takewhile(lambda row: row.state != State.ARMING, cycles_of(flight[1]))
+    homes = [
         message
-        for row in cycles_of(flight[1])
+        for row in before_start
         for message in row.inputs.messages
-        if isinstance(message, Home | Heartbeat)
+        if isinstance(message, Home)
     ]
-    armed = next(
-        place for place, one in enumerate(heard) if isinstance(one, Heartbeat) and one.armed
-    )
-    home = next(one for one in reversed(heard[:armed]) if isinstance(one, Home))
+    home = homes[-1]  # fixed as the flight is accepted
     frame = LocalFrame(
         home.latitude_deg, home.longitude_deg, Amsl(0.0), projection=settings.autopilot.projection
     )

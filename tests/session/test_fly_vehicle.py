@@ -280,7 +280,7 @@ def test_preflight_refuses_on_the_ground_and_names_what_is_wrong(sortie):
     assert world.ordered() == []
 
 
-def test_arming_that_is_refused_ends_the_run_with_the_autopilots_own_words(sortie):
+def test_a_check_that_fails_as_the_vehicle_is_to_arm_ends_the_run_and_is_named(sortie):
     world = World("arducopter")
     flown = sortie(world)
     flown.run(until=lambda: flown.state is State.ARMING)
@@ -288,7 +288,7 @@ def test_arming_that_is_refused_ends_the_run_with_the_autopilots_own_words(sorti
     flown.run()
     outcome = flown.outcome()
     assert outcome.end == "failed"
-    assert "Compass not calibrated" in outcome.reason
+    assert "while arming (the autopilot's own checks fail in GUIDED)" in outcome.reason
     assert not world.vehicle.armed
 
 

@@ -283,6 +283,8 @@ def _never_engaged(result: FlightResult, way: str) -> Outcome:
     cause = next((happening for happening in result.happenings if happening.after in ends), None)
     end = "yielded" if cause is not None and cause.event is Event.PILOT else "failed"
     reason = _unfinished(result) if cause is None else f"{cause.event} while {cause.before}"
+    if cause is not None and cause.event is Event.TIMED_OUT and cause.detail:
+        reason += f" ({cause.detail})"
     reason += f'; the autopilot said "{result.said}"' if result.said else ""
     return outcome_of(
         result.scenario,

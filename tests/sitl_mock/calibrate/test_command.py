@@ -172,7 +172,7 @@ def test_files_that_are_no_logs_are_clear_errors(tmp_path, content):
 
 
 def test_a_folder_is_not_a_log(tmp_path):
-    with pytest.raises(ConfigError, match="cannot be read: Is a directory"):
+    with pytest.raises(ConfigError, match="is no regular file; give the name of a recorded file"):
         read_step_log(tmp_path)
 
 
