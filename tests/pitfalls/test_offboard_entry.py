@@ -142,13 +142,8 @@ def test_27_without_a_valid_position_nothing_is_armed(sortie, autopilot, conditi
         flight.run(1.0)
         assert not flight.mock.armed
         assert flight.setpoints == []
-    if (autopilot, condition) == ("arducopter", "gps_lost"):
-        # Its checks pass in STABILIZE, which needs no position. In GUIDED it refuses to arm.
-        assert flight.state is State.FAILED
-    else:
-        assert flight.state is State.CHECKING
-        assert not any(
-            getattr(sent.message, "command", 0) == MAV_CMD_COMPONENT_ARM_DISARM
-            for sent in flight.sent
-        )
+    assert flight.state is State.CHECKING
+    assert not any(
+        getattr(sent.message, "command", 0) == MAV_CMD_COMPONENT_ARM_DISARM for sent in flight.sent
+    )
     assert any(check.verdict != "pass" for check in flight.flight.checks(flight.now_s))
