@@ -9,7 +9,6 @@ edge. A few rows need more steps, or a bracket around the minimum. With old info
 a dent in front of the pursuer and several minima; `solve` gives no value there (`Reason.NO_REGION`).
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +34,6 @@ from guidance.game.headings import (
     bounded,
     hunt_for,
     judge,
-    left_over,
     way_along,
 )
 from guidance.game.pe import Geometry
@@ -104,12 +102,7 @@ def closest_point(
 
 
 def is_missed(
-    xp: Library,
-    game: Game,
-    state: Geometry,
-    ways: tuple[Plane, Plane, Real],
-    level_s: Real,
-    selected: Truth,
+    xp: Library, game: Game, state: Geometry, ways: tuple[Plane, Plane, Real], selected: Truth
 ) -> Truth:
     """Return whether the region may have a closer point: its distance has several minima, or is less elsewhere.
 
@@ -119,7 +112,6 @@ def is_missed(
         state: the state.
         ways: vectors from the evader to the target's position now and to the point where it could meet its target,
             and the least distance that was found, m.
-        level_s: time until a pursuer with separate speeds can be at its height, s; no run ends before. Zero for others.
         selected: which rows to judge; the others have been found.
     """
     if selected is False:
@@ -127,22 +119,17 @@ def is_missed(
     target, goal, least = ways
     hunt = hunt_for(xp, game, state, target, goal)
     nothing = least < 0.0
-    return in_rows(selected, nothing, partial(_missed, xp), hunt, least, level_s) & selected
+    return (
+        in_rows(selected, nothing, lambda hunt, least: _missed(xp, hunt, least), hunt, least)
+        & selected
+    )
 
 
-def _missed(xp: Library, hunt: Hunt, least: Real, level_s: Real) -> Truth:
-    def left(path: HeadingRun) -> Real:
-        """Return how far a run ends from the target, if it lasts at least until the pursuer is at its height."""
-        if is_zero(level_s):
-            return xp.norm2(path.from_target)
-        longest = xp.maximum(path.t, level_s)
-        rho = hunt.v * longest + hunt.lag
-        return xp.norm2(left_over(xp, hunt, path.n, rho, longest)[0])
-
+def _missed(xp: Library, hunt: Hunt, least: Real) -> Truth:
     zero = 0.0 * (hunt.to_evader[0] + hunt.target[0] + hunt.ahead[0])
     aim = AimedHeading(zero - 1.0, hunt.ahead)
     _, path = settled(xp, hunt, aim, DISC_STEPS)
-    before = left(path)
+    before = xp.norm2(path.from_target)
     rises: Truth = False
     # Less than this share of a distance is no change.
     less = 1.0 - xp.half_of_digits(before)
@@ -150,7 +137,7 @@ def _missed(xp: Library, hunt: Hunt, least: Real, level_s: Real) -> Truth:
     for number in range(1, HEADINGS + 1):
         aim = AimedHeading(zero + (2.0 * number / HEADINGS - 1.0), path.to)
         _, path = settled(xp, hunt, aim, 2)
-        distance = left(path)
+        distance = xp.norm2(path.from_target)
         missed = missed | (distance < least * less)
         missed = missed | (rises & (distance < before * less))
         rises = rises | (distance * less > before)

@@ -88,7 +88,7 @@ def defence(xp: Library, game: Game, state: Geometry, target: Plane) -> StateSol
     distance = edge.distance
     if not game.target_extent.is_point:
         distance = distance - game.target_extent.radius_m
-    reason = _reason(xp, game, state, to_target, target_race._replace(edge=edge))
+    reason = _reason(xp, game, state, to_target, target_race)
     return StateSolution(
         winner=xp.sign(margin),
         value=xp.select(won, distance, target_race.short),
@@ -154,12 +154,7 @@ def _reason(
     if not is_zero(game.information_age_s):
         unsure = (margin > 0) & (surely_convex(xp, game, state) == 0)
         edge = (to_target, target_race.goal, target_race.edge.distance)
-        level_s: Real = 0.0
-        if game.pursuer.separate:
-            level_s = xp.maximum(
-                game.pursuer.level_time(xp, game.capture_radius_m, state.z), 0.0 * state.z
-            )
-        dented = is_missed(xp, game, state, edge, level_s, unsure)
+        dented = is_missed(xp, game, state, edge, unsure)
         reason = xp.select(dented, int(Reason.NO_REGION), reason)
     return xp.select(target_race.arrival <= 0, int(Reason.ARRIVED), reason)
 

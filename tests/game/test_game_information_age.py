@@ -358,21 +358,3 @@ def test_tad_has_no_value_where_a_part_of_the_evaders_spread_can_be_captured_now
     answer = solve_state(game, P, E, T)
     assert answer.reason == Reason.NO_REGION
     assert np.isnan(answer.value)
-
-
-def test_a_dent_of_the_level_region_within_the_disc_of_the_height_is_no_reason_to_refuse():
-    """The evader's region has the disc, too, that it reaches before the pursuer is at its height."""
-    game = Game(
-        Cylinder(6.1083087381697, 3.0, 1.5),
-        2.9276547718221395,
-        standoff=StandOff(5.382530557984594, 3.6668258647179384),
-        information_age_s=0.6054635444613635,
-    )
-    P = np.array([26.08125022677554, -19.44171443093196, 10.924457474783676])
-    E = np.array([22.302143851111495, -21.717829697247247, 0.0])
-    T = np.array([2.094723448877417, -3.8266300656782377, 0.0])
-    solution = solve(game, P, E, T)
-    assert solution.reason != Reason.NO_REGION
-    fall_s = (P[2] - game.standoff.height_m) / 1.5
-    run_m = game.evader_speed_m_s * (fall_s + game.information_age_s)
-    assert solution.value == pytest.approx(np.linalg.norm(T - E) - run_m)
