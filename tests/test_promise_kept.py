@@ -14,6 +14,9 @@ SPEEDS_M_S = ((6.0, 3.0), (8.0, 4.0))
 GUARDED_M = (40.0, 110.0)
 SEEDS = [0, pytest.param(1, marks=pytest.mark.long), pytest.param(2, marks=pytest.mark.long)]
 SAID_WITHIN_S = 2.0
+HELD_BACK_S = 0.5
+"""A vehicle with more drag slows down only gradually, and sooner or later by the phase in which the chase began."""
+
 DISTURBED_S = 5.0
 FLOWN = Flown()
 
@@ -49,7 +52,8 @@ def said(chase, disturb):
     """Return the kinds of alarm before the disturbance, and within the time in which it has to be said."""
     before = {alarm.violation for _, alarm in chase.chased.alarms}
     disturb(chase)
-    alarms = chase.fly(longest_s=DISTURBED_S + SAID_WITHIN_S).alarms
+    within_s = SAID_WITHIN_S + (HELD_BACK_S if disturb is held_back else 0.0)
+    alarms = chase.fly(longest_s=DISTURBED_S + within_s).alarms
     return before, {alarm.violation for _, alarm in alarms} - before
 
 
