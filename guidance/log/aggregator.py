@@ -114,9 +114,8 @@ class Aggregator:
     def _numbers(self, row: CycleEntry) -> Cycle:
         inputs = row.inputs
         self.vehicle = observe(self.vehicle, inputs.messages)
-        if (
-            row.state not in BEFORE_FLIGHT and Home in self.vehicle.latest
-        ):  # as the flight itself does
+        # As the flight itself does
+        if row.state not in BEFORE_FLIGHT and self.vehicle.latest.get(Home) is not None:
             self.vehicle = self.vehicle._replace(home_fixed=True)
         self._tracking.observe(self.vehicle, ())
         self.playing = self.playing if inputs.role is None else inputs.role.evader

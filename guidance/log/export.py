@@ -174,9 +174,8 @@ def features_of(path: Path, settings: FlightSettings) -> list[Feature]:
             message for message in inputs.messages if isinstance(message, GlobalPosition)
         ]
         vehicle = observe(vehicle, inputs.messages)
-        if (
-            row.state not in BEFORE_FLIGHT and Home in vehicle.latest
-        ):  # as the flight itself does; on the ground home drifts
+        # As the flight itself does; on the ground home drifts
+        if row.state not in BEFORE_FLIGHT and vehicle.latest.get(Home) is not None:
             vehicle = vehicle._replace(home_fixed=True)
         home = vehicle.latest.get(Home)
         for report in inputs.reports:
