@@ -1,5 +1,6 @@
 """PX4's topics on a real Zenoh session: keys, attachments, the router that comes late, and the example mode."""
 
+import contextlib
 import math
 import re
 import select
@@ -217,6 +218,7 @@ class Station:
         self._socket.close()
 
 
+@pytest.mark.slow
 def test_the_example_flies_the_mock_as_a_mode_that_a_station_chooses(tmp_path, address):
     """`docs/how-to/own-px4-mode.md`: nothing of this project is imported by the example."""
     source = EXAMPLE.read_text(encoding="utf-8")
@@ -229,8 +231,10 @@ def test_the_example_flies_the_mock_as_a_mode_that_a_station_chooses(tmp_path, a
     )
     try:
         vehicle = {"name": "uav1", "flavour": "px4", "ready_after_s": 0.5, "noise": False}
-        with running([vehicle], over=["udp"], px4_zenoh=address) as fleet:
-            station = Station(fleet["uav1"].udp_port)
+        with (
+            running([vehicle], over=["udp"], px4_zenoh=address) as fleet,
+            contextlib.closing(Station(fleet["uav1"].udp_port)) as station,
+        ):
             station.until("HEARTBEAT", lambda beat: beat.system_status == 3)
             assert select.select([program.stdout], [], [], 20.0)[0]
             assert program.stdout.readline() == "mode 23\n"
@@ -248,9 +252,9 @@ def test_the_example_flies_the_mock_as_a_mode_that_a_station_chooses(tmp_path, a
             assert abs(moving.vy) < 0.5
             program.kill()
             station.until("HEARTBEAT", lambda beat: beat.custom_mode != own, 5.0)
-            station.close()
     finally:
         end(program)
+        program.stdout.close()
 
 
 def test_the_mock_says_that_there_is_no_router_and_goes_on():
