@@ -1,5 +1,7 @@
 """Alarms in whole flights of the calibrated mock: none while all goes as promised, and soon one where it does not."""
 
+import math
+
 import pytest
 
 from guidance.cycle import Violation
@@ -14,8 +16,9 @@ SPEEDS_M_S = ((6.0, 3.0), (8.0, 4.0))
 GUARDED_M = (40.0, 110.0)
 SEEDS = [0, pytest.param(1, marks=pytest.mark.long), pytest.param(2, marks=pytest.mark.long)]
 SAID_WITHIN_S = 2.0
-HELD_BACK_S = 0.5
-"""A vehicle with more drag slows down only gradually, and sooner or later by the phase in which the chase began."""
+FALLEN_M = 3.0
+"""The evader's way in a second, which is the slack of the promise. More drag breaks it only once the distance has fallen
+by so much: 0.3 to 3 s later, by the phase of the chase."""
 
 DISTURBED_S = 5.0
 FLOWN = Flown()
@@ -52,8 +55,12 @@ def said(chase, disturb):
     """Return the kinds of alarm before the disturbance, and within the time in which it has to be said."""
     before = {alarm.violation for _, alarm in chase.chased.alarms}
     disturb(chase)
-    within_s = SAID_WITHIN_S + (HELD_BACK_S if disturb is held_back else 0.0)
-    alarms = chase.fly(longest_s=DISTURBED_S + within_s).alarms
+    begun_s = DISTURBED_S
+    if disturb is held_back and not math.isnan(chase.chased.assured_m):
+        assured_m = chase.chased.assured_m
+        chase.run(SAID_WITHIN_S, lambda: chase.chased.assured_m < assured_m - FALLEN_M)
+        begun_s = chase.since_s
+    alarms = chase.fly(longest_s=begun_s + SAID_WITHIN_S).alarms
     return before, {alarm.violation for _, alarm in alarms} - before
 
 

@@ -189,6 +189,7 @@ class Chased:
         height_m: All reported heights above the disc, from the same time.
         commands: Every setpoint's velocity and acceleration, NED.
         needed_s: `time_needed_s` of the first certificate.
+        assured_m: `assured_distance_m` of the last one.
         alarms: Every alarm and its time since engagement.
     """
 
@@ -204,6 +205,7 @@ class Chased:
     height_m: list[float] = field(default_factory=list)
     commands: list[tuple[float, ...]] = field(default_factory=list)
     needed_s: float = math.nan
+    assured_m: float = math.nan
     alarms: list[tuple[float, Alarm]] = field(default_factory=list)
 
     @property
@@ -245,6 +247,7 @@ class Chased:
         slip_m_s: float,
     ) -> None:
         """Record one cycle of the game."""
+        self.assured_m = certificate.assured_distance_m
         if math.isnan(self.value_s):
             self.value_s = certificate.value
             self.needed_s = certificate.time_needed_s
