@@ -17,8 +17,8 @@ GUARDED_M = (40.0, 110.0)
 SEEDS = [0, pytest.param(1, marks=pytest.mark.long), pytest.param(2, marks=pytest.mark.long)]
 SAID_WITHIN_S = 2.0
 FALLEN_M = 3.0
-"""The evader's way in a second, which is the slack of the promise. More drag breaks it only once the distance has fallen
-by so much: 0.3 to 3 s later, by the phase of the chase."""
+"""The evader's way in a second, which is the slack of the promise. More drag breaks it only once the distance has
+fallen by so much: 0.3 to 3 s later, by the phase of the chase."""
 
 DISTURBED_S = 5.0
 FLOWN = Flown()
