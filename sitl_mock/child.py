@@ -30,7 +30,9 @@ Over = Literal["udp", "zenoh"]
 _FIRST_PORT = 21_000
 _LAST_PORT = 31_000
 _ATTEMPTS: Final = 5
-_START_S = 20.0
+START_S = 60.0
+"""Longest wait for a child's addresses; on an idle machine they come within a second."""
+
 _STOP_S = 5.0
 _PORT_TAKEN: Final = 3
 _ERRORS: Final = "errors.txt"
@@ -172,10 +174,10 @@ def running(
             if process.returncode != _PORT_TAKEN:
                 break
         error = ConfigError if process.returncode == ConfigError.exit_code else TransportError
-        words = _last_words(folder / _ERRORS)
-        if not words:
-            words = "the mock did not start"
-        raise error(words)
+        why = f"it ended with exit code {process.returncode} before it gave an address"
+        if line is None:
+            why = f"it gave no address within {START_S:g} s; the machine may be too busy"
+        raise error(_last_words(folder / _ERRORS) or why)
 
 
 def _zenoh_port(over: Sequence[Over], port: int, udp: int | None) -> int | None:
@@ -227,10 +229,10 @@ def _last_words(log: Path) -> str:
     return output.rpartition("error: ")[2] if "error: " in output else output.rpartition("\n")[2]
 
 
-def _first_line(process: subprocess.Popen[str]) -> str:
-    """Return the "ready" line; empty if the child ended or took too long."""
-    if process.stdout is None or not select.select([process.stdout], [], [], _START_S)[0]:
-        return ""
+def _first_line(process: subprocess.Popen[str]) -> str | None:
+    """Return the "ready" line; empty if the child ended, None if it took too long."""
+    if process.stdout is None or not select.select([process.stdout], [], [], START_S)[0]:
+        return None
     return process.stdout.readline()
 
 

@@ -1,26 +1,47 @@
-"""Runs all checks that a change must pass, or the named ones.
+"""Runs the checks and tests of a change.
 
-Format, lint and layers come first. Then three lanes run side by side, each one step after another; a lane ends at its
-first failure. Two lanes compute, at a low priority. The third keeps real time and mostly waits.
+    python -m tests              format, lint, layers, types, the short tests and a sample of every longer proof
+    python -m tests changed      what the changed files reach: their tests, and mutants of what keeps people safe
+    python -m tests all          everything, as before a release; what passed on the same files is not repeated
+    python -m tests durations    processor time of each test in the last runs
+    python -m tests STEP ...     single steps
+
+The steps of a lane run one after another, and the lanes side by side. The table at the end has a row for every step:
+passed, failed or starved. A test in real time that fails while it has no processor is starved; it runs again alone at
+the end, and if it starves again, the run fails.
 """
 
 import argparse
+import hashlib
 import json
 import os
 import shutil
 import subprocess
 import sys
-import threading
+import tempfile
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import distributions
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 BIN = Path(sys.executable).parent
-PYTEST = (sys.executable, "-m", "pytest", "-q", "--durations", "12")
-QUICK = "not slow and not flight and not arrays and not long"
+KEPT = ROOT / ".pytest_cache"
+TOP = ("pyproject.toml", "README.md", "CHANGELOG.md", ".mkdocs.yml", ".pre-commit-config.yaml")
+PYTEST = (sys.executable, "-m", "pytest", "-q")
+SHORT_S = 0.2
+"""Most processor time of a test that runs without being asked for."""
+
+SHORT = "not slow and not flight and not arrays and not long"
+BESIDE = ("-n", "2", "--dist", "loadfile")
+PASSED = "passed"
+FAILED = "failed"
+STARVED = "starved"
+CODES = {0: PASSED, 3: STARVED}
+"""Verdicts by exit code; 3: every failure of the step was for want of a processor."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +54,8 @@ class Step:
         marked: Only test files with this mark are collected; collecting all costs each worker some seconds.
         environment: Additional environment variables.
         arguments: Example arguments, if the step accepts arguments when it is run alone.
-        nice: Its priority beside other steps, which must keep real time: 19 is the lowest.
-        after: A step of another lane that has to end before, if it runs at all.
-        told: Whether its output is printed although it passed.
+        nice: Its priority beside steps that must keep real time: 19 is the lowest.
+        rows: Tests that have a row of their own in the table, and its name.
     """
 
     what: str
@@ -44,9 +64,50 @@ class Step:
     environment: tuple[tuple[str, str], ...] = ()
     arguments: str = ""
     nice: int = 0
-    after: str = ""
-    told: bool = True
+    rows: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def runs_tests(self) -> bool:
+        """Whether it is pytest that runs."""
+        return tuple(self.command[: len(PYTEST)]) == PYTEST
+
+
+@dataclass
+class Row:
+    """What became of a step.
+
+    Attributes:
+        verdict: passed, failed or starved.
+        seconds: Wall time; 0 if it passed before.
+        processor_s: Processor time of its processes.
+        tests: Outcome and processor time of each test, by node id.
+    """
+
+    verdict: str
+    seconds: float = 0.0
+    processor_s: float = 0.0
+    tests: dict[str, tuple[str, float]] = field(default_factory=dict)
+
+
+SENTINELS = {
+    "tests/session/test_fly.py::test_the_papers_pe_game_is_flown_within_15_percent_of_its_value": (
+        "a flight of PX4"
+    ),
+    "tests/session/test_fly.py::test_arducopter_flies_the_same_scenario": "a flight of ArduCopter",
+    "tests/session/test_fly_several.py::test_two_vehicles_capture_an_evader_each_in_one_world": (
+        "a flight of a team"
+    ),
+    "tests/test_readme.py::test_its_first_command_flies_in_virtual_time": "README's first command",
+    "tests/sitl_mock/clients/test_mavsdk_example.py::test_the_mavsdk_example_is_tested_as_its_page_says": (
+        "MAVSDK in real time"
+    ),
+    "tests/sitl_mock/clients/test_mavutil.py::test_mavutil_sets_a_mode_arms_and_disarms[uav1-LOITER]": (
+        "pymavlink in real time"
+    ),
+}
+"""One test of every longer proof, and its row in the table."""
+
+TODAY = time.strftime("%Y%m%d")
 
 STEPS = {
     "format": Step("ruff's format", (BIN / "ruff", "format", "--check", ".")),
@@ -54,10 +115,32 @@ STEPS = {
     "statements": Step(
         "no assignment packs several values", (sys.executable, "-m", "tests.statements")
     ),
+    "layers": Step("imports point down only", (BIN / "lint-imports",)),
     "types": Step(
         "mypy: the packages strictly, the tests by the names they use", (BIN / "mypy",), nice=2
     ),
-    "layers": Step("imports point down only", (BIN / "lint-imports",)),
+    "tests": Step(
+        f"the short tests, each below {SHORT_S:g} s of processor time",
+        (*PYTEST, *BESIDE, "-m", SHORT),
+        nice=5,
+    ),
+    "sentinels": Step(
+        "one of every longer proof: flights in virtual time, and clients in real time",
+        (*PYTEST, *SENTINELS),
+        rows=SENTINELS,
+    ),
+    "ten faults": Step(
+        "ten fault flights; the seed is the date",
+        (sys.executable, "-m", "tests.faults", "--flights", "10", "--seed", TODAY, "--jobs", "1"),
+        nice=2,
+    ),
+}
+"""The steps without arguments."""
+
+FIRST = ("format", "lint", "statements", "layers")
+LANES = (("tests",), ("sentinels", "ten faults", "types"))
+
+LONGER = {
     "docs": Step(
         "the documentation as a site, where any warning is an error",
         (BIN / "mkdocs", "build", "--strict", "--config-file", ".mkdocs.yml", "--site-dir", "site"),
@@ -71,20 +154,9 @@ STEPS = {
         (sys.executable, "-m", "tests.arrays", "--within", "120"),
         nice=2,
     ),
-    # In a new environment one process compiles the modules and the tests; eight at a time would each compile them.
-    "collected": Step(
-        "every test is found, and every module compiled once",
-        (sys.executable, "-m", "pytest", "-qq", "--collect-only"),
-        nice=2,
-        told=False,
-    ),
-    # Some wait for sockets and processes, but each has seconds.
-    "tests": Step(
-        "the quick tests", (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK), nice=5
-    ),
     "flights": Step(
         "whole flights in virtual time, and other long computations",
-        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "flight and not slow and not long"),
+        (*PYTEST, *BESIDE, "-m", "flight and not slow and not long"),
         marked="flight",
         nice=10,
     ),
@@ -102,7 +174,6 @@ STEPS = {
             "slow and not long",
         ),
         marked="slow",
-        after="collected",
     ),
     "acceptance": Step(
         "the service's promises, on a mock over UDP or on running SITLs (docs/acceptance.md)",
@@ -116,28 +187,23 @@ STEPS = {
         nice=2,
     ),
 }
-FIRST = ("format", "lint", "statements", "layers")
-LANES = (
-    ("collected", "tests"),
+"""What `all` runs beside them."""
+
+LANES_OF_ALL = (
+    ("tests",),
     ("types", "docs", "arrays", "faults", "flights"),
     ("real time", "acceptance"),
 )
-"""The steps of a lane run one after another; the lanes run at the same time, once the first steps have passed."""
-
-_ENVIRONMENT = {
-    name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"
-}
-"""The environment with bytecode caches, because hundreds of processes import the same modules."""
 
 ASKED_FOR = {
     "examples": Step(
-        "the quick tests with every example of every property (an eighth otherwise)",
-        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", QUICK),
+        "the short tests with every example of every property (an eighth otherwise)",
+        (*PYTEST, *BESIDE, "-m", SHORT),
         environment=(("HYPOTHESIS_PROFILE", "all"),),
     ),
     "long": Step(
         "more flights, and longer ones, than every change needs",
-        (*PYTEST, "-n", "2", "--dist", "loadfile", "-m", "long"),
+        (*PYTEST, *BESIDE, "-m", "long"),
     ),
     "mutants": Step(
         "mutants of the code that keeps people safe, which tests have to notice",
@@ -150,133 +216,217 @@ ASKED_FOR = {
     ),
     "coverage": Step(
         "line and branch coverage of the tests in virtual time; takes three times as long",
-        (
-            *PYTEST,
-            "-n",
-            "2",
-            "--dist",
-            "loadfile",
-            "-m",
-            "not slow and not arrays",
-            "--cov",
-            "--cov-report=term",
-        ),
+        (*PYTEST, *BESIDE, "-m", "not slow and not arrays", "--cov", "--cov-report=term"),
     ),
 }
 """Steps that run by name only."""
 
+EVERY = STEPS | LONGER | ASKED_FOR
+OTHERS = {"changed": "tests.changed", "durations": "tests.durations"}
+ENVIRONMENT = {
+    name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"
+}
+"""The environment with bytecode caches, because hundreds of processes import the same modules."""
+
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the steps named, or all."""
-    steps = STEPS | ASKED_FOR
-    if arguments and steps.get(arguments[0], STEPS["tests"]).arguments:
-        command = [*steps[arguments[0]].command, *arguments[1:]]
-        return subprocess.run(command, cwd=ROOT, check=False).returncode
-    chosen = _parser().parse_args(arguments).steps or list(STEPS)
-    if unknown := [name for name in chosen if name not in steps]:
-        print(f"unknown step {', '.join(unknown)}: allowed are {', '.join(steps)}", file=sys.stderr)
+    """Run the steps named, or those that every change has to pass."""
+    first = arguments[0] if arguments else ""
+    if first in OTHERS:
+        command = (sys.executable, "-m", OTHERS[first])
+    elif first in EVERY and EVERY[first].arguments:
+        command = EVERY[first].command
+    else:
+        return _run_steps(_parser().parse_args(arguments).steps)
+    return subprocess.run([*command, *arguments[1:]], cwd=ROOT, check=False).returncode
+
+
+def _run_steps(chosen: Sequence[str]) -> int:
+    if unknown := [name for name in chosen if name not in {"all", *EVERY}]:
+        allowed = ", ".join(["all", *OTHERS, *EVERY])
+        print(f"unknown step {', '.join(unknown)}: allowed are {allowed}", file=sys.stderr)
         return 2
-    if code := _one_by_one([name for name in FIRST if name in chosen], alone=True):
-        return code
-    lanes = [names for lane in LANES if (names := [name for name in lane if name in chosen])]
-    ended = {name: threading.Event() for lane in lanes for name in lane}
-    with ThreadPoolExecutor(len(LANES)) as executor:
-        codes = list(executor.map(lambda names: _lane(names, ended), lanes))
-    codes.append(_again([name for lane in lanes for name in lane]))
-    return next(filter(None, codes), 0) or _one_by_one(
-        [name for name in chosen if name in ASKED_FOR], alone=True
-    )
+    if not chosen:
+        return run(EVERY, FIRST, LANES)
+    if "all" in chosen:
+        return run(EVERY, FIRST, LANES_OF_ALL, before=passed_before())
+    return run(EVERY, (), [chosen])
 
 
-def _lane(names: Sequence[str], ended: Mapping[str, threading.Event]) -> int:
-    """Run the steps of a lane until one fails, each after the one that it waits for; return its exit code, or 0."""
-    code = 0
-    for name in names:
-        if STEPS[name].after in ended:
-            ended[STEPS[name].after].wait()
-        try:
-            code = code or _run(name, beside_another=len(ended) > len(names))
-        finally:
-            ended[name].set()
-    return code
+def run(
+    steps: Mapping[str, Step],
+    first: Sequence[str],
+    lanes: Sequence[Sequence[str]],
+    before: Mapping[str, Row] | None = None,
+) -> int:
+    """Run steps, print a table of them, and return the exit code.
+
+    Args:
+        steps: The steps by name.
+        first: Names of steps that run before the others, which do not run if one of these fails.
+        lanes: Names of steps; those of a lane run one after another, and the lanes side by side.
+        before: Rows of steps that passed on the same files; only their skipped tests run.
+    """
+    earlier = before or {}
+    tree = fingerprint()
+    rows = dict(earlier)
+
+    def follow(lane: Sequence[str]) -> dict[str, Row]:
+        return {name: _run(steps[name], name, earlier, beside=len(lanes) > 1) for name in lane}
+
+    for one in map(follow, [[name] for name in first]):
+        rows |= one
+    if all(rows[name].verdict == PASSED for name in first):
+        with ThreadPoolExecutor(len(lanes)) as executor:
+            for lane in executor.map(follow, lanes):
+                rows |= lane
+    for name, row in rows.items():
+        if row.verdict == STARVED:
+            rows[name] = _again(steps[name], name, row)
+    rows = {name: rows[name] for name in steps if name in rows}
+    if steps is EVERY and first:
+        _keep(tree, rows)
+    return _conclude(steps, rows)
 
 
-def _one_by_one(names: Sequence[str], *, alone: bool) -> int:
-    """Run steps until one fails; return its exit code, or 0."""
-    return next(filter(None, (_run(name, beside_another=not alone) for name in names)), 0)
-
-
-def _parser() -> argparse.ArgumentParser:
-    listed, more = (
-        "\n".join(f"  {name:12}{step.what}" for name, step in steps.items())
-        for steps in (STEPS, ASKED_FOR)
-    )
-    told = "\n".join(
-        f"  python -m tests {name} {step.arguments}"
-        for name, step in (STEPS | ASKED_FOR).items()
-        if step.arguments
-    )
-    parser = argparse.ArgumentParser(
-        prog="python -m tests",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog=f"steps:\n{listed}\n\nby name only:\n{more}\n\nwith arguments of their own, for example:\n{told}",
-    )
-    parser.add_argument("steps", nargs="*", metavar="step", help="all in order if none is named")
-    return parser
-
-
-def _run(name: str, *, beside_another: bool) -> int:
-    """Run one step. If other steps run at the same time, its output is printed at its end."""
-    step = (STEPS | ASKED_FOR)[name]
+def _run(step: Step, name: str, earlier: Mapping[str, Row], *, beside: bool) -> Row:
+    """Run a step, or what is left of it. If others run at the same time, its output is printed if it fails."""
     command = [str(part) for part in step.command]
-    shown = " ".join(command[1:] if command[0] == sys.executable else command)
-    print(f"── {name}: {shown}", flush=True)
-    if command[: len(PYTEST)] == [*PYTEST]:
-        command += ["--cache-clear", "-o", f"cache_dir={_cache(name)}"]
-    if step.marked:
-        command += _files_with(step.marked)
-    if beside_another and step.nice and shutil.which("nice"):
+    if name in earlier:
+        left = [test for test, (outcome, _) in earlier[name].tests.items() if outcome == "skipped"]
+        if not left:
+            print(f"── {name}: passed before", flush=True)
+            return earlier[name]
+        command += left
+    else:
+        command += _files_with(step.marked) if step.marked else []
+        if step.runs_tests:
+            passed = [test for row in earlier.values() for test in row.tests if test in SENTINELS]
+            command += [f"--deselect={test}" for test in passed]
+    shown = [str(part) for part in step.command]
+    print(f"── {name}: {' '.join(shown[1:] if shown[0] == sys.executable else shown)}", flush=True)
+    if step.runs_tests:
+        command += ["--cache-clear", "-o", f"cache_dir={cache_of(name)}"]
+    if beside and step.nice and shutil.which("nice"):
         command = ["nice", "-n", str(step.nice), *command]
-    started = time.perf_counter()
-    done = subprocess.run(
-        command,
-        cwd=ROOT,
-        check=False,
-        env={**_ENVIRONMENT, **dict(step.environment)},
-        stdout=subprocess.PIPE if beside_another else None,
-        stderr=subprocess.STDOUT if beside_another else None,
-    )
-    passed_s = time.perf_counter() - started
-    verdict = "ok" if done.returncode == 0 else f"failed ({done.returncode})"
-    said = done.stdout or b"" if step.told or done.returncode else b""
-    print(
-        said.decode(errors="replace") + f"── {name}: {verdict} in {passed_s:.1f} s",
-        flush=True,
-    )
-    return done.returncode
+    row = _done(step, command, name, told=not beside)
+    if name in earlier:
+        row.tests = earlier[name].tests | row.tests
+        row.seconds += earlier[name].seconds
+        row.processor_s += earlier[name].processor_s
+    print(f"── {name}: {row.verdict} in {row.seconds:.1f} s", flush=True)
+    return row
 
 
-def _cache(name: str) -> str:
+def _done(step: Step, command: Sequence[str], name: str, *, told: bool) -> Row:
+    """Run a command to its end and return its row; what it prints is shown at once, or at its end if it fails."""
+    started_s = time.perf_counter()
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env={**ENVIRONMENT, **dict(step.environment)},
+            stdout=None if told else said,
+            stderr=None if told else subprocess.STDOUT,
+        )
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        row = Row(CODES.get(process.returncode, FAILED))
+        row.seconds = time.perf_counter() - started_s
+        row.processor_s = used.ru_utime + used.ru_stime
+        if row.verdict != PASSED:
+            said.seek(0)
+            print(said.read().decode(errors="replace"), flush=True)
+    results = cache_of(name) / "v" / "tests"
+    if step.runs_tests and results.is_file():
+        row.tests = json.loads(results.read_text(encoding="utf-8"))
+    if row.verdict == PASSED and STARVED in outcomes(row):
+        row.verdict = STARVED
+    return row
+
+
+def _again(step: Step, name: str, row: Row) -> Row:
+    """Run what starved once more, alone."""
+    starved = [test for test, (outcome, _) in row.tests.items() if outcome == STARVED]
+    print(f"── {name}: starved, runs again alone: {', '.join(starved) or 'all of it'}", flush=True)
+    if not starved:
+        return _run(step, name, {}, beside=False)
+    cache = ("--cache-clear", "-o", f"cache_dir={cache_of(name)}")
+    again = _done(step, (*PYTEST, *starved, *cache), name, told=True)
+    return Row(
+        again.verdict,
+        row.seconds + again.seconds,
+        row.processor_s + again.processor_s,
+        row.tests | again.tests,
+    )
+
+
+def outcomes(row: Row) -> Counter[str]:
+    """Return how many of a row's tests had each outcome."""
+    return Counter(outcome for outcome, _ in row.tests.values())
+
+
+def _conclude(steps: Mapping[str, Step], rows: Mapping[str, Row]) -> int:
+    """Print the table of all rows and the total; return the exit code."""
+    print(f"\n{'':28}{'':10}{'time':>8}{'processor':>12}  tests")
+    for name, row in rows.items():
+        told = ", ".join(f"{count} {outcome}" for outcome, count in outcomes(row).items())
+        print(f"{name:28}{row.verdict:10}{row.seconds:6.1f} s{row.processor_s:10.1f} s  {told}")
+        for test, title in steps[name].rows.items():
+            outcome, spent_s = row.tests.get(test, ("not run", 0.0))
+            print(f"  {title:26}{outcome:10}{'':8}{spent_s:10.1f} s")
+    tests = {test: outcome for row in rows.values() for test, (outcome, _) in row.tests.items()}
+    others = Counter(row.verdict for row in rows.values() if not row.tests)
+    total = Counter(tests.values()) + others
+    passed = total[PASSED] + total["xfailed"]
+    wrong = total.total() - passed - total["skipped"]
+    print(f"\n{total['skipped']} skipped" if total["skipped"] else "")
+    print(f"{passed} passed, {wrong} failed", flush=True)
+    return int(any(row.verdict != PASSED for row in rows.values()))
+
+
+def fingerprint() -> str:
+    """Return a digest of all files that a step reads, and of the Python that runs it."""
+    digest = hashlib.sha256(sys.version.encode())
+    for top in ("guidance", "sitl_mock", "config", "tests", "docs", ".ci", ".readme", *TOP):
+        for path in sorted((ROOT / top).rglob("*")) or [ROOT / top]:
+            if path.is_file() and path.suffix != ".pyc":
+                digest.update(
+                    path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes()
+                )
+    return digest.hexdigest()
+
+
+def _packages() -> list[str]:
+    """Return the installed packages, which mypy reads too."""
+    return sorted(f"{one.name} {one.version}" for one in distributions())
+
+
+def _keep(tree: str, rows: Mapping[str, Row]) -> None:
+    """Keep the rows that passed, for `python -m tests all`."""
+    kept = {name: asdict(row) for name, row in rows.items() if row.verdict == PASSED}
+    KEPT.mkdir(exist_ok=True)
+    content = {"tree": tree, "packages": _packages(), "rows": kept}
+    (KEPT / "passed.json").write_text(json.dumps(content), encoding="utf-8")
+
+
+def passed_before() -> dict[str, Row]:
+    """Return the rows that passed on the same files; mypy's only with the same packages."""
+    try:
+        kept = json.loads((KEPT / "passed.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    if kept["tree"] != fingerprint():
+        return {}
+    rows = {name: Row(**row) for name, row in kept["rows"].items()}
+    if kept["packages"] != _packages():
+        rows.pop("types", None)
+    return rows
+
+
+def cache_of(name: str) -> Path:
     """Return the folder in which a step of pytest keeps its results apart from those of the steps beside it."""
-    return f".pytest_cache/{name.replace(' ', '_')}"
-
-
-def _again(names: Sequence[str]) -> int:
-    """Run the inconclusive tests of these steps once more; what stays inconclusive is counted and is no failure."""
-    listed = [ROOT / _cache(name) / "v/inconclusive" for name in names]
-    found = [
-        test
-        for path in listed
-        if path.is_file()
-        for test in json.loads(path.read_text(encoding="utf-8"))
-    ]
-    if not found:
-        return 0
-    print(f"── inconclusive, run again alone: {', '.join(found)}", flush=True)
-    return subprocess.run(
-        [*map(str, PYTEST), *found], cwd=ROOT, check=False, env=_ENVIRONMENT
-    ).returncode
+    return KEPT / name.replace(" ", "_")
 
 
 def _files_with(mark: str) -> list[str]:
@@ -287,6 +437,31 @@ def _files_with(mark: str) -> list[str]:
         for file in files
         if f"mark.{mark}" in file.read_text(encoding="utf-8")
     ]
+
+
+def _parser() -> argparse.ArgumentParser:
+    described = {
+        "without arguments": STEPS,
+        "in `all` beside them": LONGER,
+        "by name only": ASKED_FOR,
+    }
+    epilog = "".join(
+        f"{title}:\n" + "".join(f"  {name:12}{step.what}\n" for name, step in steps.items()) + "\n"
+        for title, steps in described.items()
+    )
+    told = "\n".join(
+        f"  python -m tests {name} {step.arguments}"
+        for name, step in EVERY.items()
+        if step.arguments
+    )
+    parser = argparse.ArgumentParser(
+        prog="python -m tests",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=f"{epilog}with arguments of their own, for example:\n{told}",
+    )
+    parser.add_argument("steps", nargs="*", metavar="STEP", help="`all`, or names of steps")
+    return parser
 
 
 if __name__ == "__main__":

@@ -4,15 +4,25 @@ A share of them by default, all in the profile `all`; `HYPOTHESIS_PROFILE=search
 """
 
 import gc
+import itertools
+import re
+import resource
+import time
+from importlib.util import find_spec
 
 import pytest
 from hypothesis import Phase, settings
 
+from guidance.errors import ConfigError
+from guidance.extras import EXTRAS
 from tests.harness.examples import PROFILE, drawn
 from tests.harness.starved import Waiting
 
-INCONCLUSIVE = "inconclusive"
+STARVED = "starved"
 WAITING = pytest.StashKey[Waiting]()
+SINCE_S = pytest.StashKey[float]()
+OPTIONAL = {"PIL", "cyclonedx", "filterpy", "mutmut", *itertools.chain(*EXTRAS.values())}
+"""Packages that `python -m tests` does without; `python -m tests all` needs them."""
 REAL = {"asyncio", "running", "slow", "socket", "subprocess", "threading", "time", "zenoh"}
 """Marks of a test, or names in its module, that let it wait for real time, another process or a socket."""
 
@@ -46,9 +56,43 @@ def remembered(monkeypatch, tmp_path_factory, request):
     monkeypatch.delenv("STATE_DIRECTORY", raising=False)
 
 
+def missing(error):
+    """Return the optional package that an error says is not installed; empty if it says something else."""
+    if isinstance(error, ConfigError) and (
+        named := re.search(r"needs (\w+).* not installed", str(error))
+    ):
+        name = named[1]
+    else:
+        name = (getattr(error, "name", None) or "").partition(".")[0]
+    return name if name in OPTIONAL and find_spec(name) is None else ""
+
+
+class Module(pytest.Module):
+    """A file of tests; it is skipped if it needs a package that is not installed."""
+
+    def collect(self):
+        try:
+            return super().collect()
+        except self.CollectError as error:
+            if name := missing(error.__cause__):
+                pytest.skip(f"needs {name}", allow_module_level=True)
+            raise
+
+
+def pytest_pycollect_makemodule(module_path, parent):
+    return Module.from_parent(parent, path=module_path)
+
+
+def processor_s():
+    """Return the processor time of this process and of its children that have ended."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
     """Measure whether a test that may wait for the real world has a processor when it needs one."""
+    item.stash[SINCE_S] = processor_s()
     marks = {mark.name for mark in item.iter_markers()}
     if REAL.isdisjoint(marks.union(vars(item.module))):
         return (yield)
@@ -57,31 +101,46 @@ def pytest_runtest_protocol(item):
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item):
-    """Take a failure of a starved test for no result: neither passed nor failed."""
+def pytest_runtest_makereport(item, call):
+    """Take a failure of a starved test for no result, and that for want of a package for a skip."""
     report = yield
-    if report.failed and (waited := WAITING in item.stash and item.stash[WAITING].starved()):
-        report.sections.append((f"inconclusive: {waited}", str(report.longrepr)))
+    spent_s = processor_s()
+    report.processor_s = spent_s - item.stash[SINCE_S]
+    item.stash[SINCE_S] = spent_s
+    if report.failed and (name := missing(call.excinfo.value)):
         report.outcome = "skipped"
-        report.inconclusive = waited
+        report.longrepr = (str(item.path), item.location[1], f"Skipped: needs {name}")
+    elif report.failed and (waited := WAITING in item.stash and item.stash[WAITING].starved()):
+        report.sections.append((f"{STARVED}: {waited}", str(report.longrepr)))
+        report.outcome = "skipped"
+        report.starved = waited
         report.longrepr = (str(item.path), item.location[1], f"Skipped: {waited}")
     return report
 
 
 def pytest_report_teststatus(report):
-    if getattr(report, INCONCLUSIVE, ""):
-        return INCONCLUSIVE, "I", "INCONCLUSIVE"
+    if getattr(report, STARVED, ""):
+        return STARVED, "S", "STARVED"
     return None
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Show what was inconclusive, and keep the list: `python -m tests` runs those tests again alone."""
-    found = terminalreporter.stats.get(INCONCLUSIVE, [])
-    for report in found:
-        terminalreporter.section(f"inconclusive: {report.nodeid}: {report.inconclusive}")
+    """Show what starved, and keep each test's outcome and processor time: `python -m tests` counts them.
+
+    It also runs the starved ones again, alone.
+    """
+    for report in terminalreporter.stats.get(STARVED, []):
+        terminalreporter.section(f"{STARVED}: {report.nodeid}: {report.starved}")
         terminalreporter.write_line(report.sections[-1][1])
+    tests = {}
+    for category, reports in terminalreporter.stats.items():
+        for report in reports:
+            if isinstance(report, pytest.TestReport | pytest.CollectReport):
+                outcome, spent_s = tests.get(report.nodeid, ("", 0.0))
+                outcome = category if outcome in {"", "passed"} and category else outcome
+                tests[report.nodeid] = (outcome, spent_s + getattr(report, "processor_s", 0.0))
     if cache := getattr(terminalreporter.config, "cache", None):
-        cache.set(INCONCLUSIVE, sorted({report.nodeid for report in found}))
+        cache.set("tests", tests)
 
 
 @pytest.fixture(scope="session")

@@ -156,7 +156,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("files", nargs="*", metavar="FILE", help="all of them if none is named")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
     parser.add_argument(
-        "--only", default="*", metavar="PATTERN", help=f"names of functions, or {MODULE}"
+        "--only", action="append", metavar="PATTERN", help=f"names of functions, or {MODULE}"
     )
     options = parser.parse_args(arguments)
     names = [os.path.relpath(Path(name).resolve(), ROOT) for name in options.files]
@@ -164,10 +164,11 @@ def main(arguments: Sequence[str]) -> int:
     if unknown:
         print(f"no tests of mutants for {', '.join(unknown)}: choose from {', '.join(TESTS)}")
         return 2
+    only = options.only or ["*"]
     listed = listed_mutants()
     faults: list[str] = []
     for name in names or TESTS:
-        outcome = _judged(name, options.jobs, options.only)
+        outcome = _judged(name, options.jobs, only)
         equivalent = [mutant for mutant in listed.get(name, ()) if mutant in outcome.survivors]
         worded = [mutant for mutant in outcome.survivors if changes_letters(mutant)]
         print(
@@ -176,7 +177,7 @@ def main(arguments: Sequence[str]) -> int:
             f"{outcome.seconds:.0f} s, {outcome.processor_s:.0f} s of processor time",
             flush=True,
         )
-        whole = options.only == "*"
+        whole = "*" in only
         faults += faults_of(
             name, outcome.mutants, outcome.survivors, listed.get(name, ()), whole=whole
         )
@@ -235,7 +236,7 @@ def changes_letters(mutant: Mutant) -> bool:
     return bool(changed) and all(" " in text for text in changed)
 
 
-def _judged(name: str, jobs: int, pattern: str) -> Outcome:
+def _judged(name: str, jobs: int, patterns: Sequence[str]) -> Outcome:
     """Judge the mutants of one file in a temporary copy of the project."""
     started_s = time.perf_counter()
     used_s = _processor_s()
@@ -252,10 +253,10 @@ def _judged(name: str, jobs: int, pattern: str) -> Outcome:
         )
         project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
         (copy / "pyproject.toml").write_text(project + settings, encoding="utf-8")
-        if pattern in {"*", MODULE} and name not in FUNCTIONS_ONLY:
+        if {"*", MODULE} & set(patterns) and name not in FUNCTIONS_ONLY:
             judged += _judged_modules(copy, name, jobs)
-        if pattern != MODULE:
-            judged += _judged_functions(copy, name, jobs, pattern)
+        if functions := [pattern for pattern in patterns if pattern != MODULE]:
+            judged += _judged_functions(copy, name, jobs, functions)
     mutants = Counter(mutant for mutant, _ in judged)
     survivors = {mutant: reason for mutant, reason in judged if reason}
     seconds = time.perf_counter() - started_s
@@ -269,12 +270,12 @@ def _processor_s() -> float:
 
 
 def _judged_functions(
-    copy: Path, name: str, jobs: int, pattern: str
+    copy: Path, name: str, jobs: int, patterns: Sequence[str]
 ) -> Iterator[tuple[Mutant, str]]:
     """Run mutmut; yield each mutant and how it survived, or nothing."""
     command = [str(Path(sys.executable).parent / "mutmut"), "run", "--max-children", str(jobs)]
-    if pattern != "*":
-        command.append(f"*x[_ǁ]{pattern}__mutmut_*")
+    if "*" not in patterns:
+        command += [f"*x[_ǁ]{pattern}__mutmut_*" for pattern in patterns]
     done = subprocess.run(
         command,
         cwd=copy,
@@ -291,7 +292,7 @@ def _judged_functions(
     codes = json.loads(Path(f"{mutated}.meta").read_text(encoding="utf-8"))["exit_code_by_key"]
     changes = changes_of(mutated.read_text(encoding="utf-8"))
     for key, code in codes.items():
-        if code is not None or pattern == "*":
+        if code is not None or "*" in patterns:
             yield changes[key.rpartition(".")[2]], SURVIVED.get(code, "")
 
 

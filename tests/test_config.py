@@ -13,7 +13,6 @@ from guidance.control import Limits
 from guidance.errors import ConfigError
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_any, load_scenario
-from guidance.sweeps.rows import planned
 from guidance.toml_files import read
 
 
@@ -320,6 +319,8 @@ def test_a_wrong_file_is_told_line_key_and_what_is_allowed(tmp_path):
     ],
 )
 def test_a_wrong_sweep_is_told_as_it_was_written(line, words, tmp_path):
+    from guidance.sweeps.rows import planned
+
     assert words in told(
         lambda path: planned(str(path)), tmp_path, f'scenario = "pe"\nseeds = 2\n{line}\n'
     )

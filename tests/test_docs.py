@@ -18,7 +18,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-import matplotlib as mpl
 import pytest
 import typer
 from click.testing import CliRunner
@@ -185,6 +184,8 @@ def test_a_source_of_ones_own_is_read():
 
 @pytest.mark.parametrize("notebook", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda path: path.stem)
 def test_a_notebook_runs_from_top_to_bottom(notebook, monkeypatch):
+    import matplotlib as mpl
+
     monkeypatch.setattr(mpl, "get_backend", lambda *_: "agg")
     mpl.use("agg")
     content = json.loads(notebook.read_text(encoding="utf-8"))

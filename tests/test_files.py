@@ -12,8 +12,6 @@ from guidance.cli.program import app
 from guidance.files import private_file, private_folder, whole_file
 from guidance.session.open.mock import MockOptions
 from guidance.session.open.opened import NOBODY
-from guidance.sweeps.folder import alone, write_whole
-from guidance.viz import report as page
 
 NEAR = Path(__file__).parent / "data" / "near_chase.toml"
 CAREFREE = 0
@@ -137,6 +135,8 @@ def test_a_device_is_written_directly():
 
 @pytest.mark.usefixtures("carefree")
 def test_whatever_a_flight_and_its_report_leave_is_their_owners(tmp_path, monkeypatch):
+    from guidance.viz import report as page
+
     flown = tmp_path / "flights" / "one"
     monkeypatch.setattr(page, "PICTURES", dict(list(page.PICTURES.items())[:1]))
     assert fly_scenario(str(NEAR), MockOptions(fast=True), flown, None, NOBODY, as_json=False) == 0
@@ -152,6 +152,8 @@ def test_whatever_a_flight_and_its_report_leave_is_their_owners(tmp_path, monkey
 
 @pytest.mark.usefixtures("carefree")
 def test_so_is_a_sweeps_folder(tmp_path):
+    from guidance.sweeps.folder import alone, write_whole
+
     with alone(tmp_path / "a" / "b"):
         write_whole(tmp_path / "a" / "b" / "rows", b"1")
     assert not told_apart([*(tmp_path / "a").rglob("*"), tmp_path / "a"])

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from PIL import ExifTags, Image
 from typer.main import get_command
 
 from guidance.cli.program import app as guidance
@@ -19,6 +18,7 @@ from guidance.sim.scenario_file import load_scenario
 from sitl_mock.cli import app as sitl_mock
 from tests.__main__ import STEPS
 from tests.bench.follow_report import NAMES, flights, glance_table, page_table, standoff_table
+from tests.harness.command import guidance as run_guidance
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -42,6 +42,16 @@ def test_its_first_two_commands_are_one_line_each_and_the_second_is_what_ci_runs
     assert "'^python3 -m venv .*-m tests$' README.md" in (ROOT / ".ci" / "run").read_text(
         encoding="utf-8"
     )
+
+
+@pytest.mark.flight
+def test_its_first_command_flies_in_virtual_time(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    first = re.search(r"\.venv/bin/guidance (\w+)$", README, re.MULTILINE)
+    done = run_guidance(first[1], "--fast")
+    assert done.returncode == 0, done.stderr
+    assert "captured" in done.stdout
+    assert list(tmp_path.rglob("record.mcap"))
 
 
 @pytest.mark.parametrize(("program", "command"), COMMANDS)
@@ -68,6 +78,8 @@ def test_every_file_and_picture_it_names_is_there():
 
 
 def test_its_moving_picture_is_of_the_scenario_that_its_first_command_flies():
+    from PIL import ExifTags, Image
+
     with Image.open(ROOT / ".readme" / "flight-pe.webp") as picture:
         described = json.loads(picture.getexif()[ExifTags.Base.ImageDescription])
     _, scenario = load_scenario("pe")

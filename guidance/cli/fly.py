@@ -461,8 +461,10 @@ def print_outcome(
         flown_s = result.duration_s
         wall_s = result.wall_s
         speedup = flown_s / wall_s
-        durations = f"{flown_s:.1f} s of flight in {wall_s:.2f} s"
-        target.print(f"{durations}: {speedup:.0f} times faster than real time")
+        pace = f"{speedup:.0f} times faster than real time"
+        if speedup < 1.0:
+            pace = "slower than real time, because the machine is slow or busy"
+        target.print(f"{flown_s:.1f} s of flight in {wall_s:.2f} s: {pace}")
     target.print(f"record   {folder / RECORD}", soft_wrap=True)
     unwritten = []
     try:

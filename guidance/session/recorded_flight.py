@@ -9,6 +9,7 @@ from guidance.flight.settings import TeamSection
 from guidance.links.zenoh_team import ZenohTeam
 from guidance.session.flight_files import RECORD, TEAM, flight_metadata
 from guidance.session.fly.daemon import Equipment
+from guidance.session.fly.loop import claimed
 from guidance.session.fly.mission import Mission
 from guidance.session.fly.own_policy import asked_in_flight, require_policies
 from guidance.session.fly.result import MissionResult, closing_detail
@@ -45,6 +46,8 @@ def fly_recorded(
     if isinstance(scenario, Scenario):
         require_policies(scenario, beside_vehicle=how.way == "vehicle")
     with ExitStack() as stack:
+        if how.way != "fast":
+            stack.enter_context(claimed())
         flight = how.open(scenario, onlooker, stack)
         pursuits = flight.pursuits
         clock = flight.clock

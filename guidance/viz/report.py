@@ -12,7 +12,7 @@ from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from string import Template
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, cast
 
 import matplotlib as mpl
 import numpy as np
@@ -52,6 +52,9 @@ from guidance.viz.story import (
     team_story,
     team_summary,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 FRAMES: Final = 90
 FRAME_MS: Final = 80
@@ -460,9 +463,9 @@ def _frame(
     disc = circle(tracks.evader_m[number], radius_m, 49)
     stage.rim.set_data(*disc.T)
     stage.title.set_text(f"{story.title}: {played_s:.1f} s")
-    canvas = stage.figure.canvas
+    canvas = cast("FigureCanvasAgg", stage.figure.canvas)
     canvas.draw()
-    pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[attr-defined]
+    pixels = np.asarray(canvas.buffer_rgba())
     return Image.fromarray(pixels).convert("RGB")
 
 

@@ -7,14 +7,16 @@ With `--team URL URL URL` three autopilots fly as a team.
 """
 
 import argparse
+import contextlib
 import html
 import multiprocessing
+import os
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
@@ -22,6 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 from guidance.errors import GuidanceError
+from guidance.session.fly.loop import NICE
 from sitl_mock.child import free_udp_port, running
 from sitl_mock.errors import MockError
 from tests.acceptance import ground_station
@@ -37,7 +40,13 @@ DOWN_WITHIN_S = 240.0
 SIGNING = ("arducopter",)
 """Autopilots that sign; PX4 v1.17 cannot."""
 
+STARVED = 3
+"""The exit code if every flight that did not hold had no processor."""
+
 AT_A_TIME = 4
+LATER = 12
+"""Added to the niceness of flights in virtual time, which can wait."""
+
 SIM_HEIGHT_M = 20.0
 STAND_IN_HEIGHT_M = 8.0
 SOON_UP_AND_DOWN = {
@@ -47,7 +56,7 @@ SOON_UP_AND_DOWN = {
 }  # fmt: skip
 """Parameters of the mocks only. They shorten take-off and landing, which no condition is about."""
 
-VERDICTS = {True: "ok", False: "NO", None: "inconclusive"}
+VERDICTS = {True: "ok", False: "NO", None: "starved"}
 Tell = Callable[[Line], None]
 
 
@@ -239,10 +248,30 @@ def _chosen(autopilot: str, height_m: float, only: str) -> list[Case]:
     return [case for case in cases(autopilot, height_m=height_m) if only in case.name]
 
 
+def _on_mocks(only: str, *, everything: bool) -> Iterator[tuple[str, Case]]:
+    for autopilot in AUTOPILOTS:
+        for case in _chosen(autopilot, STAND_IN_HEIGHT_M, only):
+            if everything or autopilot in case.autopilots:
+                yield autopilot, case
+
+
 def _slug(case: Case) -> str:
     return "".join(
         letter if letter.isalnum() else "-" for letter in f"{case.name} {case.link}"
     ).strip("-")
+
+
+def _unknown(lines: Sequence[Line], starved: str) -> list[Line]:
+    """Return the lines; those that did not hold are unknown, because a process had no processor."""
+    return [
+        line if line.held else line._replace(got=f"{line.got}; {starved}", held=None)
+        for line in lines
+    ]
+
+
+def _tell_all(tell: Tell, lines: Sequence[Line]) -> None:
+    for line in lines:
+        tell(line)
 
 
 def _beside_ground_stations(folder: Path, only: str) -> list[Line]:
@@ -257,22 +286,30 @@ def _beside_ground_stations(folder: Path, only: str) -> list[Line]:
             if all(line.held for line in flown):
                 break
             if starved := waiting.starved():
-                flown = [
-                    line if line.held else line._replace(got=f"{line.got}; {starved}", held=None)
-                    for line in flown
-                ]
+                flown = _unknown(flown, starved)
         lines += flown
     return lines
 
 
+@contextlib.contextmanager
+def favoured() -> Iterator[None]:
+    """Let mocks, relays and clients go first on a busy machine; a flight's own loop claims more, as a user's does."""
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    with contextlib.suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, NICE)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(PermissionError):
+            os.setpriority(os.PRIO_PROCESS, 0, before)
+
+
 def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool, drawn: bool = True) -> None:
-    """Fly on mocks, several at a time. A failed flight is repeated; if it fails again, starved, it is inconclusive."""
-    flights = [
-        (autopilot, case)
-        for autopilot in AUTOPILOTS
-        for case in _chosen(autopilot, STAND_IN_HEIGHT_M, only)
-        if everything or autopilot in case.autopilots
-    ]
+    """Fly on mocks, several at a time.
+
+    A failed flight is flown again alone at the end; if it fails again for want of a processor, it is starved.
+    """
+    flights = list(_on_mocks(only, everything=everything))
 
     def flown(autopilot: str, case: Case, again: str = "") -> list[Line]:
         place = folder / f"{autopilot}-{_slug(case)}{again}"
@@ -281,32 +318,29 @@ def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool, drawn: b
         with Waiting() as waiting:
             lines = on_the_mock(autopilot, case, place)
         if again and (starved := waiting.starved()):
-            return [
-                line if line.held else line._replace(got=f"{line.got}; {starved}", held=None)
-                for line in lines
-            ]
+            return _unknown(lines, starved)
         return lines
 
     spawned = multiprocessing.get_context("spawn")  # a fork would copy locks of other threads
     with (
-        ProcessPoolExecutor(1, spawned) as process,
+        ProcessPoolExecutor(1, spawned, os.nice, (LATER,)) as process,
         ThreadPoolExecutor(AT_A_TIME) as pool,
     ):
+        unsure = list[tuple[str, Case]]()
         watched = pool.submit(_beside_ground_stations, folder, only)
-        for (autopilot, case), lines in zip(
+        for flight, lines in zip(
             flights, pool.map(lambda flight: flown(*flight), flights), strict=True
         ):
-            if not all(line.held for line in lines):
-                wrong = next(line for line in lines if not line.held)
-                print(
-                    f"{autopilot}, {case.name}: {wrong.wanted}, got {wrong.got}; flown again by itself",
-                    flush=True,
-                )
-                lines = pool.submit(flown, autopilot, case, "-again").result()  # noqa: PLW2901 - in its place
-            for line in lines:
-                tell(line)
-        for line in watched.result():
-            tell(line)
+            wrong = next((line for line in lines if not line.held), None)
+            if wrong is None:
+                _tell_all(tell, lines)
+                continue
+            unsure.append(flight)
+            words = f"{wrong.wanted}, got {wrong.got}; it is flown again alone at the end"
+            print(f"{wrong.autopilot}, {wrong.flight}: {words}", flush=True)
+        _tell_all(tell, watched.result())
+    for autopilot, case in unsure:
+        _tell_all(tell, flown(autopilot, case, "-again"))
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -361,7 +395,7 @@ def main(arguments: Sequence[str]) -> int:
                 soft_wrap=True,
             )
 
-    with tempfile.TemporaryDirectory(prefix="acceptance-") as scratch:
+    with favoured(), tempfile.TemporaryDirectory(prefix="acceptance-") as scratch:
         folder = given.report if given.report is not None else Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
         urls = {
@@ -399,9 +433,9 @@ def main(arguments: Sequence[str]) -> int:
     Console(width=max(console.width, 170)).print(_table(lines))
     unknown = sum(line.held is None for line in lines)
     failed = sum(not line.held for line in lines) - unknown
-    held = f"{len(lines) - failed - unknown} of {len(lines)} as wanted, {unknown} inconclusive"
+    held = f"{len(lines) - failed - unknown} of {len(lines)} as wanted, {unknown} starved"
     console.print(f"{held}, in {time.monotonic() - began_s:.0f} s")
-    return 0 if lines and not failed else 1
+    return 1 if failed or not lines else STARVED * bool(unknown)
 
 
 def _table(lines: Sequence[Line]) -> Table:

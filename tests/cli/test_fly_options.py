@@ -1,5 +1,6 @@
 """What `guidance fly` refuses before anything flies: options that mean nothing there, and folders of other flights."""
 
+import os
 import re
 import time
 
@@ -12,11 +13,13 @@ from guidance.cli.program import app
 from guidance.errors import ConfigError, FlightError
 from guidance.log.entries import OUTCOME
 from guidance.session.flight_files import PICTURE, RECORD
+from guidance.session.fly.loop import claimed
 from guidance.session.observe.outputs import OUTPUTS
 from guidance.session.open.mock import MockOptions
 from guidance.session.open.opened import NOBODY
 from guidance.session.open.url import Asked
 from guidance.session.recorded_flight import fly_recorded
+from guidance.sim.scenario_file import load_scenario
 
 PAPER = ("--pursuer", "8,1.42,9.41", "--evader", "7.92,9.6", "--speed-ratio", "2")
 
@@ -162,6 +165,29 @@ def test_a_panel_beside_a_flight_is_at_its_orders_and_ends_with_it(vehicle, tmp_
     assert (scenario, on_vehicle) == ("pe", bool(vehicle))
     assert command == ["panel", "--endpoint", control, "--port", "0", "--records", str(tmp_path)]
     assert panels() == []
+
+
+@pytest.mark.parametrize("fast", [False, True])
+def test_a_flight_in_real_time_claims_the_processor_and_gives_it_back(fast, monkeypatch):
+    def priority():
+        return os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
+
+    flying = []
+
+    def opened(*_):
+        flying.append(priority())
+        raise FlightError("far enough")
+
+    monkeypatch.setattr(MockOptions, "open", opened)
+    before = priority()
+    with pytest.raises(FlightError, match="far enough"):
+        fly_recorded(load_scenario("pe")[1], None, MockOptions(fast=fast))
+    assert priority() == before
+    if fast:
+        assert flying == [before]
+    else:
+        with claimed():
+            assert flying == [priority()]
 
 
 @pytest.mark.parametrize(("name", "count"), [("hover_chase", 1), ("teams_guard", 3)])

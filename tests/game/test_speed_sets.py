@@ -4,7 +4,6 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from pyarrow import parquet
 
 from guidance.clock import VirtualClock
 from guidance.config import parse_document
@@ -20,9 +19,6 @@ from guidance.session.vehicle_file import Config
 from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario import Scenario
 from guidance.sim.stepped import SteppedWorld
-from guidance.sweeps.folder import begin_or_continue
-from guidance.sweeps.rows import planned
-from guidance.sweeps.running import finish
 from tests.game.spheroid import Spheroid
 
 SPEEDS = Spheroid(6.0, 3.0, 2.0)
@@ -145,6 +141,12 @@ def test_it_is_flown(spheroid, document):
 
 
 def test_it_is_swept_beside_another(spheroid, tmp_path):
+    from pyarrow import parquet
+
+    from guidance.sweeps.folder import begin_or_continue
+    from guidance.sweeps.rows import planned
+    from guidance.sweeps.running import finish
+
     lines = ['title = "spheroid"\ngame = "pe"']
     for name in ("pursuer", "evader"):
         keys = CHASE[name].items()

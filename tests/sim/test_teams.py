@@ -16,7 +16,6 @@ from guidance.game import Ball, Extent, Game, Winner, solve
 from guidance.game.team import match_teams
 from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.sim.teams import TeamScenario, opening_of, play_teams, summary_of, teams_of
-from guidance.viz.figures import draw_teams, region
 
 TAD = {
     "title": "two on two",
@@ -214,6 +213,8 @@ def test_show_explains_teams_and_draws_them(tmp_path):
 
 
 def test_pe_of_teams_is_drawn_and_a_picture_that_cannot_be_written_is_said(tmp_path):
+    from guidance.viz.figures import draw_teams
+
     draw_teams(built(PE), tmp_path / "pe.png")
     assert (tmp_path / "pe.png").stat().st_size > 30_000
     with pytest.raises(OutputError, match=r"/nowhere/pe\.png: cannot be written"):
@@ -221,6 +222,8 @@ def test_pe_of_teams_is_drawn_and_a_picture_that_cannot_be_written_is_said(tmp_p
 
 
 def test_the_region_that_is_drawn_is_what_the_evader_reaches_first():
+    from guidance.viz.figures import region
+
     scenario = built()
     teams = teams_of(scenario)
     for team in ([0], [0, 1]):

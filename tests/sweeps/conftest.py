@@ -2,10 +2,6 @@ import shutil
 
 import pytest
 
-from guidance.sweeps.folder import begin_or_continue, read_folder
-from guidance.sweeps.rows import planned
-from guidance.sweeps.running import finish
-
 SCENARIO = """
 title = "Short"
 game = "pe"
@@ -61,6 +57,9 @@ def plan_from(short):
 @pytest.fixture(scope="session")
 def mixed_once(tmp_path_factory):
     """A sweep with captures, time-outs and invalid rows, in three chunks."""
+    from guidance.sweeps.folder import begin_or_continue
+    from guidance.sweeps.running import finish
+
     folder = tmp_path_factory.mktemp("mixed")
     (folder / "short.toml").write_text(SCENARIO)
     plan = _planned(MIXED, folder)
@@ -71,10 +70,14 @@ def mixed_once(tmp_path_factory):
 @pytest.fixture
 def mixed(mixed_once, tmp_path):
     """A copy of the mixed sweep that a test may change."""
+    from guidance.sweeps.folder import read_folder
+
     return read_folder(shutil.copytree(mixed_once, tmp_path / "out"))
 
 
 def _planned(text, folder, way=None):
+    from guidance.sweeps.rows import planned
+
     path = folder / "sweep.toml"
     path.write_text(text)
     return planned(str(path), way)

@@ -6,8 +6,8 @@ process in real time (`guidance.sim.live`), and a vehicle that runs elsewhere (`
 In real time the cycles are shifted slowly (`nudge_s`) until each begins just after a position of the vehicle arrives.
 A setpoint then uses a position that is 2 ms old; without the shift it would be half a period old on average.
 
-A daemon raises the priority of every thread (`claim`). Any thread may hold the interpreter's lock, and if a busy
-machine takes the processor from it, the loop waits.
+A flight in real time raises the priority of every thread (`claim`). Any thread may hold the interpreter's lock, and if
+a busy machine takes the processor from it, the loop waits.
 """
 
 import contextlib
@@ -129,6 +129,27 @@ def claim() -> str:
                     raise_one(thread)
             return words
     return "as others"
+
+
+@contextlib.contextmanager
+def claimed() -> Iterator[str]:
+    """Raise the priority of this process while the block runs (`claim`); yields its name.
+
+    Children that start within keep it: a mock that has no processor fails a flight as surely as a late loop.
+    """
+    switch_s = sys.getswitchinterval()
+    linux = hasattr(os, "sched_setscheduler")
+    had = linux and (os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0))
+    words = claim()
+    try:
+        yield words
+    finally:
+        sys.setswitchinterval(switch_s)
+        if had and words != "as others" and had[0] == os.SCHED_OTHER:
+            for path in Path("/proc/self/task").iterdir():
+                with contextlib.suppress(ProcessLookupError, PermissionError):
+                    os.sched_setscheduler(int(path.name), os.SCHED_OTHER, os.sched_param(0))
+                    os.setpriority(os.PRIO_PROCESS, int(path.name), had[1])
 
 
 class GcScheduler:
