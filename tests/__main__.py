@@ -35,8 +35,17 @@ PYTEST = (sys.executable, "-m", "pytest", "-q")
 SHORT_S = 0.2
 """Most processor time of a test that runs without being asked for."""
 
-SHORT = "not slow and not flight and not arrays and not long"
-BESIDE = ("-n", "2", "--dist", "loadfile")
+COSTLY = Path(__file__).with_name("costly.txt")
+"""The tests that need more; `python -m tests durations --write` lists them."""
+
+SHORT = "not costly and not slow and not flight and not arrays and not long"
+CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+OTHERS = min(4, round(os.getloadavg()[0]) - 1) if hasattr(os, "getloadavg") else 0
+"""Other programs that compute now; one of them is the installation that has just ended."""
+
+BESIDE = ("-n", str(CORES + max(0, OTHERS)), "--dist", "loadfile")
+"""On a busy machine more workers get a larger share of it; each has to collect the tests."""
+
 PASSED = "passed"
 FAILED = "failed"
 STARVED = "starved"
@@ -156,7 +165,7 @@ LONGER = {
     ),
     "flights": Step(
         "whole flights in virtual time, and other long computations",
-        (*PYTEST, *BESIDE, "-m", "flight and not slow and not long"),
+        (*PYTEST, *BESIDE, "-m", "(flight or costly) and not slow and not long and not arrays"),
         marked="flight",
         nice=10,
     ),
@@ -197,8 +206,8 @@ LANES_OF_ALL = (
 
 ASKED_FOR = {
     "examples": Step(
-        "the short tests with every example of every property (an eighth otherwise)",
-        (*PYTEST, *BESIDE, "-m", SHORT),
+        "the tests without flights with every example of every property (an eighth otherwise)",
+        (*PYTEST, *BESIDE, "-m", "not slow and not flight and not arrays and not long"),
         environment=(("HYPOTHESIS_PROFILE", "all"),),
     ),
     "long": Step(
@@ -222,7 +231,7 @@ ASKED_FOR = {
 """Steps that run by name only."""
 
 EVERY = STEPS | LONGER | ASKED_FOR
-OTHERS = {"changed": "tests.changed", "durations": "tests.durations"}
+MODULES = {"changed": "tests.changed", "durations": "tests.durations"}
 ENVIRONMENT = {
     name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"
 }
@@ -232,8 +241,8 @@ ENVIRONMENT = {
 def main(arguments: Sequence[str]) -> int:
     """Run the steps named, or those that every change has to pass."""
     first = arguments[0] if arguments else ""
-    if first in OTHERS:
-        command = (sys.executable, "-m", OTHERS[first])
+    if first in MODULES:
+        command = (sys.executable, "-m", MODULES[first])
     elif first in EVERY and EVERY[first].arguments:
         command = EVERY[first].command
     else:
@@ -243,7 +252,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def _run_steps(chosen: Sequence[str]) -> int:
     if unknown := [name for name in chosen if name not in {"all", *EVERY}]:
-        allowed = ", ".join(["all", *OTHERS, *EVERY])
+        allowed = ", ".join(["all", *MODULES, *EVERY])
         print(f"unknown step {', '.join(unknown)}: allowed are {allowed}", file=sys.stderr)
         return 2
     if not chosen:
@@ -431,12 +440,20 @@ def cache_of(name: str) -> Path:
 
 def _files_with(mark: str) -> list[str]:
     """Return the files of tests with a mark; the browser's first, because they take longest."""
+    listed = {test.partition("::")[0] for test in costly()} if mark == "flight" else set()
     files = sorted((ROOT / "tests").rglob("test_*.py"), reverse=True)
     return [
-        str(file.relative_to(ROOT))
+        name
         for file in files
-        if f"mark.{mark}" in file.read_text(encoding="utf-8")
+        if (name := file.relative_to(ROOT).as_posix()) in listed
+        or f"mark.{mark}" in file.read_text(encoding="utf-8")
     ]
+
+
+def costly() -> dict[str, float]:
+    """Return the processor time of the tests that are listed as costly, by node id."""
+    rows = (line.split(maxsplit=1) for line in COSTLY.read_text(encoding="utf-8").splitlines())
+    return {test: float(spent_s) for spent_s, test in rows}
 
 
 def _parser() -> argparse.ArgumentParser:

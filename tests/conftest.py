@@ -15,6 +15,7 @@ from hypothesis import Phase, settings
 
 from guidance.errors import ConfigError
 from guidance.extras import EXTRAS
+from tests.__main__ import costly
 from tests.harness.examples import PROFILE, drawn
 from tests.harness.starved import Waiting
 
@@ -46,6 +47,14 @@ def pytest_collection():
     finally:
         gc.freeze()
         gc.enable()
+
+
+def pytest_collection_modifyitems(items):
+    """Mark the tests that `python -m tests` leaves to `python -m tests all`."""
+    listed = costly()
+    for item in items:
+        if item.nodeid in listed:
+            item.add_marker(pytest.mark.costly)
 
 
 @pytest.fixture(autouse=True)

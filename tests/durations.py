@@ -9,13 +9,16 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 
-from tests.__main__ import EVERY, SHORT_S, cache_of
+from tests.__main__ import COSTLY, EVERY, ROOT, SHORT_S, cache_of, costly
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the slowest tests and files of each step."""
     parser = argparse.ArgumentParser(prog="python -m tests durations", description=__doc__)
     parser.add_argument("--most", type=int, default=20, metavar="N", help="rows of each table")
+    parser.add_argument(
+        "--write", action="store_true", help=f"list the tests above {SHORT_S:g} s in {COSTLY.name}"
+    )
     parser.add_argument("--step", choices=list(EVERY), help="of this step only")
     given = parser.parse_args(arguments)
     for name in [given.step] if given.step else EVERY:
@@ -35,8 +38,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"{spent:8.2f} s  {title}")
             print()
         if name == "tests" and long:
-            print(f"{len(long)} need more than {SHORT_S:g} s: mark them `flight`, or shorten them")
+            print(f"{len(long)} need more than {SHORT_S:g} s: shorten them, or list them (--write)")
+    if given.write:
+        _write()
     return 0
+
+
+def _write() -> None:
+    """List the tests that were costly when they last ran; forget those that are gone."""
+    listed = costly()
+    for name in ("tests", "flights"):
+        results = cache_of(name) / "v" / "tests"
+        if results.is_file():
+            listed |= {test: spent for test, (_, spent) in json.loads(results.read_text()).items()}
+    sources = {test.partition("::")[0] for test in listed}
+    texts = {file: (ROOT / file).read_text() for file in sources if (ROOT / file).is_file()}
+    lines = []
+    for test, spent in sorted(listed.items()):
+        file, _, function = test.partition("::")
+        there = f"def {function.partition('[')[0].rpartition('::')[2]}(" in texts.get(file, "")
+        if spent > SHORT_S and there:
+            lines.append(f"{spent:.2f} {test}\n")
+    COSTLY.write_text("".join(lines), encoding="utf-8")
+    print(f"{len(lines)} tests are listed in {COSTLY.name}")
 
 
 if __name__ == "__main__":

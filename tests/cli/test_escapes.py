@@ -41,6 +41,7 @@ def test_the_title_of_a_scenario_is_printed_as_text(tmp_path, words):
 
 
 def test_the_title_of_a_sweep_is_printed_as_text(tmp_path):
+    pytest.importorskip("pyarrow")
     path = written_by("barrier", "sweeps", tmp_path / "evil.toml")
     text = (tmp_path / "evil.toml").read_text().replace("seeds = 40", "seeds = 1")
     (tmp_path / "evil.toml").write_text(text)

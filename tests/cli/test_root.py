@@ -167,6 +167,8 @@ SOLVE = ("solve", "--speed-ratio", "2", "--states", "states.csv", "--out")
 def test_what_cannot_be_written_is_named_and_is_always_the_same_exit_code(
     arguments, named, main, tmp_path, monkeypatch, capfd
 ):
+    pytest.importorskip("matplotlib")
+    pytest.importorskip("pyarrow")
     monkeypatch.chdir(tmp_path)
     Path("states.csv").write_text(STATES)
     Path("wall").write_text("no folder")
@@ -175,6 +177,7 @@ def test_what_cannot_be_written_is_named_and_is_always_the_same_exit_code(
 
 
 def test_a_picture_of_an_unknown_kind_is_refused_before_it_is_drawn(main, capfd):
+    pytest.importorskip("matplotlib")
     assert main("scenario", "show", "pe", "--out", "picture.foo") == errors.ConfigError.exit_code
     out, err = capfd.readouterr()
     assert out == ""
