@@ -20,7 +20,12 @@ def declared():
     extras = project["optional-dependencies"]
     lines = [
         *project["dependencies"],
-        *(line for name in extras if name not in {"dev", "torch", "jax"} for line in extras[name]),
+        *(
+            line
+            for name in extras
+            if name not in {"test", "dev", "torch", "jax"}
+            for line in extras[name]
+        ),
     ]
     requirements = [Requirement(line) for line in lines]
     return [requirement for requirement in requirements if requirement.name != supply.PROJECT]
