@@ -22,7 +22,7 @@ from tests.harness.starved import Waiting
 STARVED = "starved"
 WAITING = pytest.StashKey[Waiting]()
 SINCE_S = pytest.StashKey[float]()
-OPTIONAL = {"PIL", "cyclonedx", "filterpy", "mutmut", *itertools.chain(*EXTRAS.values())}
+OPTIONAL = {"PIL", "cyclonedx", "filterpy", "mkdocs", "mutmut", *itertools.chain(*EXTRAS.values())}
 """Packages that `python -m tests` does without; `python -m tests all` needs them."""
 REAL = {"asyncio", "running", "slow", "socket", "subprocess", "threading", "time", "zenoh"}
 """Marks of a test, or names in its module, that let it wait for real time, another process or a socket."""

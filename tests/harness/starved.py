@@ -1,7 +1,7 @@
 """Whether the processes of a real-time test were kept from a processor, by the kernel's own count.
 
 The kernel counts for every thread how long it was ready to run and had no processor. A failure while a thread had to
-wait for a large part of a second says nothing about the code: the test is inconclusive.
+wait for a large part of a second says nothing about the code: the test is starved, neither passed nor failed.
 """
 
 import contextlib
