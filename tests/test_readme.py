@@ -17,7 +17,6 @@ from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_scenario
 from sitl_mock.cli import app as sitl_mock
 from tests.__main__ import STEPS
-from tests.bench.follow_report import NAMES, flights, glance_table, page_table, standoff_table
 from tests.harness.command import guidance as run_guidance
 
 ROOT = Path(__file__).parents[1]
@@ -99,6 +98,8 @@ def test_every_row_of_the_safety_table_names_a_test_that_exists():
 
 
 def test_the_comparison_with_follow_modes_is_what_was_recorded():
+    from tests.bench.follow_report import NAMES, flights, glance_table, page_table, standoff_table
+
     flown = flights()
     page = (ROOT / "docs" / "explanation" / "follow.md").read_text(encoding="utf-8")
     assert glance_table(flown) in page
