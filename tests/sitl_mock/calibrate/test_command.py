@@ -89,6 +89,7 @@ def test_a_plot_is_written(tmp_path):
 
 @pytest.mark.parametrize("place", ["plot.nonsense", "missing/plot.png"])
 def test_a_plot_that_cannot_be_written_is_a_clear_error(tmp_path, place):
+    pytest.importorskip("matplotlib")
     with pytest.raises(ConfigError, match=r"plot .* cannot be written"):
         calibrate_file(
             DATA / "px4_steps.csv", None, tmp_path / place, as_json=True, dynamics_only=True
