@@ -7,6 +7,7 @@ import gc
 import itertools
 import re
 import resource
+import signal
 import time
 from importlib.util import find_spec
 
@@ -26,6 +27,9 @@ OPTIONAL = {"PIL", "cyclonedx", "filterpy", "mkdocs", "mutmut", *itertools.chain
 """Packages that `python -m tests` does without; `python -m tests all` needs them."""
 REAL = {"asyncio", "running", "slow", "socket", "subprocess", "threading", "time", "zenoh"}
 """Marks of a test, or names in its module, that let it wait for real time, another process or a socket."""
+
+# A shell that starts the tests in its background ignores SIGINT, and every child would inherit that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("same", derandomize=True, deadline=None, max_examples=drawn(100))
 settings.register_profile("all", derandomize=True, deadline=None)
