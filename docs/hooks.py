@@ -23,7 +23,7 @@ from guidance.cycle import Violation
 from guidance.flight import ORDERS, Event, State
 from guidance.flight.freshness import AGES
 from guidance.flight.table import FINAL, SETPOINT_STATES, TRANSITIONS
-from guidance.links.ros_types import ODOMETRY, POSE_STAMPED
+from guidance.links.zenoh.ros_types import ODOMETRY, POSE_STAMPED
 from guidance.log.broadcast import broadcast_key
 from guidance.log.entries import CYCLE, EVENT, REPORT
 from guidance.log.ros import TOPICS, topic_name

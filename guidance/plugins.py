@@ -21,7 +21,7 @@ from guidance.errors import ConfigError, FlightError, GuidanceError, LinkError, 
 from guidance.frames import Amsl, Ellipsoid, Enu, LocalFrame, Ned
 from guidance.game.speed_sets import Ball, Cylinder, Planar, Short, SpeedSet
 from guidance.links import Clock, Endpoint, EvaderSource, Wire, parse
-from guidance.links.evader_sources import EvaderKind, SourceOrder
+from guidance.links.evaders.kinds import EvaderKind, SourceOrder
 from guidance.log.entries import CycleEntry, EventEntry
 from guidance.log.sink import AnsweredOrder, FlightIdentity, Report, Sink
 from guidance.messages import UNKNOWN_VELOCITY, AltitudeSaid, Datum, EvaderReport

@@ -35,7 +35,7 @@ EXAMPLES = DOCS / "examples"
 PAGES = sorted(DOCS.rglob("*.md"))
 RUN_ELSEWHERE = {
     "mock.md": "tests/sitl_mock/test_mock_page.py",
-    "zenoh.md": "tests/links/test_zenoh_docs.py",
+    "zenoh.md": "tests/links/zenoh/test_docs.py",
 }
 """Pages whose examples need more than an empty folder, and the tests that run them."""
 

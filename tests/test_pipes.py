@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import pytest
 
 from guidance.errors import ConfigError
-from guidance.links import keys
+from guidance.links.zenoh import keys
 from guidance.log.reader import survey_of
 from guidance.session.orders import control_socket
 from guidance.session.vehicle_file import corners_deg

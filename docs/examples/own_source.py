@@ -13,7 +13,7 @@ import zenoh
 
 from guidance.clock import MonotonicClock
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.opening import open_source
+from guidance.links.evaders.zenoh import open_source
 from guidance.messages import EvaderReport
 
 

@@ -10,7 +10,7 @@ from guidance.errors import FlightError, GuidanceError, OutputError
 from guidance.texts import printable
 
 if TYPE_CHECKING:
-    from guidance.links.zenoh_credentials import Credentials
+    from guidance.links.zenoh.credentials import Credentials
 
 INTERRUPTED = 130
 FAULT = 70
@@ -127,14 +127,14 @@ def ask(
 
 def _credentials(path: Path | None) -> "Credentials":
     """Read our settings for a router; what is rare or wrong in them is left to the full check."""
-    from guidance.links import zenoh_credentials  # noqa: PLC0415 - only orders over Zenoh
+    from guidance.links.zenoh import credentials as zenoh_credentials  # noqa: PLC0415 - only orders over Zenoh
 
     if path is None:
         return zenoh_credentials.NO_CREDENTIALS
     credentials = zenoh_credentials.certificate_credentials(path)
     if credentials is not None:
         return credentials
-    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - pydantic is slow to import
+    from guidance.links.zenoh.access import read_credentials  # noqa: PLC0415 - pydantic is slow to import
 
     return read_credentials(path)
 

@@ -284,7 +284,7 @@ def keys(
     - `guidance zenoh keys uav1 uav1-guidance evader1 operator viewer --host 192.168.1.10`
     """
     require_extras("guidance zenoh keys", "keys")
-    from guidance.links.keys import make_keys  # noqa: PLC0415 - cryptography takes a moment
+    from guidance.links.zenoh.keys import make_keys  # noqa: PLC0415 - cryptography takes a moment
 
     begin = datetime.datetime.fromtimestamp(time.time_ns() / 1e9, datetime.UTC)
     validity = begin - datetime.timedelta(hours=1), begin + datetime.timedelta(days=365)
@@ -312,7 +312,7 @@ def router(
 
     - `guidance zenoh router --keys keys --listen tls/0.0.0.0:7447`
     """
-    from guidance.links.zenoh_session import open_router  # noqa: PLC0415 - zenoh takes a moment
+    from guidance.links.zenoh.session import open_router  # noqa: PLC0415 - zenoh takes a moment
 
     path = Path(config)
     path = path if path.is_file() else config_folder() / path

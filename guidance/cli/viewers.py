@@ -65,7 +65,7 @@ def view(
     - `guidance view FILE --save flight.rrd`: a file for Rerun's viewer
     - `guidance view --live`: the daemon on this computer
     """
-    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - slow imports
+    from guidance.links.zenoh.access import read_credentials  # noqa: PLC0415 - slow imports
     from guidance.log.broadcast import LiveFlight  # noqa: PLC0415
     from guidance.session.flight_files import RECORD  # noqa: PLC0415
     from guidance.session.orders.control_client import join_session  # noqa: PLC0415
@@ -133,7 +133,7 @@ def panel(
     - `guidance panel --host 192.168.1.7 --certificate cert.pem --key key.pem --password-file password`: for a tablet
     """
     require_extras("guidance panel", "panel")
-    from guidance.links.zenoh_access import read_credentials  # noqa: PLC0415 - slow imports
+    from guidance.links.zenoh.access import read_credentials  # noqa: PLC0415 - slow imports
     from guidance.viz.panel.access import Access, listening_socket, map_of, remote_access  # noqa: PLC0415
     from guidance.viz.panel.hub import DaemonBus, Hub  # noqa: PLC0415
     from guidance.viz.panel.server import NICE, PanelServer  # noqa: PLC0415

@@ -15,9 +15,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from guidance.links.frames import SigningKey
+    from guidance.links.mavlink.frames import SigningKey
     from guidance.links.port import Clock, Endpoint, EvaderSource, VehicleLink, Wire, parse
-    from guidance.links.wires import MemoryWire
+    from guidance.links.wires.base import MemoryWire
 
 __all__ = [
     "Clock",
@@ -34,8 +34,8 @@ _MODULES: Final = {
     "Clock": "port",
     "Endpoint": "port",
     "EvaderSource": "port",
-    "MemoryWire": "wires",
-    "SigningKey": "frames",
+    "MemoryWire": "wires.base",
+    "SigningKey": "mavlink.frames",
     "VehicleLink": "port",
     "Wire": "port",
     "parse": "port",

@@ -1,4 +1,4 @@
-"""Open wires, vehicle links and evader sources from URLs and settings. Importing this loads every wire library."""
+"""Open wires and vehicle links from URLs and settings. Importing this loads every wire library."""
 
 import contextlib
 import time
@@ -8,25 +8,21 @@ from typing import Final, NamedTuple
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.errors import LinkError
-from guidance.frames import LocalFrame
-from guidance.links.frames import FrameReader, SignatureCheck, SigningKey, Station
-from guidance.links.mavsdk_link import MavsdkLink
-from guidance.links.port import Clock, EvaderSource, VehicleLink, Wire, parse
-from guidance.links.pymavlink_link import PymavlinkLink, own_heartbeat
-from guidance.links.streams import SerialWire, TcpWire
-from guidance.links.tcp_in import TcpInWire
-from guidance.links.udp import AddressPins, UdpWire
-from guidance.links.zenoh_credentials import NO_CREDENTIALS, Credentials
-from guidance.links.zenoh_evader import KEYS, MAP, RetriedSource, ZenohEvader, check_key
-from guidance.links.zenoh_wire import ZenohWire, session_to
+from guidance.links.mavlink.frames import FrameReader, SignatureCheck, SigningKey, Station
+from guidance.links.mavlink.mavsdk_link import MavsdkLink
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink, own_heartbeat
+from guidance.links.port import Clock, VehicleLink, Wire, parse
+from guidance.links.wires.streams import SerialWire, TcpWire
+from guidance.links.wires.tcp_in import TcpInWire
+from guidance.links.wires.udp import AddressPins, UdpWire
+from guidance.links.zenoh.credentials import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh.wire import ZenohWire, session_to
 
 _LINKS: Final = {"mavsdk": MavsdkLink, "pymavlink": PymavlinkLink}
 KINDS: Final = tuple(_LINKS)
 _LOOK_EVERY_S: Final = 0.02
 _HEARTBEAT_EVERY_S: Final = 1.0
 _OWN: Final = (255, 191)
-_ROUTER_S: Final = 1.0
-"""Time limit of one attempt to reach the router of an evader's reports."""
 
 Sleep = Callable[[float], None]
 
@@ -218,72 +214,3 @@ def _looks(
         if clock() >= deadline_s:
             return
         sleep(_LOOK_EVERY_S)
-
-
-def open_source(
-    kind: str,
-    url: str,
-    *,
-    clock: Clock,
-    frame: LocalFrame,
-    credentials: Credentials = NO_CREDENTIALS,
-    timeout_s: float = 5.0,
-    frame_id: str = MAP,
-) -> EvaderSource:
-    """Open a source of reports that arrive over Zenoh; for MAVLink see `MavlinkEvader`.
-
-    Args:
-        kind: A name in `KEYS`.
-        url: zenoh://host:port/key.
-        clock: Stamps what arrives.
-        frame: The evader's declared local frame, for the datum and for positions in metres.
-        credentials: For a router.
-        timeout_s: Limit for connecting, in real time.
-        frame_id: The frame of ROS messages.
-
-    Raises:
-        ConfigError: If the URL or the key is wrong.
-        LinkError: If the router does not answer.
-    """
-    endpoint = parse(url)
-    key, read = KEYS[kind](frame, endpoint.namespace, frame_id)
-    check_key(key)
-    return ZenohEvader(clock, session_to(endpoint, credentials, timeout_s), key, read)
-
-
-def open_source_patiently(
-    kind: str,
-    url: str,
-    *,
-    clock: Clock,
-    frame: LocalFrame,
-    credentials: Credentials = NO_CREDENTIALS,
-    frame_id: str = MAP,
-) -> EvaderSource:
-    """Open a source as `open_source` does, but try a router that does not answer again in the background.
-
-    An evader that is silent does not keep the vehicle from being checked, landed or brought home.
-
-    Raises:
-        ConfigError: If the URL or the key is wrong.
-    """
-
-    def open_once() -> EvaderSource:
-        return open_source(
-            kind,
-            url,
-            clock=clock,
-            frame=frame,
-            credentials=credentials,
-            timeout_s=_ROUTER_S,
-            frame_id=frame_id,
-        )
-
-    try:
-        return open_once()
-    except LinkError:
-        ask = "is it running?"
-        if credentials != NO_CREDENTIALS:
-            ask = "is it running, and does it accept our certificate or user?"
-        endpoint = parse(url)
-        return RetriedSource(open_once, f"{endpoint.host}:{endpoint.port}", ask)

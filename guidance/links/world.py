@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
 from guidance.frames import Enu
-from guidance.links.ground_link import GroundLink
+from guidance.links.mavlink.ground_link import GroundLink
 from guidance.links.port import EvaderSource, VehicleLink
-from guidance.links.wires import CapturedFrame, TappedWire
+from guidance.links.wires.base import CapturedFrame, TappedWire
 
 
 class EvaderPlayer(Protocol):

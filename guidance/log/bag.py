@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from guidance.errors import ConfigError
 from guidance.files import private_folder, whole_folder, writing
-from guidance.links import ros_types
+from guidance.links.zenoh import ros_types
 from guidance.log.aggregator import SettingsOf
 from guidance.log.entries import EventEntry
 from guidance.log.export import started_unix_s

@@ -16,7 +16,7 @@ import zenoh
 
 from guidance.errors import ConfigError, LinkError
 from guidance.flight import Inputs
-from guidance.links.zenoh_session import close_all, is_over, is_small
+from guidance.links.zenoh.session import close_all, is_over, is_small
 from guidance.log.codec import Codec
 from guidance.log.entries import (
     CONFIG,

@@ -31,7 +31,7 @@ from guidance.files import private_folder, whole_file, writing
 from guidance.flight import BEFORE_FLIGHT, FlightSettings
 from guidance.flight.tracking import NOWHERE
 from guidance.frames import Amsl, LocalFrame, Ned, game_from_ned
-from guidance.links.frames import FrameReader, frame_length
+from guidance.links.mavlink.frames import FrameReader, frame_length
 from guidance.log.aggregator import SettingsOf
 from guidance.log.codec import inside
 from guidance.log.date_line import Coordinates, cut_line, cut_ring

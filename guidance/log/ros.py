@@ -27,7 +27,7 @@ from guidance.flight import BEFORE_FLIGHT, State
 from guidance.flight.tracking import Tracking
 from guidance.frames import STILL, Enu, GameFrame, LocalFrame, game_from_ned
 from guidance.game import Reason, Winner
-from guidance.links import ros_types
+from guidance.links.zenoh import ros_types
 from guidance.log.aggregator import SettingsOf
 from guidance.log.entries import BEGINNINGS, CONFIG, RELOADED, CycleEntry, EventEntry
 from guidance.log.scene import Array, disc, isochron_at, lifted

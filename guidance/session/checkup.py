@@ -24,7 +24,7 @@ from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import EXTRAS, how_to_add
 from guidance.game.speed_sets import SPEED_SETS
-from guidance.links.evader_sources import EVADER_KINDS
+from guidance.links.evaders.kinds import EVADER_KINDS
 from guidance.links.port import parse
 from guidance.links.world import World
 from guidance.preflight import COUNTED_S, Facts, ParameterChange, another_autopilot, changes, single

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from guidance.flight.settings import TeamSection
-from guidance.links.zenoh_team import ZenohTeam
+from guidance.links.zenoh.team import ZenohTeam
 from guidance.session.flight_files import RECORD, TEAM, flight_metadata
 from guidance.session.fly.daemon import Equipment
 from guidance.session.fly.loop import claimed

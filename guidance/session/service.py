@@ -16,8 +16,8 @@ from typing import Any, Final
 from guidance.autopilots import Mode
 from guidance.clock import Clock, MonotonicClock
 from guidance.errors import ConfigError
-from guidance.links.zenoh_session import Session
-from guidance.links.zenoh_team import ZenohTeam
+from guidance.links.zenoh.session import Session
+from guidance.links.zenoh.team import ZenohTeam
 from guidance.log.writer import Record, Recorder
 from guidance.session.flight_files import flight_metadata
 from guidance.session.fly.daemon import Daemon, Equipment

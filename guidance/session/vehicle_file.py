@@ -39,15 +39,15 @@ from guidance.flight.settings import FlightSection, TeamSection
 from guidance.frames import Amsl, LocalFrame
 from guidance.game import Extent
 from guidance.game.rules import SpeedSetName
-from guidance.links.evader_sources import (
+from guidance.links.evaders.kinds import (
     EVADER_KINDS,
     EvaderKind,
     EvaderKindName,
     evader_kind,
 )
 from guidance.links.port import is_px4, taken_apart
-from guidance.links.px4_messages import name_bytes
-from guidance.links.zenoh_access import ZenohSection
+from guidance.links.px4.messages import name_bytes
+from guidance.links.zenoh.access import ZenohSection
 from guidance.messages import Datum
 from guidance.registry import Registry
 from guidance.strategies import COURSES, PURSUER_STRATEGIES

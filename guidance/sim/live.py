@@ -8,16 +8,13 @@ from typing import Any, Final
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
-from guidance.links import (
-    carriers,
-    mavlink_evader,
-    opening,
-    wires,
-    world,
-    zenoh_session,
-    zenoh_wire,
-)
+from guidance.links import opening, world
+from guidance.links.evaders import carriers
+from guidance.links.evaders import mavlink as mavlink_evader
 from guidance.links.port import EvaderSource, VehicleLink, Wire
+from guidance.links.wires import base as wires
+from guidance.links.zenoh import session as zenoh_session
+from guidance.links.zenoh import wire as zenoh_wire
 from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.mock_files import faults_after, fleet, script
 from guidance.sim.scenario import Flown, Scenario, pursuits_of

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from guidance.clock import Clock
 from guidance.frames import Enu
 from guidance.links import Wire
-from guidance.links.carriers import GLOBAL_POSITION
-from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires import MemoryWire, TappedWire
+from guidance.links.evaders.carriers import GLOBAL_POSITION
+from guidance.links.evaders.mavlink import MavlinkEvader
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
+from guidance.links.wires.base import MemoryWire, TappedWire
 from guidance.links.world import World
 from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.mock_files import faulted_fleet, faults_after

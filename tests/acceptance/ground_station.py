@@ -22,8 +22,8 @@ from mavsdk.plugins.info import Info
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as mavlink
 
-from guidance.links.frames import ticks
-from guidance.links.ground_link import COMPONENT_ID, address_of
+from guidance.links.mavlink.frames import ticks
+from guidance.links.mavlink.ground_link import COMPONENT_ID, address_of
 from guidance.links.opening import open_wire
 from guidance.links.port import parse
 from guidance.session.observe.ground_station import ACCEPTED, DENIED, ORDERS

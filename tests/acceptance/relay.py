@@ -15,12 +15,12 @@ from pymavlink.dialects.v20 import all as dialect
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import AUTOPILOTS, Autopilot, Mode
-from guidance.links.frames import Frame, FrameReader
+from guidance.links.mavlink.frames import Frame, FrameReader
 from guidance.links.opening import Found, find_autopilot, open_wire
 from guidance.links.port import Endpoint, Wire, parse
-from guidance.links.px4_messages import TYPES
-from guidance.links.udp import UdpWire
-from guidance.links.zenoh_session import Session, open_session
+from guidance.links.px4.messages import TYPES
+from guidance.links.wires.udp import UdpWire
+from guidance.links.zenoh.session import Session, open_session
 
 PILOT = (254, 190)
 """Another sender than the ground stations: an autopilot forwards nobody's HEARTBEAT to a link where it heard him."""

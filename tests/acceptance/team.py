@@ -23,11 +23,11 @@ from guidance.autopilots import Mode
 from guidance.clock import MonotonicClock
 from guidance.config import config_folder
 from guidance.frames import Amsl, Enu, LocalFrame
-from guidance.links.keys import make_keys
-from guidance.links.udp import UdpWire
-from guidance.links.zenoh_access import read_credentials
-from guidance.links.zenoh_session import open_router, open_session
-from guidance.links.zenoh_team import ZenohTeam
+from guidance.links.wires.udp import UdpWire
+from guidance.links.zenoh.access import read_credentials
+from guidance.links.zenoh.keys import make_keys
+from guidance.links.zenoh.session import open_router, open_session
+from guidance.links.zenoh.team import ZenohTeam
 from guidance.sim.scenario import EVADER_ID
 from guidance.sim.scenario_file import load_any
 from guidance.sim.stepped import EvaderHere

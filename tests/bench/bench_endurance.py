@@ -39,10 +39,10 @@ from guidance.clock import VirtualClock
 from guidance.config import parse_document
 from guidance.flight import State
 from guidance.links import MemoryWire
-from guidance.links.carriers import GLOBAL_POSITION
-from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires import TappedWire
+from guidance.links.evaders.carriers import GLOBAL_POSITION
+from guidance.links.evaders.mavlink import MavlinkEvader
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
+from guidance.links.wires.base import TappedWire
 from guidance.log import compare
 from guidance.log.broadcast import FoundFlight
 from guidance.log.entries import CONFIG as CONFIG_KEY

@@ -41,10 +41,10 @@ from guidance.flight.settings import AfterCapture
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.game import solve
 from guidance.league.laws import FRPN_LEVEL
-from guidance.links.frames import Station
+from guidance.links.mavlink.frames import Station
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.port import Wire
-from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires import MemoryWire, share
+from guidance.links.wires.base import MemoryWire, share
 from guidance.messages import (
     Command,
     EvaderReport,

@@ -23,9 +23,9 @@ import tomlkit
 
 from guidance.config import config_folder
 from guidance.errors import LinkError
-from guidance.links.keys import make_keys
-from guidance.links.zenoh_access import read_credentials
-from guidance.links.zenoh_session import Session, open_router
+from guidance.links.zenoh.access import read_credentials
+from guidance.links.zenoh.keys import make_keys
+from guidance.links.zenoh.session import Session, open_router
 from guidance.session.orders.control_client import join_session, order_team
 from sitl_mock.child import RunningFleet, running
 from tests.acceptance.relay import wait

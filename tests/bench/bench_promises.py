@@ -36,10 +36,10 @@ from guidance.config import load as load_file  # noqa: E402
 from guidance.errors import GuidanceError  # noqa: E402
 from guidance.frames import Amsl, LocalFrame  # noqa: E402
 from guidance.links import MemoryWire  # noqa: E402
-from guidance.links.carriers import GLOBAL_POSITION, RefusedReport  # noqa: E402
-from guidance.links.mavlink_evader import MavlinkEvader  # noqa: E402
-from guidance.links.pymavlink_link import PymavlinkLink  # noqa: E402
-from guidance.links.zenoh_evader import report_of_json  # noqa: E402
+from guidance.links.evaders.carriers import GLOBAL_POSITION, RefusedReport  # noqa: E402
+from guidance.links.evaders.mavlink import MavlinkEvader  # noqa: E402
+from guidance.links.evaders.zenoh import report_of_json  # noqa: E402
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink  # noqa: E402
 from guidance.log import record_errors, survey_of  # noqa: E402
 from guidance.session.observe.metrics import Metrics, MetricsServer  # noqa: E402
 from guidance.session.vehicle_file import Config  # noqa: E402

@@ -51,7 +51,7 @@ with zenoh.open(router_config(int(sys.argv[1]))):
 """
 SUBSCRIBER = """
 import sys, time
-from guidance.links.zenoh_session import open_session
+from guidance.links.zenoh.session import open_session
 heard = 0
 def hear(sample):
     global heard

@@ -25,11 +25,11 @@ import tomlkit
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.frames import Amsl, LocalFrame, Ned
-from guidance.links.frames import Station
-from guidance.links.udp import UdpWire
-from guidance.links.wires import TO_VEHICLE
-from guidance.links.zenoh_session import open_session
-from guidance.links.zenoh_team import ZenohTeam
+from guidance.links.mavlink.frames import Station
+from guidance.links.wires.base import TO_VEHICLE
+from guidance.links.wires.udp import UdpWire
+from guidance.links.zenoh.session import open_session
+from guidance.links.zenoh.team import ZenohTeam
 from guidance.log.entries import CYCLE
 from guidance.log.reader import scan
 from guidance.session.orders.control_bus import free_endpoint

@@ -27,8 +27,8 @@ from typing import Any, NamedTuple
 import guidance
 from guidance.clock import VirtualClock
 from guidance.flight import State
-from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.udp import AddressPins, UdpWire
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
+from guidance.links.wires.udp import AddressPins, UdpWire
 from guidance.session.fly.daemon import Daemon, Equipment
 from guidance.session.fly.loop import PERIOD_S
 from guidance.session.plan import plan_of

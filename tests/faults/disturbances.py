@@ -15,9 +15,9 @@ from guidance.clock import VirtualClock
 from guidance.flight import BEFORE_FLIGHT, FINAL, Authority, Event, Outputs, State
 from guidance.flight.freshness import CHARGE_LIMIT_S, STATUS_LIMIT_S
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES, TRANSITIONS
-from guidance.links.carriers import GLOBAL_POSITION
-from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.evaders.carriers import GLOBAL_POSITION
+from guidance.links.evaders.mavlink import MavlinkEvader
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.session.fly.daemon import Daemon, Equipment
 from guidance.session.plan import FlightPlan
 from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, PURSUER_ID, Scenario

@@ -15,8 +15,8 @@ from guidance.control.polygon import Polygon
 from guidance.errors import FlightError
 from guidance.flight import BEFORE_FLIGHT, FINAL, Event, State
 from guidance.flight.table import HANDING_OVER
-from guidance.links.carriers import GLOBAL_POSITION
-from guidance.links.mavlink_evader import MavlinkEvader
+from guidance.links.evaders.carriers import GLOBAL_POSITION
+from guidance.links.evaders.mavlink import MavlinkEvader
 from guidance.log.replay import compare
 from guidance.log.writer import Record, Recorder
 from guidance.session.flight_files import flight_metadata

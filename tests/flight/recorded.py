@@ -4,7 +4,7 @@ import csv
 from pathlib import Path
 from types import SimpleNamespace
 
-from guidance.links.codec import DECODERS
+from guidance.links.mavlink.codec import DECODERS
 
 _DATA = Path(__file__).parents[1] / "data"
 _FIELDS = {

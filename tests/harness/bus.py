@@ -2,8 +2,8 @@
 
 import contextlib
 
-from guidance.links.zenoh_credentials import NO_CREDENTIALS
-from guidance.links.zenoh_session import direct_session
+from guidance.links.zenoh.credentials import NO_CREDENTIALS
+from guidance.links.zenoh.session import direct_session
 from guidance.session.orders import control_bus, control_client
 from guidance.session.orders.control_socket import TIMEOUT_S, draw_token
 

@@ -15,7 +15,7 @@ from guidance.flight import Event, Flight, FlightSettings, Outputs, State
 from guidance.flight.settings import AfterCapture
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.links import MemoryWire
-from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.messages import EvaderReport, Setpoint
 from guidance.session.fly.loop import PERIOD_S
 from guidance.session.plan import plan_of

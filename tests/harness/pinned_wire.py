@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-from guidance.links.mavlink_evader import MavlinkEvader
+from guidance.links.evaders.mavlink import MavlinkEvader
 from guidance.links.port import Wire
-from guidance.links.udp import AddressPins
+from guidance.links.wires.udp import AddressPins
 from guidance.sim.stepped import SteppedWorld
 
 Packet = tuple[float, bytes]

@@ -14,9 +14,9 @@ from typing import Any
 import zenoh
 
 from guidance.links import MemoryWire
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.opening import open_link, open_wire, wait_until_heard
 from guidance.links.port import VehicleLink
-from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Heartbeat, Timesync
 from tests.links.peer import Peer, living, until
 

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import common as dialect
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Ned
 from guidance.links import SigningKey, parse
-from guidance.links.frames import ticks
+from guidance.links.mavlink.frames import ticks
 from guidance.links.opening import open_link, open_wire
 from guidance.messages import Setpoint
 from tests.links.peer import Peer, living, until

@@ -11,7 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import common as dialect
 
 from guidance.frames import Ned
-from guidance.links.pymavlink_link import QUEUE_LENGTH
+from guidance.links.mavlink.pymavlink_link import QUEUE_LENGTH
 from guidance.messages import (
     Command,
     CommandAck,

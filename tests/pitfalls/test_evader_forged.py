@@ -16,9 +16,9 @@ from guidance.config import parse_document
 from guidance.flight import Event, State
 from guidance.frames import Amsl, LocalFrame, Ned, game_from_ned
 from guidance.links import MemoryWire
-from guidance.links.carriers import FOLLOW_TARGET, carrier_of
-from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.zenoh_evader import KEYS
+from guidance.links.evaders.carriers import FOLLOW_TARGET, carrier_of
+from guidance.links.evaders.mavlink import MavlinkEvader
+from guidance.links.evaders.zenoh import KEYS
 from guidance.session.fly.loop import run
 from guidance.session.fly.mission import Mission
 from guidance.session.plan import plan_of

@@ -10,8 +10,8 @@ import pytest
 
 from guidance.clock import VirtualClock
 from guidance.flight import Event
-from guidance.links.carriers import GLOBAL_POSITION
-from guidance.links.mavlink_evader import MavlinkEvader
+from guidance.links.evaders.carriers import GLOBAL_POSITION
+from guidance.links.evaders.mavlink import MavlinkEvader
 from guidance.session.fly.loop import run
 from guidance.session.fly.mission import Mission
 from guidance.sim.scenario import EVADER_ID

@@ -13,8 +13,8 @@ from guidance.clock import VirtualClock
 from guidance.errors import LinkError
 from guidance.flight import State
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.carriers import FOLLOW_TARGET
-from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.evaders.carriers import FOLLOW_TARGET
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.messages import Heartbeat
 
 pytestmark = pytest.mark.flight

@@ -19,7 +19,7 @@ from guidance.config import load, parse_document
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.game.speed_sets import SPEED_SETS
-from guidance.links.evader_sources import EVADER_KINDS, SourceOrder, evader_kind
+from guidance.links.evaders.kinds import EVADER_KINDS, SourceOrder, evader_kind
 from guidance.registry import Registry
 from guidance.session.checkup import examine
 from guidance.session.observe.outputs import OUTPUTS, OutputOrder, open_outputs

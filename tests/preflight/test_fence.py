@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.autopilots import PX4, Verdict, autopilot_named
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.links import MemoryWire
-from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.messages import (
     FenceCount,
     FenceItem,

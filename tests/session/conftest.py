@@ -11,12 +11,12 @@ from guidance.clock import VirtualClock
 from guidance.config import parse_document
 from guidance.flight import Authority, State
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.carriers import GLOBAL_POSITION
-from guidance.links.frames import ticks
-from guidance.links.ground_link import GroundLink
-from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires import TappedWire, share
+from guidance.links.evaders.carriers import GLOBAL_POSITION
+from guidance.links.evaders.mavlink import MavlinkEvader
+from guidance.links.mavlink.frames import ticks
+from guidance.links.mavlink.ground_link import GroundLink
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
+from guidance.links.wires.base import TappedWire, share
 from guidance.log.sink import Sink
 from guidance.session.fly.daemon import Daemon, Equipment
 from guidance.session.fly.own_policy import asked_in_flight

@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from guidance.clock import MonotonicClock
-from guidance.links.zenoh_credentials import NO_CREDENTIALS
+from guidance.links.zenoh.credentials import NO_CREDENTIALS
 from guidance.log.broadcast import FLIGHT, broadcast_key
 from guidance.session.orders.control_bus import free_endpoint
 from guidance.session.orders.control_client import control_key, join_session, order_team

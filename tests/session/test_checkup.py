@@ -13,9 +13,9 @@ from guidance.config import parse_document
 from guidance.errors import FlightError
 from guidance.links import MemoryWire
 from guidance.links import world as worlds
-from guidance.links.carriers import GLOBAL_POSITION
-from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.evaders.carriers import GLOBAL_POSITION
+from guidance.links.evaders.mavlink import MavlinkEvader
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.preflight import refusals
 from guidance.session.checkup import Checkup
 from guidance.session.plan import plan_of

@@ -12,7 +12,7 @@ import pytest
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.zenoh_session import close_all
+from guidance.links.zenoh.session import close_all
 from guidance.session.orders import mailbox as orders
 from guidance.session.orders.control_bus import opened, owner_token
 from guidance.session.orders.control_client import answers, control_key

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from guidance.errors import ConfigError, LinkError, OutputError
-from guidance.links.zenoh_session import open_session
+from guidance.links.zenoh.session import open_session
 from guidance.session.orders import control_socket
 from guidance.session.orders.control_client import join_session
 from guidance.session.orders.mailbox import Mailbox

@@ -12,7 +12,7 @@ import pytest
 import zenoh
 
 from guidance.flight import State
-from guidance.links.zenoh_session import open_session
+from guidance.links.zenoh.session import open_session
 from guidance.log.broadcast import FLIGHT, MAX_WAITING, Broadcast, broadcast_key
 from guidance.log.entries import CYCLE, EVENT, RELOADED, STOPPED
 from guidance.log.writer import Record
@@ -21,7 +21,7 @@ from tests.harness.bus import open_to_all
 
 ONLOOKER = """
 import signal, sys
-from guidance.links.zenoh_session import open_session
+from guidance.links.zenoh.session import open_session
 session = open_session(sys.argv[1])
 session.declare_subscriber("guidance/uav1/live/*", lambda sample: None)
 print("ready", flush=True)
@@ -29,7 +29,7 @@ signal.pause()
 """
 ENDING = """
 import json, sys, threading, time, zenoh
-from guidance.links.zenoh_session import is_over
+from guidance.links.zenoh.session import is_over
 nobody = {"mode": "peer", "listen": {"endpoints": []}, "scouting": {"multicast": {"enabled": False}}}
 session, asked = zenoh.open(zenoh.Config.from_json5(json.dumps(nobody))), threading.Event()
 class Last:

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.clock import VirtualClock
 from guidance.flight import State
-from guidance.links.pymavlink_link import PymavlinkLink
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.session.fly.loop import run
 from guidance.session.observe.recording import Recording
 

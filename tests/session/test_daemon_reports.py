@@ -10,10 +10,9 @@ from guidance.autopilots import Verdict
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.links import MemoryWire
-from guidance.links.carriers import GLOBAL_POSITION, RefusedReport, carrier_of
-from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.opening import open_source_patiently
-from guidance.links.zenoh_evader import read_ros
+from guidance.links.evaders.carriers import GLOBAL_POSITION, RefusedReport, carrier_of
+from guidance.links.evaders.mavlink import MavlinkEvader
+from guidance.links.evaders.zenoh import open_source_patiently, read_ros
 from guidance.log.entries import EVADER_NEWS
 from guidance.messages import Datum
 from tests.links.evaders.test_zenoh import Cdr

@@ -8,9 +8,9 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
 from guidance.links import MemoryWire
-from guidance.links.carriers import carrier_of
-from guidance.links.mavlink_evader import MavlinkEvader
-from guidance.links.zenoh_evader import read_ros
+from guidance.links.evaders.carriers import carrier_of
+from guidance.links.evaders.mavlink import MavlinkEvader
+from guidance.links.evaders.zenoh import read_ros
 from tests.links.evaders.test_mavlink import drone_id
 from tests.links.evaders.test_zenoh import Cdr
 from tests.session.conftest import HERE

@@ -8,7 +8,7 @@ import pytest
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.frames import Ned
-from guidance.links.evader_sources import (
+from guidance.links.evaders.kinds import (
     EVADER_KINDS,
     EvaderKind,
     SourceOrder,

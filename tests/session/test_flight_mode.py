@@ -4,7 +4,7 @@ import pytest
 
 from guidance.autopilots import PX4, Mode
 from guidance.flight import Event, State
-from guidance.links.px4_mode import Check, Readiness
+from guidance.links.px4.mode import Check, Readiness
 from guidance.log.sink import Report
 from guidance.session.observe.flight_mode import PILOT, FlightModeOutput
 from guidance.session.orders.control_socket import STATUS

@@ -18,12 +18,12 @@ from guidance.errors import ConfigError, FlightError, LinkError
 from guidance.flight import Event, State
 from guidance.links import MemoryWire
 from guidance.links import world as worlds
-from guidance.links.carriers import GLOBAL_POSITION
-from guidance.links.mavlink_evader import MavlinkEvader
+from guidance.links.evaders.carriers import GLOBAL_POSITION
+from guidance.links.evaders.mavlink import MavlinkEvader
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.opening import Found, find_autopilot
 from guidance.links.port import parse
-from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.wires import TappedWire
+from guidance.links.wires.base import TappedWire
 from guidance.session.fly.mission import MissionPolicy
 from guidance.session.fly.result import outcome_of_flight
 from guidance.session.open.discovery import identify, wait_until_placed

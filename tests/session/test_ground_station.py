@@ -9,8 +9,8 @@ from pymavlink.dialects.v20 import common as mavlink
 from guidance.config import config_folder, parse_document
 from guidance.errors import ConfigError
 from guidance.flight import State
-from guidance.links.frames import ticks
-from guidance.links.ground_link import COMPONENT_ID, address_of
+from guidance.links.mavlink.frames import ticks
+from guidance.links.mavlink.ground_link import COMPONENT_ID, address_of
 from guidance.session.observe.ground_station import (
     ACCEPTED,
     DENIED,

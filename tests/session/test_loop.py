@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 
 from guidance.clock import VirtualClock
 from guidance.flight import Event
-from guidance.links.wires import CapturedFrame
+from guidance.links.wires.base import CapturedFrame
 from guidance.log.writer import Recorder
 from guidance.session.fly.loop import (
     AGE_S,

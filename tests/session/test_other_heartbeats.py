@@ -7,8 +7,8 @@ from guidance.clock import VirtualClock
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.links import MemoryWire
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.opening import Found
-from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import ParameterSet
 from guidance.session.open import discovery
 from tests.harness.vehicle import FENCED

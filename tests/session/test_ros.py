@@ -18,8 +18,8 @@ from guidance.config import parse_document
 from guidance.errors import ConfigError
 from guidance.flight import State
 from guidance.frames import Amsl, LocalFrame
-from guidance.links import ros_types
-from guidance.links.opening import open_source
+from guidance.links.evaders.zenoh import open_source
+from guidance.links.zenoh import ros_types
 from guidance.log import cycles_of, metadata_of
 from guidance.log.ros import ODOMETRY, TOPICS, RosFlight, topic_name
 from guidance.session.flight_files import recorded_settings

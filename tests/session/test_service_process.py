@@ -15,8 +15,8 @@ import pytest
 from mcap.reader import make_reader
 
 from guidance.errors import LinkError
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.opening import open_wire, wait_until_heard
-from guidance.links.pymavlink_link import PymavlinkLink
 from guidance.messages import Parameter, ParameterRequest, ParameterSet
 from guidance.session.orders.control_socket import STATUS
 from sitl_mock.child import running

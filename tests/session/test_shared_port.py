@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.flight import Event, State
-from guidance.links.udp import AddressPins
+from guidance.links.wires.udp import AddressPins
 from guidance.log.entries import LINK_NEWS
 from sitl_mock.faults import frames
 from sitl_mock.mavlink import SPEC_BY_NAME

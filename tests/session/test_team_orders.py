@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from guidance.cli.program import app
 from guidance.errors import LinkError
-from guidance.links.zenoh_session import open_session
+from guidance.links.zenoh.session import open_session
 from guidance.session.orders.control_bus import free_endpoint
 from guidance.session.orders.control_client import join_session, order_team
 from guidance.session.orders.mailbox import Mailbox

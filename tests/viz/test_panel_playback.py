@@ -11,7 +11,7 @@ from aiohttp.test_utils import TestClient, TestServer
 
 from guidance.clock import MonotonicClock
 from guidance.errors import OutputError
-from guidance.links.zenoh_credentials import NO_CREDENTIALS
+from guidance.links.zenoh.credentials import NO_CREDENTIALS
 from guidance.log import cycles_of
 from guidance.log.entries import Item
 from guidance.session.flight_files import RECORD

@@ -11,8 +11,8 @@ from typing import Final
 from guidance.autopilots import Finding, Mode, Verdict
 from guidance.flight import BEFORE_FLIGHT, FINAL, Event, Flight, State
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES
-from guidance.links.px4_link import Px4Link
-from guidance.links.px4_mode import Check, Readiness
+from guidance.links.px4.link import Px4Link
+from guidance.links.px4.mode import Check, Readiness
 from guidance.log.sink import Report, Sink
 from guidance.session.orders.control_socket import STATUS
 from guidance.session.orders.mailbox import Mailbox, Question

@@ -21,7 +21,7 @@ from guidance.flight import (
     State,
 )
 from guidance.flight.table import HANDING_OVER
-from guidance.links.ground_link import GroundLink, StationCommand
+from guidance.links.mavlink.ground_link import GroundLink, StationCommand
 from guidance.log.sink import FlightIdentity, Report, Sink
 from guidance.session.observe.severe import SEVERE
 from guidance.session.orders.mailbox import Mailbox, Question

@@ -10,10 +10,10 @@ from contextlib import ExitStack, closing
 from typing import Final, NamedTuple
 
 from guidance.clock import Clock
-from guidance.links.ground_link import GroundLink
+from guidance.links.mavlink.ground_link import GroundLink
 from guidance.links.port import VehicleLink
-from guidance.links.px4_link import Px4Link
-from guidance.links.zenoh_session import Session
+from guidance.links.px4.link import Px4Link
+from guidance.links.zenoh.session import Session
 from guidance.log.broadcast import Broadcast
 from guidance.log.sink import Sink
 from guidance.registry import Registry

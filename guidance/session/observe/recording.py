@@ -11,7 +11,7 @@ from guidance.clock import Timing
 from guidance.errors import ConfigError
 from guidance.files import writing
 from guidance.flight import Authority, Flight, Inputs, Outputs
-from guidance.links.wires import CapturedFrame
+from guidance.links.wires.base import CapturedFrame
 from guidance.log.entries import BEGUN, OUTCOME, STOPPED, cycle_entry
 from guidance.log.sink import AnsweredOrder, FlightIdentity, Report, Sink
 from guidance.log.writer import Record, Recorder

@@ -17,11 +17,11 @@ import zenoh
 from guidance.clock import Clock
 from guidance.errors import ConfigError, LinkError
 from guidance.flight import Event
-from guidance.links import ros_types
-from guidance.links.rmw_zenoh import DEPTH, RosNode, RosPublisher, ServiceRequest
-from guidance.links.zenoh_access import credentials_of
-from guidance.links.zenoh_credentials import NO_CREDENTIALS, Credentials
-from guidance.links.zenoh_session import Session, close_all, is_over, open_session
+from guidance.links.zenoh import ros_types
+from guidance.links.zenoh.access import credentials_of
+from guidance.links.zenoh.credentials import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh.rmw import DEPTH, RosNode, RosPublisher, ServiceRequest
+from guidance.links.zenoh.session import Session, close_all, is_over, open_session
 from guidance.log.entries import CycleEntry, EventEntry
 from guidance.log.export import started_unix_s
 from guidance.log.ros import (

@@ -11,19 +11,19 @@ from guidance.clock import Clock
 from guidance.errors import ConfigError
 from guidance.files import text_of
 from guidance.links import EvaderSource, SigningKey, Wire, parse
-from guidance.links.evader_sources import SourceOrder, evader_kind
-from guidance.links.ground_link import GroundLink
+from guidance.links.evaders.kinds import SourceOrder, evader_kind
+from guidance.links.mavlink.ground_link import GroundLink
+from guidance.links.mavlink.pymavlink_link import PymavlinkLink
+from guidance.links.mavlink.signed_streams import state_folder
 from guidance.links.opening import open_link, open_wire
 from guidance.links.port import VehicleLink, is_px4
-from guidance.links.px4_link import UNREAD_BESIDE, open_px4_link, px4_session
-from guidance.links.pymavlink_link import PymavlinkLink
-from guidance.links.signed_streams import state_folder
-from guidance.links.wires import TappedWire, share
+from guidance.links.px4.link import UNREAD_BESIDE, open_px4_link, px4_session
+from guidance.links.wires.base import TappedWire, share
 from guidance.links.world import World
-from guidance.links.zenoh_access import credentials_of
-from guidance.links.zenoh_credentials import NO_CREDENTIALS, Credentials
-from guidance.links.zenoh_session import Session, close_all
-from guidance.links.zenoh_wire import session_to
+from guidance.links.zenoh.access import credentials_of
+from guidance.links.zenoh.credentials import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh.session import Session, close_all
+from guidance.links.zenoh.wire import session_to
 from guidance.session.fly.daemon import Equipment
 from guidance.session.observe.log import Log
 from guidance.session.observe.signs_of_life import Notifier

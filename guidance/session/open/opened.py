@@ -8,7 +8,7 @@ from typing import Final, NamedTuple, Protocol
 from guidance.clock import Clock
 from guidance.errors import ConfigError
 from guidance.links.world import World
-from guidance.links.zenoh_session import Session
+from guidance.links.zenoh.session import Session
 from guidance.session.flight_files import TEAM
 from guidance.session.fly.daemon import Equipment
 from guidance.session.fly.loop import Signals

@@ -12,7 +12,7 @@ from guidance.flight.settings import TeamSection
 from guidance.frames import Amsl, Enu, GameFrame, LocalFrame
 from guidance.links.opening import KINDS
 from guidance.links.port import Wire, is_px4, parse
-from guidance.links.wires import MemoryWire, share
+from guidance.links.wires.base import MemoryWire, share
 from guidance.links.world import World
 from guidance.messages import Home
 from guidance.session.flight_files import TEAM

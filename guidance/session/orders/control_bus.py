@@ -15,8 +15,8 @@ from typing import Any, Final
 import zenoh
 
 from guidance.errors import GuidanceError, LinkError
-from guidance.links.zenoh_credentials import NO_CREDENTIALS, Credentials
-from guidance.links.zenoh_session import Session, close_all, direct_session, is_small
+from guidance.links.zenoh.credentials import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh.session import Session, close_all, direct_session, is_small
 from guidance.session.orders import control_socket as local
 from guidance.session.orders.control_client import TEAM, control_key, join_session, order_team
 from guidance.session.orders.mailbox import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox

@@ -12,8 +12,8 @@ from typing import Final
 import zenoh
 
 from guidance.errors import ConfigError, LinkError
-from guidance.links.zenoh_credentials import NO_CREDENTIALS, Credentials
-from guidance.links.zenoh_session import Session, open_session
+from guidance.links.zenoh.credentials import NO_CREDENTIALS, Credentials
+from guidance.links.zenoh.session import Session, open_session
 from guidance.session.orders import control_socket as local
 from guidance.session.orders.replies import (
     MAX_REPLY_BYTES,

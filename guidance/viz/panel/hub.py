@@ -20,8 +20,8 @@ import zenoh
 
 from guidance.clock import Clock
 from guidance.errors import ConfigError, GuidanceError, LinkError
-from guidance.links.zenoh_credentials import Credentials
-from guidance.links.zenoh_session import close_all, is_over
+from guidance.links.zenoh.credentials import Credentials
+from guidance.links.zenoh.session import close_all, is_over
 from guidance.log.broadcast import FLIGHT, FoundFlight, broadcast_key, flight_of, item_of
 from guidance.log.entries import BEGUN, FLIGHT_OVER, EventEntry, Item
 from guidance.session.orders.control_client import (

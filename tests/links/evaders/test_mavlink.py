@@ -14,9 +14,9 @@ from guidance.estimation import Observer, add_report, predict
 from guidance.estimation.measurement import TrackSettings
 from guidance.frames import Amsl, LocalFrame, Ned
 from guidance.links import MemoryWire, SigningKey
-from guidance.links.carriers import FOLLOW_TARGET, GLOBAL_POSITION, carrier_of
-from guidance.links.frames import ticks
-from guidance.links.mavlink_evader import MavlinkEvader
+from guidance.links.evaders.carriers import FOLLOW_TARGET, GLOBAL_POSITION, carrier_of
+from guidance.links.evaders.mavlink import MavlinkEvader
+from guidance.links.mavlink.frames import ticks
 from guidance.links.opening import open_wire
 from guidance.messages import AltitudeSaid, Datum, EvaderReport
 from tests.links.peer import Peer, until

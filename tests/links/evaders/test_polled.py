@@ -3,8 +3,8 @@ from pymavlink.dialects.v20 import common as dialect
 
 from guidance.clock import VirtualClock
 from guidance.links import MemoryWire
-from guidance.links.carriers import GLOBAL_POSITION
-from guidance.links.mavlink_evader import ASK_AGAIN_S, MavlinkEvader
+from guidance.links.evaders.carriers import GLOBAL_POSITION
+from guidance.links.evaders.mavlink import ASK_AGAIN_S, MavlinkEvader
 from sitl_mock import Home, MockVehicle
 from tests.links.peer import Peer
 

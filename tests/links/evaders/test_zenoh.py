@@ -13,10 +13,16 @@ from hypothesis import strategies as st
 
 from guidance.errors import ConfigError, LinkError
 from guidance.frames import Amsl, LocalFrame
-from guidance.links.carriers import RefusedReport
-from guidance.links.opening import open_source
-from guidance.links.zenoh_evader import JsonReport, ZenohEvader, read_ros, report_of_json, rmw_key
-from guidance.links.zenoh_session import open_session
+from guidance.links.evaders.carriers import RefusedReport
+from guidance.links.evaders.zenoh import (
+    JsonReport,
+    ZenohEvader,
+    open_source,
+    read_ros,
+    report_of_json,
+    rmw_key,
+)
+from guidance.links.zenoh.session import open_session
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port
 

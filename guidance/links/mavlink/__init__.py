@@ -1,0 +1,1 @@
+"""MAVLink: frames, messages, signatures and requests, and the links to vehicles and ground stations by it."""
