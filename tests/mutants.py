@@ -88,7 +88,10 @@ TESTS: Mapping[str, Sequence[str]] = {
     ),
     "guidance/flight/machine.py": FLIGHT,
     "guidance/autopilots/rules.py": ("tests/autopilots/test_rules.py", *PREFLIGHT),
-    "guidance/preflight/__init__.py": PREFLIGHT,
+    "guidance/preflight/changing.py": PREFLIGHT,
+    "guidance/preflight/judging.py": PREFLIGHT,
+    "guidance/preflight/parameters.py": PREFLIGHT,
+    "guidance/preflight/reading.py": PREFLIGHT,
     "guidance/preflight/areas.py": (
         "tests/preflight/test_areas.py",
         "tests/preflight/test_fence.py",
