@@ -29,7 +29,7 @@ from guidance.log.entries import CYCLE, EVENT, REPORT
 from guidance.log.ros import TOPICS, topic_name
 from guidance.session.observe.metrics import Metrics
 from guidance.session.orders.control_client import control_key
-from guidance.session.orders.control_socket import WORDS
+from guidance.session.orders.words import WORDS
 from guidance.sim.outcome import Outcome
 from guidance.sim.teams import TeamOutcome
 from sitl_mock.cli import app as mock_app

@@ -9,7 +9,7 @@ import pytest
 from guidance.errors import ConfigError
 from guidance.links.zenoh import keys
 from guidance.log.reader import survey_of
-from guidance.session.orders import control_socket
+from guidance.session.orders import control_socket, control_token
 from guidance.session.vehicle_file import corners_deg
 from guidance.sim.scenario_file import load_any
 from guidance.toml_files import read
@@ -41,7 +41,7 @@ def pipe(tmp_path):
         read,
         survey_of,
         lambda path: corners_deg(path, "limits.fence_file"),
-        control_socket.read_token,
+        control_token.read_token,
     ],
 )
 def test_a_pipe_is_no_file_and_hangs_nobody(pipe, reading):

@@ -99,21 +99,21 @@ def ask(
         ConfigError: If there is no such order, several daemons and no name, or the token may not be read.
         LinkError: If the daemon has another name, does not know the token or does not answer.
     """
-    from guidance.session.orders import control_socket  # noqa: PLC0415 - only orders
+    from guidance.session.orders import socket_client, words  # noqa: PLC0415 - only orders
 
     names: list[str] = []
     if name is not None:
         names = name.split(",")
     if not endpoint:
-        endpoint = control_socket.ENDPOINT
+        endpoint = words.ENDPOINT
     details: dict[str, Any] = {"endpoint": endpoint, "token_file": token_file}
-    by = control_socket.own_name("ctl")
+    by = words.own_name("ctl")
     if zenoh is None and team is not None:
         answers = _asked_team_here(order, team, names, by=by, **details)
         if answers is not None:
             return answers
     elif zenoh is None:
-        answer = control_socket.ask_here(order, name=name, by=by, **details)
+        answer = socket_client.ask_here(order, name=name, by=by, **details)
         if answer is not None:
             return [answer]
     from guidance.session.orders import control_client  # noqa: PLC0415 - only orders by a router
@@ -149,7 +149,7 @@ def _asked_team_here(
 
     A daemon that hangs keeps no order from the others: they are reached over Zenoh then.
     """
-    from guidance.session.orders.control_socket import SilentDaemonError, ask_team_here  # noqa: PLC0415 - only orders
+    from guidance.session.orders.socket_client import SilentDaemonError, ask_team_here  # noqa: PLC0415 - only orders
 
     try:
         return ask_team_here(order, team, names, **given)

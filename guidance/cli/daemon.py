@@ -18,7 +18,7 @@ from guidance.config import find
 from guidance.errors import ConfigError, FlightError
 from guidance.extras import require_extras
 from guidance.screen import Cell, console, pairs
-from guidance.session.orders.control_socket import ENDPOINT, STATUS, WORDS
+from guidance.session.orders.words import ENDPOINT, STATUS, WORDS
 
 
 def run(

@@ -40,7 +40,7 @@ from guidance.session.open.file import ByFile
 from guidance.session.open.mock import MockOptions
 from guidance.session.open.opened import FlyableScenario, Onlooker, Way
 from guidance.session.open.url import Asked
-from guidance.session.orders.control_socket import ENDPOINT
+from guidance.session.orders.words import ENDPOINT
 from guidance.session.recorded_flight import fly_recorded
 from guidance.session.vehicle_file import RosSection
 from guidance.sim.outcome import Outcome

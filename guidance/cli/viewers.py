@@ -18,7 +18,7 @@ from guidance.cli.arguments import TokenFile, ZenohFile, refuse
 from guidance.clock import MonotonicClock
 from guidance.errors import ConfigError
 from guidance.extras import require_extras
-from guidance.session.orders.control_socket import ENDPOINT
+from guidance.session.orders.words import ENDPOINT
 
 Port = partial(typer.Option, min=0, max=65535)
 STOP_LIMIT_S: Final = 5.0

@@ -32,7 +32,7 @@ from guidance.session.fly.daemon import Daemon, Equipment
 from guidance.session.fly.loop import PERIOD_S, PRIORITY
 from guidance.session.observe.outputs import OUTPUTS
 from guidance.session.open.links import open_all
-from guidance.session.orders.control_socket import token_path
+from guidance.session.orders.control_token import token_path
 from guidance.session.plan import FlightPlan, plan_of
 from guidance.session.vehicle_file import SECTIONS, Config, Control
 

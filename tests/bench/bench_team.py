@@ -34,7 +34,7 @@ from guidance.log.entries import CYCLE
 from guidance.log.reader import scan
 from guidance.session.orders.control_bus import free_endpoint
 from guidance.session.orders.control_client import join_session
-from guidance.session.orders.control_socket import token_path
+from guidance.session.orders.control_token import token_path
 from guidance.team.messages import (
     EvaderMessage,
     Message,

@@ -5,7 +5,8 @@ import contextlib
 from guidance.links.zenoh.credentials import NO_CREDENTIALS
 from guidance.links.zenoh.session import direct_session
 from guidance.session.orders import control_bus, control_client
-from guidance.session.orders.control_socket import TIMEOUT_S, draw_token
+from guidance.session.orders.control_token import draw_token
+from guidance.session.orders.words import TIMEOUT_S
 
 
 class ControlBus:

@@ -17,8 +17,9 @@ from guidance.session.orders import mailbox as orders
 from guidance.session.orders.control_bus import opened, owner_token
 from guidance.session.orders.control_client import answers, control_key
 from guidance.session.orders.control_client import join_session as open_session
-from guidance.session.orders.control_socket import TIMEOUT_S, ask_here
 from guidance.session.orders.mailbox import ANSWER_LIMIT_S, Mailbox
+from guidance.session.orders.socket_client import ask_here
+from guidance.session.orders.words import TIMEOUT_S
 from guidance.session.vehicle_file import Control
 from tests.harness.bus import ControlBus, ask
 

@@ -11,13 +11,10 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from guidance.errors import ConfigError, LinkError
-from guidance.session.orders.control_socket import (
-    ControlSocket,
-    ask_here,
-    ask_team_here,
-    socket_path,
-)
+from guidance.session.orders.control_socket import ControlSocket
+from guidance.session.orders.control_token import socket_path
 from guidance.session.orders.mailbox import Mailbox
+from guidance.session.orders.socket_client import ask_here, ask_team_here
 from tests.harness.bus import published
 from tests.harness.command import HEAVY, fresh
 

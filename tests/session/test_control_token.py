@@ -10,7 +10,7 @@ import pytest
 
 from guidance.errors import ConfigError, LinkError, OutputError
 from guidance.links.zenoh.session import open_session
-from guidance.session.orders import control_socket
+from guidance.session.orders import control_token
 from guidance.session.orders.control_client import join_session
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.vehicle_file import Control
@@ -33,7 +33,7 @@ def test_a_token_is_drawn_anew_each_time_and_for_its_owners_eyes(path):
     first = published(path)
     assert path.stat().st_mode & 0o777 == 0o600
     assert path.parent.stat().st_mode & 0o777 == 0o700
-    assert control_socket.read_token(path) == first
+    assert control_token.read_token(path) == first
     second = published(path)
     assert len(second.secret) == 64
     assert second.secret != first.secret
@@ -46,17 +46,17 @@ def test_a_token_that_a_person_made_for_a_group_is_used_and_stays(path):
     path.chmod(0o640)
     token = published(path)
     assert token == (path, "ab" * 32)
-    control_socket.discard_token(token)
+    control_token.discard_token(token)
     assert path.exists()
 
 
 def test_our_token_goes_with_us_and_a_successors_stays(path):
     first = published(path)
     second = published(path)
-    control_socket.discard_token(first)
-    assert control_socket.read_token(path) == second
-    control_socket.discard_token(second)
-    assert control_socket.read_token(path) is None
+    control_token.discard_token(first)
+    assert control_token.read_token(path) == second
+    control_token.discard_token(second)
+    assert control_token.read_token(path) is None
 
 
 @pytest.mark.parametrize(
@@ -66,11 +66,11 @@ def test_what_is_no_token_is_one_clear_error(path, text):
     path.parent.mkdir()
     path.write_text(text)
     with pytest.raises(ConfigError, match="one line, guidance:<hexadecimal digits>"):
-        control_socket.read_token(path)
+        control_token.read_token(path)
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o1777, 0o770])
-@pytest.mark.parametrize("reading", [control_socket.draw_token, control_socket.read_token])
+@pytest.mark.parametrize("reading", [control_token.draw_token, control_token.read_token])
 def test_a_token_where_others_may_write_is_refused(path, reading, mode):
     """A sticky folder too: another user may have put the token there, and knows its secret."""
     path.parent.mkdir()
@@ -86,7 +86,7 @@ def test_a_daemons_token_in_a_folder_of_another_user_is_refused(path, monkeypatc
         Path, "stat", lambda _: SimpleNamespace(st_uid=os.getuid() + 1, st_mode=0o40755)
     )
     with pytest.raises(ConfigError, match="others may write to"):
-        control_socket.draw_token(path)
+        control_token.draw_token(path)
 
 
 def test_the_folder_for_users_without_a_runtime_folder_is_refused_if_another_made_it(
@@ -96,31 +96,31 @@ def test_the_folder_for_users_without_a_runtime_folder_is_refused_if_another_mad
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
     monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    folder = control_socket.token_path("tcp/127.0.0.1:7448").parent
+    folder = control_token.token_path("tcp/127.0.0.1:7448").parent
     folder.mkdir(mode=0o700)
-    assert control_socket.token_path("tcp/127.0.0.1:7448").parent == folder
+    assert control_token.token_path("tcp/127.0.0.1:7448").parent == folder
     folder.chmod(0o1777)
     with pytest.raises(ConfigError, match="others may write to"):
-        control_socket.token_path("tcp/127.0.0.1:7448")
+        control_token.token_path("tcp/127.0.0.1:7448")
 
 
 def test_a_path_that_cannot_be_written_is_refused():
     with pytest.raises(
         OutputError, match=r"control.token_file = '/proc/nowhere/a.token': cannot be written"
     ):
-        control_socket.draw_token(Path("/proc/nowhere/a.token"))
+        control_token.draw_token(Path("/proc/nowhere/a.token"))
 
 
 def test_the_token_lies_in_the_runtime_folder_of_the_service_or_of_the_user(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
     at = "tcp/127.0.0.1:7448"
-    assert control_socket.token_path(at) == tmp_path / "guidance" / "tcp-127.0.0.1-7448.token"
+    assert control_token.token_path(at) == tmp_path / "guidance" / "tcp-127.0.0.1-7448.token"
     monkeypatch.setenv("RUNTIME_DIRECTORY", "/run/guidance:/run/other")
-    assert str(control_socket.token_path(at)) == "/run/guidance/tcp-127.0.0.1-7448.token"
+    assert str(control_token.token_path(at)) == "/run/guidance/tcp-127.0.0.1-7448.token"
     monkeypatch.delenv("RUNTIME_DIRECTORY")
     monkeypatch.delenv("XDG_RUNTIME_DIR")
-    assert control_socket.token_path(at).parent.name == f"guidance-{os.getuid()}"
+    assert control_token.token_path(at).parent.name == f"guidance-{os.getuid()}"
 
 
 @pytest.fixture

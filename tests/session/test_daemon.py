@@ -10,7 +10,7 @@ from guidance.errors import ConfigError
 from guidance.flight import Event, State
 from guidance.log.writer import Record
 from guidance.session.fly.daemon import Daemon, Equipment
-from guidance.session.orders.control_socket import WORDS
+from guidance.session.orders.words import WORDS
 from guidance.session.plan import plan_of
 from guidance.session.vehicle_file import Config
 

@@ -7,8 +7,8 @@ from guidance.flight import Event, State
 from guidance.links.px4.mode import Check, Readiness
 from guidance.log.sink import Report
 from guidance.session.observe.flight_mode import PILOT, FlightModeOutput
-from guidance.session.orders.control_socket import STATUS
 from guidance.session.orders.mailbox import Mailbox
+from guidance.session.orders.words import STATUS
 from tests.flight.flown import Flown
 from tests.flight.scenes import settings_of
 

@@ -7,7 +7,7 @@ import pytest
 from guidance.flight import ORDERS, State
 from guidance.log.entries import ORDERED
 from guidance.log.writer import Record
-from guidance.session.orders.control_socket import LONGEST_NAME, WORDS, name_in
+from guidance.session.orders.words import LONGEST_NAME, WORDS, name_in
 
 
 class KeptRecord(Record):

@@ -18,7 +18,7 @@ from guidance.errors import LinkError
 from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.opening import open_wire, wait_until_heard
 from guidance.messages import Parameter, ParameterRequest, ParameterSet
-from guidance.session.orders.control_socket import STATUS
+from guidance.session.orders.words import STATUS
 from sitl_mock.child import running
 from tests.harness.bus import ask
 from tests.harness.command import guidance

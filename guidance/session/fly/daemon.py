@@ -31,8 +31,8 @@ from guidance.session.observe.refused_frames import RefusedFrames
 from guidance.session.observe.refused_reports import RefusedReports
 from guidance.session.observe.signs_of_life import ENDING
 from guidance.session.orders.answers import missing, refusal, shown_state, status
-from guidance.session.orders.control_socket import ALIVE, RESET, WORDS
 from guidance.session.orders.mailbox import Engaging, Mailbox, Question, ShutdownHandover
+from guidance.session.orders.words import ALIVE, RESET, WORDS
 from guidance.session.plan import FlightPlan
 from guidance.strategies.own import Ask
 from guidance.team import Member

@@ -14,8 +14,8 @@ from guidance.flight.table import HANDING_OVER, SETPOINT_STATES
 from guidance.links.px4.link import Px4Link
 from guidance.links.px4.mode import Check, Readiness
 from guidance.log.sink import Report, Sink
-from guidance.session.orders.control_socket import STATUS
 from guidance.session.orders.mailbox import Mailbox, Question
+from guidance.session.orders.words import STATUS
 
 PILOT: Final = "the pilot's switch"
 """Who gives the orders."""

@@ -17,17 +17,25 @@ import zenoh
 from guidance.errors import GuidanceError, LinkError
 from guidance.links.zenoh.credentials import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh.session import Session, close_all, direct_session, is_small
-from guidance.session.orders import control_socket as local
 from guidance.session.orders.control_client import TEAM, control_key, join_session, order_team
+from guidance.session.orders.control_socket import ControlSocket, begin_exchange
+from guidance.session.orders.control_token import (
+    ControlToken,
+    discard_token,
+    draw_token,
+    token_path,
+)
 from guidance.session.orders.mailbox import MOST_ORDERS, MOST_QUERIES, QUERIES, Mailbox
 from guidance.session.orders.replies import written
+from guidance.session.orders.socket_client import ask_here
+from guidance.session.orders.words import STATUS, TEAM_ANSWER_LIMIT_S, name_in
 from guidance.session.vehicle_file import Control
 
 _MAX_SENDER_BYTES: Final = 4096
 """Longest name of a sender that is read; of a longer one, the sender is unknown."""
 
 
-def host_session(endpoint: str, token: local.ControlToken) -> Session:
+def host_session(endpoint: str, token: ControlToken) -> Session:
     """Listen as a router at one endpoint only, for those who know the token.
 
     Raises:
@@ -40,7 +48,7 @@ def host_session(endpoint: str, token: local.ControlToken) -> Session:
     except zenoh.ZError as error:
         holder = "another program has the port"
         with contextlib.suppress(GuidanceError):
-            answer = local.ask_here(local.STATUS, endpoint=endpoint, name=None)
+            answer = ask_here(STATUS, endpoint=endpoint, name=None)
             if answer is not None:
                 holder = f"a daemon or `guidance fly` has it and flies {answer.get('name')!r}"
         words = (
@@ -107,12 +115,12 @@ def control_bus(
             query.drop()  # type: ignore[no-untyped-call]
             return
         word = str(query.key_expr).rpartition("/")[2]
-        local.begin_exchange(queries if word in QUERIES else orders, reply, query, word)
+        begin_exchange(queries if word in QUERIES else orders, reply, query, word)
 
     def reply(query: "zenoh.Query", order: str) -> None:
         by = ""
         if query.payload is not None and len(query.payload) <= _MAX_SENDER_BYTES:
-            by = local.name_in(query.payload.to_bytes())
+            by = name_in(query.payload.to_bytes())
         answer = written({**about, **mailbox.answer(order, by)})
         with contextlib.suppress(zenoh.ZError):  # who asked may be gone
             # Under our own key: one query may be answered by several daemons.
@@ -123,16 +131,16 @@ def control_bus(
         if control.host:
             path = control.token_file
             if path is None:
-                path = local.token_path(control.endpoint)
-            token = local.draw_token(path)
-            closing.callback(lambda: local.discard_token(token))
+                path = token_path(control.endpoint)
+            token = draw_token(path)
+            closing.callback(lambda: discard_token(token))
             session = host_session(control.endpoint, token)
             closing.callback(close_all, session.close)
             # Put it where others look for it, now that the endpoint is ours and no other daemon's.
             token = token._replace(path=token.path.replace(path))
-            pass_on = partial(order_team, session, timeout_s=local.TEAM_ANSWER_LIMIT_S)
+            pass_on = partial(order_team, session, timeout_s=TEAM_ANSWER_LIMIT_S)
             closing.enter_context(
-                contextlib.closing(local.ControlSocket(name, mailbox.answer, token, pass_on))
+                contextlib.closing(ControlSocket(name, mailbox.answer, token, pass_on))
             )
         else:
             session = join_session(control.endpoint, control.token_file, credentials)

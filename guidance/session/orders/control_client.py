@@ -14,7 +14,7 @@ import zenoh
 from guidance.errors import ConfigError, LinkError
 from guidance.links.zenoh.credentials import NO_CREDENTIALS, Credentials
 from guidance.links.zenoh.session import Session, open_session
-from guidance.session.orders import control_socket as local
+from guidance.session.orders.control_token import read_token, token_path
 from guidance.session.orders.replies import (
     MAX_REPLY_BYTES,
     NAME_RULE,
@@ -24,6 +24,7 @@ from guidance.session.orders.replies import (
     read_reply,
     refused,
 )
+from guidance.session.orders.words import ALIVE, STATUS, TIMEOUT_S
 
 TEAM: Final = "team"
 """Parameter of a query: only vehicles of this team follow it."""
@@ -50,8 +51,8 @@ def join_session(
     """
     if credentials.tls is not None:
         return open_session(endpoint, timeout_s=timeout_s, credentials=credentials)
-    path = local.token_path(endpoint) if token_file is None else token_file
-    token = local.read_token(path)
+    path = token_path(endpoint) if token_file is None else token_file
+    token = read_token(path)
     try:
         by_token = Credentials(auth=None if token is None else token.auth())
         return open_session(endpoint, timeout_s=timeout_s, credentials=by_token)
@@ -71,7 +72,7 @@ def ask(
     *,
     endpoint: str,
     by: str = "",
-    timeout_s: float = local.TIMEOUT_S,
+    timeout_s: float = TIMEOUT_S,
 ) -> Answer:
     """Give an order to the daemon called `name`; without a name, to the only one there is.
 
@@ -89,9 +90,7 @@ def ask(
     """
     if name is None:
         # Never an order to all: first find out who is there.
-        names = sorted(
-            str(answer["name"]) for answer in answers(session, "*", local.STATUS, timeout_s)
-        )
+        names = sorted(str(answer["name"]) for answer in answers(session, "*", STATUS, timeout_s))
         if not names:
             raise LinkError(f"{endpoint}: no daemon answers there; is `guidance run` running?")
         if len(names) > 1:
@@ -112,7 +111,7 @@ def order_team(
     names: Collection[str],
     *,
     by: str = "",
-    timeout_s: float = local.TIMEOUT_S,
+    timeout_s: float = TIMEOUT_S,
 ) -> list[Answer]:
     """Give an order to a team on a session; return an answer for each vehicle.
 
@@ -135,7 +134,7 @@ def order_team(
 
     if order not in _ALL_OR_NONE:
         return list(asked(order).values())
-    statuses = asked(local.STATUS)
+    statuses = asked(STATUS)
     reasons = {name: _reason_against(order, status) for name, status in statuses.items()}
     if not any(reasons.values()):
         return list(asked(order).values())
@@ -235,7 +234,7 @@ def answers(
 
 def say_alive(session: Session, name: str) -> None:
     """Send an operator's sign of life to a daemon, without waiting for the answer."""
-    session.get(control_key(name, local.ALIVE), lambda _: None, timeout=local.TIMEOUT_S)
+    session.get(control_key(name, ALIVE), lambda _: None, timeout=TIMEOUT_S)
 
 
 def control_key(name: str, order: str) -> str:

@@ -17,7 +17,7 @@ from guidance.clock import Clock
 from guidance.flight import BEFORE_FLIGHT, FINAL, Authority, EngageOn, Event, Flight, State
 from guidance.flight.table import ASKED_MODES, HANDING_OVER
 from guidance.preflight import PreflightMemory, engage_rows, parameter_names, refusals
-from guidance.session.orders.control_socket import ALIVE, STATUS, WORDS
+from guidance.session.orders.words import ALIVE, STATUS, WORDS
 
 MOST_ORDERS: Final = 64
 MOST_QUERIES: Final = 256

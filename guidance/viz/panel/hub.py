@@ -31,8 +31,8 @@ from guidance.session.orders.control_client import (
     replies,
     say_alive,
 )
-from guidance.session.orders.control_socket import STATUS
 from guidance.session.orders.replies import is_bad, is_vehicle_name
+from guidance.session.orders.words import STATUS
 from guidance.texts import printable
 from guidance.viz.panel.snapshot import (
     HISTORY,
