@@ -126,12 +126,12 @@ STEPS = {
     ),
     "layers": Step("imports point down only", (BIN / "lint-imports",)),
     "types": Step(
-        "mypy: the packages strictly, the tests by the names they use", (BIN / "mypy",), nice=2
+        "mypy: the packages strictly, the tests by the names they use", (BIN / "mypy",), nice=1
     ),
     "tests": Step(
         f"the short tests, each below {SHORT_S:g} s of processor time",
         (*PYTEST, *BESIDE, "-m", SHORT),
-        nice=5,
+        nice=1,
     ),
     "sentinels": Step(
         "one of every longer proof: flights in virtual time, and clients in real time",
@@ -141,7 +141,7 @@ STEPS = {
     "ten faults": Step(
         "ten fault flights; the seed is the date",
         (sys.executable, "-m", "tests.faults", "--flights", "10", "--seed", TODAY, "--jobs", "1"),
-        nice=2,
+        nice=1,
     ),
 }
 """The steps without arguments."""
