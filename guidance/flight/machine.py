@@ -24,7 +24,6 @@ from guidance.flight.table import (
     Event,
     State,
 )
-from guidance.flight.tracking import NOWHERE, Tracking
 from guidance.messages import Setpoint
 from guidance.strategies.own import Ask
 from guidance.vehicle import VehicleState
@@ -54,7 +53,7 @@ class Flight:
         self.stage = Stage()
         self.heard = Heard(settings)
         """Everything received."""
-        self.tracking: Tracking = self.heard.tracking
+        self.tracking = self.heard.tracking
         """The evader's track, home and the frames."""
         self._playing = Playing(settings, ask)
         self._asking = Asking(settings)
@@ -229,8 +228,7 @@ class Flight:
         self._stream_ended |= detection.has_stopped(heard)
         if heard.switched:
             self._playing.switch()
-        if heard.moved_ned_m != NOWHERE:
-            self._playing.move(heard.moved_ned_m)
+        self._playing.move(heard.moved_ned_m)
         for beat in heard.beats:
             if beat.received_s > stage.since_s:
                 mode = self.settings.autopilot.mode_of(beat.custom_mode)
