@@ -203,7 +203,12 @@ def approach(
         settings: Of the vehicle.
     """
     towards = gaps.towards_ned
-    down = _levelled(desired_ned_m_s.down, flown_ned_m_s.down, gaps.height_m, settings)
+    # Slow a vertical velocity down near the disc's height.
+    left_m = abs(gaps.height_m) - settings.lag_s * math.copysign(
+        flown_ned_m_s.down, gaps.height_m * flown_ned_m_s.down
+    )
+    allowed = approach_speed(left_m, settings.vertical_braking_m_s2, settings.vertical_settle_s)
+    down = max(-allowed, min(allowed, desired_ned_m_s.down))
     coming = max(0.0, -evader_ned_m_s.level_dot(towards))
     wait = 0.0
     if -BELOW_M < gaps.height_m < ABOVE_M:
@@ -222,13 +227,6 @@ def approach(
     share = max(0.0, allowed / closing) if closing > 0.0 else 0.0
     across = relative - closing * towards
     return (awaited + share * across + allowed * towards).level_with(down), True
-
-
-def _levelled(down_m_s: float, flown_m_s: float, height_m: float, settings: Approach) -> float:
-    """Slow a vertical velocity down near the disc's height."""
-    left_m = abs(height_m) - settings.lag_s * math.copysign(flown_m_s, height_m * flown_m_s)
-    allowed = approach_speed(left_m, settings.vertical_braking_m_s2, settings.vertical_settle_s)
-    return max(-allowed, min(allowed, down_m_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -53,15 +53,11 @@ class Layout(NamedTuple):
     by_column: _Pick
 
 
-def _row_of(size: int, row: int) -> _Pick:
-    return itemgetter(*[_cell(row, column) for column in range(size)])
-
-
 def _layout(size: int) -> Layout:
     """Return the layout for a state of this many numbers."""
     cells = [(row, column) for row, column in _CELLS if row < size]
     return Layout(
-        tuple(_row_of(size, row) for row in range(size)),
+        tuple(itemgetter(*[_cell(row, column) for column in range(size)]) for row in range(size)),
         itemgetter(*[row for row, _ in cells]),
         itemgetter(*[column for _, column in cells]),
     )

@@ -198,7 +198,17 @@ def hear(clock: ClockOffset | None, sent_s: float, received_s: float) -> ClockOf
     if not clock.measured or received_s - clock.synced_s > _BELIEVED_S:
         grown_s += _DRIFT * max(0.0, received_s - clock.at_s)
     if abs(sample_s - grown_s) > _STEP_S:
-        return _suspect(clock, sample_s, received_s)
+        # Another offset is suspected, and believed once enough reports have agreed with it for long enough.
+        if not abs(sample_s - clock.candidate_s) <= _ALIKE_S:
+            return clock._replace(
+                candidate_s=sample_s, candidate_since_s=received_s, candidate_reports=1
+            )
+        candidate_s = min(sample_s, clock.candidate_s)
+        reports = clock.candidate_reports + 1
+        lasted_s = received_s - clock.candidate_since_s
+        if lasted_s >= _LASTING_S and reports >= _LASTING_REPORTS:
+            return ClockOffset(candidate_s, received_s)
+        return clock._replace(candidate_s=candidate_s, candidate_reports=reports)
     offset_s = min(grown_s, sample_s)
     at_s = max(clock.at_s, received_s)
     return ClockOffset(offset_s, at_s, clock.round_trip_s, clock.synced_s)
@@ -227,16 +237,3 @@ def synchronise(
     if abs(offset_s - clock.offset_s) > _STEP_S or round_trip_s <= clock.round_trip_s:
         return fresh
     return clock
-
-
-def _suspect(clock: ClockOffset, sample_s: float, received_s: float) -> ClockOffset:
-    if not abs(sample_s - clock.candidate_s) <= _ALIKE_S:
-        return clock._replace(
-            candidate_s=sample_s, candidate_since_s=received_s, candidate_reports=1
-        )
-    candidate_s = min(sample_s, clock.candidate_s)
-    reports = clock.candidate_reports + 1
-    lasted_s = received_s - clock.candidate_since_s
-    if lasted_s >= _LASTING_S and reports >= _LASTING_REPORTS:
-        return ClockOffset(candidate_s, received_s)
-    return clock._replace(candidate_s=candidate_s, candidate_reports=reports)

@@ -76,34 +76,26 @@ def judge_pace(pace: PaceMemory, sent_s: float, received_s: float) -> PaceMemory
     rate = (sent_s - earlier[-1].sent_s) / (received_s - earlier[-1].received_s)
     judged = pace._replace(rate=rate, recent=recent)
     if SLOWEST <= rate <= FASTEST:
-        return _after_plausible(judged, received_s)
-    return _after_strange(judged, received_s)
-
-
-def _after_plausible(pace: PaceMemory, received_s: float) -> PaceMemory:
-    since_s = pace.plausible_since_s
+        since_s = judged.plausible_since_s
+        if math.isnan(since_s):
+            since_s = received_s
+        lasting = received_s - since_s >= _PROVEN_AFTER_S
+        return judged._replace(
+            usable=judged.usable or lasting,
+            proven=judged.proven or lasting,
+            strange_since_s=math.nan,
+            strange_reports=0,
+            plausible_since_s=since_s,
+        )
+    since_s = judged.strange_since_s
     if math.isnan(since_s):
         since_s = received_s
-    lasting = received_s - since_s >= _PROVEN_AFTER_S
-    return pace._replace(
-        usable=pace.usable or lasting,
-        proven=pace.proven or lasting,
-        strange_since_s=math.nan,
-        strange_reports=0,
-        plausible_since_s=since_s,
-    )
-
-
-def _after_strange(pace: PaceMemory, received_s: float) -> PaceMemory:
-    since_s = pace.strange_since_s
-    if math.isnan(since_s):
-        since_s = received_s
-    reports = pace.strange_reports + 1
-    limit_s = _PROVEN_GIVEN_UP_AFTER_S if pace.proven else _GIVEN_UP_AFTER_S
+    reports = judged.strange_reports + 1
+    limit_s = _PROVEN_GIVEN_UP_AFTER_S if judged.proven else _GIVEN_UP_AFTER_S
     given_up = received_s - since_s >= limit_s and reports >= _GIVEN_UP_REPORTS
-    return pace._replace(
-        usable=pace.usable and not given_up,
-        proven=pace.proven and not given_up,
+    return judged._replace(
+        usable=judged.usable and not given_up,
+        proven=judged.proven and not given_up,
         strange_since_s=since_s,
         strange_reports=reports,
         plausible_since_s=math.nan,

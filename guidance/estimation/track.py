@@ -106,17 +106,13 @@ def update(track: Track, measurement: Measurement, settings: TrackSettings) -> T
         if corrected is not None:
             history = (*history, Accepted(later.measurement, corrected))
     outcome = ReportOutcome.REORDERED if earlier < len(track.history) else ReportOutcome.ACCEPTED
-    recent = _recent(history, settings.history_s)
-    return _anchored(Track(recent, None, outcome, track.anchors), settings)
-
-
-def _recent(history: tuple[Accepted, ...], span_s: float) -> tuple[Accepted, ...]:
-    """Return the reports, oldest first, that are at most so much older than the last one."""
-    oldest_s = history[-1].measurement.time_s - span_s
+    # Keep the reports, oldest first, that are at most so much older than the last one.
+    oldest_s = history[-1].measurement.time_s - settings.history_s
     first = 0
     while history[first].measurement.time_s < oldest_s:
         first += 1
-    return history[first:]
+    recent = history[first:]
+    return _anchored(Track(recent, None, outcome, track.anchors), settings)
 
 
 def _anchored(track: Track, settings: TrackSettings) -> Track:

@@ -105,7 +105,13 @@ def _prearm_check(
 ) -> tuple[bool, str]:
     """Return whether the autopilot's own checks do not bar arming, and what they say."""
     if status.sensors_health & _PREARM_CHECK:
-        return _healthy_elsewhere(status, profile, beat)
+        # In a mode that needs no position, a check that passes says nothing about the mode that is armed in.
+        if beat is None or beat.armed or profile.mode_of(beat.custom_mode) is profile.arming_mode:
+            return True, "healthy"
+        title = profile.mode_title(profile.arming_mode)
+        if status.sensors_present & _GPS and not status.sensors_health & _GPS:
+            return False, f"healthy in this mode, but GPS is not, which {title} needs"
+        return True, f"healthy in this mode; read again in {title} before it arms"
     failure = "the autopilot's own checks fail"
     if not (profile.prearm_always_told or status.sensors_present & _PREARM_CHECK):
         return True, failure
@@ -117,18 +123,6 @@ def _prearm_check(
         # arm, it refuses by itself what really is wrong.
         return True, "of a mode that misses setpoints; asked again as it arms"
     return False, failure
-
-
-def _healthy_elsewhere(
-    status: SystemStatus, profile: Autopilot, beat: Heartbeat | None
-) -> tuple[bool, str]:
-    """Judge a check that passes: in a mode that needs no position it says nothing about the one that is armed in."""
-    if beat is None or beat.armed or profile.mode_of(beat.custom_mode) is profile.arming_mode:
-        return True, "healthy"
-    title = profile.mode_title(profile.arming_mode)
-    if status.sensors_present & _GPS and not status.sensors_health & _GPS:
-        return False, f"healthy in this mode, but GPS is not, which {title} needs"
-    return True, f"healthy in this mode; read again in {title} before it arms"
 
 
 def arming_refusal(heard: Heard, profile: Autopilot, now_s: float) -> str:

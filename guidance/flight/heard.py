@@ -219,7 +219,15 @@ class Heard:
         self.vehicle_says(inputs.messages)
         self.position_age_s = self.vehicle.age_s(LocalPosition, now_s)
         if self.position_age_s > ORDINARY_AGE_S or self._late_s > 0.0:
-            self._react_late()
+            # The vehicle brakes before every wall by its reaction time. Positions that are older than ordinary make
+            # it longer: the age counts from the measurement, so the link's delay and the silence since are both in
+            # it.
+            late_s = _beyond_ordinary(self.position_age_s)
+            if late_s != self._late_s:
+                self._late_s = late_s
+                reaction_s = self._settings.cycle.envelope.reaction_s + late_s
+                envelope = replace(self.cycle.envelope, reaction_s=reaction_s)
+                self.cycle = replace(self.cycle, envelope=envelope)
         landed_s = self.vehicle.silence_s(messages.LandedState, now_s)
         self.on_ground = self.vehicle.on_ground and landed_s <= 2.0 * TELEMETRY_LIMIT_S
         self.has_flown = self.vehicle.armed and (self.has_flown or not self.on_ground)
@@ -241,21 +249,21 @@ class Heard:
             self.battery_needed = reserve.needed(
                 math.dist(position_ned_m[:2], home[:2]), home[2] - position_ned_m[2]
             )
-        self._take_messages()
-        self.charge_is_old = self.charge_s is not None and now_s - self.charge_s > CHARGE_LIMIT_S
-
-    def _take_messages(self) -> None:
-        """Take what the flight reads of single messages: charge, the autopilot's wait for setpoints, aircraft."""
         has_team = self._settings.team is not None
         for message in self.messages:
             if isinstance(message, messages.SystemStatus):
-                self._take_charge(message)
+                if not math.isnan(message.battery_remaining):
+                    self.charge_s = message.received_s
+                is_low = message.battery_remaining < self.battery_needed
+                self._low_battery_reports = self._low_battery_reports + 1 if is_low else 0
+                self.battery_is_low = self._low_battery_reports >= AGREEING_REPORTS
             elif isinstance(message, messages.Parameter):
                 unit_s = self._settings.autopilot.loss_times.get(message.name)
                 if unit_s is not None:
                     self.setpoint_timeout_s = message.value * unit_s
             elif has_team and isinstance(message, messages.Aircraft):
                 self._take_aircraft(message)
+        self.charge_is_old = self.charge_s is not None and now_s - self.charge_s > CHARGE_LIMIT_S
 
     def _hear_team(self, inputs: Inputs) -> None:
         """Keep the mates' states, and play against the evader that is assigned, at the assigned height."""
@@ -274,25 +282,6 @@ class Heard:
             self.cycle, game=replace(game, evader_speed_m_s=speed_m_s, standoff=disc)
         )
 
-    def _take_charge(self, status: messages.SystemStatus) -> None:
-        if not math.isnan(status.battery_remaining):
-            self.charge_s = status.received_s
-        is_low = status.battery_remaining < self.battery_needed
-        self._low_battery_reports = self._low_battery_reports + 1 if is_low else 0
-        self.battery_is_low = self._low_battery_reports >= AGREEING_REPORTS
-
-    def _react_late(self) -> None:
-        """Add a position's age beyond the ordinary to the reaction time, by which the vehicle brakes before every wall.
-
-        The age counts from the measurement: the delay of the link, and the silence since the last position.
-        """
-        late_s = _beyond_ordinary(self.position_age_s)
-        if late_s != self._late_s:
-            self._late_s = late_s
-            reaction_s = self._settings.cycle.envelope.reaction_s + late_s
-            envelope = replace(self.cycle.envelope, reaction_s=reaction_s)
-            self.cycle = replace(self.cycle, envelope=envelope)
-
     def _take_aircraft(self, report: messages.Aircraft) -> None:
         """Keep another aircraft like a mate. What is where a mate or an evader is, is that player, and known better.
 
@@ -304,7 +293,17 @@ class Heard:
             return
         state = _state_of(report, frame.wgs84_from_ned(here_ned_m)[2].metres)
         reported_ned_m = self._around(state, state.at_s, frame).position_ned_m
-        self._forget_aircraft(state.at_s)
+        # Aircraft that are silent are left out; what moved like none may be one again after that time.
+        self.aircraft = {
+            name: other
+            for name, other in self.aircraft.items()
+            if state.at_s - other.at_s <= FORGOTTEN_S
+        }
+        self._no_aircraft_s = {
+            name: at_s
+            for name, at_s in self._no_aircraft_s.items()
+            if state.at_s - at_s <= FORGOTTEN_S
+        }
         before = self.aircraft.pop(state.name, None)
         if self._is_player(reported_ned_m, report, state.at_s, frame):
             return
@@ -321,17 +320,6 @@ class Heard:
             self._aircraft_told_s = report.received_s
             words = f"{state.name}, {distance_m:.0f} m away, unsigned"
             self.told.append((Event.AIRCRAFT, words))
-
-    def _forget_aircraft(self, now_s: float) -> None:
-        """Leave out aircraft that are silent; what moved like none may be one again after that time."""
-        self.aircraft = {
-            name: state
-            for name, state in self.aircraft.items()
-            if now_s - state.at_s <= FORGOTTEN_S
-        }
-        self._no_aircraft_s = {
-            name: at_s for name, at_s in self._no_aircraft_s.items() if now_s - at_s <= FORGOTTEN_S
-        }
 
     def _is_player(
         self, reported_ned_m: Ned, report: messages.Aircraft, at_s: float, frame: LocalFrame
@@ -593,14 +581,10 @@ class Echo:
         for sent_s, sent_ned_m_s in reversed(self._sent):  # usually the latest one
             if report.received_s - sent_s > remembered_s:
                 return False
-            if _distance(reported, sent_ned_m_s) <= TOLERANCE_M_S:
+            # The nearest shorter velocity in the sent direction counts too.
+            square = sent_ned_m_s.dot(sent_ned_m_s)
+            along = reported.dot(sent_ned_m_s) / square if square > 0.0 else 1.0
+            share = min(1.0, max(_LEAST_SHARE, along))
+            if math.dist(reported, share * sent_ned_m_s) <= TOLERANCE_M_S:
                 return True
         return False
-
-
-def _distance(reported: Ned, sent: Ned) -> float:
-    """Distance of a reported velocity from a sent one, or from the nearest shorter one in its direction."""
-    square = sent.dot(sent)
-    along = reported.dot(sent) / square if square > 0.0 else 1.0
-    share = min(1.0, max(_LEAST_SHARE, along))
-    return math.dist(reported, share * sent)

@@ -158,7 +158,25 @@ class Flight:
             self._playing.recorded = inputs.answer
             self._playing.answer = None
             self._playing.alarm = None
-            self._take_in(now_s, inputs)
+            heard = self.heard
+            stage = self.stage
+            if self._last_s is None:
+                self._last_s = stage.since_s = now_s
+            dt_s = now_s - self._last_s
+            self._last_s = now_s
+            if inputs.alive or inputs.orders or stage.operator_s == math.inf:
+                stage.operator_s = now_s
+            heard.take_in(now_s, inputs, dt_s, in_flight=stage.state not in BEFORE_FLIGHT)
+            self._stream_ended |= detection.has_stopped(heard)
+            if heard.switched:
+                self._playing.switch()
+            self._playing.move(heard.moved_ned_m)
+            for beat in heard.beats:
+                if beat.received_s > stage.since_s:
+                    mode = self.settings.autopilot.mode_of(beat.custom_mode)
+                    stage.other_mode_seen |= mode is not Mode.GUIDED
+                    if mode not in stage.left or now_s - stage.since_s > LEFT_WITHIN_S:
+                        stage.left &= {mode}
             happenings = tuple(self._follow(now_s, inputs))
             requests = self._asking.requests(self.stage, self.heard, now_s)
             setpoint = self._setpoint(now_s)
@@ -213,28 +231,6 @@ class Flight:
         )
         requests = self._asking.hold_requests(now_s, inputs.messages)
         return Outputs(state, None, requests, tuple(unheeded), None, cause=self.cause)
-
-    def _take_in(self, now_s: float, inputs: Inputs) -> None:
-        """Update with the inputs."""
-        heard = self.heard
-        stage = self.stage
-        if self._last_s is None:
-            self._last_s = stage.since_s = now_s
-        dt_s = now_s - self._last_s
-        self._last_s = now_s
-        if inputs.alive or inputs.orders or stage.operator_s == math.inf:
-            stage.operator_s = now_s
-        heard.take_in(now_s, inputs, dt_s, in_flight=stage.state not in BEFORE_FLIGHT)
-        self._stream_ended |= detection.has_stopped(heard)
-        if heard.switched:
-            self._playing.switch()
-        self._playing.move(heard.moved_ned_m)
-        for beat in heard.beats:
-            if beat.received_s > stage.since_s:
-                mode = self.settings.autopilot.mode_of(beat.custom_mode)
-                stage.other_mode_seen |= mode is not Mode.GUIDED
-                if mode not in stage.left or now_s - stage.since_s > LEFT_WITHIN_S:
-                    stage.left &= {mode}
 
     def _follow(self, now_s: float, inputs: Inputs) -> Iterator[Happening]:
         stage = self.stage

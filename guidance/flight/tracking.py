@@ -109,7 +109,22 @@ class Tracking:
         settings = self._bounded if in_flight else self._free
         for report in reports:
             name = "" if report.evader is None else report.evader
-            self._take(name, report, frame, settings.get(name, settings[""]))
+            before = self.observers.get(name, _UNHEARD)
+            after = add_report(before, report, frame, settings.get(name, settings[""]))
+            self.observers[name] = after
+            self._reported_s[name] = report.received_s
+            outcome = after.track.outcome
+            if outcome is not None and outcome not in TAKEN:
+                counts = self._dropped.setdefault(name, Counter())
+                counts[str(outcome)] += 1
+            called = f"evader {name}" if name else "evader"
+            if after.pace.usable is not before.pace.usable:
+                words = "its stamps are used again" if after.pace.usable else _pace_words(after)
+                self.news.append(f"{called}: {words}")
+            if after.velocity_check.believed is not before.velocity_check.believed:
+                self.news.append(
+                    f"{called}: {_velocity_words(after) or 'its velocities are used again'}"
+                )
 
     def other_home(self, vehicle: VehicleState) -> str:
         """Return in words where home is reported instead of where the flight has it, once for each place."""
@@ -133,26 +148,6 @@ class Tracking:
             "the fence stays"
         )
 
-    def _take(
-        self, name: str, report: EvaderReport, frame: LocalFrame, settings: TrackSettings
-    ) -> None:
-        before = self.observers.get(name, _UNHEARD)
-        after = add_report(before, report, frame, settings)
-        self.observers[name] = after
-        self._reported_s[name] = report.received_s
-        outcome = after.track.outcome
-        if outcome is not None and outcome not in TAKEN:
-            counts = self._dropped.setdefault(name, Counter())
-            counts[str(outcome)] += 1
-        called = f"evader {name}" if name else "evader"
-        if after.pace.usable is not before.pace.usable:
-            words = "its stamps are used again" if after.pace.usable else _pace_words(after)
-            self.news.append(f"{called}: {words}")
-        if after.velocity_check.believed is not before.velocity_check.believed:
-            self.news.append(
-                f"{called}: {_velocity_words(after) or 'its velocities are used again'}"
-            )
-
     def _accepted(self, vehicle: VehicleState) -> LocalFrame | None:
         """Return the frame about the accepted origin; None until the vehicle has reported one."""
         home = vehicle.latest.get(Home)
@@ -174,34 +169,32 @@ class Tracking:
         if before is None:
             before = reported
         is_moved = reported is not before and reported != before
-        if is_moved and _is_same(before, reported):
+        # A rounded origin, say, is the same one.
+        if is_moved and math.hypot(*reported.ned_in(before, NOWHERE)) <= _SAME_M:
             before = reported
             is_moved = False
         if is_moved or self.held_back_ned_m != NOWHERE:
-            return self._judged(before, reported, vehicle)
+            # Choose between the old origin, the reported one, and the one that explains the jump.
+            position = vehicle.latest.get(GlobalPosition)
+            local = vehicle.latest.get(LocalPosition)
+            if position is None or local is None:
+                self.held_back_ned_m = NOWHERE
+                return reported
+            if local.received_s - position.received_s > _JUDGE_AGE_S:
+                self.held_back_ned_m = NOWHERE
+                return reported
+            if elapsed_s(vehicle.jumped_boot_s, position.time_boot_s) < 0.0:
+                return before  # older than the jump
+            origin_ned_m = -1.0 * self.held_back_ned_m
+            latitude_deg, longitude_deg, altitude = before.wgs84_from_ned(origin_ned_m)
+            jumped = replace(
+                before, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude
+            )
+            self.held_back_ned_m = NOWHERE
+            return min(
+                (before, reported, jumped), key=lambda frame: _apart_m(frame, position, local)
+            )
         return before
-
-    def _judged(
-        self, before: LocalFrame, reported: LocalFrame, vehicle: VehicleState
-    ) -> LocalFrame:
-        """Choose between the old origin, the reported one, and the one that explains the jump."""
-        position = vehicle.latest.get(GlobalPosition)
-        local = vehicle.latest.get(LocalPosition)
-        if position is None or local is None:
-            self.held_back_ned_m = NOWHERE
-            return reported
-        if local.received_s - position.received_s > _JUDGE_AGE_S:
-            self.held_back_ned_m = NOWHERE
-            return reported
-        if elapsed_s(vehicle.jumped_boot_s, position.time_boot_s) < 0.0:
-            return before  # older than the jump
-        origin_ned_m = -1.0 * self.held_back_ned_m
-        latitude_deg, longitude_deg, altitude = before.wgs84_from_ned(origin_ned_m)
-        jumped = replace(
-            before, latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude=altitude
-        )
-        self.held_back_ned_m = NOWHERE
-        return min((before, reported, jumped), key=lambda frame: _apart_m(frame, position, local))
 
     def rival(self, now_s: float) -> str:
         """Return the evidence of a second source of evader reports; empty if there is none."""
@@ -299,11 +292,6 @@ def _velocity_words(observer: Observer) -> str:
     return (
         f"its velocities contradict its positions by {check.error_m_s:.1f} m/s: they are not used"
     )
-
-
-def _is_same(before: LocalFrame, reported: LocalFrame) -> bool:
-    """Return whether a reported frame, another one than before, has the same origin: a rounded one, say."""
-    return math.hypot(*reported.ned_in(before, NOWHERE)) <= _SAME_M
 
 
 def _apart_m(frame: LocalFrame, position: GlobalPosition, local: LocalPosition) -> float:

@@ -15,7 +15,6 @@ from guidance.autopilots import Autopilot, Finding, Verdict, Wants, autopilots_o
 from guidance.autopilots.description import type_name
 from guidance.autopilots.rules import finding_of
 from guidance.control.limits import farthest_evader_m
-from guidance.control.polygon import Point
 from guidance.frames import Amsl, LocalFrame, Projection
 from guidance.messages import AutopilotVersion, EvaderReport, Heartbeat
 from guidance.preflight import fence
@@ -151,13 +150,21 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
     latest = facts.vehicle.latest
     corners = wants.limits.fence_polygon_ne_m
     if corners is not None:
-        yield _home_in_fence(corners)
+        inside = bool(contains(corners, np.zeros((1, 2)))[0])
+        value = "inside" if inside else "outside"
+        yield Finding.of(inside, "home in our fence", value, "inside", "is this the right field?")
     if wants.battery_needed is not None:
         yield _battery(latest.get(messages.SystemStatus), wants.battery_needed)
     origin = latest.get(messages.Origin)
     home = latest.get(messages.Home)
     if origin is None or home is None:
-        yield _frame_unknown(origin, home)
+        missing = []
+        if origin is None:
+            missing.append("GPS_GLOBAL_ORIGIN")
+        if home is None:
+            missing.append("HOME_POSITION")
+        expected = f"{' and '.join(missing)} heard"
+        yield Finding("local frame", "unknown", expected, Verdict.REFUSE, "wait for a position fix")
         return
     frame = LocalFrame(
         origin.latitude_deg,
@@ -165,7 +172,17 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
         Amsl(origin.altitude_amsl_m),
         projection=projection,
     )
-    yield from _home_rows(home, frame, wants.preflight.origin_distance_limit_m)
+    # Home on the map against the origin, and against home in the local frame.
+    altitude = Amsl(home.altitude_amsl_m)
+    home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, altitude)
+    away_m = math.hypot(*home_ned_m[:2])
+    advice = "restart the autopilot here: its origin is old"
+    yield _limit_finding(
+        "frame origin", away_m, wants.preflight.origin_distance_limit_m, "m from home", advice
+    )
+    apart_m = math.dist(home_ned_m, home.position_ned_m)
+    advice = "home was set in another frame: set it again"
+    yield _limit_finding("home in the frame", apart_m, _AGREEMENT_M, "m apart", advice)
     on_map = latest.get(messages.GlobalPosition)
     local = latest.get(messages.LocalPosition)
     if on_map is None or local is None:
@@ -184,12 +201,6 @@ def _position_rows(facts: Facts, projection: Projection, wants: Wants) -> Iterat
         yield Finding.of(at_home, "vehicle at home", value, expected, advice, Verdict.WARN)
 
 
-def _home_in_fence(corners: Sequence[Point]) -> Finding:
-    inside = bool(contains(corners, np.zeros((1, 2)))[0])
-    value = "inside" if inside else "outside"
-    return Finding.of(inside, "home in our fence", value, "inside", "is this the right field?")
-
-
 def _battery(status: messages.SystemStatus | None, needed: float) -> Finding:
     """Judge the charge against the configured reserve, which cannot act on an unknown charge."""
     name = "battery reserve"
@@ -200,28 +211,6 @@ def _battery(status: messages.SystemStatus | None, needed: float) -> Finding:
     charge = status.battery_remaining
     advice = "charge the battery or make the fence smaller; see flight.reserve"
     return Finding.of(charge >= needed, name, f"{charge:.0%}", expected, advice)
-
-
-def _frame_unknown(origin: messages.Origin | None, home: messages.Home | None) -> Finding:
-    missing = []
-    if origin is None:
-        missing.append("GPS_GLOBAL_ORIGIN")
-    if home is None:
-        missing.append("HOME_POSITION")
-    expected = f"{' and '.join(missing)} heard"
-    return Finding("local frame", "unknown", expected, Verdict.REFUSE, "wait for a position fix")
-
-
-def _home_rows(home: messages.Home, frame: LocalFrame, limit_m: float) -> Iterator[Finding]:
-    """Compare home on the map with the origin, and with home in the local frame."""
-    altitude = Amsl(home.altitude_amsl_m)
-    home_ned_m = frame.ned_from_wgs84(home.latitude_deg, home.longitude_deg, altitude)
-    away_m = math.hypot(*home_ned_m[:2])
-    advice = "restart the autopilot here: its origin is old"
-    yield _limit_finding("frame origin", away_m, limit_m, "m from home", advice)
-    apart_m = math.dist(home_ned_m, home.position_ned_m)
-    advice = "home was set in another frame: set it again"
-    yield _limit_finding("home in the frame", apart_m, _AGREEMENT_M, "m apart", advice)
 
 
 def _datum_rows(

@@ -96,17 +96,14 @@ class PreflightMemory:
             self._arrivals.setdefault(type(message), deque(maxlen=512)).append(message.received_s)
             self._fence.observe(message)
             if isinstance(message, Parameter):
-                self._take_parameter(message)
+                if message.name in self._names:
+                    self._parameters[message.name] = message
             elif isinstance(message, AutopilotVersion):
                 self._heard_version = message
                 self._names = self._named()
                 self._asked_s = -math.inf
         for report in reports:
             self._evader = report
-
-    def _take_parameter(self, parameter: Parameter) -> None:
-        if parameter.name in self._names:
-            self._parameters[parameter.name] = parameter
 
     def requests(self, now_s: float) -> tuple[Request, ...]:
         """Request the fence, the version and missing parameters, the last two every `ASK_AGAIN_S`.

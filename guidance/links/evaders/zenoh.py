@@ -300,7 +300,12 @@ def read_ros(
     sd_m_s = math.nan
     pose = message.pose
     if moves:
-        velocity = _velocity_ned_m_s(message.pose.pose.orientation, message.twist.twist.linear)
+        turned = message.pose.pose.orientation
+        linear = message.twist.twist.linear
+        along_enu_m_s = rotate(
+            (turned.w, turned.x, turned.y, turned.z), (linear.x, linear.y, linear.z)
+        )
+        velocity = known_velocity(ned_from_game(Enu(along_enu_m_s)))
         sd_m = _largest_sd(message.pose.covariance)
         sd_m_s = _largest_sd(message.twist.covariance)
         pose = message.pose.pose
@@ -313,13 +318,6 @@ def read_ros(
     return EvaderReport(
         received_s, sent_s, "ROS 2", *position, velocity, sd_m, sd_m_s, said=altitude_said
     )
-
-
-def _velocity_ned_m_s(turned: ros_types.Message, linear: ros_types.Message) -> Ned:
-    """Return a velocity in the axes of a body, turned by its orientation."""
-    quaternion = (turned.w, turned.x, turned.y, turned.z)
-    velocity = Enu(rotate(quaternion, (linear.x, linear.y, linear.z)))
-    return known_velocity(ned_from_game(velocity))
 
 
 def _largest_sd(covariance: Sequence[float]) -> float:

@@ -80,12 +80,13 @@ class Frame(NamedTuple):
                 next(rest) if length == 1 else [*islice(rest, length)] for length in kind.lengths
             ]
         if "char" in kind.fieldtypes:
-            values = [_text(value) if isinstance(value, bytes) else value for value in values]
+            values = [
+                value.split(b"\0", 1)[0].decode("ascii", errors="replace")
+                if isinstance(value, bytes)
+                else value
+                for value in values
+            ]
         return _record_of(kind)(*values)
-
-
-def _text(value: bytes) -> str:
-    return value.split(b"\0", 1)[0].decode("ascii", errors="replace")
 
 
 @functools.cache

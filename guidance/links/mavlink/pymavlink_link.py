@@ -155,7 +155,20 @@ class PymavlinkLink:
         for received_s, data in self._wire.receive():
             for frame in self._frames.read(data):
                 if frame[1:3] != self._vehicle:
-                    self._overhear(frame, received_s)
+                    # A position of another system is an aircraft's, unless frames are signed.
+                    self.counts["foreign"] += 1
+                    self.others.add(frame.system_id)
+                    known = frame.system_id == self._vehicle[0] or self._station.check is not None
+                    if frame.name == "GLOBAL_POSITION_INT" and not known:
+                        if int(received_s) != self._aircraft_second:
+                            self._aircraft_second = int(received_s)
+                            self._aircraft_heard = 0
+                        self._aircraft_heard += 1
+                        if self._aircraft_heard > AIRCRAFT_PER_S:
+                            self.counts["aircraft_dropped"] += 1
+                        else:
+                            with contextlib.suppress(ValueError):
+                                self._inbox.append(other_aircraft(frame, received_s))
                 elif check is not None and (problem := check.problem(frame)) is not None:
                     self.counts[problem] += 1
                 else:
@@ -171,23 +184,6 @@ class PymavlinkLink:
         received = self._inbox
         self._inbox = []
         return received
-
-    def _overhear(self, frame: Frame, received_s: float) -> None:
-        """Count a frame of another sender. A position of another system is an aircraft's, unless frames are signed."""
-        self.counts["foreign"] += 1
-        self.others.add(frame.system_id)
-        known = frame.system_id == self._vehicle[0] or self._station.check is not None
-        if frame.name != "GLOBAL_POSITION_INT" or known:
-            return
-        if int(received_s) != self._aircraft_second:
-            self._aircraft_second = int(received_s)
-            self._aircraft_heard = 0
-        self._aircraft_heard += 1
-        if self._aircraft_heard > AIRCRAFT_PER_S:
-            self.counts["aircraft_dropped"] += 1
-            return
-        with contextlib.suppress(ValueError):
-            self._inbox.append(other_aircraft(frame, received_s))
 
     def hear(self, frame: Frame, received_s: float) -> None:
         """Take one used message of the vehicle.
@@ -216,14 +212,11 @@ class PymavlinkLink:
             value = decode(frame, fields, received_s, self.autopilot)
             self._inbox.append(value)
             if isinstance(value, messages.Heartbeat):
-                self._take_heartbeat(value)
+                self.heartbeats += 1
+                if self.autopilot is None and value.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
+                    self.autopilot = value.autopilot
             elif self._requests.waiting:
                 self._requests.hear(value)
-
-    def _take_heartbeat(self, beat: messages.Heartbeat) -> None:
-        self.heartbeats += 1
-        if self.autopilot is None and beat.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
-            self.autopilot = beat.autopilot
 
     def _tend(self, now_s: float) -> None:
         """Send unanswered requests again, and our TIMESYNC once a HEARTBEAT has arrived."""

@@ -81,7 +81,12 @@ class SignedStreams:
             self._latest[stream] = max(timestamp, self._latest.get(stream, 0))
             ahead = self._bounds.get(stream, -1) - timestamp
             if ahead < _RENEWED:
-                self._renew()
+                if self._thread is None and not self._ended:
+                    self._thread = threading.Thread(
+                        target=self._keep, name="signed streams", daemon=True
+                    )
+                    self._thread.start()
+                self._due.set()
             if ahead >= 0:
                 self._waited[stream] = 0
                 return True
@@ -91,13 +96,6 @@ class SignedStreams:
                 return False
             self.unsaved += 1
             return True
-
-    def _renew(self) -> None:
-        """Have the thread write the file."""
-        if self._thread is None and not self._ended:
-            self._thread = threading.Thread(target=self._keep, name="signed streams", daemon=True)
-            self._thread.start()
-        self._due.set()
 
     def write(self, lead: int = _LEAD) -> None:
         """Write the file now, with bounds so far ahead of the last timestamps, unless the disk refuses."""
@@ -109,23 +107,20 @@ class SignedStreams:
             private_folder(self.path.parent)
             with private_file(self.path.with_suffix(".lock")).open("w") as alone:
                 fcntl.flock(alone, fcntl.LOCK_EX)
-                self._replace(own)
+                # Other daemons with this key keep their bounds.
+                rows = dict(own)
+                for stream, bound in _read(self.path).items():
+                    if bound != self._bounds.get(stream):
+                        rows[stream] = max(bound, rows.get(stream, 0))
+                named = {"/".join(map(str, stream)): rows[stream] for stream in sorted(rows)}
+                draft = private_file(self.path.with_suffix(".new"))
+                with draft.open("w", encoding="utf-8") as file:
+                    file.write(json.dumps(named))
+                    file.flush()
+                    os.fsync(file.fileno())
+                draft.replace(self.path)
             with self._lock:
                 self._bounds = own
-
-    def _replace(self, own: dict[SignedStream, int]) -> None:
-        """Write these bounds, and those of other daemons with this key."""
-        rows = dict(own)
-        for stream, bound in _read(self.path).items():
-            if bound != self._bounds.get(stream):
-                rows[stream] = max(bound, rows.get(stream, 0))
-        named = {"/".join(map(str, stream)): rows[stream] for stream in sorted(rows)}
-        draft = private_file(self.path.with_suffix(".new"))
-        with draft.open("w", encoding="utf-8") as file:
-            file.write(json.dumps(named))
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(self.path)
 
     def close(self) -> None:
         """End the thread and write the last timestamps. May be called twice."""

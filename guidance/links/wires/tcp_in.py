@@ -140,37 +140,32 @@ class TcpInWire(StreamWire):
         if not data:
             self._drop(caller)
             return
-        is_valid = self._is_valid(caller.reader.split(data))
+        # All frames are judged, even after one that proves the caller: what is old is known then.
+        frames = caller.reader.split(data)
+        verdicts = [self._shows_vehicle(frame) for frame in frames]
+        is_valid = any(verdicts)
         if caller is self._proven:
             self._arrivals.put((self._clock(), data))
             return
         caller.unproven += data
         if is_valid:
-            self._prove(caller)
+            # The caller is the vehicle; the one before it has to go.
+            before = self._proven
+            self._callers.remove(caller)
+            self._proven = caller
+            self._speak_to(caller)
+            if before is not None:
+                before.connection.close()
+            self._arrivals.put((self._clock(), caller.unproven))
+            caller.unproven = b""
         elif len(caller.unproven) > MOST_UNPROVEN_BYTES:
             self._drop(caller)
-
-    def _is_valid(self, frames: Sequence[Frame]) -> bool:
-        """Whether one of the frames shows that the caller is the vehicle. All are judged: what is old is known then."""
-        verdicts = [self._shows_vehicle(frame) for frame in frames]
-        return any(verdicts)
 
     def _shows_vehicle(self, frame: Frame) -> bool:
         if self._systems is not None and frame.system_id not in self._systems:
             return False
         check = self._checks.get(frame.system_id)
         return check is None or check.problem(frame) is None
-
-    def _prove(self, caller: _Caller) -> None:
-        """The caller is the vehicle; the one before it has to go."""
-        before = self._proven
-        self._callers.remove(caller)
-        self._proven = caller
-        self._speak_to(caller)
-        if before is not None:
-            before.connection.close()
-        self._arrivals.put((self._clock(), caller.unproven))
-        caller.unproven = b""
 
     def _drop(self, caller: _Caller) -> None:
         if caller is self._proven:

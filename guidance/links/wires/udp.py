@@ -95,7 +95,12 @@ class AddressPins:
 
     def admit(self, now_s: float, address: Address, data: bytes) -> bytes:
         """Return the accepted frames that a datagram completes; of an unexpected system only the first one."""
-        reader = self._reader_of(address)
+        # Of the addresses that are not pinned, the readers of the last MAX_READERS are kept.
+        reader = self._readers.pop(address, None) or FrameReader(())
+        if len(self._readers) >= MAX_READERS:
+            others = [other for other in self._readers if other not in self.addresses]
+            del self._readers[next(iter(others or self._readers))]
+        self._readers[address] = reader  # at the end: the first one was silent longest
         garbage_bytes = reader.garbage_bytes
         if address in self.addresses:
             frames = reader.split(data)
@@ -112,15 +117,6 @@ class AddressPins:
         checked = CheckedBytes(b"".join([frame.data for frame in admitted]))
         checked.frames = admitted
         return checked
-
-    def _reader_of(self, address: Address) -> FrameReader:
-        """Return what joins the frames of an address; of those that are not pinned, the last `MAX_READERS` are kept."""
-        reader = self._readers.pop(address, None) or FrameReader(())
-        if len(self._readers) >= MAX_READERS:
-            others = [other for other in self._readers if other not in self.addresses]
-            del self._readers[next(iter(others or self._readers))]
-        self._readers[address] = reader  # at the end: the first one was silent longest
-        return reader
 
     def _knock(self, now_s: float, address: Address, data: bytes) -> bytes | None:
         """Pin a new address by the first frame of its datagram, or return what is accepted without a pin.
