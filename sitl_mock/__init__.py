@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from sitl_mock.errors import ConfigError, MockError, TransportError
-    from sitl_mock.vehicle import MockVehicle
+    from sitl_mock.vehicle.mock_vehicle import MockVehicle
     from sitl_mock.world import DEFAULT_HOME, Home
 
 __all__ = ["DEFAULT_HOME", "ConfigError", "Home", "MockError", "MockVehicle", "TransportError"]
@@ -19,7 +19,7 @@ _IN = {
     "ConfigError": "sitl_mock.errors",
     "Home": "sitl_mock.world",
     "MockError": "sitl_mock.errors",
-    "MockVehicle": "sitl_mock.vehicle",
+    "MockVehicle": "sitl_mock.vehicle.mock_vehicle",
     "TransportError": "sitl_mock.errors",
 }
 

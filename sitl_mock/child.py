@@ -23,7 +23,7 @@ from typing import Any, Final, Literal
 import tomlkit
 
 from sitl_mock.errors import ConfigError, TransportError
-from sitl_mock.serving import udp_ports
+from sitl_mock.serving.serve import udp_ports
 
 Over = Literal["udp", "zenoh"]
 

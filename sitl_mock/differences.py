@@ -14,8 +14,8 @@ from sitl_mock.versions import specs_of
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sitl_mock.flavour import Flavour
     from sitl_mock.protocols import Parameter
+    from sitl_mock.vehicle.flavour import Flavour
 
 
 class VersionDifference(NamedTuple):

@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 from sitl_mock.errors import ConfigError
-from sitl_mock.flavour import Flavour
+from sitl_mock.vehicle.flavour import Flavour
 from sitl_mock.versions import NAMES, SPECS, VERSIONS
 
 __all__ = ["NAMES", "flavour_named"]

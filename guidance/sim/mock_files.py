@@ -11,7 +11,7 @@ from guidance.errors import ConfigError
 from guidance.sim.scenario import EVADER, PURSUER, Flown, Point2, pursuits_of
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.faults import Faulted, parse_script
-from sitl_mock.fleet import build, checked_fleet
+from sitl_mock.serving.fleet import build, checked_fleet
 
 
 def fleet(flight_scenario: Flown) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.protocols import Command, CommandAnswer, Result
-from sitl_mock.vehicle_state import Severity
+from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
     from sitl_mock.ardupilot.commander import ArduPilot

@@ -13,18 +13,18 @@ from sitl_mock.ardupilot.flight import ModeFlight
 from sitl_mock.ardupilot.guided import read_attitude
 from sitl_mock.ardupilot.plans import report_totals, warn_of_old_messages
 from sitl_mock.dynamics import Kind, Setpoint
-from sitl_mock.missions import MissionFlight
-from sitl_mock.modes import Need
-from sitl_mock.pilot import CENTRED, RADIO_HELD_S, Sticks, override_time_s
-from sitl_mock.vehicle_state import Landed, Severity, VehicleState
+from sitl_mock.missions.flight import MissionFlight
+from sitl_mock.vehicle.modes import Need
+from sitl_mock.vehicle.pilot import CENTRED, RADIO_HELD_S, Sticks, override_time_s
+from sitl_mock.vehicle.state import Landed, Severity, VehicleState
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sitl_mock.ardupilot.modes import Firmware
-    from sitl_mock.modes import Available
     from sitl_mock.protocols import Command, CommandAnswer, PlanItem, PlanKind, PlanStore
     from sitl_mock.vector import Vector
+    from sitl_mock.vehicle.modes import Available
 
 CHECK_S: Final = 0.1
 AT_REST: Final = Sticks(throttle=-1.0)

@@ -18,7 +18,7 @@ from sitl_mock.ardupilot.maneuvers import turn_from
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, is_on_earth
 from sitl_mock.vector import Vector
-from sitl_mock.vehicle_state import Severity
+from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
     from sitl_mock.ardupilot.commander import ArduPilot

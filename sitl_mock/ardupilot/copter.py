@@ -15,9 +15,9 @@ from sitl_mock.ardupilot.plans import return_target
 from sitl_mock.ardupilot.safety import just_down
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.dynamics.shaping import root_law
-from sitl_mock.missions import Leg
-from sitl_mock.setpoints import turned
+from sitl_mock.missions.flight import Leg
 from sitl_mock.vector import Vector
+from sitl_mock.vehicle.setpoints import turned
 
 _NAN = math.nan
 _REACHED_M: Final = 0.5

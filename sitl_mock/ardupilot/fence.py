@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.missions import violated
+from sitl_mock.missions.flight import violated
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sitl_mock.protocols import PlanStore
     from sitl_mock.vector import Vector
-    from sitl_mock.vehicle_state import VehicleState
+    from sitl_mock.vehicle.state import VehicleState
 
 _HEIGHT: Final = 1
 _CIRCLE: Final = 2

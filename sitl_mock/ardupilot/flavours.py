@@ -19,8 +19,6 @@ from sitl_mock.ardupilot.flight_log import ArduPilotFlightLog
 from sitl_mock.ardupilot.modes import COPTER_MODES, ROVER_MODES
 from sitl_mock.ardupilot.rover import ROVER
 from sitl_mock.dynamics import ARDUCOPTER_TRAVEL, ArduGains, Rover, Vehicle, arducopter_quadrotor
-from sitl_mock.estimator import ARDUPILOT_WANDER
-from sitl_mock.flavour import Flavour
 from sitl_mock.parameters import parameters_of
 from sitl_mock.protocols import (
     ARDUPILOT_HZ,
@@ -38,14 +36,16 @@ from sitl_mock.protocols import (
     Storage,
     ardupilot_identity,
 )
-from sitl_mock.sensors import ARDUPILOT_SENSORS
-from sitl_mock.vehicle_state import ARDUPILOT_PACK
+from sitl_mock.vehicle.estimator import ARDUPILOT_WANDER
+from sitl_mock.vehicle.flavour import Flavour
+from sitl_mock.vehicle.sensors import ARDUPILOT_SENSORS
+from sitl_mock.vehicle.state import ARDUPILOT_PACK
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from sitl_mock.protocols import ParameterStore
-    from sitl_mock.vehicle_state import VehicleState
+    from sitl_mock.vehicle.state import VehicleState
 
 _PARAMETERS = 0x671B
 _WITH_DEFAULTS = 0x671C

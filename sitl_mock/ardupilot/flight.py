@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sitl_mock.ardupilot.maneuvers import Circle, Turn
     from sitl_mock.ardupilot.modes import Firmware
     from sitl_mock.protocols import PlanStore
-    from sitl_mock.vehicle_state import VehicleState
+    from sitl_mock.vehicle.state import VehicleState
 
 DECIDE_S: Final = 0.02
 IDLING: Final = Setpoint(Kind.IDLING)

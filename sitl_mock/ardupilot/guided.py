@@ -11,7 +11,8 @@ from typing import Any, Final
 
 from sitl_mock.dynamics import IGNORED, ZERO, Kind, Setpoint
 from sitl_mock.protocols import PlanItem
-from sitl_mock.setpoints import (
+from sitl_mock.vector import Vector
+from sitl_mock.vehicle.setpoints import (
     BODY_NED,
     BODY_OFFSET_NED,
     FORCE,
@@ -27,8 +28,7 @@ from sitl_mock.setpoints import (
     read_local,
     turned,
 )
-from sitl_mock.vector import Vector
-from sitl_mock.vehicle_state import VehicleState
+from sitl_mock.vehicle.state import VehicleState
 
 STOP: Final = Setpoint(Kind.STREAM, velocity_ned_m_s=ZERO)
 LEVEL: Final = Setpoint(Kind.ATTITUDE)

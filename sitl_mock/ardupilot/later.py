@@ -11,9 +11,9 @@ from sitl_mock.parameters import parameters_of
 from sitl_mock.protocols import Result, ardupilot_identity
 
 if TYPE_CHECKING:
-    from sitl_mock.flavour import Flavour
     from sitl_mock.protocols import Identity, PlanStore
-    from sitl_mock.vehicle_state import VehicleState
+    from sitl_mock.vehicle.flavour import Flavour
+    from sitl_mock.vehicle.state import VehicleState
 
 _MORE_COMMANDS: Final = {188: Result.FAILED, 5300: Result.ACCEPTED}
 """DO_RETURN_PATH_START, which fails without such a path, and DO_SET_SAFETY_SWITCH_STATE."""

@@ -17,8 +17,8 @@ from sitl_mock.vector import ZERO, Vector
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sitl_mock.missions import Leg, MissionFlight
-    from sitl_mock.vehicle_state import VehicleState
+    from sitl_mock.missions.flight import Leg, MissionFlight
+    from sitl_mock.vehicle.state import VehicleState
 
 _JERK_SHARE: Final = 0.8
 _LEAST_M: Final = 1e-3

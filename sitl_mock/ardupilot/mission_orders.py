@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.missions import NAV_DELAY
+from sitl_mock.missions.flight import NAV_DELAY
 from sitl_mock.protocols import Command
-from sitl_mock.vehicle_state import Severity
+from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
     from sitl_mock.ardupilot.commander import ArduPilot

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Generic, TypeVar
 
-from sitl_mock.modes import Mode, ModeTable, Need, Transition
+from sitl_mock.vehicle.modes import Mode, ModeTable, Need, Transition
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

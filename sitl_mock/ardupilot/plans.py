@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.ardupilot.fence import contains
 from sitl_mock.dynamics.shaping import root_law
-from sitl_mock.missions import inclusion_polygons
+from sitl_mock.missions.flight import inclusion_polygons
 from sitl_mock.protocols import PlanItem, PlanKind, PlanStore
 from sitl_mock.protocols.plan import CIRCLES, POLYGONS
 from sitl_mock.vector import Vector
-from sitl_mock.vehicle_state import Severity, VehicleState
+from sitl_mock.vehicle.state import Severity, VehicleState
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -7,8 +7,8 @@ from sitl_mock.ardupilot.commander import ArduPilot
 from sitl_mock.ardupilot.commands import execute
 from sitl_mock.ardupilot.modes import ROVER_MODES, Firmware
 from sitl_mock.dynamics import Kind, Setpoint
-from sitl_mock.setpoints import turned
 from sitl_mock.vector import Vector
+from sitl_mock.vehicle.setpoints import turned
 
 
 def _stand(_commander: ArduPilot) -> Setpoint:

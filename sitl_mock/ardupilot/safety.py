@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from sitl_mock.ardupilot import fence
-from sitl_mock.missions import flyable
-from sitl_mock.modes import Mode, Need
-from sitl_mock.pilot import override_time_s
-from sitl_mock.vehicle_state import Severity
+from sitl_mock.missions.flight import flyable
+from sitl_mock.vehicle.modes import Mode, Need
+from sitl_mock.vehicle.pilot import override_time_s
+from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from sitl_mock.protocols import PlanStore
-    from sitl_mock.vehicle_state import VehicleState
+    from sitl_mock.vehicle.state import VehicleState
 
 _LOW_CELL_SHARE = 0.15
 _CRITICAL_SHARE = 0.07

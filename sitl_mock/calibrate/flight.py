@@ -11,7 +11,7 @@ from sitl_mock.dynamics import CALM, Kind, Setpoint, Vehicle, arducopter_quadrot
 from sitl_mock.errors import MockError
 from sitl_mock.mavlink import Decoder, Encoder
 from sitl_mock.vector import Vector
-from sitl_mock.vehicle import MockVehicle
+from sitl_mock.vehicle.mock_vehicle import MockVehicle
 
 _FAR_BELOW_M = 1e6
 

@@ -53,7 +53,7 @@ def _faults(_flavour: str) -> "Iterator[str]":
 
 
 def _conditions(_flavour: str) -> "Iterator[str]":
-    from sitl_mock.conditions import CONDITIONS  # noqa: PLC0415 - as above
+    from sitl_mock.vehicle.conditions import CONDITIONS  # noqa: PLC0415 - as above
 
     yield "conditions (MockVehicle.inject, fault scripts)"
     for name, kind in CONDITIONS.items():

@@ -10,7 +10,7 @@ from sitl_mock.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sitl_mock.fleet import FleetConfig
+    from sitl_mock.serving.fleet import FleetConfig
 
 
 def run(
@@ -138,7 +138,7 @@ def run(
     (`faults?do=inject;kind=loss;probability=0.3`; `sitl-mock list faults` names them).
     """
     from sitl_mock.faults import FaultScript, read_script  # noqa: PLC0415 - not needed for `--help`
-    from sitl_mock.serving import Pace, Wires, serve  # noqa: PLC0415 - as above
+    from sitl_mock.serving.serve import Pace, Wires, serve  # noqa: PLC0415 - as above
 
     if lockstep and speed != 1.0:
         raise ConfigError(f"--lockstep and --speed {speed:g}: give one of them")
@@ -168,7 +168,7 @@ def _configured(
     seed: int | None,
     parameters: list[str],
 ) -> "FleetConfig":
-    from sitl_mock.fleet import (  # noqa: PLC0415 - as above
+    from sitl_mock.serving.fleet import (  # noqa: PLC0415 - as above
         checked_fleet,
         parse_vehicles,
         read_fleet,

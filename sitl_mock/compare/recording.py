@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from sitl_mock.compare.tlog import TimedFrame, read_frames, steady_times
 from sitl_mock.errors import ConfigError, require_file
 from sitl_mock.mavlink import Decoder, Message
-from sitl_mock.vehicle import MockVehicle
+from sitl_mock.vehicle.mock_vehicle import MockVehicle
 from sitl_mock.world import DEFAULT_HOME, Home
 
 _PX4 = 12

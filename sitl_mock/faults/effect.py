@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from random import Random
 
     from sitl_mock.tables import Option
-    from sitl_mock.vehicle import MockVehicle
+    from sitl_mock.vehicle.mock_vehicle import MockVehicle
 
 Delayed = Sequence[tuple[float, bytes]]
 """Frames that replace one frame, each with its delay in seconds."""

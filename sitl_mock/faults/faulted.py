@@ -24,7 +24,7 @@ from sitl_mock.mavlink import SPEC_BY_NAME
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from sitl_mock.vehicle import MockVehicle
+    from sitl_mock.vehicle.mock_vehicle import MockVehicle
 
 STATES: Final = ("ARMED", "DISARMED", "AIRBORNE", "LANDED", "READY")
 MAX_COPIES: Final = 64

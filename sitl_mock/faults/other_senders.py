@@ -24,7 +24,7 @@ from sitl_mock.protocols import StatusTexts
 from sitl_mock.tables import Option, integer, number
 from sitl_mock.tables import text as a_text
 from sitl_mock.vector import Vector
-from sitl_mock.vehicle import MockVehicle
+from sitl_mock.vehicle.mock_vehicle import MockVehicle
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

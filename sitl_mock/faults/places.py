@@ -23,7 +23,7 @@ from sitl_mock.vector import Vector
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from sitl_mock.vehicle import MockVehicle
+    from sitl_mock.vehicle.mock_vehicle import MockVehicle
 
 _M_PER_DEG: Final = 111_319.490_793
 _JUMP: Final = Option("metres", 0.0, number(-1e5, 1e5))

@@ -6,7 +6,6 @@ import math
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-from sitl_mock.conditions import CONDITIONS
 from sitl_mock.faults import frames
 from sitl_mock.faults.effect import (
     Delayed,
@@ -19,8 +18,9 @@ from sitl_mock.faults.effect import (
 )
 from sitl_mock.faults.other_senders import mode_named
 from sitl_mock.faults.places import along, vector
-from sitl_mock.pilot import Sticks
 from sitl_mock.tables import REQUIRED, Option, number, text
+from sitl_mock.vehicle.conditions import CONDITIONS
+from sitl_mock.vehicle.pilot import Sticks
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

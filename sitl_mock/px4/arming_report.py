@@ -12,15 +12,15 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
-from sitl_mock.modes import Need
 from sitl_mock.px4.events import Event, event_id
 from sitl_mock.px4.modes import BY_NAME, NAV_STATES
+from sitl_mock.vehicle.modes import Need
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from sitl_mock.px4.external_modes import Verdict
-    from sitl_mock.vehicle_state import VehicleState
+    from sitl_mock.vehicle.state import VehicleState
 
 REPORTED_EVERY_S: Final = 2.0
 EVERY_MODE: Final = 0xFFFFFFFF

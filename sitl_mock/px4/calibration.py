@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Final
 
 from sitl_mock.protocols import Command, CommandAnswer, Result
-from sitl_mock.vehicle_state import Severity, VehicleState
+from sitl_mock.vehicle.state import Severity, VehicleState
 
 Line = tuple[float, Severity, str]
 Answers = Sequence[CommandAnswer]

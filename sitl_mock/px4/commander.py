@@ -11,8 +11,7 @@ import math
 from typing import TYPE_CHECKING, Any, Final
 
 from sitl_mock.dynamics import Kind, Setpoint
-from sitl_mock.missions import MissionFlight
-from sitl_mock.modes import Available, Mode, Need
+from sitl_mock.missions.flight import MissionFlight
 from sitl_mock.px4 import flying, offboard, safety
 from sitl_mock.px4.arming_report import ArmingReport
 from sitl_mock.px4.calibration import Calibration
@@ -34,7 +33,8 @@ from sitl_mock.px4.modes import (
 from sitl_mock.px4.offboard import BodyRates, read_attitude
 from sitl_mock.px4.safety import MODE_OF, TEXTS, Action, Failsafes
 from sitl_mock.vector import ZERO, Vector
-from sitl_mock.vehicle_state import Landed, Severity, VehicleState
+from sitl_mock.vehicle.modes import Available, Mode, Need
+from sitl_mock.vehicle.state import Landed, Severity, VehicleState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -12,14 +12,14 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.missions import violated
+from sitl_mock.missions.flight import violated
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, is_on_earth
 from sitl_mock.px4 import failures
 from sitl_mock.px4.external_modes import NAME_OF
 from sitl_mock.px4.maneuvers import Orbit
 from sitl_mock.px4.modes import requested_mode
 from sitl_mock.vector import Vector
-from sitl_mock.vehicle_state import Severity
+from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -16,10 +16,10 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from sitl_mock.modes import Need
 from sitl_mock.px4.events import Event, event_id, fnv1a
 from sitl_mock.px4.messages import message_type
 from sitl_mock.px4.modes import NAV_STATES
+from sitl_mock.vehicle.modes import Need
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

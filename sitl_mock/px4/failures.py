@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from sitl_mock.vehicle_state import VehicleState
+from sitl_mock.vehicle.state import VehicleState
 
 BATTERY: Final = 100
 MOTOR: Final = 101

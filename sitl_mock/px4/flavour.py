@@ -17,7 +17,6 @@ from sitl_mock.dynamics import (
     Vehicle,
     px4_quadrotor,
 )
-from sitl_mock.flavour import Flavour
 from sitl_mock.parameters import parameters_of
 from sitl_mock.protocols import (
     PX4_BROADCAST,
@@ -42,13 +41,14 @@ from sitl_mock.px4.modes import MODES
 from sitl_mock.px4.shell import answer_to
 from sitl_mock.px4.tasks import fly
 from sitl_mock.px4.topic_link import TopicLink
-from sitl_mock.sensors import PX4_SENSORS
+from sitl_mock.vehicle.flavour import Flavour
+from sitl_mock.vehicle.sensors import PX4_SENSORS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from sitl_mock.protocols import ParameterStore
-    from sitl_mock.vehicle_state import VehicleState
+    from sitl_mock.vehicle.state import VehicleState
 
 _TYPES = {6: "Int32", 9: "Float"}
 

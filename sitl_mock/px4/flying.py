@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from sitl_mock.dynamics import Kind, Setpoint
-from sitl_mock.missions import MissionFlight
+from sitl_mock.missions.flight import MissionFlight
 from sitl_mock.px4.maneuvers import Follow, Orbit
 from sitl_mock.vector import UNSET, Vector
-from sitl_mock.vehicle_state import Severity, VehicleState
+from sitl_mock.vehicle.state import Severity, VehicleState
 
 _NAN = math.nan
 _HEIGHT_REACHED_M = 0.5

@@ -17,7 +17,7 @@ from typing import Final
 
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.vector import Vector
-from sitl_mock.vehicle_state import Severity, VehicleState
+from sitl_mock.vehicle.state import Severity, VehicleState
 
 LIFTING_S: Final = 0.8
 """Time from take-off thrust until "Takeoff detected" (measured)."""

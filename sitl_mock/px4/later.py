@@ -3,9 +3,9 @@
 from dataclasses import replace
 from typing import Final
 
-from sitl_mock.flavour import Flavour
 from sitl_mock.parameters import parameters_of
 from sitl_mock.protocols import Identity, px4_identity
+from sitl_mock.vehicle.flavour import Flavour
 
 _OLD_REQUESTS: Final = frozenset({410, 519, 520, 525, 528})
 """GET_HOME_POSITION and requests of version, capabilities, storage and flight, which REQUEST_MESSAGE replaces."""

@@ -11,7 +11,7 @@ from typing import Final
 
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.vector import ZERO, Vector
-from sitl_mock.vehicle_state import VehicleState
+from sitl_mock.vehicle.state import VehicleState
 from sitl_mock.world import wrap_pi
 
 LEAST_RADIUS_M: Final = 1.0

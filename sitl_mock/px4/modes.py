@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Final
 
-from sitl_mock.modes import Available, Mode, ModeTable, Need, Transition
+from sitl_mock.vehicle.modes import Available, Mode, ModeTable, Need, Transition
 
 _ANY = "any"
 _POSITION = frozenset({Need.ALTITUDE, Need.LOCAL_POSITION})

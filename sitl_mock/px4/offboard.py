@@ -13,7 +13,8 @@ from typing import Any, Final
 
 from sitl_mock.dynamics import IGNORED, PX4_AIRFRAME, Kind, Setpoint
 from sitl_mock.dynamics.values import GRAVITY_M_S2, maker_of, quaternion_of, rotated
-from sitl_mock.setpoints import (
+from sitl_mock.vector import Vector
+from sitl_mock.vehicle.setpoints import (
     BODY_NED,
     FORCE,
     IGNORE_ACCELERATION,
@@ -26,8 +27,7 @@ from sitl_mock.setpoints import (
     read_local,
     turned,
 )
-from sitl_mock.vector import Vector
-from sitl_mock.vehicle_state import VehicleState
+from sitl_mock.vehicle.state import VehicleState
 
 _STREAM: Final = Kind.STREAM
 _ABOVE_TERRAIN: Final = 11

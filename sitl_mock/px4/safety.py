@@ -10,11 +10,11 @@ from enum import IntEnum
 from functools import cache
 from typing import Final, NamedTuple
 
-from sitl_mock.calibrated_sensors import uncalibrated
-from sitl_mock.missions import violated
-from sitl_mock.modes import Mode, Need
+from sitl_mock.missions.flight import violated
+from sitl_mock.parameters.calibrated_sensors import uncalibrated
 from sitl_mock.protocols import PlanStore
-from sitl_mock.vehicle_state import Severity, VehicleState
+from sitl_mock.vehicle.modes import Mode, Need
+from sitl_mock.vehicle.state import Severity, VehicleState
 
 
 class Action(IntEnum):

@@ -18,9 +18,9 @@ from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.px4 import flying
 from sitl_mock.px4.external_modes import EXTERNAL
 from sitl_mock.px4.modes import AFTER, MANUAL_MODES
-from sitl_mock.setpoints import turned
 from sitl_mock.vector import Vector
-from sitl_mock.vehicle_state import Severity, VehicleState
+from sitl_mock.vehicle.setpoints import turned
+from sitl_mock.vehicle.state import Severity, VehicleState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

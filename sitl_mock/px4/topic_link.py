@@ -9,20 +9,20 @@ import math
 from collections import Counter
 from typing import TYPE_CHECKING, Any, Final, cast
 
-from sitl_mock.pilot import Sticks
 from sitl_mock.protocols import Command
 from sitl_mock.px4.messages import message_type
 from sitl_mock.px4.topics import SOURCES, position_setpoint_triplet
 from sitl_mock.vector import Vector
+from sitl_mock.vehicle.pilot import Sticks
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from sitl_mock.autopilot import Autopilot
     from sitl_mock.protocols import Reply
     from sitl_mock.px4.commander import Px4
     from sitl_mock.px4.topics import Source, Values
     from sitl_mock.telemetry import Report
+    from sitl_mock.vehicle.autopilot import Autopilot
 
 _END: Final = b"\0"
 PUBLISHED: Final[Mapping[str, str]] = {

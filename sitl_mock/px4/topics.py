@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, cast
 from sitl_mock.dynamics import Kind
 from sitl_mock.dynamics.values import GRAVITY_M_S2, quaternion_of
 from sitl_mock.logs.ulog import Topic
-from sitl_mock.modes import Need
 from sitl_mock.px4.external_modes import NAME_OF
 from sitl_mock.px4.messages import MessageType, message_type
 from sitl_mock.px4.modes import BY_NAME, NAV_STATES
 from sitl_mock.telemetry.px4 import RESETS_AT_START, trajectory
 from sitl_mock.vector import Vector
+from sitl_mock.vehicle.modes import Need
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

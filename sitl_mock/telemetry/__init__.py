@@ -3,10 +3,10 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from sitl_mock.flavour import Report
 from sitl_mock.telemetry.motion import MOTION
 from sitl_mock.telemetry.px4 import PX4
 from sitl_mock.telemetry.status import STATUS
+from sitl_mock.vehicle.flavour import Report
 
 Builders = Mapping[str, Callable[[Report], tuple[Any, ...] | None]]
 

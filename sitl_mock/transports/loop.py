@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Final, NamedTuple, Protocol
 
-from sitl_mock.autopilot import TICK_S
+from sitl_mock.vehicle.autopilot import TICK_S
 
 
 class Arrival(NamedTuple):

@@ -61,7 +61,7 @@ from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_scenario
 from guidance.strategies.own import Ask, answer_of, is_own, load_policy
 from guidance.vehicle import VehicleState, local_frame
-from sitl_mock.vehicle import MockVehicle
+from sitl_mock.vehicle.mock_vehicle import MockVehicle
 from sitl_mock.world import Home as MockHome
 from tests.harness.linked import FlownByHand
 

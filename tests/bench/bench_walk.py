@@ -32,7 +32,7 @@ from guidance.links.wires.udp import AddressPins, UdpWire
 from guidance.session.fly.daemon import Daemon, Equipment
 from guidance.session.fly.loop import PERIOD_S
 from guidance.session.plan import plan_of
-from sitl_mock.vehicle import MockVehicle
+from sitl_mock.vehicle.mock_vehicle import MockVehicle
 from tests.harness.chase import ORDERS, Runner, hover_chase
 
 PAGE = Path(__file__).parents[2] / "docs" / "architecture.md"

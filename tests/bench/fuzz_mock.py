@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "sitl_mock"))
 from hostile import HostileTraffic
 
 from sitl_mock.mavlink import Encoder, Signing
-from sitl_mock.vehicle import MockVehicle
+from sitl_mock.vehicle.mock_vehicle import MockVehicle
 
 KEY = bytes(range(32))
 GUIDED = {"px4": (1.0, 6.0), "arducopter": (1.0, 4.0), "rover": (1.0, 15.0)}

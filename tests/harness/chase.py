@@ -21,7 +21,7 @@ from guidance.session.fly.loop import PERIOD_S
 from guidance.session.plan import plan_of
 from guidance.sim.scenario import Scenario, Target
 from guidance.sim.scenario_file import load_scenario
-from sitl_mock.vehicle import MockVehicle
+from sitl_mock.vehicle.mock_vehicle import MockVehicle
 from sitl_mock.world import Home
 from tests.harness.linked import FlownByHand
 from tests.harness.sortie import Sortie

@@ -14,8 +14,8 @@ from typing import Any, TypeVar
 from guidance.autopilots.description import Version
 from guidance.autopilots.rules import Finding, Rule
 from sitl_mock.mavlink import MessageSpec
-from sitl_mock.modes import Mode, Transition
 from sitl_mock.protocols import Parameter
+from sitl_mock.vehicle.modes import Mode, Transition
 
 World = TypeVar("World")
 UNCHANGING = (Struct, itemgetter, Parameter, MessageSpec, Mode, Transition, Rule, Finding, Version)

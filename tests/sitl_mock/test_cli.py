@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 
 from sitl_mock import ConfigError
 from sitl_mock.cli import app, main
-from sitl_mock.conditions import CONDITIONS
 from sitl_mock.flavours import NAMES
 from sitl_mock.mavlink import Decoder
-from sitl_mock.serving import udp_ports
+from sitl_mock.serving.serve import udp_ports
+from sitl_mock.vehicle.conditions import CONDITIONS
 from tests.harness.ports import mock_ports
 
 
@@ -187,7 +187,10 @@ def test_version_names_the_package_and_its_version():
 
 
 def test_the_mock_and_its_plugin_import_neither_guidance_nor_matplotlib_nor_dask():
-    modules = "sitl_mock, sitl_mock.cli, sitl_mock.cli.run, sitl_mock.serving, sitl_mock.pytest_plugin, sitl_mock.px4"
+    modules = (
+        "sitl_mock, sitl_mock.cli, sitl_mock.cli.run, sitl_mock.serving.serve, "
+        "sitl_mock.pytest_plugin, sitl_mock.px4"
+    )
     banned = '{"guidance", "matplotlib", "dask", "distributed", "scipy", "pandas", "pyarrow", "pydantic"}'
     program = f"import sys, {modules}; print(sorted({banned} & {{name.split('.')[0] for name in sys.modules}}))"
     told = subprocess.run(

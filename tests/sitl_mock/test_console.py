@@ -18,10 +18,18 @@ import pytest
 from pymavlink import mavutil
 
 from sitl_mock import ConfigError, MockVehicle
-from sitl_mock.console import ChangeLines, Status, client_lines, line_of, shown, status_of, table_of
 from sitl_mock.faults import Faulted, parse_script
-from sitl_mock.fleet import checked_fleet, with_parameters, with_settings
 from sitl_mock.mavlink import Encoder
+from sitl_mock.serving.console import (
+    ChangeLines,
+    Status,
+    client_lines,
+    line_of,
+    shown,
+    status_of,
+    table_of,
+)
+from sitl_mock.serving.fleet import checked_fleet, with_parameters, with_settings
 from tests.harness.ports import mock_ports
 
 RUN = [sys.executable, "-m", "sitl_mock", "run"]

@@ -4,8 +4,8 @@ import pytest
 
 from sitl_mock import ConfigError
 from sitl_mock.faults.script import read_script
-from sitl_mock.fleet import build, checked_fleet, parse_vehicles, read_fleet
 from sitl_mock.mavlink import Encoder
+from sitl_mock.serving.fleet import build, checked_fleet, parse_vehicles, read_fleet
 
 
 def fleet(*vehicles, **more):

@@ -13,9 +13,9 @@ from sitl_mock import MockVehicle
 from sitl_mock.calibrate import FlavourName, compare_log, fly_log, read_step_log
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import Faulted, FaultScript
-from sitl_mock.log_folder import LogFolder
 from sitl_mock.logs.ulog import MAGIC
 from sitl_mock.mavlink import Decoder, Encoder
+from sitl_mock.serving.log_folder import LogFolder
 
 ARM = 400
 TAKE_OFF = 22

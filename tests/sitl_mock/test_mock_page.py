@@ -14,7 +14,7 @@ import yaml
 from pymavlink import mavutil
 
 from sitl_mock import Home
-from sitl_mock.fleet import FleetConfig, SigningConfig, VehicleConfig, build, checked_fleet
+from sitl_mock.serving.fleet import FleetConfig, SigningConfig, VehicleConfig, build, checked_fleet
 from tests.harness.ports import mock_ports
 from tests.witness import page
 

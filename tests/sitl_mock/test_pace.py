@@ -15,7 +15,7 @@ from sitl_mock.cli import app
 from sitl_mock.errors import ConfigError
 from sitl_mock.faults import Faulted, FaultScript
 from sitl_mock.mavlink import Decoder, Encoder
-from sitl_mock.serving import Pace
+from sitl_mock.serving.serve import Pace
 from sitl_mock.transports import Arrival
 from sitl_mock.transports.lockstep import STEP, Lockstep, frames_of
 from sitl_mock.transports.loop import Loop

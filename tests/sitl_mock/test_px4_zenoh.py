@@ -15,10 +15,10 @@ import zenoh
 
 from sitl_mock.child import end, running
 from sitl_mock.errors import ConfigError
-from sitl_mock.fleet import checked_fleet, with_zenoh
 from sitl_mock.mavlink import Decoder, Encoder
 from sitl_mock.px4.messages import message_type, names
 from sitl_mock.px4.topic_link import PUBLISHED, SUBSCRIBED, frame_of
+from sitl_mock.serving.fleet import checked_fleet, with_zenoh
 from sitl_mock.transports import Arrival
 from sitl_mock.transports.px4_zenoh import LINK, Px4ZenohEndpoint, key_of
 from sitl_mock.transports.zenoh_session import configuration, free_port

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as dialect
 
 from sitl_mock.mavlink import MAX_FRAME, SPEC_BY_ID, Decoder, Encoder, Signing
-from sitl_mock.vehicle import MockVehicle
+from sitl_mock.vehicle.mock_vehicle import MockVehicle
 from tests.harness.examples import drawn
 from tests.sitl_mock.hostile import TARGETS, WRONG_KEY, HostileTraffic
 from tests.sitl_mock.newer_messages import NEWER

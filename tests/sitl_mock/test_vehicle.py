@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sitl_mock import ConfigError, Home, MockVehicle
-from sitl_mock.conditions import CONDITIONS
 from sitl_mock.flavours import NAMES
 from sitl_mock.mavlink import Decoder, Encoder
 from sitl_mock.protocols import PX4_GCS_HZ, PX4_ONBOARD_HZ
+from sitl_mock.vehicle.conditions import CONDITIONS
 from sitl_mock.world import LocalFrame
 from tests.harness.examples import drawn
 

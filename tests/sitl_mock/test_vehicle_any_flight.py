@@ -6,9 +6,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sitl_mock.conditions import CONDITIONS
 from sitl_mock.flavours import NAMES, flavour_named
 from sitl_mock.mavlink import Decoder
+from sitl_mock.vehicle.conditions import CONDITIONS
 from tests.harness.examples import drawn
 
 NUMBER = st.one_of(

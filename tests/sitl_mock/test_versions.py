@@ -9,7 +9,7 @@ from sitl_mock.cli import app
 from sitl_mock.differences import differences_of
 from sitl_mock.errors import ConfigError
 from sitl_mock.flavours import flavour_named
-from sitl_mock.fleet import parse_vehicles
+from sitl_mock.serving.fleet import parse_vehicles
 from sitl_mock.versions import SPECS, VERSIONS
 from tests.harness.client import Flight
 

@@ -12,7 +12,7 @@ from mavsdk.plugins.mission_raw import MissionItem, MissionRaw, MissionRawError
 from mavsdk.plugins.param import Param, ParamError
 
 from sitl_mock.parameters import parameters_of
-from sitl_mock.vehicle import MockVehicle
+from sitl_mock.vehicle.mock_vehicle import MockVehicle
 
 pytestmark = pytest.mark.slow
 

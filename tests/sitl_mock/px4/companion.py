@@ -4,10 +4,10 @@ import math
 from typing import Any
 
 from sitl_mock import MockVehicle
-from sitl_mock.links import TOPICS
 from sitl_mock.mavlink import Decoder, Encoder
 from sitl_mock.px4.messages import message_type
 from sitl_mock.px4.topic_link import PUBLISHED, SUBSCRIBED, frame_of, sample_of
+from sitl_mock.vehicle.link import TOPICS
 
 NAN = math.nan
 NOTHING = (NAN, NAN, NAN)

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from random import Random
 from typing import Final
 
-from sitl_mock.conditions import Conditions
 from sitl_mock.dynamics import Errors, Wander
 from sitl_mock.vector import ZERO, Vector
+from sitl_mock.vehicle.conditions import Conditions
 
 STEP_S: Final = 0.1
 ARDUPILOT_WANDER: Final = Wander(Vector((0.03, 0.03, 0.03)), Vector((0.05, 0.05, 0.05)))

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from sitl_mock.protocols import PlanItem, PlanStore
 from sitl_mock.vector import Vector
-from sitl_mock.vehicle_state import Severity, VehicleState
+from sitl_mock.vehicle.state import Severity, VehicleState
 from sitl_mock.world import LocalFrame
 
 WAYPOINT: Final = 16

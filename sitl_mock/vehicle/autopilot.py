@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sitl_mock.conditions import Conditions
 from sitl_mock.dynamics import (
     ZERO,
     Euler,
@@ -21,13 +20,8 @@ from sitl_mock.dynamics import (
 from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.dynamics.values import maker_of
 from sitl_mock.errors import ConfigError
-from sitl_mock.estimator import STEP_S as ESTIMATOR_S
-from sitl_mock.estimator import Estimator
-from sitl_mock.flavour import Flavour
-from sitl_mock.incidents import INCIDENTS
 from sitl_mock.logs import LOG_BYTES, LogBook
 from sitl_mock.mavlink import Message, Signing
-from sitl_mock.pilot import Sticks
 from sitl_mock.protocols import (
     EventLog,
     ParameterError,
@@ -40,15 +34,21 @@ from sitl_mock.protocols import (
     Storage,
     named,
 )
-from sitl_mock.reception import take
-from sitl_mock.sensors import EXACT, Sensors
 from sitl_mock.telemetry import BUILDERS, Report
 from sitl_mock.vector import Vector
-from sitl_mock.vehicle_state import Battery, VehicleState
+from sitl_mock.vehicle.conditions import Conditions
+from sitl_mock.vehicle.estimator import STEP_S as ESTIMATOR_S
+from sitl_mock.vehicle.estimator import Estimator
+from sitl_mock.vehicle.flavour import Flavour
+from sitl_mock.vehicle.incidents import INCIDENTS
+from sitl_mock.vehicle.pilot import Sticks
+from sitl_mock.vehicle.reception import take
+from sitl_mock.vehicle.sensors import EXACT, Sensors
+from sitl_mock.vehicle.state import Battery, VehicleState
 from sitl_mock.world import DEFAULT_HOME, Home, LocalFrame, wrap_pi
 
 if TYPE_CHECKING:
-    from sitl_mock.flavour import Commander, FlightRecorder
+    from sitl_mock.vehicle.flavour import Commander, FlightRecorder
 
 TICK_S: Final = 0.01
 MOVE_TICKS: Final = 2

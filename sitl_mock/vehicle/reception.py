@@ -4,17 +4,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.pilot import OVERRIDE_TIME, PITCH, ROLL, THROTTLE, YAW, Override, Sticks, stick_of
 from sitl_mock.protocols import Place, addressed, is_on_earth
 from sitl_mock.vector import Vector
-from sitl_mock.vehicle_state import Reported
+from sitl_mock.vehicle.pilot import (
+    OVERRIDE_TIME,
+    PITCH,
+    ROLL,
+    THROTTLE,
+    YAW,
+    Override,
+    Sticks,
+    stick_of,
+)
+from sitl_mock.vehicle.state import Reported
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sitl_mock.flavour import Commander
     from sitl_mock.mavlink import Message
-    from sitl_mock.vehicle_state import VehicleState
+    from sitl_mock.vehicle.flavour import Commander
+    from sitl_mock.vehicle.state import VehicleState
 
 COMPONENT: Final = 1
 STICK_SOURCE: Final = "COM_RC_IN_MODE"

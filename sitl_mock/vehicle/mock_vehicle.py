@@ -4,15 +4,15 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from sitl_mock.autopilot import TICK_S, Autopilot, Settings
 from sitl_mock.dynamics import Body
 from sitl_mock.errors import ConfigError
-from sitl_mock.flavour import AnyLink
 from sitl_mock.flavours import flavour_named
-from sitl_mock.links import TOPICS, Link
 from sitl_mock.logs import LOG_BYTES, FlightLog
 from sitl_mock.mavlink import Signing
 from sitl_mock.vector import ZERO, Vector
+from sitl_mock.vehicle.autopilot import TICK_S, Autopilot, Settings
+from sitl_mock.vehicle.flavour import AnyLink
+from sitl_mock.vehicle.link import TOPICS, Link
 from sitl_mock.world import DEFAULT_HOME, Home
 
 DEFAULT_LINKS: Final[Mapping[str, str]] = {"onboard": "onboard"}
@@ -132,7 +132,7 @@ class MockVehicle:
         return out
 
     def inject(self, name: str, value: Any = True) -> None:  # noqa: ANN401 - a condition from a file or a test
-        """Set a condition of the vehicle (names and values: `sitl_mock.conditions.CONDITIONS`).
+        """Set a condition of the vehicle (names and values: `sitl_mock.vehicle.conditions.CONDITIONS`).
 
         Raises:
             ConfigError: The name is unknown, or the value is not allowed.

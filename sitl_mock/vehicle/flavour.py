@@ -7,8 +7,7 @@ from typing import Any, Protocol
 from sitl_mock.dynamics import Setpoint, Vehicle, Wander
 from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.logs import LogBook
-from sitl_mock.missions import MissionFlight
-from sitl_mock.modes import Available, ModeTable
+from sitl_mock.missions.flight import MissionFlight
 from sitl_mock.protocols import (
     Command,
     CommandAnswer,
@@ -26,8 +25,9 @@ from sitl_mock.protocols import (
     Storage,
     StreamRules,
 )
-from sitl_mock.sensors import EXACT, SensorNoise
-from sitl_mock.vehicle_state import PX4_PACK, Pack, VehicleState
+from sitl_mock.vehicle.modes import Available, ModeTable
+from sitl_mock.vehicle.sensors import EXACT, SensorNoise
+from sitl_mock.vehicle.state import PX4_PACK, Pack, VehicleState
 from sitl_mock.world import Home
 
 

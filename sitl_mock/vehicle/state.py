@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from sitl_mock.conditions import Conditions
 from sitl_mock.dynamics import Body, Euler
-from sitl_mock.estimator import Estimator
-from sitl_mock.pilot import Peers, Pilot
 from sitl_mock.protocols.parameter import ParameterStore
-from sitl_mock.sensors import Sensors
 from sitl_mock.vector import ZERO, Vector
+from sitl_mock.vehicle.conditions import Conditions
+from sitl_mock.vehicle.estimator import Estimator
+from sitl_mock.vehicle.pilot import Peers, Pilot
+from sitl_mock.vehicle.sensors import Sensors
 from sitl_mock.world import LocalFrame
 
 _CHARGE_LAG_S = 1.0

@@ -14,17 +14,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
-from sitl_mock import console
-from sitl_mock.console import Shown
 from sitl_mock.errors import ConfigError, imported_for
 from sitl_mock.faults import Faulted, FaultScript
-from sitl_mock.fleet import FleetConfig, build, with_zenoh
-from sitl_mock.links import TOPICS
-from sitl_mock.log_folder import LogFolder
+from sitl_mock.serving import console
+from sitl_mock.serving.console import Shown
+from sitl_mock.serving.fleet import FleetConfig, build, with_zenoh
+from sitl_mock.serving.log_folder import LogFolder
 from sitl_mock.transports import Endpoint, run, run_lockstep
 from sitl_mock.transports.disturbance import Disturbances
 from sitl_mock.transports.udp import UdpEndpoint
-from sitl_mock.vehicle import DEFAULT_LINKS
+from sitl_mock.vehicle.link import TOPICS
+from sitl_mock.vehicle.mock_vehicle import DEFAULT_LINKS
 
 PX4_LOCAL_OFFSET = 40
 """PX4's simulation listens 40 ports above its target port: 14580 and 14540."""

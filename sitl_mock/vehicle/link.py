@@ -35,9 +35,9 @@ from sitl_mock.telemetry import Report, builders_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from sitl_mock.autopilot import Autopilot
-    from sitl_mock.flavour import Flavour
     from sitl_mock.mavlink import Message, MessageSpec
+    from sitl_mock.vehicle.autopilot import Autopilot
+    from sitl_mock.vehicle.flavour import Flavour
 
 COMPONENT: Final = 1
 ARDUPILOT: Final = 3

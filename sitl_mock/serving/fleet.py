@@ -8,7 +8,6 @@ from typing import Any, Final
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.flavours import flavour_named
-from sitl_mock.links import TOPICS
 from sitl_mock.logs import LOG_BYTES
 from sitl_mock.mavlink import Signing
 from sitl_mock.tables import (
@@ -25,7 +24,8 @@ from sitl_mock.tables import (
     table,
 )
 from sitl_mock.tables import checked as checked_value
-from sitl_mock.vehicle import DEFAULT_LINKS, MockVehicle
+from sitl_mock.vehicle.link import TOPICS
+from sitl_mock.vehicle.mock_vehicle import DEFAULT_LINKS, MockVehicle
 from sitl_mock.versions import SPECS
 from sitl_mock.world import DEFAULT_HOME, Home
 

@@ -1,4 +1,4 @@
-"""Handlers of the conditions that are events (`sitl_mock.conditions`)."""
+"""Handlers of the conditions that are events (`sitl_mock.vehicle.conditions`)."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from sitl_mock.dynamics import Motion
-    from sitl_mock.flavour import Commander
     from sitl_mock.vector import Vector
-    from sitl_mock.vehicle_state import VehicleState
+    from sitl_mock.vehicle.flavour import Commander
+    from sitl_mock.vehicle.state import VehicleState
 
 
 class EventTarget(Protocol):

@@ -1,0 +1,1 @@
+"""Stored plans in flight: the legs of a mission, and violations of a fence."""
