@@ -62,6 +62,7 @@ def run(
     Regret is what a player loses against the game's exact value, s in PE, m in TAD; it is negative where the opponent
     lost more. The intervals in brackets hold with 95 % (bootstrap). States, games and intervals depend on the seed
     only, so a second run prints the same. A policy that raises or returns NaN loses its game as failed.
+    A failed or undecided game also costs the remaining value, and no less than a lost game.
 
     `--out` writes the table as JSON, a picture (extra `plot`) and the worst states of the policy as scenarios, which
     `guidance scenario show`, `guidance scenario run` and `guidance fly` take.
@@ -77,6 +78,7 @@ def run(
     """
     from guidance.league import contest as contests  # noqa: PLC0415 - slow imports
     from guidance.league import results, team_contest  # noqa: PLC0415
+    from guidance.sim.scenario import WIND_WORDS  # noqa: PLC0415
     from guidance.sim.scenario_file import load_any  # noqa: PLC0415
     from guidance.sim.teams import TeamScenario  # noqa: PLC0415
 
@@ -100,6 +102,8 @@ def run(
     contest = contests.contest_of(played_scenario, policy, side, games, seed)
     target = console(stderr=as_json)
     target.print(headed(played_scenario.title, f"  ({path.name}, {games} games, seed {seed})"))
+    if any(contest.scenario.wind.velocity_m_s):
+        target.print(f"wind     {WIND_WORDS}", style="yellow", soft_wrap=True)
     total = len(contest.players) * len(contest.opponents)
     played = list(counted(contests.play_all(contest), "playing", total))
     text = json.dumps(results.document_of(contest, played), indent=1) + "\n"

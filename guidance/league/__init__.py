@@ -5,11 +5,15 @@ Environments, which need the extra `league` (Gymnasium, PettingZoo):
     PursuitEnv: one such game.
     PursuitParallelEnv: both sides of a game, or all players of two teams, as PettingZoo's agents.
 
+Where Gymnasium is installed, importing this package registers the id "Pursuit-v0". `gymnasium.make("Pursuit-v0")` and
+`gymnasium.make_vec("Pursuit-v0", num_envs=64)` take the environments' arguments; the default scenario is "pe".
+
 `guidance.strategies.own` has the columns of observations and actions. A policy is a function of observations (n, k)
 that returns actions (n, a); the same function plays in `guidance league run`, in scenarios and in flight.
 """
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final
 
 from guidance.extras import require_extras
@@ -37,3 +41,14 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the environments
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     require_extras(f"guidance.league.{name}", "league")
     return getattr(import_module(f"{__name__}.{_ENVIRONMENTS[name]}"), name)
+
+
+if find_spec("gymnasium") is not None:
+    import gymnasium
+
+    gymnasium.register(
+        "Pursuit-v0",
+        "guidance.league:PursuitEnv",
+        vector_entry_point="guidance.league:PursuitVectorEnv",
+        kwargs={"scenario": "pe"},
+    )

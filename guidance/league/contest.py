@@ -1,9 +1,9 @@
 """The league: policies of one side against policies of the other, on common random states.
 
 Every pair plays the same states, as point masses in `guidance.sim.maths`. The loss of a game is the change of its
-score (`guidance.league.play`) from the first state to the end: the regret of a game that is decided, and what had been
-lost by its end of one that is not. All numbers depend on the scenario and the seed only, bit for bit, on one machine
-with one version of NumPy.
+score (`guidance.league.play`) from the first state to the end. A game that the player leaves without a winner also
+costs the remaining value, and no less than a lost game. All numbers depend on the scenario and the seed only, bit for
+bit, on one machine with one version of NumPy.
 """
 
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ from guidance.game import EVADER_POLICIES, PURSUER_POLICIES, Cylinder, End
 from guidance.game.records import rows_of
 from guidance.league.laws import FRPN, FRPN_LEVEL
 from guidance.league.play import losses_of
-from guidance.league.sides import Side
+from guidance.league.sides import Side, with_flown_speeds
 from guidance.league.states import (
     States,
     arena_of,
@@ -70,7 +70,7 @@ class Row(NamedTuple):
         opponent: Policy of the other side.
         games: Number of games.
         won: Share that the player won.
-        failed: Number of games that its policy, or the sensor, ended without a winner.
+        failed: Number of games that a policy without an answer, or the sensor, ended without a winner.
         undecided: Number of games that the time limit ended.
         median: Regret of half of the games, s (PE) or m (TAD).
         p95: Regret of 95 % of the games.
@@ -112,6 +112,8 @@ class Contest(NamedTuple):
 def contest_of(scenario: Scenario, policy: str, side: str, games: int, seed: int) -> Contest:
     """Return the contest of a policy and the built-in strategies of its side; the policy is loaded and tried.
 
+    The pursuer has the speed set of the scenario's flight.
+
     Raises:
         ConfigError: If the policy is unknown or does not fit the game, or an argument is out of range.
     """
@@ -119,6 +121,7 @@ def contest_of(scenario: Scenario, policy: str, side: str, games: int, seed: int
         raise ConfigError(f"--side {side}: must be {PURSUER} or {EVADER}")
     if not 1 <= games <= 1 << 24:
         raise ConfigError(f"--games {games}: must be from 1 to {1 << 24}")
+    scenario = with_flown_speeds(scenario)
     states = random_states(arena_of(scenario), seeds_of(seed, games))
     fast_response = FRPN_LEVEL if scenario.pursuer.speed_set == Cylinder.name else FRPN
     pursuers = built_in_policies(scenario, tuple(PURSUER_POLICIES), (PROPORTIONAL, fast_response))
@@ -165,7 +168,7 @@ def play_pair(contest: Contest, player: str, opponent: str) -> PlayedPair:
     for start in range(0, count, ROWS):
         part = slice(start, start + ROWS)
         batch = batch_at(arena.template, rows_of(contest.states, itemgetter(part)))
-        chunk = losses_of(arena, batch, moments(batch))
+        chunk = losses_of(arena, batch, moments(batch), contest.side)
         loss[part] = chunk.loss
         value[part] = chunk.value
         end[part] = chunk.end

@@ -11,7 +11,14 @@ from guidance.errors import ConfigError
 from guidance.game import End
 from guidance.league.gymnasium_envs import spaces_of
 from guidance.league.play import WINNERS, Games
-from guidance.league.sides import SIDES, STEP_S, Side, require_steps
+from guidance.league.sides import (
+    SIDES,
+    STEP_S,
+    Side,
+    require_steps,
+    warn_of_long_steps,
+    with_flown_speeds,
+)
 from guidance.league.states import arena_of, seeds_of
 from guidance.league.teams import TeamScenarioGame
 from guidance.sim.batch import Array
@@ -97,12 +104,14 @@ class PursuitParallelEnv(ParallelEnv):
         return self._game.observations(self.agents), self._game.infos(self.agents)
 
     def step(self, actions: ByAgent) -> tuple[ByAgent, ByAgent, ByAgent, ByAgent, ByAgent]:
-        """Hold an action of each agent that plays.
+        """Hold an action of each agent that plays; after the end nobody does, and all results are empty.
 
         Raises:
             ConfigError: If an agent has no action, or one that is no finite real numbers of its space's shape.
         """
         playing = self.agents
+        if not playing:  # as PettingZoo's own environments after the end
+            return {}, {}, {}, {}, {}
         velocities = {agent: self._velocity(agent, actions) for agent in playing}
         rewards = self._game.step(velocities)
         ends = {agent: self._game.ended(agent) for agent in playing}
@@ -131,9 +140,12 @@ class _Duel:
     """A game of two players, steered by both."""
 
     def __init__(self, scenario: Scenario, step_s: float, *, between_points: bool) -> None:
-        standing = with_policies(scenario, pursuer="hold", evader="hold")
+        played = scenario if between_points else with_flown_speeds(scenario)
+        standing = with_policies(played, pursuer="hold", evader="hold")
         arena = arena_of(standing, between_points=between_points)
         self._sides = {name: Side(name, arena) for name in SIDES}
+        for side in self._sides.values():
+            warn_of_long_steps(side, step_s)
         self._games = Games(arena, seeds_of(0, 1), step_s)
         self.agents = SIDES
 

@@ -23,12 +23,13 @@ from guidance.game.team.rollout import (
     step_of,
 )
 from guidance.league.play import LEAST_S
+from guidance.league.sides import ROUNDING
 from guidance.sim.batch import Array
 from guidance.sim.scenario import EVADER, PURSUER
 from guidance.sim.team_policies import observed_by
 from guidance.sim.teams import TeamScenario, game_of, teams_of
 from guidance.strategies import bounded
-from guidance.strategies.own import EVADER_SHARES, PURSUER_SHARES
+from guidance.strategies.own import EVADER_SHARES, PURSUER_SHARES, shares_of
 
 ByAgent = dict[str, Any]
 
@@ -104,9 +105,9 @@ class TeamScenarioGame:
         high = [away_m, *other_players]
         if self._T is not None:
             high += [away_m, away_m]
-        upper = np.array(high)
+        upper = (1.0 + ROUNDING) * np.array(high)
         observation = Box(-upper, upper, dtype=np.float64)
-        return observation, Box(-1.0, 1.0, (shares,), np.float64)
+        return observation, Box(-1.0, 1.0, (shares,), np.float32)
 
     def velocity(self, agent: str, action: Any) -> Array:  # noqa: ANN401 - as given
         """Return the velocity of an action, (3,).
@@ -126,7 +127,7 @@ class TeamScenarioGame:
         if not np.isfinite(numbers).all():
             raise ConfigError(f"actions[{agent!r}] = {numbers.tolist()}: {allowed}")
         velocity = np.zeros(3)
-        velocity[:shares] = numbers
+        velocity[:shares] = shares_of(numbers)
         speed_m_s = float(self._speeds_m_s[number])
         return speed_m_s * bounded(velocity, 1.0)
 

@@ -84,7 +84,7 @@ class EvaderPilot:
             P = np.array(min(pursuers_game_m, key=lambda pursuer: math.dist(pursuer, position)))
             E = np.array((*position[:2], 0.0))
             memory = StrategyMemory(self._seen_m_s(now_s, P), now_s - self._began_s)
-            self._last_m_s = evade(
+            asked_m_s = evade(
                 self._strategy,
                 self._game,
                 P,
@@ -93,6 +93,8 @@ class EvaderPilot:
                 memory,
                 last_m_s=self._last_m_s,
             )
+            # A policy without an answer stands still, and the pursuer's flight goes on
+            self._last_m_s = np.where(np.isfinite(asked_m_s), asked_m_s, 0.0)
             x, y, _ = self._last_m_s.tolist()
             self.link.send_setpoint(Setpoint(ned_from_game(Enu((x, y, 0.0)))))
             self._stood_s = -math.inf

@@ -88,8 +88,9 @@ class BatchMoment(NamedTuple):
         lost_s: Waiting time for a report.
         standoff_m: Least horizontal distance so far.
         altitude_m: Least height above the evader's plane so far.
-        happened: Which of `LIMITS` have held the pursuer back, whether the evader was ever lost, and whether it was too
-            fast for a game, (n, 5).
+        happened: Which of `LIMITS` have held the pursuer back, whether the evader was ever lost, whether the pursuer
+            had no velocity, because the evader is too fast for a game or a user's policy has no answer, and whether the
+            evader's policy had none, (n, 6).
         end: `End`; NO_ANSWER is a failure.
     """
 
@@ -151,7 +152,7 @@ def moment_of_engagement(batch: Batch) -> BatchMoment:
         knowledge = first_knowledge(sensor, E)
     elif batch.pursuer.name == PROPORTIONAL:
         turning_rad_s = np.zeros_like(P)
-    nothing_happened = np.zeros((count, len(LIMITS) + 2), dtype=bool)
+    nothing_happened = np.zeros((count, len(LIMITS) + 3), dtype=bool)
     still_running = np.zeros(count, dtype=np.int8)
     return BatchMoment(
         now_s=zero_s,
@@ -205,9 +206,9 @@ def _one_by_one(arrays: Any) -> Iterator[Any]:  # noqa: ANN401 - a named tuple
 def ends_of(batch: Batch, moment: BatchMoment, ahead: Ahead) -> NDArray[np.int8]:
     """Return the end of each game; a capture counts before an arrival at the same time."""
     now = np.where(moment.now_s >= batch.limit_s, End.TIME_UP, End.RUNNING)
-    has_no_game = moment.happened[:, -1]
+    has_no_answer = moment.happened[:, -2:].any(axis=1)
     lost_too_long = moment.lost_s >= LIMITS_S[State.PAUSED]
-    now = np.where(has_no_game | lost_too_long, End.NO_ANSWER, now)
+    now = np.where(has_no_answer | lost_too_long, End.NO_ANSWER, now)
     now = np.where(ahead.arrival_s <= NANOSECOND_S, End.ARRIVED, now)
     now = np.where(ahead.capture_s <= NANOSECOND_S, End.CAPTURED, now)
     was_running = moment.end == End.RUNNING
@@ -221,6 +222,9 @@ def _advance(batch: Batch, moment: BatchMoment, ahead: Ahead) -> BatchMoment:
     v, w = first[:2]
     no_game = ~np.isfinite(v[:, 0])
     v[no_game | waiting] = 0.0
+    no_run = ~np.isfinite(w[:, 0])
+    if no_run.any():
+        w[no_run] = 0.0
     captured_s = _captured_s(batch, moment, v - w)
     smooth_s = _smooth_s(batch, moment, ahead, first, captured_s)
     longest_s = np.maximum(CYCLE_S, smooth_s)
@@ -228,11 +232,15 @@ def _advance(batch: Batch, moment: BatchMoment, ahead: Ahead) -> BatchMoment:
     is_long = h > CYCLE_S
     if is_long.any():
         mean = _mean_slope(batch, moment, h, first)
+        # A policy without an answer within the step is asked again after a cycle
+        has_answers = np.isfinite(mean[0] + mean[1]).all(axis=1)
+        is_long &= has_answers
+        h = np.where(has_answers, h, np.minimum(h, CYCLE_S))
         slope = tuple(
             np.where(is_long[:, None], average, before)
             for average, before in zip(mean, first, strict=True)
         )
-    moved = _moved(batch, moment, h, slope, (waiting, no_game))
+    moved = _moved(batch, moment, h, slope, (waiting, no_game, no_run))
     return moved._replace(flown_m_s=v, run_m_s=w)
 
 
@@ -266,11 +274,14 @@ def advance_held(
     stopped = no_game | waiting
     if stopped.any():
         v = np.where(stopped[:, None], 0.0, v)
+    no_run = ~np.isfinite(w[:, 0])
+    if no_run.any():
+        w = np.where(no_run[:, None], 0.0, w)
     ahead = ahead._replace(arrival_s=_arrived_s(batch, moment, w))
     captured_s = _captured_s(batch, moment, v - w)
     h = _step_s(batch, moment, ahead, captured_s, longest_s)
     slope = (v, w, *turn)
-    moved = _moved(batch, moment, h, slope, (waiting, no_game))
+    moved = _moved(batch, moment, h, slope, (waiting, no_game, no_run))
     return moved._replace(flown_m_s=v, run_m_s=w)
 
 
@@ -290,18 +301,21 @@ def _moved(
     moment: BatchMoment,
     step_s: Array,
     slope: Slope,
-    troubles: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+    troubles: tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]],
 ) -> BatchMoment:
-    """Return the moment after a step, inside the limits; `troubles` is who waits for a report, and who has no game."""
+    """Return the moment after a step, inside the limits.
+
+    `troubles` is which pursuers wait for a report, which have no velocity, and which evaders have none, (n,) each.
+    """
     pursuer_m_s, evader_m_s, *turn_rad_s = slope
     steps_s = step_s[:, None]
     P, at_limits = _held_back(batch, moment.pursuer_m + steps_s * pursuer_m_s)
     E = moment.evader_m + steps_s * evader_m_s
-    waiting, no_game = troubles
+    waiting, no_game, no_run = troubles
     lost_s = np.where(waiting, moment.lost_s + step_s, 0.0)
     standoff_m = np.minimum(moment.standoff_m, _level(P - E))
     altitude_m = np.minimum(moment.altitude_m, P[:, 2])
-    happening = np.stack([*at_limits, waiting, no_game], axis=-1)
+    happening = np.stack([*at_limits, waiting, no_game, no_run], axis=-1)
     return moment._replace(
         now_s=moment.now_s + step_s,
         pursuer_m=P,
@@ -532,20 +546,17 @@ def _promised(scenario: Scenario, first: Any) -> str:  # noqa: ANN401 - one row
     return winner_name(first.winner)
 
 
-def _failure(scenario: Scenario, *, no_game: bool) -> Event:
-    """Return why a game has no end."""
-    if not no_game:
-        return Event.EVADER_LOST
-    return Event.POLICY_FAILED if is_own(scenario.pursuer.policy) else Event.NO_GAME
-
-
 def _outcome(scenario: Scenario, first: Any, last: Any) -> Outcome:  # noqa: ANN401 - one row each
     """Return the outcome of one game, from its solution at engagement and its last moment."""
     end = _NAMES[last.end]
-    *limits_met, lost, no_game = last.happened
-    failure = _failure(scenario, no_game=no_game)
-    has_no_game = no_game and failure is Event.NO_GAME
-    has_failed_policy = no_game and failure is Event.POLICY_FAILED
+    *limits_met, lost, no_velocity, no_run = last.happened
+    has_failed_policy = no_run or (no_velocity and is_own(scenario.pursuer.policy))
+    has_no_game = no_velocity and not has_failed_policy
+    failure = Event.EVADER_LOST
+    if has_failed_policy:
+        failure = Event.POLICY_FAILED
+    elif has_no_game:
+        failure = Event.NO_GAME
     happened = (lost, has_no_game, end == "captured", end == "arrived", has_failed_policy)
     limits = itertools.compress(LIMITS, limits_met)
     events = itertools.compress(_EVENTS, happened)

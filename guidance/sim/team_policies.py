@@ -13,7 +13,7 @@ from guidance.errors import ConfigError
 from guidance.game.arrays import Array
 from guidance.game.speed_sets import bounded
 from guidance.game.team import TeamRule, TeamView
-from guidance.strategies.own import PURSUER_SHARES, PolicyError, action_of, load_policy
+from guidance.strategies.own import PURSUER_SHARES, PolicyError, action_of, load_policy, shares_of
 
 
 def observed_by(
@@ -83,6 +83,6 @@ def own_rule(name: str) -> TeamRule:
         speed_m_s = np.asarray(view.game.pursuer.horizontal_m_s)
         if speed_m_s.ndim:
             speed_m_s = speed_m_s[..., 0, None]
-        return np.asarray(speed_m_s * bounded(action, 1.0).reshape(P.shape))
+        return np.asarray(speed_m_s * bounded(shares_of(action), 1.0).reshape(P.shape))
 
     return TeamRule(name, play)

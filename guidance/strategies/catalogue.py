@@ -98,7 +98,7 @@ def evade(
     """Return the evader's velocity, (..., 3), m/s.
 
     Args:
-        strategy: Of `EVADER_STRATEGIES`, or a user's policy, which stands still where it has no answer.
+        strategy: Of `EVADER_STRATEGIES`, or a user's policy, which gives NaN where it has no answer.
         game: The game.
         pursuer: P, (..., 3), m.
         evader: E, (..., 3), m.

@@ -12,7 +12,7 @@ Observations of the pursuer, in m and m/s in the game frame (x east, y north, z 
 |---|---|
 | 0, 1, 2 | centre of the stand-off disc about the evader, as the pursuer knows it, relative to the pursuer |
 | 3, 4 | velocity of the evader, as the pursuer knows it |
-| 5, 6, 7 | velocity that the pursuer asked for last |
+| 5, 6, 7 | velocity over the ground that the pursuer asked for last |
 | 8, 9 | TAD only: position of the target relative to the pursuer |
 
 Observations of the evader, which sees the pursuer exactly:
@@ -20,13 +20,14 @@ Observations of the evader, which sees the pursuer exactly:
 | columns | quantity |
 |---|---|
 | 0, 1, 2 | position of the pursuer relative to the centre of the stand-off disc about the evader |
-| 3, 4, 5 | velocity of the pursuer |
-| 6, 7 | velocity that the evader ran last |
+| 3, 4, 5 | velocity over the ground of the pursuer |
+| 6, 7 | velocity that the evader asked for last |
 | 8, 9 | TAD only: position of the target relative to the evader |
 
 Actions are shares of the speeds through the air, from −1 to 1: of the pursuer (x, y, z), of the evader (x, y). Those of
 x and y are of the horizontal speed, that of z is of the climb or, if it is negative, of the descent. A velocity beyond
-the speed set is brought into it: a Ball's is shortened as a whole, a Cylinder's level part by itself.
+the speed set is brought into it: a Ball's is shortened as a whole, a Cylinder's level part by itself. A policy that
+raises, or whose answer is not finite, has no answer: its game is over as failed, whichever side it plays.
 """
 
 import ast
@@ -60,6 +61,9 @@ TARGET_COLUMNS: Final = 2
 PURSUER_SHARES: Final = 3
 EVADER_SHARES: Final = 2
 """Columns of an action."""
+
+LARGEST_SHARE: Final = 1e100
+"""Larger shares count as this one, because their squares would not be finite."""
 
 _WORD: Final = "[A-Za-z_][A-Za-z0-9_]*"
 FORM: Final = rf"^([^:\0]+\.py|{_WORD}(\.{_WORD})*):{_WORD}(\({_WORD}=[^()\0]+\))?$"
@@ -275,7 +279,7 @@ def observe_pursuit(
         pursuer_m: (n, 3).
         evader_m: As the pursuer knows it, (n, 3).
         evader_m_s: As the pursuer knows it, (n, 3).
-        last_m_s: Velocity that the pursuer asked for last, (n, 3).
+        last_m_s: Velocity over the ground that the player asked for last, (n, 3).
         target_m: (n, 3), or None in PE.
     """
     observations = _blank(len(pursuer_m), target_m)
@@ -318,12 +322,18 @@ def _fill(observations: Array, first: int, columns: Array) -> None:
         observations[:, first + number] = columns[:, number]
 
 
+def shares_of(action: Array) -> Array:
+    """Return the shares of an action, small enough to be squared; NaN stays NaN."""
+    return np.clip(np.asarray(action, dtype=np.float64), -LARGEST_SHARE, LARGEST_SHARE)
+
+
 def pursuer_velocity(game: Game, action: Array) -> Array:
     """Return the velocity over the ground, (n, 3), m/s, of a pursuer's action (n, 3); NaN stays NaN."""
     speeds = game.pursuer
     level_m_s = _speed_rows(speeds.horizontal_m_s)
-    share = action[:, 2]
-    commanded_m_s = action * level_m_s[:, None]
+    shares = shares_of(action)
+    share = shares[:, 2]
+    commanded_m_s = shares * level_m_s[:, None]
     commanded_m_s[:, 2] = share * np.where(share > 0.0, speeds.climb_m_s, speeds.descent_m_s)
     velocity = speeds.flyable(commanded_m_s)
     if not game.calm:
@@ -336,7 +346,7 @@ def evader_velocity(game: Game, action: Array) -> Array:
     """Return the velocity, (n, 3), m/s, of an evader's action (n, 2)."""
     velocity = np.zeros((len(action), 3))
     speed_m_s = _speed_rows(game.evader_speed_m_s)
-    _fill(velocity, 0, action * speed_m_s[:, None])
+    _fill(velocity, 0, shares_of(action) * speed_m_s[:, None])
     return bounded(velocity, speed_m_s)
 
 
@@ -361,7 +371,7 @@ def asked_pursuit(
     except PolicyError:
         return np.full(pursuer_m.shape, np.nan)
     velocity = pursuer_velocity(game, action)
-    velocity[~np.isfinite(velocity).all(axis=1)] = np.nan
+    velocity[~np.isfinite(action).all(axis=1)] = np.nan
     return velocity
 
 
@@ -374,7 +384,7 @@ def asked_evasion(
     pursuer_m_s: Array | None,
     last_m_s: Array | None,
 ) -> Array:
-    """Return the velocities, (..., 3), m/s, that a user's policy asks for; zero where it has no answer."""
+    """Return the velocities, (..., 3), m/s, that a user's policy asks for; NaN where it has no answer."""
     if evader_m.ndim == 1:  # one state, in flight
         velocity_m_s = None if pursuer_m_s is None else pursuer_m_s[None]
         last = None if last_m_s is None else last_m_s[None]
@@ -388,9 +398,9 @@ def asked_evasion(
     try:
         action = action_of(name, load_policy(name), observation, EVADER_SHARES)
     except PolicyError:
-        return still
+        return np.full(evader_m.shape, np.nan)
     velocity = evader_velocity(game, action)
-    velocity[~np.isfinite(velocity).all(axis=1)] = 0.0
+    velocity[~np.isfinite(action).all(axis=1)] = np.nan
     return velocity
 
 

@@ -7,8 +7,11 @@ from typer.testing import CliRunner
 from guidance.cli.program import app
 from guidance.errors import ConfigError
 from guidance.game import End
-from guidance.league.contest import contest_of, play_pair, scenario_of_game, worst_rows
+from guidance.league.contest import TRIAL, contest_of, play_pair, scenario_of_game, worst_rows
 from guidance.league.laws import FRPN, FRPN_LEVEL, frpn, frpn_level
+from guidance.league.states import arena_of, batch_at
+from guidance.sim.batch import stack
+from guidance.sim.maths import opening as opening_of
 from guidance.sim.maths import play_scenarios
 from guidance.sim.scenario_file import load_scenario
 from guidance.strategies import own
@@ -73,7 +76,7 @@ def test_the_worst_game_as_a_scenario_has_the_same_regret(game, policy_file):
 
 def test_every_built_in_strategy_plays_beside_the_policy_and_against_it(policy_file):
     contest = contest_of(load_scenario("pe")[1], "policy.py:choose", "pursuer", 2, 7)
-    built_in = ("optimal", "pure_pursuit", "lead_pursuit", "proportional_navigation", FRPN)
+    built_in = ("optimal", "pure_pursuit", "lead_pursuit", "proportional_navigation", FRPN_LEVEL)
     assert contest.players == ("policy.py:choose", *built_in)
     assert contest.opponents == ("optimal", "pure_evade", "random_turns", "hold")
 
@@ -130,6 +133,88 @@ def test_what_cannot_be_played_is_refused_before_any_game(words, expected, polic
     assert isinstance(result.exception, ConfigError)
     with pytest.raises(ConfigError, match=expected):
         raise result.exception
+
+
+def registered(name, columns, answer):
+    """Register a policy that answers the trial, and in games `answer`."""
+
+    def choose(observation):
+        if len(observation) == TRIAL:
+            return np.zeros((len(observation), columns))
+        return np.full((len(observation), columns), answer)
+
+    own.register(name, choose)
+    return name
+
+
+@pytest.mark.parametrize("game", ["pe", "tad", "hover_chase"])
+@pytest.mark.parametrize(("side", "columns"), [("pursuer", 3), ("evader", 2)])
+def test_quitting_costs_the_remaining_value_and_never_less_than_playing_badly(game, side, columns):
+    name = registered("tests.quits:policy", columns, np.nan)
+    contest = contest_of(load_scenario(game)[1], name, side, 40, 7)
+    quits = play_pair(contest, name, "optimal")
+    opening = opening_of(batch_at(arena_of(contest.scenario).template, contest.states))
+    assert quits.row.failed == 40
+    assert (quits.regret >= opening.value - 0.05).all()  # it fails after a cycle
+    won_by_player = opening.winner > 0 if side == "pursuer" else opening.winner < 0
+    for other in ("pure_pursuit", "optimal") if side == "pursuer" else ("pure_evade", "optimal"):
+        if other != "pure_evade" or game != "tad":
+            plays = play_pair(contest, other, "optimal")
+            finished = won_by_player & (plays.end != End.TIME_UP)
+            assert (quits.regret >= plays.regret - 1e-9)[finished].all()
+
+
+def test_a_pursuer_that_only_waits_pays_for_the_time_limit_and_the_remaining_value():
+    name = registered("tests.waits:policy", 3, 0.0)
+    scenario = load_scenario("hover_chase")[1].model_copy(update={"time_limit_s": 20.0})
+    contest = contest_of(scenario, name, "pursuer", 10, 7)
+    waits = play_pair(contest, name, "hold")
+    arena = arena_of(contest.scenario)
+    value_s = opening_of(batch_at(arena.template, contest.states)).value
+    assert (waits.end == End.TIME_UP).all()
+    # The evader stands, so the value at the end is that of the start
+    assert waits.regret == pytest.approx(float(arena.template.limit_s) + value_s, abs=1e-6)
+
+
+def test_a_pursuer_does_not_pay_for_an_evader_without_an_answer():
+    name = registered("tests.lost:evader", 2, np.nan)
+    contest = contest_of(load_scenario("pe")[1], "optimal", "pursuer", 8, 1)
+    played = play_pair(contest, "optimal", name)
+    assert played.row.failed == 8
+    assert (np.abs(played.regret) < 0.05).all()
+
+
+@pytest.mark.parametrize("size", [1e308, 1e200, 1e6])
+@pytest.mark.parametrize(("side", "columns"), [("pursuer", 3), ("evader", 2)])
+def test_a_huge_action_is_flown_at_full_speed(size, side, columns):
+    scenario = load_scenario("hover_chase")[1].model_copy(update={"time_limit_s": 10.0})
+    contest = contest_of(scenario, "optimal", side, 8, 1)
+    huge = play_pair(contest, registered("tests.huge:policy", columns, size), "optimal")
+    full = play_pair(contest, registered("tests.full:policy", columns, 1.0), "optimal")
+    assert huge.row.failed == 0
+    assert (huge.end == full.end).all()
+    assert huge.regret == pytest.approx(full.regret, abs=1e-6)
+
+
+def test_the_league_plays_the_speed_set_of_the_flight():
+    scenario = load_scenario("pe")[1]
+    assert scenario.pursuer.speed_set is None
+    contest = contest_of(scenario, "optimal", "pursuer", 4, 7)
+    assert contest.scenario.pursuer.speed_set == scenario.as_flown().pursuer.speed_set
+    played = play_pair(contest, "optimal", "optimal")
+    written = scenario_of_game(contest, played.row, 0)
+    assert stack([written]).game == stack([written.as_flown()]).game
+    named = scenario.model_copy(
+        update={"pursuer": scenario.pursuer.model_copy(update={"speed_set": "ball"})}
+    )
+    assert contest_of(named, "optimal", "pursuer", 4, 7).players[-1] == FRPN
+
+
+def test_the_league_says_where_its_game_is_not_the_flights(monkeypatch):
+    monkeypatch.setattr("guidance.league.contest.built_in_policies", lambda *_: ("optimal",))
+    result = run("optimal", "--games", "1", "--scenario", "wind")
+    assert "in flight no player knows it" in result.output
+    assert "in flight" not in run("optimal", "--games", "1", "--scenario", "hover_chase").output
 
 
 def test_a_policy_without_an_answer_loses_its_game_as_failed():
