@@ -43,6 +43,10 @@ def measured(scenario, side, environments, steps, *, between_points):
     for number in range(2 * steps):
         velocity = optimal()
         action = velocity[:, :columns] / SPEEDS_M_S[side]
+        if side == "pursuer":
+            speeds = games.batch.game.pursuer
+            rates_m_s = np.where(velocity[:, 2] > 0.0, speeds.climb_m_s, speeds.descent_m_s)
+            action[:, 2] = velocity[:, 2] / rates_m_s
         began_s = time.process_time()
         if number % 2:
             environment.step(action)
