@@ -189,6 +189,7 @@ class Stage:
         chase_began_s: When the present chase began.
         operator_s: Time of the operator's last order or sign of life.
         battery_was_low: Whether the operator ordered the hold with a low or unknown battery; it stands then.
+        may_be_armed: Whether guidance has asked for arming, or the start order was given to an armed vehicle.
     """
 
     state: State = State.CONNECTING
@@ -200,6 +201,7 @@ class Stage:
     chase_began_s: float = 0.0
     operator_s: float = math.inf
     battery_was_low: bool = False
+    may_be_armed: bool = False
 
 
 class Moment(NamedTuple):
@@ -237,7 +239,10 @@ def _conditions(now: Moment) -> Iterator[tuple[Event, bool]]:
     tracking = heard.tracking
     playing = stage.state in SETPOINT_STATES
     # Who commands the vehicle, and whether it is in contact.
-    yield Event.PILOT, shows_strange_mode(now) and not _waits_for_pilot(now)
+    yield (
+        Event.PILOT,
+        _armed_by_another(now) or (shows_strange_mode(now) and not _waits_for_pilot(now)),
+    )
     yield Event.REBOOTED, vehicle.reboots != stage.reboots_seen
     yield Event.TELEMETRY_LOST, _telemetry_lost(now)
     yield Event.DISARMED, _disarmed(now)
@@ -395,6 +400,12 @@ def shows_strange_mode(now: Moment) -> bool:
     return True
 
 
+def _armed_by_another(now: Moment) -> bool:
+    """Whether somebody armed it between the last HEARTBEAT before the start order and our request to arm."""
+    arming = now.stage.state is State.ARMING
+    return arming and now.heard.vehicle.armed and not now.stage.may_be_armed
+
+
 def _waits_for_pilot(now: Moment) -> bool:
     """Whether any mode is allowed, because the pilot's switch to the guided mode begins the game."""
     waiting = {State.STANDING_BY, State.OUT_OF_CONTACT}
@@ -487,6 +498,8 @@ def _clear(now: Moment) -> bool:
 def _pilot_words(now: Moment) -> str:
     mode = Mode.OTHER if now.heard.mode is None else now.heard.mode
     title = now.settings.autopilot.mode_title(mode)
+    if _armed_by_another(now):
+        return f"somebody else armed the vehicle as the start was ordered, and it is in {title}"
     return f"the vehicle is in {title}: a pilot or the autopilot chose that mode"
 
 

@@ -312,6 +312,7 @@ class Flight:
             stage.state = after
             stage.since_s = now_s
             stage.other_mode_seen = False
+            stage.may_be_armed = self.heard.vehicle.armed
             stage.resets_seen = self.heard.vehicle.resets
             stage.reboots_seen = self.heard.vehicle.reboots
             if after is State.ENGAGED and before is not State.PAUSED:

@@ -111,7 +111,7 @@ class Asking:
 
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
-        self._asked_s = self._arm_asked_s = float("-inf")
+        self._asked_s = float("-inf")
         self._beat_asked_s = self._hold_asked_s = float("-inf")
         self._handing_over = self._at_once = False
 
@@ -148,8 +148,7 @@ class Asking:
         ):
             self._asked_s = now_s
             requests = requests_in(stage.state, self._settings, heard, arms=arms)
-            if arms:
-                self._arm_asked_s = now_s
+            stage.may_be_armed |= arms
         uncertain = stage.state in {State.ARMING, State.ENTERING}
         if stage.state in SETPOINT_STATES and heard.echo.strange_s:
             uncertain = True
@@ -180,7 +179,7 @@ class Asking:
 
     def _is_due(self, stage: Stage, heard: Heard, now_s: float, *, arms: bool) -> bool:
         """Whether the state's requests are due now, for the first time or again."""
-        if arms and self._arm_asked_s < stage.since_s:
+        if arms and not stage.may_be_armed:
             return True
         if self._asked_s >= stage.since_s:
             # After a repetition the pilot's next switch is intended.

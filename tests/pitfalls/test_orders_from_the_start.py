@@ -83,6 +83,23 @@ def test_a_vehicle_that_a_pilot_armed_on_the_ground_is_not_started(sortie, autop
     assert not {22, 176, 400} & set(commands)
 
 
+def test_a_vehicle_that_a_pilot_arms_just_before_the_start_order_is_left_to_the_pilot(
+    sortie, autopilot
+):
+    flight = sortie(autopilot).until(State.READY)
+    while not flight.pilot.flight.heard.beats:
+        flight.cycle()
+    flight.mock.autopilot.state.arm()  # the next HEARTBEAT will show it
+    flight.cycle(Event.START)
+    assert flight.state is State.ARMING
+    flight.until(State.YIELDED, limit_s=2.5)
+    ground_m = height_m(flight)
+    sent = len(flight.sent)
+    flight.run(20.0)
+    assert height_m(flight) == pytest.approx(ground_m, abs=0.05)
+    assert {one.name for one in flight.sent[sent:]} <= {"HEARTBEAT", "TIMESYNC"}
+
+
 def test_a_pilots_hold_in_the_climb_is_left_alone(sortie, autopilot):
     flight = sortie(autopilot).until(State.READY)
     flight.cycle(Event.START)
