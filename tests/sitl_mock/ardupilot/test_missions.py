@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from tests.sitl_mock.test_missions import item, reached, upload
+from tests.sitl_mock.missions.test_missions import item, reached, upload
 
 ACCEPTED = 0
 UNSUPPORTED = 3

@@ -15,7 +15,7 @@ from sitl_mock.faults.queryable import answer, read_request
 from sitl_mock.mavlink import SPEC_BY_ID, Decoder, Encoder, Signing
 from sitl_mock.transports.disturbance import RETRY_S, Disturbances
 from sitl_mock.transports.udp import UdpEndpoint
-from tests.sitl_mock.hostile import HostileTraffic
+from tests.sitl_mock.vehicle.hostile import HostileTraffic
 
 
 class Router:

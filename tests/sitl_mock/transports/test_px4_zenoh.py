@@ -23,7 +23,7 @@ from sitl_mock.transports import Arrival
 from sitl_mock.transports.px4_zenoh import LINK, Px4ZenohEndpoint, key_of
 from sitl_mock.transports.zenoh_session import configuration, free_port
 
-EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "px4_mode.py"
+EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "px4_mode.py"
 SEEN = {
     (
         "out",

@@ -12,8 +12,8 @@ from pymavlink.dialects.v20 import all as dialect
 from sitl_mock.mavlink import MAX_FRAME, SPEC_BY_ID, Decoder, Encoder, Signing
 from sitl_mock.vehicle.mock_vehicle import MockVehicle
 from tests.harness.examples import drawn
-from tests.sitl_mock.hostile import TARGETS, WRONG_KEY, HostileTraffic
-from tests.sitl_mock.newer_messages import NEWER
+from tests.sitl_mock.vehicle.hostile import TARGETS, WRONG_KEY, HostileTraffic
+from tests.sitl_mock.vehicle.newer_messages import NEWER
 
 KEY = bytes(range(32))
 FLAVOURS = ("px4", "arducopter", "rover")
