@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.missions.flight import violated
+from sitl_mock.missions.fence import violated
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Final
 
 from sitl_mock.ardupilot.fence import contains
 from sitl_mock.dynamics.shaping import root_law
-from sitl_mock.missions.flight import inclusion_polygons
+from sitl_mock.missions.fence import inclusion_polygons
 from sitl_mock.protocols import PlanItem, PlanKind, PlanStore
 from sitl_mock.protocols.plan import CIRCLES, POLYGONS
 from sitl_mock.vector import Vector

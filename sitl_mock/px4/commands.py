@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sitl_mock.missions.flight import violated
+from sitl_mock.missions.fence import violated
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, is_on_earth
 from sitl_mock.px4 import failures
 from sitl_mock.px4.external_modes import NAME_OF

@@ -10,7 +10,7 @@ from enum import IntEnum
 from functools import cache
 from typing import Final, NamedTuple
 
-from sitl_mock.missions.flight import violated
+from sitl_mock.missions.fence import violated
 from sitl_mock.parameters.calibrated_sensors import uncalibrated
 from sitl_mock.protocols import PlanStore
 from sitl_mock.vehicle.modes import Mode, Need
