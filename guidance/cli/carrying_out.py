@@ -70,7 +70,10 @@ def carried_out(
             if last_states.get(name) != state:
                 last_states[name] = state
                 typer.echo(f"{name}: {state}", err=True)
-        if not any(_is_under_way(order, status, aim) for status in statuses):
+        if not any(
+            not _is_done(order, status, aim) and status.get("state") in aim.under_way
+            for status in statuses
+        ):
             return [_final_answer(order, status, aim) for status in statuses]
         sleep(POLL_S)
 
@@ -81,10 +84,6 @@ def _is_done(order: str, status: Answer, aim: OrderStates) -> bool:
     if order == "engage" and status.get("cause") in CAPTURED:
         return True
     return status.get("state") in aim.done
-
-
-def _is_under_way(order: str, status: Answer, aim: OrderStates) -> bool:
-    return not _is_done(order, status, aim) and status.get("state") in aim.under_way
 
 
 def _final_answer(order: str, status: Answer, aim: OrderStates) -> Answer:

@@ -153,23 +153,19 @@ def _rows(status: Status) -> Iterator[tuple[str, Cell]]:
     position = _value_words(status, "position_age_s", "{:.1f} s ago", "never")
     yield "heard", f"HEARTBEAT {beat}, position {position}"
     if status.get("height_m") is not None:
-        yield from _motion_rows(status)
+        yield "height", f"{status['height_m']:z.1f} m above home"
+        north_m, east_m, _ = map(_number, status["position_ned_m"])
+        yield "position", f"{north_m:z.1f} m north, {east_m:z.1f} m east of the origin"
+        north_m_s, east_m_s, down_m_s = map(_number, status["velocity_ned_m_s"])
+        level_m_s = math.hypot(north_m_s, east_m_s)
+        yield "speed", f"{level_m_s:.1f} m/s level, {-down_m_s:z.1f} m/s up"
+        yield "battery", _value_words(status, "battery", "{:.0%}", "not told")
     silence = _value_words(status, "evader_silence_s", "{:.1f} s ago", "never")
     yield "evader", f"heard {silence}"
     game = status.get("certificate")
     if game:
         yield from _game_rows(status, game)
     yield "record", str(status.get("recording", "-"))
-
-
-def _motion_rows(status: Status) -> Iterator[tuple[str, Cell]]:
-    yield "height", f"{status['height_m']:z.1f} m above home"
-    north_m, east_m, _ = map(_number, status["position_ned_m"])
-    yield "position", f"{north_m:z.1f} m north, {east_m:z.1f} m east of the origin"
-    north_m_s, east_m_s, down_m_s = map(_number, status["velocity_ned_m_s"])
-    level_m_s = math.hypot(north_m_s, east_m_s)
-    yield "speed", f"{level_m_s:.1f} m/s level, {-down_m_s:z.1f} m/s up"
-    yield "battery", _value_words(status, "battery", "{:.0%}", "not told")
 
 
 def _number(value: float | None) -> float:

@@ -221,7 +221,11 @@ def replay(
     if not comparison.cycles:
         raise ConfigError(f"{file}: has no cycle: nothing was replayed")
     if as_json:
-        document = _as_document(comparison, what_if=bool(changed))
+        names = ("cycles", "setpoints", "differing")
+        document = {name: getattr(comparison, name) for name in names}
+        if changed:
+            document["wanted"] = comparison.wanted._asdict()
+            document["commanded"] = comparison.commanded._asdict()
         typer.echo(json.dumps(document, indent=2))
     else:
         typer.echo(f"{comparison.cycles} cycles, {comparison.setpoints} setpoints recorded")
@@ -261,15 +265,6 @@ def _same_or_first(comparison: Comparison) -> str:
     if comparison.setpoints:
         return "every setpoint, state and request came back bit for bit"
     return "no setpoint was recorded, so none was compared; every state came back"
-
-
-def _as_document(comparison: Comparison, *, what_if: bool) -> dict[str, Any]:
-    names = ("cycles", "setpoints", "differing")
-    document = {name: getattr(comparison, name) for name in names}
-    if what_if:
-        document["wanted"] = comparison.wanted._asdict()
-        document["commanded"] = comparison.commanded._asdict()
-    return document
 
 
 def _difference(quantity: str, difference: Difference) -> str:

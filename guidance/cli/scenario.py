@@ -300,10 +300,30 @@ def facts_of(scenario: Scenario | TeamScenario) -> Iterator[tuple[str, str]]:
     game = _GAMES[scenario.game]
     if isinstance(scenario, TeamScenario):
         yield "game", f"{game}, of teams"
-        yield from _player_rows(scenario)
+        for player, groups in (("pursuers", scenario.pursuer), ("evaders", scenario.evader)):
+            for group in groups:
+                position = f"{_position_words(group.position_m)} m"
+                if group.scatter_m:
+                    position += f", scattered over {group.scatter_m:g} m"
+                speed = f"{group.speed_m_s:g} m/s"
+                yield player, f"{group.count} at {position}, {speed}, plays {group.policy}"
     else:
         yield "game", game
-        yield from _player_facts(scenario)
+        pursuer = scenario.pursuer
+        evader = scenario.evader
+        if pursuer.speed_set is None:
+            maths_speeds = speed_set_named(MATHS_SPEED_SET).of(*pursuer.speeds)
+            flight_speeds = speed_set_named(FLOWN_SPEED_SET).of(*pursuer.speeds)
+            speeds = f"{maths_speeds.words()} in mathematics, and in flight {flight_speeds.words()}"
+        else:
+            speeds = speed_set_named(pursuer.speed_set).of(*pursuer.speeds).words()
+        pursuer_place = _position_words(pursuer.position_m)
+        yield "pursuer", f"at {pursuer_place} m, {speeds}, plays {pursuer.policy}"
+        evader_place = _position_words(evader.position_m)
+        speed = f"{evader.speed_m_s:g} m/s"
+        if evader.declared_speed_m_s is not None:
+            speed += f" (declares {evader.declared_speed_m_s:g})"
+        yield "evader", f"at {evader_place} m, {speed}, plays {evader.policy}"
     target = scenario.target
     if target is not None:
         yield "target", f"at {_position_words(target.position_m)} m{_shape_words(target)}"
@@ -328,34 +348,6 @@ def _shape_words(target: Target) -> str:
     if target.radius_m:
         words += f", with {target.radius_m:g} m around"
     return words
-
-
-def _player_rows(scenario: TeamScenario) -> Iterator[tuple[str, str]]:
-    for player, groups in (("pursuers", scenario.pursuer), ("evaders", scenario.evader)):
-        for group in groups:
-            position = f"{_position_words(group.position_m)} m"
-            if group.scatter_m:
-                position += f", scattered over {group.scatter_m:g} m"
-            speed = f"{group.speed_m_s:g} m/s"
-            yield player, f"{group.count} at {position}, {speed}, plays {group.policy}"
-
-
-def _player_facts(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    pursuer = scenario.pursuer
-    evader = scenario.evader
-    if pursuer.speed_set is None:
-        maths_speeds = speed_set_named(MATHS_SPEED_SET).of(*pursuer.speeds)
-        flight_speeds = speed_set_named(FLOWN_SPEED_SET).of(*pursuer.speeds)
-        speeds = f"{maths_speeds.words()} in mathematics, and in flight {flight_speeds.words()}"
-    else:
-        speeds = speed_set_named(pursuer.speed_set).of(*pursuer.speeds).words()
-    pursuer_place = _position_words(pursuer.position_m)
-    yield "pursuer", f"at {pursuer_place} m, {speeds}, plays {pursuer.policy}"
-    evader_place = _position_words(evader.position_m)
-    speed = f"{evader.speed_m_s:g} m/s"
-    if evader.declared_speed_m_s is not None:
-        speed += f" (declares {evader.declared_speed_m_s:g})"
-    yield "evader", f"at {evader_place} m, {speed}, plays {evader.policy}"
 
 
 def _value(scenario: Scenario) -> str:

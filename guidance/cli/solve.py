@@ -93,7 +93,14 @@ def solve(
         T = (*_numbers("--target", target, 2), 0.0)
     answer = solve_game(game, P, E, T)
     if as_json:
-        record = json.dumps(_as_record(answer))
+        # JSON has no infinity and no NaN: they become null.
+        fields = {}
+        for name, field in answer._asdict().items():
+            numbers = np.where(np.isfinite(field), field, np.array(None))
+            fields[name] = numbers.tolist()
+        fields["winner"] = Winner(int(answer.winner)).word
+        fields["reason"] = Reason(int(answer.reason)).word
+        record = json.dumps(fields)
         sys.stdout.write(record + "\n")
     else:
         rows = _rows(answer, with_target=target is not None)
@@ -120,17 +127,6 @@ def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
         allowed = f"must be {count} finite numbers separated by commas"
         raise ConfigError(f"{option} = {text!r}: {allowed}")
     return numbers
-
-
-def _as_record(answer: Solution) -> dict[str, Any]:
-    """Return a single answer as plain values; infinity and NaN become null for JSON."""
-    record = {}
-    for name, field in answer._asdict().items():
-        numbers = np.where(np.isfinite(field), field, np.array(None))
-        record[name] = numbers.tolist()
-    record["winner"] = Winner(int(answer.winner)).word
-    record["reason"] = Reason(int(answer.reason)).word
-    return record
 
 
 def _rows(answer: Solution, *, with_target: bool) -> Iterator[tuple[str, str]]:

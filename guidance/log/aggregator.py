@@ -122,7 +122,16 @@ class Aggregator:
         for report in inputs.reports:
             self._add(report)
         frame = self._tracking.game_frame
-        self._place_home()
+        # Home, and a fence in degrees about it, move with the frame.
+        home_ned_m = self._tracking.home_ned_m
+        game = self._tracking.game_frame
+        local_frame = self._tracking.local_frame
+        if home_ned_m is not None and game is not None and local_frame is not None:
+            if home_ned_m != self._home_ned_m:
+                self.home_m = game.position_from_ned(home_ned_m)
+                limits = self.settings.limits
+                self.envelope = limits.about_home(self.envelope, home_ned_m, local_frame)
+            self._home_ned_m = home_ned_m
         local = self.vehicle.latest.get(LocalPosition)
         setpoint = row.setpoint
         certificate = row.certificate
@@ -152,17 +161,6 @@ class Aggregator:
             columns |= {name: getattr(certificate, name) for name in _OF_THE_GAME}
             columns["evader_m"] = certificate.evader_game_m
         return Cycle(row.now_s, **columns)
-
-    def _place_home(self) -> None:
-        """Place home, and a fence in degrees about it."""
-        home_ned_m = self._tracking.home_ned_m
-        game = self._tracking.game_frame
-        local = self._tracking.local_frame
-        if home_ned_m is None or game is None or local is None or home_ned_m == self._home_ned_m:
-            return
-        self._home_ned_m = home_ned_m
-        self.home_m = game.position_from_ned(home_ned_m)
-        self.envelope = self.settings.limits.about_home(self.envelope, home_ned_m, local)
 
     def _add(self, report: EvaderReport) -> None:
         plays = self.playing in {None, report.evader}

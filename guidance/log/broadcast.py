@@ -135,21 +135,19 @@ class Broadcast(Record):
         watched = self.watched()
         while self._waiting:
             entry = self._waiting.popleft()
-            self._keep(entry)
+            # Viewers that join later need the last cycle, the role, the latest message of each kind and the
+            # configuration.
+            if isinstance(entry, CycleEntry):
+                self._last = entry
+                if entry.inputs.role:
+                    self._heard = Inputs(role=entry.inputs.role)
+                for message in entry.inputs.messages:
+                    self._latest[type(message)] = message
+            elif entry.event == RELOADED:
+                self._metadata[CONFIG] = entry.detail
             channel = "cycle" if isinstance(entry, CycleEntry) else "event"
             if channel in watched:
                 self._publishers[channel].put(_CODECS[channel].encode(entry))
-
-    def _keep(self, entry: CycleEntry | EventEntry) -> None:
-        """Keep what viewers that join later need: cycle, role, the latest message of each kind, configuration."""
-        if isinstance(entry, CycleEntry):
-            self._last = entry
-            if entry.inputs.role:
-                self._heard = Inputs(role=entry.inputs.role)
-            for message in entry.inputs.messages:
-                self._latest[type(message)] = message
-        elif entry.event == RELOADED:
-            self._metadata[CONFIG] = entry.detail
 
     def _answer(self) -> None:
         while self._asked:

@@ -198,7 +198,11 @@ class RosFlight:
             self._alarm_s = entry.now_s
             self._alarms += 1
             changed = True
-        self._lengthen_path(entry.now_s)
+        pose = self._pose()
+        if pose is not None and self._is_due("pose", entry.now_s, PATH.every_s):
+            self._sent_s["pose"] = entry.now_s
+            stamped = _types("geometry_msgs/msg/PoseStamped")
+            self._poses.append(stamped(self._header(entry.now_s), pose))
         return changed
 
     def _due(self, now_s: float, wanted: Collection[Topic], *, changed: bool) -> Iterator[Topic]:
@@ -211,13 +215,6 @@ class RosFlight:
 
     def _is_due(self, name: str, now_s: float, every_s: float) -> bool:
         return now_s - self._sent_s.get(name, -math.inf) >= _EARLY * every_s
-
-    def _lengthen_path(self, now_s: float) -> None:
-        pose = self._pose()
-        if pose is not None and self._is_due("pose", now_s, PATH.every_s):
-            self._sent_s["pose"] = now_s
-            stamped = _types("geometry_msgs/msg/PoseStamped")
-            self._poses.append(stamped(self._header(now_s), pose))
 
     def _pose(self) -> ros_types.Message | None:
         """Return the vehicle's pose in the map; None until its place is known."""
@@ -233,7 +230,9 @@ class RosFlight:
         return _yaw_quaternion(_yaw_enu_rad(self._vehicle))
 
     def _header(self, now_s: float, frame: str | None = None) -> ros_types.Message:
-        stamp = _time(self._started_unix_s + now_s)
+        # ROS has no negative times here; they become zero.
+        seconds, nanoseconds = divmod(nanoseconds_of(self._started_unix_s + now_s), 1_000_000_000)
+        stamp = _types("builtin_interfaces/msg/Time")(seconds, nanoseconds)
         return _types("std_msgs/msg/Header")(stamp, self.map_frame if frame is None else frame)
 
     def _odometry(self, entry: CycleEntry) -> ros_types.Message | None:
@@ -323,7 +322,12 @@ class RosFlight:
             markers.append(self._line(entry.now_s, 1, "isochron", points, _ISOCHRON_COLOUR))
         if not certificate.no_game:
             meeting_m = certificate.meeting_point_game_m
-            markers.append(self._sphere(entry.now_s, 2, meeting_m))
+            size_m = (1.0, 1.0, 1.0)
+            markers.append(
+                self._marker(
+                    entry.now_s, 2, "meeting_point", _SPHERE, meeting_m, size_m, _MEETING_COLOUR, []
+                )
+            )
         return _types(ros_types.MARKERS)(markers)
 
     def _line(
@@ -337,12 +341,6 @@ class RosFlight:
         point = _types("geometry_msgs/msg/Point")
         corners = [point(*corner) for corner in points]
         return self._marker(now_s, number, name, _LINE, _STILL, (0.2, 0.0, 0.0), colour, corners)
-
-    def _sphere(self, now_s: float, number: int, centre_m: Enu) -> ros_types.Message:
-        size_m = (1.0, 1.0, 1.0)
-        return self._marker(
-            now_s, number, "meeting_point", _SPHERE, centre_m, size_m, _MEETING_COLOUR, []
-        )
 
     def _marker(
         self,
@@ -463,12 +461,6 @@ def _text(value: Any) -> str:  # noqa: ANN401 - any value of an entry
 
 def _types(name: str) -> Any:  # noqa: ANN401 - a class of an extra
     return ros_types.types().types[name]
-
-
-def _time(unix_s: float) -> ros_types.Message:
-    """Return a time; ROS has no negative ones here, which become zero."""
-    seconds, nanoseconds = divmod(nanoseconds_of(unix_s), 1_000_000_000)
-    return _types("builtin_interfaces/msg/Time")(seconds, nanoseconds)
 
 
 def nanoseconds_of(unix_s: float) -> int:

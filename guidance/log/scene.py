@@ -218,7 +218,12 @@ class Scene:
 
     def of(self, entry: CycleEntry) -> Iterator[Drawn]:
         """Draw one cycle."""
-        yield from self._on_maps(entry)
+        for message in entry.inputs.messages:
+            if isinstance(message, GlobalPosition):
+                yield from self._on_map("pursuer", message, math.nan)
+        for report in entry.inputs.reports:
+            if isinstance(report, EvaderReport):
+                yield from self._on_map("evader", report, report.position_sd_m)
         now_s = entry.now_s
         certificate = entry.certificate
         if certificate is None:
@@ -233,14 +238,6 @@ class Scene:
             if not certificate.no_game:
                 balls.append(_ball(certificate.meeting_point_game_m, 0.6, _MEETING))
             yield "guidance/scene", SCENE, _scene(now_s, balls, disc(certificate))
-
-    def _on_maps(self, entry: CycleEntry) -> Iterator[Drawn]:
-        for message in entry.inputs.messages:
-            if isinstance(message, GlobalPosition):
-                yield from self._on_map("pursuer", message, math.nan)
-        for report in entry.inputs.reports:
-            if isinstance(report, EvaderReport):
-                yield from self._on_map("evader", report, report.position_sd_m)
 
     def _on_map(
         self, name: str, message: GlobalPosition | EvaderReport, sd_m: float

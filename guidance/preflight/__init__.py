@@ -1,8 +1,16 @@
 """Preflight: is the autopilot set up for offboard flight? Judges parameters, frames and rates as rows.
 
-`PreflightMemory` asks for the firmware's version, for the parameters that this version has (`parameter_names`) and for
-the uploaded fence, and collects `Facts`. `rows` judges them against the wants of a flight; each row is a
-`guidance.autopilots.Finding`. `changes` are the parameters to set so that no row is refused.
+`PreflightMemory` asks for the firmware's version, for the parameters that this version has and for the uploaded fence.
+Each row is a `guidance.autopilots.Finding`.
+
+Contents:
+    PreflightMemory, Facts: what is read of one vehicle; ASK_AGAIN_S is the period of requests, COUNTED_S the averaging
+        time of rates, EVADER_HEARD_S the age up to which a report is judged.
+    parameter_names, quantities_read: the parameters of a version, and their values by quantity.
+    single: a value rounded as on the wire.
+    rows, engage_rows, another_autopilot: judgements of the facts.
+    refusals, advice: what the rows refuse, and its remedies.
+    ParameterChange, changes: the parameters to set so that no row is refused.
 """
 
 from guidance.preflight.changing import ParameterChange, changes

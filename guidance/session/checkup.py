@@ -128,26 +128,25 @@ class Checkup:
                 stays set.
         """
         for change in wanted:
-            self._require_ground()
+            vehicle = self._daemon.flight.vehicle
+            beat_age_s = vehicle.age_s(messages.Heartbeat, self._clock.now_s())
+            if vehicle.armed:
+                raise FlightError(
+                    "the vehicle is armed: parameters are set on the ground only, disarmed"
+                )
+            if beat_age_s > _FRESH_S or vehicle.latest.get(messages.LandedState) is None:
+                raise FlightError(
+                    "the vehicle does not say whether it is on the ground: no parameter is set"
+                )
+            if not vehicle.on_ground:
+                raise FlightError(
+                    "the vehicle is in the air: parameters are set on the ground only"
+                )
             self._link.request(change.request)
             self._read(change.name)  # the announcement after setting is not proof: read the value
             self._link.request(messages.ParameterRequest(change.name))
             value = self._read(change.name)
             yield change.name, value, value is not None and single(value) == change.request.value
-
-    def _require_ground(self) -> None:
-        vehicle = self._daemon.flight.vehicle
-        beat_age_s = vehicle.age_s(messages.Heartbeat, self._clock.now_s())
-        if vehicle.armed:
-            raise FlightError(
-                "the vehicle is armed: parameters are set on the ground only, disarmed"
-            )
-        if beat_age_s > _FRESH_S or vehicle.latest.get(messages.LandedState) is None:
-            raise FlightError(
-                "the vehicle does not say whether it is on the ground: no parameter is set"
-            )
-        if not vehicle.on_ground:
-            raise FlightError("the vehicle is in the air: parameters are set on the ground only")
 
     def _read(self, name: str) -> float | None:
         until_s = self._clock.now_s() + SET_WITHIN_S

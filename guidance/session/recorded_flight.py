@@ -1,14 +1,13 @@
 """Scenarios flown from connecting to the end, whichever way their vehicles are opened (`guidance.session.open`)."""
 
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 from guidance.flight.settings import TeamSection
 from guidance.links.zenoh.team import ZenohTeam
 from guidance.session.flight_files import RECORD, TEAM, flight_metadata
-from guidance.session.fly.daemon import Equipment
 from guidance.session.fly.loop import claimed
 from guidance.session.fly.mission import Mission
 from guidance.session.fly.own_policy import asked_in_flight, require_policies
@@ -76,12 +75,7 @@ def fly_recorded(
                 record = equipment[daemon.name].record
                 detail = closing_detail(flight_result, how.way, record, folder)
                 daemon.recording.over(clock.now_s(), detail)
-    _note_missing(result, equipment)
-    return result
-
-
-def _note_missing(result: MissionResult, equipment: Mapping[str, Equipment]) -> None:
-    """Note what the closed records lack."""
+    # Closed records know what they lack.
     for name, flight_result in result.vehicles.items():
         record = equipment[name].record
         if record is None:
@@ -89,6 +83,7 @@ def _note_missing(result: MissionResult, equipment: Mapping[str, Equipment]) -> 
         flight_result.record_dropped = record.dropped
         if record.failed is not None and not flight_result.record_stopped:
             flight_result.record_stopped = stopped_words(flight_result.duration_s, record.failed)
+    return result
 
 
 def team_plan(scenario: TeamScenario, pursuits: Sequence[Pursuit]) -> TeamPlan:

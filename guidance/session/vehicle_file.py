@@ -137,7 +137,8 @@ def corners_deg(path: Path, key: str) -> list[tuple[float, float]]:
         raise ConfigError(
             f"{setting}: its polygon is not a list of latitude and longitude ({error})"
         ) from error
-    return _without_repeats(corners)
+    # A corner that repeats the one before is left out; the last one joins the first.
+    return [corner for before, corner in pairwise([*corners[-1:], *corners]) if corner != before]
 
 
 def _polygon_of_plan(fence: Mapping[str, Any]) -> Any:  # noqa: ANN401 - whatever a file holds
@@ -183,11 +184,6 @@ def _corner_deg(corner: object) -> tuple[float, float]:
     if not isinstance(corner, list) or len(corner) not in {2, 3}:
         raise ValueError(f"corner {str(corner)[:40]}")
     return float(corner[0]), float(corner[1])
-
-
-def _without_repeats(corners: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the corners without those that repeat the one before; the last one joins the first."""
-    return [corner for before, corner in pairwise([*corners[-1:], *corners]) if corner != before]
 
 
 _ABOVE_THE_FLOOR_M: Final = 1.0
@@ -362,23 +358,20 @@ class EvaderSection(Extended):
         if "signing_key_file" in values and kind.transport == "mavlink" and self.url is None:
             yield f"evader.signing_key_file: not allowed; {_OWN_URL}"
         if "altitude_datum" in kind.keys:
-            yield from self._datum_faults(says)
+            undulation_m = None if self.frame is None else self.frame.undulation_m
+            if self.datum is Datum.ELLIPSOID and undulation_m is None:
+                reason = f"altitudes of {says} above the ellipsoid need the geoid's height there"
+                yield f'evader.frame.undulation_m: missing; {reason}, or set evader.altitude_datum = "amsl"'
+            if self.datum is Datum.AMSL and undulation_m is not None:
+                reason = "altitudes above mean sea level do not use it"
+                remedy = 'remove it, or set evader.altitude_datum = "ellipsoid"'
+                yield f"evader.frame.undulation_m = {undulation_m:g}: not allowed; {reason}: {remedy}"
 
     def _needed(self, kind: EvaderKind) -> dict[str, str]:
         """Return the needed keys and why; the whole frame instead of its keys if it is missing."""
         if self.frame is not None:
             return dict(kind.needs)
         return {key.partition(".")[0]: reason for key, reason in kind.needs.items()}
-
-    def _datum_faults(self, says: str) -> Iterator[str]:
-        undulation_m = None if self.frame is None else self.frame.undulation_m
-        if self.datum is Datum.ELLIPSOID and undulation_m is None:
-            reason = f"altitudes of {says} above the ellipsoid need the geoid's height there"
-            yield f'evader.frame.undulation_m: missing; {reason}, or set evader.altitude_datum = "amsl"'
-        if self.datum is Datum.AMSL and undulation_m is not None:
-            reason = "altitudes above mean sea level do not use it"
-            remedy = 'remove it, or set evader.altitude_datum = "ellipsoid"'
-            yield f"evader.frame.undulation_m = {undulation_m:g}: not allowed; {reason}: {remedy}"
 
 
 _OWN_URL: Final = (

@@ -78,7 +78,16 @@ class EvaderPilot:
         )
         self.ready = guided and position is not None
         if not guided or position is None:
-            self._make_ready(now_s)
+            if now_s - self._requested_s >= REPEAT_S:
+                self._requested_s = now_s
+                requests = map(ROVER.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN))
+                for request in (
+                    *ROVER.stream_requests(),
+                    *requests,
+                    ROVER.set_mode(Mode.GUIDED),
+                    ROVER.arm(),
+                ):
+                    self.link.request(request)
         elif playing and pursuers_game_m:
             self._began_s = min(self._began_s, now_s)
             P = np.array(min(pursuers_game_m, key=lambda pursuer: math.dist(pursuer, position)))
@@ -114,16 +123,3 @@ class EvaderPilot:
     def stop(self) -> None:
         """Disarm the vehicle."""
         self.link.request(ROVER.disarm())
-
-    def _make_ready(self, now_s: float) -> None:
-        if now_s - self._requested_s < REPEAT_S:
-            return
-        self._requested_s = now_s
-        requests = map(ROVER.request_message, (HOME_POSITION, GPS_GLOBAL_ORIGIN))
-        for request in (
-            *ROVER.stream_requests(),
-            *requests,
-            ROVER.set_mode(Mode.GUIDED),
-            ROVER.arm(),
-        ):
-            self.link.request(request)

@@ -17,7 +17,7 @@ from guidance.links.zenoh import session as zenoh_session
 from guidance.links.zenoh import wire as zenoh_wire
 from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.mock_files import faults_after, fleet, script
-from guidance.sim.scenario import Flown, Scenario, pursuits_of
+from guidance.sim.scenario import Flown, pursuits_of
 from sitl_mock.child import RunningFleet, running
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.errors import TransportError
@@ -49,7 +49,17 @@ class LiveWorld(world.World):
             for scenario, vehicle, evader in self._pursuits:
                 self.links[vehicle] = self._open_link(link, self._wires(vehicle, 1)[0], vehicle)
                 if evader not in self.players:
-                    self._open_evader(evader, scenario)
+                    # The pilot has a link to the evader, and each vehicle its reports.
+                    commands, *reports = self._wires(evader, 1 + len(self.evaders))
+                    self.players[evader] = EvaderPilot(
+                        self._open_link("pymavlink", commands, evader), scenario
+                    )
+                    for sources, wire in zip(self._sources.values(), reports, strict=True):
+                        system_id = self._mock[evader].system_id
+                        sources[evader] = mavlink_evader.MavlinkEvader(
+                            wire, carriers.GLOBAL_POSITION, system_id=system_id
+                        )
+                        self.closing.callback(sources[evader].close)
             self.closing = self.closing.pop_all()
 
     def advance(self) -> None:
@@ -94,17 +104,6 @@ class LiveWorld(world.World):
         )
         self.closing.callback(link.close)
         return link
-
-    def _open_evader(self, name: str, scenario: Scenario) -> None:
-        """Open the pilot's link to an evader, and its reports for each vehicle."""
-        commands, *reports = self._wires(name, 1 + len(self.evaders))
-        self.players[name] = EvaderPilot(self._open_link("pymavlink", commands, name), scenario)
-        for sources, wire in zip(self._sources.values(), reports, strict=True):
-            system_id = self._mock[name].system_id
-            sources[name] = mavlink_evader.MavlinkEvader(
-                wire, carriers.GLOBAL_POSITION, system_id=system_id
-            )
-            self.closing.callback(sources[name].close)
 
 
 def _mock(closing: contextlib.ExitStack, scenario: Flown, over: str, port: int) -> RunningFleet:

@@ -36,17 +36,12 @@ def fleet(flight_scenario: Flown) -> dict[str, Any]:
         "alt_amsl_m": site.altitude_amsl_m,
     }
     seed = pursuits[0].scenario.seed
-    return {"seed": seed, "home": home, "vehicle": _numbered(vehicles)}
-
-
-def _numbered(vehicles: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the tables of the vehicles, numbered from 1."""
     tables = list[dict[str, Any]]()
     for number, (name, keys) in enumerate(vehicles.items(), start=1):
         # ready sooner than a real ArduCopter, which takes 39 s
         table = {"name": name, "system_id": number, **keys, "ready_after_s": 3.0}
         tables.append(table)
-    return tables
+    return {"seed": seed, "home": home, "vehicle": tables}
 
 
 def _parked(

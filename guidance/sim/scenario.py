@@ -374,9 +374,6 @@ class Scenario(AnyScenario):
             yield "pursuer.waypoints_m: every point needs x, y and z"
         for part in (self.expect, self.expect.maths, self.expect.flown):
             yield from part.contradictions(self.game)
-        yield from self._place_faults()
-
-    def _place_faults(self) -> Iterator[str]:
         z = self.pursuer.position_m[2]
         lowest_m = self.standoff.height_m
         limits = self.limits

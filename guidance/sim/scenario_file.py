@@ -161,19 +161,17 @@ def _from_csv(path: Path) -> list[TrackRow]:
     lines = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
     try:
         header = [name.strip() for name in next(lines, [])]
-        _check_header(header)
+        for name in _COLUMNS[:3]:
+            if name not in header:
+                raise ValueError(
+                    f"row 1: column {name} is missing; found {', '.join(header)[:80]!r}"
+                )
+        for name in _COLUMNS:
+            if header.count(name) > 1:
+                raise ValueError(f"row 1: column {name} is there {header.count(name)} times")
         return [_track_row(header, cells, lines.line_num) for cells in lines if cells]
     except csv.Error as error:
         raise ValueError(f"row {lines.line_num}: {error}") from error
-
-
-def _check_header(header: Sequence[str]) -> None:
-    for name in _COLUMNS[:3]:
-        if name not in header:
-            raise ValueError(f"row 1: column {name} is missing; found {', '.join(header)[:80]!r}")
-    for name in _COLUMNS:
-        if header.count(name) > 1:
-            raise ValueError(f"row 1: column {name} is there {header.count(name)} times")
 
 
 def _track_row(header: Sequence[str], cells: Sequence[str], number: int) -> TrackRow:

@@ -21,7 +21,13 @@ def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
             f"{evaders} evaders and {vehicles} vehicles: a flight needs a vehicle for each evader"
         )
     chased = opening_of(scenario).evader_of.tolist()
-    _chase_all(chased, evaders)
+    # One of the vehicles that share an evader goes to each evader that nobody chases.
+    unchased = {*range(evaders)} - {*chased}
+    for evader in sorted(unchased):
+        spare_vehicle = next(
+            number for number, evader_number in enumerate(chased) if chased.count(evader_number) > 1
+        )
+        chased[spare_vehicle] = evader
     pursuits = []
     for number, evader in enumerate(chased):
         vehicle = f"uav{number + 1}"
@@ -56,13 +62,3 @@ def pursuits_of_team(scenario: TeamScenario) -> tuple[Pursuit, ...]:
         pursuit = Pursuit(member_scenario, vehicle, f"rover{evader + 1}")
         pursuits.append(pursuit)
     return tuple(pursuits)
-
-
-def _chase_all(chased: list[int], evaders: int) -> None:
-    """Let one of the vehicles that share an evader go to each evader that nobody chases."""
-    unchased = {*range(evaders)} - {*chased}
-    for evader in sorted(unchased):
-        spare_vehicle = next(
-            number for number, evader_number in enumerate(chased) if chased.count(evader_number) > 1
-        )
-        chased[spare_vehicle] = evader

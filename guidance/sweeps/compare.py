@@ -3,7 +3,7 @@
 import json
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -404,17 +404,13 @@ def _sweeps(compared: Mapping[str, Any]) -> Iterator[Table | Text]:
     if largest:
         column = largest[0]["column"]
         yield Text(f"\nthe rows that differ most in {column}", "italic")
-        yield _largest_table(largest)
-
-
-def _largest_table(largest: Sequence[Mapping[str, Any]]) -> Table:
-    cells = []
-    for row in largest:
-        numbers = _both(row, "row_")
-        ends = _both(row, "end_")
-        values = [cell(row[key]) for key in ("a", "b", "difference")]
-        cells.append((numbers, ends, *values))
-    return sheet(("row", "end", "A", "B", "B − A"), cells, left=(0, 1))
+        cells = []
+        for row in largest:
+            numbers = _both(row, "row_")
+            ends = _both(row, "end_")
+            values = [cell(row[key]) for key in ("a", "b", "difference")]
+            cells.append((numbers, ends, *values))
+        yield sheet(("row", "end", "A", "B", "B − A"), cells, left=(0, 1))
 
 
 def _both(values: Mapping[str, Any], prefix: str) -> str:

@@ -193,15 +193,11 @@ def _draw_regrets(
         style = styles[pursuer]
         panel.plot(quantiles, _SHARES, drawstyle="steps-post", markevery=0.2, **style)
     all_regrets = np.concatenate([regrets for _, regrets in of_pursuers])
-    panel.set(xlim=_span(all_regrets), ylim=(0.0, 1.02))
-    panel.axvline(0.0, color="0.5", linewidth=0.8)
-
-
-def _span(regrets: Array) -> tuple[float, float]:
-    """Return the limits of an axis that shows nearly all regrets, with a margin."""
-    low, high = np.quantile(regrets, [1.0 - _SHOWN, _SHOWN]).tolist()
+    # The limits show nearly all regrets, with a margin.
+    low, high = np.quantile(all_regrets, [1.0 - _SHOWN, _SHOWN]).tolist()
     margin = max(0.03 * (high - low), 1e-6)
-    return low - margin, high + margin
+    panel.set(xlim=(low - margin, high + margin), ylim=(0.0, 1.02))
+    panel.axvline(0.0, color="0.5", linewidth=0.8)
 
 
 def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
@@ -225,19 +221,15 @@ def _curves(report: Mapping[str, Any], keys: Sequence[Key]) -> Figure | None:
                 groups = pair["by_key"][key.column]
                 style = styles[pair["pursuer"]]
                 _draw_curve(panel, groups, key, measure, style)
-        _label_curve(panel, key, measure, report["unit"])
+        panel.set(xlabel=key_label(key.column), ylabel=measure.label.format(report["unit"]))
+        if measure.column == "capture":
+            panel.set_ylim(-0.03, 1.03)
+        numbers = list(range(len(key.labels)))
+        if list(key.centres) == numbers:
+            panel.set_xticks(key.centres, key.labels)
         panel.set_title(f"evader: {evader}")
     _legend(figure, axes)
     return figure
-
-
-def _label_curve(panel: Any, key: Key, measure: _Measure, unit: str) -> None:  # noqa: ANN401
-    panel.set(xlabel=key_label(key.column), ylabel=measure.label.format(unit))
-    if measure.column == "capture":
-        panel.set_ylim(-0.03, 1.03)
-    numbers = list(range(len(key.labels)))
-    if list(key.centres) == numbers:
-        panel.set_xticks(key.centres, key.labels)
 
 
 def _captures_differ(report: Mapping[str, Any], keys: Sequence[Key]) -> bool:
@@ -286,12 +278,6 @@ def _grid_of(
     return values.reshape(len(down.labels), len(across.labels))
 
 
-def _label_map(panel: Any, title: str, down: Key, across: Key) -> None:  # noqa: ANN401
-    panel.set(title=title, xlabel=key_label(across.column), ylabel=key_label(down.column))
-    panel.set_xticks(range(len(across.labels)), across.labels, rotation=45)
-    panel.set_yticks(range(len(down.labels)), down.labels)
-
-
 def _map(
     report: Mapping[str, Any], down: Key, across: Key, measure: str, name: str
 ) -> Figure | None:
@@ -310,6 +296,12 @@ def _map(
     for (pursuer, evader), values in maps.items():
         panel = axes[evaders.index(evader), pursuers.index(pursuer)]
         image = panel.imshow(values, origin="lower", aspect="auto", **colours)
-        _label_map(panel, f"{pursuer} / {evader}", down, across)
+        panel.set(
+            title=f"{pursuer} / {evader}",
+            xlabel=key_label(across.column),
+            ylabel=key_label(down.column),
+        )
+        panel.set_xticks(range(len(across.labels)), across.labels, rotation=45)
+        panel.set_yticks(range(len(down.labels)), down.labels)
     figure.colorbar(image, ax=axes, label=name)
     return figure

@@ -151,7 +151,14 @@ class Plan(Section):
         return dict(flat(document, (Mapping, list)))
 
     def _faults(self) -> Iterator[str]:
-        yield from self._size_faults()
+        pairs_listed = sum(policies.pairs_listed for policies in self.policies)
+        if pairs_listed > MOST_PAIRS:
+            yield f"policies: {pairs_listed} pairs; at most {MOST_PAIRS} are allowed"
+        if self.rows > MOST_GAMES:
+            yield (
+                f"seeds, grid, policies: {self.rows} games; at most {MOST_GAMES} are allowed, "
+                "so play it in several sweeps"
+            )
         if self.teams and self.way != "maths":
             yield f'as = "{self.way}": the scenario has teams, which can only be played as maths'
         if self.number is not None and "seeds" in self.model_fields_set:
@@ -161,16 +168,6 @@ class Plan(Section):
                 use = "use it for pursuer.position_m or evader.position_m as a whole"
                 advice = "give each number of another key its own distribution"
                 yield f"random.{key}: a disc or an annulus is a position: {use}; {advice}"
-        yield from self._repetitions()
-        pairs, points, _ = self.shape
-        step = pairs * points
-        if self.number is not None and self.number % step:
-            counts = f"{points} grid points × {pairs} pairs of policies"
-            steps = max(1, round(self.number / step))
-            allowed = f"must be a multiple of {step} ({counts}); the nearest is {steps * step}"
-            yield f"rows = {self.number}: {allowed}"
-
-    def _repetitions(self) -> Iterator[str]:
         columns = list[str]()
         for axis in self.axes:
             columns += axis.columns()
@@ -180,16 +177,13 @@ class Plan(Section):
             repeated = [name for name, count in Counter(names).items() if count > 1]
             if repeated:
                 yield f"{key}: {repeated[0]} is given twice"
-
-    def _size_faults(self) -> Iterator[str]:
-        pairs_listed = sum(policies.pairs_listed for policies in self.policies)
-        if pairs_listed > MOST_PAIRS:
-            yield f"policies: {pairs_listed} pairs; at most {MOST_PAIRS} are allowed"
-        if self.rows > MOST_GAMES:
-            yield (
-                f"seeds, grid, policies: {self.rows} games; at most {MOST_GAMES} are allowed, "
-                "so play it in several sweeps"
-            )
+        pair_count, points, _ = self.shape
+        step = pair_count * points
+        if self.number is not None and self.number % step:
+            counts = f"{points} grid points × {pair_count} pairs of policies"
+            steps = max(1, round(self.number / step))
+            allowed = f"must be a multiple of {step} ({counts}); the nearest is {steps * step}"
+            yield f"rows = {self.number}: {allowed}"
 
     @cached_property
     def teams(self) -> bool:

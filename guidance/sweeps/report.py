@@ -26,7 +26,6 @@ from guidance.sweeps.folder import (
     PAIR,
     POINT,
     Columns,
-    Folder,
     read_folder,
     write_whole,
 )
@@ -62,7 +61,13 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
     """
     folder = read_folder(path)
     plan = folder.plan
-    rows = _rows_in(folder)
+    swept: list[str] = []
+    for axis in folder.plan.axes:
+        swept.extend(axis.columns())
+    predicted, away_m = _columns_of_game(folder.plan)
+    rows: Columns = folder.columns([*swept, *_COLUMNS, predicted, away_m])
+    rows["predicted"] = rows[predicted]
+    rows["away_m"] = rows[away_m]
     keys: list[Key] = []
     for axis in plan.axes:
         keys.extend(_keys(plan, axis, rows))
@@ -72,34 +77,17 @@ def write_report(path: Path, out: Path, *, worst: int, as_json: bool = False) ->
         report = summed_up(plan, rows, keys, cases)
         text = json.dumps(report, indent=1) + "\n"
         write_whole(out / "report.json", text.encode())
-        pictures = draw_all(report, keys, _regrets_of_pairs(plan, rows), out)
+        regrets = []
+        for number in range(len(plan.pairs)):
+            of_pair = rows[PAIR] == number
+            regrets.append(finite_numbers(rows["regret"][of_pair]))
+        pictures = draw_all(report, keys, regrets, out)
     if as_json:
         sys.stdout.write(text)
     else:
         _show(console(), report, keys)
     case_files = [out / case["file"] for case in cases]
     return [out / "report.json", *pictures, *case_files]
-
-
-def _rows_in(folder: Folder) -> Columns:
-    """Return the columns of a sweep that its report needs."""
-    swept: list[str] = []
-    for axis in folder.plan.axes:
-        swept.extend(axis.columns())
-    predicted, away_m = _columns_of_game(folder.plan)
-    rows: Columns = folder.columns([*swept, *_COLUMNS, predicted, away_m])
-    rows["predicted"] = rows[predicted]
-    rows["away_m"] = rows[away_m]
-    return rows
-
-
-def _regrets_of_pairs(plan: Plan, rows: Columns) -> list[Array]:
-    """Return the known regrets of each pair of policies."""
-    regrets = []
-    for number in range(len(plan.pairs)):
-        of_pair = rows[PAIR] == number
-        regrets.append(finite_numbers(rows["regret"][of_pair]))
-    return regrets
 
 
 def _columns_of_game(plan: Plan) -> tuple[str, str]:
@@ -117,7 +105,9 @@ def _keys(plan: Plan, axis: Axis, rows: Columns) -> Iterator[Key]:
     elif len(axis.values) > 1:
         number = plan.axes.index(axis)
         places = plan.on_axes(rows[POINT])[number]
-        labels = [_value_label(value) for value in axis.values]
+        labels = [
+            f"{value:.4g}" if isinstance(value, float) else str(value) for value in axis.values
+        ]
         centres: Sequence[float] = range(len(labels))
         are_numbers = all(isinstance(value, (int, float)) for value in axis.values)
         if are_numbers:
@@ -137,10 +127,6 @@ def _bins(column: str, numbers: NDArray[Any]) -> Key:
     inner_edges = edges[1:-1]
     places = np.searchsorted(inner_edges, numbers, side="right")
     return Key(column, labels, centres.tolist(), places, grid=False)
-
-
-def _value_label(value: Any) -> str:  # noqa: ANN401 - any value of a key
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def summed_up(
@@ -321,7 +307,12 @@ def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> No
     ends = []
     regrets = []
     for policies in report["policies"]:
-        ends.append(_end_counts(policies))
+        counts = sorted(policies["ends"].items())
+        others = [f"{count} {end}" for end, count in counts if end != CAPTURED]
+        other_ends = ", ".join(others) if others else "-"
+        games = str(policies["games"])
+        captured = _share(policies["capture"])
+        ends.append((_names(policies), games, captured, other_ends))
         regrets.append((_names(policies), *_regret(policies, _SHOWN)))
     end_headings = ("policies", "games", "captured", "other ends")
     target.print(sheet(end_headings, ends, left=(0, 3)))
@@ -339,16 +330,6 @@ def _show(target: Console, report: Mapping[str, Any], keys: Sequence[Key]) -> No
             f"\n{invalid['rows']} rows are invalid or failed, {example}",
             soft_wrap=True,
         )
-
-
-def _end_counts(policies: Mapping[str, Any]) -> tuple[str, str, str, str]:
-    """Return policies, number of games, share captured, and the counts of the other ends."""
-    counts = sorted(policies["ends"].items())
-    others = [f"{count} {end}" for end, count in counts if end != CAPTURED]
-    other_ends = ", ".join(others) if others else "-"
-    games = str(policies["games"])
-    captured = _share(policies["capture"])
-    return _names(policies), games, captured, other_ends
 
 
 def _row_count_words(report: Mapping[str, Any]) -> str:

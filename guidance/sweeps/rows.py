@@ -246,7 +246,21 @@ def table_of_rows(plan: Plan, rows: range) -> pa.Table:
     outcomes: list[Sequence[Any]] = []
     for row, scenario in enumerate(scenarios):
         if isinstance(scenario, str):
-            outcomes.append([_invalid(plan, cases, row, scenario)])
+            pair = plan.pairs[cases.pair[row]]
+            kind = TeamOutcome if plan.teams else Outcome
+            outcomes.append(
+                [
+                    kind(
+                        plan.scenario["title"],
+                        plan.way,
+                        plan.scenario["game"],
+                        pursuer_policy=pair.pursuer,
+                        evader_policy=pair.evader,
+                        seed=int(cases.seed[row]),
+                        reason=scenario,
+                    )
+                ]
+            )
         else:
             outcomes.append(next(outcomes_played))
     return as_table(plan, cases, outcomes)
@@ -272,20 +286,6 @@ def _outcomes_of(plan: Plan, games: list[Any]) -> Iterable[Sequence[Any]]:
         return play_teams(games)
     outcomes = play_scenarios(games) if plan.way == "maths" else map(flown, games)
     return ([outcome] for outcome in outcomes)
-
-
-def _invalid(plan: Plan, cases: Cases, row: int, reason: str) -> Outcome | TeamOutcome:
-    pair = plan.pairs[cases.pair[row]]
-    kind = TeamOutcome if plan.teams else Outcome
-    return kind(
-        plan.scenario["title"],
-        plan.way,
-        plan.scenario["game"],
-        pursuer_policy=pair.pursuer,
-        evader_policy=pair.evader,
-        seed=int(cases.seed[row]),
-        reason=reason,
-    )
 
 
 def flown(scenario: Scenario) -> Outcome:

@@ -20,7 +20,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import csv, parquet
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from guidance.errors import ConfigError
@@ -97,7 +96,8 @@ def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool
     rows_done = 0
     target = console(stderr=True)
     try:
-        with _progress_bar(target) as bar:
+        columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("rows"), TimeRemainingColumn())
+        with Progress(*columns, console=target, transient=True, disable=not redraws(target)) as bar:
             task = bar.add_task("", total=_rows_of(states))
             for chunk in _chunks(states):
                 first_row = rows_done + 1
@@ -120,12 +120,6 @@ def solve_file(game: Game, states: Path, out: Path | None, *, speeds_given: bool
     target.print(f"{out}: {rows_done} rows", soft_wrap=True)
     if strange:
         target.print(f"{states}: {_unanswered(strange, rows_done)}", soft_wrap=True, markup=False)
-
-
-def _progress_bar(target: Console) -> Progress:
-    """Return a bar of the rows that are solved."""
-    columns = (BarColumn(20), MofNCompleteColumn(), TextColumn("rows"), TimeRemainingColumn())
-    return Progress(*columns, console=target, transient=True, disable=not redraws(target))
 
 
 def _unanswered(cells: list[Cell], rows: int) -> str:
@@ -362,11 +356,6 @@ def _team_columns(
         goal = None if target is None else target[teams.rows][:, None]
         matching = match_teams(row_games, P, E, goal)
         _fill_in(answers, teams, matching)
-    return _by_column(answers)
-
-
-def _by_column(answers: dict[str, Array]) -> dict[str, Array]:
-    """Return the fields of `_TEAM_COLUMNS` by the names of their columns."""
     columns = {}
     for name, field in answers.items():
         column, _ = _TEAM_COLUMNS[name]

@@ -247,23 +247,19 @@ def chase_figure(
     label_plan(plan, adjustable="box" if other_axes else "datalim")
     for axes in other_axes:
         label_plan(axes, "from above, with the fence")
-    _label_space(space, low[2], high[2])
-    if other_axes:
-        legend_below(figure, *other_axes, columns=5)
-    else:
-        legend_below(figure, plan, columns=4)
-    return figure
-
-
-def _label_space(space: Any, low_m: float, high_m: float) -> None:  # noqa: ANN401 - matplotlib's
-    """Label the view in space and give it equal scales; the ground or the lowest point is its bottom."""
-    bottom_m = min(0.0, low_m + _MARGIN_M)
-    space.set(xlabel="x east, m", zlabel="z up, m", zlim=(bottom_m, high_m))
+    # Equal scales; the ground or the lowest point is the bottom.
+    bottom_m = min(0.0, low[2] + _MARGIN_M)
+    space.set(xlabel="x east, m", zlabel="z up, m", zlim=(bottom_m, high[2]))
     space.set_ylabel("y north, m", labelpad=10.0)
     space.locator_params(nbins=5)
     limits = (space.get_xlim3d(), space.get_ylim3d(), space.get_zlim3d())
     spans = [largest - least for least, largest in limits]
     space.set_box_aspect(spans, zoom=0.93)  # equal scales, with space for the labels
+    if other_axes:
+        legend_below(figure, *other_axes, columns=5)
+    else:
+        legend_below(figure, plan, columns=4)
+    return figure
 
 
 def draw(axes: Any, shapes: Iterable[Shape], dimensions: int) -> None:  # noqa: ANN401 - 2D or 3D axes

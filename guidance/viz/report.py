@@ -19,14 +19,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from numpy.typing import NDArray
 from PIL import ExifTags, Image
 
 from guidance.errors import OutputError
 from guidance.files import private_file, private_folder, whole_file, writing
 from guidance.frames import Enu
-from guidance.game import StandOff
-from guidance.log.entries import SCENARIO, EventEntry
+from guidance.log.entries import SCENARIO
 from guidance.log.scene import Array, circle, isochron_at, lifted
 from guidance.screen import counted
 from guidance.viz import figures
@@ -260,11 +258,29 @@ def draw_events(story: Story) -> Figure:
     figure = figures.figure_of(11.0, 1.4 + 0.27 * len(events))
     axes = figure.subplots()
     now_s = story.column("now_s")
-    _shade_states(axes, story, now_s)
+    # The time of each state has a shade.
+    states = np.array([row.state for row in story.rows])
+    is_change = states[1:] != states[:-1]
+    changes = 1 + np.flatnonzero(is_change)
+    bounds = [0, *changes, len(now_s) - 1]
+    for number, (first, last) in enumerate(pairwise(bounds)):
+        shade = _SHADES[number % len(_SHADES)]
+        axes.axvspan(now_s[first], now_s[last], color=shade, linewidth=0.0)
     middle_s = 0.5 * (now_s[0] + now_s[-1])
     for row, event in enumerate(events):
         axes.plot([event.now_s], [row], "ko", ms=4)
-        _label_event(axes, row, event, is_early=event.now_s < middle_s)
+        # The words are on the side that has more room.
+        label = f"{event.now_s:.2f} s  {event.event}"
+        if event.detail:
+            label += f"  ({event.words[:110]})"
+        if event.now_s < middle_s:
+            side = "left"
+            shift = 7
+        else:
+            side = "right"
+            shift = -7
+        beside: dict[str, Any] = {"textcoords": "offset points", "ha": side, "va": "center"}
+        axes.annotate(label, (event.now_s, row), xytext=(shift, 0), **beside, fontsize=8.5)
     axes.set(xlabel="time, s", ylim=(len(events) - 0.4, -0.6), yticks=[])
     axes.margins(x=0.02)
     title = "shades: the flight's states"
@@ -273,32 +289,6 @@ def draw_events(story: Story) -> Figure:
         title += f"; {unlabelled} later events are not shown"
     axes.set_title(title, fontsize=9)
     return figure
-
-
-def _shade_states(axes: Any, story: Story, now_s: Array) -> None:  # noqa: ANN401
-    """Shade the time of each state."""
-    states = np.array([row.state for row in story.rows])
-    is_change = states[1:] != states[:-1]
-    changes = 1 + np.flatnonzero(is_change)
-    bounds = [0, *changes, len(now_s) - 1]
-    for number, (first, last) in enumerate(pairwise(bounds)):
-        shade = _SHADES[number % len(_SHADES)]
-        axes.axvspan(now_s[first], now_s[last], color=shade, linewidth=0.0)
-
-
-def _label_event(axes: Any, row: int, event: EventEntry, *, is_early: bool) -> None:  # noqa: ANN401
-    """Write time and words beside an event, on the side that has more room."""
-    label = f"{event.now_s:.2f} s  {event.event}"
-    if event.detail:
-        label += f"  ({event.words[:110]})"
-    if is_early:
-        side = "left"
-        shift = 7
-    else:
-        side = "right"
-        shift = -7
-    beside: dict[str, Any] = {"textcoords": "offset points", "ha": side, "va": "center"}
-    axes.annotate(label, (event.now_s, row), xytext=(shift, 0), **beside, fontsize=8.5)
 
 
 def draw_plan(team: TeamStory) -> Figure:
@@ -370,7 +360,12 @@ def write_animation(story: Story, path: Path) -> None:
     engaged_s = record_end_s if story.engaged is None else story.engaged.now_s
     captured_s = record_end_s if story.captured is None else story.captured.now_s
     cycles = np.flatnonzero(now_s <= captured_s + _TAIL_S)[span]
-    tracks = _moving_tracks(story, cycles)
+    pursuer_m = story.column("pursuer_m")[cycles]
+    evader_m = story.column("evader_m")[cycles]
+    apart_m = pursuer_m - evader_m
+    distance_m = np.linalg.norm(apart_m[:, :2], axis=-1)
+    height = np.column_stack([distance_m, apart_m[:, 2]])
+    tracks = _MovingTracks(pursuer_m, evader_m, height)
     largest_m = np.nan_to_num(tracks.height).max(axis=0)
     stage = _stage(story, np.maximum(1.0, largest_m))
     images = []
@@ -388,15 +383,6 @@ class _MovingTracks(NamedTuple):
     pursuer_m: Array
     evader_m: Array
     height: Array
-
-
-def _moving_tracks(story: Story, cycles: NDArray[np.intp]) -> _MovingTracks:
-    pursuer_m = story.column("pursuer_m")[cycles]
-    evader_m = story.column("evader_m")[cycles]
-    apart_m = pursuer_m - evader_m
-    distance_m = np.linalg.norm(apart_m[:, :2], axis=-1)
-    height = np.column_stack([distance_m, apart_m[:, 2]])
-    return _MovingTracks(pursuer_m, evader_m, height)
 
 
 class _Stage(NamedTuple):
@@ -424,8 +410,21 @@ def _stage(story: Story, most_m: Array) -> _Stage:
     figure = figures.figure_of(8.0, 4.4)
     figure.set_dpi(90)
     plan, side = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
-    _draw_still(plan, shapes)
-    _label_height(side, far_m, high_m, story.settings.cycle.game.standoff)
+    # What does not move is drawn once, in a view that shows all shapes.
+    still = figures.ISOCHRON, figures.MEETING, TARGET
+    still_shapes = [shape for shape in shapes if shape.style in still]
+    figures.draw(plan, still_shapes, 2)
+    low, high = figures.box_of(shapes)
+    figures.label_plan(plan)
+    plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    side.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")
+    side.set(xlim=(0.0, 1.08 * far_m), ylim=(0.0, 1.15 * high_m))
+    side.plot(
+        [0.0, story.settings.cycle.game.standoff.radius_m],
+        [story.settings.cycle.game.standoff.height_m] * 2,
+        **STANDOFF,
+    )
+    side.grid(visible=True, linewidth=0.3)
     players = (
         (plan, PURSUER, "o", "vehicle"),
         (plan, EVADER, "^", "evader"),
@@ -439,16 +438,6 @@ def _stage(story: Story, most_m: Array) -> _Stage:
     (rim,) = plan.plot([], [], **STANDOFF, label="stand-off disc")
     figures.legend_below(figure, plan, columns=5)
     return _Stage(figure, runs, marks, rim, figure.suptitle(""))
-
-
-def _draw_still(plan: Any, shapes: Sequence[Shape]) -> None:  # noqa: ANN401
-    """Draw from above what does not move, in a view that shows all shapes."""
-    still = figures.ISOCHRON, figures.MEETING, TARGET
-    still_shapes = [shape for shape in shapes if shape.style in still]
-    figures.draw(plan, still_shapes, 2)
-    low, high = figures.box_of(shapes)
-    figures.label_plan(plan)
-    plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
 
 
 def _frame(
@@ -485,14 +474,6 @@ def _save_moving(images: Sequence[Image.Image], path: Path, scenario: str) -> No
         method=4,
         exif=about,
     )
-
-
-def _label_height(axes: Any, far_m: float, high_m: float, standoff: StandOff) -> None:  # noqa: ANN401
-    """Label the picture of the height over the distance, and draw the stand-off disc from the side."""
-    axes.set(xlabel="distance to the evader, m", ylabel="height above it, m", title="height")
-    axes.set(xlim=(0.0, 1.08 * far_m), ylim=(0.0, 1.15 * high_m))
-    axes.plot([0.0, standoff.radius_m], [standoff.height_m] * 2, **STANDOFF)
-    axes.grid(visible=True, linewidth=0.3)
 
 
 PICTURES: Final = {
@@ -575,7 +556,11 @@ def write_page(
             picture = folder / f"{name}.png"
             written.append(picture)
             figures.save(figure, picture)
-            images[name] = _embedded(figure)
+            figure.set_layout_engine(None)
+            drawing = BytesIO()
+            figure.savefig(drawing, format="svg", metadata={"Date": None, "Creator": None})
+            encoded = base64.b64encode(drawing.getvalue()).decode("ascii")
+            images[name] = f"data:image/svg+xml;base64,{encoded}"
         table = map(_table_row, rows)
         template_file = resources.files("guidance.viz").joinpath("report.html")
         template = template_file.read_text(encoding="utf-8")
@@ -599,15 +584,6 @@ def _mark(flight: Story) -> str:
     length = f"{survey.messages.total()} messages, {survey.duration_s:.3f} s"
     identity = escape(f"{flight.path.name}, {length}")
     return f'<meta name="record" content="{identity}">'
-
-
-def _embedded(figure: Figure) -> str:
-    """Return the address that holds a whole picture, as SVG with the layout of its PNG."""
-    figure.set_layout_engine(None)
-    drawing = BytesIO()
-    figure.savefig(drawing, format="svg", metadata={"Date": None, "Creator": None})
-    encoded = base64.b64encode(drawing.getvalue()).decode("ascii")
-    return f"data:image/svg+xml;base64,{encoded}"
 
 
 def _table_row(row: TableRow) -> str:

@@ -25,7 +25,6 @@ from guidance.game import Winner
 from guidance.log import (
     Aggregator,
     Cycle,
-    CycleEntry,
     EventEntry,
     Item,
     metadata_of,
@@ -191,7 +190,27 @@ class Painter:
         self._drawn_s = -math.inf
         self.cycles = 0
         self._begin()
-        self._draw_static()
+        # What never changes: axes, colours, names, the target.
+        self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        # In a team, the label of an evader comes with the role
+        pursuer_labels = [self._vehicle or "pursuer"]
+        evader_labels = None if self._vehicle else ["evader"]
+        for name, labels in ((PURSUER, pursuer_labels), (EVADER, evader_labels)):
+            point = rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=labels)
+            self._log(None, name, point)
+        cycle = self._flight.settings.cycle
+        target_m = cycle.target_game_m
+        label = "V + t since engagement, s" if target_m is None else "L, m from T"
+        self._draw_curve(VALUE, label, _RED)
+        for curve in CURVES:
+            self._draw_curve(curve.path, curve.label, curve.colour)
+        if target_m is not None:
+            target = rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
+            self._log(None, "game/target", target)
+            edge = target_edge(target_m, cycle.game.target_extent)
+            if len(edge):
+                strip = rr.LineStrips3D([lifted(edge, 0.0)])
+                self._log(None, "game/target/edge", strip)
 
     def _begin(self) -> None:
         """Start a flight."""
@@ -219,7 +238,31 @@ class Painter:
             level = "WARN" if is_warning else "INFO"
             self._log(entry.now_s, EVENTS, rr.TextLog(text, level=level))
         elif entry is not None:
-            self._add(entry)
+            certificate = entry.certificate
+            home_m = self._flight.home_m
+            cycle = self._flight.cycle
+            if certificate is not None and self._engaged_s is None:
+                self._engaged_s = entry.now_s
+            self.cycles += 1
+            drawn: dict[str, Any] = {curve.path: curve.of(cycle) for curve in CURVES}
+            drawn[PURSUER] = cycle.pursuer_m
+            drawn[EVADER] = cycle.evader_m
+            drawn[VALUE] = self._guaranteed(entry.now_s, certificate)
+            self._pending.append((cycle.now_s, drawn))
+            if not self._fenced and home_m is not None:
+                self._fenced = True
+                if edges := self._flight.fence_m:
+                    self._log(None, FENCE, _line_strips(edges, FENCE))
+            role = entry.inputs.role
+            if role is not None:
+                label = rr.Points3D.from_fields(labels=[role.evader])
+                self._log(entry.now_s, EVADER, label)
+            if entry.state != self._state:
+                self._state = entry.state
+                self._log(entry.now_s, "state", rr.TextDocument(entry.state))
+            if certificate is not None and entry.now_s - self._drawn_s >= DRAWN_EVERY_S:
+                self._drawn_s = entry.now_s
+                self._draw_game(entry.now_s, certificate)
             if len(self._pending) >= MOST_AT_ONCE:
                 self.flush()
 
@@ -235,33 +278,6 @@ class Painter:
             values = np.array([drawn[name] for _, drawn in pending])
             self._send(name, now_s, values)
 
-    def _add(self, row: CycleEntry) -> None:
-        certificate = row.certificate
-        home_m = self._flight.home_m
-        cycle = self._flight.cycle
-        if certificate is not None and self._engaged_s is None:
-            self._engaged_s = row.now_s
-        self.cycles += 1
-        drawn: dict[str, Any] = {curve.path: curve.of(cycle) for curve in CURVES}
-        drawn[PURSUER] = cycle.pursuer_m
-        drawn[EVADER] = cycle.evader_m
-        drawn[VALUE] = self._guaranteed(row.now_s, certificate)
-        self._pending.append((cycle.now_s, drawn))
-        if not self._fenced and home_m is not None:
-            self._fenced = True
-            if edges := self._flight.fence_m:
-                self._log(None, FENCE, _line_strips(edges, FENCE))
-        role = row.inputs.role
-        if role is not None:
-            label = rr.Points3D.from_fields(labels=[role.evader])
-            self._log(row.now_s, EVADER, label)
-        if row.state != self._state:
-            self._state = row.state
-            self._log(row.now_s, "state", rr.TextDocument(row.state))
-        if certificate is not None and row.now_s - self._drawn_s >= DRAWN_EVERY_S:
-            self._drawn_s = row.now_s
-            self._draw_game(row.now_s, certificate)
-
     def _guaranteed(self, now_s: float, certificate: Certificate | None) -> float:
         """Return V + t since engagement (PE, s), or L (TAD, m): what a perfect pursuer never loses."""
         if certificate is None or certificate.winner != Winner.PURSUER:
@@ -270,29 +286,6 @@ class Painter:
         if with_target or self._engaged_s is None:
             return certificate.value
         return certificate.value + (now_s - self._engaged_s)
-
-    def _draw_static(self) -> None:
-        """Send what never changes: axes, colours, names, the target."""
-        self._to.log("game", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        # In a team, the label of an evader comes with the role
-        pursuer_labels = [self._vehicle or "pursuer"]
-        evader_labels = None if self._vehicle else ["evader"]
-        for name, labels in ((PURSUER, pursuer_labels), (EVADER, evader_labels)):
-            point = rr.Points3D.from_fields(colors=[COLOURS[name]], radii=[0.6], labels=labels)
-            self._log(None, name, point)
-        cycle = self._flight.settings.cycle
-        target_m = cycle.target_game_m
-        label = "V + t since engagement, s" if target_m is None else "L, m from T"
-        self._draw_curve(VALUE, label, _RED)
-        for curve in CURVES:
-            self._draw_curve(curve.path, curve.label, curve.colour)
-        if target_m is not None:
-            target = rr.Points3D([target_m], radii=0.8, labels=["T"], colors=[(20, 20, 20)])
-            self._log(None, "game/target", target)
-            edge = target_edge(target_m, cycle.game.target_extent)
-            if len(edge):
-                strip = rr.LineStrips3D([lifted(edge, 0.0)])
-                self._log(None, "game/target/edge", strip)
 
     def _draw_curve(self, path: str, label: str, colour: Colour) -> None:
         """Send name and colour of a curve."""
@@ -405,7 +398,11 @@ def view(
         recording = rr.RecordingStream("guidance")
         closing.callback(recording.disconnect)
         if save is None:
-            sink = _served(ports, say, closing)
+            recording_port, page_port = ports
+            port, sink = closing.enter_context(recording_server(recording_port))
+            page = closing.enter_context(web_page(page_port, port))
+            say(f"look at  {page}")
+            say(f"or with  rerun --connect {recording_uri(port)}")
         else:
             sink = _saved(save)
         if len(sources) > 1:
@@ -415,7 +412,10 @@ def view(
         with_target = recorded_settings(first).cycle.target_game_m is not None
         recording.set_sinks(sink, default_blueprint=layout(vehicles, with_target=with_target))
         recording.send_recording_name(title_of(first))
-        painters = _painters(recording, sources, metadata, vehicles)
+        painters = []
+        for vehicle, (name, source) in zip(vehicles, sources.items(), strict=True):
+            flight = Aggregator(recorded_settings, metadata[name], source.name)
+            painters.append(Painter(recording, flight, vehicle))
         paint = partial(_paint, ended)
         # One thread for each: a record that still grows keeps its thread
         with ThreadPoolExecutor(len(painters)) as pool:
@@ -425,38 +425,12 @@ def view(
         return sum(painter.cycles for painter in painters)
 
 
-def _painters(
-    recording: rr.RecordingStream,
-    sources: Mapping[str, Source],
-    metadata: Mapping[str, Mapping[str, str]],
-    vehicles: Sequence[str],
-) -> list[Painter]:
-    """Return a painter for each vehicle."""
-    painters = []
-    for vehicle, (name, source) in zip(vehicles, sources.items(), strict=True):
-        flight = Aggregator(recorded_settings, metadata[name], source.name)
-        painters.append(Painter(recording, flight, vehicle))
-    return painters
-
-
 def _saved(path: Path) -> Any:  # noqa: ANN401 - of Rerun
     """Return the sink of a recording that is written to a file."""
     with writing(path):
         private_folder(path.parent)
         # Rerun itself only logs a failure
         return rr.FileSink(private_file(path))
-
-
-def _served(
-    ports: tuple[int, int], say: Callable[[str], None], closing: contextlib.ExitStack
-) -> Any:  # noqa: ANN401
-    """Serve the recording and the page, and say where; return the recording's sink."""
-    recording_port, page_port = ports
-    port, sink = closing.enter_context(recording_server(recording_port))
-    page = closing.enter_context(web_page(page_port, port))
-    say(f"look at  {page}")
-    say(f"or with  rerun --connect {recording_uri(port)}")
-    return sink
 
 
 def _paint(ended: Event, painter: Painter, source: Source) -> None:

@@ -244,7 +244,20 @@ def run(
                 except Exception as error:  # of any kind: no other program flies this vehicle
                     daemon.survive(error, now_s)
             mission.after(now_s, now_s - due_s)
-            _record_frames(world, daemons)
+            # Every record has the frames of its own vehicle and of the evaders; topics begin with the name.
+            passed = world.drain()
+            if len(daemons) == 1:
+                daemons[0].recording.frames(passed)
+            else:
+                for daemon in daemons:
+                    others = tuple(
+                        f"{other_daemon.name}/"
+                        for other_daemon in daemons
+                        if other_daemon is not daemon
+                    )
+                    daemon.recording.frames(
+                        [frame for frame in passed if not frame.topic.startswith(others)]
+                    )
             done_s = clock.now_s()
             worked_s = done_s - now_s
             due_s, missed = next_due(due_s, done_s)
@@ -258,19 +271,6 @@ def run(
             garbage.between(done_s, due_s - done_s if world.real_time else 0.0)
     finally:
         garbage.end()
-
-
-def _record_frames(world: World, daemons: Sequence[Daemon]) -> None:
-    """Give every record the frames of its own vehicle, and of the evaders; topics begin with the name."""
-    passed = world.drain()
-    if len(daemons) == 1:
-        daemons[0].recording.frames(passed)
-        return
-    for daemon in daemons:
-        others = tuple(
-            f"{other_daemon.name}/" for other_daemon in daemons if other_daemon is not daemon
-        )
-        daemon.recording.frames([frame for frame in passed if not frame.topic.startswith(others)])
 
 
 def nudge_s(age_s: float) -> float:

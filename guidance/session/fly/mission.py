@@ -197,17 +197,19 @@ class Mission(CycleHooks):
                 playing |= pursuer.playing
                 if pursuer.position_game_m is not None:
                     positions_game_m.append(pursuer.position_game_m)
-            player.step(now_s, positions_game_m, playing=playing and not self._arrived(name))
+            # A member of the team knows when an evader has reached its target.
+            player.step(
+                now_s,
+                positions_game_m,
+                playing=playing
+                and not any(name in member.board.over for member in self.result.members.values()),
+            )
         states: set[State] = set()
         if self.result.members:
             states = {vehicle.daemon.flight.state for vehicle in self.vehicles}
         for vehicle in self.vehicles:
             if not states & _WAITS_FOR.get(vehicle.daemon.flight.state, frozenset()):
                 vehicle.before(now_s)
-
-    def _arrived(self, evader: str) -> bool:
-        """Return whether a member of the team knows that an evader has reached its target."""
-        return any(evader in member.board.over for member in self.result.members.values())
 
     def after(self, now_s: float, late_s: float = 0.0) -> None:
         """Follow a cycle.
@@ -378,7 +380,12 @@ class VehicleMission:
         if self.daemon.flight.ordered_by_operator or result.cycles == 0:
             self._limit_from_s = now_s
         if any(map(begins_game, outputs.happenings)):
-            self._engage(now_s)
+            # The times of the sensor and of the faults count from the first game.
+            if self.engaged_s is None:
+                for source in self._heard.values():
+                    source.engage(now_s)
+                self._mission.world.engage(self.pursuit.vehicle)
+            self.engaged_s = now_s
         result.late_cycles += late_s > PERIOD_S
         result.record_stopped = self.daemon.recording.stopped
         result.note(now_s, outputs, self.position_game_m, evader_game_m)
@@ -395,14 +402,6 @@ class VehicleMission:
         ):
             self._shown_s = now_s
             self._mission.show(self._progress(now_s, outputs))
-
-    def _engage(self, now_s: float) -> None:
-        """Note a game that begins. The times of the sensor and of the faults count from the first one."""
-        if self.engaged_s is None:
-            for source in self._heard.values():
-                source.engage(now_s)
-            self._mission.world.engage(self.pursuit.vehicle)
-        self.engaged_s = now_s
 
     def _progress(self, now_s: float, outputs: Outputs) -> Progress:
         flight = self.daemon.flight

@@ -8,7 +8,7 @@ stay in a mode that nobody flies. Leaving the mode is a pilot's mode change, whi
 from collections.abc import Sequence
 from typing import Final
 
-from guidance.autopilots import Finding, Mode, Verdict
+from guidance.autopilots import Mode, Verdict
 from guidance.flight import BEFORE_FLIGHT, FINAL, Event, Flight, State
 from guidance.flight.table import HANDING_OVER, SETPOINT_STATES
 from guidance.links.px4.link import Px4Link
@@ -55,18 +55,15 @@ class FlightModeOutput(Sink):
         flight = report.flight
         now_s = report.now_s
         if flight.state in BEFORE_FLIGHT:
-            self._ask_reasons(now_s)
+            # The daemon answers in its next cycle which rows of preflight refuse.
+            if self._status is not None and self._status.done():
+                self._refused = self._status.result().get("preflight_refused", ())
+                self._status = None
+            if self._status is None and now_s - self._status_s >= REASONS_EVERY_S:
+                self._status_s = now_s
+                self._status = self._mailbox.ask(STATUS)
         self._link.tell(Readiness(now_s, checks_of(flight, now_s, self._refused)))
         self._follow(flight)
-
-    def _ask_reasons(self, now_s: float) -> None:
-        """Ask the daemon which rows of preflight refuse; it answers in its next cycle."""
-        if self._status is not None and self._status.done():
-            self._refused = self._status.result().get("preflight_refused", ())
-            self._status = None
-        if self._status is None and now_s - self._status_s >= REASONS_EVERY_S:
-            self._status_s = now_s
-            self._status = self._mailbox.ask(STATUS)
 
     def _follow(self, flight: Flight) -> None:
         """Order what the pilot's choice of the mode means; see the module."""
@@ -119,7 +116,12 @@ def checks_of(flight: Flight, now_s: float, refused: Sequence[str]) -> tuple[Che
         return (Check.BUSY,)
     checks = list[Check]()
     if state in BEFORE_FLIGHT and state is not State.READY:
-        checks += _failed(flight.checks(now_s), refused)
+        rows = flight.checks(now_s)
+        failed = [
+            _CHECKS.get(row.name, Check.POSITION) for row in rows if row.verdict is not Verdict.PASS
+        ]
+        failed += [Check.FENCE if name.startswith(_FENCE_ROWS) else Check.SETUP for name in refused]
+        checks += [check for check in failed if check is not None]
         if not checks:
             checks.append(Check.SETUP)
     if state is State.OUT_OF_CONTACT or flight.telemetry_refusal(now_s):
@@ -127,12 +129,3 @@ def checks_of(flight: Flight, now_s: float, refused: Sequence[str]) -> tuple[Che
     if flight.evader_refusal(now_s):
         checks.append(Check.EVADER)
     return tuple(dict.fromkeys(checks))
-
-
-def _failed(rows: Sequence[Finding], refused: Sequence[str]) -> list[Check]:
-    """Return the reasons of failed checks and of refused rows of preflight."""
-    failed = [
-        _CHECKS.get(row.name, Check.POSITION) for row in rows if row.verdict is not Verdict.PASS
-    ]
-    failed += [Check.FENCE if name.startswith(_FENCE_ROWS) else Check.SETUP for name in refused]
-    return [check for check in failed if check is not None]

@@ -120,7 +120,10 @@ class GroundStationOutput(Sink):
         self._answer(now_s)
         for command in self._link.receive():
             self._take(now_s, command)
-        self._say(now_s)
+        if self._texts and now_s - self._last_text_s >= TEXT_EVERY_S:
+            self._last_text_s = now_s
+            text = self._texts.popleft()
+            self._link.send_text(*text)
         if self._announce and now_s - self._evader_s >= EVADER_EVERY_S:
             self._evader_s = now_s
             self._show_evaders(now_s, report.flight)
@@ -148,12 +151,6 @@ class GroundStationOutput(Sink):
         if len(self._texts) > MOST_TEXTS:
             self._texts.popleft()
             self.dropped += 1
-
-    def _say(self, now_s: float) -> None:
-        if self._texts and now_s - self._last_text_s >= TEXT_EVERY_S:
-            self._last_text_s = now_s
-            text = self._texts.popleft()
-            self._link.send_text(*text)
 
     def _take(self, now_s: float, command: StationCommand) -> None:
         """Pass an order on, or answer why not.

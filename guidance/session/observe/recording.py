@@ -146,15 +146,12 @@ class Recording:
             try:
                 tell(sink)
             except Exception as error:  # an output of any kind must not end the flight
-                self._give_up(sink, error)
-
-    def _give_up(self, sink: Sink, error: Exception) -> None:
-        """Tell an output that raised nothing more, and say so to the others."""
-        self._sinks.remove(sink)
-        reason = f"{type(error).__name__}: {error}"
-        if sink is self._record:
-            self._record.failed = reason
-        self.say(logging.WARNING, OUTPUT_FAILED, output=type(sink).__name__, error=reason)
+                # An output that raised is told nothing more, and the others say so.
+                self._sinks.remove(sink)
+                reason = f"{type(error).__name__}: {error}"
+                if sink is self._record:
+                    self._record.failed = reason
+                self.say(logging.WARNING, OUTPUT_FAILED, output=type(sink).__name__, error=reason)
 
     @property
     def words(self) -> str:

@@ -133,7 +133,16 @@ class RosOutput(Sink):
             return
         try:
             node = self._appeared(session)
-            self._serve()
+            rounds = 0
+            stopped = False
+            while not stopped:
+                # The last entries are published after the end
+                stopped = is_over(self._stop, _EVERY_S)
+                if rounds % _LOOK_ROUNDS == 0:
+                    publishers = self.publishers.items()
+                    self.wanted = {topic for topic, publisher in publishers if publisher.watched}
+                rounds += 1
+                self._publish()
             node.close()
         except zenoh.ZError as error:
             self._log.warning("no more ROS 2 topics: %s", error)
@@ -154,18 +163,6 @@ class RosOutput(Sink):
             for order in ORDERS:
                 node.service(f"/{vehicle}/{order}", partial(self._hear, order))
         return node
-
-    def _serve(self) -> None:
-        rounds = 0
-        stopped = False
-        while not stopped:
-            # The last entries are published after the end
-            stopped = is_over(self._stop, _EVERY_S)
-            if rounds % _LOOK_ROUNDS == 0:
-                publishers = self.publishers.items()
-                self.wanted = {topic for topic, publisher in publishers if publisher.watched}
-            rounds += 1
-            self._publish()
 
     def _joined(self) -> Session | None:
         """Return a session on the router as soon as it answers; None at the end."""

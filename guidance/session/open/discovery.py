@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import tomlkit
-from tomlkit import TOMLDocument
 
 from guidance.autopilots import (
     AUTOPILOTS,
@@ -173,72 +172,46 @@ def wait_until_placed(
     for now_s, messages in _heard(link, clock, PLACED_WITHIN_S):
         if now_s - requested_s >= _ASK_EVERY_S:
             requested_s = now_s
-            _request_place(link, profile)
-        state = observe(state, _of_autopilot(messages, profile))
+            link.send_heartbeat()
+            for request in profile.stream_requests():
+                link.request(request)
+            link.request(profile.request_message(HOME_POSITION))
+            link.request(profile.request_message(GPS_GLOBAL_ORIGIN))
+        # Other programs may send HEARTBEATs with the autopilot's ids.
+        state = observe(
+            state,
+            [
+                message
+                for message in messages
+                if not isinstance(message, Heartbeat) or profile.speaks(message)
+            ],
+        )
         waited_s = now_s - begun_s
-        text = _last_text(messages, text)
-        _require_disarmed(state, waited_s)
+        texts = [message.text for message in messages if isinstance(message, StatusText)]
+        text = texts[-1] if texts else text
+        # An armed vehicle is refused, at the latest when it does not say whether it is in the air.
+        if state.armed:
+            landed_state_known = state.latest.get(LandedState) is not None
+            if landed_state_known and not state.on_ground:
+                raise FlightError(
+                    "the vehicle is in the air already: land and disarm it first; no order was given"
+                )
+            if landed_state_known or waited_s > _LANDED_STATE_WITHIN_S:
+                raise FlightError(
+                    "the vehicle was armed by someone else: disarm it first; no order was given"
+                )
         missing = [name for kind, name in _NAMES.items() if state.age_s(kind, now_s) > waited_s]
         home = state.latest.get(Home)
         frame = local_frame(state, profile.projection)
         if not missing and home is not None and frame is not None:
             return home, frame
-        waiting = _waiting_words(missing, text)
-        title = _mode_title(state, profile)
+        waiting = f"{', '.join(missing)} not received: no position fix yet?"
+        if text:
+            waiting += f' It says "{text}"'
+        beat = state.latest.get(Heartbeat)
+        title = "unknown" if beat is None else profile.mode_title(profile.mode_of(beat.custom_mode))
         show(Progress(now_s, State.CONNECTING, title, None, "s", waiting=waiting, vehicle=vehicle))
     raise FlightError(f"not ready within {PLACED_WITHIN_S:g} s: {waiting} Nothing was armed")
-
-
-def _last_text(messages: Sequence[Message], before: str) -> str:
-    """Return the newest text of the vehicle."""
-    texts = [message.text for message in messages if isinstance(message, StatusText)]
-    return texts[-1] if texts else before
-
-
-def _waiting_words(missing: Sequence[str], status_text: str) -> str:
-    """Say what has not arrived, and the vehicle's last words."""
-    words = f"{', '.join(missing)} not received: no position fix yet?"
-    if status_text:
-        words += f' It says "{status_text}"'
-    return words
-
-
-def _request_place(link: VehicleLink, profile: Autopilot) -> None:
-    """Ask for the streams, the home and the origin."""
-    link.send_heartbeat()
-    for request in profile.stream_requests():
-        link.request(request)
-    link.request(profile.request_message(HOME_POSITION))
-    link.request(profile.request_message(GPS_GLOBAL_ORIGIN))
-
-
-def _require_disarmed(state: VehicleState, waited_s: float) -> None:
-    """Refuse an armed vehicle, at the latest when it does not say whether it is in the air."""
-    if not state.armed:
-        return
-    landed_state_known = state.latest.get(LandedState) is not None
-    if landed_state_known and not state.on_ground:
-        raise FlightError(
-            "the vehicle is in the air already: land and disarm it first; no order was given"
-        )
-    if landed_state_known or waited_s > _LANDED_STATE_WITHIN_S:
-        raise FlightError(
-            "the vehicle was armed by someone else: disarm it first; no order was given"
-        )
-
-
-def _mode_title(state: VehicleState, profile: Autopilot) -> str:
-    beat = state.latest.get(Heartbeat)
-    return "unknown" if beat is None else profile.mode_title(profile.mode_of(beat.custom_mode))
-
-
-def _of_autopilot(messages: Sequence[Message], profile: Autopilot) -> Sequence[Message]:
-    """Return the messages without HEARTBEATs that another program sends with the autopilot's ids."""
-    return [
-        message
-        for message in messages
-        if not isinstance(message, Heartbeat) or profile.speaks(message)
-    ]
 
 
 def _heard(
@@ -312,7 +285,12 @@ def vehicle_file(
         ConfigError: If the name, the URL or the autopilot is wrong.
     """
     autopilot_named(autopilot)
-    document = tomlkit.parse(_template(autopilot))
+    # An autopilot from outside has no file of its own.
+    folder = config_folder() / "vehicles"
+    template = folder / f"{autopilot}.toml"
+    if not template.is_file():
+        template = folder / "px4.toml"
+    document = tomlkit.parse(template.read_text(encoding="utf-8"))
     changes = [
         _Change("", "name", name, "in orders, metrics and records"),
         _Change("vehicle", "autopilot", autopilot),
@@ -333,7 +311,12 @@ def vehicle_file(
             value = surveyed.parameters.get(parameter)
             head.append(f"  {parameter:<18} {'not read' if value is None else f'{value:g}'}")
     for change in changes:
-        _set_value(change, document)
+        table: Any = document[change.section] if change.section else document
+        table[change.key] = change.value
+        if change.comment:
+            item = table[change.key]
+            item.comment(change.comment)
+            item.trivia.comment_ws = "  "
     keys = document.as_string()
     keys = keys[keys.index("name = ") :]
     comments = "".join(f"# {line}\n" for line in head)
@@ -348,25 +331,6 @@ class _Change(NamedTuple):
     key: str
     value: str | int | float
     comment: str = ""
-
-
-def _template(autopilot: str) -> str:
-    """Return the bundled file of an autopilot, or PX4's for an autopilot from outside."""
-    folder = config_folder() / "vehicles"
-    template = folder / f"{autopilot}.toml"
-    if not template.is_file():
-        template = folder / "px4.toml"
-    return template.read_text(encoding="utf-8")
-
-
-def _set_value(change: _Change, document: TOMLDocument) -> None:
-    """Give a key its other value, where it stands."""
-    table: Any = document[change.section] if change.section else document
-    table[change.key] = change.value
-    if change.comment:
-        item = table[change.key]
-        item.comment(change.comment)
-        item.trivia.comment_ws = "  "
 
 
 def write_new(path: Path, text: str) -> None:
@@ -403,15 +367,10 @@ def _bounded(template: Mapping[str, Any], surveyed: Surveyed) -> Iterator[_Chang
         if section == "limits" and read == 0.0:
             comment += ", which is off: guidance check refuses it"
         yield _Change(section, key, round(value, 1), comment)
-        yield from _bounded_by(key, value, template)
-
-
-def _bounded_by(key: str, value: float, template: Mapping[str, Any]) -> Iterator[_Change]:
-    """Yield the keys that have to follow another one."""
-    if key == "ceiling_m" and value < template["flight"]["takeoff_height_m"]:
-        comment = "not above limits.ceiling_m"
-        yield _Change("flight", "takeoff_height_m", round(value, 1), comment)
-        yield _Change("game", "standoff_height_m", round(value, 1), comment)
-    if key == "speed_m_s" and value <= template["game"]["evader_speed_m_s"]:
-        comment = "must be slower than the pursuer"
-        yield _Change("game", "evader_speed_m_s", round(value / 2.0, 2), comment)
+        if key == "ceiling_m" and value < template["flight"]["takeoff_height_m"]:
+            comment = "not above limits.ceiling_m"
+            yield _Change("flight", "takeoff_height_m", round(value, 1), comment)
+            yield _Change("game", "standoff_height_m", round(value, 1), comment)
+        if key == "speed_m_s" and value <= template["game"]["evader_speed_m_s"]:
+            comment = "must be slower than the pursuer"
+            yield _Change("game", "evader_speed_m_s", round(value / 2.0, 2), comment)

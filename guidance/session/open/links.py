@@ -100,9 +100,15 @@ def open_all(
             wire, opened[next(iter(config.evaders))] = share(wire, 2)
         if config.on_ground_stations:
             wire, ground_wire = share(wire, 2)
-            world.ground_links[config.name] = _open_ground_link(
-                config, ground_wire, clock, key, closed
+            ground_link = GroundLink(
+                ground_wire,
+                clock.now_s,
+                system_id=config.vehicle.system_id,
+                stations=config.ordering_stations,
+                signing_key=key,
             )
+            closed.callback(ground_link.close)
+            world.ground_links[config.name] = ground_link
     link = _open_vehicle_link(config, wire, clock, key, credentials)
     closed.callback(link.close)
     world.links[config.name] = link
@@ -143,21 +149,6 @@ def _open_vehicle_link(
     return open_link(
         wire, vehicle.link, clock=clock.now_s, who=who, **ids, signing_key=key, timeout_s=limit_s
     )
-
-
-def _open_ground_link(
-    config: Config, wire: Wire, clock: Clock, key: SigningKey | None, closed: ExitStack
-) -> GroundLink:
-    """Open the link to the vehicle's ground stations, on a share of the vehicle's wire."""
-    ground_link = GroundLink(
-        wire,
-        clock.now_s,
-        system_id=config.vehicle.system_id,
-        stations=config.ordering_stations,
-        signing_key=key,
-    )
-    closed.callback(ground_link.close)
-    return ground_link
 
 
 def _claim_on_its_bus(url: str, credentials: Credentials, closed: ExitStack) -> None:

@@ -75,7 +75,10 @@ class Asked:
         """
         (pursuits, team) = pursuits_and_team(scenario)
         clock = MonotonicClock()
-        self._require_urls(len(pursuits))
+        vehicles = len(pursuits)
+        if len(self.urls) != vehicles:
+            words = f"the scenario has {vehicles} vehicles: give one URL each"
+            raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
         mailboxes = {pursuit.vehicle: Mailbox() for pursuit in pursuits}
         buses = stack.enter_context(
             control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team)
@@ -84,18 +87,15 @@ class Asked:
         world = stack.enter_context(closing(World()))
         configs, radios = self.reach(scenario, clock, world)
         laid = _laid_where_they_stand(pursuits, configs, world, clock, onlooker.show)
-        _add_evaders(world, laid, radios, clock)
+        for name, radio in radios.items():
+            chased = next(pursuit.scenario for pursuit in laid if pursuit.evader == name)
+            world.players[name] = stepped.EvaderHere(chased, clock, radio)
         policy = MissionPolicy(engage=True, end_with=ORDER_OF[self.end], hand_over=Event.LAND)
         signals = stack.enter_context(Signals(Event.LAND).installed())
         equipment = {
             name: open_equipment(box, configs[name], stack) for name, box in mailboxes.items()
         }
         return Opened(laid, world, clock, buses, equipment, configs, policy, signals)
-
-    def _require_urls(self, vehicles: int) -> None:
-        if len(self.urls) != vehicles:
-            words = f"the scenario has {vehicles} vehicles: give one URL each"
-            raise ConfigError(f"--vehicle: {len(self.urls)} given; {words}")
 
     def left_out(self, scenario: FlyableScenario) -> Sequence[str]:
         """Name what of a scenario these vehicles fly without."""
@@ -190,15 +190,6 @@ def _radios(
         radios[name] = radio
         receivers[name] = iter(share(receiver, vehicles))
     return radios, receivers
-
-
-def _add_evaders(
-    world: World, pursuits: Sequence[Pursuit], radios: Mapping[str, Wire], clock: Clock
-) -> None:
-    """Let the evaders move in the world and report on their wires."""
-    for name, radio in radios.items():
-        chased = next(pursuit.scenario for pursuit in pursuits if pursuit.evader == name)
-        world.players[name] = stepped.EvaderHere(chased, clock, radio)
 
 
 def _team_keys(

@@ -119,7 +119,9 @@ class Access:
         status = self._refusal(request)
         if status is None:
             return await handler(request)
-        if status in _DOORS and _is_for_a_person(request):
+        if status in _DOORS and (
+            request.method == "GET" and request.headers.get("Accept", "").startswith("text/html")
+        ):
             return self._door(request, status)
         return web.Response(status=status)
 
@@ -209,10 +211,6 @@ class Access:
         self._late_until_s[network] = self.clock.now_s() + PASSWORD_INTERVAL_S
         if len(self._late_until_s) > _MAX_ADDRESSES:
             del self._late_until_s[next(iter(self._late_until_s))]
-
-
-def _is_for_a_person(request: web.Request) -> bool:
-    return request.method == "GET" and request.headers.get("Accept", "").startswith("text/html")
 
 
 def _bytes_of(text: str) -> bytes:

@@ -282,25 +282,22 @@ class DaemonView:
             self._heard_s = news.at_s if self._fold is None else self._heard_s
         else:
             try:
-                self._take_flight(what, news.at_s)
+                if isinstance(what, FoundFlight):  # start again with its metadata
+                    self._fold = None
+                    self._over = None
+                    self._sent = {}
+                    self._rows.clear()
+                    fold = SnapshotFold(what.metadata, self.key)
+                    for item in what.heard:
+                        fold.take(item)
+                    self._fold = fold
+                elif self._fold is not None:
+                    self._add(what, news.at_s, self._fold)
             except _BAD_DATA:  # another version, or damaged: its status is shown at least
                 kind = (
                     "its flight" if isinstance(what, FoundFlight) else "a message of its broadcast"
                 )
                 self._note_fault(kind, news.at_s)
-
-    def _take_flight(self, what: FoundFlight | Item, at_s: float) -> None:
-        if isinstance(what, FoundFlight):  # start again with its metadata
-            self._fold = None
-            self._over = None
-            self._sent = {}
-            self._rows.clear()
-            fold = SnapshotFold(what.metadata, self.key)
-            for item in what.heard:
-                fold.take(item)
-            self._fold = fold
-        elif self._fold is not None:
-            self._add(what, at_s, self._fold)
 
     def _note_fault(self, what: str, at_s: float) -> None:
         self._unreadable = f"{what} cannot be read: check its version"
@@ -341,7 +338,26 @@ class DaemonView:
         Data that cannot be encoded becomes a fault of this daemon, and is left out.
         """
         try:
-            return _encoded(self._message(now_s, whole=whole))
+            is_first = not self._sent
+            full = whole or is_first
+            message = self._about(now_s)
+            parts = dict(self.told)
+            fold = self._fold
+            if fold is not None:
+                parts["scene"] = fold.scene
+                parts["snapshot"] = fold.snapshot()
+            for name, part in parts.items():
+                if full or part is not self._sent.get(name):
+                    message[name] = part
+            if full:
+                message["history"] = {"columns": HISTORY, "rows": list(self._rows)}
+                message["events"] = list(self._events)
+            elif self._unsent_events:
+                message["events"] = list(self._events)[-self._unsent_events :]
+            if not whole:
+                self._sent = parts
+                self._unsent_events = 0
+            return _encoded(message)
         except _BAD_DATA:
             self.told = {"status": {}}
             self._fold = None
@@ -363,28 +379,6 @@ class DaemonView:
             "silent_s": round(silent_s, 1),
             "contact": level_of(silent_s, 0.5 * NO_CONTACT_S, NO_CONTACT_S),
         }
-
-    def _message(self, now_s: float, *, whole: bool) -> Plain:
-        is_first = not self._sent
-        full = whole or is_first
-        message = self._about(now_s)
-        parts = dict(self.told)
-        fold = self._fold
-        if fold is not None:
-            parts["scene"] = fold.scene
-            parts["snapshot"] = fold.snapshot()
-        for name, part in parts.items():
-            if full or part is not self._sent.get(name):
-                message[name] = part
-        if full:
-            message["history"] = {"columns": HISTORY, "rows": list(self._rows)}
-            message["events"] = list(self._events)
-        elif self._unsent_events:
-            message["events"] = list(self._events)[-self._unsent_events :]
-        if not whole:
-            self._sent = parts
-            self._unsent_events = 0
-        return message
 
 
 def _encoded(message: Plain) -> str:

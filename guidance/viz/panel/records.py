@@ -169,7 +169,9 @@ class RecordFolder:
         _, _, kind = _MADE[what]
         answer = web.Response(body=product.read_bytes(), content_type=kind)
         if kind == _DOWNLOAD:
-            answer.headers["Content-Disposition"] = _attachment(product.name)
+            # The name of a file may have any characters.
+            plain = re.sub(r"[^A-Za-z0-9._-]", "-", product.name)
+            answer.headers["Content-Disposition"] = f'attachment; filename="{plain}"'
         elif what == "report":
             answer.headers["Content-Security-Policy"] = _REPORT_POLICY
         else:
@@ -214,12 +216,6 @@ async def output_lines(*arguments: str) -> AsyncIterator[bytes]:
             await child.wait()
     if code != 0:
         raise OutputError(error[-500:] if error else f"ended with {code}")
-
-
-def _attachment(name: str) -> str:
-    """Return the header of a download; the name of a file may have any characters."""
-    plain = re.sub(r"[^A-Za-z0-9._-]", "-", name)
-    return f'attachment; filename="{plain}"'
 
 
 def _file_key(name: str, path: Path) -> FileKey:

@@ -224,17 +224,14 @@ class SnapshotFold:
                 "amount": row.alarm.amount,
                 "since_s": row.now_s,
             }
-        self._count_positions(row)
-        if self._flight.home_m != self._home_m:
-            self._set_scene()
-
-    def _count_positions(self, row: CycleEntry) -> None:
         for message in row.inputs.messages:
             if isinstance(message, LocalPosition):
                 self._positions_s.append(message.received_s)
         while self._positions_s and self._positions_s[0] < row.now_s - LINK_WINDOW_S:
             self._positions_s.popleft()
         self._most_positions = max(self._most_positions, len(self._positions_s))
+        if self._flight.home_m != self._home_m:
+            self._set_scene()
 
     def _set_scene(self) -> None:
         cycle = self._flight.settings.cycle
@@ -269,12 +266,20 @@ class SnapshotFold:
         if row is None or self._shown is not None:
             return self._shown
         certificate = row.certificate
+        cycle = self._flight.cycle
         snapshot: Plain = {
             **self._telemetry(row),
             **self._places(),
             "game": None if certificate is None else game_shown(certificate),
             "alarm": self._lasting_alarm(row.now_s),
-            "age_s": self._ages(row.now_s),
+            "age_s": (
+                {
+                    "heartbeat": self._flight.vehicle.age_s(Heartbeat, row.now_s),
+                    "position": known_age(cycle.telemetry_age_s),
+                    "evader": known_age(cycle.evader_age_s),
+                    "round_trip": self._round_trip_s,
+                }
+            ),
         }
         snapshot["levels"] = of_snapshot(snapshot, self._flight.settings)
         self._shown = dict(plain(snapshot))
@@ -341,15 +346,6 @@ class SnapshotFold:
             "speed_m_s": {
                 name: math.hypot(*getattr(cycle, f"{name}_ned_m_s")) for name in _VELOCITIES
             },
-        }
-
-    def _ages(self, now_s: float) -> Plain:
-        cycle = self._flight.cycle
-        return {
-            "heartbeat": self._flight.vehicle.age_s(Heartbeat, now_s),
-            "position": known_age(cycle.telemetry_age_s),
-            "evader": known_age(cycle.evader_age_s),
-            "round_trip": self._round_trip_s,
         }
 
     def _lasting_alarm(self, now_s: float) -> Plain | None:
