@@ -3,7 +3,7 @@
 `python -m tests install` repeats this for every Python from 3.11 on that it finds; the tests use their own Python. It
 prints the size of the base installation by package and the size of its four foundations. Then it removes the unused
 files with the commands from the how-to page for Raspberry Pi and Jetson, prints the size again and repeats the flight.
-Last it installs the mock alone, as docs/mock.md says, and prints its size and the time to its first HEARTBEAT.
+Last it installs the mock alone from its own folder, and prints its size and the time to its first HEARTBEAT.
 """
 
 import json
@@ -24,7 +24,9 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
+MOCK = ROOT / "sitl_mock"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+MOCK_PROJECT = tomllib.loads((MOCK / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 LARGEST_MB = 235
 """Size limit of the base installation, without pip and bytecode caches."""
 
@@ -36,9 +38,6 @@ LARGEST_MOCK_MB = 40
 
 TRIMMED_BY = ROOT / "docs" / "how-to" / "raspberry-pi-jetson.md"
 """The page with the commands that remove unused files."""
-
-MOCK_PAGE = ROOT / "docs" / "mock.md"
-"""The page with the commands that install the mock alone."""
 
 FOUNDATIONS = ("numpy", "mavsdk", "pymavlink", "eclipse-zenoh")
 """The large dependencies of the base: games, both links, the mock's messages and the wires."""
@@ -84,19 +83,18 @@ def pythons() -> list[str]:
     return [found[version] for version in sorted(found)]
 
 
-def wheel(folder: Path) -> Path:
-    """Build the wheel into a folder with the installed build backend."""
+def wheel(folder: Path, project: Path = ROOT) -> Path:
+    """Build the wheel of a project into an empty folder with the installed build backend."""
     pip = (sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation")
-    quiet("pip", *pip, "-w", str(folder), str(ROOT))
+    quiet("pip", *pip, "-w", str(folder), str(project))
     (built,) = folder.glob("*.whl")
     return built
 
 
 class Installed:
-    """The base installation in an environment of its own, used from a folder that is not the checkout.
+    """A wheel in an environment of its own, used from a folder that is not the checkout.
 
     With `linked`, the packages that it needs are links to those of this environment, which takes a tenth of the time.
-    `packages` are installed instead of all that the wheel needs.
     """
 
     def __init__(
@@ -105,20 +103,18 @@ class Installed:
         python: str,
         folder: Path,
         *,
-        linked: bool = False,
-        packages: Sequence[str] | None = None,
+        linked: Sequence[str] = (),
     ) -> None:
         self.folder = folder
         self.bin = folder / "env" / "bin"
         quiet("venv", python, "-m", "venv", "--without-pip", str(folder / "env"))
+        self._link(linked)
+        self.install(built, *(["--no-deps"] if linked else []))
+
+    def install(self, built: Path, *options: str) -> None:
+        """Install a wheel."""
         pip = (sys.executable, "-m", "pip", "--python", str(self.bin / "python"))
-        install = (*pip, "install", "-q", "--no-compile")
-        if linked:
-            self._link(PROJECT["dependencies"] if packages is None else packages)
-        elif packages is not None:
-            quiet("pip", *install, *packages)
-        alone = linked or packages is not None
-        quiet("pip", *install, *(["--no-deps"] if alone else []), str(built))
+        quiet("pip", *pip, "install", "-q", "--no-compile", *options, str(built))
 
     def _link(self, packages: Sequence[str]) -> None:
         """Link packages of this environment with what they need, and no other."""
@@ -186,13 +182,6 @@ class Installed:
             )
             / 1e6
         )
-
-
-def mock_packages() -> list[str]:
-    """Return the packages that the mock's page installs for the mock alone."""
-    page = MOCK_PAGE.read_text(encoding="utf-8")
-    (packages,) = re.findall(r"^pip install --no-deps \S+ && pip install (.+)$", page, re.MULTILINE)
-    return str(packages).split()
 
 
 def first_heartbeat_s(mock: Installed) -> float:
@@ -281,13 +270,13 @@ def main() -> int:
         show(base.weights())
         if not flies(base, LARGEST_TRIMMED_MB):
             return 1
-        return 0 if mock_alone(built, folder / "mock") else 1
+        return 0 if mock_alone(folder / "mock") else 1
 
 
-def mock_alone(built: Path, folder: Path) -> bool:
+def mock_alone(folder: Path) -> bool:
     """Install the mock alone; print its size and how soon it answers."""
     folder.mkdir()
-    mock = Installed(built, sys.executable, folder, packages=mock_packages())
+    mock = Installed(wheel(folder, MOCK), sys.executable, folder)
     weights = mock.weights()
     print("the mock alone:", flush=True)
     for name, (megabytes, _) in sorted(weights.items(), key=lambda item: -item[1][0]):

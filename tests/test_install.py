@@ -1,7 +1,9 @@
 """A newcomer's installation: small, whole by itself, and clear about what it leaves out."""
 
+import itertools
 import subprocess
 import sys
+import zipfile
 
 import pytest
 
@@ -10,12 +12,13 @@ from guidance.extras import EXTRAS, require_extras
 from tests.install import (
     LARGEST_MB,
     LARGEST_MOCK_MB,
+    MOCK,
+    MOCK_PROJECT,
     OF_EXTRAS,
     PROJECT,
     ROOT,
     Installed,
     first_heartbeat_s,
-    mock_packages,
     trimming,
     wheel,
 )
@@ -111,8 +114,8 @@ def test_a_container_leaves_out_what_the_page_about_small_computers_does():
 
 
 @pytest.mark.flight
-def test_the_wheel_in_an_empty_environment_is_small_and_flies(tmp_path):
-    base = Installed(wheel(tmp_path), sys.executable, tmp_path, linked=True)
+def test_the_wheel_in_an_empty_environment_is_small_and_flies(project_wheel, tmp_path):
+    base = Installed(project_wheel, sys.executable, tmp_path, linked=PROJECT["dependencies"])
     assert sum(megabytes for megabytes, _ in base.weights().values()) < LARGEST_MB
     assert base.present() == []
     flown = base.run("guidance", "fly", "--fast", str(ROOT / "tests" / "data" / "short_chase.toml"))
@@ -126,15 +129,88 @@ def test_the_wheel_in_an_empty_environment_is_small_and_flies(tmp_path):
     assert (refused.returncode, "pursuit-guidance[sim]" in refused.stderr) == (2, True)
 
 
+@pytest.fixture(scope="module")
+def mock_wheel(tmp_path_factory):
+    """The wheel that the mock's own folder makes."""
+    return wheel(tmp_path_factory.mktemp("mock"), MOCK)
+
+
+@pytest.fixture(scope="module")
+def project_wheel(tmp_path_factory):
+    """The wheel of the whole project."""
+    return wheel(tmp_path_factory.mktemp("project"))
+
+
+def files_of_mock(built):
+    """Return the files of `sitl_mock` in a wheel, by name."""
+    with zipfile.ZipFile(built) as files:
+        return {
+            name: files.read(name) for name in files.namelist() if name.startswith("sitl_mock/")
+        }
+
+
+def test_both_wheels_have_the_mock_from_the_same_files_with_the_same_version(
+    mock_wheel, project_wheel
+):
+    alone = files_of_mock(mock_wheel)
+    assert alone.pop("sitl_mock/LICENSE") == (ROOT / "LICENSE").read_bytes()
+    assert "sitl_mock/pyproject.toml" not in alone
+    assert alone == files_of_mock(project_wheel)
+    assert MOCK_PROJECT["version"] == PROJECT["version"]
+
+
+def test_the_mock_needs_nothing_that_the_project_needs_in_another_version():
+    of_project = {*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["plot"]}
+    extras = MOCK_PROJECT["optional-dependencies"].values()
+    assert {*MOCK_PROJECT["dependencies"], *itertools.chain(*extras)} <= of_project
+
+
 @pytest.mark.flight
-def test_the_mock_alone_is_small_and_answers(tmp_path):
-    mock = Installed(
-        wheel(tmp_path), sys.executable, tmp_path, linked=True, packages=mock_packages()
-    )
+def test_the_mock_alone_is_small_and_answers(mock_wheel, tmp_path):
+    mock = Installed(mock_wheel, sys.executable, tmp_path, linked=MOCK_PROJECT["dependencies"])
     weights = mock.weights()
     assert sum(megabytes for megabytes, _ in weights.values()) < LARGEST_MOCK_MB
-    assert not {"numpy", "pymavlink", "mavsdk", "eclipse-zenoh"} & set(weights)
+    others = {"pursuit-guidance", "numpy", "pymavlink", "mavsdk", "eclipse-zenoh"}
+    assert others.isdisjoint(weights)
+    assert mock.run("python", "-c", "import guidance").returncode == 1
     assert first_heartbeat_s(mock) < 30.0
     assert mock.run("sitl-mock", "versions", "px4@1.17", "px4@1.18").returncode == 0
+    said = mock.run("sitl-mock", "--version").stdout.strip()
+    assert said == f"sitl-mock of pursuit-sitl-mock {MOCK_PROJECT['version']}"
     refused = mock.run("sitl-mock", "calibrate", str(ROOT / "README.md"))
     assert (refused.returncode, "needs numpy" in refused.stderr) == (2, True)
+
+
+@pytest.mark.flight
+def test_a_suite_finds_the_fixtures_of_the_mock_alone(mock_wheel, tmp_path):
+    linked = [*MOCK_PROJECT["dependencies"], "pytest"]
+    mock = Installed(mock_wheel, sys.executable, tmp_path, linked=linked)
+    (tmp_path / "test_climb.py").write_text(
+        "def test_it_beats(mock_vehicle):\n"
+        "    vehicle = mock_vehicle.stepped('arducopter')\n"
+        "    assert b''.join(vehicle.step(1.1))\n"
+        "    assert mock_vehicle('px4', over=('udp',)).udp_port\n",
+        encoding="utf-8",
+    )
+    done = mock.run("python", "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_climb.py")
+    assert (done.returncode, "1 passed" in done.stdout) == (0, True), done.stdout
+
+
+@pytest.mark.flight
+def test_the_mock_beside_the_project_works_in_one_version_and_is_refused_in_two(
+    mock_wheel, project_wheel, tmp_path
+):
+    both = Installed(mock_wheel, sys.executable, tmp_path, linked=PROJECT["dependencies"])
+    both.install(project_wheel, "--no-deps")
+    flight = ("guidance", "fly", "--fast", str(ROOT / "tests" / "data" / "short_chase.toml"))
+    assert both.run(*flight).returncode == 0
+    (about,) = tmp_path.glob("env/lib/python*/site-packages/pursuit_sitl_mock-*.dist-info/METADATA")
+    older = about.read_text(encoding="utf-8").replace(
+        f"\nVersion: {MOCK_PROJECT['version']}\n", "\nVersion: 0.0.1\n"
+    )
+    about.write_text(older, encoding="utf-8")
+    for command in (flight, ("sitl-mock", "run", "--vehicles", "1", "--udp", "27000")):
+        refused = both.run(*command)
+        assert refused.returncode == 2
+        named = f"pursuit-sitl-mock 0.0.1 and pursuit-guidance {PROJECT['version']}"
+        assert named in " ".join(refused.stderr.split())

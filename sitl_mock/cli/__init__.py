@@ -11,8 +11,6 @@ from sitl_mock.cli.run import run
 from sitl_mock.cli.versions import versions
 from sitl_mock.errors import MockError
 
-_PACKAGE = "pursuit-guidance"
-
 app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
@@ -28,9 +26,10 @@ app.command()(versions)
 def _version(asked: bool) -> None:
     if not asked:
         return
-    from importlib.metadata import version  # noqa: PLC0415 - for this only
+    from sitl_mock.installation import installed_versions  # noqa: PLC0415 - for this only
 
-    typer.echo(f"sitl-mock of {_PACKAGE} {version(_PACKAGE)}")
+    distributions = [f"{name} {version}" for name, version in installed_versions().items()]
+    typer.echo(f"sitl-mock of {', '.join(distributions) or 'a checkout that is not installed'}")
     raise typer.Exit
 
 

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.flavours import flavour_named
+from sitl_mock.installation import installed_versions, require_one_version
 from sitl_mock.logs import LOG_BYTES
 from sitl_mock.mavlink import Signing
 from sitl_mock.tables import (
@@ -291,8 +292,9 @@ def build(
         log_bytes: Most bytes of the flight logs of all vehicles, equally divided; 0 for none.
 
     Raises:
-        ConfigError: A vehicle has a parameter that its flavour lacks.
+        ConfigError: A vehicle has a parameter that its flavour lacks, or the mock is installed in two versions.
     """
+    require_one_version(installed_versions())
     ids = _system_ids(config)
     share = min(LOG_BYTES, log_bytes // len(config.vehicle))
     return {

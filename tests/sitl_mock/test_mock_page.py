@@ -82,14 +82,12 @@ def test_the_suite_of_the_recipe_passes_with_the_plugin_alone(tmp_path):
 def test_the_workflow_installs_this_project_and_its_client_flies(tmp_path):
     (job,) = yaml.safe_load(blocks("yaml")[0])["jobs"].values()
     steps = {step.get("name", step.get("uses")): step for step in job["steps"]}
-    assert (ROOT / "pyproject.toml").exists()
+    checkout = steps["actions/checkout@v4"]["with"]["path"]
+    _, _, package, runner = steps["Install the mock and the suite's runner"]["run"].split()
+    assert runner == "pytest"
+    project = ROOT / Path(package).relative_to(checkout) / "pyproject.toml"
     assert (
-        steps["Install the mock and the suite's runner"]["run"]
-        == "pip install ./pursuit-guidance pytest"
-    )
-    assert (
-        tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["name"]
-        == "pursuit-guidance"
+        tomllib.loads(project.read_text(encoding="utf-8"))["project"]["name"] == "pursuit-sitl-mock"
     )
     port = str(mock_ports())
     client = tmp_path / "client"
