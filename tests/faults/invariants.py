@@ -39,6 +39,10 @@ SETPOINT = SPEC_BY_NAME["SET_POSITION_TARGET_LOCAL_NED"].message_id
 _SETPOINT_BYTES = SETPOINT.to_bytes(3, "little")
 LOST_AFTER_S = 1.5 + 0.1
 NOTICED_S = 2.1
+RESEMBLING_M_S = 0.75
+RESEMBLING_S = 1.5
+"""A stranger's velocity that resembles one that we sent in this time, also shortened by up to half, is no sign."""
+
 REMEMBERED_CYCLES = 250
 _STAMPED_S = 0.011
 """A stamp is whole milliseconds, and a step of the mock is 10 ms."""
@@ -138,6 +142,8 @@ class Watch:
         self._home_m: Vector | None = None
         self._home_off_m = (0.0, 0.0)
         self._guided_s = -math.inf
+        self._asked: deque[tuple[float, Vector]] = deque(maxlen=REMEMBERED_CYCLES)
+        self._resembled_s = -math.inf
         self._ours = False
         self._entered_m = 0.0
         self._before: Sight | None = None
@@ -164,6 +170,8 @@ class Watch:
         self._asked_down_m_s = 0.0
         for frame in setpoints:
             self._asked_down_m_s = frames.value(frame, "vz")
+            north, east = frames.value(frame, "vx"), frames.value(frame, "vy")
+            self._asked.append((now_s, (north, east, self._asked_down_m_s)))
             self._numbers(now_s, frame)
             self._inwards(now_s, flight)
             self._permitted(now_s, outputs.state, self._measured_before_s(now_s, flight))
@@ -308,7 +316,15 @@ class Watch:
             and self.engaged_s is not None
             and state in SETPOINT_STATES
         ):
-            since_s = now_s - self.engaged_s - self._begun_s("second_source")
+            begun_s = self.engaged_s + self._begun_s("second_source")
+            (fault,) = self.case.scenario.fault
+            keys = fault.model_extra or {}
+            theirs = (keys["north"], keys["east"], keys["down"])
+            while self._asked and now_s - self._asked[0][0] > RESEMBLING_S:
+                self._asked.popleft()
+            if any(_resembles(theirs, ours) for _, ours in self._asked):
+                self._resembled_s = now_s
+            since_s = now_s - max(begun_s, self._resembled_s)
             if since_s > NOTICED_S:
                 self.wrong("another program is noticed", now_s, since_s)
 
@@ -437,6 +453,14 @@ class Watch:
 def _is_setpoint(frame: bytes) -> bool:
     """Return whether a MAVLink 2 frame is a complete velocity setpoint."""
     return frame[7:10] == _SETPOINT_BYTES and frames.message_id(frame) == SETPOINT
+
+
+def _resembles(theirs: Vector, ours: Vector) -> bool:
+    """Whether a velocity is near ours, or near a part of ours between half and all of it."""
+    square = sum(part * part for part in ours)
+    along = sum(one * other for one, other in zip(theirs, ours, strict=True))
+    share = min(1.0, max(0.5, along / square)) if square > 0.0 else 1.0
+    return math.dist(theirs, [share * part for part in ours]) <= RESEMBLING_M_S
 
 
 def _in_frame(frame: Any, believed: Any, position_ned_m: Vector) -> Vector:

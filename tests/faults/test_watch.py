@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from guidance.config import parse_document
+from guidance.flight.heard import Echo
 from guidance.sim.scenario import Scenario
 from tests.faults import flying
 from tests.faults.drawing import KINDS, Case, draw_case
@@ -52,6 +53,26 @@ def test_a_service_that_knows_of_no_fence_is_found_out(monkeypatch):
     (violation,) = flown().violations
     assert violation.invariant == "fence"
     assert violation.amount > 1.0
+
+
+def test_another_program_is_told_from_ours_and_a_service_that_is_deaf_to_it_is_found_out(
+    monkeypatch,
+):
+    stranger = {
+        "kind": "second_source",
+        "after": "engaged",
+        "at_s": 0.5,
+        "north": -3.0,
+        "east": -3.0,
+        "down": 0.0,
+        "rate_hz": 5.0,
+    }
+    document = {**TO_THE_FENCE, "fault": [stranger]}
+    case = Case(0, 0, parse_document(Scenario, document, source="test"))
+    assert flying.fly(case).violations == ()
+    monkeypatch.setattr(Echo, "hear", lambda *_, **__: None)
+    (violation,) = flying.fly(case).violations
+    assert violation.invariant == "another program is noticed"
 
 
 def test_a_flight_that_goes_on_from_a_copy_is_the_one_from_the_ground(tmp_path):
