@@ -70,10 +70,10 @@ class Access:
         port: Its port.
         remote: TLS and password; None for loopback.
         clock: Time of password attempts and login deadlines.
-        say: Prints a line.
+        say: Prints the URL of the page.
 
     Attributes:
-        token: Opens the page once on loopback; replaced when it is used.
+        token: Opens the page once on loopback; replaced when it is used or an open page asks for another.
         path: Secret path of the page, with both slashes.
         tls: TLS context of the server; None for http, where no password is set.
         scheme: http or https.
@@ -107,11 +107,14 @@ class Access:
         self._say = say
         self._late_until_s = dict[str, float]()  # by network, after a wrong password
 
-    def announce(self, remark: str = "") -> None:
-        """Print the URL of the page. Its token works once, so each use prints the next."""
-        query = f"?token={self.token}" if self.tls is None else "  (asks for the password)"
+    def announce(self) -> None:
+        """Print the URL of the page, once: whoever reads the output later finds no token that still works."""
         with contextlib.suppress(OSError):  # the output is closed
-            self._say(f"panel    {self._address}{query}{remark}")
+            self._say(f"panel    {self._door_url()}")
+
+    def _door_url(self) -> str:
+        query = f"?token={self.token}" if self.tls is None else "  (asks for the password)"
+        return f"{self._address}{query}"
 
     @web.middleware
     async def guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -162,9 +165,13 @@ class Access:
             return self._door(request, 200)
         if not _is_same_secret(request.query.get("token", ""), self.token):
             return self._door(request, 403)
-        self.token = secrets.token_urlsafe(24)
-        self.announce("  (for another browser)")
+        self.token = secrets.token_urlsafe(24)  # nobody has seen this one
         return self._let_in()
+
+    async def invite(self, _request: web.Request) -> web.Response:
+        """Show an open page the URL for another browser; the URL before it works no more."""
+        self.token = secrets.token_urlsafe(24)
+        return web.Response(text=f"For another browser, once: {self._door_url()}\n")
 
     async def login(self, request: web.Request) -> web.StreamResponse:
         """Exchange the password for the cookie."""

@@ -100,6 +100,7 @@ class PanelServer:
             web.static(f"{path}page", PAGE),
             web.get(rf"{path}tiles/{{tile:\d+/\d+/\d+}}.png", self._tile),
             web.get(f"{path}in", self._access.take_ticket),
+            web.get(f"{path}invite", self._access.invite),
             web.get(f"{path}alive", self._alive),
             web.get(f"{path}live", self._live),
             web.post(f"{path}order", self._order),

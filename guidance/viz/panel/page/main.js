@@ -196,7 +196,7 @@ function switchViews(page, pictures) {
 function label() {
   for (const [name, words] of [
     ["title", TEXTS.heading], ["show-plan", TEXTS.plan], ["show-space", TEXTS.space], ["fit", TEXTS.fit],
-    ["records-button", TEXTS.records],
+    ["records-button", TEXTS.records], ["invite", TEXTS.invite],
   ]) at(name).textContent = words;
   for (const [name, words] of Object.entries(TEXTS.names)) at(name).setAttribute("aria-label", words);
   at("by-label").firstElementChild.textContent = TEXTS.by;

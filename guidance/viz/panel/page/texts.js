@@ -12,6 +12,7 @@ export const TEXTS = {
   chart: (title) => `Chart: ${title}`,
   by: "operator",
   byDefault: "operator",
+  invite: "Another browser",
   records: "Records",
   close: "Close",
   light: "Light",
