@@ -170,8 +170,9 @@ class Watch:
         self._asked_down_m_s = 0.0
         for frame in setpoints:
             self._asked_down_m_s = frames.value(frame, "vz")
-            north, east = frames.value(frame, "vx"), frames.value(frame, "vy")
-            self._asked.append((now_s, (north, east, self._asked_down_m_s)))
+            north_m_s = frames.value(frame, "vx")
+            east_m_s = frames.value(frame, "vy")
+            self._asked.append((now_s, (north_m_s, east_m_s, self._asked_down_m_s)))
             self._numbers(now_s, frame)
             self._inwards(now_s, flight)
             self._permitted(now_s, outputs.state, self._measured_before_s(now_s, flight))
