@@ -97,18 +97,18 @@ class Checkup:
             )
             for check in daemon.flight.checks(clock.now_s())
         )
-        return (*daemon.rows, *readiness)
+        return (*daemon.survey.rows, *readiness)
 
     def _missing(self) -> list[str]:
         """Return what is needed before anything is judged, and was not received yet."""
         latest = self._daemon.flight.vehicle.latest
         names = [name for kind, name in _HEARD.items() if latest.get(kind) is None]
-        return [*names, *self._daemon.survey.missing]
+        return [*names, *self._daemon.survey.memory.missing]
 
     def _facts(self) -> Facts:
         flight = self._daemon.flight
         now_s = self._clock.now_s()
-        return self._daemon.survey.facts(flight.vehicle, now_s, flight.heard.other_beat)
+        return self._daemon.survey.memory.facts(flight.vehicle, now_s, flight.heard.other_beat)
 
     def changes(self, *, advised: bool) -> Sequence[ParameterChange]:
         """Return the parameters to set, from the values read."""

@@ -133,7 +133,7 @@ class Sortie:
             run(self.mission.daemons, self._world, self.clock, mission=self)
         except FlightError as error:
             # A mission that preflight judges ends so before the start order.
-            if not self._daemon.judged or self.state not in BEFORE_FLIGHT:
+            if not self._daemon.survey.judges or self.state not in BEFORE_FLIGHT:
                 self.watch.wrong("nothing ends the loop", self.clock.now_s(), 1.0, str(error))
             self._given_up = True
         except Exception as error:  # the loop must not raise

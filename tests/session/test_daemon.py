@@ -226,7 +226,7 @@ def test_a_parameter_that_is_mended_makes_the_vehicle_ready(base):
 
 def test_a_fence_that_is_not_required_is_only_warned_of(base):
     base = base.ready(parameters={}, preflight={"fence_required": False})
-    verdicts = {row.name: str(row.verdict) for row in base.daemon.rows}
+    verdicts = {row.name: str(row.verdict) for row in base.daemon.survey.rows}
     assert verdicts["GF_MAX_HOR_DIST"] == "warn"
 
 

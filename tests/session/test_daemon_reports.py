@@ -92,7 +92,7 @@ def test_an_evader_above_another_zero_is_not_engaged(base, offset_m):
     one = base(source=by(carrier, lambda now_s: follow_target(now_s, HERE[2] + offset_m)))
     one.run(12.0)
     assert one.state is not State.STANDING_BY
-    rows = {row.name: row.verdict for row in one.daemon.rows}
+    rows = {row.name: row.verdict for row in one.daemon.survey.rows}
     assert rows["evader's altitude"] is Verdict.REFUSE
 
 
@@ -207,6 +207,6 @@ def test_a_router_that_is_down_is_a_warning_that_names_it(base):
         f"the Zenoh router of its reports, 127.0.0.1:{port}, does not answer"
         in (one.order("engage")["reason"])
     )
-    (row,) = [row for row in one.daemon.rows if row.name == "evader's source"]
+    (row,) = [row for row in one.daemon.survey.rows if row.name == "evader's source"]
     assert row.verdict is Verdict.WARN
     assert str(port) in row.value

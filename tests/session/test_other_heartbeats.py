@@ -75,7 +75,7 @@ def test_a_vehicle_that_is_no_multicopter_does_not_start(base, kind, words):
     one = base()
     instead_of_its_own(one, (kind, 12))
     one.run(10.0)
-    (row,) = one.daemon.rows
+    (row,) = one.daemon.survey.rows
     assert (row.name, row.verdict) == ("autopilot", "refuse")
     assert f"px4 (MAV_AUTOPILOT 12), {words} (MAV_TYPE {kind})" in row.value
     assert not one.order("start")["accepted"]

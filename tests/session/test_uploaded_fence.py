@@ -60,7 +60,7 @@ def without_parameters(one, names):
 
 
 def fence_row(one):
-    (row,) = [row for row in one.daemon.rows if row.name == "uploaded fence"]
+    (row,) = [row for row in one.daemon.survey.rows if row.name == "uploaded fence"]
     return row
 
 
@@ -74,7 +74,7 @@ def test_a_tight_fence_is_read_although_another_parameter_does_not_exist(base, a
     upload(one, around(12.0))
     one.run(20.0)
     assert (fence_row(one).value, fence_row(one).verdict) == ("polygon of 4", "refuse")
-    unread = next(row for row in one.daemon.rows if row.name == hidden)
+    unread = next(row for row in one.daemon.survey.rows if row.name == hidden)
     assert (unread.value, unread.verdict) == ("not read", "refuse")
     assert not one.order("start")["accepted"]
 

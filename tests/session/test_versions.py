@@ -72,7 +72,7 @@ def relay(service, number, renamed):
 
 def rows_of(service):
     service.run(15.0)
-    return {row.name: row for row in service.daemon.rows}
+    return {row.name: row for row in service.daemon.survey.rows}
 
 
 def test_arducopter_4_7_is_judged_by_its_own_names_and_units(base):

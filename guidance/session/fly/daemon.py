@@ -1,44 +1,37 @@
 """The daemon of one vehicle. Each cycle takes orders, steps the flight, then gives answers, status, log and metrics."""
 
 import logging
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, Final
 
-from guidance.autopilots import Finding, Verdict
 from guidance.clock import IN_TIME, Timing
 from guidance.errors import ConfigError
 from guidance.flight import (
     BEFORE_FLIGHT,
     FINAL,
     Authority,
-    EngageOn,
     Event,
     Flight,
     Inputs,
     Outputs,
-    is_done,
 )
 from guidance.links.port import EvaderSource, TellsProblem, VehicleLink
-from guidance.log.entries import ASSIGNED, EVADER_NEWS, LINK_NEWS, ORDERED, RELOADED, TEAM_NEWS
-from guidance.log.sink import AnsweredOrder, FlightIdentity, Sink
+from guidance.log.entries import ASSIGNED, EVADER_NEWS, LINK_NEWS, RELOADED, TEAM_NEWS
+from guidance.log.sink import FlightIdentity, Sink
 from guidance.log.writer import Record
-from guidance.preflight import PreflightMemory, advice, parameter_names, refusals, rows
+from guidance.session.fly.order_desk import OrderDesk
+from guidance.session.fly.preflight_survey import PreflightSurvey
 from guidance.session.observe.recording import Recording
 from guidance.session.observe.refused_frames import RefusedFrames
 from guidance.session.observe.refused_reports import RefusedReports
-from guidance.session.observe.signs_of_life import ENDING
-from guidance.session.orders.answers import missing, refusal, shown_state, status
-from guidance.session.orders.mailbox import Engaging, Mailbox, Question, ShutdownHandover
-from guidance.session.orders.words import ALIVE, RESET, WORDS
+from guidance.session.orders.mailbox import Mailbox, Question
+from guidance.session.orders.words import ALIVE
 from guidance.session.plan import FlightPlan
 from guidance.strategies.own import Ask
 from guidance.team import Member
 
 HEARTBEAT_EVERY_S: Final = 1.0
-PREFLIGHT_EVERY_S: Final = 0.5
 SHOWN_EVERY_S: Final = 1.0
 
 
@@ -91,9 +84,11 @@ class Daemon:
         self.recording = Recording(
             name, equipment.record, equipment.sinks, required=equipment.record_required
         )
-        self._leaving: ShutdownHandover | None = None
+        self.survey = PreflightSurvey(link, self.recording)
+        self._desk = OrderDesk(
+            name, equipment.mailbox, self.recording, equipment.team, self.begin_again
+        )
         self._heartbeat_s = self._shown_s = float("-inf")
-        self._refused: tuple[str, ...] = ()
         self.inputs = Inputs()
         self.finished = False
         self.begin(plan)
@@ -102,19 +97,16 @@ class Daemon:
     def begin(self, plan: FlightPlan) -> None:
         """Begin another flight at once, wherever the vehicle is."""
         self.plan = plan
-        self.judged = plan.wants is not None
-        """True if preflight judges the vehicle before it flies."""
         self.flight = Flight(plan.flight, self._ask)
         if self.team is not None:
             self.team.begin()
-        announces = plan.wants is not None and plan.wants.announces
-        names = partial(parameter_names, announces=announces)
-        self.survey = PreflightMemory(plan.flight.autopilot, names)
-        self._engaging = Engaging(self.flight, self.survey, plan.wants)
+        self.survey.begin(self.flight, plan.wants)
+        self._desk.begin(self.flight, self.survey)
         self.recording.begin(FlightIdentity(self.name, tuple(self._evaders), plan.flight))
-        self._judged_s = float("-inf")
-        self.rows: tuple[Finding, ...] = ()  # preflight's, as last judged
-        self._refused_for: dict[str, str] = {}
+
+    def begin_again(self) -> None:
+        """Begin another flight by the same plan."""
+        self.begin(self.plan)
 
     @property
     def in_flight(self) -> bool:
@@ -124,83 +116,25 @@ class Daemon:
     @property
     def leaving(self) -> Authority | None:
         """The one who asked the daemon to end, a person or a mission; None before that."""
-        return None if self._leaving is None else self._leaving.authority
+        return self._desk.leaving
 
     def step(self, now_s: float, timing: Timing = IN_TIME) -> Outputs:
         """Run one cycle; `timing` is how the loop kept time."""
-        questions, queries = self.mailbox.take()
-        orders = self._orders(questions, now_s)
-        self.inputs = self._read(now_s, queries, orders)
+        orders, queries = self._desk.take(now_s)
+        self.inputs = self._read(now_s, orders, queries)
         outputs = self.outputs = self.flight.step(now_s, self.inputs)
         if outputs.answer is not None:  # a replay does not run the policy
             self.inputs = self.inputs._replace(answer=outputs.answer)
         self._write(now_s, outputs, timing)
-        if self.team is not None:
-            self._tell(self.team, now_s, outputs)
-        self._tell_evader_news(now_s)
-        self._answer(now_s, queries, orders, outputs)
-        self._preflight(now_s)
+        self._tell_news(now_s, outputs)
+        self._desk.answer(now_s, orders, queries, outputs)
+        self.survey.step(now_s, self.inputs, self._problems.values(), engaging=self._desk.reading)
         self._report(now_s, outputs, timing)
-        self.finished = self._leaving is not None and self._leaving.finished(self.flight, now_s)
+        self.finished = self._desk.finished(now_s)
         return outputs
 
-    def _orders(self, questions: Sequence[Question], now_s: float) -> Sequence[Question]:
-        """Return the orders for this cycle's flight, people's first; all others are answered here."""
-        orders = [question for question in questions if self._is_for_the_flight(question, now_s)]
-        if self.judged:
-            orders += self._engage_orders(now_s)
-        if self._leaving is not None:
-            orders += self._leaving.orders(self.flight)
-        return sorted(orders, key=lambda question: question.authority is Authority.MISSION)
-
-    def _engage_orders(self, now_s: float) -> Sequence[Question]:
-        """Return the engage orders whose parameters were read again, or did not answer."""
-        due_orders = self._engaging.due(now_s)
-        if due_orders is None:
-            return ()
-        fresh = {row.name: row for row in self._engaging.rows}
-        self.rows = tuple(fresh.get(row.name, row) for row in self.rows)
-        if refusals(self._engaging.rows) and not due_orders:
-            self.recording.say(logging.WARNING, "not engaged", reason=advice(self._engaging.rows))
-        return due_orders
-
-    def _is_for_the_flight(self, question: Question, now_s: float) -> bool:
-        word = question.order
-
-        if word in WORDS and word != Event.ENGAGE:
-            self._give_up_engaging(f"{word} was ordered meanwhile", now_s)
-        if word == RESET:
-            refused = (
-                f"in flight ({self.flight.state}): order land or return first"
-                if self.in_flight
-                else ""
-            )
-            if not refused:
-                self.begin(self.plan)
-            self._reply(question, now_s, refused)
-        elif word not in WORDS:
-            self._reply(question, now_s, f"order = {word!r}: allowed are {', '.join(WORDS)}")
-        elif self._is_leaving(question):
-            self._reply(question, now_s, "the daemon is ending")
-        elif (
-            word == Event.ENGAGE
-            and self.judged
-            and self.in_flight
-            and self.flight.follows(Event.ENGAGE, now_s, self._barred())
-        ):
-            self._engaging.wait(question, now_s)
-        else:
-            return True
-        return False
-
-    def _is_leaving(self, question: Question) -> bool:
-        """Return True if the daemon ends. An operator's order cancels an end that a mission asked for."""
-        if self.leaving is Authority.MISSION and question.authority is Authority.OPERATOR:
-            self._leaving = None
-        return self._leaving is not None
-
     def _read(
-        self, now_s: float, queries: Sequence[Question], orders: Sequence[Question]
+        self, now_s: float, orders: Sequence[Question], queries: Sequence[Question]
     ) -> Inputs:
         """Read everything that one cycle sees, and send our HEARTBEAT once a second."""
         people = [
@@ -210,11 +144,7 @@ class Daemon:
             Event(question.order) for question in orders if question.authority is Authority.MISSION
         ]
         alive = True if any(query.order == ALIVE for query in queries) else None
-        bars = self._barred()
-        if Event.ENGAGE in people or Event.ENGAGE in mission:
-            bars += refusals(self._engaging.rows)
-        elif self.plan.flight.engage_on is EngageOn.PILOT_MODE:
-            bars += self._engaging.bars_the_pilot
+        bars = self._desk.bars(orders)
         messages = self._link.receive()
         sources = self._evaders.items()
         named_reports = [(name, report) for name, source in sources for report in source.receive()]
@@ -229,19 +159,6 @@ class Daemon:
             reports += relayed
         return Inputs(messages, reports, people, bars, alive, mission, mates, role)
 
-    def _barred(self) -> tuple[str, ...]:
-        """Names of what preflight refuses; before its first verdict, preflight itself."""
-        if not self.judged or not self._judging:
-            return ()
-        if not self.rows:
-            return ("preflight",)
-        return refusals(self.rows)
-
-    @property
-    def _judging(self) -> bool:
-        """True while preflight applies: on the ground, and for a vehicle found armed until it has passed once."""
-        return self.flight.state in BEFORE_FLIGHT or (self.in_flight and not self.flight.checked)
-
     def _write(self, now_s: float, outputs: Outputs, timing: Timing) -> None:
         """Send the flight's outputs, the setpoint first: everything else can wait a millisecond."""
         if outputs.setpoint is not None:
@@ -250,82 +167,22 @@ class Daemon:
             self._link.request(request)
         self.recording.cycle(now_s, self.inputs, outputs, timing)
 
-    def _tell(self, team: Member, now_s: float, outputs: Outputs) -> None:
-        """Tell the mates about this cycle, and people what the mates told."""
-        team.tell(now_s, self.flight, outputs)
-        if (assigned := team.changed(outputs)) is not None:
-            self.recording.event(now_s, ASSIGNED, assigned.model_dump_json())
-        for words in team.board.news:
-            self.recording.say(logging.WARNING, words)
-            self.recording.event(now_s, TEAM_NEWS, words)
-        team.board.news.clear()
-
-    def _evader_counters(self, now_s: float) -> dict[str, Mapping[str, int]]:
-        """Return the counters of each evader: its source's, and the reports that its track dropped."""
-        tracking = self.flight.tracking
-        counters = dict[str, Mapping[str, int]]()
-        for source_name, source in self._evaders.items():
-            evader = "" if self.team is None else source_name
-            counted = source.counters()
-            refused = self._refused_reports[source_name].note(now_s, counted)
-            problem = source.problem() if isinstance(source, TellsProblem) else ""
-            self._tell_problem(source_name, problem)
-            tracking.refused[evader] = problem if problem else refused
-            dropped = {
-                f"dropped_{outcome}": count for outcome, count in tracking.dropped(evader).items()
-            }
-            counters[source_name] = {**counted, **dropped}
-        return counters
-
-    def _tell_problem(self, evader: str, problem: str) -> None:
-        """Log why no report of an evader can arrive, once."""
-        if problem != self._problems.get(evader, ""):
-            self._problems[evader] = problem
-            if problem:
-                self.recording.say(logging.WARNING, problem, evader=evader)
-            else:
-                self.recording.say(logging.INFO, "the evader's source answers", evader=evader)
-
-    def _evader_rows(self) -> list[Finding]:
-        """Return a warning for every evader whose source cannot deliver reports yet."""
-        return [
-            Finding("evader's source", problem, "answers", Verdict.WARN, "guidance tries again")
-            for problem in self._problems.values()
-            if problem
-        ]
-
-    def _link_rows(self) -> list[Finding]:
-        """Return a refusal if the vehicle's link knows what bars a flight."""
-        problem = self._link.problem() if isinstance(self._link, TellsProblem) else ""
-        if not problem:
-            return []
-        return [Finding("link", problem, "no problem", Verdict.REFUSE, "guidance tries again")]
-
-    def _signing_rows(self) -> list[Finding]:
-        """Return a warning if the disk does not keep the timestamps of signed frames."""
-        unsaved = self._link.counters().get("used_unsaved", 0)
-        if unsaved == 0:
-            return []
-        words = f"{unsaved} frames were used whose timestamps are not on disk"
-        advice = (
-            "after a crash they can be replayed: make $STATE_DIRECTORY or ~/.local/state writable"
-        )
-        return [Finding("signing", words, "on disk", Verdict.WARN, advice)]
-
-    def _tell_evader_news(self, now_s: float) -> None:
-        """Log and record what of the evaders' reports is no longer used."""
+    def _tell_news(self, now_s: float, outputs: Outputs) -> None:
+        """Tell the mates about this cycle, and people what the mates told and what of evaders' reports is not used."""
+        team = self.team
+        if team is not None:
+            team.tell(now_s, self.flight, outputs)
+            if (assigned := team.changed(outputs)) is not None:
+                self.recording.event(now_s, ASSIGNED, assigned.model_dump_json())
+            for words in team.board.news:
+                self.recording.say(logging.WARNING, words)
+                self.recording.event(now_s, TEAM_NEWS, words)
+            team.board.news.clear()
         news = self.flight.tracking.news
         for words in news:
             self.recording.say(logging.WARNING, words)
             self.recording.event(now_s, EVADER_NEWS, words)
         news.clear()
-
-    def _tell_refused_frames(self, now_s: float, counters: Mapping[str, int]) -> None:
-        """Log and record that somebody else sends in the vehicle's name."""
-        words = self._refused_frames.note(now_s, counters)
-        if words:
-            self.recording.say(logging.WARNING, words)
-            self.recording.event(now_s, LINK_NEWS, words)
 
     def survive(self, error: Exception, now_s: float) -> None:
         """Go on after a cycle that failed: the vehicle is handed over, the record kept, and orders are answered.
@@ -349,15 +206,8 @@ class Daemon:
             now_s: The present.
             authority: Who asks. A mission asks once, and an operator's order keeps the daemon going.
         """
-        if self.leaving is Authority.OPERATOR:
-            self.recording.say(
-                logging.WARNING, "ending at once: asked twice", state=self.flight.state
-            )
+        if self._desk.leave(order, now_s, authority):
             self.finished = True
-            return
-        self.recording.say(logging.INFO, ENDING, by=order, state=self.flight.state)
-        self._leaving = ShutdownHandover(order, now_s, authority)
-        self._give_up_engaging("the daemon is ending", now_s)
 
     def exchange(self, load: Callable[[], FlightPlan], now_s: float) -> None:
         """Take another plan, on the ground only; in flight it is refused, and said so."""
@@ -378,94 +228,6 @@ class Daemon:
             self.recording.say(logging.INFO, RELOADED)
             self.recording.event(now_s, RELOADED, self.plan.document)
 
-    def _give_up_engaging(self, reason: str, now_s: float) -> None:
-        for question in self._engaging.give_up():
-            self._reply(question, now_s, reason)
-
-    def _answer(
-        self,
-        now_s: float,
-        queries: Sequence[Question],
-        orders: Sequence[Question],
-        outputs: Outputs,
-    ) -> None:
-        """Answer the orders, and all queries with one status. The first happenings are one for each order, in order."""
-        for question, happening in zip(orders, outputs.happenings, strict=False):
-            order = Event(question.order)
-            if happening.after is not happening.before or is_done(order, happening.after):
-                reason = ""
-            else:
-                reason = refusal(order, self.flight, now_s, self.rows)
-            self._reply(question, now_s, reason)
-        if queries:
-            fields = status(self.flight, outputs, self.rows, self._barred(), now_s)
-            fields |= {"name": self.name, "recording": self.recording.words}
-            if self.team is not None:
-                fields["assignment"] = self.team.assignment(self.flight)
-            for query in queries:
-                query.set_result({"accepted": True, "order": query.order, **fields})
-
-    def _reply(self, question: Question, now_s: float, reason: str) -> None:
-        """Answer an order, accepted if there is no reason against it; log it and record who gave it.
-
-        A mission asks every second: a refusal for the same reason is logged once.
-        """
-        order = question.order
-        accepted = not reason
-        word = order if order in WORDS else "unknown"
-        words = re.sub(r"\d+(\.\d+)?", "", reason)
-        self.recording.ordered(AnsweredOrder(word, accepted, question.by, reason))
-        repeated = (
-            not accepted
-            and question.authority is Authority.MISSION
-            and words == self._refused_for.get(word)
-        )
-        self._refused_for[word] = words
-        answer: dict[str, Any] = {
-            "accepted": accepted,
-            "order": order,
-            "state": shown_state(self.flight),
-        }
-        if not accepted:
-            answer["reason"] = reason
-        if not repeated:
-            fields = dict(answer)
-            if question.by:
-                fields["by"] = question.by
-            self.recording.say(logging.INFO if accepted else logging.WARNING, "order", **fields)
-        question.set_result({"name": self.name, **answer})
-        if question.by:
-            verdict = "accepted" if accepted else reason
-            self.recording.event(now_s, ORDERED, f"{order} by {question.by}: {verdict}")
-
-    def _preflight(self, now_s: float) -> None:
-        """Read and judge parameters and fence on the ground, and read them again before the game begins."""
-        wants = self.plan.wants
-        reading = self._engaging.asked_s is not None or self.survey.reading_fence
-        if wants is None or not (self._judging or reading):
-            return
-        self.survey.observe(self.inputs.messages, self.inputs.reports)
-        for request in self.survey.requests(now_s):
-            self._link.request(request)
-        if not self._judging or now_s - self._judged_s < PREFLIGHT_EVERY_S:
-            return
-        self._judged_s = now_s
-        facts = self.survey.facts(self.flight.vehicle, now_s, self.flight.heard.other_beat)
-        self.rows = (
-            *rows(facts, self.plan.flight.autopilot, wants),
-            *self.recording.rows(),
-            *self._evader_rows(),
-            *self._link_rows(),
-            *self._signing_rows(),
-        )
-        refused = refusals(self.rows)
-        if refused != self._refused and self.survey.settled(now_s):
-            self._refused = refused
-            if refused:
-                self.recording.say(
-                    logging.WARNING, "not ready", missing=missing(self.flight, now_s, self.rows)
-                )
-
     def _report(self, now_s: float, outputs: Outputs, timing: Timing) -> None:
         """Report the cycle, with counters once a second and when the state changes."""
         changed = any(happening.after is not happening.before for happening in outputs.happenings)
@@ -481,7 +243,10 @@ class Daemon:
             **self._link.counters(),
             "other_heartbeats": self.flight.heard.other_beats,
         }
-        self._tell_refused_frames(now_s, vehicle_counters)
+        words = self._refused_frames.note(now_s, vehicle_counters)
+        if words:  # somebody else sends in the vehicle's name
+            self.recording.say(logging.WARNING, words)
+            self.recording.event(now_s, LINK_NEWS, words)
         counters = {
             "vehicle": vehicle_counters,
             "orders": {"oversized": self.mailbox.oversized},
@@ -489,4 +254,28 @@ class Daemon:
         }
         if self.team is not None:
             counters["team"] = self.team.board.counts
+        return counters
+
+    def _evader_counters(self, now_s: float) -> dict[str, Mapping[str, int]]:
+        """Return the counters of each evader: its source's, and the reports that its track dropped."""
+        tracking = self.flight.tracking
+        counters = dict[str, Mapping[str, int]]()
+        for source_name, source in self._evaders.items():
+            evader = "" if self.team is None else source_name
+            counted = source.counters()
+            refused = self._refused_reports[source_name].note(now_s, counted)
+            problem = source.problem() if isinstance(source, TellsProblem) else ""
+            if problem != self._problems.get(source_name, ""):
+                self._problems[source_name] = problem
+                if problem:
+                    self.recording.say(logging.WARNING, problem, evader=source_name)
+                else:
+                    self.recording.say(
+                        logging.INFO, "the evader's source answers", evader=source_name
+                    )
+            tracking.refused[evader] = problem if problem else refused
+            dropped = {
+                f"dropped_{outcome}": count for outcome, count in tracking.dropped(evader).items()
+            }
+            counters[source_name] = {**counted, **dropped}
         return counters

@@ -390,7 +390,7 @@ class VehicleMission:
         result.record_stopped = self.daemon.recording.stopped
         result.note(now_s, outputs, self.position_game_m, evader_game_m)
         result.duration_s = now_s - self._begun_s
-        if self.daemon.judged:
+        if self.daemon.survey.judges:
             self._listen()
             if outputs.state in BEFORE_FLIGHT:
                 self._judge(now_s)
@@ -436,13 +436,13 @@ class VehicleMission:
     def _waiting(self, now_s: float) -> str:
         """Say briefly why a vehicle that preflight judges is not ready; empty if it is, and for any other."""
         flight = self.daemon.flight
-        if not self.daemon.judged or flight.state not in _UNFIT:
+        if not self.daemon.survey.judges or flight.state not in _UNFIT:
             return ""
         if failed := failed_checks(flight, now_s):
             return failed + self._said("it says")
-        if not self.daemon.survey.complete:
+        if not self.daemon.survey.memory.complete:
             return "its parameters are being read"
-        refused = ", ".join(refusals(self.daemon.rows))
+        refused = ", ".join(refusals(self.daemon.survey.rows))
         return f"preflight refuses {refused if refused else 'nothing any more'}"
 
     def _said(self, speaker: str) -> str:
@@ -502,15 +502,17 @@ class VehicleMission:
                     f"pursuer.position_m is {away_m:.0f} m from the vehicle's home; {allowed}"
                 )
         refused = (
-            daemon.survey.complete
+            daemon.survey.memory.complete
             and not failed_checks(flight, now_s)
-            and bool(refusals(daemon.rows))
+            and bool(refusals(daemon.survey.rows))
         )
         self._refused_s = min(self._refused_s, now_s) if refused else math.inf
         if now_s - self._refused_s >= JUDGED_FOR_S:
-            raise FlightError(f"preflight refuses: {advice(daemon.rows)}; see `guidance check`")
+            raise FlightError(
+                f"preflight refuses: {advice(daemon.survey.rows)}; see `guidance check`"
+            )
         if flight.state is not State.READY and self.result.duration_s > READY_WITHIN_S:
-            lacking = missing(flight, now_s, daemon.rows) + self._said("the autopilot says")
+            lacking = missing(flight, now_s, daemon.survey.rows) + self._said("the autopilot says")
             raise FlightError(
                 f"not ready to fly within {READY_WITHIN_S:g} s: {lacking}; nothing was armed"
             )
