@@ -59,7 +59,7 @@ _AT_ONCE: Final = frozenset(
 """Topics that the mode takes on Zenoh's thread."""
 
 _LEAST_APART_S: Final = {"vehicle_global_position": 0.09, "battery_status": 0.45}
-"""PX4 sends these more often than anybody reads them."""
+"""PX4 sends these more often than anybody reads them. Zenoh keeps the newest, and it is stamped when it is fetched."""
 
 _POSITION: Final = "vehicle_local_position"
 
@@ -184,7 +184,8 @@ class Px4Link:
         self._closed = False
         self._over = threading.Event()
         self._arrivals = Arrivals[_Arrived]()
-        self._arrived_s: dict[str, float] = {}
+        self._newest: dict[str, zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]] = {}
+        self._fetched_s = dict.fromkeys(_LEAST_APART_S, -math.inf)
         self._keys = {
             topic: TYPES[name].key(domain_id, f"fmu/out/{topic}")
             for topic, name in FROM_PX4.items()
@@ -208,21 +209,23 @@ class Px4Link:
         self._sender = threading.Thread(target=self._send_waiting, name="to PX4")
         self._sender.start()
         self._ends: list[Callable[[], object]] = []
+        remote = zenoh.Locality.REMOTE
         for topic in FROM_PX4:
             # Any type and hash, so that another version of a message is seen and named
-            subscriber = session.declare_subscriber(
-                f"{domain_id}/fmu/out/{topic}/*/*",
-                partial(self._hear, topic),
-                allowed_origin=zenoh.Locality.REMOTE,
-            )
-            self._ends.append(subscriber.undeclare)
+            keys = f"{domain_id}/fmu/out/{topic}/*/*"
+            if topic in _LEAST_APART_S:
+                ring: zenoh.handlers.RingChannel[zenoh.Sample] = zenoh.handlers.RingChannel(1)
+                newest = session.declare_subscriber(keys, ring, allowed_origin=remote)
+                self._newest[topic] = newest
+                self._ends.append(newest.undeclare)
+            else:
+                hear = partial(self._hear, topic)
+                heard = session.declare_subscriber(keys, hear, allowed_origin=remote)
+                self._ends.append(heard.undeclare)
 
     def _hear(self, topic: str, sample: "zenoh.Sample") -> None:
-        """Take one message, on Zenoh's thread."""
+        """Take one message, on Zenoh's thread or, of those that come too often, on the loop's."""
         received_s = self._clock()
-        if received_s - self._arrived_s.get(topic, -math.inf) < _LEAST_APART_S.get(topic, 0.0):
-            return
-        self._arrived_s[topic] = received_s
         if str(sample.key_expr) != self._keys[topic]:
             self.counts["other_version"] += 1
             self.other_versions[topic] = str(sample.key_expr)
@@ -284,6 +287,13 @@ class Px4Link:
         if self._closed:
             return []
         self.tend()
+        now_s = self._clock()
+        for topic, least_apart_s in _LEAST_APART_S.items():
+            if now_s - self._fetched_s[topic] >= least_apart_s:
+                sample = self._newest[topic].try_recv()
+                if sample is not None:
+                    self._fetched_s[topic] = now_s
+                    self._hear(topic, sample)
         received: list[messages.Message] = []
         arrived = self._arrivals.take()
         newest = max(

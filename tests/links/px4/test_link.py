@@ -145,6 +145,19 @@ def test_of_the_positions_since_the_last_call_the_newest_comes_stamped_on_arriva
     assert newest.time_boot_s == 0.061
 
 
+def test_of_a_hundred_battery_messages_the_newest_is_read(rig):
+    before = rig.link.counters()["received"]
+    for n in range(100):
+        rig.peer.say("battery_status", connected=True, remaining=n / 100, voltage_v=15.0)
+    # What is sent later arrives later
+    rig.peer.say("vehicle_land_detected", landed=True)
+    assert rig.hear(lambda: bool(rig.of(LandedState)))
+    assert rig.hear(lambda: rig.of(SystemStatus)[-1].battery_remaining == pytest.approx(0.99))
+    known = [one for one in rig.of(SystemStatus) if one.voltage_v == 15.0]
+    assert len(known) <= 2
+    assert rig.link.counters()["received"] - before < 10
+
+
 @pytest.mark.parametrize("values", [{"xy_valid": False}, {"x": math.nan}, {"vz": math.inf}])
 def test_a_position_that_is_not_valid_is_dropped_and_counted(rig, values):
     rig.peer.local_position(1, **values)
