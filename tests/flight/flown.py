@@ -100,6 +100,14 @@ class Flown:
     def cycles(self, seconds, **given):
         return [self.cycle(**given) for _ in range(round(seconds / CYCLE_S))]
 
+    def armed_as_asked(self):
+        """The autopilot takes the mode to arm in, is asked to arm, and arms."""
+        self.mode = self.autopilot.arming_mode
+        while ARM not in commands([self.cycle(beat=True)]):
+            assert self.state is State.ARMING
+        self.armed = True
+        return self
+
     def standing_by(self, height_m=10.0):
         self.cycle()
         self.cycle()

@@ -149,6 +149,7 @@ STAGE = {
     "chase_began_s": NOW_S,
     "operator_s": NOW_S,
     "left": frozenset({Mode.HOLD}),
+    "may_be_armed": True,
 }
 
 

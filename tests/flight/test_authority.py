@@ -83,8 +83,7 @@ def started(autopilot, mode, *, armed):
     flown.cycle(Event.START)
     assert flown.state is State.ARMING
     if armed:
-        flown.armed = True
-        flown.mode = autopilot.arming_mode
+        flown.armed_as_asked()
         flown.cycle(beat=True)
         assert flown.state is State.CLIMBING
     return flown

@@ -134,6 +134,17 @@ def test_a_mode_that_was_not_asked_for_is_a_pilots_in_every_state(state, autopil
         assert seen is (mode is not asked and not px4s_own)
 
 
+@pytest.mark.parametrize("asked", [False, True])
+@pytest.mark.parametrize("armed", [False, True])
+def test_a_vehicle_that_is_armed_before_guidance_asked_was_armed_by_somebody_else(armed, asked):
+    vehicle = well(heartbeat(mode=SETTINGS.autopilot.arming_mode, armed=armed))
+    moment = {"vehicle": vehicle, "may_be_armed": asked}
+    assert happens(Event.PILOT, State.ARMING, **moment) is (armed and not asked)
+    words = detail_of(Event.PILOT, context(State.ARMING, **moment))
+    assert words.startswith("somebody else armed the vehicle") is (armed and not asked)
+    assert not happens(Event.PILOT, State.HOLDING, vehicle=vehicle, may_be_armed=False)
+
+
 @pytest.mark.parametrize(
     ("height_m", "landed", "is_told_now", "pilots"),
     [
@@ -696,7 +707,9 @@ def test_lost_telemetry_names_another_autopilot_that_is_heard_instead():
 
 
 def test_a_flight_begins_without_a_past():
-    assert Stage() == Stage(State.CONNECTING, 0.0, 0, 0, False, frozenset(), 0.0, math.inf, False)
+    assert Stage() == Stage(
+        State.CONNECTING, 0.0, 0, 0, False, frozenset(), 0.0, math.inf, False, False
+    )
 
 
 def test_a_policys_fault_is_the_detail_of_its_failure():

@@ -79,8 +79,7 @@ def test_from_the_ground_the_autopilot_takes_off_and_holds_while_standing_by(aut
     vehicle = Flown(settings_of(autopilot))
     vehicle.cycles(0.1)
     vehicle.cycle(Event.START)
-    vehicle.armed = True
-    vehicle.mode = autopilot.arming_mode
+    vehicle.armed_as_asked()
     climbing = vehicle.cycle(beat=True)
     assert (climbing.state, commands([climbing])) == (State.CLIMBING, [TAKEOFF])
     assert climbing.requests[0] == autopilot.takeoff(height_m=10.0, home_amsl_m=492.0)
@@ -154,8 +153,7 @@ def climbing(autopilot):
     flown = Flown(settings_of(autopilot))
     flown.cycles(0.1)
     flown.cycle(Event.START)
-    flown.armed = True
-    flown.mode = autopilot.arming_mode
+    flown.armed_as_asked()
     flown.cycle(beat=True)
     flown.landed = 3
     if Mode.TAKEOFF in autopilot.custom_modes:

@@ -196,8 +196,7 @@ def test_the_mode_of_our_own_climb_is_no_invitation():
     vehicle = Flown(settings_of(ARDUCOPTER, engage_on=EngageOn.PILOT_MODE))
     vehicle.cycles(0.1)
     vehicle.cycle(Event.START)
-    vehicle.armed = True
-    vehicle.mode = Mode.GUIDED
+    vehicle.armed_as_asked()
     vehicle.cycle(beat=True)
     vehicle.landed = 2
     vehicle.position[2] = HOME_DOWN_M - 10.0
@@ -369,7 +368,7 @@ def test_a_start_that_is_configured_is_flown_to_by_the_autopilot():
     vehicle = Flown(settings_of(start_game_m=(20.0, 30.0, 12.0)))
     vehicle.cycles(0.1)
     vehicle.cycle(Event.START)
-    vehicle.armed = True
+    vehicle.armed_as_asked()
     vehicle.cycle(beat=True)
     vehicle.landed = 2
     vehicle.position[2] = HOME_DOWN_M - 10.0

@@ -198,9 +198,7 @@ def test_arming_in_the_mode_on_the_ground_starts():
 def test_the_mode_is_barred_on_the_way_up_and_chosen_nevertheless_it_is_a_pilots():
     flown = Piloted().ready()
     flown.cycle(Event.START)
-    flown.mode = Mode.GUIDED
-    flown.cycle(beat=True)
-    flown.armed = True
+    flown.armed_as_asked()
     flown.cycle(beat=True)
     assert flown.checks == ()  # taking off is no reason to leave the mode
     flown.mode = Mode.TAKEOFF
