@@ -20,6 +20,7 @@ from guidance.cli import INTERRUPTED, arguments
 from guidance.cli.players import rows_json, tell_players
 from guidance.cli.viewers import CommandBeside, panel_beside
 from guidance.config import parse_document
+from guidance.control.limits import Limiter
 from guidance.errors import ConfigError, FlightError, OutputError
 from guidance.extras import how_to_add, require_extras
 from guidance.files import private_folder, whole_file, writing
@@ -552,6 +553,10 @@ def _tell_team(
     distance = f"least distance of two vehicles {level}: {least_words}"
     target.print(f"{distance} ({separation.separation_m:g} m wanted)")
     flights = result.vehicles.values()
+    if any(Limiter.SEPARATION in flight.limits for flight in flights):
+        target.print(
+            f"Vehicles made way for each other (limit {Limiter.SEPARATION}); promises do not count that."
+        )
     duration_s = max(flight.duration_s for flight in flights)
     wall_s = max(flight.wall_s for flight in flights)
     target.print(f"{duration_s:.1f} s of flight in {wall_s:.2f} s")

@@ -150,9 +150,11 @@ class Coordinator:
         pursuers = [of(state.speed_m_s, state.climb_m_s, state.descent_m_s) for _, state in states]
         evader_speeds_m_s = [evader.speed_m_s for evader in seen_evaders]
         game = between(scene.game, pursuers, evader_speeds_m_s)
+        # Offers bind nobody: who was ready first shall not cross the way of those who follow
+        has_begun = any(state.part == "playing" for _, state in states)
         vehicles_m = np.array([position_m for position_m, _ in states])
         evaders_m = np.array([evader.position_m for evader in seen_evaders])
-        previous = self._previous(vehicles, evaders)
+        previous = self._previous(vehicles, evaders) if has_begun else None
         try:
             return match_teams(
                 game,

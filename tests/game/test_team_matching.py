@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from guidance.errors import ConfigError
-from guidance.game import Ball, Game, Reason, StandOff, Winner, solve
+from guidance.game import Ball, Cylinder, Game, Reason, StandOff, Winner, solve
 from guidance.game.team import match_teams, solve_team
 from tests.harness.examples import drawn
 
@@ -250,6 +250,39 @@ def test_who_is_out_of_play_is_left_alone():
         assert (without_evaders.guaranteed, without_evaders.total) == (0, 0.0)
         assert (without_evaders.evader_of == -1).all()
         assert (without_evaders.pursuer_velocity_m_s == 0).all()
+
+
+@given(st.integers(0, 10_000), st.booleans())
+@settings(max_examples=40, deadline=None)
+def test_of_equal_promises_the_ways_do_not_cross(seed, noisy):
+    """High above their discs all pursuers capture by their descent, so every pairing promises the same."""
+    random = np.random.default_rng(seed)
+    P = np.column_stack([random.uniform(-20.0, 20.0, (2, 2)), np.full(2, 40.0)])
+    E = np.column_stack(
+        [random.uniform(-20.0, 20.0, 2), random.uniform(80.0, 100.0, 2), np.zeros(2)]
+    )
+    game = Game(Cylinder(9.0, 3.0, 1.5), 1.0, standoff=StandOff(5.0, 8.0))
+    hysteresis = 0.5 if noisy else 0.0
+    if noisy:  # as of positions in flight
+        P[:, 2] += random.uniform(-1e-3, 1e-3, 2)
+    matching = match_teams(game, P, E, [0.0, 0.0, 0.0], hysteresis=hysteresis)
+    assert matching.guaranteed == 2
+    assert np.ptp(matching.alone, axis=0).max() < 2e-3
+    ends = matching.meeting_point_m[:, :2]
+    starts = P[matching.first, :2]
+    assert not crossing(*starts[0], *ends[0], *starts[1], *ends[1])
+
+
+def crossing(ax, ay, bx, by, cx, cy, dx, dy):
+    """Return whether the segments AB and CD cross."""
+
+    def side(px, py, qx, qy, rx, ry):
+        return (qx - px) * (ry - py) - (qy - py) * (rx - px)
+
+    return (
+        side(ax, ay, bx, by, cx, cy) * side(ax, ay, bx, by, dx, dy) < 0.0
+        and side(cx, cy, dx, dy, ax, ay) * side(cx, cy, dx, dy, bx, by) < 0.0
+    )
 
 
 def test_hysteresis_keeps_a_pair_that_is_nearly_as_good():

@@ -6,6 +6,7 @@ from itertools import combinations
 
 import pytest
 
+from guidance.config import parse_document
 from guidance.flight import Event, State
 from guidance.log.reader import cycles_of
 from guidance.session import recorded_flight
@@ -15,6 +16,7 @@ from guidance.session.open.mock import MockOptions
 from guidance.session.open.opened import Onlooker
 from guidance.session.recorded_flight import fly_recorded
 from guidance.sim.team_flight import pursuits_of_team
+from guidance.sim.teams import TeamScenario
 from guidance.viz import report
 from guidance.viz.panel.snapshot import replay_of
 from guidance.viz.story import captures_of, team_opening_words, team_story, team_summary
@@ -162,6 +164,36 @@ def test_a_broken_promise_is_told_with_its_cause(story):
     missed = story._replace(captures={}, promised={"rover1": lost})
     assert missed.verdict("rover1").endswith("not captured; broken: vehicle lost")
     assert missed.verdict("rover2") == "no capture could be promised; not captured"
+
+
+@pytest.mark.flight
+@pytest.mark.parametrize("seed", [1, 2])
+def test_pairings_of_equal_value_are_flown_without_crossing_and_keep_their_promises(seed):
+    """The vehicle that stands by first once took the crossed pairing, and giving way cost the promise."""
+    pursuers = [
+        {"position_m": [0, 0, 20], "speed_m_s": 7},
+        {"position_m": [20, 0, 25], "speed_m_s": 7},
+    ]
+    evaders = [
+        {"position_m": [20, 60], "speed_m_s": 3},
+        {"position_m": [-20, 60], "speed_m_s": 3},
+    ]
+    flight = {"separation_m": 8, "separation_height_m": 3}
+    flight["standoff"] = {"radius_m": 5, "height_m": 8}
+    document = {
+        "title": "Two against two",
+        "game": "tad",
+        "seed": seed,
+        "pursuer": pursuers,
+        "evader": evaders,
+        "target": {"position_m": [0, 0]},
+        "flight": flight,
+    }
+    crossing = parse_document(TeamScenario, document, source="two against two")
+    flown = fly_recorded(crossing, None, MockOptions(fast=True))
+    rows = team_rows(crossing, "fast", flown)
+    assert {row.evader: row.first for row in rows} == {0: 1, 1: 0}
+    assert all(row.end == "captured" and row.ratio >= 1.0 for row in rows)
 
 
 @pytest.mark.flight

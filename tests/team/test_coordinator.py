@@ -222,3 +222,29 @@ def test_the_coordinator_matches_by_the_vehicles_own_game():
         scene = CoordinatorView({"alpha": ((0.0, 0.0, 15.0), state)}, evaders, Enu(TARGET), game)
         made = Coordinator(board, 1, 4.0).assign(0.0, scene)
         assert len(made.promises) == promised_ones
+
+
+def test_the_vehicle_that_is_ready_first_takes_no_evader_from_the_others():
+    """Both pairings promise the same, because the descent decides; only one has ways that do not cross."""
+    evaders = {
+        "blue": EvaderSeen(Enu((20.0, 60.0, 0.0)), 3.0, 3.0, 0.1),
+        "red": EvaderSeen(Enu((-20.0, 60.0, 0.0)), 3.0, 3.0, 0.1),
+    }
+    board = Board("alpha", ["alpha", "bravo"], [*evaders])
+    coordinator = Coordinator(board, 1, 4.0)
+    fast = {"speed_m_s": 7.0, "part": "ready"}
+    alpha = Enu((0.0, 0.0, 20.0)), state_of("alpha", (0.0, 0.0, -20.0), **fast)
+    bravo = Enu((20.0, 0.0, 20.0)), state_of("bravo", (0.0, 20.0, -20.0), **fast)
+
+    def roles(now_s, vehicles):
+        made = coordinator.assign(now_s, CoordinatorView(vehicles, evaders, Enu(TARGET), GAME))
+        return {role.vehicle: role.evader for role in made.roles}
+
+    evaders_of_alpha = roles(2.0, {"alpha": alpha})["alpha"]
+    assert evaders_of_alpha in evaders
+    assert roles(3.0, {"alpha": alpha, "bravo": bravo}) == {"alpha": "red", "bravo": "blue"}
+    playing = {
+        name: (place, state.model_copy(update={"part": "playing"}))
+        for name, (place, state) in {"alpha": alpha, "bravo": bravo}.items()
+    }
+    assert roles(4.0, playing) == {"alpha": "red", "bravo": "blue"}

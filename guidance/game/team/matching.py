@@ -4,9 +4,9 @@ TAD: an edge is a pursuer that beats an evader alone. A maximum matching, of siz
 they stay guaranteed in play, because the L of each pair never falls (Chen, Zhou & Tomlin, ACC 2014). It is the most
 that pursuers can guarantee who each capture one evader. It is not the most that they can capture: a pursuer that has
 captured one evader may be in time for another one. Where that is proven (`in_turn`), `then` says so. Among the maximum
-matchings the one with the largest sum of L is
-taken: a linear assignment. The remaining pursuers join the first pursuer of an evader, one each, so that the sum of
-their gains of L is largest.
+matchings the one with the largest sum of L is taken: a linear assignment. Of equal sums the one with the shortest level
+ways is taken, whose ways do not cross. The remaining pursuers join the first pursuer of an evader, one each, so that
+the sum of their gains of L is largest.
 
 A pair of pursuers beats an evader of a point only if one of the two does, and more than two never bind. A target with
 an extent may need two: both keep the evader from different parts of it. Such pairs are edges too, and the matching is
@@ -54,6 +54,9 @@ from guidance.game.team.table import (
     taken,
     together,
 )
+
+WORTH_OF_METRE: Final = 1e-9
+"""Worth, m in TAD and s in PE, of a metre of level way: less than any difference that counts."""
 
 IN_TURN: Final = 40.0
 """Spare way of a second capture in turn, over `spare_m`: velocities are held, and seen a step late."""
@@ -127,7 +130,8 @@ def match_teams(
         target: position of each evader's target, (..., m, 3), or of the one target of all, (3,), m; None for PE.
         in_play: which evaders are in play, (..., m); all by default.
         previous: the matching so far, whose promises are kept.
-        hysteresis: what a new pair must be better by than one of `previous`, m in TAD and s in PE.
+        hysteresis: what a new pair must be better by than one of `previous`, m in TAD and s in PE. Matchings that
+            differ by less may count as equal.
         spare_m: TAD: a capture with less distance to spare is not guaranteed; a number or an array for the pairs,
             (..., n, m). A promise of `previous` stays.
 
@@ -145,7 +149,7 @@ def match_teams(
             promised = previous_pairs.first >= 0
         if target is not None:
             table = _with_spare(table, np.asarray(spare_m))
-        edges = _profits(table, previous_pairs, hysteresis)
+        edges = _with_short_ways(table, _profits(table, previous_pairs, hysteresis), hysteresis)
         first = assigned(edges, promised)
         if table.target is None:
             answer = _chased(table, first)
@@ -289,6 +293,25 @@ def _profits(table: Table, previous_pairs: Kept | None, hysteresis: float) -> Ar
     old_profit = profit + (promised_worth - table.worth) + hysteresis
     profit = np.where(old, old_profit, profit)
     return np.where(edges, np.maximum(profit, 0.0), -np.inf)
+
+
+def _with_short_ways(table: Table, profit: Array, hysteresis: float) -> Array:
+    """Return profits that also decide between matchings of equal worth: for the shorter ways, which do not cross.
+
+    Of two pairs whose straight ways cross, the other two pairs of the same players have the shorter ways together.
+
+    Args:
+        table: everybody against everybody.
+        profit: of each pair, (b, m, n), −∞ where there is none.
+        hysteresis: worths this far apart may be equal; a hundredth of it counts for each metre.
+    """
+    ends = table.all.alone.meeting_point_m
+    to = ends - table.pursuers[:, None]
+    way_m = np.sqrt(to[..., 0] ** 2 + to[..., 1] ** 2)
+    counts = (profit > -np.inf) & np.isfinite(way_m)
+    longest_m = np.max(np.where(counts, way_m, 0.0), axis=(1, 2), keepdims=True)
+    worth_of_metre = WORTH_OF_METRE + 0.01 * hysteresis
+    return np.where(counts, profit + worth_of_metre * (longest_m - way_m), profit)
 
 
 def _profit_of_each(table: Table) -> Array:
