@@ -179,6 +179,13 @@ def _make_strict(schema: Any) -> None:  # noqa: ANN401 - any part of a core sche
             _make_strict(part)
 
 
+SystemId = Annotated[int, Field(ge=1, le=255)]
+"""A MAVLink system or component id."""
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
+"""A name of a vehicle, an evader or a team, which is a part of Zenoh keys."""
+
+
 class Section(BaseModel):
     """Base of all sections: frozen, no unknown keys, finite numbers, no text or boolean for a number."""
 

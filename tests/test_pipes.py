@@ -9,8 +9,8 @@ import pytest
 from guidance.errors import ConfigError
 from guidance.links.zenoh import keys
 from guidance.log.reader import survey_of
+from guidance.session.drawn_plan import corners_deg
 from guidance.session.orders import control_socket, control_token
-from guidance.session.vehicle_file import corners_deg
 from guidance.sim.scenario_file import load_any
 from guidance.toml_files import read
 

@@ -42,8 +42,8 @@ from guidance.session.open.mock import MockOptions
 from guidance.session.open.opened import FlyableScenario, Onlooker, Way
 from guidance.session.open.url import Asked
 from guidance.session.orders.words import ENDPOINT
+from guidance.session.output_sections import RosSection
 from guidance.session.recorded_flight import fly_recorded
-from guidance.session.vehicle_file import RosSection
 from guidance.sim.outcome import Outcome
 from guidance.sim.scenario_file import load_any, with_policies
 from guidance.sim.teams import TeamScenario

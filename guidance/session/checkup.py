@@ -33,8 +33,9 @@ from guidance.session.fly.loop import PERIOD_S, PRIORITY
 from guidance.session.observe.outputs import OUTPUTS
 from guidance.session.open.links import open_all
 from guidance.session.orders.control_token import token_path
+from guidance.session.orders_section import Control
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.vehicle_file import SECTIONS, Config, Control
+from guidance.session.vehicle_file import SECTIONS, Config
 
 SURVEY_LIMIT_S: Final = 20.0
 SET_WITHIN_S: Final = 5.0

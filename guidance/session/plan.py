@@ -25,7 +25,9 @@ from guidance.game.extent import POINT
 from guidance.game.game import STILL
 from guidance.game.rules import Rules, game_by
 from guidance.game.speed_sets import SpeedSet
-from guidance.session.vehicle_file import Config, EvaderSection, Vehicle
+from guidance.links.evaders.section import EvaderSection
+from guidance.links.section import Vehicle
+from guidance.session.vehicle_file import Config
 from guidance.strategies import Strategy
 
 if TYPE_CHECKING:

@@ -28,10 +28,7 @@ from guidance.session.observe.outputs import OutputOrder, open_outputs
 from guidance.session.open.links import open_vehicle
 from guidance.session.orders.mailbox import ORDER_OF
 from guidance.session.plan import FlightPlan, plan_of
-from guidance.session.vehicle_file import (
-    Config,
-    load_vehicle,
-)
+from guidance.session.vehicle_file import Config, load_vehicle
 from guidance.team import Member
 
 _FIXED: Final = (

@@ -30,9 +30,10 @@ from guidance.log.writer import Recorder
 from guidance.session.fly.daemon import Daemon, Equipment
 from guidance.session.fly.mission import Mission
 from guidance.session.orders.control_client import answers, join_session
+from guidance.session.orders_section import Control
 from guidance.session.plan import plan_of
 from guidance.session.service import reload
-from guidance.session.vehicle_file import Control, load_vehicle
+from guidance.session.vehicle_file import load_vehicle
 from guidance.sim.scenario_file import load_scenario
 from guidance.sim.stepped import SteppedWorld
 from tests.harness.bus import ControlBus, ask

@@ -10,11 +10,11 @@ from guidance.config import parse_document
 from guidance.control import Situation
 from guidance.control.braking_law import measure_walls
 from guidance.cycle import CycleInputs, CycleMemory, MonitorMemory, Violation, play, watch
+from guidance.cycle.section import GameSection
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
 from guidance.frames import Enu, GameFrame, Ned
 from guidance.game import Game, Reason, StandOff, solve
-from guidance.session.vehicle_file import GameSection
 from guidance.strategies import StrategyMemory
 from tests.flight.scenes import CYCLE
 

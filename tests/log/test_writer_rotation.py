@@ -17,7 +17,7 @@ from guidance.log.writer import Recorder, part_path
 from guidance.session.flight_files import recorded_settings
 from guidance.session.fly.daemon import Equipment
 from guidance.session.fly.mission import Mission
-from guidance.session.vehicle_file import RecordSection
+from guidance.session.output_sections import RecordSection
 from guidance.sim.stepped import SteppedWorld
 
 

@@ -14,7 +14,7 @@ from guidance.session.orders.control_bus import free_endpoint
 from guidance.session.orders.control_client import control_key, join_session, order_team
 from guidance.session.orders.mailbox import Mailbox
 from guidance.session.orders.socket_client import ask_team_here
-from guidance.session.vehicle_file import Control
+from guidance.session.orders_section import Control
 from guidance.viz.panel.hub import DaemonBus, Hub
 from tests.harness.bus import ControlBus
 

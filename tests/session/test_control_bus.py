@@ -20,7 +20,7 @@ from guidance.session.orders.control_client import join_session as open_session
 from guidance.session.orders.mailbox import ANSWER_LIMIT_S, Mailbox
 from guidance.session.orders.socket_client import ask_here
 from guidance.session.orders.words import TIMEOUT_S
-from guidance.session.vehicle_file import Control
+from guidance.session.orders_section import Control
 from tests.harness.bus import ControlBus, ask
 
 

@@ -13,7 +13,7 @@ from guidance.links.zenoh.session import open_session
 from guidance.session.orders import control_token
 from guidance.session.orders.control_client import join_session
 from guidance.session.orders.mailbox import Mailbox
-from guidance.session.vehicle_file import Control
+from guidance.session.orders_section import Control
 from tests.harness.bus import ControlBus, published
 
 

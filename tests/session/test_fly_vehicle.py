@@ -23,13 +23,13 @@ from guidance.links.evaders.mavlink import MavlinkEvader
 from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.opening import Found, find_autopilot
 from guidance.links.port import parse
+from guidance.links.section import Vehicle
 from guidance.links.wires.base import TappedWire
 from guidance.session.fly.mission import MissionPolicy
 from guidance.session.fly.result import outcome_of_flight
 from guidance.session.open.discovery import identify, wait_until_placed
 from guidance.session.open.url import laid_about
 from guidance.session.plan import config_of, plan_of
-from guidance.session.vehicle_file import Vehicle
 from guidance.sim.scenario import EVADER_ID, Scenario
 from guidance.sim.stepped import EvaderHere, SteppedMock
 from sitl_mock import Home, MockVehicle

@@ -14,7 +14,7 @@ from guidance.links.zenoh.session import open_session
 from guidance.session.orders.control_bus import free_endpoint
 from guidance.session.orders.control_client import join_session, order_team
 from guidance.session.orders.mailbox import Mailbox
-from guidance.session.vehicle_file import Control
+from guidance.session.orders_section import Control
 from tests.harness.bus import ControlBus, ask
 from tests.links.peer import until
 

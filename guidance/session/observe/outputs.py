@@ -20,7 +20,8 @@ from guidance.registry import Registry
 from guidance.session.observe.flight_mode import FlightModeOutput
 from guidance.session.observe.ground_station import GroundStationOutput
 from guidance.session.orders.mailbox import Mailbox
-from guidance.session.vehicle_file import Config, RosSection
+from guidance.session.output_sections import RosSection
+from guidance.session.vehicle_file import Config
 
 
 class OutputOrder(NamedTuple):

@@ -39,7 +39,8 @@ from guidance.session.flight_files import recorded_settings
 from guidance.session.observe.log import LOGGER
 from guidance.session.orders.control_socket import begin_exchange
 from guidance.session.orders.mailbox import MOST_ORDERS, Mailbox
-from guidance.session.vehicle_file import Config, RosSection
+from guidance.session.output_sections import RosSection
+from guidance.session.vehicle_file import Config
 
 NODE: Final = "guidance"
 """Name of the node; its namespace is the vehicle's name."""

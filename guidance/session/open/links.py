@@ -12,12 +12,14 @@ from guidance.errors import ConfigError
 from guidance.files import text_of
 from guidance.links import EvaderSource, SigningKey, Wire, parse
 from guidance.links.evaders.kinds import SourceOrder, evader_kind
+from guidance.links.evaders.section import EvaderSection
 from guidance.links.mavlink.ground_link import GroundLink
 from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.mavlink.signed_streams import state_folder
 from guidance.links.opening import open_link, open_wire
 from guidance.links.port import VehicleLink, is_px4
 from guidance.links.px4.link import UNREAD_BESIDE, open_px4_link, px4_session
+from guidance.links.section import Vehicle
 from guidance.links.wires.base import TappedWire, share
 from guidance.links.world import World
 from guidance.links.zenoh.access import credentials_of
@@ -29,11 +31,7 @@ from guidance.session.observe.log import Log
 from guidance.session.observe.signs_of_life import Notifier
 from guidance.session.orders.control_bus import control_bus, owner_token
 from guidance.session.orders.mailbox import Mailbox, startup_answers
-from guidance.session.vehicle_file import (
-    Config,
-    EvaderSection,
-    Vehicle,
-)
+from guidance.session.vehicle_file import Config
 
 
 def open_control(config: Config, mailbox: Mailbox) -> AbstractContextManager[Session]:

@@ -13,7 +13,8 @@ from guidance.session.flight_files import TEAM
 from guidance.session.fly.daemon import Equipment
 from guidance.session.fly.loop import Signals
 from guidance.session.fly.mission import MOCKED, MissionPolicy, Show
-from guidance.session.vehicle_file import Config, RosSection
+from guidance.session.output_sections import RosSection
+from guidance.session.vehicle_file import Config
 from guidance.sim.scenario import EVADER, Pursuit, Scenario
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.sim.teams import TeamScenario

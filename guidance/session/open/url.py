@@ -12,6 +12,7 @@ from guidance.flight.settings import TeamSection
 from guidance.frames import Amsl, Enu, GameFrame, LocalFrame
 from guidance.links.opening import KINDS
 from guidance.links.port import Wire, is_px4, parse
+from guidance.links.section import Vehicle
 from guidance.links.wires.base import MemoryWire, share
 from guidance.links.world import World
 from guidance.messages import Home
@@ -32,7 +33,7 @@ from guidance.session.open.opened import (
 from guidance.session.orders import control_bus
 from guidance.session.orders.mailbox import ORDER_OF, Mailbox, startup_answers
 from guidance.session.plan import SIMULATED_URL, config_of
-from guidance.session.vehicle_file import Config, Vehicle
+from guidance.session.vehicle_file import Config
 from guidance.sim import stepped
 from guidance.sim.scenario import EVADER, EVADER_ID, Pursuit, Scenario, Site, Wind
 

@@ -29,7 +29,7 @@ from guidance.session.orders.mailbox import MOST_ORDERS, MOST_QUERIES, QUERIES, 
 from guidance.session.orders.replies import written
 from guidance.session.orders.socket_client import ask_here
 from guidance.session.orders.words import STATUS, TEAM_ANSWER_LIMIT_S, name_in
-from guidance.session.vehicle_file import Control
+from guidance.session.orders_section import Control
 
 _MAX_SENDER_BYTES: Final = 4096
 """Longest name of a sender that is read; of a longer one, the sender is unknown."""

@@ -28,7 +28,7 @@ from guidance.log.broadcast import Broadcast, LiveFlight
 from guidance.session.orders.control_bus import owner_token
 from guidance.session.orders.control_client import join_session
 from guidance.session.orders.mailbox import Mailbox
-from guidance.session.vehicle_file import Control
+from guidance.session.orders_section import Control
 from sitl_mock.errors import ConfigError as MockConfigError
 from sitl_mock.transports.zenoh_session import ZenohEndpoint, read_keys
 from tests.harness.bus import ControlBus, ask

@@ -18,7 +18,7 @@ from guidance.links.zenoh.keys import make_keys
 from guidance.links.zenoh.session import open_router, open_session
 from guidance.session.orders.control_bus import owner_token
 from guidance.session.orders.mailbox import Mailbox
-from guidance.session.vehicle_file import Control
+from guidance.session.orders_section import Control
 from tests.harness.bus import ControlBus, ask
 from tests.links.peer import until
 from tests.links.rigs import clock, free_port

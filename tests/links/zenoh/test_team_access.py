@@ -16,7 +16,7 @@ from guidance.links.zenoh.team import ZenohTeam
 from guidance.session.orders.control_bus import owner_token
 from guidance.session.orders.control_client import join_session, order_team
 from guidance.session.orders.mailbox import Mailbox
-from guidance.session.vehicle_file import Control
+from guidance.session.orders_section import Control
 from guidance.team.board import Board
 from guidance.team.messages import encode
 from tests.harness.bus import ControlBus
