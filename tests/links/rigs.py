@@ -7,21 +7,26 @@ import os
 import pty
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import zenoh
 
+from guidance.autopilots import PX4, Mode
 from guidance.links import MemoryWire
 from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.links.opening import open_link, open_wire, wait_until_heard
-from guidance.links.port import VehicleLink
-from guidance.messages import Heartbeat, Timesync
+from guidance.links.port import VehicleLink, parse
+from guidance.links.px4.link import open_px4_link
+from guidance.links.zenoh.credentials import NO_CREDENTIALS
+from guidance.messages import Heartbeat, SystemStatus, Timesync
 from tests.links.peer import Peer, living, until
+from tests.links.px4.peer import Px4Peer, beating
 
 SPEED = 10.0  # the injected clock runs fast, so that half-second repeats take a twentieth
 _namespaces = itertools.count()
+_domains = itertools.count(100)
 
 
 def clock() -> float:
@@ -29,9 +34,19 @@ def clock() -> float:
 
 
 class Rig:
-    """A link and its peer. `hear` polls until a condition on all that was received holds."""
+    """A link and its peer. `hear` polls until a condition on all that was received holds.
 
-    def __init__(self, link: VehicleLink, peer: Peer) -> None:
+    Attributes:
+        clock: The link's.
+        every_position: Whether `receive` returns all positions, or the newest of those that wait.
+    """
+
+    clock = staticmethod(clock)
+    every_position = True
+    beats: tuple[type, ...] = (Heartbeat, Timesync)
+    """Messages that arrive though nothing happens."""
+
+    def __init__(self, link: VehicleLink, peer: Any) -> None:
         self.link = link
         self.peer = peer
         self.received: list = []
@@ -50,9 +65,7 @@ class Rig:
         self.peer.parameters = {}
         quiet_since_s = time.monotonic()
         while time.monotonic() - quiet_since_s < 0.03:
-            if any(
-                not isinstance(message, Heartbeat | Timesync) for message in self.link.receive()
-            ):
+            if any(not isinstance(message, self.beats) for message in self.link.receive()):
                 quiet_since_s = time.monotonic()
             time.sleep(0.002)
         self.received.clear()
@@ -60,12 +73,36 @@ class Rig:
         self.before = dict(self.link.counters())
         return self
 
+    def setpoints(self) -> list[tuple[Sequence[float], float]]:
+        """Return the velocities and yaw angles that the peer was sent."""
+        heard = self.peer.of("SET_POSITION_TARGET_LOCAL_NED")
+        return [([one.vx, one.vy, one.vz], one.yaw) for one in heard]
+
+    def commands(self, number: int) -> int:
+        """Return how often the peer was sent a command."""
+        return sum(one.command == number for one in self.peer.of("COMMAND_LONG"))
+
     def counted(self, name: str) -> int:
         """Return the increase of a counter in this test."""
         return self.link.counters()[name] - self.before.get(name, 0)
 
     def of(self, kind: type) -> list:
         return [message for message in self.received if isinstance(message, kind)]
+
+
+class Px4Rig(Rig):
+    """PX4 over its own Zenoh, flying in our mode: outside it nothing is sent."""
+
+    clock = staticmethod(time.monotonic)
+    every_position = False
+    beats = (Heartbeat, Timesync, SystemStatus)
+
+    def setpoints(self) -> list[tuple[Sequence[float], float]]:
+        return [([*one.velocity], one.yaw) for one in self.peer.of("trajectory_setpoint")]
+
+    def commands(self, number: int) -> int:
+        topics = ("vehicle_command", "vehicle_command_mode_executor")
+        return sum(one.command == number for topic in topics for one in self.peer.of(topic))
 
 
 def free_port(kind: int = socket.SOCK_DGRAM) -> int:
@@ -227,6 +264,26 @@ def memory(_kind: str, _router: object) -> Iterator[Rig]:
             link.close()
 
 
+@contextmanager
+def px4_topics(_kind: str, router: Router) -> Iterator[Rig]:
+    peer = Px4Peer(router.session, next(_domains))
+    with contextlib.closing(peer), beating(peer):
+        link = open_px4_link(
+            parse(f"zenoh+tcp://127.0.0.1:{router.port}/{peer.domain_id}"),
+            mode_name="Pursuit",
+            beside=None,
+            clock=time.monotonic,
+            credentials=NO_CREDENTIALS,
+            timeout_s=5.0,
+        )
+        try:
+            link.request(PX4.as_mode.set_mode(Mode.GUIDED))
+            assert until(lambda: link.mode.entered)
+            yield Px4Rig(link, peer)
+        finally:
+            link.close()
+
+
 RIGS = {
     "pymavlink-memory": ("pymavlink", memory),
     "pymavlink-udp": ("pymavlink", udp),
@@ -238,3 +295,6 @@ RIGS = {
     "mavsdk-serial": ("mavsdk", serial),
     "mavsdk-zenoh": ("mavsdk", over_zenoh),
 }
+"""Over MAVLink."""
+
+EVERY = {**RIGS, "px4-topics": ("zenoh", px4_topics)}
