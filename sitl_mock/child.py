@@ -147,7 +147,10 @@ def running(
         tables = {
             "seed": seed,
             **fleet,
-            "vehicle": [_without_none(vehicle) for vehicle in vehicles],
+            "vehicle": [
+                {key: value for key, value in vehicle.items() if value is not None}
+                for vehicle in vehicles
+            ],
         }
         (folder / "fleet.toml").write_text(tomlkit.dumps(tables), encoding="utf-8")
         (folder / "faults.toml").write_text(tomlkit.dumps(faults or {}), encoding="utf-8")
@@ -278,7 +281,11 @@ def _free_ports(flavours: Mapping[str, str], stack: contextlib.ExitStack) -> int
     ports with the same numbers are bound until the stack is closed.
     """
     spread = max(max(pair) for pair in udp_ports(0, flavours).values()) + 1
-    first = _FIRST_PORT + _any_free_port() % (_LAST_PORT - _FIRST_PORT)
+    # The system's choice spreads test runs that start at the same time.
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+    first = _FIRST_PORT + port % (_LAST_PORT - _FIRST_PORT)
     for start in itertools.chain(
         range(first, _LAST_PORT, spread), range(_FIRST_PORT, first, spread)
     ):
@@ -305,13 +312,6 @@ def _holds_port(port: int, stack: contextlib.ExitStack) -> bool:
     return True
 
 
-def _any_free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    return port
-
-
 def _is_free(port: int) -> bool:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
@@ -319,8 +319,3 @@ def _is_free(port: int) -> bool:
         except OSError:
             return False
         return True
-
-
-def _without_none(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Drop keys without a value."""
-    return {key: value for key, value in table.items() if value is not None}

@@ -23,29 +23,21 @@ def flavour_named(spec: str) -> Flavour:
     versions = VERSIONS[name]
     if not version:
         version = versions[0]
-    flavour = _recorded_flavour(name)
-    if version == versions[0]:
-        return replace(flavour, version=version)
-    return _later(flavour, version)
-
-
-def _recorded_flavour(name: str) -> Flavour:
-    """Return the version with recorded data."""
     if name == "px4":
         from sitl_mock.px4 import PX4  # noqa: PLC0415 - imports are half of the start-up time
 
-        return PX4
-    if name == "arducopter":
+        flavour = PX4
+    elif name == "arducopter":
         from sitl_mock.ardupilot.flavours import ARDUCOPTER  # noqa: PLC0415 - as above
 
-        return ARDUCOPTER
-    from sitl_mock.ardupilot.flavours import ROVER_FLAVOUR  # noqa: PLC0415 - as above
+        flavour = ARDUCOPTER
+    else:
+        from sitl_mock.ardupilot.flavours import ROVER_FLAVOUR  # noqa: PLC0415 - as above
 
-    return ROVER_FLAVOUR
-
-
-def _later(flavour: Flavour, version: str) -> Flavour:
-    """Return a later version, which differs from the recorded one as documented."""
+        flavour = ROVER_FLAVOUR
+    if version == versions[0]:
+        return replace(flavour, version=version)
+    # A later version differs from the recorded one as documented.
     if flavour.name == "px4":
         from sitl_mock.px4.later import px4_1_18  # noqa: PLC0415 - as above
 

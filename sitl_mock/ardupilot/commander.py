@@ -285,12 +285,11 @@ class ArduPilot:
                 self.disarm()
                 return
             if self.mode != "LAND":
-                self.enter(self._runnable(after))
-
-    def _runnable(self, mode: str) -> str:
-        while not self.by_name[mode].needs <= self.met_needs:
-            mode = self.after.get((mode, "cannot run"), self.firmware.hold_mode)
-        return mode
+                # A mode that cannot run falls back to the next one.
+                mode = after
+                while not self.by_name[mode].needs <= self.met_needs:
+                    mode = self.after.get((mode, "cannot run"), self.firmware.hold_mode)
+                self.enter(mode)
 
     def _hear_switch(self) -> None:
         """The transmitter's mode switch: a new position of its channel requests that position's mode."""

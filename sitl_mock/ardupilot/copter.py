@@ -194,17 +194,6 @@ def _by_stick(commander: ArduPilot) -> Setpoint:
     )
 
 
-def _after_the_mission(commander: ArduPilot) -> Setpoint:
-    """Hover after a mission, or return if it ended with RETURN_TO_LAUNCH."""
-    flight = commander.flight
-    if commander.mission.over != "return":
-        return _brake(commander)
-    if not flight.stage:
-        flight.entered_m = commander.state.position_m
-        flight.entered_yaw_rad = commander.state.yaw_rad
-    return _return(commander)
-
-
 def _auto(commander: ArduPilot) -> Setpoint:
     state = commander.state
     flight = commander.flight
@@ -218,7 +207,13 @@ def _auto(commander: ArduPilot) -> Setpoint:
     tell_delay(commander, before)
     obey_orders(commander)
     if mission.over:
-        return _after_the_mission(commander)
+        # A mission that ended with RETURN_TO_LAUNCH is followed by a return from here; any other by a hover.
+        if mission.over != "return":
+            return _brake(commander)
+        if not flight.stage:
+            flight.entered_m = state.position_m
+            flight.entered_yaw_rad = state.yaw_rad
+        return _return(commander)
     if leg.landing:
         return (
             IDLING

@@ -99,7 +99,17 @@ class ArduPilotFlightLog:
         self._next_s = max(self._next_s + _STEP_S, state.now_s)
         self._decide(report)
         if self._writes(report):
-            self._write(report, self._records(report))
+            state = report.state
+            now_us = report.boot_us
+            records = []
+            mode = report.commander.custom_mode
+            if mode != self._mode:
+                self._mode = mode
+                records.append(MODE.pack(now_us, mode, mode, _BY_COMMAND))
+            changed = self._parameters.changed(state.parameters)
+            records += [_parameter(report, name) for name in changed]
+            records += self._due(report)
+            self._write(report, b"".join(records))
         self._step += 1
 
     def say(self, report: Report, severity: int, text: str) -> None:  # noqa: ARG002 - PX4's has one
@@ -121,7 +131,22 @@ class ArduPilotFlightLog:
 
     def _decide(self, report: Report) -> None:
         if self._book.running is None and self._writes(report):
-            self._begin(report)
+            # A log begins with the kinds of records, the parameters, the version, and the places of origin and home.
+            numbers = [int(log.path[-12:-4]) for log in self._book.logs]
+            number = max(numbers, default=0) + 1
+            state = report.state
+            major, minor, patch = report.flavour.identity(state.system_id).version
+            title = report.flavour.title.split(maxsplit=1)[0]
+            now_us = report.boot_us
+            self._parameters.remember(state.parameters)
+            head = [kind.definition for kind in KINDS]
+            head += [_parameter(report, name) for name in state.parameters.names]
+            head.append(MSG.pack(now_us, f"{title} V{major}.{minor}.{patch}".encode()))
+            if state.home_m is not None:
+                head.append(ORGN.pack(now_us, 0, *state.frame.origin))
+                head.append(ORGN.pack(now_us, 1, *state.frame.to_geodetic(*state.home_m)))
+            self._mode = -1
+            self._book.begin(f"/logs/{number:08}.BIN", report.unix_us * 1e-6, b"".join(head))
 
     def _arm(self, report: Report) -> None:
         """Write that it is armed or disarmed."""
@@ -139,39 +164,8 @@ class ArduPilotFlightLog:
         self._decide(report)
         self._write(report, ARM.pack(now_us, 1, 1, 0, 1) + EV.pack(now_us, _ARMED_EVENT))
 
-    def _begin(self, report: Report) -> None:
-        """Begin a log with the kinds of records, the parameters, the version and the mode."""
-        numbers = [int(log.path[-12:-4]) for log in self._book.logs]
-        number = max(numbers, default=0) + 1
-        state = report.state
-        major, minor, patch = report.flavour.identity(state.system_id).version
-        title = report.flavour.title.split(maxsplit=1)[0]
-        now_us = report.boot_us
-        self._parameters.remember(state.parameters)
-        head = [kind.definition for kind in KINDS]
-        head += [_parameter(report, name) for name in state.parameters.names]
-        head.append(MSG.pack(now_us, f"{title} V{major}.{minor}.{patch}".encode()))
-        if state.home_m is not None:
-            head.append(ORGN.pack(now_us, 0, *state.frame.origin))
-            head.append(ORGN.pack(now_us, 1, *state.frame.to_geodetic(*state.home_m)))
-        self._mode = -1
-        self._book.begin(f"/logs/{number:08}.BIN", report.unix_us * 1e-6, b"".join(head))
-
     def _write(self, report: Report, records: bytes) -> None:
         self._book.add(report.unix_us * 1e-6, records)
-
-    def _records(self, report: Report) -> bytes:
-        state = report.state
-        now_us = report.boot_us
-        records = []
-        mode = report.commander.custom_mode
-        if mode != self._mode:
-            self._mode = mode
-            records.append(MODE.pack(now_us, mode, mode, _BY_COMMAND))
-        changed = self._parameters.changed(state.parameters)
-        records += [_parameter(report, name) for name in changed]
-        records += self._due(report)
-        return b"".join(records)
 
     def _due(self, report: Report) -> list[bytes]:
         """Return the records of this step; none if a huge setpoint overflows a float."""

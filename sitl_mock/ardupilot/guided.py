@@ -61,7 +61,13 @@ def _setpoint_of(state: VehicleState, target: Target) -> Setpoint | None:
     position = _local_position(state, target) if has_position else IGNORED
     velocity = _axes(state, target, target.velocity_m_s, mask & IGNORE_VELOCITY)
     acceleration = _axes(state, target, target.acceleration_m_s2, mask & IGNORE_ACCELERATION)
-    values = _values_in_use(mask, position, velocity, acceleration)
+    values: list[float] = []
+    if not mask & IGNORE_POSITION:
+        values += position
+    if not mask & IGNORE_VELOCITY:
+        values += velocity
+    if not mask & IGNORE_ACCELERATION:
+        values += acceleration
     if not values or not math.isfinite(sum(values)):
         return STOP
     if has_velocity and math.hypot(*velocity) > _FASTEST_M_S:
@@ -81,19 +87,6 @@ def _setpoint_of(state: VehicleState, target: Target) -> Setpoint | None:
         yaw_rad=yaw_rad,
         yaw_rate_rad_s=yaw_rate_rad_s,
     )
-
-
-def _values_in_use(
-    mask: int, position: Vector, velocity: Vector, acceleration: Vector
-) -> list[float]:
-    values: list[float] = []
-    if not mask & IGNORE_POSITION:
-        values += position
-    if not mask & IGNORE_VELOCITY:
-        values += velocity
-    if not mask & IGNORE_ACCELERATION:
-        values += acceleration
-    return values
 
 
 def item_setpoint(state: VehicleState, item: PlanItem) -> Setpoint | None:

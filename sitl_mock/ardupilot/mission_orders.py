@@ -11,7 +11,6 @@ from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
     from sitl_mock.ardupilot.commander import ArduPilot
-    from sitl_mock.protocols import PlanItem
 
 CONDITION_YAW: Final = 115
 DO_SET_HOME: Final = 179
@@ -30,7 +29,13 @@ def obey_orders(commander: ArduPilot) -> None:
         flight.turn = None
     for item in mission.orders:
         if item.command in _AS_COMMANDS:
-            commander.execute(commander.state.now_s, _command(commander, item))
+            fields = (item.param1, item.param2, item.param3, item.param4)
+            position = (item.latitude_deg, item.longitude_deg, item.z)
+            source = (commander.state.system_id, _AUTOPILOT)
+            commander.execute(
+                commander.state.now_s,
+                Command(item.command, (*fields, *position), item.frame, True, source, 0),
+            )
         if item.command == CONDITION_YAW:
             flight.turn_item = mission.current
         if item.command == DO_FENCE_ENABLE:
@@ -59,11 +64,3 @@ def _turning(commander: ArduPilot) -> bool:
         return False
     off_rad = math.remainder(turn.heading_rad - commander.state.yaw_rad, math.tau)
     return turn.left_rad != 0.0 or abs(off_rad) > _TURNED_RAD
-
-
-def _command(commander: ArduPilot, item: PlanItem) -> Command:
-    """Return the command of the same number."""
-    fields = (item.param1, item.param2, item.param3, item.param4)
-    position = (item.latitude_deg, item.longitude_deg, item.z)
-    source = (commander.state.system_id, _AUTOPILOT)
-    return Command(item.command, (*fields, *position), item.frame, True, source, 0)

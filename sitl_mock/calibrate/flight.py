@@ -1,7 +1,6 @@
 """Fly a log's commands in stepped time, with a whole mock vehicle over MAVLink or with the dynamics alone."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -129,12 +128,11 @@ class _Client:
             frames.append(pack("HEARTBEAT", 18, 8, 0, 0, 4, 3))
         for frame in self.vehicle.step(self.now_s, frames):
             for message in self._decoder.feed(frame):
-                self._hear(message)
-
-    def _hear(self, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types
-        if message.get_type() == "LOCAL_POSITION_NED":
-            self.down_m = message.z
-            self.heard.append((message.time_boot_ms * 1e-3, message.vx, message.vy, message.vz))
+                if message.get_type() == "LOCAL_POSITION_NED":
+                    self.down_m = message.z
+                    self.heard.append(
+                        (message.time_boot_ms * 1e-3, message.vx, message.vy, message.vz)
+                    )
 
 
 def fly_log(log: StepLog, flavour: FlavourName) -> Samples:

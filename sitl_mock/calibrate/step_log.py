@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +84,18 @@ def _table(path: Path) -> Sequence[Sequence[float]]:
                 file.seek(0)
                 return _rows_of_log(path, file.read())
         with path.open(encoding="utf-8", newline="") as lines:
-            return _numbers(path, lines)
+            reader = csv.DictReader(lines)
+            header = reader.fieldnames
+            missing = [name for name in COLUMNS if header is None or name not in header]
+            if missing:
+                msg = (
+                    f"{path} lacks the column {', '.join(missing)}; needed are {', '.join(COLUMNS)}"
+                )
+                raise ConfigError(msg)
+            return [
+                [_number(path, number, name, row[name]) for name in COLUMNS]
+                for number, row in enumerate(reader, start=2)
+            ]
     except OSError as error:
         msg = f"{path} cannot be read: {error.strerror}"
         raise ConfigError(msg) from error
@@ -100,19 +110,6 @@ def _rows_of_log(path: Path, content: bytes) -> Sequence[Sequence[float]]:
         return rows_of(content, str(path))
     except (ValueError, LookupError, ArithmeticError, struct.error, MemoryError) as error:
         raise ConfigError(f"{path}: the flight log is damaged ({type(error).__name__})") from error
-
-
-def _numbers(path: Path, lines: TextIO) -> list[list[float]]:
-    reader = csv.DictReader(lines)
-    header = reader.fieldnames
-    missing = [name for name in COLUMNS if header is None or name not in header]
-    if missing:
-        msg = f"{path} lacks the column {', '.join(missing)}; needed are {', '.join(COLUMNS)}"
-        raise ConfigError(msg)
-    return [
-        [_number(path, number, name, row[name]) for name in COLUMNS]
-        for number, row in enumerate(reader, start=2)
-    ]
 
 
 def _number(path: Path, row: int, name: str, cell: str | None) -> float:

@@ -134,13 +134,21 @@ def fly_recording(recording: Recording, *, seed: int = 0) -> list[tuple[float, M
 
     Stream rates requested in the recording are applied; those requested before its start are unknown.
     """
+    # The heading at first; 0 if the recording has none.
+    yaws = (message.yaw for _, message in recording.said if message.get_type() == "ATTITUDE")
+    # PX4 sends HIGHRES_IMU only to an onboard computer.
+    streams = {message.get_type() for _, message in recording.said}
     vehicle = MockVehicle(
         recording.flavour,
         system_id=recording.system_id,
         home=_home(recording.said) or DEFAULT_HOME,
-        yaw_deg=_yaw_deg(recording),
+        yaw_deg=math.degrees(next(yaws, 0.0)),
         seed=seed,
-        links={"recorded": _kind(recording)},
+        links={
+            "recorded": (
+                "gcs" if recording.flavour == "px4" and "HIGHRES_IMU" not in streams else "onboard"
+            )
+        },
         ready_after_s=0.0,
     )
     vehicle.step(-BOOTED_S)
@@ -201,15 +209,3 @@ _HOMES: Final = {
     "GLOBAL_POSITION_INT": _of_global_position,
     "GPS_RAW_INT": _of_receiver,
 }
-
-
-def _yaw_deg(recording: Recording) -> float:
-    """Initial heading; 0 if unknown."""
-    yaws = (message.yaw for _, message in recording.said if message.get_type() == "ATTITUDE")
-    return math.degrees(next(yaws, 0.0))
-
-
-def _kind(recording: Recording) -> str:
-    """Kind of link; PX4 sends HIGHRES_IMU only to an onboard computer."""
-    streams = {message.get_type() for _, message in recording.said}
-    return "gcs" if recording.flavour == "px4" and "HIGHRES_IMU" not in streams else "onboard"

@@ -88,7 +88,13 @@ class Px4Control:
         """
         kind = setpoint.kind
         if kind is _STOPPED or kind is _IDLING:
-            return self._idle(memory, estimate, kind, dt_s)
+            spooled_s = 0.0
+            demand = _NOTHING
+            if kind is _IDLING:
+                spooled_s = min(memory.spooled_s + dt_s, self.gains.spool_s)
+                demand = Demand(0.0, 0.0, self._thrust_least(), 0.0)
+            reference = _reference((estimate.position_ned_m, ZERO, ZERO))
+            return _memory((kind, reference, ZERO, ZERO, spooled_s, *_UNMOVED)), demand
         if kind is _DIRECT:
             return self._direct(memory, body, estimate, setpoint, dt_s)
         return self._controlled(memory, body, estimate, setpoint, dt_s)
@@ -222,14 +228,6 @@ class Px4Control:
 
     def _thrust_least(self) -> float:
         return self.gains.thrust_min * self.thrust_max_m_s2
-
-    def _idle(
-        self, memory: Px4Memory, estimate: Estimate, kind: Kind, dt_s: float
-    ) -> tuple[Px4Memory, Demand]:
-        spooled_s = min(memory.spooled_s + dt_s, self.gains.spool_s) if kind is Kind.IDLING else 0.0
-        demand = Demand(0.0, 0.0, self._thrust_least(), 0.0) if kind is Kind.IDLING else _NOTHING
-        reference = _reference((estimate.position_ned_m, ZERO, ZERO))
-        return _memory((kind, reference, ZERO, ZERO, spooled_s, *_UNMOVED)), demand
 
     def _stream_velocity(self, estimate: Estimate, setpoint: Setpoint) -> tuple[Vector, Vector]:
         """Velocity after position control and truncation (NaN: not controlled), and the acceleration fed forward."""

@@ -31,16 +31,6 @@ _STAMPS: Final = {"time_boot_ms": 1e3, "time_usec": 1e6, "timestamp": 1e3}
 _JUMP: Final = Option("metres", 0.0, number(-1e5, 1e5))
 
 
-def _stamp(frame: bytes) -> tuple[str, float] | None:
-    """Return the name of a report's time field, and its units per second."""
-    number_ = frames.message_id(frame)
-    if number_ >= 0:
-        fields = frames.payload_fields(number_)
-    else:
-        fields = {}
-    return next(((name, units) for name, units in _STAMPS.items() if name in fields), None)
-
-
 def _slow(inputs: EffectInputs) -> Effect:
     period_s = inputs.options["period_s"]
     last_s = dict[int, float]()
@@ -64,7 +54,12 @@ def _clock(inputs: EffectInputs) -> Effect:
         begun_s[0] = now_s
 
     def alter(now_s: float, frame: bytes) -> Delayed:
-        stamp = _stamp(frame)
+        number_ = frames.message_id(frame)
+        if number_ >= 0:
+            fields = frames.payload_fields(number_)
+        else:
+            fields = {}
+        stamp = next(((name, units) for name, units in _STAMPS.items() if name in fields), None)
         if stamp is None:
             return ((0.0, frame),)
         name, units = stamp

@@ -216,7 +216,12 @@ class Faulted:
         changed = False
         for live in list(self._live):
             if not live.acting and live.start_s <= now_s + _SLACK_S:
-                self._begin(live, now_s)
+                live.acting = True
+                live.end_s = now_s + live.fault.for_s
+                if live.effect.begin is not None:
+                    live.effect.begin(now_s)
+                if live.effect.transport:
+                    self.transport.append((live.effect.transport, live.fault.for_s))
                 changed = True
             if live.acting and live.end_s <= now_s + _SLACK_S:
                 self._finish(live, now_s)
@@ -224,14 +229,6 @@ class Faulted:
                 changed = True
         if changed:
             self._publish()
-
-    def _begin(self, live: Live, now_s: float) -> None:
-        live.acting = True
-        live.end_s = now_s + live.fault.for_s
-        if live.effect.begin is not None:
-            live.effect.begin(now_s)
-        if live.effect.transport:
-            self.transport.append((live.effect.transport, live.fault.for_s))
 
     def _finish(self, live: Live, now_s: float) -> None:
         if live.acting and live.effect.end is not None:
@@ -255,7 +252,13 @@ class Faulted:
         for live in self._live:
             if live.acting and live.effect.advance is not None:
                 self._pass(Direction.OUT, now_s, live.effect.advance(now_s), out)
-        self._notice(now_s)
+        # Faults that waited for a state start when it begins.
+        states = self._states()
+        new = states - self._before
+        self._before = states
+        for live in self._live:
+            if live.event in new and live.start_s == math.inf:
+                live.start_s = now_s + live.fault.at_s
 
     def _pass(
         self,
@@ -271,37 +274,26 @@ class Faulted:
             through[link].append(frame)
         acting = [live for live in self._live if live.acting and live.effect.alter is not None]
         for link, frame in came:
-            for delay_s, passed in self._through(acting, direction, link, now_s, frame):
+            # Every acting fault alters what the one before it left.
+            flows: list[tuple[float, bytes]] = [(0.0, frame)]
+            for live in acting:
+                alter = live.effect.alter
+                if alter is None or not live.strikes_link(direction, link):
+                    continue
+                altered = list[tuple[float, bytes]]()
+                for delay_s, passed in flows:
+                    if not live.strikes(passed):
+                        altered.append((delay_s, passed))
+                        continue
+                    altered += [
+                        (delay_s + more_s, changed) for more_s, changed in alter(now_s, passed)
+                    ]
+                flows = altered[:MAX_COPIES]
+            for delay_s, passed in flows:
                 if delay_s <= 0.0:
                     through[link].append(passed)
                 else:
                     heapq.heappush(late, (now_s + delay_s, next(self._late_numbers), link, passed))
-
-    def _through(
-        self, acting: Sequence[Live], direction: Direction, link: str, now_s: float, frame: bytes
-    ) -> Sequence[tuple[float, bytes]]:
-        flows: list[tuple[float, bytes]] = [(0.0, frame)]
-        for live in acting:
-            alter = live.effect.alter
-            if alter is None or not live.strikes_link(direction, link):
-                continue
-            altered = list[tuple[float, bytes]]()
-            for delay_s, passed in flows:
-                if not live.strikes(passed):
-                    altered.append((delay_s, passed))
-                    continue
-                altered += [(delay_s + more_s, changed) for more_s, changed in alter(now_s, passed)]
-            flows = altered[:MAX_COPIES]
-        return flows
-
-    def _notice(self, now_s: float) -> None:
-        """Start the faults that waited for a state that has just begun."""
-        states = self._states()
-        new = states - self._before
-        self._before = states
-        for live in self._live:
-            if live.event in new and live.start_s == math.inf:
-                live.start_s = now_s + live.fault.at_s
 
     def _states(self) -> frozenset[str]:
         vehicle = self.vehicle

@@ -75,7 +75,10 @@ class LogBook:
         log.changed_s = now_s
         self._bytes += len(data)
         if self._bytes > self.most_bytes:
-            self._make_room(log)
+            if self.logs[0] is log:
+                self.running = None
+            else:
+                self._bytes -= len(self.logs.pop(0).content)
 
     def end(self) -> None:
         """End the running log."""
@@ -97,9 +100,3 @@ class LogBook:
         self.logs.clear()
         self.running = None
         self._bytes = 0
-
-    def _make_room(self, running: FlightLog) -> None:
-        if self.logs[0] is running:
-            self.running = None
-        else:
-            self._bytes -= len(self.logs.pop(0).content)

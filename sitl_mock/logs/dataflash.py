@@ -70,7 +70,8 @@ class RecordKind:
         with_head = struct.Struct(f"<{_HEAD}s{self._struct.format[1:]}").pack
         self._pack = partial(with_head, START + bytes((number,)))
         self.size = _HEAD + self._struct.size
-        self.definition = _definition(number, self.size, name, letters, columns)
+        body = _FMT_BODY.pack(number, self.size, name.encode(), letters.encode(), columns.encode())
+        self.definition = START + bytes((_FMT,)) + body
 
     def pack(self, *values: Any) -> bytes:  # noqa: ANN401 - numbers and texts
         """Return a record of values in their units; those too large for their type are clipped."""
@@ -90,11 +91,6 @@ class RecordKind:
         return tuple(
             unit * scale if scale else unit for unit, scale in zip(units, self._scales, strict=True)
         )
-
-
-def _definition(number: int, size: int, name: str, letters: str, columns: str) -> bytes:
-    body = _FMT_BODY.pack(number, size, name.encode(), letters.encode(), columns.encode())
-    return START + bytes((_FMT,)) + body
 
 
 FMT: Final = RecordKind(_FMT, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")

@@ -127,7 +127,10 @@ class Decoder:
         at = 0
         while at < size:
             if buffer[at] not in {0xFD, 0xFE}:
-                at = self._skip_garbage(buffer, at)
+                magic = _MAGIC.search(buffer, at)
+                end = magic.start() if magic else len(buffer)
+                self.counts.garbage_bytes += max(0, end - max(at, self._reject_end))
+                at = end
                 continue
             frame = _frame_at(buffer, at, size)
             if frame is None:
@@ -163,12 +166,6 @@ class Decoder:
         self.counts.frames += 1
         values = _values(spec, data[_HEADER_V2:-2])
         return Message(spec, values, data)
-
-    def _skip_garbage(self, buffer: bytes, at: int) -> int:
-        magic = _MAGIC.search(buffer, at)
-        end = magic.start() if magic else len(buffer)
-        self.counts.garbage_bytes += max(0, end - max(at, self._reject_end))
-        return end
 
     def _fail(self, kind: str, at: int, end: int) -> None:
         if at >= self._reject_end:

@@ -126,12 +126,9 @@ class Signing:
             )
         if _digest(self.secret_key, frame[:-6]) != frame[-6:]:
             return Verdict.WRONG_KEY
-        return self._accept(
-            (frame[-13], system, component), int.from_bytes(frame[-12:-6], "little")
-        )
-
-    def _accept(self, stream: tuple[int, int, int], timestamp: int) -> Verdict:
-        """Judge the timestamp of a frame whose signature is right, and keep it if it rises."""
+        # The signature is right. A stream's timestamps have to rise, and a new stream may not begin long ago.
+        stream = (frame[-13], system, component)
+        timestamp = int.from_bytes(frame[-12:-6], "little")
         last = self.streams.get(stream)
         if last is None and len(self.streams) >= MAX_STREAMS:
             return Verdict.TOO_MANY_STREAMS

@@ -334,11 +334,16 @@ class MissionFlight:
                 self._do(item)
                 continue
             leg = self._present(state, item, stay)
-            self._look_behind(state, leg)
+            # The items behind a condition are executed as far as conditions are met.
+            while self._behind and self._met(state, self._behind[0], leg):
+                self._order(self._behind.pop(0))
+                self._condition_until_s = math.inf
             self._stay = leg._replace(waiting=False)
             if not self._reached(state, item, leg):
                 return leg
-            self._next(item)
+            self.reached.append(item.seq)
+            self._forget_progress()
+            self.current += 1
         if not self.over:
             self.over = "finished"
         return stay
@@ -422,22 +427,19 @@ class MissionFlight:
         """Jump to an item or a tag; False once it has been done often enough, or leads nowhere."""
         goal = int(item.param1)
         if item.command == DO_JUMP_TAG:
-            goal = self._tagged(goal)
+            # The item behind the JUMP_TAG, which may be missing.
+            tags = (
+                item.seq
+                for item in self.plans.mission.items
+                if item.command == JUMP_TAG and int(item.param1) == goal
+            )
+            goal = next(tags, -1)
         jumps = self._jumps.get(item.seq, 0)
         if not (jumps < item.param2 and 0 <= goal < self.count):
             return False
         self._jumps[item.seq] = jumps + 1
         self.current = goal
         return True
-
-    def _tagged(self, tag: int) -> int:
-        """Sequence number of the item behind a JUMP_TAG; -1 without one."""
-        tags = (
-            item.seq
-            for item in self.plans.mission.items
-            if item.command == JUMP_TAG and int(item.param1) == tag
-        )
-        return next(tags, -1)
 
     def _order(self, item: PlanItem) -> None:
         """Execute an item, or leave it to the commander (ArduPilot)."""
@@ -448,12 +450,6 @@ class MissionFlight:
             self.orders.append(item)
         if item.command not in _NOT_REPORTED:
             self.reached.append(item.seq)
-
-    def _look_behind(self, state: VehicleState, leg: Leg) -> None:
-        """Execute the items behind a condition, as far as conditions are met."""
-        while self._behind and self._met(state, self._behind[0], leg):
-            self._order(self._behind.pop(0))
-            self._condition_until_s = math.inf
 
     def _met(self, state: VehicleState, item: PlanItem, leg: Leg) -> bool:
         """True if a condition is met, and for every other item."""
@@ -478,11 +474,6 @@ class MissionFlight:
             if self.reached and self.reached[-1] == item.seq - 1:
                 self.reached.pop()
             self.reached.append(item.seq)
-
-    def _next(self, item: PlanItem) -> None:
-        self.reached.append(item.seq)
-        self._forget_progress()
-        self.current += 1
 
     def _leg_to(self, state: VehicleState, item: PlanItem) -> Leg:
         position_m = state.position_m
@@ -519,17 +510,13 @@ class MissionFlight:
         if leg.circling:
             return self.turned_rad >= leg.turns * math.tau
         if item.command == LAND:
-            return self._landed(state)
+            least_s = _LANDED_S if self.climbs_first else 1.0
+            if not (state.flew and state.on_ground and state.standing_s > least_s):
+                return False
+            self.over = "landed"
+            return True
         holds = item.command in {WAYPOINT, LOITER_TIME}
         return self._near(state, item, leg) and self._held(state, item.param1 if holds else 0.0)
-
-    def _landed(self, state: VehicleState) -> bool:
-        """True when a landing item is complete, which ends the mission."""
-        least_s = _LANDED_S if self.climbs_first else 1.0
-        if not (state.flew and state.on_ground and state.standing_s > least_s):
-            return False
-        self.over = "landed"
-        return True
 
     def _near(self, state: VehicleState, item: PlanItem, leg: Leg) -> bool:
         """True when the vehicle is, or by plan should be, at an item's position."""

@@ -79,7 +79,19 @@ def parameters_of(flavour: str, version: str = "") -> ParameterTable:
         item._replace(behind=renamed[item.behind].name) if item.behind in renamed else item
         for item in kept
     ]
-    added = [_added(change) for change in changes if change.change == "added"]
+    added = [
+        _parameter(
+            change.name,
+            change.kind,
+            change.value,
+            change.unit,
+            change.minimum,
+            change.maximum,
+            change.meaning,
+        )
+        for change in changes
+        if change.change == "added"
+    ]
     table = ParameterTable([*kept, *added])
     table.renamed = {
         was: Renamed(change.name, float(change.factor)) for was, change in renamed.items()
@@ -127,18 +139,6 @@ def _redefined(item: Parameter, change: Change) -> Parameter:
         float(change.maximum) if change.maximum else item.maximum * factor,
         change.meaning if change.meaning else item.meaning,
         item.behind,
-    )
-
-
-def _added(change: Change) -> Parameter:
-    return _parameter(
-        change.name,
-        change.kind,
-        change.value,
-        change.unit,
-        change.minimum,
-        change.maximum,
-        change.meaning,
     )
 
 

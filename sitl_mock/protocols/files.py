@@ -359,7 +359,10 @@ class FileTree:
         if path.rstrip("/") in self.hidden_folders:
             return self.hidden_folders[path.rstrip("/")]
         folder = absolute(path)
-        folders = self._all_folders()
+        folders = {"/", *self.folders, *self.storage.folders}
+        for name in (*self.files, *self.storage.logs.files):
+            while (name := posixpath.dirname(name)) not in folders:
+                folders.add(name)
         if folder not in folders:
             return None
         names = sorted(name for name in folders if _lies_in(name, folder))
@@ -371,13 +374,6 @@ class FileTree:
             if _lies_in(name, folder):
                 inside.append(Entry(posixpath.basename(name), len(content)))
         return inside
-
-    def _all_folders(self) -> set[str]:
-        folders = {"/", *self.folders, *self.storage.folders}
-        for name in (*self.files, *self.storage.logs.files):
-            while (name := posixpath.dirname(name)) not in folders:
-                folders.add(name)
-        return folders
 
     def content(self, path: str) -> bytes | None:
         """Return a file's bytes, None if it does not exist."""

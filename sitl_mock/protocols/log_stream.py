@@ -77,7 +77,15 @@ class LogStream:
         if self.is_idle:
             return []
         if self._unanswered is not None:
-            return self._repeated(now_s)
+            # What is not acknowledged is sent again, some times.
+            if now_s - self._sent_s < _AGAIN_S:
+                return []
+            self._tries += 1
+            self._sent_s = now_s
+            if self._tries >= _MOST_TRIES:
+                self.stop()
+                return []
+            return [self._unanswered]
         replies = []
         while len(self._buffer) >= PIECE:
             replies.append(self._piece("LOGGING_DATA", PIECE))
@@ -97,16 +105,6 @@ class LogStream:
         self._head_pieces -= 1
         self._sent_s = now_s
         self._unanswered = self._piece("LOGGING_DATA_ACKED", min(PIECE, len(self._buffer)))
-        return [self._unanswered]
-
-    def _repeated(self, now_s: float) -> list[Reply]:
-        if self._unanswered is None or now_s - self._sent_s < _AGAIN_S:
-            return []
-        self._tries += 1
-        self._sent_s = now_s
-        if self._tries >= _MOST_TRIES:
-            self.stop()
-            return []
         return [self._unanswered]
 
     def _piece(self, name: str, size: int) -> Reply:

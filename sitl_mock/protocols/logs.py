@@ -83,11 +83,25 @@ class LogProtocol:
     def handle(self, _now_s: float, message: Message) -> list[Reply]:
         """Take any message of the log protocol."""
         if self._rules.disarmed_only and self._is_armed():
-            return self._refusal()
+            if self._told:
+                return []
+            self._told = True
+            return [("STATUSTEXT", _ERROR, "Disarm for log download", 0, 0)]
         self._told = False
         kind = message.get_type()
         if kind == "LOG_REQUEST_LIST":
-            return self._list(message.start, message.end)
+            logs = self._book.logs
+            first = self._rules.first_id
+            self._listed = True
+            if not logs:
+                return [("LOG_ENTRY", 0, 0, 0, 0, 0)] if self._rules.says_none else []
+            count = len(logs)
+            last = min(message.end, count)
+            return [
+                ("LOG_ENTRY", log_id, count, last, int(log.changed_s), len(log.content))
+                for log_id, log in enumerate(logs, start=first)
+                if message.start <= log_id and (not first or log_id <= last)
+            ]
         if kind == "LOG_REQUEST_DATA":
             return self._begin(message.id, message.ofs, message.count)
         self._part = None
@@ -106,31 +120,14 @@ class LogProtocol:
             return []
         replies = []
         for _ in range(_PIECES):
-            replies.append(self._next(self._part))
+            data = self._part.content[self._part.at : self._part.at + PIECE]
+            reply = _piece(self._part.log_id, self._part.at, data)
+            self._part.at += len(data)
+            replies.append(reply)
             if self._part.at >= self._part.end:
                 self._part = None
                 break
         return replies
-
-    def _refusal(self) -> list[Reply]:
-        if self._told:
-            return []
-        self._told = True
-        return [("STATUSTEXT", _ERROR, "Disarm for log download", 0, 0)]
-
-    def _list(self, start: int, end: int) -> list[Reply]:
-        logs = self._book.logs
-        first = self._rules.first_id
-        self._listed = True
-        if not logs:
-            return [("LOG_ENTRY", 0, 0, 0, 0, 0)] if self._rules.says_none else []
-        count = len(logs)
-        last = min(end, count)
-        return [
-            ("LOG_ENTRY", log_id, count, last, int(log.changed_s), len(log.content))
-            for log_id, log in enumerate(logs, start=first)
-            if start <= log_id and (not first or log_id <= last)
-        ]
 
     def _begin(self, log_id: int, start: int, count: int) -> list[Reply]:
         logs = self._book.logs
@@ -146,13 +143,6 @@ class LogProtocol:
         upto = min(end + PIECE, len(content)) if self._rules.whole_pieces else end
         self._part = _Part(log_id, bytes(content[:upto]), start, end)
         return []
-
-    @staticmethod
-    def _next(part: _Part) -> Reply:
-        data = part.content[part.at : part.at + PIECE]
-        reply = _piece(part.log_id, part.at, data)
-        part.at += len(data)
-        return reply
 
 
 def _piece(log_id: int, start: int, data: bytes) -> Reply:

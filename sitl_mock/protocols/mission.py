@@ -136,7 +136,27 @@ class MissionProtocol:
             return [acknowledge(partner, MissionResult.UNSUPPORTED, kind)]
         items = self._plans.plans[PlanKind(kind)].items
         if seq == 0 and kind == PlanKind.MISSION and self._rules.home_first:
-            items = (_home_item(self._home()), *items[1:])
+            # The first item of a download is home.
+            home = self._home()
+            latitude = round(home.latitude_deg * 1e7)
+            longitude = round(home.longitude_deg * 1e7)
+            items = (
+                PlanItem(
+                    0,
+                    MAV_FRAME_GLOBAL,
+                    NAV_WAYPOINT,
+                    0,
+                    1,
+                    0.0,
+                    0.0,
+                    0.0,
+                    0.0,
+                    latitude,
+                    longitude,
+                    home.altitude_m,
+                ),
+                *items[1:],
+            )
         if seq >= len(items):
             return [acknowledge(partner, MissionResult.INVALID_SEQUENCE, kind)]
         current = int(kind == PlanKind.MISSION and seq == self._plans.current)
@@ -163,22 +183,3 @@ class MissionProtocol:
         for plan_kind in PlanKind if kind == ALL_KINDS else (PlanKind(kind),):
             self._plans.set_plan(plan_kind, ())
         return [acknowledge(partner, MissionResult.ACCEPTED, kind)]
-
-
-def _home_item(home: Place) -> PlanItem:
-    latitude = round(home.latitude_deg * 1e7)
-    longitude = round(home.longitude_deg * 1e7)
-    return PlanItem(
-        0,
-        MAV_FRAME_GLOBAL,
-        NAV_WAYPOINT,
-        0,
-        1,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
-        latitude,
-        longitude,
-        home.altitude_m,
-    )

@@ -203,7 +203,12 @@ class MissionUpload:
         item = self._checked(transfer.kind, read_item(message))
         if isinstance(item, MissionResult):
             self._end()
-            self._keep_part(transfer)
+            # Some flavours keep the items that came before the refused one.
+            if self._rules.keeps_part and transfer.kind is PlanKind.MISSION:
+                new = (*transfer.head, *transfer.items)
+                old = self._plans.mission.items[len(new) : transfer.last + 1]
+                if new:
+                    self._plans.set_plan(transfer.kind, (*new, *old, *transfer.tail))
             return [acknowledge(partner, item, transfer.kind)]
         transfer.items.append(item)
         return (
@@ -222,15 +227,6 @@ class MissionUpload:
             return stored
         fault = item_fault(kind, stored, self._rules.commands, any_place=self._rules.any_place)
         return stored if fault is MissionResult.ACCEPTED else fault
-
-    def _keep_part(self, transfer: _Transfer) -> None:
-        """Store the items that came before a refused one, in a flavour that does."""
-        if not self._rules.keeps_part or transfer.kind is not PlanKind.MISSION:
-            return
-        new = (*transfer.head, *transfer.items)
-        old = self._plans.mission.items[len(new) : transfer.last + 1]
-        if new:
-            self._plans.set_plan(transfer.kind, (*new, *old, *transfer.tail))
 
     def _repeated(self, message: Message) -> list[Reply]:
         """Answer an item that nobody has requested; the last item of a finished upload: its answer was lost."""

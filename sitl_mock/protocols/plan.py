@@ -168,7 +168,9 @@ class PlanStore:
         if compares and items and _contents(items) == _contents(self.plans[kind].items):
             return
         before = len(self.plans[kind].items)
-        self.plans[kind] = Plan(tuple(items), self.plans[kind].revision + 1, _crc(items))
+        self.plans[kind] = Plan(
+            tuple(items), self.plans[kind].revision + 1, zlib.crc32(_packed(items))
+        )
         self.news.add(kind)
         if kind is PlanKind.MISSION:
             if compares:
@@ -194,10 +196,6 @@ def _first(items: Sequence[PlanItem], current: int, before: int) -> int:
     if marked:
         return marked[-1]
     return max(min(current, before - 1, len(items) - 1), 0)
-
-
-def _crc(items: Sequence[PlanItem]) -> int:
-    return zlib.crc32(_packed(items))
 
 
 def _packed(items: Sequence[PlanItem]) -> bytes:

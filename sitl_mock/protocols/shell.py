@@ -44,7 +44,16 @@ class ShellProtocol:
             return []
         if 0 < message.count <= PIECE:
             for letter in bytes(message.data[: message.count]):
-                self._type(letter)
+                if letter == ord("\n"):
+                    line = self._typed.decode(errors="replace")
+                    self._typed.clear()
+                    answered = self._run(line)
+                    if answered is None:
+                        continue
+                    answer = f"{line}\n{answered}".encode()
+                    self._answer += answer[: _LONGEST_ANSWER - len(self._answer)] + PROMPT
+                elif len(self._typed) < _LONGEST_LINE:
+                    self._typed.append(letter)
         if not message.flags & _RESPOND:
             self._typed.clear()
             self._answer.clear()
@@ -58,18 +67,6 @@ class ShellProtocol:
     def advance(self, _now_s: float) -> list[Reply]:
         """Return the next part of the answers."""
         return self._pieces() if self._answer else []
-
-    def _type(self, letter: int) -> None:
-        if letter == ord("\n"):
-            line = self._typed.decode(errors="replace")
-            self._typed.clear()
-            answered = self._run(line)
-            if answered is None:
-                return
-            answer = f"{line}\n{answered}".encode()
-            self._answer += answer[: _LONGEST_ANSWER - len(self._answer)] + PROMPT
-        elif len(self._typed) < _LONGEST_LINE:
-            self._typed.append(letter)
 
     def _pieces(self) -> list[Reply]:
         replies: list[Reply] = []

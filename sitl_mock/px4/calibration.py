@@ -125,7 +125,13 @@ class Calibration:
         if state.armed:
             return _answer(Result.TEMPORARILY_REJECTED)
         if numbers == [0] * 7:
-            return self._cancel(state)
+            if not self.kind:
+                return _answer(Result.ACCEPTED)
+            if self.kind not in {"accel", "mag", "airspeed"}:
+                return _answer(Result.TEMPORARILY_REJECTED)
+            state.say(_CRITICAL, "[cal] calibration cancelled")
+            self.kind = ""
+            return _CANCELLED
         if self.kind:
             return _answer(Result.TEMPORARILY_REJECTED)
         return self._begin(
@@ -154,15 +160,6 @@ class Calibration:
             state.say(_INFO, "Calibration: Disabling RC input")
         return _answer(Result.ACCEPTED if kind else Result.UNSUPPORTED)
 
-    def _cancel(self, state: VehicleState) -> Answers:
-        if not self.kind:
-            return _answer(Result.ACCEPTED)
-        if self.kind not in {"accel", "mag", "airspeed"}:
-            return _answer(Result.TEMPORARILY_REJECTED)
-        state.say(_CRITICAL, "[cal] calibration cancelled")
-        self.kind = ""
-        return _CANCELLED
-
     def advance(self, state: VehicleState, now_s: float) -> None:
         """Send the texts that are due."""
         while self.kind and self._next is not None and now_s >= self._begun_s + self._next[0]:
@@ -171,11 +168,7 @@ class Calibration:
             self._next = next(self._script, None)
             if text.startswith("calibration done"):
                 if self.kind == "gyro":
-                    _keep_calibration(state)
+                    # The gyro is named as calibrated, as it is by default.
+                    state.parameters.set(_GYRO_ID, state.parameters.default_of(_GYRO_ID))
+                    state.parameter_news.append(_GYRO_ID)
                 self.kind = ""
-
-
-def _keep_calibration(state: VehicleState) -> None:
-    """Name the gyro as calibrated, as it is by default."""
-    state.parameters.set(_GYRO_ID, state.parameters.default_of(_GYRO_ID))
-    state.parameter_news.append(_GYRO_ID)

@@ -33,7 +33,7 @@ from sitl_mock.px4.modes import (
 from sitl_mock.px4.offboard import BodyRates, read_attitude
 from sitl_mock.px4.safety import MODE_OF, TEXTS, Action, Failsafes
 from sitl_mock.vector import ZERO, Vector
-from sitl_mock.vehicle.modes import Available, Mode, Need
+from sitl_mock.vehicle.modes import Available, Need
 from sitl_mock.vehicle.state import Landed, Severity, VehicleState
 
 if TYPE_CHECKING:
@@ -203,7 +203,16 @@ class Px4:
 
     def refusals(self) -> list[str]:
         """Return the reasons for not arming in the intended mode."""
-        reasons = safety.refusals(self.state, self._judged(self.intention), self.met_needs)
+        # The arming check of the program behind a mode may have changed its needs.
+        entry = BY_NAME[self.intention]
+        reasons = safety.refusals(
+            self.state,
+            entry._replace(
+                needs=self.needs_of(self.intention),
+                may_arm=entry.may_arm and self.intention not in self.verdict.unarmable,
+            ),
+            self.met_needs,
+        )
         if self.verdict.holds_all:
             reasons.append("Mode changes nothing: an external arming check fails")
         return reasons
@@ -211,13 +220,6 @@ class Px4:
     def needs_of(self, mode: str) -> frozenset[Need]:
         """Return what a mode needs: by the table, or as the program behind it has told."""
         return self.verdict.needs.get(mode, BY_NAME[mode].needs)
-
-    def _judged(self, mode: str) -> Mode:
-        """Return a mode's entry as the arming check of the program behind it has it."""
-        entry = BY_NAME[mode]
-        return entry._replace(
-            needs=self.needs_of(mode), may_arm=entry.may_arm and mode not in self.verdict.unarmable
-        )
 
     # Inputs
 
@@ -418,14 +420,23 @@ class Px4:
     def _check(self, now_s: float) -> None:
         state = self.state
         self.look()
-        self._tell_peers()
+        lost = safety.lost_peers(self.state)
+        if lost != self.lost_peers:
+            for severity, text in safety.peer_texts(self.lost_peers, lost):
+                self.state.say(severity, text)
+            self.lost_peers = lost
         self.report(now_s)
         if self.external.revision and now_s >= self._monitored_s + _MONITORED_S:
             self._monitored_s = now_s
             state.notices.append(("AVAILABLE_MODES_MONITOR", self.external.revision & 0xFF))
         if not state.armed:
             self.home.follow(state)
-            self._take_first_sticks()
+            # Disarmed in Hold, a client's first MANUAL_CONTROL switches to POSCTL (measured).
+            sticks = Need.PILOT in self.met_needs and not math.isfinite(self.state.pilot.radio_s)
+            if sticks and not self._sticks_known and self.intention == "HOLD":
+                self.intention = "POSCTL"
+            if not self._sticks_known:
+                self._sticks_known = sticks
             self.failsafes.clear()
             self.in_failsafe = False
             self.external.failsafe_acts = False
@@ -459,15 +470,6 @@ class Px4:
     def report(self, now_s: float, *, force: bool = False) -> None:
         """Send the report of the arming checks if it is due, or now."""
         self.state.events += self._report.update(now_s, self, force=force)
-
-    def _tell_peers(self) -> None:
-        """Say which peers are lost and which are back."""
-        lost = safety.lost_peers(self.state)
-        if lost == self.lost_peers:
-            return
-        for severity, text in safety.peer_texts(self.lost_peers, lost):
-            self.state.say(severity, text)
-        self.lost_peers = lost
 
     def _choose(self, action: Action) -> None:
         """Choose the flown mode: the intention, overridden by failsafes, replaced while it cannot run."""
@@ -506,14 +508,6 @@ class Px4:
                 )
             mode = AFTER.get((mode, event), "RTL")
         return mode
-
-    def _take_first_sticks(self) -> None:
-        """Disarmed in Hold, a client's first MANUAL_CONTROL switches to POSCTL (measured)."""
-        sticks = Need.PILOT in self.met_needs and not math.isfinite(self.state.pilot.radio_s)
-        if sticks and not self._sticks_known and self.intention == "HOLD":
-            self.intention = "POSCTL"
-        if not self._sticks_known:
-            self._sticks_known = sticks
 
     def enter(self, mode: str) -> None:
         """Start flying a mode, or the external one that replaces it."""

@@ -85,24 +85,20 @@ def reposition(px4: Px4, now_s: float, command: Command) -> Answers:
         return REFUSED
     px4.intention = "HOLD"
     if px4.state.armed:
-        _go(px4, command)
+        speed, _, _, yaw, _, _, _ = command.params
+        state = px4.state
+        plan = px4.plan
+        goal = _goal(px4, command)
+        if violated(px4.plans.fence.items, state.frame, goal):
+            state.say(Severity.CRITICAL, "Reposition is outside geofence")
+        else:
+            plan.goal_m = goal
+            plan.heading_kept = math.isfinite(yaw)
+            if speed > 0.0:
+                plan.speed_m_s = speed
+            if math.isfinite(yaw):
+                plan.yaw_rad = yaw if abs(yaw) <= 2.0 * math.pi else math.radians(yaw)
     return ACCEPTED
-
-
-def _go(px4: Px4, command: Command) -> None:
-    speed, _, _, yaw, _, _, _ = command.params
-    state = px4.state
-    plan = px4.plan
-    goal = _goal(px4, command)
-    if violated(px4.plans.fence.items, state.frame, goal):
-        state.say(Severity.CRITICAL, "Reposition is outside geofence")
-        return
-    plan.goal_m = goal
-    plan.heading_kept = math.isfinite(yaw)
-    if speed > 0.0:
-        plan.speed_m_s = speed
-    if math.isfinite(yaw):
-        plan.yaw_rad = yaw if abs(yaw) <= 2.0 * math.pi else math.radians(yaw)
 
 
 def _goal(px4: Px4, command: Command) -> Vector:
@@ -167,14 +163,12 @@ def _granted(granted: bool) -> Answers:
 
 def _set_mode(px4: Px4, now_s: float, command: Command) -> Answers:
     """DO_SET_MODE: two answers; only the second one means anything."""
-    base, main, sub = (_byte(value) for value in command.params[:3])
+    base, main, sub = (
+        (int(value) & 0xFF if math.isfinite(value) else 0) for value in command.params[:3]
+    )
     granted = px4.ask_for(now_s, requested_mode(base, main, sub))
     real = Result.ACCEPTED if granted else Result.TEMPORARILY_REJECTED
     return (CommandAnswer(Result.ACCEPTED), CommandAnswer(real, delay_s=SECOND_ACK_S))
-
-
-def _byte(value: float) -> int:
-    return int(value) & 0xFF if math.isfinite(value) else 0
 
 
 def _arm(px4: Px4, _now_s: float, command: Command) -> Answers:

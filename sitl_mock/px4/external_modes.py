@@ -164,7 +164,15 @@ class ExternalModes:
     def take(self, topic: str, message: Any) -> None:  # noqa: ANN401 - a record
         """Take the reply to an arming check now, and keep every other message until the next `update`."""
         if topic == "arming_check_reply":
-            self._hear(message)
+            # A reply to an older request does not count.
+            check = self.checks.get(message.registration_id)
+            if check is not None and message.request_id == self._request:
+                self._replied.add(message.registration_id)
+                check.misses = 0
+                check.heard = True
+                if check.relapses <= _RELAPSES:
+                    check.unresponsive = False
+                self._replies[message.registration_id] = message
         else:
             self._queues[topic].append(message)
 
@@ -189,7 +197,13 @@ class ExternalModes:
                 request = requests.popleft()
                 self._answer(request, arming_check_id=0, mode_id=0, mode_executor_id=0)
         else:
-            self._drop_unresponsive(intended)
+            # Modes that do not respond are forgotten, except the intended one.
+            for state, mode in list(self.modes.items()):
+                if self._is_silent(mode) and NAME_OF[state] != intended:
+                    del self.checks[mode.check]
+                    self._remove_executor(mode.executor)
+                    del self.modes[state]
+                    self.revision += 1
             for _ in range(_HANDLED_AT_ONCE):
                 if wanted is None and requests:
                     wanted = self._register(requests.popleft())
@@ -259,7 +273,10 @@ class ExternalModes:
                 silent |= 1 << check.state
                 needs[NAME_OF[check.state]] |= _UNREGISTERED
                 continue
-            needs |= dict.fromkeys(struck, _required(reply))
+            required = {need for name, need in _REQUIREMENTS.items() if getattr(reply, name)}
+            if not reply.can_arm_and_run:
+                required |= _UNREGISTERED
+            needs |= dict.fromkeys(struck, frozenset(required))
             if not reply.can_arm_and_run or reply.mode_req_prevent_arming:
                 unarmable |= struck
             holds_all = holds_all or not (reply.can_arm_and_run or struck)
@@ -317,18 +334,6 @@ class ExternalModes:
         return mode
 
     # Arming checks
-
-    def _hear(self, reply: Any) -> None:  # noqa: ANN401 - a record
-        """Take a reply; one to an older request does not count."""
-        check = self.checks.get(reply.registration_id)
-        if check is None or reply.request_id != self._request:
-            return
-        self._replied.add(reply.registration_id)
-        check.misses = 0
-        check.heard = True
-        if check.relapses <= _RELAPSES:
-            check.unresponsive = False
-        self._replies[reply.registration_id] = reply
 
     def _count_misses(self, now_s: float) -> None:
         if self._counted or now_s <= self._asked_s + ANSWERED_WITHIN_S + _SLACK_S:
@@ -452,25 +457,9 @@ class ExternalModes:
             self.revision += 1
         return "HOLD" if STATE_OF[intended] == request.mode_id else None
 
-    def _drop_unresponsive(self, intended: str) -> None:
-        """Forget modes that do not respond, except the intended one."""
-        for state, mode in list(self.modes.items()):
-            if self._is_silent(mode) and NAME_OF[state] != intended:
-                del self.checks[mode.check]
-                self._remove_executor(mode.executor)
-                del self.modes[state]
-                self.revision += 1
-
     def _remove_executor(self, number: int) -> None:
         if self.executors.pop(number, None) is not None and self._in_charge == number:
             self._in_charge = NOBODY
-
-
-def _required(reply: Any) -> frozenset[Need]:  # noqa: ANN401 - a record
-    required = {need for name, need in _REQUIREMENTS.items() if getattr(reply, name)}
-    if not reply.can_arm_and_run:
-        required |= _UNREGISTERED
-    return frozenset(required)
 
 
 def _free(taken: Mapping[int, Any], first: int = 0) -> int:

@@ -138,14 +138,11 @@ class Px4FlightLog:
             self._book.end()
         elif self._book.running is None:
             head = b"".join(self.head(report))
-            self._book.begin(self._path(report), report.unix_us * 1e-6, head)
-
-    def _path(self, report: Report) -> str:
-        """Return the path of a new log: its date and time, or the next free second."""
-        began = datetime.fromtimestamp(report.unix_us * 1e-6, UTC)
-        while (path := f"/log/{began:%Y-%m-%d}/{began:%H_%M_%S}.ulg") in self._book.files:
-            began += timedelta(seconds=1)
-        return path
+            # The date and time, or the next free second.
+            began = datetime.fromtimestamp(report.unix_us * 1e-6, UTC)
+            while (path := f"/log/{began:%Y-%m-%d}/{began:%H_%M_%S}.ulg") in self._book.files:
+                began += timedelta(seconds=1)
+            self._book.begin(path, report.unix_us * 1e-6, head)
 
     def _write(self, report: Report, messages: Sequence[bytes]) -> None:
         self._book.add(report.unix_us * 1e-6, b"".join(messages))

@@ -95,7 +95,11 @@ class HomeKeeper:
 
     def update(self, state: VehicleState, *, in_mission: bool) -> None:
         """Update home; called at every commander tick."""
-        self._see_take_off(state, in_mission=in_mission)
+        stood = self._stood
+        self._stood = state.on_ground
+        if stood and not state.on_ground and state.armed:
+            self.took_off_s = state.now_s
+            self.arm(state, in_mission=in_mission)
         if state.sensors.fix.at_s != self._fix_s:
             since_s = state.sensors.fix.at_s - self._fix_s
             self._fix_s = state.sensors.fix.at_s
@@ -121,13 +125,6 @@ class HomeKeeper:
         moved = math.hypot(north, east) > _MOVED_M or abs(down) > _MOVED_UP_M
         if moved and state.on_ground and state.estimator.global_valid and not state.home_given:
             state.set_home(state.position_m)
-
-    def _see_take_off(self, state: VehicleState, *, in_mission: bool) -> None:
-        stood = self._stood
-        self._stood = state.on_ground
-        if stood and not state.on_ground and state.armed:
-            self.took_off_s = state.now_s
-            self.arm(state, in_mission=in_mission)
 
     def _correct(self, state: VehicleState, since_s: float) -> None:
         """Correct the height of home; heights are above the local frame's origin."""

@@ -219,20 +219,6 @@ class Follow:
         target, moving = self._smooth(here, velocity, dt_s)
         if min(math.hypot(*velocity[:2]), math.hypot(*moving[:2])) >= _COURSE_M_S:
             self.course_rad = math.atan2(moving[1], moving[0])
-        return self._beside(state, target, moving, dt_s)
-
-    def _smooth(self, position: Vector, velocity: Vector, dt_s: float) -> tuple[Vector, Vector]:
-        """Filter reports (second order) so that they do not make the vehicle jump."""
-        if self._position_m is None:
-            self._position_m = position
-            self._velocity_m_s = velocity
-        pull = _FILTER_RAD_S**2 * (position - self._position_m)
-        pull += 2.0 * _DAMPING * _FILTER_RAD_S * (velocity - self._velocity_m_s)
-        self._velocity_m_s = self._velocity_m_s.after(pull, dt_s)
-        self._position_m = self._position_m.after(self._velocity_m_s, dt_s)
-        return self._position_m, self._velocity_m_s
-
-    def _beside(self, state: VehicleState, target: Vector, moving: Vector, dt_s: float) -> Setpoint:
         parameters = state.parameters
         distance_m = float(parameters["FLW_TGT_DST"])
         wanted = wrap_pi(self.course_rad + math.radians(float(parameters["FLW_TGT_FA"])))
@@ -262,3 +248,14 @@ class Follow:
             Vector((moving[0] - e * around, moving[1] + n * around, math.nan)),
             yaw_rad=yaw,
         )
+
+    def _smooth(self, position: Vector, velocity: Vector, dt_s: float) -> tuple[Vector, Vector]:
+        """Filter reports (second order) so that they do not make the vehicle jump."""
+        if self._position_m is None:
+            self._position_m = position
+            self._velocity_m_s = velocity
+        pull = _FILTER_RAD_S**2 * (position - self._position_m)
+        pull += 2.0 * _DAMPING * _FILTER_RAD_S * (velocity - self._velocity_m_s)
+        self._velocity_m_s = self._velocity_m_s.after(pull, dt_s)
+        self._position_m = self._position_m.after(self._velocity_m_s, dt_s)
+        return self._position_m, self._velocity_m_s

@@ -190,7 +190,7 @@ def read_attitude(
         before: Body rates in force until now.
     """
     mask = message.type_mask
-    thrust = _thrust(message)
+    thrust = 0.0 if message.type_mask & _NO_THROTTLE else float(message.thrust)
     if not math.isfinite(thrust):
         return _INVALID
     if not mask & _NO_ATTITUDE:
@@ -212,10 +212,6 @@ def read_attitude(
 def in_ned(vector: Vector, state: VehicleState) -> Vector:
     """Rotate a vector from body axes (forward, right, down) to NED."""
     return rotated(quaternion_of(*state.attitude[:3]), vector)
-
-
-def _thrust(message: Any) -> float:  # noqa: ANN401 - as above
-    return 0.0 if message.type_mask & _NO_THROTTLE else float(message.thrust)
 
 
 def _pushed(attitude: Quaternion, thrust: float) -> Setpoint:

@@ -181,31 +181,27 @@ def _set(report: Report, words: Sequence[str]) -> Answer:
 def commander(report: Report, arguments: Sequence[str]) -> Answer:
     """The commander's state: ``status`` and ``check``."""
     if list(arguments) == ["status"]:
-        return Answer(_status(report))
+        now_s = report.boot_us * 1e-6
+        intended = state_of(report.commander.intended_mode)
+        names = dict(NAV_STATES.values())
+        told = (
+            "Armed" if report.state.armed else "Disarmed",
+            f"navigation mode: {NAV_STATES[report.commander.mode][1]}",
+            f"user intended navigation mode: {names[intended]}",
+            f"in failsafe: {'yes' if report.commander.system_status == 5 else 'no'}",
+        )
+        counted = (("cycle", _CYCLES_HZ), ("preflight check", _CHECKS_HZ))
+        lines = [f"INFO  [commander] {line}\n" for line in told]
+        for name, rate_hz in counted:
+            events = int(now_s * rate_hz)
+            lines.append(
+                f"commander: {name}: {events} events, 0us elapsed, 0.00us avg, min 0us max 0us 0.000us rms\n"
+            )
+        return Answer("".join(lines))
     if list(arguments) == ["check"]:
         passed = report.state.armed or report.commander.ready_to_arm
         return Answer(f"INFO  [commander] Preflight check: {'OK' if passed else 'FAILED'}\n")
     return Answer("\nUsage: commander <command> [arguments...]\n", 1)
-
-
-def _status(report: Report) -> str:
-    now_s = report.boot_us * 1e-6
-    intended = state_of(report.commander.intended_mode)
-    names = dict(NAV_STATES.values())
-    told = (
-        "Armed" if report.state.armed else "Disarmed",
-        f"navigation mode: {NAV_STATES[report.commander.mode][1]}",
-        f"user intended navigation mode: {names[intended]}",
-        f"in failsafe: {'yes' if report.commander.system_status == 5 else 'no'}",
-    )
-    counted = (("cycle", _CYCLES_HZ), ("preflight check", _CHECKS_HZ))
-    lines = [f"INFO  [commander] {line}\n" for line in told]
-    for name, rate_hz in counted:
-        events = int(now_s * rate_hz)
-        lines.append(
-            f"commander: {name}: {events} events, 0us elapsed, 0.00us avg, min 0us max 0us 0.000us rms\n"
-        )
-    return "".join(lines)
 
 
 # -- listener ----------------------------------------------------------------------------------------------------------

@@ -291,19 +291,11 @@ def _sticks(px4: Px4, now_s: float, message: Any) -> None:  # noqa: ANN401 - as 
 
 
 def _command(px4: Px4, now_s: float, message: Any) -> None:  # noqa: ANN401 - as above
-    command = _read(message)
-    if _is_ours(px4, message):
-        px4.execute_topic(now_s, command)
-
-
-def _is_ours(px4: Px4, message: Any) -> bool:  # noqa: ANN401 - as above
-    return message.target_system in {0, px4.state.system_id} and message.target_component in {0, 1}
-
-
-def _read(message: Any) -> Command:  # noqa: ANN401 - as above
     params = tuple(getattr(message, f"param{index}") for index in range(1, 8))
     source = (message.source_system, message.source_component)
-    return Command(message.command, params, 0, False, source, message.confirmation)
+    command = Command(message.command, params, 0, False, source, message.confirmation)
+    if message.target_system in {0, px4.state.system_id} and message.target_component in {0, 1}:
+        px4.execute_topic(now_s, command)
 
 
 _HANDLERS: Final[Mapping[str, Callable[[Px4, float, Any], None]]] = {

@@ -89,7 +89,7 @@ def welcome(
         lines.append(
             f"QGroundControl: opens all vehicles by itself (UDP port {gcs})"
             if gcs == 14550
-            else _ground(gcs)
+            else f"ground station: listens on UDP port {gcs} (in QGroundControl a UDP comm link)"
         )
     if zenoh is not None:
         lines += [
@@ -97,10 +97,6 @@ def welcome(
             "  a vehicle's name is its namespace, mavlink_raw/in and mavlink_raw/out its keys",
         ]
     return lines
-
-
-def _ground(port: int) -> str:
-    return f"ground station: listens on UDP port {port} (in QGroundControl a UDP comm link)"
 
 
 def _title(vehicle: Faulted) -> str:

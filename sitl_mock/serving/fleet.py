@@ -295,18 +295,14 @@ def build(
         ConfigError: A vehicle has a parameter that its flavour lacks, or the mock is installed in two versions.
     """
     require_one_version(installed_versions())
-    ids = _system_ids(config)
+    taken = {vehicle.system_id for vehicle in config.vehicle}
+    free = iter([number for number in range(1, 256) if number not in taken])
+    ids = {vehicle.name: vehicle.system_id or next(free) for vehicle in config.vehicle}
     share = min(LOG_BYTES, log_bytes // len(config.vehicle))
     return {
         each.name: _vehicle(config, each, ids[each.name], index, unix_us, links, share)
         for index, each in enumerate(config.vehicle)
     }
-
-
-def _system_ids(config: FleetConfig) -> dict[str, int]:
-    taken = {vehicle.system_id for vehicle in config.vehicle}
-    free = iter([number for number in range(1, 256) if number not in taken])
-    return {vehicle.name: vehicle.system_id or next(free) for vehicle in config.vehicle}
 
 
 def _vehicle(

@@ -110,7 +110,10 @@ def serve(
         ConfigError: No transport is given, or the fleet or the faults are wrong.
         TransportError: An endpoint cannot be opened.
     """
-    _require_transport(wires)
+    if wires.zenoh_keys is not None and wires.zenoh_connect is None:
+        raise ConfigError(f"--zenoh-keys {wires.zenoh_keys}: needs --zenoh-connect")
+    if wires == Wires():
+        raise ConfigError("no transport: give --zenoh tcp/127.0.0.1:7447, --udp 14540 or both")
     with contextlib.ExitStack() as stack:
         stop = stack.enter_context(_stop_signals())
         faulted = _built(config, wires, faults, pace)
@@ -144,13 +147,6 @@ def serve(
             run_lockstep(faulted, endpoints, ended, watched)
         else:
             run(faulted, endpoints, pace.clock, ended, watched, pace.speed)
-
-
-def _require_transport(wires: Wires) -> None:
-    if wires.zenoh_keys is not None and wires.zenoh_connect is None:
-        raise ConfigError(f"--zenoh-keys {wires.zenoh_keys}: needs --zenoh-connect")
-    if wires == Wires():
-        raise ConfigError("no transport: give --zenoh tcp/127.0.0.1:7447, --udp 14540 or both")
 
 
 def _ports(wires: Wires, faulted: Mapping[str, Faulted]) -> dict[str, tuple[int, int]]:

@@ -227,7 +227,19 @@ def timesync(report: Report) -> Fields:
 def mission_current(report: Report) -> Fields:
     """MISSION_CURRENT."""
     if not report.commander.mission.ends_for_good:
-        return _mission_of_ardupilot(report)
+        # The number stays when another mission is uploaded, and home does not count.
+        mission = report.commander.mission
+        in_auto = report.commander.mode == "AUTO"
+        number = mission.current
+        if mission.over == "finished":
+            number = max(number - 1, 0)
+        if mission.count < 2:
+            stage = 1
+        elif mission.over:
+            stage = 5
+        else:
+            stage = 3 if in_auto and report.state.armed else 2
+        return number, max(mission.count - 1, 0), stage, int(in_auto)
     mission = report.commander.mission
     count = mission.count
     mode = report.commander.mode
@@ -247,22 +259,6 @@ def mission_current(report: Report) -> Fields:
         stage,
         1 if active else 2,
     )
-
-
-def _mission_of_ardupilot(report: Report) -> Fields:
-    """MISSION_CURRENT of ArduPilot: the number stays when another mission is uploaded; home does not count."""
-    mission = report.commander.mission
-    in_auto = report.commander.mode == "AUTO"
-    number = mission.current
-    if mission.over == "finished":
-        number = max(number - 1, 0)
-    if mission.count < 2:
-        stage = 1
-    elif mission.over:
-        stage = 5
-    else:
-        stage = 3 if in_auto and report.state.armed else 2
-    return number, max(mission.count - 1, 0), stage, int(in_auto)
 
 
 def current_mode(report: Report) -> Fields:

@@ -86,24 +86,24 @@ class Lockstep:
             for arrival in endpoint.receive():
                 vehicle = self._vehicles[arrival.vehicle]
                 vehicle.heard = True
+                faulted = vehicle.faulted
                 for frame in frames_of(arrival.data):
-                    self._take(arrival.vehicle, arrival.link, frame)
-
-    def _take(self, name: str, link: str, frame: bytes) -> None:
-        vehicle = self._vehicles[name]
-        step = _step(frame, vehicle.faulted.vehicle.system_id)
-        if step is None:
-            now_s = vehicle.now_us * 1e-6
-            self._send(name, vehicle.faulted.step_links(now_s, {link: [frame]}))
-            return
-        result = Result.DENIED
-        if step.length_us is not None:
-            result = Result.ACCEPTED
-            if step.number != vehicle.number:  # else a repeated request: answered, not flown again
-                self._advance(name, vehicle, step.length_us)
-                vehicle.number = step.number
-        answer = ("COMMAND_ACK", STEP, int(result), 0, step.number, *step.client)
-        self._send(name, {link: vehicle.faulted.vehicle.links[link].pack([answer])})
+                    step = _step(frame, faulted.vehicle.system_id)
+                    if step is None:
+                        now_s = vehicle.now_us * 1e-6
+                        answers = faulted.step_links(now_s, {arrival.link: [frame]})
+                        self._send(arrival.vehicle, answers)
+                        continue
+                    result = Result.DENIED
+                    if step.length_us is not None:
+                        result = Result.ACCEPTED
+                        # A repeated request is answered, and not flown again.
+                        if step.number != vehicle.number:
+                            self._advance(arrival.vehicle, vehicle, step.length_us)
+                            vehicle.number = step.number
+                    answer = ("COMMAND_ACK", STEP, int(result), 0, step.number, *step.client)
+                    frames = faulted.vehicle.links[arrival.link].pack([answer])
+                    self._send(arrival.vehicle, {arrival.link: frames})
 
     def _advance(self, name: str, vehicle: _Vehicle, length_us: int) -> None:
         """Advance on the vehicle's grid, so that a step of many ticks sends what small steps would send."""

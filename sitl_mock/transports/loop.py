@@ -94,7 +94,14 @@ class Loop:
         inbox: dict[str, dict[str, list[bytes]]] = defaultdict(lambda: defaultdict(list))
         for arrival in self._arrivals(ready):
             inbox[arrival.vehicle][arrival.link].append(arrival.data)
-        now_s = self._now()
+        # A pause longer than STALL_S is left out.
+        now_s = self.clock() - self.left_out_s
+        if math.isnan(self.first_s):
+            self.first_s = now_s
+        if now_s - self.last_s > STALL_S * self.speed:
+            self.left_out_s += now_s - self.last_s - TICK_S
+            now_s = self.last_s + TICK_S
+        self.last_s = now_s
         tick = math.floor((now_s - self.first_s) / TICK_S)
         ticked = tick != self.tick
         self.tick = tick
@@ -110,16 +117,6 @@ class Loop:
         for endpoint in self.endpoints:
             if ready is None or any(fileno in ready for fileno in endpoint.filenos()):
                 yield from endpoint.receive()
-
-    def _now(self) -> float:
-        now_s = self.clock() - self.left_out_s
-        if math.isnan(self.first_s):
-            self.first_s = now_s
-        if now_s - self.last_s > STALL_S * self.speed:
-            self.left_out_s += now_s - self.last_s - TICK_S
-            now_s = self.last_s + TICK_S
-        self.last_s = now_s
-        return now_s
 
     def wait_s(self) -> float:
         """Real time until the vehicles' next tick."""

@@ -135,23 +135,20 @@ class Px4ZenohEndpoint:
                     )
                 self._closing.wait(RETRY_S)
                 continue
-            self._declare(session)
+            for vehicle, domain in self._domains.items():
+                for topic, message in SUBSCRIBED.items():
+                    key = key_of(domain, "in", topic, message)
+                    self._subscribers.append(
+                        session.declare_subscriber(key, self._taker(vehicle, topic))
+                    )
+                for topic, message in PUBLISHED.items():
+                    key = key_of(domain, "out", topic, message)
+                    publisher = session.declare_publisher(
+                        key, congestion_control=zenoh.CongestionControl.DROP
+                    )
+                    self._publishers[vehicle, topic] = _Publisher(publisher)
             self._session = session
             return
-
-    def _declare(self, session: zenoh.Session) -> None:
-        for vehicle, domain in self._domains.items():
-            for topic, message in SUBSCRIBED.items():
-                key = key_of(domain, "in", topic, message)
-                self._subscribers.append(
-                    session.declare_subscriber(key, self._taker(vehicle, topic))
-                )
-            for topic, message in PUBLISHED.items():
-                key = key_of(domain, "out", topic, message)
-                publisher = session.declare_publisher(
-                    key, congestion_control=zenoh.CongestionControl.DROP
-                )
-                self._publishers[vehicle, topic] = _Publisher(publisher)
 
     def _taker(self, vehicle: str, topic: str) -> Callable[[Any], None]:
         queue = self._queue

@@ -80,7 +80,12 @@ class UdpEndpoint:
                 except OSError:
                     self.dropped += 1
                     continue
-                self._learn(name, address)
+                # The peer heard longest ago makes room.
+                peers = self._peers[name]
+                if address != self._fixed[name]:
+                    if address not in peers and len(peers) >= MAX_PEERS:
+                        del peers[min(peers, key=peers.__getitem__)]
+                    peers[address] = self._clock()
                 arrivals.append(Arrival(name, self._link, data))
         return arrivals
 
@@ -93,7 +98,13 @@ class UdpEndpoint:
         if link != self._link:
             return
         endpoint = self._sockets[vehicle]
-        targets = self._targets(vehicle)
+        peers = self._peers[vehicle]
+        fixed = self._fixed[vehicle]
+        if peers:
+            oldest_s = self._clock() - PEER_FORGOTTEN_S
+            for address in [address for address, heard_s in peers.items() if heard_s < oldest_s]:
+                del peers[address]
+        targets = [*([fixed] if fixed else []), *peers]
         for datagram in _datagrams(frames):
             for target in targets:
                 try:
@@ -123,23 +134,6 @@ class UdpEndpoint:
             with contextlib.suppress(OSError):
                 endpoint.close()
         self._sockets = {}
-
-    def _learn(self, name: str, address: Address) -> None:
-        peers = self._peers[name]
-        if address == self._fixed[name]:
-            return
-        if address not in peers and len(peers) >= MAX_PEERS:
-            del peers[min(peers, key=peers.__getitem__)]
-        peers[address] = self._clock()
-
-    def _targets(self, name: str) -> list[Address]:
-        peers = self._peers[name]
-        fixed = self._fixed[name]
-        if peers:
-            oldest_s = self._clock() - PEER_FORGOTTEN_S
-            for address in [address for address, heard_s in peers.items() if heard_s < oldest_s]:
-                del peers[address]
-        return [*([fixed] if fixed else []), *peers]
 
 
 def _datagrams(frames: Sequence[bytes]) -> Iterator[bytes]:

@@ -272,21 +272,6 @@ def read_keys(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: The file, or one that it names, is missing or wrong; the message names both and the key.
     """
-    document = _table(path)
-    for key in _FILES:
-        if key in document:
-            document[key] = str((path.parent / document[key]).absolute())
-            _readable(path, key, document[key])
-    settings: dict[str, Any] = {}
-    if "user" in document:
-        password = Path(document["password_file"]).read_text(encoding="utf-8").rstrip("\n")
-        settings["auth"] = {"usrpwd": {"user": document["user"], "password": password}}
-    if "tls_ca_file" in document:
-        settings["link"] = {"tls": _tls(path, document)}
-    return settings
-
-
-def _table(path: Path) -> dict[str, Any]:
     document = read_toml(path, "--zenoh-keys")
     for key, value in document.items():
         if key not in _KEYS or not isinstance(value, str):
@@ -296,14 +281,21 @@ def _table(path: Path) -> dict[str, Any]:
         missing = [partner for partner in _NEEDS.get(key, ()) if partner not in document]
         if missing:
             raise ConfigError(f"{path}: {missing[0]} is missing: {key} = {value!r} needs it")
-    return document
-
-
-def _readable(path: Path, key: str, value: str) -> None:
-    try:
-        Path(value).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: {key} = {value!r}: cannot be read ({error})") from None
+    for key in _FILES:
+        if key in document:
+            document[key] = str((path.parent / document[key]).absolute())
+            value = document[key]
+            try:
+                Path(value).read_text(encoding="utf-8")
+            except (OSError, UnicodeDecodeError) as error:
+                raise ConfigError(f"{path}: {key} = {value!r}: cannot be read ({error})") from None
+    settings: dict[str, Any] = {}
+    if "user" in document:
+        password = Path(document["password_file"]).read_text(encoding="utf-8").rstrip("\n")
+        settings["auth"] = {"usrpwd": {"user": document["user"], "password": password}}
+    if "tls_ca_file" in document:
+        settings["link"] = {"tls": _tls(path, document)}
+    return settings
 
 
 def _tls(path: Path, given: dict[str, Any]) -> dict[str, Any]:

@@ -202,7 +202,13 @@ class Autopilot:
             self._slowly(now_s)
         if count % MOVE_TICKS == 0:
             if conditions.rc is not None or conditions.sticks is not None:
-                self._hear_radio(now_s)
+                pilot = self.state.pilot
+                if conditions.rc is not False:
+                    pilot.radio_s = now_s
+                    if conditions.sticks is not None:
+                        pilot.hear(now_s, Sticks(*conditions.sticks))
+                    elif conditions.rc:
+                        pilot.hear(now_s, pilot.sticks)
             if count:
                 self._move()
             self.report.setpoint = self.commander.tick(now_s)
@@ -211,7 +217,21 @@ class Autopilot:
             if logs.most_bytes or logs.listener is not None:
                 self.recorder.tick(self.report)
         else:
-            self._carry_on()
+            # Half way between two moves, position and attitude are extrapolated by their rates.
+            state = self.state
+            if self.flavour.ground_vehicle or not state.body.on_ground:
+                state.position_m = state.position_m.after(state.velocity_m_s, TICK_S)
+                roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = state.attitude
+                state.attitude = _euler(
+                    (
+                        roll + roll_rate * TICK_S,
+                        pitch + pitch_rate * TICK_S,
+                        yaw + yaw_rate * TICK_S,
+                        roll_rate,
+                        pitch_rate,
+                        yaw_rate,
+                    )
+                )
             self._renew_times(now_s)
 
     def is_idle(self, count: int) -> bool:
@@ -366,24 +386,6 @@ class Autopilot:
         """Return the controller's reference motion, or None."""
         return self.plant.reference(self.motion)
 
-    def _carry_on(self) -> None:
-        """Half way between two moves, extrapolate position and attitude by their rates."""
-        state = self.state
-        if state.body.on_ground and not self.flavour.ground_vehicle:
-            return
-        state.position_m = state.position_m.after(state.velocity_m_s, TICK_S)
-        roll, pitch, yaw, roll_rate, pitch_rate, yaw_rate = state.attitude
-        state.attitude = _euler(
-            (
-                roll + roll_rate * TICK_S,
-                pitch + pitch_rate * TICK_S,
-                yaw + yaw_rate * TICK_S,
-                roll_rate,
-                pitch_rate,
-                yaw_rate,
-            )
-        )
-
     def since_boot_s(self, now_s: float) -> float:
         """Return the vehicle's own clock, which telemetry and TIMESYNC use."""
         return now_s - self.state.booted_s + self.time_jump_s
@@ -393,14 +395,3 @@ class Autopilot:
         since_us = (now_s - self.state.booted_s + self.time_jump_s) * 1e6 + 0.5
         report.boot_us = boot_us = int(since_us) if since_us > 0.0 else 0
         report.boot_ms = boot_us // 1000 & 0xFFFFFFFF
-
-    def _hear_radio(self, now_s: float) -> None:
-        conditions = self.conditions
-        pilot = self.state.pilot
-        if conditions.rc is False:
-            return
-        pilot.radio_s = now_s
-        if conditions.sticks is not None:
-            pilot.hear(now_s, Sticks(*conditions.sticks))
-        elif conditions.rc:
-            pilot.hear(now_s, pilot.sticks)

@@ -72,9 +72,40 @@ class Estimator:
             self.errors = wander.after(self.errors, self.random, STEP_S)
         elif not flying:
             self.errors = Errors(self.errors.position_ned_m)  # standing still is noticed
-        self._judge(now_s, conditions)
+
+        ready = now_s >= self.ready_s - 1e-9
+        gps_lost = conditions.gps_lost
+        self.gps_ok = ready and not gps_lost
+        if not gps_lost:
+            # With a fix again, the estimate is reset to it.
+            if self.lost_gps_s < math.inf:
+                self.lost_gps_s = math.inf
+                north, east, _ = self.offset_m
+                self.jump(Vector((-north, -east, 0.0)))
+        elif self.lost_gps_s == math.inf:
+            self.lost_gps_s = now_s
+        blind_s = max(0.0, now_s - self.lost_gps_s)
+        self.eph_m = max(EPH_M + _BLIND_GROWTH_M_S2 * blind_s * blind_s, conditions.eph_m)
+        usable = ready and not conditions.estimator_invalid
+        self.altitude_valid = usable
+        self.position_valid = usable and blind_s < self.dead_reckoning_s
+        # Hysteresis: once valid, an uncertainty of 2.5 times the limit is borne.
+        self.global_valid = self.position_valid and self.eph_m <= (
+            self.position_limit_m * (2.5 if self.global_valid else 1.0)
+        )
+
         if flying and self.lost_gps_s < math.inf:
-            self._drift(now_s)
+            # Without GPS the estimate slides away, in a direction of the seed's choosing.
+            step_m = _DRIFT_M_S2 * (now_s - self.lost_gps_s) * STEP_S
+            bearing = self.random.gauss(0.0, 0.2)
+            north, east, down = self.offset_m
+            self.offset_m = Vector(
+                (
+                    north + step_m * math.cos(bearing),
+                    east + step_m * math.sin(bearing),
+                    down,
+                )
+            )
         if conditions.drift_m_s != ZERO:
             self.offset_m = self.offset_m.after(conditions.drift_m_s, STEP_S)
         self._sum()
@@ -90,45 +121,6 @@ class Estimator:
         self.yaw_error_rad += by_rad
         self.reset_counter = (self.reset_counter + 1) % _RESET_LIMIT
 
-    def _drift(self, now_s: float) -> None:
-        """Without GPS the estimate slides away, in a direction of the seed's choosing."""
-        step_m = _DRIFT_M_S2 * (now_s - self.lost_gps_s) * STEP_S
-        bearing = self.random.gauss(0.0, 0.2)
-        north, east, down = self.offset_m
-        self.offset_m = Vector(
-            (
-                north + step_m * math.cos(bearing),
-                east + step_m * math.sin(bearing),
-                down,
-            )
-        )
-
     def _sum(self) -> None:
         self.position_error_m = self.errors.position_ned_m + self.offset_m
         self.velocity_error_m_s = self.errors.velocity_ned_m_s
-
-    def _judge(self, now_s: float, conditions: Conditions) -> None:
-        ready = now_s >= self.ready_s - 1e-9
-        gps_lost = conditions.gps_lost
-        self.gps_ok = ready and not gps_lost
-        if not gps_lost:
-            self._find_gps()
-        elif self.lost_gps_s == math.inf:
-            self.lost_gps_s = now_s
-        blind_s = max(0.0, now_s - self.lost_gps_s)
-        self.eph_m = max(EPH_M + _BLIND_GROWTH_M_S2 * blind_s * blind_s, conditions.eph_m)
-        usable = ready and not conditions.estimator_invalid
-        self.altitude_valid = usable
-        self.position_valid = usable and blind_s < self.dead_reckoning_s
-        self.global_valid = self.position_valid and self.eph_m <= self._limit()
-
-    def _find_gps(self) -> None:
-        """A fix again: the estimate is reset to it."""
-        if self.lost_gps_s < math.inf:
-            self.lost_gps_s = math.inf
-            north, east, _ = self.offset_m
-            self.jump(Vector((-north, -east, 0.0)))
-
-    def _limit(self) -> float:
-        """Hysteresis: once valid, an uncertainty of 2.5 times the limit is borne."""
-        return self.position_limit_m * (2.5 if self.global_valid else 1.0)

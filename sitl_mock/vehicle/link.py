@@ -138,13 +138,6 @@ class Link:
             self._waiting_texts.extend((now_s, text) for text in texts)
         return []
 
-    def _hear_station(self, now_s: float) -> list[bytes]:
-        """Note a ground station's HEARTBEAT; return the frames of the texts that waited for it."""
-        self._ground_s = now_s
-        texts = [text for said_s, text in self._waiting_texts if now_s - said_s < _TEXT_WAITS_S]
-        self._waiting_texts.clear()
-        return self.pack(texts)
-
     def receive(self, now_s: float, data: bytes) -> list[bytes]:
         """Take a datagram or a sample; return the frames that answer it."""
         frames: list[bytes] = []
@@ -155,7 +148,15 @@ class Link:
             replies = self.session.handle(now_s, message)
             if replies is None:
                 if message.get_type() == "HEARTBEAT" and message.type == _GROUND_STATION:
-                    frames += self._hear_station(now_s)
+                    # Texts that waited for a ground station are sent now, unless they are too old.
+                    self._ground_s = now_s
+                    texts = [
+                        text
+                        for said_s, text in self._waiting_texts
+                        if now_s - said_s < _TEXT_WAITS_S
+                    ]
+                    self._waiting_texts.clear()
+                    frames += self.pack(texts)
                 self.autopilot.take(now_s, message)
             elif replies or self._requested:
                 frames += self.pack(replies)

@@ -121,7 +121,19 @@ class MockVehicle:
         while self._ticks <= last:
             tick_s = self._first_s + self._ticks * TICK_S
             if self._ticks == last or not self._is_idle(tick_s):
-                self._tick(tick_s, out)
+                autopilot = self.autopilot
+                ticks = self._ticks
+                autopilot.tick(tick_s, ticks)
+                if autopilot.boots != self._boots:
+                    self._boots = autopilot.boots
+                    self.links = self._fresh_links()
+                for name, link in self.links.items():
+                    out[name] += link.send(tick_s, ticks)
+                announcements = autopilot.announcements()
+                if announcements is not None and not autopilot.conditions.telemetry_frozen:
+                    for name, link in self.links.items():
+                        out[name] += link.pack(announcements.everywhere)
+                        out[name] += link.say(tick_s, announcements.texts)
             self._ticks += 1
         for name, frames in frames_in.items():
             link = self.links[name]
@@ -196,18 +208,3 @@ class MockVehicle:
             if link.is_due(now_s):
                 return False
         return self.autopilot.boots == self._boots and self.autopilot.is_idle(self._ticks)
-
-    def _tick(self, now_s: float, out: dict[str, list[bytes]]) -> None:
-        autopilot = self.autopilot
-        ticks = self._ticks
-        autopilot.tick(now_s, ticks)
-        if autopilot.boots != self._boots:
-            self._boots = autopilot.boots
-            self.links = self._fresh_links()
-        for name, link in self.links.items():
-            out[name] += link.send(now_s, ticks)
-        announcements = autopilot.announcements()
-        if announcements is not None and not autopilot.conditions.telemetry_frozen:
-            for name, link in self.links.items():
-                out[name] += link.pack(announcements.everywhere)
-                out[name] += link.say(now_s, announcements.texts)

@@ -120,7 +120,16 @@ def _override(state: VehicleState, _commander: Commander, now_s: float, message:
         return
     pilot = state.pilot
     by_channel = OVERRIDE_TIME in state.parameters
-    pulses = _pulses(message, _OVERRIDABLE if by_channel else 8)
+    channels = _OVERRIDABLE if by_channel else 8
+    pulses = {}
+    for channel in range(1, channels + 1):
+        pulse = getattr(message, f"chan{channel}_raw")
+        if channel > 8 and pulse == _RELEASED:
+            continue
+        if channel > 8 and pulse == _RELEASED_ABOVE_8:
+            pulse = _RELEASED
+        if pulse != _UNCHANGED:
+            pulses[channel] = pulse
     if any(
         pulse != _RELEASED and not _PWM_LEAST <= pulse <= _PWM_MOST for pulse in pulses.values()
     ):
@@ -138,20 +147,6 @@ def _override(state: VehicleState, _commander: Commander, now_s: float, message:
         stick_of(pilot.channels[channel].pulse_us) for channel in _STICK_CHANNELS
     )
     pilot.hear(now_s, Sticks(roll, -pitch, throttle, yaw))
-
-
-def _pulses(message: Message, channels: int) -> dict[int, int]:
-    """Pulse widths by channel, without the unchanged ones; 0 for a released channel."""
-    pulses = {}
-    for channel in range(1, channels + 1):
-        pulse = getattr(message, f"chan{channel}_raw")
-        if channel > 8 and pulse == _RELEASED:
-            continue
-        if channel > 8 and pulse == _RELEASED_ABOVE_8:
-            pulse = _RELEASED
-        if pulse != _UNCHANGED:
-            pulses[channel] = pulse
-    return pulses
 
 
 def _follow_target(
