@@ -5,7 +5,7 @@ import pytest
 from guidance.flight import State
 from guidance.links.wires.udp import AddressPins
 from guidance.log.entries import LINK_NEWS
-from guidance.session.observe.refused_frames import TOLD_EVERY_S, RefusedFrames
+from guidance.session.observe.refused import TOLD_EVERY_S, RefusedFrames
 from tests.session.test_other_heartbeats import COMPANION, heartbeat
 
 pytestmark = pytest.mark.flight

@@ -23,8 +23,7 @@ from guidance.log.writer import Record
 from guidance.session.fly.order_desk import OrderDesk
 from guidance.session.fly.preflight_survey import PreflightSurvey
 from guidance.session.observe.recording import Recording
-from guidance.session.observe.refused_frames import RefusedFrames
-from guidance.session.observe.refused_reports import RefusedReports
+from guidance.session.observe.refused import RefusedFrames, RefusedReports
 from guidance.session.orders.mailbox import Mailbox, Question
 from guidance.session.orders.words import ALIVE
 from guidance.session.plan import FlightPlan

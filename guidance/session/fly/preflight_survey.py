@@ -25,6 +25,7 @@ class PreflightSurvey:
     Attributes:
         memory: What was read.
         wants: The accepted values; None judges nothing.
+        judges: Whether preflight judges the vehicle before it flies.
         rows: The findings, as last judged.
     """
 
@@ -37,16 +38,12 @@ class PreflightSurvey:
         """Survey the vehicle anew, for another flight."""
         self._flight = flight
         self.wants = wants
+        self.judges = wants is not None
         announces = wants is not None and wants.announces
         names = partial(parameter_names, announces=announces)
         self.memory = PreflightMemory(flight.settings.autopilot, names)
         self.rows: tuple[Finding, ...] = ()
         self._judged_s = float("-inf")
-
-    @property
-    def judges(self) -> bool:
-        """True if preflight judges the vehicle before it flies."""
-        return self.wants is not None
 
     @property
     def barred(self) -> tuple[str, ...]:

@@ -1,18 +1,51 @@
-"""Which evader reports the sources refused lately, in words for the operator.
+"""What a vehicle's link and the evaders' sources refused, in words for the operator.
+
+A link counts and drops frames in the vehicle's name that are not the vehicle's, so they change nothing. That somebody
+sends them is news: another program has the vehicle's system id, or an attacker tries to speak as the vehicle.
 
 A source counts the reports that it refuses by reason. A reason whose count grows explains why an evader that sends is
 not heard: a ROS pose in another frame, say.
 """
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from typing import Final
+
+TOLD_EVERY_S: Final = 10.0
+"""Least time between two notes."""
+
+_REASONS: Final[Mapping[str, str]] = {
+    "impostors": "from another address",
+    "unsigned": "without a signature",
+    "refused": "with a wrong signature or an old one",
+}
+"""The link's counters of such frames, and what is wrong with them."""
 
 REFUSED: Final = "refused_"
 """The counters of refused reports begin with this; their reason follows."""
 
 _LATELY_S: Final = 3.0
 _MOST_REASONS: Final = 3
+
+
+class RefusedFrames:
+    """Compares the link's counters with those of the last note."""
+
+    def __init__(self) -> None:
+        self._told: Mapping[str, int] = {}
+        self._told_s = -math.inf
+
+    def note(self, now_s: float, counters: Mapping[str, int]) -> str:
+        """Return what was refused since the last note; empty if nothing was, or if that note is recent."""
+        counted = {name: counters.get(name, 0) for name in _REASONS}
+        grown = {name: count - self._told.get(name, 0) for name, count in counted.items()}
+        kinds = [f"{grown[name]} {words}" for name, words in _REASONS.items() if grown[name] > 0]
+        if not kinds or now_s - self._told_s < TOLD_EVERY_S:
+            return ""
+        self._told = counted
+        self._told_s = now_s
+        return "frames in the vehicle's name were refused: " + ", ".join(kinds)
 
 
 class RefusedReports:
