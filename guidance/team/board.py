@@ -161,7 +161,12 @@ class Board:
         sender = mate.senders.setdefault(key, Sender())
         reason = sender.refuses(now_s, message.epoch, message.seq, hash(payload))
         if reason == TWO_SENDERS and isinstance(message, StateMessage):
-            _cover(mate, message)
+            # Either of two senders may be the mate, so its place and speed count too.
+            mate.fastest_m_s = max(mate.fastest_m_s, _fastest_m_s(message))
+            if mate.state is not None:
+                frame = LocalFrame(*mate.state.place)
+                claim_ned_m = frame.ned_from_wgs84(*message.place)
+                mate.claims_m = max(mate.claims_m, math.hypot(*claim_ned_m))
         if reason:
             raise RefusedMessage(reason)
         return message
@@ -292,12 +297,3 @@ def _fastest_m_s(state: StateMessage) -> float:
     """Return the largest speed that a vehicle may have, by its own state."""
     game_m_s = math.hypot(state.speed_m_s, max(state.climb_m_s, state.descent_m_s))
     return max(game_m_s, math.hypot(*state.velocity_ned_m_s))
-
-
-def _cover(mate: Mate, claim: StateMessage) -> None:
-    """Note a place and a speed that one of two senders reports."""
-    mate.fastest_m_s = max(mate.fastest_m_s, _fastest_m_s(claim))
-    if mate.state is not None:
-        frame = LocalFrame(*mate.state.place)
-        claim_ned_m = frame.ned_from_wgs84(*claim.place)
-        mate.claims_m = max(mate.claims_m, math.hypot(*claim_ned_m))

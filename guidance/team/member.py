@@ -21,7 +21,6 @@ from guidance.team.coordinator import (
 )
 from guidance.team.messages import (
     EvaderMessage,
-    Promise,
     RolesMessage,
     StateMessage,
     Transport,
@@ -165,7 +164,16 @@ class Member:
         if roles is None:
             promises = []
         else:
-            promises = [_shown(promise, unit) for promise in roles.promises]
+            promises = [
+                {
+                    "evader": promise.evader,
+                    "first": promise.first,
+                    "second": promise.second,
+                    "standing": promise.standing,
+                    "words": promise.words(unit),
+                }
+                for promise in roles.promises
+            ]
         return {
             "evader": role.evader,
             "above_m": role.above_m,
@@ -242,7 +250,10 @@ class Member:
         evaders, plane_m = self._evaders_seen(now_s, flight, game_frame)
         vehicles = {}
         for state, at_s in self._states(own_state, alive):
-            position_ned_m = _flown_on(frame.ned_from_wgs84(*state.place), state, now_s - at_s)
+            # The mate has kept its velocity since it said so.
+            position_ned_m = frame.ned_from_wgs84(*state.place) + (now_s - at_s) * Ned(
+                state.velocity_ned_m_s
+            )
             x, y, z = game_frame.position_from_ned(position_ned_m)
             vehicles[state.vehicle] = Enu((x, y, z - plane_m)), state
         return CoordinatorView(vehicles, evaders, cycle.target_game_m, cycle.game)
@@ -278,11 +289,6 @@ class Member:
             yield own_state, own_state.sent_s
 
 
-def _flown_on(position_ned_m: Ned, state: StateMessage, age_s: float) -> Ned:
-    """Return where a vehicle is if it kept its velocity since it said so."""
-    return position_ned_m + age_s * Ned(state.velocity_ned_m_s)
-
-
 def _contents(roles: RolesMessage) -> tuple[Any, ...]:
     """What of an assignment is worth a note: not the values, which change all the time until the game begins."""
     promises = [
@@ -290,17 +296,6 @@ def _contents(roles: RolesMessage) -> tuple[Any, ...]:
         for promise in roles.promises
     ]
     return roles.term, roles.roles, promises
-
-
-def _shown(promise: Promise, unit: str) -> dict[str, Any]:
-    """Return a promise for displays."""
-    return {
-        "evader": promise.evader,
-        "first": promise.first,
-        "second": promise.second,
-        "standing": promise.standing,
-        "words": promise.words(unit),
-    }
 
 
 def _part_in_team(state: State) -> Literal["out", "ready", "playing"]:

@@ -144,18 +144,13 @@ class Sender:
             rival = Stream(epoch, number, now_s, now_s)
             self.rival = rival
         if current is not None and (current.is_heard(now_s) or rival.messages < STEADY):
-            return _reason(current, epoch, number)
+            if epoch != current.epoch:
+                return "epoch"
+            is_late = current.number - _NUMBERS <= number <= current.number
+            return "order" if is_late else "step"
         if current is not None and epoch != current.epoch:
             self.ended.append(current.epoch)
         self.current = rival
         self.rival = None
         self._contents.clear()
         return ""
-
-
-def _reason(current: Stream, epoch: int, number: int) -> str:
-    """Return why a message does not continue a stream."""
-    if epoch != current.epoch:
-        return "epoch"
-    is_late = current.number - _NUMBERS <= number <= current.number
-    return "order" if is_late else "step"

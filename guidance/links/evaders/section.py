@@ -132,15 +132,6 @@ class EvaderSection(Extended):
         frame = EvaderFrame() if self.frame is None else self.frame
         return frame.local_frame
 
-    def _given(self) -> dict[str, Any]:
-        """Return the keys that are set and not None; a dot leads into the frame."""
-        values = {name: getattr(self, name) for name in self.model_fields_set - {"frame"}}
-        if self.frame is not None:
-            values |= {
-                f"frame.{name}": getattr(self.frame, name) for name in self.frame.model_fields_set
-            }
-        return {name: value for name, value in values.items() if value is not None}
-
     @field_validator("url")
     @classmethod
     def _check_carrier(cls, url: str | None, info: ValidationInfo) -> str | None:
@@ -157,7 +148,13 @@ class EvaderSection(Extended):
     def _faults(self) -> Iterator[str]:
         kind = evader_kind(self.kind)
         says = f'kind = "{self.kind}"'
-        values = self._given()
+        # A dot leads into the frame.
+        values = {name: getattr(self, name) for name in self.model_fields_set - {"frame"}}
+        if self.frame is not None:
+            values |= {
+                f"frame.{name}": getattr(self.frame, name) for name in self.frame.model_fields_set
+            }
+        values = {name: value for name, value in values.items() if value is not None}
         for key, reason in self._needed(kind).items():
             if key not in values:
                 yield f"evader.{key}: missing; {says} {reason}"

@@ -84,7 +84,14 @@ class Asked:
         buses = stack.enter_context(
             control_bus.opened(mailboxes, onlooker.control, onlooker.on_control, team)
         )
-        self._announce(mailboxes, onlooker, clock)
+        # Orders are answered meanwhile with what is awaited.
+        for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
+            awaited = "VehicleStatus of PX4" if is_px4(url) else "a HEARTBEAT"
+            waiting = f"{awaited} at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
+            onlooker.show(
+                Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=waiting, vehicle=name)
+            )
+            mailbox.meanwhile = startup_answers(name, waiting, discovery.FOUND_WITHIN_S, clock)
         world = stack.enter_context(closing(World()))
         configs, radios = self.reach(scenario, clock, world)
         laid = _laid_where_they_stand(pursuits, configs, world, clock, onlooker.show)
@@ -101,16 +108,6 @@ class Asked:
     def left_out(self, scenario: FlyableScenario) -> Sequence[str]:
         """Name what of a scenario these vehicles fly without."""
         return lost_features(scenario, evader_simulated=True)
-
-    def _announce(self, mailboxes: Mapping[str, Mailbox], onlooker: Onlooker, clock: Clock) -> None:
-        """Show which HEARTBEATs are awaited; orders are answered with that meanwhile."""
-        for (name, mailbox), url in zip(mailboxes.items(), self.urls, strict=True):
-            awaited = "VehicleStatus of PX4" if is_px4(url) else "a HEARTBEAT"
-            waiting = f"{awaited} at {url}, {discovery.FOUND_WITHIN_S:g} s at most"
-            onlooker.show(
-                Progress(0.0, State.CONNECTING, "unknown", None, "s", waiting=waiting, vehicle=name)
-            )
-            mailbox.meanwhile = startup_answers(name, waiting, discovery.FOUND_WITHIN_S, clock)
 
     def reach(
         self, scenario: FlyableScenario, clock: Clock, world: World

@@ -201,37 +201,34 @@ class SnapshotFold:
         """
         entry = self._flight.take(item)
         if isinstance(entry, CycleEntry):
-            self._add_cycle(entry)
+            round_trip_s = self._flight.cycle.round_trip_s
+            reports = entry.inputs.reports
+            armed = self._flight.vehicle.armed
+            self._last = entry
+            self._shown = None
+            if math.isfinite(round_trip_s):
+                self._round_trip_s = round_trip_s
+            if armed != math.isfinite(self._armed_s):
+                self._armed_s = entry.now_s if armed else math.nan
+            if reports:
+                self._source = reports[-1].source
+            if entry.alarm is not None:
+                self._alarm = {
+                    "what": str(entry.alarm.violation),
+                    "amount": entry.alarm.amount,
+                    "since_s": entry.now_s,
+                }
+            for message in entry.inputs.messages:
+                if isinstance(message, LocalPosition):
+                    self._positions_s.append(message.received_s)
+            while self._positions_s and self._positions_s[0] < entry.now_s - LINK_WINDOW_S:
+                self._positions_s.popleft()
+            self._most_positions = max(self._most_positions, len(self._positions_s))
+            if self._flight.home_m != self._home_m:
+                self._set_scene()
         elif entry is not None and entry.event in BEGINNINGS:
             self._begin()
         return entry
-
-    def _add_cycle(self, row: CycleEntry) -> None:
-        round_trip_s = self._flight.cycle.round_trip_s
-        reports = row.inputs.reports
-        armed = self._flight.vehicle.armed
-        self._last = row
-        self._shown = None
-        if math.isfinite(round_trip_s):
-            self._round_trip_s = round_trip_s
-        if armed != math.isfinite(self._armed_s):
-            self._armed_s = row.now_s if armed else math.nan
-        if reports:
-            self._source = reports[-1].source
-        if row.alarm is not None:
-            self._alarm = {
-                "what": str(row.alarm.violation),
-                "amount": row.alarm.amount,
-                "since_s": row.now_s,
-            }
-        for message in row.inputs.messages:
-            if isinstance(message, LocalPosition):
-                self._positions_s.append(message.received_s)
-        while self._positions_s and self._positions_s[0] < row.now_s - LINK_WINDOW_S:
-            self._positions_s.popleft()
-        self._most_positions = max(self._most_positions, len(self._positions_s))
-        if self._flight.home_m != self._home_m:
-            self._set_scene()
 
     def _set_scene(self) -> None:
         cycle = self._flight.settings.cycle
