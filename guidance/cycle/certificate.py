@@ -13,6 +13,9 @@ In TAD the vehicle's verdict is "pursuer" if the vehicle can still guard the tar
 velocity, stops above it at the disc's height, and is there before the evader, with time to spare for wrong estimates.
 The verdict is "evader" if even the game's pursuer loses, and "undecided" in between.
 
+**Circling.** In PE the promise also counts what an evader costs that goes on to turn faster than the vehicle can
+(`guidance.cycle.circling`). A vehicle that is late flies to the path which that turn predicts.
+
 **Guarding.** The ideal pursuer turns at once, so it may fly away from the target until its margin is zero. A vehicle
 that does so cannot come back in time. So the less margin a vehicle has below `SPARE_S`, the more of its velocity is
 that of the flight to the target. Once it flies there, its margin shrinks no further, whatever the evader does. The play
@@ -31,6 +34,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from guidance.control.braking_law import approach_speed
+from guidance.cycle.circling import Circling, meeting_velocity
 from guidance.cycle.guarding import Guard, guard, is_at_disc, is_held
 from guidance.cycle.players import Capability, Players, late_start
 from guidance.frames import Enu, Ned
@@ -39,6 +43,7 @@ from guidance.game.arrays import FLOATS
 from guidance.game.pe import escape
 from guidance.messages import UNKNOWN_VELOCITY
 
+_NOT_OBSERVED: Final = Circling()
 _NOWHERE: Final = Enu((math.nan, math.nan, math.nan))
 _TAKEN_FOR_GRANTED: Final = 0.8
 """Share of the speed that the verdict uses before the vehicle has flown its full speed."""
@@ -141,6 +146,8 @@ class ChosenCourse(StrEnum):
     """To the meeting point, where it waits for its height."""
     GUARDING = "guarding"
     """In part or wholly to the target, because little margin is left."""
+    CUTTING = "cutting"
+    """In part or wholly to the path that the evader's turn predicts, because the pursuit is late."""
 
 
 class Certified(NamedTuple):
@@ -151,15 +158,25 @@ class Certified(NamedTuple):
         course: Where it flies.
         velocity_m_s: The velocity of that course, in the game frame.
         certificate: The certificate without a command.
+        circling: How the evader turns, and how late the pursuit is (PE); for the next cycle.
     """
 
     solution: StateSolution
     course: ChosenCourse
     velocity_m_s: Enu
     certificate: Certificate
+    circling: Circling = _NOT_OBSERVED
 
 
-def certify(game: Game, players: Players, vehicle: Capability, before_m_s: Enu | None) -> Certified:
+def certify(
+    game: Game,
+    players: Players,
+    vehicle: Capability,
+    before_m_s: Enu | None,
+    circling: Circling = _NOT_OBSERVED,
+    *,
+    dt_s: float = 0.0,
+) -> Certified:
     """Solve the game from here, and find its value from where a pursuer starts that does as well as this vehicle.
 
     In PE that value is a capture time. In TAD it is another game, with the speed that the vehicle has shown.
@@ -169,6 +186,8 @@ def certify(game: Game, players: Players, vehicle: Capability, before_m_s: Enu |
         players: From where.
         vehicle: Its limits and accelerations.
         before_m_s: The pursuer's optimal velocity of the last cycle, None at the first.
+        circling: From the last cycle.
+        dt_s: Time since then.
     """
     P = players.pursuer_m
     E = players.evader_m
@@ -205,8 +224,19 @@ def certify(game: Game, players: Players, vehicle: Capability, before_m_s: Enu |
         late_m = late_start(P, desired_m_s, players.pursuer_m_s, vehicle.acceleration)
         return _defended(game, players, vehicle, late_m, solution, certificate)
     time_s, slow_s = _pursuits_s(game, players, vehicle, desired_m_s)
-    certificate = certificate._replace(time_needed_s=time_s, allowance=slow_s - solution.value)
-    return Certified(solution, ChosenCourse.SOLUTION, optimal_m_s, certificate)
+    allowance_s = slow_s - solution.value
+    circling = circling.after(players.evader_m_s, time_s + allowance_s, dt_s)
+    course = ChosenCourse.SOLUTION
+    velocity_m_s = optimal_m_s
+    share = circling.share(game, vehicle)
+    if share > 0.0:
+        course = ChosenCourse.CUTTING
+        meeting_m_s = meeting_velocity(game, players, vehicle, circling, optimal_m_s)
+        velocity_m_s = optimal_m_s + share * (meeting_m_s - optimal_m_s)
+    certificate = certificate._replace(
+        time_needed_s=time_s + circling.detour_s(game, vehicle), allowance=allowance_s
+    )
+    return Certified(solution, course, velocity_m_s, certificate, circling)
 
 
 def _pursuits_s(

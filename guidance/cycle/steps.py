@@ -35,6 +35,7 @@ from guidance.cycle.certificate import (
     certify,
     without_game,
 )
+from guidance.cycle.circling import Circling
 from guidance.cycle.players import Capability, Players
 from guidance.errors import ConfigError
 from guidance.estimation import EvaderEstimate
@@ -106,6 +107,7 @@ class CycleMemory(NamedTuple):
     strategy: StrategyMemory = StrategyMemory()
     optimal_game_m_s: Enu | None = None
     speed: SpeedMemory = SpeedMemory()
+    circling: Circling = Circling()
 
 
 class CycleOutput(NamedTuple):
@@ -234,7 +236,7 @@ def _aim(
         settings: Of the cycle.
         memory: Of the cycle.
     """
-    certified = _certified(game, players, settings, memory)
+    certified = _certified(game, players, settings, memory, inputs.dt_s)
     velocity_m_s: Enu | str = certified.velocity_m_s
     hurried = certified.course is ChosenCourse.SOLUTION
     if settings.strategy.name != OPTIMAL:
@@ -263,7 +265,7 @@ def _at_configured_speed(velocity_m_s: Enu, game: Game, configured_m_s: float) -
 
 
 def _certified(
-    game: Game, players: Players, settings: CycleSettings, memory: CycleMemory
+    game: Game, players: Players, settings: CycleSettings, memory: CycleMemory, dt_s: float
 ) -> Certified:
     """Return the game from here, seen from this vehicle."""
     vehicle = Capability(
@@ -273,7 +275,8 @@ def _certified(
         memory.speed.shown_m_s,
         settings.tolerance_m,
     )
-    return certify(game, players, vehicle, memory.optimal_game_m_s)
+    before_m_s = memory.optimal_game_m_s
+    return certify(game, players, vehicle, before_m_s, memory.circling, dt_s=dt_s)
 
 
 def _asked(
@@ -398,6 +401,7 @@ def _output(
         strategy=aim.memory,
         optimal_game_m_s=Enu(aim.certified.solution.pursuer_velocity_m_s),
         speed=unlimited.speed,
+        circling=aim.certified.circling,
     )
     return CycleOutput(limited.setpoint, certificate, memory)
 

@@ -25,7 +25,7 @@ from guidance.sim.scenario import (
     Scenario,
 )
 from guidance.sim.sensor import PERFECT, Noise
-from guidance.strategies import Strategy, random_turns, recorded, waypoints
+from guidance.strategies import Strategy, circle, random_turns, recorded, waypoints
 
 Array = NDArray[np.float64]
 
@@ -92,11 +92,15 @@ _ALIKE: Final = attrgetter(
 )
 
 
+_TIMED: Final = frozenset({"random_turns", "circle"})
+"""Courses that are as long as the game."""
+
+
 def kind_of(scenario: Scenario) -> Hashable:
     """Return what two scenarios must share to be played in one batch."""
     evader = scenario.evader
     policies = (scenario.pursuer.policy, evader.policy)
-    course_duration_s = scenario.time_limit_s if "random_turns" in policies else None
+    course_duration_s = scenario.time_limit_s if _TIMED.intersection(policies) else None
     has_wind = any(scenario.wind.velocity_m_s)
     speed_is_known = evader.believed_speed_m_s == evader.speed_m_s
     has_sensor = scenario.sensor != PERFECT
@@ -250,6 +254,13 @@ def strategy_of(
             stream = _STREAMS[name]
             course = random_turns(
                 start_m, speeds.horizontal_m_s, seed, stream=stream, duration_s=until_s, **turns
+            )
+        case "circle":
+            course = circle(
+                start_m,
+                speeds.horizontal_m_s,
+                radius_m=player.circle_radius_m,
+                duration_s=scenario.time_limit_s,
             )
         case "recorded":
             course = recorded(start_m, player.track)

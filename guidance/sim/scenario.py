@@ -81,6 +81,9 @@ class Player(Section):
     turn_most_deg: float = Field(
         90.0, gt=0.0, le=180.0, description='with policy = "random_turns": largest turn'
     )
+    circle_radius_m: float = Field(
+        10.0, ge=1.0, le=1000.0, description='with policy = "circle": radius'
+    )
     track: tuple[TrackRow, ...] = Field(
         (), description='of policy = "recorded": rows t, x, y, z, or a .csv or .mcap'
     )

@@ -4,7 +4,7 @@ Contents:
     PURSUER_STRATEGIES, EVADER_STRATEGIES: the names. OPTIMAL: the game's own.
     Strategy: a strategy's name, course and gain; a `StrategyMemory` is passed in and out.
     pursue, evade: the velocity of a strategy.
-    Course: places and times; `waypoints`, `random_turns` and `recorded` make one, and COURSES names them.
+    Course: places and times; `waypoints`, `random_turns`, `circle` and `recorded` make one, and COURSES names them.
     bounded: shortens velocities to a speed.
     uniform, normal: random numbers that depend on a seed and a place in its stream only.
 """
@@ -21,6 +21,7 @@ from guidance.strategies.catalogue import (
 from guidance.strategies.course import (
     COURSES,
     Course,
+    circle,
     normal,
     random_turns,
     recorded,
@@ -38,6 +39,7 @@ __all__ = [
     "Strategy",
     "StrategyMemory",
     "bounded",
+    "circle",
     "evade",
     "normal",
     "pursue",

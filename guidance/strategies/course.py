@@ -1,6 +1,6 @@
 """A course: a table of places and times, with straight legs at constant speed.
 
-Waypoints, random turns and recorded tracks are courses with tables from different sources.
+Waypoints, random turns, circles and recorded tracks are courses with tables from different sources.
 
 Random numbers have no state: the k-th draw of a stream is a function of the seed and of k, for arrays of either. So a
 game draws the same numbers alone and in a batch, on one worker or eight, in simulation and in flight. The generator is
@@ -19,11 +19,14 @@ from guidance.game.speed_sets import SpeedSet
 
 Array = NDArray[np.float64]
 
-COURSES: Final = ("waypoints", "random_turns", "recorded")
+COURSES: Final = ("waypoints", "random_turns", "circle", "recorded")
 """Strategies that follow a course: they depend on the time and not on the other player."""
 
 _BACK_S: Final = 2.0
 """Time constant with which a player returns to its course."""
+
+_ARC_S: Final = 0.1
+"""Time between two corners of a circle."""
 
 _GOLDEN: Final = np.uint64(0x9E3779B97F4A7C15)
 _FIRST: Final = np.uint64(0xBF58476D1CE4E5B9)
@@ -134,6 +137,26 @@ def random_turns(
         every_s * np.arange(count + 1, dtype=np.float64),
         np.concatenate([start, corners], axis=-2),
     )
+
+
+def circle(start_m: Array, speed_m_s: ArrayLike, *, radius_m: float, duration_s: float) -> Course:
+    """Go round a circle in the plane of a start (..., 3), north first and then to the east, m and m/s.
+
+    The course is a polygon with a corner every `_ARC_S`.
+
+    Args:
+        start_m: (..., 3), m.
+        speed_m_s: (...).
+        radius_m: Radius of the circle through the corners.
+        duration_s: The least duration of the course.
+    """
+    times_s = np.arange(0.0, duration_s + _ARC_S, _ARC_S)
+    speed = np.asarray(speed_m_s, dtype=np.float64)
+    turned_rad = speed[..., None] / radius_m * times_s
+    east_m = radius_m * (1.0 - np.cos(turned_rad))
+    north_m = radius_m * np.sin(turned_rad)
+    ways_m = np.stack([east_m, north_m, np.zeros_like(turned_rad)], axis=-1)
+    return _course_of_table(times_s, start_m[..., None, :] + ways_m)
 
 
 def recorded(start_m: Array, track: Sequence[Sequence[float]]) -> Course:
