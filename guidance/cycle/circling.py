@@ -27,6 +27,9 @@ WHOLLY_S: Final = 1.0
 FORGIVEN: Final = 0.2
 """Share of the passing time by which an old promise is forgiven, so a delay of the past does not count for ever."""
 
+LATEST_S: Final = 6.0
+"""Larger delays count as this one."""
+
 TURN_S: Final = 1.5
 """Time constant of the mean turn rate: weaving averages out."""
 
@@ -74,6 +77,7 @@ class Circling(NamedTuple):
                 weight = dt_s / max(dt_s, min(TURN_S, observed_s))
                 turn_rad_s += weight * (turned_rad / dt_s - turn_rad_s)
         promised_s = min(needed_s, self.promised_s - (1.0 - FORGIVEN) * dt_s)
+        promised_s = max(promised_s, needed_s - LATEST_S)
         return Circling(evader_m_s, turn_rad_s, observed_s, promised_s, needed_s - promised_s)
 
     def sharpness(self, game: Game, vehicle: Capability) -> float:

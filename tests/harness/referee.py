@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 
 from guidance.control.follow import approach, gaps_to_disc
 from guidance.cycle import Capability, Certified, CycleSettings, Players, certify, game_played
+from guidance.cycle.circling import Circling
 from guidance.cycle.monitor import GUARDED_S, LASTING_S
 from guidance.frames import Enu, game_from_ned, ned_from_game
 from guidance.game import Extent, Winner
@@ -53,6 +54,7 @@ class Referee:
         self.step_s = step_s
         self._settings = settings
         self._before_m_s: Enu | None = None
+        self._circling = Circling()
         self._shown_m_s = 0.0
         still = Enu((0.0, 0.0, 0.0))
         self.commands = deque([still] * round(DELAY_S / step_s))
@@ -90,7 +92,10 @@ class Referee:
             self._shown_m_s,
             settings.tolerance_m,
         )
-        certified = certify(game, players, vehicle, self._before_m_s)
+        certified = certify(
+            game, players, vehicle, self._before_m_s, self._circling, dt_s=self.step_s
+        )
+        self._circling = certified.circling
         self._before_m_s = Enu(certified.solution.pursuer_velocity_m_s)
         command_ned_m_s, _ = approach(
             ned_from_game(certified.velocity_m_s),

@@ -240,7 +240,7 @@ def test_seeds_are_a_number_a_list_or_a_range(plan_from):
     assert seeds("rows = 2\n") == [0, 1]
 
 
-@pytest.mark.parametrize("name", ["policies", "barrier", "flown"])
+@pytest.mark.parametrize("name", ["policies", "barrier", "flown", "circles"])
 def test_every_sweep_that_comes_along_can_be_run_and_says_what_it_is_about(name):
     plan = planned(name)
     assert plan.title
