@@ -87,6 +87,7 @@ TESTS: Mapping[str, Sequence[str]] = {
         "tests/flight/test_far_evader.py",
     ),
     "guidance/flight/machine.py": FLIGHT,
+    "guidance/flight/freshness.py": ("tests/flight/test_freshness.py",),
     "guidance/autopilots/rules.py": ("tests/autopilots/test_rules.py", *PREFLIGHT),
     "guidance/preflight/changing.py": PREFLIGHT,
     "guidance/preflight/judging.py": PREFLIGHT,

@@ -20,7 +20,7 @@ from guidance.links.evaders.mavlink import MavlinkEvader
 from guidance.links.mavlink.pymavlink_link import PymavlinkLink
 from guidance.session.fly.daemon import Daemon, Equipment
 from guidance.session.plan import FlightPlan
-from guidance.sim.scenario import EVADER, EVADER_ID, PURSUER, PURSUER_ID, Scenario
+from guidance.sim.scenario import Pursuit, Scenario
 from guidance.sim.stepped import SteppedWorld
 from sitl_mock import MockVehicle
 from sitl_mock.protocols.command import Command
@@ -186,7 +186,8 @@ class Disturbed:
     """Brings a flight's disturbances about, and checks what is promised then.
 
     Args:
-        disturbances: Of the flight.
+        disturbances: Of the vehicle.
+        pursuit: The vehicle, and the evader that it plays against.
         world: Its world.
         clock: Its clock.
         daemon: Its daemon.
@@ -197,6 +198,7 @@ class Disturbed:
     def __init__(
         self,
         disturbances: tuple[Disturbance, ...],
+        pursuit: Pursuit,
         world: SteppedWorld,
         clock: VirtualClock,
         daemon: Daemon,
@@ -205,9 +207,11 @@ class Disturbed:
         alone: bool,
     ) -> None:
         self._due = list(disturbances)
+        self._kinds = set[str]()
+        self._pursuit = pursuit
         self._world = world
         self._clock = clock
-        self._vehicle = world.vehicles[PURSUER]
+        self._vehicle = world.vehicles[pursuit.vehicle]
         self._daemon = daemon
         self._wrong = wrong
         self._alone = alone
@@ -223,6 +227,11 @@ class Disturbed:
         self._second: Daemon | None = None
         self._second_asked_s = 0.0
         self._together_s: float | None = None
+
+    @property
+    def begun(self) -> frozenset[str]:
+        """Kinds of the disturbances that have begun."""
+        return frozenset(self._kinds)
 
     @property
     def ended_by_order(self) -> bool:
@@ -258,6 +267,7 @@ class Disturbed:
 
     def _bring_about(self, one: Disturbance, now_s: float) -> None:
         autopilot = self._vehicle.autopilot
+        self._kinds.add(one.kind)
         match one.kind:
             case "orders":
                 begun = self._daemon.flight.state not in BEFORE_FLIGHT | FINAL
@@ -267,7 +277,7 @@ class Disturbed:
                 place = autopilot.frame.to_geodetic(*one.what, 0.0)
                 self._command(now_s, DO_SET_HOME, 0.0, 0.0, 0.0, 0.0, *place)
             case "status_stops":
-                self._world.faulted[PURSUER].inject(STATUS_LOST)
+                self._world.faulted[self._pursuit.vehicle].inject(STATUS_LOST)
                 self._status_s = now_s
             case "parameter_changed":
                 autopilot.parameters.set(*one.what)
@@ -290,9 +300,14 @@ class Disturbed:
 
     def _another_daemon(self) -> Daemon:
         world = self._world
-        link = PymavlinkLink(world.wire(PURSUER), self._clock.now_s, system_id=PURSUER_ID)
-        evader = MavlinkEvader(world.wire(EVADER), GLOBAL_POSITION, system_id=EVADER_ID)
-        return Daemon("second", self._daemon.plan, link, {"evader": evader}, Equipment())
+        _, vehicle, evader = self._pursuit
+        link = PymavlinkLink(
+            world.wire(vehicle), self._clock.now_s, system_id=self._vehicle.system_id
+        )
+        source = MavlinkEvader(
+            world.wire(evader), GLOBAL_POSITION, system_id=world.vehicles[evader].system_id
+        )
+        return Daemon("second", self._daemon.plan, link, {evader: source}, Equipment())
 
     def _step_second(self, second: Daemon, now_s: float) -> None:
         """The other daemon's person orders start and engage every second."""
@@ -388,6 +403,8 @@ class Disturbed:
         )
         if began and silent_s > STATUS_LIMIT_S + 1.2:
             self._wrong("no start by an old status", now_s, silent_s, "")
-        plays_on = (outputs.state, Event.BATTERY_UNKNOWN) in TRANSITIONS
+        # One transition a cycle: a climb, which the charge does not end, has ended in the cycle before.
+        stays = all(one.after is one.before for one in outputs.happenings)
+        plays_on = stays and (outputs.state, Event.BATTERY_UNKNOWN) in TRANSITIONS
         if plays_on and silent_s > CHARGE_LIMIT_S + 1.2 and not self.ended_by_order:
             self._wrong("no flight by an old charge", now_s, silent_s, str(outputs.state))

@@ -82,6 +82,7 @@ class Sortie:
         self.watch = Watch(case, self._world)
         self.disturbed = Disturbed(
             case.disturbances,
+            self.mission.vehicles[0].pursuit,
             self._world,
             self.clock,
             self._daemon,

@@ -11,6 +11,7 @@ import math
 import random
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations, permutations
 from typing import Any, Final, NamedTuple, cast
 
@@ -33,6 +34,7 @@ from guidance.sim.stepped import SteppedWorld
 from guidance.sim.team_flight import pursuits_of_team
 from guidance.sim.teams import TeamScenario
 from guidance.team import Member
+from tests.faults.disturbances import DISTURBANCES, Disturbance, Disturbed, set_up, wants_of
 from tests.faults.drawing import Case
 from tests.faults.invariants import Violation, Watch
 from tests.team.lossy import LossyNetwork
@@ -41,6 +43,12 @@ SIZES: Final = ((2, 1), (2, 2), (3, 2), (3, 3))
 LONGEST_S = 75.0
 AFTER_S = 3.0
 ON_GROUND_S = 120.0
+UNDISTURBED: Final = frozenset({"home_moved"})
+"""Disturbances that keep no vehicle from its game."""
+
+NEVER_S: Final = 50.0
+"""A team with a disturbed vehicle that has not engaged by then is not watched longer: its mates wait for it."""
+
 PLAYED: Final = frozenset({State.ENGAGED, State.ON_STATION})
 """A vehicle is able while it is in one of these states. In PE a pause only delays the capture."""
 
@@ -52,10 +60,10 @@ STILL: Final = (0.0, 0.0, 0.0)
 KINDS: Final = (
     "mate killed", "coordinator killed", "cut 1 s", "cut 3 s", "cut 10 s", "loss", "clock", "forged", "misreport",
     "heard by one", "crossing", "pilot lands", "late", "estimate jumps", "position forged", "mate forged",
-    "mate swings", "mate hurries", "mate misnumbers",
+    "mate swings", "mate hurries", "mate misnumbers", *DISTURBANCES,
 )  # fmt: skip
 EXPLAINED: Final = frozenset(KINDS) - {
-    "forged", "crossing", "heard by one", "misreport", "mate swings", "mate hurries",
+    "forged", "crossing", "heard by one", "misreport", "mate swings", "mate hurries", "home_moved",
 }  # fmt: skip
 """Faults after which a vehicle is lost to its coordinator, or seems to be."""
 
@@ -64,18 +72,24 @@ LATEST_S: Final = 3.0
 
 
 class TeamCase(NamedTuple):
-    """One flight: the scenario, the wind, and the faults with their times after engagement, s, and the vehicle."""
+    """One flight: the scenario, the wind, and the faults with their times after engagement, s, and the vehicle.
+
+    `disturbances` are what people and other programs do to the vehicle `disturbed`, with times of their own.
+    """
 
     seed: int
     number: int
     scenario: TeamScenario
     wind_m_s: tuple[float, float]
     faults: tuple[tuple[str, float, str], ...]
+    disturbed: str
+    disturbances: tuple[Disturbance, ...]
 
     @property
     def kinds(self) -> tuple[str, ...]:
         """Names of the faults."""
-        return tuple(kind for kind, *_ in self.faults)
+        disturbed = dict.fromkeys(one.kind for one in self.disturbances)
+        return (*(kind for kind, *_ in self.faults), *disturbed)
 
 
 class TeamRow(NamedTuple):
@@ -125,11 +139,19 @@ def draw(seed: int, number: int) -> TeamCase:
         }
     )  # fmt: skip
     names = [f"uav{index + 1}" for index in range(vehicles)]
-    faults = tuple((kind, chance.uniform(0.5, 4.0), chance.choice(names)) for kind in kinds)
+    faults = []
+    disturbances: list[Disturbance] = []
+    disturbed = chance.choice(names)
+    for kind in kinds:
+        if kind in DISTURBANCES:
+            disturbances += DISTURBANCES[kind](chance, scenario.flight.autopilot)
+        else:
+            faults.append((kind, chance.uniform(0.5, 4.0), chance.choice(names)))
     wind = (
         tuple(chance.uniform(-3.0, 3.0) for _ in range(2)) if chance.random() < 0.5 else (0.0, 0.0)
     )
-    return TeamCase(seed, number, scenario, cast("tuple[float, float]", wind), faults)
+    wind_m_s = cast("tuple[float, float]", wind)
+    return TeamCase(seed, number, scenario, wind_m_s, tuple(faults), disturbed, tuple(disturbances))
 
 
 class Deaf(EvaderSource):
@@ -200,13 +222,20 @@ class Sortie:
             for number, pursuit in enumerate(self.pursuits)
         }
         team = team_plan(case.scenario, self.pursuits)
+        plans = {
+            pursuit.vehicle: plan_of(None, pursuit.scenario, team) for pursuit in self.pursuits
+        }
+        disturbed = self.pursuits[names.index(case.disturbed)]
+        if "parameter_changed" in case.kinds:  # of a vehicle that preflight judges
+            planned = plans[disturbed.vehicle]
+            wants = wants_of(disturbed.scenario, planned)
+            plans[disturbed.vehicle] = replace(planned, wants=wants)
+            set_up(self.world.vehicles[disturbed.vehicle], disturbed.scenario)
         self.mission = Mission(
             tuple(self.pursuits),
             self.world,
             self.clock,
-            plans={
-                pursuit.vehicle: plan_of(None, pursuit.scenario, team) for pursuit in self.pursuits
-            },
+            plans=plans,
             equipment={name: Equipment(team=member) for name, member in self.members.items()},
             policy=MissionPolicy(engage=True, end_with=Event.HOLD),
         )
@@ -215,6 +244,15 @@ class Sortie:
             pursuit.vehicle: Watch(_case_of(case, pursuit), _Named(self.world, pursuit))
             for pursuit in self.pursuits
         }
+        self.disturbed = Disturbed(
+            case.disturbances,
+            disturbed,
+            self.world,
+            self.clock,
+            self.daemons[case.disturbed],
+            self.watches[case.disturbed].wrong,
+            alone=len(case.kinds) == 1,
+        )
         self.engaged_s = self.over_s = math.inf
         self.due = sorted(case.faults, key=lambda fault: fault[1])
         self.later: list[tuple[float, Callable[[], None]]] = []
@@ -261,15 +299,18 @@ class Sortie:
     def finished(self) -> bool:
         """True some seconds after all evaders are out of play, or when it took too long."""
         now_s = self.clock.now_s()
-        return (
+        return bool(
             now_s - self.over_s > AFTER_S
             or now_s - self.engaged_s > LONGEST_S
             or now_s > ON_GROUND_S + LONGEST_S
+            or (self.disturbed.begun and self.engaged_s == math.inf and now_s > NEVER_S)
         )
 
     def before(self, now_s: float) -> None:
         """Let the mission give its orders."""
-        self.mission.before(now_s)
+        self.disturbed.before(now_s)
+        if not self.disturbed.holds_back_start(now_s):
+            self.mission.before(now_s)
 
     def _disturb(self, now_s: float) -> None:
         """Start the faults that are due; they act in the next cycle."""
@@ -364,9 +405,14 @@ class Sortie:
         """Judge a cycle."""
         self.mission.after(now_s, late_s)
         passed = self.world.drain()
+        if self.disturbed.begun - UNDISTURBED:
+            self.unable.add(self.case.disturbed)
+        if "second_daemon" in self.disturbed.begun:
+            self.unseen.add(self.case.disturbed)  # the other program knows of no mates
         if self.engaged_s == math.inf and all(
             daemon.outputs is not None and daemon.outputs.state is State.ENGAGED
-            for daemon in self.daemons.values()
+            for name, daemon in self.daemons.items()
+            if name not in self.unable
         ):
             self.engaged_s = now_s
             self._note_guarantees()
@@ -392,6 +438,8 @@ class Sortie:
                 daemon.flight,
             )
             watch.followed(now_s, daemon.outputs, daemon.flight)
+            if name == self.case.disturbed:
+                self.disturbed.after(now_s, daemon.outputs)
             if watch.engaged_s is not None:
                 watch.see(now_s, daemon.flight)
         self._separated()
@@ -512,7 +560,7 @@ class Sortie:
             for name, evader in self.mission.result.evaders.items()
             if evader.capture is not None
         ]
-        if self.engaged_s == math.inf:
+        if self.engaged_s == math.inf and not self.disturbed.begun:
             self.wrong(
                 "all engage",
                 1.0,
