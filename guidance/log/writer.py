@@ -11,6 +11,7 @@ import os
 import platform
 import re
 import subprocess
+import sys
 import threading
 import time
 from collections import deque
@@ -20,12 +21,12 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Final
 
+from mcap.writer import Writer
 from pydantic_core import to_json
 
 from guidance.files import private_file, private_folder
 from guidance.log.codec import Schema
 from guidance.log.entries import CYCLE, EVENT, REPORT, CycleEntry, EventEntry
-from guidance.log.mcap_writer import McapWriter
 from guidance.log.scene import Scene
 from guidance.log.sink import Entry, Sink
 
@@ -284,14 +285,17 @@ class McapFile:
         self.size = self.sequence = 0
         self._schemas = dict[str, int]()
         self._channels = dict[str, int]()
-        self._writer = McapWriter(self._file, "guidance")
-        self._writer.add_metadata("run", metadata)
+        # `end_chunk` ends a chunk, not its size.
+        self._writer = Writer(self._file, chunk_size=sys.maxsize, use_summary_offsets=False)
+        self._writer.start(library="guidance")
+        self._writer.add_metadata("run", dict(metadata))
         self.end_chunk()
 
     def add(self, topic: str, schema: Schema | None, now_s: float, data: bytes) -> None:
         """Add a message, JSON if it has a schema, else a MAVLink frame."""
         channel = self._channels.get(topic) or self._channel(topic, schema)
-        self._writer.add_message(channel, round(now_s * 1e9), data, self.sequence)
+        time_ns = round(now_s * 1e9)
+        self._writer.add_message(channel, time_ns, data, time_ns, self.sequence)
         self.sequence += 1
 
     def end_chunk(self) -> None:
