@@ -6,7 +6,7 @@ It notices this, because its time to capture does not fall as promised. The late
 earliest point that it can reach of the path that the evader's turn predicts: it cuts the circle, or waits on it.
 
 An evader that a vehicle can follow round its turns, at the vehicle's own speed, is pursued by the game's solution
-unchanged. Such are one that runs straight, and one that weaves about a straight line.
+unchanged, such as one that runs straight. Turns that last for seconds look like a circle, so they may cost time.
 """
 
 import math
