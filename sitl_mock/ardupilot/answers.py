@@ -20,10 +20,7 @@ if TYPE_CHECKING:
 _ACCEPTED: Final = (
     181,
     182,
-    195,
-    197,
     198,
-    201,
     202,
     203,
     206,
@@ -38,7 +35,6 @@ _ACCEPTED: Final = (
     42651,
 )
 _FAILED: Final = (
-    183,
     184,
     204,
     205,

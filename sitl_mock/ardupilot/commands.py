@@ -14,10 +14,12 @@ from sitl_mock.ardupilot.answers import (
     CALIBRATIONS,
     answer_calibration,
 )
+from sitl_mock.ardupilot.guided import STOP
 from sitl_mock.ardupilot.maneuvers import turn_from
 from sitl_mock.dynamics import Kind, Setpoint
 from sitl_mock.protocols import Command, CommandAnswer, Place, Result, is_on_earth
 from sitl_mock.vector import Vector
+from sitl_mock.vehicle.setpoints import GLOBAL_TERRAIN
 from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
@@ -33,8 +35,9 @@ DENIED: Final = (CommandAnswer(Result.DENIED),)
 UNSUPPORTED: Final = (CommandAnswer(Result.UNSUPPORTED),)
 GUIDED_MODES: Final = frozenset({"GUIDED"})
 _SPEED_MODES: Final = frozenset({"GUIDED", "AUTO", "RTL"})
-_COPTER_ONLY: Final = frozenset({22, 84, 85, 115, 193})
+_COPTER_ONLY: Final = frozenset({22, 84, 85, 115, 183, 193, 195, 197, 201})
 HIGHEST_M: Final = 100_000.0
+_MOST_PULSE_US: Final = 0xFFFF
 _RELATIVE: Final = frozenset({3, 6})
 
 
@@ -171,6 +174,8 @@ def _reposition(commander: ArduPilot, _now_s: float, command: Command) -> Answer
         home_d = 0.0 if state.home_m is None else state.home_m[2]
         down = home_d - alt
     setpoint = Setpoint(Kind.TRAVEL, Vector((north, east, down)))
+    if command.frame in GLOBAL_TERRAIN:
+        setpoint = STOP
     if not (commander.may_fly_to(setpoint) and commander.request("GUIDED")):
         return FAILED
     commander.flight.follow(setpoint)
@@ -199,6 +204,44 @@ def _yaw(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
     flight.turn = turn_from(
         yaw_rad, angle, rate, direction, relative=relative == 1.0, slew_deg_s=slew
     )
+    return ACCEPTED
+
+
+def _look_at(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+    """DO_SET_ROI and DO_SET_ROI_LOCATION: the nose turns there and stays until the next setpoint."""
+    lat, lon, alt = command.params[4:]
+    if lat == lon == alt == 0.0:
+        return ACCEPTED
+    if not is_on_earth(Place(lat, lon, alt)):
+        return DENIED
+    state = commander.state
+    north, east, _ = state.frame.to_local(lat, lon, alt)
+    bearing_rad = math.atan2(east - state.position_m[1], north - state.position_m[0])
+    slew_deg_s = float(state.parameters["ATC_SLEW_YAW"]) * 0.01
+    bearing_deg = math.degrees(bearing_rad) % 360.0
+    commander.flight.turn = turn_from(
+        state.yaw_rad, bearing_deg, 0.0, 0.0, relative=False, slew_deg_s=slew_deg_s
+    )
+    return ACCEPTED
+
+
+def _look_ahead(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
+    """DO_SET_ROI_NONE."""
+    commander.flight.turn = None
+    return ACCEPTED
+
+
+def _set_servo(commander: ArduPilot, _now_s: float, command: Command) -> Answers:
+    """DO_SET_SERVO: sets an output without a function; those of the motors are in use."""
+    channel, pulse_us = command.params[:2]
+    parameters = commander.state.parameters
+    if not math.isfinite(channel + pulse_us):
+        return FAILED
+    if parameters.get(f"SERVO{int(channel)}_FUNCTION", 1):
+        text = f"ServoRelayEvent: Channel {int(channel)} is already in use"
+        commander.state.say(Severity.INFO, text)
+        return FAILED
+    commander.state.servos[int(channel)] = min(max(int(pulse_us), 0), _MOST_PULSE_US)
     return ACCEPTED
 
 
@@ -299,8 +342,12 @@ def _disarm_by_button(commander: ArduPilot, _now_s: float, _command: Command) ->
 
 
 def _banner(commander: ArduPilot, _now_s: float, _command: Command) -> Answers:
-    """DO_SEND_BANNER."""
-    commander.state.say(Severity.INFO, commander.firmware.banner)
+    """DO_SEND_BANNER, also before a list of parameters: version, and of a copter its board's id and its frame."""
+    state = commander.state
+    state.say(Severity.INFO, commander.firmware.banner)
+    if commander.firmware.flies:
+        state.say(Severity.INFO, f"{state.system_id:032x}")
+        state.say(Severity.INFO, f"Frame: QUAD/{'X' if state.parameters['FRAME_TYPE'] else 'PLUS'}")
     return ACCEPTED
 
 
@@ -326,7 +373,11 @@ _HANDLERS: Mapping[int, Callable[[ArduPilot, float, Command], Answers]] = Mappin
         400: _arm,
         401: _prearm,
         410: _tell_home,
+        183: _set_servo,
         189: _land_start,
+        195: _look_at,
+        197: _look_ahead,
+        201: _look_at,
         245: _storage,
         42002: _arm_by_button,
         42003: _disarm_by_button,

@@ -235,7 +235,6 @@ _WITHHELD: Final = frozenset(
         "ESTIMATOR_STATUS",
         "ODOMETRY",
         "PING",
-        "WIND_COV",
     }
 )
 """Messages that ArduPilot 4.5.7 does not know; a request of one fails."""

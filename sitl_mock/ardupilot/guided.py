@@ -18,6 +18,7 @@ from sitl_mock.vehicle.setpoints import (
     FORCE,
     GLOBAL_FRAMES,
     GLOBAL_RELATIVE,
+    GLOBAL_TERRAIN,
     IGNORE_ACCELERATION,
     IGNORE_POSITION,
     IGNORE_VELOCITY,
@@ -68,7 +69,8 @@ def _setpoint_of(state: VehicleState, target: Target) -> Setpoint | None:
         values += velocity
     if not mask & IGNORE_ACCELERATION:
         values += acceleration
-    if not values or not math.isfinite(sum(values)):
+    lacks_terrain = has_position and target.frame in GLOBAL_TERRAIN
+    if lacks_terrain or not values or not math.isfinite(sum(values)):
         return STOP
     if has_velocity and math.hypot(*velocity) > _FASTEST_M_S:
         return STOP
@@ -94,6 +96,8 @@ def item_setpoint(state: VehicleState, item: PlanItem) -> Setpoint | None:
     if item.command != _WAYPOINT:
         return None
     altitude = item.z
+    if item.frame in GLOBAL_TERRAIN:
+        return STOP
     if item.frame in GLOBAL_RELATIVE:
         altitude += state.frame.origin.alt_amsl_m - (
             state.home_m[2] if state.home_m is not None else 0.0

@@ -72,11 +72,12 @@ def _parameters(flavour: str) -> "Iterator[str]":
 
 def _streams(flavour: str) -> "Iterator[str]":
     from sitl_mock.flavours import flavour_named  # noqa: PLC0415 - as above
-    from sitl_mock.telemetry import BUILDERS  # noqa: PLC0415 - as above
+    from sitl_mock.telemetry import builders_of  # noqa: PLC0415 - as above
 
-    rates = flavour_named(flavour).rates_hz
+    each = flavour_named(flavour)
+    rates = each.rates_hz
     yield f"streams of {flavour}: Hz on {', '.join(rates)} links by default; 0: only on request"
-    for name in sorted(BUILDERS):
+    for name in sorted(builders_of(each.name).keys() - each.withheld):
         yield f"  {name:<28} {'  '.join(f'{kind.get(name, 0):>5g}' for kind in rates.values())}"
 
 

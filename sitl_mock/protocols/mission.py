@@ -42,6 +42,7 @@ class MissionProtocol:
         home: Returns home, for rules that have it as item 0.
         guide: ``guide(now_s, item)`` handles an item with current 2 or 3 (older clients' "fly there") and returns True
             if it is flown; None if the flavour has no such items.
+        timed_out: Called when a client has ended neither its upload nor its download in time.
     """
 
     def __init__(
@@ -51,12 +52,14 @@ class MissionProtocol:
         set_current: SetCurrent,
         home: Callable[[], Place] = lambda: Place(0.0, 0.0, 0.0),
         guide: Guide | None = None,
+        timed_out: Callable[[], None] = lambda: None,
     ) -> None:
         self._plans = plans
         self._rules = rules
         self._set_current = set_current
         self._home = home
         self._guide = guide
+        self._timed_out = timed_out
         self._downloaded_s = -math.inf
         self._upload = upload = MissionUpload(plans, rules)
         self._handlers: dict[str, Callable[[float, Message], list[Reply]]] = {
@@ -74,8 +77,8 @@ class MissionProtocol:
 
     @property
     def is_idle(self) -> bool:
-        """True unless this link has an upload in progress."""
-        return not self._upload.active
+        """True unless this link has a transfer in progress."""
+        return not self._upload.active and self._downloaded_s == -math.inf
 
     def handle(self, now_s: float, message: Message) -> list[Reply]:
         """Take any message of the mission protocol."""
@@ -85,8 +88,15 @@ class MissionProtocol:
         return handler(now_s, message)
 
     def advance(self, now_s: float) -> list[Reply]:
-        """Request a missing item again, or give up the upload."""
-        return self._upload.advance(now_s)
+        """Request a missing item again, or give up the transfer."""
+        is_uploading = self._upload.active
+        replies = self._upload.advance(now_s)
+        is_late = self._downloaded_s > -math.inf and not self._is_downloading(now_s)
+        if is_late:
+            self._downloaded_s = -math.inf
+        if is_late or (is_uploading and not self._upload.active):
+            self._timed_out()
+        return replies
 
     def _is_downloading(self, now_s: float) -> bool:
         return now_s - self._downloaded_s < self._rules.timeout_s
@@ -159,7 +169,10 @@ class MissionProtocol:
             )
         if seq >= len(items):
             return [acknowledge(partner, MissionResult.INVALID_SEQUENCE, kind)]
-        current = int(kind == PlanKind.MISSION and seq == self._plans.current)
+        if kind == PlanKind.RALLY and self._rules.rally_as_items:
+            current = int(seq == 0)
+        else:
+            current = int(kind == PlanKind.MISSION and seq == self._plans.current)
         item = items[seq]._replace(seq=seq, current=current)
         if self._is_downloading(now_s):
             self._downloaded_s = now_s

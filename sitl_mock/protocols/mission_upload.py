@@ -71,6 +71,7 @@ class MissionRules:
     deaf_in_download: bool = False
     compares: bool = False
     keeps_part: bool = False
+    rally_as_items: bool = False
     stored: Callable[[PlanItem], PlanItem | MissionResult] = as_sent
 
 
@@ -84,6 +85,7 @@ PX4_MISSION_RULES: Final = MissionRules(
     any_radius=True,
     deaf_in_download=True,
     compares=True,
+    rally_as_items=True,
 )
 """PX4 requests again after 250 ms; with 50 ms, 500 items pass 10 % loss each way within seconds."""
 
@@ -102,6 +104,8 @@ ARDUPILOT_MISSION_RULES: Final = MissionRules(
 
 
 KINDS: Final = frozenset(PlanKind)
+_WHOLE_FRAMES: Final = {0: 5, 3: 6}
+"""MAV_FRAME of whole degrees by that of floats, absolute and relative."""
 _WARNING: Final = 4  # MAV_SEVERITY
 _REFUSED: Final[tuple[Reply, ...]] = tuple(
     ("STATUSTEXT", _WARNING, text, 0, 0)
@@ -221,6 +225,8 @@ class MissionUpload:
         """Return what is stored of an item, or why it is refused."""
         if kind is PlanKind.MISSION:
             stored = self._rules.stored(item)
+        elif kind is PlanKind.RALLY and self._rules.rally_as_items:
+            stored = item._replace(frame=_WHOLE_FRAMES.get(item.frame, item.frame))
         else:
             stored = item
         if isinstance(stored, MissionResult):

@@ -35,6 +35,7 @@ class StreamRules:
     Attributes:
         fixed: Messages whose rate cannot be changed.
         unlisted: Messages that are sent but that SET_MESSAGE_INTERVAL does not know.
+        on_change: Messages that an accepted interval does not repeat: they come when they change, and on request.
         unknown_interval: Answer to SET_MESSAGE_INTERVAL for an unknown message.
         empty_request: Answer to a request for a message that has no content yet, as home before its position is known.
         unknown_request: Answer to REQUEST_MESSAGE for one.
@@ -46,6 +47,7 @@ class StreamRules:
 
     fixed: frozenset[str] = frozenset()
     unlisted: frozenset[str] = frozenset()
+    on_change: frozenset[str] = frozenset()
     unknown_interval: Result = Result.FAILED
     empty_request: Result = Result.DENIED
     unknown_request: Result = Result.DENIED
@@ -184,6 +186,7 @@ class Streams:
         self._interval_s.pop(name, None)
         if interval_s is not None:
             self._interval_s[name] = interval_s
+        if interval_s is not None and name not in self.rules.on_change:
             self._queue.append((now_s, self._order[name], name, interval_s))
         heapify(self._queue)
 
@@ -269,6 +272,7 @@ ARDUPILOT_HZ: Final[dict[str, float]] = {"HEARTBEAT": 1.0, "TIMESYNC": 0.1}
 PX4_STREAM_RULES: Final = StreamRules(
     fixed=frozenset({"HEARTBEAT"}),
     unlisted=frozenset({"CURRENT_EVENT_SEQUENCE", "MISSION_CURRENT"}),
+    on_change=frozenset({"GPS_GLOBAL_ORIGIN"}),
     unknown_interval=Result.FAILED,
     unknown_request=Result.DENIED,
     old_requests={410: 242, 519: 300, 525: 261, 528: 264},

@@ -64,6 +64,7 @@ _NAMES: Final[Mapping[str, tuple[str, bytes]]] = MappingProxyType(
         "Connection to ground station lost": ("commander_gcs_lost", b""),
         "GCS connection regained": ("commander_dl_regained", b""),
         "Connection to mission computer lost": ("commander_mission_comp_lost", b""),
+        "Operation timeout": ("mavlink_mission_op_timeout", b""),
         "Onboard controller regained": ("commander_onboard_ctrl_regained", b""),
     }
 )

@@ -14,6 +14,7 @@ from sitl_mock.missions.fence import violated
 from sitl_mock.parameters.calibrated_sensors import uncalibrated
 from sitl_mock.protocols import PlanStore
 from sitl_mock.vehicle.modes import Mode, Need
+from sitl_mock.vehicle.reception import NO_STICKS
 from sitl_mock.vehicle.state import Severity, VehicleState
 
 
@@ -282,6 +283,8 @@ def wrong(
     charge = state.battery.remaining
     excepted = EXCEPTION_BITS.get(intention, 0)
     pilot_lost = pilot_counts and not state.pilot.fresh(now_s, parameters["COM_RC_LOSS_T"])
+    if parameters["COM_RC_IN_MODE"] == NO_STICKS:
+        pilot_lost = False
     ground_lost = "ground station lost" in lost
     present = {
         "manual control lost": pilot_lost and not int(parameters["COM_RCL_EXCEPT"]) & excepted,

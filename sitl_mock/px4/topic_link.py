@@ -18,6 +18,7 @@ from sitl_mock.vehicle.pilot import Sticks
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from sitl_mock.mavlink import Message
     from sitl_mock.protocols import Reply
     from sitl_mock.px4.commander import Px4
     from sitl_mock.px4.topics import Source, Values
@@ -154,6 +155,7 @@ class TopicLink:
     """
 
     def __init__(self, autopilot: Autopilot) -> None:
+        self.to_forward: list[Message] = []
         self._autopilot = autopilot
         self._streams = [
             _Stream(name, source)
@@ -175,6 +177,10 @@ class TopicLink:
     def is_due(self, _now_s: float) -> bool:
         """True: there is something to publish at every tick."""
         return True
+
+    def passed_on(self, _messages: Sequence[Message]) -> list[bytes]:
+        """Return nothing, as `pack`."""
+        return []
 
     def pack(self, _replies: Sequence[Reply]) -> list[bytes]:
         """Return nothing: MAVLink's messages are no topics."""

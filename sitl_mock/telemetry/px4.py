@@ -283,7 +283,12 @@ def vfr_hud(report: Report) -> Fields:
     v_n, v_e, v_d = state.velocity_m_s
     heading = int(math.degrees(state.yaw_rad) % 360.0)
     height = state.frame.origin.alt_amsl_m - state.position_m[2]
-    return (_NAN, math.hypot(v_n, v_e), heading, int(100.0 * _throttle(report)), height, -v_d)
+    return (_NAN, math.hypot(v_n, v_e), heading, throttle_percent(report), height, -v_d)
+
+
+def throttle_percent(report: Report) -> int:
+    """Thrust as a whole percentage of the most."""
+    return int(100.0 * _throttle(report))
 
 
 def _throttle(report: Report) -> float:

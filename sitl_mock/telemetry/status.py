@@ -283,7 +283,7 @@ def rc_channels(report: Report) -> Fields:
 
 
 def servo_output_raw(report: Report) -> Fields:
-    """SERVO_OUTPUT_RAW: the mean throttle on four motors."""
+    """SERVO_OUTPUT_RAW: the mean throttle on four motors, and the outputs that DO_SET_SERVO has set."""
     state = report.state
     throttle = 0.0
     if state.armed:
@@ -292,15 +292,8 @@ def servo_output_raw(report: Report) -> Fields:
     time_usec = report.boot_us & 0xFFFFFFFF
     port = 0
     motors = (pulse_us,) * 4
-    unused_outputs = (0,) * 12
-    return (time_usec, port, *motors, *unused_outputs)
-
-
-def wind_cov(report: Report) -> Fields:
-    """WIND_COV."""
-    wind = report.state.conditions.wind_m_s
-    height = report.state.frame.origin.alt_amsl_m - report.state.position_m[2]
-    return (report.boot_us, *wind, 0.2, 0.2, height, 0.5, 0.5)
+    others = (state.servos.get(channel, 0) for channel in range(5, 17))
+    return (time_usec, port, *motors, *others)
 
 
 def wind(report: Report) -> Fields:
@@ -380,7 +373,6 @@ STATUS: Mapping[str, Callable[[Report], Fields | None]] = MappingProxyType(
         "CURRENT_MODE": current_mode,
         "RC_CHANNELS": rc_channels,
         "SERVO_OUTPUT_RAW": servo_output_raw,
-        "WIND_COV": wind_cov,
         "WIND": wind,
         "FENCE_STATUS": fence_status,
         "POWER_STATUS": power_status,

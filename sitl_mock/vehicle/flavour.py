@@ -7,6 +7,7 @@ from typing import Any, Protocol
 from sitl_mock.dynamics import Setpoint, Vehicle, Wander
 from sitl_mock.dynamics.shaping import Reference
 from sitl_mock.logs import LogBook
+from sitl_mock.mavlink import Message
 from sitl_mock.missions.flight import MissionFlight
 from sitl_mock.protocols import (
     Command,
@@ -134,7 +135,13 @@ class FlightRecorder(Protocol):
 
 
 class AnyLink(Protocol):
-    """What a vehicle asks of each link, of MAVLink or not."""
+    """What a vehicle asks of each link, of MAVLink or not.
+
+    Attributes:
+        to_forward: Received messages that the other links have not passed on yet.
+    """
+
+    to_forward: list[Message]
 
     def is_due(self, now_s: float, /) -> bool:
         """True if there is something to send."""
@@ -146,6 +153,10 @@ class AnyLink(Protocol):
 
     def send(self, now_s: float, tick: int, /) -> list[bytes]:
         """Return the frames that are due by now."""
+        ...
+
+    def passed_on(self, messages: Sequence[Message], /) -> list[bytes]:
+        """Return the frames of those messages from other links that are for somebody on this one."""
         ...
 
     def pack(self, replies: Sequence[Reply], /) -> list[bytes]:

@@ -29,8 +29,10 @@ from sitl_mock.protocols import (
     TimeProtocol,
     available_modes,
     is_on_earth,
+    source_of,
 )
 from sitl_mock.telemetry import Report, builders_of
+from sitl_mock.vehicle.state import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -56,10 +58,12 @@ _GET_INTERVAL = 510
 _REQUEST_MESSAGE = 512
 _CAPABILITIES = 520
 _AVAILABLE_MODES = 435
-_AUTOPILOT_VERSION = 148
+_SEND_BANNER: Final = 42428
 _SET_GLOBAL_ORIGIN = 611
 _LOGGING_START = 2510
 _LOGGING_STOP = 2511
+_KEPT: Final = frozenset({"RADIO", "RADIO_STATUS"})
+_KEPT_BY_ARDUPILOT: Final = _KEPT | {"ADSB_VEHICLE"}
 _LOGGING: Final = frozenset({_LOGGING_START, _LOGGING_STOP})
 
 
@@ -93,6 +97,8 @@ class Link:
         self._ground_s = -math.inf
         self._waiting_texts = deque[tuple[float, Reply]](maxlen=_TEXTS_WAITING)
         self._heard: dict[tuple[int, int], float] = {}
+        self.to_forward: list[Message] = []
+        self._is_ardupilot = flavour.autopilot == ARDUPILOT
         self.session = Session(
             system_id,
             COMPONENT,
@@ -107,6 +113,7 @@ class Link:
                 autopilot.set_mission_item,
                 autopilot.home_place,
                 autopilot.guide if flavour.mission_rules.home_first else None,
+                self._tell_timeout,
             ),
             streams=self.streams,
             time=TimeProtocol(autopilot.since_boot_s, answers_ping="PING" not in flavour.withheld),
@@ -145,6 +152,11 @@ class Link:
         if messages:
             self._hear(now_s, messages[-1])
         for message in messages:
+            if self._is_for_others(message):
+                self.to_forward.append(message)
+            if message.get_type() == "PARAM_REQUEST_LIST" and self._is_ardupilot:
+                banner = Command(_SEND_BANNER, (0.0,) * 7, 0, False, source_of(message), 0)
+                self.autopilot.commander.execute(now_s, banner)
             replies = self.session.handle(now_s, message)
             if replies is None:
                 if message.get_type() == "HEARTBEAT" and message.type == _GROUND_STATION:
@@ -162,6 +174,42 @@ class Link:
                 frames += self.pack(replies)
                 frames += self.pack(self._requested)
                 self._requested = []
+        return frames
+
+    def _tell_timeout(self) -> None:
+        """Say that a transfer of plans has timed out, as PX4 does."""
+        if not self._is_ardupilot:
+            self.autopilot.state.say(Severity.CRITICAL, "Operation timeout")
+
+    def _is_for_others(self, message: Message) -> bool:
+        """True if the vehicle forwards a message to its other links, as MAV_n_FORWARD and ArduPilot's routing do.
+
+        Its own messages, those for itself alone and the state of one radio stay. ArduPilot keeps ADSB_VEHICLE, too,
+        and PX4 keeps HEARTBEAT without MAV_HB_FORW_EN.
+        """
+        autopilot = self.autopilot
+        own = (autopilot.system_id, COMPONENT)
+        target = (getattr(message, "target_system", 0), getattr(message, "target_component", 0))
+        if own in {(message.get_srcSystem(), message.get_srcComponent()), target}:
+            return False
+        kind = message.get_type()
+        if kind == "HEARTBEAT":
+            return bool(autopilot.parameters.get("MAV_HB_FORW_EN", 1))
+        kept = _KEPT_BY_ARDUPILOT if self._is_ardupilot else _KEPT
+        return kind not in kept
+
+    def passed_on(self, messages: Sequence[Message]) -> list[bytes]:
+        """Return the frames of those messages from other links that are for somebody who was heard on this one."""
+        frames = []
+        for message in messages:
+            system = getattr(message, "target_system", 0)
+            component = getattr(message, "target_component", 0)
+            for heard_system, heard_component in self._heard:
+                if system in {0, heard_system} and (
+                    not system or component in {0, heard_component}
+                ):
+                    frames.append(message.get_msgbuf())
+                    break
         return frames
 
     def clients(self, now_s: float) -> list[tuple[int, int]]:
@@ -290,8 +338,6 @@ class Link:
     def _message(self, message_id: int, argument: int) -> list[Reply] | None:
         """Return a requested message, nothing if it has no content yet, and None if it is unknown."""
         autopilot = self.autopilot
-        if message_id == _AUTOPILOT_VERSION:
-            return [autopilot.identity.autopilot_version()]
         if message_id == _AVAILABLE_MODES:
             if "AVAILABLE_MODES" in autopilot.flavour.withheld:
                 return None

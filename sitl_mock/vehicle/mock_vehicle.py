@@ -139,6 +139,12 @@ class MockVehicle:
             link = self.links[name]
             for frame in frames:
                 out[name] += link.receive(now_s, frame)
+        for name, link in self.links.items():
+            messages = link.to_forward
+            link.to_forward = []
+            for other_name, other in self.links.items():
+                if messages and other_name != name:
+                    out[other_name] += other.passed_on(messages)
         if self.autopilot.conditions.silent:
             return {name: [] for name in self.links}
         return out

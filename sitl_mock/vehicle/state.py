@@ -169,6 +169,7 @@ class VehicleState:
         notices: Whole messages to send once, unsolicited, on every link: name and fields.
         events: Events without a text, to be sent once on every link: id, log levels and arguments.
         target: The last FOLLOW_TARGET.
+        servos: Pulse width (µs) of each output that DO_SET_SERVO has set, by number from 1.
         fence_breached: The vehicle is outside the fence, as ArduPilot judges it.
     """
 
@@ -198,6 +199,7 @@ class VehicleState:
     pilot: Pilot = field(default_factory=Pilot)
     peers: Peers = field(default_factory=Peers)
     battery: Battery = field(default_factory=Battery)
+    servos: dict[int, int] = field(default_factory=dict)
     texts: list[tuple[int, str]] = field(default_factory=list)
     news: list[str] = field(default_factory=list)
     parameter_news: list[str] = field(default_factory=list)

@@ -13,8 +13,6 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import all as dialect
 
-from sitl_mock.mavlink.dialect import spec_of
-from sitl_mock.telemetry import BUILDERS, PX4
 from tests.witness.client import Client, enum_name, result_name
 
 Case = Callable[[Client], str]
@@ -147,15 +145,38 @@ def message_interval(client: Client) -> str:
     return f"{', '.join(results)}; {5 * round(rate_hz / 5):.0f} Hz"
 
 
-@case("SET_MESSAGE_INTERVAL of all messages that the mocks know: those that are refused")
-def refused_intervals(client: Client) -> str:
+ALL_INTERVALS = "SET_MESSAGE_INTERVAL of every message of the dialect `all`"
+ALL_STREAMS = "every accepted message at 5 Hz: those that come on the ground"
+
+
+@case(ALL_INTERVALS)
+def accepted_intervals(client: Client) -> str:
     """Ask for the default interval; after it no stream differs."""
-    refused = []
-    for name in sorted({*BUILDERS, *PX4}):
-        number = spec_of(name).message_id
-        if client.command(511, number, 0) != "accepted":
-            refused.append(name)
-    return ", ".join(refused) or "none"
+    accepted = accepted_messages(client, 0)
+    return f"{len(accepted)} accepted: {', '.join(map(str, accepted))}"
+
+
+@case(ALL_STREAMS)
+def streams_of_all(client: Client) -> str:
+    accepted = accepted_messages(client, 200_000)
+    came = set()
+    end_s = time.monotonic() + 5.0
+    while (left_s := end_s - time.monotonic()) > 0.0:
+        message = client.receive(left_s)
+        if message is not None:
+            came.add(message.get_msgId())
+    for number in accepted:
+        client.command(511, number, 0)
+    return ", ".join(str(number) for number in accepted if number in came)
+
+
+def accepted_messages(client: Client, interval_us: int) -> list[int]:
+    """Set one interval for every message of the dialect; return those that are accepted."""
+    return [
+        number
+        for number in sorted(dialect.mavlink_map)
+        if client.command(511, number, interval_us) == "accepted"
+    ]
 
 
 UNITS = (*range(9), *range(100, 106))

@@ -167,3 +167,55 @@ def test_a_failsafe_on_the_ground_disarms(fly):
     flight.vehicle.inject("estimator_invalid", True)
     flight.run(0.3)
     assert not flight.vehicle.armed
+
+
+def test_a_target_above_terrain_stops_a_copter_that_has_no_data_of_it(fly):
+    flight = fly.airborne("arducopter", height=10.0)
+    there = (round(47.3980 * 1e7), round(8.545594 * 1e7), 15.0)
+    for frame in (10, 11):
+        flight.send("SET_POSITION_TARGET_GLOBAL_INT", 0, 1, 1, frame, 0xDF8, *there, *(0.0,) * 8)
+        flight.run(8.0)
+        assert flight.height == pytest.approx(10.0, abs=0.5)
+        assert flight.command_int(192, frame, -1.0, 1.0, x=there[0], y=there[1], z=15.0) == [0]
+        flight.run(8.0)
+        assert flight.height == pytest.approx(10.0, abs=0.5)
+    assert abs(flight.vehicle.truth.position_ned_m[0]) < 1.0
+
+
+@pytest.mark.parametrize("number", [195, 201])
+def test_the_nose_turns_to_a_region_of_interest_until_the_next_target(fly, number):
+    flight = fly.airborne("arducopter", height=10.0)
+    east = (47.397742, 8.545594 + 0.001, 488.0)
+    assert flight.command(number, 0.0, 0.0, 0.0, 0.0, *east) == [0]
+    flight.run(6.0)
+    assert math.degrees(flight.vehicle.truth.yaw_rad) == pytest.approx(90.0, abs=3.0)
+    assert flight.command(197, *(0.0,) * 7) == [0]
+    target = ("SET_POSITION_TARGET_LOCAL_NED", 0, 1, 1, 1, 0xDF8, 20.0, 0.0, -10.0, *(0.0,) * 8)
+    flight.send(*target)
+    flight.run(6.0)
+    assert math.degrees(flight.vehicle.truth.yaw_rad) == pytest.approx(0.0, abs=5.0)
+
+
+def test_a_servo_is_set_on_a_free_output_only(fly):
+    flight = fly("arducopter", ready_after_s=0.5, texts=True).run(1.0)
+    assert [flight.command(183, float(channel), 1500.0) for channel in (1, 5, 9, 14, 17)] == [
+        *([4], [0], [0], [0], [4]),
+    ]
+    flight.command(512, 36.0)
+    outputs = flight.last("SERVO_OUTPUT_RAW")
+    assert [getattr(outputs, f"servo{n}_raw") for n in (1, 5, 8, 9, 14)] == [
+        *(1000, 1500, 0, 1500, 1500),
+    ]
+    texts = [message.text for _, message in flight.all("STATUSTEXT")]
+    assert "ServoRelayEvent: Channel 1 is already in use" in texts
+
+
+def test_the_banner_has_three_lines_and_comes_before_a_list_of_parameters(fly):
+    flight = fly("arducopter", ready_after_s=0.5, texts=True).run(1.0)
+    for ask in (lambda: flight.command(42428), lambda: flight.send("PARAM_REQUEST_LIST", 1, 1)):
+        begun_s = flight.now_s
+        ask()
+        flight.run(0.5)
+        lines = [message.text for _, message in flight.all("STATUSTEXT", begun_s)]
+        assert lines[0].startswith("ArduCopter V4.5.7")
+        assert [len(lines), len(lines[1]), lines[2]] == [3, 32, "Frame: QUAD/PLUS"]

@@ -264,3 +264,17 @@ def test_a_disarmed_px4_says_when_its_ground_station_is_lost_and_back(fly):
     lost = event_id("commander_gcs_lost")
     times_s = [time_s for time_s, message in flight.all("EVENT") if message.id == lost]
     assert times_s == pytest.approx([22.1, 46.0], abs=0.4)
+
+
+def test_sticks_that_stop_count_for_nothing_after_they_were_disabled(fly):
+    """COM_RC_IN_MODE 4 in flight, as the real PX4 v1.17: it stays in its hold."""
+    flight = fly.airborne("px4", source=(255, 190), parameters={"COM_RC_IN_MODE": 1})
+    sticks = ("MANUAL_CONTROL", 1, 0, 0, 500, 0, 0, 0, 0, *[0] * 8)
+    flight.run(3.0, sticks, every_s=0.1)
+    flight.vehicle.autopilot.parameters.set("COM_RC_IN_MODE", 4)
+    before = flight.mode
+    flight.run(15.0)
+    assert flight.mode == before == "HOLD"
+    flight.vehicle.autopilot.parameters.set("COM_RC_IN_MODE", 1)
+    flight.run(15.0)
+    assert flight.mode == "RTL"
