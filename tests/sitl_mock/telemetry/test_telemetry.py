@@ -5,7 +5,6 @@ import math
 import pytest
 from pymavlink.dialects.v20 import all as dialect
 
-from sitl_mock.dynamics import Kind
 from sitl_mock.flavours import NAMES, flavour_named
 from sitl_mock.mavlink import SPEC_BY_NAME
 from sitl_mock.telemetry import builders_of
@@ -46,7 +45,8 @@ def without_content(flight, flavour, state):
             nowhere |= {"TERRAIN_REQUEST"}
         if flight.vehicle.mode != "GUIDED":
             nowhere |= {"POSITION_TARGET_LOCAL_NED"}
-        if flight.vehicle.autopilot.report.setpoint.kind is not Kind.TRAVEL:
+        goal_north_m = flight.vehicle.autopilot.report.setpoint.position_ned_m[0]
+        if not flight.vehicle.armed or math.isnan(goal_north_m):
             nowhere |= {"POSITION_TARGET_GLOBAL_INT"}
     return nowhere
 
