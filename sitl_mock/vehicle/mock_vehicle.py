@@ -139,15 +139,19 @@ class MockVehicle:
             link = self.links[name]
             for frame in frames:
                 out[name] += link.receive(now_s, frame)
+        self._forward(out)
+        if self.autopilot.conditions.silent:
+            return {name: [] for name in self.links}
+        return out
+
+    def _forward(self, out: dict[str, list[bytes]]) -> None:
+        """Send what each link has received for others on the other links."""
         for name, link in self.links.items():
             messages = link.to_forward
             link.to_forward = []
             for other_name, other in self.links.items():
                 if messages and other_name != name:
                     out[other_name] += other.passed_on(messages)
-        if self.autopilot.conditions.silent:
-            return {name: [] for name in self.links}
-        return out
 
     def inject(self, name: str, value: Any = True) -> None:  # noqa: ANN401 - a condition from a file or a test
         """Set a condition of the vehicle (names and values: `sitl_mock.vehicle.conditions.CONDITIONS`).
