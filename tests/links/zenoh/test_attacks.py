@@ -240,16 +240,13 @@ def test_after_a_routers_restart_frames_reports_orders_and_the_claim_are_back(ke
         )
 
         def all_pass():
-            setpoints.clear()
             vehicle.put("uav1/mavlink_raw/out", b"telemetry")
             evader.put("evader1/report", REPORT)
             wire.send(b"setpoint")
-            return (
-                wire.receive()
-                and reports.receive()
-                and setpoints
-                and is_answered(keys, endpoint, "operator")
-            )
+            answered = is_answered(keys, endpoint, "operator")  # meanwhile the others arrive
+            arrived = [bool(wire.receive()), bool(reports.receive()), bool(setpoints)]
+            setpoints.clear()
+            return answered and all(arrived)
 
         assert until(all_pass)
         router.close()
