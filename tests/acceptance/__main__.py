@@ -2,7 +2,8 @@
 
 With `--px4 URL` or `--arducopter URL` all flights are flown on that SITL in real time, one after another; both
 autopilots fly at the same time. Without a URL each flight gets its own mock over UDP, with the autopilots that its case
-lists, some of them in virtual time; `--all` flies every case on both in real time. Several mocks fly at a time.
+lists, some of them in virtual time; `--all` flies every case on both in real time. PX4's mock flies two of them also as
+a flight mode over its own topics. Several mocks fly at a time.
 With `--team URL URL URL` three autopilots fly as a team.
 """
 
@@ -11,6 +12,7 @@ import contextlib
 import html
 import multiprocessing
 import os
+import socket
 import subprocess
 import sys
 import tempfile
@@ -18,12 +20,14 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
 from guidance.errors import GuidanceError
+from guidance.links.zenoh.session import direct_session
 from guidance.session.fly.loop import NICE
 from sitl_mock.child import free_udp_port, running
 from sitl_mock.errors import MockError
@@ -42,6 +46,10 @@ SIGNING = ("arducopter",)
 
 STARVED = 3
 """The exit code if every flight that did not hold had no processor."""
+
+AS_A_MODE = "zenoh"
+MODE_FLIGHTS = ("at full speed at once, u 6 v 3", "a pilot's mode switch")
+"""Flights that PX4's mock flies also as a flight mode over its own topics."""
 
 AT_A_TIME = 4
 LATER = 12
@@ -183,12 +191,18 @@ def on_the_mock(autopilot: str, case: Case, folder: Path) -> list[Line]:
         "parameters": SET_UP[autopilot] | SOON_UP_AND_DOWN[autopilot],
     }
     try:
-        with running([vehicle], over=["udp"]) as fleet:
-            relay = Relay(fleet["uav1"].udp, free_udp_port({"uav1": "px4"}))
-            try:
-                return fly(case, relay, folder, end="land")
-            finally:
-                relay.close()
+        with contextlib.ExitStack() as stack:
+            topics = None
+            if case.link == AS_A_MODE:
+                with socket.create_server(("127.0.0.1", 0)) as probe:
+                    topics = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+                stack.enter_context(direct_session("router", {"listen": {"endpoints": [topics]}}))
+            fleet = stack.enter_context(running([vehicle], over=["udp"], px4_zenoh=topics))
+            mode_url = None if topics is None else topics.replace("tcp/", "zenoh+tcp://")
+            port = free_udp_port({"uav1": "px4"})
+            relay = Relay(fleet["uav1"].udp, port, mode_url=mode_url)
+            stack.callback(relay.close)
+            return fly(case, relay, folder, end="land")
     except (GuidanceError, MockError) as error:
         return [
             Line(
@@ -253,6 +267,8 @@ def _on_mocks(only: str, *, everything: bool) -> Iterator[tuple[str, Case]]:
         for case in _chosen(autopilot, STAND_IN_HEIGHT_M, only):
             if everything or autopilot in case.autopilots:
                 yield autopilot, case
+            if autopilot == "px4" and case.name in MODE_FLIGHTS:
+                yield autopilot, replace(case, link=AS_A_MODE, virtual=False)
 
 
 def _slug(case: Case) -> str:

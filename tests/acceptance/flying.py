@@ -172,8 +172,7 @@ def started(case: Case, relay: Relay, folder: Path, *, end: str) -> Iterator[Flo
         "fly",
         folder / "scenario.toml",
         *relay.options,
-        "--link",
-        case.link,
+        *(() if relay.mode_url else ("--link", case.link)),
     ]
     # Each flight has its own folder for token and socket: vehicles in other network namespaces use the same endpoint.
     (folder / "runtime").mkdir(exist_ok=True)
