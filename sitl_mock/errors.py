@@ -41,6 +41,26 @@ def require_file(path: Path) -> None:
         raise ConfigError(f"{path}: is no regular file; give the name of a recorded file")
 
 
+LONGEST_RECORDING_S: Final = 4 * 3600.0
+"""Longest recorded flight that the mock flies again. A damaged time may say years, and the mock would fly for days."""
+
+
+def require_span(where: str, span_s: float) -> None:
+    """Refuse a recording that is longer than `LONGEST_RECORDING_S`.
+
+    Args:
+        where: File, and column if it has any, for the error.
+        span_s: From its first to its last time.
+
+    Raises:
+        ConfigError: It is longer, or its span is no number.
+    """
+    if not span_s <= LONGEST_RECORDING_S:
+        raise ConfigError(
+            f"{where}: the times span {span_s:g} s; a recording may last at most {LONGEST_RECORDING_S:g} s"
+        )
+
+
 @contextlib.contextmanager
 def imported_for(purpose: str) -> Iterator[None]:
     """Turn a missing package into an error that names it, its purpose and the command that installs it.

@@ -8,8 +8,9 @@ between them; at the later one it would be late by half an interval, and the moc
 """
 
 import math
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sitl_mock.errors import ConfigError
 from sitl_mock.logs import dataflash, ulog
@@ -20,6 +21,8 @@ _OFFBOARD = 14
 _GUIDED = 4
 _VELOCITY_TARGET = 4
 _FIRST_CORE = 0
+_VECTORS = frozenset({"velocity", "position"})
+"""Fields of three numbers."""
 _LONGEST_GAP_S = 1.0
 """A stream of setpoints with a longer gap is two streams."""
 _TAKE_OFF_S = 5.0
@@ -42,7 +45,7 @@ def rows_of(content: bytes, source: str) -> list[Row]:
     """Return rows of time, commanded velocity, velocity and position (north, east, down), and the command's beginning.
 
     Raises:
-        ConfigError: The log has no flight under streamed velocities.
+        ConfigError: The log is damaged, or has no flight under streamed velocities.
     """
     reader = _px4 if content.startswith(ulog.MAGIC) else _arducopter
     commands, motion = reader(content, source)
@@ -75,6 +78,7 @@ def _px4(content: bytes, source: str) -> tuple[list[VelocityCommand], list[Row]]
         "vehicle_local_position": ("timestamp", "vx", "vy", "vz", "x", "y", "z"),
     }
     rows = ulog.read(content, selection, source)
+    _require_numbers(rows, selection, source)
     news = [_News(stamp_us, streams=mode == _OFFBOARD) for stamp_us, mode in rows["vehicle_status"]]
     for stamp_us, landed in rows["vehicle_land_detected"]:
         news.append(_News(stamp_us, landed=landed))
@@ -95,6 +99,7 @@ def _arducopter(content: bytes, source: str) -> tuple[list[VelocityCommand], lis
         "XKF1": ("TimeUS", "C", "VN", "VE", "VD", "PN", "PE", "PD"),
     }
     rows = dataflash.read(content, selection, source)
+    _require_numbers(rows, selection, source)
     news = [_News(stamp_us, streams=mode == _GUIDED) for stamp_us, mode in rows["MODE"]]
     for stamp_us, kind, north, east, up in rows["GUIP"]:
         velocity = (north * 0.01, east * 0.01, -up * 0.01)
@@ -106,6 +111,25 @@ def _arducopter(content: bytes, source: str) -> tuple[list[VelocityCommand], lis
         if core == _FIRST_CORE
     ]
     return _commands(news), motion
+
+
+def _require_numbers(
+    rows: Mapping[str, Sequence[tuple[Any, ...]]],
+    selection: Mapping[str, Sequence[str]],
+    source: str,
+) -> None:
+    """Refuse a log whose own definitions make a text or an array of what is a number in the autopilot's logs.
+
+    Raises:
+        ConfigError: A selected field is not one number, or a vector not three.
+    """
+    for topic, names in selection.items():
+        count = sum(3 if name in _VECTORS else 1 for name in names)
+        for row in rows[topic]:
+            if len(row) != count or not all(isinstance(value, int | float) for value in row):
+                raise ConfigError(
+                    f"{source}: {topic} has {', '.join(names)} of {repr(row)[:80]}; needed are {count} numbers"
+                )
 
 
 def _in_seconds(row: Row) -> Row:

@@ -2,7 +2,6 @@
 
 import csv
 import math
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl_mock.calibrate.flight_log import is_flight_log, rows_of
-from sitl_mock.errors import ConfigError, require_file
+from sitl_mock.errors import ConfigError, require_file, require_span
 
 _TIME = "t_s"
 _COMMANDS = ("cmd_n_m_s", "cmd_e_m_s", "cmd_d_m_s")
@@ -21,6 +20,14 @@ _POSITIONS = ("pos_n_m", "pos_e_m", "pos_d_m")
 COLUMNS = (_TIME, *_COMMANDS, *_VELOCITIES, *_POSITIONS)
 """Required columns, in any order; others are ignored."""
 
+_MOST = {
+    _TIME: 1e10,  # seconds since 1970 are less
+    **dict.fromkeys((*_COMMANDS, *_VELOCITIES), 100.0),
+    **dict.fromkeys(_POSITIONS, 100_000.0),
+}
+"""Greatest size of a plausible value; squares of much larger ones have no finite sum."""
+_DEEPEST_M = 800.0
+"""Greatest descent below the first position: the mock climbs as high first."""
 _ROWS_LEAST = 10
 _BEGINNING = 16
 """Bytes that tell the kind of a file."""
@@ -57,22 +64,40 @@ def read_step_log(path: Path) -> StepLog:
     """Read a log.
 
     Raises:
-        ConfigError: The file cannot be read, a column is missing, a cell is not a finite number, or time goes back;
-            the message names the file, the column and the row (1 is the header).
+        ConfigError: The file cannot be read, a column is missing, a cell is not a finite and plausible number, time
+            goes back, or the flight is too long or too deep to be flown again; the message names the file, the column
+            and the row (1 is the header of a CSV file, and the first sample of the flight in a flight log).
     """
     table = _table(path)
     if len(table) < _ROWS_LEAST:
         msg = f"{path} has {len(table)} rows of data; at least {_ROWS_LEAST} are needed"
         raise ConfigError(msg)
     rows = np.array(table)
+    of_flight_log = rows.shape[1] > len(COLUMNS)
+
+    def refused(row: int, column: str, reason: str) -> ConfigError:
+        number = row + (1 if of_flight_log else 2)
+        return ConfigError(f"{path}, row {number}, column {column}: {reason}")
+
+    most = np.array([_MOST[name] for name in COLUMNS])
+    wrong = np.argwhere(~(np.abs(rows[:, : len(COLUMNS)]) <= most))  # NaN is wrong, too
+    if wrong.size:
+        row, column = wrong[0].tolist()
+        limit = f"allowed are -{most[column]:g} to {most[column]:g}"
+        raise refused(row, COLUMNS[column], f"{rows[row, column]:g} is not plausible; {limit}")
     back = np.flatnonzero(np.diff(rows[:, 0]) <= 0.0)
     if back.size:
         row = int(back[0]) + 1
         before = rows[row - 1, 0]
         after = rows[row, 0]
-        msg = f"{path}, row {row + 2}, column {_TIME}: {after:g} does not come after {before:g}; times must increase"
-        raise ConfigError(msg)
-    command_from_s = rows[:, 10] if rows.shape[1] > len(COLUMNS) else rows[:, 0]
+        raise refused(row, _TIME, f"{after:g} does not come after {before:g}; times must increase")
+    require_span(f"{path}, column {_TIME}", float(rows[-1, 0] - rows[0, 0]))
+    descent_m = rows[:, 9] - rows[0, 9]
+    row = int(descent_m.argmax())
+    if descent_m[row] > _DEEPEST_M:
+        reason = f"{descent_m[row]:g} m below the first row; allowed are {_DEEPEST_M:g} m"
+        raise refused(row, _POSITIONS[2], reason)
+    command_from_s = rows[:, 10] if of_flight_log else rows[:, 0]
     return StepLog(rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7:10], command_from_s)
 
 
@@ -82,7 +107,7 @@ def _table(path: Path) -> Sequence[Sequence[float]]:
         with path.open("rb") as file:
             if is_flight_log(file.read(_BEGINNING)):
                 file.seek(0)
-                return _rows_of_log(path, file.read())
+                return rows_of(file.read(), str(path))
         with path.open(encoding="utf-8", newline="") as lines:
             reader = csv.DictReader(lines)
             header = reader.fieldnames
@@ -102,14 +127,6 @@ def _table(path: Path) -> Sequence[Sequence[float]]:
     except (UnicodeDecodeError, csv.Error) as error:
         msg = f"{path} is not a CSV file of UTF-8 text: {error}"
         raise ConfigError(msg) from error
-
-
-def _rows_of_log(path: Path, content: bytes) -> Sequence[Sequence[float]]:
-    """Read a flight log, whose definitions come with it and may say anything."""
-    try:
-        return rows_of(content, str(path))
-    except (ValueError, LookupError, ArithmeticError, struct.error, MemoryError) as error:
-        raise ConfigError(f"{path}: the flight log is damaged ({type(error).__name__})") from error
 
 
 def _number(path: Path, row: int, name: str, cell: str | None) -> float:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from sitl_mock.compare.tlog import TimedFrame, read_frames, steady_times
-from sitl_mock.errors import ConfigError, require_file
+from sitl_mock.errors import ConfigError, require_file, require_span
 from sitl_mock.mavlink import Decoder, Message
 from sitl_mock.vehicle.mock_vehicle import MockVehicle
 from sitl_mock.world import DEFAULT_HOME, Home
@@ -73,7 +73,8 @@ def read_tlog(path: Path) -> Recording:
     Bytes that are no frames are skipped and counted. A step of the recording clock is replaced by the vehicle's own.
 
     Raises:
-        ConfigError: The file cannot be read, is no tlog, or has no HEARTBEAT of PX4, ArduCopter or Rover.
+        ConfigError: The file cannot be read, is no tlog, has no HEARTBEAT of PX4, ArduCopter or Rover, or is too long
+            to be flown again.
     """
     require_file(path)
     try:
@@ -84,6 +85,7 @@ def read_tlog(path: Path) -> Recording:
     vehicle, flavour = _autopilot_heartbeat(path, frames)
     ids = (vehicle.get_srcSystem(), _AUTOPILOT_COMPONENT)
     times_s, steps = steady_times(frames, ids)
+    require_span(str(path), times_s[-1])
     if steps:
         notes.append(
             f"the clock of the recording steps {steps} times; the vehicle's clock is used there"

@@ -145,10 +145,13 @@ def _records(content: bytes) -> Iterator[tuple[RecordKind, tuple[Any, ...]]]:
 
 
 def _described(values: tuple[Any, ...]) -> RecordKind | None:
-    """Return the kind that a FMT record describes; None for FMT itself, or with an unknown letter."""
+    """Return the kind that a FMT record describes; None for FMT itself and for what no record can be."""
     number, _, name, letters, columns = values
     text = letters.rstrip(b"\0").decode(errors="replace")
     names = columns.rstrip(b"\0").decode(errors="replace")
     if number == _FMT or not set(text) <= _LETTERS.keys() or len(names.split(",")) != len(text):
         return None
-    return RecordKind(number, name.rstrip(b"\0").decode(errors="replace"), text, names)
+    try:
+        return RecordKind(number, name.rstrip(b"\0").decode(errors="replace"), text, names)
+    except struct.error:  # longer than the 255 bytes that a FMT record can name
+        return None

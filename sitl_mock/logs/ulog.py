@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 MAGIC: Final = b"ULog\x01\x12\x35"
 _VERSION: Final = 1
+_SHOWN: Final = 100
+"""Most characters of a file's text in an error."""
 _HEADER: Final = struct.Struct("<7sBQ")
 _HEAD: Final = struct.Struct("<HB")
 
@@ -57,7 +59,11 @@ class Topic:
 
 
 def fields_of(text: str) -> Iterator[TopicField]:
-    """Yield the fields of a format's text."""
+    """Yield the fields of a format's text.
+
+    Raises:
+        ValueError: The number of elements of an array is not a number.
+    """
     for described in text.strip(";").split(";"):
         kind, _, name = described.partition(" ")
         element, _, count = kind.removesuffix("]").partition("[")
@@ -70,7 +76,7 @@ def layout(fields: Sequence[TopicField]) -> str:
     Raises:
         KeyError: A field has another topic as its type.
     """
-    return "".join(LETTERS[each.kind] * each.length for each in fields)
+    return "".join(f"{each.length}{LETTERS[each.kind]}" for each in fields)
 
 
 _DATA: Final = ord("D")
@@ -125,8 +131,9 @@ def logged_text(now_us: int, severity: int, text: str) -> bytes:
 
 @dataclass(slots=True)
 class _Reader:
-    """What has been read of the definitions."""
+    """What has been read of the definitions of a file."""
 
+    source: str
     formats: dict[str, str] = field(default_factory=dict)
     numbers: dict[int, _Layout] = field(default_factory=dict)
 
@@ -171,11 +178,12 @@ def read(
         source: Name of the file for errors.
 
     Raises:
-        ConfigError: It is no ULog, or a selected field is not in its topic.
+        ConfigError: It is no ULog, or a selected topic is damaged: its format has no fixed layout or not the selected
+            fields, or its data is shorter than its format.
     """
     if not content.startswith(MAGIC):
         raise ConfigError(f"{source} is not a ULog: it does not begin with {MAGIC!r}")
-    reader = _Reader()
+    reader = _Reader(source)
     rows: dict[str, list[Any]] = {name: [] for name in selection}
     for letter, body in _messages(content):
         if letter == _DATA:
@@ -222,7 +230,14 @@ def _take_subscription(
     name = body[3:].decode(errors="replace")
     if name in selection and name in reader.formats and body[0] == 0:
         number = int.from_bytes(body[1:3], "little")
-        reader.numbers[number] = _Layout(name, reader.formats[name], selection[name])
+        text = reader.formats[name]
+        try:
+            reader.numbers[number] = _Layout(name, text, selection[name])
+        except (KeyError, ValueError, struct.error) as error:
+            raise ConfigError(
+                f"{reader.source}: topic {name} has the format {text[:_SHOWN]!r}; allowed are fields of the types"
+                f" {', '.join(LETTERS)} and arrays of them, as in float[4] q"
+            ) from error
 
 
 _DEFINITIONS: Final[dict[int, Callable[[_Reader, bytes, Mapping[str, Sequence[str]]], None]]] = {
