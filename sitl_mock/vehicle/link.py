@@ -27,6 +27,7 @@ from sitl_mock.protocols import (
     SigningSetup,
     Streams,
     TimeProtocol,
+    addressed,
     available_modes,
     is_on_earth,
     source_of,
@@ -154,7 +155,11 @@ class Link:
         for message in messages:
             if self._is_for_others(message):
                 self.to_forward.append(message)
-            if message.get_type() == "PARAM_REQUEST_LIST" and self._is_ardupilot:
+            if (
+                self._is_ardupilot
+                and message.get_type() == "PARAM_REQUEST_LIST"
+                and addressed(message, self.autopilot.system_id, COMPONENT)
+            ):
                 banner = Command(_SEND_BANNER, (0.0,) * 7, 0, False, source_of(message), 0)
                 self.autopilot.commander.execute(now_s, banner)
             replies = self.session.handle(now_s, message)

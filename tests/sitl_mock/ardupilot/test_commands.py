@@ -219,3 +219,12 @@ def test_the_banner_has_three_lines_and_comes_before_a_list_of_parameters(fly):
         lines = [message.text for _, message in flight.all("STATUSTEXT", begun_s)]
         assert lines[0].startswith("ArduCopter V4.5.7")
         assert [len(lines), len(lines[1]), lines[2]] == [3, 32, "Frame: QUAD/PLUS"]
+
+
+def test_a_list_of_parameters_asked_of_another_vehicle_brings_no_banner(fly):
+    flight = fly("arducopter", ready_after_s=0.5, texts=True).run(1.0)
+    begun_s = flight.now_s
+    for target in ((77, 1), (1, 100)):
+        flight.send("PARAM_REQUEST_LIST", *target)
+    flight.run(0.5)
+    assert flight.all("STATUSTEXT", begun_s) == []
