@@ -403,7 +403,7 @@ def shows_strange_mode(now: Moment) -> bool:
 def _armed_by_another(now: Moment) -> bool:
     """Whether somebody armed it between the last HEARTBEAT before the start order and our request to arm."""
     arming = now.stage.state is State.ARMING
-    return arming and now.heard.vehicle.armed and not now.stage.may_be_armed
+    return arming and not now.stage.may_be_armed and any(beat.armed for beat in now.heard.beats)
 
 
 def _waits_for_pilot(now: Moment) -> bool:

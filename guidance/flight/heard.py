@@ -70,6 +70,12 @@ AGREEING_REPORTS: Final = 3
 A single one is not believed: autopilots send 0 % for a moment when a battery monitor starts or loses its bus.
 """
 
+AGREEING_S: Final = 2.5
+"""HEARTBEATs of so long must agree that nobody else flies the vehicle: two of its periods.
+
+A single one is not believed: another vehicle, or a program, with the same system id may have sent it.
+"""
+
 _SWERVE_M_S2: Final = 5.0
 
 FASTEST_AIRCRAFT_M_S: Final = 60.0
@@ -103,6 +109,7 @@ class Heard:
         other_beats: Number of HEARTBEATs with its ids from another autopilot or vehicle type. They change nothing.
         other_beat: The last of them.
         mode: Mode in the last HEARTBEAT.
+        armed_in: Modes in which HEARTBEATs of the last `AGREEING_S` show the vehicle armed, and when they last did.
         has_flown: Whether it has left the ground since it was armed.
         foreign: Whether another source commands the vehicle, confirmed by a HEARTBEAT without a pilot's mode.
         position_age_s: Age of its last position in this cycle; infinite before the first one.
@@ -143,6 +150,7 @@ class Heard:
         self.other_beats = 0
         self.other_beat: Heartbeat | None = None
         self.mode: Mode | None = None
+        self.armed_in: dict[Mode, float] = {}
         self.has_flown = False
         self.foreign = False
         self.position_age_s = math.inf
@@ -184,6 +192,13 @@ class Heard:
             if mode is not self.mode:
                 self.mode = mode
                 self.mode_since_s = beat.received_s
+            self.armed_in = {
+                mode: armed_s
+                for mode, armed_s in self.armed_in.items()
+                if beat.received_s - armed_s < AGREEING_S
+            }
+            if beat.armed:
+                self.armed_in[mode] = beat.received_s
 
     def fix_home(self) -> None:
         """Keep home where it is from now on, and with it the fence and all heights."""

@@ -90,6 +90,24 @@ class Flight:
         return mode in self.stage.left and not ours
 
     @property
+    def barring_modes(self) -> tuple[Mode, ...]:
+        """Modes that bar a start: somebody else has armed the vehicle, and the last HEARTBEATs show it in them.
+
+        One HEARTBEAT does not decide: another sender with the same system id may have sent it.
+        """
+        vehicle = self.heard.vehicle
+        in_our_mode = self.heard.mode is Mode.GUIDED and self.settings.autopilot.guided_is_ours
+        if vehicle.armed and in_our_mode:
+            return ()  # only who wants guidance to fly it chooses this mode
+        allowed = set[Mode]()
+        if vehicle.armed and vehicle.in_air:
+            # It is taken over in its hold, without arming or climbing, or from the pilot who will engage. In its guided
+            # mode another program flies it.
+            piloted = self.settings.engage_on is EngageOn.PILOT_MODE
+            allowed = set(Mode) - {Mode.GUIDED} if piloted else {Mode.HOLD}
+        return tuple(mode for mode in self.heard.armed_in if mode not in allowed)
+
+    @property
     def mode_name(self) -> str:
         """Name of the mode in HEARTBEAT."""
         return "unknown" if self.heard.mode is None else str(self.heard.mode)
@@ -261,15 +279,10 @@ class Flight:
     def _meant(self, order: Event, now_s: float, refusals: Sequence[str]) -> Event | None:
         """Return the event of an order in the present situation, None if it must not be followed."""
         vehicle = self.heard.vehicle
-        in_our_mode = self.heard.mode is Mode.GUIDED and self.settings.autopilot.guided_is_ours
-        if order is Event.START and vehicle.armed and in_our_mode:
-            return Event.ALOFT if vehicle.in_air else order
-        if order is Event.START and vehicle.armed:
-            # Somebody else has armed it. In the air it is taken over in its hold, without arming or climbing, or from
-            # the pilot who will engage; in its guided mode another program flies it.
-            piloted = self.settings.engage_on is EngageOn.PILOT_MODE
-            free = self.heard.mode is not Mode.GUIDED if piloted else self.heard.mode is Mode.HOLD
-            return Event.ALOFT if vehicle.in_air and free else None
+        if order is Event.START:
+            if self.barring_modes:
+                return None
+            return Event.ALOFT if vehicle.armed and vehicle.in_air else order
         if order is Event.ENGAGE and not self._may_engage(now_s, refusals):
             return None
         if self.stage.state in BEFORE_FLIGHT and vehicle.armed:

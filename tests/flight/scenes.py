@@ -161,6 +161,7 @@ def context(state, *, settings=SETTINGS, vehicle=None, **changes):
     heartbeat = heard.vehicle.latest.get(Heartbeat)
     heard.mode = None if heartbeat is None else settings.autopilot.mode_of(heartbeat.custom_mode)
     heard.dt_s = changes.pop("dt_s", 0.02)
+    heard.beats = changes.pop("beats", ())
     heard.foreign = changes.pop("foreign", False)
     heard.battery_is_low = changes.pop("battery_is_low", False)
     heard.start_ned_m = changes.pop("start_ned_m", None)

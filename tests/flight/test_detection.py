@@ -137,8 +137,9 @@ def test_a_mode_that_was_not_asked_for_is_a_pilots_in_every_state(state, autopil
 @pytest.mark.parametrize("asked", [False, True])
 @pytest.mark.parametrize("armed", [False, True])
 def test_a_vehicle_that_is_armed_before_guidance_asked_was_armed_by_somebody_else(armed, asked):
-    vehicle = well(heartbeat(mode=SETTINGS.autopilot.arming_mode, armed=armed))
-    moment = {"vehicle": vehicle, "may_be_armed": asked}
+    beat = heartbeat(mode=SETTINGS.autopilot.arming_mode, armed=armed)
+    vehicle = well(beat)
+    moment = {"vehicle": vehicle, "beats": [beat], "may_be_armed": asked}
     assert happens(Event.PILOT, State.ARMING, **moment) is (armed and not asked)
     words = detail_of(Event.PILOT, context(State.ARMING, **moment))
     assert words.startswith("somebody else armed the vehicle") is (armed and not asked)

@@ -7,6 +7,7 @@ import pytest
 from guidance.autopilots import ARDUCOPTER, PX4, Mode
 from guidance.autopilots.description import GPS_GLOBAL_ORIGIN, HEARTBEAT, HOME_POSITION
 from guidance.flight import ORDERS, EngageOn, Event, State
+from guidance.flight.heard import AGREEING_S
 from guidance.flight.sending import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
 from guidance.flight.table import ASKED_MODES
 from guidance.messages import ParameterRequest
@@ -14,6 +15,7 @@ from tests.flight.flown import ARM, CYCLE_S, INTERVAL, MESSAGE, SET_MODE, TAKEOF
 from tests.flight.scenes import (
     BOTH,
     HOME_DOWN_M,
+    heartbeat,
     settings_of,
     status,
 )
@@ -146,6 +148,45 @@ def test_a_start_takes_no_vehicle_from_a_program_that_flies_it_in_the_guided_mod
     flown.mode = Mode.HOLD
     flown.cycle(beat=True)
     assert flown.cycle(Event.ENGAGE).state is State.ENTERING
+
+
+@pytest.mark.parametrize("engage_on", list(EngageOn))
+@pytest.mark.parametrize("autopilot", BOTH)
+@pytest.mark.parametrize("armed", [False, True])
+def test_one_heartbeat_that_contradicts_the_others_does_not_make_a_vehicle_free(
+    autopilot, engage_on, armed
+):
+    flown = Flown(settings_of(autopilot, engage_on=engage_on))
+    flown.mode = Mode.GUIDED
+    flown.armed = True
+    flown.landed = 2
+    flown.position[2] = HOME_DOWN_M - 10.0
+    flown.cycles(2.0)
+    flown.cycle(beat=True)
+    agreed_s = flown.now_s + AGREEING_S
+    # From now on all HEARTBEATs agree.
+    flown.mode = Mode.HOLD
+    flown.armed = armed
+    while flown.now_s < agreed_s - 2 * CYCLE_S:
+        started = flown.cycle(Event.START, beat=True)
+        assert (started.state, asked([started])) == (State.READY, [])
+    flown.cycles(1.0, beat=True)
+    taken = State.STANDING_BY if armed else State.ARMING
+    assert flown.cycle(Event.START).state is taken
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_after_a_start_an_armed_heartbeat_counts_though_another_follows_it_at_once(autopilot):
+    flown = Flown(settings_of(autopilot))
+    flown.cycles(0.1)
+    assert flown.cycle(Event.START).state is State.ARMING
+    now_s = flown.now_s + CYCLE_S
+    beats = [
+        heartbeat(now_s, autopilot.arming_mode, armed=armed, autopilot=autopilot)
+        for armed in (True, False)
+    ]
+    noticed = flown.cycle(more=beats)
+    assert (noticed.state, noticed.requests) == (State.YIELDED, ())
 
 
 def climbing(autopilot):

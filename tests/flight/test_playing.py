@@ -221,7 +221,7 @@ def test_a_mode_that_was_chosen_before_standing_by_is_no_invitation_either():
         vehicle.cycle(beat=True)
     assert vehicle.cycle(Event.START).state is State.READY  # another program may fly it
     vehicle.mode = Mode.OTHER
-    vehicle.cycle(beat=True)
+    vehicle.cycles(4.0)
     assert vehicle.cycle(Event.START).state is State.STANDING_BY
     assert {output.state for output in vehicle.cycles(2.5)} == {State.STANDING_BY}
     vehicle.mode = Mode.GUIDED

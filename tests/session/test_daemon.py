@@ -109,6 +109,8 @@ def test_answers_about_a_vehicle_that_is_up_already_are_true(base):
     assert base.state is State.READY
     pilot(base, "HOLD")
     base.run(2.0)
+    assert "had it armed, in another mode, less than 2.5 s" in base.order("start")["reason"]
+    base.run(2.0)
     assert base.order("start")["accepted"]
     assert base.order("engage")["accepted"]
     base.until(State.ENGAGED)
@@ -134,6 +136,25 @@ def test_a_vehicle_that_a_pilot_armed_on_the_ground_is_refused_with_the_reason(
     )
     base.run(2.0)
     assert (base.vehicle.mode, base.vehicle.armed) == (sticks, True)
+
+
+@pytest.mark.parametrize(("given", "autopilot", "sticks"), BOTH)
+def test_a_start_right_after_somebody_disarmed_the_vehicle_is_refused_with_the_reason(
+    base, given, autopilot, sticks
+):
+    base = base(**given, vehicle={"autopilot": autopilot}).until(State.READY)
+    pilot(base, sticks)
+    base.run(0.5)
+    base.vehicle.autopilot.state.arm()
+    base.run(2.0)
+    title = mode_title(base)
+    base.vehicle.autopilot.state.disarm()
+    base.run(1.1)
+    answer = base.order("start")
+    assert (answer["accepted"], answer["state"]) == (False, "ready")
+    assert f"somebody else had it armed, in {title}, less than 2.5 s" in answer["reason"]
+    base.run(3.5)
+    assert base.order("start")["accepted"]
 
 
 def mode_title(base):

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from guidance.autopilots import Finding, Verdict
 from guidance.flight import BEFORE_FLIGHT, ORDERS, Event, Flight, Outputs, State, is_done
+from guidance.flight.heard import AGREEING_S
 from guidance.flight.table import state_words
 from guidance.game import Reason, Winner
 from guidance.log.codec import plain
@@ -100,16 +101,26 @@ def _not_begun(order: Event, flight: Flight, lacking: str) -> str:
         return "there is no flight to end: the vehicle is not armed"
     if state is State.CHECKING:
         return f"not ready: {lacking}"
+    in_air = flight.vehicle.armed and flight.vehicle.in_air
+    if order is not Event.START:
+        return (
+            "airborne, and not taken over yet: order start first, then engage"
+            if in_air
+            else "on the ground: order start first"
+        )
+    barring = flight.barring_modes
     mode = flight.mode_title
-    if flight.vehicle.armed and flight.vehicle.in_air:
+    if flight.vehicle.armed and flight.heard.mode in barring:
         return (
             f"it flies in {mode}, which guidance does not take it from: order hold, then engage"
-            if order is Event.START
-            else "airborne, and not taken over yet: order start first, then engage"
+            if in_air
+            else f"somebody else armed it, in {mode}: disarm it, then order start"
         )
-    if order is Event.START:
-        return f"somebody else armed it, in {mode}: disarm it, then order start"
-    return "on the ground: order start first"
+    modes = " and ".join(map(flight.settings.autopilot.mode_title, barring))
+    return (
+        f"somebody else had it armed, in {modes}, less than {AGREEING_S:g} s before its last HEARTBEAT: "
+        "order start again once its HEARTBEATs agree for that long"
+    )
 
 
 def _failed(flight: Flight, now_s: float) -> list[Finding]:
