@@ -51,6 +51,23 @@ def test_the_walks_name_functions_that_exist():
     assert [hop for walk in walks for hop in walk.hops if not lines_of(*hop)] == []
 
 
+def test_the_tables_of_rooms_name_folders_that_exist_and_all_those_of_the_mock():
+    root = DOCS.parent
+    rows = (DOCS / "architecture.md").read_text(encoding="utf-8").split("| room | contents |")[1:]
+    rooms = {
+        room
+        for table in rows
+        for row in table.partition("\n\n")[0].splitlines()[2:]
+        for room in re.findall(r"`([\w/]+)`", row.split("|")[1])
+    }
+    assert len(rows) == 3
+    folders = {room: root / room for room in rooms}
+    folders |= {r: root / "guidance" / r for r in rooms if not r.startswith("sitl_mock/")}
+    assert [room for room, folder in folders.items() if not folder.is_dir()] == []
+    mocks = {f"sitl_mock/{init.parent.name}" for init in root.glob("sitl_mock/*/__init__.py")}
+    assert mocks == {room for room in rooms if room.startswith("sitl_mock/")}
+
+
 def test_each_extension_names_its_way_in_and_tests_that_exist():
     page = (DOCS / "architecture.md").read_text(encoding="utf-8")
     section = page.partition("## Four extensions, each one module\n")[2].partition("\n## ")[0]
