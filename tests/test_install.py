@@ -149,6 +149,7 @@ def files_of_mock(built):
         }
 
 
+@pytest.mark.flight  # building them needs hatchling
 def test_both_wheels_have_the_mock_from_the_same_files_with_the_same_version(
     mock_wheel, project_wheel
 ):
