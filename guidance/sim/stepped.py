@@ -1,6 +1,7 @@
 """The mock stepped in this process, by the clock of the flight: whole MAVLink frames are handed to and fro."""
 
 from collections.abc import Sequence
+from typing import Final
 
 from guidance.clock import Clock
 from guidance.frames import Enu
@@ -14,6 +15,9 @@ from guidance.sim.evader_pilot import EvaderPilot
 from guidance.sim.mock_files import faulted_fleet, faults_after
 from guidance.sim.scenario import EVADER, EVADER_ID, Flown, Scenario, pursuits_of
 from sitl_mock.faults import Faulted
+
+_ON_THE_WAY_S: Final = 0.02
+"""Time from sending a frame until the vehicle takes it: a cycle of the loop."""
 
 
 class SteppedMock:
@@ -32,10 +36,15 @@ class SteppedMock:
 
     def advance(self, now_s: float) -> None:
         """Step the vehicle with the frames sent to it, and send its frames to all wires."""
-        received: list[bytes] = []
-        for end in self.ends:
-            received += [frame for _, frame in end.receive()]
-        frames = self._vehicle.step(now_s, received)
+        packets = [packet for end in self.ends for packet in end.receive()]
+        received = [frame for _, frame in packets]
+        frames: list[bytes] = []
+        arrived_s = max((sent_s for sent_s, _ in packets), default=now_s) + _ON_THE_WAY_S
+        if arrived_s < now_s - 0.5 * _ON_THE_WAY_S:
+            # The loop stood still. What it sent before that has arrived then, and not only now.
+            frames += self._vehicle.step(arrived_s, received)
+            received = []
+        frames += self._vehicle.step(now_s, received)
         for end in self.ends:
             for frame in frames:
                 end.send(frame)

@@ -20,18 +20,21 @@ def sorties():
     made.close()
 
 
-def stopped(sorties, autopilot, wait_s, stop_s):
-    """An engaged sortie whose loop stands still for a while; returns the modes and setpoints afterwards too."""
+def stopped(sorties, autopilot, wait_s, stop_s, *, in_one_step=False):
+    """An engaged sortie whose loop stands still for a while; in one step, if its world is not stepped meanwhile."""
     sortie = sorties(autopilot)
     sortie.mock.autopilot.parameters.set(PARAMETERS[autopilot], wait_s)
     sortie.engaged().run(3.0)
-    sortie.frozen = True
-    sortie.run(stop_s)
+    if in_one_step:
+        sortie.clock.sleep_until(sortie.now_s + stop_s)
+    sortie.frozen = not in_one_step
+    sortie.run(0.0 if in_one_step else stop_s)
     sortie.frozen = False
     return sortie
 
 
 @pytest.mark.flight
+@pytest.mark.parametrize("in_one_step", [False, True])
 @pytest.mark.parametrize(
     ("autopilot", "wait_s", "stop_s"),
     [
@@ -45,18 +48,29 @@ def stopped(sorties, autopilot, wait_s, stop_s):
     ],
 )
 def test_after_its_wait_guidance_has_yielded_and_never_streams_again(
-    sorties, autopilot, wait_s, stop_s
+    sorties, autopilot, wait_s, stop_s, in_one_step
 ):
-    sortie = stopped(sorties, autopilot, wait_s, stop_s)
-    sent = len(sortie.setpoints)
-    sortie.run(0.1)
+    sortie = stopped(sorties, autopilot, wait_s, stop_s, in_one_step=in_one_step)
+    heard = len(sortie.sent)
+    streamed = len(sortie.setpoints)
+    modes = []
+    for _ in range(5):
+        sortie.cycle()
+        modes.append(sortie.mock.mode)
     assert sortie.state is State.YIELDED
     # A HEARTBEAT of the failsafe may have come meanwhile
     if sortie.flight.cause.event is not Event.PILOT:
         assert f"waits for setpoints for {wait_s:g} s" in sortie.flight.cause.words
-    sortie.run(4.0)
-    assert len(sortie.setpoints) == sent
-    assert sortie.mock.mode not in {"OFFBOARD", "GUIDED"}
+    for _ in range(200):
+        sortie.cycle()
+        modes.append(sortie.mock.mode)
+    assert len(sortie.setpoints) == streamed
+    # The failsafe's mode is never left again. ArduCopter waits in GUIDED and is asked for its hold.
+    assert modes == sorted(modes, key=lambda mode: mode not in {"OFFBOARD", "GUIDED"})
+    assert modes[-1] not in {"OFFBOARD", "GUIDED"}
+    if autopilot == "px4":
+        assert modes[0] != "OFFBOARD"
+        assert {sent.name for sent in sortie.sent[heard:]} <= {"HEARTBEAT", "TIMESYNC"}
 
 
 @pytest.mark.flight
