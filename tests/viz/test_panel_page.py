@@ -228,7 +228,7 @@ def test_a_whole_flight_by_buttons_and_lost_connections_are_shown(parts, browser
     page.locator("#banner", has_text=parts.control).wait_for()
     daemon = parts.daemon()
     a_wrong_token_opens_nothing(browser, url)  # while the daemon starts
-    several_pages_see_it(browser, page, next_address(panel))
+    several_pages_see_it(browser, page, next_address(page))
     assert not page.locator("#banner").is_visible()
     from_start_to_landed(browser, page)
     a_page_out_of_view_is_no_operator(page)
@@ -251,9 +251,13 @@ def test_a_whole_flight_by_buttons_and_lost_connections_are_shown(parts, browser
     a_panel_that_hangs_or_dies_is_said_to(panel, page)
 
 
-def next_address(panel):
-    """Read the address that the panel prints when the previous one was used."""
-    return panel.stdout.readline().split()[1]
+def next_address(page):
+    """Read the address for another browser, as the open page shows it."""
+    with page.expect_popup() as shown:
+        page.locator("#invite").click()
+    words = shown.value.locator("body").inner_text()
+    shown.value.close()
+    return words.split()[-1]
 
 
 def a_wrong_token_opens_nothing(browser, url):

@@ -171,7 +171,9 @@ class Access:
     async def invite(self, _request: web.Request) -> web.Response:
         """Show an open page the URL for another browser; the URL before it works no more."""
         self.token = secrets.token_urlsafe(24)
-        return web.Response(text=f"For another browser, once: {self._door_url()}\n")
+        icon = '<!doctype html><link rel="icon" href="data:,">'  # no browser then asks for one
+        words = f"{icon}<p>For another browser, once: {self._door_url()}\n"
+        return web.Response(text=words, content_type="text/html")
 
     async def login(self, request: web.Request) -> web.StreamResponse:
         """Exchange the password for the cookie."""
