@@ -21,10 +21,9 @@ velocity estimate and drifts with that error (PX4: 0.2 m/s, and it sinks 6.5 m i
 takes the drift out, and these loops keep height and place.
 
 **Speed** (`observe_speed`). A vehicle may be slower than its file says: tilt limit, drag, wind. The game's speed is
-compared with the mean speed flown over `RESPONSE_S` or longer. The ratio of the two is the share that it reaches. A
-multicopter flies more slowly while it descends, so only level flight counts. While it gains speed or brakes, this share
-can only rise. A time counts only once a HEARTBEAT in the guided mode has come after it: until then a pilot may have
-taken over.
+compared with the mean speed flown over `RESPONSE_S` or longer. The ratio of the two is the share that it reaches. While
+it gains speed or brakes, this share can only rise. A time counts only once a HEARTBEAT in the guided mode has come
+after it: until then a pilot may have taken over.
 """
 
 import math
@@ -265,9 +264,6 @@ _SMOOTHED_S: Final = 0.5
 _STEADY_M_S2: Final = 0.3
 """Mean acceleration above which a vehicle is gaining speed or braking."""
 
-_LEVEL_M_S: Final = 0.5
-"""Smaller mean vertical speeds, asked and flown, are level flight."""
-
 _ALIGNED: Final = 0.9
 """Least share of the velocity along the desired one; below it the vehicle is turning."""
 
@@ -319,8 +315,7 @@ def observe_speed(
     shown_m_s = max(memory.shown_m_s, speed)
     asked = math.hypot(asked_ned_m_s.north, asked_ned_m_s.east)
     along = mean.level_dot(asked_ned_m_s) / max(asked, _LEAST_ASKED_M_S)
-    level = max(abs(mean.down), abs(asked_ned_m_s.down)) < _LEVEL_M_S
-    if not (unslowed and level and asked >= _LEAST_ASKED_M_S and along >= _ALIGNED * speed):
+    if not (unslowed and asked >= _LEAST_ASKED_M_S and along >= _ALIGNED * speed):
         return SpeedMemory(shown_m_s, memory.share, mean)
     began_m_s = memory.began_m_s if memory.compared_s > 0.0 else along
     compared_s = memory.compared_s + dt_s

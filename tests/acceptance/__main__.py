@@ -355,8 +355,8 @@ def stand_ins(folder: Path, tell: Tell, only: str, *, everything: bool, drawn: b
             words = f"{wrong.wanted}, got {wrong.got}; it is flown again alone at the end"
             print(f"{wrong.autopilot}, {wrong.flight}: {words}", flush=True)
         _tell_all(tell, watched.result())
-    for autopilot, case in unsure:
-        _tell_all(tell, flown(autopilot, case, "-again"))
+        for autopilot, case in unsure:
+            _tell_all(tell, flown(autopilot, case, "-again"))
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -8,17 +8,15 @@ from guidance.frames import Ned
 DT_S = 0.02
 
 
-def flown(
-    speeds_m_s, asked_m_s=10.0, at_full_speed=True, guided=lambda _number: True, down_m_s=0.0
-):
+def flown(speeds_m_s, asked_m_s=10.0, at_full_speed=True, guided=lambda _number: True):
     """Fly along north at these speeds, with a HEARTBEAT every second; return every memory."""
     memory = SpeedMemory()
     kept = []
     for number, speed in enumerate(speeds_m_s):
         memory = observe_speed(
             memory,
-            Ned((asked_m_s, 0.0, down_m_s)),
-            Ned((speed, 0.0, down_m_s)),
+            Ned((asked_m_s, 0.0, 0.0)),
+            Ned((speed, 0.0, 0.0)),
             unslowed=at_full_speed,
             guided=number % 50 == 49 and guided(number),
             dt_s=DT_S,
@@ -38,12 +36,6 @@ def test_a_vehicle_that_gains_speed_or_is_slowed_down_has_not():
     assert flown([0.03 * step for step in range(300)])[-1].share == 1.0
     assert flown([8.5] * 300, at_full_speed=False)[-1].share == 1.0
     assert flown([9.9] * 300)[-1].share == 1.0
-
-
-@pytest.mark.parametrize("down_m_s", [-3.0, 1.5])
-def test_only_level_flight_shows_what_a_vehicle_reaches(down_m_s):
-    assert flown([7.8] * 300, asked_m_s=8.0, down_m_s=down_m_s)[-1].share == 1.0
-    assert flown([7.8] * 300, asked_m_s=8.0)[-1].share < 1.0
 
 
 def test_a_vehicle_that_flies_faster_later_is_believed():
