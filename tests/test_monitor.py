@@ -149,7 +149,7 @@ def test_a_vehicle_below_its_speed_is_reported_once_and_its_promise_starts_anew(
         memory, alarm = watched(memory, 0.1 * index, says, speed_m_s=10.0)
         said.append(alarm)
     assert [alarm.violation for alarm in said if alarm] == [Violation.TOO_SLOW]
-    assert said[10].words.endswith("this vehicle reaches 8.5 of 10 m/s; set speed_m_s accordingly")
+    assert said[10].words.endswith("this vehicle reaches 8.5 of 10 m/s now")
     assert memory.anew().told_slow
 
 

@@ -524,12 +524,17 @@ def result_table(result: FlightResult, outcome: Outcome) -> Table:
     if outcome.game == "pe":
         unit = "s"
         quantity = "time to capture"
+    reached = "-"
+    if result.latest is not None and not math.isnan(result.latest.reachable_speed_m_s):
+        asked_m_s = result.scenario.pursuer.speed_m_s
+        reached = f"{result.latest.reachable_speed_m_s:.1f} of {asked_m_s:g} m/s"
     rows = {
         "value predicted at engagement": _number(outcome.predicted, 2, unit),
         "time this vehicle needs, at engagement": _number(outcome.time_needed_s, 2, "s"),
         "flown": _number(outcome.achieved, 2, unit),
         "flown / predicted": _number(outcome.ratio, 3),
         "game lasted": _number(outcome.game_time_s, 2, "s"),
+        "speed this vehicle reached at the end": reached,
         "setpoints sent": f"{result.setpoints_sent}",
         "late cycles": f"{result.late_cycles} of {result.cycles}",
         "guarantee alarms": f"{outcome.alarms}",

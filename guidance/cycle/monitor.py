@@ -67,7 +67,7 @@ class Alarm(NamedTuple):
     def by(self) -> str:
         """The amount with its unit; empty at the barrier."""
         if self.violation is Violation.TOO_SLOW:
-            return f"this vehicle reaches {self.amount:.1f} of {self.of:g} m/s; set speed_m_s accordingly"
+            return f"this vehicle reaches {self.amount:.1f} of {self.of:g} m/s now"
         units = {Violation.CAPTURE_LATER: "s", Violation.STALE: "s", Violation.EVADER_CLOSER: "m"}
         return f"{self.amount:.2f} {units[self.violation]}" if self.violation in units else ""
 

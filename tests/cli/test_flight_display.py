@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from guidance.cli.fly import plain_line, result_table, score, words
-from guidance.cycle import Alarm, Violation
+from guidance.cycle import Alarm, Certificate, Violation
 from guidance.flight import State
 from guidance.session.fly.mission import Progress
 from guidance.session.fly.result import FlightResult
@@ -39,6 +39,16 @@ def test_a_flight_without_a_capture_has_no_number_for_one(width):
     assert max(map(len, words.splitlines())) <= width
     assert score(outcome) == "12.82 s predicted"
     assert score(yielded(math.nan)) == "no game was played"
+
+
+def test_the_result_tells_the_speed_that_was_reached_last():
+    written = io.StringIO()
+    scenario = load_scenario("pilot_takeover")[1]
+    flown = FlightResult(scenario, plan_of(scenario=scenario).flight.cycle, State.YIELDED)
+    told = dict.fromkeys(Certificate._fields, 0.0)
+    flown.latest = Certificate(**told | {"reachable_speed_m_s": 4.5})
+    Console(file=written).print(result_table(flown, yielded(12.82)))
+    assert f"4.5 of {scenario.pursuer.speed_m_s:g} m/s" in written.getvalue()
 
 
 def test_a_flight_that_pauses_says_why():
