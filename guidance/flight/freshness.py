@@ -20,8 +20,8 @@ STATUS_LIMIT_S: Final = 3.0
 """SYS_STATUS comes twice a second: its pre-arm check and charge bar an order when it is older."""
 
 CHARGE_LIMIT_S: Final = 10.0
-"""A charge that was known and is older than this in flight is unknown, and the vehicle returns. No pack loses more than
-a few percent in this time, and a link that loses half of all frames still delivers one of twenty."""
+"""A charge that was known and is older than this in flight is unknown, and the vehicle returns or lands. No pack loses
+more than a few percent in this time, and a link that loses half of all frames still delivers one of twenty."""
 
 HEIGHT_ERROR_LIMIT_S: Final = 5.0
 MAP_LIMIT_S: Final = 2.0
@@ -127,7 +127,7 @@ AGES: Final = (
         "charge",
         "SYS_STATUS",
         f"{STATUS_LIMIT_S:g} s: not ready, not engaged",
-        f"{CHARGE_LIMIT_S:g} s after the last known charge: return. "
+        f"{CHARGE_LIMIT_S:g} s after the last known charge: return, and land in the climb. "
         "A charge that was never known is not waited for",
     ),
     Age(

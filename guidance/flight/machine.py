@@ -83,11 +83,23 @@ class Flight:
         return self.heard.vehicle
 
     @property
-    def leaving_mode(self) -> bool:
-        """Whether HEARTBEAT still shows a foreign mode that an order is ending."""
-        mode = self.heard.mode
-        ours = mode is Mode.HOLD or (mode is Mode.GUIDED and self._claimed)
-        return mode in self.stage.left and not ours
+    def leaving_modes(self) -> tuple[Mode, ...]:
+        """Foreign modes that an order is ending and HEARTBEATs still show.
+
+        Of a vehicle that was found armed, HEARTBEATs of `AGREEING_S` count: another sender with the same system id may
+        have sent the last one.
+        """
+        shown = self.heard.mode
+        if self._claimed:
+            left = shown in self.stage.left - {Mode.HOLD, Mode.GUIDED}
+            return (shown,) if left and shown is not None else ()
+        if (
+            shown is Mode.GUIDED
+            and self.settings.autopilot.guided_is_ours
+            and shown not in self.stage.left
+        ):
+            return ()  # only who wants guidance to fly it chooses this mode
+        return tuple(mode for mode in self.heard.armed_in if mode is not Mode.HOLD)
 
     @property
     def barring_modes(self) -> tuple[Mode, ...]:
@@ -293,7 +305,7 @@ class Flight:
         """Whether telemetry, evader, mode, preflight and checks allow an engagement now."""
         if self.telemetry_refusal(now_s) or self.evader_refusal(now_s):
             return False
-        if self.leaving_mode or refusals or not self.heard.has_flown:
+        if self.leaving_modes or refusals or not self.heard.has_flown:
             return False
         if self.checked:
             return True

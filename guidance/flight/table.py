@@ -153,6 +153,8 @@ _ROWS: tuple[tuple[Iterable[State], Iterable[Event], State], ...] = (
         (Event.BATTERY_LOW, Event.BATTERY_UNKNOWN),
         State.RETURNING,
     ),
+    # In the climb the vehicle is above the place that it took off from, and a return would climb on.
+    ((State.CLIMBING,), (Event.BATTERY_LOW, Event.BATTERY_UNKNOWN), State.LANDING),
     ((State.STANDING_BY, State.HOLDING), (Event.OPERATOR_GONE,), State.RETURNING),
     # The autopilot has acted by then, and PX4 would return to OFFBOARD by itself with the first setpoint.
     (_COMMANDING, (Event.LOOP_STOPPED,), State.YIELDED),

@@ -403,7 +403,7 @@ class Disturbed:
         )
         if began and silent_s > STATUS_LIMIT_S + 1.2:
             self._wrong("no start by an old status", now_s, silent_s, "")
-        # One transition a cycle: a climb, which the charge does not end, has ended in the cycle before.
+        # One transition a cycle: the climb has begun in this one, or has ended in it.
         stays = all(one.after is one.before for one in outputs.happenings)
         plays_on = stays and (outputs.state, Event.BATTERY_UNKNOWN) in TRANSITIONS
         if plays_on and silent_s > CHARGE_LIMIT_S + 1.2 and not self.ended_by_order:

@@ -108,6 +108,20 @@ class Flown:
         self.armed = True
         return self
 
+    def climbing(self, height_m=5.0):
+        self.cycles(0.1)
+        self.cycle(Event.START)
+        self.armed_as_asked()
+        self.cycle(beat=True)
+        self.landed = 3
+        if Mode.TAKEOFF in self.autopilot.custom_modes:
+            self.mode = Mode.TAKEOFF
+        self.cycles(2.0)
+        self.position[2] = HOME_DOWN_M - height_m
+        self.cycles(1.0)
+        assert self.state is State.CLIMBING
+        return self
+
     def standing_by(self, height_m=10.0):
         self.cycle()
         self.cycle()

@@ -17,7 +17,17 @@ from guidance.flight.freshness import (
 from guidance.messages import Attitude, EstimatorStatus, GlobalPosition, Home, Origin, SystemStatus
 from guidance.session.orders.answers import failed_checks, refusal
 from tests.flight.flown import Flown
-from tests.flight.scenes import CYCLE, ENVELOPE, NOW_S, SETTINGS, home, settings_of, status, well
+from tests.flight.scenes import (
+    BOTH,
+    CYCLE,
+    ENVELOPE,
+    NOW_S,
+    SETTINGS,
+    home,
+    settings_of,
+    status,
+    well,
+)
 from tests.harness.sortie import Sorties, Stepped
 
 AUTOPILOTS = ["px4", "arducopter"]
@@ -79,6 +89,28 @@ def test_a_charge_that_is_no_longer_told_returns_before_a_low_one_could_go_unnot
     assert sortie.state is State.RETURNING
     assert sortie.flight.cause.event is Event.BATTERY_UNKNOWN
     sortie.until_mock("RTL")
+
+
+@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_a_climb_lands_when_the_charge_is_old_or_low(autopilot, told):
+    flight = Silenced(settings_of(autopilot)).climbing()
+    if told:
+        flight.battery = 0.1
+        flight.cycles(3.2)  # three reports in succession
+    else:
+        flight.without = (SystemStatus,)
+        flight.cycles(CHARGE_LIMIT_S - 1.2)
+        assert flight.state is State.CLIMBING
+        flight.cycles(1.6)
+    assert flight.state is State.LANDING
+    cause = flight.flight.cause
+    assert cause.event is (Event.BATTERY_LOW if told else Event.BATTERY_UNKNOWN)
+    assert cause.before is State.CLIMBING
+    # Whoever holds it nevertheless is obeyed.
+    flight.cycle(Event.HOLD)
+    flight.cycles(4.0)
+    assert flight.state is State.HOLDING
 
 
 @pytest.mark.parametrize("state", ["standing by", "engaged", "holding"])

@@ -145,9 +145,36 @@ def test_a_start_takes_no_vehicle_from_a_program_that_flies_it_in_the_guided_mod
     # Its hold is asked for, and until it is seen no setpoint goes into the other program's.
     assert flown.cycle(Event.HOLD).state is State.HOLDING
     assert flown.cycle(Event.ENGAGE).state is State.HOLDING
+    # Another vehicle with the same system id may have sent the first HEARTBEAT that shows a hold.
+    agreed_s = flown.beat_s + AGREEING_S
     flown.mode = Mode.HOLD
     flown.cycle(beat=True)
+    while flown.now_s < agreed_s - 2.0 * CYCLE_S:
+        refused = flown.cycle(Event.ENGAGE, beat=True)
+        assert (refused.state, refused.setpoint) == (State.HOLDING, None)
+    flown.cycles(1.0)
     assert flown.cycle(Event.ENGAGE).state is State.ENTERING
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_one_heartbeat_of_a_hold_frees_no_vehicle_that_another_program_flies(autopilot):
+    flown = Flown(settings_of(autopilot))
+    flown.mode = Mode.GUIDED
+    flown.armed = True
+    flown.landed = 2
+    flown.position[2] = HOME_DOWN_M - 10.0
+    flown.cycles(2.0)
+    assert flown.cycle(Event.HOLD).state is State.HOLDING
+    flown.mode = Mode.HOLD  # of another system with its id
+    flown.cycle(beat=True)
+    engaging = flown.cycle(Event.ENGAGE)
+    flown.mode = Mode.GUIDED
+    outputs = [engaging, flown.cycle(beat=True), *flown.cycles(5.0)]
+    assert {output.setpoint for output in outputs} == {None}
+    assert autopilot.set_mode(Mode.GUIDED) not in [
+        request for output in outputs for request in output.requests
+    ]
+    assert flown.state is State.YIELDED
 
 
 @pytest.mark.parametrize("engage_on", list(EngageOn))
@@ -189,26 +216,9 @@ def test_after_a_start_an_armed_heartbeat_counts_though_another_follows_it_at_on
     assert (noticed.state, noticed.requests) == (State.YIELDED, ())
 
 
-def climbing(autopilot):
-    """A vehicle that climbs, 5 m below the height of its take-off."""
-    flown = Flown(settings_of(autopilot))
-    flown.cycles(0.1)
-    flown.cycle(Event.START)
-    flown.armed_as_asked()
-    flown.cycle(beat=True)
-    flown.landed = 3
-    if Mode.TAKEOFF in autopilot.custom_modes:
-        flown.mode = Mode.TAKEOFF
-    flown.cycles(2.0)
-    flown.position[2] = HOME_DOWN_M - 5.0
-    flown.cycles(1.0)
-    assert flown.state is State.CLIMBING
-    return flown
-
-
 @pytest.mark.parametrize(("autopilot", "mode"), MODES)
 def test_a_pilots_mode_in_the_climb_is_noticed_and_left_alone(autopilot, mode):
-    flown = climbing(autopilot)
+    flown = Flown(settings_of(autopilot)).climbing()
     flown.mode = mode
     outputs = [flown.cycle(beat=True), *flown.cycles(5.0)]
     own = {Mode.TAKEOFF} if autopilot is PX4 else {Mode.GUIDED}
@@ -217,7 +227,7 @@ def test_a_pilots_mode_in_the_climb_is_noticed_and_left_alone(autopilot, mode):
 
 
 def test_the_mode_of_the_climb_is_another_hands_once_the_climb_is_over():
-    flown = climbing(PX4)
+    flown = Flown(settings_of(PX4)).climbing()
     flown.position[2] = HOME_DOWN_M - 9.5
     flown.mode = Mode.HOLD
     flown.cycle(beat=True)
@@ -547,13 +557,13 @@ def test_a_mode_of_ours_that_an_order_is_to_end_is_no_pilots_until_it_comes_agai
     vehicle.cycle(Event.RETURN)
     vehicle.mode = Mode.RETURN
     vehicle.cycle(beat=True)
-    assert not vehicle.flight.leaving_mode
+    assert vehicle.flight.leaving_modes == ()
     vehicle.cycle(Event.HOLD)
     assert vehicle.cycle(beat=True).state is State.HOLDING
-    assert vehicle.flight.leaving_mode
+    assert vehicle.flight.leaving_modes == (Mode.RETURN,)
     vehicle.mode = Mode.HOLD
     assert vehicle.cycle(beat=True).state is State.HOLDING
-    assert not vehicle.flight.leaving_mode
+    assert vehicle.flight.leaving_modes == ()
     vehicle.mode = Mode.RETURN  # which nobody ordered
     assert vehicle.cycle(beat=True).state is State.YIELDED
 

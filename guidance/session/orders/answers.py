@@ -68,8 +68,12 @@ def refusal(order: Event, flight: Flight, now_s: float, rows: Sequence[Finding])
         doubt = flight.telemetry_refusal(now_s) or flight.evader_refusal(now_s)
         if not flight.heard.has_flown:
             doubt = "it stands on the ground: once it is disarmed, order reset, then start"
-        elif flight.leaving_mode:
-            doubt = f"its autopilot is still in {flight.mode_title}: order again once it holds"
+        elif flight.leaving_modes:
+            modes = " and ".join(map(flight.settings.autopilot.mode_title, flight.leaving_modes))
+            doubt = (
+                f"HEARTBEATs of the last {AGREEING_S:g} s show it in {modes}: "
+                "order again once all of them show its hold"
+            )
         return doubt if doubt else f"not ready: {missing(flight, now_s, rows)}"
     return f"under way already: {_WHY[state]}" if order is Event.START else _WHY[state]
 
