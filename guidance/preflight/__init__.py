@@ -8,13 +8,20 @@ Contents:
         time of rates, EVADER_HEARD_S the age up to which a report is judged.
     parameter_names, quantities_read: the parameters of a version, and their values by quantity.
     single: a value rounded as on the wire.
-    rows, engage_rows, another_autopilot: judgements of the facts.
+    rows, engage_rows, another_autopilot: judgements of the facts. EVADER_ALTITUDE: name of a row.
     refusals, advice: what the rows refuse, and its remedies.
     ParameterChange, changes: the parameters to set so that no row is refused.
 """
 
 from guidance.preflight.changing import ParameterChange, changes
-from guidance.preflight.judging import advice, another_autopilot, engage_rows, refusals, rows
+from guidance.preflight.judging import (
+    EVADER_ALTITUDE,
+    advice,
+    another_autopilot,
+    engage_rows,
+    refusals,
+    rows,
+)
 from guidance.preflight.parameters import parameter_names, quantities_read, single
 from guidance.preflight.reading import (
     ASK_AGAIN_S,
@@ -27,6 +34,7 @@ from guidance.preflight.reading import (
 __all__ = [
     "ASK_AGAIN_S",
     "COUNTED_S",
+    "EVADER_ALTITUDE",
     "EVADER_HEARD_S",
     "Facts",
     "ParameterChange",

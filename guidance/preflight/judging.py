@@ -23,6 +23,9 @@ from guidance.preflight.fence import Uploaded
 from guidance.preflight.parameters import quantities_read, rules_of, version_of
 from guidance.preflight.reading import Facts
 
+EVADER_ALTITUDE: Final = "evader's altitude"
+"""Name of the row that says whether the evader is heard, and how high it is."""
+
 _SILENT_S: Final = 3.0
 """After so long without its own HEARTBEAT the autopilot has become another one, or is gone."""
 
@@ -235,7 +238,7 @@ def _evader_rows(
     evader: EvaderReport | None, home: messages.Home, frame: LocalFrame, wants: Wants
 ) -> Iterator[Finding]:
     """Judge the evader's altitude, and whether it can be met inside our fence."""
-    name = "evader's altitude"
+    name = EVADER_ALTITUDE
     limit_m = wants.evader_height_limit_m
     if evader is None:
         expected = f"within {limit_m:g} m of home"

@@ -27,7 +27,15 @@ from guidance.game.speed_sets import SPEED_SETS
 from guidance.links.evaders.kinds import EVADER_KINDS
 from guidance.links.port import parse
 from guidance.links.world import World
-from guidance.preflight import COUNTED_S, Facts, ParameterChange, another_autopilot, changes, single
+from guidance.preflight import (
+    COUNTED_S,
+    EVADER_ALTITUDE,
+    Facts,
+    ParameterChange,
+    another_autopilot,
+    changes,
+    single,
+)
 from guidance.session.fly.daemon import Daemon, Equipment
 from guidance.session.fly.loop import PERIOD_S, PRIORITY
 from guidance.session.observe.outputs import OUTPUTS
@@ -53,9 +61,26 @@ _HEARD: Final = {
 
 
 class Checkup:
-    """Reads, judges and sets the parameters of one vehicle on the ground. It neither arms nor changes the mode."""
+    """Reads, judges and sets the parameters of one vehicle on the ground. It neither arms nor changes the mode.
 
-    def __init__(self, name: str, plan: FlightPlan, world: World, clock: Clock) -> None:
+    Args:
+        name: Of the vehicle in `world`.
+        plan: What it is judged by.
+        world: Its links, open.
+        clock: The clock.
+        evader_simulated: Whether the flight itself will simulate the evader, so that nobody hears it yet.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        plan: FlightPlan,
+        world: World,
+        clock: Clock,
+        *,
+        evader_simulated: bool = False,
+    ) -> None:
+        self._evader_simulated = evader_simulated
         self._plan = plan
         self._link = world.links[name]
         self._clock = clock
@@ -98,7 +123,12 @@ class Checkup:
             )
             for check in daemon.flight.checks(clock.now_s())
         )
-        return (*daemon.survey.rows, *readiness)
+        judged = [
+            row
+            for row in daemon.survey.rows
+            if not (self._evader_simulated and row.name == EVADER_ALTITUDE)
+        ]
+        return (*judged, *readiness)
 
     def _missing(self) -> list[str]:
         """Return what is needed before anything is judged, and was not received yet."""

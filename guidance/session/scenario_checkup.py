@@ -28,4 +28,5 @@ def checkup_at(scenario: Scenario, asked: Asked) -> Iterator[Checkup]:
             plan_of(config, scenario.model_copy(update={"pursuer": pursuer})),
             world,
             clock,
+            evader_simulated=True,
         )

@@ -23,6 +23,7 @@ it flies at once.
 import argparse
 import json
 import math
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -36,6 +37,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from guidance.autopilots import Autopilot, Mode, autopilot_named
 from guidance.clock import Clock, MonotonicClock, VirtualClock
+from guidance.errors import GuidanceError
 from guidance.flight import Event, Flight, FlightSettings, State
 from guidance.flight.settings import AfterCapture
 from guidance.frames import Amsl, LocalFrame, Ned
@@ -839,7 +841,10 @@ def main() -> None:
     urls = {"px4": arguments.px4, "arducopter": arguments.arducopter}
     for name, url in urls.items():
         if url is not None:
-            at_url(url, name, arguments)
+            try:
+                at_url(url, name, arguments)
+            except GuidanceError as error:
+                sys.exit(f"{name}: {error}")
         elif not any(urls.values()):
             on_a_mock(name, arguments)
 

@@ -31,7 +31,7 @@ GUIDANCE = Path(sys.executable).parent / "guidance"
 class World(VirtualClock):
     """A vehicle on the ground with its defaults; whoever waits for this clock moves it."""
 
-    def __init__(self, vehicle_document, autopilot, flown=None):
+    def __init__(self, vehicle_document, autopilot, flown=None, **how):
         super().__init__()
         self.vehicle = MockVehicle(flown or autopilot, ready_after_s=1.0)
         self.faulted = Faulted(self.vehicle, "uav1")
@@ -46,7 +46,7 @@ class World(VirtualClock):
         self.said = []
         evader = MavlinkEvader(silence, GLOBAL_POSITION, system_id=2)
         world = worlds.World({"uav1": self.link}, {"uav1": {"evader": evader}})
-        self.checkup = Checkup("uav1", plan, world, self)
+        self.checkup = Checkup("uav1", plan, world, self, **how)
 
     def sleep_until(self, moment_s):
         while self.now_s() < moment_s - 1e-9:
@@ -131,6 +131,15 @@ def test_what_is_waited_for_is_told(world):
     assert told[-1] == ""
 
 
+def test_an_evader_that_the_flight_will_simulate_is_not_missed(vehicle_document):
+    silent = World(vehicle_document, "px4").checkup.rows()
+    simulated = World(vehicle_document, "px4", evader_simulated=True).checkup.rows()
+    names = [row.name for row in silent]
+    assert "evader's altitude" in names
+    names.remove("evader's altitude")
+    assert [row.name for row in simulated] == names
+
+
 def test_nothing_is_set_while_the_vehicle_is_armed(world):
     there = world()
     there.checkup.rows()
@@ -186,6 +195,7 @@ def test_a_vehicle_at_a_url_is_set_up_without_any_file(autopilot, link):
     assert again.returncode == 0
     assert "no parameter needs to be set" in again.stdout
     assert "nothing is refused" in again.stdout
+    assert "evader" not in again.stdout
 
 
 @pytest.mark.parametrize(

@@ -47,12 +47,16 @@ _LEVELS: Final = (
     logging.INFO,
     logging.WARNING,
 )
+_EXPECTED: Final = b"No raw connection available."
+"""Begins what MAVSDK says to a subscription before the connection, see `MavsdkLink`."""
 
 
 def _log(
     level: int, message: bytes | None, _file: bytes | None, _line: int, _user: ctypes.c_void_p
 ) -> bool:
-    LOGGER.log(_LEVELS[min(max(level, 0), 3)], "%s", (message or b"").decode(errors="replace"))
+    said = message or b""
+    severity = logging.DEBUG if said.startswith(_EXPECTED) else _LEVELS[min(max(level, 0), 3)]
+    LOGGER.log(severity, "MAVSDK: %s", said.decode(errors="replace"))
     return True  # handled: MAVSDK prints nothing
 
 
@@ -81,9 +85,9 @@ class MavsdkLink(PymavlinkLink):
         configuration = Configuration.create_manual(*self._own, True)
         self._mavsdk = Mavsdk(configuration)
         configuration.destroy()
-        # In this order: MAVSDK logs an error if we subscribe before there is a connection.
-        result = self._mavsdk.add_any_connection("raw://")
+        # In this order: MAVSDK sends a HEARTBEAT as soon as there is a connection, and warns if nobody takes it.
         self._mavsdk.subscribe_raw_bytes_to_be_sent(self._pass_on)
+        result = self._mavsdk.add_any_connection("raw://")
         if result != ConnectionResult.SUCCESS:
             self.close()
             raise LinkError(
