@@ -43,8 +43,10 @@ CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os
 OTHERS = min(4, round(os.getloadavg()[0]) - 1) if hasattr(os, "getloadavg") else 0
 """Other programs that compute now; one of them is the installation that has just ended."""
 
-BESIDE = ("-n", str(CORES + max(0, OTHERS)), "--dist", "loadfile")
-"""On a busy machine more workers get a larger share of it; each has to collect the tests."""
+WORKERS = str(CORES + max(0, OTHERS))
+"""On a busy machine more workers get a larger share of it."""
+
+BESIDE = ("-p", "tests.harness.workers", "--workers")
 
 PASSED = "passed"
 FAILED = "failed"
@@ -130,7 +132,7 @@ STEPS = {
     ),
     "tests": Step(
         f"the short tests, each below {SHORT_S:g} s of processor time",
-        (*PYTEST, *BESIDE, "-m", SHORT),
+        (*PYTEST, *BESIDE, WORKERS, "-m", SHORT),
         nice=1,
     ),
     "sentinels": Step(
@@ -165,7 +167,13 @@ LONGER = {
     ),
     "flights": Step(
         "whole flights in virtual time, and other long computations",
-        (*PYTEST, *BESIDE, "-m", "(flight or costly) and not slow and not long and not arrays"),
+        (
+            *PYTEST,
+            *BESIDE,
+            WORKERS,
+            "-m",
+            "(flight or costly) and not slow and not long and not arrays",
+        ),
         marked="flight",
         nice=10,
     ),
@@ -174,11 +182,8 @@ LONGER = {
         "other people's clients",
         (
             *PYTEST,
-            "-n",
+            *BESIDE,
             "6",
-            "--dist",
-            "loadfile",  # a browser, or a fleet of mocks, is started once a file
-            "--no-loadscope-reorder",
             "-m",
             "slow and not long",
         ),
@@ -207,12 +212,12 @@ LANES_OF_ALL = (
 ASKED_FOR = {
     "examples": Step(
         "the tests without flights with every example of every property (an eighth otherwise)",
-        (*PYTEST, *BESIDE, "-m", "not slow and not flight and not arrays and not long"),
+        (*PYTEST, *BESIDE, WORKERS, "-m", "not slow and not flight and not arrays and not long"),
         environment=(("HYPOTHESIS_PROFILE", "all"),),
     ),
     "long": Step(
         "more flights, and longer ones, than every change needs",
-        (*PYTEST, *BESIDE, "-m", "long"),
+        (*PYTEST, *BESIDE, WORKERS, "-m", "long"),
     ),
     "mutants": Step(
         "mutants of the code that keeps people safe, which tests have to notice",
@@ -225,7 +230,7 @@ ASKED_FOR = {
     ),
     "coverage": Step(
         "line and branch coverage of the tests in virtual time; takes three times as long",
-        (*PYTEST, *BESIDE, "-m", "not slow and not arrays", "--cov", "--cov-report=term"),
+        (*PYTEST, "-n", WORKERS, "-m", "not slow and not arrays", "--cov", "--cov-report=term"),
     ),
 }
 """Steps that run by name only."""
