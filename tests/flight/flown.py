@@ -18,6 +18,8 @@ from tests.flight.scenes import (
 )
 
 CYCLE_S = 0.02
+SLOW_S = 0.1
+"""A longer cycle, where only the order of events matters."""
 START_S = 50.0
 
 
@@ -97,8 +99,8 @@ class Flown:
             0.1,
         )
 
-    def cycles(self, seconds, **given):
-        return [self.cycle(**given) for _ in range(round(seconds / CYCLE_S))]
+    def cycles(self, seconds, *, dt_s=CYCLE_S, **given):
+        return [self.cycle(dt_s=dt_s, **given) for _ in range(round(seconds / dt_s))]
 
     def armed_as_asked(self):
         """The autopilot takes the mode to arm in, is asked to arm, and arms."""
@@ -116,9 +118,9 @@ class Flown:
         self.landed = 3
         if Mode.TAKEOFF in self.autopilot.custom_modes:
             self.mode = Mode.TAKEOFF
-        self.cycles(2.0)
+        self.cycles(2.0, dt_s=SLOW_S)
         self.position[2] = HOME_DOWN_M - height_m
-        self.cycles(1.0)
+        self.cycles(1.0, dt_s=SLOW_S)
         assert self.state is State.CLIMBING
         return self
 

@@ -5,7 +5,7 @@ import pytest
 from guidance.autopilots import Mode
 from guidance.flight import BEFORE_FLIGHT, FINAL, Authority, Event, State, is_done
 from guidance.flight.table import ASKED_MODES, TRANSITIONS
-from tests.flight.flown import ARM, SET_MODE, Flown, commands
+from tests.flight.flown import ARM, SET_MODE, SLOW_S, Flown, commands
 from tests.flight.scenes import BOTH, settings_of, status
 
 ENDING = (Event.HOLD, Event.RETURN, Event.LAND, Event.ABORT)
@@ -17,7 +17,7 @@ LEADS_TO = {
 }
 IN_THE_AIR = sorted(set(State) - BEFORE_FLIGHT - FINAL - {State.ARMING})
 STANDS_S = 8.0
-SLOW_S = 0.2
+BEAT_S = 0.5
 
 
 class Obeying(Flown):
@@ -56,8 +56,8 @@ def test_what_an_operator_orders_in_the_air_stands_whatever_a_mission_orders(
     flown.cycle(order)
     assert flown.state is LEADS_TO[order]
     assert flown.flight.cause[1:] == (order, state, LEADS_TO[order], Authority.OPERATOR, "")
-    for number in range(round(STANDS_S / SLOW_S)):
-        flown.cycle(mission=[list(LEADS_TO)[number % 4], Event.ENGAGE], dt_s=SLOW_S)
+    for number in range(round(STANDS_S / BEAT_S)):
+        flown.cycle(mission=[list(LEADS_TO)[number % 4], Event.ENGAGE], dt_s=BEAT_S)
         assert flown.state is LEADS_TO[order]
         assert flown.flight.ordered_by_operator
 
@@ -69,7 +69,7 @@ def test_the_next_order_of_an_operator_is_followed(state, order, autopilot):
     for then in (Event.HOLD, Event.RETURN, Event.LAND):
         flown = Obeying(autopilot, state)
         flown.cycle(order)
-        flown.cycles(2.0)
+        flown.cycles(2.0, dt_s=SLOW_S)
         flown.cycle(then)
         assert flown.state is LEADS_TO[then]
         assert flown.flight.ordered_by_operator
@@ -101,13 +101,13 @@ def test_an_order_to_end_undoes_a_start_until_the_vehicle_is_seen_disarmed(
     ended = flown.cycle(order)
     assert (ended.state, ended.requests) == (LEADS_TO[order], undone)
     flown.armed = True  # the request to arm was on its way
-    outputs = flown.cycles(3.0)
+    outputs = flown.cycles(3.0, dt_s=SLOW_S)
     asked = [request for output in outputs for request in output.requests]
     assert asked[:2] == list(undone)  # again, while it is armed
     assert set(asked) == set(undone)
     assert {output.setpoint for output in outputs} == {None}
     flown.armed = False
-    outputs += flown.cycles(1.1)
+    outputs += flown.cycles(1.2, dt_s=SLOW_S)
     assert flown.state is State.LANDED
     assert not set(commands(outputs)) - {SET_MODE, ARM}
     assert flown.flight.ordered_by_operator is False  # it is seen to be on the ground

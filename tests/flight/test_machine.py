@@ -11,7 +11,17 @@ from guidance.flight.heard import AGREEING_S
 from guidance.flight.sending import BEAT_EVERY_S, REPEAT_S, STREAM_FIRST_S, UNHEARD_S
 from guidance.flight.table import ASKED_MODES
 from guidance.messages import ParameterRequest
-from tests.flight.flown import ARM, CYCLE_S, INTERVAL, MESSAGE, SET_MODE, TAKEOFF, Flown, commands
+from tests.flight.flown import (
+    ARM,
+    CYCLE_S,
+    INTERVAL,
+    MESSAGE,
+    SET_MODE,
+    SLOW_S,
+    TAKEOFF,
+    Flown,
+    commands,
+)
 from tests.flight.scenes import (
     BOTH,
     HOME_DOWN_M,
@@ -220,7 +230,7 @@ def test_after_a_start_an_armed_heartbeat_counts_though_another_follows_it_at_on
 def test_a_pilots_mode_in_the_climb_is_noticed_and_left_alone(autopilot, mode):
     flown = Flown(settings_of(autopilot)).climbing()
     flown.mode = mode
-    outputs = [flown.cycle(beat=True), *flown.cycles(5.0)]
+    outputs = [flown.cycle(beat=True), *flown.cycles(5.0, dt_s=SLOW_S)]
     own = {Mode.TAKEOFF} if autopilot is PX4 else {Mode.GUIDED}
     assert (flown.state is State.CLIMBING) is (mode in own)
     assert commands(outputs) == []
@@ -267,7 +277,7 @@ def test_what_an_order_asked_for_and_got_is_not_asked_for_again_when_a_pilot_end
     flown.mode = asked
     flown.cycle(beat=True)
     flown.mode = mode
-    outputs = [flown.cycle(beat=True), *flown.cycles(5.0)]
+    outputs = [flown.cycle(beat=True), *flown.cycles(5.0, dt_s=SLOW_S)]
     assert (flown.state is State.YIELDED) is (mode is not asked)
     assert commands(outputs) == []
 
@@ -315,7 +325,7 @@ def test_a_vehicle_found_armed_is_handed_over_on_an_order_and_gets_no_setpoint(
     }[state]
     stop = () if not mode is ending_mode is autopilot.arming_mode else (autopilot.stop(),)
     assert ending.requests == (autopilot.set_mode(ending_mode), *stop)
-    later = vehicle.cycles(3.0)
+    later = vehicle.cycles(3.0, dt_s=SLOW_S)
     assert vehicle.state is state
     repeats = (
         0 if mode in {ending_mode, Mode.OTHER} else 1

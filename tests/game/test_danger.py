@@ -59,7 +59,7 @@ def margins(game, P, E, X):
     speeds = game.pursuer
     low = np.zeros_like(arrival)
     high = np.full_like(arrival, 500.0)
-    for _ in range(62):
+    for _ in range(55):
         t = 0.5 * (low + high)
         beside = np.linalg.norm(goal - np.array(game.wind_m_s) * t[..., None], axis=-1)
         beside = np.maximum(beside - game.standoff.radius_m, 0.0)
@@ -123,18 +123,14 @@ def searched(game, P, E, T, rounds=8):
     if shape.radius_m == 0.0:
         at_corners = margin_of_best(T[..., :2] + np.array(shape.corners_m))
         least = np.minimum(least, at_corners.min(axis=1))
-    rows = np.arange(len(P))
-    for _ in range(3):
-        index = local.argmin(axis=1)
-        local[rows, index] = np.inf
-        middle = share[rows, index]
-        width = 1.0 / FINE
-        for _ in range(rounds):
-            tried = middle[:, None] + width * np.linspace(-1.0, 1.0, 13)
-            found = judged(tried)
-            middle = tried[rows, found.argmin(axis=1)]
-            least = np.minimum(least, found.min(axis=1))
-            width /= 4.0
+    middle = np.argsort(local, axis=1)[:, :3] / FINE
+    width = 1.0 / FINE
+    for _ in range(rounds):
+        tried = middle[..., None] + width * np.linspace(-1.0, 1.0, 13)
+        found = judged(tried.reshape(len(P), -1)).reshape(tried.shape)
+        middle = np.take_along_axis(tried, found.argmin(axis=2)[..., None], axis=2)[..., 0]
+        least = np.minimum(least, found.min(axis=(1, 2)))
+        width /= 4.0
     return least
 
 

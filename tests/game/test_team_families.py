@@ -69,7 +69,7 @@ def runs(game, P, E, angle):
     n = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     low = np.zeros(angle.shape)
     high = np.full(angle.shape, 1e3)
-    for _ in range(64):
+    for _ in range(55):
         t = 0.5 * (low + high)
         got = is_captured(game, P, E[:, :2] + game.evader_speed_m_s * t[..., None] * n, t)
         low = np.where(got, low, t)
@@ -83,17 +83,14 @@ def searched(game, P, E, cost):
     costs = cost(*runs(game, P, E, angle))
     best = np.take_along_axis(angle, np.argmin(costs, axis=0)[None], axis=0)
     apart = np.where(np.cos(angle - best) < 0.9, costs, np.inf)
-    least = np.inf
-    for valley in (best, np.take_along_axis(angle, np.argmin(apart, axis=0)[None], axis=0)):
-        middle = valley
-        width = angle[1, 0]
-        for _ in range(11):
-            near = middle + width * np.linspace(-1.0, 1.0, 21)[:, None]
-            costs = cost(*runs(game, P, E, near))
-            middle = np.take_along_axis(near, np.argmin(costs, axis=0)[None], axis=0)
-            width *= 0.15
-        least = np.minimum(least, costs.min(axis=0))
-    return least
+    middle = np.stack([best, np.take_along_axis(angle, np.argmin(apart, axis=0)[None], axis=0)])
+    width = angle[1, 0]
+    for _ in range(11):
+        near = middle + width * np.linspace(-1.0, 1.0, 21)[:, None]
+        costs = cost(*runs(game, P, E, near.reshape(-1, len(E)))).reshape(near.shape)
+        middle = np.take_along_axis(near, np.argmin(costs, axis=1, keepdims=True), axis=1)
+        width *= 0.15
+    return costs.min(axis=(0, 1))
 
 
 def check_tad(name, count, n):

@@ -16,9 +16,12 @@ def straight_at_the_first_evader(observation):
     return way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
 
 
-def test_rules_of_teams_are_compared_and_only_plays_with_promises_keep_them():
+def test_rules_of_teams_are_compared_and_only_plays_with_promises_keep_them(tmp_path):
     own.register("tests.team:first", straight_at_the_first_evader)
-    words = ("tests.team:first", "--scenario", "teams_breakthrough", "--games", "6", "--json")
+    bundled = load_any("teams_breakthrough")[0].read_text()
+    scenario = tmp_path / "coarse.toml"
+    scenario.write_text(bundled.replace("step_s = 0.2", "step_s = 1.0"))
+    words = ("tests.team:first", "--scenario", str(scenario), "--games", "6", "--json")
     done = CliRunner().invoke(app, ["league", "run", *words])
     assert done.exit_code == 0, done.output
     rows = json.loads(done.stdout)["rows"]
