@@ -51,6 +51,10 @@ class Registry(dict[str, Registered]):
         """All names: those of members, and those of installed packages, which are not imported for it."""
         return list(dict.fromkeys((*self, *sorted(self.installed.names))))
 
+    def knows(self, name: str) -> bool:
+        """True if a member or an installed package has this name. Packages are read only if no member has it."""
+        return name in self or name in self.installed.names
+
     def named(self, name: str) -> Registered:
         """Return a member; import its package if it is not there yet.
 
@@ -91,7 +95,7 @@ class Registry(dict[str, Registered]):
         Raises:
             ValueError: If there is none of this name, or if its package cannot be imported.
         """
-        if name not in self.names:
+        if not self.knows(name):
             raise ValueError(f"must be one of {', '.join(self.names)}")
         try:
             self.named(name)

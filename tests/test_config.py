@@ -8,9 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
 
+from guidance import registry
 from guidance.config import Section, as_toml, config_folder, find, lines_of, load, parse_document
 from guidance.control import Limits
 from guidance.errors import ConfigError
+from guidance.session.vehicle_file import Config
 from guidance.sim.scenario import Scenario
 from guidance.sim.scenario_file import load_any, load_scenario
 from guidance.toml_files import read
@@ -27,6 +29,18 @@ class Outer(Section):
 
 
 GOOD = {"title": "a", "inner": {"speed_m_s": 3.0}}
+
+
+def test_a_file_of_names_of_this_package_reads_no_other_packages(monkeypatch):
+    scenario = load_scenario("pe")[1].model_dump()
+    vehicle = tomllib.loads(find("px4", "vehicles").read_text(encoding="utf-8"))
+
+    def read_all(**_):
+        raise AssertionError("reading all installed packages takes 15 ms")
+
+    monkeypatch.setattr(registry, "entry_points", read_all)
+    assert Scenario.model_validate(scenario).game == "pe"
+    assert parse_document(Config, vehicle, source="px4").evader.kind == "global_position"
 
 
 def test_a_good_document_becomes_the_model():

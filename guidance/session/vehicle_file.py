@@ -67,7 +67,8 @@ class Config(Extended):
     @classmethod
     def further_keys(cls, document: Mapping[str, object]) -> type[Section] | None:
         """Return the sections from outside that a file has."""
-        names = tuple(sorted(document.keys() & {*SECTIONS.names} - Config.model_fields.keys()))
+        further = sorted(document.keys() - Config.model_fields.keys())
+        names = tuple(name for name in further if SECTIONS.knows(name))
         return _sections_from_outside(names) if names else None
 
     @classmethod

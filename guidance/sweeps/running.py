@@ -279,6 +279,7 @@ def run_sweep(
     Raises:
         GuidanceError: For everything that the user can correct.
     """
+    begun_s = time.monotonic()
     target = console(stderr=True)
     plan = planned(name, way)
     stem = Path(name).stem
@@ -301,7 +302,6 @@ def run_sweep(
         if scheduler is not None:
             location = f"on the cluster at {scheduler}"
         target.print(f"{count} chunks of {folder.chunk_rows}, {location}")
-        begun_s = time.monotonic()
         with Shown(folder, unit) as progress:
             try:
                 finish(folder, progress, workers=size, scheduler=scheduler)

@@ -443,6 +443,25 @@ def test_progress_says_the_time_left_after_the_first_chunk(
     ]
 
 
+def test_the_printed_time_is_that_of_the_whole_command(short, tmp_path, monkeypatch, capsys):
+    now_s = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now_s[0])
+
+    def begun_slowly(*args):
+        now_s[0] += 38.0
+        return begin_or_continue(*args)
+
+    def finished(_folder, on_kept, **_):
+        now_s[0] += 10.0
+        on_kept(24)
+
+    monkeypatch.setattr(running, "begin_or_continue", begun_slowly)
+    monkeypatch.setattr(running, "finish", finished)
+    how = {"way": None, "workers": 1, "scheduler": None, "chunk": None}
+    run_sweep(str(short / "sweep.toml"), out=tmp_path / "out", **how)
+    assert "24 games in 48.0 s, 0.5 per second" in capsys.readouterr().err
+
+
 def test_the_command_prints_the_folder_and_continues_a_complete_sweep(short, tmp_path):
     out = tmp_path / "out"
     done = CliRunner().invoke(app, [str(short / "sweep.toml"), "--workers", "1", "--out", str(out)])

@@ -109,7 +109,7 @@ class EvaderSection(Extended):
     def further_keys(cls, document: Mapping[str, object]) -> type[Section] | None:
         """Return the keys of a kind from outside."""
         name = document.get("kind")
-        if not isinstance(name, str) or name not in EVADER_KINDS.names:
+        if not isinstance(name, str) or not EVADER_KINDS.knows(name):
             return None
         return evader_kind(name).section
 
