@@ -168,7 +168,7 @@ def test_a_hover_at_the_ceiling_above_a_silent_mate_does_not_drift_out():
 places = st.tuples(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0), st.floats(-30.0, -8.0)).map(Ned)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=drawn(60), deadline=None)
 @given(
     places,
     places,

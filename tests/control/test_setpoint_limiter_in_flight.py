@@ -42,7 +42,7 @@ class Vehicle:
             self.position[axis] += self.velocity[axis] * DT_S
 
 
-def fly(command, envelope, *, vehicle=None, seconds=40.0, evader=None, evader_velocity=None):
+def fly(command, envelope, *, vehicle=None, seconds=25.0, evader=None, evader_velocity=None):
     """Fly a command (a vector, or a function of time) and return positions, setpoints and limiters at every step."""
     vehicle = vehicle or Vehicle()
     memory = None
@@ -169,6 +169,7 @@ def test_an_evader_that_stops_dead_is_not_run_into_from_beside(stops_at_s):
         envelope,
         evader=lambda now: (30.0 + 3.0 * min(now, stops_at_s), 0.0, 0.0),
         evader_velocity=Ned((3.0, 0.0, 0.0)),
+        seconds=max(25.0, stops_at_s + 10.0),
     )
     gaps = [
         30.0 + 3.0 * min((step + 1) * DT_S, stops_at_s) - position[0]

@@ -16,7 +16,7 @@ from guidance.flight.freshness import (
 )
 from guidance.messages import Attitude, EstimatorStatus, GlobalPosition, Home, Origin, SystemStatus
 from guidance.session.orders.answers import failed_checks, refusal
-from tests.flight.flown import Flown
+from tests.flight.flown import SLOW_S, Flown
 from tests.flight.scenes import (
     BOTH,
     CYCLE,
@@ -123,7 +123,7 @@ def test_a_charge_that_becomes_unknown_returns_from_wherever_a_low_one_does(stat
     if state == "holding":
         flight.cycle(Event.HOLD)
     flight.battery = math.nan  # SYS_STATUS comes, and its charge is unknown
-    flight.cycles(CHARGE_LIMIT_S + 1.2)
+    flight.cycles(CHARGE_LIMIT_S + 1.2, dt_s=SLOW_S)
     assert flight.state is State.RETURNING
     assert flight.flight.cause.event is Event.BATTERY_UNKNOWN
     assert "charge is not known for 10 s" in flight.flight.cause.words
@@ -132,10 +132,10 @@ def test_a_charge_that_becomes_unknown_returns_from_wherever_a_low_one_does(stat
 def test_a_hold_that_is_ordered_while_the_charge_is_unknown_stands():
     flight = Silenced().engaged()
     flight.without = (SystemStatus,)
-    flight.cycles(CHARGE_LIMIT_S + 1.2)
+    flight.cycles(CHARGE_LIMIT_S + 1.2, dt_s=SLOW_S)
     assert flight.state is State.RETURNING
     flight.cycle(Event.HOLD)
-    flight.cycles(20.0)
+    flight.cycles(20.0, dt_s=SLOW_S)
     assert flight.state is State.HOLDING
 
 
@@ -143,7 +143,7 @@ def test_a_charge_that_was_never_known_is_not_waited_for():
     flight = Silenced()
     flight.battery = math.nan
     flight.engaged()
-    flight.cycles(2.0 * CHARGE_LIMIT_S)
+    flight.cycles(2.0 * CHARGE_LIMIT_S, dt_s=SLOW_S)
     assert flight.state is State.ENGAGED
 
 
@@ -156,7 +156,7 @@ def test_an_engagement_needs_what_it_reads_although_the_vehicle_was_ready_at_its
     flight = Silenced().standing_by()
     assert flight.flight.checked
     flight.without = (without,)
-    flight.cycles(NEEDED[without].limit_s + 1.2)
+    flight.cycles(NEEDED[without].limit_s + 1.2, dt_s=SLOW_S)
     assert flight.cycle(Event.ENGAGE).state is State.STANDING_BY
     assert f"{name} was last heard" in refusal(Event.ENGAGE, flight.flight, flight.now_s, ())
     flight.without = ()

@@ -14,6 +14,7 @@ def computed():
     return tables()
 
 
+@pytest.mark.flight
 def test_all_eight_published_cells_match_in_every_digit(computed):
     found = [case for table in computed for case in table.cases]
     assert len(found) == 8
@@ -22,11 +23,13 @@ def test_all_eight_published_cells_match_in_every_digit(computed):
         assert case.matches
 
 
+@pytest.mark.flight
 def test_the_exact_column_is_the_value_where_both_play_their_optimum(computed):
     pe, tad = ([case for case in table.cases if case.is_optimal] for table in computed)
     assert [case.exact for case in (*pe, *tad)] == ["10.4247", "4.1464"]
 
 
+@pytest.mark.flight
 def test_the_command_prints_three_columns_and_draws_three_figures_in_two_formats(
     tmp_path, computed, monkeypatch
 ):
@@ -48,6 +51,7 @@ def test_the_command_prints_three_columns_and_draws_three_figures_in_two_formats
         assert path.read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.flight
 def test_a_digit_that_differs_ends_the_command_with_an_error(computed, monkeypatch):
     pe, tad = computed
     wrong = pe._replace(cases=(pe.cases[0]._replace(published="11.06"), *pe.cases[1:]))
